@@ -1,9 +1,18 @@
 """Clouds as what other packages hold; each is imported when it is asked for."""
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+import numpy.typing as npt
+
+from echocast._echocast import PointCloud
+
+if TYPE_CHECKING:
+    from echocast._echocast import Array
 
 
-def package(name, extra):
+def package(name: str, extra: str) -> Any:
     """The module `name`, or a sentence about how to get it."""
     import importlib
 
@@ -17,7 +26,7 @@ def package(name, extra):
 COLUMNS = ("intensity", "category_id")
 
 
-def positions(cloud):
+def positions(cloud: PointCloud) -> npt.NDArray[np.float32]:
     """Positions relative to the sensor's place at the start of the scan: n x 3 float32, m; a copy."""
     xyz = cloud.xyz
     place = np.asarray(cloud.origin) - (cloud.sensor_pose.position if cloud.coordinates == "world" else 0)
@@ -25,12 +34,12 @@ def positions(cloud):
     return xyz
 
 
-def to_dict(cloud):
+def to_dict(cloud: PointCloud) -> "dict[str, Array]":
     """Columns by name, without copies; positions are relative to `cloud.origin`."""
     return {name: cloud[name] for name in cloud.fields}
 
 
-def to_pandas(cloud):
+def to_pandas(cloud: PointCloud) -> Any:
     """A pandas.DataFrame of all columns; `x`, `y` and `z` relative to `cloud.origin`, which is in its `attrs`."""
     frame = package("pandas", "pandas").DataFrame(to_dict(cloud), copy=False)
     frame.attrs["origin"] = tuple(cloud.origin)
@@ -38,7 +47,7 @@ def to_pandas(cloud):
     return frame
 
 
-def to_torch(cloud, columns=None):
+def to_torch(cloud: PointCloud, columns: Sequence[str] | None = None) -> dict[str, Any]:
     """Tensors by name that own their memory: integers as int64, which networks take as classes."""
     torch = package("torch", "torch")
     tensors = {}
@@ -48,7 +57,7 @@ def to_torch(cloud, columns=None):
     return tensors
 
 
-def to_open3d(cloud):
+def to_open3d(cloud: PointCloud) -> Any:
     """An open3d.t.geometry.PointCloud with all columns, positions relative to `cloud.origin`."""
     o3d = package("open3d", "open3d")
     made = o3d.t.geometry.PointCloud(o3d.core.Tensor(cloud.xyz))
@@ -60,7 +69,7 @@ def to_open3d(cloud):
     return made
 
 
-def structured(cloud, dtype=None, copy=None):
+def structured(cloud: PointCloud, dtype: Any = None, copy: bool | None = None) -> "Array":
     """A structured array with a member for each column; a copy."""
     if copy is False:
         raise ValueError("an array of all columns is a copy; for one without, take a column: cloud.range")

@@ -8,10 +8,12 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from echocast._convert import package
 from echocast._echocast import Box, Ping, Pings, PointCloud, Trajectory
@@ -53,6 +55,13 @@ def show(
     with `path`, to a file .rrd. Without it, the picture of a cloud or of pings is opened. `name`: what it is called
     there; `time`: s, of a cloud, by default when its first point was measured; `color`: "category", "part", "instance",
     "material" or a column.
+
+    UnsupportedError where there is no display, ArgumentError for other things and for a `path` that is no .rrd.
+
+    >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
+    >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"), boxes=True)
+    >>> path = ec.Trajectory([0.0, 1.0], np.array([[0.0, 0, 2], [4, 0, 2]]))
+    >>> ec.show({"top": cloud, "drive": path}, path="drive.rrd")
     """
     if path is not None:
         package("rerun", "echocast[look]")
@@ -66,7 +75,7 @@ def show(
 
 
 @contextlib.contextmanager
-def recording(path):
+def recording(path: str | os.PathLike[str] | None) -> Iterator[Any]:
     """A recording of Rerun: of the file `path`, or the active one, or one with a viewer."""
     import rerun as rr
 
@@ -84,7 +93,9 @@ def recording(path):
     yield rr.get_data_recording()
 
 
-def log(thing, stream, *, name=None, time=None, color=None):
+def log(
+    thing: Any, stream: Any, *, name: str | None = None, time: float | None = None, color: str | None = None
+) -> None:
     """Logs what `show` takes to a recording of Rerun."""
     if isinstance(thing, dict):
         for name, one in thing.items():
@@ -96,7 +107,7 @@ def log(thing, stream, *, name=None, time=None, color=None):
     elif isinstance(thing, Ping):
         log_ping(thing, stream, name or "pings")
     elif isinstance(thing, (list, tuple, Pings)):
-        if thing and isinstance(thing[0], Box):
+        if not isinstance(thing, Pings) and thing and isinstance(thing[0], Box):
             log_boxes(thing, stream, name or "boxes")
         else:
             for one in thing:
@@ -106,7 +117,7 @@ def log(thing, stream, *, name=None, time=None, color=None):
         raise ArgumentError(f"what is to be shown is of the type {type(thing).__name__}; allowed: {allowed}")
 
 
-def log_cloud(cloud, stream, name, time, color):
+def log_cloud(cloud: PointCloud, stream: Any, name: str, time: float | None, color: str | None) -> None:
     """Logs a cloud at its time: `name`/points and, if it has them, `name`/boxes. The space is the world, also where
     the cloud has the sensor's axes."""
     import rerun as rr
@@ -121,7 +132,7 @@ def log_cloud(cloud, stream, name, time, color):
         stream.log(name, rr.Transform3D(translation=pose.position, quaternion=pose.quaternion))
     stream.log(f"{name}/points", rr.Transform3D(translation=cloud.origin))
     color = color or default_color(cloud)
-    looks = {}
+    looks: dict[str, Any] = {}
     if color in LABELS:
         column, names = LABELS[color]
         numbers = cloud[column][seen]
@@ -135,7 +146,7 @@ def log_cloud(cloud, stream, name, time, color):
         log_boxes(cloud.boxes, stream, f"{name}/boxes", classes=color == "category")
 
 
-def log_names(names, stream, name):
+def log_names(names: Mapping[int, str], stream: Any, name: str) -> None:
     """Logs what the classes below `name` are called."""
     import rerun as rr
 
@@ -143,7 +154,7 @@ def log_names(names, stream, name):
     stream.log(name, rr.AnnotationContext(known), static=True)
 
 
-def log_boxes(boxes, stream, name, classes=False):
+def log_boxes(boxes: Sequence[Box], stream: Any, name: str, classes: bool = False) -> None:
     """Logs boxes, with the colours of their categories where the space has names for these."""
     import rerun as rr
 
@@ -160,7 +171,7 @@ def log_boxes(boxes, stream, name, classes=False):
     stream.log(name, made)
 
 
-def log_trajectory(path, stream, name):
+def log_trajectory(path: Trajectory, stream: Any, name: str) -> None:
     """Logs a trajectory as a line, and as axes that move along it, x red, y green, z blue."""
     import rerun as rr
 
@@ -176,7 +187,7 @@ def log_trajectory(path, stream, name):
         stream.log(f"{name}/sensor", rr.Transform3D(translation=pose.position, quaternion=pose.quaternion))
 
 
-def log_ping(ping, stream, name):
+def log_ping(ping: Ping, stream: Any, name: str) -> None:
     """Logs a ping at its time: its levels, beams x bins, dB, and where the sonar was."""
     import rerun as rr
 
@@ -187,7 +198,7 @@ def log_ping(ping, stream, name):
     stream.log(f"{name}/sonar", rr.Transform3D(translation=ping.pose.position, quaternion=ping.pose.quaternion))
 
 
-def open_picture(thing, color):
+def open_picture(thing: Any, color: str | None) -> None:
     """Opens the picture of a cloud or of pings, in the notebook if this is one."""
     if not isinstance(thing, (PointCloud, Pings)):
         kind = type(thing).__name__
@@ -203,16 +214,16 @@ def open_picture(thing, color):
     with tempfile.NamedTemporaryFile(prefix="echocast-", suffix=".png", delete=False) as file:
         file.write(png)
     # The viewer reads it later.
-    quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    subprocess.Popen([viewer(), file.name], **quiet)
+    quiet = subprocess.DEVNULL
+    subprocess.Popen([viewer(), file.name], stdin=quiet, stdout=quiet, stderr=quiet)
 
 
-def viewer():
+def viewer() -> str:
     """The program that opens files as the desktop does."""
     return "open" if sys.platform == "darwin" else "xdg-open"
 
 
-def check_display(instead):
+def check_display(instead: str) -> None:
     """Fails where nothing can be shown."""
     if sys.platform != "darwin" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise UnsupportedError(f"there is no display to show it on; {instead}")
@@ -220,13 +231,13 @@ def check_display(instead):
         raise UnsupportedError(f"there is no program {viewer()} to show it with; {instead}")
 
 
-def default_color(cloud):
+def default_color(cloud: PointCloud) -> str | None:
     """What a cloud is coloured by unless something else is asked for."""
     wanted = {"category": "category_id", "intensity": "intensity", "range": "range"}
     return next((color for color, column in wanted.items() if column in cloud.fields), None)
 
 
-def shades(values):
+def shades(values: npt.ArrayLike) -> npt.NDArray[np.uint8]:
     """Colours from dark blue for the lowest of `values` to light yellow for the highest: n x 3, uint8."""
     values = np.asarray(values, dtype=np.float64)
     known = values[np.isfinite(values)]
@@ -238,7 +249,7 @@ def shades(values):
     return np.column_stack([np.interp(place, stops, channel) for channel in channels]).astype(np.uint8)
 
 
-def plot(cloud, *, color=None, view="top", ax=None):
+def plot(cloud: PointCloud, *, color: str | None = None, view: str = "top", ax: Any = None) -> Any:
     """Draws a cloud with matplotlib, in the coordinates of the world or of the sensor, m; returns the axes.
 
     `color`: "category", "part", "instance", "material" or a column; `view`: "top", "side" (along y) or "3d"; `ax`: axes
@@ -259,23 +270,23 @@ def plot(cloud, *, color=None, view="top", ax=None):
     rows = np.flatnonzero(np.isfinite(cloud.xyz).all(axis=1))
     if behind is not None:
         rows = rows[np.argsort(sign * places[behind][rows], kind="stable")]
-    places = [places[axis][rows] for axis in axes]
+    drawn = [places[axis][rows] for axis in axes]
     # So small that points of dense clouds can be told apart.
     look = {"s": float(np.clip(20_000 / max(len(rows), 1), 0.3, 9)), "linewidths": 0, "rasterized": True}
     color = color or default_color(cloud)
     if color is None:
-        ax.scatter(*places, **look)
+        ax.scatter(*drawn, **look)
     elif color in LABELS:
         column, names = LABELS[color]
         numbers = cloud[column][rows]
-        ax.scatter(*places, color=label_colors(plt, numbers), **look)
+        ax.scatter(*drawn, color=label_colors(plt, numbers), **look)
         if len(rows):
             legend(ax, plt, numbers, getattr(cloud, names))
     else:
         values = cloud[color][rows]
         low, high = np.nanpercentile(values, [1, 99]) if np.isfinite(values).any() else (None, None)
-        drawn = ax.scatter(*places, c=values, vmin=low, vmax=high, **look)
-        ax.figure.colorbar(drawn, ax=ax, label=color, shrink=0.6)
+        points = ax.scatter(*drawn, c=values, vmin=low, vmax=high, **look)
+        ax.figure.colorbar(points, ax=ax, label=color, shrink=0.6)
     ax.set_aspect("equal")
     ax.set_xlabel(f"{axes[0]} / m")
     ax.set_ylabel(f"{axes[1]} / m")
@@ -284,18 +295,18 @@ def plot(cloud, *, color=None, view="top", ax=None):
     return ax
 
 
-def label_colors(plt, numbers):
+def label_colors(plt: Any, numbers: npt.NDArray[np.uint32]) -> npt.NDArray[np.float64]:
     """A colour for each of `numbers`, the same in every plot; 0, which is unlabelled, is grey."""
     table = np.array([(0.6, 0.6, 0.6), *plt.colormaps["tab20"].colors])
     return table[np.where(numbers == 0, 0, (numbers - 1) % 20 + 1)]
 
 
-def legend(ax, plt, numbers, names):
+def legend(ax: Any, plt: Any, numbers: npt.NDArray[np.uint32], names: Mapping[int, str]) -> None:
     """A legend of the commonest of `numbers`."""
     found, counts = np.unique(numbers, return_counts=True)
     found = found[np.argsort(-counts, kind="stable")][:MOST_NAMES]
     for number, color in zip(found, label_colors(plt, found)):
-        nothing = [[]] * (3 if ax.name == "3d" else 2)
+        nothing: list[list[float]] = [[]] * (3 if ax.name == "3d" else 2)
         ax.scatter(*nothing, color=[color], s=20, label=names.get(int(number), "unlabelled" if number == 0 else number))
     # Beside the axes; in three dimensions also beside the numbers of the last one.
     left = 1.1 if ax.name == "3d" else 1.02

@@ -1,11 +1,22 @@
 """Meshes of trimesh and Open3D as scenes. Neither package is imported: what is built as theirs is taken."""
 
 import re
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
 from echocast._echocast import Scene
 from echocast._errors import ArgumentError
+
+Array = npt.NDArray[Any]
+Vertices = npt.NDArray[np.float32]
+Triangles = npt.NDArray[np.uint32]
+Matrix = npt.NDArray[np.float64]
+
+if TYPE_CHECKING:
+    from echocast._echocast import ObjectKeys
 
 # Rotations to z up, by the axis that points up.
 UP = {
@@ -21,7 +32,7 @@ UP = {
 FAR = 1024.0
 
 
-def scene(thing, up="z", scale=1.0, category=None):
+def scene(thing: Any, up: str = "z", scale: float = 1.0, category: str | int | None = None) -> Scene:
     """An echocast.Scene of `thing`: a trimesh.Trimesh or trimesh.Scene, an Open3D TriangleMesh, or a list of them.
 
     `up`: which of its axes points up; `scale`: metres per unit; `category`: of meshes that have no "category" in their
@@ -33,7 +44,7 @@ def scene(thing, up="z", scale=1.0, category=None):
         raise ArgumentError(f"scale is {scale}; allowed: above 0")
     world = np.eye(4)
     world[:3, :3] = scale * np.array(UP[up])
-    objects = []
+    objects: "list[ObjectKeys]" = []
     for name, vertices, triangles, matrix, metadata in meshes(thing):
         vertices, middle = near(vertices, scale)
         objects.append({
@@ -48,7 +59,7 @@ def scene(thing, up="z", scale=1.0, category=None):
     return Scene.from_objects(objects)
 
 
-def meshes(thing):
+def meshes(thing: Any) -> Iterator[tuple[str, Array, Triangles, Matrix, Mapping[str, Any]]]:
     """Yields name, vertices (n x 3), triangles (m x 3, uint32), the matrix to the axes of `thing` (4 x 4, float64) and
     the metadata of each mesh in it."""
     if isinstance(thing, (list, tuple)):
@@ -76,7 +87,7 @@ def meshes(thing):
         raise ArgumentError(f"what a scene is to be made of is of the type {type(thing).__name__}; allowed: {allowed}")
 
 
-def arrays(vertices, triangles):
+def arrays(vertices: Any, triangles: Any) -> tuple[Array, Triangles]:
     """Vertices as they are, and triangles as uint32."""
     vertices, triangles = np.asarray(vertices), np.asarray(triangles)
     if triangles.size and not 0 <= triangles.min() <= triangles.max() < len(vertices):
@@ -85,7 +96,7 @@ def arrays(vertices, triangles):
     return vertices.reshape(-1, 3), triangles.reshape(-1, 3).astype(np.uint32)
 
 
-def near(vertices, scale):
+def near(vertices: Array, scale: float) -> tuple[Vertices, Matrix]:
     """Vertices as float32, about a point among them if they are far from their origin, and the matrix that puts them
     back."""
     matrix = np.eye(4)
@@ -95,7 +106,7 @@ def near(vertices, scale):
     return vertices.astype(np.float32), matrix
 
 
-def label(metadata, other):
+def label(metadata: Mapping[str, Any], other: str | int) -> str | int:
     """The category that `metadata` says, a name or a number, or `other`."""
     found = metadata.get("category", other)
     return found if isinstance(found, str) else int(found)

@@ -6,14 +6,14 @@ from pathlib import Path
 from echocast import _echocast
 
 
-def to_bytes(cloud):
+def to_bytes(cloud: _echocast.PointCloud) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "cloud.npz")
         cloud.write(path)
         return path.read_bytes()
 
 
-def from_bytes(data):
+def from_bytes(data: bytes) -> _echocast.PointCloud:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "cloud.npz")
         path.write_bytes(data)

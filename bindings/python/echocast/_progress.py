@@ -3,6 +3,7 @@
 import sys
 import threading
 import time
+from typing import Any, Protocol, TextIO
 
 #: s between two pictures of a bar.
 INTERVAL = 0.1
@@ -11,7 +12,7 @@ INTERVAL = 0.1
 WIDTH = 30
 
 
-def bar(what):
+def bar(what: str) -> "Bar":
     """A bar called `what` for the notebook or terminal that this program is in. Called with a fraction, 0 to 1, or with
     numbers of what is done and of all, it shows them; `close()` leaves the last picture. Elsewhere it shows nothing."""
     if in_notebook():
@@ -21,7 +22,7 @@ def bar(what):
     return Bar(what, None)
 
 
-def in_notebook():
+def in_notebook() -> bool:
     """Whether a kernel of Jupyter runs this program."""
     # Nobody is in a notebook who has not imported IPython.
     ipython = sys.modules.get("IPython")
@@ -29,40 +30,48 @@ def in_notebook():
     return getattr(shell, "kernel", None) is not None
 
 
+class Screen(Protocol):
+    """Where a line is shown, until another takes its place."""
+
+    def draw(self, line: str) -> None: ...
+
+    def close(self) -> None: ...
+
+
 class Bar:
     """Shows progress on `screen`, if there is one, from any thread."""
 
-    def __init__(self, what, screen):
+    def __init__(self, what: str, screen: Screen | None) -> None:
         self.what, self.screen = what, screen
         self.start = time.monotonic()
-        self.shown = None
+        self.shown: float | None = None
         self.last = self.drawn = ""
         self.lock = threading.Lock()
 
-    def __call__(self, done, of=None):
+    def __call__(self, done: float, of: float | None = None) -> None:
         if self.screen is None:
             return
         now = time.monotonic()
         with self.lock:
             self.last = self._line(done, of, now - self.start)
             if self.shown is None or now - self.shown >= INTERVAL:
-                self._draw(now)
+                self._draw(self.screen, now)
 
-    def close(self):
+    def close(self) -> None:
         """Shows the last that was told, and ends the line."""
         with self.lock:
             if self.screen is None or not self.last:
                 return
-            self._draw(time.monotonic())
+            self._draw(self.screen, time.monotonic())
             self.screen.close()
             self.screen = None
 
-    def _draw(self, now):
+    def _draw(self, screen: Screen, now: float) -> None:
         if self.last != self.drawn:
-            self.screen.draw(self.last)
+            screen.draw(self.last)
         self.shown, self.drawn = now, self.last
 
-    def _line(self, done, of, spent):
+    def _line(self, done: float, of: float | None, spent: float) -> str:
         fraction = done if of is None else done / of if of else 1.0
         fraction = min(max(fraction, 0.0), 1.0)
         full = round(fraction * WIDTH)
@@ -74,7 +83,7 @@ class Bar:
         return f"{self.what} {'█' * full}{'░' * (WIDTH - full)} {fraction:4.0%}{count}{left}"
 
 
-def clock(seconds):
+def clock(seconds: float) -> str:
     """A time as it is read from a clock: 0:07, 1:02:03."""
     minutes, seconds = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
@@ -84,10 +93,10 @@ def clock(seconds):
 class TerminalScreen:
     """One line that is written over."""
 
-    def __init__(self, stream):
+    def __init__(self, stream: TextIO) -> None:
         self.stream = stream
 
-    def draw(self, line):
+    def draw(self, line: str) -> None:
         # What a terminal cannot write is a row of signs that all can.
         try:
             line.encode(self.stream.encoding or "ascii")
@@ -97,7 +106,7 @@ class TerminalScreen:
         self.stream.write(f"\r{line}\x1b[K")
         self.stream.flush()
 
-    def close(self):
+    def close(self) -> None:
         self.stream.write("\n")
         self.stream.flush()
 
@@ -105,10 +114,10 @@ class TerminalScreen:
 class NotebookScreen:
     """The output of a cell, which changes."""
 
-    def __init__(self):
-        self.handle = None
+    def __init__(self) -> None:
+        self.handle: Any = None
 
-    def draw(self, line):
+    def draw(self, line: str) -> None:
         from IPython.display import Pretty, display
 
         # Text, which every program that shows notebooks can show.
@@ -117,5 +126,5 @@ class NotebookScreen:
         else:
             self.handle.update(Pretty(line))
 
-    def close(self):
+    def close(self) -> None:
         self.handle = None

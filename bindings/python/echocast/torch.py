@@ -1,16 +1,27 @@
 """Scans for PyTorch, made as they are needed, without files. Needs the package torch.
 
->>> from echocast.torch import ScanDataset, collate            # doctest: +SKIP
->>> data = ScanDataset("drive.yaml", epochs_differ=True)       # doctest: +SKIP
->>> loader = torch.utils.data.DataLoader(data, batch_size=4, num_workers=2, collate_fn=collate)  # doctest: +SKIP
+    from echocast.torch import ScanDataset, collate
+
+    data = ScanDataset("drive.yaml", epochs_differ=True)
+    loader = torch.utils.data.DataLoader(data, batch_size=4, num_workers=2, collate_fn=collate)
 """
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import echocast as ec
 from echocast._convert import COLUMNS, package, positions
 
-torch = package("torch", "echocast[torch]")
+if TYPE_CHECKING:
+    import torch
+
+    from echocast._echocast import Keys, Path
+else:
+    torch = package("torch", "echocast[torch]")
+
+__all__ = ["ScanDataset", "ScanStream", "collate"]
 
 # Seeds of epochs lie this far apart, so that no epoch of one seed is an epoch of a seed near it.
 STRIDE = 0x9E3779B97F4A7C15
@@ -21,16 +32,16 @@ class _Scans:
 
     def __init__(
         self,
-        scenario,
-        samples=None,
-        transform=None,
+        scenario: "Keys",
+        samples: Sequence[int] | None = None,
+        transform: Callable[[dict[str, Any]], Any] | None = None,
         *,
-        folder="",
-        sensor=0,
-        frame=0,
-        columns=COLUMNS,
-        epochs_differ=False,
-    ):
+        folder: "Path" = "",
+        sensor: int = 0,
+        frame: int = 0,
+        columns: Sequence[str] = COLUMNS,
+        epochs_differ: bool = False,
+    ) -> None:
         self.source, self.folder = scenario, folder
         self.transform, self.sensor, self.frame = transform, sensor, frame
         self.columns = tuple(columns)
@@ -38,12 +49,12 @@ class _Scans:
         # Workers that live on from epoch to epoch see what `set_epoch` writes here.
         self._epoch = torch.zeros((), dtype=torch.int64).share_memory_()
         # The scenario, once this process has read it, and the epoch whose seed it has.
-        self._read = None
+        self._read: tuple[ec.Scenario, int] | None = None
         read = self._scenario()
         self.seed = read.seed
         self.samples = list(range(len(read)) if samples is None else samples)
 
-    def _scenario(self):
+    def _scenario(self) -> ec.Scenario:
         """The scenario as this process has it, with the seed of the epoch."""
         if self._read is None:
             # Workers are processes: each with one thread.
@@ -55,23 +66,23 @@ class _Scans:
             self._read = (scenario, epoch)
         return scenario
 
-    def _item(self, number):
+    def _item(self, number: int) -> Any:
         """Sample `number` as a dict of tensors, or what `transform` makes of that."""
         cloud = self._scenario()[number].cloud(self.sensor, self.frame)
         item = {"positions": torch.from_numpy(positions(cloud)), "sample": number} | cloud.to_torch(self.columns)
         return item if self.transform is None else self.transform(item)
 
     @property
-    def epoch(self):
+    def epoch(self) -> int:
         """Number of the epoch, from 0."""
         return int(self._epoch)
 
-    def set_epoch(self, epoch):
+    def set_epoch(self, epoch: int) -> None:
         """Begins `epoch`, from 0, in all workers, whether they are made anew or live on; between two runs through the
         data."""
         self._epoch.fill_(int(epoch))
 
-    def __getstate__(self):
+    def __getstate__(self) -> dict[str, Any]:
         # Engines and scenes do not go to other processes.
         return {**self.__dict__, "_read": None}
 
@@ -86,12 +97,27 @@ class ScanDataset(_Scans, torch.utils.data.Dataset):
 
     With `epochs_differ`, `set_epoch` changes the seed of everything that is drawn; epoch 0 is the set that
     `echocast run` writes.
+
+    >>> from echocast.torch import ScanDataset, collate
+    >>> import torch
+    >>> data = ScanDataset({
+    ...     "scene": {"generate": {"indoor": {"rooms": [1, 1]}}},
+    ...     "sensors": [{"sensor": "velodyne_vlp16"}],
+    ...     "trajectory": {"camera": "Scanner"},
+    ...     "samples": 3,
+    ... })
+    >>> item = data[1]
+    >>> item["sample"], item["positions"].shape[1], item["category_id"].dtype
+    (1, 3, torch.int64)
+    >>> loader = torch.utils.data.DataLoader(data, batch_size=2, collate_fn=collate)
+    >>> [batch["sample"].tolist() for batch in loader]
+    [[0, 1], [2]]
     """
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.samples)
 
-    def __getitem__(self, index):
+    def __getitem__(self, index: int) -> Any:
         return self._item(self.samples[index])
 
 
@@ -104,13 +130,21 @@ class ScanStream(_Scans, torch.utils.data.IterableDataset):
     samples, the first ones are there twice.
     """
 
-    def __init__(self, scenario, samples=None, transform=None, *, shuffle=False, **options):
+    def __init__(
+        self,
+        scenario: "Keys",
+        samples: Sequence[int] | None = None,
+        transform: Callable[[dict[str, Any]], Any] | None = None,
+        *,
+        shuffle: bool = False,
+        **options: Any,
+    ) -> None:
         super().__init__(scenario, samples, transform, **options)
         self.shuffle = shuffle
         # Rank and ranks of the process that made this one.
-        self._ranks = None
+        self._ranks: tuple[int, int] | None = None
 
-    def __iter__(self):
+    def __iter__(self) -> Iterator[Any]:
         rank, ranks = _ranks() or self._ranks or (0, 1)
         worker = torch.utils.data.get_worker_info()
         first, step = (0, 1) if worker is None else (worker.id, worker.num_workers)
@@ -121,12 +155,12 @@ class ScanStream(_Scans, torch.utils.data.IterableDataset):
         mine = [order[(rank + place * ranks) % len(order)] for place in range(count)]
         return map(self._item, mine[first::step])
 
-    def __getstate__(self):
+    def __getstate__(self) -> dict[str, Any]:
         # A worker that is spawned knows nothing of the ranks.
         return {**super().__getstate__(), "_ranks": _ranks() or self._ranks}
 
 
-def _ranks():
+def _ranks() -> tuple[int, int] | None:
     """The rank of this process and how many there are, if they are known."""
     distributed = torch.distributed
     if distributed.is_available() and distributed.is_initialized():
@@ -134,7 +168,7 @@ def _ranks():
     return None
 
 
-def collate(items):
+def collate(items: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Clouds of unequal length as one batch: tensors one after the other, `batch`, the item of each point, and
     `starts`, the first point of each item and the end."""
     lengths = torch.tensor([len(item["positions"]) for item in items])

@@ -6,8 +6,10 @@ import json
 import numpy as np
 import pytest
 
+import echocast as ec
 
-def test_tables_share_the_memory_of_the_cloud(room, cloud):
+
+def test_tables_share_the_memory_of_the_cloud(room: ec.Scene, cloud: ec.PointCloud) -> None:
     pyarrow = pytest.importorskip("pyarrow")
     table = pyarrow.table(cloud)
     assert table.column_names == cloud.fields and table.num_rows == len(cloud)
@@ -23,12 +25,12 @@ def test_tables_share_the_memory_of_the_cloud(room, cloud):
     assert np.array_equal(table["range"].to_numpy(), cloud.range)
 
 
-def test_polars_reads_it(cloud):
+def test_polars_reads_it(cloud: ec.PointCloud) -> None:
     polars = pytest.importorskip("polars")
     frame = polars.DataFrame(cloud)
     assert frame.columns == cloud.fields and np.array_equal(frame["range"].to_numpy(), cloud.range)
 
 
-def test_an_empty_cloud_is_a_table(cloud):
+def test_an_empty_cloud_is_a_table(cloud: ec.PointCloud) -> None:
     pyarrow = pytest.importorskip("pyarrow")
     assert pyarrow.table(cloud[:0]).num_rows == 0

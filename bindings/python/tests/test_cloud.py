@@ -3,6 +3,8 @@
 import gc
 import pickle
 import threading
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ import pytest
 import echocast as ec
 
 
-def test_columns_share_the_memory_of_the_cloud(cloud):
+def test_columns_share_the_memory_of_the_cloud(cloud: ec.PointCloud) -> None:
     a, b = cloud.range, cloud["range"]
     assert a.__array_interface__["data"][0] == b.__array_interface__["data"][0]
     assert not a.flags.writeable and not a.flags.owndata
@@ -19,7 +21,7 @@ def test_columns_share_the_memory_of_the_cloud(cloud):
         a[0] = 1
 
 
-def test_a_column_keeps_its_cloud_alive(room):
+def test_a_column_keeps_its_cloud_alive(room: ec.Scene) -> None:
     column = room.scan("velodyne_vlp16", at=(0, 0, 1.8)).range
     before = column.copy()
     gc.collect()
@@ -27,7 +29,7 @@ def test_a_column_keeps_its_cloud_alive(room):
     assert np.array_equal(column, before) and len(others) == 3
 
 
-def test_labels_and_positions_are_those_of_the_scene(cloud):
+def test_labels_and_positions_are_those_of_the_scene(cloud: ec.PointCloud) -> None:
     assert cloud.categories == {40: "road", 50: "building"}
     road = cloud[cloud.category_id == 40]
     assert len(road) == (cloud.category_id == 40).sum() > 1000
@@ -39,14 +41,14 @@ def test_labels_and_positions_are_those_of_the_scene(cloud):
 @pytest.mark.parametrize(
     "key", [slice(10, 20), slice(None, None, -7), slice(5, 0), np.array([3, -1, 3]), np.array([], dtype=np.int64)]
 )
-def test_rows_are_those_that_numpy_takes(cloud, key):
+def test_rows_are_those_that_numpy_takes(cloud: ec.PointCloud, key: Any) -> None:
     part = cloud[key]
     for name in cloud.fields:
         assert np.array_equal(part[name], cloud[name][key]), name
     assert part.categories == cloud.categories and part.fields == cloud.fields
 
 
-def test_what_is_not_there_is_told(cloud):
+def test_what_is_not_there_is_told(cloud: ec.PointCloud) -> None:
     with pytest.raises(AttributeError, match="was not computed; ask for it with fields"):
         cloud.doppler
     with pytest.raises(AttributeError, match="no \"foo\""):
@@ -60,7 +62,7 @@ def test_what_is_not_there_is_told(cloud):
     assert "range" in dir(cloud) and "write" in dir(cloud)
 
 
-def test_clouds_are_written_read_and_pickled(cloud, tmp_path):
+def test_clouds_are_written_read_and_pickled(cloud: ec.PointCloud, tmp_path: Path) -> None:
     for name in ["a.npz", "a.las", "a.ply"]:
         cloud.write(tmp_path / name)
         again = ec.PointCloud.read(tmp_path / name)
@@ -73,26 +75,29 @@ def test_clouds_are_written_read_and_pickled(cloud, tmp_path):
         ec.PointCloud.read(tmp_path / "missing.las")
 
 
-def test_pictures_are_png(cloud):
+def test_pictures_are_png(cloud: ec.PointCloud) -> None:
     assert cloud.png(width=400).startswith(b"\x89PNG") and cloud._repr_png_()
     with pytest.raises(ValueError, match="allowed"):
         cloud.png(view="sideways")
 
 
-def test_the_same_bits_from_threads_that_share_a_scene(room, cloud):
-    found = [None] * 4
+def test_the_same_bits_from_threads_that_share_a_scene(room: ec.Scene, cloud: ec.PointCloud) -> None:
+    found: dict[int, ec.PointCloud] = {}
 
-    def work(number):
+    def work(number: int) -> None:
         found[number] = room.scan("velodyne_vlp16", at=(0, 0, 1.8), seed=7)
 
     threads = [threading.Thread(target=work, args=(number,)) for number in range(4)]
-    [thread.start() for thread in threads]
-    [thread.join() for thread in threads]
-    for other in found:
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(found) == 4
+    for other in found.values():
         assert all(np.array_equal(other[name], cloud[name], equal_nan=True) for name in cloud.fields)
 
 
-def test_clouds_are_arrays_of_all_columns(cloud):
+def test_clouds_are_arrays_of_all_columns(cloud: ec.PointCloud) -> None:
     array = np.asarray(cloud)
     assert array.shape == (len(cloud),) and array.dtype.names == tuple(cloud.fields)
     assert all(np.array_equal(array[name], cloud[name]) for name in cloud.fields)
@@ -101,14 +106,14 @@ def test_clouds_are_arrays_of_all_columns(cloud):
     assert cloud.to_dict()["range"].__array_interface__["data"] == cloud.range.__array_interface__["data"]
 
 
-def test_clouds_are_data_frames(cloud):
+def test_clouds_are_data_frames(cloud: ec.PointCloud) -> None:
     pytest.importorskip("pandas")
     frame = cloud.to_pandas()
     assert list(frame.columns) == cloud.fields and frame.attrs["categories"][40] == "road"
     assert np.array_equal(frame["range"].to_numpy(), cloud.range)
 
 
-def test_columns_are_given_to_other_libraries_by_dlpack(cloud):
+def test_columns_are_given_to_other_libraries_by_dlpack(cloud: ec.PointCloud) -> None:
     given = np.from_dlpack(cloud.range)
     assert given.__array_interface__["data"] == cloud.range.__array_interface__["data"]
     torch = pytest.importorskip("torch")
@@ -116,11 +121,11 @@ def test_columns_are_given_to_other_libraries_by_dlpack(cloud):
     assert tensors["category_id"].dtype == torch.int64 and np.array_equal(tensors["range"].numpy(), cloud.range)
 
 
-def test_a_loop_of_scans_keeps_its_memory(room):
+def test_a_loop_of_scans_keeps_its_memory(room: ec.Scene) -> None:
     resource = pytest.importorskip("resource")
 
-    def peak():
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    def peak() -> int:
+        return int(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 
     for number in range(50):
         room.scan("velodyne_vlp16", at=(0, 0, 1.8), seed=number)

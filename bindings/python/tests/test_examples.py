@@ -10,9 +10,9 @@ import pytest
 EXAMPLES = Path(__file__).parents[3] / "examples" / "python"
 
 
-def test_a_network_learns_streets():
+def test_a_network_learns_streets() -> None:
     pytest.importorskip("torch")
-    command = [sys.executable, EXAMPLES / "train_segmentation.py", "--seconds", "5"]
+    command = [sys.executable, str(EXAMPLES / "train_segmentation.py"), "--seconds", "5"]
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     accuracies = [float(text) for text in re.findall(r"accuracy ([0-9.]+)", done.stdout)]

@@ -1,8 +1,11 @@
 """Laws that hold for any array, slice and mask."""
 
 import faulthandler
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -35,30 +38,30 @@ VERTICES = arrays.arrays(
 TRIANGLES = arrays.arrays(np.uint32, st.tuples(st.integers(0, 6), st.just(3)), elements=st.integers(0, 9))
 
 
-def equal(part, cloud, key):
+def equal(part: ec.PointCloud, cloud: ec.PointCloud, key: Any) -> bool:
     return all(np.array_equal(part[name], cloud[name][key], equal_nan=True) for name in cloud.fields)
 
 
 @given(st.slices(40))
-def test_slices_are_those_of_numpy(cloud, key):
+def test_slices_are_those_of_numpy(cloud: ec.PointCloud, key: slice) -> None:
     few = cloud[:40]
     assert equal(few[key], few, key)
 
 
 @given(arrays.arrays(bool, 40))
-def test_masks_are_those_of_numpy(cloud, mask):
+def test_masks_are_those_of_numpy(cloud: ec.PointCloud, mask: npt.NDArray[np.bool_]) -> None:
     few = cloud[100:140]
     assert equal(few[mask], few, mask) and len(few[mask]) == mask.sum()
 
 
 @given(arrays.arrays(np.int64, st.integers(0, 30), elements=st.integers(-40, 39)))
-def test_row_numbers_are_those_of_numpy(cloud, rows):
+def test_row_numbers_are_those_of_numpy(cloud: ec.PointCloud, rows: npt.NDArray[np.int64]) -> None:
     few = cloud[:40]
     assert equal(few[rows], few, rows)
 
 
 @given(VERTICES, TRIANGLES)
-def test_meshes_are_made_or_refused(vertices, triangles):
+def test_meshes_are_made_or_refused(vertices: npt.NDArray[np.float32], triangles: npt.NDArray[np.uint32]) -> None:
     try:
         scene = ec.Scene.from_arrays(vertices, triangles)
         assert scene.triangles == len(triangles)
@@ -70,11 +73,11 @@ def test_meshes_are_made_or_refused(vertices, triangles):
 # Each example makes all calls.
 @settings(max_examples=10)
 @given(st.data())
-def test_wrong_arguments_are_told(room, cloud, data):
+def test_wrong_arguments_are_told(room: ec.Scene, cloud: ec.PointCloud, data: st.DataObject) -> None:
     """Whatever is passed for an array, a number or a name: an exception, or what it means."""
     thing, other = data.draw(ANYTHING), data.draw(ANYTHING)
     live = ec.LiveScene()
-    calls = [
+    calls: list[Callable[[], object]] = [
         lambda: ec.Scene.from_arrays(thing, other),
         lambda: ec.Scene.from_arrays(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.uint32), categories=thing),
         lambda: ec.Scene.from_objects([dict(vertices=thing, triangles=other, pose=thing)]),
@@ -106,7 +109,7 @@ def test_wrong_arguments_are_told(room, cloud, data):
             assert str(error) or isinstance(error, (KeyError, OSError))
 
 
-def test_huge_row_numbers_and_counts_are_told(room, cloud):
+def test_huge_row_numbers_and_counts_are_told(room: ec.Scene, cloud: ec.PointCloud) -> None:
     for rows in [2**62, -(2**62)]:
         with pytest.raises(ec.ArgumentError):
             cloud[np.array([rows])]

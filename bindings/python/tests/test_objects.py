@@ -1,5 +1,8 @@
 """Scenes of objects, generated scenes, and what moves."""
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -9,12 +12,12 @@ SQUARE = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], dtype=np.flo
 TWO = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
 
 
-def places(cloud, category):
+def places(cloud: ec.PointCloud, category: int) -> Any:
     part = cloud[cloud.category_id == category]
     return part.x + part.origin[0]
 
 
-def test_scenes_are_made_of_objects():
+def test_scenes_are_made_of_objects() -> None:
     turned = np.array([[1.0, 0, 0, 5], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
     scene = ec.Scene.from_objects(
         [
@@ -32,10 +35,10 @@ def test_scenes_are_made_of_objects():
     with pytest.raises(ec.ArgumentError, match="4 x 4"):
         ec.Scene.from_objects([dict(vertices=SQUARE, triangles=TWO, pose=np.eye(3))])
     with pytest.raises((KeyError, TypeError)):
-        ec.Scene.from_objects([dict(vertices=SQUARE)])
+        ec.Scene.from_objects([dict(vertices=SQUARE)])  # type: ignore[typeddict-item]
 
 
-def test_scenes_are_generated(tmp_path):
+def test_scenes_are_generated(tmp_path: Path) -> None:
     scene = ec.Scene.generate("indoor", seed=3, rooms=[1, 1], path=tmp_path / "room.glb")
     assert scene.triangles == ec.Scene.load(tmp_path / "room.glb").triangles > 100
     assert scene.categories and scene.cameras
@@ -43,10 +46,10 @@ def test_scenes_are_generated(tmp_path):
     with pytest.raises(ec.FormatError, match="roms"):
         ec.Scene.generate("indoor", roms=[1, 1])
     with pytest.raises(ec.FormatError, match="seebed"):
-        ec.Scene.generate("seebed")
+        ec.Scene.generate("seebed")  # type: ignore[arg-type]
 
 
-def test_objects_move_during_a_scan():
+def test_objects_move_during_a_scan() -> None:
     live = ec.LiveScene()
     number = live.add(SQUARE, TWO, category=7, instance=1, name="door")
     live.name_label("category", 7, "door")
@@ -66,10 +69,10 @@ def test_objects_move_during_a_scan():
         live.set_motion(number, [1.0, 0.0], poses)
 
 
-def test_vertices_move_during_a_scan():
+def test_vertices_move_during_a_scan() -> None:
     live = ec.LiveScene()
     number = live.add(SQUARE, TWO, category=7)
-    moved = np.stack([SQUARE + np.float32([5, 0, 0]), SQUARE + np.float32([9, 0, 0])])
+    moved = np.stack([SQUARE + np.array([x, 0, 0], np.float32) for x in (5, 9)])
     live.set_vertex_motion(number, [0.0, 2.0], moved)
     live.set_time(1.0)
     assert abs(np.median(places(live.scan("velodyne_vlp16"), 7)) - 7) < 0.05

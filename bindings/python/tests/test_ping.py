@@ -1,5 +1,8 @@
 """Pings of sonars and their images."""
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -7,18 +10,18 @@ import echocast as ec
 
 
 @pytest.fixture(scope="module")
-def bed():
+def bed() -> ec.Scene:
     vertices = np.array([[-60, -60, -30], [60, -60, -30], [60, 60, -30], [-60, 60, -30]], dtype=np.float32)
     triangles = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
     return ec.Scene.from_objects([dict(name="bed", vertices=vertices, triangles=triangles, category="seabed")])
 
 
 @pytest.fixture(scope="module")
-def swath(bed):
+def swath(bed: ec.Scene) -> ec.Ping:
     return bed.ping("mbes_400", at=(0, 0, -10), seed=1, fields="intensity,category_id", environment={"water": {}})
 
 
-def test_a_ping_is_beams_by_bins(swath):
+def test_a_ping_is_beams_by_bins(swath: ec.Ping) -> None:
     assert swath.levels.shape == (len(swath.axes), len(swath.ranges)) and swath.levels.dtype == np.float32
     assert not swath.levels.flags.writeable and swath["category_id"].shape == swath.levels.shape
     assert swath.levels.__array_interface__["data"] == swath["intensity"].__array_interface__["data"]
@@ -30,7 +33,7 @@ def test_a_ping_is_beams_by_bins(swath):
         swath["range"]
 
 
-def test_soundings_are_the_depth(swath):
+def test_soundings_are_the_depth(swath: ec.Ping) -> None:
     found = swath.soundings
     near = np.abs(swath.axes[found["beam"], 1] + np.pi / 2) < 0.5
     depth = -found["range"] * np.sin(swath.axes[found["beam"], 1])
@@ -38,12 +41,12 @@ def test_soundings_are_the_depth(swath):
     assert (found["quality"] <= 1).all() and (found["bin"] < len(swath.ranges)).all()
 
 
-def test_pings_are_those_of_one_after_another(bed, tmp_path):
+def test_pings_are_those_of_one_after_another(bed: ec.Scene, tmp_path: Path) -> None:
     path = ec.Trajectory([0.0, 60.0], np.array([[-30.0, 0, -20], [30, 0, -20]]))
-    options = dict(at=path, seed=3, fields="intensity,category_id", environment={"water": {}})
-    told = []
+    options: dict[str, Any] = dict(at=path, seed=3, fields="intensity,category_id", environment={"water": {}})
+    told: list[float] = []
     pings = bed.pings("sss_450", 5, progress=told.append, **options)
-    assert len(pings) == 5 and len(list(pings)) == 5 and told == [0.2, 0.4, 0.6, 0.8, 1]
+    assert len(pings) == 5 and [ping.number for ping in pings] == [0, 1, 2, 3, 4] and told == [0.2, 0.4, 0.6, 0.8, 1]
     period = ec.Sensor("sss_450").period
     alone = bed.ping("sss_450", **options, frame=2, start_time=2 * period)
     assert np.array_equal(pings[2].levels, alone.levels) and pings[-1].number == 4
@@ -65,7 +68,7 @@ def test_pings_are_those_of_one_after_another(bed, tmp_path):
         bed.ping("velodyne_vlp16")
 
 
-def test_images_of_swaths(bed, swath, tmp_path):
+def test_images_of_swaths(bed: ec.Scene, swath: ec.Ping, tmp_path: Path) -> None:
     fan = swath.fan(200)
     assert max(fan.values.shape) == 200 and np.isfinite(fan.values).any()
     path = ec.Trajectory([0.0, 10.0], np.array([[-5.0, 0, -10], [5, 0, -10]]))

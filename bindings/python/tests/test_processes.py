@@ -16,11 +16,11 @@ import echocast as ec
 faulthandler.enable()
 
 
-def digest(cloud):
+def digest(cloud: ec.PointCloud) -> list[bytes]:
     return [cloud[name].tobytes() for name in cloud.fields]
 
 
-def test_a_sensor_may_be_changed_while_others_scan_with_it(room):
+def test_a_sensor_may_be_changed_while_others_scan_with_it(room: ec.Scene) -> None:
     """Each scan is of the sensor as it was before a change or after it."""
     sensor = ec.Sensor("velodyne_vlp16")
     allowed = []
@@ -29,7 +29,7 @@ def test_a_sensor_may_be_changed_while_others_scan_with_it(room):
         allowed.append(digest(room.scan(sensor, at=(0, 0, 1.8), seed=1)))
     done = threading.Event()
 
-    def change():
+    def change() -> None:
         while not done.is_set():
             for sigma in (0.0, 0.5):
                 sensor["noise.range_sigma_m"] = sigma
@@ -43,12 +43,12 @@ def test_a_sensor_may_be_changed_while_others_scan_with_it(room):
         changer.join()
 
 
-def test_scans_go_on_while_python_does(room):
+def test_scans_go_on_while_python_does(room: ec.Scene) -> None:
     """The interpreter is not locked while scans are made."""
     counted = 0
     done = threading.Event()
 
-    def count():
+    def count() -> None:
         nonlocal counted
         while not done.is_set():
             counted += 1
@@ -63,7 +63,7 @@ def test_scans_go_on_while_python_does(room):
     assert counted >= 10
 
 
-def test_a_cloud_outlives_its_scene():
+def test_a_cloud_outlives_its_scene() -> None:
     vertices = np.array([[5, -3, -3], [5, 3, -3], [5, 0, 3]], dtype=np.float32)
     scene = ec.Scene.from_arrays(vertices, np.array([[0, 1, 2]], dtype=np.uint32))
     cloud = scene.scan("velodyne_vlp16")
@@ -73,17 +73,17 @@ def test_a_cloud_outlives_its_scene():
     assert digest(cloud) == before and len(cloud[cloud.range < 6]) > 0
 
 
-def child(room, queue):
+def child(room: ec.Scene, queue: "multiprocessing.Queue[list[bytes]]") -> None:
     queue.put(digest(room.scan("velodyne_vlp16", at=(0, 0, 1.8), seed=7)))
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
-def test_a_forked_process_scans_the_scene_of_its_parent(room, cloud):
+def test_a_forked_process_scans_the_scene_of_its_parent(room: ec.Scene, cloud: ec.PointCloud) -> None:
     """Also if the parent is scanning with several threads at that moment."""
     context = multiprocessing.get_context("fork")
     done = threading.Event()
 
-    def scan():
+    def scan() -> None:
         while not done.is_set():
             room.scan("velodyne_vls128", at=(0, 0, 2))
 
@@ -104,7 +104,7 @@ def test_a_forked_process_scans_the_scene_of_its_parent(room, cloud):
         scanner.join()
 
 
-def test_twenty_thousand_scans_keep_their_memory():
+def test_twenty_thousand_scans_keep_their_memory() -> None:
     code = """if True:
         import resource
         import numpy as np

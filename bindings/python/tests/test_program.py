@@ -7,6 +7,7 @@ import sys
 import sysconfig
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,11 +17,11 @@ import echocast as ec
 PROGRAM = Path(sysconfig.get_path("scripts"), "echocast")
 
 
-def echocast(*arguments, **options):
+def echocast(*arguments: object, **options: Any) -> "subprocess.CompletedProcess[str]":
     return subprocess.run([PROGRAM, *map(str, arguments)], capture_output=True, text=True, timeout=120, **options)
 
 
-def test_it_scans_as_python_does(tmp_path):
+def test_it_scans_as_python_does(tmp_path: Path) -> None:
     scene, file = tmp_path / "flat.glb", tmp_path / "cloud.npz"
     assert echocast("generate", "indoor", "--rooms", "1,1", "-o", scene).returncode == 0
     done = echocast("scan", scene, "--sensor", "velodyne_vlp16", "--at", "1,1,1.2", "--seed", 7, "-o", file)
@@ -30,7 +31,7 @@ def test_it_scans_as_python_does(tmp_path):
     assert all(np.array_equal(written[name], made[name], equal_nan=True) for name in made.fields)
 
 
-def test_its_exit_codes_are_those_of_the_program(tmp_path):
+def test_its_exit_codes_are_those_of_the_program(tmp_path: Path) -> None:
     assert echocast("--help").returncode == 0 and "Usage: echocast" in echocast("--help").stdout
     assert echocast("--version").stdout == f"echocast {ec.__version__}\n"
     wrong = echocast("scan", "--sensr")
@@ -42,10 +43,10 @@ def test_its_exit_codes_are_those_of_the_program(tmp_path):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
-def test_ctrl_c_ends_it(tmp_path):
+def test_ctrl_c_ends_it(tmp_path: Path) -> None:
     scene = tmp_path / "flat.glb"
     ec.Scene.generate("indoor", rooms=[1, 1], path=scene)
-    command = [PROGRAM, "scan", scene, "--sensor", "velodyne_vls128", "--at", "1,1,1.2", "--frames", "0:100000", "-o"]
+    command: list[Any] = [PROGRAM, "scan", scene, "--sensor", "velodyne_vls128", "--at", "1,1,1.2", "--frames", "0:100000", "-o"]
     running = subprocess.Popen([*command, tmp_path / "c_{frame}.las"], stderr=subprocess.PIPE, text=True)
     time.sleep(2)
     running.send_signal(signal.SIGINT)

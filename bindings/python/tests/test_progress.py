@@ -5,35 +5,39 @@ import os
 import subprocess
 import sys
 import types
+from typing import Any
 
 import pytest
 
 from echocast import _progress
 
+import echocast as ec
+
 
 class Terminal(io.TextIOWrapper):
     """What is written to a terminal, whose `encoding` is given."""
 
-    def __init__(self, encoding="utf-8"):
-        super().__init__(io.BytesIO(), encoding=encoding, newline="")
+    def __init__(self, encoding: str = "utf-8") -> None:
+        self.written = io.BytesIO()
+        super().__init__(self.written, encoding=encoding, newline="")
 
-    def isatty(self):
+    def isatty(self) -> bool:
         return True
 
-    def lines(self):
+    def lines(self) -> list[str]:
         self.flush()
-        return self.buffer.getvalue().decode(self.encoding).split("\r")[1:]
+        return self.written.getvalue().decode(self.encoding).split("\r")[1:]
 
 
 @pytest.fixture
-def hour(monkeypatch):
+def hour(monkeypatch: pytest.MonkeyPatch) -> types.SimpleNamespace:
     """The time of day, which tests set, s."""
     hour = types.SimpleNamespace(now=100.0)
     monkeypatch.setattr(_progress, "time", types.SimpleNamespace(monotonic=lambda: hour.now))
     return hour
 
 
-def test_a_terminal_has_one_line_that_is_redrawn(monkeypatch, hour):
+def test_a_terminal_has_one_line_that_is_redrawn(monkeypatch: pytest.MonkeyPatch, hour: types.SimpleNamespace) -> None:
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
     bar = _progress.bar("scan")
@@ -50,7 +54,7 @@ def test_a_terminal_has_one_line_that_is_redrawn(monkeypatch, hour):
     assert "".join(lines).count("\n") == 1 and lines[-1].endswith("\n")
 
 
-def test_runs_tell_how_many(monkeypatch, hour):
+def test_runs_tell_how_many(monkeypatch: pytest.MonkeyPatch, hour: types.SimpleNamespace) -> None:
     terminal = Terminal("ascii")
     monkeypatch.setattr(sys, "stderr", terminal)
     bar = _progress.bar("run")
@@ -63,7 +67,7 @@ def test_runs_tell_how_many(monkeypatch, hour):
     assert "2% 1 of 61, 1:00:00 left" in lines[1] and "." * 20 in lines[1]
 
 
-def test_a_run_that_ends_early_leaves_its_line(monkeypatch, hour):
+def test_a_run_that_ends_early_leaves_its_line(monkeypatch: pytest.MonkeyPatch, hour: types.SimpleNamespace) -> None:
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
     bar = _progress.bar("run")
@@ -76,7 +80,7 @@ def test_a_run_that_ends_early_leaves_its_line(monkeypatch, hour):
     assert "2 of 10" in terminal.lines()[-1]
 
 
-def test_where_there_is_no_terminal_nothing_is_written():
+def test_where_there_is_no_terminal_nothing_is_written() -> None:
     program = "from echocast._progress import bar; b = bar('scan'); b(0.5); b(3, 4); b.close()"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
@@ -84,7 +88,7 @@ def test_where_there_is_no_terminal_nothing_is_written():
     assert subprocess.run([sys.executable, "-c", without]).returncode == 0
 
 
-def test_a_real_terminal_shows_it():
+def test_a_real_terminal_shows_it() -> None:
     pty = pytest.importorskip("pty")
     ours, theirs = pty.openpty()
     program = "from echocast._progress import bar; b = bar('scan'); b(0.5); b(1.0); b.close()"
@@ -94,15 +98,15 @@ def test_a_real_terminal_shows_it():
         assert b"100%" in screen.read(4096) and done.returncode == 0
 
 
-def test_notebooks_have_an_output_that_changes(monkeypatch, hour):
+def test_notebooks_have_an_output_that_changes(monkeypatch: pytest.MonkeyPatch, hour: types.SimpleNamespace) -> None:
     display = pytest.importorskip("IPython.display")
     shown = []
 
     class Handle:
-        def update(self, what):
+        def update(self, what: Any) -> None:
             shown.append(what.data)
 
-    def first(what, display_id):
+    def first(what: Any, display_id: bool) -> Handle:
         shown.append(what.data)
         return Handle()
 
@@ -119,7 +123,7 @@ def test_notebooks_have_an_output_that_changes(monkeypatch, hour):
     assert not _progress.in_notebook()
 
 
-def test_it_serves_scans_and_runs(room):
+def test_it_serves_scans_and_runs(room: ec.Scene) -> None:
     bar = _progress.bar("scan")
     assert len(room.scan("velodyne_vlp16", at=(0, 0, 1.8), progress=bar)) > 1000
     bar.close()

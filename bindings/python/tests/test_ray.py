@@ -8,15 +8,17 @@ import sys
 import threading
 import time
 import urllib.request
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import echocast as ec
 
-ray = pytest.importorskip("ray")
 pytest.importorskip("ray.data")
+import ray  # noqa: E402
 import ray.cluster_utils  # noqa: E402
 
 import echocast.ray  # noqa: E402
@@ -24,7 +26,7 @@ from echocast.ray import _plan, _run  # noqa: E402
 from echocast.ray.__main__ import yaml  # noqa: E402
 from echocast.ray._source import Source  # noqa: E402
 from echocast.ray._store import Store  # noqa: E402
-from echocast.ray._worker import Worker  # noqa: E402
+from echocast.ray._worker import Made, Worker  # noqa: E402
 
 ALL_STYLES = [
     {"style": "plain"},
@@ -38,7 +40,7 @@ ALL_STYLES = [
 
 
 @pytest.fixture(scope="module")
-def cluster():
+def cluster() -> Iterator[Any]:
     """Three nodes of one CPU; those that a test kills are replaced."""
     node = {"num_cpus": 1, "object_store_memory": 100_000_000}
     made = ray.cluster_utils.Cluster(initialize_head=True, head_node_args={**node, "include_dashboard": False})
@@ -50,7 +52,7 @@ def cluster():
 
 
 @pytest.fixture
-def file(tent, tmp_path):
+def file(tent: Path, tmp_path: Path) -> Path:
     """A scenario of twelve samples with a LiDAR and a camera."""
     camera = {"name": "eye", "kind": "lidar", "pattern": {"type": "pinhole", "resolution": [32, 24], "fov_deg": [60, 45]}}
     keys = {
@@ -67,7 +69,7 @@ def file(tent, tmp_path):
     return path
 
 
-def alone(file, folder, **settings):
+def alone(file: Path, folder: Path, **settings: Any) -> tuple[dict[str, Any], dict[str, bytes]]:
     """What `echocast run` makes on one machine: its summary and its files."""
     scenario = ec.Scenario(file)
     for key, value in settings.items():
@@ -75,12 +77,12 @@ def alone(file, folder, **settings):
     return ec.run(scenario, folder), files(folder)
 
 
-def files(folder):
+def files(folder: Path) -> dict[str, bytes]:
     found = (path for path in Path(folder).rglob("*") if path.is_file())
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in found}
 
 
-def same(found, expected):
+def same(found: dict[str, bytes], expected: dict[str, bytes]) -> None:
     assert found.keys() == expected.keys()
     assert [name for name in expected if found[name] != expected[name]] == []
 
@@ -88,7 +90,7 @@ def same(found, expected):
 # --- what needs no cluster
 
 
-def test_samples_are_divided_into_ranges():
+def test_samples_are_divided_into_ranges() -> None:
     assert _plan.wanted(9, (1, 7, 3)) == range(1, 8, 3)
     for wrong in [(0, 9), (5, 4), (0, 3, 0), (-1, 2)]:
         with pytest.raises(ec.ArgumentError, match="allowed: 0 to 8, which the scenario has"):
@@ -104,19 +106,21 @@ def test_samples_are_divided_into_ranges():
     assert sum(lengths) == 1000 and lengths == sorted(lengths, reverse=True) and (lengths[0], max(lengths[-4:])) == (32, 4)
 
 
-def test_values_are_yaml_1_2():
+def test_values_are_yaml_1_2() -> None:
     assert yaml("{on: {category: road}, to: [1, -2.5, 1e-3, ~, true, no]}") == {
         "on": {"category": "road"},
         "to": [1, -2.5, 1e-3, None, True, "no"],
     }
 
 
-def command(*arguments, folder=Path(__file__).parent, env=None):
+def command(
+    *arguments: object, folder: Path = Path(__file__).parent, env: dict[str, str] | None = None
+) -> "subprocess.CompletedProcess[str]":
     program = [sys.executable, "-m", "echocast.ray", *map(str, arguments)]
     return subprocess.run(program, capture_output=True, text=True, timeout=100, cwd=folder, env=env)
 
 
-def test_wrong_usage_ends_with_2():
+def test_wrong_usage_ends_with_2() -> None:
     help = command("--help")
     assert help.returncode == 0 and "--samples 0:99999 --address auto -o s3://bucket/set" in help.stdout
     for arguments in [["drive.yaml"], ["drive.yaml", "-o", "x", "--samples", "7"], ["drive.yaml", "-o", "x", "--set", "seed"]]:
@@ -126,7 +130,7 @@ def test_wrong_usage_ends_with_2():
 # --- sets
 
 
-def test_every_style_has_the_bytes_of_one_machine(cluster, file, tmp_path):
+def test_every_style_has_the_bytes_of_one_machine(cluster: Any, file: Path, tmp_path: Path) -> None:
     done, expected = alone(file, tmp_path / "one", outputs=ALL_STYLES)
     told = []
     made = echocast.ray.run(
@@ -143,7 +147,7 @@ def test_every_style_has_the_bytes_of_one_machine(cluster, file, tmp_path):
     assert made["workers"] == 3
 
 
-def test_samples_that_fail_are_told_and_the_others_go_on(cluster, file, tmp_path):
+def test_samples_that_fail_are_told_and_the_others_go_on(cluster: Any, file: Path, tmp_path: Path) -> None:
     outputs, rule = [{"style": "plain"}], {"set": "environment.fog.visibility_m", "to": {"grid": [50, 50, -1]}}
     settings = {"outputs": outputs, "variation": [rule]}
     done, expected = alone(file, tmp_path / "one", **settings)
@@ -152,7 +156,7 @@ def test_samples_that_fail_are_told_and_the_others_go_on(cluster, file, tmp_path
     same(files(tmp_path / "set"), expected)
 
 
-def test_what_is_there_is_not_made_again(cluster, file, tmp_path):
+def test_what_is_there_is_not_made_again(cluster: Any, file: Path, tmp_path: Path) -> None:
     _, expected = alone(file, tmp_path / "one")
     root = tmp_path / "set"
     first = echocast.ray.run(file, root, samples=(1, 9, 2), chunk=1)
@@ -173,7 +177,7 @@ def test_what_is_there_is_not_made_again(cluster, file, tmp_path):
     same(files(root), expected)
 
 
-def test_what_does_not_belong_together_is_refused(cluster, file, tmp_path):
+def test_what_does_not_belong_together_is_refused(cluster: Any, file: Path, tmp_path: Path) -> None:
     root = tmp_path / "set"
     echocast.ray.run(file, root, samples=(0, 1))
     before = files(root)
@@ -192,7 +196,7 @@ def test_what_does_not_belong_together_is_refused(cluster, file, tmp_path):
     assert files(root) == before and not (tmp_path / "other").exists()
 
 
-def test_workers_that_see_other_files_are_refused(cluster, file, tent, tmp_path):
+def test_workers_that_see_other_files_are_refused(cluster: Any, file: Path, tent: Path, tmp_path: Path) -> None:
     echocast.ray.run(file, tmp_path / "set", samples=(0, 0))
     origin = (tmp_path / "set/scenario.json").read_bytes()
     with pytest.raises(ec.FileError, match="does not hold the set that is made; allowed: a folder that all machines share"):
@@ -205,11 +209,11 @@ def test_workers_that_see_other_files_are_refused(cluster, file, tent, tmp_path)
 # --- what dies
 
 
-def test_a_node_is_killed_in_the_middle(cluster, file, tmp_path):
+def test_a_node_is_killed_in_the_middle(cluster: Any, file: Path, tmp_path: Path) -> None:
     settings = {"samples": 60, "outputs": ALL_STYLES}
     _, expected = alone(file, tmp_path / "one", **settings)
 
-    def kill(done, all):
+    def kill(done: int, all: int) -> None:
         if 10 <= done < all and len(cluster.more) == 2:
             cluster.remove_node(cluster.more.pop(), allow_graceful=False)
 
@@ -219,7 +223,7 @@ def test_a_node_is_killed_in_the_middle(cluster, file, tmp_path):
     cluster.more.append(cluster.add_node(num_cpus=1, object_store_memory=100_000_000))
 
 
-def test_the_driver_is_killed(cluster, file, tmp_path):
+def test_the_driver_is_killed(cluster: Any, file: Path, tmp_path: Path) -> None:
     root = tmp_path / "set"
     _, expected = alone(file, tmp_path / "one", samples=300)
     arguments = [file, "-o", root, "--set", "samples=300", "--chunk", 2, "--address", cluster.address]
@@ -236,9 +240,11 @@ def test_the_driver_is_killed(cluster, file, tmp_path):
     same(files(root), expected)
 
 
-def test_a_sample_that_kills_its_workers_is_told(cluster, file, tmp_path, monkeypatch):
+def test_a_sample_that_kills_its_workers_is_told(
+    cluster: Any, file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     class Deadly(Worker):
-        def make(self, origin, first, task):
+        def make(self, origin: bytes, first: int, task: range) -> Made:
             return os._exit(1) if 3 in task else super().make(origin, first, task)
 
     with monkeypatch.context() as patch:
@@ -252,7 +258,7 @@ def test_a_sample_that_kills_its_workers_is_told(cluster, file, tmp_path, monkey
 
 
 @pytest.fixture
-def bucket():
+def bucket() -> Iterator[Any]:
     """A local S3 that takes objects while `room` lasts, and its file system."""
     s3fs = pytest.importorskip("s3fs")
     pytest.importorskip("moto")
@@ -260,14 +266,16 @@ def bucket():
     from werkzeug.serving import WSGIRequestHandler, make_server
 
     class Silent(WSGIRequestHandler):
-        def log(self, *arguments):
+        def log(self, *arguments: object) -> None:
             pass
 
     class Bucket:
         room, refusal = 1e9, "QuotaExceeded"
+        url: str
+        fs: Any
         inner = DomainDispatcherApplication(create_backend_app)
 
-        def __call__(self, environ, start_response):
+        def __call__(self, environ: dict[str, Any], start_response: Any) -> Any:
             if environ["REQUEST_METHOD"] == "PUT" and environ["PATH_INFO"].count("/") > 1:
                 self.room -= 1
                 if self.room < 0:
@@ -288,13 +296,13 @@ def bucket():
     server.shutdown()
 
 
-def download(bucket, folder):
+def download(bucket: Any, folder: Path) -> dict[str, bytes]:
     bucket.fs.invalidate_cache()
     bucket.fs.get("bucket/set", str(folder), recursive=True)
     return files(folder)
 
 
-def test_a_bucket_gets_the_bytes_of_one_machine(cluster, bucket, file, tmp_path):
+def test_a_bucket_gets_the_bytes_of_one_machine(cluster: Any, bucket: Any, file: Path, tmp_path: Path) -> None:
     _, expected = alone(file, tmp_path / "one", outputs=ALL_STYLES)
     some = {"outputs": ALL_STYLES, "samples": 6}
     assert echocast.ray.run(file, "bucket/set", filesystem=bucket.fs, settings=some)["complete"]
@@ -304,7 +312,7 @@ def test_a_bucket_gets_the_bytes_of_one_machine(cluster, bucket, file, tmp_path)
     same(download(bucket, tmp_path / "set"), expected)
 
 
-def test_the_command_writes_to_a_url(cluster, bucket, file, tmp_path):
+def test_the_command_writes_to_a_url(cluster: Any, bucket: Any, file: Path, tmp_path: Path) -> None:
     _, expected = alone(file, tmp_path / "one")
     keys = {"AWS_ENDPOINT_URL": bucket.url, "AWS_ACCESS_KEY_ID": "key", "AWS_SECRET_ACCESS_KEY": "secret"}
     # A cluster of its own, whose workers have the keys.
@@ -315,7 +323,9 @@ def test_the_command_writes_to_a_url(cluster, bucket, file, tmp_path):
 
 
 @pytest.mark.parametrize(("room", "refusal"), [(0, "AccessDenied"), (30, "QuotaExceeded")])
-def test_a_bucket_that_takes_no_more_ends_the_run(cluster, bucket, file, tmp_path, room, refusal):
+def test_a_bucket_that_takes_no_more_ends_the_run(
+    cluster: Any, bucket: Any, file: Path, tmp_path: Path, room: float, refusal: str
+) -> None:
     _, expected = alone(file, tmp_path / "one")
     bucket.room, bucket.refusal = room, refusal
     with pytest.raises(ec.FileError, match=f"bucket/set cannot be written: .*{refusal.replace('AccessDenied', 'Access')}"):
@@ -325,7 +335,7 @@ def test_a_bucket_that_takes_no_more_ends_the_run(cluster, bucket, file, tmp_pat
     same(download(bucket, tmp_path / "set"), expected)
 
 
-def test_pyarrow_writes_too(cluster, bucket, file, tmp_path):
+def test_pyarrow_writes_too(cluster: Any, bucket: Any, file: Path, tmp_path: Path) -> None:
     from pyarrow import fs
 
     _, expected = alone(file, tmp_path / "one", outputs=[{"style": "webdataset"}])
@@ -336,7 +346,7 @@ def test_pyarrow_writes_too(cluster, bucket, file, tmp_path):
     same(download(bucket, tmp_path / "set"), expected)
 
 
-def test_a_folder_that_cannot_be_written_is_told(cluster, file, tmp_path):
+def test_a_folder_that_cannot_be_written_is_told(cluster: Any, file: Path, tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("a file")
     with pytest.raises(ec.FileError, match=f"{tmp_path}/taken/set cannot be written"):
         echocast.ray.run(file, tmp_path / "taken/set")
@@ -345,7 +355,7 @@ def test_a_folder_that_cannot_be_written_is_told(cluster, file, tmp_path):
 # --- training data
 
 
-def test_rows_are_the_samples(cluster, file):
+def test_rows_are_the_samples(cluster: Any, file: Path) -> None:
     columns = ["range", "category_id", "x"]
     data = echocast.ray.dataset(file, [7, 2, 5], columns=columns, batch_size=2)
     rows = {row["sample"]: row for row in data.iter_rows()}

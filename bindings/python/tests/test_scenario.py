@@ -1,5 +1,8 @@
 """Scenarios, samples and sets."""
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -7,7 +10,7 @@ import echocast as ec
 
 
 @pytest.fixture
-def keys(tent, tmp_path):
+def keys(tent: Path, tmp_path: Path) -> dict[str, Any]:
     return {
         "scene": {"files": "tent.obj"},
         "sensors": [{"sensor": "velodyne_vlp16"}],
@@ -19,7 +22,7 @@ def keys(tent, tmp_path):
     }
 
 
-def test_samples_are_those_of_the_set(keys, tmp_path):
+def test_samples_are_those_of_the_set(keys: dict[str, Any], tmp_path: Path) -> None:
     scenario = ec.Scenario(keys, folder=tmp_path)
     assert len(scenario) == 5 and scenario[-1].number == 4
     told = []
@@ -36,7 +39,7 @@ def test_samples_are_those_of_the_set(keys, tmp_path):
     assert ec.run(scenario, resume=True)["found"] == 5
 
 
-def test_what_is_wrong_is_told(keys, tmp_path):
+def test_what_is_wrong_is_told(keys: dict[str, Any], tmp_path: Path) -> None:
     scenario = ec.Scenario(keys, folder=tmp_path)
     with pytest.raises(IndexError):
         scenario[5]
@@ -45,7 +48,7 @@ def test_what_is_wrong_is_told(keys, tmp_path):
     with pytest.raises(FileNotFoundError):
         ec.Scenario("missing.yaml")
 
-    def stop(made, all):
+    def stop(made: int, all: int) -> None:
         raise RuntimeError("enough")
 
     with pytest.raises(RuntimeError, match="enough"):

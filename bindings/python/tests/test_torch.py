@@ -1,6 +1,8 @@
 """Scans for PyTorch: the same in every worker, batches of clouds of unequal length."""
 
 import functools
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from echocast.torch import ScanDataset, ScanStream, collate  # noqa: E402
 
 
 @pytest.fixture
-def keys(tent):
+def keys(tent: Path) -> dict[str, Any]:
     return {
         "scene": {"files": str(tent)},
         "sensors": [{"sensor": "velodyne_vlp16"}],
@@ -25,12 +27,12 @@ def keys(tent):
     }
 
 
-def middle(item):
+def middle(item: dict[str, Any]) -> tuple[int, list[float]]:
     """Of a sample, its number and where its points are, on average."""
     return item["sample"], item["positions"].mean(dim=0).tolist()
 
 
-def seen(loader):
+def seen(loader: Any) -> dict[int, list[float]]:
     """Batches of one item as a dict: sample to middle."""
     return dict(item for batch in loader for item in batch)
 
@@ -39,7 +41,7 @@ def seen(loader):
 Loader = functools.partial(DataLoader, collate_fn=list)
 
 
-def test_items_are_the_samples(keys):
+def test_items_are_the_samples(keys: dict[str, Any]) -> None:
     data = ScanDataset(keys, columns=["range", "category_id"])
     cloud = ec.Scenario(keys)[4].cloud()
     item = data[4]
@@ -49,7 +51,7 @@ def test_items_are_the_samples(keys):
 
 
 @pytest.mark.parametrize("context", ["fork", "spawn"])
-def test_workers_make_the_same(keys, context):
+def test_workers_make_the_same(keys: dict[str, Any], context: str) -> None:
     data = ScanDataset(keys)
     alone = list(DataLoader(data, batch_size=4, collate_fn=collate))
     loader = DataLoader(data, batch_size=4, num_workers=2, collate_fn=collate, multiprocessing_context=context)
@@ -61,7 +63,7 @@ def test_workers_make_the_same(keys, context):
     assert torch.equal(first["batch"].bincount(), first["starts"].diff())
 
 
-def test_epochs_differ_if_they_are_to(keys):
+def test_epochs_differ_if_they_are_to(keys: dict[str, Any]) -> None:
     data = ScanDataset(keys, samples=[2], epochs_differ=True, transform=lambda item: item["positions"])
     first = data[0]
     data.set_epoch(1)
@@ -73,7 +75,7 @@ def test_epochs_differ_if_they_are_to(keys):
     assert torch.equal(first, same[0])
 
 
-def test_no_epoch_is_that_of_a_seed_nearby(keys):
+def test_no_epoch_is_that_of_a_seed_nearby(keys: dict[str, Any]) -> None:
     data, other = (ScanDataset({**keys, "seed": seed}, transform=middle, epochs_differ=True) for seed in (3, 4))
     data.set_epoch(1)
     assert data[0] != other[0]
@@ -81,7 +83,7 @@ def test_no_epoch_is_that_of_a_seed_nearby(keys):
 
 @pytest.mark.parametrize("context", ["fork", "spawn"])
 @pytest.mark.parametrize("kind", [ScanDataset, ScanStream])
-def test_workers_that_live_on_are_told_of_epochs(keys, kind, context):
+def test_workers_that_live_on_are_told_of_epochs(keys: dict[str, Any], kind: Any, context: str) -> None:
     data = kind(keys, transform=middle, epochs_differ=True)
     loader = Loader(data, num_workers=2, persistent_workers=True, multiprocessing_context=context)
     alone = Loader(data)
@@ -94,7 +96,7 @@ def test_workers_that_live_on_are_told_of_epochs(keys, kind, context):
 
 
 @pytest.mark.parametrize("workers", [0, 1, 2, 4])
-def test_a_stream_has_each_sample_once(keys, workers):
+def test_a_stream_has_each_sample_once(keys: dict[str, Any], workers: int) -> None:
     stream = ScanStream(keys, transform=middle, shuffle=True)
     orders = []
     for epoch in (0, 1):
@@ -106,7 +108,7 @@ def test_a_stream_has_each_sample_once(keys, workers):
     assert seen(Loader(stream)) == seen(Loader(ScanDataset(keys, transform=middle)))
 
 
-def rank(number, ranks, keys, told, folder):
+def rank(number: int, ranks: int, keys: dict[str, Any], told: Any, folder: Path) -> None:
     torch.distributed.init_process_group("gloo", init_method=f"file://{folder}/ranks", rank=number, world_size=ranks)
     stream = ScanStream(keys, [0, 1, 2, 3, 4], transform=middle, shuffle=True)
     for context in ("fork", "spawn"):
@@ -116,7 +118,7 @@ def rank(number, ranks, keys, told, folder):
 
 
 @pytest.mark.skipif(not torch.distributed.is_available(), reason="this PyTorch has no torch.distributed")
-def test_ranks_share_a_stream(keys, tmp_path):
+def test_ranks_share_a_stream(keys: dict[str, Any], tmp_path: Path) -> None:
     told = torch.multiprocessing.get_context("spawn").SimpleQueue()
     torch.multiprocessing.spawn(rank, (2, keys, told, tmp_path), nprocs=2)
     parts = {(context, number): samples for context, number, samples in (told.get() for _ in range(4))}

@@ -1,9 +1,10 @@
 """Sets and training data made on a Ray cluster. Needs the package `ray[data]`.
 
->>> import echocast.ray                                                                    # doctest: +SKIP
->>> echocast.ray.run("drive.yaml", "s3://bucket/set")                                      # doctest: +SKIP
->>> for batch in echocast.ray.dataset("drive.yaml").iter_batches(batch_size=4):            # doctest: +SKIP
-...     batch["positions"][0], batch["category_id"][0]
+    import echocast.ray
+
+    echocast.ray.run("drive.yaml", "s3://bucket/set")
+    for batch in echocast.ray.dataset("drive.yaml").iter_batches(batch_size=4):
+        batch["positions"][0], batch["category_id"][0]
 
 Ray schedules, retries and moves data; here is only what a set needs beside that. The bytes are those of `echocast run` on
 one machine.

@@ -5,6 +5,7 @@ import os
 import re
 import sys
 import time
+from typing import Any
 
 import echocast as ec
 import echocast.ray
@@ -25,7 +26,7 @@ exit codes: 0 success; 1 the work has failed, in whole or in part, and --resume 
 PERIOD = 5.0
 
 
-def samples(text):
+def samples(text: str) -> tuple[int, ...]:
     """`A:B[:STEP]` as numbers."""
     try:
         numbers = tuple(int(number) for number in text.split(":"))
@@ -36,7 +37,7 @@ def samples(text):
     return numbers
 
 
-def setting(text):
+def setting(text: str) -> tuple[str, Any]:
     """`KEY=VALUE` as the key and its value, which is YAML."""
     key, equals, value = text.partition("=")
     if not (key and equals):
@@ -47,12 +48,12 @@ def setting(text):
         raise argparse.ArgumentTypeError(f"{text!r}: {' '.join(str(error).split())}") from error
 
 
-def yaml(text):
+def yaml(text: str) -> Any:
     """A value of YAML 1.2, for which `on` is a word."""
     yaml = package("yaml", "'ray[data]'")
 
-    class Loader(yaml.SafeLoader):
-        yaml_implicit_resolvers = {}
+    class Loader(yaml.SafeLoader):  # type: ignore[name-defined]
+        yaml_implicit_resolvers: dict[str, Any] = {}
 
     for tag, pattern, first in [
         ("null", "~|null|", "~n\0"),
@@ -67,13 +68,15 @@ def yaml(text):
         raise ValueError(str(error)) from error
 
 
-def positive(text):
+def positive(text: str) -> int:
+    """A number from 1 on."""
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r}: expected a number from 1 on")
     return int(text)
 
 
-def arguments():
+def arguments() -> argparse.ArgumentParser:
+    """The command line."""
     parser = argparse.ArgumentParser(
         prog="python -m echocast.ray",
         description="Make a set of samples from a scenario file on a Ray cluster. The files are those of `echocast run` on "
@@ -100,12 +103,12 @@ def arguments():
 class Progress:
     """Lines on stderr, not too many."""
 
-    def __init__(self, quiet):
+    def __init__(self, quiet: bool) -> None:
         self.quiet = quiet
-        self.first = None
+        self.first: tuple[float, int] | None = None
         self.last = time.monotonic()
 
-    def __call__(self, done, all):
+    def __call__(self, done: int, all: int) -> None:
         now = time.monotonic()
         self.first = self.first or (now, done)
         if self.quiet or now - self.last < PERIOD:
@@ -116,7 +119,8 @@ class Progress:
         print(f"{done} of {all} samples, {rate:.1f} a second{left}", file=sys.stderr, flush=True)
 
 
-def summarised(done):
+def summarised(done: dict[str, Any]) -> str:
+    """What is told of a run at its end."""
     made = done["made"] + len(done["failed"])
     lines = [
         f"{made} samples made in {done['seconds']:.1f} s ({made / done['seconds']:.1f} a second, {done['workers']} workers), "
@@ -129,7 +133,7 @@ def summarised(done):
     return "\n".join(lines)
 
 
-def run(args):
+def run(args: argparse.Namespace) -> dict[str, Any]:
     """Connects to the cluster and makes the set."""
     ray = package("ray", "'ray[data]'")
     shipped = {"working_dir": os.getcwd()} if args.ship else {}
@@ -149,7 +153,8 @@ def run(args):
     )
 
 
-def main():
+def main() -> int:
+    """Runs it with the arguments of this process; returns its exit code."""
     args = arguments().parse_args()
     try:
         done = run(args)
@@ -164,10 +169,10 @@ def main():
         for warning, count in done["warnings"].items():
             print(f"warning: {warning}{f' ({count} samples)' if count > 1 else ''}", file=sys.stderr)
         print(summarised(done))
-    for sample, error in done["failed"][:1]:
+    for sample, told in done["failed"][:1]:
         others = len(done["failed"]) - 1
         more = f" (and {others} more)" if others else ""
-        print(f"error: sample {sample} has failed: {error}{more}", file=sys.stderr)
+        print(f"error: sample {sample} has failed: {told}{more}", file=sys.stderr)
         return 1
     return 0
 

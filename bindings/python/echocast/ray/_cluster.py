@@ -3,7 +3,7 @@
 import ray
 
 
-def connected(workers):
+def connected(workers: int | None) -> int:
     """How many workers a run has, as asked for or one for each CPU; connects to a cluster of this machine alone if there is
     none yet."""
     if not ray.is_initialized():

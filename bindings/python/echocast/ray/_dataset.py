@@ -1,16 +1,32 @@
 """Scans as a `ray.data.Dataset`, made as they are needed, without files."""
 
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+import numpy.typing as npt
 import ray.data
 
 from echocast._convert import COLUMNS, positions
 from echocast.ray._cluster import connected
 from echocast.ray._source import Source
 
+if TYPE_CHECKING:
+    from echocast._echocast import Keys, Path
+
 
 def dataset(
-    scenario, samples=None, *, columns=COLUMNS, sensor=0, frame=0, folder="", settings=None, workers=None, batch_size=4
-):
+    scenario: "Keys",
+    samples: Sequence[int] | None = None,
+    *,
+    columns: Sequence[str] = COLUMNS,
+    sensor: int = 0,
+    frame: int = 0,
+    folder: "Path" = "",
+    settings: Mapping[str, Any] | None = None,
+    workers: int | None = None,
+    batch_size: int = 4,
+) -> ray.data.Dataset:
     """A `ray.data.Dataset` with a row for each sample, made by Ray's workers while they are read.
 
     `scenario`, `folder` and `settings`: as of `run`. `samples`: their numbers; None: all. `sensor` and `frame`: which of
@@ -41,13 +57,15 @@ def dataset(
 class Scans:
     """Makes the scans of a batch; an actor that keeps what it has read."""
 
-    def __init__(self, source, numbers, columns, sensor, frame):
+    def __init__(
+        self, source: Source, numbers: Sequence[int], columns: Sequence[str], sensor: int, frame: int
+    ) -> None:
         self.scenario = source.read(threads=1)
         self.numbers, self.columns, self.sensor, self.frame = numbers, columns, sensor, frame
 
-    def __call__(self, batch):
+    def __call__(self, batch: Mapping[str, npt.NDArray[np.int64]]) -> dict[str, npt.NDArray[Any]]:
         numbers = [self.numbers[index] for index in batch["id"]]
-        rows = {name: [] for name in ("positions", *self.columns)}
+        rows: dict[str, list[npt.NDArray[Any]]] = {name: [] for name in ("positions", *self.columns)}
         for number in numbers:
             cloud = self.scenario[number].cloud(self.sensor, self.frame)
             rows["positions"].append(positions(cloud))
@@ -56,7 +74,7 @@ class Scans:
         return {"sample": np.array(numbers, dtype=np.int64)} | {name: _ragged(row) for name, row in rows.items()}
 
 
-def _ragged(arrays):
+def _ragged(arrays: Sequence[npt.NDArray[Any]]) -> npt.NDArray[np.object_]:
     """An array of arrays of any lengths."""
     together = np.empty(len(arrays), dtype=object)
     together[:] = arrays

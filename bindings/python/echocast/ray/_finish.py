@@ -2,11 +2,12 @@
 
 import json
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path, PurePosixPath
 
 import echocast as ec
 from echocast.ray._plan import is_log
-from echocast.ray._store import UNFINISHED
+from echocast.ray._store import UNFINISHED, Store
 
 #: What was written of all samples together.
 WHOLE = "files.json"
@@ -15,7 +16,7 @@ WHOLE = "files.json"
 PIECES = {"pieces", ".pieces"}
 
 
-def finish(store, roots):
+def finish(store: Store, roots: Sequence[str]) -> None:
     """Completes the set in `store`, whose samples are all there. `roots`: the folders of its styles."""
     names = store.sizes()
     # Of workers that were killed.
@@ -42,13 +43,13 @@ def finish(store, roots):
         store.remove((before.keys() - after.keys()) | (old - _whole(folder)).intersection(names))
 
 
-def _folders(folder, roots):
+def _folders(folder: Path, roots: Sequence[str]) -> None:
     """Folders of a set, which object stores do not have."""
     for name in [*roots, "samples", "pictures"]:
         Path(folder, name).mkdir(parents=True, exist_ok=True)
 
 
-def _is_joined(name):
+def _is_joined(name: str) -> bool:
     """Whether a file of a set is read when it is completed."""
     path = PurePosixPath(name)
     return (
@@ -61,13 +62,13 @@ def _is_joined(name):
     )
 
 
-def _whole(folder):
+def _whole(folder: str | Path) -> set[str]:
     """Names of the files of the whole set."""
     path = Path(folder, WHOLE)
     return {file["path"] for file in json.loads(path.read_text())} if path.exists() else set()
 
 
-def _files(folder):
+def _files(folder: str | Path) -> dict[str, tuple[int, int]]:
     """What is in a folder, by name, and since when."""
     found = [path for path in Path(folder).rglob("*") if path.is_file()]
     stamps = {path: path.stat() for path in found}

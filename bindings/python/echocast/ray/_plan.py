@@ -1,8 +1,13 @@
 """Which samples are made: those that are wanted and not there, in tasks."""
 
 import json
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import echocast as ec
+
+if TYPE_CHECKING:
+    from echocast.ray._store import Store
 
 #: Most samples of a task: what is made again when a worker dies.
 MOST = 32
@@ -11,7 +16,7 @@ MOST = 32
 LEAST = 4
 
 
-def wanted(count, samples):
+def wanted(count: int, samples: Sequence[int] | None) -> range:
     """The samples that are asked for, of a scenario that has `count`: a range."""
     given = (0, count - 1) if samples is None else tuple(samples)
     if len(given) not in (2, 3):
@@ -23,10 +28,10 @@ def wanted(count, samples):
     return range(first, last + 1, step)
 
 
-def noted(store, sizes):
+def noted(store: "Store", sizes: Mapping[str, int]) -> dict[int, dict[str, Any]]:
     """What the manifests of a set say of its samples, by number: the newest success, else a failure."""
     names = [name for name in sizes if name == "manifest.json" or is_log(name)]
-    known = {}
+    known: dict[int, dict[str, Any]] = {}
     for name, text in sorted(store.read(names).items()):
         for entry in json.loads(text) if name == "manifest.json" else _lines(text):
             old = known.get(entry["sample"])
@@ -35,12 +40,12 @@ def noted(store, sizes):
     return known
 
 
-def is_log(name):
+def is_log(name: str) -> bool:
     """Whether this is the manifest of a task, shard or run; it goes when the set is complete."""
     return name.startswith("manifest") and name.endswith(".jsonl")
 
 
-def _lines(text):
+def _lines(text: bytes) -> Iterator[Any]:
     for line in text.splitlines():
         try:
             yield json.loads(line)
@@ -49,22 +54,23 @@ def _lines(text):
             pass
 
 
-def complete(entry, sizes):
+def complete(entry: Mapping[str, Any], sizes: Mapping[str, int]) -> bool:
     """Whether a sample was made and its files are all there, with their sizes."""
 
-    def is_there(file):
-        size = sizes.get(file["path"], -1)
-        offset = file.get("offset")
-        return size == file["bytes"] if offset is None else size >= offset + file["bytes"]
+    def is_there(file: Mapping[str, Any]) -> bool:
+        size, length = sizes.get(file["path"], -1), int(file["bytes"])
+        offset: int | None = file.get("offset")
+        return size == length if offset is None else size >= offset + length
 
     return "error" not in entry and all(map(is_there, entry["files"]))
 
 
-def tasks(numbers, workers, most=None):
+def tasks(numbers: Sequence[int], workers: int, most: int | None = None) -> list[range]:
     """Ranges that `numbers`, which rise, are divided into for some workers: of up to `most`, or if that is None, longer
     ones first and shorter ones in the end, so that all workers end at about the same time."""
     least = max(1, min(LEAST, len(numbers) // (4 * workers)))
-    made, size = [], 0
+    made: list[list[int]] = []
+    size = 0
     for index, number in enumerate(numbers):
         last = made[-1] if made else []
         if 0 < len(last) < size and (len(last) == 1 or number - last[-1] == last[1] - last[0]):

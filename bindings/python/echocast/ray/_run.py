@@ -4,7 +4,9 @@ import json
 import tempfile
 import time
 from collections import Counter, deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import ray
 
@@ -14,25 +16,28 @@ from echocast.ray._cluster import connected
 from echocast.ray._finish import finish
 from echocast.ray._source import Source
 from echocast.ray._store import Store
-from echocast.ray._worker import ORIGIN, Worker
+from echocast.ray._worker import ORIGIN, Made, Worker
+
+if TYPE_CHECKING:
+    from echocast._echocast import Keys, Path as AnyPath
 
 #: How many workers try a task: a sample that kills them all must not do so for ever.
 TRIES = 4
 
 
 def run(
-    scenario,
-    output,
+    scenario: "Keys",
+    output: "AnyPath",
     *,
-    samples=None,
-    resume=False,
-    workers=None,
-    chunk=None,
-    filesystem=None,
-    folder="",
-    settings=None,
-    progress=None,
-):
+    samples: Sequence[int] | None = None,
+    resume: bool = False,
+    workers: int | None = None,
+    chunk: int | None = None,
+    filesystem: Any = None,
+    folder: "AnyPath" = "",
+    settings: Mapping[str, Any] | None = None,
+    progress: Callable[[int, int], object] | None = None,
+) -> dict[str, Any]:
     """Makes samples of a scenario on the Ray cluster that this process is connected to, or on one of this machine alone.
 
     `scenario`, `folder`: as `echocast.Scenario` takes them, with files where every worker finds them: on a file system that
@@ -51,12 +56,12 @@ def run(
     workers = connected(workers)
     source, store = Source(scenario, folder, settings), Store(output, filesystem)
     wanted = _plan.wanted(len(source.read()), samples)
-    sizes, origin = store.sizes(), store.find(ORIGIN)
-    if origin is None and any(not name.startswith(".") for name in sizes):
+    sizes, before = store.sizes(), store.find(ORIGIN)
+    if before is None and any(not name.startswith(".") for name in sizes):
         raise ec.ArgumentError(f"set.folder is {store.name}, which holds other files; allowed: an empty or a new folder")
     crew = Crew(source, store)
     try:
-        origin = crew.begin(origin, wanted[0])
+        origin = crew.begin(before, wanted[0])
         known = _plan.noted(store, sizes)
         there = {sample for sample in wanted if sample in known and _plan.complete(known[sample], sizes)}
         if there and not resume:
@@ -65,8 +70,8 @@ def run(
         _write(store, ORIGIN, origin)
         missing = [sample for sample in wanted if sample not in there]
         tasks = _plan.tasks(missing, workers, chunk)
-        summary = {"folder": store.name, "made": 0, "found": len(there), "failed": [], "points": 0}
-        warnings = Counter()
+        summary: dict[str, Any] = {"folder": store.name, "made": 0, "found": len(there), "failed": [], "points": 0}
+        warnings = Counter[str]()
         if progress:
             progress(len(there), len(wanted))
         for task, made, failed, points, noticed in crew.make(origin, wanted[0], tasks, workers):
@@ -92,7 +97,7 @@ def run(
     }
 
 
-def _write(store, name, content):
+def _write(store: Store, name: str, content: bytes) -> None:
     """Writes a small file, unless it is there."""
     if store.find(name) != content:
         with tempfile.TemporaryDirectory(prefix="echocast-") as folder:
@@ -103,27 +108,35 @@ def _write(store, name, content):
 class Crew:
     """The workers of a run: actors of Ray, which has a place for them on any machine of the cluster."""
 
-    def __init__(self, source, store):
+    def __init__(self, source: Source, store: Store) -> None:
         # As long as it lives, a worker has a CPU.
-        worker = ray.remote(num_cpus=1)(Worker)
-        self.workers = []
-        self.hire = lambda: self.workers.append(worker.remote(source, store)) or self.workers[-1]
+        worker: Any = ray.remote(num_cpus=1)(Worker)
+        self.workers: list[Any] = []
+        self.worker: Callable[[], Any] = lambda: worker.remote(source, store)
         self.most = 1
 
-    def begin(self, origin, first):
+    def hire(self) -> Any:
+        """One more."""
+        self.workers.append(self.worker())
+        return self.workers[-1]
+
+    def begin(self, origin: bytes | None, first: int) -> bytes:
         """`Worker.begin` of the first of them."""
         try:
-            return ray.get(self.hire().begin.remote(origin, first))
+            begun: bytes = ray.get(self.hire().begin.remote(origin, first))
+            return begun
         except ray.exceptions.RayTaskError as error:
             raise error.cause from None
         except ray.exceptions.RayError as error:
             raise ec.Error(f"no worker can begin: {_line(error)}") from error
 
-    def make(self, origin, first, tasks, most):
+    def make(self, origin: bytes, first: int, tasks: Sequence[range], most: int) -> Iterator[Made]:
         """Has up to `most` workers make `tasks`; yields what `Worker.make` returns, as it comes."""
         self.most = max(1, min(most, len(tasks)))
         idle = self.workers + [self.hire() for _ in range(self.most - 1)]
-        queue, busy, tries, lost = deque(tasks), {}, Counter(), []
+        queue, tries = deque(tasks), Counter[range]()
+        busy: dict[Any, tuple[Any, range]] = {}
+        lost: list[int] = []
         while queue or busy:
             # One task at a time for each, which copies its files before it gets another: nothing piles up anywhere.
             while queue and idle:
@@ -156,12 +169,12 @@ class Crew:
                 f"one: {_line(reason)}; allowed: to try again (--resume), with more memory or smaller scenes"
             )
 
-    def end(self):
+    def end(self) -> None:
         """Ends all workers."""
         for worker in self.workers:
             ray.kill(worker)
 
 
-def _line(error):
+def _line(error: BaseException) -> str:
     """What Ray says, in one line."""
     return " ".join(str(error).split())

@@ -1,11 +1,16 @@
 """The scenario of a run, as it goes to the workers."""
 
 import os
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import ray
 
 import echocast as ec
 from echocast._echocast import is_path
+
+if TYPE_CHECKING:
+    from echocast._echocast import Keys, Path
 
 
 class Source:
@@ -14,14 +19,18 @@ class Source:
     `scenario` and `folder`: as `echocast.Scenario` takes them; `settings`: keys that are changed, by their paths.
     """
 
-    def __init__(self, scenario, folder, settings):
+    def __init__(
+        self, scenario: "Keys", folder: "Path", settings: Mapping[str, Any] | None
+    ) -> None:
+        self.scenario: "Keys" = scenario
+        self.folder = ""
         if is_path(scenario):
-            self.scenario, self.folder = _place(scenario), ""
+            self.scenario = _place(scenario)
         else:
-            self.scenario, self.folder = scenario, _place(folder)
+            self.folder = _place(folder)
         self.settings = dict(settings or {})
 
-    def read(self, threads=None):
+    def read(self, threads: int | None = None) -> ec.Scenario:
         """The scenario, read in this process."""
         scenario = ec.Scenario(self.scenario, folder=self.folder, threads=threads)
         for key, value in self.settings.items():
@@ -29,7 +38,7 @@ class Source:
         return scenario
 
 
-def _place(path):
+def _place(path: "Path") -> str:
     """Where workers find what is at `path` here."""
     # Ray starts workers in the folder that it has shipped to them, if there is one; elsewhere they know no current folder.
     shipped = ray.get_runtime_context().runtime_env.get("working_dir")

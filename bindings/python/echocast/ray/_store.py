@@ -3,7 +3,9 @@
 import contextlib
 import os
 import uuid
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import fsspec
 from fsspec import AbstractFileSystem
@@ -22,7 +24,7 @@ class Store:
     `output`: a path, a URL that fsspec knows, or with `filesystem`, of fsspec or pyarrow, a path in that.
     """
 
-    def __init__(self, output, filesystem=None):
+    def __init__(self, output: str | os.PathLike[str], filesystem: Any = None) -> None:
         self.name = os.fspath(output).rstrip("/")
         with self._telling("reached"):
             root = self.name
@@ -37,7 +39,7 @@ class Store:
         #: The folder, if it is one that the system knows.
         self.folder = Path(self.root) if isinstance(filesystem, LocalFileSystem) else None
 
-    def sizes(self):
+    def sizes(self) -> dict[str, int]:
         """Lengths of all files, bytes, by name."""
         with self._telling("read"):
             self.fs.invalidate_cache()
@@ -48,28 +50,29 @@ class Store:
             start = len(self.root) + 1
             return {path[start:]: about["size"] for path, about in found.items()}
 
-    def find(self, name):
+    def find(self, name: str) -> bytes | None:
         """The contents of a file; None if it is not there."""
         with self._telling("read"):
             try:
-                return self.fs.cat_file(self._path(name))
+                content: bytes = self.fs.cat_file(self._path(name))
+                return content
             except (FileNotFoundError, NotADirectoryError):
                 return None
 
-    def read(self, names):
+    def read(self, names: Sequence[str]) -> dict[str, bytes]:
         """Contents of files by name."""
         with self._telling("read"):
             paths = {self._path(name): name for name in names}
             contents = self.fs.cat(list(paths)) if paths else {}
             return {paths[path]: content for path, content in contents.items()}
 
-    def fetch(self, names, folder):
+    def fetch(self, names: Sequence[str], folder: str | Path) -> None:
         """Copies files to `folder` on this machine."""
         with self._telling("read"):
             if names:
                 self.fs.get([self._path(name) for name in names], [str(Path(folder, name)) for name in names])
 
-    def put(self, names, folder):
+    def put(self, names: Sequence[str], folder: str | Path) -> None:
         """Copies files from `folder` on this machine; each appears when it is complete."""
         with self._telling("written"):
             if not self.renames:
@@ -90,7 +93,7 @@ class Store:
                         self.fs.rm_file(pending)
                     raise
 
-    def remove(self, names):
+    def remove(self, names: Iterable[str]) -> None:
         """Removes files."""
         with self._telling("written"):
             paths = [self._path(name) for name in names]
@@ -100,11 +103,11 @@ class Store:
                 for path in paths:
                     self.fs.rm_file(path)
 
-    def _path(self, name):
+    def _path(self, name: str) -> str:
         return f"{self.root}/{name}"
 
     @contextlib.contextmanager
-    def _telling(self, what):
+    def _telling(self, what: str) -> Iterator[None]:
         """Says of the errors of any file system in a sentence what could not be done."""
         try:
             yield

@@ -4,9 +4,18 @@ import json
 import platform
 import tempfile
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import echocast as ec
+from echocast.ray._source import Source
+from echocast.ray._store import Store
+
+E = TypeVar("E", bound=ec.Error)
+
+#: What `Worker.make` returns.
+Made = tuple[range, int, list[tuple[int, str]], int, Counter[str]]
 
 #: What made a set; it appears first, and says which set this is.
 ORIGIN = "scenario.json"
@@ -19,12 +28,12 @@ class Worker:
     """Makes samples in a folder of its own and copies what is complete to the set. It is an actor: a process that keeps
     what it has read. `source` and `store`: what is made, and where it goes."""
 
-    def __init__(self, source, store):
+    def __init__(self, source: Source, store: Store) -> None:
         self.source, self.store = source, store
-        self.scenario = None
+        self.scenario: ec.Scenario | None = None
         self.sees = False
 
-    def begin(self, origin, first):
+    def begin(self, origin: bytes | None, first: int) -> bytes:
         """The `scenario.json` of the set; `origin` is that of the one in the store, or None. What `echocast run` refuses
         is refused here: another scenario, styles that the sensors cannot fill. `first`: number of the first sample."""
         with tempfile.TemporaryDirectory(prefix="echocast-") as folder:
@@ -39,7 +48,7 @@ class Worker:
                 raise type(error)(str(error).replace(folder, self.store.name)) from error
             return Path(folder, ORIGIN).read_bytes()
 
-    def make(self, origin, first, task):
+    def make(self, origin: bytes, first: int, task: range) -> Made:
         """Makes the samples of a range, `task`, of the set that `origin` says and that begins with `first`. Returns `task`,
         how many were made, what has failed, the number of points, and warnings, each with the number of its samples."""
         if not self.sees and self.store.find(ORIGIN) != origin:
@@ -54,10 +63,10 @@ class Worker:
             noted = [(line, json.loads(line)) for line in Path(folder, LOG).read_text().splitlines() if line]
             lines, entries = zip(*[(line, entry) for line, entry in noted if entry["sample"] in task])
             failed = [(entry["sample"], entry["error"]) for entry in entries if "error" in entry]
-            for _, error in failed:
-                if folder in error:
+            for _, told in failed:
+                if folder in told:
                     # It is not the sample that is wrong, but this machine: its disk is full.
-                    raise self._told(ec.FileError(error))
+                    raise self._told(ec.FileError(told))
             self.store.put([file["path"] for entry in entries for file in entry["files"]], folder)
             # Samples are there once they are noted, which is what comes last.
             log = f"manifest.{task[0]}_{task[-1]}_{task.step}.jsonl"
@@ -67,11 +76,12 @@ class Worker:
         warnings = Counter(warning for entry in entries for warning in entry.get("warnings", ()))
         return task, len(entries) - len(failed), failed, points, warnings
 
-    def _make(self, folder, origin, first, task):
+    def _make(self, folder: str, origin: bytes, first: int, task: range) -> None:
         """Makes `task` in `folder`; samples that fail are noted there."""
         while task:
             try:
-                return self._run(folder, origin, task)
+                self._run(folder, origin, task)
+                return
             except ec.Error:
                 if task[0] == first:
                     raise
@@ -83,17 +93,19 @@ class Worker:
                 self._run(folder, origin, range(first, task[0] + 1, task[0] - first))
                 task = task[1:]
 
-    def _run(self, folder, origin, task, progress=None):
+    def _run(
+        self, folder: str, origin: bytes | None, task: range, progress: Callable[[int, int], object] | None = None
+    ) -> None:
         """`echocast.run` to `folder`, which does not complete the set."""
         if self.scenario is None:
             self.scenario = self.source.read(threads=1)
         if origin is not None:
             # Who reads another scenario than the others, or other scenes, is refused.
             Path(folder, ORIGIN).write_bytes(origin)
-        options = {"samples": (task[0], task[-1], task.step), "shard": (0, 1), "resume": True, "threads": 1}
-        return ec.run(self.scenario, folder, progress=progress, **options)
+        part = (task[0], task[-1], task.step)
+        ec.run(self.scenario, folder, samples=part, shard=(0, 1), resume=True, threads=1, progress=progress)
 
-    def _told(self, error):
+    def _told(self, error: E) -> E:
         """`error` for people at another machine."""
         text = f"worker on {platform.node()}: {error}"
         if isinstance(error, FileNotFoundError):
@@ -105,5 +117,5 @@ class _Begun(Exception):
     """A run has checked everything and begins with the first sample."""
 
 
-def _begun(done, all):
+def _begun(done: int, all: int) -> None:
     raise _Begun
