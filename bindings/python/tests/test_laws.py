@@ -1,6 +1,7 @@
 """Laws that hold for any array, slice and mask."""
 
 import faulthandler
+import operator
 from collections.abc import Callable
 from typing import Any
 
@@ -70,6 +71,14 @@ def test_meshes_are_made_or_refused(vertices: npt.NDArray[np.float32], triangles
         assert str(error)
 
 
+def few(thing: Any) -> Any:
+    """Whole numbers become small: so many pings would be made, and thousands take all memory."""
+    try:
+        return operator.index(thing) % 9
+    except TypeError:
+        return thing
+
+
 # Each example makes all calls.
 @settings(max_examples=10)
 @given(st.data())
@@ -98,7 +107,7 @@ def test_wrong_arguments_are_told(room: ec.Scene, cloud: ec.PointCloud, data: st
         lambda: room.scan("velodyne_vlp16", at=thing, seed=other),
         lambda: room.scan("velodyne_vlp16", fields=thing),
         lambda: room.scan("velodyne_vlp16", environment=thing),
-        lambda: room.pings("sss_450", thing),
+        lambda: room.pings("sss_450", few(thing)),
         lambda: cloud.png(width=thing),
         lambda: ec.Scenario(thing),
     ]
