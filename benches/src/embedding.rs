@@ -1,17 +1,28 @@
-//! The loop of a simulator in C compared with the same loop in Rust: `examples/c/live.c` and
-//! `examples/rust/src/bin/live.rs`.
+//! The loop of a simulator in C compared with the same loop in Rust, `examples/c/live.c` and
+//! `examples/rust/src/bin/live.rs`; and scans from Python compared with scans from Rust.
 
 use crate::Result;
-use crate::clock::median;
+use crate::clock::{cpu_seconds, median};
+use crate::scenario::street;
+use echocast::{ScanOptions, Scene, Sensor, Trajectory};
 use serde_json::{Value, json};
+use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
 
 const ROUNDS: usize = 15;
+
+/// Scans of a round.
+const SCANS: u32 = 20;
 
 pub fn run() -> Result<Value> {
     let exe = std::env::current_exe()?;
     let target = exe.parent().ok_or("the benchmark lies in a folder")?;
+    Ok(json!({"c": c(target)?, "python": python(target)?}))
+}
+
+/// The loop in C.
+fn c(target: &Path) -> Result<Value> {
     let (library, rust) = (target.join("libechocast_capi.so"), target.join("live"));
     println!(
         "\nA simulator's loop, 100 frames of a VLP-16: processor time of a frame, medians of {ROUNDS} rounds in turn"
@@ -49,6 +60,53 @@ pub fn run() -> Result<Value> {
     let [c, rust] = times.map(median);
     println!("C {c:.3} ms, Rust {rust:.3} ms, ratio {ratio:.3}");
     Ok(json!({"c_ms": c, "rust_ms": rust, "ratio": ratio}))
+}
+
+/// Scans from Python. All threads, whose processor time counts together.
+fn python(target: &Path) -> Result<Value> {
+    println!("\nScans of a street with a VLP-32C: processor time of a scan, medians of {ROUNDS} rounds in turn");
+    let python = target.with_file_name("python/released/bin/python");
+    if !python.exists() {
+        println!("left out: `make wheel` builds what it needs");
+        return Ok(Value::Null);
+    }
+    let folder = street()?;
+    let path = folder.path().join("street.glb");
+    let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/scan.py");
+    let mut command = Command::new(python);
+    let mut child = command.arg(program).arg(&path).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
+    let (Some(mut asked), Some(told)) = (child.stdin.take(), child.stdout.take()) else {
+        return Err("Python has no pipes".into());
+    };
+    let mut told = BufReader::new(told);
+    let scene = Scene::load(&path)?;
+    let place = Trajectory::fixed(scene.camera("Corner")?.pose);
+    let (built, sensor) = (scene.build()?, Sensor::preset("velodyne_vlp32c")?);
+    let rust = || -> Result<f64> {
+        let start = cpu_seconds();
+        for frame in 0..SCANS {
+            let options = ScanOptions { seed: 7, frame, ..ScanOptions::default() };
+            let cloud = built.scan(&sensor, &place, &options)?;
+            assert!(cloud.len > 0, "the street is seen");
+        }
+        Ok(1000.0 * (cpu_seconds() - start) / f64::from(SCANS))
+    };
+    let mut python = || -> Result<f64> {
+        writeln!(asked, "{SCANS}")?;
+        let mut line = String::new();
+        told.read_line(&mut line)?;
+        Ok(line.trim().parse()?)
+    };
+    // Both build what they need first.
+    (python()?, rust()?);
+    let rounds: Vec<(f64, f64)> = (0..ROUNDS).map(|_| Ok((python()?, rust()?))).collect::<Result<_>>()?;
+    drop(asked);
+    child.wait()?;
+    let ratio = median(rounds.iter().map(|(python, rust)| python / rust).collect());
+    let (python, rust): (Vec<f64>, Vec<f64>) = rounds.into_iter().unzip();
+    let (python, rust) = (median(python), median(rust));
+    println!("Python {python:.3} ms, Rust {rust:.3} ms, ratio {ratio:.3}");
+    Ok(json!({"python_ms": python, "rust_ms": rust, "ratio": ratio}))
 }
 
 /// The program's own timing.

@@ -1,7 +1,7 @@
 //! `make bench`: rays per second compared with the bare Embree loop, what weather adds, what adaptive beams cost and
 //! find, what moves, sonar, samples of sets and what their styles cost, the paper's two experiments, how fast files are
-//! read and written, the C library compared with the Rust crate, and scans side by side. Prints tables and writes
-//! `target/bench.json`.
+//! read and written, the C library and the Python package compared with the Rust crate, and scans side by side. Prints
+//! tables and writes `target/bench.json`.
 //!
 //! All ratios come from interleaved rounds in one process; times are processor time, medians.
 #![forbid(unsafe_code)]

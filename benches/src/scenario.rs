@@ -19,7 +19,7 @@ const STREET: &str = "scene: {files: street.glb}\nsensors: [{sensor: velodyne_vl
                       outputs: [{style: semantic_kitti}]\n";
 
 /// A folder with the scene.
-fn street() -> Result<TempDir> {
+pub fn street() -> Result<TempDir> {
     let folder = tempfile::tempdir()?;
     Street { cars: Some(5), ..Street::default() }.scene(7)?.write(folder.path().join("street.glb"))?;
     Ok(folder)

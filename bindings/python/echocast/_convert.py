@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from echocast._echocast import PointCloud
+from echocast._echocast import PointCloud, Scenario
 
 if TYPE_CHECKING:
-    from echocast._echocast import Array
+    from echocast._echocast import Array, Keys, Path
 
 
 def package(name: str, extra: str) -> Any:
@@ -32,6 +32,11 @@ def positions(cloud: PointCloud) -> npt.NDArray[np.float32]:
     place = np.asarray(cloud.origin) - (cloud.sensor_pose.position if cloud.coordinates == "world" else 0)
     xyz += place.astype(np.float32)
     return xyz
+
+
+def source(scenario: "Scenario | Keys", folder: "Path") -> "tuple[Keys, Path]":
+    """What other processes make a scenario of, and the folder of its files; it may be an echocast.Scenario itself."""
+    return (scenario.keys, scenario.folder) if isinstance(scenario, Scenario) else (scenario, folder)
 
 
 def to_dict(cloud: PointCloud) -> "dict[str, Array]":

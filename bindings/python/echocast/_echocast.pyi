@@ -1,6 +1,7 @@
 # Types of the extension module, whose docstrings are in the module itself: help(echocast.Scene).
 
 import os
+import pathlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Literal, TypeAlias, TypedDict, TypeGuard, final, overload
 
@@ -48,6 +49,7 @@ class ObjectKeys(TypedDict):
     pose: NotRequired[Placement | None]
     category: NotRequired[int | str | None]
     instance: NotRequired[int | None]
+    material: NotRequired[Keys | None]
 
 class Annotation(TypedDict):
     instance_id: int
@@ -137,6 +139,7 @@ class Scene:
         categories: UInt32Array | None = None,
         names: Mapping[int, str] | None = None,
         name: str = "mesh",
+        material: Keys | None = None,
     ) -> Scene: ...
     @staticmethod
     def from_objects(objects: Sequence[ObjectKeys], *, names: Mapping[int, str] | None = None) -> Scene: ...
@@ -186,6 +189,18 @@ class LiveScene:
         name: str = "mesh",
         category: int = 0,
         instance: int = 0,
+        material: Keys | None = None,
+        fixed: bool = False,
+    ) -> int: ...
+    def add_copy(
+        self,
+        object: int,
+        *,
+        pose: Placement | None = None,
+        name: str | None = None,
+        category: int | None = None,
+        instance: int = 0,
+        fixed: bool = False,
     ) -> int: ...
     def remove(self, object: int) -> None: ...
     def find(self, name: str) -> int: ...
@@ -370,8 +385,12 @@ class Column:
 
 @final
 class Scenario:
-    def __new__(cls, scenario: Keys, *, folder: Path = "", threads: int | None = None) -> Scenario: ...
+    def __new__(cls, scenario: Scenario | Keys, *, folder: Path = "", threads: int | None = None) -> Scenario: ...
     def set(self, key: str, value: object) -> None: ...
+    @property
+    def keys(self) -> dict[str, Any]: ...
+    @property
+    def folder(self) -> pathlib.Path: ...
     @property
     def seed(self) -> int: ...
     def __len__(self) -> int: ...
@@ -391,7 +410,7 @@ class Sample:
     def warnings(self) -> list[str]: ...
 
 def run(
-    scenario: Scenario,
+    scenario: Scenario | Keys,
     folder: Path | None = None,
     *,
     samples: tuple[int, int] | tuple[int, int, int] | None = None,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import echocast as ec
-from echocast._convert import COLUMNS, package, positions
+from echocast._convert import COLUMNS, package, positions, source
 
 if TYPE_CHECKING:
     import torch
@@ -32,7 +32,7 @@ class _Scans:
 
     def __init__(
         self,
-        scenario: "Keys",
+        scenario: "ec.Scenario | Keys",
         samples: Sequence[int] | None = None,
         transform: Callable[[dict[str, Any]], Any] | None = None,
         *,
@@ -42,7 +42,7 @@ class _Scans:
         columns: Sequence[str] = COLUMNS,
         epochs_differ: bool = False,
     ) -> None:
-        self.source, self.folder = scenario, folder
+        self.source, self.folder = source(scenario, folder)
         self.transform, self.sensor, self.frame = transform, sensor, frame
         self.columns = tuple(columns)
         self.epochs_differ = epochs_differ
@@ -90,7 +90,7 @@ class _Scans:
 class ScanDataset(_Scans, torch.utils.data.Dataset):
     """The samples of a scenario: item i is the cloud of sample `samples[i]`, the same in every process.
 
-    `scenario`: as `echocast.Scenario` takes it, with `folder`; it is read in each worker for itself. `samples`: their
+    `scenario`: as `echocast.Scenario` takes it, with `folder`, or one; it is read in each worker for itself. `samples`: their
     numbers; None: all. `sensor` and `frame`: which of its scans. `columns`: those of an item beside `positions`.
     `transform`: called with each item, a dict of tensors: `positions`, n x 3 float32, m, relative to the sensor's place at
     the start of the scan; the columns, n long, integers as int64; `sample`, its number.
@@ -132,7 +132,7 @@ class ScanStream(_Scans, torch.utils.data.IterableDataset):
 
     def __init__(
         self,
-        scenario: "Keys",
+        scenario: "ec.Scenario | Keys",
         samples: Sequence[int] | None = None,
         transform: Callable[[dict[str, Any]], Any] | None = None,
         *,

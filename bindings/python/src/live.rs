@@ -7,7 +7,7 @@ use crate::options::Asked;
 use crate::ping::{Ping, ping};
 use crate::place::{Placement, Pose, affine};
 use crate::scene::{Scene, mesh, scan};
-use crate::sensor::Instrument;
+use crate::sensor::{Instrument, Source};
 use echocast::scene::Object;
 use echocast::{Engine, ObjectId};
 use glam::DAffine3;
@@ -65,8 +65,10 @@ impl LiveScene {
     /// Adds a mesh and returns the number of the object: `vertices`, n x 3 float32, m; `triangles`, m x 3 uint32.
     ///
     /// `pose`: a Pose, x, y, z, or a 4 x 4 float64 matrix (world from object); None: at 0, 0, 0. `category` and
-    /// `instance`: its label numbers, 0: unlabelled. Errors as of `Scene.from_arrays`.
-    #[pyo3(signature = (vertices, triangles, *, pose = None, name = "mesh", category = 0, instance = 0))]
+    /// `instance`: its label numbers, 0: unlabelled. `material`: as of `Scene.from_arrays`. `fixed`: True for one that
+    /// stays where it is, with which scenes of many objects are traced faster. Errors as of `Scene.from_arrays`.
+    #[pyo3(signature = (vertices, triangles, *, pose = None, name = "mesh", category = 0, instance = 0, material = None, fixed = false))]
+    #[allow(clippy::too_many_arguments)]
     fn add(
         &self,
         vertices: PyReadonlyArray2<'_, f32>,
@@ -75,13 +77,37 @@ impl LiveScene {
         name: &str,
         category: u32,
         instance: u32,
+        material: Option<Source<'_>>,
+        fixed: bool,
     ) -> Outcome<u64> {
-        let mut object = Object::new(name, mesh(name, &vertices, &triangles)?);
+        let mut object = Object::new(name, mesh(name, &vertices, &triangles, material.as_ref())?);
         (object.category_id, object.instance_id) = (category, instance);
         if let Some(pose) = pose {
             object.world_from_object = pose.transform()?;
         }
-        Ok(self.lock().add(object)?.to_u64())
+        let mut live = self.lock();
+        Ok(if fixed { live.add_fixed(object) } else { live.add(object) }?.to_u64())
+    }
+
+    /// Adds an object of the mesh and material that `object` has, which it shares, and returns its number: of many things
+    /// that look alike, this takes a fraction of the memory. Keywords as of `add`; `category`: None: that of `object`.
+    #[pyo3(signature = (object, *, pose = None, name = None, category = None, instance = 0, fixed = false))]
+    fn add_copy(
+        &self,
+        object: u64,
+        pose: Option<Placement<'_>>,
+        name: Option<&str>,
+        category: Option<u32>,
+        instance: u32,
+        fixed: bool,
+    ) -> Outcome<u64> {
+        let mut live = self.lock();
+        let mut copy = live.object(ObjectId::from_u64(object))?.clone();
+        copy.name = name.map_or(copy.name, str::to_owned);
+        copy.category_id = category.unwrap_or(copy.category_id);
+        copy.instance_id = instance;
+        copy.world_from_object = pose.map_or(Ok(DAffine3::IDENTITY), |pose| pose.transform())?;
+        Ok(if fixed { live.add_fixed(copy) } else { live.add(copy) }?.to_u64())
     }
 
     /// Removes an object.

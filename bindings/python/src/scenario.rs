@@ -8,15 +8,17 @@ use echocast::Engine;
 use echocast::scenario::set::{self, Event, RunOptions};
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 
 /// What a run is made of: scenes, rigs, trajectories, weather, and what varies from sample to sample.
 ///
-/// `scenario`: the path of a file, or its keys as a dict or YAML text, with names of files relative to `folder`.
-/// `threads`: that build and scan; None: all cores. NotFoundError for a file that is not there, FormatError and
-/// ArgumentError for wrong keys, with the nearest ones. `len(scenario)` is its number of samples, `scenario[i]` makes one,
-/// the same whenever and wherever, from the end if i is below 0; IndexError for others.
+/// `scenario`: the path of a file, or its keys as a dict or YAML text, with names of files relative to `folder`; or a
+/// Scenario, of which it is a copy. `threads`: that build and scan; None: all cores. NotFoundError for a file that is
+/// not there, FormatError and ArgumentError for wrong keys, with the nearest ones. `len(scenario)` is its number of
+/// samples, `scenario[i]` makes one, the same whenever and wherever, from the end if i is below 0; IndexError for
+/// others. Scenarios pickle, and have the threads of the process that they go to.
 ///
 /// >>> scenario = ec.Scenario({
 /// ...     "scene": {"generate": {"indoor": {"rooms": [1, 1]}}},
@@ -37,6 +39,26 @@ impl Scenario {
     }
 }
 
+/// A scenario, or what one is made of.
+#[derive(FromPyObject)]
+pub enum Plan<'py> {
+    Made(Bound<'py, Scenario>),
+    Source(Source<'py>),
+}
+
+impl Plan<'_> {
+    fn scenario(self, folder: PathBuf) -> Outcome<echocast::Scenario> {
+        let source = match self {
+            Plan::Made(made) => return Ok(made.get().now().clone()),
+            Plan::Source(source) => source,
+        };
+        Ok(match source.yaml()? {
+            Some(text) => echocast::Scenario::from_yaml(&text, folder)?,
+            None => echocast::Scenario::load(source.path())?,
+        })
+    }
+}
+
 #[pymethods]
 impl Scenario {
     #[new]
@@ -44,11 +66,8 @@ impl Scenario {
         signature = (scenario, *, folder = PathBuf::new(), threads = None),
         text_signature = "(scenario, *, folder='', threads=None)"
     )]
-    fn new(scenario: Source<'_>, folder: PathBuf, threads: Option<usize>) -> Outcome<Scenario> {
-        let made = match scenario.yaml()? {
-            Some(text) => echocast::Scenario::from_yaml(&text, folder)?,
-            None => echocast::Scenario::load(scenario.path())?,
-        };
+    fn new(scenario: Plan<'_>, folder: PathBuf, threads: Option<usize>) -> Outcome<Scenario> {
+        let made = scenario.scenario(folder)?;
         let made = match threads {
             Some(threads) => made.with_engine(&Engine::with_threads(threads)?),
             None => made,
@@ -61,6 +80,21 @@ impl Scenario {
     fn set(&self, key: &str, value: &Bound<'_, PyAny>) -> Outcome<()> {
         let text = options_text(value)?;
         Ok(self.0.write().unwrap_or_else(PoisonError::into_inner).set(key, &text)?)
+    }
+
+    /// Its keys as a dict, as they are now.
+    #[getter]
+    fn keys<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyAny>> {
+        let mut keys = self.now().value().clone();
+        // Names of files are relative to the property `folder`, in which this key is already.
+        keys.as_object_mut().map(|keys| keys.shift_remove("folder"));
+        Ok(py.import("json")?.call_method1("loads", (keys.to_string(),))?)
+    }
+
+    /// The folder that names of files in it are relative to.
+    #[getter]
+    fn folder(&self) -> PathBuf {
+        self.now().folder().to_owned()
     }
 
     /// Seed of everything that is drawn, 0 to 2^64 - 1.
@@ -82,6 +116,14 @@ impl Scenario {
         }
         let sample = py.detach(|| self.now().sample(number as u64))?;
         Ok(Sample { number: number as u64, sample: Mutex::new(sample) })
+    }
+
+    /// What other processes make the same of, with threads of their own.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Outcome<(Bound<'py, PyAny>, (Bound<'py, PyAny>,))> {
+        let (py, folder) = (slf.py(), PyDict::new(slf.py()));
+        folder.set_item("folder", slf.get().folder())?;
+        let partial = py.import("functools")?.getattr("partial")?;
+        Ok((partial.call((slf.get_type(),), Some(&folder))?, (slf.get().keys(py)?,)))
     }
 
     fn __repr__(&self) -> String {
@@ -174,7 +216,7 @@ impl Sample {
 
 /// Makes samples of a scenario and writes them as its `outputs` say, as `echocast run` does.
 ///
-/// `folder`: of the set; None: as the scenario says. `samples`:
+/// `scenario`: a Scenario, or what `Scenario` takes. `folder`: of the set; None: as the scenario says. `samples`:
 /// (first, last) or (first, last, step), None: all. `shard`: (part, parts), of which it makes one, from 0; `finish`
 /// completes a set of shards. `resume`: True goes on with a set that is there, which is else an ArgumentError.
 /// `threads`: 0: all cores. `progress`: called with the number of samples done and of all; if it returns False, samples
@@ -200,14 +242,14 @@ impl Sample {
 #[allow(clippy::too_many_arguments)]
 pub fn run<'py>(
     py: Python<'py>,
-    scenario: &Bound<'py, Scenario>,
+    scenario: Plan<'py>,
     folder: Option<PathBuf>,
     samples: Option<Vec<u64>>,
     shard: Option<[u64; 2]>,
     resume: bool,
     threads: usize,
     progress: Option<Bound<'py, PyAny>>,
-) -> Outcome<Bound<'py, pyo3::types::PyDict>> {
+) -> Outcome<Bound<'py, PyDict>> {
     let samples = match samples.as_deref() {
         None => None,
         Some(&[first, last]) => Some([first, last, 1]),
@@ -217,7 +259,7 @@ pub fn run<'py>(
         }
     };
     let options = RunOptions { folder, samples, shard, resume, threads };
-    let scenario = scenario.get().now().clone();
+    let scenario = scenario.scenario(PathBuf::new())?;
     let progress = progress.map_or_else(|| Ok(Progress::default()), |progress| Progress::of(&progress, "samples"))?;
     let (stopped, done) = (Mutex::new(None::<PyErr>), Mutex::new((0, 0)));
     let watch = |event: Event| {
@@ -245,7 +287,7 @@ pub fn run<'py>(
         return Err(error.into());
     }
     let summary = result?;
-    let told = pyo3::types::PyDict::new(py);
+    let told = PyDict::new(py);
     told.set_item("folder", summary.folder)?;
     told.set_item("made", summary.made)?;
     told.set_item("found", summary.found)?;

@@ -6,14 +6,15 @@ use crate::error::{Failure, Outcome};
 use crate::options::Asked;
 use crate::ping::{Ping, Pings, ping, pings};
 use crate::place::Placement;
-use crate::sensor::{Instrument, options_text};
+use crate::sensor::{Instrument, Source, options_text};
 use echocast::generate::Generate;
-use echocast::scene::{Mesh, NameTable, Object, Part};
+use echocast::scene::{Material, Mesh, NameTable, Object, Part};
 use echocast::{BuiltScene, LoadOptions};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::collections::BTreeMap;
+use std::collections::hash_map::Entry;
+use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
@@ -68,15 +69,34 @@ enum Files {
     Several(Vec<PathBuf>),
 }
 
-/// A mesh of `triangles`, n x 3 indices of `vertices`, m x 3 metres.
+/// Meshes that are made already, by where the arrays of vertices and triangles lie, and what their material is made of: who
+/// passes an array twice has one mesh.
+type Meshes = HashMap<(ArrayPlace, ArrayPlace, Option<String>), Arc<Mesh>>;
+
+/// Address, shape and strides.
+type ArrayPlace = (usize, Vec<usize>, Vec<isize>);
+
+fn place<T: numpy::Element>(array: &PyReadonlyArray2<'_, T>) -> ArrayPlace {
+    let array = array.as_array();
+    (array.as_ptr() as usize, array.shape().to_vec(), array.strides().to_vec())
+}
+
+/// A mesh of `triangles`, n x 3 indices of `vertices`, m x 3 metres, of a material of the library or one that is told.
 pub fn mesh(
     name: &str,
     vertices: &PyReadonlyArray2<'_, f32>,
     triangles: &PyReadonlyArray2<'_, u32>,
+    material: Option<&Source<'_>>,
 ) -> Outcome<Arc<Mesh>> {
     let positions = rows::<_, 3>("vertices", vertices)?;
     let triangles = rows::<_, 3>("triangles", triangles)?;
-    let part = Part { positions: positions.into(), triangles: triangles.into(), ..Part::default() };
+    let material = match material.map(|source| Ok::<_, PyErr>((source, source.yaml()?))).transpose()? {
+        None => None,
+        Some((_, Some(yaml))) => Some(Material::from_yaml(&yaml)?),
+        Some((source, None)) => Some(Material::library(&source.path().to_string_lossy())?),
+    };
+    let material = material.map(Arc::new);
+    let part = Part { positions: positions.into(), triangles: triangles.into(), material, ..Part::default() };
     Ok(Arc::new(Mesh::new(name, vec![part])?))
 }
 
@@ -94,6 +114,17 @@ struct ObjectKeys<'py> {
     category: Option<Category>,
     #[pyo3(default)]
     instance: Option<u32>,
+    #[pyo3(default)]
+    material: Option<Source<'py>>,
+}
+
+impl ObjectKeys<'_> {
+    /// What its material is made of, or is called.
+    fn material(&self) -> PyResult<Option<String>> {
+        let text =
+            |source: &Source<'_>| Ok(source.yaml()?.unwrap_or_else(|| source.path().to_string_lossy().into_owned()));
+        self.material.as_ref().map(text).transpose()
+    }
 }
 
 /// A category by its number or name.
@@ -141,8 +172,9 @@ impl Scene {
     /// A scene of one mesh: `vertices`, n x 3 float32, m; `triangles`, m x 3 uint32, indices of vertices.
     ///
     /// `categories`: m uint32, the number of each triangle; triangles of a number are an object. `names`: what the
-    /// numbers are called, a dict. `name`: of the object, if there are no categories. Arrays need not be contiguous;
-    /// they are copied. ArgumentError for other shapes and for what is not finite, TypeError for other types.
+    /// numbers are called, a dict. `name`: of the object, if there are no categories. `material`: what it is made of, a
+    /// name of the library or keys as a dict or YAML text. Arrays need not be contiguous; they are copied.
+    /// ArgumentError for other shapes and for what is not finite, TypeError for other types.
     ///
     /// >>> floor = np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], dtype=np.float32)
     /// >>> triangles = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
@@ -151,18 +183,19 @@ impl Scene {
     /// >>> scene.scan("velodyne_vlp16", at=(0, 0, 1.8)).categories
     /// {40: 'road'}
     #[staticmethod]
-    #[pyo3(signature = (vertices, triangles, *, categories = None, names = None, name = "mesh"))]
+    #[pyo3(signature = (vertices, triangles, *, categories = None, names = None, name = "mesh", material = None))]
     fn from_arrays(
         vertices: PyReadonlyArray2<'_, f32>,
         triangles: PyReadonlyArray2<'_, u32>,
         categories: Option<PyReadonlyArray1<'_, u32>>,
         names: Option<BTreeMap<u32, String>>,
         name: &str,
+        material: Option<Source<'_>>,
     ) -> Outcome<Scene> {
         let mut scene = echocast::Scene::default();
         let names = names.unwrap_or_default();
         scene.labels.category = table(names.clone());
-        let whole = mesh(name, &vertices, &triangles)?;
+        let whole = mesh(name, &vertices, &triangles, material.as_ref())?;
         let Some(categories) = categories else {
             scene.objects.push(Object { instance_id: 1, ..Object::new(name, whole) });
             return Ok(Scene::numbered(scene));
@@ -179,7 +212,7 @@ impl Scene {
         for (place, &category_id) in kinds.iter().enumerate() {
             let mine = part.triangles.iter().zip(categories.iter()).filter(|(_, kind)| **kind == category_id);
             let triangles: Vec<[u32; 3]> = mine.map(|(triangle, _)| *triangle).collect();
-            let part = Part { positions: part.positions.clone(), triangles: triangles.into(), ..Part::default() };
+            let part = Part { triangles: triangles.into(), ..part.clone() };
             let name = names.get(&category_id).cloned().unwrap_or_else(|| format!("{name} {category_id}"));
             let mesh = Arc::new(Mesh::new(name.clone(), vec![part])?);
             let object = Object { category_id, instance_id: place as u32 + 1, ..Object::new(name, mesh) };
@@ -190,7 +223,7 @@ impl Scene {
 
     /// A scene of objects, a dict for each: `vertices` and `triangles` as for `from_arrays`; `name`; `pose`, a Pose, x,
     /// y, z, or a 4 x 4 float64 matrix (world from object); `category`, a name, or a number that `names` may name;
-    /// `instance`, a number from 1, by default one of its own. Only vertices and
+    /// `instance`, a number from 1, by default one of its own; `material`, as for `from_arrays`. Only vertices and
     /// triangles are needed.
     ///
     /// >>> square = np.array([[0, -1, 0], [0, 1, 0], [0, 1, 2], [0, -1, 2]], dtype=np.float32)
@@ -219,9 +252,16 @@ impl Scene {
         }
         let mut scene = echocast::Scene::default();
         scene.labels.category = NameTable::number(named.chain(fixed.into_keys()), &taken);
-        for (place, keys) in objects.into_iter().enumerate() {
-            let mut object = Object::new(keys.name.as_str(), mesh(&keys.name, &keys.vertices, &keys.triangles)?);
-            object.instance_id = keys.instance.unwrap_or(place as u32 + 1);
+        let mut meshes = Meshes::new();
+        for (number, keys) in objects.into_iter().enumerate() {
+            let made = match meshes.entry((place(&keys.vertices), place(&keys.triangles), keys.material()?)) {
+                Entry::Occupied(known) => known.into_mut(),
+                Entry::Vacant(new) => {
+                    new.insert(mesh(&keys.name, &keys.vertices, &keys.triangles, keys.material.as_ref())?)
+                }
+            };
+            let mut object = Object::new(keys.name.as_str(), made.clone());
+            object.instance_id = keys.instance.unwrap_or(number as u32 + 1);
             object.category_id = match keys.category {
                 Some(Category::Number(number)) => number,
                 Some(Category::Name(name)) => scene.labels.category.id(&name),

@@ -38,6 +38,28 @@ def test_scenes_are_made_of_objects() -> None:
         ec.Scene.from_objects([dict(vertices=SQUARE)])  # type: ignore[typeddict-item]
 
 
+def test_what_looks_alike_shares_a_mesh() -> None:
+    live = ec.LiveScene()
+    first = live.add(SQUARE, TWO, pose=(4, -3, 0), name="sign", category=7, instance=1)
+    second = live.add_copy(first, pose=(5, 3, 0), instance=2)
+    third = live.add_copy(first, name="wall", category=8, instance=3, pose=(6, 0, 0), fixed=True)
+    assert live.objects == {first: "sign", second: "sign", third: "wall"}
+    cloud = live.scan("velodyne_vlp16")
+    assert set(cloud.instance_id) == {1, 2, 3} and set(cloud.category_id) == {7, 8}
+    assert [round(float(np.median(cloud.x[cloud.instance_id == id]))) for id in (1, 2, 3)] == [4, 5, 6]
+    with pytest.raises(ec.ArgumentError):
+        live.add_copy(99)
+    # Arrays that are passed twice are one mesh, whatever is done to one of its objects.
+    scene = ec.Scene.from_objects(
+        [dict(vertices=SQUARE, triangles=TWO, pose=(4, -3, 0)), dict(vertices=SQUARE, triangles=TWO, pose=(5, 3, 0))]
+    )
+    live = ec.LiveScene()
+    first, second = live.add_scene(scene)
+    live.set_vertices(first, SQUARE - np.array([1, 0, 0], np.float32))
+    cloud = live.scan("velodyne_vlp16")
+    assert [round(float(np.median(cloud.x[cloud.instance_id == id]))) for id in (1, 2)] == [3, 5]
+
+
 def test_scenes_are_generated(tmp_path: Path) -> None:
     scene = ec.Scene.generate("indoor", seed=3, rooms=[1, 1], path=tmp_path / "room.glb")
     assert scene.triangles == ec.Scene.load(tmp_path / "room.glb").triangles > 100
@@ -80,3 +102,25 @@ def test_vertices_move_during_a_scan() -> None:
         live.set_vertex_motion(number, [0.0], moved)
     with pytest.raises(ec.Error, match="as many as before"):
         live.set_vertex_motion(number, [0.0, 2.0], moved[:, :3])
+
+
+def test_what_things_are_made_of_is_told() -> None:
+    """Head-on, intensity is in proportion to reflectance."""
+    bright, dark = {"name": "paint", "reflectance": 0.8}, "{name: soot, reflectance: 0.2}"
+
+    def one(material: Any) -> ec.Scene:
+        return ec.Scene.from_objects([dict(vertices=SQUARE, triangles=TWO, pose=(6, 0, 0), material=material)])
+
+    def mean(scene: ec.Scene | ec.LiveScene) -> float:
+        return float(scene.scan("velodyne_vlp16", fields="intensity,material_id", at=(0, 0, 0)).intensity.mean())
+
+    assert mean(one(material=bright)) == pytest.approx(4 * mean(one(material=dark)), rel=0.1)
+    assert mean(one(material="asphalt_dry")) < mean(one(material=bright))
+    moved = SQUARE + np.array([6, 0, 0], np.float32)
+    live = ec.LiveScene()
+    live.add(moved, TWO, material=bright, fixed=True)
+    assert mean(live) == mean(ec.Scene.from_arrays(moved, TWO, material=bright)) > 0
+    with pytest.raises(ec.Error, match="library material"):
+        one(material="asphlat")
+    with pytest.raises(ec.Error, match="reflectance"):
+        one(material={"name": "mirror", "reflectance": 2})

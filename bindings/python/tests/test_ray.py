@@ -357,10 +357,10 @@ def test_a_folder_that_cannot_be_written_is_told(cluster: Any, file: Path, tmp_p
 
 def test_rows_are_the_samples(cluster: Any, file: Path) -> None:
     columns = ["range", "category_id", "x"]
-    data = echocast.ray.dataset(file, [7, 2, 5], columns=columns, batch_size=2)
+    scenario = ec.Scenario(file)
+    data = echocast.ray.dataset(scenario, [7, 2, 5], columns=columns, batch_size=2)
     rows = {row["sample"]: row for row in data.iter_rows()}
     assert rows.keys() == {2, 5, 7}
-    scenario = ec.Scenario(file)
     for number, row in rows.items():
         cloud = scenario[number].cloud()
         assert all(np.array_equal(row[name], cloud[name]) and row[name].dtype == cloud[name].dtype for name in columns)

@@ -1,5 +1,6 @@
 """Scenarios, samples and sets."""
 
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,19 @@ def test_samples_are_those_of_the_set(keys: dict[str, Any], tmp_path: Path) -> N
     with pytest.raises(ec.Error, match="resume"):
         ec.run(scenario)
     assert ec.run(scenario, resume=True)["found"] == 5
+
+
+def test_a_scenario_goes_where_it_is_needed(keys: dict[str, Any], tmp_path: Path) -> None:
+    scenario = ec.Scenario(keys, folder=tmp_path, threads=1)
+    scenario.set("seed", 8)
+    again = [pickle.loads(pickle.dumps(scenario)), ec.Scenario(scenario), ec.Scenario(scenario.keys, folder=tmp_path)]
+    cloud = scenario[1].cloud()
+    for other in again:
+        assert (len(other), other.seed, other.folder) == (5, 8, tmp_path)
+        assert np.array_equal(other[1].cloud().range, cloud.range)
+    again[1].set("samples", 2)
+    assert (len(again[1]), len(scenario)) == (2, 5)
+    assert ec.run({**scenario.keys, "scene": {"files": str(tmp_path / "tent.obj")}})["made"] == 5
 
 
 def test_what_is_wrong_is_told(keys: dict[str, Any], tmp_path: Path) -> None:

@@ -42,8 +42,9 @@ Loader = functools.partial(DataLoader, collate_fn=list)
 
 
 def test_items_are_the_samples(keys: dict[str, Any]) -> None:
-    data = ScanDataset(keys, columns=["range", "category_id"])
-    cloud = ec.Scenario(keys)[4].cloud()
+    scenario = ec.Scenario(keys)
+    data = ScanDataset(scenario, columns=["range", "category_id"])
+    cloud = scenario[4].cloud()
     item = data[4]
     assert len(data) == 6 and item["sample"] == 4
     assert np.array_equal(item["range"].numpy(), cloud.range) and item["category_id"].dtype == torch.int64

@@ -1,13 +1,13 @@
-//! What C and C++ make of a scenario is what Rust makes of it, and what `echocast run` writes, bit by bit.
+//! What C, C++ and Python make of a scenario is what Rust makes of it, and what `echocast run` writes, bit by bit.
 
 mod common;
 
 use common::{compilers, folder, program, run, source};
 use echocast::scenario::set::{self, RunOptions};
 use echocast::{Engine, PointCloud, Scenario};
-use std::fs;
 use std::path::Path;
 use std::process::Command;
+use std::{env, fs};
 
 /// Cars that drive past a rig of two, in rain; and a sonar.
 const STREET: &str = "\
@@ -49,8 +49,10 @@ fn compare(scenario: &Scenario, written: &Path, made: &Path) {
     let mut points = 0;
     for number in 0..scenario.samples() {
         let mut sample = scenario.sample(number).unwrap();
-        let drawn = serde_json::Value::Array(sample.drawn().to_vec()).to_string();
-        assert_eq!(fs::read_to_string(made.join(format!("{number}.json"))).unwrap(), drawn);
+        let drawn = serde_json::Value::Array(sample.drawn().to_vec());
+        // Python writes some numbers otherwise.
+        let told = fs::read_to_string(made.join(format!("{number}.json"))).unwrap();
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&told).unwrap(), drawn);
         for scan in 0..sample.scans().len() {
             let name = sample.scans()[scan].name().to_owned();
             let frames = sample.scans()[scan].frames().to_vec();
@@ -83,10 +85,19 @@ fn samples_are_those_of_rust_and_of_the_program() {
             RunOptions { folder: Some(written.clone()), samples: None, shard: None, resume: false, threads: 2 };
         assert!(set::run(load(), &options, &|_| ()).unwrap().failed.is_empty());
         let scenario = load().with_engine(&Engine::with_threads(2).unwrap());
-        for (number, (program, threads)) in [(&in_c, 1), (&in_c, 3), (&in_cpp, 1), (&in_cpp, 2)].iter().enumerate() {
+        let compiled = [(&in_c, "1"), (&in_c, "3"), (&in_cpp, "1"), (&in_cpp, "2")];
+        let mut programs: Vec<_> =
+            compiled.map(|(program, threads)| (Command::new(program), threads)).into_iter().collect();
+        // Where the wheel is installed, as in `make test`.
+        if let Some(python) = env::var_os("ECHOCAST_PYTHON") {
+            let mut command = Command::new(python);
+            command.arg(source("samples.py"));
+            programs.push((command, "2"));
+        }
+        for (number, (mut program, threads)) in programs.into_iter().enumerate() {
             let made = folder.join(format!("{name}-{number}"));
             fs::create_dir(&made).unwrap();
-            let output = run(Command::new(program).arg(&made).arg(&file).arg(threads.to_string()));
+            let output = run(program.arg(&made).arg(&file).arg(threads));
             assert_eq!(String::from_utf8_lossy(&output.stdout), "passed\n");
             compare(&scenario, &written, &made);
         }

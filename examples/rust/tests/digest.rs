@@ -38,6 +38,13 @@ fn compile(folder: &Path, source: &str) -> PathBuf {
     program
 }
 
+/// The Python in which the wheel is installed: `make test` builds it and says where. None in other tests.
+fn python(source: &str) -> Option<Command> {
+    let mut command = Command::new(env::var_os("ECHOCAST_PYTHON")?);
+    command.arg(Path::new(EXAMPLES).join(source));
+    Some(command)
+}
+
 #[test]
 fn one_scan_has_one_digest_in_every_language() {
     let folder = folder("scan");
@@ -48,12 +55,19 @@ fn one_scan_has_one_digest_in_every_language() {
     let file = fs::read(&path).unwrap();
     assert!(line.contains(" points, digest ") && file.len() > 10_000, "{line}, {} bytes", file.len());
     assert_eq!(rust(&path), line);
-    for source in ["c/scan.c", "cpp/scan.cpp"] {
-        let program = compile(&folder, source);
+    let compiled = ["c/scan.c", "cpp/scan.cpp"].map(|source| (source, Command::new(compile(&folder, source))));
+    let python = python("python/scan.py").map(|command| ("python/scan.py", command));
+    for (source, mut program) in compiled.into_iter().chain(python) {
         fs::remove_file(&path).unwrap();
-        assert_eq!(said(Command::new(program).arg(&scene).arg(&path)), line, "{source}");
+        assert_eq!(said(program.arg(&scene).arg(&path)), line, "{source}");
         assert!(fs::read(&path).unwrap() == file, "the file of {source} differs");
     }
+    // The program says nothing of digests.
+    fs::remove_file(&path).unwrap();
+    let program = env::current_exe().unwrap().parent().unwrap().with_file_name("echocast");
+    let asked = ["scan", &scene, "--sensor", "velodyne_vlp16", "--at=-6,6,1.2", "--seed", "7", "-o"];
+    said(Command::new(program).args(asked).arg(&path));
+    assert!(fs::read(&path).unwrap() == file, "the file of the program differs");
 }
 
 #[test]
@@ -61,7 +75,8 @@ fn a_live_loop_has_one_digest_in_every_language() {
     let folder = folder("live");
     let line = said(&mut Command::new(env!("CARGO_BIN_EXE_live")));
     assert!(line.starts_with("100 frames: ") && line.contains(" points, digest "), "{line}");
-    for source in ["c/live.c", "cpp/live.cpp"] {
-        assert_eq!(said(&mut Command::new(compile(&folder, source))), line, "{source}");
+    let compiled = ["c/live.c", "cpp/live.cpp"].map(|source| Command::new(compile(&folder, source)));
+    for mut program in compiled.into_iter().chain(python("python/live.py")) {
+        assert_eq!(said(&mut program), line, "{program:?}");
     }
 }

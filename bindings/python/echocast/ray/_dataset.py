@@ -12,11 +12,12 @@ from echocast.ray._cluster import connected
 from echocast.ray._source import Source
 
 if TYPE_CHECKING:
+    from echocast import Scenario
     from echocast._echocast import Keys, Path
 
 
 def dataset(
-    scenario: "Keys",
+    scenario: "Scenario | Keys",
     samples: Sequence[int] | None = None,
     *,
     columns: Sequence[str] = COLUMNS,

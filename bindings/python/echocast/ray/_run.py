@@ -26,7 +26,7 @@ TRIES = 4
 
 
 def run(
-    scenario: "Keys",
+    scenario: "ec.Scenario | Keys",
     output: "AnyPath",
     *,
     samples: Sequence[int] | None = None,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import ray
 
 import echocast as ec
+from echocast._convert import source
 from echocast._echocast import is_path
 
 if TYPE_CHECKING:
@@ -20,8 +21,9 @@ class Source:
     """
 
     def __init__(
-        self, scenario: "Keys", folder: "Path", settings: Mapping[str, Any] | None
+        self, scenario: "ec.Scenario | Keys", folder: "Path", settings: Mapping[str, Any] | None
     ) -> None:
+        scenario, folder = source(scenario, folder)
         self.scenario: "Keys" = scenario
         self.folder = ""
         if is_path(scenario):
