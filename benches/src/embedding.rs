@@ -98,7 +98,8 @@ fn python(target: &Path) -> Result<Value> {
         Ok(line.trim().parse()?)
     };
     // Both build what they need first.
-    (python()?, rust()?);
+    python()?;
+    rust()?;
     let rounds: Vec<(f64, f64)> = (0..ROUNDS).map(|_| Ok((python()?, rust()?))).collect::<Result<_>>()?;
     drop(asked);
     child.wait()?;

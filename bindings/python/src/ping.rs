@@ -304,7 +304,11 @@ pub fn pings(py: Python<'_>, built: &BuiltScene, sensor: &Sensor, asked: &Asked,
             let mut options = asked.options.clone();
             options.frame = options.frame.saturating_add(number);
             options.start_time += f64::from(number) * period;
-            pings.push(built.ping(sensor, &asked.path, &options)?)?;
+            let ping = built.ping(sensor, &asked.path, &options)?;
+            if number == 0 {
+                check_room(&ping, count)?;
+            }
+            pings.push(ping)?;
             if progress(f64::from(number + 1) / f64::from(count)).is_break() {
                 return Err(echocast::Error::Cancelled);
             }
@@ -312,6 +316,18 @@ pub fn pings(py: Python<'_>, built: &BuiltScene, sensor: &Sensor, asked: &Asked,
         Ok(pings)
     })?;
     Ok(Pings(Arc::new(made)))
+}
+
+/// Fails unless this machine's memory holds `count` pings like this.
+fn check_room(ping: &echocast::Ping, count: u32) -> echocast::Result<()> {
+    let bytes = ping.layout.cells() * ping.fields.iter().map(|info| info.kind.size()).sum::<usize>();
+    let machine = rustix::system::sysinfo();
+    let most = (machine.totalram as usize).saturating_mul(machine.mem_unit as usize) / bytes.max(1);
+    if count as usize <= most {
+        return Ok(());
+    }
+    let allowed = format!("1 to {most}, for the memory of this machine; or fewer fields");
+    Err(echocast::Error::InvalidParameter { name: "count".into(), value: count.to_string(), allowed })
 }
 
 /// One ping of `sensor`.

@@ -126,3 +126,5 @@ def test_huge_row_numbers_and_counts_are_told(room: ec.Scene, cloud: ec.PointClo
         room.scan("velodyne_vlp16", seed=2**70)
     with pytest.raises(OverflowError):
         room.pings("sss_450", -1)
+    with pytest.raises(ec.ArgumentError, match="count is 4000000000; allowed: 1 to [0-9]+, for the memory"):
+        room.pings("sss_450", 4_000_000_000, at=(0, 0, -1))

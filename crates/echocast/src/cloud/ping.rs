@@ -293,15 +293,16 @@ pub struct Pings {
 }
 
 impl Pings {
-    /// Adds a ping.
+    /// Adds a ping, without what it keeps for the next one made in its place.
     ///
     /// # Errors
     /// A ping with another layout, origin, set of columns or labels.
-    pub fn push(&mut self, ping: Ping) -> Result<()> {
+    pub fn push(&mut self, mut ping: Ping) -> Result<()> {
         if self.pings.first().is_some_and(|first| !first.is_beside(&ping)) {
             let found = "of another layout, origin, set of columns or labels";
             return Err(Error::invalid("ping", found, "pings of one sonar in one scene"));
         }
+        ping.memory = Spare::default();
         self.pings.push(ping);
         Ok(())
     }
