@@ -89,7 +89,7 @@ fn samples_are_those_of_rust_and_of_the_program() {
         let mut programs: Vec<_> =
             compiled.map(|(program, threads)| (Command::new(program), threads)).into_iter().collect();
         // Where the wheel is installed, as in `make test`.
-        if let Some(python) = env::var_os("ECHOCAST_PYTHON") {
+        if let Some(python) = env::var_os("ECHOCAST_WHEEL_PYTHON") {
             let mut command = Command::new(python);
             command.arg(source("samples.py"));
             programs.push((command, "2"));

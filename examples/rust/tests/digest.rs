@@ -40,7 +40,7 @@ fn compile(folder: &Path, source: &str) -> PathBuf {
 
 /// The Python in which the wheel is installed: `make test` builds it and says where. None in other tests.
 fn python(source: &str) -> Option<Command> {
-    let mut command = Command::new(env::var_os("ECHOCAST_PYTHON")?);
+    let mut command = Command::new(env::var_os("ECHOCAST_WHEEL_PYTHON")?);
     command.arg(Path::new(EXAMPLES).join(source));
     Some(command)
 }
