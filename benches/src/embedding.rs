@@ -50,16 +50,7 @@ fn c(target: &Path) -> Result<Value> {
     if !compiled.success() {
         return Err("examples/c/live.c cannot be compiled".into());
     }
-    let mut times = [Vec::new(), Vec::new()];
-    for _ in 0..ROUNDS {
-        for (program, times) in [&c, &rust].into_iter().zip(&mut times) {
-            times.push(milliseconds(program)?);
-        }
-    }
-    let ratio = median(times[0].iter().zip(&times[1]).map(|(c, rust)| c / rust).collect());
-    let [c, rust] = times.map(median);
-    println!("C {c:.3} ms, Rust {rust:.3} ms, ratio {ratio:.3}");
-    Ok(json!({"c_ms": c, "rust_ms": rust, "ratio": ratio}))
+    beside_rust("C", || milliseconds(&c), || milliseconds(&rust))
 }
 
 /// Scans from Python. All threads, whose processor time counts together.
@@ -100,14 +91,20 @@ fn python(target: &Path) -> Result<Value> {
     // Both build what they need first.
     python()?;
     rust()?;
-    let rounds: Vec<(f64, f64)> = (0..ROUNDS).map(|_| Ok((python()?, rust()?))).collect::<Result<_>>()?;
+    let compared = beside_rust("Python", python, rust)?;
     drop(asked);
     child.wait()?;
-    let ratio = median(rounds.iter().map(|(python, rust)| python / rust).collect());
-    let (python, rust): (Vec<f64>, Vec<f64>) = rounds.into_iter().unzip();
-    let (python, rust) = (median(python), median(rust));
-    println!("Python {python:.3} ms, Rust {rust:.3} ms, ratio {ratio:.3}");
-    Ok(json!({"python_ms": python, "rust_ms": rust, "ratio": ratio}))
+    Ok(compared)
+}
+
+/// Milliseconds of `other`, in a language of this name, beside those of Rust, in turn.
+fn beside_rust(name: &str, mut other: impl FnMut() -> Result<f64>, rust: impl Fn() -> Result<f64>) -> Result<Value> {
+    let rounds: Vec<(f64, f64)> = (0..ROUNDS).map(|_| Ok((other()?, rust()?))).collect::<Result<_>>()?;
+    let ratio = median(rounds.iter().map(|(other, rust)| other / rust).collect());
+    let (other, rust): (Vec<f64>, Vec<f64>) = rounds.into_iter().unzip();
+    let (other, rust) = (median(other), median(rust));
+    println!("{name} {other:.3} ms, Rust {rust:.3} ms, ratio {ratio:.3}");
+    Ok(json!({format!("{}_ms", name.to_lowercase()): other, "rust_ms": rust, "ratio": ratio}))
 }
 
 /// The program's own timing.

@@ -6,7 +6,7 @@ use crate::error::{Failure, Outcome};
 use crate::options::Asked;
 use crate::ping::{Ping, ping};
 use crate::place::{Placement, Pose, affine};
-use crate::scene::{Scene, mesh, scan};
+use crate::scene::{Matter, Scene, mesh, scan};
 use crate::sensor::{Instrument, Source};
 use echocast::scene::Object;
 use echocast::{Engine, ObjectId};
@@ -80,6 +80,7 @@ impl LiveScene {
         material: Option<Source<'_>>,
         fixed: bool,
     ) -> Outcome<u64> {
+        let material = material.as_ref().map(Matter::of).transpose()?;
         let mut object = Object::new(name, mesh(name, &vertices, &triangles, material.as_ref())?);
         (object.category_id, object.instance_id) = (category, instance);
         if let Some(pose) = pose {

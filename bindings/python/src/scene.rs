@@ -69,9 +69,30 @@ enum Files {
     Several(Vec<PathBuf>),
 }
 
-/// Meshes that are made already, by where the arrays of vertices and triangles lie, and what their material is made of: who
-/// passes an array twice has one mesh.
-type Meshes = HashMap<(ArrayPlace, ArrayPlace, Option<String>), Arc<Mesh>>;
+/// A material: YAML, or its name in the library.
+#[derive(PartialEq, Eq, Hash)]
+pub enum Matter {
+    Yaml(String),
+    Name(String),
+}
+
+impl Matter {
+    pub fn of(source: &Source<'_>) -> PyResult<Matter> {
+        let name = || Matter::Name(source.path().to_string_lossy().into_owned());
+        Ok(source.yaml()?.map_or_else(name, Matter::Yaml))
+    }
+
+    fn material(&self) -> echocast::Result<Material> {
+        match self {
+            Matter::Yaml(text) => Material::from_yaml(text),
+            Matter::Name(name) => Material::library(name),
+        }
+    }
+}
+
+/// Meshes that are made already, by where the arrays of vertices and triangles lie, and their material: who passes an array
+/// twice has one mesh.
+type Meshes = HashMap<(ArrayPlace, ArrayPlace, Option<Matter>), Arc<Mesh>>;
 
 /// Address, shape and strides.
 type ArrayPlace = (usize, Vec<usize>, Vec<isize>);
@@ -86,16 +107,11 @@ pub fn mesh(
     name: &str,
     vertices: &PyReadonlyArray2<'_, f32>,
     triangles: &PyReadonlyArray2<'_, u32>,
-    material: Option<&Source<'_>>,
+    material: Option<&Matter>,
 ) -> Outcome<Arc<Mesh>> {
     let positions = rows::<_, 3>("vertices", vertices)?;
     let triangles = rows::<_, 3>("triangles", triangles)?;
-    let material = match material.map(|source| Ok::<_, PyErr>((source, source.yaml()?))).transpose()? {
-        None => None,
-        Some((_, Some(yaml))) => Some(Material::from_yaml(&yaml)?),
-        Some((source, None)) => Some(Material::library(&source.path().to_string_lossy())?),
-    };
-    let material = material.map(Arc::new);
+    let material = material.map(|matter| matter.material().map(Arc::new)).transpose()?;
     let part = Part { positions: positions.into(), triangles: triangles.into(), material, ..Part::default() };
     Ok(Arc::new(Mesh::new(name, vec![part])?))
 }
@@ -116,15 +132,6 @@ struct ObjectKeys<'py> {
     instance: Option<u32>,
     #[pyo3(default)]
     material: Option<Source<'py>>,
-}
-
-impl ObjectKeys<'_> {
-    /// What its material is made of, or is called.
-    fn material(&self) -> PyResult<Option<String>> {
-        let text =
-            |source: &Source<'_>| Ok(source.yaml()?.unwrap_or_else(|| source.path().to_string_lossy().into_owned()));
-        self.material.as_ref().map(text).transpose()
-    }
 }
 
 /// A category by its number or name.
@@ -195,6 +202,7 @@ impl Scene {
         let mut scene = echocast::Scene::default();
         let names = names.unwrap_or_default();
         scene.labels.category = table(names.clone());
+        let material = material.as_ref().map(Matter::of).transpose()?;
         let whole = mesh(name, &vertices, &triangles, material.as_ref())?;
         let Some(categories) = categories else {
             scene.objects.push(Object { instance_id: 1, ..Object::new(name, whole) });
@@ -254,10 +262,12 @@ impl Scene {
         scene.labels.category = NameTable::number(named.chain(fixed.into_keys()), &taken);
         let mut meshes = Meshes::new();
         for (number, keys) in objects.into_iter().enumerate() {
-            let made = match meshes.entry((place(&keys.vertices), place(&keys.triangles), keys.material()?)) {
+            let material = keys.material.as_ref().map(Matter::of).transpose()?;
+            let made = match meshes.entry((place(&keys.vertices), place(&keys.triangles), material)) {
                 Entry::Occupied(known) => known.into_mut(),
                 Entry::Vacant(new) => {
-                    new.insert(mesh(&keys.name, &keys.vertices, &keys.triangles, keys.material.as_ref())?)
+                    let made = mesh(&keys.name, &keys.vertices, &keys.triangles, new.key().2.as_ref())?;
+                    new.insert(made)
                 }
             };
             let mut object = Object::new(keys.name.as_str(), made.clone());

@@ -243,22 +243,29 @@ fn one_container_leaves_the_files_of_another_alone() {
     }
     let folder = tempfile::tempdir().unwrap();
     prepare(folder.path());
+    // So many frames that both still write when the other is interrupted, however slow the machine.
     let scan = |name: &str| {
-        let args = format!("{SCAN} --frames 0:5 --single -o DIR/out/{name}.h5");
+        let args = format!("{SCAN} --frames 0:9999 --single -o DIR/out/{name}.h5");
         start(&mut wrapped(&space, &command(folder.path(), &args)))
     };
-    let (one, other) = (scan("one"), scan("other"));
+    let (mut one, other) = (scan("one"), scan("other"));
     let unfinished = || files(&folder.path().join("out")).len();
-    while unfinished() < 2 {
+    let begin = Instant::now();
+    while unfinished() < 2 && begin.elapsed() < Duration::from_secs(60) {
         sleep(Duration::from_millis(2));
     }
+    assert_eq!(unfinished(), 2, "both write");
     // The program is the child of what has made its space.
-    let child = fs::read_to_string(format!("/proc/{0}/task/{0}/children", other.id())).unwrap();
-    signal("INT", child.trim().parse().expect("one child"));
-    other.wait_with_output().unwrap();
-    let output = one.wait_with_output().unwrap();
-    assert!(output.status.success(), "{}", stderr(&output));
-    assert!(files(&folder.path().join("out")).contains(&"one.h5".to_owned()));
+    let interrupt = |outer: &Child| {
+        let child = fs::read_to_string(format!("/proc/{0}/task/{0}/children", outer.id())).unwrap();
+        signal("INT", child.trim().parse().expect("one child"));
+    };
+    interrupt(&other);
+    assert_eq!(stderr(&other.wait_with_output().unwrap()), INTERRUPTED);
+    assert!(one.try_wait().unwrap().is_none() && unfinished() == 1, "the file of the one that still runs stays");
+    interrupt(&one);
+    assert_eq!(stderr(&one.wait_with_output().unwrap()), INTERRUPTED);
+    assert_eq!(unfinished(), 0);
 }
 
 /// The cloud cannot have its name: the label names stay the old ones, too.
