@@ -1,88 +1,232 @@
 //! From the levels of a beam to the range that a sonar reports for it.
+//!
+//! A swath's beams detect as bathymetric sonars do (de Moustier 1988, "State of the art in swath bathymetry survey
+//! systems"; Lurton 2010, "An introduction to underwater acoustics", section 8.4): short echoes by the centre of their
+//! energy, long ones where the phase between the two halves of the array, which is the angle beside the beam's axis,
+//! crosses zero.
 
 use crate::cloud::{Layout, Sounding};
+use crate::ground::math::{LOG2_PER_DB, exp2};
+use crate::ground::rng::{Draw, Rng};
 use std::ops::Range;
 
-/// Beams farther from straight down than this are detected where the echo crosses their axis, rad (35 degrees): there
-/// it is long, and its strongest part may be anywhere in it.
-const BY_CROSSING: f32 = 0.61;
+/// Part of a beam's full width at -3 dB to each side of its axis within which echoes are its own: what comes from
+/// farther aside came in by the flanks of the lobe, or its sidelobes.
+const WITHIN: f32 = 0.6;
 
 /// What one beam has heard.
 pub(crate) struct BeamLevels<'a> {
     pub beam: usize,
-    /// Levels, dB, bin by bin, and as powers.
+    /// Levels, dB, bin by bin.
     pub levels: &'a [f32],
-    pub powers: &'a [f32],
-    /// Angle from the beam's axis at which the energy of each bin arrives, rad; NaN: none. Empty: unknown.
+    /// Angle from the beam's axis at which the energy of each bin arrives, rad; NaN: none. Empty: of a single beam.
     pub beside: &'a [f32],
-    /// Width of the beam, rad.
+    /// Full width of the beam as it is steered, rad.
     pub width: f32,
+    /// Length of the pulse, bins.
+    pub resolution: f32,
+    /// Of the ping.
+    pub rng: &'a Rng,
 }
 
-/// The range of the strongest echo of a beam: the centre of its energy, or for beams that look aside where it crosses
-/// their axis. `None`: nothing is loud enough.
-pub(crate) fn sounding(layout: &Layout, heard: &BeamLevels) -> Option<Sounding> {
-    let BeamLevels { beam, levels, powers, beside, width } = *heard;
+/// Memory of [`sounding`].
+#[derive(Default)]
+pub(crate) struct Stretch {
+    /// Bins of an echo that are loud enough, their powers, and the angles beside the axis that are measured there, rad.
+    bins: Vec<u32>,
+    powers: Vec<f32>,
+    angles: Vec<f32>,
+    beams: Vec<u32>,
+    noise: Vec<f32>,
+}
+
+/// Where an echo lies, bins, and with what standard error.
+struct Found {
+    at: f32,
+    error: f32,
+}
+
+/// The range of the strongest echo of a beam. `None`: nothing is loud enough; or, for swaths, nothing lies on the
+/// beam's axis within range.
+pub(crate) fn sounding(layout: &Layout, heard: &BeamLevels, stretch: &mut Stretch) -> Option<Sounding> {
+    let BeamLevels { beam, levels, beside, .. } = *heard;
+    let window = if beside.is_empty() { about_the_loudest(layout, heard)? } else { on_axis(layout, heard)? };
+    stretch.fill(layout, heard, window.clone());
+    let bins = levels.len();
+    let found = match stretch.crossing(heard) {
+        Some(found) => found,
+        // It goes on beyond what is heard.
+        None if !beside.is_empty() && window.end == bins => return None,
+        None => stretch.centre(heard)?,
+    };
+    if !(window.start as f32 - 1.0..=window.end as f32 + 1.0).contains(&found.at) {
+        return None;
+    }
+    let cell = (found.at.max(0.0) as usize).min(bins - 1);
+    let loudest = window.map(|bin| levels[bin]).fold(f32::NEG_INFINITY, f32::max);
+    Some(Sounding {
+        beam: beam as u32,
+        range: found.at * layout.bin_m as f32,
+        cell: (beam * bins + cell) as u32,
+        level_db: loudest,
+        quality: quality(found.error / found.at),
+    })
+}
+
+/// Confidence, 0 to 1, in a range with this relative standard error: 0.5 at 0.25 %, half of what surveys of the second
+/// best order allow in depth (IHO S-44, order 1: 1.3 %, at 95 %).
+fn quality(error: f32) -> f32 {
+    const HALF: f32 = 2.5e-3;
+    1.0 / (1.0 + (error / HALF).powi(2))
+}
+
+/// Bins about the loudest of a single beam that its echo of a flat bottom may cover.
+fn about_the_loudest(layout: &Layout, heard: &BeamLevels) -> Option<Range<usize>> {
+    let BeamLevels { beam, levels, width, .. } = *heard;
     let (bins, from) = (levels.len(), layout.first_bin);
     let [_, elevation] = layout.axes[beam];
     let down = (elevation + std::f32::consts::FRAC_PI_2).abs();
     // Energy of the cells around each one, so that a single bright speckle does not win.
-    let around = |bin: usize| powers[bin.saturating_sub(2)..(bin + 3).min(bins)].iter().sum::<f32>();
+    let around = |bin: usize| {
+        let about = &levels[bin.saturating_sub(2)..(bin + 3).min(bins)];
+        about.iter().map(|level| exp2(level * LOG2_PER_DB)).sum::<f32>()
+    };
     let loud = (from..bins).filter(|&bin| levels[bin] > layout.threshold_db[bin]);
     let (loudest, _) = loud.map(|bin| (bin, around(bin))).max_by(|(_, a), (_, b)| a.total_cmp(b))?;
-    // The echo of a flat bottom lasts as long as the beam is wide on it.
     let range = (loudest as f32 + 0.5) * layout.bin_m as f32;
     let length = range * width * down.sin() / down.cos().abs().max(0.1) / layout.bin_m as f32;
     let reach = (0.75 * length).ceil() as usize + 3;
-    let window = loudest.saturating_sub(reach).max(from)..(loudest + reach + 1).min(bins);
-    let crossing = if down > BY_CROSSING { crossing(window.clone(), beside, powers) } else { None };
-    let (at, spread) = match crossing {
-        Some(at) => (at, 0.0),
-        None => centre(window, powers, powers[loudest]),
-    };
-    let cell = (at as usize).min(bins - 1);
-    let above = levels[loudest] - layout.threshold_db[loudest];
-    let quality = (above / 20.0).clamp(0.0, 1.0) / (1.0 + spread / (reach as f32));
-    Some(Sounding {
-        beam: beam as u32,
-        range: at * layout.bin_m as f32,
-        cell: (beam * bins + cell) as u32,
-        level_db: levels[loudest],
-        quality,
-    })
+    Some(loudest.saturating_sub(reach).max(from)..(loudest + reach + 1).min(bins))
 }
 
-/// Centre and spread of the energy in `window` within 10 dB of the loudest, bins.
-fn centre(window: Range<usize>, powers: &[f32], most: f32) -> (f32, f32) {
-    let (mut sum, mut first, mut second) = (0.0, 0.0, 0.0);
-    let origin = window.start;
-    for bin in window {
-        let power = powers[bin];
-        if power > 0.1 * most {
+/// The bins with the most energy among those stretches that are loud enough and come from within a swath's beam.
+fn on_axis(layout: &Layout, heard: &BeamLevels) -> Option<Range<usize>> {
+    let BeamLevels { levels, beside, width, resolution, .. } = *heard;
+    let (bins, from) = (levels.len(), layout.first_bin);
+    // Speckle interrupts an echo.
+    let least = 3.0 * resolution + 3.0;
+    let lit = |&bin: &usize| levels[bin] > layout.threshold_db[bin] && beside[bin].abs() <= WITHIN * width;
+    let mut best = (0.0, 0..0);
+    let mut run = (0.0, 0..0);
+    for bin in (from..bins).filter(lit) {
+        let (_, at) = &run;
+        let gap = least.max(0.2 * at.len() as f32);
+        if at.is_empty() || (bin - at.end) as f32 > gap {
+            run = (0.0, bin..bin);
+        }
+        let (energy, at) = &mut run;
+        *energy += exp2(levels[bin] * LOG2_PER_DB);
+        at.end = bin + 1;
+        if *energy > best.0 {
+            best = run.clone();
+        }
+    }
+    (best.0 > 0.0).then_some(best.1)
+}
+
+impl Stretch {
+    /// Takes in the bins of `window` that are loud enough, and measures angles there.
+    fn fill(&mut self, layout: &Layout, heard: &BeamLevels, window: Range<usize>) {
+        /// Standard deviation of the measured angle over the width of the beam, times the square root of the ratio of
+        /// power to noise: two halves of a line array, half its length apart, whose phases have independent noise;
+        /// `1 / (0.886 pi)`, where 0.886 wavelengths over the length is the width.
+        const PER_WIDTH: f32 = 0.359;
+        let BeamLevels { beam, levels, beside, width, rng, .. } = *heard;
+        let Stretch { bins, powers, angles, beams, noise } = self;
+        bins.clear();
+        powers.clear();
+        angles.clear();
+        let is_swath = !beside.is_empty();
+        let own = |bin: &usize| {
+            levels[*bin] > layout.threshold_db[*bin] && (!is_swath || beside[*bin].abs() <= WITHIN * width)
+        };
+        bins.extend(window.filter(own).map(|bin| bin as u32));
+        powers.extend(bins.iter().map(|&bin| exp2(levels[bin as usize] * LOG2_PER_DB)));
+        if !is_swath {
+            return;
+        }
+        beams.clear();
+        beams.resize(bins.len(), beam as u32);
+        noise.clear();
+        noise.resize(bins.len(), 0.0);
+        rng.normals(beams, bins, Draw::SplitPhase, noise);
+        let background = exp2(layout.noise_db * LOG2_PER_DB);
+        let measured = bins.iter().zip(&*powers).zip(&*noise).map(|((&bin, &power), &noise)| {
+            let ratio = (power / background - 1.0).max(0.1);
+            beside[bin as usize] + PER_WIDTH * width * noise / ratio.sqrt()
+        });
+        angles.extend(measured);
+    }
+
+    /// Centre of the energy within 10 dB of the loudest.
+    fn centre(&self, heard: &BeamLevels) -> Option<Found> {
+        let most = self.powers.iter().copied().fold(0.0, f32::max);
+        let origin = *self.bins.first()?;
+        let (mut sum, mut first, mut second) = (0.0, 0.0, 0.0);
+        for (&bin, &power) in self.bins.iter().zip(&self.powers).filter(|(_, power)| **power > 0.1 * most) {
             let at = (bin - origin) as f32 + 0.5;
             (sum, first, second) = (sum + power, first + power * at, second + power * at * at);
         }
+        let mean = first / sum;
+        let spread = (second / sum - mean * mean).max(0.0).sqrt();
+        // As many independent speckles as pulses fit into it.
+        let looks = (self.bins.len() as f32 / heard.resolution).max(1.0);
+        Some(Found { at: origin as f32 + mean, error: spread / looks.sqrt() })
     }
-    let mean = first / sum;
-    (origin as f32 + mean, (second / sum - mean * mean).max(0.0).sqrt())
+
+    /// Where the angle crosses zero, if it runs through the beam over several pulses: a parabola is fitted to it, as
+    /// the range of a flat bottom is none of the angle's, but nearly so within a beam.
+    fn crossing(&self, heard: &BeamLevels) -> Option<Found> {
+        /// Pulses that an echo lasts at least.
+        const PULSES: f32 = 6.0;
+        /// Part of the width of the beam that the angle runs through at least.
+        const THROUGH: f64 = 0.4;
+        let (&first, &last) = (self.bins.first()?, self.bins.last()?);
+        let half = 0.5 * (last + 1 - first) as f32;
+        if self.angles.is_empty() || 2.0 * half < PULSES * heard.resolution || self.bins.len() < 8 {
+            return None;
+        }
+        let middle = first as f32 + half;
+        // In halves of the stretch about its middle: moments with equal weights, as speckle says nothing of an angle.
+        let mut x_sums = [0f64; 5];
+        let mut y_sums = [0f64; 3];
+        for (&bin, &angle) in self.bins.iter().zip(&self.angles) {
+            let x = f64::from((bin as f32 + 0.5 - middle) / half);
+            let mut power = 1.0;
+            for degree in 0..5 {
+                x_sums[degree] += power;
+                if degree < 3 {
+                    y_sums[degree] += power * f64::from(angle);
+                }
+                power *= x;
+            }
+        }
+        let [a, b, c] = parabola(x_sums, y_sums)?;
+        if 2.0 * b.abs() < THROUGH * f64::from(heard.width) {
+            return None;
+        }
+        let residuals = self.bins.iter().zip(&self.angles).map(|(&bin, &angle)| {
+            let x = f64::from((bin as f32 + 0.5 - middle) / half);
+            (f64::from(angle) - (a + x * (b + x * c))).powi(2)
+        });
+        let sigma = (residuals.sum::<f64>() / (x_sums[0] - 3.0)).sqrt();
+        // The root that becomes that of a straight line as c vanishes.
+        let root = (b * b - 4.0 * a * c).max(0.0).sqrt();
+        let x = -2.0 * a / (b + root.copysign(b));
+        let slope = (b + 2.0 * c * x).abs().max(0.25 * b.abs());
+        // Of a parabola in its middle: 9/4 of the variance of a mean.
+        let error = 1.5 * sigma / slope / x_sums[0].sqrt();
+        Some(Found { at: middle + half * x as f32, error: half * error as f32 })
+    }
 }
 
-/// Where the line through the angles in `window`, weighted by power, is 0; `None`: nowhere in it.
-fn crossing(window: Range<usize>, beside: &[f32], powers: &[f32]) -> Option<f32> {
-    let origin = window.start;
-    let [mut n, mut x, mut y, mut xx, mut xy] = [0f64; 5];
-    for bin in window.clone() {
-        let angle = *beside.get(bin)?;
-        if angle.is_nan() {
-            continue;
-        }
-        let (weight, at, angle) = (f64::from(powers[bin]), (bin - origin) as f64 + 0.5, f64::from(angle));
-        (n, x, y) = (n + weight, x + weight * at, y + weight * angle);
-        (xx, xy) = (xx + weight * at * at, xy + weight * at * angle);
+/// The coefficients of `a + b x + c x^2` that fits best, by the sums of `x^0` to `x^4` and of `x^0 y` to `x^2 y`.
+fn parabola([n, x1, x2, x3, x4]: [f64; 5], [y0, y1, y2]: [f64; 3]) -> Option<[f64; 3]> {
+    let moments = glam::DMat3::from_cols_array(&[n, x1, x2, x1, x2, x3, x2, x3, x4]);
+    if moments.determinant() < 1e-9 * n * n * n {
+        return None;
     }
-    let slope = (n * xy - x * y) / (n * xx - x * x);
-    let at = (x - y / slope) / n;
-    (slope.is_finite() && at >= 0.0 && at <= window.len() as f64).then_some(origin as f32 + at as f32)
+    Some((moments.inverse() * glam::DVec3::new(y0, y1, y2)).to_array())
 }
 
 #[cfg(test)]
@@ -96,13 +240,16 @@ mod tests {
             axes: vec![[0.0, elevation]],
             bins: 200,
             bin_m: 0.1,
+            noise_db: 40.0,
             threshold_db: vec![50.0; 200],
             ..Layout::default()
         }
     }
 
-    fn powers(levels: &[f32]) -> Vec<f32> {
-        levels.iter().map(|level| 10f32.powf(0.1 * level)).collect()
+    fn found(layout: &Layout, levels: &[f32], beside: &[f32], width: f32) -> Option<Sounding> {
+        let rng = Rng::new(1, 0);
+        let heard = BeamLevels { beam: 0, levels, beside, width, resolution: 2.0, rng: &rng };
+        sounding(layout, &heard, &mut Stretch::default())
     }
 
     #[test]
@@ -112,27 +259,40 @@ mod tests {
             levels[bin] = level;
         }
         let layout = layout(-std::f32::consts::FRAC_PI_2);
-        let powers = powers(&levels);
-        let heard = BeamLevels { beam: 0, levels: &levels, powers: &powers, beside: &[], width: 0.02 };
-        let found = sounding(&layout, &heard).unwrap();
-        assert!((found.range - 10.05).abs() < 1e-3, "{found:?}");
-        assert_eq!((found.cell, found.level_db), (100, 72.0));
-        assert!(sounding(&Layout { first_bin: 110, ..layout }, &heard).is_none());
+        for beside in [&[][..], &[0.0; 200]] {
+            let found = found(&layout, &levels, beside, 0.02).unwrap();
+            assert!((found.range - 10.05).abs() < 1e-3 && found.quality > 0.5, "{found:?}");
+            assert_eq!((found.cell, found.level_db), (100, 72.0));
+        }
+        assert!(found(&Layout { first_bin: 110, ..layout.clone() }, &levels, &[], 0.02).is_none());
+        // From aside it is none of the beam's.
+        assert!(found(&layout, &levels, &[0.05; 200], 0.02).is_none());
     }
 
     #[test]
     fn a_long_echo_is_found_where_it_crosses_the_axis() {
-        // Louder towards one end, as speckle may make it.
+        // Louder towards one end, as speckle may make it, and on a curve, as a flat bottom has it.
         let mut levels = [40.0; 200];
         let mut beside = [f32::NAN; 200];
-        for bin in 90..120 {
-            levels[bin] = 60.0 + (bin - 90) as f32 / 3.0;
-            beside[bin] = (bin as f32 + 0.5 - 104.0) * 1e-3;
+        for bin in 84..130 {
+            let at = bin as f32 + 0.5 - 104.0;
+            levels[bin] = 80.0 + (bin - 84) as f32 / 3.0;
+            beside[bin] = at * 2e-3 - at * at * 8e-6;
         }
+        // An object in the water before it is quieter as a whole, though not in each bin.
+        (levels[60], beside[60]) = (90.0, 0.01);
         let layout = layout(-0.4);
-        let powers = powers(&levels);
-        let heard = BeamLevels { beam: 0, levels: &levels, powers: &powers, beside: &beside, width: 0.1 };
-        let found = sounding(&layout, &heard).unwrap();
-        assert!((found.range - 10.4).abs() < 1e-2, "{found:?}");
+        let whole = found(&layout, &levels, &beside, 0.1).unwrap();
+        assert!((whole.range - 10.4).abs() < 0.02 && whole.quality > 0.5, "{whole:?}");
+        // The bottom gets to the axis beyond what is heard.
+        let near = Layout { bins: 100, threshold_db: vec![50.0; 100], ..layout };
+        assert_eq!(found(&near, &levels[..100], &beside[..100], 0.1).map(|it| it.cell), None);
+    }
+
+    #[test]
+    fn the_better_a_range_is_known_the_higher_its_quality() {
+        assert_eq!(quality(0.0), 1.0);
+        assert_eq!(quality(2.5e-3), 0.5);
+        assert!(quality(0.02) < 0.02);
     }
 }

@@ -4,7 +4,7 @@ use crate::ground::math::log2;
 use glam::Vec3;
 
 /// log2 of the least power assigned to a face, 1e-15; also of what is behind it.
-pub(super) const FAINT: f32 = -49.8;
+pub(crate) const FAINT: f32 = -49.8;
 
 /// The side of a face that forms no beam: its pattern, and its width, rad.
 pub(super) const EVERYWHERE: (fn(f64) -> f64, f64) = (|_| 1.0, std::f64::consts::PI);

@@ -13,6 +13,7 @@ mod transducer;
 
 pub use crate::ground::pose::Pose;
 pub(crate) use aim::{Aim, scatter};
+pub(crate) use aperture::FAINT;
 pub use beams::{BeamTable, FiringOrder, RayColumns};
 pub(crate) use footprint::{Across, Footprint};
 pub(crate) use image_grid::Outline;

@@ -43,8 +43,8 @@ pub(crate) struct Transducer {
     pub beside: Vec<f32>,
     /// Reported azimuth and elevation of each beam's axis, rad.
     pub axes: Vec<[f32; 2]>,
-    /// Width of the beams of a swath, or of a single beam, rad.
-    pub width: f32,
+    /// Widths of the beams of a swath as they are steered, or of a single beam, rad.
+    pub widths: Vec<f32>,
     /// Directivity index of hearing, dB.
     pub directivity_db: f64,
     /// Solid angle that each beam sends to and hears, sr: both powers over all directions.
@@ -134,12 +134,26 @@ impl Transducer {
             true => 0.0,
             false => power - self.power[ray],
         };
+        let anywhere = self.hearings.len() > self.of_rays;
+        (louder, if anywhere { self.hearing_at(direction) } else { self.hearing[ray] })
+    }
+
+    /// How loudly it sends along the unit `sent` and hears from `heard` (sensor frame), log2 of the power, without the
+    /// beams' own pattern, and the index of the [`Hearing`] that has that; for each face.
+    pub fn towards(&self, sent: Vec3, heard: Vec3) -> impl Iterator<Item = (f32, u32)> {
         let steps = self.hearings.len() - self.of_rays;
-        if steps == 0 {
-            return (louder, self.hearing[ray]);
-        }
+        self.faces.iter().enumerate().map(move |(face, aperture)| {
+            let back = aperture.power(heard);
+            let loud = aperture.power(sent) + if self.only_sends && back > FAINT { 0.0 } else { back };
+            (loud, if steps == 0 { face as u32 } else { self.hearing_at(heard) })
+        })
+    }
+
+    /// The [`Hearing`] of the unit `direction` (sensor frame), by its sine to a line array.
+    fn hearing_at(&self, direction: Vec3) -> u32 {
+        let steps = self.hearings.len() - self.of_rays;
         let step = ((0.5 + 0.5 * direction.y) * steps as f32) as usize;
-        (louder, (self.of_rays + step.min(steps - 1)) as u32)
+        (self.of_rays + step.min(steps - 1)) as u32
     }
 
     fn find_solid_angles(&mut self) {
@@ -264,7 +278,9 @@ impl Transducer {
         let frame = [[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         transducer.faces = vec![Aperture::new(frame, (|sine| sent.amplitude(sine), sent.width()), EVERYWHERE)];
         transducer.only_sends = true;
-        transducer.width = heard.width() as f32;
+        // Seen from aside, the array is shorter.
+        let steered = |sine: &f64| heard.width() / (1.0 - sine * sine).max(1e-4).sqrt();
+        transducer.widths = sines.iter().map(|sine| steered(sine) as f32).collect();
         transducer.directivity_db = lobe::wall_directivity(&heard);
         transducer
     }
@@ -353,7 +369,7 @@ impl Transducer {
             }
             let (aside, up) = (|sine: f64| lobe.amplitude(sine), |sine: f64| vertical.amplitude(sine));
             transducer.faces = vec![Aperture::new(frame, (aside, lobe.width()), (up, vertical.width()))];
-            transducer.width = vertical.width() as f32;
+            transducer.widths = vec![vertical.width() as f32];
             transducer.directivity_db = lobe::directivity(&lobe, &vertical);
         } else {
             let lobe = sonar.round_lobe().at(wavelength);
@@ -367,7 +383,7 @@ impl Transducer {
                 transducer.aside.push(solid.sqrt() as f32);
             }
             transducer.faces = vec![Aperture::round(frame, |sine| lobe.amplitude(sine), lobe.width())];
-            transducer.width = lobe.width() as f32;
+            transducer.widths = vec![lobe.width() as f32];
             transducer.directivity_db = lobe::round_directivity(&lobe);
         }
         transducer

@@ -56,6 +56,8 @@ pub(crate) enum Draw {
     Texture = 41,
     /// Noise of a sonar's receiver, by cell.
     PingNoise = 42,
+    /// Error of the phase between the halves of a sonar's array, by beam and bin.
+    SplitPhase = 43,
     /// Shape of generated ground.
     Terrain = 100,
     /// Shape, size and place of generated boulders.

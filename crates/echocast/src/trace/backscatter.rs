@@ -118,6 +118,12 @@ impl Backscatter {
         self.by.get(self.material(surfaces, row)) == Some(&By::Area)
     }
 
+    /// log2 of the target strength of a row that answers as a whole, re 1 m^2.
+    pub fn target_strength(&self, surfaces: &Surfaces, row: u32) -> f32 {
+        // The law has it for what is met of 1 m^2.
+        interpolate(&self.laws, self.material(surfaces, row), 1.0) - 2.0
+    }
+
     /// What a reflection by a row, or by the sea surface, costs at the sine of a grazing angle, dB.
     pub fn reflection_loss(&self, surfaces: &Surfaces, row: u32, sine: f64) -> f64 {
         interpolate(&self.losses, self.material(surfaces, row), sine as f32).into()

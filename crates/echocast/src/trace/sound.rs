@@ -2,7 +2,7 @@
 
 mod direct;
 
-pub(crate) use direct::Direct;
+pub(crate) use direct::{Direct, Goal};
 
 use super::{Clock, HitBatch, Tables};
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};

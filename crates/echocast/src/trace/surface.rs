@@ -7,7 +7,7 @@ use crate::material::{Alpha, Material, Mirrors, Optics, ReflectanceSource, Refle
 use crate::medium::Sea;
 use crate::scene::{Labels, Mesh, Object, Part};
 use embree4::{Candidate, INVALID};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock};
 
@@ -38,6 +38,25 @@ pub(crate) struct Surface {
     pub area: f32,
 }
 
+/// A part that answers sound as a whole: its row, and the middle and radius of its box, m, in its object's frame.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Target {
+    pub row: u32,
+    pub middle: DVec3,
+    pub radius: f64,
+}
+
+impl Target {
+    fn new(row: usize, part: &Part) -> Target {
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for &corner in part.triangles.iter().flatten() {
+            let place = Vec3::from(part.positions[corner as usize]).as_dvec3();
+            (low, high) = (low.min(place), high.max(place));
+        }
+        Target { row: row as u32, middle: 0.5 * (low + high), radius: 0.5 * (high - low).length() }
+    }
+}
+
 /// All parts of all objects, in the order of Embree's ids: first those in the top level or in its group of fixed
 /// objects, by geometry, then the instances, by part.
 #[derive(Default)]
@@ -56,6 +75,8 @@ pub(crate) struct Surfaces {
     pub has_shading_normals: bool,
     /// Whether any surface may have holes.
     pub has_cutouts: bool,
+    /// What answers sound as a whole.
+    pub targets: Vec<Target>,
     /// Computed once for each wavelength: a scan in a loop allocates nothing.
     reflectances: Mutex<Vec<Arc<Reflectances>>>,
     /// Computed once for each frequency and sea.
@@ -102,6 +123,10 @@ impl Surfaces {
                 let cutout =
                     made_of.alpha == Alpha::Cutout && (textured || made_of.base_color[3] < made_of.alpha_cutoff);
                 surfaces.has_cutouts |= cutout;
+                let answers_whole = matches!(made_of.sound_law(), Some(Sound::Target { .. }));
+                if answers_whole && !part.triangles.is_empty() {
+                    surfaces.targets.push(Target::new(surfaces.rows.len(), part));
+                }
                 surfaces.rows.push(Surface {
                     category_id: object.category_id,
                     part_id: object.part_ids.get(number).copied().unwrap_or(0),
@@ -115,10 +140,7 @@ impl Surfaces {
                     textured,
                     instanced,
                     cutout,
-                    area: match made_of.sound_law() {
-                        Some(Sound::Target { .. }) => part.area(&object.world_from_object) as f32,
-                        _ => 0.0,
-                    },
+                    area: if answers_whole { part.area(&object.world_from_object) as f32 } else { 0.0 },
                 });
             }
             surfaces.has_instances |= instanced;
@@ -212,6 +234,12 @@ impl Surfaces {
 }
 
 impl Tables {
+    /// Whether two rows are parts of one object.
+    pub(crate) fn is_of_one_object(&self, row: u32, other: u32) -> bool {
+        let object = |row: u32| self.surfaces.rows[row as usize].object;
+        row == other || object(row) == object(other)
+    }
+
     /// The interpolated normal of a smooth part at `time` where the second and the third corner of `triangle` weigh `u`
     /// and `v`, in the world's frame, of any length and on the mesh's side; `None`: the part is flat, or the normals of its
     /// corners cancel.

@@ -3,6 +3,7 @@
 use super::ping::{Echo, Echoes, Heard, Insonification, Parts, PingEcho, sine};
 use crate::ground::math::{LOG2_PER_DB, exp2};
 use crate::trace::{Arrival, Direct};
+use glam::Vec3;
 
 /// Paths of a mixed echo, by its number.
 const HEARD_STRAIGHT: u32 = 1;
@@ -16,12 +17,13 @@ impl Insonification<'_> {
         &self,
         arrivals: &mut Vec<Arrival>,
         direct: &[Direct],
+        launches: &mut Vec<(u32, Vec3)>,
         answers: &mut Vec<PingEcho>,
         parts: &mut Parts,
     ) {
         let sensor_from_world = self.rotation.transpose();
-        for Direct { arrival, way, launch } in direct {
-            let far = arrivals[*arrival as usize];
+        for Direct { index, way, launch } in direct {
+            let far = arrivals[*index as usize];
             let ray = far.ray as usize;
             let mixed = Arrival {
                 range: 0.5 * (far.range + way.range),
@@ -45,6 +47,9 @@ impl Insonification<'_> {
             }
             there.louder += self.transducer.sent_beside(ray, sensor_from_world * *launch);
             for (heard, way) in [(back, HEARD_STRAIGHT), (there, SENT_STRAIGHT)] {
+                if way == HEARD_STRAIGHT {
+                    launches.push((arrivals.len() as u32, *launch));
+                }
                 let power = exp2(loudness + heard.louder);
                 arrivals.push(mixed);
                 answers.push(self.divide(&mixed, Echo { power: Some(power), heard, reach, slide, way }, parts));
@@ -54,10 +59,9 @@ impl Insonification<'_> {
 }
 
 impl Echoes {
-    /// The direct path by which arrival `index` is heard, if it was sent another way.
-    pub fn heard_straight(&self, index: usize) -> Option<&Direct> {
-        let before = self.arrivals.len() - 2 * self.direct.len();
-        let way = index.checked_sub(before)?;
-        if way % 2 == 0 { self.direct.get(way / 2) } else { None }
+    /// Direction (unit, world) in which arrival `index` left or comes back, if that is not along its ray.
+    pub fn launch(&self, index: usize) -> Option<Vec3> {
+        let place = self.launches.binary_search_by_key(&(index as u32), |(arrival, _)| *arrival);
+        Some(self.launches[place.ok()?].1)
     }
 }

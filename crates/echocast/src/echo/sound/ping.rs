@@ -4,7 +4,7 @@
 //! range, which is divided among bins as it lies. So a bin's energy depends neither on the mesh nor on the number of
 //! rays.
 
-use crate::emitter::{Hearing, Transducer};
+use crate::emitter::{FAINT, Hearing, Transducer};
 use crate::ground::lanes::MEDIUM;
 use crate::ground::math::{LOG2_PER_DB, exp2, log2};
 use crate::ground::rng::{Draw, Rng};
@@ -12,6 +12,7 @@ use crate::medium::Spreading;
 use crate::trace::{Arrival, Backscatter, Direct, Surfaces};
 use echocast_kernels::sound;
 use glam::{Mat3, Quat, Vec3};
+use std::f32::consts::TAU;
 use std::sync::Arc;
 
 /// Most bins that the cell of one ray is divided among.
@@ -73,15 +74,23 @@ impl Drift {
     fn range(&self, range: f32, direction: Vec3) -> f32 {
         range - range * self.moved.dot(direction)
     }
+
+    /// The unit `direction` (sensor frame, as it was) from which an echo of a one-way range comes.
+    fn seen(&self, range: f32, direction: Vec3) -> Vec3 {
+        // Seen from the sonar, the world turns the other way.
+        Quat::from_scaled_axis(-range * self.turned) * direction
+    }
 }
 
 /// What a chunk of rays returns: arrivals in order, and their parts in bins.
 #[derive(Clone, Default)]
 pub(crate) struct Echoes {
     pub arrivals: Vec<Arrival>,
-    /// Direct paths to the places of arrivals. Once answered, two more arrivals for each: see
-    /// [`Echoes::heard_straight`].
+    /// Direct paths to the places of arrivals, for each of which two more arrivals come with the answers; or to targets.
     pub direct: Vec<Direct>,
+    /// Directions (unit, world) in which arrivals left that did not leave, or do not come back, along their ray: each with
+    /// the index of its arrival, rising.
+    pub launches: Vec<(u32, Vec3)>,
     /// For each arrival, in order.
     pub answers: Vec<PingEcho>,
     /// Parts: energies, and amplitudes with random phases, or energies again.
@@ -154,10 +163,12 @@ const BATCH: usize = 64;
 impl Insonification<'_> {
     /// Finds what `echoes.arrivals` send back, also straight back where `echoes.direct` says so.
     pub fn answer(&self, echoes: &mut Echoes) {
-        let Echoes { arrivals, direct, answers, energy, re, im } = echoes;
+        let Echoes { arrivals, direct, launches, answers, energy, re, im } = echoes;
         answers.clear();
+        launches.clear();
         [&mut *energy, re, im].into_iter().for_each(Vec::clear);
         let mut parts = Parts { energy, re, im, batch: Batch::new() };
+        let has_targets = !self.surfaces.targets.is_empty();
         for arrival in &*arrivals {
             let ray = arrival.ray as usize;
             let sine = sine(arrival.direction, arrival.normal);
@@ -174,12 +185,70 @@ impl Insonification<'_> {
             let (reach, slide) = self.reach(arrival, arrival.direction);
             // After reflections also what is only heard straight back has arrived.
             let in_reach = arrival.order == 0 || arrival.range <= self.farthest;
-            let power = if in_reach { Some(exp2(loudness)) } else { None };
+            // What a ray meets of a target is heard otherwise: see [`Insonification::answer_targets`].
+            let is_target =
+                has_targets && arrival.order == 0 && self.backscatter.is_whole(self.surfaces, arrival.surface);
+            let power = if in_reach && !is_target { Some(exp2(loudness)) } else { None };
             answers.push(self.divide(arrival, Echo { power, heard, reach, slide, way: 0 }, &mut parts));
         }
-        self.answer_mixed(arrivals, direct, answers, &mut parts);
+        self.answer_mixed(arrivals, direct, launches, answers, &mut parts);
         if let Some(scatterers) = &self.speckle {
             parts.scatter(scatterers);
+        }
+    }
+
+    /// Finds what the targets send back to which `echoes.direct` leads, each as a point of its target strength (sonar
+    /// equation for point targets, Urick 1983, section 2.1): no ray has to meet it.
+    pub fn answer_targets(&self, echoes: &mut Echoes) {
+        let Echoes { arrivals, direct, launches, answers, energy, re, im } = echoes;
+        arrivals.clear();
+        launches.clear();
+        answers.clear();
+        [&mut *energy, re, im].into_iter().for_each(Vec::clear);
+        let sensor_from_world = self.rotation.transpose();
+        for Direct { way, launch, .. } in &*direct {
+            let sent = sensor_from_world * *launch;
+            let (mut at, mut heard) = (way.range, sent);
+            if let Some(drift) = &self.drift {
+                at = drift.range(way.range, *launch);
+                heard = drift.seen(way.range, sent);
+            }
+            let unaimed = self.source_level * LOG2_PER_DB
+                + self.backscatter.target_strength(self.surfaces, way.surface)
+                + self.spread_twice(way)
+                - 2.0 * LOG2_PER_DB * way.loss;
+            for (loud, hearing) in self.transducer.towards(sent, heard) {
+                if loud <= FAINT {
+                    continue;
+                }
+                launches.push((arrivals.len() as u32, *launch));
+                arrivals.push(*way);
+                let range = if at >= self.fold { at - self.fold } else { at };
+                let bin = range.max(0.0) / self.bin_m;
+                let is_heard = bin < self.bins as f32;
+                let first = energy.len() as u32;
+                answers.push(PingEcho {
+                    first,
+                    parts: is_heard.into(),
+                    bin: bin as u32,
+                    range,
+                    reach: 0.0,
+                    slide: Vec3::ZERO,
+                    hearing,
+                });
+                if is_heard {
+                    let power = exp2(unaimed + loud);
+                    energy.push(power);
+                    if self.speckle.is_some() {
+                        // A point has a phase, but no speckle.
+                        let (sin, cos) = (TAU * (way.path * self.turns).fract()).sin_cos();
+                        re.push(power.sqrt() * cos);
+                        im.push(power.sqrt() * sin);
+                    } else {
+                        re.push(power);
+                    }
+                }
+            }
         }
     }
 
@@ -198,8 +267,7 @@ impl Insonification<'_> {
         let mut seen = self.rotation.transpose() * direction;
         if let Some(drift) = &self.drift {
             at = drift.range(range, direction);
-            // Seen from the sonar, the world turns the other way.
-            seen = Quat::from_scaled_axis(-range * drift.turned) * seen;
+            seen = drift.seen(range, seen);
         }
         let (louder, hearing) = self.transducer.heard_beside(ray, seen);
         Heard { at, louder, hearing }
@@ -321,16 +389,28 @@ impl Insonification<'_> {
         self.spread_between(arrival, arrival)
     }
 
+    /// log2 of what spreading leaves of an echo of a point that returns the way it went: of both ways.
+    fn spread_twice(&self, way: &Arrival) -> f32 {
+        if self.spreading == Spreading::RayTube {
+            return 2.0 * self.tube_spread(way, way.speed);
+        }
+        -2.0 * self.spreading.one_way(log2(way.path.max(1e-3)), self.spreading_from)
+    }
+
+    /// log2 of `speed` (pressure follows from intensity by the impedance) over the area of the tube of a ray.
+    fn tube_spread(&self, way: &Arrival, speed: f32) -> f32 {
+        let [upright, level] = way.tube;
+        // At a caustic the tube is as wide as diffraction leaves it.
+        let length = way.path;
+        let least = length.min((2.0 * length / self.turns).sqrt());
+        log2(speed) - log2((upright.max(least) * level).max(1e-6)).abs()
+    }
+
     /// log2 of what spreading leaves of an echo that went `out` and comes `back`: of the return path alone, as the
     /// outward path makes the footprint that the ray represents. Levels do not rise within a metre of the sonar.
     pub(super) fn spread_between(&self, out: &Arrival, back: &Arrival) -> f32 {
         if self.spreading == Spreading::RayTube {
-            let [upright, level] = back.tube;
-            // At a caustic the tube is as wide as diffraction leaves it.
-            let length = back.path;
-            let least = length.min((2.0 * length / self.turns).sqrt());
-            // Pressure there follows from intensity by the impedance: on both paths.
-            return log2(out.speed * back.speed) - log2((upright.max(least) * level).max(1e-6)).abs();
+            return self.tube_spread(back, out.speed * back.speed);
         }
         let [out, back] = [out, back].map(|way| log2(way.path.max(1e-3)));
         let one_way = |path| self.spreading.one_way(path, self.spreading_from);

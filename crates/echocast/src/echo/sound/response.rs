@@ -33,8 +33,8 @@ impl Taper {
     }
 }
 
-/// What a point-like echo looks like over range bins: amplitudes, 1 in the middle (less where a bin is longer than the
-/// resolution and holds the mean over its length), symmetric.
+/// What a point-like echo looks like over range bins: amplitudes, 1 in the middle within 0.06 dB (less where a bin is longer
+/// than the resolution and holds the mean over its length), symmetric.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Response {
     /// From the middle outwards.
@@ -49,8 +49,8 @@ impl Response {
     /// # Errors
     /// The least possible `bin`: shorter ones would need more taps than that.
     pub fn new(bin: f64, modulated: bool, taper: Taper) -> Result<Response, f64> {
-        /// Resolutions on each side: four sidelobes, the fifth is 27 dB down.
-        const REACH: f64 = 4.5;
+        /// Resolutions on each side: eight sidelobes, the ninth is 29 dB down.
+        const REACH: f64 = 8.5;
         /// Limits the work for bins much shorter than the pulse.
         const MOST_TAPS: f64 = 1024.0;
         let sinc = |x: f64| if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) };
@@ -71,8 +71,9 @@ impl Response {
         let mut taps: Vec<f32> = (0..=count).map(|k| shape(k as f64 * bin) as f32).collect();
         taps[0] = 1.0;
         let sum = |taps: &[f32]| taps[0] * taps[0] + 2.0 * taps[1..].iter().map(|tap| tap * tap).sum::<f32>();
-        if bin > 1.0 {
-            // The mean over a long bin: an area has the same level as in short ones.
+        if modulated || bin > 1.0 {
+            // Areas have the same level in bins of any length: long ones hold the mean over their length, and what the
+            // sidelobes that are left out have, 0.05 dB, is given to the others.
             let scale = (taper.resolutions() as f32 / (bin as f32 * sum(&taps))).sqrt();
             taps.iter_mut().for_each(|tap| *tap *= scale);
         }
@@ -188,9 +189,10 @@ mod tests {
             (0.25, false, Taper::None, 4.0),
         ] {
             let response = Response::new(bin, modulated, taper).unwrap();
-            assert_eq!(response.taps[0], 1.0);
+            assert!((20.0 * response.taps[0].log10()).abs() < 0.06, "{bin} {modulated}: {}", response.taps[0]);
             // The energy of a stretch of one resolution.
-            assert!((response.power / cells - 1.0).abs() < 0.05, "{bin} {modulated}: {}", response.power);
+            let off = 10.0 * (response.power / cells).log10();
+            assert!(off.abs() < 0.02, "{bin} {modulated}: {off} dB");
         }
         for (bin, modulated, taper, cells) in [
             (3.0, true, Taper::None, 1.0),
@@ -209,8 +211,8 @@ mod tests {
         let sidelobe = sinc.taps[20..40].iter().fold(0f32, |most, tap| most.max(tap.abs()));
         assert!((20.0 * sidelobe.log10() + 13.26).abs() < 0.1, "{sidelobe}");
         // As many taps as there may be, and one more.
-        assert!(Response::new(4.5 / 1024.0, true, Taper::None).is_ok());
-        assert_eq!(Response::new(4e-3, true, Taper::None), Err(4.5 / 1024.0));
+        assert!(Response::new(8.5 / 1024.0, true, Taper::None).is_ok());
+        assert_eq!(Response::new(4e-3, true, Taper::None), Err(8.5 / 1024.0));
         assert_eq!(Response::new(4e-4, false, Taper::None), Err(0.5 / 1024.0));
     }
 }

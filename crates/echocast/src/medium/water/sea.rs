@@ -28,35 +28,58 @@ impl Sea {
 
     /// Backscattering cross-section of the surface, m^2 per m^2 and sr, at a grazing angle of sine `sin_grazing`.
     ///
-    /// Chapman and Harris 1962 (J. Acoust. Soc. Am. 34, 1592), `3.3 b log(g / 30 deg) - 42.4 log b + 2.6` dB with `b =
-    /// 158 (v f^(1/3))^-0.58`, wind `v` in knots and `f` in Hz; and above 10 kHz facets that mirror the wave back, with
-    /// the slopes seen by Cox and Munk 1954 (mean square slope `m = 0.003 + 0.00512 U`, both axes together):
-    /// `exp(-tan^2(i) / m) / (4 pi m cos^4(i))` at the angle `i` from the normal.
+    /// Up to 10 kHz: Chapman and Harris 1962 (J. Acoust. Soc. Am. 34, 1592), `3.3 b log(g / 30 deg) - 42.4 log b + 2.6`
+    /// dB with `b = 158 (v f^(1/3))^-0.58`, wind `v` in knots and `f` in Hz. They measured from 400 Hz to 6.4 kHz; outside,
+    /// the value at the nearer limit is used, and above 30 degrees, where their law diverges in calm seas, the value at 30
+    /// (assumptions of ours).
     ///
-    /// Assumptions of ours: Chapman and Harris measured from 400 Hz to 6.4 kHz, and outside the value at the nearer
-    /// limit is used; above 30 degrees, where their law diverges in calm seas, the value at 30; the facets reflect
-    /// everything. Bubbles count only as far as they are in the measurements.
+    /// Above 10 kHz: the bubbles below the surface, and facets that mirror the wave back, seen through them, with the
+    /// slopes of Cox and Munk 1954 (mean square slope `m = 0.003 + 0.00512 U`, both axes together):
+    /// `exp(-tan^2(i) / m) / (4 pi m cos^4(i))` at the angle `i` from the normal. That the facets reflect everything is an
+    /// assumption of ours.
     pub fn backscatter(&self, sin_grazing: f64, frequency_hz: f64) -> f64 {
         if sin_grazing <= 0.0 {
             return 0.0;
         }
         let sin = sin_grazing.min(1.0);
-        let mut all = 0.0;
-        if self.wind_m_s > 0.0 {
-            let knots = self.wind_m_s / 0.514_444;
-            let beta = 158.0 * (knots * frequency_hz.clamp(400.0, 6400.0).cbrt()).powf(-0.58);
-            let degrees = sin.asin().to_degrees().min(30.0);
-            let db = 3.3 * beta * (degrees / 30.0).log10() - 42.4 * beta.log10() + 2.6;
-            all += 10f64.powf(db / 10.0);
+        if frequency_hz <= 10e3 {
+            return if self.wind_m_s > 0.0 { self.chapman_harris(sin, frequency_hz) } else { 0.0 };
         }
-        if frequency_hz > 10e3 {
-            let (slope, sin2) = (0.003 + 0.005_12 * self.wind_m_s.max(0.0), sin * sin);
-            // Where sin^4 underflows the exponential has long been 0.
-            let lobe = (-(1.0 - sin2) / (sin2 * slope)).exp();
-            all += if lobe > 0.0 { lobe / (4.0 * PI * slope * sin2 * sin2) } else { 0.0 };
-        }
-        all
+        let (slope, sin2) = (0.003 + 0.005_12 * self.wind_m_s.max(0.0), sin * sin);
+        // Where sin^4 underflows the exponential has long been 0.
+        let lobe = (-(1.0 - sin2) / (sin2 * slope)).exp();
+        let facets = if lobe > 0.0 { lobe / (4.0 * PI * slope * sin2 * sin2) } else { 0.0 };
+        let depth = self.bubble_depth(frequency_hz) / sin;
+        bubbles(depth, sin, frequency_hz) + facets * (-4.0 * depth).exp()
     }
+
+    fn chapman_harris(&self, sin: f64, frequency_hz: f64) -> f64 {
+        let knots = self.wind_m_s / 0.514_444;
+        let beta = 158.0 * (knots * frequency_hz.clamp(400.0, 6400.0).cbrt()).powf(-0.58);
+        let degrees = sin.asin().to_degrees().min(30.0);
+        let db = 3.3 * beta * (degrees / 30.0).log10() - 42.4 * beta.log10() + 2.6;
+        10f64.powf(db / 10.0)
+    }
+
+    /// How much the bubbles take of a wave's amplitude straight through them, nepers: APL-UW 1994 (TR 9407, section II),
+    /// `10^(-5.2577 + 0.4701 U) (f / 25 kHz)^0.85`, and above 11 m/s as `U^3.5`.
+    fn bubble_depth(&self, frequency_hz: f64) -> f64 {
+        /// Wind above which bubbles increase more slowly, m/s.
+        const STRONG: f64 = 11.0;
+        let (wind, over) = (self.wind_m_s.clamp(0.0, STRONG), (self.wind_m_s / STRONG).max(1.0));
+        10f64.powf(-5.2577 + 0.4701 * wind) * over.powf(3.5) * (frequency_hz / 25e3).powf(0.85)
+    }
+}
+
+/// What bubbles in front of a surface that mirrors send back, 1/sr, at the sine of a grazing angle along which their
+/// `depth` is so many nepers: directly, by the mirror, and both (APL-UW 1994, TR 9407, section II), `sin(g) / (8 pi) d_r /
+/// d (1 + 8 b exp(-2 b) - exp(-4 b))`. `d` is the damping of bubbles that resonate at `frequency_hz`, of which `d_r` is by
+/// radiation.
+fn bubbles(depth: f64, sin: f64, frequency_hz: f64) -> f64 {
+    const BY_RADIATION: f64 = 0.0136;
+    let damping = 2.55e-2 * (frequency_hz / 1e3).cbrt();
+    let paths = 8.0 * depth * (-2.0 * depth).exp() - (-4.0 * depth).exp_m1();
+    sin / (8.0 * PI) * BY_RADIATION / damping * paths
 }
 
 #[cfg(test)]
@@ -88,9 +111,30 @@ mod tests {
         assert_eq!(db(10.0, 10.0, 9e3), db(10.0, 10.0, 6.4e3));
     }
 
+    /// Bubbles alone, as another program has them from the same report.
+    #[test]
+    fn bubbles_are_those_of_a_table() {
+        let table = include_str!("../../../../../tests/data/sonar/surface_scatter.csv");
+        let mut rows = 0;
+        for line in table.lines().skip(1) {
+            let [frequency, wind_m_s, degrees, expected]: [f64; 4] =
+                line.split(',').map(|cell| cell.parse().unwrap()).collect::<Vec<_>>().try_into().unwrap();
+            let sin = degrees.to_radians().sin();
+            let depth = Sea { wind_m_s }.bubble_depth(frequency) / sin;
+            let found = 10.0 * bubbles(depth, sin, frequency).log10();
+            assert!((found - expected).abs() < 1e-3, "{line}: {found}");
+            // Where facets do not shine the whole is nothing else.
+            if degrees < 20.0 {
+                assert!((db(wind_m_s, degrees, frequency) - expected).abs() < 0.1, "{line}");
+            }
+            rows += 1;
+        }
+        assert_eq!(rows, 96);
+    }
+
     #[test]
     fn more_comes_back_in_wind_and_at_steeper_angles() {
-        for frequency in [500.0, 5e3, 8e3] {
+        for frequency in [500.0, 5e3, 8e3, 30e3] {
             for degrees in [1.0, 5.0, 20.0, 60.0, 90.0] {
                 assert!(db(15.0, degrees, frequency) > db(5.0, degrees, frequency));
             }

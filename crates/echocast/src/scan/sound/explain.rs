@@ -11,6 +11,7 @@ use crate::medium::{End, Ray, Spreading};
 use crate::scan::ScanOptions;
 use crate::sensor::Sensor;
 use crate::trace::{Arrival, BuiltScene};
+use glam::Vec3;
 use std::fmt::Write as _;
 
 /// Layers that are listed; the others are summarised.
@@ -98,7 +99,7 @@ impl Pinging<'_> {
         let echoes = memory.echoes(who);
         let index = (who & ((1 << CHUNK_BITS) - 1)) as usize;
         let (arrival, answer) = (&echoes.arrivals[index], &echoes.answers[index]);
-        self.tell_ray(text, arrival)?;
+        self.tell_ray(text, arrival, echoes.launch(index).unwrap_or_else(|| self.launch(arrival)))?;
         self.tell_echo(text, ping, arrival, answer, cell, bin)?;
         self.tell_equation(text, ping, memory, arrival, beam, bin)
     }
@@ -121,16 +122,29 @@ impl Pinging<'_> {
         Some((beam * bins + bin, bin))
     }
 
-    fn tell_ray(&self, text: &mut String, arrival: &Arrival) -> std::fmt::Result {
+    /// Direction in which the ray of an arrival leaves, world.
+    fn launch(&self, arrival: &Arrival) -> Vec3 {
         let [x, y, z] = self.transducer.direction.each_ref().map(|axis| axis[arrival.ray as usize]);
-        let world = self.rotation() * glam::Vec3::new(x, y, z);
+        self.rotation() * Vec3::new(x, y, z)
+    }
+
+    /// Whether what an arrival meets answers as a whole, along a ray of its own.
+    fn is_target(&self, arrival: &Arrival) -> bool {
+        arrival.order == 0
+            && arrival.surface != MEDIUM
+            && self.backscatter.is_whole(&self.scene.surfaces, arrival.surface)
+    }
+
+    fn tell_ray(&self, text: &mut String, arrival: &Arrival, world: Vec3) -> std::fmt::Result {
         let grazing = (-world.z).asin().to_degrees();
         let heading = world.y.atan2(world.x).to_degrees();
+        let name = match self.is_target(arrival) {
+            true => "ray to a target".to_owned(),
+            false => format!("ray {} of {}", arrival.ray, self.transducer.rays()),
+        };
         writeln!(
             text,
-            "ray {} of {}, the strongest here: leaves {grazing:.3} deg below the horizontal, azimuth {heading:.3} deg (world)",
-            arrival.ray,
-            self.transducer.rays()
+            "{name}, the strongest here: leaves {grazing:.3} deg below the horizontal, azimuth {heading:.3} deg (world)"
         )?;
         let depth = self.column.surface_z - self.pose.position.z;
         let slabs = &self.column.slabs;
@@ -263,7 +277,12 @@ impl Pinging<'_> {
         let spreading = self.spreading_db(arrival, upright * level);
         let loss = f64::from(arrival.loss);
         let sine = (arrival.direction.dot(arrival.normal).abs() / arrival.normal.length()).clamp(1e-3, 1.0);
-        let strength = self.backscatter.strength_db(&self.scene.surfaces, arrival, sine);
+        let is_target = self.is_target(arrival);
+        let surfaces = &self.scene.surfaces;
+        let strength = match is_target {
+            true => f64::from(self.backscatter.target_strength(surfaces, arrival.surface) / LOG2_PER_DB),
+            false => self.backscatter.strength_db(surfaces, arrival, sine),
+        };
         let mean = 10.0 * self.mean_power(memory, beam, bin).max(1e-300).log10();
         let area = mean - source + 2.0 * (spreading + loss) - strength;
         writeln!(text, "sonar equation, dB")?;
@@ -274,13 +293,19 @@ impl Pinging<'_> {
             -2.0 * (spreading + loss),
             format!("spreading {spreading:.2} and absorption, boundaries, reflections {loss:.2}, one way"),
         )?;
-        term("S", strength, "backscatter of the surface at this angle, per m2".into())?;
-        term(
-            "A",
-            area,
-            format!("{:.2e} m2 that the beam hears in a resolution cell, by its pattern", 10f64.powf(area / 10.0)),
-        )?;
-        term("EL", mean, "mean echo level: SL - 2TL + S + A".into())?;
+        if is_target {
+            term("TS", strength, "target strength, re 1 m2".into())?;
+            term("B", area, "pattern of sending and hearing in its direction, and what else is heard with it".into())?;
+            term("EL", mean, "mean echo level: SL - 2TL + TS + B".into())?;
+        } else {
+            term("S", strength, "backscatter of the surface at this angle, per m2".into())?;
+            term(
+                "A",
+                area,
+                format!("{:.2e} m2 that the beam hears in a resolution cell, by its pattern", 10f64.powf(area / 10.0)),
+            )?;
+            term("EL", mean, "mean echo level: SL - 2TL + S + A".into())?;
+        }
         let heard = f64::from(ping.levels(beam)[bin]);
         term("", heard, "level of the cell, with speckle and noise".into())?;
         let directivity = acoustics.directivity_index_db.unwrap_or(self.transducer.directivity_db);

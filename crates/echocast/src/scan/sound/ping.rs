@@ -2,7 +2,7 @@
 //! depths.
 
 use crate::cloud::{CELL_FIELDS, FLOW, Field, FieldSet, Layout, MOVING, Ping, Slices, SonarView, Sounding, put};
-use crate::detect::{BeamLevels, sounding};
+use crate::detect::{BeamLevels, Stretch, sounding};
 use crate::echo::{
     Background, CHUNK_BITS, Drift, Echoes, Insonification, Lines, NOBODY, Response, Scatterers, Tile, Wants,
 };
@@ -11,7 +11,7 @@ use crate::ground::angle::azimuth_elevation;
 use crate::ground::cause::Cause;
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::MEDIUM;
-use crate::ground::math::{LOG2_PER_DB, exp2, log2};
+use crate::ground::math::{LOG2_PER_DB, log2};
 use crate::ground::parallel;
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
@@ -22,7 +22,7 @@ use crate::scan::printed::printed_water;
 use crate::scan::{Profile, ScanOptions};
 use crate::sensor::{AcousticsSpec, Sensor, Speckle};
 use crate::trace::{
-    Backscatter, BuiltScene, Clock, Later, Launch, Movement, SoundLimits, SoundTracer, Tables, TracerMemory,
+    Backscatter, BuiltScene, Clock, Goal, Later, Launch, Movement, SoundLimits, SoundTracer, Tables, TracerMemory,
 };
 use glam::{DVec3, Mat3, Vec3};
 use std::sync::Arc;
@@ -32,6 +32,9 @@ const CHUNK: usize = 2048;
 
 /// Beams per tile, where several receive a ray: the sums of a tile fit into the second-level cache.
 const TILE: usize = 32;
+
+/// Targets per task, each with an arrival for each face.
+const GOALS: usize = 4096;
 
 /// Memory of a ping, kept from one to the next.
 #[derive(Default)]
@@ -70,9 +73,9 @@ struct RayChunk {
 struct TileMemory {
     tile: Tile,
     lines: Lines,
-    /// Of the beam at hand: powers by bin, and angles beside its axis.
-    powers: Vec<f32>,
+    /// Of the beam at hand: angles beside its axis by bin, and its echo.
     beside: Vec<f32>,
+    stretch: Stretch,
     soundings: Vec<Sounding>,
 }
 
@@ -349,7 +352,9 @@ impl<'a> Pinging<'a> {
         ping.labels = self.scene.surfaces.labels.clone();
         ping.cells.resize(fields, beams * bins)?;
 
-        let chunks = self.transducer.rays().div_ceil(CHUNK);
+        let of_rays = self.transducer.rays().div_ceil(CHUNK);
+        let goals = self.goals()?;
+        let chunks = of_rays + goals.len().div_ceil(GOALS);
         if chunks > 1 << (32 - CHUNK_BITS) {
             return Err(Error::invalid("pattern.rays", self.transducer.rays(), "at most 134 million rays in a ping"));
         }
@@ -367,7 +372,11 @@ impl<'a> Pinging<'a> {
         let tracer = SoundTracer::new(self.scene, &self.column, limits);
         let insonification = self.insonification();
         parallel::for_each(&mut memory.chunks, |number, chunk| {
-            RayTask { pinging: self, tracer: &tracer, insonification: &insonification, number, chunk }.run();
+            let task = RayTask { pinging: self, tracer: &tracer, insonification: &insonification, number, chunk };
+            match number.checked_sub(of_rays) {
+                None => task.run(),
+                Some(part) => task.look_at(goals.chunks(GOALS).nth(part).unwrap_or_default()),
+            }
         });
 
         let wants = Wants {
@@ -384,6 +393,47 @@ impl<'a> Pinging<'a> {
         ping.soundings.clear();
         ping.soundings.extend(memory.tiles.iter().flat_map(|memory| &memory.soundings));
         Ok(())
+    }
+
+    /// The targets from which echoes may come, where sound meets them.
+    ///
+    /// # Errors
+    /// One that is larger than its distance.
+    fn goals(&self) -> Result<Vec<Goal>> {
+        /// Things are at most a hundredth as fast as sound.
+        const PASSES: usize = 3;
+        let mut goals = Vec::new();
+        let surfaces = &self.scene.surfaces;
+        // In a duct sound may be on its way longer than straight ahead, never shorter.
+        let fastest = self.column.end_speeds().fold(0.0, f64::max);
+        let farthest = self.reach * fastest / self.layout.believed_speed;
+        for target in &surfaces.targets {
+            let row = &surfaces.rows[target.row as usize];
+            let (mut time, mut found) = (self.time, None);
+            for _ in 0..PASSES {
+                let Some((place, _)) = self.scene.stance(row.object, time, self.mask) else { break };
+                let middle = place.transform_point3(target.middle) - self.scene.origin;
+                let distance = middle.distance(self.place());
+                found = Some((middle, distance, place.matrix3));
+                let moves = self.clock.as_ref().is_some_and(|clock| clock.of(1.0) != clock.of(0.0));
+                if !moves {
+                    break;
+                }
+                time = self.time + distance / fastest;
+            }
+            let Some((middle, distance, turned)) = found else { continue };
+            let radius = target.radius * turned.determinant().abs().cbrt();
+            if distance - radius > farthest {
+                continue;
+            }
+            if radius > distance {
+                let name = &surfaces.materials[row.material as usize].name;
+                let found = format!("target, of a mesh of the material {name:?} with a radius of {radius:.3} m, {distance:.3} m away");
+                return Err(Error::invalid("sound.law", found, "for what is farther away than it is large"));
+            }
+            goals.push(Goal { row: target.row, middle });
+        }
+        Ok(goals)
     }
 
     fn insonification(&self) -> Insonification<'_> {
@@ -419,22 +469,22 @@ impl<'a> Pinging<'a> {
 impl TileMemory {
     /// The ranges that beams report, for sonars that do so, from the levels of all cells.
     fn sound_out(&mut self, pinging: &Pinging, levels: &[f32]) {
-        let TileMemory { tile, powers, beside, soundings, .. } = self;
+        let TileMemory { tile, beside, stretch, soundings, .. } = self;
         soundings.clear();
-        let Layout { bins, view, .. } = *pinging.layout;
+        let Layout { bins, view, bin_m, believed_speed, .. } = *pinging.layout;
+        let resolution = (pinging.acoustics.resolution(believed_speed) / bin_m) as f32;
         if !matches!(view, SonarView::Swath | SonarView::Single) {
             return;
         }
         for (beam, levels) in (tile.beams.0..).zip(levels.chunks_exact(bins)) {
-            powers.clear();
-            powers.extend(levels.iter().map(|level| exp2(level * LOG2_PER_DB)));
             beside.clear();
             if !tile.total.is_empty() {
                 let column = (0..bins).map(|bin| bin * tile.width() + beam - tile.beams.0);
                 beside.extend(column.map(|cell| tile.lean[cell] / tile.total[cell]));
             }
-            let heard = BeamLevels { beam, levels, powers, beside, width: pinging.transducer.width };
-            soundings.extend(sounding(&pinging.layout, &heard).map(|found| Sounding {
+            let width = pinging.transducer.widths[beam];
+            let heard = BeamLevels { beam, levels, beside, width, resolution, rng: &pinging.rng };
+            soundings.extend(sounding(&pinging.layout, &heard, stretch).map(|found| Sounding {
                 cell: (beam * bins + pinging.loud_bin(tile, beam, found.cell as usize - beam * bins)) as u32,
                 ..found
             }));
@@ -525,6 +575,18 @@ impl RayTask<'_, '_> {
             tracer.direct(&launch, whole, &mut chunk.tracer, arrivals, direct);
         }
         insonification.answer(&mut chunk.echoes);
+    }
+}
+
+impl RayTask<'_, '_> {
+    /// Hears `goals` rather than rays.
+    fn look_at(self, goals: &[Goal]) {
+        let RayTask { pinging, tracer, insonification, chunk, .. } = self;
+        let (sound, surfaces) = (&pinging.backscatter, &pinging.scene.surfaces);
+        let direct = &mut chunk.echoes.direct;
+        direct.clear();
+        tracer.sight(pinging.place(), goals, |row| sound.is_whole(surfaces, row), &mut chunk.tracer, direct);
+        insonification.answer_targets(&mut chunk.echoes);
     }
 }
 
@@ -647,8 +709,8 @@ impl Pinging<'_> {
             normal_y: normal.y,
             normal_z: normal.z,
         );
-        let launch = || match echoes.heard_straight(index) {
-            Some(direct) => self.rotation().transpose() * direct.launch,
+        let launch = || match echoes.launch(index) {
+            Some(launch) => self.rotation().transpose() * launch,
             None => self.transducer.direction.each_ref().map(|axis| axis[arrival.ray as usize]).into(),
         };
         if !(rows.azimuth.is_empty() && rows.elevation.is_empty()) {

@@ -1,4 +1,4 @@
-//! Direct paths from the sonar to what rays have met over reflections.
+//! Direct paths from the sonar: to what rays have met over reflections, and to what answers as a whole.
 
 use super::{
     Arrival, Chord, End, HitBatch, Launch, MOST_STEPS, SAGITTA, SoundTracer, Start, State, Step, TracerMemory, rounding,
@@ -7,20 +7,29 @@ use crate::ground::lanes::{LANES, MISS, RayBatch};
 use crate::medium::Ray;
 use glam::{DVec3, Vec3};
 
-/// The direct path to the place of an arrival.
+/// A direct path to the place of an arrival, or to a [`Goal`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Direct {
-    /// Index of the arrival.
-    pub arrival: u32,
-    /// The arrival as if a ray had taken this path.
+    /// Index of the arrival or goal.
+    pub index: u32,
+    /// What a ray would meet that had taken this path.
     pub way: Arrival,
     /// Unit vector along the path where it leaves the sonar, world.
     pub launch: Vec3,
 }
 
+/// What answers as a whole: its row, and its middle, m, relative to the scene's origin.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Goal {
+    pub row: u32,
+    pub middle: DVec3,
+}
+
 /// A direct path that something may block.
 pub(super) struct Candidate {
     direct: Direct,
+    /// Whether it ends at the body that it leads into.
+    inside: bool,
     /// The ray on its way, and how far it has to get, m.
     state: State,
     length: f64,
@@ -53,20 +62,59 @@ impl SoundTracer<'_> {
                 direct.extend(self.candidate(&start, index, arrival, whole(arrival.surface)));
             }
             if direct.len() == LANES {
-                self.look(&whole, rays, hits, direct, ways);
+                self.look(&start, &whole, rays, hits, direct, ways);
             }
         }
-        self.look(&whole, rays, hits, direct, ways);
+        self.look(&start, &whole, rays, hits, direct, ways);
+    }
+
+    /// Adds to `ways` the direct paths to those of `goals` that nothing but their own bodies blocks, where echoes are within
+    /// reach: up to where they meet these.
+    pub fn sight(
+        &self,
+        place: DVec3,
+        goals: &[Goal],
+        whole: impl Fn(u32) -> bool,
+        memory: &mut TracerMemory,
+        ways: &mut Vec<Direct>,
+    ) {
+        let depth = self.surface_z - place.z;
+        let start = Start { place, speed: self.slabs[self.slab_at(depth)].speed_at(depth) };
+        let TracerMemory { rays, hits, direct, .. } = memory;
+        direct.clear();
+        for (index, goal) in (0..).zip(goals) {
+            direct.extend(self.way_to(&start, goal.middle).filter(|(_, end)| self.believed * end.time <= self.reach).map(
+                |(state, end)| {
+                    let met = self.arrival(&State { ray: end, ..state }, goal.row, Vec3::ZERO, &start);
+                    let way = Arrival { normal: -met.direction, ..met };
+                    let step = Step { length: 0.0, end: End::Inside, chord: None };
+                    let direct = Direct { index, way, launch: state.direction().as_vec3() };
+                    Candidate { direct, inside: true, state, length: end.path, time: end.time, step }
+                },
+            ));
+            if direct.len() == LANES {
+                self.look(&start, &whole, rays, hits, direct, ways);
+            }
+        }
+        self.look(&start, &whole, rays, hits, direct, ways);
+    }
+
+    /// The ray from the start to a place, there and where it arrives.
+    fn way_to(&self, start: &Start, place: DVec3) -> Option<(State, Ray)> {
+        let to = place - start.place;
+        if to.length() < NEAR {
+            return None;
+        }
+        if self.uniform { Some(self.straight_way(start, to)) } else { self.bent_way(start, to) }
     }
 
     /// The direct path to an arrival's place, if it leads to the side of the surface that the arrival meets.
     fn candidate(&self, start: &Start, index: u32, arrival: &Arrival, whole: bool) -> Option<Candidate> {
-        let to = arrival.place.as_dvec3() - start.place;
-        let straight = to.length();
-        if straight < NEAR || f64::from(arrival.range) + self.least_range * straight > 2.0 * self.reach {
+        let straight = (arrival.place.as_dvec3() - start.place).length();
+        if f64::from(arrival.range) + self.least_range * straight > 2.0 * self.reach {
             return None;
         }
-        let (state, end) = if self.uniform { self.straight_way(start, to) } else { self.bent_way(start, to)? };
+        let (state, end) = self.way_to(start, arrival.place.as_dvec3())?;
         let Arrival { surface, triangle, corner, normal, .. } = *arrival;
         let met = self.arrival(&State { ray: end, ..state }, surface, normal, start);
         let way = Arrival { ray: arrival.ray, triangle, corner, order: 0, place: arrival.place, ..met };
@@ -81,8 +129,8 @@ impl SoundTracer<'_> {
         let clear = SAGITTA.max(rounding(arrival.place).into());
         let length = end.path - (clear / sine).min(0.1 * end.path);
         let step = Step { length: 0.0, end: End::Inside, chord: None };
-        let direct = Direct { arrival: index, way, launch: state.direction().as_vec3() };
-        Some(Candidate { direct, state, length, time: end.time, step })
+        let direct = Direct { index, way, launch: state.direction().as_vec3() };
+        Some(Candidate { direct, inside: false, state, length, time: end.time, step })
     }
 
     /// The ray along `to`, at its start and at its end, in uniform water.
@@ -167,6 +215,7 @@ impl SoundTracer<'_> {
     /// Moves those of `candidates` that nothing blocks to `ways`.
     fn look(
         &self,
+        start: &Start,
         whole: impl Fn(u32) -> bool,
         rays: &mut RayBatch,
         hits: &mut HitBatch,
@@ -205,13 +254,28 @@ impl SoundTracer<'_> {
                     return self.go_on(it);
                 }
                 // What answers as a whole is not hidden by its own body.
-                if surface == it.direct.way.surface && whole(surface) {
+                if whole(surface) && self.scene.is_of_one_object(surface, it.direct.way.surface) {
+                    if it.inside {
+                        let met = self.at_body(it, (rays, hits), lane - 1, start);
+                        it.direct.way = met;
+                    }
                     ways.push(it.direct);
                 }
                 false
             });
         }
         candidates.clear();
+    }
+
+    /// The arrival of a ray at the body that it leads into, which a `lane` has met.
+    fn at_body(&self, it: &Candidate, (rays, hits): (&RayBatch, &HitBatch), lane: usize, start: &Start) -> Arrival {
+        let mut state = it.state;
+        let slab = &self.slabs[state.ray.slab];
+        let normal = self.scene.world_normal(hits.surface[lane], hits.normal(lane), rays.time[lane]);
+        let length = super::arc_to(&state, slab, &it.step, hits.range[lane], rays.direction(lane), normal);
+        state.ray = state.ray.advanced(slab, length);
+        let met = self.arrival(&state, it.direct.way.surface, normal, start);
+        Arrival { triangle: hits.triangle[lane], corner: [hits.u[lane], hits.v[lane]], ..met }
     }
 
     /// Advances a ray through empty water; whether it has arrived, `None`: it has to be traced.
