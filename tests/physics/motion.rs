@@ -364,9 +364,10 @@ fn sonars_tell_how_what_they_hear_moves() {
         assert!((velocity - bed).length() < 1e-3 && (flow - 0.1 * bed).length() < 1e-4, "{velocity} {flow}");
         let place = vector(&columns.true_x, &columns.true_y, &columns.true_z, row) + cloud.origin;
         let along = (place - here).normalize();
-        // Water without a profile: sound goes straight. The place within a cell is rounded along the bed.
+        // Water without a profile: sound goes straight. The place within a cell is rounded along the bed, and what is heard in
+        // sidelobes along the track comes from a long one.
         let expected = (bed - boat).dot(along);
-        assert!((f64::from(columns.radial_velocity[row]) - expected).abs() < 0.02, "{row}: {expected}");
+        assert!((f64::from(columns.radial_velocity[row]) - expected).abs() < 0.1, "{row}: {expected}");
         // It has risen when the sound gets there.
         let met = columns.true_range[row] as f64 / 1500.0;
         assert!((place.z - (-18.0 + met)).abs() < 2e-3, "{place} {met}");

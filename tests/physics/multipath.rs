@@ -120,7 +120,8 @@ fn first_order_echoes_are_those_of_the_images() {
         assert!(level_at(&alone, 0, ways[0] - 0.06) > 120.0);
         let second = (0.5 * (ways[0] + ways[1]) / alone.layout.bin_m) as usize;
         let loudest = alone.levels(0)[second - 3..].iter().copied().fold(f32::MIN, f32::max);
-        assert!(loudest < 60.0, "{loudest} dB");
+        // That far above the sonar a calm sea has few bubbles.
+        assert!(loudest < 70.0, "{loudest} dB");
     }
 }
 

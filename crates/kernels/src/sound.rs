@@ -99,13 +99,41 @@ kernels! {
     /// Convolves a line with a symmetric response of `taps`, given from the middle on; `padded` is the line with as
     /// many zeros on either side as there are taps beside the middle.
     pub fn convolve(taps: &[f32], squared: bool, padded: &[f32], out: &mut [f32]) {
+        /// Sums that stay in registers while all taps pass.
+        const BLOCK: usize = 32;
         let half = taps.len() - 1;
-        out.fill(0.0);
-        for shift in 0..=2 * half {
+        let tap = |shift: usize| {
             let tap = taps[shift.abs_diff(half)];
-            let tap = if squared { tap * tap } else { tap };
-            for (out, value) in out.iter_mut().zip(&padded[shift..]) {
-                *out += tap * value;
+            if squared { tap * tap } else { tap }
+        };
+        let whole = out.len() - out.len() % BLOCK;
+        for (start, out) in (0..).step_by(BLOCK).zip(out[..whole].chunks_exact_mut(BLOCK)) {
+            let mut sums = [0.0; BLOCK];
+            for shift in 0..=2 * half {
+                let tap = tap(shift);
+                for (sum, value) in sums.iter_mut().zip(&padded[start + shift..start + shift + BLOCK]) {
+                    *sum += tap * value;
+                }
+            }
+            out.copy_from_slice(&sums);
+        }
+        for (at, out) in (whole..).zip(&mut out[whole..]) {
+            *out = (0..=2 * half).map(|shift| tap(shift) * padded[at + shift]).sum();
+        }
+    }
+
+    /// The columns of rows of `width` numbers, one after the other.
+    pub fn columns(width: usize, rows: &[f32], columns: &mut [f32]) {
+        /// Rows at a time: they stay in the first cache.
+        const BLOCK: usize = 16;
+        let count = rows.len() / width;
+        for (start, block) in (0..).step_by(BLOCK).zip(rows.chunks(BLOCK * width)) {
+            let rows = block.len() / width;
+            for column in 0..width {
+                let from = column * count + start;
+                for (to, row) in columns[from..from + rows].iter_mut().zip(block.chunks_exact(width)) {
+                    *to = row[column];
+                }
             }
         }
     }
@@ -114,6 +142,13 @@ kernels! {
     pub fn add_product(a: &mut [f32], b: &[f32], c: &[f32]) {
         for ((a, b), c) in a.iter_mut().zip(b).zip(c) {
             *a += b * c;
+        }
+    }
+
+    /// `a = sqrt(a^2 + power)`.
+    pub fn add_to_square(power: &[f32], a: &mut [f32]) {
+        for (a, power) in a.iter_mut().zip(power) {
+            *a = (*a * *a + power).sqrt();
         }
     }
 

@@ -229,9 +229,9 @@ fn what_makes_no_sense_is_refused() {
     let swath = sonar("type: multibeam, beams: 4096, swath_deg: 120", "acoustics.bin_m=0.001");
     let huge = refused(&swath, 20.0, &fine);
     assert!(huge.starts_with("acoustics.bin_m is 0.001 m: 100000 bins of 4096 beams"), "{huge}");
-    let fine_bins = sonar("type: single_beam, beam_deg: 2", "acoustics.bandwidth_khz=1 acoustics.bin_m=0.003");
+    let fine_bins = sonar("type: single_beam, beam_deg: 2", "acoustics.bandwidth_khz=1 acoustics.bin_m=0.006");
     let fine_bins = refused(&fine_bins, 20.0, &fine);
-    assert!(fine_bins.starts_with("acoustics.bin_m is 0.003 m; allowed: at least 0.0032"), "{fine_bins}");
+    assert!(fine_bins.starts_with("acoustics.bin_m is 0.006 m; allowed: at least 0.0062"), "{fine_bins}");
     // Columns are public; a cloud is not made from mismatched ones.
     let mut short = ping(&scene, &sidescan(""), Pose::at(0.0, 0.0, 20.0), &fine);
     short.cells.azimuth.pop();

@@ -356,6 +356,10 @@ columns! {
     flow_z, FlowZ, f32, "m", false, None, "scene flow: where the surface point is one frame later, minus where it is, in the world; of sonars NaN";
     track_id, TrackId, u32, "", false, None, "object over all frames, 0 = unlabelled";
     doppler, Doppler, f32, "m/s", false, None, "measured radial velocity: negative where point and sensor approach each other, NaN where the instrument measures none; a default column of those that measure it";
+    quality, Quality, f32, "1", false, None, "confidence in a sounding: 0 to 1, 0.5 for a standard error of the range of 0.25 %; NaN for what is none; a default column of swaths and single beams";
+    corrected_x, CorrectedX, f32, "m", false, None, "sounding by a bent ray: position by the ray through the assumed profile of sound speeds, relative to the cloud's origin; NaN for what is none; a default column of swaths and single beams";
+    corrected_y, CorrectedY, f32, "m", false, None, "sounding by a bent ray: position by the ray through the assumed profile of sound speeds, relative to the cloud's origin; NaN for what is none; a default column of swaths and single beams";
+    corrected_z, CorrectedZ, f32, "m", false, None, "sounding by a bent ray: position by the ray through the assumed profile of sound speeds, relative to the cloud's origin; NaN for what is none; a default column of swaths and single beams";
 }
 
 impl Field {
@@ -382,6 +386,9 @@ pub(crate) const VELOCITY: [Field; 3] = [Field::VelocityX, Field::VelocityY, Fie
 
 /// The columns that `flow` stands for.
 pub(crate) const FLOW: [Field; 3] = [Field::FlowX, Field::FlowY, Field::FlowZ];
+
+/// Columns that only soundings have.
+pub(crate) const SOUNDING: [Field; 4] = [Field::Quality, Field::CorrectedX, Field::CorrectedY, Field::CorrectedZ];
 
 /// Columns that depend on how things move.
 pub(crate) const MOVING: [Field; 8] = [

@@ -10,7 +10,7 @@ pub(crate) mod record;
 pub use boxes::{BoxAxes, InstanceBox};
 pub(crate) use collect::Kept;
 pub use fields::{Column, ColumnType, Columns, FIELDS, Field, FieldInfo, FieldSet};
-pub(crate) use fields::{ColumnMut, Element, FLOW, MOVING, Slices, VELOCITY, put};
+pub(crate) use fields::{ColumnMut, Element, FLOW, MOVING, SOUNDING, Slices, VELOCITY, put};
 pub use pack::{PackItem, PackType};
 pub use ping::{CELL_FIELDS, Layout, Ping, Pings, SonarView, Sounding};
 

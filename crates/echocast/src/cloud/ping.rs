@@ -4,7 +4,7 @@ use crate::cloud::{Column, Columns, Field, FieldSet};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use crate::scene::Labels;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::any::Any;
 use std::fmt;
 use std::sync::Arc;
@@ -100,8 +100,12 @@ pub struct Sounding {
     pub cell: u32,
     /// Level of the loudest cell of the echo, dB re 1 uPa.
     pub level_db: f32,
-    /// Confidence, 0 to 1: level above the threshold over 20 dB, less where the echo is wide.
+    /// Confidence, 0 to 1: `1 / (1 + (e / 0.25 %)^2)`, with the relative standard error `e` of the range as the echo's
+    /// shape and noise have it.
     pub quality: f32,
+    /// Where it lies by a ray through the assumed profile of the water, m, relative to [`Ping::origin`]; NaN where the ray
+    /// does not stay in the water.
+    pub corrected: Vec3,
 }
 
 /// Memory that the maker of pings keeps in each, for the next ping made in its place.

@@ -25,7 +25,7 @@ pub(crate) use noise::{IntensityError, RangeError};
 pub use noise::{Noise, RangePoint, WeakDropout};
 pub use returns::ReturnMode;
 pub(crate) use returns::{Peak, ReturnRule};
-pub(crate) use soundings::{BeamLevels, Stretch, sounding};
+pub(crate) use soundings::{BeamLevels, Beside, Stretch, sounding};
 pub use statistical::{Statistical, Sunlight};
 pub(crate) use threshold::Threshold;
 pub use threshold::{Detection, DetectionSpec, LimitPoint, Timing};

@@ -8,6 +8,7 @@
 use crate::cloud::{Layout, Sounding};
 use crate::ground::math::{LOG2_PER_DB, exp2};
 use crate::ground::rng::{Draw, Rng};
+use glam::Vec3;
 use std::ops::Range;
 
 /// Part of a beam's full width at -3 dB to each side of its axis within which echoes are its own: what comes from
@@ -19,14 +20,42 @@ pub(crate) struct BeamLevels<'a> {
     pub beam: usize,
     /// Levels, dB, bin by bin.
     pub levels: &'a [f32],
-    /// Angle from the beam's axis at which the energy of each bin arrives, rad; NaN: none. Empty: of a single beam.
-    pub beside: &'a [f32],
+    /// From how far beside its axis it has heard that.
+    pub beside: Beside<'a>,
     /// Full width of the beam as it is steered, rad.
     pub width: f32,
     /// Length of the pulse, bins.
     pub resolution: f32,
     /// Of the ping.
     pub rng: &'a Rng,
+}
+
+/// Energies of a tile times the angle from the axis of the beam that hears them, rad, and energies, by bin and beam. Empty:
+/// of a single beam.
+#[derive(Clone, Copy)]
+pub(crate) struct Beside<'a> {
+    pub lean: &'a [f32],
+    pub total: &'a [f32],
+    /// Beams of the tile, and which of them it is.
+    pub width: usize,
+    pub beam: usize,
+}
+
+impl Beside<'_> {
+    /// Angle from the beam's axis at which the energy of a bin arrives, rad; NaN: there is none.
+    fn at(&self, bin: usize) -> f32 {
+        let cell = bin * self.width + self.beam;
+        self.lean[cell] / self.total[cell]
+    }
+
+    /// Energy that arrives in a bin on average, whatever its speckle.
+    fn energy(&self, bin: usize) -> f32 {
+        self.total[bin * self.width + self.beam]
+    }
+
+    fn is_empty(&self) -> bool {
+        self.total.is_empty()
+    }
 }
 
 /// Memory of [`sounding`].
@@ -38,6 +67,7 @@ pub(crate) struct Stretch {
     angles: Vec<f32>,
     beams: Vec<u32>,
     noise: Vec<f32>,
+    sums: Vec<f32>,
 }
 
 /// Where an echo lies, bins, and with what standard error.
@@ -50,14 +80,14 @@ struct Found {
 /// beam's axis within range.
 pub(crate) fn sounding(layout: &Layout, heard: &BeamLevels, stretch: &mut Stretch) -> Option<Sounding> {
     let BeamLevels { beam, levels, beside, .. } = *heard;
-    let window = if beside.is_empty() { about_the_loudest(layout, heard)? } else { on_axis(layout, heard)? };
+    let window = if beside.is_empty() { about_the_loudest(layout, heard)? } else { on_axis(layout, heard, &mut stretch.sums)? };
     stretch.fill(layout, heard, window.clone());
     let bins = levels.len();
     let found = match stretch.crossing(heard) {
         Some(found) => found,
         // It goes on beyond what is heard.
         None if !beside.is_empty() && window.end == bins => return None,
-        None => stretch.centre(heard)?,
+        None => stretch.centre(heard, exp2(layout.noise_db * LOG2_PER_DB))?,
     };
     if !(window.start as f32 - 1.0..=window.end as f32 + 1.0).contains(&found.at) {
         return None;
@@ -70,6 +100,7 @@ pub(crate) fn sounding(layout: &Layout, heard: &BeamLevels, stretch: &mut Stretc
         cell: (beam * bins + cell) as u32,
         level_db: loudest,
         quality: quality(found.error / found.at),
+        corrected: Vec3::NAN,
     })
 }
 
@@ -99,29 +130,63 @@ fn about_the_loudest(layout: &Layout, heard: &BeamLevels) -> Option<Range<usize>
     Some(loudest.saturating_sub(reach).max(from)..(loudest + reach + 1).min(bins))
 }
 
-/// The bins with the most energy among those stretches that are loud enough and come from within a swath's beam.
-fn on_axis(layout: &Layout, heard: &BeamLevels) -> Option<Range<usize>> {
+/// The bins with the most energy among those stretches that are loud enough and come from within a swath's beam, without what
+/// is much fainter before and after: what the sidelobes along the track hear. Which those are the energy on average decides:
+/// instruments look where the beams beside and the pings before have found something, and so a single dark speckle does not
+/// mislead them.
+fn on_axis(layout: &Layout, heard: &BeamLevels, sums: &mut Vec<f32>) -> Option<Range<usize>> {
+    /// Part of the power of the loudest part that the rest has at least.
+    const FAINTER: f32 = 0.05;
     let BeamLevels { levels, beside, width, resolution, .. } = *heard;
     let (bins, from) = (levels.len(), layout.first_bin);
     // Speckle interrupts an echo.
     let least = 3.0 * resolution + 3.0;
-    let lit = |&bin: &usize| levels[bin] > layout.threshold_db[bin] && beside[bin].abs() <= WITHIN * width;
+    let longest = |length: usize| least.max(0.2 * length as f32);
+    let lit = |&bin: &usize| levels[bin] > layout.threshold_db[bin] && beside.at(bin).abs() <= WITHIN * width;
     let mut best = (0.0, 0..0);
     let mut run = (0.0, 0..0);
     for bin in (from..bins).filter(lit) {
         let (_, at) = &run;
-        let gap = least.max(0.2 * at.len() as f32);
-        if at.is_empty() || (bin - at.end) as f32 > gap {
+        if at.is_empty() || (bin - at.end) as f32 > longest(at.len()) {
             run = (0.0, bin..bin);
         }
         let (energy, at) = &mut run;
-        *energy += exp2(levels[bin] * LOG2_PER_DB);
+        *energy += beside.energy(bin);
         at.end = bin + 1;
         if *energy > best.0 {
             best = run.clone();
         }
     }
-    (best.0 > 0.0).then_some(best.1)
+    let (energy, whole) = best;
+    if energy == 0.0 {
+        return None;
+    }
+    // Sums up to each bin, for means over some pulses.
+    sums.clear();
+    sums.push(0.0);
+    let mut sum = 0.0;
+    for bin in whole.clone() {
+        sum += if lit(&bin) { beside.energy(bin) / energy } else { 0.0 };
+        sums.push(sum);
+    }
+    let half = (0.5 * least) as usize;
+    let around = |at: usize| sums[(at + half + 1).min(whole.len())] - sums[at.saturating_sub(half)];
+    let (middle, most) = (0..whole.len()).map(|at| (at, around(at))).max_by(|(_, a), (_, b)| a.total_cmp(b))?;
+    let is_faint = |at: &usize| around(*at) < FAINTER * most;
+    // From the middle outwards, over gaps that speckle makes.
+    let reach = |ways: &mut dyn Iterator<Item = usize>| {
+        let mut last = middle;
+        for at in ways {
+            if !is_faint(&at) {
+                last = at;
+            } else if at.abs_diff(last) as f32 > longest(last.abs_diff(middle)) {
+                break;
+            }
+        }
+        last
+    };
+    let (first, last) = (reach(&mut (0..middle).rev()), reach(&mut (middle + 1..whole.len())));
+    Some(whole.start + first..whole.start + last + 1)
 }
 
 impl Stretch {
@@ -132,13 +197,13 @@ impl Stretch {
         /// `1 / (0.886 pi)`, where 0.886 wavelengths over the length is the width.
         const PER_WIDTH: f32 = 0.359;
         let BeamLevels { beam, levels, beside, width, rng, .. } = *heard;
-        let Stretch { bins, powers, angles, beams, noise } = self;
+        let Stretch { bins, powers, angles, beams, noise, .. } = self;
         bins.clear();
         powers.clear();
         angles.clear();
         let is_swath = !beside.is_empty();
         let own = |bin: &usize| {
-            levels[*bin] > layout.threshold_db[*bin] && (!is_swath || beside[*bin].abs() <= WITHIN * width)
+            levels[*bin] > layout.threshold_db[*bin] && (!is_swath || beside.at(*bin).abs() <= WITHIN * width)
         };
         bins.extend(window.filter(own).map(|bin| bin as u32));
         powers.extend(bins.iter().map(|&bin| exp2(levels[bin as usize] * LOG2_PER_DB)));
@@ -153,13 +218,16 @@ impl Stretch {
         let background = exp2(layout.noise_db * LOG2_PER_DB);
         let measured = bins.iter().zip(&*powers).zip(&*noise).map(|((&bin, &power), &noise)| {
             let ratio = (power / background - 1.0).max(0.1);
-            beside[bin as usize] + PER_WIDTH * width * noise / ratio.sqrt()
+            beside.at(bin as usize) + PER_WIDTH * width * noise / ratio.sqrt()
         });
         angles.extend(measured);
     }
 
-    /// Centre of the energy within 10 dB of the loudest.
-    fn centre(&self, heard: &BeamLevels) -> Option<Found> {
+    /// Centre of the energy within 10 dB of the loudest. Speckle moves it within what is longer than a pulse, noise by a
+    /// part of a pulse.
+    fn centre(&self, heard: &BeamLevels, noise: f32) -> Option<Found> {
+        /// Spread of a point's echo, resolutions: of `sinc^2` within 10 dB.
+        const OWN: f32 = 0.28;
         let most = self.powers.iter().copied().fold(0.0, f32::max);
         let origin = *self.bins.first()?;
         let (mut sum, mut first, mut second) = (0.0, 0.0, 0.0);
@@ -168,10 +236,11 @@ impl Stretch {
             (sum, first, second) = (sum + power, first + power * at, second + power * at * at);
         }
         let mean = first / sum;
-        let spread = (second / sum - mean * mean).max(0.0).sqrt();
+        let own = (OWN * heard.resolution).powi(2);
         // As many independent speckles as pulses fit into it.
         let looks = (self.bins.len() as f32 / heard.resolution).max(1.0);
-        Some(Found { at: origin as f32 + mean, error: spread / looks.sqrt() })
+        let longer = (second / sum - mean * mean - own).max(0.0);
+        Some(Found { at: origin as f32 + mean, error: (longer / looks + own * noise / most).sqrt() })
     }
 
     /// Where the angle crosses zero, if it runs through the beam over several pulses: a parabola is fitted to it, as
@@ -248,6 +317,8 @@ mod tests {
 
     fn found(layout: &Layout, levels: &[f32], beside: &[f32], width: f32) -> Option<Sounding> {
         let rng = Rng::new(1, 0);
+        let total = vec![1.0; beside.len()];
+        let beside = Beside { lean: beside, total: &total, width: 1, beam: 0 };
         let heard = BeamLevels { beam: 0, levels, beside, width, resolution: 2.0, rng: &rng };
         sounding(layout, &heard, &mut Stretch::default())
     }
@@ -261,7 +332,7 @@ mod tests {
         let layout = layout(-std::f32::consts::FRAC_PI_2);
         for beside in [&[][..], &[0.0; 200]] {
             let found = found(&layout, &levels, beside, 0.02).unwrap();
-            assert!((found.range - 10.05).abs() < 1e-3 && found.quality > 0.5, "{found:?}");
+            assert!((found.range - 10.05).abs() < 1e-3 && found.quality > 0.4, "{found:?}");
             assert_eq!((found.cell, found.level_db), (100, 72.0));
         }
         assert!(found(&Layout { first_bin: 110, ..layout.clone() }, &levels, &[], 0.02).is_none());

@@ -22,4 +22,4 @@ pub use lobe::Lobe;
 use motion::Motion;
 pub use pattern::Pattern;
 pub use trajectory::Trajectory;
-pub(crate) use transducer::{Hearing, Transducer};
+pub(crate) use transducer::{FLANK_PARTS, Hearing, Transducer};

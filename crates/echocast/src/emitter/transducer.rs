@@ -7,8 +7,12 @@ use crate::ground::angle::azimuth_elevation;
 use glam::Vec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Power of a line array below which a beam hears nothing off its axis: four sidelobes on each side.
+/// Power of a line array below which a beam does not hear single echoes off its axis, but all together: four sidelobes on
+/// each side. See [`Transducer::flanks`].
 const FAINTEST: f64 = 5e-3;
+
+/// Equal parts of the sine to a line array by which beams hear what is farther aside.
+pub(crate) const FLANK_PARTS: usize = 32;
 
 /// Part of the rays spread evenly over a fan, whatever its pattern: they find what the sidelobes see.
 const EVEN: f64 = 0.2;
@@ -39,6 +43,9 @@ pub(crate) struct Transducer {
     only_sends: bool,
     /// Amplitudes with which beams hear, 1 on the axis; see [`Hearing`].
     pub loudness: Vec<f32>,
+    /// Mean power with which each beam hears what is farther aside than its [`Hearing`]s reach, by the part of the
+    /// directions from which it comes: beam by beam, [`FLANK_PARTS`] each. Empty: no line array.
+    pub flanks: Vec<f32>,
     /// Angles from the beam's axis to the ray, rad, positive to port, beside each loudness; only for swaths.
     pub beside: Vec<f32>,
     /// Reported azimuth and elevation of each beam's axis, rad.
@@ -57,6 +64,8 @@ pub(crate) struct Hearing {
     pub first: u32,
     pub from: u32,
     pub to: u32,
+    /// In which of the [`FLANK_PARTS`] the directions lie.
+    pub part: u32,
 }
 
 impl Transducer {
@@ -159,7 +168,7 @@ impl Transducer {
     fn find_solid_angles(&mut self) {
         self.solid_angles = vec![0.0; self.beams()];
         for (weight, &hearing) in self.weight.iter().zip(&self.hearing) {
-            let Hearing { first, from, to } = self.hearings[hearing as usize];
+            let Hearing { first, from, to, .. } = self.hearings[hearing as usize];
             let heard = &self.loudness[from as usize..to as usize];
             for (sum, loudness) in self.solid_angles[first as usize..].iter_mut().zip(heard) {
                 *sum += weight.exp2() * loudness * loudness;
@@ -182,7 +191,7 @@ impl Transducer {
     fn heard_by(&mut self, beam: usize) {
         let from = self.loudness.len() as u32;
         self.loudness.push(1.0);
-        self.hearings.push(Hearing { first: beam as u32, from, to: from + 1 });
+        self.hearings.push(Hearing { first: beam as u32, from, to: from + 1, part: 0 });
     }
 
     /// Who hears any direction, by its sine to a line array.
@@ -192,6 +201,21 @@ impl Transducer {
         for step in 0..steps {
             let sine = (2 * step + 1) as f64 / steps as f64 - 1.0;
             self.heard_from(sine, sines, lobe, extent, with_angles);
+        }
+    }
+
+    /// How beams at the `sines` hear what is farther than `extent` aside.
+    fn find_flanks(&mut self, sines: &[f64], lobe: &lobe::BeamPattern, extent: f64) {
+        /// Steps of the sine for each width of the lobe: sidelobes are about as wide.
+        const FINE: f64 = 4.0;
+        let part = 2.0 / FLANK_PARTS as f64;
+        let steps = (FINE * part / lobe.width()).ceil().clamp(16.0, 256.0) as usize;
+        for &axis in sines {
+            self.flanks.extend((0..FLANK_PARTS).map(|index| {
+                let sine = |step: usize| -1.0 + part * (index as f64 + (step as f64 + 0.5) / steps as f64);
+                let far = (0..steps).map(sine).filter(|sine| (sine - axis).abs() > extent);
+                (far.map(|sine| lobe.amplitude_steered(sine, axis).powi(2)).sum::<f64>() / steps as f64) as f32
+            }));
         }
     }
 
@@ -206,7 +230,8 @@ impl Transducer {
                 self.beside.push((sine.clamp(-1.0, 1.0).asin() - axis.clamp(-1.0, 1.0).asin()) as f32);
             }
         }
-        self.hearings.push(Hearing { first: first as u32, from, to: self.loudness.len() as u32 });
+        let part = ((0.5 + 0.5 * sine) * FLANK_PARTS as f64).clamp(0.0, FLANK_PARTS as f64 - 1.0) as u32;
+        self.hearings.push(Hearing { first: first as u32, from, to: self.loudness.len() as u32, part });
     }
 
     fn sidescan(sonar: &Sidescan, wavelength: f64) -> Transducer {
@@ -273,8 +298,10 @@ impl Transducer {
             transducer.heard_from(sin * level, &sines, &heard, extent, true);
             let one_way = sent.amplitude(forward).powi(2);
             transducer.push([forward, sin * level, -cos * level], [0.0, cos, sin], size, size * along.width, one_way);
+            transducer.aside.push(along.size(index) as f32);
         }
         transducer.heard_anywhere(&sines, &heard, extent, true);
+        transducer.find_flanks(&sines, &heard, extent);
         let frame = [[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         transducer.faces = vec![Aperture::new(frame, (|sine| sent.amplitude(sine), sent.width()), EVERYWHERE)];
         transducer.only_sends = true;
@@ -319,6 +346,7 @@ impl Transducer {
             }
         }
         transducer.heard_anywhere(&sines, &heard, extent, false);
+        transducer.find_flanks(&sines, &heard, extent);
         let frame = [tilted([1.0, 0.0, 0.0]), [0.0, 1.0, 0.0], tilted([0.0, 0.0, 1.0])];
         let up = |sine: f64| vertical.amplitude(sine);
         transducer.faces = vec![Aperture::new(frame, EVERYWHERE, (up, vertical.width()))];
@@ -507,5 +535,14 @@ impl ThinSide {
     /// Sine and cosine of the angle of ray `index`.
     fn sine_cosine(&self, index: usize) -> [f64; 2] {
         self.angles[(golden(index) * self.angles.len() as f64) as usize].sin_cos().into()
+    }
+
+    /// Extent of the angles that ray `index` stands for among its neighbours, rad: in the sidelobes, where rays are few, it
+    /// is wide, and what they meet would be as loud as a point.
+    fn size(&self, index: usize) -> f64 {
+        /// Rays beside each other that together have met all of the lobe.
+        const NEIGHBOURS: f64 = 16.0;
+        let at = |part: f64| self.angles[(part.clamp(0.0, 1.0) * (self.angles.len() - 1) as f64) as usize];
+        at(golden(index) + 0.5 / NEIGHBOURS) - at(golden(index) - 0.5 / NEIGHBOURS)
     }
 }

@@ -242,6 +242,12 @@ fn write_soundings(file: &mut Arrays, pings: &[Ping]) -> io::Result<()> {
     let about = ["sounding_level_db", "dB re 1 uPa", "level of its strongest cell"];
     file.add(about, &count, Column::F32(&real(|s| s.level_db)?))?;
     file.add(["sounding_quality", "1", "how sure it is, 0 to 1"], &count, Column::F32(&real(|s| s.quality)?))?;
+    let places: Vec<f32> = joined(pings, |ping| ping.soundings.iter().map(|s| s.corrected))?
+        .iter()
+        .flat_map(|place| place.to_array())
+        .collect();
+    let about = ["sounding_corrected", "m", "position by the ray through the assumed profile, relative to origin"];
+    file.add(about, &[indices.len(), 3], Column::F32(&places))?;
     let about = ["sounding_cell", "", "strongest cell in its ping: beam * bins + bin"];
     file.add(about, &count, Column::U32(&whole(|s| s.cell)?))
 }

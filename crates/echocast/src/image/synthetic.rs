@@ -3,7 +3,7 @@
 use crate::cloud::{Columns, Field, FieldSet, Layout, Ping, Pings, SonarView, Sounding};
 use crate::ground::pose::Pose;
 use crate::scene::{Labels, NameTable};
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 use std::sync::Arc;
 
 /// Label of the target; that of the bed is 1.
@@ -197,7 +197,7 @@ pub(crate) fn swath(pings: usize) -> Pings {
             .map(|beam| {
                 let range = echo(beam).0;
                 let cell = (beam * layout.bins + (range / layout.bin_m) as usize) as u32;
-                Sounding { beam: beam as u32, range: range as f32, cell, level_db: 90.0, quality: 0.5 }
+                Sounding { beam: beam as u32, range: range as f32, cell, level_db: 90.0, quality: 0.5, corrected: Vec3::NAN }
             })
             .collect();
         track.push(made).unwrap();

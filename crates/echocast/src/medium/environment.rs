@@ -88,7 +88,7 @@ impl Environment {
 
     /// Reads what is kept in separate files; relative names start at `folder`.
     pub(crate) fn read_files(&mut self, folder: &Path) -> Result<()> {
-        self.water.as_mut().map_or(Ok(()), |water| water.read_file(folder))
+        self.water.as_mut().map_or(Ok(()), |water| water.read_files(folder))
     }
 
     /// Checks that all values are within what is allowed.

@@ -236,8 +236,8 @@ impl Surfaces {
 impl Tables {
     /// Whether two rows are parts of one object.
     pub(crate) fn is_of_one_object(&self, row: u32, other: u32) -> bool {
-        let object = |row: u32| self.surfaces.rows[row as usize].object;
-        row == other || object(row) == object(other)
+        let object = |row: u32| self.surfaces.rows.get(row as usize).map(|surface| surface.object);
+        row == other || object(row).is_some_and(|one| object(other) == Some(one))
     }
 
     /// The interpolated normal of a smooth part at `time` where the second and the third corner of `triangle` weigh `u`

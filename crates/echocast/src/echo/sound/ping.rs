@@ -93,6 +93,8 @@ pub(crate) struct Echoes {
     pub launches: Vec<(u32, Vec3)>,
     /// For each arrival, in order.
     pub answers: Vec<PingEcho>,
+    /// Beams that hear any of it: from the first to before the second.
+    pub beams: (usize, usize),
     /// Parts: energies, and amplitudes with random phases, or energies again.
     pub energy: Vec<f32>,
     pub re: Vec<f32>,
@@ -163,7 +165,7 @@ const BATCH: usize = 64;
 impl Insonification<'_> {
     /// Finds what `echoes.arrivals` send back, also straight back where `echoes.direct` says so.
     pub fn answer(&self, echoes: &mut Echoes) {
-        let Echoes { arrivals, direct, launches, answers, energy, re, im } = echoes;
+        let Echoes { arrivals, direct, launches, answers, energy, re, im, .. } = echoes;
         answers.clear();
         launches.clear();
         [&mut *energy, re, im].into_iter().for_each(Vec::clear);
@@ -200,7 +202,7 @@ impl Insonification<'_> {
     /// Finds what the targets send back to which `echoes.direct` leads, each as a point of its target strength (sonar
     /// equation for point targets, Urick 1983, section 2.1): no ray has to meet it.
     pub fn answer_targets(&self, echoes: &mut Echoes) {
-        let Echoes { arrivals, direct, launches, answers, energy, re, im } = echoes;
+        let Echoes { arrivals, direct, launches, answers, energy, re, im, .. } = echoes;
         arrivals.clear();
         launches.clear();
         answers.clear();
@@ -418,6 +420,19 @@ impl Insonification<'_> {
     }
 }
 
+impl Echoes {
+    /// Determines which beams hear any of it, or lose water to it.
+    pub fn find_beams(&mut self, transducer: &Transducer) {
+        let of_rays = self.arrivals.iter().filter(|arrival| arrival.order == 0);
+        let of_rays = of_rays.filter_map(|arrival| transducer.hearing.get(arrival.ray as usize));
+        let all = of_rays.copied().chain(self.answers.iter().map(|answer| answer.hearing));
+        self.beams = all.fold((usize::MAX, 0), |(least, most), hearing| {
+            let Hearing { first, from, to, .. } = transducer.hearings[hearing as usize];
+            (least.min(first as usize), most.max((first + to - from) as usize))
+        });
+    }
+}
+
 /// Sine of the grazing angle between a unit vector and a surface.
 pub(super) fn sine(direction: Vec3, normal: Vec3) -> f32 {
     (direction.dot(normal).abs() / normal.length()).clamp(1e-3, 1.0)
@@ -608,11 +623,14 @@ impl Tile {
     /// Adds what the beams hear of chunk number `chunk`.
     pub fn hear(&mut self, transducer: &Transducer, chunk: u32, echoes: &Echoes, bin_m: f32, wants: Wants) {
         let width = self.width();
+        if echoes.beams.1 <= self.beams.0 || self.beams.1 <= echoes.beams.0 {
+            return;
+        }
         for (index, (arrival, answer)) in (0..).zip(echoes.arrivals.iter().zip(&echoes.answers)) {
             if wants.open && arrival.order == 0 {
                 self.close(transducer, arrival.ray as usize, (answer.range / bin_m) as usize);
             }
-            let Hearing { first, from, to } = transducer.hearings[answer.hearing as usize];
+            let Hearing { first, from, to, .. } = transducer.hearings[answer.hearing as usize];
             let (first, last) = (first as usize, (first + to - from) as usize);
             let (low, high) = (first.max(self.beams.0), last.min(self.beams.1));
             if low >= high {
@@ -636,7 +654,7 @@ impl Tile {
     fn close(&mut self, transducer: &Transducer, ray: usize, bin: usize) {
         let width = self.width();
         // Uses the beams at the start, which define the open water.
-        let Hearing { first, from, to } = transducer.hearings[transducer.hearing[ray] as usize];
+        let Hearing { first, from, to, .. } = transducer.hearings[transducer.hearing[ray] as usize];
         let (first, last) = (first as usize, (first + to - from) as usize);
         let (low, high) = (first.max(self.beams.0), last.min(self.beams.1));
         if low >= high || bin * width >= self.open.len() {

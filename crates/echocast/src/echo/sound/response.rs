@@ -1,6 +1,8 @@
 //! What pulse and receiver make of what beams hear: levels.
 
-use super::ping::Tile;
+use super::flanks::Flanks;
+use super::ping::{NOBODY, Tile};
+use crate::emitter::Transducer;
 use crate::ground::rng::{Draw, Rng};
 use echocast_kernels::sound;
 use serde::{Deserialize, Serialize};
@@ -108,44 +110,61 @@ pub(crate) struct Background<'a> {
     pub noise: f32,
     /// Power that a steradian of open water returns from each bin, uPa^2; empty: none.
     pub volume: &'a [f32],
-    /// Solid angle of each beam, sr.
-    pub solid_angles: &'a [f32],
+    /// What comes from far beside the beams.
+    pub flanks: &'a Flanks,
+    pub transducer: &'a Transducer,
 }
 
 /// Memory of [`Tile::levels`].
 #[derive(Clone, Default)]
 pub(crate) struct Lines {
+    /// What the beams hear, beam by beam.
     re: Vec<f32>,
     im: Vec<f32>,
     noise_re: Vec<f32>,
     noise_im: Vec<f32>,
     /// Amplitudes of the noise.
     hiss: Vec<f32>,
+    /// Powers from far aside, the strongest scatterer there, and its power.
+    flank: Vec<f32>,
+    flank_who: Vec<u32>,
+    flank_most: Vec<f32>,
     sum: Vec<f32>,
     padded: Vec<f32>,
 }
 
 impl Tile {
     /// Levels of all cells, dB re 1 uPa, into `levels`, beam by beam.
-    pub fn levels(&self, response: &Response, background: &Background, lines: &mut Lines, levels: &mut [f32]) {
+    pub fn levels(&mut self, response: &Response, background: &Background, lines: &mut Lines, levels: &mut [f32]) {
         let (width, coherent) = (self.width(), !self.im.is_empty());
         let bins = self.re.len() / width;
-        let Lines { re, im, noise_re, noise_im, hiss, sum, padded } = lines;
-        for column in [&mut *re, im, noise_re, noise_im, hiss, sum] {
-            column.resize(bins, 0.0);
+        let Lines { re, im, noise_re, noise_im, hiss, flank, flank_who, flank_most, sum, padded } = lines;
+        for line in [&mut *noise_re, noise_im, hiss, flank, flank_most, sum] {
+            line.resize(bins, 0.0);
         }
+        for (rows, beams) in [(&self.re, &mut *re), (&self.im, &mut *im)] {
+            beams.resize(rows.len(), 0.0);
+            sound::columns(width, rows, beams);
+        }
+        flank_who.resize(bins, NOBODY);
         for (beam, levels) in levels.chunks_exact_mut(bins).enumerate() {
             let number = (self.beams.0 + beam) as u32;
             background.rng.cell_phasors(number, Draw::PingNoise, noise_re, noise_im);
             self.hiss(beam, response, background, coherent, hiss);
-            let column = |from: &[f32], to: &mut [f32]| {
-                for (to, from) in to.iter_mut().zip(from[beam..].iter().step_by(width)) {
-                    *to = *from;
-                }
-            };
-            column(&self.re, re);
+            let aside = !background.flanks.is_empty();
+            if aside {
+                background.flanks.heard(background.transducer, number as usize, flank, flank_who, flank_most);
+                self.label_flank(beam, background.noise, flank, flank_who);
+            }
+            let re = &mut re[beam * bins..(beam + 1) * bins];
+            if aside && coherent {
+                // Amplitudes of many scatterers are as those of noise.
+                sound::add_to_square(flank, hiss);
+            } else if aside {
+                sound::add(1.0, flank, re);
+            }
             if coherent {
-                column(&self.im, im);
+                let im = &mut im[beam * bins..(beam + 1) * bins];
                 sound::add_product(re, noise_re, hiss);
                 sound::add_product(im, noise_im, hiss);
                 levels.fill(0.0);
@@ -161,6 +180,17 @@ impl Tile {
         }
     }
 
+    /// Cells of a beam in which nobody is heard alone have the strongest of those far aside, if they are louder than noise.
+    fn label_flank(&mut self, beam: usize, noise: f32, powers: &[f32], strongest: &[u32]) {
+        let width = self.width();
+        let cells = self.who.iter_mut().skip(beam).step_by(width);
+        for ((who, &power), &strongest) in cells.zip(powers).zip(strongest) {
+            if *who == NOBODY && power > noise {
+                *who = strongest;
+            }
+        }
+    }
+
     /// Amplitudes of the noise and volume backscatter of a beam, uPa; before the response, if `coherent`.
     fn hiss(&self, beam: usize, response: &Response, background: &Background, coherent: bool, amplitudes: &mut [f32]) {
         let width = self.width();
@@ -168,7 +198,7 @@ impl Tile {
         if background.volume.is_empty() {
             return amplitudes.fill((background.noise * share).sqrt());
         }
-        let mut open = background.solid_angles[self.beams.0 + beam];
+        let mut open = background.transducer.solid_angles[self.beams.0 + beam];
         for (bin, amplitude) in amplitudes.iter_mut().enumerate() {
             open += self.open[bin * width + beam];
             *amplitude = (background.noise * share + background.volume[bin] * open.max(0.0) * share).sqrt();

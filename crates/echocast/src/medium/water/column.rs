@@ -10,6 +10,10 @@ const THICKEST: f64 = 500.0;
 const CONSTANT_FROM: f64 = 12_000.0;
 /// Largest error, m/s, of the lines through the speeds of a formula.
 const SPEED_ERROR: f64 = 0.01;
+/// Casts of more rows are joined where they run straight: a ray takes time in each slab.
+const MANY: usize = 1000;
+/// How far the line through rows that are joined may be from one of them, m/s: the resolution of good probes.
+const ROW_ERROR: f64 = 0.001;
 
 /// Water between two depths.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,7 +106,29 @@ impl Column {
     /// # Errors
     /// A sonar above the water, or where the profile says nothing; a profile whose file has not been read.
     pub fn new(water: &Water, frequency_hz: f64, sonar_depth_m: f64) -> Result<(Column, Vec<String>)> {
-        Column::check_depth(water, sonar_depth_m)?;
+        Column::of(water, ("profile", water.profile.as_ref()), frequency_hz, sonar_depth_m)
+    }
+
+    /// The water that depths are corrected with.
+    ///
+    /// # Errors
+    /// As of [`Column::new`].
+    pub fn assumed(water: &Water, frequency_hz: f64, sonar_depth_m: f64) -> Result<Column> {
+        let profile = match &water.assumed_profile {
+            Some(assumed) => ("assumed_profile", Some(assumed)),
+            None => ("profile", water.profile.as_ref()),
+        };
+        Ok(Column::of(water, profile, frequency_hz, sonar_depth_m)?.0)
+    }
+
+    /// `water` of the profile of a key.
+    fn of(
+        water: &Water,
+        (key, profile): (&str, Option<&SoundSpeedProfile>),
+        frequency_hz: f64,
+        sonar_depth_m: f64,
+    ) -> Result<(Column, Vec<String>)> {
+        check_depth(water, (key, profile), sonar_depth_m)?;
         let whole = |speed: f64| Stretch {
             top: 0.0,
             bottom: f64::INFINITY,
@@ -127,7 +153,7 @@ impl Column {
         };
         let here =
             WaterRow { depth_m: sonar_depth_m, temperature_c: water.temperature_c, salinity_psu: water.salinity_psu };
-        let stretches = match &water.profile {
+        let mut stretches = match profile {
             None => {
                 doubt(&here);
                 vec![whole(formula(&here))]
@@ -170,14 +196,17 @@ impl Column {
                 }
                 stretches
             }
-            Some(SoundSpeedProfile::File(file)) => return Err(unread("water.profile", file)),
+            Some(SoundSpeedProfile::File(file)) => return Err(unread(&format!("water.{key}"), file)),
         };
+        if stretches.len() > MANY && matches!(profile, Some(SoundSpeedProfile::Cast(_) | SoundSpeedProfile::Ts(_))) {
+            stretches = joined(&stretches);
+        }
         let mut warnings: Vec<String> = doubts
             .iter()
             .map(|outside| format!("the speed of sound is that of {}, for {outside}", water.sound_speed.word()))
             .collect();
         let law = water.absorption;
-        let rows = match &water.profile {
+        let rows = match profile {
             Some(SoundSpeedProfile::Ts(rows)) => rows,
             _ => std::slice::from_ref(&here),
         };
@@ -200,38 +229,7 @@ impl Column {
     /// # Errors
     /// A sonar above the water, or where the profile says nothing.
     pub fn check_depth(water: &Water, sonar_depth_m: f64) -> Result<()> {
-        let (from, to, table) = match &water.profile {
-            // Formulas contain powers of the depth.
-            None => (0.0, DEEPEST, ""),
-            Some(SoundSpeedProfile::Layers(rows)) => {
-                (rows.first().map_or(0.0, |layer| layer.depth_m), f64::INFINITY, "layers")
-            }
-            Some(SoundSpeedProfile::Cast(rows)) => {
-                let depth = |row: Option<&SpeedRow>| row.map_or(0.0, |row| row.depth_m);
-                (depth(rows.first()), depth(rows.last()), "cast")
-            }
-            Some(SoundSpeedProfile::Ts(rows)) => {
-                let depth = |row: Option<&WaterRow>| row.map_or(0.0, |row| row.depth_m);
-                (depth(rows.first()), depth(rows.last()), "ts")
-            }
-            Some(SoundSpeedProfile::Constant { .. }) => (0.0, f64::INFINITY, ""),
-            // Nothing is known of it: [`Column::new`] refuses it.
-            Some(SoundSpeedProfile::File(_)) => return Ok(()),
-        };
-        // Written so that NaN fails too.
-        if sonar_depth_m >= from && sonar_depth_m <= to && sonar_depth_m.is_finite() {
-            return Ok(());
-        }
-        let allowed = if sonar_depth_m < 0.0 || table.is_empty() {
-            let surface = water.surface_z_m;
-            let covered = if to == f64::INFINITY { "0 m or more".to_owned() } else { format!("0 to {to} m") };
-            format!("{covered}, below the surface of the water at z = {surface} m (water.surface_z_m)")
-        } else if to == f64::INFINITY {
-            format!("{from} m or more, where the rows of water.profile.{table} begin")
-        } else {
-            format!("{from} to {to} m, which the rows of water.profile.{table} cover")
-        };
-        Err(Error::invalid("the depth of the sonar", format!("{sonar_depth_m} m"), allowed))
+        check_depth(water, ("profile", water.profile.as_ref()), sonar_depth_m)
     }
 
     /// Index of the slab at `depth`, m; at a boundary the lower one. Above the surface it is the first.
@@ -278,6 +276,71 @@ impl Column {
 #[inline]
 pub(crate) fn slab_at(slabs: &[Slab], depth: f64) -> usize {
     slabs.partition_point(|slab| slab.top <= depth).saturating_sub(1)
+}
+
+/// Checks that `water` of the profile of a key is known at `sonar_depth_m`, m below its surface.
+fn check_depth(water: &Water, (key, profile): (&str, Option<&SoundSpeedProfile>), sonar_depth_m: f64) -> Result<()> {
+    let (from, to, table) = match profile {
+        // Formulas contain powers of the depth.
+        None => (0.0, DEEPEST, ""),
+        Some(SoundSpeedProfile::Layers(rows)) => {
+            (rows.first().map_or(0.0, |layer| layer.depth_m), f64::INFINITY, "layers")
+        }
+        Some(SoundSpeedProfile::Cast(rows)) => {
+            let depth = |row: Option<&SpeedRow>| row.map_or(0.0, |row| row.depth_m);
+            (depth(rows.first()), depth(rows.last()), "cast")
+        }
+        Some(SoundSpeedProfile::Ts(rows)) => {
+            let depth = |row: Option<&WaterRow>| row.map_or(0.0, |row| row.depth_m);
+            (depth(rows.first()), depth(rows.last()), "ts")
+        }
+        Some(SoundSpeedProfile::Constant { .. }) => (0.0, f64::INFINITY, ""),
+        // Nothing is known of it: [`Column::new`] refuses it.
+        Some(SoundSpeedProfile::File(_)) => return Ok(()),
+    };
+    // Written so that NaN fails too.
+    if sonar_depth_m >= from && sonar_depth_m <= to && sonar_depth_m.is_finite() {
+        return Ok(());
+    }
+    let allowed = if sonar_depth_m < 0.0 || table.is_empty() {
+        let surface = water.surface_z_m;
+        let covered = if to == f64::INFINITY { "0 m or more".to_owned() } else { format!("0 to {to} m") };
+        format!("{covered}, below the surface of the water at z = {surface} m (water.surface_z_m)")
+    } else if to == f64::INFINITY {
+        format!("{from} m or more, where the rows of water.{key}.{table} begin")
+    } else {
+        format!("{from} to {to} m, which the rows of water.{key}.{table} cover")
+    };
+    Err(Error::invalid("the depth of the sonar", format!("{sonar_depth_m} m"), allowed))
+}
+
+/// Neighbours of a long cast as one, as long as its rows lie within [`ROW_ERROR`] of the line through its ends.
+fn joined(stretches: &[Stretch]) -> Vec<Stretch> {
+    let mut all: Vec<Stretch> = Vec::new();
+    // Slopes of the lines from the start of the last that pass all its rows.
+    let mut slopes = [f64::NEG_INFINITY, f64::INFINITY];
+    for next in stretches {
+        if let Some(last) = all.last_mut() {
+            let slope = |depth: f64, speed: f64| (speed - last.speed[0]) / (depth - last.top);
+            let [least, most] = slopes;
+            let passed = [
+                least.max(slope(last.bottom, last.speed[1] - ROW_ERROR)),
+                most.min(slope(last.bottom, last.speed[1] + ROW_ERROR)),
+            ];
+            let whole = slope(next.bottom, next.speed[1]);
+            if passed[0] <= whole && whole <= passed[1] {
+                slopes = passed;
+                let ends = |from: [f64; 2], to: [f64; 2]| [from[0], to[1]];
+                (last.bottom, last.speed) = (next.bottom, ends(last.speed, next.speed));
+                last.temperature = ends(last.temperature, next.temperature);
+                last.salinity = ends(last.salinity, next.salinity);
+                continue;
+            }
+        }
+        all.push(*next);
+        slopes = [f64::NEG_INFINITY, f64::INFINITY];
+    }
+    all
 }
 
 /// Halves `stretch` until its line of speeds is near those of the `formula`.

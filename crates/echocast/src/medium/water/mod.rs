@@ -2,6 +2,7 @@
 
 mod absorption;
 mod column;
+mod correction;
 mod fluid;
 mod noise;
 mod profile;
@@ -91,6 +92,10 @@ pub struct Water {
     /// Speed of sound that the instrument assumes, m/s; that at its own depth when not given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub assumed_speed_m_s: Option<f64>,
+    /// How speeds change with depth in the cast that depths are corrected with: `corrected_x` to `corrected_z`. When not
+    /// given they are corrected with the true one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub assumed_profile: Option<SoundSpeedProfile>,
     /// Whether speeds and densities may be anything from 1e-6 to 1e6, as in files with other units.
     pub allow_unphysical: bool,
     /// Wind over the water, m/s: it makes waves and noise; 5.
@@ -116,6 +121,7 @@ impl Default for Water {
             spreading_from_m: None,
             profile: None,
             assumed_speed_m_s: None,
+            assumed_profile: None,
             allow_unphysical: false,
             wind_m_s: 5.0,
             shipping: 0.5,
@@ -155,18 +161,17 @@ impl Water {
         if let Some(speed) = self.assumed_speed_m_s {
             profile::check_speed(&format!("{key}.assumed_speed_m_s"), speed, self.allow_unphysical)?;
         }
-        match &self.profile {
-            Some(profile) => profile.check(&format!("{key}.profile"), self.allow_unphysical),
+        let profiles = [("profile", &self.profile), ("assumed_profile", &self.assumed_profile)];
+        profiles.into_iter().try_for_each(|(name, profile)| match profile {
+            Some(profile) => profile.check(&format!("{key}.{name}"), self.allow_unphysical),
             None => Ok(()),
-        }
+        })
     }
 
-    /// Reads the file that the profile may name; a relative name starts at `folder`.
-    pub(super) fn read_file(&mut self, folder: &Path) -> Result<()> {
-        match &mut self.profile {
-            Some(profile) => profile.read_file(folder, self.allow_unphysical),
-            None => Ok(()),
-        }
+    /// Reads the files that the profiles may name; relative names start at `folder`.
+    pub(super) fn read_files(&mut self, folder: &Path) -> Result<()> {
+        let profiles = [&mut self.profile, &mut self.assumed_profile].into_iter().flatten();
+        profiles.into_iter().try_for_each(|profile| profile.read_file(folder, self.allow_unphysical))
     }
 
     /// Its surface.
@@ -220,6 +225,7 @@ water:
     - {depth_m: 0, speed_m_s: 1500, density_kg_m3: 1026}
     - {depth_m: 4, speed_m_s: 1480}
   assumed_speed_m_s: 1500
+  assumed_profile: {constant: {speed_m_s: 1490}}
   allow_unphysical: false
   wind_m_s: 8
   shipping: 0.25
@@ -238,6 +244,7 @@ water:
             spreading_from_m: Some(100.0),
             profile: Some(SoundSpeedProfile::Layers(vec![layer(0.0, 1500.0, 1026.0), layer(4.0, 1480.0, 1025.0)])),
             assumed_speed_m_s: Some(1500.0),
+            assumed_profile: Some(SoundSpeedProfile::Constant { speed_m_s: 1490.0 }),
             allow_unphysical: false,
             wind_m_s: 8.0,
             shipping: 0.25,
@@ -282,6 +289,10 @@ water:
                 "line 3: water.spreading_from_m: is 0; allowed: above 0, to 1e7",
             ),
             ("assumed_speed_m_s: 1.5", &format!("line 2: water.assumed_speed_m_s: is 1.5; {speeds}")),
+            (
+                "assumed_profile: {constant: {speed_m_s: 1.5}}",
+                &format!("line 2: water.assumed_profile.constant.speed_m_s: is 1.5; {speeds}"),
+            ),
             ("profile: {}", "line 2: water.profile: invalid value: map, expected map with a single key"),
             (
                 "profile: {constant: {speed_m_s: 1500}, layers: []}",
@@ -291,10 +302,10 @@ water:
                 "profile: {layer: []}",
                 "line 2: water.profile: unknown value \"layer\"; near: layers; allowed: layers, cast,",
             ),
-            ("profile: {layers: []}", "line 2: water.profile.layers: is a list of 0; allowed: 1 to 1000 rows"),
+            ("profile: {layers: []}", "line 2: water.profile.layers: is a list of 0; allowed: 1 to 1000000 rows"),
             (
                 "profile: {cast: [{depth_m: 0, speed_m_s: 1500}]}",
-                "line 2: water.profile.cast: is a list of 1; allowed: 2 to 1000 rows",
+                "line 2: water.profile.cast: is a list of 1; allowed: 2 to 1000000 rows",
             ),
             (
                 "profile: {layers: [{depth_m: 0, speed_m_s: 1.333}]}",
@@ -385,7 +396,7 @@ water:
             refused("depth_m,speed_m_s\n5,1500\n5,1500\n"),
             "line 3: depth_m is 5; allowed: above 5, in rising order, to 12000"
         );
-        assert_eq!(refused("depth_m,speed_m_s\n5,1500\n"), "has 1 rows; allowed: 2 to 1000");
+        assert_eq!(refused("depth_m,speed_m_s\n5,1500\n"), "has 1 rows; allowed: 2 to 1000000");
         assert!(
             refused("depth_m,speed_m_s,ph\n").starts_with("line 1: unknown column \"ph\"; allowed: depth_m, speed_m_s")
         );
@@ -394,9 +405,6 @@ water:
         );
         assert!(refused("depth_m,density_kg_m3\n1,1024\n").starts_with("line 1: the column speed_m_s is missing"));
         assert!(refused("depth_m,salinity_psu\n1,2\n").starts_with("line 1: the column temperature_c is missing"));
-        let long: String = (0..1001).map(|depth| format!("{depth},1500\n")).collect();
-        let error = refused(&format!("depth_m,speed_m_s\n{long}"));
-        assert_eq!(error, "line 1002: is row 1001; allowed: 2 to 1000 rows");
         let unread = Water { profile: Some(SoundSpeedProfile::File("a.csv".into())), ..Water::default() };
         let error = unread.check("water", &mut Bounds::none()).unwrap_err().to_string();
         assert!(error.starts_with("water.profile.file is a.csv; allowed: a file whose rows are known"), "{error}");

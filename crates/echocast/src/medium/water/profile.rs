@@ -6,8 +6,8 @@ use crate::read::csv::Csv;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Most rows of a profile.
-const MOST_ROWS: usize = 1000;
+/// Most rows of a profile: of a probe that measures each centimetre down to the deepest sea.
+const MOST_ROWS: usize = 1_000_000;
 /// Deepest row, m; the deepest trench is 11 km deep.
 pub(super) const DEEPEST: f64 = 12_000.0;
 /// Plausible speeds of sound in water, m/s.

@@ -2,7 +2,7 @@
 
 use super::block::{Block, Lanes};
 use super::run::Scan;
-use crate::cloud::{Field, Frame, Kept, MOVING, Slices};
+use crate::cloud::{Field, Frame, Kept, MOVING, SOUNDING, Slices};
 use crate::ground::angle::azimuth_elevation;
 use crate::ground::lanes::LANES;
 use echocast_kernels::{aim, measure};
@@ -119,6 +119,12 @@ impl Block {
             let firings = lanes.beam[..count].iter().map(|&beam| beams.firing(beam));
             scan.measure.errors.delay(&scan.rng, firings, &mut time);
             kept.put_beam(&time, rows.time);
+        }
+        if scan.options.fields.contains_any(&SOUNDING) {
+            // Of sonars.
+            for column in [rows.quality, rows.corrected_x, rows.corrected_y, rows.corrected_z] {
+                kept.put_beam(&[f32::NAN; LANES], column);
+            }
         }
         if !rows.frame.is_empty() {
             kept.put_beam(&[scan.options.frame; LANES], rows.frame);

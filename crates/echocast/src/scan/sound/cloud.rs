@@ -14,6 +14,9 @@ struct PingPoint {
     range: f32,
     /// Unit vector in the sensor's frame.
     direction: Vec3,
+    /// Of a sounding; NaN: it is none.
+    quality: f32,
+    corrected: Vec3,
 }
 
 impl Ping {
@@ -84,11 +87,19 @@ impl Ping {
         let layout = &*self.layout;
         let axis = |beam: usize| direction(layout.axes[beam]);
         if self.reports_depths() {
-            let none =
-                |beam: usize| PingPoint { cell: beam * layout.bins, beam, range: f32::NAN, direction: axis(beam) };
+            let none = |beam: usize| PingPoint {
+                cell: beam * layout.bins,
+                beam,
+                range: f32::NAN,
+                direction: axis(beam),
+                quality: f32::NAN,
+                corrected: Vec3::NAN,
+            };
             let found = self.soundings.iter().map(|sounding| PingPoint {
                 cell: sounding.cell as usize,
                 range: sounding.range,
+                quality: sounding.quality,
+                corrected: sounding.corrected,
                 ..none(sounding.beam as usize)
             });
             if !organised {
@@ -113,14 +124,14 @@ impl Ping {
                 let (azimuth, elevation) = (cells.azimuth[cell], cells.elevation[cell]);
                 let direction = if azimuth.is_nan() { axis(beam) } else { direction([azimuth, elevation]) };
                 let range = if seen { layout.range(bin) as f32 } else { f32::NAN };
-                points.push(PingPoint { cell, beam, range, direction });
+                points.push(PingPoint { cell, beam, range, direction, quality: f32::NAN, corrected: Vec3::NAN });
             }
         }
         points
     }
 
     fn fill(&self, columns: &mut Columns, row: usize, point: &PingPoint, options: &ScanOptions) {
-        let PingPoint { cell, beam, range, direction } = *point;
+        let PingPoint { cell, beam, range, direction, quality, corrected } = *point;
         let cells = &self.cells;
         macro_rules! copy {
             ($($column:ident),* $(,)?) => { put!(columns, row, $($column: cells.$column[cell]),*) };
@@ -132,7 +143,15 @@ impl Ping {
             Frame::Sensor => reported,
             Frame::World => (rotation * reported.as_dvec3() + self.pose.position - self.origin).as_vec3(),
         };
+        let own = |place: Vec3| {
+            (rotation.transpose() * (place.as_dvec3() + self.origin - self.pose.position)).as_vec3()
+        };
+        let corrected = if options.coordinates == Frame::World { corrected } else { own(corrected) };
         put!(columns, row,
+            quality: quality,
+            corrected_x: corrected.x,
+            corrected_y: corrected.y,
+            corrected_z: corrected.z,
             x: place.x,
             y: place.y,
             z: place.z,
@@ -172,8 +191,8 @@ impl Ping {
             }
             Frame::Sensor => {
                 let back = rotation.transpose();
-                let own = (back * (truth.as_dvec3() + self.origin - self.pose.position)).as_vec3();
-                put!(columns, row, true_x: own.x, true_y: own.y, true_z: own.z);
+                let truth = own(truth);
+                put!(columns, row, true_x: truth.x, true_y: truth.y, true_z: truth.z);
                 if options.fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ]) {
                     let normal = Vec3::new(cells.normal_x[cell], cells.normal_y[cell], cells.normal_z[cell]);
                     let own = back.as_mat3() * normal;

@@ -357,7 +357,7 @@ impl Pinging<'_> {
         let mut sum = 0.0;
         for echoes in memory.all_echoes() {
             for answer in &echoes.answers {
-                let Hearing { first, from, to } = self.transducer.hearings[answer.hearing as usize];
+                let Hearing { first, from, to, .. } = self.transducer.hearings[answer.hearing as usize];
                 let Some(place) = beam.checked_sub(first as usize).filter(|&place| place < (to - from) as usize) else {
                     continue;
                 };

@@ -2,12 +2,12 @@
 //! depths.
 
 use crate::cloud::{CELL_FIELDS, FLOW, Field, FieldSet, Layout, MOVING, Ping, Slices, SonarView, Sounding, put};
-use crate::detect::{BeamLevels, Stretch, sounding};
+use crate::detect::{BeamLevels, Beside, Stretch, sounding};
 use crate::echo::{
-    Background, CHUNK_BITS, Drift, Echoes, Insonification, Lines, NOBODY, Response, Scatterers, Tile, Wants,
+    Background, CHUNK_BITS, Drift, Echoes, Flanks, Insonification, Lines, NOBODY, Response, Scatterers, Tile, Wants,
 };
 use crate::emitter::{Trajectory, Transducer};
-use crate::ground::angle::azimuth_elevation;
+use crate::ground::angle::{azimuth_elevation, direction};
 use crate::ground::cause::Cause;
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::MEDIUM;
@@ -40,6 +40,7 @@ const GOALS: usize = 4096;
 #[derive(Default)]
 pub(crate) struct PingMemory {
     chunks: Vec<RayChunk>,
+    flanks: Flanks,
     tiles: Vec<TileMemory>,
     /// The layout of the last ping, and what it was made from.
     layout: Option<(LayoutInputs, Arc<Layout>)>,
@@ -73,8 +74,7 @@ struct RayChunk {
 struct TileMemory {
     tile: Tile,
     lines: Lines,
-    /// Of the beam at hand: angles beside its axis by bin, and its echo.
-    beside: Vec<f32>,
+    /// Of the echo of the beam at hand.
     stretch: Stretch,
     soundings: Vec<Sounding>,
 }
@@ -123,6 +123,8 @@ pub(super) struct Pinging<'a> {
     clock: Option<Clock>,
     /// What is told of motion, if it is asked for.
     motion: Option<Motion>,
+    /// The water that depths are corrected with, of sonars that report some.
+    assumed: Option<Column>,
 }
 
 /// What the columns of motion are made from.
@@ -215,6 +217,8 @@ impl<'a> Pinging<'a> {
         let start_depth = water.surface_z_m - trajectory.at(trajectory.span().0).position.z;
         let (column, _) = Column::new(water, frequency, start_depth)?;
         Column::check_depth(water, depth)?;
+        let reports_depths = matches!(sensor.sonar_view(), SonarView::Swath | SonarView::Single);
+        let assumed = reports_depths.then(|| Column::assumed(water, frequency, depth)).transpose()?;
         let speed = column.speed_at(depth);
         let (start_speed, absorption) =
             (column.speed_at(start_depth), column.mean_absorption(start_depth, start_depth));
@@ -333,6 +337,7 @@ impl<'a> Pinging<'a> {
             time: options.start_time,
             clock: scene.clock(options.start_time, options.freeze),
             motion,
+            assumed,
             transducer,
         })
     }
@@ -385,10 +390,14 @@ impl<'a> Pinging<'a> {
             open: !self.volume.is_empty(),
             speckle: self.speckle.is_some(),
         };
+        memory.flanks.clear(&self.transducer, bins, wants.who);
+        for (number, chunk) in (0..).zip(&memory.chunks) {
+            memory.flanks.add(&self.transducer, number, &chunk.echoes);
+        }
         let tile = if self.transducer.beams_are_apart() { 1 } else { TILE };
         memory.tiles.resize_with(beams.div_ceil(tile), TileMemory::default);
         let rows = ping.cells.slices(0, beams * bins);
-        let task = Listening { pinging: self, chunks: &memory.chunks, wants, width: tile };
+        let task = Listening { pinging: self, chunks: &memory.chunks, flanks: &memory.flanks, wants, width: tile };
         task.tiles(&mut memory.tiles, rows);
         ping.soundings.clear();
         ping.soundings.extend(memory.tiles.iter().flat_map(|memory| &memory.soundings));
@@ -469,23 +478,21 @@ impl<'a> Pinging<'a> {
 impl TileMemory {
     /// The ranges that beams report, for sonars that do so, from the levels of all cells.
     fn sound_out(&mut self, pinging: &Pinging, levels: &[f32]) {
-        let TileMemory { tile, beside, stretch, soundings, .. } = self;
+        let TileMemory { tile, stretch, soundings, .. } = self;
         soundings.clear();
-        let Layout { bins, view, bin_m, believed_speed, .. } = *pinging.layout;
+        let Layout { bins, bin_m, believed_speed, .. } = *pinging.layout;
         let resolution = (pinging.acoustics.resolution(believed_speed) / bin_m) as f32;
-        if !matches!(view, SonarView::Swath | SonarView::Single) {
+        if pinging.assumed.is_none() {
             return;
         }
         for (beam, levels) in (tile.beams.0..).zip(levels.chunks_exact(bins)) {
-            beside.clear();
-            if !tile.total.is_empty() {
-                let column = (0..bins).map(|bin| bin * tile.width() + beam - tile.beams.0);
-                beside.extend(column.map(|cell| tile.lean[cell] / tile.total[cell]));
-            }
+            let (lean, total) = (&tile.lean[..], &tile.total[..]);
+            let beside = Beside { lean, total, width: tile.width(), beam: beam - tile.beams.0 };
             let width = pinging.transducer.widths[beam];
             let heard = BeamLevels { beam, levels, beside, width, resolution, rng: &pinging.rng };
             soundings.extend(sounding(&pinging.layout, &heard, stretch).map(|found| Sounding {
                 cell: (beam * bins + pinging.loud_bin(tile, beam, found.cell as usize - beam * bins)) as u32,
+                corrected: pinging.corrected(beam, found.range),
                 ..found
             }));
         }
@@ -493,6 +500,21 @@ impl TileMemory {
 }
 
 impl Pinging<'_> {
+    /// Where a sounding of a beam lies, which is reported at `range`, m, by the water that the survey assumes.
+    fn corrected(&self, beam: usize, range: f32) -> Vec3 {
+        let place = self.place();
+        let axis = self.pose.rotation() * direction(self.layout.axes[beam]).as_dvec3();
+        let level = axis.truncate().length();
+        let depth = self.column.surface_z - self.pose.position.z;
+        let here = self.acoustics.array_speed_m_s.unwrap_or_else(|| self.column.speed_at(depth));
+        let time = f64::from(range) / self.layout.believed_speed;
+        let found = self.assumed.as_ref().and_then(|water| water.place_after(time, depth, [-axis.z, level], here));
+        found.map_or(Vec3::NAN, |[away, deep]| {
+            let aside = axis.truncate().normalize_or_zero() * away;
+            (place + aside.extend(depth - deep)).as_vec3()
+        })
+    }
+
     /// The bin nearest to `bin` from which something comes that the response spreads to there; itself if there is none.
     fn loud_bin(&self, tile: &Tile, beam: usize, bin: usize) -> usize {
         let loud = |bin: usize| {
@@ -575,6 +597,7 @@ impl RayTask<'_, '_> {
             tracer.direct(&launch, whole, &mut chunk.tracer, arrivals, direct);
         }
         insonification.answer(&mut chunk.echoes);
+        chunk.echoes.find_beams(transducer);
     }
 }
 
@@ -587,6 +610,7 @@ impl RayTask<'_, '_> {
         direct.clear();
         tracer.sight(pinging.place(), goals, |row| sound.is_whole(surfaces, row), &mut chunk.tracer, direct);
         insonification.answer_targets(&mut chunk.echoes);
+        chunk.echoes.find_beams(&pinging.transducer);
     }
 }
 
@@ -595,6 +619,7 @@ impl RayTask<'_, '_> {
 struct Listening<'a, 'p> {
     pinging: &'a Pinging<'p>,
     chunks: &'a [RayChunk],
+    flanks: &'a Flanks,
     wants: Wants,
     /// Beams of a tile.
     width: usize,
@@ -623,7 +648,7 @@ impl Listening<'_, '_> {
 
 impl Listen<'_, '_> {
     fn run(self) {
-        let Listen { listening: Listening { pinging, chunks, wants, width }, memory, first, rows } = self;
+        let Listen { listening: Listening { pinging, chunks, flanks, wants, width }, memory, first, rows } = self;
         let TileMemory { tile, lines, .. } = memory;
         let Layout { bins, bin_m, .. } = *pinging.layout;
         let last = (first + width).min(pinging.transducer.beams());
@@ -635,7 +660,8 @@ impl Listen<'_, '_> {
             rng: pinging.rng,
             noise: (pinging.layout.noise_db * LOG2_PER_DB).exp2(),
             volume: &pinging.volume,
-            solid_angles: &pinging.transducer.solid_angles,
+            flanks,
+            transducer: &pinging.transducer,
         };
         tile.levels(&pinging.response, &background, lines, rows.intensity);
         memory.sound_out(pinging, rows.intensity);
@@ -649,16 +675,12 @@ impl Pinging<'_> {
     /// The columns of a tile that say what the strongest scatterer of each cell is.
     fn tell(&self, tile: &Tile, chunks: &[RayChunk], mut rows: Slices) {
         let (bins, width) = (self.layout.bins, tile.width());
-        for beam in 0..width {
-            for bin in 0..bins {
-                let row = beam * bins + bin;
-                match tile.who[bin * width + beam] {
-                    NOBODY => silence(&mut rows, row),
-                    who => {
-                        let echoes = &chunks[(who >> CHUNK_BITS) as usize].echoes;
-                        self.tell_cell(echoes, (who & ((1 << CHUNK_BITS) - 1)) as usize, bin, &mut rows, row);
-                    }
-                }
+        silence(&mut rows);
+        for (bin, beams) in tile.who.chunks_exact(width).enumerate() {
+            for (beam, &who) in beams.iter().enumerate().filter(|(_, who)| **who != NOBODY) {
+                let echoes = &chunks[(who >> CHUNK_BITS) as usize].echoes;
+                let index = (who & ((1 << CHUNK_BITS) - 1)) as usize;
+                self.tell_cell(echoes, index, bin, &mut rows, beam * bins + bin);
             }
         }
     }
@@ -737,9 +759,12 @@ impl Pinging<'_> {
     }
 }
 
-/// A cell in which nothing scatters.
-fn silence(rows: &mut Slices, row: usize) {
-    put!(rows, row,
+/// Makes all cells such in which nothing scatters.
+fn silence(rows: &mut Slices) {
+    macro_rules! fill {
+        ($($column:ident: $value:expr),* $(,)?) => { $(rows.$column.fill($value);)* };
+    }
+    fill!(
         category_id: 0, part_id: 0, instance_id: 0, material_id: 0, red: 0, green: 0, blue: 0, bounces: 0,
         cause: Cause::FalseAlarm as u8,
         true_x: f32::NAN, true_y: f32::NAN, true_z: f32::NAN, true_range: f32::NAN, time: f64::NAN,

@@ -178,12 +178,13 @@ impl SoundTracer<'_> {
 
     /// A ray where it passes a place (its horizontal distance and depth) along its path.
     fn nearest(&self, mut ray: Ray, target: [f64; 2]) -> Option<Ray> {
-        const MOST_SLABS: usize = 10_000;
+        // Down and up again several times.
+        let most = 10_000 + 8 * self.slabs.len();
         let ahead = |ray: &Ray| {
             let cosine = (ray.snell * ray.speed).min(1.0);
             (target[0] - ray.distance) * cosine + (target[1] - ray.depth) * ray.sine
         };
-        for _ in 0..MOST_SLABS {
+        for _ in 0..most {
             let slab = &self.slabs[ray.slab];
             let (length, end) = ray.exit(slab);
             // The slab goes on up to the surface and beyond it: a ray that gets there is not the one sought, but leads

@@ -1,0 +1,97 @@
+//! What beams hear from far beside their axes: each sidelobe hears little, but the bottom below is so loud that it stands in
+//! the water column of all beams (the nadir arc of swaths), and what shines in one beam of an imaging sonar in the others.
+//!
+//! Beams hear single arrivals within their [`Hearing`]. Farther aside there are so many sidelobes, and so many scatterers
+//! in each of them, that only powers matter: they add up by range bin and part of the directions, and each beam hears each
+//! part with its mean power there. As for any sum of many scatterers the amplitude is normally distributed.
+
+use super::ping::{CHUNK_BITS, Echoes, NOBODY};
+use crate::emitter::{FLANK_PARTS, Hearing, Transducer};
+use std::ops::Range;
+
+/// Energies of a ping by part of the directions and range bin.
+#[derive(Clone, Default)]
+pub(crate) struct Flanks {
+    bins: usize,
+    /// Bins of each part from which something comes; empty: none.
+    spans: Vec<Range<usize>>,
+    /// Part by part: energies, 1 for a beam that looks there.
+    energy: Vec<f32>,
+    /// Energy of the strongest arrival, and its number: see [`super::Tile::hear`]. Empty: nobody asks.
+    most: Vec<f32>,
+    who: Vec<u32>,
+}
+
+impl Flanks {
+    /// Empties it for `bins`; without a `transducer` whose beams hear beside their axes it stays empty.
+    pub fn clear(&mut self, transducer: &Transducer, bins: usize, who: bool) {
+        self.bins = bins;
+        let parts = if transducer.flanks.is_empty() { 0 } else { FLANK_PARTS };
+        self.spans.clear();
+        self.spans.resize(parts, usize::MAX..0);
+        self.energy.clear();
+        self.energy.resize(parts * bins, 0.0);
+        let asked = if who { parts * bins } else { 0 };
+        self.most.clear();
+        self.most.resize(asked, 0.0);
+        self.who.clear();
+        self.who.resize(asked, NOBODY);
+    }
+
+    /// Adds what comes from chunk number `chunk`.
+    pub fn add(&mut self, transducer: &Transducer, chunk: u32, echoes: &Echoes) {
+        if self.spans.is_empty() {
+            return;
+        }
+        for (index, answer) in (0..).zip(&echoes.answers).filter(|(_, answer)| answer.parts > 0) {
+            let Hearing { part, .. } = transducer.hearings[answer.hearing as usize];
+            let span = &mut self.spans[part as usize];
+            let (from, to) = (answer.bin as usize, (answer.bin + answer.parts) as usize);
+            (span.start, span.end) = (span.start.min(from), span.end.max(to));
+            let parts = &echoes.energy[answer.first as usize..(answer.first + answer.parts) as usize];
+            let cells = part as usize * self.bins + from..part as usize * self.bins + to;
+            for (sum, energy) in self.energy[cells.clone()].iter_mut().zip(parts) {
+                *sum += energy;
+            }
+            if self.who.is_empty() {
+                continue;
+            }
+            for ((most, who), &energy) in self.most[cells.clone()].iter_mut().zip(&mut self.who[cells]).zip(parts) {
+                if energy > *most {
+                    (*most, *who) = (energy, chunk << CHUNK_BITS | index);
+                }
+            }
+        }
+    }
+
+    /// What a beam hears of it in each bin: `powers`; and who is the strongest there, where anybody asks.
+    pub fn heard(&self, transducer: &Transducer, beam: usize, powers: &mut [f32], who: &mut [u32], most: &mut [f32]) {
+        powers.fill(0.0);
+        who.fill(NOBODY);
+        most.fill(0.0);
+        for (part, span) in self.spans.iter().enumerate().filter(|(_, span)| !span.is_empty()) {
+            let flank = transducer.flanks[beam * FLANK_PARTS + part];
+            if flank == 0.0 {
+                continue;
+            }
+            let cells = part * self.bins + span.start..part * self.bins + span.end;
+            for (power, energy) in powers[span.clone()].iter_mut().zip(&self.energy[cells.clone()]) {
+                *power += flank * energy;
+            }
+            if self.who.is_empty() {
+                continue;
+            }
+            let theirs = self.most[cells.clone()].iter().zip(&self.who[cells]);
+            for ((most, who), (&energy, &is)) in most[span.clone()].iter_mut().zip(&mut who[span.clone()]).zip(theirs) {
+                if flank * energy > *most {
+                    (*most, *who) = (flank * energy, is);
+                }
+            }
+        }
+    }
+
+    /// Whether there is nothing to be heard from far aside.
+    pub fn is_empty(&self) -> bool {
+        self.spans.is_empty()
+    }
+}
