@@ -146,7 +146,8 @@ impl BuiltScene {
     /// [`BuiltScene::ping`] into the memory of `ping`.
     ///
     /// # Errors
-    /// As [`BuiltScene::ping`]; `ping` is then unusable.
+    /// As [`BuiltScene::ping`]. `ping` shows what it did if sensor, pose or options are wrong; if there is no memory, it
+    /// is empty.
     pub fn ping_into(
         &self,
         sensor: &Sensor,
@@ -161,6 +162,9 @@ impl BuiltScene {
         let pinging = Pinging::new(&self.0, sensor, trajectory, options, &mut memory)?;
         let size = pinging.transducer.rays() as u64;
         let done = self.0.engine.install_sized(size, || pinging.run(options, &mut memory, ping));
+        if done.is_err() {
+            *ping = Ping::default();
+        }
         ping.memory.keep(memory);
         done
     }
@@ -218,6 +222,9 @@ impl<'a> Pinging<'a> {
         let believed = water.assumed_speed_m_s.unwrap_or(start_speed);
         let ratio = acoustics.array_speed_m_s.map_or(1.0, |array| speed / array);
         let transducer = sensor.transducer(start_speed / frequency, ratio);
+        if transducer.rays().div_ceil(CHUNK) > 1 << (32 - CHUNK_BITS) {
+            return Err(Error::invalid("pattern.rays", transducer.rays(), "at most 134 million rays in a ping"));
+        }
         let sea = water.sea();
         let source = options.reflectance_source.unwrap_or_default().of_sound();
         let reflectances = scene.surfaces.reflectances(sensor.wavelength_nm, source, Mirrors::Real);
@@ -349,11 +356,7 @@ impl<'a> Pinging<'a> {
         ping.labels = self.scene.surfaces.labels.clone();
         ping.cells.resize(fields, beams * bins)?;
 
-        let chunks = self.transducer.rays().div_ceil(CHUNK);
-        if chunks > 1 << (32 - CHUNK_BITS) {
-            return Err(Error::invalid("pattern.rays", self.transducer.rays(), "at most 134 million rays in a ping"));
-        }
-        memory.chunks.resize_with(chunks, RayChunk::default);
+        memory.chunks.resize_with(self.transducer.rays().div_ceil(CHUNK), RayChunk::default);
         let (sound, surfaces) = (&self.backscatter, &self.scene.surfaces);
         let loss = |row: u32, sine: f64| sound.reflection_loss(surfaces, row, sine);
         let limits = SoundLimits {
