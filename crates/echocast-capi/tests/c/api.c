@@ -1103,6 +1103,8 @@ static void pings_of(echocast_context *context, const echocast_snapshot *snapsho
 
     /* The bed is 6 m below an echo sounder. */
     OK(echocast_sensor_create(context, "sbes_200", &sounder));
+    OK(echocast_sensor_set(sounder, "range.max_m", "15"));
+    OK(echocast_sensor_set(sounder, "pattern.rays", "256"));
     desc.sensor = sounder;
     desc.columns = "category_id";
     OK(echocast_ping(snapshot, &desc, &pings));
