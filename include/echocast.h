@@ -61,6 +61,8 @@
     { sizeof(echocast_scan_desc), 0, 0, 0, 0, 0, 0, 0xffffffffu, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
 #define ECHOCAST_RESULT_INFO_INIT                                                                                      \
     { sizeof(echocast_result_info), 0, 0, 0, 0, 0, { 0, 0, 0 }, ECHOCAST_POSE_IDENTITY }
+#define ECHOCAST_PING_INFO_INIT                                                                                        \
+    { sizeof(echocast_ping_info), 0, 0, 0, ECHOCAST_POSE_IDENTITY, { 0, 0, 0 }, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
 #define ECHOCAST_SCAN_INFO_INIT { sizeof(echocast_scan_info), 0, 0, 0 }
 #define ECHOCAST_FRAME_INFO_INIT { sizeof(echocast_frame_info), 0, 0, 0, 0 }
 
@@ -970,11 +972,11 @@ typedef struct echocast_result_info {
     echocast_pose sensor_pose;
 } echocast_result_info;
 
-/** A column of a result, in place. */
+/** A column of a result or a ping, in place. */
 typedef struct echocast_view {
     /** The first element; NULL if there are none. */
     const void *data;
-    /** Number of elements: as many as the result has points. */
+    /** Number of elements: as many as the result has points, or the ping has cells. */
     size_t count;
     /** Bytes from element to element. */
     size_t stride;
@@ -1224,7 +1226,8 @@ typedef struct echocast_scan_desc {
  * up to 20.
  *
  * Points of a sonar: for multibeam and single-beam sonars the depth of each beam; for side-scan and imaging sonars the
- * range bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water.
+ * range bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water. echocast_ping gives
+ * whole pings.
  *
  * On an error in the arguments, an old result stays as it was; after a cancelled scan, or one for which there was no
  * memory, it is empty.
@@ -1321,7 +1324,7 @@ echocast_status echocast_result_boxes(const echocast_result *result,
 
 /* -- Images ---------------------------------------------------------------------------------------------------------- */
 
-/** A layer of the image of a result, in place: rows from top to bottom, pixels from left to right. */
+/** A layer of the image of a result or of pings, in place: rows from top to bottom, pixels from left to right. */
 typedef struct echocast_image_view {
     /** The top left pixel; the channels of a pixel follow each other, and so do the pixels of a row. */
     const void *data;
@@ -1435,6 +1438,283 @@ echocast_status echocast_result_image(const echocast_result *result,
 ECHOCAST_API
 echocast_status echocast_result_image_boxes(const echocast_result *result,
                                             echocast_image_box_view *out);
+
+/* -- Pings ----------------------------------------------------------------------------------------------------------- */
+
+/** Beams to the sides: waterfall and mosaic. */
+#define ECHOCAST_SONAR_SIDESCAN 0
+
+/** Beams side by side, down: bathymetry and the image of the water column. */
+#define ECHOCAST_SONAR_SWATH 1
+
+/** Beams side by side, ahead: fan. */
+#define ECHOCAST_SONAR_FAN 2
+
+/** One beam. */
+#define ECHOCAST_SONAR_SINGLE 3
+
+/**
+ * Pings of one sonar, one after the other: usually one, the last. Any number of threads may read them; only one at a
+ * time may change them.
+ */
+typedef struct echocast_pings echocast_pings;
+
+/** When and where a ping was sent, and how it is laid out; ECHOCAST_PING_INFO_INIT is empty. */
+typedef struct echocast_ping_info {
+    /** sizeof(echocast_ping_info). */
+    size_t struct_size;
+    /** Number of the ping: scan_desc.frame. */
+    uint32_t number;
+    /** How the beams lie: an ECHOCAST_SONAR_ number. */
+    int32_t view;
+    /** When it was sent, ns. Times since 1970 are rounded to 0.2 microseconds. */
+    int64_t t_ns;
+    /** Where the sonar was then, in the world; a rotating beam is turned to where it looked. */
+    echocast_pose sensor_pose;
+    /** World position, metres, that the columns true_x, true_y, true_z are relative to. */
+    double origin[3];
+    /** Beams. */
+    uint32_t beams;
+    /** Range bins of a beam. A ping has beams * bins cells; cell beam * bins + bin. */
+    uint32_t bins;
+    /** Length of a bin, metres of reported slant range: bin k reaches from k * bin_m to (k + 1) * bin_m. */
+    double bin_m;
+    /** Sound speed that ranges are reported with, m/s. */
+    double sound_speed;
+    /** First bin that reports echoes: earlier ones are nearer than the nearest range. */
+    uint32_t first_bin;
+    /** Level of the noise in a cell, dB re 1 uPa. */
+    float noise_db;
+    /**
+     * Azimuth and elevation of the axis of each beam as reported, one after the other, rad, sensor frame: 2 * beams
+     * numbers. This and the following are in place, like columns.
+     */
+    const float *axes;
+    /** Lowest level that is reported as an echo, dB re 1 uPa, of each bin. */
+    const float *threshold_db;
+    /** Time-varied gain that pictures are drawn with, dB, of each bin; levels are without. */
+    const float *tvg_db;
+} echocast_ping_info;
+
+/** An echo that a sonar reports as the depth of a beam. */
+typedef struct echocast_sounding {
+    /** Beam that received it. */
+    uint32_t beam;
+    /** Cell at that range, or the nearest one with an echo: beam * bins + bin. */
+    uint32_t cell;
+    /** Reported slant range. */
+    float range;
+    /** Level of the loudest cell of the echo, dB re 1 uPa. */
+    float level_db;
+    /** Confidence, 0 to 1: level above the threshold over 20 dB, less where the echo is wide. */
+    float quality;
+} echocast_sounding;
+
+/**
+ * The soundings of a ping, in place. Those of a newer library may be longer than those of this header: ECHOCAST_AT
+ * steps from one to the next by the stride.
+ */
+typedef struct echocast_sounding_view {
+    /** The first; NULL if there are none. */
+    const echocast_sounding *data;
+    /** Number of them. */
+    size_t count;
+    /** Bytes from one to the next. */
+    size_t stride;
+} echocast_sounding_view;
+
+/** Coordinates of the pixels of an image: the middle of column c, row r is first + {c, r} * step. */
+typedef struct echocast_image_place {
+    /**
+     * Of the middle of the top left pixel: metres to the right of the sonar and ahead of it (of a swath sonar, above)
+     * in a fan; x, y in the world on a track; metres across (starboard is positive) and the index of the ping in a
+     * waterfall.
+     */
+    double first[2];
+    /** From column to column, and from row to row. */
+    double step[2];
+} echocast_image_place;
+
+/**
+ * Sends one ping of a sonar. `*io`: NULL, and it becomes a new list of this ping, to be released with
+ * echocast_pings_release; or a list, which has only this ping from then on, in its memory: after the first of their
+ * kind, pings take up to 20 small blocks, whatever the number of rays and cells.
+ *
+ * `desc` is as for echocast_scan, which gives the points of the same ping, and its `frame` is the number of the ping.
+ * Of its columns a ping has `intensity`, the level, and those among `category_id`, `part_id`, `instance_id`,
+ * `material_id`, `time`, `azimuth`, `elevation`, `red`, `green`, `blue`, `normal_x` to `normal_z`, `cos_incidence`,
+ * `true_x` to `true_z`, `true_range`, `cause`, `bounces`, `velocity_x` to `velocity_z`, `radial_velocity`, `flow_x` to
+ * `flow_z` that are asked for: what the strongest scatterer in the cell is; numbers are not-a-number and labels 0
+ * where nothing scatters. What `desc` says of points alone is not used: organised, coordinates, order, boxes,
+ * progress.
+ *
+ * On an error in the arguments, an old list stays as it was; one for which there was no memory is empty.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (a sensor that is not a sonar, a sonar outside the water, another profile than the
+ * physical one), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY (another thread uses the list, or changes the
+ * sensor). Any number of threads may ping one snapshot with one sensor, each into its own list.
+ *
+ * ```c
+ * echocast_pose_key towed = {0, ECHOCAST_POSE_IDENTITY};
+ * towed.pose.m[11] = -3;
+ * echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;
+ * desc.sensor = sensor;
+ * desc.poses = &towed;
+ * desc.pose_count = 1;
+ * desc.columns = "intensity,category_id";
+ * echocast_pings *pings = NULL;
+ * echocast_ping(snapshot, &desc, &pings);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_ping(const echocast_snapshot *snapshot,
+                              const echocast_scan_desc *desc,
+                              echocast_pings **io);
+
+/** The number of pings: 1, or more after echocast_pings_append; 0 for an invalid handle. */
+ECHOCAST_API size_t echocast_pings_count(const echocast_pings *pings);
+
+/**
+ * Gets information on a ping, counted from 0. The caller sets struct_size of `*info`; what it points to is valid until
+ * the list is pinged into or released.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ *
+ * ```c
+ * echocast_ping_info info = ECHOCAST_PING_INFO_INIT;
+ * echocast_pings_get_info(pings, 0, &info);
+ * for (uint32_t beam = 0; beam < info.beams; ++beam)
+ *     printf("azimuth %g, elevation %g\n", info.axes[2 * beam], info.axes[2 * beam + 1]);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_pings_get_info(const echocast_pings *pings,
+                                        size_t ping,
+                                        echocast_ping_info *info);
+
+/**
+ * Gives access to a column of a ping, counted from 0, without copying it: beams * bins numbers, all bins of a beam one
+ * after the other. `column`: "intensity" for the levels, dB re 1 uPa, as ECHOCAST_TYPE_F32, or another that was asked
+ * for. The view is valid until the list is pinged into or released.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no such ping; no such column, or one that was not computed), ECHOCAST_E_HANDLE,
+ * ECHOCAST_E_BUSY.
+ *
+ * ```c
+ * echocast_view view;
+ * echocast_pings_view(pings, 0, "intensity", &view);
+ * const float *level = view.data;
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_pings_view(const echocast_pings *pings,
+                                    size_t ping,
+                                    const char *column,
+                                    echocast_view *out);
+
+/**
+ * Gives access to what a ping, counted from 0, reports as depths, in place: by rising beam; none for side-scan and
+ * imaging sonars. The view is valid until the list is pinged into, appended to or released.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ *
+ * ```c
+ * echocast_sounding_view depths;
+ * echocast_pings_soundings(pings, 0, &depths);
+ * for (size_t i = 0; i < depths.count; ++i)
+ *     printf("%g m\n", ECHOCAST_AT(echocast_sounding, depths, i)->range);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_pings_soundings(const echocast_pings *pings,
+                                         size_t ping,
+                                         echocast_sounding_view *out);
+
+/**
+ * Writes the cells of a ping, counted from 0, as an image in the host's layout: a row for each range bin, the nearest
+ * first, in it a pixel of `stride` bytes for each beam, and in a pixel each column converted to its type at its
+ * offset; so ROS has images of sonars, and the columns of a ping have them the other way round. Numbers are converted
+ * as in echocast_result_pack, and the other arguments are the same; `*needed` is stride * beams * bins.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no such ping, a wrong item, too little room), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ *
+ * ```c
+ * // 8 bits of grey: 0 at the level of the noise, 255 from 60 dB above it on.
+ * echocast_ping_info info = ECHOCAST_PING_INFO_INIT;
+ * echocast_pings_get_info(pings, 0, &info);
+ * const echocast_pack_item grey = {"intensity", ECHOCAST_TYPE_U8, 0, info.noise_db, 255 / 60.0};
+ * echocast_pings_pack(pings, 0, &grey, 1, 1, bytes, sizeof bytes, NULL);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_pings_pack(const echocast_pings *pings,
+                                    size_t ping,
+                                    const echocast_pack_item *items,
+                                    size_t item_count,
+                                    size_t stride,
+                                    void *to,
+                                    size_t capacity,
+                                    size_t *needed);
+
+/**
+ * The name of a label number. `table`: "category", "part", "material" or "instance". NULL if it has none.
+ *
+ * Valid until the list is pinged into or released.
+ */
+ECHOCAST_API
+const char *echocast_pings_label_name(const echocast_pings *pings,
+                                      const char *table,
+                                      uint32_t number);
+
+/**
+ * Gets the number that has a name in a label column. `table`: "category", "part", "material" or "instance", where the
+ * first instance of the name counts.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_pings_label_number(const echocast_pings *pings,
+                                            const char *table,
+                                            const char *name,
+                                            uint32_t *number);
+
+/**
+ * Appends copies of other pings of the same sonar and scene with the same columns, to be written to one file, or shown
+ * in one image.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (pings that do not fit), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; nothing is then appended.
+ */
+ECHOCAST_API echocast_status echocast_pings_append(echocast_pings *pings, const echocast_pings *other);
+
+/**
+ * Gives access to the pixels of a picture of all pings, in place. `options`: YAML with `view`: "fan" lays the last
+ * ping of an imaging or swath sonar, or all of a beam that turns, out by beam and range; "waterfall" has a row for
+ * each ping; "track" is the map that they make, of a swath sonar that of its depths; further `width` (1600), 320 to
+ * 4096 pixels, and `ground` (false), whether a waterfall shows ground range. `layer`: "values", levels with the
+ * sonar's time-varied gain, dB re 1 uPa, or heights on the map of depths, metres, not-a-number where nothing is, as
+ * ECHOCAST_TYPE_F32; or a label column of the pings, such as "category_id", 0 where nothing is, as ECHOCAST_TYPE_U32.
+ * `place` may be NULL. Each picture is made when it is first asked for; the view is valid until the list is pinged
+ * into, appended to or released.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (a view that this sonar does not have, no such layer), ECHOCAST_E_PARSE,
+ * ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY.
+ *
+ * ```c
+ * echocast_image_view pixels;
+ * echocast_image_place place;
+ * echocast_pings_image(pings, "{view: fan, width: 800}", "values", &pixels, &place);
+ * printf("%u x %u pixels of %g m\n", (unsigned)pixels.width, (unsigned)pixels.height, place.step[0]);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_pings_image(const echocast_pings *pings,
+                                     const char *options,
+                                     const char *layer,
+                                     echocast_image_view *out,
+                                     echocast_image_place *place);
+
+/** Releases a list of pings. NULL is allowed. Any thread may call this. */
+ECHOCAST_API void echocast_pings_release(echocast_pings *pings);
 
 /* -- Scenarios ------------------------------------------------------------------------------------------------------- */
 
@@ -1650,6 +1930,26 @@ echocast_status echocast_sample_scan(echocast_sample *sample,
                                      const char *columns,
                                      echocast_result **io);
 
+/**
+ * Sends a ping of a sonar of a sample as the scenario says: as echocast_sample_scan, but into a list of pings, as
+ * echocast_ping does.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (a scan whose sensor is not a sonar), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY,
+ * ECHOCAST_E_BUSY. On an error in the arguments, an old list stays as it was; one for which there was no memory is
+ * empty.
+ *
+ * ```c
+ * echocast_pings *pings = NULL;
+ * echocast_sample_ping(sample, 0, 0, NULL, &pings);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_sample_ping(echocast_sample *sample,
+                                     size_t scan,
+                                     size_t frame,
+                                     const char *columns,
+                                     echocast_pings **io);
+
 /** Releases a sample. NULL is allowed. Any thread may call this. */
 ECHOCAST_API void echocast_sample_release(echocast_sample *sample);
 
@@ -1682,6 +1982,34 @@ ECHOCAST_API
 echocast_status echocast_result_preview(const echocast_result *result,
                                         const char *path,
                                         const char *options);
+
+/**
+ * Writes all that the pings hold to a file, as NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`), as the ending of `path` says:
+ * arrays of pings x beams x bins, soundings, and what they have in common. It appears under its name only when it is
+ * complete and on the disk. What the format cannot hold is reported to the context's log.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO (a full disk), ECHOCAST_E_UNSUPPORTED (another ending; HDF5 that is not
+ * built in), ECHOCAST_E_MEMORY, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ *
+ * ```c
+ * echocast_pings_write(pings, "survey.npz");
+ * ```
+ */
+ECHOCAST_API echocast_status echocast_pings_write(const echocast_pings *pings, const char *path);
+
+/**
+ * Writes a picture of the pings as PNG, with scales and a legend. `options`: YAML with `view`, `width` and `ground` as
+ * for echocast_pings_image, and `color` (label, intensity); pings without labels are coloured by intensity, with a
+ * warning to the log.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (a view that this sonar does not have, a width out of bounds), ECHOCAST_E_PARSE,
+ * ECHOCAST_E_IO, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ *
+ * ```c
+ * echocast_pings_preview(pings, "fan.png", "{view: fan, color: intensity}");
+ * ```
+ */
+ECHOCAST_API echocast_status echocast_pings_preview(const echocast_pings *pings, const char *path, const char *options);
 
 /**
  * Starts an HDF5 file that takes scans one by one, each as one row of every dataset; only one is in memory at a time.

@@ -71,6 +71,15 @@ protected:
         return handle;
     }
 
+    /** Runs a C function that fills what is here, which is NULL until the first. */
+    template <class Fill>
+    void fill(Fill call) {
+        T *handle = get();
+        const echocast_status status = call(&handle);
+        if (!*this) handle_.reset(handle);
+        check(status);
+    }
+
     std::unique_ptr<T, deleter<T, Release>> handle_;
 };
 
@@ -657,15 +666,6 @@ public:
 private:
     friend class sample;
     friend void scan(const snapshot &, const echocast_scan_desc &, result &);
-
-    /** Runs a scan of C on the handle here, which is NULL until the first. */
-    template <class Scan>
-    void fill(Scan scan) {
-        echocast_result *handle = get();
-        const echocast_status status = scan(&handle);
-        if (!*this) handle_.reset(handle);
-        check(status);
-    }
 };
 
 /** Scans once, into the memory of `io`. */
@@ -698,6 +698,135 @@ inline result scan(const snapshot &snapshot, const sensor &sensor, const echocas
     result points;
     scan(snapshot, desc, points);
     return points;
+}
+
+/** Pings of one sonar, counted from 0: usually one, the last. Spans and views are valid until the next ping into this. */
+class pings : public detail::owner<echocast_pings, echocast_pings_release> {
+public:
+    /** Empty, until something is pinged into it. */
+    pings() = default;
+
+    std::size_t size() const { return get() ? echocast_pings_count(get()) : 0; }
+
+    echocast_ping_info info(std::size_t ping = 0) const {
+        echocast_ping_info info = ECHOCAST_PING_INFO_INIT;
+        check(echocast_pings_get_info(get(), ping, &info));
+        return info;
+    }
+
+    /** Levels, dB re 1 uPa, where they are: beams * bins, all bins of a beam one after the other. */
+    span<const float> levels(std::size_t ping = 0) const { return column<float>("intensity", ping); }
+
+    /** A column where it is, like levels; T is the type of the column: float, double, uint8_t, uint16_t or uint32_t. */
+    template <class T>
+    span<const T> column(const std::string &name, std::size_t ping = 0) const {
+        echocast_view view;
+        check(echocast_pings_view(get(), ping, name.c_str(), &view));
+        if (view.kind != detail::type_of<T>::value) {
+            throw std::invalid_argument("the column " + name + " has another type");
+        }
+        return span<const T>(static_cast<const T *>(view.data), view.count);
+    }
+
+    /** Azimuth and elevation of each beam, one after the other, rad. */
+    span<const float> axes(std::size_t ping = 0) const {
+        const echocast_ping_info about = info(ping);
+        return span<const float>(about.axes, std::size_t(2) * about.beams);
+    }
+
+    /** Lowest level that is reported as an echo, dB re 1 uPa, of each bin. */
+    span<const float> threshold_db(std::size_t ping = 0) const {
+        const echocast_ping_info about = info(ping);
+        return span<const float>(about.threshold_db, about.bins);
+    }
+
+    /** Time-varied gain that pictures are drawn with, dB, of each bin. */
+    span<const float> tvg_db(std::size_t ping = 0) const {
+        const echocast_ping_info about = info(ping);
+        return span<const float>(about.tvg_db, about.bins);
+    }
+
+    /** What is reported as depths. */
+    structs<echocast_sounding> soundings(std::size_t ping = 0) const {
+        echocast_sounding_view found;
+        check(echocast_pings_soundings(get(), ping, &found));
+        return structs<echocast_sounding>(found.data, found.count, found.stride);
+    }
+
+    /** The cells as an image with a row for each bin and a pixel of `stride` bytes for each beam, into memory of the
+     *  caller's, without any of its own: the data of a message, for instance. */
+    void pack(const echocast_pack_item *items, std::size_t item_count, std::size_t stride, void *to,
+              std::size_t capacity, std::size_t ping = 0) const {
+        check(echocast_pings_pack(get(), ping, items, item_count, stride, to, capacity, nullptr));
+    }
+
+    /** The same as bytes. */
+    std::vector<uint8_t> pack(const std::vector<echocast_pack_item> &items, std::size_t stride,
+                              std::size_t ping = 0) const {
+        const echocast_ping_info about = info(ping);
+        std::vector<uint8_t> bytes(stride * about.beams * about.bins);
+        pack(items.data(), items.size(), stride, bytes.data(), bytes.size(), ping);
+        return bytes;
+    }
+
+    /** A layer of the picture of all pings that `options` ask for, such as "{view: fan}"; T is float of "values", and
+     *  uint32_t of label columns. `place` becomes the coordinates of its pixels, unless it is NULL. */
+    template <class T>
+    echocast::image<const T> image(const std::string &options, const std::string &layer = "values",
+                                   echocast_image_place *place = nullptr) const {
+        echocast_image_view view;
+        check(echocast_pings_image(get(), options.c_str(), layer.c_str(), &view, place));
+        if (view.kind != detail::type_of<T>::value) {
+            throw std::invalid_argument("the layer " + layer + " has another type");
+        }
+        return echocast::image<const T>(view);
+    }
+
+    /** Number that has this name: of category "wreck", for instance. */
+    uint32_t label_number(const std::string &table, const std::string &name) const {
+        uint32_t number = 0;
+        check(echocast_pings_label_number(get(), table.c_str(), name.c_str(), &number));
+        return number;
+    }
+
+    /** Name of a label number, "" if it has none. */
+    std::string label_name(const std::string &table, uint32_t number) const {
+        const char *name = echocast_pings_label_name(get(), table.c_str(), number);
+        return name ? name : "";
+    }
+
+    /** Copies of other pings behind these. */
+    void append(const pings &other) { check(echocast_pings_append(get(), other.get())); }
+
+    /** All of it, as NPZ or HDF5, as the ending of `path` says. */
+    void write(const std::string &path) const { check(echocast_pings_write(get(), path.c_str())); }
+
+    /** A picture. */
+    void preview(const std::string &path, const std::string &options) const {
+        check(echocast_pings_preview(get(), path.c_str(), options.c_str()));
+    }
+
+private:
+    friend class sample;
+    friend void ping(const snapshot &, const echocast_scan_desc &, pings &);
+};
+
+/** Sends one ping of a sonar, into the memory of `io`. */
+inline void ping(const snapshot &snapshot, const echocast_scan_desc &desc, pings &io) {
+    io.fill([&](echocast_pings **handle) { return echocast_ping(snapshot.get(), &desc, handle); });
+}
+
+/** Sends one ping of a sonar that is at `pose`. */
+inline pings ping(const snapshot &snapshot, const sensor &sensor, const echocast_pose &pose, uint64_t seed = 0) {
+    const echocast_pose_key here = {0, pose};
+    echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;
+    desc.sensor = sensor.get();
+    desc.poses = &here;
+    desc.pose_count = 1;
+    desc.seed = seed;
+    pings one;
+    ping(snapshot, desc, one);
+    return one;
 }
 
 /** A sample of a scenario: its scene as it was drawn, and the scans of its sensors, all counted from 0. */
@@ -755,6 +884,13 @@ public:
     void scan(std::size_t scan, std::size_t frame, result &io, const std::string &columns = "") {
         io.fill([&](echocast_result **handle) {
             return echocast_sample_scan(get(), scan, frame, detail::c_str_or_null(columns), handle);
+        });
+    }
+
+    /** Sends a ping of a sonar, into the memory of `io`; the rest as above. */
+    void ping(std::size_t scan, std::size_t frame, pings &io, const std::string &columns = "") {
+        io.fill([&](echocast_pings **handle) {
+            return echocast_sample_ping(get(), scan, frame, detail::c_str_or_null(columns), handle);
         });
     }
 

@@ -48,6 +48,7 @@ impl Input<'_> {
             c"{model: reflectivity_limit, lower: {reflectance: 0.5, at_m: 2}, upper: {reflectance: 0.9, at_m: 8}}",
             c"pattern.azimuth.step_deg", c"kinect_v1", c"{scale: 0.5, up: y}",
             c"{name: s, kind: lidar, pattern: {type: raster, azimuth: {fov_deg: 40, step_deg: 2}, elevation: {fov_deg: 10, step_deg: 2}}}",
+            c"{view: waterfall}", c"values", c"intensity", c"{name: b, kind: sonar, pattern: {type: single_beam, beam_deg: 20, rays: 64}, range: {max_m: 20}, acoustics: {frequency_khz: 200, source_level_db: 200, pulse_ms: 0.5, bounces: 0}}",
             c"{name: p, kind: tof, pattern: {type: pinhole, resolution: [8, 6], fov_deg: [60, 40]}, noise: {range_sigma_m: 0.1}}",
         ];
         if self.below(16) == 0 { ptr::null() } else { self.of(TEXTS).as_ptr() }
@@ -97,6 +98,7 @@ pub fn run(data: &[u8]) {
     let mut snapshots: Handles<echocast_snapshot> = Handles(Vec::new());
     let mut sensors: Handles<echocast_sensor> = Handles(Vec::new());
     let mut results: Handles<echocast_result> = Handles(Vec::new());
+    let mut pings: Handles<echocast_pings> = Handles(Vec::new());
     let mut ids: Vec<echocast_instance> = vec![0, 1, u64::MAX];
     // SAFETY: pointers are NULL or to what is there; handles may be anything.
     unsafe {
@@ -105,7 +107,8 @@ pub fn run(data: &[u8]) {
         answered(echocast_context_create(&one, &mut context));
         contexts.keep(context);
         for _ in 0..data.len().min(200) {
-            match input.below(28) {
+            let call = input.below(31);
+            match call {
                 0 => {
                     let mut out = ptr::null_mut();
                     let desc = echocast_context_desc {
@@ -297,7 +300,7 @@ pub fn run(data: &[u8]) {
                         echocast_sensor_release(sensor);
                     }
                 }
-                24..=26 => {
+                24..=26 | 30 => {
                     let keys = [(); 2].map(|()| echocast_pose_key {
                         t_ns: input.of(&[0, 1, 100_000_000, i64::MAX, i64::MIN]),
                         pose: input.pose(),
@@ -317,11 +320,54 @@ pub fn run(data: &[u8]) {
                         reflectance: input.of(&[0, 1, 2]),
                         ..Default::default()
                     };
-                    let mut result = if input.byte() < 128 { ptr::null_mut() } else { results.any(input) };
+                    let new = input.byte() < 128;
+                    if call == 30 {
+                        let mut list = if new { ptr::null_mut() } else { pings.any(input) };
+                        let before = list;
+                        answered(echocast_ping(snapshots.any(input), &desc, &mut list));
+                        if before.is_null() {
+                            pings.keep(list);
+                        }
+                        continue;
+                    }
+                    let mut result = if new { ptr::null_mut() } else { results.any(input) };
                     let before = result;
                     answered(echocast_scan(snapshots.any(input), &desc, &mut result));
                     if before.is_null() {
                         results.keep(result);
+                    }
+                }
+                28 | 29 => {
+                    let (list, ping) = (pings.any(input), input.of(&[0, 0, 0, 1, usize::MAX]));
+                    let mut info = echocast_ping_info::default();
+                    let status = echocast_pings_get_info(list, ping, &mut info);
+                    answered(status);
+                    let mut view = std::mem::zeroed();
+                    let shown = echocast_pings_view(list, ping, input.text(), &mut view);
+                    answered(shown);
+                    if shown == ECHOCAST_OK {
+                        assert_eq!(view.count, info.beams as usize * info.bins as usize);
+                        let bytes = std::slice::from_raw_parts(view.data.cast::<u8>(), view.count * view.stride);
+                        std::hint::black_box(bytes.iter().map(|&byte| u64::from(byte)).sum::<u64>());
+                    }
+                    let mut depths = std::mem::zeroed();
+                    answered(echocast_pings_soundings(list, ping, &mut depths));
+                    assert!(depths.count <= info.beams as usize);
+                    let mut packed = [0u8; 4096];
+                    let item = echocast_pack_item {
+                        column: input.text(),
+                        kind: input.of(&[1, 2, 3, 5, 9, 11]),
+                        offset: input.of(&[0, 4, u32::MAX]),
+                        shift: input.number(),
+                        scale: input.number(),
+                    };
+                    let (to, stride) = (packed.as_mut_ptr().cast(), input.of(&[8, 4, 16, 0, usize::MAX]));
+                    answered(echocast_pings_pack(list, ping, &item, 1, stride, to, packed.len(), ptr::null_mut()));
+                    let mut image = std::mem::zeroed();
+                    answered(echocast_pings_image(list, input.text(), input.text(), &mut image, ptr::null_mut()));
+                    answered(echocast_pings_append(list, pings.any(input)));
+                    if input.byte() < 30 {
+                        echocast_pings_release(list);
                     }
                 }
                 _ => {
@@ -360,6 +406,7 @@ pub fn run(data: &[u8]) {
             }
         }
         results.0.iter().for_each(|&handle| echocast_result_release(handle));
+        pings.0.iter().for_each(|&handle| echocast_pings_release(handle));
         sensors.0.iter().for_each(|&handle| echocast_sensor_release(handle));
         snapshots.0.iter().for_each(|&handle| echocast_snapshot_release(handle));
         scenes.0.iter().for_each(|&handle| echocast_scene_release(handle));

@@ -1,8 +1,9 @@
-//! Files of points.
+//! Files of points and pings.
 
 use crate::context::{Context, echocast_context};
 use crate::guard::{Failure, echocast_status, guard};
 use crate::handle::{self, handles};
+use crate::ping::{self, echocast_pings};
 use crate::result::{echocast_result, look};
 use crate::text;
 use echocast::export;
@@ -93,6 +94,57 @@ pub unsafe extern "C" fn echocast_result_preview(
         look(result, |points| {
             let report = points.context.engine.install(|| preview::write(&points.cloud, path, &options))?;
             points.context.warn(&report);
+            Ok(())
+        })
+    })
+}
+
+/// Writes all that the pings hold to a file, as NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`), as the ending of `path` says:
+/// arrays of pings x beams x bins, soundings, and what they have in common. It appears under its name only when it is
+/// complete and on the disk. What the format cannot hold is reported to the context's log.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO (a full disk), ECHOCAST_E_UNSUPPORTED (another ending; HDF5 that is not
+/// built in), ECHOCAST_E_MEMORY, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+///
+/// ```c
+/// echocast_pings_write(pings, "survey.npz");
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_pings_write(pings: *const echocast_pings, path: *const c_char) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let path = unsafe { text::path(path, "path") }?;
+        ping::look(pings, |pings| {
+            let report = pings.context.engine.install(|| pings.pings.write(path))?;
+            pings.context.warn(&report);
+            Ok(())
+        })
+    })
+}
+
+/// Writes a picture of the pings as PNG, with scales and a legend. `options`: YAML with `view`, `width` and `ground` as
+/// for echocast_pings_image, and `color` (label, intensity); pings without labels are coloured by intensity, with a
+/// warning to the log.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (a view that this sonar does not have, a width out of bounds), ECHOCAST_E_PARSE,
+/// ECHOCAST_E_IO, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+///
+/// ```c
+/// echocast_pings_preview(pings, "fan.png", "{view: fan, color: intensity}");
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_pings_preview(
+    pings: *const echocast_pings,
+    path: *const c_char,
+    options: *const c_char,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let (path, options) = unsafe { (text::path(path, "path")?, text::required(options, "options")?) };
+        let options = PreviewOptions::from_yaml(options)?;
+        ping::look(pings, |pings| {
+            let report = pings.context.engine.install(|| preview::write_pings(&pings.pings, path, &options))?;
+            pings.context.warn(&report);
             Ok(())
         })
     })

@@ -73,6 +73,11 @@ impl Failure {
     }
 }
 
+/// The element of this number, the argument called `name`.
+pub(crate) fn numbered<'a, T>(all: &'a [T], number: usize, name: &str) -> Outcome<&'a T> {
+    all.get(number).ok_or_else(|| Failure::argument(name, number, &format!("less than the {} there are", all.len())))
+}
+
 impl From<Error> for Failure {
     fn from(error: Error) -> Failure {
         let status = match &error {

@@ -33,7 +33,7 @@ impl Images {
     }
 }
 
-/// A layer of the image of a result, in place: rows from top to bottom, pixels from left to right.
+/// A layer of the image of a result or of pings, in place: rows from top to bottom, pixels from left to right.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_image_view {
@@ -49,6 +49,12 @@ pub struct echocast_image_view {
     pub channels: u32,
     /// Type of the numbers: ECHOCAST_TYPE_F32, ECHOCAST_TYPE_U8 or ECHOCAST_TYPE_U32.
     pub kind: i32,
+}
+
+impl echocast_image_view {
+    /// Of nothing.
+    pub(crate) const NONE: Self =
+        echocast_image_view { data: ptr::null(), row_stride: 0, width: 0, height: 0, channels: 0, kind: 0 };
 }
 
 /// What an image shows of an instance.
@@ -163,9 +169,10 @@ pub unsafe extern "C" fn echocast_result_image(
     out: *mut echocast_image_view,
 ) -> echocast_status {
     guard(|| {
-        let none = echocast_image_view { data: ptr::null(), row_stride: 0, width: 0, height: 0, channels: 0, kind: 0 };
         // SAFETY: as the header asks.
-        let (out, layer) = unsafe { (text::output(out, "out")?.write(none), text::required(layer, "layer")?) };
+        let out = unsafe { text::output(out, "out") }?.write(echocast_image_view::NONE);
+        // SAFETY: as the header asks.
+        let layer = unsafe { text::required(layer, "layer") }?;
         let layer = Layer::from_name(layer)?;
         look(result, |points| {
             with_images(points, |images, grid| {

@@ -5,12 +5,12 @@ use crate::context::Context;
 use crate::guard::{Failure, Outcome, echocast_status, guard, guard_or};
 use crate::handle::{self, handles};
 use crate::image::Images;
+use crate::scan::{Inputs, Reused};
 use crate::scene::{echocast_pose, label_table, put_label_number};
 use crate::text;
-use crate::weather::Weather;
-use echocast::cloud::{ColumnType, PackItem, PackType};
+use echocast::cloud::{Column, ColumnType, PackItem, PackType};
 use echocast::scene::Labels;
-use echocast::{Field, FieldSet, Frame, PointCloud, Pose, Sensor};
+use echocast::{Field, FieldSet, Frame, PointCloud, Sensor};
 use std::collections::HashMap;
 use std::ffi::{CString, c_char, c_void};
 use std::ptr;
@@ -27,8 +27,7 @@ handles! {
 pub struct Points {
     pub(crate) context: Arc<Context>,
     pub(crate) cloud: PointCloud,
-    pub(crate) keys: Vec<(f64, Pose)>,
-    pub(crate) weather: Weather,
+    pub(crate) inputs: Inputs,
     /// What all points are of; `None`: of several sensors.
     pub(crate) sensor: Option<Arc<Sensor>>,
     /// The boxes of `cloud` as C has them.
@@ -37,24 +36,54 @@ pub struct Points {
     names: Mutex<Names>,
 }
 
-/// Names that were asked for.
+/// Names that were asked for, as C has them.
 #[derive(Default)]
-struct Names {
+pub(crate) struct Names {
     /// What they are of.
     labels: Arc<Labels>,
     /// By table and number.
     texts: HashMap<(&'static str, u32), CString>,
 }
 
+impl Names {
+    /// Name of a number in a table of `labels`, which lives as long as these names are of the same labels; NULL if
+    /// there is none.
+    pub fn get(&mut self, labels: &Arc<Labels>, table: &str, number: u32) -> Outcome<*const c_char> {
+        let (stem, names) = label_table(labels, table)?;
+        let Some(name) = names.name(number) else { return Ok(ptr::null()) };
+        if !Arc::ptr_eq(&self.labels, labels) {
+            // Those of scenes before are no longer valid.
+            *self = Names { labels: labels.clone(), ..Names::default() };
+        }
+        let made = || CString::new(name.replace('\0', "?")).unwrap_or_default();
+        Ok(self.texts.entry((stem, number)).or_insert_with(made).as_ptr())
+    }
+}
+
+impl Reused for Points {
+    fn new(context: &Arc<Context>) -> Points {
+        let (cloud, inputs, sensor, boxes, images, names) = Default::default();
+        Points { context: context.clone(), cloud, inputs, sensor, boxes, images, names }
+    }
+
+    fn context(&self) -> &Arc<Context> {
+        &self.context
+    }
+}
+
 impl Points {
-    pub(crate) fn new(context: &Arc<Context>) -> Points {
-        let (cloud, keys, weather, sensor, boxes, images, names) = Default::default();
-        Points { context: context.clone(), cloud, keys, weather, sensor, boxes, images, names }
+    /// Runs `scan`, which is of `sensor`.
+    pub(crate) fn scanned(&mut self, sensor: &Arc<Sensor>, scan: impl FnOnce(&mut Points) -> Outcome) -> Outcome {
+        let done = scan(self);
+        // On an error the points are what they were, or none.
+        let sensor = if done.is_ok() { Some(sensor.clone()) } else { self.sensor.take() };
+        self.changed(sensor);
+        done
     }
 
     /// Makes what comes with the points follow them: to be called whenever they may have changed. `sensor`: what they
     /// are of now.
-    pub(crate) fn changed(&mut self, sensor: Option<Arc<Sensor>>) {
+    fn changed(&mut self, sensor: Option<Arc<Sensor>>) {
         let images = self.images.get_mut().unwrap_or_else(PoisonError::into_inner);
         images.clear();
         let same = |old: &Arc<Sensor>| sensor.as_ref().is_some_and(|new| Arc::ptr_eq(old, new));
@@ -88,13 +117,13 @@ pub const ECHOCAST_TYPE_I64: i32 = 9;
 /// Unsigned 64-bit number; for packing only.
 pub const ECHOCAST_TYPE_U64: i32 = 10;
 
-/// A column of a result, in place.
+/// A column of a result or a ping, in place.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_view {
     /// The first element; NULL if there are none.
     pub data: *const c_void,
-    /// Number of elements: as many as the result has points.
+    /// Number of elements: as many as the result has points, or the ping has cells.
     pub count: usize,
     /// Bytes from element to element.
     pub stride: usize,
@@ -102,6 +131,22 @@ pub struct echocast_view {
     pub kind: i32,
     /// 0.
     pub reserved: i32,
+}
+
+impl echocast_view {
+    /// Of nothing.
+    pub(crate) const NONE: Self = echocast_view { data: ptr::null(), count: 0, stride: 0, kind: 0, reserved: 0 };
+
+    pub(crate) fn of(column: &Column) -> echocast_view {
+        let (bytes, kind) = (column.bytes(), column.kind());
+        echocast_view {
+            data: if bytes.is_empty() { ptr::null() } else { bytes.as_ptr().cast() },
+            count: column.len(),
+            stride: kind.size(),
+            kind: number_of(kind),
+            reserved: 0,
+        }
+    }
 }
 
 /// A column in packed points.
@@ -229,20 +274,13 @@ pub unsafe extern "C" fn echocast_result_view(
     out: *mut echocast_view,
 ) -> echocast_status {
     guard(|| {
-        let none = echocast_view { data: ptr::null(), count: 0, stride: 0, kind: 0, reserved: 0 };
         // SAFETY: as the header asks.
-        let (out, name) = unsafe { (text::output(out, "out")?.write(none), text::required(column, "column")?) };
+        let out = unsafe { text::output(out, "out") }?.write(echocast_view::NONE);
+        // SAFETY: as the header asks.
+        let name = unsafe { text::required(column, "column") }?;
         look(result, |points| {
-            let field = computed(&points.cloud, name)?;
-            let kind = field.info().kind;
-            let bytes = points.cloud.column(field).bytes();
-            *out = echocast_view {
-                data: if bytes.is_empty() { ptr::null() } else { bytes.as_ptr().cast() },
-                count: points.cloud.len,
-                stride: kind.size(),
-                kind: number_of(kind),
-                reserved: 0,
-            };
+            let field = computed(points.cloud.fields, name)?;
+            *out = echocast_view::of(&points.cloud.column(field));
             Ok(())
         })
     })
@@ -258,13 +296,13 @@ pub(crate) fn number_of(kind: ColumnType) -> i32 {
     }
 }
 
-/// A column that the cloud has.
-fn computed(cloud: &PointCloud, name: &str) -> Outcome<Field> {
+/// A column that is among those computed.
+pub(crate) fn computed(fields: FieldSet, name: &str) -> Outcome<Field> {
     let field = Field::from_name(name)?;
-    if cloud.fields.contains(field) {
+    if fields.contains(field) {
         return Ok(field);
     }
-    let has: Vec<&str> = cloud.fields.iter().map(|info| info.name).collect();
+    let has: Vec<&str> = fields.iter().map(|info| info.name).collect();
     Err(Failure::argument("column", format!("{name:?}, which was not computed"), &has.join(", ")))
 }
 
@@ -298,53 +336,81 @@ pub unsafe extern "C" fn echocast_result_pack(
     needed: *mut usize,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
-        let items = unsafe { text::array(items, item_count, "items") }?;
+        let to = Packing { items, item_count, stride, to, capacity, needed };
+        look(result, |points| {
+            let cloud = &points.cloud;
+            let pack =
+                |items: &[PackItem], to: &mut [u8]| points.context.engine.install(|| cloud.pack(items, stride, to));
+            // SAFETY: as the header asks.
+            unsafe { to.fill(cloud.fields, cloud.packed_len(stride), pack) }
+        })
+    })
+}
+
+/// Where numbers are packed to, as C says it.
+pub(crate) struct Packing {
+    pub items: *const echocast_pack_item,
+    pub item_count: usize,
+    pub stride: usize,
+    pub to: *mut c_void,
+    pub capacity: usize,
+    pub needed: *mut usize,
+}
+
+impl Packing {
+    /// Runs `pack` on the items, of columns among `fields`, and on `room` bytes; with NULL to write to, only tells how
+    /// many these are.
+    ///
+    /// # Safety
+    /// The pointers are NULL or to as much as they say, which nobody else uses meanwhile.
+    pub unsafe fn fill(
+        &self,
+        fields: FieldSet,
+        room: Option<usize>,
+        pack: impl FnOnce(&[PackItem], &mut [u8]) -> echocast::Result<()>,
+    ) -> Outcome {
+        // SAFETY: as the caller promises.
+        let items = unsafe { text::array(self.items, self.item_count, "items") }?;
         if !(1..=MOST_ITEMS).contains(&items.len()) {
             return Err(Failure::argument("item_count", items.len(), &format!("1 to {MOST_ITEMS}")));
         }
-        look(result, |points| {
-            let cloud = &points.cloud;
-            let mut packed = [PackItem::new(Field::X, PackType::F32, 0); MOST_ITEMS];
-            for (number, (item, to)) in items.iter().zip(&mut packed).enumerate() {
-                let at = |failure: Failure| Failure { text: format!("items[{number}]: {}", failure.text), ..failure };
-                // SAFETY: as the header asks.
-                let name = unsafe { text::required(item.column, "column") }.map_err(at)?;
-                *to = PackItem {
-                    field: computed(cloud, name).map_err(at)?,
-                    kind: pack_type(item.kind).map_err(at)?,
-                    offset: item.offset as usize,
-                    shift: item.shift,
-                    scale: if item.scale == 0.0 { 1.0 } else { item.scale },
-                };
-            }
-            let room = stride.checked_mul(cloud.len).filter(|&room| room <= isize::MAX as usize);
-            let Some(room) = room else {
-                return Err(Failure::argument("stride", stride, "such that all points fit into memory"));
+        let mut packed = [PackItem::new(Field::X, PackType::F32, 0); MOST_ITEMS];
+        for (number, (item, to)) in items.iter().zip(&mut packed).enumerate() {
+            let at = |failure: Failure| Failure { text: format!("items[{number}]: {}", failure.text), ..failure };
+            // SAFETY: as the caller promises.
+            let name = unsafe { text::required(item.column, "column") }.map_err(at)?;
+            *to = PackItem {
+                field: computed(fields, name).map_err(at)?,
+                kind: pack_type(item.kind).map_err(at)?,
+                offset: item.offset as usize,
+                shift: item.shift,
+                scale: if item.scale == 0.0 { 1.0 } else { item.scale },
             };
-            if !needed.is_null() {
-                // SAFETY: as the header asks.
-                unsafe { text::output(needed, "needed") }?.write(room);
-            }
-            if to.is_null() && !needed.is_null() {
-                return Ok(());
-            }
-            if capacity < room {
-                return Err(Failure::argument("capacity", capacity, &format!("{room} bytes or more")));
-            }
-            let to: &mut [u8] = if room == 0 {
-                &mut []
-            } else {
-                let to = to.cast();
-                text::check_array(to, room, "to")?;
-                // SAFETY: as the header asks: room for so many bytes, which nobody else uses meanwhile. They are only
-                // written, and bytes may hold anything.
-                unsafe { std::slice::from_raw_parts_mut(to, room) }
-            };
-            let packed = &packed[..items.len()];
-            Ok(points.context.engine.install(|| cloud.pack(packed, stride, to))?)
-        })
-    })
+        }
+        let Some(room) = room.filter(|&room| room <= isize::MAX as usize) else {
+            return Err(Failure::argument("stride", self.stride, "such that all of it fits into memory"));
+        };
+        if !self.needed.is_null() {
+            // SAFETY: as the caller promises.
+            unsafe { text::output(self.needed, "needed") }?.write(room);
+        }
+        if self.to.is_null() && !self.needed.is_null() {
+            return Ok(());
+        }
+        if self.capacity < room {
+            return Err(Failure::argument("capacity", self.capacity, &format!("{room} bytes or more")));
+        }
+        let to: &mut [u8] = if room == 0 {
+            &mut []
+        } else {
+            let to = self.to.cast();
+            text::check_array(to, room, "to")?;
+            // SAFETY: as the caller promises: room for so many bytes, which nobody else uses meanwhile. They are only
+            // written, and bytes may hold anything.
+            unsafe { std::slice::from_raw_parts_mut(to, room) }
+        };
+        Ok(pack(&packed[..items.len()], to)?)
+    }
 }
 
 fn pack_type(number: i32) -> Outcome<PackType> {
@@ -376,17 +442,8 @@ pub unsafe extern "C" fn echocast_result_label_name(
         // SAFETY: as the header asks.
         let table = unsafe { text::required(table, "table") }?;
         look(result, |points| {
-            let labels = &points.cloud.labels;
-            let (stem, names) = label_table(labels, table)?;
-            let Some(name) = names.name(number) else { return Ok(ptr::null()) };
-            let mut kept = points.names.lock().unwrap_or_else(PoisonError::into_inner);
-            if !Arc::ptr_eq(&kept.labels, labels) {
-                // Those of scenes before are no longer valid.
-                *kept = Names { labels: labels.clone(), ..Names::default() };
-            }
-            let made = || CString::new(name.replace('\0', "?")).unwrap_or_default();
-            let text = kept.texts.entry((stem, number)).or_insert_with(made);
-            Ok(text.as_ptr())
+            let mut names = points.names.lock().unwrap_or_else(PoisonError::into_inner);
+            names.get(&points.cloud.labels, table, number)
         })
     })
 }

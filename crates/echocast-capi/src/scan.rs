@@ -2,11 +2,13 @@
 
 use crate::context::Context;
 use crate::guard::{Failure, Outcome, echocast_status, guard};
+use crate::handle::{self, Handle};
 use crate::result::{Points, echocast_result};
 use crate::scene::{echocast_pose_key, echocast_snapshot};
 use crate::sensor::{echocast_sensor, seconds};
-use crate::{handle, text};
-use echocast::{BoxAxes, BuiltScene, FieldSet, Named, ScanOptions, Sensor, Trajectory};
+use crate::text;
+use crate::weather::Weather;
+use echocast::{BoxAxes, BuiltScene, FieldSet, Named, Pose, ScanOptions, Sensor, Trajectory};
 use std::ffi::{c_char, c_void};
 use std::ops::ControlFlow;
 use std::sync::{Arc, RwLock};
@@ -175,7 +177,8 @@ text::versioned!(echocast_scan_desc {
 /// up to 20.
 ///
 /// Points of a sonar: for multibeam and single-beam sonars the depth of each beam; for side-scan and imaging sonars the
-/// range bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water.
+/// range bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water. echocast_ping gives
+/// whole pings.
 ///
 /// On an error in the arguments, an old result stays as it was; after a cancelled scan, or one for which there was no
 /// memory, it is empty.
@@ -206,82 +209,57 @@ pub unsafe extern "C" fn echocast_scan(
         let sensor = handle::get(desc.sensor, "desc->sensor")?;
         snapshot.0.check(&sensor.0, "desc->sensor")?;
         let sensor = handle::read(&sensor.1, "desc->sensor")?;
+        let made = |points: &mut Points| {
+            // SAFETY: as the header asks.
+            points.scanned(&sensor, |points| unsafe { scan(&snapshot.1, &sensor, &desc, points) })
+        };
         // SAFETY: as the header asks.
-        unsafe { fill(io, &snapshot.0, &sensor, |points| scan(&snapshot.1, &sensor, &desc, points)) }
+        unsafe { fill(io, &snapshot.0, made) }
     })
 }
 
-/// Runs `scan`, which is of `sensor`, on the result at `io`, or on a new one if there is none, which then stands there.
+/// What calls fill again and again, in its own memory.
+pub(crate) trait Reused {
+    /// Empty, of a context.
+    fn new(context: &Arc<Context>) -> Self;
+    fn context(&self) -> &Arc<Context>;
+}
+
+/// Runs `fill` on what is at `io`, or on a new one if there is none, which then stands there.
 ///
 /// # Safety
 /// `io` is NULL or points to a handle or NULL, which nobody else uses meanwhile.
-pub(crate) unsafe fn fill(
-    io: *mut *mut echocast_result,
+pub(crate) unsafe fn fill<T: Reused, H: Handle<Object = RwLock<T>>>(
+    io: *mut *mut H,
     context: &Arc<Context>,
-    sensor: &Arc<Sensor>,
-    scan: impl FnOnce(&mut Points) -> Outcome,
+    fill: impl FnOnce(&mut T) -> Outcome,
 ) -> Outcome {
-    let scan = |points: &mut Points| {
-        let done = scan(points);
-        // On an error the points are what they were, or none.
-        let sensor = if done.is_ok() { Some(sensor.clone()) } else { points.sensor.take() };
-        points.changed(sensor);
-        done
-    };
     if io.is_null() || !io.is_aligned() {
-        return Err(Failure::argument("io", format!("{io:p}"), "where a pointer to a result stands"));
+        return Err(Failure::argument("io", format!("{io:p}"), &format!("where a pointer to a {} stands", H::NAME)));
     }
     // SAFETY: as the caller promises.
     let old = unsafe { io.read() };
     if old.is_null() {
-        let mut points = Points::new(context);
-        scan(&mut points)?;
-        let new = handle::create(RwLock::new(points))?;
+        let mut object = T::new(context);
+        fill(&mut object)?;
+        let new = handle::create(RwLock::new(object))?;
         // SAFETY: as the caller promises.
         unsafe { io.write(new) };
         Ok(())
     } else {
-        let result: Arc<RwLock<Points>> = handle::get(old, "*io")?;
-        let mut points = handle::write(&result, "*io")?;
-        context.check(&points.context, "*io")?;
-        scan(&mut points)
+        let object = handle::get(old, "*io")?;
+        let mut object = handle::write(&object, "*io")?;
+        context.check(object.context(), "*io")?;
+        fill(&mut object)
     }
 }
 
 /// # Safety
 /// The arrays and strings of `desc` are as it says.
 unsafe fn scan(scene: &BuiltScene, sensor: &Sensor, desc: &echocast_scan_desc, points: &mut Points) -> Outcome {
-    // SAFETY: as the caller promises.
-    let mut options = unsafe { scan_options(desc, sensor) }?;
-    // SAFETY: as the caller promises.
-    points.weather.read(unsafe { text::optional(desc.environment, "desc->environment") }?)?;
-    // SAFETY: as the caller promises.
-    let poses = unsafe { text::array(desc.poses, desc.pose_count, "desc->poses") }?;
-    if poses.is_empty() {
-        return Err(Failure::argument("desc->pose_count", 0, "1 or more"));
-    }
-    let mut keys = mem::take(&mut points.keys);
-    keys.clear();
-    keys.try_reserve(poses.len())
-        .map_err(|_| Failure::new(crate::ECHOCAST_E_MEMORY, format!("no memory for {} poses", poses.len())))?;
-    for (number, key) in poses.iter().enumerate() {
-        if number > 0 && key.t_ns <= poses[number - 1].t_ns {
-            let name = format!("desc->poses[{number}].t_ns");
-            let allowed = format!("above that of the pose before it, {}", poses[number - 1].t_ns);
-            return Err(Failure::argument(&name, key.t_ns, &allowed));
-        }
-        let pose = key.pose.rigid("desc->poses[i].pose").map_err(|failure| failure.at("[i]", number))?;
-        // Counted from the scan's start, where nothing is rounded away, whatever the zero.
-        let Some(since) = key.t_ns.checked_sub(desc.t0_ns) else {
-            let name = format!("desc->poses[{number}].t_ns");
-            return Err(Failure::argument(&name, key.t_ns, "less than 292 years from desc->t0_ns"));
-        };
-        keys.push((seconds(since), pose));
-    }
-    let trajectory = Trajectory::new(keys)?;
-    options.environment = mem::take(&mut points.weather.environment);
-    let done = match desc.progress {
-        None => scene.scan_into(sensor, &trajectory, &options, &mut points.cloud),
+    let cloud = &mut points.cloud;
+    let scan = |trajectory: &Trajectory, options: &ScanOptions| match desc.progress {
+        None => scene.scan_into(sensor, trajectory, options, cloud),
         Some(progress) => {
             let user = desc.progress_user;
             let mut heard = |fraction: f64| {
@@ -292,12 +270,65 @@ unsafe fn scan(scene: &BuiltScene, sensor: &Sensor, desc: &echocast_scan_desc, p
                     ControlFlow::Break(())
                 }
             };
-            scene.scan_with_progress(sensor, &trajectory, &options, &mut points.cloud, &mut heard)
+            scene.scan_with_progress(sensor, trajectory, options, cloud, &mut heard)
         }
     };
-    points.keys = trajectory.into_keys();
-    points.weather.environment = options.environment;
-    Ok(done?)
+    // SAFETY: as the caller promises.
+    unsafe { points.inputs.with(desc, sensor, scan) }
+}
+
+/// What was read of the last description, and memory for the next one.
+#[derive(Default)]
+pub(crate) struct Inputs {
+    keys: Vec<(f64, Pose)>,
+    weather: Weather,
+}
+
+impl Inputs {
+    /// Runs `scan` on the trajectory and the options of `desc`.
+    ///
+    /// # Safety
+    /// The arrays and strings of `desc` are as it says.
+    pub unsafe fn with(
+        &mut self,
+        desc: &echocast_scan_desc,
+        sensor: &Sensor,
+        scan: impl FnOnce(&Trajectory, &ScanOptions) -> echocast::Result<()>,
+    ) -> Outcome {
+        // SAFETY: as the caller promises.
+        let mut options = unsafe { scan_options(desc, sensor) }?;
+        // SAFETY: as the caller promises.
+        self.weather.read(unsafe { text::optional(desc.environment, "desc->environment") }?)?;
+        // SAFETY: as the caller promises.
+        let poses = unsafe { text::array(desc.poses, desc.pose_count, "desc->poses") }?;
+        if poses.is_empty() {
+            return Err(Failure::argument("desc->pose_count", 0, "1 or more"));
+        }
+        let mut keys = mem::take(&mut self.keys);
+        keys.clear();
+        keys.try_reserve(poses.len())
+            .map_err(|_| Failure::new(crate::ECHOCAST_E_MEMORY, format!("no memory for {} poses", poses.len())))?;
+        for (number, key) in poses.iter().enumerate() {
+            if number > 0 && key.t_ns <= poses[number - 1].t_ns {
+                let name = format!("desc->poses[{number}].t_ns");
+                let allowed = format!("above that of the pose before it, {}", poses[number - 1].t_ns);
+                return Err(Failure::argument(&name, key.t_ns, &allowed));
+            }
+            let pose = key.pose.rigid("desc->poses[i].pose").map_err(|failure| failure.at("[i]", number))?;
+            // Counted from the scan's start, where nothing is rounded away, whatever the zero.
+            let Some(since) = key.t_ns.checked_sub(desc.t0_ns) else {
+                let name = format!("desc->poses[{number}].t_ns");
+                return Err(Failure::argument(&name, key.t_ns, "less than 292 years from desc->t0_ns"));
+            };
+            keys.push((seconds(since), pose));
+        }
+        let trajectory = Trajectory::new(keys)?;
+        options.environment = mem::take(&mut self.weather.environment);
+        let done = scan(&trajectory, &options);
+        self.keys = trajectory.into_keys();
+        self.weather.environment = options.environment;
+        Ok(done?)
+    }
 }
 
 /// # Safety

@@ -1,14 +1,15 @@
 //! Scenarios and their samples.
 
 use crate::context::{Context, echocast_context};
-use crate::guard::{Failure, Outcome, echocast_status, guard};
+use crate::guard::{Outcome, echocast_status, guard, numbered};
 use crate::handle::{self, handles};
+use crate::ping::{Pings, echocast_pings};
 use crate::result::{Points, echocast_result};
 use crate::scan::{self, fill};
 use crate::sensor::{echocast_sensor, nanoseconds};
 use crate::text;
 use echocast::scenario::{FrameTime, Sample, Scan};
-use echocast::{BoxAxes, FieldSet, Scenario};
+use echocast::{BoxAxes, FieldSet, ScanOptions, Scenario};
 use std::ffi::c_char;
 use std::ptr;
 use std::sync::{Arc, RwLock};
@@ -229,10 +230,6 @@ fn frame_of(scan: &Scan, frame: usize) -> Outcome<&FrameTime> {
     numbered(scan.frames(), frame, "frame")
 }
 
-fn numbered<'a, T>(all: &'a [T], number: usize, name: &str) -> Outcome<&'a T> {
-    all.get(number).ok_or_else(|| Failure::argument(name, number, &format!("less than the {} there are", all.len())))
-}
-
 /// Writes the number of scans of a sample, one for each sensor of the rig, to `*out`.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
@@ -401,22 +398,70 @@ pub unsafe extern "C" fn echocast_sample_scan(
         let sample = handle::get(sample, "sample")?;
         let (context, mut drawn) = (&sample.0, handle::write(&sample.1, "sample")?);
         let Drawn { sample, boxes, image_boxes } = &mut *drawn;
-        frame_of(scan_of(sample, scan)?, frame)?;
-        let mut options = sample.scans()[scan].options(frame);
+        let mut options = options(sample, scan, frame, columns)?;
         (options.boxes, options.image_boxes) = (*boxes, *image_boxes);
         let sensor = Arc::clone(sample.scans()[scan].sensor());
-        if let Some(names) = columns {
-            options.fields = FieldSet::parse_with(names, options.fields)?;
-        }
         let scan_into = |points: &mut Points| {
-            let built = sample.built(scan, frame)?;
-            context.warn(built.report());
-            let trajectory = sample.scans()[scan].trajectory();
-            Ok(built.scan_into(&sensor, trajectory, &options, &mut points.cloud)?)
+            points.scanned(&sensor, |points| {
+                let built = sample.built(scan, frame)?;
+                context.warn(built.report());
+                let trajectory = sample.scans()[scan].trajectory();
+                Ok(built.scan_into(&sensor, trajectory, &options, &mut points.cloud)?)
+            })
         };
         // SAFETY: as the header asks.
-        unsafe { fill(io, context, &sensor, scan_into) }
+        unsafe { fill(io, context, scan_into) }
     })
+}
+
+/// Sends a ping of a sonar of a sample as the scenario says: as echocast_sample_scan, but into a list of pings, as
+/// echocast_ping does.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (a scan whose sensor is not a sonar), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY,
+/// ECHOCAST_E_BUSY. On an error in the arguments, an old list stays as it was; one for which there was no memory is
+/// empty.
+///
+/// ```c
+/// echocast_pings *pings = NULL;
+/// echocast_sample_ping(sample, 0, 0, NULL, &pings);
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_sample_ping(
+    sample: *mut echocast_sample,
+    scan: usize,
+    frame: usize,
+    columns: *const c_char,
+    io: *mut *mut echocast_pings,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let columns = unsafe { text::optional(columns, "columns") }?;
+        let sample = handle::get(sample, "sample")?;
+        let (context, mut drawn) = (&sample.0, handle::write(&sample.1, "sample")?);
+        let sample = &mut drawn.sample;
+        let options = options(sample, scan, frame, columns)?;
+        let sent = |pings: &mut Pings| {
+            pings.sent(|_, ping| {
+                let built = sample.built(scan, frame)?;
+                context.warn(built.report());
+                let scan = &sample.scans()[scan];
+                Ok(built.ping_into(scan.sensor(), scan.trajectory(), &options, ping)?)
+            })
+        };
+        // SAFETY: as the header asks.
+        unsafe { fill(io, context, sent) }
+    })
+}
+
+/// The options of a frame, with other columns than the scenario's if any are given.
+fn options(sample: &Sample, scan: usize, frame: usize, columns: Option<&str>) -> Outcome<ScanOptions> {
+    let scan = scan_of(sample, scan)?;
+    frame_of(scan, frame)?;
+    let mut options = scan.options(frame);
+    if let Some(names) = columns {
+        options.fields = FieldSet::parse_with(names, options.fields)?;
+    }
+    Ok(options)
 }
 
 /// Releases a sample. NULL is allowed. Any thread may call this.

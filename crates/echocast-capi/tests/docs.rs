@@ -19,6 +19,7 @@ extern echocast_scene *scene;
 extern echocast_snapshot *snapshot;
 extern echocast_sensor *sensor;
 extern echocast_result *result;
+extern echocast_pings *pings;
 extern echocast_scenario *scenario;
 extern echocast_sample *sample;
 extern echocast_material *material;
@@ -41,6 +42,8 @@ void on_released(void *user);
 const GIVEN_CPP: &str = "
 #include <echocast.hpp>
 extern echocast::result points;
+extern echocast::scene scene;
+extern echocast::sensor sonar;
 void use(float value);
 ";
 

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// The files of the crate in the order of the header, and what their sections are called there.
-const SECTIONS: [(&str, &str); 13] = [
+const SECTIONS: [(&str, &str); 14] = [
     ("guard", "Errors"),
     ("library", "The library"),
     ("context", "Contexts"),
@@ -21,6 +21,7 @@ const SECTIONS: [(&str, &str); 13] = [
     ("scan", "Scans"),
     ("boxes", "Boxes"),
     ("image", "Images"),
+    ("ping", "Pings"),
     ("scenario", "Scenarios"),
     ("file", "Files"),
 ];
@@ -157,7 +158,7 @@ fn defaults_are_the_librarys_own() {
     }
     compare!(echocast_context_desc echocast_image echocast_mesh_desc echocast_instance_desc echocast_scene_desc
         echocast_beams_desc echocast_instance_info echocast_scene_info echocast_sensor_info echocast_scan_desc
-        echocast_result_info echocast_scan_info echocast_frame_info);
+        echocast_result_info echocast_ping_info echocast_scan_info echocast_frame_info);
 }
 
 /// The shared library shows nothing but what the header declares, and has the name that programs ask for.

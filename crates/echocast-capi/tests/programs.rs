@@ -55,6 +55,19 @@ fn the_wrapper_does_what_it_says() {
     }
 }
 
+/// The example drives a sonar along, and the block on the bed is in its pings.
+#[test]
+fn the_example_pings() {
+    let folder = folder("example");
+    let example = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/c/ping.c"));
+    let picture = folder.join("ping.png");
+    let output = run(Command::new(program(&folder, compilers()[0][0], C99, &[example])).arg(&picture));
+    let said = String::from_utf8(output.stdout).unwrap();
+    let numbers: Vec<u32> = said.split(' ').filter_map(|word| word.parse().ok()).collect();
+    assert!(matches!(numbers[..], [20, cells, on_block, ..] if cells > 10_000 && on_block > 0), "{said}");
+    assert!(picture.exists());
+}
+
 #[test]
 fn functions_do_what_they_say() {
     check("api", "plain", C99, &[]);

@@ -974,6 +974,156 @@ static void boxes_and_layers(echocast_context *context)
     echocast_scene_release(scene);
 }
 
+/* Whole pings of that sonar, and of an echo sounder. */
+static void pings_of(echocast_context *context, const echocast_snapshot *snapshot, echocast_scan_desc desc)
+{
+    echocast_pings *pings = NULL, *all = NULL;
+    echocast_view cells;
+    echocast_sounding_view depths;
+    CHECK(echocast_pings_count(pings) == 0);
+    desc.columns = "intensity,category_id,true_z,x";
+    desc.frame = 4;
+    desc.t0_ns = 250000000;
+    OK(echocast_ping(snapshot, &desc, &pings));
+    CHECK(echocast_pings_count(pings) == 1);
+    echocast_ping_info info = ECHOCAST_PING_INFO_INIT;
+    OK(echocast_pings_get_info(pings, 0, &info));
+    CHECK(info.number == 4 && info.t_ns == 250000000 && info.view == ECHOCAST_SONAR_SIDESCAN);
+    CHECK(info.beams == 2 && info.bins == 150 && close_to(info.bin_m, 0.1) && info.sensor_pose.m[11] == -2);
+    CHECK(info.sound_speed > 1400 && info.sound_speed < 1500 && info.first_bin < 60);
+    CHECK(info.axes[0] > 1 && info.axes[2] < -1 && info.threshold_db[149] > info.noise_db && info.tvg_db[149] > 0);
+    OK(echocast_pings_view(pings, 0, "intensity", &cells));
+    CHECK(cells.count == 300 && cells.kind == ECHOCAST_TYPE_F32 && cells.stride == 4);
+    const float *level = cells.data;
+    OK(echocast_pings_view(pings, 0, "category_id", &cells));
+    const uint32_t *category = cells.data;
+    for (uint32_t beam = 0; beam < 2; ++beam) {
+        /* Water, and the bed 6 m below. */
+        CHECK(category[beam * 150 + 50] == 0 && category[beam * 150 + 90] == 3);
+        CHECK(level[beam * 150 + 90] > level[beam * 150 + 50]);
+    }
+    FAILS(ECHOCAST_E_ARGUMENT, "ping is 1; allowed: less than the 1 there are",
+          echocast_pings_view(pings, 1, "intensity", &cells));
+    CHECK(cells.data == NULL);
+    FAILS(ECHOCAST_E_ARGUMENT, "column is \"time\", which was not computed; allowed: intensity, category_id, true_z",
+          echocast_pings_view(pings, 0, "time", &cells));
+    OK(echocast_pings_soundings(pings, 0, &depths));
+    CHECK(depths.count == 0 && depths.data == NULL);
+    uint32_t number;
+    CHECK(echocast_pings_label_name(pings, "category", 3) == NULL);
+    CHECK(strcmp(echocast_pings_label_name(pings, "instance", 1), "box") == 0);
+    OK(echocast_pings_label_number(pings, "instance", "box", &number));
+    CHECK(number == 1);
+    FAILS(ECHOCAST_E_ARGUMENT, "there is no label named \"bax\"; near: box",
+          echocast_pings_label_number(pings, "instance", "bax", &number));
+
+    /* As an image: bins x beams, from 40 dB on in steps of half a dB, and the label beside it. */
+    static unsigned char image[300][3];
+    size_t needed;
+    const echocast_pack_item items[] = {{"intensity", ECHOCAST_TYPE_U8, 0, 40, 2},
+                                        {"category_id", ECHOCAST_TYPE_U16, 1, 0, 1}};
+    OK(echocast_pings_pack(pings, 0, items, 2, 3, NULL, 0, &needed));
+    CHECK(needed == sizeof image);
+    OK(echocast_pings_pack(pings, 0, items, 2, 3, image, sizeof image, NULL));
+    for (int bin = 0; bin < 150; ++bin) {
+        for (int beam = 0; beam < 2; ++beam) {
+            double exact = 2 * (level[beam * 150 + bin] - 40.0);
+            exact = exact < 0 ? 0 : exact > 255 ? 255 : exact;
+            uint16_t label;
+            memcpy(&label, image[2 * bin + beam] + 1, 2);
+            CHECK(fabs(image[2 * bin + beam][0] - exact) <= 0.5 && label == category[beam * 150 + bin]);
+        }
+    }
+    FAILS(ECHOCAST_E_ARGUMENT, "capacity is 899; allowed: 900 bytes or more",
+          echocast_pings_pack(pings, 0, items, 2, 3, image, 899, NULL));
+
+    /* A survey. */
+    OK(echocast_ping(snapshot, &desc, &all));
+    for (uint32_t frame = 5; frame < 12; ++frame) {
+        desc.frame = frame;
+        OK(echocast_ping(snapshot, &desc, &pings));
+        OK(echocast_pings_append(all, pings));
+    }
+    CHECK(echocast_pings_count(all) == 8);
+    OK(echocast_pings_get_info(all, 7, &info));
+    CHECK(info.number == 11);
+    FAILS(ECHOCAST_E_ARGUMENT, "other is the same list of pings", echocast_pings_append(all, all));
+    desc.columns = "intensity";
+    OK(echocast_ping(snapshot, &desc, &pings));
+    FAILS(ECHOCAST_E_ARGUMENT, "ping is of another layout, origin, set of columns or labels;",
+          echocast_pings_append(all, pings));
+    CHECK(echocast_pings_count(all) == 8);
+    echocast_image_view pixels, again;
+    echocast_image_place place;
+    OK(echocast_pings_image(all, "{view: waterfall}", "values", &pixels, &place));
+    CHECK(pixels.width == 300 && pixels.height == 8 && pixels.channels == 1 && pixels.kind == ECHOCAST_TYPE_F32);
+    CHECK(pixels.row_stride == 1200 && close_to(place.step[0], 0.1) && place.step[1] == 1);
+    OK(echocast_pings_image(all, "{view: track, width: 320}", "category_id", &again, NULL));
+    CHECK(again.kind == ECHOCAST_TYPE_U32 && again.height > 10);
+    OK(echocast_pings_image(all, "{view: waterfall}", "values", &again, NULL));
+    CHECK(again.data == pixels.data);
+    FAILS(ECHOCAST_E_ARGUMENT, "layer is \"part_id\"; allowed: values, category_id",
+          echocast_pings_image(all, "{view: waterfall}", "part_id", &again, NULL));
+    CHECK(again.data == NULL);
+    FAILS(ECHOCAST_E_ARGUMENT, "fan is asked of a sidescan sonar;",
+          echocast_pings_image(all, "{view: fan}", "values", &again, NULL));
+    FAILS(ECHOCAST_E_ARGUMENT, "view is top; allowed: waterfall, track or fan for pings",
+          echocast_pings_image(all, "{width: 640}", "values", &again, NULL));
+    OK(echocast_pings_write(all, in_folder("survey.npz")));
+    CHECK(exists(in_folder("survey.npz")));
+    FAILS(ECHOCAST_E_UNSUPPORTED, "the ending of the output file", echocast_pings_write(all, in_folder("survey.las")));
+    OK(echocast_pings_preview(all, in_folder("survey.png"), "{view: waterfall, color: intensity}"));
+    CHECK(exists(in_folder("survey.png")));
+    FAILS(ECHOCAST_E_PARSE, "", echocast_pings_preview(all, in_folder("no.png"), "{vew: fan}"));
+    CHECK(!exists(in_folder("no.png")));
+
+    /* Nothing changes on an error; one ping is left after the next. */
+    echocast_pose_key high = {0, at(0, 0, 1)};
+    const echocast_pose_key *under = desc.poses;
+    desc.poses = &high;
+    FAILS(ECHOCAST_E_ARGUMENT, "the depth of the sonar is -1 m; allowed: 0 to 12000 m",
+          echocast_ping(snapshot, &desc, &all));
+    desc.poses = under;
+    desc.profile = ECHOCAST_PROFILE_PAPER;
+    FAILS(ECHOCAST_E_ARGUMENT, "profile is paper;", echocast_ping(snapshot, &desc, &all));
+    desc.profile = ECHOCAST_PROFILE_PHYSICAL;
+    echocast_sensor *lidar = around(context), *sounder;
+    const echocast_sensor *sidescan = desc.sensor;
+    desc.sensor = lidar;
+    FAILS(ECHOCAST_E_ARGUMENT, "", echocast_ping(snapshot, &desc, &all));
+    CHECK(strstr(echocast_last_error(), "sonar") != NULL);
+    echocast_pings *none = NULL;
+    CHECK(echocast_ping(snapshot, &desc, &none) == ECHOCAST_E_ARGUMENT && none == NULL);
+    CHECK(echocast_pings_count(all) == 8);
+    desc.sensor = sidescan;
+    OK(echocast_ping(snapshot, &desc, &all));
+    CHECK(echocast_pings_count(all) == 1);
+    FAILS(ECHOCAST_E_ARGUMENT, "layer is \"category_id\"; allowed: values",
+          echocast_pings_image(all, "{view: waterfall}", "category_id", &again, NULL));
+
+    /* The bed is 6 m below an echo sounder. */
+    OK(echocast_sensor_create(context, "sbes_200", &sounder));
+    OK(echocast_sensor_set(sounder, "range.max_m", "15"));
+    OK(echocast_sensor_set(sounder, "pattern.rays", "256"));
+    desc.sensor = sounder;
+    desc.columns = "category_id";
+    OK(echocast_ping(snapshot, &desc, &pings));
+    OK(echocast_pings_get_info(pings, 0, &info));
+    OK(echocast_pings_soundings(pings, 0, &depths));
+    CHECK(info.view == ECHOCAST_SONAR_SINGLE && info.beams == 1 && depths.count == 1);
+    CHECK(depths.stride == sizeof(echocast_sounding));
+    const echocast_sounding *depth = ECHOCAST_AT(echocast_sounding, depths, 0);
+    CHECK(depth->beam == 0 && fabs(depth->range - 6) < 0.2 && depth->quality > 0 && depth->quality <= 1);
+    CHECK(fabs((depth->cell + 0.5) * info.bin_m - 6) < 0.5 && depth->level_db > info.threshold_db[depth->cell]);
+    OK(echocast_pings_view(pings, 0, "category_id", &cells));
+    CHECK(((const uint32_t *)cells.data)[depth->cell] == 3);
+    CHECK(echocast_pings_view(pings, 0, "intensity", &cells) == ECHOCAST_OK); /* always there */
+    echocast_sensor_release(sounder);
+    echocast_sensor_release(lidar);
+    echocast_pings_release(all);
+    echocast_pings_release(pings);
+}
+
 /* A side-scan sonar 6 m above a flat bed of sand, in water that is told. */
 static void sonars(echocast_context *context)
 {
@@ -1040,6 +1190,8 @@ static void sonars(echocast_context *context)
         ++bed[channel[i]];
     }
     CHECK(bed[0] > 50 && bed[1] > 50);
+
+    pings_of(context, snapshot, desc);
 
     /* Pictures of whole pings cannot be made of points. */
     FAILS(ECHOCAST_E_ARGUMENT, "", echocast_result_preview(result, in_folder("ping.png"), "{view: waterfall}"));

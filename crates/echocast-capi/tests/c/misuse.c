@@ -557,6 +557,100 @@ int main(int argc, char **argv)
     BAD_HANDLES(echocast_result, wrong, echocast_result_append(wrong, result));
     BAD_HANDLES(echocast_result, wrong, echocast_result_append(result, wrong));
 
+    /* Pings: of something that is no sonar, and of a sonar. */
+    echocast_pings *pings = NULL;
+    REFUSED(echocast_ping(snapshot, &scan, &pings));
+    CHECK(pings == NULL);
+    echocast_sensor *sonar;
+    OK(echocast_sensor_create(context, "sbes_200", &sonar));
+    OK(echocast_sensor_set(sonar, "pattern.rays", "64"));
+    scan.sensor = sonar;
+    scan.boxes = scan.image_boxes = 0;
+    here.pose = at(0, 0, -2);
+    BAD_HANDLES(echocast_snapshot, wrong, echocast_ping(wrong, &scan, &pings));
+    REFUSED(echocast_ping(snapshot, NULL, &pings));
+    REFUSED(echocast_ping(snapshot, &scan, NULL));
+    REFUSED(echocast_ping(snapshot, &scan, (echocast_pings **)((char *)somewhere + 1)));
+    for (size_t b = 1; b < sizeof bad / sizeof *bad; ++b) {
+        echocast_pings *wrong = (echocast_pings *)bad[b];
+        REFUSED(echocast_ping(snapshot, &scan, &wrong));
+        CHECK(wrong == (echocast_pings *)bad[b]);
+    }
+    static const size_t no_sizes[] = {0, 7, 9, sizeof scan - 1, 4097, SIZE_MAX};
+    for (size_t i = 0; i < sizeof no_sizes / sizeof *no_sizes; ++i) {
+        echocast_scan_desc wrong = scan;
+        wrong.struct_size = no_sizes[i];
+        REFUSED(echocast_ping(snapshot, &wrong, &pings));
+    }
+    CHECK(pings == NULL);
+    OK(echocast_ping(snapshot, &scan, &pings));
+    for (size_t i = 0; i < sizeof odd / sizeof *odd; ++i) {
+        here.pose.m[11] = odd[i];
+        REFUSED(echocast_ping(snapshot, &scan, &pings));
+    }
+    CHECK(echocast_pings_count(pings) == 1 && echocast_pings_count((echocast_pings *)somewhere) == 0);
+    echocast_ping_info ping_info = ECHOCAST_PING_INFO_INIT;
+    BAD_HANDLES(echocast_pings, wrong, echocast_pings_get_info(wrong, 0, &ping_info));
+    REFUSED(echocast_pings_get_info(pings, 1, &ping_info));
+    REFUSED(echocast_pings_get_info(pings, 0, NULL));
+    for (size_t i = 0; i < sizeof no_sizes / sizeof *no_sizes; ++i) {
+        ping_info.struct_size = no_sizes[i];
+        REFUSED(echocast_pings_get_info(pings, 0, &ping_info));
+    }
+    BAD_HANDLES(echocast_pings, wrong, echocast_pings_view(wrong, 0, "intensity", &column));
+    BAD_TEXTS(name, echocast_pings_view(pings, 0, name, &column));
+    REFUSED(echocast_pings_view(pings, SIZE_MAX, "intensity", &column));
+    REFUSED(echocast_pings_view(pings, 0, "x", &column));
+    CHECK(column.data == NULL && column.count == 0);
+    REFUSED(echocast_pings_view(pings, 0, "intensity", NULL));
+    echocast_sounding_view depths;
+    BAD_HANDLES(echocast_pings, wrong, echocast_pings_soundings(wrong, 0, &depths));
+    REFUSED(echocast_pings_soundings(pings, 1, &depths));
+    CHECK(depths.data == NULL && depths.count == 0);
+    REFUSED(echocast_pings_soundings(pings, 0, NULL));
+    echocast_pack_item pixel = {"intensity", ECHOCAST_TYPE_F32, 0, 0, 1};
+    BAD_HANDLES(echocast_pings, wrong, echocast_pings_pack(wrong, 0, &pixel, 1, 4, bytes, sizeof bytes, NULL));
+    REFUSED(echocast_pings_pack(pings, 1, &pixel, 1, 4, bytes, sizeof bytes, NULL));
+    REFUSED(echocast_pings_pack(pings, 0, NULL, 1, 4, bytes, sizeof bytes, NULL));
+    REFUSED(echocast_pings_pack(pings, 0, &pixel, 0, 4, bytes, sizeof bytes, NULL));
+    REFUSED(echocast_pings_pack(pings, 0, &pixel, SIZE_MAX, 4, bytes, sizeof bytes, NULL));
+    REFUSED(echocast_pings_pack(pings, 0, &pixel, 1, 0, bytes, sizeof bytes, NULL));
+    REFUSED(echocast_pings_pack(pings, 0, &pixel, 1, SIZE_MAX, bytes, sizeof bytes, NULL));
+    REFUSED(echocast_pings_pack(pings, 0, &pixel, 1, 4, NULL, sizeof bytes, NULL));
+    REFUSED(echocast_pings_pack(pings, 0, &pixel, 1, 4, bytes, 3, NULL));
+    CHECK(echocast_pings_label_name(NULL, "part", 1) == NULL && echocast_pings_label_name(pings, NULL, 1) == NULL);
+    CHECK(echocast_pings_label_name(pings, "\xff", 1) == NULL);
+    BAD_HANDLES(echocast_pings, wrong, echocast_pings_label_number(wrong, "category", "box", &label));
+    BAD_TEXTS(name, echocast_pings_label_number(pings, "category", name, &label));
+    REFUSED(echocast_pings_label_number(pings, "category", "box", NULL));
+    BAD_HANDLES(echocast_pings, wrong, echocast_pings_append(wrong, pings));
+    BAD_HANDLES(echocast_pings, wrong, echocast_pings_append(pings, wrong));
+    REFUSED(echocast_pings_append(pings, pings));
+    static const char waterfall[] = "{view: waterfall}";
+    BAD_HANDLES(echocast_pings, wrong, echocast_pings_image(wrong, waterfall, "values", &layer, NULL));
+    BAD_TEXTS(text, echocast_pings_image(pings, text, "values", &layer, NULL));
+    BAD_TEXTS(name, echocast_pings_image(pings, waterfall, name, &layer, NULL));
+    REFUSED(echocast_pings_image(pings, "", "values", &layer, NULL));
+    REFUSED(echocast_pings_image(pings, "{view: waterfall, width: -1}", "values", &layer, NULL));
+    CHECK(layer.data == NULL && layer.width == 0);
+    REFUSED(echocast_pings_image(pings, waterfall, "values", NULL, NULL));
+    REFUSED(echocast_pings_image(pings, waterfall, "values", &layer, (echocast_image_place *)((char *)somewhere + 1)));
+    BAD_HANDLES(echocast_pings, wrong, echocast_pings_write(wrong, path));
+    BAD_TEXTS(name, echocast_pings_write(pings, name));
+    REFUSED(echocast_pings_write(pings, ""));
+    REFUSED(echocast_pings_write(pings, argv[1]));
+    BAD_HANDLES(echocast_pings, wrong, echocast_pings_preview(wrong, path, waterfall));
+    REFUSED(echocast_pings_preview(pings, NULL, waterfall));
+    BAD_TEXTS(text, echocast_pings_preview(pings, path, text));
+    BAD_HANDLES(echocast_sample, wrong, echocast_sample_ping(wrong, 0, 0, NULL, &pings));
+    REFUSED(echocast_sample_ping(sample, 0, 0, NULL, &pings)); /* not a sonar */
+    REFUSED(echocast_sample_ping(sample, SIZE_MAX, 0, NULL, &pings));
+    REFUSED(echocast_sample_ping(sample, 0, SIZE_MAX, NULL, &pings));
+    REFUSED(echocast_sample_ping(sample, 0, 0, "\xff", &pings));
+    REFUSED(echocast_sample_ping(sample, 0, 0, NULL, NULL));
+    CHECK(echocast_pings_count(pings) == 1);
+    echocast_sensor_release(sonar);
+
     /* Scenarios. */
     echocast_scenario *none;
     BAD_HANDLES(echocast_context, wrong, echocast_scenario_load(wrong == bad[6] ? NULL : wrong, path, &none));
@@ -657,6 +751,7 @@ int main(int argc, char **argv)
         echocast_snapshot_release((echocast_snapshot *)bad[b]);
         echocast_sensor_release((echocast_sensor *)bad[b]);
         echocast_result_release((echocast_result *)bad[b]);
+        echocast_pings_release((echocast_pings *)bad[b]);
         echocast_frames_release((echocast_frames *)bad[b]);
         echocast_scenario_release((echocast_scenario *)bad[b]);
         echocast_sample_release((echocast_sample *)bad[b]);
@@ -668,6 +763,7 @@ int main(int argc, char **argv)
         echocast_scenario_release(scenario);
         echocast_frames_release(frames);
         echocast_result_release(result);
+        echocast_pings_release(pings);
         echocast_sensor_release(sensor);
         echocast_snapshot_release(snapshot);
         echocast_scene_release(scene);

@@ -2,6 +2,7 @@
 #include <echocast.hpp>
 
 #include <cmath>
+#include <cstring>
 #include <cstdlib>
 #include <iostream>
 
@@ -107,6 +108,52 @@ int main(int argc, char **argv) try {
     try {
         points.boxes();
         require(false, "no boxes");
+    } catch (const echocast::error &error) {
+        require(error.status() == ECHOCAST_E_ARGUMENT, error.what());
+    }
+
+    // Pings: an imaging sonar ahead of a wall in the water.
+    echocast::sensor sonar(context, "fls_900");
+    sonar.set("pattern.rays", "2000");
+    const echocast_pose_key under = {0, echocast::pose_at(0, 0, -20)};
+    echocast_scan_desc send = ECHOCAST_SCAN_DESC_INIT;
+    send.sensor = sonar.get();
+    send.poses = &under;
+    send.pose_count = 1;
+    send.columns = "intensity,category_id";
+    echocast::pings pings, all;
+    require(pings.size() == 0, "no pings");
+    echocast::ping(scene.commit(), send, pings);
+    const echocast_ping_info about = pings.info();
+    const echocast::span<const float> levels = pings.levels();
+    const std::size_t cells = std::size_t(about.beams) * about.bins;
+    require(pings.size() == 1 && about.view == ECHOCAST_SONAR_FAN && levels.size() == cells, "a ping");
+    require(pings.axes().size() == 2 * about.beams && pings.threshold_db().size() == about.bins, "its layout");
+    require(pings.tvg_db().size() == about.bins && pings.soundings().empty(), "its gain");
+    const std::size_t at_wall = about.beams / 2 * about.bins + std::size_t(10 / about.bin_m);
+    const auto category = pings.column<uint32_t>("category_id");
+    require(category[at_wall] == 10 || category[at_wall + 1] == 10, "the wall in a cell");
+    require(pings.label_name("category", 10) == "wall" && pings.label_number("category", "wall") == 10, "its name");
+    const std::vector<echocast_pack_item> grey = {{"intensity", ECHOCAST_TYPE_F32, 0, 0, 1}};
+    const std::vector<uint8_t> packed = pings.pack(grey, 4);
+    float second;
+    std::memcpy(&second, packed.data() + 4, 4);
+    require(packed.size() == 4 * cells && second == levels[about.bins], "bins by beams");
+    echocast_image_place fan_place;
+    const echocast::image<const float> fan = pings.image<float>("{view: fan, width: 400}", "values", &fan_place);
+    require(fan.width() > 100 && fan.channels() == 1 && fan_place.step[0] > 0, "a fan");
+    require(pings.image<uint32_t>("{view: fan, width: 400}", "category_id").height() == fan.height(), "its labels");
+    echocast::ping(scene.commit(), send, all);
+    all.append(pings);
+    require(all.size() == 2 && all.levels(1)[at_wall] == levels[at_wall], "two pings");
+    try {
+        pings.column<float>("category_id");
+        require(false, "numbers as levels");
+    } catch (const std::invalid_argument &) {
+    }
+    try {
+        echocast::ping(scene.commit(), sensor, echocast::pose_at(0, 0, -20));
+        require(false, "a lidar pings");
     } catch (const echocast::error &error) {
         require(error.status() == ECHOCAST_E_ARGUMENT, error.what());
     }

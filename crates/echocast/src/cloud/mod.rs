@@ -106,12 +106,7 @@ impl PointCloud {
 
     /// What to add to a column of positions to get f64 world (or sensor) coordinates; `None` for other columns.
     pub(crate) fn offset(&self, field: Field) -> Option<f64> {
-        match field {
-            Field::X | Field::TrueX => Some(self.origin.x),
-            Field::Y | Field::TrueY => Some(self.origin.y),
-            Field::Z | Field::TrueZ => Some(self.origin.z),
-            _ => None,
-        }
+        offset(self.origin, field)
     }
 
     /// Checks that the columns are as long as the cloud: they are public, so they may disagree.
@@ -219,6 +214,16 @@ impl PointCloud {
         };
         self.len += other.len;
         Ok(())
+    }
+}
+
+/// What to add to a column of positions relative to `origin`; `None` for other columns.
+fn offset(origin: DVec3, field: Field) -> Option<f64> {
+    match field {
+        Field::X | Field::TrueX => Some(origin.x),
+        Field::Y | Field::TrueY => Some(origin.y),
+        Field::Z | Field::TrueZ => Some(origin.z),
+        _ => None,
     }
 }
 

@@ -1,7 +1,8 @@
-//! Clouds in the memory layouts of other programs: PointCloud2, PCL's point types, Autoware's.
+//! Clouds and pings in the memory layouts of other programs: PointCloud2, PCL's point types, Autoware's; images of
+//! sonars.
 
 use super::record::{self, BLOCK_BYTES};
-use super::{Column, Field, PointCloud};
+use super::{Column, Field, FieldSet, Ping, PointCloud, offset};
 use crate::ground::error::{Error, Result};
 use crate::ground::parallel;
 use bytemuck::NoUninit;
@@ -82,19 +83,14 @@ impl PointCloud {
     /// is shorter than [`PointCloud::packed_len`].
     pub fn pack(&self, items: &[PackItem], stride: usize, to: &mut [u8]) -> Result<()> {
         self.check()?;
-        self.check_items(items, stride)?;
-        let length = to.len();
-        let to = self.packed_len(stride).and_then(|needed| to.get_mut(..needed)).ok_or_else(|| {
-            let needed = self.len as u128 * stride as u128;
-            let allowed = format!("{needed} bytes or more, {} rows of {stride} bytes", self.len);
-            Error::invalid("memory to pack into", format!("{length} bytes long"), allowed)
-        })?;
+        check_items(self.fields, items, stride)?;
+        let to = room(to, self.len, stride)?;
         let rows = (BLOCK_BYTES / stride).max(1);
         parallel::for_each_chunk(to, rows * stride, |block, records| {
             let first = block * rows;
             let rows = first..first + records.len() / stride;
             for item in items {
-                self.put(item, records, stride, rows.clone());
+                put(self.column(item.field), self.offset(item.field), item, records, stride, &rows);
             }
         });
         Ok(())
@@ -104,71 +100,141 @@ impl PointCloud {
     pub fn packed_len(&self, stride: usize) -> Option<usize> {
         self.len.checked_mul(stride)
     }
+}
 
-    fn check_items(&self, items: &[PackItem], stride: usize) -> Result<()> {
-        if stride == 0 {
-            return Err(Error::invalid("stride", 0, "1 byte or more"));
-        }
-        let name = |index: usize| format!("item {index} ({})", items[index].field.info().name);
-        let bytes = |item: &PackItem| item.offset..item.offset.saturating_add(item.kind.size());
-        for (index, item) in items.iter().enumerate() {
-            if !self.fields.contains(item.field) {
-                let columns: Vec<&str> = self.fields.iter().map(|info| info.name).collect();
-                let allowed = format!("columns of the cloud: {}", columns.join(", "));
-                return Err(Error::invalid(name(index), "a column that was not computed", allowed));
+impl Ping {
+    /// Writes the cells as an image with a row for each bin, the nearest first, and a pixel of `stride` bytes for each
+    /// beam: cell `beam * bins + bin` at byte `(bin * beams + beam) * stride` of `to`, a number for each of `items`.
+    /// This is how ROS has images of sonars. Numbers are converted as in [`PointCloud::pack`], on the same threads.
+    ///
+    /// # Errors
+    /// As [`PointCloud::pack`].
+    pub fn pack(&self, items: &[PackItem], stride: usize, to: &mut [u8]) -> Result<()> {
+        self.check("ping")?;
+        check_items(self.fields, items, stride)?;
+        let (beams, bins) = (self.layout.beams(), self.layout.bins);
+        let to = room(to, beams * bins, stride)?;
+        let line = beams * stride;
+        let lines = (BLOCK_BYTES / line).max(1);
+        parallel::for_each_chunk(to, lines * line, |block, records| {
+            for (bin, records) in (block * lines..).zip(records.chunks_exact_mut(line)) {
+                for item in items {
+                    let offset = offset(self.origin, item.field);
+                    put(self.column(item.field), offset, item, records, stride, &AcrossBeams { bin, bins });
+                }
             }
-            let Range { start, end } = bytes(item);
-            let found = || format!("from byte {start} to {end}");
-            if end > stride {
-                return Err(Error::invalid(name(index), found(), format!("up to the stride, {stride}")));
-            }
-            let over = |other: &PackItem| bytes(other).start < end && start < bytes(other).end;
-            if let Some(other) = items[..index].iter().position(over) {
-                let allowed = format!("bytes beside those of {}", name(other));
-                return Err(Error::invalid(name(index), found(), allowed));
-            }
-        }
+        });
         Ok(())
     }
 
-    /// Puts one number of each of `rows` into its record.
-    fn put(&self, item: &PackItem, records: &mut [u8], stride: usize, rows: Range<usize>) {
-        match item.kind {
-            PackType::F32 => self.put_as::<f32>(item, records, stride, rows),
-            PackType::F64 => self.put_as::<f64>(item, records, stride, rows),
-            PackType::U8 => self.put_as::<u8>(item, records, stride, rows),
-            PackType::U16 => self.put_as::<u16>(item, records, stride, rows),
-            PackType::U32 => self.put_as::<u32>(item, records, stride, rows),
-            PackType::I8 => self.put_as::<i8>(item, records, stride, rows),
-            PackType::I16 => self.put_as::<i16>(item, records, stride, rows),
-            PackType::I32 => self.put_as::<i32>(item, records, stride, rows),
-            PackType::I64 => self.put_as::<i64>(item, records, stride, rows),
-            PackType::U64 => self.put_as::<u64>(item, records, stride, rows),
+    /// Bytes of all cells, packed `stride` bytes apart; `None` if no memory can hold as many.
+    pub fn packed_len(&self, stride: usize) -> Option<usize> {
+        self.layout.cells().checked_mul(stride)
+    }
+}
+
+/// The part of `to` that so many rows fill.
+fn room(to: &mut [u8], rows: usize, stride: usize) -> Result<&mut [u8]> {
+    let length = to.len();
+    rows.checked_mul(stride).and_then(|needed| to.get_mut(..needed)).ok_or_else(|| {
+        let needed = rows as u128 * stride as u128;
+        let allowed = format!("{needed} bytes or more, {rows} rows of {stride} bytes");
+        Error::invalid("memory to pack into", format!("{length} bytes long"), allowed)
+    })
+}
+
+/// Checks that the columns that `items` need are among `fields`, and that each has bytes of its own.
+fn check_items(fields: FieldSet, items: &[PackItem], stride: usize) -> Result<()> {
+    if stride == 0 {
+        return Err(Error::invalid("stride", 0, "1 byte or more"));
+    }
+    let name = |index: usize| format!("item {index} ({})", items[index].field.info().name);
+    let bytes = |item: &PackItem| item.offset..item.offset.saturating_add(item.kind.size());
+    for (index, item) in items.iter().enumerate() {
+        if !fields.contains(item.field) {
+            let columns: Vec<&str> = fields.iter().map(|info| info.name).collect();
+            let allowed = format!("columns that were: {}", columns.join(", "));
+            return Err(Error::invalid(name(index), "a column that was not computed", allowed));
+        }
+        let Range { start, end } = bytes(item);
+        let found = || format!("from byte {start} to {end}");
+        if end > stride {
+            return Err(Error::invalid(name(index), found(), format!("up to the stride, {stride}")));
+        }
+        let over = |other: &PackItem| bytes(other).start < end && start < bytes(other).end;
+        if let Some(other) = items[..index].iter().position(over) {
+            let allowed = format!("bytes beside those of {}", name(other));
+            return Err(Error::invalid(name(index), found(), allowed));
         }
     }
+    Ok(())
+}
 
-    fn put_as<T: Number>(&self, item: &PackItem, records: &mut [u8], stride: usize, rows: Range<usize>) {
-        let (column, at) = (self.column(item.field), item.offset);
-        let origin = if item.kind == PackType::F64 { self.offset(item.field) } else { None };
-        let (origin, shift, scale) = (origin.unwrap_or(0.0), item.shift, item.scale);
-        if (origin, shift, scale) == (0.0, 0.0, 1.0) {
-            match column {
-                Column::F32(c) => record::put(records, stride, at, &c[rows], |&v| T::from_f64(v.into())),
-                Column::F64(c) => record::put(records, stride, at, &c[rows], |&v| T::from_f64(v)),
-                Column::U8(c) => record::put(records, stride, at, &c[rows], |&v| T::from_u32(v.into())),
-                Column::U16(c) => record::put(records, stride, at, &c[rows], |&v| T::from_u32(v.into())),
-                Column::U32(c) => record::put(records, stride, at, &c[rows], |&v| T::from_u32(v)),
-            }
-            return;
-        }
-        let of = |v: f64| T::from_f64((v + origin - shift) * scale);
+/// Which elements of a column become successive records.
+trait Rows {
+    fn of<'c, E>(&self, column: &'c [E]) -> impl Iterator<Item = &'c E>;
+}
+
+impl Rows for Range<usize> {
+    fn of<'c, E>(&self, column: &'c [E]) -> impl Iterator<Item = &'c E> {
+        column[self.clone()].iter()
+    }
+}
+
+/// Those of one bin, beam by beam.
+struct AcrossBeams {
+    bin: usize,
+    bins: usize,
+}
+
+impl Rows for AcrossBeams {
+    fn of<'c, E>(&self, column: &'c [E]) -> impl Iterator<Item = &'c E> {
+        column[self.bin..].iter().step_by(self.bins)
+    }
+}
+
+/// Puts one number of each of `rows` of `column`, whose 0 is at `offset`, into its record.
+fn put(column: Column, offset: Option<f64>, item: &PackItem, records: &mut [u8], stride: usize, rows: &impl Rows) {
+    match item.kind {
+        PackType::F32 => put_as::<f32>(column, None, item, records, stride, rows),
+        PackType::F64 => put_as::<f64>(column, offset, item, records, stride, rows),
+        PackType::U8 => put_as::<u8>(column, None, item, records, stride, rows),
+        PackType::U16 => put_as::<u16>(column, None, item, records, stride, rows),
+        PackType::U32 => put_as::<u32>(column, None, item, records, stride, rows),
+        PackType::I8 => put_as::<i8>(column, None, item, records, stride, rows),
+        PackType::I16 => put_as::<i16>(column, None, item, records, stride, rows),
+        PackType::I32 => put_as::<i32>(column, None, item, records, stride, rows),
+        PackType::I64 => put_as::<i64>(column, None, item, records, stride, rows),
+        PackType::U64 => put_as::<u64>(column, None, item, records, stride, rows),
+    }
+}
+
+fn put_as<T: Number>(
+    column: Column,
+    offset: Option<f64>,
+    item: &PackItem,
+    records: &mut [u8],
+    stride: usize,
+    rows: &impl Rows,
+) {
+    let (offset, shift, scale, at) = (offset.unwrap_or(0.0), item.shift, item.scale, item.offset);
+    if (offset, shift, scale) == (0.0, 0.0, 1.0) {
         match column {
-            Column::F32(c) => record::put(records, stride, at, &c[rows], |&v| of(v.into())),
-            Column::F64(c) => record::put(records, stride, at, &c[rows], |&v| of(v)),
-            Column::U8(c) => record::put(records, stride, at, &c[rows], |&v| of(v.into())),
-            Column::U16(c) => record::put(records, stride, at, &c[rows], |&v| of(v.into())),
-            Column::U32(c) => record::put(records, stride, at, &c[rows], |&v| of(v.into())),
+            Column::F32(c) => record::put(records, stride, at, rows.of(c), |&v| T::from_f64(v.into())),
+            Column::F64(c) => record::put(records, stride, at, rows.of(c), |&v| T::from_f64(v)),
+            Column::U8(c) => record::put(records, stride, at, rows.of(c), |&v| T::from_u32(v.into())),
+            Column::U16(c) => record::put(records, stride, at, rows.of(c), |&v| T::from_u32(v.into())),
+            Column::U32(c) => record::put(records, stride, at, rows.of(c), |&v| T::from_u32(v)),
         }
+        return;
+    }
+    let of = |v: f64| T::from_f64((v + offset - shift) * scale);
+    match column {
+        Column::F32(c) => record::put(records, stride, at, rows.of(c), |&v| of(v.into())),
+        Column::F64(c) => record::put(records, stride, at, rows.of(c), |&v| of(v)),
+        Column::U8(c) => record::put(records, stride, at, rows.of(c), |&v| of(v.into())),
+        Column::U16(c) => record::put(records, stride, at, rows.of(c), |&v| of(v.into())),
+        Column::U32(c) => record::put(records, stride, at, rows.of(c), |&v| of(v.into())),
     }
 }
 
@@ -377,6 +443,46 @@ mod tests {
     }
 
     #[test]
+    fn pings_are_packed_bin_by_bin() {
+        let layout = crate::Layout {
+            axes: vec![[0.0; 2]; 300],
+            bins: 200,
+            threshold_db: vec![0.0; 200],
+            tvg_db: vec![0.0; 200],
+            ..crate::Layout::default()
+        };
+        let mut ping = Ping { layout: layout.into(), origin: DVec3::new(0.0, 5.6e6, 0.0), ..Ping::default() };
+        ping.fields = FieldSet::parse("intensity,category_id,true_y").unwrap();
+        ping.cells.intensity = (0..60_000).map(|cell| cell as f32 / 100.0).collect();
+        ping.cells.category_id = (0..60_000).collect();
+        ping.cells.true_y = vec![0.25; 60_000];
+        // From 100 dB on, a step for every 2 dB.
+        let level = PackItem { shift: 100.0, scale: 0.5, ..item(Field::Intensity, U8, 0) };
+        let items = [level, item(Field::CategoryId, U16, 1), item(Field::TrueY, F64, 3)];
+        let pack = |threads| {
+            let mut packed = vec![0xee; 11 * 60_000 + 5];
+            let engine = Engine::with_threads(threads).unwrap();
+            engine.install(|| ping.pack(&items, 11, &mut packed)).unwrap();
+            packed
+        };
+        let packed = pack(1);
+        assert!(packed == pack(3));
+        for (row, cell) in (0..200).flat_map(|bin| (0..300).map(move |beam| beam * 200 + bin)).enumerate() {
+            let wanted = u8::from_f64((cell as f64 / 100.0 - 100.0) / 2.0);
+            assert!(bytes::<1>(&packed, 11, row, 0)[0].abs_diff(wanted) <= 1, "{row}");
+            assert_eq!(bytes(&packed, 11, row, 1), (cell as u16).to_ne_bytes());
+            assert_eq!(f64::from_ne_bytes(bytes(&packed, 11, row, 3)), 5.6e6 + 0.25);
+        }
+        assert_eq!(packed[11 * 60_000..], [0xee; 5]);
+        assert_eq!(ping.packed_len(11), Some(660_000));
+        let error = ping.pack(&items, 11, &mut [0; 659_999]).unwrap_err().to_string();
+        assert!(error.ends_with("allowed: 660000 bytes or more, 60000 rows of 11 bytes"), "{error}");
+        let error = ping.pack(&[item(Field::PartId, U8, 0)], 1, &mut []).unwrap_err().to_string();
+        assert!(error.ends_with("allowed: columns that were: intensity, category_id, true_y"), "{error}");
+        assert!(Ping::default().pack(&[level], 1, &mut []).is_err());
+    }
+
+    #[test]
     fn layouts_that_do_not_fit_are_refused() {
         let cloud = cloud(10);
         let x = item(Field::X, F32, 0);
@@ -389,7 +495,7 @@ mod tests {
         assert_eq!(refused(&[x], 0, 40), "stride is 0; allowed: 1 byte or more");
         assert_eq!(
             refused(&[x, item(Field::Range, F32, 4)], 8, 80),
-            "item 1 (range) is a column that was not computed; allowed: columns of the cloud: \
+            "item 1 (range) is a column that was not computed; allowed: columns that were: \
              x, y, z, intensity, category_id, return_number, channel, time"
         );
         assert_eq!(

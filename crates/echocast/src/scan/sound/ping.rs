@@ -125,6 +125,7 @@ pub(super) struct Pinging<'a> {
     motion: Option<Motion>,
     /// The water that depths are corrected with, of sonars that report some.
     assumed: Option<Column>,
+    goals: Vec<Goal>,
 }
 
 /// What the columns of motion are made from.
@@ -151,7 +152,8 @@ impl BuiltScene {
     /// [`BuiltScene::ping`] into the memory of `ping`.
     ///
     /// # Errors
-    /// As [`BuiltScene::ping`]; `ping` is then unusable.
+    /// As [`BuiltScene::ping`]. `ping` shows what it did if sensor, pose or options are wrong; if there is no memory, it
+    /// is empty.
     pub fn ping_into(
         &self,
         sensor: &Sensor,
@@ -166,6 +168,9 @@ impl BuiltScene {
         let pinging = Pinging::new(&self.0, sensor, trajectory, options, &mut memory)?;
         let size = pinging.transducer.rays() as u64;
         let done = self.0.engine.install_sized(size, || pinging.run(options, &mut memory, ping));
+        if done.is_err() {
+            *ping = Ping::default();
+        }
         ping.memory.keep(memory);
         done
     }
@@ -225,6 +230,11 @@ impl<'a> Pinging<'a> {
         let believed = water.assumed_speed_m_s.unwrap_or(start_speed);
         let ratio = acoustics.array_speed_m_s.map_or(1.0, |array| speed / array);
         let transducer = sensor.transducer(start_speed / frequency, ratio);
+        // Chunks of targets follow those of rays.
+        let chunks = transducer.rays().div_ceil(CHUNK) + scene.surfaces.targets.len().div_ceil(GOALS);
+        if chunks > 1 << (32 - CHUNK_BITS) {
+            return Err(Error::invalid("pattern.rays", transducer.rays(), "at most 134 million rays in a ping"));
+        }
         let sea = water.sea();
         let source = options.reflectance_source.unwrap_or_default().of_sound();
         let reflectances = scene.surfaces.reflectances(sensor.wavelength_nm, source, Mirrors::Real);
@@ -318,7 +328,7 @@ impl<'a> Pinging<'a> {
             lattice: (resolution / 3.0) as f32,
             texture: sensor.texture.clone(),
         });
-        Ok(Pinging {
+        let mut pinging = Pinging {
             scene,
             acoustics,
             backscatter,
@@ -338,8 +348,11 @@ impl<'a> Pinging<'a> {
             clock: scene.clock(options.start_time, options.freeze),
             motion,
             assumed,
+            goals: Vec::new(),
             transducer,
-        })
+        };
+        pinging.goals = pinging.find_goals()?;
+        Ok(pinging)
     }
 
     /// Fills `ping`.
@@ -358,12 +371,7 @@ impl<'a> Pinging<'a> {
         ping.cells.resize(fields, beams * bins)?;
 
         let of_rays = self.transducer.rays().div_ceil(CHUNK);
-        let goals = self.goals()?;
-        let chunks = of_rays + goals.len().div_ceil(GOALS);
-        if chunks > 1 << (32 - CHUNK_BITS) {
-            return Err(Error::invalid("pattern.rays", self.transducer.rays(), "at most 134 million rays in a ping"));
-        }
-        memory.chunks.resize_with(chunks, RayChunk::default);
+        memory.chunks.resize_with(of_rays + self.goals.len().div_ceil(GOALS), RayChunk::default);
         let (sound, surfaces) = (&self.backscatter, &self.scene.surfaces);
         let loss = |row: u32, sine: f64| sound.reflection_loss(surfaces, row, sine);
         let limits = SoundLimits {
@@ -380,7 +388,7 @@ impl<'a> Pinging<'a> {
             let task = RayTask { pinging: self, tracer: &tracer, insonification: &insonification, number, chunk };
             match number.checked_sub(of_rays) {
                 None => task.run(),
-                Some(part) => task.look_at(goals.chunks(GOALS).nth(part).unwrap_or_default()),
+                Some(part) => task.look_at(self.goals.chunks(GOALS).nth(part).unwrap_or_default()),
             }
         });
 
@@ -408,7 +416,7 @@ impl<'a> Pinging<'a> {
     ///
     /// # Errors
     /// One that is larger than its distance.
-    fn goals(&self) -> Result<Vec<Goal>> {
+    fn find_goals(&self) -> Result<Vec<Goal>> {
         /// Things are at most a hundredth as fast as sound.
         const PASSES: usize = 3;
         let mut goals = Vec::new();

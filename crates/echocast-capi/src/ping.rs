@@ -1,0 +1,580 @@
+//! Pings of sonars: cells of beams and range bins, soundings, images.
+
+use crate::context::Context;
+use crate::guard::{Failure, Outcome, echocast_status, guard, guard_or, numbered};
+use crate::handle::{self, handles};
+use crate::image::echocast_image_view;
+use crate::result::{
+    ECHOCAST_TYPE_F32, ECHOCAST_TYPE_U32, Names, Packing, computed, echocast_pack_item, echocast_view,
+};
+use crate::scan::{Inputs, Reused, echocast_scan_desc, fill};
+use crate::scene::{echocast_pose, echocast_snapshot, put_label_number};
+use crate::sensor::nanoseconds;
+use crate::text;
+use echocast::cloud::PackItem;
+use echocast::image::{Image, Place};
+use echocast::preview::{self, PreviewOptions};
+use echocast::{Field, Ping, SonarView, Sounding};
+use std::ffi::{c_char, c_void};
+use std::ptr;
+use std::sync::{Arc, Mutex, PoisonError, RwLock};
+
+/// Pings of one sonar, one after the other: usually one, the last. Any number of threads may read them; only one at a
+/// time may change them.
+pub struct echocast_pings(());
+
+handles! {
+    echocast_pings: RwLock<Pings>, "list of pings", 11;
+}
+
+/// Pings, and memory that the next one reuses.
+pub struct Pings {
+    pub(crate) context: Arc<Context>,
+    pub(crate) pings: echocast::Pings,
+    inputs: Inputs,
+    /// The soundings of each ping as C has them.
+    soundings: Vec<Vec<echocast_sounding>>,
+    /// With the options that they were asked for with.
+    images: Mutex<Vec<(String, Image)>>,
+    names: Mutex<Names>,
+}
+
+impl Reused for Pings {
+    fn new(context: &Arc<Context>) -> Pings {
+        let (pings, inputs, soundings, images, names) = Default::default();
+        Pings { context: context.clone(), pings, inputs, soundings, images, names }
+    }
+
+    fn context(&self) -> &Arc<Context> {
+        &self.context
+    }
+}
+
+impl Pings {
+    /// Runs `send`, which fills the ping that is left. On an error the pings are what they were, or none.
+    pub(crate) fn sent(&mut self, send: impl FnOnce(&mut Inputs, &mut Ping) -> Outcome) -> Outcome {
+        let all = &mut self.pings.pings;
+        if all.is_empty() {
+            all.push(Ping::default());
+        }
+        let done = send(&mut self.inputs, &mut all[0]);
+        if done.is_ok() {
+            all.truncate(1);
+        } else if all[0].layout.cells() == 0 {
+            all.clear();
+        } else {
+            return done;
+        }
+        self.changed();
+        done
+    }
+
+    /// Makes what comes with the pings follow them.
+    fn changed(&mut self) {
+        self.images.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
+        self.soundings.resize_with(self.pings.pings.len(), Vec::new);
+        for (list, ping) in self.soundings.iter_mut().zip(&self.pings.pings) {
+            list.clear();
+            list.extend(ping.soundings.iter().map(echocast_sounding::of));
+        }
+    }
+}
+
+/// Sends one ping of a sonar. `*io`: NULL, and it becomes a new list of this ping, to be released with
+/// echocast_pings_release; or a list, which has only this ping from then on, in its memory: after the first of their
+/// kind, pings take up to 20 small blocks, whatever the number of rays and cells.
+///
+/// `desc` is as for echocast_scan, which gives the points of the same ping, and its `frame` is the number of the ping.
+/// Of its columns a ping has `intensity`, the level, and those among `category_id`, `part_id`, `instance_id`,
+/// `material_id`, `time`, `azimuth`, `elevation`, `red`, `green`, `blue`, `normal_x` to `normal_z`, `cos_incidence`,
+/// `true_x` to `true_z`, `true_range`, `cause`, `bounces`, `velocity_x` to `velocity_z`, `radial_velocity`, `flow_x` to
+/// `flow_z` that are asked for: what the strongest scatterer in the cell is; numbers are not-a-number and labels 0
+/// where nothing scatters. What `desc` says of points alone is not used: organised, coordinates, order, boxes,
+/// progress.
+///
+/// On an error in the arguments, an old list stays as it was; one for which there was no memory is empty.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (a sensor that is not a sonar, a sonar outside the water, another profile than the
+/// physical one), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY (another thread uses the list, or changes the
+/// sensor). Any number of threads may ping one snapshot with one sensor, each into its own list.
+///
+/// ```c
+/// echocast_pose_key towed = {0, ECHOCAST_POSE_IDENTITY};
+/// towed.pose.m[11] = -3;
+/// echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;
+/// desc.sensor = sensor;
+/// desc.poses = &towed;
+/// desc.pose_count = 1;
+/// desc.columns = "intensity,category_id";
+/// echocast_pings *pings = NULL;
+/// echocast_ping(snapshot, &desc, &pings);
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_ping(
+    snapshot: *const echocast_snapshot,
+    desc: *const echocast_scan_desc,
+    io: *mut *mut echocast_pings,
+) -> echocast_status {
+    guard(|| {
+        let snapshot = handle::get(snapshot, "snapshot")?;
+        // SAFETY: as the header asks.
+        let desc = unsafe { text::structure(desc, "desc") }?;
+        let sensor = handle::get(desc.sensor, "desc->sensor")?;
+        snapshot.0.check(&sensor.0, "desc->sensor")?;
+        let sensor = handle::read(&sensor.1, "desc->sensor")?;
+        let made = |pings: &mut Pings| {
+            pings.sent(|inputs, ping| {
+                // SAFETY: as the header asks.
+                unsafe {
+                    inputs.with(&desc, &sensor, |trajectory, options| {
+                        snapshot.1.ping_into(&sensor, trajectory, options, ping)
+                    })
+                }
+            })
+        };
+        // SAFETY: as the header asks.
+        unsafe { fill(io, &snapshot.0, made) }
+    })
+}
+
+/// Runs `look` on the pings, while nobody changes them.
+pub(crate) fn look<T>(pings: *const echocast_pings, look: impl FnOnce(&Pings) -> Outcome<T>) -> Outcome<T> {
+    let pings = handle::get(pings, "pings")?;
+    look(&*handle::read(&pings, "pings")?)
+}
+
+/// The number of pings: 1, or more after echocast_pings_append; 0 for an invalid handle.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_pings_count(pings: *const echocast_pings) -> usize {
+    guard_or(0, || look(pings, |pings| Ok(pings.pings.pings.len())))
+}
+
+/// Beams to the sides: waterfall and mosaic.
+pub const ECHOCAST_SONAR_SIDESCAN: i32 = 0;
+/// Beams side by side, down: bathymetry and the image of the water column.
+pub const ECHOCAST_SONAR_SWATH: i32 = 1;
+/// Beams side by side, ahead: fan.
+pub const ECHOCAST_SONAR_FAN: i32 = 2;
+/// One beam.
+pub const ECHOCAST_SONAR_SINGLE: i32 = 3;
+
+/// When and where a ping was sent, and how it is laid out; ECHOCAST_PING_INFO_INIT is empty.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_ping_info {
+    /// sizeof(echocast_ping_info).
+    pub struct_size: usize,
+    /// Number of the ping: scan_desc.frame.
+    pub number: u32,
+    /// How the beams lie: an ECHOCAST_SONAR_ number.
+    pub view: i32,
+    /// When it was sent, ns. Times since 1970 are rounded to 0.2 microseconds.
+    pub t_ns: i64,
+    /// Where the sonar was then, in the world; a rotating beam is turned to where it looked.
+    pub sensor_pose: echocast_pose,
+    /// World position, metres, that the columns true_x, true_y, true_z are relative to.
+    pub origin: [f64; 3],
+    /// Beams.
+    pub beams: u32,
+    /// Range bins of a beam. A ping has beams * bins cells; cell beam * bins + bin.
+    pub bins: u32,
+    /// Length of a bin, metres of reported slant range: bin k reaches from k * bin_m to (k + 1) * bin_m.
+    pub bin_m: f64,
+    /// Sound speed that ranges are reported with, m/s.
+    pub sound_speed: f64,
+    /// First bin that reports echoes: earlier ones are nearer than the nearest range.
+    pub first_bin: u32,
+    /// Level of the noise in a cell, dB re 1 uPa.
+    pub noise_db: f32,
+    /// Azimuth and elevation of the axis of each beam as reported, one after the other, rad, sensor frame: 2 * beams
+    /// numbers. This and the following are in place, like columns.
+    pub axes: *const f32,
+    /// Lowest level that is reported as an echo, dB re 1 uPa, of each bin.
+    pub threshold_db: *const f32,
+    /// Time-varied gain that pictures are drawn with, dB, of each bin; levels are without.
+    pub tvg_db: *const f32,
+}
+
+impl Default for echocast_ping_info {
+    fn default() -> Self {
+        echocast_ping_info {
+            struct_size: size_of::<Self>(),
+            number: 0,
+            view: ECHOCAST_SONAR_SIDESCAN,
+            t_ns: 0,
+            sensor_pose: echocast_pose::IDENTITY,
+            origin: [0.0; 3],
+            beams: 0,
+            bins: 0,
+            bin_m: 0.0,
+            sound_speed: 0.0,
+            first_bin: 0,
+            noise_db: 0.0,
+            axes: ptr::null(),
+            threshold_db: ptr::null(),
+            tvg_db: ptr::null(),
+        }
+    }
+}
+
+text::versioned!(echocast_ping_info {
+    struct_size,
+    number,
+    view,
+    t_ns,
+    sensor_pose,
+    origin,
+    beams,
+    bins,
+    bin_m,
+    sound_speed,
+    first_bin,
+    noise_db,
+    axes,
+    threshold_db,
+    tvg_db,
+});
+
+/// Gets information on a ping, counted from 0. The caller sets struct_size of `*info`; what it points to is valid until
+/// the list is pinged into or released.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+///
+/// ```c
+/// echocast_ping_info info = ECHOCAST_PING_INFO_INIT;
+/// echocast_pings_get_info(pings, 0, &info);
+/// for (uint32_t beam = 0; beam < info.beams; ++beam)
+///     printf("azimuth %g, elevation %g\n", info.axes[2 * beam], info.axes[2 * beam + 1]);
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_pings_get_info(
+    pings: *const echocast_pings,
+    ping: usize,
+    info: *mut echocast_ping_info,
+) -> echocast_status {
+    guard(|| {
+        look(pings, |pings| {
+            let ping = numbered(&pings.pings.pings, ping, "ping")?;
+            let layout = &*ping.layout;
+            let found = echocast_ping_info {
+                number: ping.number,
+                view: match layout.view {
+                    SonarView::Sidescan => ECHOCAST_SONAR_SIDESCAN,
+                    SonarView::Swath => ECHOCAST_SONAR_SWATH,
+                    SonarView::Fan => ECHOCAST_SONAR_FAN,
+                    SonarView::Single => ECHOCAST_SONAR_SINGLE,
+                },
+                t_ns: nanoseconds(ping.time),
+                sensor_pose: echocast_pose::of(&ping.pose),
+                origin: ping.origin.to_array(),
+                beams: layout.beams() as u32,
+                bins: layout.bins as u32,
+                bin_m: layout.bin_m,
+                sound_speed: layout.believed_speed,
+                first_bin: layout.first_bin as u32,
+                noise_db: layout.noise_db,
+                axes: layout.axes.as_flattened().as_ptr(),
+                threshold_db: layout.threshold_db.as_ptr(),
+                tvg_db: layout.tvg_db.as_ptr(),
+                ..echocast_ping_info::default()
+            };
+            // SAFETY: as the header asks.
+            unsafe { text::put_structure(found, info, "info") }
+        })
+    })
+}
+
+/// Gives access to a column of a ping, counted from 0, without copying it: beams * bins numbers, all bins of a beam one
+/// after the other. `column`: "intensity" for the levels, dB re 1 uPa, as ECHOCAST_TYPE_F32, or another that was asked
+/// for. The view is valid until the list is pinged into or released.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (no such ping; no such column, or one that was not computed), ECHOCAST_E_HANDLE,
+/// ECHOCAST_E_BUSY.
+///
+/// ```c
+/// echocast_view view;
+/// echocast_pings_view(pings, 0, "intensity", &view);
+/// const float *level = view.data;
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_pings_view(
+    pings: *const echocast_pings,
+    ping: usize,
+    column: *const c_char,
+    out: *mut echocast_view,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let out = unsafe { text::output(out, "out") }?.write(echocast_view::NONE);
+        // SAFETY: as the header asks.
+        let name = unsafe { text::required(column, "column") }?;
+        look(pings, |pings| {
+            let ping = numbered(&pings.pings.pings, ping, "ping")?;
+            *out = echocast_view::of(&ping.column(computed(ping.fields, name)?));
+            Ok(())
+        })
+    })
+}
+
+/// An echo that a sonar reports as the depth of a beam.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_sounding {
+    /// Beam that received it.
+    pub beam: u32,
+    /// Cell at that range, or the nearest one with an echo: beam * bins + bin.
+    pub cell: u32,
+    /// Reported slant range.
+    pub range: f32,
+    /// Level of the loudest cell of the echo, dB re 1 uPa.
+    pub level_db: f32,
+    /// Confidence, 0 to 1: level above the threshold over 20 dB, less where the echo is wide.
+    pub quality: f32,
+}
+
+impl echocast_sounding {
+    fn of(found: &Sounding) -> echocast_sounding {
+        let &Sounding { beam, cell, range, level_db, quality, .. } = found;
+        echocast_sounding { beam, cell, range, level_db, quality }
+    }
+}
+
+/// The soundings of a ping, in place. Those of a newer library may be longer than those of this header: ECHOCAST_AT
+/// steps from one to the next by the stride.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_sounding_view {
+    /// The first; NULL if there are none.
+    pub data: *const echocast_sounding,
+    /// Number of them.
+    pub count: usize,
+    /// Bytes from one to the next.
+    pub stride: usize,
+}
+
+/// Gives access to what a ping, counted from 0, reports as depths, in place: by rising beam; none for side-scan and
+/// imaging sonars. The view is valid until the list is pinged into, appended to or released.
+///
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+///
+/// ```c
+/// echocast_sounding_view depths;
+/// echocast_pings_soundings(pings, 0, &depths);
+/// for (size_t i = 0; i < depths.count; ++i)
+///     printf("%g m\n", ECHOCAST_AT(echocast_sounding, depths, i)->range);
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_pings_soundings(
+    pings: *const echocast_pings,
+    ping: usize,
+    out: *mut echocast_sounding_view,
+) -> echocast_status {
+    guard(|| {
+        let none = echocast_sounding_view { data: ptr::null(), count: 0, stride: size_of::<echocast_sounding>() };
+        // SAFETY: as the header asks.
+        let out = unsafe { text::output(out, "out") }?.write(none);
+        look(pings, |pings| {
+            let found = numbered(&pings.soundings, ping, "ping")?;
+            if let Some(first) = found.first() {
+                *out = echocast_sounding_view { data: first, count: found.len(), ..none };
+            }
+            Ok(())
+        })
+    })
+}
+
+/// Writes the cells of a ping, counted from 0, as an image in the host's layout: a row for each range bin, the nearest
+/// first, in it a pixel of `stride` bytes for each beam, and in a pixel each column converted to its type at its
+/// offset; so ROS has images of sonars, and the columns of a ping have them the other way round. Numbers are converted
+/// as in echocast_result_pack, and the other arguments are the same; `*needed` is stride * beams * bins.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (no such ping, a wrong item, too little room), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+///
+/// ```c
+/// // 8 bits of grey: 0 at the level of the noise, 255 from 60 dB above it on.
+/// echocast_ping_info info = ECHOCAST_PING_INFO_INIT;
+/// echocast_pings_get_info(pings, 0, &info);
+/// const echocast_pack_item grey = {"intensity", ECHOCAST_TYPE_U8, 0, info.noise_db, 255 / 60.0};
+/// echocast_pings_pack(pings, 0, &grey, 1, 1, bytes, sizeof bytes, NULL);
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_pings_pack(
+    pings: *const echocast_pings,
+    ping: usize,
+    items: *const echocast_pack_item,
+    item_count: usize,
+    stride: usize,
+    to: *mut c_void,
+    capacity: usize,
+    needed: *mut usize,
+) -> echocast_status {
+    guard(|| {
+        let to = Packing { items, item_count, stride, to, capacity, needed };
+        look(pings, |pings| {
+            let ping = numbered(&pings.pings.pings, ping, "ping")?;
+            let pack =
+                |items: &[PackItem], to: &mut [u8]| pings.context.engine.install(|| ping.pack(items, stride, to));
+            // SAFETY: as the header asks.
+            unsafe { to.fill(ping.fields, ping.packed_len(stride), pack) }
+        })
+    })
+}
+
+/// The name of a label number. `table`: "category", "part", "material" or "instance". NULL if it has none.
+///
+/// Valid until the list is pinged into or released.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_pings_label_name(
+    pings: *const echocast_pings,
+    table: *const c_char,
+    number: u32,
+) -> *const c_char {
+    guard_or(ptr::null(), || {
+        // SAFETY: as the header asks.
+        let table = unsafe { text::required(table, "table") }?;
+        look(pings, |pings| {
+            let mut names = pings.names.lock().unwrap_or_else(PoisonError::into_inner);
+            names.get(&numbered(&pings.pings.pings, 0, "ping")?.labels, table, number)
+        })
+    })
+}
+
+/// Gets the number that has a name in a label column. `table`: "category", "part", "material" or "instance", where the
+/// first instance of the name counts.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_pings_label_number(
+    pings: *const echocast_pings,
+    table: *const c_char,
+    name: *const c_char,
+    number: *mut u32,
+) -> echocast_status {
+    let with_labels = |put: &mut dyn FnMut(&echocast::scene::Labels) -> Outcome| {
+        look(pings, |pings| put(&numbered(&pings.pings.pings, 0, "ping")?.labels))
+    };
+    // SAFETY: as the header asks.
+    unsafe { put_label_number(table, name, number, with_labels) }
+}
+
+/// Appends copies of other pings of the same sonar and scene with the same columns, to be written to one file, or shown
+/// in one image.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (pings that do not fit), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; nothing is then appended.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_pings_append(
+    pings: *mut echocast_pings,
+    other: *const echocast_pings,
+) -> echocast_status {
+    guard(|| {
+        let (pings, other) = (handle::get(pings, "pings")?, handle::get(other, "other")?);
+        if Arc::ptr_eq(&pings, &other) {
+            return Err(Failure::argument("other", "the same list of pings", "another one"));
+        }
+        let mut pings = handle::write(&pings, "pings")?;
+        // Those of one list fit together: if the first one fits, all do.
+        for ping in &handle::read(&other, "other")?.pings.pings {
+            pings.pings.push(ping.clone())?;
+        }
+        pings.changed();
+        Ok(())
+    })
+}
+
+/// Coordinates of the pixels of an image: the middle of column c, row r is first + {c, r} * step.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_image_place {
+    /// Of the middle of the top left pixel: metres to the right of the sonar and ahead of it (of a swath sonar, above)
+    /// in a fan; x, y in the world on a track; metres across (starboard is positive) and the index of the ping in a
+    /// waterfall.
+    pub first: [f64; 2],
+    /// From column to column, and from row to row.
+    pub step: [f64; 2],
+}
+
+/// Gives access to the pixels of a picture of all pings, in place. `options`: YAML with `view`: "fan" lays the last
+/// ping of an imaging or swath sonar, or all of a beam that turns, out by beam and range; "waterfall" has a row for
+/// each ping; "track" is the map that they make, of a swath sonar that of its depths; further `width` (1600), 320 to
+/// 4096 pixels, and `ground` (false), whether a waterfall shows ground range. `layer`: "values", levels with the
+/// sonar's time-varied gain, dB re 1 uPa, or heights on the map of depths, metres, not-a-number where nothing is, as
+/// ECHOCAST_TYPE_F32; or a label column of the pings, such as "category_id", 0 where nothing is, as ECHOCAST_TYPE_U32.
+/// `place` may be NULL. Each picture is made when it is first asked for; the view is valid until the list is pinged
+/// into, appended to or released.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (a view that this sonar does not have, no such layer), ECHOCAST_E_PARSE,
+/// ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY.
+///
+/// ```c
+/// echocast_image_view pixels;
+/// echocast_image_place place;
+/// echocast_pings_image(pings, "{view: fan, width: 800}", "values", &pixels, &place);
+/// printf("%u x %u pixels of %g m\n", (unsigned)pixels.width, (unsigned)pixels.height, place.step[0]);
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_pings_image(
+    pings: *const echocast_pings,
+    options: *const c_char,
+    layer: *const c_char,
+    out: *mut echocast_image_view,
+    place: *mut echocast_image_place,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: as the header asks.
+        let out = unsafe { text::output(out, "out") }?.write(echocast_image_view::NONE);
+        // SAFETY: as the header asks.
+        let (options, layer) = unsafe { (text::required(options, "options")?, text::required(layer, "layer")?) };
+        look(pings, |pings| {
+            // What a panic left half made is not there.
+            let mut images = pings.images.lock().unwrap_or_else(PoisonError::into_inner);
+            let made = match images.iter().position(|(asked, _)| asked == options) {
+                Some(made) => made,
+                None => {
+                    let asked = PreviewOptions::from_yaml(options)?;
+                    let image = pings.context.engine.install(|| preview::image_of(&pings.pings, &asked))?;
+                    images.push((options.to_owned(), image));
+                    images.len() - 1
+                }
+            };
+            let image = &images[made].1;
+            let (data, kind) = pixels(image, layer)?;
+            *out = echocast_image_view {
+                data,
+                row_stride: image.width * 4,
+                width: image.width as u32,
+                height: image.height as u32,
+                channels: 1,
+                kind,
+            };
+            if !place.is_null() {
+                let Place { first, step, .. } = image.place;
+                // SAFETY: as the header asks.
+                unsafe { text::output(place, "place") }?.write(echocast_image_place { first, step });
+            }
+            Ok(())
+        })
+    })
+}
+
+/// The pixels of a layer, 4 bytes each, and their type.
+fn pixels(image: &Image, layer: &str) -> Outcome<(*const c_void, i32)> {
+    if layer == "values" {
+        return Ok((image.values.as_ptr().cast(), ECHOCAST_TYPE_F32));
+    }
+    let labels = Field::from_name(layer).ok().and_then(|field| image.layer(field));
+    let Some(ids) = labels else {
+        let names = image.layers.iter().map(|layer| layer.field.info().name);
+        let has: Vec<&str> = ["values"].into_iter().chain(names).collect();
+        return Err(Failure::argument("layer", format!("{layer:?}"), &has.join(", ")));
+    };
+    Ok((ids.as_ptr().cast(), ECHOCAST_TYPE_U32))
+}
+
+/// Releases a list of pings. NULL is allowed. Any thread may call this.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_pings_release(pings: *mut echocast_pings) {
+    guard(|| {
+        handle::release(pings);
+        Ok(())
+    });
+}
