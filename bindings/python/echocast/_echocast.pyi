@@ -66,6 +66,7 @@ class Soundings(TypedDict):
     bin: UInt32Array
     level_db: Float32Array
     quality: Float32Array
+    corrected: Float32Array
 
 @final
 class Pose:

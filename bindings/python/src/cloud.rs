@@ -55,6 +55,8 @@ use std::sync::Arc;
 /// | `radial_velocity`, `doppler` | float32 | rate of the true range, and as the instrument measures it, m/s |
 /// | `flow_x`, `flow_y`, `flow_z` | float32 | how far the surface is one frame later, in the world, m |
 /// | `track_id` | uint32 | object over all frames, 0: unlabelled |
+/// | `quality` | float32 | confidence in a sounding of a sonar, 0 to 1 |
+/// | `corrected_x`, `corrected_y`, `corrected_z` | float32 | sounding by a ray through the assumed cast, m |
 ///
 /// Causes: 0 surface, 1 seen in a mirror, 2 seen through glass, 3 rain, 4 fog, 5 snow, 6 dust, 7 noise, 8 mixed at an
 /// edge, 9 multipath, 10 sea surface.

@@ -258,7 +258,8 @@ impl Ping {
     }
 
     /// What is reported as depths, a dict of arrays: `beam`, uint32; `range`, float32, m; `bin`, uint32; `level_db`,
-    /// float32, dB re 1 uPa; `quality`, float32, 0 to 1. They are empty for side-scan and imaging sonars.
+    /// float32, dB re 1 uPa; `quality`, float32, 0 to 1; `corrected`, n x 3 float32, the place by a ray through the assumed
+    /// cast, m, relative to `origin`. They are empty for side-scan and imaging sonars.
     #[getter]
     fn soundings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (found, bins) = (&self.ping().soundings, self.ping().layout.bins.max(1) as u32);
@@ -269,6 +270,8 @@ impl Ping {
         told.set_item("bin", owned(py, found.iter().map(|sounding| sounding.cell % bins).collect(), &count)?)?;
         told.set_item("level_db", owned(py, found.iter().map(|sounding| sounding.level_db).collect(), &count)?)?;
         told.set_item("quality", owned(py, found.iter().map(|sounding| sounding.quality).collect(), &count)?)?;
+        let places = found.iter().flat_map(|sounding| sounding.corrected.to_array()).collect();
+        told.set_item("corrected", owned(py, places, &[found.len(), 3])?)?;
         Ok(told)
     }
 
