@@ -1,7 +1,8 @@
 //! KMALL: soundings and water columns of swath sonars, as programs for Kongsberg's multibeam sonars read them.
 //!
-//! Datagrams, their members and units are those of Kongsberg's EM datagrams on KMALL format (revision I), with the
-//! layout that pykmall 1.1.1 reads. Members that are not set here are 0. The reference point of the vessel is the sonar.
+//! Layout, names and units of members are those that pykmall 1.1.1 reads, which takes them from Kongsberg's description of
+//! the format: version 1 of `#SKM`, 3 of `#MRZ` and 2 of `#MWC`. Members that are not set here are 0. The reference point
+//! of the vessel is the sonar.
 
 use super::Sink;
 use super::pings::{is_lost, length};
@@ -108,7 +109,8 @@ impl Place {
     }
 }
 
-/// Angle of a direction ahead, to port and up about the first, from straight down to port, degrees.
+/// Angle of a direction ahead, to port and up, degrees from straight down to port: how angles turn about x where axes point
+/// ahead, to starboard and down.
 fn to_port(direction: DVec3) -> f32 {
     direction.y.atan2(-direction.z).to_degrees() as f32
 }

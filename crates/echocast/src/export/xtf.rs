@@ -1,8 +1,8 @@
 //! XTF: the channels of side-scan sonars and the soundings of swath sonars, as survey programs read them.
 //!
-//! Structures, their offsets and units are those of the eXtended Triton Format (Triton Imaging, `Xtf.h` of 1998, and the
-//! fields that revision 41 added), with the offsets that pyxtf 1.5.0 reads. Members that are not set here are 0, which
-//! is what the format says of what is not known.
+//! Meanings, units and signs are those of the eXtended Triton Format's own `Xtf.h` (Triton, 1998). Offsets, the format of
+//! samples and the structure of soundings, which came later, are those that pyxtf 1.5.0 reads, and so is the order of
+//! samples to port, by how it lays them out. Members that are not set here are 0.
 
 use super::Sink;
 use super::pings::{is_lost, length};
