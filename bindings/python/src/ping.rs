@@ -58,7 +58,9 @@ impl Pings {
         slf.py().import("builtins")?.call_method1("map", (slf.getattr("__getitem__")?, numbers))
     }
 
-    /// Writes them as NPZ or HDF5, as the ending of `path` says: arrays of pings x beams x bins. Returns warnings.
+    /// Writes them as the ending of `path` says, returns warnings: NPZ or HDF5, arrays of pings x beams x bins; XTF, what
+    /// side-scan and swath sonars record; KMALL, soundings and water columns of swath sonars. ArgumentError for another
+    /// sonar.
     fn write(&self, py: Python<'_>, path: PathBuf) -> Outcome<Vec<String>> {
         Ok(py.detach(|| self.0.write(path))?.warnings)
     }

@@ -22,9 +22,11 @@ pub struct Args {
 type Row = (&'static str, &'static [&'static str], &'static str);
 
 const PICTURES: [Row; 1] = [("png", &["png"], "RGB picture with legend")];
-const PINGS: [Row; 3] = [
+const PINGS: [Row; 5] = [
     ("npz", &["npz"], "arrays, including labels"),
     ("hdf5", &["h5", "hdf5"], "one dataset per array, with unit and meaning"),
+    ("xtf", &["xtf"], "pings only: samples of side-scan sonars or soundings of swath sonars, without labels"),
+    ("kmall", &["kmall"], "pings only: soundings and water columns of swath sonars, without labels"),
     ("png", &["png"], "images only: greyscale, labels in files beside it"),
 ];
 

@@ -72,7 +72,8 @@ pub struct OutputArgs {
     /// Waterfall over ground range, along the bed, instead of slant range
     #[arg(long, requires = "shown", help_heading = "Output")]
     ground: bool,
-    /// Pings of a sonar as arrays of beams and range bins, with levels, labels and true places: .npz, .h5
+    /// Pings of a sonar as arrays of beams and range bins, with levels, labels and true places: .npz, .h5;
+    /// for survey programs, of side-scan and swath sonars .xtf, of swath sonars .kmall with water columns
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     pings: Option<PathBuf>,
     /// What `--view waterfall`, `track` or `fan` shows, as numbers and labels: .npz, .h5, or greyscale .png
@@ -275,7 +276,7 @@ impl OutputArgs {
         self.check_view(&sensor.spec().pattern)?;
         self.check_color(sensor)?;
         if let Some(file) = &self.pings {
-            export::check_pings(file).context("--pings")?;
+            export::check_pings(file, sensor).context("--pings")?;
         }
         if let Some(file) = &self.image {
             export::check_image(file).context("--image")?;

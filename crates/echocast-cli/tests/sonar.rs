@@ -169,6 +169,11 @@ fn what_does_not_fit_a_sonar_is_named_and_nothing_is_written() {
         (format!("{lidar} --image DIR/x.npz --view fan"), "--image: the sensor is a lidar; allowed: with sonars only"),
         (format!("{SIDES} --preview DIR/x.png --view track --ground"), "--ground: allowed with --view waterfall only"),
         (format!("{SIDES} --pings DIR/x.csv"), "--pings: the ending of the output file"),
+        (format!("{SIDES} --pings DIR/x.kmall"), "x.kmall is for a sidescan sonar; allowed: swath sonars"),
+        (
+            "scan DIR/lake.glb --sensor fls_900 --at 0,0,-2 --pings DIR/x.xtf".to_owned(),
+            "x.xtf is for a fan sonar; allowed: side-scan and swath sonars; .npz and .h5 hold any",
+        ),
         (format!("{SIDES} --image DIR/x.npz"), "--image: shows what --view says, which is top; allowed: waterfall"),
         (
             format!("{above} -o DIR/x.csv"),

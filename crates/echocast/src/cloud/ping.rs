@@ -1,6 +1,7 @@
 //! What a sonar records: pings of beams and range bins.
 
 use crate::cloud::{Column, Columns, Field, FieldSet};
+use crate::ground::angle::direction_f64;
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use crate::scene::Labels;
@@ -68,6 +69,10 @@ pub struct Layout {
     pub first_bin: usize,
     /// Sound speed that ranges are reported with, m/s.
     pub believed_speed: f64,
+    /// Centre frequency of the pulse, Hz.
+    pub frequency: f64,
+    /// Height of the water surface in the world, m.
+    pub surface_z: f64,
     /// Level of the noise in a cell, dB re 1 uPa, after directivity and processing gain.
     pub noise_db: f32,
     /// Lowest level that is reported as an echo, dB re 1 uPa, by bin: noise, volume reverberation and threshold.
@@ -169,6 +174,8 @@ impl Default for Layout {
             bin_m: 1.0,
             first_bin: 0,
             believed_speed: 1500.0,
+            frequency: 0.0,
+            surface_z: 0.0,
             noise_db: 0.0,
             threshold_db: Vec::new(),
             tvg_db: Vec::new(),
@@ -192,6 +199,11 @@ impl Layout {
     /// Number of beams.
     pub fn beams(&self) -> usize {
         self.axes.len()
+    }
+
+    /// Unit vector along the axis of a beam, sensor frame.
+    pub(crate) fn axis(&self, beam: usize) -> DVec3 {
+        direction_f64(self.axes[beam])
     }
 
     /// Cells of a ping.
@@ -218,6 +230,15 @@ impl Ping {
     pub fn levels(&self, beam: usize) -> &[f32] {
         let bins = self.layout.bins;
         &self.cells.intensity[beam * bins..(beam + 1) * bins]
+    }
+
+    /// Where a sounding is in the world, m: along a straight beam at its reported range.
+    ///
+    /// # Panics
+    /// If there is no such beam.
+    pub fn sounding_place(&self, sounding: &Sounding) -> DVec3 {
+        let axis = self.layout.axis(sounding.beam as usize);
+        self.pose.position + self.pose.orientation * (f64::from(sounding.range) * axis)
     }
 
     /// A copy with only the columns in `fields`, and the level.
@@ -249,6 +270,11 @@ impl Ping {
         };
         if !(layout.bin_m.is_finite() && layout.bin_m > 0.0) {
             return Err(Error::invalid("bin_m", layout.bin_m, "a length above 0"));
+        }
+        for (name, value) in [("believed_speed", layout.believed_speed), ("surface_z", layout.surface_z)] {
+            if !value.is_finite() {
+                return Err(Error::invalid(name, value, "a number"));
+            }
         }
         if !layout.axes.iter().flatten().all(|angle| angle.is_finite()) {
             return Err(Error::invalid("axes", "not a number", "azimuth and elevation of each beam, rad"));
@@ -324,6 +350,12 @@ impl Pings {
             }
         }
         Ok(&first.layout)
+    }
+
+    /// Seconds from ping `index` to the next, for the last from the one before; 0 for a ping alone.
+    pub(crate) fn interval(&self, index: usize) -> f64 {
+        let first = index.min(self.pings.len().saturating_sub(2));
+        self.pings.get(first..first + 2).map_or(0.0, |pair| pair[1].time - pair[0].time)
     }
 
     /// What all pings have in common; `None` if there are none.

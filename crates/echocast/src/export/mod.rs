@@ -13,6 +13,7 @@ mod growing;
 #[cfg(feature = "hdf5")]
 mod hdf5;
 pub(crate) mod images;
+mod kmall;
 mod las;
 mod laz;
 #[cfg(feature = "mcap")]
@@ -27,6 +28,7 @@ mod ros;
 mod sink;
 mod tail;
 mod unfinished;
+mod xtf;
 
 pub use boxes::{check_boxes, write_boxes};
 #[cfg(feature = "hdf5")]

@@ -4,29 +4,33 @@ use super::atomic::{self, Pending};
 use super::npz::Archive;
 use super::pixels::Png;
 use super::{ending, failed};
-use crate::cloud::{Column, Field, FieldSet, Ping, Pings, Sounding};
+use super::{kmall, xtf};
+use crate::cloud::{Column, Field, FieldSet, Layout, Ping, Pings, SonarView, Sounding};
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
 use crate::ground::shown;
 use crate::ground::units::amplitude_from_db;
 use crate::image::{Image, ImageKind, LAYERS};
 use crate::scene::{Labels, NameTable};
+use crate::sensor::Sensor;
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Endings of files of arrays.
-const ARRAYS: &[&str] = &["npz", "h5", "hdf5"];
+/// Endings of files of pings: of arrays, and of survey programs.
+const PINGS: &[&str] = &["npz", "h5", "hdf5", "xtf", "kmall"];
 /// Endings of image files.
 const IMAGES: &[&str] = &["png", "npz", "h5", "hdf5"];
 /// Fraction of the values at each end of the window of a PNG that shares the grey of that end.
 const CLIPPED: f32 = 0.005;
 
-/// Checks, before a long scan, whether pings can be written to `path`.
+/// Checks, before a long scan, whether pings of `sensor` can be written to `path`.
 ///
 /// # Errors
-/// An ending of no format for pings; a missing folder or one that cannot be written to.
-pub fn check_pings(path: &Path) -> Result<()> {
-    check_ending(path, "pings", ARRAYS)?;
+/// An ending of no format for pings, or of one for those of other sonars; a missing folder or one that cannot be written
+/// to.
+pub fn check_pings(path: &Path, sensor: &Sensor) -> Result<()> {
+    check_ending(path, "pings", PINGS)?;
+    check_view(path, sensor.sonar_view())?;
     Pending::create(path).map(drop)
 }
 
@@ -48,27 +52,66 @@ fn check_ending(path: &Path, what: &str, endings: &[&str]) -> Result<()> {
             instead: format!("{what} are written as {}", all.join(", ")),
         });
     }
-    if cfg!(not(feature = "hdf5")) && ending != "npz" && ending != "png" {
+    if cfg!(not(feature = "hdf5")) && ["h5", "hdf5"].contains(&&*ending) {
         let instead = "build echocast with the feature hdf5".into();
         return Err(Error::Unsupported { what: "HDF5 in this build".into(), instead });
     }
     Ok(())
 }
 
+/// Checks that pings of such a sonar are what a survey program expects in such a file.
+fn check_view(path: &Path, view: SonarView) -> Result<()> {
+    let (views, allowed): (&[SonarView], _) = match &*ending(path) {
+        "xtf" => (&[SonarView::Sidescan, SonarView::Swath], "side-scan and swath sonars; .npz and .h5 hold any"),
+        "kmall" => (&[SonarView::Swath], "swath sonars; .npz and .h5 hold any"),
+        _ => return Ok(()),
+    };
+    if !views.contains(&view) {
+        return Err(Error::invalid(shown::path(path).to_string(), format!("for a {} sonar", view.name()), allowed));
+    }
+    Ok(())
+}
+
+/// Whether a sample of `steps`, clamped to between `least` and `most`, loses what is known of `level`; fainter than the
+/// noise there is nothing.
+pub(super) fn is_lost(level: f32, steps: f32, [least, most]: [f32; 2], layout: &Layout) -> bool {
+    level.is_nan() || steps > most || steps < least && level >= layout.noise_db
+}
+
+/// How many bytes a record has, in the 32 bits that it says so with.
+pub(super) fn length(bytes: usize) -> io::Result<u32> {
+    let told = "a ping takes more than 4 GB; allowed: what its record can say in 32 bits";
+    u32::try_from(bytes).map_err(|_| io::Error::new(io::ErrorKind::FileTooLarge, told))
+}
+
 impl Pings {
-    /// Writes everything that the pings hold to `path`, as NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`). The file appears
-    /// under its name only when it is complete.
+    /// Writes the pings to `path`: everything that they hold as NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`); the samples of
+    /// a side-scan sonar or the soundings of a swath sonar as XTF (`.xtf`); soundings and water columns of a swath
+    /// sonar as KMALL (`.kmall`). The file appears under its name only when it is complete.
     ///
-    /// Cells are in arrays of pings x beams x bins: `level`, `amplitude` and a column for each field; `true_x` to
-    /// `true_z` are relative to `origin`. Soundings are a list in which `sounding_ping` counts the pings of the file.
+    /// In NPZ and HDF5, cells are in arrays of pings x beams x bins: `level`, `amplitude` and a column for each field;
+    /// `true_x` to `true_z` are relative to `origin`. Soundings are a list in which `sounding_ping` counts the pings of
+    /// the file.
     ///
     /// # Errors
-    /// As [`check_pings`]; no pings, or pings that do not fit together; no memory for one more column; a full disk.
+    /// As [`check_pings`]; no pings, or pings that do not fit together, or not into the format; no memory for one more
+    /// column; a full disk.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<Report> {
         let path = path.as_ref();
-        check_ending(path, "pings", ARRAYS)?;
-        self.check()?;
-        into_file(path, |file, report| write_pings(file, self, report))
+        check_ending(path, "pings", PINGS)?;
+        let layout = self.check()?;
+        check_view(path, layout.view)?;
+        match &*ending(path) {
+            "xtf" => {
+                xtf::check(layout)?;
+                into_file(path, |file, report| xtf::write(self, layout, file.path(), report))
+            }
+            "kmall" => {
+                kmall::check(self, layout)?;
+                into_file(path, |file, report| kmall::write(self, file.path(), report))
+            }
+            _ => into_arrays(path, |file, report| write_pings(file, self, report)),
+        }
     }
 }
 
@@ -90,24 +133,29 @@ impl Image {
         if ending(path) == "png" {
             return write_pngs(self, path);
         }
-        into_file(path, |file, report| write_image(file, self, report))
+        into_arrays(path, |file, report| write_image(file, self, report))
     }
 }
 
-/// Writes a file of arrays with `fill`.
-fn into_file(path: &Path, fill: impl FnOnce(&mut Arrays, &mut Report) -> io::Result<()>) -> Result<Report> {
+/// Writes a file with `fill`.
+fn into_file(path: &Path, fill: impl FnOnce(&Pending, &mut Report) -> io::Result<()>) -> Result<Report> {
     let mut report = Report::default();
     let pending = Pending::create(path)?;
-    let written = Arrays::create(&pending, path).and_then(|mut file| {
-        fill(&mut file, &mut report)?;
-        file.finish()
-    });
-    written.map_err(|source| match source.kind() {
+    fill(&pending, &mut report).map_err(|source| match source.kind() {
         io::ErrorKind::OutOfMemory => Error::Memory("a column of all pings".to_owned()),
         _ => failed(path, source),
     })?;
     pending.commit()?;
     Ok(report)
+}
+
+/// Writes a file of arrays with `fill`.
+fn into_arrays(path: &Path, fill: impl FnOnce(&mut Arrays, &mut Report) -> io::Result<()>) -> Result<Report> {
+    into_file(path, |pending, report| {
+        let mut file = Arrays::create(pending, path)?;
+        fill(&mut file, report)?;
+        file.finish()
+    })
 }
 
 /// A file of named arrays.
@@ -181,6 +229,10 @@ fn write_pings(file: &mut Arrays, Pings { pings }: &Pings, report: &mut Report) 
     file.add(["bin_m", "m", "length of a bin; bin k begins at k times this"], &[], Column::F64(&[layout.bin_m]))?;
     let speed = ["believed_speed_m_s", "m/s", "sound speed that ranges are reported with"];
     file.add(speed, &[], Column::F64(&[layout.believed_speed]))?;
+    let frequency = ["frequency_hz", "Hz", "centre frequency of the pulse"];
+    file.add(frequency, &[], Column::F64(&[layout.frequency]))?;
+    let surface = ["surface_z_m", "m", "height of the water surface, world"];
+    file.add(surface, &[], Column::F64(&[layout.surface_z]))?;
     file.add(["noise_db", "dB re 1 uPa", "level of the noise in a cell"], &[], Column::F32(&[layout.noise_db]))?;
     let threshold = ["threshold_db", "dB re 1 uPa", "least level that is reported as an echo, by bin"];
     file.add(threshold, &[bins], Column::F32(&layout.threshold_db))?;
@@ -382,13 +434,24 @@ mod tests {
     fn endings_are_checked_before_the_work() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
-        check_pings(&at("a.npz")).unwrap();
+        let [sides, swath, fan, single] =
+            ["sss_450", "mbes_400", "fls_900", "sbes_200"].map(|name| Sensor::preset(name).unwrap());
+        check_pings(&at("a.npz"), &sides).unwrap();
         check_image(&at("a.PNG")).unwrap();
-        let error = check_pings(&at("a.png")).unwrap_err().to_string();
-        assert!(error.ends_with("is not supported: pings are written as .npz, .h5, .hdf5"), "{error}");
+        let error = check_pings(&at("a.png"), &sides).unwrap_err().to_string();
+        assert!(error.ends_with("is not supported: pings are written as .npz, .h5, .hdf5, .xtf, .kmall"), "{error}");
         assert!(check_image(&at("a.las")).is_err());
-        assert!(check_pings(&at("none/a.npz")).is_err() && check_image(&at("none/a.npz")).is_err());
-        assert_eq!(check_pings(&at("a.h5")).is_ok(), cfg!(feature = "hdf5"));
+        assert!(check_pings(&at("none/a.npz"), &sides).is_err() && check_image(&at("none/a.npz")).is_err());
+        assert_eq!(check_pings(&at("a.h5"), &sides).is_ok(), cfg!(feature = "hdf5"));
+        for (name, sonars) in [("a.XTF", vec![&sides, &swath]), ("a.kmall", vec![&swath])] {
+            for sonar in [&sides, &swath, &fan, &single] {
+                let allowed = sonars.iter().any(|allowed| allowed.name() == sonar.name());
+                assert_eq!(check_pings(&at(name), sonar).is_ok(), allowed, "{name}: {}", sonar.name());
+            }
+        }
+        let error = check_pings(&at("a.xtf"), &fan).unwrap_err().to_string();
+        let told = "a.xtf is for a fan sonar; allowed: side-scan and swath sonars; .npz and .h5 hold any";
+        assert!(error.ends_with(told), "{error}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 
@@ -425,6 +488,47 @@ mod tests {
         assert_eq!(std::fs::read(&path).unwrap(), b"old");
         good.write(&path).unwrap();
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn pings_that_a_format_cannot_hold_are_not_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let refused = |pings: &Pings, name: &str| pings.write(folder.path().join(name)).unwrap_err().to_string();
+        let fan = Pings { pings: vec![imaging(SonarView::Fan, 0.0, 5.0)] };
+        assert!(
+            refused(&fan, "a.xtf")
+                .ends_with("a.xtf is for a fan sonar; allowed: side-scan and swath sonars; .npz and .h5 hold any")
+        );
+        let sides = pings(&Sidescan { pings: 1, ..Sidescan::default() });
+        assert!(refused(&sides, "a.kmall").contains("a.kmall is for a sidescan sonar; allowed: swath sonars"));
+        let mut far = swath(2);
+        far.pings[1].pose.position.y = 1e7;
+        let told =
+            "kmall: position of ping 1 is 0.35, 10000000; allowed: x within 20037508 m and y within 9951685 m of 0";
+        assert!(refused(&far, "a.kmall").starts_with(told), "{}", refused(&far, "a.kmall"));
+        far.write(folder.path().join("a.xtf")).unwrap();
+        let many = SonarView::Sidescan;
+        let many = Pings { pings: vec![imaging(many, 0.0, 5.0)] };
+        assert_eq!(refused(&many, "b.xtf"), "xtf: number of beams is 60; allowed: 1 to 6, one channel each");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn a_disk_that_is_full_at_any_write_leaves_nothing() {
+        use super::super::sink::tests::WRITES;
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["a.xtf", "a.kmall"] {
+            let written = |writes| {
+                WRITES.set(writes);
+                let written = swath(3).write(folder.path().join(name));
+                WRITES.set(usize::MAX);
+                written
+            };
+            let count = (0..100).take_while(|&writes| written(writes).is_err()).count();
+            assert!((3..100).contains(&count), "{name}: {count}");
+            std::fs::remove_file(folder.path().join(name)).unwrap();
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 
     fn read(path: &Path) -> (png::OutputInfo, Vec<u8>, Vec<(String, String)>) {

@@ -59,6 +59,14 @@ impl Pose {
     pub fn rotation(&self) -> DMat3 {
         DMat3::from_quat(self.orientation)
     }
+
+    /// Heading clockwise from y (north), 0 to 360, pitch (nose up) and roll (to starboard), degrees: the angles of ships,
+    /// each about the axis that the one before has turned.
+    pub(crate) fn ship_angles(&self) -> [f64; 3] {
+        let [ahead, port, up] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| self.orientation * axis);
+        let heading = ahead.x.atan2(ahead.y).to_degrees().rem_euclid(360.0);
+        [heading, ahead.z.clamp(-1.0, 1.0).asin().to_degrees(), port.z.atan2(up.z).to_degrees()]
+    }
 }
 
 /// Where what is at `mount` on a carrier is, if the carrier is at `carrier`.
@@ -86,6 +94,14 @@ mod tests {
         close(pose.orientation * DVec3::X, DVec3::new(30f64.to_radians().cos(), 0.0, -0.5));
         let pose = Pose::IDENTITY.with_rpy_deg(90.0, 0.0, 90.0);
         close(pose.orientation * DVec3::Z, DVec3::X);
+    }
+
+    #[test]
+    fn ships_count_from_north_to_starboard_and_nose_up() {
+        let ship = Pose::IDENTITY.with_rpy_deg(4.0, -3.0, 90.0 - 350.0);
+        let found = ship.ship_angles();
+        assert!(found.iter().zip([350.0, 3.0, 4.0]).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");
+        assert_eq!(Pose::IDENTITY.ship_angles(), [90.0, 0.0, 0.0]);
     }
 
     #[test]

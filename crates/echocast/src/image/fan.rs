@@ -1,7 +1,8 @@
 //! Fan: beams and ranges laid out around the sonar.
 
-use super::{Image, ImageKind, LONE_SECTOR, Place, Source, check_view, direction, filled, middle, of_sources};
+use super::{Image, ImageKind, LONE_SECTOR, Place, Source, check_view, filled, middle, of_sources};
 use crate::cloud::{Ping, Pings, SonarView};
+use crate::ground::angle::direction_f64;
 use crate::ground::error::{Error, Result};
 use glam::DVec2;
 use std::f64::consts::{PI, TAU};
@@ -40,7 +41,7 @@ pub fn turning_fan(pings: &Pings, pixels: usize) -> Result<Image> {
     let start = pings.pings[0].pose.orientation.inverse();
     let mut angles: Vec<f64> = Vec::with_capacity(pings.pings.len());
     for ping in &pings.pings {
-        let look = start * (ping.pose.orientation * direction(ping.layout.axes[0]));
+        let look = start * (ping.pose.orientation * ping.layout.axis(0));
         let angle = look.y.atan2(look.x);
         // Continues from the previous ping, the shorter way round.
         let before = angles.last().copied().unwrap_or(angle);
@@ -82,7 +83,7 @@ fn angle(view: SonarView, axis: [f32; 2]) -> f64 {
     match view {
         // Across the track: y is left, z is up.
         SonarView::Swath => {
-            let look = direction(axis);
+            let look = direction_f64(axis);
             look.y.atan2(look.z)
         }
         _ => f64::from(axis[0]),

@@ -32,7 +32,6 @@ use crate::cloud::{Column, Field, Ping, Pings, SonarView};
 use crate::ground::error::{Error, Result};
 use crate::ground::named::named;
 use crate::scene::Labels;
-use glam::DVec3;
 use std::sync::Arc;
 
 /// What an image is.
@@ -244,12 +243,6 @@ fn check_view(pings: &Pings, what: &str, allowed: &[SonarView], words: &str) -> 
         return Err(Error::invalid(what, format!("asked of a {} sonar", view.name()), words));
     }
     Ok(view)
-}
-
-/// Unit vector at azimuth and elevation, rad: x forward, y left, z up.
-fn direction(axis: [f32; 2]) -> DVec3 {
-    let [azimuth, elevation] = axis.map(f64::from);
-    DVec3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin())
 }
 
 /// Drawn width of beams without a neighbour, rad: 2 degrees, as of a mechanically scanning sonar.

@@ -1,7 +1,7 @@
 //! Depth map: the heights of soundings on the map.
 
 use super::grid::{Grid, fitting, span};
-use super::{Image, ImageKind, Source, check_view, direction, filled, layers};
+use super::{Image, ImageKind, Source, check_view, filled, layers};
 use crate::cloud::{Pings, SonarView};
 use crate::ground::error::{Error, Result};
 use glam::DVec3;
@@ -65,8 +65,7 @@ fn soundings(pings: &Pings) -> Result<Vec<Place>> {
     let mut places = Vec::new();
     for (index, ping) in pings.pings.iter().enumerate() {
         for sounding in &ping.soundings {
-            let axis = direction(ping.layout.axes[sounding.beam as usize]);
-            let at = ping.pose.position + ping.pose.orientation * (f64::from(sounding.range) * axis);
+            let at = ping.sounding_place(sounding);
             let source = Source { ping: index as u32, cell: sounding.cell };
             places.push(Place { at, level_db: sounding.level_db, source });
         }

@@ -7,7 +7,7 @@ use crate::echo::{
     Background, CHUNK_BITS, Drift, Echoes, Flanks, Insonification, Lines, NOBODY, Response, Scatterers, Tile, Wants,
 };
 use crate::emitter::{Trajectory, Transducer};
-use crate::ground::angle::{azimuth_elevation, direction};
+use crate::ground::angle::azimuth_elevation;
 use crate::ground::cause::Cause;
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::MEDIUM;
@@ -90,6 +90,7 @@ struct LayoutInputs {
     /// Greatest solid angle of a beam, sr.
     widest: f32,
     believed: f64,
+    surface_z: f64,
     absorption: f64,
     ambient: f64,
     volume: Option<f64>,
@@ -280,6 +281,7 @@ impl<'a> Pinging<'a> {
             directivity: acoustics.directivity_index_db.unwrap_or(transducer.directivity_db),
             widest: transducer.solid_angles.iter().copied().fold(0.0, f32::max),
             believed,
+            surface_z: water.surface_z_m,
             absorption,
             ambient: acoustics.noise_level_db.unwrap_or_else(ambient),
             volume: water.volume_backscatter_db,
@@ -511,7 +513,7 @@ impl Pinging<'_> {
     /// Where a sounding of a beam lies, which is reported at `range`, m, by the water that the survey assumes.
     fn corrected(&self, beam: usize, range: f32) -> Vec3 {
         let place = self.place();
-        let axis = self.pose.rotation() * direction(self.layout.axes[beam]).as_dvec3();
+        let axis = self.pose.rotation() * self.layout.axis(beam);
         let level = axis.truncate().length();
         let depth = self.column.surface_z - self.pose.position.z;
         let here = self.acoustics.array_speed_m_s.unwrap_or_else(|| self.column.speed_at(depth));
@@ -570,6 +572,8 @@ fn layout(inputs: &LayoutInputs, transducer: &Transducer, bin_m: f64, volume: &[
         bin_m,
         first_bin: inputs.first_bin,
         believed_speed: inputs.believed,
+        frequency: acoustics.frequency(),
+        surface_z: inputs.surface_z,
         noise_db: noise_db as f32,
         threshold_db: (0..inputs.bins).map(threshold).collect(),
         tvg_db: (0..inputs.bins).map(tvg).collect(),
