@@ -482,11 +482,11 @@ ECHOCAST_API void echocast_scene_release(echocast_scene *scene);
 /**
  * Adds the contents of a scene file (glTF, GLB, OBJ, FBX): its objects as fixed instances with their labels, and its
  * cameras. `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not define
- * them; `labels`, with the contents of a label file; `texture_limit_mib` (1024), most memory for all images;
- * `animation`, the name of the one to play instead of all; `looped` (false), whether animations start again at their
- * ends; and `allow_outside_paths` (false), whether the scene may name files that are not in its own folder. Categories
- * and parts whose name is already in the scene get its number there; instances are numbered on from the greatest
- * number that has a name, from 1 if there is none.
+ * them; `labels`, a label file, its contents or the name of rules that ship (`street`); `texture_limit_mib` (1024),
+ * most memory for all images; `animation`, the name of the one to play instead of all; `loop` (false), whether
+ * animations start again at their ends; and `allow_outside_paths` (false), whether the scene may name files that are
+ * not in its own folder. Categories and parts whose name is already in the scene get its number there; instances are
+ * numbered on from the greatest number that has a name, from 1 if there is none.
  *
  * Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT,
  * ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; the scene is then unchanged.

@@ -26,7 +26,8 @@ def main(output: Path) -> None:
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "custom.css").write_text(STYLE)
         pdoc.render.configure(docformat="markdown", show_source=False, search=False, template_directory=Path(folder))
-        # pdoc finds the stubs of a package under this name, runs them as a program, and takes constructors for __init__.
+        # pdoc finds the stubs of a package under this name, runs them as a program, and expects constructors to be called
+        # `__init__`.
         package = Path(folder, "echocast-stubs")
         package.mkdir()
         text = text.replace("def __new__(", "def __init__(")

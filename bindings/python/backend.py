@@ -7,7 +7,7 @@ from pathlib import Path
 import maturin
 from maturin import *  # noqa: F403 what is not changed here
 
-# `pip install .` above is the same.
+# So that `pip install .` in the root of the repository builds this package too.
 os.chdir(Path(__file__).parent)
 
 

@@ -31,7 +31,7 @@ def digest(value, column):
     return value
 
 
-scene = ec.LiveScene(threads=0)
+scene = ec.LiveScene()
 for number, name in enumerate(["ground", "house", "car"], 1):
     scene.name_label("category", number, name)
 scene.add(*cuboid(100, 100, 0.25), name="ground", pose=(0, 0, -0.25), category=1, instance=1, fixed=True)

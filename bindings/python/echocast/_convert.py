@@ -4,12 +4,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
-from echocast._echocast import PointCloud, Scenario
+from echocast._echocast import PointCloud
 
 if TYPE_CHECKING:
-    from echocast._echocast import Array, Keys, Path
+    from echocast._echocast import Array
 
 
 def package(name: str, extra: str) -> Any:
@@ -20,23 +19,6 @@ def package(name: str, extra: str) -> Any:
         return importlib.import_module(name)
     except ImportError as error:
         raise ImportError(f"this needs the package {name}, which is not there; pip install {extra}") from error
-
-
-#: Columns that training samples have unless others are asked for.
-COLUMNS = ("intensity", "category_id")
-
-
-def positions(cloud: PointCloud) -> npt.NDArray[np.float32]:
-    """Positions relative to the sensor's place at the start of the scan: n x 3 float32, m; a copy."""
-    xyz = cloud.xyz
-    place = np.asarray(cloud.origin) - (cloud.sensor_pose.position if cloud.coordinates == "world" else 0)
-    xyz += place.astype(np.float32)
-    return xyz
-
-
-def source(scenario: "Scenario | Keys", folder: "Path") -> "tuple[Keys, Path]":
-    """What other processes make a scenario of, and the folder of its files; it may be an echocast.Scenario itself."""
-    return (scenario.keys, scenario.folder) if isinstance(scenario, Scenario) else (scenario, folder)
 
 
 def to_dict(cloud: PointCloud) -> "dict[str, Array]":

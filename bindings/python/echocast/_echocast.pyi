@@ -12,6 +12,7 @@ from typing_extensions import NotRequired, TypeAliasType, Unpack
 Path: TypeAlias = str | os.PathLike[str]
 Vector: TypeAlias = Sequence[float]
 Keys: TypeAlias = Path | Mapping[str, Any]
+Material: TypeAlias = str | Mapping[str, Any]
 
 # The reference shows these names, not what they stand for.
 Array = TypeAliasType("Array", npt.NDArray[Any])
@@ -24,21 +25,21 @@ BoolArray = TypeAliasType("BoolArray", npt.NDArray[np.bool_])
 class ScanOptions(TypedDict, total=False):
     at: Pose | Trajectory | Vector | None
     fields: str | Sequence[str] | None
-    seed: int
-    frame: int
-    start_time: float
+    seed: int | None
+    frame: int | None
+    start_time: float | None
     trajectory_time: float | None
-    freeze: bool
+    freeze: bool | None
     frame_period: float | None
-    organised: bool
-    coordinates: Literal["world", "sensor"]
-    order: Literal["beam", "time"]
+    organised: bool | None
+    coordinates: Literal["world", "sensor"] | None
+    order: Literal["beam", "time"] | None
     boxes: bool | Literal["object", "frame"] | None
-    image_boxes: bool
-    profile: Literal["physical", "paper", "blainder"]
-    reflectance_source: str | None
-    mask: int
-    specular_depth: int
+    image_boxes: bool | None
+    profile: Literal["physical", "paper", "blainder"] | None
+    reflectance_source: Literal["library", "luminance", "alpha"] | None
+    mask: int | None
+    specular_depth: int | None
     environment: Environment | Keys | None
     progress: Callable[[float], object] | bool | None
 
@@ -49,7 +50,7 @@ class ObjectKeys(TypedDict):
     pose: NotRequired[Placement | None]
     category: NotRequired[int | str | None]
     instance: NotRequired[int | None]
-    material: NotRequired[Keys | None]
+    material: NotRequired[Material | None]
 
 class Annotation(TypedDict):
     instance_id: int
@@ -140,7 +141,7 @@ class Scene:
         categories: UInt32Array | None = None,
         names: Mapping[int, str] | None = None,
         name: str = "mesh",
-        material: Keys | None = None,
+        material: Material | None = None,
     ) -> Scene: ...
     @staticmethod
     def from_objects(objects: Sequence[ObjectKeys], *, names: Mapping[int, str] | None = None) -> Scene: ...
@@ -190,7 +191,8 @@ class LiveScene:
         name: str = "mesh",
         category: int = 0,
         instance: int = 0,
-        material: Keys | None = None,
+        material: Material | None = None,
+        mask: int = 4294967295,
         fixed: bool = False,
     ) -> int: ...
     def add_copy(
@@ -201,6 +203,7 @@ class LiveScene:
         name: str | None = None,
         category: int | None = None,
         instance: int = 0,
+        mask: int | None = None,
         fixed: bool = False,
     ) -> int: ...
     def remove(self, object: int) -> None: ...
@@ -388,14 +391,14 @@ class Column:
 class Scenario:
     def __new__(cls, scenario: Scenario | Keys, *, folder: Path = "", threads: int | None = None) -> Scenario: ...
     def set(self, key: str, value: object) -> None: ...
-    @property
-    def keys(self) -> dict[str, Any]: ...
+    def to_yaml(self) -> str: ...
     @property
     def folder(self) -> pathlib.Path: ...
     @property
     def seed(self) -> int: ...
     def __len__(self) -> int: ...
     def __getitem__(self, index: int, /) -> Sample: ...
+    def __iter__(self) -> Iterator[Sample]: ...
 
 @final
 class Sample:
@@ -417,7 +420,7 @@ def run(
     samples: tuple[int, int] | tuple[int, int, int] | None = None,
     shard: tuple[int, int] | None = None,
     resume: bool = False,
-    threads: int = 0,
+    threads: int | None = None,
     progress: Callable[[int, int], object] | bool | None = None,
 ) -> dict[str, Any]: ...
 def finish(folder: Path) -> None: ...

@@ -56,7 +56,8 @@ def show(
     there; `time`: s, of a cloud, by default when its first point was measured; `color`: "category", "part", "instance",
     "material" or a column.
 
-    UnsupportedError where there is no display, ArgumentError for other things and for a `path` that is no .rrd.
+    UnsupportedError where there is no display, ArgumentError for other things and for a `path` that is no .rrd, ImportError
+    for a `path` without rerun-sdk.
 
     >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
     >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"), boxes=True)

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import echocast as ec
-from echocast._convert import COLUMNS, package, positions, source
+from echocast._convert import package
+from echocast._training import COLUMNS, positions, source
 
 if TYPE_CHECKING:
     import torch
@@ -90,10 +91,10 @@ class _Scans:
 class ScanDataset(_Scans, torch.utils.data.Dataset):
     """The samples of a scenario: item i is the cloud of sample `samples[i]`, the same in every process.
 
-    `scenario`: as `echocast.Scenario` takes it, with `folder`, or one; it is read in each worker for itself. `samples`: their
-    numbers; None: all. `sensor` and `frame`: which of its scans. `columns`: those of an item beside `positions`.
-    `transform`: called with each item, a dict of tensors: `positions`, n x 3 float32, m, relative to the sensor's place at
-    the start of the scan; the columns, n long, integers as int64; `sample`, its number.
+    `scenario`: as `echocast.Scenario` takes it, with `folder`; each worker reads it for itself. `samples`: their numbers;
+    None: all. `sensor` and `frame`: which of its scans. `columns`: those of an item beside `positions`. `transform`: called
+    with each item, a dict of tensors: `positions`, n x 3 float32, m, relative to the sensor's place at the start of the
+    scan; the columns, n long, integers as int64; `sample`, its number.
 
     With `epochs_differ`, `set_epoch` changes the seed of everything that is drawn; epoch 0 is the set that
     `echocast run` writes.
@@ -128,6 +129,16 @@ class ScanStream(_Scans, torch.utils.data.IterableDataset):
     Takes what `ScanDataset` takes, and gives the same items. With `shuffle`, each epoch has an order of its own, which
     follows from the scenario's seed and `set_epoch`. All ranks have equally many: where these do not divide the
     samples, the first ones are there twice.
+
+    >>> from echocast.torch import ScanStream
+    >>> stream = ScanStream({
+    ...     "scene": {"generate": {"indoor": {"rooms": [1, 1]}}},
+    ...     "sensors": [{"sensor": "velodyne_vlp16"}],
+    ...     "trajectory": {"camera": "Scanner"},
+    ...     "samples": 3,
+    ... }, shuffle=True)
+    >>> sorted(item["sample"] for item in stream)
+    [0, 1, 2]
     """
 
     def __init__(
@@ -170,7 +181,15 @@ def _ranks() -> tuple[int, int] | None:
 
 def collate(items: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Clouds of unequal length as one batch: tensors one after the other, `batch`, the item of each point, and
-    `starts`, the first point of each item and the end."""
+    `starts`, the first point of each item and the end.
+
+    >>> import torch
+    >>> from echocast.torch import collate
+    >>> items = [{"positions": torch.zeros(count, 3), "sample": number} for number, count in enumerate([2, 3])]
+    >>> batch = collate(items)
+    >>> batch["positions"].shape, batch["batch"].tolist(), batch["starts"].tolist(), batch["sample"].tolist()
+    (torch.Size([5, 3]), [0, 0, 1, 1, 1], [0, 2, 5], [0, 1])
+    """
     lengths = torch.tensor([len(item["positions"]) for item in items])
     starts = torch.nn.functional.pad(lengths.cumsum(0), (1, 0))
     batch = {"batch": torch.repeat_interleave(torch.arange(len(items)), lengths), "starts": starts}

@@ -101,8 +101,8 @@ impl PointCloud {
     }
 
     /// Writes it to `path`, whose ending chooses one of the `formats`, or `format` does. Returns what the format cannot
-    /// hold, a sentence each. UnsupportedError for unknown endings, FileError if the file cannot be written; then there
-    /// is none.
+    /// hold, a sentence each. UnsupportedError for unknown endings, FileError if the file cannot be written (its kind
+    /// NotFoundError for a folder that is not there); a file that was there before stays as it was.
     ///
     /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
     /// >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"))
@@ -269,7 +269,7 @@ impl PointCloud {
     /// `layer`: "depth" (along the axis of a camera; else the range), "range" (both float32, m; NaN without a return),
     /// "category", "part", "instance" (uint32; 0 without a return), "color" (x 3 uint8, sRGB), "intensity" (float32) or
     /// "normal" (x 3 float32: right, up, back). UnsupportedError for sensors without rows and columns, ArgumentError
-    /// for unknown layers and those whose columns the cloud has not.
+    /// for unknown layers and those whose columns the cloud lacks.
     ///
     /// >>> camera = ec.Sensor("kinect_v2")
     /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])

@@ -15,7 +15,7 @@ use std::sync::Arc;
 /// An image of pings: a waterfall, a mosaic, a fan or a map of depths.
 ///
 /// `image.values` are its levels or heights, `image["category_id"]` the labels of its pixels: rows x columns uint32, 0
-/// where there is nothing; KeyError for a column that the pings have not.
+/// where there is nothing; KeyError for a column that the pings do not have.
 ///
 /// >>> lake = ec.Scene.generate("seabed", seed=3)
 /// >>> survey = ec.Trajectory([0.0, 10.0], np.array([[-15.0, 0, -2], [5, 0, -2]]))

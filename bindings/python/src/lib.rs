@@ -18,6 +18,7 @@ mod program;
 mod scenario;
 mod scene;
 mod sensor;
+mod sequence;
 
 use pyo3::prelude::*;
 

@@ -14,6 +14,7 @@ use glam::DAffine3;
 use numpy::ndarray::ArrayView2;
 use numpy::{PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
+use pyo3::sync::MutexExt;
 use pyo3::types::PyDict;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -21,8 +22,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 ///
 /// `scene`: whose objects it begins with, all fixed until they are moved. `threads`: that build and scan it; None: all
 /// cores. Objects are numbers, which `add`, `add_scene` and `find` give; the number of a removed one is not used again,
-/// and ArgumentError follows from using it. Threads may share it: each call waits for those before it; scans are made
-/// side by side, each of the scene as it was when the scan began.
+/// and using it is an ArgumentError. Threads may share it: each call waits for those before it; scans are made side by
+/// side, each of the scene as it was when the scan began.
 ///
 /// >>> live = ec.LiveScene()
 /// >>> square = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], dtype=np.float32)
@@ -36,8 +37,14 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 pub struct LiveScene(Mutex<echocast::LiveScene>);
 
 impl LiveScene {
-    fn lock(&self) -> MutexGuard<'_, echocast::LiveScene> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    /// It, once all calls before this have ended; until then other threads of Python go on.
+    fn lock(&self, py: Python<'_>) -> MutexGuard<'_, echocast::LiveScene> {
+        self.0.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Does `work` with it without the interpreter.
+    fn detached<T: Send>(&self, py: Python<'_>, work: impl Send + FnOnce(&mut echocast::LiveScene) -> T) -> T {
+        py.detach(|| work(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner)))
     }
 }
 
@@ -58,19 +65,21 @@ impl LiveScene {
     /// Adds all objects of `scene`, its cameras and the names of its labels; returns the numbers of the objects.
     fn add_scene(&self, py: Python<'_>, scene: Bound<'_, Scene>) -> Outcome<Vec<u64>> {
         let scene = &scene.get().scene;
-        let added = py.detach(|| self.lock().add_scene(scene))?;
+        let added = self.detached(py, |live| live.add_scene(scene))?;
         Ok(added.into_iter().map(ObjectId::to_u64).collect())
     }
 
     /// Adds a mesh and returns the number of the object: `vertices`, n x 3 float32, m; `triangles`, m x 3 uint32.
     ///
     /// `pose`: a Pose, x, y, z, or a 4 x 4 float64 matrix (world from object); None: at 0, 0, 0. `category` and
-    /// `instance`: its label numbers, 0: unlabelled. `material`: as of `Scene.from_arrays`. `fixed`: True for one that
-    /// stays where it is, with which scenes of many objects are traced faster. Errors as of `Scene.from_arrays`.
-    #[pyo3(signature = (vertices, triangles, *, pose = None, name = "mesh", category = 0, instance = 0, material = None, fixed = false))]
+    /// `instance`: its label numbers, 0: unlabelled. `material`: as of `Scene.from_arrays`. `mask`: 32 bits; scans see it
+    /// whose own `mask` shares one with these. `fixed`: True for one that stays where it is, with which scenes of many
+    /// objects are traced faster. Errors as of `Scene.from_arrays`.
+    #[pyo3(signature = (vertices, triangles, *, pose = None, name = "mesh", category = 0, instance = 0, material = None, mask = 0xFFFF_FFFF, fixed = false))]
     #[allow(clippy::too_many_arguments)]
     fn add(
         &self,
+        py: Python<'_>,
         vertices: PyReadonlyArray2<'_, f32>,
         triangles: PyReadonlyArray2<'_, u32>,
         pose: Option<Placement<'_>>,
@@ -78,59 +87,65 @@ impl LiveScene {
         category: u32,
         instance: u32,
         material: Option<Source<'_>>,
+        mask: u32,
         fixed: bool,
     ) -> Outcome<u64> {
         let material = material.as_ref().map(Matter::of).transpose()?;
         let mut object = Object::new(name, mesh(name, &vertices, &triangles, material.as_ref())?);
-        (object.category_id, object.instance_id) = (category, instance);
+        (object.category_id, object.instance_id, object.mask) = (category, instance, mask);
         if let Some(pose) = pose {
             object.world_from_object = pose.transform()?;
         }
-        let mut live = self.lock();
+        let mut live = self.lock(py);
         Ok(if fixed { live.add_fixed(object) } else { live.add(object) }?.to_u64())
     }
 
     /// Adds an object of the mesh and material that `object` has, which it shares, and returns its number: of many things
-    /// that look alike, this takes a fraction of the memory. Keywords as of `add`; `category`: None: that of `object`.
-    #[pyo3(signature = (object, *, pose = None, name = None, category = None, instance = 0, fixed = false))]
+    /// that look alike, this takes a fraction of the memory. Keywords as of `add`; `name`, `category` and `mask`: None:
+    /// that of `object`.
+    #[pyo3(signature = (object, *, pose = None, name = None, category = None, instance = 0, mask = None, fixed = false))]
+    #[allow(clippy::too_many_arguments)]
     fn add_copy(
         &self,
+        py: Python<'_>,
         object: u64,
         pose: Option<Placement<'_>>,
         name: Option<&str>,
         category: Option<u32>,
         instance: u32,
+        mask: Option<u32>,
         fixed: bool,
     ) -> Outcome<u64> {
-        let mut live = self.lock();
+        let mut live = self.lock(py);
         let mut copy = live.object(ObjectId::from_u64(object))?.clone();
         copy.name = name.map_or(copy.name, str::to_owned);
         copy.category_id = category.unwrap_or(copy.category_id);
         copy.instance_id = instance;
+        copy.mask = mask.unwrap_or(copy.mask);
         copy.world_from_object = pose.map_or(Ok(DAffine3::IDENTITY), |pose| pose.transform())?;
         Ok(if fixed { live.add_fixed(copy) } else { live.add(copy) }?.to_u64())
     }
 
     /// Removes an object.
-    fn remove(&self, object: u64) -> Outcome<()> {
-        Ok(self.lock().remove(ObjectId::from_u64(object))?)
+    fn remove(&self, py: Python<'_>, object: u64) -> Outcome<()> {
+        Ok(self.lock(py).remove(ObjectId::from_u64(object))?)
     }
 
     /// The number of the first object called `name`; ArgumentError without one, with the nearest names.
-    fn find(&self, name: &str) -> Outcome<u64> {
-        Ok(self.lock().find(name)?.to_u64())
+    fn find(&self, py: Python<'_>, name: &str) -> Outcome<u64> {
+        Ok(self.lock(py).find(name)?.to_u64())
     }
 
     /// Places an object: a Pose, x, y, z, or a 4 x 4 float64 matrix (world from object).
-    fn set_pose(&self, object: u64, pose: Placement<'_>) -> Outcome<()> {
+    fn set_pose(&self, py: Python<'_>, object: u64, pose: Placement<'_>) -> Outcome<()> {
         let pose = pose.transform()?;
-        Ok(self.lock().set_pose(ObjectId::from_u64(object), pose)?)
+        Ok(self.lock(py).set_pose(ObjectId::from_u64(object), pose)?)
     }
 
     /// Gives the vertices of an object other places: n x 3 float32, m, as many as it has.
-    fn set_vertices(&self, object: u64, vertices: PyReadonlyArray2<'_, f32>) -> Outcome<()> {
+    fn set_vertices(&self, py: Python<'_>, object: u64, vertices: PyReadonlyArray2<'_, f32>) -> Outcome<()> {
         let positions = rows::<_, 3>("vertices", &vertices)?;
-        Ok(self.lock().set_vertices(ObjectId::from_u64(object), positions.into(), None)?)
+        Ok(self.lock(py).set_vertices(ObjectId::from_u64(object), positions.into(), None)?)
     }
 
     /// Lets an object move: `poses`, n x 4 x 4 float64 (world from object), at `times`, n, s, which never fall; between
@@ -146,7 +161,13 @@ impl LiveScene {
     /// >>> live.set_time(0.5)
     /// >>> round(float(np.median(live.scan("velodyne_vlp16").x)))
     /// 6
-    fn set_motion(&self, object: u64, times: Vec<f64>, poses: PyReadonlyArray3<'_, f64>) -> Outcome<()> {
+    fn set_motion(
+        &self,
+        py: Python<'_>,
+        object: u64,
+        times: Vec<f64>,
+        poses: PyReadonlyArray3<'_, f64>,
+    ) -> Outcome<()> {
         let poses = poses.as_array();
         if poses.dim() != (times.len(), 4, 4) {
             let (count, rows, columns) = poses.dim();
@@ -154,12 +175,18 @@ impl LiveScene {
             return Err(Failure::argument("poses", format!("{count} x {rows} x {columns}"), allowed));
         }
         let keys: Vec<(f64, DAffine3)> = times.into_iter().zip(poses.outer_iter().map(affine)).collect();
-        Ok(self.lock().set_motion(ObjectId::from_u64(object), &keys)?)
+        Ok(self.lock(py).set_motion(ObjectId::from_u64(object), &keys)?)
     }
 
     /// Lets the vertices of an object move: `vertices`, n x m x 3 float32, m, as many as it has, at `times`, n, s,
     /// which rise; in straight lines between them. `set_time` says which of it scans see.
-    fn set_vertex_motion(&self, object: u64, times: Vec<f64>, vertices: PyReadonlyArray3<'_, f32>) -> Outcome<()> {
+    fn set_vertex_motion(
+        &self,
+        py: Python<'_>,
+        object: u64,
+        times: Vec<f64>,
+        vertices: PyReadonlyArray3<'_, f32>,
+    ) -> Outcome<()> {
         let vertices = vertices.as_array();
         let (count, points, columns) = vertices.dim();
         if (count, columns) != (times.len(), 3) {
@@ -171,39 +198,39 @@ impl LiveScene {
             rows.into_iter().map(|row| [row[0], row[1], row[2]]).collect::<Vec<_>>().into()
         };
         let keys: Vec<_> = times.into_iter().zip(vertices.outer_iter().map(at)).collect();
-        Ok(self.lock().set_vertex_motion(ObjectId::from_u64(object), &keys)?)
+        Ok(self.lock(py).set_vertex_motion(ObjectId::from_u64(object), &keys)?)
     }
 
     /// Gives an object another category and instance, numbers; 0: unlabelled.
     #[pyo3(signature = (object, *, category, instance))]
-    fn set_labels(&self, object: u64, category: u32, instance: u32) -> Outcome<()> {
-        let (mut live, object) = (self.lock(), ObjectId::from_u64(object));
+    fn set_labels(&self, py: Python<'_>, object: u64, category: u32, instance: u32) -> Outcome<()> {
+        let (mut live, object) = (self.lock(py), ObjectId::from_u64(object));
         let parts = live.object(object)?.part_ids.clone();
         Ok(live.set_labels(object, category, instance, &parts)?)
     }
 
     /// Names a number, from 1, of the label `table`: "category", "part" or "instance".
-    fn name_label(&self, table: &str, number: u32, name: &str) -> Outcome<()> {
-        Ok(self.lock().name_label(table, number, name)?)
+    fn name_label(&self, py: Python<'_>, table: &str, number: u32, name: &str) -> Outcome<()> {
+        Ok(self.lock(py).name_label(table, number, name)?)
     }
 
     /// Numbers and names of its objects.
     #[getter]
-    fn objects(&self) -> std::collections::BTreeMap<u64, String> {
-        self.lock().objects().map(|(id, object)| (id.to_u64(), object.name.clone())).collect()
+    fn objects(&self, py: Python<'_>) -> std::collections::BTreeMap<u64, String> {
+        self.lock(py).objects().map(|(id, object)| (id.to_u64(), object.name.clone())).collect()
     }
 
     /// The pose of a sensor at the camera node called `name`, now; ArgumentError without one, with the nearest names.
-    fn camera(&self, name: &str) -> Outcome<Pose> {
-        Ok(Pose(self.lock().camera(name)?))
+    fn camera(&self, py: Python<'_>, name: &str) -> Outcome<Pose> {
+        Ok(Pose(self.lock(py).camera(name)?))
     }
 
     /// Sets the time of the scans that follow: everything that moves by itself is where it is at every moment from
     /// `time` to `time + length`, s. With the `length` 0 it stands still as it is at `time`. A new scene stands still
     /// at 0.
     #[pyo3(signature = (time, length = 0.0))]
-    fn set_time(&self, time: f64, length: f64) -> Outcome<()> {
-        Ok(self.lock().set_time(time, length)?)
+    fn set_time(&self, py: Python<'_>, time: f64, length: f64) -> Outcome<()> {
+        Ok(self.lock(py).set_time(time, length)?)
     }
 
     /// What `sensor` sees now: a cloud. Keywords as those of `Scene.scan`.
@@ -211,7 +238,7 @@ impl LiveScene {
     fn scan(&self, py: Python<'_>, sensor: Instrument<'_>, options: Option<&Bound<'_, PyDict>>) -> Outcome<PointCloud> {
         let sensor = sensor.sensor()?;
         let asked = Asked::of(options, &sensor)?;
-        let built = py.detach(|| self.lock().commit())?;
+        let built = self.detached(py, |live| live.commit())?;
         scan(py, &built, &sensor, &asked)
     }
 
@@ -220,12 +247,12 @@ impl LiveScene {
     fn ping(&self, py: Python<'_>, sensor: Instrument<'_>, options: Option<&Bound<'_, PyDict>>) -> Outcome<Ping> {
         let sensor = sensor.sensor()?;
         let asked = Asked::of(options, &sensor)?;
-        let built = py.detach(|| self.lock().commit())?;
+        let built = self.detached(py, |live| live.commit())?;
         ping(py, &built, &sensor, &asked)
     }
 
-    fn __repr__(&self) -> String {
-        let live = self.lock();
+    fn __repr__(&self, py: Python<'_>) -> String {
+        let live = self.lock(py);
         format!("<LiveScene: {} objects, {} triangles>", live.objects().count(), live.triangle_count())
     }
 }

@@ -4,7 +4,7 @@ use crate::error::{Failure, Outcome};
 use crate::place::Place;
 use crate::sensor::{Air, named};
 use echocast::{BoxAxes, FieldSet, ScanOptions, Sensor, Trajectory};
-use pyo3::exceptions::PyTypeError;
+use pyo3::exceptions::{PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::ops::ControlFlow;
@@ -41,7 +41,7 @@ impl Asked {
             let key: String = key.extract()?;
             let text = || value.extract::<String>();
             match &*key {
-                // What is None is as it is without.
+                // None means the default.
                 _ if value.is_none() => known(&key)?,
                 "at" => asked.path = value.extract::<Place>()?.path(),
                 "fields" => {
@@ -51,8 +51,8 @@ impl Asked {
                     };
                     options.fields = FieldSet::parse_with(&list, sensor.default_fields())?;
                 }
-                "seed" => options.seed = value.extract()?,
-                "frame" => options.frame = value.extract()?,
+                "seed" => options.seed = whole(&key, &value)?,
+                "frame" => options.frame = whole(&key, &value)?,
                 "start_time" => options.start_time = value.extract()?,
                 "trajectory_time" => options.trajectory_time = value.extract()?,
                 "freeze" => options.freeze = value.extract()?,
@@ -69,8 +69,8 @@ impl Asked {
                 "image_boxes" => options.image_boxes = value.extract()?,
                 "profile" => options.profile = named("profile", &text()?)?,
                 "reflectance_source" => options.reflectance_source = Some(named("reflectance_source", &text()?)?),
-                "mask" => options.mask = value.extract()?,
-                "specular_depth" => options.specular_depth = value.extract()?,
+                "mask" => options.mask = whole(&key, &value)?,
+                "specular_depth" => options.specular_depth = whole(&key, &value)?,
                 "environment" => options.environment = value.extract::<Air>()?.environment()?,
                 "progress" => asked.progress = Progress::of(&value, "scan")?,
                 _ => known(&key)?,
@@ -140,6 +140,17 @@ impl Progress {
             _ => Ok(()),
         }
     }
+}
+
+/// The whole number that `value` is, for the argument `name`, which is 0 to the greatest `T`.
+pub fn whole<T: TryFrom<u64>>(name: &str, value: &Bound<'_, PyAny>) -> Outcome<T> {
+    let number = match value.extract::<u64>() {
+        Err(error) if !error.is_instance_of::<PyOverflowError>(value.py()) => return Err(error.into()),
+        number => number.ok(),
+    };
+    let most = u64::MAX >> (64 - 8 * size_of::<T>());
+    let fitting = number.and_then(|number| T::try_from(number).ok());
+    fitting.ok_or_else(|| Failure::argument(name, value, format!("0 to {most}")))
 }
 
 /// Fails unless `key` is the name of an argument.

@@ -7,12 +7,13 @@ use crate::image::Image;
 use crate::options::Asked;
 use crate::place::Pose;
 use crate::sensor::named;
+use crate::sequence;
 use echocast::image::{self, ImageRange, Overlap};
 use echocast::preview::{self, PreviewOptions, View};
 use echocast::{BuiltScene, Field, Layout, Report, Sensor};
-use pyo3::exceptions::{PyIndexError, PyKeyError};
+use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict, PyRange};
+use pyo3::types::{PyBytes, PyDict};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -45,17 +46,12 @@ impl Pings {
     }
 
     fn __getitem__(&self, index: isize) -> PyResult<Ping> {
-        let count = self.0.pings.len();
-        let place = if index < 0 { index + count as isize } else { index };
-        match usize::try_from(place).ok().filter(|&place| place < count) {
-            Some(index) => Ok(Ping { pings: self.0.clone(), index }),
-            None => Err(PyIndexError::new_err(format!("ping {index}; there are {count}"))),
-        }
+        let index = sequence::place("ping", index, self.0.pings.len())?;
+        Ok(Ping { pings: self.0.clone(), index })
     }
 
     fn __iter__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
-        let numbers = PyRange::new(slf.py(), 0, slf.get().__len__() as isize)?;
-        slf.py().import("builtins")?.call_method1("map", (slf.getattr("__getitem__")?, numbers))
+        sequence::iterate(slf)
     }
 
     /// Writes them as the ending of `path` says, returns warnings: NPZ or HDF5, arrays of pings x beams x bins; XTF, what
@@ -138,8 +134,8 @@ impl Pings {
 
 /// A ping of a sonar: beams x bins, read-only.
 ///
-/// `ping.levels` and `ping["category_id"]` are NumPy arrays that share its memory, KeyError for a column that it has
-/// not; `ping.soundings` is what the sonar reports as depths. `Scene.ping` makes one.
+/// `ping.levels` and `ping["category_id"]` are NumPy arrays that share its memory, KeyError for a column that it does
+/// not have; `ping.soundings` is what the sonar reports as depths. `Scene.ping` makes one.
 ///
 /// >>> lake = ec.Scene.generate("seabed", seed=3)
 /// >>> ping = lake.ping("mbes_400", at=lake.camera("Sonar"), fields="intensity,category_id")
@@ -323,15 +319,18 @@ pub fn pings(py: Python<'_>, built: &BuiltScene, sensor: &Sensor, asked: &Asked,
     Ok(Pings(Arc::new(made)))
 }
 
-/// Fails unless this machine's memory holds `count` pings like this.
+/// Fails unless the memory of this machine, or what a container has of it, holds `count` pings like this.
 fn check_room(ping: &echocast::Ping, count: u32) -> echocast::Result<()> {
     let bytes = ping.layout.cells() * ping.fields.iter().map(|info| info.kind.size()).sum::<usize>();
     let machine = rustix::system::sysinfo();
-    let most = (machine.totalram as usize).saturating_mul(machine.mem_unit as usize) / bytes.max(1);
+    // What a container may take, which sees its own control group as the root; "max" is no number.
+    let limit = std::fs::read_to_string("/sys/fs/cgroup/memory.max").ok().and_then(|text| text.trim().parse().ok());
+    let memory = (machine.totalram as usize).saturating_mul(machine.mem_unit as usize).min(limit.unwrap_or(usize::MAX));
+    let most = memory / bytes.max(1);
     if count as usize <= most {
         return Ok(());
     }
-    let allowed = format!("1 to {most}, for the memory of this machine; or fewer fields");
+    let allowed = format!("0 to {most}, for the memory of this machine; or fewer fields");
     Err(echocast::Error::InvalidParameter { name: "count".into(), value: count.to_string(), allowed })
 }
 

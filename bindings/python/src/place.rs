@@ -129,7 +129,7 @@ impl Trajectory {
         Ok(Trajectory(echocast::Trajectory::load(path)?))
     }
 
-    /// The pose at `time`, s; before the first and after the last, that one.
+    /// The pose at `time`, s; before the first pose the first, after the last the last.
     fn at(&self, time: f64) -> Pose {
         Pose(self.0.at(time))
     }

@@ -4,21 +4,24 @@ use crate::cloud::PointCloud;
 use crate::error::{Failure, Outcome};
 use crate::options::Progress;
 use crate::sensor::{Source, options_text};
+use crate::sequence;
 use echocast::Engine;
 use echocast::scenario::set::{self, Event, RunOptions};
-use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
+use pyo3::sync::{MutexExt, RwLockExt};
 use pyo3::types::PyDict;
+use serde_json::Value;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 
 /// What a run is made of: scenes, rigs, trajectories, weather, and what varies from sample to sample.
 ///
-/// `scenario`: the path of a file, or its keys as a dict or YAML text, with names of files relative to `folder`; or a
-/// Scenario, of which it is a copy. `threads`: that build and scan; None: all cores. NotFoundError for a file that is
-/// not there, FormatError and ArgumentError for wrong keys, with the nearest ones. `len(scenario)` is its number of
-/// samples, `scenario[i]` makes one, the same whenever and wherever, from the end if i is below 0; IndexError for
-/// others. Scenarios pickle, and have the threads of the process that they go to.
+/// `scenario`: the path of a file, or its keys as a dict or YAML text, with names of files relative to `folder`, which
+/// nothing else takes; or a Scenario, of which it is a copy. `threads`: that build and scan; None: all cores, or those
+/// of the Scenario that is copied. NotFoundError for a file that is not there, FormatError and ArgumentError for wrong
+/// keys, with the nearest ones. `len(scenario)` is its number of samples, `scenario[i]` makes one, the same whenever and
+/// wherever, from the end if i is below 0; IndexError for others. Scenarios pickle, also with files relative to the
+/// working folder, and have the threads of the process that they go to.
 ///
 /// >>> scenario = ec.Scenario({
 /// ...     "scene": {"generate": {"indoor": {"rooms": [1, 1]}}},
@@ -30,12 +33,12 @@ use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 /// >>> len(scenario), scenario[2].sensors
 /// (3, ['top'])
 /// >>> cloud = scenario[2].cloud()
-#[pyclass(frozen, module = "echocast")]
+#[pyclass(frozen, sequence, module = "echocast")]
 pub struct Scenario(RwLock<echocast::Scenario>);
 
 impl Scenario {
-    fn now(&self) -> RwLockReadGuard<'_, echocast::Scenario> {
-        self.0.read().unwrap_or_else(PoisonError::into_inner)
+    fn now(&self, py: Python<'_>) -> RwLockReadGuard<'_, echocast::Scenario> {
+        self.0.read_py_attached(py).unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -47,15 +50,19 @@ pub enum Plan<'py> {
 }
 
 impl Plan<'_> {
-    fn scenario(self, folder: PathBuf) -> Outcome<echocast::Scenario> {
-        let source = match self {
-            Plan::Made(made) => return Ok(made.get().now().clone()),
-            Plan::Source(source) => source,
+    /// The scenario; "" is no folder.
+    fn scenario(self, py: Python<'_>, folder: PathBuf) -> Outcome<echocast::Scenario> {
+        let made = match self {
+            Plan::Made(made) => made.get().now(py).clone(),
+            Plan::Source(source) => match source.yaml()? {
+                Some(text) => return Ok(echocast::Scenario::from_yaml(&text, folder)?),
+                None => echocast::Scenario::load(source.path())?,
+            },
         };
-        Ok(match source.yaml()? {
-            Some(text) => echocast::Scenario::from_yaml(&text, folder)?,
-            None => echocast::Scenario::load(source.path())?,
-        })
+        if folder.as_os_str().is_empty() {
+            return Ok(made);
+        }
+        Err(Failure::argument("folder", folder.display(), "none for a file or a Scenario, which has one"))
     }
 }
 
@@ -66,8 +73,8 @@ impl Scenario {
         signature = (scenario, *, folder = PathBuf::new(), threads = None),
         text_signature = "(scenario, *, folder='', threads=None)"
     )]
-    fn new(scenario: Plan<'_>, folder: PathBuf, threads: Option<usize>) -> Outcome<Scenario> {
-        let made = scenario.scenario(folder)?;
+    fn new(py: Python<'_>, scenario: Plan<'_>, folder: PathBuf, threads: Option<usize>) -> Outcome<Scenario> {
+        let made = scenario.scenario(py, folder)?;
         let made = match threads {
             Some(threads) => made.with_engine(&Engine::with_threads(threads)?),
             None => made,
@@ -77,58 +84,73 @@ impl Scenario {
 
     /// Sets a key by its path, as `--set KEY=VALUE` does: `scenario.set("samples", 20)`. FormatError and ArgumentError
     /// for unknown keys and wrong values, then it stays as it was.
-    fn set(&self, key: &str, value: &Bound<'_, PyAny>) -> Outcome<()> {
+    fn set(&self, py: Python<'_>, key: &str, value: &Bound<'_, PyAny>) -> Outcome<()> {
         let text = options_text(value)?;
-        Ok(self.0.write().unwrap_or_else(PoisonError::into_inner).set(key, &text)?)
+        Ok(self.0.write_py_attached(py).unwrap_or_else(PoisonError::into_inner).set(key, &text)?)
     }
 
-    /// Its keys as a dict, as they are now.
-    #[getter]
-    fn keys<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyAny>> {
-        let mut keys = self.now().value().clone();
-        // Names of files are relative to the property `folder`, in which this key is already.
-        keys.as_object_mut().map(|keys| keys.shift_remove("folder"));
-        Ok(py.import("json")?.call_method1("loads", (keys.to_string(),))?)
+    /// All its keys as YAML, as they are now, which makes the same scenario in the same `folder`.
+    ///
+    /// >>> scenario = ec.Scenario({"scene": {"files": "tent.obj"}, "samples": 3}, folder="scenes")
+    /// >>> len(ec.Scenario(scenario.to_yaml(), folder=scenario.folder))
+    /// 3
+    fn to_yaml(&self, py: Python<'_>) -> String {
+        text(&self.now(py))
     }
 
     /// The folder that names of files in it are relative to.
     #[getter]
-    fn folder(&self) -> PathBuf {
-        self.now().folder().to_owned()
+    fn folder(&self, py: Python<'_>) -> PathBuf {
+        self.now(py).folder().to_owned()
     }
 
     /// Seed of everything that is drawn, 0 to 2^64 - 1.
     #[getter]
-    fn seed(&self) -> u64 {
-        self.now().value().get("seed").and_then(serde_json::Value::as_u64).unwrap_or_default()
+    fn seed(&self, py: Python<'_>) -> u64 {
+        self.now(py).value().get("seed").and_then(Value::as_u64).unwrap_or_default()
     }
 
-    fn __len__(&self) -> usize {
-        usize::try_from(self.now().samples()).unwrap_or(usize::MAX)
+    fn __len__(&self, py: Python<'_>) -> usize {
+        usize::try_from(self.now(py).samples()).unwrap_or(usize::MAX)
     }
 
     /// Makes sample `index`: the same whenever and wherever it is made.
-    fn __getitem__(&self, py: Python<'_>, index: i64) -> Outcome<Sample> {
-        let count = self.__len__() as i64;
-        let number = if index < 0 { index + count } else { index };
-        if !(0..count).contains(&number) {
-            return Err(PyIndexError::new_err(format!("sample {index}; there are {count}")).into());
+    fn __getitem__(&self, py: Python<'_>, index: isize) -> Outcome<Sample> {
+        let number = sequence::place("sample", index, self.__len__(py))? as u64;
+        let sample = py.detach(|| self.0.read().unwrap_or_else(PoisonError::into_inner).sample(number))?;
+        Ok(Sample { number, sample: Mutex::new(sample) })
+    }
+
+    fn __iter__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        sequence::iterate(slf)
+    }
+
+    /// What other processes make the same of, in any working folder, with threads of their own.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Outcome<(Bound<'py, PyAny>, (String,))> {
+        let py = slf.py();
+        let here = std::env::current_dir().map_err(PyErr::from)?;
+        let mut made = slf.get().now(py).clone();
+        // Text does not say what file it comes from, as which the folder of the set may be called.
+        if let Some(folder) = made.set_folder() {
+            made.set("set.folder", &Value::from(here.join(folder).to_string_lossy()).to_string())?;
         }
-        let sample = py.detach(|| self.now().sample(number as u64))?;
-        Ok(Sample { number: number as u64, sample: Mutex::new(sample) })
-    }
-
-    /// What other processes make the same of, with threads of their own.
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Outcome<(Bound<'py, PyAny>, (Bound<'py, PyAny>,))> {
-        let (py, folder) = (slf.py(), PyDict::new(slf.py()));
-        folder.set_item("folder", slf.get().folder())?;
+        let keywords = PyDict::new(py);
+        keywords.set_item("folder", here.join(made.folder()))?;
         let partial = py.import("functools")?.getattr("partial")?;
-        Ok((partial.call((slf.get_type(),), Some(&folder))?, (slf.get().keys(py)?,)))
+        Ok((partial.call((slf.get_type(),), Some(&keywords))?, (text(&made),)))
     }
 
-    fn __repr__(&self) -> String {
-        format!("<Scenario: {} samples>", self.__len__())
+    fn __repr__(&self, py: Python<'_>) -> String {
+        format!("<Scenario: {} samples>", self.__len__(py))
     }
+}
+
+/// The keys of `scenario`. JSON, which is YAML too, has every number as it is.
+fn text(scenario: &echocast::Scenario) -> String {
+    let mut keys = scenario.value().clone();
+    // Names of files are relative to the folder of the scenario, in which this key is already.
+    keys.as_object_mut().map(|keys| keys.shift_remove("folder"));
+    format!("{keys:#}")
 }
 
 /// A sample of a scenario: what was drawn for it, and its scans. `scenario[i]` makes it.
@@ -153,8 +175,8 @@ pub struct Sample {
 }
 
 impl Sample {
-    fn lock(&self) -> MutexGuard<'_, echocast::scenario::Sample> {
-        self.sample.lock().unwrap_or_else(PoisonError::into_inner)
+    fn lock(&self, py: Python<'_>) -> MutexGuard<'_, echocast::scenario::Sample> {
+        self.sample.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -162,46 +184,47 @@ impl Sample {
 impl Sample {
     /// Names of its sensors.
     #[getter]
-    fn sensors(&self) -> Vec<String> {
-        self.lock().scans().iter().map(|scan| scan.name().to_owned()).collect()
+    fn sensors(&self, py: Python<'_>) -> Vec<String> {
+        self.lock(py).scans().iter().map(|scan| scan.name().to_owned()).collect()
     }
 
     /// Numbers and times, s, of the frames of a sensor, by its place in `sensors`.
     #[pyo3(signature = (sensor = 0))]
-    fn frames(&self, sensor: usize) -> Outcome<Vec<(u32, f64)>> {
-        self.check(sensor, 0)?;
-        Ok(self.lock().scans()[sensor].frames().iter().map(|frame| (frame.number, frame.start)).collect())
+    fn frames(&self, py: Python<'_>, sensor: usize) -> Outcome<Vec<(u32, f64)>> {
+        self.check(py, sensor, 0)?;
+        Ok(self.lock(py).scans()[sensor].frames().iter().map(|frame| (frame.number, frame.start)).collect())
     }
 
     /// What a sensor, by its place in `sensors`, sees in its `frame`th frame, counted from 0; ArgumentError for others.
     #[pyo3(signature = (sensor = 0, frame = 0))]
     fn cloud(&self, py: Python<'_>, sensor: usize, frame: usize) -> Outcome<PointCloud> {
-        self.check(sensor, frame)?;
-        Ok(PointCloud::of(py.detach(|| self.lock().cloud(sensor, frame))?))
+        self.check(py, sensor, frame)?;
+        let cloud = || self.sample.lock().unwrap_or_else(PoisonError::into_inner).cloud(sensor, frame);
+        Ok(PointCloud::of(py.detach(cloud)?))
     }
 
     /// What was drawn for it, in the order of the rules: enough to repeat or to choose by.
     #[getter]
     fn drawn<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyAny>> {
-        let text = serde_json::to_string(self.lock().drawn()).unwrap_or_default();
+        let text = serde_json::to_string(self.lock(py).drawn()).unwrap_or_default();
         Ok(py.import("json")?.call_method1("loads", (text,))?)
     }
 
     /// What was noticed when it was made, a sentence each: objects that found no room, what the reader of the scene
     /// says.
     #[getter]
-    fn warnings(&self) -> Vec<String> {
-        self.lock().report().warnings.clone()
+    fn warnings(&self, py: Python<'_>) -> Vec<String> {
+        self.lock(py).report().warnings.clone()
     }
 
-    fn __repr__(&self) -> String {
-        format!("<Sample {}: {}>", self.number, self.sensors().join(", "))
+    fn __repr__(&self, py: Python<'_>) -> String {
+        format!("<Sample {}: {}>", self.number, self.sensors(py).join(", "))
     }
 }
 
 impl Sample {
-    fn check(&self, sensor: usize, frame: usize) -> Outcome<()> {
-        let sample = self.lock();
+    fn check(&self, py: Python<'_>, sensor: usize, frame: usize) -> Outcome<()> {
+        let sample = self.lock(py);
         let Some(scan) = sample.scans().get(sensor) else {
             let allowed = format!("below {}", sample.scans().len());
             return Err(Failure::argument("sensor", sensor, allowed));
@@ -219,7 +242,7 @@ impl Sample {
 /// `scenario`: a Scenario, or what `Scenario` takes. `folder`: of the set; None: as the scenario says. `samples`:
 /// (first, last) or (first, last, step), None: all. `shard`: (part, parts), of which it makes one, from 0; `finish`
 /// completes a set of shards. `resume`: True goes on with a set that is there, which is else an ArgumentError.
-/// `threads`: 0: all cores. `progress`: called with the number of samples done and of all; if it returns False, samples
+/// `threads`: None: all cores. `progress`: called with the number of samples done and of all; if it returns False, samples
 /// under way are completed and a CancelledError follows. True shows a bar.
 ///
 /// Returns a dict: `folder`; `made` and `found`, numbers of samples; `failed`, number and error of each; `points`;
@@ -238,7 +261,7 @@ impl Sample {
 /// >>> len(ec.PointCloud.read("set/data/000001/top.las")) > 1000
 /// True
 #[pyfunction]
-#[pyo3(signature = (scenario, folder = None, *, samples = None, shard = None, resume = false, threads = 0, progress = None))]
+#[pyo3(signature = (scenario, folder = None, *, samples = None, shard = None, resume = false, threads = None, progress = None))]
 #[allow(clippy::too_many_arguments)]
 pub fn run<'py>(
     py: Python<'py>,
@@ -247,7 +270,7 @@ pub fn run<'py>(
     samples: Option<Vec<u64>>,
     shard: Option<[u64; 2]>,
     resume: bool,
-    threads: usize,
+    threads: Option<usize>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> Outcome<Bound<'py, PyDict>> {
     let samples = match samples.as_deref() {
@@ -258,8 +281,8 @@ pub fn run<'py>(
             return Err(Failure::argument("samples", format!("{} numbers", other.len()), "first and last, and a step"));
         }
     };
-    let options = RunOptions { folder, samples, shard, resume, threads };
-    let scenario = scenario.scenario(PathBuf::new())?;
+    let options = RunOptions { folder, samples, shard, resume, threads: threads.unwrap_or(0) };
+    let scenario = scenario.scenario(py, PathBuf::new())?;
     let progress = progress.map_or_else(|| Ok(Progress::default()), |progress| Progress::of(&progress, "samples"))?;
     let (stopped, done) = (Mutex::new(None::<PyErr>), Mutex::new((0, 0)));
     let watch = |event: Event| {

@@ -3,7 +3,7 @@
 use crate::array::rows;
 use crate::cloud::PointCloud;
 use crate::error::{Failure, Outcome};
-use crate::options::Asked;
+use crate::options::{Asked, whole};
 use crate::ping::{Ping, Pings, ping, pings};
 use crate::place::Placement;
 use crate::sensor::{Instrument, Source, options_text};
@@ -38,10 +38,13 @@ impl Scene {
         Scene { scene, built: OnceLock::new() }
     }
 
-    /// It, whose instances are called as the first of their objects.
+    /// It, whose instances are called as the first of their objects, and whose materials have numbers.
     fn numbered(mut scene: echocast::Scene) -> Scene {
         let objects = scene.objects.iter().rev();
         scene.labels.instance = table(objects.map(|object| (object.instance_id, object.name.clone())).collect());
+        let materials =
+            scene.objects.iter().flat_map(|object| &object.mesh.parts).filter_map(|part| part.material.as_ref());
+        scene.labels.material = NameTable::number(materials.map(|material| material.name.clone()), &BTreeMap::new());
         Scene::of(scene)
     }
 
@@ -116,6 +119,9 @@ pub fn mesh(
     Ok(Arc::new(Mesh::new(name, vec![part])?))
 }
 
+/// Keys of a dict that says of an object what `ObjectKeys` has.
+const OBJECT_KEYS: &str = "vertices, triangles, name, pose, category, instance, material";
+
 /// What a dict says of an object.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
@@ -132,6 +138,18 @@ struct ObjectKeys<'py> {
     instance: Option<u32>,
     #[pyo3(default)]
     material: Option<Source<'py>>,
+}
+
+impl<'py> ObjectKeys<'py> {
+    fn of(object: &Bound<'py, PyAny>) -> Outcome<Self> {
+        for key in object.try_iter()? {
+            let key: String = key?.extract()?;
+            if !OBJECT_KEYS.split(", ").any(|known| known == key) {
+                return Err(Failure::argument("the key of an object", format!("{key:?}"), OBJECT_KEYS));
+            }
+        }
+        Ok(object.extract()?)
+    }
 }
 
 /// A category by its number or name.
@@ -153,7 +171,8 @@ impl Scene {
     /// * `materials`: what surfaces are made of: `{"Wall*": {"reflectance": 0.3}}`.
     /// * `up`: which axis points up in files that do not say it (OBJ, PLY, STL): "y", "z", "x", "-x", "-y" or "-z".
     /// * `scale`: metres per unit of these files.
-    /// * `animation`, `loop`, `caches`, `texture_limit_mib`, `allow_outside_paths`: as the options of `echocast scan`.
+    /// * `animation`, `loop`, `caches`, `texture_limit_mib`, `allow_outside_paths`: as there; names of files are
+    ///   relative to the working folder.
     ///
     /// NotFoundError for a file that is not there, FormatError for one that is broken and for unknown options.
     ///
@@ -232,7 +251,8 @@ impl Scene {
     /// A scene of objects, a dict for each: `vertices` and `triangles` as for `from_arrays`; `name`; `pose`, a Pose, x,
     /// y, z, or a 4 x 4 float64 matrix (world from object); `category`, a name, or a number that `names` may name;
     /// `instance`, a number from 1, by default one of its own; `material`, as for `from_arrays`. Only vertices and
-    /// triangles are needed.
+    /// triangles are needed, KeyError without; ArgumentError for other keys. Objects with the same two arrays and the same
+    /// material share a mesh.
     ///
     /// >>> square = np.array([[0, -1, 0], [0, 1, 0], [0, 1, 2], [0, -1, 2]], dtype=np.float32)
     /// >>> mesh = {"vertices": square, "triangles": np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)}
@@ -242,7 +262,8 @@ impl Scene {
     /// (['sign 4', 'sign 8'], {1: 'sign'})
     #[staticmethod]
     #[pyo3(signature = (objects, *, names = None))]
-    fn from_objects(objects: Vec<ObjectKeys<'_>>, names: Option<BTreeMap<u32, String>>) -> Outcome<Scene> {
+    fn from_objects(objects: Vec<Bound<'_, PyAny>>, names: Option<BTreeMap<u32, String>>) -> Outcome<Scene> {
+        let objects = objects.iter().map(ObjectKeys::of).collect::<Outcome<Vec<_>>>()?;
         let fixed = names.unwrap_or_default().into_iter().filter(|(id, _)| *id > 0);
         let fixed: BTreeMap<String, u32> = fixed.map(|(id, name)| (name, id)).collect();
         let named = objects.iter().filter_map(|object| match &object.category {
@@ -337,7 +358,7 @@ impl Scene {
 
     /// What `sensor`, a Sensor or what `Sensor` takes, sees: a cloud. Of a sonar, the points of a ping.
     ///
-    /// Everything else is by keyword; None is as without:
+    /// Everything else is by keyword; None means the default:
     ///
     /// * `at`: where the sensor is: a Pose; x, y and z, m; or a Trajectory, along which it moves during the scan.
     ///   Default: at 0, 0, 0, along the axes of the world.
@@ -370,7 +391,7 @@ impl Scene {
     /// * `progress`: called with what is done, 0 to 1; if it returns False the scan ends with a CancelledError. True
     ///   shows a bar in terminals and notebooks. Default: None.
     ///
-    /// ArgumentError for values that are not allowed, TypeError for unknown keywords. Ctrl-C ends it.
+    /// ArgumentError for values that are not allowed, TypeError for other types and unknown keywords. Ctrl-C ends it.
     ///
     /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
     /// >>> options = {"at": room.camera("Scanner"), "organised": True, "fields": "default,normal_z"}
@@ -399,7 +420,8 @@ impl Scene {
     }
 
     /// `count` pings of a sonar, one after the other along its trajectory. Keywords as those of `Scene.scan`; `frame`
-    /// and `start_time` are those of the first, `progress` is called after each.
+    /// and `start_time` are those of the first, `progress` is called after each. ArgumentError for more pings than the
+    /// memory of the machine holds.
     ///
     /// >>> lake = ec.Scene.generate("seabed", seed=3)
     /// >>> survey = ec.Trajectory([0.0, 10.0], np.array([[-15.0, 0, -2], [5, 0, -2]]))
@@ -411,11 +433,11 @@ impl Scene {
         &self,
         py: Python<'_>,
         sensor: Instrument<'_>,
-        count: u32,
+        count: &Bound<'_, PyAny>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> Outcome<Pings> {
         let sensor = sensor.sensor()?;
-        pings(py, &self.built(py)?, &sensor, &Asked::of(options, &sensor)?, count)
+        pings(py, &self.built(py)?, &sensor, &Asked::of(options, &sensor)?, whole("count", count)?)
     }
 
     /// When the last of what moves by itself ends, s; 0 if nothing does. `LiveScene.set_time` lets it move.

@@ -3,7 +3,7 @@
 use crate::error::{Failure, Outcome};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyMapping};
 use std::path::{Path, PathBuf};
 use std::sync::{PoisonError, RwLock};
 
@@ -47,7 +47,7 @@ pub fn options_text(value: &Bound<'_, PyAny>) -> PyResult<String> {
 /// What a sensor, an environment or a scenario is made of.
 #[derive(FromPyObject)]
 pub enum Source<'py> {
-    Keys(Bound<'py, PyDict>),
+    Keys(Bound<'py, PyMapping>),
     Text(String),
     Path(PathBuf),
 }
@@ -56,7 +56,7 @@ impl Source<'_> {
     /// YAML: JSON of keys, or text that is no name.
     pub fn yaml(&self) -> PyResult<Option<String>> {
         Ok(match self {
-            Source::Keys(keys) => Some(options_text(keys)?),
+            Source::Keys(keys) => Some(options_text(&keys.py().get_type::<PyDict>().call1((keys,))?)?),
             Source::Text(text) if text.contains(['\n', ':', '{']) && !Path::new(text).exists() => Some(text.clone()),
             _ => None,
         })

@@ -2,6 +2,7 @@
 
 import faulthandler
 import operator
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -122,9 +123,23 @@ def test_huge_row_numbers_and_counts_are_told(room: ec.Scene, cloud: ec.PointClo
     for rows in [2**62, -(2**62)]:
         with pytest.raises(ec.ArgumentError):
             cloud[np.array([rows])]
-    with pytest.raises(OverflowError):
-        room.scan("velodyne_vlp16", seed=2**70)
-    with pytest.raises(OverflowError):
+    wide: list[tuple[Any, str]] = [
+        (dict(seed=2**70), f"seed is {2**70}; allowed: 0 to {2**64 - 1}"),
+        (dict(seed=-1), f"seed is -1; allowed: 0 to {2**64 - 1}"),
+        (dict(frame=2**32), f"frame is {2**32}; allowed: 0 to {2**32 - 1}"),
+        (dict(mask=-(2**70)), f"mask is {-(2**70)}; allowed: 0 to {2**32 - 1}"),
+        (dict(specular_depth=256), "specular_depth is 256; allowed: 0 to 255"),
+        (dict(frame_period=1.1e9), "frame_period is 1100000000; allowed: above 0, up to 1e9 s"),
+    ]
+    for options, told in wide:
+        with pytest.raises(ec.ArgumentError, match=f"^{re.escape(told)}$"):
+            room.scan("velodyne_vlp16", **options)
+    most: Any = dict(seed=2**64 - 1, frame=2**32 - 1, mask=2**32 - 1, specular_depth=255, frame_period=1e9)
+    assert len(room.scan("velodyne_vlp16", at=(0, 0, 1.8), **most)) > 1000
+    with pytest.raises(TypeError):
+        room.scan("velodyne_vlp16", seed=1.5)  # type: ignore[arg-type]
+    with pytest.raises(ec.ArgumentError, match="count is -1; allowed: 0 to 4294967295"):
         room.pings("sss_450", -1)
-    with pytest.raises(ec.ArgumentError, match="count is 4000000000; allowed: 1 to [0-9]+, for the memory"):
+    assert len(room.pings("sss_450", 0, at=(0, 0, -1))) == 0
+    with pytest.raises(ec.ArgumentError, match="count is 4000000000; allowed: 0 to [0-9]+, for the memory"):
         room.pings("sss_450", 4_000_000_000, at=(0, 0, -1))

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -61,6 +62,39 @@ def test_scans_go_on_while_python_does(room: ec.Scene) -> None:
     done.set()
     counter.join()
     assert counted >= 10
+
+
+def test_other_threads_go_on_while_one_waits_for_a_live_scene() -> None:
+    count = 700
+    x, y = np.meshgrid(np.arange(count, dtype=np.float32), np.arange(count, dtype=np.float32))
+    vertices = np.column_stack([x.ravel(), y.ravel(), np.zeros(count**2, np.float32)])
+    corner = np.arange(count**2 - count, dtype=np.uint32)
+    corner = corner[corner % count < count - 1]
+    live = ec.LiveScene(threads=1)
+    live.add(vertices, np.concatenate([corner[:, None] + np.array([0, 1, far], np.uint32) for far in (count, count + 1)]))
+    began, ended = threading.Event(), threading.Event()
+
+    def build() -> None:
+        began.set()
+        live.scan("velodyne_vlp16", at=(0, 0, 2))
+        ended.set()
+
+    builder, waiter = threading.Thread(target=build), threading.Thread(target=lambda: live.objects)
+    start = time.monotonic()
+    builder.start()
+    began.wait()
+    # By then it holds the scene, and builds it.
+    time.sleep(0.02)
+    longest, last = 0.0, time.monotonic()
+    waiter.start()
+    while not ended.wait(0.001):
+        now = time.monotonic()
+        longest, last = max(longest, now - last), now
+    longest = max(longest, time.monotonic() - last)
+    took = time.monotonic() - start
+    builder.join()
+    waiter.join()
+    assert longest < took / 2, (longest, took)
 
 
 def test_a_cloud_outlives_its_scene() -> None:

@@ -1,5 +1,6 @@
 """Scenarios, samples and sets."""
 
+import json
 import pickle
 from pathlib import Path
 from typing import Any
@@ -43,14 +44,43 @@ def test_samples_are_those_of_the_set(keys: dict[str, Any], tmp_path: Path) -> N
 def test_a_scenario_goes_where_it_is_needed(keys: dict[str, Any], tmp_path: Path) -> None:
     scenario = ec.Scenario(keys, folder=tmp_path, threads=1)
     scenario.set("seed", 8)
-    again = [pickle.loads(pickle.dumps(scenario)), ec.Scenario(scenario), ec.Scenario(scenario.keys, folder=tmp_path)]
+    again = [pickle.loads(pickle.dumps(scenario)), ec.Scenario(scenario)]
+    again.append(ec.Scenario(scenario.to_yaml(), folder=tmp_path))
     cloud = scenario[1].cloud()
     for other in again:
         assert (len(other), other.seed, other.folder) == (5, 8, tmp_path)
         assert np.array_equal(other[1].cloud().range, cloud.range)
     again[1].set("samples", 2)
     assert (len(again[1]), len(scenario)) == (2, 5)
-    assert ec.run({**scenario.keys, "scene": {"files": str(tmp_path / "tent.obj")}})["made"] == 5
+    assert [sample.number for sample in again[1]] == [0, 1] and len(list(reversed(again[1]))) == 2
+    scenario.set("scene.files", str(tmp_path / "tent.obj"))
+    assert ec.run(scenario.to_yaml())["made"] == 5
+
+
+def test_a_scenario_of_a_file_goes_to_another_folder(
+    keys: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its files are found there, and its set is called as the file, as if the file had been read."""
+    del keys["set"]
+    # Numbers are written as they were: the set is that of the file.
+    (tmp_path / "drive.yaml").write_text(json.dumps({**keys, "trajectory": {"position_m": [4.0, 0.0, 1.0]}}))
+    monkeypatch.chdir(tmp_path)
+    read = ec.Scenario("drive.yaml")
+    sent = pickle.dumps(read)
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    there = pickle.loads(sent)
+    assert there.folder == tmp_path and len(there[0].cloud()) > 0
+    done = ec.run(there, samples=(0, 2))
+    assert (done["folder"], done["made"]) == (tmp_path / "drive", 3)
+    assert ec.run(tmp_path / "drive.yaml", resume=True)["found"] == 3
+
+
+def test_only_keys_take_a_folder(keys: dict[str, Any], tmp_path: Path) -> None:
+    (tmp_path / "drive.yaml").write_text(json.dumps(keys))
+    for scenario in (tmp_path / "drive.yaml", ec.Scenario(keys, folder=tmp_path)):
+        with pytest.raises(ec.ArgumentError, match=f"folder is {tmp_path}; allowed: none for a file or a Scenario"):
+            ec.Scenario(scenario, folder=tmp_path)
 
 
 def test_what_is_wrong_is_told(keys: dict[str, Any], tmp_path: Path) -> None:

@@ -2,7 +2,9 @@
 
 import copy
 import pickle
+import re
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -18,7 +20,7 @@ def test_sensors_come_from_names_keys_and_text() -> None:
     assert (vlp.name, vlp.kind) == ("velodyne_vlp16", "lidar")
     again = ec.Sensor(vlp.to_yaml())
     assert again.beams == vlp.beams and pickle.loads(pickle.dumps(vlp)).to_yaml() == vlp.to_yaml()
-    assert ec.Sensor(OWN).beams == 48
+    assert ec.Sensor(OWN).beams == ec.Sensor(MappingProxyType(OWN)).beams == 48
     with pytest.raises(ec.ArgumentError, match="sensor preset"):
         ec.Sensor("velodine")
     with pytest.raises(ec.FormatError, match="pattern"):
@@ -104,6 +106,38 @@ def test_wrong_arrays_are_told() -> None:
     wide[:, ::2] = np.eye(3)
     wide.flags.writeable = False
     assert ec.Scene.from_arrays(wide[:, ::2], triangles).bounds == ([0, 0, 0], [1, 1, 1])
+
+
+def test_every_option_of_load_that_is_told_is_taken(
+    tent: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tent_1.obj").write_text(tent.read_text())
+    (tmp_path / "labels.yaml").write_text("objects: {tent: house}")
+    takes: dict[str, list[Any]] = {
+        "labels": ["street", "labels.yaml", {"objects": {"tent": "house"}}],
+        "hide": [["Sky*"], "Sky*"],
+        "materials": [{"*": {"reflectance": 0.3}}],
+        "up": ["y", "z", "x", "-x", "-y", "-z"],
+        "scale": [2.0],
+        "animation": ["run"],
+        "loop": [True],
+        "caches": [{"tent": "tent_1.obj"}],
+        "texture_limit_mib": [16],
+        "allow_outside_paths": [True],
+    }
+    told = re.findall(r"^\* (`.*?):(?: |$)", ec.Scene.load.__doc__ or "", re.MULTILINE)
+    assert re.findall(r"`(\w+)`", " ".join(told)) == list(takes)
+    for option, value in [(option, value) for option, values in takes.items() for value in values]:
+        try:
+            ec.Scene.load(tent, **{option: value})
+        except ec.ArgumentError as error:
+            assert (option, str(error)) == ("animation", 'there is no animation named "run"')
+    assert list(ec.Scene.load(tent, labels="labels.yaml").categories.values()) == ["house"]
+    with pytest.raises(ec.NotFoundError, match="missing.yaml"):
+        ec.Scene.load(tent, labels="missing.yaml")
+    with pytest.raises(ec.FormatError, match='unknown key "lop"; near: loop'):
+        ec.Scene.load(tent, lop=True)
 
 
 def test_files_that_are_not_there_are_told(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ mod common;
 
 use common::{csv_column, files, report, run, stderr, stdout, write_room, write_single_beam};
 use echocast::preview::{self, ColorBy, PreviewOptions, View};
-use echocast::{Engine, FieldSet, LiveScene, PointCloud, ScanOptions, Scene, Sensor};
+use echocast::{Engine, FieldSet, LiveScene, PointCloud, Pose, ScanOptions, Scene, Sensor, Trajectory};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -140,6 +140,20 @@ fn equal_input_gives_equal_bytes_whatever_the_threads() {
     let first = bytes("a");
     assert!(first == bytes("b") && first == bytes("one") && first == bytes("two"));
     assert!(first != bytes("seed"));
+}
+
+/// As the examples of all languages do.
+#[test]
+fn the_file_is_that_of_the_library() {
+    let folder = tempfile::tempdir().unwrap();
+    let [hall, ours, theirs] = ["hall.glb", "program.las", "library.las"].map(|name| folder.path().join(name));
+    fs::copy(concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/scenes/indoor-1.glb"), &hall).unwrap();
+    stdout(folder.path(), "scan DIR/hall.glb --sensor velodyne_vlp16 --at -6,6,1.2 --seed 7 -o DIR/program.las");
+    let scene = Scene::load(hall).unwrap().build().unwrap();
+    let at = Trajectory::fixed(Pose::at(-6.0, 6.0, 1.2));
+    let options = ScanOptions::default().seed(7);
+    scene.scan(&Sensor::preset("velodyne_vlp16").unwrap(), &at, &options).unwrap().write(&theirs).unwrap();
+    assert!(fs::read(ours).unwrap() == fs::read(theirs).unwrap());
 }
 
 #[test]

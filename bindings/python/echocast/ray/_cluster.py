@@ -3,9 +3,9 @@
 import ray
 
 
-def connected(workers: int | None) -> int:
-    """How many workers a run has, as asked for or one for each CPU; connects to a cluster of this machine alone if there is
-    none yet."""
+def workers(asked: int | None) -> int:
+    """How many workers a run has: `asked`, or one for each CPU of the cluster. Without one, one of this machine alone is
+    begun."""
     if not ray.is_initialized():
         ray.init()
-    return workers or max(1, int(ray.cluster_resources().get("CPU", 1)))
+    return asked or max(1, int(ray.cluster_resources().get("CPU", 1)))

@@ -7,8 +7,8 @@ import numpy as np
 import numpy.typing as npt
 import ray.data
 
-from echocast._convert import COLUMNS, positions
-from echocast.ray._cluster import connected
+from echocast._training import COLUMNS, positions
+from echocast.ray import _cluster
 from echocast.ray._source import Source
 
 if TYPE_CHECKING:
@@ -42,8 +42,18 @@ def dataset(
 
     Rows are as long as their clouds, so that a batch, as `iter_batches` gives them, is a dict of arrays of arrays. They come
     as they are made; `ray.data.DataContext.get_current().execution_options.preserve_order` keeps them in order.
+
+    >>> import echocast.ray
+    >>> data = echocast.ray.dataset({
+    ...     "scene": {"generate": {"indoor": {"rooms": [1, 1]}}},
+    ...     "sensors": [{"sensor": "velodyne_vlp16"}],
+    ...     "trajectory": {"camera": "Scanner"},
+    ...     "samples": 3,
+    ... })
+    >>> sorted(int(row["sample"]) for row in data.iter_rows())
+    [0, 1, 2]
     """
-    workers = connected(workers)
+    workers = _cluster.workers(workers)
     source = Source(scenario, folder, settings)
     numbers = range(len(source.read())) if samples is None else list(samples)
     return ray.data.range(len(numbers)).map_batches(

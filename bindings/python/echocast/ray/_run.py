@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import ray
 
 import echocast as ec
-from echocast.ray import _plan
-from echocast.ray._cluster import connected
+from echocast.ray import _cluster, _plan
 from echocast.ray._finish import finish
 from echocast.ray._source import Source
 from echocast.ray._store import Store
@@ -51,9 +50,19 @@ def run(
     of all.
 
     Returns what `echocast.run` does, and the number of `workers`. The files are those of `echocast run`, to the byte.
+
+    >>> import echocast.ray
+    >>> done = echocast.ray.run({
+    ...     "scene": {"generate": {"indoor": {"rooms": [1, 1]}}},
+    ...     "sensors": [{"sensor": "velodyne_vlp16"}],
+    ...     "trajectory": {"camera": "Scanner"},
+    ...     "samples": 3,
+    ... }, "set")
+    >>> done["made"], done["complete"]
+    (3, True)
     """
     start = time.monotonic()
-    workers = connected(workers)
+    workers = _cluster.workers(workers)
     source, store = Source(scenario, folder, settings), Store(output, filesystem)
     wanted = _plan.wanted(len(source.read()), samples)
     sizes, before = store.sizes(), store.find(ORIGIN)

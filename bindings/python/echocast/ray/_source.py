@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import ray
 
 import echocast as ec
-from echocast._convert import source
 from echocast._echocast import is_path
+from echocast._training import source
 
 if TYPE_CHECKING:
     from echocast._echocast import Keys, Path
@@ -25,7 +25,8 @@ class Source:
     ) -> None:
         scenario, folder = source(scenario, folder)
         self.scenario: "Keys" = scenario
-        self.folder = ""
+        # Beside a file there is none, as reading it will tell.
+        self.folder: "Path" = folder
         if is_path(scenario):
             self.scenario = _place(scenario)
         else:

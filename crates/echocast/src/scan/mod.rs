@@ -135,7 +135,7 @@ impl ScanOptions {
         if !(start.position.is_finite() && start.orientation.is_finite()) {
             return Err(Error::invalid("pose", format!("{start:?}"), "finite numbers, a quaternion that is not 0"));
         }
-        if let Some(period) = self.frame_period.filter(|period| !(*period > 0.0 && *period < 1e9)) {
+        if let Some(period) = self.frame_period.filter(|period| !(*period > 0.0 && *period <= 1e9)) {
             return Err(Error::invalid("frame_period", period, "above 0, up to 1e9 s"));
         }
         if self.organised && self.order == Order::Time {

@@ -195,15 +195,10 @@ impl Scenario {
         set::check_outputs(self, sample)
     }
 
-    /// Folder of its set: `given`, what it says, or one called as the file.
-    fn set_folder(&self, given: Option<&Path>) -> Result<PathBuf> {
-        let own = || self.spec.set.folder.as_ref().map(|own| self.folder.join(own));
-        let of_file = || {
-            let stem = Path::new(&self.origin).file_stem()?;
-            self.file.then(|| self.folder.join(stem))
-        };
-        let folder = given.map(Path::to_owned).or_else(own).or_else(of_file);
-        folder.ok_or_else(|| Error::invalid("set.folder", "missing", "a folder, for a scenario that is no file"))
+    /// Folder of its set: what it says, or one called as the file; `None` for a scenario that is no file and says none.
+    pub fn set_folder(&self) -> Option<PathBuf> {
+        let of_file = || Path::new(&self.origin).file_stem().filter(|_| self.file).map(Path::new);
+        Some(self.folder.join(self.spec.set.folder.as_deref().or_else(of_file)?))
     }
 
     fn stage(&self) -> Result<Arc<Stage>> {

@@ -450,6 +450,15 @@ mod tests {
     }
 
     #[test]
+    fn load_options_name_rules_and_files() {
+        use crate::scene::LoadOptions;
+        let read = |labels: &str| LoadOptions::from_yaml(&format!("{{scale: 2, labels: {labels}}}"));
+        assert_eq!(read("street").unwrap().labels, LabelRules::open("street").unwrap());
+        assert_eq!(read("{numbers: {road: 40}}").unwrap().labels.numbers["road"], 40);
+        assert!(matches!(read("missing.yaml"), Err(crate::Error::Io { .. })));
+    }
+
+    #[test]
     fn a_number_has_one_name() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("labels.yaml");

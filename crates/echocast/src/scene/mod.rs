@@ -124,7 +124,8 @@ pub struct LoadOptions {
     /// Name of the animation to play; `None`: all of them at once.
     pub animation: Option<String>,
     /// Whether each animation and each cache starts again at the time of its last key or sample, numbered files after the
-    /// last; if not, what they move stays as it is then.
+    /// last; if not, what they move stays as it is then. In YAML `loop`.
+    #[serde(rename = "loop")]
     pub looped: bool,
     /// Whether buffers, images and material files may lie outside the folder of the scene file that names them, or be
     /// named by absolute path. If so, an untrusted scene can pull in any file that you may read.
@@ -158,18 +159,24 @@ impl Default for LoadOptions {
 }
 
 impl LoadOptions {
-    /// Reads options from YAML: the fields of this type, `up` as `y`, `z`, `x`, `-x`, `-y` or `-z`, and `labels`, with the contents of a label
-    /// file.
+    /// Reads options from YAML: the fields of this type, `up` as `y`, `z`, `x`, `-x`, `-y` or `-z`, and `labels`, with the
+    /// contents of a label file or what [`LabelRules::open`] takes.
     ///
     /// # Errors
-    /// Line and key of what is wrong, with the most similar known key.
+    /// Line and key of what is wrong, with the most similar known key; a label file that cannot be read.
     pub fn from_yaml(text: &str) -> Result<LoadOptions> {
         const ORIGIN: &str = "load options";
         let document = Document::parse(ORIGIN, text)?;
-        let options: LoadOptions = document.read()?;
+        let mut keys = document.value().clone();
+        // A name stands for a file, whose errors are its own.
+        let named = keys.get("labels").and_then(|labels| labels.as_str()).map(LabelRules::open).transpose()?;
+        if named.is_some() {
+            keys.as_object_mut().map(|keys| keys.shift_remove("labels"));
+        }
+        let options: LoadOptions = document.read_at("", &keys)?;
         options.labels.check(&document, "labels")?;
         options.materials.check(&document, "materials")?;
-        Ok(options)
+        Ok(LoadOptions { labels: named.unwrap_or(options.labels), ..options })
     }
 
     /// Checks what formats without units take from here.

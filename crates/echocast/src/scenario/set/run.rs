@@ -84,7 +84,9 @@ const PICTURES: u64 = 12;
 pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sync)) -> Result<RunSummary> {
     let start = Instant::now();
     let styles = super::styles(&scenario)?;
-    let root = scenario.set_folder(options.folder.as_deref())?;
+    let root = options.folder.clone().or_else(|| scenario.set_folder());
+    let root =
+        root.ok_or_else(|| Error::invalid("set.folder", "missing", "a folder, for a scenario that is no file"))?;
     let wanted = wanted(&scenario, options)?;
     let cores = Engine::with_threads(options.threads)?.threads();
     // Samples side by side need no two threads each; few samples do.

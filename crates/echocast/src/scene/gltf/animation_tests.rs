@@ -254,7 +254,8 @@ fn one_animation_may_be_chosen_and_all_may_be_repeated() {
     let only = LoadOptions { animation: Some("lift".into()), ..LoadOptions::default() };
     close(place(&only, 3.0), DVec3::new(0.0, 0.0, 2.5), 1e-12);
     assert_eq!(file.with(&only).animation_lengths, [2.0, 4.0]);
-    let wrong = LoadOptions::from_yaml("{animation: lifd, looped: true}").unwrap();
+    let wrong = LoadOptions::from_yaml("{animation: lifd, loop: true}").unwrap();
+    assert!(wrong.looped);
     let error = Scene::from_glb_bytes(&file.bytes(), &wrong).unwrap_err().to_string();
     assert_eq!(error, "there is no animation named \"lifd\"; near: lift");
 
