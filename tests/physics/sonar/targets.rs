@@ -33,7 +33,8 @@ fn quiet(name: &str) -> Sensor {
 /// Unit vector along a beam.
 fn axis(sensor: &Sensor, beam: usize) -> DVec3 {
     let scene = balls(&[DVec3::X * 1e4], None);
-    let [azimuth, elevation] = ping(&scene, sensor, Pose::at(0.0, 0.0, 0.0), &options("")).layout.axes[beam].map(f64::from);
+    let [azimuth, elevation] =
+        ping(&scene, sensor, Pose::at(0.0, 0.0, 0.0), &options("")).layout.axes[beam].map(f64::from);
     DVec3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin())
 }
 
@@ -64,7 +65,10 @@ fn a_target_on_the_axis_is_never_lost_and_as_loud_as_it_is_told() {
             // At the side of the ball that faces the sonar.
             let near = range - 0.05;
             assert_near(&format!("{name}: level at {range} m"), level, source - 40.0 * near.log10(), 1.0);
-            assert!(at > near - 1.5 * found.layout.bin_m && at < range + found.layout.bin_m, "{name}: at {at} m, not {near}");
+            assert!(
+                at > near - 1.5 * found.layout.bin_m && at < range + found.layout.bin_m,
+                "{name}: at {at} m, not {near}"
+            );
         }
     }
 }

@@ -80,7 +80,8 @@ struct Found {
 /// beam's axis within range.
 pub(crate) fn sounding(layout: &Layout, heard: &BeamLevels, stretch: &mut Stretch) -> Option<Sounding> {
     let BeamLevels { beam, levels, beside, .. } = *heard;
-    let window = if beside.is_empty() { about_the_loudest(layout, heard)? } else { on_axis(layout, heard, &mut stretch.sums)? };
+    let window =
+        if beside.is_empty() { about_the_loudest(layout, heard)? } else { on_axis(layout, heard, &mut stretch.sums)? };
     stretch.fill(layout, heard, window.clone());
     let bins = levels.len();
     let found = match stretch.crossing(heard) {

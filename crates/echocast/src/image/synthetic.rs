@@ -197,7 +197,14 @@ pub(crate) fn swath(pings: usize) -> Pings {
             .map(|beam| {
                 let range = echo(beam).0;
                 let cell = (beam * layout.bins + (range / layout.bin_m) as usize) as u32;
-                Sounding { beam: beam as u32, range: range as f32, cell, level_db: 90.0, quality: 0.5, corrected: Vec3::NAN }
+                Sounding {
+                    beam: beam as u32,
+                    range: range as f32,
+                    cell,
+                    level_db: 90.0,
+                    quality: 0.5,
+                    corrected: Vec3::NAN,
+                }
             })
             .collect();
         track.push(made).unwrap();

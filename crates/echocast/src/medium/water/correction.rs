@@ -87,7 +87,10 @@ mod tests {
             let column = column(&format!("{{cast: [{}]}}", rows.join(", ")));
             let cosine = (1.0 - sine * sine).sqrt();
             let found = column.place_after(time, 2.0, [sine, cosine], speed).unwrap();
-            assert!((found[0] - level).abs() < 1e-5 && (found[1] - 2.0 - fall).abs() < 1e-5, "{found:?} {level} {fall}");
+            assert!(
+                (found[0] - level).abs() < 1e-5 && (found[1] - 2.0 - fall).abs() < 1e-5,
+                "{found:?} {level} {fall}"
+            );
         }
     }
 }

@@ -143,9 +143,8 @@ impl Ping {
             Frame::Sensor => reported,
             Frame::World => (rotation * reported.as_dvec3() + self.pose.position - self.origin).as_vec3(),
         };
-        let own = |place: Vec3| {
-            (rotation.transpose() * (place.as_dvec3() + self.origin - self.pose.position)).as_vec3()
-        };
+        let own =
+            |place: Vec3| (rotation.transpose() * (place.as_dvec3() + self.origin - self.pose.position)).as_vec3();
         let corrected = if options.coordinates == Frame::World { corrected } else { own(corrected) };
         put!(columns, row,
             quality: quality,

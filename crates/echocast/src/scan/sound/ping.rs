@@ -447,7 +447,9 @@ impl<'a> Pinging<'a> {
             }
             if radius > distance {
                 let name = &surfaces.materials[row.material as usize].name;
-                let found = format!("target, of a mesh of the material {name:?} with a radius of {radius:.3} m, {distance:.3} m away");
+                let found = format!(
+                    "target, of a mesh of the material {name:?} with a radius of {radius:.3} m, {distance:.3} m away"
+                );
                 return Err(Error::invalid("sound.law", found, "for what is farther away than it is large"));
             }
             goals.push(Goal { row: target.row, middle });

@@ -83,15 +83,17 @@ impl SoundTracer<'_> {
         let TracerMemory { rays, hits, direct, .. } = memory;
         direct.clear();
         for (index, goal) in (0..).zip(goals) {
-            direct.extend(self.way_to(&start, goal.middle).filter(|(_, end)| self.believed * end.time <= self.reach).map(
-                |(state, end)| {
-                    let met = self.arrival(&State { ray: end, ..state }, goal.row, Vec3::ZERO, &start);
-                    let way = Arrival { normal: -met.direction, ..met };
-                    let step = Step { length: 0.0, end: End::Inside, chord: None };
-                    let direct = Direct { index, way, launch: state.direction().as_vec3() };
-                    Candidate { direct, inside: true, state, length: end.path, time: end.time, step }
-                },
-            ));
+            direct.extend(
+                self.way_to(&start, goal.middle).filter(|(_, end)| self.believed * end.time <= self.reach).map(
+                    |(state, end)| {
+                        let met = self.arrival(&State { ray: end, ..state }, goal.row, Vec3::ZERO, &start);
+                        let way = Arrival { normal: -met.direction, ..met };
+                        let step = Step { length: 0.0, end: End::Inside, chord: None };
+                        let direct = Direct { index, way, launch: state.direction().as_vec3() };
+                        Candidate { direct, inside: true, state, length: end.path, time: end.time, step }
+                    },
+                ),
+            );
             if direct.len() == LANES {
                 self.look(&start, &whole, rays, hits, direct, ways);
             }
