@@ -9,7 +9,7 @@ use echocast::{
     Environment, Layout, LoadOptions, Ping, Pings, Pose, ScanOptions, Sensor, SonarView, Sounding, Trajectory,
 };
 use echocast_tests::python;
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec3, Vec3};
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -56,7 +56,17 @@ fn pings() -> Pings {
             ..Columns::default()
         };
         ping.fields = fields.into_iter().collect::<FieldSet>();
-        ping.soundings = vec![Sounding { beam: 1, range: 7.25, cell: 54, level_db: 78.5, quality: 0.75 }; number];
+        ping.soundings = vec![
+            Sounding {
+                beam: 1,
+                range: 7.25,
+                cell: 54,
+                level_db: 78.5,
+                quality: 0.75,
+                corrected: Vec3::new(1.0, 2.0, -7.0)
+            };
+            number
+        ];
         ping.labels = Arc::clone(&labels);
         ping
     };
@@ -162,6 +172,7 @@ fn pings_are_read_back() {
         compare(found, "sounding_range", "f4", &[3], [7.25; 3]);
         compare(found, "sounding_level_db", "f4", &[3], [78.5; 3]);
         compare(found, "sounding_quality", "f4", &[3], [0.75; 3]);
+        compare(found, "sounding_corrected", "f4", &[3, 3], [1.0, 2.0, -7.0, 1.0, 2.0, -7.0, 1.0, 2.0, -7.0]);
         compare(found, "sounding_cell", "u4", &[3], [54.0; 3]);
         compare(found, "category_ids", "u4", &[2], [1.0, 70_000.0]);
         assert_eq!(texts(found, "category_names"), ["seabed", "Fisch Ü"]);
