@@ -77,6 +77,10 @@ fn cloud(len: usize, fields: FieldSet) -> PointCloud {
         flow_z: |_| 0.0;
         track_id: |row| whole(row, 100_000_000);
         doppler: |row| if row % 5 == 0 { f32::NAN } else { metres(128.0) };
+        quality: |row| (row % 101) as f32 / 100.0;
+        corrected_x: |row| if row % 6 == 0 { f32::NAN } else { metres(120.0) };
+        corrected_y: |_| metres(120.0);
+        corrected_z: |_| metres(120.0);
     }
     let table = |rows: &[(u32, &str)]| NameTable {
         ids: rows.iter().map(|row| row.0).collect(),

@@ -179,7 +179,7 @@ fn pings_are_read_back() {
         assert_eq!(texts(found, "view"), ["sidescan"]);
         // Nothing else except the tables of the other labels.
         let names = found.as_object().unwrap().keys();
-        assert_eq!(names.filter(|name| !name.ends_with("_names") && !name.ends_with("_ids")).count(), 27);
+        assert_eq!(names.filter(|name| !name.ends_with("_names") && !name.ends_with("_ids")).count(), 28);
     }
 }
 

@@ -203,7 +203,7 @@ fn compare(pings: *mut echocast_pings, index: usize, expected: &Ping) {
         for (found, wanted) in numbers(depths.data, depths.count).iter().zip(&expected.soundings) {
             assert_eq!((found.beam, found.cell, found.range), (wanted.beam, wanted.cell, wanted.range));
             assert_eq!((found.level_db, found.quality), (wanted.level_db, wanted.quality));
-            assert_eq!(found.corrected, wanted.corrected.to_array());
+            assert_eq!(found.corrected.map(f32::to_bits), wanted.corrected.to_array().map(f32::to_bits));
         }
 
         // As an image of 8 bits for ROS, of 40 dB above the noise.

@@ -224,12 +224,16 @@ impl Column {
         Ok((Column { surface_z: water.surface_z_m, slabs: slabs(water, frequency_hz, &stretches) }, warnings))
     }
 
-    /// Checks that `water` is known at `sonar_depth_m`, m below its surface.
+    /// Checks that `water` is known, and assumed to be so, at `sonar_depth_m`, m below its surface.
     ///
     /// # Errors
-    /// A sonar above the water, or where the profile says nothing.
+    /// A sonar above the water, or where a profile says nothing.
     pub fn check_depth(water: &Water, sonar_depth_m: f64) -> Result<()> {
-        check_depth(water, ("profile", water.profile.as_ref()), sonar_depth_m)
+        check_depth(water, ("profile", water.profile.as_ref()), sonar_depth_m)?;
+        match &water.assumed_profile {
+            Some(assumed) => check_depth(water, ("assumed_profile", Some(assumed)), sonar_depth_m),
+            None => Ok(()),
+        }
     }
 
     /// Index of the slab at `depth`, m; at a boundary the lower one. Above the surface it is the first.

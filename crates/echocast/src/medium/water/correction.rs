@@ -14,9 +14,10 @@ impl Column {
         let slab = self.slab_at(depth);
         // The law of Snell from the instrument's water into the column.
         let cosine = cosine * self.slabs[slab].speed_at(depth) / here;
-        if cosine > 1.0 {
+        if cosine > 1.0 + 1e-9 {
             return None;
         }
+        let cosine = cosine.min(1.0);
         let sine = (1.0 - cosine * cosine).sqrt().copysign(sine);
         let mut ray = Ray::launch(depth, [sine, cosine], &self.slabs, slab);
         for _ in 0..most {
@@ -80,7 +81,7 @@ mod tests {
         let fall = ((1.0 - to * to).sqrt() / snell - speed) / gradient;
         for rows in [2, 7, 301] {
             let row = |index: usize| {
-                let depth = 600.0 * index as f64 / (rows - 1) as f64;
+                let depth = 250.0 * index as f64 / (rows - 1) as f64;
                 format!("{{depth_m: {depth}, speed_m_s: {}}}", speed + gradient * (depth - 2.0))
             };
             let rows: Vec<String> = (0..rows).map(row).collect();

@@ -44,6 +44,7 @@ pub(crate) struct PingMemory {
     tiles: Vec<TileMemory>,
     /// The layout of the last ping, and what it was made from.
     layout: Option<(LayoutInputs, Arc<Layout>)>,
+    water: Option<Prepared>,
 }
 
 impl PingMemory {
@@ -79,6 +80,27 @@ struct TileMemory {
     soundings: Vec<Sounding>,
 }
 
+/// The water of the last ping, prepared for a frequency and a depth.
+struct Prepared {
+    of: (Water, f64, f64),
+    column: Arc<Column>,
+    assumed: Arc<Column>,
+}
+
+impl Prepared {
+    fn new(water: &Water, frequency: f64, depth: f64) -> Result<Prepared> {
+        let (column, _) = Column::new(water, frequency, depth)?;
+        let assumed = Column::assumed(water, frequency, depth)?;
+        let of = (water.clone(), frequency, depth);
+        Ok(Prepared { of, column: Arc::new(column), assumed: Arc::new(assumed) })
+    }
+
+    fn is_of(&self, water: &Water, frequency: f64, depth: f64) -> bool {
+        let (of_water, of_frequency, of_depth) = &self.of;
+        (of_water, *of_frequency, *of_depth) == (water, frequency, depth)
+    }
+}
+
 /// What a [`Layout`] depends on, apart from the sensor.
 #[derive(Clone, PartialEq)]
 struct LayoutInputs {
@@ -106,7 +128,7 @@ pub(super) struct Pinging<'a> {
     pub transducer: Arc<Transducer>,
     pub backscatter: Arc<Backscatter>,
     pub water: &'a Water,
-    pub column: Column,
+    pub column: Arc<Column>,
     pub layout: Arc<Layout>,
     /// Power that a steradian of open water sends back from each bin; empty: none.
     pub volume: Vec<f32>,
@@ -125,7 +147,7 @@ pub(super) struct Pinging<'a> {
     /// What is told of motion, if it is asked for.
     motion: Option<Motion>,
     /// The water that depths are corrected with, of sonars that report some.
-    assumed: Option<Column>,
+    assumed: Option<Arc<Column>>,
     goals: Vec<Goal>,
 }
 
@@ -221,10 +243,15 @@ impl<'a> Pinging<'a> {
         let depth = water.surface_z_m - pose.position.z;
         // What the instrument believes is set when it starts: pings of one way have one layout, however deep it goes.
         let start_depth = water.surface_z_m - trajectory.at(trajectory.span().0).position.z;
-        let (column, _) = Column::new(water, frequency, start_depth)?;
+        let prepared = match memory.water.take().filter(|known| known.is_of(water, frequency, start_depth)) {
+            Some(known) => known,
+            None => Prepared::new(water, frequency, start_depth)?,
+        };
+        let (column, assumed) = (prepared.column.clone(), prepared.assumed.clone());
+        memory.water = Some(prepared);
         Column::check_depth(water, depth)?;
         let reports_depths = matches!(sensor.sonar_view(), SonarView::Swath | SonarView::Single);
-        let assumed = reports_depths.then(|| Column::assumed(water, frequency, depth)).transpose()?;
+        let assumed = reports_depths.then_some(assumed);
         let speed = column.speed_at(depth);
         let (start_speed, absorption) =
             (column.speed_at(start_depth), column.mean_absorption(start_depth, start_depth));
