@@ -28,7 +28,7 @@ impl Flanks {
         self.bins = bins;
         let parts = if transducer.flanks.is_empty() { 0 } else { FLANK_PARTS };
         self.spans.clear();
-        self.spans.resize(parts, usize::MAX..0);
+        self.spans.resize(parts, Range { start: bins, end: 0 });
         self.energy.clear();
         self.energy.resize(parts * bins, 0.0);
         let asked = if who { parts * bins } else { 0 };
