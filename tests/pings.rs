@@ -299,8 +299,15 @@ fn soundings_and_water_columns_are_read_by_readers_of_xtf_and_kmall() {
     let turn = |ping: usize| DQuat::from_slice(&turns[4 * ping..]);
     let axis =
         |beam: usize| DQuat::from_rotation_z(azimuth[beam]) * DQuat::from_rotation_y(-elevation[beam]) * DVec3::X;
+    let origin = DVec3::from_slice(&numbers(&npz, "origin"));
+    let corrected: Vec<DVec3> = numbers(&npz, "sounding_corrected").chunks(3).map(DVec3::from_slice).collect();
     let from_sonar: Vec<DVec3> =
-        (0..range.len()).map(|i| turn(of_ping[i] as usize) * (range[i] * axis(of_beam[i] as usize))).collect();
+        (0..range.len()).map(|i| corrected[i] + origin - position[of_ping[i] as usize]).collect();
+    for (i, from) in from_sonar.iter().enumerate() {
+        // In water of one speed.
+        let straight = turn(of_ping[i] as usize) * (range[i] * axis(of_beam[i] as usize));
+        assert!((*from - straight).length() < 1e-4, "{from} {straight}");
+    }
     let depth = |i: usize| SURFACE - position[of_ping[i] as usize].z - from_sonar[i].z;
     let each = || 0..range.len();
 

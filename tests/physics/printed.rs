@@ -492,3 +492,46 @@ fn warnings_are_those_of_their_own_water() {
     }
     assert!(told(Profile::Physical, "salinity_psu: 5").starts_with("the speed of sound is that of mackenzie"));
 }
+
+/// The terms of a ray add up to the level of its point: as levels in the paper, times the reflectance in the program.
+#[test]
+fn rays_are_explained_term_by_term() {
+    let scene = plates(&[(-60.0, 0.25)]);
+    let environment = layers(&[[0.0, 1480.0, 1000.0], [30.0, 1520.0, 1030.0]]);
+    let sensor = set(fans(100.0, 5.0), "acoustics.detection_threshold_db", "-100");
+    for profile in [Profile::Paper, Profile::Blainder] {
+        let options = ScanOptions { organised: true, ..options(profile, environment.clone()) };
+        let cloud = scene.scan(&sensor, &at_depth(5.0), &options).unwrap();
+        let mut seen = 0;
+        for ray in 0..cloud.len {
+            let text = scene.explain(&sensor, &at_depth(5.0), &options, ray as u32).unwrap();
+            assert!(text.starts_with(&format!("ray {ray} of {} of fans in the profile ", cloud.len)), "{text}");
+            let level = f64::from(cloud.columns.intensity[ray]);
+            if level.is_nan() {
+                continue;
+            }
+            seen += 1;
+            let term = |name: &str| after(text.lines().find(|line| line.contains(name)).unwrap(), name);
+            let own = term("source level")
+                + term("spreading")
+                + term("noise level")
+                + term("directivity index")
+                + term("processing gain");
+            let (sum, found) = if profile == Profile::Paper {
+                (own + term("interfaces (eq. 13)") + term("target strength"), level)
+            } else {
+                (own * term("times the reflectance"), level * term("source level"))
+            };
+            assert_near(&format!("{text}"), sum, found, 0.05);
+            assert_near(&format!("{text}"), term("echo level"), found, 0.02);
+            assert_near("way", after(&text, ", after "), cloud.columns.range[ray].into(), 1e-3);
+        }
+        assert!(seen > 10, "{seen}");
+        let beyond = scene.explain(&sensor, &at_depth(5.0), &options, 10_000).unwrap_err().to_string();
+        assert!(beyond.starts_with("beam is 10000; allowed: 0 to "), "{beyond}");
+    }
+    // Nothing in reach is a sentence, too.
+    let text =
+        scene.explain(&set(sensor, "range.max_m", "20"), &at_depth(5.0), &options(Profile::Paper, environment), 0);
+    assert!(text.unwrap().ends_with("it meets nothing from 0 to 20 m\n"));
+}

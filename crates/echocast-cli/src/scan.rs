@@ -105,7 +105,8 @@ pub struct Args {
     #[arg(long, help_heading = "Points")]
     organised: bool,
     /// Show what happens to one beam of the first frame, or of FRAME, step by step with numbers, and write nothing;
-    /// rows and columns count from 0, a beam is row * columns + column; for a sonar, a frame is a ping
+    /// rows and columns count from 0, a beam is row * columns + column; for a sonar, a frame is
+    /// a ping, and in the profiles of the paper and its program a beam is a ray
     #[arg(long, value_name = "[FRAME,]BEAM", value_parser = frame_and_beam, conflicts_with_all = ["output", "preview", "images", "boxes", "json"], help_heading = "Output")]
     explain: Option<(Option<u32>, u32)>,
     #[command(flatten)]
@@ -278,11 +279,6 @@ fn check_options(args: &Args, sensor: &Sensor) -> Result<()> {
     ensure!(
         !(args.organised && args.order == Order::Time),
         "--organised: its rows and columns are beams; allowed: --order beam"
-    );
-    ensure!(
-        args.explain.is_none() || sensor.kind() != SensorKind::Sonar || args.profile == Profile::Physical,
-        "--explain: does not cover sonars with --profile {}; allowed: --profile physical",
-        args.profile.name()
     );
     args.output.check(args.fields.unwrap_or_default().of(sensor), sensor, args.profile)
 }

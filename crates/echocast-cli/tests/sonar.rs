@@ -40,6 +40,17 @@ fn npz_array(file: &Path, name: &str) -> (Vec<usize>, Vec<u8>) {
 }
 
 #[test]
+fn rays_of_the_paper_are_explained() {
+    let folder = lake();
+    for (profile, equation) in
+        [("paper", "sonar equation, eq. 6 of the paper, dB"), ("blainder", "as the program computes it")]
+    {
+        let said = stdout(folder.path(), &format!("{SIDES} --profile {profile} --explain 5"));
+        assert!(said.starts_with("ray 5 of 512 of sss_450 in the profile ") && said.contains(equation), "{said}");
+    }
+}
+
+#[test]
 fn a_sonar_pings_all_along_its_way() {
     let folder = lake();
     let folder = folder.path();
@@ -195,7 +206,6 @@ fn what_does_not_fit_a_sonar_is_named_and_nothing_is_written() {
             format!("{SIDES} --profile paper --preview DIR/x.png --view waterfall"),
             "--view waterfall: --profile paper makes points and no pings",
         ),
-        (format!("{SIDES} --profile paper --explain 1"), "--explain: does not cover sonars with --profile paper"),
         (format!("{SIDES} --rain 3 -o DIR/x.csv"), "--rain: the sensor is a sonar, and in water there is no weather"),
         (format!("{SIDES} --dust 50,1e5,5,12 -o DIR/x.csv"), "--dust: the sensor is a sonar"),
         (format!("{SIDES} --env DIR/wet.yaml -o DIR/x.csv"), "wet.yaml: fog: the sensor is a sonar"),

@@ -87,6 +87,8 @@ fn the_sonar_equation_is_told_term_by_term() {
     assert_near("level of the cell", heard, term("EL "), 0.1);
     assert_near("signal excess", term("SE "), heard - (term("N ") + 10.0), 0.02);
     assert!(text.contains("signal excess: it is reported"), "{text}");
+    // Half a degree at 450 kHz: 0.886 wavelengths over the width, and its square over the wavelength.
+    assert!(text.contains("a transducer of 0.338 m: beams are those of its far field, from 34.3"), "{text}");
 
     // Total reflection, as sound that leaves at a low angle meets faster water below and rises to the surface.
     let fast = "{layers: [{depth_m: 0, speed_m_s: 1450}, {depth_m: 35, speed_m_s: 1550}]}";

@@ -1,6 +1,7 @@
 //! How loud surfaces are.
 
 use super::*;
+use echocast::emitter::lobe::{Piston, Shape as LobeShape};
 use echocast::material::Sediment;
 use echocast::medium::{Absorption, Fluid, Sea, SoundRay};
 use glam::DQuat;
@@ -108,6 +109,36 @@ fn all_patterns_hear_the_energy_of_a_flat_bottom() {
 }
 
 /// Energy that falls into each bin of `length` m, likewise.
+/// Sonars that hear with another lobe than they send with: the product of both counts.
+#[test]
+fn sending_and_hearing_have_lobes_of_their_own() {
+    let scene = flat(100.0);
+    let hear = |sensor: &Sensor| ping(&scene, sensor, Pose::at(0.0, 0.0, HEIGHT), &options(water("")));
+    let wavelength = 1500.0 / 450e3;
+    // Over the sine, and over the solid angle about an axis.
+    let two_way = |sent: &Lobe, heard: &Lobe, round: bool| -> f64 {
+        let (sent, heard) = (sent.at(wavelength), heard.at(wavelength));
+        let steps = 40_000;
+        let step = 0.4 / f64::from(steps);
+        let part = |index: i32| {
+            let sine = (f64::from(index) + 0.5) * step;
+            (sent.amplitude(sine) * heard.amplitude(sine)).powi(2) * if round { sine } else { 1.0 } * step
+        };
+        (0..steps).map(part).sum()
+    };
+    let [half, two] = [0.5, 2.0].map(Lobe::Width);
+    let [alike, apart] = ["", "pattern.heard_along_deg=2"].map(|more| hear(&sidescan(more)));
+    let louder = db(two_way(&half, &two, false) / two_way(&half, &half, false));
+    for range in [25.0, 40.0, 60.0] {
+        let found = level(&apart, 0, range, 0.5) - level(&alike, 0, range, 0.5);
+        assert_near(&format!("side-scan at {range} m"), found, louder, 0.1);
+    }
+    let single = |more: &str| heard_energy(&hear(&sonar("type: single_beam, beam_deg: 6, rays: 4096", more)), 0, 0.05);
+    let [wide, narrow] = [6.0, 3.0].map(|width| Lobe::Shape(LobeShape::Piston(Piston::Width(width))));
+    let expected = db(two_way(&wide, &narrow, true) / two_way(&wide, &wide, true));
+    assert_near("echo sounder", single("pattern.heard_deg=3") - single(""), expected, 0.2);
+}
+
 fn bin_levels(
     length: f64,
     bins: usize,

@@ -241,6 +241,18 @@ impl Ping {
         self.pose.position + self.pose.orientation * (f64::from(sounding.range) * axis)
     }
 
+    /// Where a sounding is in the world, m, by a ray through the assumed profile of the water, as survey programs have it; as
+    /// [`Ping::sounding_place`] where that ray leaves the water.
+    ///
+    /// # Panics
+    /// If there is no such beam.
+    pub fn corrected_place(&self, sounding: &Sounding) -> DVec3 {
+        if sounding.corrected.is_nan() {
+            return self.sounding_place(sounding);
+        }
+        sounding.corrected.as_dvec3() + self.origin
+    }
+
     /// A copy with only the columns in `fields`, and the level.
     #[must_use]
     pub fn with(&self, fields: FieldSet) -> Ping {

@@ -39,6 +39,9 @@ pub(crate) struct Transducer {
     of_rays: usize,
     /// What sends and hears: for a side-scan sonar one for each beam.
     faces: Vec<Aperture>,
+    /// What hears instead of each face, and its power in the direction of each ray, as log2; empty: the faces do.
+    ears: Vec<Aperture>,
+    heard_power: Vec<f32>,
     /// Whether the face only sends: beams hear what is in front of it as [`Hearing`] alone says.
     only_sends: bool,
     /// Amplitudes with which beams hear, 1 on the axis; see [`Hearing`].
@@ -52,6 +55,8 @@ pub(crate) struct Transducer {
     pub axes: Vec<[f32; 2]>,
     /// Widths of the beams of a swath as they are steered, or of a single beam, rad.
     pub widths: Vec<f32>,
+    /// Full width of its narrowest lobe, rad.
+    pub narrowest: f64,
     /// Directivity index of hearing, dB.
     pub directivity_db: f64,
     /// Solid angle that each beam sends to and hears, sr: both powers over all directions.
@@ -84,6 +89,7 @@ impl Transducer {
             transducer.of_rays = transducer.hearings.len();
         }
         transducer.find_solid_angles();
+        transducer.find_heard_powers();
         Some(transducer)
     }
 
@@ -110,6 +116,14 @@ impl Transducer {
         (f64::from(rays) + directions_of(&heard) as f64) * heard_of_each
     }
 
+    /// Length of its longest side, m, and the range from which its beams are formed as its patterns say, `L^2 / wavelength`
+    /// (Lurton 2010, section 3.3): nearer they are those of one that focuses.
+    pub fn far_field(&self, wavelength: f64) -> [f64; 2] {
+        // A line's width at -3 dB.
+        let length = 0.886 * wavelength / self.narrowest;
+        [length, length * length / wavelength]
+    }
+
     pub fn rays(&self) -> usize {
         self.weight.len()
     }
@@ -123,25 +137,30 @@ impl Transducer {
         self.hearings.iter().all(|hearing| hearing.to - hearing.from == 1)
     }
 
-    /// What sends and hears where a ray starts.
-    fn face(&self, ray: usize) -> &Aperture {
+    /// Index of what sends and hears where a ray starts.
+    fn face(&self, ray: usize) -> usize {
         // Hearings of a side-scan sonar are its beams.
-        &self.faces[(self.hearing[ray] as usize).min(self.faces.len() - 1)]
+        (self.hearing[ray] as usize).min(self.faces.len() - 1)
+    }
+
+    /// What hears for a face.
+    fn ear(&self, face: usize) -> &Aperture {
+        self.ears.get(face).unwrap_or(&self.faces[face])
     }
 
     /// log2 of how much louder sound is sent along the unit `direction` (sensor frame) than along a ray.
     pub fn sent_beside(&self, ray: usize, direction: Vec3) -> f32 {
-        self.face(ray).power(direction) - self.power[ray]
+        self.faces[self.face(ray)].power(direction) - self.power[ray]
     }
 
     /// log2 of how much louder sound is heard from the unit `direction` (sensor frame) than from that of a ray, without
     /// the beams' own pattern; and the index of the [`Hearing`] that gives that.
     pub fn heard_beside(&self, ray: usize, direction: Vec3) -> (f32, u32) {
-        let power = self.face(ray).power(direction);
+        let power = self.ear(self.face(ray)).power(direction);
         let louder = match self.only_sends {
             true if power <= FAINT => FAINT,
             true => 0.0,
-            false => power - self.power[ray],
+            false => power - self.heard_power.get(ray).unwrap_or(&self.power[ray]),
         };
         let anywhere = self.hearings.len() > self.of_rays;
         (louder, if anywhere { self.hearing_at(direction) } else { self.hearing[ray] })
@@ -152,7 +171,7 @@ impl Transducer {
     pub fn towards(&self, sent: Vec3, heard: Vec3) -> impl Iterator<Item = (f32, u32)> {
         let steps = self.hearings.len() - self.of_rays;
         self.faces.iter().enumerate().map(move |(face, aperture)| {
-            let back = aperture.power(heard);
+            let back = self.ear(face).power(heard);
             let loud = aperture.power(sent) + if self.only_sends && back > FAINT { 0.0 } else { back };
             (loud, if steps == 0 { face as u32 } else { self.hearing_at(heard) })
         })
@@ -163,6 +182,14 @@ impl Transducer {
         let steps = self.hearings.len() - self.of_rays;
         let step = ((0.5 + 0.5 * direction.y) * steps as f32) as usize;
         (self.of_rays + step.min(steps - 1)) as u32
+    }
+
+    fn find_heard_powers(&mut self) {
+        if self.ears.is_empty() {
+            return;
+        }
+        let direction = |ray: usize| Vec3::from(self.direction.each_ref().map(|axis| axis[ray]));
+        self.heard_power = (0..self.rays()).map(|ray| self.ear(self.face(ray)).power(direction(ray))).collect();
     }
 
     fn find_solid_angles(&mut self) {
@@ -236,7 +263,8 @@ impl Transducer {
 
     fn sidescan(sonar: &Sidescan, wavelength: f64) -> Transducer {
         let lobe = sonar.along_deg.at(wavelength);
-        let along = ThinSide::two_way(&lobe);
+        let heard = sonar.heard_along_deg.as_ref().unwrap_or(&sonar.along_deg).at(wavelength);
+        let along = ThinSide::between(&lobe, &heard);
         // Half a fan from nadir hears all of it alike.
         let half_fan = sonar.down_fov_deg.map(|fov| Lobe::Shape(Shape::Box { width_deg: 0.5 * fov }));
         let vertical = half_fan.as_ref().unwrap_or(&sonar.vertical_deg).at(wavelength);
@@ -275,8 +303,12 @@ impl Transducer {
             let frame = [[0.0, side * cos, sin], [1.0, 0.0, 0.0], [0.0, -side * sin, cos]];
             let across = (|sine| vertical.amplitude(sine), vertical.width());
             transducer.faces.push(Aperture::new(frame, (|sine| lobe.amplitude(sine), lobe.width()), across));
+            if sonar.heard_along_deg.is_some() {
+                transducer.ears.push(Aperture::new(frame, (|sine| heard.amplitude(sine), heard.width()), across));
+            }
         }
-        transducer.directivity_db = lobe::directivity(&lobe, &vertical);
+        transducer.narrowest = lobe.width().min(heard.width()).min(vertical.width());
+        transducer.directivity_db = lobe::directivity(&heard, &vertical);
         transducer
     }
 
@@ -308,6 +340,7 @@ impl Transducer {
         // Seen from aside, the array is shorter.
         let steered = |sine: &f64| heard.width() / (1.0 - sine * sine).max(1e-4).sqrt();
         transducer.widths = sines.iter().map(|sine| steered(sine) as f32).collect();
+        transducer.narrowest = sent.width().min(heard.width());
         transducer.directivity_db = lobe::wall_directivity(&heard);
         transducer
     }
@@ -350,6 +383,7 @@ impl Transducer {
         let frame = [tilted([1.0, 0.0, 0.0]), [0.0, 1.0, 0.0], tilted([0.0, 0.0, 1.0])];
         let up = |sine: f64| vertical.amplitude(sine);
         transducer.faces = vec![Aperture::new(frame, EVERYWHERE, (up, vertical.width()))];
+        transducer.narrowest = heard.width().min(vertical.width());
         transducer.directivity_db = lobe::directivity(&heard, &vertical);
         transducer
     }
@@ -361,17 +395,20 @@ impl Transducer {
         let frame = [tilted([1.0, 0.0, 0.0]), [0.0, 1.0, 0.0], tilted([0.0, 0.0, 1.0])];
         let mut transducer = Transducer::default();
         transducer.heard_by(0);
+        let [lobe, heard] = sonar.lobes().map(|lobe| lobe.at(wavelength));
+        let apart = sonar.heard_deg.is_some();
+        transducer.narrowest = lobe.width().min(heard.width());
+        let two_way = |angle: f64| (lobe.amplitude(angle.sin()) * heard.amplitude(angle.sin())).powi(2);
         if let Some(vertical) = &sonar.vertical_deg {
-            let (lobe, vertical) = (sonar.beam_deg.at(wavelength), vertical.at(wavelength));
-            let two_way = |lobe: &lobe::BeamPattern, angle: f64| lobe.amplitude(angle.sin()).powi(4);
-            let (power, power_aside) = (|angle| two_way(&vertical, angle), |angle| two_way(&lobe, angle));
+            let vertical = vertical.at(wavelength);
+            let (power, power_aside) = (|angle: f64| vertical.amplitude(angle.sin()).powi(4), two_way);
             // Cells about as high as they are wide.
             let columns = (count as f64 * lobe.width() / vertical.width()).sqrt().round();
             let columns = (columns as usize).clamp(1, count / 4);
-            let most = lobe.extent(1e-2).min(1.0).asin();
+            let most = ThinSide::extent(&lobe, &heard).min(1.0).asin();
             let columns = strata(columns, (&lobe, 0.0), [-most, most], power_aside, |_| 1.0);
             // A single column is as wide as the beam, not as its sidelobes.
-            let widest = ThinSide::two_way(&lobe).width;
+            let widest = ThinSide::between(&lobe, &heard).width;
             let half = [-FRAC_PI_2, FRAC_PI_2];
             let rows = strata(count / columns.len(), (&vertical, 0.0), half, power, |_| 1.0);
             for (index, column) in columns.iter().enumerate() {
@@ -382,37 +419,43 @@ impl Transducer {
                     let angle_aside = column.at + (golden(index) - 0.5) * column.size;
                     let ((sin, cos), (aside, level)) = (angle.sin_cos(), angle_aside.sin_cos());
                     let direction = tilted([cos * level, aside, sin * level]);
-                    let power = power(angle) * power_aside(angle_aside);
+                    let (up, power_aside) = (power(angle), power_aside(angle_aside));
                     // The angle aside is a latitude: a step of the other angle is shorter there by its cosine.
                     let size = row.size * level;
                     transducer.push(
                         direction,
                         tilted([-sin, 0.0, cos]),
                         size,
-                        power * size * column.size,
-                        power.sqrt(),
+                        up * power_aside * size * column.size,
+                        up.sqrt() * lobe.amplitude(aside).powi(2),
                     );
                     transducer.aside.push(column.size.min(widest) as f32);
                 }
             }
-            let (aside, up) = (|sine: f64| lobe.amplitude(sine), |sine: f64| vertical.amplitude(sine));
-            transducer.faces = vec![Aperture::new(frame, (aside, lobe.width()), (up, vertical.width()))];
+            let face = |lobe: &lobe::BeamPattern| {
+                let (aside, up) = (|sine: f64| lobe.amplitude(sine), |sine: f64| vertical.amplitude(sine));
+                Aperture::new(frame, (aside, lobe.width()), (up, vertical.width()))
+            };
+            transducer.faces = vec![face(&lobe)];
+            transducer.ears = if apart { vec![face(&heard)] } else { Vec::new() };
             transducer.widths = vec![vertical.width() as f32];
-            transducer.directivity_db = lobe::directivity(&lobe, &vertical);
+            transducer.narrowest = transducer.narrowest.min(vertical.width());
+            transducer.directivity_db = lobe::directivity(&heard, &vertical);
         } else {
-            let lobe = sonar.round_lobe().at(wavelength);
-            let power = |angle: f64| lobe.amplitude(angle.sin()).powi(4);
-            for (index, ring) in strata(count, (&lobe, 0.0), [0.0, FRAC_PI_2], power, f64::sin).iter().enumerate() {
+            for (index, ring) in strata(count, (&lobe, 0.0), [0.0, FRAC_PI_2], two_way, f64::sin).iter().enumerate() {
                 let ((sin, cos), (left, up)) = (ring.at.sin_cos(), (2.0 * PI * golden(index)).sin_cos());
                 let direction = tilted([cos, sin * left, sin * up]);
                 let tangent = tilted([-sin, cos * left, cos * up]);
                 let solid = 2.0 * PI * ((ring.at - 0.5 * ring.size).cos() - (ring.at + 0.5 * ring.size).cos());
-                transducer.push(direction, tangent, solid.sqrt(), ring.power * solid, ring.power.sqrt());
+                let one_way = lobe.amplitude(ring.at.sin()).powi(2);
+                transducer.push(direction, tangent, solid.sqrt(), ring.power * solid, one_way);
                 transducer.aside.push(solid.sqrt() as f32);
             }
-            transducer.faces = vec![Aperture::round(frame, |sine| lobe.amplitude(sine), lobe.width())];
-            transducer.widths = vec![lobe.width() as f32];
-            transducer.directivity_db = lobe::round_directivity(&lobe);
+            let face = |lobe: &lobe::BeamPattern| Aperture::round(frame, |sine| lobe.amplitude(sine), lobe.width());
+            transducer.faces = vec![face(&lobe)];
+            transducer.ears = if apart { vec![face(&heard)] } else { Vec::new() };
+            transducer.widths = vec![lobe.width().min(heard.width()) as f32];
+            transducer.directivity_db = lobe::round_directivity(&heard);
         }
         transducer
     }
@@ -505,9 +548,15 @@ struct ThinSide {
 }
 
 impl ThinSide {
-    /// For a lobe that sends and hears.
-    fn two_way(lobe: &lobe::BeamPattern) -> ThinSide {
-        ThinSide::new(|sine| lobe.amplitude(sine).powi(4), lobe.extent(1e-2))
+    /// For lobes that send and hear.
+    fn between(sent: &lobe::BeamPattern, heard: &lobe::BeamPattern) -> ThinSide {
+        let power = |sine| (sent.amplitude(sine) * heard.amplitude(sine)).powi(2);
+        ThinSide::new(power, ThinSide::extent(sent, heard))
+    }
+
+    /// Sine up to which both together are heard: with 1e-4 of their power where they are alike.
+    fn extent(sent: &lobe::BeamPattern, heard: &lobe::BeamPattern) -> f64 {
+        sent.extent(1e-2).max(heard.extent(1e-2)).min(sent.extent(1e-4)).min(heard.extent(1e-4))
     }
 
     /// For a lobe with `power` at a sine, heard up to `extent`.

@@ -252,7 +252,7 @@ fn soundings(bytes: &mut Vec<u8>, ping: &Ping, place: &Place, interval: f64) -> 
         datagram.put(&[across, 0.0, level, level]);
         datagram.zeros(16);
         datagram.put(&[to_port(axis), 0.0, (2.0 * range / layout.believed_speed) as f32, 0.0]);
-        let from = sounding.map_or(DVec3::ZERO, |sounding| ping.sounding_place(sounding) - ping.pose.position);
+        let from = sounding.map_or(DVec3::ZERO, |sounding| ping.corrected_place(sounding) - ping.pose.position);
         let level = place.level * from;
         // deltaLatitude_deg, deltaLongitude_deg, z, y and x from the reference point: down, to starboard, ahead
         let deltas = [from.y / DEGREE[0], from.x / DEGREE[1], -level.z, -level.y, level.x];

@@ -184,7 +184,7 @@ fn add_channels(packet: &mut Vec<u8>, ping: &Ping, altitude: f64, interval: f64)
 fn add_soundings(packet: &mut Vec<u8>, ping: &Ping) {
     let layout = &*ping.layout;
     for sounding in &ping.soundings {
-        let at = ping.sounding_place(sounding);
+        let at = ping.corrected_place(sounding);
         let offset = at - ping.pose.position;
         let mut record = [0; SOUNDING];
         put(&mut record, 0, [offset.x, offset.y]); // east and north of the sensor

@@ -65,7 +65,7 @@ fn soundings(pings: &Pings) -> Result<Vec<Place>> {
     let mut places = Vec::new();
     for (index, ping) in pings.pings.iter().enumerate() {
         for sounding in &ping.soundings {
-            let at = ping.sounding_place(sounding);
+            let at = ping.corrected_place(sounding);
             let source = Source { ping: index as u32, cell: sounding.cell };
             places.push(Place { at, level_db: sounding.level_db, source });
         }

@@ -265,11 +265,11 @@ impl BuiltScene {
 
     /// Explains what happens to beam `beam` of such a scan, step by step with numbers: where it goes, what it meets,
     /// what comes back, and which part of it is seen and reported. For a sonar, explains the ray of the beam's echo,
-    /// layer by layer, and the terms of the sonar equation.
+    /// layer by layer, and the terms of the sonar equation; in the profiles of the paper and its program `beam` is a ray of
+    /// their fan.
     ///
     /// # Errors
-    /// As [`BuiltScene::scan`], a beam that does not exist, and a sonar with another profile than
-    /// [`Profile::Physical`].
+    /// As [`BuiltScene::scan`], and a beam that does not exist.
     pub fn explain(
         &self,
         sensor: &Sensor,
@@ -281,8 +281,10 @@ impl BuiltScene {
         options.check(trajectory)?;
         options.environment.check()?;
         if sensor.kind() == SensorKind::Sonar {
-            options.profile.check_physical("physical where a beam of a sonar is explained")?;
-            return self.explain_ping(sensor, trajectory, &options, beam);
+            return match options.profile {
+                Profile::Physical => self.explain_ping(sensor, trajectory, &options, beam),
+                _ => self.explain_printed(sensor, trajectory, &options, beam),
+            };
         }
         self.explain_light(sensor, trajectory, &options, beam)
     }

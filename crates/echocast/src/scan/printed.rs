@@ -3,6 +3,8 @@
 //! The paper: Reitmann, Neumann, Jung, Sensors 2021, 21, 2144, eqs. 6 to 13 and sections 2.3.3 and 3.3. The program:
 //! its `sonar.py` as it was run, oddities and all.
 
+mod explain;
+
 use super::{Profile, ScanOptions};
 use crate::cloud::{Columns, Frame, PointCloud, put};
 use crate::emitter::pattern::{Pattern, Sidescan};
@@ -16,7 +18,9 @@ use crate::ground::pose::Pose;
 use crate::material::{Mirrors, ReflectanceSource, Reflectances};
 use crate::medium::{Absorption, Column, Fluid, Slab, SoundSpeed, SoundSpeedProfile, Water};
 use crate::sensor::{AcousticsSpec, Sensor};
-use crate::trace::{Arrival, BuiltScene, HitBatch, Launch, SoundLimits, SoundTracer, Tables, TracerMemory};
+use crate::trace::{
+    Arrival, BuiltScene, HitBatch, Launch, ReflectionLoss, SoundLimits, SoundTracer, Tables, TracerMemory,
+};
 use glam::{DVec3, Mat3, Vec3};
 use std::ops::Range;
 use std::sync::Arc;
@@ -52,6 +56,21 @@ struct PrintedPoint {
     surface: u32,
     triangle: u32,
     corner: [f32; 2],
+}
+
+/// The terms of the sonar equation (6) that differ from ray to ray, dB but for the reflectance.
+#[derive(Clone, Copy, Debug)]
+struct Terms {
+    /// Source level, of the program after the interfaces on the way.
+    source: f64,
+    /// What spreading takes, there and back.
+    spreading: f64,
+    /// What interfaces take; nothing of the program, which has that in the source level.
+    interfaces: f64,
+    /// 0 to 1.
+    reflectance: f64,
+    /// The echo level.
+    level: f64,
 }
 
 /// Rays of one task and the memory to follow them in.
@@ -126,23 +145,11 @@ impl<'a> Printed<'a> {
         let mut chunks = Vec::new();
         chunks.resize_with(self.fan.len().div_ceil(CHUNK), PrintedChunk::default);
         let no_loss = |_: u32, _: f64| 0.0;
-        // Time is what ends a ray of the tracer; where sound is slowest it takes longest over the farthest range.
-        let tracer = SoundTracer::new(
-            self.scene,
-            &self.column,
-            SoundLimits {
-                mask: self.options.mask,
-                believed: self.column.end_speeds().fold(f64::INFINITY, f64::min),
-                reach: self.limits[1],
-                bounces: 0,
-                reflection_loss: &no_loss,
-                clock: self.scene.clock(self.options.start_time, self.options.freeze),
-            },
-        );
+        let tracer = SoundTracer::new(self.scene, &self.column, self.tracer_limits(&no_loss));
         parallel::for_each(&mut chunks, |number, chunk| {
             let rays = number * CHUNK..((number + 1) * CHUNK).min(self.fan.len());
             if self.options.profile == Profile::Blainder {
-                self.follow_as_program(rays, chunk);
+                self.follow_as_program(rays, chunk, &mut |_, _| {});
             } else {
                 self.follow_as_paper(&tracer, rays, chunk);
             }
@@ -150,6 +157,18 @@ impl<'a> Printed<'a> {
             chunk.points.sort_unstable_by_key(|point| point.ray);
         });
         chunks.into_iter().flat_map(|chunk| chunk.points).collect()
+    }
+
+    /// Time is what ends a ray of the tracer; where sound is slowest it takes longest over the farthest range.
+    fn tracer_limits<'l>(&self, reflection_loss: ReflectionLoss<'l>) -> SoundLimits<'l> {
+        SoundLimits {
+            mask: self.options.mask,
+            believed: self.column.end_speeds().fold(f64::INFINITY, f64::min),
+            reach: self.limits[1],
+            bounces: 0,
+            reflection_loss,
+            clock: self.scene.clock(self.options.start_time, self.options.freeze),
+        }
     }
 
     fn rotation(&self) -> Mat3 {
@@ -161,10 +180,15 @@ impl<'a> Printed<'a> {
         self.pose.position - self.scene.origin
     }
 
-    /// What of the sonar equation (6) is the same for all rays, dB: `- NL + DI + PG`.
-    fn gains(&self) -> f64 {
+    /// What of the sonar equation (6) is the same for all rays, dB: `- NL`, `DI` and `PG`.
+    fn own_terms(&self) -> [f64; 3] {
         let AcousticsSpec { noise_level_db, directivity_index_db, processing_gain_db, .. } = self.acoustics;
-        directivity_index_db.unwrap_or(0.0) + processing_gain_db.unwrap_or(0.0) - noise_level_db.unwrap_or(0.0)
+        [-noise_level_db.unwrap_or(0.0), directivity_index_db.unwrap_or(0.0), processing_gain_db.unwrap_or(0.0)]
+    }
+
+    fn gains(&self) -> f64 {
+        let [noise, directivity, gain] = self.own_terms();
+        directivity + gain + noise
     }
 
     /// Reflectance of a `surface`, 0 to 1, at a place of a `triangle`.
@@ -191,35 +215,46 @@ impl<'a> Printed<'a> {
         let arrivals = &mut chunk.arrivals;
         tracer.trace(&launch, rays, &mut chunk.tracer, arrivals);
         for arrival in &*arrivals {
-            let (path, surface) = (f64::from(arrival.path), arrival.surface);
-            // The paper knows nothing of the sea surface.
-            if surface == MEDIUM || !(path >= self.limits[0] && path <= self.limits[1]) {
-                continue;
-            }
-            let (triangle, corner) = (arrival.triangle, arrival.corner);
-            let strength = 10.0 * self.reflectance(surface, triangle, corner).log10();
-            // The source level is that at 1 m.
-            let spreading = 20.0 * path.max(1.0).log10();
-            let level =
-                self.acoustics.source_level_db - 2.0 * spreading - f64::from(arrival.loss) + strength + self.gains();
-            if level > self.acoustics.detection_threshold_db {
-                chunk.points.push(PrintedPoint {
-                    ray: arrival.ray,
-                    range: path as f32,
-                    intensity: level as f32,
-                    place: arrival.place,
-                    direction: arrival.direction,
-                    normal: arrival.normal,
-                    surface,
-                    triangle,
-                    corner,
-                });
+            let echo = self.echo_as_paper(arrival);
+            if let Some((_, point)) = echo.filter(|(terms, _)| terms.level > self.acoustics.detection_threshold_db) {
+                chunk.points.push(point);
             }
         }
     }
 
-    /// Echoes as the program has them, block by block, all rays of a block through one layer after the other.
-    fn follow_as_program(&self, rays: Range<usize>, chunk: &mut PrintedChunk) {
+    /// The paper's echo of what a ray meets; `None`: of the sea surface, of which it knows nothing, and out of range.
+    fn echo_as_paper(&self, arrival: &Arrival) -> Option<(Terms, PrintedPoint)> {
+        let path = f64::from(arrival.path);
+        if arrival.surface == MEDIUM || !(path >= self.limits[0] && path <= self.limits[1]) {
+            return None;
+        }
+        let reflectance = self.reflectance(arrival.surface, arrival.triangle, arrival.corner);
+        // The source level is that at 1 m.
+        let spreading = 2.0 * 20.0 * path.max(1.0).log10();
+        let (source, interfaces) = (self.acoustics.source_level_db, f64::from(arrival.loss));
+        let level = source - spreading - interfaces + 10.0 * reflectance.log10() + self.gains();
+        let point = PrintedPoint {
+            ray: arrival.ray,
+            range: path as f32,
+            intensity: level as f32,
+            place: arrival.place,
+            direction: arrival.direction,
+            normal: arrival.normal,
+            surface: arrival.surface,
+            triangle: arrival.triangle,
+            corner: arrival.corner,
+        };
+        Some((Terms { source, spreading, interfaces, reflectance, level }, point))
+    }
+
+    /// Echoes as the program has them, block by block, all rays of a block through one layer after the other. `tell` is
+    /// called with all that is met, however faint.
+    fn follow_as_program(
+        &self,
+        rays: Range<usize>,
+        chunk: &mut PrintedChunk,
+        tell: &mut impl FnMut(&Terms, &PrintedPoint),
+    ) {
         let (mut batch, mut hits) = (RayBatch::default(), HitBatch::new());
         // As for the program, nothing moves during a ping.
         if let Some(clock) = self.scene.clock(self.options.start_time, true) {
@@ -255,10 +290,17 @@ impl<'a> Printed<'a> {
                 hits.orient_normals(self.scene, &batch, ways.len());
                 let mut lane = 0;
                 ways.retain_mut(|way| {
-                    let point = self.echo_as_program(way, &hits, lane);
+                    let met = self.echo_as_program(way, &hits, lane);
                     lane += 1;
-                    match point {
-                        Some(point) => {
+                    if let Some((terms, point)) = &met {
+                        tell(terms, point);
+                    }
+                    // On an interface the way in the last layer is 0, and the level no number.
+                    let loud = |terms: &Terms, point: &PrintedPoint| {
+                        terms.level > self.acoustics.detection_threshold_db && point.intensity.is_finite()
+                    };
+                    match met.filter(|(terms, point)| loud(terms, point)) {
+                        Some((_, point)) => {
                             if f64::from(point.range) >= self.limits[0] {
                                 chunk.points.push(point);
                             }
@@ -272,31 +314,32 @@ impl<'a> Printed<'a> {
         }
     }
 
-    /// The echo of what `lane` of `hits` meets, if it is loud enough: `(SL - 2 TL - NL + DI + PG) R` by the program,
-    /// the reflectance `R` a factor of the level, `TL = 10 log` of the way in the last layer alone; its intensity is
-    /// the ratio of the level to that of the source.
-    fn echo_as_program(&self, way: &Way, hits: &HitBatch, lane: usize) -> Option<PrintedPoint> {
+    /// The echo of what `lane` of `hits` meets: `(SL - 2 TL - NL + DI + PG) R` by the program, the reflectance `R` a
+    /// factor of the level, `TL = 10 log` of the way in the last layer alone; its intensity is the ratio of the level to
+    /// that of the source.
+    fn echo_as_program(&self, way: &Way, hits: &HitBatch, lane: usize) -> Option<(Terms, PrintedPoint)> {
         let surface = hits.surface[lane];
         if surface == MISS {
             return None;
         }
         let (triangle, corner) = (hits.triangle[lane], [hits.u[lane], hits.v[lane]]);
         let length = f64::from(hits.range[lane]);
-        let level = way.source_level - 20.0 * length.log10() + self.gains();
-        let level = level * self.reflectance(surface, triangle, corner);
-        let intensity = (level / way.source_level) as f32;
-        // On an interface the way in the last layer is 0, and the level no number.
-        (level > self.acoustics.detection_threshold_db && intensity.is_finite()).then(|| PrintedPoint {
+        let (source, spreading) = (way.source_level, 20.0 * length.log10());
+        let reflectance = self.reflectance(surface, triangle, corner);
+        let level = (source - spreading + self.gains()) * reflectance;
+        let terms = Terms { source, spreading, interfaces: 0.0, reflectance, level };
+        let point = PrintedPoint {
             ray: way.ray,
             range: (way.path + length) as f32,
-            intensity,
+            intensity: (level / source) as f32,
             place: (way.place + way.direction * length).as_vec3(),
             direction: way.direction.as_vec3(),
             normal: hits.normal(lane),
             surface,
             triangle,
             corner,
-        })
+        };
+        Some((terms, point))
     }
 
     /// Makes a cloud of the points.

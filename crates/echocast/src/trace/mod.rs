@@ -22,7 +22,7 @@ pub(crate) use hits::HitBatch;
 pub(crate) use instances::{Crossings, Instance, Sight};
 pub use live::{LiveScene, ObjectId};
 pub(crate) use mover::{Clock, Follows, Later, Movement, Mover};
-pub(crate) use sound::{Arrival, Direct, Goal, Launch, SoundLimits, SoundTracer, TracerMemory};
+pub(crate) use sound::{Arrival, Direct, Goal, Launch, ReflectionLoss, SoundLimits, SoundTracer, TracerMemory};
 pub(crate) use surface::{Surface, Surfaces};
 
 use crate::ground::report::Report;

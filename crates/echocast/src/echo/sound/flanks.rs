@@ -7,6 +7,7 @@
 
 use super::ping::{CHUNK_BITS, Echoes, NOBODY};
 use crate::emitter::{FLANK_PARTS, Hearing, Transducer};
+use echocast_kernels::sound;
 use std::ops::Range;
 
 /// Energies of a ping by part of the directions and range bin.
@@ -64,30 +65,23 @@ impl Flanks {
         }
     }
 
-    /// What a beam hears of it in each bin: `powers`; and who is the strongest there, where anybody asks.
-    pub fn heard(&self, transducer: &Transducer, beam: usize, powers: &mut [f32], who: &mut [u32], most: &mut [f32]) {
+    /// What a beam hears of it in each bin.
+    pub fn heard(&self, transducer: &Transducer, beam: usize, powers: &mut [f32]) {
         powers.fill(0.0);
-        who.fill(NOBODY);
-        most.fill(0.0);
         for (part, span) in self.spans.iter().enumerate().filter(|(_, span)| !span.is_empty()) {
             let flank = transducer.flanks[beam * FLANK_PARTS + part];
-            if flank == 0.0 {
-                continue;
-            }
-            let cells = part * self.bins + span.start..part * self.bins + span.end;
-            for (power, energy) in powers[span.clone()].iter_mut().zip(&self.energy[cells.clone()]) {
-                *power += flank * energy;
-            }
-            if self.who.is_empty() {
-                continue;
-            }
-            let theirs = self.most[cells.clone()].iter().zip(&self.who[cells]);
-            for ((most, who), (&energy, &is)) in most[span.clone()].iter_mut().zip(&mut who[span.clone()]).zip(theirs) {
-                if flank * energy > *most {
-                    (*most, *who) = (flank * energy, is);
-                }
+            if flank > 0.0 {
+                let from = part * self.bins;
+                sound::add(flank, &self.energy[from + span.start..from + span.end], &mut powers[span.clone()]);
             }
         }
+    }
+
+    /// Who is the loudest of those that a beam hears in a bin.
+    pub fn strongest(&self, transducer: &Transducer, beam: usize, bin: usize) -> u32 {
+        let heard = |part: usize| transducer.flanks[beam * FLANK_PARTS + part] * self.most[part * self.bins + bin];
+        let loudest = (0..FLANK_PARTS).max_by(|&a, &b| heard(a).total_cmp(&heard(b)));
+        loudest.filter(|&part| heard(part) > 0.0).map_or(NOBODY, |part| self.who[part * self.bins + bin])
     }
 
     /// Whether there is nothing to be heard from far aside.

@@ -224,7 +224,7 @@ impl Insonification<'_> {
                     continue;
                 }
                 launches.push((arrivals.len() as u32, *launch));
-                arrivals.push(*way);
+                arrivals.push(Arrival { ray: NO_RAY, ..*way });
                 let range = if at >= self.fold { at - self.fold } else { at };
                 let bin = range.max(0.0) / self.bin_m;
                 let is_heard = bin < self.bins as f32;
@@ -532,6 +532,9 @@ pub(crate) struct Tile {
 /// No arrival.
 pub(crate) const NOBODY: u32 = u32::MAX;
 
+/// In place of a ray's number: what was not found by any, and takes no water from view.
+const NO_RAY: u32 = u32::MAX;
+
 /// Most arrivals of a chunk: their number goes into the lower bits of [`Tile::who`].
 pub(crate) const CHUNK_BITS: u32 = 16;
 
@@ -627,7 +630,7 @@ impl Tile {
             return;
         }
         for (index, (arrival, answer)) in (0..).zip(echoes.arrivals.iter().zip(&echoes.answers)) {
-            if wants.open && arrival.order == 0 {
+            if wants.open && arrival.order == 0 && arrival.ray != NO_RAY {
                 self.close(transducer, arrival.ray as usize, (answer.range / bin_m) as usize);
             }
             let Hearing { first, from, to, .. } = transducer.hearings[answer.hearing as usize];

@@ -125,10 +125,8 @@ pub(crate) struct Lines {
     noise_im: Vec<f32>,
     /// Amplitudes of the noise.
     hiss: Vec<f32>,
-    /// Powers from far aside, the strongest scatterer there, and its power.
+    /// Powers from far aside.
     flank: Vec<f32>,
-    flank_who: Vec<u32>,
-    flank_most: Vec<f32>,
     sum: Vec<f32>,
     padded: Vec<f32>,
 }
@@ -138,23 +136,22 @@ impl Tile {
     pub fn levels(&mut self, response: &Response, background: &Background, lines: &mut Lines, levels: &mut [f32]) {
         let (width, coherent) = (self.width(), !self.im.is_empty());
         let bins = self.re.len() / width;
-        let Lines { re, im, noise_re, noise_im, hiss, flank, flank_who, flank_most, sum, padded } = lines;
-        for line in [&mut *noise_re, noise_im, hiss, flank, flank_most, sum] {
+        let Lines { re, im, noise_re, noise_im, hiss, flank, sum, padded } = lines;
+        for line in [&mut *noise_re, noise_im, hiss, flank, sum] {
             line.resize(bins, 0.0);
         }
         for (rows, beams) in [(&self.re, &mut *re), (&self.im, &mut *im)] {
             beams.resize(rows.len(), 0.0);
             sound::columns(width, rows, beams);
         }
-        flank_who.resize(bins, NOBODY);
         for (beam, levels) in levels.chunks_exact_mut(bins).enumerate() {
             let number = (self.beams.0 + beam) as u32;
             background.rng.cell_phasors(number, Draw::PingNoise, noise_re, noise_im);
             self.hiss(beam, response, background, coherent, hiss);
             let aside = !background.flanks.is_empty();
             if aside {
-                background.flanks.heard(background.transducer, number as usize, flank, flank_who, flank_most);
-                self.label_flank(beam, background.noise, flank, flank_who);
+                background.flanks.heard(background.transducer, number as usize, flank);
+                self.label_flank(beam, background, flank);
             }
             let re = &mut re[beam * bins..(beam + 1) * bins];
             if aside && coherent {
@@ -181,12 +178,12 @@ impl Tile {
     }
 
     /// Cells of a beam in which nobody is heard alone have the strongest of those far aside, if they are louder than noise.
-    fn label_flank(&mut self, beam: usize, noise: f32, powers: &[f32], strongest: &[u32]) {
-        let width = self.width();
+    fn label_flank(&mut self, beam: usize, background: &Background, powers: &[f32]) {
+        let (width, number) = (self.width(), self.beams.0 + beam);
         let cells = self.who.iter_mut().skip(beam).step_by(width);
-        for ((who, &power), &strongest) in cells.zip(powers).zip(strongest) {
-            if *who == NOBODY && power > noise {
-                *who = strongest;
+        for (bin, (who, &power)) in cells.zip(powers).enumerate() {
+            if *who == NOBODY && power > background.noise {
+                *who = background.flanks.strongest(background.transducer, number, bin);
             }
         }
     }

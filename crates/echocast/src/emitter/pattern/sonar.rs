@@ -25,9 +25,12 @@ pub struct Sidescan {
     /// Width of each fan across the track.
     #[serde(default = "fan_width")]
     pub vertical_deg: Lobe,
-    /// Width along the track, of sending and hearing alike.
+    /// Width along the track, of sending.
     #[serde(default = "along_width")]
     pub along_deg: Lobe,
+    /// Likewise of hearing; that of sending when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heard_along_deg: Option<Lobe>,
     /// Rays of each side, 8 to 1000000.
     #[serde(default = "side_rays")]
     pub rays: u32,
@@ -123,7 +126,10 @@ pub struct Imaging {
 pub struct SingleBeam {
     /// Width of the beam.
     pub beam_deg: Lobe,
-    /// Height of the beam; without it the beam is round.
+    /// Width with which it is heard; the same when not given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub heard_deg: Option<Lobe>,
+    /// Height of the beam, sent and heard; without it the beam is round.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vertical_deg: Option<Lobe>,
     /// Axis below the horizontal, degrees, -90 to 90: 90 is straight down.
@@ -185,6 +191,9 @@ impl Sidescan {
         bounds.within("pattern.tilt_deg", self.tilt_deg, 0.0, 90.0)?;
         self.vertical_deg.check(bounds, "pattern.vertical_deg")?;
         self.along_deg.check(bounds, "pattern.along_deg")?;
+        if let Some(heard) = &self.heard_along_deg {
+            heard.check(bounds, "pattern.heard_along_deg")?;
+        }
         bounds.within("pattern.rays", f64::from(self.rays), 8.0, 1e6)?;
         check_above_zero(bounds, "pattern.rate_hz", self.rate_hz)?;
         match (self.down_fov_deg, self.step_deg) {
@@ -293,6 +302,9 @@ impl Imaging {
 impl SingleBeam {
     pub(super) fn check(&self, bounds: &mut Bounds) -> Result<()> {
         self.beam_deg.check(bounds, "pattern.beam_deg")?;
+        if let Some(heard) = &self.heard_deg {
+            heard.check(bounds, "pattern.heard_deg")?;
+        }
         if let Some(vertical) = &self.vertical_deg {
             vertical.check(bounds, "pattern.vertical_deg")?;
         }
@@ -304,12 +316,15 @@ impl SingleBeam {
         check_above_zero(bounds, "pattern.rate_hz", self.rate_hz)
     }
 
-    /// The lobe of a round beam: a number is the width of a piston.
-    pub(crate) fn round_lobe(&self) -> Lobe {
-        match self.beam_deg {
-            Lobe::Width(width_deg) => Lobe::Shape(Shape::Piston(Piston::Width(width_deg))),
-            ref other => other.clone(),
-        }
+    /// The lobes with which it sends and hears. Of a round beam a number is the width of a piston.
+    pub(crate) fn lobes(&self) -> [Lobe; 2] {
+        let heard = self.heard_deg.as_ref().unwrap_or(&self.beam_deg);
+        [&self.beam_deg, heard].map(|lobe| match lobe {
+            &Lobe::Width(width_deg) if self.vertical_deg.is_none() => {
+                Lobe::Shape(Shape::Piston(Piston::Width(width_deg)))
+            }
+            other => other.clone(),
+        })
     }
 
     /// Azimuth of ping `number`, degrees.
@@ -387,8 +402,15 @@ mod tests {
     #[test]
     fn a_turning_beam_starts_again_after_its_last_azimuth() {
         let turn = Some(Fan { fov_deg: 360.0, step_deg: 90.0, centre_deg: 0.0 });
-        let sonar =
-            SingleBeam { beam_deg: one_degree(), vertical_deg: None, tilt_deg: 0.0, turn, rays: 8, rate_hz: 1.0 };
+        let sonar = SingleBeam {
+            beam_deg: one_degree(),
+            heard_deg: None,
+            vertical_deg: None,
+            tilt_deg: 0.0,
+            turn,
+            rays: 8,
+            rate_hz: 1.0,
+        };
         assert_eq!([0, 1, 2, 3, 4].map(|ping| sonar.azimuth_deg(ping)), [-180.0, -90.0, 0.0, 90.0, -180.0]);
     }
 }

@@ -1,10 +1,19 @@
 //! From pings to points.
 
-use crate::cloud::{CELL_FIELDS, Columns, Field, FieldSet, Frame, Ping, PointCloud, SonarView, put};
+use crate::cloud::{CELL_FIELDS, Columns, Field, FieldSet, Frame, Layout, Ping, PointCloud, SonarView, put};
 use crate::ground::angle::{azimuth_elevation, direction};
 use crate::ground::error::{Error, Result};
 use crate::scan::ScanOptions;
 use glam::{DVec3, Vec3};
+
+/// Whether an azimuth is so far from that of an imaging sonar's beam that several beams are in between.
+fn far_aside(layout: &Layout, beam: usize, azimuth: f32) -> bool {
+    /// Beams, about as many as hear a single echo.
+    const FAR: f32 = 8.0;
+    let axis = |beam: usize| layout.axes[beam][0];
+    let next = if beam + 1 < layout.beams() { beam + 1 } else { beam.saturating_sub(1) };
+    layout.view == SonarView::Fan && (azimuth - axis(beam)).abs() > FAR * (axis(next) - axis(beam)).abs()
+}
 
 /// A point of a ping: its cell, and what the sonar reports of it.
 struct PingPoint {
@@ -38,8 +47,8 @@ impl Ping {
 
     /// Its echoes as labelled points, as `options` ask for: for swaths and single beams the depth of each beam, along
     /// the beam's axis; for side-scan and imaging sonars every cell above the threshold, in the direction in which the
-    /// sound of its strongest scatterer left, or, where nothing scatters (cause 7), along the beam's axis. Points lie
-    /// at the range that the sonar reports; where the sound really was is in `true_x` to `true_range`.
+    /// sound of its strongest scatterer left, or, where nothing scatters (cause 7) or what does is far beside an imaging
+    /// sonar's beam, which hears it in its sidelobes, along the beam's axis. Points lie at the range that the sonar reports; where the sound really was is in `true_x` to `true_range`.
     ///
     /// `intensity` is the echo level, dB re 1 uPa; `firing` the number of the ping; `channel` the beam; `beam` the beam
     /// for a depth, and the cell, `beam * bins + bin`, for other points.
@@ -122,7 +131,8 @@ impl Ping {
                     continue;
                 }
                 let (azimuth, elevation) = (cells.azimuth[cell], cells.elevation[cell]);
-                let direction = if azimuth.is_nan() { axis(beam) } else { direction([azimuth, elevation]) };
+                let by_sidelobes = azimuth.is_nan() || far_aside(layout, beam, azimuth);
+                let direction = if by_sidelobes { axis(beam) } else { direction([azimuth, elevation]) };
                 let range = if seen { layout.range(bin) as f32 } else { f32::NAN };
                 points.push(PingPoint { cell, beam, range, direction, quality: f32::NAN, corrected: Vec3::NAN });
             }

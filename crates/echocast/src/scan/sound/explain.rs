@@ -91,6 +91,11 @@ impl Pinging<'_> {
             bandwidth * 1e-3,
             layout.bin_m
         )?;
+        let [length, far] = self.transducer.far_field(speed / frequency);
+        writeln!(
+            text,
+            "  a transducer of {length:.3} m: beams are those of its far field, from {far:.2} m on; nearer, of one that focuses"
+        )?;
 
         let Some((cell, bin)) = self.loudest(ping, memory, beam) else {
             return writeln!(text, "echo\n  no ray of this beam meets anything within {:.1} m", layout.reach());
