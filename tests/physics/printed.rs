@@ -522,8 +522,8 @@ fn rays_are_explained_term_by_term() {
             } else {
                 (own * term("times the reflectance"), level * term("source level"))
             };
-            assert_near(&format!("{text}"), sum, found, 0.05);
-            assert_near(&format!("{text}"), term("echo level"), found, 0.02);
+            assert_near(&text, sum, found, 0.05);
+            assert_near(&text, term("echo level"), found, 0.02);
             assert_near("way", after(&text, ", after "), cloud.columns.range[ray].into(), 1e-3);
         }
         assert!(seen > 10, "{seen}");
