@@ -184,6 +184,11 @@ impl Default for Layout {
 }
 
 impl SonarView {
+    /// Whether its points are the depths of its beams, not its cells.
+    pub(crate) fn reports_depths(self) -> bool {
+        matches!(self, SonarView::Swath | SonarView::Single)
+    }
+
     /// Its name in files.
     pub fn name(self) -> &'static str {
         match self {

@@ -14,6 +14,7 @@ use crate::material::ReflectanceSource;
 use crate::medium::Environment;
 use crate::sensor::{Sensor, SensorKind};
 use crate::trace::BuiltScene;
+use sound::Told;
 use std::ops::ControlFlow;
 
 /// Which model set a scan follows.
@@ -251,7 +252,11 @@ impl BuiltScene {
             }
             if options.profile == Profile::Physical {
                 let fields = Ping::cloud_fields(options.fields);
-                let ping = self.ping(sensor, trajectory, &ScanOptions { fields, ..options.clone() })?;
+                // Of sonars that report depths, points are made from few cells.
+                let view = sensor.sonar_view();
+                let told = if view.reports_depths() { Told::Soundings } else { Told::All };
+                let mut ping = Ping::default();
+                self.ping_told(sensor, trajectory, &ScanOptions { fields, ..options.clone() }, &mut ping, told)?;
                 *cloud = ping.cloud(options)?;
             } else {
                 self.scan_printed(sensor, trajectory, options, cloud)?;

@@ -19,7 +19,7 @@ pub use spec::{BeamSpec, Expectations, IntensitySpec, RangeSpec, ReturnsSpec, Se
 pub(crate) use tof::DepthCamera;
 pub use tof::{Illumination, ShotNoiseSpec, Target, TofSpec, Vignetting};
 
-use crate::cloud::{Field, FieldSet, SOUNDING, SonarView};
+use crate::cloud::{Field, FieldSet, SOUNDING};
 use crate::detect::{DetectionSpec, Doppler, Noise, RangeError, ReturnMode, Threshold, Timing};
 use crate::echo::{Cone, Glint, Pulse, Receiver, texture};
 use crate::emitter::pattern::Pattern;
@@ -282,7 +282,7 @@ impl Sensor {
         }
         if self.kind() == SensorKind::Sonar {
             fields = fields.with(Field::Cause);
-            if matches!(self.sonar_view(), SonarView::Swath | SonarView::Single) {
+            if self.sonar_view().reports_depths() {
                 fields = fields.union(SOUNDING.into_iter().collect());
             }
         }

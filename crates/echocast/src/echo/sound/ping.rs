@@ -93,6 +93,8 @@ pub(crate) struct Echoes {
     pub launches: Vec<(u32, Vec3)>,
     /// For each arrival, in order.
     pub answers: Vec<PingEcho>,
+    /// Azimuth and elevation in which the sound of each arrival left, or came back, sensor frame, rad; empty: not found.
+    pub aims: Vec<[f32; 2]>,
     /// Beams that hear any of it: from the first to before the second.
     pub beams: (usize, usize),
     /// Parts: energies, and amplitudes with random phases, or energies again.
@@ -202,10 +204,11 @@ impl Insonification<'_> {
     /// Finds what the targets send back to which `echoes.direct` leads, each as a point of its target strength (sonar
     /// equation for point targets, Urick 1983, section 2.1): no ray has to meet it.
     pub fn answer_targets(&self, echoes: &mut Echoes) {
-        let Echoes { arrivals, direct, launches, answers, energy, re, im, .. } = echoes;
+        let Echoes { arrivals, direct, launches, answers, aims, energy, re, im, .. } = echoes;
         arrivals.clear();
         launches.clear();
         answers.clear();
+        aims.clear();
         [&mut *energy, re, im].into_iter().for_each(Vec::clear);
         let sensor_from_world = self.rotation.transpose();
         for Direct { way, launch, .. } in &*direct {

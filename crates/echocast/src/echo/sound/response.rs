@@ -110,8 +110,9 @@ pub(crate) struct Background<'a> {
     pub noise: f32,
     /// Power that a steradian of open water returns from each bin, uPa^2; empty: none.
     pub volume: &'a [f32],
-    /// What comes from far beside the beams.
+    /// What comes from far beside the beams, and whether cells that hear only that say from whom.
     pub flanks: &'a Flanks,
+    pub labels_flanks: bool,
     pub transducer: &'a Transducer,
 }
 
@@ -151,7 +152,9 @@ impl Tile {
             let aside = !background.flanks.is_empty();
             if aside {
                 background.flanks.heard(background.transducer, number as usize, flank);
-                self.label_flank(beam, background, flank);
+                if background.labels_flanks {
+                    self.label_flank(beam, background, flank);
+                }
             }
             let re = &mut re[beam * bins..(beam + 1) * bins];
             if aside && coherent {

@@ -1,7 +1,7 @@
 //! From pings to points.
 
 use crate::cloud::{CELL_FIELDS, Columns, Field, FieldSet, Frame, Layout, Ping, PointCloud, SonarView, put};
-use crate::ground::angle::{azimuth_elevation, direction};
+use crate::ground::angle::direction;
 use crate::ground::error::{Error, Result};
 use crate::scan::ScanOptions;
 use glam::{DVec3, Vec3};
@@ -21,8 +21,8 @@ struct PingPoint {
     beam: usize,
     /// NaN: there is none, in an organised cloud.
     range: f32,
-    /// Unit vector in the sensor's frame.
-    direction: Vec3,
+    /// Azimuth and elevation in the sensor's frame, rad.
+    aim: [f32; 2],
     /// Of a sounding; NaN: it is none.
     quality: f32,
     corrected: Vec3,
@@ -89,18 +89,17 @@ impl Ping {
     }
 
     fn reports_depths(&self) -> bool {
-        matches!(self.layout.view, SonarView::Swath | SonarView::Single)
+        self.layout.view.reports_depths()
     }
 
     fn points(&self, organised: bool) -> Vec<PingPoint> {
         let layout = &*self.layout;
-        let axis = |beam: usize| direction(layout.axes[beam]);
         if self.reports_depths() {
             let none = |beam: usize| PingPoint {
                 cell: beam * layout.bins,
                 beam,
                 range: f32::NAN,
-                direction: axis(beam),
+                aim: layout.axes[beam],
                 quality: f32::NAN,
                 corrected: Vec3::NAN,
             };
@@ -132,22 +131,22 @@ impl Ping {
                 }
                 let (azimuth, elevation) = (cells.azimuth[cell], cells.elevation[cell]);
                 let by_sidelobes = azimuth.is_nan() || far_aside(layout, beam, azimuth);
-                let direction = if by_sidelobes { axis(beam) } else { direction([azimuth, elevation]) };
+                let aim = if by_sidelobes { layout.axes[beam] } else { [azimuth, elevation] };
                 let range = if seen { layout.range(bin) as f32 } else { f32::NAN };
-                points.push(PingPoint { cell, beam, range, direction, quality: f32::NAN, corrected: Vec3::NAN });
+                points.push(PingPoint { cell, beam, range, aim, quality: f32::NAN, corrected: Vec3::NAN });
             }
         }
         points
     }
 
     fn fill(&self, columns: &mut Columns, row: usize, point: &PingPoint, options: &ScanOptions) {
-        let PingPoint { cell, beam, range, direction, quality, corrected } = *point;
+        let PingPoint { cell, beam, range, aim, quality, corrected } = *point;
         let cells = &self.cells;
         macro_rules! copy {
             ($($column:ident),* $(,)?) => { put!(columns, row, $($column: cells.$column[cell]),*) };
         }
-        let reported = direction * range;
-        let [azimuth, elevation] = azimuth_elevation(direction.to_array());
+        let reported = direction(aim) * range;
+        let [azimuth, elevation] = aim;
         let rotation = self.pose.rotation();
         let place = match options.coordinates {
             Frame::Sensor => reported,

@@ -1,6 +1,6 @@
 //! One beam of a ping, explained step by step: the ray of its echo layer by layer, and the sonar equation term by term.
 
-use super::ping::{PingMemory, Pinging};
+use super::ping::{PingMemory, Pinging, Told};
 use crate::cloud::{FieldSet, Ping};
 use crate::echo::{CHUNK_BITS, Echoes, NOBODY, PingEcho};
 use crate::emitter::{Hearing, Trajectory};
@@ -34,7 +34,7 @@ impl BuiltScene {
         if beam as usize >= beams {
             return Err(Error::invalid("beam", beam, format!("0 to {}", beams - 1)));
         }
-        self.0.engine.install(|| pinging.run(&options, &mut memory, &mut ping))?;
+        self.0.engine.install(|| pinging.run(&options, Told::All, &mut memory, &mut ping))?;
         let beam = beam as usize;
         let mut text = String::new();
         let told = pinging.tell_beam(&mut text, sensor, &ping, &memory, beam);

@@ -3,3 +3,5 @@
 mod cloud;
 mod explain;
 mod ping;
+
+pub(in crate::scan) use ping::Told;

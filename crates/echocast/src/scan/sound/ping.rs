@@ -121,6 +121,14 @@ struct LayoutInputs {
     spreading_from: f32,
 }
 
+/// Of which cells the columns of a ping say what they are.
+#[derive(Clone, Copy, PartialEq)]
+pub(in crate::scan) enum Told {
+    All,
+    /// Those of soundings; the others hold nothing.
+    Soundings,
+}
+
 /// What is the same for all rays of a ping.
 pub(super) struct Pinging<'a> {
     pub scene: &'a Tables,
@@ -184,13 +192,25 @@ impl BuiltScene {
         options: &ScanOptions,
         ping: &mut Ping,
     ) -> Result<()> {
+        self.ping_told(sensor, trajectory, options, ping, Told::All)
+    }
+
+    /// [`BuiltScene::ping_into`] whose columns say only of `told` cells what they are.
+    pub(in crate::scan) fn ping_told(
+        &self,
+        sensor: &Sensor,
+        trajectory: &Trajectory,
+        options: &ScanOptions,
+        ping: &mut Ping,
+        told: Told,
+    ) -> Result<()> {
         options.check(trajectory)?;
         options.environment.check()?;
         options.profile.check_physical("physical; the paper and its program know points only, which a scan returns")?;
         let mut memory = ping.memory.take::<PingMemory>();
         let pinging = Pinging::new(&self.0, sensor, trajectory, options, &mut memory)?;
         let size = pinging.transducer.rays() as u64;
-        let done = self.0.engine.install_sized(size, || pinging.run(options, &mut memory, ping));
+        let done = self.0.engine.install_sized(size, || pinging.run(options, told, &mut memory, ping));
         if done.is_err() {
             *ping = Ping::default();
         }
@@ -250,8 +270,7 @@ impl<'a> Pinging<'a> {
         let (column, assumed) = (prepared.column.clone(), prepared.assumed.clone());
         memory.water = Some(prepared);
         Column::check_depth(water, depth)?;
-        let reports_depths = matches!(sensor.sonar_view(), SonarView::Swath | SonarView::Single);
-        let assumed = reports_depths.then_some(assumed);
+        let assumed = sensor.sonar_view().reports_depths().then_some(assumed);
         let speed = column.speed_at(depth);
         let (start_speed, absorption) =
             (column.speed_at(start_depth), column.mean_absorption(start_depth, start_depth));
@@ -385,7 +404,7 @@ impl<'a> Pinging<'a> {
     }
 
     /// Fills `ping`.
-    pub fn run(&self, options: &ScanOptions, memory: &mut PingMemory, ping: &mut Ping) -> Result<()> {
+    pub fn run(&self, options: &ScanOptions, told: Told, memory: &mut PingMemory, ping: &mut Ping) -> Result<()> {
         let asked: FieldSet = CELL_FIELDS.into_iter().filter(|&field| options.fields.contains(field)).collect();
         let fields = asked.with(Field::Intensity);
         let Layout { bins, view, .. } = *self.layout;
@@ -413,8 +432,10 @@ impl<'a> Pinging<'a> {
         };
         let tracer = SoundTracer::new(self.scene, &self.column, limits);
         let insonification = self.insonification();
+        let with_aims = told == Told::All && fields.contains_any(&[Field::Azimuth, Field::Elevation]);
         parallel::for_each(&mut memory.chunks, |number, chunk| {
-            let task = RayTask { pinging: self, tracer: &tracer, insonification: &insonification, number, chunk };
+            let insonification = &insonification;
+            let task = RayTask { pinging: self, tracer: &tracer, insonification, with_aims, number, chunk };
             match number.checked_sub(of_rays) {
                 None => task.run(),
                 Some(part) => task.look_at(self.goals.chunks(GOALS).nth(part).unwrap_or_default()),
@@ -434,7 +455,8 @@ impl<'a> Pinging<'a> {
         let tile = if self.transducer.beams_are_apart() { 1 } else { TILE };
         memory.tiles.resize_with(beams.div_ceil(tile), TileMemory::default);
         let rows = ping.cells.slices(0, beams * bins);
-        let task = Listening { pinging: self, chunks: &memory.chunks, flanks: &memory.flanks, wants, width: tile };
+        let task =
+            Listening { pinging: self, chunks: &memory.chunks, flanks: &memory.flanks, wants, told, width: tile };
         task.tiles(&mut memory.tiles, rows);
         ping.soundings.clear();
         ping.soundings.extend(memory.tiles.iter().flat_map(|memory| &memory.soundings));
@@ -614,13 +636,15 @@ struct RayTask<'a, 'p> {
     pinging: &'a Pinging<'p>,
     tracer: &'a SoundTracer<'a>,
     insonification: &'a Insonification<'a>,
+    /// Whether to find the aims of echoes: each is in many cells.
+    with_aims: bool,
     number: usize,
     chunk: &'a mut RayChunk,
 }
 
 impl RayTask<'_, '_> {
     fn run(self) {
-        let RayTask { pinging, tracer, insonification, number, chunk } = self;
+        let RayTask { pinging, tracer, insonification, with_aims, number, chunk } = self;
         let transducer = &*pinging.transducer;
         let launch = Launch {
             directions: transducer.direction.each_ref().map(|axis| &axis[..]),
@@ -639,6 +663,13 @@ impl RayTask<'_, '_> {
         }
         insonification.answer(&mut chunk.echoes);
         chunk.echoes.find_beams(transducer);
+        let mut aims = std::mem::take(&mut chunk.echoes.aims);
+        aims.clear();
+        if with_aims {
+            let launched = (0..chunk.echoes.arrivals.len()).map(|index| pinging.launched(&chunk.echoes, index));
+            aims.extend(launched.map(|aim| azimuth_elevation(aim.into())));
+        }
+        chunk.echoes.aims = aims;
     }
 }
 
@@ -662,6 +693,7 @@ struct Listening<'a, 'p> {
     chunks: &'a [RayChunk],
     flanks: &'a Flanks,
     wants: Wants,
+    told: Told,
     /// Beams of a tile.
     width: usize,
 }
@@ -689,7 +721,7 @@ impl Listening<'_, '_> {
 
 impl Listen<'_, '_> {
     fn run(self) {
-        let Listen { listening: Listening { pinging, chunks, flanks, wants, width }, memory, first, rows } = self;
+        let Listen { listening: Listening { pinging, chunks, flanks, wants, told, width }, memory, first, rows } = self;
         let TileMemory { tile, lines, .. } = memory;
         let Layout { bins, bin_m, .. } = *pinging.layout;
         let last = (first + width).min(pinging.transducer.beams());
@@ -702,17 +734,29 @@ impl Listen<'_, '_> {
             noise: (pinging.layout.noise_db * LOG2_PER_DB).exp2(),
             volume: &pinging.volume,
             flanks,
+            labels_flanks: wants.who && told == Told::All,
             transducer: &pinging.transducer,
         };
         tile.levels(&pinging.response, &background, lines, rows.intensity);
         memory.sound_out(pinging, rows.intensity);
-        if wants.who {
-            pinging.tell(&memory.tile, chunks, rows);
+        let TileMemory { tile, soundings, .. } = memory;
+        match told {
+            _ if !wants.who => {}
+            Told::All => pinging.tell(tile, chunks, rows),
+            Told::Soundings => pinging.tell_soundings(tile, chunks, rows, soundings),
         }
     }
 }
 
 impl Pinging<'_> {
+    /// Direction in which the sound of arrival `index` left or, where that is another, from which it came back; sensor frame.
+    fn launched(&self, echoes: &Echoes, index: usize) -> Vec3 {
+        match echoes.launch(index) {
+            Some(launch) => self.rotation().transpose() * launch,
+            None => self.transducer.direction.each_ref().map(|axis| axis[echoes.arrivals[index].ray as usize]).into(),
+        }
+    }
+
     /// The columns of a tile that say what the strongest scatterer of each cell is.
     fn tell(&self, tile: &Tile, chunks: &[RayChunk], mut rows: Slices) {
         let (bins, width) = (self.layout.bins, tile.width());
@@ -722,6 +766,22 @@ impl Pinging<'_> {
                 let echoes = &chunks[(who >> CHUNK_BITS) as usize].echoes;
                 let index = (who & ((1 << CHUNK_BITS) - 1)) as usize;
                 self.tell_cell(echoes, index, bin, &mut rows, beam * bins + bin);
+            }
+        }
+    }
+
+    /// The same in the cells of `soundings` alone: all that their points are made from.
+    fn tell_soundings(&self, tile: &Tile, chunks: &[RayChunk], mut rows: Slices, soundings: &[Sounding]) {
+        let (bins, width) = (self.layout.bins, tile.width());
+        for sounding in soundings {
+            let row = sounding.cell as usize - tile.beams.0 * bins;
+            match tile.who[row % bins * width + row / bins] {
+                NOBODY => silence(&mut rows.rows_after(row).split_at(1).0),
+                who => {
+                    let echoes = &chunks[(who >> CHUNK_BITS) as usize].echoes;
+                    let index = (who & ((1 << CHUNK_BITS) - 1)) as usize;
+                    self.tell_cell(echoes, index, row % bins, &mut rows, row);
+                }
             }
         }
     }
@@ -772,12 +832,12 @@ impl Pinging<'_> {
             normal_y: normal.y,
             normal_z: normal.z,
         );
-        let launch = || match echoes.launch(index) {
-            Some(launch) => self.rotation().transpose() * launch,
-            None => self.transducer.direction.each_ref().map(|axis| axis[arrival.ray as usize]).into(),
-        };
+        let launch = || self.launched(echoes, index);
         if !(rows.azimuth.is_empty() && rows.elevation.is_empty()) {
-            let [azimuth, elevation] = azimuth_elevation(launch().into());
+            let [azimuth, elevation] = match echoes.aims.get(index) {
+                Some(&aim) => aim,
+                None => azimuth_elevation(launch().into()),
+            };
             put!(rows, row, azimuth: azimuth, elevation: elevation);
         }
         if let Some(Motion { own, later }) = &self.motion {
