@@ -109,16 +109,14 @@ impl Column {
         Column::of(water, ("profile", water.profile.as_ref()), frequency_hz, sonar_depth_m)
     }
 
-    /// The water that depths are corrected with.
+    /// The water that depths are corrected with, if that is another than the true one.
     ///
     /// # Errors
     /// As of [`Column::new`].
-    pub fn assumed(water: &Water, frequency_hz: f64, sonar_depth_m: f64) -> Result<Column> {
-        let profile = match &water.assumed_profile {
-            Some(assumed) => ("assumed_profile", Some(assumed)),
-            None => ("profile", water.profile.as_ref()),
-        };
-        Ok(Column::of(water, profile, frequency_hz, sonar_depth_m)?.0)
+    pub fn assumed(water: &Water, frequency_hz: f64, sonar_depth_m: f64) -> Result<Option<Column>> {
+        let Some(assumed) = &water.assumed_profile else { return Ok(None) };
+        let (column, _) = Column::of(water, ("assumed_profile", Some(assumed)), frequency_hz, sonar_depth_m)?;
+        Ok(Some(column))
     }
 
     /// `water` of the profile of a key.

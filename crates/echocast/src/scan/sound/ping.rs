@@ -89,10 +89,9 @@ struct Prepared {
 
 impl Prepared {
     fn new(water: &Water, frequency: f64, depth: f64) -> Result<Prepared> {
-        let (column, _) = Column::new(water, frequency, depth)?;
-        let assumed = Column::assumed(water, frequency, depth)?;
-        let of = (water.clone(), frequency, depth);
-        Ok(Prepared { of, column: Arc::new(column), assumed: Arc::new(assumed) })
+        let column = Arc::new(Column::new(water, frequency, depth)?.0);
+        let assumed = Column::assumed(water, frequency, depth)?.map_or_else(|| column.clone(), Arc::new);
+        Ok(Prepared { of: (water.clone(), frequency, depth), column, assumed })
     }
 
     fn is_of(&self, water: &Water, frequency: f64, depth: f64) -> bool {
@@ -448,7 +447,7 @@ impl<'a> Pinging<'a> {
             open: !self.volume.is_empty(),
             speckle: self.speckle.is_some(),
         };
-        memory.flanks.clear(&self.transducer, bins, wants.who);
+        memory.flanks.clear(&self.transducer, bins, wants.who && told == Told::All);
         for (number, chunk) in (0..).zip(&memory.chunks) {
             memory.flanks.add(&self.transducer, number, &chunk.echoes);
         }
@@ -763,9 +762,7 @@ impl Pinging<'_> {
         silence(&mut rows);
         for (bin, beams) in tile.who.chunks_exact(width).enumerate() {
             for (beam, &who) in beams.iter().enumerate().filter(|(_, who)| **who != NOBODY) {
-                let echoes = &chunks[(who >> CHUNK_BITS) as usize].echoes;
-                let index = (who & ((1 << CHUNK_BITS) - 1)) as usize;
-                self.tell_cell(echoes, index, bin, &mut rows, beam * bins + bin);
+                self.tell_cell(chunks, who, bin, &mut rows, beam * bins + bin);
             }
         }
     }
@@ -777,17 +774,15 @@ impl Pinging<'_> {
             let row = sounding.cell as usize - tile.beams.0 * bins;
             match tile.who[row % bins * width + row / bins] {
                 NOBODY => silence(&mut rows.rows_after(row).split_at(1).0),
-                who => {
-                    let echoes = &chunks[(who >> CHUNK_BITS) as usize].echoes;
-                    let index = (who & ((1 << CHUNK_BITS) - 1)) as usize;
-                    self.tell_cell(echoes, index, row % bins, &mut rows, row);
-                }
+                who => self.tell_cell(chunks, who, row % bins, &mut rows, row),
             }
         }
     }
 
-    /// What arrival `index` is, in the cell of `bin` and `row`.
-    fn tell_cell(&self, echoes: &Echoes, index: usize, bin: usize, rows: &mut Slices, row: usize) {
+    /// What the arrival `who` (see [`Tile::hear`]) is, in the cell of `bin` and `row`.
+    fn tell_cell(&self, chunks: &[RayChunk], who: u32, bin: usize, rows: &mut Slices, row: usize) {
+        let echoes = &chunks[(who >> CHUNK_BITS) as usize].echoes;
+        let index = (who & ((1 << CHUNK_BITS) - 1)) as usize;
         let (arrival, answer) = (&echoes.arrivals[index], &echoes.answers[index]);
         let surfaces = &self.scene.surfaces;
         if let Some(surface) = surfaces.rows.get(arrival.surface as usize) {
