@@ -104,7 +104,8 @@ fn first_order_echoes_are_those_of_the_images() {
             for back in 0..=out {
                 let (a, b) = (ways[out], ways[back]);
                 if out == back || back == 0 {
-                    let twice = if out == back { 0.0 } else { 10.0 * 2f64.log10() };
+                    // Out one way and back the other, and the other way round: in phase.
+                    let twice = if out == back { 0.0 } else { 20.0 * 2f64.log10() };
                     let expected = 200.0 - 20.0 * a.log10() - 20.0 * b.log10() + twice;
                     let range = 0.5 * (a + b);
                     // The near side of the ball.
@@ -142,7 +143,8 @@ fn mixed_ways_lose_what_the_water_swallows() {
             let ping = scene.ping(&fan(1), &pose, &water_that_swallows(law, profile)).unwrap();
             for (out, back) in [(0, 0), (1, 0), (1, 1), (2, 0), (2, 2)] {
                 let (a, b) = (ways[out], ways[back]);
-                let twice = if out == back { 0.0 } else { 10.0 * 2f64.log10() };
+                // Out one way and back the other, and the other way round: in phase.
+                let twice = if out == back { 0.0 } else { 20.0 * 2f64.log10() };
                 let spreading = 20.0 * a.log10() + 20.0 * b.log10();
                 let expected = 200.0 - spreading + twice - swallowed * (a + b);
                 let found = level_at(&ping, 0, 0.5 * (a + b) - 0.06);
@@ -170,7 +172,8 @@ fn lobes_weigh_both_ways() {
     };
     let (direct, over) = (one_way(a, sonar - target), one_way(b, sonar + target));
     assert!(direct - over > 10.0);
-    let twice = 10.0 * 2f64.log10();
+    // In phase.
+    let twice = 20.0 * 2f64.log10();
     for (range, expected) in [(a, 2.0 * direct), (0.5 * (a + b), direct + over + twice), (b, 2.0 * over)] {
         assert_near(&format!("level at {range} m"), level_at(&ping, 0, range - 0.06), 200.0 + expected, 0.3);
     }
@@ -247,7 +250,7 @@ fn mixed_ways_bend() {
     // The surface side of such water is a duct: it focuses.
     assert_near("level over the surface", levels[2], 200.0 - 40.0 * b.log10(), 1.0);
     let mean = 0.5 * (levels[0] + levels[2]);
-    assert_near("mixed level", levels[1], mean + 10.0 * 2f64.log10(), 0.2);
+    assert_near("mixed level", levels[1], mean + 20.0 * 2f64.log10(), 0.2);
 }
 
 /// The mean of the path out and the path back may be within reach where one of them is not.
@@ -262,7 +265,7 @@ fn mixed_echoes_are_heard_up_to_the_last_bin() {
     fan.set("range.max_m", &format!("{}", range + 1.0)).unwrap();
     assert!(ways[1] > range + 1.0);
     let ping = scene.ping(&fan, &pose, &water(STRAIGHT)).unwrap();
-    let expected = 200.0 - 20.0 * (ways[0] * ways[1]).log10() + 10.0 * 2f64.log10();
+    let expected = 200.0 - 20.0 * (ways[0] * ways[1]).log10() + 20.0 * 2f64.log10();
     assert_near("level", level_at(&ping, 0, range - 0.2), expected, 0.3);
 }
 
@@ -422,7 +425,7 @@ fn mixed_echoes_of_a_bottom_have_the_level_of_the_sonar_equation() {
                 expected += echo(sin_over * sin_over, over * over, width(x / over));
             }
             if near(0.5 * (straight + over)) && sin_over < 60f64.to_radians().sin() {
-                expected += 2.0 * echo(sin * sin_over, straight * over, width(x / straight));
+                expected += 4.0 * echo(sin * sin_over, straight * over, width(x / straight));
             }
         }
         let bins = ((range - around) / bin_m).round() as usize..((range + around) / bin_m).round() as usize;

@@ -1,5 +1,6 @@
 //! Pings: levels by the sonar equation, geometry, statistics.
 
+mod bodies;
 mod explain;
 mod levels;
 mod noise;

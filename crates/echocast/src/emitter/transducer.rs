@@ -177,6 +177,19 @@ impl Transducer {
         })
     }
 
+    /// How much what is heard by one [`Hearing`] is heard by another: 1 for the same, 0 where no beam hears both.
+    pub fn overlap(&self, hearing: u32, other: u32) -> f32 {
+        let [one, two] = [hearing, other].map(|index| self.hearings[index as usize]);
+        let end = |hearing: &Hearing| hearing.first + hearing.to - hearing.from;
+        let (first, last) = (one.first.max(two.first), end(&one).min(end(&two)));
+        let heard = |hearing: &Hearing, beam: u32| self.loudness[(hearing.from + beam - hearing.first) as usize];
+        let both = (first..last).map(|beam| heard(&one, beam) * heard(&two, beam)).sum::<f32>();
+        let alone = |hearing: &Hearing| {
+            self.loudness[hearing.from as usize..hearing.to as usize].iter().map(|loud| loud * loud).sum::<f32>()
+        };
+        both / (alone(&one) * alone(&two)).sqrt().max(f32::MIN_POSITIVE)
+    }
+
     /// The [`Hearing`] of the unit `direction` (sensor frame), by its sine to a line array.
     fn hearing_at(&self, direction: Vec3) -> u32 {
         let steps = self.hearings.len() - self.of_rays;

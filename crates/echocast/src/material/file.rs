@@ -277,6 +277,8 @@ unlit: true
         let read = |section: &str| Material::from_yaml(&format!("name: a\nsound: {section}")).unwrap().sound.unwrap();
         let facet = Sound::Facet { mu_db: -20.0, slope_sigma_deg: 5.0, reflection_loss_db: 6.0 };
         assert_eq!(read("{law: facet, mu_db: -20, slope_sigma_deg: 5, reflection_loss_db: 6}"), facet);
+        let smooth = Sound::Facet { mu_db: -35.0, slope_sigma_deg: 0.0, reflection_loss_db: 0.0 };
+        assert_eq!(read("{law: facet}"), smooth);
         let gsab = Sound::Gsab { a_db: -10.0, b_deg: 5.0, c_db: -20.0, d: 2.0, e_db: -25.0, f_deg: 20.0 };
         assert_eq!(read("{law: gsab, a_db: -10, b_deg: 5, c_db: -20, d: 2, e_db: -25, f_deg: 20}"), gsab);
         assert_eq!(read("{law: sediment, name: rough_rock}"), Sound::Sediment { name: Sediment::RoughRock });
@@ -388,8 +390,8 @@ unlit: true
             ),
             ("sound: {law: target, strenght_db: 1}", "line 2: sound.strenght_db: unknown key \"strenght_db\"; near:"),
             (
-                "sound: {law: facet, mu_db: -20, slope_sigma_deg: 0, reflection_loss_db: 6}",
-                "line 2: sound.slope_sigma_deg: is 0; allowed: 0.1 to 45",
+                "sound: {law: facet, mu_db: -20, slope_sigma_deg: 0.05, reflection_loss_db: 6}",
+                "line 2: sound.slope_sigma_deg: is 0.05; allowed: 0 (smooth), or 0.1 to 45",
             ),
             ("alpha: mask", "line 2: alpha: unknown value \"mask\"; allowed: ignore, reflectance, cutout"),
             ("alpha_cutoff: 1.5", "line 2: alpha_cutoff: is 1.5; allowed: 0 to 1"),

@@ -20,12 +20,17 @@ pub enum Sound {
     },
     /// Lambert's law plus mirror facets of a surface with normally distributed slopes, which shine where it is met
     /// head-on (high-frequency Kirchhoff): `mu sin^2(g) + R / (8 pi s^2 sin^4(g)) exp(-1 / (2 s^2 tan^2(g)))`.
+    ///
+    /// Without slopes it is smooth: objects of up to 450 wavelengths answer by physical optics (Kirchhoff's integral over
+    /// what is met, in phase, over up to three facets), as plates, corners, spheres and cylinders do; larger ones as
+    /// if their facets had slopes of [`Sound::GLINT_DEG`], which leaves a mirror's echo as loud as it is.
     Facet {
-        /// As in `lambert`.
+        /// As in `lambert`; -35 when not given.
         mu_db: f64,
-        /// Standard deviation of the slope along any direction, as an angle in degrees, 0.1 to 45: `s` is its tangent.
+        /// Standard deviation of the slope along any direction, as an angle in degrees, 0.1 to 45: `s` is its tangent; or 0,
+        /// also when not given.
         slope_sigma_deg: f64,
-        /// Loss of a facet met head-on, dB, 0 to 100: `R` is `10^(-loss / 10)`.
+        /// Loss of a facet met head-on, dB, 0 to 100: `R` is `10^(-loss / 10)`; 0 when not given.
         reflection_loss_db: f64,
     },
     /// Generic seabed backscatter (Lamarche and others 2011, Cont. Shelf Res. 31, S158), six numbers fitted to
@@ -97,6 +102,10 @@ impl Sediment {
 const UNKNOWN_LOSS_DB: f64 = 10.0;
 
 impl Sound {
+    /// Slope that the facets of a smooth surface count as having where rays meet it, degrees: they find it from wherever it
+    /// shines. What shines then adds up to the same: the echo of a mirror is `R r^2 / 4` whatever the slope.
+    pub const GLINT_DEG: f64 = 2.0;
+
     /// For a surface of which only the reflectance is known, 0 to 1: Lambert's law with `mu` a `pi`-th of it.
     pub fn of_reflectance(reflectance: f64) -> Sound {
         Sound::Lambert { mu_db: 10.0 * (reflectance / PI).log10() }
@@ -113,7 +122,8 @@ impl Sound {
         match *self {
             Sound::Lambert { mu_db } => lambert(mu_db),
             Sound::Facet { mu_db, slope_sigma_deg, reflection_loss_db } => {
-                let (sin2, slope2) = (sin * sin, slope_sigma_deg.to_radians().tan().powi(2));
+                let slope_deg = if slope_sigma_deg == 0.0 { Sound::GLINT_DEG } else { slope_sigma_deg };
+                let (sin2, slope2) = (sin * sin, slope_deg.to_radians().tan().powi(2));
                 let lobe = ((sin2 - 1.0) / (2.0 * slope2 * sin2)).exp();
                 // Where sin^4 underflows the exponential has long been 0.
                 let facets = if lobe > 0.0 { lobe / (8.0 * PI * slope2 * sin2 * sin2) } else { 0.0 };
@@ -149,6 +159,11 @@ impl Sound {
         }
     }
 
+    /// Whether it is smooth facets.
+    pub(crate) fn is_smooth(&self) -> bool {
+        matches!(self, Sound::Facet { slope_sigma_deg: 0.0, .. })
+    }
+
     /// What users should know before trusting it at `frequency_hz`.
     pub fn warning(&self, frequency_hz: f64) -> Option<String> {
         let [least, most] = [FREQUENCIES_HZ[0], FREQUENCIES_HZ[FREQUENCIES_HZ.len() - 1]];
@@ -175,7 +190,9 @@ impl Sound {
             Sound::Lambert { mu_db } => lambert(mu_db),
             Sound::Facet { mu_db, slope_sigma_deg, reflection_loss_db } => {
                 lambert(mu_db)?;
-                within("slope_sigma_deg", slope_sigma_deg, [0.1, 45.0])?;
+                if slope_sigma_deg != 0.0 && !(0.1..=45.0).contains(&slope_sigma_deg) {
+                    return Err(Error::invalid("sound.slope_sigma_deg", slope_sigma_deg, "0 (smooth), or 0.1 to 45"));
+                }
                 within("reflection_loss_db", reflection_loss_db, [0.0, 100.0])
             }
             Sound::Gsab { a_db, b_deg, c_db, d, e_db, f_deg } => {
@@ -295,9 +312,16 @@ impl<'de> Deserialize<'de> for Sound {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
         struct Facets {
+            #[serde(default = "smooth_mu")]
             mu_db: f64,
+            #[serde(default)]
             slope_sigma_deg: f64,
+            #[serde(default)]
             reflection_loss_db: f64,
+        }
+        /// A surface that is smooth but for its scratches, an assumption of ours.
+        fn smooth_mu() -> f64 {
+            -35.0
         }
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]

@@ -14,7 +14,6 @@ use crate::material::ReflectanceSource;
 use crate::medium::Environment;
 use crate::sensor::{Sensor, SensorKind};
 use crate::trace::BuiltScene;
-use sound::Told;
 use std::ops::ControlFlow;
 
 /// Which model set a scan follows.
@@ -250,16 +249,9 @@ impl BuiltScene {
                 *cloud = PointCloud::default();
                 return Err(Error::Cancelled);
             }
-            if options.profile == Profile::Physical {
-                let fields = Ping::cloud_fields(options.fields);
-                // Of sonars that report depths, points are made from few cells.
-                let view = sensor.sonar_view();
-                let told = if view.reports_depths() { Told::Soundings } else { Told::All };
-                let mut ping = Ping::default();
-                self.ping_told(sensor, trajectory, &ScanOptions { fields, ..options.clone() }, &mut ping, told)?;
-                *cloud = ping.cloud(options)?;
-            } else {
-                self.scan_printed(sensor, trajectory, options, cloud)?;
+            match options.profile {
+                Profile::Physical => self.scan_sound(sensor, trajectory, options, cloud)?,
+                _ => self.scan_printed(sensor, trajectory, options, cloud)?,
             }
             // What is finished is not thrown away.
             let _ = progress.map(|progress| progress(1.0));

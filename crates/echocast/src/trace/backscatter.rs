@@ -2,7 +2,7 @@
 
 use super::{Arrival, Surfaces};
 use crate::ground::lanes::MEDIUM;
-use crate::ground::math::log2;
+use crate::ground::math::{LOG2_PER_DB, log2};
 use crate::material::{ByColor, Material, ReflectanceSource, Reflectances, Sound};
 use crate::medium::Sea;
 use std::sync::Arc;
@@ -36,6 +36,8 @@ enum By {
     Image(ByColor),
     /// The area of the object: the law is for 1 m^2.
     Area,
+    /// Nothing; but it is smooth, and without its facets has Lambert's law with this log2 of `mu`.
+    Smooth(f32),
 }
 
 impl Backscatter {
@@ -63,7 +65,13 @@ impl Backscatter {
                 // much of its target strength answers per area that is met.
                 tabulate(&mut laws, |_| strength / 10.0 * 10f64.log2() + 2.0);
             } else {
-                by.push(if known.is_none() && reflectance.is_nan() { By::Image(by_color) } else { By::Law });
+                by.push(if let Sound::Facet { mu_db, slope_sigma_deg: 0.0, .. } = sound {
+                    By::Smooth(mu_db as f32 * LOG2_PER_DB)
+                } else if known.is_none() && reflectance.is_nan() {
+                    By::Image(by_color)
+                } else {
+                    By::Law
+                });
                 tabulate(&mut laws, |sine| (sound.backscatter(sine, frequency) / sine).max(1e-30).log2());
             }
             tabulate(&mut losses, |sine| sound.reflection_loss_db(sine));
@@ -83,7 +91,7 @@ impl Backscatter {
         let material = self.material(surfaces, arrival.surface);
         let value = interpolate(&self.laws, material, sine);
         match self.by.get(material) {
-            None | Some(By::Law) => value,
+            None | Some(By::Law | By::Smooth(_)) => value,
             Some(By::Area) => value - surfaces.rows[arrival.surface as usize].area.max(1e-9).log2(),
             Some(By::Image(by_color)) => {
                 let surface = &surfaces.rows[arrival.surface as usize];
@@ -116,6 +124,14 @@ impl Backscatter {
     /// Whether a row answers as a whole, however it is met.
     pub fn is_whole(&self, surfaces: &Surfaces, row: u32) -> bool {
         self.by.get(self.material(surfaces, row)) == Some(&By::Area)
+    }
+
+    /// Whether a row is of smooth facets, and what it scatters besides: log2 of `mu` of Lambert's law.
+    pub fn smooth(&self, surfaces: &Surfaces, row: u32) -> Option<f32> {
+        match self.by.get(self.material(surfaces, row)) {
+            Some(&By::Smooth(mu)) => Some(mu),
+            _ => None,
+        }
     }
 
     /// log2 of the target strength of a row that answers as a whole, re 1 m^2.

@@ -16,7 +16,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 pub(crate) struct Extent {
     world_from_object: DAffine3,
     /// Box of its mesh, object frame; `None`: it has no triangles.
-    bounds: Option<[[f32; 3]; 2]>,
+    pub(super) bounds: Option<[[f32; 3]; 2]>,
     /// Which of its axes points up as it was modelled.
     up: UpAxis,
     mask: u32,

@@ -15,7 +15,7 @@ use crate::scene::{
 use embree4::{CommittedScene, Custom, Instance, Pace, Quality};
 use glam::{DAffine3, DVec3, Mat3};
 use std::collections::HashMap;
-use std::sync::{Arc, PoisonError};
+use std::sync::{Arc, OnceLock, PoisonError};
 use std::{fmt, mem};
 
 /// A scene that changes. [`LiveScene::commit`] produces what is scanned, a [`BuiltScene`] that never changes: any
@@ -854,6 +854,7 @@ impl LiveScene {
             span: ((moves || rests) && self.time.length > 0.0).then_some(self.time),
             surfaces: surfaces.clone(),
             report,
+            bodies: OnceLock::new(),
         };
         self.surfaces = Some(surfaces);
         for slot in &mut self.slots {

@@ -4,6 +4,7 @@ mod backscatter;
 mod bare;
 mod below;
 mod bending;
+mod bodies;
 mod enclosure;
 mod engine;
 mod hits;
@@ -16,13 +17,16 @@ mod surface;
 pub(crate) use backscatter::Backscatter;
 pub use bare::BareLoop;
 pub(crate) use below::{Below, Raster};
+pub(crate) use bodies::{Body, Stand};
 pub use enclosure::Enclosure;
 pub use engine::Engine;
 pub(crate) use hits::HitBatch;
 pub(crate) use instances::{Crossings, Instance, Sight};
 pub use live::{LiveScene, ObjectId};
 pub(crate) use mover::{Clock, Follows, Later, Movement, Mover};
-pub(crate) use sound::{Arrival, Direct, Goal, Launch, ReflectionLoss, SoundLimits, SoundTracer, TracerMemory};
+pub(crate) use sound::{
+    Arrival, Direct, Goal, Launch, ReflectionLoss, SoundLimits, SoundTracer, TracerMemory, TubeHit,
+};
 pub(crate) use surface::{Surface, Surfaces};
 
 use crate::ground::report::Report;
@@ -31,7 +35,7 @@ use crate::scene::Labels;
 use embree4::CommittedScene;
 use glam::{DVec3, Mat3};
 use instances::Extent;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// A scene with its ray-tracing structure, immutable and shared by threads and clones.
 #[derive(Clone)]
@@ -57,6 +61,8 @@ pub(crate) struct Tables {
     pub span: Option<Span>,
     pub surfaces: Arc<Surfaces>,
     pub report: Report,
+    /// Computed when first asked for.
+    bodies: OnceLock<Vec<Body>>,
 }
 
 impl BuiltScene {

@@ -1,8 +1,10 @@
 //! Sound rays through layered water and a scene: bent, reflected, and arriving where they meet something.
 
 mod direct;
+mod tubes;
 
 pub(crate) use direct::{Direct, Goal};
+pub(crate) use tubes::TubeHit;
 
 use super::{Clock, HitBatch, Tables};
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
@@ -163,6 +165,8 @@ pub(crate) struct TracerMemory {
     states: Vec<State>,
     steps: Vec<Step>,
     direct: Vec<direct::Candidate>,
+    ways: Vec<Direct>,
+    tubes: Vec<tubes::Tube>,
 }
 
 impl Default for TracerMemory {
@@ -173,6 +177,8 @@ impl Default for TracerMemory {
             states: Vec::new(),
             steps: Vec::new(),
             direct: Vec::new(),
+            ways: Vec::new(),
+            tubes: Vec::new(),
         }
     }
 }

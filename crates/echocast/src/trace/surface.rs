@@ -7,7 +7,7 @@ use crate::material::{Alpha, Material, Mirrors, Optics, ReflectanceSource, Refle
 use crate::medium::Sea;
 use crate::scene::{Labels, Mesh, Object, Part};
 use embree4::{Candidate, INVALID};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Mat3, Vec3};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock};
 
@@ -166,6 +166,32 @@ impl Surfaces {
         let [a, b, c] = part.triangles[triangle as usize].map(|index| uvs[index as usize]);
         let texel = image.sample(std::array::from_fn(|k| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v));
         std::array::from_fn(|k| material.base_color[k] * texel[k])
+    }
+
+    /// How far a smooth part bulges beyond its triangle where the second and third corner weigh `u` and `v`, m; `None`: it
+    /// is flat. `normals` and `linear` bring normals and vectors to the world's frame.
+    ///
+    /// Half of what the planes across the normals of the corners lie beside it: a sphere, to the second order (Boubekeur
+    /// and Alexa 2008, Phong tessellation, with their factor as a sphere asks for).
+    pub(crate) fn bulge(
+        &self,
+        surface: &Surface,
+        triangle: u32,
+        [u, v]: [f32; 2],
+        normals: &Mat3,
+        linear: &Mat3,
+    ) -> Option<Vec3> {
+        let part = &self.parts[surface.part as usize];
+        let of_corners = part.normals.as_deref()?;
+        let corners = part.triangles[triangle as usize].map(|index| index as usize);
+        let [a, b, c] = corners.map(|index| Vec3::from(part.positions[index]));
+        let weights = [1.0 - u - v, u, v];
+        let place = a * weights[0] + b * u + c * v;
+        let beside = |corner: Vec3, index: usize, weight: f32| {
+            let normal = (*normals * Vec3::from(of_corners[index])).normalize_or_zero();
+            normal * (0.5 * weight * (*linear * (corner - place)).dot(normal))
+        };
+        Some(beside(a, corners[0], weights[0]) + beside(b, corners[1], u) + beside(c, corners[2], v))
     }
 
     /// Base colour of `surface` as in [`Surfaces::base_color`], sRGB.

@@ -4,15 +4,16 @@ use super::ping::{Echo, Echoes, Heard, Insonification, Parts, PingEcho, sine};
 use crate::ground::math::{LOG2_PER_DB, exp2};
 use crate::trace::{Arrival, Direct};
 use glam::Vec3;
+use std::f32::consts::TAU;
 
-/// Paths of a mixed echo, by its number.
-const HEARD_STRAIGHT: u32 = 1;
-const SENT_STRAIGHT: u32 = 2;
+/// Number of both ways of a mixed echo: they have the same scatterers.
+const MIXED: u32 = 1;
 
 impl Insonification<'_> {
     /// For each direct path to the place of an arrival two more arrivals and their answers: what comes straight back
     /// from the arrival, then what was sent straight and returns along its path. By reciprocity both have the same
-    /// loss, and both arrive at the mean of the two one-way times; they add up as energies.
+    /// loss, and both arrive at the mean of the two one-way times, in phase: to a beam that hears both alike they are four
+    /// times as loud as one. Where the sonar moves meanwhile, one path gets longer than the other.
     pub(super) fn answer_mixed(
         &self,
         arrivals: &mut Vec<Arrival>,
@@ -46,13 +47,22 @@ impl Insonification<'_> {
                 there = self.heard_later(drift, ray, mixed.range, self.launch(ray));
             }
             there.louder += self.transducer.sent_beside(ray, sensor_from_world * *launch);
-            for (heard, way) in [(back, HEARD_STRAIGHT), (there, SENT_STRAIGHT)] {
-                if way == HEARD_STRAIGHT {
-                    launches.push((arrivals.len() as u32, *launch));
+            let powers = [back, there].map(|heard| exp2(loudness + heard.louder));
+            // What amplitudes have together that energies have not: half of it with each.
+            let both = match self.speckle {
+                Some(_) => 0.0,
+                None => {
+                    let turns = (back.at - there.at) * self.turns;
+                    let overlap = self.transducer.overlap(back.hearing, there.hearing);
+                    overlap * (powers[0] * powers[1]).sqrt() * (TAU * turns.fract()).cos()
                 }
-                let power = exp2(loudness + heard.louder);
+            };
+            // Of the first the direction is another than its ray's.
+            launches.push((arrivals.len() as u32, *launch));
+            for (heard, power) in [(back, powers[0]), (there, powers[1])] {
+                let power = Some((power + both).max(0.0));
                 arrivals.push(mixed);
-                answers.push(self.divide(&mixed, Echo { power: Some(power), heard, reach, slide, way }, parts));
+                answers.push(self.divide(&mixed, Echo { power, heard, reach, slide, way: MIXED }, parts));
             }
         }
     }

@@ -4,6 +4,7 @@
 //! range, which is divided among bins as it lies. So a bin's energy depends neither on the mesh nor on the number of
 //! rays.
 
+use super::response::Response;
 use crate::emitter::{FAINT, Hearing, Transducer};
 use crate::ground::lanes::MEDIUM;
 use crate::ground::math::{LOG2_PER_DB, exp2, log2};
@@ -48,6 +49,10 @@ pub(crate) struct Insonification<'a> {
     pub speckle: Option<Scatterers>,
     /// How the sonar moves while sound travels.
     pub drift: Option<Drift>,
+    /// What pulse and receiver make of an echo.
+    pub response: &'a Response,
+    /// Which objects have tubes of their own; empty: none.
+    pub covered: &'a [bool],
 }
 
 /// The scatterers of the surfaces.
@@ -71,12 +76,12 @@ pub(crate) struct Drift {
 
 impl Drift {
     /// Reported range of an echo from the unit `direction` (world): the return path ends where the sonar is by then.
-    fn range(&self, range: f32, direction: Vec3) -> f32 {
+    pub(super) fn range(&self, range: f32, direction: Vec3) -> f32 {
         range - range * self.moved.dot(direction)
     }
 
     /// The unit `direction` (sensor frame, as it was) from which an echo of a one-way range comes.
-    fn seen(&self, range: f32, direction: Vec3) -> Vec3 {
+    pub(super) fn seen(&self, range: f32, direction: Vec3) -> Vec3 {
         // Seen from the sonar, the world turns the other way.
         Quat::from_scaled_axis(-range * self.turned) * direction
     }
@@ -140,7 +145,7 @@ pub(super) struct Echo {
     /// Stretch of range, m, and how far along the surface a metre of it is.
     pub reach: f32,
     pub slide: Vec3,
-    /// 0: back the way it went; 1 and 2: others.
+    /// 0: back the way it went; others: other ways.
     pub way: u32,
 }
 
@@ -171,8 +176,7 @@ impl Insonification<'_> {
         answers.clear();
         launches.clear();
         [&mut *energy, re, im].into_iter().for_each(Vec::clear);
-        let mut parts = Parts { energy, re, im, batch: Batch::new() };
-        let has_targets = !self.surfaces.targets.is_empty();
+        let mut parts = Parts::new(energy, re, im);
         for arrival in &*arrivals {
             let ray = arrival.ray as usize;
             let sine = sine(arrival.direction, arrival.normal);
@@ -189,27 +193,18 @@ impl Insonification<'_> {
             let (reach, slide) = self.reach(arrival, arrival.direction);
             // After reflections also what is only heard straight back has arrived.
             let in_reach = arrival.order == 0 || arrival.range <= self.farthest;
-            // What a ray meets of a target is heard otherwise: see [`Insonification::answer_targets`].
-            let is_target =
-                has_targets && arrival.order == 0 && self.backscatter.is_whole(self.surfaces, arrival.surface);
-            let power = if in_reach && !is_target { Some(exp2(loudness)) } else { None };
+            let power = if in_reach && !self.is_heard_otherwise(arrival) { Some(exp2(loudness)) } else { None };
             answers.push(self.divide(arrival, Echo { power, heard, reach, slide, way: 0 }, &mut parts));
         }
         self.answer_mixed(arrivals, direct, launches, answers, &mut parts);
-        if let Some(scatterers) = &self.speckle {
-            parts.scatter(scatterers);
-        }
+        parts.finish(self.speckle.as_ref());
     }
 
     /// Finds what the targets send back to which `echoes.direct` leads, each as a point of its target strength (sonar
     /// equation for point targets, Urick 1983, section 2.1): no ray has to meet it.
     pub fn answer_targets(&self, echoes: &mut Echoes) {
-        let Echoes { arrivals, direct, launches, answers, aims, energy, re, im, .. } = echoes;
-        arrivals.clear();
-        launches.clear();
-        answers.clear();
-        aims.clear();
-        [&mut *energy, re, im].into_iter().for_each(Vec::clear);
+        echoes.clear();
+        let Echoes { arrivals, direct, launches, answers, energy, re, im, .. } = echoes;
         let sensor_from_world = self.rotation.transpose();
         for Direct { way, launch, .. } in &*direct {
             let sent = sensor_from_world * *launch;
@@ -255,6 +250,16 @@ impl Insonification<'_> {
                 }
             }
         }
+    }
+
+    /// Whether what a ray meets is a target, or has tubes of its own: see [`Insonification::answer_targets`] and
+    /// [`Insonification::answer_body`].
+    fn is_heard_otherwise(&self, arrival: &Arrival) -> bool {
+        let Some(row) = self.surfaces.rows.get(arrival.surface as usize).filter(|_| arrival.order == 0) else {
+            return false;
+        };
+        !self.surfaces.targets.is_empty() && self.backscatter.is_whole(self.surfaces, arrival.surface)
+            || self.covered.get(row.object as usize).is_some_and(|&covered| covered)
     }
 
     /// How the echo that came back along its ray is heard, given `drift`.
@@ -310,8 +315,9 @@ impl Insonification<'_> {
     /// Divides an echo among bins.
     pub(super) fn divide(&self, arrival: &Arrival, echo: Echo, parts: &mut Parts) -> PingEcho {
         let Echo { power, heard: Heard { mut at, hearing, .. }, reach, slide, way } = echo;
-        let Parts { energy, re, im, batch } = parts;
-        let first = energy.len() as u32 + batch.count as u32;
+        let first = parts.len();
+        // How much longer its path gets while the sonar moves.
+        let later = at - arrival.range;
         if at >= self.fold {
             at -= self.fold;
         }
@@ -330,35 +336,29 @@ impl Insonification<'_> {
             for part in from..=to {
                 let covered = (high.min(part as f32 + 1.0) - low.max(part as f32)).max(0.0);
                 let share = if whole { power } else { share * covered };
-                energy.push(share);
-                re.push(share);
+                parts.add(share, [share, 0.0]);
             }
             return answer;
         };
-        let instance = self.surfaces.rows.get(arrival.surface as usize).map_or(MEDIUM, |row| row.instance_id);
-        // Each ray and each path has its own scatterers: if several shared those of one place, their echoes would be in
-        // phase where the surface is met head-on, and the more rays, the louder.
-        let ray = arrival.ray.wrapping_mul(0x85EB_CA6B).rotate_left(16);
-        let object = instance.wrapping_mul(0x9E37_79B9).wrapping_add(ray) ^ Draw::Speckle as u32 ^ (way << 24);
-        let per_lattice = 1.0 / scatterers.lattice;
+        let object = self.scatterer(arrival.surface, arrival.ray, way);
         for part in from..=to {
             let (low, high) = (low.max(part as f32), high.min(part as f32 + 1.0));
             // The middle of what lies in the bin.
             let beside = 0.5 * (low + high) * self.bin_m - at;
-            let scatterer = (arrival.place + slide * beside) * per_lattice + OFF_LATTICE;
-            let lane = batch.count;
-            for (place, scatterer) in batch.place.iter_mut().zip(scatterer.to_array()) {
-                place[lane] = scatterer;
-            }
-            batch.object[lane] = object;
-            batch.turn[lane] = (arrival.path + beside) * self.turns;
-            batch.energy[lane] = if whole { power } else { share * (high - low).max(0.0) };
-            batch.count += 1;
-            if batch.count == BATCH {
-                batch.scatter(scatterers, energy, re, im);
-            }
+            let energy = if whole { power } else { share * (high - low).max(0.0) };
+            let turn = (arrival.path + later + beside) * self.turns;
+            parts.scatter_at(scatterers, arrival.place + slide * beside, object, turn, energy);
         }
         answer
+    }
+
+    /// Whose scatterers a ray meets on a surface by one of the ways back: each ray and each way has its own. If several
+    /// shared those of one place, their echoes would be in phase where the surface is met head-on, and the more rays, the
+    /// louder.
+    pub(super) fn scatterer(&self, surface: u32, ray: u32, way: u32) -> u32 {
+        let instance = self.surfaces.rows.get(surface as usize).map_or(MEDIUM, |row| row.instance_id);
+        let ray = ray.wrapping_mul(0x85EB_CA6B).rotate_left(16);
+        instance.wrapping_mul(0x9E37_79B9).wrapping_add(ray) ^ Draw::Speckle as u32 ^ (way << 24)
     }
 
     /// Direction in which a ray started, world.
@@ -395,7 +395,7 @@ impl Insonification<'_> {
     }
 
     /// log2 of what spreading leaves of an echo of a point that returns the way it went: of both ways.
-    fn spread_twice(&self, way: &Arrival) -> f32 {
+    pub(super) fn spread_twice(&self, way: &Arrival) -> f32 {
         if self.spreading == Spreading::RayTube {
             return 2.0 * self.tube_spread(way, way.speed);
         }
@@ -424,6 +424,16 @@ impl Insonification<'_> {
 }
 
 impl Echoes {
+    /// Empties all but the direct paths.
+    pub fn clear(&mut self) {
+        let Echoes { arrivals, launches, answers, aims, energy, re, im, .. } = self;
+        arrivals.clear();
+        launches.clear();
+        answers.clear();
+        aims.clear();
+        [energy, re, im].into_iter().for_each(Vec::clear);
+    }
+
     /// Determines which beams hear any of it, or lose water to it.
     pub fn find_beams(&mut self, transducer: &Transducer) {
         let of_rays = self.arrivals.iter().filter(|arrival| arrival.order == 0);
@@ -441,10 +451,44 @@ pub(super) fn sine(direction: Vec3, normal: Vec3) -> f32 {
     (direction.dot(normal).abs() / normal.length()).clamp(1e-3, 1.0)
 }
 
-impl Parts<'_> {
-    /// [`Batch::scatter`] of what is waiting for it.
-    fn scatter(&mut self, scatterers: &Scatterers) {
-        self.batch.scatter(scatterers, self.energy, self.re, self.im);
+impl<'a> Parts<'a> {
+    /// None yet, into empty columns.
+    pub fn new(energy: &'a mut Vec<f32>, re: &'a mut Vec<f32>, im: &'a mut Vec<f32>) -> Parts<'a> {
+        Parts { energy, re, im, batch: Batch::new() }
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> u32 {
+        (self.energy.len() + self.batch.count) as u32
+    }
+
+    /// Adds one of a known amplitude, or again its energy; none may wait.
+    pub fn add(&mut self, energy: f32, [re, im]: [f32; 2]) {
+        self.energy.push(energy);
+        self.re.push(re);
+        self.im.push(im);
+    }
+
+    /// Adds one of a random amplitude: that of scatterers of an `object` at a place, m, its phase turned further.
+    pub fn scatter_at(&mut self, scatterers: &Scatterers, place: Vec3, object: u32, turn: f32, energy: f32) {
+        let batch = &mut self.batch;
+        let lane = batch.count;
+        let scatterer = place * (1.0 / scatterers.lattice) + OFF_LATTICE;
+        for (place, scatterer) in batch.place.iter_mut().zip(scatterer.to_array()) {
+            place[lane] = scatterer;
+        }
+        (batch.object[lane], batch.turn[lane], batch.energy[lane]) = (object, turn, energy);
+        batch.count += 1;
+        if batch.count == BATCH {
+            batch.scatter(scatterers, self.energy, self.re, self.im);
+        }
+    }
+
+    /// Gives those that wait their amplitudes.
+    pub fn finish(&mut self, scatterers: Option<&Scatterers>) {
+        if let Some(scatterers) = scatterers.filter(|_| self.batch.count > 0) {
+            self.batch.scatter(scatterers, self.energy, self.re, self.im);
+        }
     }
 }
 
@@ -536,7 +580,7 @@ pub(crate) struct Tile {
 pub(crate) const NOBODY: u32 = u32::MAX;
 
 /// In place of a ray's number: what was not found by any, and takes no water from view.
-const NO_RAY: u32 = u32::MAX;
+pub(crate) const NO_RAY: u32 = u32::MAX;
 
 /// Most arrivals of a chunk: their number goes into the lower bits of [`Tile::who`].
 pub(crate) const CHUNK_BITS: u32 = 16;

@@ -88,6 +88,11 @@ impl Response {
         self.taps.get(bins).map_or(0.0, |&tap| f64::from(tap * tap))
     }
 
+    /// Amplitude of a point-like echo `bins` from its middle.
+    pub fn amplitude_at(&self, bins: usize) -> f32 {
+        self.taps.get(bins).map_or(0.0, |&tap| tap / self.taps[0])
+    }
+
     /// Bins on each side in which a point is heard.
     pub fn reach(&self) -> usize {
         self.taps.len() - 1

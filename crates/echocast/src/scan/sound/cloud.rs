@@ -56,6 +56,13 @@ impl Ping {
     /// # Errors
     /// A ping without [`Ping::cloud_fields`], or with columns that do not fit its layout; no memory.
     pub fn cloud(&self, options: &ScanOptions) -> Result<PointCloud> {
+        let mut cloud = PointCloud::default();
+        self.cloud_into(options, &mut cloud)?;
+        Ok(cloud)
+    }
+
+    /// [`Ping::cloud`] into the memory of `cloud`, which is unchanged if the ping is wrong, and empty if there is no memory.
+    pub(super) fn cloud_into(&self, options: &ScanOptions, cloud: &mut PointCloud) -> Result<()> {
         let needed = Ping::cloud_fields(options.fields);
         if let Some(missing) = needed.iter().find(|info| !self.fields.contains(info.field)) {
             return Err(Error::invalid("ping", format!("without {}", missing.name), "pings with Ping::cloud_fields"));
@@ -63,7 +70,12 @@ impl Ping {
         self.check("ping")?;
         let points = self.points(options.organised);
         let fields = options.fields;
-        let mut cloud = PointCloud {
+        let mut columns = std::mem::take(cloud).columns;
+        columns.resize(fields, points.len())?;
+        for (row, point) in points.iter().enumerate() {
+            self.fill(&mut columns, row, point, options);
+        }
+        *cloud = PointCloud {
             len: points.len(),
             fields,
             frame: options.coordinates,
@@ -73,13 +85,10 @@ impl Ping {
             start_time: Some(self.time),
             intensity_full_scale: None,
             labels: self.labels.clone(),
+            columns,
             ..PointCloud::default()
         };
-        cloud.columns.resize(fields, points.len())?;
-        for (row, point) in points.iter().enumerate() {
-            self.fill(&mut cloud.columns, row, point, options);
-        }
-        Ok(cloud)
+        Ok(())
     }
 
     /// Rows and columns of an organised cloud.

@@ -2,7 +2,7 @@
 
 use super::ping::{PingMemory, Pinging, Told};
 use crate::cloud::{FieldSet, Ping};
-use crate::echo::{CHUNK_BITS, Echoes, NOBODY, PingEcho};
+use crate::echo::{CHUNK_BITS, Echoes, NO_RAY, NOBODY, PingEcho};
 use crate::emitter::{Hearing, Trajectory};
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::MEDIUM;
@@ -143,9 +143,10 @@ impl Pinging<'_> {
     fn tell_ray(&self, text: &mut String, arrival: &Arrival, world: Vec3) -> std::fmt::Result {
         let grazing = (-world.z).asin().to_degrees();
         let heading = world.y.atan2(world.x).to_degrees();
-        let name = match self.is_target(arrival) {
-            true => "ray to a target".to_owned(),
-            false => format!("ray {} of {}", arrival.ray, self.transducer.rays()),
+        let name = match arrival.ray {
+            NO_RAY if self.is_target(arrival) => "ray to a target".to_owned(),
+            NO_RAY => "ray of a body's own".to_owned(),
+            ray => format!("ray {ray} of {}", self.transducer.rays()),
         };
         writeln!(
             text,
@@ -289,7 +290,9 @@ impl Pinging<'_> {
             false => self.backscatter.strength_db(surfaces, arrival, sine),
         };
         let mean = 10.0 * self.mean_power(memory, beam, bin).max(1e-300).log10();
-        let area = mean - source + 2.0 * (spreading + loss) - strength;
+        let answered = mean - source + 2.0 * (spreading + loss);
+        let area = answered - strength;
+        let in_phase = arrival.ray == NO_RAY && self.backscatter.smooth(surfaces, arrival.surface).is_some();
         writeln!(text, "sonar equation, dB")?;
         let mut term = |name: &str, value: f64, words: String| writeln!(text, "  {name:<6}{value:>10.2}  {words}");
         term("SL", source, "source level, re 1 uPa at 1 m".into())?;
@@ -302,6 +305,10 @@ impl Pinging<'_> {
             term("TS", strength, "target strength, re 1 m2".into())?;
             term("B", area, "pattern of sending and hearing in its direction, and what else is heard with it".into())?;
             term("EL", mean, "mean echo level: SL - 2TL + TS + B".into())?;
+        } else if in_phase {
+            let words = "target strength of smooth facets in phase, and the beam's pattern in their direction";
+            term("TS+B", answered, words.into())?;
+            term("EL", mean, "echo level: SL - 2TL + TS + B".into())?;
         } else {
             term("S", strength, "backscatter of the surface at this angle, per m2".into())?;
             term(

@@ -2,6 +2,40 @@
 
 mod cloud;
 mod explain;
+mod goals;
 mod ping;
 
-pub(in crate::scan) use ping::Told;
+use crate::cloud::{Ping, PointCloud};
+use crate::emitter::Trajectory;
+use crate::ground::error::Result;
+use crate::scan::ScanOptions;
+use crate::sensor::Sensor;
+use crate::trace::BuiltScene;
+use ping::Told;
+use std::cell::Cell;
+
+thread_local! {
+    /// The last ping that this thread made points of: memory for the next one.
+    static PING: Cell<Option<Box<Ping>>> = const { Cell::new(None) };
+}
+
+impl BuiltScene {
+    /// The points of one ping, see [`BuiltScene::scan_into`].
+    pub(in crate::scan) fn scan_sound(
+        &self,
+        sensor: &Sensor,
+        trajectory: &Trajectory,
+        options: &ScanOptions,
+        cloud: &mut PointCloud,
+    ) -> Result<()> {
+        let with_cells = ScanOptions { fields: Ping::cloud_fields(options.fields), ..options.clone() };
+        // Of sonars that report depths, points are made from few cells.
+        let told = if sensor.sonar_view().reports_depths() { Told::Soundings } else { Told::All };
+        // A thread at its end has none any more.
+        let mut ping = PING.try_with(Cell::take).ok().flatten().unwrap_or_default();
+        self.ping_told(sensor, trajectory, &with_cells, &mut ping, told)?;
+        let done = ping.cloud_into(options, cloud);
+        let _ = PING.try_with(|own| own.set(Some(ping)));
+        done
+    }
+}

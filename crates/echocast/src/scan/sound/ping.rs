@@ -1,10 +1,12 @@
 //! One ping of a sonar, step by step: rays through the water, what they meet, what the beams receive of it, levels,
 //! depths.
 
+use super::goals::Goals;
 use crate::cloud::{CELL_FIELDS, FLOW, Field, FieldSet, Layout, MOVING, Ping, Slices, SonarView, Sounding, put};
 use crate::detect::{BeamLevels, Beside, Stretch, sounding};
 use crate::echo::{
-    Background, CHUNK_BITS, Drift, Echoes, Flanks, Insonification, Lines, NOBODY, Response, Scatterers, Tile, Wants,
+    Background, CHUNK_BITS, Drift, Echoes, Flanks, Insonification, Lines, NOBODY, Response, Scatterers, Share, Tile,
+    Wants, grid,
 };
 use crate::emitter::{Trajectory, Transducer};
 use crate::ground::angle::azimuth_elevation;
@@ -22,7 +24,8 @@ use crate::scan::printed::printed_water;
 use crate::scan::{Profile, ScanOptions};
 use crate::sensor::{AcousticsSpec, Sensor, Speckle};
 use crate::trace::{
-    Backscatter, BuiltScene, Clock, Goal, Later, Launch, Movement, SoundLimits, SoundTracer, Tables, TracerMemory,
+    Backscatter, BuiltScene, Clock, Goal, Later, Launch, Movement, SoundLimits, SoundTracer, Stand, Tables,
+    TracerMemory, TubeHit,
 };
 use glam::{DVec3, Mat3, Vec3};
 use std::sync::Arc;
@@ -45,6 +48,7 @@ pub(crate) struct PingMemory {
     /// The layout of the last ping, and what it was made from.
     layout: Option<(LayoutInputs, Arc<Layout>)>,
     water: Option<Prepared>,
+    goals: Goals,
 }
 
 impl PingMemory {
@@ -69,6 +73,8 @@ impl PingMemory {
 struct RayChunk {
     echoes: Echoes,
     tracer: TracerMemory,
+    hits: Vec<TubeHit>,
+    shares: Vec<Share>,
 }
 
 #[derive(Default)]
@@ -122,7 +128,7 @@ struct LayoutInputs {
 
 /// Of which cells the columns of a ping say what they are.
 #[derive(Clone, Copy, PartialEq)]
-pub(in crate::scan) enum Told {
+pub(super) enum Told {
     All,
     /// Those of soundings; the others hold nothing.
     Soundings,
@@ -145,17 +151,16 @@ pub(super) struct Pinging<'a> {
     speckle: Option<Scatterers>,
     rng: Rng,
     /// Ranges from which echoes come, m.
-    reach: f64,
+    pub reach: f64,
     fold: f64,
-    mask: u32,
-    time: f64,
+    pub mask: u32,
+    pub time: f64,
     /// Where the scene moves, when sound is where.
-    clock: Option<Clock>,
+    pub clock: Option<Clock>,
     /// What is told of motion, if it is asked for.
     motion: Option<Motion>,
     /// The water that depths are corrected with, of sonars that report some.
     assumed: Option<Arc<Column>>,
-    goals: Vec<Goal>,
 }
 
 /// What the columns of motion are made from.
@@ -195,7 +200,7 @@ impl BuiltScene {
     }
 
     /// [`BuiltScene::ping_into`] whose columns say only of `told` cells what they are.
-    pub(in crate::scan) fn ping_told(
+    pub(super) fn ping_told(
         &self,
         sensor: &Sensor,
         trajectory: &Trajectory,
@@ -276,10 +281,15 @@ impl<'a> Pinging<'a> {
         let believed = water.assumed_speed_m_s.unwrap_or(start_speed);
         let ratio = acoustics.array_speed_m_s.map_or(1.0, |array| speed / array);
         let transducer = sensor.transducer(start_speed / frequency, ratio);
-        // Chunks of targets follow those of rays.
-        let chunks = transducer.rays().div_ceil(CHUNK) + scene.surfaces.targets.len().div_ceil(GOALS);
+        // Chunks of targets and of bodies follow those of rays.
+        let goals = scene.surfaces.targets.len().div_ceil(GOALS) + scene.bodies().len();
+        let chunks = transducer.rays().div_ceil(CHUNK) + goals;
         if chunks > 1 << (32 - CHUNK_BITS) {
-            return Err(Error::invalid("pattern.rays", transducer.rays(), "at most 134 million rays in a ping"));
+            return Err(Error::invalid(
+                "pattern.rays",
+                transducer.rays(),
+                "at most 134 million rays in a ping, less 2048 for each object of the scene",
+            ));
         }
         let sea = water.sea();
         let source = options.reflectance_source.unwrap_or_default().of_sound();
@@ -375,7 +385,7 @@ impl<'a> Pinging<'a> {
             lattice: (resolution / 3.0) as f32,
             texture: sensor.texture.clone(),
         });
-        let mut pinging = Pinging {
+        let pinging = Pinging {
             scene,
             acoustics,
             backscatter,
@@ -395,10 +405,9 @@ impl<'a> Pinging<'a> {
             clock: scene.clock(options.start_time, options.freeze),
             motion,
             assumed,
-            goals: Vec::new(),
             transducer,
         };
-        pinging.goals = pinging.find_goals()?;
+        pinging.find_goals(&mut memory.goals)?;
         Ok(pinging)
     }
 
@@ -418,7 +427,9 @@ impl<'a> Pinging<'a> {
         ping.cells.resize(fields, beams * bins)?;
 
         let of_rays = self.transducer.rays().div_ceil(CHUNK);
-        memory.chunks.resize_with(of_rays + self.goals.len().div_ceil(GOALS), RayChunk::default);
+        let PingMemory { chunks, goals, flanks, tiles, .. } = memory;
+        let of_targets = goals.targets.chunks(GOALS);
+        chunks.resize_with(of_rays + of_targets.len() + goals.bodies.len(), RayChunk::default);
         let (sound, surfaces) = (&self.backscatter, &self.scene.surfaces);
         let loss = |row: u32, sine: f64| sound.reflection_loss(surfaces, row, sine);
         let limits = SoundLimits {
@@ -430,14 +441,15 @@ impl<'a> Pinging<'a> {
             clock: self.clock,
         };
         let tracer = SoundTracer::new(self.scene, &self.column, limits);
-        let insonification = self.insonification();
+        let insonification = self.insonification(&goals.covered);
         let with_aims = told == Told::All && fields.contains_any(&[Field::Azimuth, Field::Elevation]);
-        parallel::for_each(&mut memory.chunks, |number, chunk| {
+        parallel::for_each(chunks, |number, chunk| {
             let insonification = &insonification;
             let task = RayTask { pinging: self, tracer: &tracer, insonification, with_aims, number, chunk };
-            match number.checked_sub(of_rays) {
+            match number.checked_sub(of_rays).map(|part| (part, part.checked_sub(of_targets.len()))) {
                 None => task.run(),
-                Some(part) => task.look_at(self.goals.chunks(GOALS).nth(part).unwrap_or_default()),
+                Some((part, None)) => task.look_at(of_targets.clone().nth(part).unwrap_or_default()),
+                Some((_, Some(body))) => task.cover(&goals.bodies[body]),
             }
         });
 
@@ -447,65 +459,21 @@ impl<'a> Pinging<'a> {
             open: !self.volume.is_empty(),
             speckle: self.speckle.is_some(),
         };
-        memory.flanks.clear(&self.transducer, bins, wants.who && told == Told::All);
-        for (number, chunk) in (0..).zip(&memory.chunks) {
-            memory.flanks.add(&self.transducer, number, &chunk.echoes);
+        flanks.clear(&self.transducer, bins, wants.who && told == Told::All);
+        for (number, chunk) in (0..).zip(&*chunks) {
+            flanks.add(&self.transducer, number, &chunk.echoes);
         }
         let tile = if self.transducer.beams_are_apart() { 1 } else { TILE };
-        memory.tiles.resize_with(beams.div_ceil(tile), TileMemory::default);
+        tiles.resize_with(beams.div_ceil(tile), TileMemory::default);
         let rows = ping.cells.slices(0, beams * bins);
-        let task =
-            Listening { pinging: self, chunks: &memory.chunks, flanks: &memory.flanks, wants, told, width: tile };
-        task.tiles(&mut memory.tiles, rows);
+        let task = Listening { pinging: self, chunks, flanks, wants, told, width: tile };
+        task.tiles(tiles, rows);
         ping.soundings.clear();
-        ping.soundings.extend(memory.tiles.iter().flat_map(|memory| &memory.soundings));
+        ping.soundings.extend(tiles.iter().flat_map(|memory| &memory.soundings));
         Ok(())
     }
 
-    /// The targets from which echoes may come, where sound meets them.
-    ///
-    /// # Errors
-    /// One that is larger than its distance.
-    fn find_goals(&self) -> Result<Vec<Goal>> {
-        /// Things are at most a hundredth as fast as sound.
-        const PASSES: usize = 3;
-        let mut goals = Vec::new();
-        let surfaces = &self.scene.surfaces;
-        // In a duct sound may be on its way longer than straight ahead, never shorter.
-        let fastest = self.column.end_speeds().fold(0.0, f64::max);
-        let farthest = self.reach * fastest / self.layout.believed_speed;
-        for target in &surfaces.targets {
-            let row = &surfaces.rows[target.row as usize];
-            let (mut time, mut found) = (self.time, None);
-            for _ in 0..PASSES {
-                let Some((place, _)) = self.scene.stance(row.object, time, self.mask) else { break };
-                let middle = place.transform_point3(target.middle) - self.scene.origin;
-                let distance = middle.distance(self.place());
-                found = Some((middle, distance, place.matrix3));
-                let moves = self.clock.as_ref().is_some_and(|clock| clock.of(1.0) != clock.of(0.0));
-                if !moves {
-                    break;
-                }
-                time = self.time + distance / fastest;
-            }
-            let Some((middle, distance, turned)) = found else { continue };
-            let radius = target.radius * turned.determinant().abs().cbrt();
-            if distance - radius > farthest {
-                continue;
-            }
-            if radius > distance {
-                let name = &surfaces.materials[row.material as usize].name;
-                let found = format!(
-                    "target, of a mesh of the material {name:?} with a radius of {radius:.3} m, {distance:.3} m away"
-                );
-                return Err(Error::invalid("sound.law", found, "for what is farther away than it is large"));
-            }
-            goals.push(Goal { row: target.row, middle });
-        }
-        Ok(goals)
-    }
-
-    fn insonification(&self) -> Insonification<'_> {
+    fn insonification<'b>(&'b self, covered: &'b [bool]) -> Insonification<'b> {
         Insonification {
             transducer: &self.transducer,
             backscatter: &self.backscatter,
@@ -522,6 +490,8 @@ impl<'a> Pinging<'a> {
             turns: (2.0 * self.acoustics.frequency() / self.layout.believed_speed) as f32,
             speckle: self.speckle.clone(),
             drift: self.drift,
+            response: &self.response,
+            covered,
         }
     }
 
@@ -529,8 +499,13 @@ impl<'a> Pinging<'a> {
         self.pose.rotation().as_mat3()
     }
 
+    /// Wavelength at the sonar, m.
+    pub fn wavelength(&self) -> f64 {
+        self.column.speed_at(self.column.surface_z - self.pose.position.z) / self.acoustics.frequency()
+    }
+
     /// Place of the sonar, relative to the scene's origin, m.
-    fn place(&self) -> DVec3 {
+    pub fn place(&self) -> DVec3 {
         self.pose.position - self.scene.origin
     }
 }
@@ -682,6 +657,18 @@ impl RayTask<'_, '_> {
         tracer.sight(pinging.place(), goals, |row| sound.is_whole(surfaces, row), &mut chunk.tracer, direct);
         insonification.answer_targets(&mut chunk.echoes);
         chunk.echoes.find_beams(&pinging.transducer);
+    }
+
+    /// Hears a body by tubes of its own.
+    fn cover(self, stand: &Stand) {
+        let RayTask { pinging, tracer, insonification, chunk, .. } = self;
+        let RayChunk { echoes, tracer: memory, hits, shares } = chunk;
+        let grid = |sides| grid(stand, pinging.wavelength(), sides);
+        match tracer.cover(pinging.place(), stand, grid, memory, hits) {
+            Some(way) => insonification.answer_body(&way, hits, shares, echoes),
+            None => echoes.clear(),
+        }
+        echoes.find_beams(&pinging.transducer);
     }
 }
 

@@ -39,6 +39,14 @@ pub(super) struct Candidate {
     step: Step,
 }
 
+impl Candidate {
+    /// A path along the ray of `state` as far as `length` m, which takes at most `time` s.
+    pub fn new(direct: Direct, state: State, length: f64, time: f64) -> Candidate {
+        let step = Step { length: 0.0, end: End::Inside, chord: None };
+        Candidate { direct, inside: false, state, length, time, step }
+    }
+}
+
 /// How near to a place a ray must pass, m.
 const NEAR: f64 = 1e-3;
 
@@ -88,9 +96,8 @@ impl SoundTracer<'_> {
                     |(state, end)| {
                         let met = self.arrival(&State { ray: end, ..state }, goal.row, Vec3::ZERO, &start);
                         let way = Arrival { normal: -met.direction, ..met };
-                        let step = Step { length: 0.0, end: End::Inside, chord: None };
                         let direct = Direct { index, way, launch: state.direction().as_vec3() };
-                        Candidate { direct, inside: true, state, length: end.path, time: end.time, step }
+                        Candidate { inside: true, ..Candidate::new(direct, state, end.path, end.time) }
                     },
                 ),
             );
@@ -102,7 +109,7 @@ impl SoundTracer<'_> {
     }
 
     /// The ray from the start to a place, there and where it arrives.
-    fn way_to(&self, start: &Start, place: DVec3) -> Option<(State, Ray)> {
+    pub(super) fn way_to(&self, start: &Start, place: DVec3) -> Option<(State, Ray)> {
         let to = place - start.place;
         if to.length() < NEAR {
             return None;
@@ -130,9 +137,8 @@ impl SoundTracer<'_> {
         let sine = f64::from(along.abs() / normal.length()).max(1e-3);
         let clear = SAGITTA.max(rounding(arrival.place).into());
         let length = end.path - (clear / sine).min(0.1 * end.path);
-        let step = Step { length: 0.0, end: End::Inside, chord: None };
         let direct = Direct { index, way, launch: state.direction().as_vec3() };
-        Some(Candidate { direct, inside: false, state, length, time: end.time, step })
+        Some(Candidate::new(direct, state, length, end.time))
     }
 
     /// The ray along `to`, at its start and at its end, in uniform water.
@@ -216,7 +222,7 @@ impl SoundTracer<'_> {
     }
 
     /// Moves those of `candidates` that nothing blocks to `ways`.
-    fn look(
+    pub(super) fn look(
         &self,
         start: &Start,
         whole: impl Fn(u32) -> bool,

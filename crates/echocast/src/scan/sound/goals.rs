@@ -1,0 +1,144 @@
+//! What a ping looks at with rays of its own: targets that answer as a whole, and bodies that its rays are too few for.
+
+use super::ping::Pinging;
+use crate::echo::answers_in_phase;
+use crate::ground::error::{Error, Result};
+use crate::trace::{Body, Goal, Stand};
+use glam::{DVec3, Vec3};
+
+/// Where sound meets them.
+#[derive(Default)]
+pub(super) struct Goals {
+    pub targets: Vec<Goal>,
+    pub bodies: Vec<Stand>,
+    /// Which objects are among the bodies; empty: none.
+    pub covered: Vec<bool>,
+}
+
+impl Pinging<'_> {
+    /// Those from which echoes may come.
+    ///
+    /// # Errors
+    /// A target that is larger than its distance.
+    pub(super) fn find_goals(&self, goals: &mut Goals) -> Result<()> {
+        let Goals { targets, bodies, covered } = goals;
+        targets.clear();
+        bodies.clear();
+        covered.clear();
+        self.find_targets(targets)?;
+        let near = self.scene.bodies().iter().filter(|body| {
+            body.sphere.is_none_or(|(middle, radius)| middle.distance(self.place()) - radius < self.farthest())
+        });
+        bodies.extend(near.filter_map(|&body| self.find_body(body)));
+        if !bodies.is_empty() {
+            covered.resize(self.scene.extents.len(), false);
+            bodies.iter().for_each(|stand| covered[stand.body.object as usize] = true);
+        }
+        Ok(())
+    }
+
+    /// Farthest distance from which echoes come, m: in a duct sound may be on its way longer than straight ahead, never
+    /// shorter.
+    fn farthest(&self) -> f64 {
+        self.reach * self.fastest() / self.layout.believed_speed
+    }
+
+    fn fastest(&self) -> f64 {
+        self.column.end_speeds().fold(0.0, f64::max)
+    }
+
+    /// What `place` has at a time, when sound gets to the middle that it says; and how far that is from the sonar, m.
+    fn when_met<T>(&self, place: impl Fn(f64) -> Option<(T, DVec3)>) -> Option<(T, f64)> {
+        /// Things are at most a hundredth as fast as sound.
+        const PASSES: usize = 3;
+        let moves = self.clock.as_ref().is_some_and(|clock| clock.of(1.0) != clock.of(0.0));
+        let (mut time, mut found) = (self.time, None);
+        for _ in 0..if moves { PASSES } else { 1 } {
+            let Some((what, middle)) = place(time) else { break };
+            let distance = middle.distance(self.place());
+            found = Some((what, distance));
+            time = self.time + distance / self.fastest();
+        }
+        found
+    }
+
+    fn find_targets(&self, targets: &mut Vec<Goal>) -> Result<()> {
+        let surfaces = &self.scene.surfaces;
+        for target in &surfaces.targets {
+            let row = &surfaces.rows[target.row as usize];
+            let place = |time: f64| {
+                let (place, _) = self.scene.stance(row.object, time, self.mask)?;
+                let middle = place.transform_point3(target.middle) - self.scene.origin;
+                Some(((middle, place.matrix3), middle))
+            };
+            let Some(((middle, turned), distance)) = self.when_met(place) else { continue };
+            let radius = target.radius * turned.determinant().abs().cbrt();
+            if distance - radius > self.farthest() {
+                continue;
+            }
+            if radius > distance {
+                let name = &surfaces.materials[row.material as usize].name;
+                let found = format!(
+                    "target, of a mesh of the material {name:?} with a radius of {radius:.3} m, {distance:.3} m away"
+                );
+                return Err(Error::invalid("sound.law", found, "for what is farther away than it is large"));
+            }
+            targets.push(Goal { row: target.row, middle });
+        }
+        Ok(())
+    }
+
+    /// A body where sound meets it, if it needs tubes: it is smooth and answers in phase, or few rays would meet it.
+    fn find_body(&self, body: Body) -> Option<Stand> {
+        let place = |time: f64| {
+            let stand = self.scene.stand(body, time, self.mask)?;
+            Some((stand, stand.middle))
+        };
+        let (stand, distance) = self.when_met(place)?;
+        let radius = stand.radius();
+        // What is about the sonar is no body before it.
+        if distance < 2.0 * radius || distance - radius > self.farthest() {
+            return None;
+        }
+        let towards = (stand.middle - self.place()) / distance;
+        let aim = self.rotation().transpose() * towards.as_vec3();
+        let size = (radius / distance) as f32;
+        if !self.is_heard(aim, size) {
+            return None;
+        }
+        let [along, aside] = stand.outline(towards).map(DVec3::length);
+        let part = 4.0 * along * aside / (std::f64::consts::PI * radius * radius);
+        let in_phase = body.mirrors && answers_in_phase(radius, self.wavelength());
+        (in_phase || self.has_few_rays(aim, size, part as f32)).then_some(stand)
+    }
+
+    /// Whether the sonar sends to and hears from a direction (unit, sensor frame), or from near it, by `size` rad.
+    fn is_heard(&self, aim: Vec3, size: f32) -> bool {
+        /// log2 of the power there and back below which the rays of the ping are enough: -27 dB, the first sidelobe of
+        /// a line array, there and back.
+        const LEAST: f32 = -9.0;
+        size > 0.5 * self.transducer.narrowest as f32 || self.transducer.towards(aim, aim).any(|(loud, _)| loud > LEAST)
+    }
+
+    /// Whether so few rays of the ping start within `size` rad of a direction that a `part` of them does not add up to
+    /// the echo of a body.
+    fn has_few_rays(&self, aim: Vec3, size: f32, part: f32) -> bool {
+        /// Their echo is within 2 dB in 99 of 100 pings.
+        const ENOUGH: f32 = 64.0;
+        let [x, y, z] = &self.transducer.direction;
+        let square = size * size;
+        // In blocks, without branches within: most are far from all rays or near many.
+        let mut near = 0;
+        for ((x, y), z) in x.chunks(1024).zip(y.chunks(1024)).zip(z.chunks(1024)) {
+            let within = |((x, y), z): ((&f32, &f32), &f32)| {
+                let (x, y, z) = (x - aim.x, y - aim.y, z - aim.z);
+                u32::from(x * x + y * y + z * z < square)
+            };
+            near += x.iter().zip(y).zip(z).map(within).sum::<u32>();
+            if near as f32 * part >= ENOUGH {
+                return false;
+            }
+        }
+        true
+    }
+}
