@@ -6,7 +6,7 @@ mod light;
 mod printed;
 mod sound;
 
-use crate::cloud::{BoxAxes, Field, FieldSet, Frame, Ping, PointCloud};
+use crate::cloud::{BoxAxes, Field, FieldSet, Frame, PointCloud};
 use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
 use crate::ground::named::named;

@@ -103,21 +103,23 @@ impl Pinging<'_> {
         let towards = (stand.middle - self.place()) / distance;
         let aim = self.rotation().transpose() * towards.as_vec3();
         let size = (radius / distance) as f32;
-        if !self.is_heard(aim, size) {
+        let in_phase = body.mirrors && answers_in_phase(radius, self.wavelength());
+        // What is wider than the beam the rays of the ping meet where it is heard, as they lie in the beam.
+        let narrow = size < self.transducer.narrowest as f32;
+        if !(in_phase || narrow) || narrow && !self.is_heard(aim) {
             return None;
         }
         let [along, aside] = stand.outline(towards).map(DVec3::length);
         let part = 4.0 * along * aside / (std::f64::consts::PI * radius * radius);
-        let in_phase = body.mirrors && answers_in_phase(radius, self.wavelength());
         (in_phase || self.has_few_rays(aim, size, part as f32)).then_some(stand)
     }
 
-    /// Whether the sonar sends to and hears from a direction (unit, sensor frame), or from near it, by `size` rad.
-    fn is_heard(&self, aim: Vec3, size: f32) -> bool {
+    /// Whether the sonar sends to a direction (unit, sensor frame) and hears from there.
+    fn is_heard(&self, aim: Vec3) -> bool {
         /// log2 of the power there and back below which the rays of the ping are enough: -27 dB, the first sidelobe of
         /// a line array, there and back.
         const LEAST: f32 = -9.0;
-        size > 0.5 * self.transducer.narrowest as f32 || self.transducer.towards(aim, aim).any(|(loud, _)| loud > LEAST)
+        self.transducer.towards(aim, aim).any(|(loud, _)| loud > LEAST)
     }
 
     /// Whether so few rays of the ping start within `size` rad of a direction that a `part` of them does not add up to
