@@ -46,6 +46,49 @@ kernels! {
         }
     }
 
+    /// Adds the amplitudes of an arrival to rows like those of [`add_rows`], and keeps for every cell the greatest energy and
+    /// whose it is, all at once.
+    pub fn hear_rows(
+        start: usize,
+        width: usize,
+        loudness: &[f32],
+        amplitudes: [&[f32]; 2],
+        energy: &[f32],
+        who: u32,
+        sums: [&mut [f32]; 2],
+        most: &mut [f32],
+        is: &mut [u32],
+    ) {
+        let ([re, im], [sum_re, sum_im]) = (amplitudes, sums);
+        for (bin, ((&x, &y), &energy)) in re.iter().zip(im).zip(energy).enumerate() {
+            let cells = start + bin * width..start + bin * width + loudness.len();
+            let sums = sum_re[cells.clone()].iter_mut().zip(&mut sum_im[cells.clone()]);
+            let best = most[cells.clone()].iter_mut().zip(&mut is[cells]);
+            for (((re, im), (most, is)), &loud) in sums.zip(best).zip(loudness) {
+                *re += loud * x;
+                *im += loud * y;
+                prefer(loud * loud * energy, who, most, is);
+            }
+        }
+    }
+
+    /// Adds `scale from` to sums, and keeps for each the greatest part and whose it is.
+    pub fn add_and_prefer(
+        scale: f32,
+        from: &[f32],
+        parts: &[f32],
+        whose: &[u32],
+        to: &mut [f32],
+        most: &mut [f32],
+        is: &mut [u32],
+    ) {
+        let best = most.iter_mut().zip(is);
+        for (((sum, x), (part, who)), (most, is)) in to.iter_mut().zip(from).zip(parts.iter().zip(whose)).zip(best) {
+            *sum += scale * x;
+            prefer(scale * part, *who, most, is);
+        }
+    }
+
     /// [`add_rows`] of energies: scaled by the square.
     pub fn add_rows_squared(start: usize, width: usize, loudness: &[f32], parts: &[f32], to: &mut [f32]) {
         for (bin, &x) in parts.iter().enumerate() {

@@ -68,20 +68,35 @@ impl Flanks {
     /// What a beam hears of it in each bin.
     pub fn heard(&self, transducer: &Transducer, beam: usize, powers: &mut [f32]) {
         powers.fill(0.0);
-        for (part, span) in self.spans.iter().enumerate().filter(|(_, span)| !span.is_empty()) {
-            let flank = transducer.flanks[beam * FLANK_PARTS + part];
-            if flank > 0.0 {
-                let from = part * self.bins;
-                sound::add(flank, &self.energy[from + span.start..from + span.end], &mut powers[span.clone()]);
-            }
+        for (flank, cells, span) in self.audible(transducer, beam) {
+            sound::add(flank, &self.energy[cells], &mut powers[span]);
         }
     }
 
-    /// Who is the loudest of those that a beam hears in a bin.
-    pub fn strongest(&self, transducer: &Transducer, beam: usize, bin: usize) -> u32 {
-        let heard = |part: usize| transducer.flanks[beam * FLANK_PARTS + part] * self.most[part * self.bins + bin];
-        let loudest = (0..FLANK_PARTS).max_by(|&a, &b| heard(a).total_cmp(&heard(b)));
-        loudest.filter(|&part| heard(part) > 0.0).map_or(NOBODY, |part| self.who[part * self.bins + bin])
+    /// The same, and the power of the strongest in each bin and who that is.
+    pub fn told(&self, transducer: &Transducer, beam: usize, powers: &mut [f32], most: &mut [f32], who: &mut [u32]) {
+        powers.fill(0.0);
+        most.fill(0.0);
+        who.fill(NOBODY);
+        for (flank, cells, span) in self.audible(transducer, beam) {
+            let (from, parts, whose) = (&self.energy[cells.clone()], &self.most[cells.clone()], &self.who[cells]);
+            let (most, who) = (&mut most[span.clone()], &mut who[span.clone()]);
+            sound::add_and_prefer(flank, from, parts, whose, &mut powers[span], most, who);
+        }
+    }
+
+    /// The parts of the directions that a beam hears: how loudly, their cells, and the bins of these.
+    fn audible(
+        &self,
+        transducer: &Transducer,
+        beam: usize,
+    ) -> impl Iterator<Item = (f32, Range<usize>, Range<usize>)> {
+        let flanks = &transducer.flanks[beam * FLANK_PARTS..(beam + 1) * FLANK_PARTS];
+        let parts = self.spans.iter().zip(flanks).enumerate();
+        parts.filter(|(_, (span, flank))| !span.is_empty() && **flank > 0.0).map(|(part, (span, &flank))| {
+            let from = part * self.bins;
+            (flank, from + span.start..from + span.end, span.clone())
+        })
     }
 
     /// Whether there is nothing to be heard from far aside.

@@ -649,6 +649,11 @@ impl Tile {
         let width = self.width();
         let parts = answer.first as usize..(answer.first + answer.parts) as usize;
         let start = answer.bin as usize * width + first;
+        if wants.speckle && wants.who {
+            let (amplitudes, energy) = ([&echoes.re[parts.clone()], &echoes.im[parts.clone()]], &echoes.energy[parts]);
+            let Tile { re, im, most, who: is, .. } = self;
+            return sound::hear_rows(start, width, loudness, amplitudes, energy, who, [re, im], most, is);
+        }
         if wants.speckle {
             sound::add_rows(start, width, loudness, &echoes.re[parts.clone()], &mut self.re);
             sound::add_rows(start, width, loudness, &echoes.im[parts.clone()], &mut self.im);

@@ -131,8 +131,10 @@ pub(crate) struct Lines {
     noise_im: Vec<f32>,
     /// Amplitudes of the noise.
     hiss: Vec<f32>,
-    /// Powers from far aside.
+    /// Powers from far aside, and the strongest part of each and whose it is.
     flank: Vec<f32>,
+    most: Vec<f32>,
+    who: Vec<u32>,
     sum: Vec<f32>,
     padded: Vec<f32>,
 }
@@ -142,10 +144,11 @@ impl Tile {
     pub fn levels(&mut self, response: &Response, background: &Background, lines: &mut Lines, levels: &mut [f32]) {
         let (width, coherent) = (self.width(), !self.im.is_empty());
         let bins = self.re.len() / width;
-        let Lines { re, im, noise_re, noise_im, hiss, flank, sum, padded } = lines;
-        for line in [&mut *noise_re, noise_im, hiss, flank, sum] {
+        let Lines { re, im, noise_re, noise_im, hiss, flank, most, who, sum, padded } = lines;
+        for line in [&mut *noise_re, noise_im, hiss, flank, most, sum] {
             line.resize(bins, 0.0);
         }
+        who.resize(bins, NOBODY);
         for (rows, beams) in [(&self.re, &mut *re), (&self.im, &mut *im)] {
             beams.resize(rows.len(), 0.0);
             sound::columns(width, rows, beams);
@@ -156,9 +159,12 @@ impl Tile {
             self.hiss(beam, response, background, coherent, hiss);
             let aside = !background.flanks.is_empty();
             if aside {
-                background.flanks.heard(background.transducer, number as usize, flank);
+                let Background { flanks, transducer, .. } = background;
                 if background.labels_flanks {
-                    self.label_flank(beam, background, flank);
+                    flanks.told(transducer, number as usize, flank, most, who);
+                    self.label_flank(beam, background.noise, flank, who);
+                } else {
+                    flanks.heard(transducer, number as usize, flank);
                 }
             }
             let re = &mut re[beam * bins..(beam + 1) * bins];
@@ -186,12 +192,11 @@ impl Tile {
     }
 
     /// Cells of a beam in which nobody is heard alone have the strongest of those far aside, if they are louder than noise.
-    fn label_flank(&mut self, beam: usize, background: &Background, powers: &[f32]) {
-        let (width, number) = (self.width(), self.beams.0 + beam);
-        let cells = self.who.iter_mut().skip(beam).step_by(width);
-        for (bin, (who, &power)) in cells.zip(powers).enumerate() {
-            if *who == NOBODY && power > background.noise {
-                *who = background.flanks.strongest(background.transducer, number, bin);
+    fn label_flank(&mut self, beam: usize, noise: f32, powers: &[f32], strongest: &[u32]) {
+        let cells = self.who.iter_mut().skip(beam).step_by(self.beams.1 - self.beams.0);
+        for ((who, &power), &strongest) in cells.zip(powers).zip(strongest) {
+            if *who == NOBODY && power > noise {
+                *who = strongest;
             }
         }
     }

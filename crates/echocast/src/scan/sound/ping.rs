@@ -747,8 +747,10 @@ impl Pinging<'_> {
     fn tell(&self, tile: &Tile, chunks: &[RayChunk], mut rows: Slices) {
         let (bins, width) = (self.layout.bins, tile.width());
         silence(&mut rows);
-        for (bin, beams) in tile.who.chunks_exact(width).enumerate() {
-            for (beam, &who) in beams.iter().enumerate().filter(|(_, who)| **who != NOBODY) {
+        // Beam by beam, as the columns are: what is met in one bin lies near what is met in the next.
+        for beam in 0..width {
+            let of_beam = tile.who[beam..].iter().step_by(width).enumerate();
+            for (bin, &who) in of_beam.filter(|(_, who)| **who != NOBODY) {
                 self.tell_cell(chunks, who, bin, &mut rows, beam * bins + bin);
             }
         }
