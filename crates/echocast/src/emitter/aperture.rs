@@ -45,9 +45,9 @@ impl Aperture {
             return FAINT;
         }
         let amplitude = if self.round {
-            self.along.at(along.hypot(across))
+            self.along.at((along * along + across * across).sqrt())
         } else {
-            self.along.at(along) * self.across.at(across / across.hypot(ahead))
+            self.along.at(along) * self.across.at(across / (across * across + ahead * ahead).sqrt())
         };
         log2((amplitude * amplitude).max(1e-15))
     }

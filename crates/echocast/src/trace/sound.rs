@@ -6,7 +6,7 @@ mod tubes;
 pub(crate) use direct::{Direct, Goal};
 pub(crate) use tubes::TubeHit;
 
-use super::{Clock, HitBatch, Tables};
+use super::{Clock, HitBatch, Tables, Tops};
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
 use crate::medium::{Column, End, Ray, Slab, slab_at, small_sin_cos};
 use glam::{DVec3, Mat3, Vec3};
@@ -32,6 +32,8 @@ pub(crate) struct SoundTracer<'a> {
     column: &'a Column,
     /// Whether all rays are straight.
     uniform: bool,
+    /// Above what most steps of bent rays are clear of the scene; `None`: not known, or of no use.
+    tops: Option<&'a Tops>,
     /// z of the sea surface, m, relative to the scene's origin.
     surface_z: f64,
     /// The scene's box, m, relative to its origin.
@@ -225,6 +227,7 @@ impl<'a> SoundTracer<'a> {
             empty,
             column,
             uniform,
+            tops: if uniform { None } else { scene.tops() },
             surface_z,
             bounds,
             mask,
@@ -413,16 +416,11 @@ impl<'a> SoundTracer<'a> {
         for _ in 0..MOST_STEPS {
             steps.clear();
             // Every ray goes on to where something could block it.
-            let mut kept = 0;
-            for index in 0..states.len() {
-                let mut state = states[index];
-                if let Some(step) = self.next_traced(&mut state, start, arrivals) {
-                    states[kept] = state;
-                    steps.push(step);
-                    kept += 1;
-                }
-            }
-            states.truncate(kept);
+            states.retain_mut(|state| {
+                let step = self.next_traced(state, start, arrivals);
+                steps.extend(step);
+                step.is_some()
+            });
             if states.is_empty() {
                 return;
             }
@@ -436,33 +434,41 @@ impl<'a> SoundTracer<'a> {
             // Rays that nothing has turned are still neighbours.
             let coherent = states.iter().all(|state| state.order == 0);
             self.meet(rays, hits, states.len(), coherent, |lane| [states[lane].ray.time, 1.0 / states[lane].ray.speed]);
-            kept = 0;
-            for lane in 0..states.len() {
-                let (mut state, step) = (states[lane], steps[lane]);
-                let goes_on = if hits.surface[lane] == MISS {
-                    self.finish(&mut state, &step, start, arrivals)
-                } else {
-                    let slab = &self.slabs[state.ray.slab];
-                    let surface = hits.surface[lane];
-                    let normal = self.scene.world_normal(surface, hits.normal(lane), rays.time[lane]);
-                    let length = arc_to(&state, slab, &step, hits.range[lane], rays.direction(lane), normal);
-                    state.ray = state.ray.advanced(slab, length);
-                    let (triangle, corner) = (hits.triangle[lane], [hits.u[lane], hits.v[lane]]);
-                    let in_reach = self.is_in_reach(&state, start);
-                    if in_reach {
-                        let smooth = self.smooth_normal((rays, hits), lane, state.direction().as_vec3(), normal);
-                        let arrival = self.arrival(&state, surface, smooth, start);
-                        arrivals.push(Arrival { triangle, corner, ..arrival });
-                    }
-                    in_reach && self.reflect(&mut state, surface, normal)
-                };
-                if goes_on {
-                    states[kept] = state;
-                    kept += 1;
-                }
-            }
-            states.truncate(kept);
+            let mut lane = 0;
+            states.retain_mut(|state| {
+                let step = &steps[lane];
+                lane += 1;
+                self.take_step(state, step, (rays, hits), lane - 1, start, arrivals)
+            });
         }
+    }
+
+    /// Takes a ray to the end of its step, or to what a `lane` says that it meets there; whether it goes on.
+    fn take_step(
+        &self,
+        state: &mut State,
+        step: &Step,
+        (rays, hits): (&RayBatch, &HitBatch),
+        lane: usize,
+        start: &Start,
+        arrivals: &mut Vec<Arrival>,
+    ) -> bool {
+        if hits.surface[lane] == MISS {
+            return self.finish(state, step, start, arrivals);
+        }
+        let slab = &self.slabs[state.ray.slab];
+        let surface = hits.surface[lane];
+        let normal = self.scene.world_normal(surface, hits.normal(lane), rays.time[lane]);
+        let length = arc_to(state, slab, step, hits.range[lane], rays.direction(lane), normal);
+        state.ray = state.ray.advanced(slab, length);
+        let (triangle, corner) = (hits.triangle[lane], [hits.u[lane], hits.v[lane]]);
+        let in_reach = self.is_in_reach(state, start);
+        if in_reach {
+            let smooth = self.smooth_normal((rays, hits), lane, state.direction().as_vec3(), normal);
+            let arrival = self.arrival(state, surface, smooth, start);
+            arrivals.push(Arrival { triangle, corner, ..arrival });
+        }
+        in_reach && self.reflect(state, surface, normal)
     }
 
     /// Advances a ray through empty water up to its next step on which something can be met; `None`: it ends.
@@ -529,7 +535,9 @@ impl<'a> SoundTracer<'a> {
         let [low, high] = self.bounds.map(Vec3::from);
         // A hit on the box itself is one on the scene.
         let margin = Vec3::splat(2.0 * SAGITTA as f32);
-        let apart = from.max(to).cmplt(low - margin).any() || from.min(to).cmpgt(high + margin).any();
+        let apart = from.max(to).cmplt(low - margin).any()
+            || from.min(to).cmpgt(high + margin).any()
+            || self.tops.is_some_and(|tops| tops.are_below(from, to, margin.z));
         Step { length, end, chord: (!apart).then_some(chord) }
     }
 

@@ -86,11 +86,7 @@ impl Flanks {
     }
 
     /// The parts of the directions that a beam hears: how loudly, their cells, and the bins of these.
-    fn audible(
-        &self,
-        transducer: &Transducer,
-        beam: usize,
-    ) -> impl Iterator<Item = (f32, Range<usize>, Range<usize>)> {
+    fn audible(&self, transducer: &Transducer, beam: usize) -> impl Iterator<Item = (f32, Range<usize>, Range<usize>)> {
         let flanks = &transducer.flanks[beam * FLANK_PARTS..(beam + 1) * FLANK_PARTS];
         let parts = self.spans.iter().zip(flanks).enumerate();
         parts.filter(|(_, (span, flank))| !span.is_empty() && **flank > 0.0).map(|(part, (span, &flank))| {

@@ -664,7 +664,8 @@ impl RayTask<'_, '_> {
         let RayTask { pinging, tracer, insonification, chunk, .. } = self;
         let RayChunk { echoes, tracer: memory, hits, shares } = chunk;
         let grid = |sides| grid(stand, pinging.wavelength(), sides);
-        match tracer.cover(pinging.place(), stand, grid, memory, hits) {
+        let smooth = |row| pinging.backscatter.smooth(&pinging.scene.surfaces, row).is_some();
+        match tracer.cover(pinging.place(), stand, grid, &smooth, memory, hits) {
             Some(way) => insonification.answer_body(&way, hits, shares, echoes),
             None => echoes.clear(),
         }

@@ -52,6 +52,8 @@ pub(super) struct Tube {
 /// `from` m on, is looked along.
 struct Fan<'s> {
     stand: &'s Stand,
+    /// Whether a row is of smooth facets.
+    smooth: &'s dyn Fn(u32) -> bool,
     place: DVec3,
     from: f64,
     /// From directions at the body to those at the sonar.
@@ -63,8 +65,9 @@ struct Fan<'s> {
 }
 
 impl SoundTracer<'_> {
-    /// Finds what tubes meet of a body, `columns` and `rows` of them, into `found`; the straight way to its middle, unless
-    /// something blocks it or it is out of reach.
+    /// Finds what tubes meet of a body into `found`; the straight way to its middle, unless something blocks it or it is out
+    /// of reach. `grid` says how many columns and rows of them there are by half the sides of what is seen, m; `smooth`,
+    /// which rows mirror sound.
     ///
     /// Water bends tubes together: over the size of the body they are straight.
     pub fn cover(
@@ -72,6 +75,7 @@ impl SoundTracer<'_> {
         place: DVec3,
         stand: &Stand,
         grid: impl Fn([f64; 2]) -> [usize; 2],
+        smooth: &dyn Fn(u32) -> bool,
         memory: &mut TracerMemory,
         found: &mut Vec<TubeHit>,
     ) -> Option<Direct> {
@@ -92,6 +96,7 @@ impl SoundTracer<'_> {
         let along = State { ray: end, ..state }.direction();
         let fan = Fan {
             stand,
+            smooth,
             place: stand.middle - along * end.path,
             from,
             turn: Quat::from_rotation_arc(along.as_vec3(), direct.launch),
@@ -206,8 +211,7 @@ impl SoundTracer<'_> {
     fn mirrored(&self, fan: &Fan, tube: &Tube, hit: &TubeHit, path: f64) -> Option<Tube> {
         let normal = hit.normal.normalize_or_zero();
         let sine = tube.along.dot(normal).abs();
-        let law = &self.scene.surfaces.materials[self.scene.surfaces.rows[hit.surface as usize].material as usize];
-        if !law.sound_law().is_some_and(|law| law.is_smooth()) || sine == 0.0 {
+        if sine == 0.0 || !(fan.smooth)(hit.surface) {
             return None;
         }
         let facing = if tube.along.dot(normal) > 0.0 { -normal } else { normal };
