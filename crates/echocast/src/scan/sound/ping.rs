@@ -255,6 +255,7 @@ impl<'a> Pinging<'a> {
     ) -> Result<Pinging<'a>> {
         static WATER: std::sync::LazyLock<Water> = std::sync::LazyLock::new(Water::default);
         let acoustics = sensor.acoustics()?;
+        options.profile.check_flat(sensor)?;
         let time = options.trajectory_time();
         let pose = sensor.turned(trajectory.at(time), options.frame);
         let water = options.environment.water.as_ref().unwrap_or(&WATER);
