@@ -50,7 +50,8 @@ pub(crate) enum Draw {
     LookAside = 32,
     /// Where light that reaches a pixel over two surfaces met the first.
     SecondBounce = 33,
-    /// Phase and amplitude of the sound scattered by a small place of a surface: counter = (place, what it belongs to).
+    /// Phase and amplitude of the sound that a ray finds in a bin: counter = (place along the array, bin, where the sonar is,
+    /// what it belongs to).
     Speckle = 40,
     /// Roughness of a larger place of a surface.
     Texture = 41,
