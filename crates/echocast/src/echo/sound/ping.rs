@@ -162,7 +162,6 @@ struct Batch {
     along: [f32; BATCH],
     bin: [u32; BATCH],
     object: [u32; BATCH],
-    turn: [f32; BATCH],
     energy: [f32; BATCH],
     count: usize,
 }
@@ -358,7 +357,6 @@ impl Insonification<'_> {
             batch.along[lane] = along + along_per_m * beside + (shift >> 8) as f32 / (1 << 24) as f32;
             batch.bin[lane] = part as u32;
             batch.object[lane] = object;
-            batch.turn[lane] = (arrival.path + beside) * self.turns;
             batch.energy[lane] = if whole { power } else { share * (high - low).max(0.0) };
             if !scatterers.texture.is_empty() {
                 batch.energy[lane] *= scatterers.roughness(arrival.place + slide * beside);
@@ -460,14 +458,7 @@ impl Parts<'_> {
 
 impl Batch {
     fn new() -> Batch {
-        Batch {
-            along: [0.0; BATCH],
-            bin: [0; BATCH],
-            object: [0; BATCH],
-            turn: [0.0; BATCH],
-            energy: [0.0; BATCH],
-            count: 0,
-        }
+        Batch { along: [0.0; BATCH], bin: [0; BATCH], object: [0; BATCH], energy: [0.0; BATCH], count: 0 }
     }
 
     /// Gives the parts random amplitudes and adds them to the others.
@@ -477,7 +468,7 @@ impl Batch {
         // All lanes, including those still empty: loops of fixed length compile to vector instructions.
         sound::cells(&self.along, &mut along);
         let address = [&along[..], &self.bin, &[scatterers.station; BATCH], &self.object];
-        scatterers.rng.phasors(address, &self.turn, &mut x, &mut y);
+        scatterers.rng.phasors(address, &mut x, &mut y);
         for lane in 0..BATCH {
             let amplitude = self.energy[lane].sqrt();
             x[lane] *= amplitude;
