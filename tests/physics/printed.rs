@@ -412,6 +412,52 @@ fn clouds_can_be_organised() {
     }
 }
 
+/// Where the program's 2D modes put points: x, y of a straight line per ping at the way from the start, or the lines in
+/// plan. The path is that of the first direction (see run C), each sine that of Snell's law.
+#[test]
+fn the_programs_points_lie_in_one_plane() {
+    let scene = plates(&[(-120.0, 1.0)]);
+    let water = layers(&[[0.0, 1500.0, 1000.0], [60.0, 1450.0, 1000.0]]);
+    let keys = [
+        Pose::at(100.0, 200.0, -10.0).with_rpy_deg(0.0, 0.0, 90.0),
+        Pose::at(97.0, 204.0, -10.0).with_rpy_deg(4.0, 0.0, 120.0),
+        Pose::at(103.0, 212.0, -11.0).with_rpy_deg(0.0, 8.0, 70.0),
+        Pose::at(100.0, 203.0, -11.0).with_rpy_deg(-5.0, 3.0, -100.0),
+    ];
+    let ways = [0.0, 5.0, 154f64.sqrt(), 10f64.sqrt()];
+    let track = Trajectory::new((0..4).map(f64::from).zip(keys).collect()).unwrap();
+    let scan = |flat: Option<&str>, start_time: f64| {
+        let sensor = flat.map_or(fans(120.0, 15.0), |flat| set(fans(120.0, 15.0), "pattern.flat", flat));
+        let options = ScanOptions { start_time, ..options(Profile::Blainder, water.clone()) };
+        scene.scan(&sensor, &track, &options).unwrap()
+    };
+    for (time, (pose, way)) in (0..).map(f64::from).zip(keys.into_iter().zip(ways)) {
+        let [space, waterfall, plan] = [None, Some("waterfall"), Some("plan")].map(|flat| scan(flat, time));
+        assert_eq!(space.len, 10);
+        for row in 0..space.len {
+            let ray = space.columns.beam[row];
+            let side = if ray < 5 { 1.0 } else { -1.0 };
+            let tilt = (1e-3 + f64::from(ray % 5) * 59.999 / 4.0).to_radians();
+            let sent = pose.orientation * DVec3::new(0.0, side * tilt.sin(), -tilt.cos());
+            let upper = (pose.position.z + 60.0) / -sent.z;
+            let sine = sent.truncate().length() * 1450.0 / 1500.0;
+            let path = upper + 60.0 / (1.0 - sine * sine).sqrt();
+            let across = DVec3::new(sent.x, sent.y, 0.0).normalize();
+            let line = DVec3::new(-side * path, way, -10.0);
+            for (cloud, expected) in [(&waterfall, line), (&plan, pose.position + path * across)] {
+                let found = cloud.position(row);
+                assert!((found - expected).length() < 2e-3, "ray {ray} at {time} s: {found}, not {expected}");
+                // All else is as in space.
+                assert_near("range", range(cloud, row), path, 1e-3);
+                let truth = |cloud: &PointCloud| [cloud.columns.true_x[row], cloud.columns.true_z[row]];
+                assert_eq!(truth(cloud), truth(&space));
+                assert_eq!(cloud.columns.intensity[row], space.columns.intensity[row]);
+            }
+            assert_near("z", space.position(row).z, -120.0, NEAR_M);
+        }
+    }
+}
+
 #[test]
 fn threads_change_nothing() {
     let sensor = fans(170.0, 0.01);
@@ -473,6 +519,21 @@ fn errors_say_what_is_allowed() {
     for profile in [Profile::Paper, Profile::Blainder] {
         assert!(message(profile, "surface_z_m: -20", 10.0).starts_with("the depth of the sonar is -10 m"));
     }
+}
+
+#[test]
+fn points_in_one_plane_are_the_programs_alone() {
+    let (scene, sensor) = (bottom(0.5), set(fans(90.0, 2.0), "pattern.flat", "plan"));
+    let message = |options: ScanOptions| {
+        let scanned = scene.scan(&sensor, &at_depth(10.0), &options);
+        scanned.unwrap_err().to_string()
+    };
+    for profile in [Profile::Physical, Profile::Paper] {
+        let expected = format!("pattern.flat is given; allowed: with profile blainder only, not {}", profile.name());
+        assert_eq!(message(options(profile, Environment::default())), expected);
+    }
+    let turned = ScanOptions { coordinates: Frame::Sensor, ..options(Profile::Blainder, Environment::default()) };
+    assert!(message(turned).starts_with("coordinates is sensor; allowed: world with pattern.flat"));
 }
 
 /// Both derive speeds by Medwin's formula, whatever the water specifies, and know no laws of sediments.

@@ -124,9 +124,9 @@ kernels! {
         }
     }
 
-    /// Complex numbers whose squared magnitude is exponentially distributed with mean 1 and whose phase is uniform,
-    /// turned by `turns` of a circle: the sum of many small echoes. Each has its own counter.
-    pub fn phasors(key: [u32; 2], counter: [&[u32]; 4], turns: &[f32], re: &mut [f32], im: &mut [f32]) {
+    /// Complex numbers whose squared magnitude is exponentially distributed with mean 1 and whose phase is uniform: the
+    /// sum of many small echoes. Each has its own counter.
+    pub fn phasors(key: [u32; 2], counter: [&[u32]; 4], re: &mut [f32], im: &mut [f32]) {
         let count = re.len();
         for first in (0..count).step_by(N) {
             let lanes = first..(first + N).min(count);
@@ -134,12 +134,10 @@ kernels! {
             for (word, from) in words.iter_mut().zip(counter) {
                 word[..lanes.len()].copy_from_slice(&from[lanes.clone()]);
             }
-            let mut turn = [0.0f32; N];
-            turn[..lanes.len()].copy_from_slice(&turns[lanes.clone()]);
             let [a, b, ..] = philox(words, key);
             let (mut x, mut y) = ([0.0; N], [0.0; N]);
             for lane in 0..N {
-                (x[lane], y[lane]) = phasor(a[lane], b[lane], turn[lane]);
+                (x[lane], y[lane]) = phasor(a[lane], b[lane]);
             }
             re[lanes.clone()].copy_from_slice(&x[..lanes.len()]);
             im[lanes.clone()].copy_from_slice(&y[..lanes.len()]);
@@ -158,8 +156,8 @@ kernels! {
             let [a, b, c, d] = philox([first, [rest[0]; HALF], [rest[1]; HALF], [rest[2]; HALF]], key);
             let (mut x, mut y) = ([[0.0; HALF]; 2], [[0.0; HALF]; 2]);
             for lane in 0..HALF {
-                (x[0][lane], y[0][lane]) = phasor(a[lane], b[lane], 0.0);
-                (x[1][lane], y[1][lane]) = phasor(c[lane], d[lane], 0.0);
+                (x[0][lane], y[0][lane]) = phasor(a[lane], b[lane]);
+                (x[1][lane], y[1][lane]) = phasor(c[lane], d[lane]);
             }
             re.copy_from_slice(&x.as_flattened()[..re.len()]);
             im.copy_from_slice(&y.as_flattened()[..im.len()]);
@@ -187,15 +185,12 @@ pub fn normal(a: u32, b: u32) -> f32 {
     radius * (2.0 * sine * sine - 1.0)
 }
 
-/// A complex number of mean power 1 whose power is exponential, from 48 random bits, turned by `turns` of a circle.
+/// A complex number of mean power 1 whose power is exponential, from 48 random bits.
 #[inline(always)]
-fn phasor(a: u32, b: u32, turns: f32) -> (f32, f32) {
+fn phasor(a: u32, b: u32) -> (f32, f32) {
     const UNIT: f32 = 1.0 / (1 << 24) as f32;
     let u = ((a >> 8) as i32 + 1) as f32 * UNIT;
-    let turn = (b >> 8) as i32 as f32 * UNIT + turns;
-    // In [-1/2, 1/2]; the addition rounds to the nearest whole number.
-    const ROUND: f32 = 12_582_912.0;
-    let turn = turn - ((turn + ROUND) - ROUND);
+    let turn = (b >> 8) as i32 as f32 * UNIT - 0.5;
     let amplitude = (-ln(u)).max(0.0).sqrt();
     // By the half angle.
     let (sine, cosine) = (sin_pi(turn), cos_pi(turn));

@@ -130,6 +130,128 @@ fn speckle_keeps_the_mean_whatever_the_rays() {
     }
 }
 
+/// Correlation of the intensities of many cells of a flat bottom 20 m below, of pairs of pings at `poses`.
+fn correlation(scene: &BuiltScene, sensor: &Sensor, poses: impl IntoIterator<Item = [Pose; 2]>) -> f64 {
+    let options = options(water("")).fields(FieldSet::default());
+    let plain = set(sensor.clone(), "acoustics.speckle=off");
+    let mut means = None;
+    let mut pairs = Vec::new();
+    for poses in poses {
+        let means = means.get_or_insert_with(|| ping(scene, &plain, poses[0], &options));
+        let [here, there] = poses.map(|pose| ping(scene, sensor, pose, &options));
+        let over = |ping: &Ping, bin: usize| power(f64::from(ping.levels(0)[bin]) - f64::from(means.levels(0)[bin]));
+        let cells = (1000..here.layout.bins - 40).step_by(4);
+        pairs.extend(cells.map(|bin| [over(&here, bin), over(&there, bin)]));
+    }
+    let means = [0, 1].map(|of| mean(pairs.iter().map(|pair| pair[of])));
+    let covariance = |i: usize, j: usize| mean(pairs.iter().map(|pair| (pair[i] - means[i]) * (pair[j] - means[j])));
+    covariance(0, 1) / (covariance(0, 0) * covariance(1, 1)).sqrt()
+}
+
+/// Poses far from each other, each with where it `moved` to.
+fn pairs(moved: impl Fn(Pose) -> Pose) -> impl Iterator<Item = [Pose; 2]> {
+    (0..30).map(move |number| {
+        let pose = Pose::at(3.1 * f64::from(number) - 45.0, 0.0, 20.0);
+        [pose, moved(pose)]
+    })
+}
+
+/// While the sonar moves along its array its echoes stay as alike as the theorem of van Cittert and Zernike has it: the
+/// correlation of pressures is the transform of the power that is sent and heard, that of intensities its square.
+#[test]
+fn speckle_while_moving() {
+    let scene = flat(100.0);
+    let wavelength = 1500.0 / 450e3;
+    for (name, keys, heard, tolerance) in [
+        ("uniform line of 0.68 m", "pattern.along_deg=0.25", 0.25, 0.16),
+        ("uniform line of 0.28 m", "pattern.along_deg=0.6", 0.6, 0.16),
+        ("line of 0.34 m that sends only", "pattern.along_deg=0.5 pattern.heard_along_deg=60", 60.0, 0.1),
+    ] {
+        let sensor = sidescan(&format!("acoustics.speckle=frozen {keys}"));
+        let sent = keys.split(['=', ' ']).nth(1).unwrap().parse().unwrap();
+        let [sends, hears] = [sent, heard].map(|width| Lobe::Width(width).at(wavelength));
+        let length = 0.8859 * wavelength / f64::to_radians(sent);
+        let rho = |way: f64| {
+            let step = 1e-5;
+            let sum = |way: f64| -> f64 {
+                let sines = (-60_000..60_000).map(|index| (f64::from(index) + 0.5) * step);
+                let power = |sine: f64| (sends.amplitude(sine) * hears.amplitude(sine)).powi(2);
+                sines.map(|u| power(u) * (4.0 * std::f64::consts::PI * u * way / wavelength).cos()).sum()
+            };
+            sum(way) / sum(0.0)
+        };
+        for part in [0.0, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.2] {
+            let t: f64 = part;
+            let closed = match heard == sent {
+                true if t <= 0.5 => 1.0 - 6.0 * t * t + 6.0 * t * t * t,
+                true => 2.0 * (1.0 - t).max(0.0).powi(3),
+                false => (1.0 - 2.0 * t).max(0.0),
+            };
+            assert_near("closed form", rho(part * length), closed, 0.02);
+            let along = |pose: Pose| Pose { position: pose.position + DVec3::X * part * length, ..pose };
+            let found = correlation(&scene, &sensor, pairs(along));
+            assert_near(&format!("{name}, {part} lengths on"), found, closed * closed, tolerance);
+        }
+    }
+}
+
+/// A turn by the width of the beam, or a resolution aside: other scatterers.
+#[test]
+fn speckle_is_new_after_a_turn_or_aside() {
+    let (scene, sensor) = (flat(100.0), speckled(""));
+    for (what, by) in [
+        ("aside", Pose::at(0.0, 0.06, 0.0)),
+        ("up", Pose::at(0.0, 0.0, 0.06)),
+        ("turned", Pose::IDENTITY.with_rpy_deg(0.0, 0.0, 0.25)),
+        ("pitched", Pose::IDENTITY.with_rpy_deg(0.0, 0.25, 0.0)),
+    ] {
+        let moved = |pose: Pose| Pose { position: pose.position + by.position, orientation: by.orientation };
+        let found = correlation(&scene, &sensor, pairs(moved));
+        assert!(found.abs() < 0.05, "{what}: {found}");
+    }
+}
+
+/// Where the bottom falls along the track, rays get into other bins: a tenth of the length on, intensities on a flat bottom
+/// have the correlation 0.77.
+#[test]
+fn speckle_on_slopes() {
+    for (slope, expected) in [(0.5f64, 0.74), (2.0, 0.69), (5.0, 0.38)] {
+        let mut scene = SceneBuilder::new();
+        let paint = scene.material(sounding_material(Sound::Lambert { mu_db: -10.0 }));
+        let mesh = scene.mesh([(square(100.0), Some(paint))]);
+        scene.place(mesh, glam::DAffine3::from_rotation_y(slope.to_radians()));
+        let scene = scene.finish().build().unwrap();
+        let poses = (0..30).map(|number| {
+            let pose = Pose::at(0.0, 3.1 * f64::from(number) - 45.0, 20.0);
+            [pose, Pose { position: pose.position + DVec3::X * 0.068, ..pose }]
+        });
+        let found = correlation(&scene, &speckled(""), poses);
+        assert_near(&format!("on a slope of {slope} degrees"), found, expected, 0.06);
+    }
+}
+
+/// On any course, and far from the origin.
+#[test]
+fn speckle_stays_on_any_course() {
+    let sensor = speckled("");
+    for (course, origin) in [(33.0, DVec3::ZERO), (-117.3, DVec3::new(4.1e5, 5.2e6, 0.0))] {
+        let mut scene = SceneBuilder::new();
+        let paint = scene.material(sounding_material(Sound::Lambert { mu_db: -10.0 }));
+        let mesh = scene.mesh([(square(100.0), Some(paint))]);
+        scene.place(mesh, glam::DAffine3::from_translation(origin));
+        let scene = scene.finish().build().unwrap();
+        let along = |way: f64| {
+            let pose = Pose::IDENTITY.with_rpy_deg(0.0, 0.0, course);
+            Pose { position: origin + DVec3::new(3.0, 1.0, 20.0) + pose.orientation * DVec3::X * way, ..pose }
+        };
+        // Of a line of 0.68 m.
+        for (way, expected) in [(0.2, 0.39), (1.0, 0.0)] {
+            let found = correlation(&scene, &sensor, [[along(0.0), along(way)]]);
+            assert_near(&format!("{way} m on at {course} degrees"), found, expected, 0.12);
+        }
+    }
+}
+
 #[test]
 fn speckle_is_frozen_to_the_bottom() {
     let scene = flat(100.0);

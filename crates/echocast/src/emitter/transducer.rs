@@ -57,6 +57,9 @@ pub(crate) struct Transducer {
     pub widths: Vec<f32>,
     /// Full width of its narrowest lobe, rad.
     pub narrowest: f64,
+    /// The sensor's axis that its array lies along, and the power that it sends and hears over all angles to it, rad.
+    pub array: Vec3,
+    pub array_width: f64,
     /// Directivity index of hearing, dB.
     pub directivity_db: f64,
     /// Solid angle that each beam sends to and hears, sr: both powers over all directions.
@@ -122,6 +125,19 @@ impl Transducer {
         // A line's width at -3 dB.
         let length = 0.886 * wavelength / self.narrowest;
         [length, length * length / wavelength]
+    }
+
+    /// How far it moves along its array until speckle has changed, m.
+    ///
+    /// Sound that many scatterers send back at the sine `u` to the array turns by `4 pi u d / wavelength` while it moves by
+    /// `d`. So the pressures of two pings have the correlation `rho(d)`, the transform of the power `b(u)` with which it
+    /// sends and hears: the theorem of van Cittert and Zernike for echoes (Mallart and Fink, J. Acoust. Soc. Am. 90, 2718,
+    /// 1991; of sonars Bellettini and Pinto, IEEE J. Ocean. Eng. 27, 780, 2002). Of a uniform line of the length `L` that
+    /// sends and hears it is, with `t = d / L`, `1 - 6 t^2 + 6 t^3` up to `t = 1/2`, `2 (1 - t)^3` up to 1, then 0; of one that
+    /// only sends, or only hears, `1 - 2 t` up to `t = 1/2`. Its integral over `d >= 0`, which this is twice of, is a quarter
+    /// of `wavelength / (integral of b)`; the triangle `1 - d / length` has the same.
+    pub fn coherence(&self, wavelength: f64) -> f64 {
+        0.5 * wavelength / self.array_width
     }
 
     pub fn rays(&self) -> usize {
@@ -321,6 +337,7 @@ impl Transducer {
             }
         }
         transducer.narrowest = lobe.width().min(heard.width()).min(vertical.width());
+        (transducer.array, transducer.array_width) = (Vec3::X, along.width);
         transducer.directivity_db = lobe::directivity(&heard, &vertical);
         transducer
     }
@@ -354,6 +371,7 @@ impl Transducer {
         let steered = |sine: &f64| heard.width() / (1.0 - sine * sine).max(1e-4).sqrt();
         transducer.widths = sines.iter().map(|sine| steered(sine) as f32).collect();
         transducer.narrowest = sent.width().min(heard.width());
+        (transducer.array, transducer.array_width) = (Vec3::X, along.width);
         transducer.directivity_db = lobe::wall_directivity(&heard);
         transducer
     }
@@ -397,6 +415,8 @@ impl Transducer {
         let up = |sine: f64| vertical.amplitude(sine);
         transducer.faces = vec![Aperture::new(frame, EVERYWHERE, (up, vertical.width()))];
         transducer.narrowest = heard.width().min(vertical.width());
+        let aside = ThinSide::new(|sine| heard.amplitude(sine).powi(2), heard.extent(1e-3));
+        (transducer.array, transducer.array_width) = (Vec3::Y, aside.width);
         transducer.directivity_db = lobe::directivity(&heard, &vertical);
         transducer
     }
@@ -411,6 +431,8 @@ impl Transducer {
         let [lobe, heard] = sonar.lobes().map(|lobe| lobe.at(wavelength));
         let apart = sonar.heard_deg.is_some();
         transducer.narrowest = lobe.width().min(heard.width());
+        let both = ThinSide::between(&lobe, &heard);
+        (transducer.array, transducer.array_width) = (Vec3::Y, both.width);
         let two_way = |angle: f64| (lobe.amplitude(angle.sin()) * heard.amplitude(angle.sin())).powi(2);
         if let Some(vertical) = &sonar.vertical_deg {
             let vertical = vertical.at(wavelength);
@@ -421,7 +443,6 @@ impl Transducer {
             let most = ThinSide::extent(&lobe, &heard).min(1.0).asin();
             let columns = strata(columns, (&lobe, 0.0), [-most, most], power_aside, |_| 1.0);
             // A single column is as wide as the beam, not as its sidelobes.
-            let widest = ThinSide::between(&lobe, &heard).width;
             let half = [-FRAC_PI_2, FRAC_PI_2];
             let rows = strata(count / columns.len(), (&vertical, 0.0), half, power, |_| 1.0);
             for (index, column) in columns.iter().enumerate() {
@@ -442,7 +463,7 @@ impl Transducer {
                         up * power_aside * size * column.size,
                         up.sqrt() * lobe.amplitude(aside).powi(2),
                     );
-                    transducer.aside.push(column.size.min(widest) as f32);
+                    transducer.aside.push(column.size.min(both.width) as f32);
                 }
             }
             let face = |lobe: &lobe::BeamPattern| {

@@ -38,6 +38,16 @@ impl Profile {
             other => Err(Error::invalid("profile", other.name(), allowed)),
         }
     }
+
+    /// Checks that `sensor` asks for no points in one plane unless it is the one that has them.
+    fn check_flat(self, sensor: &Sensor) -> Result<()> {
+        match sensor.flat() {
+            Some(_) if self != Profile::Blainder => {
+                Err(Error::invalid("pattern.flat", "given", format!("with profile blainder only, not {}", self.name())))
+            }
+            _ => Ok(()),
+        }
+    }
 }
 
 /// Order of the points.

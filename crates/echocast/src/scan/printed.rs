@@ -7,7 +7,7 @@ mod explain;
 
 use super::{Profile, ScanOptions};
 use crate::cloud::{Columns, Frame, PointCloud, put};
-use crate::emitter::pattern::{Pattern, Sidescan};
+use crate::emitter::pattern::{Flat, Pattern, Sidescan};
 use crate::emitter::{BeamTable, FiringOrder, Trajectory};
 use crate::ground::angle::azimuth_elevation;
 use crate::ground::cause::Cause;
@@ -37,6 +37,9 @@ struct Printed<'a> {
     column: Column,
     reflectances: Arc<Reflectances>,
     pose: Pose,
+    /// Where the sonar starts, m.
+    start: DVec3,
+    flat: Option<Flat>,
     /// Nearest and farthest path that is reported, m.
     limits: [f64; 2],
 }
@@ -115,6 +118,10 @@ impl<'a> Printed<'a> {
         options: &'a ScanOptions,
     ) -> Result<Printed<'a>> {
         let acoustics = sensor.acoustics()?;
+        options.profile.check_flat(sensor)?;
+        if sensor.flat().is_some() && options.coordinates == Frame::Sensor {
+            return Err(Error::invalid("coordinates", "sensor", "world with pattern.flat, whose points lie there"));
+        }
         scene.check_time(options.start_time, 0.0)?;
         let program = options.profile == Profile::Blainder;
         if program {
@@ -136,6 +143,8 @@ impl<'a> Printed<'a> {
             column,
             reflectances: scene.surfaces.reflectances(sensor.wavelength_nm, source, Mirrors::Real),
             pose,
+            start: trajectory.at(trajectory.span().0).position,
+            flat: sensor.flat(),
             limits: [sensor.range_min_m, sensor.range_max_m],
         })
     }
@@ -418,7 +427,9 @@ impl<'a> Printed<'a> {
         let to_sensor = rotation.transpose().as_mat3();
         let (place, truth, facing) = match (self.options.coordinates, self.options.profile) {
             (Frame::Sensor, _) => (own.as_vec3(), met.as_vec3(), to_sensor * normal),
-            (Frame::World, Profile::Blainder) => (point.place, point.place, normal),
+            (Frame::World, Profile::Blainder) => {
+                (self.flattened(launch, point).unwrap_or(point.place), point.place, normal)
+            }
             (Frame::World, _) => ((rotation * own + self.place()).as_vec3(), point.place, normal),
         };
         let surface = &self.scene.surfaces.rows[point.surface as usize];
@@ -449,6 +460,24 @@ impl<'a> Printed<'a> {
             let [red, green, blue] = self.scene.surfaces.rgb(surface, point.triangle, point.corner);
             put!(columns, row, red: red, green: green, blue: blue);
         }
+    }
+}
+
+impl Printed<'_> {
+    /// Where the program has a `point` of a ray that leaves along `launch` (sensor frame) when it makes them lie in one
+    /// plane, relative to the scene's origin, m; `None`: it does not.
+    fn flattened(&self, launch: Vec3, point: &PrintedPoint) -> Option<Vec3> {
+        let range = f64::from(point.range);
+        let place = match self.flat? {
+            // What it calls the travelled distance is the straight one from the start: it shrinks on the way back.
+            Flat::Waterfall => {
+                let travelled = self.pose.position.distance(self.start);
+                let starboard = f64::from(-launch.y.signum());
+                DVec3::new(starboard * range, travelled, self.start.z) - self.scene.origin
+            }
+            Flat::Plan => self.place() + point.direction.truncate().as_dvec2().normalize_or_zero().extend(0.0) * range,
+        };
+        Some(place.as_vec3())
     }
 }
 

@@ -3,7 +3,7 @@
 use super::Sensor;
 use crate::cloud::SonarView;
 use crate::echo::Taper;
-use crate::emitter::pattern::Pattern;
+use crate::emitter::pattern::{Flat, Pattern};
 use crate::emitter::{BeamTable, Transducer};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
@@ -206,6 +206,14 @@ impl Sensor {
             Pattern::Multibeam(_) => SonarView::Swath,
             Pattern::Imaging(_) => SonarView::Fan,
             _ => SonarView::Single,
+        }
+    }
+
+    /// How its points lie in one plane, if they do.
+    pub(crate) fn flat(&self) -> Option<Flat> {
+        match &self.spec.pattern {
+            Pattern::Sidescan(sidescan) => sidescan.flat,
+            _ => None,
         }
     }
 

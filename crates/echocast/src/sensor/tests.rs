@@ -486,6 +486,7 @@ range: {max_m: 50}
             "line 3: pattern.step_deg: is 1; allowed: with pattern.down_fov_deg only",
         ),
         ("sidescan", "sidescan, sides: left", "line 3: pattern.sides: unknown value \"left\"; allowed: both, port"),
+        ("sidescan", "sidescan, flat: map", "line 3: pattern.flat: unknown value \"map\"; allowed: waterfall, plan"),
         ("sidescan", "sidescan, tilt_deg: 91", "line 3: pattern.tilt_deg: is 91; allowed: 0 to 90"),
         ("sidescan", "sidescan, along_deg: wide", "line 3: pattern.along_deg: invalid type: string \"wide\", expected"),
         ("sidescan", "multibeam, beams: 1, swath_deg: 120", "line 3: pattern.beams: is 1; allowed: 2 to 4096"),

@@ -7,7 +7,7 @@ use crate::trace::{Arrival, Direct, Stand, TubeHit};
 use glam::Vec3;
 use std::f64::consts::{PI, TAU};
 
-/// Number of the way of what tubes find, after those of rays; and the next.
+/// Number of the way of what tubes find, after those of rays.
 const OWN_WAY: u32 = 2;
 
 /// What one tube adds to one cell, or several together.
@@ -201,10 +201,14 @@ impl Insonification<'_> {
                 None => parts.add(share.energy, [share.energy, 0.0]),
                 Some(_) if share.smooth => parts.add(x * x + y * y, [x, y]),
                 Some(scatterers) => {
-                    let turn = hit.path as f32 * self.turns;
-                    // Bins side by side may show the same tube.
-                    let object = self.scatterer(hit.surface, share.hearing, OWN_WAY + (share.bin & 1));
-                    parts.scatter_at(scatterers, hit.place, object, turn, share.energy);
+                    let object = self.scatterer(hit.surface, share.hearing, 0, OWN_WAY);
+                    let along = hit.place.dot(scatterers.along);
+                    parts.scatter_at(
+                        scatterers,
+                        [object, share.bin],
+                        along,
+                        share.energy * scatterers.roughness(hit.place),
+                    );
                 }
             }
         }

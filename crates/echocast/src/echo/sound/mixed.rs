@@ -4,16 +4,17 @@ use super::ping::{Echo, Echoes, Heard, Insonification, Parts, PingEcho, sine};
 use crate::ground::math::{LOG2_PER_DB, exp2};
 use crate::trace::{Arrival, Direct};
 use glam::Vec3;
-use std::f32::consts::TAU;
 
-/// Number of both ways of a mixed echo: they have the same scatterers.
+/// Number of both ways of a mixed echo while they have the same scatterers, and of the second one otherwise.
 const MIXED: u32 = 1;
+const SENT_STRAIGHT: u32 = 3;
 
 impl Insonification<'_> {
     /// For each direct path to the place of an arrival two more arrivals and their answers: what comes straight back
     /// from the arrival, then what was sent straight and returns along its path. By reciprocity both have the same
     /// loss, and both arrive at the mean of the two one-way times, in phase: to a beam that hears both alike they are four
-    /// times as loud as one. Where the sonar moves meanwhile, one path gets longer than the other.
+    /// times as loud as one. Where the sonar moves meanwhile, so that one path gets longer than the other by a part of the
+    /// wavelength, they add up as energies.
     pub(super) fn answer_mixed(
         &self,
         arrivals: &mut Vec<Arrival>,
@@ -48,21 +49,23 @@ impl Insonification<'_> {
             }
             there.louder += self.transducer.sent_beside(ray, sensor_from_world * *launch);
             let powers = [back, there].map(|heard| exp2(loudness + heard.louder));
+            /// Turns of the phase that two ways may differ by and count as in phase.
+            const IN_PHASE: f32 = 0.25;
+            let in_phase = ((back.at - there.at) * self.turns).abs() < IN_PHASE;
             // What amplitudes have together that energies have not: half of it with each.
             let both = match self.speckle {
-                Some(_) => 0.0,
-                None => {
-                    let turns = (back.at - there.at) * self.turns;
-                    let overlap = self.transducer.overlap(back.hearing, there.hearing);
-                    overlap * (powers[0] * powers[1]).sqrt() * (TAU * turns.fract()).cos()
+                None if in_phase => {
+                    self.transducer.overlap(back.hearing, there.hearing) * (powers[0] * powers[1]).sqrt()
                 }
+                _ => 0.0,
             };
             // Of the first the direction is another than its ray's.
             launches.push((arrivals.len() as u32, *launch));
-            for (heard, power) in [(back, powers[0]), (there, powers[1])] {
-                let power = Some((power + both).max(0.0));
+            let second = if in_phase { MIXED } else { SENT_STRAIGHT };
+            for (heard, power, way) in [(back, powers[0], MIXED), (there, powers[1], second)] {
+                let power = Some(power + both);
                 arrivals.push(mixed);
-                answers.push(self.divide(&mixed, Echo { power, heard, reach, slide, way: MIXED }, parts));
+                answers.push(self.divide(&mixed, Echo { power, heard, reach, slide, way }, parts));
             }
         }
     }

@@ -19,9 +19,9 @@ use std::sync::Arc;
 /// Most bins that the cell of one ray is divided among.
 const MOST_BINS: f32 = 256.0;
 
-/// Where the lattice of scatterers begins, in its cells: flat surfaces at round heights, 0 above all, lie inside its
-/// cells and the wider ones of the texture, not between two of them, where rounding would decide.
-const OFF_LATTICE: f32 = 5.37;
+/// Where the lattice of the texture begins, in its cells: flat surfaces at round heights, 0 above all, lie inside its cells,
+/// not between two of them, where rounding would decide.
+const OFF_LATTICE: f32 = 0.34;
 
 /// What all rays of a ping share.
 pub(crate) struct Insonification<'a> {
@@ -59,8 +59,12 @@ pub(crate) struct Insonification<'a> {
 #[derive(Clone)]
 pub(crate) struct Scatterers {
     pub rng: Rng,
-    /// Side of the places that scatter as one, m.
-    pub lattice: f32,
+    /// Where the sonar is, as a number: with another it hears others.
+    pub station: u32,
+    /// Along the array, world, 1/m: its product with a place counts the lengths over which the same are heard.
+    pub along: Vec3,
+    /// Side of the places of one texture, m.
+    pub patch: f32,
     /// Quantiles of the texture, rising, of mean 1; empty: no texture.
     pub texture: Arc<[f32]>,
 }
@@ -159,10 +163,10 @@ pub(super) struct Parts<'a> {
 
 /// Parts waiting for random amplitudes, as many as are drawn at once.
 struct Batch {
-    /// In cells of the lattice.
-    place: [[f32; BATCH]; 3],
+    /// In lengths along the array over which scatterers stay the same.
+    along: [f32; BATCH],
+    bin: [u32; BATCH],
     object: [u32; BATCH],
-    turn: [f32; BATCH],
     energy: [f32; BATCH],
     count: usize,
 }
@@ -316,8 +320,6 @@ impl Insonification<'_> {
     pub(super) fn divide(&self, arrival: &Arrival, echo: Echo, parts: &mut Parts) -> PingEcho {
         let Echo { power, heard: Heard { mut at, hearing, .. }, reach, slide, way } = echo;
         let first = parts.len();
-        // How much longer its path gets while the sonar moves.
-        let later = at - arrival.range;
         if at >= self.fold {
             at -= self.fold;
         }
@@ -340,25 +342,30 @@ impl Insonification<'_> {
             }
             return answer;
         };
-        let object = self.scatterer(arrival.surface, arrival.ray, way);
+        let object = self.scatterer(arrival.surface, arrival.ray, arrival.order, way);
+        let along = arrival.place.dot(scatterers.along);
+        let along_per_m = slide.dot(scatterers.along);
         for part in from..=to {
             let (low, high) = (low.max(part as f32), high.min(part as f32 + 1.0));
             // The middle of what lies in the bin.
             let beside = 0.5 * (low + high) * self.bin_m - at;
-            let energy = if whole { power } else { share * (high - low).max(0.0) };
-            let turn = (arrival.path + later + beside) * self.turns;
-            parts.scatter_at(scatterers, arrival.place + slide * beside, object, turn, energy);
+            let mut energy = if whole { power } else { share * (high - low).max(0.0) };
+            if !scatterers.texture.is_empty() {
+                energy *= scatterers.roughness(arrival.place + slide * beside);
+            }
+            parts.scatter_at(scatterers, [object, part as u32], along + along_per_m * beside, energy);
         }
         answer
     }
 
-    /// Whose scatterers a ray meets on a surface by one of the ways back: each ray and each way has its own. If several
-    /// shared those of one place, their echoes would be in phase where the surface is met head-on, and the more rays, the
-    /// louder.
-    pub(super) fn scatterer(&self, surface: u32, ray: u32, way: u32) -> u32 {
+    /// Whose scatterers a ray meets on a surface, after reflections, by one of the ways back: each ray and each path has its
+    /// own in each bin. If several shared those of one place, their echoes would be in phase where the surface is met
+    /// head-on, and the more rays, the louder.
+    pub(super) fn scatterer(&self, surface: u32, ray: u32, order: u8, way: u32) -> u32 {
         let instance = self.surfaces.rows.get(surface as usize).map_or(MEDIUM, |row| row.instance_id);
         let ray = ray.wrapping_mul(0x85EB_CA6B).rotate_left(16);
-        instance.wrapping_mul(0x9E37_79B9).wrapping_add(ray) ^ Draw::Speckle as u32 ^ (way << 24)
+        let path = way << 24 | u32::from(order) << 26;
+        instance.wrapping_mul(0x9E37_79B9).wrapping_add(ray) ^ Draw::Speckle as u32 ^ path
     }
 
     /// Direction in which a ray started, world.
@@ -469,15 +476,14 @@ impl<'a> Parts<'a> {
         self.im.push(im);
     }
 
-    /// Adds one of a random amplitude: that of scatterers of an `object` at a place, m, its phase turned further.
-    pub fn scatter_at(&mut self, scatterers: &Scatterers, place: Vec3, object: u32, turn: f32, energy: f32) {
+    /// Adds one of a random amplitude: that of the scatterers of an object in a bin, at a place along the array.
+    pub fn scatter_at(&mut self, scatterers: &Scatterers, [object, bin]: [u32; 2], along: f32, energy: f32) {
         let batch = &mut self.batch;
         let lane = batch.count;
-        let scatterer = place * (1.0 / scatterers.lattice) + OFF_LATTICE;
-        for (place, scatterer) in batch.place.iter_mut().zip(scatterer.to_array()) {
-            place[lane] = scatterer;
-        }
-        (batch.object[lane], batch.turn[lane], batch.energy[lane]) = (object, turn, energy);
+        // Not all of them change at once.
+        let shift = object.wrapping_add(bin.wrapping_mul(0x9E37_79B9));
+        batch.along[lane] = along + (shift >> 8) as f32 / (1 << 24) as f32;
+        (batch.bin[lane], batch.object[lane], batch.energy[lane]) = (bin, object, energy);
         batch.count += 1;
         if batch.count == BATCH {
             batch.scatter(scatterers, self.energy, self.re, self.im);
@@ -494,22 +500,17 @@ impl<'a> Parts<'a> {
 
 impl Batch {
     fn new() -> Batch {
-        Batch { place: [[0.0; BATCH]; 3], object: [0; BATCH], turn: [0.0; BATCH], energy: [0.0; BATCH], count: 0 }
+        Batch { along: [0.0; BATCH], bin: [0; BATCH], object: [0; BATCH], energy: [0.0; BATCH], count: 0 }
     }
 
     /// Gives the parts random amplitudes and adds them to the others.
     fn scatter(&mut self, scatterers: &Scatterers, energy: &mut Vec<f32>, re: &mut Vec<f32>, im: &mut Vec<f32>) {
         let (mut x, mut y) = ([0.0; BATCH], [0.0; BATCH]);
-        let mut cells = [[0; BATCH]; 3];
-        for (place, cells) in self.place.iter().zip(&mut cells) {
-            sound::cells(place, cells);
-        }
+        let mut along = [0; BATCH];
         // All lanes, including those still empty: loops of fixed length compile to vector instructions.
-        let [a, b, c] = &cells;
-        scatterers.rng.phasors([a, b, c, &self.object], &self.turn, &mut x, &mut y);
-        if !scatterers.texture.is_empty() {
-            self.roughen(scatterers, &cells);
-        }
+        sound::cells(&self.along, &mut along);
+        let address = [&along[..], &self.bin, &[scatterers.station; BATCH], &self.object];
+        scatterers.rng.phasors(address, &mut x, &mut y);
         for lane in 0..BATCH {
             let amplitude = self.energy[lane].sqrt();
             x[lane] *= amplitude;
@@ -520,17 +521,17 @@ impl Batch {
         im.extend_from_slice(&y[..self.count]);
         self.count = 0;
     }
+}
 
-    /// Makes places several lattice cells wide louder or fainter.
+impl Scatterers {
+    /// Part of the mean energy that a place sends back, by its texture, or all of it.
     #[inline(never)]
-    fn roughen(&mut self, scatterers: &Scatterers, cells: &[[u32; BATCH]; 3]) {
-        /// Lattice cells, as a power of 2, along a side of a place of one texture: several range cells.
-        const WIDE: u32 = 4;
-        for part in 0..self.count {
-            let address = cells.each_ref().map(|axis| ((axis[part] as i32) >> WIDE) as u32);
-            let at = scatterers.rng.uniform_at(address, Draw::Texture) * scatterers.texture.len() as f32;
-            self.energy[part] *= scatterers.texture[at as usize];
+    pub(super) fn roughness(&self, place: Vec3) -> f32 {
+        if self.texture.is_empty() {
+            return 1.0;
         }
+        let address = (place / self.patch + OFF_LATTICE).floor().to_array().map(|cell| cell as i32 as u32);
+        self.texture[(self.rng.uniform_at(address, Draw::Texture) * self.texture.len() as f32) as usize]
     }
 }
 

@@ -12,7 +12,7 @@ pub use fan::Fan;
 pub use pinhole::{Pinhole, Rays};
 pub use raster::Raster;
 pub use risley::{Face, Prism, Risley};
-pub use sonar::{Imaging, Multibeam, Sides, Sidescan, SingleBeam, Spacing};
+pub use sonar::{Flat, Imaging, Multibeam, Sides, Sidescan, SingleBeam, Spacing};
 pub use spinning::{Channels, Direction, Spinning, SpinningAzimuth};
 pub use table::Table;
 

@@ -41,9 +41,23 @@ pub struct Sidescan {
     /// Angle from ray to ray of such fans, degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub step_deg: Option<f64>,
+    /// Points of the profile of the paper's program as in its 2D modes; otherwise they lie where surfaces are.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flat: Option<Flat>,
     /// Pings per second.
     #[serde(default = "super::ten")]
     pub rate_hz: f64,
+}
+
+/// How points of a side-scan sonar lie in one plane, as pictures of it do: at the length of their path (Reitmann, Neumann,
+/// Jung, Sensors 2021, 21, 2144, Figure 15).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Flat {
+    /// A straight line for each ping, all of them parallel, whatever the course.
+    Waterfall,
+    /// Lines in plan, from where the sonar is to where it looks.
+    Plan,
 }
 
 /// Sides of a side-scan sonar.

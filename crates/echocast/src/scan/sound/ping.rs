@@ -27,7 +27,7 @@ use crate::trace::{
     Backscatter, BuiltScene, Clock, Goal, Later, Launch, Movement, SoundLimits, SoundTracer, Stand, Tables,
     TracerMemory, TubeHit,
 };
-use glam::{DVec3, Mat3, Vec3};
+use glam::{DQuat, DVec3, EulerRot, Mat3, Vec3};
 use std::sync::Arc;
 
 /// Rays per task: a constant, so that results cannot depend on the number of threads.
@@ -35,6 +35,9 @@ const CHUNK: usize = 2048;
 
 /// Beams per tile, where several receive a ray: the sums of a tile fit into the second-level cache.
 const TILE: usize = 32;
+
+/// Side of a place of one texture, in resolutions: several range cells.
+const TEXTURE: f64 = 16.0 / 3.0;
 
 /// Targets per task, each with an arrival for each face.
 const GOALS: usize = 4096;
@@ -260,6 +263,7 @@ impl<'a> Pinging<'a> {
     ) -> Result<Pinging<'a>> {
         static WATER: std::sync::LazyLock<Water> = std::sync::LazyLock::new(Water::default);
         let acoustics = sensor.acoustics()?;
+        options.profile.check_flat(sensor)?;
         let time = options.trajectory_time();
         let pose = sensor.turned(trajectory.at(time), options.frame);
         let water = options.environment.water.as_ref().unwrap_or(&WATER);
@@ -379,11 +383,11 @@ impl<'a> Pinging<'a> {
             }
         };
         let rng = Rng::new(options.seed, options.frame);
-        let speckle = (acoustics.speckle == Speckle::Frozen).then(|| Scatterers {
+        let speckle = (acoustics.speckle == Speckle::Frozen).then(|| {
+            let (station, along) = station(&transducer, &pose, start_speed / frequency, resolution);
             // Of the seed alone: a surface looks the same in every ping.
-            rng: Rng::new(options.seed, 0),
-            lattice: (resolution / 3.0) as f32,
-            texture: sensor.texture.clone(),
+            let rng = Rng::new(options.seed, 0);
+            Scatterers { rng, station, along, patch: (TEXTURE * resolution) as f32, texture: sensor.texture.clone() }
         });
         let pinging = Pinging {
             scene,
@@ -559,6 +563,26 @@ impl Pinging<'_> {
         let beside = |step: usize| [bin.checked_sub(step), Some(bin + step)].into_iter().flatten();
         (0..=self.response.reach()).flat_map(beside).find(|&bin| loud(bin)).unwrap_or(bin)
     }
+}
+
+/// Which scatterers a sonar at `pose` hears, as a number, and its array in the world, 1/m, whose product with a place counts
+/// coherence lengths (see [`Transducer::coherence`]) along it. The number stays the same while the sonar moves along its array
+/// only, and changes when it turns by about the width of its beam, or moves aside by about its `resolution`, m.
+fn station(transducer: &Transducer, pose: &Pose, wavelength: f64, resolution: f64) -> (u32, Vec3) {
+    /// Where the steps of places begin, as a fraction of one: round places are not between two, where rounding would decide.
+    const OFF: f64 = 0.37;
+    let step = transducer.array_width;
+    let (yaw, pitch, roll) = pose.orientation.to_euler(EulerRot::ZYX);
+    let angles = [yaw, pitch, roll].map(|angle| (angle / step).round());
+    let [yaw, pitch, roll] = angles.map(|angle| angle * step);
+    let near = DQuat::from_euler(EulerRot::ZYX, yaw, pitch, roll);
+    let own = near.inverse() * pose.position;
+    let aside = own - own.project_onto(transducer.array.as_dvec3());
+    let places = aside.to_array().map(|place| (place / resolution + OFF).floor());
+    let mix = |number: u32, word: &f64| (number ^ *word as i64 as u32).wrapping_mul(0x85EB_CA6B).rotate_left(13);
+    let number = angles.iter().chain(&places).fold(0, mix);
+    let array = near * transducer.array.as_dvec3();
+    (number, (array / transducer.coherence(wavelength)).as_vec3())
 }
 
 /// What a steradian of open water sends back from each bin, uPa^2: volume backscatter from a resolution cell, spreading
