@@ -205,6 +205,7 @@ impl Sensor {
             Pattern::Sidescan(_) => SonarView::Sidescan,
             Pattern::Multibeam(_) => SonarView::Swath,
             Pattern::Imaging(_) => SonarView::Fan,
+            Pattern::Dvl(_) => SonarView::Janus,
             _ => SonarView::Single,
         }
     }

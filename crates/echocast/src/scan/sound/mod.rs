@@ -3,5 +3,6 @@
 mod cloud;
 mod explain;
 mod ping;
+mod track;
 
 pub(in crate::scan) use ping::Told;

@@ -1,12 +1,13 @@
 //! One ping of a sonar, step by step: rays through the water, what they meet, what the beams receive of it, levels,
 //! depths.
 
+use super::track::Log;
 use crate::cloud::{CELL_FIELDS, FLOW, Field, FieldSet, Layout, MOVING, Ping, Slices, SonarView, Sounding, put};
 use crate::detect::{BeamLevels, Beside, Stretch, sounding};
 use crate::echo::{
     Background, CHUNK_BITS, Drift, Echoes, Flanks, Insonification, Lines, NOBODY, Response, Scatterers, Tile, Wants,
 };
-use crate::emitter::{Trajectory, Transducer};
+use crate::emitter::{Pattern, Trajectory, Transducer};
 use crate::ground::angle::azimuth_elevation;
 use crate::ground::cause::Cause;
 use crate::ground::error::{Error, Result};
@@ -143,19 +144,21 @@ pub(super) struct Pinging<'a> {
     pub pose: Pose,
     drift: Option<Drift>,
     speckle: Option<Scatterers>,
-    rng: Rng,
+    pub rng: Rng,
     /// Ranges from which echoes come, m.
     reach: f64,
     fold: f64,
     mask: u32,
     time: f64,
     /// Where the scene moves, when sound is where.
-    clock: Option<Clock>,
+    pub clock: Option<Clock>,
     /// What is told of motion, if it is asked for.
     motion: Option<Motion>,
     /// The water that depths are corrected with, of sonars that report some.
     assumed: Option<Arc<Column>>,
     goals: Vec<Goal>,
+    /// What a Doppler velocity log adds.
+    log: Option<Log>,
 }
 
 /// What the columns of motion are made from.
@@ -232,6 +235,12 @@ impl BuiltScene {
         let (_, warnings) = Column::new(&water, acoustics.frequency(), water.surface_z_m - start.position.z)?;
         let mut report = Report::default();
         warnings.into_iter().for_each(|warning| report.warn(warning));
+        if sensor.spec().dvl.is_some_and(|log| log.water.is_some()) && water.volume_backscatter_db.is_none() {
+            report.warn(
+                "dvl.water: nothing scatters in the layer, so that no velocity through water is measured; \
+                 environment.water.volume_backscatter_db makes something drift in it, such as -80",
+            );
+        }
         if !physical {
             // Paper and program know reflectances in place of laws.
             return Ok(report);
@@ -368,6 +377,11 @@ impl<'a> Pinging<'a> {
                 Some(Motion { own: trajectory.velocity(time).as_vec3(), later })
             }
         };
+        let log = matches!(sensor.spec().pattern, Pattern::Dvl(_)).then(|| Log {
+            spec: sensor.spec().dvl.unwrap_or_default(),
+            own: trajectory.velocity(time).as_vec3(),
+            current: DVec3::from(water.current_m_s).as_vec3(),
+        });
         let rng = Rng::new(options.seed, options.frame);
         let speckle = (acoustics.speckle == Speckle::Frozen).then(|| Scatterers {
             // Of the seed alone: a surface looks the same in every ping.
@@ -396,6 +410,7 @@ impl<'a> Pinging<'a> {
             motion,
             assumed,
             goals: Vec::new(),
+            log,
             transducer,
         };
         pinging.goals = pinging.find_goals()?;
@@ -459,6 +474,8 @@ impl<'a> Pinging<'a> {
         task.tiles(&mut memory.tiles, rows);
         ping.soundings.clear();
         ping.soundings.extend(memory.tiles.iter().flat_map(|memory| &memory.soundings));
+        let tracks = self.log.as_ref().map(|log| self.tracks(log, memory, &ping.soundings));
+        (ping.bottom_track, ping.water_track) = tracks.map_or((None, None), |(bottom, water)| (Some(bottom), water));
         Ok(())
     }
 
@@ -749,7 +766,7 @@ impl Listen<'_, '_> {
 
 impl Pinging<'_> {
     /// Direction in which the sound of arrival `index` left or, where that is another, from which it came back; sensor frame.
-    fn launched(&self, echoes: &Echoes, index: usize) -> Vec3 {
+    pub fn launched(&self, echoes: &Echoes, index: usize) -> Vec3 {
         match echoes.launch(index) {
             Some(launch) => self.rotation().transpose() * launch,
             None => self.transducer.direction.each_ref().map(|axis| axis[echoes.arrivals[index].ray as usize]).into(),
