@@ -1,5 +1,6 @@
 //! Pings: levels by the sonar equation, geometry, statistics.
 
+mod doppler;
 mod dvl;
 mod explain;
 mod levels;

@@ -186,6 +186,6 @@ pub use scenario::Scenario;
 pub use scene::{LabelRules, LoadOptions, Scene};
 pub use sensor::{
     AcousticsSpec, BeamSpec, Expectations, Illumination, IntensitySpec, PresetInfo, RangeSpec, ReturnsSpec, Sensor,
-    SensorKind, SensorSpec, ShotNoiseSpec, Speckle, SubRays, Target, TofSpec, Tvg, Vignetting,
+    SensorKind, SensorSpec, ShotNoiseSpec, Speckle, SubRays, Sweep, Target, TofSpec, Tvg, Vignetting,
 };
 pub use trace::{BareLoop, BuiltScene, Enclosure, Engine, LiveScene, ObjectId};

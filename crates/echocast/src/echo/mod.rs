@@ -11,6 +11,6 @@ pub(crate) use light::{
 pub use light::{IntensityEncoding, PulseShape};
 pub use sound::Taper;
 pub(crate) use sound::{
-    Background, CHUNK_BITS, Drift, Echoes, Flanks, Insonification, Lines, NOBODY, PingEcho, Response, Scatterers, Tile,
-    Wants, texture,
+    Background, CHUNK_BITS, Coupling, Drift, Echoes, Flanks, Insonification, Lines, NOBODY, PingEcho, Response,
+    Scatterers, Tile, Wants, texture,
 };

@@ -267,7 +267,8 @@ fn listed(names: &[&str]) -> String {
     let mut words: Vec<String> = Vec::new();
     let mut rest = names;
     while let Some((first, after)) = rest.split_first() {
-        let is_vector = |stem: &str| after.len() > 1 && after[0] == format!("{stem}_y") && after[1] == format!("{stem}_z");
+        let is_vector =
+            |stem: &str| after.len() > 1 && after[0] == format!("{stem}_y") && after[1] == format!("{stem}_z");
         if first.strip_suffix("_x").is_some_and(is_vector) {
             words.push(format!("{first} to {}", after[1]));
             rest = &after[2..];

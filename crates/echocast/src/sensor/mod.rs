@@ -14,7 +14,7 @@ mod tof;
 pub use presets::PresetInfo;
 pub(crate) use reception::Reception;
 pub(crate) use signals::{Adaptive, Signals};
-pub use sonar::{AcousticsSpec, Speckle, Tvg};
+pub use sonar::{AcousticsSpec, Speckle, Sweep, Tvg};
 pub use spec::{BeamSpec, Expectations, IntensitySpec, RangeSpec, ReturnsSpec, SensorKind, SensorSpec, SubRays};
 pub(crate) use tof::DepthCamera;
 pub use tof::{Illumination, ShotNoiseSpec, Target, TofSpec, Vignetting};

@@ -1,10 +1,12 @@
 //! Echoes of sound: what surfaces and water send back to the beams of a sonar, and the resulting levels.
 
+mod coupling;
 mod flanks;
 mod mixed;
 mod ping;
 mod response;
 
+pub(crate) use coupling::Coupling;
 pub(crate) use flanks::Flanks;
 pub(crate) use ping::{CHUNK_BITS, Drift, Echoes, Insonification, NOBODY, PingEcho, Scatterers, Tile, Wants, texture};
 pub use response::Taper;

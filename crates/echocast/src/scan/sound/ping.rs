@@ -5,7 +5,8 @@ use super::track::Log;
 use crate::cloud::{CELL_FIELDS, FLOW, Field, FieldSet, Layout, MOVING, Ping, Slices, SonarView, Sounding, put};
 use crate::detect::{BeamLevels, Beside, Stretch, sounding};
 use crate::echo::{
-    Background, CHUNK_BITS, Drift, Echoes, Flanks, Insonification, Lines, NOBODY, Response, Scatterers, Tile, Wants,
+    Background, CHUNK_BITS, Coupling, Drift, Echoes, Flanks, Insonification, Lines, NOBODY, Response, Scatterers, Tile,
+    Wants,
 };
 use crate::emitter::{Pattern, Trajectory, Transducer};
 use crate::ground::angle::azimuth_elevation;
@@ -143,6 +144,8 @@ pub(super) struct Pinging<'a> {
     pub response: Response,
     pub pose: Pose,
     drift: Option<Drift>,
+    /// How fast the sonar moves, world, m/s.
+    pub own: Vec3,
     speckle: Option<Scatterers>,
     pub rng: Rng,
     /// Ranges from which echoes come, m.
@@ -163,8 +166,6 @@ pub(super) struct Pinging<'a> {
 
 /// What the columns of motion are made from.
 struct Motion {
-    /// How fast the sonar moves, world, m/s.
-    own: Vec3,
     /// Where things are one frame later, if they move and that is asked for.
     later: Option<Later>,
 }
@@ -369,17 +370,17 @@ impl<'a> Pinging<'a> {
             }
             _ => None,
         };
+        let own = trajectory.velocity(time).as_vec3();
         let motion = match options.fields.contains_any(&MOVING) {
             false => None,
             true => {
                 let period = options.frame_period.unwrap_or(sensor.beams.period);
                 let later = if options.fields.contains_any(&FLOW) { scene.later(period)? } else { None };
-                Some(Motion { own: trajectory.velocity(time).as_vec3(), later })
+                Some(Motion { later })
             }
         };
         let log = matches!(sensor.spec().pattern, Pattern::Dvl(_)).then(|| Log {
             spec: sensor.spec().dvl.unwrap_or_default(),
-            own: trajectory.velocity(time).as_vec3(),
             current: DVec3::from(water.current_m_s).as_vec3(),
         });
         let rng = Rng::new(options.seed, options.frame);
@@ -400,6 +401,7 @@ impl<'a> Pinging<'a> {
             response,
             pose,
             drift,
+            own,
             speckle,
             rng,
             reach,
@@ -539,7 +541,19 @@ impl<'a> Pinging<'a> {
             turns: (2.0 * self.acoustics.frequency() / self.layout.believed_speed) as f32,
             speckle: self.speckle.clone(),
             drift: self.drift,
+            coupling: self.coupling(),
         }
+    }
+
+    /// What motion does to ranges, if anything moves and the pulse sweeps its frequency: that of a Doppler velocity log is
+    /// coded.
+    fn coupling(&self) -> Option<Coupling<'_>> {
+        let lead = self.acoustics.lead() as f32;
+        let own = if self.acoustics.stop_and_hop { Vec3::ZERO } else { self.own };
+        let moving = self.clock.map(|clock| (self.scene, clock));
+        let moves = own != Vec3::ZERO || moving.is_some();
+        let sweeps = lead != 0.0 && self.log.is_none();
+        (moves && sweeps).then_some(Coupling { lead, own, moving, believed: self.layout.believed_speed })
     }
 
     pub fn rotation(&self) -> Mat3 {
@@ -852,13 +866,13 @@ impl Pinging<'_> {
             };
             put!(rows, row, azimuth: azimuth, elevation: elevation);
         }
-        if let Some(Motion { own, later }) = &self.motion {
+        if let Some(Motion { later }) = &self.motion {
             let met = f64::from(arrival.range) / self.layout.believed_speed;
             let time = self.clock.as_ref().map_or(0.0, |clock| clock.of(met));
             let movement = self.scene.movement(later.as_ref(), arrival.surface, arrival.triangle, arrival.corner, time);
             let Movement { velocity, flow } = movement.unwrap_or_default();
             // How fast the way there grows at both its ends.
-            let radial = velocity.dot(direction) - own.dot(self.rotation() * launch());
+            let radial = velocity.dot(direction) - self.own.dot(self.rotation() * launch());
             put!(rows, row,
                 velocity_x: velocity.x,
                 velocity_y: velocity.y,

@@ -7,7 +7,7 @@
 //! weighted by the energy of the echoes.
 
 use super::ping::{PingMemory, Pinging};
-use crate::cloud::{Sounding, Track};
+use crate::cloud::{Layout, Sounding, Track};
 use crate::detect::{Heard, Tracked, VelocityLog, WaterLayer, bins_about};
 use crate::echo::{Echoes, PingEcho};
 use crate::emitter::pattern::JANUS_BEAMS;
@@ -18,9 +18,7 @@ use glam::{DVec3, Vec3};
 /// A Doppler velocity log under way.
 pub(super) struct Log {
     pub spec: VelocityLog,
-    /// How fast the sonar moves, world, m/s.
-    pub own: Vec3,
-    /// How fast the water moves, likewise.
+    /// How fast the water moves, world, m/s.
     pub current: Vec3,
 }
 
@@ -55,7 +53,7 @@ impl Pinging<'_> {
         let locks: [Option<&Sounding>; JANUS_BEAMS] =
             std::array::from_fn(|beam| soundings.iter().find(|sounding| sounding.beam as usize == beam));
         let axes = std::array::from_fn(|beam| self.layout.axis(beam));
-        let heard = self.hear_bottom(log, memory, &locks);
+        let heard = self.hear_bottom(memory, &locks);
         let bottom = log.spec.track(&self.rng, Tracked::Bottom, &axes, &heard);
         let water = log.spec.water.map(|layer| {
             // Noise that looks like an echo is not heard of, and hides no water.
@@ -69,7 +67,6 @@ impl Pinging<'_> {
     /// What each beam hears of the bottom, about its sounding.
     fn hear_bottom(
         &self,
-        log: &Log,
         memory: &PingMemory,
         locks: &[Option<&Sounding>; JANUS_BEAMS],
     ) -> [Option<Heard>; JANUS_BEAMS] {
@@ -83,26 +80,22 @@ impl Pinging<'_> {
             for (index, (arrival, answer)) in echoes.arrivals.iter().zip(&echoes.answers).enumerate() {
                 let beam = self.transducer.hearings[answer.hearing as usize].first as usize;
                 if gates[beam].is_some_and(|(range, about)| (answer.range - range).abs() <= about) {
-                    self.add_echo(log, echoes, index, (arrival, answer), &mut sums[beam]);
+                    self.add_echo(echoes, index, (arrival, answer), &mut sums[beam]);
                 }
             }
         }
-        let noise = self.layout.noise_db;
+        let Layout { bins, noise_db, threshold_db, .. } = &*self.layout;
         std::array::from_fn(|beam| {
-            let above = f64::from(exp2((locks[beam]?.level_db - noise) * LOG2_PER_DB));
-            sums[beam].heard((above - 1.0).max(0.1))
+            let Sounding { level_db, cell, .. } = *locks[beam]?;
+            // A sounding of noise alone is none of the bottom, whatever the sidelobes may hear there.
+            let least = f64::from(exp2(threshold_db[cell as usize % bins] * LOG2_PER_DB));
+            let above = f64::from(exp2((level_db - noise_db) * LOG2_PER_DB));
+            sums[beam].heard((above - 1.0).max(0.1)).filter(|_| sums[beam].weight > least)
         })
     }
 
     /// Adds arrival `index` to what its beam hears.
-    fn add_echo(
-        &self,
-        log: &Log,
-        echoes: &Echoes,
-        index: usize,
-        (arrival, answer): (&Arrival, &PingEcho),
-        sums: &mut Sums,
-    ) {
+    fn add_echo(&self, echoes: &Echoes, index: usize, (arrival, answer): (&Arrival, &PingEcho), sums: &mut Sums) {
         let parts = answer.first as usize..(answer.first + answer.parts) as usize;
         let energy: f32 = echoes.energy[parts].iter().sum();
         let met = f64::from(arrival.range) / self.layout.believed_speed;
@@ -111,13 +104,12 @@ impl Pinging<'_> {
         let Movement { velocity, .. } = movement.unwrap_or_default();
         let launch = self.rotation() * self.launched(echoes, index);
         // Each end by the speed of sound there.
-        let rate = velocity.dot(arrival.direction) / arrival.speed - log.own.dot(launch);
-        sums.add(energy, f64::from(rate) * self.scale(), velocity - log.own);
+        let rate = velocity.dot(arrival.direction) / arrival.speed - self.own.dot(launch);
+        sums.add(energy, f64::from(rate) * self.scale(), velocity - self.own);
     }
 
-    /// What a beam hears of a layer of water, if that is loud enough and free of the bottom: nearer than where the sidelobe
-    /// that looks straight down hears the bottom, by the beam's own range (Gordon
-    /// 1996).
+    /// What a beam hears of a layer of water, if that is loud enough and free of the `bottom`, m along the beam: nearer than
+    /// where the sidelobe that looks straight down hears it (Gordon 1996).
     fn hear_water(
         &self,
         log: &Log,
@@ -136,7 +128,7 @@ impl Pinging<'_> {
         if 10.0 * snr.log10() < self.acoustics.detection_threshold_db {
             return None;
         }
-        let relative = log.current - log.own;
+        let relative = log.current - self.own;
         let mut sums = Sums::default();
         let transducer = &*self.transducer;
         for ray in 0..transducer.rays() {
