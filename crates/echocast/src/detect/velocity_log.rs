@@ -138,7 +138,7 @@ fn solve(axes: &[DVec3; JANUS_BEAMS], radial: [f64; JANUS_BEAMS]) -> Track {
     // that of the error velocity of Teledyne RD Instruments, "ADCP coordinate transformation" (1998).
     let others = |beam: usize| {
         let [a, b, c] = std::array::from_fn(|index| axes[if index < beam { index } else { index + 1 }]);
-        a.cross(b).dot(c) * if beam % 2 == 0 { 1.0 } else { -1.0 }
+        a.cross(b).dot(c) * if beam.is_multiple_of(2) { 1.0 } else { -1.0 }
     };
     let weights: [f64; JANUS_BEAMS] = std::array::from_fn(others);
     let length = weights.iter().map(|weight| weight * weight).sum::<f64>().sqrt();
