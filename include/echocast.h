@@ -1453,6 +1453,9 @@ echocast_status echocast_result_image_boxes(const echocast_result *result,
 /** One beam. */
 #define ECHOCAST_SONAR_SINGLE 3
 
+/** As ECHOCAST_SONAR_SIDESCAN: four beams, down and outwards, of a Doppler velocity log. */
+#define ECHOCAST_SONAR_JANUS 4
+
 /**
  * Pings of one sonar, one after the other: usually one, the last. Any number of threads may read them; only one at a
  * time may change them.

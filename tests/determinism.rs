@@ -2,11 +2,12 @@
 //! not affect a column leave it unchanged.
 
 use echocast::cloud::FIELDS;
+use echocast::emitter::Pattern;
 use echocast::material::{RetroSample, Scattering};
 use echocast::scene::Material;
 use echocast::{
     BoxAxes, BuiltScene, Cause, Engine, Environment, Field, FieldSet, Frame, LiveScene, Order, Ping, PointCloud, Pose,
-    Profile, ReturnMode, ScanOptions, Scene, Sensor, Trajectory,
+    Profile, ReturnMode, ScanOptions, Scene, Sensor, Track, Trajectory,
 };
 use echocast_kernels::{Level, limit_level};
 use echocast_tests::reference::{Moving, Random, SceneBuilder, Shape};
@@ -432,8 +433,16 @@ range: {{max_m: 60}}
         "type: multibeam, beams: 70, swath_deg: 120, rays: 40",
         "type: imaging, beams: 70, fov_deg: 90, tilt_deg: 10, rays: 64",
         "type: single_beam, beam_deg: 20, rays: 5000",
+        "type: dvl, beam_deg: 6, rays: 3000",
     ]
     .map(sonar)
+    .map(|mut sensor| {
+        if matches!(sensor.spec().pattern, Pattern::Dvl(_)) {
+            let log = "{sigma_m_s: 0.01, scale_sigma: 0.01, water: {from_m: 1, to_m: 4, sigma_m_s: 0.03}}";
+            sensor.set("dvl", log).unwrap();
+        }
+        sensor
+    })
     .into()
 }
 
@@ -456,7 +465,15 @@ fn ping_differences(a: &Ping, b: &Ping) -> Vec<&'static str> {
     };
     let differ = |field: Field| a.column(field).bytes() != b.column(field).bytes();
     let columns = FIELDS.iter().filter(|info| differ(info.field)).map(|info| info.name);
-    columns.chain((bits(a) != bits(b)).then_some("soundings")).collect()
+    let tracks = |ping: &Ping| {
+        let bits = |track: Track| {
+            let Track { radial, velocity, error } = track;
+            [radial[0], radial[1], radial[2], radial[3], velocity.x, velocity.y, velocity.z, error].map(f32::to_bits)
+        };
+        [ping.bottom_track, ping.water_track].map(|track| track.map(bits))
+    };
+    let more = [(bits(a) != bits(b)).then_some("soundings"), (tracks(a) != tracks(b)).then_some("tracks")];
+    columns.chain(more.into_iter().flatten()).collect()
 }
 
 #[test]

@@ -2,7 +2,7 @@
 //! worked out by hand.
 
 use echocast::detect::{Detection, Statistical};
-use echocast::emitter::pattern::{Imaging, Multibeam, Pattern, Sidescan, SingleBeam, Spinning};
+use echocast::emitter::pattern::{Imaging, Janus, Multibeam, Pattern, Sidescan, SingleBeam, Spinning};
 use echocast::emitter::{BeamTable, FiringOrder, Lobe};
 use echocast::scene::Material;
 use echocast::{Environment, Ping, Pose, PresetInfo, ReturnsSpec, ScanOptions, Sensor, SensorKind, Trajectory};
@@ -308,8 +308,8 @@ fn instruments_are_complete() {
 
 /// Sections of a preset file whose comments, on the same line or right above, call a figure unverified.
 fn unverified(text: &str) -> Vec<&str> {
-    const SECTIONS: [&str; 9] =
-        ["pattern", "beam", "range", "detection", "returns", "noise", "intensity", "doppler", "acoustics"];
+    const SECTIONS: [&str; 10] =
+        ["pattern", "beam", "range", "detection", "returns", "noise", "intensity", "doppler", "acoustics", "dvl"];
     let (mut section, mut sections, mut above) = ("", Vec::new(), false);
     for line in text.lines() {
         let doubt = line.contains("unverified");
@@ -401,6 +401,11 @@ fn sonars_have_the_figures_of_their_files() {
         match &spec.pattern {
             Pattern::Sidescan(_) => assert_eq!(acoustics.bounces, 2, "{name}: sea surface and bottom"),
             Pattern::SingleBeam(_) => {}
+            Pattern::Dvl(janus) => {
+                let [low, high] = expected.elevation_deg.unwrap_or_else(|| panic!("{name} has no elevation_deg"));
+                assert_eq!(low, high, "{name}: beams lean alike");
+                assert_near(&format!("{name}: elevation"), janus.janus_deg - 90.0, low, 1e-9);
+            }
             _ => {
                 let angle = expected.swath_deg.unwrap_or_else(|| panic!("{name} has no swath_deg"));
                 assert_near(&format!("{name}: swath"), swath(beams), angle, 1e-3);
@@ -447,6 +452,7 @@ fn sonars_hear_a_flat_bottom() {
             Pattern::SingleBeam(SingleBeam { tilt_deg, vertical_deg, .. }) => {
                 (tilt_deg + vertical_deg.as_ref().map_or(0.0, |lobe| 0.25 * degrees(lobe, wavelength)), 256)
             }
+            Pattern::Dvl(janus) => (90.0 - janus.janus_deg, 256),
             _ => (90.0, 8),
         };
         let range = 0.3 * sensor.spec().range.max_m.unwrap();
@@ -501,6 +507,9 @@ fn sonar_row(name: &str, sensor: &Sensor, text: &str) -> String {
             let view = turn.map_or("down".to_owned(), |turn| format!("turns, {}", turn.fov_deg));
             let widths: Vec<_> = [Some(beam_deg), vertical_deg.as_ref()].into_iter().flatten().map(width).collect();
             ("1".to_owned(), view, widths.join(" x "))
+        }
+        Pattern::Dvl(Janus { janus_deg, beam_deg, .. }) => {
+            ("4".to_owned(), format!("down and outwards, {janus_deg} off"), width(beam_deg))
         }
         other => panic!("{name} is no sonar: {other:?}"),
     };

@@ -1,6 +1,8 @@
 //! Pings: levels by the sonar equation, geometry, statistics.
 
 mod bodies;
+mod doppler;
+mod dvl;
 mod explain;
 mod levels;
 mod noise;

@@ -57,6 +57,9 @@ use std::sync::Arc;
 /// | `track_id` | uint32 | object over all frames, 0: unlabelled |
 /// | `quality` | float32 | confidence in a sounding of a sonar, 0 to 1 |
 /// | `corrected_x`, `corrected_y`, `corrected_z` | float32 | sounding by a ray through the assumed cast, m |
+/// | `bottom_track_x`, `bottom_track_y`, `bottom_track_z` | float32 | velocity of a DVL over ground, its own axes, m/s |
+/// | `bottom_track_error` | float32 | how far its four beams disagree, m/s |
+/// | `water_track_x`, `water_track_y`, `water_track_z`, `water_track_error` | float32 | likewise through a layer of water |
 ///
 /// Causes: 0 surface, 1 seen in a mirror, 2 seen through glass, 3 rain, 4 fog, 5 snow, 6 dust, 7 noise, 8 mixed at an
 /// edge, 9 multipath, 10 sea surface.

@@ -211,7 +211,7 @@ impl Ping {
         }
     }
 
-    /// "sidescan", "swath", "fan" or "single": how its beams lie.
+    /// "sidescan", "swath", "fan", "single" or "janus": how its beams lie.
     #[getter]
     fn view(&self) -> &'static str {
         self.ping().layout.view.name()

@@ -157,6 +157,8 @@ pub const ECHOCAST_SONAR_SWATH: i32 = 1;
 pub const ECHOCAST_SONAR_FAN: i32 = 2;
 /// One beam.
 pub const ECHOCAST_SONAR_SINGLE: i32 = 3;
+/// As ECHOCAST_SONAR_SIDESCAN: four beams, down and outwards, of a Doppler velocity log.
+pub const ECHOCAST_SONAR_JANUS: i32 = 4;
 
 /// When and where a ping was sent, and how it is laid out; ECHOCAST_PING_INFO_INIT is empty.
 #[repr(C)]
@@ -263,6 +265,7 @@ pub unsafe extern "C" fn echocast_pings_get_info(
                     SonarView::Swath => ECHOCAST_SONAR_SWATH,
                     SonarView::Fan => ECHOCAST_SONAR_FAN,
                     SonarView::Single => ECHOCAST_SONAR_SINGLE,
+                    SonarView::Janus => ECHOCAST_SONAR_JANUS,
                 },
                 t_ns: nanoseconds(ping.time),
                 sensor_pose: echocast_pose::of(&ping.pose),

@@ -5,12 +5,16 @@ use crate::output::{OutputArgs, Writer};
 use crate::progress::Progress;
 use crate::report::{Seconds, timed};
 use anyhow::Result;
+use echocast::emitter::Pattern;
 use echocast::scenario::FrameTime;
 use echocast::{
     BoxAxes, BuiltScene, Cause, Enclosure, Field, FieldSet, Ping, Pings, PointCloud, Profile, Report, ScanOptions,
     Sensor, SensorKind, Trajectory, shown,
 };
 use std::path::PathBuf;
+
+/// Beams that must meet the bottom for a velocity.
+const LEAST_LOCKED: usize = 3;
 
 /// What is recorded.
 pub struct Take<'t> {
@@ -104,6 +108,21 @@ impl Take<'_> {
         ));
     }
 
+    /// Warns when a Doppler velocity log has no velocity over ground in `lost` pings; `most_locked`: how many beams met the
+    /// bottom in any ping.
+    fn warn_of_lost_bottom(&self, lost: usize, most_locked: usize, report: &mut Report) {
+        let reach = self.sensor.spec().range.max_m.unwrap_or(f64::INFINITY);
+        let met = match most_locked {
+            0 => "no beam met the bottom".to_owned(),
+            _ => format!("fewer than {LEAST_LOCKED} beams met the bottom"),
+        };
+        report.warn(format!(
+            "{met} within range.max_m, {reach} m, in {lost} of {} pings: they have no velocity over ground; perhaps the sonar \
+             is too high, or leans; --explain BEAM shows what happens to one beam",
+            self.frames.len()
+        ));
+    }
+
     fn is_sonar(&self) -> bool {
         self.sensor.kind() == SensorKind::Sonar
     }
@@ -130,6 +149,8 @@ impl Take<'_> {
         let mut all = PointCloud::default();
         let mut cloud = PointCloud::default();
         let (mut points, mut sky_points, mut causes) = (0, 0, Causes::default());
+        // Pings of a Doppler velocity log without a velocity, and the most beams that met the bottom in any.
+        let (mut lost, mut most_locked) = (0, 0);
         // Whether anything but noise is received.
         let mut heard = false;
         let mut boxes = Vec::new();
@@ -171,6 +192,9 @@ impl Take<'_> {
             // Files hold what was asked for; the other columns that the picture shows are computed all the same.
             cloud.fields = self.options.fields;
             points += return_rows(&cloud).count();
+            let locked = if pinged.is_some() { locked(&ping) } else { heard_rows(&cloud).count() };
+            lost += usize::from(locked < LEAST_LOCKED);
+            most_locked = most_locked.max(locked);
             causes.count(&cloud);
             sky_points += self.on_sky(&cloud);
             boxes.extend(cloud.boxes.iter().flatten().copied());
@@ -198,6 +222,10 @@ impl Take<'_> {
             }
         })?;
         report.absorb(writer.report);
+        let tracks = matches!(sensor.spec().pattern, Pattern::Dvl(_)) && self.options.profile == Profile::Physical;
+        if tracks && lost > 0 {
+            self.warn_of_lost_bottom(lost, most_locked, &mut report);
+        }
         let with_points = output.wants_clouds() || !self.is_sonar();
         let noise = self.is_sonar() && if with_points { causes.only(Cause::FalseAlarm) } else { !heard };
         let nothing = match () {
@@ -218,6 +246,17 @@ fn return_rows(cloud: &PointCloud) -> impl Iterator<Item = usize> {
     let telling = TELLING.map(|field| cloud.column(field)).into_iter().find(|column| !column.is_empty());
     let telling = telling.filter(|_| cloud.organised.is_some());
     (0..cloud.len).filter(move |&row| telling.is_none_or(|column| !column.get_f64(row).is_nan()))
+}
+
+/// Rows of a sonar's `cloud` that are more than noise.
+fn heard_rows(cloud: &PointCloud) -> impl Iterator<Item = usize> {
+    return_rows(cloud).filter(|&row| cloud.columns.cause.get(row) != Some(&(Cause::FalseAlarm as u8)))
+}
+
+/// Beams of a ping with a sounding that is more than noise.
+fn locked(ping: &Ping) -> usize {
+    let cause = |cell: u32| ping.cells.cause.get(cell as usize);
+    ping.soundings.iter().filter(|sounding| cause(sounding.cell) != Some(&(Cause::FalseAlarm as u8))).count()
 }
 
 /// Number of points for each cause.

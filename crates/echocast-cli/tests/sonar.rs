@@ -290,6 +290,33 @@ fn a_sonar_that_hears_nothing_is_told_why() {
 }
 
 #[test]
+fn a_velocity_log_says_where_it_has_no_bottom() {
+    let folder = lake();
+    let folder = folder.path();
+    let log = "scan DIR/lake.glb --sensor water_linked_a50 --set pattern.rays=256 --at 0,0,-3";
+    let warnings = |args: &str| report(folder, &format!("{log} {args}"))["warnings"].to_string();
+    for output in ["-o DIR/log.csv", "--pings DIR/log.npz"] {
+        let said = warnings(&format!("--set range.max_m=6 {output}"));
+        assert!(
+            said.contains("no beam met the bottom within range.max_m, 6 m, in 1 of 1 pings: they have no"),
+            "{said}"
+        );
+        let said = warnings(output);
+        assert!(!said.contains("met the bottom"), "{said}");
+        assert!(said.contains("dvl.water: nothing scatters in the layer"), "{said}");
+    }
+    let speeds = csv_column(&folder.join("log.csv"), "bottom_track_x");
+    assert!(speeds.len() == 4 && speeds.iter().all(|speed| speed.abs() < 0.02), "{speeds:?}");
+    let (shape, _) = npz_array(&folder.join("log.npz"), "bottom_track_radial");
+    assert_eq!(shape, [1, 4]);
+    fs::write(folder.join("water.yaml"), "water: {volume_backscatter_db: -70, current_m_s: [1, 0, 0]}\n").unwrap();
+    let said = warnings("--set dvl.water.sigma_m_s=0 --env DIR/water.yaml -o DIR/log.csv");
+    assert!(!said.contains("dvl.water"), "{said}");
+    let speeds = csv_column(&folder.join("log.csv"), "water_track_x");
+    assert!(speeds.iter().all(|speed| (speed + 1.0).abs() < 0.01), "{speeds:?}");
+}
+
+#[test]
 fn files_beside_an_image_are_reported() {
     let folder = lake();
     let folder = folder.path();

@@ -76,7 +76,7 @@
 //! | trace | `trace` | arrivals: where rays, bent and reflected, meet the bed, objects in the water and its surface |
 //! | answer | [`echo`] | for each arrival its energy, divided among range bins, with the phase of its scatterers |
 //! | listen | [`echo`] | for each beam the sum over bins, the response to its pulse, and noise: levels in dB |
-//! | report | [`detect`] | the depth that each beam reports |
+//! | report | [`detect`] | the depth that each beam reports; of a Doppler velocity log its velocity |
 //!
 //! # Floors
 //!
@@ -165,7 +165,7 @@ mod page_of_motion {}
 
 pub use cloud::{
     BoxAxes, CELL_FIELDS, Field, FieldSet, Frame, InstanceBox, Layout, PackItem, PackType, Ping, Pings, PointCloud,
-    SonarView, Sounding,
+    SonarView, Sounding, Track,
 };
 pub use detect::ReturnMode;
 pub use echo::Taper;
@@ -186,6 +186,6 @@ pub use scenario::Scenario;
 pub use scene::{LabelRules, LoadOptions, Scene};
 pub use sensor::{
     AcousticsSpec, BeamSpec, Expectations, Illumination, IntensitySpec, PresetInfo, RangeSpec, ReturnsSpec, Sensor,
-    SensorKind, SensorSpec, ShotNoiseSpec, Speckle, SubRays, Target, TofSpec, Tvg, Vignetting,
+    SensorKind, SensorSpec, ShotNoiseSpec, Speckle, SubRays, Sweep, Target, TofSpec, Tvg, Vignetting,
 };
 pub use trace::{BareLoop, BuiltScene, Enclosure, Engine, LiveScene, ObjectId};

@@ -355,11 +355,19 @@ columns! {
     flow_y, FlowY, f32, "m", false, None, "scene flow: where the surface point is one frame later, minus where it is, in the world; of sonars NaN";
     flow_z, FlowZ, f32, "m", false, None, "scene flow: where the surface point is one frame later, minus where it is, in the world; of sonars NaN";
     track_id, TrackId, u32, "", false, None, "object over all frames, 0 = unlabelled";
-    doppler, Doppler, f32, "m/s", false, None, "measured radial velocity: negative where point and sensor approach each other, NaN where the instrument measures none; a default column of those that measure it";
+    doppler, Doppler, f32, "m/s", false, None, "measured radial velocity: negative where point and sensor approach each other, NaN where the instrument measures none; of Doppler velocity logs that of the bottom along the beam; a default column of those that measure it";
     quality, Quality, f32, "1", false, None, "confidence in a sounding: 0 to 1, 0.5 for a standard error of the range of 0.25 %; NaN for what is none; a default column of swaths and single beams";
     corrected_x, CorrectedX, f32, "m", false, None, "sounding by a bent ray: position by the ray through the assumed profile of sound speeds, relative to the cloud's origin; NaN for what is none; a default column of swaths and single beams";
     corrected_y, CorrectedY, f32, "m", false, None, "sounding by a bent ray: position by the ray through the assumed profile of sound speeds, relative to the cloud's origin; NaN for what is none; a default column of swaths and single beams";
     corrected_z, CorrectedZ, f32, "m", false, None, "sounding by a bent ray: position by the ray through the assumed profile of sound speeds, relative to the cloud's origin; NaN for what is none; a default column of swaths and single beams";
+    bottom_track_x, BottomTrackX, f32, "m/s", false, None, "velocity over ground: of the sonar relative to the bottom, in its own frame, as a Doppler velocity log measures it with the ping; NaN with fewer than three beams that meet the bottom, and of other sensors; a default column of Doppler velocity logs";
+    bottom_track_y, BottomTrackY, f32, "m/s", false, None, "velocity over ground: of the sonar relative to the bottom, in its own frame, as a Doppler velocity log measures it with the ping; NaN with fewer than three beams that meet the bottom, and of other sensors; a default column of Doppler velocity logs";
+    bottom_track_z, BottomTrackZ, f32, "m/s", false, None, "velocity over ground: of the sonar relative to the bottom, in its own frame, as a Doppler velocity log measures it with the ping; NaN with fewer than three beams that meet the bottom, and of other sensors; a default column of Doppler velocity logs";
+    bottom_track_error, BottomTrackError, f32, "m/s", false, None, "ground error velocity: how far four beams disagree; NaN with three, and of other sensors; a default column of Doppler velocity logs";
+    water_track_x, WaterTrackX, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, likewise; a default column of logs that track one";
+    water_track_y, WaterTrackY, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, likewise; a default column of logs that track one";
+    water_track_z, WaterTrackZ, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, likewise; a default column of logs that track one";
+    water_track_error, WaterTrackError, f32, "m/s", false, None, "water error velocity: how far four beams disagree, likewise; a default column of logs that track one";
 }
 
 impl Field {
@@ -389,6 +397,12 @@ pub(crate) const FLOW: [Field; 3] = [Field::FlowX, Field::FlowY, Field::FlowZ];
 
 /// Columns that only soundings have.
 pub(crate) const SOUNDING: [Field; 4] = [Field::Quality, Field::CorrectedX, Field::CorrectedY, Field::CorrectedZ];
+
+/// Columns that only Doppler velocity logs have: of the bottom, and of a layer of water.
+pub(crate) const BOTTOM_TRACK: [Field; 4] =
+    [Field::BottomTrackX, Field::BottomTrackY, Field::BottomTrackZ, Field::BottomTrackError];
+pub(crate) const WATER_TRACK: [Field; 4] =
+    [Field::WaterTrackX, Field::WaterTrackY, Field::WaterTrackZ, Field::WaterTrackError];
 
 /// Columns that depend on how things move.
 pub(crate) const MOVING: [Field; 8] = [

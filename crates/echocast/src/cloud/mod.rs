@@ -6,13 +6,15 @@ mod fields;
 mod pack;
 mod ping;
 pub(crate) mod record;
+mod track;
 
 pub use boxes::{BoxAxes, InstanceBox};
 pub(crate) use collect::Kept;
+pub(crate) use fields::{BOTTOM_TRACK, ColumnMut, Element, FLOW, MOVING, SOUNDING, Slices, VELOCITY, WATER_TRACK, put};
 pub use fields::{Column, ColumnType, Columns, FIELDS, Field, FieldInfo, FieldSet};
-pub(crate) use fields::{ColumnMut, Element, FLOW, MOVING, SOUNDING, Slices, VELOCITY, put};
 pub use pack::{PackItem, PackType};
 pub use ping::{CELL_FIELDS, Layout, Ping, Pings, SonarView, Sounding};
+pub use track::Track;
 
 use crate::ground::error::{Error, Result};
 use crate::ground::named::named;

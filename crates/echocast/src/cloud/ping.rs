@@ -1,6 +1,6 @@
 //! What a sonar records: pings of beams and range bins.
 
-use crate::cloud::{Column, Columns, Field, FieldSet};
+use crate::cloud::{Column, Columns, Field, FieldSet, Track};
 use crate::ground::angle::direction_f64;
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
@@ -92,6 +92,8 @@ pub enum SonarView {
     Fan,
     /// One beam.
     Single,
+    /// Four beams, down and outwards: velocities.
+    Janus,
 }
 
 /// An echo that a sonar reports as the depth of a beam.
@@ -160,6 +162,10 @@ pub struct Ping {
     pub fields: FieldSet,
     /// The depths that beams report; empty for side-scan and imaging sonars, whose points are their cells.
     pub soundings: Vec<Sounding>,
+    /// Its velocity relative to the bottom; `None`: the sonar is no Doppler velocity log.
+    pub bottom_track: Option<Track>,
+    /// Its velocity relative to a layer of water; `None`: it tracks none.
+    pub water_track: Option<Track>,
     /// Names of the numbers in the label columns.
     pub labels: Arc<Labels>,
     pub(crate) memory: Spare,
@@ -186,7 +192,7 @@ impl Default for Layout {
 impl SonarView {
     /// Whether its points are the depths of its beams, not its cells.
     pub(crate) fn reports_depths(self) -> bool {
-        matches!(self, SonarView::Swath | SonarView::Single)
+        matches!(self, SonarView::Swath | SonarView::Single | SonarView::Janus)
     }
 
     /// Its name in files.
@@ -196,6 +202,7 @@ impl SonarView {
             SonarView::Swath => "swath",
             SonarView::Fan => "fan",
             SonarView::Single => "single",
+            SonarView::Janus => "janus",
         }
     }
 }

@@ -54,7 +54,7 @@ impl Doppler {
 }
 
 /// `value` moved by multiples of `width` into [-width / 2, width / 2).
-fn wrap(value: f32, width: f32) -> f32 {
+pub(super) fn wrap(value: f32, width: f32) -> f32 {
     let half = 0.5 * width;
     let wrapped = value - (value / width + 0.5).floor() * width;
     // Rounding may end on the wrong side of either end.

@@ -11,6 +11,7 @@ mod returns;
 mod soundings;
 mod statistical;
 mod threshold;
+mod velocity_log;
 
 use curve::Curve;
 
@@ -25,7 +26,9 @@ pub(crate) use noise::{IntensityError, RangeError};
 pub use noise::{Noise, RangePoint, WeakDropout};
 pub use returns::ReturnMode;
 pub(crate) use returns::{Peak, ReturnRule};
-pub(crate) use soundings::{BeamLevels, Beside, Stretch, sounding};
+pub(crate) use soundings::{BeamLevels, Beside, Stretch, bins_about, sounding};
 pub use statistical::{Statistical, Sunlight};
 pub(crate) use threshold::Threshold;
 pub use threshold::{Detection, DetectionSpec, LimitPoint, Timing};
+pub(crate) use velocity_log::{Heard, Tracked};
+pub use velocity_log::{VelocityLog, WaterLayer};

@@ -116,8 +116,6 @@ fn quality(error: f32) -> f32 {
 fn about_the_loudest(layout: &Layout, heard: &BeamLevels) -> Option<Range<usize>> {
     let BeamLevels { beam, levels, width, .. } = *heard;
     let (bins, from) = (levels.len(), layout.first_bin);
-    let [_, elevation] = layout.axes[beam];
-    let down = (elevation + std::f32::consts::FRAC_PI_2).abs();
     // Energy of the cells around each one, so that a single bright speckle does not win.
     let around = |bin: usize| {
         let about = &levels[bin.saturating_sub(2)..(bin + 3).min(bins)];
@@ -126,9 +124,16 @@ fn about_the_loudest(layout: &Layout, heard: &BeamLevels) -> Option<Range<usize>
     let loud = (from..bins).filter(|&bin| levels[bin] > layout.threshold_db[bin]);
     let (loudest, _) = loud.map(|bin| (bin, around(bin))).max_by(|(_, a), (_, b)| a.total_cmp(b))?;
     let range = (loudest as f32 + 0.5) * layout.bin_m as f32;
-    let length = range * width * down.sin() / down.cos().abs().max(0.1) / layout.bin_m as f32;
-    let reach = (0.75 * length).ceil() as usize + 3;
+    let reach = bins_about(layout, beam, width, range);
     Some(loudest.saturating_sub(reach).max(from)..(loudest + reach + 1).min(bins))
+}
+
+/// Bins to each side of a `range`, m, that the echo of a flat bottom may cover in a beam of this `width`, rad.
+pub(crate) fn bins_about(layout: &Layout, beam: usize, width: f32, range: f32) -> usize {
+    let [_, elevation] = layout.axes[beam];
+    let down = (elevation + std::f32::consts::FRAC_PI_2).abs();
+    let length = range * width * down.sin() / down.cos().abs().max(0.1) / layout.bin_m as f32;
+    (0.75 * length).ceil() as usize + 3
 }
 
 /// The bins with the most energy among those stretches that are loud enough and come from within a swath's beam, without what

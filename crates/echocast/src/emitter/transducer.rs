@@ -2,7 +2,7 @@
 
 use super::aperture::{Aperture, EVERYWHERE, FAINT};
 use super::lobe::{self, Lobe, Shape};
-use super::pattern::{Imaging, Multibeam, Pattern, Sidescan, SingleBeam};
+use super::pattern::{Imaging, Janus, Multibeam, Pattern, Sidescan, SingleBeam};
 use crate::ground::angle::azimuth_elevation;
 use glam::Vec3;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -37,7 +37,7 @@ pub(crate) struct Transducer {
     pub hearings: Vec<Hearing>,
     /// Number of hearings that belong to rays.
     of_rays: usize,
-    /// What sends and hears: for a side-scan sonar one for each beam.
+    /// What sends and hears: for sonars whose beams are apart one for each beam.
     faces: Vec<Aperture>,
     /// What hears instead of each face, and its power in the direction of each ray, as log2; empty: the faces do.
     ears: Vec<Aperture>,
@@ -85,6 +85,7 @@ impl Transducer {
             Pattern::Multibeam(swath) => Transducer::multibeam(swath, wavelength, ratio),
             Pattern::Imaging(array) => Transducer::imaging(array, wavelength, ratio),
             Pattern::SingleBeam(beam) => Transducer::single(beam, wavelength),
+            Pattern::Dvl(janus) => Transducer::janus(janus, wavelength),
             _ => return None,
         };
         transducer.axes = axes(pattern);
@@ -155,7 +156,7 @@ impl Transducer {
 
     /// Index of what sends and hears where a ray starts.
     fn face(&self, ray: usize) -> usize {
-        // Hearings of a side-scan sonar are its beams.
+        // Hearings of sonars with several faces are their beams.
         (self.hearing[ray] as usize).min(self.faces.len() - 1)
     }
 
@@ -433,10 +434,10 @@ impl Transducer {
         transducer.narrowest = lobe.width().min(heard.width());
         let both = ThinSide::between(&lobe, &heard);
         (transducer.array, transducer.array_width) = (Vec3::Y, both.width);
-        let two_way = |angle: f64| (lobe.amplitude(angle.sin()) * heard.amplitude(angle.sin())).powi(2);
         if let Some(vertical) = &sonar.vertical_deg {
             let vertical = vertical.at(wavelength);
-            let (power, power_aside) = (|angle: f64| vertical.amplitude(angle.sin()).powi(4), two_way);
+            let power = |angle: f64| vertical.amplitude(angle.sin()).powi(4);
+            let power_aside = |angle: f64| (lobe.amplitude(angle.sin()) * heard.amplitude(angle.sin())).powi(2);
             // Cells about as high as they are wide.
             let columns = (count as f64 * lobe.width() / vertical.width()).sqrt().round();
             let columns = (columns as usize).clamp(1, count / 4);
@@ -476,22 +477,51 @@ impl Transducer {
             transducer.narrowest = transducer.narrowest.min(vertical.width());
             transducer.directivity_db = lobe::directivity(&heard, &vertical);
         } else {
-            for (index, ring) in strata(count, (&lobe, 0.0), [0.0, FRAC_PI_2], two_way, f64::sin).iter().enumerate() {
-                let ((sin, cos), (left, up)) = (ring.at.sin_cos(), (2.0 * PI * golden(index)).sin_cos());
-                let direction = tilted([cos, sin * left, sin * up]);
-                let tangent = tilted([-sin, cos * left, cos * up]);
-                let solid = 2.0 * PI * ((ring.at - 0.5 * ring.size).cos() - (ring.at + 0.5 * ring.size).cos());
-                let one_way = lobe.amplitude(ring.at.sin()).powi(2);
-                transducer.push(direction, tangent, solid.sqrt(), ring.power * solid, one_way);
-                transducer.aside.push(solid.sqrt() as f32);
-            }
-            let face = |lobe: &lobe::BeamPattern| Aperture::round(frame, |sine| lobe.amplitude(sine), lobe.width());
-            transducer.faces = vec![face(&lobe)];
-            transducer.ears = if apart { vec![face(&heard)] } else { Vec::new() };
+            transducer.round(frame, [&lobe, &heard], apart, count);
             transducer.widths = vec![lobe.width().min(heard.width()) as f32];
             transducer.directivity_db = lobe::round_directivity(&heard);
         }
         transducer
+    }
+
+    fn janus(sonar: &Janus, wavelength: f64) -> Transducer {
+        let lobe = sonar.lobe().at(wavelength);
+        let mut transducer = Transducer::default();
+        for (beam, [x, y, z]) in sonar.axes().into_iter().enumerate() {
+            let level = x.hypot(y);
+            // Along the axis, level to its left, and what is up across both.
+            let frame = [[x, y, z], [-y / level, x / level, 0.0], [-x * z / level, -y * z / level, level]];
+            transducer.heard_by(beam);
+            transducer.round(frame, [&lobe, &lobe], false, sonar.rays as usize);
+            transducer.widths.push(lobe.width() as f32);
+        }
+        transducer.narrowest = lobe.width();
+        transducer.directivity_db = lobe::round_directivity(&lobe);
+        transducer
+    }
+
+    /// Adds `count` rays of a round beam, sent and heard with the `lobes`, and its face; `apart`: another face hears.
+    /// `frame`: its axis and two directions across it.
+    fn round(&mut self, frame: [[f64; 3]; 3], lobes: [&lobe::BeamPattern; 2], apart: bool, count: usize) {
+        let [sent, heard] = lobes;
+        let turned = |[ahead, left, up]: [f64; 3]| {
+            std::array::from_fn(|axis| ahead * frame[0][axis] + left * frame[1][axis] + up * frame[2][axis])
+        };
+        let two_way = |angle: f64| (sent.amplitude(angle.sin()) * heard.amplitude(angle.sin())).powi(2);
+        for (index, ring) in strata(count, (sent, 0.0), [0.0, FRAC_PI_2], two_way, f64::sin).iter().enumerate() {
+            let ((sin, cos), (left, up)) = (ring.at.sin_cos(), (2.0 * PI * golden(index)).sin_cos());
+            let direction = turned([cos, sin * left, sin * up]);
+            let tangent = turned([-sin, cos * left, cos * up]);
+            let solid = 2.0 * PI * ((ring.at - 0.5 * ring.size).cos() - (ring.at + 0.5 * ring.size).cos());
+            let one_way = sent.amplitude(ring.at.sin()).powi(2);
+            self.push(direction, tangent, solid.sqrt(), ring.power * solid, one_way);
+            self.aside.push(solid.sqrt() as f32);
+        }
+        let face = |lobe: &lobe::BeamPattern| Aperture::round(frame, |sine| lobe.amplitude(sine), lobe.width());
+        self.faces.push(face(sent));
+        if apart {
+            self.ears.push(face(heard));
+        }
     }
 }
 

@@ -257,9 +257,27 @@ fn lost(format: &dyn Format, fields: FieldSet) -> Report {
     let mut report = Report::default();
     let lost: Vec<&str> = fields.iter().filter(|info| !format.holds(info)).map(|info| info.name).collect();
     if !lost.is_empty() {
-        report.warn(format!("{}: cannot hold the columns {}", format.name(), lost.join(", ")));
+        report.warn(format!("{}: cannot hold the columns {}", format.name(), listed(&lost)));
     }
     report
+}
+
+/// The `names` of columns in table order; of a vector the first and the last, as lists of all would be cut.
+fn listed(names: &[&str]) -> String {
+    let mut words: Vec<String> = Vec::new();
+    let mut rest = names;
+    while let Some((first, after)) = rest.split_first() {
+        let is_vector =
+            |stem: &str| after.len() > 1 && after[0] == format!("{stem}_y") && after[1] == format!("{stem}_z");
+        if first.strip_suffix("_x").is_some_and(is_vector) {
+            words.push(format!("{first} to {}", after[1]));
+            rest = &after[2..];
+        } else {
+            words.push((*first).to_owned());
+            rest = after;
+        }
+    }
+    words.join(", ")
 }
 
 /// Writes `cloud` to the new file `path`, and its label names beside it if `format` cannot hold them, in a folder that

@@ -5,7 +5,8 @@ use super::npz::Archive;
 use super::pixels::Png;
 use super::{ending, failed};
 use super::{kmall, xtf};
-use crate::cloud::{Column, Field, FieldSet, Layout, Ping, Pings, SonarView, Sounding};
+use crate::cloud::{Column, Field, FieldSet, Layout, Ping, Pings, SonarView, Sounding, Track};
+use crate::emitter::pattern::JANUS_BEAMS;
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
 use crate::ground::shown;
@@ -91,7 +92,7 @@ impl Pings {
     ///
     /// In NPZ and HDF5, cells are in arrays of pings x beams x bins: `level`, `amplitude` and a column for each field;
     /// `true_x` to `true_z` are relative to `origin`. Soundings are a list in which `sounding_ping` counts the pings of
-    /// the file.
+    /// the file. A Doppler velocity log adds `bottom_track`, and `water_track` if it tracks one.
     ///
     /// # Errors
     /// As [`check_pings`]; no pings, or pings that do not fit together, or not into the format; no memory for one more
@@ -280,6 +281,7 @@ fn write_pings(file: &mut Arrays, Pings { pings }: &Pings, report: &mut Report) 
         }
     }
     write_soundings(file, pings)?;
+    write_tracks(file, pings)?;
     file.names(&first.labels, report)
 }
 
@@ -302,6 +304,32 @@ fn write_soundings(file: &mut Arrays, pings: &[Ping]) -> io::Result<()> {
     file.add(about, &[indices.len(), 3], Column::F32(&places))?;
     let about = ["sounding_cell", "", "strongest cell in its ping: beam * bins + bin"];
     file.add(about, &count, Column::U32(&whole(|s| s.cell)?))
+}
+
+/// The velocities of a Doppler velocity log, ping by ping.
+fn write_tracks(file: &mut Arrays, pings: &[Ping]) -> io::Result<()> {
+    type Of = fn(&Ping) -> Option<Track>;
+    let kinds: [(&str, &str, Of); 2] = [
+        ("bottom_track", "over ground", |ping| ping.bottom_track),
+        ("water_track", "through water", |ping| ping.water_track),
+    ];
+    for (name, over, of) in kinds {
+        let tracks: Vec<Track> = pings.iter().map(|ping| of(ping).unwrap_or_default()).collect();
+        if pings.iter().all(|ping| of(ping).is_none()) {
+            continue;
+        }
+        let count = pings.len();
+        let velocities: Vec<f32> = tracks.iter().flat_map(|track| track.velocity.to_array()).collect();
+        let about = format!("velocity {over} of the sonar in its own frame at each ping, NaN without");
+        file.add([name, "m/s", &about], &[count, 3], Column::F32(&velocities))?;
+        let errors: Vec<f32> = tracks.iter().map(|track| track.error).collect();
+        let about = format!("error velocity {over}, how far four beams disagree");
+        file.add([&format!("{name}_error"), "m/s", &about], &[count], Column::F32(&errors))?;
+        let rates: Vec<f32> = tracks.iter().flat_map(|track| track.radial).collect();
+        let about = format!("measured rate of the range along each beam, {over}");
+        file.add([&format!("{name}_radial"), "m/s", &about], &[count, JANUS_BEAMS], Column::F32(&rates))?;
+    }
+    Ok(())
 }
 
 /// What `part` returns for each ping, one after the other.

@@ -59,6 +59,12 @@ pub(crate) enum Draw {
     PingNoise = 42,
     /// Error of the phase between the halves of a sonar's array, by beam and bin.
     SplitPhase = 43,
+    /// Gaussian error of the velocity along a beam of a Doppler velocity log: sub-ray 0 of the bottom, 1 of the water.
+    BeamVelocity = 44,
+    /// Relative error of its velocities, once per instrument.
+    VelocityScale = 45,
+    /// Constant error along each of its beams, likewise.
+    VelocityBias = 46,
     /// Shape of generated ground.
     Terrain = 100,
     /// Shape, size and place of generated boulders.

@@ -60,8 +60,8 @@ struct Place {
 
 /// Where all soundings are in the world; at least one.
 fn soundings(pings: &Pings) -> Result<Vec<Place>> {
-    let words = "swath and single sonars";
-    check_view(pings, "depth map", &[SonarView::Swath, SonarView::Single], words)?;
+    let words = "swath and single sonars, and Doppler velocity logs";
+    check_view(pings, "depth map", &[SonarView::Swath, SonarView::Single, SonarView::Janus], words)?;
     let mut places = Vec::new();
     for (index, ping) in pings.pings.iter().enumerate() {
         for sounding in &ping.soundings {

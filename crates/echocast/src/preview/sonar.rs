@@ -39,7 +39,7 @@ pub(super) fn made(pings: &Pings, options: &PreviewOptions, page: &Page) -> Resu
             (name, vec![words.to_owned()], image)
         }
         View::Fan => fan(pings, page)?,
-        _ if view == SonarView::Swath => {
+        _ if matches!(view, SonarView::Swath | SonarView::Janus) => {
             let cell = image::fitting_depth_cell(pings, room(page))?;
             (format!("Depths of {count}"), vec![format!("cells of {cell:.2} m")], image::depth_map(pings, cell)?)
         }

@@ -41,8 +41,10 @@ impl SensorSpec {
         if self.pattern.is_of_sound() {
             return Err(Error::invalid("pattern.type", "that of a sonar", "with kind: sonar only"));
         }
-        if self.acoustics.is_some() {
-            return Err(Error::invalid("acoustics", "given", "with kind: sonar only"));
+        for (key, given) in [("acoustics", self.acoustics.is_some()), ("dvl", self.dvl.is_some())] {
+            if given {
+                return Err(Error::invalid(key, "given", "with kind: sonar only"));
+            }
         }
         bounds.within("beam.wavelength_nm", beam.wavelength_nm, 200.0, 20_000.0)?;
         bounds.within("beam.divergence_mrad[0]", beam.divergence_mrad[0], 0.0, 1000.0)?;
@@ -157,7 +159,7 @@ impl SensorSpec {
             return Err(Error::invalid("acoustics", "missing", "a section with kind: sonar"));
         };
         if !self.pattern.is_of_sound() {
-            let allowed = "sidescan, multibeam, imaging or single_beam with kind: sonar";
+            let allowed = "sidescan, multibeam, imaging, single_beam or dvl with kind: sonar";
             return Err(Error::invalid("pattern.type", "that of another kind of sensor", allowed));
         }
         let SensorSpec { beam, range, detection, returns, noise, intensity, .. } = self;
@@ -185,6 +187,13 @@ impl SensorSpec {
             return Err(Error::invalid("acoustics.array_speed_m_s", "given", allowed));
         }
         acoustics.check(bounds)?;
+        match (&self.dvl, &self.pattern) {
+            (Some(log), Pattern::Dvl(janus)) => {
+                log.check(bounds, janus.janus_deg.to_radians(), range.max_m.unwrap_or(0.0))?;
+            }
+            (Some(_), _) => return Err(Error::invalid("dvl", "given", "with pattern.type: dvl only")),
+            (None, _) => {}
+        }
         /// Eight bytes each.
         const MOST_HEARINGS: f64 = 2e8;
         let hearings = Transducer::hearings_of(&self.pattern, 1500.0 / acoustics.frequency());

@@ -14,12 +14,12 @@ mod tof;
 pub use presets::PresetInfo;
 pub(crate) use reception::Reception;
 pub(crate) use signals::{Adaptive, Signals};
-pub use sonar::{AcousticsSpec, Speckle, Tvg};
+pub use sonar::{AcousticsSpec, Speckle, Sweep, Tvg};
 pub use spec::{BeamSpec, Expectations, IntensitySpec, RangeSpec, ReturnsSpec, SensorKind, SensorSpec, SubRays};
 pub(crate) use tof::DepthCamera;
 pub use tof::{Illumination, ShotNoiseSpec, Target, TofSpec, Vignetting};
 
-use crate::cloud::{Field, FieldSet, SOUNDING};
+use crate::cloud::{BOTTOM_TRACK, Field, FieldSet, SOUNDING, SonarView, WATER_TRACK};
 use crate::detect::{DetectionSpec, Doppler, Noise, RangeError, ReturnMode, Threshold, Timing};
 use crate::echo::{Cone, Glint, Pulse, Receiver, texture};
 use crate::emitter::pattern::Pattern;
@@ -274,7 +274,7 @@ impl Sensor {
     }
 
     /// The columns of its clouds by default: [`FieldSet::default`]; `doppler` if it measures that; of a sonar, whose points
-    /// are of the bed, the water surface, reflections and noise, `cause`.
+    /// are of the bed, the water surface, reflections and noise, `cause`, and what belongs to its soundings and velocities.
     pub fn default_fields(&self) -> FieldSet {
         let mut fields = FieldSet::default();
         if self.doppler.is_some() {
@@ -284,6 +284,12 @@ impl Sensor {
             fields = fields.with(Field::Cause);
             if self.sonar_view().reports_depths() {
                 fields = fields.union(SOUNDING.into_iter().collect());
+            }
+            if self.sonar_view() == SonarView::Janus {
+                fields = fields.with(Field::Doppler).union(BOTTOM_TRACK.into_iter().collect());
+            }
+            if self.spec.dvl.is_some_and(|log| log.water.is_some()) {
+                fields = fields.union(WATER_TRACK.into_iter().collect());
             }
         }
         fields

@@ -28,6 +28,9 @@ pub struct AcousticsSpec {
     /// Length of the pulse, ms, 0.0001 to 10000.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pulse_ms: Option<f64>,
+    /// Which way the frequency of a pulse with a bandwidth and a length goes, on which ranges to what moves depend.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub sweep: Sweep,
     /// Noise within the bandwidth, dB re 1 uPa, -200 to 300; without it the ambient noise of the water.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub noise_level_db: Option<f64>,
@@ -74,6 +77,17 @@ pub struct AcousticsSpec {
     /// Whether echoes may arrive after the next ping, and are then taken for echoes of that ping.
     #[serde(default, skip_serializing_if = "is_default")]
     pub allow_ambiguity: bool,
+}
+
+/// Which way a pulse sweeps its frequency.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Sweep {
+    /// It rises: what comes nearer appears too near.
+    #[default]
+    Up,
+    /// It falls.
+    Down,
 }
 
 /// What the random scatterers of a surface make of its echo.
@@ -156,6 +170,10 @@ impl AcousticsSpec {
             let allowed = "with acoustics.bandwidth_khz only: the filter of a pulse that is modulated";
             return Err(Error::invalid(key("taper"), "given", allowed));
         }
+        if self.sweep != Sweep::Up && self.lead() == 0.0 {
+            let allowed = "with acoustics.bandwidth_khz and pulse_ms only";
+            return Err(Error::invalid(key("sweep"), "down", allowed));
+        }
         bounds.within(key("bounces"), f64::from(self.bounces), 0.0, 8.0)?;
         bounds.within(key("tvg.spreading"), self.tvg.spreading, 0.0, 60.0)?;
         bounds.within(key("tvg.absorption_db_m"), self.tvg.absorption_db_m, 0.0, 10.0)?;
@@ -172,6 +190,17 @@ impl AcousticsSpec {
     pub fn bandwidth(&self) -> f64 {
         self.bandwidth_khz
             .map_or_else(|| self.pulse_ms.map_or(f64::NAN, |pulse| 1e3 / pulse), |bandwidth| 1e3 * bandwidth)
+    }
+
+    /// Time by which the ranges of what moves lead, `f T / B` of a pulse that rises by the bandwidth in its length, s; 0 of
+    /// one that has no bandwidth, or none of whose length is known.
+    pub fn lead(&self) -> f64 {
+        let (Some(bandwidth), Some(pulse)) = (self.bandwidth_khz, self.pulse_ms) else { return 0.0 };
+        let lead = 1e-3 * self.frequency_khz * pulse / bandwidth;
+        match self.sweep {
+            Sweep::Up => lead,
+            Sweep::Down => -lead,
+        }
     }
 
     /// Gain of the matched filter, dB.
@@ -205,6 +234,7 @@ impl Sensor {
             Pattern::Sidescan(_) => SonarView::Sidescan,
             Pattern::Multibeam(_) => SonarView::Swath,
             Pattern::Imaging(_) => SonarView::Fan,
+            Pattern::Dvl(_) => SonarView::Janus,
             _ => SonarView::Single,
         }
     }

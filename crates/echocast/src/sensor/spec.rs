@@ -2,7 +2,7 @@
 
 use super::sonar::AcousticsSpec;
 use super::tof::TofSpec;
-use crate::detect::{DetectionSpec, Doppler, Noise, ReturnMode};
+use crate::detect::{DetectionSpec, Doppler, Noise, ReturnMode, VelocityLog};
 use crate::echo::{IntensityEncoding, PulseShape};
 use crate::emitter::pattern::Pattern;
 use serde::de::{self, Deserializer, SeqAccess, Unexpected, Visitor};
@@ -54,6 +54,9 @@ pub struct SensorSpec {
     /// Keys for sonars only.
     #[serde(default)]
     pub acoustics: Option<AcousticsSpec>,
+    /// How a Doppler velocity log measures; without it, it measures the bottom exactly. Of the pattern `dvl` only.
+    #[serde(default)]
+    pub dvl: Option<VelocityLog>,
     /// The maker's figures, which the pattern is tested against.
     #[serde(default)]
     pub expect: Option<Expectations>,
@@ -77,6 +80,7 @@ impl SensorSpec {
             doppler: None,
             tof: None,
             acoustics: None,
+            dvl: None,
             expect: None,
         }
     }
@@ -99,10 +103,11 @@ impl Serialize for SensorSpec {
             doppler,
             tof,
             acoustics,
+            dvl,
             expect,
         } = self;
         let of_light = *kind != SensorKind::Sonar;
-        let mut keys = serializer.serialize_struct("SensorSpec", 15)?;
+        let mut keys = serializer.serialize_struct("SensorSpec", 16)?;
         keys.serialize_field("name", name)?;
         if !title.is_empty() {
             keys.serialize_field("title", title)?;
@@ -130,6 +135,9 @@ impl Serialize for SensorSpec {
         }
         if let Some(acoustics) = acoustics {
             keys.serialize_field("acoustics", acoustics)?;
+        }
+        if let Some(dvl) = dvl {
+            keys.serialize_field("dvl", dvl)?;
         }
         if let Some(expect) = expect {
             keys.serialize_field("expect", expect)?;

@@ -476,7 +476,7 @@ range: {max_m: 50}
         (
             "{type: sidescan}",
             "{type: raster, azimuth: {fov_deg: 9, step_deg: 1}, elevation: {fov_deg: 9, step_deg: 1}}",
-            "line 3: pattern.type: is that of another kind of sensor; allowed: sidescan, multibeam, imaging or",
+            "line 3: pattern.type: is that of another kind of sensor; allowed: sidescan, multibeam, imaging,",
         ),
         ("sidescan", "sidescann", "line 3: pattern.type: unknown value \"sidescann\"; near: sidescan"),
         ("sidescan", "sidescan, down_fov_deg: 90", "line 3: pattern.step_deg: is missing; allowed: a value with"),

@@ -76,14 +76,18 @@ impl Insonification<'_> {
         let unaimed = self.source_level * LOG2_PER_DB + self.spread_twice(way) - 2.0 * LOG2_PER_DB * way.loss;
         let sensor_from_world = self.rotation.transpose();
         for (number, hit) in (0..).zip(hits) {
-            let at = self.range_of(way, hit);
-            let (at, heard) = match &self.drift {
-                Some(drift) => (drift.range(at, hit.back), drift.seen(at, sensor_from_world * hit.back)),
-                None => (at, sensor_from_world * hit.back),
-            };
+            let met = self.met(way, hit);
+            let (mut at, mut heard) = (met.range, sensor_from_world * hit.back);
+            if let Some(drift) = &self.drift {
+                at = drift.range(met.range, hit.back);
+                heard = drift.seen(met.range, heard);
+            }
+            if let Some(coupling) = &self.coupling {
+                at += coupling.shift(&met, hit.launch);
+            }
             let at = if at >= self.fold { at - self.fold } else { at };
             let smooth = self.backscatter.smooth(self.surfaces, hit.surface);
-            let rough = if hit.order == 0 { self.rough(way, hit, smooth) } else { f32::NEG_INFINITY };
+            let rough = if hit.order == 0 { self.rough(&met, hit, smooth) } else { f32::NEG_INFINITY };
             let [re, im] = if smooth.is_some() { self.mirrored(way, hit) } else { [0.0; 2] };
             for (loud, hearing) in self.transducer.towards(sensor_from_world * hit.launch, heard) {
                 if loud <= FAINT {
@@ -171,20 +175,7 @@ impl Insonification<'_> {
             let hit = &hits[share.loudest as usize];
             let range = (share.bin as f32 + 0.5) * self.bin_m;
             launches.push((arrivals.len() as u32, hit.back));
-            arrivals.push(Arrival {
-                ray: NO_RAY,
-                surface: hit.surface,
-                triangle: hit.triangle,
-                corner: hit.corner,
-                range: self.range_of(way, hit),
-                path: hit.path as f32,
-                loss: way.loss + 0.5 * hit.loss,
-                place: hit.place,
-                direction: hit.along,
-                normal: hit.normal,
-                order: hit.order,
-                ..*way
-            });
+            arrivals.push(self.met(way, hit));
             let first = parts.len();
             answers.push(PingEcho {
                 first,
@@ -215,18 +206,30 @@ impl Insonification<'_> {
         parts.finish(self.speckle.as_ref());
     }
 
-    /// Range, m, that the sonar reports of a hit near the end of `way`.
-    fn range_of(&self, way: &Arrival, hit: &TubeHit) -> f32 {
-        (hit.path * f64::from(way.range) / f64::from(way.path)) as f32
+    /// What a tube meets near the end of `way`.
+    fn met(&self, way: &Arrival, hit: &TubeHit) -> Arrival {
+        Arrival {
+            ray: NO_RAY,
+            surface: hit.surface,
+            triangle: hit.triangle,
+            corner: hit.corner,
+            range: (hit.path * f64::from(way.range) / f64::from(way.path)) as f32,
+            path: hit.path as f32,
+            loss: way.loss + 0.5 * hit.loss,
+            place: hit.place,
+            direction: hit.along,
+            normal: hit.normal,
+            order: hit.order,
+            ..*way
+        }
     }
 
     /// log2 of what a tube sends back of what gets to it, m^2, by the law of its surface, without smooth facets.
-    fn rough(&self, way: &Arrival, hit: &TubeHit, smooth: Option<f32>) -> f32 {
+    fn rough(&self, met: &Arrival, hit: &TubeHit, smooth: Option<f32>) -> f32 {
         let [u, v] = hit.sides;
         let sine = sine(hit.along, hit.normal);
-        let met = Arrival { surface: hit.surface, triangle: hit.triangle, corner: hit.corner, ..*way };
         // Of Lambert's law `mu sin^2`, over the sine.
-        let law = smooth.map_or_else(|| self.backscatter.log2(self.surfaces, &met, sine), |mu| mu + sine.log2());
+        let law = smooth.map_or_else(|| self.backscatter.log2(self.surfaces, met, sine), |mu| mu + sine.log2());
         law + u.cross(v).length().max(1e-20).log2()
     }
 

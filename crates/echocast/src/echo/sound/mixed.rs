@@ -42,10 +42,16 @@ impl Insonification<'_> {
             // Across the cell each path lengthens by its own amount.
             let (reach, slide) = self.reach(&far, way.direction);
 
-            let back = self.heard_from(ray, mixed.range, *launch);
+            let mut back = self.heard_from(ray, mixed.range, *launch);
             let mut there = Heard { at: mixed.range, louder: 0.0, hearing: self.transducer.hearing[ray] };
             if let Some(drift) = &self.drift {
                 there = self.heard_later(drift, ray, mixed.range, self.launch(ray));
+            }
+            if let Some(coupling) = &self.coupling {
+                // The mean of both ways, as of their times.
+                let shift = 0.5 * (coupling.shift(&far, self.launch(ray)) + coupling.shift(way, *launch));
+                back.at += shift;
+                there.at += shift;
             }
             there.louder += self.transducer.sent_beside(ray, sensor_from_world * *launch);
             let powers = [back, there].map(|heard| exp2(loudness + heard.louder));

@@ -4,6 +4,7 @@
 //! range, which is divided among bins as it lies. So a bin's energy depends neither on the mesh nor on the number of
 //! rays.
 
+use super::coupling::Coupling;
 use super::response::Response;
 use crate::emitter::{FAINT, Hearing, Transducer};
 use crate::ground::lanes::MEDIUM;
@@ -53,6 +54,8 @@ pub(crate) struct Insonification<'a> {
     pub response: &'a Response,
     /// Which objects have tubes of their own; empty: none.
     pub covered: &'a [bool],
+    /// What motion does to ranges; `None`: nothing, as nothing moves, or no frequency is swept.
+    pub coupling: Option<Coupling<'a>>,
 }
 
 /// The scatterers of the surfaces.
@@ -194,6 +197,9 @@ impl Insonification<'_> {
                 heard = self.heard_later(drift, ray, arrival.range, self.launch(ray));
                 loudness += heard.louder;
             }
+            if let Some(coupling) = &self.coupling {
+                heard.at += coupling.shift(arrival, self.launch(ray));
+            }
             let (reach, slide) = self.reach(arrival, arrival.direction);
             // After reflections also what is only heard straight back has arrived.
             let in_reach = arrival.order == 0 || arrival.range <= self.farthest;
@@ -216,6 +222,9 @@ impl Insonification<'_> {
             if let Some(drift) = &self.drift {
                 at = drift.range(way.range, *launch);
                 heard = drift.seen(way.range, sent);
+            }
+            if let Some(coupling) = &self.coupling {
+                at += coupling.shift(way, *launch);
             }
             let unaimed = self.source_level * LOG2_PER_DB
                 + self.backscatter.target_strength(self.surfaces, way.surface)

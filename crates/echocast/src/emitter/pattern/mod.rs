@@ -1,6 +1,7 @@
 //! Scan patterns: where each beam points and when it fires.
 
 mod fan;
+mod janus;
 mod pinhole;
 mod raster;
 mod risley;
@@ -9,6 +10,7 @@ mod spinning;
 mod table;
 
 pub use fan::Fan;
+pub use janus::{JANUS_BEAMS, Janus};
 pub use pinhole::{Pinhole, Rays};
 pub use raster::Raster;
 pub use risley::{Face, Prism, Risley};
@@ -46,13 +48,15 @@ pub enum Pattern {
     Imaging(Imaging),
     /// One beam of sound.
     SingleBeam(SingleBeam),
+    /// Four beams of sound, down and outwards: those of a Doppler velocity log.
+    Dvl(Janus),
     /// Beams given in code ([`crate::Sensor::from_beams`]); files cannot express this.
     Custom,
 }
 
 /// Words for the patterns in files.
-const WORDS: [&str; 9] =
-    ["spinning", "raster", "pinhole", "risley", "table", "sidescan", "multibeam", "imaging", "single_beam"];
+const WORDS: [&str; 10] =
+    ["spinning", "raster", "pinhole", "risley", "table", "sidescan", "multibeam", "imaging", "single_beam", "dvl"];
 
 impl<'de> Deserialize<'de> for Pattern {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -67,6 +71,7 @@ impl<'de> Deserialize<'de> for Pattern {
             "multibeam" => Pattern::Multibeam(section.read()?),
             "imaging" => Pattern::Imaging(section.read()?),
             "single_beam" => Pattern::SingleBeam(section.read()?),
+            "dvl" => Pattern::Dvl(section.read()?),
             "custom" => Pattern::Custom,
             _ => return Err(section.unknown(&word, &WORDS)),
         })
@@ -94,6 +99,7 @@ impl Pattern {
             Pattern::Multibeam(multibeam) => multibeam.check(bounds),
             Pattern::Imaging(imaging) => imaging.check(bounds),
             Pattern::SingleBeam(beam) => beam.check(bounds),
+            Pattern::Dvl(janus) => janus.check(bounds),
             Pattern::Custom => Ok(()),
         }
     }
@@ -112,7 +118,14 @@ impl Pattern {
 
     /// Whether it is that of a sonar.
     pub fn is_of_sound(&self) -> bool {
-        matches!(self, Pattern::Sidescan(_) | Pattern::Multibeam(_) | Pattern::Imaging(_) | Pattern::SingleBeam(_))
+        matches!(
+            self,
+            Pattern::Sidescan(_)
+                | Pattern::Multibeam(_)
+                | Pattern::Imaging(_)
+                | Pattern::SingleBeam(_)
+                | Pattern::Dvl(_)
+        )
     }
 
     /// Whether every scan has the same beams.
@@ -136,6 +149,7 @@ impl Pattern {
             Pattern::Multibeam(multibeam) => multibeam.beams(),
             Pattern::Imaging(imaging) => imaging.beams(),
             Pattern::SingleBeam(beam) => beam.beams(),
+            Pattern::Dvl(janus) => janus.beams(),
             Pattern::Custom => Err(Error::invalid(
                 "pattern.type",
                 "custom",

@@ -333,12 +333,7 @@ impl SingleBeam {
     /// The lobes with which it sends and hears. Of a round beam a number is the width of a piston.
     pub(crate) fn lobes(&self) -> [Lobe; 2] {
         let heard = self.heard_deg.as_ref().unwrap_or(&self.beam_deg);
-        [&self.beam_deg, heard].map(|lobe| match lobe {
-            &Lobe::Width(width_deg) if self.vertical_deg.is_none() => {
-                Lobe::Shape(Shape::Piston(Piston::Width(width_deg)))
-            }
-            other => other.clone(),
-        })
+        [&self.beam_deg, heard].map(|lobe| if self.vertical_deg.is_none() { round(lobe) } else { lobe.clone() })
     }
 
     /// Azimuth of ping `number`, degrees.
@@ -352,15 +347,23 @@ impl SingleBeam {
 }
 
 /// Checks that `rays` for each of `beams` stay far below what fits into memory.
-fn check_rays(bounds: &mut Bounds, rays: u32, [least, most]: [f64; 2], beams: u32) -> Result<()> {
+pub(super) fn check_rays(bounds: &mut Bounds, rays: u32, [least, most]: [f64; 2], beams: u32) -> Result<()> {
     const MOST: u32 = 4_000_000;
     let most = most.min(f64::from(MOST / beams.max(1)));
     let allowed = format!("{least} to {most} with {beams} beams");
     bounds.number("pattern.rays", f64::from(rays), [least, most], allowed)
 }
 
+/// The lobe of a round beam: a number is the width of a piston.
+pub(super) fn round(lobe: &Lobe) -> Lobe {
+    match lobe {
+        &Lobe::Width(width_deg) => Lobe::Shape(Shape::Piston(Piston::Width(width_deg))),
+        other => other.clone(),
+    }
+}
+
 /// The beams of one ping: azimuth and elevation of each, degrees.
-fn one_ping(beams: impl Iterator<Item = [f64; 2]>, rate_hz: f64) -> Result<BeamTable> {
+pub(super) fn one_ping(beams: impl Iterator<Item = [f64; 2]>, rate_hz: f64) -> Result<BeamTable> {
     let beams: Vec<_> = beams.collect();
     let mut table = BeamTable::with_size(1, beams.len(), FiringOrder::Frame, 1.0 / rate_hz)?;
     for (channel, [azimuth, elevation]) in (0..).zip(beams) {

@@ -26,6 +26,7 @@ pub use validity::Outside;
 use crate::ground::error::{Error, Result};
 use crate::ground::math::log2;
 use crate::read::bounds::{ABOVE_ZERO, Bounds};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -100,6 +101,10 @@ pub struct Water {
     pub allow_unphysical: bool,
     /// Wind over the water, m/s: it makes waves and noise; 5.
     pub wind_m_s: f64,
+    /// Velocity of the water, everywhere the same, in the world, m/s, at most 10 fast; 0. It moves what scatters in the
+    /// water, and nothing else.
+    #[serde(skip_serializing_if = "is_still")]
+    pub current_m_s: [f64; 3],
     /// Amount of shipping noise, 0 to 1; 0.5.
     pub shipping: f64,
     /// Volume backscatter of the water, dB re 1/m; none when not given. Open sea has -95 to -70.
@@ -124,10 +129,15 @@ impl Default for Water {
             assumed_profile: None,
             allow_unphysical: false,
             wind_m_s: 5.0,
+            current_m_s: [0.0; 3],
             shipping: 0.5,
             volume_backscatter_db: None,
         }
     }
+}
+
+fn is_still(current: &[f64; 3]) -> bool {
+    *current == [0.0; 3]
 }
 
 impl Water {
@@ -148,6 +158,7 @@ impl Water {
         within("wind_m_s", Some(self.wind_m_s), [0.0, 60.0])?;
         within("shipping", Some(self.shipping), [0.0, 1.0])?;
         within("volume_backscatter_db", self.volume_backscatter_db, [-200.0, 0.0])?;
+        self.check_current(key)?;
         let from = format!("{key}.spreading_from_m");
         match (self.spreading, self.spreading_from_m) {
             (Spreading::Hybrid, None) => {
@@ -166,6 +177,17 @@ impl Water {
             Some(profile) => profile.check(&format!("{key}.{name}"), self.allow_unphysical),
             None => Ok(()),
         })
+    }
+
+    fn check_current(&self, key: &str) -> Result<()> {
+        /// m/s, beyond the strongest tidal streams.
+        const FASTEST: f64 = 10.0;
+        let speed = DVec3::from(self.current_m_s).length();
+        if speed <= FASTEST {
+            return Ok(());
+        }
+        let found = format!("{:?}, {speed} m/s fast", self.current_m_s);
+        Err(Error::invalid(format!("{key}.current_m_s"), found, format!("[x, y, z], at most {FASTEST} m/s fast")))
     }
 
     /// Reads the files that the profiles may name; relative names start at `folder`.
@@ -228,6 +250,7 @@ water:
   assumed_profile: {constant: {speed_m_s: 1490}}
   allow_unphysical: false
   wind_m_s: 8
+  current_m_s: [0.5, -1, 0.25]
   shipping: 0.25
   volume_backscatter_db: -80
 ";
@@ -247,6 +270,7 @@ water:
             assumed_profile: Some(SoundSpeedProfile::Constant { speed_m_s: 1490.0 }),
             allow_unphysical: false,
             wind_m_s: 8.0,
+            current_m_s: [0.5, -1.0, 0.25],
             shipping: 0.25,
             volume_backscatter_db: Some(-80.0),
         };
@@ -278,6 +302,11 @@ water:
             ("ph: 14", "line 2: water.ph: is 14; allowed: 6 to 9"),
             ("latitude_deg: 91", "line 2: water.latitude_deg: is 91; allowed: -90 to 90"),
             ("wind_m_s: -3", "line 2: water.wind_m_s: is -3; allowed: 0 to 60"),
+            (
+                "current_m_s: [0, 30, 0]",
+                "line 2: water.current_m_s: is [0.0, 30.0, 0.0], 30 m/s fast; allowed: [x, y, z], at most 10 m/s fast",
+            ),
+            ("current_m_s: 3", "line 2: water.current_m_s: invalid type: integer `3`, expected an array of length 3"),
             ("shipping: 2", "line 2: water.shipping: is 2; allowed: 0 to 1"),
             ("volume_backscatter_db: 3", "line 2: water.volume_backscatter_db: is 3; allowed: -200 to 0"),
             ("sound_speed: makenzie", "line 2: water.sound_speed: unknown value \"makenzie\"; near: mackenzie"),

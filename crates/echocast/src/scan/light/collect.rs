@@ -2,7 +2,7 @@
 
 use super::block::{Block, Lanes};
 use super::run::Scan;
-use crate::cloud::{Field, Frame, Kept, MOVING, SOUNDING, Slices};
+use crate::cloud::{BOTTOM_TRACK, Field, Frame, Kept, MOVING, SOUNDING, Slices, WATER_TRACK};
 use crate::ground::angle::azimuth_elevation;
 use crate::ground::lanes::LANES;
 use echocast_kernels::{aim, measure};
@@ -120,9 +120,19 @@ impl Block {
             scan.measure.errors.delay(&scan.rng, firings, &mut time);
             kept.put_beam(&time, rows.time);
         }
+        // Of sonars.
         if scan.options.fields.contains_any(&SOUNDING) {
-            // Of sonars.
             for column in [rows.quality, rows.corrected_x, rows.corrected_y, rows.corrected_z] {
+                kept.put_beam(&[f32::NAN; LANES], column);
+            }
+        }
+        if scan.options.fields.contains_any(&BOTTOM_TRACK) {
+            for column in [rows.bottom_track_x, rows.bottom_track_y, rows.bottom_track_z, rows.bottom_track_error] {
+                kept.put_beam(&[f32::NAN; LANES], column);
+            }
+        }
+        if scan.options.fields.contains_any(&WATER_TRACK) {
+            for column in [rows.water_track_x, rows.water_track_y, rows.water_track_z, rows.water_track_error] {
                 kept.put_beam(&[f32::NAN; LANES], column);
             }
         }

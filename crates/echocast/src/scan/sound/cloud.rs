@@ -148,6 +148,21 @@ impl Ping {
         points
     }
 
+    /// The velocities of a Doppler velocity log, the same in all rows of its ping.
+    fn fill_tracks(&self, columns: &mut Columns, row: usize) {
+        let [bottom, water] = [self.bottom_track, self.water_track].map(Option::unwrap_or_default);
+        put!(columns, row,
+            bottom_track_x: bottom.velocity.x,
+            bottom_track_y: bottom.velocity.y,
+            bottom_track_z: bottom.velocity.z,
+            bottom_track_error: bottom.error,
+            water_track_x: water.velocity.x,
+            water_track_y: water.velocity.y,
+            water_track_z: water.velocity.z,
+            water_track_error: water.error,
+        );
+    }
+
     fn fill(&self, columns: &mut Columns, row: usize, point: &PingPoint, options: &ScanOptions) {
         let PingPoint { cell, beam, range, aim, quality, corrected } = *point;
         let cells = &self.cells;
@@ -183,9 +198,10 @@ impl Ping {
             frame: options.frame,
             beam: if self.reports_depths() { beam as u32 } else { cell as u32 },
             firing: self.number,
-            doppler: f32::NAN,
+            doppler: self.bottom_track.map_or(f32::NAN, |track| track.radial[beam]),
             track_id: 0,
         );
+        self.fill_tracks(columns, row);
         if range.is_nan() {
             // A miss of an organised cloud.
             put!(columns, row, intensity: f32::NAN, cos_incidence: f32::NAN, true_range: f32::NAN);

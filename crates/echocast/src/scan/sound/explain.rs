@@ -1,7 +1,7 @@
 //! One beam of a ping, explained step by step: the ray of its echo layer by layer, and the sonar equation term by term.
 
 use super::ping::{PingMemory, Pinging, Told};
-use crate::cloud::{FieldSet, Ping};
+use crate::cloud::{FieldSet, Ping, Track};
 use crate::echo::{CHUNK_BITS, Echoes, NO_RAY, NOBODY, PingEcho};
 use crate::emitter::{Hearing, Trajectory};
 use crate::ground::error::{Error, Result};
@@ -106,7 +106,11 @@ impl Pinging<'_> {
         let (arrival, answer) = (&echoes.arrivals[index], &echoes.answers[index]);
         self.tell_ray(text, arrival, echoes.launch(index).unwrap_or_else(|| self.launch(arrival)))?;
         self.tell_echo(text, ping, arrival, answer, cell, bin)?;
-        self.tell_equation(text, ping, memory, arrival, beam, bin)
+        self.tell_equation(text, ping, memory, arrival, beam, bin)?;
+        let Some(Track { radial, velocity: Vec3 { x, y, z }, error }) = ping.bottom_track else { return Ok(()) };
+        writeln!(text, "velocity over ground")?;
+        writeln!(text, "  the range of this beam grows by {:.4} m/s", radial[beam])?;
+        writeln!(text, "  the sonar goes {x:.4},{y:.4},{z:.4} m/s in its own frame, error velocity {error:.4} m/s")
     }
 
     /// Cell and bin of what the beam reports, or else of its loudest echo.

@@ -2,13 +2,14 @@
 //! depths.
 
 use super::goals::Goals;
+use super::track::Log;
 use crate::cloud::{CELL_FIELDS, FLOW, Field, FieldSet, Layout, MOVING, Ping, Slices, SonarView, Sounding, put};
 use crate::detect::{BeamLevels, Beside, Stretch, sounding};
 use crate::echo::{
-    Background, CHUNK_BITS, Drift, Echoes, Flanks, Insonification, Lines, NOBODY, Response, Scatterers, Share, Tile,
-    Wants, grid,
+    Background, CHUNK_BITS, Coupling, Drift, Echoes, Flanks, Insonification, Lines, NOBODY, Response, Scatterers,
+    Share, Tile, Wants, grid,
 };
-use crate::emitter::{Trajectory, Transducer};
+use crate::emitter::{Pattern, Trajectory, Transducer};
 use crate::ground::angle::azimuth_elevation;
 use crate::ground::cause::Cause;
 use crate::ground::error::{Error, Result};
@@ -151,8 +152,10 @@ pub(super) struct Pinging<'a> {
     pub response: Response,
     pub pose: Pose,
     drift: Option<Drift>,
+    /// How fast the sonar moves, world, m/s.
+    pub own: Vec3,
     speckle: Option<Scatterers>,
-    rng: Rng,
+    pub rng: Rng,
     /// Ranges from which echoes come, m.
     pub reach: f64,
     fold: f64,
@@ -164,12 +167,12 @@ pub(super) struct Pinging<'a> {
     motion: Option<Motion>,
     /// The water that depths are corrected with, of sonars that report some.
     assumed: Option<Arc<Column>>,
+    /// What a Doppler velocity log adds.
+    log: Option<Log>,
 }
 
 /// What the columns of motion are made from.
 struct Motion {
-    /// How fast the sonar moves, world, m/s.
-    own: Vec3,
     /// Where things are one frame later, if they move and that is asked for.
     later: Option<Later>,
 }
@@ -240,6 +243,12 @@ impl BuiltScene {
         let (_, warnings) = Column::new(&water, acoustics.frequency(), water.surface_z_m - start.position.z)?;
         let mut report = Report::default();
         warnings.into_iter().for_each(|warning| report.warn(warning));
+        if sensor.spec().dvl.is_some_and(|log| log.water.is_some()) && water.volume_backscatter_db.is_none() {
+            report.warn(
+                "dvl.water: nothing scatters in the layer, so that no velocity through water is measured; \
+                 environment.water.volume_backscatter_db makes something drift in it, such as -80",
+            );
+        }
         if !physical {
             // Paper and program know reflectances in place of laws.
             return Ok(report);
@@ -374,14 +383,19 @@ impl<'a> Pinging<'a> {
             }
             _ => None,
         };
+        let own = trajectory.velocity(time).as_vec3();
         let motion = match options.fields.contains_any(&MOVING) {
             false => None,
             true => {
                 let period = options.frame_period.unwrap_or(sensor.beams.period);
                 let later = if options.fields.contains_any(&FLOW) { scene.later(period)? } else { None };
-                Some(Motion { own: trajectory.velocity(time).as_vec3(), later })
+                Some(Motion { later })
             }
         };
+        let log = matches!(sensor.spec().pattern, Pattern::Dvl(_)).then(|| Log {
+            spec: sensor.spec().dvl.unwrap_or_default(),
+            current: DVec3::from(water.current_m_s).as_vec3(),
+        });
         let rng = Rng::new(options.seed, options.frame);
         let speckle = (acoustics.speckle == Speckle::Frozen).then(|| {
             let (station, along) = station(&transducer, &pose, start_speed / frequency, resolution);
@@ -400,6 +414,7 @@ impl<'a> Pinging<'a> {
             response,
             pose,
             drift,
+            own,
             speckle,
             rng,
             reach,
@@ -409,6 +424,7 @@ impl<'a> Pinging<'a> {
             clock: scene.clock(options.start_time, options.freeze),
             motion,
             assumed,
+            log,
             transducer,
         };
         pinging.find_goals(&mut memory.goals)?;
@@ -474,6 +490,8 @@ impl<'a> Pinging<'a> {
         task.tiles(tiles, rows);
         ping.soundings.clear();
         ping.soundings.extend(tiles.iter().flat_map(|memory| &memory.soundings));
+        let tracks = self.log.as_ref().map(|log| self.tracks(log, memory, &ping.soundings));
+        (ping.bottom_track, ping.water_track) = tracks.map_or((None, None), |(bottom, water)| (Some(bottom), water));
         Ok(())
     }
 
@@ -494,9 +512,21 @@ impl<'a> Pinging<'a> {
             turns: (2.0 * self.acoustics.frequency() / self.layout.believed_speed) as f32,
             speckle: self.speckle.clone(),
             drift: self.drift,
+            coupling: self.coupling(),
             response: &self.response,
             covered,
         }
+    }
+
+    /// What motion does to ranges, if anything moves and the pulse sweeps its frequency: that of a Doppler velocity log is
+    /// coded.
+    fn coupling(&self) -> Option<Coupling<'_>> {
+        let lead = self.acoustics.lead() as f32;
+        let own = if self.acoustics.stop_and_hop { Vec3::ZERO } else { self.own };
+        let moving = self.clock.map(|clock| (self.scene, clock));
+        let moves = own != Vec3::ZERO || moving.is_some();
+        let sweeps = lead != 0.0 && self.log.is_none();
+        (moves && sweeps).then_some(Coupling { lead, own, moving, believed: self.layout.believed_speed })
     }
 
     pub fn rotation(&self) -> Mat3 {
@@ -761,7 +791,7 @@ impl Listen<'_, '_> {
 
 impl Pinging<'_> {
     /// Direction in which the sound of arrival `index` left or, where that is another, from which it came back; sensor frame.
-    fn launched(&self, echoes: &Echoes, index: usize) -> Vec3 {
+    pub fn launched(&self, echoes: &Echoes, index: usize) -> Vec3 {
         match echoes.launch(index) {
             Some(launch) => self.rotation().transpose() * launch,
             None => self.transducer.direction.each_ref().map(|axis| axis[echoes.arrivals[index].ray as usize]).into(),
@@ -849,13 +879,13 @@ impl Pinging<'_> {
             };
             put!(rows, row, azimuth: azimuth, elevation: elevation);
         }
-        if let Some(Motion { own, later }) = &self.motion {
+        if let Some(Motion { later }) = &self.motion {
             let met = f64::from(arrival.range) / self.layout.believed_speed;
             let time = self.clock.as_ref().map_or(0.0, |clock| clock.of(met));
             let movement = self.scene.movement(later.as_ref(), arrival.surface, arrival.triangle, arrival.corner, time);
             let Movement { velocity, flow } = movement.unwrap_or_default();
             // How fast the way there grows at both its ends.
-            let radial = velocity.dot(direction) - own.dot(self.rotation() * launch());
+            let radial = velocity.dot(direction) - self.own.dot(self.rotation() * launch());
             put!(rows, row,
                 velocity_x: velocity.x,
                 velocity_y: velocity.y,
