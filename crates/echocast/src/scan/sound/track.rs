@@ -3,8 +3,8 @@
 //! Sound that a sonar sends at the frequency `f` and hears again from what comes nearer at `v` is shifted by `2 f v / c`,
 //! where `c` is the speed of sound at the sonar, so that the instrument measures `v` times the speed that it believes over
 //! `c` (Gordon 1996, "Acoustic Doppler current profiler: principles of operation", RD Instruments). The motion of the water
-//! between both ends does not count: what it adds on the way there it takes on the way back. A bed within the whole width of a beam has many shifts; the instrument measures their mean,
-//! weighted by the energy of the echoes.
+//! between both ends does not count: what it adds on the way there it takes on the way back. A bed within the whole width of
+//! a beam has many shifts; the instrument measures their mean, weighted by the energy of the echoes.
 
 use super::ping::{PingMemory, Pinging};
 use crate::cloud::{Layout, Sounding, Track};
