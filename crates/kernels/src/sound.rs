@@ -165,12 +165,11 @@ kernels! {
         }
     }
 
-    /// The columns of rows of `width` numbers, one after the other.
-    pub fn columns(width: usize, rows: &[f32], columns: &mut [f32]) {
+    /// The columns of rows of `width` numbers, one after the other, each `count` long: the rows are those from `first` on.
+    pub fn columns(width: usize, rows: &[f32], first: usize, count: usize, columns: &mut [f32]) {
         /// Rows at a time: they stay in the first cache.
         const BLOCK: usize = 16;
-        let count = rows.len() / width;
-        for (start, block) in (0..).step_by(BLOCK).zip(rows.chunks(BLOCK * width)) {
+        for (start, block) in (first..).step_by(BLOCK).zip(rows.chunks(BLOCK * width)) {
             let rows = block.len() / width;
             for column in 0..width {
                 let from = column * count + start;

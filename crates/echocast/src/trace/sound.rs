@@ -241,8 +241,7 @@ impl<'a> SoundTracer<'a> {
     }
 
     /// Adds what the rays `which` of `launch` meet to `arrivals`, block by block: in uniform water first what each
-    /// meets first, in their order, then what they meet over reflections; in other water in the order of the steps that
-    /// reach it. After reflections also what is out of reach back along the path, if it may be heard straight back.
+    /// meets first, in their order, then what they meet over reflections; in other water ray by ray. After reflections also what is out of reach back along the path, if it may be heard straight back.
     pub fn trace(&self, launch: &Launch, which: Range<usize>, memory: &mut TracerMemory, arrivals: &mut Vec<Arrival>) {
         let depth = self.surface_z - launch.place.z;
         let slab = self.slab_at(depth);
@@ -250,6 +249,7 @@ impl<'a> SoundTracer<'a> {
         for first in which.clone().step_by(LANES) {
             let count = LANES.min(which.end - first);
             memory.states.clear();
+            let known = arrivals.len();
             if self.uniform {
                 self.straight(launch, first..first + count, memory, arrivals);
             } else {
@@ -259,6 +259,10 @@ impl<'a> SoundTracer<'a> {
                 }));
             }
             self.follow(memory, &start, arrivals);
+            if !self.uniform {
+                // They came in the order of steps, of which there are fewer where the scene is known to be low.
+                arrivals[known..].sort_unstable_by_key(|arrival| (arrival.ray, arrival.order));
+            }
         }
     }
 

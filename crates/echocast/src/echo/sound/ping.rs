@@ -15,6 +15,7 @@ use crate::trace::{Arrival, Backscatter, Direct, Surfaces};
 use echocast_kernels::sound;
 use glam::{Mat3, Quat, Vec3};
 use std::f32::consts::TAU;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Most bins that the cell of one ray is divided among.
@@ -573,6 +574,8 @@ pub(crate) fn texture(shape: f64) -> Arc<[f32]> {
 pub(crate) struct Tile {
     /// Beams of this tile: from `beams.0` to before `beams.1`.
     pub beams: (usize, usize),
+    /// Bins in which anything but zeros may be.
+    pub heard: Range<usize>,
     /// Sums by bin and beam: of amplitudes, or in `re` of energies without speckle.
     pub re: Vec<f32>,
     pub im: Vec<f32>,
@@ -615,9 +618,17 @@ impl Tile {
 
     /// Empties it for `beams` and `bins`.
     pub fn clear(&mut self, beams: (usize, usize), bins: usize, wants: Wants) {
+        let before = self.width();
         self.beams = beams;
-        let cells = bins * self.width();
+        let width = self.width();
+        let cells = bins * width;
+        // Most of a ping is silence, and was.
+        let heard = self.heard.start * width..self.heard.end * width;
+        self.heard = bins..0;
         let reset = |column: &mut Vec<f32>, wanted: bool| {
+            if wanted && column.len() == cells && before == width {
+                return column.get_mut(heard.clone()).unwrap_or_default().fill(0.0);
+            }
             column.clear();
             column.resize(if wanted { cells } else { 0 }, 0.0);
         };
@@ -627,8 +638,19 @@ impl Tile {
         reset(&mut self.lean, wants.lean);
         reset(&mut self.total, wants.lean);
         reset(&mut self.open, wants.open);
-        self.who.clear();
-        self.who.resize(if wants.who { cells } else { 0 }, NOBODY);
+        if wants.who && self.who.len() == cells && before == width {
+            self.who.get_mut(heard).unwrap_or_default().fill(NOBODY);
+        } else {
+            self.who.clear();
+            self.who.resize(if wants.who { cells } else { 0 }, NOBODY);
+        }
+    }
+
+    /// Notes that something is heard in `parts` bins from `bin` on.
+    fn note(&mut self, bin: usize, parts: usize) {
+        if parts > 0 {
+            self.heard = self.heard.start.min(bin)..self.heard.end.max(bin + parts);
+        }
     }
 
     /// Adds the parts of an arrival heard by one beam whose bins are consecutive.
@@ -703,6 +725,7 @@ impl Tile {
             }
             let loudness = &transducer.loudness[from as usize + low - first..from as usize + high - first];
             let who = chunk << CHUNK_BITS | index;
+            self.note(answer.bin as usize, answer.parts as usize);
             if width == 1 {
                 self.hear_alone(echoes, answer, loudness[0], who, wants);
             } else {
@@ -725,6 +748,7 @@ impl Tile {
         if low >= high || bin * width >= self.open.len() {
             return;
         }
+        self.note(bin, 1);
         let loudness = &transducer.loudness[from as usize + low - first..from as usize + high - first];
         let weight = exp2(transducer.weight[ray]);
         let start = bin * width + low - self.beams.0;

@@ -7,6 +7,7 @@ use crate::ground::rng::{Draw, Rng};
 use echocast_kernels::sound;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
+use std::ops::Range;
 
 /// Weighting of the matched filter: what a point-like echo looks like over range.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -149,9 +150,13 @@ impl Tile {
             line.resize(bins, 0.0);
         }
         who.resize(bins, NOBODY);
+        let Range { start, end } = self.heard;
         for (rows, beams) in [(&self.re, &mut *re), (&self.im, &mut *im)] {
+            beams.clear();
             beams.resize(rows.len(), 0.0);
-            sound::columns(width, rows, beams);
+            if !rows.is_empty() && start < end {
+                sound::columns(width, &rows[start * width..end * width], start, bins, beams);
+            }
         }
         for (beam, levels) in levels.chunks_exact_mut(bins).enumerate() {
             let number = (self.beams.0 + beam) as u32;
@@ -193,7 +198,9 @@ impl Tile {
 
     /// Cells of a beam in which nobody is heard alone have the strongest of those far aside, if they are louder than noise.
     fn label_flank(&mut self, beam: usize, noise: f32, powers: &[f32], strongest: &[u32]) {
-        let cells = self.who.iter_mut().skip(beam).step_by(self.beams.1 - self.beams.0);
+        let width = self.width();
+        self.heard = 0..strongest.len();
+        let cells = self.who.iter_mut().skip(beam).step_by(width);
         for ((who, &power), &strongest) in cells.zip(powers).zip(strongest) {
             if *who == NOBODY && power > noise {
                 *who = strongest;
