@@ -338,26 +338,3 @@ fn pings_of_a_dive_have_one_layout() {
     }
     assert_near("speed", pings.pings[2].layout.believed_speed, 1500.0 - 10.0 * 40.0 / 60.0, 1e-9);
 }
-
-/// After some pings a scene knows where it is low, and does not look there any more.
-#[test]
-fn later_pings_hear_what_the_first_ones_do() {
-    let boulder = |x: f64, y: f64| Shape::cuboid(DVec3::new(x, y, -0.5), DVec3::new(x + 1.5, y + 2.0, 4.0));
-    let scene = with_bottom(
-        Sound::Lambert { mu_db: -10.0 },
-        20.0,
-        [boulder(0.0, -15.0), boulder(-1.0, -30.0), boulder(-0.5, -24.0)],
-    );
-    let layers = "{layers: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 20, speed_m_s: 1490}, {depth_m: 30, speed_m_s: 1480}, \
-                  {depth_m: 40, speed_m_s: 1475}, {depth_m: 46, speed_m_s: 1470}]}";
-    let yaml = format!("water: {{surface_z_m: 50, absorption: none, wind_m_s: 0, profile: {layers}}}");
-    let options = options(Environment::from_yaml(&yaml).unwrap());
-    let pings: Vec<Ping> = (0..12).map(|_| ping(&scene, &sidescan(""), Pose::at(0.0, 0.0, 35.0), &options)).collect();
-    let bits = |column: &[f32]| column.iter().map(|value| value.to_bits()).collect::<Vec<u32>>();
-    assert!(pings[0].cells.category_id.contains(&2), "no boulder is seen");
-    for ping in &pings[1..] {
-        assert_eq!(bits(&ping.cells.intensity), bits(&pings[0].cells.intensity));
-        assert_eq!(bits(&ping.cells.true_z), bits(&pings[0].cells.true_z));
-        assert_eq!(ping.cells.category_id, pings[0].cells.category_id);
-    }
-}

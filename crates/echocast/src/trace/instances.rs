@@ -14,7 +14,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 /// Where an object is, and how far it reaches.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Extent {
-    pub(super) world_from_object: DAffine3,
+    world_from_object: DAffine3,
     /// Box of its mesh, object frame; `None`: it has no triangles.
     pub(super) bounds: Option<[[f32; 3]; 2]>,
     /// Which of its axes points up as it was modelled.

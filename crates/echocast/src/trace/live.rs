@@ -15,7 +15,6 @@ use crate::scene::{
 use embree4::{CommittedScene, Custom, Instance, Pace, Quality};
 use glam::{DAffine3, DVec3, Mat3};
 use std::collections::HashMap;
-use std::sync::atomic::AtomicU32;
 use std::sync::{Arc, OnceLock, PoisonError};
 use std::{fmt, mem};
 
@@ -856,8 +855,6 @@ impl LiveScene {
             surfaces: surfaces.clone(),
             report,
             bodies: OnceLock::new(),
-            tops: OnceLock::new(),
-            tops_asked: AtomicU32::new(0),
         };
         self.surfaces = Some(surfaces);
         for slot in &mut self.slots {

@@ -13,7 +13,6 @@ mod live;
 mod mover;
 mod sound;
 mod surface;
-mod tops;
 
 pub(crate) use backscatter::Backscatter;
 pub use bare::BareLoop;
@@ -29,7 +28,6 @@ pub(crate) use sound::{
     Arrival, Direct, Goal, Launch, ReflectionLoss, SoundLimits, SoundTracer, TracerMemory, TubeHit,
 };
 pub(crate) use surface::{Surface, Surfaces};
-use tops::Tops;
 
 use crate::ground::report::Report;
 use crate::motion::Span;
@@ -37,7 +35,6 @@ use crate::scene::Labels;
 use embree4::CommittedScene;
 use glam::{DVec3, Mat3};
 use instances::Extent;
-use std::sync::atomic::AtomicU32;
 use std::sync::{Arc, OnceLock};
 
 /// A scene with its ray-tracing structure, immutable and shared by threads and clones.
@@ -66,8 +63,6 @@ pub(crate) struct Tables {
     pub report: Report,
     /// Computed when first asked for.
     bodies: OnceLock<Vec<Body>>,
-    tops: OnceLock<Option<Tops>>,
-    tops_asked: AtomicU32,
 }
 
 impl BuiltScene {

@@ -6,7 +6,7 @@ mod tubes;
 pub(crate) use direct::{Direct, Goal};
 pub(crate) use tubes::TubeHit;
 
-use super::{Clock, HitBatch, Tables, Tops};
+use super::{Clock, HitBatch, Tables};
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
 use crate::medium::{Column, End, Ray, Slab, slab_at, small_sin_cos};
 use glam::{DVec3, Mat3, Vec3};
@@ -32,8 +32,6 @@ pub(crate) struct SoundTracer<'a> {
     column: &'a Column,
     /// Whether all rays are straight.
     uniform: bool,
-    /// Above what most steps of bent rays are clear of the scene; `None`: not known, or of no use.
-    tops: Option<&'a Tops>,
     /// z of the sea surface, m, relative to the scene's origin.
     surface_z: f64,
     /// The scene's box, m, relative to its origin.
@@ -227,7 +225,6 @@ impl<'a> SoundTracer<'a> {
             empty,
             column,
             uniform,
-            tops: if uniform { None } else { scene.tops() },
             surface_z,
             bounds,
             mask,
@@ -241,7 +238,8 @@ impl<'a> SoundTracer<'a> {
     }
 
     /// Adds what the rays `which` of `launch` meet to `arrivals`, block by block: in uniform water first what each
-    /// meets first, in their order, then what they meet over reflections; in other water ray by ray. After reflections also what is out of reach back along the path, if it may be heard straight back.
+    /// meets first, in their order, then what they meet over reflections; in other water in the order of the steps that
+    /// reach it. After reflections also what is out of reach back along the path, if it may be heard straight back.
     pub fn trace(&self, launch: &Launch, which: Range<usize>, memory: &mut TracerMemory, arrivals: &mut Vec<Arrival>) {
         let depth = self.surface_z - launch.place.z;
         let slab = self.slab_at(depth);
@@ -249,7 +247,6 @@ impl<'a> SoundTracer<'a> {
         for first in which.clone().step_by(LANES) {
             let count = LANES.min(which.end - first);
             memory.states.clear();
-            let known = arrivals.len();
             if self.uniform {
                 self.straight(launch, first..first + count, memory, arrivals);
             } else {
@@ -259,10 +256,6 @@ impl<'a> SoundTracer<'a> {
                 }));
             }
             self.follow(memory, &start, arrivals);
-            if !self.uniform {
-                // They came in the order of steps, of which there are fewer where the scene is known to be low.
-                arrivals[known..].sort_unstable_by_key(|arrival| (arrival.ray, arrival.order));
-            }
         }
     }
 
@@ -539,9 +532,7 @@ impl<'a> SoundTracer<'a> {
         let [low, high] = self.bounds.map(Vec3::from);
         // A hit on the box itself is one on the scene.
         let margin = Vec3::splat(2.0 * SAGITTA as f32);
-        let apart = from.max(to).cmplt(low - margin).any()
-            || from.min(to).cmpgt(high + margin).any()
-            || self.tops.is_some_and(|tops| tops.are_below(from, to, margin.z));
+        let apart = from.max(to).cmplt(low - margin).any() || from.min(to).cmpgt(high + margin).any();
         Step { length, end, chord: (!apart).then_some(chord) }
     }
 
