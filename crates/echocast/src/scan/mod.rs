@@ -169,7 +169,8 @@ impl ScanOptions {
 pub type Progress<'a> = &'a mut dyn FnMut(f64) -> ControlFlow<()>;
 
 impl BuiltScene {
-    /// Scans once with `sensor` along `trajectory`. For a sonar, gives the points of one ping ([`Ping::cloud`]).
+    /// Scans once with `sensor` along `trajectory`. For a sonar, gives the points of one ping
+    /// ([`Ping::cloud`](crate::Ping::cloud)).
     ///
     /// # Errors
     /// A pose that is not finite, an organised cloud ordered by time or with several returns per beam, the errors of

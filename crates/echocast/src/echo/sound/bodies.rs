@@ -1,6 +1,6 @@
 //! What bodies send back that have tubes of their own: of smooth facets in phase, of all else as energies.
 
-use super::ping::{Echoes, Insonification, NO_RAY, Parts, PingEcho, sine};
+use super::ping::{CHUNK_BITS, Echoes, Insonification, MOST_BINS, NO_RAY, Parts, PingEcho, sine};
 use crate::emitter::FAINT;
 use crate::ground::math::{LOG2_PER_DB, exp2};
 use crate::trace::{Arrival, Direct, Stand, TubeHit};
@@ -109,7 +109,7 @@ impl Insonification<'_> {
                 }
                 if rough > f32::NEG_INFINITY {
                     let energy = loud * exp2(rough);
-                    let half = 0.5 * self.reach_of(hit);
+                    let half = 0.5 * self.reach_of(hit).min(MOST_BINS * self.bin_m);
                     let part = Share { smooth: false, energy, amplitude: [0.0; 2], most: energy, ..whole };
                     self.share(part, [at - half, at + half], shares);
                 }
@@ -128,6 +128,7 @@ impl Insonification<'_> {
             }
             alike
         });
+        shares.truncate(1 << CHUNK_BITS);
         if self.speckle.is_none() {
             self.join(shares);
         }
@@ -188,7 +189,6 @@ impl Insonification<'_> {
             });
             let [x, y] = share.amplitude;
             match &self.speckle {
-                None if share.smooth => parts.add(share.energy, [share.energy, 0.0]),
                 None => parts.add(share.energy, [share.energy, 0.0]),
                 Some(_) if share.smooth => parts.add(x * x + y * y, [x, y]),
                 Some(scatterers) => {
@@ -250,23 +250,25 @@ impl Insonification<'_> {
         if arriving < 1e-3 || towards * hit.straight.dot(normal) <= 0.0 {
             return [0.0; 2];
         }
-        // Turns of the phase over the sides of what it covers, there and back.
+        // Turns of the phase per metre, there and back, by the speed of sound on the way rather than what is believed.
+        let per_m = f64::from(self.turns * way.range / way.path);
+        // Turns over the sides of what it covers.
         let change = |side: Vec3| {
             let covered = side - hit.along * (side.dot(normal) / towards);
-            f64::from(0.5 * self.turns * covered.dot(hit.along + hit.straight))
+            0.5 * per_m * f64::from(covered.dot(hit.along + hit.straight))
         };
         let sinc = |turns: f64| if turns == 0.0 { 1.0 } else { (PI * turns).sin() / (PI * turns) };
         let last = self.backscatter.reflection_loss(self.surfaces, hit.surface, arriving.into());
         let lost = 10f64.powf(-(f64::from(hit.loss) + last) / 20.0);
-        // One over the wavelength where it is: speeds there, and what is believed.
-        let per_wavelength = f64::from(0.5 * self.turns * way.range / way.path);
+        // Half of that is one over the wavelength.
         let amplitude = f64::from(u.cross(v).length())
-            * per_wavelength
+            * 0.5
+            * per_m
             * lost
             * sinc(change(u))
             * sinc(change(v))
             * f64::from(0.5 * (arriving + leaving) / arriving);
-        let (sin, cos) = (TAU * (hit.path * f64::from(self.turns)).fract()).sin_cos();
+        let (sin, cos) = (TAU * (hit.path * per_m).fract()).sin_cos();
         [(amplitude * cos) as f32, (amplitude * sin) as f32]
     }
 }

@@ -19,7 +19,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 /// Most bins that the cell of one ray is divided among.
-const MOST_BINS: f32 = 256.0;
+pub(super) const MOST_BINS: f32 = 256.0;
 
 /// Where the lattice of the texture begins, in its cells: flat surfaces at round heights, 0 above all, lie inside its cells,
 /// not between two of them, where rounding would decide.

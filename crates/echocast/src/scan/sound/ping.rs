@@ -3,7 +3,7 @@
 
 use super::goals::Goals;
 use super::track::Log;
-use crate::cloud::{CELL_FIELDS, FLOW, Field, FieldSet, Layout, MOVING, Ping, Slices, SonarView, Sounding, put};
+use crate::cloud::{CELL_FIELDS, FLOW, Field, FieldSet, Layout, MOVING, Ping, Slices, SonarView, Sounding};
 use crate::detect::{BeamLevels, Beside, Stretch, sounding};
 use crate::echo::{
     Background, CHUNK_BITS, Coupling, Drift, Echoes, Flanks, Insonification, Lines, NOBODY, Response, Scatterers,
@@ -29,7 +29,26 @@ use crate::trace::{
     TracerMemory, TubeHit,
 };
 use glam::{DQuat, DVec3, EulerRot, Mat3, Vec3};
+use std::ops::Range;
 use std::sync::Arc;
+
+/// Fills some rows of those of the columns that there are.
+macro_rules! fill {
+    ($rows:expr, $cells:expr, $($column:ident: $value:expr),* $(,)?) => {$(
+        if let Some(places) = $rows.$column.get_mut($cells.clone()) {
+            places.fill($value);
+        }
+    )*};
+}
+
+/// Fills them with what each has `of` its number among them.
+macro_rules! vary {
+    ($rows:expr, $cells:expr, $of:expr, $($column:ident: $value:expr),* $(,)?) => {$(
+        if let Some(places) = $rows.$column.get_mut($cells.clone()) {
+            places.iter_mut().enumerate().for_each(|(step, place)| *place = $value($of(step)));
+        }
+    )*};
+}
 
 /// Rays per task: a constant, so that results cannot depend on the number of threads.
 const CHUNK: usize = 2048;
@@ -802,11 +821,18 @@ impl Pinging<'_> {
     fn tell(&self, tile: &Tile, chunks: &[RayChunk], mut rows: Slices) {
         let (bins, width) = (self.layout.bins, tile.width());
         silence(&mut rows);
-        // Beam by beam, as the columns are: what is met in one bin lies near what is met in the next.
+        // Beam by beam, as the columns are: often one arrival is the strongest in several bins.
         for beam in 0..width {
-            let of_beam = tile.who[beam..].iter().step_by(width).enumerate();
-            for (bin, &who) in of_beam.filter(|(_, who)| **who != NOBODY) {
-                self.tell_cell(chunks, who, bin, &mut rows, beam * bins + bin);
+            let who = |bin: usize| tile.who[bin * width + beam];
+            let mut bin = 0;
+            while bin < bins {
+                let first = bin;
+                while bin < bins && who(bin) == who(first) {
+                    bin += 1;
+                }
+                if who(first) != NOBODY {
+                    self.tell_run(chunks, who(first), first, &mut rows, beam * bins + first..beam * bins + bin);
+                }
             }
         }
     }
@@ -818,19 +844,19 @@ impl Pinging<'_> {
             let row = sounding.cell as usize - tile.beams.0 * bins;
             match tile.who[row % bins * width + row / bins] {
                 NOBODY => silence(&mut rows.rows_after(row).split_at(1).0),
-                who => self.tell_cell(chunks, who, row % bins, &mut rows, row),
+                who => self.tell_run(chunks, who, row % bins, &mut rows, row..row + 1),
             }
         }
     }
 
-    /// What the arrival `who` (see [`Tile::hear`]) is, in the cell of `bin` and `row`.
-    fn tell_cell(&self, chunks: &[RayChunk], who: u32, bin: usize, rows: &mut Slices, row: usize) {
+    /// What the arrival `who` (see [`Tile::hear`]) is, in the cells of the bins from `bin` on.
+    fn tell_run(&self, chunks: &[RayChunk], who: u32, bin: usize, rows: &mut Slices, cells: Range<usize>) {
         let echoes = &chunks[(who >> CHUNK_BITS) as usize].echoes;
         let index = (who & ((1 << CHUNK_BITS) - 1)) as usize;
         let (arrival, answer) = (&echoes.arrivals[index], &echoes.answers[index]);
         let surfaces = &self.scene.surfaces;
         if let Some(surface) = surfaces.rows.get(arrival.surface as usize) {
-            put!(rows, row,
+            fill!(rows, cells,
                 category_id: surface.category_id,
                 part_id: surface.part_id,
                 instance_id: surface.instance_id,
@@ -838,25 +864,28 @@ impl Pinging<'_> {
             );
             if !(rows.red.is_empty() && rows.green.is_empty() && rows.blue.is_empty()) {
                 let [red, green, blue] = surfaces.rgb(surface, arrival.triangle, arrival.corner);
-                put!(rows, row, red: red, green: green, blue: blue);
+                fill!(rows, cells, red: red, green: green, blue: blue);
             }
         } else {
-            put!(rows, row, category_id: 0, part_id: 0, instance_id: 0, material_id: 0, red: 0, green: 0, blue: 0);
+            fill!(rows, cells, category_id: 0, part_id: 0, instance_id: 0, material_id: 0, red: 0, green: 0, blue: 0);
         }
         // The cell's own part of what the ray stands for, and no more: head-on that is shorter than the cell.
         let half = 0.5 * answer.reach;
-        let beside = (self.layout.range(bin) as f32 - answer.range).clamp(-half, half);
-        let place = arrival.place + answer.slide * beside;
-        let order = arrival.order;
+        let beside = |step: usize| (self.layout.range(bin + step) as f32 - answer.range).clamp(-half, half);
+        let (place, slide) = (arrival.place, answer.slide);
         let folded = if arrival.range > answer.range + 0.5 * self.fold as f32 { self.fold } else { 0.0 };
-        put!(rows, row,
-            true_x: place.x,
-            true_y: place.y,
-            true_z: place.z,
-            true_range: arrival.path + beside,
-            time: self.time + 2.0 * (f64::from(answer.range + beside) + folded) / self.layout.believed_speed,
-            bounces: order,
-            cause: match (order, arrival.surface) {
+        let time =
+            |beside: f32| self.time + 2.0 * (f64::from(answer.range + beside) + folded) / self.layout.believed_speed;
+        vary!(rows, cells, beside,
+            true_x: |beside: f32| place.x + slide.x * beside,
+            true_y: |beside: f32| place.y + slide.y * beside,
+            true_z: |beside: f32| place.z + slide.z * beside,
+            true_range: |beside: f32| arrival.path + beside,
+            time: time,
+        );
+        fill!(rows, cells,
+            bounces: arrival.order,
+            cause: match (arrival.order, arrival.surface) {
                 (0, MEDIUM) => Cause::SeaSurface as u8,
                 (0, _) => Cause::Surface as u8,
                 _ => Cause::Multipath as u8,
@@ -865,7 +894,7 @@ impl Pinging<'_> {
         let (direction, normal) = (arrival.direction, arrival.normal);
         let scale = -direction.dot(normal).signum() / normal.length();
         let normal = normal * scale;
-        put!(rows, row,
+        fill!(rows, cells,
             cos_incidence: (-direction.dot(normal)).clamp(0.0, 1.0),
             normal_x: normal.x,
             normal_y: normal.y,
@@ -877,7 +906,7 @@ impl Pinging<'_> {
                 Some(&aim) => aim,
                 None => azimuth_elevation(launch().into()),
             };
-            put!(rows, row, azimuth: azimuth, elevation: elevation);
+            fill!(rows, cells, azimuth: azimuth, elevation: elevation);
         }
         if let Some(Motion { later }) = &self.motion {
             let met = f64::from(arrival.range) / self.layout.believed_speed;
@@ -886,7 +915,7 @@ impl Pinging<'_> {
             let Movement { velocity, flow } = movement.unwrap_or_default();
             // How fast the way there grows at both its ends.
             let radial = velocity.dot(direction) - self.own.dot(self.rotation() * launch());
-            put!(rows, row,
+            fill!(rows, cells,
                 velocity_x: velocity.x,
                 velocity_y: velocity.y,
                 velocity_z: velocity.z,
@@ -901,10 +930,7 @@ impl Pinging<'_> {
 
 /// Makes all cells such in which nothing scatters.
 fn silence(rows: &mut Slices) {
-    macro_rules! fill {
-        ($($column:ident: $value:expr),* $(,)?) => { $(rows.$column.fill($value);)* };
-    }
-    fill!(
+    fill!(rows, ..,
         category_id: 0, part_id: 0, instance_id: 0, material_id: 0, red: 0, green: 0, blue: 0, bounces: 0,
         cause: Cause::FalseAlarm as u8,
         true_x: f32::NAN, true_y: f32::NAN, true_z: f32::NAN, true_range: f32::NAN, time: f64::NAN,
