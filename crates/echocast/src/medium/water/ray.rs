@@ -95,8 +95,8 @@ impl Ray {
         if self.level { 0.0 } else { slab.gradient }
     }
 
-    /// The ray `length` m further along the arc within `slab`.
-    #[inline]
+    /// The ray `length` m further along the arc within `slab`. Inlined, it is not copied.
+    #[inline(always)]
     pub fn advanced(&self, slab: &Slab, length: f64) -> Ray {
         let mut next = *self;
         let (c, s) = (self.speed, self.sine);
@@ -150,7 +150,7 @@ impl Ray {
     }
 
     /// Length of the arc to where it leaves `slab`, and where that is.
-    #[inline]
+    #[inline(always)]
     pub fn exit(&self, slab: &Slab) -> (f64, End) {
         let to = |end: End| match end {
             End::Bottom => slab.bottom - self.depth,
