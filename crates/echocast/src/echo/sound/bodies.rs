@@ -1,6 +1,6 @@
 //! What bodies send back that have tubes of their own: of smooth facets in phase, of all else as energies.
 
-use super::ping::{CHUNK_BITS, Echoes, Insonification, MOST_BINS, NO_RAY, Parts, PingEcho, sine};
+use super::ping::{CHUNK_BITS, Echoes, Insonification, MOST_BINS, NO_RAY, Parts, PingEcho, sine, towards};
 use crate::emitter::FAINT;
 use crate::ground::math::{LOG2_PER_DB, exp2};
 use crate::trace::{Arrival, Direct, Stand, TubeHit};
@@ -77,15 +77,11 @@ impl Insonification<'_> {
         let sensor_from_world = self.rotation.transpose();
         for (number, hit) in (0..).zip(hits) {
             let met = self.met(way, hit);
-            let (mut at, mut heard) = (met.range, sensor_from_world * hit.back);
-            if let Some(drift) = &self.drift {
-                at = drift.range(met.range, hit.back);
-                heard = drift.seen(met.range, heard);
-            }
+            let (mut at, heard) = self.seen(met.range, hit.back);
             if let Some(coupling) = &self.coupling {
                 at += coupling.shift(&met, hit.launch);
             }
-            let at = if at >= self.fold { at - self.fold } else { at };
+            let at = self.folded(at);
             let smooth = self.backscatter.smooth(self.surfaces, hit.surface);
             let rough = if hit.order == 0 { self.rough(&met, hit, smooth) } else { f32::NEG_INFINITY };
             let [re, im] = if smooth.is_some() { self.mirrored(way, hit) } else { [0.0; 2] };
@@ -235,9 +231,7 @@ impl Insonification<'_> {
 
     /// How much the range changes over what a tube covers, m.
     fn reach_of(&self, hit: &TubeHit) -> f32 {
-        let along = hit.along.dot(hit.normal);
-        let least = 1e-2 * hit.normal.length();
-        let towards = if along.abs() > least { along } else { least.copysign(along) };
+        let towards = towards(hit.along, hit.normal);
         hit.sides.map(|side| (side.dot(hit.normal) / towards).powi(2)).iter().sum::<f32>().sqrt()
     }
 

@@ -84,12 +84,12 @@ pub(crate) struct Drift {
 
 impl Drift {
     /// Reported range of an echo from the unit `direction` (world): the return path ends where the sonar is by then.
-    pub(super) fn range(&self, range: f32, direction: Vec3) -> f32 {
+    fn range(&self, range: f32, direction: Vec3) -> f32 {
         range - range * self.moved.dot(direction)
     }
 
     /// The unit `direction` (sensor frame, as it was) from which an echo of a one-way range comes.
-    pub(super) fn seen(&self, range: f32, direction: Vec3) -> Vec3 {
+    fn seen(&self, range: f32, direction: Vec3) -> Vec3 {
         // Seen from the sonar, the world turns the other way.
         Quat::from_scaled_axis(-range * self.turned) * direction
     }
@@ -219,11 +219,7 @@ impl Insonification<'_> {
         let sensor_from_world = self.rotation.transpose();
         for Direct { way, launch, .. } in &*direct {
             let sent = sensor_from_world * *launch;
-            let (mut at, mut heard) = (way.range, sent);
-            if let Some(drift) = &self.drift {
-                at = drift.range(way.range, *launch);
-                heard = drift.seen(way.range, sent);
-            }
+            let (mut at, heard) = self.seen(way.range, *launch);
             if let Some(coupling) = &self.coupling {
                 at += coupling.shift(way, *launch);
             }
@@ -237,7 +233,7 @@ impl Insonification<'_> {
                 }
                 launches.push((arrivals.len() as u32, *launch));
                 arrivals.push(Arrival { ray: NO_RAY, ..*way });
-                let range = if at >= self.fold { at - self.fold } else { at };
+                let range = self.folded(at);
                 let bin = range.max(0.0) / self.bin_m;
                 let is_heard = bin < self.bins as f32;
                 let first = energy.len() as u32;
@@ -287,26 +283,27 @@ impl Insonification<'_> {
 
     /// How an echo of a one-way range from the unit `direction` (world), found by a ray, is heard.
     pub(super) fn heard_from(&self, ray: usize, range: f32, direction: Vec3) -> Heard {
-        let mut at = range;
-        let mut seen = self.rotation.transpose() * direction;
-        if let Some(drift) = &self.drift {
-            at = drift.range(range, direction);
-            seen = drift.seen(range, seen);
-        }
+        let (at, seen) = self.seen(range, direction);
         let (louder, hearing) = self.transducer.heard_beside(ray, seen);
         Heard { at, louder, hearing }
+    }
+
+    /// Where an echo of a one-way range from the unit `direction` (world) appears: its range, m, and direction, sensor frame.
+    pub(super) fn seen(&self, range: f32, direction: Vec3) -> (f32, Vec3) {
+        let own = self.rotation.transpose() * direction;
+        self.drift.map_or((range, own), |drift| (drift.range(range, direction), drift.seen(range, own)))
+    }
+
+    /// The range at which what is heard after the next ping appears, m.
+    pub(super) fn folded(&self, at: f32) -> f32 {
+        if at >= self.fold { at - self.fold } else { at }
     }
 
     /// How much the range of an echo that leaves back along the unit `back` changes over a ray's cell, m, and how far
     /// along the surface a metre of range is.
     pub(super) fn reach(&self, arrival: &Arrival, back: Vec3) -> (f32, Vec3) {
-        /// Sine of the least grazing angle, 0.6 degrees, for the extent of cells: at the rim of a round object they
-        /// would reach far behind it.
-        const LEAST: f32 = 1e-2;
         let (direction, normal) = (arrival.direction, arrival.normal);
-        let along = direction.dot(normal);
-        let least = LEAST * normal.length();
-        let towards = if along.abs() > least { along } else { least.copysign(along) };
+        let towards = towards(direction, normal);
         // From one side of the cell to the other, along the surface: the change of range, and the displacement.
         let side = |across: Vec3| {
             let farther = -across.dot(normal) / towards;
@@ -328,11 +325,9 @@ impl Insonification<'_> {
 
     /// Divides an echo among bins.
     pub(super) fn divide(&self, arrival: &Arrival, echo: Echo, parts: &mut Parts) -> PingEcho {
-        let Echo { power, heard: Heard { mut at, hearing, .. }, reach, slide, way } = echo;
+        let Echo { power, heard: Heard { at, hearing, .. }, reach, slide, way } = echo;
         let first = parts.len();
-        if at >= self.fold {
-            at -= self.fold;
-        }
+        let at = self.folded(at);
         let per_bin = 1.0 / self.bin_m;
         let reach = reach.abs().min(MOST_BINS * self.bin_m);
         let low = (at - 0.5 * reach) * per_bin;
@@ -466,6 +461,15 @@ impl Echoes {
 /// Sine of the grazing angle between a unit vector and a surface.
 pub(super) fn sine(direction: Vec3, normal: Vec3) -> f32 {
     (direction.dot(normal).abs() / normal.length()).clamp(1e-3, 1.0)
+}
+
+/// Part of the unit `direction` along a normal of any length, times that, for the extent of what is met: not less than at a
+/// grazing angle of 0.6 degrees, as at the rim of a round object that would reach far behind it.
+pub(super) fn towards(direction: Vec3, normal: Vec3) -> f32 {
+    const LEAST: f32 = 1e-2;
+    let along = direction.dot(normal);
+    let least = LEAST * normal.length();
+    if along.abs() > least { along } else { least.copysign(along) }
 }
 
 impl<'a> Parts<'a> {

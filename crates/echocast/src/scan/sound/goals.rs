@@ -15,6 +15,22 @@ pub(super) struct Goals {
     pub covered: Vec<bool>,
 }
 
+/// How fast sound gets anywhere, and how far.
+struct Reach {
+    /// Greatest speed in the water, m/s.
+    fastest: f64,
+    /// Farthest distance from which echoes come, m: in a duct sound may be on its way longer than straight ahead, never
+    /// shorter.
+    farthest: f64,
+}
+
+impl Reach {
+    fn new(pinging: &Pinging) -> Reach {
+        let fastest = pinging.column.end_speeds().fold(0.0, f64::max);
+        Reach { fastest, farthest: pinging.reach * fastest / pinging.layout.believed_speed }
+    }
+}
+
 impl Pinging<'_> {
     /// Those from which echoes may come.
     ///
@@ -25,11 +41,12 @@ impl Pinging<'_> {
         targets.clear();
         bodies.clear();
         covered.clear();
-        self.find_targets(targets)?;
+        let reach = Reach::new(self);
+        self.find_targets(&reach, targets)?;
         let near = self.scene.bodies().iter().filter(|body| {
-            body.sphere.is_none_or(|(middle, radius)| middle.distance(self.place()) - radius < self.farthest())
+            body.sphere.is_none_or(|(middle, radius)| middle.distance(self.place()) - radius < reach.farthest)
         });
-        bodies.extend(near.filter_map(|&body| self.find_body(body)));
+        bodies.extend(near.filter_map(|&body| self.find_body(&reach, body)));
         if !bodies.is_empty() {
             covered.resize(self.scene.extents.len(), false);
             bodies.iter().for_each(|stand| covered[stand.body.object as usize] = true);
@@ -37,18 +54,8 @@ impl Pinging<'_> {
         Ok(())
     }
 
-    /// Farthest distance from which echoes come, m: in a duct sound may be on its way longer than straight ahead, never
-    /// shorter.
-    fn farthest(&self) -> f64 {
-        self.reach * self.fastest() / self.layout.believed_speed
-    }
-
-    fn fastest(&self) -> f64 {
-        self.column.end_speeds().fold(0.0, f64::max)
-    }
-
     /// What `place` has at a time, when sound gets to the middle that it says; and how far that is from the sonar, m.
-    fn when_met<T>(&self, place: impl Fn(f64) -> Option<(T, DVec3)>) -> Option<(T, f64)> {
+    fn when_met<T>(&self, reach: &Reach, place: impl Fn(f64) -> Option<(T, DVec3)>) -> Option<(T, f64)> {
         /// Things are at most a hundredth as fast as sound.
         const PASSES: usize = 3;
         let moves = self.clock.as_ref().is_some_and(|clock| clock.of(1.0) != clock.of(0.0));
@@ -57,12 +64,12 @@ impl Pinging<'_> {
             let Some((what, middle)) = place(time) else { break };
             let distance = middle.distance(self.place());
             found = Some((what, distance));
-            time = self.time + distance / self.fastest();
+            time = self.time + distance / reach.fastest;
         }
         found
     }
 
-    fn find_targets(&self, targets: &mut Vec<Goal>) -> Result<()> {
+    fn find_targets(&self, reach: &Reach, targets: &mut Vec<Goal>) -> Result<()> {
         let surfaces = &self.scene.surfaces;
         for target in &surfaces.targets {
             let row = &surfaces.rows[target.row as usize];
@@ -71,9 +78,9 @@ impl Pinging<'_> {
                 let middle = place.transform_point3(target.middle) - self.scene.origin;
                 Some(((middle, place.matrix3), middle))
             };
-            let Some(((middle, turned), distance)) = self.when_met(place) else { continue };
+            let Some(((middle, turned), distance)) = self.when_met(reach, place) else { continue };
             let radius = target.radius * turned.determinant().abs().cbrt();
-            if distance - radius > self.farthest() {
+            if distance - radius > reach.farthest {
                 continue;
             }
             if radius > distance {
@@ -89,15 +96,15 @@ impl Pinging<'_> {
     }
 
     /// A body where sound meets it, if it needs tubes: it is smooth and answers in phase, or few rays would meet it.
-    fn find_body(&self, body: Body) -> Option<Stand> {
+    fn find_body(&self, reach: &Reach, body: Body) -> Option<Stand> {
         let place = |time: f64| {
             let stand = self.scene.stand(body, time, self.mask)?;
             Some((stand, stand.middle))
         };
-        let (stand, distance) = self.when_met(place)?;
+        let (stand, distance) = self.when_met(reach, place)?;
         let radius = stand.radius();
         // What is about the sonar is no body before it.
-        if distance < 2.0 * radius || distance - radius > self.farthest() {
+        if distance < 2.0 * radius || distance - radius > reach.farthest {
             return None;
         }
         let towards = (stand.middle - self.place()) / distance;

@@ -25,7 +25,7 @@ use crate::scan::printed::printed_water;
 use crate::scan::{Profile, ScanOptions};
 use crate::sensor::{AcousticsSpec, Sensor, Speckle};
 use crate::trace::{
-    Backscatter, BuiltScene, Clock, Goal, Later, Launch, Movement, SoundLimits, SoundTracer, Stand, Tables,
+    Arrival, Backscatter, BuiltScene, Clock, Goal, Later, Launch, Movement, SoundLimits, SoundTracer, Stand, Tables,
     TracerMemory, TubeHit,
 };
 use glam::{DQuat, DVec3, EulerRot, Mat3, Vec3};
@@ -817,6 +817,14 @@ impl Pinging<'_> {
         }
     }
 
+    /// How what an arrival meets moves when sound is there.
+    pub(super) fn movement(&self, arrival: &Arrival, later: Option<&Later>) -> Movement {
+        let met = f64::from(arrival.range) / self.layout.believed_speed;
+        let time = self.clock.as_ref().map_or(0.0, |clock| clock.of(met));
+        let movement = self.scene.movement(later, arrival.surface, arrival.triangle, arrival.corner, time);
+        movement.unwrap_or_default()
+    }
+
     /// The columns of a tile that say what the strongest scatterer of each cell is.
     fn tell(&self, tile: &Tile, chunks: &[RayChunk], mut rows: Slices) {
         let (bins, width) = (self.layout.bins, tile.width());
@@ -909,10 +917,7 @@ impl Pinging<'_> {
             fill!(rows, cells, azimuth: azimuth, elevation: elevation);
         }
         if let Some(Motion { later }) = &self.motion {
-            let met = f64::from(arrival.range) / self.layout.believed_speed;
-            let time = self.clock.as_ref().map_or(0.0, |clock| clock.of(met));
-            let movement = self.scene.movement(later.as_ref(), arrival.surface, arrival.triangle, arrival.corner, time);
-            let Movement { velocity, flow } = movement.unwrap_or_default();
+            let Movement { velocity, flow } = self.movement(arrival, later.as_ref());
             // How fast the way there grows at both its ends.
             let radial = velocity.dot(direction) - self.own.dot(self.rotation() * launch());
             fill!(rows, cells,

@@ -98,10 +98,7 @@ impl Pinging<'_> {
     fn add_echo(&self, echoes: &Echoes, index: usize, (arrival, answer): (&Arrival, &PingEcho), sums: &mut Sums) {
         let parts = answer.first as usize..(answer.first + answer.parts) as usize;
         let energy: f32 = echoes.energy[parts].iter().sum();
-        let met = f64::from(arrival.range) / self.layout.believed_speed;
-        let time = self.clock.as_ref().map_or(0.0, |clock| clock.of(met));
-        let movement = self.scene.movement(None, arrival.surface, arrival.triangle, arrival.corner, time);
-        let Movement { velocity, .. } = movement.unwrap_or_default();
+        let Movement { velocity, .. } = self.movement(arrival, None);
         let launch = self.rotation() * self.launched(echoes, index);
         // Each end by the speed of sound there.
         let rate = velocity.dot(arrival.direction) / arrival.speed - self.own.dot(launch);

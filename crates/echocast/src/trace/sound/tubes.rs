@@ -4,6 +4,7 @@
 use super::direct::Candidate;
 use super::{Direct, SoundTracer, Start, State, TracerMemory, rounding};
 use crate::ground::lanes::{LANES, MISS, RayBatch};
+use crate::ground::math::cofactors;
 use crate::trace::{HitBatch, Stand};
 use glam::{DVec3, Mat3, Quat, Vec3};
 
@@ -101,7 +102,7 @@ impl SoundTracer<'_> {
             from,
             turn: Quat::from_rotation_arc(along.as_vec3(), direct.launch),
             time: self.clock.as_ref().map_or(0.0, |clock| clock.of(end.time)),
-            normals: crate::ground::math::cofactors(&stand.linear).as_mat3(),
+            normals: cofactors(&stand.linear).as_mat3(),
         };
         let outline = stand.outline(along);
         let [columns, rows] = grid(outline.map(DVec3::length));
