@@ -19,6 +19,7 @@ pub mod signal;
 pub mod skin;
 pub mod sound;
 pub mod tree;
+pub mod water;
 
 pub use level::{Level, level, limit_level};
 

@@ -1,5 +1,6 @@
 //! Sound rays through layered water and a scene: bent, reflected, and arriving where they meet something.
 
+mod block;
 mod direct;
 mod tubes;
 
@@ -8,7 +9,8 @@ pub(crate) use tubes::TubeHit;
 
 use super::{Clock, HitBatch, Tables};
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
-use crate::medium::{Column, End, Ray, Slab, slab_at, small_sin_cos};
+use crate::medium::{Column, End, Ray, Slab, slab_at};
+use echocast_kernels::water::{Limits, Turn, farther};
 use glam::{DVec3, Mat3, Vec3};
 use std::ops::Range;
 
@@ -25,9 +27,9 @@ pub(crate) type ReflectionLoss<'a> = &'a (dyn Fn(u32, f64) -> f64 + Sync);
 /// Follows rays through one scene and one water column, from one place.
 pub(crate) struct SoundTracer<'a> {
     scene: &'a Tables,
-    /// The column, cut where the scene begins and ends, and in which of its slabs nothing of the scene can be.
+    /// The column, cut where the scene begins and ends, and what limits rays in each of its slabs.
     slabs: Vec<Slab>,
-    empty: Vec<bool>,
+    limits: Vec<Limits>,
     /// The column as it is.
     column: &'a Column,
     /// Whether all rays are straight.
@@ -142,7 +144,7 @@ impl State {
 
 /// Horizontal unit vector along `direction`, and the length of its horizontal part.
 fn heading(direction: DVec3) -> ([f64; 2], f64) {
-    let level = direction.x.hypot(direction.y);
+    let level = (direction.x * direction.x + direction.y * direction.y).sqrt();
     // Straight up or down, any will do.
     let heading = if level > 1e-12 { [direction.x / level, direction.y / level] } else { [1.0, 0.0] };
     (heading, level)
@@ -163,7 +165,7 @@ pub(crate) struct TracerMemory {
     rays: Box<RayBatch>,
     hits: Box<HitBatch>,
     states: Vec<State>,
-    steps: Vec<Step>,
+    block: Box<block::Block>,
     direct: Vec<direct::Candidate>,
     ways: Vec<Direct>,
     tubes: Vec<tubes::Tube>,
@@ -175,7 +177,7 @@ impl Default for TracerMemory {
             rays: Box::new(RayBatch::default()),
             hits: Box::new(HitBatch::new()),
             states: Vec::new(),
-            steps: Vec::new(),
+            block: Box::new(block::Block::new()),
             direct: Vec::new(),
             ways: Vec::new(),
             tubes: Vec::new(),
@@ -198,7 +200,7 @@ pub(crate) struct SoundLimits<'a> {
 }
 
 impl<'a> SoundTracer<'a> {
-    pub fn new(scene: &'a Tables, column: &'a Column, limits: SoundLimits<'a>) -> SoundTracer<'a> {
+    pub fn new(scene: &'a Tables, column: &'a Column, sound: SoundLimits<'a>) -> SoundTracer<'a> {
         let bounds = scene.committed.bounds();
         let surface_z = column.surface_z - scene.origin.z;
         let [top, bottom] = [bounds[1][2], bounds[0][2]].map(|z| surface_z - f64::from(z));
@@ -215,14 +217,14 @@ impl<'a> SoundTracer<'a> {
             slabs.push(rest);
         }
         let is_empty = |slab: &Slab| !(slab.bottom > top - SAGITTA && slab.top < bottom + SAGITTA);
-        let empty = slabs.iter().map(is_empty).collect();
+        let limits = slabs.iter().map(|slab| Limits::new(slab, SAGITTA, is_empty(slab))).collect();
         let uniform = column.is_uniform();
         let fastest = column.end_speeds().fold(0.0, f64::max);
-        let SoundLimits { mask, believed, reach, bounces, reflection_loss, clock } = limits;
+        let SoundLimits { mask, believed, reach, bounces, reflection_loss, clock } = sound;
         SoundTracer {
             scene,
             slabs,
-            empty,
+            limits,
             column,
             uniform,
             surface_z,
@@ -407,85 +409,6 @@ impl<'a> SoundTracer<'a> {
         ray.loss() < MOST_LOSS
     }
 
-    /// Follows all states until they have met something without being reflected, or are out of reach.
-    fn follow(&self, memory: &mut TracerMemory, start: &Start, arrivals: &mut Vec<Arrival>) {
-        let TracerMemory { rays, hits, states, steps, .. } = memory;
-        for _ in 0..MOST_STEPS {
-            steps.clear();
-            // Every ray goes on to where something could block it.
-            states.retain_mut(|state| {
-                let step = self.next_traced(state, start, arrivals);
-                steps.extend(step);
-                step.is_some()
-            });
-            if states.is_empty() {
-                return;
-            }
-            for (lane, step) in steps.iter().enumerate() {
-                let Some(Chord { from, along, length }) = step.chord else { continue };
-                (rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]) = from.into();
-                (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = along.into();
-                // No gap between one chord and the next.
-                rays.range_max[lane] = length * (1.0 + 1e-6) + rounding(from).max(1e-5);
-            }
-            // Rays that nothing has turned are still neighbours.
-            let coherent = states.iter().all(|state| state.order == 0);
-            self.meet(rays, hits, states.len(), coherent, |lane| [states[lane].ray.time, 1.0 / states[lane].ray.speed]);
-            let mut lane = 0;
-            states.retain_mut(|state| {
-                let step = &steps[lane];
-                lane += 1;
-                self.take_step(state, step, (rays, hits), lane - 1, start, arrivals)
-            });
-        }
-    }
-
-    /// Takes a ray to the end of its step, or to what a `lane` says that it meets there; whether it goes on.
-    fn take_step(
-        &self,
-        state: &mut State,
-        step: &Step,
-        (rays, hits): (&RayBatch, &HitBatch),
-        lane: usize,
-        start: &Start,
-        arrivals: &mut Vec<Arrival>,
-    ) -> bool {
-        if hits.surface[lane] == MISS {
-            return self.finish(state, step, start, arrivals);
-        }
-        let slab = &self.slabs[state.ray.slab];
-        let surface = hits.surface[lane];
-        let normal = self.scene.world_normal(surface, hits.normal(lane), rays.time[lane]);
-        let length = arc_to(state, slab, step, hits.range[lane], rays.direction(lane), normal);
-        state.ray = state.ray.advanced(slab, length);
-        let (triangle, corner) = (hits.triangle[lane], [hits.u[lane], hits.v[lane]]);
-        let in_reach = self.is_in_reach(state, start);
-        if in_reach {
-            let smooth = self.smooth_normal((rays, hits), lane, state.direction().as_vec3(), normal);
-            let arrival = self.arrival(state, surface, smooth, start);
-            arrivals.push(Arrival { triangle, corner, ..arrival });
-        }
-        in_reach && self.reflect(state, surface, normal)
-    }
-
-    /// Advances a ray through empty water up to its next step on which something can be met; `None`: it ends.
-    fn next_traced(&self, state: &mut State, start: &Start, arrivals: &mut Vec<Arrival>) -> Option<Step> {
-        for _ in 0..MOST_STEPS {
-            let latest = self.latest(state);
-            if state.ray.time >= latest || !self.is_in_reach(state, start) {
-                return None;
-            }
-            let step = self.step(state, latest);
-            if step.chord.is_some() {
-                return Some(step);
-            }
-            if !self.finish(state, &step, start, arrivals) {
-                return None;
-            }
-        }
-        None
-    }
-
     /// When a ray ends, s: what comes back along its path is heard until then; after a reflection also what comes back
     /// along a shorter path.
     fn latest(&self, state: &State) -> f64 {
@@ -510,22 +433,17 @@ impl<'a> SoundTracer<'a> {
     fn step(&self, state: &State, latest: f64) -> Step {
         let slab = &self.slabs[state.ray.slab];
         let (mut length, mut end) = state.ray.exit(slab);
-        let fastest = slab.speed.max(if slab.gradient > 0.0 { slab.speed_at(slab.bottom) } else { 0.0 });
-        let most = (latest - state.ray.time) * fastest + 1e-3;
+        let limits = &self.limits[state.ray.slab];
+        let most = farther(limits.fastest, latest - state.ray.time);
         if length > most {
             (length, end) = (most, End::Inside);
         }
-        if self.empty[state.ray.slab] {
+        if limits.empty {
             return Step { length, end, chord: None };
         }
-        let gradient = state.ray.gradient(slab);
-        if gradient != 0.0 {
-            // Arc and chord are length^2 / (8 radius) apart.
-            let radius = 1.0 / (gradient.abs() * state.ray.snell).max(1e-12);
-            let most = (8.0 * radius * SAGITTA).sqrt();
-            if length > most {
-                (length, end) = (most, End::Inside);
-            }
+        let near = limits.chord / state.ray.snell.sqrt();
+        if !state.ray.level && length > near {
+            (length, end) = (near, End::Inside);
         }
         let chord = self.chord(state, length);
         let (from, to) = (chord.from, chord.from + chord.along * chord.length);
@@ -536,24 +454,18 @@ impl<'a> SoundTracer<'a> {
         Step { length, end, chord: (!apart).then_some(chord) }
     }
 
-    /// Advances a ray to the end of a step on which it meets nothing; whether it goes on.
-    fn finish(&self, state: &mut State, step: &Step, start: &Start, arrivals: &mut Vec<Arrival>) -> bool {
-        state.ray = state.ray.advanced(&self.slabs[state.ray.slab], step.length);
-        match step.end {
-            End::Inside => {}
-            End::Top if state.ray.slab == 0 => {
-                state.ray.depth = 0.0;
-                if !self.is_in_reach(state, start) {
-                    return false;
-                }
-                arrivals.push(self.arrival(state, MEDIUM, Vec3::NEG_Z, start));
-                return self.reflect(state, MEDIUM, Vec3::NEG_Z);
-            }
-            end => {
-                state.ray.cross(&self.slabs, end);
-            }
+    /// Takes a ray, which is at a boundary of its slab, through it or back; whether it goes on.
+    fn pass(&self, state: &mut State, end: End, start: &Start, arrivals: &mut Vec<Arrival>) -> bool {
+        if end != End::Top || state.ray.slab > 0 {
+            state.ray.cross(&self.slabs, end);
+            return true;
         }
-        true
+        state.ray.depth = 0.0;
+        if !self.is_in_reach(state, start) {
+            return false;
+        }
+        arrivals.push(self.arrival(state, MEDIUM, Vec3::NEG_Z, start));
+        self.reflect(state, MEDIUM, Vec3::NEG_Z)
     }
 
     /// What a ray meets where it is.
@@ -600,11 +512,10 @@ impl<'a> SoundTracer<'a> {
     fn chord(&self, state: &State, length: f64) -> Chord {
         let Ray { snell, speed, sine, slab, .. } = state.ray;
         let half = 0.5 * state.ray.gradient(&self.slabs[slab]) * snell * length;
-        let (sin, cos) = small_sin_cos(half);
+        let Turn { sin, cos, sinc } = Turn::of(half);
         let cosine = snell * speed;
         let level = cosine * cos + sine * sin;
         let along = DVec3::new(state.heading[0] * level, state.heading[1] * level, cosine * sin - sine * cos);
-        let sinc = if half == 0.0 { 1.0 } else { sin / half };
         Chord { from: self.place(state), along: along.as_vec3(), length: (length * sinc) as f32 }
     }
 }
@@ -620,24 +531,6 @@ impl Launch<'_> {
 /// How far, m, a hit may be from a `place`, m, because of rounding.
 fn rounding(place: Vec3) -> f32 {
     4.0 * f32::EPSILON * place.abs().max_element()
-}
-
-/// Length of the arc to the facet that its chord meets at `range`: one step of Newton's method from there.
-fn arc_to(state: &State, slab: &Slab, step: &Step, range: f32, along: Vec3, normal: Vec3) -> f64 {
-    let part = (f64::from(range) / step.length).min(1.0);
-    let curvature = state.ray.gradient(slab) * state.ray.snell;
-    if curvature == 0.0 {
-        return f64::from(range);
-    }
-    // Below the chord where sound is faster below, because the arc then bends upwards.
-    let below = 0.5 * curvature * step.length * step.length * part * (1.0 - part);
-    let (along, normal) = (along.as_dvec3(), normal.as_dvec3());
-    let level = along.x.hypot(along.y);
-    let down = DVec3::new(state.heading[0] * along.z, state.heading[1] * along.z, -level);
-    let across = down.dot(normal) * below;
-    let towards = along.dot(normal);
-    let correction = if towards.abs() > 1e-3 * normal.length() { -across / towards } else { 0.0 };
-    (part * step.length + correction).clamp(0.0, step.length)
 }
 
 #[cfg(test)]

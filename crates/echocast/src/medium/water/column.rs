@@ -3,6 +3,7 @@
 use super::profile::{DEEPEST, Layer, PHYSICAL_SPEEDS, SEA_WATER_KG_M3, SoundSpeedProfile, SpeedRow, WaterRow, unread};
 use super::{Outside, Water};
 use crate::ground::error::{Error, Result};
+pub(crate) use echocast_kernels::water::Slab;
 
 /// Where absorption changes with depth, slabs are no thicker than this, m, down to [`CONSTANT_FROM`].
 const THICKEST: f64 = 500.0;
@@ -14,25 +15,6 @@ const SPEED_ERROR: f64 = 0.01;
 const MANY: usize = 1000;
 /// How far the line through rows that are joined may be from one of them, m/s: the resolution of good probes.
 const ROW_ERROR: f64 = 0.001;
-
-/// Water between two depths.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Slab {
-    /// Depth of its top, m.
-    pub top: f64,
-    /// Depth of its bottom, m; the last has none and is infinite.
-    pub bottom: f64,
-    /// Speed of sound at its top, m/s.
-    pub speed: f64,
-    /// Increase of speed with depth, 1/s.
-    pub gradient: f64,
-    /// Density, kg/m^3.
-    pub density: f64,
-    /// Absorption at its top, dB/m.
-    pub absorption: f64,
-    /// Increase of absorption with depth, dB/m per m.
-    pub absorption_slope: f64,
-}
 
 /// All the water, from the surface down.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,25 +59,6 @@ impl Stretch {
             salinity: cut(self.salinity),
             ..*self
         }
-    }
-}
-
-impl Slab {
-    /// Speed of sound at `depth`, m, in m/s.
-    pub fn speed_at(&self, depth: f64) -> f64 {
-        // The last slab has no bottom, but then no gradient either.
-        if self.gradient == 0.0 { self.speed } else { self.speed + self.gradient * (depth - self.top) }
-    }
-
-    /// Absorption at `depth`, m, in dB/m.
-    pub fn absorption_at(&self, depth: f64) -> f64 {
-        self.absorption + self.absorption_slope * (depth - self.top)
-    }
-
-    /// The parts above and below `depth`, which is within it.
-    pub fn split(&self, depth: f64) -> (Slab, Slab) {
-        let (speed, absorption) = (self.speed_at(depth), self.absorption_at(depth));
-        (Slab { bottom: depth, ..*self }, Slab { top: depth, speed, absorption, ..*self })
     }
 }
 

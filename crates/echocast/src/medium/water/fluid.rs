@@ -48,15 +48,6 @@ impl Fluid {
         if sum == 0.0 { 1.0 } else { (4.0 * (there.re * here.re + there.im * here.im) / sum).clamp(0.0, 1.0) }
     }
 
-    /// [`Fluid::transmittance`] without losses, given the sines of the grazing angles on both sides, above 0: as by
-    /// Snell's law.
-    #[inline]
-    pub(super) fn lossless_transmittance(&self, other: &Fluid, [sine, sine_there]: [f64; 2]) -> f64 {
-        let here = self.density_kg_m3 * self.speed_m_s * sine_there;
-        let there = other.density_kg_m3 * other.speed_m_s * sine;
-        4.0 * here * there / ((here + there) * (here + there))
-    }
-
     /// `r1 c1 cos t2` and `r2 c2 cos t1`.
     fn impedances(&self, other: &Fluid, sin_grazing: f64) -> [Complex; 2] {
         let cos = sin_grazing.clamp(0.0, 1.0);
@@ -138,6 +129,7 @@ impl Div for Complex {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use echocast_kernels::water::transmittance;
 
     const WATER: Fluid = Fluid { density_kg_m3: 1025.0, speed_m_s: 1500.0, loss_db_per_wavelength: 0.0 };
     const SAND: Fluid = Fluid { density_kg_m3: 1900.0, speed_m_s: 1650.0, loss_db_per_wavelength: 0.8 };
@@ -157,7 +149,8 @@ mod tests {
                 assert!((power(v) + alpha - 1.0).abs() < 1e-12, "{other:?} {sin}: {v:?} {alpha}");
                 let cos_there = (1.0 - sin * sin).sqrt() * other.speed_m_s / WATER.speed_m_s;
                 if other.loss_db_per_wavelength == 0.0 && cos_there < 1.0 && sin > 0.0 {
-                    let known = WATER.lossless_transmittance(&other, [sin, (1.0 - cos_there * cos_there).sqrt()]);
+                    let impedances = [WATER, other].map(|it| it.density_kg_m3 * it.speed_m_s);
+                    let known = transmittance(impedances, [sin, (1.0 - cos_there * cos_there).sqrt()]);
                     assert!((known - alpha).abs() < 1e-12, "{other:?} {sin}: {known} {alpha}");
                 }
             }

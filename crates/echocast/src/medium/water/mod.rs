@@ -17,7 +17,7 @@ pub(crate) use column::{Column, Slab, slab_at};
 pub use fluid::Fluid;
 pub use noise::AmbientNoise;
 pub use profile::{Layer, SoundSpeedProfile, SpeedRow, WaterRow};
-pub(crate) use ray::{End, Ray, small_sin_cos};
+pub(crate) use ray::{End, Ray};
 pub use sea::Sea;
 pub use sound_ray::{RayEvent, RayPoint, SoundRay};
 pub use speed::{SoundSpeed, pressure_bar, unesco_speed};

@@ -4,7 +4,8 @@
 //! without gradient, and `cos(grazing angle) / speed` stays the same from slab to slab (Snell). Slabs, arcs and the
 //! equations below: Jensen, Kuperman, Porter, Schmidt, "Computational Ocean Acoustics", 2nd ed., chapter 3.
 
-use super::{Fluid, Slab};
+use super::Slab;
+use echocast_kernels::water::{Arc, Course, SHORT, Turn, differ, short_way, steep, transmittance};
 
 /// A ray that rises above and falls below the axis of a duct by no more than this, m, is treated as running along it:
 /// otherwise one that is level there would pass from slab to slab without progress.
@@ -32,9 +33,9 @@ pub(crate) struct Ray {
     /// Whether it runs straight along the depth between two slabs where sound is slowest: both bend it back.
     pub level: bool,
     /// Loss by absorption and mirrors since the start, dB; without that at boundaries between slabs.
-    absorbed: f64,
+    pub absorbed: f64,
     /// Part of the energy transmitted by boundaries between slabs, 0 to 1.
-    transmitted: f64,
+    pub transmitted: f64,
     /// Integral of speed over the path, m^2/s: divided by the speed at the start it is the width of the tube across the
     /// plane.
     pub speed_path: f64,
@@ -99,53 +100,28 @@ impl Ray {
     #[inline(always)]
     pub fn advanced(&self, slab: &Slab, length: f64) -> Ray {
         let mut next = *self;
-        let (c, s) = (self.speed, self.sine);
-        next.path += length;
-        if self.gradient(slab) == 0.0 {
-            let fall = length * s;
-            next.distance += length * self.snell * c;
-            next.depth += fall;
-            next.time += length / c;
-            next.absorbed += length * slab.absorption_at(self.depth + 0.5 * fall);
-            next.speed_path += length * c;
-            next.tube += self.widening * length * c;
-            return next;
-        }
-        // The grazing angle falls linearly with length; a chord is `length sinc(half)` long, in the direction of the
-        // middle of the arc.
-        let half = 0.5 * slab.gradient * self.snell * length;
-        let (sin, cos) = small_sin_cos(half);
-        let sinc = if half == 0.0 { 1.0 } else { sin / half };
-        let cosine = self.snell * c;
-        let (middle_sine, middle_cosine) = (s * cos - cosine * sin, cosine * cos + s * sin);
-        let (level, fall) = (length * middle_cosine * sinc, length * middle_sine * sinc);
-        next.distance += level;
-        next.depth += fall;
-        next.sine = middle_sine * cos - middle_cosine * sin;
-        next.speed = slab.speed_at(next.depth);
-        // Depth at the middle of the arc, by half the arc.
-        let (quarter_sin, quarter_cos) = small_sin_cos(0.5 * half);
-        let quarter = if half == 0.0 { 1.0 } else { quarter_sin / (0.5 * half) };
-        let middle_depth = self.depth + 0.5 * length * (s * quarter_cos - cosine * quarter_sin) * quarter;
-        let middle = slab.speed_at(middle_depth);
-        // Simpson's rule, exact for cubics, where the integrand is nearly one.
-        let short = half.abs() < 0.02;
-        next.time += if short && (next.speed / c - 1.0).abs() < 4e-3 {
-            length / 6.0 * (1.0 / c + 4.0 / middle + 1.0 / next.speed)
+        let Ray { depth, sine, snell, speed, .. } = *self;
+        let (from, gradient) = (Course { depth, sine, snell, speed }, self.gradient(slab));
+        let half = 0.5 * gradient * snell * length;
+        let arc = Arc::bent(&from, gradient, length, Turn::of(half), Turn::of(0.5 * half));
+        let is_short = half.abs() <= 0.02;
+        let time = if is_short && (arc.speed - speed).abs() <= SHORT * speed {
+            arc.time(&from, length)
         } else {
             // The difference of artanh(sine) = ln((1 + sine) / cosine), which is odd.
-            let [from, to] = [(s, c), (next.sine, next.speed)].map(|(sine, speed)| (1.0 + sine.abs()) / speed);
-            let over_vertex = s * next.sine < 0.0;
-            let span = if over_vertex { from * to / (self.snell * self.snell) } else { from / to };
-            (span.ln() / slab.gradient).abs()
+            let [start, end] = [(sine, speed), (arc.sine, arc.speed)].map(|(sine, speed)| (1.0 + sine.abs()) / speed);
+            let over_vertex = sine * arc.sine < 0.0;
+            let span = if over_vertex { start * end / (snell * snell) } else { start / end };
+            (span.ln() / gradient).abs()
         };
-        let speed_path = if short { length / 6.0 * (c + 4.0 * middle + next.speed) } else { level / self.snell };
+        let speed_path = if is_short { arc.speed_path(&from, length) } else { arc.level / snell };
+        next.distance += arc.level;
+        (next.depth, next.sine, next.speed) = (arc.depth, arc.sine, arc.speed);
+        next.time += time;
+        next.path += length;
+        next.absorbed += arc.absorbed(&from, slab, length);
         next.speed_path += speed_path;
         next.tube += self.widening * speed_path;
-        next.absorbed += length / 6.0
-            * (slab.absorption_at(self.depth)
-                + 4.0 * slab.absorption_at(middle_depth)
-                + slab.absorption_at(next.depth));
         next
     }
 
@@ -183,23 +159,14 @@ impl Ray {
         if fall == 0.0 {
             return (0.0, end);
         }
-        // Half the angle of the arc: its tangent is the difference of the cosines over the sum of the sines.
-        let tangent = curvature * fall / sum;
-        let length = if tangent < 0.03 {
-            // The arc tangent's power series, to 1e-12.
-            let square = tangent * tangent;
-            2.0 * fall / sum * (1.0 - square * (1.0 / 3.0 - square * (1.0 / 5.0 - square / 7.0)))
-        } else {
-            2.0 * tangent.atan() / curvature
-        };
+        let short = short_way(fall, [self.sine.abs(), sine], curvature);
+        let length = if short.is_finite() { short } else { 2.0 * (curvature * fall / sum).atan() / curvature };
         (length, end)
     }
 
     /// Passes into the next slab, or back into this one where the boundary reflects everything. Returns the part of the
     /// energy transmitted, 0 to 1; `None`: the water is the same on both sides.
     pub fn cross(&mut self, slabs: &[Slab], end: End) -> Option<f64> {
-        /// Speeds and densities this close are equal: they differ only by rounding.
-        const SAME: f64 = 1e-12;
         let here = &slabs[self.slab];
         let (there, depth) = match end {
             End::Bottom => (self.slab + 1, here.bottom),
@@ -211,7 +178,6 @@ impl Ray {
         let down = if end == End::Bottom { 1.0 } else { -1.0 };
         // At a vertex its sign may be wrong.
         self.sine = down * self.sine.abs();
-        let differ = |a: f64, b: f64| (a - b).abs() > SAME * a;
         let mut transmitted = None;
         if differ(from, to) || differ(here.density, next.density) {
             let cosine = self.snell * to;
@@ -221,8 +187,7 @@ impl Ray {
                 return Some(0.0);
             }
             let (sine, sine_on) = (self.sine.abs().max(1e-9), (1.0 - cosine * cosine).sqrt().max(1e-9));
-            let [here, next] = [(here, from), (next, to)].map(|(slab, speed)| Fluid::new(slab.density, speed));
-            let part = here.lossless_transmittance(&next, [sine, sine_on]);
+            let part = transmittance([here.density * from, next.density * to], [sine, sine_on]);
             self.transmitted *= part;
             self.tube *= sine_on / sine;
             self.sine = down * sine_on;
@@ -241,7 +206,7 @@ impl Ray {
             self.widen(next);
         } else if !self.level {
             // As in `widen`, but exact for level rays too, for which `turn` gives nothing.
-            self.widening += (here.gradient - next.gradient) * self.snell * self.snell * self.tube / self.steep();
+            self.widening += (here.gradient - next.gradient) * self.snell * self.snell * self.tube / steep(self.sine);
         }
         transmitted
     }
@@ -256,22 +221,8 @@ impl Ray {
     /// How the tube widens from here on: within a slab its width over the sine of the ray is the derivative of the
     /// horizontal distance by `snell` at this depth, times `turn`; across slabs that derivative is continuous.
     fn widen(&mut self, slab: &Slab) {
-        self.widening = (self.turn - slab.gradient * self.snell * self.snell * self.tube) / self.steep();
+        self.widening = (self.turn - slab.gradient * self.snell * self.snell * self.tube) / steep(self.sine);
     }
-
-    /// Its sine, made safe to divide by.
-    fn steep(&self) -> f64 {
-        if self.sine.abs() < 1e-6 { 1e-6f64.copysign(self.sine) } else { self.sine }
-    }
-}
-
-/// Sine and cosine, by their series where these are exact.
-pub(crate) fn small_sin_cos(x: f64) -> (f64, f64) {
-    if x.abs() > 0.02 {
-        return x.sin_cos();
-    }
-    let q = x * x;
-    (x * (1.0 - q / 6.0 * (1.0 - q / 20.0)), 1.0 - q / 2.0 * (1.0 - q / 12.0 * (1.0 - q / 30.0)))
 }
 
 #[cfg(test)]

@@ -279,10 +279,10 @@ impl SoundTracer<'_> {
     /// The arrival of a ray at the body that it leads into, which a `lane` has met.
     fn at_body(&self, it: &Candidate, (rays, hits): (&RayBatch, &HitBatch), lane: usize, start: &Start) -> Arrival {
         let mut state = it.state;
-        let slab = &self.slabs[state.ray.slab];
         let normal = self.scene.world_normal(hits.surface[lane], hits.normal(lane), rays.time[lane]);
-        let length = super::arc_to(&state, slab, &it.step, hits.range[lane], rays.direction(lane), normal);
-        state.ray = state.ray.advanced(slab, length);
+        let end = state.ray.advanced(&self.slabs[state.ray.slab], it.step.length);
+        let chord = [end.distance - state.ray.distance, end.depth - state.ray.depth];
+        state.ray = self.at_facet(&state, chord, hits.range[lane].into(), normal);
         let met = self.arrival(&state, it.direct.way.surface, normal, start);
         Arrival { triangle: hits.triangle[lane], corner: [hits.u[lane], hits.v[lane]], ..met }
     }

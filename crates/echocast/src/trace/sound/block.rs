@@ -1,0 +1,399 @@
+//! The rays of one block side by side: led on chord by chord, traced together, and taken up one by one where they meet
+//! something or do what few of them do.
+
+use super::{Arrival, Chord, MOST_STEPS, SAGITTA, SoundTracer, Start, State, TracerMemory, rounding};
+use crate::ground::lanes::{LANES, MISS, RayBatch};
+use crate::medium::{End, Ray};
+use crate::trace::HitBatch;
+use echocast_kernels::water::{Chords, Eight, Rays, Stop, Through, WIDTH, lead};
+use glam::Vec3;
+
+const GROUPS: usize = LANES / WIDTH;
+
+/// Memory for the rays of one block.
+pub(super) struct Block {
+    /// How many rays there are.
+    count: usize,
+    rays: [Rays; GROUPS],
+    /// The rays where their chords start.
+    starts: [Rays; GROUPS],
+    chords: [Chords; GROUPS],
+    stops: [Eight<Stop>; GROUPS],
+    /// When they end, s.
+    latest: [Eight; GROUPS],
+    /// As of [`State`] and [`Ray`].
+    numbers: [u32; LANES],
+    orders: [u8; LANES],
+    levels: [bool; LANES],
+    /// The rays that are traced, by lane of the batch.
+    traced: Vec<u32>,
+}
+
+impl Block {
+    pub fn new() -> Block {
+        Block {
+            count: 0,
+            rays: [Rays::default(); GROUPS],
+            starts: [Rays::default(); GROUPS],
+            chords: [Chords::default(); GROUPS],
+            stops: [[Stop::Ended; WIDTH]; GROUPS],
+            latest: [[0.0; WIDTH]; GROUPS],
+            numbers: [0; LANES],
+            orders: [0; LANES],
+            levels: [false; LANES],
+            traced: Vec::with_capacity(LANES),
+        }
+    }
+
+    /// A ray as it is in `rays`.
+    fn state(&self, rays: &[Rays; GROUPS], ray: usize) -> State {
+        let (group, i) = (&rays[ray / WIDTH], ray % WIDTH);
+        State {
+            number: self.numbers[ray],
+            start: group.start.map(|axis| axis[i]),
+            heading: group.heading.map(|axis| axis[i]),
+            ray: Ray {
+                distance: group.distance[i],
+                depth: group.depth[i],
+                sine: group.sine[i],
+                snell: group.snell[i],
+                slab: group.slab[i] as usize,
+                speed: group.speed[i],
+                time: group.time[i],
+                path: group.path[i],
+                level: self.levels[ray],
+                absorbed: group.absorbed[i],
+                transmitted: group.transmitted[i],
+                speed_path: group.speed_path[i],
+                tube: group.tube[i],
+                widening: group.widening[i],
+                turn: group.turn[i],
+            },
+            order: self.orders[ray],
+        }
+    }
+
+    fn set(&mut self, ray: usize, state: &State, latest: f64) {
+        let (group, i) = (&mut self.rays[ray / WIDTH], ray % WIDTH);
+        for axis in 0..2 {
+            (group.start[axis][i], group.heading[axis][i]) = (state.start[axis], state.heading[axis]);
+        }
+        let it = &state.ray;
+        (group.distance[i], group.depth[i], group.sine[i]) = (it.distance, it.depth, it.sine);
+        (group.snell[i], group.slab[i], group.speed[i]) = (it.snell, it.slab as u32, it.speed);
+        (group.time[i], group.path[i]) = (it.time, it.path);
+        (group.absorbed[i], group.transmitted[i], group.speed_path[i]) = (it.absorbed, it.transmitted, it.speed_path);
+        (group.tube[i], group.widening[i], group.turn[i]) = (it.tube, it.widening, it.turn);
+        (self.numbers[ray], self.orders[ray], self.levels[ray]) = (state.number, state.order, it.level);
+        self.latest[ray / WIDTH][i] = latest;
+    }
+
+    fn stop(&mut self, ray: usize) -> &mut Stop {
+        &mut self.stops[ray / WIDTH][ray % WIDTH]
+    }
+
+    /// The next chord of a ray, if it is to be traced.
+    fn chord(&self, ray: usize) -> Option<Chord> {
+        let (chords, i) = (&self.chords[ray / WIDTH], ray % WIDTH);
+        let [from, along] = [&chords.from, &chords.along].map(|it| Vec3::from_array(it.map(|axis| axis[i])));
+        chords.traced[i].then_some(Chord { from, along, length: chords.length[i] })
+    }
+
+    fn set_chord(&mut self, ray: usize, chord: Option<Chord>) {
+        let (chords, i) = (&mut self.chords[ray / WIDTH], ray % WIDTH);
+        chords.traced[i] = chord.is_some();
+        if let Some(chord) = chord {
+            for axis in 0..3 {
+                (chords.from[axis][i], chords.along[axis][i]) = (chord.from[axis], chord.along[axis]);
+            }
+            chords.length[i] = chord.length;
+        }
+    }
+}
+
+impl SoundTracer<'_> {
+    /// Follows all states until they have met something without being reflected, or are out of reach.
+    pub(super) fn follow(&self, memory: &mut TracerMemory, start: &Start, arrivals: &mut Vec<Arrival>) {
+        let TracerMemory { rays, hits, states, block, .. } = memory;
+        block.count = states.len();
+        block.stops = [[Stop::Ended; WIDTH]; GROUPS];
+        for (ray, state) in states.iter().enumerate() {
+            self.put(block, ray, state, start);
+        }
+        let through = Through {
+            slabs: &self.slabs,
+            limits: &self.limits,
+            sagitta: SAGITTA,
+            surface_z: self.surface_z,
+            bounds: self.bounds.map(|corner| corner.map(f64::from)),
+        };
+        for _ in 0..MOST_STEPS {
+            let groups = ..block.count.div_ceil(WIDTH);
+            lead(
+                &through,
+                &block.latest[groups],
+                &mut block.rays[groups],
+                &mut block.starts[groups],
+                &mut block.chords[groups],
+                &mut block.stops[groups],
+            );
+            let Some(coherent) = self.gather(block, rays) else { return };
+            let Block { traced, starts, .. } = &**block;
+            self.meet(rays, hits, traced.len(), coherent, |lane| {
+                let (group, i) = (&starts[traced[lane] as usize / WIDTH], traced[lane] as usize % WIDTH);
+                [group.time[i], 1.0 / group.speed[i]]
+            });
+            let mut lane = 0;
+            for ray in 0..block.count {
+                let is_traced = block.traced.get(lane) == Some(&(ray as u32));
+                lane += usize::from(is_traced);
+                if is_traced && hits.surface[lane - 1] != MISS {
+                    self.met(block, ray, (rays, hits), lane - 1, start, arrivals);
+                } else {
+                    self.missed(block, ray, start, arrivals);
+                }
+            }
+        }
+    }
+
+    /// Where a ray goes on from `state`, if anything is heard of what it meets there.
+    fn put(&self, block: &mut Block, ray: usize, state: &State, start: &Start) {
+        let latest = self.latest(state);
+        block.set(ray, state, latest);
+        let is_heard = state.ray.time < latest && self.is_in_reach(state, start);
+        *block.stop(ray) = if is_heard { Stop::Onward } else { Stop::Ended };
+    }
+
+    /// Collects the chords to be traced, and whether their rays are still neighbours; `None`: no ray goes on.
+    fn gather(&self, block: &mut Block, rays: &mut RayBatch) -> Option<bool> {
+        let (mut any, mut coherent) = (false, true);
+        block.traced.clear();
+        for ray in 0..block.count {
+            let stop = *block.stop(ray);
+            if stop == Stop::Ended {
+                continue;
+            }
+            any = true;
+            if stop == Stop::Level && block.chords[ray / WIDTH].length[ray % WIDTH] == 0.0 {
+                self.step_alone(block, ray);
+            }
+            let Some(Chord { from, along, length }) = block.chord(ray) else { continue };
+            let lane = block.traced.len();
+            (rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]) = from.into();
+            (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = along.into();
+            // No gap between one chord and the next.
+            rays.range_max[lane] = length * (1.0 + 1e-6) + rounding(from).max(1e-5);
+            block.traced.push(ray as u32);
+            // Rays that nothing has turned are still neighbours.
+            coherent &= block.orders[ray] == 0;
+        }
+        any.then_some(coherent)
+    }
+
+    /// Takes a ray that is level, or turns over, on by one step.
+    fn step_alone(&self, block: &mut Block, ray: usize) {
+        let mut state = block.state(&block.rays, ray);
+        let latest = self.latest(&state);
+        let step = self.step(&state, latest);
+        state.ray = state.ray.advanced(&self.slabs[state.ray.slab], step.length);
+        block.set(ray, &state, latest);
+        block.set_chord(ray, step.chord);
+        *block.stop(ray) = match step.end {
+            End::Inside => Stop::Onward,
+            End::Top => Stop::Top,
+            End::Bottom => Stop::Bottom,
+        };
+    }
+
+    /// What becomes of a ray that has met nothing on its chord.
+    fn missed(&self, block: &mut Block, ray: usize, start: &Start, arrivals: &mut Vec<Arrival>) {
+        let end = match *block.stop(ray) {
+            Stop::Ended => return,
+            Stop::Top => End::Top,
+            Stop::Bottom => End::Bottom,
+            Stop::Onward | Stop::Level => {
+                let late = block.rays[ray / WIDTH].time[ray % WIDTH] >= block.latest[ray / WIDTH][ray % WIDTH];
+                let far = || !self.is_in_reach(&block.state(&block.rays, ray), start);
+                if late || block.orders[ray] > 0 && far() {
+                    *block.stop(ray) = Stop::Ended;
+                }
+                return;
+            }
+        };
+        let mut state = block.state(&block.rays, ray);
+        if self.pass(&mut state, end, start, arrivals) {
+            self.put(block, ray, &state, start);
+        } else {
+            *block.stop(ray) = Stop::Ended;
+        }
+    }
+
+    /// What becomes of a ray whose chord has met what a `lane` says.
+    fn met(
+        &self,
+        block: &mut Block,
+        ray: usize,
+        (rays, hits): (&RayBatch, &HitBatch),
+        lane: usize,
+        start: &Start,
+        arrivals: &mut Vec<Arrival>,
+    ) {
+        let surface = hits.surface[lane];
+        let normal = self.scene.world_normal(surface, hits.normal(lane), rays.time[lane]);
+        let mut state = block.state(&block.starts, ray);
+        let end = block.state(&block.rays, ray).ray;
+        let chord = [end.distance - state.ray.distance, end.depth - state.ray.depth];
+        state.ray = self.at_facet(&state, chord, hits.range[lane].into(), normal);
+        *block.stop(ray) = Stop::Ended;
+        if !self.is_in_reach(&state, start) {
+            return;
+        }
+        let smooth = self.smooth_normal((rays, hits), lane, state.direction().as_vec3(), normal);
+        let (triangle, corner) = (hits.triangle[lane], [hits.u[lane], hits.v[lane]]);
+        let arrival = self.arrival(&state, surface, smooth, start);
+        arrivals.push(Arrival { triangle, corner, ..arrival });
+        if self.reflect(&mut state, surface, normal) {
+            self.put(block, ray, &state, start);
+        }
+    }
+
+    /// A ray at the facet with a `normal` that its `chord` (horizontally and downwards from where it is, m) meets after
+    /// `range` m.
+    pub(super) fn at_facet(&self, state: &State, chord: [f64; 2], range: f64, normal: Vec3) -> Ray {
+        let length = (chord[0] * chord[0] + chord[1] * chord[1]).sqrt();
+        let along = chord.map(|it| it / length);
+        let mut ray = state.ray;
+        let from = [ray.distance, ray.depth];
+        let beyond = |ray: &Ray| (ray.distance - from[0]) * along[0] + (ray.depth - from[1]) * along[1] - range;
+        let mut slab = &self.slabs[ray.slab];
+        let mut rest = range;
+        let mut near = ray.advanced(slab, rest);
+        // Slab by slab as far as the place on the chord.
+        while near.depth < slab.top || near.depth > slab.bottom {
+            let (length, end) = ray.exit(slab);
+            if end == End::Inside || end == End::Top && ray.slab == 0 || length >= rest {
+                break;
+            }
+            ray = ray.advanced(slab, length);
+            ray.cross(&self.slabs, end);
+            slab = &self.slabs[ray.slab];
+            rest = (-beyond(&ray)).max(0.0);
+            near = ray.advanced(slab, rest);
+        }
+        // From there to the facet by one step of Newton's method, within the vertical plane of the ray.
+        let normal = normal.as_dvec3();
+        let across = [state.heading[0] * normal.x + state.heading[1] * normal.y, -normal.z];
+        let miss = (near.distance - from[0] - range * along[0]) * across[0]
+            + (near.depth - from[1] - range * along[1]) * across[1];
+        let towards = near.snell * near.speed * across[0] + near.sine * across[1];
+        let further = if towards.abs() > 1e-3 * normal.length() { -miss / towards } else { 0.0 };
+        if further.abs() < 1e-9 { near } else { ray.advanced(slab, (rest + further).clamp(0.0, rest + length)) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::medium::Slab;
+    use echocast_kernels::water::Limits;
+
+    fn slab(top: f64, bottom: f64, speed: f64, gradient: f64) -> Slab {
+        Slab { top, bottom, speed, gradient, density: 1025.0, absorption: 0.02, absorption_slope: 1e-4 }
+    }
+
+    /// Slabs whose speeds join: a thermocline, a duct, and gradients that grow.
+    fn cast() -> Vec<Slab> {
+        let rows = [
+            (0.0, 1500.0),
+            (3.0, 1499.0),
+            (3.3, 1497.0),
+            (8.0, 1450.0),
+            (12.0, 1448.0),
+            (30.0, 1455.0),
+            (90.0, 1470.0),
+        ];
+        let mut slabs: Vec<Slab> = rows
+            .windows(2)
+            .map(|it| slab(it[0].0, it[1].0, it[0].1, (it[1].1 - it[0].1) / (it[1].0 - it[0].0)))
+            .collect();
+        slabs.push(slab(90.0, f64::INFINITY, 1470.0, 0.0));
+        slabs
+    }
+
+    fn layers() -> Vec<Slab> {
+        let speeds = [1490.0, 1488.0, 1486.0, 1500.0, 1470.0, 1468.0];
+        let tops = [0.0, 1.5, 4.0, 7.0, 7.5, 20.0, f64::INFINITY];
+        (0..6).map(|i| Slab { density: 1025.0 + i as f64, ..slab(tops[i], tops[i + 1], speeds[i], 0.0) }).collect()
+    }
+
+    /// `ray` when it is `path` m long, passing from slab to slab; `None`: it comes to the surface before.
+    fn alone(mut ray: Ray, slabs: &[Slab], path: f64) -> Option<Ray> {
+        loop {
+            let (length, end) = ray.exit(&slabs[ray.slab]);
+            // At a boundary it may be on either side.
+            if length >= path - ray.path - 1e-9 {
+                return Some(ray.advanced(&slabs[ray.slab], path - ray.path));
+            }
+            ray = ray.advanced(&slabs[ray.slab], length);
+            if end == End::Top && ray.slab == 0 {
+                return None;
+            }
+            ray.cross(slabs, end);
+        }
+    }
+
+    /// Side by side rays get where one gets by itself, and chords are as near as they should be.
+    #[test]
+    fn rays_side_by_side_are_rays() {
+        for (slabs, depth) in [(cast(), 2.0), (cast(), 9.0), (cast(), 40.0), (layers(), 2.0), (layers(), 8.0)] {
+            let limits: Vec<Limits> = slabs.iter().map(|slab| Limits::new(slab, SAGITTA, false)).collect();
+            let bounds = [[-1e3; 3], [1e3; 3]];
+            let water = Through { slabs: &slabs, limits: &limits, sagitta: SAGITTA, surface_z: 0.0, bounds };
+            let first = crate::medium::slab_at(&slabs, depth);
+            let mut block = Block::new();
+            block.count = LANES;
+            for ray in 0..LANES {
+                let angle = (ray as f64 + 0.5) / LANES as f64 * std::f64::consts::PI - std::f64::consts::FRAC_PI_2;
+                let it = Ray::launch(depth, [angle.sin(), angle.cos()], &slabs, first);
+                let state = State { number: ray as u32, start: [0.0; 2], heading: [0.6, 0.8], ray: it, order: 0 };
+                block.set(ray, &state, 0.1);
+                *block.stop(ray) = Stop::Onward;
+            }
+            let starts: Vec<Ray> = (0..LANES).map(|ray| block.state(&block.rays, ray).ray).collect();
+            let mut compared = 0;
+            for _ in 0..60 {
+                let Block { latest, rays, starts: from, chords, stops, .. } = &mut block;
+                lead(&water, latest, rays, from, chords, stops);
+                for ray in 0..LANES {
+                    let found = block.state(&block.rays, ray).ray;
+                    let before = block.state(&block.starts, ray).ray;
+                    if *block.stop(ray) != Stop::Onward || found.path == before.path {
+                        *block.stop(ray) = Stop::Ended;
+                        continue;
+                    }
+                    let Some(expected) = alone(starts[ray], &slabs, found.path) else { panic!("{ray}: {found:?}") };
+                    let pairs = [
+                        (found.distance, expected.distance, 1e-9),
+                        (found.depth, expected.depth, 1e-9),
+                        (found.time, expected.time, 2e-11),
+                        (found.sine, expected.sine, 1e-3),
+                        (found.loss(), expected.loss(), 1e-6),
+                        (found.speed_path, expected.speed_path, 1e-5),
+                        (found.tube, expected.tube, 1e-6 * (1.0 + expected.tube.abs())),
+                    ];
+                    for (found, expected, tolerance) in pairs {
+                        assert!((found - expected).abs() < tolerance, "{ray} from {depth}: {found} {expected}");
+                    }
+                    compared += 1;
+                    // The middle of the arc and that of its chord.
+                    let middle = alone(starts[ray], &slabs, 0.5 * (before.path + found.path)).unwrap();
+                    let [level, fall] = [found.distance - before.distance, found.depth - before.depth];
+                    let [right, below] = [middle.distance - before.distance, middle.depth - before.depth];
+                    let apart = (level * below - fall * right).abs() / level.hypot(fall);
+                    assert!(apart <= SAGITTA * 1.001, "{ray} from {depth}: {apart}");
+                }
+            }
+            assert!(compared > 10 * LANES / 2, "{compared}");
+        }
+    }
+}
