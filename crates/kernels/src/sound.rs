@@ -11,6 +11,34 @@ fn prefer(heard: f32, who: u32, most: &mut f32, is: &mut u32) {
     *is = if stronger { who } else { *is };
 }
 
+/// A power as a level, dB.
+#[inline(always)]
+fn db(power: f32) -> f32 {
+    log2(power.max(1e-30)) * (1.0 / LOG2_PER_DB)
+}
+
+/// [`columns`] of anything.
+#[inline(always)]
+fn transpose<T: Copy>(width: usize, rows: &[T], first: usize, count: usize, columns: &mut [T]) {
+    /// Rows at a time: they stay in the first cache.
+    const BLOCK: usize = 16;
+    if rows.is_empty() {
+        return;
+    }
+    if width == 1 {
+        return columns[first..first + rows.len()].copy_from_slice(rows);
+    }
+    for (start, block) in (first..).step_by(BLOCK).zip(rows.chunks(BLOCK * width)) {
+        let rows = block.len() / width;
+        for column in 0..width {
+            let from = column * count + start;
+            for (to, row) in columns[from..from + rows].iter_mut().zip(block.chunks_exact(width)) {
+                *to = row[column];
+            }
+        }
+    }
+}
+
 kernels! {
     /// Whole numbers next below `places`, which are less than 2^31, as the words of an address.
     pub fn cells(places: &[f32], words: &mut [u32]) {
@@ -142,8 +170,8 @@ kernels! {
     /// Convolves a line with a symmetric response of `taps`, given from the middle on; `padded` is the line with as
     /// many zeros on either side as there are taps beside the middle.
     pub fn convolve(taps: &[f32], squared: bool, padded: &[f32], out: &mut [f32]) {
-        /// Sums that stay in registers while all taps pass.
-        const BLOCK: usize = 32;
+        /// Sums that stay in registers while all taps pass: so many that none waits for the one before.
+        const BLOCK: usize = 64;
         let half = taps.len() - 1;
         let tap = |shift: usize| {
             let tap = taps[shift.abs_diff(half)];
@@ -161,23 +189,21 @@ kernels! {
             out.copy_from_slice(&sums);
         }
         for (at, out) in (whole..).zip(&mut out[whole..]) {
-            *out = (0..=2 * half).map(|shift| tap(shift) * padded[at + shift]).sum();
+            *out = 0.0;
+            for shift in 0..=2 * half {
+                *out += tap(shift) * padded[at + shift];
+            }
         }
     }
 
     /// The columns of rows of `width` numbers, one after the other, each `count` long: the rows are those from `first` on.
     pub fn columns(width: usize, rows: &[f32], first: usize, count: usize, columns: &mut [f32]) {
-        /// Rows at a time: they stay in the first cache.
-        const BLOCK: usize = 16;
-        for (start, block) in (first..).step_by(BLOCK).zip(rows.chunks(BLOCK * width)) {
-            let rows = block.len() / width;
-            for column in 0..width {
-                let from = column * count + start;
-                for (to, row) in columns[from..from + rows].iter_mut().zip(block.chunks_exact(width)) {
-                    *to = row[column];
-                }
-            }
-        }
+        transpose(width, rows, first, count, columns);
+    }
+
+    /// [`columns`] of whole numbers.
+    pub fn columns_of_numbers(width: usize, rows: &[u32], first: usize, count: usize, columns: &mut [u32]) {
+        transpose(width, rows, first, count, columns);
     }
 
     /// `a += b c`.
@@ -194,10 +220,17 @@ kernels! {
         }
     }
 
-    /// `to += a^2`.
-    pub fn add_square(a: &[f32], to: &mut [f32]) {
-        for (to, a) in to.iter_mut().zip(a) {
-            *to += a * a;
+    /// Levels, dB, of what has these amplitudes.
+    pub fn amplitudes_to_db(re: &[f32], im: &[f32], levels: &mut [f32]) {
+        for ((level, re), im) in levels.iter_mut().zip(re).zip(im) {
+            *level = db(re * re + im * im);
+        }
+    }
+
+    /// Those in which nobody is heard become the strongest aside where `powers` are above the `noise`.
+    pub fn tell_of_louder(nobody: u32, noise: f32, powers: &[f32], strongest: &[u32], told: &mut [u32]) {
+        for ((who, &power), &strongest) in told.iter_mut().zip(powers).zip(strongest) {
+            *who = if (*who == nobody) & (power > noise) { strongest } else { *who };
         }
     }
 
@@ -213,7 +246,7 @@ kernels! {
     /// Powers as levels, dB.
     pub fn to_db(powers: &mut [f32]) {
         for level in powers {
-            *level = log2(level.max(1e-30)) * (1.0 / LOG2_PER_DB);
+            *level = db(*level);
         }
     }
 }

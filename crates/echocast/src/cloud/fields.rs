@@ -282,6 +282,11 @@ macro_rules! columns {
                 })
             }
 
+            /// Whether there is any of these columns.
+            pub(crate) fn has(&self, fields: &[Field]) -> bool {
+                fields.iter().any(|field| match field { $( Field::$variant => !self.$name.is_empty() ),* })
+            }
+
             /// Mutable rows from `start` on, borrowed for a while.
             pub(crate) fn rows_after(&mut self, start: usize) -> Slices<'_> {
                 Slices { $( $name: if self.$name.is_empty() { &mut [] } else { &mut self.$name[start..] } ),* }

@@ -1,6 +1,6 @@
 //! What bodies send back that have tubes of their own: of smooth facets in phase, of all else as energies.
 
-use super::ping::{CHUNK_BITS, Echoes, Insonification, MOST_BINS, NO_RAY, Parts, PingEcho, sine, towards};
+use super::ping::{Echoes, Insonification, MOST_BINS, NO_RAY, Parts, PingEcho, sine, towards};
 use crate::emitter::FAINT;
 use crate::ground::math::{LOG2_PER_DB, exp2};
 use crate::trace::{Arrival, Direct, Stand, TubeHit};
@@ -124,7 +124,6 @@ impl Insonification<'_> {
             }
             alike
         });
-        shares.truncate(1 << CHUNK_BITS);
         if self.speckle.is_none() {
             self.join(shares);
         }

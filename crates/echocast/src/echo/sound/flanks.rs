@@ -5,7 +5,7 @@
 //! in each of them, that only powers matter: they add up by range bin and part of the directions, and each beam hears each
 //! part with its mean power there. As for any sum of many scatterers the amplitude is normally distributed.
 
-use super::ping::{CHUNK_BITS, Echoes, NOBODY};
+use super::ping::{Echoes, NOBODY};
 use crate::emitter::{FLANK_PARTS, Hearing, Transducer};
 use echocast_kernels::sound;
 use std::ops::Range;
@@ -39,12 +39,12 @@ impl Flanks {
         self.who.resize(asked, NOBODY);
     }
 
-    /// Adds what comes from chunk number `chunk`.
-    pub fn add(&mut self, transducer: &Transducer, chunk: u32, echoes: &Echoes) {
+    /// Adds what comes from a chunk.
+    pub fn add(&mut self, transducer: &Transducer, echoes: &Echoes) {
         if self.spans.is_empty() {
             return;
         }
-        for (index, answer) in (0..).zip(&echoes.answers).filter(|(_, answer)| answer.parts > 0) {
+        for (number, answer) in (echoes.first..).zip(&echoes.answers).filter(|(_, answer)| answer.parts > 0) {
             let Hearing { part, .. } = transducer.hearings[answer.hearing as usize];
             let span = &mut self.spans[part as usize];
             let (from, to) = (answer.bin as usize, (answer.bin + answer.parts) as usize);
@@ -59,7 +59,7 @@ impl Flanks {
             }
             for ((most, who), &energy) in self.most[cells.clone()].iter_mut().zip(&mut self.who[cells]).zip(parts) {
                 if energy > *most {
-                    (*most, *who) = (energy, chunk << CHUNK_BITS | index);
+                    (*most, *who) = (energy, number);
                 }
             }
         }

@@ -11,7 +11,7 @@ pub(crate) use bodies::{Share, answers_in_phase, grid};
 pub(crate) use coupling::Coupling;
 pub(crate) use flanks::Flanks;
 pub(crate) use ping::{
-    CHUNK_BITS, Drift, Echoes, Insonification, NO_RAY, NOBODY, PingEcho, Scatterers, Tile, Wants, texture,
+    Drift, Echoes, Insonification, NO_RAY, NOBODY, PingEcho, Scatterers, Tile, Wants, texture,
 };
 pub use response::Taper;
 pub(crate) use response::{Background, Lines, Response};

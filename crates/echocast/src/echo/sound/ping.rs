@@ -99,6 +99,8 @@ impl Drift {
 #[derive(Clone, Default)]
 pub(crate) struct Echoes {
     pub arrivals: Vec<Arrival>,
+    /// Number of the first of them among those of the ping, from 1.
+    pub first: u32,
     /// Direct paths to the places of arrivals, for each of which two more arrivals come with the answers; or to targets.
     pub direct: Vec<Direct>,
     /// Directions (unit, world) in which arrivals left that did not leave, or do not come back, along their ray: each with
@@ -106,8 +108,6 @@ pub(crate) struct Echoes {
     pub launches: Vec<(u32, Vec3)>,
     /// For each arrival, in order.
     pub answers: Vec<PingEcho>,
-    /// Azimuth and elevation in which the sound of each arrival left, or came back, sensor frame, rad; empty: not found.
-    pub aims: Vec<[f32; 2]>,
     /// Beams that hear any of it: from the first to before the second.
     pub beams: (usize, usize),
     /// Parts: energies, and amplitudes with random phases, or energies again.
@@ -438,11 +438,10 @@ impl Insonification<'_> {
 impl Echoes {
     /// Empties all but the direct paths.
     pub fn clear(&mut self) {
-        let Echoes { arrivals, launches, answers, aims, energy, re, im, .. } = self;
+        let Echoes { arrivals, launches, answers, energy, re, im, .. } = self;
         arrivals.clear();
         launches.clear();
         answers.clear();
-        aims.clear();
         [energy, re, im].into_iter().for_each(Vec::clear);
     }
 
@@ -583,9 +582,11 @@ pub(crate) struct Tile {
     /// Sums by bin and beam: of amplitudes, or in `re` of energies without speckle.
     pub re: Vec<f32>,
     pub im: Vec<f32>,
-    /// Energy of the strongest arrival of each cell, and its number: see [`Tile::hear`].
+    /// Energy of the strongest arrival of each cell, and its number.
     pub most: Vec<f32>,
     pub who: Vec<u32>,
+    /// Whom each cell tells of, beam by beam: see [`Tile::levels`].
+    pub told: Vec<u32>,
     /// Energy times the angle from the beam's axis, and energy; for swaths.
     pub lean: Vec<f32>,
     pub total: Vec<f32>,
@@ -593,14 +594,11 @@ pub(crate) struct Tile {
     pub open: Vec<f32>,
 }
 
-/// No arrival.
-pub(crate) const NOBODY: u32 = u32::MAX;
+/// No arrival: their numbers are from 1.
+pub(crate) const NOBODY: u32 = 0;
 
 /// In place of a ray's number: what was not found by any, and takes no water from view.
 pub(crate) const NO_RAY: u32 = u32::MAX;
-
-/// Most arrivals of a chunk: their number goes into the lower bits of [`Tile::who`].
-pub(crate) const CHUNK_BITS: u32 = 16;
 
 /// What a tile determines.
 #[derive(Clone, Copy)]
@@ -711,13 +709,13 @@ impl Tile {
         sound::lean_rows(start, width, loudness, beside, &echoes.energy[parts], lean, total);
     }
 
-    /// Adds what the beams hear of chunk number `chunk`.
-    pub fn hear(&mut self, transducer: &Transducer, chunk: u32, echoes: &Echoes, bin_m: f32, wants: Wants) {
+    /// Adds what the beams hear of a chunk.
+    pub fn hear(&mut self, transducer: &Transducer, echoes: &Echoes, bin_m: f32, wants: Wants) {
         let width = self.width();
         if echoes.beams.1 <= self.beams.0 || self.beams.1 <= echoes.beams.0 {
             return;
         }
-        for (index, (arrival, answer)) in (0..).zip(echoes.arrivals.iter().zip(&echoes.answers)) {
+        for (who, (arrival, answer)) in (echoes.first..).zip(echoes.arrivals.iter().zip(&echoes.answers)) {
             if wants.open && arrival.order == 0 && arrival.ray != NO_RAY {
                 self.close(transducer, arrival.ray as usize, (answer.range / bin_m) as usize);
             }
@@ -728,7 +726,6 @@ impl Tile {
                 continue;
             }
             let loudness = &transducer.loudness[from as usize + low - first..from as usize + high - first];
-            let who = chunk << CHUNK_BITS | index;
             self.note(answer.bin as usize, answer.parts as usize);
             if width == 1 {
                 self.hear_alone(echoes, answer, loudness[0], who, wants);

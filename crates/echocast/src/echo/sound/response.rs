@@ -136,28 +136,30 @@ pub(crate) struct Lines {
     flank: Vec<f32>,
     most: Vec<f32>,
     who: Vec<u32>,
+    /// What they hear after the response.
     sum: Vec<f32>,
+    other: Vec<f32>,
     padded: Vec<f32>,
 }
 
 impl Tile {
-    /// Levels of all cells, dB re 1 uPa, into `levels`, beam by beam.
+    /// Levels of all cells, dB re 1 uPa, into `levels`, beam by beam; and whom they tell of.
     pub fn levels(&mut self, response: &Response, background: &Background, lines: &mut Lines, levels: &mut [f32]) {
         let (width, coherent) = (self.width(), !self.im.is_empty());
         let bins = self.re.len() / width;
-        let Lines { re, im, noise_re, noise_im, hiss, flank, most, who, sum, padded } = lines;
-        for line in [&mut *noise_re, noise_im, hiss, flank, most, sum] {
+        let Lines { re, im, noise_re, noise_im, hiss, flank, most, who, sum, other, padded } = lines;
+        for line in [&mut *noise_re, noise_im, hiss, flank, most, sum, other] {
             line.resize(bins, 0.0);
         }
         who.resize(bins, NOBODY);
         let Range { start, end } = self.heard;
+        let heard = start.min(end) * width..end * width;
         for (rows, beams) in [(&self.re, &mut *re), (&self.im, &mut *im)] {
-            beams.clear();
-            beams.resize(rows.len(), 0.0);
-            if !rows.is_empty() && start < end {
-                sound::columns(width, &rows[start * width..end * width], start, bins, beams);
-            }
+            silence(rows.len(), bins, start..end, beams);
+            sound::columns(width, rows.get(heard.clone()).unwrap_or_default(), start, bins, beams);
         }
+        silence(self.who.len(), bins, start..end, &mut self.told);
+        sound::columns_of_numbers(width, self.who.get(heard).unwrap_or_default(), start, bins, &mut self.told);
         for (beam, levels) in levels.chunks_exact_mut(bins).enumerate() {
             let number = (self.beams.0 + beam) as u32;
             background.rng.cell_phasors(number, Draw::PingNoise, noise_re, noise_im);
@@ -167,7 +169,8 @@ impl Tile {
                 let Background { flanks, transducer, .. } = background;
                 if background.labels_flanks {
                     flanks.told(transducer, number as usize, flank, most, who);
-                    self.label_flank(beam, background.noise, flank, who);
+                    let told = &mut self.told[beam * bins..(beam + 1) * bins];
+                    sound::tell_of_louder(NOBODY, background.noise, flank, who, told);
                 } else {
                     flanks.heard(transducer, number as usize, flank);
                 }
@@ -183,27 +186,13 @@ impl Tile {
                 let im = &mut im[beam * bins..(beam + 1) * bins];
                 sound::add_product(re, noise_re, hiss);
                 sound::add_product(im, noise_im, hiss);
-                levels.fill(0.0);
                 response.convolve(re, false, padded, sum);
-                sound::add_square(sum, levels);
-                response.convolve(im, false, padded, sum);
-                sound::add_square(sum, levels);
+                response.convolve(im, false, padded, other);
+                sound::amplitudes_to_db(sum, other, levels);
             } else {
                 response.convolve(re, true, padded, sum);
                 sound::with_noise(sum, noise_re, noise_im, hiss, levels);
-            }
-            sound::to_db(levels);
-        }
-    }
-
-    /// Cells of a beam in which nobody is heard alone have the strongest of those far aside, if they are louder than noise.
-    fn label_flank(&mut self, beam: usize, noise: f32, powers: &[f32], strongest: &[u32]) {
-        let width = self.width();
-        self.heard = 0..strongest.len();
-        let cells = self.who.iter_mut().skip(beam).step_by(width);
-        for ((who, &power), &strongest) in cells.zip(powers).zip(strongest) {
-            if *who == NOBODY && power > noise {
-                *who = strongest;
+                sound::to_db(levels);
             }
         }
     }
@@ -220,6 +209,15 @@ impl Tile {
             open += self.open[bin * width + beam];
             *amplitude = (background.noise * share + background.volume[bin] * open.max(0.0) * share).sqrt();
         }
+    }
+}
+
+/// Makes `cells` lines of `bins` that are empty but where `heard`.
+fn silence<T: Copy + Default>(cells: usize, bins: usize, heard: Range<usize>, lines: &mut Vec<T>) {
+    lines.resize(cells, T::default());
+    for line in lines.chunks_exact_mut(bins) {
+        line[..heard.start].fill(T::default());
+        line[heard.end.max(heard.start)..].fill(T::default());
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::ping::{PingMemory, Pinging, Told};
 use crate::cloud::{FieldSet, Ping, Track};
-use crate::echo::{CHUNK_BITS, Echoes, NO_RAY, NOBODY, PingEcho};
+use crate::echo::{NO_RAY, PingEcho};
 use crate::emitter::{Hearing, Trajectory};
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::MEDIUM;
@@ -97,12 +97,12 @@ impl Pinging<'_> {
             "  a transducer of {length:.3} m: beams are those of its far field, from {far:.2} m on; nearer, of one that focuses"
         )?;
 
-        let Some((cell, bin)) = self.loudest(ping, memory, beam) else {
+        let found = self.loudest(ping, memory, beam);
+        let Some(((cell, bin), (echoes, index))) =
+            found.and_then(|found| memory.strongest(beam, found.1).map(|who| (found, who)))
+        else {
             return writeln!(text, "echo\n  no ray of this beam meets anything within {:.1} m", layout.reach());
         };
-        let who = memory.who(beam, bin);
-        let echoes = memory.echoes(who);
-        let index = (who & ((1 << CHUNK_BITS) - 1)) as usize;
         let (arrival, answer) = (&echoes.arrivals[index], &echoes.answers[index]);
         self.tell_ray(text, arrival, echoes.launch(index).unwrap_or_else(|| self.launch(arrival)))?;
         self.tell_echo(text, ping, arrival, answer, cell, bin)?;
@@ -120,13 +120,13 @@ impl Pinging<'_> {
             let cell = sounding.cell as usize;
             let near = (0..8).flat_map(|step| [cell + step, cell.saturating_sub(step)]);
             // The echo's middle may lie between two rays.
-            let found = near.into_iter().find(|&cell| cell / bins == beam && memory.who(beam, cell % bins) != NOBODY);
+            let found = near.into_iter().find(|&cell| cell / bins == beam && memory.strongest(beam, cell % bins).is_some());
             if let Some(cell) = found {
                 return Some((cell, cell % bins));
             }
         }
         let levels = ping.levels(beam);
-        let heard = (self.layout.first_bin..bins).filter(|&bin| memory.who(beam, bin) != NOBODY);
+        let heard = (self.layout.first_bin..bins).filter(|&bin| memory.strongest(beam, bin).is_some());
         let bin = heard.max_by(|&a, &b| levels[a].total_cmp(&levels[b]))?;
         Some((beam * bins + bin, bin))
     }
@@ -344,18 +344,6 @@ impl Pinging<'_> {
         let excess = heard - threshold;
         let words = if excess > 0.0 { "signal excess: it is reported" } else { "signal excess: it is not reported" };
         term("SE", excess, words.into())
-    }
-}
-
-impl PingMemory {
-    /// The strongest arrival that a beam receives in a bin, or [`NOBODY`].
-    fn who(&self, beam: usize, bin: usize) -> u32 {
-        let tile = self.tile_of(beam);
-        tile.who[bin * tile.width() + beam - tile.beams.0]
-    }
-
-    fn echoes(&self, who: u32) -> &Echoes {
-        self.chunk((who >> CHUNK_BITS) as usize)
     }
 }
 

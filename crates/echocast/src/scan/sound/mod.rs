@@ -4,6 +4,7 @@ mod cloud;
 mod explain;
 mod goals;
 mod ping;
+mod tell;
 mod track;
 
 use crate::cloud::{Ping, PointCloud};

@@ -2,18 +2,16 @@
 //! depths.
 
 use super::goals::Goals;
+use super::tell::{Accounts, strongest};
 use super::track::Log;
 use crate::cloud::{CELL_FIELDS, FLOW, Field, FieldSet, Layout, MOVING, Ping, Slices, SonarView, Sounding};
 use crate::detect::{BeamLevels, Beside, Stretch, sounding};
 use crate::echo::{
-    Background, CHUNK_BITS, Coupling, Drift, Echoes, Flanks, Insonification, Lines, NOBODY, Response, Scatterers,
+    Background, Coupling, Drift, Echoes, Flanks, Insonification, Lines, NOBODY, Response, Scatterers,
     Share, Tile, Wants, grid,
 };
 use crate::emitter::{Pattern, Trajectory, Transducer};
-use crate::ground::angle::azimuth_elevation;
-use crate::ground::cause::Cause;
 use crate::ground::error::{Error, Result};
-use crate::ground::lanes::MEDIUM;
 use crate::ground::math::{LOG2_PER_DB, log2};
 use crate::ground::parallel;
 use crate::ground::pose::Pose;
@@ -29,29 +27,13 @@ use crate::trace::{
     TracerMemory, TubeHit,
 };
 use glam::{DQuat, DVec3, EulerRot, Mat3, Vec3};
-use std::ops::Range;
 use std::sync::Arc;
-
-/// Fills some rows of those of the columns that there are.
-macro_rules! fill {
-    ($rows:expr, $cells:expr, $($column:ident: $value:expr),* $(,)?) => {$(
-        if let Some(places) = $rows.$column.get_mut($cells.clone()) {
-            places.fill($value);
-        }
-    )*};
-}
-
-/// Fills them with what each has `of` its number among them.
-macro_rules! vary {
-    ($rows:expr, $cells:expr, $of:expr, $($column:ident: $value:expr),* $(,)?) => {$(
-        if let Some(places) = $rows.$column.get_mut($cells.clone()) {
-            places.iter_mut().enumerate().for_each(|(step, place)| *place = $value($of(step)));
-        }
-    )*};
-}
 
 /// Rays per task: a constant, so that results cannot depend on the number of threads.
 const CHUNK: usize = 2048;
+
+/// Arrivals have numbers of 32 bits; they would fill the largest memory.
+const MOST_RAYS: usize = 1 << 27;
 
 /// Beams per tile, where several receive a ray: the sums of a tile fit into the second-level cache.
 const TILE: usize = 32;
@@ -68,6 +50,7 @@ pub(crate) struct PingMemory {
     chunks: Vec<RayChunk>,
     flanks: Flanks,
     tiles: Vec<TileMemory>,
+    accounts: Accounts,
     /// The layout of the last ping, and what it was made from.
     layout: Option<(LayoutInputs, Arc<Layout>)>,
     water: Option<Prepared>,
@@ -81,9 +64,10 @@ impl PingMemory {
         &tile.expect("every beam has a tile").tile
     }
 
-    /// What the rays of chunk `number` send back.
-    pub(super) fn chunk(&self, number: usize) -> &Echoes {
-        &self.chunks[number].echoes
+    /// The strongest arrival that a beam receives in a bin: see [`strongest`].
+    pub(super) fn strongest(&self, beam: usize, bin: usize) -> Option<(&Echoes, usize)> {
+        let tile = self.tile_of(beam);
+        strongest(&self.chunks, tile.told[(beam - tile.beams.0) * (tile.told.len() / tile.width()) + bin])
     }
 
     /// What all rays send back.
@@ -93,8 +77,8 @@ impl PingMemory {
 }
 
 #[derive(Default)]
-struct RayChunk {
-    echoes: Echoes,
+pub(super) struct RayChunk {
+    pub echoes: Echoes,
     tracer: TracerMemory,
     hits: Vec<TubeHit>,
     shares: Vec<Share>,
@@ -177,13 +161,13 @@ pub(super) struct Pinging<'a> {
     pub rng: Rng,
     /// Ranges from which echoes come, m.
     pub reach: f64,
-    fold: f64,
+    pub fold: f64,
     pub mask: u32,
     pub time: f64,
     /// Where the scene moves, when sound is where.
     pub clock: Option<Clock>,
     /// What is told of motion, if it is asked for.
-    motion: Option<Motion>,
+    pub motion: Option<Motion>,
     /// The water that depths are corrected with, of sonars that report some.
     assumed: Option<Arc<Column>>,
     /// What a Doppler velocity log adds.
@@ -191,9 +175,9 @@ pub(super) struct Pinging<'a> {
 }
 
 /// What the columns of motion are made from.
-struct Motion {
+pub(super) struct Motion {
     /// Where things are one frame later, if they move and that is asked for.
-    later: Option<Later>,
+    pub later: Option<Later>,
 }
 
 impl BuiltScene {
@@ -313,14 +297,11 @@ impl<'a> Pinging<'a> {
         let believed = water.assumed_speed_m_s.unwrap_or(start_speed);
         let ratio = acoustics.array_speed_m_s.map_or(1.0, |array| speed / array);
         let transducer = sensor.transducer(start_speed / frequency, ratio);
-        // Chunks of targets and of bodies follow those of rays.
-        let goals = scene.surfaces.targets.len().div_ceil(GOALS) + scene.bodies().len();
-        let chunks = transducer.rays().div_ceil(CHUNK) + goals;
-        if chunks > 1 << (32 - CHUNK_BITS) {
+        if transducer.rays() > MOST_RAYS {
             return Err(Error::invalid(
                 "pattern.rays",
                 transducer.rays(),
-                "at most 134 million rays in a ping, less 2048 for each object of the scene",
+                format!("at most {MOST_RAYS} rays in a ping"),
             ));
         }
         let sea = water.sea();
@@ -466,7 +447,7 @@ impl<'a> Pinging<'a> {
         ping.cells.resize(fields, beams * bins)?;
 
         let of_rays = self.transducer.rays().div_ceil(CHUNK);
-        let PingMemory { chunks, goals, flanks, tiles, .. } = memory;
+        let PingMemory { chunks, goals, flanks, tiles, accounts, .. } = memory;
         let of_targets = goals.targets.chunks(GOALS);
         chunks.resize_with(of_rays + of_targets.len() + goals.bodies.len(), RayChunk::default);
         let (sound, surfaces) = (&self.backscatter, &self.scene.surfaces);
@@ -481,10 +462,9 @@ impl<'a> Pinging<'a> {
         };
         let tracer = SoundTracer::new(self.scene, &self.column, limits);
         let insonification = self.insonification(&goals.covered);
-        let with_aims = told == Told::All && fields.contains_any(&[Field::Azimuth, Field::Elevation]);
         parallel::for_each(chunks, |number, chunk| {
             let insonification = &insonification;
-            let task = RayTask { pinging: self, tracer: &tracer, insonification, with_aims, number, chunk };
+            let task = RayTask { pinging: self, tracer: &tracer, insonification, number, chunk };
             match number.checked_sub(of_rays).map(|part| (part, part.checked_sub(of_targets.len()))) {
                 None => task.run(),
                 Some((part, None)) => task.look_at(of_targets.clone().nth(part).unwrap_or_default()),
@@ -492,6 +472,11 @@ impl<'a> Pinging<'a> {
             }
         });
 
+        let mut first = NOBODY + 1;
+        for RayChunk { echoes, .. } in &mut *chunks {
+            echoes.first = first;
+            first += echoes.arrivals.len() as u32;
+        }
         let wants = Wants {
             who: fields.without(Field::Intensity) != FieldSet::EMPTY,
             lean: view == SonarView::Swath,
@@ -499,13 +484,16 @@ impl<'a> Pinging<'a> {
             speckle: self.speckle.is_some(),
         };
         flanks.clear(&self.transducer, bins, wants.who && told == Told::All);
-        for (number, chunk) in (0..).zip(&*chunks) {
-            flanks.add(&self.transducer, number, &chunk.echoes);
+        for chunk in &*chunks {
+            flanks.add(&self.transducer, &chunk.echoes);
+        }
+        if wants.who && told == Told::All {
+            self.account(chunks, fields, accounts)?;
         }
         let tile = if self.transducer.beams_are_apart() { 1 } else { TILE };
         tiles.resize_with(beams.div_ceil(tile), TileMemory::default);
         let rows = ping.cells.slices(0, beams * bins);
-        let task = Listening { pinging: self, chunks, flanks, wants, told, width: tile };
+        let task = Listening { pinging: self, chunks, flanks, accounts, wants, told, width: tile };
         task.tiles(tiles, rows);
         ping.soundings.clear();
         ping.soundings.extend(tiles.iter().flat_map(|memory| &memory.soundings));
@@ -683,15 +671,13 @@ struct RayTask<'a, 'p> {
     pinging: &'a Pinging<'p>,
     tracer: &'a SoundTracer<'a>,
     insonification: &'a Insonification<'a>,
-    /// Whether to find the aims of echoes: each is in many cells.
-    with_aims: bool,
     number: usize,
     chunk: &'a mut RayChunk,
 }
 
 impl RayTask<'_, '_> {
     fn run(self) {
-        let RayTask { pinging, tracer, insonification, with_aims, number, chunk } = self;
+        let RayTask { pinging, tracer, insonification, number, chunk } = self;
         let transducer = &*pinging.transducer;
         let launch = Launch {
             directions: transducer.direction.each_ref().map(|axis| &axis[..]),
@@ -710,13 +696,6 @@ impl RayTask<'_, '_> {
         }
         insonification.answer(&mut chunk.echoes);
         chunk.echoes.find_beams(transducer);
-        let mut aims = std::mem::take(&mut chunk.echoes.aims);
-        aims.clear();
-        if with_aims {
-            let launched = (0..chunk.echoes.arrivals.len()).map(|index| pinging.launched(&chunk.echoes, index));
-            aims.extend(launched.map(|aim| azimuth_elevation(aim.into())));
-        }
-        chunk.echoes.aims = aims;
     }
 }
 
@@ -752,6 +731,7 @@ struct Listening<'a, 'p> {
     pinging: &'a Pinging<'p>,
     chunks: &'a [RayChunk],
     flanks: &'a Flanks,
+    accounts: &'a Accounts,
     wants: Wants,
     told: Told,
     /// Beams of a tile.
@@ -781,13 +761,14 @@ impl Listening<'_, '_> {
 
 impl Listen<'_, '_> {
     fn run(self) {
-        let Listen { listening: Listening { pinging, chunks, flanks, wants, told, width }, memory, first, rows } = self;
+        let Listen { listening, memory, first, rows } = self;
+        let Listening { pinging, chunks, flanks, accounts, wants, told, width } = listening;
         let TileMemory { tile, lines, .. } = memory;
         let Layout { bins, bin_m, .. } = *pinging.layout;
         let last = (first + width).min(pinging.transducer.beams());
         tile.clear((first, last), bins, wants);
-        for (number, chunk) in (0..).zip(chunks) {
-            tile.hear(&pinging.transducer, number, &chunk.echoes, bin_m as f32, wants);
+        for chunk in chunks {
+            tile.hear(&pinging.transducer, &chunk.echoes, bin_m as f32, wants);
         }
         let background = Background {
             rng: pinging.rng,
@@ -802,7 +783,7 @@ impl Listen<'_, '_> {
         let TileMemory { tile, soundings, .. } = memory;
         match told {
             _ if !wants.who => {}
-            Told::All => pinging.tell(tile, chunks, rows),
+            Told::All => pinging.tell(tile, accounts, rows),
             Told::Soundings => pinging.tell_soundings(tile, chunks, rows, soundings),
         }
     }
@@ -824,124 +805,4 @@ impl Pinging<'_> {
         let movement = self.scene.movement(later, arrival.surface, arrival.triangle, arrival.corner, time);
         movement.unwrap_or_default()
     }
-
-    /// The columns of a tile that say what the strongest scatterer of each cell is.
-    fn tell(&self, tile: &Tile, chunks: &[RayChunk], mut rows: Slices) {
-        let (bins, width) = (self.layout.bins, tile.width());
-        silence(&mut rows);
-        // Beam by beam, as the columns are: often one arrival is the strongest in several bins.
-        for beam in 0..width {
-            let who = |bin: usize| tile.who[bin * width + beam];
-            let mut bin = 0;
-            while bin < bins {
-                let first = bin;
-                while bin < bins && who(bin) == who(first) {
-                    bin += 1;
-                }
-                if who(first) != NOBODY {
-                    self.tell_run(chunks, who(first), first, &mut rows, beam * bins + first..beam * bins + bin);
-                }
-            }
-        }
-    }
-
-    /// The same in the cells of `soundings` alone: all that their points are made from.
-    fn tell_soundings(&self, tile: &Tile, chunks: &[RayChunk], mut rows: Slices, soundings: &[Sounding]) {
-        let (bins, width) = (self.layout.bins, tile.width());
-        for sounding in soundings {
-            let row = sounding.cell as usize - tile.beams.0 * bins;
-            match tile.who[row % bins * width + row / bins] {
-                NOBODY => silence(&mut rows.rows_after(row).split_at(1).0),
-                who => self.tell_run(chunks, who, row % bins, &mut rows, row..row + 1),
-            }
-        }
-    }
-
-    /// What the arrival `who` (see [`Tile::hear`]) is, in the cells of the bins from `bin` on.
-    fn tell_run(&self, chunks: &[RayChunk], who: u32, bin: usize, rows: &mut Slices, cells: Range<usize>) {
-        let echoes = &chunks[(who >> CHUNK_BITS) as usize].echoes;
-        let index = (who & ((1 << CHUNK_BITS) - 1)) as usize;
-        let (arrival, answer) = (&echoes.arrivals[index], &echoes.answers[index]);
-        let surfaces = &self.scene.surfaces;
-        if let Some(surface) = surfaces.rows.get(arrival.surface as usize) {
-            fill!(rows, cells,
-                category_id: surface.category_id,
-                part_id: surface.part_id,
-                instance_id: surface.instance_id,
-                material_id: surface.material_id,
-            );
-            if !(rows.red.is_empty() && rows.green.is_empty() && rows.blue.is_empty()) {
-                let [red, green, blue] = surfaces.rgb(surface, arrival.triangle, arrival.corner);
-                fill!(rows, cells, red: red, green: green, blue: blue);
-            }
-        } else {
-            fill!(rows, cells, category_id: 0, part_id: 0, instance_id: 0, material_id: 0, red: 0, green: 0, blue: 0);
-        }
-        // The cell's own part of what the ray stands for, and no more: head-on that is shorter than the cell.
-        let half = 0.5 * answer.reach;
-        let beside = |step: usize| (self.layout.range(bin + step) as f32 - answer.range).clamp(-half, half);
-        let (place, slide) = (arrival.place, answer.slide);
-        let folded = if arrival.range > answer.range + 0.5 * self.fold as f32 { self.fold } else { 0.0 };
-        let time =
-            |beside: f32| self.time + 2.0 * (f64::from(answer.range + beside) + folded) / self.layout.believed_speed;
-        vary!(rows, cells, beside,
-            true_x: |beside: f32| place.x + slide.x * beside,
-            true_y: |beside: f32| place.y + slide.y * beside,
-            true_z: |beside: f32| place.z + slide.z * beside,
-            true_range: |beside: f32| arrival.path + beside,
-            time: time,
-        );
-        fill!(rows, cells,
-            bounces: arrival.order,
-            cause: match (arrival.order, arrival.surface) {
-                (0, MEDIUM) => Cause::SeaSurface as u8,
-                (0, _) => Cause::Surface as u8,
-                _ => Cause::Multipath as u8,
-            },
-        );
-        let (direction, normal) = (arrival.direction, arrival.normal);
-        let scale = -direction.dot(normal).signum() / normal.length();
-        let normal = normal * scale;
-        fill!(rows, cells,
-            cos_incidence: (-direction.dot(normal)).clamp(0.0, 1.0),
-            normal_x: normal.x,
-            normal_y: normal.y,
-            normal_z: normal.z,
-        );
-        let launch = || self.launched(echoes, index);
-        if !(rows.azimuth.is_empty() && rows.elevation.is_empty()) {
-            let [azimuth, elevation] = match echoes.aims.get(index) {
-                Some(&aim) => aim,
-                None => azimuth_elevation(launch().into()),
-            };
-            fill!(rows, cells, azimuth: azimuth, elevation: elevation);
-        }
-        if let Some(Motion { later }) = &self.motion {
-            let Movement { velocity, flow } = self.movement(arrival, later.as_ref());
-            // How fast the way there grows at both its ends.
-            let radial = velocity.dot(direction) - self.own.dot(self.rotation() * launch());
-            fill!(rows, cells,
-                velocity_x: velocity.x,
-                velocity_y: velocity.y,
-                velocity_z: velocity.z,
-                radial_velocity: radial,
-                flow_x: flow.x,
-                flow_y: flow.y,
-                flow_z: flow.z,
-            );
-        }
-    }
-}
-
-/// Makes all cells such in which nothing scatters.
-fn silence(rows: &mut Slices) {
-    fill!(rows, ..,
-        category_id: 0, part_id: 0, instance_id: 0, material_id: 0, red: 0, green: 0, blue: 0, bounces: 0,
-        cause: Cause::FalseAlarm as u8,
-        true_x: f32::NAN, true_y: f32::NAN, true_z: f32::NAN, true_range: f32::NAN, time: f64::NAN,
-        cos_incidence: f32::NAN, normal_x: f32::NAN, normal_y: f32::NAN, normal_z: f32::NAN,
-        azimuth: f32::NAN, elevation: f32::NAN,
-        velocity_x: f32::NAN, velocity_y: f32::NAN, velocity_z: f32::NAN, radial_velocity: f32::NAN,
-        flow_x: f32::NAN, flow_y: f32::NAN, flow_z: f32::NAN,
-    );
 }
