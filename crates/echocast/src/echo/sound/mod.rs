@@ -10,8 +10,6 @@ mod response;
 pub(crate) use bodies::{Share, answers_in_phase, grid};
 pub(crate) use coupling::Coupling;
 pub(crate) use flanks::Flanks;
-pub(crate) use ping::{
-    Drift, Echoes, Insonification, NO_RAY, NOBODY, PingEcho, Scatterers, Tile, Wants, texture,
-};
+pub(crate) use ping::{Drift, Echoes, Insonification, NO_RAY, NOBODY, PingEcho, Scatterers, Tile, Wants, texture};
 pub use response::Taper;
 pub(crate) use response::{Background, Lines, Response};

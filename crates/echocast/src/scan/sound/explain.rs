@@ -120,7 +120,8 @@ impl Pinging<'_> {
             let cell = sounding.cell as usize;
             let near = (0..8).flat_map(|step| [cell + step, cell.saturating_sub(step)]);
             // The echo's middle may lie between two rays.
-            let found = near.into_iter().find(|&cell| cell / bins == beam && memory.strongest(beam, cell % bins).is_some());
+            let found =
+                near.into_iter().find(|&cell| cell / bins == beam && memory.strongest(beam, cell % bins).is_some());
             if let Some(cell) = found {
                 return Some((cell, cell % bins));
             }

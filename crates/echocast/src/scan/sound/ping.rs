@@ -7,8 +7,8 @@ use super::track::Log;
 use crate::cloud::{CELL_FIELDS, FLOW, Field, FieldSet, Layout, MOVING, Ping, Slices, SonarView, Sounding};
 use crate::detect::{BeamLevels, Beside, Stretch, sounding};
 use crate::echo::{
-    Background, Coupling, Drift, Echoes, Flanks, Insonification, Lines, NOBODY, Response, Scatterers,
-    Share, Tile, Wants, grid,
+    Background, Coupling, Drift, Echoes, Flanks, Insonification, Lines, NOBODY, Response, Scatterers, Share, Tile,
+    Wants, grid,
 };
 use crate::emitter::{Pattern, Trajectory, Transducer};
 use crate::ground::error::{Error, Result};

@@ -92,13 +92,6 @@ impl Block {
         &mut self.stops[ray / WIDTH][ray % WIDTH]
     }
 
-    /// The next chord of a ray, if it is to be traced.
-    fn chord(&self, ray: usize) -> Option<Chord> {
-        let (chords, i) = (&self.chords[ray / WIDTH], ray % WIDTH);
-        let [from, along] = [&chords.from, &chords.along].map(|it| Vec3::from_array(it.map(|axis| axis[i])));
-        chords.traced[i].then_some(Chord { from, along, length: chords.length[i] })
-    }
-
     fn set_chord(&mut self, ray: usize, chord: Option<Chord>) {
         let (chords, i) = (&mut self.chords[ray / WIDTH], ray % WIDTH);
         chords.traced[i] = chord.is_some();
@@ -145,6 +138,9 @@ impl SoundTracer<'_> {
             });
             let mut lane = 0;
             for ray in 0..block.count {
+                if *block.stop(ray) == Stop::Ended {
+                    continue;
+                }
                 let is_traced = block.traced.get(lane) == Some(&(ray as u32));
                 lane += usize::from(is_traced);
                 if is_traced && hits.surface[lane - 1] != MISS {
@@ -168,24 +164,30 @@ impl SoundTracer<'_> {
     fn gather(&self, block: &mut Block, rays: &mut RayBatch) -> Option<bool> {
         let (mut any, mut coherent) = (false, true);
         block.traced.clear();
-        for ray in 0..block.count {
-            let stop = *block.stop(ray);
-            if stop == Stop::Ended {
-                continue;
+        for group in 0..block.count.div_ceil(WIDTH) {
+            for i in 0..WIDTH {
+                let (ray, stop) = (group * WIDTH + i, block.stops[group][i]);
+                if stop == Stop::Ended {
+                    continue;
+                }
+                any = true;
+                if stop == Stop::Level && block.chords[group].length[i] == 0.0 {
+                    self.step_alone(block, ray);
+                }
+                let Chords { from: [x, y, z], along, length, traced } = &block.chords[group];
+                if !traced[i] {
+                    continue;
+                }
+                let lane = block.traced.len();
+                (rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]) = (x[i], y[i], z[i]);
+                (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = (along[0][i], along[1][i], along[2][i]);
+                // No gap between one chord and the next.
+                let from = Vec3::new(x[i], y[i], z[i]);
+                rays.range_max[lane] = length[i] * (1.0 + 1e-6) + rounding(from).max(1e-5);
+                block.traced.push(ray as u32);
+                // Rays that nothing has turned are still neighbours.
+                coherent &= block.orders[ray] == 0;
             }
-            any = true;
-            if stop == Stop::Level && block.chords[ray / WIDTH].length[ray % WIDTH] == 0.0 {
-                self.step_alone(block, ray);
-            }
-            let Some(Chord { from, along, length }) = block.chord(ray) else { continue };
-            let lane = block.traced.len();
-            (rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]) = from.into();
-            (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = along.into();
-            // No gap between one chord and the next.
-            rays.range_max[lane] = length * (1.0 + 1e-6) + rounding(from).max(1e-5);
-            block.traced.push(ray as u32);
-            // Rays that nothing has turned are still neighbours.
-            coherent &= block.orders[ray] == 0;
         }
         any.then_some(coherent)
     }
