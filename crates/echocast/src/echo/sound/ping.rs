@@ -350,16 +350,16 @@ impl Insonification<'_> {
         let object = self.scatterer(arrival.surface, arrival.ray, arrival.order, way);
         let along = arrival.place.dot(scatterers.along);
         let along_per_m = slide.dot(scatterers.along);
-        for part in from..=to {
-            let (low, high) = (low.max(part as f32), high.min(part as f32 + 1.0));
+        let (place, textured) = (arrival.place, !scatterers.texture.is_empty());
+        let part = |bin: u32| {
+            let (low, high) = (low.max(bin as f32), high.min(bin as f32 + 1.0));
             // The middle of what lies in the bin.
             let beside = 0.5 * (low + high) * self.bin_m - at;
-            let mut energy = if whole { power } else { share * (high - low).max(0.0) };
-            if !scatterers.texture.is_empty() {
-                energy *= scatterers.roughness(arrival.place + slide * beside);
-            }
-            parts.scatter_at(scatterers, [object, part as u32], along + along_per_m * beside, energy);
-        }
+            let energy = if whole { power } else { share * (high - low).max(0.0) };
+            let rough = if textured { scatterers.roughness(place + slide * beside) } else { 1.0 };
+            (along + along_per_m * beside, energy * rough)
+        };
+        parts.scatter(scatterers, object, from as u32..to as u32 + 1, part);
         answer
     }
 
@@ -491,15 +491,35 @@ impl<'a> Parts<'a> {
 
     /// Adds one of a random amplitude: that of the scatterers of an object in a bin, at a place along the array.
     pub fn scatter_at(&mut self, scatterers: &Scatterers, [object, bin]: [u32; 2], along: f32, energy: f32) {
+        self.scatter(scatterers, object, bin..bin + 1, |_| (along, energy));
+    }
+
+    /// Adds one for each of `bins`, whose places along the array and energies are those that `part` says.
+    fn scatter(
+        &mut self,
+        scatterers: &Scatterers,
+        object: u32,
+        mut bins: Range<u32>,
+        part: impl Fn(u32) -> (f32, f32),
+    ) {
         let batch = &mut self.batch;
-        let lane = batch.count;
-        // Not all of them change at once.
-        let shift = object.wrapping_add(bin.wrapping_mul(0x9E37_79B9));
-        batch.along[lane] = along + (shift >> 8) as f32 / (1 << 24) as f32;
-        (batch.bin[lane], batch.object[lane], batch.energy[lane]) = (bin, object, energy);
-        batch.count += 1;
-        if batch.count == BATCH {
-            batch.scatter(scatterers, self.energy, self.re, self.im);
+        while !bins.is_empty() {
+            let lanes = batch.count..BATCH.min(batch.count + bins.len());
+            let places = batch.along[lanes.clone()].iter_mut().zip(&mut batch.energy[lanes.clone()]);
+            for (((along, energy), number), bin) in places.zip(&mut batch.bin[lanes.clone()]).zip(bins.clone()) {
+                // Not all of them change at once.
+                let shift = object.wrapping_add(bin.wrapping_mul(0x9E37_79B9));
+                let at;
+                (at, *energy) = part(bin);
+                *along = at + (shift >> 8) as f32 / (1 << 24) as f32;
+                *number = bin;
+            }
+            batch.object[lanes.clone()].fill(object);
+            bins.start += lanes.len() as u32;
+            batch.count = lanes.end;
+            if batch.count == BATCH {
+                batch.scatter(scatterers, self.energy, self.re, self.im);
+            }
         }
     }
 

@@ -19,6 +19,8 @@ const OF_CELLS: [Field; 4] = [Field::Intensity, Field::TrueX, Field::TrueY, Fiel
 pub(super) struct Accounts {
     columns: Columns,
     extents: Vec<Extent>,
+    /// Range of each bin, m.
+    ranges: Vec<f32>,
 }
 
 /// Where the surface lies that an arrival stands for.
@@ -125,7 +127,9 @@ impl Pinging<'_> {
     pub fn account(&self, chunks: &[RayChunk], fields: FieldSet, accounts: &mut Accounts) -> Result<()> {
         let counts = || chunks.iter().map(|chunk| chunk.echoes.arrivals.len());
         let all = 1 + counts().sum::<usize>();
-        let Accounts { columns, extents } = accounts;
+        let Accounts { columns, extents, ranges } = accounts;
+        ranges.clear();
+        ranges.extend((0..self.layout.bins).map(|bin| self.layout.range(bin) as f32));
         columns.resize(OF_CELLS.into_iter().fold(fields, FieldSet::without), all)?;
         extents.resize(all, Extent::NOTHING);
         extents[NOBODY as usize] = Extent::NOTHING;
@@ -144,7 +148,7 @@ impl Pinging<'_> {
     /// The columns of a tile that say what the strongest scatterer of each cell is.
     pub fn tell(&self, tile: &Tile, accounts: &Accounts, mut rows: Slices) {
         let (who, bins) = (&tile.told[..], self.layout.bins);
-        let Accounts { columns, extents } = accounts;
+        let Accounts { columns, extents, ranges } = accounts;
         let stretches = &stretches(who, bins)[..];
         gather!(rows, columns, who, stretches,
             category_id part_id instance_id material_id red green blue bounces cause true_range time
@@ -157,8 +161,9 @@ impl Pinging<'_> {
                     column.get_mut(cells.clone()).unwrap_or_default().fill(f32::NAN);
                 }
             } else {
-                let who = &who[cells.clone()];
-                self.tell_places(cells.start % bins, |step| &extents[who[step] as usize], &mut rows, cells.clone());
+                let (who, bin) = (&who[cells.clone()], cells.start % bins);
+                let ranges = &ranges[bin..bin + cells.len()];
+                self.tell_places(ranges, |step| &extents[who[step] as usize], &mut rows, cells.clone());
             }
         }
     }
@@ -174,34 +179,39 @@ impl Pinging<'_> {
             };
             self.tell_arrivals(echoes, index..index + 1, &mut rows.rows_after(row).split_at(1).0);
             let extent = Extent::new(&echoes.arrivals[index], &echoes.answers[index]);
-            self.tell_places(row % bins, |_| &extent, &mut rows, row..row + 1);
+            self.tell_places(&[self.layout.range(row % bins) as f32], |_| &extent, &mut rows, row..row + 1);
         }
     }
 
-    /// Where in cells of neighbouring bins, from `bin` on, is what they hear: each has the part of an extent that lies in
+    /// Where in cells of neighbouring bins, at `ranges`, m, is what they hear: each has the part of an extent that lies in
     /// it. `true_range` and `time` hold what they are in its middle.
-    fn tell_places<'e>(&self, bin: usize, of: impl Fn(usize) -> &'e Extent, rows: &mut Slices, cells: Range<usize>) {
+    fn tell_places<'e>(
+        &self,
+        ranges: &[f32],
+        of: impl Fn(usize) -> &'e Extent,
+        rows: &mut Slices,
+        cells: Range<usize>,
+    ) {
         const BLOCK: usize = 64;
-        let mut beside = [0.0; BLOCK];
-        for first in (0..cells.len()).step_by(BLOCK) {
-            let count = BLOCK.min(cells.len() - first);
-            let beside = &mut beside[..count];
-            for (step, beside) in (first..).zip(&mut *beside) {
-                *beside = of(step).beside(self.layout.range(bin + step) as f32);
-            }
-            let cells = cells.start + first..cells.start + first + count;
-            let axes = [&mut rows.true_x, &mut rows.true_y, &mut rows.true_z];
-            for (axis, column) in axes.into_iter().enumerate() {
-                let column = column.get_mut(cells.clone()).unwrap_or_default();
-                for ((step, to), beside) in (first..).zip(column).zip(&*beside) {
-                    *to = of(step).place[axis] + of(step).slide[axis] * beside;
-                }
+        let (mut beside, mut unasked) = ([0.0; BLOCK], [[0.0; BLOCK]; 3]);
+        for (first, ranges) in (0..).step_by(BLOCK).zip(ranges.chunks(BLOCK)) {
+            let cells = cells.start + first..cells.start + first + ranges.len();
+            let axes = [&mut rows.true_x, &mut rows.true_y, &mut rows.true_z].into_iter().zip(&mut unasked);
+            let mut axes = axes.map(|(column, unasked)| column.get_mut(cells.clone()).unwrap_or(unasked));
+            let [Some(x), Some(y), Some(z)] = [axes.next(), axes.next(), axes.next()] else { return };
+            let places = x.iter_mut().zip(y).zip(z).zip(&mut beside);
+            for (((((x, y), z), beside), &range), step) in places.zip(ranges).zip(first..) {
+                let extent = of(step);
+                *beside = extent.beside(range);
+                *x = extent.place[0] + extent.slide[0] * *beside;
+                *y = extent.place[1] + extent.slide[1] * *beside;
+                *z = extent.place[2] + extent.slide[2] * *beside;
             }
             let column = rows.true_range.get_mut(cells.clone()).unwrap_or_default();
-            column.iter_mut().zip(&*beside).for_each(|(range, beside)| *range += beside);
+            column.iter_mut().zip(&beside).for_each(|(range, beside)| *range += beside);
             let column = rows.time.get_mut(cells).unwrap_or_default();
             let per_metre = 2.0 / self.layout.believed_speed;
-            column.iter_mut().zip(&*beside).for_each(|(time, beside)| *time += f64::from(*beside) * per_metre);
+            column.iter_mut().zip(&beside).for_each(|(time, beside)| *time += f64::from(*beside) * per_metre);
         }
     }
 
