@@ -591,7 +591,8 @@ fn lead_group(
             let slab = there.get(i);
             let length = ((slab.bottom - slab.top) / rays.sine[i].abs()).min(there.chord[i] * root[i]);
             let turn = turned[i] + slab.gradient.abs() * rays.snell[i] * length;
-            fits[i] = !((way[i] + length) * turn > 4.0 * water.sagitta);
+            // No number where a straight way does not end.
+            fits[i] = ((way[i] + length) * turn).max(0.0) <= 4.0 * water.sagitta;
         }
         let mut goes_on = false;
         for i in 0..WIDTH {

@@ -308,32 +308,36 @@ fn joined(stretches: &[Stretch]) -> Vec<Stretch> {
     all
 }
 
-/// Halves `stretch` until its line of speeds is near those of the `formula`.
+/// Divides `stretch` into as many equal parts as it takes for their lines of speeds to be near those of the `formula`.
 fn divide_until_straight(stretch: Stretch, formula: &impl Fn(&WaterRow) -> f64, into: &mut Vec<Stretch>) {
-    /// Most successive halvings; the widest temperature steps allowed take 7.
-    const MOST: u32 = 12;
-    fn divide(stretch: Stretch, formula: &impl Fn(&WaterRow) -> f64, deeper: u32, into: &mut Vec<Stretch>) {
-        let speed_at = |t: f64| {
-            formula(&WaterRow {
-                depth_m: Stretch::at([stretch.top, stretch.bottom], t),
-                temperature_c: Stretch::at(stretch.temperature, t),
-                salinity_psu: Stretch::at(stretch.salinity, t),
-            })
-        };
-        // Formulas are nearly parabolic between rows: half of the tolerance is reserved for what lies between these.
-        let off = |t: f64| (speed_at(t) - Stretch::at(stretch.speed, t)).abs() > SPEED_ERROR / 2.0;
-        if deeper == 0 || ![0.25, 0.5, 0.75].into_iter().any(off) {
-            into.push(stretch);
-            return;
-        }
-        let middle = Stretch::at([stretch.top, stretch.bottom], 0.5);
-        let [mut upper, mut lower] = [stretch.part(stretch.top, middle), stretch.part(middle, stretch.bottom)];
-        let speed = speed_at(0.5);
-        (upper.speed[1], lower.speed[0]) = (speed, speed);
-        divide(upper, formula, deeper - 1, into);
-        divide(lower, formula, deeper - 1, into);
+    /// Most parts; the widest temperature steps allowed take 60.
+    const MOST: usize = 4096;
+    /// Formulas are nearly parabolic between rows: a little is reserved for what lies between the depths that are looked at.
+    const NEAR: f64 = 0.9 * SPEED_ERROR;
+    let depth_at = |t: f64| Stretch::at([stretch.top, stretch.bottom], t);
+    let speed_at = |t: f64| {
+        formula(&WaterRow {
+            depth_m: depth_at(t),
+            temperature_c: Stretch::at(stretch.temperature, t),
+            salinity_psu: Stretch::at(stretch.salinity, t),
+        })
+    };
+    // How far the line over a part, from one `t` to another, is from the formula.
+    let off = |[from, to]: [f64; 2]| {
+        let ends = [from, to].map(speed_at);
+        let beside = |part: f64| (speed_at(Stretch::at([from, to], part)) - Stretch::at(ends, part)).abs();
+        [0.25, 0.5, 0.75].map(beside).into_iter().fold(0.0, f64::max)
+    };
+    let part = |index: usize, parts: usize| [index, index + 1].map(|end| end as f64 / parts as f64);
+    // A parabola is nearer to its chords by the square of how many they are.
+    let mut parts = ((off([0.0, 1.0]) / NEAR).sqrt().ceil() as usize).clamp(1, MOST);
+    while parts < MOST && (0..parts).any(|index| off(part(index, parts)) > NEAR) {
+        parts += parts / 8 + 1;
     }
-    divide(stretch, formula, MOST, into);
+    for ends in (0..parts).map(|index| part(index, parts)) {
+        let [top, bottom] = ends.map(depth_at);
+        into.push(Stretch { speed: ends.map(speed_at), ..stretch.part(top, bottom) });
+    }
 }
 
 /// Slabs of adjoining `stretches`: adds the absorption, and extends them to the surface and to infinity.
