@@ -39,6 +39,8 @@ pub(crate) struct Beside<'a> {
     /// Beams of the tile, and which of them it is.
     pub width: usize,
     pub beam: usize,
+    /// First bin in which there may be any, and first after these.
+    pub heard: (usize, usize),
 }
 
 impl Beside<'_> {
@@ -144,14 +146,14 @@ fn on_axis(layout: &Layout, heard: &BeamLevels, sums: &mut Vec<f32>) -> Option<R
     /// Part of the power of the loudest part that the rest has at least.
     const FAINTER: f32 = 0.05;
     let BeamLevels { levels, beside, width, resolution, .. } = *heard;
-    let (bins, from) = (levels.len(), layout.first_bin);
+    let bins = layout.first_bin.max(beside.heard.0)..levels.len().min(beside.heard.1);
     // Speckle interrupts an echo.
     let least = 3.0 * resolution + 3.0;
     let longest = |length: usize| least.max(0.2 * length as f32);
     let lit = |&bin: &usize| levels[bin] > layout.threshold_db[bin] && beside.at(bin).abs() <= WITHIN * width;
     let mut best = (0.0, 0..0);
     let mut run = (0.0, 0..0);
-    for bin in (from..bins).filter(lit) {
+    for bin in bins.filter(lit) {
         let (_, at) = &run;
         if at.is_empty() || (bin - at.end) as f32 > longest(at.len()) {
             run = (0.0, bin..bin);
@@ -324,7 +326,7 @@ mod tests {
     fn found(layout: &Layout, levels: &[f32], beside: &[f32], width: f32) -> Option<Sounding> {
         let rng = Rng::new(1, 0);
         let total = vec![1.0; beside.len()];
-        let beside = Beside { lean: beside, total: &total, width: 1, beam: 0 };
+        let beside = Beside { lean: beside, total: &total, width: 1, beam: 0, heard: (0, levels.len()) };
         let heard = BeamLevels { beam: 0, levels, beside, width, resolution: 2.0, rng: &rng };
         sounding(layout, &heard, &mut Stretch::default())
     }

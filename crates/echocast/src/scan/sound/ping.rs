@@ -563,7 +563,8 @@ impl TileMemory {
         }
         for (beam, levels) in (tile.beams.0..).zip(levels.chunks_exact(bins)) {
             let (lean, total) = (&tile.lean[..], &tile.total[..]);
-            let beside = Beside { lean, total, width: tile.width(), beam: beam - tile.beams.0 };
+            let heard = (tile.heard.start, tile.heard.end);
+            let beside = Beside { lean, total, width: tile.width(), beam: beam - tile.beams.0, heard };
             let width = pinging.transducer.widths[beam];
             let heard = BeamLevels { beam, levels, beside, width, resolution, rng: &pinging.rng };
             soundings.extend(sounding(&pinging.layout, &heard, stretch).map(|found| Sounding {
