@@ -67,7 +67,7 @@ pub struct Turn {
 }
 
 impl Turn {
-    /// Of an angle of at most 0.02 rad, by the series, to the last bit or two.
+    /// Of an angle of at most 0.02 rad, by the series, to 2e-14.
     #[inline(always)]
     #[must_use]
     pub fn small(angle: f64) -> Turn {
@@ -87,7 +87,7 @@ impl Turn {
     }
 }
 
-/// What a ray is within a slab.
+/// Where a ray is, and how it runs there.
 #[derive(Clone, Copy, Debug)]
 pub struct Course {
     /// Depth, m.
@@ -117,8 +117,8 @@ pub struct Arc {
     pub middle_speed: f64,
 }
 
-/// Speed changes along an arc by no more than this part of itself where [`Arc::time`] and [`Arc::speed_path`] are used:
-/// the rule is off by a 120th of its fourth power of the time.
+/// Speed changes along an arc by no more than this part of itself where [`Arc::time`] is used: the rule is off by less
+/// than a 120th of its fourth power, relative to the time.
 pub const SHORT: f64 = 0.02;
 
 impl Arc {
@@ -323,9 +323,9 @@ impl Default for Chords {
 pub struct Limits {
     /// Greatest speed, m/s.
     pub fastest: f64,
-    /// An arc along which speed changes by no more than [`SHORT`] of itself is no longer than this times the speed.
+    /// An arc along which speed changes by no more than [`SHORT`] of itself is no longer than this, s, times the speed.
     pub short: f64,
-    /// An arc that is near its chord is no longer than this over the square root of its `snell`.
+    /// An arc that is near its chord is no longer than this, (m s)^(1/2), over the square root of its `snell`.
     pub chord: f64,
     /// Whether nothing can be met there.
     pub empty: bool,
@@ -350,7 +350,7 @@ pub fn farther(fastest: f64, time: f64) -> f64 {
     time * fastest + 1e-3
 }
 
-/// Slabs of a group's rays, number by number.
+/// Slabs of a group's rays: a column for each of their numbers.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
 struct Slabs {
@@ -571,7 +571,7 @@ fn lead_group(
             for i in 0..WIDTH {
                 let (slab, next) = (here.get(i), there.get(i));
                 let from = slab.speed_at(rays.depth[i]);
-                let [cosine, cosine_on] = [from, rays.speed[i]].map(|speed| rays.snell[i] * speed);
+                let cosine_on = rays.snell[i] * rays.speed[i];
                 let sine = rays.sine[i].abs().max(1e-9);
                 let sine_on = (1.0 - cosine_on * cosine_on).sqrt().max(1e-9);
                 let on = pick(down[i], sine_on, -sine_on);
@@ -582,7 +582,6 @@ fn lead_group(
                 rays.transmitted[i] *= pick(refracts[i], part, 1.0);
                 rays.tube[i] = pick(refracts[i], tube, rays.tube[i]);
                 rays.widening[i] = pick(refracts[i], widening, rays.widening[i]);
-                turned[i] += pick(refracts[i], (sine_on * cosine - sine * cosine_on).abs(), 0.0);
             }
         }
         let mut fits = [false; WIDTH];
@@ -603,10 +602,11 @@ fn lead_group(
                 rays.slab[i] = if down[i] { rays.slab[i] + 1 } else { rays.slab[i] - 1 };
                 going[i] &= !changes[i];
             }
-            going[i] &= empty[i] | fits[i];
+            // What lies where the water changes is met on the side that the ray comes from.
+            going[i] &= empty[i] | (fits[i] & !refracts[i]);
             goes_on |= going[i];
         }
-        // Rays that do not pass go on in none.
+        // Rays that do not pass have stopped: what it says of them is not used.
         here = there;
         if !goes_on {
             break;

@@ -17,8 +17,8 @@ use std::ops::Range;
 /// Greatest distance of an arc from the chord that is traced in its place, m.
 const SAGITTA: f64 = 1e-3;
 
-/// Steps on which something can be met after which the rays of a block are given up, and steps between two such after
-/// which a single ray is: a ray that oscillates in a thin duct makes that many.
+/// Steps, one chord of every ray each, after which the rays of a block are given up; of a direct path also those between
+/// two on which something can be met. A ray that oscillates in a thin duct makes that many.
 const MOST_STEPS: usize = 100_000;
 
 /// Loss of a reflection, dB: of a surface's row (or [`MEDIUM`]) at the sine of a grazing angle.
@@ -240,7 +240,7 @@ impl<'a> SoundTracer<'a> {
     }
 
     /// Adds what the rays `which` of `launch` meet to `arrivals`, block by block: in uniform water first what each
-    /// meets first, in their order, then what they meet over reflections; in other water in the order of the steps that
+    /// meets first, in their order, then what they meet over reflections; in other water in the order of the chords that
     /// reach it. After reflections also what is out of reach back along the path, if it may be heard straight back.
     pub fn trace(&self, launch: &Launch, which: Range<usize>, memory: &mut TracerMemory, arrivals: &mut Vec<Arrival>) {
         let depth = self.surface_z - launch.place.z;
@@ -650,6 +650,30 @@ mod tests {
             }
             assert!(met[..2].iter().all(|&met| met > 15) && met[2] > 8, "{met:?} of {}", angles.len());
         }
+    }
+
+    /// A bed where the water changes is met from above, whatever rounding says of which comes first.
+    #[test]
+    fn a_bed_at_a_boundary_is_met_before_it() {
+        let corners = [[-90.0, -90.0], [90.0, -90.0], [90.0, 90.0], [-90.0, 90.0]];
+        let bed = corners.map(|[x, y]| DVec3::new(x, y, -10.3));
+        let profile = "{layers: [{depth_m: 0, speed_m_s: 1480}, {depth_m: 10.3, speed_m_s: 1530}]}";
+        let direction = |index: u32| {
+            let (angle, around) = ((5.0 + 0.3 * f64::from(index)).to_radians(), f64::from(index));
+            DVec3::new(angle.cos() * around.cos(), angle.cos() * around.sin(), -angle.sin())
+        };
+        let directions: Vec<DVec3> = (0..280).map(direction).collect();
+        let found = arrivals(&sheet(bed, None), profile, DVec3::new(0.3, -0.2, -4.1), &directions, 80.0);
+        let first: Vec<&Arrival> = found.iter().filter(|it| it.order == 0).collect();
+        assert_eq!(first.len(), 280);
+        for it in first {
+            let down = directions[it.ray as usize].z as f32;
+            assert!((it.place.z + 10.3).abs() < 1e-4 && (it.direction.z - down).abs() < 1e-6, "{it:?}");
+            assert!(it.speed == 1.0 && it.surface != MEDIUM, "{it:?}");
+        }
+        // Mirrored, all go up.
+        assert!(found.iter().filter(|it| it.order == 1).all(|it| it.surface == MEDIUM && it.direction.z > 0.0));
+        assert_eq!(found.iter().filter(|it| it.place.z < -10.4).count(), 0);
     }
 
     /// A slope is met on the arc, and the arc where the slope is.

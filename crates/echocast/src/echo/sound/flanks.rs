@@ -18,7 +18,7 @@ pub(crate) struct Flanks {
     spans: Vec<Range<usize>>,
     /// Part by part: energies, 1 for a beam that looks there.
     energy: Vec<f32>,
-    /// Energy of the strongest arrival, and its number: see [`super::Tile::hear`]. Empty: nobody asks.
+    /// Energy of the strongest arrival, and its number: see [`Echoes::first`]. Empty: nobody asks.
     most: Vec<f32>,
     who: Vec<u32>,
 }

@@ -614,7 +614,7 @@ pub(crate) struct Tile {
     pub open: Vec<f32>,
 }
 
-/// No arrival: their numbers are from 1.
+/// No arrival: their numbers are from 1. It is 0, as memory is when nothing was heard.
 pub(crate) const NOBODY: u32 = 0;
 
 /// In place of a ray's number: what was not found by any, and takes no water from view.

@@ -332,7 +332,7 @@ fn divide_until_straight(stretch: Stretch, formula: &impl Fn(&WaterRow) -> f64, 
     // A parabola is nearer to its chords by the square of how many they are.
     let mut parts = ((off([0.0, 1.0]) / NEAR).sqrt().ceil() as usize).clamp(1, MOST);
     while parts < MOST && (0..parts).any(|index| off(part(index, parts)) > NEAR) {
-        parts += parts / 8 + 1;
+        parts = (parts + parts / 8 + 1).min(MOST);
     }
     for ends in (0..parts).map(|index| part(index, parts)) {
         let [top, bottom] = ends.map(depth_at);

@@ -104,7 +104,7 @@ impl Pinging<'_> {
             return writeln!(text, "echo\n  no ray of this beam meets anything within {:.1} m", layout.reach());
         };
         let (arrival, answer) = (&echoes.arrivals[index], &echoes.answers[index]);
-        self.tell_ray(text, arrival, echoes.launch(index).unwrap_or_else(|| self.launch(arrival)))?;
+        self.tell_ray(text, arrival, self.rotation() * self.launched(echoes, index))?;
         self.tell_echo(text, ping, arrival, answer, cell, bin)?;
         self.tell_equation(text, ping, memory, arrival, beam, bin)?;
         let Some(Track { radial, velocity: Vec3 { x, y, z }, error }) = ping.bottom_track else { return Ok(()) };
@@ -130,12 +130,6 @@ impl Pinging<'_> {
         let heard = (self.layout.first_bin..bins).filter(|&bin| memory.strongest(beam, bin).is_some());
         let bin = heard.max_by(|&a, &b| levels[a].total_cmp(&levels[b]))?;
         Some((beam * bins + bin, bin))
-    }
-
-    /// Direction in which the ray of an arrival leaves, world.
-    fn launch(&self, arrival: &Arrival) -> Vec3 {
-        let [x, y, z] = self.transducer.direction.each_ref().map(|axis| axis[arrival.ray as usize]);
-        self.rotation() * Vec3::new(x, y, z)
     }
 
     /// Whether what an arrival meets answers as a whole, along a ray of its own.

@@ -2,7 +2,7 @@
 //! depths.
 
 use super::goals::Goals;
-use super::tell::{Accounts, strongest};
+use super::tell::{Accounts, Run, strongest};
 use super::track::Log;
 use crate::cloud::{CELL_FIELDS, FLOW, Field, FieldSet, Layout, MOVING, Ping, Slices, SonarView, Sounding};
 use crate::detect::{BeamLevels, Beside, Stretch, sounding};
@@ -32,7 +32,7 @@ use std::sync::Arc;
 /// Rays per task: a constant, so that results cannot depend on the number of threads.
 const CHUNK: usize = 2048;
 
-/// Arrivals have numbers of 32 bits; they would fill the largest memory.
+/// Arrivals have numbers of 32 bits: each ray has 25 at most, with eight reflections and two mixed ways for each.
 const MOST_RAYS: usize = 1 << 27;
 
 /// Beams per tile, where several receive a ray: the sums of a tile fit into the second-level cache.
@@ -91,6 +91,7 @@ struct TileMemory {
     /// Of the echo of the beam at hand.
     stretch: Stretch,
     soundings: Vec<Sounding>,
+    runs: Vec<Run>,
 }
 
 /// The water of the last ping, prepared for a frequency and a depth.
@@ -781,10 +782,10 @@ impl Listen<'_, '_> {
         };
         tile.levels(&pinging.response, &background, lines, rows.intensity);
         memory.sound_out(pinging, rows.intensity);
-        let TileMemory { tile, soundings, .. } = memory;
+        let TileMemory { tile, soundings, runs, .. } = memory;
         match told {
             _ if !wants.who => {}
-            Told::All => pinging.tell(tile, accounts, rows),
+            Told::All => pinging.tell(tile, accounts, runs, rows),
             Told::Soundings => pinging.tell_soundings(tile, chunks, rows, soundings),
         }
     }

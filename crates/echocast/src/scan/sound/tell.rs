@@ -11,6 +11,9 @@ use crate::ground::parallel;
 use crate::trace::{Arrival, Movement};
 use std::ops::Range;
 
+/// Columns that say where in its extent what a cell hears is.
+const PLACES: [Field; 5] = [Field::TrueX, Field::TrueY, Field::TrueZ, Field::TrueRange, Field::Time];
+
 /// Columns that are no arrival's own.
 const OF_CELLS: [Field; 4] = [Field::Intensity, Field::TrueX, Field::TrueY, Field::TrueZ];
 
@@ -71,12 +74,12 @@ impl Account<'_, '_> {
     }
 }
 
-/// Copies to each cell what is in the row of the one that it hears; `silent`: the cells that hear nobody, and others.
-fn gather<T: Copy>(to: &mut [T], from: &[T], who: &[u32], stretches: &[Stretch]) {
+/// Copies to each cell what is in the row of the one that it hears; `runs`: the cells that hear nobody, and others.
+fn gather<T: Copy>(to: &mut [T], from: &[T], who: &[u32], runs: &[Run]) {
     if to.is_empty() {
         return;
     }
-    for Stretch { cells, silent } in stretches {
+    for Run { cells, silent } in runs {
         let to = &mut to[cells.clone()];
         if *silent {
             to.fill(from[NOBODY as usize]);
@@ -87,26 +90,25 @@ fn gather<T: Copy>(to: &mut [T], from: &[T], who: &[u32], stretches: &[Stretch])
 }
 
 /// Neighbouring cells, and whether all of them hear nobody.
-struct Stretch {
+pub(super) struct Run {
     cells: Range<usize>,
     silent: bool,
 }
 
-/// The cells of `who`, stretch by stretch, up to all of those of a beam of `bins`.
-fn stretches(who: &[u32], bins: usize) -> Vec<Stretch> {
+/// Finds the `runs` of the cells of `who`, up to all of those of a beam of `bins`.
+fn find_runs(who: &[u32], bins: usize, runs: &mut Vec<Run>) {
     /// Cells that are looked at together.
     const BLOCK: usize = 32;
-    let mut stretches: Vec<Stretch> = Vec::new();
+    runs.clear();
     for (first, beam) in (0..).step_by(bins).zip(who.chunks(bins)) {
         for (start, block) in (first..).step_by(BLOCK).zip(beam.chunks(BLOCK)) {
             let (silent, end) = (block.iter().all(|&who| who == NOBODY), start + block.len());
-            match stretches.last_mut().filter(|last| last.silent == silent && start > first) {
+            match runs.last_mut().filter(|last| last.silent == silent && start > first) {
                 Some(last) => last.cells.end = end,
-                None => stretches.push(Stretch { cells: start..end, silent }),
+                None => runs.push(Run { cells: start..end, silent }),
             }
         }
     }
-    stretches
 }
 
 /// Fills those of the columns that there are with what each `of` some things has.
@@ -117,8 +119,8 @@ macro_rules! each {
 }
 
 macro_rules! gather {
-    ($rows:expr, $accounts:expr, $who:expr, $stretches:expr, $($column:ident)*) => {$(
-        gather($rows.$column, &$accounts.$column, $who, $stretches);
+    ($rows:expr, $accounts:expr, $who:expr, $runs:expr, $($column:ident)*) => {$(
+        gather($rows.$column, &$accounts.$column, $who, $runs);
     )*};
 }
 
@@ -138,24 +140,27 @@ impl Pinging<'_> {
         let mut rest = &mut extents[1..];
         let extents = counts().map(|count| rest.split_off_mut(..count).unwrap_or_default());
         let parts = chunks.iter().zip(rows.parts(counts())).zip(extents);
-        let tasks: Vec<Account> = parts
-            .map(|((chunk, rows), extents)| Account { pinging: self, echoes: &chunk.echoes, rows, extents })
-            .collect();
-        parallel::for_each_of(tasks.into_iter(), Account::run);
+        let tasks =
+            parts.map(|((chunk, rows), extents)| Account { pinging: self, echoes: &chunk.echoes, rows, extents });
+        parallel::for_each_of(tasks, Account::run);
         Ok(())
     }
 
     /// The columns of a tile that say what the strongest scatterer of each cell is.
-    pub fn tell(&self, tile: &Tile, accounts: &Accounts, mut rows: Slices) {
+    pub fn tell(&self, tile: &Tile, accounts: &Accounts, runs: &mut Vec<Run>, mut rows: Slices) {
         let (who, bins) = (&tile.told[..], self.layout.bins);
         let Accounts { columns, extents, ranges } = accounts;
-        let stretches = &stretches(who, bins)[..];
-        gather!(rows, columns, who, stretches,
+        find_runs(who, bins, runs);
+        let runs = &runs[..];
+        gather!(rows, columns, who, runs,
             category_id part_id instance_id material_id red green blue bounces cause true_range time
             cos_incidence normal_x normal_y normal_z azimuth elevation
             velocity_x velocity_y velocity_z radial_velocity flow_x flow_y flow_z
         );
-        for Stretch { cells, silent } in stretches {
+        if !rows.has(&PLACES) {
+            return;
+        }
+        for Run { cells, silent } in runs {
             if *silent {
                 for column in [&mut rows.true_x, &mut rows.true_y, &mut rows.true_z] {
                     column.get_mut(cells.clone()).unwrap_or_default().fill(f32::NAN);

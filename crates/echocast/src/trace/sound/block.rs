@@ -181,15 +181,19 @@ impl SoundTracer<'_> {
                 let lane = block.traced.len();
                 (rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]) = (x[i], y[i], z[i]);
                 (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = (along[0][i], along[1][i], along[2][i]);
-                // No gap between one chord and the next.
-                let from = Vec3::new(x[i], y[i], z[i]);
-                rays.range_max[lane] = length[i] * (1.0 + 1e-6) + rounding(from).max(1e-5);
+                rays.range_max[lane] = length[i] + self.overlap(length[i]);
                 block.traced.push(ray as u32);
                 // Rays that nothing has turned are still neighbours.
                 coherent &= block.orders[ray] == 0;
             }
         }
         any.then_some(coherent)
+    }
+
+    /// How much farther than its `length`, m, a chord is traced, so that there is no gap between one and the next.
+    fn overlap(&self, length: f32) -> f32 {
+        let [low, high] = self.bounds.map(Vec3::from);
+        1e-6 * length + rounding(low.abs().max(high.abs())).max(1e-5)
     }
 
     /// Takes a ray that is level, or turns over, on by one step.
@@ -214,9 +218,9 @@ impl SoundTracer<'_> {
             Stop::Top => End::Top,
             Stop::Bottom => End::Bottom,
             Stop::Onward | Stop::Level => {
-                let late = block.rays[ray / WIDTH].time[ray % WIDTH] >= block.latest[ray / WIDTH][ray % WIDTH];
-                let far = || !self.is_in_reach(&block.state(&block.rays, ray), start);
-                if late || block.orders[ray] > 0 && far() {
+                let early = block.rays[ray / WIDTH].time[ray % WIDTH] < block.latest[ray / WIDTH][ray % WIDTH];
+                let near = || self.is_in_reach(&block.state(&block.rays, ray), start);
+                if !early || block.orders[ray] > 0 && !near() {
                     *block.stop(ray) = Stop::Ended;
                 }
                 return;
@@ -244,8 +248,7 @@ impl SoundTracer<'_> {
         let normal = self.scene.world_normal(surface, hits.normal(lane), rays.time[lane]);
         let mut state = block.state(&block.starts, ray);
         let end = block.state(&block.rays, ray).ray;
-        let chord = [end.distance - state.ray.distance, end.depth - state.ray.depth];
-        state.ray = self.at_facet(&state, chord, hits.range[lane].into(), normal);
+        state.ray = self.at_facet(&state, &end, hits.range[lane].into(), normal);
         *block.stop(ray) = Stop::Ended;
         if !self.is_in_reach(&state, start) {
             return;
@@ -259,29 +262,31 @@ impl SoundTracer<'_> {
         }
     }
 
-    /// A ray at the facet with a `normal` that its `chord` (horizontally and downwards from where it is, m) meets after
-    /// `range` m.
-    pub(super) fn at_facet(&self, state: &State, chord: [f64; 2], range: f64, normal: Vec3) -> Ray {
-        let length = (chord[0] * chord[0] + chord[1] * chord[1]).sqrt();
-        let along = chord.map(|it| it / length);
+    /// A ray at the facet with a `normal` that its chord, up to where it is at the `end`, meets after `range` m.
+    pub(super) fn at_facet(&self, state: &State, end: &Ray, range: f64, normal: Vec3) -> Ray {
         let mut ray = state.ray;
         let from = [ray.distance, ray.depth];
-        let beyond = |ray: &Ray| (ray.distance - from[0]) * along[0] + (ray.depth - from[1]) * along[1] - range;
+        let chord = [end.distance - from[0], end.depth - from[1]];
+        let whole = (chord[0] * chord[0] + chord[1] * chord[1]).sqrt();
+        if whole == 0.0 {
+            return ray;
+        }
+        let along = chord.map(|it| it / whole);
         let mut slab = &self.slabs[ray.slab];
         let mut rest = range;
-        let mut near = ray.advanced(slab, rest);
-        // Slab by slab as far as the place on the chord.
-        while near.depth < slab.top || near.depth > slab.bottom {
+        // What lies at a boundary, but for rounding, is met before it.
+        let close = f64::from(self.overlap(range as f32));
+        for _ in 0..MOST_STEPS {
             let (length, end) = ray.exit(slab);
-            if end == End::Inside || end == End::Top && ray.slab == 0 || length >= rest {
+            if end == End::Inside || end == End::Top && ray.slab == 0 || length >= rest - 2.0 * close {
                 break;
             }
             ray = ray.advanced(slab, length);
             ray.cross(&self.slabs, end);
             slab = &self.slabs[ray.slab];
-            rest = (-beyond(&ray)).max(0.0);
-            near = ray.advanced(slab, rest);
+            rest = range - (ray.distance - from[0]) * along[0] - (ray.depth - from[1]) * along[1];
         }
+        let near = ray.advanced(slab, rest);
         // From there to the facet by one step of Newton's method, within the vertical plane of the ray.
         let normal = normal.as_dvec3();
         let across = [state.heading[0] * normal.x + state.heading[1] * normal.y, -normal.z];
@@ -289,7 +294,7 @@ impl SoundTracer<'_> {
             + (near.depth - from[1] - range * along[1]) * across[1];
         let towards = near.snell * near.speed * across[0] + near.sine * across[1];
         let further = if towards.abs() > 1e-3 * normal.length() { -miss / towards } else { 0.0 };
-        if further.abs() < 1e-9 { near } else { ray.advanced(slab, (rest + further).clamp(0.0, rest + length)) }
+        if further.abs() < 1e-9 { near } else { ray.advanced(slab, (rest + further).clamp(0.0, rest + whole)) }
     }
 }
 
@@ -332,8 +337,8 @@ mod tests {
     fn alone(mut ray: Ray, slabs: &[Slab], path: f64) -> Option<Ray> {
         loop {
             let (length, end) = ray.exit(&slabs[ray.slab]);
-            // At a boundary it may be on either side.
-            if length >= path - ray.path - 1e-9 {
+            // At a boundary it is beyond it.
+            if length > path - ray.path + 1e-9 {
                 return Some(ray.advanced(&slabs[ray.slab], path - ray.path));
             }
             ray = ray.advanced(&slabs[ray.slab], length);
@@ -377,10 +382,10 @@ mod tests {
                     let pairs = [
                         (found.distance, expected.distance, 1e-9),
                         (found.depth, expected.depth, 1e-9),
-                        (found.time, expected.time, 2e-11),
-                        (found.sine, expected.sine, 1e-3),
-                        (found.loss(), expected.loss(), 1e-6),
-                        (found.speed_path, expected.speed_path, 1e-5),
+                        (found.time, expected.time, 1e-8 * expected.time),
+                        (found.sine, expected.sine, 1e-9),
+                        (found.loss(), expected.loss(), 1e-4),
+                        (found.speed_path, expected.speed_path, 1e-8 * expected.speed_path),
                         (found.tube, expected.tube, 1e-6 * (1.0 + expected.tube.abs())),
                     ];
                     for (found, expected, tolerance) in pairs {
@@ -395,7 +400,7 @@ mod tests {
                     assert!(apart <= SAGITTA * 1.001, "{ray} from {depth}: {apart}");
                 }
             }
-            assert!(compared > 10 * LANES / 2, "{compared}");
+            assert!(compared > 2 * LANES, "{compared}");
         }
     }
 }

@@ -281,8 +281,7 @@ impl SoundTracer<'_> {
         let mut state = it.state;
         let normal = self.scene.world_normal(hits.surface[lane], hits.normal(lane), rays.time[lane]);
         let end = state.ray.advanced(&self.slabs[state.ray.slab], it.step.length);
-        let chord = [end.distance - state.ray.distance, end.depth - state.ray.depth];
-        state.ray = self.at_facet(&state, chord, hits.range[lane].into(), normal);
+        state.ray = self.at_facet(&state, &end, hits.range[lane].into(), normal);
         let met = self.arrival(&state, it.direct.way.surface, normal, start);
         Arrival { triangle: hits.triangle[lane], corner: [hits.u[lane], hits.v[lane]], ..met }
     }
