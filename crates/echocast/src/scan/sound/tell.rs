@@ -132,7 +132,8 @@ impl Pinging<'_> {
         let Accounts { columns, extents, ranges } = accounts;
         ranges.clear();
         ranges.extend((0..self.layout.bins).map(|bin| self.layout.range(bin) as f32));
-        columns.resize(OF_CELLS.into_iter().fold(fields, FieldSet::without), all)?;
+        // From ping to ping there are some more or less.
+        columns.resize(OF_CELLS.into_iter().fold(fields, FieldSet::without), all.next_power_of_two())?;
         extents.resize(all, Extent::NOTHING);
         extents[NOBODY as usize] = Extent::NOTHING;
         let (mut nothing, rows) = columns.slices(0, all).split_at(1);
