@@ -308,7 +308,7 @@ pub struct Chords {
     pub along: [Eight<f32>; 3],
     /// Its length, m.
     pub length: Eight<f32>,
-    /// Whether something may be met along it.
+    /// Whether something may be met along it; says nothing of rays that have ended.
     pub traced: Eight<bool>,
 }
 
@@ -527,14 +527,14 @@ fn lead_group(
             level[i] = goes & fits & flat;
         }
         let mut there = here;
-        let mut changes = [false; WIDTH];
+        let (mut next, mut changes) = (rays.slab, [false; WIDTH]);
         for i in 0..WIDTH {
             if level[i] {
                 stops[i] = Stop::Level;
             }
             if crosses[i] {
-                let next = if down[i] { rays.slab[i] + 1 } else { rays.slab[i].wrapping_sub(1) };
-                match water.slabs.get(next as usize).zip(water.limits.get(next as usize)) {
+                next[i] = if down[i] { rays.slab[i] + 1 } else { rays.slab[i].wrapping_sub(1) };
+                match water.slabs.get(next[i] as usize).zip(water.limits.get(next[i] as usize)) {
                     Some((slab, limits)) => {
                         there.set(i, slab, limits);
                         changes[i] = limits.empty != empty[i];
@@ -599,7 +599,7 @@ fn lead_group(
                 (going[i], stops[i]) = (false, if down[i] { Stop::Bottom } else { Stop::Top });
             }
             if crosses[i] {
-                rays.slab[i] = if down[i] { rays.slab[i] + 1 } else { rays.slab[i] - 1 };
+                rays.slab[i] = next[i];
                 going[i] &= !changes[i];
             }
             // What lies where the water changes is met on the side that the ray comes from.
@@ -635,8 +635,5 @@ fn lead_group(
         }
         chords.length[i] = length as f32;
         chords.traced[i] = near;
-    }
-    for i in 0..WIDTH {
-        chords.traced[i] &= stops[i] != Stop::Ended;
     }
 }

@@ -135,7 +135,6 @@ impl Pinging<'_> {
         // From ping to ping there are some more or less.
         columns.resize(OF_CELLS.into_iter().fold(fields, FieldSet::without), all.next_power_of_two())?;
         extents.resize(all, Extent::NOTHING);
-        extents[NOBODY as usize] = Extent::NOTHING;
         let (mut nothing, rows) = columns.slices(0, all).split_at(1);
         silence(&mut nothing, NOBODY as usize);
         let mut rest = &mut extents[1..];
