@@ -2,14 +2,154 @@
 
 use crate::level::kernels;
 use crate::math::{LOG2_PER_DB, log2};
+use std::ops::Range;
 
-/// If `heard` is more than the `most` so far, takes it and whose it is.
-#[inline(always)]
-fn prefer(heard: f32, who: u32, most: &mut f32, is: &mut u32) {
-    let stronger = heard > *most;
-    *most = if stronger { heard } else { *most };
-    *is = if stronger { who } else { *is };
+/// Range bins of a block.
+pub const BLOCK: usize = 4;
+
+/// Beams that hear a block together: their sums fill the vector registers.
+pub const BEAMS: usize = 16;
+
+/// Of blocks that none of the beams hears.
+pub const UNHEARD: u32 = u32::MAX;
+
+/// What arrives in [`BLOCK`] range bins: a cache line.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(align(64))]
+pub struct Block {
+    /// Sums of amplitudes, or of energies.
+    pub re: [f32; BLOCK],
+    /// Their imaginary parts.
+    pub im: [f32; BLOCK],
+    /// Energy of the strongest arrival.
+    pub most: [f32; BLOCK],
+    /// Its number.
+    pub who: [u32; BLOCK],
 }
+
+/// The numbers of [`BEAMS`] beams from `at` on.
+#[inline(always)]
+fn row(numbers: &[f32], at: u32) -> &[f32; BEAMS] {
+    numbers[at as usize..at as usize + BEAMS].try_into().expect("as many as there are beams")
+}
+
+/// [`hear_blocks`], of amplitudes or of energies.
+#[inline(always)]
+#[allow(clippy::too_many_arguments)]
+fn hear<const COHERENT: bool>(
+    blocks: &[Block],
+    of: &[u32],
+    heard_by: &[u32],
+    loudness: &[f32],
+    first: u32,
+    [sum_re, sum_im]: [&mut [f32]; 2],
+    most: &mut [f32],
+    is: &mut [u32],
+) {
+    let rows = most.as_chunks_mut::<BEAMS>().0.iter_mut().zip(is.as_chunks_mut::<BEAMS>().0);
+    for (bin, (most, is)) in rows.enumerate() {
+        let sum_re = &mut sum_re.as_chunks_mut::<BEAMS>().0[bin];
+        let (mut re, mut im, mut best, mut whose) = (*sum_re, [0.0; BEAMS], *most, *is);
+        if COHERENT {
+            im = sum_im.as_chunks_mut::<BEAMS>().0[bin];
+        }
+        for (block, &of) in blocks.iter().zip(of) {
+            let at = heard_by[of as usize];
+            if at == UNHEARD {
+                continue;
+            }
+            let loud = row(loudness, at);
+            let (x, y, energy, who) = (block.re[bin], block.im[bin], block.most[bin], first + block.who[bin]);
+            for beam in 0..BEAMS {
+                let loud = loud[beam];
+                if COHERENT {
+                    re[beam] += loud * x;
+                    im[beam] += loud * y;
+                } else {
+                    re[beam] += loud * loud * x;
+                }
+                let heard = loud * loud * energy;
+                whose[beam] = if heard > best[beam] { who } else { whose[beam] };
+                best[beam] = if heard > best[beam] { heard } else { best[beam] };
+            }
+        }
+        (*sum_re, *most, *is) = (re, best, whose);
+        if COHERENT {
+            sum_im.as_chunks_mut::<BEAMS>().0[bin] = im;
+        }
+    }
+}
+
+/// What a beam hears from far aside: each of the `rows` as loud as it says. They are of `width` numbers: sums of energies, the
+/// greatest of them, and whose it is.
+#[derive(Clone, Copy, Debug)]
+pub struct Aside<'a> {
+    /// Which rows, and how loudly they are heard.
+    pub rows: &'a [(u32, f32)],
+    /// Cells of a row.
+    pub width: usize,
+    /// Sums.
+    pub energy: &'a [f32],
+    /// The greatest.
+    pub most: &'a [f32],
+    /// Whose that is.
+    pub who: &'a [u32],
+}
+
+/// [`hear_aside`] in the `CELLS` from `first` on: their sums stay in registers while all rows pass.
+#[inline(always)]
+fn hear_some<const CELLS: usize>(aside: Aside, first: usize, powers: &mut [f32]) {
+    let mut sum = [0.0; CELLS];
+    for &(number, scale) in aside.rows {
+        let at = number as usize * aside.width + first;
+        let energy: &[f32; CELLS] = aside.energy[at..at + CELLS].try_into().expect("as many");
+        for cell in 0..CELLS {
+            sum[cell] += scale * energy[cell];
+        }
+    }
+    powers[first..first + CELLS].copy_from_slice(&sum);
+}
+
+/// [`tell_aside`] in the `CELLS` from `first` on.
+#[inline(always)]
+fn tell_some<const CELLS: usize>(
+    aside: Aside,
+    first: usize,
+    powers: &[f32],
+    nobody: u32,
+    noise: f32,
+    told: &mut [u32],
+) {
+    let powers: &[f32; CELLS] = powers[first..first + CELLS].try_into().expect("as many");
+    let told: &mut [u32; CELLS] = (&mut told[first..first + CELLS]).try_into().expect("as many");
+    let mut unknown = 0;
+    for cell in 0..CELLS {
+        unknown |= u32::from(told[cell] == nobody) & u32::from(powers[cell] > noise);
+    }
+    if unknown == 0 {
+        return;
+    }
+    let (mut best, mut who) = ([0.0; CELLS], [nobody; CELLS]);
+    for &(number, scale) in aside.rows {
+        let at = number as usize * aside.width + first;
+        let most: &[f32; CELLS] = aside.most[at..at + CELLS].try_into().expect("as many");
+        let whose: &[u32; CELLS] = aside.who[at..at + CELLS].try_into().expect("as many");
+        for cell in 0..CELLS {
+            let heard = scale * most[cell];
+            // Not a condition, which would keep this from becoming vector instructions.
+            let stronger = 0u32.wrapping_sub((heard > best[cell]).into());
+            who[cell] = whose[cell] & stronger | who[cell] & !stronger;
+            best[cell] = if heard > best[cell] { heard } else { best[cell] };
+        }
+    }
+    for cell in 0..CELLS {
+        let unknown = (told[cell] == nobody) & (powers[cell] > noise);
+        told[cell] = if unknown { who[cell] } else { told[cell] };
+    }
+}
+
+/// Cells at a time, from far aside.
+const CELLS: usize = 32;
 
 /// A power as a level, dB.
 #[inline(always)]
@@ -40,15 +180,6 @@ fn transpose<T: Copy>(width: usize, rows: &[T], first: usize, count: usize, colu
 }
 
 kernels! {
-    /// Whole numbers next below `places`, which are less than 2^31, as the words of an address.
-    pub fn cells(places: &[f32], words: &mut [u32]) {
-        /// Beside it the lower half of a number's bits is a whole number.
-        const UNIT: f64 = 1.5 * (1u64 << 52) as f64;
-        for (word, place) in words.iter_mut().zip(places) {
-            *word = (f64::from(place.floor()) + UNIT).to_bits() as u32;
-        }
-    }
-
     /// `to += scale from`.
     pub fn add(scale: f32, from: &[f32], to: &mut [f32]) {
         for (sum, x) in to.iter_mut().zip(from) {
@@ -59,111 +190,95 @@ kernels! {
     /// Keeps for every cell the greatest energy, `loud^2 energy`, and whose it is.
     pub fn prefer_parts(loud: f32, energy: &[f32], who: u32, most: &mut [f32], is: &mut [u32]) {
         for ((most, is), energy) in most.iter_mut().zip(is).zip(energy) {
-            prefer(loud * loud * energy, who, most, is);
+            let heard = loud * loud * energy;
+            *is = if heard > *most { who } else { *is };
+            *most = if heard > *most { heard } else { *most };
         }
     }
 
-    /// Adds the `parts` of an arrival to consecutive rows of `width` cells, from cell `start` on, scaled cell by cell
-    /// by `loudness`.
-    pub fn add_rows(start: usize, width: usize, loudness: &[f32], parts: &[f32], to: &mut [f32]) {
-        for (bin, &x) in parts.iter().enumerate() {
-            let start = start + bin * width;
-            for (sum, &loud) in to[start..start + loudness.len()].iter_mut().zip(loudness) {
-                *sum += loud * x;
-            }
-        }
-    }
-
-    /// Adds the amplitudes of an arrival to rows like those of [`add_rows`], and keeps for every cell the greatest energy and
-    /// whose it is, all at once.
-    pub fn hear_rows(
-        start: usize,
-        width: usize,
+    /// Adds `blocks` of the same [`BLOCK`] bins, or fewer at the end, to as many rows of [`BEAMS`] cells: amplitudes, and for
+    /// every cell the greatest energy and whose it is. `heard_by` says of what each block is `of` from where on in `loudness`
+    /// stands how loudly these beams hear it, or [`UNHEARD`]; the numbers of arrivals are those from `first` on.
+    pub fn hear_blocks(
+        blocks: &[Block],
+        of: &[u32],
+        heard_by: &[u32],
         loudness: &[f32],
-        amplitudes: [&[f32]; 2],
-        energy: &[f32],
-        who: u32,
+        first: u32,
         sums: [&mut [f32]; 2],
         most: &mut [f32],
         is: &mut [u32],
     ) {
-        let ([re, im], [sum_re, sum_im]) = (amplitudes, sums);
-        for (bin, ((&x, &y), &energy)) in re.iter().zip(im).zip(energy).enumerate() {
-            let cells = start + bin * width..start + bin * width + loudness.len();
-            let sums = sum_re[cells.clone()].iter_mut().zip(&mut sum_im[cells.clone()]);
-            let best = most[cells.clone()].iter_mut().zip(&mut is[cells]);
-            for (((re, im), (most, is)), &loud) in sums.zip(best).zip(loudness) {
-                *re += loud * x;
-                *im += loud * y;
-                prefer(loud * loud * energy, who, most, is);
-            }
-        }
+        hear::<true>(blocks, of, heard_by, loudness, first, sums, most, is);
     }
 
-    /// Adds `scale from` to sums, and keeps for each the greatest part and whose it is.
-    pub fn add_and_prefer(
-        scale: f32,
-        from: &[f32],
-        parts: &[f32],
-        whose: &[u32],
-        to: &mut [f32],
-        most: &mut [f32],
-        is: &mut [u32],
-    ) {
-        let best = most.iter_mut().zip(is);
-        for (((sum, x), (part, who)), (most, is)) in to.iter_mut().zip(from).zip(parts.iter().zip(whose)).zip(best) {
-            *sum += scale * x;
-            prefer(scale * part, *who, most, is);
-        }
-    }
-
-    /// [`add_rows`] of energies: scaled by the square.
-    pub fn add_rows_squared(start: usize, width: usize, loudness: &[f32], parts: &[f32], to: &mut [f32]) {
-        for (bin, &x) in parts.iter().enumerate() {
-            let start = start + bin * width;
-            for (sum, &loud) in to[start..start + loudness.len()].iter_mut().zip(loudness) {
-                *sum += loud * loud * x;
-            }
-        }
-    }
-
-    /// [`prefer_parts`] for rows like those of [`add_rows`].
-    pub fn prefer_rows(
-        start: usize,
-        width: usize,
+    /// [`hear_blocks`] of energies, in the place of real parts: scaled by the square, as there are no imaginary ones.
+    pub fn hear_blocks_squared(
+        blocks: &[Block],
+        of: &[u32],
+        heard_by: &[u32],
         loudness: &[f32],
-        energy: &[f32],
-        who: u32,
+        first: u32,
+        sum: &mut [f32],
         most: &mut [f32],
         is: &mut [u32],
     ) {
-        for (bin, &energy) in energy.iter().enumerate() {
-            let cells = start + bin * width..start + bin * width + loudness.len();
-            for ((most, is), &loud) in most[cells.clone()].iter_mut().zip(&mut is[cells]).zip(loudness) {
-                prefer(loud * loud * energy, who, most, is);
-            }
-        }
+        hear::<false>(blocks, of, heard_by, loudness, first, [sum, &mut []], most, is);
     }
 
     /// Adds energies, and energies times the angle `beside` the axis of each cell's beam, to rows like those of
-    /// [`add_rows`].
-    pub fn lean_rows(
-        start: usize,
-        width: usize,
+    /// [`hear_blocks`].
+    pub fn lean_blocks(
+        energies: &[[f32; BLOCK]],
+        of: &[u32],
+        heard_by: &[u32],
         loudness: &[f32],
         beside: &[f32],
-        energy: &[f32],
         lean: &mut [f32],
         total: &mut [f32],
     ) {
-        for (bin, &energy) in energy.iter().enumerate() {
-            let cells = start + bin * width..start + bin * width + loudness.len();
-            let sums = lean[cells.clone()].iter_mut().zip(&mut total[cells]);
-            for ((lean, total), (&loud, &beside)) in sums.zip(loudness.iter().zip(beside)) {
-                let heard = loud * loud * energy;
-                *lean += heard * beside;
-                *total += heard;
+        let rows = lean.as_chunks_mut::<BEAMS>().0.iter_mut().zip(total.as_chunks_mut::<BEAMS>().0);
+        for (bin, (lean, total)) in rows.enumerate() {
+            let (mut leans, mut totals) = (*lean, *total);
+            for (energy, &of) in energies.iter().zip(of) {
+                let at = heard_by[of as usize];
+                if at == UNHEARD {
+                    continue;
+                }
+                let (loud, aside, energy) = (row(loudness, at), row(beside, at), energy[bin]);
+                for beam in 0..BEAMS {
+                    let heard = loud[beam] * loud[beam] * energy;
+                    leans[beam] += heard * aside[beam];
+                    totals[beam] += heard;
+                }
             }
+            (*lean, *total) = (leans, totals);
+        }
+    }
+
+    /// Powers of what is heard from far aside in the cells of `span`.
+    pub fn hear_aside(aside: Aside, span: Range<usize>, powers: &mut [f32]) {
+        let whole = span.end - span.len() % CELLS;
+        (span.start..whole).step_by(CELLS).for_each(|cell| hear_some::<CELLS>(aside, cell, powers));
+        (whole..span.end).for_each(|cell| hear_some::<1>(aside, cell, powers));
+    }
+
+    /// In the cells of `span`, those in which `nobody` is heard become whose is the greatest from far aside, where the `powers`
+    /// of that are above the `noise`.
+    pub fn tell_aside(
+        aside: Aside,
+        span: Range<usize>,
+        powers: &[f32],
+        nobody: u32,
+        noise: f32,
+        told: &mut [u32],
+    ) {
+        let whole = span.end - span.len() % CELLS;
+        for cell in (span.start..whole).step_by(CELLS) {
+            tell_some::<CELLS>(aside, cell, powers, nobody, noise, told);
+        }
+        for cell in whole..span.end {
+            tell_some::<1>(aside, cell, powers, nobody, noise, told);
         }
     }
 
@@ -182,6 +297,9 @@ kernels! {
             let mut sums = [0.0; BLOCK];
             for shift in 0..=2 * half {
                 let tap = tap(shift);
+                if tap == 0.0 {
+                    continue;
+                }
                 for (sum, value) in sums.iter_mut().zip(&padded[start + shift..start + shift + BLOCK]) {
                     *sum += tap * value;
                 }
@@ -224,13 +342,6 @@ kernels! {
     pub fn amplitudes_to_db(re: &[f32], im: &[f32], levels: &mut [f32]) {
         for ((level, re), im) in levels.iter_mut().zip(re).zip(im) {
             *level = db(re * re + im * im);
-        }
-    }
-
-    /// Those in which nobody is heard become the strongest aside where `powers` are above the `noise`.
-    pub fn tell_of_louder(nobody: u32, noise: f32, powers: &[f32], strongest: &[u32], told: &mut [u32]) {
-        for ((who, &power), &strongest) in told.iter_mut().zip(powers).zip(strongest) {
-            *who = if (*who == nobody) & (power > noise) { strongest } else { *who };
         }
     }
 

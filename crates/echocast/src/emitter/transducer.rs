@@ -4,6 +4,7 @@ use super::aperture::{Aperture, EVERYWHERE, FAINT};
 use super::lobe::{self, Lobe, Shape};
 use super::pattern::{Imaging, Janus, Multibeam, Pattern, Sidescan, SingleBeam};
 use crate::ground::angle::azimuth_elevation;
+use echocast_kernels::sound::BEAMS;
 use glam::Vec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -14,6 +15,9 @@ const FAINTEST: f64 = 5e-3;
 /// Equal parts of the sine to a line array by which beams hear what is farther aside.
 pub(crate) const FLANK_PARTS: usize = 32;
 
+/// Rays beside each other that are looked at together.
+const BOX: usize = 256;
+
 /// Part of the rays spread evenly over a fan, whatever its pattern: they find what the sidelobes see.
 const EVEN: f64 = 0.2;
 
@@ -22,6 +26,8 @@ const EVEN: f64 = 0.2;
 pub(crate) struct Transducer {
     /// Unit directions of the rays in the sensor's frame.
     pub direction: [Vec<f32>; 3],
+    /// Least and greatest of these of every [`BOX`] rays.
+    boxes: Vec<[Vec3; 2]>,
     /// Unit vectors across each ray along which the cell of directions it represents is `cell` rad long.
     pub tangent: [Vec<f32>; 3],
     pub cell: Vec<f32>,
@@ -44,7 +50,8 @@ pub(crate) struct Transducer {
     heard_power: Vec<f32>,
     /// Whether the face only sends: beams hear what is in front of it as [`Hearing`] alone says.
     only_sends: bool,
-    /// Amplitudes with which beams hear, 1 on the axis; see [`Hearing`].
+    /// Amplitudes with which beams hear, 1 on the axis; see [`Hearing`]. There is silence before and after each of them, so that
+    /// as many beams at a time as [`BEAMS`] can be looked up.
     pub loudness: Vec<f32>,
     /// Mean power with which each beam hears what is farther aside than its [`Hearing`]s reach, by the part of the
     /// directions from which it comes: beam by beam, [`FLANK_PARTS`] each. Empty: no line array.
@@ -94,6 +101,7 @@ impl Transducer {
         }
         transducer.find_solid_angles();
         transducer.find_heard_powers();
+        transducer.find_boxes();
         Some(transducer)
     }
 
@@ -139,6 +147,40 @@ impl Transducer {
     /// of `wavelength / (integral of b)`; the triangle `1 - d / length` has the same.
     pub fn coherence(&self, wavelength: f64) -> f64 {
         0.5 * wavelength / self.array_width
+    }
+
+    /// Whether fewer than `enough` rays start within `size` of the unit vector `aim` (sensor frame), as distances of the ends of
+    /// unit vectors.
+    pub fn has_fewer_rays(&self, enough: f32, aim: Vec3, size: f32) -> bool {
+        let [x, y, z] = &self.direction;
+        let square = size * size;
+        let mut near = 0;
+        for (index, [low, high]) in self.boxes.iter().enumerate() {
+            if aim.distance_squared(aim.clamp(*low, *high)) >= square {
+                continue;
+            }
+            let rays = index * BOX..((index + 1) * BOX).min(x.len());
+            // Without branches within.
+            let within = |((x, y), z): ((&f32, &f32), &f32)| {
+                let (x, y, z) = (x - aim.x, y - aim.y, z - aim.z);
+                u32::from(x * x + y * y + z * z < square)
+            };
+            near += x[rays.clone()].iter().zip(&y[rays.clone()]).zip(&z[rays]).map(within).sum::<u32>();
+            if near as f32 >= enough {
+                return false;
+            }
+        }
+        true
+    }
+
+    fn find_boxes(&mut self) {
+        let [x, y, z] = &self.direction;
+        let blocks = x.chunks(BOX).zip(y.chunks(BOX)).zip(z.chunks(BOX));
+        let boxes = blocks.map(|((x, y), z)| {
+            let rays = x.iter().zip(y).zip(z).map(|((x, y), z)| Vec3::new(*x, *y, *z));
+            rays.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], ray| [low.min(ray), high.max(ray)])
+        });
+        self.boxes = boxes.collect();
     }
 
     pub fn rays(&self) -> usize {
@@ -244,11 +286,29 @@ impl Transducer {
         self.hearing.push(self.hearings.len() as u32 - 1);
     }
 
+    /// Where the loudness of a hearing begins that is added now.
+    fn begin_hearing(&mut self) -> u32 {
+        if self.hearings.is_empty() {
+            self.fall_silent();
+        }
+        self.loudness.len() as u32
+    }
+
+    /// Adds a hearing that has been added to `loudness` from its start on.
+    fn end_hearing(&mut self, hearing: Hearing) {
+        self.hearings.push(Hearing { to: self.loudness.len() as u32, ..hearing });
+        self.fall_silent();
+    }
+
+    fn fall_silent(&mut self) {
+        self.loudness.resize(self.loudness.len() + BEAMS, 0.0);
+    }
+
     /// All rays from here on are heard by one beam.
     fn heard_by(&mut self, beam: usize) {
-        let from = self.loudness.len() as u32;
+        let from = self.begin_hearing();
         self.loudness.push(1.0);
-        self.hearings.push(Hearing { first: beam as u32, from, to: from + 1, part: 0 });
+        self.end_hearing(Hearing { first: beam as u32, from, to: 0, part: 0 });
     }
 
     /// Who hears any direction, by its sine to a line array.
@@ -278,7 +338,10 @@ impl Transducer {
 
     /// All rays from here on, `sine` from broadside of a line array, are heard by beams at the `sines`, falling.
     fn heard_from(&mut self, sine: f64, sines: &[f64], lobe: &lobe::BeamPattern, extent: f64, with_angles: bool) {
-        let from = self.loudness.len() as u32;
+        let from = self.begin_hearing();
+        if with_angles {
+            self.beside.resize(self.loudness.len(), 0.0);
+        }
         let first = sines.partition_point(|&axis| axis > sine + extent);
         let end = sines.partition_point(|&axis| axis >= sine - extent).max(first);
         for &axis in &sines[first..end] {
@@ -288,7 +351,10 @@ impl Transducer {
             }
         }
         let part = ((0.5 + 0.5 * sine) * FLANK_PARTS as f64).clamp(0.0, FLANK_PARTS as f64 - 1.0) as u32;
-        self.hearings.push(Hearing { first: first as u32, from, to: self.loudness.len() as u32, part });
+        self.end_hearing(Hearing { first: first as u32, from, to: 0, part });
+        if with_angles {
+            self.beside.resize(self.loudness.len(), 0.0);
+        }
     }
 
     fn sidescan(sonar: &Sidescan, wavelength: f64) -> Transducer {

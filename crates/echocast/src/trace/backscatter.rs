@@ -2,20 +2,21 @@
 
 use super::{Arrival, Surfaces};
 use crate::ground::lanes::MEDIUM;
-use crate::ground::math::{LOG2_PER_DB, log2};
+use crate::ground::math::LOG2_PER_DB;
 use crate::material::{ByColor, Material, ReflectanceSource, Reflectances, Sound};
 use crate::medium::Sea;
+use echocast_kernels::echo::{ANGLES, angle};
 use std::sync::Arc;
 
-/// Angles that a law is tabulated at: even steps of `sqrt(1 - sine of the grazing angle)`, fine at both ends: 0.16
-/// degrees apart near head-on, half a degree at grazing.
-const STEPS: usize = 512;
+/// Angles that a law is tabulated at ([`echocast_kernels::echo::angle`]), fine at both ends: 0.16 degrees apart near head-on,
+/// half a degree at grazing.
+const STEPS: usize = ANGLES;
 
 /// How much every material and the sea surface scatter back, and what a reflection costs.
 pub(crate) struct Backscatter {
     /// `log2(s_b / sine of the grazing angle)` at the angles of the table, a run of `STEPS + 1` for each material, then
     /// the sea surface; where the reflectance of an image decides, that for reflectance 1.
-    laws: Vec<f32>,
+    pub laws: Vec<f32>,
     /// Loss of a reflection at those angles, dB, likewise.
     losses: Vec<f32>,
     /// What else decides, by material.
@@ -86,39 +87,33 @@ impl Backscatter {
         (self.source, self.frequency, self.sea, self.speed) == (source, frequency, sea, speed)
     }
 
-    /// `log2(s_b / sine)` of what an arrival meets at the sine of a grazing angle.
-    pub fn log2(&self, surfaces: &Surfaces, arrival: &Arrival, sine: f32) -> f32 {
-        let material = self.material(surfaces, arrival.surface);
-        let value = interpolate(&self.laws, material, sine);
-        match self.by.get(material) {
-            None | Some(By::Law | By::Smooth(_)) => value,
-            Some(By::Area) => value - surfaces.rows[arrival.surface as usize].area.max(1e-9).log2(),
+    /// Where in `laws` that of a row begins.
+    pub fn law(&self, surfaces: &Surfaces, row: u32) -> u32 {
+        (self.material(surfaces, row) * (STEPS + 1)) as u32
+    }
+
+    /// What is added to the law of what an arrival meets, besides the angle.
+    pub fn besides(&self, surfaces: &Surfaces, arrival: &Arrival) -> f32 {
+        match self.by.get(self.material(surfaces, arrival.surface)) {
+            None | Some(By::Law | By::Smooth(_)) => 0.0,
+            Some(By::Area) => -surfaces.rows[arrival.surface as usize].area.max(1e-9).log2(),
             Some(By::Image(by_color)) => {
                 let surface = &surfaces.rows[arrival.surface as usize];
                 let rgba = surfaces.base_color(surface, arrival.triangle, arrival.corner);
-                value + by_color.of(rgba).max(1e-9).log2()
+                by_color.of(rgba).max(1e-9).log2()
             }
         }
+    }
+
+    /// `log2(s_b / sine)` of what an arrival meets at the sine of a grazing angle.
+    pub fn log2(&self, surfaces: &Surfaces, arrival: &Arrival, sine: f32) -> f32 {
+        interpolate(&self.laws, self.material(surfaces, arrival.surface), sine) + self.besides(surfaces, arrival)
     }
 
     /// Backscatter of what an arrival meets at the sine of a grazing angle, dB per m^2.
     pub fn strength_db(&self, surfaces: &Surfaces, arrival: &Arrival, sine: f32) -> f64 {
         let ratio = self.log2(surfaces, arrival, sine) + sine.log2();
         f64::from(ratio) * 10.0 * std::f64::consts::LOG10_2
-    }
-
-    /// `log2(s_b / sine in)` of what an arrival meets at the sine of a grazing angle, for what it scatters elsewhere at
-    /// another.
-    ///
-    /// Between the two directions `s_b` is the geometric mean of what goes back into either, an assumption of ours: it
-    /// is the same both ways, and turns Lambert's law into `mu sin(in) sin(out)`, which is that law. It has no lobes
-    /// about the mirror direction. What answers as a whole does so in all directions.
-    pub fn log2_between(&self, surfaces: &Surfaces, arrival: &Arrival, [sine_in, sine_out]: [f32; 2]) -> f32 {
-        if self.is_whole(surfaces, arrival.surface) {
-            return self.log2(surfaces, arrival, sine_in);
-        }
-        let [back, out_back] = [sine_in, sine_out].map(|sine| self.log2(surfaces, arrival, sine));
-        0.5 * (back + out_back + log2(sine_out / sine_in))
     }
 
     /// Whether a row answers as a whole, however it is met.
@@ -158,7 +153,7 @@ fn tabulate(table: &mut Vec<f32>, value: impl Fn(f64) -> f64) {
 }
 
 fn interpolate(table: &[f32], material: usize, sine: f32) -> f32 {
-    let at = (1.0 - sine).max(0.0).sqrt() * STEPS as f32;
+    let at = angle(sine);
     let step = (at as usize).min(STEPS - 1);
     let part = at - step as f32;
     let first = material * (STEPS + 1) + step;

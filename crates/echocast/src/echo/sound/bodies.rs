@@ -1,9 +1,11 @@
 //! What bodies send back that have tubes of their own: of smooth facets in phase, of all else as energies.
 
-use super::ping::{Echoes, Insonification, MOST_BINS, NO_RAY, Parts, PingEcho, sine, towards};
+use super::parts::{Parts, Scatter};
+use super::ping::{Echoes, Insonification, MOST_BINS, NO_RAY, PingEcho};
 use crate::emitter::FAINT;
 use crate::ground::math::{LOG2_PER_DB, exp2};
 use crate::trace::{Arrival, Direct, Stand, TubeHit};
+use echocast_kernels::echo;
 use glam::Vec3;
 use std::f64::consts::{PI, TAU};
 
@@ -188,13 +190,18 @@ impl Insonification<'_> {
                 Some(_) if share.smooth => parts.add(x * x + y * y, [x, y]),
                 Some(scatterers) => {
                     let object = self.scatterer(hit.surface, share.hearing, 0, OWN_WAY);
-                    let along = hit.place.dot(scatterers.along);
-                    parts.scatter_at(
-                        scatterers,
-                        [object, share.bin],
-                        along,
-                        share.energy * scatterers.roughness(hit.place),
-                    );
+                    let ends = [share.bin as f32, share.bin as f32 + 1.0];
+                    let whole = Scatter {
+                        bins: [share.bin; 2],
+                        ends,
+                        share: share.energy * scatterers.roughness(hit.place),
+                        least: 0.0,
+                        along: hit.place.dot(scatterers.along),
+                        slope: 0.0,
+                        middle: ends[0],
+                        object,
+                    };
+                    parts.scatter(scatterers, &whole, None);
                 }
             }
         }
@@ -222,7 +229,7 @@ impl Insonification<'_> {
     /// log2 of what a tube sends back of what gets to it, m^2, by the law of its surface, without smooth facets.
     fn rough(&self, met: &Arrival, hit: &TubeHit, smooth: Option<f32>) -> f32 {
         let [u, v] = hit.sides;
-        let sine = sine(hit.along, hit.normal);
+        let sine = echo::sine(hit.along.into(), hit.normal.into());
         // Of Lambert's law `mu sin^2`, over the sine.
         let law = smooth.map_or_else(|| self.backscatter.log2(self.surfaces, met, sine), |mu| mu + sine.log2());
         law + u.cross(v).length().max(1e-20).log2()
@@ -230,7 +237,7 @@ impl Insonification<'_> {
 
     /// How much the range changes over what a tube covers, m.
     fn reach_of(&self, hit: &TubeHit) -> f32 {
-        let towards = towards(hit.along, hit.normal);
+        let towards = echo::towards(hit.along.into(), hit.normal.into());
         hit.sides.map(|side| (side.dot(hit.normal) / towards).powi(2)).iter().sum::<f32>().sqrt()
     }
 

@@ -5,9 +5,10 @@
 //! in each of them, that only powers matter: they add up by range bin and part of the directions, and each beam hears each
 //! part with its mean power there. As for any sum of many scatterers the amplitude is normally distributed.
 
-use super::ping::{Echoes, NOBODY};
+use super::ping::Echoes;
+use super::tile::NOBODY;
 use crate::emitter::{FLANK_PARTS, Hearing, Transducer};
-use echocast_kernels::sound;
+use echocast_kernels::sound::{self, Aside, Block};
 use std::ops::Range;
 
 /// Energies of a ping by part of the directions and range bin.
@@ -44,55 +45,56 @@ impl Flanks {
         if self.spans.is_empty() {
             return;
         }
-        for (number, answer) in (echoes.first..).zip(&echoes.answers).filter(|(_, answer)| answer.parts > 0) {
-            let Hearing { part, .. } = transducer.hearings[answer.hearing as usize];
+        let Echoes { gathered, first, .. } = echoes;
+        for (Hearing { part, .. }, bins, block) in gathered.each(transducer, self.bins) {
             let span = &mut self.spans[part as usize];
-            let (from, to) = (answer.bin as usize, (answer.bin + answer.parts) as usize);
-            (span.start, span.end) = (span.start.min(from), span.end.max(to));
-            let parts = &echoes.energy[answer.first as usize..(answer.first + answer.parts) as usize];
-            let cells = part as usize * self.bins + from..part as usize * self.bins + to;
-            for (sum, energy) in self.energy[cells.clone()].iter_mut().zip(parts) {
-                *sum += energy;
-            }
+            (span.start, span.end) = (span.start.min(bins.start), span.end.max(bins.end));
+            let from = part as usize * self.bins;
+            let cells = from + bins.start..from + bins.end;
+            let sums = self.energy[cells.clone()].iter_mut();
+            sums.zip(&gathered.energy[block]).for_each(|(sum, energy)| *sum += energy);
             if self.who.is_empty() {
                 continue;
             }
-            for ((most, who), &energy) in self.most[cells.clone()].iter_mut().zip(&mut self.who[cells]).zip(parts) {
-                if energy > *most {
-                    (*most, *who) = (energy, number);
-                }
+            let Block { most: parts, who: whose, .. } = &gathered.blocks[block];
+            let best = self.most[cells.clone()].iter_mut().zip(&mut self.who[cells]);
+            for ((most, who), (&energy, index)) in best.zip(parts.iter().zip(whose)) {
+                let stronger = energy > *most;
+                *most = if stronger { energy } else { *most };
+                *who = if stronger { first + index } else { *who };
             }
         }
     }
 
-    /// What a beam hears of it in each bin.
-    pub fn heard(&self, transducer: &Transducer, beam: usize, powers: &mut [f32]) {
-        powers.fill(0.0);
-        for (flank, cells, span) in self.audible(transducer, beam) {
-            sound::add(flank, &self.energy[cells], &mut powers[span]);
+    /// What a beam hears of it in each bin; and if `told` is not empty, whom each cell tells of that tells of nobody, where it
+    /// hears more than the `noise`. `rows` is memory.
+    pub fn heard(
+        &self,
+        (transducer, beam): (&Transducer, usize),
+        rows: &mut Vec<(u32, f32)>,
+        powers: &mut [f32],
+        noise: f32,
+        told: &mut [u32],
+    ) {
+        rows.clear();
+        rows.extend(self.audible(transducer, beam));
+        let spans = rows.iter().map(|(part, _)| &self.spans[*part as usize]);
+        let span = spans.fold(self.bins..0, |all, span| all.start.min(span.start)..all.end.max(span.end));
+        powers[..span.start].fill(0.0);
+        powers[span.end.max(span.start)..].fill(0.0);
+        let Flanks { bins, energy, most, who, .. } = self;
+        let aside = Aside { rows, width: *bins, energy, most, who };
+        sound::hear_aside(aside, span.clone(), powers);
+        if !told.is_empty() {
+            sound::tell_aside(aside, span, powers, NOBODY, noise, told);
         }
     }
 
-    /// The same, and the power of the strongest in each bin and who that is.
-    pub fn told(&self, transducer: &Transducer, beam: usize, powers: &mut [f32], most: &mut [f32], who: &mut [u32]) {
-        powers.fill(0.0);
-        most.fill(0.0);
-        who.fill(NOBODY);
-        for (flank, cells, span) in self.audible(transducer, beam) {
-            let (from, parts, whose) = (&self.energy[cells.clone()], &self.most[cells.clone()], &self.who[cells]);
-            let (most, who) = (&mut most[span.clone()], &mut who[span.clone()]);
-            sound::add_and_prefer(flank, from, parts, whose, &mut powers[span], most, who);
-        }
-    }
-
-    /// The parts of the directions that a beam hears: how loudly, their cells, and the bins of these.
-    fn audible(&self, transducer: &Transducer, beam: usize) -> impl Iterator<Item = (f32, Range<usize>, Range<usize>)> {
+    /// The parts of the directions that a beam hears, and how loudly.
+    fn audible(&self, transducer: &Transducer, beam: usize) -> impl Iterator<Item = (u32, f32)> {
         let flanks = &transducer.flanks[beam * FLANK_PARTS..(beam + 1) * FLANK_PARTS];
-        let parts = self.spans.iter().zip(flanks).enumerate();
-        parts.filter(|(_, (span, flank))| !span.is_empty() && **flank > 0.0).map(|(part, (span, &flank))| {
-            let from = part * self.bins;
-            (flank, from + span.start..from + span.end, span.clone())
-        })
+        let parts = (0..).zip(self.spans.iter().zip(flanks));
+        parts.filter(|(_, (span, flank))| !span.is_empty() && **flank > 0.0).map(|(part, (_, &flank))| (part, flank))
     }
 
     /// Whether there is nothing to be heard from far aside.

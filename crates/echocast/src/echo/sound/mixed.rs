@@ -1,8 +1,10 @@
 //! Echoes that return by another path than they went: out directly and back over reflections, or vice versa.
 
-use super::ping::{Echo, Echoes, Heard, Insonification, Parts, PingEcho, sine};
-use crate::ground::math::{LOG2_PER_DB, exp2};
+use super::parts::Parts;
+use super::ping::{Echo, Echoes, Heard, Insonification, PingEcho, reach};
+use crate::ground::math::{exp2, log2};
 use crate::trace::{Arrival, Direct};
+use echocast_kernels::echo::{WAYS, Ways};
 use glam::Vec3;
 
 /// Number of both ways of a mixed echo while they have the same scatterers, and of the second one otherwise.
@@ -21,58 +23,74 @@ impl Insonification<'_> {
         direct: &[Direct],
         launches: &mut Vec<(u32, Vec3)>,
         answers: &mut Vec<PingEcho>,
-        parts: &mut Parts,
+        (ways, parts): (&mut Ways, &mut Parts),
+    ) {
+        for direct in direct.chunks(WAYS) {
+            for (lane, Direct { index, way, .. }) in direct.iter().enumerate() {
+                let far = &arrivals[*index as usize];
+                self.take(ways, lane, [far, way], 0.5 * (far.loss + way.loss));
+            }
+            // Across the cell each path lengthens by its own amount.
+            self.weigh(ways, false, false);
+            for (lane, direct) in direct.iter().enumerate() {
+                self.answer_both(arrivals, direct, launches, answers, (ways, lane, parts));
+            }
+        }
+    }
+
+    /// The two arrivals of one direct path, whose lane in `ways` has been weighed.
+    fn answer_both(
+        &self,
+        arrivals: &mut Vec<Arrival>,
+        Direct { index, way, launch }: &Direct,
+        launches: &mut Vec<(u32, Vec3)>,
+        answers: &mut Vec<PingEcho>,
+        (ways, lane, parts): (&Ways, usize, &mut Parts),
     ) {
         let sensor_from_world = self.rotation.transpose();
-        for Direct { index, way, launch } in direct {
-            let far = arrivals[*index as usize];
-            let ray = far.ray as usize;
-            let mixed = Arrival {
-                range: 0.5 * (far.range + way.range),
-                path: 0.5 * (far.path + way.path),
-                loss: 0.5 * (far.loss + way.loss),
-                ..far
-            };
-            let sines = [far.direction, way.direction].map(|direction| sine(direction, far.normal));
-            let loudness = self.source_level * LOG2_PER_DB
-                + self.transducer.weight[ray]
-                + self.backscatter.log2_between(self.surfaces, &far, sines)
-                + self.spread_between(&far, way)
-                - 2.0 * LOG2_PER_DB * mixed.loss;
-            // Across the cell each path lengthens by its own amount.
-            let (reach, slide) = self.reach(&far, way.direction);
+        let far = arrivals[*index as usize];
+        let ray = far.ray as usize;
+        let mixed = Arrival {
+            range: 0.5 * (far.range + way.range),
+            path: 0.5 * (far.path + way.path),
+            loss: 0.5 * (far.loss + way.loss),
+            ..far
+        };
+        let mut loudness = ways.loudness[lane] + self.backscatter.besides(self.surfaces, &far);
+        if self.backscatter.is_whole(self.surfaces, far.surface) {
+            // It answers alike in all directions.
+            loudness -= 0.5 * log2(ways.sines[1][lane] / ways.sines[0][lane]);
+        }
+        let (reach, slide) = reach(ways, lane);
 
-            let mut back = self.heard_from(ray, mixed.range, *launch);
-            let mut there = Heard { at: mixed.range, louder: 0.0, hearing: self.transducer.hearing[ray] };
-            if let Some(drift) = &self.drift {
-                there = self.heard_later(drift, ray, mixed.range, self.launch(ray));
-            }
-            if let Some(coupling) = &self.coupling {
-                // The mean of both ways, as of their times.
-                let shift = 0.5 * (coupling.shift(&far, self.launch(ray)) + coupling.shift(way, *launch));
-                back.at += shift;
-                there.at += shift;
-            }
-            there.louder += self.transducer.sent_beside(ray, sensor_from_world * *launch);
-            let powers = [back, there].map(|heard| exp2(loudness + heard.louder));
-            /// Turns of the phase that two ways may differ by and count as in phase.
-            const IN_PHASE: f32 = 0.25;
-            let in_phase = ((back.at - there.at) * self.turns).abs() < IN_PHASE;
-            // What amplitudes have together that energies have not: half of it with each.
-            let both = match self.speckle {
-                None if in_phase => {
-                    self.transducer.overlap(back.hearing, there.hearing) * (powers[0] * powers[1]).sqrt()
-                }
-                _ => 0.0,
-            };
-            // Of the first the direction is another than its ray's.
-            launches.push((arrivals.len() as u32, *launch));
-            let second = if in_phase { MIXED } else { SENT_STRAIGHT };
-            for (heard, power, way) in [(back, powers[0], MIXED), (there, powers[1], second)] {
-                let power = Some(power + both);
-                arrivals.push(mixed);
-                answers.push(self.divide(&mixed, Echo { power, heard, reach, slide, way }, parts));
-            }
+        let mut back = self.heard_from(ray, mixed.range, *launch);
+        let mut there = Heard { at: mixed.range, louder: 0.0, hearing: self.transducer.hearing[ray] };
+        if let Some(drift) = &self.drift {
+            there = self.heard_later(drift, ray, mixed.range, self.launch(ray));
+        }
+        if let Some(coupling) = &self.coupling {
+            // The mean of both ways, as of their times.
+            let shift = 0.5 * (coupling.shift(&far, self.launch(ray)) + coupling.shift(way, *launch));
+            back.at += shift;
+            there.at += shift;
+        }
+        there.louder += self.transducer.sent_beside(ray, sensor_from_world * *launch);
+        let powers = [back, there].map(|heard| exp2(loudness + heard.louder));
+        /// Turns of the phase that two ways may differ by and count as in phase.
+        const IN_PHASE: f32 = 0.25;
+        let in_phase = ((back.at - there.at) * self.turns).abs() < IN_PHASE;
+        // What amplitudes have together that energies have not: half of it with each.
+        let both = match self.speckle {
+            None if in_phase => self.transducer.overlap(back.hearing, there.hearing) * (powers[0] * powers[1]).sqrt(),
+            _ => 0.0,
+        };
+        // Of the first the direction is another than its ray's.
+        launches.push((arrivals.len() as u32, *launch));
+        let second = if in_phase { MIXED } else { SENT_STRAIGHT };
+        for (heard, power, way) in [(back, powers[0], MIXED), (there, powers[1], second)] {
+            let power = Some(power + both);
+            arrivals.push(mixed);
+            answers.push(self.divide(&mixed, Echo { power, heard, reach, slide, way }, parts));
         }
     }
 }

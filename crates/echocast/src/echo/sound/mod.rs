@@ -1,15 +1,20 @@
 //! Echoes of sound: what surfaces and water send back to the beams of a sonar, and the resulting levels.
 
+mod blocks;
 mod bodies;
 mod coupling;
 mod flanks;
 mod mixed;
+mod parts;
 mod ping;
 mod response;
+mod tile;
 
 pub(crate) use bodies::{Share, answers_in_phase, grid};
 pub(crate) use coupling::Coupling;
 pub(crate) use flanks::Flanks;
-pub(crate) use ping::{Drift, Echoes, Insonification, NO_RAY, NOBODY, PingEcho, Scatterers, Tile, Wants, texture};
+pub(crate) use parts::{Scatterers, texture};
+pub(crate) use ping::{Drift, Echoes, Insonification, NO_RAY, PingEcho};
 pub use response::Taper;
 pub(crate) use response::{Background, Lines, Response};
+pub(crate) use tile::{NOBODY, Tile, Wants};

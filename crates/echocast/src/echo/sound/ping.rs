@@ -4,26 +4,22 @@
 //! range, which is divided among bins as it lies. So a bin's energy depends neither on the mesh nor on the number of
 //! rays.
 
+use super::blocks::Gathered;
 use super::coupling::Coupling;
+use super::parts::{Parts, Scatter, Scatterers};
 use super::response::Response;
-use crate::emitter::{FAINT, Hearing, Transducer};
+use crate::emitter::{FAINT, Transducer};
 use crate::ground::lanes::MEDIUM;
 use crate::ground::math::{LOG2_PER_DB, exp2, log2};
-use crate::ground::rng::{Draw, Rng};
+use crate::ground::rng::Draw;
 use crate::medium::Spreading;
 use crate::trace::{Arrival, Backscatter, Direct, Surfaces};
-use echocast_kernels::sound;
+use echocast_kernels::echo::{self, WAYS, Ways};
 use glam::{Mat3, Quat, Vec3};
 use std::f32::consts::TAU;
-use std::ops::Range;
-use std::sync::Arc;
 
 /// Most bins that the cell of one ray is divided among.
 pub(super) const MOST_BINS: f32 = 256.0;
-
-/// Where the lattice of the texture begins, in its cells: flat surfaces at round heights, 0 above all, lie inside its cells,
-/// not between two of them, where rounding would decide.
-const OFF_LATTICE: f32 = 0.34;
 
 /// What all rays of a ping share.
 pub(crate) struct Insonification<'a> {
@@ -57,20 +53,6 @@ pub(crate) struct Insonification<'a> {
     pub covered: &'a [bool],
     /// What motion does to ranges; `None`: nothing, as nothing moves, or no frequency is swept.
     pub coupling: Option<Coupling<'a>>,
-}
-
-/// The scatterers of the surfaces.
-#[derive(Clone)]
-pub(crate) struct Scatterers {
-    pub rng: Rng,
-    /// Where the sonar is, as a number: with another it hears others.
-    pub station: u32,
-    /// Along the array, world, 1/m: its product with a place counts the lengths over which the same are heard.
-    pub along: Vec3,
-    /// Side of the places of one texture, m.
-    pub patch: f32,
-    /// Quantiles of the texture, rising, of mean 1; empty: no texture.
-    pub texture: Arc<[f32]>,
 }
 
 /// How the sonar moves while sound travels, per metre of one-way range.
@@ -114,6 +96,8 @@ pub(crate) struct Echoes {
     pub energy: Vec<f32>,
     pub re: Vec<f32>,
     pub im: Vec<f32>,
+    /// What of it is heard alike, added up.
+    pub gathered: Gathered,
 }
 
 /// What returns from an arrival.
@@ -157,26 +141,6 @@ pub(super) struct Echo {
     pub way: u32,
 }
 
-/// Parts of echoes, and those waiting for random amplitudes.
-pub(super) struct Parts<'a> {
-    energy: &'a mut Vec<f32>,
-    re: &'a mut Vec<f32>,
-    im: &'a mut Vec<f32>,
-    batch: Batch,
-}
-
-/// Parts waiting for random amplitudes, as many as are drawn at once.
-struct Batch {
-    /// In lengths along the array over which scatterers stay the same.
-    along: [f32; BATCH],
-    bin: [u32; BATCH],
-    object: [u32; BATCH],
-    energy: [f32; BATCH],
-    count: usize,
-}
-
-const BATCH: usize = 64;
-
 impl Insonification<'_> {
     /// Finds what `echoes.arrivals` send back, also straight back where `echoes.direct` says so.
     pub fn answer(&self, echoes: &mut Echoes) {
@@ -185,30 +149,72 @@ impl Insonification<'_> {
         launches.clear();
         [&mut *energy, re, im].into_iter().for_each(Vec::clear);
         let mut parts = Parts::new(energy, re, im);
-        for arrival in &*arrivals {
-            let ray = arrival.ray as usize;
-            let sine = sine(arrival.direction, arrival.normal);
-            let mut loudness = self.source_level * LOG2_PER_DB
-                + self.transducer.weight[ray]
-                + self.backscatter.log2(self.surfaces, arrival, sine)
-                + self.spread(arrival)
-                - 2.0 * LOG2_PER_DB * arrival.loss;
-            let mut heard = Heard { at: arrival.range, louder: 0.0, hearing: self.transducer.hearing[ray] };
-            if let Some(drift) = &self.drift {
-                heard = self.heard_later(drift, ray, arrival.range, self.launch(ray));
-                loudness += heard.louder;
+        let mut ways = Ways::default();
+        for block in arrivals.chunks(WAYS) {
+            for (lane, arrival) in block.iter().enumerate() {
+                self.take(&mut ways, lane, [arrival, arrival], arrival.loss);
             }
-            if let Some(coupling) = &self.coupling {
-                heard.at += coupling.shift(arrival, self.launch(ray));
+            self.weigh(&mut ways, block.iter().all(|arrival| arrival.order == 0), true);
+            let mut heard = [Heard { at: 0.0, louder: 0.0, hearing: 0 }; WAYS];
+            for (lane, (arrival, heard)) in block.iter().zip(&mut heard).enumerate() {
+                let ray = arrival.ray as usize;
+                *heard = Heard { at: arrival.range, louder: 0.0, hearing: self.transducer.hearing[ray] };
+                if let Some(drift) = &self.drift {
+                    *heard = self.heard_later(drift, ray, arrival.range, self.launch(ray));
+                }
+                if let Some(coupling) = &self.coupling {
+                    heard.at += coupling.shift(arrival, self.launch(ray));
+                }
+                ways.loudness[lane] += heard.louder + self.backscatter.besides(self.surfaces, arrival);
             }
-            let (reach, slide) = self.reach(arrival, arrival.direction);
-            // After reflections also what is only heard straight back has arrived.
-            let in_reach = arrival.order == 0 || arrival.range <= self.farthest;
-            let power = if in_reach && !self.is_heard_otherwise(arrival) { Some(exp2(loudness)) } else { None };
-            answers.push(self.divide(arrival, Echo { power, heard, reach, slide, way: 0 }, &mut parts));
+            echo::powers(&mut ways.loudness);
+            for (lane, (arrival, &heard)) in block.iter().zip(&heard).enumerate() {
+                // After reflections also what is only heard straight back has arrived.
+                let in_reach = arrival.order == 0 || arrival.range <= self.farthest;
+                let is_heard = in_reach && !self.is_heard_otherwise(arrival);
+                let power = is_heard.then_some(ways.loudness[lane]);
+                let (reach, slide) = reach(&ways, lane);
+                answers.push(self.divide(arrival, Echo { power, heard, reach, slide, way: 0 }, &mut parts));
+            }
         }
-        self.answer_mixed(arrivals, direct, launches, answers, &mut parts);
+        self.answer_mixed(arrivals, direct, launches, answers, (&mut ways, &mut parts));
         parts.finish(self.speckle.as_ref());
+    }
+
+    /// Puts an arrival by the way `out`, whose echo comes `back` with a `loss` each way, into a lane; that of all ways but the
+    /// law of the surface and spreading is its loudness.
+    pub(super) fn take(&self, ways: &mut Ways, lane: usize, [out, back]: [&Arrival; 2], loss: f32) {
+        let Transducer { direction, tangent, cell, aside, weight, .. } = self.transducer;
+        let ray = out.ray as usize;
+        for axis in 0..3 {
+            ways.direction[axis][lane] = out.direction[axis];
+            ways.back[axis][lane] = back.direction[axis];
+            ways.normal[axis][lane] = out.normal[axis];
+            ways.launch[axis][lane] = direction[axis][ray];
+            ways.tangent[axis][lane] = tangent[axis][ray];
+        }
+        for axis in 0..2 {
+            ways.tube[axis][lane] = out.tube[axis];
+            ways.back_tube[axis][lane] = back.tube[axis];
+        }
+        ways.cell[lane] = cell[ray];
+        ways.aside[lane] = aside.get(ray).copied().unwrap_or_default();
+        (ways.path[0][lane], ways.path[1][lane]) = (out.path, back.path);
+        ways.speed[lane] = out.speed * back.speed;
+        ways.law[lane] = self.backscatter.law(self.surfaces, out.surface);
+        ways.loudness[lane] = self.source_level * LOG2_PER_DB + weight[ray] - 2.0 * LOG2_PER_DB * loss;
+    }
+
+    /// Adds the laws of the surfaces and spreading to the loudness of `ways`, and finds how far their cells reach. `first`:
+    /// none is reflected; `same`: all come back the way they went.
+    pub(super) fn weigh(&self, ways: &mut Ways, first: bool, same: bool) {
+        echo::weigh(&self.backscatter.laws, same, ways);
+        match self.spreading.law(self.spreading_from) {
+            None => echo::spread_tubes(self.turns, ways),
+            Some(law) => echo::spread_by(law, ways),
+        }
+        let rotation = self.rotation.to_cols_array_2d();
+        echo::reaches(rotation, !(self.straight && first), !self.transducer.aside.is_empty(), ways);
     }
 
     /// Finds what the targets send back to which `echoes.direct` leads, each as a point of its target strength (sonar
@@ -299,30 +305,6 @@ impl Insonification<'_> {
         if at >= self.fold { at - self.fold } else { at }
     }
 
-    /// How much the range of an echo that leaves back along the unit `back` changes over a ray's cell, m, and how far
-    /// along the surface a metre of range is.
-    pub(super) fn reach(&self, arrival: &Arrival, back: Vec3) -> (f32, Vec3) {
-        let (direction, normal) = (arrival.direction, arrival.normal);
-        let towards = towards(direction, normal);
-        // From one side of the cell to the other, along the surface: the change of range, and the displacement.
-        let side = |across: Vec3| {
-            let farther = -across.dot(normal) / towards;
-            let way = across + direction * farther;
-            (0.5 * (farther + way.dot(back)), way)
-        };
-        let ray = arrival.ray as usize;
-        let tangent = self.tangent(ray);
-        let (reach, way) = side(self.across(ray, arrival, tangent * self.transducer.cell[ray]));
-        let Some(&aside) = self.transducer.aside.get(ray) else {
-            return (reach, if reach.abs() > 1e-6 { way / reach } else { Vec3::ZERO });
-        };
-        // The cell's sides combined: length by the spread of both, direction as both have it on average.
-        let (reach_aside, way_aside) = side(self.across(ray, arrival, tangent.cross(self.launch(ray)) * aside));
-        let square = reach * reach + reach_aside * reach_aside;
-        let way = way * reach + way_aside * reach_aside;
-        (square.sqrt(), if square > 1e-12 { way / square } else { Vec3::ZERO })
-    }
-
     /// Divides an echo among bins.
     pub(super) fn divide(&self, arrival: &Arrival, echo: Echo, parts: &mut Parts) -> PingEcho {
         let Echo { power, heard: Heard { at, hearing, .. }, reach, slide, way } = echo;
@@ -347,19 +329,23 @@ impl Insonification<'_> {
             }
             return answer;
         };
-        let object = self.scatterer(arrival.surface, arrival.ray, arrival.order, way);
-        let along = arrival.place.dot(scatterers.along);
-        let along_per_m = slide.dot(scatterers.along);
-        let (place, textured) = (arrival.place, !scatterers.texture.is_empty());
-        let part = |bin: u32| {
-            let (low, high) = (low.max(bin as f32), high.min(bin as f32 + 1.0));
-            // The middle of what lies in the bin.
-            let beside = 0.5 * (low + high) * self.bin_m - at;
-            let energy = if whole { power } else { share * (high - low).max(0.0) };
-            let rough = if textured { scatterers.roughness(place + slide * beside) } else { 1.0 };
-            (along + along_per_m * beside, energy * rough)
+        let (place, along) = (arrival.place, scatterers.along);
+        let echo = Scatter {
+            bins: [from as u32, to as u32],
+            ends: [low, high],
+            share,
+            least: if whole { power } else { 0.0 },
+            along: place.dot(along),
+            slope: slide.dot(along) * self.bin_m,
+            middle: at * per_bin,
+            object: self.scatterer(arrival.surface, arrival.ray, arrival.order, way),
         };
-        parts.scatter(scatterers, object, from as u32..to as u32 + 1, part);
+        let rough = |bin: u32| {
+            let middle = 0.5 * (low.max(bin as f32) + high.min(bin as f32 + 1.0));
+            scatterers.roughness(place + slide * (middle * self.bin_m - at))
+        };
+        let textured = !scatterers.texture.is_empty();
+        parts.scatter(scatterers, &echo, if textured { Some(&rough) } else { None });
         answer
     }
 
@@ -379,59 +365,12 @@ impl Insonification<'_> {
         self.rotation * Vec3::new(x[ray], y[ray], z[ray])
     }
 
-    /// Unit vector across a ray where it starts, world.
-    fn tangent(&self, ray: usize) -> Vec3 {
-        let [x, y, z] = &self.transducer.tangent;
-        self.rotation * Vec3::new(x[ray], y[ray], z[ray])
-    }
-
-    /// Length of `tangent` (rad) from one side of a ray's cell to the other, where the ray arrives, m.
-    fn across(&self, ray: usize, arrival: &Arrival, tangent: Vec3) -> Vec3 {
-        let [upright, level] = arrival.tube;
-        if self.straight && arrival.order == 0 {
-            return tangent * level;
-        }
-        // The tube turns with the ray, in its vertical plane, and is wider or thinner there than across it.
-        let frame = |direction: Vec3| {
-            let aside = Vec3::new(-direction.y, direction.x, 0.0).normalize_or(Vec3::Y);
-            (aside, direction.cross(aside))
-        };
-        let (aside, above) = frame(self.launch(ray));
-        let (aside_now, above_now) = frame(arrival.direction);
-        aside_now * (level * tangent.dot(aside)) + above_now * (upright * tangent.dot(above))
-    }
-
-    /// log2 of what spreading leaves of an echo that returns the way it went.
-    fn spread(&self, arrival: &Arrival) -> f32 {
-        self.spread_between(arrival, arrival)
-    }
-
     /// log2 of what spreading leaves of an echo of a point that returns the way it went: of both ways.
     pub(super) fn spread_twice(&self, way: &Arrival) -> f32 {
-        if self.spreading == Spreading::RayTube {
-            return 2.0 * self.tube_spread(way, way.speed);
+        match self.spreading.law(self.spreading_from) {
+            None => 2.0 * echo::tube_spread(way.tube, way.path, way.speed, self.turns),
+            Some(law) => -2.0 * echo::one_way(log2(way.path.max(1e-3)), law),
         }
-        -2.0 * self.spreading.one_way(log2(way.path.max(1e-3)), self.spreading_from)
-    }
-
-    /// log2 of `speed` (pressure follows from intensity by the impedance) over the area of the tube of a ray.
-    fn tube_spread(&self, way: &Arrival, speed: f32) -> f32 {
-        let [upright, level] = way.tube;
-        // At a caustic the tube is as wide as diffraction leaves it.
-        let length = way.path;
-        let least = length.min((2.0 * length / self.turns).sqrt());
-        log2(speed) - log2((upright.max(least) * level).max(1e-6)).abs()
-    }
-
-    /// log2 of what spreading leaves of an echo that went `out` and comes `back`: of the return path alone, as the
-    /// outward path makes the footprint that the ray represents. Levels do not rise within a metre of the sonar.
-    pub(super) fn spread_between(&self, out: &Arrival, back: &Arrival) -> f32 {
-        if self.spreading == Spreading::RayTube {
-            return self.tube_spread(back, out.speed * back.speed);
-        }
-        let [out, back] = [out, back].map(|way| log2(way.path.max(1e-3)));
-        let one_way = |path| self.spreading.one_way(path, self.spreading_from);
-        2.0 * out - one_way(out) - one_way(back)
     }
 }
 
@@ -444,367 +383,12 @@ impl Echoes {
         answers.clear();
         [energy, re, im].into_iter().for_each(Vec::clear);
     }
-
-    /// Determines which beams hear any of it, or lose water to it.
-    pub fn find_beams(&mut self, transducer: &Transducer) {
-        let of_rays = self.arrivals.iter().filter(|arrival| arrival.order == 0);
-        let of_rays = of_rays.filter_map(|arrival| transducer.hearing.get(arrival.ray as usize));
-        let all = of_rays.copied().chain(self.answers.iter().map(|answer| answer.hearing));
-        self.beams = all.fold((usize::MAX, 0), |(least, most), hearing| {
-            let Hearing { first, from, to, .. } = transducer.hearings[hearing as usize];
-            (least.min(first as usize), most.max((first + to - from) as usize))
-        });
-    }
 }
 
-/// Sine of the grazing angle between a unit vector and a surface.
-pub(super) fn sine(direction: Vec3, normal: Vec3) -> f32 {
-    (direction.dot(normal).abs() / normal.length()).clamp(1e-3, 1.0)
+/// How much the range of an echo changes over its ray's cell, m, and how far along the surface a metre of that is.
+pub(super) fn reach(ways: &Ways, lane: usize) -> (f32, Vec3) {
+    (ways.reach[lane], ways.slide.each_ref().map(|axis| axis[lane]).into())
 }
-
-/// Part of the unit `direction` along a normal of any length, times that, for the extent of what is met: not less than at a
-/// grazing angle of 0.6 degrees, as at the rim of a round object that would reach far behind it.
-pub(super) fn towards(direction: Vec3, normal: Vec3) -> f32 {
-    const LEAST: f32 = 1e-2;
-    let along = direction.dot(normal);
-    let least = LEAST * normal.length();
-    if along.abs() > least { along } else { least.copysign(along) }
-}
-
-impl<'a> Parts<'a> {
-    /// None yet, into empty columns.
-    pub fn new(energy: &'a mut Vec<f32>, re: &'a mut Vec<f32>, im: &'a mut Vec<f32>) -> Parts<'a> {
-        Parts { energy, re, im, batch: Batch::new() }
-    }
-
-    /// How many there are.
-    pub fn len(&self) -> u32 {
-        (self.energy.len() + self.batch.count) as u32
-    }
-
-    /// Adds one of a known amplitude, or again its energy; none may wait.
-    pub fn add(&mut self, energy: f32, [re, im]: [f32; 2]) {
-        self.energy.push(energy);
-        self.re.push(re);
-        self.im.push(im);
-    }
-
-    /// Adds one of a random amplitude: that of the scatterers of an object in a bin, at a place along the array.
-    pub fn scatter_at(&mut self, scatterers: &Scatterers, [object, bin]: [u32; 2], along: f32, energy: f32) {
-        self.scatter(scatterers, object, bin..bin + 1, |_| (along, energy));
-    }
-
-    /// Adds one for each of `bins`, whose places along the array and energies are those that `part` says.
-    fn scatter(
-        &mut self,
-        scatterers: &Scatterers,
-        object: u32,
-        mut bins: Range<u32>,
-        part: impl Fn(u32) -> (f32, f32),
-    ) {
-        let batch = &mut self.batch;
-        while !bins.is_empty() {
-            let lanes = batch.count..BATCH.min(batch.count + bins.len());
-            let places = batch.along[lanes.clone()].iter_mut().zip(&mut batch.energy[lanes.clone()]);
-            for (((along, energy), number), bin) in places.zip(&mut batch.bin[lanes.clone()]).zip(bins.clone()) {
-                // Not all of them change at once.
-                let shift = object.wrapping_add(bin.wrapping_mul(0x9E37_79B9));
-                let at;
-                (at, *energy) = part(bin);
-                *along = at + (shift >> 8) as f32 / (1 << 24) as f32;
-                *number = bin;
-            }
-            batch.object[lanes.clone()].fill(object);
-            bins.start += lanes.len() as u32;
-            batch.count = lanes.end;
-            if batch.count == BATCH {
-                batch.scatter(scatterers, self.energy, self.re, self.im);
-            }
-        }
-    }
-
-    /// Gives those that wait their amplitudes.
-    pub fn finish(&mut self, scatterers: Option<&Scatterers>) {
-        if let Some(scatterers) = scatterers.filter(|_| self.batch.count > 0) {
-            self.batch.scatter(scatterers, self.energy, self.re, self.im);
-        }
-    }
-}
-
-impl Batch {
-    fn new() -> Batch {
-        Batch { along: [0.0; BATCH], bin: [0; BATCH], object: [0; BATCH], energy: [0.0; BATCH], count: 0 }
-    }
-
-    /// Gives the parts random amplitudes and adds them to the others.
-    fn scatter(&mut self, scatterers: &Scatterers, energy: &mut Vec<f32>, re: &mut Vec<f32>, im: &mut Vec<f32>) {
-        let (mut x, mut y) = ([0.0; BATCH], [0.0; BATCH]);
-        let mut along = [0; BATCH];
-        // All lanes, including those still empty: loops of fixed length compile to vector instructions.
-        sound::cells(&self.along, &mut along);
-        let address = [&along[..], &self.bin, &[scatterers.station; BATCH], &self.object];
-        scatterers.rng.phasors(address, &mut x, &mut y);
-        for lane in 0..BATCH {
-            let amplitude = self.energy[lane].sqrt();
-            x[lane] *= amplitude;
-            y[lane] *= amplitude;
-        }
-        energy.extend_from_slice(&self.energy[..self.count]);
-        re.extend_from_slice(&x[..self.count]);
-        im.extend_from_slice(&y[..self.count]);
-        self.count = 0;
-    }
-}
-
-impl Scatterers {
-    /// Part of the mean energy that a place sends back, by its texture, or all of it.
-    #[inline(never)]
-    pub(super) fn roughness(&self, place: Vec3) -> f32 {
-        if self.texture.is_empty() {
-            return 1.0;
-        }
-        let address = (place / self.patch + OFF_LATTICE).floor().to_array().map(|cell| cell as i32 as u32);
-        self.texture[(self.rng.uniform_at(address, Draw::Texture) * self.texture.len() as f32) as usize]
-    }
-}
-
-/// A gamma distribution of mean 1 and this shape, cut into equally probable parts: the mean of each, rising.
-pub(crate) fn texture(shape: f64) -> Arc<[f32]> {
-    const PARTS: usize = 4096;
-    const STEPS: usize = 400_000;
-    // The density over the logarithm t of the number is e^(shape t - e^t): smooth, and negligible outside these ends.
-    let (low, high) = (-40.0 / shape, (shape + 12.0 * shape.sqrt() + 40.0).ln());
-    let step = (high - low) / STEPS as f64;
-    let densities = (0..STEPS).map(|index| {
-        let t = low + (index as f64 + 0.5) * step;
-        let value = t.exp();
-        (value, (shape * (t - shape.ln()) - value + shape).exp())
-    });
-    let whole: f64 = densities.clone().map(|(_, density)| density).sum();
-    let mut parts = vec![[0.0; 2]; PARTS];
-    let mut sum = 0.0;
-    for (value, density) in densities {
-        let part = (((sum + 0.5 * density) / whole * PARTS as f64) as usize).min(PARTS - 1);
-        parts[part][0] += density;
-        parts[part][1] += density * value;
-        sum += density;
-    }
-    parts.iter().map(|[weight, sum]| (sum / weight.max(1e-300) / shape) as f32).collect()
-}
-
-/// Adjacent beams that are heard together.
-#[derive(Clone, Default)]
-pub(crate) struct Tile {
-    /// Beams of this tile: from `beams.0` to before `beams.1`.
-    pub beams: (usize, usize),
-    /// Bins in which anything but zeros may be.
-    pub heard: Range<usize>,
-    /// Sums by bin and beam: of amplitudes, or in `re` of energies without speckle.
-    pub re: Vec<f32>,
-    pub im: Vec<f32>,
-    /// Energy of the strongest arrival of each cell, and its number.
-    pub most: Vec<f32>,
-    pub who: Vec<u32>,
-    /// Whom each cell tells of, beam by beam: see [`Tile::levels`].
-    pub told: Vec<u32>,
-    /// Energy times the angle from the beam's axis, and energy; for swaths.
-    pub lean: Vec<f32>,
-    pub total: Vec<f32>,
-    /// Solid angle still open at each bin, sr, minus what is closed there.
-    pub open: Vec<f32>,
-}
-
-/// No arrival: their numbers are from 1. It is 0, as memory is when nothing was heard.
-pub(crate) const NOBODY: u32 = 0;
 
 /// In place of a ray's number: what was not found by any, and takes no water from view.
 pub(crate) const NO_RAY: u32 = u32::MAX;
-
-/// What a tile determines.
-#[derive(Clone, Copy)]
-pub(crate) struct Wants {
-    /// The strongest arrival of each cell.
-    pub who: bool,
-    /// Where in its beam an echo lies.
-    pub lean: bool,
-    /// How much of the water is still in view.
-    pub open: bool,
-    /// Amplitudes with phases, not energies.
-    pub speckle: bool,
-}
-
-impl Tile {
-    pub fn width(&self) -> usize {
-        self.beams.1 - self.beams.0
-    }
-
-    /// Empties it for `beams` and `bins`.
-    pub fn clear(&mut self, beams: (usize, usize), bins: usize, wants: Wants) {
-        let before = self.width();
-        self.beams = beams;
-        let width = self.width();
-        let cells = bins * width;
-        // Most of a ping is silence, and was.
-        let heard = self.heard.start * width..self.heard.end * width;
-        self.heard = bins..0;
-        let reset = |column: &mut Vec<f32>, wanted: bool| {
-            if wanted && column.len() == cells && before == width {
-                return column.get_mut(heard.clone()).unwrap_or_default().fill(0.0);
-            }
-            column.clear();
-            column.resize(if wanted { cells } else { 0 }, 0.0);
-        };
-        reset(&mut self.re, true);
-        reset(&mut self.im, wants.speckle);
-        reset(&mut self.most, wants.who);
-        reset(&mut self.lean, wants.lean);
-        reset(&mut self.total, wants.lean);
-        reset(&mut self.open, wants.open);
-        if wants.who && self.who.len() == cells && before == width {
-            self.who.get_mut(heard).unwrap_or_default().fill(NOBODY);
-        } else {
-            self.who.clear();
-            self.who.resize(if wants.who { cells } else { 0 }, NOBODY);
-        }
-    }
-
-    /// Notes that something is heard in `parts` bins from `bin` on.
-    fn note(&mut self, bin: usize, parts: usize) {
-        if parts > 0 {
-            self.heard = self.heard.start.min(bin)..self.heard.end.max(bin + parts);
-        }
-    }
-
-    /// Adds the parts of an arrival heard by one beam whose bins are consecutive.
-    fn hear_alone(&mut self, echoes: &Echoes, answer: &PingEcho, loud: f32, who: u32, wants: Wants) {
-        let parts = answer.first as usize..(answer.first + answer.parts) as usize;
-        let cells = answer.bin as usize..(answer.bin + answer.parts) as usize;
-        let scale = if wants.speckle { loud } else { loud * loud };
-        sound::add(scale, &echoes.re[parts.clone()], &mut self.re[cells.clone()]);
-        if wants.speckle {
-            sound::add(loud, &echoes.im[parts.clone()], &mut self.im[cells.clone()]);
-        }
-        if wants.who {
-            let (most, is) = (&mut self.most[cells.clone()], &mut self.who[cells]);
-            sound::prefer_parts(loud, &echoes.energy[parts], who, most, is);
-        }
-    }
-
-    /// Adds the parts of an arrival heard by adjacent beams, from the tile's beam `first` on, as loud as `loudness`
-    /// says.
-    fn hear_together(
-        &mut self,
-        echoes: &Echoes,
-        answer: &PingEcho,
-        (first, loudness): (usize, &[f32]),
-        who: u32,
-        wants: Wants,
-    ) {
-        let width = self.width();
-        let parts = answer.first as usize..(answer.first + answer.parts) as usize;
-        let start = answer.bin as usize * width + first;
-        if wants.speckle && wants.who {
-            let (amplitudes, energy) = ([&echoes.re[parts.clone()], &echoes.im[parts.clone()]], &echoes.energy[parts]);
-            let Tile { re, im, most, who: is, .. } = self;
-            return sound::hear_rows(start, width, loudness, amplitudes, energy, who, [re, im], most, is);
-        }
-        if wants.speckle {
-            sound::add_rows(start, width, loudness, &echoes.re[parts.clone()], &mut self.re);
-            sound::add_rows(start, width, loudness, &echoes.im[parts.clone()], &mut self.im);
-        } else {
-            sound::add_rows_squared(start, width, loudness, &echoes.re[parts.clone()], &mut self.re);
-        }
-        if wants.who {
-            let (most, is) = (&mut self.most, &mut self.who);
-            sound::prefer_rows(start, width, loudness, &echoes.energy[parts], who, most, is);
-        }
-    }
-
-    /// Accumulates where in the beams the energy of an arrival comes from.
-    fn lean(&mut self, echoes: &Echoes, answer: &PingEcho, first: usize, [loudness, beside]: [&[f32]; 2]) {
-        let width = self.width();
-        let parts = answer.first as usize..(answer.first + answer.parts) as usize;
-        let start = answer.bin as usize * width + first;
-        let (lean, total) = (&mut self.lean, &mut self.total);
-        sound::lean_rows(start, width, loudness, beside, &echoes.energy[parts], lean, total);
-    }
-
-    /// Adds what the beams hear of a chunk.
-    pub fn hear(&mut self, transducer: &Transducer, echoes: &Echoes, bin_m: f32, wants: Wants) {
-        let width = self.width();
-        if echoes.beams.1 <= self.beams.0 || self.beams.1 <= echoes.beams.0 {
-            return;
-        }
-        for (who, (arrival, answer)) in (echoes.first..).zip(echoes.arrivals.iter().zip(&echoes.answers)) {
-            if wants.open && arrival.order == 0 && arrival.ray != NO_RAY {
-                self.close(transducer, arrival.ray as usize, (answer.range / bin_m) as usize);
-            }
-            let Hearing { first, from, to, .. } = transducer.hearings[answer.hearing as usize];
-            let (first, last) = (first as usize, (first + to - from) as usize);
-            let (low, high) = (first.max(self.beams.0), last.min(self.beams.1));
-            if low >= high {
-                continue;
-            }
-            let loudness = &transducer.loudness[from as usize + low - first..from as usize + high - first];
-            self.note(answer.bin as usize, answer.parts as usize);
-            if width == 1 {
-                self.hear_alone(echoes, answer, loudness[0], who, wants);
-            } else {
-                self.hear_together(echoes, answer, (low - self.beams.0, loudness), who, wants);
-            }
-            if wants.lean {
-                let beside = &transducer.beside[from as usize + low - first..from as usize + high - first];
-                self.lean(echoes, answer, low - self.beams.0, [loudness, beside]);
-            }
-        }
-    }
-
-    /// Closes the water of a bin, and behind it, to beams by the cell of a ray that meets something there.
-    fn close(&mut self, transducer: &Transducer, ray: usize, bin: usize) {
-        let width = self.width();
-        // Uses the beams at the start, which define the open water.
-        let Hearing { first, from, to, .. } = transducer.hearings[transducer.hearing[ray] as usize];
-        let (first, last) = (first as usize, (first + to - from) as usize);
-        let (low, high) = (first.max(self.beams.0), last.min(self.beams.1));
-        if low >= high || bin * width >= self.open.len() {
-            return;
-        }
-        self.note(bin, 1);
-        let loudness = &transducer.loudness[from as usize + low - first..from as usize + high - first];
-        let weight = exp2(transducer.weight[ray]);
-        let start = bin * width + low - self.beams.0;
-        for (open, &loud) in self.open[start..start + loudness.len()].iter_mut().zip(loudness) {
-            *open -= weight * loud * loud;
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A texture times an exponential is K-distributed: compared with quantiles and moments from another library.
-    #[test]
-    fn textures_make_k_distributions() {
-        let table = include_str!("../../../../../tests/data/sonar/speckle_statistics.json");
-        let table: serde_json::Value = serde_json::from_str(table).unwrap();
-        for (shape, expected) in table["K_intensity_shape"].as_object().unwrap() {
-            let texture = texture(shape.parse().unwrap());
-            let mean = |of: &dyn Fn(f64) -> f64| {
-                texture.iter().map(|&part| of(part.into())).sum::<f64>() / texture.len() as f64
-            };
-            assert!((mean(&|t| t) - 1.0).abs() < 1e-4, "{shape}");
-            let index = 2.0 * mean(&|t| t * t) - 1.0;
-            let known = expected["SI"].as_f64().unwrap();
-            assert!((index / known - 1.0).abs() < 0.01, "scintillation index with {shape}: {index} {known}");
-            let third = 6.0 * mean(&|t| t * t * t);
-            let known = expected["m3"].as_f64().unwrap();
-            assert!((third / known - 1.0).abs() < 0.05, "third moment with {shape}: {third} {known}");
-            for (part, quantile) in expected["quantiles"].as_object().unwrap() {
-                let (part, quantile) = (part.parse::<f64>().unwrap(), quantile.as_f64().unwrap());
-                let below = mean(&|t| 1.0 - (-quantile / t).exp());
-                assert!((below - part).abs() < 2e-4, "{shape}: {below} instead of {part}");
-            }
-        }
-    }
-}

@@ -1,7 +1,7 @@
 //! What pulse and receiver make of what beams hear: levels.
 
 use super::flanks::Flanks;
-use super::ping::{NOBODY, Tile};
+use super::tile::Tile;
 use crate::emitter::Transducer;
 use crate::ground::rng::{Draw, Rng};
 use echocast_kernels::sound;
@@ -56,7 +56,12 @@ impl Response {
         const REACH: f64 = 8.5;
         /// Limits the work for bins much shorter than the pulse.
         const MOST_TAPS: f64 = 1024.0;
-        let sinc = |x: f64| if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) };
+        // Exactly zero where it is: with bins of half a resolution every second tap, which costs nothing then.
+        let sinc = |x: f64| match x {
+            0.0 => 1.0,
+            _ if x.fract() == 0.0 => 0.0,
+            _ => (PI * x).sin() / (PI * x),
+        };
         let shape = |x: f64| match taper {
             // An unmodulated pulse is uniform over one resolution; its edges count half.
             _ if !modulated => {
@@ -132,10 +137,9 @@ pub(crate) struct Lines {
     noise_im: Vec<f32>,
     /// Amplitudes of the noise.
     hiss: Vec<f32>,
-    /// Powers from far aside, and the strongest part of each and whose it is.
+    /// Powers from far aside, and from which parts of the directions.
     flank: Vec<f32>,
-    most: Vec<f32>,
-    who: Vec<u32>,
+    audible: Vec<(u32, f32)>,
     /// What they hear after the response.
     sum: Vec<f32>,
     other: Vec<f32>,
@@ -145,13 +149,12 @@ pub(crate) struct Lines {
 impl Tile {
     /// Levels of all cells, dB re 1 uPa, into `levels`, beam by beam; and whom they tell of.
     pub fn levels(&mut self, response: &Response, background: &Background, lines: &mut Lines, levels: &mut [f32]) {
-        let (width, coherent) = (self.width(), !self.im.is_empty());
+        let (width, coherent) = (self.width, !self.im.is_empty());
         let bins = self.re.len() / width;
-        let Lines { re, im, noise_re, noise_im, hiss, flank, most, who, sum, other, padded } = lines;
-        for line in [&mut *noise_re, noise_im, hiss, flank, most, sum, other] {
+        let Lines { re, im, noise_re, noise_im, hiss, flank, audible, sum, other, padded } = lines;
+        for line in [&mut *noise_re, noise_im, hiss, flank, sum, other] {
             line.resize(bins, 0.0);
         }
-        who.resize(bins, NOBODY);
         let Range { start, end } = self.heard;
         let heard = start.min(end) * width..end * width;
         for (rows, beams) in [(&self.re, &mut *re), (&self.im, &mut *im)] {
@@ -159,21 +162,17 @@ impl Tile {
             sound::columns(width, rows.get(heard.clone()).unwrap_or_default(), start, bins, beams);
         }
         silence(self.who.len(), bins, start..end, &mut self.told);
-        sound::columns_of_numbers(width, self.who.get(heard).unwrap_or_default(), start, bins, &mut self.told);
+        sound::columns_of_numbers(width, &self.who[heard], start, bins, &mut self.told);
         for (beam, levels) in levels.chunks_exact_mut(bins).enumerate() {
             let number = (self.beams.0 + beam) as u32;
             background.rng.cell_phasors(number, Draw::PingNoise, noise_re, noise_im);
             self.hiss(beam, response, background, coherent, hiss);
             let aside = !background.flanks.is_empty();
             if aside {
-                let Background { flanks, transducer, .. } = background;
-                if background.labels_flanks {
-                    flanks.told(transducer, number as usize, flank, most, who);
-                    let told = &mut self.told[beam * bins..(beam + 1) * bins];
-                    sound::tell_of_louder(NOBODY, background.noise, flank, who, told);
-                } else {
-                    flanks.heard(transducer, number as usize, flank);
-                }
+                let Background { flanks, transducer, noise, .. } = background;
+                let told =
+                    if background.labels_flanks { &mut self.told[beam * bins..(beam + 1) * bins] } else { &mut [] };
+                flanks.heard((transducer, number as usize), audible, flank, *noise, told);
             }
             let re = &mut re[beam * bins..(beam + 1) * bins];
             if aside && coherent {
@@ -199,7 +198,7 @@ impl Tile {
 
     /// Amplitudes of the noise and volume backscatter of a beam, uPa; before the response, if `coherent`.
     fn hiss(&self, beam: usize, response: &Response, background: &Background, coherent: bool, amplitudes: &mut [f32]) {
-        let width = self.width();
+        let width = self.width;
         let share = if coherent { 1.0 / response.power } else { 1.0 };
         if background.volume.is_empty() {
             return amplitudes.fill((background.noise * share).sqrt());

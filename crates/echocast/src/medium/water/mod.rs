@@ -26,6 +26,7 @@ pub use validity::Outside;
 use crate::ground::error::{Error, Result};
 use crate::ground::math::log2;
 use crate::read::bounds::{ABOVE_ZERO, Bounds};
+use echocast_kernels::echo::one_way;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -51,14 +52,18 @@ impl Spreading {
     /// log2 of the energy loss on a path of `2^path` m: nothing within a metre. `from`: where hybrid spreading becomes
     /// cylindrical, m; ray tubes are treated as those of straight rays.
     pub(crate) fn one_way(self, path: f32, from: f32) -> f32 {
+        one_way(path, self.law(from).unwrap_or([2.0, 0.0, f32::INFINITY]))
+    }
+
+    /// The law of [`one_way`] that it is; `None`: that of ray tubes.
+    pub(crate) fn law(self, from: f32) -> Option<[f32; 3]> {
+        let everywhere = |power: f32| Some([power, 0.0, f32::INFINITY]);
         match self {
-            Spreading::RayTube | Spreading::Spherical => 2.0 * path.max(0.0),
-            Spreading::Practical => 1.5 * path.max(0.0),
-            Spreading::Cylindrical => path.max(0.0),
-            Spreading::Hybrid => {
-                let from = log2(from).max(0.0);
-                2.0 * path.clamp(0.0, from) + (path - from).max(0.0)
-            }
+            Spreading::RayTube => None,
+            Spreading::Spherical => everywhere(2.0),
+            Spreading::Practical => everywhere(1.5),
+            Spreading::Cylindrical => everywhere(1.0),
+            Spreading::Hybrid => Some([2.0, 1.0, log2(from).max(0.0)]),
         }
     }
 }

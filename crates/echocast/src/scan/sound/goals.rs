@@ -118,7 +118,9 @@ impl Pinging<'_> {
         }
         let [along, aside] = stand.outline(towards).map(DVec3::length);
         let part = 4.0 * along * aside / (std::f64::consts::PI * radius * radius);
-        (in_phase || self.has_few_rays(aim, size, part as f32)).then_some(stand)
+        /// Of rays that meet it: their echo is within 2 dB in 99 of 100 pings.
+        const ENOUGH: f32 = 64.0;
+        (in_phase || self.transducer.has_fewer_rays(ENOUGH / part as f32, aim, size)).then_some(stand)
     }
 
     /// Whether the sonar sends to a direction (unit, sensor frame) and hears from there.
@@ -127,27 +129,5 @@ impl Pinging<'_> {
         /// a line array, there and back.
         const LEAST: f32 = -9.0;
         self.transducer.towards(aim, aim).any(|(loud, _)| loud > LEAST)
-    }
-
-    /// Whether so few rays of the ping start within `size` rad of a direction that a `part` of them does not add up to
-    /// the echo of a body.
-    fn has_few_rays(&self, aim: Vec3, size: f32, part: f32) -> bool {
-        /// Their echo is within 2 dB in 99 of 100 pings.
-        const ENOUGH: f32 = 64.0;
-        let [x, y, z] = &self.transducer.direction;
-        let square = size * size;
-        // In blocks, without branches within: most are far from all rays or near many.
-        let mut near = 0;
-        for ((x, y), z) in x.chunks(1024).zip(y.chunks(1024)).zip(z.chunks(1024)) {
-            let within = |((x, y), z): ((&f32, &f32), &f32)| {
-                let (x, y, z) = (x - aim.x, y - aim.y, z - aim.z);
-                u32::from(x * x + y * y + z * z < square)
-            };
-            near += x.iter().zip(y).zip(z).map(within).sum::<u32>();
-            if near as f32 * part >= ENOUGH {
-                return false;
-            }
-        }
-        true
     }
 }

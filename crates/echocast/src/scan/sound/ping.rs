@@ -26,6 +26,7 @@ use crate::trace::{
     Arrival, Backscatter, BuiltScene, Clock, Goal, Later, Launch, Movement, SoundLimits, SoundTracer, Stand, Tables,
     TracerMemory, TubeHit,
 };
+use echocast_kernels::sound::BEAMS;
 use glam::{DQuat, DVec3, EulerRot, Mat3, Vec3};
 use std::sync::Arc;
 
@@ -34,9 +35,6 @@ const CHUNK: usize = 2048;
 
 /// Arrivals have numbers of 32 bits: each ray has 25 at most, with eight reflections and two mixed ways for each.
 const MOST_RAYS: usize = 1 << 27;
-
-/// Beams per tile, where several receive a ray: the sums of a tile fit into the second-level cache.
-const TILE: usize = 32;
 
 /// Side of a place of one texture, in resolutions: several range cells.
 const TEXTURE: f64 = 16.0 / 3.0;
@@ -67,7 +65,7 @@ impl PingMemory {
     /// The strongest arrival that a beam receives in a bin: see [`strongest`].
     pub(super) fn strongest(&self, beam: usize, bin: usize) -> Option<(&Echoes, usize)> {
         let tile = self.tile_of(beam);
-        strongest(&self.chunks, tile.told[(beam - tile.beams.0) * (tile.told.len() / tile.width()) + bin])
+        strongest(&self.chunks, tile.told[(beam - tile.beams.0) * (tile.told.len() / tile.width) + bin])
     }
 
     /// What all rays send back.
@@ -478,23 +476,20 @@ impl<'a> Pinging<'a> {
             echoes.first = first;
             first += echoes.arrivals.len() as u32;
         }
-        let wants = Wants {
-            who: fields.without(Field::Intensity) != FieldSet::EMPTY,
-            lean: view == SonarView::Swath,
-            open: !self.volume.is_empty(),
-            speckle: self.speckle.is_some(),
-        };
-        flanks.clear(&self.transducer, bins, wants.who && told == Told::All);
+        let told = (fields.without(Field::Intensity) != FieldSet::EMPTY).then_some(told);
+        let wants =
+            Wants { lean: view == SonarView::Swath, open: !self.volume.is_empty(), speckle: self.speckle.is_some() };
+        flanks.clear(&self.transducer, bins, told == Some(Told::All));
         for chunk in &*chunks {
             flanks.add(&self.transducer, &chunk.echoes);
         }
-        if wants.who && told == Told::All {
+        if told == Some(Told::All) {
             self.account(chunks, fields, accounts)?;
         }
-        let tile = if self.transducer.beams_are_apart() { 1 } else { TILE };
-        tiles.resize_with(beams.div_ceil(tile), TileMemory::default);
+        let width = if self.transducer.beams_are_apart() { 1 } else { BEAMS };
+        tiles.resize_with(beams.div_ceil(width), TileMemory::default);
         let rows = ping.cells.slices(0, beams * bins);
-        let task = Listening { pinging: self, chunks, flanks, accounts, wants, told, width: tile };
+        let task = Listening { pinging: self, chunks, flanks, accounts, wants, told, width };
         task.tiles(tiles, rows);
         ping.soundings.clear();
         ping.soundings.extend(tiles.iter().flat_map(|memory| &memory.soundings));
@@ -565,7 +560,7 @@ impl TileMemory {
         for (beam, levels) in (tile.beams.0..).zip(levels.chunks_exact(bins)) {
             let (lean, total) = (&tile.lean[..], &tile.total[..]);
             let heard = (tile.heard.start, tile.heard.end);
-            let beside = Beside { lean, total, width: tile.width(), beam: beam - tile.beams.0, heard };
+            let beside = Beside { lean, total, width: tile.width, beam: beam - tile.beams.0, heard };
             let width = pinging.transducer.widths[beam];
             let heard = BeamLevels { beam, levels, beside, width, resolution, rng: &pinging.rng };
             soundings.extend(sounding(&pinging.layout, &heard, stretch).map(|found| Sounding {
@@ -596,7 +591,7 @@ impl Pinging<'_> {
     /// The bin nearest to `bin` from which something comes that the response spreads to there; itself if there is none.
     fn loud_bin(&self, tile: &Tile, beam: usize, bin: usize) -> usize {
         let loud = |bin: usize| {
-            let cell = bin * tile.width() + beam - tile.beams.0;
+            let cell = bin * tile.width + beam - tile.beams.0;
             tile.re.get(cell).is_some_and(|&re| re != 0.0) || tile.im.get(cell).is_some_and(|&im| im != 0.0)
         };
         let beside = |step: usize| [bin.checked_sub(step), Some(bin + step)].into_iter().flatten();
@@ -697,7 +692,7 @@ impl RayTask<'_, '_> {
             tracer.direct(&launch, whole, &mut chunk.tracer, arrivals, direct);
         }
         insonification.answer(&mut chunk.echoes);
-        chunk.echoes.find_beams(transducer);
+        chunk.echoes.gather(transducer, pinging.layout.bins);
     }
 }
 
@@ -710,7 +705,7 @@ impl RayTask<'_, '_> {
         direct.clear();
         tracer.sight(pinging.place(), goals, |row| sound.is_whole(surfaces, row), &mut chunk.tracer, direct);
         insonification.answer_targets(&mut chunk.echoes);
-        chunk.echoes.find_beams(&pinging.transducer);
+        chunk.echoes.gather(&pinging.transducer, pinging.layout.bins);
     }
 
     /// Hears a body by tubes of its own.
@@ -723,7 +718,7 @@ impl RayTask<'_, '_> {
             Some(way) => insonification.answer_body(&way, hits, shares, echoes),
             None => echoes.clear(),
         }
-        echoes.find_beams(&pinging.transducer);
+        echoes.gather(&pinging.transducer, pinging.layout.bins);
     }
 }
 
@@ -735,7 +730,7 @@ struct Listening<'a, 'p> {
     flanks: &'a Flanks,
     accounts: &'a Accounts,
     wants: Wants,
-    told: Told,
+    told: Option<Told>,
     /// Beams of a tile.
     width: usize,
 }
@@ -768,25 +763,25 @@ impl Listen<'_, '_> {
         let TileMemory { tile, lines, .. } = memory;
         let Layout { bins, bin_m, .. } = *pinging.layout;
         let last = (first + width).min(pinging.transducer.beams());
-        tile.clear((first, last), bins, wants);
+        tile.clear((first, last), width, bins, wants);
         for chunk in chunks {
-            tile.hear(&pinging.transducer, &chunk.echoes, bin_m as f32, wants);
+            tile.hear(&pinging.transducer, &chunk.echoes, bin_m as f32);
         }
         let background = Background {
             rng: pinging.rng,
             noise: (pinging.layout.noise_db * LOG2_PER_DB).exp2(),
             volume: &pinging.volume,
             flanks,
-            labels_flanks: wants.who && told == Told::All,
+            labels_flanks: told == Some(Told::All),
             transducer: &pinging.transducer,
         };
         tile.levels(&pinging.response, &background, lines, rows.intensity);
         memory.sound_out(pinging, rows.intensity);
         let TileMemory { tile, soundings, runs, .. } = memory;
         match told {
-            _ if !wants.who => {}
-            Told::All => pinging.tell(tile, accounts, runs, rows),
-            Told::Soundings => pinging.tell_soundings(tile, chunks, rows, soundings),
+            None => {}
+            Some(Told::All) => pinging.tell(tile, accounts, runs, rows),
+            Some(Told::Soundings) => pinging.tell_soundings(tile, chunks, rows, soundings),
         }
     }
 }

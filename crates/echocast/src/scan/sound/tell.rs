@@ -148,7 +148,8 @@ impl Pinging<'_> {
 
     /// The columns of a tile that say what the strongest scatterer of each cell is.
     pub fn tell(&self, tile: &Tile, accounts: &Accounts, runs: &mut Vec<Run>, mut rows: Slices) {
-        let (who, bins) = (&tile.told[..], self.layout.bins);
+        let bins = self.layout.bins;
+        let who = &tile.told[..(tile.beams.1 - tile.beams.0) * bins];
         let Accounts { columns, extents, ranges } = accounts;
         find_runs(who, bins, runs);
         let runs = &runs[..];

@@ -1,0 +1,227 @@
+//! Arrivals that are heard alike, added up before any beam hears them.
+//!
+//! An imaging sonar has a hundred rays at each angle to its array, and forty beams hear each of them: what comes from one
+//! angle is summed by range once, and the beams hear the sums.
+
+use super::ping::{Echoes, PingEcho};
+use crate::emitter::{Hearing, Transducer};
+use echocast_kernels::sound::{BLOCK, Block};
+use std::ops::Range;
+
+/// Sums of what a chunk returns, in blocks of [`BLOCK`] range bins: by the stretch of the range that they are, then by who
+/// hears them.
+#[derive(Clone, Default)]
+pub(crate) struct Gathered {
+    /// The [`Hearing`]s by which anything is heard.
+    pub hearings: Vec<u32>,
+    /// Arrivals are numbered by their index.
+    pub blocks: Vec<Block>,
+    /// Sums of energies.
+    pub energy: Vec<[f32; BLOCK]>,
+    /// Which of the hearings each of the blocks is of.
+    pub of: Vec<u32>,
+    /// Where those of each stretch begin, from the first of the `span` on.
+    starts: Vec<u32>,
+    /// Stretches in which something is heard.
+    span: Range<usize>,
+    memory: GatherMemory,
+}
+
+/// Memory of [`Gathered::gather`].
+#[derive(Clone, Default)]
+struct GatherMemory {
+    /// Arrivals in the order of their hearings.
+    order: Vec<u32>,
+    /// The stretch and the hearing of each block, as they are found, and then its place.
+    found: Vec<[u32; 2]>,
+    place: Vec<u32>,
+    /// The last block of each stretch that was found.
+    last: Vec<u32>,
+    /// For each arrival, the blocks of the stretches that it touches.
+    touched: Vec<u32>,
+}
+
+impl Gathered {
+    /// Adds up the parts of the `answers` in `bins`: `amplitudes` and energies.
+    fn gather(&mut self, answers: &[PingEcho], amplitudes: [&[f32]; 2], energy: &[f32], bins: usize) {
+        let GatherMemory { order, found, last, touched, .. } = &mut self.memory;
+        [&mut *order, touched, &mut self.hearings, &mut self.starts].into_iter().for_each(Vec::clear);
+        found.clear();
+        last.resize(bins.div_ceil(BLOCK), 0);
+        order.extend((0..).zip(answers).filter(|(_, answer)| answer.parts > 0).map(|(index, _)| index));
+        let hearing = |&index: &u32| answers[index as usize].hearing;
+        if !order.is_sorted_by_key(hearing) {
+            order.sort_by_key(hearing);
+        }
+        self.span = usize::MAX..0;
+        // First block of this hearing.
+        let mut first = 0;
+        for &index in &*order {
+            let answer = &answers[index as usize];
+            if self.hearings.last() != Some(&answer.hearing) {
+                self.hearings.push(answer.hearing);
+                first = found.len();
+            }
+            let stretches = stretches(answer);
+            self.span = self.span.start.min(stretches.start)..self.span.end.max(stretches.end);
+            for stretch in stretches {
+                let block = &mut last[stretch];
+                let known = found.get(*block as usize).is_some_and(|known| known[0] == stretch as u32);
+                if !known || (*block as usize) < first {
+                    *block = found.len() as u32;
+                    found.push([stretch as u32, self.hearings.len() as u32 - 1]);
+                }
+                touched.push(*block);
+            }
+        }
+        self.sort();
+        self.add(answers, amplitudes, energy);
+    }
+
+    /// Sorts the blocks by their stretches, by counting.
+    fn sort(&mut self) {
+        let Gathered { starts, span, of, memory: GatherMemory { found, place, .. }, .. } = self;
+        starts.resize(span.len() + 2, 0);
+        found.iter().for_each(|[stretch, _]| starts[*stretch as usize - span.start + 2] += 1);
+        (2..starts.len()).for_each(|index| starts[index] += starts[index - 1]);
+        of.resize(found.len(), 0);
+        place.clear();
+        place.extend(found.iter().map(|&[stretch, hearing]| {
+            let next = &mut starts[stretch as usize - span.start + 1];
+            of[*next as usize] = hearing;
+            *next += 1;
+            *next - 1
+        }));
+    }
+
+    /// Adds all parts to their blocks.
+    fn add(&mut self, answers: &[PingEcho], [re, im]: [&[f32]; 2], energy: &[f32]) {
+        let Gathered { blocks, energy: sums, of, memory: GatherMemory { order, place, touched, .. }, .. } = self;
+        blocks.clear();
+        blocks.resize(of.len(), Block::default());
+        sums.clear();
+        sums.resize(of.len(), [0.0; BLOCK]);
+        let mut touched = touched.iter();
+        for &index in &*order {
+            let answer = &answers[index as usize];
+            let parts = answer.first as usize..(answer.first + answer.parts) as usize;
+            let (mut re, mut energy) = (re[parts.clone()].iter(), energy[parts.clone()].iter());
+            let mut im = im.get(parts).unwrap_or_default().iter();
+            let mut bin = answer.bin as usize;
+            for &block in touched.by_ref().take(stretches(answer).len()) {
+                let place = place[block as usize] as usize;
+                let (block, sums) = (&mut blocks[place], &mut sums[place]);
+                for at in bin % BLOCK..BLOCK {
+                    let (Some(&energy), Some(&re)) = (energy.next(), re.next()) else { break };
+                    block.re[at] += re;
+                    block.im[at] += im.next().unwrap_or(&0.0);
+                    sums[at] += energy;
+                    let stronger = energy > block.most[at];
+                    block.most[at] = if stronger { energy } else { block.most[at] };
+                    block.who[at] = if stronger { index } else { block.who[at] };
+                }
+                bin = 0;
+            }
+        }
+    }
+
+    /// The stretches of `bins` in which something is heard, and the blocks of each.
+    pub fn stretches(&self, bins: usize) -> impl Iterator<Item = (Range<usize>, Range<usize>)> {
+        self.span.clone().zip(self.starts.windows(2)).map(move |(stretch, ends)| {
+            let cells = stretch * BLOCK..((stretch + 1) * BLOCK).min(bins);
+            (cells, ends[0] as usize..ends[1] as usize)
+        })
+    }
+
+    /// Each block: who hears it, which of `bins` it is, and its number.
+    pub fn each<'a>(
+        &'a self,
+        transducer: &'a Transducer,
+        bins: usize,
+    ) -> impl Iterator<Item = (Hearing, Range<usize>, usize)> + 'a {
+        let hearing = |block: usize| transducer.hearings[self.hearings[self.of[block] as usize] as usize];
+        let stretches = self.stretches(bins);
+        stretches.flat_map(move |(bins, blocks)| blocks.map(move |block| (hearing(block), bins.clone(), block)))
+    }
+}
+
+/// Stretches of the range in which an answer has parts.
+fn stretches(answer: &PingEcho) -> Range<usize> {
+    let (bin, parts) = (answer.bin as usize, answer.parts as usize);
+    bin / BLOCK..(bin + parts).div_ceil(BLOCK)
+}
+
+impl Echoes {
+    /// Determines which beams hear any of it, or lose water to it, and adds up what several of them hear in `bins`.
+    pub fn gather(&mut self, transducer: &Transducer, bins: usize) {
+        let Echoes { arrivals, answers, energy, re, im, gathered, .. } = self;
+        let of_rays = arrivals.iter().filter(|arrival| arrival.order == 0);
+        let of_rays = of_rays.filter_map(|arrival| transducer.hearing.get(arrival.ray as usize));
+        let all = of_rays.copied().chain(answers.iter().map(|answer| answer.hearing));
+        self.beams = all.fold((usize::MAX, 0), |(least, most), hearing| {
+            let Hearing { first, from, to, .. } = transducer.hearings[hearing as usize];
+            (least.min(first as usize), most.max((first + to - from) as usize))
+        });
+        if !transducer.beams_are_apart() {
+            gathered.gather(answers, [re, im], energy, bins);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    /// Arrivals of two hearings, in no order: each bin of each has their sums, and the strongest.
+    #[test]
+    fn blocks_hold_the_sums_of_what_is_heard_alike() {
+        const BINS: usize = 42;
+        // Hearing, first bin, parts.
+        let of = [(7, 3, 6), (2, 38, 4), (7, 5, 1), (2, 0, 3), (7, 41, 1), (7, 6, 5)];
+        let mut first = 0;
+        let answers = of.map(|(hearing, bin, parts)| {
+            first += parts;
+            let zero = Vec3::ZERO;
+            PingEcho { first: first - parts, parts, bin, range: 0.0, reach: 0.0, slide: zero, hearing }
+        });
+        let energy: Vec<f32> = (0..first).map(|part| 1.0 + (part * 7 % 5) as f32).collect();
+        let [re, im] = [0.5, -0.25].map(|scale| energy.iter().map(|energy| scale * energy).collect::<Vec<f32>>());
+        let mut gathered = Gathered::default();
+        for _ in 0..2 {
+            gathered.gather(&answers, [&re, &im], &energy, BINS);
+            assert_eq!(gathered.hearings, [2, 7]);
+            let mut found = [[(0.0, 0.0, 0.0, 0.0, 0); BINS]; 2];
+            for (cells, blocks) in gathered.stretches(BINS) {
+                for block in blocks {
+                    let it = &gathered.blocks[block];
+                    for (at, bin) in cells.clone().enumerate() {
+                        let sums = (it.re[at], it.im[at], gathered.energy[block][at]);
+                        let before = &mut found[gathered.of[block] as usize][bin];
+                        assert_eq!(*before, (0.0, 0.0, 0.0, 0.0, 0), "a stretch has one block of each hearing");
+                        *before = (sums.0, sums.1, sums.2, it.most[at], it.who[at]);
+                    }
+                }
+            }
+            for (of, hearing) in [2, 7].into_iter().enumerate() {
+                for bin in 0..BINS as u32 {
+                    let parts = (0..).zip(&answers).filter(|(_, it)| it.hearing == hearing);
+                    let parts = parts.filter(|(_, it)| (it.bin..it.bin + it.parts).contains(&bin));
+                    let mut expected = (0.0, 0.0, 0.0, 0.0, 0);
+                    for (index, answer) in parts {
+                        let part = energy[(answer.first + bin - answer.bin) as usize];
+                        expected.0 += 0.5 * part;
+                        expected.1 -= 0.25 * part;
+                        expected.2 += part;
+                        if part > expected.3 {
+                            (expected.3, expected.4) = (part, index);
+                        }
+                    }
+                    assert_eq!(found[of][bin as usize], expected, "hearing {hearing}, bin {bin}");
+                }
+            }
+        }
+        gathered.gather(&[], [&[], &[]], &[], BINS);
+        assert_eq!(gathered.stretches(BINS).count(), 0);
+    }
+}

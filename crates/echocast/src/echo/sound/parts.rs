@@ -1,0 +1,193 @@
+//! Parts of echoes in range bins, and the scatterers that give them random amplitudes.
+
+use crate::ground::rng::{Draw, Rng};
+use echocast_kernels::echo::{self, PARTS, RUN};
+use glam::Vec3;
+use std::sync::Arc;
+
+/// Where the lattice of the texture begins, in its cells: flat surfaces at round heights, 0 above all, lie inside its cells,
+/// not between two of them, where rounding would decide.
+const OFF_LATTICE: f32 = 0.34;
+
+/// The scatterers of the surfaces.
+#[derive(Clone)]
+pub(crate) struct Scatterers {
+    pub rng: Rng,
+    /// Where the sonar is, as a number: with another it hears others.
+    pub station: u32,
+    /// Along the array, world, 1/m: its product with a place counts the lengths over which the same are heard.
+    pub along: Vec3,
+    /// Side of the places of one texture, m.
+    pub patch: f32,
+    /// Quantiles of the texture, rising, of mean 1; empty: no texture.
+    pub texture: Arc<[f32]>,
+}
+
+/// Parts of echoes, and those waiting for random amplitudes.
+pub(super) struct Parts<'a> {
+    energy: &'a mut Vec<f32>,
+    re: &'a mut Vec<f32>,
+    im: &'a mut Vec<f32>,
+    /// Those that wait, `count` of them.
+    waiting: echo::Parts,
+    count: usize,
+}
+
+/// An echo whose parts get random amplitudes.
+pub(super) struct Scatter {
+    /// Its bins: from the first to the last.
+    pub bins: [u32; 2],
+    /// Where it begins and ends, in bins.
+    pub ends: [f32; 2],
+    /// Energy in a bin that it fills, and the least of each part.
+    pub share: f32,
+    pub least: f32,
+    /// Place of its middle along the array, how much of that a bin is (see [`Scatterers::along`]), and in which bin the middle
+    /// is.
+    pub along: f32,
+    pub slope: f32,
+    pub middle: f32,
+    /// Whose scatterers they are.
+    pub object: u32,
+}
+
+impl<'a> Parts<'a> {
+    /// None yet, into empty columns.
+    pub fn new(energy: &'a mut Vec<f32>, re: &'a mut Vec<f32>, im: &'a mut Vec<f32>) -> Parts<'a> {
+        Parts { energy, re, im, waiting: echo::Parts::default(), count: 0 }
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> u32 {
+        (self.energy.len() + self.count) as u32
+    }
+
+    /// Adds one of a known amplitude, or again its energy; none may wait.
+    pub fn add(&mut self, energy: f32, [re, im]: [f32; 2]) {
+        self.energy.push(energy);
+        self.re.push(re);
+        self.im.push(im);
+    }
+
+    /// Adds those of an echo with random amplitudes; `rough`: what the texture leaves of that in a bin, if there is one.
+    pub fn scatter(&mut self, scatterers: &Scatterers, echo: &Scatter, rough: Option<&dyn Fn(u32) -> f32>) {
+        let [first, last] = echo.bins;
+        for bin in (first..=last).step_by(RUN) {
+            let (begin, count) = (self.count, RUN.min((last - bin + 1) as usize));
+            let waiting = &mut self.waiting;
+            // Runs of a fixed length are vectors; what is too many the next one overwrites.
+            let fill = |row: &mut echo::PartRow, value: f32| row[begin..begin + RUN].fill(value);
+            fill(&mut waiting.low, echo.ends[0]);
+            fill(&mut waiting.high, echo.ends[1]);
+            fill(&mut waiting.share, echo.share);
+            fill(&mut waiting.least, echo.least);
+            fill(&mut waiting.along, echo.along);
+            fill(&mut waiting.slope, echo.slope);
+            fill(&mut waiting.middle, echo.middle);
+            waiting.object[begin..begin + RUN].fill(echo.object);
+            waiting.bin[begin..begin + RUN].iter_mut().zip(bin..).for_each(|(to, bin)| *to = bin);
+            if let Some(rough) = rough {
+                waiting.rough[begin..begin + count].iter_mut().zip(bin..).for_each(|(to, bin)| *to = rough(bin));
+            }
+            self.count += count;
+            if self.count >= PARTS {
+                self.give_amplitudes(scatterers, PARTS);
+            }
+        }
+    }
+
+    /// Gives those that wait their amplitudes.
+    pub fn finish(&mut self, scatterers: Option<&Scatterers>) {
+        if let Some(scatterers) = scatterers.filter(|_| self.count > 0) {
+            self.give_amplitudes(scatterers, self.count);
+        }
+    }
+
+    /// Gives the first `count` of those that wait random amplitudes, and adds them to the others.
+    fn give_amplitudes(&mut self, scatterers: &Scatterers, count: usize) {
+        let [mut energy, mut amplitude, mut x, mut y] = [[0.0; PARTS]; 4];
+        let mut place = [0; PARTS];
+        // All lanes, including those still empty: loops of fixed length compile to vector instructions.
+        echo::divide(&self.waiting, &mut energy, &mut amplitude, &mut place);
+        let address =
+            [&place[..], &self.waiting.bin[..PARTS], &[scatterers.station; PARTS], &self.waiting.object[..PARTS]];
+        scatterers.rng.phasors(address, &mut x, &mut y);
+        echo::scale(&amplitude, &mut x, &mut y);
+        self.energy.extend_from_slice(&energy[..count]);
+        self.re.extend_from_slice(&x[..count]);
+        self.im.extend_from_slice(&y[..count]);
+        self.count -= count;
+        let echo::Parts { bin, low, high, share, least, rough, along, slope, middle, object } = &mut self.waiting;
+        for row in [low, high, share, least, rough, along, slope, middle] {
+            row.copy_within(PARTS.., 0);
+        }
+        bin.copy_within(PARTS.., 0);
+        object.copy_within(PARTS.., 0);
+    }
+}
+
+impl Scatterers {
+    /// Part of the mean energy that a place sends back, by its texture, or all of it.
+    #[inline(never)]
+    pub(super) fn roughness(&self, place: Vec3) -> f32 {
+        if self.texture.is_empty() {
+            return 1.0;
+        }
+        let address = (place / self.patch + OFF_LATTICE).floor().to_array().map(|cell| cell as i32 as u32);
+        self.texture[(self.rng.uniform_at(address, Draw::Texture) * self.texture.len() as f32) as usize]
+    }
+}
+
+/// A gamma distribution of mean 1 and this shape, cut into equally probable parts: the mean of each, rising.
+pub(crate) fn texture(shape: f64) -> Arc<[f32]> {
+    const PARTS: usize = 4096;
+    const STEPS: usize = 400_000;
+    // The density over the logarithm t of the number is e^(shape t - e^t): smooth, and negligible outside these ends.
+    let (low, high) = (-40.0 / shape, (shape + 12.0 * shape.sqrt() + 40.0).ln());
+    let step = (high - low) / STEPS as f64;
+    let densities = (0..STEPS).map(|index| {
+        let t = low + (index as f64 + 0.5) * step;
+        let value = t.exp();
+        (value, (shape * (t - shape.ln()) - value + shape).exp())
+    });
+    let whole: f64 = densities.clone().map(|(_, density)| density).sum();
+    let mut parts = vec![[0.0; 2]; PARTS];
+    let mut sum = 0.0;
+    for (value, density) in densities {
+        let part = (((sum + 0.5 * density) / whole * PARTS as f64) as usize).min(PARTS - 1);
+        parts[part][0] += density;
+        parts[part][1] += density * value;
+        sum += density;
+    }
+    parts.iter().map(|[weight, sum]| (sum / weight.max(1e-300) / shape) as f32).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A texture times an exponential is K-distributed: compared with quantiles and moments from another library.
+    #[test]
+    fn textures_make_k_distributions() {
+        let table = include_str!("../../../../../tests/data/sonar/speckle_statistics.json");
+        let table: serde_json::Value = serde_json::from_str(table).unwrap();
+        for (shape, expected) in table["K_intensity_shape"].as_object().unwrap() {
+            let texture = texture(shape.parse().unwrap());
+            let mean = |of: &dyn Fn(f64) -> f64| {
+                texture.iter().map(|&part| of(part.into())).sum::<f64>() / texture.len() as f64
+            };
+            assert!((mean(&|t| t) - 1.0).abs() < 1e-4, "{shape}");
+            let index = 2.0 * mean(&|t| t * t) - 1.0;
+            let known = expected["SI"].as_f64().unwrap();
+            assert!((index / known - 1.0).abs() < 0.01, "scintillation index with {shape}: {index} {known}");
+            let third = 6.0 * mean(&|t| t * t * t);
+            let known = expected["m3"].as_f64().unwrap();
+            assert!((third / known - 1.0).abs() < 0.05, "third moment with {shape}: {third} {known}");
+            for (part, quantile) in expected["quantiles"].as_object().unwrap() {
+                let (part, quantile) = (part.parse::<f64>().unwrap(), quantile.as_f64().unwrap());
+                let below = mean(&|t| 1.0 - (-quantile / t).exp());
+                assert!((below - part).abs() < 2e-4, "{shape}: {below} instead of {part}");
+            }
+        }
+    }
+}

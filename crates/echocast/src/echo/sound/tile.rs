@@ -1,0 +1,171 @@
+//! What beams hear together: sums over range bins.
+
+use super::ping::{Echoes, NO_RAY};
+use crate::emitter::{Hearing, Transducer};
+use crate::ground::math::exp2;
+use echocast_kernels::sound::{self, BEAMS, UNHEARD};
+use std::ops::Range;
+
+/// No arrival: their numbers are from 1. It is 0, as memory is when nothing was heard.
+pub(crate) const NOBODY: u32 = 0;
+
+/// Adjacent beams that are heard together.
+#[derive(Clone, Default)]
+pub(crate) struct Tile {
+    /// Beams of this tile: from `beams.0` to before `beams.1`.
+    pub beams: (usize, usize),
+    /// Cells of a bin: one, or [`BEAMS`], the last of which may be those of no beam.
+    pub width: usize,
+    /// Bins in which anything but zeros may be.
+    pub heard: Range<usize>,
+    /// Sums by bin and beam: of amplitudes, or in `re` of energies without speckle.
+    pub re: Vec<f32>,
+    pub im: Vec<f32>,
+    /// Energy of the strongest arrival of each cell, and its number.
+    pub most: Vec<f32>,
+    pub who: Vec<u32>,
+    /// Whom each cell tells of, beam by beam: see [`Tile::levels`].
+    pub told: Vec<u32>,
+    /// Energy times the angle from the beam's axis, and energy; for swaths.
+    pub lean: Vec<f32>,
+    pub total: Vec<f32>,
+    /// Solid angle still open at each bin, sr, minus what is closed there.
+    pub open: Vec<f32>,
+    /// Of the hearings of a chunk, where the loudness of these beams begins: memory.
+    heard_by: Vec<u32>,
+}
+
+/// What a tile determines.
+#[derive(Clone, Copy)]
+pub(crate) struct Wants {
+    /// Where in its beam an echo lies.
+    pub lean: bool,
+    /// How much of the water is still in view.
+    pub open: bool,
+    /// Amplitudes with phases, not energies.
+    pub speckle: bool,
+}
+
+impl Tile {
+    /// Empties it for `beams`, in rows of `width` cells, and `bins`.
+    pub fn clear(&mut self, beams: (usize, usize), width: usize, bins: usize, wants: Wants) {
+        let same = self.width == width;
+        (self.beams, self.width) = (beams, width);
+        let cells = bins * width;
+        // Most of a ping is silence, and was.
+        let heard = self.heard.start * width..self.heard.end * width;
+        self.heard = bins..0;
+        let reset = |column: &mut Vec<f32>, wanted: bool| {
+            if wanted && column.len() == cells && same {
+                return column.get_mut(heard.clone()).unwrap_or_default().fill(0.0);
+            }
+            column.clear();
+            column.resize(if wanted { cells } else { 0 }, 0.0);
+        };
+        reset(&mut self.re, true);
+        reset(&mut self.im, wants.speckle);
+        reset(&mut self.most, true);
+        reset(&mut self.lean, wants.lean);
+        reset(&mut self.total, wants.lean);
+        reset(&mut self.open, wants.open);
+        if self.who.len() == cells && same {
+            self.who.get_mut(heard).unwrap_or_default().fill(NOBODY);
+        } else {
+            self.who.clear();
+            self.who.resize(cells, NOBODY);
+        }
+    }
+
+    /// Notes that something is heard in `bins`.
+    fn note(&mut self, bins: Range<usize>) {
+        self.heard = self.heard.start.min(bins.start)..self.heard.end.max(bins.end);
+    }
+
+    /// Adds what the beams hear of a chunk.
+    pub fn hear(&mut self, transducer: &Transducer, echoes: &Echoes, bin_m: f32) {
+        if echoes.beams.1 <= self.beams.0 || self.beams.1 <= echoes.beams.0 {
+            return;
+        }
+        if !self.open.is_empty() {
+            for (arrival, answer) in echoes.arrivals.iter().zip(&echoes.answers) {
+                if arrival.order == 0 && arrival.ray != NO_RAY {
+                    self.close(transducer, arrival.ray as usize, (answer.range / bin_m) as usize);
+                }
+            }
+        }
+        if self.width == 1 { self.hear_alone(transducer, echoes) } else { self.hear_together(transducer, echoes) }
+    }
+
+    /// Adds what its only beam hears.
+    fn hear_alone(&mut self, transducer: &Transducer, echoes: &Echoes) {
+        for (who, answer) in (echoes.first..).zip(&echoes.answers).filter(|(_, answer)| answer.parts > 0) {
+            let Hearing { first, from, .. } = transducer.hearings[answer.hearing as usize];
+            if first as usize != self.beams.0 {
+                continue;
+            }
+            let loud = transducer.loudness[from as usize];
+            let parts = answer.first as usize..(answer.first + answer.parts) as usize;
+            let cells = answer.bin as usize..(answer.bin + answer.parts) as usize;
+            self.note(cells.clone());
+            if self.im.is_empty() {
+                sound::add(loud * loud, &echoes.re[parts.clone()], &mut self.re[cells.clone()]);
+            } else {
+                sound::add(loud, &echoes.re[parts.clone()], &mut self.re[cells.clone()]);
+                sound::add(loud, &echoes.im[parts.clone()], &mut self.im[cells.clone()]);
+            }
+            let (most, is) = (&mut self.most[cells.clone()], &mut self.who[cells]);
+            sound::prefer_parts(loud, &echoes.energy[parts], who, most, is);
+        }
+    }
+
+    /// Adds what its beams hear, block by block.
+    fn hear_together(&mut self, transducer: &Transducer, echoes: &Echoes) {
+        let Echoes { gathered, first, .. } = echoes;
+        let (beams, loudness, mut heard) = (self.beams, &transducer.loudness[..], self.heard.clone());
+        let Tile { re, im, most, who: is, lean, total, heard_by, .. } = self;
+        heard_by.clear();
+        heard_by.extend(gathered.hearings.iter().map(|&hearing| {
+            let Hearing { first, from, to, .. } = transducer.hearings[hearing as usize];
+            let heard = (first as usize) < beams.1 && beams.0 < (first + to - from) as usize;
+            if heard { from + beams.0 as u32 - first } else { UNHEARD }
+        }));
+        for (bins, which) in gathered.stretches(re.len() / BEAMS) {
+            let (blocks, of) = (&gathered.blocks[which.clone()], &gathered.of[which.clone()]);
+            if of.iter().all(|&of| heard_by[of as usize] == UNHEARD) {
+                continue;
+            }
+            heard = heard.start.min(bins.start)..heard.end.max(bins.end);
+            let rows = bins.start * BEAMS..bins.end * BEAMS;
+            let (re, most, is) = (&mut re[rows.clone()], &mut most[rows.clone()], &mut is[rows.clone()]);
+            if im.is_empty() {
+                sound::hear_blocks_squared(blocks, of, heard_by, loudness, *first, re, most, is);
+            } else {
+                sound::hear_blocks(blocks, of, heard_by, loudness, *first, [re, &mut im[rows.clone()]], most, is);
+            }
+            if !lean.is_empty() {
+                let (lean, total, energy) = (&mut lean[rows.clone()], &mut total[rows], &gathered.energy[which]);
+                sound::lean_blocks(energy, of, heard_by, loudness, &transducer.beside, lean, total);
+            }
+        }
+        self.heard = heard;
+    }
+
+    /// Closes the water of a bin, and behind it, to beams by the cell of a ray that meets something there.
+    fn close(&mut self, transducer: &Transducer, ray: usize, bin: usize) {
+        let width = self.width;
+        // Uses the beams at the start, which define the open water.
+        let Hearing { first, from, to, .. } = transducer.hearings[transducer.hearing[ray] as usize];
+        let (first, last) = (first as usize, (first + to - from) as usize);
+        let (low, high) = (first.max(self.beams.0), last.min(self.beams.1));
+        if low >= high || bin * width >= self.open.len() {
+            return;
+        }
+        self.note(bin..bin + 1);
+        let loudness = &transducer.loudness[from as usize + low - first..from as usize + high - first];
+        let weight = exp2(transducer.weight[ray]);
+        let start = bin * width + low - self.beams.0;
+        for (open, &loud) in self.open[start..start + loudness.len()].iter_mut().zip(loudness) {
+            *open -= weight * loud * loud;
+        }
+    }
+}

@@ -1,0 +1,348 @@
+//! What surfaces send back of sound, and over which stretch of range: many arrivals side by side.
+
+use crate::level::kernels;
+use crate::math::{exp2, log2};
+
+/// Arrivals at a time.
+pub const WAYS: usize = 64;
+
+/// A number for each.
+pub type Row<T = f32> = [T; WAYS];
+
+/// Steps of the tables of laws: even in `sqrt(1 - sine of the grazing angle)`.
+pub const ANGLES: usize = 512;
+
+/// Ways of sound out to a surface and back: along vectors in the world's frame, but for those at the start.
+#[derive(Clone, Debug)]
+#[repr(align(64))]
+pub struct Ways {
+    /// Unit vector along the ray where it arrives.
+    pub direction: [Row; 3],
+    /// The same of the ray along which the echo returns, as if that went out.
+    pub back: [Row; 3],
+    /// Normal of the surface, of any length.
+    pub normal: [Row; 3],
+    /// Unit vectors along the ray where it starts, and across it, sensor frame.
+    pub launch: [Row; 3],
+    /// See `launch`.
+    pub tangent: [Row; 3],
+    /// Length of the ray's cell of directions along the tangent, and across both, rad.
+    pub cell: Row,
+    /// See `cell`.
+    pub aside: Row,
+    /// Widths of the tube of the ray per radian at the start, m: in its vertical plane, and across it.
+    pub tube: [Row; 2],
+    /// The same of the way back.
+    pub back_tube: [Row; 2],
+    /// Lengths of the ways out and back, m.
+    pub path: [Row; 2],
+    /// Sound speed at the surface over that at the start, of the ways out and back together.
+    pub speed: Row,
+    /// Where in the tables the law of the surface begins.
+    pub law: Row<u32>,
+    /// Sines of the grazing angles of the ways out and back.
+    pub sines: [Row; 2],
+    /// log2 of the energy that is heard.
+    pub loudness: Row,
+    /// How much the range changes from one side of the ray's cell to the other, m.
+    pub reach: Row,
+    /// How far along the surface a metre of that is.
+    pub slide: [Row; 3],
+}
+
+impl Default for Ways {
+    fn default() -> Ways {
+        let ([unit, zero], whole) = ([[1.0; WAYS], [0.0; WAYS]], [0; WAYS]);
+        let ahead = [unit, zero, zero];
+        Ways {
+            direction: ahead,
+            back: ahead,
+            normal: ahead,
+            launch: ahead,
+            tangent: [zero, unit, zero],
+            cell: zero,
+            aside: zero,
+            tube: [unit; 2],
+            back_tube: [unit; 2],
+            path: [unit; 2],
+            speed: unit,
+            law: whole,
+            sines: [unit; 2],
+            loudness: zero,
+            reach: zero,
+            slide: [zero; 3],
+        }
+    }
+}
+
+/// Parts of echoes at a time.
+pub const PARTS: usize = 64;
+
+/// Parts of one echo that are added together.
+pub const RUN: usize = 8;
+
+/// A number for each part, with room for a run at the end.
+pub type PartRow<T = f32> = [T; PARTS + RUN];
+
+/// Parts of echoes in range bins.
+#[derive(Clone, Debug)]
+#[repr(align(64))]
+pub struct Parts {
+    /// Range bin of the part.
+    pub bin: PartRow<u32>,
+    /// Ends of the whole echo, in bins.
+    pub low: PartRow,
+    /// See `low`.
+    pub high: PartRow,
+    /// Energy of the echo in a bin that it fills, and the least of a part.
+    pub share: PartRow,
+    /// See `share`.
+    pub least: PartRow,
+    /// What the texture leaves of it, 1 on average.
+    pub rough: PartRow,
+    /// Place of the echo's middle along the array, in lengths over which scatterers stay the same; how much of these a bin is; and
+    /// in which bin the middle is.
+    pub along: PartRow,
+    /// See `along`.
+    pub slope: PartRow,
+    /// See `along`.
+    pub middle: PartRow,
+    /// Whose scatterers they are.
+    pub object: PartRow<u32>,
+}
+
+impl Default for Parts {
+    fn default() -> Parts {
+        let ([zero, unit], whole) = ([[0.0; PARTS + RUN], [1.0; PARTS + RUN]], [0; PARTS + RUN]);
+        Parts {
+            bin: whole,
+            low: zero,
+            high: zero,
+            share: zero,
+            least: zero,
+            rough: unit,
+            along: zero,
+            slope: zero,
+            middle: zero,
+            object: whole,
+        }
+    }
+}
+
+#[inline(always)]
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// `a + b x`.
+#[inline(always)]
+fn plus(a: [f32; 3], b: [f32; 3], x: f32) -> [f32; 3] {
+    [a[0] + b[0] * x, a[1] + b[1] * x, a[2] + b[2] * x]
+}
+
+#[inline(always)]
+fn times(a: [f32; 3], x: f32) -> [f32; 3] {
+    [a[0] * x, a[1] * x, a[2] * x]
+}
+
+#[inline(always)]
+fn at(rows: &[Row; 3], lane: usize) -> [f32; 3] {
+    [rows[0][lane], rows[1][lane], rows[2][lane]]
+}
+
+/// Sine of the grazing angle between a unit vector and a surface with this normal, of any length.
+#[inline(always)]
+pub fn sine(direction: [f32; 3], normal: [f32; 3]) -> f32 {
+    (dot(direction, normal).abs() / dot(normal, normal).sqrt()).clamp(1e-3, 1.0)
+}
+
+/// Part of the unit `direction` along a normal of any length, times that, for the extent of what is met: not less than at a
+/// grazing angle of 0.6 degrees, as at the rim of a round object that would reach far behind it.
+#[inline(always)]
+pub fn towards(direction: [f32; 3], normal: [f32; 3]) -> f32 {
+    const LEAST: f32 = 1e-2;
+    let along = dot(direction, normal);
+    let least = LEAST * dot(normal, normal).sqrt();
+    if along.abs() > least { along } else { least.copysign(along) }
+}
+
+/// Where in the table of a law the sine of a grazing angle lies, in steps.
+#[inline(always)]
+pub fn angle(sine: f32) -> f32 {
+    (1.0 - sine).max(0.0).sqrt() * ANGLES as f32
+}
+
+/// log2 of `speed` (pressure follows from intensity by the impedance) over the area of the tube of a ray, whose phase turns
+/// `turns` times for each metre of range. At a caustic the tube is as wide as diffraction leaves it.
+#[inline(always)]
+pub fn tube_spread([upright, level]: [f32; 2], path: f32, speed: f32, turns: f32) -> f32 {
+    let least = path.min((2.0 * path / turns).sqrt());
+    log2(speed) - log2((upright.max(least) * level).max(1e-6)).abs()
+}
+
+/// log2 of the energy loss on a path of `2^path` m: nothing within a metre. `law`: powers of the length near and far, and
+/// log2 of the length, m, from which on it is far.
+#[inline(always)]
+pub fn one_way(path: f32, [near, far, from]: [f32; 3]) -> f32 {
+    near * path.max(0.0).min(from) + far * (path - from).max(0.0)
+}
+
+/// A vector across a ray at its start, where the ray arrives, m: the tube turns with the ray, in its vertical plane, and is
+/// wider or thinner there than across it.
+#[inline(always)]
+fn carried(across: [f32; 3], launch: [f32; 3], direction: [f32; 3], [upright, level]: [f32; 2]) -> [f32; 3] {
+    let aside = |direction: [f32; 3]| {
+        let length = (direction[0] * direction[0] + direction[1] * direction[1]).sqrt();
+        // Straight up or down, any will do.
+        let any = if length > 0.0 { 0.0 } else { 1.0 };
+        let scale = 1.0 / length.max(f32::MIN_POSITIVE);
+        [-direction[1] * scale, direction[0] * scale + any, 0.0]
+    };
+    let (before, now) = (aside(launch), aside(direction));
+    let scaled = times(now, level * dot(across, before));
+    plus(scaled, cross(direction, now), upright * dot(across, cross(launch, before)))
+}
+
+/// [`reaches`], where rays bend (or are reflected), and where cells are also wide aside.
+#[inline(always)]
+fn find_reaches<const BENT: bool, const WIDE: bool>(rotation: [[f32; 3]; 3], it: &mut Ways) {
+    for lane in 0..WAYS {
+        let (direction, back, normal) = (at(&it.direction, lane), at(&it.back, lane), at(&it.normal, lane));
+        let [launch, tangent] = [&it.launch, &it.tangent].map(|rows| {
+            let [x, y, z] = at(rows, lane);
+            plus(plus(times(rotation[0], x), rotation[1], y), rotation[2], z)
+        });
+        let towards = towards(direction, normal);
+        let tube = [it.tube[0][lane], it.tube[1][lane]];
+        // From one side of the cell to the other, along the surface: the change of range, and the displacement.
+        let side = |across: [f32; 3]| {
+            let across = if BENT { carried(across, launch, direction, tube) } else { times(across, tube[1]) };
+            let farther = -dot(across, normal) / towards;
+            let way = plus(across, direction, farther);
+            (0.5 * (farther + dot(way, back)), way)
+        };
+        let (reach, way) = side(times(tangent, it.cell[lane]));
+        let (length, per_metre, way) = if WIDE {
+            // The cell's sides combined: length by the spread of both, direction as both have it on average.
+            let (aside, way_aside) = side(times(cross(tangent, launch), it.aside[lane]));
+            let square = reach * reach + aside * aside;
+            let per_metre = if square > 1e-12 { 1.0 } else { 0.0 } / square.max(1e-12);
+            (square.sqrt(), per_metre, plus(times(way, reach), way_aside, aside))
+        } else {
+            (reach, if reach.abs() > 1e-6 { 1.0 / reach } else { 0.0 }, way)
+        };
+        it.reach[lane] = length;
+        (it.slide[0][lane], it.slide[1][lane], it.slide[2][lane]) = times(way, per_metre).into();
+    }
+}
+
+kernels! {
+    /// Adds to the loudness what the laws of the surfaces say, `log2(s_b / sine in)`; `same`: all ways back are those out.
+    ///
+    /// Between two directions `s_b` is the geometric mean of what goes back into either, an assumption of ours: it is the
+    /// same both ways, and turns Lambert's law into `mu sin(in) sin(out)`, which is that law. It has no lobes about the
+    /// mirror direction.
+    pub fn weigh(laws: &[f32], same: bool, it: &mut Ways) {
+        let (mut low, mut high, mut part) = ([[0.0; WAYS]; 2], [[0.0; WAYS]; 2], [[0.0; WAYS]; 2]);
+        let sides = if same { 1 } else { 2 };
+        for side in 0..sides {
+            let directions = if side == 0 { &it.direction } else { &it.back };
+            for lane in 0..WAYS {
+                let sine = sine(at(directions, lane), at(&it.normal, lane));
+                it.sines[side][lane] = sine;
+                part[side][lane] = angle(sine);
+            }
+            for lane in 0..WAYS {
+                let step = (part[side][lane] as usize).min(ANGLES - 1);
+                let first = it.law[lane] as usize + step;
+                (low[side][lane], high[side][lane]) = (laws[first], laws[first + 1]);
+                part[side][lane] -= step as f32;
+            }
+        }
+        let value = |side: usize, lane: usize| low[side][lane] * (1.0 - part[side][lane]) + high[side][lane] * part[side][lane];
+        if same {
+            it.sines[1] = it.sines[0];
+            for lane in 0..WAYS {
+                it.loudness[lane] += value(0, lane);
+            }
+        } else {
+            for lane in 0..WAYS {
+                let between = log2(it.sines[1][lane] / it.sines[0][lane]);
+                it.loudness[lane] += 0.5 * (value(0, lane) + value(1, lane) + between);
+            }
+        }
+    }
+
+    /// Adds what spreading as the tubes of the rays leaves: of the return path alone, as the outward path makes the footprint
+    /// that the ray represents.
+    pub fn spread_tubes(turns: f32, it: &mut Ways) {
+        for lane in 0..WAYS {
+            let tube = [it.back_tube[0][lane], it.back_tube[1][lane]];
+            it.loudness[lane] += tube_spread(tube, it.path[1][lane], it.speed[lane], turns);
+        }
+    }
+
+    /// Adds what spreading by a law ([`one_way`]) leaves, likewise. Levels do not rise within a metre of the sonar.
+    pub fn spread_by(law: [f32; 3], it: &mut Ways) {
+        for lane in 0..WAYS {
+            let [out, back] = [log2(it.path[0][lane].max(1e-3)), log2(it.path[1][lane].max(1e-3))];
+            it.loudness[lane] += 2.0 * out - one_way(out, law) - one_way(back, law);
+        }
+    }
+
+    /// Finds how much the range of echoes changes over the cells of their rays, and how far along the surface a metre of that
+    /// is. `rotation`: columns of the world from the sensor; `bent`: of any way out; `wide`: cells are also wide aside.
+    pub fn reaches(rotation: [[f32; 3]; 3], bent: bool, wide: bool, it: &mut Ways) {
+        match (bent, wide) {
+            (false, false) => find_reaches::<false, false>(rotation, it),
+            (false, true) => find_reaches::<false, true>(rotation, it),
+            (true, false) => find_reaches::<true, false>(rotation, it),
+            (true, true) => find_reaches::<true, true>(rotation, it),
+        }
+    }
+
+    /// Divides echoes among their bins: energies of the first [`PARTS`], their roots, and whose scatterers they have along the
+    /// array, as the words of an address.
+    pub fn divide(
+        parts: &Parts,
+        energies: &mut [f32; PARTS],
+        amplitudes: &mut [f32; PARTS],
+        places: &mut [u32; PARTS],
+    ) {
+        /// Beside it the lower half of a number's bits is a whole number.
+        const UNIT: f64 = 1.5 * (1u64 << 52) as f64;
+        for part in 0..PARTS {
+            let bin = parts.bin[part] as i32 as f32;
+            let (low, high) = (parts.low[part].max(bin), parts.high[part].min(bin + 1.0));
+            let energy = (parts.share[part] * (high - low)).max(parts.least[part]) * parts.rough[part];
+            // The middle of what lies in the bin.
+            let along = parts.along[part] + parts.slope[part] * (0.5 * (low + high) - parts.middle[part]);
+            // Not all of them change at once.
+            let shift = parts.object[part].wrapping_add(parts.bin[part].wrapping_mul(0x9E37_79B9));
+            let place = along + (shift >> 8) as i32 as f32 / (1 << 24) as f32;
+            energies[part] = energy;
+            amplitudes[part] = energy.sqrt();
+            places[part] = (f64::from(place.floor()) + UNIT).to_bits() as u32;
+        }
+    }
+
+    /// `a *= x`, `b *= x`.
+    pub fn scale(x: &[f32; PARTS], a: &mut [f32; PARTS], b: &mut [f32; PARTS]) {
+        for part in 0..PARTS {
+            a[part] *= x[part];
+            b[part] *= x[part];
+        }
+    }
+
+    /// 2 to the power of each.
+    pub fn powers(row: &mut Row) {
+        for power in row {
+            *power = exp2(*power);
+        }
+    }
+}
