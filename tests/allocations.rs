@@ -249,9 +249,14 @@ fn pings() {
         let mut live = LiveScene::new(&Engine::with_threads(threads).unwrap());
         live.add(Object::new("bottom", mesh.clone())).unwrap();
         let built = live.commit().unwrap();
-        for (preset, water) in
-            [("sss_450", ""), ("mbes_400", ""), ("fls_900", ""), ("msis_675", ""), ("sbes_200", layers)]
-        {
+        for (preset, water) in [
+            ("sss_450", ""),
+            ("mbes_400", layers),
+            ("fls_900", ""),
+            ("fls_900", layers),
+            ("msis_675", ""),
+            ("sbes_200", layers),
+        ] {
             let sensor = Sensor::preset(preset).unwrap();
             let environment = Environment::from_yaml(&format!("water: {{surface_z_m: 30, {water}}}")).unwrap();
             let mut ping = Ping::default();

@@ -480,8 +480,12 @@ fn ping_differences(a: &Ping, b: &Ping) -> Vec<&'static str> {
 fn threads_do_not_change_a_bit_of_a_ping() {
     let [one, two, seven] = [1, 2, 7].map(|threads| scene_with(&Engine::with_threads(threads).unwrap()));
     let mut causes = BTreeSet::new();
-    for sensor in sonars() {
-        let mut reused = Ping::default();
+    let mut sensors = sonars();
+    let mut without_speckle = sensors[2].clone();
+    without_speckle.set("acoustics.speckle", "off").unwrap();
+    sensors.push(without_speckle);
+    let mut reused = Ping::default();
+    for sensor in sensors {
         for path in [Trajectory::fixed(Pose::at(0.0, 0.0, 8.0)), drive()] {
             for options in [sea(), ScanOptions { environment: Environment::default(), ..sea() }] {
                 // The second has its surface above everything.
@@ -497,7 +501,7 @@ fn threads_do_not_change_a_bit_of_a_ping() {
                     let ping = scene.ping(&sensor, &path, &options).unwrap();
                     assert_eq!(ping_differences(&alone, &ping), [""; 0], "{threads}");
                 }
-                // Memory from another pose and other water.
+                // Memory from another sensor or pose, and other water.
                 two.ping_into(&sensor, &path, &options, &mut reused).unwrap();
                 assert_eq!(ping_differences(&alone, &reused), [""; 0], "reused");
                 let few = ScanOptions { fields: FieldSet::default(), ..options.clone() };

@@ -9,10 +9,11 @@ pub const WAYS: usize = 64;
 /// A number for each.
 pub type Row<T = f32> = [T; WAYS];
 
-/// Steps of the tables of laws: even in `sqrt(1 - sine of the grazing angle)`.
-pub const ANGLES: usize = 512;
+/// Steps of the tables of laws, even in `sqrt(1 - sine of the grazing angle)`, fine at both ends: 0.16 degrees near head-on, half
+/// a degree at grazing.
+pub const STEPS: usize = 512;
 
-/// Ways of sound out to a surface and back: along vectors in the world's frame, but for those at the start.
+/// Ways of sound out to a surface and back. Vectors are in the world's frame, those at the start in the sensor's.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
 pub struct Ways {
@@ -173,8 +174,8 @@ pub fn towards(direction: [f32; 3], normal: [f32; 3]) -> f32 {
 
 /// Where in the table of a law the sine of a grazing angle lies, in steps.
 #[inline(always)]
-pub fn angle(sine: f32) -> f32 {
-    (1.0 - sine).max(0.0).sqrt() * ANGLES as f32
+pub fn step(sine: f32) -> f32 {
+    (1.0 - sine).max(0.0).sqrt() * STEPS as f32
 }
 
 /// log2 of `speed` (pressure follows from intensity by the impedance) over the area of the tube of a ray, whose phase turns
@@ -200,7 +201,7 @@ fn carried(across: [f32; 3], launch: [f32; 3], direction: [f32; 3], [upright, le
         let length = (direction[0] * direction[0] + direction[1] * direction[1]).sqrt();
         // Straight up or down, any will do.
         let any = if length > 0.0 { 0.0 } else { 1.0 };
-        let scale = 1.0 / length.max(f32::MIN_POSITIVE);
+        let scale = (1.0 - any) / (length + any);
         [-direction[1] * scale, direction[0] * scale + any, 0.0]
     };
     let (before, now) = (aside(launch), aside(direction));
@@ -237,7 +238,10 @@ fn find_reaches<const BENT: bool, const WIDE: bool>(rotation: [[f32; 3]; 3], it:
             (reach, if reach.abs() > 1e-6 { 1.0 / reach } else { 0.0 }, way)
         };
         it.reach[lane] = length;
-        (it.slide[0][lane], it.slide[1][lane], it.slide[2][lane]) = times(way, per_metre).into();
+        for axis in 0..3 {
+            // Nothing where there is no way, nor a number of it.
+            it.slide[axis][lane] = if per_metre == 0.0 { 0.0 } else { way[axis] * per_metre };
+        }
     }
 }
 
@@ -255,10 +259,10 @@ kernels! {
             for lane in 0..WAYS {
                 let sine = sine(at(directions, lane), at(&it.normal, lane));
                 it.sines[side][lane] = sine;
-                part[side][lane] = angle(sine);
+                part[side][lane] = step(sine);
             }
             for lane in 0..WAYS {
-                let step = (part[side][lane] as usize).min(ANGLES - 1);
+                let step = (part[side][lane] as usize).min(STEPS - 1);
                 let first = it.law[lane] as usize + step;
                 (low[side][lane], high[side][lane]) = (laws[first], laws[first + 1]);
                 part[side][lane] -= step as f32;
@@ -278,7 +282,7 @@ kernels! {
         }
     }
 
-    /// Adds what spreading as the tubes of the rays leaves: of the return path alone, as the outward path makes the footprint
+    /// Adds what is left after spreading, by the tubes of the rays: of the return path alone, as the outward path makes the footprint
     /// that the ray represents.
     pub fn spread_tubes(turns: f32, it: &mut Ways) {
         for lane in 0..WAYS {
@@ -287,7 +291,7 @@ kernels! {
         }
     }
 
-    /// Adds what spreading by a law ([`one_way`]) leaves, likewise. Levels do not rise within a metre of the sonar.
+    /// Adds what is left after spreading by a law ([`one_way`]), likewise. Levels do not rise within a metre of the sonar.
     pub fn spread_by(law: [f32; 3], it: &mut Ways) {
         for lane in 0..WAYS {
             let [out, back] = [log2(it.path[0][lane].max(1e-3)), log2(it.path[1][lane].max(1e-3))];
@@ -307,7 +311,7 @@ kernels! {
     }
 
     /// Divides echoes among their bins: energies of the first [`PARTS`], their roots, and whose scatterers they have along the
-    /// array, as the words of an address.
+    /// array, as the words of an address: these places are less than 2^31.
     pub fn divide(
         parts: &Parts,
         energies: &mut [f32; PARTS],

@@ -1,7 +1,7 @@
 //! The hot loops over blocks of beams, compiled for every vector level; the widest that this processor has is chosen
 //! once. Everything around them is ordinary code.
 //!
-//! A kernel does the same operations on every lane and knows nothing of sensors or scenes. Results are the same bits at
+//! A kernel does the same operations on every lane and knows nothing of sensors, scenes or materials, only numbers of them. Results are the same bits at
 //! every level: no operation is fused or reordered.
 
 mod level;

@@ -27,6 +27,14 @@ pub struct Block {
     pub who: [u32; BLOCK],
 }
 
+/// The greatest energy and whose it is, after `heard` from `who`.
+#[inline(always)]
+#[must_use]
+pub fn greater(heard: f32, who: u32, most: f32, is: u32) -> (f32, u32) {
+    let stronger = heard > most;
+    (if stronger { heard } else { most }, if stronger { who } else { is })
+}
+
 /// The numbers of [`BEAMS`] beams from `at` on.
 #[inline(always)]
 fn row(numbers: &[f32], at: u32) -> &[f32; BEAMS] {
@@ -69,8 +77,7 @@ fn hear<const COHERENT: bool>(
                     re[beam] += loud * loud * x;
                 }
                 let heard = loud * loud * energy;
-                whose[beam] = if heard > best[beam] { who } else { whose[beam] };
-                best[beam] = if heard > best[beam] { heard } else { best[beam] };
+                (best[beam], whose[beam]) = greater(heard, who, best[beam], whose[beam]);
             }
         }
         (*sum_re, *most, *is) = (re, best, whose);
@@ -96,32 +103,9 @@ pub struct Aside<'a> {
     pub who: &'a [u32],
 }
 
-/// [`hear_aside`] in the `CELLS` from `first` on: their sums stay in registers while all rows pass.
+/// [`tell_aside`] in the cells from `first` on.
 #[inline(always)]
-fn hear_some<const CELLS: usize>(aside: Aside, first: usize, powers: &mut [f32]) {
-    let mut sum = [0.0; CELLS];
-    for &(number, scale) in aside.rows {
-        let at = number as usize * aside.width + first;
-        let energy: &[f32; CELLS] = aside.energy[at..at + CELLS].try_into().expect("as many");
-        for cell in 0..CELLS {
-            sum[cell] += scale * energy[cell];
-        }
-    }
-    powers[first..first + CELLS].copy_from_slice(&sum);
-}
-
-/// [`tell_aside`] in the `CELLS` from `first` on.
-#[inline(always)]
-fn tell_some<const CELLS: usize>(
-    aside: Aside,
-    first: usize,
-    powers: &[f32],
-    nobody: u32,
-    noise: f32,
-    told: &mut [u32],
-) {
-    let powers: &[f32; CELLS] = powers[first..first + CELLS].try_into().expect("as many");
-    let told: &mut [u32; CELLS] = (&mut told[first..first + CELLS]).try_into().expect("as many");
+fn tell_some(aside: Aside, first: usize, powers: &[f32; CELLS], nobody: u32, noise: f32, told: &mut [u32; CELLS]) {
     let mut unknown = 0;
     for cell in 0..CELLS {
         unknown |= u32::from(told[cell] == nobody) & u32::from(powers[cell] > noise);
@@ -132,8 +116,7 @@ fn tell_some<const CELLS: usize>(
     let (mut best, mut who) = ([0.0; CELLS], [nobody; CELLS]);
     for &(number, scale) in aside.rows {
         let at = number as usize * aside.width + first;
-        let most: &[f32; CELLS] = aside.most[at..at + CELLS].try_into().expect("as many");
-        let whose: &[u32; CELLS] = aside.who[at..at + CELLS].try_into().expect("as many");
+        let (most, whose) = (some(aside.most, at), some(aside.who, at));
         for cell in 0..CELLS {
             let heard = scale * most[cell];
             // Not a condition, which would keep this from becoming vector instructions.
@@ -148,8 +131,14 @@ fn tell_some<const CELLS: usize>(
     }
 }
 
-/// Cells at a time, from far aside.
-const CELLS: usize = 32;
+/// Cells of a line at a time: their sums stay in registers.
+pub const CELLS: usize = 64;
+
+/// The [`CELLS`] from `at` on.
+#[inline(always)]
+fn some<T>(line: &[T], at: usize) -> &[T; CELLS] {
+    line[at..at + CELLS].try_into().expect("as many")
+}
 
 /// A power as a level, dB.
 #[inline(always)]
@@ -157,18 +146,31 @@ fn db(power: f32) -> f32 {
     log2(power.max(1e-30)) * (1.0 / LOG2_PER_DB)
 }
 
+/// [`CELLS`] of a line that is convolved with `taps`, or their squares, from `start` on.
+#[inline(always)]
+fn convolved(taps: &[(u32, f32)], squared: bool, padded: &[f32], start: usize, sums: &mut [f32; CELLS]) {
+    *sums = [0.0; CELLS];
+    for &(shift, tap) in taps {
+        let from = some(padded, start + shift as usize);
+        let tap = if squared { tap * tap } else { tap };
+        for cell in 0..CELLS {
+            sums[cell] += tap * from[cell];
+        }
+    }
+}
+
 /// [`columns`] of anything.
 #[inline(always)]
 fn transpose<T: Copy>(width: usize, rows: &[T], first: usize, count: usize, columns: &mut [T]) {
     /// Rows at a time: they stay in the first cache.
-    const BLOCK: usize = 16;
+    const ROWS: usize = 16;
     if rows.is_empty() {
         return;
     }
     if width == 1 {
         return columns[first..first + rows.len()].copy_from_slice(rows);
     }
-    for (start, block) in (first..).step_by(BLOCK).zip(rows.chunks(BLOCK * width)) {
+    for (start, block) in (first..).step_by(ROWS).zip(rows.chunks(ROWS * width)) {
         let rows = block.len() / width;
         for column in 0..width {
             let from = column * count + start;
@@ -190,15 +192,14 @@ kernels! {
     /// Keeps for every cell the greatest energy, `loud^2 energy`, and whose it is.
     pub fn prefer_parts(loud: f32, energy: &[f32], who: u32, most: &mut [f32], is: &mut [u32]) {
         for ((most, is), energy) in most.iter_mut().zip(is).zip(energy) {
-            let heard = loud * loud * energy;
-            *is = if heard > *most { who } else { *is };
-            *most = if heard > *most { heard } else { *most };
+            (*most, *is) = greater(loud * loud * energy, who, *most, *is);
         }
     }
 
     /// Adds `blocks` of the same [`BLOCK`] bins, or fewer at the end, to as many rows of [`BEAMS`] cells: amplitudes, and for
-    /// every cell the greatest energy and whose it is. `heard_by` says of what each block is `of` from where on in `loudness`
-    /// stands how loudly these beams hear it, or [`UNHEARD`]; the numbers of arrivals are those from `first` on.
+    /// every cell the greatest energy and whose it is. `of` says which hearing each block is of, and `heard_by` where in `loudness`
+    /// the numbers of these beams begin for it, or [`UNHEARD`]; the numbers of arrivals are those from `first` on. Amplitudes are
+    /// finite: beams that do not hear a block add it zero times.
     pub fn hear_blocks(
         blocks: &[Block],
         of: &[u32],
@@ -256,15 +257,22 @@ kernels! {
         }
     }
 
-    /// Powers of what is heard from far aside in the cells of `span`.
+    /// Powers of what is heard from far aside, in the cells of `span`, which are whole [`CELLS`].
     pub fn hear_aside(aside: Aside, span: Range<usize>, powers: &mut [f32]) {
-        let whole = span.end - span.len() % CELLS;
-        (span.start..whole).step_by(CELLS).for_each(|cell| hear_some::<CELLS>(aside, cell, powers));
-        (whole..span.end).for_each(|cell| hear_some::<1>(aside, cell, powers));
+        for (first, powers) in span.clone().step_by(CELLS).zip(powers[span].chunks_exact_mut(CELLS)) {
+            let mut sums = [0.0; CELLS];
+            for &(number, scale) in aside.rows {
+                let energy = some(aside.energy, number as usize * aside.width + first);
+                for cell in 0..CELLS {
+                    sums[cell] += scale * energy[cell];
+                }
+            }
+            powers.copy_from_slice(&sums);
+        }
     }
 
-    /// In the cells of `span`, those in which `nobody` is heard become whose is the greatest from far aside, where the `powers`
-    /// of that are above the `noise`.
+    /// In the cells of `span`, likewise, those in which `nobody` is heard become whose is the greatest from far aside, where the
+    /// `powers` of that are above the `noise`.
     pub fn tell_aside(
         aside: Aside,
         span: Range<usize>,
@@ -273,44 +281,36 @@ kernels! {
         noise: f32,
         told: &mut [u32],
     ) {
-        let whole = span.end - span.len() % CELLS;
-        for cell in (span.start..whole).step_by(CELLS) {
-            tell_some::<CELLS>(aside, cell, powers, nobody, noise, told);
-        }
-        for cell in whole..span.end {
-            tell_some::<1>(aside, cell, powers, nobody, noise, told);
+        for first in span.step_by(CELLS) {
+            let told = &mut told[first..];
+            let count = told.len().min(CELLS);
+            let mut some_told = [nobody; CELLS];
+            some_told[..count].copy_from_slice(&told[..count]);
+            tell_some(aside, first, some(powers, first), nobody, noise, &mut some_told);
+            told[..count].copy_from_slice(&some_told[..count]);
         }
     }
 
-    /// Convolves a line with a symmetric response of `taps`, given from the middle on; `padded` is the line with as
-    /// many zeros on either side as there are taps beside the middle.
-    pub fn convolve(taps: &[f32], squared: bool, padded: &[f32], out: &mut [f32]) {
-        /// Sums that stay in registers while all taps pass: so many that none waits for the one before.
-        const BLOCK: usize = 64;
-        let half = taps.len() - 1;
-        let tap = |shift: usize| {
-            let tap = taps[shift.abs_diff(half)];
-            if squared { tap * tap } else { tap }
-        };
-        let whole = out.len() - out.len() % BLOCK;
-        for (start, out) in (0..).step_by(BLOCK).zip(out[..whole].chunks_exact_mut(BLOCK)) {
-            let mut sums = [0.0; BLOCK];
-            for shift in 0..=2 * half {
-                let tap = tap(shift);
-                if tap == 0.0 {
-                    continue;
-                }
-                for (sum, value) in sums.iter_mut().zip(&padded[start + shift..start + shift + BLOCK]) {
-                    *sum += tap * value;
-                }
-            }
-            out.copy_from_slice(&sums);
+    /// Energies convolved with the squares of the `taps` of a response: each counts where it says, from as many cells before as
+    /// the line is `padded` with; after it are as many, and [`CELLS`].
+    pub fn convolve_squared(taps: &[(u32, f32)], padded: &[f32], out: &mut [f32]) {
+        let mut sums = [0.0; CELLS];
+        for (start, out) in (0..).step_by(CELLS).zip(out.chunks_mut(CELLS)) {
+            convolved(taps, true, padded, start, &mut sums);
+            out.copy_from_slice(&sums[..out.len()]);
         }
-        for (at, out) in (whole..).zip(&mut out[whole..]) {
-            *out = 0.0;
-            for shift in 0..=2 * half {
-                *out += tap(shift) * padded[at + shift];
+    }
+
+    /// Levels, dB, of amplitudes convolved with the `taps` of a response, likewise.
+    pub fn convolve_to_db(taps: &[(u32, f32)], re: &[f32], im: &[f32], levels: &mut [f32]) {
+        let [mut sums, mut others] = [[0.0; CELLS]; 2];
+        for (start, levels) in (0..).step_by(CELLS).zip(levels.chunks_mut(CELLS)) {
+            convolved(taps, false, re, start, &mut sums);
+            convolved(taps, false, im, start, &mut others);
+            for cell in 0..CELLS {
+                sums[cell] = db(sums[cell] * sums[cell] + others[cell] * others[cell]);
             }
+            levels.copy_from_slice(&sums[..levels.len()]);
         }
     }
 
@@ -324,30 +324,29 @@ kernels! {
         transpose(width, rows, first, count, columns);
     }
 
-    /// `a += b c`.
-    pub fn add_product(a: &mut [f32], b: &[f32], c: &[f32]) {
-        for ((a, b), c) in a.iter_mut().zip(b).zip(c) {
-            *a += b * c;
+    /// `to = from + noise sqrt(power)`, of real and imaginary parts.
+    pub fn add_noise(
+        power: &[f32],
+        re: &[f32],
+        im: &[f32],
+        noise_re: &[f32],
+        noise_im: &[f32],
+        to_re: &mut [f32],
+        to_im: &mut [f32],
+    ) {
+        let noise = noise_re.iter().zip(noise_im).zip(power);
+        let to = to_re.iter_mut().zip(to_im);
+        for (((to_re, to_im), (re, im)), ((noise_re, noise_im), power)) in to.zip(re.iter().zip(im)).zip(noise) {
+            let amplitude = power.sqrt();
+            *to_re = re + noise_re * amplitude;
+            *to_im = im + noise_im * amplitude;
         }
     }
 
-    /// `a = sqrt(a^2 + power)`.
-    pub fn add_to_square(power: &[f32], a: &mut [f32]) {
-        for (a, power) in a.iter_mut().zip(power) {
-            *a = (*a * *a + power).sqrt();
-        }
-    }
-
-    /// Levels, dB, of what has these amplitudes.
-    pub fn amplitudes_to_db(re: &[f32], im: &[f32], levels: &mut [f32]) {
-        for ((level, re), im) in levels.iter_mut().zip(re).zip(im) {
-            *level = db(re * re + im * im);
-        }
-    }
-
-    /// `to = (sqrt(energy) + re a)^2 + (im a)^2`, with noise of the amplitudes `a`.
-    pub fn with_noise(energy: &[f32], re: &[f32], im: &[f32], a: &[f32], to: &mut [f32]) {
-        for ((((to, energy), re), im), a) in to.iter_mut().zip(energy).zip(re).zip(im).zip(a) {
+    /// `to = (sqrt(energy) + re a)^2 + (im a)^2`, with noise of the powers `a^2`.
+    pub fn with_noise(energy: &[f32], re: &[f32], im: &[f32], power: &[f32], to: &mut [f32]) {
+        for ((((to, energy), re), im), power) in to.iter_mut().zip(energy).zip(re).zip(im).zip(power) {
+            let a = power.sqrt();
             let (re, im) = (re * a, im * a);
             let amplitude = energy.sqrt() + re;
             *to = amplitude * amplitude + im * im;

@@ -36,7 +36,7 @@ pub(crate) struct BeamLevels<'a> {
 pub(crate) struct Beside<'a> {
     pub lean: &'a [f32],
     pub total: &'a [f32],
-    /// Beams of the tile, and which of them it is.
+    /// Cells of a bin, and which of them the beam's is.
     pub width: usize,
     pub beam: usize,
     /// First bin in which there may be any, and first after these.

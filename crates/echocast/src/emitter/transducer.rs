@@ -50,13 +50,15 @@ pub(crate) struct Transducer {
     heard_power: Vec<f32>,
     /// Whether the face only sends: beams hear what is in front of it as [`Hearing`] alone says.
     only_sends: bool,
-    /// Amplitudes with which beams hear, 1 on the axis; see [`Hearing`]. There is silence before and after each of them, so that
-    /// as many beams at a time as [`BEAMS`] can be looked up.
+    /// Amplitudes with which beams hear, 1 on the axis; see [`Hearing`]. Before and after those of each hearing are [`BEAMS`]
+    /// zeros, so that as many beams at a time can be looked up from any of its beams on, or from before it.
     pub loudness: Vec<f32>,
+    /// Whether every ray is heard by one beam: those of line arrays are not.
+    pub apart: bool,
     /// Mean power with which each beam hears what is farther aside than its [`Hearing`]s reach, by the part of the
     /// directions from which it comes: beam by beam, [`FLANK_PARTS`] each. Empty: no line array.
     pub flanks: Vec<f32>,
-    /// Angles from the beam's axis to the ray, rad, positive to port, beside each loudness; only for swaths.
+    /// Angles from the beam's axis to the ray, rad, positive to port, for each loudness, and zeros as there; only for swaths.
     pub beside: Vec<f32>,
     /// Reported azimuth and elevation of each beam's axis, rad.
     pub axes: Vec<[f32; 2]>,
@@ -102,11 +104,12 @@ impl Transducer {
         transducer.find_solid_angles();
         transducer.find_heard_powers();
         transducer.find_boxes();
+        transducer.apart = transducer.flanks.is_empty();
         Some(transducer)
     }
 
-    /// Roughly how many hearings of rays or directions by beams a transducer for `pattern` has: its memory grows with
-    /// this.
+    /// Roughly how many numbers for hearings of rays or directions by beams a transducer for `pattern` has: its memory grows
+    /// with this.
     pub fn hearings_of(pattern: &Pattern, wavelength: f64) -> f64 {
         let (rays, sines, heard): (u32, Vec<f64>, _) = match pattern {
             Pattern::Multibeam(swath) => {
@@ -125,7 +128,7 @@ impl Transducer {
             sines.partition_point(|&axis| axis >= sine - extent) - first
         };
         let heard_of_each = sines.iter().map(within).sum::<usize>() as f64 / sines.len() as f64;
-        (f64::from(rays) + directions_of(&heard) as f64) * heard_of_each
+        (f64::from(rays) + directions_of(&heard) as f64) * (heard_of_each + BEAMS as f64)
     }
 
     /// Length of its longest side, m, and the range from which its beams are formed as its patterns say, `L^2 / wavelength`
@@ -189,11 +192,6 @@ impl Transducer {
 
     pub fn beams(&self) -> usize {
         self.axes.len()
-    }
-
-    /// Whether every ray is heard by one beam.
-    pub fn beams_are_apart(&self) -> bool {
-        self.hearings.iter().all(|hearing| hearing.to - hearing.from == 1)
     }
 
     /// Index of what sends and hears where a ray starts.
@@ -723,5 +721,30 @@ impl ThinSide {
         const NEIGHBOURS: f64 = 16.0;
         let at = |part: f64| self.angles[(part.clamp(0.0, 1.0) * (self.angles.len() - 1) as f64) as usize];
         at(golden(index) + 0.5 / NEIGHBOURS) - at(golden(index) - 0.5 / NEIGHBOURS)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rays_near_a_direction_are_those_within_its_distance() {
+        let angles = (0..3000).map(|index| (0.001 * f64::from(index) - 1.0, 1.5 * golden(index as usize)));
+        let rays: Vec<Vec3> = angles
+            .map(|(a, b)| Vec3::new((a.cos() * b.cos()) as f32, a.sin() as f32, (a.cos() * b.sin()) as f32))
+            .collect();
+        let mut transducer = Transducer {
+            direction: [0, 1, 2].map(|axis| rays.iter().map(|ray| ray[axis]).collect()),
+            ..Transducer::default()
+        };
+        transducer.find_boxes();
+        for aim in rays.iter().step_by(301).copied().chain([Vec3::NEG_X]) {
+            for size in [0.0, 0.003, 0.1, 0.7, 3.0] {
+                let near = rays.iter().filter(|ray| ray.distance_squared(aim) < size * size).count();
+                assert!(transducer.has_fewer_rays(near as f32 + 1.0, aim, size), "{aim} {size}");
+                assert!(near == 0 || !transducer.has_fewer_rays(near as f32, aim, size), "{aim} {size}");
+            }
+        }
     }
 }

@@ -5,12 +5,8 @@ use crate::ground::lanes::MEDIUM;
 use crate::ground::math::LOG2_PER_DB;
 use crate::material::{ByColor, Material, ReflectanceSource, Reflectances, Sound};
 use crate::medium::Sea;
-use echocast_kernels::echo::{ANGLES, angle};
+use echocast_kernels::echo::{STEPS, step};
 use std::sync::Arc;
-
-/// Angles that a law is tabulated at ([`echocast_kernels::echo::angle`]), fine at both ends: 0.16 degrees apart near head-on,
-/// half a degree at grazing.
-const STEPS: usize = ANGLES;
 
 /// How much every material and the sea surface scatter back, and what a reflection costs.
 pub(crate) struct Backscatter {
@@ -153,9 +149,9 @@ fn tabulate(table: &mut Vec<f32>, value: impl Fn(f64) -> f64) {
 }
 
 fn interpolate(table: &[f32], material: usize, sine: f32) -> f32 {
-    let at = angle(sine);
-    let step = (at as usize).min(STEPS - 1);
-    let part = at - step as f32;
-    let first = material * (STEPS + 1) + step;
+    let at = step(sine);
+    let whole = (at as usize).min(STEPS - 1);
+    let part = at - whole as f32;
+    let first = material * (STEPS + 1) + whole;
     table[first] * (1.0 - part) + table[first + 1] * part
 }

@@ -5,7 +5,7 @@
 
 use super::ping::{Echoes, PingEcho};
 use crate::emitter::{Hearing, Transducer};
-use echocast_kernels::sound::{BLOCK, Block};
+use echocast_kernels::sound::{BLOCK, Block, greater};
 use std::ops::Range;
 
 /// Sums of what a chunk returns, in blocks of [`BLOCK`] range bins: by the stretch of the range that they are, then by who
@@ -32,8 +32,9 @@ pub(crate) struct Gathered {
 struct GatherMemory {
     /// Arrivals in the order of their hearings.
     order: Vec<u32>,
-    /// The stretch and the hearing of each block, as they are found, and then its place.
+    /// The stretch of each block and the index of its hearing, as they are found.
     found: Vec<[u32; 2]>,
+    /// Its place when they are sorted.
     place: Vec<u32>,
     /// The last block of each stretch that was found.
     last: Vec<u32>,
@@ -49,9 +50,9 @@ impl Gathered {
         found.clear();
         last.resize(bins.div_ceil(BLOCK), 0);
         order.extend((0..).zip(answers).filter(|(_, answer)| answer.parts > 0).map(|(index, _)| index));
-        let hearing = |&index: &u32| answers[index as usize].hearing;
+        let hearing = |&index: &u32| (answers[index as usize].hearing, index);
         if !order.is_sorted_by_key(hearing) {
-            order.sort_by_key(hearing);
+            order.sort_unstable_by_key(hearing);
         }
         self.span = usize::MAX..0;
         // First block of this hearing.
@@ -116,9 +117,7 @@ impl Gathered {
                     block.re[at] += re;
                     block.im[at] += im.next().unwrap_or(&0.0);
                     sums[at] += energy;
-                    let stronger = energy > block.most[at];
-                    block.most[at] = if stronger { energy } else { block.most[at] };
-                    block.who[at] = if stronger { index } else { block.who[at] };
+                    (block.most[at], block.who[at]) = greater(energy, index, block.most[at], block.who[at]);
                 }
                 bin = 0;
             }
@@ -162,7 +161,7 @@ impl Echoes {
             let Hearing { first, from, to, .. } = transducer.hearings[hearing as usize];
             (least.min(first as usize), most.max((first + to - from) as usize))
         });
-        if !transducer.beams_are_apart() {
+        if !transducer.apart {
             gathered.gather(answers, [re, im], energy, bins);
         }
     }

@@ -8,13 +8,15 @@
 use super::ping::Echoes;
 use super::tile::NOBODY;
 use crate::emitter::{FLANK_PARTS, Hearing, Transducer};
-use echocast_kernels::sound::{self, Aside, Block};
+use echocast_kernels::sound::{self, Aside, Block, CELLS};
 use std::ops::Range;
 
 /// Energies of a ping by part of the directions and range bin.
 #[derive(Clone, Default)]
 pub(crate) struct Flanks {
     bins: usize,
+    /// Cells of a part: all bins, and up to whole [`CELLS`].
+    width: usize,
     /// Bins of each part from which something comes; empty: none.
     spans: Vec<Range<usize>>,
     /// Part by part: energies, 1 for a beam that looks there.
@@ -27,13 +29,13 @@ pub(crate) struct Flanks {
 impl Flanks {
     /// Empties it for `bins`; without a `transducer` whose beams hear beside their axes it stays empty.
     pub fn clear(&mut self, transducer: &Transducer, bins: usize, who: bool) {
-        self.bins = bins;
+        (self.bins, self.width) = (bins, bins.next_multiple_of(CELLS));
         let parts = if transducer.flanks.is_empty() { 0 } else { FLANK_PARTS };
+        let (cells, asked) = (parts * self.width, if who { parts * self.width } else { 0 });
         self.spans.clear();
         self.spans.resize(parts, Range { start: bins, end: 0 });
         self.energy.clear();
-        self.energy.resize(parts * bins, 0.0);
-        let asked = if who { parts * bins } else { 0 };
+        self.energy.resize(cells, 0.0);
         self.most.clear();
         self.most.resize(asked, 0.0);
         self.who.clear();
@@ -49,7 +51,7 @@ impl Flanks {
         for (Hearing { part, .. }, bins, block) in gathered.each(transducer, self.bins) {
             let span = &mut self.spans[part as usize];
             (span.start, span.end) = (span.start.min(bins.start), span.end.max(bins.end));
-            let from = part as usize * self.bins;
+            let from = part as usize * self.width;
             let cells = from + bins.start..from + bins.end;
             let sums = self.energy[cells.clone()].iter_mut();
             sums.zip(&gathered.energy[block]).for_each(|(sum, energy)| *sum += energy);
@@ -59,20 +61,18 @@ impl Flanks {
             let Block { most: parts, who: whose, .. } = &gathered.blocks[block];
             let best = self.most[cells.clone()].iter_mut().zip(&mut self.who[cells]);
             for ((most, who), (&energy, index)) in best.zip(parts.iter().zip(whose)) {
-                let stronger = energy > *most;
-                *most = if stronger { energy } else { *most };
-                *who = if stronger { first + index } else { *who };
+                (*most, *who) = sound::greater(energy, first + index, *most, *who);
             }
         }
     }
 
-    /// What a beam hears of it in each bin; and if `told` is not empty, whom each cell tells of that tells of nobody, where it
-    /// hears more than the `noise`. `rows` is memory.
+    /// What a beam hears of it in each bin, into `powers`; and if `told` is not empty, whom each cell tells of that tells of
+    /// nobody, where it hears more than the `noise`. `rows` is memory.
     pub fn heard(
         &self,
         (transducer, beam): (&Transducer, usize),
         rows: &mut Vec<(u32, f32)>,
-        powers: &mut [f32],
+        powers: &mut Vec<f32>,
         noise: f32,
         told: &mut [u32],
     ) {
@@ -80,11 +80,13 @@ impl Flanks {
         rows.extend(self.audible(transducer, beam));
         let spans = rows.iter().map(|(part, _)| &self.spans[*part as usize]);
         let span = spans.fold(self.bins..0, |all, span| all.start.min(span.start)..all.end.max(span.end));
+        let span = span.start / CELLS * CELLS..span.end.next_multiple_of(CELLS);
+        powers.resize(self.width, 0.0);
         powers[..span.start].fill(0.0);
         powers[span.end.max(span.start)..].fill(0.0);
-        let Flanks { bins, energy, most, who, .. } = self;
-        let aside = Aside { rows, width: *bins, energy, most, who };
-        sound::hear_aside(aside, span.clone(), powers);
+        let Flanks { width, energy, most, who, .. } = self;
+        let aside = Aside { rows, width: *width, energy, most, who };
+        sound::hear_aside(aside, span.start..span.end.max(span.start), powers);
         if !told.is_empty() {
             sound::tell_aside(aside, span, powers, NOBODY, noise, told);
         }
@@ -100,5 +102,48 @@ impl Flanks {
     /// Whether there is nothing to be heard from far aside.
     pub fn is_empty(&self) -> bool {
         self.spans.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Beams hear the parts by their powers, and only cells that tell of nobody and hear more than the noise tell of the
+    /// strongest.
+    #[test]
+    fn beams_hear_the_sums_of_what_is_far_aside() {
+        const BINS: usize = 150;
+        let width = BINS.next_multiple_of(CELLS);
+        let value = |seed: usize| (seed * 7919 % 101) as f32;
+        let mut transducer = Transducer::default();
+        transducer.flanks.extend((0..2 * FLANK_PARTS).map(value));
+        let mut flanks = Flanks::default();
+        flanks.clear(&transducer, BINS, true);
+        for part in [3, 17, 20] {
+            flanks.spans[part] = part..BINS - 5;
+            for cell in part * width + part..part * width + BINS - 5 {
+                (flanks.energy[cell], flanks.most[cell], flanks.who[cell]) =
+                    (value(cell), value(cell + 1), cell as u32);
+            }
+        }
+        for beam in 0..2 {
+            let scale = |part: usize| transducer.flanks[beam * FLANK_PARTS + part];
+            let before: Vec<u32> = (0..BINS as u32).map(|bin| if bin % 3 == 0 { 1_000_000 } else { NOBODY }).collect();
+            let (mut powers, mut told) = (Vec::new(), before.clone());
+            let noise = 9000.0;
+            flanks.heard((&transducer, beam), &mut Vec::new(), &mut powers, noise, &mut told);
+            for bin in 0..BINS {
+                let parts = [3, 17, 20].map(|part| (part * width + bin, scale(part)));
+                let expected: f32 = parts.iter().map(|&(cell, scale)| scale * flanks.energy[cell]).sum();
+                assert!((powers[bin] - expected).abs() <= 1e-6 * expected, "beam {beam}, bin {bin}");
+                let (mut most, mut who) = (0.0, NOBODY);
+                for (cell, scale) in parts {
+                    (most, who) = sound::greater(scale * flanks.most[cell], flanks.who[cell], most, who);
+                }
+                let known = before[bin] != NOBODY || powers[bin] <= noise;
+                assert_eq!(told[bin], if known { before[bin] } else { who }, "beam {beam}, bin {bin}");
+            }
+        }
     }
 }

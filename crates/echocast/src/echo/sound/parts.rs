@@ -69,7 +69,9 @@ impl<'a> Parts<'a> {
         self.im.push(im);
     }
 
-    /// Adds those of an echo with random amplitudes; `rough`: what the texture leaves of that in a bin, if there is one.
+    /// Adds those of an echo with random amplitudes; `rough`: what the texture leaves of
+    /// the energy in a bin, if there is one.
+    #[inline(always)]
     pub fn scatter(&mut self, scatterers: &Scatterers, echo: &Scatter, rough: Option<&dyn Fn(u32) -> f32>) {
         let [first, last] = echo.bins;
         for bin in (first..=last).step_by(RUN) {
@@ -86,6 +88,7 @@ impl<'a> Parts<'a> {
             fill(&mut waiting.middle, echo.middle);
             waiting.object[begin..begin + RUN].fill(echo.object);
             waiting.bin[begin..begin + RUN].iter_mut().zip(bin..).for_each(|(to, bin)| *to = bin);
+            fill(&mut waiting.rough, 1.0);
             if let Some(rough) = rough {
                 waiting.rough[begin..begin + count].iter_mut().zip(bin..).for_each(|(to, bin)| *to = rough(bin));
             }
@@ -165,6 +168,62 @@ pub(crate) fn texture(shape: f64) -> Arc<[f32]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Echoes of any length, one by one and all together: their parts are the same, and their energies those of what lies
+    /// in each bin.
+    #[test]
+    fn parts_do_not_depend_on_what_waits_with_them() {
+        let rng = Rng::new(3, 0);
+        let along = Vec3::X;
+        let scatterers = Scatterers { rng, station: 5, along, patch: 1.0, texture: Arc::default() };
+        let echoes: Vec<Scatter> = [1, 8, 9, 64, 3, 200, 1, 7, 130]
+            .into_iter()
+            .enumerate()
+            .map(|(index, bins)| {
+                let first = 11 * index as u32;
+                let ends = [first as f32 + 0.3, (first + bins) as f32 - 0.4];
+                let (along, slope) = (0.7 * index as f32, 0.01);
+                let middle = 0.5 * (ends[0] + ends[1]);
+                Scatter {
+                    bins: [first, first + bins - 1],
+                    ends,
+                    share: 2.0,
+                    least: 0.0,
+                    along,
+                    slope,
+                    middle,
+                    object: index as u32,
+                }
+            })
+            .collect();
+        let columns = |echoes: &[Scatter], rough: Option<&dyn Fn(u32) -> f32>| {
+            let [mut energy, mut re, mut im] = [const { Vec::new() }; 3];
+            let mut parts = Parts::new(&mut energy, &mut re, &mut im);
+            for echo in echoes {
+                let before = parts.len();
+                parts.scatter(&scatterers, echo, rough);
+                assert_eq!(parts.len() - before, echo.bins[1] - echo.bins[0] + 1);
+            }
+            parts.finish(Some(&scatterers));
+            [energy, re, im]
+        };
+        let together = columns(&echoes, None);
+        let alone: Vec<_> = echoes.chunks(1).map(|echo| columns(echo, None)).collect();
+        for (index, column) in together.iter().enumerate() {
+            assert_eq!(*column, alone.iter().flat_map(|alone| alone[index].clone()).collect::<Vec<f32>>());
+        }
+        let expected = echoes.iter().flat_map(|echo| {
+            (echo.bins[0]..=echo.bins[1])
+                .map(|bin| 2.0 * (echo.ends[1].min(bin as f32 + 1.0) - echo.ends[0].max(bin as f32)))
+        });
+        assert!(together[0].iter().copied().eq(expected));
+        let powers = together[1].iter().zip(&together[2]).map(|(re, im)| re * re + im * im);
+        let ratio = powers.sum::<f32>() / together[0].iter().sum::<f32>();
+        assert!((ratio - 1.0).abs() < 0.2, "amplitudes have their energies on average: {ratio}");
+        let rough = columns(&echoes, Some(&|bin| bin as f32));
+        let bins = echoes.iter().flat_map(|echo| echo.bins[0]..=echo.bins[1]);
+        assert!(rough[0].iter().copied().eq(together[0].iter().zip(bins).map(|(energy, bin)| energy * bin as f32)));
+    }
 
     /// A texture times an exponential is K-distributed: compared with quantiles and moments from another library.
     #[test]

@@ -167,12 +167,13 @@ impl Insonification<'_> {
                 }
                 ways.loudness[lane] += heard.louder + self.backscatter.besides(self.surfaces, arrival);
             }
-            echo::powers(&mut ways.loudness);
+            let mut powers = ways.loudness;
+            echo::powers(&mut powers);
             for (lane, (arrival, &heard)) in block.iter().zip(&heard).enumerate() {
                 // After reflections also what is only heard straight back has arrived.
                 let in_reach = arrival.order == 0 || arrival.range <= self.farthest;
                 let is_heard = in_reach && !self.is_heard_otherwise(arrival);
-                let power = is_heard.then_some(ways.loudness[lane]);
+                let power = is_heard.then_some(powers[lane]);
                 let (reach, slide) = reach(&ways, lane);
                 answers.push(self.divide(arrival, Echo { power, heard, reach, slide, way: 0 }, &mut parts));
             }
@@ -306,6 +307,7 @@ impl Insonification<'_> {
     }
 
     /// Divides an echo among bins.
+    #[inline(always)]
     pub(super) fn divide(&self, arrival: &Arrival, echo: Echo, parts: &mut Parts) -> PingEcho {
         let Echo { power, heard: Heard { at, hearing, .. }, reach, slide, way } = echo;
         let first = parts.len();

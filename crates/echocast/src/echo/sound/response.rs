@@ -4,7 +4,7 @@ use super::flanks::Flanks;
 use super::tile::Tile;
 use crate::emitter::Transducer;
 use crate::ground::rng::{Draw, Rng};
-use echocast_kernels::sound;
+use echocast_kernels::sound::{self, CELLS};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 use std::ops::Range;
@@ -42,6 +42,8 @@ impl Taper {
 pub(crate) struct Response {
     /// From the middle outwards.
     taps: Vec<f32>,
+    /// Those that are not zero, as a line is convolved with them: from which cell of the padded line on each counts.
+    shifted: Vec<(u32, f32)>,
     /// Sum of the squares of all taps.
     power: f32,
 }
@@ -86,7 +88,9 @@ impl Response {
             taps.iter_mut().for_each(|tap| *tap *= scale);
         }
         let power = sum(&taps);
-        Ok(Response { taps, power })
+        let shifts = (0..2 * taps.len() as u32 - 1).map(|shift| (shift, taps[count.abs_diff(shift as usize)]));
+        let shifted = shifts.filter(|(_, tap)| *tap != 0.0).collect();
+        Ok(Response { taps, shifted, power })
     }
 
     /// Power of a point-like echo `bins` from its middle, relative to the middle.
@@ -104,13 +108,12 @@ impl Response {
         self.taps.len() - 1
     }
 
-    /// Sums `line` over range into `out`; `padded` is memory.
-    fn convolve(&self, line: &[f32], squared: bool, padded: &mut Vec<f32>, out: &mut [f32]) {
-        let half = self.taps.len() - 1;
+    /// Makes room for a line of `bins` with silence on either side, as [`sound::convolve_to_db`] wants it.
+    fn pad<'a>(&self, bins: usize, padded: &'a mut Vec<f32>) -> &'a mut [f32] {
+        let beside = self.reach();
         padded.clear();
-        padded.resize(line.len() + 2 * half, 0.0);
-        padded[half..half + line.len()].copy_from_slice(line);
-        sound::convolve(&self.taps, squared, padded, out);
+        padded.resize(bins + 2 * beside + CELLS, 0.0);
+        &mut padded[beside..beside + bins]
     }
 }
 
@@ -135,15 +138,15 @@ pub(crate) struct Lines {
     im: Vec<f32>,
     noise_re: Vec<f32>,
     noise_im: Vec<f32>,
-    /// Amplitudes of the noise.
+    /// Powers of the noise.
     hiss: Vec<f32>,
     /// Powers from far aside, and from which parts of the directions.
     flank: Vec<f32>,
     audible: Vec<(u32, f32)>,
-    /// What they hear after the response.
+    /// Energies after the response.
     sum: Vec<f32>,
-    other: Vec<f32>,
-    padded: Vec<f32>,
+    /// A line with silence on either side.
+    padded: [Vec<f32>; 2],
 }
 
 impl Tile {
@@ -151,8 +154,8 @@ impl Tile {
     pub fn levels(&mut self, response: &Response, background: &Background, lines: &mut Lines, levels: &mut [f32]) {
         let (width, coherent) = (self.width, !self.im.is_empty());
         let bins = self.re.len() / width;
-        let Lines { re, im, noise_re, noise_im, hiss, flank, audible, sum, other, padded } = lines;
-        for line in [&mut *noise_re, noise_im, hiss, flank, sum, other] {
+        let Lines { re, im, noise_re, noise_im, hiss, flank, audible, sum, padded } = lines;
+        for line in [&mut *noise_re, noise_im, hiss, sum] {
             line.resize(bins, 0.0);
         }
         let Range { start, end } = self.heard;
@@ -174,39 +177,42 @@ impl Tile {
                     if background.labels_flanks { &mut self.told[beam * bins..(beam + 1) * bins] } else { &mut [] };
                 flanks.heard((transducer, number as usize), audible, flank, *noise, told);
             }
-            let re = &mut re[beam * bins..(beam + 1) * bins];
-            if aside && coherent {
-                // Amplitudes of many scatterers are as those of noise.
-                sound::add_to_square(flank, hiss);
-            } else if aside {
-                sound::add(1.0, flank, re);
-            }
+            let re = &re[beam * bins..(beam + 1) * bins];
+            let [padded_re, padded_im] = &mut *padded;
+            let Response { shifted, .. } = response;
             if coherent {
-                let im = &mut im[beam * bins..(beam + 1) * bins];
-                sound::add_product(re, noise_re, hiss);
-                sound::add_product(im, noise_im, hiss);
-                response.convolve(re, false, padded, sum);
-                response.convolve(im, false, padded, other);
-                sound::amplitudes_to_db(sum, other, levels);
+                if aside {
+                    // Many scatterers are as noise.
+                    sound::add(1.0, flank, hiss);
+                }
+                let im = &im[beam * bins..(beam + 1) * bins];
+                let (to_re, to_im) = (response.pad(bins, padded_re), response.pad(bins, padded_im));
+                sound::add_noise(hiss, re, im, noise_re, noise_im, to_re, to_im);
+                sound::convolve_to_db(shifted, padded_re, padded_im, levels);
             } else {
-                response.convolve(re, true, padded, sum);
+                let line = response.pad(bins, padded_re);
+                line.copy_from_slice(re);
+                if aside {
+                    sound::add(1.0, flank, line);
+                }
+                sound::convolve_squared(shifted, padded_re, sum);
                 sound::with_noise(sum, noise_re, noise_im, hiss, levels);
                 sound::to_db(levels);
             }
         }
     }
 
-    /// Amplitudes of the noise and volume backscatter of a beam, uPa; before the response, if `coherent`.
-    fn hiss(&self, beam: usize, response: &Response, background: &Background, coherent: bool, amplitudes: &mut [f32]) {
+    /// Powers of the noise and volume backscatter of a beam, uPa^2; before the response, if `coherent`.
+    fn hiss(&self, beam: usize, response: &Response, background: &Background, coherent: bool, powers: &mut [f32]) {
         let width = self.width;
         let share = if coherent { 1.0 / response.power } else { 1.0 };
         if background.volume.is_empty() {
-            return amplitudes.fill((background.noise * share).sqrt());
+            return powers.fill(background.noise * share);
         }
         let mut open = background.transducer.solid_angles[self.beams.0 + beam];
-        for (bin, amplitude) in amplitudes.iter_mut().enumerate() {
+        for (bin, power) in powers.iter_mut().enumerate() {
             open += self.open[bin * width + beam];
-            *amplitude = (background.noise * share + background.volume[bin] * open.max(0.0) * share).sqrt();
+            *power = background.noise * share + background.volume[bin] * open.max(0.0) * share;
         }
     }
 }

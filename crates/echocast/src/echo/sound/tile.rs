@@ -126,7 +126,7 @@ impl Tile {
         heard_by.clear();
         heard_by.extend(gathered.hearings.iter().map(|&hearing| {
             let Hearing { first, from, to, .. } = transducer.hearings[hearing as usize];
-            let heard = (first as usize) < beams.1 && beams.0 < (first + to - from) as usize;
+            let heard = from < to && (first as usize) < beams.1 && beams.0 < (first + to - from) as usize;
             if heard { from + beams.0 as u32 - first } else { UNHEARD }
         }));
         for (bins, which) in gathered.stretches(re.len() / BEAMS) {
@@ -166,6 +166,94 @@ impl Tile {
         let start = bin * width + low - self.beams.0;
         for (open, &loud) in self.open[start..start + loudness.len()].iter_mut().zip(loudness) {
             *open -= weight * loud * loud;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::echo::PingEcho;
+    use crate::ground::rng::Rng;
+    use glam::Vec3;
+
+    /// Any numbers of beams and bins: what beams hear in blocks is what they hear arrival by arrival.
+    #[test]
+    fn beams_hear_the_sums_of_all_arrivals() {
+        const ARRIVALS: usize = 300;
+        for (beams, bins) in [(2, 9), (15, 64), (16, 31), (17, 50), (33, 130)] {
+            let rng = Rng::new(beams as u64, 0);
+            let draw =
+                |index: usize, what: u32| rng.uniform_at([index as u32, what, 0], crate::ground::rng::Draw::Texture);
+            let whole = |index: usize, what: u32, below: usize| (draw(index, what) * below as f32) as usize;
+            // Hearings of some beams each, with silence between them.
+            let mut transducer = Transducer::default();
+            transducer.loudness.resize(BEAMS, 0.0);
+            for hearing in 0..40 {
+                let first = whole(hearing, 0, beams);
+                let heard = 1 + whole(hearing, 1, beams - first);
+                let from = transducer.loudness.len();
+                transducer.loudness.extend((0..heard).map(|beam| draw(hearing, 100 + beam as u32) - 0.3));
+                let (from, to) = (from as u32, transducer.loudness.len() as u32);
+                transducer.hearings.push(Hearing { first: first as u32, from, to, part: 0 });
+                transducer.loudness.resize(to as usize + BEAMS, 0.0);
+            }
+            transducer.beside = transducer.loudness.iter().map(|loud| 0.5 * loud).collect();
+            for speckle in [true, false] {
+                let mut echoes = Echoes { first: 7, ..Echoes::default() };
+                for index in 0..ARRIVALS {
+                    let bin = whole(index, 2, bins);
+                    let parts = whole(index, 3, 12.min(bins - bin + 1));
+                    let (first, hearing) = (echoes.energy.len() as u32, whole(index, 4, 40) as u32);
+                    let (bin, zero) = (bin as u32, Vec3::ZERO);
+                    let parts = parts as u32;
+                    echoes.answers.push(PingEcho { first, parts, bin, range: 0.0, reach: 0.0, slide: zero, hearing });
+                    for part in 0..parts {
+                        let energy = draw(index, 200 + part);
+                        echoes.energy.push(energy);
+                        echoes.re.push(if speckle { energy.sqrt() - 0.4 } else { energy });
+                        echoes.im.push(0.7 - energy);
+                    }
+                }
+                let mut tile = Tile::default();
+                let wants = Wants { lean: true, open: false, speckle };
+                echoes.gather(&transducer, bins);
+                for first in (0..beams).step_by(BEAMS) {
+                    tile.clear((first, beams.min(first + BEAMS)), BEAMS, bins, wants);
+                    tile.hear(&transducer, &echoes, 1.0);
+                    for beam in tile.beams.0..tile.beams.1 {
+                        let mut expected = vec![([0.0f64; 4], 0.0, NOBODY); bins];
+                        for (index, it) in echoes.answers.iter().enumerate() {
+                            let Hearing { first, from, to, .. } = transducer.hearings[it.hearing as usize];
+                            if !(first..first + to - from).contains(&(beam as u32)) {
+                                continue;
+                            }
+                            let loud = f64::from(transducer.loudness[(from + beam as u32 - first) as usize]);
+                            for part in 0..it.parts {
+                                let [re, im, energy] = [&echoes.re, &echoes.im, &echoes.energy]
+                                    .map(|column| f64::from(column[(it.first + part) as usize]));
+                                let (sums, most, who) = &mut expected[(it.bin + part) as usize];
+                                let (heard, scale) = (loud * loud * energy, if speckle { loud } else { loud * loud });
+                                let parts = [re * scale, im * scale, heard * 0.5 * loud, heard];
+                                sums.iter_mut().zip(parts).for_each(|(sum, part)| *sum += part);
+                                if heard > *most {
+                                    (*most, *who) = (heard, 7 + index as u32);
+                                }
+                            }
+                        }
+                        for (bin, (sums, most, who)) in expected.into_iter().enumerate() {
+                            let cell = bin * BEAMS + beam - first;
+                            let im = tile.im.get(cell).copied().unwrap_or(sums[1] as f32);
+                            let found = [tile.re[cell], im, tile.lean[cell], tile.total[cell]].map(f64::from);
+                            for (found, expected) in found.into_iter().zip(sums) {
+                                assert!((found - expected).abs() < 1e-5, "beam {beam}, bin {bin}: {found} {expected}");
+                            }
+                            assert!((f64::from(tile.most[cell]) - most).abs() < 1e-6);
+                            assert_eq!(tile.who[cell], who, "beam {beam} of {beams}, bin {bin}");
+                        }
+                    }
+                }
+            }
         }
     }
 }

@@ -55,7 +55,7 @@ impl Spreading {
         one_way(path, self.law(from).unwrap_or([2.0, 0.0, f32::INFINITY]))
     }
 
-    /// The law of [`one_way`] that it is; `None`: that of ray tubes.
+    /// What it is in the terms of [`one_way`]; `None`: ray tubes.
     pub(crate) fn law(self, from: f32) -> Option<[f32; 3]> {
         let everywhere = |power: f32| Some([power, 0.0, f32::INFINITY]);
         match self {
