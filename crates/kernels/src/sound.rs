@@ -189,10 +189,24 @@ kernels! {
         }
     }
 
-    /// Keeps for every cell the greatest energy, `loud^2 energy`, and whose it is.
-    pub fn prefer_parts(loud: f32, energy: &[f32], who: u32, most: &mut [f32], is: &mut [u32]) {
+    /// Adds the parts of an arrival to as many cells: amplitudes, or without imaginary parts energies; and keeps the greatest
+    /// energy of each cell and whose it is.
+    pub fn hear_parts(
+        loud: f32,
+        amplitudes: [&[f32]; 2],
+        energy: &[f32],
+        who: u32,
+        sums: [&mut [f32]; 2],
+        most: &mut [f32],
+        is: &mut [u32],
+    ) {
+        let ([re, im], [sum_re, sum_im]) = (amplitudes, sums);
+        let square = loud * loud;
+        let scale = if sum_im.is_empty() { square } else { loud };
+        sum_re.iter_mut().zip(re).for_each(|(sum, x)| *sum += scale * x);
+        sum_im.iter_mut().zip(im).for_each(|(sum, y)| *sum += loud * y);
         for ((most, is), energy) in most.iter_mut().zip(is).zip(energy) {
-            (*most, *is) = greater(loud * loud * energy, who, *most, *is);
+            (*most, *is) = greater(square * energy, who, *most, *is);
         }
     }
 

@@ -14,9 +14,9 @@ use std::ops::Range;
 pub(crate) struct Gathered {
     /// The [`Hearing`]s by which anything is heard.
     pub hearings: Vec<u32>,
-    /// Arrivals are numbered by their index.
+    /// Amplitudes, and the strongest arrival by its index.
     pub blocks: Vec<Block>,
-    /// Sums of energies.
+    /// Energies.
     pub energy: Vec<[f32; BLOCK]>,
     /// Which of the hearings each of the blocks is of.
     pub of: Vec<u32>,
@@ -54,7 +54,7 @@ impl Gathered {
         if !order.is_sorted_by_key(hearing) {
             order.sort_unstable_by_key(hearing);
         }
-        self.span = usize::MAX..0;
+        self.span = Range { start: usize::MAX, end: 0 };
         // First block of this hearing.
         let mut first = 0;
         for &index in &*order {

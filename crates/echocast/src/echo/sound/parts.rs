@@ -69,8 +69,7 @@ impl<'a> Parts<'a> {
         self.im.push(im);
     }
 
-    /// Adds those of an echo with random amplitudes; `rough`: what the texture leaves of
-    /// the energy in a bin, if there is one.
+    /// Adds those of an echo with random amplitudes; `rough`: what the texture leaves of the energy in a bin, if there is one.
     #[inline(always)]
     pub fn scatter(&mut self, scatterers: &Scatterers, echo: &Scatter, rough: Option<&dyn Fn(u32) -> f32>) {
         let [first, last] = echo.bins;

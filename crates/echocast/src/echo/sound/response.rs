@@ -108,11 +108,12 @@ impl Response {
         self.taps.len() - 1
     }
 
-    /// Makes room for a line of `bins` with silence on either side, as [`sound::convolve_to_db`] wants it.
+    /// Where a line of `bins` goes, with silence on either side, as [`sound::convolve_to_db`] wants it.
     fn pad<'a>(&self, bins: usize, padded: &'a mut Vec<f32>) -> &'a mut [f32] {
         let beside = self.reach();
-        padded.clear();
         padded.resize(bins + 2 * beside + CELLS, 0.0);
+        padded[..beside].fill(0.0);
+        padded[beside + bins..].fill(0.0);
         &mut padded[beside..beside + bins]
     }
 }

@@ -107,14 +107,10 @@ impl Tile {
             let parts = answer.first as usize..(answer.first + answer.parts) as usize;
             let cells = answer.bin as usize..(answer.bin + answer.parts) as usize;
             self.note(cells.clone());
-            if self.im.is_empty() {
-                sound::add(loud * loud, &echoes.re[parts.clone()], &mut self.re[cells.clone()]);
-            } else {
-                sound::add(loud, &echoes.re[parts.clone()], &mut self.re[cells.clone()]);
-                sound::add(loud, &echoes.im[parts.clone()], &mut self.im[cells.clone()]);
-            }
+            let amplitudes = [&echoes.re[parts.clone()], echoes.im.get(parts.clone()).unwrap_or_default()];
+            let sums = [&mut self.re[cells.clone()], self.im.get_mut(cells.clone()).unwrap_or_default()];
             let (most, is) = (&mut self.most[cells.clone()], &mut self.who[cells]);
-            sound::prefer_parts(loud, &echoes.energy[parts], who, most, is);
+            sound::hear_parts(loud, amplitudes, &echoes.energy[parts], who, sums, most, is);
         }
     }
 

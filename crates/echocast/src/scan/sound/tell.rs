@@ -169,7 +169,7 @@ impl Pinging<'_> {
             } else {
                 let (who, bin) = (&who[cells.clone()], cells.start % bins);
                 let ranges = &ranges[bin..bin + cells.len()];
-                self.tell_places(ranges, |step| &extents[who[step] as usize], &mut rows, cells.clone());
+                self.tell_places(ranges, who, extents, &mut rows, cells.clone());
             }
         }
     }
@@ -185,33 +185,32 @@ impl Pinging<'_> {
             };
             self.tell_arrivals(echoes, index..index + 1, &mut rows.rows_after(row).split_at(1).0);
             let extent = Extent::new(&echoes.arrivals[index], &echoes.answers[index]);
-            self.tell_places(&[self.layout.range(row % bins) as f32], |_| &extent, &mut rows, row..row + 1);
+            let range = self.layout.range(row % bins) as f32;
+            self.tell_places(&[range], &[0], &[extent], &mut rows, row..row + 1);
         }
     }
 
-    /// Where in cells of neighbouring bins, at `ranges`, m, is what they hear: each has the part of an extent that lies in
-    /// it. `true_range` and `time` hold what they are in its middle.
-    fn tell_places<'e>(
-        &self,
-        ranges: &[f32],
-        of: impl Fn(usize) -> &'e Extent,
-        rows: &mut Slices,
-        cells: Range<usize>,
-    ) {
+    /// Where in `cells` of neighbouring bins, at `ranges`, m, is what they hear (`who` of the `extents`): each has the part of an
+    /// extent that lies in it. `true_range` and `time` hold what they are in its middle.
+    fn tell_places(&self, ranges: &[f32], who: &[u32], extents: &[Extent], rows: &mut Slices, cells: Range<usize>) {
         const BLOCK: usize = 64;
         let (mut beside, mut unasked) = ([0.0; BLOCK], [[0.0; BLOCK]; 3]);
-        for (first, ranges) in (0..).step_by(BLOCK).zip(ranges.chunks(BLOCK)) {
+        for (first, (ranges, who)) in (0..).step_by(BLOCK).zip(ranges.chunks(BLOCK).zip(who.chunks(BLOCK))) {
             let cells = cells.start + first..cells.start + first + ranges.len();
             let axes = [&mut rows.true_x, &mut rows.true_y, &mut rows.true_z].into_iter().zip(&mut unasked);
             let mut axes = axes.map(|(column, unasked)| column.get_mut(cells.clone()).unwrap_or(unasked));
             let [Some(x), Some(y), Some(z)] = [axes.next(), axes.next(), axes.next()] else { return };
-            let places = x.iter_mut().zip(y).zip(z).zip(&mut beside);
-            for (((((x, y), z), beside), &range), step) in places.zip(ranges).zip(first..) {
-                let extent = of(step);
-                *beside = extent.beside(range);
-                *x = extent.place[0] + extent.slide[0] * *beside;
-                *y = extent.place[1] + extent.slide[1] * *beside;
-                *z = extent.place[2] + extent.slide[2] * *beside;
+            // Cells beside each other hear the same.
+            let mut start = 0;
+            for same in who.chunk_by(|a, b| a == b) {
+                let Extent { place, slide, .. } = extents[same[0] as usize];
+                for step in start..start + same.len() {
+                    beside[step] = extents[same[0] as usize].beside(ranges[step]);
+                    x[step] = place[0] + slide[0] * beside[step];
+                    y[step] = place[1] + slide[1] * beside[step];
+                    z[step] = place[2] + slide[2] * beside[step];
+                }
+                start += same.len();
             }
             let column = rows.true_range.get_mut(cells.clone()).unwrap_or_default();
             column.iter_mut().zip(&beside).for_each(|(range, beside)| *range += beside);
