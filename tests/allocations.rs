@@ -257,7 +257,11 @@ fn pings() {
             ("msis_675", ""),
             ("sbes_200", layers),
         ] {
-            let sensor = Sensor::preset(preset).unwrap();
+            let mut sensor = Sensor::preset(preset).unwrap();
+            if preset == "fls_900" {
+                // Enough for several chunks.
+                sensor.set("pattern.rays", "32").unwrap();
+            }
             let environment = Environment::from_yaml(&format!("water: {{surface_z_m: 30, {water}}}")).unwrap();
             let mut ping = Ping::default();
             let mut counts = Vec::new();

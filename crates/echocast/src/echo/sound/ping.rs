@@ -182,8 +182,8 @@ impl Insonification<'_> {
         parts.finish(self.speckle.as_ref());
     }
 
-    /// Puts an arrival by the way `out`, whose echo comes `back` with a `loss` each way, into a lane; that of all ways but the
-    /// law of the surface and spreading is its loudness.
+    /// Puts an arrival by the way `out`, whose echo comes `back` with a `loss` each way, dB, into a lane. Its loudness is that
+    /// without the law of the surface and spreading.
     pub(super) fn take(&self, ways: &mut Ways, lane: usize, [out, back]: [&Arrival; 2], loss: f32) {
         let Transducer { direction, tangent, cell, aside, weight, .. } = self.transducer;
         let ray = out.ray as usize;
