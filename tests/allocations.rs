@@ -251,17 +251,14 @@ fn pings() {
         let built = live.commit().unwrap();
         for (preset, water) in [
             ("sss_450", ""),
+            ("mbes_400", ""),
             ("mbes_400", layers),
             ("fls_900", ""),
             ("fls_900", layers),
             ("msis_675", ""),
             ("sbes_200", layers),
         ] {
-            let mut sensor = Sensor::preset(preset).unwrap();
-            if preset == "fls_900" {
-                // Enough for several chunks.
-                sensor.set("pattern.rays", "32").unwrap();
-            }
+            let sensor = Sensor::preset(preset).unwrap();
             let environment = Environment::from_yaml(&format!("water: {{surface_z_m: 30, {water}}}")).unwrap();
             let mut ping = Ping::default();
             let mut counts = Vec::new();

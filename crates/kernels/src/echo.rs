@@ -178,6 +178,19 @@ pub fn step(sine: f32) -> f32 {
     (1.0 - sine).max(0.0).sqrt() * STEPS as f32
 }
 
+/// The step in which such a place lies, and what part of it is before the place.
+#[inline(always)]
+pub fn within_step(at: f32) -> (usize, f32) {
+    let step = (at as usize).min(STEPS - 1);
+    (step, at - step as f32)
+}
+
+/// Between `low` and `high`, after a `part` of the way.
+#[inline(always)]
+pub fn between(low: f32, high: f32, part: f32) -> f32 {
+    low * (1.0 - part) + high * part
+}
+
 /// log2 of `speed` (pressure follows from intensity by the impedance) over the area of the tube of a ray, whose phase turns
 /// `turns` times for each metre of range. At a caustic the tube is as wide as diffraction leaves it.
 #[inline(always)]
@@ -262,13 +275,13 @@ kernels! {
                 part[side][lane] = step(sine);
             }
             for lane in 0..WAYS {
-                let step = (part[side][lane] as usize).min(STEPS - 1);
+                let step;
+                (step, part[side][lane]) = within_step(part[side][lane]);
                 let first = it.law[lane] as usize + step;
                 (low[side][lane], high[side][lane]) = (laws[first], laws[first + 1]);
-                part[side][lane] -= step as f32;
             }
         }
-        let value = |side: usize, lane: usize| low[side][lane] * (1.0 - part[side][lane]) + high[side][lane] * part[side][lane];
+        let value = |side: usize, lane: usize| between(low[side][lane], high[side][lane], part[side][lane]);
         if same {
             it.sines[1] = it.sines[0];
             for lane in 0..WAYS {
@@ -276,8 +289,8 @@ kernels! {
             }
         } else {
             for lane in 0..WAYS {
-                let between = log2(it.sines[1][lane] / it.sines[0][lane]);
-                it.loudness[lane] += 0.5 * (value(0, lane) + value(1, lane) + between);
+                let sines = log2(it.sines[1][lane] / it.sines[0][lane]);
+                it.loudness[lane] += 0.5 * (value(0, lane) + value(1, lane) + sines);
             }
         }
     }

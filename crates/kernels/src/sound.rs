@@ -210,10 +210,10 @@ kernels! {
         }
     }
 
-    /// Adds `blocks` of the same [`BLOCK`] bins, or fewer at the end, to as many rows of [`BEAMS`] cells: amplitudes, and for
-    /// every cell the greatest energy and whose it is. `of` says which hearing each block is of, and `heard_by` where in `loudness`
-    /// the numbers of these beams begin for it, or [`UNHEARD`]; the numbers of arrivals are those from `first` on. Amplitudes are
-    /// finite: beams that do not hear a block add it zero times.
+    /// Adds `blocks` of the same [`BLOCK`] bins, or fewer at the end, to as many rows of [`BEAMS`] cells: amplitudes, or without
+    /// imaginary parts energies, scaled by the square; and for every cell the greatest energy and whose it is. `of` says which
+    /// hearing each block is of, and `heard_by` where in `loudness` the numbers of these beams begin for it, or [`UNHEARD`]; the
+    /// numbers of arrivals are those from `first` on. Amplitudes are finite: beams that do not hear a block add it zero times.
     pub fn hear_blocks(
         blocks: &[Block],
         of: &[u32],
@@ -224,21 +224,11 @@ kernels! {
         most: &mut [f32],
         is: &mut [u32],
     ) {
-        hear::<true>(blocks, of, heard_by, loudness, first, sums, most, is);
-    }
-
-    /// [`hear_blocks`] of energies, in the place of real parts: scaled by the square, as there are no imaginary ones.
-    pub fn hear_blocks_squared(
-        blocks: &[Block],
-        of: &[u32],
-        heard_by: &[u32],
-        loudness: &[f32],
-        first: u32,
-        sum: &mut [f32],
-        most: &mut [f32],
-        is: &mut [u32],
-    ) {
-        hear::<false>(blocks, of, heard_by, loudness, first, [sum, &mut []], most, is);
+        if sums[1].is_empty() {
+            hear::<false>(blocks, of, heard_by, loudness, first, sums, most, is);
+        } else {
+            hear::<true>(blocks, of, heard_by, loudness, first, sums, most, is);
+        }
     }
 
     /// Adds energies, and energies times the angle `beside` the axis of each cell's beam, to rows like those of

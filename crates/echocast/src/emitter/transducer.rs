@@ -53,8 +53,6 @@ pub(crate) struct Transducer {
     /// Amplitudes with which beams hear, 1 on the axis; see [`Hearing`]. Before and after those of each hearing are [`BEAMS`]
     /// zeros, so that as many beams at a time can be looked up from any of its beams on, or from before it.
     pub loudness: Vec<f32>,
-    /// Whether every ray is heard by one beam: those of line arrays are not.
-    pub apart: bool,
     /// Mean power with which each beam hears what is farther aside than its [`Hearing`]s reach, by the part of the
     /// directions from which it comes: beam by beam, [`FLANK_PARTS`] each. Empty: no line array.
     pub flanks: Vec<f32>,
@@ -104,7 +102,6 @@ impl Transducer {
         transducer.find_solid_angles();
         transducer.find_heard_powers();
         transducer.find_boxes();
-        transducer.apart = transducer.flanks.is_empty();
         Some(transducer)
     }
 
@@ -192,6 +189,11 @@ impl Transducer {
 
     pub fn beams(&self) -> usize {
         self.axes.len()
+    }
+
+    /// Whether every ray is heard by one beam: those of line arrays are not.
+    pub fn beams_are_apart(&self) -> bool {
+        self.flanks.is_empty()
     }
 
     /// Index of what sends and hears where a ray starts.
@@ -284,29 +286,21 @@ impl Transducer {
         self.hearing.push(self.hearings.len() as u32 - 1);
     }
 
-    /// Where the loudness of a hearing begins that is added now.
-    fn begin_hearing(&mut self) -> u32 {
+    /// Adds a hearing by the beams from `first` on, as loud as `heard` says.
+    fn add_hearing(&mut self, first: usize, part: u32, heard: impl Iterator<Item = f32>) {
         if self.hearings.is_empty() {
-            self.fall_silent();
+            self.loudness.resize(BEAMS, 0.0);
         }
-        self.loudness.len() as u32
-    }
-
-    /// Adds a hearing that has been added to `loudness` from its start on.
-    fn end_hearing(&mut self, hearing: Hearing) {
-        self.hearings.push(Hearing { to: self.loudness.len() as u32, ..hearing });
-        self.fall_silent();
-    }
-
-    fn fall_silent(&mut self) {
-        self.loudness.resize(self.loudness.len() + BEAMS, 0.0);
+        let from = self.loudness.len() as u32;
+        self.loudness.extend(heard);
+        let to = self.loudness.len() as u32;
+        self.loudness.resize(to as usize + BEAMS, 0.0);
+        self.hearings.push(Hearing { first: first as u32, from, to, part });
     }
 
     /// All rays from here on are heard by one beam.
     fn heard_by(&mut self, beam: usize) {
-        let from = self.begin_hearing();
-        self.loudness.push(1.0);
-        self.end_hearing(Hearing { first: beam as u32, from, to: 0, part: 0 });
+        self.add_hearing(beam, 0, std::iter::once(1.0));
     }
 
     /// Who hears any direction, by its sine to a line array.
@@ -336,22 +330,17 @@ impl Transducer {
 
     /// All rays from here on, `sine` from broadside of a line array, are heard by beams at the `sines`, falling.
     fn heard_from(&mut self, sine: f64, sines: &[f64], lobe: &lobe::BeamPattern, extent: f64, with_angles: bool) {
-        let from = self.begin_hearing();
-        if with_angles {
-            self.beside.resize(self.loudness.len(), 0.0);
-        }
         let first = sines.partition_point(|&axis| axis > sine + extent);
         let end = sines.partition_point(|&axis| axis >= sine - extent).max(first);
-        for &axis in &sines[first..end] {
-            self.loudness.push(lobe.amplitude_steered(sine, axis) as f32);
-            if with_angles {
-                self.beside.push((sine.clamp(-1.0, 1.0).asin() - axis.clamp(-1.0, 1.0).asin()) as f32);
-            }
-        }
         let part = ((0.5 + 0.5 * sine) * FLANK_PARTS as f64).clamp(0.0, FLANK_PARTS as f64 - 1.0) as u32;
-        self.end_hearing(Hearing { first: first as u32, from, to: 0, part });
+        self.add_hearing(first, part, sines[first..end].iter().map(|&axis| lobe.amplitude_steered(sine, axis) as f32));
         if with_angles {
+            let angle = |sine: f64| sine.clamp(-1.0, 1.0).asin();
             self.beside.resize(self.loudness.len(), 0.0);
+            let from = self.loudness.len() - BEAMS - (end - first);
+            for (beside, &axis) in self.beside[from..].iter_mut().zip(&sines[first..end]) {
+                *beside = (angle(sine) - angle(axis)) as f32;
+            }
         }
     }
 

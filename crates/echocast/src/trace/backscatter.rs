@@ -5,7 +5,7 @@ use crate::ground::lanes::MEDIUM;
 use crate::ground::math::LOG2_PER_DB;
 use crate::material::{ByColor, Material, ReflectanceSource, Reflectances, Sound};
 use crate::medium::Sea;
-use echocast_kernels::echo::{STEPS, step};
+use echocast_kernels::echo::{STEPS, between, step, within_step};
 use std::sync::Arc;
 
 /// How much every material and the sea surface scatter back, and what a reflection costs.
@@ -149,9 +149,7 @@ fn tabulate(table: &mut Vec<f32>, value: impl Fn(f64) -> f64) {
 }
 
 fn interpolate(table: &[f32], material: usize, sine: f32) -> f32 {
-    let at = step(sine);
-    let whole = (at as usize).min(STEPS - 1);
-    let part = at - whole as f32;
+    let (whole, part) = within_step(step(sine));
     let first = material * (STEPS + 1) + whole;
-    table[first] * (1.0 - part) + table[first + 1] * part
+    between(table[first], table[first + 1], part)
 }

@@ -161,7 +161,7 @@ impl Echoes {
             let Hearing { first, from, to, .. } = transducer.hearings[hearing as usize];
             (least.min(first as usize), most.max((first + to - from) as usize))
         });
-        if !transducer.apart {
+        if !transducer.beams_are_apart() {
             gathered.gather(answers, [re, im], energy, bins);
         }
     }

@@ -80,13 +80,14 @@ impl Flanks {
         rows.extend(self.audible(transducer, beam));
         let spans = rows.iter().map(|(part, _)| &self.spans[*part as usize]);
         let span = spans.fold(self.bins..0, |all, span| all.start.min(span.start)..all.end.max(span.end));
-        let span = span.start / CELLS * CELLS..span.end.next_multiple_of(CELLS);
+        let start = span.start / CELLS * CELLS;
+        let span = start..span.end.next_multiple_of(CELLS).max(start);
         powers.resize(self.width, 0.0);
         powers[..span.start].fill(0.0);
-        powers[span.end.max(span.start)..].fill(0.0);
+        powers[span.end..].fill(0.0);
         let Flanks { width, energy, most, who, .. } = self;
         let aside = Aside { rows, width: *width, energy, most, who };
-        sound::hear_aside(aside, span.start..span.end.max(span.start), powers);
+        sound::hear_aside(aside, span.clone(), powers);
         if !told.is_empty() {
             sound::tell_aside(aside, span, powers, NOBODY, noise, told);
         }

@@ -49,31 +49,18 @@ pub(crate) struct Wants {
 impl Tile {
     /// Empties it for `beams`, in rows of `width` cells, and `bins`.
     pub fn clear(&mut self, beams: (usize, usize), width: usize, bins: usize, wants: Wants) {
-        let same = self.width == width;
-        (self.beams, self.width) = (beams, width);
-        let cells = bins * width;
+        let (all, same) = (bins * width, self.width == width);
         // Most of a ping is silence, and was.
-        let heard = self.heard.start * width..self.heard.end * width;
-        self.heard = bins..0;
-        let reset = |column: &mut Vec<f32>, wanted: bool| {
-            if wanted && column.len() == cells && same {
-                return column.get_mut(heard.clone()).unwrap_or_default().fill(0.0);
-            }
-            column.clear();
-            column.resize(if wanted { cells } else { 0 }, 0.0);
-        };
-        reset(&mut self.re, true);
-        reset(&mut self.im, wants.speckle);
-        reset(&mut self.most, true);
-        reset(&mut self.lean, wants.lean);
-        reset(&mut self.total, wants.lean);
-        reset(&mut self.open, wants.open);
-        if self.who.len() == cells && same {
-            self.who.get_mut(heard).unwrap_or_default().fill(NOBODY);
-        } else {
-            self.who.clear();
-            self.who.resize(cells, NOBODY);
-        }
+        let heard = same.then_some(self.heard.start * width..self.heard.end * width);
+        (self.beams, self.width, self.heard) = (beams, width, bins..0);
+        let cells = |wanted: bool| if wanted { all } else { 0 };
+        reset(&mut self.re, all, &heard);
+        reset(&mut self.im, cells(wants.speckle), &heard);
+        reset(&mut self.most, all, &heard);
+        reset(&mut self.who, all, &heard);
+        reset(&mut self.lean, cells(wants.lean), &heard);
+        reset(&mut self.total, cells(wants.lean), &heard);
+        reset(&mut self.open, cells(wants.open), &heard);
     }
 
     /// Notes that something is heard in `bins`.
@@ -132,12 +119,9 @@ impl Tile {
             }
             heard = heard.start.min(bins.start)..heard.end.max(bins.end);
             let rows = bins.start * BEAMS..bins.end * BEAMS;
-            let (re, most, is) = (&mut re[rows.clone()], &mut most[rows.clone()], &mut is[rows.clone()]);
-            if im.is_empty() {
-                sound::hear_blocks_squared(blocks, of, heard_by, loudness, *first, re, most, is);
-            } else {
-                sound::hear_blocks(blocks, of, heard_by, loudness, *first, [re, &mut im[rows.clone()]], most, is);
-            }
+            let sums = [&mut re[rows.clone()], im.get_mut(rows.clone()).unwrap_or_default()];
+            let (most, is) = (&mut most[rows.clone()], &mut is[rows.clone()]);
+            sound::hear_blocks(blocks, of, heard_by, loudness, *first, sums, most, is);
             if !lean.is_empty() {
                 let (lean, total, energy) = (&mut lean[rows.clone()], &mut total[rows], &gathered.energy[which]);
                 sound::lean_blocks(energy, of, heard_by, loudness, &transducer.beside, lean, total);
@@ -162,6 +146,20 @@ impl Tile {
         let start = bin * width + low - self.beams.0;
         for (open, &loud) in self.open[start..start + loudness.len()].iter_mut().zip(loudness) {
             *open -= weight * loud * loud;
+        }
+    }
+}
+
+/// Makes a column of so many `cells`, all 0, as [`NOBODY`] is. If it has as many, only those `heard` are not 0 already; `None`:
+/// any may be.
+fn reset<T: Copy + Default>(column: &mut Vec<T>, cells: usize, heard: &Option<Range<usize>>) {
+    match heard {
+        Some(heard) if column.len() == cells => {
+            column.get_mut(heard.clone()).unwrap_or_default().fill(T::default());
+        }
+        _ => {
+            column.clear();
+            column.resize(cells, T::default());
         }
     }
 }
@@ -194,6 +192,8 @@ mod tests {
                 transducer.hearings.push(Hearing { first: first as u32, from, to, part: 0 });
                 transducer.loudness.resize(to as usize + BEAMS, 0.0);
             }
+            // Those of line arrays are not heard by one beam each.
+            transducer.flanks.push(0.0);
             transducer.beside = transducer.loudness.iter().map(|loud| 0.5 * loud).collect();
             for speckle in [true, false] {
                 let mut echoes = Echoes { first: 7, ..Echoes::default() };

@@ -486,7 +486,7 @@ impl<'a> Pinging<'a> {
         if told == Some(Told::All) {
             self.account(chunks, fields, accounts)?;
         }
-        let width = if self.transducer.apart { 1 } else { BEAMS };
+        let width = if self.transducer.beams_are_apart() { 1 } else { BEAMS };
         tiles.resize_with(beams.div_ceil(width), TileMemory::default);
         let rows = ping.cells.slices(0, beams * bins);
         let task = Listening { pinging: self, chunks, flanks, accounts, wants, told, width };
