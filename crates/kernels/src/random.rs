@@ -6,10 +6,16 @@
 
 use crate::level::kernels;
 use crate::math::{cos_pi, ln, sin_pi};
+use crate::sound::BEAMS;
+use crate::tile::{ROWS, Rows};
 
 const MULTIPLIER: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
 const WEYL: [u32; 2] = [0x9E37_79B9, 0xBB67_AE85];
 const ROUNDS: u32 = 10;
+
+/// Cells that get the first two words of one counter each in [`phasor_row`]; the next ones get the other two. Not the lanes
+/// of a vector, as results must not depend on the level.
+const HALF: usize = 16;
 
 /// One block of Philox4x32-10 for each of `N` counters under one key.
 ///
@@ -146,8 +152,6 @@ kernels! {
 
     /// [`phasors`] of the counters `0 ..` before the three words `rest`; each counter gives the numbers of two.
     pub fn phasor_row(key: [u32; 2], rest: [u32; 3], re: &mut [f32], im: &mut [f32]) {
-        /// Cells of one number, then those of the other: not `N`, as results must not depend on the level.
-        const HALF: usize = 16;
         for (index, (re, im)) in (0..).zip(re.chunks_mut(2 * HALF).zip(im.chunks_mut(2 * HALF))) {
             let mut first = [0; HALF];
             for lane in 0..HALF {
@@ -161,6 +165,29 @@ kernels! {
             }
             re.copy_from_slice(&x.as_flattened()[..re.len()]);
             im.copy_from_slice(&y.as_flattened()[..im.len()]);
+        }
+    }
+
+    /// The cells from `first` on, which is a multiple of [`ROWS`], of [`phasor_row`]s of as many beams as a row has: that of each
+    /// has a number more among the middle of the three words `rest`.
+    pub fn phasor_rows(key: [u32; 2], first: usize, rest: [u32; 3], re: &mut Rows, im: &mut Rows) {
+        const { assert!(ROWS == 2 * HALF) };
+        let mut beams = [rest[1]; BEAMS];
+        for beam in 0..BEAMS {
+            beams[beam] += beam as u32;
+        }
+        for row in 0..HALF {
+            let counter = (first / 2 + row) as u32;
+            let [a, b, c, d] = philox([[counter; BEAMS], [rest[0]; BEAMS], beams, [rest[2]; BEAMS]], key);
+            let (mut x, mut y) = ([[0.0; BEAMS]; 2], [[0.0; BEAMS]; 2]);
+            for beam in 0..BEAMS {
+                (x[0][beam], y[0][beam]) = phasor(a[beam], b[beam]);
+                (x[1][beam], y[1][beam]) = phasor(c[beam], d[beam]);
+            }
+            for (half, cells) in [row, row + HALF].into_iter().enumerate() {
+                re[cells * BEAMS..(cells + 1) * BEAMS].copy_from_slice(&x[half]);
+                im[cells * BEAMS..(cells + 1) * BEAMS].copy_from_slice(&y[half]);
+            }
         }
     }
 }

@@ -2,7 +2,6 @@
 
 use crate::level::kernels;
 use crate::math::{LOG2_PER_DB, log2};
-use std::ops::Range;
 
 /// Range bins of a block.
 pub const BLOCK: usize = 4;
@@ -87,50 +86,6 @@ fn hear<const COHERENT: bool>(
     }
 }
 
-/// What a beam hears from far aside: each of the `rows` as loud as it says. They are of `width` numbers: sums of energies, the
-/// greatest of them, and whose it is.
-#[derive(Clone, Copy, Debug)]
-pub struct Aside<'a> {
-    /// Which rows, and how loudly they are heard.
-    pub rows: &'a [(u32, f32)],
-    /// Cells of a row.
-    pub width: usize,
-    /// Sums.
-    pub energy: &'a [f32],
-    /// The greatest.
-    pub most: &'a [f32],
-    /// Whose that is.
-    pub who: &'a [u32],
-}
-
-/// [`tell_aside`] in the cells from `first` on.
-#[inline(always)]
-fn tell_some(aside: Aside, first: usize, powers: &[f32; CELLS], nobody: u32, noise: f32, told: &mut [u32; CELLS]) {
-    let mut unknown = 0;
-    for cell in 0..CELLS {
-        unknown |= u32::from(told[cell] == nobody) & u32::from(powers[cell] > noise);
-    }
-    if unknown == 0 {
-        return;
-    }
-    let (mut best, mut who) = ([0.0; CELLS], [nobody; CELLS]);
-    for &(number, scale) in aside.rows {
-        let at = number as usize * aside.width + first;
-        let (most, whose) = (some(aside.most, at), some(aside.who, at));
-        for cell in 0..CELLS {
-            let heard = scale * most[cell];
-            // Not a condition, which would keep this from becoming vector instructions.
-            let stronger = 0u32.wrapping_sub((heard > best[cell]).into());
-            who[cell] = whose[cell] & stronger | who[cell] & !stronger;
-            best[cell] = if heard > best[cell] { heard } else { best[cell] };
-        }
-    }
-    for cell in 0..CELLS {
-        let unknown = (told[cell] == nobody) & (powers[cell] > noise);
-        told[cell] = if unknown { who[cell] } else { told[cell] };
-    }
-}
-
 /// Cells of a line at a time: their sums stay in registers.
 pub const CELLS: usize = 64;
 
@@ -140,9 +95,17 @@ fn some<T>(line: &[T], at: usize) -> &[T; CELLS] {
     line[at..at + CELLS].try_into().expect("as many")
 }
 
+/// An energy with noise of an amplitude.
+#[inline(always)]
+pub(crate) fn noisy(energy: f32, re: f32, im: f32, amplitude: f32) -> f32 {
+    let (re, im) = (re * amplitude, im * amplitude);
+    let sum = energy.sqrt() + re;
+    sum * sum + im * im
+}
+
 /// A power as a level, dB.
 #[inline(always)]
-fn db(power: f32) -> f32 {
+pub(crate) fn db(power: f32) -> f32 {
     log2(power.max(1e-30)) * (1.0 / LOG2_PER_DB)
 }
 
@@ -155,28 +118,6 @@ fn convolved(taps: &[(u32, f32)], squared: bool, padded: &[f32], start: usize, s
         let tap = if squared { tap * tap } else { tap };
         for cell in 0..CELLS {
             sums[cell] += tap * from[cell];
-        }
-    }
-}
-
-/// [`columns`] of anything.
-#[inline(always)]
-fn transpose<T: Copy>(width: usize, rows: &[T], first: usize, count: usize, columns: &mut [T]) {
-    /// Rows at a time: they stay in the first cache.
-    const ROWS: usize = 16;
-    if rows.is_empty() {
-        return;
-    }
-    if width == 1 {
-        return columns[first..first + rows.len()].copy_from_slice(rows);
-    }
-    for (start, block) in (first..).step_by(ROWS).zip(rows.chunks(ROWS * width)) {
-        let rows = block.len() / width;
-        for column in 0..width {
-            let from = column * count + start;
-            for (to, row) in columns[from..from + rows].iter_mut().zip(block.chunks_exact(width)) {
-                *to = row[column];
-            }
         }
     }
 }
@@ -261,40 +202,6 @@ kernels! {
         }
     }
 
-    /// Powers of what is heard from far aside, in the cells of `span`, which are whole [`CELLS`].
-    pub fn hear_aside(aside: Aside, span: Range<usize>, powers: &mut [f32]) {
-        for (first, powers) in span.clone().step_by(CELLS).zip(powers[span].chunks_exact_mut(CELLS)) {
-            let mut sums = [0.0; CELLS];
-            for &(number, scale) in aside.rows {
-                let energy = some(aside.energy, number as usize * aside.width + first);
-                for cell in 0..CELLS {
-                    sums[cell] += scale * energy[cell];
-                }
-            }
-            powers.copy_from_slice(&sums);
-        }
-    }
-
-    /// In the cells of `span`, likewise, those in which `nobody` is heard become whose is the greatest from far aside, where the
-    /// `powers` of that are above the `noise`.
-    pub fn tell_aside(
-        aside: Aside,
-        span: Range<usize>,
-        powers: &[f32],
-        nobody: u32,
-        noise: f32,
-        told: &mut [u32],
-    ) {
-        for first in span.step_by(CELLS) {
-            let told = &mut told[first..];
-            let count = told.len().min(CELLS);
-            let mut some_told = [nobody; CELLS];
-            some_told[..count].copy_from_slice(&told[..count]);
-            tell_some(aside, first, some(powers, first), nobody, noise, &mut some_told);
-            told[..count].copy_from_slice(&some_told[..count]);
-        }
-    }
-
     /// Energies convolved with the squares of the `taps` of a response: each counts where it says, from as many cells before as
     /// the line is `padded` with; after it are as many, and [`CELLS`].
     pub fn convolve_squared(taps: &[(u32, f32)], padded: &[f32], out: &mut [f32]) {
@@ -318,16 +225,6 @@ kernels! {
         }
     }
 
-    /// The columns of rows of `width` numbers, one after the other, each `count` long: the rows are those from `first` on.
-    pub fn columns(width: usize, rows: &[f32], first: usize, count: usize, columns: &mut [f32]) {
-        transpose(width, rows, first, count, columns);
-    }
-
-    /// [`columns`] of whole numbers.
-    pub fn columns_of_numbers(width: usize, rows: &[u32], first: usize, count: usize, columns: &mut [u32]) {
-        transpose(width, rows, first, count, columns);
-    }
-
     /// `to = from + noise sqrt(power)`, of real and imaginary parts.
     pub fn add_noise(
         power: &[f32],
@@ -347,13 +244,10 @@ kernels! {
         }
     }
 
-    /// `to = (sqrt(energy) + re a)^2 + (im a)^2`, with noise of the powers `a^2`.
+    /// Energies with noise: `to = (sqrt(energy) + re a)^2 + (im a)^2`, where the power of that is `a^2`.
     pub fn with_noise(energy: &[f32], re: &[f32], im: &[f32], power: &[f32], to: &mut [f32]) {
         for ((((to, energy), re), im), power) in to.iter_mut().zip(energy).zip(re).zip(im).zip(power) {
-            let a = power.sqrt();
-            let (re, im) = (re * a, im * a);
-            let amplitude = energy.sqrt() + re;
-            *to = amplitude * amplitude + im * im;
+            *to = noisy(*energy, *re, *im, power.sqrt());
         }
     }
 

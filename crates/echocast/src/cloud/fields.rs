@@ -273,7 +273,10 @@ macro_rules! columns {
             }
 
             /// One part after the other, of as many rows as `counts` says.
-            pub(crate) fn parts(self, counts: impl Iterator<Item = usize>) -> impl Iterator<Item = Slices<'a>> {
+            pub(crate) fn parts(
+                self,
+                counts: impl ExactSizeIterator<Item = usize>,
+            ) -> impl ExactSizeIterator<Item = Slices<'a>> {
                 let mut rest = self;
                 counts.map(move |count| {
                     let part;

@@ -153,7 +153,7 @@ fn on_axis(layout: &Layout, heard: &BeamLevels, sums: &mut Vec<f32>) -> Option<R
     let lit = |&bin: &usize| levels[bin] > layout.threshold_db[bin] && beside.at(bin).abs() <= WITHIN * width;
     let mut best = (0.0, 0..0);
     let mut run = (0.0, 0..0);
-    for bin in bins.filter(lit) {
+    for bin in loud_stretches(levels, &layout.threshold_db, bins).flatten().filter(lit) {
         let (_, at) = &run;
         if at.is_empty() || (bin - at.end) as f32 > longest(at.len()) {
             run = (0.0, bin..bin);
@@ -195,6 +195,18 @@ fn on_axis(layout: &Layout, heard: &BeamLevels, sums: &mut Vec<f32>) -> Option<R
     };
     let (first, last) = (reach(&mut (0..middle).rev()), reach(&mut (middle + 1..whole.len())));
     Some(whole.start + first..whole.start + last + 1)
+}
+
+/// Those stretches of `bins` in which any level is above its threshold: most of a ping is not.
+fn loud_stretches(levels: &[f32], thresholds: &[f32], bins: Range<usize>) -> impl Iterator<Item = Range<usize>> {
+    /// Bins of a stretch.
+    const STRETCH: usize = 32;
+    let stretches = bins.clone().step_by(STRETCH).map(move |from| from..(from + STRETCH).min(bins.end));
+    stretches.filter(|stretch| {
+        let pairs = levels[stretch.clone()].iter().zip(&thresholds[stretch.clone()]);
+        // No early end, which would keep this from becoming vector instructions.
+        pairs.fold(false, |loud, (level, threshold)| loud | (level > threshold))
+    })
 }
 
 impl Stretch {

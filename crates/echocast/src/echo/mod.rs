@@ -11,6 +11,6 @@ pub(crate) use light::{
 pub use light::{IntensityEncoding, PulseShape};
 pub use sound::Taper;
 pub(crate) use sound::{
-    Background, Coupling, Drift, Echoes, Flanks, Insonification, Lines, NO_RAY, NOBODY, PingEcho, Response, Scatterers,
-    Share, Tile, Wants, answers_in_phase, grid, texture,
+    Background, Coupling, Drift, Echoes, Flanks, Insonification, LevelMemory, NO_RAY, NOBODY, PingEcho, Response,
+    Scatterers, Share, Tile, Wants, answers_in_phase, grid, texture,
 };

@@ -7,6 +7,7 @@
 
 use echocast_crew::Crew;
 use std::cell::{Cell, RefCell};
+use std::collections::VecDeque;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -89,6 +90,23 @@ pub(crate) fn for_each_of<T: Send>(items: impl Iterator<Item = T> + Send, work: 
     }
 }
 
+/// [`for_each_of`] with memory, which the next item gets from whatever is done: as many `memories` as may be in use at once,
+/// which stay in the caches of the processor.
+pub(crate) fn for_each_with<M: Default + Send, T: Send>(
+    memories: &mut Vec<M>,
+    items: impl ExactSizeIterator<Item = T> + Send,
+    work: impl Fn(&mut M, T) + Sync,
+) {
+    memories.resize_with(threads().min(items.len()), M::default);
+    let free = Mutex::new(memories.iter_mut().collect::<VecDeque<_>>());
+    let free = || free.lock().unwrap_or_else(PoisonError::into_inner);
+    for_each_of(items, |item| {
+        let memory = free().pop_front().expect("no more items are worked on at once than there are threads");
+        work(memory, item);
+        free().push_back(memory);
+    });
+}
+
 /// Does `work` on every item and its index.
 pub(crate) fn for_each<T: Send>(items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
     for_each_of(items.iter_mut().enumerate(), |(index, item)| work(index, item));
@@ -140,6 +158,16 @@ mod tests {
         let mut items = vec![0; 1000];
         for_each(&mut items, |index, item| *item += index);
         assert!(items.iter().enumerate().all(|(index, item)| index == *item));
+    }
+
+    #[test]
+    fn no_two_items_share_memory_at_once() {
+        let mut counts: Vec<usize> = Vec::new();
+        for_each_with(&mut counts, 0..1000, |count, _| *count += 1);
+        assert_eq!(counts.iter().sum::<usize>(), 1000);
+        assert!(counts.len() <= threads());
+        alone(|| for_each_with(&mut counts, 0..3, |count, item| *count = item));
+        assert_eq!(counts, [2]);
     }
 
     #[test]

@@ -3,6 +3,7 @@
 //! Key = seed, counter = (beam, frame, sub-ray, [`Draw`]), see [`echocast_kernels::random`].
 
 use echocast_kernels::random;
+use echocast_kernels::tile::Rows;
 
 /// What a random number is for. Numbers are explicit and never reused, so that a new purpose leaves the draws of the
 /// others unchanged.
@@ -165,6 +166,12 @@ impl Rng {
     /// [`Rng::phasors`] of the cells of `beam`, in order.
     pub(crate) fn cell_phasors(&self, beam: u32, draw: Draw, re: &mut [f32], im: &mut [f32]) {
         random::phasor_row(self.key, [self.frame, beam, draw as u32], re, im);
+    }
+
+    /// [`Rng::cell_phasors`] of as many beams from `beam` on as a row has, in the rows from `first` on: see
+    /// [`random::phasor_rows`].
+    pub(crate) fn tile_phasors(&self, beam: u32, draw: Draw, first: usize, [re, im]: [&mut Rows; 2]) {
+        random::phasor_rows(self.key, first, [self.frame, beam, draw as u32], re, im);
     }
 
     /// A number in [0, 1) at an address of three words and its purpose.

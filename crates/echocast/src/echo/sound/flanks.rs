@@ -8,14 +8,15 @@
 use super::ping::Echoes;
 use super::tile::NOBODY;
 use crate::emitter::{FLANK_PARTS, Hearing, Transducer};
-use echocast_kernels::sound::{self, Aside, Block, CELLS};
+use echocast_kernels::sound::{self, BEAMS, Block};
+use echocast_kernels::tile::{self, Aside, ROWS, Rows};
 use std::ops::Range;
 
 /// Energies of a ping by part of the directions and range bin.
 #[derive(Clone, Default)]
 pub(crate) struct Flanks {
     bins: usize,
-    /// Cells of a part: all bins, and up to whole [`CELLS`].
+    /// Cells of a part: all bins, and up to whole [`ROWS`].
     width: usize,
     /// Bins of each part from which something comes; empty: none.
     spans: Vec<Range<usize>>,
@@ -29,7 +30,7 @@ pub(crate) struct Flanks {
 impl Flanks {
     /// Empties it for `bins`; without a `transducer` whose beams hear beside their axes it stays empty.
     pub fn clear(&mut self, transducer: &Transducer, bins: usize, who: bool) {
-        (self.bins, self.width) = (bins, bins.next_multiple_of(CELLS));
+        (self.bins, self.width) = (bins, bins.next_multiple_of(ROWS));
         let parts = if transducer.flanks.is_empty() { 0 } else { FLANK_PARTS };
         let (cells, asked) = (parts * self.width, if who { parts * self.width } else { 0 });
         self.spans.clear();
@@ -66,43 +67,35 @@ impl Flanks {
         }
     }
 
-    /// What a beam hears of it in each bin, into `powers`; and if `told` is not empty, whom each cell tells of that tells of
-    /// nobody, where it hears more than the `noise`. `rows` is memory.
-    pub fn heard(
-        &self,
-        (transducer, beam): (&Transducer, usize),
-        rows: &mut Vec<(u32, f32)>,
-        powers: &mut Vec<f32>,
-        noise: f32,
-        told: &mut [u32],
-    ) {
-        rows.clear();
-        rows.extend(self.audible(transducer, beam));
-        let spans = rows.iter().map(|(part, _)| &self.spans[*part as usize]);
-        let span = spans.fold(self.bins..0, |all, span| all.start.min(span.start)..all.end.max(span.end));
-        let start = span.start / CELLS * CELLS;
-        let span = start..span.end.next_multiple_of(CELLS).max(start);
-        powers.resize(self.width, 0.0);
-        powers[..span.start].fill(0.0);
-        powers[span.end..].fill(0.0);
-        let Flanks { width, energy, most, who, .. } = self;
-        let aside = Aside { rows, width: *width, energy, most, who };
-        sound::hear_aside(aside, span.clone(), powers);
-        if !told.is_empty() {
-            sound::tell_aside(aside, span, powers, NOBODY, noise, told);
+    /// Which parts of the directions any of the `beams` of a tile hears, and how loudly each of them.
+    pub fn audible(&self, transducer: &Transducer, beams: Range<usize>, parts: &mut Vec<(usize, [f32; BEAMS])>) {
+        parts.clear();
+        for (part, _) in self.spans.iter().enumerate().filter(|(_, span)| !span.is_empty()) {
+            let mut loud = [0.0; BEAMS];
+            for (loud, beam) in loud.iter_mut().zip(beams.clone()) {
+                *loud = transducer.flanks[beam * FLANK_PARTS + part];
+            }
+            if loud != [0.0; BEAMS] {
+                parts.push((part, loud));
+            }
         }
     }
 
-    /// The parts of the directions that a beam hears, and how loudly.
-    fn audible(&self, transducer: &Transducer, beam: usize) -> impl Iterator<Item = (u32, f32)> {
-        let flanks = &transducer.flanks[beam * FLANK_PARTS..(beam + 1) * FLANK_PARTS];
-        let parts = (0..).zip(self.spans.iter().zip(flanks));
-        parts.filter(|(_, (span, flank))| !span.is_empty() && **flank > 0.0).map(|(part, (_, &flank))| (part, flank))
+    /// Powers of what beams hear of `parts` in the rows from `start` on, a multiple of [`ROWS`]. `near` becomes those from which
+    /// there is anything.
+    pub fn hear(&self, parts: &[(usize, [f32; BEAMS])], start: usize, near: &mut Vec<Aside>, powers: &mut Rows) {
+        near.clear();
+        let is_near = |span: &Range<usize>| span.start < start + ROWS && start < span.end;
+        let heard = parts.iter().filter(|(part, _)| is_near(&self.spans[*part]));
+        near.extend(heard.map(|&(part, loud)| Aside { at: part * self.width + start, loud }));
+        tile::hear_aside(near, &self.energy, powers);
     }
 
-    /// Whether there is nothing to be heard from far aside.
-    pub fn is_empty(&self) -> bool {
-        self.spans.is_empty()
+    /// Whom those cells tell of that tell of nobody, if they hear more than the `noise` with these `powers` from what is `near`.
+    pub fn tell(&self, near: &[Aside], powers: &Rows, noise: f32, told: &mut Rows<u32>) {
+        if !near.is_empty() && !self.who.is_empty() {
+            tile::tell_aside(near, &self.most, &self.who, powers, noise, NOBODY, told);
+        }
     }
 }
 
@@ -115,35 +108,40 @@ mod tests {
     #[test]
     fn beams_hear_the_sums_of_what_is_far_aside() {
         const BINS: usize = 150;
-        let width = BINS.next_multiple_of(CELLS);
+        let width = BINS.next_multiple_of(ROWS);
         let value = |seed: usize| (seed * 7919 % 101) as f32;
         let mut transducer = Transducer::default();
         transducer.flanks.extend((0..2 * FLANK_PARTS).map(value));
         let mut flanks = Flanks::default();
         flanks.clear(&transducer, BINS, true);
         for part in [3, 17, 20] {
-            flanks.spans[part] = part..BINS - 5;
-            for cell in part * width + part..part * width + BINS - 5 {
+            flanks.spans[part] = 3 * part..BINS - 5 * part;
+            for cell in part * width + 3 * part..part * width + BINS - 5 * part {
                 (flanks.energy[cell], flanks.most[cell], flanks.who[cell]) =
                     (value(cell), value(cell + 1), cell as u32);
             }
         }
-        for beam in 0..2 {
-            let scale = |part: usize| transducer.flanks[beam * FLANK_PARTS + part];
-            let before: Vec<u32> = (0..BINS as u32).map(|bin| if bin % 3 == 0 { 1_000_000 } else { NOBODY }).collect();
-            let (mut powers, mut told) = (Vec::new(), before.clone());
-            let noise = 9000.0;
-            flanks.heard((&transducer, beam), &mut Vec::new(), &mut powers, noise, &mut told);
-            for bin in 0..BINS {
-                let parts = [3, 17, 20].map(|part| (part * width + bin, scale(part)));
+        let (mut parts, mut near) = (Vec::new(), Vec::new());
+        flanks.audible(&transducer, 0..2, &mut parts);
+        let noise = 9000.0;
+        for start in (0..BINS).step_by(ROWS) {
+            let before: Rows<u32> = std::array::from_fn(|cell| if cell / BEAMS % 3 == 0 { 1_000_000 } else { NOBODY });
+            let (mut powers, mut told) = ([0.0; ROWS * BEAMS], before);
+            flanks.hear(&parts, start, &mut near, &mut powers);
+            flanks.tell(&near, &powers, noise, &mut told);
+            for (beam, row) in (0..2).flat_map(|beam| (0..ROWS.min(BINS - start)).map(move |row| (beam, row))) {
+                let scale = |part: usize| transducer.flanks[beam * FLANK_PARTS + part];
+                let parts = [3, 17, 20].map(|part| (part * width + start + row, scale(part)));
                 let expected: f32 = parts.iter().map(|&(cell, scale)| scale * flanks.energy[cell]).sum();
-                assert!((powers[bin] - expected).abs() <= 1e-6 * expected, "beam {beam}, bin {bin}");
+                let found = powers[row * BEAMS + beam];
+                assert!((found - expected).abs() <= 1e-6 * expected, "beam {beam}, bin {}", start + row);
                 let (mut most, mut who) = (0.0, NOBODY);
                 for (cell, scale) in parts {
                     (most, who) = sound::greater(scale * flanks.most[cell], flanks.who[cell], most, who);
                 }
-                let known = before[bin] != NOBODY || powers[bin] <= noise;
-                assert_eq!(told[bin], if known { before[bin] } else { who }, "beam {beam}, bin {bin}");
+                let known = before[row * BEAMS + beam] != NOBODY || found <= noise;
+                let expected = if known { before[row * BEAMS + beam] } else { who };
+                assert_eq!(told[row * BEAMS + beam], expected, "beam {beam}, bin {}", start + row);
             }
         }
     }

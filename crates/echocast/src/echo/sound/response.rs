@@ -1,13 +1,7 @@
-//! What pulse and receiver make of what beams hear: levels.
+//! What pulse and receiver make of an echo.
 
-use super::flanks::Flanks;
-use super::tile::Tile;
-use crate::emitter::Transducer;
-use crate::ground::rng::{Draw, Rng};
-use echocast_kernels::sound::{self, CELLS};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
-use std::ops::Range;
 
 /// Weighting of the matched filter: what a point-like echo looks like over range.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -42,10 +36,11 @@ impl Taper {
 pub(crate) struct Response {
     /// From the middle outwards.
     taps: Vec<f32>,
-    /// Those that are not zero, as a line is convolved with them: from which cell of the padded line on each counts.
-    shifted: Vec<(u32, f32)>,
+    /// Those that are not zero, as a line with [`Response::reach`] bins on each side is convolved with them: from which bin of
+    /// it on each counts.
+    pub shifted: Vec<(u32, f32)>,
     /// Sum of the squares of all taps.
-    power: f32,
+    pub power: f32,
 }
 
 impl Response {
@@ -106,124 +101,6 @@ impl Response {
     /// Bins on each side in which a point is heard.
     pub fn reach(&self) -> usize {
         self.taps.len() - 1
-    }
-
-    /// Where a line of `bins` goes, with silence on either side, as [`sound::convolve_to_db`] wants it.
-    fn pad<'a>(&self, bins: usize, padded: &'a mut Vec<f32>) -> &'a mut [f32] {
-        let beside = self.reach();
-        padded.resize(bins + 2 * beside + CELLS, 0.0);
-        padded[..beside].fill(0.0);
-        padded[beside + bins..].fill(0.0);
-        &mut padded[beside..beside + bins]
-    }
-}
-
-/// What is heard besides echoes of surfaces.
-pub(crate) struct Background<'a> {
-    pub rng: Rng,
-    /// Power of the noise in a cell, uPa^2.
-    pub noise: f32,
-    /// Power that a steradian of open water returns from each bin, uPa^2; empty: none.
-    pub volume: &'a [f32],
-    /// What comes from far beside the beams, and whether cells that hear only that say from whom.
-    pub flanks: &'a Flanks,
-    pub labels_flanks: bool,
-    pub transducer: &'a Transducer,
-}
-
-/// Memory of [`Tile::levels`].
-#[derive(Clone, Default)]
-pub(crate) struct Lines {
-    /// What the beams hear, beam by beam.
-    re: Vec<f32>,
-    im: Vec<f32>,
-    noise_re: Vec<f32>,
-    noise_im: Vec<f32>,
-    /// Powers of the noise.
-    hiss: Vec<f32>,
-    /// Powers from far aside, and from which parts of the directions.
-    flank: Vec<f32>,
-    audible: Vec<(u32, f32)>,
-    /// Energies after the response.
-    sum: Vec<f32>,
-    /// A line with silence on either side.
-    padded: [Vec<f32>; 2],
-}
-
-impl Tile {
-    /// Levels of all cells, dB re 1 uPa, into `levels`, beam by beam; and whom they tell of.
-    pub fn levels(&mut self, response: &Response, background: &Background, lines: &mut Lines, levels: &mut [f32]) {
-        let (width, coherent) = (self.width, !self.im.is_empty());
-        let bins = self.re.len() / width;
-        let Lines { re, im, noise_re, noise_im, hiss, flank, audible, sum, padded } = lines;
-        for line in [&mut *noise_re, noise_im, hiss, sum] {
-            line.resize(bins, 0.0);
-        }
-        let Range { start, end } = self.heard;
-        let heard = start.min(end) * width..end * width;
-        for (rows, beams) in [(&self.re, &mut *re), (&self.im, &mut *im)] {
-            silence(rows.len(), bins, start..end, beams);
-            sound::columns(width, rows.get(heard.clone()).unwrap_or_default(), start, bins, beams);
-        }
-        silence(self.who.len(), bins, start..end, &mut self.told);
-        sound::columns_of_numbers(width, &self.who[heard], start, bins, &mut self.told);
-        for (beam, levels) in levels.chunks_exact_mut(bins).enumerate() {
-            let number = (self.beams.0 + beam) as u32;
-            background.rng.cell_phasors(number, Draw::PingNoise, noise_re, noise_im);
-            self.hiss(beam, response, background, coherent, hiss);
-            let aside = !background.flanks.is_empty();
-            if aside {
-                let Background { flanks, transducer, noise, .. } = background;
-                let told =
-                    if background.labels_flanks { &mut self.told[beam * bins..(beam + 1) * bins] } else { &mut [] };
-                flanks.heard((transducer, number as usize), audible, flank, *noise, told);
-            }
-            let re = &re[beam * bins..(beam + 1) * bins];
-            let [padded_re, padded_im] = &mut *padded;
-            let Response { shifted, .. } = response;
-            if coherent {
-                if aside {
-                    // Many scatterers are as noise.
-                    sound::add(1.0, flank, hiss);
-                }
-                let im = &im[beam * bins..(beam + 1) * bins];
-                let (to_re, to_im) = (response.pad(bins, padded_re), response.pad(bins, padded_im));
-                sound::add_noise(hiss, re, im, noise_re, noise_im, to_re, to_im);
-                sound::convolve_to_db(shifted, padded_re, padded_im, levels);
-            } else {
-                let line = response.pad(bins, padded_re);
-                line.copy_from_slice(re);
-                if aside {
-                    sound::add(1.0, flank, line);
-                }
-                sound::convolve_squared(shifted, padded_re, sum);
-                sound::with_noise(sum, noise_re, noise_im, hiss, levels);
-                sound::to_db(levels);
-            }
-        }
-    }
-
-    /// Powers of the noise and volume backscatter of a beam, uPa^2; before the response, if `coherent`.
-    fn hiss(&self, beam: usize, response: &Response, background: &Background, coherent: bool, powers: &mut [f32]) {
-        let width = self.width;
-        let share = if coherent { 1.0 / response.power } else { 1.0 };
-        if background.volume.is_empty() {
-            return powers.fill(background.noise * share);
-        }
-        let mut open = background.transducer.solid_angles[self.beams.0 + beam];
-        for (bin, power) in powers.iter_mut().enumerate() {
-            open += self.open[bin * width + beam];
-            *power = background.noise * share + background.volume[bin] * open.max(0.0) * share;
-        }
-    }
-}
-
-/// Makes `cells` lines of `bins` that are empty but where `heard`.
-fn silence<T: Copy + Default>(cells: usize, bins: usize, heard: Range<usize>, lines: &mut Vec<T>) {
-    lines.resize(cells, T::default());
-    for line in lines.chunks_exact_mut(bins) {
-        line[..heard.start].fill(T::default());
-        line[heard.end.max(heard.start)..].fill(T::default());
     }
 }
 

@@ -24,8 +24,6 @@ pub(crate) struct Tile {
     /// Energy of the strongest arrival of each cell, and its number.
     pub most: Vec<f32>,
     pub who: Vec<u32>,
-    /// Whom each cell tells of, beam by beam: see [`Tile::levels`].
-    pub told: Vec<u32>,
     /// Energy times the angle from the beam's axis, and energy; for swaths.
     pub lean: Vec<f32>,
     pub total: Vec<f32>,

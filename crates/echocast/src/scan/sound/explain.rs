@@ -99,7 +99,7 @@ impl Pinging<'_> {
 
         let found = self.loudest(ping, memory, beam);
         let Some(((cell, bin), (echoes, index))) =
-            found.and_then(|found| memory.strongest(beam, found.1).map(|who| (found, who)))
+            found.and_then(|found| memory.strongest(found.0).map(|who| (found, who)))
         else {
             return writeln!(text, "echo\n  no ray of this beam meets anything within {:.1} m", layout.reach());
         };
@@ -120,14 +120,13 @@ impl Pinging<'_> {
             let cell = sounding.cell as usize;
             let near = (0..8).flat_map(|step| [cell + step, cell.saturating_sub(step)]);
             // The echo's middle may lie between two rays.
-            let found =
-                near.into_iter().find(|&cell| cell / bins == beam && memory.strongest(beam, cell % bins).is_some());
+            let found = near.into_iter().find(|&cell| cell / bins == beam && memory.strongest(cell).is_some());
             if let Some(cell) = found {
                 return Some((cell, cell % bins));
             }
         }
         let levels = ping.levels(beam);
-        let heard = (self.layout.first_bin..bins).filter(|&bin| memory.strongest(beam, bin).is_some());
+        let heard = (self.layout.first_bin..bins).filter(|&bin| memory.strongest(beam * bins + bin).is_some());
         let bin = heard.max_by(|&a, &b| levels[a].total_cmp(&levels[b]))?;
         Some((beam * bins + bin, bin))
     }

@@ -7,8 +7,8 @@ use super::track::Log;
 use crate::cloud::{CELL_FIELDS, FLOW, Field, FieldSet, Layout, MOVING, Ping, Slices, SonarView, Sounding};
 use crate::detect::{BeamLevels, Beside, Stretch, sounding};
 use crate::echo::{
-    Background, Coupling, Drift, Echoes, Flanks, Insonification, Lines, NOBODY, Response, Scatterers, Share, Tile,
-    Wants, grid,
+    Background, Coupling, Drift, Echoes, Flanks, Insonification, LevelMemory, NOBODY, Response, Scatterers, Share,
+    Tile, Wants, grid,
 };
 use crate::emitter::{Pattern, Trajectory, Transducer};
 use crate::ground::error::{Error, Result};
@@ -46,9 +46,15 @@ const GOALS: usize = 4096;
 #[derive(Default)]
 pub(crate) struct PingMemory {
     chunks: Vec<RayChunk>,
+    /// Of those at work.
+    tracers: Vec<TracerMemory>,
+    ears: Vec<Ear>,
     flanks: Flanks,
-    tiles: Vec<TileMemory>,
     accounts: Accounts,
+    /// Whom each cell tells of.
+    told: Vec<u32>,
+    /// What each beam reports, of sonars that report depths.
+    soundings: Vec<Option<Sounding>>,
     /// The layout of the last ping, and what it was made from.
     layout: Option<(LayoutInputs, Arc<Layout>)>,
     water: Option<Prepared>,
@@ -56,16 +62,9 @@ pub(crate) struct PingMemory {
 }
 
 impl PingMemory {
-    /// The tile with `beam`.
-    pub(super) fn tile_of(&self, beam: usize) -> &Tile {
-        let tile = self.tiles.iter().find(|memory| (memory.tile.beams.0..memory.tile.beams.1).contains(&beam));
-        &tile.expect("every beam has a tile").tile
-    }
-
-    /// The strongest arrival that a beam receives in a bin: see [`strongest`].
-    pub(super) fn strongest(&self, beam: usize, bin: usize) -> Option<(&Echoes, usize)> {
-        let tile = self.tile_of(beam);
-        strongest(&self.chunks, tile.told[(beam - tile.beams.0) * (tile.told.len() / tile.width) + bin])
+    /// The strongest arrival in a cell: see [`strongest`].
+    pub(super) fn strongest(&self, cell: usize) -> Option<(&Echoes, usize)> {
+        strongest(&self.chunks, self.told[cell])
     }
 
     /// What all rays send back.
@@ -77,18 +76,17 @@ impl PingMemory {
 #[derive(Default)]
 pub(super) struct RayChunk {
     pub echoes: Echoes,
-    tracer: TracerMemory,
     hits: Vec<TubeHit>,
     shares: Vec<Share>,
 }
 
+/// Memory to listen to one tile.
 #[derive(Default)]
-struct TileMemory {
+struct Ear {
     tile: Tile,
-    lines: Lines,
+    levels: LevelMemory,
     /// Of the echo of the beam at hand.
     stretch: Stretch,
-    soundings: Vec<Sounding>,
     runs: Vec<Run>,
 }
 
@@ -446,7 +444,7 @@ impl<'a> Pinging<'a> {
         ping.cells.resize(fields, beams * bins)?;
 
         let of_rays = self.transducer.rays().div_ceil(CHUNK);
-        let PingMemory { chunks, goals, flanks, tiles, accounts, .. } = memory;
+        let PingMemory { chunks, tracers, goals, flanks, ears, accounts, told: whom, soundings, .. } = memory;
         let of_targets = goals.targets.chunks(GOALS);
         chunks.resize_with(of_rays + of_targets.len() + goals.bodies.len(), RayChunk::default);
         let (sound, surfaces) = (&self.backscatter, &self.scene.surfaces);
@@ -461,9 +459,9 @@ impl<'a> Pinging<'a> {
         };
         let tracer = SoundTracer::new(self.scene, &self.column, limits);
         let insonification = self.insonification(&goals.covered);
-        parallel::for_each(chunks, |number, chunk| {
+        parallel::for_each_with(tracers, chunks.iter_mut().enumerate(), |memory, (number, chunk)| {
             let insonification = &insonification;
-            let task = RayTask { pinging: self, tracer: &tracer, insonification, number, chunk };
+            let task = RayTask { pinging: self, tracer: &tracer, insonification, number, chunk, memory };
             match number.checked_sub(of_rays).map(|part| (part, part.checked_sub(of_targets.len()))) {
                 None => task.run(),
                 Some((part, None)) => task.look_at(of_targets.clone().nth(part).unwrap_or_default()),
@@ -487,12 +485,14 @@ impl<'a> Pinging<'a> {
             self.account(chunks, fields, accounts)?;
         }
         let width = if self.transducer.beams_are_apart() { 1 } else { BEAMS };
-        tiles.resize_with(beams.div_ceil(width), TileMemory::default);
+        whom.resize(beams * bins, NOBODY);
+        soundings.clear();
+        soundings.resize(beams, None);
         let rows = ping.cells.slices(0, beams * bins);
         let task = Listening { pinging: self, chunks, flanks, accounts, wants, told, width };
-        task.tiles(tiles, rows);
+        task.tiles(ears, rows, whom, soundings);
         ping.soundings.clear();
-        ping.soundings.extend(tiles.iter().flat_map(|memory| &memory.soundings));
+        ping.soundings.extend(soundings.iter().flatten());
         let tracks = self.log.as_ref().map(|log| self.tracks(log, memory, &ping.soundings));
         (ping.bottom_track, ping.water_track) = tracks.map_or((None, None), |(bottom, water)| (Some(bottom), water));
         Ok(())
@@ -547,27 +547,26 @@ impl<'a> Pinging<'a> {
     }
 }
 
-impl TileMemory {
-    /// The ranges that beams report, for sonars that do so, from the levels of all cells.
-    fn sound_out(&mut self, pinging: &Pinging, levels: &[f32]) {
-        let TileMemory { tile, stretch, soundings, .. } = self;
-        soundings.clear();
+impl Ear {
+    /// The `soundings` of beams, of sonars that report them, from the levels of all cells.
+    fn sound_out(&mut self, pinging: &Pinging, levels: &[f32], soundings: &mut [Option<Sounding>]) {
+        let Ear { tile, stretch, .. } = self;
         let Layout { bins, bin_m, believed_speed, .. } = *pinging.layout;
         let resolution = (pinging.acoustics.resolution(believed_speed) / bin_m) as f32;
         if pinging.assumed.is_none() {
             return;
         }
-        for (beam, levels) in (tile.beams.0..).zip(levels.chunks_exact(bins)) {
+        for ((beam, levels), to) in (tile.beams.0..).zip(levels.chunks_exact(bins)).zip(soundings) {
             let (lean, total) = (&tile.lean[..], &tile.total[..]);
             let heard = (tile.heard.start, tile.heard.end);
             let beside = Beside { lean, total, width: tile.width, beam: beam - tile.beams.0, heard };
             let width = pinging.transducer.widths[beam];
             let heard = BeamLevels { beam, levels, beside, width, resolution, rng: &pinging.rng };
-            soundings.extend(sounding(&pinging.layout, &heard, stretch).map(|found| Sounding {
+            *to = sounding(&pinging.layout, &heard, stretch).map(|found| Sounding {
                 cell: (beam * bins + pinging.loud_bin(tile, beam, found.cell as usize - beam * bins)) as u32,
                 corrected: pinging.corrected(beam, found.range),
                 ..found
-            }));
+            });
         }
     }
 }
@@ -670,11 +669,12 @@ struct RayTask<'a, 'p> {
     insonification: &'a Insonification<'a>,
     number: usize,
     chunk: &'a mut RayChunk,
+    memory: &'a mut TracerMemory,
 }
 
 impl RayTask<'_, '_> {
     fn run(self) {
-        let RayTask { pinging, tracer, insonification, number, chunk } = self;
+        let RayTask { pinging, tracer, insonification, number, chunk, memory } = self;
         let transducer = &*pinging.transducer;
         let launch = Launch {
             directions: transducer.direction.each_ref().map(|axis| &axis[..]),
@@ -684,12 +684,12 @@ impl RayTask<'_, '_> {
         let rays = number * CHUNK..((number + 1) * CHUNK).min(transducer.rays());
         chunk.echoes.arrivals.clear();
         let Echoes { arrivals, direct, .. } = &mut chunk.echoes;
-        tracer.trace(&launch, rays, &mut chunk.tracer, arrivals);
+        tracer.trace(&launch, rays, memory, arrivals);
         direct.clear();
         if pinging.acoustics.bounces > 0 {
             let (sound, surfaces) = (&pinging.backscatter, &pinging.scene.surfaces);
             let whole = |row: u32| sound.is_whole(surfaces, row);
-            tracer.direct(&launch, whole, &mut chunk.tracer, arrivals, direct);
+            tracer.direct(&launch, whole, memory, arrivals, direct);
         }
         insonification.answer(&mut chunk.echoes);
         chunk.echoes.gather(transducer, pinging.layout.bins);
@@ -699,19 +699,19 @@ impl RayTask<'_, '_> {
 impl RayTask<'_, '_> {
     /// Hears `goals` rather than rays.
     fn look_at(self, goals: &[Goal]) {
-        let RayTask { pinging, tracer, insonification, chunk, .. } = self;
+        let RayTask { pinging, tracer, insonification, chunk, memory, .. } = self;
         let (sound, surfaces) = (&pinging.backscatter, &pinging.scene.surfaces);
         let direct = &mut chunk.echoes.direct;
         direct.clear();
-        tracer.sight(pinging.place(), goals, |row| sound.is_whole(surfaces, row), &mut chunk.tracer, direct);
+        tracer.sight(pinging.place(), goals, |row| sound.is_whole(surfaces, row), memory, direct);
         insonification.answer_targets(&mut chunk.echoes);
         chunk.echoes.gather(&pinging.transducer, pinging.layout.bins);
     }
 
     /// Hears a body by tubes of its own.
     fn cover(self, stand: &Stand) {
-        let RayTask { pinging, tracer, insonification, chunk, .. } = self;
-        let RayChunk { echoes, tracer: memory, hits, shares } = chunk;
+        let RayTask { pinging, tracer, insonification, chunk, memory, .. } = self;
+        let RayChunk { echoes, hits, shares } = chunk;
         let grid = |sides| grid(stand, pinging.wavelength(), sides);
         let smooth = |row| pinging.backscatter.smooth(&pinging.scene.surfaces, row).is_some();
         match tracer.cover(pinging.place(), stand, grid, &smooth, memory, hits) {
@@ -735,35 +735,37 @@ struct Listening<'a, 'p> {
     width: usize,
 }
 
-/// One tile.
+/// One tile: its columns, whom its cells tell of, and what its beams report.
 struct Listen<'a, 'p> {
     listening: Listening<'a, 'p>,
-    memory: &'a mut TileMemory,
     first: usize,
     rows: Slices<'a>,
+    whom: &'a mut [u32],
+    soundings: &'a mut [Option<Sounding>],
 }
 
 impl Listening<'_, '_> {
-    /// Fills the `tiles` and their `rows`.
-    fn tiles(self, tiles: &mut [TileMemory], rows: Slices) {
-        let Listening { pinging, width, .. } = self;
-        let firsts = (0..pinging.transducer.beams()).step_by(width);
-        let beams = firsts.clone().map(|first| width.min(pinging.transducer.beams() - first));
-        let parts = rows.parts(beams.map(|beams| beams * pinging.layout.bins));
-        let tasks = tiles.iter_mut().zip(firsts.zip(parts));
-        let tasks = tasks.map(|(memory, (first, rows))| Listen { listening: self, memory, first, rows });
-        parallel::for_each_of(tasks, Listen::run);
+    /// Fills the `rows` of all cells, `whom` they tell of, and the `soundings` of beams, tile by tile.
+    fn tiles(self, ears: &mut Vec<Ear>, rows: Slices, whom: &mut [u32], soundings: &mut [Option<Sounding>]) {
+        let Listening { width, pinging, .. } = self;
+        let (bins, beams) = (pinging.layout.bins, soundings.len());
+        let firsts = (0..beams).step_by(width);
+        let rows = rows.parts(firsts.clone().map(|first| width.min(beams - first) * bins));
+        let cells = whom.chunks_mut(width * bins).zip(rows);
+        let tasks = firsts.zip(soundings.chunks_mut(width)).zip(cells);
+        parallel::for_each_with(ears, tasks, |ear, ((first, soundings), (whom, rows))| {
+            Listen { listening: self, first, rows, whom, soundings }.run(ear);
+        });
     }
 }
 
 impl Listen<'_, '_> {
-    fn run(self) {
-        let Listen { listening, memory, first, rows } = self;
+    fn run(self, ear: &mut Ear) {
+        let Listen { listening, first, rows, whom, soundings } = self;
         let Listening { pinging, chunks, flanks, accounts, wants, told, width } = listening;
-        let TileMemory { tile, lines, .. } = memory;
+        let Ear { tile, levels, .. } = ear;
         let Layout { bins, bin_m, .. } = *pinging.layout;
-        let last = (first + width).min(pinging.transducer.beams());
-        tile.clear((first, last), width, bins, wants);
+        tile.clear((first, first + soundings.len()), width, bins, wants);
         for chunk in chunks {
             tile.hear(&pinging.transducer, &chunk.echoes, bin_m as f32);
         }
@@ -772,16 +774,14 @@ impl Listen<'_, '_> {
             noise: (pinging.layout.noise_db * LOG2_PER_DB).exp2(),
             volume: &pinging.volume,
             flanks,
-            labels_flanks: told == Some(Told::All),
             transducer: &pinging.transducer,
         };
-        tile.levels(&pinging.response, &background, lines, rows.intensity);
-        memory.sound_out(pinging, rows.intensity);
-        let TileMemory { tile, soundings, runs, .. } = memory;
+        tile.levels(&pinging.response, &background, levels, rows.intensity, whom);
+        ear.sound_out(pinging, rows.intensity, soundings);
         match told {
             None => {}
-            Some(Told::All) => pinging.tell(tile, accounts, runs, rows),
-            Some(Told::Soundings) => pinging.tell_soundings(tile, chunks, rows, soundings),
+            Some(Told::All) => pinging.tell(whom, accounts, &mut ear.runs, rows),
+            Some(Told::Soundings) => pinging.tell_soundings(first, whom, chunks, rows, soundings),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::ping::{Motion, Pinging, RayChunk};
 use crate::cloud::{Columns, Field, FieldSet, Slices, Sounding, put};
-use crate::echo::{Echoes, NOBODY, PingEcho, Tile};
+use crate::echo::{Echoes, NOBODY, PingEcho};
 use crate::ground::angle::azimuth_elevation;
 use crate::ground::cause::Cause;
 use crate::ground::error::Result;
@@ -102,7 +102,9 @@ fn find_runs(who: &[u32], bins: usize, runs: &mut Vec<Run>) {
     runs.clear();
     for (first, beam) in (0..).step_by(bins).zip(who.chunks(bins)) {
         for (start, block) in (first..).step_by(BLOCK).zip(beam.chunks(BLOCK)) {
-            let (silent, end) = (block.iter().all(|&who| who == NOBODY), start + block.len());
+            // No early end, which would keep this from becoming vector instructions.
+            let silent = block.iter().fold(true, |silent, &who| silent & (who == NOBODY));
+            let end = start + block.len();
             match runs.last_mut().filter(|last| last.silent == silent && start > first) {
                 Some(last) => last.cells.end = end,
                 None => runs.push(Run { cells: start..end, silent }),
@@ -146,10 +148,9 @@ impl Pinging<'_> {
         Ok(())
     }
 
-    /// The columns of a tile that say what the strongest scatterer of each cell is.
-    pub fn tell(&self, tile: &Tile, accounts: &Accounts, runs: &mut Vec<Run>, mut rows: Slices) {
+    /// The columns of a tile that say `who` the strongest scatterer of each cell is.
+    pub fn tell(&self, who: &[u32], accounts: &Accounts, runs: &mut Vec<Run>, mut rows: Slices) {
         let bins = self.layout.bins;
-        let who = &tile.told[..(tile.beams.1 - tile.beams.0) * bins];
         let Accounts { columns, extents, ranges } = accounts;
         find_runs(who, bins, runs);
         let runs = &runs[..];
@@ -174,12 +175,19 @@ impl Pinging<'_> {
         }
     }
 
-    /// The same in the cells of `soundings` alone: all that their points are made from.
-    pub fn tell_soundings(&self, tile: &Tile, chunks: &[RayChunk], mut rows: Slices, soundings: &[Sounding]) {
+    /// The same in the cells of the `soundings` of a tile from beam `first` on alone: all that their points are made from.
+    pub fn tell_soundings(
+        &self,
+        first: usize,
+        who: &[u32],
+        chunks: &[RayChunk],
+        mut rows: Slices,
+        soundings: &[Option<Sounding>],
+    ) {
         let bins = self.layout.bins;
-        for sounding in soundings {
-            let row = sounding.cell as usize - tile.beams.0 * bins;
-            let Some((echoes, index)) = strongest(chunks, tile.told[row]) else {
+        for sounding in soundings.iter().flatten() {
+            let row = sounding.cell as usize - first * bins;
+            let Some((echoes, index)) = strongest(chunks, who[row]) else {
                 silence(&mut rows, row);
                 continue;
             };
