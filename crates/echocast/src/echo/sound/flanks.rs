@@ -8,7 +8,7 @@
 use super::ping::Echoes;
 use super::tile::NOBODY;
 use crate::emitter::{FLANK_PARTS, Hearing, Transducer};
-use echocast_kernels::sound::{self, BEAMS, Block};
+use echocast_kernels::sound::{self, BEAMS, BLOCK, Block};
 use echocast_kernels::tile::{self, Aside, ROWS, Rows};
 use std::ops::Range;
 
@@ -16,7 +16,8 @@ use std::ops::Range;
 #[derive(Clone, Default)]
 pub(crate) struct Flanks {
     bins: usize,
-    /// Cells of a part: all bins, and up to whole [`ROWS`].
+    /// Cells of a part: all bins, up to whole [`ROWS`], and so many that what parts have in one bin does not get in each other's
+    /// way in the cache.
     width: usize,
     /// Bins of each part from which something comes; empty: none.
     spans: Vec<Range<usize>>,
@@ -30,7 +31,9 @@ pub(crate) struct Flanks {
 impl Flanks {
     /// Empties it for `bins`; without a `transducer` whose beams hear beside their axes it stays empty.
     pub fn clear(&mut self, transducer: &Transducer, bins: usize, who: bool) {
-        (self.bins, self.width) = (bins, bins.next_multiple_of(ROWS));
+        /// Numbers of a cache line.
+        const LINE: usize = 16;
+        (self.bins, self.width) = (bins, bins.next_multiple_of(ROWS) + LINE);
         let parts = if transducer.flanks.is_empty() { 0 } else { FLANK_PARTS };
         let (cells, asked) = (parts * self.width, if who { parts * self.width } else { 0 });
         self.spans.clear();
@@ -52,10 +55,12 @@ impl Flanks {
         for (Hearing { part, .. }, bins, block) in gathered.each(transducer, self.bins) {
             let span = &mut self.spans[part as usize];
             (span.start, span.end) = (span.start.min(bins.start), span.end.max(bins.end));
-            let from = part as usize * self.width;
-            let cells = from + bins.start..from + bins.end;
-            let sums = self.energy[cells.clone()].iter_mut();
-            sums.zip(&gathered.energy[block]).for_each(|(sum, energy)| *sum += energy);
+            // Whole blocks: beyond the last bin nothing is heard.
+            let from = part as usize * self.width + bins.start;
+            let cells = from..from + BLOCK;
+            for (sum, energy) in self.energy[cells.clone()].iter_mut().zip(&gathered.energy[block]) {
+                *sum += energy;
+            }
             if self.who.is_empty() {
                 continue;
             }
@@ -108,12 +113,12 @@ mod tests {
     #[test]
     fn beams_hear_the_sums_of_what_is_far_aside() {
         const BINS: usize = 150;
-        let width = BINS.next_multiple_of(ROWS);
         let value = |seed: usize| (seed * 7919 % 101) as f32;
         let mut transducer = Transducer::default();
         transducer.flanks.extend((0..2 * FLANK_PARTS).map(value));
         let mut flanks = Flanks::default();
         flanks.clear(&transducer, BINS, true);
+        let width = flanks.width;
         for part in [3, 17, 20] {
             flanks.spans[part] = 3 * part..BINS - 5 * part;
             for cell in part * width + 3 * part..part * width + BINS - 5 * part {
