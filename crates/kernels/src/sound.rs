@@ -9,8 +9,14 @@ pub const BLOCK: usize = 4;
 /// Beams that hear a block together: their sums fill the vector registers.
 pub const BEAMS: usize = 16;
 
-/// Of blocks that none of the beams hears.
-pub const UNHEARD: u32 = u32::MAX;
+/// A block that beams hear.
+#[derive(Clone, Copy, Debug)]
+pub struct Heard {
+    /// Its number.
+    pub block: u32,
+    /// Where in the table of all loudness that of the beams begins.
+    pub loudness: u32,
+}
 
 /// What arrives in [`BLOCK`] range bins: a cache line.
 #[derive(Clone, Copy, Debug, Default)]
@@ -40,50 +46,46 @@ fn row(numbers: &[f32], at: u32) -> &[f32; BEAMS] {
     numbers[at as usize..at as usize + BEAMS].try_into().expect("as many as there are beams")
 }
 
+/// The rows of a block.
+#[inline(always)]
+fn rows<T>(cells: &mut [T]) -> &mut [[T; BEAMS]; BLOCK] {
+    cells.as_chunks_mut().0.try_into().expect("as many rows as a block has bins")
+}
+
 /// [`hear_blocks`], of amplitudes or of energies.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
 fn hear<const COHERENT: bool>(
     blocks: &[Block],
-    of: &[u32],
-    heard_by: &[u32],
+    heard: &[Heard],
     loudness: &[f32],
     first: u32,
     [sum_re, sum_im]: [&mut [f32]; 2],
     most: &mut [f32],
     is: &mut [u32],
 ) {
-    let rows = most.as_chunks_mut::<BEAMS>().0.iter_mut().zip(is.as_chunks_mut::<BEAMS>().0);
-    for (bin, (most, is)) in rows.enumerate() {
-        let sum_re = &mut sum_re.as_chunks_mut::<BEAMS>().0[bin];
-        let (mut re, mut im, mut best, mut whose) = (*sum_re, [0.0; BEAMS], *most, *is);
-        if COHERENT {
-            im = sum_im.as_chunks_mut::<BEAMS>().0[bin];
-        }
-        for (block, &of) in blocks.iter().zip(of) {
-            let at = heard_by[of as usize];
-            if at == UNHEARD {
-                continue;
-            }
-            let loud = row(loudness, at);
-            let (x, y, energy, who) = (block.re[bin], block.im[bin], block.most[bin], first + block.who[bin]);
-            for beam in 0..BEAMS {
-                let loud = loud[beam];
+    let mut silent = [[0.0; BEAMS]; BLOCK];
+    let sum_im = if COHERENT { rows(sum_im) } else { &mut silent };
+    let (sum_re, most, is) = (rows(sum_re), rows(most), rows(is));
+    let (mut re, mut im, mut best, mut whose) = (*sum_re, *sum_im, *most, *is);
+    for heard in heard {
+        let (loud, block) = (row(loudness, heard.loudness), &blocks[heard.block as usize]);
+        for beam in 0..BEAMS {
+            let loud = loud[beam];
+            let square = loud * loud;
+            for bin in 0..BLOCK {
                 if COHERENT {
-                    re[beam] += loud * x;
-                    im[beam] += loud * y;
+                    re[bin][beam] += loud * block.re[bin];
+                    im[bin][beam] += loud * block.im[bin];
                 } else {
-                    re[beam] += loud * loud * x;
+                    re[bin][beam] += square * block.re[bin];
                 }
-                let heard = loud * loud * energy;
-                (best[beam], whose[beam]) = greater(heard, who, best[beam], whose[beam]);
+                let (energy, who) = (square * block.most[bin], first + block.who[bin]);
+                (best[bin][beam], whose[bin][beam]) = greater(energy, who, best[bin][beam], whose[bin][beam]);
             }
-        }
-        (*sum_re, *most, *is) = (re, best, whose);
-        if COHERENT {
-            sum_im.as_chunks_mut::<BEAMS>().0[bin] = im;
         }
     }
+    (*sum_re, *sum_im, *most, *is) = (re, im, best, whose);
 }
 
 /// Cells of a line at a time: their sums stay in registers.
@@ -151,14 +153,13 @@ kernels! {
         }
     }
 
-    /// Adds `blocks` of the same [`BLOCK`] bins, or fewer at the end, to as many rows of [`BEAMS`] cells: amplitudes, or without
-    /// imaginary parts energies, scaled by the square; and for every cell the greatest energy and whose it is. `of` says which
-    /// hearing each block is of, and `heard_by` where in `loudness` the numbers of these beams begin for it, or [`UNHEARD`]; the
-    /// numbers of arrivals are those from `first` on. Amplitudes are finite: beams that do not hear a block add it zero times.
+    /// Adds `blocks` of the same [`BLOCK`] bins to as many rows of [`BEAMS`] cells: amplitudes, or without
+    /// imaginary parts energies, scaled by the square; and for every cell the greatest energy and whose it is. Those that are
+    /// `heard` count; the numbers of arrivals are those from `first` on. Amplitudes are finite: beams that do not hear a block add
+    /// it zero times.
     pub fn hear_blocks(
         blocks: &[Block],
-        of: &[u32],
-        heard_by: &[u32],
+        heard: &[Heard],
         loudness: &[f32],
         first: u32,
         sums: [&mut [f32]; 2],
@@ -166,9 +167,9 @@ kernels! {
         is: &mut [u32],
     ) {
         if sums[1].is_empty() {
-            hear::<false>(blocks, of, heard_by, loudness, first, sums, most, is);
+            hear::<false>(blocks, heard, loudness, first, sums, most, is);
         } else {
-            hear::<true>(blocks, of, heard_by, loudness, first, sums, most, is);
+            hear::<true>(blocks, heard, loudness, first, sums, most, is);
         }
     }
 
@@ -176,30 +177,27 @@ kernels! {
     /// [`hear_blocks`].
     pub fn lean_blocks(
         energies: &[[f32; BLOCK]],
-        of: &[u32],
-        heard_by: &[u32],
+        heard: &[Heard],
         loudness: &[f32],
         beside: &[f32],
         lean: &mut [f32],
         total: &mut [f32],
     ) {
-        let rows = lean.as_chunks_mut::<BEAMS>().0.iter_mut().zip(total.as_chunks_mut::<BEAMS>().0);
-        for (bin, (lean, total)) in rows.enumerate() {
-            let (mut leans, mut totals) = (*lean, *total);
-            for (energy, &of) in energies.iter().zip(of) {
-                let at = heard_by[of as usize];
-                if at == UNHEARD {
-                    continue;
-                }
-                let (loud, aside, energy) = (row(loudness, at), row(beside, at), energy[bin]);
-                for beam in 0..BEAMS {
-                    let heard = loud[beam] * loud[beam] * energy;
-                    leans[beam] += heard * aside[beam];
-                    totals[beam] += heard;
+        let (lean, total) = (rows(lean), rows(total));
+        let (mut leans, mut totals) = (*lean, *total);
+        for heard in heard {
+            let (loud, aside) = (row(loudness, heard.loudness), row(beside, heard.loudness));
+            let energies = &energies[heard.block as usize];
+            for beam in 0..BEAMS {
+                let square = loud[beam] * loud[beam];
+                for bin in 0..BLOCK {
+                    let heard = square * energies[bin];
+                    leans[bin][beam] += heard * aside[beam];
+                    totals[bin][beam] += heard;
                 }
             }
-            (*lean, *total) = (leans, totals);
         }
+        (*lean, *total) = (leans, totals);
     }
 
     /// Energies convolved with the squares of the `taps` of a response: each counts where it says, from as many cells before as

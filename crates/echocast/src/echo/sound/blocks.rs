@@ -124,23 +124,21 @@ impl Gathered {
         }
     }
 
-    /// The stretches of `bins` in which something is heard, and the blocks of each.
-    pub fn stretches(&self, bins: usize) -> impl Iterator<Item = (Range<usize>, Range<usize>)> {
+    /// The stretches of bins in which something is heard, the last of which may go on beyond the last bin, and the blocks of each.
+    pub fn stretches(&self) -> impl Iterator<Item = (Range<usize>, Range<usize>)> {
         self.span.clone().zip(self.starts.windows(2)).map(move |(stretch, ends)| {
-            let cells = stretch * BLOCK..((stretch + 1) * BLOCK).min(bins);
+            let cells = stretch * BLOCK..(stretch + 1) * BLOCK;
             (cells, ends[0] as usize..ends[1] as usize)
         })
     }
 
-    /// Each block: who hears it, which of `bins` it is, and its number.
-    pub fn each<'a>(
-        &'a self,
-        transducer: &'a Transducer,
-        bins: usize,
-    ) -> impl Iterator<Item = (Hearing, Range<usize>, usize)> + 'a {
+    /// Each block: who hears it, which bins it is, and its number.
+    pub fn each<'a>(&'a self, transducer: &'a Transducer) -> impl Iterator<Item = (Hearing, Range<usize>, usize)> + 'a {
         let hearing = |block: usize| transducer.hearings[self.hearings[self.of[block] as usize] as usize];
-        let stretches = self.stretches(bins);
-        stretches.flat_map(move |(bins, blocks)| blocks.map(move |block| (hearing(block), bins.clone(), block)))
+        let each = move |(bins, blocks): (Range<usize>, Range<usize>)| {
+            blocks.map(move |block| (hearing(block), bins.clone(), block))
+        };
+        self.stretches().flat_map(each)
     }
 }
 

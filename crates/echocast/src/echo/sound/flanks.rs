@@ -15,7 +15,6 @@ use std::ops::Range;
 /// Energies of a ping by part of the directions and range bin.
 #[derive(Clone, Default)]
 pub(crate) struct Flanks {
-    bins: usize,
     /// Cells of a part: all bins, up to whole [`ROWS`], and so many that what parts have in one bin does not get in each other's
     /// way in the cache.
     width: usize,
@@ -33,7 +32,7 @@ impl Flanks {
     pub fn clear(&mut self, transducer: &Transducer, bins: usize, who: bool) {
         /// Numbers of a cache line.
         const LINE: usize = 16;
-        (self.bins, self.width) = (bins, bins.next_multiple_of(ROWS) + LINE);
+        self.width = bins.next_multiple_of(ROWS) + LINE;
         let parts = if transducer.flanks.is_empty() { 0 } else { FLANK_PARTS };
         let (cells, asked) = (parts * self.width, if who { parts * self.width } else { 0 });
         self.spans.clear();
@@ -52,7 +51,7 @@ impl Flanks {
             return;
         }
         let Echoes { gathered, first, .. } = echoes;
-        for (Hearing { part, .. }, bins, block) in gathered.each(transducer, self.bins) {
+        for (Hearing { part, .. }, bins, block) in gathered.each(transducer) {
             let span = &mut self.spans[part as usize];
             (span.start, span.end) = (span.start.min(bins.start), span.end.max(bins.end));
             // Whole blocks: beyond the last bin nothing is heard.

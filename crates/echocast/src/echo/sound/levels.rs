@@ -73,7 +73,7 @@ impl Tile {
     ) {
         if self.width == 1 {
             self.levels_alone(response, background, &mut memory.line, levels);
-            told.copy_from_slice(&self.who);
+            told.copy_from_slice(&self.who[..self.bins]);
         } else {
             self.levels_together(response, background, &mut memory.rows, levels, told);
         }
@@ -99,10 +99,10 @@ impl Tile {
         let to_re = pad(response, bins, re);
         if is_coherent {
             let to_im = pad(response, bins, im);
-            sound::add_noise(hiss, &self.re, &self.im, noise_re, noise_im, to_re, to_im);
+            sound::add_noise(hiss, &self.re[..bins], &self.im[..bins], noise_re, noise_im, to_re, to_im);
             sound::convolve_to_db(&response.shifted, re, im, levels);
         } else {
-            to_re.copy_from_slice(&self.re);
+            to_re.copy_from_slice(&self.re[..bins]);
             sound::convolve_squared(&response.shifted, re, sum);
             sound::with_noise(sum, noise_re, noise_im, hiss, levels);
             sound::to_db(levels);
@@ -118,7 +118,7 @@ impl Tile {
         levels: &mut [f32],
         told: &mut [u32],
     ) {
-        let (bins, beside) = (self.re.len() / BEAMS, response.reach());
+        let (bins, beside) = (self.bins, response.reach());
         rows.clear(2 * beside + ROWS, !self.im.is_empty());
         background.flanks.audible(background.transducer, self.beams.0..self.beams.1, &mut rows.parts);
         let mut open = [0.0; BEAMS];
@@ -162,7 +162,7 @@ impl Tile {
     ) {
         let Rows { re, im, noise_re, noise_im, hiss, parts, near } = rows;
         let last = re.len() - ROWS;
-        let (bins, is_coherent) = (self.re.len() / BEAMS, !self.im.is_empty());
+        let (bins, is_coherent) = (self.bins, !self.im.is_empty());
         let count = bins.saturating_sub(start).min(ROWS);
         for column in [&mut *re, im] {
             column.get_mut(last + count..).unwrap_or_default().fill(Row::default());

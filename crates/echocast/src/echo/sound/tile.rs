@@ -3,7 +3,7 @@
 use super::ping::{Echoes, NO_RAY};
 use crate::emitter::{Hearing, Transducer};
 use crate::ground::math::exp2;
-use echocast_kernels::sound::{self, BEAMS, UNHEARD};
+use echocast_kernels::sound::{self, BEAMS, BLOCK, Heard};
 use std::ops::Range;
 
 /// No arrival: their numbers are from 1. It is 0, as memory is when nothing was heard.
@@ -16,9 +16,11 @@ pub(crate) struct Tile {
     pub beams: (usize, usize),
     /// Cells of a bin: one, or [`BEAMS`], the last of which may be those of no beam.
     pub width: usize,
+    /// Of a beam.
+    pub bins: usize,
     /// Bins in which anything but zeros may be.
     pub heard: Range<usize>,
-    /// Sums by bin and beam: of amplitudes, or in `re` of energies without speckle.
+    /// Sums by bin, up to whole blocks of them, and beam: of amplitudes, or in `re` of energies without speckle.
     pub re: Vec<f32>,
     pub im: Vec<f32>,
     /// Energy of the strongest arrival of each cell, and its number.
@@ -29,8 +31,10 @@ pub(crate) struct Tile {
     pub total: Vec<f32>,
     /// Solid angle still open at each bin, sr, minus what is closed there.
     pub open: Vec<f32>,
-    /// Of the hearings of a chunk, where the loudness of these beams begins: memory.
-    heard_by: Vec<u32>,
+    /// Memory: for each of the hearings of a chunk, where the loudness of these beams begins, if any of them hears it; and the
+    /// blocks of a stretch that they hear.
+    loudness_of: Vec<Option<u32>>,
+    near: Vec<Heard>,
 }
 
 /// What a tile determines.
@@ -47,10 +51,10 @@ pub(crate) struct Wants {
 impl Tile {
     /// Empties it for `beams`, in rows of `width` cells, and `bins`.
     pub fn clear(&mut self, beams: (usize, usize), width: usize, bins: usize, wants: Wants) {
-        let (all, same) = (bins * width, self.width == width);
+        let (all, same) = (bins.next_multiple_of(BLOCK) * width, self.width == width);
         // Most of a ping is silence, and was.
         let heard = same.then_some(self.heard.start * width..self.heard.end * width);
-        (self.beams, self.width, self.heard) = (beams, width, bins..0);
+        (self.beams, self.width, self.bins, self.heard) = (beams, width, bins, bins..0);
         let cells = |wanted: bool| if wanted { all } else { 0 };
         reset(&mut self.re, all, &heard);
         reset(&mut self.im, cells(wants.speckle), &heard);
@@ -102,30 +106,31 @@ impl Tile {
     /// Adds what its beams hear, block by block.
     fn hear_together(&mut self, transducer: &Transducer, echoes: &Echoes) {
         let Echoes { gathered, first, .. } = echoes;
-        let (beams, loudness, mut heard) = (self.beams, &transducer.loudness[..], self.heard.clone());
-        let Tile { re, im, most, who: is, lean, total, heard_by, .. } = self;
-        heard_by.clear();
-        heard_by.extend(gathered.hearings.iter().map(|&hearing| {
+        let (beams, loudness) = (self.beams, &transducer.loudness[..]);
+        let Tile { re, im, most, who: is, lean, total, heard: all, loudness_of, near, .. } = self;
+        loudness_of.clear();
+        loudness_of.extend(gathered.hearings.iter().map(|&hearing| {
             let Hearing { first, from, to, .. } = transducer.hearings[hearing as usize];
-            let heard = from < to && (first as usize) < beams.1 && beams.0 < (first + to - from) as usize;
-            if heard { from + beams.0 as u32 - first } else { UNHEARD }
+            let is_heard = from < to && (first as usize) < beams.1 && beams.0 < (first + to - from) as usize;
+            is_heard.then_some(from + beams.0 as u32 - first)
         }));
-        for (bins, which) in gathered.stretches(re.len() / BEAMS) {
-            let (blocks, of) = (&gathered.blocks[which.clone()], &gathered.of[which.clone()]);
-            if of.iter().all(|&of| heard_by[of as usize] == UNHEARD) {
+        for (bins, which) in gathered.stretches() {
+            near.clear();
+            let of = (0..).zip(&gathered.of[which.clone()]);
+            near.extend(of.filter_map(|(block, &of)| Some(Heard { block, loudness: loudness_of[of as usize]? })));
+            if near.is_empty() {
                 continue;
             }
-            heard = heard.start.min(bins.start)..heard.end.max(bins.end);
+            *all = all.start.min(bins.start)..all.end.max(bins.end);
             let rows = bins.start * BEAMS..bins.end * BEAMS;
             let sums = [&mut re[rows.clone()], im.get_mut(rows.clone()).unwrap_or_default()];
             let (most, is) = (&mut most[rows.clone()], &mut is[rows.clone()]);
-            sound::hear_blocks(blocks, of, heard_by, loudness, *first, sums, most, is);
+            sound::hear_blocks(&gathered.blocks[which.clone()], near, loudness, *first, sums, most, is);
             if !lean.is_empty() {
                 let (lean, total, energy) = (&mut lean[rows.clone()], &mut total[rows], &gathered.energy[which]);
-                sound::lean_blocks(energy, of, heard_by, loudness, &transducer.beside, lean, total);
+                sound::lean_blocks(energy, near, loudness, &transducer.beside, lean, total);
             }
         }
-        self.heard = heard;
     }
 
     /// Closes the water of a bin, and behind it, to beams by the cell of a ray that meets something there.
@@ -135,7 +140,7 @@ impl Tile {
         let Hearing { first, from, to, .. } = transducer.hearings[transducer.hearing[ray] as usize];
         let (first, last) = (first as usize, (first + to - from) as usize);
         let (low, high) = (first.max(self.beams.0), last.min(self.beams.1));
-        if low >= high || bin * width >= self.open.len() {
+        if low >= high || bin >= self.bins || self.open.is_empty() {
             return;
         }
         self.note(bin..bin + 1);
