@@ -8,6 +8,7 @@ use crate::ground::rng::{Draw, Rng};
 use bytemuck::{Pod, Zeroable, cast_slice, cast_slice_mut};
 use echocast_kernels::sound::{self, BEAMS, CELLS};
 use echocast_kernels::tile::{self, Aside, ROWS};
+use std::ops::Range;
 
 /// What is heard besides echoes of surfaces.
 pub(crate) struct Background<'a> {
@@ -87,15 +88,8 @@ impl Tile {
             line.resize(bins, 0.0);
         }
         background.rng.cell_phasors(self.beams.0 as u32, Draw::PingNoise, noise_re, noise_im);
-        let noise = background.noise * self.share(response);
-        let mut open = background.open(self.beams.0);
-        for (bin, hiss) in hiss.iter_mut().enumerate() {
-            *hiss = noise;
-            if let Some(volume) = background.volume.get(bin) {
-                open += self.open[bin];
-                *hiss += volume * open.max(0.0) * self.share(response);
-            }
-        }
+        let mut open = [background.transducer.solid_angles[self.beams.0]];
+        self.hiss(background, self.share(response), 0..bins, &mut open, hiss);
         let to_re = pad(response, bins, re);
         if is_coherent {
             let to_im = pad(response, bins, im);
@@ -122,9 +116,8 @@ impl Tile {
         rows.clear(2 * beside + ROWS, !self.im.is_empty());
         background.flanks.audible(background.transducer, self.beams.0..self.beams.1, &mut rows.parts);
         let mut open = [0.0; BEAMS];
-        for (open, beam) in open.iter_mut().zip(self.beams.0..self.beams.1) {
-            *open = background.open(beam);
-        }
+        let angles = &background.transducer.solid_angles[self.beams.0..self.beams.1];
+        open[..angles.len()].copy_from_slice(angles);
         let mut out = [0.0; ROWS * BEAMS];
         // What the last rows hear is known when as many more as the response reaches have been taken in.
         for start in (0..bins + beside).step_by(ROWS) {
@@ -180,14 +173,8 @@ impl Tile {
 
         let [mut first, mut second] = [[0.0; ROWS * BEAMS]; 2];
         background.rng.tile_phasors(self.beams.0 as u32, Draw::PingNoise, start, [&mut first, &mut second]);
-        let mut powers = [background.noise * share; ROWS * BEAMS];
-        for (bin, powers) in (start..start + count).zip(powers.as_chunks_mut::<BEAMS>().0) {
-            let Some(volume) = background.volume.get(bin) else { break };
-            for beam in 0..BEAMS {
-                open[beam] += self.open[bin * BEAMS + beam];
-                powers[beam] += volume * open[beam].max(0.0) * share;
-            }
-        }
+        let mut powers = [0.0; ROWS * BEAMS];
+        self.hiss(background, share, start..start + count, open, &mut powers);
         let (sum, to) = (&self.re[cells.clone()], cast_slice_mut(&mut re[last..]));
         if is_coherent {
             // Many scatterers are as noise.
@@ -198,6 +185,22 @@ impl Tile {
             sound::add(1.0, &aside, to);
             for (to, from) in [(noise_re, &first), (noise_im, &second), (hiss, &powers)] {
                 cast_slice_mut(&mut to[last..]).copy_from_slice(from);
+            }
+        }
+    }
+
+    /// Powers of noise and volume backscatter in `bins` of all beams, uPa^2, and more noise up to the end of `powers`. `share`: what
+    /// part of a power stands before the response. `open`: solid angle of each beam that is not closed before, sr.
+    fn hiss(&self, background: &Background, share: f32, bins: Range<usize>, open: &mut [f32], powers: &mut [f32]) {
+        powers.fill(background.noise * share);
+        if background.volume.is_empty() {
+            return;
+        }
+        for (bin, powers) in bins.zip(powers.chunks_exact_mut(self.width)) {
+            let closed = &self.open[bin * self.width..(bin + 1) * self.width];
+            for ((power, open), closed) in powers.iter_mut().zip(&mut *open).zip(closed) {
+                *open += closed;
+                *power += background.volume[bin] * open.max(0.0) * share;
             }
         }
     }
@@ -228,13 +231,6 @@ impl Rows {
             let from = ROWS.min(column.len());
             column.copy_within(from.., 0);
         }
-    }
-}
-
-impl Background<'_> {
-    /// Solid angle of a beam, sr, of which nothing is closed yet.
-    fn open(&self, beam: usize) -> f32 {
-        self.transducer.solid_angles[beam]
     }
 }
 
