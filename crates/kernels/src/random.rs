@@ -168,9 +168,9 @@ kernels! {
         }
     }
 
-    /// The cells from `first` on, which is a multiple of [`ROWS`], of [`phasor_row`]s of as many beams as a row has: that of each
-    /// has a number more among the middle of the three words `rest`.
-    pub fn phasor_rows(key: [u32; 2], first: usize, rest: [u32; 3], re: &mut Rows, im: &mut Rows) {
+    /// [`phasor_row`]s of [`BEAMS`] beams, the cells from `first` on, a multiple of [`ROWS`]. The middle one of the words `rest` is
+    /// the first beam's, and one more for each beam.
+    pub fn phasor_rows(key: [u32; 2], rest: [u32; 3], first: usize, re: &mut Rows, im: &mut Rows) {
         const { assert!(ROWS == 2 * HALF) };
         let mut beams = [rest[1]; BEAMS];
         for beam in 0..BEAMS {
@@ -243,6 +243,22 @@ mod tests {
         for (counter, key, expected) in cases {
             assert_eq!(philox(counter.map(|word| [word]), key).map(|[word]| word), expected);
             assert_eq!(philox(counter.map(|word| [word; 16]), key).map(|lanes| lanes[15]), expected);
+        }
+    }
+
+    #[test]
+    fn rows_are_those_of_one_beam_after_the_other() {
+        for first in [0, 2 * ROWS] {
+            let [mut re, mut im] = [[0.0; ROWS * BEAMS]; 2];
+            phasor_rows([1, 2], [3, 40, 5], first, &mut re, &mut im);
+            for beam in 0..BEAMS {
+                let [mut x, mut y] = [[0.0; 3 * ROWS]; 2];
+                phasor_row([1, 2], [3, 40 + beam as u32, 5], &mut x, &mut y);
+                for row in 0..ROWS {
+                    let cell = row * BEAMS + beam;
+                    assert_eq!((re[cell], im[cell]), (x[first + row], y[first + row]), "beam {beam}, row {row}");
+                }
+            }
         }
     }
 }

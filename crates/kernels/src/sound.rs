@@ -11,8 +11,8 @@ pub const BEAMS: usize = 16;
 
 /// A block that beams hear.
 #[derive(Clone, Copy, Debug)]
-pub struct Heard {
-    /// Its number.
+pub struct HeardBlock {
+    /// Its index among the blocks given.
     pub block: u32,
     /// Where in the table of all loudness that of the beams begins.
     pub loudness: u32,
@@ -57,7 +57,7 @@ fn rows<T>(cells: &mut [T]) -> &mut [[T; BEAMS]; BLOCK] {
 #[allow(clippy::too_many_arguments)]
 fn hear<const COHERENT: bool>(
     blocks: &[Block],
-    heard: &[Heard],
+    heard: &[HeardBlock],
     loudness: &[f32],
     first: u32,
     [sum_re, sum_im]: [&mut [f32]; 2],
@@ -88,35 +88,27 @@ fn hear<const COHERENT: bool>(
     (*sum_re, *sum_im, *most, *is) = (re, im, best, whose);
 }
 
-/// Cells of a line at a time: their sums stay in registers.
+/// Cells that are convolved at a time: their sums stay in registers.
 pub const CELLS: usize = 64;
 
 /// The [`CELLS`] from `at` on.
 #[inline(always)]
-fn some<T>(line: &[T], at: usize) -> &[T; CELLS] {
-    line[at..at + CELLS].try_into().expect("as many")
-}
-
-/// An energy with noise of an amplitude.
-#[inline(always)]
-pub(crate) fn noisy(energy: f32, re: f32, im: f32, amplitude: f32) -> f32 {
-    let (re, im) = (re * amplitude, im * amplitude);
-    let sum = energy.sqrt() + re;
-    sum * sum + im * im
+fn some<T>(cells: &[T], at: usize) -> &[T; CELLS] {
+    cells[at..at + CELLS].try_into().expect("as many")
 }
 
 /// A power as a level, dB.
 #[inline(always)]
-pub(crate) fn db(power: f32) -> f32 {
+fn db(power: f32) -> f32 {
     log2(power.max(1e-30)) * (1.0 / LOG2_PER_DB)
 }
 
-/// [`CELLS`] of a line that is convolved with `taps`, or their squares, from `start` on.
+/// [`CELLS`] of what is convolved with `taps`, or their squares, from `start` on; bins lie `stride` cells apart.
 #[inline(always)]
-fn convolved(taps: &[(u32, f32)], squared: bool, padded: &[f32], start: usize, sums: &mut [f32; CELLS]) {
+fn convolved(taps: &[(u32, f32)], squared: bool, stride: usize, cells: &[f32], start: usize, sums: &mut [f32; CELLS]) {
     *sums = [0.0; CELLS];
     for &(shift, tap) in taps {
-        let from = some(padded, start + shift as usize);
+        let from = some(cells, start + shift as usize * stride);
         let tap = if squared { tap * tap } else { tap };
         for cell in 0..CELLS {
             sums[cell] += tap * from[cell];
@@ -153,13 +145,12 @@ kernels! {
         }
     }
 
-    /// Adds `blocks` of the same [`BLOCK`] bins to as many rows of [`BEAMS`] cells: amplitudes, or without
-    /// imaginary parts energies, scaled by the square; and for every cell the greatest energy and whose it is. Those that are
-    /// `heard` count; the numbers of arrivals are those from `first` on. Amplitudes are finite: beams that do not hear a block add
-    /// it zero times.
+    /// Adds those of `blocks` of the same [`BLOCK`] bins that are `heard` to as many rows of [`BEAMS`] cells: amplitudes, or
+    /// without imaginary parts energies, scaled by the square; and for every cell the greatest energy and whose it is. The
+    /// numbers of arrivals are those from `first` on. Amplitudes are finite: beams that do not hear a block add it zero times.
     pub fn hear_blocks(
         blocks: &[Block],
-        heard: &[Heard],
+        heard: &[HeardBlock],
         loudness: &[f32],
         first: u32,
         sums: [&mut [f32]; 2],
@@ -177,7 +168,7 @@ kernels! {
     /// [`hear_blocks`].
     pub fn lean_blocks(
         energies: &[[f32; BLOCK]],
-        heard: &[Heard],
+        heard: &[HeardBlock],
         loudness: &[f32],
         beside: &[f32],
         lean: &mut [f32],
@@ -191,33 +182,48 @@ kernels! {
             for beam in 0..BEAMS {
                 let square = loud[beam] * loud[beam];
                 for bin in 0..BLOCK {
-                    let heard = square * energies[bin];
-                    leans[bin][beam] += heard * aside[beam];
-                    totals[bin][beam] += heard;
+                    let energy = square * energies[bin];
+                    leans[bin][beam] += energy * aside[beam];
+                    totals[bin][beam] += energy;
                 }
             }
         }
         (*lean, *total) = (leans, totals);
     }
 
-    /// Energies convolved with the squares of the `taps` of a response: each counts where it says, from as many cells before as
-    /// the line is `padded` with; after it are as many, and [`CELLS`].
-    pub fn convolve_squared(taps: &[(u32, f32)], padded: &[f32], out: &mut [f32]) {
-        let mut sums = [0.0; CELLS];
-        for (start, out) in (0..).step_by(CELLS).zip(out.chunks_mut(CELLS)) {
-            convolved(taps, true, padded, start, &mut sums);
-            out.copy_from_slice(&sums[..out.len()]);
+    /// Levels, dB re 1 uPa, of amplitudes convolved with the `taps` of a response: each weighs the bin so many after. Bins lie
+    /// `stride` cells apart; after those of `levels`, up to whole [`CELLS`], are as many more as the last tap says.
+    pub fn convolve_to_db(taps: &[(u32, f32)], stride: usize, re: &[f32], im: &[f32], levels: &mut [f32]) {
+        let [mut sums, mut others] = [[0.0; CELLS]; 2];
+        for (start, levels) in (0..).step_by(CELLS).zip(levels.chunks_mut(CELLS)) {
+            convolved(taps, false, stride, re, start, &mut sums);
+            convolved(taps, false, stride, im, start, &mut others);
+            for cell in 0..CELLS {
+                sums[cell] = db(sums[cell] * sums[cell] + others[cell] * others[cell]);
+            }
+            levels.copy_from_slice(&sums[..levels.len()]);
         }
     }
 
-    /// Levels, dB, of amplitudes convolved with the `taps` of a response, likewise.
-    pub fn convolve_to_db(taps: &[(u32, f32)], re: &[f32], im: &[f32], levels: &mut [f32]) {
-        let [mut sums, mut others] = [[0.0; CELLS]; 2];
+    /// [`convolve_to_db`] of energies, with the squares of the taps. With noise, which the response does not change:
+    /// `(sqrt(energy) + re a)^2 + (im a)^2`, where the `powers` of it are `a^2`, uPa^2.
+    pub fn convolve_energies_to_db(
+        taps: &[(u32, f32)],
+        stride: usize,
+        energy: &[f32],
+        noise: [&[f32]; 2],
+        powers: &[f32],
+        levels: &mut [f32],
+    ) {
+        let mut sums = [0.0; CELLS];
         for (start, levels) in (0..).step_by(CELLS).zip(levels.chunks_mut(CELLS)) {
-            convolved(taps, false, re, start, &mut sums);
-            convolved(taps, false, im, start, &mut others);
+            convolved(taps, true, stride, energy, start, &mut sums);
+            let (re, im, powers) = (some(noise[0], start), some(noise[1], start), some(powers, start));
             for cell in 0..CELLS {
-                sums[cell] = db(sums[cell] * sums[cell] + others[cell] * others[cell]);
+                let amplitude = powers[cell].sqrt();
+                let (re, im) = (re[cell] * amplitude, im[cell] * amplitude);
+                let sum = sums[cell].sqrt() + re;
+                sums[cell] = db(sum * sum + im * im);
             }
             levels.copy_from_slice(&sums[..levels.len()]);
         }
@@ -239,20 +245,6 @@ kernels! {
             let amplitude = power.sqrt();
             *to_re = re + noise_re * amplitude;
             *to_im = im + noise_im * amplitude;
-        }
-    }
-
-    /// Energies with noise: `to = (sqrt(energy) + re a)^2 + (im a)^2`, where the power of that is `a^2`.
-    pub fn with_noise(energy: &[f32], re: &[f32], im: &[f32], power: &[f32], to: &mut [f32]) {
-        for ((((to, energy), re), im), power) in to.iter_mut().zip(energy).zip(re).zip(im).zip(power) {
-            *to = noisy(*energy, *re, *im, power.sqrt());
-        }
-    }
-
-    /// Powers as levels, dB.
-    pub fn to_db(powers: &mut [f32]) {
-        for level in powers {
-            *level = db(*level);
         }
     }
 }

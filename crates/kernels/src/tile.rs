@@ -1,8 +1,8 @@
-//! Levels of beams that are heard together, row by row: a row has a number of each beam in one range bin, and begins at a cache
-//! line.
+//! What the beams of a tile hear besides blocks, row by row: a row has a number of each beam in one range bin, as many as a
+//! cache line. Powers are uPa^2.
 
 use crate::level::kernels;
-use crate::sound::{BEAMS, db, noisy};
+use crate::sound::BEAMS;
 
 /// Rows that are worked on at a time, which stay in the first cache.
 pub const ROWS: usize = 32;
@@ -10,35 +10,13 @@ pub const ROWS: usize = 32;
 /// Numbers of so many rows.
 pub type Rows<T = f32> = [T; ROWS * BEAMS];
 
-/// Numbers of rows whose sums stay in registers.
-const SOME: usize = 4 * BEAMS;
-
 /// What beams hear from one part of the directions far aside.
 #[derive(Clone, Copy, Debug)]
 pub struct Aside {
-    /// Where the numbers of the first row are in columns of all parts.
+    /// Where its number in the first row is in the columns of all parts, which go on bin by bin.
     pub at: usize,
     /// How loudly each beam hears that, as a factor of power.
     pub loud: [f32; BEAMS],
-}
-
-/// The [`SOME`] numbers from `at` on.
-#[inline(always)]
-fn some(numbers: &[f32], at: usize) -> &[f32; SOME] {
-    numbers[at..at + SOME].try_into().expect("as many")
-}
-
-/// Sums of rows, each times its tap, or the square of that, where the first begins at `start`.
-#[inline(always)]
-fn convolved(taps: &[(u32, f32)], squared: bool, rows: &[f32], start: usize, sums: &mut [f32; SOME]) {
-    *sums = [0.0; SOME];
-    for &(shift, tap) in taps {
-        let from = some(rows, start + shift as usize * BEAMS);
-        let tap = if squared { tap * tap } else { tap };
-        for cell in 0..SOME {
-            sums[cell] += tap * from[cell];
-        }
-    }
 }
 
 kernels! {
@@ -95,44 +73,15 @@ kernels! {
         }
     }
 
-    /// Levels, dB, of amplitudes convolved with the `taps` of a response: each counts the row that it says.
-    pub fn convolve_to_db(taps: &[(u32, f32)], re: &[f32], im: &[f32], levels: &mut Rows) {
-        let [mut sums, mut others] = [[0.0; SOME]; 2];
-        for (start, levels) in (0..).step_by(SOME).zip(levels.as_chunks_mut::<SOME>().0) {
-            convolved(taps, false, re, start, &mut sums);
-            convolved(taps, false, im, start, &mut others);
-            for cell in 0..SOME {
-                levels[cell] = db(sums[cell] * sums[cell] + others[cell] * others[cell]);
-            }
-        }
-    }
-
-    /// Levels, dB, of energies convolved with the squares of the `taps` of a response, likewise, with noise of the `powers`.
-    pub fn convolve_energies_to_db(
-        taps: &[(u32, f32)],
-        energy: &[f32],
-        noise: [&[f32]; 2],
-        powers: &[f32],
-        levels: &mut Rows,
-    ) {
-        let mut sums = [0.0; SOME];
-        for (start, levels) in (0..).step_by(SOME).zip(levels.as_chunks_mut::<SOME>().0) {
-            convolved(taps, true, energy, start, &mut sums);
-            let (re, im, powers) = (some(noise[0], start), some(noise[1], start), some(powers, start));
-            for cell in 0..SOME {
-                levels[cell] = db(noisy(sums[cell], re[cell], im[cell], powers[cell].sqrt()));
-            }
-        }
-    }
-
-    /// Puts the bits of rows into the lines of the first beams, each `bins` long, from the bin `first` on.
+    /// Transposes rows from the bin `first` on into `lines`, one of `bins` numbers for each of the first beams. Numbers of any
+    /// kind, by their bits.
     pub fn put_columns(rows: &[u32], first: usize, bins: usize, lines: &mut [u32]) {
         /// Rows at a time.
         const EIGHT: usize = 8;
         let (blocks, rest) = rows.as_chunks::<{ EIGHT * BEAMS }>();
         let mut pairs = [[0; BEAMS]; EIGHT / 2];
         for (start, block) in (first..).step_by(EIGHT).zip(blocks) {
-            // Two bins of all beams at once, then of one beam after the other.
+            // Pairs of bins as words of 64 bits: half as many numbers to move.
             for (pair, rows) in pairs.iter_mut().zip(block.as_chunks::<{ 2 * BEAMS }>().0) {
                 for beam in 0..BEAMS {
                     pair[beam] = u64::from(rows[beam]) | u64::from(rows[BEAMS + beam]) << 32;
@@ -149,6 +98,27 @@ kernels! {
         for (bin, row) in (first + blocks.len() * EIGHT..).zip(rest.as_chunks::<BEAMS>().0) {
             for (line, number) in lines.chunks_exact_mut(bins).zip(row) {
                 line[bin] = *number;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Any numbers of rows and beams, from any bin on; what lies beside stays.
+    #[test]
+    fn columns_are_those_of_rows() {
+        const BINS: usize = 50;
+        for (beams, first, rows) in [(16, 0, 32), (1, 3, 17), (5, 0, 7), (16, 41, 9), (2, 10, 0)] {
+            let numbers: Vec<u32> = (1..).take(rows * BEAMS).collect();
+            let mut lines = vec![0; beams * BINS];
+            put_columns(&numbers, first, BINS, &mut lines);
+            for (cell, &found) in lines.iter().enumerate() {
+                let (beam, bin) = (cell / BINS, cell % BINS);
+                let row = bin.checked_sub(first).filter(|row| *row < rows);
+                assert_eq!(found, row.map_or(0, |row| numbers[row * BEAMS + beam]), "beam {beam}, bin {bin}");
             }
         }
     }

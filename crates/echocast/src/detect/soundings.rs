@@ -123,7 +123,8 @@ fn about_the_loudest(layout: &Layout, heard: &BeamLevels) -> Option<Range<usize>
         let about = &levels[bin.saturating_sub(2)..(bin + 3).min(bins)];
         about.iter().map(|level| exp2(level * LOG2_PER_DB)).sum::<f32>()
     };
-    let loud = (from..bins).filter(|&bin| levels[bin] > layout.threshold_db[bin]);
+    let loud = loud_stretches(levels, &layout.threshold_db, from..bins).flatten();
+    let loud = loud.filter(|&bin| levels[bin] > layout.threshold_db[bin]);
     let (loudest, _) = loud.map(|bin| (bin, around(bin))).max_by(|(_, a), (_, b)| a.total_cmp(b))?;
     let range = (loudest as f32 + 0.5) * layout.bin_m as f32;
     let reach = bins_about(layout, beam, width, range);
@@ -197,7 +198,7 @@ fn on_axis(layout: &Layout, heard: &BeamLevels, sums: &mut Vec<f32>) -> Option<R
     Some(whole.start + first..whole.start + last + 1)
 }
 
-/// Those stretches of `bins` in which any level is above its threshold: most of a ping is not.
+/// The stretches of `bins` in which any level is above its threshold: there are few.
 fn loud_stretches(levels: &[f32], thresholds: &[f32], bins: Range<usize>) -> impl Iterator<Item = Range<usize>> {
     /// Bins of a stretch.
     const STRETCH: usize = 32;

@@ -90,15 +90,19 @@ pub(crate) fn for_each_of<T: Send>(items: impl Iterator<Item = T> + Send, work: 
     }
 }
 
-/// [`for_each_of`] with memory, which the next item gets from whatever is done: as many `memories` as may be in use at once,
-/// which stay in the caches of the processor.
+/// [`for_each_of`] with memory. There are as many `memories` as items are worked on at once, not one for each item, so that
+/// they stay in the caches of the processor. `work` finds in its own what the item before has left there.
 pub(crate) fn for_each_with<M: Default + Send, T: Send>(
     memories: &mut Vec<M>,
     items: impl ExactSizeIterator<Item = T> + Send,
     work: impl Fn(&mut M, T) + Sync,
 ) {
-    memories.resize_with(threads().min(items.len()), M::default);
-    let free = Mutex::new(memories.iter_mut().collect::<VecDeque<_>>());
+    let most = threads().min(items.len());
+    if memories.len() < most {
+        memories.resize_with(most, M::default);
+    }
+    // First in, first out: each of them gets its full size early.
+    let free = Mutex::new(memories.iter_mut().take(most).collect::<VecDeque<_>>());
     let free = || free.lock().unwrap_or_else(PoisonError::into_inner);
     for_each_of(items, |item| {
         let memory = free().pop_front().expect("no more items are worked on at once than there are threads");
@@ -161,13 +165,22 @@ mod tests {
     }
 
     #[test]
-    fn no_two_items_share_memory_at_once() {
+    fn as_many_memories_as_threads_are_enough() {
         let mut counts: Vec<usize> = Vec::new();
         for_each_with(&mut counts, 0..1000, |count, _| *count += 1);
         assert_eq!(counts.iter().sum::<usize>(), 1000);
         assert!(counts.len() <= threads());
         alone(|| for_each_with(&mut counts, 0..3, |count, item| *count = item));
-        assert_eq!(counts, [2]);
+        assert_eq!(counts[0], 2);
+        let start = |_, work| std::thread::Builder::new().spawn(work);
+        let crew = Arc::new(Crew::new(3, start).unwrap());
+        let mut counts: Vec<usize> = Vec::new();
+        with_crew(&crew, 1, || {
+            for items in [2, 1000, 0, 7] {
+                for_each_with(&mut counts, 0..items, |count, _| *count += 1);
+            }
+        });
+        assert_eq!((counts.iter().sum::<usize>(), counts.len()), (1009, 4));
     }
 
     #[test]

@@ -171,7 +171,7 @@ impl Rng {
     /// [`Rng::cell_phasors`] of as many beams from `beam` on as a row has, in the rows from `first` on: see
     /// [`random::phasor_rows`].
     pub(crate) fn tile_phasors(&self, beam: u32, draw: Draw, first: usize, [re, im]: [&mut Rows; 2]) {
-        random::phasor_rows(self.key, first, [self.frame, beam, draw as u32], re, im);
+        random::phasor_rows(self.key, [self.frame, beam, draw as u32], first, re, im);
     }
 
     /// A number in [0, 1) at an address of three words and its purpose.

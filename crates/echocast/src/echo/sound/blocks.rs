@@ -124,7 +124,8 @@ impl Gathered {
         }
     }
 
-    /// The stretches of bins in which something is heard, the last of which may go on beyond the last bin, and the blocks of each.
+    /// The stretches of [`BLOCK`] bins in which something is heard, and the blocks of each. The last may go on beyond the last bin,
+    /// where all is zero.
     pub fn stretches(&self) -> impl Iterator<Item = (Range<usize>, Range<usize>)> {
         self.span.clone().zip(self.starts.windows(2)).map(move |(stretch, ends)| {
             let cells = stretch * BLOCK..(stretch + 1) * BLOCK;
@@ -135,10 +136,7 @@ impl Gathered {
     /// Each block: who hears it, which bins it is, and its number.
     pub fn each<'a>(&'a self, transducer: &'a Transducer) -> impl Iterator<Item = (Hearing, Range<usize>, usize)> + 'a {
         let hearing = |block: usize| transducer.hearings[self.hearings[self.of[block] as usize] as usize];
-        let each = move |(bins, blocks): (Range<usize>, Range<usize>)| {
-            blocks.map(move |block| (hearing(block), bins.clone(), block))
-        };
-        self.stretches().flat_map(each)
+        self.stretches().flat_map(move |(bins, blocks)| blocks.map(move |block| (hearing(block), bins.clone(), block)))
     }
 }
 
@@ -174,6 +172,8 @@ mod tests {
     #[test]
     fn blocks_hold_the_sums_of_what_is_heard_alike() {
         const BINS: usize = 42;
+        /// Up to whole blocks.
+        const CELLS: usize = BINS.next_multiple_of(BLOCK);
         // Hearing, first bin, parts.
         let of = [(7, 3, 6), (2, 38, 4), (7, 5, 1), (2, 0, 3), (7, 41, 1), (7, 6, 5)];
         let mut first = 0;
@@ -188,8 +188,8 @@ mod tests {
         for _ in 0..2 {
             gathered.gather(&answers, [&re, &im], &energy, BINS);
             assert_eq!(gathered.hearings, [2, 7]);
-            let mut found = [[(0.0, 0.0, 0.0, 0.0, 0); BINS]; 2];
-            for (cells, blocks) in gathered.stretches(BINS) {
+            let mut found = [[(0.0, 0.0, 0.0, 0.0, 0); CELLS]; 2];
+            for (cells, blocks) in gathered.stretches() {
                 for block in blocks {
                     let it = &gathered.blocks[block];
                     for (at, bin) in cells.clone().enumerate() {
@@ -201,7 +201,7 @@ mod tests {
                 }
             }
             for (of, hearing) in [2, 7].into_iter().enumerate() {
-                for bin in 0..BINS as u32 {
+                for bin in 0..CELLS as u32 {
                     let parts = (0..).zip(&answers).filter(|(_, it)| it.hearing == hearing);
                     let parts = parts.filter(|(_, it)| (it.bin..it.bin + it.parts).contains(&bin));
                     let mut expected = (0.0, 0.0, 0.0, 0.0, 0);
@@ -219,6 +219,6 @@ mod tests {
             }
         }
         gathered.gather(&[], [&[], &[]], &[], BINS);
-        assert_eq!(gathered.stretches(BINS).count(), 0);
+        assert_eq!(gathered.stretches().count(), 0);
     }
 }

@@ -15,8 +15,8 @@ use std::ops::Range;
 /// Energies of a ping by part of the directions and range bin.
 #[derive(Clone, Default)]
 pub(crate) struct Flanks {
-    /// Cells of a part: all bins, up to whole [`ROWS`], and so many that what parts have in one bin does not get in each other's
-    /// way in the cache.
+    /// Cells of a part: all bins, up to whole [`ROWS`], and a cache line: if it were a power of two, what all parts have in one bin
+    /// would compete for the same places of the cache.
     width: usize,
     /// Bins of each part from which something comes; empty: none.
     spans: Vec<Range<usize>>,
@@ -27,8 +27,16 @@ pub(crate) struct Flanks {
     who: Vec<u32>,
 }
 
+/// A part of the directions that beams of a tile hear.
+pub(crate) struct Audible {
+    part: usize,
+    /// How loudly each beam hears it, as a factor of power.
+    loud: [f32; BEAMS],
+}
+
 impl Flanks {
-    /// Empties it for `bins`; without a `transducer` whose beams hear beside their axes it stays empty.
+    /// Empties it for `bins`; without a `transducer` whose beams hear beside their axes it stays empty. `who`: whether to
+    /// find whose the strongest are.
     pub fn clear(&mut self, transducer: &Transducer, bins: usize, who: bool) {
         /// Numbers of a cache line.
         const LINE: usize = 16;
@@ -72,7 +80,7 @@ impl Flanks {
     }
 
     /// Which parts of the directions any of the `beams` of a tile hears, and how loudly each of them.
-    pub fn audible(&self, transducer: &Transducer, beams: Range<usize>, parts: &mut Vec<(usize, [f32; BEAMS])>) {
+    pub fn audible(&self, transducer: &Transducer, beams: Range<usize>, parts: &mut Vec<Audible>) {
         parts.clear();
         for (part, _) in self.spans.iter().enumerate().filter(|(_, span)| !span.is_empty()) {
             let mut loud = [0.0; BEAMS];
@@ -80,22 +88,22 @@ impl Flanks {
                 *loud = transducer.flanks[beam * FLANK_PARTS + part];
             }
             if loud != [0.0; BEAMS] {
-                parts.push((part, loud));
+                parts.push(Audible { part, loud });
             }
         }
     }
 
     /// Powers of what beams hear of `parts` in the rows from `start` on, a multiple of [`ROWS`]. `near` becomes those from which
     /// there is anything.
-    pub fn hear(&self, parts: &[(usize, [f32; BEAMS])], start: usize, near: &mut Vec<Aside>, powers: &mut Rows) {
+    pub fn hear(&self, parts: &[Audible], start: usize, near: &mut Vec<Aside>, powers: &mut Rows) {
         near.clear();
         let is_near = |span: &Range<usize>| span.start < start + ROWS && start < span.end;
-        let heard = parts.iter().filter(|(part, _)| is_near(&self.spans[*part]));
-        near.extend(heard.map(|&(part, loud)| Aside { at: part * self.width + start, loud }));
+        let heard = parts.iter().filter(|heard| is_near(&self.spans[heard.part]));
+        near.extend(heard.map(|&Audible { part, loud }| Aside { at: part * self.width + start, loud }));
         tile::hear_aside(near, &self.energy, powers);
     }
 
-    /// Whom those cells tell of that tell of nobody, if they hear more than the `noise` with these `powers` from what is `near`.
+    /// Cells that tell of nobody, but hear more than the `noise` (powers, uPa^2) from what is `near`, tell of the strongest of that.
     pub fn tell(&self, near: &[Aside], powers: &Rows, noise: f32, told: &mut Rows<u32>) {
         if !near.is_empty() && !self.who.is_empty() {
             tile::tell_aside(near, &self.most, &self.who, powers, noise, NOBODY, told);
@@ -129,7 +137,8 @@ mod tests {
         flanks.audible(&transducer, 0..2, &mut parts);
         let noise = 9000.0;
         for start in (0..BINS).step_by(ROWS) {
-            let before: Rows<u32> = std::array::from_fn(|cell| if cell / BEAMS % 3 == 0 { 1_000_000 } else { NOBODY });
+            let before: Rows<u32> =
+                std::array::from_fn(|cell| if (cell / BEAMS).is_multiple_of(3) { 1_000_000 } else { NOBODY });
             let (mut powers, mut told) = ([0.0; ROWS * BEAMS], before);
             flanks.hear(&parts, start, &mut near, &mut powers);
             flanks.tell(&near, &powers, noise, &mut told);

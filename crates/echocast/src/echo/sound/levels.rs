@@ -1,6 +1,6 @@
 //! From what beams hear to levels: noise, pulse and receiver.
 
-use super::flanks::Flanks;
+use super::flanks::{Audible, Flanks};
 use super::response::Response;
 use super::tile::{NOBODY, Tile};
 use crate::emitter::Transducer;
@@ -17,39 +17,37 @@ pub(crate) struct Background<'a> {
     pub noise: f32,
     /// Power that a steradian of open water returns from each bin, uPa^2; empty: none.
     pub volume: &'a [f32],
-    /// What comes from far beside the beams; it may say whom cells tell of that hear only that.
+    /// What comes from far beside the beams, and whom cells tell of that hear only that, if it was asked to find out.
     pub flanks: &'a Flanks,
     pub transducer: &'a Transducer,
 }
 
 /// Memory of [`Tile::levels`].
-#[derive(Clone, Default)]
+#[derive(Default)]
 pub(crate) struct LevelMemory {
     line: Line,
-    rows: Rows,
+    window: Window,
 }
 
 /// Of one beam, bin by bin.
-#[derive(Clone, Default)]
+#[derive(Default)]
 struct Line {
     noise_re: Vec<f32>,
     noise_im: Vec<f32>,
     /// Powers of the noise.
     hiss: Vec<f32>,
-    /// Energies after the response.
-    sum: Vec<f32>,
     /// What is heard, with silence on either side.
     padded: [Vec<f32>; 2],
 }
 
-/// A number of each beam of a tile in one range bin.
+/// A number of each beam of a tile in one range bin; at a cache line, so that no vector lies in two.
 #[derive(Clone, Copy, Default, Pod, Zeroable)]
 #[repr(C, align(64))]
 struct Row([f32; BEAMS]);
 
 /// Of the beams of a tile: the last rows, as many as the response reaches to both sides, and [`ROWS`] more.
-#[derive(Clone, Default)]
-struct Rows {
+#[derive(Default)]
+struct Window {
     /// Amplitudes with noise, or energies.
     re: Vec<Row>,
     im: Vec<Row>,
@@ -58,7 +56,7 @@ struct Rows {
     noise_im: Vec<Row>,
     hiss: Vec<Row>,
     /// Parts of the directions that the beams hear far aside, and those of them from which something comes in the rows at hand.
-    parts: Vec<(usize, [f32; BEAMS])>,
+    parts: Vec<Audible>,
     near: Vec<Aside>,
 }
 
@@ -76,30 +74,29 @@ impl Tile {
             self.levels_alone(response, background, &mut memory.line, levels);
             told.copy_from_slice(&self.who[..self.bins]);
         } else {
-            self.levels_together(response, background, &mut memory.rows, levels, told);
+            self.levels_together(response, background, &mut memory.window, levels, told);
         }
     }
 
-    /// Levels of the only beam. It hears nothing from far aside.
+    /// Levels of a tile of one beam: see [`Transducer::beams_are_apart`]. Such beams have no flanks.
     fn levels_alone(&self, response: &Response, background: &Background, line: &mut Line, levels: &mut [f32]) {
-        let (bins, is_coherent) = (levels.len(), !self.im.is_empty());
-        let Line { noise_re, noise_im, hiss, sum, padded: [re, im] } = line;
-        for line in [&mut *noise_re, noise_im, hiss, sum] {
-            line.resize(bins, 0.0);
+        let bins = self.bins;
+        let Line { noise_re, noise_im, hiss, padded: [re, im] } = line;
+        for line in [&mut *noise_re, noise_im, hiss] {
+            line.resize(bins + CELLS, 0.0);
         }
         background.rng.cell_phasors(self.beams.0 as u32, Draw::PingNoise, noise_re, noise_im);
         let mut open = [background.transducer.solid_angles[self.beams.0]];
         self.hiss(background, self.share(response), 0..bins, &mut open, hiss);
         let to_re = pad(response, bins, re);
-        if is_coherent {
+        let taps = &response.shifted;
+        if self.is_coherent() {
             let to_im = pad(response, bins, im);
             sound::add_noise(hiss, &self.re[..bins], &self.im[..bins], noise_re, noise_im, to_re, to_im);
-            sound::convolve_to_db(&response.shifted, re, im, levels);
+            sound::convolve_to_db(taps, 1, re, im, levels);
         } else {
             to_re.copy_from_slice(&self.re[..bins]);
-            sound::convolve_squared(&response.shifted, re, sum);
-            sound::with_noise(sum, noise_re, noise_im, hiss, levels);
-            sound::to_db(levels);
+            sound::convolve_energies_to_db(taps, 1, re, [noise_re, noise_im], hiss, levels);
         }
     }
 
@@ -108,33 +105,33 @@ impl Tile {
         &self,
         response: &Response,
         background: &Background,
-        rows: &mut Rows,
+        window: &mut Window,
         levels: &mut [f32],
         told: &mut [u32],
     ) {
         let (bins, beside) = (self.bins, response.reach());
-        rows.clear(2 * beside + ROWS, !self.im.is_empty());
-        background.flanks.audible(background.transducer, self.beams.0..self.beams.1, &mut rows.parts);
+        window.clear(2 * beside + ROWS, self.is_coherent());
+        background.flanks.audible(background.transducer, self.beams.0..self.beams.1, &mut window.parts);
         let mut open = [0.0; BEAMS];
         let angles = &background.transducer.solid_angles[self.beams.0..self.beams.1];
         open[..angles.len()].copy_from_slice(angles);
         let mut out = [0.0; ROWS * BEAMS];
         // What the last rows hear is known when as many more as the response reaches have been taken in.
         for start in (0..bins + beside).step_by(ROWS) {
-            rows.shift();
-            self.take_in(start, background, self.share(response), &mut open, rows, told);
+            window.shift();
+            self.take_in(start, background, self.share(response), &mut open, window, told);
             let first = start.saturating_sub(beside);
             let last = (start + ROWS).saturating_sub(beside).min(bins);
             if first >= last {
                 continue;
             }
-            let Rows { re, im, noise_re, noise_im, hiss, .. } = &*rows;
-            if im.is_empty() {
-                let [noise_re, noise_im, hiss] = [noise_re, noise_im, hiss].map(|rows| cast_slice(&rows[beside..]));
-                let noise = [noise_re, noise_im];
-                tile::convolve_energies_to_db(&response.shifted, cast_slice(re), noise, hiss, &mut out);
+            let Window { re, im, noise_re, noise_im, hiss, .. } = &*window;
+            let taps = &response.shifted;
+            if self.is_coherent() {
+                sound::convolve_to_db(taps, BEAMS, cast_slice(re), cast_slice(im), &mut out);
             } else {
-                tile::convolve_to_db(&response.shifted, cast_slice(re), cast_slice(im), &mut out);
+                let [noise_re, noise_im, hiss] = [noise_re, noise_im, hiss].map(|rows| cast_slice(&rows[beside..]));
+                sound::convolve_energies_to_db(taps, BEAMS, cast_slice(re), [noise_re, noise_im], hiss, &mut out);
             }
             // The first of them may lie before the first bin.
             let skipped = first + beside - start;
@@ -143,19 +140,20 @@ impl Tile {
         }
     }
 
-    /// Takes in what beams hear in the rows from `start` on, a multiple of [`ROWS`], into the last of `rows`.
+    /// Takes in what beams hear in the rows from `start` on, a multiple of [`ROWS`]: into the last of the `window`, zeros beyond the
+    /// last bin; and whom these cells tell of, into `told`.
     fn take_in(
         &self,
         start: usize,
         background: &Background,
         share: f32,
         open: &mut [f32; BEAMS],
-        rows: &mut Rows,
+        window: &mut Window,
         told: &mut [u32],
     ) {
-        let Rows { re, im, noise_re, noise_im, hiss, parts, near } = rows;
+        let Window { re, im, noise_re, noise_im, hiss, parts, near } = window;
         let last = re.len() - ROWS;
-        let (bins, is_coherent) = (self.bins, !self.im.is_empty());
+        let bins = self.bins;
         let count = bins.saturating_sub(start).min(ROWS);
         for column in [&mut *re, im] {
             column.get_mut(last + count..).unwrap_or_default().fill(Row::default());
@@ -176,7 +174,7 @@ impl Tile {
         let mut powers = [0.0; ROWS * BEAMS];
         self.hiss(background, share, start..start + count, open, &mut powers);
         let (sum, to) = (&self.re[cells.clone()], cast_slice_mut(&mut re[last..]));
-        if is_coherent {
+        if self.is_coherent() {
             // Many scatterers are as noise.
             sound::add(1.0, &aside, &mut powers);
             sound::add_noise(&powers, sum, &self.im[cells], &first, &second, to, cast_slice_mut(&mut im[last..]));
@@ -189,8 +187,8 @@ impl Tile {
         }
     }
 
-    /// Powers of noise and volume backscatter in `bins` of all beams, uPa^2, and more noise up to the end of `powers`. `share`: what
-    /// part of a power stands before the response. `open`: solid angle of each beam that is not closed before, sr.
+    /// Powers of noise and volume backscatter in `bins` of all beams, uPa^2, times `share`; beyond them noise alone. `open`: solid
+    /// angle that each beam has open before these bins, sr; becomes that after them.
     fn hiss(&self, background: &Background, share: f32, bins: Range<usize>, open: &mut [f32], powers: &mut [f32]) {
         powers.fill(background.noise * share);
         if background.volume.is_empty() {
@@ -205,17 +203,17 @@ impl Tile {
         }
     }
 
-    /// What part of a power stands before the response.
+    /// What noise is scaled by: that of amplitudes is added before the response, which makes its power [`Response::power`] times
+    /// as much; that of energies after it.
     fn share(&self, response: &Response) -> f32 {
-        let is_coherent = !self.im.is_empty();
-        if is_coherent { 1.0 / response.power } else { 1.0 }
+        if self.is_coherent() { 1.0 / response.power } else { 1.0 }
     }
 }
 
-impl Rows {
+impl Window {
     /// Empties so many, for amplitudes or for energies.
     fn clear(&mut self, count: usize, is_coherent: bool) {
-        let Rows { re, im, noise_re, noise_im, hiss, .. } = self;
+        let Window { re, im, noise_re, noise_im, hiss, .. } = self;
         for (column, wanted) in
             [(re, true), (im, is_coherent), (noise_re, !is_coherent), (noise_im, !is_coherent), (hiss, !is_coherent)]
         {
@@ -226,7 +224,7 @@ impl Rows {
 
     /// Makes room for the next [`ROWS`].
     fn shift(&mut self) {
-        let Rows { re, im, noise_re, noise_im, hiss, .. } = self;
+        let Window { re, im, noise_re, noise_im, hiss, .. } = self;
         for column in [re, im, noise_re, noise_im, hiss] {
             let from = ROWS.min(column.len());
             column.copy_within(from.., 0);
@@ -241,4 +239,63 @@ fn pad<'a>(response: &Response, bins: usize, padded: &'a mut Vec<f32>) -> &'a mu
     padded[..beside].fill(0.0);
     padded[beside + bins..].fill(0.0);
     &mut padded[beside..beside + bins]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::echo::{Taper, Wants};
+
+    /// However many beams and bins there are, and however far the response reaches.
+    #[test]
+    fn beams_have_together_the_levels_that_each_has_alone() {
+        let rng = Rng::new(3, 1);
+        let flanks = Flanks::default();
+        // Reaches of 0, 17 and 85 bins.
+        for (bin, modulated) in [(2.0, false), (0.5, true), (0.1, true)] {
+            let response = Response::new(bin, modulated, Taper::None).unwrap();
+            for (bins, beams) in [(1, 1), (3, 16), (31, 2), (33, 16), (64, 15), (100, 5)] {
+                for speckle in [true, false] {
+                    let mut transducer = Transducer::default();
+                    transducer.solid_angles.resize(16 + beams, 0.1);
+                    let volume: Vec<f32> = (0..bins).map(|bin| 3.0 + bin as f32).collect();
+                    let (volume, transducer) = (&volume[..], &transducer);
+                    let background = Background { rng, noise: 2.0, volume, flanks: &flanks, transducer };
+                    let wants = Wants { lean: false, open: true, speckle };
+                    let mut tile = Tile::default();
+                    tile.clear((16, 16 + beams), BEAMS, bins, wants);
+                    for cell in 0..bins * BEAMS {
+                        let value = (cell * 7919 % 101) as f32;
+                        (tile.re[cell], tile.who[cell], tile.open[cell]) = (value, cell as u32, -1e-5 * value);
+                        if speckle {
+                            tile.im[cell] = 50.0 - value;
+                        }
+                    }
+                    let (mut levels, mut whom) = (vec![0.0; beams * bins], vec![0; beams * bins]);
+                    let mut memory = LevelMemory::default();
+                    // Twice: memory is that of another tile.
+                    for _ in 0..2 {
+                        tile.levels(&response, &background, &mut memory, &mut levels, &mut whom);
+                    }
+                    for beam in 0..beams {
+                        let mut alone = Tile::default();
+                        alone.clear((16 + beam, 17 + beam), 1, bins, wants);
+                        for bin in 0..bins {
+                            let cell = bin * BEAMS + beam;
+                            (alone.re[bin], alone.who[bin], alone.open[bin]) =
+                                (tile.re[cell], tile.who[cell], tile.open[cell]);
+                            if speckle {
+                                alone.im[bin] = tile.im[cell];
+                            }
+                        }
+                        let (mut line, mut who) = (vec![0.0; bins], vec![0; bins]);
+                        alone.levels(&response, &background, &mut memory, &mut line, &mut who);
+                        let cells = beam * bins..(beam + 1) * bins;
+                        assert_eq!(levels[cells.clone()], line, "beam {beam} of {beams}, {bins} bins");
+                        assert_eq!(whom[cells], who, "beam {beam} of {beams}, {bins} bins");
+                    }
+                }
+            }
+        }
+    }
 }

@@ -3,7 +3,7 @@
 use super::ping::{Echoes, NO_RAY};
 use crate::emitter::{Hearing, Transducer};
 use crate::ground::math::exp2;
-use echocast_kernels::sound::{self, BEAMS, BLOCK, Heard};
+use echocast_kernels::sound::{self, BEAMS, BLOCK, HeardBlock};
 use std::ops::Range;
 
 /// No arrival: their numbers are from 1. It is 0, as memory is when nothing was heard.
@@ -31,10 +31,10 @@ pub(crate) struct Tile {
     pub total: Vec<f32>,
     /// Solid angle still open at each bin, sr, minus what is closed there.
     pub open: Vec<f32>,
-    /// Memory: for each of the hearings of a chunk, where the loudness of these beams begins, if any of them hears it; and the
-    /// blocks of a stretch that they hear.
+    /// Memory: where the loudness of these beams begins for each of the hearings of a chunk; `None`: none of them hears it.
     loudness_of: Vec<Option<u32>>,
-    near: Vec<Heard>,
+    /// Memory: the blocks of a stretch that they hear.
+    audible: Vec<HeardBlock>,
 }
 
 /// What a tile determines.
@@ -63,6 +63,11 @@ impl Tile {
         reset(&mut self.lean, cells(wants.lean), &heard);
         reset(&mut self.total, cells(wants.lean), &heard);
         reset(&mut self.open, cells(wants.open), &heard);
+    }
+
+    /// Whether it adds amplitudes, not energies.
+    pub fn is_coherent(&self) -> bool {
+        !self.im.is_empty()
     }
 
     /// Notes that something is heard in `bins`.
@@ -107,28 +112,29 @@ impl Tile {
     fn hear_together(&mut self, transducer: &Transducer, echoes: &Echoes) {
         let Echoes { gathered, first, .. } = echoes;
         let (beams, loudness) = (self.beams, &transducer.loudness[..]);
-        let Tile { re, im, most, who: is, lean, total, heard: all, loudness_of, near, .. } = self;
+        let Tile { re, im, most, who: is, lean, total, heard: all, loudness_of, audible, .. } = self;
         loudness_of.clear();
         loudness_of.extend(gathered.hearings.iter().map(|&hearing| {
             let Hearing { first, from, to, .. } = transducer.hearings[hearing as usize];
             let is_heard = from < to && (first as usize) < beams.1 && beams.0 < (first + to - from) as usize;
-            is_heard.then_some(from + beams.0 as u32 - first)
+            is_heard.then(|| from + beams.0 as u32 - first)
         }));
         for (bins, which) in gathered.stretches() {
-            near.clear();
+            audible.clear();
             let of = (0..).zip(&gathered.of[which.clone()]);
-            near.extend(of.filter_map(|(block, &of)| Some(Heard { block, loudness: loudness_of[of as usize]? })));
-            if near.is_empty() {
+            audible
+                .extend(of.filter_map(|(block, &of)| Some(HeardBlock { block, loudness: loudness_of[of as usize]? })));
+            if audible.is_empty() {
                 continue;
             }
             *all = all.start.min(bins.start)..all.end.max(bins.end);
             let rows = bins.start * BEAMS..bins.end * BEAMS;
             let sums = [&mut re[rows.clone()], im.get_mut(rows.clone()).unwrap_or_default()];
             let (most, is) = (&mut most[rows.clone()], &mut is[rows.clone()]);
-            sound::hear_blocks(&gathered.blocks[which.clone()], near, loudness, *first, sums, most, is);
+            sound::hear_blocks(&gathered.blocks[which.clone()], audible, loudness, *first, sums, most, is);
             if !lean.is_empty() {
                 let (lean, total, energy) = (&mut lean[rows.clone()], &mut total[rows], &gathered.energy[which]);
-                sound::lean_blocks(energy, near, loudness, &transducer.beside, lean, total);
+                sound::lean_blocks(energy, audible, loudness, &transducer.beside, lean, total);
             }
         }
     }
@@ -140,7 +146,7 @@ impl Tile {
         let Hearing { first, from, to, .. } = transducer.hearings[transducer.hearing[ray] as usize];
         let (first, last) = (first as usize, (first + to - from) as usize);
         let (low, high) = (first.max(self.beams.0), last.min(self.beams.1));
-        if low >= high || bin >= self.bins || self.open.is_empty() {
+        if low >= high || bin >= self.bins {
             return;
         }
         self.note(bin..bin + 1);

@@ -46,13 +46,13 @@ const GOALS: usize = 4096;
 #[derive(Default)]
 pub(crate) struct PingMemory {
     chunks: Vec<RayChunk>,
-    /// Of those at work.
+    /// One for each thread that works at once, as are `ears`.
     tracers: Vec<TracerMemory>,
     ears: Vec<Ear>,
     flanks: Flanks,
     accounts: Accounts,
     /// Whom each cell tells of.
-    told: Vec<u32>,
+    whom: Vec<u32>,
     /// What each beam reports, of sonars that report depths.
     soundings: Vec<Option<Sounding>>,
     /// The layout of the last ping, and what it was made from.
@@ -64,7 +64,7 @@ pub(crate) struct PingMemory {
 impl PingMemory {
     /// The strongest arrival in a cell: see [`strongest`].
     pub(super) fn strongest(&self, cell: usize) -> Option<(&Echoes, usize)> {
-        strongest(&self.chunks, self.told[cell])
+        strongest(&self.chunks, self.whom[cell])
     }
 
     /// What all rays send back.
@@ -80,7 +80,7 @@ pub(super) struct RayChunk {
     shares: Vec<Share>,
 }
 
-/// Memory to listen to one tile.
+/// Memory to listen to one tile after the other.
 #[derive(Default)]
 struct Ear {
     tile: Tile,
@@ -444,7 +444,7 @@ impl<'a> Pinging<'a> {
         ping.cells.resize(fields, beams * bins)?;
 
         let of_rays = self.transducer.rays().div_ceil(CHUNK);
-        let PingMemory { chunks, tracers, goals, flanks, ears, accounts, told: whom, soundings, .. } = memory;
+        let PingMemory { chunks, tracers, goals, flanks, ears, accounts, whom, soundings, .. } = memory;
         let of_targets = goals.targets.chunks(GOALS);
         chunks.resize_with(of_rays + of_targets.len() + goals.bodies.len(), RayChunk::default);
         let (sound, surfaces) = (&self.backscatter, &self.scene.surfaces);

@@ -148,7 +148,7 @@ impl Pinging<'_> {
         Ok(())
     }
 
-    /// The columns of a tile that say `who` the strongest scatterer of each cell is.
+    /// Fills the columns of a tile that say what the strongest scatterer of each cell is; `who`: its number.
     pub fn tell(&self, who: &[u32], accounts: &Accounts, runs: &mut Vec<Run>, mut rows: Slices) {
         let bins = self.layout.bins;
         let Accounts { columns, extents, ranges } = accounts;
@@ -175,7 +175,7 @@ impl Pinging<'_> {
         }
     }
 
-    /// The same in the cells of the `soundings` of a tile from beam `first` on alone: all that their points are made from.
+    /// [`Pinging::tell`] in the cells of the `soundings` alone, of a tile from beam `first` on: all that their points are made from.
     pub fn tell_soundings(
         &self,
         first: usize,
