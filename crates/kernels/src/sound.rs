@@ -103,16 +103,27 @@ fn db(power: f32) -> f32 {
     log2(power.max(1e-30)) * (1.0 / LOG2_PER_DB)
 }
 
-/// [`CELLS`] of what is convolved with `taps`, or their squares, from `start` on; bins lie `stride` cells apart.
+/// [`CELLS`] of what is convolved with `taps`, or their squares, from `start` on.
 #[inline(always)]
-fn convolved(taps: &[(u32, f32)], squared: bool, stride: usize, cells: &[f32], start: usize, sums: &mut [f32; CELLS]) {
+fn convolved(taps: &[(u32, f32)], squared: bool, cells: &[f32], start: usize, sums: &mut [f32; CELLS]) {
     *sums = [0.0; CELLS];
     for &(shift, tap) in taps {
-        let from = some(cells, start + shift as usize * stride);
+        let from = some(cells, start + shift as usize);
         let tap = if squared { tap * tap } else { tap };
         for cell in 0..CELLS {
             sums[cell] += tap * from[cell];
         }
+    }
+}
+
+/// [`convolve_to_db`] in the cells from `start` on.
+#[inline(always)]
+fn some_levels(taps: &[(u32, f32)], re: &[f32], im: &[f32], start: usize, levels: &mut [f32; CELLS]) {
+    let [mut sums, mut others] = [[0.0; CELLS]; 2];
+    convolved(taps, false, re, start, &mut sums);
+    convolved(taps, false, im, start, &mut others);
+    for cell in 0..CELLS {
+        levels[cell] = db(sums[cell] * sums[cell] + others[cell] * others[cell]);
     }
 }
 
@@ -191,17 +202,18 @@ kernels! {
         (*lean, *total) = (leans, totals);
     }
 
-    /// Levels, dB re 1 uPa, of amplitudes convolved with the `taps` of a response: each weighs the bin so many after. Bins lie
-    /// `stride` cells apart; after those of `levels`, up to whole [`CELLS`], are as many more as the last tap says.
-    pub fn convolve_to_db(taps: &[(u32, f32)], stride: usize, re: &[f32], im: &[f32], levels: &mut [f32]) {
-        let [mut sums, mut others] = [[0.0; CELLS]; 2];
-        for (start, levels) in (0..).step_by(CELLS).zip(levels.chunks_mut(CELLS)) {
-            convolved(taps, false, stride, re, start, &mut sums);
-            convolved(taps, false, stride, im, start, &mut others);
-            for cell in 0..CELLS {
-                sums[cell] = db(sums[cell] * sums[cell] + others[cell] * others[cell]);
-            }
-            levels.copy_from_slice(&sums[..levels.len()]);
+    /// Levels, dB re 1 uPa, of amplitudes convolved with the `taps` of a response: each weighs the cell so many after. After those
+    /// of `levels`, up to whole [`CELLS`], are as many more as the last tap says.
+    pub fn convolve_to_db(taps: &[(u32, f32)], re: &[f32], im: &[f32], levels: &mut [f32]) {
+        let (whole, rest) = levels.as_chunks_mut();
+        let after = whole.len() * CELLS;
+        for (start, levels) in (0..).step_by(CELLS).zip(whole) {
+            some_levels(taps, re, im, start, levels);
+        }
+        if !rest.is_empty() {
+            let mut levels = [0.0; CELLS];
+            some_levels(taps, re, im, after, &mut levels);
+            rest.copy_from_slice(&levels[..rest.len()]);
         }
     }
 
@@ -209,7 +221,6 @@ kernels! {
     /// `(sqrt(energy) + re a)^2 + (im a)^2`, where the `powers` of it are `a^2`, uPa^2.
     pub fn convolve_energies_to_db(
         taps: &[(u32, f32)],
-        stride: usize,
         energy: &[f32],
         noise: [&[f32]; 2],
         powers: &[f32],
@@ -217,7 +228,7 @@ kernels! {
     ) {
         let mut sums = [0.0; CELLS];
         for (start, levels) in (0..).step_by(CELLS).zip(levels.chunks_mut(CELLS)) {
-            convolved(taps, true, stride, energy, start, &mut sums);
+            convolved(taps, true, energy, start, &mut sums);
             let (re, im, powers) = (some(noise[0], start), some(noise[1], start), some(powers, start));
             for cell in 0..CELLS {
                 let amplitude = powers[cell].sqrt();

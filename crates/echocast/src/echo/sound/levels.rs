@@ -48,6 +48,8 @@ struct Row([f32; BEAMS]);
 /// Of the beams of a tile: the last rows, as many as the response reaches to both sides, and [`ROWS`] more.
 #[derive(Default)]
 struct Window {
+    /// Of the response, by cell.
+    taps: Vec<(u32, f32)>,
     /// Amplitudes with noise, or energies.
     re: Vec<Row>,
     im: Vec<Row>,
@@ -93,10 +95,10 @@ impl Tile {
         if self.is_coherent() {
             let to_im = pad(response, bins, im);
             sound::add_noise(hiss, &self.re[..bins], &self.im[..bins], noise_re, noise_im, to_re, to_im);
-            sound::convolve_to_db(taps, 1, re, im, levels);
+            sound::convolve_to_db(taps, re, im, levels);
         } else {
             to_re.copy_from_slice(&self.re[..bins]);
-            sound::convolve_energies_to_db(taps, 1, re, [noise_re, noise_im], hiss, levels);
+            sound::convolve_energies_to_db(taps, re, [noise_re, noise_im], hiss, levels);
         }
     }
 
@@ -111,6 +113,8 @@ impl Tile {
     ) {
         let (bins, beside) = (self.bins, response.reach());
         window.clear(2 * beside + ROWS, self.is_coherent());
+        window.taps.clear();
+        window.taps.extend(response.shifted.iter().map(|&(bin, tap)| (bin * BEAMS as u32, tap)));
         background.flanks.audible(background.transducer, self.beams.0..self.beams.1, &mut window.parts);
         let mut open = [0.0; BEAMS];
         let angles = &background.transducer.solid_angles[self.beams.0..self.beams.1];
@@ -125,13 +129,12 @@ impl Tile {
             if first >= last {
                 continue;
             }
-            let Window { re, im, noise_re, noise_im, hiss, .. } = &*window;
-            let taps = &response.shifted;
+            let Window { taps, re, im, noise_re, noise_im, hiss, .. } = &*window;
             if self.is_coherent() {
-                sound::convolve_to_db(taps, BEAMS, cast_slice(re), cast_slice(im), &mut out);
+                sound::convolve_to_db(taps, cast_slice(re), cast_slice(im), &mut out);
             } else {
                 let [noise_re, noise_im, hiss] = [noise_re, noise_im, hiss].map(|rows| cast_slice(&rows[beside..]));
-                sound::convolve_energies_to_db(taps, BEAMS, cast_slice(re), [noise_re, noise_im], hiss, &mut out);
+                sound::convolve_energies_to_db(taps, cast_slice(re), [noise_re, noise_im], hiss, &mut out);
             }
             // The first of them may lie before the first bin.
             let skipped = first + beside - start;
@@ -151,7 +154,7 @@ impl Tile {
         window: &mut Window,
         told: &mut [u32],
     ) {
-        let Window { re, im, noise_re, noise_im, hiss, parts, near } = window;
+        let Window { re, im, noise_re, noise_im, hiss, parts, near, .. } = window;
         let last = re.len() - ROWS;
         let bins = self.bins;
         let count = bins.saturating_sub(start).min(ROWS);
