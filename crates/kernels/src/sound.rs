@@ -128,10 +128,10 @@ fn some_levels(taps: &[(u32, f32)], re: &[f32], im: &[f32], start: usize, levels
 }
 
 kernels! {
-    /// `to += scale from`.
-    pub fn add(scale: f32, from: &[f32], to: &mut [f32]) {
+    /// `to += from`.
+    pub fn add(from: &[f32], to: &mut [f32]) {
         for (sum, x) in to.iter_mut().zip(from) {
-            *sum += scale * x;
+            *sum += x;
         }
     }
 

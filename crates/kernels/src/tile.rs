@@ -2,7 +2,7 @@
 //! cache line. Powers are uPa^2.
 
 use crate::level::kernels;
-use crate::sound::BEAMS;
+use crate::sound::{BEAMS, greater};
 
 /// Rows that are worked on at a time, which stay in the first cache.
 pub const ROWS: usize = 32;
@@ -61,10 +61,7 @@ kernels! {
             for part in parts {
                 let (most, who) = (most[part.at + row], who[part.at + row]);
                 for beam in 0..BEAMS {
-                    let heard = part.loud[beam] * most;
-                    let stronger = 0u32.wrapping_sub((heard > best[beam]).into());
-                    whose[beam] = who & stronger | whose[beam] & !stronger;
-                    best[beam] = if heard > best[beam] { heard } else { best[beam] };
+                    (best[beam], whose[beam]) = greater(part.loud[beam] * most, who, best[beam], whose[beam]);
                 }
             }
             for beam in 0..BEAMS {

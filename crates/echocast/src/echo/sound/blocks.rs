@@ -4,6 +4,7 @@
 //! angle is summed by range once, and the beams hear the sums.
 
 use super::ping::{Echoes, PingEcho};
+use super::tile::widen;
 use crate::emitter::{Hearing, Transducer};
 use echocast_kernels::sound::{BLOCK, Block, greater};
 use std::ops::Range;
@@ -64,7 +65,7 @@ impl Gathered {
                 first = found.len();
             }
             let stretches = stretches(answer);
-            self.span = self.span.start.min(stretches.start)..self.span.end.max(stretches.end);
+            widen(&mut self.span, &stretches);
             for stretch in stretches {
                 let block = &mut last[stretch];
                 let known = found.get(*block as usize).is_some_and(|known| known[0] == stretch as u32);

@@ -6,7 +6,7 @@
 //! part with its mean power there. As for any sum of many scatterers the amplitude is normally distributed.
 
 use super::ping::Echoes;
-use super::tile::NOBODY;
+use super::tile::{NOBODY, widen};
 use crate::emitter::{FLANK_PARTS, Hearing, Transducer};
 use echocast_kernels::sound::{self, BEAMS, BLOCK, Block};
 use echocast_kernels::tile::{self, Aside, ROWS, Rows};
@@ -60,8 +60,7 @@ impl Flanks {
         }
         let Echoes { gathered, first, .. } = echoes;
         for (Hearing { part, .. }, bins, block) in gathered.each(transducer) {
-            let span = &mut self.spans[part as usize];
-            (span.start, span.end) = (span.start.min(bins.start), span.end.max(bins.end));
+            widen(&mut self.spans[part as usize], &bins);
             // Whole blocks: beyond the last bin nothing is heard.
             let from = part as usize * self.width + bins.start;
             let cells = from..from + BLOCK;

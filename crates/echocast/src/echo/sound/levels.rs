@@ -87,7 +87,9 @@ impl Tile {
         for line in [&mut *noise_re, noise_im, hiss] {
             line.resize(bins + CELLS, 0.0);
         }
-        background.rng.cell_phasors(self.beams.0 as u32, Draw::PingNoise, noise_re, noise_im);
+        // What is padded beyond the last bin needs none.
+        let [to_re, to_im] = [&mut *noise_re, noise_im].map(|noise| &mut noise[..bins]);
+        background.rng.cell_phasors(self.beams.0 as u32, Draw::PingNoise, to_re, to_im);
         let mut open = [background.transducer.solid_angles[self.beams.0]];
         self.hiss(background, self.share(response), 0..bins, &mut open, hiss);
         let to_re = pad(response, bins, re);
@@ -179,11 +181,11 @@ impl Tile {
         let (sum, to) = (&self.re[cells.clone()], cast_slice_mut(&mut re[last..]));
         if self.is_coherent() {
             // Many scatterers are as noise.
-            sound::add(1.0, &aside, &mut powers);
+            sound::add(&aside, &mut powers);
             sound::add_noise(&powers, sum, &self.im[cells], &first, &second, to, cast_slice_mut(&mut im[last..]));
         } else {
             to[..sum.len()].copy_from_slice(sum);
-            sound::add(1.0, &aside, to);
+            sound::add(&aside, to);
             for (to, from) in [(noise_re, &first), (noise_im, &second), (hiss, &powers)] {
                 cast_slice_mut(&mut to[last..]).copy_from_slice(from);
             }

@@ -72,7 +72,7 @@ impl Tile {
 
     /// Notes that something is heard in `bins`.
     fn note(&mut self, bins: Range<usize>) {
-        self.heard = self.heard.start.min(bins.start)..self.heard.end.max(bins.end);
+        widen(&mut self.heard, &bins);
     }
 
     /// Adds what the beams hear of a chunk.
@@ -127,7 +127,7 @@ impl Tile {
             if audible.is_empty() {
                 continue;
             }
-            *all = all.start.min(bins.start)..all.end.max(bins.end);
+            widen(all, &bins);
             let rows = bins.start * BEAMS..bins.end * BEAMS;
             let sums = [&mut re[rows.clone()], im.get_mut(rows.clone()).unwrap_or_default()];
             let (most, is) = (&mut most[rows.clone()], &mut is[rows.clone()]);
@@ -157,6 +157,11 @@ impl Tile {
             *open -= weight * loud * loud;
         }
     }
+}
+
+/// Makes a range hold another, too, and what is between them.
+pub(super) fn widen(range: &mut Range<usize>, by: &Range<usize>) {
+    *range = range.start.min(by.start)..range.end.max(by.end);
 }
 
 /// Makes a column of so many `cells`, all 0, as [`NOBODY`] is. If it has as many, only those `heard` are not 0 already; `None`:
