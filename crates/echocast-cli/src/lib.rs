@@ -28,6 +28,7 @@ mod usage;
 mod weather;
 
 use clap::{Parser, Subcommand};
+use echocast::Engine;
 use std::ffi::OsString;
 use std::io::Write as _;
 
@@ -36,8 +37,9 @@ use std::io::Write as _;
 #[derive(Parser)]
 #[command(
     name = "echocast",
-    version,
     arg_required_else_help = true,
+    args_conflicts_with_subcommands = true,
+    override_usage = "echocast <COMMAND>\n       echocast --version [--verbose]",
     after_help = "Example:\n  echocast generate street -o street.glb\n  echocast scan street.glb --sensor velodyne_vlp32c --camera Corner -o scan.las --preview scan.png\n\n\
                   Exit codes:\n  \
                   0    success\n  \
@@ -45,11 +47,20 @@ use std::io::Write as _;
                   gives no memory or threads; the simulation refuses\n  \
                   2    wrong usage: an option, name, value or ending of the command is unknown, not allowed, or does\n       \
                   not go with the others, the sensor or the scene; nothing is written\n  \
-                  130  interrupted"
+                  130  interrupted\n\n\
+                  Environment:\n  \
+                  ECHOCAST_SIMD  vector instructions: avx512, avx2 or plain [default: the widest that the processor has];\n                 \
+                  figures of surfaces may differ in their last digits"
 )]
 struct Cli {
+    /// Print the version
+    #[arg(short = 'V', long)]
+    version: bool,
+    /// Print which vector instructions are used, too
+    #[arg(long, requires = "version")]
+    verbose: bool,
     #[command(subcommand)]
-    command: Command,
+    command: Option<Command>,
 }
 
 #[derive(Subcommand)]
@@ -81,16 +92,18 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         }
     };
     let done = match cli.command {
-        Command::Scan(args) => scan::run(&args),
-        Command::Run(args) => run::run(&args),
-        Command::Sensors(args) => sensors::run(&args),
-        Command::Info(args) => info::run(&args),
-        Command::Convert(args) => convert::run(&args),
-        Command::Preview(args) => preview::run(&args),
-        Command::Generate(args) => generate::run(&args),
-        Command::Formats(args) => formats::run(&args),
-        Command::Bench(args) => bench::run(&args),
-        Command::Completions(args) => completions::run::<Cli>(&args),
+        // Without a command, that is all there is to do.
+        None => print_version(cli.verbose),
+        Some(Command::Scan(args)) => scan::run(&args),
+        Some(Command::Run(args)) => run::run(&args),
+        Some(Command::Sensors(args)) => sensors::run(&args),
+        Some(Command::Info(args)) => info::run(&args),
+        Some(Command::Convert(args)) => convert::run(&args),
+        Some(Command::Preview(args)) => preview::run(&args),
+        Some(Command::Generate(args)) => generate::run(&args),
+        Some(Command::Formats(args)) => formats::run(&args),
+        Some(Command::Bench(args)) => bench::run(&args),
+        Some(Command::Completions(args)) => completions::run::<Cli>(&args),
     };
     match done {
         Ok(()) => 0,
@@ -105,4 +118,21 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
             code
         }
     }
+}
+
+/// Prints the version; `verbose`: and which vector instructions are used.
+fn print_version(verbose: bool) -> anyhow::Result<()> {
+    let mut told = concat!("echocast ", env!("CARGO_PKG_VERSION"), "\n").to_owned();
+    if verbose {
+        let engine = Engine::with_threads(1)?;
+        let (major, minor, patch) = engine.embree_version();
+        let isa = match engine.packet_width() {
+            16 => "AVX-512",
+            8 => "AVX",
+            _ => "SSE or NEON",
+        };
+        let (vectors, width) = (engine.vectors(), engine.packet_width());
+        told += &format!("kernels: {vectors}\nEmbree {major}.{minor}.{patch}: {isa}, packets of {width} rays\n");
+    }
+    text::print(&told)
 }

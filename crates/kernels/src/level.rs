@@ -1,6 +1,11 @@
-//! Which vector instructions the processor has.
+//! Which vector instructions are used: the widest that the processor has, or those that somebody chose.
 
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, Ordering};
+use std::{env, fmt};
+
+/// The environment variable that chooses a level; read once. Unset or empty: the widest that the processor has.
+pub const VARIABLE: &str = "ECHOCAST_SIMD";
 
 /// A set of vector instructions, narrower ones first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -13,6 +18,42 @@ pub enum Level {
     /// x86-64-v4: AVX-512.
     Avx512 = 3,
 }
+
+impl Level {
+    const ALL: [Level; 3] = [Level::Avx512, Level::Avx2, Level::Plain];
+
+    /// What [`VARIABLE`] calls it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Level::Plain => "plain",
+            Level::Avx2 => "avx2",
+            Level::Avx512 => "avx512",
+        }
+    }
+
+    /// Those that this processor has, wider ones first.
+    pub fn here() -> impl Iterator<Item = Level> {
+        let widest = widest();
+        Level::ALL.into_iter().filter(move |&level| level <= widest)
+    }
+}
+
+/// Why [`VARIABLE`] chooses nothing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct NoLevel {
+    /// What it says.
+    pub found: String,
+    /// What it may say on this processor.
+    pub allowed: String,
+}
+
+impl fmt::Display for NoLevel {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "{VARIABLE} is {}; allowed: {}", self.found, self.allowed)
+    }
+}
+
+impl std::error::Error for NoLevel {}
 
 /// What kernels use; 0: not determined yet.
 static LEVEL: AtomicU8 = AtomicU8::new(0);
@@ -37,6 +78,27 @@ fn widest() -> Level {
     Level::Plain
 }
 
+/// The level that `text` names.
+fn named(text: &str) -> Result<Level, NoLevel> {
+    Level::here().find(|level| level.name() == text).ok_or_else(|| {
+        let names: Vec<_> = Level::here().map(Level::name).collect();
+        NoLevel { found: text.to_owned(), allowed: format!("{} on this processor", names.join(", ")) }
+    })
+}
+
+/// The level that [`VARIABLE`] chooses, if it does.
+///
+/// # Errors
+/// It names no level that this processor has. Kernels then use the widest.
+pub fn chosen_level() -> Result<Option<Level>, NoLevel> {
+    static CHOSEN: OnceLock<Result<Option<Level>, NoLevel>> = OnceLock::new();
+    let read = || match env::var_os(VARIABLE) {
+        Some(text) if !text.is_empty() => named(&text.to_string_lossy()).map(Some),
+        _ => Ok(None),
+    };
+    CHOSEN.get_or_init(read).clone()
+}
+
 /// What kernels use.
 #[inline]
 pub fn level() -> Level {
@@ -51,7 +113,7 @@ pub fn level() -> Level {
 /// Limits kernels to levels no wider than `most`, in the whole process; returns what they use. Tests compare levels.
 #[cold]
 pub fn limit_level(most: Level) -> Level {
-    let level = widest().min(most);
+    let level = chosen_level().ok().flatten().unwrap_or_else(widest).min(most);
     LEVEL.store(level as u8, Ordering::Relaxed);
     level
 }
@@ -86,3 +148,21 @@ macro_rules! kernels {
     )*};
 }
 pub(crate) use kernels;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_of_this_processor_have_names() {
+        assert_eq!(Level::here().last(), Some(Level::Plain));
+        for level in Level::here() {
+            assert_eq!(named(level.name()), Ok(level));
+        }
+        for text in ["avx", "AVX2", " plain", "sse"] {
+            let error = named(text).unwrap_err().to_string();
+            assert!(error.starts_with(&format!("ECHOCAST_SIMD is {text}; allowed: ")), "{error}");
+            assert!(error.ends_with("plain on this processor"), "{error}");
+        }
+    }
+}

@@ -23,7 +23,7 @@ pub mod tile;
 pub mod tree;
 pub mod water;
 
-pub use level::{Level, level, limit_level};
+pub use level::{Level, NoLevel, VARIABLE, chosen_level, level, limit_level};
 
 /// Lanes of a block. All columns of a block together fit in the first-level cache.
 pub const LANES: usize = 256;

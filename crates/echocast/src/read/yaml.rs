@@ -14,8 +14,9 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::path::Path;
 
-/// Deepest nesting accepted.
-const MAX_DEPTH: usize = 64;
+/// Deepest nesting accepted: three times what files of ours need. What reads a text calls itself at every level, on the
+/// stack of whoever asked, of which little is promised to be enough.
+const MAX_DEPTH: usize = 24;
 
 /// Reads YAML `text` that came from `origin` (a file name, or a word for messages).
 ///
@@ -279,10 +280,9 @@ pub fn set(value: &mut Value, path: &str, text: &str, tags: &[&str]) -> Result<(
 /// # Errors
 /// A sentence about a path through something that is not a section, an entry that a list does not have.
 pub fn put(value: &mut Value, path: &str, new: Value, tags: &[&str]) -> Result<(), String> {
-    /// Deeper than any file of ours; an unlimited tree could not even be dropped.
-    const DEEPEST: usize = 64;
-    if steps(path).take(DEEPEST + 1).count() > DEEPEST {
-        return Err(format!("the key is more than {DEEPEST} names deep; allowed: paths of this file's keys"));
+    // As a text that has it there.
+    if steps(path).take(MAX_DEPTH + 1).count() + depth(&new) > MAX_DEPTH {
+        return Err(too_deep());
     }
     let mut place = value;
     let mut done = String::new();
@@ -324,6 +324,19 @@ pub fn put(value: &mut Value, path: &str, new: Value, tags: &[&str]) -> Result<(
     }
     *place = new;
     Ok(())
+}
+
+/// How many sections and lists there are around the innermost value.
+fn depth(value: &Value) -> usize {
+    match value {
+        Value::Array(items) => 1 + items.iter().map(depth).max().unwrap_or(0),
+        Value::Object(map) => 1 + map.values().map(depth).max().unwrap_or(0),
+        _ => 0,
+    }
+}
+
+fn too_deep() -> String {
+    format!("sections and lists are nested deeper than {MAX_DEPTH}, the most allowed")
 }
 
 /// A mapping without the key that selects its kind, see [`split_tag`].
@@ -472,7 +485,6 @@ fn options() -> Options {
 fn plain_message(error: &serde_saphyr::Error) -> String {
     use serde_saphyr::Error as Yaml;
     use serde_saphyr::budget::BudgetBreach;
-    let too_deep = || format!("sections and lists are nested deeper than {MAX_DEPTH}, the most allowed");
     match error.without_snippet() {
         Yaml::AliasError { error, .. } => plain_message(error),
         Yaml::Budget { breach: BudgetBreach::Depth { .. }, .. } => too_deep(),
@@ -692,7 +704,7 @@ mod tests {
     fn what_the_crate_says_is_put_plainly() {
         for (text, expected) in [
             ("a: 1\na: 2".to_owned(), "line 2: duplicate key \"a\""),
-            ("[".repeat(100), "line 1: sections and lists are nested deeper than 64, the most allowed"),
+            ("[".repeat(100), "line 1: sections and lists are nested deeper than 24, the most allowed"),
             (format!("[{}]", "1,".repeat(300_000)), "line 1: there are more values than are read, those that"),
             ("a: 1\n---\nb: 2".to_owned(), "line 3: a second document begins; allowed: one"),
             ("a: .inf".to_owned(), "line 1: .inf is not a finite number"),

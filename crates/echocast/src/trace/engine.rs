@@ -3,6 +3,7 @@
 use crate::ground::error::{Error, Result};
 use crate::ground::parallel;
 use echocast_crew::Crew;
+use echocast_kernels::{self as kernels, Level};
 use embree4::{CommittedScene, Device, Joint, Pace};
 use std::error::Error as _;
 use std::sync::mpsc::{self, Sender};
@@ -52,7 +53,8 @@ impl Engine {
     /// thread is one of them, the others help all engines made so.
     ///
     /// # Errors
-    /// Embree's: out of memory, a library that is too old or too new; [`Error::Threads`].
+    /// Embree's: out of memory, a library that is too old or too new; [`Error::Threads`]; vector instructions that
+    /// `ECHOCAST_SIMD` names, but there are not.
     pub fn new() -> Result<Engine> {
         if rayon::current_thread_index().is_none() {
             // Later rayon would panic if the system gives no threads.
@@ -61,7 +63,7 @@ impl Engine {
                 _ => {}
             }
         }
-        let device = Device::new()?;
+        let device = device()?;
         let count = rayon::current_num_threads();
         let crew = kept(&EVERYBODYS_CREW, || hire(count))?;
         let builders = kept(&EVERYBODYS_BUILDERS, || Builders::for_workers(&device, count))?;
@@ -74,7 +76,7 @@ impl Engine {
     /// as many as the machine has cores. No threads are requested from the system later.
     ///
     /// # Errors
-    /// Embree's: out of memory, a library that is too old or too new; [`Error::Threads`]; more than 1024.
+    /// As [`Engine::new`]; more than 1024.
     pub fn with_threads(threads: usize) -> Result<Engine> {
         /// More is a mistake.
         const MOST: usize = 1024;
@@ -83,7 +85,7 @@ impl Engine {
             1..=MOST => threads,
             _ => return Err(Error::invalid("threads", threads, format!("0 to {MOST}"))),
         };
-        let device = Device::new()?;
+        let device = device()?;
         let workers = hire(count)?.map_or(Workers::Caller, Workers::Crew);
         let builders = Builders::for_workers(&device, count)?;
         Ok(Engine(Arc::new(Parts { device, workers, builders })))
@@ -101,6 +103,17 @@ impl Engine {
     /// Major, minor and patch number of the Embree library that runs.
     pub fn embree_version(&self) -> (u32, u32, u32) {
         self.0.device.version()
+    }
+
+    /// Rays that Embree traces at a time: 16 with AVX-512, 8 with AVX, 4 with narrower instructions.
+    pub fn packet_width(&self) -> usize {
+        self.0.device.packet_width()
+    }
+
+    /// Vector instructions of the kernels, the loops of this library: `avx512`, `avx2` or `plain`, of the variable
+    /// `ECHOCAST_SIMD` or else the widest that the processor has. Embree uses its own of the same width.
+    pub fn vectors(&self) -> &'static str {
+        kernels::level().name()
     }
 
     /// Runs `work` on this thread, its parallel parts with the help of this engine's other threads, which help several at
@@ -128,6 +141,22 @@ impl Engine {
         let builders = self.0.builders.as_ref().filter(|_| primitives >= WORTH_HELP);
         Ok(scene.commit_with(pace, |joint| builders.into_iter().for_each(|builders| builders.call(joint)))?)
     }
+}
+
+/// Embree's device, for the vector instructions that were chosen for kernels, or the widest.
+fn device() -> Result<Device> {
+    let chosen = kernels::chosen_level()
+        .map_err(|error| Error::invalid(kernels::VARIABLE, error.found, error.allowed))?
+        // Elsewhere there is nothing to choose.
+        .filter(|_| cfg!(target_arch = "x86_64"));
+    let isa = match chosen {
+        None => "",
+        Some(Level::Avx512) => "isa=avx512",
+        Some(Level::Avx2) => "isa=avx2",
+        // What any processor of the last fifteen years has.
+        Some(Level::Plain) => "isa=sse4.2",
+    };
+    Ok(Device::with_config(isa)?)
 }
 
 /// As many threads as help a calling one where `count` work; `None`: nobody.
