@@ -11,6 +11,7 @@ use echocast::{
 };
 use echocast_kernels::{Level, limit_level};
 use echocast_tests::reference::{Moving, Random, SceneBuilder, Shape};
+use echocast_tests::run_at_other_levels;
 use glam::{DAffine3, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -290,6 +291,12 @@ fn vector_levels_do_not_change_a_bit() {
         }
     }
     limit_level(Level::Avx512);
+}
+
+/// Embree's hits differ from level to level, but not with the number of threads.
+#[test]
+fn threads_do_not_change_a_bit_at_other_vector_levels() {
+    run_at_other_levels(&["threads_do_not_change_a_bit", "threads_do_not_change_a_bit_of_what_moves"]);
 }
 
 /// The scene is built identically twice, too.

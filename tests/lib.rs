@@ -3,6 +3,7 @@
 
 pub mod reference;
 
+use echocast_kernels::{Level, VARIABLE, level};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -18,6 +19,51 @@ pub fn assert_in_document(path: &str, rows: &str) {
     assert!(file.contains(rows), "{path} is not up to date; its rows are:\n{rows}");
 }
 
+/// The same for figures that differ from processor to processor, as Embree's hits do, in a column by up to the number in
+/// `within`.
+#[track_caller]
+pub fn assert_nearly_in_document(path: &str, rows: &str, within: &[f64]) {
+    let file = std::fs::read_to_string(root().join(path)).unwrap();
+    let lines: Vec<&str> = file.lines().collect();
+    let rows: Vec<&str> = rows.lines().collect();
+    let are_near = |found: &[&str]| found.iter().zip(&rows).all(|(line, row)| is_near(line, row, within));
+    assert!(lines.windows(rows.len()).any(are_near), "{path} is not up to date; its rows are:\n{}", rows.join("\n"));
+}
+
+/// Whether the cells of two rows of a table are alike but for the numbers that begin them, and these differ by no more
+/// than is given for their column.
+fn is_near(a: &str, b: &str, within: &[f64]) -> bool {
+    let cells = |row: &str| row.split('|').map(|cell| cell.trim().to_owned()).collect::<Vec<_>>();
+    let (a, b) = (cells(a), cells(b));
+    // Bars are before the first and after the last.
+    let limits = [0.0].iter().chain(within).chain(&[0.0]);
+    a.len() == b.len()
+        && a.len() == within.len() + 2
+        && a.iter().zip(&b).zip(limits).all(|((a, b), within)| {
+            let split = |cell: &str| {
+                let end = cell.find(|c: char| !(c.is_ascii_digit() || c == '.')).unwrap_or(cell.len());
+                (cell[..end].parse::<f64>().ok(), cell[end..].to_owned())
+            };
+            match (split(a), split(b)) {
+                ((Some(a), unit), (Some(b), other)) => unit == other && (a - b).abs() <= within + 1e-9,
+                _ => a == b,
+            }
+        })
+}
+
+/// Runs `tests` of the test program that calls this at every other vector level that the processor has, each in a process
+/// of its own: Embree traces differently at each.
+#[track_caller]
+pub fn run_at_other_levels(tests: &[&str]) {
+    for other in Level::here().filter(|&other| other != level()) {
+        let program = std::env::current_exe().unwrap();
+        let run = Command::new(program).arg("--exact").args(tests).env(VARIABLE, other.name()).output().unwrap();
+        let said = String::from_utf8_lossy(&run.stdout);
+        assert!(run.status.success(), "{}: {said}{}", other.name(), String::from_utf8_lossy(&run.stderr));
+        assert!(said.contains(&format!(" {} passed", tests.len())), "{}: {said}", other.name());
+    }
+}
+
 /// The Python of `.venv`, where `scripts/setup --test` installs third-party readers, or `ECHOCAST_PYTHON`.
 pub fn python() -> Command {
     let python = match std::env::var_os("ECHOCAST_PYTHON") {
@@ -29,4 +75,21 @@ pub fn python() -> Command {
     // Processes started by concurrent tests inherit this one's open files, and their locks.
     command.env("HDF5_USE_FILE_LOCKING", "FALSE");
     command
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_are_near_within_what_is_allowed() {
+        let near = |a, b| is_near(a, b, &[0.0, 0.5, 0.1]);
+        assert!(near("| `a` | 11.4 % | 3 m |", "| `a` | 11.9 % | 3.1 m |"));
+        assert!(!near("| `a` | 11.4 % | 3 m |", "| `a` | 11.95 % | 3 m |"));
+        assert!(!near("| `a` | 11.4 % | 3 m |", "| `a` | 11.4 m | 3 m |"));
+        assert!(!near("| `a` | 11.4 % | 3 m |", "| `b` | 11.4 % | 3 m |"));
+        assert!(!near("| `a` | - | 3 m |", "| `a` | 11.4 % | 3 m |"));
+        assert!(near("| `a` | - | 3 m |", "| `a` | - | 3 m |"));
+        assert!(!near("| `a` | 11.4 % |", "| `a` | 11.4 % | 3 m |"));
+    }
 }

@@ -7,6 +7,7 @@ use echocast::{
     Trajectory,
 };
 use echocast_tests::reference::{Hit, Moving, Random, SceneBuilder, Shape, Tracer, beams, raster, sensor};
+use echocast_tests::run_at_other_levels;
 use glam::{DAffine3, DQuat, DVec3};
 
 /// Outcome of a comparison.
@@ -468,6 +469,19 @@ fn copies_without_thickness_are_hit_as_the_oracle_says() {
     let scene = scene.finish();
     let pose = Pose::at(0.0, 0.0, 4.0).with_rpy_deg(0.0, 45.0, 0.0);
     compare(&scene, pose, &raster(60, 60, 1.2)).check(0.05);
+}
+
+/// Embree traces differently at each.
+#[test]
+fn the_oracle_agrees_at_other_vector_levels() {
+    run_at_other_levels(&[
+        "triangle_soups_are_hit_as_the_oracle_says",
+        "scaled_sheared_and_mirrored_instances_are_hit_as_the_oracle_says",
+        "smooth_and_flat_solids_are_hit_as_the_oracle_says",
+        "what_moves_is_hit_as_the_oracle_says",
+        "what_changes_its_shape_is_hit_as_the_oracle_says",
+        "survey_coordinates_are_hit_as_the_oracle_says",
+    ]);
 }
 
 /// Single precision may let a ray through between two triangles, but only one in a million of those within a rounding

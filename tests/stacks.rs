@@ -3,13 +3,25 @@
 
 #![cfg(target_os = "linux")]
 
+use echocast::emitter::Lobe;
+use echocast::generate::Generate;
+use echocast::preview::PreviewOptions;
+use echocast::scene::{LoadOptions, Material, MaterialRules};
 use echocast::{
-    Engine, Environment, FieldSet, PointCloud, Pose, ScanOptions, Scenario, Scene, Sensor, SensorKind, Trajectory,
+    Engine, Environment, FieldSet, LabelRules, PointCloud, Pose, ScanOptions, Scenario, Scene, Sensor, SensorKind,
+    Trajectory,
 };
+use rustix::thread::disable_transparent_huge_pages;
 use std::fmt::Write as _;
 use std::fs;
 use std::ops::Range;
 use std::path::Path;
+
+/// Where the system makes large pages of memory as it pleases, all of a stack is there once some of it is touched: none
+/// for this process, please.
+fn without_huge_pages() {
+    disable_transparent_huge_pages(true).unwrap();
+}
 
 /// What `docs/embedding.md` and the C header guarantee for the calling thread.
 const CALLER_KIB: usize = 256;
@@ -105,6 +117,7 @@ fn use_sensor(engine: &Engine, sensor: &Sensor) {
 /// A ground with enough triangles that all building threads are called, as a part of it again and again.
 #[test]
 fn building_takes_little_stack() {
+    without_huge_pages();
     let side = 400;
     let mut obj = String::new();
     for (i, j) in (0..=side).flat_map(|i| (0..=side).map(move |j| (i, j))) {
@@ -132,6 +145,7 @@ fn building_takes_little_stack() {
 /// A scenario is read, a scene made and varied, with models that are placed, and scanned.
 #[test]
 fn samples_take_little_stack() {
+    without_huge_pages();
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../examples/scenes"));
     let street = "
         scene: {generate: {street: {cars: 3, people: 2}}}
@@ -164,6 +178,7 @@ fn samples_take_little_stack() {
 
 #[test]
 fn stacks_are_as_small_as_promised() {
+    without_huge_pages();
     println!("{:28}{:>10}{:>10}{:>10} KiB of stack with 1, 2 and 64 threads", "", 1, 2, 64);
     let mut most = [0; 3];
     for (name, sensor) in sensors() {
@@ -180,4 +195,76 @@ fn stacks_are_as_small_as_promised() {
     println!("{:28}{alone:>10}{two:>10}{many:>10}", "most");
     assert!(alone <= CALLER_KIB, "{alone} KiB of the calling thread");
     assert!(two.max(many) <= WORKER_KIB, "{two} and {many} KiB of threads of an engine");
+}
+
+/// What reads a text calls itself at every level of it. With a stack of the size that is promised to be enough, and no more:
+/// an overflow ends this process.
+#[test]
+fn nested_texts_take_little_stack() {
+    /// The most levels of sections and lists.
+    const DEEPEST: usize = 24;
+    type Read = fn(&str) -> echocast::Result<()>;
+    let kinds: [(&str, Read); 13] = [
+        ("sensor", |text| Sensor::from_yaml(&format!("{{name: a, kind: lidar, pattern: {text}}}"), "").map(drop)),
+        ("value of a sensor", |text| Sensor::preset("velodyne_vlp16")?.set("noise", text)),
+        ("lobe", |text| Lobe::from_yaml(&format!("{{shape: {text}}}")).map(drop)),
+        ("material", |text| Material::from_yaml(&format!("{{name: a, reflectance: {text}}}")).map(drop)),
+        ("materials", |text| MaterialRules::from_yaml(&format!("{{a: {text}}}")).map(drop)),
+        ("labels", |text| LabelRules::from_yaml(&format!("{{rules: {text}}}")).map(drop)),
+        ("environment", |text| Environment::from_yaml(&format!("{{rain: {text}}}")).map(drop)),
+        ("scene options", |text| LoadOptions::from_yaml(&format!("{{labels: {text}}}")).map(drop)),
+        ("picture options", |text| PreviewOptions::from_yaml(&format!("{{view: {text}}}")).map(drop)),
+        ("generated scene", |text| Generate::from_yaml(&format!("{{street: {text}}}")).map(drop)),
+        ("scenario", |text| Scenario::from_yaml(&format!("{{scene: {text}}}"), "").map(drop)),
+        // A number may be a list of numbers, and so on.
+        ("drawn value", |text| {
+            let scenario = "scene: {generate: {street: {}}}\nsensors: [{sensor: velodyne_vlp16}]\ntrajectory: {position_m: [0, 0, 1]}";
+            let set = format!("[{{set: environment.rain, to: {text}}}]");
+            Scenario::from_yaml(&format!("{scenario}\nvariation: {set}"), "").map(drop)
+        }),
+        ("value of a scenario", |text| {
+            let scenario = "{scene: {generate: {street: {}}}, sensors: [{sensor: velodyne_vlp16}], trajectory: {position_m: [0, 0, 1]}}";
+            Scenario::from_yaml(scenario, "")?.set("environment", text)
+        }),
+    ];
+    let work = move || {
+        for (name, read) in kinds {
+            for depth in (DEEPEST - 4..=DEEPEST + 2).chain([40, 63, 64, 100, 1000, 100_000]) {
+                let texts = [
+                    "{a: ".repeat(depth) + "1" + &"}".repeat(depth),
+                    "[".repeat(depth) + "1" + &"]".repeat(depth),
+                    "{\"a\": [".repeat(depth / 2) + "1" + &"]}".repeat(depth / 2),
+                ];
+                for text in texts {
+                    let told = read(&text).err().map_or(String::new(), |error| error.to_string());
+                    if depth > DEEPEST {
+                        assert!(told.contains("deeper than 24, the most allowed"), "{name} {depth}: {told}");
+                    }
+                }
+            }
+        }
+        let path = "a.".repeat(DEEPEST - 2) + "a";
+        let told = Sensor::preset("velodyne_vlp16").unwrap().set(&path, "[[1]]").unwrap_err().to_string();
+        assert!(told.ends_with("deeper than 24, the most allowed"), "{told}");
+        let nested: String = (0..DEEPEST + 1).map(|level| format!("{}a:\n", " ".repeat(level))).collect();
+        let told = Sensor::from_yaml(&nested, "").unwrap_err().to_string();
+        assert!(told.starts_with("YAML text: line 25: sections and lists are nested deeper than 24"), "{told}");
+        // Aliases make it deeper than it looks.
+        let levels = "[".repeat(20);
+        let alias = format!("a: &a {levels}1{}\nb: {levels}*a{}\n", "]".repeat(20), "]".repeat(20));
+        assert!(Sensor::from_yaml(&alias, "").unwrap_err().to_string().contains("deeper than 24"));
+        // What users write into glTF files is JSON.
+        let folder = tempfile::tempdir().unwrap();
+        for depth in [24, 100, 120, 127, 1000, 100_000] {
+            let extras = "{\"category\": ".repeat(depth) + "1" + &"}".repeat(depth);
+            let gltf = format!(
+                "{{\"asset\": {{\"version\": \"2.0\"}}, \"scene\": 0, \"scenes\": [{{\"nodes\": [0]}}], \"nodes\": \
+                                [{{\"name\": \"a\", \"extras\": {extras}}}], \"extras\": {extras}}}"
+            );
+            let path = folder.path().join("deep.gltf");
+            fs::write(&path, gltf).unwrap();
+            let _ = Scene::load(&path);
+        }
+    };
+    std::thread::Builder::new().stack_size(CALLER_KIB << 10).spawn(work).unwrap().join().unwrap();
 }

@@ -4,7 +4,7 @@ use super::{farthest, mean_and_sigma, nothing, scan, scan_at, wall_all_around};
 use echocast::detect::{Detection, Statistical};
 use echocast::generate::Landscape;
 use echocast::{BuiltScene, Cause, Engine, PointCloud, Pose, PresetInfo, ScanOptions, Sensor, SensorKind};
-use echocast_tests::assert_in_document;
+use echocast_tests::assert_nearly_in_document;
 use echocast_tests::reference::one_beam;
 
 /// Points of surfaces in directions within 5 degrees of a camera's axis, or in all of a LiDAR's, and the beams there.
@@ -104,5 +104,7 @@ fn presets_measure_what_their_sheets_say() {
     let presets = Sensor::presets();
     let real = presets.iter().filter(|info| ["lidar", "tof"].contains(&&*info.folder));
     let table: String = real.map(|info| row(info, &forest)).collect();
-    assert_in_document("docs/instruments.md", &table);
+    // Preset, line of the sheet, reached (sought in steps of 0.2 %), noise, part of the beams (one is up to 0.2 % of a
+    // preset's), false alarms.
+    assert_nearly_in_document("docs/instruments.md", &table, &[0.0, 0.0, 0.5, 0.1, 0.5, 0.0]);
 }

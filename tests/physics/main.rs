@@ -6,6 +6,7 @@ mod boxes;
 mod cameras;
 mod detection;
 mod doppler;
+mod extremes;
 mod flow;
 mod fog;
 mod geometry;

@@ -57,7 +57,10 @@ pub fn run(args: &Args) -> Result<()> {
     let mut bare = BareLoop::new(&built, &sensor, pose);
     let options = ScanOptions { environment, ..ScanOptions::default() };
     let mut cloud = PointCloud::default();
-    let mut scan = |sensor: &Sensor| built.scan_into(sensor, &trajectory, &options, &mut cloud);
+    let mut scan = |sensor: &Sensor| {
+        built.scan_into(sensor, &trajectory, &options, &mut cloud)?;
+        anyhow::Ok(cloud.rays)
+    };
     // The bare loop has as many rays as a scan with one for each beam.
     let one_ray = if sensor.spec().beam.sub_rays == SubRays::Adaptive {
         let mut one_ray = sensor.clone();
@@ -66,7 +69,7 @@ pub fn run(args: &Args) -> Result<()> {
     } else {
         None
     };
-    scan(&sensor)?;
+    let traced = scan(&sensor)?;
     bare.run();
 
     let [mut scans, mut bares, mut plains] = [const { Vec::new() }; 3];
@@ -75,12 +78,15 @@ pub fn run(args: &Args) -> Result<()> {
             bare.run();
             Ok(())
         })?);
-        scans.push(round(|| Ok(scan(&sensor)?))?);
+        scans.push(round(|| scan(&sensor).map(drop))?);
         if let Some(one_ray) = &one_ray {
-            plains.push(round(|| Ok(scan(one_ray)?))?);
+            plains.push(round(|| scan(one_ray).map(drop))?);
         }
     }
-    let rays = bare.len();
+    let is_sonar = sensor.kind() == SensorKind::Sonar;
+    let beams = sensor.beams().len();
+    // Of a sonar those that are sent; the bare loop has as many.
+    let rays = if is_sonar { bare.len() } else { traced as usize };
     let wall = Figures::of(scans.iter().map(|time| time.wall));
     let cpu = Figures::of(scans.iter().map(|time| time.cpu));
     let bare_cpu = Figures::of(bares.iter().map(|time| time.cpu));
@@ -89,6 +95,7 @@ pub fn run(args: &Args) -> Result<()> {
     let plain = one_ray.map(|_| (Figures::of(plains.iter().map(|time| time.cpu)), over(&plains)));
     if args.json {
         let figures = json!({
+            "beams": beams,
             "rays": rays,
             "threads": threads,
             "seconds_per_scan": wall.to_json(),
@@ -105,23 +112,26 @@ pub fn run(args: &Args) -> Result<()> {
         format!("one ray, CPU best {best}, median {median}, ratio {ratio:.2} (beam.sub_rays=1)\n")
     });
     text::print(&format!(
-        "{} in {}: {}, {}, default columns\n\
-         scan, wall  best {}, median {}: {:.1} M beams/s\n\
+        "{} in {}: {}, {}, {}, default columns\n\
+         scan, wall  best {}, median {}: {:.1} M {}/s\n\
          scan, CPU   best {}, median {}\n\
-         bare, CPU   best {}, median {} (only Embree, one ray a beam)\n\
+         bare, CPU   best {}, median {} (only Embree, {})\n\
          ratio       {ratio:.2} (bare / scan, CPU time, median of {ROUNDS} interleaved rounds)\n\
          {plain}",
         sensor.name(),
         args.scene.names(),
+        counted(beams, "beam"),
         counted(rays, "ray"),
         counted(threads, "thread"),
         duration(wall.best),
         duration(wall.median),
-        rays as f64 / wall.median / 1e6,
+        if is_sonar { rays } else { beams } as f64 / wall.median / 1e6,
+        if is_sonar { "rays" } else { "beams" },
         duration(cpu.best),
         duration(cpu.median),
         duration(bare_cpu.best),
         duration(bare_cpu.median),
+        if is_sonar { "these rays" } else { "one ray a beam" },
     ))
 }
 

@@ -1,10 +1,12 @@
 //! Ctrl-C, termination, a terminal that closes: the work is told to end; unfinished files are removed, older ones stay.
+//! Where there is no memory, the program ends at once.
 
+use crate::usage;
 use echocast::{Error, export};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator::Signals;
 use signal_hook::{flag, low_level};
-use std::io::{self, IsTerminal as _, Write as _, stderr};
+use std::io::{self, Cursor, IsTerminal as _, Write as _, stderr};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use std::{fs, thread};
@@ -80,6 +82,29 @@ fn watch(mut signals: Signals, patience: Duration) {
     LEAVING.store(true, Ordering::SeqCst);
     say();
     low_level::exit(INTERRUPTED.into());
+}
+
+/// Ends the program, which has no memory for `bytes` more, with one line, after removing its unfinished files. Needs no
+/// memory for the line.
+pub fn without_memory(bytes: usize) -> ! {
+    static BEGUN: AtomicBool = AtomicBool::new(false);
+    static DONE: AtomicBool = AtomicBool::new(false);
+    if BEGUN.swap(true, Ordering::SeqCst) {
+        // Another thread is ending the program; or this one, which needs memory for that.
+        let start = Instant::now();
+        while !DONE.load(Ordering::SeqCst) && start.elapsed() < Duration::from_millis(300) {
+            thread::sleep(Duration::from_millis(1));
+        }
+    } else {
+        let mut line = Cursor::new([0; 64]);
+        let _ = writeln!(line, "error: no memory for {bytes} bytes");
+        let length = usize::try_from(line.position()).unwrap_or_default();
+        // If stderr is closed, there is nobody to tell.
+        let _ = stderr().write_all(&line.get_ref()[..length]);
+        export::remove_unfinished();
+        DONE.store(true, Ordering::SeqCst);
+    }
+    low_level::exit(usage::FAILED.into());
 }
 
 /// A bit for each signal that is ignored, the lowest for signal 1.

@@ -81,6 +81,7 @@ enum Command {
 ///
 /// To be called once, by a process that does nothing else: it listens for signals, and ends the process at the second.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    echocast_memory::end_with(interrupt::without_memory);
     // If this fails, a file that grows too long ends the program, as usual.
     let _ = interrupt::outlive_full_files();
     let cli = match Cli::try_parse_from(arguments) {

@@ -30,6 +30,9 @@ pub struct Take<'t> {
 
 /// What has been recorded.
 pub struct Recorded {
+    pub beams: usize,
+    /// Rays that were traced for them; of a sonar those that were sent.
+    pub rays: u64,
     pub points: usize,
     /// How many of them are on what seems to be a sky.
     pub sky_points: usize,
@@ -149,6 +152,8 @@ impl Take<'_> {
         let mut all = PointCloud::default();
         let mut cloud = PointCloud::default();
         let (mut points, mut sky_points, mut causes) = (0, 0, Causes::default());
+        let sent = if self.is_sonar() { sensor.ray_count() as u64 } else { 0 };
+        let mut rays = 0;
         // Pings of a Doppler velocity log without a velocity, and the most beams that met the bottom in any.
         let (mut lost, mut most_locked) = (0, 0);
         // Whether anything but noise is received.
@@ -192,6 +197,7 @@ impl Take<'_> {
             // Files hold what was asked for; the other columns that the picture shows are computed all the same.
             cloud.fields = self.options.fields;
             points += return_rows(&cloud).count();
+            rays += sent + cloud.rays;
             let locked = if pinged.is_some() { locked(&ping) } else { heard_rows(&cloud).count() };
             lost += usize::from(locked < LEAST_LOCKED);
             most_locked = most_locked.max(locked);
@@ -235,7 +241,8 @@ impl Take<'_> {
         };
         let told = self.is_sonar() && self.options.profile == Profile::Physical;
         let causes = if told { causes.told() } else { Vec::new() };
-        Ok(Recorded { points, sky_points, causes, report, files: writer.files, nothing })
+        let beams = sensor.beams().len() * self.frames.len();
+        Ok(Recorded { beams, rays, points, sky_points, causes, report, files: writer.files, nothing })
     }
 }
 

@@ -25,7 +25,8 @@ pub fn timed<T>(to: &mut f64, work: impl FnOnce() -> T) -> T {
 
 /// The report of a scan.
 pub struct RunReport {
-    pub rays: usize,
+    pub beams: usize,
+    pub rays: u64,
     pub points: usize,
     /// Whether points were asked for: pictures of pings need none.
     pub with_points: bool,
@@ -48,6 +49,7 @@ impl RunReport {
         let Seconds { load, build, scan, write } = self.seconds;
         json!({
             "version": env!("CARGO_PKG_VERSION"),
+            "beams": self.beams,
             "rays": self.rays,
             "points": self.points,
             "frames": self.frames,
@@ -63,9 +65,15 @@ impl RunReport {
     pub fn summary(&self, title: &str) -> String {
         let Seconds { load, build, scan, write } = self.seconds;
         let points = if self.with_points { counted(self.points, "point") + " of " } else { String::new() };
+        // Where every beam is one ray, there is nothing to add.
+        let rays = if self.rays == self.beams as u64 {
+            String::new()
+        } else {
+            format!(" ({})", counted(self.rays as usize, "ray"))
+        };
         let mut text = format!(
-            "{title}: {points}{}, {}\n  load {}, build {}, scan {} ({:.1} M rays/s, {}), write {}\n",
-            counted(self.rays, "ray"),
+            "{title}: {points}{}{rays}, {}\n  load {}, build {}, scan {} ({:.1} M rays/s, {}), write {}\n",
+            counted(self.beams, "beam"),
             counted(self.frames, self.frame),
             duration(load),
             duration(build),

@@ -201,7 +201,8 @@ fn record(args: &Args, scenario: Scenario, output: &OutputArgs) -> Result<()> {
         None => {}
     }
     let report = RunReport {
-        rays: scan.sensor().ray_count() * scan.frames().len(),
+        beams: recorded.beams,
+        rays: recorded.rays,
         points: recorded.points,
         with_points: true,
         causes: recorded.causes,

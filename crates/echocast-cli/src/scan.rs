@@ -225,7 +225,8 @@ pub fn run(args: &Args) -> Result<()> {
     }
 
     let report = RunReport {
-        rays: sensor.ray_count() * frames.len(),
+        beams: recorded.beams,
+        rays: recorded.rays,
         points: recorded.points,
         with_points: args.output.wants_clouds() || !sonar,
         causes: if args.profile == Profile::Physical { recorded.causes } else { Vec::new() },

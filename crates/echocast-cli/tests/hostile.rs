@@ -71,6 +71,41 @@ fn a_system_without_threads_is_told() {
     }
 }
 
+/// Wherever memory ends: in Rust, in Embree or when a thread is started.
+#[test]
+fn a_system_without_memory_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let limited = |mib: usize, args: &str| {
+        let mut command = Command::new("bash");
+        command.args(["-c", r#"ulimit -c 0; ulimit -v "$0" && exec "$@""#, &(mib << 10).to_string()]);
+        let program = common::command(folder.path(), args);
+        command.arg(program.get_program()).args(program.get_args()).output().unwrap()
+    };
+    // With less, the system cannot load it.
+    let least = (60..2000).step_by(20).find(|&mib| limited(mib, "--version").status.success()).unwrap();
+    let mut failures = 0;
+    for more in (0..=120).step_by(8) {
+        let output = limited(
+            least + more,
+            "scan HALL --sensor velodyne_vlp16 --set beam.sub_rays=1 --at -6,6,1.2 --threads 2 -o DIR/x.npz -o DIR/y.las",
+        );
+        let said = stderr(&output);
+        if output.status.success() {
+            continue;
+        }
+        failures += 1;
+        assert_eq!(output.status.code(), Some(1), "{} MiB: {said}", least + more);
+        assert!(said.starts_with("error: ") && said.lines().count() == 1, "{} MiB: {said}", least + more);
+        let left = common::files(folder.path());
+        assert!(left.iter().all(|name| !name.starts_with('.')), "{left:?}");
+    }
+    assert!(failures > 2, "{failures} of them");
+    // A picture that the heap has no room for.
+    let output = limited(least + 100, "generate landscape --set size_m=[4000,4000] --set cell_m=0.05 -o DIR/big.glb");
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    assert_eq!(stderr(&output).lines().count(), 1, "{}", stderr(&output));
+}
+
 #[test]
 fn names_of_files_are_bytes() {
     let folder = tempfile::tempdir().unwrap();

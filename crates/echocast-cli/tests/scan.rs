@@ -21,7 +21,7 @@ fn files_appear_and_nothing_else() {
         folder.path(),
         &format!("{SCAN} -o DIR/a.las -o DIR/b.csv -o DIR/c.ply -o DIR/d.npz -o DIR/e.h5 --preview DIR/f.png"),
     );
-    assert!(summary.contains("points of 28,928 rays, 1 frame") && summary.contains("a.las"), "{summary}");
+    assert!(summary.contains("points of 28,928 beams, 1 frame") && summary.contains("a.las"), "{summary}");
     assert_eq!(
         files(folder.path()),
         ["a.las", "b.csv", "b.labels.json", "c.labels.json", "c.ply", "d.npz", "e.h5", "f.png"]
@@ -83,7 +83,7 @@ fn the_report_says_what_was_done_and_how_to_repeat_it() {
         ),
     );
     assert_eq!(report["version"], env!("CARGO_PKG_VERSION"));
-    assert_eq!(report["rays"], 28928);
+    assert_eq!((&report["beams"], &report["rays"]), (&28928.into(), &28928.into()));
     assert_eq!(report["points"], csv_column(&folder.path().join("a.csv"), "range").len());
     assert_eq!((&report["frames"], &report["threads"]), (&1.into(), &2.into()));
     for phase in ["load", "build", "scan", "write"] {
@@ -504,11 +504,31 @@ fn several_scenes_are_one() {
     assert_eq!(both["run"]["scene"]["files"].as_array().unwrap().len(), 2);
 }
 
+/// A beam can be many rays.
+#[test]
+fn beams_and_rays_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    write_room(folder.path(), &[]);
+    let scan = "scan DIR/room.gltf --sensor velodyne_vlp16 --at 0,0,1.5 --frames 0:1 -o DIR/a.csv --set beam.sub_rays=";
+    let of = |rays: &str| {
+        let report = report(folder.path(), &format!("{scan}{rays}"));
+        assert_eq!(report["beams"], 2 * 28928);
+        report["rays"].as_u64().unwrap()
+    };
+    assert_eq!((of("1"), of("7")), (2 * 28928, 2 * 7 * 28928));
+    // A ray for each, one at the rim of those that see anything, and 64 for those at the end of the floor.
+    let adaptive = of("adaptive");
+    assert!((2 * 28928 + 10_000..2 * 3 * 28928).contains(&adaptive), "{adaptive}");
+    let said = stdout(folder.path(), &format!("{scan}7"));
+    assert!(said.contains("points of 57,856 beams (404,992 rays), 2 frames"), "{said}");
+}
+
 #[test]
 fn bench_compares_with_the_bare_loop() {
     let folder = tempfile::tempdir().unwrap();
     let figures = report(folder.path(), "bench HALL --sensor velodyne_vlp16 --at -6,6,1.2 --threads 2");
-    assert_eq!((&figures["rays"], &figures["threads"]), (&28928.into(), &2.into()));
+    assert_eq!((&figures["beams"], &figures["threads"]), (&28928.into(), &2.into()));
+    assert_eq!(figures["rays"], 28928);
     for key in ["seconds_per_scan", "cpu_seconds_per_scan", "bare_cpu_seconds_per_scan"] {
         let [best, median] = ["best", "median"].map(|name| figures[key][name].as_f64().expect(key));
         assert!(0.0 < best && best <= median, "{key}: {best} {median}");

@@ -91,7 +91,7 @@ fn fewer_pings_can_be_asked_for_and_other_columns() {
         folder,
         &format!("{SIDES} --frames 1:3:2 --fields range,intensity,true_range,category_id,firing -o DIR/points.csv"),
     );
-    assert_eq!((&report["frames"], &report["rays"]), (&2.into(), &1024.into()));
+    assert_eq!((&report["frames"], &report["beams"], &report["rays"]), (&2.into(), &4.into(), &1024.into()));
     assert_eq!(report["run"]["sensors"][0]["sensor"]["kind"], "sonar");
     assert_eq!(report["run"]["sensors"][0]["sensor"]["acoustics"]["bin_m"], 0.1);
     assert_eq!(report["run"]["frames"], serde_json::json!({ "first": 1, "last": 3, "step": 2, "fps": 5.0 }));
@@ -338,5 +338,5 @@ fn a_sonar_is_benched_in_its_water() {
         folder,
         "bench DIR/lake.glb --sensor sss_450 --set range.max_m=20 --set pattern.rays=64 --at 0,0,1 --env DIR/high.yaml",
     );
-    assert_eq!(report["rays"], 128);
+    assert_eq!((&report["beams"], &report["rays"]), (&2.into(), &128.into()));
 }

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{report, run, stderr, stdout, write_room};
+use common::{command, report, run, stderr, stdout, write_room};
 use serde_json::{Value, json};
 use std::fs;
 use std::io::pipe;
@@ -32,6 +32,37 @@ fn every_command_explains_itself_with_an_example() {
     for info in echocast::cloud::FIELDS {
         assert!(scan.contains(info.name) && scan.contains(info.meaning), "{}", info.name);
     }
+}
+
+#[test]
+fn the_version_says_which_vector_instructions_are_used() {
+    let folder = Path::new(".");
+    let plain = format!("echocast {}\n", env!("CARGO_PKG_VERSION"));
+    assert_eq!((stdout(folder, "--version"), stdout(folder, "-V")), (plain.clone(), plain.clone()));
+    let verbose = |level: &str| {
+        let output = command(folder, "--version --verbose").env("ECHOCAST_SIMD", level).output().unwrap();
+        (output.status.code(), String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap())
+    };
+    for (level, width) in [("plain", 4), ("avx2", 8), ("avx512", 16)] {
+        let (code, said, error) = verbose(level);
+        // What the processor does not have is told.
+        if code == Some(1) {
+            assert!(error.starts_with(&format!("error: ECHOCAST_SIMD is {level}; allowed: ")), "{error}");
+            assert_ne!(level, "plain");
+            continue;
+        }
+        assert!(said.starts_with(&plain) && said.contains(&format!("\nkernels: {level}\nEmbree 4.")), "{said}");
+        assert!(said.ends_with(&format!(", packets of {width} rays\n")) || cfg!(not(target_arch = "x86_64")), "{said}");
+    }
+    for wrong in ["AVX2", "avx", "\u{1b}[1m"] {
+        let (code, said, error) = verbose(wrong);
+        assert_eq!((code, said.as_str(), error.lines().count()), (Some(1), "", 1), "{error}");
+        assert!(error.contains("; allowed: ") && error.ends_with("plain on this processor\n"), "{error}");
+        let scan = command(folder, "scan HALL --sensor velodyne_vlp16 --at 0,0,1 -o DIR/never.las");
+        let output = { scan }.env("ECHOCAST_SIMD", wrong).output().unwrap();
+        assert_eq!((output.status.code(), stderr(&output).lines().count()), (Some(1), 1), "{}", stderr(&output));
+    }
+    assert_eq!(run(folder, "--verbose").status.code(), Some(2));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 
 use crate::ground::error::{Error, Result};
 use bytemuck::allocation::try_zeroed_vec;
+use echocast_memory::tried;
 
 /// Element type of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -202,7 +203,7 @@ macro_rules! columns {
                     self.$name = Vec::new();
                 } else if self.$name.capacity() < len {
                     // Fresh zeroed memory costs nothing until it is touched; growing would copy.
-                    self.$name = try_zeroed_vec(len).map_err(|()| no_memory(len))?;
+                    self.$name = tried(|| try_zeroed_vec(len)).map_err(|()| no_memory(len))?;
                 } )*
                 Ok(())
             }
@@ -229,7 +230,7 @@ macro_rules! columns {
             /// # Errors
             /// No memory.
             pub(crate) fn reserve(&mut self, other: &Columns) -> Result<()> {
-                $( self.$name.try_reserve(other.$name.len()).map_err(|_| no_memory(other.$name.len()))?; )*
+                $( tried(|| self.$name.try_reserve(other.$name.len())).map_err(|_| no_memory(other.$name.len()))?; )*
                 Ok(())
             }
 
@@ -302,7 +303,7 @@ macro_rules! columns {
 fn gathered<T: Copy>(column: &[T], rows: &[usize]) -> Result<Vec<T>> {
     let mut found = Vec::new();
     if !column.is_empty() {
-        found.try_reserve_exact(rows.len()).map_err(|_| no_memory(rows.len()))?;
+        tried(|| found.try_reserve_exact(rows.len())).map_err(|_| no_memory(rows.len()))?;
         found.extend(rows.iter().map(|&row| column[row]));
     }
     Ok(found)

@@ -20,6 +20,7 @@ use crate::ground::error::{Error, Result};
 use crate::ground::named::named;
 use crate::ground::pose::Pose;
 use crate::scene::Labels;
+use echocast_memory::tried;
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -57,6 +58,9 @@ pub struct PointCloud {
     /// Full scale of `intensity`: 1, or 255 for 8-bit encodings; relative energy and the levels of sonars, dB, have
     /// none.
     pub intensity_full_scale: Option<f32>,
+    /// Rays that light was traced with: those of beams that are several, at edges, behind mirrors and glass among them. 0
+    /// of clouds that no scan made, and of sonars, whose rays [`crate::Sensor::ray_count`] counts.
+    pub rays: u64,
     /// Boxes around labelled instances, if they were asked for ([`crate::ScanOptions::boxes`]): by frame, then by rising
     /// `instance_id`.
     pub boxes: Option<Vec<InstanceBox>>,
@@ -77,6 +81,7 @@ impl Default for PointCloud {
             sensor_pose: Pose::IDENTITY,
             start_time: None,
             intensity_full_scale: Some(1.0),
+            rays: 0,
             boxes: None,
             labels: Arc::default(),
         }
@@ -130,7 +135,8 @@ impl PointCloud {
     pub(crate) fn sort_by_time(&mut self) -> Result<()> {
         let times = &self.columns.time;
         let mut order = Vec::new();
-        order.try_reserve_exact(self.len).map_err(|_| Error::Memory(format!("the order of {} rows", self.len)))?;
+        tried(|| order.try_reserve_exact(self.len))
+            .map_err(|_| Error::Memory(format!("the order of {} rows", self.len)))?;
         order.extend(0..self.len);
         // Rows of one time keep their order, without the memory that a stable sort needs.
         order.sort_unstable_by(|&a, &b| times[a].total_cmp(&times[b]).then(a.cmp(&b)));
@@ -215,6 +221,7 @@ impl PointCloud {
             _ => None,
         };
         self.len += other.len;
+        self.rays += other.rays;
         Ok(())
     }
 }

@@ -1,6 +1,7 @@
 //! The beams of one scan, direction by direction: what every pattern compiles to.
 
 use crate::ground::error::{Error, Result};
+use echocast_memory::tried;
 use glam::{DVec3, Vec3};
 
 /// How beams share firings.
@@ -287,7 +288,7 @@ impl BeamTable {
 
 fn room<T>(beams: usize) -> Result<Vec<T>> {
     let mut column = Vec::new();
-    column.try_reserve_exact(beams).map_err(|_| Error::Memory(format!("{beams} beams")))?;
+    tried(|| column.try_reserve_exact(beams)).map_err(|_| Error::Memory(format!("{beams} beams")))?;
     Ok(column)
 }
 

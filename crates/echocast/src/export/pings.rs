@@ -14,6 +14,7 @@ use crate::ground::units::amplitude_from_db;
 use crate::image::{Image, ImageKind, LAYERS};
 use crate::scene::{Labels, NameTable};
 use crate::sensor::Sensor;
+use echocast_memory::tried;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -337,7 +338,7 @@ fn joined<'a, T, I: Iterator<Item = T>>(pings: &'a [Ping], part: impl Fn(&'a Pin
     let mut all = Vec::new();
     for ping in pings {
         let part = part(ping);
-        all.try_reserve(part.size_hint().0).map_err(|_| io::Error::from(io::ErrorKind::OutOfMemory))?;
+        tried(|| all.try_reserve(part.size_hint().0)).map_err(|_| io::Error::from(io::ErrorKind::OutOfMemory))?;
         all.extend(part);
     }
     Ok(all)

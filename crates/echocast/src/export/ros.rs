@@ -4,6 +4,7 @@
 //! little endian: each number is at a multiple of its size, counted from behind the four bytes of the header.
 
 use crate::ground::pose::Pose;
+use echocast_memory::tried;
 use glam::{DQuat, DVec3};
 use std::io;
 
@@ -180,7 +181,7 @@ impl Message {
     pub fn zeros(&mut self, count: usize) -> io::Result<&mut [u8]> {
         self.count(count)?;
         let start = self.0.len();
-        self.0.try_reserve(count + 8).map_err(|_| io::ErrorKind::OutOfMemory)?;
+        tried(|| self.0.try_reserve(count + 8)).map_err(|_| io::ErrorKind::OutOfMemory)?;
         self.0.resize(start + count, 0);
         Ok(&mut self.0[start..])
     }

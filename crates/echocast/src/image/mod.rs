@@ -32,6 +32,7 @@ use crate::cloud::{Column, Field, Ping, Pings, SonarView};
 use crate::ground::error::{Error, Result};
 use crate::ground::named::named;
 use crate::scene::Labels;
+use echocast_memory::tried;
 use std::sync::Arc;
 
 /// What an image is.
@@ -179,7 +180,7 @@ fn filled<T: Clone>(count: usize, value: T) -> Result<Vec<T>> {
 /// Out of memory.
 fn refill<T: Clone>(values: &mut Vec<T>, count: usize, value: T) -> Result<()> {
     values.clear();
-    values.try_reserve_exact(count).map_err(|_| Error::Memory(format!("an image of {count} pixels")))?;
+    tried(|| values.try_reserve_exact(count)).map_err(|_| Error::Memory(format!("an image of {count} pixels")))?;
     values.resize(count, value);
     Ok(())
 }

@@ -11,6 +11,7 @@ use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
 use crate::read::number::Number;
 use ::las::raw::{Header, Vlr};
+use echocast_memory::tried;
 use std::collections::BTreeSet;
 use std::io::{self, Read as _};
 
@@ -300,7 +301,8 @@ impl Pass {
         if let (Some(colour), None) = (points.colour(), *ours) {
             for ((_, at), colours) in colour.iter().zip(&mut self.colours) {
                 let values = records.chunks_exact(size).map(|record| record[*at..].first_chunk().copied());
-                colours.try_reserve(records.len() / size).map_err(|_| Error::Memory("colours of points".into()))?;
+                tried(|| colours.try_reserve(records.len() / size))
+                    .map_err(|_| Error::Memory("colours of points".into()))?;
                 colours.extend(values.map(|bytes| bytes.map_or(0, u16::from_le_bytes)));
             }
         }

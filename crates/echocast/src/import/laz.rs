@@ -7,6 +7,7 @@ use crate::ground::parallel;
 use ::laz::laszip::ChunkTable;
 use ::laz::record::{LayeredPointRecordDecompressor, RecordDecompressor, SequentialPointRecordDecompressor};
 use ::laz::{LazItem, LazItemType, LazVlr};
+use echocast_memory::tried;
 use std::io::{self, Cursor, ErrorKind, Read as _};
 
 /// Most bytes of points that are believed to be in a byte of the file: those of real clouds are ten to a hundred.
@@ -66,7 +67,8 @@ pub(super) fn read(
             read.map_err(|error| Error::io(source.path, error))?;
             let length = chunk.points as usize * size;
             let mut points = Vec::new();
-            points.try_reserve_exact(length).map_err(|_| Error::Memory(format!("{length} bytes of points")))?;
+            tried(|| points.try_reserve_exact(length))
+                .map_err(|_| Error::Memory(format!("{length} bytes of points")))?;
             points.resize(length, 0);
             work.push((bytes, points, Ok(())));
         }

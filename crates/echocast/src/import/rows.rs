@@ -8,6 +8,7 @@ use crate::ground::pose::Pose;
 use crate::ground::report::Report;
 use crate::ground::shown;
 use crate::scene::Labels;
+use echocast_memory::tried;
 use glam::DVec3;
 use std::path::Path;
 use std::sync::Arc;
@@ -93,7 +94,7 @@ impl Rows {
         let (far, mut fits) = (&mut self.far, true);
         macro_rules! whole {
             ($column:expr, $t:ty) => {{
-                $column.try_reserve(more).map_err(memory)?;
+                tried(|| $column.try_reserve(more)).map_err(memory)?;
                 $column.extend(values.map(|value| {
                     let whole = value.round().clamp(0.0, f64::from(<$t>::MAX));
                     fits &= (value - whole).abs() < 0.501;
@@ -103,7 +104,7 @@ impl Rows {
         }
         match self.columns.get_mut(field) {
             ColumnMut::F32(c) => {
-                c.try_reserve(more).map_err(memory)?;
+                tried(|| c.try_reserve(more)).map_err(memory)?;
                 if axis.is_some() {
                     c.extend(values.map(|metres| {
                         if metres.abs() <= FARTHEST {
@@ -117,7 +118,7 @@ impl Rows {
                 }
             }
             ColumnMut::F64(c) => {
-                c.try_reserve(more).map_err(memory)?;
+                tried(|| c.try_reserve(more)).map_err(memory)?;
                 c.extend(values);
             }
             ColumnMut::U8(c) => whole!(c, u8),
@@ -211,6 +212,7 @@ impl Rows {
             sensor_pose: about.sensor_pose.unwrap_or(Pose::IDENTITY),
             start_time: None,
             intensity_full_scale: about.intensity_full_scale.unwrap_or(guessed),
+            rays: 0,
             boxes: about.boxes,
             labels: Arc::new(Labels { las_class: about.las_class, ..about.labels }),
         })

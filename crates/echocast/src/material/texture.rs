@@ -3,6 +3,7 @@
 use super::decode::Header;
 use crate::ground::error::{Error, Result};
 use crate::ground::math::floor;
+use echocast_memory::tried;
 use std::sync::{Arc, OnceLock};
 
 /// What lies beyond the edge of an image.
@@ -85,7 +86,8 @@ impl Texture {
         }
         let no_memory = || Error::Memory(format!("{room} bytes of the image {origin}"));
         let mut bytes = Vec::new();
-        bytes.try_reserve_exact(usize::try_from(room).map_err(|_| no_memory())?).map_err(|_| no_memory())?;
+        let wanted = usize::try_from(room).map_err(|_| no_memory())?;
+        tried(|| bytes.try_reserve_exact(wanted)).map_err(|_| no_memory())?;
         bytes.resize(room as usize, 0);
         header.decode(&mut bytes[..stored as usize]).map_err(fault)?;
         match (channels, depth) {

@@ -13,6 +13,7 @@ use crate::ground::array::Array;
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::read::{self, Limit};
+use echocast_memory::tried;
 use glam::{DVec3, Vec3};
 use std::fs::File;
 use std::io::{self, Read as _, Seek as _, SeekFrom};
@@ -399,7 +400,7 @@ fn state(file: &File) -> io::Result<State> {
 
 fn reserve(path: &Path, positions: &mut Vec<[f32; 3]>, vertices: usize) -> Result<()> {
     let fault = |_| Error::Memory(format!("{vertices} vertices of {}", shown::path(path)));
-    positions.try_reserve_exact(vertices).map_err(fault)
+    tried(|| positions.try_reserve_exact(vertices)).map_err(fault)
 }
 
 #[cfg(test)]

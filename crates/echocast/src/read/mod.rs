@@ -9,6 +9,7 @@ pub(crate) mod yaml;
 
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
+use echocast_memory::tried;
 use std::cell::RefCell;
 use std::fs::{self, File, FileType, OpenOptions};
 use std::io::{self, ErrorKind, Read, Take};
@@ -82,7 +83,8 @@ pub(crate) fn bytes(path: &Path, limit: Limit) -> Result<Vec<u8>> {
     let mut file = open(path, limit)?;
     let mut bytes = Vec::new();
     let length = usize::try_from(file.limit()).unwrap_or(usize::MAX);
-    bytes.try_reserve_exact(length).map_err(|_| Error::Memory(format!("{length} bytes of {}", shown::path(path))))?;
+    tried(|| bytes.try_reserve_exact(length))
+        .map_err(|_| Error::Memory(format!("{length} bytes of {}", shown::path(path))))?;
     file.read_to_end(&mut bytes).map_err(|source| Error::io(path, source))?;
     Ok(bytes)
 }

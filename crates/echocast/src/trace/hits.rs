@@ -4,6 +4,20 @@ use super::Tables;
 use crate::ground::lanes::{LANES, MISS, RayBatch};
 use embree4::{Coherence, INVALID, Packet};
 use glam::Vec3;
+use std::cell::Cell;
+
+thread_local! {
+    static TRACED: Cell<u64> = const { Cell::new(0) };
+}
+
+/// How many rays this thread has traced.
+pub(crate) fn traced() -> u64 {
+    TRACED.get()
+}
+
+fn count_rays(count: usize) {
+    TRACED.set(TRACED.get() + count as u64);
+}
 
 /// Closest hits of one block.
 #[repr(align(64))]
@@ -44,6 +58,7 @@ impl HitBatch {
     /// Traces the first `count` rays, through the holes of cut-outs. `coherent`: neighbours in the batch are neighbours
     /// in angle. `mask`: only objects whose mask shares a bit with it are hit.
     pub(crate) fn trace(&mut self, scene: &Tables, rays: &RayBatch, count: usize, coherent: bool, mask: u32) {
+        count_rays(count);
         let coherence = if coherent { Coherence::Coherent } else { Coherence::Incoherent };
         match scene.packet_width {
             16 => self.trace_packets::<16>(scene, rays, count, coherence, mask),
@@ -94,6 +109,7 @@ impl HitBatch {
 
     /// Finds which of the first `count` rays meet anything before their end; see [`HitBatch::trace`].
     pub(crate) fn blocked(scene: &Tables, rays: &RayBatch, count: usize, coherent: bool, mask: u32) -> [bool; LANES] {
+        count_rays(count);
         let coherence = if coherent { Coherence::Coherent } else { Coherence::Incoherent };
         match scene.packet_width {
             16 => Self::blocked_packets::<16>(scene, rays, count, coherence, mask),

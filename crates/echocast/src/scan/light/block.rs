@@ -11,10 +11,11 @@ use crate::emitter;
 use crate::ground::cause::Cause;
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
 use crate::sensor::{DepthCamera, Signals};
-use crate::trace::HitBatch;
+use crate::trace::{HitBatch, traced};
 use echocast_kernels::light;
 use std::cell::Cell;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 /// Beams `first .. first + count` and the rows they may fill.
 pub(super) struct Task<'a> {
@@ -85,12 +86,14 @@ thread_local! {
     static BLOCK: Cell<Option<Box<Block>>> = const { Cell::new(None) };
 }
 
-/// Does `work`, a chunk of a scan, in the memory of this thread.
-pub(super) fn with_block<R>(work: impl FnOnce(&mut Block) -> R) -> R {
+/// Does `work`, a chunk of `scan`, in the memory of this thread.
+pub(super) fn with_block<R>(scan: &Scan, work: impl FnOnce(&mut Block) -> R) -> R {
     // A thread at its end has none any more.
     let mut block = BLOCK.try_with(Cell::take).ok().flatten().unwrap_or_else(boxed);
     block.renew();
+    let before = traced();
     let result = work(&mut block);
+    scan.rays.fetch_add(traced() - before, Ordering::Relaxed);
     let _ = BLOCK.try_with(|own| own.set(Some(block)));
     result
 }

@@ -86,7 +86,7 @@ impl Halos {
         let all = Mutex::new(bright);
         scan.world.scene.engine.install(|| {
             parallel::for_each_range(scan.aim.beams.len(), CHUNK, |beams| {
-                with_block(|block| find(scan, block, beams, &all));
+                with_block(scan, |block| find(scan, block, beams, &all));
             });
         });
         let mut bright = all.into_inner().unwrap_or_else(PoisonError::into_inner);

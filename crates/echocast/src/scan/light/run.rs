@@ -18,6 +18,7 @@ use echocast_kernels::measure;
 use glam::Vec3;
 use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Columns that identify the surface.
 const LABELS: [Field; 7] = [
@@ -53,6 +54,8 @@ pub(super) struct Scan<'a> {
     pub signals: Option<&'a Arc<Signals>>,
     /// Whether all beams are, or just those that meet more than one place, of which each has a return too.
     pub has_signals: bool,
+    /// Rays that have been traced.
+    pub rays: AtomicU64,
 }
 
 /// Where beams go.
@@ -265,6 +268,7 @@ impl<'a> Scan<'a> {
             frame_period,
             signals,
             has_signals,
+            rays: AtomicU64::new(0),
         })
     }
 
@@ -332,6 +336,7 @@ impl<'a> Scan<'a> {
         cloud.organised = options.organised.then_some([self.aim.beams.rows, self.aim.beams.columns]);
         cloud.sensor_pose = self.aim.trajectory.at(options.trajectory_time());
         cloud.start_time = Some(options.start_time);
+        cloud.rays = self.rays.load(Ordering::Relaxed);
         cloud.intensity_full_scale = self.measure.intensity.full_scale();
         cloud.labels = self.world.scene.surfaces.labels.clone();
         Ok(())
@@ -345,7 +350,7 @@ impl<'a> Scan<'a> {
         let found = &mut found[..beams.len().div_ceil(CHUNK)];
         let tasks = self.tasks(beams, free).zip(&mut *found);
         parallel::for_each_of(tasks, |(task, found)| {
-            *found = with_block(|block| task.run(block));
+            *found = with_block(self, |block| task.run(block));
         });
         let mut from = rows;
         for &mut count in found {
