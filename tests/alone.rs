@@ -15,7 +15,7 @@ fn threads() -> usize {
 /// Checks that this many threads are left: one that has been joined may still be counted for a moment.
 #[track_caller]
 fn are_left(expected: usize) {
-    for _ in 0..200 {
+    for _ in 0..3000 {
         if threads() == expected {
             return;
         }

@@ -47,8 +47,10 @@ def test_ctrl_c_ends_it(tmp_path: Path) -> None:
     scene = tmp_path / "flat.glb"
     ec.Scene.generate("indoor", rooms=[1, 1], path=scene)
     command: list[Any] = [PROGRAM, "scan", scene, "--sensor", "velodyne_vls128", "--at", "1,1,1.2", "--frames", "0:100000", "-o"]
-    running = subprocess.Popen([*command, tmp_path / "c_{frame}.las"], stderr=subprocess.PIPE, text=True)
-    time.sleep(2)
+    running = subprocess.Popen([*command, tmp_path / "c.las", "--single"], stderr=subprocess.PIPE, text=True)
+    end = time.monotonic() + 60
+    while not list(tmp_path.glob("c_*.las")) and time.monotonic() < end:
+        time.sleep(0.02)
     running.send_signal(signal.SIGINT)
-    _, told = running.communicate(timeout=30)
+    _, told = running.communicate(timeout=120)
     assert running.returncode == 130 and "interrupted" in told

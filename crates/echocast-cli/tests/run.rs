@@ -155,7 +155,7 @@ fn an_interrupted_run_ends_after_the_samples_under_way() {
         .unwrap();
     let start = Instant::now();
     let log = folder.join("street/manifest.jsonl");
-    while fs::read_to_string(&log).map_or(0, |log| log.lines().count()) < 3 && start.elapsed().as_secs() < 60 {
+    while fs::read_to_string(&log).map_or(0, |log| log.lines().count()) < 3 && start.elapsed().as_secs() < 300 {
         std::thread::sleep(Duration::from_millis(20));
     }
     // Not SIGINT, which a shell lets programs in the background ignore.
