@@ -172,8 +172,10 @@ impl Path {
         bends: &[f32],
         bounds: impl Fn(f32) -> [[f32; 3]; 2],
     ) -> Vec<[[f32; 3]; 2]> {
-        /// Far more than rounding and [`TOLERANCE_M`].
+        /// Far more than [`TOLERANCE_M`], m,
         const MARGIN_M: f32 = 2e-3;
+        /// and than what rounding makes of a coordinate, of a place and of a ray there.
+        const ROUNDING: f32 = 16.0 * f32::EPSILON;
         const NOTHING: [Vec3; 2] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
         // Where it is at the ends and in the middle of each piece.
         let mut samples = Vec::new();
@@ -222,7 +224,11 @@ impl Path {
             boxes[step] = unite(boxes[step], widened(a));
             boxes[step + 1] = unite(boxes[step + 1], widened(b));
         }
-        boxes.iter().map(|[low, high]| [(*low - MARGIN_M).to_array(), (*high + MARGIN_M).to_array()]).collect()
+        let wider = |[low, high]: &[Vec3; 2]| {
+            let [a, b] = [low, high].map(|end| MARGIN_M + ROUNDING * end.abs());
+            [(*low - a).to_array(), (*high + b).to_array()]
+        };
+        boxes.iter().map(wider).collect()
     }
 }
 
