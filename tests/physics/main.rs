@@ -4,6 +4,7 @@ mod baked;
 mod beams;
 mod boxes;
 mod cameras;
+mod closed;
 mod detection;
 mod doppler;
 mod extremes;

@@ -3,7 +3,7 @@
 use super::{assert_near, vector};
 use echocast::scene::Material;
 use echocast::{Engine, FieldSet, LiveScene, ObjectId, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
-use echocast_tests::reference::{Actor, Moving, Random, SceneBuilder, Shape};
+use echocast_tests::reference::{Actor, Change, Moving, Random, SceneBuilder, Shape, Track};
 use glam::{DAffine3, DQuat, DVec3};
 use std::f64::consts::TAU;
 
@@ -372,4 +372,36 @@ fn sonars_tell_how_what_they_hear_moves() {
         let met = columns.true_range[row] as f64 / 1500.0;
         assert!((place.z - (-18.0 + met)).abs() < 2e-3, "{place} {met}");
     }
+}
+
+/// A plan of a skin is about as quick as one of the same body that stands: its joints move it once, not once for every
+/// place that is looked at.
+#[test]
+fn a_plan_moves_joints_once() {
+    const JOINTS: u16 = 20;
+    let folder = tempfile::tempdir().unwrap();
+    let shape = Shape::sphere(1.0, 12);
+    let turns = (0..30).map(|key| (0.1 * f64::from(key), DQuat::from_rotation_x(0.1 * f64::from(key % 7)))).collect();
+    let track = Track { places: vec![(0.0, DVec3::Z * 0.1)], turns };
+    let joints = (0..JOINTS).map(|joint| (DVec3::Z * 0.1 * f64::from(joint), track.clone())).collect();
+    let of = |place: &[f32; 3]| {
+        let joint = ((place[2].clamp(0.0, 1.0) * f32::from(JOINTS - 1)) as u16).min(JOINTS - 1);
+        [(joint, 1.0), (0, 0.0), (0, 0.0), (0, 0.0)]
+    };
+    let influences = vec![shape.positions.iter().map(of).collect()];
+    let draw = |change: Change| {
+        let actor = Actor { name: "body".into(), parts: vec![(shape.clone(), 0)], track: Track::default(), change };
+        let scene = Moving { actors: vec![actor], materials: vec![(0.5, [0.5; 3])] }.load(folder.path());
+        let built = scene.build().unwrap();
+        let start = std::time::Instant::now();
+        echocast::preview::write_plan(&scene, &built, &folder.path().join("plan.png"), 800).unwrap();
+        start.elapsed().as_secs_f64()
+    };
+    let mut least = [f64::INFINITY; 2];
+    for _ in 0..2 {
+        least[0] = least[0].min(draw(Change::None));
+        least[1] = least[1].min(draw(Change::Skin { joints: Vec::clone(&joints), influences: Vec::clone(&influences) }));
+    }
+    let [still, skin] = least;
+    assert!(skin < 4.0 * still + 0.1, "{skin} s, standing {still} s");
 }

@@ -1,9 +1,9 @@
 //! What surfaces are made of: how they scatter, where they have holes, how glass shows itself.
 
-use super::{assert_near, scan};
+use super::{assert_near, scan, scan_at, vector};
 use echocast::material::{Alpha, Reflectance, RetroSample, Scattering};
 use echocast::scene::{Filter, Material, Texture, TextureRef};
-use echocast::{Cause, Engine, Profile, ScanOptions};
+use echocast::{Cause, Engine, Pose, Profile, ScanOptions};
 use echocast_tests::reference::{SceneBuilder, Shape, one_beam, raster, sensor};
 use glam::{DAffine3, DVec3};
 use std::sync::Arc;
@@ -324,6 +324,46 @@ fn smooth_surfaces_glint_head_on() {
     let built = pane(glass(), 0.0).finish().build().unwrap();
     let strongest = scan(&built, &one_beam(&beam.replace("first", "strongest")), ScanOptions::default());
     assert_near("range", strongest.columns.range[0].into(), 4.0, 1e-5);
+}
+
+/// At the rim of a coarse ball its smooth normals turn away from the sensor; what is met sends light back all the same,
+/// the less the farther they turn, and nothing of it is darker than black.
+#[test]
+fn smooth_normals_at_the_rim_are_seen() {
+    let clean = sensor(&raster(300, 300, 0.8));
+    let mut met = [0, 0];
+    for (turns, rows) in [(0, 4), (1, 6)] {
+        let ball = |shape: Shape| {
+            let mut scene = SceneBuilder::new();
+            let white = scene.reflector(0.8);
+            let mesh = scene.mesh([(shape, Some(white))]);
+            scene.place(mesh, DAffine3::from_rotation_z(0.2));
+            for turn in 0..turns {
+                // Another one makes it an instance.
+                scene.place(mesh, DAffine3::from_translation(DVec3::new(-9.0, 0.0, f64::from(turn))));
+            }
+            scene.finish().build().unwrap()
+        };
+        let pose = Pose::at(-3.0, 0.1, 0.2);
+        let smooth = scan_at(&ball(Shape::sphere(1.0, rows)), &clean, pose, ScanOptions::default());
+        let flat = scan_at(&ball(Shape::sphere(1.0, rows).flat()), &clean, pose, ScanOptions::default());
+        assert_eq!(smooth.columns.beam, flat.columns.beam);
+        let (c, f) = (&smooth.columns, &flat.columns);
+        for row in 0..smooth.len {
+            let normal = vector(&c.normal_x, &c.normal_y, &c.normal_z, row);
+            let along = (smooth.position(row) - pose.position).normalize();
+            let (cos, of_facet) = (c.cos_incidence[row], f.cos_incidence[row]);
+            assert!(normal.is_normalized() && -normal.dot(along) > 0.0, "{normal} {along}");
+            assert_near("cosine", cos.into(), -normal.dot(along), 1e-6);
+            assert_near("intensity", c.intensity[row].into(), 0.8 * f64::from(cos), 1e-6);
+            // Even of what looks straight away.
+            assert!(cos > 0.17 * of_facet * of_facet, "{cos} of {of_facet}");
+            met[0] += 1;
+            let place = smooth.position(row).normalize();
+            met[1] += usize::from(-place.dot(along) < 0.0);
+        }
+    }
+    assert!(met[1] > 50, "{met:?}");
 }
 
 /// Glass as in the paper's program: itself within 2 degrees; else twice what the first face transmits, whatever the

@@ -73,8 +73,11 @@ impl Scene {
         // SAFETY: the scene is alive and ours alone.
         unsafe { sys::rtcSetSceneBuildQuality(raw, quality) };
         check(Some(device), "rtcSetSceneBuildQuality")?;
-        // Lets `intersect_where` call back; without a filter it has no measurable cost. SAFETY: as above.
-        unsafe { sys::rtcSetSceneFlags(raw, sys::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS) };
+        // Watertight: no ray passes between triangles that share an edge or a corner. And `intersect_where` may call back,
+        // which without a filter has no measurable cost.
+        let flags = sys::RTC_SCENE_FLAG_ROBUST | sys::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
+        // SAFETY: as above.
+        unsafe { sys::rtcSetSceneFlags(raw, flags) };
         check(Some(device), "rtcSetSceneFlags")?;
         Ok(scene)
     }

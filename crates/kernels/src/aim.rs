@@ -23,17 +23,17 @@ pub struct Motion {
     pub half_angle: f64,
 }
 
-/// A frame that moves: its origin and the matrix into it change linearly from one end of a time to the other.
+/// A frame that moves: its origin and the matrix into it are `a + b t + c t^2` when the part `t` of a time has passed.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Frame {
     /// When the time starts.
     pub start: f32,
     /// One over its length.
     pub rate: f32,
-    /// The frame's origin at both ends.
-    pub place: [[f32; 3]; 2],
-    /// Columns of the matrix into the frame, for directions, at both ends.
-    pub into: [[[f32; 3]; 3]; 2],
+    /// `a`, `b` and `c` of the frame's origin.
+    pub place: [[f32; 3]; 3],
+    /// Those of the matrix into the frame, for directions, each as columns.
+    pub into: [[[f32; 3]; 3]; 3],
 }
 
 kernels! {
@@ -42,16 +42,13 @@ kernels! {
         let count = times.len();
         let [ox, oy, oz, dx, dy, dz] = from.map(|row| &row[..count]);
         let [to_ox, to_oy, to_oz, to_dx, to_dy, to_dz] = to.map(|row| &mut row[..count]);
-        let Frame { start, rate, place: [p, q], into: [[a0, b0, c0], [a1, b1, c1]] } = *frame;
+        let Frame { start, rate, place, into } = *frame;
         for lane in 0..count {
             let part = ((times[lane] - start) * rate).clamp(0.0, 1.0);
-            let between = |from: f32, to: f32| from + (to - from) * part;
-            let x = ox[lane] - between(p[0], q[0]);
-            let y = oy[lane] - between(p[1], q[1]);
-            let z = oz[lane] - between(p[2], q[2]);
-            let a = [between(a0[0], a1[0]), between(a0[1], a1[1]), between(a0[2], a1[2])];
-            let b = [between(b0[0], b1[0]), between(b0[1], b1[1]), between(b0[2], b1[2])];
-            let c = [between(c0[0], c1[0]), between(c0[1], c1[1]), between(c0[2], c1[2])];
+            let at = |axis: usize| place[0][axis] + (place[1][axis] + place[2][axis] * part) * part;
+            let [x, y, z] = [ox[lane] - at(0), oy[lane] - at(1), oz[lane] - at(2)];
+            let of = |k: usize, axis: usize| into[0][k][axis] + (into[1][k][axis] + into[2][k][axis] * part) * part;
+            let [a, b, c] = [0, 1, 2].map(|k| [of(k, 0), of(k, 1), of(k, 2)]);
             to_ox[lane] = a[0] * x + b[0] * y + c[0] * z;
             to_oy[lane] = a[1] * x + b[1] * y + c[1] * z;
             to_oz[lane] = a[2] * x + b[2] * y + c[2] * z;

@@ -107,12 +107,13 @@ kernels! {
     }
 
     /// Divides the light of the first `count` paths, which travels `along`, at surfaces whose unit `normals` face it, met at cosines of incidence `cos`.
-    /// Where a shading normal faces away nothing goes on. `simple`: panes reflect at their first face only and transmit
-    /// all the rest.
+    /// `facets` are the unit normals of their triangles on the same side: what is reflected stays on it, what is refracted
+    /// gets to the other. `simple`: panes reflect at their first face only and transmit all the rest.
     pub fn divide(
         at: &mut Meetings,
         along: [&Lanes; 3],
         normals: [&Lanes; 3],
+        facets: [&Lanes; 3],
         cos: &Lanes,
         simple: bool,
         count: usize,
@@ -120,11 +121,16 @@ kernels! {
         refracted: &mut Onward,
     ) {
         for chunk in (0..count.min(LANES)).step_by(N) {
-            let (mut d, mut n, mut place) = ([[0.0; N]; 3], [[0.0; N]; 3], [[0.0; N]; 3]);
+            let (mut d, mut n, mut g, mut place) = ([[0.0; N]; 3], [[0.0; N]; 3], [[0.0; N]; 3], [[0.0; N]; 3]);
             for axis in 0..3 {
                 d[axis].copy_from_slice(&along[axis][chunk..chunk + N]);
                 n[axis].copy_from_slice(&normals[axis][chunk..chunk + N]);
+                g[axis].copy_from_slice(&facets[axis][chunk..chunk + N]);
                 place[axis].copy_from_slice(&at.place[axis][chunk..chunk + N]);
+            }
+            let (mut cos_i, mut cos_g) = ([0.0; N], [0.0; N]);
+            for lane in 0..N {
+                (cos_i[lane], cos_g[lane]) = lift(&d, &mut n, &g, cos[chunk + lane], lane);
             }
             let mut off = [0.0; N];
             let (mut share, mut pass, mut cos_t, mut inside) = ([0.0; N], [0.0; N], [0.0; N], [0.0; N]);
@@ -134,19 +140,18 @@ kernels! {
                 off[lane] = 2e-5 + 1e-6 * farthest;
                 let to = chunk + lane;
                 let (index, pane) = (at.index[to], at.pane[to]);
-                let (face, cosine) = dielectric(cos[to], index);
+                let (face, cosine) = dielectric(cos_i[lane], index);
                 // A pane.
                 let is_pane = pane >= 0.0;
                 let through = if is_pane { pane / cosine } else { 0.0 };
                 let left = exp_negative(at.within[2][to] * through);
-                let (both, passed) = plate(cos[to], cosine, index, left);
+                let (both, passed) = plate(cos_i[lane], cosine, index, left);
                 let (both, passed) = if simple { (face, 1.0 - face) } else { (both, passed) };
                 // A body.
                 let own = if face < 1.0 { face * at.partly[to] } else { face };
                 let fresnel = if is_pane { both } else { own };
-                let facing = d[0][lane] * n[0][lane] + d[1][lane] * n[1][lane] + d[2][lane] * n[2][lane] < 0.0;
-                let clear = if facing { at.clear[to] } else { 0.0 };
-                share[lane] = if facing { at.mirrored[to] } else { 0.0 } + clear * fresnel;
+                let clear = at.clear[to];
+                share[lane] = at.mirrored[to] + clear * fresnel;
                 pass[lane] = clear * if is_pane { passed } else { 1.0 - own };
                 cos_t[lane] = cosine;
                 inside[lane] = through;
@@ -158,15 +163,16 @@ kernels! {
                 let apart = [d[0][lane] + n[0][lane], d[1][lane] + n[1][lane], d[2][lane] + n[2][lane]];
                 at.angle[to] = (apart[0] * apart[0] + apart[1] * apart[1] + apart[2] * apart[2]).sqrt();
                 at.reflected[to] = share[lane];
-                let mut back = 0.0;
+                let [back, up] = clearance(off[lane], cos_g[lane]);
+                let mut skipped = 0.0;
                 for axis in 0..3 {
                     let direction = d[axis][lane] - n[axis][lane] * (2.0 * along);
+                    // Back on the way that it came, which is clear of other surfaces, too.
+                    let clear = g[axis][lane] * up - d[axis][lane] * back;
                     mirrored.direction[axis][to] = direction;
-                    mirrored.origin[axis][to] = place[axis][lane] + n[axis][lane] * off[lane];
-                    back += n[axis][lane] * direction;
+                    mirrored.origin[axis][to] = place[axis][lane] + clear;
+                    skipped += clear * direction;
                 }
-                // What `off` takes from the path.
-                let skipped = off[lane] * back.abs();
                 mirrored.range[to] = at.range[to] + skipped;
                 mirrored.spread[to] = at.spread[to] + skipped;
                 mirrored.length[to] = at.length[to] + skipped;
@@ -183,19 +189,22 @@ kernels! {
                     d[1][lane] / index + n[1][lane] * bend,
                     d[2][lane] / index + n[2][lane] * bend,
                 );
+                let down = -(x * g[0][lane] + y * g[1][lane] + z * g[2][lane]);
+                let lower = (LEVEL - down).max(0.0);
+                let (x, y, z) = (x - lower * g[0][lane], y - lower * g[1][lane], z - lower * g[2][lane]);
                 let scale = 1.0 / (x * x + y * y + z * z).sqrt();
                 let bent = [x * scale, y * scale, z * scale];
                 // Behind a pane light goes on in its old direction, from the other face.
                 let is_pane = at.pane[to] >= 0.0;
-                let mut on = 0.0;
+                let on = if is_pane { cos_g[lane] } else { (down + lower) * scale };
+                let [ahead, up] = clearance(off[lane], on);
                 for axis in 0..3 {
                     let direction = if is_pane { d[axis][lane] } else { bent[axis] };
+                    let clear = direction * ahead - g[axis][lane] * up;
                     refracted.direction[axis][to] = direction;
-                    refracted.origin[axis][to] =
-                        place[axis][lane] + bent[axis] * inside[lane] - n[axis][lane] * off[lane];
-                    on += n[axis][lane] * direction;
+                    refracted.origin[axis][to] = place[axis][lane] + bent[axis] * inside[lane] + clear;
                 }
-                let skipped = off[lane] * on.abs();
+                let skipped = ahead + up * on;
                 refracted.range[to] = at.range[to] + inside[lane] * at.within[0][to] + skipped;
                 refracted.spread[to] = at.spread[to] + inside[lane] * at.within[1][to] + skipped;
                 refracted.length[to] = at.length[to] + skipped;
@@ -203,6 +212,39 @@ kernels! {
             }
         }
     }
+}
+
+/// Least cosine of the angle between a triangle's normal and what goes on from it.
+const LEVEL: f32 = 1e-3;
+
+/// How far along a ray, and how far along the normal of a surface besides, a place is that is `off` the surface, m: on the
+/// ray itself, unless it grazes the surface. `cos`: between them.
+#[inline(always)]
+pub fn clearance(off: f32, cos: f32) -> [f32; 2] {
+    let along = off / cos.max(0.25);
+    [along, (off - along * cos).max(0.0)]
+}
+
+/// Raises a shading normal that reflects light through its triangle so far that it leaves level with it, as Blender's
+/// Cycles does (`ensure_valid_specular_reflection`). Returns the cosines of incidence on both, `cos` if nothing changes.
+#[inline(always)]
+fn lift<const N: usize>(d: &[[f32; N]; 3], n: &mut [[f32; N]; 3], g: &[[f32; N]; 3], cos: f32, lane: usize) -> (f32, f32) {
+    let dot = |a: &[[f32; N]; 3], b: &[[f32; N]; 3]| a[0][lane] * b[0][lane] + a[1][lane] * b[1][lane] + a[2][lane] * b[2][lane];
+    let (along, of_facet, between) = (dot(d, n), -dot(d, g), dot(n, g));
+    let up = -of_facet - 2.0 * along * between;
+    let raised = ((0.9 * of_facet).min(LEVEL) - up).max(0.0);
+    // Halfway between where light comes from and where it goes.
+    let half = [0, 1, 2].map(|axis| raised * g[axis][lane] - 2.0 * along * n[axis][lane]);
+    let mirrored = [0, 1, 2].map(|axis| d[axis][lane] + half[axis]);
+    let length = (mirrored[0] * mirrored[0] + mirrored[1] * mirrored[1] + mirrored[2] * mirrored[2]).sqrt();
+    let half = [0, 1, 2].map(|axis| mirrored[axis] / length - d[axis][lane]);
+    let size = (half[0] * half[0] + half[1] * half[1] + half[2] * half[2]).sqrt();
+    if raised > 0.0 {
+        for axis in 0..3 {
+            n[axis][lane] = half[axis] / size;
+        }
+    }
+    (if raised > 0.0 { 0.5 * size } else { cos }, of_facet)
 }
 
 /// What a smooth boundary reflects of unpolarised light, 0..1, and the cosine of the refracted direction; total
@@ -309,7 +351,7 @@ mod tests {
         let constant = |value: f32| [value; LANES];
         let (along, normal) = ([0.5, 0.0, -cosine].map(constant), [0.0, 0.0, 1.0].map(constant));
         let (along, normal) = (along.each_ref(), normal.each_ref());
-        divide(&mut at, along, normal, &[cosine; LANES], false, LANES, &mut mirrored, &mut refracted);
+        divide(&mut at, along, normal, normal, &[cosine; LANES], false, LANES, &mut mirrored, &mut refracted);
         for lane in [0, 31, 255] {
             let [down, up] = [&refracted, &mirrored].map(|on| on.direction.map(|axis| axis[lane]));
             assert!((down[0] - 0.333_333_3).abs() < 1e-6 && (down[2] + 0.942_809).abs() < 1e-6, "{down:?}");
@@ -319,9 +361,36 @@ mod tests {
             assert!(mirrored.origin[2][lane] > 0.0 && refracted.origin[2][lane] < 0.0);
             assert!((refracted.range[lane] - 7.0).abs() < 3e-5);
         }
-        // Where the normal faces away nothing goes on.
-        let away = [0.0, 0.0, -1.0].map(constant);
-        divide(&mut at, along, away.each_ref(), &[0.0; LANES], false, LANES, &mut mirrored, &mut refracted);
-        assert_eq!((mirrored.part[9], refracted.part[9]), (0.0, 0.0));
+    }
+
+    /// Whatever the shading normal, light that is reflected stays on the side of the triangle, refracted light gets to the
+    /// other, and both start there.
+    #[test]
+    fn shading_normals_do_not_turn_light_through_the_triangle() {
+        for (index, tilt) in [(1.5, 10.0), (1.5, 70.0), (1.0 / 1.5, 15.0), (1.0 / 1.5, 60.0)] {
+            let tilts = |sign: f32| [sign * cos(90.0 - tilt), 0.0, cos(tilt)];
+            for (down, normal) in [(60.0, tilts(1.0)), (85.0, tilts(1.0)), (89.9, tilts(-1.0)), (20.0, tilts(1.0))] {
+                let along = [cos(90.0 - down), 0.0, -cos(down)];
+                let met = -(along[0] * normal[0] + along[2] * normal[2]);
+                if met <= 0.0 {
+                    continue;
+                }
+                let mut at =
+                    Meetings { clear: [1.0; LANES], index: [index; LANES], pane: [-1.0; LANES], ..Meetings::default() };
+                at.part = [1.0; LANES];
+                let (mut mirrored, mut refracted) = (Onward::default(), Onward::default());
+                let [along, normal, facet] = [along, normal, [0.0, 0.0, 1.0]].map(|it| it.map(|value| [value; LANES]));
+                let [along, normal, facet] = [&along, &normal, &facet].map(|it| it.each_ref());
+                divide(&mut at, along, normal, facet, &[met; LANES], false, 1, &mut mirrored, &mut refracted);
+                let case = format!("index {index}, normal {normal:?}", normal = normal.map(|it| it[0]));
+                assert!(mirrored.direction[2][0] > 0.0 && mirrored.origin[2][0] > 1e-5, "{case}: {:?}", mirrored.direction);
+                assert!(mirrored.direction[2][0] < 1.0 && mirrored.part[0] > 0.0, "{case}");
+                let length: f32 = mirrored.direction.iter().map(|axis| axis[0] * axis[0]).sum();
+                assert!((length - 1.0).abs() < 1e-5, "{case}: {length}");
+                if refracted.part[0] > 0.0 {
+                    assert!(refracted.direction[2][0] < 0.0 && refracted.origin[2][0] < -1e-5, "{case}");
+                }
+            }
+        }
     }
 }

@@ -8,6 +8,9 @@ use std::f32::consts::PI;
 /// Natural logarithm of the effective reflectance that gives 255 in [`eight_bits`].
 const LN_1000: f32 = 6.907_755;
 
+/// Least cosine of incidence.
+const LEAST_COS: f32 = 1e-7;
+
 /// Reflectance in equal steps up to `white` for 1, and above it in equal steps of the logarithm, 255 for 1000 and more.
 #[inline(always)]
 pub fn eight_bits(rho: f32, cos: f32, white: f32) -> f32 {
@@ -31,7 +34,7 @@ pub fn power(value: f32, range: f32) -> f32 {
 
 kernels! {
     /// Turns normals of any length into unit vectors that face rays in the directions `rays`, and computes the cosines
-    /// of incidence.
+    /// of incidence, never 0: what is met is met from a side.
     pub fn face(normals: [&mut Lanes; 3], rays: [&Lanes; 3], cos: &mut Lanes) {
         let [nx, ny, nz] = normals;
         let [dx, dy, dz] = rays;
@@ -43,7 +46,8 @@ kernels! {
             nx[lane] = n[0] * scale;
             ny[lane] = n[1] * scale;
             nz[lane] = n[2] * scale;
-            cos[lane] = (-along * scale).min(1.0);
+            let cosine = (-along * scale).min(1.0);
+            cos[lane] = if cosine > LEAST_COS { cosine } else { LEAST_COS };
         }
     }
 

@@ -4,8 +4,8 @@ use echocast_kernels::aim::Frame;
 use glam::{DAffine3, DMat3, DVec3, Mat3, Vec3};
 
 /// Where something is at all times of a scan, counted from 0 to 1: pieces between which it may bend or jump, on each of
-/// which its place and the inverse of its linear part change linearly. They are short enough that no point of it is
-/// farther than [`TOLERANCE_M`] from where it should be.
+/// which its place and the inverse of its linear part are parabolas of the time. They are short enough that no point of
+/// it is farther than [`TOLERANCE_M`] from where it should be.
 #[derive(Clone, Debug)]
 pub(crate) struct Path {
     pieces: Vec<Piece>,
@@ -16,11 +16,18 @@ pub(crate) struct Path {
 /// Half of what is promised: a tenth of a millimetre, which at one metre is a tenth of a milliradian.
 const TOLERANCE_M: f64 = 0.05e-3;
 
-/// Where a piece is checked, as parts of its length: not evenly, so that no turn and no wave passes all unnoticed.
-const CHECKED: [f64; 4] = [0.21, 0.47, 0.68, 0.87];
+/// Where a piece is looked at, as parts of its length: at both ends and in the middle, which it goes through, and where it
+/// is checked, not evenly, so that no turn and no wave passes all unnoticed.
+const LOOKS: [f64; 7] = [0.0, 0.21, 0.38, 0.5, 0.69, 0.87, 1.0];
 
-/// Pieces are not cut further than this: where a motion needs more it jumps,
-const MOST_CUTS: u32 = 18;
+/// Which of [`LOOKS`] are its ends and its middle.
+const THROUGH: [usize; 3] = [0, 3, 6];
+
+/// No piece is a smaller part of the time between two bends: where a motion needs that it jumps,
+const SHORTEST: f64 = 1.0 / (1 << 18) as f64;
+
+/// A piece that is too long is cut into no more at once.
+const MOST_PARTS: f64 = 32.0;
 
 /// and one that jumps more often, other than at its bends, is noise.
 const MOST_JUMPS: usize = 64;
@@ -35,10 +42,43 @@ pub(crate) struct Piece {
     frame: Frame,
     /// Whether the thing can be seen.
     visible: bool,
-    /// At both ends: how fast its origin moves, m/s.
-    velocity: [Vec3; 2],
-    /// At both ends: how fast the linear part of world-from-object changes, 1/s.
-    turning: [Mat3; 2],
+    /// How fast its origin moves, m/s.
+    velocity: Parabola<Vec3>,
+    /// How fast the linear part of world-from-object changes, 1/s.
+    turning: Parabola<Mat3>,
+}
+
+/// `a`, `b` and `c` of `a + b t + c t^2`.
+type Parabola<T> = [T; 3];
+
+/// The parabola that has these values at 0, 1/2 and 1.
+fn parabola<T>([start, middle, end]: [T; 3]) -> Parabola<T>
+where
+    T: Copy + std::ops::Add<Output = T> + std::ops::Sub<Output = T> + std::ops::Mul<f64, Output = T>,
+{
+    let bend = (start + end) * 2.0 - middle * 4.0;
+    [start, end - start - bend, bend]
+}
+
+/// Its value at `t`.
+fn at<T>([a, b, c]: Parabola<T>, t: f32) -> T
+where
+    T: std::ops::Add<Output = T> + std::ops::Mul<f32, Output = T>,
+{
+    a + (b + c * t) * t
+}
+
+/// What the values at [`LOOKS`] weigh in the derivatives at the ends and in the middle of a piece of length 1: those of
+/// the polynomial through all.
+fn slopes() -> [[f64; LOOKS.len()]; 3] {
+    let others = |k: usize| (0..LOOKS.len()).filter(move |&other| other != k);
+    THROUGH.map(|place| {
+        std::array::from_fn(|k| {
+            let whole: f64 = others(k).map(|m| LOOKS[k] - LOOKS[m]).product();
+            let without = |left: usize| others(k).filter(|&m| m != left).map(|m| LOOKS[place] - LOOKS[m]).product::<f64>();
+            others(k).map(without).sum::<f64>() / whole
+        })
+    })
 }
 
 /// Where something is at one time.
@@ -93,30 +133,44 @@ impl Path {
             *last = start + length;
         }
         let local_from_object = |time: f64| DAffine3::from_translation(-origin) * world_from_object(time);
-        let marks = marks(bounds);
+        let (marks, slopes) = (marks(bounds), slopes());
         let mut pieces = Vec::new();
         let most = MOST_PIECES.min(most_bytes / Path::PIECE_BYTES);
         let mut jumps = 0;
-        let mut cuts: Vec<(f64, f64, u32)> = Vec::new();
+        // Pieces in the making, the first on top: when, and where it is then.
+        let mut cuts: Vec<[(f64, DAffine3); 2]> = Vec::new();
         for ends in bends.windows(2) {
+            let whole = ends[1] - ends[0];
             let visible = visible(0.5 * (ends[0] + ends[1]));
-            cuts.push((ends[0], ends[1], 0));
-            while let Some((from, to, depth)) = cuts.pop() {
-                let piece = Piece::between(span, from, to, visible, &local_from_object);
-                let middle = 0.5 * (from + to);
-                let near = CHECKED.into_iter().all(|part| {
-                    let exact = local_from_object(from + part * (to - from));
-                    piece.at_part(part as f32).is_near(&exact, &marks)
-                });
-                if near || depth == MOST_CUTS {
-                    jumps += usize::from(!near);
+            // A little inside: at its ends it may jump.
+            let inside = 1e-6 * whole;
+            let [first, last] = [ends[0] + inside, ends[1] - inside].map(&local_from_object);
+            cuts.push([(ends[0], first), (ends[1], last)]);
+            while let Some([(from, start), (to, end)]) = cuts.pop() {
+                let mut looks = [start; LOOKS.len()];
+                looks[LOOKS.len() - 1] = end;
+                for (place, look) in LOOKS.iter().zip(&mut looks).skip(1).take(LOOKS.len() - 2) {
+                    *look = local_from_object(from + place * (to - from));
+                }
+                let piece = Piece::through(span, [from, to], visible, &looks, &slopes);
+                let off = piece.farthest(&looks, &marks);
+                let fits = off <= TOLERANCE_M;
+                if fits || to - from <= SHORTEST * whole {
+                    jumps += usize::from(!fits);
                     if pieces.len() >= most || jumps > MOST_JUMPS {
                         return None;
                     }
                     pieces.push(piece);
-                } else {
-                    cuts.push((middle, to, depth + 1));
-                    cuts.push((from, middle, depth + 1));
+                    continue;
+                }
+                // An error falls with the cube of the length.
+                let parts = (off / TOLERANCE_M).cbrt().ceil().clamp(2.0, MOST_PARTS);
+                let mut later = (to, end);
+                for part in (0..parts as usize).rev() {
+                    let time = from + (to - from) * part as f64 / parts;
+                    let earlier = if part == 0 { (from, start) } else { (time, local_from_object(time)) };
+                    cuts.push([earlier, later]);
+                    later = earlier;
                 }
             }
         }
@@ -141,8 +195,8 @@ impl Path {
     /// Of what holds still at `local_from_object`, where it can be seen or not.
     pub(crate) fn standing(local_from_object: &DAffine3, visible: bool) -> Path {
         let place = local_from_object.translation.as_vec3().to_array();
-        let into = inverse(&local_from_object.matrix3).to_cols_array_2d();
-        let frame = Frame { start: 0.0, rate: 0.0, place: [place; 2], into: [into; 2] };
+        let into = inverse(&local_from_object.matrix3).as_mat3().to_cols_array_2d();
+        let frame = Frame { place: [place, [0.0; 3], [0.0; 3]], into: [into, [[0.0; 3]; 3], [[0.0; 3]; 3]], ..Frame::default() };
         Path { pieces: vec![Piece { frame, visible, ..Piece::default() }], first: vec![0] }
     }
 
@@ -172,22 +226,28 @@ impl Path {
         bends: &[f32],
         bounds: impl Fn(f32) -> [[f32; 3]; 2],
     ) -> Vec<[[f32; 3]; 2]> {
-        /// Far more than rounding and [`TOLERANCE_M`].
+        /// Far more than [`TOLERANCE_M`], m,
         const MARGIN_M: f32 = 2e-3;
+        /// and than what rounding makes of a coordinate, of a place and of a ray there.
+        const ROUNDING: f32 = 16.0 * f32::EPSILON;
         const NOTHING: [Vec3; 2] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
-        // Where it is at the ends and in the middle of each piece.
+        // Where it is at the ends of each piece and in between, widened by how far it bends from there to the next sample.
+        const PARTS: [f32; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+        let sample = |piece: &Piece, part: f32, time: f32| {
+            let stray = Vec3::from(piece.frame.place[2]).abs() * (0.25 * PARTS[1] * PARTS[1]);
+            let [low, high] = surround(&piece.at_part(part), bounds(time));
+            (time, [low - stray, high + stray])
+        };
         let mut samples = Vec::new();
         for (index, piece) in self.pieces.iter().enumerate().filter(|(_, piece)| piece.visible) {
             let end = self.pieces.get(index + 1).map_or(1.0, |next| next.frame.start);
-            for part in [0.0, 0.5, 1.0] {
-                let time = piece.frame.start + part * (end - piece.frame.start);
-                samples.push((time, surround(&piece.at_part(part), bounds(time))));
-            }
+            let time = |part: f32| piece.frame.start + part * (end - piece.frame.start);
+            samples.extend(PARTS.map(|part| sample(piece, part, time(part))));
         }
         for &time in bends {
             let piece = self.piece(time);
             if piece.visible {
-                samples.push((time, surround(&piece.at_part(piece.part(time)), bounds(time))));
+                samples.push(sample(piece, piece.part(time), time));
             }
         }
         let last = steps.max(2) - 1;
@@ -197,7 +257,7 @@ impl Path {
             // Both ends of the interval hold every sample within, and what the path is at the ends themselves.
             let ends = [from, to].map(|time| {
                 let piece = self.piece(time);
-                (time, surround(&piece.at_part(piece.part(time)), bounds(time)), piece.visible)
+                (time, sample(piece, piece.part(time), time).1, piece.visible)
             });
             let within = samples.iter().filter(|(time, _)| (from..=to).contains(time)).copied();
             let all: Vec<_> =
@@ -222,7 +282,11 @@ impl Path {
             boxes[step] = unite(boxes[step], widened(a));
             boxes[step + 1] = unite(boxes[step + 1], widened(b));
         }
-        boxes.iter().map(|[low, high]| [(*low - MARGIN_M).to_array(), (*high + MARGIN_M).to_array()]).collect()
+        let wider = |[low, high]: &[Vec3; 2]| {
+            let [a, b] = [low, high].map(|end| MARGIN_M + ROUNDING * end.abs());
+            [(*low - a).to_array(), (*high + b).to_array()]
+        };
+        boxes.iter().map(wider).collect()
     }
 }
 
@@ -253,30 +317,41 @@ fn marks(bounds: [[f32; 3]; 2]) -> [DVec3; 11] {
 }
 
 impl Piece {
-    /// From `from` to `to`, s.
-    fn between(span: Span, from: f64, to: f64, visible: bool, local_from_object: &impl Fn(f64) -> DAffine3) -> Piece {
-        // A little inside: at its ends it may jump.
-        let inside = 1e-6 * (to - from);
-        let rates = 1e-3 * (to - from);
-        let end = |time: f64, forward: f64| {
-            let at = local_from_object(time);
-            // Of second order, from one side.
-            let [next, second] = [1.0, 2.0].map(|steps| local_from_object(time + forward * steps * rates));
-            let rate = |a: DVec3, b: DVec3, c: DVec3| (4.0 * b - 3.0 * a - c) / (2.0 * forward * rates);
-            let axis = |k: usize| rate(at.matrix3.col(k), next.matrix3.col(k), second.matrix3.col(k)).as_vec3();
-            let turning = Mat3::from_cols(axis(0), axis(1), axis(2));
-            let velocity = rate(at.translation, next.translation, second.translation).as_vec3();
-            (at.translation.as_vec3(), inverse(&at.matrix3), velocity, turning)
-        };
-        let (a, b) = (end(from + inside, 1.0), end(to - inside, -1.0));
-        let start = ((from - span.start) / span.length) as f32;
+    /// Through where the thing is at [`LOOKS`] between two times, s; see [`slopes`].
+    fn through(
+        span: Span,
+        [from, to]: [f64; 2],
+        visible: bool,
+        looks: &[DAffine3; LOOKS.len()],
+        slopes: &[[f64; LOOKS.len()]; 3],
+    ) -> Piece {
+        let places = parabola(THROUGH.map(|k| looks[k].translation));
+        let inverses = parabola(THROUGH.map(|k| inverse(&looks[k].matrix3)));
         let frame = Frame {
-            start,
+            start: ((from - span.start) / span.length) as f32,
             rate: (span.length / (to - from)) as f32,
-            place: [a.0.to_array(), b.0.to_array()],
-            into: [a.1.to_cols_array_2d(), b.1.to_cols_array_2d()],
+            place: places.map(|place| place.as_vec3().to_array()),
+            into: inverses.map(|inverse| inverse.as_mat3().to_cols_array_2d()),
         };
-        Piece { frame, visible, velocity: [a.2, b.2], turning: [a.3, b.3] }
+        let rates = slopes.map(|weights| {
+            let mut rate = DAffine3 { matrix3: DMat3::ZERO, translation: DVec3::ZERO };
+            for (weight, look) in weights.iter().zip(looks) {
+                // From where it starts, lest large coordinates lose digits.
+                rate.matrix3 += (look.matrix3 - looks[0].matrix3) * (weight / (to - from));
+                rate.translation += (look.translation - looks[0].translation) * (weight / (to - from));
+            }
+            rate
+        });
+        let velocity = parabola(rates.map(|rate| rate.translation)).map(|velocity| velocity.as_vec3());
+        let turning = parabola(rates.map(|rate| rate.matrix3)).map(|turning| turning.as_mat3());
+        Piece { frame, visible, velocity, turning }
+    }
+
+    /// How far one of `marks` (object frame) is at most from where it should be, m, where the piece is checked.
+    fn farthest(&self, looks: &[DAffine3; LOOKS.len()], marks: &[DVec3; 11]) -> f64 {
+        let checked = LOOKS.iter().zip(looks).enumerate().filter(|(k, _)| !THROUGH.contains(k));
+        let off = checked.map(|(_, (part, exact))| self.at_part(*part as f32).farthest(exact, marks));
+        off.fold(0.0, f64::max)
     }
 
     /// Whether `time`, 0 to 1, lies in it.
@@ -297,15 +372,13 @@ impl Piece {
 
     /// Where the thing is when `part` of the piece has passed.
     pub(crate) fn at_part(&self, part: f32) -> Place {
-        let [p, q] = self.frame.place.map(Vec3::from);
-        let [a, b] = self.frame.into.map(|columns| Mat3::from_cols_array_2d(&columns));
-        Place { place: p + (q - p) * part, inverse: a + (b - a) * part }
+        let into = self.frame.into.map(|columns| Mat3::from_cols_array_2d(&columns));
+        Place { place: at(self.frame.place.map(Vec3::from), part), inverse: at(into, part) }
     }
 
     /// How fast the point at `object` (object frame) moves when `part` of the piece has passed, m/s.
     pub(crate) fn velocity(&self, part: f32, object: Vec3) -> Vec3 {
-        let [a, b] = &self.turning;
-        self.velocity[0] + (self.velocity[1] - self.velocity[0]) * part + (*a + (*b - *a) * part) * object
+        at(self.velocity, part) + at(self.turning, part) * object
     }
 
     /// What rays enter.
@@ -315,7 +388,7 @@ impl Piece {
 }
 
 /// The inverse of a linear part; what is squeezed flat gets a thickness of a millionth.
-fn inverse(linear: &DMat3) -> Mat3 {
+fn inverse(linear: &DMat3) -> DMat3 {
     let size = linear.x_axis.length().max(linear.y_axis.length()).max(linear.z_axis.length());
     let flat = linear.determinant().abs() <= 1e-18 * size * size * size;
     if flat {
@@ -323,7 +396,6 @@ fn inverse(linear: &DMat3) -> Mat3 {
     } else {
         linear.inverse()
     }
-    .as_mat3()
 }
 
 impl Place {
@@ -342,16 +414,18 @@ impl Place {
         self.inverse.transpose() * normal
     }
 
-    /// Whether `marks` (object frame) are within tolerance of where `exact` has them.
-    fn is_near(&self, exact: &DAffine3, marks: &[DVec3; 11]) -> bool {
+    /// How far one of `marks` (object frame) is at most from where `exact` has it, m.
+    fn farthest(&self, exact: &DAffine3, marks: &[DVec3; 11]) -> f64 {
         let inverse = self.inverse.as_dmat3();
-        marks.iter().all(|mark| {
+        let off = marks.iter().map(|mark| {
             let should = exact.transform_point3(*mark);
             let is = inverse * (should - self.place.as_dvec3());
             // Rounding to single precision is no reason to cut.
             let rounding = 2e-7 * (should.abs().max_element() + mark.abs().max_element());
-            exact.transform_vector3(is - *mark).length() <= TOLERANCE_M + 4.0 * rounding
-        })
+            let off = exact.transform_vector3(is - *mark).length() - 4.0 * rounding;
+            if off.is_nan() { f64::INFINITY } else { off }
+        });
+        off.fold(0.0, f64::max)
     }
 }
 
@@ -427,7 +501,7 @@ mod tests {
             )
         };
         let pieces = check(span, &[], rotor);
-        assert!((500..8000).contains(&pieces), "{pieces}");
+        assert!((100..500).contains(&pieces), "{pieces}");
         let path = path(span, &[], rotor);
         for time in [0.0, 0.123, 0.9999] {
             let piece = path.piece(time);

@@ -121,10 +121,8 @@ impl Tables {
     /// Whether `surface`, a row, shows its back to a ray along `direction` that meets it at `time` where Embree gives
     /// it this `normal`.
     pub(super) fn shows_back(&self, surface: u32, normal: Vec3, direction: Vec3, time: f32) -> bool {
-        let start = self.span.map_or(0.0, |span| span.start);
-        let place = self.stance(self.surfaces.rows[surface as usize].object, start, u32::MAX);
         // The order of corners is that before an object is mirrored.
-        let mirrored = place.is_some_and(|(place, _)| place.matrix3.determinant() < 0.0);
+        let mirrored = self.is_mirrored(self.surfaces.rows[surface as usize].object, time);
         (self.world_normal(surface, normal, time).dot(direction) > 0.0) != mirrored
     }
 }

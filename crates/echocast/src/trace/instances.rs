@@ -115,6 +115,14 @@ impl Tables {
         Some((place, up.upright(&turned)))
     }
 
+    /// Whether an object is mirrored at `time`, 0 to 1.
+    pub(super) fn is_mirrored(&self, object: u32, time: f32) -> bool {
+        match self.mover(object) {
+            Some(mover) => mover.path.at(time).inverse.determinant() < 0.0,
+            None => self.extents[object as usize].world_from_object.matrix3.determinant() < 0.0,
+        }
+    }
+
     /// Passes the corners of all triangles of an object at `time`, 0 to 1, in its own frame, triangle by triangle, to
     /// `visit`.
     pub(crate) fn each_corner(&self, object: u32, time: f32, visit: &mut dyn FnMut(DVec3)) {

@@ -27,7 +27,7 @@ pub(crate) use mover::{Clock, Follows, Later, Movement, Mover};
 pub(crate) use sound::{
     Arrival, Direct, Goal, Launch, ReflectionLoss, SoundLimits, SoundTracer, TracerMemory, TubeHit,
 };
-pub(crate) use surface::{Surface, Surfaces};
+pub(crate) use surface::{Surface, Surfaces, seen_normal};
 
 use crate::ground::report::Report;
 use crate::motion::Span;

@@ -7,9 +7,10 @@ mod tubes;
 pub(crate) use direct::{Direct, Goal};
 pub(crate) use tubes::TubeHit;
 
-use super::{Clock, HitBatch, Tables};
+use super::{Clock, HitBatch, Tables, seen_normal};
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
 use crate::medium::{Column, End, Ray, Slab, slab_at};
+use echocast_kernels::boundary;
 use echocast_kernels::water::{Limits, Turn, farther};
 use glam::{DVec3, Mat3, Vec3};
 use std::ops::Range;
@@ -391,10 +392,13 @@ impl<'a> SoundTracer<'a> {
         let direction = state.direction();
         let along = direction.dot(normal);
         let facing = if along > 0.0 { -normal } else { normal };
-        // Clear of the surface, so that the next step does not meet it again.
-        let clear = facing * f64::from(rounding(self.place(state)).max(1e-4));
+        // Clear of the surface, so that the next step does not meet it again, and of others beside it.
+        let off = rounding(self.place(state)).max(1e-4);
+        let [back, up] = boundary::clearance(off, along.abs() as f32).map(f64::from);
+        let clear = facing * up - direction * back;
         let [x, y] = state.level();
         let turned = (direction - 2.0 * direction.dot(facing) * facing).normalize();
+        let skipped = clear.dot(turned);
         let (heading, level) = heading(turned);
         (state.start, state.heading) = ([x + clear.x, y + clear.y], heading);
         let ray = &mut state.ray;
@@ -403,6 +407,7 @@ impl<'a> SoundTracer<'a> {
         ray.slab = self.slab_at(ray.depth);
         let slab = &self.slabs[ray.slab];
         ray.speed = slab.speed_at(ray.depth);
+        (ray.path, ray.time) = (ray.path + skipped, ray.time + skipped / ray.speed);
         (ray.sine, ray.snell, ray.level) = (-turned.z, level / ray.speed, false);
         // A facet is a mirror: the tube keeps widening as before.
         ray.turn = ray.widening * ray.sine + slab.gradient * ray.snell * ray.snell * ray.tube;
@@ -493,14 +498,12 @@ impl<'a> SoundTracer<'a> {
     fn smooth_normal(&self, (rays, hits): (&RayBatch, &HitBatch), lane: usize, direction: Vec3, flat: Vec3) -> Vec3 {
         let (corner, time) = ([hits.u[lane], hits.v[lane]], rays.time[lane]);
         let smooth = self.scene.shading_normal(hits.surface[lane], hits.triangle[lane], corner, time);
-        let Some(smooth) = smooth else {
+        let (Some(smooth), Some(facet)) = (smooth, flat.try_normalize()) else {
             return flat;
         };
-        let facing = if direction.dot(flat) > 0.0 { -flat } else { flat };
-        let smooth = if smooth.dot(facing) < 0.0 { -smooth } else { smooth };
-        // At the rim of a smooth body it may face away: there sound grazes, on the side that it comes from.
-        const LEAST: f32 = 1e-3;
-        smooth - direction * (smooth.dot(direction) + LEAST * smooth.length()).max(0.0)
+        let along = facet.dot(direction);
+        let facing = if along > 0.0 { -facet } else { facet };
+        seen_normal(smooth, facing, along.abs(), direction).0
     }
 
     fn place(&self, state: &State) -> Vec3 {

@@ -259,6 +259,29 @@ impl Surfaces {
     }
 }
 
+/// The unit normal of a smooth surface as a ray along `direction` meets it, and the cosine of incidence on it, above 0.
+/// `smooth` is the interpolated normal, of any length and on either side; `facet` the unit normal of the triangle on
+/// the side that the ray comes from, which it meets at the cosine `cos_facet`.
+///
+/// At the rim of a body a smooth normal turns away from whoever looks at its triangle. There it is bent back until it
+/// is seen, as renderers do (Lagarde and de Rousiers 2014, Moving Frostbite to PBR, keep its cosine above 0; so does
+/// Blender's Cycles with that of what it reflects): where its cosine `c` is less than half `h` of the triangle's, that
+/// becomes `h^2 / (2 h - c)`, which begins as `c` does at `h` and falls off without ever getting to 0.
+pub(crate) fn seen_normal(smooth: Vec3, facet: Vec3, cos_facet: f32, direction: Vec3) -> (Vec3, f32) {
+    let normal = smooth.normalize() * if smooth.dot(facet) < 0.0 { -1.0 } else { 1.0 };
+    let cos = -normal.dot(direction);
+    let half = 0.5 * cos_facet;
+    if cos >= half {
+        return (normal, cos.min(1.0));
+    }
+    let bent = half * half / (2.0 * half - cos);
+    match (normal + direction * cos).try_normalize() {
+        Some(across) => (across * (1.0 - bent * bent).sqrt() - direction * bent, bent),
+        // It looks straight away, from the back of a triangle that is seen edge-on.
+        None => (facet, cos_facet),
+    }
+}
+
 impl Tables {
     /// Whether two rows are parts of one object.
     pub(crate) fn is_of_one_object(&self, row: u32, other: u32) -> bool {
@@ -285,5 +308,36 @@ impl Tables {
         let [a, b, c] = part.triangles[triangle as usize].map(|index| Vec3::from(normals[index as usize]));
         let smooth = self.turned(row.object, a * (1.0 - u - v) + b * u + c * v, time);
         (smooth.length_squared() > f32::MIN_POSITIVE).then_some(smooth)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// However a normal looks, it is seen, on the side of the triangle, and no more than a little moved by a little.
+    #[test]
+    fn smooth_normals_are_seen_wherever_the_triangle_is() {
+        for cos_facet in [1.0_f32, 0.5, 0.1, 1e-3, 1e-6] {
+            let along = Vec3::new((1.0 - cos_facet * cos_facet).sqrt(), 0.0, -cos_facet);
+            let mut before: Option<(Vec3, f32)> = None;
+            for step in 0..=2000 {
+                // All around, the half on the other side turned over.
+                let angle = std::f32::consts::PI * (step as f32 / 2000.0 - 0.5);
+                let smooth = 3.0 * Vec3::new(angle.sin(), 0.02, angle.cos());
+                let (normal, cos) = seen_normal(smooth, Vec3::Z, cos_facet, along);
+                let case = format!("{smooth} of a triangle met at {cos_facet}");
+                assert!((normal.length() - 1.0).abs() < 1e-6 && normal.z > -1e-6, "{case}: {normal}");
+                assert!(cos > 0.0 && (normal.dot(-along) - cos).abs() < 1e-6, "{case}: {cos}");
+                let plain = smooth.normalize().dot(-along);
+                assert!(cos >= plain.min(1.0) && (plain < 0.5 * cos_facet || cos == plain.min(1.0)), "{case}: {cos}");
+                let moved = before.map_or(0.0, |(other, less)| (other - normal).length() + (less - cos).abs());
+                assert!(moved < 0.02, "{case}: {moved}");
+                before = Some((normal, cos));
+            }
+        }
+        // Head-on from behind.
+        let (normal, cos) = seen_normal(Vec3::X, Vec3::Z, 1e-6, Vec3::X);
+        assert!(normal.is_normalized() && cos > 0.0, "{normal} {cos}");
     }
 }

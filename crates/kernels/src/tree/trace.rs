@@ -488,7 +488,8 @@ fn touches<const MOVES: bool>(a: &Boxes, b: &Boxes, child: usize, beam: &Beam, a
 /// Meets the beam with a triangle, given the places of each corner at both steps; whether any ray now has a closer hit.
 ///
 /// Corners are sheared along the rays (Woop, Benthin and Wald 2013, "Watertight ray/triangle intersection"): two
-/// triangles see their common edge with exactly opposite signs, so that no ray passes between them.
+/// triangles see their common edge with exactly opposite signs, so that no ray passes between them. Rounded products
+/// are in the order of the exact ones, so a difference that is not 0 has the right sign; what is 0 is computed again.
 #[inline(always)]
 fn meet<const ANY: bool, const MOVES: bool>(
     corners: [[&[f32; 4]; 2]; 3],
@@ -521,14 +522,18 @@ fn meet<const ANY: bool, const MOVES: bool>(
             areas[corner][lane] = of[0][lane] * to[1][lane] - of[1][lane] * to[0][lane];
         }
     }
-    let mut any = false;
+    let (mut any, mut on_edge) = (false, false);
     for lane in 0..RAYS {
         let low = least(least(areas[0][lane], areas[1][lane]), areas[2][lane]);
         let high = greatest(greatest(areas[0][lane], areas[1][lane]), areas[2][lane]);
         any |= (low >= 0.0) | (high <= 0.0);
+        on_edge |= (low == 0.0) | (high == 0.0);
     }
     if !any {
         return false;
+    }
+    if on_edge {
+        weigh_exactly(&across, &mut areas);
     }
     let mut is = [0; RAYS];
     let mut far = [0.0; RAYS];
@@ -592,6 +597,29 @@ fn meet<const ANY: bool, const MOVES: bool>(
         hits.triangle[lane] = if is { triangle } else { hits.triangle[lane] };
     }
     true
+}
+
+/// The areas again of rays whose point is on an edge as single precision sees it, up to a common factor: in double
+/// precision products are exact, and their differences have the right sign.
+#[cold]
+#[inline(never)]
+fn weigh_exactly(across: &[[Rays; 2]; 3], areas: &mut [Rays; 3]) {
+    for lane in 0..RAYS {
+        if areas.iter().all(|area| area[lane] != 0.0) {
+            continue;
+        }
+        let place = |corner: usize| [0, 1].map(|axis| f64::from(across[corner % 3][axis][lane]));
+        let exact: [f64; 3] = std::array::from_fn(|corner| {
+            let (of, to) = (place(corner + 2), place(corner + 1));
+            of[0] * to[1] - of[1] * to[0]
+        });
+        let whole: f64 = exact.iter().sum();
+        let inside = exact.iter().all(|area| *area >= 0.0) || exact.iter().all(|area| *area <= 0.0);
+        for (area, exact) in areas.iter_mut().zip(exact) {
+            // Outside: none of them is a number.
+            area[lane] = if inside { (exact / whole) as f32 } else { f32::NAN };
+        }
+    }
 }
 
 /// A coordinate at the time of a ray.

@@ -2,7 +2,7 @@
 
 use crate::ground::lanes::{LANES, MISS, RayBatch};
 use crate::material::{ByColor, Reflectances, Scattering, srgb_byte};
-use crate::trace::{HitBatch, Surface, Surfaces, Tables};
+use crate::trace::{HitBatch, Surface, Surfaces, Tables, seen_normal};
 use echocast_kernels::light;
 use glam::Vec3;
 use std::ops::Range;
@@ -67,7 +67,7 @@ impl Contribution {
 
     /// Replaces the triangle's normal by the interpolated shading normal on smooth parts, with its incidence. The
     /// triangle, turned to face the sensor by [`Contribution::meet`], determines on which side of the surface the
-    /// sensor is; where the shading normal faces away from the sensor nothing comes back.
+    /// sensor is; a shading normal that faces away from there is bent back ([`seen_normal`]).
     fn shade(&mut self, scene: &Tables, rays: &RayBatch, hits: &mut HitBatch, count: usize) {
         let surfaces = &scene.surfaces;
         let mut start = 0;
@@ -92,11 +92,10 @@ impl Contribution {
                 };
                 // Opposite vertex normals may cancel; then the triangle's own normal stays.
                 if smooth.length_squared() > f32::MIN_POSITIVE {
-                    let facing = hits.normal(lane);
-                    let n = smooth.normalize() * if smooth.dot(facing) < 0.0 { -1.0 } else { 1.0 };
-                    let direction = rays.direction(lane);
-                    (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = n.into();
-                    self.cos_incidence[lane] = (-n.dot(direction)).clamp(0.0, 1.0);
+                    let (facet, cos_facet) = (hits.normal(lane), self.cos_incidence[lane]);
+                    let (normal, cos) = seen_normal(smooth, facet, cos_facet, rays.direction(lane));
+                    (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = normal.into();
+                    self.cos_incidence[lane] = cos;
                 }
             }
         }

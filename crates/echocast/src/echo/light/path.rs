@@ -345,9 +345,9 @@ impl Follower {
         self.read_surfaces(around, paths, &mut inside);
         let Follower { next, rays, hits, surfaces, at, mirrored, refracted, images, .. } = self;
         boundary::arrive(at, rays.origins(), rays.directions(), &hits.range, paths.len());
-        let normals = [&hits.normal_x, &hits.normal_y, &hits.normal_z];
+        let (normals, facets) = ([&hits.normal_x, &hits.normal_y, &hits.normal_z], hits.facet.each_ref());
         let (cos, simple) = (&surfaces.cos_incidence, limits.glass_of_the_program);
-        boundary::divide(at, rays.directions(), normals, cos, simple, paths.len(), mirrored, refracted);
+        boundary::divide(at, rays.directions(), normals, facets, cos, simple, paths.len(), mirrored, refracted);
         let (mut surface, mut met) = (MISS, None);
         for (lane, Path { origin, direction, mut way }) in paths.iter().copied().enumerate() {
             if hits.surface[lane] != surface {

@@ -9,6 +9,7 @@ use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
 use crate::ground::rng::Draw;
 use crate::sensor::DepthCamera;
 use crate::trace::HitBatch;
+use echocast_kernels::boundary::clearance;
 use echocast_kernels::{camera as kernels, light};
 use glam::{Mat3, Vec3};
 use std::f32::consts::TAU;
@@ -167,8 +168,14 @@ impl Block {
                 let (sin, cos) = (TAU * turn).sin_cos();
                 let (across, up) = normal.any_orthonormal_pair();
                 let direction = square.sqrt() * (cos * across + sin * up) + (1.0 - square).sqrt() * normal;
-                let start = self.place(lane) + 1e-4 * self.hits.range[lane] * normal;
-                looks.set(lane, start, direction, f32::INFINITY);
+                let (facet, along) = (self.hits.facet(lane), self.rays.direction(lane));
+                if direction.dot(facet) <= 0.0 {
+                    // Through the triangle, whatever its shading normal.
+                    looks.look(lane, Vec3::ZERO, None);
+                    continue;
+                }
+                let [back, up] = clearance(1e-4 * self.hits.range[lane], -facet.dot(along));
+                looks.set(lane, self.place(lane) + facet * up - along * back, direction, f32::INFINITY);
             }
             let Looks { rays: way, first: met, surfaces, .. } = &mut *looks;
             met.trace(scan.world.scene, way, count, false, scan.options.mask);

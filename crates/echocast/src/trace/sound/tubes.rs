@@ -6,6 +6,7 @@ use super::{Direct, SoundTracer, Start, State, TracerMemory, rounding};
 use crate::ground::lanes::{LANES, MISS, RayBatch};
 use crate::ground::math::cofactors;
 use crate::trace::{HitBatch, Stand};
+use echocast_kernels::boundary;
 use glam::{DVec3, Mat3, Quat, Vec3};
 
 /// Facets that a tube meets, at most: a corner of three sends everything back.
@@ -217,10 +218,13 @@ impl SoundTracer<'_> {
         }
         let facing = if tube.along.dot(normal) > 0.0 { -normal } else { normal };
         let turned = |vector: Vec3| vector - 2.0 * vector.dot(normal) * normal;
+        let along = turned(tube.along).normalize();
+        let [back, up] = boundary::clearance(rounding(hit.place).max(1e-5), sine);
+        let clear = facing * up - tube.along * back;
         Some(Tube {
-            from: hit.place + facing * rounding(hit.place).max(1e-5),
-            along: turned(tube.along).normalize(),
-            path,
+            from: hit.place + clear,
+            along,
+            path: path + f64::from(clear.dot(along)),
             reach: 4.0 * fan.stand.radius() as f32,
             sides: hit.sides.map(turned),
             loss: tube.loss + (self.reflection_loss)(hit.surface, sine.into()) as f32,
