@@ -431,8 +431,8 @@ range: {max_m: 50}
     let cases = [
         (acoustics, "", "line 1: acoustics: is missing; allowed: a section with kind: sonar"),
         ("frequency_khz: 450, ", "", "line 4: acoustics: the key `frequency_khz` is missing"),
-        ("30}", "0}", "line 4: acoustics.bandwidth_khz: is 0; allowed: above 0, at most twice acoustics.frequency_khz"),
-        ("30}", "901}", "line 4: acoustics.bandwidth_khz: is 901; allowed: above 0, at most twice"),
+        ("30}", "0}", "line 4: acoustics.bandwidth_khz: is 0; allowed: 0.0001 to twice acoustics.frequency_khz"),
+        ("30}", "901}", "line 4: acoustics.bandwidth_khz: is 901; allowed: 0.0001 to twice"),
         (
             ", bandwidth_khz: 30",
             "",
