@@ -225,9 +225,9 @@ fn compare(cloud: &PointCloud, format: &str, found: &Value, rows: &[usize], held
             continue;
         }
         let offset = match info.field {
-            Field::X | Field::TrueX => cloud.origin.x,
-            Field::Y | Field::TrueY => cloud.origin.y,
-            Field::Z | Field::TrueZ => cloud.origin.z,
+            Field::X | Field::TrueX | Field::CorrectedX => cloud.origin.x,
+            Field::Y | Field::TrueY | Field::CorrectedY => cloud.origin.y,
+            Field::Z | Field::TrueZ | Field::CorrectedZ => cloud.origin.z,
             _ => 0.0,
         };
         let column = column.as_array().unwrap();
