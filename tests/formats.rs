@@ -14,6 +14,8 @@ use std::sync::Arc;
 
 #[path = "formats/read.rs"]
 mod read;
+#[path = "formats/strangers.rs"]
+mod strangers;
 
 /// A cloud of `len` rows with what is hard to write: large ids, a far origin, all numbers of returns.
 fn cloud(len: usize, fields: FieldSet) -> PointCloud {

@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// The cloud in the file at `path`, and what was said.
-fn read(path: &Path) -> (PointCloud, Report) {
+pub(super) fn read(path: &Path) -> (PointCloud, Report) {
     let mut report = Report::default();
     let cloud = import::read(path, &mut report).unwrap();
     (cloud, report)

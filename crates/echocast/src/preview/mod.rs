@@ -421,6 +421,24 @@ mod tests {
     use glam::DVec3;
     use std::fs::File;
 
+    #[test]
+    fn pictures_replace_pictures_only() {
+        let folder = tempfile::tempdir().unwrap();
+        let scene = folder.path().join("scene.glb");
+        std::fs::write(&scene, "a scene").unwrap();
+        let pings = crate::image::synthetic::pings(&crate::image::synthetic::Sidescan::default());
+        let options = PreviewOptions { view: View::Waterfall, color: ColorBy::Intensity, ..PreviewOptions::default() };
+        let refused = |done: Result<Report>| {
+            let error = done.unwrap_err().to_string();
+            assert!(error.contains("scene.glb") && error.contains("pictures are written as .png"), "{error}");
+        };
+        refused(write_pings(&pings, &scene, &options));
+        refused(write(&cloud(&[[1.0; 3]]), &scene, &PreviewOptions::default()));
+        refused(check(&scene, &options).map(|()| Report::default()));
+        assert_eq!(std::fs::read(&scene).unwrap(), b"a scene");
+        write_pings(&pings, &folder.path().join("a.PNG"), &options).unwrap();
+    }
+
     const VIEWS: [View; 3] = [View::Top, View::Perspective, View::Range];
     const COLORS: [ColorBy; 9] = [
         ColorBy::Label,
