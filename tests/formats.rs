@@ -14,6 +14,8 @@ use std::sync::Arc;
 
 #[path = "formats/read.rs"]
 mod read;
+#[path = "formats/strangers.rs"]
+mod strangers;
 
 /// A cloud of `len` rows with what is hard to write: large ids, a far origin, all numbers of returns.
 fn cloud(len: usize, fields: FieldSet) -> PointCloud {
@@ -225,9 +227,9 @@ fn compare(cloud: &PointCloud, format: &str, found: &Value, rows: &[usize], held
             continue;
         }
         let offset = match info.field {
-            Field::X | Field::TrueX => cloud.origin.x,
-            Field::Y | Field::TrueY => cloud.origin.y,
-            Field::Z | Field::TrueZ => cloud.origin.z,
+            Field::X | Field::TrueX | Field::CorrectedX => cloud.origin.x,
+            Field::Y | Field::TrueY | Field::CorrectedY => cloud.origin.y,
+            Field::Z | Field::TrueZ | Field::CorrectedZ => cloud.origin.z,
             _ => 0.0,
         };
         let column = column.as_array().unwrap();

@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// The cloud in the file at `path`, and what was said.
-fn read(path: &Path) -> (PointCloud, Report) {
+pub(super) fn read(path: &Path) -> (PointCloud, Report) {
     let mut report = Report::default();
     let cloud = import::read(path, &mut report).unwrap();
     (cloud, report)
@@ -24,7 +24,8 @@ fn tolerance(cloud: &PointCloud, format: &str, field: Field, row: usize) -> f64 
     // Half a step of f32, and what f64 resolves at such an origin.
     let f32_step = (value.abs() * f64::from(f32::EPSILON)).max(1e-12);
     let position = matches!(field, Field::X | Field::Y | Field::Z);
-    let far = position || matches!(field, Field::TrueX | Field::TrueY | Field::TrueZ);
+    let truth = matches!(field, Field::TrueX | Field::TrueY | Field::TrueZ);
+    let far = position || truth || matches!(field, Field::CorrectedX | Field::CorrectedY | Field::CorrectedZ);
     match format {
         "las" | "laz" | "las2" if position => 0.5e-4 + f32_step,
         "las" | "laz" | "las2" if field == Field::Intensity => 0.5 / 65535.0,

@@ -42,7 +42,7 @@ impl FramesFile {
         match *self {}
     }
 
-    fn finish(self) -> echocast::Result<()> {
+    fn finish(self) -> echocast::Result<echocast::Report> {
         match self {}
     }
 }
@@ -71,13 +71,13 @@ pub unsafe extern "C" fn echocast_result_write(
     })
 }
 
-/// Writes a picture of the points as PNG. `options`: NULL, or YAML with `view` (top, perspective, range), `color`
+/// Writes a picture of the points as PNG (`.png`). `options`: NULL, or YAML with `view` (top, perspective, range), `color`
 /// (label, cause, intensity, range, height, velocity, radial_velocity, doppler, density) and `width` in pixels. The
 /// result needs the columns that colours are made of; without them other colours are taken, with a warning to the log.
 /// With the column `cause`, points of rain, fog and the like have their own colours.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (a view that points do not have, a width out of bounds), ECHOCAST_E_PARSE,
-/// ECHOCAST_E_IO, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+/// ECHOCAST_E_UNSUPPORTED (another ending), ECHOCAST_E_IO, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_result_preview(
     result: *const echocast_result,
@@ -122,12 +122,12 @@ pub unsafe extern "C" fn echocast_pings_write(pings: *const echocast_pings, path
     })
 }
 
-/// Writes a picture of the pings as PNG, with scales and a legend. `options`: YAML with `view`, `width` and `ground` as
+/// Writes a picture of the pings as PNG (`.png`), with scales and a legend. `options`: YAML with `view`, `width` and `ground` as
 /// for echocast_pings_image, and `color` (label, intensity); pings without labels are coloured by intensity, with a
 /// warning to the log.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (a view that this sonar does not have, a width out of bounds), ECHOCAST_E_PARSE,
-/// ECHOCAST_E_IO, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+/// ECHOCAST_E_UNSUPPORTED (another ending), ECHOCAST_E_IO, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 ///
 /// ```c
 /// echocast_pings_preview(pings, "fan.png", "{view: fan, color: intensity}");
@@ -204,7 +204,10 @@ pub unsafe extern "C" fn echocast_frames_finish(frames: *mut echocast_frames) ->
         let file = handle::lock(&frames.file, "frames")?.take();
         match file {
             None => Err(finished()),
-            Some(file) => Ok(file.finish()?),
+            Some(file) => {
+                frames.context.warn(&file.finish()?);
+                Ok(())
+            }
         }
     })
 }

@@ -182,7 +182,8 @@ pub struct echocast_result_info {
     pub coordinates: i32,
     /// Full scale of the column `intensity`: 1 or 255; 0 if it has none, as for levels in dB.
     pub intensity_full_scale: f32,
-    /// World position, metres, that the columns x, y, z and true_x, true_y, true_z are relative to.
+    /// World position, metres, that the columns x, y, z, true_x to true_z and corrected_x to corrected_z are
+    /// relative to.
     pub origin: [f64; 3],
     /// Where the sensor was at the start of the scan.
     pub sensor_pose: echocast_pose,

@@ -1,9 +1,9 @@
 //! What `echocast info` tells of a cloud.
 
-use crate::pipe;
+use crate::pipe::{self, ColumnArgs};
 use crate::text::{self, thousands};
 use anyhow::Result;
-use echocast::cloud::{Column, FieldInfo};
+use echocast::cloud::{Column, FieldInfo, Record};
 use echocast::scene::NameTable;
 use echocast::{Field, Frame, PointCloud, Pose, Report, shown};
 use serde_json::{Value, json};
@@ -19,9 +19,9 @@ const LONGEST: usize = 50;
 const LISTED: usize = 40;
 
 /// Prints what is in the cloud file `file`.
-pub fn run(file: &Path, as_json: bool) -> Result<()> {
+pub fn run(file: &Path, columns: &ColumnArgs, as_json: bool) -> Result<()> {
     let mut report = Report::default();
-    let (cloud, _) = pipe::read_cloud(file, &mut report)?;
+    let (cloud, _) = pipe::read_cloud(file, columns, &mut report)?;
     if as_json {
         return text::print_json(&to_json(file, &cloud, &report));
     }
@@ -54,9 +54,9 @@ impl Span {
 /// What is added to the numbers of a column: the origin, of positions.
 fn offset(cloud: &PointCloud, field: Field) -> f64 {
     match field {
-        Field::X | Field::TrueX => cloud.origin.x,
-        Field::Y | Field::TrueY => cloud.origin.y,
-        Field::Z | Field::TrueZ => cloud.origin.z,
+        Field::X | Field::TrueX | Field::CorrectedX => cloud.origin.x,
+        Field::Y | Field::TrueY | Field::CorrectedY => cloud.origin.y,
+        Field::Z | Field::TrueZ | Field::CorrectedZ => cloud.origin.z,
         _ => 0.0,
     }
 }
@@ -138,6 +138,14 @@ fn describe(file: &Path, cloud: &PointCloud, report: &Report) -> Result<String> 
         Frame::Sensor => "sensor: x forward, y left, z up",
     };
     writeln!(text, "coordinates {frame}{sensor}")?;
+    if let Some(system) = cloud.records.system() {
+        let kind = if cloud.records.wkt().is_some() { "WKT" } else { "GeoTIFF keys" };
+        writeln!(text, "system      {}, as {kind}", shown::text(&system))?;
+    }
+    let others = others(cloud);
+    if !others.is_empty() {
+        writeln!(text, "records     {}", others.join(", "))?;
+    }
     writeln!(text, "columns     {}", cloud.fields.iter().count())?;
     for info in cloud.fields.iter() {
         let span = Span::of(cloud.column(info.field));
@@ -179,6 +187,13 @@ fn describe(file: &Path, cloud: &PointCloud, report: &Report) -> Result<String> 
     }
     // Units that are none leave a blank.
     Ok(text.lines().map(str::trim_end).fold(String::new(), |text, line| text + line + "\n"))
+}
+
+/// Records of other programs, of which not is known what they say.
+fn others(cloud: &PointCloud) -> Vec<String> {
+    let others = cloud.records.all.iter().filter(|record| record.user != "LASF_Projection");
+    let of = |record: &Record| format!("{} {} ({} bytes)", shown::text(&record.user), record.id, record.data.len());
+    others.map(of).collect()
 }
 
 /// `value` with as many digits as people read.
@@ -239,6 +254,9 @@ fn to_json(file: &Path, cloud: &PointCloud, report: &Report) -> Value {
         "sensor_position": cloud.sensor_pose.position.to_array(),
         "sensor_orientation_xyzw": cloud.sensor_pose.orientation.to_array(),
         "intensity_full_scale": cloud.intensity_full_scale,
+        "coordinate_system": cloud.records.system(),
+        "wkt": cloud.records.wkt(),
+        "records": others(cloud),
         "columns": columns.collect::<Vec<_>>(),
         "categories": labels(&c.category_id, &cloud.labels.category),
         "parts": labels(&c.part_id, &cloud.labels.part),

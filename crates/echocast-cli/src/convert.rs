@@ -1,6 +1,6 @@
 //! `echocast convert`
 
-use crate::pipe::{self, Outgoing};
+use crate::pipe::{self, ColumnArgs, Outgoing};
 use crate::{interrupt, output, text, usage};
 use anyhow::{Context as _, Result};
 use echocast::{FieldSet, Report, export, shown};
@@ -15,9 +15,10 @@ Examples:
   echocast convert scan.las -o scan.pcd
   echocast convert scan.las -o scan.npz
   echocast convert scan.npz -o small.las --format las2
+  echocast convert station.xyz -o station.laz --columns x,y,z,intensity,red,green,blue
   echocast convert scan.las -o - --format laz | echocast info -")]
 pub struct Args {
-    /// Cloud file of any format that echocast writes, or LAS, LAZ, PLY, PCD, E57, MCAP or CSV of another program; its content
+    /// Cloud file of any format that echocast writes, or LAS, LAZ, PLY, PCD, E57, MCAP or text of another program; its content
     /// tells the format; `-` for standard input
     #[arg(value_name = "CLOUD")]
     input: PathBuf,
@@ -28,6 +29,8 @@ pub struct Args {
     /// Format of the file to write, whatever its ending
     #[arg(long, value_name = "NAME")]
     format: Option<String>,
+    #[command(flatten)]
+    columns: ColumnArgs,
 }
 
 pub fn run(args: &Args) -> Result<()> {
@@ -36,7 +39,7 @@ pub fn run(args: &Args) -> Result<()> {
     check(args).map_err(usage::wrong)?;
     let format = export::format_for(&args.output, name).map_err(usage::wrong)?;
     let mut report = Report::default();
-    let (cloud, inputs) = pipe::read_cloud(&args.input, &mut report)?;
+    let (cloud, inputs) = pipe::read_cloud(&args.input, &args.columns, &mut report)?;
     let stdout = pipe::is_standard(&args.output).then(Outgoing::new).transpose()?;
     let file = stdout.as_ref().map_or_else(|| args.output.clone(), Outgoing::place);
     // Names of labels beside the input may be those beside the output: they are the same.

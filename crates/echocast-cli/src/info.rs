@@ -1,6 +1,7 @@
 //! `echocast info`
 
 use crate::input::{SceneArgs, positive};
+use crate::pipe::ColumnArgs;
 use crate::text::{self, thousands};
 use crate::{cloud_info, output, pipe, usage};
 use anyhow::{Context as _, Result, anyhow, ensure};
@@ -37,16 +38,20 @@ pub struct Args {
     /// Print one JSON object, with lengths in metres
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    columns: ColumnArgs,
 }
 
 pub fn run(args: &Args) -> Result<()> {
     if let [file] = &*args.scene.files
-        && (pipe::is_standard(file) || import::is_cloud(file)?)
+        && (pipe::is_standard(file) || args.columns.is_some() || import::is_cloud(file)?)
     {
         let told = "--preview: is a plan of scenes; echocast preview draws clouds";
         ensure!(args.preview.is_none(), usage::wrong(anyhow!(told)));
-        return cloud_info::run(file, args.json);
+        return cloud_info::run(file, &args.columns, args.json);
     }
+    let told = "--columns: is for text; allowed: with one cloud file";
+    ensure!(!args.columns.is_some(), usage::wrong(anyhow!(told)));
     let options = PreviewOptions::default();
     if let Some(file) = &args.preview {
         output::check_picture("--preview", file, &options).map_err(usage::wrong)?;

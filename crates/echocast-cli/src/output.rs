@@ -642,7 +642,7 @@ impl<'a> Writer<'a> {
     /// Gives their names to the files that grew frame by frame.
     pub fn finish(&mut self) -> Result<()> {
         for (file, frames) in self.growing.drain(..) {
-            frames.finish()?;
+            self.report.absorb(frames.finish()?);
             self.files.push(file.to_owned());
         }
         Ok(())

@@ -1,8 +1,9 @@
 //! Clouds on standard input and output, which `-` stands for. Formats are read and written by seeking, so that a cloud
 //! is in the folder for temporary files (`TMPDIR`) meanwhile.
 
-use crate::interrupt;
+use crate::{interrupt, usage};
 use anyhow::{Context as _, Result, ensure};
+use echocast::import::ReadOptions;
 use echocast::{Error, FieldSet, PointCloud, Report, export, import, read};
 use std::fs::File;
 use std::io::{self, ErrorKind, Read, Write};
@@ -17,10 +18,33 @@ pub fn is_standard(file: &Path) -> bool {
     file == Path::new("-")
 }
 
+/// What is said of a cloud file that does not say it itself.
+#[derive(clap::Args)]
+pub struct ColumnArgs {
+    /// Columns of text without a header, or instead of it: names of the columns of clouds, `_` for what is left out, as is
+    /// what is behind them. Example: `--columns x,y,z,intensity` [default: by the header, or a guess that is told]
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    columns: Option<Vec<String>>,
+}
+
+impl ColumnArgs {
+    /// Whether columns were named.
+    pub fn is_some(&self) -> bool {
+        self.columns.is_some()
+    }
+
+    fn options(&self) -> Result<ReadOptions> {
+        let options = ReadOptions { columns: self.columns.clone() };
+        options.check().context("--columns").map_err(usage::wrong)?;
+        Ok(options)
+    }
+}
+
 /// Reads the cloud file `file`, or the cloud on standard input, and tells which files were read.
-pub fn read_cloud(file: &Path, report: &mut Report) -> Result<(PointCloud, Vec<PathBuf>)> {
+pub fn read_cloud(file: &Path, columns: &ColumnArgs, report: &mut Report) -> Result<(PointCloud, Vec<PathBuf>)> {
+    let options = columns.options()?;
     if !is_standard(file) {
-        let (cloud, files) = read::noting(|| import::read(file, report));
+        let (cloud, files) = read::noting(|| import::read_with(file, &options, report));
         return Ok((cloud?, files));
     }
     const NAME: &str = "standard input";
@@ -29,7 +53,7 @@ pub fn read_cloud(file: &Path, report: &mut Report) -> Result<(PointCloud, Vec<P
         Side::From => error.context(NAME),
         Side::To => error.context(format!("{NAME}, kept in the folder for temporary files")),
     })?;
-    let cloud = import::read(kept.path(), report).map_err(|error| match error {
+    let cloud = import::read_with(kept.path(), &options, report).map_err(|error| match error {
         Error::Io { source, .. } => Error::Io { path: NAME.into(), source },
         Error::Parse { place, message, .. } => Error::Parse { origin: NAME.into(), place, message },
         other => other,
@@ -51,6 +75,10 @@ impl Outgoing {
     }
 
     pub fn new() -> Result<Outgoing> {
+        ensure!(
+            !is_closed()?,
+            "-o -: standard output is closed, or the null device, opened for reading as well; allowed: a pipe, a file"
+        );
         TempDir::new().map(Outgoing).context("-o -")
     }
 
@@ -78,6 +106,17 @@ impl Outgoing {
             Side::To => Err(error.context("stdout")),
         })
     }
+}
+
+/// Whether standard output is closed. In its place, Rust has then opened the null device, for reading as well, which a
+/// shell does not.
+fn is_closed() -> Result<bool> {
+    use rustix::fs::{OFlags, fcntl_getfl, fstat, stat};
+    let stdout = rustix::stdio::stdout();
+    let Ok(flags) = fcntl_getfl(stdout) else { return Ok(true) };
+    let found = fstat(stdout).context("-o -: standard output")?;
+    let null = stat("/dev/null").is_ok_and(|null| null.st_rdev == found.st_rdev && null.st_mode == found.st_mode);
+    Ok(null && flags & OFlags::RWMODE == OFlags::RDWR)
 }
 
 /// On which side of a copy something went wrong.

@@ -1,5 +1,6 @@
 //! `echocast preview`
 
+use crate::pipe::ColumnArgs;
 use crate::{choice, output, pipe, text, usage};
 use anyhow::{Context as _, Result};
 use echocast::preview::{self, ColorBy, PreviewOptions, View};
@@ -15,7 +16,7 @@ Examples:
   echocast preview scan.las -o scan.png
   echocast preview scan.las -o ranges.png --color range --view perspective --width 1200")]
 pub struct Args {
-    /// Cloud file of any format that echocast writes, or LAS, LAZ, PLY, PCD, E57, MCAP or CSV of another program; `-` for
+    /// Cloud file of any format that echocast writes, or LAS, LAZ, PLY, PCD, E57, MCAP or text of another program; `-` for
     /// standard input
     #[arg(value_name = "CLOUD")]
     input: PathBuf,
@@ -34,6 +35,8 @@ pub struct Args {
     /// What else the picture shows: `boxes`, the edges of the boxes of the cloud, which .npz and .h5 hold
     #[arg(long, value_name = "WHAT", value_parser = ["boxes"])]
     show: Option<String>,
+    #[command(flatten)]
+    columns: ColumnArgs,
 }
 
 pub fn run(args: &Args) -> Result<()> {
@@ -43,7 +46,7 @@ pub fn run(args: &Args) -> Result<()> {
     output::check_picture("-o", file, &options).map_err(usage::wrong)?;
     output::check_kept(file, &args.input).map_err(usage::wrong)?;
     let mut report = Report::default();
-    let (cloud, inputs) = pipe::read_cloud(&args.input, &mut report)?;
+    let (cloud, inputs) = pipe::read_cloud(&args.input, &args.columns, &mut report)?;
     inputs.iter().try_for_each(|input| output::check_kept(file, input)).map_err(usage::wrong)?;
     let options = PreviewOptions { color: args.color.unwrap_or_else(|| telling(&cloud)), ..options };
     report.absorb(preview::write(&cloud, file, &options).map_err(usage::wrong).context("-o")?);

@@ -3,10 +3,12 @@
 mod common;
 
 use common::{files, report, run, stderr, stdout};
+use echocast::cloud::{Record, Records};
 use echocast::{FieldSet, PointCloud};
 use std::fs;
 use std::io::Write as _;
 use std::process::Stdio;
+use std::sync::Arc;
 
 const SCAN: &str = "scan HALL --sensor velodyne_vlp16 --at -6,6,1.2 --fields default,true_range,cause";
 
@@ -78,6 +80,74 @@ fn clouds_come_from_standard_input_and_go_to_standard_output() {
     assert_eq!(cut.status.code(), Some(1));
     assert!(cut.stdout.is_empty() && stderr(&cut).starts_with("error: standard input: "), "{}", stderr(&cut));
     assert_eq!(files(&temporary), [""; 0]);
+}
+
+#[test]
+fn columns_of_text_are_named_or_guessed_aloud() {
+    let folder = tempfile::tempdir().unwrap();
+    let place = folder.path().join("a.xyz");
+    fs::write(&place, "1 2 3 0.5\n4 5 6 0.25\n").unwrap();
+    let guessed = run(folder.path(), "convert DIR/a.xyz -o DIR/a.npz");
+    let told = "warning: csv: no header names its columns, which are taken as x,y,z,intensity; --columns says otherwise";
+    assert!(guessed.status.success() && stderr(&guessed).contains(told), "{}", stderr(&guessed));
+    let named = run(folder.path(), "convert DIR/a.xyz -o DIR/b.npz --columns x,y,z,range");
+    assert!(named.status.success() && stderr(&named).is_empty(), "{}", stderr(&named));
+    let read = |name: &str| PointCloud::read(folder.path().join(name)).unwrap();
+    assert_eq!((read("a.npz").columns.intensity, read("b.npz").columns.range), (vec![0.5, 0.25], vec![0.5, 0.25]));
+    assert!(stdout(folder.path(), "info DIR/a.xyz --columns x,y,z").contains("columns     3"));
+    fs::write(folder.path().join("scene.obj"), "v 0 0 0\n").unwrap();
+    for (args, code, told) in [
+        ("convert DIR/a.xyz -o DIR/c.npz --columns x,y,colour", 2, "--columns: "),
+        ("convert DIR/a.npz -o DIR/c.npz --columns x,y,z", 1, "columns is given for NPZ"),
+        ("info DIR/scene.obj DIR/scene.obj --columns x,y,z", 2, "--columns: is for text"),
+    ] {
+        let output = run(folder.path(), args);
+        assert!(output.status.code() == Some(code) && stderr(&output).contains(told), "{args}: {}", stderr(&output));
+    }
+    assert!(!folder.path().join("c.npz").exists());
+}
+
+#[test]
+fn coordinate_systems_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let system = "PROJCS[\"WGS 84 / UTM zone 33N\",GEOGCS[\"WGS 84\"]]\0";
+    let record = |user: &str, id, data: &str| Record {
+        user: user.to_owned(),
+        id,
+        description: String::new(),
+        data: data.as_bytes().to_vec(),
+    };
+    fs::write(folder.path().join("a.csv"), "x,y,z\n1,2,3\n").unwrap();
+    let mut cloud = PointCloud::read(folder.path().join("a.csv")).unwrap();
+    let all = vec![record("LASF_Projection", 2112, system), record("liblas", 5, "abc")];
+    cloud.records = Arc::new(Records { all, ..Records::default() });
+    cloud.write(folder.path().join("a.las")).unwrap();
+    stdout(folder.path(), "convert DIR/a.las -o DIR/b.laz");
+    let told = stdout(folder.path(), "info DIR/b.laz");
+    assert!(told.contains("system      WGS 84 / UTM zone 33N, as WKT\nrecords     liblas 5 (3 bytes)\n"), "{told}");
+    let json = report(folder.path(), "info DIR/b.laz");
+    assert_eq!(json["coordinate_system"], "WGS 84 / UTM zone 33N");
+    assert_eq!(json["wkt"], system.trim_end_matches('\0'));
+    let lost = run(folder.path(), "convert DIR/b.laz -o DIR/c.ply");
+    let told = "ply: cannot hold the coordinate system WGS 84 / UTM zone 33N and the records liblas 5; las and laz do";
+    assert!(stderr(&lost).contains(told), "{}", stderr(&lost));
+}
+
+#[test]
+fn a_closed_standard_output_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.csv"), "x,y,z\n1,2,3\n").unwrap();
+    let program = env!("CARGO_BIN_EXE_echocast");
+    let shell = |to: &str| {
+        let line = format!("'{program}' convert '{}' -o - --format csv {to}", folder.path().join("a.csv").display());
+        std::process::Command::new("sh").args(["-c", &line]).output().unwrap()
+    };
+    let closed = shell(">&-");
+    assert_eq!(closed.status.code(), Some(1));
+    assert!(stderr(&closed).contains("-o -: standard output is closed"), "{}", stderr(&closed));
+    for to in ["> /dev/null", "| head -c 1"] {
+        assert!(shell(to).status.success(), "{to}");
+    }
 }
 
 #[test]

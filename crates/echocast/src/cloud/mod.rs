@@ -6,6 +6,7 @@ mod fields;
 mod pack;
 mod ping;
 pub(crate) mod record;
+mod records;
 mod track;
 
 pub use boxes::{BoxAxes, InstanceBox};
@@ -14,6 +15,7 @@ pub(crate) use fields::{BOTTOM_TRACK, ColumnMut, Element, FLOW, MOVING, SOUNDING
 pub use fields::{Column, ColumnType, Columns, FIELDS, Field, FieldInfo, FieldSet};
 pub use pack::{PackItem, PackType};
 pub use ping::{CELL_FIELDS, Layout, Ping, Pings, SonarView, Sounding};
+pub use records::{Record, Records};
 pub use track::Track;
 
 use crate::ground::error::{Error, Result};
@@ -66,6 +68,8 @@ pub struct PointCloud {
     pub boxes: Option<Vec<InstanceBox>>,
     /// Names of the numbers in the label columns.
     pub labels: Arc<Labels>,
+    /// The coordinate system, and what else a file of surveying said beside its points.
+    pub records: Arc<Records>,
 }
 
 impl Default for PointCloud {
@@ -84,6 +88,7 @@ impl Default for PointCloud {
             rays: 0,
             boxes: None,
             labels: Arc::default(),
+            records: Arc::default(),
         }
     }
 }
@@ -188,6 +193,7 @@ impl PointCloud {
             organised: self.organised.map(|[_, columns]| [0, columns]),
             boxes: self.boxes.as_ref().map(|_| Vec::new()),
             labels: Arc::clone(&self.labels),
+            records: Arc::clone(&self.records),
             ..*self
         }
     }
@@ -229,9 +235,9 @@ impl PointCloud {
 /// What to add to a column of positions relative to `origin`; `None` for other columns.
 fn offset(origin: DVec3, field: Field) -> Option<f64> {
     match field {
-        Field::X | Field::TrueX => Some(origin.x),
-        Field::Y | Field::TrueY => Some(origin.y),
-        Field::Z | Field::TrueZ => Some(origin.z),
+        Field::X | Field::TrueX | Field::CorrectedX => Some(origin.x),
+        Field::Y | Field::TrueY | Field::CorrectedY => Some(origin.y),
+        Field::Z | Field::TrueZ | Field::CorrectedZ => Some(origin.z),
         _ => None,
     }
 }

@@ -4,8 +4,8 @@
 //! expect; what E57 does not know are attributes of an extension, called as the columns are.
 
 use super::tail::Tail;
-use super::{Format, FormatInfo, Growing, Sink};
-use crate::cloud::{Column, ColumnType, Field, Frame, PointCloud};
+use super::{Format, FormatInfo, Growing, NEAR, Sink};
+use crate::cloud::{self, Column, ColumnType, Field, Frame, PointCloud};
 use crate::ground::report::Report;
 use ::e57::{
     E57Writer, Error, Extension, IntensityLimits, Quaternion, Record, RecordDataType, RecordName, RecordValue,
@@ -32,10 +32,15 @@ impl Format for E57 {
         &FormatInfo {
             name: "e57",
             extensions: &["e57"],
-            description: "E57, a scan with its pose for each frame; f32 positions in the sensor frame, labels as an extension",
+            description: "E57, a scan with its pose for each frame; f32 positions in the sensor frame, f64 far from it",
             needs_positions: true,
             holds_label_names: false,
         }
+    }
+
+    fn keeps(&self, record: &cloud::Record) -> bool {
+        // It stands in XML as it is.
+        record.text().is_some_and(|text| !text.contains("]]>"))
     }
 
     fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()> {
@@ -59,6 +64,8 @@ impl E57File {
         let mut writer = E57Writer::new(Tail::of(Sink::create(path)?), &guid(first, None)).map_err(io_error)?;
         let extension = Extension { namespace: NAMESPACE.into(), url: format!("urn:{NAMESPACE}:1") };
         writer.register_extension(extension).map_err(io_error)?;
+        let system = first.records.all.iter().find(|record| E57.keeps(record)).and_then(cloud::Record::text);
+        writer.set_coordinate_metadata(system.map(str::to_owned));
         Ok(E57File { writer, scans: 0 })
     }
 }
@@ -69,12 +76,23 @@ impl Growing for E57File {
         if cloud.len == 0 {
             return Ok(());
         }
-        let attributes = Attribute::of(cloud);
+        let pose = &cloud.sensor_pose;
+        let inverse = pose.orientation.inverse();
+        let c = &cloud.columns;
+        // In the frame of the sensor.
+        let place = |row: usize| {
+            let place = DVec3::new(f64::from(c.x[row]), f64::from(c.y[row]), f64::from(c.z[row]));
+            match cloud.frame {
+                Frame::World => inverse * (place + cloud.origin - pose.position),
+                Frame::Sensor => place + cloud.origin,
+            }
+        };
+        let far = (0..cloud.len).map(place).any(|place| place.is_finite() && place.abs().max_element() > NEAR);
+        let attributes = Attribute::of(cloud, far);
         let prototype = attributes.iter().map(Attribute::record).collect();
         let mut scan = self.writer.add_pointcloud(&guid(cloud, Some(self.scans)), prototype).map_err(io_error)?;
         self.scans += 1;
         scan.set_name(Some(format!("frame {}", self.scans)));
-        let pose = &cloud.sensor_pose;
         // The scalar part is not negative there.
         let q = if pose.orientation.w < 0.0 { -pose.orientation } else { pose.orientation };
         scan.set_transform(Some(Transform {
@@ -85,14 +103,8 @@ impl Growing for E57File {
             let limit = |value| Some(RecordValue::Single(value));
             scan.set_intensity_limits(Some(IntensityLimits { intensity_min: limit(0.0), intensity_max: limit(full) }));
         }
-        let inverse = pose.orientation.inverse();
         for row in 0..cloud.len {
-            let c = &cloud.columns;
-            let place = DVec3::new(f64::from(c.x[row]), f64::from(c.y[row]), f64::from(c.z[row]));
-            let place = match cloud.frame {
-                Frame::World => inverse * (place + cloud.origin - pose.position),
-                Frame::Sensor => place + cloud.origin,
-            };
+            let place = place(row);
             let values = attributes.iter().map(|attribute| attribute.value(place, row)).collect();
             scan.add_point(values).map_err(io_error)?;
         }
@@ -138,8 +150,9 @@ struct Attribute<'a> {
 }
 
 enum Values<'a> {
-    /// Coordinate of this axis in the sensor frame.
+    /// Coordinate of this axis in the sensor frame, in f32, or f64.
     Place(usize),
+    FarPlace(usize),
     /// Whether there are coordinates.
     State,
     /// Of an organised cloud with so many columns.
@@ -153,12 +166,14 @@ enum Values<'a> {
 }
 
 impl<'a> Attribute<'a> {
-    fn of(cloud: &'a PointCloud) -> Vec<Attribute<'a>> {
+    /// Those of `cloud`, which reaches `far` from the sensor or not.
+    fn of(cloud: &'a PointCloud, far: bool) -> Vec<Attribute<'a>> {
         let c = &cloud.columns;
         let mut all = Vec::new();
         let mut add = |name, values| all.push(Attribute { name, values });
         let axes = [RecordName::CartesianX, RecordName::CartesianY, RecordName::CartesianZ];
-        axes.into_iter().enumerate().for_each(|(axis, name)| add(name, Values::Place(axis)));
+        let place = if far { Values::FarPlace } else { Values::Place };
+        axes.into_iter().enumerate().for_each(|(axis, name)| add(name, place(axis)));
         let misses = [&c.x, &c.y, &c.z].into_iter().flatten().any(|x| !x.is_finite());
         if misses {
             add(RecordName::CartesianInvalidState, Values::State);
@@ -200,6 +215,7 @@ impl<'a> Attribute<'a> {
         let up_to = |max| RecordDataType::Integer { min: 0, max };
         let data_type = match &self.values {
             Values::Place(_) => SINGLE,
+            Values::FarPlace(_) => DOUBLE,
             Values::State => up_to(2),
             Values::Row(_) | Values::Column(_) => up_to(u32::MAX.into()),
             Values::ReturnIndex(_) => up_to(u8::MAX.into()),
@@ -220,6 +236,7 @@ impl<'a> Attribute<'a> {
         let here = place.is_finite();
         match &self.values {
             Values::Place(axis) => RecordValue::Single(if here { place[*axis] as f32 } else { 0.0 }),
+            Values::FarPlace(axis) => RecordValue::Double(if here { place[*axis] } else { 0.0 }),
             Values::State => {
                 if here {
                     VALID

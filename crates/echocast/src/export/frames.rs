@@ -5,6 +5,7 @@ use super::hdf5::{BoxRows, ROWS, add_tables, describe, io_error};
 use super::{failed, sensor_pose, unfinished};
 use crate::cloud::{Column, FieldInfo, FieldSet, Frame, PointCloud};
 use crate::ground::error::{Error, Result};
+use crate::ground::report::Report;
 use crate::ground::shown;
 use crate::scene::Labels;
 use ::hdf5::types::VarLenArray;
@@ -31,6 +32,7 @@ pub struct FramesFile {
     frames: usize,
     /// Whether adding a frame failed halfway, which leaves columns of unequal length.
     broken: bool,
+    report: Report,
     /// What every frame must share with the first.
     common: Option<Common>,
 }
@@ -53,7 +55,7 @@ impl FramesFile {
     /// A missing folder, no permission, or a `path` that is not a file.
     pub fn create(path: impl AsRef<Path>) -> Result<Self> {
         let pending = Pending::create(path.as_ref())?;
-        let file = File::create(pending.path()).map_err(|e| hdf5_error(&pending, e))?;
+        let file = echocast_hdf5::create(pending.path()).map_err(|e| hdf5_error(&pending, e))?;
         Ok(FramesFile {
             columns: Vec::new(),
             poses: Vec::new(),
@@ -62,6 +64,7 @@ impl FramesFile {
             pending,
             frames: 0,
             broken: false,
+            report: Report::default(),
             common: None,
         })
     }
@@ -97,7 +100,7 @@ impl FramesFile {
 
     fn add_row(&mut self, cloud: &PointCloud, common: Common) -> ::hdf5::Result<()> {
         if self.common.is_none() {
-            add_tables(&self.file, cloud)?;
+            add_tables(&self.file, cloud, &mut self.report)?;
             for info in cloud.fields.iter() {
                 let dataset = match cloud.column(info.field) {
                     Column::F32(_) => create::<f32>(&self.file, info),
@@ -139,19 +142,20 @@ impl FramesFile {
         Ok(())
     }
 
-    /// Gives the file its name, replacing an older file.
+    /// Gives the file its name, replacing an older file. The report says what it could not hold.
     ///
     /// # Errors
     /// A full disk, also when that made [`FramesFile::add`] fail before.
-    pub fn finish(self) -> Result<()> {
+    pub fn finish(self) -> Result<Report> {
         if self.broken {
             let file = format!("frame {} of {}", self.frames, shown::path(self.pending.target()));
             return Err(Error::invalid(file, "incomplete, because adding it failed", "a file of complete frames"));
         }
-        let FramesFile { columns, poses, boxes, file, pending, .. } = self;
+        let FramesFile { columns, poses, boxes, file, pending, report, .. } = self;
         drop((columns, poses, boxes));
         file.close().map_err(|e| hdf5_error(&pending, e))?;
-        pending.commit()
+        pending.commit()?;
+        Ok(report)
     }
 }
 

@@ -62,7 +62,7 @@ impl GrowingFile {
             let found = "incomplete, because adding a frame failed";
             return Err(Error::invalid(shown::path(&path), found, "a file of complete frames"));
         }
-        let mut report = lost(format, head.fields);
+        let mut report = lost(format, &head);
         file.finish(&head, &mut report).map_err(|source| failed(&path, source))?;
         drop(file);
         output.commit(&path, &head)?;

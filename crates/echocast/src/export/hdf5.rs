@@ -1,12 +1,13 @@
 //! HDF5: one dataset per column at the root.
 
 use super::boxes::{self, BoxColumn, Numbers};
+use super::npz::{NAME_CHARS, cut_names};
 use super::{Format, FormatInfo, Growing, sensor_pose, unfinished};
 use crate::cloud::{Column, ColumnType, FieldInfo, InstanceBox, PointCloud};
 use crate::ground::report::Report;
 use crate::scene::Labels;
-use ::hdf5::types::VarLenUnicode;
-use ::hdf5::{Attribute, Dataset, ErrorFrame, Extent, File, Group, H5Type, Location};
+use ::hdf5::types::{FixedUnicode, TypeDescriptor};
+use ::hdf5::{Container, Dataset, DatasetBuilderEmpty, ErrorFrame, Extent, File, Group, H5Type, Location};
 use std::io;
 use std::path::Path;
 
@@ -25,8 +26,8 @@ impl Format for Hdf5 {
         }
     }
 
-    fn write(&self, cloud: &PointCloud, path: &Path, _: &mut Report) -> io::Result<()> {
-        self.write_file(cloud, path).map_err(io_error)
+    fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()> {
+        self.write_file(cloud, path, report).map_err(io_error)
     }
 
     fn begin(&self, first: &PointCloud, path: &Path) -> Option<io::Result<Box<dyn Growing>>> {
@@ -35,8 +36,8 @@ impl Format for Hdf5 {
 }
 
 impl Hdf5 {
-    fn write_file(&self, cloud: &PointCloud, path: &Path) -> ::hdf5::Result<()> {
-        let file = File::create(path)?;
+    fn write_file(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> ::hdf5::Result<()> {
+        let file = echocast_hdf5::create(path)?;
         for info in cloud.fields.iter() {
             let column = cloud.column(info.field);
             let dataset = add_column(&file, info.name, &[column.len()], column)?;
@@ -45,7 +46,7 @@ impl Hdf5 {
         for (name, values) in sensor_pose(cloud) {
             add(&file, name, &[values.len()], &values)?;
         }
-        add_tables(&file, cloud)?;
+        add_tables(&file, cloud, report)?;
         if let Some(boxes) = &cloud.boxes {
             let group = file.create_group("boxes")?;
             for column in &boxes::COLUMNS {
@@ -58,8 +59,10 @@ impl Hdf5 {
     }
 }
 
-/// Rows of frames and boxes that are allocated together.
-pub(super) const ROWS: usize = 256;
+/// Rows of frames, boxes and texts that are handled together.
+pub(crate) const ROWS: usize = 256;
+/// Most bytes of a text, as many characters as names have at most, of four bytes each.
+pub(crate) const WIDEST: usize = NAME_CHARS * 4;
 /// Rows of points that are allocated together.
 const CHUNK: usize = 1 << 16;
 
@@ -81,7 +84,7 @@ impl Hdf5File {
             describe(&dataset, info.unit, info.meaning)?;
             Ok(dataset)
         }
-        let file = File::create(path)?;
+        let file = echocast_hdf5::create(path)?;
         let mut columns = Vec::new();
         for info in first.fields.iter() {
             let dataset = match info.kind {
@@ -117,14 +120,14 @@ impl Hdf5File {
         Ok(())
     }
 
-    fn complete(&mut self, head: &PointCloud) -> ::hdf5::Result<()> {
+    fn complete(&mut self, head: &PointCloud, report: &mut Report) -> ::hdf5::Result<()> {
         self.columns.clear();
         self.boxes = None;
         let Some(file) = self.file.take() else { return Ok(()) };
         for (name, values) in sensor_pose(head) {
             add(&file, name, &[values.len()], &values)?;
         }
-        add_tables(&file, head)?;
+        add_tables(&file, head, report)?;
         file.close()
     }
 }
@@ -134,8 +137,8 @@ impl Growing for Hdf5File {
         self.add_rows(cloud).map_err(io_error)
     }
 
-    fn finish(&mut self, head: &PointCloud, _: &mut Report) -> io::Result<()> {
-        self.complete(head).map_err(io_error)
+    fn finish(&mut self, head: &PointCloud, report: &mut Report) -> io::Result<()> {
+        self.complete(head, report).map_err(io_error)
     }
 }
 
@@ -191,22 +194,27 @@ impl BoxRows {
 }
 
 /// Adds what says how to read the columns: frame, origin, shape, scale and name tables.
-pub(super) fn add_tables(file: &File, cloud: &PointCloud) -> ::hdf5::Result<()> {
-    add_one(file, "coordinates", &text(cloud.frame.name()))?;
+pub(super) fn add_tables(file: &File, cloud: &PointCloud, report: &mut Report) -> ::hdf5::Result<()> {
+    add_text(file, "coordinates", cloud.frame.name())?;
     add(file, "origin", &[3], &cloud.origin.to_array())?;
-    add_one(file, "intensity_full_scale", &cloud.intensity_full_scale.unwrap_or(f32::NAN))?;
+    let full_scale = cloud.intensity_full_scale.unwrap_or(f32::NAN);
+    file.new_dataset::<f32>().obj_track_times(false).create("intensity_full_scale")?.write_scalar(&full_scale)?;
     if let Some(shape) = cloud.organised {
         add(file, "shape", &[2], &shape)?;
     }
-    add_names(file, &cloud.labels)
+    add_names(file, &cloud.labels, report)
 }
 
 /// Adds numbers and names of the labels.
-pub(super) fn add_names(file: &File, labels: &Labels) -> ::hdf5::Result<()> {
+pub(super) fn add_names(file: &File, labels: &Labels, report: &mut Report) -> ::hdf5::Result<()> {
     for (stem, table) in labels.tables() {
         add(file, &format!("{stem}_ids"), &[table.ids.len()], &table.ids)?;
-        let names: Vec<VarLenUnicode> = table.names.iter().map(|name| text(name)).collect();
-        add(file, &format!("{stem}_names"), &[names.len()], &names)?;
+        let names = cut_names(&table.names, "hdf5", report);
+        let width = width(names.iter().map(|name| name.len()).max());
+        let texts = new_texts(file, width).shape(names.len()).create(&*format!("{stem}_names"))?;
+        for (start, names) in (0..).step_by(ROWS).zip(names.chunks(ROWS)) {
+            put_texts(&texts, width, names, Some(start))?;
+        }
     }
     Ok(())
 }
@@ -250,22 +258,50 @@ fn add<T: H5Type>(group: &Group, name: &str, shape: &[usize], data: &[T]) -> ::h
     Ok(dataset)
 }
 
-/// Adds a dataset of one value without a shape.
-pub(super) fn add_one<T: H5Type>(file: &File, name: &str, value: &T) -> ::hdf5::Result<()> {
-    file.new_dataset::<T>().obj_track_times(false).create(name)?.write_scalar(value)
+/// Adds a dataset of one text without a shape.
+pub(super) fn add_text(file: &File, name: &str, text: &str) -> ::hdf5::Result<()> {
+    let width = width(Some(text.len()));
+    let dataset = new_texts(file, width).create(name)?;
+    put_texts(&dataset, width, &[text], None)
 }
 
 /// Adds the attributes that say what a dataset holds.
 pub(super) fn describe(dataset: &Location, unit: &str, meaning: &str) -> ::hdf5::Result<()> {
-    let add = |name: &str, value: &str| -> ::hdf5::Result<()> {
-        let attribute: Attribute = dataset.new_attr::<VarLenUnicode>().create(name)?;
-        attribute.write_scalar(&text(value))
-    };
-    add("unit", unit)?;
-    add("meaning", meaning)
+    for (name, value) in [("unit", unit), ("meaning", meaning)] {
+        let width = width(Some(value.len()));
+        let attribute = dataset.new_attr_builder().empty_as(&TypeDescriptor::FixedUnicode(width)).create(name)?;
+        put_texts(&attribute, width, &[value], None)?;
+    }
+    Ok(())
 }
 
-/// HDF5 text ends at a zero, which therefore cannot stand in it.
-pub(super) fn text(name: &str) -> VarLenUnicode {
-    name.replace('\0', "\u{fffd}").parse().expect("there is no zero in it")
+/// Bytes of texts of which the longest has so many; none at all is no type.
+fn width(longest: Option<usize>) -> usize {
+    longest.unwrap_or(0).max(1)
+}
+
+/// A dataset of texts of `width` bytes. Texts of any length would lie in the heaps of the file, which other libraries read
+/// with less care, and which ours does not touch.
+fn new_texts(file: &File, width: usize) -> DatasetBuilderEmpty {
+    file.new_dataset_builder().obj_track_times(false).empty_as(&TypeDescriptor::FixedUnicode(width))
+}
+
+/// Writes `texts` of at most `width` bytes to `place`: from row `start` on, or the only one.
+fn put_texts(place: &Container, width: usize, texts: &[&str], start: Option<usize>) -> ::hdf5::Result<()> {
+    // In memory they are of a few widths, which are types; the library fits them to those of the file.
+    fn put<const N: usize>(place: &Container, texts: &[&str], start: Option<usize>) -> ::hdf5::Result<()> {
+        // A zero ends a text, and therefore cannot stand in it.
+        let fixed = |text: &&str| text.replace('\0', "?").parse::<FixedUnicode<N>>().unwrap_or_default();
+        let texts: Vec<FixedUnicode<N>> = texts.iter().map(fixed).collect();
+        match (start, &*texts) {
+            (Some(start), _) => place.write_slice(&texts, start..start + texts.len()),
+            (None, [text, ..]) => place.write_scalar(text),
+            (None, []) => Ok(()),
+        }
+    }
+    match width {
+        ..=64 => put::<64>(place, texts, start),
+        ..=512 => put::<512>(place, texts, start),
+        _ => put::<WIDEST>(place, texts, start),
+    }
 }

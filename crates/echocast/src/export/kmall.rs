@@ -304,7 +304,7 @@ fn water_column(bytes: &mut Vec<u8>, ping: &Ping, place: &Place, offset: i8) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::synthetic::swath;
+    use crate::image::synthetic::{moved, swath};
 
     #[test]
     fn datagrams_say_their_length_at_both_ends() {
@@ -331,6 +331,26 @@ mod tests {
         .map(|(name, length)| (name.to_owned(), length));
         let installation = ("IIP".to_owned(), (26 + INSTALLATION.len()).next_multiple_of(4) + 4);
         assert_eq!(found, [installation, skm.clone(), mrz.clone(), mwc.clone(), skm, mrz, mwc]);
+    }
+
+    #[test]
+    fn soundings_far_from_the_origin_are_precise() {
+        let track = moved(swath(1), DVec3::new(5e5, 5.6e6, 0.0));
+        let ping = &track.pings[0];
+        let mut bytes = Vec::new();
+        soundings(&mut bytes, ping, &Place::of(ping), 0.5).unwrap();
+        let double = |at: usize| f64::from_le_bytes(bytes[at..at + 8].try_into().unwrap());
+        let single = |at: usize| f64::from(f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()));
+        // latitude_deg and longitude_deg of the ping, deltaLatitude_deg and deltaLongitude_deg of each sounding.
+        let (of_ping, first, size) = (36 + 124, 36 + 152 + 48 + 32, 120);
+        for sounding in &ping.soundings {
+            let at = first + sounding.beam as usize * size + 88;
+            let y = (double(of_ping) + single(at)) * DEGREE[0];
+            let x = (double(of_ping + 8) + single(at + 4)) * DEGREE[1];
+            let place = ping.corrected_place(sounding);
+            assert!((x - place.x).hypot(y - place.y) < 1e-3, "{x} {y} {place}");
+        }
+        assert!(ping.soundings.len() > 50);
     }
 
     #[test]

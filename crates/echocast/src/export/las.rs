@@ -6,10 +6,10 @@
 use super::laz::{self, Laz};
 use super::{Format, FormatInfo, Growing, Sink, labels_json};
 use crate::cloud::record::{self, BLOCK_BYTES};
-use crate::cloud::{Column, ColumnType, Field, FieldInfo, FieldSet, PointCloud};
+use crate::cloud::{Column, ColumnType, Field, FieldInfo, FieldSet, PointCloud, Record};
 use crate::ground::report::Report;
 use ::las::raw::header::{Evlr, LargeFile};
-use ::las::{Builder, Header, Transform, Vector, Vlr};
+use ::las::{Builder, GpsTimeType, Header, Transform, Vector, Vlr};
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
 
@@ -111,6 +111,11 @@ impl Format for Las {
         }
     }
 
+    fn keeps(&self, record: &Record) -> bool {
+        // Larger ones come behind the points, from LAS 1.4 on.
+        self.version >= (1, 4) || record.data.len() <= u16::MAX.into()
+    }
+
     fn most_points(&self, _: FieldSet) -> Option<u64> {
         // Counts have 32 bits before LAS 1.4.
         (self.version < (1, 4)).then_some(u32::MAX.into())
@@ -144,15 +149,15 @@ impl Growing for LasFile {
 
     fn finish(&mut self, head: &PointCloud, report: &mut Report) -> io::Result<()> {
         self.survey.tell(head, &self.las, report);
+        self.las.tell_system(head, report);
         if let Some(laz) = &mut self.laz {
             laz.finish(&mut self.file)?;
         }
         let end = self.file.stream_position()?;
         let header = self.header(head)?;
-        if let Some(labels) = header.evlrs().first() {
-            let raw = labels.clone().into_raw(true).map_err(io_error)?;
-            write_buffered(&mut self.file, |file| raw.write_to(file))?;
-        }
+        write_buffered(&mut self.file, |file| {
+            header.evlrs().iter().try_for_each(|record| record.clone().into_raw(true)?.write_to(&mut *file))
+        })?;
         // Now that all points are counted.
         self.file.rewind()?;
         self.write_header(&header, head, end)?;
@@ -207,6 +212,16 @@ impl LasFile {
             builder.vlrs.extend([columns, labels]);
             builder.vlrs.retain(|vlr| !vlr.data.is_empty());
         }
+        let kept = head.records.all.iter().filter(|record| las.keeps(record));
+        builder.vlrs.extend(kept.map(|record| Vlr {
+            user_id: record.user.clone(),
+            record_id: record.id,
+            description: record.description.clone(),
+            data: record.data.clone(),
+        }));
+        if head.records.standard_time {
+            builder.gps_time_type = GpsTimeType::Standard;
+        }
         if let Some(laz) = &self.laz {
             builder.vlrs.push(laz.record()?);
         }
@@ -238,7 +253,8 @@ impl LasFile {
                 Some(LargeFile { number_of_point_records: points, number_of_points_by_return: survey.by_return });
         }
         if !header.evlrs().is_empty() {
-            raw.evlr = Some(Evlr { start_of_first_evlr: end, number_of_evlrs: 1 });
+            let number_of_evlrs = header.evlrs().len() as u32;
+            raw.evlr = Some(Evlr { start_of_first_evlr: end, number_of_evlrs });
         }
         write_buffered(&mut self.file, |file| {
             raw.write_to(&mut *file)?;
@@ -305,6 +321,25 @@ impl LasFile {
 }
 
 impl Las {
+    /// Says what readers may not look at: points of format 6 and above want coordinate systems as text, and LAS before 1.4
+    /// has none (2.5 and table 4).
+    fn tell_system(&self, head: &PointCloud, report: &mut Report) {
+        let name = self.info.name;
+        let keys = head.records.all.iter().any(Record::is_keys);
+        match head.records.wkt() {
+            Some(_) if self.version < (1, 4) => report.warn(format!(
+                "{name}: LAS 1.2 knows no coordinate systems as text (WKT): it is kept, but programs may not look for it; \
+                 las holds it"
+            )),
+            None if keys && self.point_format >= 6 => report.warn(format!(
+                "{name}: points of format {} want the coordinate system as text (WKT): its GeoTIFF keys are kept, but \
+                 programs may not look for them; las2 holds them",
+                self.point_format
+            )),
+            _ => {}
+        }
+    }
+
     fn return_number(&self, cloud: &PointCloud, row: usize) -> u8 {
         cloud.columns.return_number.get(row).map_or(1, |&number| number.clamp(1, self.most_returns()))
     }

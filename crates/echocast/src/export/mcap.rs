@@ -4,7 +4,7 @@
 //! sensor and begin with what a driver publishes of them; the other columns follow, as they are in the cloud.
 
 use super::ros::{Message, Stamp, definition};
-use super::{Format, FormatInfo, Growing, Sink, camera, labels_json};
+use super::{Format, FormatInfo, Growing, NEAR, Sink, camera, labels_json};
 use crate::cloud::record::{self, BLOCK_BYTES};
 use crate::cloud::{ColumnType, Field, Frame, InstanceBox, PackItem, PackType, PointCloud};
 use crate::emitter::Intrinsics;
@@ -60,6 +60,8 @@ pub(super) struct Mcap {
 const MAP: &str = "map";
 const SENSOR: &str = "sensor";
 const OPTICAL: &str = "sensor_optical";
+/// The frame of points that are far from the sensor: around the origin of the cloud.
+const LOCAL: &str = "local";
 
 /// Order of the bytes of points and pixels; numbers around them are little endian everywhere.
 const BIG_ENDIAN: bool = cfg!(target_endian = "big");
@@ -184,6 +186,8 @@ struct Bag {
     images: Option<Images>,
     /// Whether categories were too large for images.
     large: bool,
+    /// Whether points were too far from their frame for f32.
+    coarse: bool,
     /// Memory of the last message.
     bytes: Vec<u8>,
 }
@@ -228,8 +232,8 @@ impl Bag {
             Ok(Images { camera, depth, labels: channel("/labels/image_rect", "sensor_msgs/Image", "")? })
         };
         let images = camera::of(first).map(&mut images).transpose().map_err(io_error)?;
-        let (large, bytes) = (false, Vec::new());
-        let mut bag = Bag { layout, writer, transforms, points, detections, images, large, bytes };
+        let (large, coarse, bytes) = (false, false, Vec::new());
+        let mut bag = Bag { layout, writer, transforms, points, detections, images, large, coarse, bytes };
         let mut message = bag.message();
         // Each message has a shape of its own.
         message.text(&labels_json(&PointCloud { organised: None, ..first.head() }))?;
@@ -246,6 +250,8 @@ impl Bag {
 impl Growing for Bag {
     fn add(&mut self, cloud: &PointCloud) -> io::Result<()> {
         let stamp = stamp(cloud);
+        let from = if cloud.frame == Frame::World { placed(cloud).1.position } else { DVec3::ZERO };
+        self.coarse |= reach(cloud, from) > NEAR;
         let message = transforms(self.message(), cloud, self.images.is_some(), stamp)?;
         self.bytes = send(&mut self.writer, &mut self.transforms, stamp, message)?;
         let message = points(self.message(), self.layout, cloud, stamp)?;
@@ -271,6 +277,11 @@ impl Growing for Bag {
     fn finish(&mut self, _: &PointCloud, report: &mut Report) -> io::Result<()> {
         if self.large {
             report.warn(format!("mcap: category ids above {} are 0 in label images", u16::MAX));
+        }
+        if self.coarse {
+            report.warn(format!(
+                "mcap: positions farther than {NEAR} m from the frame of their points lose precision, as f32 has it there"
+            ));
         }
         self.writer.finish().map(drop).map_err(io_error)
     }
@@ -303,10 +314,16 @@ fn stamp(cloud: &PointCloud) -> Stamp {
 /// Where the sensor is, and how its images lie.
 fn transforms(mut message: Message, cloud: &PointCloud, images: bool, stamp: Stamp) -> io::Result<Message> {
     let optical = Pose { orientation: Intrinsics::FROM_OPTICAL, ..Pose::IDENTITY };
-    let all = [(MAP, SENSOR, cloud.sensor_pose), (SENSOR, OPTICAL, optical)];
-    let told = &all[..if images { 2 } else { 1 }];
+    let mut told = vec![(MAP, SENSOR, cloud.sensor_pose)];
+    if images {
+        told.push((SENSOR, OPTICAL, optical));
+    }
+    let (frame, pose) = placed(cloud);
+    if frame == LOCAL {
+        told.push((MAP, LOCAL, pose));
+    }
     message.count(told.len())?;
-    for (frame, child, pose) in told {
+    for (frame, child, pose) in &told {
         message.header(stamp, frame)?;
         message.text(child)?;
         message.pose(pose);
@@ -331,7 +348,7 @@ fn camera_info(mut message: Message, cloud: &PointCloud, camera: Intrinsics, sta
 
 /// Distances along the axis, m, NaN where there is none.
 fn depth_image(mut message: Message, cloud: &PointCloud, stamp: Stamp) -> io::Result<Message> {
-    let (c, to_sensor) = (&cloud.columns, to_sensor(cloud));
+    let (c, to_sensor) = (&cloud.columns, into_frame(cloud, &cloud.sensor_pose));
     let computed = |row| to_sensor([c.x[row], c.y[row], c.z[row]])[0];
     let depths: Vec<f32> = if c.depth.is_empty() { (0..cloud.len).map(computed).collect() } else { c.depth.clone() };
     image(&mut message, cloud, "32FC1", bytemuck::cast_slice(&depths), stamp)?;
@@ -394,7 +411,8 @@ struct PointField {
 fn points(mut message: Message, layout: &Layout, cloud: &PointCloud, stamp: Stamp) -> io::Result<Message> {
     let (fields, items, step) = record_of(layout, cloud, stamp);
     let [height, width] = cloud.organised.map_or([1, cloud.len], |shape| shape.map(|count| count as usize));
-    message.header(stamp, SENSOR)?;
+    let (frame, pose) = placed(cloud);
+    message.header(stamp, frame)?;
     message.count(height)?;
     message.count(width)?;
     message.count(fields.len())?;
@@ -411,11 +429,11 @@ fn points(mut message: Message, layout: &Layout, cloud: &PointCloud, stamp: Stam
     cloud.pack(&items, step, bytes).map_err(io::Error::other)?;
     let tag = layout.members.iter().find(|member| member.value == Value::Tag && present(member, cloud));
     let c = &cloud.columns;
-    let to_sensor = to_sensor(cloud);
+    let to_frame = into_frame(cloud, &pose);
     let rows = (BLOCK_BYTES / step).max(1);
     parallel::for_each_chunk(bytes, rows * step, |block, records| {
         let rows = block * rows..block * rows + records.len() / step;
-        record::put(records, step, 0, rows.clone(), |row| to_sensor([c.x[row], c.y[row], c.z[row]]));
+        record::put(records, step, 0, rows.clone(), |row| to_frame([c.x[row], c.y[row], c.z[row]]));
         if let Some(tag) = tag {
             record::put(records, step, tag.offset, &c.return_number[rows], |number| (*number).min(3) << 4);
         }
@@ -425,9 +443,28 @@ fn points(mut message: Message, layout: &Layout, cloud: &PointCloud, stamp: Stam
     Ok(message)
 }
 
-/// Takes positions of `cloud` to the frame of the sensor.
-fn to_sensor(cloud: &PointCloud) -> impl Fn([f32; 3]) -> [f32; 3] {
-    let pose = if cloud.frame == Frame::World { cloud.sensor_pose } else { Pose::IDENTITY };
+/// The frame of the points of `cloud`, and where it is in the world: the sensor, unless f32 is too coarse from there, as
+/// where the pose of the sensor is not known. Around the origin of the cloud it is as fine as in the cloud.
+fn placed(cloud: &PointCloud) -> (&'static str, Pose) {
+    let sensor = (SENSOR, cloud.sensor_pose);
+    let far = cloud.frame == Frame::World && reach(cloud, cloud.sensor_pose.position) > NEAR;
+    if far { (LOCAL, Pose { position: cloud.origin, ..Pose::IDENTITY }) } else { sensor }
+}
+
+/// How far the points of `cloud` are along an axis from `from`, at most.
+fn reach(cloud: &PointCloud, from: DVec3) -> f64 {
+    let c = &cloud.columns;
+    let axes = [&c.x, &c.y, &c.z].into_iter().zip((cloud.origin - from).to_array());
+    let along = |(column, shift): (&Vec<f32>, f64)| {
+        let finite = column.iter().filter(|x| x.is_finite());
+        finite.fold(0.0, |most: f64, &x| most.max((f64::from(x) + shift).abs()))
+    };
+    axes.map(along).fold(0.0, f64::max)
+}
+
+/// Takes positions of `cloud` to the frame at `pose`; those in the frame of the sensor stay.
+fn into_frame(cloud: &PointCloud, pose: &Pose) -> impl Fn([f32; 3]) -> [f32; 3] + use<> {
+    let pose = if cloud.frame == Frame::World { *pose } else { Pose::IDENTITY };
     let (turn, shift) = (DMat3::from_quat(pose.orientation.inverse()), cloud.origin - pose.position);
     move |place| (turn * (DVec3::from(place.map(f64::from)) + shift)).as_vec3().to_array()
 }

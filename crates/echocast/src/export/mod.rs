@@ -35,12 +35,12 @@ pub use boxes::{check_boxes, write_boxes};
 pub use frames::FramesFile;
 pub use growing::GrowingFile;
 #[cfg(feature = "hdf5")]
-pub(crate) use hdf5::io_error as hdf5_error;
+pub(crate) use hdf5::{ROWS as HDF5_ROWS, WIDEST as HDF5_WIDEST, io_error as hdf5_error};
 pub use images::{AnnotationStyle, ImageFolder, ImageLayer, ImageOptions, check_images};
 pub use pings::{check_image, check_pings, image_label_paths};
 pub use unfinished::{cancel_flag, remove_unfinished};
 
-use crate::cloud::{Field, FieldInfo, FieldSet, PointCloud};
+use crate::cloud::{Field, FieldInfo, FieldSet, PointCloud, Record};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
@@ -65,6 +65,9 @@ impl PointCloud {
     }
 }
 
+/// Coordinates up to this are precise in f32, m: to 0.12 mm.
+const NEAR: f64 = 4096.0;
+
 /// A point-cloud file format.
 pub trait Format: Sync {
     /// What it is.
@@ -76,6 +79,10 @@ pub trait Format: Sync {
     /// Whether it can hold the column `info`.
     fn holds(&self, _info: &FieldInfo) -> bool {
         true
+    }
+    /// Whether it can hold `record` of a file of surveying.
+    fn keeps(&self, _record: &Record) -> bool {
+        false
     }
     /// How many points with the columns `fields` a file can hold, where that is fewer than runs may make.
     fn most_points(&self, _fields: FieldSet) -> Option<u64> {
@@ -245,19 +252,29 @@ pub fn write(cloud: &PointCloud, path: &Path, format: Option<&str>) -> Result<Re
     let format = format_for(path, format)?;
     check_fields(format, cloud.fields)?;
     cloud.check()?;
-    let mut report = lost(format, cloud.fields);
+    let mut report = lost(format, cloud);
     let output = Output::create(path, format)?;
     format.write(cloud, output.file.path(), &mut report).map_err(|source| failed(path, source))?;
     output.commit(path, cloud)?;
     Ok(report)
 }
 
-/// What a cloud with the columns `fields` loses in `format`.
-fn lost(format: &dyn Format, fields: FieldSet) -> Report {
+/// What the cloud with the rows of `head` loses in `format`.
+fn lost(format: &dyn Format, head: &PointCloud) -> Report {
     let mut report = Report::default();
-    let lost: Vec<&str> = fields.iter().filter(|info| !format.holds(info)).map(|info| info.name).collect();
+    let lost: Vec<&str> = head.fields.iter().filter(|info| !format.holds(info)).map(|info| info.name).collect();
     if !lost.is_empty() {
         report.warn(format!("{}: cannot hold the columns {}", format.name(), listed(&lost)));
+    }
+    let lost: Vec<&Record> = head.records.all.iter().filter(|record| !format.keeps(record)).collect();
+    let system = lost.iter().any(|record| record.is_system());
+    let system = system.then(|| format!("the coordinate system {}", head.records.system().unwrap_or_default()));
+    let others = lost.iter().filter(|record| !record.is_system());
+    let others: Vec<String> = others.map(|record| format!("{} {}", shown::name(&record.user), record.id)).collect();
+    let others = (!others.is_empty()).then(|| format!("the records {}", others.join(", ")));
+    let lost: Vec<String> = system.into_iter().chain(others).collect();
+    if !lost.is_empty() {
+        report.warn(format!("{}: cannot hold {}; las and laz do", format.name(), lost.join(" and ")));
     }
     report
 }

@@ -9,8 +9,8 @@ use std::path::Path;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-/// Most characters of a label name: NumPy makes all names of an array as wide as the longest.
-const NAME_CHARS: usize = 1024;
+/// Most characters of a label name: all names of an array are as wide as the longest.
+pub(super) const NAME_CHARS: usize = 1024;
 
 /// One array per column; positions f32 relative to the array `origin`. Organised clouds stay lists of rows, and the
 /// array `shape` holds their rows and columns: `x.reshape(shape)` is the image.
@@ -89,15 +89,12 @@ impl Archive {
         for (stem, table) in labels.tables() {
             self.add(&format!("{stem}_ids"), "u4", &[table.ids.len()], &table.ids)?;
             // NumPy text: UTF-32, every element as wide as the longest, ended by zeros.
-            let longest = table.names.iter().map(|name| name.chars().count()).max().unwrap_or(0);
-            if longest > NAME_CHARS {
-                report.warn(format!("npz: label names longer than {NAME_CHARS} characters cut"));
-            }
-            let width = longest.clamp(1, NAME_CHARS);
-            let count = table.names.len();
+            let names = cut_names(&table.names, "npz", report);
+            let width = names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(1);
+            let count = names.len();
             self.start(&format!("{stem}_names"), &format!("U{width}"), &[count], count * width * 4)?;
-            for name in &table.names {
-                let mut characters: Vec<u32> = name.chars().take(width).map(u32::from).collect();
+            for name in names {
+                let mut characters: Vec<u32> = name.chars().map(u32::from).collect();
                 characters.resize(width, 0);
                 self.0.write_all(bytemuck::cast_slice(&characters))?;
             }
@@ -129,6 +126,16 @@ impl Archive {
         self.0.start_file(format!("{name}.npy"), options)?;
         self.0.write_all(&header)
     }
+}
+
+/// The `names` of labels, none of them longer than [`NAME_CHARS`].
+pub(super) fn cut_names<'n>(names: &'n [String], format: &str, report: &mut Report) -> Vec<&'n str> {
+    let cut = |name: &'n String| name.char_indices().nth(NAME_CHARS).map_or(&**name, |(end, _)| &name[..end]);
+    let all: Vec<&str> = names.iter().map(cut).collect();
+    if all.iter().zip(names).any(|(cut, name)| cut.len() < name.len()) {
+        report.warn(format!("{format}: label names longer than {NAME_CHARS} characters cut"));
+    }
+    all
 }
 
 fn numpy_type(column: Column<'_>) -> &'static str {

@@ -174,7 +174,7 @@ impl Arrays {
     fn create(pending: &Pending, named: &Path) -> io::Result<Arrays> {
         #[cfg(feature = "hdf5")]
         if ending(named) != "npz" {
-            return ::hdf5::File::create(pending.path()).map(Arrays::Hdf5).map_err(super::hdf5::io_error);
+            return echocast_hdf5::create(pending.path()).map(Arrays::Hdf5).map_err(super::hdf5::io_error);
         }
         debug_assert_eq!(ending(named), "npz");
         Archive::create(pending.path()).map(|file| Arrays::Npz(Box::new(file)))
@@ -196,7 +196,7 @@ impl Arrays {
             Arrays::Npz(file) => file.text(name, words),
             #[cfg(feature = "hdf5")]
             Arrays::Hdf5(file) => {
-                super::hdf5::add_one(file, name, &super::hdf5::text(words)).map_err(super::hdf5::io_error)
+                super::hdf5::add_text(file, name, words).map_err(super::hdf5::io_error)
             }
         }
     }
@@ -205,7 +205,7 @@ impl Arrays {
         match self {
             Arrays::Npz(file) => file.names(labels, report),
             #[cfg(feature = "hdf5")]
-            Arrays::Hdf5(file) => super::hdf5::add_names(file, labels).map_err(super::hdf5::io_error),
+            Arrays::Hdf5(file) => super::hdf5::add_names(file, labels, report).map_err(super::hdf5::io_error),
         }
     }
 

@@ -238,7 +238,8 @@ impl Date {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::synthetic::{Sidescan, pings};
+    use crate::image::synthetic::{Sidescan, moved, pings, swath};
+    use glam::DVec3;
 
     #[test]
     fn port_comes_from_afar_and_levels_without_a_sample_are_told() {
@@ -263,6 +264,27 @@ mod tests {
         assert_eq!(sample(port + 1198), 0);
         assert_eq!([sample(starboard), sample(starboard + 1198)], [65535, 9877]);
         assert!(packet[starboard + 1200..].iter().all(|&byte| byte == 0));
+    }
+
+    #[test]
+    fn soundings_far_from_the_origin_are_precise() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.xtf");
+        let track = moved(swath(1), DVec3::new(5e5, 5.6e6, 0.0));
+        track.write(&path).unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        let packet = &bytes[FILE_HEADER..];
+        let double = |at: usize| f64::from_le_bytes(packet[at..at + 8].try_into().unwrap());
+        let ping = &track.pings[0];
+        for (index, sounding) in ping.soundings.iter().enumerate() {
+            let at = PING_HEADER + index * SOUNDING;
+            let place = ping.corrected_place(sounding);
+            // ShipYcoordinate comes first.
+            let found = [double(136) + double(at), double(128) + double(at + 8)];
+            let off = (found[0] - place.x).hypot(found[1] - place.y);
+            assert!(off < 1e-3, "{index}: {off}");
+        }
+        assert!(ping.soundings.len() > 50);
     }
 
     #[test]

@@ -176,6 +176,15 @@ pub(crate) fn turning(pings: usize, step: f64) -> Pings {
     turned
 }
 
+/// `track` somewhere else.
+pub(crate) fn moved(mut track: Pings, by: DVec3) -> Pings {
+    for ping in &mut track.pings {
+        ping.pose.position += by;
+        ping.origin += by;
+    }
+    track
+}
+
 /// A swath sonar at z = 0 along x over a bed at -10 m with a block, 1 m high, from 9, 3 to 11, 5.
 pub(crate) fn swath(pings: usize) -> Pings {
     let angles: Vec<f64> = (0..81).map(|beam| (f64::from(beam) * 1.5 - 60.0).to_radians()).collect();

@@ -2,7 +2,7 @@
 
 use super::Source;
 use super::rows::axis;
-use crate::cloud::{Field, Frame, InstanceBox};
+use crate::cloud::{Field, Frame, InstanceBox, Records};
 use crate::export::labels_path;
 use crate::ground::error::{Error, Result};
 use crate::ground::named::Named as _;
@@ -29,6 +29,7 @@ pub(super) struct About {
     /// Names of the columns that the cloud had.
     pub columns: Option<Vec<String>>,
     pub boxes: Option<Vec<InstanceBox>>,
+    pub records: Records,
 }
 
 /// A file of arrays.

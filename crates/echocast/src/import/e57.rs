@@ -4,7 +4,7 @@ use super::about::{About, pose};
 use super::names::Named;
 use super::rows::{self, Goal, Rows};
 use super::{Source, contained};
-use crate::cloud::{Field, FieldSet, Frame, PointCloud};
+use crate::cloud::{self, Field, FieldSet, Frame, PointCloud};
 use crate::ground::error::Result;
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
@@ -58,6 +58,12 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
         // Some say what the scan has, others what the instrument can say.
         let usual = [1.0, 255.0].into_iter().find(|&full| brightest <= full);
         about.intensity_full_scale = Some(usual.or(Some(brightest)));
+    }
+    if let Some(text) = reader.coordinate_metadata().filter(|text| !text.trim().is_empty()) {
+        match cloud::Record::of_text(text) {
+            Some(system) => about.records.all.push(system),
+            None => rows::lost(std::iter::once(text), "e57", report),
+        }
     }
     about.sensor_pose = about.sensor_pose.or(first);
     about.shape = about.shape.or(grid.filter(|grid| grid[1] > 0));

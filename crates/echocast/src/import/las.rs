@@ -5,7 +5,7 @@ use super::names::Named;
 use super::number::{Member, blocks};
 use super::rows::{self, Goal, Rows};
 use super::{Source, laz};
-use crate::cloud::{Field, FieldSet, PointCloud};
+use crate::cloud::{Field, FieldSet, PointCloud, Record, Records};
 use crate::export::RAW_INTENSITY;
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
@@ -105,10 +105,37 @@ impl Layout {
 }
 
 /// What stands before and behind the points.
-struct Records {
+#[derive(Default)]
+struct Around {
     about: Option<About>,
     extra: Vec<u8>,
     laz: Option<Vec<u8>>,
+    others: Vec<Record>,
+    /// Records that say where points or waveforms are in this file, and are wrong of any other.
+    lost: Vec<String>,
+}
+
+impl Around {
+    /// Takes the record of `user` with the number `id`.
+    fn take(&mut self, source: &Source, user: &[u8], id: u16, description: &[u8], data: Vec<u8>) -> Result<()> {
+        match (user, id) {
+            (b"LASF_Spec", 4) => self.extra = data,
+            (b"laszip encoded", 22204) => self.laz = Some(data),
+            (b"echocast", 1) => self.about = Some(About::parse(source.path, &data)?),
+            // Packets of waveforms and what describes them; the index of COPC.
+            (b"LASF_Spec", 100..=354 | 65535) | (b"copc", _) => {
+                let name = format!("{} {id}", ascii(user));
+                self.lost.push(name);
+            }
+            _ => self.others.push(Record { user: ascii(user), id, description: ascii(description), data }),
+        }
+        Ok(())
+    }
+}
+
+/// A text of LAS without the zeros behind it; other letters than those of ASCII are not allowed.
+fn ascii(bytes: &[u8]) -> String {
+    user(bytes).iter().map(|&byte| if byte.is_ascii() { char::from(byte) } else { '?' }).collect()
 }
 
 /// How points are stored.
@@ -188,6 +215,7 @@ enum Ours {
 
 pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     let (header, mut records) = header(source)?;
+    rows::lost(records.lost.iter().map(String::as_str), "las", report);
     let points = Points::of(&header, source)?;
     let mut ours = records.about.as_ref().map(|_| Ours::Whole);
     if header.generating_software.starts_with(b"echocast ") && points.format == 2 && ours.is_none() {
@@ -197,6 +225,7 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     let mut about = records.about.unwrap_or_default();
     let full_scale = about.intensity_full_scale.unwrap_or(Some(1.0));
     about.intensity_full_scale = Some(full_scale);
+    about.records = Records { all: records.others, standard_time: header.global_encoding & 1 != 0 };
     // Coordinates count from there.
     about.f32_origin = ours.map(|_| points.offset);
 
@@ -373,23 +402,18 @@ fn name_class(about: &mut About, class: u8) {
 }
 
 /// The header, and the records that say something of the cloud.
-fn header(source: &Source) -> Result<(Header, Records)> {
+fn header(source: &Source) -> Result<(Header, Around)> {
     let failed = |error: ::las::Error, place: &str| match error {
         ::las::Error::Io(error) => source.failed(error, place),
         other => source.failed(io::Error::other(other), place),
     };
     let header = Header::read_from(source.from(0)?).map_err(|error| failed(error, "its header"))?;
-    let (mut own, mut extra, mut laz) = (None, Vec::new(), None);
+    let mut around = Around::default();
     let mut file = source.from(header.header_size.into())?;
     for _ in 0..header.number_of_variable_length_records {
         let record = Vlr::read_from(&mut file, false);
         let record = record.map_err(|error| failed(error, "the records before its points"))?;
-        match (user(&record.user_id), record.record_id) {
-            (b"LASF_Spec", 4) => extra = record.data,
-            (b"laszip encoded", 22204) => laz = Some(record.data),
-            (b"echocast", 1) => own = Some(record.data),
-            _ => {}
-        }
+        around.take(source, user(&record.user_id), record.record_id, &record.description, record.data)?;
     }
     // Not by the crate, which takes memory for whatever length they claim.
     let behind = |error| source.failed(error, "the records behind its points");
@@ -403,16 +427,12 @@ fn header(source: &Source) -> Result<(Header, Records)> {
         if at > source.length {
             return Err(behind(io::ErrorKind::UnexpectedEof.into()));
         }
-        let wanted = match (user(&head[2..18]), u16::from_le_bytes([head[18], head[19]])) {
-            (b"LASF_Spec", 4) => &mut extra,
-            (b"echocast", 1) => own.insert(Vec::new()),
-            _ => continue,
-        };
-        wanted.clear();
-        file.take(bytes).read_to_end(wanted).map_err(behind)?;
+        let id = u16::from_le_bytes([head[18], head[19]]);
+        let mut data = Vec::new();
+        file.take(bytes).read_to_end(&mut data).map_err(behind)?;
+        around.take(source, user(&head[2..18]), id, &head[28..], data)?;
     }
-    let about = own.map(|json| About::parse(source.path, &json)).transpose()?;
-    Ok((header, Records { about, extra, laz }))
+    Ok((header, around))
 }
 
 /// Whose record it is, without the zeros behind the name.

@@ -9,15 +9,20 @@ use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::{Pose, on};
 use crate::ground::report::Report;
-use ::mcap::records::Record;
+use ::mcap::McapError;
+use ::mcap::records::op;
 use ::mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
-use ::mcap::{McapError, parse_record};
 use glam::{DMat3, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Read as _};
 
 /// Longest record, bytes: more than the cloud of a frame.
 const LONGEST: u64 = 1 << 30;
+/// Bytes that are asked for at once: a record takes memory as its bytes come, not by the length that it claims.
+const PIECE: usize = 1 << 20;
+/// Bytes and records that are believed to be in a file, however short it is.
+const BELIEVED_BYTES: u64 = 64 << 20;
+const BELIEVED_RECORDS: u64 = 1 << 16;
 /// Most frames from one to the world.
 const DEPTH: usize = 100;
 
@@ -55,29 +60,44 @@ impl Topic {
 /// Does `work` with each message of `source`, in the order of the file.
 ///
 /// # Errors
-/// A file that is cut off or damaged; those of `work`.
+/// A file that is cut off or damaged, or that is more when decompressed than its bytes can be; those of `work`.
 fn messages(source: &Source, mut work: impl FnMut(&Topic, &[u8]) -> Result<()>) -> Result<()> {
     let mut file = source.from(0)?;
-    let longest = LONGEST.min(source.length.saturating_mul(MOST_OF_ONE));
-    let options = LinearReaderOptions::default().with_record_length_limit(longest as usize);
+    let most = source.length.saturating_mul(MOST_OF_ONE).max(BELIEVED_BYTES);
+    let options = LinearReaderOptions::default().with_record_length_limit(LONGEST.min(most) as usize);
     let mut reader = LinearReader::new_with_options(options.with_validate_chunk_crcs(true));
     let mut kinds = BTreeMap::new();
     let mut topics = BTreeMap::new();
     let failed = |error| source.failed(error, "its messages");
+    // A record of its own takes at least a byte, however well it is compressed.
+    let (mut records_left, mut bytes_left) = (source.length.max(BELIEVED_RECORDS), most);
     loop {
         let event = contained(|| reader.next_event().transpose().map_err(io_error)).map_err(failed)?;
         let wanted = match event {
             None => return Ok(()),
-            Some(LinearReadEvent::ReadRequest(count)) => count,
+            Some(LinearReadEvent::ReadRequest(count)) => count.min(PIECE),
             Some(LinearReadEvent::Record { opcode, data }) => {
-                match contained(|| parse_record(opcode, data).map_err(io_error)).map_err(failed)? {
-                    Record::Schema { header, .. } => drop(kinds.insert(header.id, header.name)),
-                    Record::Channel(channel) if channel.message_encoding == "cdr" => {
-                        let kind = kinds.get(&channel.schema_id).cloned().unwrap_or_default();
-                        topics.insert(channel.id, Topic { name: channel.topic, kind });
+                let left = records_left.checked_sub(1).zip(bytes_left.checked_sub(data.len() as u64));
+                (records_left, bytes_left) = left.ok_or_else(|| {
+                    source.error("is more when decompressed than its bytes can hold: it is damaged")
+                })?;
+                let mut record = Fields(data);
+                let cut_off = || failed(io::ErrorKind::UnexpectedEof.into());
+                match opcode {
+                    op::SCHEMA => {
+                        let (id, name) = record.schema().ok_or_else(cut_off)?;
+                        kinds.insert(id, name);
                     }
-                    Record::Message { header, data } => {
-                        topics.get(&header.channel_id).map_or(Ok(()), |topic| work(topic, &data))?;
+                    op::CHANNEL => {
+                        let (id, schema, name, encoding) = record.channel().ok_or_else(cut_off)?;
+                        if encoding == "cdr" {
+                            let kind = kinds.get(&schema).cloned().unwrap_or_default();
+                            topics.insert(id, Topic { name, kind });
+                        }
+                    }
+                    op::MESSAGE => {
+                        let (id, data) = record.message().ok_or_else(cut_off)?;
+                        topics.get(&id).map_or(Ok(()), |topic| work(topic, data))?;
                     }
                     _ => {}
                 }
@@ -86,6 +106,48 @@ fn messages(source: &Source, mut work: impl FnMut(&Topic, &[u8]) -> Result<()>) 
         };
         let count = file.read(reader.insert(wanted)).map_err(failed)?;
         reader.notify_read(count);
+    }
+}
+
+/// The rest of a record, from the front; `None`: it ends before. By our own code, for the crate takes memory for whatever
+/// length a text claims.
+struct Fields<'a>(&'a [u8]);
+
+impl<'a> Fields<'a> {
+    fn bytes(&mut self, count: usize) -> Option<&'a [u8]> {
+        let (bytes, rest) = self.0.split_at_checked(count)?;
+        self.0 = rest;
+        Some(bytes)
+    }
+
+    fn number<const N: usize>(&mut self) -> Option<[u8; N]> {
+        self.bytes(N)?.first_chunk().copied()
+    }
+
+    fn u16(&mut self) -> Option<u16> {
+        self.number().map(u16::from_le_bytes)
+    }
+
+    fn text(&mut self) -> Option<String> {
+        let length = self.number().map(u32::from_le_bytes)?;
+        self.bytes(length as usize).map(|bytes| String::from_utf8_lossy(bytes).into_owned())
+    }
+
+    /// Number and name.
+    fn schema(&mut self) -> Option<(u16, String)> {
+        Some((self.u16()?, self.text()?))
+    }
+
+    /// Number, that of the schema, name and encoding of messages.
+    fn channel(&mut self) -> Option<(u16, u16, String, String)> {
+        Some((self.u16()?, self.u16()?, self.text()?, self.text()?))
+    }
+
+    /// Number of the channel, and the message, behind its number and two times.
+    fn message(&mut self) -> Option<(u16, &'a [u8])> {
+        let channel = self.u16()?;
+        self.bytes(4 + 8 + 8)?;
+        Some((channel, self.0))
     }
 }
 
@@ -146,8 +208,6 @@ struct Bag {
     count: usize,
     /// Whether they are in the frame of the sensor for want of transforms.
     untransformed: bool,
-    /// Bytes of points so far.
-    bytes: u64,
     /// Topics that a cloud has no place for.
     left: BTreeSet<String>,
 }
@@ -165,10 +225,6 @@ impl Bag {
         match &*topic.kind {
             CLOUD if mine => {
                 self.topic = Some(topic.name.clone());
-                self.bytes += bytes.len() as u64;
-                if self.bytes > source.length.saturating_mul(MOST_OF_ONE) {
-                    return Err(source.error("says it has more points than its bytes can hold: it is damaged"));
-                }
                 let points = Points::read(bytes).map_err(|fault| topic.error(source, fault))?;
                 self.add(source, topic, &points, frames, report)
             }

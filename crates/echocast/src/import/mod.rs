@@ -6,6 +6,8 @@ mod csv;
 mod e57;
 #[cfg(feature = "hdf5")]
 mod hdf5;
+#[cfg(feature = "hdf5")]
+mod heap;
 mod las;
 mod laz;
 #[cfg(feature = "mcap")]
@@ -37,7 +39,7 @@ const BEGINNING: u64 = 4096;
 const MOST_OF_ONE: u64 = 1100;
 
 impl PointCloud {
-    /// Reads the cloud file at `path`: of any format of [`crate::export::FORMATS`], and LAS, LAZ, PLY, PCD, E57, CSV
+    /// Reads the cloud file at `path`: of any format of [`crate::export::FORMATS`], and LAS, LAZ, PLY, PCD, E57, text
     /// and MCAP files of other programs. The content tells the format, whatever the name ends in. [`read()`] also reports what a
     /// cloud could not take over.
     ///
@@ -116,8 +118,8 @@ pub const READERS: &[CloudReader] = &[
     },
     CloudReader {
         name: "csv",
-        extensions: &["csv"],
-        description: "text with a header of column names",
+        extensions: &["csv", "txt", "asc", "xyz", "pts"],
+        description: "rows of numbers, behind a header of column names or not",
         begins: csv::begins,
         read: csv::read,
     },
@@ -132,7 +134,45 @@ pub const READERS: &[CloudReader] = &[
 /// # Errors
 /// A missing file, or one of another format; one that is cut off, damaged or says what cannot be; no memory.
 pub fn read(path: &Path, report: &mut Report) -> Result<PointCloud> {
-    let (source, reader) = open(path)?;
+    read_with(path, &ReadOptions::default(), report)
+}
+
+/// What files do not say of themselves.
+#[derive(Clone, Debug, Default)]
+pub struct ReadOptions {
+    /// The columns of text, from the first on, by the names of [`Field`](crate::Field)s or those that other programs
+    /// give them; `_` is left out, and so are those behind the last. `None`: as the header has them, or, where there is
+    /// none, as they are likely to be, which is reported.
+    pub columns: Option<Vec<String>>,
+}
+
+impl ReadOptions {
+    /// Checks the names of the columns.
+    ///
+    /// # Errors
+    /// One that is unknown.
+    pub fn check(&self) -> Result<()> {
+        csv::check(self.columns.as_deref().unwrap_or_default())
+    }
+}
+
+/// [`read()`] with what the file does not say itself.
+///
+/// # Errors
+/// As [`read()`] and [`ReadOptions::check`]; columns for what is not text.
+pub fn read_with(path: &Path, options: &ReadOptions, report: &mut Report) -> Result<PointCloud> {
+    options.check()?;
+    let (mut source, mut reader) = open(path)?;
+    if options.columns.is_some() {
+        source.columns = options.columns.as_deref();
+        // Whatever stands above the rows.
+        let text = READERS.iter().find(|reader| reader.name == "csv");
+        reader = reader.or(text);
+        if let Some(other) = reader.filter(|reader| reader.name != "csv") {
+            let format = other.name.to_uppercase();
+            return Err(Error::invalid("columns", format!("given for {format}, which names its own"), "for text"));
+        }
+    }
     let Some(reader) = reader else {
         let endings = READERS.iter().flat_map(|reader| reader.extensions).map(|ending| format!(".{ending}"));
         let all = endings.collect::<Vec<_>>().join(", ");
@@ -168,7 +208,7 @@ fn open(path: &Path) -> Result<(Source<'_>, Option<&'static CloudReader>)> {
     (&mut file).take(BEGINNING).read_to_end(&mut beginning).map_err(fault)?;
     file.rewind().map_err(fault)?;
     let reader = READERS.iter().find(|reader| (reader.begins)(&beginning));
-    Ok((Source { path, file, length }, reader))
+    Ok((Source { path, file, length, columns: None }, reader))
 }
 
 /// A cloud file that is being read.
@@ -177,6 +217,8 @@ struct Source<'a> {
     file: File,
     /// Bytes of the file when it was opened.
     length: u64,
+    /// As [`ReadOptions::columns`].
+    columns: Option<&'a [String]>,
 }
 
 impl Source<'_> {

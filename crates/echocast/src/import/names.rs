@@ -19,6 +19,12 @@ impl Named {
 
 /// Names without blanks, `_` and case, with the column that they mean.
 const FOREIGN: &[(&str, Field)] = &[
+    ("easting", Field::X),
+    ("northing", Field::Y),
+    ("height", Field::Z),
+    ("points:0", Field::X),
+    ("points:1", Field::Y),
+    ("points:2", Field::Z),
     ("nx", Field::NormalX),
     ("ny", Field::NormalY),
     ("nz", Field::NormalZ),
@@ -55,20 +61,47 @@ const FOREIGN: &[(&str, Field)] = &[
     ("numreturns", Field::ReturnCount),
 ];
 
+/// Colours from 0 to 1, as CloudCompare calls them.
+const PARTS: &[(&str, Field)] = &[("rf", Field::Red), ("gf", Field::Green), ("bf", Field::Blue)];
+
+/// Units that names end in, in brackets, with what makes the unit of the column of them, and that.
+const UNITS: &[(&str, f64, &str)] = &[
+    ("m", 1.0, "m"),
+    ("mm", 1e-3, "m"),
+    ("cm", 1e-2, "m"),
+    ("km", 1e3, "m"),
+    ("ft", 0.3048, "m"),
+    ("s", 1.0, "s"),
+    ("ms", 1e-3, "s"),
+    ("us", 1e-6, "s"),
+    ("ns", 1e-9, "s"),
+    ("rad", 1.0, "rad"),
+    ("deg", std::f64::consts::PI / 180.0, "rad"),
+];
+
 /// The column that has this very name, `scalar_` before it or not.
 pub(super) fn own(column: &Named) -> Option<Goal> {
     let name = column.name.strip_prefix("scalar_").unwrap_or(&column.name);
     Field::from_name(name).ok().map(|field| to(field, column.number))
 }
 
-/// The column that has this name, but for case, blanks and `_`, or another name for it.
+/// The column that has this name, but for case, blanks, `_` and a unit in brackets, or another name for it.
 pub(super) fn foreign(column: &Named) -> Option<Goal> {
-    let plain = |name: &str| name.to_lowercase().replace(['_', ' '], "");
-    let name = plain(&column.name);
-    let name = name.strip_prefix("scalar").unwrap_or(&name);
-    let known = crate::cloud::FIELDS.iter().find(|info| plain(info.name) == name).map(|info| info.field);
-    let other = || FOREIGN.iter().find(|(other, _)| *other == name).map(|(_, field)| *field);
-    known.or_else(other).map(|field| to(field, column.number))
+    let named = |name: &str| {
+        let plain = |name: &str| name.to_lowercase().replace(['_', ' '], "");
+        let name = plain(name);
+        let name = name.strip_prefix("scalar").unwrap_or(&name);
+        let known = crate::cloud::FIELDS.iter().find(|info| plain(info.name) == name).map(|info| info.field);
+        let other = |names: &[(&str, Field)]| names.iter().find(|(other, _)| *other == name).map(|(_, field)| *field);
+        let part = || other(PARTS).map(|field| to(field, Number::F32));
+        known.or_else(|| other(FOREIGN)).map(|field| to(field, column.number)).or_else(part)
+    };
+    named(&column.name).or_else(|| {
+        let (name, unit) = column.name.trim_end().strip_suffix([')', ']'])?.rsplit_once(['(', '['])?;
+        let (_, factor, of) = UNITS.iter().find(|(known, ..)| unit.trim().eq_ignore_ascii_case(known))?;
+        let goal = named(name).filter(|goal| goal.field.info().unit == *of)?;
+        Some(Goal::scaled(goal.field, *factor))
+    })
 }
 
 /// Numbers of the type `number` in the column `field`.
@@ -99,13 +132,28 @@ mod tests {
             ("scalar_Intensity", Field::Intensity),
             ("Scalar_Return_Number", Field::ReturnNumber),
             ("Number Of Returns", Field::ReturnCount),
-            ("nx", Field::NormalX),
+            ("easting", Field::X),
+    ("northing", Field::Y),
+    ("height", Field::Z),
+    ("points:0", Field::X),
+    ("points:1", Field::Y),
+    ("points:2", Field::Z),
+    ("nx", Field::NormalX),
             ("ring", Field::Channel),
             ("GpsTime", Field::Time),
+            ("X(m)", Field::X),
+            ("Range [m]", Field::Range),
+            ("Easting", Field::X),
+            ("Gf", Field::Green),
         ] {
             assert_eq!(found(name), Some(field), "{name}");
         }
         assert_eq!(found("temperature"), None);
-        assert_eq!(foreign(&Named::new("t", Number::U32)).unwrap().factor, 1e-9);
+        let factor = |name, number| foreign(&Named::new(name, number)).map(|goal| goal.factor);
+        assert_eq!(factor("t", Number::U32), Some(1e-9));
+        assert_eq!(factor("Z (mm)", Number::F32), Some(1e-3));
+        assert_eq!(factor("Rf", Number::U8), Some(255.0));
+        // A range in decibels is none, and what PCV is nobody knows.
+        assert_eq!((factor("range (deg)", Number::F32), factor("Illuminance (PCV)", Number::F32)), (None, None));
     }
 }

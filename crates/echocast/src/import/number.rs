@@ -42,18 +42,19 @@ macro_rules! number {
     }};
 }
 
-impl Member {
-    /// Its number in `record`, which is big-endian if `big`.
-    #[cfg(feature = "mcap")]
-    pub(super) fn value(&self, record: &[u8], big: bool) -> f64 {
+impl Number {
+    /// The number of this type at the front of `bytes`, which are big-endian if `big`.
+    pub(super) fn value(self, bytes: &[u8], big: bool) -> f64 {
         macro_rules! one {
             ($t:ty) => {
-                number!($t, record[self.at..], big)
+                number!($t, bytes, big)
             };
         }
-        of_type!(self.number, one)
+        of_type!(self, one)
     }
+}
 
+impl Member {
     /// Adds its numbers in `records` of `size` bytes each, which are big-endian if `big`, to `rows`.
     pub(super) fn take(&self, records: &[u8], size: usize, big: bool, rows: &mut Rows) -> Result<()> {
         let at = self.at;

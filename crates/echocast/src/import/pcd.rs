@@ -4,7 +4,7 @@ use super::about::{self, About};
 use super::names::Named;
 use super::number::{Member, blocks};
 use super::rows::{self, Goal, Rows};
-use super::text::{self, Lines, Place, Separator};
+use super::text::{self, Lines, Place, Style};
 use super::{Source, contained};
 use crate::cloud::{Field, Frame, PointCloud};
 use crate::ground::error::{Error, Result};
@@ -140,6 +140,7 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
         .flat_map(|place| match place {
             Place::Goal(goal) => vec![*goal],
             Place::Packed { goals, .. } => goals.to_vec(),
+            Place::List => Vec::new(),
         })
         .collect();
     let columns = goals.iter().map(|goal| goal.field).collect();
@@ -150,7 +151,7 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
             let count = usize::try_from(count).unwrap_or(usize::MAX);
             // Fields of several numbers are as many words.
             let words = places.into_iter().zip(fields).flat_map(|(place, entry)| vec![place; entry.count]);
-            text::read(lines, Separator::Blanks, &words.collect::<Vec<_>>(), Some(count), &mut rows)?;
+            text::read(lines, Style::default(), &words.collect::<Vec<_>>(), Some(count), &mut rows)?;
             rows
         }
         "binary" => {
@@ -231,7 +232,7 @@ fn members(fields: &[Entry], places: &[Option<Place>]) -> Vec<(Member, usize)> {
                 let byte = |(goal, byte)| (Member { goal, number: Number::U8, at: at + byte }, index);
                 members.extend(goals.iter().copied().zip([2, 1, 0]).map(byte));
             }
-            None => {}
+            Some(Place::List) | None => {}
         }
         at += entry.bytes();
     }

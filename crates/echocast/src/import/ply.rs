@@ -4,14 +4,15 @@ use super::Source;
 use super::about::About;
 use super::names::Named;
 use super::number::{Member, blocks};
-use super::rows::{self, Rows};
-use super::text::{self, Lines, Place, Separator};
+use super::rows::{self, Goal, Rows};
+use super::text::{self, Lines, Place, Style};
 use crate::cloud::PointCloud;
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
 use crate::ground::shown;
-use crate::read::ply::{Encoding, Header, Property};
-use std::io::Read as _;
+use crate::read::number::Number;
+use crate::read::ply::{Element, Encoding, Header, Property};
+use std::io::{self, ErrorKind, Read};
 
 /// Most bytes before the points.
 const HEADER: u64 = 1 << 20;
@@ -43,43 +44,168 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     let Some(at) = header.elements.iter().position(|element| element.name == "vertex") else {
         return Err(source.error("has no element vertex"));
     };
-    if header.elements[..at].iter().any(|element| element.count > 0) {
-        return Err(source.error("has other elements before its vertices; allowed: vertices first"));
-    }
     let vertex = &header.elements[at];
-    let mut columns = Vec::new();
-    for Property { name, kind, length } in &vertex.properties {
-        if length.is_some() {
-            return Err(source.error(format!("{:?} of its vertices is a list; allowed: numbers", shown::name(name))));
-        }
-        columns.push(Named::new(name, *kind));
-    }
-    let others = header.elements[at + 1..].iter().filter(|element| element.count > 0);
-    rows::lost(others.map(|element| element.name.as_str()), "ply", report);
+    let columns: Vec<Named> = vertex.properties.iter().map(column).collect();
+    let others = header.elements.iter().enumerate().filter(|&(index, element)| index != at && element.count > 0);
+    rows::lost(others.map(|(_, element)| element.name.as_str()), "ply", report);
     let goals = rows::goals(&columns, "ply", report);
     let mut about = About::beside(source.path)?.unwrap_or_default();
     if let [Some(rows), Some(columns)] = header.grid {
         about.shape = Some([rows, columns]);
     }
-    if header.encoding == Encoding::Text {
-        let lines = Lines::behind(source, header.length as u64, header.lines as u64)?;
+    let before = &header.elements[..at];
+    let rows = if header.encoding == Encoding::Text {
+        let mut lines = Lines::behind(source, header.length as u64, header.lines as u64)?;
+        for element in before {
+            skip_lines(&mut lines, element, source)?;
+        }
         let count = usize::try_from(vertex.count).unwrap_or(usize::MAX);
         let mut rows = Rows::new(rows::fields(&goals), 0, Some(&about))?;
-        let places: Vec<Option<Place>> = goals.into_iter().map(|goal| goal.map(Place::Goal)).collect();
-        text::read(lines, Separator::Blanks, &places, Some(count), &mut rows)?;
-        return rows.finish(source.path, "ply", about, report);
+        let place = |(goal, property): (Option<Goal>, &Property)| match property.length {
+            Some(_) => Some(Place::List),
+            None => goal.map(Place::Goal),
+        };
+        let places: Vec<Option<Place>> = goals.into_iter().zip(&vertex.properties).map(place).collect();
+        text::read(lines, Style::default(), &places, Some(count), &mut rows)?;
+        rows
+    } else {
+        binary(source, &header, before, vertex, &goals, &about)?
+    };
+    rows.finish(source.path, "ply", about, report)
+}
+
+/// The column of a property; of a list, none that has a place in a cloud.
+fn column(property: &Property) -> Named {
+    match property.length {
+        Some(_) => Named::new(&format!("{}[]", property.name), property.kind),
+        None => Named::new(&property.name, property.kind),
     }
+}
+
+/// Reads on behind the rows of `element`, each of them a line.
+fn skip_lines(lines: &mut Lines, element: &Element, source: &Source) -> Result<()> {
+    let mut left = element.count;
+    while left > 0 {
+        match lines.next()? {
+            None => return Err(source.error(format!("ends within its element {:?}", shown::name(&element.name)))),
+            Some("") => {}
+            Some(_) => left -= 1,
+        }
+    }
+    Ok(())
+}
+
+/// The rows of `vertex`, which come behind those of the elements `before` it.
+fn binary(
+    source: &Source,
+    header: &Header,
+    before: &[Element],
+    vertex: &Element,
+    goals: &[Option<Goal>],
+    about: &About,
+) -> Result<Rows> {
     let big = header.encoding == Encoding::Big;
+    let mut start = header.length as u64;
+    for element in before {
+        start = skip_rows(source, start, element, big)?;
+    }
     let mut members = Vec::new();
     let mut size = 0;
-    for (column, goal) in columns.iter().zip(goals) {
-        members.extend(goal.map(|goal| Member { goal, number: column.number, at: size }));
-        size += column.number.size();
+    for (property, goal) in vertex.properties.iter().zip(goals).filter(|(property, _)| property.length.is_none()) {
+        members.extend(goal.map(|goal| Member { goal, number: property.kind, at: size }));
+        size += property.kind.size();
     }
-    let start = header.length as u64;
-    let count = source.check_count(vertex.count, size, start)?;
-    let mut rows = Rows::new(members.iter().map(|member| member.goal.field).collect(), count, Some(&about))?;
+    let count = source.check_count(vertex.count, row_size(vertex), start)?;
+    let mut rows = Rows::new(members.iter().map(|member| member.goal.field).collect(), count, Some(about))?;
     let take = |records: &[u8]| members.iter().try_for_each(|member| member.take(records, size, big, &mut rows));
-    blocks(source, source.from(start)?, size, count, take)?;
-    rows.finish(source.path, "ply", about, report)
+    let file = source.from(start)?;
+    if has_lists(vertex) {
+        blocks(source, WithoutLists::of(file, &vertex.properties, big), size, count, take)?;
+    } else {
+        blocks(source, file, size, count, take)?;
+    }
+    Ok(rows)
+}
+
+fn has_lists(element: &Element) -> bool {
+    element.properties.iter().any(|property| property.length.is_some())
+}
+
+/// Least bytes of a row: those of numbers, and of the lengths of lists.
+fn row_size(element: &Element) -> usize {
+    element.properties.iter().map(|property| property.length.unwrap_or(property.kind).size()).sum()
+}
+
+/// Where the rows of `element` end, which begin at byte `start`.
+fn skip_rows(source: &Source, start: u64, element: &Element, big: bool) -> Result<u64> {
+    let size = row_size(element);
+    let count = if size == 0 { 0 } else { source.check_count(element.count, size, start)? };
+    if !has_lists(element) {
+        return Ok(start + (count * size) as u64);
+    }
+    let mut rows = WithoutLists::of(source.from(start)?, &element.properties, big);
+    let place = || format!("its element {:?}", shown::name(&element.name));
+    (0..count).try_for_each(|_| rows.row()).map_err(|error| source.failed(error, &place()))?;
+    Ok(start + rows.read)
+}
+
+/// Rows of which only the numbers come out, without lists.
+struct WithoutLists<'p, R> {
+    file: R,
+    properties: &'p [Property],
+    big: bool,
+    /// The numbers of the current row, and how many bytes of them are out.
+    row: Vec<u8>,
+    out: usize,
+    /// Bytes of rows so far.
+    read: u64,
+}
+
+impl<'p, R: Read> WithoutLists<'p, R> {
+    fn of(file: R, properties: &'p [Property], big: bool) -> Self {
+        WithoutLists { file, properties, big, row: Vec::new(), out: 0, read: 0 }
+    }
+
+    /// The next bytes of a number at the end of the row.
+    fn number(&mut self, kind: Number) -> io::Result<()> {
+        let at = self.row.len();
+        self.row.resize(at + kind.size(), 0);
+        self.file.read_exact(&mut self.row[at..])?;
+        self.read += kind.size() as u64;
+        Ok(())
+    }
+
+    fn row(&mut self) -> io::Result<()> {
+        self.row.clear();
+        self.out = 0;
+        for property in self.properties {
+            let Some(length) = property.length else {
+                self.number(property.kind)?;
+                continue;
+            };
+            let at = self.row.len();
+            self.number(length)?;
+            // What is negative is none, and a float that is none saturates.
+            let items = length.value(&self.row[at..], self.big) as u64;
+            self.row.truncate(at);
+            let bytes = items.saturating_mul(property.kind.size() as u64);
+            if io::copy(&mut (&mut self.file).take(bytes), &mut io::sink())? < bytes {
+                return Err(ErrorKind::UnexpectedEof.into());
+            }
+            self.read += bytes;
+        }
+        Ok(())
+    }
+}
+
+impl<R: Read> Read for WithoutLists<'_, R> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        if self.out == self.row.len() {
+            self.row()?;
+        }
+        let count = bytes.len().min(self.row.len() - self.out);
+        bytes[..count].copy_from_slice(&self.row[self.out..self.out + count]);
+        self.out += count;
+        Ok(count)
+    }
 }

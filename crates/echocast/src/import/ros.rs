@@ -215,7 +215,8 @@ impl<'a> Points<'a> {
 
     /// The places of `x`, `y` and `z`, m, in its frame.
     pub(super) fn positions(&self, members: &[Member; 3]) -> Vec<DVec3> {
-        let place = |point: &[u8]| DVec3::from_array(members.map(|member| member.value(point, self.big_endian)));
+        let value = |point: &[u8], member: Member| member.number.value(&point[member.at..], self.big_endian);
+        let place = |point: &[u8]| DVec3::from_array(members.map(|member| value(point, member)));
         self.rows().flat_map(|row| row.chunks_exact(self.step)).map(place).collect()
     }
 }

@@ -201,7 +201,8 @@ impl Rows {
         }
         let brightest = columns.intensity.iter().fold(0.0, |most: f32, &value| most.max(value));
         // What no file says, the numbers do.
-        let guessed = [1.0, 255.0].into_iter().find(|&full| brightest <= full);
+        let below = columns.intensity.iter().any(|&value| value < 0.0);
+        let guessed = [1.0, 255.0].into_iter().find(|&full| brightest <= full && !below);
         Ok(PointCloud {
             origin: DVec3::from_array(std::array::from_fn(|axis| origin[axis].unwrap_or(usual[axis]))),
             columns,
@@ -215,6 +216,7 @@ impl Rows {
             rays: 0,
             boxes: about.boxes,
             labels: Arc::new(Labels { las_class: about.las_class, ..about.labels }),
+            records: Arc::new(about.records),
         })
     }
 }
@@ -222,9 +224,9 @@ impl Rows {
 /// Along which axis `field` is a position, if it is one.
 pub(super) fn axis(field: Field) -> Option<usize> {
     match field {
-        Field::X | Field::TrueX => Some(0),
-        Field::Y | Field::TrueY => Some(1),
-        Field::Z | Field::TrueZ => Some(2),
+        Field::X | Field::TrueX | Field::CorrectedX => Some(0),
+        Field::Y | Field::TrueY | Field::CorrectedY => Some(1),
+        Field::Z | Field::TrueZ | Field::CorrectedZ => Some(2),
         _ => None,
     }
 }

@@ -51,6 +51,10 @@ impl<'a> Lines<'a> {
         if self.buffer.len() as u64 > MAX_LINE {
             return Err(self.error(format!("is longer than {MAX_LINE} bytes, the most allowed")));
         }
+        if str::from_utf8(&self.buffer).is_err() {
+            // Names in one of the older alphabets; numbers have no such letters.
+            self.buffer.iter_mut().filter(|byte| !byte.is_ascii()).for_each(|byte| *byte = b'?');
+        }
         let Ok(line) = str::from_utf8(&self.buffer) else { return Err(self.error("is not UTF-8 text")) };
         // A byte order mark, as spreadsheets write it.
         Ok(Some(line.trim_start_matches('\u{feff}').trim()))
@@ -61,17 +65,58 @@ impl<'a> Lines<'a> {
         Error::parse(self.source.path, format!("line {}", self.number), message)
     }
 
+    /// How many lines were read.
+    pub(super) fn number(&self) -> u64 {
+        self.number
+    }
+
     /// Where the next line begins, bytes.
     pub(super) fn at(&self) -> u64 {
         self.at
     }
 }
 
-/// How numbers of a line are separated.
-#[derive(Clone, Copy, PartialEq)]
-pub(super) enum Separator {
-    Blanks,
-    Sign(char),
+/// How the words of a line are told apart.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Style {
+    /// What is between words; blanks where it is none.
+    pub sign: Option<char>,
+    /// Whether decimals follow a comma.
+    pub decimal_comma: bool,
+    /// Whether a number alone in its line counts rows that follow.
+    pub counts: bool,
+}
+
+impl Style {
+    /// The words of `line`. In quotes, signs are a part of them.
+    pub(super) fn words<'l>(self, line: &'l str) -> impl Iterator<Item = &'l str> {
+        let quoted = line.contains('"');
+        let mut rest = Some(line).filter(|line| !line.is_empty());
+        std::iter::from_fn(move || {
+            let line = rest?;
+            let mut inside = false;
+            let ends = |c: char| self.sign.map_or(c.is_whitespace(), |sign| c == sign);
+            let end = line.find(|c: char| {
+                inside ^= quoted && c == '"';
+                !inside && ends(c)
+            });
+            let word = end.map_or(line, |at| &line[..at]);
+            rest = end.map(|at| &line[at..]).and_then(|rest| rest.strip_prefix(ends));
+            if self.sign.is_none() {
+                // Several blanks are as good as one.
+                rest = rest.map(str::trim_start).filter(|rest| !rest.is_empty());
+            }
+            Some(if quoted { word.trim().trim_matches('"').trim() } else { word.trim() })
+        })
+    }
+
+    /// The number that `word` is; NaN where there is none.
+    pub(super) fn number(self, word: &str) -> Option<f64> {
+        if word.is_empty() {
+            return Some(f64::NAN);
+        }
+        if self.decimal_comma && word.contains(',') { word.replace(',', ".").parse().ok() } else { word.parse().ok() }
+    }
 }
 
 /// A number of each line, and where it goes.
@@ -83,33 +128,39 @@ pub(super) enum Place {
         float: bool,
         goals: [Goal; 3],
     },
+    /// As many words as the first of them says, which go nowhere.
+    List,
 }
 
 /// Adds the rows of `lines` to `rows`, `count` of them or all that are left. There are as many `places` as numbers in a
-/// line; those that go nowhere need not be numbers. Empty lines and comments (`#`) are skipped.
+/// line; those that go nowhere need not be numbers. Empty lines and comments (`#`, `//`) are skipped.
 ///
 /// # Errors
-/// A line with more or fewer numbers, or words; fewer rows than `count`.
+/// A line with more or fewer numbers, or words; fewer rows than were counted.
 pub(super) fn read(
     mut lines: Lines,
-    separator: Separator,
+    style: Style,
     places: &[Option<Place>],
     count: Option<usize>,
     rows: &mut Rows,
 ) -> Result<()> {
     let mut columns: Vec<Vec<f64>> = vec![Vec::new(); places.len()];
     let mut read = 0;
+    // As the lines say.
+    let mut told: Option<usize> = None;
     let mut numbers = Vec::new();
     while count.is_none_or(|count| read < count) {
         let Some(line) = lines.next()? else { break };
-        if line.is_empty() || line.starts_with('#') {
+        if line.is_empty() || is_comment(line) {
             continue;
         }
-        let fault = match separator {
-            Separator::Blanks => parse(line.split_whitespace(), places, &mut numbers),
-            Separator::Sign(sign) => parse(line.split(sign).map(str::trim), places, &mut numbers),
-        };
-        if let Some(fault) = fault {
+        if style.counts
+            && let Ok(more) = line.parse::<usize>()
+        {
+            told = Some(told.unwrap_or(0).saturating_add(more));
+            continue;
+        }
+        if let Some(fault) = parse(style, line, places, &mut numbers) {
             return Err(lines.error(fault));
         }
         columns.iter_mut().zip(&numbers).for_each(|(column, &number)| column.push(number));
@@ -118,28 +169,45 @@ pub(super) fn read(
             flush(&mut columns, places, rows)?;
         }
     }
-    if let Some(count) = count.filter(|&count| read < count) {
+    if let Some(count) = count.or(told).filter(|&count| read < count) {
         let source = lines.source;
         return Err(source.error(format!("says it has {count} points, and has {read}: it is cut off, or damaged")));
     }
     flush(&mut columns, places, rows)
 }
 
-/// Puts the numbers of a line into `numbers`, or says what is wrong with them.
-fn parse<'a>(words: impl Iterator<Item = &'a str>, places: &[Option<Place>], numbers: &mut Vec<f64>) -> Option<String> {
+/// Whether `line` says nothing to a program.
+pub(super) fn is_comment(line: &str) -> bool {
+    line.starts_with('#') || line.starts_with("//")
+}
+
+/// Puts the numbers of `line` into `numbers`, or says what is wrong with them.
+fn parse(style: Style, line: &str, places: &[Option<Place>], numbers: &mut Vec<f64>) -> Option<String> {
     numbers.clear();
-    for word in words {
-        let number = match places.get(numbers.len()) {
-            Some(Some(_)) => match word.parse::<f64>() {
-                Ok(number) => number,
-                Err(_) => return Some(format!("{:?} is not a number", shown::name(word))),
-            },
-            _ => 0.0,
+    let mut words = style.words(line);
+    let mut found = 0;
+    for place in places {
+        let Some(word) = words.next() else { break };
+        found += 1;
+        let number = match place {
+            None => Some(0.0),
+            Some(Place::List) => {
+                let items = word.parse::<usize>().ok();
+                items.filter(|&items| items == 0 || words.nth(items - 1).is_some()).map(|_| 0.0)
+            }
+            Some(_) => style.number(word),
         };
-        numbers.push(number);
+        match number {
+            Some(number) => numbers.push(number),
+            None if matches!(place, Some(Place::List)) => {
+                return Some(format!("has a list of {:?} numbers, which it does not hold", shown::name(word)));
+            }
+            None => return Some(format!("{:?} is not a number", shown::name(word))),
+        }
     }
-    let wrong = numbers.len() != places.len();
-    wrong.then(|| format!("has {} numbers; expected {}", numbers.len(), places.len()))
+    // A separator behind the last number is no number more.
+    found += words.by_ref().enumerate().filter(|(index, word)| *index > 0 || !word.is_empty()).count();
+    (found != places.len()).then(|| format!("has {found} numbers; expected {}", places.len()))
 }
 
 /// Moves what was read to `rows`.
@@ -153,7 +221,7 @@ fn flush(columns: &mut [Vec<f64>], places: &[Option<Place>], rows: &mut Rows) ->
                     rows.add(*goal, column.iter().map(|&value| f64::from(bits(value) >> shift & 0xff)))?;
                 }
             }
-            None => {}
+            Some(Place::List) | None => {}
         }
         column.clear();
     }

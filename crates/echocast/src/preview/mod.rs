@@ -27,6 +27,7 @@ use crate::export::{self, Pending, failed, write_bytes};
 use crate::ground::error::{Error, Result};
 use crate::ground::named::{by_name, named};
 use crate::ground::report::Report;
+use crate::ground::shown;
 use crate::image::Image;
 use crate::read::yaml;
 use crate::scene::Scene;
@@ -170,10 +171,22 @@ impl PreviewOptions {
 /// Checks before a long scan whether a picture could be written to `path`.
 ///
 /// # Errors
-/// A width out of bounds, a folder that is missing or not writable.
+/// A width out of bounds, another ending than `.png`, a folder that is missing or not writable.
 pub fn check(path: &Path, options: &PreviewOptions) -> Result<()> {
     check_width(options.width)?;
+    check_ending(path)?;
     Pending::create(path).map(drop)
+}
+
+/// Checks that it is no file of another kind that a picture would replace.
+fn check_ending(path: &Path) -> Result<()> {
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
+        return Ok(());
+    }
+    Err(Error::Unsupported {
+        what: format!("the ending of the output file {}", shown::path(path)),
+        instead: "pictures are written as .png".to_owned(),
+    })
 }
 
 fn check_width(width: u32) -> Result<()> {
@@ -191,6 +204,7 @@ fn check_width(width: u32) -> Result<()> {
 /// # Errors
 /// As [`check`], a view that shows pings, and a full disk.
 pub fn write(cloud: &PointCloud, path: &Path, options: &PreviewOptions) -> Result<Report> {
+    check_ending(path)?;
     let mut report = Report::default();
     let picture = render(cloud, options, &mut report)?;
     write_picture(&picture, path)?;
@@ -228,8 +242,9 @@ fn pings_only(view: View) -> Error {
 /// Writes a picture of `pings` to the PNG file `path`, which appears only when complete.
 ///
 /// # Errors
-/// As [`render_pings`], a folder that is missing or not writable, and a full disk.
+/// As [`render_pings`], another ending than `.png`, a folder that is missing or not writable, and a full disk.
 pub fn write_pings(pings: &Pings, path: &Path, options: &PreviewOptions) -> Result<Report> {
+    check_ending(path)?;
     let mut report = Report::default();
     let picture = render_pings(pings, options, &mut report)?;
     write_picture(&picture, path)?;
@@ -241,9 +256,10 @@ pub fn write_pings(pings: &Pings, path: &Path, options: &PreviewOptions) -> Resu
 /// heights where its lines cross, and the cameras. A scene whose top is a ceiling is cut open above the tables.
 ///
 /// # Errors
-/// A width out of bounds, a folder that is missing or not writable, and a full disk.
+/// A width out of bounds, another ending than `.png`, a folder that is missing or not writable, and a full disk.
 pub fn write_plan(scene: &Scene, built: &BuiltScene, path: &Path, width: u32) -> Result<()> {
     check_width(width)?;
+    check_ending(path)?;
     write_picture(&plan::draw(scene, built, &Page::new(width)), path)
 }
 
@@ -404,6 +420,24 @@ mod tests {
     use crate::{Engine, InstanceBox};
     use glam::DVec3;
     use std::fs::File;
+
+    #[test]
+    fn pictures_replace_pictures_only() {
+        let folder = tempfile::tempdir().unwrap();
+        let scene = folder.path().join("scene.glb");
+        std::fs::write(&scene, "a scene").unwrap();
+        let pings = crate::image::synthetic::pings(&crate::image::synthetic::Sidescan::default());
+        let options = PreviewOptions { view: View::Waterfall, color: ColorBy::Intensity, ..PreviewOptions::default() };
+        let refused = |done: Result<Report>| {
+            let error = done.unwrap_err().to_string();
+            assert!(error.contains("scene.glb") && error.contains("pictures are written as .png"), "{error}");
+        };
+        refused(write_pings(&pings, &scene, &options));
+        refused(write(&cloud(&[[1.0; 3]]), &scene, &PreviewOptions::default()));
+        refused(check(&scene, &options).map(|()| Report::default()));
+        assert_eq!(std::fs::read(&scene).unwrap(), b"a scene");
+        write_pings(&pings, &folder.path().join("a.PNG"), &options).unwrap();
+    }
 
     const VIEWS: [View; 3] = [View::Top, View::Perspective, View::Range];
     const COLORS: [ColorBy; 9] = [

@@ -9,11 +9,13 @@ use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::{Pose, on};
 use crate::ground::report::Report;
+use crate::ground::shown;
 use crate::scan::ScanOptions;
 use crate::sensor::{Sensor, SensorKind};
 use crate::trace::{BuiltScene, LiveScene};
 use glam::DQuat;
 use serde_json::Value;
+use std::ops::RangeInclusive;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -278,6 +280,11 @@ fn scans(
     let mut scans = Vec::new();
     for (index, ((entry, sensor), times)) in spec.sensors.iter().zip(sensors).zip(times).enumerate() {
         let name = entry.name.clone().unwrap_or_else(|| sensor.name().to_owned());
+        if !LENGTHS.contains(&name.len()) {
+            let allowed = format!("{} to {} bytes, as files are called by it", LENGTHS.start(), LENGTHS.end());
+            let found = format!("{} bytes long, {:?}", name.len(), shown::name(&name));
+            return Err(Error::invalid(format!("sensors[{index}].name"), found, allowed));
+        }
         if names.contains(&name) {
             let found = format!("called {name:?}, as a sensor before it");
             return Err(Error::invalid(format!("sensors[{index}]"), found, "a `name` of its own for each"));
@@ -308,6 +315,9 @@ fn scans(
     }
     Ok(scans)
 }
+
+/// Bytes of the name of a sensor: of files, they may be 255 with what is added to them.
+const LENGTHS: RangeInclusive<usize> = 1..=200;
 
 /// The path of the carrier from `start` to `end`, s.
 fn carrier(

@@ -501,6 +501,12 @@ fn bad_files_are_told_with_line_and_key() {
         error,
         "sensors[1] is called \"velodyne_vlp16\", as a sensor before it; allowed: a `name` of its own for each"
     );
+    // Names that no file can have.
+    for name in ["x".repeat(300), String::new()] {
+        let named = two.replace("}, {sensor: velodyne_vlp16}", &format!(", name: '{name}'}}"));
+        let error = Scenario::from_yaml(&named, folder.path()).unwrap().sample(0).unwrap_err().to_string();
+        assert!(error.contains("sensors[0].name is ") && error.contains("allowed: 1 to 200 bytes"), "{error}");
+    }
 }
 
 /// Files of a folder by name, with their contents.
