@@ -17,6 +17,7 @@ fn mesh(shape: Shape, material: Option<Arc<Material>>) -> Arc<Mesh> {
         positions: shape.positions.into(),
         normals: shape.normals.map(Into::into),
         uvs: None,
+        alphas: None,
         triangles: shape.triangles.into(),
         material,
     };

@@ -1,12 +1,12 @@
 //! The library compared with the oracle of `reference/`: random scenes, random rays, every column of every hit.
 
-use echocast::material::Reflectance;
+use echocast::material::{Alpha, Reflectance};
 use echocast::scene::{Material, Scene};
 use echocast::{
     BuiltScene, Engine, FieldSet, Frame, LiveScene, PointCloud, Pose, ReflectanceSource, ScanOptions, Sensor,
     Trajectory,
 };
-use echocast_tests::reference::{Hit, Moving, Random, SceneBuilder, Shape, Tracer, beams, raster};
+use echocast_tests::reference::{Hit, Moving, Random, SceneBuilder, Shape, Tracer, beams, philox, raster, sensor};
 use echocast_tests::run_at_other_levels;
 use glam::{DAffine3, DQuat, DVec3};
 
@@ -441,6 +441,67 @@ fn between(keys: &[(f64, DAffine3)], time: f64) -> DAffine3 {
     let [(scale_a, turn_a, place_a), (scale_b, turn_b, place_b)] = [a, b].map(|m| m.to_scale_rotation_translation());
     let turn = turn_a.slerp(turn_b, part);
     DAffine3::from_scale_rotation_translation(scale_a.lerp(scale_b, part), turn, place_a.lerp(place_b, part))
+}
+
+/// Sheets one behind the other that cover a part of where they are: each ray passes by a draw of its own beam, direction
+/// and triangle, the same that the oracle makes.
+#[test]
+fn sheets_are_passed_by_the_rays_that_the_oracle_draws() {
+    /// Number of these draws, and their seed and frame.
+    const COVERAGE: u32 = 9;
+    const SEED: u64 = 0x1234_5678_9abc;
+    const FRAME: u32 = 3;
+    let random = &mut Random::new(80);
+    let mut scene = SceneBuilder::new();
+    let opacities: Vec<f32> = vec![0.3, 0.7, 0.05, 0.9, 1.0];
+    for (number, &opacity) in opacities.iter().enumerate() {
+        let base_color = [0.5, 0.5, 0.5, opacity];
+        let paint =
+            Material { name: format!("veil {number}"), base_color, alpha: Alpha::Coverage, ..Material::default() };
+        let paint = scene.material(paint);
+        let centre = DVec3::X * (4.0 + 2.0 * number as f64);
+        scene.stand(Shape::plate(centre, -DVec3::X + random.in_cube(0.2), 30.0), Some(paint));
+    }
+    let scene = scene.finish();
+    let directions: Vec<DVec3> =
+        (0..6_000).map(|_| DVec3::new(1.0, random.between(-0.6, 0.6), random.between(-0.6, 0.6)).normalize()).collect();
+    let sensor = sensor(&directions);
+    let built = scene.build().unwrap();
+    let options = ScanOptions { seed: SEED, frame: FRAME, ..options(Frame::World) };
+    let cloud = built.scan(&sensor, &Trajectory::fixed(Pose::IDENTITY), &options).unwrap();
+    let tracer = Tracer::new(&scene, built.origin());
+    let (beams, mut met, mut wrong) = (sensor.beams(), vec![0; opacities.len()], 0);
+    for beam in 0..directions.len() {
+        let own = [beams.dir_x[beam], beams.dir_y[beam], beams.dir_z[beam]];
+        // Every object has one part, which is a row.
+        let passes = |[object, _, triangle]: [usize; 3]| {
+            let words = [own[0].to_bits(), own[1].to_bits(), own[2].to_bits(), object as u32, triangle as u32];
+            let mixed = words.into_iter().fold(0u32, |sum, word| {
+                let mut h = sum ^ word;
+                h = (h ^ (h >> 16)).wrapping_mul(0x85EB_CA6B);
+                h = (h ^ (h >> 13)).wrapping_mul(0xC2B2_AE35);
+                h ^ (h >> 16)
+            });
+            let draw = philox([beam as u32, FRAME, mixed, COVERAGE], [SEED as u32, (SEED >> 32) as u32]);
+            draw >= f64::from(opacities[object])
+        };
+        let along = DVec3::from_array(own.map(f64::from));
+        let answer = tracer.trace_past(DVec3::ZERO, along, f64::INFINITY, &passes);
+        let range = f64::from(cloud.columns.true_range[beam]);
+        let agrees = answer.candidates().any(|hit| (hit.range - range).abs() <= hit.range_tolerance);
+        wrong += usize::from(!agrees && answer.is_sure());
+        if let Some(hit) = answer.nearest {
+            met[tracer.address(&hit)[0]] += 1;
+        }
+    }
+    assert_eq!(wrong, 0, "of {} rays", directions.len());
+    // What each stops of what the ones before it let pass.
+    let mut left = directions.len() as f64;
+    for (&opacity, &count) in opacities.iter().zip(&met) {
+        let (mean, part) = (left * f64::from(opacity), f64::from(opacity));
+        assert!((f64::from(count) - mean).abs() <= 4.0 * (left * part * (1.0 - part)).sqrt(), "{opacity}: {met:?}");
+        left -= f64::from(count);
+    }
 }
 
 /// Far from the world's origin single precision is relative to the scene's own centre.

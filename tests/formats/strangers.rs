@@ -147,7 +147,11 @@ fn lists_of_vertices_are_skipped_and_told() {
         fs::write(&path, &bytes).unwrap();
         assert!(import::is_cloud(&path).unwrap());
         let (found, report) = read(&path);
-        assert_eq!((positions(&found), &found.columns.intensity[..]), (PLACES.to_vec(), &[200.0, 100.0][..]), "{encoding}");
+        assert_eq!(
+            (positions(&found), &found.columns.intensity[..]),
+            (PLACES.to_vec(), &[200.0, 100.0][..]),
+            "{encoding}"
+        );
         assert!(said(&report, "seen_by[], w[]") && said(&report, "camera"), "{report:?}");
         for end in bytes.len() - 40..bytes.len() - 2 {
             fs::write(&path, &bytes[..end]).unwrap();
@@ -215,7 +219,9 @@ fn coordinate_systems_and_records_stay_or_are_told() {
                     assert!(said(&report, "liblas 7, somebody 9"), "{report:?}");
                 }
                 other => {
-                    let told = format!("{other}: cannot hold the coordinate system {name} and the records liblas 7, somebody 9");
+                    let told = format!(
+                        "{other}: cannot hold the coordinate system {name} and the records liblas 7, somebody 9"
+                    );
                     assert!(said(&report, &told), "{report:?}");
                 }
             }
@@ -250,7 +256,9 @@ fn places_far_from_the_origin_stay_precise() {
     wide.columns.x.iter_mut().enumerate().for_each(|(row, x)| *x = (row as f32 - 100.0) * 30.0);
     let mut own = poseless.clone();
     own.frame = Frame::Sensor;
-    for (name, cloud) in [("poseless", &poseless), ("wide", &wide), ("sensor", &own), ("posed", &super::cloud(200, fields))] {
+    for (name, cloud) in
+        [("poseless", &poseless), ("wide", &wide), ("sensor", &own), ("posed", &super::cloud(200, fields))]
+    {
         for format in FORMATS {
             let path = folder.path().join(format.name());
             let report = export::write(cloud, &path, Some(format.name())).unwrap();
@@ -271,7 +279,10 @@ fn places_far_from_the_origin_stay_precise() {
                 }
             }
             assert!(worst < 1e-3 || said(&report, "precision"), "{name} {}: {worst} m, {report:?}", format.name());
-            assert!(said(&report, "precision") == (name == "sensor" && format.name().starts_with("mcap")), "{report:?}");
+            assert!(
+                said(&report, "precision") == (name == "sensor" && format.name().starts_with("mcap")),
+                "{report:?}"
+            );
             assert_eq!(found.sensor_pose, cloud.sensor_pose, "{name} {}", format.name());
         }
     }

@@ -138,7 +138,7 @@ fn picture(pixels: &[[u8; 4]], filter: Filter, copies: usize) -> Scene {
     let width = pixels.len() as f64;
     let mut sheet = Shape::quad(DVec3::new(4.0, 0.0, 1.0), -width * DVec3::Y, -2.0 * DVec3::Z);
     sheet.uvs = Some(vec![[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]);
-    let image = Texture { width: pixels.len() as u32, height: 1, pixels: pixels.to_vec() };
+    let image = Texture::new(pixels.len() as u32, 1, pixels.to_vec());
     let mut scene = SceneBuilder::new();
     let paint = scene.material(Material {
         name: "print".into(),

@@ -3,7 +3,7 @@
 use super::{assert_near, scan, scan_at, vector};
 use echocast::material::{Alpha, Reflectance, RetroSample, Scattering};
 use echocast::scene::{Filter, Material, Texture, TextureRef};
-use echocast::{Cause, Engine, Pose, Profile, ScanOptions};
+use echocast::{BuiltScene, Cause, Engine, Pose, Profile, ReflectanceSource, ScanOptions, Sensor};
 use echocast_tests::reference::{SceneBuilder, Shape, one_beam, raster, sensor};
 use glam::{DAffine3, DVec3};
 use std::sync::Arc;
@@ -112,7 +112,7 @@ fn others_keep_their_bits() {
 /// Leaves: pixels of alpha 0, 100, 200 and 255 in turn, from left to right.
 fn leaves(alpha: Alpha, alpha_cutoff: f32) -> Material {
     let pixels = [0, 100, 200, 255].map(|alpha| [255, 255, 255, alpha]).to_vec();
-    let texture = Arc::new(Texture { width: 4, height: 1, pixels });
+    let texture = Arc::new(Texture::new(4, 1, pixels));
     Material {
         name: "leaves".into(),
         base_color_texture: Some(TextureRef { filter: Filter::Nearest, ..TextureRef::plain(texture) }),
@@ -143,7 +143,7 @@ fn wall(scene: &mut SceneBuilder) {
 #[test]
 fn light_passes_the_holes_of_cutouts() {
     for (alpha, cutoff, solid) in [
-        (Alpha::Ignore, 0.5, [true; 4]),
+        (Alpha::Solid, 0.5, [true; 4]),
         (Alpha::Reflectance, 0.5, [true; 4]),
         (Alpha::Cutout, 0.5, [false, false, true, true]),
         (Alpha::Cutout, 0.25, [false, true, true, true]),
@@ -200,6 +200,58 @@ fn cutouts_without_an_image_are_there_or_not() {
         let cloud = scan(&scene.finish().build().unwrap(), &one_beam(""), ScanOptions::default());
         assert_near("x", cloud.columns.x[0].into(), found, 1e-5);
     }
+}
+
+/// A part of the rays passes what covers a part of its place, each by a draw of its own, and of several sheets each again;
+/// the draws are those of the seed and the frame, for beams in one direction and for sub-rays, too.
+#[test]
+fn what_is_partly_there_stops_its_part_of_the_rays() {
+    let count = 4000;
+    let aims: Vec<DVec3> = raster(50, 80, 0.4);
+    let veil = |alpha: f32, meaning: Alpha| {
+        let base_color = [1.0, 1.0, 1.0, alpha];
+        Material { name: "veil".into(), base_color, alpha: meaning, ..Material::default() }
+    };
+    let built = |sheets: &[f32], meaning: Alpha| {
+        let mut scene = SceneBuilder::new();
+        for (number, &alpha) in sheets.iter().enumerate() {
+            let material = scene.material(veil(alpha, meaning));
+            scene.stand(Shape::plate(DVec3::X * (2.0 + number as f64), -DVec3::X, 4.0), Some(material));
+        }
+        wall(&mut scene);
+        scene.finish().build().unwrap()
+    };
+    let behind = |scene: &BuiltScene, sensor: &Sensor, options: ScanOptions| {
+        let cloud = scan(scene, sensor, options);
+        cloud.columns.true_x.iter().map(|&x| x > 7.0).collect::<Vec<bool>>()
+    };
+    let several = sensor(&aims);
+    let same = sensor(&vec![DVec3::new(1.0, 0.1, 0.2).normalize(); count]);
+    for (sheets, passing) in
+        [(&[0.3][..], 0.7), (&[0.3, 0.3], 0.49), (&[0.9, 0.5], 0.05), (&[0.0, 0.0], 1.0), (&[0.0, 1.0], 0.0)]
+    {
+        let scene = built(sheets, Alpha::Coverage);
+        for sensor in [&several, &same] {
+            let seen = behind(&scene, sensor, ScanOptions::default());
+            assert_eq!(seen.len(), count);
+            let found = seen.iter().filter(|&&seen| seen).count() as f64;
+            let sigma = (count as f64 * passing * (1.0 - passing)).sqrt();
+            assert!((found - count as f64 * passing).abs() <= 4.0 * sigma, "{sheets:?}: {found} of {count}");
+            assert_eq!(seen, behind(&scene, sensor, ScanOptions::default()));
+            let other = behind(&scene, sensor, ScanOptions { frame: 1, ..ScanOptions::default() });
+            assert_eq!(seen != other, (0.01..0.99).contains(&passing), "{sheets:?}");
+        }
+        // As they were: nothing passes what is solid, or reflects as its alpha says.
+        for (meaning, source) in [(Alpha::Solid, None), (Alpha::Coverage, Some(ReflectanceSource::Alpha))] {
+            let options = ScanOptions { reflectance_source: source, ..ScanOptions::default() };
+            assert!(!behind(&built(sheets, meaning), &several, options).contains(&true));
+        }
+    }
+    // The sub-rays of a beam are divided between both.
+    let yaml = "beam: {divergence_mrad: 3, pulse_ns: 2, sub_rays: 64}\nreturns: {mode: all, max: 3}";
+    let cloud = scan(&built(&[0.3], Alpha::Coverage), &one_beam(yaml), ScanOptions::default());
+    let near = cloud.columns.true_x.iter().filter(|x| **x < 3.0).count();
+    assert!(cloud.len == 2 && near == 1, "{:?}", cloud.columns.true_x);
 }
 
 /// Objects seen in a mirror have holes too.

@@ -9,7 +9,7 @@ mod table;
 mod tracer;
 
 pub use moving::{Actor, Change, Keys, Moving, Posed, Track, mdd, pc2};
-pub use random::Random;
+pub use random::{Random, philox};
 pub use scenes::{SceneBuilder, Shape};
 pub use sensors::{beams, one_beam, raster, sensor};
 pub use table::Table;

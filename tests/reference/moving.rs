@@ -296,6 +296,7 @@ impl Moving {
                 positions: single(&posed.positions).into(),
                 normals: posed.normals.as_deref().map(|normals| single(normals).into()),
                 uvs: None,
+                alphas: None,
                 triangles: shape.triangles.clone().into(),
                 material: known.material.clone(),
             });

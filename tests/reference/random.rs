@@ -2,6 +2,17 @@
 
 use glam::{DMat3, DQuat, DVec3};
 
+/// The first number in [0, 1) of a Philox 4x32-10 block (Salmon et al. 2011), of 24 bits.
+pub fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> f64 {
+    for _ in 0..10 {
+        let [a, b] = [(counter[0], 0xD251_1F53_u64), (counter[2], 0xCD9E_8D57)].map(|(x, m)| u64::from(x) * m);
+        let high = |product: u64| (product >> 32) as u32;
+        counter = [high(b) ^ counter[1] ^ key[0], b as u32, high(a) ^ counter[3] ^ key[1], a as u32];
+        key = [key[0].wrapping_add(0x9E37_79B9), key[1].wrapping_add(0xBB67_AE85)];
+    }
+    f64::from(counter[0] >> 8) / f64::from(1 << 24)
+}
+
 /// A stream of random numbers (splitmix64; Steele, Lea, Flood 2014).
 pub struct Random(u64);
 

@@ -106,6 +106,7 @@ impl Shape {
             positions: self.positions.into(),
             normals: self.normals.map(Array::from),
             uvs: self.uvs.map(Array::from),
+            alphas: None,
             triangles: self.triangles.into(),
             material,
         }

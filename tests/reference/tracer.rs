@@ -158,11 +158,25 @@ impl<'a> Tracer<'a> {
 
     /// Traces the ray from `origin` along the unit vector `direction`, up to `range_max`.
     pub fn trace(&self, origin: DVec3, direction: DVec3, range_max: f64) -> Answer {
+        self.trace_past(origin, direction, range_max, &|_| false)
+    }
+
+    /// [`Tracer::trace`] through the triangles that `passes` lets pass, by object, part and number in the part.
+    pub fn trace_past(
+        &self,
+        origin: DVec3,
+        direction: DVec3,
+        range_max: f64,
+        passes: &dyn Fn([usize; 3]) -> bool,
+    ) -> Answer {
         let (across_u, across_v) = direction.any_orthonormal_pair();
         let size = self.size + (origin - self.local_origin).abs().max_element();
         let mut sure = Vec::new();
         let mut doubtful = Vec::new();
         for (number, triangle) in self.triangles.iter().enumerate() {
+            if passes([triangle.object, triangle.part, triangle.index]) {
+                continue;
+            }
             let relative = triangle.corners.map(|corner| corner - origin);
             let [a, b, c] = relative.map(|p| DVec2::new(p.dot(across_u), p.dot(across_v)));
             // Twice the areas that the ray's point spans with the edges, and of the whole, positive inside.

@@ -112,7 +112,7 @@ unsafe fn read_image(image: *const echocast_image) -> Outcome<Texture> {
     let pixel = |p: &[u8]| [p[0], p[1], p[2], p.get(3).copied().unwrap_or(255)];
     let pixels = bytes.chunks(stride).flat_map(|line| line[..row].chunks_exact(image.channels as usize).map(pixel));
     let pixels = text::collect(pixels, image.width as usize * image.height as usize, "image->data")?;
-    Ok(Texture { width: image.width, height: image.height, pixels })
+    Ok(Texture::new(image.width, image.height, pixels))
 }
 
 /// Releases a material; meshes and instances that use it keep it. NULL is allowed. Any thread may call this.

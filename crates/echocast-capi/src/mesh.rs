@@ -334,6 +334,7 @@ unsafe fn read_mesh(desc: &echocast_mesh_desc, context: &Arc<Context>) -> Outcom
             positions: positions.clone(),
             normals: normals.clone(),
             uvs: uvs.clone(),
+            alphas: None,
             triangles: triangles.range(part.first_triangle as usize..next as usize),
             material,
         });

@@ -81,7 +81,8 @@ fn write_materials(text: &mut String, scene: &Scene, wavelength_nm: f64) -> Resu
             _ => String::new(),
         };
         let changes = if material.changes.is_some() { ", changes over time" } else { "" };
-        writeln!(text, "  {:<28} {value}{spread}, {why}{source}{changes}", shown::text(&material.name))?;
+        let passes = material.told_alpha().map_or(String::new(), |told| format!("; {told}"));
+        writeln!(text, "  {:<28} {value}{spread}, {why}{source}{changes}{passes}", shown::text(&material.name))?;
     }
     Ok(())
 }
@@ -172,6 +173,8 @@ fn to_json(files: &[PathBuf], scene: &Scene, wavelength_nm: f64) -> Value {
             "why": why.to_string(),
             "source": material.source,
             "changes": material.changes.is_some(),
+            "alpha": material.alpha.name(),
+            "opacity": material.base_color[3],
         })
     });
     let categories = scene

@@ -105,49 +105,52 @@ pub struct OutputArgs {
     box_axes: BoxAxes,
 }
 
+/// The keys of an entry of the section `outputs` of a scenario whose style is `files`.
+#[derive(Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct FilesKeys {
+    #[serde(rename = "style")]
+    _style: String,
+    files: Vec<PathBuf>,
+    format: Option<String>,
+    single: bool,
+    preview: Option<PreviewKeys>,
+    pings: Option<PathBuf>,
+    image: Option<PathBuf>,
+    images: Option<ImagesKeys>,
+    boxes: Option<PathBuf>,
+    box_axes: Option<String>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ImagesKeys {
+    folder: PathBuf,
+    #[serde(default)]
+    layers: Vec<ImageLayer>,
+    depth_range_m: Option<DepthRange>,
+    #[serde(default)]
+    annotations: Vec<AnnotationStyle>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct PreviewKeys {
+    file: PathBuf,
+    #[serde(default)]
+    color: ColorBy,
+    #[serde(default)]
+    view: View,
+    #[serde(default)]
+    ground: bool,
+    #[serde(default)]
+    boxes: bool,
+}
+
 impl OutputArgs {
-    /// From an entry of the section `outputs` of a scenario whose style is `files`; names of files in it are relative
-    /// to `folder`.
-    pub fn from_json(entry: &Value, folder: &Path) -> Result<OutputArgs> {
-        #[derive(Default, Deserialize)]
-        #[serde(deny_unknown_fields, default)]
-        struct Keys {
-            #[serde(rename = "style")]
-            _style: String,
-            files: Vec<PathBuf>,
-            format: Option<String>,
-            single: bool,
-            preview: Option<Preview>,
-            pings: Option<PathBuf>,
-            image: Option<PathBuf>,
-            images: Option<Images>,
-            boxes: Option<PathBuf>,
-            box_axes: Option<String>,
-        }
-        #[derive(Deserialize)]
-        #[serde(deny_unknown_fields)]
-        struct Images {
-            folder: PathBuf,
-            #[serde(default)]
-            layers: Vec<ImageLayer>,
-            depth_range_m: Option<DepthRange>,
-            #[serde(default)]
-            annotations: Vec<AnnotationStyle>,
-        }
-        #[derive(Deserialize)]
-        #[serde(deny_unknown_fields)]
-        struct Preview {
-            file: PathBuf,
-            #[serde(default)]
-            color: ColorBy,
-            #[serde(default)]
-            view: View,
-            #[serde(default)]
-            ground: bool,
-            #[serde(default)]
-            boxes: bool,
-        }
-        let keys = Keys::deserialize(entry)?;
+    /// From the entry of the section `outputs` of a scenario whose style is `files`; names of files in it are relative to
+    /// `folder`.
+    pub fn from_keys(keys: FilesKeys, folder: &Path) -> Result<OutputArgs> {
         let at = |file: PathBuf| if pipe::is_standard(&file) { file } else { folder.join(file) };
         let axes = keys.box_axes.as_deref().unwrap_or("object");
         let axes = BoxAxes::NAMES.iter().find(|(name, _)| *name == axes).map(|(_, axes)| *axes);

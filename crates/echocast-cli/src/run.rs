@@ -1,6 +1,6 @@
 //! `echocast run`
 
-use crate::output::{OutputArgs, PictureArgs};
+use crate::output::{FilesKeys, OutputArgs, PictureArgs};
 use crate::progress::Progress;
 use crate::record::{Nothing, Take, frame_word};
 use crate::report::{RunReport, Seconds, timed};
@@ -124,7 +124,7 @@ pub fn run(args: &Args) -> Result<()> {
     for (key, value) in &args.set {
         scenario.set(key, value).map_err(input::wrong_key).context("--set")?;
     }
-    let of_files = scenario.outputs_of("files").next().cloned();
+    let of_files = scenario.output_of::<FilesKeys>("files")?;
     if args.check {
         input::set_threads(args.threads)?;
         let sample = scenario.sample(args.sample.unwrap_or(0))?;
@@ -136,14 +136,14 @@ pub fn run(args: &Args) -> Result<()> {
     if args.picture.preview.is_some() {
         return record(args, scenario, &OutputArgs::picture_only(&args.picture));
     }
-    if let Some(entry) = of_files {
+    if let Some(keys) = of_files {
         if args.samples.is_some() || args.shard.is_some() || args.resume || args.output.is_some() {
             return Err(usage::wrong(anyhow!(
                 "the scenario writes the files of one sample (style: files); allowed without --samples, --shard, --resume \
                  and --output"
             )));
         }
-        let output = OutputArgs::from_json(&entry, scenario.folder()).context("outputs")?;
+        let output = OutputArgs::from_keys(keys, scenario.folder()).context("outputs")?;
         return record(args, scenario, &output);
     }
     make_set(args, scenario)

@@ -211,6 +211,11 @@ fn what_is_wrong_is_one_sentence() {
              files",
         ),
         ("run DIR/street.yaml --preview DIR/x.png", 2, "--sample"),
+        (
+            "run DIR/street.yaml --set outputs=[{style: files, preview: a.png}]",
+            1,
+            "outputs[0].preview: invalid type: string \"a.png\", expected a section of keys",
+        ),
         ("run --check-output DIR", 1, "in which there is no scenario.json"),
         ("run --finish DIR/street", 1, "not complete: 11 of 12 samples are missing, the first is 1"),
     ] {

@@ -72,6 +72,9 @@ impl<'a> Aim<'a> {
             Some(limits) => rays.range_max[..count].copy_from_slice(limits),
             None => rays.range_max = [range_max; LANES],
         }
+        for (beam, number) in rays.beam[..count].iter_mut().zip(first..) {
+            *beam = number as u32;
+        }
         self.turn(beams, first, directions, rays);
         if beams.has_origins() {
             // Where beams start is turned as their directions are.

@@ -167,7 +167,7 @@ impl Footprint {
     }
 
     fn rays_at(&self, place: [f32; 2], across: &Across, beams: &RayBatch, rays: &mut RayBatch) {
-        (rays.range_max, rays.time) = (beams.range_max, beams.time);
+        (rays.range_max, rays.time, rays.beam) = (beams.range_max, beams.time, beams.beam);
         let RayBatch { org_x, org_y, org_z, dir_x, dir_y, dir_z, .. } = rays;
         aim::spread(
             place,

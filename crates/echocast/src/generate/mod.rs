@@ -32,12 +32,14 @@ use crate::ground::error::{Error, Result};
 use crate::read::yaml;
 use crate::scene::{LoadOptions, Scene};
 use serde::Deserialize;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{self, Deserializer, MapAccess, Visitor};
 use std::fmt;
 use std::path::Path;
 
 /// What to generate, and its seed, as in the section `scene.generate` of a scenario.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(remote = "Self", deny_unknown_fields)]
 pub struct Generate {
     /// A street, or several blocks of a town.
     #[serde(default)]
@@ -56,8 +58,39 @@ pub struct Generate {
     pub seed: u64,
 }
 
+/// The keys of [`Generate`], or the word of a scene without options.
+impl<'de> Deserialize<'de> for Generate {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct WordOrKeys;
+
+        impl<'de> Visitor<'de> for WordOrKeys {
+            type Value = Generate;
+
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("street, seabed, indoor or landscape, or a section with one of these keys")
+            }
+            fn visit_str<E: de::Error>(self, word: &str) -> Result<Generate, E> {
+                let mut all = Generate { street: None, seabed: None, indoor: None, landscape: None, seed: 0 };
+                match word {
+                    "street" => all.street = Some(Street::default()),
+                    "seabed" => all.seabed = Some(Seabed::default()),
+                    "indoor" => all.indoor = Some(Indoor::default()),
+                    "landscape" => all.landscape = Some(Landscape::default()),
+                    _ => return Err(E::unknown_variant(word, &["street", "seabed", "indoor", "landscape"])),
+                }
+                Ok(all)
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Generate, A::Error> {
+                Generate::deserialize(MapAccessDeserializer::new(map))
+            }
+        }
+        deserializer.deserialize_any(WordOrKeys)
+    }
+}
+
 impl Generate {
-    /// Reads it from YAML: one of `street`, `seabed`, `indoor`, `landscape` with its options, and `seed`.
+    /// Reads it from YAML: one of `street`, `seabed`, `indoor`, `landscape` with its options, and `seed`; or one of these
+    /// words alone.
     ///
     /// # Errors
     /// Line and key of what is wrong, with the most similar known key.

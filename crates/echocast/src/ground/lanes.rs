@@ -28,6 +28,8 @@ pub(crate) struct RayBatch {
     pub range_max: [f32; LANES],
     /// When, 0 to 1 in the time that the scene is prepared for; not used where nothing moves.
     pub time: [f32; LANES],
+    /// Number of the beam: what random draws of a ray depend on, beside its direction.
+    pub beam: [u32; LANES],
 }
 
 impl Default for RayBatch {
@@ -41,6 +43,7 @@ impl Default for RayBatch {
             dir_z: [0.0; LANES],
             range_max: [0.0; LANES],
             time: [0.0; LANES],
+            beam: [0; LANES],
         }
     }
 }
@@ -51,6 +54,7 @@ impl RayBatch {
         (self.org_x[lane], self.org_y[lane], self.org_z[lane]) = from.origin(other).into();
         (self.dir_x[lane], self.dir_y[lane], self.dir_z[lane]) = from.direction(other).into();
         self.time[lane] = from.time[other];
+        self.beam[lane] = from.beam[other];
     }
 
     /// Copies lane `other` of `from`, with all it has, to `lanes`.
@@ -68,14 +72,16 @@ impl RayBatch {
         for (column, value) in columns {
             column[lanes.clone()].fill(value);
         }
+        self.beam[lanes].fill(from.beam[other]);
     }
 
     /// Copies lane `from`, with all it has, to `lane`.
     pub(crate) fn move_lane(&mut self, lane: usize, from: usize) {
-        let RayBatch { org_x, org_y, org_z, dir_x, dir_y, dir_z, range_max, time } = self;
+        let RayBatch { org_x, org_y, org_z, dir_x, dir_y, dir_z, range_max, time, beam } = self;
         for column in [org_x, org_y, org_z, dir_x, dir_y, dir_z, range_max, time] {
             column[lane] = column[from];
         }
+        beam[lane] = beam[from];
     }
 
     /// Where rays start, axis by axis.

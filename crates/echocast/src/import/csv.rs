@@ -4,11 +4,11 @@
 //! Cyclone (PTS) and FARO's SCENE the number of points above rows without a header, PTS again for each scan; spreadsheets
 //! quotes, semicolons and decimal commas.
 
+use super::Source;
 use super::about::About;
 use super::names::{self, Named};
 use super::rows::{self, Goal, Rows};
 use super::text::{self, Lines, Place, Style, is_comment};
-use super::Source;
 use crate::cloud::{Field, PointCloud};
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
@@ -284,7 +284,9 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
             0 => String::new(),
             count => format!(", and {count} more are left out"),
         };
-        report.warn(format!("csv: no header names its columns, which are taken as {told}{left}; --columns says otherwise"));
+        report.warn(format!(
+            "csv: no header names its columns, which are taken as {told}{left}; --columns says otherwise"
+        ));
         layout.columns = names.into_iter().map(as_they_are).collect();
     }
     if layout.style.sign != Some(',') && sample_has_commas(&layout, source)? {
@@ -345,7 +347,9 @@ mod tests {
         ] {
             assert!(begins(text.as_bytes()), "{text:?}");
         }
-        for text in ["", "# nothing", "solid cube\n", "v 1 2 3\n", "name: a\n", "1 2\n3 4\n", "To whom it may concern, t\n"] {
+        for text in
+            ["", "# nothing", "solid cube\n", "v 1 2 3\n", "name: a\n", "1 2\n3 4\n", "To whom it may concern, t\n"]
+        {
             assert!(!begins(text.as_bytes()), "{text:?}");
         }
         assert!(begins(b"\xff\xfex\0,\0") && !begins(b"x\0,\0y\0"));

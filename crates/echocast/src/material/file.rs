@@ -1,6 +1,6 @@
 //! Materials as YAML.
 
-use super::{Material, Reflectance, Sound, change};
+use super::{Alpha, Material, Reflectance, Sound, change};
 use crate::ground::error::{Error, Result};
 use crate::read::yaml::Document;
 use serde::Deserialize;
@@ -44,6 +44,10 @@ impl Material {
         }
         take!(name source base_color alpha alpha_cutoff reflectance scattering metallic roughness ior transmission
             thickness_m attenuation_distance_m attenuation_color pane_m group_index extinction_index dirt sound unlit);
+        // What becomes glass is a pane, unless it is to be something else.
+        if has("transmission") && !has("alpha") && material.alpha == Alpha::Coverage && material.is_glass() {
+            material.alpha = Alpha::Solid;
+        }
         Ok(material)
     }
 
@@ -180,7 +184,7 @@ pub(super) fn color_and_alpha<'de, D: Deserializer<'de>>(deserializer: D) -> Res
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Alpha, ReflectanceSample, RetroSample, Scattering};
+    use super::super::{ReflectanceSample, RetroSample, Scattering};
     use super::*;
 
     #[test]
@@ -219,6 +223,7 @@ unlit: true
             source: "as a test".into(),
             base_color: [0.1, 0.2, 0.3, 0.4],
             base_color_texture: None,
+            alpha_texture: None,
             alpha: Alpha::Cutout,
             alpha_cutoff: 0.25,
             reflectance: Some(Reflectance::Samples(vec![sample(905.0, 0.5), sample(1550.0, 0.25)])),
@@ -237,6 +242,7 @@ unlit: true
             sound: Some(Sound::Lambert { mu_db: -17.0 }),
             unlit: true,
             double_sided: false,
+            part: None,
             changes: None,
         };
         assert_eq!(Material::from_yaml(text).unwrap(), expected);
@@ -393,7 +399,7 @@ unlit: true
                 "sound: {law: facet, mu_db: -20, slope_sigma_deg: 0.05, reflection_loss_db: 6}",
                 "line 2: sound.slope_sigma_deg: is 0.05; allowed: 0 (smooth), or 0.1 to 45",
             ),
-            ("alpha: mask", "line 2: alpha: unknown value \"mask\"; allowed: ignore, reflectance, cutout"),
+            ("alpha: mask", "line 2: alpha: unknown value \"mask\"; allowed: solid, coverage, cutout, reflectance"),
             ("alpha_cutoff: 1.5", "line 2: alpha_cutoff: is 1.5; allowed: 0 to 1"),
             ("metallic: 2", "line 2: metallic: is 2; allowed: 0 to 1"),
             ("transmission: 1e300", "line 2: transmission: is inf; allowed: 0 to 1"),

@@ -66,6 +66,11 @@ pub(super) fn sound(material: &Material) -> Option<&Sound> {
     material.sound.as_ref().or_else(|| find(&material.name)?.entry.material.sound.as_ref())
 }
 
+/// Whether `name` speaks of glass.
+pub(super) fn is_glass(name: &str) -> bool {
+    find(name).is_some_and(|found| ["glass", "glass_frosted"].contains(&found.entry.material.name.as_str()))
+}
+
 /// The entry called `name`, apart from its case and the suffix of a copy.
 fn called(name: &str) -> Option<&'static Entry> {
     let stem = match name.rsplit_once('.') {

@@ -20,8 +20,8 @@ pub(crate) use reflectance::Reflectances;
 pub use reflectance::{Reflectance, ReflectanceSample, Returned, Why};
 pub use scattering::{RetroSample, Scattering};
 pub use sound::{Sediment, Sound};
+pub(crate) use texture::{Channel, TextureBudget, linear_from_srgb, srgb_byte};
 pub use texture::{Filter, Texture, TextureRef, Wrap};
-pub(crate) use texture::{TextureBudget, linear_from_srgb, srgb_byte};
 
 use crate::ground::named::named;
 use serde::Deserialize;
@@ -41,18 +41,24 @@ pub enum ReflectanceSource {
 
 named! { ReflectanceSource: Luminance "luminance", Alpha "alpha", Library "library" }
 
-/// What the alpha of a surface's base colour means.
+/// What the alpha of a surface means: of its base colour, times that of its images and of its vertices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Alpha {
-    /// Nothing, unless the scan uses it as the reflectance ([`ReflectanceSource::Alpha`]).
+    /// Nothing, unless the scan uses it as the reflectance ([`ReflectanceSource::Alpha`]): the surface is there.
     #[default]
-    Ignore,
+    #[serde(alias = "ignore")]
+    Solid,
+    /// Which part of where it is the surface covers: a ray of light is stopped with this probability, by a draw of its own
+    /// at every triangle, unless the scan uses alpha as the reflectance. To sound it is solid, unless alpha is 0.
+    Coverage,
+    /// Where there is a surface at all: light and sound pass where alpha is below [`Material::alpha_cutoff`].
+    Cutout,
     /// Its reflectance, where the material gives no other, whatever the scan uses.
     Reflectance,
-    /// Where there is a surface at all: light passes where alpha is below [`Material::alpha_cutoff`].
-    Cutout,
 }
+
+named! { Alpha: Solid "solid", Coverage "coverage", Cutout "cutout", Reflectance "reflectance" }
 
 /// A surface material as given by a file; colours are linear.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -68,7 +74,10 @@ pub struct Material {
     /// Image that multiplies the base colour.
     #[serde(skip)]
     pub base_color_texture: Option<TextureRef>,
-    /// What alpha means (in glTF `alphaMode: MASK` or `extras.alpha`).
+    /// Image whose alpha multiplies that of the base colour.
+    #[serde(skip)]
+    pub alpha_texture: Option<TextureRef>,
+    /// What alpha means (in glTF `alphaMode` or `extras.alpha`).
     pub alpha: Alpha,
     /// Least alpha of a cut-out that stops light, 0..1.
     pub alpha_cutoff: f32,
@@ -109,6 +118,9 @@ pub struct Material {
     /// rooms from bodies, see [`BuiltScene::enclosure`](crate::BuiltScene::enclosure).
     #[serde(skip)]
     pub double_sided: bool,
+    /// What part of an object its faces are, where the file says it of the material (in glTF `extras.partID`).
+    #[serde(skip)]
+    pub part: Option<String>,
     /// How it changes over time; none: it stays as it is. The other fields are what it is at time 0.
     #[serde(skip)]
     pub changes: Option<Arc<Changes>>,
@@ -123,7 +135,8 @@ impl Default for Material {
             source: String::new(),
             base_color: [1.0; 4],
             base_color_texture: None,
-            alpha: Alpha::Ignore,
+            alpha_texture: None,
+            alpha: Alpha::Solid,
             alpha_cutoff: 0.5,
             reflectance: None,
             scattering: Scattering::Lambert,
@@ -141,6 +154,7 @@ impl Default for Material {
             sound: None,
             unlit: false,
             double_sided: false,
+            part: None,
             changes: None,
         }
     }
@@ -155,7 +169,11 @@ impl Material {
 
     /// This material reflecting light and sound as `other` does; `source` is where that comes from.
     pub(crate) fn made_of(&self, other: &Material, source: String) -> Material {
-        let alpha = if self.alpha == Alpha::Reflectance { Alpha::Ignore } else { self.alpha };
+        let alpha = match self.alpha {
+            Alpha::Reflectance => Alpha::Solid,
+            Alpha::Coverage if library::is_glass(&other.name) => Alpha::Solid,
+            own => own,
+        };
         Material {
             source,
             alpha,
@@ -165,6 +183,51 @@ impl Material {
             changes: None,
             ..self.clone()
         }
+    }
+
+    /// Lets light through as its alpha says, because its file calls it transparent; not if it is glass, by its transmission
+    /// or its name: of that, alpha says how it looks, and [`Material::transmission`] what passes.
+    pub(crate) fn blend(&mut self) {
+        if !self.is_glass() {
+            self.alpha = Alpha::Coverage;
+        }
+    }
+
+    /// As [`Material::blend`], by an image of opacity: one of black and white is cut out.
+    pub(crate) fn mask(&mut self, mask: TextureRef) {
+        self.blend();
+        if self.alpha == Alpha::Coverage && self.base_color[3] == 1.0 && mask.texture.is_black_or_white() {
+            self.alpha = Alpha::Cutout;
+        }
+        self.alpha_texture = Some(mask);
+    }
+
+    /// Whether it is glass by its transmission or its name.
+    pub fn is_glass(&self) -> bool {
+        self.transmission > 0.0 && self.metallic < 1.0 || library::is_glass(&self.name)
+    }
+
+    /// What its alpha does, for people; `None`: nothing, as it says nothing.
+    pub fn told_alpha(&self) -> Option<String> {
+        let alpha = self.base_color[3];
+        let by_image = self.images().any(|image| !image.texture.opaque);
+        match self.alpha {
+            Alpha::Coverage if by_image => Some("alpha of its image is how much of the rays it stops".into()),
+            Alpha::Coverage if alpha < 1.0 => {
+                Some(format!("alpha {alpha:.2}: {:.0} % of the rays pass", 100.0 * (1.0 - alpha)))
+            }
+            Alpha::Cutout => Some(format!("cut out where alpha is below {}", self.alpha_cutoff)),
+            Alpha::Solid if alpha < 1.0 && self.is_glass() => {
+                Some(format!("glass, whose alpha {alpha:.2} is not used"))
+            }
+            Alpha::Solid if alpha < 1.0 => Some(format!("solid, whose alpha {alpha:.2} is not used")),
+            _ => None,
+        }
+    }
+
+    /// The images of its colour and its alpha.
+    pub(crate) fn images(&self) -> impl Iterator<Item = &TextureRef> {
+        self.base_color_texture.iter().chain(&self.alpha_texture)
     }
 
     /// What its colour says of its reflectance at `wavelength_nm` in a scan that uses `source`.

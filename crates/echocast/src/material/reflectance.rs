@@ -108,6 +108,9 @@ pub enum Why {
     },
     /// Its colour suggests it.
     Estimated,
+    /// It has no colour of its own, but white or Blender's grey, as files have where nothing was chosen, or nothing that
+    /// the exporter could write; the reflectance is what that colour suggests.
+    Assumed,
     /// The luminance of its base colour, as asked or as it is a metal.
     Luminance,
     /// The alpha of its base colour, as asked or as it says itself.
@@ -121,6 +124,7 @@ impl fmt::Display for Why {
             Why::Named { material, words } if material == words => write!(f, "library material {material}"),
             Why::Named { material, words } => write!(f, "library material {material}, for \"{words}\" in its name"),
             Why::Estimated => f.write_str("estimated from the colour"),
+            Why::Assumed => f.write_str("assumed: no colour is given but the default"),
             Why::Luminance => f.write_str("luminance of the colour"),
             Why::Alpha => f.write_str("alpha of the colour"),
         }
@@ -142,12 +146,21 @@ impl Material {
             return Returned { value: reflectance.at(wavelength_nm), spread: names.spread, by_image: false, why };
         }
         let (why, spread) = match by_color {
+            ByColor::Infrared(estimate) if self.has_default_color() => (Why::Assumed, Some(estimate.sigma)),
             ByColor::Infrared(estimate) => (Why::Estimated, Some(estimate.sigma)),
             ByColor::Luminance => (Why::Luminance, None),
             ByColor::Alpha => (Why::Alpha, None),
         };
         let by_image = self.base_color_texture.is_some();
         Returned { value: by_color.of(self.base_color), spread, by_image, why }
+    }
+
+    /// Whether its colour is what files have where none was chosen: white, which glTF leaves out, as do exporters that cannot
+    /// write a procedural colour, or the 0.8 that Blender's materials begin with.
+    fn has_default_color(&self) -> bool {
+        let [r, g, b, _] = self.base_color;
+        let plain = |value: f32| (r - value).abs() < 1e-6 && r == g && g == b;
+        self.base_color_texture.is_none() && (plain(1.0) || plain(0.8))
     }
 
     /// Its own reflectance, or that of the library for its name.

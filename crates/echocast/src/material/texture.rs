@@ -37,6 +37,8 @@ pub struct Texture {
     pub height: u32,
     /// `width * height` pixels.
     pub pixels: Vec<[u8; 4]>,
+    /// Whether alpha is 255 everywhere.
+    pub(crate) opaque: bool,
 }
 
 /// Bytes that the decoded images of one scene may still use.
@@ -49,9 +51,65 @@ impl TextureBudget {
     pub(crate) fn new(limit_mib: u64) -> Self {
         TextureBudget { left: limit_mib.saturating_mul(1 << 20), limit_mib }
     }
+
+    /// What is wrong when it is used up.
+    fn exceeded(&self) -> String {
+        format!(
+            "the images of the scene take more than {} MiB decoded; allowed: what texture_limit_mib (--texture-limit) says",
+            self.limit_mib
+        )
+    }
+}
+
+/// What of an image says how much of a surface is there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Channel {
+    Red,
+    Green,
+    Blue,
+    Alpha,
+    Luminance,
 }
 
 impl Texture {
+    /// Of `width * height` pixels, row by row from the top.
+    pub fn new(width: u32, height: u32, pixels: Vec<[u8; 4]>) -> Texture {
+        let opaque = pixels.iter().all(|pixel| pixel[3] == 255);
+        Texture { width, height, pixels, opaque }
+    }
+
+    /// The image whose alpha is a channel of this one; luminance is that of the bytes, as masks are no light (Rec. ITU-R
+    /// BT.709); `origin` is its source, for errors.
+    ///
+    /// # Errors
+    /// No budget left, or no memory.
+    pub(crate) fn as_mask(&self, channel: Channel, origin: &str, budget: &mut TextureBudget) -> Result<Texture> {
+        let size = 4 * self.pixels.len();
+        let fault = || Error::Parse { origin: origin.to_owned(), place: String::new(), message: budget.exceeded() };
+        budget.left = budget.left.checked_sub(size as u64).ok_or_else(fault)?;
+        let mut pixels = Vec::new();
+        pixels
+            .try_reserve_exact(self.pixels.len())
+            .map_err(|_| Error::Memory(format!("{size} bytes of the image {origin}")))?;
+        let of = |&[r, g, b, alpha]: &[u8; 4]| match channel {
+            Channel::Red => r,
+            Channel::Green => g,
+            Channel::Blue => b,
+            Channel::Alpha => alpha,
+            Channel::Luminance => {
+                ((2126 * u32::from(r) + 7152 * u32::from(g) + 722 * u32::from(b) + 5000) / 10_000) as u8
+            }
+        };
+        pixels.extend(self.pixels.iter().map(|pixel| [255, 255, 255, of(pixel)]));
+        Ok(Texture::new(self.width, self.height, pixels))
+    }
+
+    /// Whether alpha is nearly 0 or nearly 1 nearly everywhere: what is between are edges.
+    pub(crate) fn is_black_or_white(&self) -> bool {
+        let between = self.pixels.iter().filter(|pixel| (16..240).contains(&pixel[3])).count();
+        between * 10 <= self.pixels.len()
+    }
+
     /// Decodes a PNG or JPEG image of a scene with `budget`; `origin` is its source, for errors.
     ///
     /// # Errors
@@ -78,11 +136,7 @@ impl Texture {
         // The decoder's output becomes pixels in place: there is no second copy.
         let room = stored.max(size);
         if room > budget.left {
-            return Err(error(format!(
-                "the images of the scene take more than {} MiB decoded; allowed: what texture_limit_mib (--texture-limit) \
-                 says",
-                budget.limit_mib
-            )));
+            return Err(error(budget.exceeded()));
         }
         let no_memory = || Error::Memory(format!("{room} bytes of the image {origin}"));
         let mut bytes = Vec::new();
@@ -115,7 +169,7 @@ impl Texture {
         budget.left -= size;
         // No copy, unless the bytes have room for a partial pixel at the end.
         let pixels = bytemuck::allocation::try_cast_vec(bytes);
-        Ok(Texture { width, height, pixels: pixels.unwrap_or_else(|(_, bytes)| bytemuck::cast_slice(&bytes).to_vec()) })
+        Ok(Texture::new(width, height, pixels.unwrap_or_else(|(_, bytes)| bytemuck::cast_slice(&bytes).to_vec())))
     }
 }
 
@@ -237,7 +291,7 @@ mod tests {
     use super::*;
 
     fn checker() -> TextureRef {
-        let image = Texture { width: 2, height: 1, pixels: vec![[0, 0, 0, 255], [255, 255, 255, 0]] };
+        let image = Texture::new(2, 1, vec![[0, 0, 0, 255], [255, 255, 255, 0]]);
         TextureRef::plain(Arc::new(image))
     }
 

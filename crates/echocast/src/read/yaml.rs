@@ -177,17 +177,28 @@ pub fn plain(message: &str) -> String {
 }
 
 /// What a user calls a type.
-fn plain_type(expected: &str) -> &str {
-    match expected {
+fn plain_type(expected: &str) -> String {
+    let of_length = ["an array of length ", "a tuple of size ", "tuple of ", "tuple struct "].into_iter();
+    if let Some(rest) = of_length.filter_map(|start| expected.strip_prefix(start)).next() {
+        let length: String = rest.chars().filter(char::is_ascii_digit).collect();
+        return if length.is_empty() { "a list".to_owned() } else { format!("a list of {length}") };
+    }
+    let plain = match expected {
         "f64" | "f32" => "a number",
         "u8" => "a whole number from 0 to 255",
+        "u16" => "a whole number from 0 to 65535",
         "u32" => "a whole number from 0 to 4294967295",
-        "u64" | "usize" | "i32" => "a whole number",
+        "u64" | "usize" | "i8" | "i16" | "i32" | "i64" => "a whole number",
         "a sequence" => "a list",
         "a map" => "a section of keys",
-        name if name.starts_with("struct ") => "a section of keys",
+        "unit" => "nothing",
+        "string or map" | "variant identifier" => "a word",
+        name if name.starts_with("struct ") || name.starts_with("newtype struct ") => "a section of keys",
+        name if name.starts_with("enum ") => "a word",
+        name if name.starts_with("unit struct ") => "nothing",
         other => other,
-    }
+    };
+    plain.to_owned()
 }
 
 /// `path` and then `key`.
@@ -743,6 +754,43 @@ mod tests {
         }
         assert_eq!(to_string(&back).unwrap(), text);
         assert!(!text.contains(|c: char| c != '\n' && shown::is_unseen(c)), "{text}");
+    }
+
+    /// Whatever stands where something else should: no word of Rust.
+    #[test]
+    fn types_are_called_as_users_call_them() {
+        #[derive(Debug, Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        enum Word {
+            One,
+            Two,
+        }
+        #[derive(Debug, Default, Deserialize)]
+        #[serde(default)]
+        #[allow(dead_code)]
+        struct Keys {
+            pair: (f64, f64),
+            three: [f32; 3],
+            word: Option<Word>,
+            section: Option<Box<Keys>>,
+            list: Vec<u16>,
+            map: HashMap<String, i64>,
+            flag: bool,
+        }
+        for value in ["3", "[1]", "{a: b}", "text", "true", "-1.5", "null", "[a, b, c, d]"] {
+            let sections =
+                ["pair", "three", "word", "section", "list", "map", "flag"].map(|key| format!("{key}: {value}"));
+            for text in sections.iter().map(String::as_str).chain([value]) {
+                let Err(error) = from_str::<Keys>("text", text) else { continue };
+                let error = error.to_string();
+                let words =
+                    ["struct", "enum", "tuple", "unit", "variant", "array", "sequence", "map,", "i64", "u16", "f32"];
+                let said = error.rsplit_once(", expected ").map_or(&*error, |(_, expected)| expected);
+                assert!(!words.iter().any(|word| said.contains(word)), "{text}: {error}");
+            }
+        }
+        let said = from_str::<Keys>("text", "three: 3").unwrap_err().to_string();
+        assert!(said.ends_with("expected a list of 3"), "{said}");
     }
 
     #[test]

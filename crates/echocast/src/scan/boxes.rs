@@ -103,7 +103,7 @@ impl Boxes<'_> {
             return crossings;
         }
         // Sound does not pass through glass as light does.
-        let sight = Sight { mask: self.options.mask, through_glass: !sonar };
+        let sight = if sonar { Sight::of_shapes(self.options.mask) } else { self.options.sight() };
         let coherent = beams.is_coherent();
         parallel::for_each_range(beams.len(), CHUNK, |chunk| {
             let mut rays = RayBatch::default();
@@ -113,7 +113,7 @@ impl Boxes<'_> {
                     clock.set(&beams.time[first..first + count], &mut rays.time);
                 }
                 aim.rays(beams, first, beams.directions(first, count), self.reach as f32, &mut rays);
-                self.scene.cross(&rays, count, coherent, sight, &crossings);
+                self.scene.cross(&rays, count, coherent, sight, !sonar, &crossings);
             }
         });
         crossings

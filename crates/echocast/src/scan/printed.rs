@@ -19,7 +19,7 @@ use crate::material::{Mirrors, ReflectanceSource, Reflectances};
 use crate::medium::{Absorption, Column, Fluid, Slab, SoundSpeed, SoundSpeedProfile, Water};
 use crate::sensor::{AcousticsSpec, Sensor};
 use crate::trace::{
-    Arrival, BuiltScene, HitBatch, Launch, ReflectionLoss, SoundLimits, SoundTracer, Tables, TracerMemory,
+    Arrival, BuiltScene, Cover, HitBatch, Launch, ReflectionLoss, Sight, SoundLimits, SoundTracer, Tables, TracerMemory,
 };
 use glam::{DVec3, Mat3, Vec3};
 use std::ops::Range;
@@ -273,6 +273,8 @@ impl<'a> Printed<'a> {
         let slabs = &self.column.slabs[self.column.slab_at(depth)..];
         let rotation = self.rotation();
         let ways = &mut chunk.ways;
+        // Its surfaces are there, whatever their alpha.
+        let sight = Sight { mask: self.options.mask, cover: Cover::Reflecting };
         for first in rays.clone().step_by(LANES) {
             ways.clear();
             ways.extend((first..rays.end.min(first + LANES)).map(|ray| {
@@ -295,7 +297,7 @@ impl<'a> Printed<'a> {
                     (batch.dir_x[lane], batch.dir_y[lane], batch.dir_z[lane]) = way.direction.as_vec3().into();
                     batch.range_max[lane] = way.left.min(way.length) as f32;
                 }
-                hits.trace(self.scene, &batch, ways.len(), true, self.options.mask);
+                hits.trace(self.scene, &batch, ways.len(), true, sight);
                 hits.orient_normals(self.scene, &batch, ways.len());
                 let mut lane = 0;
                 ways.retain_mut(|way| {

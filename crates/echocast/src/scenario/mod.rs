@@ -34,6 +34,7 @@ use crate::ground::shown;
 use crate::read::yaml::{self, Document};
 use crate::trace::Engine;
 use draw::Draws;
+use serde::de::DeserializeOwned;
 use serde_json::Value;
 use spec::Spec;
 use stage::Stage;
@@ -182,9 +183,15 @@ impl Scenario {
         &self.folder
     }
 
-    /// The entries of its section `outputs` of this style.
-    pub fn outputs_of<'s>(&'s self, style: &'s str) -> impl Iterator<Item = &'s Value> {
-        self.spec.outputs.iter().filter(move |output| output.get("style").and_then(Value::as_str) == Some(style))
+    /// The first entry of its section `outputs` of this style, if there is one.
+    ///
+    /// # Errors
+    /// Key of what is wrong, with the most similar known key.
+    pub fn output_of<T: DeserializeOwned>(&self, style: &str) -> Result<Option<T>> {
+        let is_of = |output: &Value| output.get("style").and_then(Value::as_str) == Some(style);
+        let Some(index) = self.spec.outputs.iter().position(is_of) else { return Ok(None) };
+        let document = Document::from_value(&self.origin, self.value.clone());
+        document.read_at(&format!("outputs[{index}]"), &self.spec.outputs[index]).map(Some)
     }
 
     /// Checks that its outputs can hold the scans of `sample`.

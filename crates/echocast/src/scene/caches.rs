@@ -229,18 +229,19 @@ fn shared(mesh: &Mesh, positions: Array<[f32; 3]>) -> Result<Mesh, String> {
         let parts = mesh.parts.len();
         return Err(format!("it has {vertices} vertices in {parts} parts; allowed: {most} with so many parts"));
     }
-    let uvs = |own: &Array<[f32; 2]>, start: usize| {
+    fn spread<T: Copy + Default + Send + Sync + 'static>(own: &Array<T>, start: usize, vertices: usize) -> Array<T> {
         if own.len() == vertices {
             return own.clone();
         }
-        let mut all = vec![[0.0; 2]; vertices];
+        let mut all = vec![T::default(); vertices];
         all[start..][..own.len()].copy_from_slice(own);
         all.into()
-    };
+    }
     let parts = mesh.parts.iter().zip(&starts).map(|(part, &start)| Part {
         positions: positions.clone(),
         normals: None,
-        uvs: part.uvs.as_ref().map(|own| uvs(own, start)),
+        uvs: part.uvs.as_ref().map(|own| spread(own, start, vertices)),
+        alphas: part.alphas.as_ref().map(|own| spread(own, start, vertices)),
         triangles: match start as u32 {
             0 => part.triangles.clone(),
             start => {

@@ -117,6 +117,73 @@ impl NameTable {
     }
 }
 
+/// What a file says of objects or parts, names or numbers, as names with numbers.
+pub(super) struct Given<'r> {
+    /// The property that says it.
+    key: &'static str,
+    rules: &'r LabelRules,
+    /// Numbers of names: those of the rules, and those that the file gives instead of names.
+    pub numbers: BTreeMap<String, u32>,
+    /// Numbers that none can have.
+    odd: BTreeSet<String>,
+    /// Names that stand for numbers of the file, and those that come from elsewhere.
+    of_numbers: BTreeSet<String>,
+    others: BTreeSet<String>,
+}
+
+impl<'r> Given<'r> {
+    pub fn new(key: &'static str, rules: &'r LabelRules) -> Self {
+        let none = BTreeSet::new;
+        Given { key, rules, numbers: rules.numbers.clone(), odd: none(), of_numbers: none(), others: none() }
+    }
+
+    /// The name of what is called `text`. A whole number stays the number that comes out; its name is that which the rules
+    /// have for it, else the number itself. 0 is unlabelled, without a name.
+    pub fn name(&mut self, text: String) -> String {
+        if self.rules.numbers.contains_key(&text) {
+            return text;
+        }
+        match text.parse::<u32>() {
+            Ok(number) if number.to_string() != text => text,
+            Ok(0) => String::new(),
+            Ok(number) => {
+                let known = self.rules.numbers.iter().find(|(_, known)| **known == number);
+                let name = known.map_or(text, |(name, _)| name.clone());
+                self.numbers.insert(name.clone(), number);
+                self.of_numbers.insert(name.clone());
+                name
+            }
+            Err(_) => {
+                if text.parse::<f64>().is_ok_and(f64::is_finite) {
+                    self.odd.insert(text.clone());
+                }
+                text
+            }
+        }
+    }
+
+    /// Takes note of a name that comes from elsewhere.
+    pub fn meet(&mut self, name: &str) {
+        if !self.others.contains(name) {
+            self.others.insert(name.to_owned());
+        }
+    }
+
+    /// Sentences about numbers that none can have, and such that clash with names.
+    pub fn told(&self) -> Vec<String> {
+        let odd: Vec<String> = self.odd.iter().cloned().collect();
+        let clashes: Vec<String> = self.of_numbers.intersection(&self.others).cloned().collect();
+        [
+            (odd, "numbers that are not whole or not in 0 to 4294967295 are taken as names"),
+            (clashes, "its numbers and names that come from elsewhere are the same labels"),
+        ]
+        .into_iter()
+        .filter(|(names, _)| !names.is_empty())
+        .map(|(names, what)| format!("{}: {what}: {}", self.key, some_of(&names)))
+        .collect()
+    }
+}
+
 /// The name tables of a scene; they travel with every output.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Labels {

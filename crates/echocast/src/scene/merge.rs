@@ -13,8 +13,16 @@ impl Scene {
         }
         let mut all = Scene::default();
         let (mut objects, mut timeline) = (Vec::new(), Timeline::default());
+        let mut numbers = [rules.numbers.clone(), rules.numbers.clone()];
         for (number, scene) in scenes.into_iter().enumerate() {
             let Scene { labels, .. } = scene;
+            for (numbers, table) in numbers.iter_mut().zip([&labels.category, &labels.part]) {
+                // The file itself gave them, or they cannot do harm.
+                let given = table.iter().filter(|(id, name)| id.to_string() == **name);
+                given.for_each(|(id, name)| {
+                    numbers.entry(name.to_owned()).or_insert(id);
+                });
+            }
             let shift = timeline.append(Arc::unwrap_or_clone(scene.timeline));
             objects.extend(scene.objects.into_iter().map(|object| NamedObject {
                 category: labels.category.name(object.category_id).unwrap_or_default().to_owned(),
@@ -39,7 +47,7 @@ impl Scene {
             all.report.absorb(scene.report);
         }
         all.timeline = Arc::new(timeline);
-        all.number(objects, rules)
+        all.number(objects, rules, numbers)
     }
 }
 

@@ -19,6 +19,8 @@ pub struct Part {
     pub normals: Option<Array<[f32; 3]>>,
     /// Texture coordinates per vertex, of the set that the material's base colour texture uses.
     pub uvs: Option<Array<[f32; 2]>>,
+    /// Alpha per vertex, which multiplies that of the material where that means anything; `None`: 1.
+    pub alphas: Option<Array<f32>>,
     /// Vertex indices, three per triangle, all in range.
     pub triangles: Array<[u32; 3]>,
     /// What it is made of; `None`: the default material.
@@ -74,8 +76,11 @@ impl Part {
                 "-1e18 to 1e18",
             ));
         }
-        let lengths =
-            [("normals", self.normals.as_ref().map(|n| n.len())), ("uvs", self.uvs.as_ref().map(|uvs| uvs.len()))];
+        let lengths = [
+            ("normals", self.normals.as_ref().map(|normals| normals.len())),
+            ("uvs", self.uvs.as_ref().map(|uvs| uvs.len())),
+            ("alphas", self.alphas.as_ref().map(|alphas| alphas.len())),
+        ];
         for (name, length) in lengths {
             if length.is_some_and(|length| length != vertices) {
                 let found = format!("{} elements long", length.unwrap_or_default());
@@ -148,7 +153,7 @@ impl Mesh {
     ///
     /// # Errors
     /// No part; one without triangles; a corner past the last vertex; a coordinate that is not finite or beyond 1e18; a
-    /// different number of normals or texture coordinates than vertices.
+    /// different number of normals, texture coordinates or alphas than vertices.
     pub fn new(name: impl Into<String>, parts: Vec<Part>) -> Result<Mesh> {
         if parts.is_empty() {
             return Err(Error::invalid("parts", "none", "at least one"));

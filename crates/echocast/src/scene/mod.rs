@@ -31,6 +31,7 @@ pub use crate::ground::array::Array;
 pub use caches::CacheFile;
 pub use camera::Camera;
 use identity::{Identifier, Identity, InstanceKey};
+use label::Given;
 pub(crate) use label::matches;
 pub use label::{InstanceRule, LabelRules, Labels, NameTable};
 pub use material_rules::{MaterialRule, MaterialRules};
@@ -42,14 +43,14 @@ pub(crate) use crate::ground::math::cofactors;
 use crate::ground::named::named;
 use crate::ground::report::Report;
 use crate::ground::shown;
-use crate::material::TextureBudget;
+use crate::material::{Alpha, TextureBudget};
 pub use crate::material::{Filter, Material, Texture, TextureRef, Wrap};
 use crate::motion::{Motion, Timeline};
 use crate::read::yaml::{Document, one_or_more_words};
 use glam::{DAffine3, DMat3, DVec3};
 pub(crate) use mesh::beyond_reach;
 use serde::Deserialize;
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
@@ -381,7 +382,7 @@ impl Scene {
                 self.report.warn(format!("{what}: no material's name matches {:?}{near}", shown::name(&pattern)));
             }
         }
-        self.hollow().into_iter().for_each(|warning| self.report.warn(warning));
+        self.hollow().into_iter().chain(self.unseen()).for_each(|warning| self.report.warn(warning));
         self.with_caches(options)
     }
 
@@ -408,6 +409,28 @@ impl Scene {
             )
         };
         bodies.into_iter().map(told).collect()
+    }
+
+    /// A sentence about used materials that rays always pass.
+    fn unseen(&self) -> Option<String> {
+        let parts = self.meshes().into_iter().flat_map(|mesh| &mesh.parts);
+        let unseen = parts.filter_map(|part| part.material.as_ref()).filter(|material| {
+            let alpha = material.base_color[3];
+            let passes = match material.alpha {
+                Alpha::Coverage => alpha == 0.0,
+                Alpha::Cutout => alpha < material.alpha_cutoff,
+                Alpha::Solid | Alpha::Reflectance => false,
+            };
+            passes && material.changes.is_none()
+        });
+        let names: BTreeSet<String> = unseen.map(|material| material.name.clone()).collect();
+        (!names.is_empty()).then(|| {
+            let names = some_of(&names.into_iter().collect::<Vec<_>>());
+            format!(
+                "materials that are not seen at all, as their alpha is 0 or below the cutoff: {names}; \
+                     `alpha: solid` in a material rule shows them"
+            )
+        })
     }
 
     /// Every object with a non-empty mesh, and the corners of its box in the world.
@@ -442,7 +465,7 @@ impl Scene {
 
     /// The images of the materials, each once, in their order.
     pub fn textures(&self) -> Vec<&Arc<Texture>> {
-        let uses = self.materials.iter().filter_map(|material| material.base_color_texture.as_ref());
+        let uses = self.materials.iter().flat_map(|material| material.images());
         once(uses.map(|use_| &use_.texture))
     }
 
@@ -629,22 +652,28 @@ impl Scene {
             self.hidden.extend(known.map(str::to_owned));
             known.is_none()
         });
+        let mut given = [Given::new("categoryID", rules), Given::new("partID", rules)];
+        for object in &mut objects {
+            let [category, part] = &mut given;
+            object.category = object.category.take().map(|text| category.name(text));
+            object.part = object.part.take().map(|text| part.name(text));
+        }
         let mut identifier = Identifier::new(rules);
-        let named = objects
+        let named: Vec<NamedObject> = objects
             .into_iter()
             .enumerate()
             .map(|(place, object)| {
                 let Identity { category, instance, name: instance_name } = identifier.identify(&object, place);
+                if object.category.as_ref() != Some(&category) {
+                    given[0].meet(&category);
+                }
                 NamedObject {
                     category,
                     parts: object
                         .mesh
                         .parts
                         .iter()
-                        .map(|part| {
-                            let material = part.material_name();
-                            rules.part(material).or(object.part.as_deref()).unwrap_or(material).to_owned()
-                        })
+                        .map(|part| part_name(part, &object, rules, &mut given[1]))
                         .collect(),
                     instance,
                     instance_name,
@@ -658,13 +687,14 @@ impl Scene {
             })
             .collect();
         identifier.contradictions().into_iter().for_each(|warning| self.report.warn(warning));
-        self.number(named, rules)
+        given.iter().flat_map(Given::told).for_each(|warning| self.report.warn(warning));
+        self.number(named, rules, given.map(|given| given.numbers))
     }
 
-    /// Numbers the labels of `objects`, which become this scene's.
-    fn number(mut self, objects: Vec<NamedObject>, rules: &LabelRules) -> Scene {
-        let category = NameTable::number(objects.iter().map(|object| object.category.clone()), &rules.numbers);
-        let part = NameTable::number(objects.iter().flat_map(|object| object.parts.iter().cloned()), &rules.numbers);
+    /// Numbers the labels of `objects`, which become this scene's; `numbers`: those that categories and parts have already.
+    fn number(mut self, objects: Vec<NamedObject>, rules: &LabelRules, numbers: [BTreeMap<String, u32>; 2]) -> Scene {
+        let category = NameTable::number(objects.iter().map(|object| object.category.clone()), &numbers[0]);
+        let part = NameTable::number(objects.iter().flat_map(|object| object.parts.iter().cloned()), &numbers[1]);
         let material = NameTable::number(self.materials.iter().map(|m| m.name.clone()), &BTreeMap::new());
         let class = |(id, name)| Some((id, *rules.las_class.get(name)?));
         let las_class = category.iter().filter_map(class).collect();
@@ -701,6 +731,20 @@ impl Scene {
         self.labels = Labels { category, part, material, instance, las_class };
         self
     }
+}
+
+/// What a part of an object is called.
+fn part_name(part: &Part, object: &RawObject, rules: &LabelRules, given: &mut Given) -> String {
+    let material = part.material_name();
+    if let Some(ruled) = rules.part(material) {
+        given.meet(ruled);
+        return ruled.to_owned();
+    }
+    let own = part.material.as_ref().and_then(|material| material.part.clone());
+    own.map(|text| given.name(text)).or_else(|| object.part.clone()).unwrap_or_else(|| {
+        given.meet(material);
+        material.to_owned()
+    })
 }
 
 /// A kind of scene file.

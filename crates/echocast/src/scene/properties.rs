@@ -53,6 +53,7 @@ pub(super) fn apply(
     if let Some(value) = property("alpha_cutoff") {
         material.alpha_cutoff = number(&named("alpha_cutoff"), &value, "a number from 0 to 1", zero_to_one)?;
     }
+    material.part = property("partID").and_then(text);
     if let Some(value) = property("dirt") {
         material.dirt = number(&named("dirt"), &value, "a number from 0 to 1", zero_to_one)?;
     }

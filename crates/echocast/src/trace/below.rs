@@ -1,6 +1,6 @@
 //! A scene seen straight from above: what a plan of it shows.
 
-use super::{BuiltScene, HitBatch};
+use super::{BuiltScene, HitBatch, Sight};
 use crate::ground::lanes::{LANES, MISS, RayBatch};
 use crate::ground::parallel;
 use glam::Vec3;
@@ -52,7 +52,7 @@ impl BuiltScene {
             rays.dir_z = [-1.0; LANES];
             rays.range_max = [f32::INFINITY; LANES];
             let mut hits = HitBatch::new();
-            hits.trace(&self.0, &rays, found.len(), true, u32::MAX);
+            hits.trace(&self.0, &rays, found.len(), true, Sight::of_shapes(u32::MAX));
             for (lane, below) in found.iter_mut().enumerate() {
                 let Some(surface) = self.0.surfaces.rows.get(hits.surface[lane] as usize) else { continue };
                 let cut = self.0.shows_back(hits.surface[lane], hits.normal(lane), Vec3::NEG_Z, 0.0);
@@ -81,7 +81,7 @@ impl BuiltScene {
                 for direction in [axis, -axis] {
                     rays.dir_x = [direction.x; LANES];
                     rays.dir_y = [direction.y; LANES];
-                    hits.trace(&self.0, &rays, found.len(), true, u32::MAX);
+                    hits.trace(&self.0, &rays, found.len(), true, Sight::of_shapes(u32::MAX));
                     for (lane, found) in found.iter_mut().enumerate() {
                         let surface = hits.surface[lane];
                         let met = surface != MISS;

@@ -1,8 +1,9 @@
 //! Whether a place is inside of something: there, surfaces show their backs.
 
-use super::hits::load;
-use super::{BuiltScene, Surface, Tables};
+use super::hits::{Cover, load};
+use super::{BuiltScene, Tables};
 use crate::ground::lanes::{LANES, RayBatch};
+use crate::scene::{corners, surrounding};
 use embree4::{Candidate, Coherence, INVALID, Packet};
 use glam::{DVec3, Vec3};
 use std::collections::BTreeMap;
@@ -26,31 +27,53 @@ const MET: f64 = 0.75;
 /// At least this part of what is met there are backs: there may be furniture, and open doors to look through.
 const BACKS: f64 = 0.9;
 
+/// Surfaces of two-sided materials that are nearer than this all around, m, are no room.
+const ROOM: f64 = 1.0;
+
 /// How much nearer or farther than each other the two sides of a sheet may be, in parts of the range.
 const SHEET: f32 = 1e-4;
+
+/// A back that a ray meets.
+#[derive(Clone, Copy)]
+struct Back {
+    instance: u32,
+    /// How far away it is, m.
+    range: f32,
+    /// Whether its material says that it has two sides.
+    two_sided: bool,
+}
 
 impl BuiltScene {
     /// What the world position `place` is inside of, if it is: where most directions from the horizon up meet a surface
     /// within `reach_m`, and nearly all of these its back. A surface shows its back where its corners run clockwise, as
     /// in glTF and OBJ. So a body, a building whose walls face outwards and the ground enclose what is in or below
-    /// them; a room whose walls face inwards encloses nothing, nor do surfaces with two sides, whether by their
-    /// material ([`Material::double_sided`](crate::material::Material::double_sided)) or because there is a second
-    /// surface in the same place. Below the horizon, the ground may lie within the walls.
+    /// them; a room whose walls face inwards encloses nothing, nor does one whose surfaces have a second one in the same
+    /// place. Below the horizon, the ground may lie within the walls.
+    ///
+    /// Some programs call all materials two-sided
+    /// ([`Material::double_sided`](crate::material::Material::double_sided)), so that the walls of a room may face either
+    /// way. Such surfaces enclose a place if they are of one instance and either very near or not all there is: what lies
+    /// around a room is mostly nothing, around a body the scene.
     ///
     /// The scene is looked at as it is when the scans begin that it is built for.
     pub fn enclosure(&self, place: DVec3, reach_m: f64) -> Option<Enclosure> {
         let met = self.0.met(&self.0.looks_up(place, reach_m));
-        let backs: Vec<(u32, f32)> = met.iter().copied().flatten().collect();
-        if (met.len() as f64) < MET * LANES as f64 || (backs.len() as f64) < BACKS * met.len() as f64 {
+        let backs: Vec<Back> = met.iter().copied().flatten().collect();
+        let nearly_all = |count: usize| count as f64 >= BACKS * met.len() as f64;
+        if (met.len() as f64) < MET * LANES as f64 || !nearly_all(backs.len()) {
             return None;
         }
         let mut counts = BTreeMap::new();
-        for (instance, _) in &backs {
-            *counts.entry(*instance).or_insert(0) += 1;
+        for back in &backs {
+            *counts.entry(back.instance).or_insert(0) += 1;
         }
-        let (most, _) = counts.into_iter().max_by_key(|&(_, count)| count)?;
+        let (most, count) = counts.into_iter().max_by_key(|&(_, count)| count)?;
+        let within_m = backs.iter().map(|back| f64::from(back.range)).fold(0.0, f64::max);
+        let one_sided = backs.iter().filter(|back| !back.two_sided).count();
+        if !nearly_all(one_sided) && !(nearly_all(count) && (within_m < ROOM || self.0.reaches_beyond(most))) {
+            return None;
+        }
         let name = self.labels().instance.name(most).unwrap_or_default();
-        let within_m = backs.iter().map(|(_, range)| f64::from(*range)).fold(0.0, f64::max);
         let part = backs.len() as f64 / LANES as f64;
         Some(Enclosure { name: name.to_owned(), part, within_m })
     }
@@ -74,16 +97,31 @@ impl Tables {
         rays
     }
 
-    /// For each of `rays` that meets something, the number of its instance and how far away it is, m, if that shows its
-    /// back alone.
-    fn met(&self, rays: &RayBatch) -> Vec<Option<(u32, f32)>> {
+    /// Whether the scene is larger than an instance of it.
+    fn reaches_beyond(&self, instance: u32) -> bool {
+        /// By which part of its size: floors and walls overlap.
+        const PART: f64 = 0.05;
+        let start = self.span.map_or(0.0, |span| span.start);
+        let found = self.instances().iter().find(|known| known.id == instance);
+        let corners = found.into_iter().flat_map(|instance| &instance.objects).filter_map(|&object| {
+            let (place, _) = self.stance(object, start, u32::MAX)?;
+            Some(corners(self.extents[object as usize].bounds?, &place))
+        });
+        let Some((low, high)) = surrounding(corners.flatten()) else { return false };
+        let [least, most] = self.committed.bounds().map(|end| Vec3::from(end).as_dvec3() + self.origin);
+        let slack = PART * (high - low).max_element();
+        (low - least).max_element() > slack || (most - high).max_element() > slack
+    }
+
+    /// For each of `rays` that meets something, what that shows if it shows its back alone.
+    fn met(&self, rays: &RayBatch) -> Vec<Option<Back>> {
         const WIDTH: usize = 4;
         let mut met = Vec::new();
         for first in (0..LANES).step_by(WIDTH) {
             let mut packet = Packet { id: std::array::from_fn(|lane| lane as u32), ..Packet::<WIDTH>::new() };
             load(&mut packet, rays, first);
             let mut near = packet;
-            let stops = |hit: &Candidate| self.surfaces.stops(hit);
+            let stops = |hit: &Candidate| self.surfaces.stops(hit, Cover::Solid, rays);
             self.committed.intersect_where(&[-1; WIDTH], &mut near, Coherence::Incoherent, &stops);
             // A second triangle in the same place is another side.
             packet.tnear = near.tfar.map(|range| range * (1.0 - SHEET));
@@ -98,14 +136,14 @@ impl Tables {
             met.extend((0..WIDTH).filter(|&lane| valid[lane] != 0).map(|lane| {
                 let back = self.back(&near, lane)?;
                 let front = packet.geom_id[lane] != INVALID && self.back(&packet, lane).is_none();
-                (!front).then_some((back.instance_id, near.tfar[lane]))
+                (!front).then_some(back)
             }));
         }
         met
     }
 
-    /// The surface that the ray of a lane has met, if it shows its back and has no front there.
-    fn back<const W: usize>(&self, packet: &Packet<W>, lane: usize) -> Option<&Surface> {
+    /// The surface that the ray of a lane has met, if it shows its back.
+    fn back<const W: usize>(&self, packet: &Packet<W>, lane: usize) -> Option<Back> {
         if packet.geom_id[lane] == INVALID {
             return None;
         }
@@ -113,9 +151,12 @@ impl Tables {
         let surface = &self.surfaces.rows[row as usize];
         let normal = Vec3::new(packet.ng_x[lane], packet.ng_y[lane], packet.ng_z[lane]);
         let direction = Vec3::new(packet.dir_x[lane], packet.dir_y[lane], packet.dir_z[lane]);
-        let back = self.shows_back(row, normal, direction, packet.time[lane]);
         let two_sided = self.surfaces.materials[surface.material as usize].double_sided;
-        (back && !two_sided).then_some(surface)
+        self.shows_back(row, normal, direction, packet.time[lane]).then_some(Back {
+            instance: surface.instance_id,
+            range: packet.tfar[lane],
+            two_sided,
+        })
     }
 
     /// Whether `surface`, a row, shows its back to a ray along `direction` that meets it at `time` where Embree gives
@@ -158,6 +199,31 @@ mod tests {
         scene.commit().unwrap()
     }
 
+    /// As Blender exports everything: a body in a scene is one, a room that is all there is is none.
+    #[test]
+    fn bodies_of_two_sided_materials_are_inside() {
+        let two_sided = Material { double_sided: true, ..Material::default() };
+        let body = |half: f32| {
+            let mesh = Mesh::new("body", vec![sides(half, true, false, two_sided.clone())]).unwrap();
+            Object { instance_id: 1, ..Object::new("body", Arc::new(mesh)) }
+        };
+        let floor = Mesh::new("floor", vec![sides(20.0, true, false, two_sided.clone())]).unwrap();
+        let below = DAffine3::from_translation(DVec3::NEG_Z * 30.0);
+        let floor = Object { instance_id: 2, world_from_object: below, ..Object::new("floor", Arc::new(floor)) };
+        for (half, with_floor, expected) in
+            [(0.1, true, true), (0.1, false, true), (2.0, true, true), (2.0, false, false)]
+        {
+            let mut scene = LiveScene::new(&Engine::new().unwrap());
+            scene.add(body(half)).unwrap();
+            if with_floor {
+                scene.add(floor.clone()).unwrap();
+            }
+            let built = scene.commit().unwrap();
+            assert_eq!(built.enclosure(DVec3::ZERO, 100.0).is_some(), expected, "{half} {with_floor}");
+            assert_eq!(built.enclosure(5.0 * DVec3::X, 100.0), None);
+        }
+    }
+
     #[test]
     fn backs_all_around_are_inside() {
         let plain = Material::default();
@@ -168,7 +234,7 @@ mod tests {
             (sides(2.0, true, false, plain.clone()), true),
             (sides(2.0, false, true, plain.clone()), false),
             (sides(2.0, true, true, plain.clone()), false),
-            (sides(2.0, true, false, two_sided), false),
+            (sides(2.0, true, false, two_sided.clone()), false),
         ] {
             for place in [high, mirrored] {
                 let built = built(part.clone(), place);

@@ -2,7 +2,9 @@
 
 use super::Tables;
 use crate::ground::lanes::{LANES, MISS, RayBatch};
-use embree4::{Coherence, INVALID, Packet};
+use crate::ground::rng::Rng;
+use crate::material::ReflectanceSource;
+use embree4::{Candidate, Coherence, INVALID, Packet};
 use glam::Vec3;
 use std::cell::Cell;
 
@@ -17,6 +19,40 @@ pub(crate) fn traced() -> u64 {
 
 fn count_rays(count: usize) {
     TRACED.set(TRACED.get() + count as u64);
+}
+
+/// What rays see of a scene.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sight {
+    /// Only objects whose mask shares a bit with it.
+    pub mask: u32,
+    pub cover: Cover,
+}
+
+/// Which rays pass surfaces that cover a part of where they are
+/// ([`Alpha::Coverage`](crate::material::Alpha::Coverage)).
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Cover {
+    /// Each by a draw of its own.
+    Drawn(Rng),
+    /// None, but where a surface covers nothing.
+    Solid,
+    /// None at all: alpha is how much they reflect.
+    Reflecting,
+}
+
+impl Sight {
+    /// What sound meets, and whoever asks for the shape of things.
+    pub(crate) fn of_shapes(mask: u32) -> Sight {
+        Sight { mask, cover: Cover::Solid }
+    }
+}
+
+impl Cover {
+    /// Of light, in a scan with the reflectances of `source` and the draws of `rng`.
+    pub(crate) fn of_light(source: ReflectanceSource, rng: Rng) -> Cover {
+        if source == ReflectanceSource::Alpha { Cover::Reflecting } else { Cover::Drawn(rng) }
+    }
 }
 
 /// Closest hits of one block.
@@ -55,15 +91,15 @@ impl HitBatch {
         }
     }
 
-    /// Traces the first `count` rays, through the holes of cut-outs. `coherent`: neighbours in the batch are neighbours
-    /// in angle. `mask`: only objects whose mask shares a bit with it are hit.
-    pub(crate) fn trace(&mut self, scene: &Tables, rays: &RayBatch, count: usize, coherent: bool, mask: u32) {
+    /// Traces the first `count` rays, through the holes of surfaces. `coherent`: neighbours in the batch are neighbours
+    /// in angle.
+    pub(crate) fn trace(&mut self, scene: &Tables, rays: &RayBatch, count: usize, coherent: bool, sight: Sight) {
         count_rays(count);
         let coherence = if coherent { Coherence::Coherent } else { Coherence::Incoherent };
         match scene.packet_width {
-            16 => self.trace_packets::<16>(scene, rays, count, coherence, mask),
-            8 => self.trace_packets::<8>(scene, rays, count, coherence, mask),
-            _ => self.trace_packets::<4>(scene, rays, count, coherence, mask),
+            16 => self.trace_packets::<16>(scene, rays, count, coherence, sight),
+            8 => self.trace_packets::<8>(scene, rays, count, coherence, sight),
+            _ => self.trace_packets::<4>(scene, rays, count, coherence, sight),
         }
     }
 
@@ -73,9 +109,9 @@ impl HitBatch {
         rays: &RayBatch,
         count: usize,
         coherence: Coherence,
-        mask: u32,
+        sight: Sight,
     ) {
-        let mut packet = Packet { mask: [mask; W], ..Packet::<W>::new() };
+        let mut packet = Packet { mask: [sight.mask; W], ..Packet::<W>::new() };
         let mut valid = [-1; W];
         for first in (0..count).step_by(W) {
             let lanes = first..first + W;
@@ -88,8 +124,10 @@ impl HitBatch {
             if first + W > count {
                 valid[count - first..].fill(0);
             }
-            if scene.surfaces.has_cutouts {
-                scene.committed.intersect_where(&valid, &mut packet, coherence, &|hit| scene.surfaces.stops(hit));
+            if scene.surfaces.has_holes {
+                packet.id = std::array::from_fn(|lane| (first + lane) as u32);
+                let stops = |hit: &Candidate| scene.surfaces.stops(hit, sight.cover, rays);
+                scene.committed.intersect_where(&valid, &mut packet, coherence, &stops);
             } else {
                 scene.committed.intersect(&valid, &mut packet, coherence);
             }
@@ -108,13 +146,19 @@ impl HitBatch {
     }
 
     /// Finds which of the first `count` rays meet anything before their end; see [`HitBatch::trace`].
-    pub(crate) fn blocked(scene: &Tables, rays: &RayBatch, count: usize, coherent: bool, mask: u32) -> [bool; LANES] {
+    pub(crate) fn blocked(
+        scene: &Tables,
+        rays: &RayBatch,
+        count: usize,
+        coherent: bool,
+        sight: Sight,
+    ) -> [bool; LANES] {
         count_rays(count);
         let coherence = if coherent { Coherence::Coherent } else { Coherence::Incoherent };
         match scene.packet_width {
-            16 => Self::blocked_packets::<16>(scene, rays, count, coherence, mask),
-            8 => Self::blocked_packets::<8>(scene, rays, count, coherence, mask),
-            _ => Self::blocked_packets::<4>(scene, rays, count, coherence, mask),
+            16 => Self::blocked_packets::<16>(scene, rays, count, coherence, sight),
+            8 => Self::blocked_packets::<8>(scene, rays, count, coherence, sight),
+            _ => Self::blocked_packets::<4>(scene, rays, count, coherence, sight),
         }
     }
 
@@ -123,10 +167,10 @@ impl HitBatch {
         rays: &RayBatch,
         count: usize,
         coherence: Coherence,
-        mask: u32,
+        sight: Sight,
     ) -> [bool; LANES] {
         let mut blocked = [false; LANES];
-        let mut packet = Packet { mask: [mask; W], ..Packet::<W>::new() };
+        let mut packet = Packet { mask: [sight.mask; W], ..Packet::<W>::new() };
         let mut valid = [-1; W];
         for first in (0..count).step_by(W) {
             load(&mut packet, rays, first);
@@ -136,8 +180,10 @@ impl HitBatch {
             if first + W > count {
                 valid[count - first..].fill(0);
             }
-            if scene.surfaces.has_cutouts {
-                scene.committed.occlude_where(&valid, &mut packet, coherence, &|hit| scene.surfaces.stops(hit));
+            if scene.surfaces.has_holes {
+                packet.id = std::array::from_fn(|lane| (first + lane) as u32);
+                let stops = |hit: &Candidate| scene.surfaces.stops(hit, sight.cover, rays);
+                scene.committed.occlude_where(&valid, &mut packet, coherence, &stops);
             } else {
                 scene.committed.occlude(&valid, &mut packet, coherence);
             }

@@ -1,6 +1,6 @@
 //! The labelled instances of a scene: where each is, how far it reaches, and which rays would meet it.
 
-use super::hits::load;
+use super::hits::{Sight, load};
 use super::mover::Mover;
 use super::{Surfaces, Tables};
 use crate::ground::lanes::RayBatch;
@@ -43,13 +43,6 @@ pub(crate) struct Instances {
 }
 
 const UNLABELLED: u32 = u32::MAX;
-
-/// What scans see of an object: those with this mask, and whether they see through glass.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Sight {
-    pub mask: u32,
-    pub through_glass: bool,
-}
 
 /// For every instance of a scene the rays that meet it.
 #[derive(Debug, Default)]
@@ -170,13 +163,21 @@ impl Tables {
         piece.velocity(part, at.inverse * ((place - self.origin).as_vec3() - at.place)) + at.turn(own)
     }
 
-    /// Adds to `crossings` which instances the first `count` rays meet.
-    pub(crate) fn cross(&self, rays: &RayBatch, count: usize, coherent: bool, sight: Sight, crossings: &Crossings) {
+    /// Adds to `crossings` which instances the first `count` rays meet, to which glass is nothing if they are of `light`.
+    pub(crate) fn cross(
+        &self,
+        rays: &RayBatch,
+        count: usize,
+        coherent: bool,
+        sight: Sight,
+        light: bool,
+        crossings: &Crossings,
+    ) {
         let coherence = if coherent { Coherence::Coherent } else { Coherence::Incoherent };
         match self.packet_width {
-            16 => self.cross_packets::<16>(rays, count, coherence, sight, crossings),
-            8 => self.cross_packets::<8>(rays, count, coherence, sight, crossings),
-            _ => self.cross_packets::<4>(rays, count, coherence, sight, crossings),
+            16 => self.cross_packets::<16>(rays, count, coherence, (sight, light), crossings),
+            8 => self.cross_packets::<8>(rays, count, coherence, (sight, light), crossings),
+            _ => self.cross_packets::<4>(rays, count, coherence, (sight, light), crossings),
         }
     }
 
@@ -185,17 +186,17 @@ impl Tables {
         rays: &RayBatch,
         count: usize,
         coherence: Coherence,
-        sight: Sight,
+        (sight, light): (Sight, bool),
         crossings: &Crossings,
     ) {
         let surfaces = &*self.surfaces;
         let instances = self.known_instances();
-        let ids = std::array::from_fn(|lane| lane as u32);
-        let mut packet = Packet { mask: [sight.mask; W], id: ids, ..Packet::<W>::new() };
+        let mut packet = Packet { mask: [sight.mask; W], ..Packet::<W>::new() };
         let mut valid = [-1; W];
         let met = RefCell::new([const { Met::NOTHING }; W]);
         for first in (0..count).step_by(W) {
             load(&mut packet, rays, first);
+            packet.id = std::array::from_fn(|lane| (first + lane) as u32);
             if self.span.is_some() {
                 packet.time.copy_from_slice(&rays.time[first..first + W]);
             }
@@ -205,9 +206,9 @@ impl Tables {
             // Refused, a hit does not end its ray.
             self.committed.intersect_where(&valid, &mut packet, coherence, &|hit: &Candidate| {
                 let row = surfaces.row(hit.geom_id, hit.inst_id) as usize;
-                if surfaces.stops(hit) {
-                    let lets_through = sight.through_glass && surfaces.is_glass(&surfaces.rows[row]);
-                    met.borrow_mut()[hit.ray as usize].add(instances.of_row[row], hit.far, !lets_through);
+                if surfaces.stops(hit, sight.cover, rays) {
+                    let lets_through = light && surfaces.is_glass(&surfaces.rows[row]);
+                    met.borrow_mut()[hit.ray as usize - first].add(instances.of_row[row], hit.far, !lets_through);
                 }
                 false
             });

@@ -20,8 +20,8 @@ pub(crate) use below::{Below, Raster};
 pub(crate) use bodies::{Body, Stand};
 pub use enclosure::Enclosure;
 pub use engine::Engine;
-pub(crate) use hits::{HitBatch, traced};
-pub(crate) use instances::{Crossings, Instance, Sight};
+pub(crate) use hits::{Cover, HitBatch, Sight, traced};
+pub(crate) use instances::{Crossings, Instance};
 pub use live::{LiveScene, ObjectId};
 pub(crate) use mover::{Clock, Follows, Later, Movement, Mover};
 pub(crate) use sound::{

@@ -497,6 +497,7 @@ mod tests {
             positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].into(),
             normals: None,
             uvs: None,
+            alphas: None,
             triangles: vec![[0, 1, 2]].into(),
             material: None,
         };

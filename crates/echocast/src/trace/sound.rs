@@ -7,7 +7,7 @@ mod tubes;
 pub(crate) use direct::{Direct, Goal};
 pub(crate) use tubes::TubeHit;
 
-use super::{Clock, HitBatch, Tables, seen_normal};
+use super::{Clock, HitBatch, Sight, Tables, seen_normal};
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
 use crate::medium::{Column, End, Ray, Slab, slab_at};
 use echocast_kernels::boundary;
@@ -39,7 +39,7 @@ pub(crate) struct SoundTracer<'a> {
     surface_z: f64,
     /// The scene's box, m, relative to its origin.
     bounds: [[f32; 3]; 2],
-    mask: u32,
+    sight: Sight,
     /// Speed that ranges are reported with, m/s.
     believed: f64,
     /// Farthest range that is reported, m.
@@ -230,7 +230,7 @@ impl<'a> SoundTracer<'a> {
             uniform,
             surface_z,
             bounds,
-            mask,
+            sight: Sight::of_shapes(mask),
             believed,
             reach,
             least_range: believed / fastest,
@@ -352,7 +352,7 @@ impl<'a> SoundTracer<'a> {
     ) {
         /// Things are at most a hundredth as fast as sound: each pass finds the place a hundred times better.
         const PASSES: usize = 4;
-        let Some(clock) = &self.clock else { return hits.trace(self.scene, rays, count, coherent, self.mask) };
+        let Some(clock) = &self.clock else { return hits.trace(self.scene, rays, count, coherent, self.sight) };
         for pass in 0..PASSES {
             let mut changed = false;
             for lane in 0..count {
@@ -367,7 +367,7 @@ impl<'a> SoundTracer<'a> {
                 changed |= (rays.time[lane] - before).abs() > 1e-6;
             }
             if changed || pass == 0 {
-                hits.trace(self.scene, rays, count, coherent, self.mask);
+                hits.trace(self.scene, rays, count, coherent, self.sight);
             }
         }
     }

@@ -1,8 +1,11 @@
 //! What the ids of Embree's hits mean.
 
+use super::hits::Cover;
 use super::instances::Instances;
 use super::{Backscatter, Tables};
 use crate::ground::kept::kept;
+use crate::ground::lanes::RayBatch;
+use crate::ground::rng::Draw;
 use crate::material::{Alpha, Material, Mirrors, Optics, ReflectanceSource, Reflectances, Sound, srgb_byte};
 use crate::medium::Sea;
 use crate::scene::{Labels, Mesh, Object, Part};
@@ -10,6 +13,16 @@ use embree4::{Candidate, INVALID};
 use glam::{DVec3, Mat3, Vec3};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock};
+
+/// Where rays pass a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Holes {
+    Nowhere,
+    /// Where alpha is below the cutoff.
+    Cut,
+    /// Anywhere, the more of them the lower alpha is.
+    Between,
+}
 
 /// A part of an object: what a hit on it means.
 #[derive(Clone, Copy, Debug)]
@@ -32,8 +45,7 @@ pub(crate) struct Surface {
     pub textured: bool,
     /// Whether hits come with normals in the mesh's frame.
     pub instanced: bool,
-    /// Whether it may have holes.
-    pub cutout: bool,
+    pub holes: Holes,
     /// Area, m^2, of what answers sound as a whole; 0 of all others, where it is not used.
     pub area: f32,
 }
@@ -57,6 +69,31 @@ impl Target {
     }
 }
 
+impl Holes {
+    /// Those of a `part` of a `material`. What is there everywhere has none: its rays are asked nothing.
+    fn of(material: &Material, part: &Part) -> Holes {
+        let alpha = material.base_color[3];
+        let varies =
+            part.alphas.is_some() || part.uvs.is_some() && material.images().any(|image| !image.texture.opaque);
+        match material.alpha {
+            Alpha::Cutout if varies || alpha < material.alpha_cutoff => Holes::Cut,
+            Alpha::Coverage if varies || alpha < 1.0 => Holes::Between,
+            _ => Holes::Nowhere,
+        }
+    }
+}
+
+/// One word of several, of which each bit depends on all of theirs (the steps between them are those that finish
+/// MurmurHash3 of A. Appleby).
+fn mixed(words: [u32; 5]) -> u32 {
+    words.into_iter().fold(0, |mixed, word| {
+        let mixed = mixed ^ word;
+        let mixed = (mixed ^ mixed >> 16).wrapping_mul(0x85eb_ca6b);
+        let mixed = (mixed ^ mixed >> 13).wrapping_mul(0xc2b2_ae35);
+        mixed ^ mixed >> 16
+    })
+}
+
 /// All parts of all objects, in the order of Embree's ids: first those in the top level or in its group of fixed
 /// objects, by geometry, then the instances, by part.
 #[derive(Default)]
@@ -73,8 +110,8 @@ pub(crate) struct Surfaces {
     pub has_instances: bool,
     /// Whether any part has shading normals.
     pub has_shading_normals: bool,
-    /// Whether any surface may have holes.
-    pub has_cutouts: bool,
+    /// Whether rays may pass any surface.
+    pub has_holes: bool,
     /// What answers sound as a whole.
     pub targets: Vec<Target>,
     /// Computed once for each wavelength: a scan in a loop allocates nothing.
@@ -119,10 +156,8 @@ impl Surfaces {
                 };
                 let made_of = &surfaces.materials[material as usize];
                 let textured = made_of.base_color_texture.is_some() && part.uvs.is_some();
-                // Without an image, alpha is the same everywhere.
-                let cutout =
-                    made_of.alpha == Alpha::Cutout && (textured || made_of.base_color[3] < made_of.alpha_cutoff);
-                surfaces.has_cutouts |= cutout;
+                let holes = Holes::of(made_of, part);
+                surfaces.has_holes |= holes != Holes::Nowhere;
                 let answers_whole = matches!(made_of.sound_law(), Some(Sound::Target { .. }));
                 if answers_whole && !part.triangles.is_empty() {
                     surfaces.targets.push(Target::new(surfaces.rows.len(), part));
@@ -139,7 +174,7 @@ impl Surfaces {
                     rgb: std::array::from_fn(|c| srgb_byte(made_of.base_color[c])),
                     textured,
                     instanced,
-                    cutout,
+                    holes,
                     area: if answers_whole { part.area(&object.world_from_object) as f32 } else { 0.0 },
                 });
             }
@@ -203,12 +238,43 @@ impl Surfaces {
         std::array::from_fn(|channel| srgb_byte(rgba[channel]))
     }
 
-    /// Whether light that meets a surface is stopped there rather than passing through a hole.
-    pub(crate) fn stops(&self, hit: &Candidate) -> bool {
-        let surface = &self.rows[self.row(hit.geom_id, hit.inst_id) as usize];
-        !surface.cutout || {
-            let [.., alpha] = self.base_color(surface, hit.prim_id, [hit.u, hit.v]);
-            alpha >= self.materials[surface.material as usize].alpha_cutoff
+    /// Alpha of `surface` as in [`Surfaces::base_color`], with that of its vertices and its other image.
+    fn alpha(&self, surface: &Surface, triangle: u32, corner @ [u, v]: [f32; 2]) -> f32 {
+        let [.., mut alpha] = self.base_color(surface, triangle, corner);
+        let part = &self.parts[surface.part as usize];
+        let corners = || part.triangles[triangle as usize].map(|index| index as usize);
+        if let (Some(image), Some(uvs)) = (&self.materials[surface.material as usize].alpha_texture, &part.uvs) {
+            let [a, b, c] = corners().map(|index| uvs[index]);
+            alpha *= image.sample(std::array::from_fn(|k| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v))[3];
+        }
+        if let Some(alphas) = &part.alphas {
+            let [a, b, c] = corners().map(|index| alphas[index]);
+            alpha *= a * (1.0 - u - v) + b * u + c * v;
+        }
+        alpha
+    }
+
+    /// Whether a ray that meets a surface is stopped there rather than passing. `hit.ray` is its lane in `rays`.
+    ///
+    /// It depends on nothing but the hit and the ray, which is known by its beam and its direction: whoever traces it again
+    /// finds the same, in whatever order its hits come.
+    pub(crate) fn stops(&self, hit: &Candidate, cover: Cover, rays: &RayBatch) -> bool {
+        let row = self.row(hit.geom_id, hit.inst_id);
+        let surface = &self.rows[row as usize];
+        if surface.holes == Holes::Nowhere {
+            return true;
+        }
+        let alpha = || self.alpha(surface, hit.prim_id, [hit.u, hit.v]);
+        match cover {
+            _ if surface.holes == Holes::Cut => alpha() >= self.materials[surface.material as usize].alpha_cutoff,
+            Cover::Reflecting => true,
+            Cover::Solid => alpha() > 0.0,
+            Cover::Drawn(rng) => {
+                let lane = hit.ray as usize;
+                let [x, y, z] = rays.directions().map(|axis| axis[lane].to_bits());
+                let [draw, ..] = rng.four(rays.beam[lane], Draw::Coverage, mixed([x, y, z, row, hit.prim_id]));
+                draw < alpha()
+            }
         }
     }
 

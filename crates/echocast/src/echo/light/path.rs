@@ -8,7 +8,7 @@ use super::{Air, Contribution, Glint, Image, Wanted};
 use crate::ground::cause::Cause;
 use crate::ground::lanes::{LANES, MISS, RayBatch};
 use crate::material::{Optics, Reflectances};
-use crate::trace::{HitBatch, Tables};
+use crate::trace::{HitBatch, Sight, Tables};
 use echocast_kernels::boundary::{self, Meetings, Onward};
 use glam::Vec3;
 
@@ -240,7 +240,7 @@ impl<F: Fn(&PathEcho) -> Option<f32>> PathEchoes for Preferred<'_, F> {
 pub(crate) struct Surroundings<'a> {
     pub scene: &'a Tables,
     pub reflectances: &'a Reflectances,
-    pub mask: u32,
+    pub sight: Sight,
     pub smooth: bool,
     pub wanted: Wanted,
     /// Whether it matters how what is seen moves.
@@ -329,9 +329,10 @@ impl Follower {
             let beam = usize::from(path.way.lane);
             self.rays.range_max[lane] = (around.beams.range_max[beam] - path.way.range).max(0.0);
             self.rays.time[lane] = around.beams.time[beam];
+            self.rays.beam[lane] = around.beams.beam[beam];
         }
         // Neighbours mostly come from neighbours on the same surface: packets as for beams take two thirds of the time.
-        self.hits.trace(around.scene, &self.rays, paths.len(), true, around.mask);
+        self.hits.trace(around.scene, &self.rays, paths.len(), true, around.sight);
         self.surfaces.face(around.scene, &self.rays, &mut self.hits, paths.len(), around.smooth);
         let (surfaces, reflectances) = (&around.scene.surfaces, around.reflectances);
         self.surfaces.look_up(surfaces, reflectances, &self.hits, 0..paths.len(), around.wanted);

@@ -311,7 +311,7 @@ water:
                 "current_m_s: [0, 30, 0]",
                 "line 2: water.current_m_s: is [0.0, 30.0, 0.0], 30 m/s fast; allowed: [x, y, z], at most 10 m/s fast",
             ),
-            ("current_m_s: 3", "line 2: water.current_m_s: invalid type: integer `3`, expected an array of length 3"),
+            ("current_m_s: 3", "line 2: water.current_m_s: invalid type: integer `3`, expected a list of 3"),
             ("shipping: 2", "line 2: water.shipping: is 2; allowed: 0 to 1"),
             ("volume_backscatter_db: 3", "line 2: water.volume_backscatter_db: is 3; allowed: -200 to 0"),
             ("sound_speed: makenzie", "line 2: water.sound_speed: unknown value \"makenzie\"; near: mackenzie"),

@@ -268,7 +268,7 @@ impl Block {
     /// Steps 6 and 8: what the rays hit, and its properties.
     pub fn trace(&mut self, scan: &Scan, count: usize) {
         let Block { rays, hits, surfaces, .. } = self;
-        hits.trace(scan.world.scene, rays, count, scan.aim.coherent, scan.options.mask);
+        hits.trace(scan.world.scene, rays, count, scan.aim.coherent, scan.world.sight);
         if scan.world.wants_normals {
             surfaces.face(scan.world.scene, rays, hits, count, scan.world.smooth);
         }

@@ -98,7 +98,7 @@ impl Block {
     pub fn shadow(&mut self, scan: &Scan, eye: Vec3, count: usize) {
         let mut looks = self.looks.take().unwrap_or_else(boxed);
         let rays = &mut looks.rays;
-        rays.time = self.rays.time;
+        (rays.time, rays.beam) = (self.rays.time, self.rays.beam);
         match &scan.aim.pose {
             Aim::Fixed { rotation, origin } => {
                 let eye = *rotation * eye + *origin;
@@ -125,7 +125,7 @@ impl Block {
                 looks.look(lane, Vec3::ZERO, None);
             }
         }
-        let blocked = HitBatch::blocked(scan.world.scene, &looks.rays, count, scan.aim.coherent, scan.options.mask);
+        let blocked = HitBatch::blocked(scan.world.scene, &looks.rays, count, scan.aim.coherent, scan.world.sight);
         for lane in 0..count {
             if blocked[lane] {
                 self.hits.surface[lane] = MISS;
@@ -145,7 +145,7 @@ impl Block {
     fn bounce(&mut self, scan: &Scan, camera: &DepthCamera, looks: &mut Looks, count: usize) {
         let rays = camera.multipath_rays;
         let each = rays as usize + 1;
-        looks.rays.time = self.rays.time;
+        (looks.rays.time, looks.rays.beam) = (self.rays.time, self.rays.beam);
         looks.ranges.clear();
         looks.powers.clear();
         looks.ranges.resize(LANES * each, 0.0);
@@ -178,7 +178,7 @@ impl Block {
                 looks.set(lane, self.place(lane) + facet * up - along * back, direction, f32::INFINITY);
             }
             let Looks { rays: way, first: met, surfaces, .. } = &mut *looks;
-            met.trace(scan.world.scene, way, count, false, scan.options.mask);
+            met.trace(scan.world.scene, way, count, false, scan.world.sight);
             surfaces.face(scan.world.scene, way, met, count, scan.world.smooth);
             let wanted = Wanted { colors: false, reflectance: true };
             surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, met, 0..count, wanted);
@@ -208,7 +208,7 @@ impl Block {
                     looks.look(lane, origin, None);
                 }
             }
-            let blocked = HitBatch::blocked(scan.world.scene, &looks.rays, count, false, scan.options.mask);
+            let blocked = HitBatch::blocked(scan.world.scene, &looks.rays, count, false, scan.world.sight);
             for lane in 0..count {
                 if blocked[lane] {
                     looks.powers[lane * each + ray as usize + 1] = 0.0;

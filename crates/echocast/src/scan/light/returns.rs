@@ -731,7 +731,7 @@ impl Gatherer {
         let wanted = Wanted { colors: false, reflectance: true };
         let Gatherer { rays: met, others, surfaces, follower, log, .. } = self;
         let Batch { hits, cos_incidence, power, .. } = &mut met.batches[index];
-        hits.trace(scan.world.scene, rays, count, scan.aim.coherent, scan.options.mask);
+        hits.trace(scan.world.scene, rays, count, scan.aim.coherent, scan.world.sight);
         surfaces.face(scan.world.scene, rays, hits, count, scan.world.smooth);
         surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, hits, 0..count, wanted);
         *cos_incidence = surfaces.cos_incidence;

@@ -13,7 +13,7 @@ use crate::ground::rng::Rng;
 use crate::material::{Mirrors, Optics, ReflectanceSource, Reflectances};
 use crate::scan::{Order, Profile, Progress, ScanOptions};
 use crate::sensor::{DepthCamera, IntensitySpec, Reception, Sensor, Signals};
-use crate::trace::{Clock, Later, Tables};
+use crate::trace::{Clock, Cover, Later, Sight, Tables};
 use echocast_kernels::measure;
 use glam::Vec3;
 use std::ops::Range;
@@ -73,6 +73,8 @@ pub(super) struct Aiming<'a> {
 /// What light goes through and meets, and what of it is looked up.
 pub(super) struct World<'a> {
     pub scene: &'a Tables,
+    /// What rays see of it.
+    pub sight: Sight,
     pub reflectances: Arc<Reflectances>,
     /// What is in the air, if anything.
     pub air: Option<&'a Air>,
@@ -159,6 +161,19 @@ impl Profile {
     }
 }
 
+impl ScanOptions {
+    /// Where reflectances come from that materials do not give.
+    fn light_from(&self) -> ReflectanceSource {
+        self.reflectance_source.unwrap_or(self.profile.rules().source)
+    }
+
+    /// What light meets.
+    pub(in crate::scan) fn sight(&self) -> Sight {
+        let rng = Rng::new(self.seed, self.frame);
+        Sight { mask: self.mask, cover: Cover::of_light(self.light_from(), rng) }
+    }
+}
+
 /// Whether beams are one ray and one return each, whatever the sensor says.
 fn one_ray(sensor: &Sensor, profile: Profile) -> bool {
     let Rules { as_printed, as_computed, .. } = profile.rules();
@@ -199,13 +214,13 @@ impl<'a> Scan<'a> {
         trajectory: &'a Trajectory,
         options: &'a ScanOptions,
     ) -> Result<Self> {
-        let Rules { source, mirrors, as_printed, as_computed } = options.profile.rules();
+        let Rules { mirrors, as_printed, as_computed, .. } = options.profile.rules();
         let Reception { threshold, errors, alarms, air, efficiency, .. } = reception;
         let has_signals = has_signals(sensor, options.profile);
         let one_ray = one_ray(sensor, options.profile);
         let signals = Some(&sensor.signals).filter(|signals| has_signals || !one_ray && signals.adaptive.is_some());
         let camera = sensor.camera.as_ref().filter(|_| !as_printed);
-        let source = options.reflectance_source.unwrap_or(source);
+        let source = options.light_from();
         let reflectances = scene.surfaces.reflectances(sensor.wavelength_nm, source, mirrors);
         let paths = reflectances.go_on.then_some(PathLimits {
             depth: options.specular_depth,
@@ -238,6 +253,7 @@ impl<'a> Scan<'a> {
             },
             world: World {
                 scene,
+                sight: options.sight(),
                 reflectances,
                 air: air.as_ref(),
                 paths,
@@ -447,7 +463,7 @@ impl Scan<'_> {
         Surroundings {
             scene: self.world.scene,
             reflectances: &self.world.reflectances,
-            mask: self.options.mask,
+            sight: self.world.sight,
             smooth: self.world.smooth,
             wanted,
             motion: self.world.motion,

@@ -180,7 +180,7 @@ impl Splitter {
                 rays.move_lane(to, from);
             }
         }
-        met.trace(scan.world.scene, rays, lanes.len(), scan.aim.coherent, scan.options.mask);
+        met.trace(scan.world.scene, rays, lanes.len(), scan.aim.coherent, scan.world.sight);
         for (from, lane) in lanes.iter().map(|&lane| usize::from(lane)).enumerate() {
             rim.range[lane] = met.range[from];
             rim.surface[lane] = met.surface[from];

@@ -2,7 +2,7 @@
 
 mod masks;
 
-use super::points::{in_sensor, inverse, local, remission};
+use super::points::{in_sensor, inverse, is_word, local, remission};
 use super::rig::{self, Kind, find};
 use super::style::{Scanned, Style, Writer as Write, numbered};
 use super::whole::Whole;
@@ -47,12 +47,13 @@ impl Default for Kitti {
 }
 
 /// Types of KITTI by the names of categories that scenes use.
-const TYPES: [(&str, &str); 14] = [
+const TYPES: [(&str, &str); 15] = [
     ("car", "Car"),
     ("van", "Van"),
     ("truck", "Truck"),
     ("person", "Pedestrian"),
     ("pedestrian", "Pedestrian"),
+    ("person-sitting", "Person_sitting"),
     ("bicyclist", "Cyclist"),
     ("cyclist", "Cyclist"),
     ("tram", "Tram"),
@@ -97,7 +98,7 @@ impl Kitti {
 
     /// Type of what is of a category.
     fn of(&self, category: &str) -> Option<&str> {
-        let known = || TYPES.iter().find(|(name, _)| *name == category).map(|(_, of)| *of);
+        let known = || TYPES.iter().find(|(name, _)| is_word(name, category)).map(|(_, of)| *of);
         self.types.get(category).map(String::as_str).or_else(known)
     }
 

@@ -519,7 +519,9 @@ impl Writer<'_> {
 fn attribute(category: &str, ours: &str, speed: f64) -> Option<&'static str> {
     let moves = speed > STANDING_M_S;
     match category {
-        "vehicle.bicycle" | "vehicle.motorcycle" if ours.ends_with("cyclist") => Some("cycle.with_rider"),
+        "vehicle.bicycle" | "vehicle.motorcycle" if ours.to_ascii_lowercase().ends_with("cyclist") => {
+            Some("cycle.with_rider")
+        }
         "vehicle.bicycle" | "vehicle.motorcycle" => Some("cycle.without_rider"),
         category if category.starts_with("vehicle.") => Some(if moves { "vehicle.moving" } else { "vehicle.parked" }),
         category if category.starts_with("human.pedestrian.") => {

@@ -32,6 +32,16 @@ pub(super) fn runs(numbers: &[u32]) -> impl Iterator<Item = (u32, Range<usize>)>
     })
 }
 
+/// Whether `found`, a name in a scene, is the `known` word of a data set, in any case, with `-`, `_` or blanks between its
+/// parts.
+pub(super) fn is_word(known: &str, found: &str) -> bool {
+    let plain = |word: &str| {
+        let letters = word.chars().map(|letter| if matches!(letter, '_' | ' ') { '-' } else { letter });
+        letters.flat_map(char::to_lowercase).collect::<String>()
+    };
+    known == found || known.len() == found.len() && plain(known) == plain(found)
+}
+
 /// What belongs to the labels of rows, each made once; the last is at hand, since neighbours have the same.
 pub(super) struct Known<K, V> {
     all: HashMap<K, V>,

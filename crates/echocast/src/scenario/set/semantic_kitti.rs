@@ -1,6 +1,6 @@
 //! SemanticKITTI: each sample a sequence.
 
-use super::points::{Known, local, remission, runs};
+use super::points::{Known, is_word, local, remission, runs};
 use super::style::{Scanned, Style, Writer as Write, numbered};
 use crate::cloud::{Field, FieldSet, PointCloud, VELOCITY};
 use crate::export;
@@ -150,7 +150,7 @@ impl Write for Writer<'_> {
         let mut unknown = BTreeSet::new();
         let mut label = |category: u32, instance: u32| {
             let name = cloud.labels.category.name(category).unwrap_or("unlabeled");
-            let class = CLASSES.iter().find(|(class, _)| *class == name).map_or_else(
+            let class = CLASSES.iter().find(|(class, _)| is_word(class, name)).map_or_else(
                 || {
                     unknown.insert(name.to_owned());
                     0

@@ -156,6 +156,7 @@ impl<'a> PartMaker<'a> {
             positions: positions.into(),
             normals: smooth.then(|| normals.into()),
             uvs: textured.then(|| uvs.into()),
+            alphas: None,
             triangles: indices.into(),
             material: None,
         }

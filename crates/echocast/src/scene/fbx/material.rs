@@ -3,7 +3,7 @@
 use super::{Document, user};
 use crate::ground::error::Result;
 use crate::ground::shown;
-use crate::material::{Material, Texture, TextureBudget, TextureRef, Wrap};
+use crate::material::{Channel, Material, Texture, TextureBudget, TextureRef, Wrap};
 use crate::read::{self, Limit};
 use crate::scene::notes::Notes;
 use crate::scene::obj::Files;
@@ -11,7 +11,7 @@ use crate::scene::{LoadOptions, properties};
 use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
-use ufbx::{MaterialMap, WrapMode};
+use ufbx::{MaterialMap, ShaderType, WrapMode};
 
 /// The materials that parts use, each read when the first asks for it.
 pub(super) struct Materials<'a> {
@@ -22,13 +22,15 @@ pub(super) struct Materials<'a> {
     known: HashMap<u32, (Arc<Material>, Option<String>)>,
     /// Decoded, by number of the file's images; `None`: it cannot be had.
     images: HashMap<u32, Option<Arc<Texture>>>,
+    /// Masks, by their images, which live as long.
+    masks: HashMap<*const Texture, Arc<Texture>>,
     budget: &'a mut TextureBudget,
 }
 
 impl<'a> Materials<'a> {
     pub fn new(document: &'a Document<'a>, options: &'a LoadOptions, budget: &'a mut TextureBudget) -> Self {
-        let (known, images) = (HashMap::new(), HashMap::new());
-        Materials { list: Vec::new(), options, document, known, images, budget }
+        let (known, images, masks) = (HashMap::new(), HashMap::new(), HashMap::new());
+        Materials { list: Vec::new(), options, document, known, images, masks, budget }
     }
 
     /// A material, and the name of the texture coordinates that its texture uses, if it has one.
@@ -43,7 +45,7 @@ impl<'a> Materials<'a> {
             Some(texture) => self.texture_ref(texture, &here(), notes)?,
             None => None,
         };
-        let set = texture.as_ref().map(|(_, set)| set.clone());
+        let mut set = texture.as_ref().map(|(_, set)| set.clone());
         if let Some((texture, _)) = texture {
             // What is connected to a property takes the place of its value.
             let factor = source.pbr.base_factor.has_value.then_some(source.pbr.base_factor.value_vec4.x);
@@ -51,6 +53,22 @@ impl<'a> Materials<'a> {
             let [.., alpha] = material.base_color;
             material.base_color = [grey, grey, grey, alpha];
             material.base_color_texture = Some(texture);
+        }
+        let mask = match opacity_texture(source) {
+            Some(texture) => self.mask(texture, &here(), notes)?,
+            None => None,
+        };
+        match mask {
+            Some((_, own)) if set.as_ref().is_some_and(|set| *set != own) => {
+                notes.add("masks with texture coordinates of their own are not used", here);
+            }
+            Some((mask, own)) => {
+                set = Some(own);
+                material.base_color[3] = 1.0;
+                material.mask(mask);
+            }
+            None if material.base_color[3] < 1.0 => material.blend(),
+            None => {}
         }
         properties::apply(&mut material, "property ", |key| user::get(&source.element.props, key))
             .map_err(|message| self.document.error(here(), message))?;
@@ -91,6 +109,22 @@ impl<'a> Materials<'a> {
             return Err(self.document.error(user, "its texture is placed by numbers that are not finite"));
         }
         Ok(Some((use_, file.uv_set.to_string())))
+    }
+
+    /// [`Materials::texture_ref`] of what says how much of a surface is there: its alpha if it has any, else its brightness.
+    fn mask(&mut self, texture: &ufbx::Texture, user: &str, notes: &mut Notes) -> Result<Option<(TextureRef, String)>> {
+        let Some((image, set)) = self.texture_ref(texture, user, notes)? else { return Ok(None) };
+        let key = Arc::as_ptr(&image.texture);
+        let texture = match self.masks.get(&key) {
+            Some(known) => known.clone(),
+            None => {
+                let channel = if image.texture.opaque { Channel::Luminance } else { Channel::Alpha };
+                let made = Arc::new(image.texture.as_mask(channel, user, self.budget)?);
+                self.masks.insert(key, made.clone());
+                made
+            }
+        };
+        Ok(Some((TextureRef { texture, ..image }, set)))
     }
 
     /// The image of a texture: in the file itself, or a file.
@@ -163,6 +197,32 @@ fn texture(source: &ufbx::Material) -> Option<&ufbx::Texture> {
     maps.into_iter().find_map(|map| map.texture.as_deref().filter(|_| map.texture_enabled))
 }
 
+/// The texture in the place of the opacity.
+fn opacity_texture(source: &ufbx::Material) -> Option<&ufbx::Texture> {
+    let maps = [&source.pbr.opacity, &source.fbx.transparency_color, &source.fbx.transparency_factor];
+    maps.into_iter().find_map(|map| map.texture.as_deref().filter(|_| map.texture_enabled))
+}
+
+/// How much of a surface of the older materials of FBX is there.
+///
+/// Its transparency is `TransparentColor` times `TransparencyFactor` (FBX SDK, FbxSurfaceLambert). Programs that mean
+/// opaque surfaces write both as 1, but also `Opacity`, which then counts.
+fn opacity(source: &ufbx::Material) -> Option<f64> {
+    let given = |map: &MaterialMap| map.has_value.then_some(map.value_vec4);
+    let color = given(&source.fbx.transparency_color);
+    let factor = given(&source.fbx.transparency_factor).map(|factor| factor.x);
+    let whole = source.element.props.find_prop("Opacity").map(|prop| prop.value_vec4.x);
+    let left = (color.is_some() || factor.is_some()).then(|| {
+        let color = color.map_or(1.0, |color| (color.x + color.y + color.z) / 3.0);
+        1.0 - factor.unwrap_or(1.0) * color
+    });
+    match (whole, left) {
+        (Some(whole), _) if whole > 0.0 && whole < 1.0 => Some(whole),
+        (Some(whole), Some(left)) if left <= 0.0 => Some(whole),
+        (whole, left) => left.or(whole),
+    }
+}
+
 /// Everything but the texture and the user's properties.
 fn surface(source: &ufbx::Material, factors: &mut Factors<'_>) -> Material {
     let (pbr, features) = (&source.pbr, &source.features);
@@ -175,7 +235,8 @@ fn surface(source: &ufbx::Material, factors: &mut Factors<'_>) -> Material {
         let [r, g, b] = [color.x, color.y, color.z].map(|channel| factors.unit("base colour", channel * factor));
         material.base_color = [r, g, b, 1.0];
     }
-    if let Some(opacity) = number(&pbr.opacity) {
+    let older = matches!(source.shader_type, ShaderType::FbxLambert | ShaderType::FbxPhong);
+    if let Some(opacity) = if older { opacity(source) } else { number(&pbr.opacity) } {
         material.base_color[3] = factors.unit("opacity", opacity);
     }
     match number(&pbr.roughness) {
@@ -188,7 +249,7 @@ fn surface(source: &ufbx::Material, factors: &mut Factors<'_>) -> Material {
     if let Some(metalness) = number(&pbr.metalness) {
         material.metallic = factors.unit("metalness", metalness);
     }
-    if let Some(transmission) = number(&pbr.transmission_factor).filter(|_| features.transmission.enabled) {
+    if let Some(transmission) = number(&pbr.transmission_factor).filter(|_| features.transmission.enabled && !older) {
         material.transmission = factors.unit("transmission", transmission);
     }
     if let Some(ior) = number(&pbr.specular_ior).filter(|ior| ior.is_finite()) {

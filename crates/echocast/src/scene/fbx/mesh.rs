@@ -279,6 +279,7 @@ impl<'a> Maker<'a> {
             positions: positions.into(),
             normals: smooth.then(|| normals.into()),
             uvs: uvs.map(|_| own_uvs.into()),
+            alphas: None,
             triangles: indices.into(),
             material: None,
         };

@@ -390,6 +390,42 @@ fn materials_and_their_properties_are_read() {
 }
 
 #[test]
+fn transparency_is_coverage() {
+    use crate::material::Alpha;
+    let load = |model: &str, lines: &[&str], name: &str| {
+        let lines = properties(lines);
+        let material = format!("Material: 20, \"Material::{name}\", \"\" {{\nShadingModel: \"{model}\"\n{lines}}}\n");
+        let objects = sail(1) + &model_of_wall() + &material;
+        let scene = read_text(&text(&objects, &links(&["1,10", "20,10", "10,0"])));
+        let material = &scene.materials[0];
+        assert_eq!(material.transmission, 0.0);
+        (material.alpha, material.base_color[3])
+    };
+    let (factor, color) =
+        (r#""TransparencyFactor", "Number", "", "A",0.7"#, r#""TransparentColor", "Color", "", "A",1,1,1"#);
+    let (all, black) =
+        (r#""TransparencyFactor", "Number", "", "A",1"#, r#""TransparentColor", "Color", "", "A",0,0,0"#);
+    for model in ["phong", "lambert"] {
+        let of = |lines: &[&str]| {
+            let (alpha, opacity) = load(model, lines, "veil");
+            (alpha, (opacity * 100.0).round() / 100.0)
+        };
+        assert_eq!(of(&[factor]), (Alpha::Coverage, 0.3));
+        assert_eq!(of(&[factor, color]), (Alpha::Coverage, 0.3));
+        assert_eq!(of(&[all, color]), (Alpha::Coverage, 0.0));
+        assert_eq!(of(&[all, black]), (Alpha::Solid, 1.0));
+        assert_eq!(of(&[r#""Opacity", "double", "Number", "",0.25"#]), (Alpha::Coverage, 0.25));
+        assert_eq!(of(&[all, color, r#""Opacity", "double", "Number", "",1"#]), (Alpha::Solid, 1.0));
+        assert_eq!(of(&[]), (Alpha::Solid, 1.0));
+        assert_eq!(load(model, &[factor], "Window_Glass").0, Alpha::Solid, "glass is a pane");
+    }
+}
+
+fn model_of_wall() -> String {
+    model(10, "Wall", &[])
+}
+
+#[test]
 fn properties_out_of_range_are_errors() {
     let material =
         format!("Material: 20, \"Material::m\", \"\" {{\n{}}}\n", properties(&[r#""dirt", "Number", "", "U",2"#]));

@@ -139,9 +139,6 @@ impl<'a> Accessors<'a> {
             return Err(fault(format!("is not of type {}", format!("{wanted:?}").to_uppercase())));
         }
         let unpacked = self.unpacked.get(&index.value());
-        if accessor.buffer_view.is_none() && accessor.sparse.is_none() && unpacked.is_none() {
-            return Err(fault("has no data (a compressed file must be decompressed with another tool first)".into()));
-        }
         let count = usize::try_from(accessor.count.0).unwrap_or(usize::MAX);
         let elements = |view, offset: Option<USize64>, count, kind| {
             self.elements(view, offset.map_or(0, |o| o.0), count, N, kind, accessor.normalized)
@@ -161,6 +158,7 @@ impl<'a> Accessors<'a> {
         self.charge(count.saturating_mul(size_of::<[T; N]>())).map_err(fault)?;
         let mut values = match own {
             Some(elements) => decode(elements).map_err(fault)?,
+            // glTF 2.0, 3.6.2.1: an accessor without a buffer view is zeros.
             None => vec![[T::default(); N]; count],
         };
         let Some(sparse) = &accessor.sparse else { return Ok(values) };

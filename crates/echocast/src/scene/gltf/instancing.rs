@@ -24,8 +24,13 @@ struct Attributes {
     scale: Option<u32>,
 }
 
-/// Placements of the node's mesh in the frame of the node, `None` for a node without the extension.
-pub(super) fn node_from_instances(accessors: &Accessors<'_>, node: &Node) -> Result<Option<Vec<DAffine3>>, String> {
+/// Placements of the node's mesh in the frame of the node, `None` for a node without the extension. `each`: bytes that an
+/// instance takes besides.
+pub(super) fn node_from_instances(
+    accessors: &Accessors<'_>,
+    node: &Node,
+    each: usize,
+) -> Result<Option<Vec<DAffine3>>, String> {
     let Some(value) = node.extensions.as_ref().and_then(|all| all.others.get(EXTENSION)) else { return Ok(None) };
     let Extension { attributes } = Deserialize::deserialize(value)
         .map_err(|error: serde_json::Error| format!("{EXTENSION}: {}", yaml::plain(&error.to_string())))?;
@@ -38,6 +43,9 @@ pub(super) fn node_from_instances(accessors: &Accessors<'_>, node: &Node) -> Res
         }
     }
     let Some(count) = count else { return Err(format!("{EXTENSION}: it has no attributes")) };
+    // Compressed, a thousand of them take a few bytes of the file.
+    let bytes = usize::try_from(count).unwrap_or(usize::MAX).saturating_mul(size_of::<DAffine3>() + each);
+    accessors.charge(bytes).map_err(|message| format!("{EXTENSION}: its number of instances, {count}, {message}"))?;
     let translations = attributes.translation.map(|index| accessors.vectors::<3>(Index::new(index))).transpose()?;
     let rotations = attributes.rotation.map(|index| accessors.vectors::<4>(Index::new(index))).transpose()?;
     let scales = attributes.scale.map(|index| accessors.vectors::<3>(Index::new(index))).transpose()?;

@@ -68,6 +68,11 @@ impl<'a> Materials<'a> {
         Ok(set)
     }
 
+    /// Whether the alpha of vertices with a material means anything.
+    pub fn uses_alpha(&self, material: Option<usize>) -> bool {
+        material.is_some_and(|index| matches!(self.list[index].alpha, Alpha::Coverage | Alpha::Cutout))
+    }
+
     /// A material for a part that uses it.
     pub fn get(&self, index: usize) -> Arc<Material> {
         self.list[index].clone()
@@ -126,8 +131,10 @@ fn surface(source: &json::Material, name: String, factors: &mut Factors<'_>) -> 
     }
 
     material.double_sided = source.double_sided;
-    if source.alpha_mode == Checked::Valid(AlphaMode::Mask) {
-        material.alpha = Alpha::Cutout;
+    match source.alpha_mode {
+        Checked::Valid(AlphaMode::Mask) => material.alpha = Alpha::Cutout,
+        Checked::Valid(AlphaMode::Blend) => material.blend(),
+        Checked::Valid(AlphaMode::Opaque) | Checked::Invalid => {}
     }
     if let Some(cutoff) = &source.alpha_cutoff {
         material.alpha_cutoff = factors.unit("alphaCutoff", cutoff.0);

@@ -57,12 +57,18 @@ impl<'a> Objects<'a> {
             return Ok(());
         }
         let Some(Posed { mesh, shape, world_from_object }) = self.posed(placed, index)? else { return Ok(()) };
-        let name = node.name.as_ref().or(source.name.as_ref());
-        let mut instances = instancing::node_from_instances(self.meshes.accessors, node).map_err(fault)?;
+        let name =
+            node.name.clone().or_else(|| source.name.clone()).unwrap_or_else(|| format!("object_{}", placed.node));
+        let text = name.len() + placed.category.map_or(0, str::len) + placed.part.map_or(0, str::len);
+        let each = size_of::<RawObject>() + text;
+        let mut instances = instancing::node_from_instances(self.meshes.accessors, node, each).map_err(fault)?;
         if world_from_object.is_some() && instances.take().is_some() {
             self.meshes.notes.add("instances of meshes with a skin are left out but for one", here);
         }
         let has_node = instances.is_none();
+        if has_node {
+            self.meshes.accessors.charge(each).map_err(fault)?;
+        }
         let ancestors = self.ancestry.of(placed.node, has_node);
         self.meshes.accessors.charge(ancestors.len() * size_of::<Ancestor>()).map_err(fault)?;
         for node_from_object in instances.unwrap_or_else(|| vec![DAffine3::IDENTITY]) {
@@ -74,7 +80,7 @@ impl<'a> Objects<'a> {
             }
             let motion = self.motion(placed, shape.clone(), node_from_object, &world_from_object).map_err(fault)?;
             let object = RawObject {
-                name: name.cloned().unwrap_or_else(|| format!("object_{}", placed.node)),
+                name: name.clone(),
                 mesh: mesh.clone(),
                 world_from_object,
                 up: UpAxis::Y,
@@ -84,8 +90,6 @@ impl<'a> Objects<'a> {
                 ancestors: ancestors.clone(),
                 has_node,
             };
-            let text = object.name.len() + placed.category.map_or(0, str::len) + placed.part.map_or(0, str::len);
-            self.meshes.accessors.charge(size_of::<RawObject>() + text).map_err(fault)?;
             self.list.push(object);
         }
         Ok(())

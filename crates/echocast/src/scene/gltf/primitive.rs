@@ -44,6 +44,8 @@ pub(super) struct Cache {
     part_normals: HashMap<(usize, TriangleKey), Option<Shared<3>>>,
     part_uvs: HashMap<(usize, TriangleKey), Shared<2>>,
     colors: HashMap<usize, VertexColors>,
+    /// Alpha of vertex colours in the parts' form.
+    part_alphas: HashMap<(usize, TriangleKey), Array<f32>>,
     /// Of morph targets; `None`: all are zero.
     pub deltas: HashMap<usize, Option<Shared<3>>>,
     pub influences: HashMap<InfluenceKey, Influences>,
@@ -66,12 +68,18 @@ pub(super) struct Triangles {
 }
 
 /// `COLOR_0` of a primitive.
-#[derive(Clone, Copy)]
-enum VertexColors {
-    /// The same linear colour at every vertex.
-    Constant([f32; 4]),
-    /// Not supported.
-    Varying,
+#[derive(Clone)]
+struct VertexColors {
+    /// The linear colour of every vertex; `None`: they differ, which is not supported.
+    color: Option<[f32; 3]>,
+    alpha: VertexAlpha,
+}
+
+#[derive(Clone)]
+enum VertexAlpha {
+    /// The same at every vertex.
+    Constant(f32),
+    Varying(Array<f32>),
 }
 
 impl Meshes<'_> {
@@ -140,15 +148,26 @@ impl Meshes<'_> {
             Some(uvs) => self.uvs(uvs, key, vertices.len(), &triangles, here).map_err(fault)?,
             None => None,
         };
-        let color = attribute(primitive, Semantic::Colors(0)).map(|color| self.colors(color, vertices.len()));
-        let material = match color.transpose().map_err(fault)? {
-            Some(VertexColors::Constant(color)) if color != [1.0; 4] => Some(self.materials.tint(material, color)),
-            Some(VertexColors::Varying) => {
+        let (mut material, mut alphas) = (material, None);
+        if let Some(index) = attribute(primitive, Semantic::Colors(0)) {
+            let VertexColors { color, alpha } = self.colors(index, vertices.len()).map_err(fault)?;
+            if color.is_none() {
                 self.notes.add("vertex colours that change over a primitive are not used", || here.to_owned());
-                material
             }
-            Some(VertexColors::Constant(_)) | None => material,
-        };
+            let alpha = match alpha {
+                VertexAlpha::Constant(alpha) => alpha,
+                VertexAlpha::Varying(all) => {
+                    if self.materials.uses_alpha(material) {
+                        alphas = Some(self.alphas(index, key, &all, &triangles).map_err(fault)?);
+                    }
+                    1.0
+                }
+            };
+            let [r, g, b] = color.unwrap_or([1.0; 3]);
+            if [r, g, b, alpha] != [1.0; 4] {
+                material = Some(self.materials.tint(material, [r, g, b, alpha]));
+            }
+        }
         let material = material.map(|index| self.materials.get(index));
         let mut deforming = None;
         if form.deforms() {
@@ -160,7 +179,7 @@ impl Meshes<'_> {
             self.deforming(&mut vertices, primitive, form, &triangles, here).map_err(fault)?;
             deforming = Some(vertices);
         }
-        let part = Part { positions: triangles.positions, normals, uvs, triangles: triangles.kept, material };
+        let part = Part { positions: triangles.positions, normals, uvs, alphas, triangles: triangles.kept, material };
         Ok(Some((part, deforming)))
     }
 
@@ -313,17 +332,44 @@ impl Meshes<'_> {
         let fault = |message: String| format!("COLOR_0: {message}");
         let described = self.accessors.describe(index).map_err(fault)?;
         same_count("COLOR_0", described, vertices)?;
-        if let Some(&known) = self.cache.colors.get(&index.value()) {
-            return Ok(known);
+        if let Some(known) = self.cache.colors.get(&index.value()) {
+            return Ok(known.clone());
         }
-        let constant = if described.type_ == Checked::Valid(Type::Vec3) {
-            constant(&self.accessors.vectors::<3>(index).map_err(fault)?).map(|[r, g, b]| [r, g, b, 1.0])
+        let colors = if described.type_ == Checked::Valid(Type::Vec3) {
+            let all = self.accessors.vectors::<3>(index).map_err(fault)?;
+            VertexColors { color: constant(&all), alpha: VertexAlpha::Constant(1.0) }
         } else {
-            constant(&self.accessors.vectors::<4>(index).map_err(fault)?)
+            let all = self.accessors.vectors::<4>(index).map_err(fault)?;
+            self.accessors.charge(all.len() * size_of::<f32>()).map_err(fault)?;
+            let alphas: Vec<f32> = all.iter().map(|color| color[3].clamp(0.0, 1.0)).collect();
+            let alpha = match alphas.split_first() {
+                Some((first, others)) if others.iter().any(|other| other != first) => {
+                    VertexAlpha::Varying(alphas.into())
+                }
+                first => VertexAlpha::Constant(first.map_or(1.0, |(first, _)| *first)),
+            };
+            let colors: Vec<[f32; 3]> = all.into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
+            VertexColors { color: constant(&colors), alpha }
         };
-        let colors = constant.map_or(VertexColors::Varying, VertexColors::Constant);
-        self.cache.colors.insert(index.value(), colors);
+        self.cache.colors.insert(index.value(), colors.clone());
         Ok(colors)
+    }
+
+    /// The alpha of the vertices of a part, which has that of `all`, of the accessor `index`.
+    fn alphas(
+        &mut self,
+        index: Index<Accessor>,
+        triangle_key: TriangleKey,
+        all: &Array<f32>,
+        triangles: &Triangles,
+    ) -> Result<Array<f32>, String> {
+        let key = (index.value(), triangle_key);
+        if let Some(known) = self.cache.part_alphas.get(&key) {
+            return Ok(known.clone());
+        }
+        let alphas = self.pick(all, triangles.used.as_deref())?;
+        self.cache.part_alphas.insert(key, alphas.clone());
+        Ok(alphas)
     }
 }
 

@@ -12,7 +12,7 @@ use super::faces::PartMaker;
 use super::{LoadOptions, Part, RawObject, Scene, Texture, TextureRef, Wrap, some_of};
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
-use crate::material::{Material, TextureBudget};
+use crate::material::{Channel, Material, TextureBudget};
 use crate::read::{self, Limit};
 use crate::scene::Mesh;
 pub(super) use files::Files;
@@ -73,7 +73,7 @@ fn scene_of(path: &Path, mut file: Statements, options: &LoadOptions, images: &m
         let mut parts = Vec::new();
         for runs in runs.chunk_by(|a, b| a.material == b.material) {
             let material = materials.choose(&file, runs[0].material, &mut scene)?;
-            let textured = material.as_ref().is_some_and(|material| material.base_color_texture.is_some());
+            let textured = material.as_ref().is_some_and(|material| material.images().next().is_some());
             parts.extend(maker.part(&faces(runs), middle, textured).map(|part| Part { material, ..part }));
         }
         if parts.is_empty() {
@@ -109,6 +109,12 @@ struct Materials<'a> {
     chosen: HashMap<usize, Arc<Material>>,
     /// Image of each file.
     textures: HashMap<PathBuf, Arc<Texture>>,
+    /// Masks, by image and channel.
+    masks: HashMap<(*const Texture, Channel), Arc<Texture>>,
+    /// Materials whose mask says nothing.
+    maskless: Vec<String>,
+    /// Why masks cannot be read.
+    unread: Vec<String>,
     budget: &'a mut TextureBudget,
     unknown: Vec<String>,
 }
@@ -143,8 +149,18 @@ impl<'a> Materials<'a> {
             let missing = some_of(&missing);
             scene.report.warn(format!("{}: material files not found: {missing}", shown::path(path)));
         }
-        let (chosen, textures) = (HashMap::new(), HashMap::new());
-        Ok(Materials { files, entries, chosen, textures, budget, unknown: Vec::new() })
+        let (chosen, textures, masks) = (HashMap::new(), HashMap::new(), HashMap::new());
+        Ok(Materials {
+            files,
+            entries,
+            chosen,
+            textures,
+            masks,
+            maskless: Vec::new(),
+            unread: Vec::new(),
+            budget,
+            unknown: Vec::new(),
+        })
     }
 
     /// The scene's material for a number of `usemtl`.
@@ -160,7 +176,13 @@ impl<'a> Materials<'a> {
             Some(mtl::Entry { fault: Some(error), .. }) => return Err(error),
             Some(entry) => {
                 let base_color_texture = entry.map.map(|map| self.texture(&map)).transpose()?;
-                Material { base_color_texture, ..entry.material }
+                let mut material = Material { base_color_texture, ..entry.material };
+                match &entry.mask {
+                    Some(mask) => self.mask(&mut material, mask)?,
+                    None if material.base_color[3] < 1.0 => material.blend(),
+                    None => {}
+                }
+                material
             }
             None => {
                 self.unknown.push(name.clone());
@@ -195,8 +217,60 @@ impl<'a> Materials<'a> {
         })
     }
 
+    /// Makes `material` as there as its mask says.
+    fn mask(&mut self, material: &mut Material, mask: &mtl::Mask) -> Result<()> {
+        // What is left without the mask.
+        let solid = |material: &mut Material| {
+            if material.base_color[3] < 1.0 {
+                material.blend();
+            }
+            Ok(())
+        };
+        let image = match self.texture(&mask.map) {
+            Ok(image) => image,
+            Err(error) => {
+                self.unread.push(error.to_string());
+                return solid(material);
+            }
+        };
+        let of_color =
+            material.base_color_texture.as_ref().is_some_and(|color| Arc::ptr_eq(&color.texture, &image.texture));
+        let channel = match mask.channel {
+            Some(channel) => channel,
+            None if !image.texture.opaque => Channel::Alpha,
+            // The colours of a surface are no mask of it.
+            None if of_color => {
+                self.maskless.push(material.name.clone());
+                return solid(material);
+            }
+            None => Channel::Luminance,
+        };
+        let key = (Arc::as_ptr(&image.texture), channel);
+        let texture = match self.masks.get(&key) {
+            Some(known) => known.clone(),
+            None => {
+                let made = Arc::new(image.texture.as_mask(channel, &mask.map.file, self.budget)?);
+                self.masks.insert(key, made.clone());
+                made
+            }
+        };
+        material.mask(TextureRef { texture, ..image });
+        Ok(())
+    }
+
     fn warn(&self, path: &Path, scene: &mut Scene) {
         let path = shown::path(path);
+        if !self.unread.is_empty() {
+            scene
+                .report
+                .warn(format!("{path}: masks (map_d) that cannot be read are left out: {}", some_of(&self.unread)));
+        }
+        if !self.maskless.is_empty() {
+            let names = some_of(&self.maskless);
+            scene
+                .report
+                .warn(format!("{path}: a map_d that is the image of map_Kd and has no alpha is not used: {names}"));
+        }
         if !self.unknown.is_empty() {
             let unknown = some_of(&self.unknown);
             scene.report.warn(format!("{path}: materials without definition are taken as white: {unknown}"));
@@ -419,6 +493,58 @@ mod tests {
         assert!(error.contains("bad.png: the image cannot be decoded"), "{error}");
         let scene = with(b"newmtl a\nnewmtl b\nmap_Kd gone.png\nnewmtl c\nmap_Kd bad.png").unwrap();
         assert!(scene.textures().is_empty() && scene.report.warnings.is_empty());
+    }
+
+    /// Grey of four pixels, from left to right.
+    fn grey(pixels: [u8; 4]) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, 4, 1);
+        encoder.set_color(png::ColorType::Grayscale);
+        encoder.write_header().unwrap().write_image_data(&pixels).unwrap();
+        bytes
+    }
+
+    #[test]
+    fn transparency_is_coverage_and_masks_cut_out() {
+        use crate::material::Alpha;
+        let text = format!("mtllib m.mtl\n{QUAD}vt 0 0\nvt 1 0\nvt 1 1\nusemtl a\nf 1/1 2/2 3/3\n");
+        let read = |mtl: &str| {
+            let files: &[(&str, &[u8])] = &[
+                ("scene.obj", text.as_bytes()),
+                ("m.mtl", mtl.as_bytes()),
+                ("mask.png", &grey([0, 255, 255, 0])),
+                ("soft.png", &grey([0, 77, 128, 255])),
+                ("pic.png", &red_above_blue()),
+            ];
+            let scene = read_files(files, &LoadOptions::default()).unwrap();
+            let material = (*scene.materials[0]).clone();
+            (material, warnings(&scene))
+        };
+        for (mtl, alpha, opacity) in [
+            ("d 1", Alpha::Solid, 1.0),
+            ("d 0.3", Alpha::Coverage, 0.3),
+            ("d -halo 0.3", Alpha::Coverage, 0.3),
+            ("Tr 1", Alpha::Coverage, 0.0),
+            ("Tr 0.25\nd 1", Alpha::Solid, 1.0),
+            ("map_d mask.png", Alpha::Cutout, 1.0),
+            ("map_Tr mask.png", Alpha::Cutout, 1.0),
+            ("d 0.5\nmap_d mask.png", Alpha::Coverage, 0.5),
+            ("map_d soft.png", Alpha::Coverage, 1.0),
+            ("map_d -imfchan r pic.png", Alpha::Cutout, 1.0),
+        ] {
+            let (material, warnings) = read(&format!("newmtl a\nKd 0.5 0.5 0.5\n{mtl}"));
+            assert_eq!((material.alpha, material.base_color[3]), (alpha, opacity), "{mtl}");
+            assert_eq!(material.alpha_texture.is_some(), mtl.contains("map_"), "{mtl}");
+            assert!(warnings.is_empty(), "{warnings:?}");
+        }
+        assert_eq!(read("newmtl Window glass\nd 0.2").0.alpha, Alpha::Solid, "glass is a pane");
+        let mask = |mtl: &str| read(mtl).0.alpha_texture.unwrap();
+        assert_eq!(mask("newmtl a\nmap_d mask.png").sample([0.375, 0.5])[3], 1.0);
+        assert_eq!(mask("newmtl a\nmap_d -imfchan b pic.png").sample([0.5, 0.75])[3], 0.0);
+        let (material, warnings) = read("newmtl a\nmap_Kd pic.png\nmap_d pic.png");
+        assert!(material.alpha_texture.is_none() && warnings[0].contains("map_d that is the image of map_Kd"));
+        let (material, warnings) = read("newmtl a\nd 0.5\nmap_d gone.tga");
+        assert!(material.alpha == Alpha::Coverage && warnings[0].contains("cannot be read"), "{warnings:?}");
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::files::Files;
 use super::text::Text;
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
-use crate::material::{Material, Reflectance};
+use crate::material::{Channel, Material, Reflectance};
 use crate::read::{self, Limit};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -16,10 +16,20 @@ pub(super) struct Entry {
     pub material: Material,
     /// `map_Kd`.
     pub map: Option<Map>,
+    /// `map_d`, or `map_Tr`.
+    pub mask: Option<Mask>,
     /// The first error in it; irrelevant if it is not used.
     pub fault: Option<Error>,
     /// Where both are given, `d` counts: exporters do not agree on what `Tr` means.
     dissolve_given: bool,
+}
+
+/// An image that says how much of a surface is there.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Mask {
+    pub map: Map,
+    /// `-imfchan`; without it, alpha if the image has any, else its brightness.
+    pub channel: Option<Channel>,
 }
 
 /// An image that colours a surface.
@@ -53,8 +63,8 @@ impl Map {
 
 /// Adds the materials of the MTL file at `path` to `entries`; a repeated name replaces the earlier one.
 ///
-/// Reads `Kd` (taken as linear, 0..1), `d` and `Tr`, `Ni`, `map_Kd`, the extension `Pm` and `Pr`, and our own
-/// `reflectance`. Keys for highlights and reflections say nothing about a scanner's wavelength.
+/// Reads `Kd` (taken as linear, 0..1), `d` and `Tr`, `Ni`, `map_Kd`, `map_d` and `map_Tr`, the extension `Pm` and `Pr`,
+/// and our own `reflectance`. Keys for highlights and reflections say nothing about a scanner's wavelength.
 ///
 /// Numbers are clamped to their range, as many exporters ignore it. An invalid one, or a reflectance outside 0..1, is
 /// the fault of its material.
@@ -73,7 +83,10 @@ pub(super) fn read(path: &Path, entries: &mut HashMap<String, Entry>) -> Result<
                 let done = std::mem::replace(&mut entry, Entry { material, ..Entry::default() });
                 entries.insert(done.material.name.clone(), done);
             }
-            b"map_Kd" => entry.map = map(&mut text, path),
+            b"map_Kd" => entry.map = map(&mut text, path).map(|(map, _)| map),
+            // Where both are given, `map_d` counts, as `d` does.
+            b"map_d" => entry.mask = mask(&mut text, path).or(entry.mask.take()),
+            b"map_Tr" => entry.mask = entry.mask.take().or_else(|| mask(&mut text, path)),
             word => {
                 if let Err(error) = entry.number(word, &mut text) {
                     entry.fault.get_or_insert(error);
@@ -137,8 +150,14 @@ fn fraction(value: f64) -> f32 {
     value.clamp(0.0, 1.0) as f32
 }
 
-/// Options and file name of a `map_Kd`; `None` without a file name.
-fn map(text: &mut Text, library: &Path) -> Option<Map> {
+/// Options and file name of a `map_d`; `None` without a file name.
+fn mask(text: &mut Text, library: &Path) -> Option<Mask> {
+    map(text, library).map(|(map, channel)| Mask { map, channel })
+}
+
+/// Options and file name of a map, and which of its channels counts; `None` without a file name.
+fn map(text: &mut Text, library: &Path) -> Option<(Map, Option<Channel>)> {
+    let mut channel = None;
     let mut map = Map {
         file: String::new(),
         library: library.to_owned(),
@@ -173,13 +192,19 @@ fn map(text: &mut Text, library: &Path) -> Option<Map> {
         }
         for _ in 0..arguments {
             let argument = text.word();
-            if option == b"-clamp" {
-                map.clamp = argument == b"on";
+            match (option, argument) {
+                (b"-clamp", _) => map.clamp = argument == b"on",
+                (b"-imfchan", b"r") => channel = Some(Channel::Red),
+                (b"-imfchan", b"g") => channel = Some(Channel::Green),
+                (b"-imfchan", b"b") => channel = Some(Channel::Blue),
+                (b"-imfchan", b"m") => channel = Some(Channel::Alpha),
+                (b"-imfchan", b"l") => channel = Some(Channel::Luminance),
+                _ => {}
             }
         }
     }
     map.file = text.rest();
-    (!map.file.is_empty()).then_some(map)
+    (!map.file.is_empty()).then_some((map, channel))
 }
 
 #[cfg(test)]

@@ -140,7 +140,7 @@ impl SoundTracer<'_> {
             for (lane, tube) in tubes.iter().enumerate() {
                 set(rays, lane, tube.from, tube.along, tube.reach, fan.time);
             }
-            hits.trace(self.scene, rays, tubes.len(), order == 0, self.mask);
+            hits.trace(self.scene, rays, tubes.len(), order == 0, self.sight);
             let first = found.len();
             let mut kept = 0;
             for lane in 0..tubes.len() {
@@ -247,7 +247,7 @@ impl SoundTracer<'_> {
             let length = (from.as_dvec3() - fan.place).length() - fan.from;
             set(rays, lane, from, -hit.straight, length as f32, fan.time);
         }
-        hits.trace(self.scene, rays, count, false, self.mask);
+        hits.trace(self.scene, rays, count, false, self.sight);
         let mut lane = 0;
         found.retain(|_| {
             let is_new = lane >= first;

@@ -4,7 +4,7 @@ use crate::export::images::{Samples, write_numbers};
 use crate::ground::error::Result;
 use crate::ground::report::Report;
 use crate::image::RangeImage;
-use crate::scenario::set::points::Known;
+use crate::scenario::set::points::{Known, is_word};
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
@@ -68,12 +68,12 @@ const OTHERS: [(&str, &str); 19] = [
 
 /// Number of a class.
 pub(super) fn number(class: &str) -> Option<u32> {
-    CLASSES.iter().find(|(known, _)| *known == class).map(|(_, number)| *number)
+    CLASSES.iter().find(|(known, _)| is_word(known, class)).map(|(_, number)| *number)
 }
 
 /// Number of the class of a category.
 pub(super) fn number_of(category: &str) -> Option<u32> {
-    number(OTHERS.iter().find(|(known, _)| *known == category).map_or(category, |(_, class)| class))
+    number(OTHERS.iter().find(|(known, _)| is_word(known, category)).map_or(category, |(_, class)| class))
 }
 
 /// Names of all classes.

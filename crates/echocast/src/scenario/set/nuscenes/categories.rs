@@ -1,5 +1,6 @@
 //! Categories of nuScenes.
 
+use crate::scenario::set::points::is_word;
 use serde_json::json;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -115,8 +116,8 @@ impl<'c> Categories<'c> {
     where
         'c: 'n,
     {
-        let known = || KNOWN.iter().find(|(name, _)| *name == ours).map(|(_, theirs)| *theirs);
-        let same = || NAMES.contains(&ours).then_some(ours);
+        let known = || KNOWN.iter().find(|(name, _)| is_word(name, ours)).map(|(_, theirs)| *theirs);
+        let same = || NAMES.into_iter().find(|name| is_word(name, ours));
         self.given.get(ours).map(String::as_str).or_else(known).or_else(same)
     }
 
@@ -162,6 +163,8 @@ mod tests {
         let numbers =
             ["car", "person", "road", "vehicle.truck", "tree", "vehicle.ego", "kiosk"].map(|name| known.index(name));
         assert_eq!(numbers, [Some(17), Some(2), Some(24), Some(23), Some(30), Some(31), None]);
+        let numbers = ["Car", "Vehicle.Car", "Traffic_Cone", "cars"].map(|name| known.index(name));
+        assert_eq!(numbers, [Some(17), Some(17), Some(12), None]);
         assert_eq!(known.of_boxes("bus"), Some("vehicle.bus.rigid"));
         assert_eq!((known.of_boxes("road"), known.of_boxes("kiosk"), known.of_boxes("noise")), (None, None, None));
         // New names are numbered in their order, whatever they are given to.
