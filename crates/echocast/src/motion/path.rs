@@ -342,6 +342,11 @@ impl Place {
         self.inverse.transpose() * normal
     }
 
+    /// What makes a normal of the thing here, in the scene's frame, of what it is at another `place`.
+    pub(crate) fn normals_from(&self, place: Place) -> Mat3 {
+        self.inverse.transpose() * place.inverse.inverse().transpose()
+    }
+
     /// Whether `marks` (object frame) are within tolerance of where `exact` has them.
     fn is_near(&self, exact: &DAffine3, marks: &[DVec3; 11]) -> bool {
         let inverse = self.inverse.as_dmat3();
