@@ -1,8 +1,8 @@
 use super::{assert_near, scan_at};
 use echocast::scene::{Material, Mesh, Object, Part, UpAxis};
 use echocast::{
-    BoxAxes, BuiltScene, Engine, Environment, Field, FieldSet, Frame, InstanceBox, LiveScene, PointCloud, Pose,
-    ScanOptions, Sensor, Trajectory,
+    BoxAxes, BoxTime, BuiltScene, Engine, Environment, Field, FieldSet, Frame, InstanceBox, LiveScene, PointCloud,
+    Pose, ScanOptions, Sensor, Trajectory,
 };
 use echocast_tests::reference::{Random, Shape};
 use glam::{DAffine3, DQuat, DVec3};
@@ -32,6 +32,7 @@ fn of_material(shape: Shape, material: Option<Arc<Material>>) -> Arc<Mesh> {
         positions: shape.positions.into(),
         normals: None,
         uvs: None,
+        alphas: None,
         triangles: shape.triangles.into(),
         material,
     };
@@ -206,7 +207,7 @@ fn points_are_those_of_the_cloud() {
     assert_eq!((without.boxes, &without.columns.x), (None, &with.columns.x));
 }
 
-/// What moves has its box where it is when the scan starts, and the velocity of the box's middle.
+/// What moves has its box where it is when it is asked for, and the velocity of the box's middle.
 #[test]
 fn boxes_move_with_their_objects() {
     let body = mesh(Shape::cuboid(DVec3::new(1.0, -0.5, -0.5), DVec3::new(3.0, 0.5, 0.5)));
@@ -222,7 +223,7 @@ fn boxes_move_with_their_objects() {
             live.set_time(begin, 0.9).unwrap();
             let built = live.commit().unwrap();
             for freeze in [false, true] {
-                let options = ScanOptions { start_time, freeze, ..options(BoxAxes::Object) };
+                let options = ScanOptions { start_time, freeze, box_time: BoxTime::Start, ..options(BoxAxes::Object) };
                 let cloud = scan(&built, &options);
                 let [found, still] = cloud.boxes.as_deref().unwrap() else { panic!("two boxes") };
                 let middle = pose(start_time).transform_point3(2.0 * DVec3::X);
@@ -249,6 +250,7 @@ fn boxes_move_with_their_objects() {
         start_time: 0.3,
         trajectory_time: Some(0.0),
         coordinates: Frame::Sensor,
+        box_time: BoxTime::Start,
         ..options(BoxAxes::Object)
     };
     let drive = |time: f64| Pose::at(3.0 * time, 0.0, 0.0).with_rpy_deg(0.0, 0.0, 90.0);
@@ -258,6 +260,135 @@ fn boxes_move_with_their_objects() {
     let x = DQuat::from_rotation_z(turn_rate * 0.3) * DVec3::X;
     let over_ground = DVec3::new(-8.0, 0.0, 0.0) + (turn_rate * DVec3::Z).cross(2.0 * x);
     assert_close("velocity", found.velocity, DQuat::from_rotation_z(-std::f64::consts::FRAC_PI_2) * over_ground, 0.01);
+}
+
+/// 720 columns of 40 beams all round, from straight ahead on, in 0.1 s.
+fn spinning() -> Sensor {
+    let yaml = "
+name: round
+kind: lidar
+pattern:
+  type: spinning
+  azimuth: {fov_deg: 360, step_deg: 0.5, rate_hz: 10}
+  elevation: {fov_deg: 40, step_deg: 1}
+range: {max_m: 100}
+";
+    Sensor::from_yaml(yaml, "").unwrap()
+}
+
+/// Cars of 4 m that pass a spinning sensor on all sides but where its turn begins, which drives and turns itself, and one
+/// that stands: the scene and the way of the sensor.
+fn traffic() -> (LiveScene, Trajectory) {
+    let car = mesh(Shape::cuboid(DVec3::new(-2.0, -0.9, -0.7), DVec3::new(2.0, 0.9, 0.7)));
+    let starts = [(-5.0, 11.0, 12.0), (3.0, 17.0, -14.0), (-6.0, -5.0, 10.0), (6.0, -12.0, -12.0), (14.0, 12.0, 0.0)];
+    let mut live = scene(starts.map(|(x, y, _)| thing(&car, at(x, y, 0.0))));
+    let ids: Vec<_> = live.objects().map(|(id, _)| id).collect();
+    for (id, (x, y, speed)) in ids.into_iter().zip(starts).take(4) {
+        let pose = |time: f64| at(x + speed * time, y, 0.0) * DAffine3::from_rotation_z(0.3 * time);
+        let keys: Vec<(f64, DAffine3)> = (0..=10).map(|k| 0.1 * f64::from(k)).map(|time| (time, pose(time))).collect();
+        live.set_motion(id, &keys).unwrap();
+    }
+    let drive = |time: f64| Pose::at(0.0, 10.0 * time, 0.2).with_rpy_deg(0.0, 0.0, 20.0 * time);
+    let path = Trajectory::new((0..=10).map(|k| 0.1 * f64::from(k)).map(|time| (time, drive(time))).collect());
+    (live, path.unwrap())
+}
+
+/// Of the points of the objects with the numbers `ids`, how many are within 5 cm of their boxes.
+fn share_inside(cloud: &PointCloud, ids: std::ops::RangeInclusive<u32>) -> f64 {
+    let (mut all, mut inside) = (0, 0);
+    for found in cloud.boxes.as_deref().unwrap().iter().filter(|found| ids.contains(&found.instance_id)) {
+        let back = found.pose.orientation.inverse();
+        for row in (0..cloud.len).filter(|&row| cloud.columns.instance_id[row] == found.instance_id) {
+            let out = (back * (cloud.position(row) - found.pose.position)).abs() - 0.5 * found.size;
+            (all, inside) = (all + 1, inside + u32::from(out.max_element() < 0.05));
+        }
+    }
+    assert!(all > 300, "{all} points");
+    f64::from(inside) / f64::from(all)
+}
+
+/// Boxes hold when their objects are scanned: points lie in them, in the world and in the frame of a sensor that moves,
+/// which they do not in boxes of the start or the end.
+#[test]
+fn points_of_what_moves_lie_in_its_box() {
+    let (mut live, path) = traffic();
+    live.set_time(0.3, 0.2).unwrap();
+    let built = live.commit().unwrap();
+    let scanned = |coordinates: Frame, box_time: BoxTime| {
+        let options = ScanOptions { start_time: 0.3, coordinates, box_time, ..options(BoxAxes::Object) };
+        built.scan(&spinning(), &path, &options).unwrap()
+    };
+    for coordinates in [Frame::World, Frame::Sensor] {
+        let cloud = scanned(coordinates, BoxTime::Scan);
+        assert!(share_inside(&cloud, 1..=4) >= 0.995, "{}", share_inside(&cloud, 1..=4));
+        assert!(share_inside(&cloud, 5..=5) >= 0.999, "{}", share_inside(&cloud, 5..=5));
+        for found in cloud.boxes.as_deref().unwrap() {
+            let rows = (0..cloud.len).filter(|&row| cloud.columns.instance_id[row] == found.instance_id);
+            let times: Vec<f64> = rows.map(|row| cloud.columns.time[row]).collect();
+            assert_near("time", found.time, times.iter().sum::<f64>() / times.len() as f64, 1e-9);
+        }
+        for box_time in [BoxTime::Start, BoxTime::End] {
+            let cloud = scanned(coordinates, box_time);
+            let time = if box_time == BoxTime::Start { 0.3 } else { 0.3 + spinning().beams().last_time() };
+            assert!(cloud.boxes.as_deref().unwrap().iter().all(|found| found.time == time));
+            assert!(share_inside(&cloud, 1..=4) < 0.95, "{box_time:?}: {}", share_inside(&cloud, 1..=4));
+        }
+    }
+    // Without a point: in the middle of the scan.
+    let far = ScanOptions { mask: 2, start_time: 0.3, ..options(BoxAxes::Object) };
+    let hidden = thing(&mesh(Shape::cuboid(-DVec3::ONE, DVec3::ONE)), at(0.0, 0.0, 60.0));
+    let mut live = scene([Object { mask: 2, ..hidden }]);
+    let cloud = live.commit().unwrap().scan(&spinning(), &Trajectory::fixed(Pose::IDENTITY), &far).unwrap();
+    assert_near("time", cloud.boxes.unwrap()[0].time, 0.3 + 0.5 * spinning().beams().last_time(), 1e-12);
+}
+
+/// Points that are brought to the start are those of a scene that holds still then, seen from where the sensor was: on the
+/// faces of their boxes, within half a millimetre, and the columns of what was measured stay.
+#[test]
+fn points_come_back_to_the_start() {
+    let (mut live, path) = traffic();
+    live.set_time(0.3, 0.2).unwrap();
+    let built = live.commit().unwrap();
+    let scanned = |coordinates: Frame, deskew: bool| {
+        let fields = FieldSet::parse("default,normal_x,normal_y,normal_z,true_x,true_y,true_z").unwrap();
+        let options = ScanOptions { start_time: 0.3, coordinates, deskew, fields, ..options(BoxAxes::Object) };
+        built.scan(&spinning(), &path, &options).unwrap()
+    };
+    for coordinates in [Frame::World, Frame::Sensor] {
+        let [raw, cloud] = [false, true].map(|deskew| scanned(coordinates, deskew));
+        let boxes = cloud.boxes.as_deref().unwrap();
+        assert_eq!((boxes.len(), cloud.len), (5, raw.len));
+        for found in boxes {
+            assert_eq!(found.time, 0.3);
+            let back = found.pose.orientation.inverse();
+            for row in (0..cloud.len).filter(|&row| cloud.columns.instance_id[row] == found.instance_id) {
+                let own = back * (cloud.position(row) - found.pose.position);
+                let out = own.abs() - 0.5 * found.size;
+                assert!(out.max_element().abs() < 5e-4, "{}: {out}", found.instance_id);
+                // The normal is that of the face.
+                let [x, y, z] = [&cloud.columns.normal_x, &cloud.columns.normal_y, &cloud.columns.normal_z];
+                let normal = back * DVec3::new(x[row].into(), y[row].into(), z[row].into());
+                let face = own / (0.5 * found.size);
+                assert!((normal * face).max_element() > 0.999, "{}: {normal}, {face}", found.instance_id);
+            }
+        }
+        let (a, b) = (&raw.columns, &cloud.columns);
+        assert_eq!((&a.time, &a.range, &a.true_x, &a.true_y), (&b.time, &b.range, &b.true_x, &b.true_y));
+        assert_eq!((&a.instance_id, &a.intensity), (&b.instance_id, &b.intensity));
+        let moved = |row: usize| (raw.position(row) - cloud.position(row)).length();
+        assert!((0..cloud.len).any(|row| moved(row) > 1.0));
+    }
+    // In the sensor's frame at the start they are those of the world.
+    let [world, sensor] = [Frame::World, Frame::Sensor].map(|coordinates| scanned(coordinates, true));
+    let pose = sensor.sensor_pose;
+    for row in 0..world.len {
+        let place = pose.position + pose.orientation * sensor.position(row);
+        assert!((place - world.position(row)).length() < 1e-4);
+    }
+    let sonar = Sensor::preset("mbes_400").unwrap();
+    let asked = ScanOptions { deskew: true, ..ScanOptions::default() };
+    let error = built.scan(&sonar, &Trajectory::fixed(Pose::at(0.0, 0.0, -2.0)), &asked).unwrap_err().to_string();
+    assert!(error.starts_with("deskew is true; allowed: false for sonars"), "{error}");
 }
 
 /// A plate of 4 m at 10 m, of which something hides the left half, whatever the weather and however it is detected.

@@ -198,7 +198,7 @@ def nuscenes(root):
     annotated = {}
     for box in tables["sample_annotation"]:
         annotated.setdefault(box["sample_token"], []).append(box)
-    counted, inside = 0, 0
+    counted, inside, all_of, within_any = 0, 0, 0, 0
     for labels in tables["lidarseg"]:
         data = rows["sample_data"][labels["sample_data_token"]]
         points = points_of(data)
@@ -209,15 +209,25 @@ def nuscenes(root):
         if channel(data)["channel"] != "LIDAR_TOP":
             continue
         places = world(data, points[:, :3])
+        covered = numpy.zeros(len(points), bool)
         for box in annotated.get(data["sample_token"], []):
             name = rows["category"][rows["instance"][box["instance_token"]]["category_token"]]["name"]
             own = (places - box["translation"]) @ turn(box["rotation"])
             width, length, height = box["size"]
-            within = (numpy.abs(own) < numpy.array([length, width, height]) / 2 + 0.15).all(axis=1)
+            out = numpy.abs(own) - numpy.array([length, width, height]) / 2
+            within = (out < 0.15).all(axis=1)
+            # As many as are in the box, up to what is right at its faces.
+            edge = [int((out < by).all(axis=1).sum()) for by in (-1e-4, 1e-4)]
+            assert edge[0] <= box["num_lidar_pts"] <= edge[1], (edge, box)
             counted += box["num_lidar_pts"]
             inside += min(box["num_lidar_pts"], int((within & (numbers == index_of[name])).sum()))
-    # Measured points are a little beside their boxes, and what walks swings out of the box of a moment.
+            covered |= (out < 0.05).all(axis=1) & (numbers == index_of[name])
+        drives = numpy.isin(numbers, [index_of["vehicle.car"], index_of["vehicle.truck"]])
+        all_of, within_any = all_of + int(drives.sum()), within_any + int((covered & drives).sum())
+    # Points of other objects may be in a box, and what walks swings out of that of a moment.
     assert inside >= 0.95 * counted > 0, (inside, counted)
+    # Boxes are where what drives was when it was scanned.
+    assert within_any >= 0.995 * all_of > 0, (within_any, all_of)
 
     parts = json.loads((versions[0] / "splits.json").read_text())
     scenes = [scene for part in parts.values() for scene in part]

@@ -4,7 +4,7 @@ use crate::place::Pose;
 use echocast::InstanceBox;
 use pyo3::prelude::*;
 
-/// The box around an instance as it was when the scan started, in the axes of the cloud. `PointCloud.boxes` has them.
+/// The box around an instance as it was when it was scanned (`box_time`), in the axes of the cloud. `PointCloud.boxes` has them.
 ///
 /// >>> square = np.array([[0, -1, 0], [0, 1, 0], [0, 1, 2], [0, -1, 2]], dtype=np.float32)
 /// >>> sign = {"vertices": square, "triangles": np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)}
@@ -98,7 +98,7 @@ impl PyBox {
         self.found.frame
     }
 
-    /// When the scan started, s: the box holds then.
+    /// When the box holds, s.
     #[getter]
     fn time(&self) -> f64 {
         self.found.time

@@ -11,7 +11,7 @@ use std::ops::ControlFlow;
 
 /// Names of the arguments.
 const NAMES: &str = "at, fields, seed, frame, start_time, trajectory_time, freeze, frame_period, organised, coordinates, \
-                     order, boxes, image_boxes, profile, reflectance_source, mask, specular_depth, environment, \
+                     order, deskew, boxes, box_time, image_boxes, profile, reflectance_source, mask, specular_depth, environment, \
                      progress";
 
 /// What a method that scans was asked for.
@@ -66,6 +66,8 @@ impl Asked {
                         Err(_) => Some(named("boxes", &text()?)?),
                     }
                 }
+                "box_time" => options.box_time = named("box_time", &text()?)?,
+                "deskew" => options.deskew = value.extract()?,
                 "image_boxes" => options.image_boxes = value.extract()?,
                 "profile" => options.profile = named("profile", &text()?)?,
                 "reflectance_source" => options.reflectance_source = Some(named("reflectance_source", &text()?)?),

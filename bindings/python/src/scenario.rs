@@ -11,6 +11,7 @@ use pyo3::prelude::*;
 use pyo3::sync::{MutexExt, RwLockExt};
 use pyo3::types::PyDict;
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 
@@ -246,7 +247,7 @@ impl Sample {
 /// under way are completed and a CancelledError follows. True shows a bar.
 ///
 /// Returns a dict: `folder`; `made` and `found`, numbers of samples; `failed`, number and error of each; `points`;
-/// `seconds`; `warnings`, with how many samples have them; `complete`, whether the set is.
+/// `seconds`; `warnings`, one of each kind, with how many samples have it; `complete`, whether the set is.
 ///
 /// >>> keys = {
 /// ...     "scene": {"generate": {"indoor": {"rooms": [1, 1]}}},
@@ -317,13 +318,15 @@ pub fn run<'py>(
     told.set_item("failed", summary.failed)?;
     told.set_item("points", summary.points)?;
     told.set_item("seconds", summary.seconds)?;
-    told.set_item("warnings", summary.warnings)?;
+    let warnings: BTreeMap<_, _> = summary.warnings.into_iter().map(|seen| (seen.warning, seen.samples)).collect();
+    told.set_item("warnings", warnings)?;
     told.set_item("complete", summary.complete)?;
     Ok(told)
 }
 
 /// Completes the set in `folder`, whose shards are all made: tables, manifest and report, as `echocast run --finish`
-/// does.
+/// does. `check`: first verifies that all files are as they were written; False leaves that to who keeps those elsewhere of
+/// which no table or archive is made.
 ///
 /// >>> keys = {
 /// ...     "scene": {"generate": {"indoor": {"rooms": [1, 1]}}},
@@ -338,6 +341,7 @@ pub fn run<'py>(
 /// >>> pathlib.Path("set/report.html").exists()
 /// True
 #[pyfunction]
-pub fn finish(py: Python<'_>, folder: PathBuf) -> Outcome<()> {
-    Ok(py.detach(|| set::finish(&folder))?)
+#[pyo3(signature = (folder, *, check = true))]
+pub fn finish(py: Python<'_>, folder: PathBuf, check: bool) -> Outcome<()> {
+    Ok(py.detach(|| if check { set::finish(&folder) } else { set::complete(&folder) })?)
 }

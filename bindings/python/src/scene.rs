@@ -376,8 +376,13 @@ impl Scene {
     ///   with one return a beam, in the order "beam". Default: False.
     /// * `coordinates`: axes of positions, normals and boxes, "world" or "sensor". Default: "world".
     /// * `order`: of points, "beam" or "time". Default: "beam".
+    /// * `deskew`: True brings points to one time, the start of the scan: what moves is where it was then, and the axes
+    ///   "sensor" are the sensor's then. The columns `time` and `true_x`, `true_y`, `true_z` stay as they are. Not for sonars.
+    ///   Default: False.
     /// * `boxes`: of labelled instances, for which beams are traced once more: True or "object", along the axes of each
     ///   object; "frame", along those of the cloud. Default: False.
+    /// * `box_time`: when boxes hold: "scan", each at the mean time of its points; "start" or "end" of the scan. Default:
+    ///   "scan".
     /// * `image_boxes`: True adds where all of an object is in the sensor's image, to boxes and to annotations.
     ///   Default: False.
     /// * `profile`: "physical"; "paper", equations as the paper prints them; "blainder", what the paper's program

@@ -7,12 +7,12 @@ use crate::text;
 use echocast::InstanceBox;
 use std::ptr;
 
-/// The box around a labelled instance when a scan starts. Position, orientation and velocity are in the frame of the
-/// points; in sensor coordinates that is the sensor's frame when the scan starts.
+/// The box around a labelled instance. Position, orientation and velocity are in the frame of the points; in sensor
+/// coordinates that is the sensor's frame when the box holds, or when the scan starts if its points are brought there.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_box {
-    /// When the scan starts, ns: the box holds then. Times since 1970 are rounded to 0.2 microseconds.
+    /// When the box holds (scan_desc.box_time), ns. Times since 1970 are rounded to 0.2 microseconds.
     pub t_ns: i64,
     /// Number of the frame, as in the column `frame`.
     pub frame: u32,

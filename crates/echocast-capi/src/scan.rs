@@ -48,6 +48,14 @@ pub const ECHOCAST_BOXES_OBJECT: i32 = 1;
 /// Boxes along the axes of the frame of the points.
 pub const ECHOCAST_BOXES_FRAME: i32 = 2;
 
+/// Boxes hold when their objects are scanned: each at the mean time of its points; without any, in the middle of the
+/// scan.
+pub const ECHOCAST_BOX_TIME_SCAN: i32 = 0;
+/// Boxes hold when the scan starts.
+pub const ECHOCAST_BOX_TIME_START: i32 = 1;
+/// Boxes hold when the last beam of the scan fires.
+pub const ECHOCAST_BOX_TIME_END: i32 = 2;
+
 /// Progress callback: gets the fraction of the work that is done, 0 to 1; returning anything but 0 ends the scan,
 /// unless it is complete. Called on the scanning thread, every 2048 beams of each thread; not for sonars. It must not
 /// throw, and the result is in use during the call.
@@ -112,6 +120,12 @@ pub struct echocast_scan_desc {
     /// 1: the boxes also say where they are in the image of the sensor, whatever hides them, for which every triangle
     /// is looked at: the amodal boxes of echocast_result_image_boxes.
     pub image_boxes: i32,
+    /// When boxes hold: an ECHOCAST_BOX_TIME_ number.
+    pub box_time: i32,
+    /// 1: positions and normals are brought to t0_ns: what moves is where it was then, with all points that lie on it,
+    /// and ECHOCAST_COORDINATES_SENSOR is the sensor frame then. The other columns, also `true_x`, `true_y` and `true_z`,
+    /// say what was when the beam fired. Not for sonars.
+    pub deskew: i32,
 }
 
 impl Default for echocast_scan_desc {
@@ -140,6 +154,8 @@ impl Default for echocast_scan_desc {
             frame_period_ns: 0,
             boxes: ECHOCAST_BOXES_NONE,
             image_boxes: 0,
+            box_time: ECHOCAST_BOX_TIME_SCAN,
+            deskew: 0,
         }
     }
 }
@@ -168,6 +184,8 @@ text::versioned!(echocast_scan_desc {
     frame_period_ns,
     boxes,
     image_boxes,
+    box_time,
+    deskew,
 });
 
 /// Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, and it becomes a new result, to be
@@ -368,6 +386,8 @@ unsafe fn scan_options(desc: &echocast_scan_desc, sensor: &Sensor) -> Outcome<Sc
         reflectance_source: optional(desc.reflectance, "desc->reflectance")?,
         boxes,
         image_boxes,
+        box_time: named(desc.box_time, "desc->box_time")?,
+        deskew: flag(desc.deskew, "desc->deskew")?,
         mask: desc.mask,
         ..ScanOptions::default()
     })

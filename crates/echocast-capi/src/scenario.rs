@@ -339,7 +339,7 @@ pub unsafe extern "C" fn echocast_sample_drawn(
 }
 
 /// Says which boxes the following scans of a sample have: `boxes` and `image_boxes` as in echocast_scan_desc; at first
-/// none.
+/// none. When they hold, the scenario says (`boxes`).
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 ///

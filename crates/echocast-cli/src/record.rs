@@ -80,6 +80,8 @@ impl Take<'_> {
     /// the files hold.
     fn told(&self) -> FieldSet {
         let cause = if self.is_sonar() { FieldSet::EMPTY.with(Field::Cause) } else { FieldSet::EMPTY };
+        // Boxes of pings ask when their points were met.
+        let cause = if self.is_sonar() && self.output.boxes().is_some() { cause.with(Field::Time) } else { cause };
         if self.output.boxes().is_some() || !self.skies.is_empty() { cause.with(Field::InstanceId) } else { cause }
     }
 

@@ -8,7 +8,7 @@ use crate::text::{self, counted, duration, thousands};
 use crate::{input, interrupt, usage};
 use anyhow::{Context as _, Result, anyhow, bail, ensure};
 use echocast::scenario::Sample;
-use echocast::scenario::set::{self, Event, RunOptions, RunSummary};
+use echocast::scenario::set::{self, Event, Noticed, RunOptions, RunSummary};
 use echocast::{Error, Report, Scenario, shown};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -47,7 +47,8 @@ pub struct Args {
     /// This sample alone
     #[arg(long, value_name = "N")]
     sample: Option<u64>,
-    /// One of N parts of the samples, counted from 0; together they are the same files
+    /// One of N parts of the samples, counted from 0; together they are the same files. Parts may be made at once, each by
+    /// one run
     #[arg(long, value_name = "K/N")]
     shard: Option<Shard>,
     /// Go on where a run has stopped: what is there, with its size and digest, is not made again
@@ -65,7 +66,8 @@ pub struct Args {
     /// Check a finished set instead: that no sample is missing, and all files are as they were written
     #[arg(long, value_name = "FOLDER", conflicts_with = "scenario")]
     check_output: Option<PathBuf>,
-    /// Complete a set whose shards are all there instead: with its tables and archives, manifest and report
+    /// Complete a set whose shards are all there instead: check that all files are as they were written, and add tables
+    /// and archives, manifest and report
     #[arg(long, value_name = "FOLDER", conflicts_with = "scenario")]
     finish: Option<PathBuf>,
     #[command(flatten)]
@@ -275,11 +277,13 @@ fn make_set(args: &Args, scenario: Scenario) -> Result<()> {
     if args.json {
         text::print(&format!("{}\n", summary_json(&summary)))?;
     } else if !args.quiet {
-        for (warning, count) in &summary.warnings {
-            text::note(&format!(
-                "warning: {warning}{}",
-                if *count > 1 { format!(" ({count} samples)") } else { String::new() }
-            ));
+        for Noticed { warning, samples, first } in &summary.warnings {
+            let whose = match samples {
+                0 => String::new(),
+                1 => format!(" (sample {first})"),
+                _ => format!(" ({samples} samples, the first is {first})"),
+            };
+            text::note(&format!("warning: {warning}{whose}"));
         }
         text::print(&summarised(&summary)?)?;
     }
@@ -325,7 +329,7 @@ fn summary_json(summary: &RunSummary) -> Value {
         "seconds": summary.seconds,
         "threads": summary.threads,
         "complete": summary.complete,
-        "warnings": summary.warnings.keys().collect::<Vec<_>>(),
+        "warnings": summary.warnings.iter().map(|noticed| &noticed.warning).collect::<Vec<_>>(),
     })
 }
 

@@ -10,14 +10,14 @@ use crate::report::{RunReport, Seconds, timed};
 use crate::text::duration;
 use crate::weather::WeatherArgs;
 use crate::{choice, formats, interrupt, place, text, usage};
-use anyhow::{Context as _, Result, ensure};
+use anyhow::{Context as _, Result, anyhow, ensure};
 use clap::ArgGroup;
 use echocast::detect::Detection;
 use echocast::scenario::FrameTime;
 use echocast::scene::MaterialRules;
 use echocast::{
-    Engine, Environment, FieldSet, Frame, LabelRules, LiveScene, Order, Pose, Profile, ReflectanceSource, Report,
-    ScanOptions, Scene, Sensor, SensorKind, Trajectory, read, shown,
+    BoxTime, Engine, Environment, FieldSet, Frame, LabelRules, LiveScene, Order, Pose, Profile, ReflectanceSource,
+    Report, ScanOptions, Scene, Sensor, SensorKind, Trajectory, read, shown,
 };
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -89,6 +89,14 @@ pub struct Args {
     /// Let the scene hold still during each frame, as it is when the frame starts
     #[arg(long, help_heading = "Place")]
     freeze: bool,
+    /// Bring points to one time, the start of their frame: what moves is where it was then, and `--frame sensor` is the
+    /// sensor's frame then
+    #[arg(long, help_heading = "Points")]
+    deskew: bool,
+    /// When boxes hold: each when its object is scanned (at the mean time of its points), or at the start or the end of the
+    /// frame
+    #[arg(long, default_value = "scan", value_parser = choice::of::<BoxTime>(), help_heading = "Output")]
+    box_time: BoxTime,
     /// How far skins, morph targets and baked shapes may be from their true place within a frame, metres
     #[arg(long, value_name = "M", default_value = "0.001", value_parser = input::positive, help_heading = "Place")]
     motion_tolerance: f64,
@@ -137,6 +145,11 @@ pub fn run(args: &Args) -> Result<()> {
     let Loaded { sensor, environment, labels, materials, scene, path } = loaded?;
     read.iter().try_for_each(|input| args.output.check_input(input)).map_err(usage::wrong)?;
     let sonar = sensor.kind() == SensorKind::Sonar;
+    if sonar && args.deskew {
+        return Err(usage::wrong(anyhow!(
+            "--deskew: a ping of a sonar has one pose; allowed: LiDARs and depth cameras"
+        )));
+    }
     let fields = args.fields.unwrap_or_default().of(&sensor);
     interrupt::check()?;
     warnings.absorb(scene.report.clone());
@@ -186,6 +199,8 @@ pub fn run(args: &Args) -> Result<()> {
         fields,
         seed: args.seed,
         freeze: args.freeze,
+        deskew: args.deskew,
+        box_time: args.box_time,
         frame_period: Some(f64::from(frames.step) / fps),
         organised: args.organised,
         coordinates: args.coordinates,
@@ -477,6 +492,8 @@ fn repeatable(
         "frame": args.coordinates.name(),
         "order": args.order.name(),
         "freeze": args.freeze,
+        "deskew": args.deskew,
+        "boxes": args.box_time.name(),
         "motion_tolerance_m": args.motion_tolerance,
         "organised": args.organised,
         "outputs": [outputs],

@@ -141,6 +141,216 @@ fn shards_are_parts_of_the_same_set() {
     assert!(contents(&folder.join("parts")) == contents(&folder.join("street")));
 }
 
+/// Tells whoever comes second who is at work, and touches nothing: runs of a set, of one shard, and of its end.
+#[cfg(unix)]
+#[test]
+fn a_set_has_one_writer() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    street(folder);
+    let program = env!("CARGO_BIN_EXE_echocast");
+    let begin = |args: &[&str], log: &str| {
+        let child = Command::new(program)
+            .args(["run", "street.yaml", "--set", "samples=100000", "-q"])
+            .args(args)
+            .current_dir(folder)
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let (start, log) = (Instant::now(), folder.join(log));
+        while fs::read_to_string(&log).map_or(0, |log| log.lines().count()) < 2 && start.elapsed().as_secs() < 60 {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        child
+    };
+    let end = |mut child: std::process::Child| {
+        Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(130));
+    };
+    let refused = |args: &str, child: &std::process::Child| {
+        let output = run(folder, args);
+        let words = format!("which is being written by process {}", child.id());
+        let told = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{args}: {told}");
+        assert!(told.contains(&words) && told.trim_end().lines().count() == 1, "{args}: {told}");
+    };
+    let whole = begin(&[], "street/manifest.jsonl");
+    for args in ["run DIR/street.yaml", "run DIR/street.yaml --resume", "run DIR/street.yaml --shard 0/2"] {
+        refused(&format!("{args} --set samples=100000"), &whole);
+    }
+    refused("run --finish DIR/street", &whole);
+    end(whole);
+    let shard = begin(&["--shard", "0/2", "-o", "parts"], "parts/manifest.0_of_2.jsonl");
+    for args in ["--shard 0/2", "--shard 0/2 --resume", "--shard 1/3", "--resume"] {
+        refused(&format!("run DIR/street.yaml {args} -o DIR/parts --set samples=100000"), &shard);
+    }
+    refused("run --finish DIR/parts", &shard);
+    // Another shard of as many goes on beside it.
+    let beside = "run DIR/street.yaml --shard 1/2 -o DIR/parts --samples 1:1 --set samples=100000";
+    assert!(stdout(folder, beside).contains("1 sample made"));
+    end(shard);
+    for set in ["street", "parts"] {
+        let names = files(&folder.join(set));
+        assert!(names.iter().all(|name| !name.starts_with(".lock")), "{names:?}");
+    }
+}
+
+/// Runs into one folder at the same time leave a whole set, whichever of them makes it.
+#[test]
+fn runs_at_once_leave_a_whole_set() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("room.obj"), "v -5 -5 0\nv 5 -5 0\nv 5 5 0\nv -5 5 0\ng Floor\nf 1 2 3 4\n").unwrap();
+    let text = "scene: {files: room.obj, labels: {objects: {Floor: road}}}\nsamples: 4\nset: {splits: 50/50}\n\
+                sensors: [{name: top, sensor: {name: s, kind: lidar, pattern: {type: spinning, azimuth: {fov_deg: 360, \
+                rate_hz: 10, step_deg: 30}, elevation: {fov_deg: 60, step_deg: 10}}}}]\n\
+                trajectory: {position_m: [0, 0, 1]}\noutputs: [{style: webdataset, samples: 2}, {style: nuscenes}]\n";
+    fs::write(folder.join("room.yaml"), text).unwrap();
+    stdout(folder, "run DIR/room.yaml -q -o DIR/alone");
+    let alone = contents(&folder.join("alone"));
+    let spawn = |args: &str| {
+        let args = args.split(' ');
+        let program = env!("CARGO_BIN_EXE_echocast");
+        let mut command = Command::new(program);
+        command.arg("run").args(args).current_dir(folder).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap()
+    };
+    let codes = |all: Vec<std::process::Child>| {
+        let codes = all.into_iter().map(|mut child| child.wait().unwrap().code().unwrap());
+        codes.collect::<Vec<_>>()
+    };
+    for turn in 0..4 {
+        let set = format!("set{turn}");
+        let both = codes(vec![spawn(&format!("room.yaml -o {set}")), spawn(&format!("room.yaml -o {set}"))]);
+        assert!(both.contains(&0) && both.iter().all(|code| *code < 2), "{both:?}");
+        assert!(stdout(folder, &format!("run --check-output DIR/{set}")).contains("all there"));
+        assert!(contents(&folder.join(&set)) == alone, "{set}");
+
+        let parts = format!("parts{turn}");
+        let shard = |part: u32| spawn(&format!("room.yaml -o {parts} --shard {part}/2"));
+        let made = codes(vec![shard(0), shard(0), shard(1)]);
+        assert!(made[..2].contains(&0) && made[2] == 0, "{made:?}");
+        let ended = codes(vec![spawn(&format!("--finish {parts}")), spawn(&format!("--finish {parts}"))]);
+        assert!(ended.contains(&0), "{ended:?}");
+        assert!(contents(&folder.join(&parts)) == alone, "{parts}");
+    }
+}
+
+/// Pieces that are no longer as they were written are found when they are joined, whatever their manifests say.
+#[test]
+fn what_is_damaged_is_not_joined() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    stdout(folder, "generate indoor --rooms 1,1 -q -o DIR/room.glb");
+    let text = "scene: {files: room.glb}\nsensors: [{name: top, sensor: velodyne_vlp16}]\ntrajectory: {camera: Scanner}\n\
+                samples: 2\noutputs: [{style: webdataset}, {style: plain, format: csv}]\n";
+    fs::write(folder.join("room.yaml"), text).unwrap();
+    for part in [0, 1] {
+        stdout(folder, &format!("run DIR/room.yaml --shard {part}/2 -o DIR/set -q"));
+    }
+    let set = folder.join("set");
+    let fails = |command: &str, words: &str| {
+        let output = run(folder, command);
+        assert_eq!(output.status.code(), Some(1), "{command}");
+        assert!(stderr(&output).contains(words), "{command}: {}", stderr(&output));
+    };
+    let damage = |name: &str| {
+        let before = fs::read(set.join(name)).unwrap();
+        let mut bytes = before.clone();
+        bytes[1000] ^= 1;
+        fs::write(set.join(name), bytes).unwrap();
+        before
+    };
+    for name in ["webdataset/.pieces/000001.tar", "data/000000/top.csv"] {
+        let before = damage(name);
+        fails("run --finish DIR/set", &format!("damaged: {name} has other contents"));
+        fails("run --check-output DIR/set", &format!("{name} has other contents"));
+        fs::remove_file(set.join(name)).unwrap();
+        fails("run --finish DIR/set", &format!("damaged: {name} is missing"));
+        fs::write(set.join(name), before).unwrap();
+    }
+    // A manifest without a sample's archive, and one that names what is not in the set.
+    let manifest = set.join("manifest.1_of_2.jsonl");
+    let lines = fs::read_to_string(&manifest).unwrap();
+    let without = lines.replace("webdataset/.pieces/000001.tar", "data/000000/top.csv");
+    fs::write(&manifest, without).unwrap();
+    fails("run --finish DIR/set", "has other contents");
+    for name in ["../room.glb", "/etc/hostname", "data/../../room.glb"] {
+        fs::write(&manifest, lines.replace("webdataset/.pieces/000001.tar", name)).unwrap();
+        for command in ["run --check-output DIR/set", "run --finish DIR/set", "run DIR/room.yaml -o DIR/set --resume"] {
+            fails(command, &format!("manifest.1_of_2.jsonl: names \"{name}\", which is not in the set"));
+        }
+    }
+    fs::write(&manifest, lines).unwrap();
+    stdout(folder, "run --finish DIR/set");
+    // Archives that are there already are looked at, too.
+    damage("webdataset/train-000000.tar");
+    fails("run --check-output DIR/set", "webdataset/train-000000.tar has other contents");
+    fails("run --finish DIR/set", "webdataset/train-000000.tar has other contents");
+}
+
+/// Who cannot write ends with the reason, and goes on when there is room.
+#[cfg(unix)]
+#[test]
+fn a_full_disk_is_told_and_ends_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    stdout(folder, "generate indoor --rooms 1,1 -q -o DIR/room.glb");
+    let text = "scene: {files: room.glb}\nsensors: [{name: top, sensor: velodyne_vlp16}]\ntrajectory: {camera: Scanner}\n\
+                samples: 3\noutputs: [{style: nuscenes}]\n";
+    fs::write(folder.join("room.yaml"), text).unwrap();
+    let program = env!("CARGO_BIN_EXE_echocast");
+    // Files of 64 blocks of 512 or 1024 bytes: the first cloud has none.
+    let limited = |args: &str| {
+        let script = format!("ulimit -f 64; exec {program} run room.yaml -o set -q {args}");
+        Command::new("sh").args(["-c", &script]).current_dir(folder).output().unwrap()
+    };
+    for args in ["", "--resume"] {
+        let output = limited(args);
+        let told = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{told}");
+        assert!(told.contains("File too large") && told.trim_end().lines().count() == 1, "{told}");
+        assert!(!folder.join("set/manifest.json").exists());
+    }
+    let half = files(&folder.join("set/nuscenes"));
+    assert!(half.iter().all(|name| !name.ends_with(".unfinished")), "{half:?}");
+    assert!(files(&folder.join("set/pictures")).is_empty());
+    stdout(folder, "run DIR/room.yaml -o DIR/set -q --resume");
+    stdout(folder, "run DIR/room.yaml -o DIR/again -q");
+    assert!(contents(&folder.join("set")) == contents(&folder.join("again")));
+}
+
+/// Warnings come once a kind, what is empty is counted, points say what they are of, and arrays are small.
+#[test]
+fn sets_are_told_of_in_few_words() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    stdout(folder, "generate indoor --rooms 1,1 -q -o DIR/room.glb");
+    let text = "scene: {files: room.glb}\ntrajectory: {camera: Scanner}\nsamples: 5\n\
+                sensors:\n  - {name: top, sensor: velodyne_vlp16}\n  - name: eye\n    sensor: {name: eye, kind: lidar, \
+                pattern: {type: pinhole, resolution: [8, 6], fov_deg: [60, 45]}, range: {min_m: 90, max_m: 100}}\n\
+                variation:\n  - {place: room.glb, call: Twin, at: {within: {min_m: [0, 0, 0], max_m: [1, 1, 0]}}, tries: 2, \
+                count: {uniform: [1, 3]}}\n  - {set: environment.rain.rate_mm_h, to: 20}\n";
+    fs::write(folder.join("room.yaml"), text).unwrap();
+    let output = run(folder, "run DIR/room.yaml -o DIR/set");
+    let told = stderr(&output);
+    let kinds = |words: &str| told.lines().filter(|line| line.contains(words)).count();
+    assert_eq!((kinds("no room for"), kinds("eye: an image in which nothing is seen")), (1, 1), "{told}");
+    assert!(told.contains(" (5 samples, the first is 0)"), "{told}");
+    let report: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("set/report.json")).unwrap()).unwrap();
+    assert_eq!(report["empty"], serde_json::json!({"eye": 5}));
+    let noticed = report["warnings"].as_array().unwrap();
+    assert!(noticed.iter().any(|noticed| noticed["samples"] == 5 && noticed["first"] == 0), "{noticed:?}");
+    // Arrays are compressed, the same in both layouts of the file, and have the cause of each point.
+    let [sample, plain] = ["set/data/000000/top.npz", "plain.npz"].map(|name| folder.join(name));
+    stdout(folder, "convert DIR/set/data/000000/top.npz -o DIR/plain.npz -q");
+    let size = |path: &Path| fs::metadata(path).unwrap().len() as f64;
+    assert!(size(&sample) < 0.6 * size(&plain), "{} of {}", size(&sample), size(&plain));
+    let info: serde_json::Value =
+        serde_json::from_str(&stdout(folder, "info DIR/set/data/000000/top.npz --json")).unwrap();
+    let columns = info["columns"].as_array().unwrap();
+    assert!(columns.iter().any(|column| column["name"] == "cause" && column["high"] != 0), "{info}");
+}
+
 #[test]
 fn an_interrupted_run_ends_after_the_samples_under_way() {
     let folder = tempfile::tempdir().unwrap();
@@ -210,6 +420,7 @@ fn what_is_wrong_is_one_sentence() {
             "outputs[0].style: unknown value \"plane\"; allowed: plain, semantic_kitti, kitti, nuscenes, webdataset, coco, voc, \
              files",
         ),
+        ("run DIR/street.yaml --set set.folder=\"\"", 2, "set.folder is \"\"; allowed: the name of a folder"),
         ("run DIR/street.yaml --preview DIR/x.png", 2, "--sample"),
         (
             "run DIR/street.yaml --set outputs=[{style: files, preview: a.png}]",

@@ -4,12 +4,12 @@ use crate::ground::named::named;
 use crate::ground::pose::Pose;
 use glam::DVec3;
 
-/// The box around a labelled instance as it is when a scan starts.
+/// The box around a labelled instance as it is during a scan, see [`BoxTime`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InstanceBox {
     /// Frame index of the scan.
     pub frame: u32,
-    /// When the scan starts, s since the start of the run: the box holds then.
+    /// When the box holds, s since the start of the run.
     pub time: f64,
     /// Object over all frames, as in the column `track_id`.
     pub track_id: u32,
@@ -18,7 +18,8 @@ pub struct InstanceBox {
     /// What it is, as in the column `category_id`; 0 = unlabelled.
     pub category_id: u32,
     /// Position of the middle of the box, metres, and rotation from its axes, in the frame of the cloud. In a cloud in
-    /// sensor coordinates that is the sensor's frame when the scan starts.
+    /// sensor coordinates that is the sensor's frame when the box holds, or when the scan starts if its points are brought
+    /// there ([`crate::ScanOptions::deskew`]).
     pub pose: Pose,
     /// Lengths along its axes, metres.
     pub size: DVec3,
@@ -31,11 +32,26 @@ pub struct InstanceBox {
     /// many meet it before anything else, seen in straight lines along their axes; light passes through glass, and
     /// weather, noise and detection play no part. 0 where no beam would meet it.
     pub visible: f64,
-    /// Left, top, right and bottom, pixels, of all of it in the [image](crate::emitter::ImageGrid) of the sensor as it
-    /// starts, whatever hides it and where the image ends; `None`: it was not asked for
+    /// Left, top, right and bottom, pixels, of all of it in the [image](crate::emitter::ImageGrid) of the sensor when the
+    /// box holds, whatever hides it and where the image ends; `None`: it was not asked for
     /// ([`crate::ScanOptions::image_boxes`]), or nothing of it is in front of the camera.
     pub image: Option<[f64; 4]>,
 }
+
+/// When boxes hold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BoxTime {
+    /// Each when its object is scanned: at the mean time of the points that lie on it; without any, in the middle of the
+    /// scan. Where points are brought to its start, then.
+    #[default]
+    Scan,
+    /// When the scan starts.
+    Start,
+    /// When its last beam fires.
+    End,
+}
+
+named! { BoxTime: Scan "scan", Start "start", End "end" }
 
 /// Along which axes boxes lie.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -9,7 +9,7 @@ pub(crate) mod record;
 mod records;
 mod track;
 
-pub use boxes::{BoxAxes, InstanceBox};
+pub use boxes::{BoxAxes, BoxTime, InstanceBox};
 pub(crate) use collect::Kept;
 pub(crate) use fields::{BOTTOM_TRACK, ColumnMut, Element, FLOW, MOVING, SOUNDING, Slices, VELOCITY, WATER_TRACK, put};
 pub use fields::{Column, ColumnType, Columns, FIELDS, Field, FieldInfo, FieldSet};
@@ -32,7 +32,8 @@ pub enum Frame {
     /// World, z up.
     #[default]
     World,
-    /// Sensor at the time of each firing: x forward, y left, z up.
+    /// Sensor at the time of each firing, or of the scan's start ([`crate::ScanOptions::deskew`]): x forward, y left, z
+    /// up.
     Sensor,
 }
 

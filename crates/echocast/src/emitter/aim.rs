@@ -36,6 +36,14 @@ impl<'a> Aim<'a> {
         }
     }
 
+    /// [`Aim::pose`] when the scan starts.
+    pub(crate) fn start(&self) -> (Mat3, Vec3) {
+        match *self {
+            Aim::Fixed { rotation, origin } => (rotation, origin),
+            Aim::Moving { trajectory, start_time, local_origin } => local(&trajectory.at(start_time), local_origin),
+        }
+    }
+
     /// Whether the sensor moves.
     pub(crate) fn moves(&self) -> bool {
         matches!(self, Aim::Moving { .. })

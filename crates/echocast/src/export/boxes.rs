@@ -30,7 +30,7 @@ pub(super) enum Values {
 /// All of them, in the order of the files; in files of arrays they are called `boxes/` and their name.
 pub(super) const COLUMNS: [BoxColumn; 11] = [
     column("frame", "", "index of the frame", Values::Number(|b| b.frame)),
-    column("time", "s", "start of the scan, when the box holds", Values::Quantity(|b| b.time)),
+    column("time", "s", "when the box holds", Values::Quantity(|b| b.time)),
     column("track_id", "", "object over all frames", Values::Number(|b| b.track_id)),
     column("instance_id", "", "object", Values::Number(|b| b.instance_id)),
     column("category_id", "", "what it is, 0 = unlabelled", Values::Number(|b| b.category_id)),

@@ -94,6 +94,10 @@ pub trait Format: Sync {
     /// # Errors
     /// The system's errors: a full disk.
     fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()>;
+    /// The same in smaller files that take longer to write, for those that are kept; `None`: there is none.
+    fn packed(&self) -> Option<&'static dyn Format> {
+        None
+    }
     /// Starts the file `path`, which nobody else sees yet, for clouds like `first` that are added to it one after the
     /// other; `None`: the format needs all points at once.
     fn begin(&self, _first: &PointCloud, _path: &Path) -> Option<io::Result<Box<dyn Growing>>> {
@@ -155,7 +159,7 @@ pub const FORMATS: &[&dyn Format] = &[
     &mcap::MCAP_OUSTER,
     #[cfg(feature = "mcap")]
     &mcap::MCAP_LIVOX,
-    &npz::Npz,
+    &npz::Npz::PLAIN,
 ];
 
 /// The format called `name`, or the one that owns the ending of `path`.
@@ -305,7 +309,8 @@ fn listed(names: &[&str]) -> String {
 pub(crate) fn write_new(cloud: &PointCloud, path: &Path, format: &dyn Format) -> Result<Report> {
     check_fields(format, cloud.fields)?;
     let mut report = Report::default();
-    format.write(cloud, path, &mut report).map_err(|source| failed(path, source))?;
+    let packed = format.packed().unwrap_or(format);
+    packed.write(cloud, path, &mut report).map_err(|source| failed(path, source))?;
     if !format.info().holds_label_names {
         write_whole(&labels_path(path), labels_json(cloud).as_bytes())?;
     }

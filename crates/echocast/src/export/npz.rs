@@ -1,4 +1,4 @@
-//! NPZ: an uncompressed zip of NumPy arrays; `numpy.load` reads it without anything else.
+//! NPZ: a zip of NumPy arrays, in sets a compressed one; `numpy.load` reads both without anything else.
 
 use super::{Format, FormatInfo, Sink, boxes, sensor_pose};
 use crate::cloud::{Column, FieldSet, PointCloud};
@@ -14,7 +14,22 @@ pub(super) const NAME_CHARS: usize = 1024;
 
 /// One array per column; positions f32 relative to the array `origin`. Organised clouds stay lists of rows, and the
 /// array `shape` holds their rows and columns: `x.reshape(shape)` is the image.
-pub(super) struct Npz;
+pub(super) struct Npz {
+    pack: Pack,
+}
+
+/// How arrays are stored: as they are, or deflated (RFC 1951) as fast as can be. Of coordinates and times, which hardly
+/// get smaller, higher levels make as much; labels and colours become a thirtieth at once.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Pack {
+    Stored,
+    Deflated,
+}
+
+impl Npz {
+    pub(super) const PLAIN: Npz = Npz { pack: Pack::Stored };
+    const PACKED: Npz = Npz { pack: Pack::Deflated };
+}
 
 /// Most points, which are in memory all at once: in some hundred gigabytes.
 const MOST: u64 = 4_000_000_000;
@@ -24,7 +39,7 @@ impl Format for Npz {
         &FormatInfo {
             name: "npz",
             extensions: &["npz"],
-            description: "NumPy arrays, uncompressed; f32 positions relative to the array origin",
+            description: "NumPy arrays, uncompressed but in sets; f32 positions relative to the array origin",
             needs_positions: false,
             holds_label_names: true,
         }
@@ -34,8 +49,12 @@ impl Format for Npz {
         Some(MOST)
     }
 
+    fn packed(&self) -> Option<&'static dyn Format> {
+        Some(&Npz::PACKED)
+    }
+
     fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()> {
-        let mut zip = Archive::create(path)?;
+        let mut zip = Archive { pack: self.pack, ..Archive::create(path)? };
         for info in cloud.fields.iter() {
             let column = cloud.column(info.field);
             zip.column(info.name, &[column.len()], column)?;
@@ -61,21 +80,24 @@ impl Format for Npz {
 }
 
 /// A file of arrays, written one by one.
-pub(super) struct Archive(ZipWriter<BufWriter<Sink>>);
+pub(super) struct Archive {
+    zip: ZipWriter<BufWriter<Sink>>,
+    pack: Pack,
+}
 
 impl Archive {
     pub(super) fn create(path: &Path) -> io::Result<Archive> {
-        Ok(Archive(ZipWriter::new(BufWriter::new(Sink::create(path)?))))
+        Ok(Archive { zip: ZipWriter::new(BufWriter::new(Sink::create(path)?)), pack: Pack::Stored })
     }
 
     pub(super) fn finish(self) -> io::Result<()> {
-        self.0.finish()?.into_inner().map_err(io::IntoInnerError::into_error)?.finish()
+        self.zip.finish()?.into_inner().map_err(io::IntoInnerError::into_error)?.finish()
     }
 
     /// Adds the array `name` of `data`.
     pub(super) fn column(&mut self, name: &str, shape: &[usize], data: Column<'_>) -> io::Result<()> {
         self.start(name, numpy_type(data), shape, data.bytes().len())?;
-        self.0.write_all(data.bytes())
+        self.zip.write_all(data.bytes())
     }
 
     /// Adds a text without a shape.
@@ -96,7 +118,7 @@ impl Archive {
             for name in names {
                 let mut characters: Vec<u32> = name.chars().map(u32::from).collect();
                 characters.resize(width, 0);
-                self.0.write_all(bytemuck::cast_slice(&characters))?;
+                self.zip.write_all(bytemuck::cast_slice(&characters))?;
             }
         }
         Ok(())
@@ -105,7 +127,7 @@ impl Archive {
     /// Adds the array `name` of elements of the NumPy type `kind`, in the machine's byte order.
     fn add<T: bytemuck::NoUninit>(&mut self, name: &str, kind: &str, shape: &[usize], data: &[T]) -> io::Result<()> {
         self.start(name, kind, shape, size_of_val(data))?;
-        self.0.write_all(bytemuck::cast_slice(data))
+        self.zip.write_all(bytemuck::cast_slice(data))
     }
 
     /// Adds an array whose data, `bytes` long, the caller writes next.
@@ -122,9 +144,13 @@ impl Archive {
         header.extend(text.bytes());
         // Entries from 4 GiB on need the zip64 fields.
         let large = header.len() + bytes >= u32::MAX as usize;
-        let options = SimpleFileOptions::default().compression_method(CompressionMethod::Stored).large_file(large);
-        self.0.start_file(format!("{name}.npy"), options)?;
-        self.0.write_all(&header)
+        let options = SimpleFileOptions::default().large_file(large);
+        let options = match self.pack {
+            Pack::Stored => options.compression_method(CompressionMethod::Stored),
+            Pack::Deflated => options.compression_method(CompressionMethod::Deflated).compression_level(Some(1)),
+        };
+        self.zip.start_file(format!("{name}.npy"), options)?;
+        self.zip.write_all(&header)
     }
 }
 

@@ -419,6 +419,11 @@ impl Place {
         self.inverse.transpose() * normal
     }
 
+    /// What makes a normal of the thing here, in the scene's frame, of what it is at another `place`.
+    pub(crate) fn normals_from(&self, place: Place) -> Mat3 {
+        self.inverse.transpose() * place.inverse.inverse().transpose()
+    }
+
     /// How far one of `marks` (object frame) is at most from where `exact` has it, m.
     fn farthest(&self, exact: &DAffine3, marks: &[DVec3; 11]) -> f64 {
         let inverse = self.inverse.as_dmat3();

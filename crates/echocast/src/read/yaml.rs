@@ -677,6 +677,7 @@ fn scalar(text: &str) -> String {
 mod tests {
     use super::*;
     use serde_json::json;
+    use std::collections::HashMap;
 
     fn value(text: &str) -> Result<Value> {
         Document::parse("text", text).map(|document| document.value)

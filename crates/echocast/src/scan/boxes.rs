@@ -1,7 +1,7 @@
 //! Boxes around labelled instances: where they are, how many points they have, how much of them is not hidden.
 
 use super::ScanOptions;
-use crate::cloud::{BoxAxes, Field, Frame, InstanceBox, PointCloud};
+use crate::cloud::{BoxAxes, BoxTime, Field, Frame, InstanceBox, PointCloud};
 use crate::emitter::{Aim, BeamTable, ImageGrid, Outline, Trajectory};
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::{CHUNK, LANES, RayBatch};
@@ -15,12 +15,13 @@ use std::sync::atomic::Ordering;
 
 impl BuiltScene {
     /// Boxes around the labelled instances that such a scan can see: those with an `instance_id` that is not 0, which are
-    /// there when it starts and then reach into the sensor's range, or have points in `cloud`, which it made. Objects
-    /// with one `instance_id` share a box, along the axes of the first; what changes its shape is as it is then. Along
-    /// [`BoxAxes::Object`] unless the options say otherwise.
+    /// there when their box [holds](ScanOptions::box_time) and then reach into the sensor's range, or have points in
+    /// `cloud`, which it made. Objects with one `instance_id` share a box, along the axes of the first; what changes its
+    /// shape is as it is then. Along [`BoxAxes::Object`] unless the options say otherwise.
     ///
     /// # Errors
-    /// As [`BuiltScene::scan`]; a cloud without the column `instance_id`; boxes in images of a sensor that has
+    /// As [`BuiltScene::scan`]; a cloud without the column `instance_id`, or `time` if boxes hold when objects are scanned;
+    /// boxes in images of a sensor that has
     /// [none](Sensor::image_grid).
     pub fn boxes(
         &self,
@@ -34,6 +35,15 @@ impl BuiltScene {
         if !cloud.fields.contains(Field::InstanceId) || ids.len() != cloud.len {
             return Err(Error::invalid("cloud", "without instance_id", "one with it, by which points are counted"));
         }
+        let timed = options.box_time == BoxTime::Scan && !options.deskew;
+        let times = &cloud.columns.time;
+        if timed && (!cloud.fields.contains(Field::Time) || times.len() != cloud.len) {
+            return Err(Error::invalid(
+                "cloud",
+                "without time",
+                "one with it, or boxes at the start or the end of a scan",
+            ));
+        }
         let sonar = sensor.kind() == SensorKind::Sonar;
         let beams = if sonar { Arc::new(sensor.rays().into_owned()) } else { sensor.beams_at(options.start_time)? };
         self.0.check_time(options.start_time, beams.last_time())?;
@@ -45,21 +55,34 @@ impl BuiltScene {
             Some(camera) if DepthCamera::wraps(camera) => f64::INFINITY,
             _ => sensor.range_max_m,
         };
-        let points = counts(ids, instances);
+        let met = met(ids, if timed { times } else { &[] }, options.start_time, instances);
         let frame = match cloud.frame {
             Frame::World => Pose::IDENTITY,
             Frame::Sensor => cloud.sensor_pose,
         };
+        // The frame of such points goes along with the sensor.
+        let rides = cloud.frame == Frame::Sensor && !sonar && !options.deskew;
         let grid = options.image_boxes.then(|| sensor.image_grid()).transpose()?;
-        let make = Boxes { scene: &self.0, options, frame, sensor: start, reach, grid };
+        let make = Boxes { scene: &self.0, options, frame, rides, path: trajectory, reach, grid };
+        let last = beams.last_time();
         Ok(self.0.engine.install(|| {
             let crossings = make.cross(&beams, &aim, sonar);
             let mut boxes = vec![None; instances.len()];
             parallel::for_each(&mut boxes, |index, to| {
                 let [alone, first] = [&crossings.alone, &crossings.first].map(|all| all[index].load(Ordering::Relaxed));
-                let seen = points[index] > 0 || alone > 0;
-                *to = make.around(&instances[index], seen).map(|found| InstanceBox {
-                    points: points[index],
+                let Met { points, mean, first: met } = met[index];
+                let seen = points > 0 || alone > 0;
+                let around = |after: f64| make.around(&instances[index], seen, after);
+                let found = match options.box_time {
+                    BoxTime::Start => around(0.0),
+                    BoxTime::End => around(last),
+                    BoxTime::Scan if options.deskew => around(0.0),
+                    // What comes and goes may be away in between.
+                    BoxTime::Scan if points > 0 => around(mean).or_else(|| around(met)),
+                    BoxTime::Scan => around(0.5 * last),
+                };
+                *to = found.map(|found| InstanceBox {
+                    points,
                     visible: f64::from(first) / f64::from(alone.max(1)),
                     ..found
                 });
@@ -69,25 +92,48 @@ impl BuiltScene {
     }
 }
 
-/// How many of `ids` are those of each of `instances`.
-fn counts(ids: &[u32], instances: &[Instance]) -> Vec<u32> {
-    let mut counts = vec![0; instances.len()];
+/// How an instance was met.
+#[derive(Clone, Copy, Default)]
+struct Met {
+    /// How many points lie on it.
+    points: u32,
+    /// When they were met on average, and the first of them, s after the start of the scan.
+    mean: f64,
+    first: f64,
+}
+
+/// How each of `instances` was met by the points of the instances `ids`, at `times`, s, if these are asked for.
+fn met(ids: &[u32], times: &[f64], start: f64, instances: &[Instance]) -> Vec<Met> {
+    let mut all = vec![Met::default(); instances.len()];
+    let mut row = 0;
     for run in ids.chunk_by(|a, b| a == b) {
         if let Ok(index) = instances.binary_search_by_key(&run[0], |instance| instance.id) {
-            counts[index] += run.len() as u32;
+            let met = &mut all[index];
+            if let Some(times) = times.get(row..row + run.len()) {
+                if met.points == 0 {
+                    met.first = times[0] - start;
+                }
+                // Relative to the start, so that times since 1970 keep their digits.
+                met.mean += times.iter().map(|time| time - start).sum::<f64>();
+            }
+            met.points += run.len() as u32;
         }
+        row += run.len();
     }
-    counts
+    all.iter_mut().for_each(|met| met.mean /= f64::from(met.points.max(1)));
+    all
 }
 
 /// What is the same for all boxes of a scan.
 struct Boxes<'a> {
     scene: &'a Tables,
     options: &'a ScanOptions,
-    /// World from the frame of the boxes.
+    /// World from the frame of the boxes, when the scan starts.
     frame: Pose,
-    /// Where the sensor starts, in the world.
-    sensor: Pose,
+    /// Whether that is the sensor's at all times.
+    rides: bool,
+    /// Where the sensor is.
+    path: &'a Trajectory,
     /// Greatest range, m.
     reach: f64,
     /// Its image, if boxes in it are wanted.
@@ -119,19 +165,23 @@ impl Boxes<'_> {
         crossings
     }
 
-    /// The box around `instance`, without points; `None`: it is not there, or neither `seen` nor within range.
-    fn around(&self, instance: &Instance, seen: bool) -> Option<InstanceBox> {
-        let (time, mask) = (self.options.start_time, self.options.mask);
-        let moment = self.scene.clock(time, self.options.freeze).map_or(0.0, |clock| clock.of(0.0));
+    /// The box around `instance` so many s `after` the start of the scan, without points; `None`: it is not there, or
+    /// neither `seen` nor within range.
+    fn around(&self, instance: &Instance, seen: bool, after: f64) -> Option<InstanceBox> {
+        let (start, mask) = (self.options.start_time, self.options.mask);
+        let time = start + after;
+        let moment = self.scene.clock(start, self.options.freeze).map_or(0.0, |clock| clock.of(after));
+        let sensor = self.path.at(self.options.trajectory_time() + after);
+        let frame = if self.rides { sensor } else { self.frame };
         let stances = instance.objects.iter().filter_map(|&object| {
-            let (place, turned) = self.scene.stance(object, time, mask)?;
+            let (place, turned) = self.scene.stance(object, if self.options.freeze { start } else { time }, mask)?;
             Some((object, place, turned))
         });
         let stances: Vec<(u32, DAffine3, DMat3)> = stances.collect();
         let (first, place, turned) = stances.first()?;
         let axes = match self.options.boxes.unwrap_or_default() {
             BoxAxes::Object => axes(turned),
-            BoxAxes::Frame => self.frame.orientation,
+            BoxAxes::Frame => frame.orientation,
         };
         // Relative to a place nearby, so that distances keep their digits.
         let near = place.translation;
@@ -141,12 +191,12 @@ impl Boxes<'_> {
         let [low, high] = extents.reduce(|[a, b], [low, high]| [a.min(low), b.max(high)])?;
         let (middle, size) = (0.5 * (low + high), high - low);
         let place = near + axes * middle;
-        let beyond = (axes.inverse() * (self.sensor.position - place)).abs() - 0.5 * size;
+        let beyond = (axes.inverse() * (sensor.position - place)).abs() - 0.5 * size;
         if !seen && beyond.max(DVec3::ZERO).length() > self.reach {
             return None;
         }
         let velocity = self.scene.velocity_at(*first, place, moment);
-        let into_frame = self.frame.orientation.inverse();
+        let into_frame = frame.orientation.inverse();
         Some(InstanceBox {
             frame: self.options.frame,
             time,
@@ -154,14 +204,14 @@ impl Boxes<'_> {
             instance_id: instance.id,
             category_id: instance.category_id,
             pose: Pose {
-                position: into_frame * (place - self.frame.position),
+                position: into_frame * (place - frame.position),
                 orientation: (into_frame * axes).normalize(),
             },
             size,
             velocity: into_frame * velocity.as_dvec3(),
             points: 0,
             visible: 0.0,
-            image: self.grid.as_ref().and_then(|grid| self.outline(grid, &stances, place, moment)),
+            image: self.grid.as_ref().and_then(|grid| self.outline(grid, sensor, &stances, place, moment)),
         })
     }
 
@@ -169,11 +219,12 @@ impl Boxes<'_> {
     fn outline(
         &self,
         grid: &ImageGrid,
+        sensor: Pose,
         stances: &[(u32, DAffine3, DMat3)],
         middle: DVec3,
         moment: f32,
     ) -> Option<[f64; 4]> {
-        let Pose { position, orientation } = self.sensor;
+        let Pose { position, orientation } = sensor;
         let back = DAffine3::from_quat(orientation.inverse());
         let mut outline = Outline::new(grid, back.transform_point3(middle - position));
         for (object, place, _) in stances {

@@ -6,7 +6,7 @@ mod light;
 mod printed;
 mod sound;
 
-use crate::cloud::{BoxAxes, Field, FieldSet, Frame, PointCloud};
+use crate::cloud::{BoxAxes, BoxTime, Field, FieldSet, Frame, PointCloud};
 use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
 use crate::ground::named::named;
@@ -81,12 +81,18 @@ pub struct ScanOptions {
     pub frame_period: Option<f64>,
     /// Keep misses, so that every beam has a row.
     pub organised: bool,
+    /// Bring points to one time, the start of the scan: what moves is where it was then, with all points that lie on it,
+    /// however late they were met, and [`Frame::Sensor`] is the sensor's frame then. That holds for positions and normals;
+    /// the other columns, also `true_x`, `true_y` and `true_z`, say what was when the beam fired. Not for sonars.
+    pub deskew: bool,
     /// Coordinates of the output points.
     pub coordinates: Frame,
     /// Order of the points.
     pub order: Order,
     /// Along which axes the boxes around labelled instances lie; `None`: no boxes, for which all beams are traced once more.
     pub boxes: Option<BoxAxes>,
+    /// When boxes hold.
+    pub box_time: BoxTime,
     /// Whether boxes also say where they are in the sensor's image ([`InstanceBox::image`](crate::InstanceBox::image)), for
     /// which every triangle is looked at.
     pub image_boxes: bool,
@@ -114,9 +120,11 @@ impl Default for ScanOptions {
             freeze: false,
             frame_period: None,
             organised: false,
+            deskew: false,
             coordinates: Frame::World,
             order: Order::Beam,
             boxes: None,
+            box_time: BoxTime::default(),
             image_boxes: false,
             profile: Profile::Physical,
             reflectance_source: None,
@@ -233,8 +241,9 @@ impl BuiltScene {
         if options.image_boxes {
             sensor.image_grid()?;
         }
-        // Boxes count the points of each instance.
-        let counted = ScanOptions { fields: options.fields.with(Field::InstanceId), ..options.clone() };
+        // Boxes count the points of each instance, and ask when they were met.
+        let fields = options.fields.with(Field::InstanceId).with(Field::Time);
+        let counted = ScanOptions { fields, ..options.clone() };
         self.scan_points(sensor, trajectory, &counted, cloud, progress)?;
         let done = self.boxes(sensor, trajectory, options, cloud).and_then(|boxes| {
             cloud.boxes = Some(boxes);
@@ -256,6 +265,9 @@ impl BuiltScene {
         mut progress: Option<Progress>,
     ) -> Result<()> {
         if sensor.kind() == SensorKind::Sonar {
+            if options.deskew {
+                return Err(Error::invalid("deskew", true, "false for sonars, whose pings have one pose each"));
+            }
             if progress.as_mut().is_some_and(|progress| progress(0.0).is_break()) {
                 *cloud = PointCloud::default();
                 return Err(Error::Cancelled);

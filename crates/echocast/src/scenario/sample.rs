@@ -39,6 +39,7 @@ pub struct Scan {
     trajectory: Trajectory,
     frames: Vec<FrameTime>,
     options: ScanOptions,
+    set_fields: FieldSet,
 }
 
 /// When a frame starts.
@@ -77,6 +78,11 @@ impl Scan {
     /// Its frames; of a sonar, its pings.
     pub fn frames(&self) -> &[FrameTime] {
         &self.frames
+    }
+
+    /// Columns that its clouds have in a set.
+    pub(super) fn set_fields(&self) -> FieldSet {
+        self.set_fields
     }
 
     /// How its `frame`th frame is scanned, counted from 0.
@@ -290,15 +296,18 @@ fn scans(
             return Err(Error::invalid(format!("sensors[{index}]"), found, "a `name` of its own for each"));
         }
         let mount = entry.mount.pose(&format!("sensors[{index}].mount"))?;
-        let fields = FieldSet::parse_with(&spec.fields.join(","), sensor.default_fields())?;
         scans.push(Scan {
             trajectory: mounted(&carrier, &mount)?,
             mount,
             frames: times,
+            set_fields: spec.set_fields(&sensor)?,
             options: ScanOptions {
-                fields,
+                fields: spec.fields(&sensor)?,
                 seed: draws.scan_seed(spec.seed, index as u32),
                 freeze: spec.freeze,
+                // Pings have one pose each.
+                deskew: spec.deskew && sensor.kind() != SensorKind::Sonar,
+                box_time: spec.boxes,
                 frame_period: Some(entry.rate_hz.map_or(f64::from(step) / fps, f64::recip)),
                 organised: spec.organised,
                 coordinates: spec.frame,

@@ -2,7 +2,7 @@
 
 use super::set::Splits;
 use super::variation::Rule;
-use crate::cloud::Frame;
+use crate::cloud::{BoxTime, Field, FieldSet, Frame};
 use crate::generate::Generate;
 use crate::ground::error::{Error, Result};
 use crate::ground::named::{Named, by_name};
@@ -51,6 +51,11 @@ pub(super) struct Spec {
     pub order: Order,
     pub organised: bool,
     pub freeze: bool,
+    /// Whether points are brought to the start of their frame.
+    pub deskew: bool,
+    /// When boxes hold.
+    #[serde(deserialize_with = "word")]
+    pub boxes: BoxTime,
     pub motion_tolerance_m: f64,
     #[serde(deserialize_with = "nothing_as_empty")]
     pub set: SetSpec,
@@ -78,6 +83,8 @@ impl Default for Spec {
             order: Order::default(),
             organised: false,
             freeze: false,
+            deskew: false,
+            boxes: BoxTime::default(),
             motion_tolerance_m: 1e-3,
             set: SetSpec::default(),
             outputs: Vec::new(),
@@ -351,6 +358,22 @@ impl Spec {
         self.environment.read_files(folder)
     }
 
+    /// Columns of clouds of `sensor`.
+    ///
+    /// # Errors
+    /// A column that does not exist.
+    pub fn fields(&self, sensor: &Sensor) -> Result<FieldSet> {
+        FieldSet::parse_with(&self.fields.join(","), sensor.default_fields())
+    }
+
+    /// Those in a set: its default columns say what points are of, too.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn set_fields(&self, sensor: &Sensor) -> Result<FieldSet> {
+        FieldSet::parse_with(&self.fields.join(","), sensor.default_fields().with(Field::Cause))
+    }
+
     /// Frames a second; `first`: the first sensor.
     pub fn fps(&self, first: &Sensor) -> f64 {
         self.frames.and_then(|frames| frames.fps).unwrap_or_else(|| 1.0 / first.beams().period)
@@ -386,6 +409,9 @@ impl Spec {
             if !(0.0..1e9).contains(&sensor.start_s) {
                 return Err(Error::invalid(format!("{key}.start_s"), sensor.start_s, "0 to 1e9"));
             }
+        }
+        if self.set.folder.as_ref().is_some_and(|folder| folder.as_os_str().is_empty()) {
+            return Err(Error::invalid("set.folder", "\"\"", "the name of a folder, or no such key"));
         }
         self.environment.check().map_err(|error| match error {
             Error::InvalidParameter { name, value, allowed } => {

@@ -23,7 +23,7 @@ pub use engine::Engine;
 pub(crate) use hits::{Cover, HitBatch, Sight, traced};
 pub(crate) use instances::{Crossings, Instance};
 pub use live::{LiveScene, ObjectId};
-pub(crate) use mover::{Clock, Follows, Later, Movement, Mover};
+pub(crate) use mover::{Clock, Follows, Later, Movement, Mover, Return};
 pub(crate) use sound::{
     Arrival, Direct, Goal, Launch, ReflectionLoss, SoundLimits, SoundTracer, TracerMemory, TubeHit,
 };

@@ -8,7 +8,7 @@ use crate::motion::{MOST_BENDS, Motion, Path, Span, Timeline};
 use crate::scene::{Mesh, Sequence};
 use echocast_kernels::aim;
 use embree4::{CommittedScene, LocalRays, Pace, Query, Shape};
-use glam::{DAffine3, DMat3, DVec3, Vec3};
+use glam::{DAffine3, DMat3, DVec3, Mat3, Vec3};
 use std::sync::{Arc, OnceLock};
 
 /// An object on its way, as rays at their own times meet it.
@@ -82,6 +82,15 @@ pub(crate) struct Movement {
     pub velocity: Vec3,
     /// Where it will be one frame later, minus where it is, in the world, m.
     pub flow: Vec3,
+}
+
+/// What brings a point back to where it was.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Return {
+    /// Where it was, minus where it is, in the world, m.
+    pub way: Vec3,
+    /// What turns normals there.
+    pub normal: Mat3,
 }
 
 /// Most lanes of a packet.
@@ -397,6 +406,17 @@ impl Tables {
             Body::Changing(stages) => &stages[stage_at(stages, time)].mesh.parts[usize::from(surface.number)],
         };
         (part.point(triangle, uv), Vec3::ZERO)
+    }
+
+    /// What brings a point of a surface (a row, or [`super::MISS`]) at `time` back to `start`, both 0 to 1; `None`: it
+    /// stays. Where triangles change, it goes with the object as a whole.
+    pub(crate) fn return_to(&self, surface: u32, triangle: u32, uv: [f32; 2], time: f32, start: f32) -> Option<Return> {
+        let row = self.surfaces.rows.get(surface as usize)?;
+        let mover = self.mover(row.object)?;
+        let [now, then] = [time, start].map(|time| mover.path.at(time));
+        let (point, _) = self.point(mover, row, triangle, uv, time);
+        let before = if mover.bends() { self.point(mover, row, triangle, uv, start).0 } else { point };
+        Some(Return { way: then.to_local(before) - now.to_local(point), normal: then.normals_from(now) })
     }
 
     /// How a point of a surface (a row, or [`super::MISS`]) moves at `time`, see [`Tables::point`]; where it will be one

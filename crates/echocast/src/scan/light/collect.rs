@@ -12,8 +12,7 @@ use std::f32::consts::PI;
 impl Block {
     /// Step 11: the columns that were asked for, row by row.
     pub fn collect(&mut self, scan: &Scan, count: usize, mut rows: Slices) -> usize {
-        let Block { lanes, rays, hits, surfaces, measured, intensity, turn, kept, scratch, answer, reported, .. } =
-            self;
+        let Block { lanes, rays, hits, surfaces, measured, intensity, turn, kept, scratch, reported, .. } = self;
         let surface = &hits.surface;
         let filled = kept.choose(surface, count, scan.options.organised);
 
@@ -59,7 +58,15 @@ impl Block {
             directions = turned;
             along = directions.each_ref();
         }
-        put_positions(kept, surface, from, along, measured, scratch, [rows.x, rows.y, rows.z]);
+        let mut places = scan.deskew.as_ref().map(|_| [[0.0; LANES]; 3]);
+        match &mut places {
+            None => put_positions(kept, surface, from, along, measured, scratch, [rows.x, rows.y, rows.z]),
+            Some(places) => {
+                for ((from, along), places) in from.into_iter().zip(along).zip(places) {
+                    measure::place(from, along, measured, places);
+                }
+            }
+        }
         kept.put(surface, measured, rows.range);
         kept.put(surface, &hits.range, rows.true_range);
         kept.put(surface, intensity, rows.intensity);
@@ -69,7 +76,9 @@ impl Block {
             measure::place(starts[0], &dir_x, measured, scratch);
             kept.put(surface, scratch, rows.depth);
         }
-        if !world && scan.options.fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ]) {
+        if let (Some(deskew), Some(places)) = (&scan.deskew, &mut places) {
+            self.deskew(scan, deskew, count, places);
+        } else if !world && scan.options.fields.contains_any(&[Field::NormalX, Field::NormalY, Field::NormalZ]) {
             for lane in 0..count {
                 let (rotation, _) = scan.aim.pose.pose(beams, lanes.beam[lane] as usize);
                 let normal = hits.normal(lane);
@@ -77,7 +86,13 @@ impl Block {
                 (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = normal.into();
             }
         }
+        let Block { lanes, hits, surfaces, kept, answer, .. } = self;
         let surface = &hits.surface;
+        if let Some([x, y, z]) = &places {
+            kept.put(surface, x, rows.x);
+            kept.put(surface, y, rows.y);
+            kept.put(surface, z, rows.z);
+        }
         kept.put(surface, &hits.normal_x, rows.normal_x);
         kept.put(surface, &hits.normal_y, rows.normal_y);
         kept.put(surface, &hits.normal_z, rows.normal_z);

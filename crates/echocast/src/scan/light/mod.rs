@@ -3,6 +3,7 @@
 mod block;
 mod camera;
 mod collect;
+mod deskew;
 mod explain;
 mod halo;
 mod rays;

@@ -1,6 +1,7 @@
 //! One scan: what is the same for all its beams, and their chunks, side by side on threads.
 
 use super::block::{Lanes, Task, with_block};
+use super::deskew::Deskew;
 use super::halo::Halos;
 use crate::cloud::{Columns, FLOW, Field, Frame, MOVING, PointCloud, Slices};
 use crate::detect::{Errors, FalseAlarms, ReturnMode, Threshold};
@@ -50,6 +51,8 @@ pub(super) struct Scan<'a> {
     pub camera: Option<&'a DepthCamera>,
     /// Time from one frame to the next, s.
     pub frame_period: f64,
+    /// What brings points back to the start, if that is asked for.
+    pub deskew: Option<Deskew>,
     /// How beams of several rays or returns are made; `None` where beams are a ray and a return each.
     pub signals: Option<&'a Arc<Signals>>,
     /// Whether all beams are, or just those that meet more than one place, of which each has a return too.
@@ -240,7 +243,8 @@ impl<'a> Scan<'a> {
         let colors = fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
         let range_max = sensor.range_max_m as f32;
         let errs = errors.any || camera.is_some() || air.as_ref().is_some_and(|air| air.range_noise() > 0.0);
-        Ok(Scan {
+        let moves = fields.contains_any(&MOVING) || options.deskew;
+        let scan = Scan {
             options,
             rng: Rng::new(options.seed, options.frame),
             aim: Aiming {
@@ -262,7 +266,7 @@ impl<'a> Scan<'a> {
                 wants_surfaces: wants_echo || fields.contains_any(&LABELS) || colors,
                 wanted: Wanted { colors, reflectance: wants_echo },
                 later: if fields.contains_any(&FLOW) { scene.later(frame_period)? } else { None },
-                motion: scene.span.is_some() && fields.contains_any(&MOVING),
+                motion: scene.span.is_some() && moves,
             },
             measure: Measuring {
                 flickers: !as_computed && errors.flicker() && fields.contains(Field::Intensity),
@@ -282,10 +286,12 @@ impl<'a> Scan<'a> {
             },
             camera,
             frame_period,
+            deskew: None,
             signals,
             has_signals,
             rays: AtomicU64::new(0),
-        })
+        };
+        Ok(Scan { deskew: Deskew::new(&scan), ..scan })
     }
 
     /// Finds what blooms, if `sensor` does; before anything is scanned.

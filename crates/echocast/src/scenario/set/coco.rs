@@ -1,8 +1,9 @@
 //! COCO: images, and what they show in one file for each part of the set.
 
 use super::imaging::{Imaging, scans};
+use super::manifest::FileEntry;
 use super::style::{Scanned, Style, Writer as Write, numbered};
-use super::whole::Whole;
+use super::whole::{Whole, damaged};
 use crate::cloud::FieldSet;
 use crate::export::annotations::{Shown, categories, image_keys, info, instances, line, segments};
 use crate::export::images::write_segments;
@@ -16,7 +17,6 @@ use crate::scene::Labels;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -111,7 +111,7 @@ impl Style for Coco {
 
     fn join(&self, whole: &mut Whole) -> Result<()> {
         let samples = whole.samples();
-        let categories = Categories::read(whole.root, &samples)?;
+        let categories = Categories::read(whole.root, &whole.pieces(&samples, piece)?)?;
         let licences: Vec<Value> =
             whole.licence.iter().map(|name| json!({ "id": 1, "name": name, "url": "" })).collect();
         let licensed = !licences.is_empty();
@@ -119,13 +119,14 @@ impl Style for Coco {
         let mut tables = vec![("instances", "annotation", false)];
         tables.extend(self.panoptic.then_some(("panoptic", "segments", true)));
         for (part, samples) in whole.parts() {
+            let pieces = whole.pieces(&samples, piece)?;
             for (table, rows, panoptic) in &tables {
                 let root = whole.root;
                 let path = Path::new(ROOT).join(format!("annotations/{table}_{part}.json"));
                 whole.write(path, &mut |out| {
                     write!(out, "{{\n\"info\": {},\n\"licenses\": {licences},\n\"images\": [", info())?;
                     let mut image = 0;
-                    each_row(root, &samples, &["image"], |_, keys| {
+                    each_row(root, &pieces, &["image"], |_, keys| {
                         image += 1;
                         let between = if image == 1 { "\n" } else { ",\n" };
                         let numbers = [("id", image.into()), ("license", 1.into())];
@@ -133,7 +134,7 @@ impl Style for Coco {
                     })?;
                     write!(out, "\n],\n\"annotations\": [")?;
                     let (mut image, mut count) = (0_u64, 0_u64);
-                    each_row(root, &samples, &["image", rows], |row, mut keys| {
+                    each_row(root, &pieces, &["image", rows], |row, mut keys| {
                         if row == "image" {
                             image += 1;
                             return Ok(());
@@ -220,12 +221,12 @@ fn piece(sample: u64) -> PathBuf {
 /// Passes the rows of `tables` of `samples`, as they follow each other, to `row`.
 fn each_row(
     root: &Path,
-    samples: &[u64],
+    pieces: &[FileEntry],
     tables: &[&str],
     mut row: impl FnMut(&str, Map<String, Value>) -> io::Result<()>,
 ) -> io::Result<()> {
-    for &sample in samples {
-        let text = fs::read_to_string(root.join(piece(sample)))?;
+    for piece in pieces {
+        let text = Whole::text(root, piece)?;
         for (table, keys) in text.lines().filter_map(|line| line.split_once(' ')) {
             if tables.contains(&table) {
                 row(table, serde_json::from_str(keys)?)?;
@@ -240,15 +241,15 @@ struct Categories(BTreeMap<String, u32>);
 
 impl Categories {
     /// Those of the samples; where these differ, names are numbered anew.
-    fn read(root: &Path, samples: &[u64]) -> Result<Categories> {
+    fn read(root: &Path, pieces: &[FileEntry]) -> Result<Categories> {
         let mut known: BTreeSet<(u32, String)> = BTreeSet::new();
-        each_row(root, samples, &["category"], |_, keys| {
+        each_row(root, pieces, &["category"], |_, keys| {
             let id = keys.get("id").and_then(Value::as_u64).unwrap_or(0);
             let name = keys.get("name").and_then(Value::as_str).unwrap_or_default();
             known.insert((id as u32, name.to_owned()));
             Ok(())
         })
-        .map_err(|source| Error::Io { path: root.join(ROOT).join(PIECES), source })?;
+        .map_err(|fault| damaged(fault.to_string()))?;
         let ids: BTreeSet<u32> = known.iter().map(|(id, _)| *id).collect();
         let names: BTreeSet<String> = known.iter().map(|(_, name)| name.clone()).collect();
         let same = ids.len() == known.len() && names.len() == known.len();

@@ -1,9 +1,9 @@
 //! The folder of a set, and which scenario it belongs to.
 
+use super::lock;
 use super::manifest::{self, Entry};
 use super::style::{Style, numbered, sample_folder};
 use super::whole;
-use crate::cloud::FieldSet;
 use crate::export;
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
@@ -71,7 +71,7 @@ impl Origin {
         let inputs = files.iter().map(digest).collect::<Result<_>>()?;
         let sensors = scenario.spec.sensors.iter().enumerate().map(|(index, entry)| {
             let sensor = stage.sensor(entry, &format!("sensors[{index}]"), folder)?;
-            let fields = FieldSet::parse_with(&scenario.spec.fields.join(","), sensor.default_fields())?;
+            let fields = scenario.spec.set_fields(&sensor)?;
             Ok(SensorNote {
                 name: entry.name.clone().unwrap_or_else(|| sensor.name().to_owned()),
                 title: sensor.title().to_owned(),
@@ -104,34 +104,31 @@ impl Origin {
         Ok(Some(origin))
     }
 
-    /// Makes `root` the folder of this set.
+    /// That of the set in `root`, which is this one; `None`: there is none yet.
     ///
     /// # Errors
-    /// It is that of another, or holds something else; the system's.
-    pub fn claim(&self, root: &Path) -> Result<()> {
-        let failed = |source| Error::Io { path: root.to_owned(), source };
-        fs::create_dir_all(root).map_err(failed)?;
+    /// The folder is that of another, or holds something else; the system's.
+    pub fn known(&self, root: &Path) -> Result<Option<Origin>> {
         match Origin::read(root)? {
             Some(known) if known.digest != self.digest => {
                 let found = format!("{}, which holds a set of another scenario", shown::path(root));
-                return Err(Error::invalid(
-                    "set.folder",
-                    found,
-                    "another folder, or the scenario of its scenario.json",
-                ));
+                Err(Error::invalid("set.folder", found, "another folder, or the scenario of its scenario.json"))
             }
             Some(known) if known.inputs != self.inputs => {
                 let named = known.inputs.keys().chain(self.inputs.keys());
                 let mut changed = named.filter(|&name| known.inputs.get(name) != self.inputs.get(name));
                 let name = changed.next().map_or("", String::as_str);
                 let found = format!("{}, for which {name} had other contents", shown::path(root));
-                return Err(Error::invalid("set.folder", found, "another folder, or the files as they were"));
+                Err(Error::invalid("set.folder", found, "another folder, or the files as they were"))
             }
-            Some(known) if known.samples >= self.samples && known.set() == self.set() => {}
-            Some(known) => Origin { samples: self.samples.max(known.samples), ..self.clone() }.write(root)?,
+            Some(known) => Ok(Some(known)),
             None => {
+                let entries = match fs::read_dir(root) {
+                    Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+                    entries => entries.map_err(|source| Error::Io { path: root.to_owned(), source })?,
+                };
                 // Another shard may have begun at this moment.
-                let others = fs::read_dir(root).map_err(failed)?.filter_map(Result::ok).any(|entry| {
+                let others = entries.filter_map(Result::ok).any(|entry| {
                     let name = entry.file_name();
                     name != ORIGIN && !name.to_string_lossy().starts_with('.')
                 });
@@ -139,8 +136,20 @@ impl Origin {
                     let found = format!("{}, which holds other files", shown::path(root));
                     return Err(Error::invalid("set.folder", found, "an empty or a new folder"));
                 }
-                self.write(root)?;
+                Ok(None)
             }
+        }
+    }
+
+    /// Makes `root`, in which [`Origin::known`] has found `known`, the folder of this set.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn claim(&self, root: &Path, known: Option<Origin>) -> Result<()> {
+        match known {
+            Some(known) if known.samples >= self.samples && known.set() == self.set() => {}
+            Some(known) => Origin { samples: self.samples.max(known.samples), ..self.clone() }.write(root)?,
+            None => self.write(root)?,
         }
         for name in self.roots.iter().map(String::as_str).chain(["samples", "pictures"]) {
             let folder = root.join(name);
@@ -189,27 +198,59 @@ pub(super) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     pending.commit()
 }
 
-/// Where the files of `sample` in the folder `name` of a style are while it is made.
-pub(super) fn unfinished(root: &Path, name: &str, sample: u64) -> PathBuf {
-    root.join(name).join(format!(".{}.unfinished", numbered(sample)))
+/// How the names of the folders end in which samples are made.
+const UNFINISHED: &str = ".unfinished";
+
+/// A folder for the files of a sample while it is made, under a name that nobody else has; removed with what is left in
+/// it.
+#[derive(Debug)]
+pub(super) struct Making(PathBuf);
+
+impl Making {
+    /// Of `sample`, in the folder `name` of a style.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn begin(root: &Path, name: &str, sample: u64) -> Result<Making> {
+        let folder = root.join(name);
+        let prefix = format!(".{}-", numbered(sample));
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(&prefix).suffix(UNFINISHED).rand_bytes(12);
+        // Not tempfile's own way of making folders, which only their owner may read.
+        let made = builder.make_in(&folder, |path| fs::create_dir(path));
+        let kept = made.and_then(|made| made.into_temp_path().keep().map_err(|error| error.error));
+        kept.map(Making).map_err(|source| Error::Io { path: folder, source })
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for Making {
+    fn drop(&mut self) {
+        // What cannot be removed now is when the set is completed.
+        let _ = fs::remove_dir_all(&self.0);
+    }
 }
 
 /// Puts what has been made of `sample` in its place in the folder of `style`; gives its files, relative to `root`.
 ///
 /// # Errors
 /// The system's.
-pub(super) fn settle(root: &Path, style: &dyn Style, sample: u64) -> Result<Vec<PathBuf>> {
+pub(super) fn settle(root: &Path, style: &dyn Style, sample: u64, made: Making) -> Result<Vec<PathBuf>> {
     let name = style.root();
-    let unfinished = unfinished(root, name, sample);
+    let unfinished = made.path();
     let rename =
         |from: &Path, to: &Path| fs::rename(from, to).map_err(|source| Error::Io { path: to.to_owned(), source });
     if style.folder_per_sample() {
         let place = root.join(sample_folder(name, sample));
         let _ = fs::remove_dir_all(&place);
-        rename(&unfinished, &place)?;
+        rename(unfinished, &place)?;
         return files_below(root, &place);
     }
-    let mut files = files_below(&unfinished, &unfinished)?;
+    let mut files = files_below(unfinished, unfinished)?;
     for file in &mut files {
         let place = root.join(name).join(&*file);
         if let Some(folder) = place.parent() {
@@ -218,16 +259,15 @@ pub(super) fn settle(root: &Path, style: &dyn Style, sample: u64) -> Result<Vec<
         rename(&unfinished.join(&*file), &place)?;
         *file = Path::new(name).join(&*file);
     }
-    fs::remove_dir_all(&unfinished).map_err(|source| Error::Io { path: unfinished, source })?;
     Ok(files)
 }
 
-/// Removes what runs that were killed have left half written in a set whose samples are all there, so that no other run
-/// is at work.
+/// Removes what runs that were killed have left half written in a set to which no other run writes.
 ///
 /// # Errors
 /// The system's.
 pub(super) fn sweep(root: &Path, origin: &Origin) -> Result<()> {
+    lock::sweep(root);
     let mut open: Vec<PathBuf> = origin.roots.iter().map(|name| root.join(name)).collect();
     open.extend([root.to_owned(), root.join("splits")]);
     while let Some(folder) = open.pop() {
@@ -241,7 +281,7 @@ pub(super) fn sweep(root: &Path, origin: &Origin) -> Result<()> {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             if name.starts_with(export::UNFINISHED) {
                 fs::remove_file(&path).map_err(failed)?;
-            } else if name.starts_with('.') && name.ends_with(".unfinished") {
+            } else if name.starts_with('.') && name.ends_with(UNFINISHED) {
                 fs::remove_dir_all(&path).map_err(failed)?;
             } else if folder != root && !name.bytes().all(|byte| byte.is_ascii_digit()) && path.is_dir() {
                 // Folders of samples appear as a whole.
@@ -278,7 +318,7 @@ pub(super) fn files_below(root: &Path, folder: &Path) -> Result<Vec<PathBuf>> {
 /// not there.
 ///
 /// # Errors
-/// There is no set.
+/// There is no set; a manifest that names files elsewhere.
 pub fn check_folder(root: &Path) -> Result<Vec<String>> {
     let origin = need_origin(root)?;
     let entries = manifest::read(root)?;
@@ -287,10 +327,19 @@ pub fn check_folder(root: &Path) -> Result<Vec<String>> {
         if let Some(error) = &entry.error {
             faults.push(format!("sample {} has failed: {error}", entry.sample));
         }
-        faults.extend(entry.files.iter().filter_map(|file| file.fault(root)));
+        faults.extend(damages(root, &origin, entry));
     }
     faults.extend(whole::read(root)?.iter().filter_map(|file| file.fault(root)));
     Ok(faults)
+}
+
+/// What is wrong with the files of a sample, in sentences: those that are missing or changed, styles that have none.
+pub(super) fn damages(root: &Path, origin: &Origin, entry: &Entry) -> impl Iterator<Item = String> {
+    let is_of = |file: &str, name: &str| file.strip_prefix(name).is_some_and(|rest| rest.starts_with('/'));
+    let has = move |name: &str| entry.files.iter().any(|file| is_of(&file.path, name));
+    let bare = origin.roots.iter().filter(move |name| entry.error.is_none() && !has(name));
+    let bare = bare.map(|name| format!("sample {} has no file in {name}", entry.sample));
+    entry.files.iter().filter_map(move |file| file.fault(root)).chain(bare)
 }
 
 /// The origin of a set that must be there.

@@ -6,7 +6,7 @@ use super::points::{in_sensor, inverse, is_word, local, remission};
 use super::rig::{self, Kind, find};
 use super::style::{Scanned, Style, Writer as Write, numbered};
 use super::whole::Whole;
-use crate::cloud::{Field, FieldSet, InstanceBox};
+use crate::cloud::{Field, FieldSet, InstanceBox, PointCloud};
 use crate::emitter::{ImageGrid, Intrinsics, Outline};
 use crate::export::images::write_layer;
 use crate::export::{self, ImageLayer};
@@ -34,6 +34,8 @@ pub(super) struct Kitti {
     pub camera: Option<String>,
     /// Most frames of a sample: frame k of sample i is number i * frames + k.
     pub frames: u64,
+    /// Whether objects that neither of them has a point of have boxes, too.
+    pub unseen: bool,
     /// Types of categories that are not known by their names.
     pub types: BTreeMap<String, String>,
     /// Classes in masks of categories that are not known by their names.
@@ -42,7 +44,8 @@ pub(super) struct Kitti {
 
 impl Default for Kitti {
     fn default() -> Self {
-        Kitti { velodyne: None, camera: None, frames: 1, types: BTreeMap::new(), classes: BTreeMap::new() }
+        let [types, classes] = [const { BTreeMap::new() }; 2];
+        Kitti { velodyne: None, camera: None, frames: 1, unseen: false, types, classes }
     }
 }
 
@@ -81,6 +84,8 @@ struct Writer<'w> {
     camera: usize,
     grid: ImageGrid,
     calibration: String,
+    /// Of each frame, the boxes of the LiDAR, in its frame, and of the camera, until both are there.
+    frames: Vec<[Option<Vec<InstanceBox>>; 2]>,
     /// Categories of objects that have no type.
     untyped: BTreeSet<String>,
     /// Categories that have no class.
@@ -135,7 +140,7 @@ impl Style for Kitti {
     }
 
     fn boxes(&self, sample: &Sample, scan: usize, _frame: usize) -> Boxes {
-        if self.scans(sample).is_ok_and(|[_, camera]| scan == camera) { Boxes::InSpace } else { Boxes::None }
+        if self.scans(sample).is_ok_and(|both| both.contains(&scan)) { Boxes::InSpace } else { Boxes::None }
     }
 
     fn fits(&self, sample: &Sample) -> Result<()> {
@@ -165,7 +170,9 @@ impl Style for Kitti {
             rig::camera(&scans[camera]).ok_or_else(|| Error::Internal("a camera that is no pinhole sensor".into()))?;
         let calibration = calibration(&intrinsics, scans[lidar].mount(), scans[camera].mount());
         let [untyped, unclassed] = [const { BTreeSet::new() }; 2];
-        Ok(Box::new(Writer { style: self, number, folder, lidar, camera, grid, calibration, untyped, unclassed }))
+        let frames = vec![[None, None]; scans[lidar].frames().len()];
+        let style = self;
+        Ok(Box::new(Writer { style, number, folder, lidar, camera, grid, calibration, frames, untyped, unclassed }))
     }
 
     fn join(&self, whole: &mut Whole) -> Result<()> {
@@ -186,7 +193,8 @@ impl Style for Kitti {
     fn readme(&self) -> String {
         "`kitti` is laid out as KITTI's object set. Points are in the LiDAR's frame (x ahead, y left, z up), boxes in the \
          camera's (x right, y down, z ahead), which is rectified: `R0_rect` is the identity, and `P0` to `P3` are the \
-         same. Boxes in the image are around the whole object, cut at the image's edges. `occluded` is 0 where 90 % of \
+         same. Boxes are where objects are when the LiDAR scans them; those of which neither sensor has a point have none. \
+         Boxes in the image are around the whole object, cut at the image's edges. `occluded` is 0 where 90 % of \
          what a camera alone with the object would see of it are seen, 1 from 50 % on, else 2. `image_2` shows the \
          surfaces' own colours, without light and shadow. `semantic` and `instance` are masks as of KITTI's semantic \
          benchmark: the class of each pixel with the numbers of Cityscapes (road 7, building 11, person 24, car 26), and \
@@ -234,22 +242,22 @@ impl Write for Writer<'_> {
                 })
             };
             masks::write(&image, class, [&semantic, &instance], &mut report)?;
-            let mut lines = String::new();
-            for found in boxes.iter().filter(|found| found.visible > 0.0) {
-                let category = cloud.labels.category.name(found.category_id).unwrap_or("unlabelled");
-                let Some(of) = self.style.of(category) else {
-                    self.untyped.insert(category.to_owned());
-                    continue;
-                };
-                let pose = in_sensor(cloud, found);
-                if let Some(line) = label(&self.grid, of, &pose, found) {
-                    lines += &line;
-                }
-                if (pose.orientation * DVec3::Z).z < UPRIGHT_DEG.to_radians().cos() {
-                    report.warn("kitti: boxes that lean in the camera's frame stand upright");
-                }
+        }
+        for (place, whose) in [self.lidar, self.camera].into_iter().enumerate() {
+            if scan == whose {
+                let own = boxes.iter().map(|found| InstanceBox { pose: in_sensor(cloud, found), ..*found });
+                self.frames[frame][place] = Some(own.collect());
             }
-            export::write_whole(&path("label_2", "txt"), lines.as_bytes())?;
+        }
+        // Sensors come in any order.
+        if let [Some(met), Some(seen)] = &mut self.frames[frame] {
+            let (met, seen) = (std::mem::take(met), std::mem::take(seen));
+            self.frames[frame] = [None, None];
+            let between = [self.lidar, self.camera].map(|scan| sample.scans()[scan].mount());
+            let to_camera = on(&inverse(between[1]), between[0]);
+            let file = path("label_2", "txt");
+            let lines = self.labels(&met, &seen, &to_camera, cloud, &mut report);
+            export::write_whole(&file, lines.as_bytes())?;
         }
         Ok(report)
     }
@@ -268,10 +276,49 @@ impl Write for Writer<'_> {
     }
 }
 
-/// The line of an object whose box is at `pose` in the camera's frame as a sensor; `None`: it is not in the image.
-fn label(grid: &ImageGrid, of: &str, pose: &Pose, found: &InstanceBox) -> Option<String> {
+impl Writer<'_> {
+    /// The lines of a frame: of what the camera has `seen`, with the places where the LiDAR has `met` it, whose points are
+    /// to lie in the boxes. `to_camera` from the LiDAR.
+    fn labels(
+        &mut self,
+        met: &[InstanceBox],
+        seen: &[InstanceBox],
+        to_camera: &Pose,
+        cloud: &PointCloud,
+        report: &mut Report,
+    ) -> String {
+        let mut lines = String::new();
+        for found in seen {
+            let own = met.iter().find(|own| own.instance_id == found.instance_id);
+            let points = found.points + own.map_or(0, |own| own.points);
+            if !self.style.unseen && (found.visible <= 0.0 || points == 0) {
+                continue;
+            }
+            let category = cloud.labels.category.name(found.category_id).unwrap_or("unlabelled");
+            let Some(of) = self.style.of(category) else {
+                self.untyped.insert(category.to_owned());
+                continue;
+            };
+            let place = match own {
+                Some(own) => InstanceBox { pose: on(to_camera, &own.pose), ..*own },
+                None => *found,
+            };
+            if let Some(line) = label(&self.grid, of, found, &place) {
+                lines += &line;
+            }
+            if (place.pose.orientation * DVec3::Z).z < UPRIGHT_DEG.to_radians().cos() {
+                report.warn("kitti: boxes that lean in the camera's frame stand upright");
+            }
+        }
+        lines
+    }
+}
+
+/// The line of an object in the camera's frame as a sensor: where it is in the image as the camera has `seen` it, and in
+/// space as it was `met`; `None`: it is not in the image.
+fn label(grid: &ImageGrid, of: &str, seen: &InstanceBox, met: &InstanceBox) -> Option<String> {
     let to_optical = Intrinsics::FROM_OPTICAL.inverse();
-    let whole = around(grid, &InstanceBox { pose: *pose, ..*found })?;
+    let whole = around(grid, seen)?;
     let last = [grid.width, grid.height].map(|count| count as f64 - 1.0);
     let cut: [[f64; 2]; 2] = whole.map(|corner| [0, 1].map(|axis| corner[axis].clamp(0.0, last[axis])));
     let area = |[low, high]: [[f64; 2]; 2]| (high[0] - low[0]) * (high[1] - low[1]);
@@ -279,21 +326,22 @@ fn label(grid: &ImageGrid, of: &str, pose: &Pose, found: &InstanceBox) -> Option
         return None;
     }
     let truncated = 1.0 - area(cut) / area(whole);
-    let occluded = match found.visible {
+    let occluded = match seen.visible {
         visible if visible >= VISIBLE => 0,
         visible if visible >= PARTLY => 1,
         _ => 2,
     };
+    let InstanceBox { pose, size, .. } = met;
     let (ahead, up) = (to_optical * (pose.orientation * DVec3::X), pose.orientation * DVec3::Z);
     // The place is the middle of the lower face.
-    let place = to_optical * (pose.position - up * (0.5 * found.size.z));
+    let place = to_optical * (pose.position - up * (0.5 * size.z));
     let turned = (-ahead.z).atan2(ahead.x);
     let angle = |angle: f64| {
         let whole = std::f64::consts::TAU;
         angle - (angle / whole).round() * whole
     };
     let alpha = angle(turned - place.x.atan2(place.z));
-    let numbers = [cut[0][0], cut[0][1], cut[1][0], cut[1][1], found.size.z, found.size.y, found.size.x];
+    let numbers = [cut[0][0], cut[0][1], cut[1][0], cut[1][1], size.z, size.y, size.x];
     let numbers = numbers.into_iter().chain(place.to_array()).chain([turned]);
     let numbers: Vec<String> = numbers.map(|number| format!("{:.4}", number + 0.0)).collect();
     Some(format!("{of} {:.4} {occluded} {:.4} {}\n", truncated + 0.0, alpha + 0.0, numbers.join(" ")))

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{self, BufRead as _, BufReader, Read as _, Seek as _, SeekFrom, Write as _};
+use std::io::{self, BufRead as _, BufReader, ErrorKind, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::Path;
 
 /// A sample of a set.
@@ -24,7 +24,10 @@ pub struct Entry {
     pub points: u64,
     /// How many of them are of each category.
     pub categories: BTreeMap<String, u64>,
-    /// How many of them are how far away, in steps of 10 m; the last counts all from 500 m on.
+    /// Clouds and images in which nothing is seen, by sensor.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty", default)]
+    pub empty: BTreeMap<String, u64>,
+    /// How many points are how far away, in steps of 10 m; the last counts all from 500 m on.
     pub ranges: Vec<u64>,
     /// What was noticed.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
@@ -51,6 +54,22 @@ pub(super) const RANGE_STEP_M: f64 = 10.0;
 /// Ranges from here on are counted together, m.
 pub(super) const FARTHEST_M: f64 = 500.0;
 
+impl Entry {
+    /// A sample that has failed.
+    pub(super) fn failed(sample: u64, error: &Error) -> Entry {
+        Entry {
+            sample,
+            files: Vec::new(),
+            error: Some(error.to_string()),
+            points: 0,
+            categories: BTreeMap::new(),
+            empty: BTreeMap::new(),
+            ranges: Vec::new(),
+            warnings: Vec::new(),
+        }
+    }
+}
+
 impl FileEntry {
     /// The file at `path` in the set's folder `root`.
     ///
@@ -62,10 +81,7 @@ impl FileEntry {
     }
 
     /// Its contents, from the folder `root`.
-    ///
-    /// # Errors
-    /// The system's.
-    pub(super) fn open(&self, root: &Path) -> io::Result<impl io::Read> {
+    fn open(&self, root: &Path) -> io::Result<impl io::Read> {
         let mut file = File::open(root.join(&self.path))?;
         file.seek(SeekFrom::Start(self.offset.unwrap_or(0)))?;
         Ok(file.take(self.bytes))
@@ -73,31 +89,49 @@ impl FileEntry {
 
     /// What is wrong with the file in the folder `root`, if anything is.
     pub(super) fn fault(&self, root: &Path) -> Option<String> {
+        self.copy(root, &mut io::sink()).err().map(|error| error.to_string())
+    }
+
+    /// Copies its contents from the folder `root` to `out`.
+    ///
+    /// # Errors
+    /// Those of `out`; they are not as they were written, in a sentence.
+    pub(super) fn copy(&self, root: &Path, out: &mut dyn io::Write) -> io::Result<()> {
+        let wrong = |message: String| io::Error::other(message);
         let path = root.join(&self.path);
         match (fs::metadata(&path), self.offset) {
-            (Err(_), _) => return Some(format!("{} is missing", self.path)),
+            (Err(error), _) if error.kind() != ErrorKind::NotFound => {
+                return Err(wrong(Error::Io { path, source: error }.to_string()));
+            }
+            (Err(_), _) => return Err(wrong(format!("{} is missing", self.path))),
+            (Ok(found), _) if !found.is_file() => return Err(wrong(format!("{} is not a file", self.path))),
             (Ok(found), None) if found.len() != self.bytes => {
-                return Some(format!("{} has {} bytes instead of {}", self.path, found.len(), self.bytes));
+                return Err(wrong(format!("{} has {} bytes instead of {}", self.path, found.len(), self.bytes)));
             }
             _ => {}
         }
-        let found = self.open(root).and_then(digest_all);
-        match found {
-            Ok((bytes, sha256)) if bytes == self.bytes && sha256 == self.sha256 => None,
-            Ok(_) => Some(format!("{} has other contents", self.path)),
-            Err(source) => Some(Error::Io { path, source }.to_string()),
+        let file = self.open(root).map_err(|source| wrong(Error::Io { path, source }.to_string()))?;
+        if digest_all(file, out)? == (self.bytes, self.sha256.clone()) {
+            return Ok(());
         }
+        Err(wrong(format!("{} has other contents", self.path)))
+    }
+
+    /// Whether it is in the folder of the set.
+    pub(super) fn is_inside(&self) -> bool {
+        let mut parts = Path::new(&self.path).components();
+        !self.path.is_empty() && parts.all(|part| matches!(part, std::path::Component::Normal(_)))
     }
 }
 
 /// Length and SHA-256 of a file.
 pub(super) fn digest(path: &Path) -> Result<(u64, String)> {
-    let found = File::open(path).and_then(digest_all);
+    let found = File::open(path).and_then(|file| digest_all(file, &mut io::sink()));
     found.map_err(|source| Error::Io { path: path.to_owned(), source })
 }
 
-/// Length and SHA-256 of what is left in `file`.
-fn digest_all(mut file: impl io::Read) -> io::Result<(u64, String)> {
+/// Length and SHA-256 of what is left in `file`, which is copied to `out`.
+fn digest_all(mut file: impl io::Read, out: &mut dyn io::Write) -> io::Result<(u64, String)> {
     let (mut hash, mut bytes, mut block) = (Sha256::new(), 0, vec![0; 1 << 16]);
     loop {
         let count = file.read(&mut block)?;
@@ -105,6 +139,7 @@ fn digest_all(mut file: impl io::Read) -> io::Result<(u64, String)> {
             return Ok((bytes, hex(&hash.finalize())));
         }
         hash.update(&block[..count]);
+        out.write_all(&block[..count])?;
         bytes += count as u64;
     }
 }
@@ -158,7 +193,7 @@ const WHOLE: &str = "manifest.json";
 /// All samples in the manifests of `root`, the newest entry of each. Lines that are not whole are those of killed runs.
 ///
 /// # Errors
-/// The system's.
+/// The system's; a manifest that is not ours, or names files elsewhere.
 pub(super) fn read(root: &Path) -> Result<BTreeMap<u64, Entry>> {
     let mut all: BTreeMap<u64, Entry> = BTreeMap::new();
     let whole = root.join(WHOLE);
@@ -166,22 +201,44 @@ pub(super) fn read(root: &Path) -> Result<BTreeMap<u64, Entry>> {
         let bytes = crate::read::bytes(&whole, crate::read::Limit::SCENE)?;
         let entries: Vec<Entry> =
             serde_json::from_slice(&bytes).map_err(|error| Error::parse(&whole, "", error.to_string()))?;
+        entries.iter().try_for_each(|entry| inside(&whole, entry))?;
         all.extend(entries.into_iter().map(|entry| (entry.sample, entry)));
     }
+    let mut made: BTreeMap<u64, Entry> = BTreeMap::new();
     for path in logs(root)? {
         let file = File::open(&path).map_err(|source| Error::Io { path: path.clone(), source })?;
+        // A sample that is made again was damaged: what is noted last holds, whatever becomes of it.
+        let mut own: BTreeMap<u64, Entry> = BTreeMap::new();
         for line in BufReader::new(file).lines() {
             let line = line.map_err(|source| Error::Io { path: path.clone(), source })?;
             if let Ok(entry) = serde_json::from_str::<Entry>(&line) {
-                // What one run has made stays, whatever fails in another.
-                let worse = |known: &Entry| known.error.is_none() && entry.error.is_some();
-                if !all.get(&entry.sample).is_some_and(worse) {
-                    all.insert(entry.sample, entry);
-                }
+                inside(&path, &entry)?;
+                own.insert(entry.sample, entry);
+            }
+        }
+        for (sample, entry) in own {
+            // What one shard has made stays, whatever fails in another.
+            let worse = |known: &Entry| known.error.is_none() && entry.error.is_some();
+            if !made.get(&sample).is_some_and(worse) {
+                made.insert(sample, entry);
             }
         }
     }
+    all.extend(made);
     Ok(all)
+}
+
+/// Checks that the files of an entry of the manifest at `path` are in the folder of the set.
+fn inside(path: &Path, entry: &Entry) -> Result<()> {
+    match entry.files.iter().find(|file| !file.is_inside()) {
+        Some(file) => Err(elsewhere(path, file)),
+        None => Ok(()),
+    }
+}
+
+/// What is wrong with the list at `path` of a file that is elsewhere.
+pub(super) fn elsewhere(path: &Path, file: &FileEntry) -> Error {
+    Error::parse(path, "", format!("names {:?}, which is not in the set", shown::text(&file.path)))
 }
 
 /// The manifests of runs and shards, by name.

@@ -6,6 +6,7 @@
 //! | what the styles write | files of each sample, which appear when it is complete |
 //! | `samples/000017.json` | what was drawn for the sample |
 //! | `pictures/000000.png` | some samples, for people |
+//! | `.lock*` | who writes to it, while somebody does |
 //! | `manifest*.jsonl` | a line for each sample: its files with sizes and digests, its counts; one file for each shard |
 //! | `README.md` | what it is, for people |
 //! | `splits/train.txt` | the samples of each part |
@@ -16,7 +17,9 @@ mod coco;
 mod folder;
 mod imaging;
 mod kitti;
+mod lock;
 mod manifest;
+mod noticed;
 mod nuscenes;
 mod plain;
 mod points;
@@ -33,7 +36,8 @@ mod whole;
 
 pub use folder::check_folder;
 pub use manifest::{Entry, FileEntry};
-pub use run::{Event, RunOptions, RunSummary, finish, run};
+pub use noticed::Noticed;
+pub use run::{Event, RunOptions, RunSummary, complete, finish, run};
 pub(super) use splits::Splits;
 
 use super::{Sample, Scenario};

@@ -2,11 +2,11 @@
 
 mod categories;
 
-use super::points::{Known, in_world, inverse, local, remission};
+use super::points::{Known, in_sensor, in_world, inverse, local, remission, runs};
 use super::rig::{Kind, camera, find, kind};
 use super::style::{Scanned, Style, Writer as Write, numbered};
-use super::whole::Whole;
-use crate::cloud::{Field, FieldSet};
+use super::whole::{Whole, damaged};
+use crate::cloud::{Field, FieldSet, InstanceBox};
 use crate::emitter::{ImageGrid, Intrinsics};
 use crate::export::images::write_layer;
 use crate::export::{self, ImageLayer};
@@ -18,7 +18,7 @@ use crate::image::RangeImage;
 use crate::scenario::Sample;
 use crate::scenario::sample::Boxes;
 use categories::Categories;
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec3, Vec3};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
@@ -35,13 +35,15 @@ pub(super) struct NuScenes {
     pub version: String,
     /// Name of the LiDAR that is `LIDAR_TOP`, where there are several.
     pub top: Option<String>,
+    /// Whether objects that no sensor has a point of have boxes, too.
+    pub unseen: bool,
     /// Names in nuScenes, or new ones, of categories that it does not know by theirs.
     pub categories: BTreeMap<String, String>,
 }
 
 impl Default for NuScenes {
     fn default() -> Self {
-        NuScenes { version: "v1.0-echocast".into(), top: None, categories: BTreeMap::new() }
+        NuScenes { version: "v1.0-echocast".into(), top: None, unseen: false, categories: BTreeMap::new() }
     }
 }
 
@@ -139,6 +141,8 @@ struct Writer<'w> {
     /// Number of key frames.
     keys: usize,
     annotations: Vec<Annotation>,
+    /// Key frames and objects of which a sensor has points there.
+    seen: BTreeSet<(usize, u32)>,
     /// Lines of a table's name and a row.
     rows: String,
     /// Categories that it does not have.
@@ -250,6 +254,7 @@ impl Style for NuScenes {
             channels,
             keys: keys.len(),
             annotations: Vec::new(),
+            seen: BTreeSet::new(),
             rows: String::new(),
             unknown: BTreeSet::new(),
         };
@@ -260,13 +265,13 @@ impl Style for NuScenes {
     fn join(&self, whole: &mut Whole) -> Result<()> {
         let folder = Path::new(ROOT).join(&self.version);
         let (mut sensors, mut logs) = (BTreeSet::new(), Vec::new());
-        let samples = whole.samples();
+        let pieces = whole.pieces(&whole.samples(), piece)?;
         for table in TABLES {
             let root = whole.root;
             whole.write(folder.join(format!("{table}.json")), &mut |out| {
                 let mut between = "[\n";
-                for &sample in &samples {
-                    let text = fs::read_to_string(root.join(piece(sample)))?;
+                for piece in &pieces {
+                    let text = Whole::text(root, piece)?;
                     let rows = text.lines().filter_map(|line| line.strip_prefix(table)?.strip_prefix(' '));
                     for row in rows {
                         write!(out, "{between}{row}")?;
@@ -277,9 +282,9 @@ impl Style for NuScenes {
                 write!(out, "{}\n]\n", if between == "[\n" { "[" } else { "" })
             })?;
         }
-        for &sample in &samples {
-            let path = whole.root.join(piece(sample));
-            let text = fs::read_to_string(&path).map_err(|source| Error::Io { path: path.clone(), source })?;
+        for piece in &pieces {
+            let path = whole.root.join(&piece.path);
+            let text = Whole::text(whole.root, piece).map_err(|fault| damaged(fault.to_string()))?;
             for line in text.lines() {
                 match line.split_once(' ') {
                     Some(("sensor", row)) => drop(sensors.insert(row.to_owned())),
@@ -329,8 +334,9 @@ impl Style for NuScenes {
         format!(
             "`nuscenes` is laid out as nuScenes v1.0, each sample a scene, with key frames every {KEY_PERIOD_S} s. Points \
              are in the LiDAR's frame (x ahead, y left, z up); `calibrated_sensor` and `ego_pose` say where that is. \
-             Intensities go from 0 to 255. Boxes are of the whole object when the scan of `LIDAR_TOP` starts, and their \
-             visibility is how much of them it sees. Classes that nuScenes does not have are `static.other` in \
+             Intensities go from 0 to 255. Boxes are of the whole object when `LIDAR_TOP` scans it, and their visibility is \
+             how much of them it sees; `num_lidar_pts` counts its points in them. Objects of which no sensor has a \
+             point have none. Classes that nuScenes does not have are `static.other` in \
              `lidarseg` and have no boxes. There is no map: its mask is empty. Times count from {} s after 1970, an hour \
              for each scene.\n\n\
              ```python\n\
@@ -483,7 +489,8 @@ impl Writer<'_> {
     /// The rows of objects, once all of them are known.
     fn link(&mut self) {
         self.annotations.sort_by_key(|found| (found.track, found.key));
-        let annotations = std::mem::take(&mut self.annotations);
+        let mut annotations = std::mem::take(&mut self.annotations);
+        annotations.retain(|found| self.style.unseen || self.seen.contains(&(found.key, found.track)));
         for track in annotations.chunk_by(|a, b| a.track == b.track) {
             let of = |found: Option<&Annotation>| {
                 found.map_or_else(String::new, |found| {
@@ -515,6 +522,15 @@ impl Writer<'_> {
     }
 }
 
+/// How many of `places` are in a box in their frame, as the development kit counts them.
+fn inside(found: &InstanceBox, places: &[Vec3]) -> u32 {
+    let (middle, half) = (found.pose.position, 0.5 * found.size);
+    let (near, reach) = (middle.as_vec3(), 1.001 * half.length() as f32);
+    let back = found.pose.orientation.inverse();
+    let is_inside = |place: &&Vec3| (back * (place.as_dvec3() - middle)).abs().cmple(half).all();
+    places.iter().filter(|place| place.distance_squared(near) <= reach * reach).filter(is_inside).count() as u32
+}
+
 /// What an object of a category does at a speed, m/s.
 fn attribute(category: &str, ours: &str, speed: f64) -> Option<&'static str> {
     let moves = speed > STANDING_M_S;
@@ -544,6 +560,10 @@ impl Write for Writer<'_> {
         let path = self.folder.join(&shot.file);
         let [mut width, mut height] = [0; 2];
         let mut labels = None;
+        let mut places = Vec::new();
+        if shot.is_key {
+            self.seen.extend(runs(&cloud.columns.instance_id).map(|(id, _)| (shot.key, id)));
+        }
         if let Some((grid, _)) = &channel.camera {
             [width, height] = [grid.width, grid.height];
             write_layer(&RangeImage::new(cloud, grid)?, ImageLayer::Color, None, &path, &mut report)?;
@@ -555,6 +575,7 @@ impl Write for Writer<'_> {
                 let ring = f32::from(columns.channel[row]);
                 let numbers = [point.x, point.y, point.z, 255.0 * remission(cloud, row), ring];
                 points.extend(numbers.map(f32::to_le_bytes).as_flattened());
+                places.push(point);
                 let category = columns.category_id[row];
                 classes.push(known.of(category, || match cloud.labels.category.name(category) {
                     None => categories::NOISE,
@@ -588,7 +609,7 @@ impl Write for Writer<'_> {
         });
         if index == 0 && shot.is_key {
             let key = shot.key;
-            for found in boxes.iter().filter(|found| found.points > 0 || found.visible > 0.0) {
+            for found in boxes {
                 let ours = cloud.labels.category.name(found.category_id).unwrap_or_default();
                 let Some(category) = self.categories.of_boxes(ours) else { continue };
                 self.annotations.push(Annotation {
@@ -597,7 +618,7 @@ impl Write for Writer<'_> {
                     category: category.to_owned(),
                     pose: in_world(cloud, found),
                     size: found.size,
-                    points: found.points,
+                    points: inside(&InstanceBox { pose: in_sensor(cloud, found), ..*found }, &places),
                     visible: found.visible,
                     attribute: attribute(category, ours, found.velocity.length()),
                 });

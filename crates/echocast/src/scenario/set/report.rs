@@ -1,7 +1,9 @@
 //! What a set is like, for programs and for people.
 
 use super::folder::{self, Origin};
-use super::manifest::{Entry, RANGE_STEP_M, drawn_file};
+use super::manifest::{Entry, FileEntry, RANGE_STEP_M, drawn_file};
+use super::noticed::Kinds;
+use super::style::numbered;
 use crate::export;
 use crate::ground::error::{Error, Result};
 use crate::preview;
@@ -9,7 +11,6 @@ use crate::read::{self, Limit};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::fs;
 use std::path::Path;
 
 /// Values of one parameter over all samples.
@@ -31,7 +32,8 @@ pub(super) fn write(root: &Path, origin: &Origin, entries: &BTreeMap<u64, Entry>
     let entries = || entries.range(..origin.samples).map(|(_, entry)| entry);
     let mut categories: BTreeMap<&str, u64> = BTreeMap::new();
     let mut ranges: Vec<u64> = Vec::new();
-    let mut warnings: BTreeMap<&str, u64> = BTreeMap::new();
+    let mut empty: BTreeMap<&str, u64> = BTreeMap::new();
+    let mut noticed = Kinds::default();
     let mut drawn: BTreeMap<String, Drawn> = BTreeMap::new();
     for entry in entries() {
         for (name, count) in &entry.categories {
@@ -39,7 +41,10 @@ pub(super) fn write(root: &Path, origin: &Origin, entries: &BTreeMap<u64, Entry>
         }
         ranges.resize(ranges.len().max(entry.ranges.len()), 0);
         ranges.iter_mut().zip(&entry.ranges).for_each(|(sum, count)| *sum += count);
-        entry.warnings.iter().for_each(|warning| *warnings.entry(warning).or_default() += 1);
+        for (name, count) in &entry.empty {
+            *empty.entry(name).or_default() += count;
+        }
+        noticed.add(entry.sample, &entry.warnings);
         if entry.error.is_none() {
             collect(&root.join(drawn_file(entry.sample)), &mut drawn)?;
         }
@@ -55,14 +60,15 @@ pub(super) fn write(root: &Path, origin: &Origin, entries: &BTreeMap<u64, Entry>
         "points": points,
         "bytes": bytes,
         "categories": categories,
+        "empty": empty,
         "ranges": {"step_m": RANGE_STEP_M, "points": ranges},
         "drawn": drawn,
-        "warnings": warnings,
+        "warnings": noticed.told(),
         "echocast": origin.echocast,
     });
     let text = serde_json::to_string_pretty(&report).map_err(|error| Error::Internal(error.to_string()))? + "\n";
     folder::replace(&root.join("report.json"), text.as_bytes())?;
-    let pictures = pictures(root)?;
+    let pictures = pictures(root, entries())?;
     if !pictures.is_empty() {
         let path = root.join("contact_sheet.png");
         let sheet = preview::sheet(pictures.iter().map(|(_, file)| file))
@@ -136,20 +142,14 @@ impl Drawn {
 }
 
 /// The pictures of samples, by name.
-fn pictures(root: &Path) -> Result<Vec<(String, Vec<u8>)>> {
-    let folder = root.join("pictures");
-    let failed = |source| Error::Io { path: folder.clone(), source };
-    let mut names = Vec::new();
-    for entry in fs::read_dir(&folder).map_err(failed)? {
-        let name = entry.map_err(failed)?.file_name().to_string_lossy().into_owned();
-        names.extend(name.strip_suffix(".png").map(str::to_owned));
-    }
-    names.sort();
-    let picture = |name: String| {
-        let bytes = read::bytes(&folder.join(format!("{name}.png")), Limit::SCENE)?;
-        Ok((name, bytes))
+fn pictures<'e>(root: &Path, entries: impl Iterator<Item = &'e Entry>) -> Result<Vec<(String, Vec<u8>)>> {
+    let name = |path: &'e str| path.strip_prefix("pictures/")?.strip_suffix(".png");
+    let names = entries.flat_map(|entry| &entry.files).filter_map(|file| Some((file, name(&file.path)?)));
+    let picture = |(file, name): (&FileEntry, &str)| {
+        let bytes = read::bytes(&root.join(&file.path), Limit::SCENE)?;
+        Ok((name.to_owned(), bytes))
     };
-    names.into_iter().map(picture).collect()
+    names.map(picture).collect()
 }
 
 /// The page: everything in it, nothing from elsewhere.
@@ -245,10 +245,16 @@ fn page(report: &Value, pictures: &[(String, Vec<u8>)]) -> String {
         }
         html += "</table>\n";
     }
-    if let Some(warnings) = report["warnings"].as_object().filter(|warnings| !warnings.is_empty()) {
+    if let Some(warnings) = report["warnings"].as_array().filter(|warnings| !warnings.is_empty()) {
         html += "<h2>Noticed</h2>\n<table id=\"warnings\">\n";
-        for (warning, count) in warnings {
-            let _ = writeln!(html, "<tr><td class=\"n\">{}</td><td>{}</td></tr>", grouped(count), escaped(warning));
+        for noticed in warnings {
+            let (count, warning) = (grouped(&noticed["samples"]), noticed["warning"].as_str().unwrap_or_default());
+            let _ = writeln!(
+                html,
+                "<tr><td class=\"n\">{count}</td><td>{} <span class=\"dim\">sample {}</span></td></tr>",
+                escaped(warning),
+                numbered(noticed["first"].as_u64().unwrap_or(0))
+            );
         }
         html += "</table>\n";
     }
@@ -326,7 +332,7 @@ mod tests {
     #[test]
     fn names_cannot_leave_their_place_in_the_page() {
         let report = json!({"samples": 1, "points": 1234567, "bytes": 0, "echocast": "1", "failed": [],
-            "categories": {"<script>alert(1)</script>": 3}, "ranges": {"points": [3]}, "drawn": {}, "warnings": {}});
+            "categories": {"<script>alert(1)</script>": 3}, "ranges": {"points": [3]}, "drawn": {}, "warnings": []});
         let page = page(&report, &[]);
         assert!(!page.contains("<script>") && page.contains("&lt;script&gt;") && page.contains("1,234,567 points"));
     }

@@ -1,10 +1,13 @@
 //! Making samples, side by side, and completing a set.
 
-use super::folder::{self, Origin, settle, unfinished};
+use super::folder::{self, Making, Origin, settle};
+use super::lock::Lock;
 use super::manifest::{self, Entry, FARTHEST_M, FileEntry, Log, RANGE_STEP_M, drawn_file};
+use super::noticed::{Kinds, Noticed};
 use super::points::runs;
+use super::rig::{Kind, kind};
 use super::style::{self, Scanned, Style, numbered};
-use super::whole::Whole;
+use super::whole::{Whole, damaged};
 use super::{readme, report};
 use crate::cloud::{Field, FieldSet, PointCloud};
 use crate::export::{self, cancel_flag};
@@ -63,8 +66,8 @@ pub struct RunSummary {
     pub points: u64,
     /// s.
     pub seconds: f64,
-    /// What was noticed in samples, each once, and in how many.
-    pub warnings: BTreeMap<String, u64>,
+    /// What was noticed, each kind once.
+    pub warnings: Vec<Noticed>,
     /// Whether the set is complete: with manifest and report.
     pub complete: bool,
     /// Threads that made samples.
@@ -79,12 +82,14 @@ const PICTURES: u64 = 12;
 /// `watch` is told what happens, on the thread where it happens.
 ///
 /// # Errors
-/// A folder that holds something else; samples that are there without `resume`; a full disk; [`Error::Cancelled`] once
-/// the samples under way are complete, if [`cancel_flag`] is set.
+/// A folder that holds something else; one that another process writes to, unless both make shards, another one each of
+/// as many; samples that are there without `resume`; a full disk; [`Error::Cancelled`] once the samples under way are
+/// complete, if [`cancel_flag`] is set.
 pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sync)) -> Result<RunSummary> {
     let start = Instant::now();
     let styles = super::styles(&scenario)?;
     let root = options.folder.clone().or_else(|| scenario.set_folder());
+    let root = root.filter(|root| !root.as_os_str().is_empty());
     let root =
         root.ok_or_else(|| Error::invalid("set.folder", "missing", "a folder, for a scenario that is no file"))?;
     let wanted = wanted(&scenario, options)?;
@@ -100,12 +105,23 @@ pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sy
         let sample = scenario.sample(first)?;
         styles.iter().try_for_each(|style| style.fits(&sample))?;
     }
-    origin.claim(&root)?;
+    origin.known(&root)?;
+    fs::create_dir_all(&root).map_err(|source| Error::Io { path: root.clone(), source })?;
+    let lock_files = match options.shard {
+        Some(shard) => Lock::of_shard(&root, shard)?,
+        None => Lock::of_set(&root)?,
+    };
+    // What another run has written meanwhile is there now.
+    let claimed = origin.known(&root)?;
     let known = manifest::read(&root)?;
     let there = wanted.iter().filter(|sample| known.get(sample).is_some_and(|entry| entry.error.is_none())).count();
     if there > 0 && !options.resume {
         let found = format!("{}, in which {there} of these samples are", crate::ground::shown::path(&root));
         return Err(Error::invalid("set.folder", found, "another folder, or to go on with it (--resume)"));
+    }
+    origin.claim(&root, claimed)?;
+    if options.shard.is_none() {
+        folder::sweep(&root, &origin)?;
     }
     let log_name = options.shard.map_or("manifest.jsonl".to_owned(), |[k, n]| format!("manifest.{k}_of_{n}.jsonl"));
     let log_path = root.join(log_name);
@@ -115,6 +131,7 @@ pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sy
     let maker = Maker { scenario: &scenario, styles: &styles, root: &root };
     let queue = Mutex::new(wanted.iter().copied());
     let summary = Mutex::new(RunSummary { folder: root.clone(), threads: workers * threads, ..RunSummary::default() });
+    let noticed = Mutex::new(Kinds::default());
     let lost = Mutex::new(None);
     let work = || {
         let mut cloud = PointCloud::default();
@@ -126,12 +143,19 @@ pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sy
                 lock(&summary).found += 1;
                 continue;
             }
-            let entry = maker.entry(sample, &mut cloud);
-            if let Err(error) = lock(&log).add(&entry, &log_path) {
-                lock(&lost).get_or_insert(error);
-                break;
-            }
+            let noted = maker.entry(sample, &mut cloud).and_then(|entry| {
+                lock(&log).add(&entry, &log_path)?;
+                Ok(entry)
+            });
+            let entry = match noted {
+                Ok(entry) => entry,
+                Err(error) => {
+                    lock(&lost).get_or_insert(error);
+                    break;
+                }
+            };
             watch(Event::Made(&entry));
+            lock(&noticed).add(entry.sample, &entry.warnings);
             lock(&summary).count(entry);
         }
     };
@@ -147,22 +171,56 @@ pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sy
     }
     let mut summary = summary.into_inner().unwrap_or_else(PoisonError::into_inner);
     summary.failed.sort();
+    summary.warnings = noticed.into_inner().unwrap_or_else(PoisonError::into_inner).told();
+    if lock_files.unlocked {
+        let warning = format!("{}: {UNLOCKED}", crate::ground::shown::path(&root));
+        summary.warnings.push(Noticed { warning, samples: 0, first: 0 });
+    }
     if options.shard.is_none() {
         let entries = manifest::read(&root)?;
         if folder::missing(&folder::need_origin(&root)?, &entries).is_none() {
-            finish(&root)?;
+            write_whole(&root)?;
             summary.complete = true;
         }
     }
+    drop(lock_files);
     summary.seconds = start.elapsed().as_secs_f64();
     Ok(summary)
 }
 
-/// Completes the set in `root`, whose samples are all there: writes what they have together, its manifest and its report.
+/// What is told where a file system has no locks.
+const UNLOCKED: &str = "its file system has no locks: nothing keeps another run from writing there at the same time";
+
+/// Completes the set in `root`, whose samples are all there, as their manifests say: writes what they have together, its
+/// manifest and its report.
 ///
 /// # Errors
-/// There is no set; samples are missing; the system's.
+/// There is no set, or another process writes to it; samples are missing, or their files are not as they were written;
+/// the system's.
 pub fn finish(root: &Path) -> Result<()> {
+    let origin = folder::need_origin(root)?;
+    let _lock = Lock::of_set(root)?;
+    for entry in manifest::read(root)?.values() {
+        if let Some(fault) = folder::damages(root, &origin, entry).next() {
+            return Err(damaged(fault));
+        }
+    }
+    write_whole(root)
+}
+
+/// [`finish`] of a set of which only those files need to be in `root` that something is joined of, as where the others
+/// are in an object store.
+///
+/// # Errors
+/// As there.
+pub fn complete(root: &Path) -> Result<()> {
+    folder::need_origin(root)?;
+    let _lock = Lock::of_set(root)?;
+    write_whole(root)
+}
+
+/// [`complete`] by who has the lock of the set.
+fn write_whole(root: &Path) -> Result<()> {
     let origin = folder::need_origin(root)?;
     let entries = manifest::read(root)?;
     if let Some(missing) = folder::missing(&origin, &entries) {
@@ -212,9 +270,6 @@ impl RunSummary {
             None => self.made += 1,
         }
         self.points += entry.points;
-        for warning in entry.warnings {
-            *self.warnings.entry(warning).or_default() += 1;
-        }
     }
 }
 
@@ -225,37 +280,33 @@ struct Maker<'m> {
 }
 
 impl Maker<'_> {
-    /// Makes a sample and writes it; whatever goes wrong is in the entry.
-    fn entry(&self, sample: u64, cloud: &mut PointCloud) -> Entry {
+    /// Makes a sample and writes it; whatever is wrong with it is in the entry.
+    ///
+    /// # Errors
+    /// It is not the sample that is wrong: the folder of the set cannot be written to, or the run is cancelled.
+    fn entry(&self, sample: u64, cloud: &mut PointCloud) -> Result<Entry> {
         let made = catch_unwind(AssertUnwindSafe(|| self.make(sample, cloud)));
         let made = made.unwrap_or_else(|_| Err(Error::Internal("a defect of the program stopped it".into())));
-        let mut entry = made.unwrap_or_else(|error| {
-            self.unfinished(sample).iter().for_each(|folder| {
-                // What is left is removed by the next run.
-                let _ = fs::remove_dir_all(folder);
-            });
-            Entry {
-                sample,
-                files: Vec::new(),
-                error: Some(error.to_string()),
-                points: 0,
-                categories: BTreeMap::new(),
-                ranges: Vec::new(),
-                warnings: Vec::new(),
+        let mut entry = match made {
+            Ok(entry) => entry,
+            Err(error) => {
+                for half in [picture_file(sample), drawn_file(sample).into()] {
+                    let _ = fs::remove_file(self.root.join(half));
+                }
+                match &error {
+                    Error::Cancelled => return Err(error),
+                    Error::Io { path, .. } if path.starts_with(self.root) => return Err(error),
+                    _ => Entry::failed(sample, &error),
+                }
             }
-        });
+        };
         // The same wherever the scenario lies.
         let folder = format!("{}/", crate::ground::shown::path(self.scenario.folder()));
         if folder != "/" {
             let texts = entry.warnings.iter_mut().chain(&mut entry.error);
             texts.for_each(|text| *text = text.replace(&folder, ""));
         }
-        entry
-    }
-
-    /// Where the styles write `sample` to.
-    fn unfinished(&self, sample: u64) -> Vec<PathBuf> {
-        self.styles.iter().map(|style| unfinished(self.root, style.root(), sample)).collect()
+        Ok(entry)
     }
 
     fn make(&self, number: u64, cloud: &mut PointCloud) -> Result<Entry> {
@@ -266,11 +317,8 @@ impl Maker<'_> {
 
     fn write(&self, number: u64, sample: &mut Sample, cloud: &mut PointCloud) -> Result<Entry> {
         self.styles.iter().try_for_each(|style| style.fits(sample))?;
-        let folders = self.unfinished(number);
-        for folder in &folders {
-            let _ = fs::remove_dir_all(folder);
-            fs::create_dir(folder).map_err(|source| Error::Io { path: folder.clone(), source })?;
-        }
+        let begin = |style: &Box<dyn Style>| Making::begin(self.root, style.root(), number);
+        let folders = self.styles.iter().map(begin).collect::<Result<Vec<_>>>()?;
         let shown = number < PICTURES;
         let mut needed = self.styles.iter().fold(FieldSet::EMPTY, |all, style| all.union(style.fields(sample)));
         needed = [Field::X, Field::Y, Field::Z, Field::CategoryId].into_iter().fold(needed, FieldSet::with);
@@ -281,19 +329,28 @@ impl Maker<'_> {
             .styles
             .iter()
             .zip(&folders)
-            .map(|(style, folder)| style.writer(number, sample, folder))
+            .map(|(style, folder)| style.writer(number, sample, folder.path()))
             .collect::<Result<Vec<_>>>()?;
         let mut report = sample.report().clone();
         let mut counts = Counts::default();
         let mut pictures = Vec::new();
         for scan in 0..sample.scans().len() {
             for frame in 0..sample.scans()[scan].frames().len() {
-                let asked = sample.scans()[scan].options(frame).fields;
+                let asked = sample.scans()[scan].set_fields();
                 let boxes = self.styles.iter().map(|style| style.boxes(sample, scan, frame)).max();
-                sample.cloud_with(scan, frame, needed, boxes.unwrap_or(Boxes::None), cloud)?;
-                counts.add(cloud);
+                sample.cloud_with(scan, frame, asked.union(needed), boxes.unwrap_or(Boxes::None), cloud)?;
+                if counts.add(cloud) == 0 {
+                    let scan = &sample.scans()[scan];
+                    let what = if kind(scan) == Kind::Camera {
+                        "an image in which nothing is seen"
+                    } else {
+                        "a cloud without points"
+                    };
+                    report.warn(format!("{}: {what}", scan.name()));
+                    *counts.empty.entry(scan.name().to_owned()).or_default() += 1;
+                }
                 if shown && (scan, frame) == (0, 0) {
-                    let path = Path::new("pictures").join(format!("{}.png", numbered(number)));
+                    let path = picture_file(number);
                     preview::write_new(cloud, &self.root.join(&path), &picture())?;
                     pictures.push(path);
                 }
@@ -316,8 +373,8 @@ impl Maker<'_> {
         export::write_whole(&self.root.join(&drawn), text.as_bytes())?;
         let mut files = vec![FileEntry::of(self.root, &drawn)?];
         files.extend(pictures.iter().map(|path| FileEntry::of(self.root, path)).collect::<Result<Vec<_>>>()?);
-        for style in self.styles {
-            for path in settle(self.root, &**style, number)? {
+        for (style, folder) in self.styles.iter().zip(folders) {
+            for path in settle(self.root, &**style, number, folder)? {
                 files.push(FileEntry::of(self.root, &path)?);
             }
         }
@@ -328,10 +385,16 @@ impl Maker<'_> {
             error: None,
             points: counts.points,
             categories: counts.categories,
+            empty: counts.empty,
             ranges: counts.ranges,
             warnings: report.warnings,
         })
     }
+}
+
+/// Name of the picture of a sample.
+fn picture_file(sample: u64) -> PathBuf {
+    Path::new("pictures").join(format!("{}.png", numbered(sample)))
 }
 
 fn picture() -> PreviewOptions {
@@ -343,11 +406,14 @@ fn picture() -> PreviewOptions {
 struct Counts {
     points: u64,
     categories: BTreeMap<String, u64>,
+    empty: BTreeMap<String, u64>,
     ranges: Vec<u64>,
 }
 
 impl Counts {
-    fn add(&mut self, cloud: &PointCloud) {
+    /// Returns how many points there are in `cloud`.
+    fn add(&mut self, cloud: &PointCloud) -> u64 {
+        let all = self.points;
         let columns = &cloud.columns;
         let mut numbers: BTreeMap<u32, u64> = BTreeMap::new();
         let from = (cloud.sensor_pose.position - cloud.origin).as_vec3();
@@ -373,5 +439,6 @@ impl Counts {
             let name = cloud.labels.category.name(number).unwrap_or("unlabelled");
             *self.categories.entry(name.to_owned()).or_default() += count;
         }
+        self.points - all
     }
 }

@@ -114,6 +114,11 @@ const STYLES: &[(&str, ReadKeys)] = &[
     ("voc", keys::<Voc>),
 ];
 
+/// Names of all of them.
+pub(super) fn names() -> impl Iterator<Item = &'static str> + Clone {
+    STYLES.iter().map(|(name, _)| *name)
+}
+
 /// That which `echocast scan` reports.
 const FILES: &str = "files";
 
@@ -129,7 +134,6 @@ pub(super) fn all(outputs: &[Value], document: &Document) -> Result<Vec<Box<dyn 
     if outputs.is_empty() {
         return Ok(vec![Box::new(Plain::default())]);
     }
-    let names = || STYLES.iter().map(|(name, _)| *name);
     let mut all: Vec<Box<dyn Style>> = Vec::new();
     for (index, output) in outputs.iter().enumerate() {
         let key = format!("outputs[{index}]");

@@ -1,9 +1,9 @@
 //! WebDataset: samples in archives, one after the other.
 
-use super::manifest::FileEntry;
+use super::manifest::{Entry, FileEntry};
 use super::plain::file_name;
 use super::style::{Scanned, Style, Writer as Write, numbered};
-use super::whole::Whole;
+use super::whole::{Whole, damaged};
 use crate::cloud::{FieldSet, Frame};
 use crate::export::{self, Sink};
 use crate::ground::error::{Error, Result};
@@ -104,10 +104,9 @@ impl Style for WebDataset {
             let numbers = whole.numbers_in(&part);
             for (index, numbers) in numbers.chunks(self.samples).enumerate() {
                 let path = Path::new(ROOT).join(format!("{part}-{index:06}.tar"));
-                let pieces: Vec<(u64, FileEntry)> = numbers
-                    .iter()
-                    .filter_map(|number| Some((*number, piece(&whole.entries[number].files)?.clone())))
-                    .collect();
+                let made = numbers.iter().filter(|number| whole.entries[number].error.is_none());
+                let pieces = made.map(|&number| Ok((number, piece(&whole.entries[&number])?.clone())));
+                let pieces: Vec<(u64, FileEntry)> = pieces.collect::<Result<_>>()?;
                 let mut at = 0;
                 let moved = pieces.iter().map(|(number, piece)| {
                     let place =
@@ -118,12 +117,15 @@ impl Style for WebDataset {
                 let moved: Vec<(u64, FileEntry)> = moved.collect();
                 let length = std::fs::metadata(whole.root.join(&path)).map(|file| file.len());
                 if moved == pieces && length.is_ok_and(|length| length == at + END) {
+                    if let Some(fault) = pieces.iter().find_map(|(_, piece)| piece.fault(whole.root)) {
+                        return Err(damaged(fault));
+                    }
                     whole.keep(&path);
                 } else {
                     let root = whole.root;
                     pending.push(whole.prepare(&path, &mut |out| {
                         for (_, piece) in &pieces {
-                            io::copy(&mut piece.open(root)?, out)?;
+                            piece.copy(root, out)?;
                         }
                         out.write_all(&[0; END as usize])
                     })?);
@@ -165,8 +167,9 @@ fn is_piece(file: &FileEntry) -> bool {
 }
 
 /// Where a sample is, among its files.
-fn piece(files: &[FileEntry]) -> Option<&FileEntry> {
-    files.iter().find(|file| is_piece(file))
+fn piece(entry: &Entry) -> Result<&FileEntry> {
+    let found = entry.files.iter().find(|file| is_piece(file));
+    found.ok_or_else(|| damaged(format!("sample {} has no file in {ROOT}", entry.sample)))
 }
 
 impl Write for Writer<'_> {

@@ -1,7 +1,7 @@
 //! What is made of all samples of a set together.
 
 use super::folder::Origin;
-use super::manifest::{Entry, FileEntry};
+use super::manifest::{self, Entry, FileEntry};
 use super::splits::Splits;
 use super::style::numbered;
 use crate::export::{self, Pending, Sink};
@@ -60,6 +60,29 @@ impl<'w> Whole<'w> {
     fn of_part(&self, part: &str, mut samples: Vec<u64>) -> Vec<u64> {
         samples.retain(|sample| self.splits.of(self.seed, *sample) == part);
         samples
+    }
+
+    /// What `samples`, which were made, have at the places `of`: what is joined of them.
+    ///
+    /// # Errors
+    /// A sample without it.
+    pub fn pieces(&self, samples: &[u64], of: impl Fn(u64) -> PathBuf) -> Result<Vec<FileEntry>> {
+        let piece = |&sample: &u64| {
+            let path = shown::path(&of(sample));
+            let found = self.entries[&sample].files.iter().find(|file| file.path == path);
+            found.cloned().ok_or_else(|| damaged(format!("sample {sample} has no {path}")))
+        };
+        samples.iter().map(piece).collect()
+    }
+
+    /// The text of a piece.
+    ///
+    /// # Errors
+    /// It is not as it was written, in a sentence.
+    pub fn text(root: &Path, piece: &FileEntry) -> io::Result<String> {
+        let mut bytes = Vec::new();
+        piece.copy(root, &mut bytes)?;
+        String::from_utf8(bytes).map_err(|_| io::Error::other(format!("{} is not UTF-8", piece.path)))
     }
 
     /// Writes which samples are in which part, a file for each: `splits/train.txt`.
@@ -142,6 +165,11 @@ impl<'w> Whole<'w> {
     }
 }
 
+/// What is told of a set in which something is not as it was written.
+pub(super) fn damaged(fault: String) -> Error {
+    Error::invalid("the set", format!("damaged: {fault}"), "a set as it was written; `echocast run --resume` mends it")
+}
+
 /// Writes the contents of a file.
 type WriteAll<'f> = &'f mut dyn FnMut(&mut dyn Write) -> io::Result<()>;
 
@@ -166,11 +194,10 @@ pub(super) fn read(root: &Path) -> Result<Vec<FileEntry>> {
         return Ok(Vec::new());
     }
     let bytes = crate::read::bytes(&path, crate::read::Limit::SCENE)?;
-    let wrong = |message: String| Error::parse(&path, "", message);
-    let files: Vec<FileEntry> = serde_json::from_slice(&bytes).map_err(|error| wrong(error.to_string()))?;
-    let inside = |path: &Path| path.components().all(|part| matches!(part, std::path::Component::Normal(_)));
-    match files.iter().find(|file| !inside(Path::new(&file.path))) {
-        Some(file) => Err(wrong(format!("names {}, which is not in the set", shown::text(&file.path)))),
+    let files: Vec<FileEntry> =
+        serde_json::from_slice(&bytes).map_err(|error| Error::parse(&path, "", error.to_string()))?;
+    match files.iter().find(|file| !file.is_inside()) {
+        Some(file) => Err(manifest::elsewhere(&path, file)),
         None => Ok(files),
     }
 }

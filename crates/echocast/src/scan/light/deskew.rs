@@ -1,0 +1,77 @@
+//! Points where they were when the scan started, whenever they were met.
+
+use super::block::Block;
+use super::run::Scan;
+use crate::cloud::Frame;
+use crate::ground::lanes::LANES;
+use crate::trace::Return;
+use glam::{Mat3, Vec3};
+
+/// What brings points back to the start of a scan.
+pub(super) struct Deskew {
+    /// Time of the start, 0 to 1 of the scene's, and s of the scan per length of the scene's time, where anything moves.
+    start: Option<(f32, f32)>,
+    /// Rotation and place of the sensor then, as of a beam, where points are in its frame.
+    sensor: Option<(Mat3, Vec3)>,
+}
+
+impl Deskew {
+    /// What a scan along `scan.aim` that asks for it needs.
+    pub fn new(scan: &Scan) -> Option<Deskew> {
+        if !scan.options.deskew {
+            return None;
+        }
+        let start = scan.aim.clock.zip(scan.world.scene.span).filter(|_| !scan.options.freeze);
+        Some(Deskew {
+            start: start.map(|(clock, span)| (clock.of(0.0), span.length as f32)),
+            sensor: (scan.options.coordinates == Frame::Sensor).then(|| scan.aim.pose.start()),
+        })
+    }
+}
+
+impl Block {
+    /// Brings the `places` of the first `count` lanes, and the normals, from the times of their beams to the start of the
+    /// scan: points stay where they are on their surfaces, in the world or in the frame that the sensor had then.
+    #[inline(never)]
+    pub fn deskew(&mut self, scan: &Scan, deskew: &Deskew, count: usize, places: &mut [[f32; LANES]; 3]) {
+        let Block { lanes, rays, hits, answer, images, .. } = self;
+        for lane in 0..count {
+            let mut place = Vec3::from(places.each_ref().map(|axis| axis[lane]));
+            let mut normal = hits.normal(lane);
+            let back = deskew.start.and_then(|(start, length)| {
+                let seen = images.as_ref().filter(|_| answer.bounces[lane] > 0).map(|images| &images[lane]);
+                let uv = [hits.u[lane], hits.v[lane]];
+                let back =
+                    scan.world.scene.return_to(hits.surface[lane], hits.triangle[lane], uv, rays.time[lane], start);
+                match (back, seen) {
+                    (back, None) => back,
+                    // What is seen in a mirror stands where that shows it.
+                    (back, Some(image)) => {
+                        let way = back.map_or(Vec3::ZERO, |back| back.way);
+                        let way = image.way(way, (start - rays.time[lane]) * length);
+                        Some(Return { way, normal: Mat3::IDENTITY })
+                    }
+                }
+            });
+            let back = back.unwrap_or(Return { way: Vec3::ZERO, normal: Mat3::IDENTITY });
+            match &deskew.sensor {
+                None => {
+                    place += back.way;
+                    normal = back.normal * normal;
+                }
+                Some((rotation, origin)) => {
+                    let into = rotation.transpose();
+                    if scan.aim.pose.moves() {
+                        let (turned, from) = scan.aim.pose.pose(scan.aim.beams, lanes.beam[lane] as usize);
+                        place = into * (turned * place + (from - *origin) + back.way);
+                    } else {
+                        place += into * back.way;
+                    }
+                    normal = into * (back.normal * normal);
+                }
+            }
+            (places[0][lane], places[1][lane], places[2][lane]) = place.into();
+            (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = normal.normalize_or_zero().into();
+        }
+    }
+}
