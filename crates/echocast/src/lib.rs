@@ -164,7 +164,7 @@ mod trace;
 mod page_of_motion {}
 
 pub use cloud::{
-    BoxAxes, CELL_FIELDS, Field, FieldSet, Frame, InstanceBox, Layout, PackItem, PackType, Ping, Pings, PointCloud,
+    BoxAxes, CELL_FIELDS, Driver, Field, FieldSet, Frame, InstanceBox, Layout, PackItem, PackType, Ping, Pings, PointCloud,
     SonarView, Sounding, Track,
 };
 pub use detect::ReturnMode;

@@ -2,6 +2,7 @@
 
 mod boxes;
 mod collect;
+mod driver;
 mod fields;
 mod pack;
 mod ping;
@@ -10,6 +11,7 @@ mod track;
 
 pub use boxes::{BoxAxes, InstanceBox};
 pub(crate) use collect::Kept;
+pub use driver::{Driver, PointField};
 pub(crate) use fields::{BOTTOM_TRACK, ColumnMut, Element, FLOW, MOVING, SOUNDING, Slices, VELOCITY, WATER_TRACK, put};
 pub use fields::{Column, ColumnType, Columns, FIELDS, Field, FieldInfo, FieldSet};
 pub use pack::{PackItem, PackType};
@@ -57,6 +59,8 @@ pub struct PointCloud {
     /// Full scale of `intensity`: 1, or 255 for 8-bit encodings; relative energy and the levels of sonars, dB, have
     /// none.
     pub intensity_full_scale: Option<f32>,
+    /// Whose driver publishes such clouds: that of the sensor's maker ([`crate::SensorSpec::driver`]); `None`: not known.
+    pub driver: Option<Driver>,
     /// Boxes around labelled instances, if they were asked for ([`crate::ScanOptions::boxes`]): by frame, then by rising
     /// `instance_id`.
     pub boxes: Option<Vec<InstanceBox>>,
@@ -77,6 +81,7 @@ impl Default for PointCloud {
             sensor_pose: Pose::IDENTITY,
             start_time: None,
             intensity_full_scale: Some(1.0),
+            driver: None,
             boxes: None,
             labels: Arc::default(),
         }
@@ -84,6 +89,12 @@ impl Default for PointCloud {
 }
 
 impl PointCloud {
+    /// When it begins, s since the start of the run: its scan, else its first point, else 0.
+    pub fn begins(&self) -> f64 {
+        let first = || self.columns.time.iter().copied().filter(|time| time.is_finite()).min_by(f64::total_cmp);
+        self.start_time.or_else(first).unwrap_or(0.0)
+    }
+
     /// Column `field`; empty when it was not computed.
     pub fn column(&self, field: Field) -> Column<'_> {
         self.columns.get(field)
@@ -214,6 +225,7 @@ impl PointCloud {
             }
             _ => None,
         };
+        self.driver = self.driver.filter(|_| self.driver == other.driver);
         self.len += other.len;
         Ok(())
     }

@@ -193,6 +193,9 @@ impl BoxRows {
 /// Adds what says how to read the columns: frame, origin, shape, scale and name tables.
 pub(super) fn add_tables(file: &File, cloud: &PointCloud) -> ::hdf5::Result<()> {
     add_one(file, "coordinates", &text(cloud.frame.name()))?;
+    if let Some(driver) = cloud.driver {
+        add_one(file, "driver", &text(driver.name()))?;
+    }
     add(file, "origin", &[3], &cloud.origin.to_array())?;
     add_one(file, "intensity_full_scale", &cloud.intensity_full_scale.unwrap_or(f32::NAN))?;
     if let Some(shape) = cloud.organised {

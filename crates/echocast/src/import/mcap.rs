@@ -4,7 +4,7 @@ use super::about::About;
 use super::ros::{Message, Points, Transform, transforms};
 use super::rows::{Goal, Rows};
 use super::{MOST_OF_ONE, Source, contained};
-use crate::cloud::{Field, Frame, PointCloud};
+use crate::cloud::{Columns, Field, Frame, PointCloud};
 use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::{Pose, on};
@@ -139,6 +139,7 @@ impl Frames {
 #[derive(Default)]
 struct Bag {
     about: About,
+    has_legend: bool,
     /// The topic of its clouds, once there is one.
     topic: Option<String>,
     rows: Option<Rows>,
@@ -176,7 +177,7 @@ impl Bag {
                 let text = Message::new(bytes).and_then(|mut message| message.text());
                 // Another program may have something else there.
                 if let Some(about) = text.ok().and_then(|text| About::parse(source.path, text.as_bytes()).ok()) {
-                    self.about = about;
+                    (self.about, self.has_legend) = (about, true);
                 }
                 Ok(())
             }
@@ -199,11 +200,13 @@ impl Bag {
     ) -> Result<()> {
         // Those of the first tell what has no place.
         let mut told_before = Report::default();
-        let members = points.members(if self.count == 0 { report } else { &mut told_before });
+        let full_scale = self.about.intensity_full_scale.flatten().unwrap_or(255.0);
+        let members = points.members(full_scale, if self.count == 0 { report } else { &mut told_before });
         let fields = members.iter().map(|member| member.goal.field).collect();
         let pose = frames.pose(&points.frame, points.time)?;
         if self.count == 0 {
             self.untransformed = pose.is_none();
+            self.about.driver = self.about.driver.or_else(|| points.driver().filter(|_| !self.has_legend));
             self.about.frame = self.about.frame.or(pose.is_none().then_some(Frame::Sensor));
             self.about.sensor_pose = self.about.sensor_pose.or(pose);
             self.about.shape = u32::try_from(points.height).ok().zip(u32::try_from(points.width).ok()).map(Into::into);
@@ -251,6 +254,34 @@ impl Bag {
             let left = left.into_iter().collect::<Vec<_>>().join(", ");
             report.warn(format!("mcap: a cloud has no place for the topics {left}"));
         }
-        rows.finish(source.path, "mcap", about, report)
+        side_by_side(rows.finish(source.path, "mcap", about, report)?)
     }
+}
+
+/// The cloud with a row for each laser, if it has a column for each, as drivers arrange the firings of all lasers; else as
+/// it is.
+///
+/// # Errors
+/// No memory.
+fn side_by_side(cloud: PointCloud) -> Result<PointCloud> {
+    let PointCloud { organised: Some([rows, columns]), ref columns: Columns { ref ring, ref x, .. }, .. } = cloud else {
+        return Ok(cloud);
+    };
+    let [firings, lasers] = [rows, columns].map(|count| count as usize);
+    // Of the points of a laser; those that are none may have no ring.
+    let ring_of = |laser: usize| {
+        let mut rings = (laser..ring.len()).step_by(lasers.max(1)).filter(|&row| !x[row].is_nan()).map(|row| ring[row]);
+        let first = rings.next();
+        if rings.all(|ring| Some(ring) == first) { Ok(first) } else { Err(()) }
+    };
+    let rings: Option<Vec<Option<u16>>> = (0..lasers).map(|laser| ring_of(laser).ok()).collect();
+    let mut known: Vec<u16> = rings.into_iter().flatten().flatten().collect();
+    let count = known.len();
+    known.sort_unstable();
+    known.dedup();
+    if x.len() != ring.len() || known.len() != count || count < 2 {
+        return Ok(cloud);
+    }
+    let order: Vec<usize> = (0..lasers).flat_map(|laser| (0..firings).map(move |firing| firing * lasers + laser)).collect();
+    Ok(PointCloud { organised: Some([columns, rows]), ..cloud.select(&order)? })
 }

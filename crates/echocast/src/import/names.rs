@@ -41,9 +41,8 @@ const FOREIGN: &[(&str, Field)] = &[
     ("instancelabel", Field::InstanceId),
     ("object", Field::InstanceId),
     ("objectid", Field::InstanceId),
-    ("ring", Field::Channel),
     ("laserid", Field::Channel),
-    ("line", Field::Channel),
+    ("line", Field::Ring),
     ("t", Field::Time),
     ("timestamp", Field::Time),
     ("offsettime", Field::Time),
@@ -100,7 +99,9 @@ mod tests {
             ("Scalar_Return_Number", Field::ReturnNumber),
             ("Number Of Returns", Field::ReturnCount),
             ("nx", Field::NormalX),
-            ("ring", Field::Channel),
+            ("ring", Field::Ring),
+            ("line", Field::Ring),
+            ("laser_id", Field::Channel),
             ("GpsTime", Field::Time),
         ] {
             assert_eq!(found(name), Some(field), "{name}");

@@ -211,6 +211,7 @@ impl Rows {
             sensor_pose: about.sensor_pose.unwrap_or(Pose::IDENTITY),
             start_time: None,
             intensity_full_scale: about.intensity_full_scale.unwrap_or(guessed),
+            driver: about.driver,
             boxes: about.boxes,
             labels: Arc::new(Labels { las_class: about.las_class, ..about.labels }),
         })
