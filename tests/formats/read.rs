@@ -33,7 +33,9 @@ fn tolerance(cloud: &PointCloud, format: &str, field: Field, row: usize) -> f64 
         _ if position && (format == "e57" || bag) => 1e-3,
         // Drivers count from the stamp, in f32 or nanoseconds, or all nanoseconds in f64.
         "mcap" | "mcap_velodyne" if field == Field::Time => 1e-7 + 2.0 * value.abs() * f64::EPSILON,
-        "mcap_ouster" | "mcap_livox" | "mcap_autoware" if field == Field::Time => 2e-9 + 2.0 * value.abs() * f64::EPSILON,
+        "mcap_ouster" | "mcap_livox" | "mcap_autoware" if field == Field::Time => {
+            2e-9 + 2.0 * value.abs() * f64::EPSILON
+        }
         "mcap_ouster" if field == Field::Range => 0.5e-3 + f32_step,
         "mcap_autoware" if field == Field::Intensity => {
             (0.5 / 255.0 + 1e-6) * f64::from(cloud.intensity_full_scale.unwrap_or(1.0))
@@ -62,7 +64,8 @@ fn compare(cloud: &PointCloud, format: &str, read: &PointCloud, rows: &[usize], 
                 // A byte, as the driver has it.
                 value = value.min(255.0);
             }
-            let whole = matches!((format, info.field), ("mcap_ouster", Field::Range) | ("mcap_autoware", Field::Intensity));
+            let whole =
+                matches!((format, info.field), ("mcap_ouster", Field::Range) | ("mcap_autoware", Field::Intensity));
             if whole && value.is_nan() {
                 // As the driver has it.
                 value = 0.0;
@@ -117,7 +120,8 @@ fn what_is_written_comes_back() {
             assert_eq!(found.organised, if las { None } else { cloud.organised }, "{name}");
             let about = |cloud: &PointCloud| (cloud.origin, cloud.frame, cloud.sensor_pose, cloud.intensity_full_scale);
             assert_eq!(about(&found), about(cloud), "{name} {i}");
-            let own = name.strip_prefix("mcap_").map(|own| Driver::NAMES.iter().find(|(known, _)| *known == own).unwrap().1);
+            let own =
+                name.strip_prefix("mcap_").map(|own| Driver::NAMES.iter().find(|(known, _)| *known == own).unwrap().1);
             assert_eq!(found.driver, own.or(cloud.driver), "{name} {i}");
             for (before, after) in cloud.labels.tables().iter().zip(found.labels.tables()) {
                 assert_eq!(*before, after, "{name} {i}");

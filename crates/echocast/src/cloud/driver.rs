@@ -227,8 +227,7 @@ impl PointCloud {
             return Err(Error::invalid("the cloud", found, allowed));
         }
         let step = driver.point_step();
-        let items: Vec<PackItem> =
-            driver.point_fields().iter().filter_map(|field| field.item(self, stamp)).collect();
+        let items: Vec<PackItem> = driver.point_fields().iter().filter_map(|field| field.item(self, stamp)).collect();
         let to = room(to, self.len, step)?;
         to.fill(0);
         self.pack(&items, step, to)?;
@@ -283,7 +282,8 @@ impl PointCloud {
         if ![&c.x, &c.y, &c.z].into_iter().any(|axis| differ(axis)) {
             return 7;
         }
-        let is_strongest = c.intensity.is_empty() || c.intensity[all.clone()].iter().all(|&other| other <= c.intensity[row]);
+        let is_strongest =
+            c.intensity.is_empty() || c.intensity[all.clone()].iter().all(|&other| other <= c.intensity[row]);
         match (number == 1, number == count, is_strongest) {
             (true, _, true) => 3,
             (_, true, true) => 4,

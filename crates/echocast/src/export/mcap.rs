@@ -29,8 +29,11 @@ pub(super) const MCAP: Mcap = Mcap {
 
 pub(super) const MCAP_VELODYNE: Mcap =
     of_driver("mcap_velodyne", "bag with points as of Velodyne's driver; time in s since the stamp", Driver::Velodyne);
-pub(super) const MCAP_OUSTER: Mcap =
-    of_driver("mcap_ouster", "bag with points as of Ouster's driver; time in ns since the stamp, range in mm", Driver::Ouster);
+pub(super) const MCAP_OUSTER: Mcap = of_driver(
+    "mcap_ouster",
+    "bag with points as of Ouster's driver; time in ns since the stamp, range in mm",
+    Driver::Ouster,
+);
 pub(super) const MCAP_HESAI: Mcap =
     of_driver("mcap_hesai", "bag with points as of Hesai's driver; time in s of the run", Driver::Hesai);
 pub(super) const MCAP_ROBOSENSE: Mcap =

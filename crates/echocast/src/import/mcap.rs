@@ -4,7 +4,7 @@ use super::about::About;
 use super::ros::{Message, Points, Transform, transforms};
 use super::rows::{Goal, Rows};
 use super::{MOST_OF_ONE, Source, contained};
-use crate::cloud::{Columns, Field, Frame, PointCloud};
+use crate::cloud::{Field, Frame, PointCloud};
 use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::{Pose, on};
@@ -264,24 +264,27 @@ impl Bag {
 /// # Errors
 /// No memory.
 fn side_by_side(cloud: PointCloud) -> Result<PointCloud> {
-    let PointCloud { organised: Some([rows, columns]), ref columns: Columns { ref ring, ref x, .. }, .. } = cloud else {
-        return Ok(cloud);
-    };
-    let [firings, lasers] = [rows, columns].map(|count| count as usize);
-    // Of the points of a laser; those that are none may have no ring.
-    let ring_of = |laser: usize| {
-        let mut rings = (laser..ring.len()).step_by(lasers.max(1)).filter(|&row| !x[row].is_nan()).map(|row| ring[row]);
-        let first = rings.next();
-        if rings.all(|ring| Some(ring) == first) { Ok(first) } else { Err(()) }
-    };
-    let rings: Option<Vec<Option<u16>>> = (0..lasers).map(|laser| ring_of(laser).ok()).collect();
-    let mut known: Vec<u16> = rings.into_iter().flatten().flatten().collect();
-    let count = known.len();
-    known.sort_unstable();
-    known.dedup();
-    if x.len() != ring.len() || known.len() != count || count < 2 {
+    let Some([height, width]) = cloud.organised else { return Ok(cloud) };
+    let [firings, lasers] = [height, width].map(|count| count as usize);
+    let (ring, x) = (&cloud.columns.ring, &cloud.columns.x);
+    if ring.is_empty() || x.is_empty() {
         return Ok(cloud);
     }
-    let order: Vec<usize> = (0..lasers).flat_map(|laser| (0..firings).map(move |firing| firing * lasers + laser)).collect();
-    Ok(PointCloud { organised: Some([columns, rows]), ..cloud.select(&order)? })
+    let mut known = Vec::new();
+    for laser in 0..lasers {
+        // What is no point may have no ring.
+        let mut rings = (laser..ring.len()).step_by(lasers).filter(|&row| !x[row].is_nan()).map(|row| ring[row]);
+        let first = rings.next();
+        if rings.any(|ring| Some(ring) != first) {
+            return Ok(cloud);
+        }
+        known.extend(first);
+    }
+    known.sort_unstable();
+    if known.len() < 2 || known.windows(2).any(|pair| pair[0] == pair[1]) {
+        return Ok(cloud);
+    }
+    let of_laser = |laser| (0..firings).map(move |firing| firing * lasers + laser);
+    let order: Vec<usize> = (0..lasers).flat_map(of_laser).collect();
+    Ok(PointCloud { organised: Some([width, height]), ..cloud.select(&order)? })
 }
