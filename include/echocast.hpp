@@ -402,6 +402,18 @@ public:
         return all;
     }
 
+    /** The points as a driver publishes them (ECHOCAST_DRIVER_VELODYNE, for instance): the data of a PointCloud2 with the
+     *  stamp `stamp_ns`. */
+    std::vector<uint8_t> pack_driver(int32_t driver, int64_t stamp_ns) const {
+        std::vector<uint8_t> bytes(size() * echocast::driver_info(driver).point_step);
+        pack_driver(driver, stamp_ns, span<uint8_t>(bytes.data(), bytes.size()));
+        return bytes;
+    }
+
+    void pack_driver(int32_t driver, int64_t stamp_ns, span<uint8_t> to) const {
+        check(echocast_result_pack_driver(get(), driver, stamp_ns, to.data(), to.size(), nullptr));
+    }
+
     /** Number that has this name: of category "car", for instance. */
     uint32_t label_number(const std::string &table, const std::string &name) const {
         uint32_t number = 0;
@@ -565,6 +577,14 @@ private:
 
     explicit sensor(echocast_sensor *handle) : owner(handle) {}
 };
+
+/** What a driver (ECHOCAST_DRIVER_VELODYNE, for instance) publishes of a point: the fields of its messages, and the
+ *  columns that a scan must have. */
+inline echocast_driver_info driver_info(int32_t driver) {
+    echocast_driver_info info = ECHOCAST_DRIVER_INFO_INIT;
+    check(echocast_driver_get_info(driver, &info));
+    return info;
+}
 
 /** Points, column by column. */
 class result : public detail::owner<echocast_result, echocast_result_release> {

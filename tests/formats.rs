@@ -1,12 +1,13 @@
 //! Every format, read back by third-party readers.
 
-use echocast::cloud::{ColumnType, Columns, FIELDS, Field, FieldSet, Frame};
+use echocast::cloud::{ColumnType, Columns, Driver, FIELDS, Field, FieldSet, Frame};
 use echocast::export::{self, FORMATS, FramesFile, GrowingFile};
 use echocast::scene::{Labels, NameTable};
 use echocast::{Error, InstanceBox, PointCloud, Pose, Report, ScanOptions, Scene, Sensor, Trajectory};
 use echocast_tests::python;
 use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -48,6 +49,7 @@ fn cloud(len: usize, fields: FieldSet) -> PointCloud {
         return_number: |row| 1 + (row % 7) as u8;
         return_count: |row| 7 - (row % 3) as u8;
         channel: |row| whole(row, 65_535) as u16;
+        ring: |row| whole(row, 65_535) as u16;
         time: |row| 1_700_000_000.0 + row as f64 * 2.304e-6;
         frame: |row| whole(row, 1000);
         beam: |row| row as u32 + 16_777_216;
@@ -213,7 +215,7 @@ fn read(format: &str, files: &[PathBuf]) -> Vec<Value> {
 
 /// Compares `found` in a file with what `cloud` holds in `rows` of the columns `held`.
 fn compare(cloud: &PointCloud, format: &str, found: &Value, rows: &[usize], held: FieldSet) {
-    let las = format.starts_with("la");
+    let (las, bag) = (format.starts_with("la"), format.starts_with("mcap"));
     let columns = found["columns"].as_object().unwrap();
     for info in FIELDS {
         let Some(column) = columns.get(info.name) else {
@@ -223,7 +225,7 @@ fn compare(cloud: &PointCloud, format: &str, found: &Value, rows: &[usize], held
         };
         if !held.contains(info.field) {
             let always = las && info.las.is_some() || format == "las2" && info.field == Field::CategoryId;
-            assert!(always, "{format} made up {}", info.name);
+            assert!(always || made_of_positions(format, info.field), "{format} made up {}", info.name);
             continue;
         }
         let offset = match info.field {
@@ -246,11 +248,15 @@ fn compare(cloud: &PointCloud, format: &str, found: &Value, rows: &[usize], held
                 (Field::Intensity, "las" | "laz" | "las2") => value = (value * 65535.0).round(),
                 (Field::CategoryId, "las2") => value = value.min(65535.0),
                 // Half a step of f32 at 4 km from the sensor, on each axis.
-                (Field::X | Field::Y | Field::Z, "e57" | "mcap" | "mcap_ouster" | "mcap_livox") => tolerance = 5e-4,
+                (Field::X | Field::Y | Field::Z, _) if format == "e57" || bag => tolerance = 5e-4,
                 // What f64 resolves in a time since 1970, in s or ns.
-                (Field::Time, "mcap" | "mcap_ouster" | "mcap_livox") => tolerance = 5e-7,
+                (Field::Time, _) if bag => tolerance = 5e-7,
                 (Field::Range, "mcap_ouster") => tolerance = 0.5e-3,
-                (Field::Channel, "mcap_livox") => value = value.min(255.0),
+                (Field::Ring, "mcap_livox") => value = value.min(255.0),
+                // A byte, which is 0 where there is no number.
+                (Field::Intensity, "mcap_autoware") => {
+                    (value, tolerance) = (if value.is_nan() { 0.0 } else { value }, 0.5 / 255.0 + 1e-9);
+                }
                 (_, "csv" | "pcd_ascii") if offset != 0.0 => tolerance = 0.5e-6 + 2e-9,
                 // The shortest text of an f32 is the same number again only as f32.
                 (_, "csv") if info.kind == ColumnType::F32 => read = f64::from(read as f32),
@@ -267,7 +273,7 @@ fn compare(cloud: &PointCloud, format: &str, found: &Value, rows: &[usize], held
     if matches!(format, "npz" | "hdf5") {
         assert_eq!(found["boxes"], all_told(cloud.boxes.as_deref().unwrap()), "{format}");
     }
-    if format.starts_with("mcap") {
+    if bag {
         assert_eq!(found["boxes"], detections(cloud), "{format}");
     }
     let about = json!({
@@ -277,6 +283,15 @@ fn compare(cloud: &PointCloud, format: &str, found: &Value, rows: &[usize], held
         "intensity_full_scale": cloud.intensity_full_scale,
     });
     assert_eq!(found["about"], about, "{format}");
+}
+
+/// Whether bags have the column `field`, whether or not it was computed: drivers publish it.
+fn made_of_positions(format: &str, field: Field) -> bool {
+    match format {
+        "mcap_ouster" => field == Field::Range,
+        "mcap_autoware" => matches!(field, Field::Range | Field::Azimuth | Field::Elevation),
+        _ => false,
+    }
 }
 
 fn points(cloud: &PointCloud) -> Vec<usize> {
@@ -304,9 +319,10 @@ fn every_format_is_read_back() {
         many_names(),
     ];
     let folder = tempfile::tempdir().unwrap();
+    // By reader; one has all bags.
+    let mut written = BTreeMap::<&str, Vec<_>>::new();
     for format in FORMATS {
         let name = format.name();
-        let mut files = Vec::new();
         for (i, cloud) in clouds.iter().enumerate() {
             let path = folder.path().join(format!("{name} {i}.file"));
             let report = export::write(cloud, &path, Some(name)).unwrap();
@@ -325,15 +341,19 @@ fn every_format_is_read_back() {
                 assert_eq!(said(&report, "rows without a position"), cloud.organised.is_some(), "{report:?}");
             }
             assert_eq!(said(&report, "category ids above 65535"), name == "las2" && i != 5 && cloud.len > 1);
-            files.push(path);
+            let reader = if name.starts_with("mcap") { "mcap" } else { name };
+            written.entry(reader).or_default().push((format, cloud, path));
         }
-        for (cloud, found) in clouds.iter().zip(read(name, &files)) {
-            let keeps_misses = !name.starts_with("la");
+    }
+    for (reader, written) in written {
+        let files: Vec<PathBuf> = written.iter().map(|(.., path)| path.clone()).collect();
+        for ((format, cloud, _), found) in written.iter().zip(read(reader, &files)) {
+            let keeps_misses = !reader.starts_with("la");
             let rows = if keeps_misses { (0..cloud.len).collect() } else { points(cloud) };
             let held = cloud.fields.iter().filter(|info| format.holds(info)).map(|info| info.field).collect();
-            compare(cloud, name, &found, &rows, held);
+            compare(cloud, format.name(), &found, &rows, held);
             if let Some(shape) = found.get("shape") {
-                assert_eq!(*shape, json!(cloud.organised), "{name}");
+                assert_eq!(*shape, json!(cloud.organised), "{}", format.name());
             }
         }
     }
@@ -519,8 +539,10 @@ fn frames_are_rows_of_one_hdf5_file() {
 
 #[test]
 fn frames_are_messages_of_one_bag() {
+    let bags: Vec<&str> = FORMATS.iter().map(|format| format.name()).filter(|name| name.starts_with("mcap")).collect();
     let folder = tempfile::tempdir().unwrap();
-    for format in ["mcap", "mcap_ouster", "mcap_livox"] {
+    let mut all = Vec::new();
+    for format in &bags {
         let mut clouds = [700, 0, 1].map(|len| cloud(len, FieldSet::default()));
         for (frame, cloud) in clouds.iter_mut().enumerate() {
             cloud.sensor_pose.position.x += 0.5 * frame as f64;
@@ -531,14 +553,140 @@ fn frames_are_messages_of_one_bag() {
         let mut file = GrowingFile::begin(&path, Some(format), &clouds[0]).unwrap().unwrap();
         clouds.iter().for_each(|cloud| file.add(cloud).unwrap());
         assert!(file.finish().unwrap().warnings.is_empty());
-        let found = &read(format, &[path])[0];
+        let mut together = clouds[0].clone();
+        clouds[1..].iter().for_each(|cloud| together.append(cloud).unwrap());
+        all.push(together);
+    }
+    let files: Vec<PathBuf> = bags.iter().map(|format| folder.path().join(format)).collect();
+    for ((format, all), found) in bags.iter().zip(&all).zip(read("mcap", &files)) {
         assert_eq!(found["messages"], json!({"/tf": 3, "/points": 3, "/detections": 3}));
         let stamps = [1_700_000_000_000_000_000u64, 1_700_000_000_099_999_905, 1_700_000_000_200_000_048];
         let read: Vec<u64> = serde_json::from_value(found["stamps"].clone()).unwrap();
         assert!(read.iter().zip(stamps).all(|(read, stamp)| read.abs_diff(stamp) < 300), "{read:?}");
-        let mut all = clouds[0].clone();
-        clouds[1..].iter().for_each(|cloud| all.append(cloud).unwrap());
-        compare(&all, format, found, &points(&all), all.fields);
+        compare(all, format, &found, &points(all), all.fields);
+    }
+}
+
+/// Names, offsets and types of what a message has, as the driver's source says them, and the bytes of its points.
+const DRIVERS: [(Driver, &str, usize); 6] = [
+    (Driver::Velodyne, "x 0 7, y 4 7, z 8 7, intensity 12 7, ring 16 4, time 18 7", 22),
+    (
+        Driver::Ouster,
+        "x 0 7, y 4 7, z 8 7, intensity 16 7, t 20 6, reflectivity 24 4, ring 26 4, ambient 28 4, range 32 6",
+        48,
+    ),
+    (Driver::Hesai, "x 0 7, y 4 7, z 8 7, intensity 12 7, ring 16 4, timestamp 18 8", 26),
+    (Driver::Robosense, "x 0 7, y 4 7, z 8 7, intensity 12 7, ring 16 4, timestamp 18 8", 26),
+    (Driver::Livox, "x 0 7, y 4 7, z 8 7, intensity 12 7, tag 16 2, line 17 2, timestamp 18 8", 26),
+    (
+        Driver::Autoware,
+        "x 0 7, y 4 7, z 8 7, intensity 12 2, return_type 13 2, channel 14 4, azimuth 16 7, elevation 20 7, \
+         distance 24 7, time_stamp 28 6",
+        32,
+    ),
+];
+
+/// Bags of presets are as the drivers of their makers publish: fields, rings, times, rows and columns.
+#[test]
+fn bags_are_those_of_the_makers_driver() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/scenes/indoor-1.glb");
+    let built = Scene::load(scene).unwrap().build().unwrap();
+    let trajectory = Trajectory::fixed(Pose::at(-6.0, 6.0, 1.2).with_rpy_deg(0.0, 0.0, 30.0));
+    let (mut scans, mut files) = (Vec::new(), Vec::new());
+    // Lasers, and the ring of each place in a message of rows and columns, by row, column and lasers.
+    type Place = fn(usize, usize, usize) -> usize;
+    let presets: [(&str, usize, Place, bool); 6] = [
+        ("velodyne_vlp16", 16, |_, column, _| column, true),
+        ("ouster_os1_64", 64, |row, _, _| row, false),
+        ("hesai_pandar_xt32", 32, |row, _, _| row, false),
+        ("hesai_pandar_qt64", 64, |row, _, _| row, false),
+        ("robosense_rs16", 16, |_, column, _| if column < 8 { column } else { 23 - column }, true),
+        ("livox_mid40", 1, |_, _, _| 0, false),
+    ];
+    for (preset, lasers, place, turned) in presets {
+        let mut sensor = Sensor::preset(preset).unwrap();
+        if lasers > 1 {
+            sensor.set("pattern.azimuth.fov_deg", "20").unwrap();
+        }
+        for organised in [false, true] {
+            let options = ScanOptions { organised, start_time: 2.0, ..ScanOptions::default() };
+            let cloud = built.scan(&sensor, &trajectory, &options).unwrap();
+            assert_eq!(cloud.driver, sensor.driver());
+            let path = folder.path().join(format!("{preset} {organised}.mcap"));
+            cloud.write(&path).unwrap();
+            files.push(path);
+            scans.push((preset, lasers, place, turned, cloud));
+        }
+    }
+    for ((preset, lasers, place, turned, cloud), found) in scans.iter().zip(read("points", &files)) {
+        let message = &found["messages"][0];
+        let driver = cloud.driver.unwrap();
+        let (_, fields, step) = DRIVERS.iter().find(|(known, ..)| *known == driver).unwrap();
+        let told: Vec<(String, u32, u8)> = serde_json::from_value(message["fields"].clone()).unwrap();
+        let own = fields.split(',').count();
+        let listed: Vec<String> = told[..own].iter().map(|(name, at, kind)| format!("{name} {at} {kind}")).collect();
+        assert_eq!(listed.join(", "), *fields, "{preset}");
+        // Labels and all else follow.
+        assert!(told[own..].iter().all(|(_, at, _)| *at as usize >= *step), "{preset}");
+        assert!(["category_id", "channel"].iter().all(|name| told[own..].iter().any(|(known, ..)| known == name)));
+        let number = |name: &str| -> Vec<f64> {
+            let column = message["columns"][name].as_array().unwrap();
+            column.iter().map(|text| text.as_str().unwrap().parse().unwrap()).collect()
+        };
+        assert_eq!(message["stamp"], 2_000_000_000u64);
+        let (time, unit, since) = match driver {
+            Driver::Velodyne => ("time", 1.0, 2.0),
+            Driver::Ouster => ("t", 1e9, 2.0),
+            Driver::Livox => ("timestamp", 1e9, 0.0),
+            _ => ("timestamp", 1.0, 0.0),
+        };
+        let times: Vec<f64> = number(time).into_iter().map(|time| time / unit + since).collect();
+        assert!(times.iter().all(|time| (1.99995..2.1).contains(time)), "{preset}");
+        let rings = number(if driver == Driver::Livox { "line" } else { "ring" });
+        let shape = [&message["height"], &message["width"]].map(|count| count.as_u64().unwrap() as usize);
+        let finite = number("x").iter().all(|x| x.is_finite());
+        assert_eq!(message["dense"], finite && driver != Driver::Hesai, "{preset}");
+        let wanted = match cloud.organised {
+            None => [1, cloud.len],
+            Some([rows, columns]) if *turned => [columns as usize, rows as usize],
+            Some(shape) => shape.map(|count| count as usize),
+        };
+        assert_eq!(shape, wanted, "{preset}");
+        if cloud.organised.is_some() {
+            for (at, ring) in rings.iter().enumerate() {
+                assert_eq!(*ring, place(at / shape[1], at % shape[1], *lasers) as f64, "{preset} {at}");
+            }
+        } else if *lasers > 1 {
+            let [x, y, z] = ["x", "y", "z"].map(number);
+            let up: Vec<f64> = (0..x.len()).map(|row| z[row].atan2(x[row].hypot(y[row]))).collect();
+            let mean = |ring: usize| -> f64 {
+                let of: Vec<f64> = (0..up.len()).filter(|&row| rings[row] == ring as f64).map(|row| up[row]).collect();
+                of.iter().sum::<f64>() / of.len() as f64
+            };
+            let [low, high] = [mean(1), mean(*lasers - 2)];
+            let rises = !preset.starts_with("ouster") && *preset != "hesai_pandar_xt32";
+            assert!(if rises { low < high } else { low > high }, "{preset}: {low} to {high}");
+        }
+    }
+    for ((preset, _, _, turned, cloud), file) in scans.iter().zip(&files) {
+        let back = PointCloud::read(file).unwrap();
+        assert_eq!((back.driver, back.len, back.organised), (cloud.driver, cloud.len, cloud.organised), "{preset}");
+        // By beam again, where the driver has other rows.
+        let mut rows: Vec<usize> = (0..cloud.len).collect();
+        if cloud.organised.is_some() && *turned && cloud.driver == Some(Driver::Velodyne) {
+            rows.sort_by_key(|&row| cloud.columns.ring[row]);
+        }
+        for (row, &from) in rows.iter().enumerate() {
+            let [a, b] = [(&back, row), (cloud, from)].map(|(cloud, row)| {
+                let c = &cloud.columns;
+                (c.ring[row], c.channel[row], c.category_id[row], c.return_number[row])
+            });
+            assert_eq!(a, b, "{preset} {row}");
+            assert!((back.columns.time[row] - cloud.columns.time[from]).abs() < 1e-7, "{preset} {row}");
+            let [a, b] = [back.columns.range[row], cloud.columns.range[from]];
+            assert!((a - b).abs() < 6e-4 || b.is_nan() && (a.is_nan() || a == 0.0), "{preset} {row}: {a} {b}");
+        }
     }
 }
 

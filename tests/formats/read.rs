@@ -1,10 +1,10 @@
 //! Clouds that are read: what every format keeps comes back, and files of other programs mean what these say.
 
-use super::{cloud, many_names, organised, said};
-use echocast::cloud::{Column, FIELDS, Field, FieldSet, Frame};
+use super::{cloud, made_of_positions, many_names, organised, said};
+use echocast::cloud::{Column, Driver, FIELDS, Field, FieldSet, Frame};
 use echocast::export::{self, FORMATS, labels_path};
 use echocast::import;
-use echocast::{PointCloud, Report};
+use echocast::{Named as _, PointCloud, Report};
 use echocast_tests::python;
 use serde_json::Value;
 use std::fs;
@@ -26,15 +26,21 @@ fn tolerance(cloud: &PointCloud, format: &str, field: Field, row: usize) -> f64 
     let position = matches!(field, Field::X | Field::Y | Field::Z);
     let truth = matches!(field, Field::TrueX | Field::TrueY | Field::TrueZ);
     let far = position || truth || matches!(field, Field::CorrectedX | Field::CorrectedY | Field::CorrectedZ);
+    let bag = format.starts_with("mcap");
     match format {
         "las" | "laz" | "las2" if position => 0.5e-4 + f32_step,
         "las" | "laz" | "las2" if field == Field::Intensity => 0.5 / 65535.0,
         // Turned into the frame of the sensor and back, kilometres away.
-        "e57" | "mcap" | "mcap_ouster" | "mcap_livox" if position => 1e-3,
+        _ if position && (format == "e57" || bag) => 1e-3,
         // Drivers count from the stamp, in f32 or nanoseconds, or all nanoseconds in f64.
-        "mcap" if field == Field::Time => 1e-7 + 2.0 * value.abs() * f64::EPSILON,
-        "mcap_ouster" | "mcap_livox" if field == Field::Time => 2e-9 + 2.0 * value.abs() * f64::EPSILON,
+        "mcap" | "mcap_velodyne" if field == Field::Time => 1e-7 + 2.0 * value.abs() * f64::EPSILON,
+        "mcap_ouster" | "mcap_livox" | "mcap_autoware" if field == Field::Time => {
+            2e-9 + 2.0 * value.abs() * f64::EPSILON
+        }
         "mcap_ouster" if field == Field::Range => 0.5e-3 + f32_step,
+        "mcap_autoware" if field == Field::Intensity => {
+            (0.5 / 255.0 + 1e-6) * f64::from(cloud.intensity_full_scale.unwrap_or(1.0))
+        }
         "csv" | "pcd_ascii" if far => 0.5e-6 + 1e-9 + f32_step,
         "ply" | "pcd" | "pcd_compressed" | "las" | "laz" | "las2" | "e57" if far => 1e-9,
         _ => 0.0,
@@ -44,7 +50,8 @@ fn tolerance(cloud: &PointCloud, format: &str, field: Field, row: usize) -> f64 
 /// Compares the columns of `read` with `rows` of those that `format` holds of `cloud`.
 fn compare(cloud: &PointCloud, format: &str, read: &PointCloud, rows: &[usize], held: FieldSet) {
     for info in FIELDS {
-        assert_eq!(read.fields.contains(info.field), held.contains(info.field), "{format} {}", info.name);
+        let made = made_of_positions(format, info.field);
+        assert_eq!(read.fields.contains(info.field), held.contains(info.field) || made, "{format} {}", info.name);
     }
     assert_eq!(read.len, rows.len(), "{format}");
     for info in held.iter() {
@@ -54,11 +61,13 @@ fn compare(cloud: &PointCloud, format: &str, read: &PointCloud, rows: &[usize], 
             if format == "las2" && info.field == Field::CategoryId {
                 value = value.min(65535.0);
             }
-            if format == "mcap_livox" && info.field == Field::Channel {
+            if format == "mcap_livox" && info.field == Field::Ring {
                 // A byte, as the driver has it.
                 value = value.min(255.0);
             }
-            if format == "mcap_ouster" && info.field == Field::Range && value.is_nan() {
+            let whole =
+                matches!((format, info.field), ("mcap_ouster", Field::Range) | ("mcap_autoware", Field::Intensity));
+            if whole && value.is_nan() {
                 // As the driver has it.
                 value = 0.0;
             }
@@ -79,6 +88,7 @@ fn what_is_written_comes_back() {
     let mut eight_bits = cloud(300, FieldSet::default());
     eight_bits.intensity_full_scale = Some(255.0);
     eight_bits.columns.intensity.iter_mut().for_each(|value| *value = (*value * 255.0).round());
+    eight_bits.driver = Some(Driver::Hesai);
     let clouds = [
         cloud(5000, FieldSet::all()),
         cloud(3000, FieldSet::default()),
@@ -111,6 +121,9 @@ fn what_is_written_comes_back() {
             assert_eq!(found.organised, if las { None } else { cloud.organised }, "{name}");
             let about = |cloud: &PointCloud| (cloud.origin, cloud.frame, cloud.sensor_pose, cloud.intensity_full_scale);
             assert_eq!(about(&found), about(cloud), "{name} {i}");
+            let own =
+                name.strip_prefix("mcap_").map(|own| Driver::NAMES.iter().find(|(known, _)| *known == own).unwrap().1);
+            assert_eq!(found.driver, own.or(cloud.driver), "{name} {i}");
             for (before, after) in cloud.labels.tables().iter().zip(found.labels.tables()) {
                 assert_eq!(*before, after, "{name} {i}");
             }

@@ -8,6 +8,7 @@ One list element per file: columns (world positions), names of the labels, and w
 import csv
 import json
 import os
+import re
 import sys
 import tempfile
 from pathlib import Path
@@ -189,23 +190,31 @@ def e57_scan(file, index, world):
     return scan
 
 
-# Where the drivers of the makers put what they publish: offset and PointField type.
+# Where drivers put what they publish: offset and PointField type, and the bytes of a point.
+XYZ = {"x": (0, 7), "y": (4, 7), "z": (8, 7)}
 DRIVERS = {
-    "velodyne": {"x": (0, 7), "y": (4, 7), "z": (8, 7), "intensity": (12, 7), "ring": (16, 4), "time": (18, 7)},
-    "ouster": {
-        "x": (0, 7), "y": (4, 7), "z": (8, 7), "intensity": (16, 7), "t": (20, 6), "reflectivity": (24, 4),
-        "ring": (26, 4), "ambient": (28, 4), "range": (32, 6),
-    },
-    "livox": {
-        "x": (0, 7), "y": (4, 7), "z": (8, 7), "intensity": (12, 7), "tag": (16, 2), "line": (17, 2),
-        "timestamp": (18, 8),
-    },
+    "velodyne": (22, XYZ | {"intensity": (12, 7), "ring": (16, 4), "time": (18, 7)}),
+    "ouster": (48, XYZ | {
+        "intensity": (16, 7), "t": (20, 6), "reflectivity": (24, 4), "ring": (26, 4), "ambient": (28, 4),
+        "range": (32, 6),
+    }),
+    "hesai": (26, XYZ | {"intensity": (12, 7), "ring": (16, 4), "timestamp": (18, 8)}),
+    "robosense": (26, XYZ | {"intensity": (12, 7), "ring": (16, 4), "timestamp": (18, 8)}),
+    "livox": (26, XYZ | {"intensity": (12, 7), "tag": (16, 2), "line": (17, 2), "timestamp": (18, 8)}),
+    "autoware": (32, XYZ | {
+        "intensity": (12, 2), "return_type": (13, 2), "channel": (14, 4), "azimuth": (16, 7), "elevation": (20, 7),
+        "distance": (24, 7), "time_stamp": (28, 6),
+    }),
 }
+# The columns without which a field of a driver is not there.
+NEEDED = {"intensity", "ring", "time", "return_number", "return_count"}
 POINT_TYPES = {2: "u1", 4: "<u2", 6: "<u4", 7: "<f4", 8: "<f8"}
 
 
-def read_mcap(path, driver="velodyne"):
-    """All messages together, in the world."""
+def read_mcap(path):
+    """All messages together, in the world. The name of the file says whose points they are: `mcap_ouster`."""
+    told = re.match("mcap_([a-z]+)", Path(path).name)
+    driver = told[1] if told else "velodyne"
     topics, later = {}, "durability: 1"
     with open(path, "rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
@@ -222,14 +231,15 @@ def read_mcap(path, driver="velodyne"):
     ((kind, _, legend),) = topics.pop("/legend")
     assert kind == "std_msgs/msg/String"
     said = json.loads(legend.data)
+    assert said.get("driver") == (told and told[1])
     poses = {time: transform_of(message) for _, time, message in topics["/tf"]}
     images = images_of(topics) if "/depth/image_rect" in topics else {}
     clouds = []
     for kind, time, message in topics["/points"]:
         assert (kind, message.header.frame_id) == ("sensor_msgs/msg/PointCloud2", "sensor")
-        columns = columns_of(message, driver, time / 1e9)
+        columns = columns_of(message, driver, time / 1e9, NEEDED <= set(said["columns"]))
         place = numpy.stack([columns[axis] for axis in "xyz"]).astype(float)
-        assert message.is_dense == bool(numpy.isfinite(place).all())
+        assert message.is_dense == bool(driver != "hesai" and numpy.isfinite(place).all())
         if said["coordinates"] == "world":
             turn, shift = poses[time]
             place = turn @ place + shift[:, None]
@@ -245,12 +255,233 @@ def read_mcap(path, driver="velodyne"):
     return found | images | meaning(said)
 
 
-def read_mcap_ouster(path):
-    return read_mcap(path, "ouster")
+def read_points(path):
+    """The messages with points, as they are."""
+    with open(path, "rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        found = []
+        for _, _, _, message in reader.iter_decoded_messages(topics=["/points"]):
+            fields = [[field.name, field.offset, field.datatype] for field in message.fields]
+            columns = {name: numpy.asarray(column, float) for name, column in rows_of(message).items()}
+            found.append({
+                "stamp": nanoseconds(message.header), "height": message.height, "width": message.width,
+                "step": message.point_step, "fields": fields, "dense": message.is_dense,
+                "columns": {name: [repr(value) for value in column.tolist()] for name, column in columns.items()},
+            })
+    return {"messages": found}
 
 
-def read_mcap_livox(path):
-    return read_mcap(path, "livox")
+def nanoseconds(header):
+    return header.stamp.sec * 10**9 + header.stamp.nanosec
+
+
+def read_alike_by_rosbags(path, topics):
+    """It wants another file name."""
+    with tempfile.TemporaryDirectory() as folder:
+        link = Path(folder) / "bag.mcap"
+        os.symlink(Path(path).resolve(), link)
+        found = {}
+        with AnyReader([link]) as reader:
+            (legend,) = (it for it in reader.connections if it.topic == "/legend")
+            assert [service.durability.name for service in legend.ext.offered_qos_profiles] == ["TRANSIENT_LOCAL"]
+            for connection, time, data in reader.messages():
+                message = reader.deserialize(data, connection.msgtype)
+                found.setdefault(connection.topic, []).append((connection.msgtype, time, message))
+        assert found.keys() == topics.keys()
+        for topic, messages in topics.items():
+            assert len(messages) == len(found[topic])
+            for (kind, time, a), (other_kind, other_time, b) in zip(messages, found[topic]):
+                assert (kind, time) == (other_kind, other_time) and alike(a, b), topic
+
+
+def alike(a, b):
+    """Whether two libraries' messages say the same."""
+    if hasattr(a, "__slots__"):
+        return all(alike(getattr(a, name), getattr(b, name)) for name in a.__slots__)
+    if isinstance(a, (bytes, bytearray, list, numpy.ndarray)) and not (len(a) and hasattr(a[0], "__slots__")):
+        flat = numpy.frombuffer(a, numpy.uint8) if isinstance(a, (bytes, bytearray)) else numpy.asarray(a)
+        return numpy.array_equal(flat, numpy.asarray(b))
+    if isinstance(a, list):
+        return len(a) == len(b) and all(map(alike, a, b))
+    return a == b
+
+
+def transform_of(message):
+    """Rotation matrix and translation."""
+    stamped, *optical = message.transforms
+    assert (stamped.header.frame_id, stamped.child_frame_id) == ("map", "sensor")
+    for other in optical:
+        assert (other.header.frame_id, other.child_frame_id) == ("sensor", "sensor_optical")
+        q = other.transform.rotation
+        axes = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()
+        assert numpy.allclose(axes, [[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
+    q, t = stamped.transform.rotation, stamped.transform.translation
+    return Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix(), numpy.array([t.x, t.y, t.z])
+
+
+def images_of(topics):
+    """The last images of a camera, as lists of pixels, and where pixels with a depth are in the sensor frame."""
+    info, depth, points = (topics[name][-1][2] for name in ("/depth/camera_info", "/depth/image_rect", "/points"))
+    labels = topics["/labels/image_rect"][-1][2] if "/labels/image_rect" in topics else None
+    assert (depth.encoding, depth.step, depth.header.frame_id) == ("32FC1", 4 * depth.width, "sensor_optical")
+    assert (info.height, info.width) == (depth.height, depth.width) == (points.height, points.width)
+    assert info.distortion_model == "plumb_bob" and list(info.d) == [0] * 5 and list(info.p)[:3] == list(info.k)[:3]
+    z = numpy.frombuffer(bytes(depth.data), "<f4").astype(float)
+    found = {"depth": [repr(value) for value in z.tolist()]}
+    fx, _, cx, _, fy, cy, *_ = info.k
+    row, column = numpy.divmod(numpy.arange(len(z)), info.width)
+    places = [z, -(column - cx) / fx * z, -(row - cy) / fy * z]
+    found["unprojected"] = [[repr(value) for value in axis.tolist()] for axis in places]
+    if labels:
+        assert (labels.encoding, labels.step) == ("16UC1", 2 * labels.width)
+        found["labels"] = numpy.frombuffer(bytes(labels.data), "<u2").tolist()
+    return found
+
+
+def rows_of(message):
+    """The numbers of a PointCloud2 by the names that they have there."""
+    fields = [(field.name, POINT_TYPES[field.datatype], field.offset) for field in message.fields]
+    names, formats, offsets = zip(*fields)
+    kind = {"names": names, "formats": formats, "offsets": offsets, "itemsize": message.point_step}
+    rows = numpy.frombuffer(bytes(message.data), numpy.dtype(kind))
+    assert len(rows) == message.width * message.height
+    return {name: rows[name] for name in names}
+
+
+def columns_of(message, driver, start, is_whole):
+    """The columns of a PointCloud2, called as echocast calls them, times in s of the run."""
+    step, known = DRIVERS[driver]
+    for field in message.fields:
+        place = (field.offset, field.datatype)
+        assert field.count == 1 and known.get(field.name, place) == place and (field.name in known or place[0] >= step)
+    assert not message.is_bigendian and message.row_step == message.width * message.point_step
+    columns = rows_of(message)
+    assert not is_whole or known.keys() <= columns.keys()
+    if "rgb" in columns:
+        rgb = columns.pop("rgb").astype(numpy.uint32)
+        columns |= {name: rgb >> shift & 255 for name, shift in (("red", 16), ("green", 8), ("blue", 0))}
+    shape = None if about.height == 1 else [about.height, about.width]
+    return {"columns": columns, "shape": shape} | meaning(beside(path))
+
+
+def read_pcd_ascii(path):
+    return read_pcd(path, "ascii")
+
+
+def read_pcd_compressed(path):
+    return read_pcd(path, "binary_compressed")
+
+
+def read_e57(path):
+    """All scans together, in the world."""
+    file, said = pye57.E57(path), beside(path)
+    scans = [e57_scan(file, index, said["coordinates"] == "world") for index in range(file.scan_count)]
+    columns = {name: numpy.concatenate([scan[name] for scan in scans]) for scan in scans[:1] for name in scan}
+    grid = [columns.pop(name) for name in ("rowIndex", "columnIndex") if name in columns]
+    return {"columns": columns, "shape": [int(i.max()) + 1 for i in grid] or None, "scans": len(scans)} | meaning(said)
+
+
+def e57_scan(file, index, world):
+    header = file.get_header(index)
+    assert header.has_pose()
+    # It reads returns, times and attributes of extensions as well, if they are called supported.
+    for name in header.point_fields:
+        pye57.e57.SUPPORTED_POINT_FIELDS.setdefault(name, "d")
+    scan = file.read_scan_raw(index)
+    scan = {name.removeprefix("echocast:"): numpy.asarray(column) for name, column in scan.items()}
+    place = numpy.stack([scan.pop(f"cartesian{axis}") for axis in "XYZ"]).astype(float)
+    miss = scan.pop("cartesianInvalidState", numpy.zeros(place.shape[1])) != 0
+    if world:
+        place = header.rotation_matrix @ place + header.translation[:, None]
+    place[:, miss] = numpy.nan
+    scan |= dict(zip("xyz", place))
+    renamed = {"timeStamp": "time", "colorRed": "red", "colorGreen": "green", "colorBlue": "blue"}
+    renamed |= {"returnIndex": "return_number", "returnCount": "return_count"}
+    scan = {renamed.get(name, name): column for name, column in scan.items()}
+    if "return_number" in scan:
+        scan["return_number"] = numpy.where(miss, 0, scan["return_number"].astype(int) + 1)
+    return scan
+
+
+# Where drivers put what they publish: offset and PointField type, and the bytes of a point.
+XYZ = {"x": (0, 7), "y": (4, 7), "z": (8, 7)}
+DRIVERS = {
+    "velodyne": (22, XYZ | {"intensity": (12, 7), "ring": (16, 4), "time": (18, 7)}),
+    "ouster": (48, XYZ | {
+        "intensity": (16, 7), "t": (20, 6), "reflectivity": (24, 4), "ring": (26, 4), "ambient": (28, 4),
+        "range": (32, 6),
+    }),
+    "hesai": (26, XYZ | {"intensity": (12, 7), "ring": (16, 4), "timestamp": (18, 8)}),
+    "robosense": (26, XYZ | {"intensity": (12, 7), "ring": (16, 4), "timestamp": (18, 8)}),
+    "livox": (26, XYZ | {"intensity": (12, 7), "tag": (16, 2), "line": (17, 2), "timestamp": (18, 8)}),
+    "autoware": (32, XYZ | {
+        "intensity": (12, 2), "return_type": (13, 2), "channel": (14, 4), "azimuth": (16, 7), "elevation": (20, 7),
+        "distance": (24, 7), "time_stamp": (28, 6),
+    }),
+}
+# The columns without which a field of a driver is not there.
+NEEDED = {"intensity", "ring", "time", "return_number", "return_count"}
+POINT_TYPES = {2: "u1", 4: "<u2", 6: "<u4", 7: "<f4", 8: "<f8"}
+
+
+def read_mcap(path):
+    """All messages together, in the world. The name of the file says whose points they are: `mcap_ouster`."""
+    told = re.match("mcap_([a-z]+)", Path(path).name)
+    driver = told[1] if told else "velodyne"
+    topics, later = {}, "durability: 1"
+    with open(path, "rb") as file:
+        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        assert reader.get_header().profile == "ros2"
+        summary = reader.get_summary()
+        assert summary.chunk_indexes and all(chunk.compression == "zstd" for chunk in summary.chunk_indexes)
+        for schema, channel, message, decoded in reader.iter_decoded_messages():
+            assert (later in channel.metadata["offered_qos_profiles"]) == (channel.topic == "/legend")
+            stamp = getattr(decoded, "header", None) and nanoseconds(decoded.header)
+            assert stamp in (None, message.log_time) and message.publish_time == message.log_time
+            topics.setdefault(channel.topic, []).append((schema.name, message.log_time, decoded))
+        assert summary.statistics.message_count == sum(len(messages) for messages in topics.values())
+    read_alike_by_rosbags(path, topics)
+    ((kind, _, legend),) = topics.pop("/legend")
+    assert kind == "std_msgs/msg/String"
+    said = json.loads(legend.data)
+    assert said.get("driver") == (told and told[1])
+    poses = {time: transform_of(message) for _, time, message in topics["/tf"]}
+    images = images_of(topics) if "/depth/image_rect" in topics else {}
+    clouds = []
+    for kind, time, message in topics["/points"]:
+        assert (kind, message.header.frame_id) == ("sensor_msgs/msg/PointCloud2", "sensor")
+        columns = columns_of(message, driver, time / 1e9, NEEDED <= set(said["columns"]))
+        place = numpy.stack([columns[axis] for axis in "xyz"]).astype(float)
+        assert message.is_dense == bool(driver != "hesai" and numpy.isfinite(place).all())
+        if said["coordinates"] == "world":
+            turn, shift = poses[time]
+            place = turn @ place + shift[:, None]
+        clouds.append(columns | dict(zip("xyz", place)))
+    columns = {name: numpy.concatenate([cloud[name] for cloud in clouds]) for name in clouds[0]}
+    last = topics["/points"][-1][2]
+    shape = None if last.height == 1 else [sum(m.height for _, _, m in topics["/points"]), last.width]
+    found = {"columns": columns, "shape": shape, "messages": {topic: len(all) for topic, all in topics.items()}}
+    found["stamps"] = [time for _, time, _ in topics["/points"]]
+    if "/detections" in topics:
+        frame = "map" if said["coordinates"] == "world" else "sensor"
+        found["boxes"] = [box_of(it, frame) for _, _, message in topics["/detections"] for it in message.detections]
+    return found | images | meaning(said)
+
+
+def read_points(path):
+    """The messages with points, as they are."""
+    with open(path, "rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        found = []
+        for _, _, _, message in reader.iter_decoded_messages(topics=["/points"]):
+            fields = [[field.name, field.offset, field.datatype] for field in message.fields]
+            columns = {name: numpy.asarray(column, float) for name, column in rows_of(message).items()}
+            found.append({
+                "stamp": nanoseconds(message.header), "height": message.height, "width": message.width,
+                "step": message.point_step, "fields": fields, "dense": message.is_dense,
+                "columns": {name: [repr(value) for value in column.tolist()] for name, column in columns.items()},
+            })
+    return {"messages": found}
 
 
 def nanoseconds(header):
@@ -335,11 +566,17 @@ def columns_of(message, driver, start):
     if "rgb" in columns:
         rgb = columns.pop("rgb").view(numpy.uint32)
         columns |= {name: rgb >> shift & 255 for name, shift in (("red", 16), ("green", 8), ("blue", 0))}
-    renamed = {"ring": "channel", "line": "channel", "t": "time", "timestamp": "time"}
+    renamed = {"line": "ring", "t": "time", "timestamp": "time"}
+    if driver == "autoware":
+        renamed = {"channel": "ring", "laser_id": "channel", "distance": "range", "time_stamp": "time"}
+        assert (columns.pop("return_type", numpy.zeros(1)) <= 7).all()
     columns = {renamed.get(name, name): column for name, column in columns.items()}
     if "time" in columns:
         time = columns["time"].astype(float)
-        columns["time"] = {"velodyne": start + time, "ouster": start + time / 1e9, "livox": time / 1e9}[driver]
+        since = {"velodyne": start + time, "ouster": start + time / 1e9, "livox": time / 1e9}
+        columns["time"] = (since | {"autoware": since["ouster"]}).get(driver, time)
+    if driver == "autoware" and "intensity" in columns:
+        columns["intensity"] = columns["intensity"] / 255
     if driver == "ouster":
         assert not columns.pop("ambient").any()
         if "range" in columns:

@@ -121,7 +121,6 @@ def write_ply(name, text=False, order="<"):
     element = plyfile.PlyElement.describe(vertices, "vertex")
     plyfile.PlyData([element], text=text, byte_order=order).write(folder / name)
     renamed = {"nx": "normal_x", "scalar_Intensity": "intensity", "scalar_Classification": "category_id"}
-    renamed["ring"] = "channel"
     columns = {renamed.get(f, f): vertices[f] for f, _ in fields if f != "confidence"}
     told(name, columns, dict.fromkeys("xyz", 1e-5), lost=["confidence"])
 
@@ -145,7 +144,7 @@ def write_pcd(name, encoding):
     cloud.metadata.viewpoint = (1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0)
     cloud.save(folder / name, encoding=encoding)
     assert f"DATA {encoding.value}\n".encode() in (folder / name).read_bytes()
-    columns = dict(zip(("x", "y", "z", "intensity", "channel"), arrays))
+    columns = dict(zip(("x", "y", "z", "intensity", "ring"), arrays))
     columns |= {"red": rgb >> 16, "green": rgb >> 8 & 255, "blue": rgb & 255}
     # Text has ten digits behind the point, which is not all of an rgb that is a tiny number.
     if encoding == pypcd4.Encoding.ASCII:
@@ -252,7 +251,7 @@ def write_bag(name):
     kinds = {"f4": 7, "u2": 4, "u1": 2, "u4": 6}
     formats = ["f4", "f4", "f4", "f4", "u2", "f4", "u1", "u4"]
     fields = [Field(n, record.fields[n][1], kinds[f], 1) for n, f in zip(record.names, formats)]
-    columns = {name: [] for name in ("x", "y", "z", "intensity", "channel", "time", "red", "green", "blue")}
+    columns = {name: [] for name in ("x", "y", "z", "intensity", "ring", "time", "red", "green", "blue")}
     writer = Writer(folder / (name + ".bag"), version=9, storage_plugin=StoragePlugin.MCAP)
     writer.open()
     add = {}
@@ -286,7 +285,7 @@ def write_bag(name):
         columns["y"].append(50 + points["x"].astype(float))
         columns["z"].append(2 + points["z"].astype(float))
         columns["intensity"].append(points["intensity"])
-        columns["channel"].append(points["ring"])
+        columns["ring"].append(points["ring"])
         columns["time"].append(at / 1e9 + points["time"].astype(float))
         for colour, shift in (("red", 16), ("green", 8), ("blue", 0)):
             columns[colour].append(points["rgb"] >> shift & 255)
@@ -296,6 +295,105 @@ def write_bag(name):
     columns = {name: numpy.concatenate(values) for name, values in columns.items()}
     told(name, columns, dict.fromkeys("xyz", 1e-5) | {"time": 1e-6}, lost=["flags", "topics /chatter"], sensor=[101, 50, 2])
 
+
+def write_driver_bag(name, fields, step, shape, make, columns, lost, dense=True):
+    """A cloud of a driver, without transforms: `fields` are name, offset and NumPy type."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    types = store.types
+    Time, Header = types["builtin_interfaces/msg/Time"], types["std_msgs/msg/Header"]
+    Field, PointCloud2 = types["sensor_msgs/msg/PointField"], types["sensor_msgs/msg/PointCloud2"]
+    kinds = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
+    names, offsets, formats = zip(*fields)
+    record = numpy.dtype({"names": names, "offsets": offsets, "formats": formats, "itemsize": step})
+    height, width = shape
+    points = numpy.zeros(height * width, record)
+    for axis in "xyz":
+        points[axis] = random.uniform(-20, 20, len(points))
+    make(points)
+    listed = [Field(field, offset, kinds[kind], 1) for field, offset, kind in fields]
+    data = numpy.frombuffer(points.tobytes(), numpy.uint8)
+    header = Header(Time(1_700_000_000, 250_000_000), "lidar")
+    cloud = PointCloud2(header, height, width, listed, False, step, step * width, data, dense)
+    writer = Writer(folder / (name + ".bag"), version=9, storage_plugin=StoragePlugin.MCAP)
+    writer.open()
+    connection = writer.add_connection("/points_raw", PointCloud2.__msgtype__, typestore=store)
+    writer.write(connection, 1, store.serialize_cdr(cloud, PointCloud2.__msgtype__))
+    writer.close()
+    (made,) = (folder / (name + ".bag")).glob("*.mcap")
+    made.rename(folder / name)
+    columns = {axis: points[axis] for axis in "xyz"} | columns(points)
+    # Drivers that have the lasers side by side are read laser by laser.
+    turned = name.startswith(("velodyne", "robosense"))
+    if turned:
+        columns = {column: numpy.asarray(of).reshape(shape).T.ravel() for column, of in columns.items()}
+    shaped = {"shape": [width, height] if turned else [height, width]} if height > 1 else {}
+    if lost:
+        shaped["lost"] = lost
+    told(name, columns, {"time": 1e-6, "intensity": 1e-4, "range": 1e-6}, **shaped)
+
+
+XYZ = [("x", 0, "f4"), ("y", 4, "f4"), ("z", 8, "f4")]
+STAMP = 1_700_000_000.25
+
+
+def velodyne(points):
+    """Eight firings of sixteen lasers, some without a return, times before the stamp."""
+    points["intensity"], points["ring"] = random.integers(0, 256, 128), numpy.tile(numpy.arange(16), 8)
+    points["time"] = -0.1 + numpy.repeat(numpy.arange(8), 16) * 1e-4
+    for name in ("x", "y", "z", "intensity"):
+        points[name][5:9] = numpy.nan
+
+
+def ouster(points):
+    points["intensity"], points["reflectivity"] = random.integers(0, 4000, 128), random.integers(0, 256, 128)
+    points["t"], points["ring"] = numpy.tile(numpy.arange(8) * 97_656, 16), numpy.repeat(numpy.arange(16), 8)
+    points["ambient"], points["range"] = 7, random.integers(0, 120_000, 128)
+
+
+def timed(unit):
+    def make(points):
+        points["intensity"] = random.integers(0, 256, len(points))
+        points["timestamp"] = (STAMP + numpy.arange(len(points)) * 1e-4) * unit
+        for name in ("ring", "line"):
+            if name in points.dtype.names:
+                points[name] = numpy.arange(len(points)) % 16
+    return make
+
+
+def autoware(points):
+    points["intensity"], points["return_type"] = random.integers(0, 256, 128), 1
+    points["channel"], points["time_stamp"] = numpy.arange(128), numpy.arange(128) * 1000
+    for name in ("azimuth", "elevation", "distance"):
+        points[name] = random.uniform(0, 1, 128)
+
+
+def columns_of(ring, time):
+    return lambda points: {"intensity": points["intensity"], "ring": points[ring], "time": time(points)}
+
+
+RING = XYZ + [("intensity", 12, "f4"), ("ring", 16, "u2")]
+write_driver_bag("velodyne.mcap", RING + [("time", 18, "f4")], 22, (8, 16), velodyne,
+                 columns_of("ring", lambda p: STAMP + p["time"].astype(float)), None, dense=False)
+write_driver_bag("hesai.mcap", RING + [("timestamp", 18, "f8")], 26, (1, 128), timed(1),
+                 columns_of("ring", lambda p: p["timestamp"]), None, dense=False)
+write_driver_bag("robosense.mcap", RING + [("timestamp", 18, "f8")], 26, (8, 16), timed(1),
+                 columns_of("ring", lambda p: p["timestamp"]), None, dense=False)
+write_driver_bag("livox.mcap", XYZ + [("intensity", 12, "f4"), ("tag", 16, "u1"), ("line", 17, "u1"), ("timestamp", 18, "f8")],
+                 26, (1, 128), timed(1e9), columns_of("line", lambda p: p["timestamp"] / 1e9), ["tag"])
+write_driver_bag("ouster.mcap", XYZ + [("intensity", 16, "f4"), ("t", 20, "u4"), ("reflectivity", 24, "u2"),
+                                       ("ring", 26, "u2"), ("ambient", 28, "u2"), ("range", 32, "u4")],
+                 48, (16, 8), ouster,
+                 lambda p: columns_of("ring", lambda p: STAMP + p["t"] * 1e-9)(p) | {"range": p["range"] * 1e-3},
+                 ["reflectivity", "ambient"])
+write_driver_bag("autoware.mcap", XYZ + [("intensity", 12, "u1"), ("return_type", 13, "u1"), ("channel", 14, "u2"),
+                                         ("azimuth", 16, "f4"), ("elevation", 20, "f4"), ("distance", 24, "f4"),
+                                         ("time_stamp", 28, "u4")],
+                 32, (1, 128), autoware,
+                 lambda p: columns_of("channel", lambda p: STAMP + p["time_stamp"] * 1e-9)(p)
+                 | {"azimuth": p["azimuth"], "elevation": p["elevation"], "range": p["distance"]}, ["return_type"])
 
 write_bag("drive.mcap")
 json.dump(found, sys.stdout)

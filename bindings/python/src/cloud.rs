@@ -1,10 +1,11 @@
 //! Clouds, and their columns as arrays that share their memory.
 
-use crate::array::{Held, shared};
+use crate::array::{Held, owned, shared};
 use crate::boxes::PyBox;
 use crate::error::{Failure, Outcome};
 use crate::place::Pose;
 use crate::sensor::Instrument;
+use echocast::cloud::{Driver, PackType};
 use echocast::preview::{ColorBy, PreviewOptions, View};
 use echocast::scene::NameTable;
 use echocast::{Field, Frame, Report, export, import, preview};
@@ -38,7 +39,8 @@ use std::sync::Arc;
 /// | `intensity` | float32 | what the instrument reports, up to `intensity_full_scale`; of sonars dB re 1 uPa |
 /// | `category_id`, `part_id`, `instance_id`, `material_id` | uint32 | labels, 0: unlabelled |
 /// | `return_number`, `return_count` | uint8 | which return of its beam, from 1, of how many |
-/// | `channel` | uint16 | emitter; LAS and ROS say ring; of sonars the beam |
+/// | `channel` | uint16 | emitter, the id of the laser; of sonars the beam |
+/// | `ring` | uint16 | number of the ring, as the driver of the maker counts; of sonars the beam |
 /// | `time` | float64 | when it was measured, s since the start of the run |
 /// | `frame` | uint32 | number of the scan |
 /// | `beam`, `firing` | uint32 | index of the beam, row x columns + column; of the emission |
@@ -65,6 +67,22 @@ use std::sync::Arc;
 /// edge, 9 multipath, 10 sea surface.
 #[pyclass(frozen, module = "echocast")]
 pub struct PointCloud(Arc<echocast::PointCloud>);
+
+/// What NumPy calls a type, in the machine's byte order.
+fn numpy_type(kind: PackType) -> &'static str {
+    match kind {
+        PackType::F32 => "f4",
+        PackType::F64 => "f8",
+        PackType::U8 => "u1",
+        PackType::U16 => "u2",
+        PackType::U32 => "u4",
+        PackType::I8 => "i1",
+        PackType::I16 => "i2",
+        PackType::I32 => "i4",
+        PackType::I64 => "i8",
+        PackType::U64 => "u8",
+    }
+}
 
 /// Which points.
 #[derive(FromPyObject)]
@@ -228,6 +246,46 @@ impl PointCloud {
     #[getter]
     fn intensity_full_scale(&self) -> Option<f32> {
         self.0.intensity_full_scale
+    }
+
+    /// Whose ROS 2 driver publishes such clouds ("velodyne", for instance), if that is known; else None.
+    #[getter]
+    fn driver(&self) -> Option<&'static str> {
+        self.0.driver.map(Driver::name)
+    }
+
+    /// The points as a ROS 2 driver publishes them: a structured array with the names, types, offsets and size that the
+    /// messages have, so that `tobytes()` is the `data` of a `sensor_msgs/PointCloud2`. Positions are in the frame of the
+    /// sensor.
+    ///
+    /// `driver`: "velodyne", "ouster", "hesai", "robosense", "livox" or "autoware"; None: that of the sensor's maker, or
+    /// Velodyne's if that is not known. `stamp`: when the message is stamped, s since the start of the run, from where
+    /// the times of Velodyne, Ouster and Autoware count; None: when the scan begins. ArgumentError for another driver and
+    /// without the columns.
+    ///
+    /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
+    /// >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"))
+    /// >>> points = cloud.to_ros()
+    /// >>> points.dtype.names, points.dtype.itemsize, bool((points["ring"] == cloud.ring).all())
+    /// (('x', 'y', 'z', 'intensity', 'ring', 'time'), 22, True)
+    /// >>> cloud.to_ros("ouster")["t"].dtype
+    /// dtype('uint32')
+    #[pyo3(signature = (driver = None, *, stamp = None))]
+    fn to_ros<'py>(&self, py: Python<'py>, driver: Option<&str>, stamp: Option<f64>) -> Outcome<Bound<'py, PyAny>> {
+        let driver = driver.map(|name| crate::sensor::named("driver", name)).transpose()?;
+        let driver: Driver = driver.or(self.0.driver).unwrap_or(Driver::Velodyne);
+        let step = driver.point_step();
+        let mut bytes = vec![0; self.0.len * step];
+        let stamp = stamp.unwrap_or_else(|| self.0.begins());
+        py.detach(|| self.0.pack_points(driver, stamp, &mut bytes))?;
+        let fields = driver.point_fields();
+        let kind = PyDict::new(py);
+        kind.set_item("names", fields.iter().map(|field| field.name).collect::<Vec<_>>())?;
+        kind.set_item("formats", fields.iter().map(|field| numpy_type(field.kind)).collect::<Vec<_>>())?;
+        kind.set_item("offsets", fields.iter().map(|field| field.offset).collect::<Vec<_>>())?;
+        kind.set_item("itemsize", step)?;
+        let kind = py.import("numpy")?.call_method1("dtype", (kind,))?;
+        Ok(owned(py, bytes, &[self.0.len * step])?.call_method1("view", (kind,))?)
     }
 
     /// Names of the numbers in `category_id`.

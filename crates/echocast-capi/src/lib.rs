@@ -12,6 +12,7 @@
 
 mod boxes;
 mod context;
+mod driver;
 mod file;
 mod guard;
 mod handle;
@@ -30,6 +31,7 @@ mod weather;
 
 pub use boxes::*;
 pub use context::*;
+pub use driver::*;
 pub use file::*;
 pub use guard::*;
 pub use image::*;

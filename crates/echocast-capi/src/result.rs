@@ -13,6 +13,7 @@ use echocast::scene::Labels;
 use echocast::{Field, FieldSet, Frame, PointCloud, Sensor};
 use std::collections::HashMap;
 use std::ffi::{CString, c_char, c_void};
+use std::fmt::Display;
 use std::ptr;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
@@ -319,12 +320,11 @@ const MOST_ITEMS: usize = 64;
 /// Errors: ECHOCAST_E_ARGUMENT (a wrong item, too little room), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 ///
 /// ```c
-/// // The layout that most ROS 2 drivers publish.
+/// // Positions, and the category in a byte; echocast_result_pack_driver has the layouts of ROS 2 drivers.
 /// static const echocast_pack_item items[] = {
-///     {"x", ECHOCAST_TYPE_F32, 0, 0, 1},  {"y", ECHOCAST_TYPE_F32, 4, 0, 1},
-///     {"z", ECHOCAST_TYPE_F32, 8, 0, 1},  {"intensity", ECHOCAST_TYPE_F32, 12, 0, 1},
-///     {"channel", ECHOCAST_TYPE_U16, 16, 0, 1}, {"time", ECHOCAST_TYPE_F64, 18, 0, 1}};
-/// echocast_result_pack(result, items, 6, 26, bytes, sizeof bytes, NULL);
+///     {"x", ECHOCAST_TYPE_F32, 0, 0, 1}, {"y", ECHOCAST_TYPE_F32, 4, 0, 1},
+///     {"z", ECHOCAST_TYPE_F32, 8, 0, 1}, {"category_id", ECHOCAST_TYPE_U8, 12, 0, 1}};
+/// echocast_result_pack(result, items, 4, 16, bytes, sizeof bytes, NULL);
 /// ```
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_result_pack(
@@ -388,29 +388,68 @@ impl Packing {
                 scale: if item.scale == 0.0 { 1.0 } else { item.scale },
             };
         }
+        let to = Room { to: self.to, capacity: self.capacity, needed: self.needed };
+        // SAFETY: as the caller promises.
+        let Some(to) = unsafe { to.bytes("stride", self.stride, room) }? else { return Ok(()) };
+        Ok(pack(&packed[..items.len()], to)?)
+    }
+}
+
+/// Memory that a caller gives.
+pub(crate) struct Room {
+    pub to: *mut c_void,
+    pub capacity: usize,
+    pub needed: *mut usize,
+}
+
+impl Room {
+    /// The first `room` bytes of it; `None` with NULL to write to: the caller only asked how many these are. `name` is the
+    /// argument with the value `value` that says so.
+    ///
+    /// # Safety
+    /// The pointers are NULL or to as much as they say, which nobody else uses meanwhile.
+    pub unsafe fn bytes<'a>(
+        self,
+        name: &str,
+        value: impl Display,
+        room: Option<usize>,
+    ) -> Outcome<Option<&'a mut [u8]>> {
         let Some(room) = room.filter(|&room| room <= isize::MAX as usize) else {
-            return Err(Failure::argument("stride", self.stride, "such that all of it fits into memory"));
+            return Err(Failure::argument(name, value, "such that all of it fits into memory"));
         };
         if !self.needed.is_null() {
             // SAFETY: as the caller promises.
             unsafe { text::output(self.needed, "needed") }?.write(room);
         }
         if self.to.is_null() && !self.needed.is_null() {
-            return Ok(());
+            return Ok(None);
         }
         if self.capacity < room {
             return Err(Failure::argument("capacity", self.capacity, &format!("{room} bytes or more")));
         }
-        let to: &mut [u8] = if room == 0 {
-            &mut []
-        } else {
-            let to = self.to.cast();
-            text::check_array(to, room, "to")?;
-            // SAFETY: as the caller promises: room for so many bytes, which nobody else uses meanwhile. They are only
-            // written, and bytes may hold anything.
-            unsafe { std::slice::from_raw_parts_mut(to, room) }
-        };
-        Ok(pack(&packed[..items.len()], to)?)
+        if room == 0 {
+            return Ok(Some(&mut []));
+        }
+        let to = self.to.cast();
+        text::check_array(to, room, "to")?;
+        // SAFETY: as the caller promises: room for so many bytes, which nobody else uses meanwhile. They are only written,
+        // and bytes may hold anything.
+        Ok(Some(unsafe { std::slice::from_raw_parts_mut(to, room) }))
+    }
+}
+
+pub(crate) fn number_of_packed(kind: PackType) -> i32 {
+    match kind {
+        PackType::F32 => ECHOCAST_TYPE_F32,
+        PackType::F64 => ECHOCAST_TYPE_F64,
+        PackType::U8 => ECHOCAST_TYPE_U8,
+        PackType::U16 => ECHOCAST_TYPE_U16,
+        PackType::U32 => ECHOCAST_TYPE_U32,
+        PackType::I8 => ECHOCAST_TYPE_I8,
+        PackType::I16 => ECHOCAST_TYPE_I16,
+        PackType::I32 => ECHOCAST_TYPE_I32,
+        PackType::I64 => ECHOCAST_TYPE_I64,
+        PackType::U64 => ECHOCAST_TYPE_U64,
     }
 }
 

@@ -65,6 +65,10 @@ pub struct echocast_sensor_info {
     pub focal: [f64; 2],
     /// Principal point of a camera, column and row, where whole numbers are the middle of pixels, as OpenCV counts.
     pub centre: [f64; 2],
+    /// Whose ROS 2 driver it has: an ECHOCAST_DRIVER_ number; 0 if that is not known. It numbers the rings.
+    pub driver: i32,
+    /// 0.
+    pub reserved: i32,
 }
 
 impl Default for echocast_sensor_info {
@@ -78,6 +82,8 @@ impl Default for echocast_sensor_info {
             image_height: 0,
             focal: [0.0; 2],
             centre: [0.0; 2],
+            driver: 0,
+            reserved: 0,
         }
     }
 }
@@ -91,6 +97,8 @@ text::versioned!(echocast_sensor_info {
     image_height,
     focal,
     centre,
+    driver,
+    reserved,
 });
 
 /// Creates a sensor. `sensor`: the name of a preset ("velodyne_vlp32c", see echocast_name) or the path of a sensor
@@ -345,6 +353,7 @@ pub unsafe extern "C" fn echocast_sensor_get_info(
                 rows: beams.rows,
                 columns: beams.columns,
                 period_ns: nanoseconds(beams.period),
+                driver: crate::driver::number_of(sensor.driver()),
                 ..echocast_sensor_info::default()
             };
             if let Ok(grid) = sensor.image_grid() {

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// The files of the crate in the order of the header, and what their sections are called there.
-const SECTIONS: [(&str, &str); 14] = [
+const SECTIONS: [(&str, &str); 15] = [
     ("guard", "Errors"),
     ("library", "The library"),
     ("context", "Contexts"),
@@ -18,6 +18,7 @@ const SECTIONS: [(&str, &str); 14] = [
     ("scene", "Scenes and snapshots"),
     ("sensor", "Sensors"),
     ("result", "Results"),
+    ("driver", "Messages of drivers"),
     ("scan", "Scans"),
     ("boxes", "Boxes"),
     ("image", "Images"),

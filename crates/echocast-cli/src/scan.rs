@@ -39,7 +39,7 @@ While things move, and with the sensor on a trajectory:
   printf '0 -10 0 1.8 0 0 0 1\\n2 10 0 1.8 0 0 0 1\\n' > drive.txt
   echocast scan street.glb --sensor velodyne_hdl64e --trajectory drive.txt --single -o along.las
 A bag for ROS 2, with points as of the maker's driver, and a cloud for another program:
-  echocast scan street.glb --sensor ouster_os1_128 --at 0,0,1.8 --frames 0:1 --format mcap_ouster -o drive.mcap
+  echocast scan street.glb --sensor ouster_os1_128 --at 0,0,1.8 --frames 0:1 -o drive.mcap
   echocast scan street.glb --sensor vlp16 --at 0,0,1.8 --format csv -o - | head -n 3
 A depth camera in a flat, with a row for every pixel:
   echocast generate indoor -o flat.glb

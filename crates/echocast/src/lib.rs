@@ -164,8 +164,8 @@ mod trace;
 mod page_of_motion {}
 
 pub use cloud::{
-    BoxAxes, BoxTime, CELL_FIELDS, Field, FieldSet, Frame, InstanceBox, Layout, PackItem, PackType, Ping, Pings,
-    PointCloud, SonarView, Sounding, Track,
+    BoxAxes, BoxTime, CELL_FIELDS, Driver, Field, FieldSet, Frame, InstanceBox, Layout, PackItem, PackType, Ping,
+    Pings, PointCloud, SonarView, Sounding, Track,
 };
 pub use detect::ReturnMode;
 pub use echo::Taper;

@@ -558,6 +558,73 @@ static int32_t give_up(void *user, double fraction)
     return 1;
 }
 
+/* Points as ROS 2 drivers publish them: the fields by name, type and offset, as those of a sensor_msgs/PointCloud2. */
+static void drivers(echocast_context *context, const echocast_snapshot *snapshot, const echocast_scan_desc *as)
+{
+    static const char *const wanted[] = {
+        "x 1 0, y 1 4, z 1 8, intensity 1 12, ring 4 16, time 1 18, 22",
+        "x 1 0, y 1 4, z 1 8, intensity 1 16, t 5 20, reflectivity 4 24, ring 4 26, ambient 4 28, range 5 32, 48",
+        "x 1 0, y 1 4, z 1 8, intensity 1 12, ring 4 16, timestamp 2 18, 26",
+        "x 1 0, y 1 4, z 1 8, intensity 1 12, ring 4 16, timestamp 2 18, 26",
+        "x 1 0, y 1 4, z 1 8, intensity 1 12, tag 3 16, line 3 17, timestamp 2 18, 26",
+        "x 1 0, y 1 4, z 1 8, intensity 3 12, return_type 3 13, channel 4 14, azimuth 1 16, elevation 1 20, "
+        "distance 1 24, time_stamp 5 28, 32"};
+    echocast_driver_info info = ECHOCAST_DRIVER_INFO_INIT;
+    FAILS(ECHOCAST_E_ARGUMENT, "driver is 0; allowed: 1 to 6, an ECHOCAST_DRIVER_ number", echocast_driver_get_info(0, &info));
+    FAILS(ECHOCAST_E_ARGUMENT, "driver is 7;", echocast_driver_get_info(7, &info));
+    for (int32_t driver = ECHOCAST_DRIVER_VELODYNE; driver <= ECHOCAST_DRIVER_AUTOWARE; ++driver) {
+        char told[400] = "";
+        OK(echocast_driver_get_info(driver, &info));
+        for (size_t i = 0; i < info.field_count; ++i)
+            snprintf(told + strlen(told), sizeof told - strlen(told), "%s %d %u, ", info.fields[i].name,
+                     (int)info.fields[i].kind, (unsigned)info.fields[i].offset);
+        snprintf(told + strlen(told), sizeof told - strlen(told), "%zu", info.point_step);
+        CHECK(strcmp(told, wanted[driver - 1]) == 0);
+    }
+
+    echocast_scan_desc desc = *as;
+    echocast_sensor *sensor;
+    echocast_sensor_info about = ECHOCAST_SENSOR_INFO_INIT;
+    OK(echocast_sensor_create(context, "velodyne_vlp16", &sensor));
+    OK(echocast_sensor_get_info(sensor, &about));
+    CHECK(about.driver == ECHOCAST_DRIVER_VELODYNE);
+    OK(echocast_driver_get_info(about.driver, &info));
+    CHECK(strcmp(info.columns, "x,y,z,intensity,ring,time") == 0);
+    desc.sensor = sensor;
+    desc.columns = info.columns;
+    desc.profile = ECHOCAST_PROFILE_PHYSICAL;
+    desc.t0_ns = INT64_C(5000000000);
+    echocast_result *result = NULL;
+    OK(echocast_scan(snapshot, &desc, &result));
+    size_t count = echocast_result_count(result), needed;
+    OK(echocast_result_pack_driver(result, about.driver, desc.t0_ns, NULL, 0, &needed));
+    CHECK(count > 100 && needed == 22 * count);
+    unsigned char *bytes = malloc(48 * count + 1);
+    bytes[needed] = 77;
+    OK(echocast_result_pack_driver(result, about.driver, desc.t0_ns, bytes, needed, NULL));
+    CHECK(bytes[needed] == 77);
+    const uint16_t *ring = view(result, "ring").data;
+    const double *time = view(result, "time").data;
+    for (size_t i = 0; i < count; ++i) {
+        float place[3], seconds;
+        uint16_t packed;
+        memcpy(place, bytes + 22 * i, sizeof place);
+        memcpy(&packed, bytes + 22 * i + 16, 2);
+        memcpy(&seconds, bytes + 22 * i + 18, 4);
+        /* Rings rise by 2 degrees from -15, and times count from the stamp. */
+        double up = atan2(place[2], hypot(place[0], place[1])) * 57.29577951308232;
+        CHECK(packed == ring[i] && fabs(up - (2.0 * packed - 15)) < 0.1);
+        CHECK(seconds >= 0 && seconds < 0.1 && fabs(seconds - (time[i] - 5)) < 1e-6);
+    }
+    FAILS(ECHOCAST_E_ARGUMENT, "capacity is ", echocast_result_pack_driver(result, 1, 0, bytes, needed - 1, NULL));
+    FAILS(ECHOCAST_E_ARGUMENT, "driver is 9;", echocast_result_pack_driver(result, 9, 0, bytes, needed, NULL));
+    FAILS(ECHOCAST_E_ARGUMENT, "the cloud is without the column return_number; allowed: clouds with",
+          echocast_result_pack_driver(result, ECHOCAST_DRIVER_LIVOX, 0, bytes, 48 * count, NULL));
+    free(bytes);
+    echocast_result_release(result);
+    echocast_sensor_release(sensor);
+}
+
 static void scans(echocast_context *context)
 {
     echocast_scene *scene;
@@ -699,6 +766,7 @@ static void scans(echocast_context *context)
     FAILS(ECHOCAST_E_ARGUMENT, "items[0]: column is \"normal_x\"", echocast_result_pack(result, &wrong, 1, 23, bytes, needed, NULL));
     free(bytes);
 
+    drivers(context, snapshot, &desc);
     echocast_result_release(result);
     echocast_sensor_release(sensor);
     echocast_snapshot_release(snapshot);

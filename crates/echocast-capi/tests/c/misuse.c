@@ -548,6 +548,14 @@ int main(int argc, char **argv)
     item.offset = UINT32_MAX;
     REFUSED(echocast_result_pack(result, &item, 1, 4, bytes, sizeof bytes, NULL));
     item.offset = 0;
+    BAD_HANDLES(echocast_result, wrong, echocast_result_pack_driver(wrong, 1, 0, bytes, sizeof bytes, NULL));
+    REFUSED(echocast_result_pack_driver(result, 0, 0, bytes, sizeof bytes, NULL));
+    REFUSED(echocast_result_pack_driver(result, INT32_MIN, 0, bytes, sizeof bytes, NULL));
+    REFUSED(echocast_result_pack_driver(result, INT32_MAX, INT64_MIN, bytes, sizeof bytes, NULL));
+    REFUSED(echocast_result_pack_driver(result, 1, INT64_MAX, NULL, SIZE_MAX, NULL));
+    REFUSED(echocast_result_pack_driver(result, 1, 0, bytes, 3, NULL));
+    REFUSED(echocast_driver_get_info(1, NULL));
+    REFUSED(echocast_driver_get_info(-1, NULL));
     BAD_TEXTS(name, (item.column = name, echocast_result_pack(result, &item, 1, 4, bytes, sizeof bytes, NULL)));
     item.column = "x";
     item.kind = INT32_MIN;

@@ -65,6 +65,9 @@ int main(int argc, char **argv) try {
                                                    {"range", ECHOCAST_TYPE_F32, 4, 0, 1}};
     points.pack(items.data(), items.size(), sizeof(point), mine.data(), sizeof mine);
     require(close_to(mine[1].x, 10) && close_to(mine[1].range, 6) && mine[2].x == 0, "packed");
+    const echocast_driver_info livox = echocast::driver_info(ECHOCAST_DRIVER_LIVOX);
+    require(livox.point_step == 26 && std::string(livox.fields[5].name) == "line", "a driver");
+    require(points.pack_driver(ECHOCAST_DRIVER_LIVOX, 0).size() == 52, "points of a driver");
     const std::vector<uint8_t> bytes = points.pack(items, sizeof(point));
     std::vector<uint8_t> same(bytes.size());
     points.pack(items, sizeof(point), echocast::span<uint8_t>(same.data(), same.size()));

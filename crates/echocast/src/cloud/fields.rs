@@ -333,7 +333,8 @@ columns! {
     material_id, MaterialId, u32, "", false, None, "material of the surface, 0 = none";
     return_number, ReturnNumber, u8, "", true, Some("return_number"), "which return of its beam, from 1";
     return_count, ReturnCount, u8, "", true, Some("number_of_returns"), "how many returns the beam has";
-    channel, Channel, u16, "", true, None, "emitter index (LAS and ROS say ring); of sonars the beam";
+    channel, Channel, u16, "", true, None, "emitter index, the id of the laser; of sonars the beam";
+    ring, Ring, u16, "", true, None, "number of the ring, as the driver of the maker counts: by rising elevation (Velodyne, RoboSense, and where no maker is known), from the top (Ouster), the channel (Hesai, Livox); of sonars the beam, no default column";
     time, Time, f64, "s", true, Some("gps_time"), "time of the firing since the start of the run";
     frame, Frame, u32, "", false, None, "frame index";
     beam, Beam, u32, "", false, None, "index of the beam in its frame: row * columns + column; of side-scan and imaging sonars, whose range bins are points, beam * bins + bin";

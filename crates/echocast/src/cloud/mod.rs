@@ -2,6 +2,7 @@
 
 mod boxes;
 mod collect;
+mod driver;
 mod fields;
 mod pack;
 mod ping;
@@ -11,6 +12,7 @@ mod track;
 
 pub use boxes::{BoxAxes, BoxTime, InstanceBox};
 pub(crate) use collect::Kept;
+pub use driver::{Driver, PointField};
 pub(crate) use fields::{BOTTOM_TRACK, ColumnMut, Element, FLOW, MOVING, SOUNDING, Slices, VELOCITY, WATER_TRACK, put};
 pub use fields::{Column, ColumnType, Columns, FIELDS, Field, FieldInfo, FieldSet};
 pub use pack::{PackItem, PackType};
@@ -64,6 +66,8 @@ pub struct PointCloud {
     /// Rays that light was traced with: those of beams that are several, at edges, behind mirrors and glass among them. 0
     /// of clouds that no scan made, and of sonars, whose rays [`crate::Sensor::ray_count`] counts.
     pub rays: u64,
+    /// Whose driver publishes such clouds: that of the sensor's maker ([`crate::SensorSpec::driver`]); `None`: not known.
+    pub driver: Option<Driver>,
     /// Boxes around labelled instances, if they were asked for ([`crate::ScanOptions::boxes`]): by frame, then by rising
     /// `instance_id`.
     pub boxes: Option<Vec<InstanceBox>>,
@@ -87,6 +91,7 @@ impl Default for PointCloud {
             start_time: None,
             intensity_full_scale: Some(1.0),
             rays: 0,
+            driver: None,
             boxes: None,
             labels: Arc::default(),
             records: Arc::default(),
@@ -95,6 +100,12 @@ impl Default for PointCloud {
 }
 
 impl PointCloud {
+    /// When it begins, s since the start of the run: its scan, else its first point, else 0.
+    pub fn begins(&self) -> f64 {
+        let first = || self.columns.time.iter().copied().filter(|time| time.is_finite()).min_by(f64::total_cmp);
+        self.start_time.or_else(first).unwrap_or(0.0)
+    }
+
     /// Column `field`; empty when it was not computed.
     pub fn column(&self, field: Field) -> Column<'_> {
         self.columns.get(field)
@@ -227,6 +238,7 @@ impl PointCloud {
             }
             _ => None,
         };
+        self.driver = self.driver.filter(|_| self.driver == other.driver);
         self.len += other.len;
         self.rays += other.rays;
         Ok(())

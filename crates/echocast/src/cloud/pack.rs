@@ -134,7 +134,7 @@ impl Ping {
 }
 
 /// The part of `to` that so many rows fill.
-fn room(to: &mut [u8], rows: usize, stride: usize) -> Result<&mut [u8]> {
+pub(super) fn room(to: &mut [u8], rows: usize, stride: usize) -> Result<&mut [u8]> {
     let length = to.len();
     rows.checked_mul(stride).and_then(|needed| to.get_mut(..needed)).ok_or_else(|| {
         let needed = rows as u128 * stride as u128;

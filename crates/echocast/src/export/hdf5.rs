@@ -196,6 +196,9 @@ impl BoxRows {
 /// Adds what says how to read the columns: frame, origin, shape, scale and name tables.
 pub(super) fn add_tables(file: &File, cloud: &PointCloud, report: &mut Report) -> ::hdf5::Result<()> {
     add_text(file, "coordinates", cloud.frame.name())?;
+    if let Some(driver) = cloud.driver {
+        add_text(file, "driver", driver.name())?;
+    }
     add(file, "origin", &[3], &cloud.origin.to_array())?;
     let full_scale = cloud.intensity_full_scale.unwrap_or(f32::NAN);
     file.new_dataset::<f32>().obj_track_times(false).create("intensity_full_scale")?.write_scalar(&full_scale)?;

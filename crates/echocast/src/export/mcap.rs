@@ -1,19 +1,17 @@
 //! MCAP, the bags of ROS 2: for each frame a cloud, the pose of its sensor, the boxes, and the images of a camera.
 //!
 //! Written by the crate `mcap`, in chunks that are compressed by zstd, with an index. Points are in the frame of the
-//! sensor and begin with what a driver publishes of them; the other columns follow, as they are in the cloud.
+//! sensor and begin with what the driver of its maker publishes of them; the other columns follow, as they are in the cloud.
 
 use super::ros::{Message, Stamp, definition};
 use super::{Format, FormatInfo, Growing, NEAR, Sink, camera, labels_json};
-use crate::cloud::record::{self, BLOCK_BYTES};
-use crate::cloud::{ColumnType, Field, Frame, InstanceBox, PackItem, PackType, PointCloud};
+use crate::cloud::{ColumnType, Driver, Field, Frame, InstanceBox, PackItem, PackType, PointCloud};
 use crate::emitter::Intrinsics;
-use crate::ground::parallel;
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
 use ::mcap::records::MessageHeader;
 use ::mcap::{Compression, McapError, WriteOptions, Writer};
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
@@ -22,38 +20,44 @@ pub(super) const MCAP: Mcap = Mcap {
     info: FormatInfo {
         name: "mcap",
         extensions: &["mcap"],
-        description: "bag of ROS 2: for each frame a PointCloud2 as of Velodyne's driver, TFMessage, Detection3DArray",
+        description: "bag of ROS 2: for each frame a PointCloud2 as of the driver of the sensor's maker, TFMessage, \
+                      Detection3DArray",
         needs_positions: true,
         holds_label_names: true,
     },
-    layout: &VELODYNE,
+    driver: None,
 };
 
-pub(super) const MCAP_OUSTER: Mcap = Mcap {
-    info: FormatInfo {
-        name: "mcap_ouster",
-        extensions: &[],
-        description: "bag with points as of Ouster's driver; time in ns, range in mm",
-        ..MCAP.info
-    },
-    layout: &OUSTER,
-};
+pub(super) const MCAP_VELODYNE: Mcap =
+    of_driver("mcap_velodyne", "bag with points as of Velodyne's driver; time in s since the stamp", Driver::Velodyne);
+pub(super) const MCAP_OUSTER: Mcap = of_driver(
+    "mcap_ouster",
+    "bag with points as of Ouster's driver; time in ns since the stamp, range in mm",
+    Driver::Ouster,
+);
+pub(super) const MCAP_HESAI: Mcap =
+    of_driver("mcap_hesai", "bag with points as of Hesai's driver; time in s of the run", Driver::Hesai);
+pub(super) const MCAP_ROBOSENSE: Mcap =
+    of_driver("mcap_robosense", "bag with points as of RoboSense's driver; time in s of the run", Driver::Robosense);
+pub(super) const MCAP_LIVOX: Mcap =
+    of_driver("mcap_livox", "bag with points as of Livox's driver; time in ns of the run", Driver::Livox);
+pub(super) const MCAP_AUTOWARE: Mcap = of_driver(
+    "mcap_autoware",
+    "bag with points as Autoware has them (PointXYZIRCAEDT); time in ns since the stamp",
+    Driver::Autoware,
+);
 
-pub(super) const MCAP_LIVOX: Mcap = Mcap {
-    info: FormatInfo {
-        name: "mcap_livox",
-        extensions: &[],
-        description: "bag with points as of Livox's driver; time in ns",
-        ..MCAP.info
-    },
-    layout: &LIVOX,
-};
+/// Bags of one driver, whatever the sensor.
+const fn of_driver(name: &'static str, description: &'static str, driver: Driver) -> Mcap {
+    Mcap { info: FormatInfo { name, extensions: &[], description, ..MCAP.info }, driver: Some(driver) }
+}
 
 /// A kind of bag.
 #[derive(Clone, Copy)]
 pub(super) struct Mcap {
     info: FormatInfo,
-    layout: &'static Layout,
+    /// Whose points there are; `None`: that of the cloud.
+    driver: Option<Driver>,
 }
 
 /// What the frames are called: the world, the sensor, and its images, which look along z with x to the right (REP 103).
@@ -62,6 +66,9 @@ const SENSOR: &str = "sensor";
 const OPTICAL: &str = "sensor_optical";
 /// The frame of points that are far from the sensor: around the origin of the cloud.
 const LOCAL: &str = "local";
+
+/// What the channel is called beside a driver's own.
+const LASER: &str = "laser_id";
 
 /// Order of the bytes of points and pixels; numbers around them are little endian everywhere.
 const BIG_ENDIAN: bool = cfg!(target_endian = "big");
@@ -82,103 +89,24 @@ const FOR_LATER: &str = "- history: 1
   avoid_ros_namespace_conventions: false
 ";
 
-/// What a driver publishes of a point.
-struct Layout {
-    members: &'static [Member],
-    /// Bytes of a point.
-    size: usize,
-}
-
-struct Member {
-    name: &'static str,
-    kind: PackType,
-    offset: usize,
-    value: Value,
-}
-
-#[derive(Clone, Copy, PartialEq)]
-enum Value {
-    /// Coordinate in the sensor frame; x, y and z are the first members, side by side.
-    Place,
-    /// The column, times this.
-    Column(Field, f64),
-    /// Time since the stamp, s, times this.
-    Since(f64),
-    /// Intensity, 255 at its full scale.
-    Reflectivity,
-    /// Number of the return in bits 4 and 5.
-    Tag,
-    /// Nothing that is simulated.
-    Zero,
-}
-
-const fn member(name: &'static str, kind: PackType, offset: usize, value: Value) -> Member {
-    Member { name, kind, offset, value }
-}
-
-/// `PointcloudXYZIRT` of github.com/ros-drivers/velodyne, velodyne_pointcloud/src/lib/pointcloudXYZIRT.cpp; times count
-/// from the stamp.
-const VELODYNE: Layout = Layout {
-    size: 22,
-    members: &[
-        member("x", PackType::F32, 0, Value::Place),
-        member("y", PackType::F32, 4, Value::Place),
-        member("z", PackType::F32, 8, Value::Place),
-        member("intensity", PackType::F32, 12, Value::Column(Field::Intensity, 1.0)),
-        member("ring", PackType::U16, 16, Value::Column(Field::Channel, 1.0)),
-        member("time", PackType::F32, 18, Value::Since(1.0)),
-    ],
-};
-
-/// `ouster_ros::Point` of github.com/ouster-lidar/ouster-ros, ouster-ros/include/ouster_ros/os_point.h, aligned to 16
-/// bytes; times count from the stamp, in ns, and ranges are in mm.
-const OUSTER: Layout = Layout {
-    size: 48,
-    members: &[
-        member("x", PackType::F32, 0, Value::Place),
-        member("y", PackType::F32, 4, Value::Place),
-        member("z", PackType::F32, 8, Value::Place),
-        member("intensity", PackType::F32, 16, Value::Column(Field::Intensity, 1.0)),
-        member("t", PackType::U32, 20, Value::Since(1e9)),
-        member("reflectivity", PackType::U16, 24, Value::Reflectivity),
-        member("ring", PackType::U16, 26, Value::Column(Field::Channel, 1.0)),
-        member("ambient", PackType::U16, 28, Value::Zero),
-        member("range", PackType::U32, 32, Value::Column(Field::Range, 1e3)),
-    ],
-};
-
-/// `LivoxPointXyzrtlt` of github.com/Livox-SDK/livox_ros_driver2, src/lds.h, and its fields, src/lddc.cpp; times are
-/// those of the run, in ns. Tags: "Livox HAP user manual", point cloud data.
-const LIVOX: Layout = Layout {
-    size: 26,
-    members: &[
-        member("x", PackType::F32, 0, Value::Place),
-        member("y", PackType::F32, 4, Value::Place),
-        member("z", PackType::F32, 8, Value::Place),
-        member("intensity", PackType::F32, 12, Value::Column(Field::Intensity, 1.0)),
-        member("tag", PackType::U8, 16, Value::Tag),
-        member("line", PackType::U8, 17, Value::Column(Field::Channel, 1.0)),
-        member("timestamp", PackType::F64, 18, Value::Column(Field::Time, 1e9)),
-    ],
-};
-
 impl Format for Mcap {
     fn info(&self) -> &FormatInfo {
         &self.info
     }
 
     fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()> {
-        super::write_alone(Bag::create(self.layout, cloud, path)?, cloud, report)
+        super::write_alone(Bag::create(self.driver, cloud, path)?, cloud, report)
     }
 
     fn begin(&self, first: &PointCloud, path: &Path) -> Option<io::Result<Box<dyn Growing>>> {
-        Some(Bag::create(self.layout, first, path).map(|bag| Box::new(bag) as Box<dyn Growing>))
+        Some(Bag::create(self.driver, first, path).map(|bag| Box::new(bag) as Box<dyn Growing>))
     }
 }
 
 /// A file that is being written.
 struct Bag {
-    layout: &'static Layout,
+    /// Whose points there are; `None`: not known.
+    driver: Option<Driver>,
     writer: Writer<Sink>,
     transforms: Channel,
     points: Channel,
@@ -207,7 +135,8 @@ struct Channel {
 }
 
 impl Bag {
-    fn create(layout: &'static Layout, first: &PointCloud, path: &Path) -> io::Result<Bag> {
+    fn create(driver: Option<Driver>, first: &PointCloud, path: &Path) -> io::Result<Bag> {
+        let driver = driver.or(first.driver);
         let options = WriteOptions::new()
             .profile("ros2")
             .library(concat!("echocast ", env!("CARGO_PKG_VERSION")))
@@ -233,11 +162,11 @@ impl Bag {
         };
         let images = camera::of(first).map(&mut images).transpose().map_err(io_error)?;
         let (large, coarse, bytes) = (false, false, Vec::new());
-        let mut bag = Bag { layout, writer, transforms, points, detections, images, large, coarse, bytes };
+        let mut bag = Bag { driver, writer, transforms, points, detections, images, large, coarse, bytes };
         let mut message = bag.message();
         // Each message has a shape of its own.
-        message.text(&labels_json(&PointCloud { organised: None, ..first.head() }))?;
-        send(&mut bag.writer, &mut legend, stamp(first), message).map(|bytes| bag.bytes = bytes)?;
+        message.text(&labels_json(&PointCloud { organised: None, driver, ..first.head() }))?;
+        send(&mut bag.writer, &mut legend, Stamp::of(first.begins()), message).map(|bytes| bag.bytes = bytes)?;
         Ok(bag)
     }
 
@@ -249,12 +178,12 @@ impl Bag {
 
 impl Growing for Bag {
     fn add(&mut self, cloud: &PointCloud) -> io::Result<()> {
-        let stamp = stamp(cloud);
+        let stamp = Stamp::of(cloud.begins());
         let from = if cloud.frame == Frame::World { placed(cloud).1.position } else { DVec3::ZERO };
         self.coarse |= reach(cloud, from) > NEAR;
         let message = transforms(self.message(), cloud, self.images.is_some(), stamp)?;
         self.bytes = send(&mut self.writer, &mut self.transforms, stamp, message)?;
-        let message = points(self.message(), self.layout, cloud, stamp)?;
+        let message = points(self.message(), self.driver, cloud, stamp)?;
         self.bytes = send(&mut self.writer, &mut self.points, stamp, message)?;
         if let Some(boxes) = &cloud.boxes {
             let message = detections(self.message(), cloud, boxes, stamp)?;
@@ -305,12 +234,6 @@ fn io_error(error: McapError) -> io::Error {
     }
 }
 
-/// When `cloud` begins: its scan, else its first point.
-fn stamp(cloud: &PointCloud) -> Stamp {
-    let first = || cloud.columns.time.iter().copied().filter(|time| time.is_finite()).min_by(f64::total_cmp);
-    Stamp::of(cloud.start_time.or_else(first).unwrap_or(0.0))
-}
-
 /// Where the sensor is, and how its images lie.
 fn transforms(mut message: Message, cloud: &PointCloud, images: bool, stamp: Stamp) -> io::Result<Message> {
     let optical = Pose { orientation: Intrinsics::FROM_OPTICAL, ..Pose::IDENTITY };
@@ -348,7 +271,7 @@ fn camera_info(mut message: Message, cloud: &PointCloud, camera: Intrinsics, sta
 
 /// Distances along the axis, m, NaN where there is none.
 fn depth_image(mut message: Message, cloud: &PointCloud, stamp: Stamp) -> io::Result<Message> {
-    let (c, to_sensor) = (&cloud.columns, into_frame(cloud, &cloud.sensor_pose));
+    let (c, to_sensor) = (&cloud.columns, cloud.into_frame(&cloud.sensor_pose));
     let computed = |row| to_sensor([c.x[row], c.y[row], c.z[row]])[0];
     let depths: Vec<f32> = if c.depth.is_empty() { (0..cloud.len).map(computed).collect() } else { c.depth.clone() };
     image(&mut message, cloud, "32FC1", bytemuck::cast_slice(&depths), stamp)?;
@@ -400,26 +323,26 @@ fn detections(mut message: Message, cloud: &PointCloud, boxes: &[InstanceBox], s
     Ok(message)
 }
 
-/// A number that each point of a message has.
-struct PointField {
-    name: &'static str,
-    kind: PackType,
-    offset: usize,
-}
-
-/// The points of `cloud`.
-fn points(mut message: Message, layout: &Layout, cloud: &PointCloud, stamp: Stamp) -> io::Result<Message> {
-    let (fields, items, step) = record_of(layout, cloud, stamp);
-    let [height, width] = cloud.organised.map_or([1, cloud.len], |shape| shape.map(|count| count as usize));
+/// The points of `cloud`, as `driver` publishes them.
+fn points(mut message: Message, driver: Option<Driver>, cloud: &PointCloud, stamp: Stamp) -> io::Result<Message> {
+    let mut shape = cloud.organised.map_or([1, cloud.len], |shape| shape.map(|count| count as usize));
+    let turned;
+    let mut cloud = cloud;
+    if let Some(order) = driver.and_then(|driver| order_of(driver, cloud)) {
+        turned = cloud.select(&order.rows).map_err(io::Error::other)?;
+        (cloud, shape) = (&turned, order.shape);
+    }
+    let ([height, width], known) = (shape, driver.unwrap_or(Driver::Velodyne));
+    let (fields, items, step) = record_of(known, cloud, stamp);
     let (frame, pose) = placed(cloud);
     message.header(stamp, frame)?;
     message.count(height)?;
     message.count(width)?;
     message.count(fields.len())?;
-    for field in &fields {
-        message.text(field.name)?;
-        message.u32(field.offset as u32);
-        message.u8(number_of(field.kind));
+    for &(name, kind, offset) in &fields {
+        message.text(name)?;
+        message.u32(offset as u32);
+        message.u8(number_of(kind));
         message.u32(1);
     }
     message.u8(BIG_ENDIAN.into());
@@ -427,18 +350,10 @@ fn points(mut message: Message, layout: &Layout, cloud: &PointCloud, stamp: Stam
     message.count(width.saturating_mul(step))?;
     let bytes = message.zeros(cloud.len.saturating_mul(step))?;
     cloud.pack(&items, step, bytes).map_err(io::Error::other)?;
-    let tag = layout.members.iter().find(|member| member.value == Value::Tag && present(member, cloud));
-    let c = &cloud.columns;
-    let to_frame = into_frame(cloud, &pose);
-    let rows = (BLOCK_BYTES / step).max(1);
-    parallel::for_each_chunk(bytes, rows * step, |block, records| {
-        let rows = block * rows..block * rows + records.len() / step;
-        record::put(records, step, 0, rows.clone(), |row| to_frame([c.x[row], c.y[row], c.z[row]]));
-        if let Some(tag) = tag {
-            record::put(records, step, tag.offset, &c.return_number[rows], |number| (*number).min(3) << 4);
-        }
-    });
-    let dense = [&c.x, &c.y, &c.z].into_iter().flatten().all(|x| x.is_finite());
+    cloud.put_made(known, step, &pose, bytes);
+    // Hesai's driver never says so.
+    let dense = driver != Some(Driver::Hesai)
+        && [&cloud.columns.x, &cloud.columns.y, &cloud.columns.z].into_iter().flatten().all(|x| x.is_finite());
     message.u8(dense.into());
     Ok(message)
 }
@@ -462,54 +377,62 @@ fn reach(cloud: &PointCloud, from: DVec3) -> f64 {
     axes.map(along).fold(0.0, f64::max)
 }
 
-/// Takes positions of `cloud` to the frame at `pose`; those in the frame of the sensor stay.
-fn into_frame(cloud: &PointCloud, pose: &Pose) -> impl Fn([f32; 3]) -> [f32; 3] + use<> {
-    let pose = if cloud.frame == Frame::World { *pose } else { Pose::IDENTITY };
-    let (turn, shift) = (DMat3::from_quat(pose.orientation.inverse()), cloud.origin - pose.position);
-    move |place| (turn * (DVec3::from(place.map(f64::from)) + shift)).as_vec3().to_array()
+/// Where a driver has the rows of an organised cloud.
+struct Arrangement {
+    /// Height and width.
+    shape: [usize; 2],
+    /// The row of the cloud at each place.
+    rows: Vec<usize>,
 }
 
-/// Whether the cloud has what `member` is made of.
-fn present(member: &Member, cloud: &PointCloud) -> bool {
-    let field = match member.value {
-        Value::Place | Value::Zero => return true,
-        Value::Column(field, _) => field,
-        Value::Since(_) => Field::Time,
-        Value::Reflectivity => Field::Intensity,
-        Value::Tag => Field::ReturnNumber,
-    };
-    cloud.fields.contains(field)
+/// How `driver` arranges `cloud`, a scan with a ring in each row, if it does otherwise than the cloud: Velodyne's has the
+/// rings side by side, the lowest first, and firings below each other (organized_cloudXYZIRT.cpp), RoboSense's likewise,
+/// in the order of its channels (source_pointcloud_ros.hpp), Ouster's the rings below each other.
+fn order_of(driver: Driver, cloud: &PointCloud) -> Option<Arrangement> {
+    let [height, width] = cloud.organised?.map(|count| count as usize);
+    let rings = &cloud.columns.ring;
+    let of_row = |row: usize| &rings[row * width..(row + 1) * width];
+    if rings.is_empty() || width == 0 || (0..height).any(|row| of_row(row).iter().any(|ring| *ring != of_row(row)[0])) {
+        return None;
+    }
+    let mut lasers: Vec<usize> = (0..height).collect();
+    lasers.sort_by_key(|&row| of_row(row)[0]);
+    if lasers.is_sorted_by(|&a, &b| of_row(a)[0] < of_row(b)[0]) {
+        match driver {
+            Driver::Velodyne if height > 1 => {}
+            Driver::Robosense if height > 1 => lasers.sort_unstable(),
+            Driver::Ouster if !lasers.is_sorted() => {
+                let rows = lasers.iter().flat_map(|row| row * width..(row + 1) * width).collect();
+                return Some(Arrangement { shape: [height, width], rows });
+            }
+            _ => return None,
+        }
+        let rows = (0..width).flat_map(|firing| lasers.iter().map(move |row| row * width + firing)).collect();
+        return Some(Arrangement { shape: [width, height], rows });
+    }
+    None
 }
+
+/// Name, type and first byte of a number that each point of a message has.
+type MessageField = (&'static str, PackType, usize);
 
 /// What a point of a message has, where its numbers come from, and its size. Where the cloud lacks a column, its place
 /// is left free.
-fn record_of(layout: &Layout, cloud: &PointCloud, stamp: Stamp) -> (Vec<PointField>, Vec<PackItem>, usize) {
+fn record_of(driver: Driver, cloud: &PointCloud, stamp: Stamp) -> (Vec<MessageField>, Vec<PackItem>, usize) {
     let (mut fields, mut items) = (Vec::new(), Vec::new());
     let mut others = cloud.fields.without(Field::X).without(Field::Y).without(Field::Z);
-    for member in layout.members.iter().filter(|member| present(member, cloud)) {
-        let &Member { name, kind, offset, value } = member;
-        fields.push(PointField { name, kind, offset });
-        let mut item = |field, shift, scale| items.push(PackItem { field, kind, offset, shift, scale });
-        match value {
-            Value::Column(field, scale) => {
-                item(field, 0.0, scale);
-                others = others.without(field);
-            }
-            Value::Since(scale) => {
-                item(Field::Time, stamp.seconds(), scale);
-                others = others.without(Field::Time);
-            }
-            Value::Reflectivity => {
-                item(Field::Intensity, 0.0, cloud.intensity_full_scale.map_or(1.0, |full| 255.0 / f64::from(full)));
-            }
-            Value::Place | Value::Tag | Value::Zero => {}
+    for field in driver.point_fields().iter().filter(|field| field.is_in(cloud)) {
+        fields.push((field.name, field.kind, field.offset));
+        if let Some(item) = field.item(cloud, stamp.seconds()) {
+            others = others.without(item.field);
+            items.push(item);
         }
     }
-    let mut size = layout.size;
+    let mut size = driver.point_step();
     // As programs that show colours know them: 0x00RRGGBB, called a float.
     const COLOUR: [Field; 3] = [Field::Blue, Field::Green, Field::Red];
     if COLOUR.iter().all(|&field| others.contains(field)) {
-        fields.push(PointField { name: "rgb", kind: PackType::F32, offset: size });
+        fields.push(("rgb", PackType::F32, size));
         for (byte, field) in COLOUR.into_iter().enumerate() {
             items.push(PackItem::new(field, PackType::U8, size + byte));
             others = others.without(field);
@@ -526,7 +449,10 @@ fn record_of(layout: &Layout, cloud: &PointCloud, stamp: Stamp) -> (Vec<PointFie
             ColumnType::U16 => PackType::U16,
             ColumnType::U32 => PackType::U32,
         };
-        fields.push(PointField { name: info.name, kind, offset: size });
+        let taken = fields.iter().any(|(name, ..)| *name == info.name);
+        // Autoware's channels are rings.
+        let name = if taken && info.field == Field::Channel { LASER } else { info.name };
+        fields.push((name, kind, size));
         items.push(PackItem::new(info.field, kind, size));
         size += kind.size();
     }

@@ -156,9 +156,17 @@ pub const FORMATS: &[&dyn Format] = &[
     #[cfg(feature = "mcap")]
     &mcap::MCAP,
     #[cfg(feature = "mcap")]
+    &mcap::MCAP_VELODYNE,
+    #[cfg(feature = "mcap")]
     &mcap::MCAP_OUSTER,
     #[cfg(feature = "mcap")]
+    &mcap::MCAP_HESAI,
+    #[cfg(feature = "mcap")]
+    &mcap::MCAP_ROBOSENSE,
+    #[cfg(feature = "mcap")]
     &mcap::MCAP_LIVOX,
+    #[cfg(feature = "mcap")]
+    &mcap::MCAP_AUTOWARE,
     &npz::Npz::PLAIN,
 ];
 
@@ -174,7 +182,7 @@ pub fn format_for(path: &Path, name: Option<&str>) -> Result<&'static dyn Format
         return Err(Error::Unsupported { what: "HDF5 in this build".into(), instead });
     }
     #[cfg(not(feature = "mcap"))]
-    if matches!(name.unwrap_or(&ending), "mcap" | "mcap_ouster" | "mcap_livox") {
+    if name.unwrap_or(&ending).starts_with("mcap") {
         let instead = "build echocast with the feature mcap".into();
         return Err(Error::Unsupported { what: "MCAP in this build".into(), instead });
     }
@@ -384,6 +392,9 @@ fn labels_json(cloud: &PointCloud) -> String {
     map.extend(sensor_pose(cloud).map(|(name, values)| (name.into(), values.into())));
     if let Some(full) = cloud.intensity_full_scale {
         map.insert("intensity_full_scale".into(), full.into());
+    }
+    if let Some(driver) = cloud.driver {
+        map.insert("driver".into(), driver.name().into());
     }
     if let Some(shape) = cloud.organised {
         map.insert("shape".into(), shape.as_slice().into());

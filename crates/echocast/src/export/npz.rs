@@ -65,6 +65,9 @@ impl Format for Npz {
         }
         zip.add("intensity_full_scale", "f4", &[], &[cloud.intensity_full_scale.unwrap_or(f32::NAN)])?;
         zip.text("coordinates", cloud.frame.name())?;
+        if let Some(driver) = cloud.driver {
+            zip.text("driver", driver.name())?;
+        }
         if let Some(shape) = cloud.organised {
             zip.add("shape", "u4", &[2], &shape)?;
         }

@@ -2,10 +2,10 @@
 
 use super::Source;
 use super::rows::axis;
-use crate::cloud::{Field, Frame, InstanceBox, Records};
+use crate::cloud::{Driver, Field, Frame, InstanceBox, Records};
 use crate::export::labels_path;
 use crate::ground::error::{Error, Result};
-use crate::ground::named::Named as _;
+use crate::ground::named::Named;
 use crate::ground::pose::Pose;
 use crate::read::{self, Limit};
 use crate::scene::{Labels, NameTable};
@@ -21,6 +21,7 @@ pub(super) struct About {
     pub sensor_pose: Option<Pose>,
     /// `Some(None)`: there is none.
     pub intensity_full_scale: Option<Option<f32>>,
+    pub driver: Option<Driver>,
     pub shape: Option<[u32; 2]>,
     pub labels: Labels,
     pub las_class: BTreeMap<u32, u8>,
@@ -53,6 +54,7 @@ pub(super) const ABOUT: &[&str] = &[
     "sensor_orientation_xyzw",
     "intensity_full_scale",
     "coordinates",
+    "driver",
     "shape",
     "category_ids",
     "category_names",
@@ -72,6 +74,7 @@ struct Words {
     sensor_position: Option<[f64; 3]>,
     sensor_orientation_xyzw: Option<[f64; 4]>,
     intensity_full_scale: Option<f32>,
+    driver: Option<String>,
     shape: Option<[u32; 2]>,
     f32_origin: Option<[f64; 3]>,
     columns: Option<Vec<String>>,
@@ -119,6 +122,7 @@ impl About {
         words.sensor_position = three(arrays.numbers("sensor_position")?);
         words.sensor_orientation_xyzw = arrays.numbers("sensor_orientation_xyzw")?.and_then(|q| q.try_into().ok());
         words.coordinates = arrays.texts("coordinates")?.and_then(|texts| texts.into_iter().next());
+        words.driver = arrays.texts("driver")?.and_then(|texts| texts.into_iter().next());
         let full = arrays.numbers("intensity_full_scale")?.and_then(|full| full.first().copied());
         words.intensity_full_scale = full.map(|full| full as f32);
         let shape = arrays.numbers("shape")?.and_then(|shape| <[f64; 2]>::try_from(shape).ok());
@@ -148,13 +152,8 @@ impl About {
     /// # Errors
     /// What is wrong with them.
     fn of(words: Words) -> Result<About, String> {
-        let frame = match &words.coordinates {
-            None => None,
-            Some(name) => {
-                let known = Frame::NAMES.iter().find(|(known, _)| known == name);
-                Some(known.ok_or_else(|| format!("coordinates is {name:?}; allowed: world, sensor"))?.1)
-            }
-        };
+        let frame = words.coordinates.map(|name| named("coordinates", &name)).transpose()?;
+        let driver = words.driver.map(|name| named("driver", &name)).transpose()?;
         let sensor_pose = match (words.sensor_position, words.sensor_orientation_xyzw) {
             (Some(position), Some(orientation)) => Some(pose(position, orientation)?),
             _ => None,
@@ -177,6 +176,7 @@ impl About {
             frame,
             sensor_pose,
             intensity_full_scale: Some(full_scale),
+            driver,
             shape: words.shape,
             labels,
             f32_origin: words.f32_origin,
@@ -184,6 +184,18 @@ impl About {
             ..About::default()
         })
     }
+}
+
+/// The value called `name`, which the file has under `key`.
+///
+/// # Errors
+/// A name that is none.
+fn named<T: Named>(key: &str, name: &str) -> Result<T, String> {
+    let known = T::NAMES.iter().find(|(known, _)| *known == name).map(|(_, value)| *value);
+    known.ok_or_else(|| {
+        let names: Vec<&str> = T::NAMES.iter().map(|(known, _)| *known).collect();
+        format!("{key} is {name:?}; allowed: {}", names.join(", "))
+    })
 }
 
 /// Whether `place` is within reach.
@@ -231,6 +243,7 @@ mod tests {
         for (json, told) in [
             ("{", "names of labels"),
             (r#"{"coordinates": "lidar"}"#, "allowed: world, sensor"),
+            (r#"{"driver": "sick"}"#, "driver is \"sick\"; allowed: velodyne, ouster, hesai"),
             (r#"{"category_ids": [5, 1], "category_names": ["a", "b"]}"#, "category_ids are not rising"),
             (r#"{"part_ids": [0], "part_names": ["a"]}"#, "part_ids"),
             (r#"{"instance_ids": [1], "instance_names": []}"#, "instance_ids"),

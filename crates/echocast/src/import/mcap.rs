@@ -200,6 +200,7 @@ impl Frames {
 #[derive(Default)]
 struct Bag {
     about: About,
+    has_legend: bool,
     /// The topic of its clouds, once there is one.
     topic: Option<String>,
     rows: Option<Rows>,
@@ -231,7 +232,7 @@ impl Bag {
                 let text = Message::new(bytes).and_then(|mut message| message.text());
                 // Another program may have something else there.
                 if let Some(about) = text.ok().and_then(|text| About::parse(source.path, text.as_bytes()).ok()) {
-                    self.about = about;
+                    (self.about, self.has_legend) = (about, true);
                 }
                 Ok(())
             }
@@ -254,11 +255,13 @@ impl Bag {
     ) -> Result<()> {
         // Those of the first tell what has no place.
         let mut told_before = Report::default();
-        let members = points.members(if self.count == 0 { report } else { &mut told_before });
+        let full_scale = self.about.intensity_full_scale.flatten().unwrap_or(255.0);
+        let members = points.members(full_scale, if self.count == 0 { report } else { &mut told_before });
         let fields = members.iter().map(|member| member.goal.field).collect();
         let pose = frames.pose(&points.frame, points.time)?;
         if self.count == 0 {
             self.untransformed = pose.is_none();
+            self.about.driver = self.about.driver.or_else(|| points.driver().filter(|_| !self.has_legend));
             self.about.frame = self.about.frame.or(pose.is_none().then_some(Frame::Sensor));
             self.about.sensor_pose = self.about.sensor_pose.or(pose);
             self.about.shape = u32::try_from(points.height).ok().zip(u32::try_from(points.width).ok()).map(Into::into);
@@ -306,6 +309,37 @@ impl Bag {
             let left = left.into_iter().collect::<Vec<_>>().join(", ");
             report.warn(format!("mcap: a cloud has no place for the topics {left}"));
         }
-        rows.finish(source.path, "mcap", about, report)
+        side_by_side(rows.finish(source.path, "mcap", about, report)?)
     }
+}
+
+/// The cloud with a row for each laser, if it has a column for each, as drivers arrange the firings of all lasers; else as
+/// it is.
+///
+/// # Errors
+/// No memory.
+fn side_by_side(cloud: PointCloud) -> Result<PointCloud> {
+    let Some([height, width]) = cloud.organised else { return Ok(cloud) };
+    let [firings, lasers] = [height, width].map(|count| count as usize);
+    let (ring, x) = (&cloud.columns.ring, &cloud.columns.x);
+    if ring.is_empty() || x.is_empty() {
+        return Ok(cloud);
+    }
+    let mut known = Vec::new();
+    for laser in 0..lasers {
+        // What is no point may have no ring.
+        let mut rings = (laser..ring.len()).step_by(lasers).filter(|&row| !x[row].is_nan()).map(|row| ring[row]);
+        let first = rings.next();
+        if rings.any(|ring| Some(ring) != first) {
+            return Ok(cloud);
+        }
+        known.extend(first);
+    }
+    known.sort_unstable();
+    if known.len() < 2 || known.windows(2).any(|pair| pair[0] == pair[1]) {
+        return Ok(cloud);
+    }
+    let of_laser = |laser| (0..firings).map(move |firing| firing * lasers + laser);
+    let order: Vec<usize> = (0..lasers).flat_map(of_laser).collect();
+    Ok(PointCloud { organised: Some([width, height]), ..cloud.select(&order)? })
 }

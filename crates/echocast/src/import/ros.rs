@@ -3,7 +3,8 @@
 use super::names::Named;
 use super::number::Member;
 use super::rows;
-use crate::cloud::Field;
+use crate::cloud::{self, Driver, Field};
+use crate::ground::named::Named as _;
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
 use crate::read::number::Number;
@@ -178,10 +179,25 @@ impl<'a> Points<'a> {
         (0..count).map(move |index| &data[index * step..][..length])
     }
 
-    /// Its numbers that go to columns. `report` gets what a cloud has no place for.
-    pub(super) fn members(&self, report: &mut Report) -> Vec<Member> {
+    /// Whose driver publishes such points, if that can be seen.
+    pub(super) fn driver(&self) -> Option<Driver> {
+        let is = |wanted: &cloud::PointField| {
+            let same = |field: &PointField| field.name == wanted.name && field.number.size() == wanted.kind.size();
+            self.fields.iter().any(same)
+        };
+        let mut drivers = Driver::NAMES.iter().map(|(_, driver)| *driver);
+        let found = drivers.find(|driver| driver.point_fields().iter().all(is));
+        // These two publish the same, but for rows and columns.
+        found.map(|driver| if driver == Driver::Hesai && self.height > 1 { Driver::Robosense } else { driver })
+    }
+
+    /// Its numbers that go to columns; `full_scale` is that of the intensity. `report` gets what a cloud has no place for.
+    pub(super) fn members(&self, full_scale: f32, report: &mut Report) -> Vec<Member> {
         let mut columns = Vec::new();
         let mut places = Vec::new();
+        let has = |name: &str| self.fields.iter().any(|field| field.name == name);
+        let livox = has("tag") && has("line");
+        let autoware = has("return_type") && has("time_stamp");
         for field in &self.fields {
             if field.is_packed() {
                 // 0x00RRGGBB
@@ -189,12 +205,15 @@ impl<'a> Points<'a> {
                 columns.extend(["red", "green", "blue"].map(|name| Named::new(name, Number::U8)));
                 places.extend(bytes.map(|byte| field.at + byte));
             } else {
-                let name = if field.single { &field.name } else { &format!("{}[]", field.name) };
+                let name = match &*field.name {
+                    "channel" if autoware => "ring",
+                    name if field.single => name,
+                    name => &format!("{name}[]"),
+                };
                 columns.push(Named::new(name, field.number));
                 places.push(field.at);
             }
         }
-        let livox = ["tag", "line"].iter().all(|name| self.fields.iter().any(|field| field.name == *name));
         let goals = rows::goals(&columns, "mcap", report);
         let mut members = Vec::new();
         for ((goal, column), at) in goals.into_iter().zip(&columns).zip(places) {
@@ -206,6 +225,7 @@ impl<'a> Points<'a> {
                 (Field::Time, Number::F32 | Number::I32 | Number::U32) => goal.shift = self.time,
                 // Ouster's are in mm.
                 (Field::Range, Number::U32) => goal.factor = 1e-3,
+                (Field::Intensity, Number::U8) if autoware => goal.factor = f64::from(full_scale) / 255.0,
                 _ => {}
             }
             members.push(Member { goal, number: column.number, at });

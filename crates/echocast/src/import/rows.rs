@@ -214,6 +214,7 @@ impl Rows {
             start_time: None,
             intensity_full_scale: about.intensity_full_scale.unwrap_or(guessed),
             rays: 0,
+            driver: about.driver,
             boxes: about.boxes,
             labels: Arc::new(Labels { las_class: about.las_class, ..about.labels }),
             records: Arc::new(about.records),

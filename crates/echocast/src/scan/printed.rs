@@ -373,6 +373,7 @@ impl<'a> Printed<'a> {
         cloud.start_time = Some(options.start_time);
         // A level has no greatest value; the program's ratio has 1.
         cloud.intensity_full_scale = (options.profile == Profile::Blainder).then_some(1.0);
+        cloud.driver = None;
         cloud.labels = self.scene.surfaces.labels.clone();
         Ok(())
     }
@@ -385,6 +386,7 @@ impl<'a> Printed<'a> {
             azimuth: azimuth,
             elevation: elevation,
             channel: self.fan.channel[ray],
+            ring: self.fan.channel[ray],
             time: self.options.start_time,
             frame: self.options.frame,
             beam: ray as u32,

@@ -46,6 +46,9 @@ impl SensorSpec {
                 return Err(Error::invalid(key, "given", "with kind: sonar only"));
             }
         }
+        if self.driver.is_some() && self.kind != SensorKind::Lidar {
+            return Err(Error::invalid("driver", "given", "with kind: lidar only"));
+        }
         bounds.within("beam.wavelength_nm", beam.wavelength_nm, 200.0, 20_000.0)?;
         bounds.within("beam.divergence_mrad[0]", beam.divergence_mrad[0], 0.0, 1000.0)?;
         bounds.within("beam.divergence_mrad[1]", beam.divergence_mrad[1], 0.0, 1000.0)?;
@@ -164,6 +167,7 @@ impl SensorSpec {
         }
         let SensorSpec { beam, range, detection, returns, noise, intensity, .. } = self;
         for (key, given) in [
+            ("driver", self.driver.is_some()),
             ("beam", *beam != BeamSpec::default()),
             ("detection", *detection != DetectionSpec::default()),
             ("returns", *returns != ReturnsSpec::default()),

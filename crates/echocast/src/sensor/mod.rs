@@ -4,6 +4,7 @@ mod check;
 mod keys;
 mod presets;
 mod reception;
+mod rings;
 mod signals;
 mod sonar;
 mod spec;
@@ -19,7 +20,7 @@ pub use spec::{BeamSpec, Expectations, IntensitySpec, RangeSpec, ReturnsSpec, Se
 pub(crate) use tof::DepthCamera;
 pub use tof::{Illumination, ShotNoiseSpec, Target, TofSpec, Vignetting};
 
-use crate::cloud::{BOTTOM_TRACK, Field, FieldSet, SOUNDING, SonarView, WATER_TRACK};
+use crate::cloud::{BOTTOM_TRACK, Driver, Field, FieldSet, SOUNDING, SonarView, WATER_TRACK};
 use crate::detect::{DetectionSpec, Doppler, Noise, RangeError, ReturnMode, Threshold, Timing};
 use crate::echo::{Cone, Glint, Pulse, Receiver, texture};
 use crate::emitter::pattern::Pattern;
@@ -42,6 +43,8 @@ pub struct Sensor {
     pub(crate) beams: Arc<BeamTable>,
     /// One more than the greatest channel of a beam.
     pub(crate) channels: usize,
+    /// The ring of each channel.
+    pub(crate) rings: Arc<[u16]>,
     pub(crate) wavelength_nm: f64,
     pub(crate) range_min_m: f64,
     pub(crate) range_max_m: f64,
@@ -137,6 +140,7 @@ impl Sensor {
             intensity: spec.intensity,
             doppler: spec.doppler,
             camera: spec.tof.as_ref().map(|tof| DepthCamera::new(tof, &spec.pattern)),
+            rings: rings::of_channels(&spec, &beams, channels),
             signals: Arc::new(Signals::new(&spec)),
             texture: spec.acoustics.as_ref().and_then(|it| it.texture_shape).map_or_else(|| Arc::from([]), texture),
             transducers: Arc::default(),
@@ -273,15 +277,21 @@ impl Sensor {
         self.spec.kind
     }
 
-    /// The columns of its clouds by default: [`FieldSet::default`]; `doppler` if it measures that; of a sonar, whose points
-    /// are of the bed, the water surface, reflections and noise, `cause`, and what belongs to its soundings and velocities.
+    /// Whose ROS driver it has, if its file says so.
+    pub fn driver(&self) -> Option<Driver> {
+        self.spec.driver
+    }
+
+    /// The columns of its clouds by default: [`FieldSet::default`]; `doppler` if it measures that; of a sonar no `ring` and,
+    /// as its points are of the bed, the water surface, reflections and noise, `cause`, and what belongs to its soundings and
+    /// velocities.
     pub fn default_fields(&self) -> FieldSet {
         let mut fields = FieldSet::default();
         if self.doppler.is_some() {
             fields = fields.with(Field::Doppler);
         }
         if self.kind() == SensorKind::Sonar {
-            fields = fields.with(Field::Cause);
+            fields = fields.without(Field::Ring).with(Field::Cause);
             if self.sonar_view().reports_depths() {
                 fields = fields.union(SOUNDING.into_iter().collect());
             }

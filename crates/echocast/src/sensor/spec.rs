@@ -2,6 +2,7 @@
 
 use super::sonar::AcousticsSpec;
 use super::tof::TofSpec;
+use crate::cloud::Driver;
 use crate::detect::{DetectionSpec, Doppler, Noise, ReturnMode, VelocityLog};
 use crate::echo::{IntensityEncoding, PulseShape};
 use crate::emitter::pattern::Pattern;
@@ -22,6 +23,10 @@ pub struct SensorSpec {
     pub title: String,
     /// What it measures with.
     pub kind: SensorKind,
+    /// Whose ROS driver it has, which numbers the rings and lays out the points in bags. Of a LiDAR only. Without it,
+    /// rings count by rising elevation, and bags have what Velodyne's driver publishes.
+    #[serde(default)]
+    pub driver: Option<Driver>,
     /// Where the numbers come from.
     #[serde(default)]
     pub source: String,
@@ -69,6 +74,7 @@ impl SensorSpec {
             name: name.into(),
             title: String::new(),
             kind,
+            driver: None,
             source: String::new(),
             pattern,
             beam: BeamSpec::default(),
@@ -92,6 +98,7 @@ impl Serialize for SensorSpec {
             name,
             title,
             kind,
+            driver,
             source,
             pattern,
             beam,
@@ -107,12 +114,15 @@ impl Serialize for SensorSpec {
             expect,
         } = self;
         let of_light = *kind != SensorKind::Sonar;
-        let mut keys = serializer.serialize_struct("SensorSpec", 16)?;
+        let mut keys = serializer.serialize_struct("SensorSpec", 17)?;
         keys.serialize_field("name", name)?;
         if !title.is_empty() {
             keys.serialize_field("title", title)?;
         }
         keys.serialize_field("kind", kind)?;
+        if let Some(driver) = driver {
+            keys.serialize_field("driver", driver)?;
+        }
         if !source.is_empty() {
             keys.serialize_field("source", source)?;
         }

@@ -125,8 +125,13 @@ impl Block {
         let Block { lanes, kept, turn, .. } = self;
 
         // What is known of every beam, return or not.
-        if !rows.channel.is_empty() {
-            kept.put_beam(&lanes.take(&beams.channel, count), rows.channel);
+        if !rows.channel.is_empty() || !rows.ring.is_empty() {
+            let mut channel = lanes.take(&beams.channel, count);
+            kept.put_beam(&channel, rows.channel);
+            if !rows.ring.is_empty() {
+                channel.iter_mut().for_each(|channel| *channel = scan.aim.rings[usize::from(*channel)]);
+                kept.put_beam(&channel, rows.ring);
+            }
         }
         if !rows.time.is_empty() {
             let mut time = lanes.take(&beams.time, count);

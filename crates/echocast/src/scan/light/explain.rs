@@ -76,10 +76,11 @@ impl Scan<'_> {
         let width = table.columns as usize;
         writeln!(
             text,
-            "beam {beam}: row {}, column {}, channel {}, fired {:.9} s after the start",
+            "beam {beam}: row {}, column {}, channel {}, ring {}, fired {:.9} s after the start",
             beam / width,
             beam % width,
             table.channel[beam],
+            self.aim.rings[usize::from(table.channel[beam])],
             self.options.start_time + table.time[beam],
         )?;
         let [azimuth, elevation] = azimuth_elevation([table.dir_x[beam], table.dir_y[beam], table.dir_z[beam]]);

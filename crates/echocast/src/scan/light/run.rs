@@ -3,7 +3,7 @@
 use super::block::{Lanes, Task, with_block};
 use super::deskew::Deskew;
 use super::halo::Halos;
-use crate::cloud::{Columns, FLOW, Field, Frame, MOVING, PointCloud, Slices};
+use crate::cloud::{Columns, Driver, FLOW, Field, Frame, MOVING, PointCloud, Slices};
 use crate::detect::{Errors, FalseAlarms, ReturnMode, Threshold};
 use crate::echo::{Air, IntensityModel, PathLimits, Surroundings, Wanted};
 use crate::emitter::{Across, Aim, BeamTable, Footprint, Trajectory};
@@ -47,6 +47,8 @@ pub(super) struct Scan<'a> {
     pub world: World<'a>,
     pub detect: Detecting<'a>,
     pub measure: Measuring<'a>,
+    /// Whose driver publishes such clouds, if that is known.
+    pub driver: Option<Driver>,
     /// What a depth camera makes of light, if the sensor is one.
     pub camera: Option<&'a DepthCamera>,
     /// Time from one frame to the next, s.
@@ -64,6 +66,8 @@ pub(super) struct Scan<'a> {
 /// Where beams go.
 pub(super) struct Aiming<'a> {
     pub beams: &'a BeamTable,
+    /// The ring of each channel.
+    pub rings: &'a [u16],
     pub trajectory: &'a Trajectory,
     pub pose: Aim<'a>,
     /// How far rays go, m: beyond the greatest range where what is measured wraps.
@@ -249,6 +253,7 @@ impl<'a> Scan<'a> {
             rng: Rng::new(options.seed, options.frame),
             aim: Aiming {
                 beams,
+                rings: &sensor.rings,
                 trajectory,
                 pose: Aim::new(trajectory, options.trajectory_time(), scene.origin),
                 reach: if camera.is_some_and(DepthCamera::wraps) { f32::INFINITY } else { range_max },
@@ -284,6 +289,7 @@ impl<'a> Scan<'a> {
                 keeps_undetected: as_computed,
                 halos: None,
             },
+            driver: sensor.driver(),
             camera,
             frame_period,
             deskew: None,
@@ -360,6 +366,7 @@ impl<'a> Scan<'a> {
         cloud.start_time = Some(options.start_time);
         cloud.rays = self.rays.load(Ordering::Relaxed);
         cloud.intensity_full_scale = self.measure.intensity.full_scale();
+        cloud.driver = self.driver;
         cloud.labels = self.world.scene.surfaces.labels.clone();
         Ok(())
     }

@@ -50,7 +50,7 @@ impl Ping {
     /// sound of its strongest scatterer left, or, where nothing scatters (cause 7) or what does is far beside an imaging
     /// sonar's beam, which hears it in its sidelobes, along the beam's axis. Points lie at the range that the sonar reports; where the sound really was is in `true_x` to `true_range`.
     ///
-    /// `intensity` is the echo level, dB re 1 uPa; `firing` the number of the ping; `channel` the beam; `beam` the beam
+    /// `intensity` is the echo level, dB re 1 uPa; `firing` the number of the ping; `channel` and `ring` the beam; `beam` the beam
     /// for a depth, and the cell, `beam * bins + bin`, for other points.
     ///
     /// # Errors
@@ -194,6 +194,7 @@ impl Ping {
             return_number: u8::from(!range.is_nan()),
             return_count: u8::from(!range.is_nan()),
             channel: beam as u16,
+            ring: beam as u16,
             time: self.time,
             frame: options.frame,
             beam: if self.reports_depths() { beam as u32 } else { cell as u32 },

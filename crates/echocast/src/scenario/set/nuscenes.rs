@@ -190,8 +190,8 @@ impl Style for NuScenes {
     }
 
     fn fields(&self, _sample: &Sample) -> FieldSet {
-        use Field::{Beam, Blue, CategoryId, Channel, Green, InstanceId, Intensity, Range, Red, X, Y, Z};
-        [X, Y, Z, Intensity, CategoryId, InstanceId, Channel, Beam, Range, Red, Green, Blue].into_iter().collect()
+        use Field::{Beam, Blue, CategoryId, Green, InstanceId, Intensity, Range, Red, Ring, X, Y, Z};
+        [X, Y, Z, Intensity, CategoryId, InstanceId, Ring, Beam, Range, Red, Green, Blue].into_iter().collect()
     }
 
     fn boxes(&self, sample: &Sample, scan: usize, frame: usize) -> Boxes {
@@ -572,7 +572,7 @@ impl Write for Writer<'_> {
             let [mut points, mut classes] = [20, 1].map(|bytes| Vec::with_capacity(bytes * cloud.len));
             let mut known = Known::new();
             for (row, point) in local(cloud) {
-                let ring = f32::from(columns.channel[row]);
+                let ring = f32::from(columns.ring[row]);
                 let numbers = [point.x, point.y, point.z, 255.0 * remission(cloud, row), ring];
                 points.extend(numbers.map(f32::to_le_bytes).as_flattened());
                 places.push(point);

@@ -1,0 +1,165 @@
+//! What ROS 2 drivers publish of a point.
+
+use crate::guard::{Failure, Outcome, echocast_status, guard};
+use crate::result::{Room, echocast_result, look, number_of_packed};
+use crate::text;
+use echocast::Named as _;
+use echocast::cloud::Driver;
+use std::ffi::{CString, c_char, c_void};
+use std::ptr;
+use std::sync::OnceLock;
+
+/// Velodyne's driver, velodyne_pointcloud: points XYZIRT.
+pub const ECHOCAST_DRIVER_VELODYNE: i32 = 1;
+/// Ouster's driver, ouster_ros: points `original`.
+pub const ECHOCAST_DRIVER_OUSTER: i32 = 2;
+/// Hesai's driver, HesaiLidar_ROS_2.0.
+pub const ECHOCAST_DRIVER_HESAI: i32 = 3;
+/// RoboSense's driver, rslidar_sdk: points XYZIRT.
+pub const ECHOCAST_DRIVER_ROBOSENSE: i32 = 4;
+/// Livox's driver, livox_ros_driver2.
+pub const ECHOCAST_DRIVER_LIVOX: i32 = 5;
+/// Autoware's drivers: PointXYZIRCAEDT.
+pub const ECHOCAST_DRIVER_AUTOWARE: i32 = 6;
+
+/// A number that each point of a driver's messages has, as sensor_msgs/PointField says it.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_point_field {
+    /// Its name.
+    pub name: *const c_char,
+    /// Type: an ECHOCAST_TYPE_ number.
+    pub kind: i32,
+    /// Its first byte in the point.
+    pub offset: u32,
+}
+
+/// What a driver publishes; ECHOCAST_DRIVER_INFO_INIT is empty.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct echocast_driver_info {
+    /// sizeof(echocast_driver_info).
+    pub struct_size: usize,
+    /// The columns that a scan must have, for scan_desc.columns: "x,y,z,intensity,ring,time".
+    pub columns: *const c_char,
+    /// Bytes of a point.
+    pub point_step: usize,
+    /// Number of its fields.
+    pub field_count: usize,
+    /// Its fields.
+    pub fields: [echocast_point_field; 16],
+}
+
+impl Default for echocast_driver_info {
+    fn default() -> Self {
+        echocast_driver_info {
+            struct_size: size_of::<Self>(),
+            columns: ptr::null(),
+            point_step: 0,
+            field_count: 0,
+            fields: [echocast_point_field { name: ptr::null(), kind: 0, offset: 0 }; 16],
+        }
+    }
+}
+
+text::versioned!(echocast_driver_info { struct_size, columns, point_step, field_count, fields });
+
+/// The driver with an ECHOCAST_DRIVER_ number.
+fn driver_of(number: i32) -> Outcome<Driver> {
+    let index = usize::try_from(number).ok().and_then(|number| number.checked_sub(1));
+    let found = index.and_then(|index| Driver::NAMES.get(index));
+    let allowed = format!("1 to {}, an ECHOCAST_DRIVER_ number", Driver::NAMES.len());
+    found.map(|(_, driver)| *driver).ok_or_else(|| Failure::argument("driver", number, &allowed))
+}
+
+/// The ECHOCAST_DRIVER_ number of a driver; 0 for none.
+pub(crate) fn number_of(driver: Option<Driver>) -> i32 {
+    let at = Driver::NAMES.iter().position(|(_, known)| Some(*known) == driver);
+    at.map_or(0, |index| index as i32 + 1)
+}
+
+/// Texts of a driver as C has them.
+struct Texts {
+    columns: CString,
+    fields: Vec<CString>,
+}
+
+fn texts(driver: Driver) -> &'static Texts {
+    static ALL: OnceLock<Vec<Texts>> = OnceLock::new();
+    let text = |name: &str| CString::new(name).unwrap_or_default();
+    let all = ALL.get_or_init(|| {
+        let of = |driver: Driver| Texts {
+            columns: text(&driver.columns().iter().map(|info| info.name).collect::<Vec<_>>().join(",")),
+            fields: driver.point_fields().iter().map(|field| text(field.name)).collect(),
+        };
+        Driver::NAMES.iter().map(|(_, driver)| of(*driver)).collect()
+    });
+    &all[number_of(Some(driver)) as usize - 1]
+}
+
+/// Gets what a driver publishes of a point: names, types and offsets of the fields, for the message, and the columns that
+/// a scan must have. The caller sets struct_size of `*info`. Texts are static.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (no such driver).
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_driver_get_info(driver: i32, info: *mut echocast_driver_info) -> echocast_status {
+    guard(|| {
+        let driver = driver_of(driver)?;
+        let texts = texts(driver);
+        let mut found = echocast_driver_info {
+            columns: texts.columns.as_ptr(),
+            point_step: driver.point_step(),
+            field_count: driver.point_fields().len(),
+            ..echocast_driver_info::default()
+        };
+        for (to, (field, name)) in found.fields.iter_mut().zip(driver.point_fields().iter().zip(&texts.fields)) {
+            *to = echocast_point_field {
+                name: name.as_ptr(),
+                kind: number_of_packed(field.kind),
+                offset: field.offset as u32,
+            };
+        }
+        // SAFETY: as the header asks.
+        unsafe { text::put_structure(found, info, "info") }
+    })
+}
+
+/// Writes the points as a driver publishes them, point i at `to + i * point_step`: positions in the frame of the sensor
+/// where the scan starts, whatever scan_desc.coordinates; times from `stamp_ns` on, the stamp of the message, where the
+/// driver's count from there (Velodyne, Ouster, Autoware), else since the start of the run; the ring of the column `ring`.
+/// All bytes are written, those of no field as 0. Where no azimuth, elevation and range were computed, they are those of
+/// the positions. `capacity`: bytes of `to`; `*needed` (may be NULL): point_step * points; if `to` is NULL, only that is
+/// written.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (no such driver, a column that was not computed, too little room), ECHOCAST_E_HANDLE,
+/// ECHOCAST_E_BUSY.
+///
+/// ```c
+/// echocast_driver_info velodyne = ECHOCAST_DRIVER_INFO_INIT;
+/// echocast_driver_get_info(ECHOCAST_DRIVER_VELODYNE, &velodyne);
+/// scan.columns = velodyne.columns;
+/// echocast_scan(snapshot, &scan, &result);
+/// echocast_result_pack_driver(result, ECHOCAST_DRIVER_VELODYNE, scan.t0_ns, bytes, sizeof bytes, NULL);
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_result_pack_driver(
+    result: *const echocast_result,
+    driver: i32,
+    stamp_ns: i64,
+    to: *mut c_void,
+    capacity: usize,
+    needed: *mut usize,
+) -> echocast_status {
+    guard(|| {
+        let driver = driver_of(driver)?;
+        look(result, |points| {
+            let cloud = &points.cloud;
+            let room = Room { to, capacity, needed };
+            // SAFETY: as the header asks.
+            let to = unsafe { room.bytes("driver", driver.name(), cloud.packed_len(driver.point_step())) }?;
+            let Some(to) = to else { return Ok(()) };
+            let stamp = stamp_ns as f64 * 1e-9;
+            Ok(points.context.engine.install(|| cloud.pack_points(driver, stamp, to))?)
+        })
+    })
+}

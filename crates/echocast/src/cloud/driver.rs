@@ -1,0 +1,434 @@
+//! Points as the ROS 2 drivers of LiDARs publish them: the bytes of a `sensor_msgs/PointCloud2`.
+
+use super::pack::room;
+use super::record::{self, BLOCK_BYTES};
+use super::{Field, FieldSet, Frame, PackItem, PackType, PointCloud};
+use crate::ground::error::{Error, Result};
+use crate::ground::named::named;
+use crate::ground::parallel;
+use crate::ground::pose::Pose;
+use glam::{DMat3, DVec3};
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+
+/// A ROS 2 driver: it numbers the rings of a sensor, and what it publishes of a point has a layout of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Driver {
+    /// velodyne_pointcloud, points `XYZIRT`.
+    Velodyne,
+    /// ouster_ros, points `original`.
+    Ouster,
+    /// HesaiLidar_ROS_2.0.
+    Hesai,
+    /// rslidar_sdk, points `XYZIRT`.
+    Robosense,
+    /// livox_ros_driver2.
+    Livox,
+    /// Those of Autoware, for the LiDARs of several makers, whose rings they call channels; no sensor's own driver.
+    #[serde(skip_deserializing)]
+    Autoware,
+}
+
+named! { Driver: Velodyne "velodyne", Ouster "ouster", Hesai "hesai", Robosense "robosense", Livox "livox", Autoware "autoware" }
+
+/// A number that each point of a driver's messages has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PointField {
+    /// Its name in the message.
+    pub name: &'static str,
+    /// Its type.
+    pub kind: PackType,
+    /// Its first byte in the point.
+    pub offset: usize,
+    value: Value,
+}
+
+/// What a field holds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Value {
+    /// Coordinate in the sensor frame; x, y and z are the first fields, side by side.
+    Place,
+    /// The column, times this.
+    Column(Field, f64),
+    /// The column, times this; without the column, the quantity of the point in the sensor frame.
+    Polar(Field, f64),
+    /// Time since the stamp, s, times this.
+    Since(f64),
+    /// Intensity, 255 at its full scale.
+    Reflectivity,
+    /// Number of the return in bits 4 and 5.
+    Tag,
+    /// Which return it is, as Autoware numbers them.
+    ReturnType,
+    /// Nothing that is simulated.
+    Zero,
+}
+
+const fn field(name: &'static str, kind: PackType, offset: usize, value: Value) -> PointField {
+    PointField { name, kind, offset, value }
+}
+
+const X: PointField = field("x", PackType::F32, 0, Value::Place);
+const Y: PointField = field("y", PackType::F32, 4, Value::Place);
+const Z: PointField = field("z", PackType::F32, 8, Value::Place);
+
+/// github.com/ros-drivers/velodyne, branch ros2, velodyne_pointcloud/src/lib/pointcloudXYZIRT.cpp; times count from the
+/// stamp.
+const VELODYNE: [PointField; 6] = [
+    X,
+    Y,
+    Z,
+    field("intensity", PackType::F32, 12, Value::Column(Field::Intensity, 1.0)),
+    field("ring", PackType::U16, 16, Value::Column(Field::Ring, 1.0)),
+    field("time", PackType::F32, 18, Value::Since(1.0)),
+];
+
+/// `ouster_ros::Point` of github.com/ouster-lidar/ouster-ros, ouster-ros/include/ouster_ros/os_point.h, aligned to 16
+/// bytes; times count from the stamp, in ns, and ranges are in mm.
+const OUSTER: [PointField; 9] = [
+    X,
+    Y,
+    Z,
+    field("intensity", PackType::F32, 16, Value::Column(Field::Intensity, 1.0)),
+    field("t", PackType::U32, 20, Value::Since(1e9)),
+    field("reflectivity", PackType::U16, 24, Value::Reflectivity),
+    field("ring", PackType::U16, 26, Value::Column(Field::Ring, 1.0)),
+    field("ambient", PackType::U16, 28, Value::Zero),
+    field("range", PackType::U32, 32, Value::Polar(Field::Range, 1e3)),
+];
+
+/// `ToRosMsg` of github.com/HesaiTechnology/HesaiLidar_ROS_2.0, src/manager/source_driver_ros2.hpp, and what
+/// github.com/RoboSense-LiDAR/rslidar_sdk, src/source/source_pointcloud_ros.hpp, makes of points `XYZIRT`; times are those
+/// of the run, in s.
+const HESAI: [PointField; 6] = [
+    X,
+    Y,
+    Z,
+    field("intensity", PackType::F32, 12, Value::Column(Field::Intensity, 1.0)),
+    field("ring", PackType::U16, 16, Value::Column(Field::Ring, 1.0)),
+    field("timestamp", PackType::F64, 18, Value::Column(Field::Time, 1.0)),
+];
+
+/// `LivoxPointXyzrtlt` of github.com/Livox-SDK/livox_ros_driver2, src/comm/comm.h, and its fields, src/lddc.cpp; times are
+/// those of the run, in ns. Tags: "Livox HAP user manual", point cloud data.
+const LIVOX: [PointField; 7] = [
+    X,
+    Y,
+    Z,
+    field("intensity", PackType::F32, 12, Value::Column(Field::Intensity, 1.0)),
+    field("tag", PackType::U8, 16, Value::Tag),
+    field("line", PackType::U8, 17, Value::Column(Field::Ring, 1.0)),
+    field("timestamp", PackType::F64, 18, Value::Column(Field::Time, 1e9)),
+];
+
+/// `PointXYZIRCAEDT` of Autoware's drivers, github.com/tier4/nebula, docs/point_types.md; times count from the stamp, in
+/// ns. The channel is the ring of the maker's driver (`point.channel` of its decoders).
+const AUTOWARE: [PointField; 10] = [
+    X,
+    Y,
+    Z,
+    field("intensity", PackType::U8, 12, Value::Reflectivity),
+    field("return_type", PackType::U8, 13, Value::ReturnType),
+    field("channel", PackType::U16, 14, Value::Column(Field::Ring, 1.0)),
+    field("azimuth", PackType::F32, 16, Value::Polar(Field::Azimuth, 1.0)),
+    field("elevation", PackType::F32, 20, Value::Polar(Field::Elevation, 1.0)),
+    field("distance", PackType::F32, 24, Value::Polar(Field::Range, 1.0)),
+    field("time_stamp", PackType::U32, 28, Value::Since(1e9)),
+];
+
+impl Driver {
+    /// What it publishes of a point.
+    pub fn point_fields(self) -> &'static [PointField] {
+        match self {
+            Driver::Velodyne => &VELODYNE,
+            Driver::Ouster => &OUSTER,
+            Driver::Hesai | Driver::Robosense => &HESAI,
+            Driver::Livox => &LIVOX,
+            Driver::Autoware => &AUTOWARE,
+        }
+    }
+
+    /// Bytes of a point.
+    pub fn point_step(self) -> usize {
+        match self {
+            Driver::Velodyne => 22,
+            Driver::Ouster => 48,
+            Driver::Hesai | Driver::Robosense | Driver::Livox => 26,
+            Driver::Autoware => 32,
+        }
+    }
+
+    /// The columns that [`PointCloud::pack_points`] needs.
+    pub fn columns(self) -> FieldSet {
+        self.point_fields().iter().flat_map(|field| field.value.columns()).copied().collect()
+    }
+}
+
+impl Value {
+    /// The columns without which there is no such value.
+    fn columns(&self) -> &[Field] {
+        match self {
+            Value::Place => &[Field::X, Field::Y, Field::Z],
+            Value::Column(field, _) => std::slice::from_ref(field),
+            Value::Since(_) => &[Field::Time],
+            Value::Reflectivity => &[Field::Intensity],
+            Value::Tag => &[Field::ReturnNumber],
+            Value::ReturnType => &[Field::ReturnNumber, Field::ReturnCount],
+            Value::Polar(..) | Value::Zero => &[],
+        }
+    }
+}
+
+impl PointField {
+    /// Whether `cloud` has what it is made of.
+    pub(crate) fn is_in(&self, cloud: &PointCloud) -> bool {
+        self.value.columns().iter().all(|&column| cloud.fields.contains(column))
+    }
+
+    /// How it is packed, if it is a column of `cloud`; times may count from `stamp`, s.
+    pub(crate) fn item(&self, cloud: &PointCloud, stamp: f64) -> Option<PackItem> {
+        let (field, shift, scale) = match self.value {
+            Value::Column(field, scale) => (field, 0.0, scale),
+            Value::Polar(field, scale) if cloud.fields.contains(field) => (field, 0.0, scale),
+            Value::Since(scale) => (Field::Time, stamp, scale),
+            Value::Reflectivity => {
+                (Field::Intensity, 0.0, cloud.intensity_full_scale.map_or(1.0, |full| 255.0 / f64::from(full)))
+            }
+            Value::Place | Value::Polar(..) | Value::Tag | Value::ReturnType | Value::Zero => return None,
+        };
+        Some(PackItem { field, kind: self.kind, offset: self.offset, shift, scale })
+    }
+}
+
+impl PointCloud {
+    /// Writes the points as `driver` publishes them, each [`Driver::point_step`] bytes, to `to`: positions in the frame of
+    /// the sensor where the scan starts, times from `stamp` on (s, of the message), where the driver's count from there.
+    /// Where no `azimuth`, `elevation` and `range` were computed, they are those of the positions.
+    ///
+    /// ```
+    /// # use echocast::cloud::Driver;
+    /// # let cloud = echocast::PointCloud::default();
+    /// let driver = cloud.driver.unwrap_or(Driver::Velodyne);
+    /// let mut data = vec![0; cloud.len * driver.point_step()];
+    /// # let cloud = echocast::PointCloud { fields: driver.columns(), ..cloud };
+    /// cloud.pack_points(driver, cloud.begins(), &mut data)?;
+    /// # Ok::<(), echocast::Error>(())
+    /// ```
+    ///
+    /// # Errors
+    /// A column of [`Driver::columns`] that was not computed; a `to` that is shorter than the points.
+    pub fn pack_points(&self, driver: Driver, stamp: f64, to: &mut [u8]) -> Result<()> {
+        let needed = driver.columns();
+        if let Some(missing) = needed.iter().find(|info| !self.fields.contains(info.field)) {
+            let names: Vec<&str> = needed.iter().map(|info| info.name).collect();
+            let found = format!("without the column {}", missing.name);
+            let allowed = format!("clouds with {} for points as of the driver {}", names.join(", "), driver.name());
+            return Err(Error::invalid("the cloud", found, allowed));
+        }
+        let step = driver.point_step();
+        let items: Vec<PackItem> = driver.point_fields().iter().filter_map(|field| field.item(self, stamp)).collect();
+        let to = room(to, self.len, step)?;
+        to.fill(0);
+        self.pack(&items, step, to)?;
+        self.put_made(driver, step, &self.sensor_pose, to);
+        Ok(())
+    }
+
+    /// Writes those fields of `driver` that are no columns into points of `step` bytes, positions in the frame at `pose`.
+    pub(crate) fn put_made(&self, driver: Driver, step: usize, pose: &Pose, points: &mut [u8]) {
+        let c = &self.columns;
+        let (into_frame, to_sensor) = (self.into_frame(pose), self.into_frame(&self.sensor_pose));
+        let own = |row: usize| [c.x[row], c.y[row], c.z[row]];
+        let made: Vec<&PointField> = driver.point_fields().iter().filter(|field| field.is_in(self)).collect();
+        let rows = (BLOCK_BYTES / step).max(1);
+        parallel::for_each_chunk(points, rows * step, |block, records| {
+            let rows = block * rows..block * rows + records.len() / step;
+            for &&PointField { kind, offset, value, .. } in &made {
+                let rows = rows.clone();
+                match value {
+                    Value::Place if offset == 0 => record::put(records, step, 0, rows, |row| into_frame(own(row))),
+                    Value::Polar(field, _) if self.fields.contains(field) => {}
+                    Value::Polar(field, scale) => {
+                        let value = |row| polar(field, to_sensor(own(row))) * scale;
+                        match kind {
+                            PackType::U32 => record::put(records, step, offset, rows, |row| value(row).round() as u32),
+                            _ => record::put(records, step, offset, rows, |row| value(row) as f32),
+                        }
+                    }
+                    Value::Tag => {
+                        record::put(records, step, offset, &c.return_number[rows], |number| (*number).min(3) << 4);
+                    }
+                    Value::ReturnType => record::put(records, step, offset, rows, |row| self.return_type(row)),
+                    Value::Place | Value::Column(..) | Value::Since(_) | Value::Reflectivity | Value::Zero => {}
+                }
+            }
+        });
+    }
+
+    /// Which return a row is, as Autoware numbers them (`autoware_point_types`, `ReturnType`): 1 the only one, 3 and 4 the
+    /// strongest, if it is the first or the last, 5 and 6 another that is the first or the last, 7 one that is reported
+    /// twice; 0 one in the middle, or none.
+    fn return_type(&self, row: usize) -> u8 {
+        let c = &self.columns;
+        let (number, count) = (usize::from(c.return_number[row]), usize::from(c.return_count[row]));
+        if count < 2 || number == 0 || number > count {
+            return u8::from(number == 1);
+        }
+        // Returns of a beam follow each other.
+        let start = (row + 1).saturating_sub(number);
+        let all: Range<usize> = start..(start + count).min(self.len);
+        let differ = |column: &[f32]| column[all.clone()].iter().any(|value| *value != column[row]);
+        if ![&c.x, &c.y, &c.z].into_iter().any(|axis| differ(axis)) {
+            return 7;
+        }
+        let is_strongest =
+            c.intensity.is_empty() || c.intensity[all.clone()].iter().all(|&other| other <= c.intensity[row]);
+        match (number == 1, number == count, is_strongest) {
+            (true, _, true) => 3,
+            (_, true, true) => 4,
+            (true, _, false) => 5,
+            (_, true, false) => 6,
+            _ => 0,
+        }
+    }
+
+    /// Takes positions to the frame at `pose`; those in the frame of the sensor stay.
+    pub(crate) fn into_frame(&self, pose: &Pose) -> impl Fn([f32; 3]) -> [f32; 3] + use<> {
+        let pose = if self.frame == Frame::World { *pose } else { Pose::IDENTITY };
+        let (turn, shift) = (DMat3::from_quat(pose.orientation.inverse()), self.origin - pose.position);
+        move |place| (turn * (DVec3::from(place.map(f64::from)) + shift)).as_vec3().to_array()
+    }
+}
+
+/// The quantity `field` of a point at `place` in the sensor frame: range, m, azimuth or elevation, rad.
+fn polar(field: Field, place: [f32; 3]) -> f64 {
+    let place = DVec3::from(place.map(f64::from));
+    match field {
+        Field::Azimuth => place.y.atan2(place.x),
+        Field::Elevation => place.z.atan2(place.truncate().length()),
+        _ => place.length(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ground::named::Named as _;
+
+    /// Two dual returns of a beam, a single one, and one reported twice, seen from (10, 0, 2), turned to the left.
+    fn cloud() -> PointCloud {
+        let mut cloud = PointCloud { len: 5, origin: DVec3::new(10.0, 0.0, 0.0), ..PointCloud::default() };
+        cloud.sensor_pose = Pose::at(10.0, 0.0, 2.0).with_rpy_deg(0.0, 0.0, 90.0);
+        cloud.intensity_full_scale = Some(1.0);
+        cloud.fields = FieldSet::parse("x,y,z,intensity,ring,time,return_number,return_count").unwrap();
+        let c = &mut cloud.columns;
+        c.x = vec![0.0, 0.0, -3.0, 0.0, 0.0];
+        c.y = vec![4.0, 5.0, 4.0, 1.0, 1.0];
+        c.z = vec![2.0, 2.0, 2.0, 3.0, 3.0];
+        c.intensity = vec![0.2, 0.8, 1.0, 0.5, 0.5];
+        c.ring = vec![0, 0, 300, 2, 2];
+        c.time = vec![5.25, 5.25, 5.5, 5.75, 5.75];
+        c.return_number = vec![1, 2, 1, 1, 2];
+        c.return_count = vec![2, 2, 1, 2, 2];
+        cloud
+    }
+
+    fn packed(cloud: &PointCloud, driver: Driver) -> Vec<Vec<u8>> {
+        let mut bytes = vec![0xee; cloud.len * driver.point_step() + 3];
+        cloud.pack_points(driver, 5.0, &mut bytes).unwrap();
+        assert_eq!(bytes[cloud.len * driver.point_step()..], [0xee; 3]);
+        bytes.chunks_exact(driver.point_step()).take(cloud.len).map(<[u8]>::to_vec).collect()
+    }
+
+    fn f32_at(point: &[u8], at: usize) -> f32 {
+        f32::from_ne_bytes(point[at..at + 4].try_into().unwrap())
+    }
+
+    fn u16_at(point: &[u8], at: usize) -> u16 {
+        u16::from_ne_bytes(point[at..at + 2].try_into().unwrap())
+    }
+
+    fn u32_at(point: &[u8], at: usize) -> u32 {
+        u32::from_ne_bytes(point[at..at + 4].try_into().unwrap())
+    }
+
+    fn f64_at(point: &[u8], at: usize) -> f64 {
+        f64::from_ne_bytes(point[at..at + 8].try_into().unwrap())
+    }
+
+    #[test]
+    fn fields_lie_side_by_side_within_the_point() {
+        for &(_, driver) in Driver::NAMES {
+            let mut end = 0;
+            for field in driver.point_fields() {
+                assert!(field.offset >= end, "{driver:?} {}", field.name);
+                end = field.offset + field.kind.size();
+            }
+            assert!(end <= driver.point_step());
+            assert!(driver.columns().contains(Field::Z) && driver.columns().contains(Field::Ring));
+        }
+    }
+
+    #[test]
+    fn points_are_those_of_each_driver() {
+        let cloud = cloud();
+        for &(_, driver) in Driver::NAMES {
+            let points = packed(&cloud, driver);
+            // Ahead of the sensor is y of the world, its left is -x.
+            let third = [0, 4, 8].map(|at| f32_at(&points[2], at));
+            assert!(third.iter().zip([4.0, 3.0, 0.0]).all(|(a, b)| (a - b).abs() < 1e-6), "{driver:?}: {third:?}");
+        }
+        let third = |driver| packed(&cloud, driver).swap_remove(2);
+        let point = third(Driver::Velodyne);
+        assert_eq!((f32_at(&point, 12), u16_at(&point, 16), f32_at(&point, 18)), (1.0, 300, 0.5));
+        let point = third(Driver::Ouster);
+        assert_eq!((f32_at(&point, 16), u32_at(&point, 20), u16_at(&point, 24)), (1.0, 500_000_000, 255));
+        assert_eq!((u16_at(&point, 26), u16_at(&point, 28), u32_at(&point, 32)), (300, 0, 5000));
+        assert!(point[12..16].iter().chain(&point[30..32]).chain(&point[36..]).all(|&byte| byte == 0));
+        for driver in [Driver::Hesai, Driver::Robosense] {
+            let point = third(driver);
+            assert_eq!((f32_at(&point, 12), u16_at(&point, 16), f64_at(&point, 18)), (1.0, 300, 5.5));
+        }
+        let points = packed(&cloud, Driver::Livox);
+        assert_eq!((points[2][16], points[2][17], f64_at(&points[2], 18)), (16, 255, 5.5e9));
+        assert_eq!(points[1][16], 32);
+        let points = packed(&cloud, Driver::Autoware);
+        assert_eq!(points.iter().map(|point| point[13]).collect::<Vec<_>>(), [5, 4, 1, 7, 7]);
+        let point = &points[2];
+        assert_eq!((point[12], u16_at(point, 14), u32_at(point, 28)), (255, 300, 500_000_000));
+        let polar = [16, 20, 24].map(|at| f32_at(point, at));
+        assert!(polar.iter().zip([0.75f32.atan(), 0.0, 5.0]).all(|(a, b)| (a - b).abs() < 1e-6), "{polar:?}");
+    }
+
+    #[test]
+    fn what_was_computed_goes_before_what_positions_say() {
+        let mut cloud = cloud();
+        cloud.fields = cloud.fields.with(Field::Range).with(Field::Azimuth);
+        cloud.columns.range = vec![7.0005; 5];
+        cloud.columns.azimuth = vec![0.25; 5];
+        assert_eq!(u32_at(&packed(&cloud, Driver::Ouster)[2], 32), 7001);
+        let point = &packed(&cloud, Driver::Autoware)[2];
+        assert_eq!((f32_at(point, 16), f32_at(point, 24)), (0.25, 7.0005));
+        // Without a return there is no place.
+        cloud.fields = cloud.fields.without(Field::Range);
+        cloud.columns.range = Vec::new();
+        cloud.columns.x[2] = f32::NAN;
+        assert_eq!(u32_at(&packed(&cloud, Driver::Ouster)[2], 32), 0);
+    }
+
+    #[test]
+    fn missing_columns_and_memory_are_told() {
+        let mut cloud = cloud();
+        let error = cloud.pack_points(Driver::Hesai, 0.0, &mut [0; 129]).unwrap_err().to_string();
+        assert_eq!(error, "memory to pack into is 129 bytes long; allowed: 130 bytes or more, 5 rows of 26 bytes");
+        cloud.fields = cloud.fields.without(Field::Ring);
+        cloud.columns.ring = Vec::new();
+        let error = cloud.pack_points(Driver::Hesai, 0.0, &mut [0; 130]).unwrap_err().to_string();
+        assert_eq!(
+            error,
+            "the cloud is without the column ring; allowed: clouds with x, y, z, intensity, ring, time for points as of \
+             the driver hesai"
+        );
+    }
+}
