@@ -48,5 +48,6 @@ install: build
 clean:
 	cargo clean
 	rm -rf out fuzz/target
+	rm -f bindings/python/third-party/Rust-* bindings/python/third-party/Zig.txt
 
 .PHONY: help demo test check build python wheel bench install clean

@@ -2,7 +2,7 @@
 by Ray with two workers, beside `echocast run` with two threads. Wall-clock time, rounds in turn, medians; what is not
 installed is left out.
 
-    pip install 'echocast[torch,ray]'
+    pip install "$(echo target/python/tested-wheels/echocast-*.whl)[torch,ray]"
     python benches/samples.py --samples 600 --rounds 3
 """
 

@@ -1,6 +1,6 @@
 """Trains a small network that finds what points of a street belong to, on streets that are made while it learns.
 
-    pip install 'echocast[torch]'
+    pip install "$(echo target/python/tested-wheels/echocast-*.whl)[torch]"
     python examples/python/train_segmentation.py --seconds 60
 
 Every sample is another street and is seen once. The streets that the network is judged by are none of those. Fails if

@@ -11,14 +11,14 @@ if TYPE_CHECKING:
     from echocast._echocast import Array
 
 
-def package(name: str, extra: str) -> Any:
+def package(name: str, install: str) -> Any:
     """The module `name`, or a sentence about how to get it."""
     import importlib
 
     try:
         return importlib.import_module(name)
     except ImportError as error:
-        raise ImportError(f"this needs the package {name}, which is not there; pip install {extra}") from error
+        raise ImportError(f"this needs the package {name}, which is not there; pip install {install}") from error
 
 
 def to_dict(cloud: PointCloud) -> "dict[str, Array]":
@@ -54,6 +54,11 @@ def to_open3d(cloud: PointCloud) -> Any:
             wide = {"u2": np.int32, "u4": np.int64}.get(column.dtype.str[1:], column.dtype)
             made.point[name] = o3d.core.Tensor(np.ascontiguousarray(column.astype(wide))[:, None])
     return made
+
+
+def records(cloud: PointCloud) -> "np.recarray[Any, Any]":
+    """All points, each with a member for each column."""
+    return structured(cloud).view(np.recarray)
 
 
 def structured(cloud: PointCloud, dtype: Any = None, copy: bool | None = None) -> "Array":

@@ -1,6 +1,7 @@
 """Ways to look: pictures in a viewer, recordings for Rerun, plots with matplotlib. Each package is imported when it is
 needed."""
 
+import base64
 import contextlib
 import importlib.util
 import os
@@ -9,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from echocast._convert import package
-from echocast._echocast import Box, Ping, Pings, PointCloud, Trajectory
+from echocast._echocast import Box, Ping, Pings, PointCloud, Trajectory, columns
 from echocast._errors import ArgumentError, UnsupportedError
 from echocast._progress import in_notebook
 
@@ -65,7 +67,7 @@ def show(
     >>> ec.show({"top": cloud, "drive": path}, path="drive.rrd")
     """
     if path is not None:
-        package("rerun", "echocast[look]")
+        package("rerun", "rerun-sdk")
         if Path(path).suffix != ".rrd":
             raise ArgumentError(f"path is {str(path)!r}; allowed: the name of a recording, which ends in .rrd")
     elif importlib.util.find_spec("rerun") is None:
@@ -199,11 +201,35 @@ def log_ping(ping: Ping, stream: Any, name: str) -> None:
     stream.log(f"{name}/sonar", rr.Transform3D(translation=ping.pose.position, quaternion=ping.pose.quaternion))
 
 
+# Names of labels in the table of a notebook.
+FEW_NAMES = 8
+
+
+def html(cloud: PointCloud) -> str:
+    """What a notebook shows of a cloud: its picture, how many points there are, and what is in each column."""
+    picture = base64.b64encode(cloud._repr_png_() or b"").decode()
+    head = f"<b>{len(cloud):,} points</b>, x, y and z relative to {', '.join(f'{axis:g}' for axis in cloud.origin)} m"
+    names = {column: getattr(cloud, names) for column, names in LABELS.values()}
+    rows = []
+    for name, _, unit, meaning in columns():
+        if name in cloud.fields:
+            values = cloud[name][np.isfinite(cloud[name])]
+            low, high = (f"{values.min():.6g}", f"{values.max():.6g}") if len(values) else ("", "")
+            found = [names[name].get(number, str(number)) for number in np.unique(values)] if name in names else []
+            told = ", ".join(found[:FEW_NAMES]) + (", …" if len(found) > FEW_NAMES else "") if found else meaning
+            cells = [name, "" if unit == "1" else unit, low, high, told]
+            rows.append("".join(f"<td>{escape(cell)}</td>" for cell in cells))
+    header = "".join(f"<th>{title}</th>" for title in ("column", "unit", "lowest", "highest", "what it holds"))
+    table = "".join(f"<tr>{row}</tr>" for row in [header, *rows])
+    image = f'<img src="data:image/png;base64,{picture}"/>' if picture else ""
+    return f"<div>{image}<p>{head}</p><table>{table}</table></div>"
+
+
 def open_picture(thing: Any, color: str | None) -> None:
     """Opens the picture of a cloud or of pings, in the notebook if this is one."""
     if not isinstance(thing, (PointCloud, Pings)):
         kind = type(thing).__name__
-        raise UnsupportedError(f"of a {kind} there is no picture; pip install echocast[look] to see it in Rerun")
+        raise UnsupportedError(f"of a {kind} there is no picture; pip install rerun-sdk to see it in Rerun")
     names = {None: {}, "category": {"color": "label"}}
     png = thing.png(**names.get(color, {"color": color}))
     if in_notebook():
@@ -258,7 +284,7 @@ def plot(cloud: PointCloud, *, color: str | None = None, view: str = "top", ax: 
     """
     if view not in VIEWS:
         raise ArgumentError(f"view is {view!r}; allowed: {', '.join(VIEWS)}")
-    package("matplotlib", "echocast[look]")
+    package("matplotlib", "matplotlib")
     import matplotlib.pyplot as plt
 
     axes, behind, sign = VIEWS[view]

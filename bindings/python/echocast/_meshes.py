@@ -11,7 +11,6 @@ from echocast._echocast import Scene
 from echocast._errors import ArgumentError
 
 Array = npt.NDArray[Any]
-Vertices = npt.NDArray[np.float32]
 Triangles = npt.NDArray[np.uint32]
 Matrix = npt.NDArray[np.float64]
 
@@ -28,9 +27,6 @@ UP = {
     "-x": [[0, 0, 1], [0, 1, 0], [-1, 0, 0]],
 }
 
-# Vertices farther from their origin than this get one among them: float32 is finer than 0.1 mm up to here.
-FAR = 1024.0
-
 
 def scene(thing: Any, up: str = "z", scale: float = 1.0, category: str | int | None = None) -> Scene:
     """An echocast.Scene of `thing`: a trimesh.Trimesh or trimesh.Scene, an Open3D TriangleMesh, or a list of them.
@@ -46,12 +42,11 @@ def scene(thing: Any, up: str = "z", scale: float = 1.0, category: str | int | N
     world[:3, :3] = scale * np.array(UP[up])
     objects: "list[ObjectKeys]" = []
     for name, vertices, triangles, matrix, metadata in meshes(thing):
-        vertices, middle = near(vertices, scale)
         objects.append({
             "name": name,
             "vertices": vertices,
             "triangles": triangles,
-            "pose": world @ matrix @ middle,
+            "pose": world @ matrix,
             "category": label(metadata, category or re.sub(r"[ ._-]*\d+$", "", name) or name),
         })
     if not objects:
@@ -94,16 +89,6 @@ def arrays(vertices: Any, triangles: Any) -> tuple[Array, Triangles]:
         found = f"a triangle has the vertices {triangles.min()} to {triangles.max()}"
         raise ArgumentError(f"{found}; allowed: 0 to {len(vertices) - 1}")
     return vertices.reshape(-1, 3), triangles.reshape(-1, 3).astype(np.uint32)
-
-
-def near(vertices: Array, scale: float) -> tuple[Vertices, Matrix]:
-    """Vertices as float32, about a point among them if they are far from their origin, and the matrix that puts them
-    back."""
-    matrix = np.eye(4)
-    if len(vertices) and scale * np.abs(vertices).max() > FAR:
-        matrix[:3, 3] = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-        vertices = vertices - matrix[:3, 3]
-    return vertices.astype(np.float32), matrix
 
 
 def label(metadata: Mapping[str, Any], other: str | int) -> str | int:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from echocast._echocast import Keys, Path
 else:
-    torch = package("torch", "echocast[torch]")
+    torch = package("torch", "torch")
 
 __all__ = ["ScanDataset", "ScanStream", "collate"]
 

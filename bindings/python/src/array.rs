@@ -3,10 +3,25 @@
 use crate::error::{Failure, Outcome};
 use echocast::cloud::{self, ColumnType};
 use echocast::{Field, Pings, PointCloud};
-use numpy::{Element, PyReadonlyArray2};
+use numpy::ndarray::Dimension;
+use numpy::{Element, PyReadonlyArray, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::sync::Arc;
+
+/// The argument `name`: an array of `T` as it is, or whatever else NumPy takes for numbers of `shape`, as a copy.
+pub fn numbers<'py, T: Element, D: Dimension>(
+    name: &str,
+    value: &Bound<'py, PyAny>,
+    shape: &str,
+) -> Outcome<PyReadonlyArray<'py, T, D>> {
+    if let Ok(array) = value.extract() {
+        return Ok(array);
+    }
+    let py = value.py();
+    let wanted = (name, value, numpy::dtype::<T>(py), D::NDIM, shape);
+    Ok(py.import("echocast._arrays")?.call_method1("numbers", wanted)?.extract().map_err(PyErr::from)?)
+}
 
 /// The rows of `array`, which the argument `name` is: `N` numbers each.
 pub fn rows<T: Element + Copy, const N: usize>(name: &str, array: &PyReadonlyArray2<'_, T>) -> Outcome<Vec<[T; N]>> {
@@ -69,6 +84,17 @@ impl Column {
         // It is read-only.
         interface.set_item("data", (column.bytes().as_ptr() as usize, true))?;
         Ok(interface)
+    }
+}
+
+/// What NumPy calls a type.
+pub fn kind_name(kind: ColumnType) -> &'static str {
+    match kind {
+        ColumnType::F32 => "float32",
+        ColumnType::F64 => "float64",
+        ColumnType::U8 => "uint8",
+        ColumnType::U16 => "uint16",
+        ColumnType::U32 => "uint32",
     }
 }
 

@@ -1,5 +1,6 @@
 //! Boxes around what is labelled.
 
+use crate::error::no_pickle;
 use crate::place::Pose;
 use echocast::InstanceBox;
 use pyo3::prelude::*;
@@ -121,6 +122,10 @@ impl PyBox {
     #[getter]
     fn image(&self) -> Option<[f64; 4]> {
         self.found.image
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        no_pickle("a Box", "its PointCloud can, with all its boxes")
     }
 
     fn __repr__(&self) -> String {

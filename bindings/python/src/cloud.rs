@@ -1,18 +1,21 @@
 //! Clouds, and their columns as arrays that share their memory.
 
-use crate::array::{Held, owned, shared};
+use crate::array::{self, Held, owned, shared};
 use crate::boxes::PyBox;
 use crate::error::{Failure, Outcome};
+use crate::options::Columns;
 use crate::place::Pose;
 use crate::sensor::Instrument;
-use echocast::cloud::{Driver, PackType};
+use crate::sequence;
+use echocast::cloud::{Driver, FIELDS, PackType};
+use echocast::error::nearest;
 use echocast::preview::{ColorBy, PreviewOptions, View};
 use echocast::scene::NameTable;
 use echocast::{Field, Frame, Report, export, import, preview};
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::{PyAttributeError, PyKeyError};
 use pyo3::prelude::*;
-use pyo3::types::{PyCapsule, PyDict, PySlice};
+use pyo3::types::{PyBool, PyCapsule, PyDict, PyIterator, PySlice};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -20,17 +23,20 @@ use std::sync::Arc;
 /// The points of a scan, or of a file: columns of equal length, read-only.
 ///
 /// `cloud.range` and `cloud["range"]` are a column, as a NumPy array that shares the memory of the cloud and keeps it
-/// alive. `len(cloud)` is the number of points. A slice, a mask (bool, as long as the cloud) or row numbers (int64,
-/// negative ones from the end) give a cloud of some points. KeyError and AttributeError for a column that is not there,
-/// ArgumentError for a mask of another length and for numbers of no row. Clouds pickle.
+/// alive. `len(cloud)` is the number of points. A slice, a mask (bool, as long as the cloud) or row numbers (integers,
+/// negative ones from the end), as arrays or lists, give a cloud of some points; one number gives a point, a record of
+/// NumPy with all columns: `cloud[3].range`. KeyError and AttributeError for a column that is not there, ArgumentError
+/// for a mask of another length and for numbers of no row, IndexError for the number of no point. Clouds pickle.
 ///
 /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
 /// >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"), seed=7)
 /// >>> cloud.range.dtype, cloud["category_id"].dtype, cloud.xyz.shape == (len(cloud), 3)
 /// (dtype('float32'), dtype('uint32'), True)
 /// >>> near = cloud[cloud.range < 2]
-/// >>> bool(near.range.max() < 2), len(cloud[:10]), len(cloud[np.array([0, -1])])
+/// >>> bool(near.range.max() < 2), len(cloud[:10]), len(cloud[[0, -1]])
 /// (True, 10, 2)
+/// >>> bool(cloud[-1].range == cloud.range[-1])
+/// True
 ///
 /// | columns | type | |
 /// |---|---|---|
@@ -82,15 +88,6 @@ fn numpy_type(kind: PackType) -> &'static str {
         PackType::I64 => "i8",
         PackType::U64 => "u8",
     }
-}
-
-/// Which points.
-#[derive(FromPyObject)]
-enum Rows<'py> {
-    Name(String),
-    Slice(Bound<'py, PySlice>),
-    Mask(PyReadonlyArray1<'py, bool>),
-    Numbers(PyReadonlyArray1<'py, i64>),
 }
 
 impl PointCloud {
@@ -145,51 +142,45 @@ impl PointCloud {
         self.0.fields.iter().map(|info| info.name).collect()
     }
 
-    fn __getitem__<'py>(&self, py: Python<'py>, key: Rows<'py>) -> Outcome<Bound<'py, PyAny>> {
-        let count = self.0.len;
-        let rows: Vec<usize> = match key {
-            Rows::Name(name) => {
-                let field = Field::from_name(&name).ok().filter(|&field| self.0.fields.contains(field));
-                let Some(field) = field else {
-                    let has = self.fields().join(", ");
-                    return Err(PyKeyError::new_err(format!("there is no column {name:?}; there are {has}")).into());
-                };
-                return Ok(self.array(py, field)?);
-            }
-            Rows::Slice(slice) => {
-                let found = slice.indices(count as isize)?;
-                (0..found.slicelength).map(|n| (found.start + n as isize * found.step) as usize).collect()
-            }
-            Rows::Mask(mask) => {
-                let mask = mask.as_array();
-                if mask.len() != count {
-                    return Err(Failure::argument("mask", format!("{} long", mask.len()), format!("{count} long")));
+    fn __getitem__<'py>(&self, py: Python<'py>, key: &Bound<'py, PyAny>) -> Outcome<Bound<'py, PyAny>> {
+        if let Ok(name) = key.extract::<String>() {
+            return match Field::from_name(&name) {
+                Ok(field) if self.0.fields.contains(field) => Ok(self.array(py, field)?),
+                Ok(_) => Err(PyKeyError::new_err(not_computed(&name)).into()),
+                Err(error) => {
+                    Err(PyKeyError::new_err(format!("{error}; there are {}", self.fields().join(", "))).into())
                 }
-                mask.iter().enumerate().filter(|(_, wanted)| **wanted).map(|(row, _)| row).collect()
-            }
-            Rows::Numbers(numbers) => {
-                let row = |&number: &i64| {
-                    let row = if number < 0 { number + count as i64 } else { number };
-                    let fits = (0..count as i64).contains(&row);
-                    fits.then_some(row as usize)
-                        .ok_or_else(|| Failure::argument("row", number, format!("-{count} to {}", count as i64 - 1)))
-                };
-                numbers.as_array().iter().map(row).collect::<Outcome<_>>()?
-            }
-        };
+            };
+        }
+        // True and False are integers in Python, but no rows.
+        if let Some(index) = key.extract::<isize>().ok().filter(|_| !key.is_instance_of::<PyBool>()) {
+            let point = PointCloud::of(self.0.select(&[sequence::place("point", index, self.0.len)?])?);
+            return Ok(records(py, point)?.get_item(0)?);
+        }
+        let rows = self.rows(py, key)?;
         let cloud = py.detach(|| self.0.select(&rows))?;
         Ok(Bound::new(py, PointCloud::of(cloud))?.into_any())
     }
 
-    fn __getattr__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        match Field::from_name(name) {
-            Ok(field) if self.0.fields.contains(field) => self.array(py, field),
-            Ok(_) => {
-                let told = format!("the column {name:?} was not computed; ask for it with fields=\"default,{name}\"");
-                Err(PyAttributeError::new_err(told))
+    fn __iter__<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyIterator>> {
+        records(slf.py(), slf)?.try_iter()
+    }
+
+    fn __getattr__<'py>(slf: &Bound<'py, Self>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        let cloud = slf.get();
+        let told = match Field::from_name(name) {
+            Ok(field) if cloud.0.fields.contains(field) => return cloud.array(slf.py(), field),
+            Ok(_) => not_computed(name),
+            // What Python and notebooks look for.
+            Err(_) if name.starts_with('_') => format!("a PointCloud has no {name:?}"),
+            Err(_) => {
+                let known = Self::__dir__(slf)?.into_iter().filter(|known| !known.starts_with('_'));
+                let near = nearest(name, known).join(", ");
+                let near = if near.is_empty() { near } else { format!("; near: {near}") };
+                format!("a PointCloud has no {name:?}{near}")
             }
-            Err(_) => Err(PyAttributeError::new_err(format!("a PointCloud has no {name:?}"))),
-        }
+        };
+        Err(PyAttributeError::new_err(told))
     }
 
     fn __dir__(slf: &Bound<'_, Self>) -> PyResult<Vec<String>> {
@@ -210,8 +201,11 @@ impl PointCloud {
     /// Positions relative to `origin`: n x 3 float32, m; a copy.
     #[getter]
     fn xyz<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let columns = [Field::X, Field::Y, Field::Z].map(|field| self.__getattr__(py, field.info().name));
-        let [x, y, z] = columns;
+        let column = |field: Field| match self.0.fields.contains(field) {
+            true => self.array(py, field),
+            false => Err(PyAttributeError::new_err(not_computed(field.info().name))),
+        };
+        let [x, y, z] = [Field::X, Field::Y, Field::Z].map(column);
         py.import("numpy")?.call_method1("column_stack", ((x?, y?, z?),))
     }
 
@@ -390,6 +384,11 @@ impl PointCloud {
         self.png(py, None, "top", Some(640)).ok()
     }
 
+    /// What notebooks show: its picture, and a table of its columns.
+    fn _repr_html_<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py().import("echocast._look")?.call_method1("html", (slf,))
+    }
+
     /// As `echocast.show`: in the viewer of Rerun or to a recording, `path`; without rerun-sdk its picture is opened.
     #[pyo3(signature = (**options))]
     fn show(slf: &Bound<'_, Self>, options: Option<&Bound<'_, PyDict>>) -> PyResult<()> {
@@ -460,7 +459,8 @@ impl PointCloud {
     /// >>> cloud.to_torch(["range", "category_id"])["category_id"].dtype
     /// torch.int64
     #[pyo3(signature = (columns = None))]
-    fn to_torch<'py>(slf: &Bound<'py, Self>, columns: Option<Vec<String>>) -> PyResult<Bound<'py, PyAny>> {
+    fn to_torch<'py>(slf: &Bound<'py, Self>, columns: Option<Columns>) -> PyResult<Bound<'py, PyAny>> {
+        let columns = columns.map(Columns::names);
         slf.py().import("echocast._convert")?.call_method1("to_torch", (slf, columns))
     }
 
@@ -483,6 +483,50 @@ impl PointCloud {
     fn __repr__(&self) -> String {
         format!("<PointCloud: {} points; {}>", self.0.len, self.fields().join(", "))
     }
+}
+
+impl PointCloud {
+    /// Numbers of the rows that `key` asks for: a slice, a mask or numbers.
+    fn rows(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> Outcome<Vec<usize>> {
+        let count = self.0.len;
+        if let Ok(slice) = key.cast::<PySlice>() {
+            let found = slice.indices(count as isize)?;
+            return Ok((0..found.slicelength).map(|n| (found.start + n as isize * found.step) as usize).collect());
+        }
+        let key = py.import("echocast._arrays")?.call_method1("rows", (key,))?;
+        if let Ok(mask) = key.extract::<PyReadonlyArray1<'_, bool>>() {
+            let mask = mask.as_array();
+            if mask.len() != count {
+                return Err(Failure::argument("mask", format!("{} long", mask.len()), format!("{count} long")));
+            }
+            return Ok(mask.iter().enumerate().filter(|(_, wanted)| **wanted).map(|(row, _)| row).collect());
+        }
+        let numbers: PyReadonlyArray1<'_, i64> = key.extract().map_err(PyErr::from)?;
+        let row = |&number: &i64| {
+            let row = if number < 0 { number + count as i64 } else { number };
+            let fits = (0..count as i64).contains(&row);
+            fits.then_some(row as usize)
+                .ok_or_else(|| Failure::argument("row", number, format!("-{count} to {}", count as i64 - 1)))
+        };
+        numbers.as_array().iter().map(row).collect()
+    }
+}
+
+/// What is said of the column `name`, which a cloud may have.
+fn not_computed(name: &str) -> String {
+    format!("there is no column {name:?}: it was not computed; ask for it with fields=\"default,{name}\"")
+}
+
+/// Names of all columns that clouds may have, with their types, units ("1" of ratios, "" of counts and numbers) and what
+/// they hold.
+#[pyfunction]
+pub fn columns() -> Vec<(&'static str, &'static str, &'static str, &'static str)> {
+    FIELDS.iter().map(|info| (info.name, array::kind_name(info.kind), info.unit, info.meaning)).collect()
+}
+
+/// The points of `cloud` as an array of records.
+fn records<'py>(py: Python<'py>, cloud: impl IntoPyObject<'py>) -> PyResult<Bound<'py, PyAny>> {
+    py.import("echocast._convert")?.call_method1("records", (cloud,))
 }
 
 /// `cloud` as the function `name` of the Python module makes it.

@@ -1,5 +1,6 @@
 //! Errors: the sentences of the library as exceptions of `echocast._errors`.
 
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 
@@ -29,6 +30,45 @@ impl Failure {
     pub fn argument(name: impl Into<String>, value: impl ToString, allowed: impl Into<String>) -> Failure {
         Failure::Library(echocast::Error::invalid(name, value, allowed))
     }
+
+    /// The same as an error of the keyword `name`, where the types of Python do not say it.
+    pub fn about(self, py: Python<'_>, name: &str) -> Failure {
+        match self {
+            Failure::Python(error) if error.get_type(py).is(py.get_type::<PyTypeError>()) => {
+                Failure::Python(PyTypeError::new_err(format!("argument '{name}': {}", error.value(py))))
+            }
+            other => other,
+        }
+    }
+}
+
+/// `value` is of no type that is `allowed`; PyO3 names the argument.
+pub fn wrong_type(value: &Bound<'_, PyAny>, allowed: &str) -> PyErr {
+    let kind = value.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
+    PyTypeError::new_err(format!("it is of the type {kind}; allowed: {allowed}"))
+}
+
+/// Lets `$name` be extracted as the first of its variants that fits; what is none of them gets a sentence, where PyO3 would
+/// list its own types.
+macro_rules! one_of {
+    ($name:ident $(<$py:lifetime>)?: $($variant:ident)|+; $allowed:expr) => {
+        impl<'py> pyo3::FromPyObject<'_, 'py> for $name $(<$py>)? {
+            type Error = pyo3::PyErr;
+
+            fn extract(value: pyo3::Borrowed<'_, 'py, pyo3::PyAny>) -> pyo3::PyResult<Self> {
+                $( if let Ok(found) = value.extract() {
+                    return Ok($name::$variant(found));
+                } )+
+                Err($crate::error::wrong_type(&value, $allowed))
+            }
+        }
+    };
+}
+pub(crate) use one_of;
+
+/// What is said where `pickle` and `copy` take `what`, which they cannot.
+pub fn no_pickle<T>(what: &str, instead: &str) -> PyResult<T> {
+    Err(PyTypeError::new_err(format!("{what} cannot be pickled or copied: {instead}")))
 }
 
 impl From<Failure> for PyErr {

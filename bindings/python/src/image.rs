@@ -1,11 +1,11 @@
 //! Images: of pings, and what cameras and other sensors with rows and columns see.
 
 use crate::array::{Held, owned, shared};
-use crate::error::{Failure, Outcome};
+use crate::error::{Failure, Outcome, no_pickle};
 use crate::sensor::{Instrument, named};
 use echocast::cloud::Column;
 use echocast::image::{Layer, Layers};
-use echocast::{Field, PointCloud, Sensor};
+use echocast::{Error, Field, PointCloud, Sensor};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -51,8 +51,8 @@ impl Image {
     fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> Outcome<Bound<'py, PyAny>> {
         let layer = Field::from_name(name).ok().and_then(|field| self.0.layer(field));
         let Some(ids) = layer else {
-            let has = self.fields().join(", ");
-            return Err(PyKeyError::new_err(format!("there is no column {name:?}; there are: {has}")).into());
+            let (near, has) = (Error::missing("column", name, self.fields()), self.fields().join(", "));
+            return Err(PyKeyError::new_err(format!("{near}; there are: {has}")).into());
         };
         Ok(owned(py, ids.to_vec(), &[self.0.height, self.0.width])?)
     }
@@ -71,6 +71,10 @@ impl Image {
     /// Writes it as PNG, NPZ or HDF5, as the ending of `path` says; returns warnings.
     fn write(&self, py: Python<'_>, path: PathBuf) -> Outcome<Vec<String>> {
         Ok(py.detach(|| self.0.write(path))?.warnings)
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        no_pickle("an Image", "write() keeps it in a file; its values and labels are arrays, which can")
     }
 
     fn __repr__(&self) -> String {

@@ -30,7 +30,7 @@ mod _echocast {
     #[pymodule_export]
     use super::boxes::PyBox;
     #[pymodule_export]
-    use super::cloud::{PointCloud, formats, read_cloud};
+    use super::cloud::{PointCloud, columns, formats, read_cloud};
     #[pymodule_export]
     use super::image::Image;
     #[pymodule_export]

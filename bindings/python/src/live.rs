@@ -1,18 +1,17 @@
 //! Scenes that change from scan to scan.
 
-use crate::array::rows;
+use crate::array::{numbers, rows};
 use crate::cloud::PointCloud;
-use crate::error::{Failure, Outcome};
+use crate::error::{Failure, Outcome, no_pickle};
 use crate::options::Asked;
 use crate::ping::{Ping, ping};
-use crate::place::{Placement, Pose, affine};
+use crate::place::{Pose, affine, times_of, transform};
 use crate::scene::{Matter, Scene, mesh, scan};
 use crate::sensor::{Instrument, Source};
 use echocast::scene::Object;
 use echocast::{Engine, ObjectId};
 use glam::DAffine3;
-use numpy::ndarray::ArrayView2;
-use numpy::{PyReadonlyArray2, PyReadonlyArray3};
+use numpy::ndarray::{ArrayView2, Ix2, Ix3};
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
 use pyo3::types::PyDict;
@@ -30,7 +29,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 /// >>> door = live.add(square, np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32), pose=(4, 0, 0))
 /// >>> for x in (4, 6):
 /// ...     live.set_pose(door, (x, 0, 0))
-/// ...     print(round(float(np.median(live.scan("velodyne_vlp16").x))))
+/// ...     print(round(float(np.median(live.scan("velodyne_vlp16", at=(0, 0, 0)).x))))
 /// 4
 /// 6
 #[pyclass(frozen, module = "echocast")]
@@ -40,6 +39,11 @@ impl LiveScene {
     /// It, once all calls before this have ended; until then other threads of Python go on.
     fn lock(&self, py: Python<'_>) -> MutexGuard<'_, echocast::LiveScene> {
         self.0.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Names of its camera nodes.
+    fn cameras(&self, py: Python<'_>) -> Vec<String> {
+        self.lock(py).cameras().iter().map(|camera| camera.name.clone()).collect()
     }
 
     /// Does `work` with it without the interpreter.
@@ -69,9 +73,10 @@ impl LiveScene {
         Ok(added.into_iter().map(ObjectId::to_u64).collect())
     }
 
-    /// Adds a mesh and returns the number of the object: `vertices`, n x 3 float32, m; `triangles`, m x 3 uint32.
+    /// Adds a mesh and returns the number of the object: `vertices`, n x 3, m, which it has as float32; `triangles`, m x
+    /// 3, indices of vertices. They are copied; other numbers than float32 and uint32, and lists, are converted.
     ///
-    /// `pose`: a Pose, x, y, z, or a 4 x 4 float64 matrix (world from object); None: at 0, 0, 0. `category` and
+    /// `pose`: a Pose, x, y, z, or a 4 x 4 matrix (world from object); None: at 0, 0, 0. `category` and
     /// `instance`: its label numbers, 0: unlabelled. `material`: as of `Scene.from_arrays`. `mask`: 32 bits; scans see it
     /// whose own `mask` shares one with these. `fixed`: True for one that stays where it is, with which scenes of many
     /// objects are traced faster. Errors as of `Scene.from_arrays`.
@@ -80,9 +85,9 @@ impl LiveScene {
     fn add(
         &self,
         py: Python<'_>,
-        vertices: PyReadonlyArray2<'_, f32>,
-        triangles: PyReadonlyArray2<'_, u32>,
-        pose: Option<Placement<'_>>,
+        vertices: &Bound<'_, PyAny>,
+        triangles: &Bound<'_, PyAny>,
+        pose: Option<&Bound<'_, PyAny>>,
         name: &str,
         category: u32,
         instance: u32,
@@ -91,10 +96,11 @@ impl LiveScene {
         fixed: bool,
     ) -> Outcome<u64> {
         let material = material.as_ref().map(Matter::of).transpose()?;
-        let mut object = Object::new(name, mesh(name, &vertices, &triangles, material.as_ref())?);
+        let positions = rows::<_, 3>("vertices", &numbers::<f32, Ix2>("vertices", vertices, "n x 3")?)?;
+        let mut object = Object::new(name, mesh(name, positions, triangles, material.as_ref())?);
         (object.category_id, object.instance_id, object.mask) = (category, instance, mask);
         if let Some(pose) = pose {
-            object.world_from_object = pose.transform()?;
+            object.world_from_object = transform(pose)?;
         }
         let mut live = self.lock(py);
         Ok(if fixed { live.add_fixed(object) } else { live.add(object) }?.to_u64())
@@ -109,7 +115,7 @@ impl LiveScene {
         &self,
         py: Python<'_>,
         object: u64,
-        pose: Option<Placement<'_>>,
+        pose: Option<&Bound<'_, PyAny>>,
         name: Option<&str>,
         category: Option<u32>,
         instance: u32,
@@ -122,7 +128,7 @@ impl LiveScene {
         copy.category_id = category.unwrap_or(copy.category_id);
         copy.instance_id = instance;
         copy.mask = mask.unwrap_or(copy.mask);
-        copy.world_from_object = pose.map_or(Ok(DAffine3::IDENTITY), |pose| pose.transform())?;
+        copy.world_from_object = pose.map_or(Ok(DAffine3::IDENTITY), transform)?;
         Ok(if fixed { live.add_fixed(copy) } else { live.add(copy) }?.to_u64())
     }
 
@@ -136,20 +142,19 @@ impl LiveScene {
         Ok(self.lock(py).find(name)?.to_u64())
     }
 
-    /// Places an object: a Pose, x, y, z, or a 4 x 4 float64 matrix (world from object).
-    fn set_pose(&self, py: Python<'_>, object: u64, pose: Placement<'_>) -> Outcome<()> {
-        let pose = pose.transform()?;
+    /// Places an object: a Pose, x, y, z, or a 4 x 4 matrix (world from object).
+    fn set_pose(&self, py: Python<'_>, object: u64, pose: &Bound<'_, PyAny>) -> Outcome<()> {
+        let pose = transform(pose)?;
         Ok(self.lock(py).set_pose(ObjectId::from_u64(object), pose)?)
     }
 
-    /// Gives the vertices of an object other places: n x 3 float32, m, as many as it has.
-    fn set_vertices(&self, py: Python<'_>, object: u64, vertices: PyReadonlyArray2<'_, f32>) -> Outcome<()> {
-        let positions = rows::<_, 3>("vertices", &vertices)?;
+    /// Gives the vertices of an object other places: n x 3, m, as many as it has. Copied, as by `add`.
+    fn set_vertices(&self, py: Python<'_>, object: u64, vertices: &Bound<'_, PyAny>) -> Outcome<()> {
+        let positions = rows::<_, 3>("vertices", &numbers::<f32, Ix2>("vertices", vertices, "n x 3")?)?;
         Ok(self.lock(py).set_vertices(ObjectId::from_u64(object), positions.into(), None)?)
     }
 
-    /// Lets an object move: `poses`, n x 4 x 4 float64 (world from object), at `times`, n, s, which never fall; between
-    /// them linear in position and slerp in rotation, before and after them it stands. `set_time` says which of it
+    /// Lets an object move: `poses`, n x 4 x 4 (world from object), at `times`, n, s, which never fall; between them linear in position and slerp in rotation, before and after them it stands. `set_time` says which of it
     /// scans see.
     ///
     /// >>> live = ec.LiveScene()
@@ -159,34 +164,39 @@ impl LiveScene {
     /// >>> poses[:, 0, 3] = 4, 8  # x, m
     /// >>> live.set_motion(door, [0.0, 1.0], poses)
     /// >>> live.set_time(0.5)
-    /// >>> round(float(np.median(live.scan("velodyne_vlp16").x)))
+    /// >>> round(float(np.median(live.scan("velodyne_vlp16", at=(0, 0, 0)).x)))
     /// 6
     fn set_motion(
         &self,
         py: Python<'_>,
         object: u64,
-        times: Vec<f64>,
-        poses: PyReadonlyArray3<'_, f64>,
+        times: &Bound<'_, PyAny>,
+        poses: &Bound<'_, PyAny>,
     ) -> Outcome<()> {
+        let times = times_of(times)?;
+        let poses = numbers::<f64, Ix3>("poses", poses, "n x 4 x 4")?;
         let poses = poses.as_array();
         if poses.dim() != (times.len(), 4, 4) {
             let (count, rows, columns) = poses.dim();
             let allowed = format!("{} x 4 x 4, a matrix for each time", times.len());
             return Err(Failure::argument("poses", format!("{count} x {rows} x {columns}"), allowed));
         }
-        let keys: Vec<(f64, DAffine3)> = times.into_iter().zip(poses.outer_iter().map(affine)).collect();
+        let poses = poses.outer_iter().map(|pose| affine("poses", pose)).collect::<Outcome<Vec<_>>>()?;
+        let keys: Vec<(f64, DAffine3)> = times.into_iter().zip(poses).collect();
         Ok(self.lock(py).set_motion(ObjectId::from_u64(object), &keys)?)
     }
 
-    /// Lets the vertices of an object move: `vertices`, n x m x 3 float32, m, as many as it has, at `times`, n, s,
-    /// which rise; in straight lines between them. `set_time` says which of it scans see.
+    /// Lets the vertices of an object move: `vertices`, n x m x 3, m, as many as it has, at `times`, n, s, which rise;
+    /// in straight lines between them. `set_time` says which of it scans see.
     fn set_vertex_motion(
         &self,
         py: Python<'_>,
         object: u64,
-        times: Vec<f64>,
-        vertices: PyReadonlyArray3<'_, f32>,
+        times: &Bound<'_, PyAny>,
+        vertices: &Bound<'_, PyAny>,
     ) -> Outcome<()> {
+        let times = times_of(times)?;
+        let vertices = numbers::<f32, Ix3>("vertices", vertices, "n x m x 3")?;
         let vertices = vertices.as_array();
         let (count, points, columns) = vertices.dim();
         if (count, columns) != (times.len(), 3) {
@@ -238,8 +248,9 @@ impl LiveScene {
     fn scan(&self, py: Python<'_>, sensor: Instrument<'_>, options: Option<&Bound<'_, PyDict>>) -> Outcome<PointCloud> {
         let sensor = sensor.sensor()?;
         let asked = Asked::of(options, &sensor)?;
+        let path = asked.path(py, || self.cameras(py))?;
         let built = self.detached(py, |live| live.commit())?;
-        scan(py, &built, &sensor, &asked)
+        scan(py, &built, &sensor, &path, &asked, || self.lock(py).bounds())
     }
 
     /// A ping of a sonar, now. Keywords as those of `Scene.scan`.
@@ -247,8 +258,13 @@ impl LiveScene {
     fn ping(&self, py: Python<'_>, sensor: Instrument<'_>, options: Option<&Bound<'_, PyDict>>) -> Outcome<Ping> {
         let sensor = sensor.sensor()?;
         let asked = Asked::of(options, &sensor)?;
+        let path = asked.path(py, || self.cameras(py))?;
         let built = self.detached(py, |live| live.commit())?;
-        ping(py, &built, &sensor, &asked)
+        ping(py, &built, &sensor, &path, &asked)
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        no_pickle("a LiveScene", "let each process make one, of a file or of arrays; PointCloud, Sensor and Pose can")
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {

@@ -1,31 +1,43 @@
 //! How to scan: the keyword arguments of every method that scans.
 
-use crate::error::{Failure, Outcome};
-use crate::place::Place;
+use crate::error::{Failure, Outcome, one_of};
+use crate::place;
 use crate::sensor::{Air, named};
 use echocast::{BoxAxes, FieldSet, ScanOptions, Sensor, Trajectory};
-use pyo3::exceptions::{PyOverflowError, PyTypeError};
+use pyo3::exceptions::{PyOverflowError, PyTypeError, PyUserWarning};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::ffi::CString;
 use std::ops::ControlFlow;
 
 /// Names of the arguments.
 const NAMES: &str = "at, fields, seed, frame, start_time, trajectory_time, freeze, frame_period, organised, coordinates, \
-                     order, deskew, boxes, box_time, image_boxes, profile, reflectance_source, mask, specular_depth, environment, \
-                     progress";
+                     order, deskew, boxes, box_time, image_boxes, profile, reflectance_source, mask, specular_depth, \
+                     environment, progress";
 
 /// What a method that scans was asked for.
 pub struct Asked {
     pub options: ScanOptions,
-    pub path: Trajectory,
+    /// Where the sensor is, if that was told.
+    path: Option<Trajectory>,
     progress: Progress,
 }
 
 /// Columns: names in a list, or separated by commas.
-#[derive(FromPyObject)]
-enum Columns {
+pub enum Columns {
     Text(String),
     List(Vec<String>),
+}
+
+one_of! { Columns: Text | List; "names of columns in a list, or in a text with commas" }
+
+impl Columns {
+    pub fn names(self) -> Vec<String> {
+        match self {
+            Columns::Text(text) => text.split(',').map(|name| name.trim().to_owned()).collect(),
+            Columns::List(names) => names,
+        }
+    }
 }
 
 impl Asked {
@@ -33,52 +45,72 @@ impl Asked {
     pub fn of(keywords: Option<&Bound<'_, PyDict>>, sensor: &Sensor) -> Outcome<Asked> {
         let mut asked = Asked {
             options: ScanOptions { fields: sensor.default_fields(), ..ScanOptions::default() },
-            path: Trajectory::fixed(echocast::Pose::IDENTITY),
+            path: None,
             progress: Progress::default(),
         };
-        let options = &mut asked.options;
         for (key, value) in keywords.into_iter().flatten() {
             let key: String = key.extract()?;
-            let text = || value.extract::<String>();
-            match &*key {
-                // None means the default.
-                _ if value.is_none() => known(&key)?,
-                "at" => asked.path = value.extract::<Place>()?.path(),
-                "fields" => {
-                    let list = match value.extract()? {
-                        Columns::Text(text) => text,
-                        Columns::List(names) => names.join(","),
-                    };
-                    options.fields = FieldSet::parse_with(&list, sensor.default_fields())?;
-                }
-                "seed" => options.seed = whole(&key, &value)?,
-                "frame" => options.frame = whole(&key, &value)?,
-                "start_time" => options.start_time = value.extract()?,
-                "trajectory_time" => options.trajectory_time = value.extract()?,
-                "freeze" => options.freeze = value.extract()?,
-                "frame_period" => options.frame_period = value.extract()?,
-                "organised" => options.organised = value.extract()?,
-                "coordinates" => options.coordinates = named("coordinates", &text()?)?,
-                "order" => options.order = named("order", &text()?)?,
-                "boxes" => {
-                    options.boxes = match value.extract::<bool>() {
-                        Ok(wanted) => wanted.then_some(BoxAxes::default()),
-                        Err(_) => Some(named("boxes", &text()?)?),
-                    }
-                }
-                "box_time" => options.box_time = named("box_time", &text()?)?,
-                "deskew" => options.deskew = value.extract()?,
-                "image_boxes" => options.image_boxes = value.extract()?,
-                "profile" => options.profile = named("profile", &text()?)?,
-                "reflectance_source" => options.reflectance_source = Some(named("reflectance_source", &text()?)?),
-                "mask" => options.mask = whole(&key, &value)?,
-                "specular_depth" => options.specular_depth = whole(&key, &value)?,
-                "environment" => options.environment = value.extract::<Air>()?.environment()?,
-                "progress" => asked.progress = Progress::of(&value, "scan")?,
-                _ => known(&key)?,
-            }
+            asked.set(&key, &value, sensor).map_err(|error| error.about(value.py(), &key))?;
         }
         Ok(asked)
+    }
+
+    /// Sets the argument `key`.
+    fn set(&mut self, key: &str, value: &Bound<'_, PyAny>, sensor: &Sensor) -> Outcome<()> {
+        let options = &mut self.options;
+        let text = || value.extract::<String>();
+        match key {
+            // None means the default.
+            _ if value.is_none() => known(key)?,
+            "at" => self.path = Some(place::path(value)?),
+            "fields" => {
+                let list = value.extract::<Columns>()?.names().join(",");
+                options.fields = FieldSet::parse_with(&list, sensor.default_fields())?;
+            }
+            "seed" => options.seed = whole(key, value)?,
+            "frame" => options.frame = whole(key, value)?,
+            "start_time" => options.start_time = value.extract()?,
+            "trajectory_time" => options.trajectory_time = value.extract()?,
+            "freeze" => options.freeze = value.extract()?,
+            "frame_period" => options.frame_period = value.extract()?,
+            "organised" => options.organised = value.extract()?,
+            "coordinates" => options.coordinates = named("coordinates", &text()?)?,
+            "order" => options.order = named("order", &text()?)?,
+            "boxes" => {
+                options.boxes = match value.extract::<bool>() {
+                    Ok(wanted) => wanted.then_some(BoxAxes::default()),
+                    Err(_) => Some(named("boxes", &text()?)?),
+                }
+            }
+            "box_time" => options.box_time = named("box_time", &text()?)?,
+            "deskew" => options.deskew = value.extract()?,
+            "image_boxes" => options.image_boxes = value.extract()?,
+            "profile" => options.profile = named("profile", &text()?)?,
+            "reflectance_source" => options.reflectance_source = Some(named("reflectance_source", &text()?)?),
+            "mask" => options.mask = whole(key, value)?,
+            "specular_depth" => options.specular_depth = whole(key, value)?,
+            "environment" => options.environment = value.extract::<Air>()?.environment()?,
+            "progress" => self.progress = Progress::of(value, "scan")?,
+            _ => known(key)?,
+        }
+        Ok(())
+    }
+
+    /// Where the sensor is: where nobody says it, at 0, 0, 0, which is told, with one of the `cameras` that the scene has.
+    pub fn path(&self, py: Python<'_>, cameras: impl FnOnce() -> Vec<String>) -> PyResult<Trajectory> {
+        if let Some(path) = &self.path {
+            return Ok(path.clone());
+        }
+        let camera = cameras().first().map(|name| format!("; the scene has a camera: at=scene.camera({name:?})"));
+        warn(
+            py,
+            &format!(
+                "the sensor is at 0, 0, 0, as at is not given; allowed: a Pose, a Trajectory, x, y and z, or a matrix of 4 \
+                 x 4{}",
+                camera.unwrap_or_default()
+            ),
+        )?;
+        Ok(Trajectory::fixed(echocast::Pose::IDENTITY))
     }
 
     /// Does `work` without the interpreter, which it can ask how to go on.
@@ -153,6 +185,12 @@ pub fn whole<T: TryFrom<u64>>(name: &str, value: &Bound<'_, PyAny>) -> Outcome<T
     let most = u64::MAX >> (64 - 8 * size_of::<T>());
     let fitting = number.and_then(|number| T::try_from(number).ok());
     fitting.ok_or_else(|| Failure::argument(name, value, format!("0 to {most}")))
+}
+
+/// Warns as Python does, of the line that called this package.
+pub fn warn(py: Python<'_>, told: &str) -> PyResult<()> {
+    let told = CString::new(told)?;
+    PyErr::warn(py, &py.get_type::<PyUserWarning>(), &told, 1)
 }
 
 /// Fails unless `key` is the name of an argument.

@@ -2,7 +2,7 @@
 
 use crate::array::{Held, owned, shared};
 use crate::cloud::names;
-use crate::error::{Failure, Outcome};
+use crate::error::{Failure, Outcome, no_pickle};
 use crate::image::Image;
 use crate::options::Asked;
 use crate::place::Pose;
@@ -10,7 +10,7 @@ use crate::sensor::named;
 use crate::sequence;
 use echocast::image::{self, ImageRange, Overlap};
 use echocast::preview::{self, PreviewOptions, View};
-use echocast::{BuiltScene, Field, Layout, Report, Sensor};
+use echocast::{BuiltScene, Error, Field, Layout, Report, Sensor, Trajectory};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -116,6 +116,10 @@ impl Pings {
         self.png(py, "waterfall", "intensity", Some(640)).ok()
     }
 
+    fn __reduce__(&self) -> PyResult<()> {
+        no_pickle("Pings", "write() keeps them in a file, .npz or .h5; columns are arrays, which can")
+    }
+
     fn __repr__(&self) -> String {
         match self.0.layout() {
             Some(layout) => {
@@ -205,8 +209,8 @@ impl Ping {
         match Field::from_name(name).ok().filter(|&field| self.ping().fields.contains(field)) {
             Some(field) => Ok(self.array(py, field)?),
             None => {
-                let has = self.fields().join(", ");
-                Err(PyKeyError::new_err(format!("there is no column {name:?}; there are {has}")).into())
+                let (near, has) = (Error::missing("column", name, self.fields()), self.fields().join(", "));
+                Err(PyKeyError::new_err(format!("{near}; there are {has}")).into())
             }
         }
     }
@@ -286,6 +290,10 @@ impl Ping {
         Ok(Image(py.detach(|| image::fan(self.ping(), pixels))?))
     }
 
+    fn __reduce__(&self) -> PyResult<()> {
+        no_pickle("a Ping", "its levels and other columns are arrays, which can")
+    }
+
     fn __repr__(&self) -> String {
         let layout = &self.ping().layout;
         format!("<Ping {}: {} beams x {} bins>", self.ping().number, layout.beams(), layout.bins)
@@ -296,8 +304,15 @@ fn ranges<'py>(py: Python<'py>, layout: &Layout) -> Outcome<Bound<'py, PyAny>> {
     Ok(owned(py, (0..layout.bins).map(|bin| layout.range(bin)).collect(), &[layout.bins])?)
 }
 
-/// `count` pings of `sensor`, one after the other, from frame and time of what was `asked`.
-pub fn pings(py: Python<'_>, built: &BuiltScene, sensor: &Sensor, asked: &Asked, count: u32) -> Outcome<Pings> {
+/// `count` pings of `sensor`, along `path`, one after the other, from frame and time of what was `asked`.
+pub fn pings(
+    py: Python<'_>,
+    built: &BuiltScene,
+    sensor: &Sensor,
+    path: &Trajectory,
+    asked: &Asked,
+    count: u32,
+) -> Outcome<Pings> {
     let period = asked.options.frame_period.unwrap_or(sensor.beams().period);
     let made = asked.run(py, |progress| {
         let mut pings = echocast::Pings::default();
@@ -305,7 +320,7 @@ pub fn pings(py: Python<'_>, built: &BuiltScene, sensor: &Sensor, asked: &Asked,
             let mut options = asked.options.clone();
             options.frame = options.frame.saturating_add(number);
             options.start_time += f64::from(number) * period;
-            let ping = built.ping(sensor, &asked.path, &options)?;
+            let ping = built.ping(sensor, path, &options)?;
             if number == 0 {
                 check_room(&ping, count)?;
             }
@@ -335,6 +350,6 @@ fn check_room(ping: &echocast::Ping, count: u32) -> echocast::Result<()> {
 }
 
 /// One ping of `sensor`.
-pub fn ping(py: Python<'_>, built: &BuiltScene, sensor: &Sensor, asked: &Asked) -> Outcome<Ping> {
-    Ok(Ping { pings: pings(py, built, sensor, asked, 1)?.0, index: 0 })
+pub fn ping(py: Python<'_>, built: &BuiltScene, sensor: &Sensor, path: &Trajectory, asked: &Asked) -> Outcome<Ping> {
+    Ok(Ping { pings: pings(py, built, sensor, path, asked, 1)?.0, index: 0 })
 }

@@ -1,10 +1,10 @@
 //! Where sensors are.
 
-use crate::array::rows;
+use crate::array::{numbers, owned, rows};
 use crate::error::{Failure, Outcome};
-use glam::{DAffine3, DMat4};
-use numpy::PyReadonlyArray2;
-use numpy::ndarray::ArrayView2;
+use glam::{DAffine3, DMat3, DMat4, DQuat};
+use numpy::ndarray::{ArrayView2, Ix1, Ix2, IxDyn};
+use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
@@ -43,10 +43,18 @@ impl Pose {
                 return Err(Failure::argument("quaternion", "there beside rpy_deg", "one of the two"));
             }
         };
-        if !(pose.position.is_finite() && (pose.orientation.length() - 1.0).abs() < 1e-6) {
-            return Err(Failure::argument("pose", "not finite, or its quaternion has no length", "finite numbers"));
+        let wrong =
+            |name: &str, found: &[f64], allowed: &str| Err(Failure::argument(name, format!("{found:?}"), allowed));
+        if !pose.position.is_finite() {
+            return wrong("position", &position, "finite numbers");
         }
-        Ok(Pose(pose))
+        if (pose.orientation.length() - 1.0).abs() < 1e-6 {
+            return Ok(Pose(pose));
+        }
+        match (rpy_deg, quaternion) {
+            (Some(angles), _) => wrong("rpy_deg", &angles, "finite numbers"),
+            (None, turned) => wrong("quaternion", &turned.unwrap_or_default(), "finite numbers that are not all 0"),
+        }
     }
 
     /// x, y and z in the world, m.
@@ -84,11 +92,11 @@ impl Pose {
 
 /// The path of a sensor: poses at rising times, between them linear in position and slerp in orientation.
 ///
-/// `times`: n, s, at least one. `positions`: n x 3 float64, m. `quaternions`: n x 4 float64, x, y, z, w; None: along
-/// the axes of the world. ArgumentError for other shapes, times that do not rise and what is not finite, TypeError for
-/// other types.
+/// `times`: n numbers, s, at least one. `positions`: n x 3, m. `quaternions`: n x 4, x, y, z, w; None: along the axes of
+/// the world. Arrays or lists of numbers, which are copied. ArgumentError for other shapes, times that do not rise and
+/// what is not finite, TypeError for what is no numbers. Trajectories pickle.
 ///
-/// >>> path = ec.Trajectory([0.0, 2.0], np.array([[0.0, 0, 1.8], [10, 0, 1.8]]))
+/// >>> path = ec.Trajectory([0, 2], [[0, 0, 1.8], [10, 0, 1.8]])
 /// >>> path.at(0.5).position
 /// [2.5, 0.0, 1.8]
 /// >>> path.span
@@ -97,18 +105,22 @@ impl Pose {
 #[derive(Clone)]
 pub struct Trajectory(pub echocast::Trajectory);
 
+/// What the columns of a trajectory are made of: times, places and quaternions.
+type Keys<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
+
 #[pymethods]
 impl Trajectory {
     #[new]
     #[pyo3(signature = (times, positions, quaternions = None))]
     fn new(
-        times: Vec<f64>,
-        positions: PyReadonlyArray2<'_, f64>,
-        quaternions: Option<PyReadonlyArray2<'_, f64>>,
+        times: &Bound<'_, PyAny>,
+        positions: &Bound<'_, PyAny>,
+        quaternions: Option<&Bound<'_, PyAny>>,
     ) -> Outcome<Trajectory> {
-        let positions = counted::<3>("positions", &positions, times.len())?;
+        let times = times_of(times)?;
+        let positions = counted::<3>("positions", positions, times.len())?;
         let quaternions = match quaternions {
-            Some(array) => counted::<4>("quaternions", &array, times.len())?,
+            Some(array) => counted::<4>("quaternions", array, times.len())?,
             None => vec![[0.0, 0.0, 0.0, 1.0]; times.len()],
         };
         let pose = |([x, y, z], [qx, qy, qz, qw]): ([f64; 3], [f64; 4])| {
@@ -139,63 +151,103 @@ impl Trajectory {
     fn span(&self) -> (f64, f64) {
         self.0.span()
     }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Keys<'py>)> {
+        let (py, keys) = (slf.py(), slf.get().0.clone().into_keys());
+        let count = keys.len();
+        let times = owned(py, keys.iter().map(|(time, _)| *time).collect(), &[count])?;
+        let positions = keys.iter().flat_map(|(_, pose)| pose.position.to_array()).collect();
+        let turned = keys.iter().flat_map(|(_, pose)| pose.orientation.to_array()).collect();
+        let columns = (times, owned(py, positions, &[count, 3])?, owned(py, turned, &[count, 4])?);
+        Ok((slf.get_type().into_any(), columns))
+    }
+
+    fn __repr__(&self) -> String {
+        let (first, last) = self.0.span();
+        format!("<Trajectory: {} poses, {first} to {last} s>", self.0.clone().into_keys().len())
+    }
 }
 
-/// The rows of `array`, of which there must be `count`.
-fn counted<const N: usize>(name: &str, array: &PyReadonlyArray2<'_, f64>, count: usize) -> Outcome<Vec<[f64; N]>> {
+/// The argument `times`.
+pub fn times_of(times: &Bound<'_, PyAny>) -> Outcome<Vec<f64>> {
+    Ok(numbers::<f64, Ix1>("times", times, "n")?.as_array().to_vec())
+}
+
+/// The rows of the argument `name`, of which there must be `count`.
+fn counted<const N: usize>(name: &str, array: &Bound<'_, PyAny>, count: usize) -> Outcome<Vec<[f64; N]>> {
+    let allowed = format!("{count} x {N}, a row for each time");
+    let array = numbers::<f64, Ix2>(name, array, &allowed)?;
     let (height, width) = array.as_array().dim();
     if (height, width) != (count, N) {
-        let found = format!("{height} x {width}");
-        return Err(Failure::argument(name, found, format!("{count} x {N}, a row for each time")));
+        return Err(Failure::argument(name, format!("{height} x {width}"), allowed));
     }
-    rows(name, array)
+    rows(name, &array)
 }
 
-/// Where a scan is made from: a pose, a position, or a trajectory.
-#[derive(FromPyObject)]
-pub enum Place {
-    Pose(Pose),
-    Trajectory(Trajectory),
-    Position([f64; 3]),
-}
-
-impl Place {
-    pub fn path(self) -> echocast::Trajectory {
-        match self {
-            Place::Pose(Pose(pose)) => echocast::Trajectory::fixed(pose),
-            Place::Trajectory(Trajectory(path)) => path,
-            Place::Position([x, y, z]) => echocast::Trajectory::fixed(echocast::Pose::at(x, y, z)),
-        }
+/// Where a scan is made from, the argument `at`.
+pub fn path(at: &Bound<'_, PyAny>) -> Outcome<echocast::Trajectory> {
+    if let Ok(Trajectory(path)) = at.extract() {
+        return Ok(path);
     }
-}
-
-/// A placement: a pose, or a 4 x 4 matrix (world from object), float64.
-#[derive(FromPyObject)]
-pub enum Placement<'py> {
-    Pose(Pose),
-    Matrix(PyReadonlyArray2<'py, f64>),
-    Position([f64; 3]),
-}
-
-impl Placement<'_> {
-    pub fn transform(&self) -> Outcome<DAffine3> {
-        match self {
-            Placement::Pose(Pose(pose)) => Ok(DAffine3::from_rotation_translation(pose.orientation, pose.position)),
-            Placement::Position(position) => Ok(DAffine3::from_translation((*position).into())),
-            Placement::Matrix(matrix) => {
-                let matrix = matrix.as_array();
-                if (matrix.nrows(), matrix.ncols()) != (4, 4) {
-                    let found = format!("{} x {}", matrix.nrows(), matrix.ncols());
-                    return Err(Failure::argument("pose", found, "a Pose, a position, or a matrix of 4 x 4"));
-                }
-                Ok(affine(matrix))
+    let allowed = "a Pose, a Trajectory, x, y and z, or a matrix of 4 x 4";
+    let pose = match Placement::of("at", at, allowed)? {
+        Placement::Pose(pose) => pose,
+        Placement::Matrix(placed) => {
+            let turned = placed.matrix3;
+            // Of numbers of float32, too.
+            let rigid = (turned.transpose() * turned).abs_diff_eq(DMat3::IDENTITY, 1e-5) && turned.determinant() > 0.0;
+            if placed.is_finite() && !rigid {
+                let found = "a matrix that scales, shears or mirrors";
+                return Err(Failure::argument("at", found, "one that turns and moves: a sensor keeps its size"));
             }
+            echocast::Pose { position: placed.translation, orientation: DQuat::from_mat3(&turned) }
         }
+    };
+    Ok(echocast::Trajectory::fixed(pose))
+}
+
+/// Where an object is, the argument `pose`: world from object.
+pub fn transform(pose: &Bound<'_, PyAny>) -> Outcome<DAffine3> {
+    Ok(match Placement::of("pose", pose, "a Pose, x, y and z, or a matrix of 4 x 4")? {
+        Placement::Pose(pose) => DAffine3::from_rotation_translation(pose.orientation, pose.position),
+        Placement::Matrix(placed) => placed,
+    })
+}
+
+/// A place, as it is told.
+enum Placement {
+    Pose(echocast::Pose),
+    Matrix(DAffine3),
+}
+
+impl Placement {
+    /// Out of the argument `name`.
+    fn of(name: &str, value: &Bound<'_, PyAny>, allowed: &str) -> Outcome<Placement> {
+        if let Ok(Pose(pose)) = value.extract() {
+            return Ok(Placement::Pose(pose));
+        }
+        if let Ok([x, y, z]) = value.extract::<[f64; 3]>() {
+            return Ok(Placement::Pose(echocast::Pose::at(x, y, z)));
+        }
+        let array = numbers::<f64, IxDyn>(name, value, allowed)?;
+        if let Ok(matrix) = array.extract::<PyReadonlyArray2<'_, f64>>()
+            && matrix.shape() == [4, 4]
+        {
+            return Ok(Placement::Matrix(affine(name, matrix.as_array())?));
+        }
+        let shape: Vec<String> = array.shape().iter().map(usize::to_string).collect();
+        let plain = if shape.len() < 2 { " numbers" } else { "" };
+        Err(Failure::argument(name, shape.join(" x ") + plain, allowed))
     }
 }
 
-/// The transform of a matrix of 4 x 4.
-pub fn affine(matrix: ArrayView2<f64>) -> DAffine3 {
+/// The transform of a matrix of 4 x 4, which the argument `name` has.
+pub fn affine(name: &str, matrix: ArrayView2<f64>) -> Outcome<DAffine3> {
+    let last: [f64; 4] = std::array::from_fn(|column| matrix[[3, column]]);
+    if last != [0.0, 0.0, 0.0, 1.0] {
+        let found = format!("a matrix whose last row is {last:?}");
+        return Err(Failure::argument(name, found, "0, 0, 0, 1 there; the place is in the last column"));
+    }
     let columns = std::array::from_fn(|column| std::array::from_fn(|row| matrix[[row, column]]));
-    DAffine3::from_mat4(DMat4::from_cols_array_2d(&columns))
+    Ok(DAffine3::from_mat4(DMat4::from_cols_array_2d(&columns)))
 }

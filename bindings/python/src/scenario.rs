@@ -1,7 +1,7 @@
 //! Scenarios, their samples, and sets.
 
 use crate::cloud::PointCloud;
-use crate::error::{Failure, Outcome};
+use crate::error::{Failure, Outcome, no_pickle, one_of};
 use crate::options::Progress;
 use crate::sensor::{Source, options_text};
 use crate::sequence;
@@ -44,11 +44,12 @@ impl Scenario {
 }
 
 /// A scenario, or what one is made of.
-#[derive(FromPyObject)]
 pub enum Plan<'py> {
     Made(Bound<'py, Scenario>),
     Source(Source<'py>),
 }
+
+one_of! { Plan<'py>: Made | Source; "a Scenario, the path of a file, keys as a dict, or YAML text" }
 
 impl Plan<'_> {
     /// The scenario; "" is no folder.
@@ -216,6 +217,10 @@ impl Sample {
     #[getter]
     fn warnings(&self, py: Python<'_>) -> Vec<String> {
         self.lock(py).report().warnings.clone()
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        no_pickle("a Sample", "its Scenario can, and makes the same sample again")
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {

@@ -1,18 +1,22 @@
 //! Scenes that do not change.
 
-use crate::array::rows;
+use crate::array::{numbers, rows};
 use crate::cloud::PointCloud;
-use crate::error::{Failure, Outcome};
-use crate::options::{Asked, whole};
+use crate::error::{Failure, Outcome, no_pickle, one_of, wrong_type};
+use crate::options::{Asked, warn, whole};
 use crate::ping::{Ping, Pings, ping, pings};
-use crate::place::Placement;
+use crate::place::transform;
 use crate::sensor::{Instrument, Source, options_text};
 use echocast::generate::Generate;
 use echocast::scene::{Material, Mesh, NameTable, Object, Part};
-use echocast::{BuiltScene, LoadOptions};
-use numpy::{PyReadonlyArray1, PyReadonlyArray2};
+use echocast::{BuiltScene, LoadOptions, Sensor, Trajectory, why_nothing};
+use glam::{DAffine3, DVec3};
+use numpy::ndarray::{Ix1, Ix2};
+use numpy::{PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::conversion::FromPyObjectOwned;
+use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyMapping};
 use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -66,11 +70,12 @@ fn table(mut names: BTreeMap<u32, String>) -> NameTable {
 }
 
 /// A file, or several that are one scene.
-#[derive(FromPyObject)]
 enum Files {
     One(PathBuf),
     Several(Vec<PathBuf>),
 }
+
+one_of! { Files: One | Several; "the path of a file, or a list of paths" }
 
 /// A material: YAML, or its name in the library.
 #[derive(PartialEq, Eq, Hash)]
@@ -93,27 +98,53 @@ impl Matter {
     }
 }
 
-/// Meshes that are made already, by where the arrays of vertices and triangles lie, and their material: who passes an array
-/// twice has one mesh.
-type Meshes = HashMap<(ArrayPlace, ArrayPlace, Option<Matter>), Arc<Mesh>>;
+/// Meshes that are made already, by their vertices, triangles and material: who passes an array twice has one mesh.
+type Meshes = HashMap<(Given, Given, Option<Matter>), (Arc<Mesh>, DVec3)>;
 
-/// Address, shape and strides.
-type ArrayPlace = (usize, Vec<usize>, Vec<isize>);
-
-fn place<T: numpy::Element>(array: &PyReadonlyArray2<'_, T>) -> ArrayPlace {
-    let array = array.as_array();
-    (array.as_ptr() as usize, array.shape().to_vec(), array.strides().to_vec())
+/// What tells an argument from another while both are there: of an array where it lies, of other things themselves.
+#[derive(PartialEq, Eq, Hash)]
+enum Given {
+    /// Address, shape, strides and type.
+    Array(usize, Vec<usize>, Vec<isize>, String),
+    Thing(usize),
 }
 
-/// A mesh of `triangles`, n x 3 indices of `vertices`, m x 3 metres, of a material of the library or one that is told.
+impl Given {
+    fn of(value: &Bound<'_, PyAny>) -> PyResult<Given> {
+        let Ok(array) = value.cast::<PyUntypedArray>() else { return Ok(Given::Thing(value.as_ptr() as usize)) };
+        let address = array.getattr("ctypes")?.getattr("data")?.extract()?;
+        let kind = array.dtype().str()?.to_string();
+        Ok(Given::Array(address, array.shape().to_vec(), array.strides().to_vec(), kind))
+    }
+}
+
+/// Vertices of a mesh that keeps its place, as float32, and where these are: at 0, 0, 0, unless numbers finer than
+/// float32 are given for a mesh so far out that float32 would be coarse there: then about a point among them.
+fn vertices(array: &Bound<'_, PyAny>) -> Outcome<(Vec<[f32; 3]>, DVec3)> {
+    /// Farther out, m, float32 is coarser than 0.06 mm.
+    const FAR: f64 = 1024.0;
+    if let Ok(single) = array.extract() {
+        return Ok((rows("vertices", &single)?, DVec3::ZERO));
+    }
+    let positions: Vec<DVec3> = rows("vertices", &numbers::<f64, Ix2>("vertices", array, "n x 3")?)?
+        .into_iter()
+        .map(DVec3::from_array)
+        .collect();
+    let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let high = positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    let far = low.is_finite() && high.is_finite() && low.abs().max(high.abs()).max_element() > FAR;
+    let middle = if far { (low + high) / 2.0 } else { DVec3::ZERO };
+    Ok((positions.into_iter().map(|position| (position - middle).as_vec3().to_array()).collect(), middle))
+}
+
+/// A mesh of `triangles`, n x 3 indices of `positions`, m, of a material of the library or one that is told.
 pub fn mesh(
     name: &str,
-    vertices: &PyReadonlyArray2<'_, f32>,
-    triangles: &PyReadonlyArray2<'_, u32>,
+    positions: Vec<[f32; 3]>,
+    triangles: &Bound<'_, PyAny>,
     material: Option<&Matter>,
 ) -> Outcome<Arc<Mesh>> {
-    let positions = rows::<_, 3>("vertices", vertices)?;
-    let triangles = rows::<_, 3>("triangles", triangles)?;
+    let triangles = rows::<_, 3>("triangles", &numbers::<u32, Ix2>("triangles", triangles, "n x 3")?)?;
     let material = material.map(|matter| matter.material().map(Arc::new)).transpose()?;
     let part = Part { positions: positions.into(), triangles: triangles.into(), material, ..Part::default() };
     Ok(Arc::new(Mesh::new(name, vec![part])?))
@@ -123,41 +154,58 @@ pub fn mesh(
 const OBJECT_KEYS: &str = "vertices, triangles, name, pose, category, instance, material";
 
 /// What a dict says of an object.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
 struct ObjectKeys<'py> {
-    vertices: PyReadonlyArray2<'py, f32>,
-    triangles: PyReadonlyArray2<'py, u32>,
-    #[pyo3(default = "mesh".to_owned())]
+    vertices: Bound<'py, PyAny>,
+    triangles: Bound<'py, PyAny>,
     name: String,
-    #[pyo3(default)]
-    pose: Option<Placement<'py>>,
-    #[pyo3(default)]
+    pose: Option<Bound<'py, PyAny>>,
     category: Option<Category>,
-    #[pyo3(default)]
     instance: Option<u32>,
-    #[pyo3(default)]
     material: Option<Source<'py>>,
 }
 
 impl<'py> ObjectKeys<'py> {
-    fn of(object: &Bound<'py, PyAny>) -> Outcome<Self> {
-        for key in object.try_iter()? {
-            let key: String = key?.extract()?;
+    /// Out of item `place` of a list.
+    fn of(place: usize, object: &Bound<'py, PyAny>) -> Outcome<Self> {
+        let Ok(keys) = object.cast::<PyMapping>() else {
+            return Err(wrong_type(object, "a list of dicts, one for each object").into());
+        };
+        for key in keys.keys()? {
+            let key: String = key.extract()?;
             if !OBJECT_KEYS.split(", ").any(|known| known == key) {
                 return Err(Failure::argument("the key of an object", format!("{key:?}"), OBJECT_KEYS));
             }
         }
-        Ok(object.extract()?)
+        let needed = |key: &str| {
+            let missing = || PyKeyError::new_err(format!("object {place} has no {key:?}; needed: vertices, triangles"));
+            keys.get_item(key).map_err(|_| missing())
+        };
+        Ok(ObjectKeys {
+            vertices: needed("vertices")?,
+            triangles: needed("triangles")?,
+            name: value(keys, "name")?.unwrap_or_else(|| "mesh".to_owned()),
+            pose: value(keys, "pose")?,
+            category: value(keys, "category")?,
+            instance: value(keys, "instance")?,
+            material: value(keys, "material")?,
+        })
     }
 }
 
+/// The value of `key`, if there is one that is not None.
+fn value<'py, T: FromPyObjectOwned<'py>>(keys: &Bound<'py, PyMapping>, key: &str) -> Outcome<Option<T>> {
+    let Some(value) = keys.get_item(key).ok().filter(|value| !value.is_none()) else { return Ok(None) };
+    let found: PyResult<T> = value.extract().map_err(Into::into);
+    found.map(Some).map_err(|error| Failure::from(error).about(keys.py(), key))
+}
+
 /// A category by its number or name.
-#[derive(FromPyObject)]
 enum Category {
     Number(u32),
     Name(String),
 }
+
+one_of! { Category: Number | Name; "a name, or a number from 0 to 4294967295" }
 
 #[pymethods]
 impl Scene {
@@ -195,12 +243,13 @@ impl Scene {
         Ok(Scene::of(py.detach(|| echocast::Scene::load_all(&files, &options))?))
     }
 
-    /// A scene of one mesh: `vertices`, n x 3 float32, m; `triangles`, m x 3 uint32, indices of vertices.
+    /// A scene of one mesh: `vertices`, n x 3, m; `triangles`, m x 3, indices of vertices.
     ///
-    /// `categories`: m uint32, the number of each triangle; triangles of a number are an object. `names`: what the
+    /// `categories`: m numbers from 0, that of each triangle; triangles of a number are an object. `names`: what the
     /// numbers are called, a dict. `name`: of the object, if there are no categories. `material`: what it is made of, a
-    /// name of the library or keys as a dict or YAML text. Arrays need not be contiguous; they are copied.
-    /// ArgumentError for other shapes and for what is not finite, TypeError for other types.
+    /// name of the library or keys as a dict or YAML text. Arrays of any type of number and lists are copied, those of
+    /// float32 and uint32 fastest; vertices in float64 keep their place far from 0, 0, 0. ArgumentError for other shapes
+    /// and for what is not finite, TypeError for what is no numbers.
     ///
     /// >>> floor = np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], dtype=np.float32)
     /// >>> triangles = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
@@ -211,9 +260,9 @@ impl Scene {
     #[staticmethod]
     #[pyo3(signature = (vertices, triangles, *, categories = None, names = None, name = "mesh", material = None))]
     fn from_arrays(
-        vertices: PyReadonlyArray2<'_, f32>,
-        triangles: PyReadonlyArray2<'_, u32>,
-        categories: Option<PyReadonlyArray1<'_, u32>>,
+        vertices: &Bound<'_, PyAny>,
+        triangles: &Bound<'_, PyAny>,
+        categories: Option<&Bound<'_, PyAny>>,
         names: Option<BTreeMap<u32, String>>,
         name: &str,
         material: Option<Source<'_>>,
@@ -222,11 +271,14 @@ impl Scene {
         let names = names.unwrap_or_default();
         scene.labels.category = table(names.clone());
         let material = material.as_ref().map(Matter::of).transpose()?;
-        let whole = mesh(name, &vertices, &triangles, material.as_ref())?;
+        let (positions, middle) = self::vertices(vertices)?;
+        let world_from_object = DAffine3::from_translation(middle);
+        let whole = mesh(name, positions, triangles, material.as_ref())?;
         let Some(categories) = categories else {
-            scene.objects.push(Object { instance_id: 1, ..Object::new(name, whole) });
+            scene.objects.push(Object { instance_id: 1, world_from_object, ..Object::new(name, whole) });
             return Ok(Scene::numbered(scene));
         };
+        let categories = numbers::<u32, Ix1>("categories", categories, "one for each triangle:")?;
         let categories = categories.as_array();
         let part = &whole.parts[0];
         if categories.len() != part.triangles.len() {
@@ -242,14 +294,15 @@ impl Scene {
             let part = Part { triangles: triangles.into(), ..part.clone() };
             let name = names.get(&category_id).cloned().unwrap_or_else(|| format!("{name} {category_id}"));
             let mesh = Arc::new(Mesh::new(name.clone(), vec![part])?);
-            let object = Object { category_id, instance_id: place as u32 + 1, ..Object::new(name, mesh) };
+            let object = Object::new(name, mesh);
+            let object = Object { category_id, instance_id: place as u32 + 1, world_from_object, ..object };
             scene.objects.push(object);
         }
         Ok(Scene::numbered(scene))
     }
 
     /// A scene of objects, a dict for each: `vertices` and `triangles` as for `from_arrays`; `name`; `pose`, a Pose, x,
-    /// y, z, or a 4 x 4 float64 matrix (world from object); `category`, a name, or a number that `names` may name;
+    /// y, z, or a 4 x 4 matrix (world from object); `category`, a name, or a number that `names` may name;
     /// `instance`, a number from 1, by default one of its own; `material`, as for `from_arrays`. Only vertices and
     /// triangles are needed, KeyError without; ArgumentError for other keys. Objects with the same two arrays and the same
     /// material share a mesh.
@@ -263,7 +316,8 @@ impl Scene {
     #[staticmethod]
     #[pyo3(signature = (objects, *, names = None))]
     fn from_objects(objects: Vec<Bound<'_, PyAny>>, names: Option<BTreeMap<u32, String>>) -> Outcome<Scene> {
-        let objects = objects.iter().map(ObjectKeys::of).collect::<Outcome<Vec<_>>>()?;
+        let objects = objects.iter().enumerate().map(|(place, keys)| ObjectKeys::of(place, keys));
+        let objects = objects.collect::<Outcome<Vec<_>>>()?;
         let fixed = names.unwrap_or_default().into_iter().filter(|(id, _)| *id > 0);
         let fixed: BTreeMap<String, u32> = fixed.map(|(id, name)| (name, id)).collect();
         let named = objects.iter().filter_map(|object| match &object.category {
@@ -284,11 +338,13 @@ impl Scene {
         let mut meshes = Meshes::new();
         for (number, keys) in objects.into_iter().enumerate() {
             let material = keys.material.as_ref().map(Matter::of).transpose()?;
-            let made = match meshes.entry((place(&keys.vertices), place(&keys.triangles), material)) {
+            let given = (Given::of(&keys.vertices)?, Given::of(&keys.triangles)?, material);
+            let (made, middle) = match meshes.entry(given) {
                 Entry::Occupied(known) => known.into_mut(),
                 Entry::Vacant(new) => {
-                    let made = mesh(&keys.name, &keys.vertices, &keys.triangles, new.key().2.as_ref())?;
-                    new.insert(made)
+                    let (positions, middle) = vertices(&keys.vertices)?;
+                    let made = mesh(&keys.name, positions, &keys.triangles, new.key().2.as_ref())?;
+                    new.insert((made, middle))
                 }
             };
             let mut object = Object::new(keys.name.as_str(), made.clone());
@@ -298,9 +354,8 @@ impl Scene {
                 Some(Category::Name(name)) => scene.labels.category.id(&name),
                 None => 0,
             };
-            if let Some(pose) = keys.pose {
-                object.world_from_object = pose.transform()?;
-            }
+            let placed = keys.pose.as_ref().map_or(Ok(DAffine3::IDENTITY), transform)?;
+            object.world_from_object = placed * DAffine3::from_translation(*middle);
             scene.objects.push(object);
         }
         Ok(Scene::numbered(scene))
@@ -360,8 +415,9 @@ impl Scene {
     ///
     /// Everything else is by keyword; None means the default:
     ///
-    /// * `at`: where the sensor is: a Pose; x, y and z, m; or a Trajectory, along which it moves during the scan.
-    ///   Default: at 0, 0, 0, along the axes of the world.
+    /// * `at`: where the sensor is: a Pose, such as that of a camera of the scene; x, y and z, m; a 4 x 4 matrix, world
+    ///   from sensor; or a Trajectory, along which it moves during the scan. Default: at 0, 0, 0, along the axes of the
+    ///   world, with a UserWarning.
     /// * `fields`: columns, a list or a string with commas, of the names that `PointCloud` lists. "default" stands for
     ///   those that the sensor has by default, "all" for all, "velocity" and "flow" for three each. Default: "default".
     /// * `seed`: of all random draws, 0 to 2^64 - 1. Default: 0.
@@ -396,7 +452,8 @@ impl Scene {
     /// * `progress`: called with what is done, 0 to 1; if it returns False the scan ends with a CancelledError. True
     ///   shows a bar in terminals and notebooks. Default: None.
     ///
-    /// ArgumentError for values that are not allowed, TypeError for other types and unknown keywords. Ctrl-C ends it.
+    /// ArgumentError for values that are not allowed, TypeError for other types and unknown keywords. A cloud without
+    /// points comes with a UserWarning that says why that may be. Ctrl-C ends it.
     ///
     /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
     /// >>> options = {"at": room.camera("Scanner"), "organised": True, "fields": "default,normal_z"}
@@ -407,8 +464,8 @@ impl Scene {
     fn scan(&self, py: Python<'_>, sensor: Instrument<'_>, options: Option<&Bound<'_, PyDict>>) -> Outcome<PointCloud> {
         let sensor = sensor.sensor()?;
         let asked = Asked::of(options, &sensor)?;
-        let built = self.built(py)?;
-        scan(py, &built, &sensor, &asked)
+        let path = asked.path(py, || self.cameras())?;
+        scan(py, &self.built(py)?, &sensor, &path, &asked, || self.scene.bounds())
     }
 
     /// A ping of a sonar: levels in range bins for each beam. Keywords as those of `Scene.scan`; ArgumentError for a
@@ -421,7 +478,9 @@ impl Scene {
     #[pyo3(signature = (sensor, **options))]
     fn ping(&self, py: Python<'_>, sensor: Instrument<'_>, options: Option<&Bound<'_, PyDict>>) -> Outcome<Ping> {
         let sensor = sensor.sensor()?;
-        ping(py, &self.built(py)?, &sensor, &Asked::of(options, &sensor)?)
+        let asked = Asked::of(options, &sensor)?;
+        let path = asked.path(py, || self.cameras())?;
+        ping(py, &self.built(py)?, &sensor, &path, &asked)
     }
 
     /// `count` pings of a sonar, one after the other along its trajectory. Keywords as those of `Scene.scan`; `frame`
@@ -442,7 +501,10 @@ impl Scene {
         options: Option<&Bound<'_, PyDict>>,
     ) -> Outcome<Pings> {
         let sensor = sensor.sensor()?;
-        pings(py, &self.built(py)?, &sensor, &Asked::of(options, &sensor)?, whole("count", count)?)
+        let asked = Asked::of(options, &sensor)?;
+        let path = asked.path(py, || self.cameras())?;
+        let count = whole("count", count).map_err(|error| error.about(py, "count"))?;
+        pings(py, &self.built(py)?, &sensor, &path, &asked, count)
     }
 
     /// When the last of what moves by itself ends, s; 0 if nothing does. `LiveScene.set_time` lets it move.
@@ -498,17 +560,35 @@ impl Scene {
         self.scene.report.warnings.clone()
     }
 
+    fn __reduce__(&self) -> PyResult<()> {
+        no_pickle(
+            "a Scene",
+            "let each process load its file, or give it the arrays that it is made of; a Scenario can, and names its files",
+        )
+    }
+
     fn __repr__(&self) -> String {
         format!("<Scene: {} objects, {} triangles>", self.scene.objects.len(), self.scene.triangle_count())
     }
 }
 
-/// Scans `built` as was asked for.
-pub fn scan(py: Python<'_>, built: &BuiltScene, sensor: &echocast::Sensor, asked: &Asked) -> Outcome<PointCloud> {
+/// Scans `built` along `path` as was asked for; warns if there are no points. `bounds` are those of the scene.
+pub fn scan(
+    py: Python<'_>,
+    built: &BuiltScene,
+    sensor: &Sensor,
+    path: &Trajectory,
+    asked: &Asked,
+    bounds: impl FnOnce() -> Option<(DVec3, DVec3)>,
+) -> Outcome<PointCloud> {
     let cloud = asked.run(py, |progress| {
         let mut cloud = echocast::PointCloud::default();
-        built.scan_with_progress(sensor, &asked.path, &asked.options, &mut cloud, progress)?;
+        built.scan_with_progress(sensor, path, &asked.options, &mut cloud, progress)?;
         Ok(cloud)
     })?;
+    if cloud.return_rows().next().is_none() {
+        let start = cloud.sensor_pose.position;
+        warn(py, &why_nothing(bounds(), sensor, start, &asked.options.environment))?;
+    }
     Ok(PointCloud::of(cloud))
 }

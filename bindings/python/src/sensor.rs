@@ -1,6 +1,6 @@
 //! Sensors and what is between them and surfaces.
 
-use crate::error::{Failure, Outcome};
+use crate::error::{Failure, Outcome, one_of};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
@@ -41,16 +41,17 @@ impl Sensor {
 
 /// Keys and values of Python as YAML, which JSON is too.
 pub fn options_text(value: &Bound<'_, PyAny>) -> PyResult<String> {
-    value.py().import("json")?.call_method1("dumps", (value,))?.extract()
+    value.py().import("echocast._arrays")?.call_method1("text", (value,))?.extract()
 }
 
 /// What a sensor, an environment or a scenario is made of.
-#[derive(FromPyObject)]
 pub enum Source<'py> {
     Keys(Bound<'py, PyMapping>),
     Text(String),
     Path(PathBuf),
 }
+
+one_of! { Source<'py>: Keys | Text | Path; "a name, the path of a file, keys as a dict, or YAML text" }
 
 impl Source<'_> {
     /// YAML: JSON of keys, or text that is no name.
@@ -183,7 +184,7 @@ pub fn presets() -> Vec<(String, String)> {
 ///
 /// >>> fog = ec.Environment({"fog": {"visibility_m": 20}})
 /// >>> empty = ec.LiveScene()
-/// >>> cloud = empty.scan("velodyne_vlp16", environment=fog, fields="default,cause")
+/// >>> cloud = empty.scan("velodyne_vlp16", at=(0, 0, 0), environment=fog, fields="default,cause")
 /// >>> set(cloud.cause.tolist())  # what comes back is fog
 /// {4}
 #[pyclass(frozen, module = "echocast")]
@@ -219,11 +220,12 @@ impl Environment {
 }
 
 /// An environment, or what one is made of.
-#[derive(FromPyObject)]
 pub enum Air<'py> {
     Made(Bound<'py, Environment>),
     Source(Source<'py>),
 }
+
+one_of! { Air<'py>: Made | Source; "an Environment, the path of a file, keys as a dict, or YAML text" }
 
 impl Air<'_> {
     pub fn environment(self) -> Outcome<echocast::Environment> {
@@ -235,10 +237,14 @@ impl Air<'_> {
 }
 
 /// A sensor, or what one is made of.
-#[derive(FromPyObject)]
 pub enum Instrument<'py> {
     Made(Bound<'py, Sensor>),
     Source(Source<'py>),
+}
+
+one_of! {
+    Instrument<'py>: Made | Source;
+    "a Sensor, the name of a preset, the path of a file, keys as a dict, or YAML text"
 }
 
 impl Instrument<'_> {

@@ -39,20 +39,36 @@ def test_labels_and_positions_are_those_of_the_scene(cloud: ec.PointCloud) -> No
 
 
 @pytest.mark.parametrize(
-    "key", [slice(10, 20), slice(None, None, -7), slice(5, 0), np.array([3, -1, 3]), np.array([], dtype=np.int64)]
+    "key", [
+        slice(10, 20),
+        slice(None, None, -7),
+        slice(5, 0),
+        slice(-3, None),
+        np.array([3, -1, 3]),
+        np.array([3, 7], dtype=np.uint8),
+        np.array([], dtype=np.int64),
+        [1, 2],
+        [-1, 0],
+        [],
+    ],
 )
 def test_rows_are_those_that_numpy_takes(cloud: ec.PointCloud, key: Any) -> None:
     part = cloud[key]
     for name in cloud.fields:
-        assert np.array_equal(part[name], cloud[name][key]), name
+        assert np.array_equal(part[name], cloud[name][key if isinstance(key, slice) else np.array(key, int)]), name
     assert part.categories == cloud.categories and part.fields == cloud.fields
+
+
+def test_lists_of_bools_are_masks(cloud: ec.PointCloud) -> None:
+    near = cloud.range < 5
+    assert np.array_equal(cloud[near.tolist()].x, cloud.x[near]) and len(cloud[near.tolist()]) == near.sum() > 0
 
 
 def test_what_is_not_there_is_told(cloud: ec.PointCloud) -> None:
     with pytest.raises(AttributeError, match="was not computed; ask for it with fields"):
         cloud.doppler
     with pytest.raises(AttributeError, match="no \"foo\""):
-        cloud.foo
+        cloud.foo  # type: ignore[attr-defined]
     with pytest.raises(KeyError, match="no column"):
         cloud["doppler"]
     with pytest.raises(ec.ArgumentError, match="mask is 3 long"):

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import echocast as ec
+from echocast._echocast import columns
 
 ROOT = Path(__file__).parents[3]
 
@@ -121,11 +122,58 @@ def test_documents_have_python_that_compiles(document: str) -> None:
                 assert [name.name for name in node.names if not hasattr(module, name.name)] == []
 
 
-@pytest.mark.parametrize("document", ["README.md", "docs/python.md"])
-def test_the_first_block_of_documents_runs(document: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    ec.Scene.generate("street", path="street.glb")
-    names: dict[str, Any] = {}
-    exec(blocks(document)[0], names)
+def check_street(names: dict[str, Any]) -> None:
+    """What the first block of the documents has made."""
     assert names["cloud"].categories[10] == "road"
     assert ec.PointCloud.read("near.las").range.max() < 20
+
+
+def test_the_block_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    # The commands before it have made this.
+    ec.Scene.generate("street", path="street.glb")
+    names: dict[str, Any] = {}
+    exec(blocks("README.md")[0], names)
+    check_street(names)
+
+
+#: What the blocks of the page on Python need beside NumPy.
+PAGE = [[], ["torch"], ["rerun", "matplotlib"]]
+
+
+@pytest.mark.parametrize("number", range(len(PAGE)))
+def test_the_page_on_python_runs_from_an_empty_folder(
+    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = blocks("docs/python.md")
+    assert len(found) == len(PAGE)
+    for package in PAGE[number]:
+        pytest.importorskip(package)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    names: dict[str, Any] = {}
+    exec(found[0], names)
+    check_street(names)
+    if number > 0:
+        # Few epochs of few samples are enough to see that it runs.
+        for long, short in {"range(10)": "range(1)", "range(80)": "range(4)", "range(80, 100)": "range(80, 84)"}.items():
+            found[1] = found[1].replace(long, short)
+        exec(found[number], names)
+    if number == 1:
+        item = names["held_out"][3]
+        assert item["sample"] == 83 and set(item) == {"positions", "sample", "intensity", "category_id"}
+        assert len(item["intensity"]) == len(item["category_id"]) == len(item["positions"]) > 0
+        assert "positions" in names["batch"]
+    if number == 2:
+        assert all(Path(file).exists() for file in ("cloud.rrd", "drive.rrd", "cloud.png"))
+
+
+def test_types_tell_every_column() -> None:
+    """A column that the stub lacks would be an error of type checkers; the class there has no other names."""
+    tree = ast.parse((ROOT / "bindings/python/echocast/_echocast.pyi").read_text())
+    (found,) = [node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == "Columns"]
+    told = [(node.name, ast.unparse(node.returns)) for node in found.body if isinstance(node, ast.FunctionDef) and node.returns]
+    types = {"float32": "Float32Array", "float64": "Float64Array", "uint8": "UInt8Array", "uint16": "UInt16Array"}
+    types["uint32"] = "UInt32Array"
+    assert told == [(name, types[kind]) for name, kind, _, _ in columns()]
+    assert len(told) == len(found.body) > 50

@@ -35,5 +35,5 @@ def test_a_released_wheel_has_the_licences_of_all_that_is_in_it() -> None:
     """It has no library inside but Embree and TBB; of what is linked in, the standard library and Zig's are not packages."""
     libraries = [path.name for path in distribution("echocast").files or [] if path.parent.name == "echocast.libs"]
     assert libraries and [name for name in libraries if not re.match(r"lib(embree4|tbb)[-.]", name)] == []
-    assert "Copyright" in licence("Rust-standard-library.html")
-    assert platform.machine() != "x86_64" or "Copyright" in licence("Zig.txt")
+    assert "Copyright" in licence("third-party/Rust-standard-library.html")
+    assert platform.machine() != "x86_64" or "Copyright" in licence("third-party/Zig.txt")

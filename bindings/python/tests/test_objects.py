@@ -82,6 +82,8 @@ def test_what_looks_alike_shares_a_mesh() -> None:
         for _ in range(200):
             live.add_copy(first)
         copies = peak() - before
+        # Of other types, too, which are converted.
+        vertices, triangles = vertices.astype(float), triangles.astype(np.int64)
         scene = ec.Scene.from_objects([dict(vertices=vertices, triangles=triangles)] * 200)
         print(len(live.objects), len(scene.objects), copies, peak() - before - copies)
     """

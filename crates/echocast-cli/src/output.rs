@@ -7,6 +7,7 @@ use anyhow::{Context as _, Result, ensure};
 use clap::{ArgGroup, Args};
 use echocast::emitter::Pattern;
 use echocast::export::{self, AnnotationStyle, FramesFile, GrowingFile, ImageFolder, ImageLayer, ImageOptions};
+use echocast::image::LAYERS;
 use echocast::preview::{self, ColorBy, PreviewOptions, View};
 use echocast::scene::Labels;
 use echocast::{
@@ -233,12 +234,15 @@ impl OutputArgs {
         files || self.preview.is_some() && !self.view.shows_pings()
     }
 
-    /// The columns of pings that were asked for, in addition to `fields` in files of pings; `None`: no pings were.
+    /// The columns of pings that were asked for, `fields` in files and images of pings among them; `None`: no pings were.
     pub fn pinged(&self, fields: FieldSet) -> Option<FieldSet> {
         let shown = self.preview.is_some() && self.view.shows_pings() || self.image.is_some();
         let shown = shown.then(|| self.picture().fields());
         let kept = self.pings.as_ref().map(|_| fields);
-        shown.into_iter().chain(kept).reduce(FieldSet::union)
+        // Images have labels of pings, and no other columns.
+        let labels = LAYERS.into_iter().filter(|&field| fields.contains(field)).collect();
+        let imaged = self.image.as_ref().map(|_| labels);
+        shown.into_iter().chain(kept).chain(imaged).reduce(FieldSet::union)
     }
 
     /// Fails before a long scan rather than after it.

@@ -91,7 +91,7 @@ impl Take<'_> {
         if self.skies.is_empty() || instances.is_empty() {
             return 0;
         }
-        return_rows(cloud).filter(|&row| self.skies.contains(&instances[row])).count()
+        cloud.return_rows().filter(|&row| self.skies.contains(&instances[row])).count()
     }
 
     /// Warns when the sensor, as it starts, is inside of a body, a building or the ground.
@@ -182,6 +182,7 @@ impl Take<'_> {
                 heard |= ping.cells.cause.iter().any(|&cause| cause != Cause::FalseAlarm as u8);
                 if wants_clouds {
                     cloud = ping.cloud(&options)?;
+                    cloud.time_zero = trajectory.time_zero();
                     if options.boxes.is_some() {
                         cloud.boxes = Some(built.boxes(sensor, trajectory, &options, &cloud)?);
                     }
@@ -198,7 +199,7 @@ impl Take<'_> {
             }
             // Files hold what was asked for; the other columns that the picture shows are computed all the same.
             cloud.fields = self.options.fields;
-            points += return_rows(&cloud).count();
+            points += cloud.return_rows().count();
             rays += sent + cloud.rays;
             let locked = if pinged.is_some() { locked(&ping) } else { heard_rows(&cloud).count() };
             lost += usize::from(locked < LEAST_LOCKED);
@@ -248,18 +249,9 @@ impl Take<'_> {
     }
 }
 
-/// Rows of `cloud` that are returns: all but the misses of an organised cloud, if a column shows which they are.
-fn return_rows(cloud: &PointCloud) -> impl Iterator<Item = usize> {
-    /// Columns that only returns have: misses are NaN.
-    const TELLING: [Field; 5] = [Field::X, Field::Range, Field::TrueRange, Field::Intensity, Field::NormalX];
-    let telling = TELLING.map(|field| cloud.column(field)).into_iter().find(|column| !column.is_empty());
-    let telling = telling.filter(|_| cloud.organised.is_some());
-    (0..cloud.len).filter(move |&row| telling.is_none_or(|column| !column.get_f64(row).is_nan()))
-}
-
 /// Rows of a sonar's `cloud` that are more than noise.
 fn heard_rows(cloud: &PointCloud) -> impl Iterator<Item = usize> {
-    return_rows(cloud).filter(|&row| cloud.columns.cause.get(row) != Some(&(Cause::FalseAlarm as u8)))
+    cloud.return_rows().filter(|&row| cloud.columns.cause.get(row) != Some(&(Cause::FalseAlarm as u8)))
 }
 
 /// Beams of a ping with a sounding that is more than noise.
@@ -276,7 +268,7 @@ impl Causes {
     /// Adds the points of `cloud`, if it has the column.
     fn count(&mut self, cloud: &PointCloud) {
         let causes = &cloud.columns.cause;
-        return_rows(cloud).filter_map(|row| causes.get(row)).for_each(|&cause| {
+        cloud.return_rows().filter_map(|row| causes.get(row)).for_each(|&cause| {
             if let Some(count) = self.0.get_mut(usize::from(cause)) {
                 *count += 1;
             }

@@ -12,12 +12,11 @@ use crate::weather::WeatherArgs;
 use crate::{choice, formats, interrupt, place, text, usage};
 use anyhow::{Context as _, Result, anyhow, ensure};
 use clap::ArgGroup;
-use echocast::detect::Detection;
 use echocast::scenario::FrameTime;
 use echocast::scene::MaterialRules;
 use echocast::{
     BoxTime, Engine, Environment, FieldSet, Frame, LabelRules, LiveScene, Order, Pose, Profile, ReflectanceSource,
-    Report, ScanOptions, Scene, Sensor, SensorKind, Trajectory, read, shown,
+    Report, ScanOptions, Scene, Sensor, SensorKind, Trajectory, read, shown, why_nothing,
 };
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -234,7 +233,12 @@ pub fn run(args: &Args) -> Result<()> {
     drop(progress);
     warnings.absorb(recorded.report);
     match recorded.nothing {
-        Some(Nothing::Seen) => warn_of_nothing(&scene, &sensor, &trajectory, &environment, &mut warnings),
+        Some(Nothing::Seen) => {
+            let why = why_nothing(scene.bounds(), &sensor, trajectory.at(0.0).position, &environment);
+            // Of those of which there are several.
+            let more = if why.contains("perhaps") { "; --explain BEAM shows what happens to one beam" } else { "" };
+            warnings.warn(why + more);
+        }
         Some(Nothing::ButNoise) => warn_of_noise(recorded.points, &sensor, &mut warnings),
         None => warn_of_sky(&scene, &take.skies, [recorded.sky_points, recorded.points], &mut warnings),
     }
@@ -390,55 +394,6 @@ fn warn_of_sky(scene: &Scene, skies: &[u32], [on_sky, points]: [usize; 2], warni
         100.0 * on_sky as f64 / points as f64,
         names.join(", "),
         names.first().map_or("", String::as_str)
-    ));
-}
-
-/// Warns of possible reasons for an empty cloud.
-fn warn_of_nothing(
-    scene: &Scene,
-    sensor: &Sensor,
-    trajectory: &Trajectory,
-    environment: &Environment,
-    warnings: &mut Report,
-) {
-    let spec = sensor.spec();
-    let start = trajectory.at(0.0).position;
-    let Some((low, high)) = scene.bounds() else {
-        return warnings.warn("no beam has a return: the scene has no triangles");
-    };
-    let nearest = start.clamp(low, high).distance(start);
-    let farthest = (start - low).abs().max((start - high).abs()).length();
-    let max = spec.range.max_m.unwrap_or(f64::INFINITY);
-    if nearest > max || farthest < spec.range.min_m {
-        let range = match (spec.range.min_m, spec.range.max_m) {
-            (min, Some(max)) => format!("{min} to {max} m"),
-            (min, None) => format!("{min} m and more"),
-        };
-        return warnings.warn(format!(
-            "no beam has a return: the sensor starts at {:.1},{:.1},{:.1} and sees {range}, the scene reaches from \
-             {:.1},{:.1},{:.1} to {:.1},{:.1},{:.1}",
-            start.x, start.y, start.z, low.x, low.y, low.z, high.x, high.y, high.z
-        ));
-    }
-    // Reasons that cannot be told apart here are listed, as far as they apply to this sensor and this weather.
-    let mut causes = vec!["its beams miss the scene"];
-    let sonar = sensor.kind() == SensorKind::Sonar;
-    if sonar || spec.detection.model != Detection::None {
-        causes.push("echoes are below its detection limit");
-    }
-    if !sonar && !environment.is_empty() {
-        causes.push("the weather attenuates their light");
-    }
-    if spec.tof.is_some() {
-        causes.push("its pixels are invalid (amplitude, ambiguous range, saturation)");
-    }
-    if spec.noise.dropout > 0.0 {
-        causes.push("returns are lost (noise.dropout)");
-    }
-    warnings.warn(format!(
-        "no beam has a return, though the scene is within range of the sensor; perhaps {}; --explain BEAM shows \
-         what happens to one beam",
-        causes.join(", or ")
     ));
 }
 

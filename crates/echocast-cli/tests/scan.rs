@@ -3,8 +3,9 @@
 mod common;
 
 use common::{csv_column, files, report, run, stderr, stdout, write_room, write_single_beam};
+use echocast::import;
 use echocast::preview::{self, ColorBy, PreviewOptions, View};
-use echocast::{Engine, FieldSet, LiveScene, PointCloud, Pose, ScanOptions, Scene, Sensor, Trajectory};
+use echocast::{Engine, FieldSet, LiveScene, PointCloud, Pose, Report, ScanOptions, Scene, Sensor, Trajectory};
 use serde_json::Value;
 use std::fs;
 use std::path::Path;
@@ -272,12 +273,17 @@ fn frames_follow_the_trajectory() {
         assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-5), "{found:?} is not {expected:?}");
     };
 
-    let merged = report(folder.path(), &format!("{scan} --frames 0:8:4 -o DIR/a.csv"));
+    let merged = report(folder.path(), &format!("{scan} --frames 0:8:4 -o DIR/a.csv -o DIR/a.las -o DIR/a.laz"));
     assert_eq!((&merged["frames"], &merged["rays"], &merged["points"]), (&3.into(), &3.into(), &3.into()));
     let column = |file: &str, name: &str| csv_column(&folder.path().join(file), name);
     close(column("a.csv", "range"), &[1.0, 1.4, 1.8]);
     close(column("a.csv", "time"), &[0.0, 0.4, 0.8]);
     close(column("a.csv", "frame"), &[0.0, 4.0, 8.0]);
+    // LAS has the time of the clock.
+    for file in ["a.las", "a.laz"] {
+        let cloud = import::read(&folder.path().join(file), &mut Report::default()).unwrap();
+        close(cloud.columns.time, &[1700000000.0, 1700000000.4, 1700000000.8]);
+    }
 
     let single = report(folder.path(), &format!("{scan} --frames 1:2 --fps 4 --single -o DIR/b.csv -o DIR/b.h5"));
     assert_eq!(single["points"], 2);
@@ -300,6 +306,37 @@ fn frames_follow_the_trajectory() {
     let late = report(folder.path(), &format!("{scan} --frames 0:20:20 -o DIR/c.csv"));
     close(column("c.csv", "range"), &[1.0, 2.0]);
     assert!(late["warnings"][0].as_str().unwrap().contains("trajectory ends at 1.000 s"), "{late}");
+}
+
+/// A spinning sensor whose axis lies along the flight, as docs/files.md mounts a line scanner.
+#[test]
+fn a_line_scanner_that_looks_down_scans_across_its_track() {
+    let folder = tempfile::tempdir().unwrap();
+    let floor = "o floor\nv -99 -99 0\nv 99 -99 0\nv 99 99 0\nv -99 99 0\nf 1 2 3 4\n";
+    fs::write(folder.path().join("floor.obj"), floor).unwrap();
+    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/files.md")).unwrap();
+    let (_, sensor) = page.split_once("cat > line_scanner.yaml <<'END'\n").unwrap();
+    fs::write(folder.path().join("line.yaml"), sensor.split_once("END\n").unwrap().0).unwrap();
+    // Ten metres along y within a second, 30 m above the floor.
+    fs::write(
+        folder.path().join("flight.csv"),
+        "time_s,x,y,z,roll_deg,pitch_deg,yaw_deg\n0,0,0,30,0,90,90\n1,0,10,30,0,90,90\n",
+    )
+    .unwrap();
+    let scan =
+        "scan DIR/floor.obj --up z --sensor DIR/line.yaml --trajectory DIR/flight.csv --fields x,y,z,firing,frame";
+    stdout(folder.path(), &format!("{scan} -o DIR/strip.csv"));
+    let column = |name: &str| csv_column(&folder.path().join("strip.csv"), name);
+    let (x, y, frame) = (column("x"), column("y"), column("frame"));
+    assert_eq!(frame.last(), Some(&79.0));
+    let half = 30.0 * 50f64.to_radians().tan();
+    let [least, most] = [f64::min, f64::max].map(|pick| x.iter().copied().fold(0.0, pick));
+    assert!((least + half).abs() < 0.2 && (most - half).abs() < 0.2, "{least} to {most} is not {half} m");
+    // A line lies across the track, tilted by what the aircraft flies within it: 100 of 360 degrees of a turn.
+    for (y, frame) in y.iter().zip(&frame) {
+        let start = frame / 80.0 * 10.0;
+        assert!((start - 1e-3..start + 0.04).contains(y), "{y} in the line at {start}");
+    }
 }
 
 #[test]

@@ -324,9 +324,22 @@ fn files_beside_an_image_are_reported() {
     let outputs: Vec<_> = report["outputs"].as_array().unwrap().iter().map(|file| file.as_str().unwrap()).collect();
     assert_eq!(
         outputs,
-        ["map.png", "map.category_id.png", "map.part_id.png"].map(|name| folder.join(name).display().to_string())
+        ["map.png", "map.category_id.png", "map.part_id.png", "map.instance_id.png"]
+            .map(|name| folder.join(name).display().to_string())
     );
     assert!(outputs.iter().all(|file| is_png(Path::new(file))));
+    // Of those that were asked for and those that the picture shows, whether files of pings have them or not.
+    for pings in ["", " --pings DIR/pings.npz"] {
+        let asked =
+            format!("{SIDES} --frames 0:1 --image DIR/b.npz --view track --fields x,instance_id,material_id{pings}");
+        stdout(folder, &asked);
+        let held = fs::read(folder.join("b.npz")).unwrap();
+        let has = |name: &str| held.windows(name.len()).any(|found| found == name.as_bytes());
+        assert!(
+            ["category_id", "part_id", "instance_id", "material_id"].iter().all(|name| has(&format!("{name}.npy")))
+        );
+        assert!(!has("range.npy"));
+    }
 }
 
 #[test]

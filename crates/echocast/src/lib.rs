@@ -181,7 +181,7 @@ pub use material::ReflectanceSource;
 pub use medium::Environment;
 pub use motion::{Motion, Timeline};
 pub use read::bounds::Parameter;
-pub use scan::{Order, Profile, Progress, ScanOptions};
+pub use scan::{Order, Profile, Progress, ScanOptions, why_nothing};
 pub use scenario::Scenario;
 pub use scene::{LabelRules, LoadOptions, Scene};
 pub use sensor::{

@@ -60,6 +60,8 @@ pub struct PointCloud {
     pub sensor_pose: Pose,
     /// When the (first) scan starts, s since the start of the run; `None`: not known, as of clouds that no scan made.
     pub start_time: Option<f64>,
+    /// What the clock of the trajectory shows at time 0 of the run, s: [`Trajectory::time_zero`](crate::Trajectory::time_zero).
+    pub time_zero: f64,
     /// Full scale of `intensity`: 1, or 255 for 8-bit encodings; relative energy and the levels of sonars, dB, have
     /// none.
     pub intensity_full_scale: Option<f32>,
@@ -89,6 +91,7 @@ impl Default for PointCloud {
             frame: Frame::World,
             sensor_pose: Pose::IDENTITY,
             start_time: None,
+            time_zero: 0.0,
             intensity_full_scale: Some(1.0),
             rays: 0,
             driver: None,
@@ -126,6 +129,15 @@ impl PointCloud {
     pub fn position(&self, row: usize) -> DVec3 {
         let c = &self.columns;
         self.origin + DVec3::new(f64::from(c.x[row]), f64::from(c.y[row]), f64::from(c.z[row]))
+    }
+
+    /// Rows that are returns: all but the misses of an organised cloud, if a column shows which they are.
+    pub fn return_rows(&self) -> impl Iterator<Item = usize> {
+        /// Columns that only returns have: misses are NaN.
+        const TELLING: [Field; 5] = [Field::X, Field::Range, Field::TrueRange, Field::Intensity, Field::NormalX];
+        let telling = TELLING.map(|field| self.column(field)).into_iter().find(|column| !column.is_empty());
+        let telling = telling.filter(|_| self.organised.is_some());
+        (0..self.len).filter(move |&row| telling.is_none_or(|column| !column.get_f64(row).is_nan()))
     }
 
     /// What to add to a column of positions to get f64 world (or sensor) coordinates; `None` for other columns.

@@ -12,12 +12,14 @@ use std::path::Path;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trajectory {
     keys: Vec<(f64, Pose)>,
+    /// See [`Trajectory::time_zero`].
+    time_zero: f64,
 }
 
 impl Trajectory {
     /// A sensor fixed at `pose`, whose quaternion is normalised.
     pub fn fixed(pose: Pose) -> Self {
-        Trajectory { keys: vec![(0.0, Pose { orientation: pose.orientation.normalize(), ..pose })] }
+        Trajectory { keys: vec![(0.0, Pose { orientation: pose.orientation.normalize(), ..pose })], time_zero: 0.0 }
     }
 
     /// A sensor that passes through `keys`: (time in s, pose), times strictly rising. Quaternions are normalised.
@@ -35,7 +37,7 @@ impl Trajectory {
             })?;
             before = Some(*time);
         }
-        Ok(Trajectory { keys })
+        Ok(Trajectory { keys, time_zero: 0.0 })
     }
 
     /// Reads TUM text (`t x y z qx qy qz qw`, `#` comments) or CSV with a header: the time `time_s`, `t` or `time` in
@@ -69,7 +71,7 @@ impl Trajectory {
             return Err(lines.error(format!("has a header without commas; {expected}")));
         }
         let keys = if has_header { read_csv(Csv::with_header(lines)?)? } else { read_tum(lines)? };
-        Ok(Trajectory { keys })
+        Ok(Trajectory { keys, time_zero: 0.0 })
     }
 
     /// The same with the first key at time 0, as a scan that starts at time 0 needs it.
@@ -79,7 +81,14 @@ impl Trajectory {
         for (time, _) in &mut self.keys {
             *time -= start;
         }
+        self.time_zero += start;
         self
+    }
+
+    /// What the clock of its file shows at its time 0, s: what [`Trajectory::shifted_to_zero`] took away. Formats that hold
+    /// the time of a clock, as LAS does, get it back.
+    pub fn time_zero(&self) -> f64 {
+        self.time_zero
     }
 
     /// The keys, times in s.

@@ -295,7 +295,9 @@ impl LasFile {
                 record::put(records, size, las.classification, rows.iter().copied(), class);
             }
             if let (Some(time), false) = (las.time, c.time.is_empty()) {
-                record::put(records, size, time, rows.iter().copied(), |row| c.time[row].to_le_bytes());
+                record::put(records, size, time, rows.iter().copied(), |row| {
+                    (cloud.time_zero + c.time[row]).to_le_bytes()
+                });
             }
             for (channel, column) in [&c.red, &c.green, &c.blue].into_iter().enumerate() {
                 if !column.is_empty() {

@@ -186,7 +186,7 @@ fn refill<T: Clone>(values: &mut Vec<T>, count: usize, value: T) -> Result<()> {
 }
 
 /// The columns that are layers of images of pings.
-pub(crate) const LAYERS: [Field; 4] = [Field::CategoryId, Field::PartId, Field::InstanceId, Field::MaterialId];
+pub const LAYERS: [Field; 4] = [Field::CategoryId, Field::PartId, Field::InstanceId, Field::MaterialId];
 
 /// The label columns of `pings` at the cells `sources`.
 fn layers(pings: &[Ping], sources: &[Source]) -> Result<Vec<LabelLayer>> {

@@ -159,8 +159,8 @@ impl About {
             _ => None,
         };
         let full_scale = words.intensity_full_scale.filter(|full| !full.is_nan());
-        if full_scale.is_some_and(|full| !(full > 0.0 && full.is_finite())) {
-            return Err(format!("intensity_full_scale is {full_scale:?}; allowed: a finite number above 0"));
+        if let Some(full) = full_scale.filter(|&full| !(full > 0.0 && full.is_finite())) {
+            return Err(format!("intensity_full_scale is {full}; allowed: a finite number above 0"));
         }
         if words.f32_origin.is_some_and(|origin| !is_place(origin)) {
             return Err("the origin is not a place within 1e18 m".into());

@@ -212,6 +212,7 @@ impl Rows {
             frame: about.frame.unwrap_or(Frame::World),
             sensor_pose: about.sensor_pose.unwrap_or(Pose::IDENTITY),
             start_time: None,
+            time_zero: 0.0,
             intensity_full_scale: about.intensity_full_scale.unwrap_or(guessed),
             rays: 0,
             driver: about.driver,

@@ -101,18 +101,24 @@ impl Document {
     /// # Errors
     /// As [`Document::read`].
     pub fn read_at<T: DeserializeOwned>(&self, key: &str, value: &Value) -> Result<T> {
-        serde_path_to_error::deserialize(value).map_err(|error| {
-            let key = match error.path().to_string() {
-                root if root == "." => key.to_owned(),
-                item if item.starts_with('[') => format!("{key}{item}"),
-                path => join(key, &path),
-            };
-            self.explain(key, error.inner().to_string())
-        })
+        let (place, message) = match attempt(key, value) {
+            Ok(read) => return Ok(read),
+            Err(fault) => fault,
+        };
+        Err(self.explain(place, message, |unknown| {
+            // Whether it is known one section further up.
+            let (section, name) = unknown.rsplit_once('.')?;
+            let (outside, _) = section.rsplit_once('.')?;
+            let inside = |path: &str| path.strip_prefix(key).map(|rest| rest.trim_start_matches('.').to_owned());
+            let mut moved = value.clone();
+            let taken = lookup_mut(&mut moved, &inside(section)?)?.as_object_mut()?.shift_remove(name)?;
+            lookup_mut(&mut moved, &inside(outside)?)?.as_object_mut()?.insert(name.to_owned(), taken);
+            attempt::<T>(key, &moved).is_ok().then(|| join(outside, name))
+        }))
     }
 
-    /// An error about `key` from serde's message.
-    fn explain(&self, mut key: String, mut message: String) -> Error {
+    /// An error about `key` from serde's message; `moved` says where a key belongs that is unknown where it is.
+    fn explain(&self, mut key: String, mut message: String, moved: impl Fn(&str) -> Option<String>) -> Error {
         // A section chosen by a tag reports "inner.key: message", see `Section`.
         while let Some((inner, rest)) = message.split_once(": ") {
             let path = join(&key, inner);
@@ -129,7 +135,10 @@ impl Document {
                 key = join(&key, found);
             }
             let allowed = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
-            message = format!("unknown {what} {found:?}{near}; allowed: {allowed}");
+            message = match moved(&key).filter(|_| what == "key") {
+                Some(place) => format!("the key is not one of this section: it is {place}; allowed here: {allowed}"),
+                None => format!("unknown {what} {found:?}{near}; allowed: {allowed}"),
+            };
         } else {
             message = plain(&message);
         }
@@ -163,6 +172,18 @@ impl Document {
             other => other,
         }
     }
+}
+
+/// Turns `value`, which stands at `key`, into a `T`; else the path of what is wrong, and what serde says of it.
+fn attempt<T: DeserializeOwned>(key: &str, value: &Value) -> Result<T, (String, String)> {
+    serde_path_to_error::deserialize(value).map_err(|error| {
+        let place = match error.path().to_string() {
+            root if root == "." => key.to_owned(),
+            item if item.starts_with('[') => format!("{key}{item}"),
+            path => join(key, &path),
+        };
+        (place, error.inner().to_string())
+    })
 }
 
 /// What serde calls missing or of another type, in users' words.
@@ -223,6 +244,14 @@ pub fn lookup<'v>(value: &'v Value, path: &str) -> Option<&'v Value> {
     steps(path).try_fold(value, |value, step| match step {
         Step::Key(key) => value.get(key),
         Step::Index(index) => value.get(index),
+    })
+}
+
+/// [`lookup`] of what is to be changed.
+fn lookup_mut<'v>(value: &'v mut Value, path: &str) -> Option<&'v mut Value> {
+    steps(path).filter(|step| *step != Step::Key("")).try_fold(value, |value, step| match step {
+        Step::Key(key) => value.get_mut(key),
+        Step::Index(index) => value.get_mut(index),
     })
 }
 

@@ -3,8 +3,11 @@
 mod bare;
 mod boxes;
 mod light;
+mod nothing;
 mod printed;
 mod sound;
+
+pub use nothing::why_nothing;
 
 use crate::cloud::{BoxAxes, BoxTime, Field, FieldSet, Frame, PointCloud};
 use crate::emitter::Trajectory;
@@ -151,7 +154,9 @@ impl ScanOptions {
     fn check(&self, trajectory: &Trajectory) -> Result<()> {
         let start = trajectory.at(self.trajectory_time());
         if !(start.position.is_finite() && start.orientation.is_finite()) {
-            return Err(Error::invalid("pose", format!("{start:?}"), "finite numbers, a quaternion that is not 0"));
+            let (place, turned) = (start.position.to_array(), start.orientation.to_array());
+            let found = format!("at {place:?} with the quaternion {turned:?}");
+            return Err(Error::invalid("pose", found, "finite numbers, a quaternion that is not 0"));
         }
         if let Some(period) = self.frame_period.filter(|period| !(*period > 0.0 && *period <= 1e9)) {
             return Err(Error::invalid("frame_period", period, "above 0, up to 1e9 s"));
@@ -225,6 +230,20 @@ impl BuiltScene {
     }
 
     fn scan_watched(
+        &self,
+        sensor: &Sensor,
+        trajectory: &Trajectory,
+        options: &ScanOptions,
+        cloud: &mut PointCloud,
+        progress: Option<Progress>,
+    ) -> Result<()> {
+        self.scan_counted(sensor, trajectory, options, cloud, progress)?;
+        cloud.time_zero = trajectory.time_zero();
+        Ok(())
+    }
+
+    /// [`BuiltScene::scan_watched`], with the points of each box if there are boxes.
+    fn scan_counted(
         &self,
         sensor: &Sensor,
         trajectory: &Trajectory,

@@ -341,6 +341,11 @@ fn errors_in_patterns_name_line_and_key() {
             "}\n  e",
             "line 6: pattern.azimuth.step_deg: is missing; allowed: it, or pattern.cycle_us",
         ),
+        (
+            ", step_deg: 1}\n  e",
+            ", cycle_us: 50}\n  e",
+            "line 6: pattern.azimuth.cycle_us: the key is not one of this section: it is pattern.cycle_us; allowed here: fov",
+        ),
         ("fov_deg: 10", "fov_deg: 190", "line 7: pattern.elevation.fov_deg: is 190; allowed: above 0, at most 180"),
         (
             "type: spinning",

@@ -146,8 +146,8 @@ fn of_png(bytes: &[u8], [low, high]: [f64; 2]) -> Result<Raster, String> {
     let (columns, rows) = reader.info().size();
     let found = reader.output_color_type();
     if found != (png::ColorType::Grayscale, png::BitDepth::Sixteen) {
-        let (color, bits) = (found.0, found.1 as u8);
-        return Err(format!("a PNG of the kind {color:?} with {bits} bits; allowed: grey with 16 bits"));
+        let (channels, bits) = (found.0.samples(), found.1 as u8);
+        return Err(format!("a PNG of {channels} channels with {bits} bits; allowed: one, grey, with 16 bits"));
     }
     let samples = counted(columns.into(), rows.into())?;
     let mut pixels = vec![0; 2 * samples];
@@ -177,7 +177,10 @@ fn of_tiff(bytes: &[u8]) -> Result<Raster, String> {
     let samples = counted(columns.into(), rows.into())?;
     match decoder.colortype().map_err(broken)? {
         ColorType::Gray(_) | ColorType::Multiband { num_samples: 1, .. } => {}
-        other => return Err(format!("a TIFF of the kind {other:?}; allowed: one channel of numbers")),
+        ColorType::Palette(_) => return Err("a TIFF with a palette; allowed: one channel of numbers".into()),
+        other => {
+            return Err(format!("a TIFF of {} channels; allowed: one channel of numbers", other.num_samples()));
+        }
     }
     let scale = decoder.find_tag(Tag::ModelPixelScaleTag).map_err(broken)?;
     let scale = scale.map(|value| value.into_f64_vec()).transpose().map_err(broken)?;

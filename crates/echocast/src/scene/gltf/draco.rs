@@ -103,12 +103,22 @@ fn values(attribute: &PointAttribute, points: usize, accessor: &Accessor) -> Res
         DataType::Uint16 => ComponentType::U16,
         DataType::Uint32 => ComponentType::U32,
         DataType::Float32 => ComponentType::F32,
-        other => return Err(format!("the stream has numbers of the type {other:?}")),
+        _ => {
+            return Err(
+                "the stream has numbers of 64 bits, or none; allowed: integers of 8 and 16 bits, unsigned and \
+                         float of 32 bits"
+                    .into(),
+            );
+        }
     };
     let Checked::Valid(shape) = accessor.type_ else { return Err("its accessor has an unknown type".into()) };
     let width = usize::from(attribute.num_components());
     if stored != kind || width != shape.multiplicity() {
-        return Err(format!("the stream has {width} numbers of type {stored:?}, its accessor others"));
+        let (found, wanted) = (stored.as_gl_enum(), kind.as_gl_enum());
+        let allowed = format!("{} of componentType {wanted}, as its accessor says", shape.multiplicity());
+        return Err(format!(
+            "the stream has {width} numbers of componentType {found} for a vertex; allowed: {allowed}"
+        ));
     }
     let size = width * kind.size();
     let stride = usize::try_from(attribute.byte_stride()).unwrap_or(0).max(size);
