@@ -246,7 +246,8 @@ fn bodies(random: &mut Random) -> Vec<Body> {
 
     // Whose corners move, each its own way.
     for (name, shape) in [("skin", ball(24)), ("skin of a room", room([4, 4, 4]))] {
-        let moved: Vec<[f32; 3]> = shape.positions.iter().map(|place| place.map(|at| at + random.between(-0.02, 0.02) as f32)).collect();
+        let moved: Vec<[f32; 3]> =
+            shape.positions.iter().map(|place| place.map(|at| at + random.between(-0.02, 0.02) as f32)).collect();
         let mut scene = SceneBuilder::new();
         let mesh = scene.mesh([(shape.clone(), None)]);
         let place = DAffine3::from_rotation_translation(DQuat::from_rotation_z(0.3), DVec3::new(-7.0, 4.0, 1.0));

@@ -400,7 +400,8 @@ fn a_plan_moves_joints_once() {
     let mut least = [f64::INFINITY; 2];
     for _ in 0..2 {
         least[0] = least[0].min(draw(Change::None));
-        least[1] = least[1].min(draw(Change::Skin { joints: Vec::clone(&joints), influences: Vec::clone(&influences) }));
+        least[1] =
+            least[1].min(draw(Change::Skin { joints: Vec::clone(&joints), influences: Vec::clone(&influences) }));
     }
     let [still, skin] = least;
     assert!(skin < 4.0 * still + 0.1, "{skin} s, standing {still} s");

@@ -228,8 +228,16 @@ pub fn clearance(off: f32, cos: f32) -> [f32; 2] {
 /// Raises a shading normal that reflects light through its triangle so far that it leaves level with it, as Blender's
 /// Cycles does (`ensure_valid_specular_reflection`). Returns the cosines of incidence on both, `cos` if nothing changes.
 #[inline(always)]
-fn lift<const N: usize>(d: &[[f32; N]; 3], n: &mut [[f32; N]; 3], g: &[[f32; N]; 3], cos: f32, lane: usize) -> (f32, f32) {
-    let dot = |a: &[[f32; N]; 3], b: &[[f32; N]; 3]| a[0][lane] * b[0][lane] + a[1][lane] * b[1][lane] + a[2][lane] * b[2][lane];
+fn lift<const N: usize>(
+    d: &[[f32; N]; 3],
+    n: &mut [[f32; N]; 3],
+    g: &[[f32; N]; 3],
+    cos: f32,
+    lane: usize,
+) -> (f32, f32) {
+    let dot = |a: &[[f32; N]; 3], b: &[[f32; N]; 3]| {
+        a[0][lane] * b[0][lane] + a[1][lane] * b[1][lane] + a[2][lane] * b[2][lane]
+    };
     let (along, of_facet, between) = (dot(d, n), -dot(d, g), dot(n, g));
     let up = -of_facet - 2.0 * along * between;
     let raised = ((0.9 * of_facet).min(LEVEL) - up).max(0.0);
@@ -383,7 +391,11 @@ mod tests {
                 let [along, normal, facet] = [&along, &normal, &facet].map(|it| it.each_ref());
                 divide(&mut at, along, normal, facet, &[met; LANES], false, 1, &mut mirrored, &mut refracted);
                 let case = format!("index {index}, normal {normal:?}", normal = normal.map(|it| it[0]));
-                assert!(mirrored.direction[2][0] > 0.0 && mirrored.origin[2][0] > 1e-5, "{case}: {:?}", mirrored.direction);
+                assert!(
+                    mirrored.direction[2][0] > 0.0 && mirrored.origin[2][0] > 1e-5,
+                    "{case}: {:?}",
+                    mirrored.direction
+                );
                 assert!(mirrored.direction[2][0] < 1.0 && mirrored.part[0] > 0.0, "{case}");
                 let length: f32 = mirrored.direction.iter().map(|axis| axis[0] * axis[0]).sum();
                 assert!((length - 1.0).abs() < 1e-5, "{case}: {length}");

@@ -75,7 +75,8 @@ fn slopes() -> [[f64; LOOKS.len()]; 3] {
     THROUGH.map(|place| {
         std::array::from_fn(|k| {
             let whole: f64 = others(k).map(|m| LOOKS[k] - LOOKS[m]).product();
-            let without = |left: usize| others(k).filter(|&m| m != left).map(|m| LOOKS[place] - LOOKS[m]).product::<f64>();
+            let without =
+                |left: usize| others(k).filter(|&m| m != left).map(|m| LOOKS[place] - LOOKS[m]).product::<f64>();
             others(k).map(without).sum::<f64>() / whole
         })
     })
@@ -196,7 +197,11 @@ impl Path {
     pub(crate) fn standing(local_from_object: &DAffine3, visible: bool) -> Path {
         let place = local_from_object.translation.as_vec3().to_array();
         let into = inverse(&local_from_object.matrix3).as_mat3().to_cols_array_2d();
-        let frame = Frame { place: [place, [0.0; 3], [0.0; 3]], into: [into, [[0.0; 3]; 3], [[0.0; 3]; 3]], ..Frame::default() };
+        let frame = Frame {
+            place: [place, [0.0; 3], [0.0; 3]],
+            into: [into, [[0.0; 3]; 3], [[0.0; 3]; 3]],
+            ..Frame::default()
+        };
         Path { pieces: vec![Piece { frame, visible, ..Piece::default() }], first: vec![0] }
     }
 
