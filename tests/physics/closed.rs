@@ -129,6 +129,11 @@ impl Body {
             aims.push((distance, kind));
             times.push(part * LENGTH_S);
         }
+        let mut sums = [[0; 2]; KINDS.len()];
+        if directions.is_empty() {
+            // All of it is seen edge-on.
+            return sums;
+        }
         let mut beams = beams(&directions);
         beams.time = times;
         let sensor = Sensor::from_beams("test", beams).unwrap();
@@ -136,7 +141,6 @@ impl Body {
         let options = ScanOptions { fields, organised: true, ..ScanOptions::default() };
         let path = Trajectory::fixed(Pose::at(eye.x, eye.y, eye.z));
         let cloud = self.built.scan(&sensor, &path, &options).unwrap();
-        let mut sums = [[0; 2]; KINDS.len()];
         for (&range, (distance, kind)) in cloud.columns.true_range.iter().zip(aims) {
             // Nothing is behind it that is as near.
             let is_met = f64::from(range) <= distance * (1.0 + 1e-3) + 1e-3;
