@@ -73,8 +73,9 @@ impl Scene {
         // SAFETY: the scene is alive and ours alone.
         unsafe { sys::rtcSetSceneBuildQuality(raw, quality) };
         check(Some(device), "rtcSetSceneBuildQuality")?;
-        // Watertight: no ray passes between triangles that share an edge or a corner. And `intersect_where` may call back,
-        // which without a filter has no measurable cost.
+        // No ray passes between triangles that share an edge; one that is aimed exactly at a corner still may, if rarely
+        // (Embree's issues 174 and 181). And `intersect_where` may call back, which without a filter has no measurable
+        // cost.
         let flags = sys::RTC_SCENE_FLAG_ROBUST | sys::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
         // SAFETY: as above.
         unsafe { sys::rtcSetSceneFlags(raw, flags) };

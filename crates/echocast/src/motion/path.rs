@@ -144,7 +144,7 @@ impl Path {
             let whole = ends[1] - ends[0];
             let visible = visible(0.5 * (ends[0] + ends[1]));
             // A little inside: at its ends it may jump.
-            let inside = 1e-6 * whole;
+            let inside = (1e-9 * whole).max(4.0 * f64::EPSILON * ends[1].abs());
             let [first, last] = [ends[0] + inside, ends[1] - inside].map(&local_from_object);
             cuts.push([(ends[0], first), (ends[1], last)]);
             while let Some([(from, start), (to, end)]) = cuts.pop() {

@@ -472,6 +472,7 @@ impl Follower {
                     let behind = insides[before as usize].through((row.object, row.material));
                     let own = within.map_or(1.0, |body| body.index);
                     index = behind.material().map_or(1.0, |material| of(material).index) / own;
+                    fill(&mut at.within, behind.material().map_or([1.0, 1.0, 0.0], |material| through(of(material))));
                     partly = if limits.glass_of_the_program && within.is_some() { 0.0 } else { 1.0 };
                     if behind.count > 0 {
                         inside[run.clone()].fill(insides.len() as u32);
