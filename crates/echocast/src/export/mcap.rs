@@ -397,20 +397,22 @@ fn order_of(driver: Driver, cloud: &PointCloud) -> Option<Arrangement> {
     }
     let mut lasers: Vec<usize> = (0..height).collect();
     lasers.sort_by_key(|&row| of_row(row)[0]);
-    if lasers.is_sorted_by(|&a, &b| of_row(a)[0] < of_row(b)[0]) {
-        match driver {
-            Driver::Velodyne if height > 1 => {}
-            Driver::Robosense if height > 1 => lasers.sort_unstable(),
-            Driver::Ouster if !lasers.is_sorted() => {
-                let rows = lasers.iter().flat_map(|row| row * width..(row + 1) * width).collect();
-                return Some(Arrangement { shape: [height, width], rows });
-            }
-            _ => return None,
-        }
-        let rows = (0..width).flat_map(|firing| lasers.iter().map(move |row| row * width + firing)).collect();
-        return Some(Arrangement { shape: [width, height], rows });
+    // Rings come again where several frames are one cloud.
+    if height < 2 || !lasers.is_sorted_by(|&a, &b| of_row(a)[0] < of_row(b)[0]) {
+        return None;
     }
-    None
+    match driver {
+        Driver::Ouster if lasers.is_sorted() => return None,
+        Driver::Ouster => {
+            let rows = lasers.into_iter().flat_map(|row| row * width..(row + 1) * width).collect();
+            return Some(Arrangement { shape: [height, width], rows });
+        }
+        Driver::Velodyne => {}
+        Driver::Robosense => lasers.sort_unstable(),
+        Driver::Hesai | Driver::Livox | Driver::Autoware => return None,
+    }
+    let rows = (0..width).flat_map(|firing| lasers.iter().map(move |row| row * width + firing)).collect();
+    Some(Arrangement { shape: [width, height], rows })
 }
 
 /// Name, type and first byte of a number that each point of a message has.
