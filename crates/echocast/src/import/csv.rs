@@ -142,7 +142,9 @@ impl Layout {
                 counts += 1;
                 continue;
             }
-            if wanted.map_or(!wrote_header && !is_row(line), |wanted| !fits(line, wanted)) {
+            // Rows may begin with words.
+            let is_next = header.as_ref().is_some_and(|header| wrote_header || has_columns(line, header));
+            if !wanted.map_or(is_next || is_row(line), |wanted| fits(line, wanted)) {
                 (header, wrote_header) = (Some(line.to_owned()), true);
                 continue;
             }
@@ -196,6 +198,13 @@ impl Layout {
         }
         Ok(rows)
     }
+}
+
+/// Whether `line` has as many words as `header`, and numbers among them.
+fn has_columns(line: &str, header: &str) -> bool {
+    let style = row_style(line);
+    let numbers = style.words(line).filter(|word| !word.is_empty() && style.number(word).is_some());
+    numbers.count() > 0 && style.words(line).count() == named(header).len()
 }
 
 /// Whether `line` has a number for each of the `columns`.
