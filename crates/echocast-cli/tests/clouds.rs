@@ -88,7 +88,8 @@ fn columns_of_text_are_named_or_guessed_aloud() {
     let place = folder.path().join("a.xyz");
     fs::write(&place, "1 2 3 0.5\n4 5 6 0.25\n").unwrap();
     let guessed = run(folder.path(), "convert DIR/a.xyz -o DIR/a.npz");
-    let told = "warning: csv: no header names its columns, which are taken as x,y,z,intensity; --columns says otherwise";
+    let told =
+        "warning: csv: no header names its columns, which are taken as x,y,z,intensity; --columns says otherwise";
     assert!(guessed.status.success() && stderr(&guessed).contains(told), "{}", stderr(&guessed));
     let named = run(folder.path(), "convert DIR/a.xyz -o DIR/b.npz --columns x,y,z,range");
     assert!(named.status.success() && stderr(&named).is_empty(), "{}", stderr(&named));

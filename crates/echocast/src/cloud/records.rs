@@ -33,8 +33,23 @@ const KEYS: u16 = 34735;
 const KEY_TEXTS: u16 = 34737;
 /// How a text of a coordinate system begins: versions 1 and 2.
 const SYSTEMS: &[&str] = &[
-    "PROJCS", "GEOGCS", "GEOCCS", "COMPD_CS", "VERT_CS", "LOCAL_CS", "PROJCRS", "GEOGCRS", "GEODCRS", "COMPOUNDCRS",
-    "VERTCRS", "BOUNDCRS", "ENGCRS", "PROJECTEDCRS", "GEOGRAPHICCRS", "GEODETICCRS", "FITTED_CS",
+    "PROJCS",
+    "GEOGCS",
+    "GEOCCS",
+    "COMPD_CS",
+    "VERT_CS",
+    "LOCAL_CS",
+    "PROJCRS",
+    "GEOGCRS",
+    "GEODCRS",
+    "COMPOUNDCRS",
+    "VERTCRS",
+    "BOUNDCRS",
+    "ENGCRS",
+    "PROJECTEDCRS",
+    "GEOGRAPHICCRS",
+    "GEODETICCRS",
+    "FITTED_CS",
 ];
 
 impl Record {

@@ -194,9 +194,7 @@ impl Arrays {
         match self {
             Arrays::Npz(file) => file.text(name, words),
             #[cfg(feature = "hdf5")]
-            Arrays::Hdf5(file) => {
-                super::hdf5::add_text(file, name, words).map_err(super::hdf5::io_error)
-            }
+            Arrays::Hdf5(file) => super::hdf5::add_text(file, name, words).map_err(super::hdf5::io_error),
         }
     }
 

@@ -4,11 +4,11 @@
 //! Cyclone (PTS) and FARO's SCENE the number of points above rows without a header, PTS again for each scan; spreadsheets
 //! quotes, semicolons and decimal commas.
 
+use super::Source;
 use super::about::About;
 use super::names::{self, Named};
 use super::rows::{self, Goal, Rows};
 use super::text::{self, Lines, Place, Style, is_comment};
-use super::Source;
 use crate::cloud::{Field, PointCloud};
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
@@ -119,7 +119,9 @@ impl Layout {
     fn of(source: &Source) -> Result<Layout> {
         let wanted = source.columns;
         let mut lines = Lines::of(source)?;
-        let (mut header, mut counts, mut wrote_header): (Option<String>, _, _) = (None, 0, false);
+        let (mut header, mut wrote_header): (Option<String>, _) = (None, false);
+        // Where rows are counted before they come.
+        let mut counted = None;
         for _ in 0..BEFORE {
             let (at, before) = (lines.at(), lines.number());
             let Some(line) = lines.next()? else {
@@ -127,7 +129,7 @@ impl Layout {
                     let columns = named(&header);
                     return Ok(Layout { columns, style: header_style(&header), at, before, bare: false });
                 }
-                return Err(source.error("has no rows of points; expected a header and rows, or rows of numbers"));
+                break;
             };
             if line.is_empty() {
                 continue;
@@ -138,18 +140,19 @@ impl Layout {
                 }
                 continue;
             }
-            if is_count(line) {
-                counts += 1;
+            let alone = wrote_header && header.as_ref().is_some_and(|header| named(header).len() == 1);
+            if is_count(line) && !alone {
+                counted = counted.or(Some((at, before)));
                 continue;
             }
             // Rows may begin with words.
             let is_next = header.as_ref().is_some_and(|header| wrote_header || has_columns(line, header));
             if !wanted.map_or(is_next || is_row(line), |wanted| fits(line, wanted)) {
-                (header, wrote_header) = (Some(line.to_owned()), true);
+                (header, wrote_header, counted) = (Some(line.to_owned()), true, None);
                 continue;
             }
             let mut style = row_style(line);
-            style.counts = counts > 0;
+            style.counts = counted.is_some();
             let words = style.words(line).count();
             let columns = match (wanted, header) {
                 (Some(wanted), _) => {
@@ -171,11 +174,14 @@ impl Layout {
             if columns.len() > COLUMNS {
                 return Err(source.error(format!("has {} columns; allowed: {COLUMNS}", columns.len())));
             }
+            let (at, before) = counted.unwrap_or((at, before));
             return Ok(Layout { columns, style, at, before, bare });
         }
         Err(source.error(match wanted {
             Some(wanted) => format!("has no row for the columns {} in its first {BEFORE} lines", wanted.join(",")),
-            None => format!("has no rows of points in its first {BEFORE} lines"),
+            None => {
+                format!("has no rows of points in its first {BEFORE} lines; expected numbers below a header, or alone")
+            }
         }))
     }
 
@@ -293,10 +299,12 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
             0 => String::new(),
             count => format!(", and {count} more are left out"),
         };
-        report.warn(format!("csv: no header names its columns, which are taken as {told}{left}; --columns says otherwise"));
+        report.warn(format!(
+            "csv: no header names its columns, which are taken as {told}{left}; --columns says otherwise"
+        ));
         layout.columns = names.into_iter().map(as_they_are).collect();
     }
-    if layout.style.sign != Some(',') && sample_has_commas(&layout, source)? {
+    if layout.style.sign != Some(',') && has_decimal_commas(&layout, source)? {
         report.warn("csv: commas in its numbers are taken as decimal points");
     }
     let columns = &layout.columns;
@@ -317,10 +325,14 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
 }
 
 /// Whether the first row has numbers with commas in them.
-fn sample_has_commas(layout: &Layout, source: &Source) -> Result<bool> {
-    let mut lines = layout.lines(source)?;
-    let line = lines.next()?.unwrap_or_default();
-    Ok(layout.style.words(line).any(|word| word.contains(',') && layout.style.number(word).is_some()))
+fn has_decimal_commas(layout: &Layout, source: &Source) -> Result<bool> {
+    let (mut lines, style) = (layout.lines(source)?, layout.style);
+    while let Some(line) = lines.next()? {
+        if !line.is_empty() && !is_comment(line) && !is_count(line) {
+            return Ok(style.words(line).any(|word| word.contains(',') && style.number(word).is_some()));
+        }
+    }
+    Ok(false)
 }
 
 /// Whether rows and columns, places and matrices come before the points, as in PTX files.
@@ -354,7 +366,9 @@ mod tests {
         ] {
             assert!(begins(text.as_bytes()), "{text:?}");
         }
-        for text in ["", "# nothing", "solid cube\n", "v 1 2 3\n", "name: a\n", "1 2\n3 4\n", "To whom it may concern, t\n"] {
+        for text in
+            ["", "# nothing", "solid cube\n", "v 1 2 3\n", "name: a\n", "1 2\n3 4\n", "To whom it may concern, t\n"]
+        {
             assert!(!begins(text.as_bytes()), "{text:?}");
         }
         assert!(begins(b"\xff\xfex\0,\0") && !begins(b"x\0,\0y\0"));

@@ -95,7 +95,8 @@ impl Arrays for Datasets<'_> {
             TypeDescriptor::FixedUnicode(width) if width <= WIDEST => self.fixed(&dataset, name, unicode)?,
             TypeDescriptor::VarLenAscii | TypeDescriptor::VarLenUnicode => self.variable(&dataset, name)?,
             other => {
-                let message = format!("is of type {other}; allowed: texts, those of a fixed length up to {WIDEST} bytes");
+                let message =
+                    format!("is of type {other}; allowed: texts, those of a fixed length up to {WIDEST} bytes");
                 return Err(Error::parse(self.source.path, name, message));
             }
         };

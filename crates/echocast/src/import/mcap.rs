@@ -78,9 +78,8 @@ fn messages(source: &Source, mut work: impl FnMut(&Topic, &[u8]) -> Result<()>) 
             Some(LinearReadEvent::ReadRequest(count)) => count.min(PIECE),
             Some(LinearReadEvent::Record { opcode, data }) => {
                 let left = records_left.checked_sub(1).zip(bytes_left.checked_sub(data.len() as u64));
-                (records_left, bytes_left) = left.ok_or_else(|| {
-                    source.error("is more when decompressed than its bytes can hold: it is damaged")
-                })?;
+                (records_left, bytes_left) = left
+                    .ok_or_else(|| source.error("is more when decompressed than its bytes can hold: it is damaged"))?;
                 let mut record = Fields(data);
                 let cut_off = || failed(io::ErrorKind::UnexpectedEof.into());
                 match opcode {
