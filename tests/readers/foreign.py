@@ -10,6 +10,7 @@ import struct
 import sys
 from pathlib import Path
 
+import h5py
 import laspy
 import numpy
 import plyfile
@@ -125,6 +126,22 @@ def write_ply(name, text=False, order="<"):
     told(name, columns, dict.fromkeys("xyz", 1e-5), lost=["confidence"])
 
 
+def listed_ply(name, text=False, order="<"):
+    """Vertices with lists of the cameras that see them, as Meshroom and MVE have them, and no faces."""
+    vertices = numpy.empty(COUNT, [("x", "f4"), ("y", "f4"), ("view", object), ("z", "f4"), ("quality", "u1")])
+    for axis in "xyz":
+        vertices[axis] = random.uniform(-9, 9, COUNT)
+    vertices["quality"] = random.integers(0, 100, COUNT)
+    vertices["view"] = [numpy.arange(random.integers(0, 5), dtype="i4") for _ in range(COUNT)]
+    element = plyfile.PlyElement.describe(vertices, "vertex", val_types={"view": "i4"}, len_types={"view": "u1"})
+    plyfile.PlyData([element], text=text, byte_order=order).write(folder / name)
+    columns = {field: vertices[field].astype(float) for field in ("x", "y", "z", "quality")}
+    told(name, columns, dict.fromkeys("xyz", 1e-5), lost=["view[]"])
+
+
+listed_ply("listed text.ply", text=True, order="=")
+listed_ply("listed little.ply")
+listed_ply("listed big.ply", order=">")
 write_ply("text.ply", text=True, order="=")
 write_ply("little.ply")
 write_ply("big.ply", order=">")
@@ -207,6 +224,23 @@ def write_npz():
 
 
 write_npz()
+
+
+def write_hdf5(name, kind, **options):
+    places = random.uniform(-20, 20, (3, COUNT))
+    columns = dict(zip("xyz", places)) | {"category_id": random.integers(0, 3, COUNT)}
+    with h5py.File(folder / name, "w") as file:
+        for column, values in columns.items():
+            file[column] = values
+        file["category_ids"] = numpy.array([1, 2], dtype="u4")
+        names = [name.encode() for name in ("Tür", "wall")]
+        file.create_dataset("category_names", data=names, dtype=kind, **options)
+    told(name, columns, dict.fromkeys("xyz", 1e-5), categories={"1": "Tür", "2": "wall"})
+
+
+write_hdf5("variable.h5", h5py.string_dtype())
+write_hdf5("fixed.h5", h5py.string_dtype("utf-8", 10))
+write_hdf5("packed.h5", h5py.string_dtype("utf-8", 10), compression="gzip")
 
 
 def write_text():

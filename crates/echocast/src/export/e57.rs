@@ -87,7 +87,7 @@ impl Growing for E57File {
                 Frame::Sensor => place + cloud.origin,
             }
         };
-        let far = (0..cloud.len).map(place).any(|place| place.is_finite() && place.abs().max_element() > NEAR);
+        let far = (0..cloud.len).map(&place).any(|place| place.is_finite() && place.abs().max_element() > NEAR);
         let attributes = Attribute::of(cloud, far);
         let prototype = attributes.iter().map(Attribute::record).collect();
         let mut scan = self.writer.add_pointcloud(&guid(cloud, Some(self.scans)), prototype).map_err(io_error)?;

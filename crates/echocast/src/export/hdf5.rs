@@ -286,7 +286,7 @@ fn width(longest: Option<usize>) -> usize {
 /// A dataset of texts of `width` bytes. Texts of any length would lie in the heaps of the file, which other libraries read
 /// with less care, and which ours does not touch.
 fn new_texts(file: &File, width: usize) -> DatasetBuilderEmpty {
-    file.new_dataset_builder().obj_track_times(false).empty_as(&TypeDescriptor::FixedUnicode(width))
+    file.new_dataset_builder().empty_as(&TypeDescriptor::FixedUnicode(width)).obj_track_times(false)
 }
 
 /// Writes `texts` of at most `width` bytes to `place`: from row `start` on, or the only one.

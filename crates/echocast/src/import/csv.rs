@@ -119,7 +119,9 @@ impl Layout {
     fn of(source: &Source) -> Result<Layout> {
         let wanted = source.columns;
         let mut lines = Lines::of(source)?;
-        let (mut header, mut counts, mut wrote_header): (Option<String>, _, _) = (None, 0, false);
+        let (mut header, mut wrote_header): (Option<String>, _) = (None, false);
+        // Where rows are counted before they come.
+        let mut counted = None;
         for _ in 0..BEFORE {
             let (at, before) = (lines.at(), lines.number());
             let Some(line) = lines.next()? else {
@@ -127,7 +129,7 @@ impl Layout {
                     let columns = named(&header);
                     return Ok(Layout { columns, style: header_style(&header), at, before, bare: false });
                 }
-                return Err(source.error("has no rows of points; expected a header and rows, or rows of numbers"));
+                break;
             };
             if line.is_empty() {
                 continue;
@@ -138,16 +140,19 @@ impl Layout {
                 }
                 continue;
             }
-            if is_count(line) {
-                counts += 1;
+            let alone = wrote_header && header.as_ref().is_some_and(|header| named(header).len() == 1);
+            if is_count(line) && !alone {
+                counted = counted.or(Some((at, before)));
                 continue;
             }
-            if wanted.map_or(!wrote_header && !is_row(line), |wanted| !fits(line, wanted)) {
-                (header, wrote_header) = (Some(line.to_owned()), true);
+            // Rows may begin with words.
+            let is_next = header.as_ref().is_some_and(|header| wrote_header || has_columns(line, header));
+            if !wanted.map_or(is_next || is_row(line), |wanted| fits(line, wanted)) {
+                (header, wrote_header, counted) = (Some(line.to_owned()), true, None);
                 continue;
             }
             let mut style = row_style(line);
-            style.counts = counts > 0;
+            style.counts = counted.is_some();
             let words = style.words(line).count();
             let columns = match (wanted, header) {
                 (Some(wanted), _) => {
@@ -169,11 +174,14 @@ impl Layout {
             if columns.len() > COLUMNS {
                 return Err(source.error(format!("has {} columns; allowed: {COLUMNS}", columns.len())));
             }
+            let (at, before) = counted.unwrap_or((at, before));
             return Ok(Layout { columns, style, at, before, bare });
         }
         Err(source.error(match wanted {
             Some(wanted) => format!("has no row for the columns {} in its first {BEFORE} lines", wanted.join(",")),
-            None => format!("has no rows of points in its first {BEFORE} lines"),
+            None => {
+                format!("has no rows of points in its first {BEFORE} lines; expected numbers below a header, or alone")
+            }
         }))
     }
 
@@ -196,6 +204,13 @@ impl Layout {
         }
         Ok(rows)
     }
+}
+
+/// Whether `line` has as many words as `header`, and numbers among them.
+fn has_columns(line: &str, header: &str) -> bool {
+    let style = row_style(line);
+    let numbers = style.words(line).filter(|word| !word.is_empty() && style.number(word).is_some());
+    numbers.count() > 0 && style.words(line).count() == named(header).len()
 }
 
 /// Whether `line` has a number for each of the `columns`.
@@ -289,7 +304,7 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
         ));
         layout.columns = names.into_iter().map(as_they_are).collect();
     }
-    if layout.style.sign != Some(',') && sample_has_commas(&layout, source)? {
+    if layout.style.sign != Some(',') && has_decimal_commas(&layout, source)? {
         report.warn("csv: commas in its numbers are taken as decimal points");
     }
     let columns = &layout.columns;
@@ -310,10 +325,14 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
 }
 
 /// Whether the first row has numbers with commas in them.
-fn sample_has_commas(layout: &Layout, source: &Source) -> Result<bool> {
-    let mut lines = layout.lines(source)?;
-    let line = lines.next()?.unwrap_or_default();
-    Ok(layout.style.words(line).any(|word| word.contains(',') && layout.style.number(word).is_some()))
+fn has_decimal_commas(layout: &Layout, source: &Source) -> Result<bool> {
+    let (mut lines, style) = (layout.lines(source)?, layout.style);
+    while let Some(line) = lines.next()? {
+        if !line.is_empty() && !is_comment(line) && !is_count(line) {
+            return Ok(style.words(line).any(|word| word.contains(',') && style.number(word).is_some()));
+        }
+    }
+    Ok(false)
 }
 
 /// Whether rows and columns, places and matrices come before the points, as in PTX files.

@@ -90,3 +90,24 @@ pub(super) fn inverse(pose: &Pose) -> Pose {
     let back = pose.orientation.inverse();
     Pose { position: -(back * pose.position), orientation: back }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cloud::{Field, FieldSet};
+    use glam::DVec3;
+
+    #[test]
+    fn points_far_from_the_origin_are_precise_around_the_sensor() {
+        let mut cloud = PointCloud { len: 100, origin: DVec3::new(5e5, 5.6e6, 100.0), ..PointCloud::default() };
+        cloud.fields = [Field::X, Field::Y, Field::Z].into_iter().collect::<FieldSet>();
+        let column = |step: f32| (0..100).map(|row| row as f32 * step - 40.0).collect();
+        (cloud.columns.x, cloud.columns.y, cloud.columns.z) = (column(2.7), column(-1.9), column(0.3));
+        cloud.sensor_pose = Pose::at(500_003.3, 5_600_001.7, 99.1).with_rpy_deg(3.0, -20.0, 140.0);
+        let pose = cloud.sensor_pose;
+        for (row, point) in local(&cloud) {
+            let place = pose.position + pose.orientation * point.as_dvec3();
+            assert!(place.distance(cloud.position(row)) < 1e-3, "{row}: {place}");
+        }
+    }
+}
