@@ -31,14 +31,14 @@ impl Failure {
         Failure::Library(echocast::Error::invalid(name, value, allowed))
     }
 
-    /// The same as an error of the keyword `name`, where the types of Python do not say it.
+    /// The same with the name of the argument in front, as PyO3 puts it, where a TypeError does not begin with it.
     pub fn about(self, py: Python<'_>, name: &str) -> Failure {
-        match self {
-            Failure::Python(error) if error.get_type(py).is(py.get_type::<PyTypeError>()) => {
-                Failure::Python(PyTypeError::new_err(format!("argument '{name}': {}", error.value(py))))
-            }
-            other => other,
+        let Failure::Python(error) = &self else { return self };
+        let told = error.value(py).to_string();
+        if name.is_empty() || told.starts_with(name) || !error.get_type(py).is(py.get_type::<PyTypeError>()) {
+            return self;
         }
+        Failure::Python(PyTypeError::new_err(format!("argument '{name}': {told}")))
     }
 }
 

@@ -43,57 +43,60 @@ impl Columns {
 impl Asked {
     /// Out of `keywords`, for scans with `sensor`.
     pub fn of(keywords: Option<&Bound<'_, PyDict>>, sensor: &Sensor) -> Outcome<Asked> {
+        let mut current = String::new();
+        let read = Asked::read(keywords, sensor, &mut current);
+        read.map_err(|error| Python::attach(|py| error.about(py, &current)))
+    }
+
+    /// [`Asked::of`] that says in `current` which argument it reads.
+    fn read(keywords: Option<&Bound<'_, PyDict>>, sensor: &Sensor, current: &mut String) -> Outcome<Asked> {
         let mut asked = Asked {
             options: ScanOptions { fields: sensor.default_fields(), ..ScanOptions::default() },
             path: None,
             progress: Progress::default(),
         };
+        let options = &mut asked.options;
         for (key, value) in keywords.into_iter().flatten() {
             let key: String = key.extract()?;
-            asked.set(&key, &value, sensor).map_err(|error| error.about(value.py(), &key))?;
+            known(&key)?;
+            current.clone_from(&key);
+            let text = || value.extract::<String>();
+            match &*key {
+                // None means the default.
+                _ if value.is_none() => {}
+                "at" => asked.path = Some(place::path(&value)?),
+                "fields" => {
+                    let list = value.extract::<Columns>()?.names().join(",");
+                    options.fields = FieldSet::parse_with(&list, sensor.default_fields())?;
+                }
+                "seed" => options.seed = whole(&key, &value)?,
+                "frame" => options.frame = whole(&key, &value)?,
+                "start_time" => options.start_time = value.extract()?,
+                "trajectory_time" => options.trajectory_time = value.extract()?,
+                "freeze" => options.freeze = value.extract()?,
+                "frame_period" => options.frame_period = value.extract()?,
+                "organised" => options.organised = value.extract()?,
+                "coordinates" => options.coordinates = named("coordinates", &text()?)?,
+                "order" => options.order = named("order", &text()?)?,
+                "boxes" => {
+                    options.boxes = match value.extract::<bool>() {
+                        Ok(wanted) => wanted.then_some(BoxAxes::default()),
+                        Err(_) => Some(named("boxes", &text()?)?),
+                    }
+                }
+                "box_time" => options.box_time = named("box_time", &text()?)?,
+                "deskew" => options.deskew = value.extract()?,
+                "image_boxes" => options.image_boxes = value.extract()?,
+                "profile" => options.profile = named("profile", &text()?)?,
+                "reflectance_source" => options.reflectance_source = Some(named("reflectance_source", &text()?)?),
+                "mask" => options.mask = whole(&key, &value)?,
+                "specular_depth" => options.specular_depth = whole(&key, &value)?,
+                "environment" => options.environment = value.extract::<Air>()?.environment()?,
+                "progress" => asked.progress = Progress::of(&value, "scan")?,
+                _ => {}
+            }
         }
         Ok(asked)
-    }
-
-    /// Sets the argument `key`.
-    fn set(&mut self, key: &str, value: &Bound<'_, PyAny>, sensor: &Sensor) -> Outcome<()> {
-        let options = &mut self.options;
-        let text = || value.extract::<String>();
-        match key {
-            // None means the default.
-            _ if value.is_none() => known(key)?,
-            "at" => self.path = Some(place::path(value)?),
-            "fields" => {
-                let list = value.extract::<Columns>()?.names().join(",");
-                options.fields = FieldSet::parse_with(&list, sensor.default_fields())?;
-            }
-            "seed" => options.seed = whole(key, value)?,
-            "frame" => options.frame = whole(key, value)?,
-            "start_time" => options.start_time = value.extract()?,
-            "trajectory_time" => options.trajectory_time = value.extract()?,
-            "freeze" => options.freeze = value.extract()?,
-            "frame_period" => options.frame_period = value.extract()?,
-            "organised" => options.organised = value.extract()?,
-            "coordinates" => options.coordinates = named("coordinates", &text()?)?,
-            "order" => options.order = named("order", &text()?)?,
-            "boxes" => {
-                options.boxes = match value.extract::<bool>() {
-                    Ok(wanted) => wanted.then_some(BoxAxes::default()),
-                    Err(_) => Some(named("boxes", &text()?)?),
-                }
-            }
-            "box_time" => options.box_time = named("box_time", &text()?)?,
-            "deskew" => options.deskew = value.extract()?,
-            "image_boxes" => options.image_boxes = value.extract()?,
-            "profile" => options.profile = named("profile", &text()?)?,
-            "reflectance_source" => options.reflectance_source = Some(named("reflectance_source", &text()?)?),
-            "mask" => options.mask = whole(key, value)?,
-            "specular_depth" => options.specular_depth = whole(key, value)?,
-            "environment" => options.environment = value.extract::<Air>()?.environment()?,
-            "progress" => self.progress = Progress::of(value, "scan")?,
-            _ => known(key)?,
-        }
-        Ok(())
     }
 
     /// Where the sensor is: where nobody says it, at 0, 0, 0, which is told, with one of the `cameras` that the scene has.

@@ -247,7 +247,7 @@ mod tests {
             (r#"{"category_ids": [5, 1], "category_names": ["a", "b"]}"#, "category_ids are not rising"),
             (r#"{"part_ids": [0], "part_names": ["a"]}"#, "part_ids"),
             (r#"{"instance_ids": [1], "instance_names": []}"#, "instance_ids"),
-            (r#"{"intensity_full_scale": -1}"#, "above 0"),
+            (r#"{"intensity_full_scale": -1}"#, "intensity_full_scale is -1; allowed: a finite number above 0"),
             (r#"{"f32_origin": [0, 0, 1e19]}"#, "origin"),
             (r#"{"sensor_position": [0, 0, 0], "sensor_orientation_xyzw": [0, 0, 0, 0]}"#, "quaternion"),
         ] {

@@ -147,7 +147,7 @@ fn of_png(bytes: &[u8], [low, high]: [f64; 2]) -> Result<Raster, String> {
     let found = reader.output_color_type();
     if found != (png::ColorType::Grayscale, png::BitDepth::Sixteen) {
         let (channels, bits) = (found.0.samples(), found.1 as u8);
-        return Err(format!("a PNG of {channels} channels with {bits} bits; allowed: one, grey, with 16 bits"));
+        return Err(format!("a PNG of {channels} x {bits} bits a pixel; allowed: 1 x 16 bits, grey"));
     }
     let samples = counted(columns.into(), rows.into())?;
     let mut pixels = vec![0; 2 * samples];

@@ -421,6 +421,8 @@ fn bad_height_maps_are_refused_in_one_sentence() {
         said
     };
     write_png(&at("8.png"), png::BitDepth::Eight);
+    let mut encoder = tiff::encoder::TiffEncoder::new(fs::File::create(at("rgb.tif")).unwrap()).unwrap();
+    encoder.write_image::<tiff::encoder::colortype::RGB8>(7, 5, &[0; 105]).unwrap();
     write_png(&at("a.png"), png::BitDepth::Sixteen);
     write_tiff(&at("degrees.tif"), &[1, 1, 0, 1, 1024, 0, 1, 2]);
     fs::write(at("text"), "hello").unwrap();
@@ -444,7 +446,8 @@ fn bad_height_maps_are_refused_in_one_sentence() {
         assert!(said.contains(says) && said.contains(".asc"), "{said}");
     }
     for (file, range_m, says) in [
-        ("8.png", Some([0.0, 1.0]), "Grayscale with 8 bits; allowed: grey with 16 bits"),
+        ("8.png", Some([0.0, 1.0]), "a PNG of 1 x 8 bits a pixel; allowed: 1 x 16 bits, grey"),
+        ("rgb.tif", None, "a TIFF of 3 channels; allowed: one channel of numbers"),
         ("a.png", None, "height_map.range_m is missing"),
         ("a.png", Some([4.0, 4.0]), "height_map.range_m is 4,4; allowed: two numbers that rise"),
         ("a.png", Some([f64::NAN, 4.0]), "height_map.range_m is NaN,4"),
