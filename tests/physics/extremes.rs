@@ -13,7 +13,7 @@ const MOST_RAYS: usize = 30_000;
 
 /// With all keys that a sensor can have, in as many files as that takes.
 const SENSORS: [&str; 11] = [
-    "{name: spinning, kind: lidar, pattern: {type: spinning, azimuth: {fov_deg: 360, step_deg: 6, rate_hz: 10}, cycle_us: 50,
+    "{name: spinning, kind: lidar, pattern: {type: spinning, azimuth: {fov_deg: 360, rate_hz: 10}, cycle_us: 2000,
       channels: {elevation_deg: [-15, 1], fire_time_us: [0, 2], azimuth_offset_deg: [0, 1]}},
       beam: {wavelength_nm: 903, divergence_mrad: [3, 1.5], pulse_ns: 6, exit_diameter_mm: 12, aperture_mm: 50, overlap_m: [0.4, 1.5],
       near_range_m: 25, sub_rays: adaptive}, range: {min_m: 0.5, max_m: 100, resolution_m: 0.002},

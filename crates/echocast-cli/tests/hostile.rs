@@ -100,8 +100,8 @@ fn a_system_without_memory_is_told() {
         assert!(left.iter().all(|name| !name.starts_with('.')), "{left:?}");
     }
     assert!(failures > 2, "{failures} of them");
-    // A picture that the heap has no room for.
-    let output = limited(least + 100, "generate landscape --set size_m=[4000,4000] --set cell_m=0.05 -o DIR/big.glb");
+    // A scene that it has no room for.
+    let output = limited(least + 100, "generate landscape --size 1000,1000 --cell 0.5 -o DIR/big.glb");
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
     assert_eq!(stderr(&output).lines().count(), 1, "{}", stderr(&output));
 }

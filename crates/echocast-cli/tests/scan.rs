@@ -22,7 +22,12 @@ fn files_appear_and_nothing_else() {
         folder.path(),
         &format!("{SCAN} -o DIR/a.las -o DIR/b.csv -o DIR/c.ply -o DIR/d.npz -o DIR/e.h5 --preview DIR/f.png"),
     );
-    assert!(summary.contains("points of 28,928 beams, 1 frame") && summary.contains("a.las"), "{summary}");
+    assert!(
+        summary.contains("points of 28,928 beams (")
+            && summary.contains(" rays), 1 frame")
+            && summary.contains("a.las"),
+        "{summary}"
+    );
     assert_eq!(
         files(folder.path()),
         ["a.las", "b.csv", "b.labels.json", "c.labels.json", "c.ply", "d.npz", "e.h5", "f.png"]
@@ -51,7 +56,7 @@ fn clouds_go_to_standard_output() {
         let said = stderr(&output);
         assert!(output.status.success(), "{said}");
         assert!(output.stdout == fs::read(folder.path().join("file")).unwrap(), "{format}");
-        assert!(said.contains(" rays, ") && said.contains("  -\n"), "{said}");
+        assert!(said.contains(" rays), ") && said.contains("  -\n"), "{said}");
         let lost = "warning: -o -: csv has no room for the names of labels, which are lost; formats that have: las";
         assert_eq!(said.contains(lost), format == "csv", "{said}");
     }
@@ -84,7 +89,8 @@ fn the_report_says_what_was_done_and_how_to_repeat_it() {
         ),
     );
     assert_eq!(report["version"], env!("CARGO_PKG_VERSION"));
-    assert_eq!((&report["beams"], &report["rays"]), (&28928.into(), &28928.into()));
+    // Beams at edges are several rays.
+    assert!(report["beams"] == 28928 && report["rays"].as_u64() > Some(28928), "{}", report["rays"]);
     assert_eq!(report["points"], csv_column(&folder.path().join("a.csv"), "range").len());
     assert_eq!((&report["frames"], &report["threads"]), (&1.into(), &2.into()));
     for phase in ["load", "build", "scan", "write"] {
@@ -565,7 +571,7 @@ fn bench_compares_with_the_bare_loop() {
     let folder = tempfile::tempdir().unwrap();
     let figures = report(folder.path(), "bench HALL --sensor velodyne_vlp16 --at -6,6,1.2 --threads 2");
     assert_eq!((&figures["beams"], &figures["threads"]), (&28928.into(), &2.into()));
-    assert_eq!(figures["rays"], 28928);
+    assert!(figures["rays"].as_u64() > Some(28928), "{}", figures["rays"]);
     for key in ["seconds_per_scan", "cpu_seconds_per_scan", "bare_cpu_seconds_per_scan"] {
         let [best, median] = ["best", "median"].map(|name| figures[key][name].as_f64().expect(key));
         assert!(0.0 < best && best <= median, "{key}: {best} {median}");

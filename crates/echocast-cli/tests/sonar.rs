@@ -61,7 +61,7 @@ fn a_sonar_pings_all_along_its_way() {
         ),
     );
     // Nobody asked for points.
-    assert!(said.contains("sss_450 in") && said.contains("lake.glb: 2,560 rays, 5 pings\n"), "{said}");
+    assert!(said.contains("sss_450 in") && said.contains("lake.glb: 10 beams (2,560 rays), 5 pings\n"), "{said}");
     assert!(is_png(&folder.join("falls.png")));
     assert_eq!(files(folder), ["falls.npz", "falls.png", "lake.glb", "pings.npz", "survey.csv"]);
 
@@ -125,7 +125,7 @@ fn every_sonar_has_its_pictures() {
          --trajectory DIR/survey.csv -o DIR/depths.csv --image DIR/map.npz --preview DIR/map.png --view track --color height"
     );
     let said = stdout(folder, &swath);
-    assert!(said.contains("points of 1,280 rays, 5 pings"), "{said}");
+    assert!(said.contains("points of 160 beams (1,280 rays), 5 pings"), "{said}");
     // The bed is about 12 m below the surface.
     let depths = csv_column(&folder.join("depths.csv"), "z");
     assert!(depths.len() > 100 && depths.iter().filter(|z| (-14.0..-8.0).contains(*z)).count() > depths.len() * 9 / 10);

@@ -8,8 +8,12 @@
 use echocast_crew::Crew;
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
+use std::error::Error as _;
 use std::ops::Range;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+/// Stack of the threads started here, whatever the environment says: several times what they use.
+pub(crate) const STACK: usize = 2 << 20;
 
 thread_local! {
     /// Whether this thread must do all work itself: it is an engine's only one, or others already share its work.
@@ -49,11 +53,27 @@ pub(crate) fn alone<R>(work: impl FnOnce() -> R) -> R {
     work()
 }
 
+/// Starts the pool of rayon that helps whoever has no other, one thread per core, unless somebody has. Rayon itself would
+/// panic if the system gives no threads.
+///
+/// # Errors
+/// What the system said; there is no such pool then, and none later.
+pub(crate) fn start_pool() -> Result<(), &'static str> {
+    static STARTED: OnceLock<Result<(), String>> = OnceLock::new();
+    let start = || match rayon::ThreadPoolBuilder::new().stack_size(STACK).build_global() {
+        Err(error) if error.source().is_some() => Err(error.to_string()),
+        _ => Ok(()),
+    };
+    STARTED.get_or_init(start).as_ref().map(|()| ()).map_err(String::as_str)
+}
+
 /// Threads that work here.
 pub(crate) fn threads() -> usize {
     match crew() {
         _ if ALONE.get() => 1,
         Some((crew, _)) => crew.len() + 1,
+        // Without help the work is done, too.
+        None if rayon::current_thread_index().is_none() && start_pool().is_err() => 1,
         None => rayon::current_num_threads(),
     }
 }

@@ -16,8 +16,9 @@ pub struct Parameter {
     pub max: f64,
 }
 
-/// The least number above 0.
-pub(crate) const ABOVE_ZERO: f64 = 0f64.next_up();
+/// The least number where one must be above 0: far below anything real, and far from where its square, or a quotient, would
+/// leave the range of single precision.
+pub(crate) const ABOVE_ZERO: f64 = 1e-9;
 
 /// Farthest range that makes sense anywhere, m.
 pub(crate) const FARTHEST_M: f64 = 1e9;
@@ -59,7 +60,9 @@ impl<'k> Bounds<'k> {
         }
         match value.into() {
             Some(value) if !(min..=max).contains(&value) => {
-                Err(Error::invalid(key.to_string(), value, allowed.to_string()))
+                let too_small = min == ABOVE_ZERO && value > 0.0 && value < min;
+                let least = if too_small { " (1e-9 and more)" } else { "" };
+                Err(Error::invalid(key.to_string(), value, format!("{allowed}{least}")))
             }
             _ => Ok(()),
         }
@@ -125,5 +128,10 @@ mod tests {
         assert_eq!(refused(f64::NAN, 1.0), "a is NaN; allowed: -1 to 9");
         assert_eq!(refused(1.0, 11.0), "b[0] is 11; allowed: 0 to ten");
         assert_eq!(refused(1.0, 1.0), "b[0] is 1; allowed: above a (1)");
+        let small = |value| Bounds::none().number("a", value, [ABOVE_ZERO, 1.0], "above 0").unwrap_err().to_string();
+        assert_eq!(
+            [small(0.0), small(1e-300)],
+            ["a is 0; allowed: above 0", "a is 1e-300; allowed: above 0 (1e-9 and more)"]
+        );
     }
 }

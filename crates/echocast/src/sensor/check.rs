@@ -191,6 +191,21 @@ impl SensorSpec {
             return Err(Error::invalid("acoustics.array_speed_m_s", "given", allowed));
         }
         acoustics.check(bounds)?;
+        // The resolution in water of 1500 m/s is 0.75 m for 1 kHz, or for a tone of 1 ms. Coarser than the sonar hears, its
+        // only bin would be beyond.
+        let farthest = range.max_m.unwrap_or(FARTHEST_M);
+        let within = format!("of a resolution within range.max_m ({farthest})");
+        match (acoustics.bandwidth_khz, acoustics.pulse_ms) {
+            (Some(bandwidth), _) => {
+                let least = 0.75 / farthest;
+                let allowed = format!("at least {least}, {within}");
+                bounds.number("acoustics.bandwidth_khz", bandwidth, [least, f64::INFINITY], allowed)?;
+            }
+            (None, pulse) => {
+                let most = farthest / 0.75;
+                bounds.number("acoustics.pulse_ms", pulse, [0.0, most], format!("at most {most}, {within}"))?;
+            }
+        }
         match (&self.dvl, &self.pattern) {
             (Some(log), Pattern::Dvl(janus)) => {
                 log.check(bounds, janus.janus_deg.to_radians(), range.max_m.unwrap_or(0.0))?;

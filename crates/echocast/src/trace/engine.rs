@@ -1,11 +1,10 @@
 //! What builds and scans scenes: Embree's device, and threads.
 
 use crate::ground::error::{Error, Result};
-use crate::ground::parallel;
+use crate::ground::parallel::{self, STACK};
 use echocast_crew::Crew;
 use echocast_kernels::{self as kernels, Level};
 use embree4::{CommittedScene, Device, Joint, Pace};
-use std::error::Error as _;
 use std::sync::mpsc::{self, Sender};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
@@ -45,9 +44,6 @@ static EVERYBODYS_BUILDERS: Mutex<Option<Arc<Builders>>> = Mutex::new(None);
 /// Scenes of fewer triangles and instances are built by the calling thread before another wakes up.
 const WORTH_HELP: usize = 4096;
 
-/// Stack of the threads started here, whatever the environment says: several times what they use.
-const STACK: usize = 2 << 20;
-
 impl Engine {
     /// Works on as many threads as rayon's current pool has, which is started if there is none: one per core. The calling
     /// thread is one of them, the others help all engines made so.
@@ -57,11 +53,7 @@ impl Engine {
     /// `ECHOCAST_SIMD` names, but there are not.
     pub fn new() -> Result<Engine> {
         if rayon::current_thread_index().is_none() {
-            // Later rayon would panic if the system gives no threads.
-            match rayon::ThreadPoolBuilder::new().stack_size(STACK).build_global() {
-                Err(error) if error.source().is_some() => return Err(no_threads("enough", error)),
-                _ => {}
-            }
+            parallel::start_pool().map_err(|error| no_threads("enough", error))?;
         }
         let device = device()?;
         let count = rayon::current_num_threads();

@@ -2,7 +2,7 @@
 
 use super::particles::Particles;
 use crate::ground::error::Result;
-use crate::read::bounds::{ABOVE_ZERO, Bounds};
+use crate::read::bounds::Bounds;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
@@ -173,7 +173,7 @@ impl Snow {
 
     /// N0, 1/(m^3 mm), and slope, 1/mm, of melted diameters.
     fn melted(&self) -> [f64; 2] {
-        let rate = self.rate_mm_h.max(ABOVE_ZERO);
+        let rate = self.rate_mm_h.max(f64::MIN_POSITIVE);
         match self.model {
             SnowModel::SekhonSrivastava => [2.5e3 * rate.powf(-0.94), 2.29 * rate.powf(-0.45)],
             SnowModel::GunnMarshall => [3.8e3 * rate.powf(-0.87), 2.55 * rate.powf(-0.48)],
