@@ -18,8 +18,8 @@ pub(super) struct Npz {
     pack: Pack,
 }
 
-/// How arrays are stored: as they are, or deflated (RFC 1951) as fast as can be. Of coordinates and times, which hardly
-/// get smaller, higher levels make as much; labels and colours become a thirtieth at once.
+/// How arrays are stored: as they are, or deflated (RFC 1951) as fast as can be. Coordinates
+/// and times hardly get smaller at any level, labels become a twentieth or less, colours an eighth, at the lowest.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Pack {
     Stored,
