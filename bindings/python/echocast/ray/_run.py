@@ -97,6 +97,10 @@ def run(
     whole = there.union(known).issuperset(range(about["samples"]))
     if whole:
         finish(store, about["roots"])
+        if not summary["found"]:
+            # The report of the same samples has one warning of each kind.
+            report = json.loads(store.find("report.json") or b"{}")
+            warnings = Counter({one["warning"]: one["samples"] for one in report.get("warnings", ())})
     summary["failed"].sort()
     return summary | {
         "seconds": time.monotonic() - start,

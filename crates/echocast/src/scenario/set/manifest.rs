@@ -260,3 +260,40 @@ pub(super) fn logs(root: &Path) -> Result<Vec<std::path::PathBuf>> {
 pub(super) fn drawn_file(sample: u64) -> String {
     format!("samples/{}.json", numbered(sample))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line(sample: u64, path: &str, error: Option<&str>) -> String {
+        let file = FileEntry { path: path.into(), offset: None, bytes: 0, sha256: String::new() };
+        let failed = Entry::failed(sample, &Error::Internal(error.unwrap_or_default().into()));
+        let made = Entry { files: vec![file], error: None, ..failed.clone() };
+        serde_json::to_string(if error.is_some() { &failed } else { &made }).unwrap() + "\n"
+    }
+
+    /// A run that makes a sample again has found it damaged; another shard that fails at it has not.
+    #[test]
+    fn what_a_run_notes_last_holds() {
+        let folder = tempfile::tempdir().unwrap();
+        let write = |name: &str, lines: &[String]| fs::write(folder.path().join(name), lines.concat()).unwrap();
+        write("manifest.json", &["[".into(), line(0, "old", None), ",".into(), line(1, "old", None), "]".into()]);
+        write(
+            "manifest.jsonl",
+            &[line(0, "a", None), line(0, "b", None), line(1, "a", None), line(1, "", Some("lost"))],
+        );
+        write("manifest.0_of_2.jsonl", &[line(2, "a", None), "{\"sample\":".into()]);
+        write("manifest.1_of_3.jsonl", &[line(2, "", Some("lost"))]);
+        let entries = read(folder.path()).unwrap();
+        let found = |sample: u64| entries[&sample].files.first().map(|file| file.path.as_str());
+        assert_eq!([found(0), found(1), found(2)], [Some("b"), None, Some("a")]);
+        for path in ["../a", "/a", "a/../../b", "", "./a/.."] {
+            write("manifest.0_of_2.jsonl", &[line(2, path, None)]);
+            let error = read(folder.path()).unwrap_err().to_string();
+            assert!(
+                error.contains("manifest.0_of_2.jsonl: names ") && error.ends_with("which is not in the set"),
+                "{error}"
+            );
+        }
+    }
+}

@@ -200,7 +200,7 @@ const UNLOCKED: &str = "its file system has no locks: nothing keeps another run 
 pub fn finish(root: &Path) -> Result<()> {
     let origin = folder::need_origin(root)?;
     let _lock = Lock::of_set(root)?;
-    for entry in manifest::read(root)?.values() {
+    for entry in all_entries(root, &origin)?.values() {
         if let Some(fault) = folder::damages(root, &origin, entry).next() {
             return Err(damaged(fault));
         }
@@ -222,11 +222,7 @@ pub fn complete(root: &Path) -> Result<()> {
 /// [`complete`] by who has the lock of the set.
 fn write_whole(root: &Path) -> Result<()> {
     let origin = folder::need_origin(root)?;
-    let entries = manifest::read(root)?;
-    if let Some(missing) = folder::missing(&origin, &entries) {
-        let allowed = "a set whose samples are all there; `echocast run --resume` makes them";
-        return Err(Error::invalid("the set", format!("not complete: {missing}"), allowed));
-    }
+    let entries = all_entries(root, &origin)?;
     folder::sweep(root, &origin)?;
     let logs = manifest::logs(root)?;
     let (spec, document) = origin.spec()?;
@@ -245,6 +241,18 @@ fn write_whole(root: &Path) -> Result<()> {
         fs::remove_file(&path).map_err(|source| Error::Io { path, source })?;
     }
     whole.clear()
+}
+
+/// The samples of the set in `root`, which are all there.
+fn all_entries(root: &Path, origin: &Origin) -> Result<BTreeMap<u64, Entry>> {
+    let entries = manifest::read(root)?;
+    match folder::missing(origin, &entries) {
+        Some(missing) => {
+            let allowed = "a set whose samples are all there; `echocast run --resume` makes them";
+            Err(Error::invalid("the set", format!("not complete: {missing}"), allowed))
+        }
+        None => Ok(entries),
+    }
 }
 
 /// The samples of a run, in order.
