@@ -68,6 +68,8 @@ fn the_linear_limit_is_that_of_its_table() {
     assert_eq!(table.len(), 30);
     for row in 0..table.len() {
         let (sections, range) = (limit_section(&table, row), table.number(row, "d"));
+        // Where the limit jumps, from there on: what is met there is, on some processors, a last bit nearer.
+        let range = if range == table.number(row, "d_min") { range * (1.0 + 1e-6) } else { range };
         for (profile, column) in
             [(Profile::Physical, "r_threshold_linear_correct"), (Profile::Blainder, "r_threshold_BLAINDER_code")]
         {
