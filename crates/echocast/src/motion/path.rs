@@ -288,7 +288,8 @@ impl Path {
             boxes[step + 1] = unite(boxes[step + 1], widened(b));
         }
         let wider = |[low, high]: &[Vec3; 2]| {
-            let [a, b] = [low, high].map(|end| MARGIN_M + ROUNDING * end.abs());
+            // Of nothing the ends are infinite, and stay so.
+            let [a, b] = [low, high].map(|end| MARGIN_M + ROUNDING * end.abs().min(Vec3::splat(f32::MAX)));
             [(*low - a).to_array(), (*high + b).to_array()]
         };
         boxes.iter().map(wider).collect()
