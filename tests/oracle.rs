@@ -453,7 +453,7 @@ fn sheets_are_passed_by_the_rays_that_the_oracle_draws() {
     const FRAME: u32 = 3;
     let random = &mut Random::new(80);
     let mut scene = SceneBuilder::new();
-    let opacities: Vec<f32> = vec![0.3, 0.7, 0.05, 0.9, 1.0];
+    let opacities = [0.3f32, 0.7, 0.05, 0.9, 1.0];
     for (number, &opacity) in opacities.iter().enumerate() {
         let base_color = [0.5, 0.5, 0.5, opacity];
         let paint =
@@ -470,7 +470,7 @@ fn sheets_are_passed_by_the_rays_that_the_oracle_draws() {
     let options = ScanOptions { seed: SEED, frame: FRAME, ..options(Frame::World) };
     let cloud = built.scan(&sensor, &Trajectory::fixed(Pose::IDENTITY), &options).unwrap();
     let tracer = Tracer::new(&scene, built.origin());
-    let (beams, mut met, mut wrong) = (sensor.beams(), vec![0; opacities.len()], 0);
+    let (beams, mut met, mut wrong) = (sensor.beams(), [0; 5], 0);
     for beam in 0..directions.len() {
         let own = [beams.dir_x[beam], beams.dir_y[beam], beams.dir_z[beam]];
         // Every object has one part, which is a row.

@@ -228,9 +228,9 @@ fn what_is_partly_there_stops_its_part_of_the_rays() {
     let several = sensor(&aims);
     let same = sensor(&vec![DVec3::new(1.0, 0.1, 0.2).normalize(); count]);
     for (sheets, passing) in
-        [(&[0.3][..], 0.7), (&[0.3, 0.3], 0.49), (&[0.9, 0.5], 0.05), (&[0.0, 0.0], 1.0), (&[0.0, 1.0], 0.0)]
+        [([0.3, 0.0], 0.7), ([0.3, 0.3], 0.49), ([0.9, 0.5], 0.05), ([0.0, 0.0], 1.0), ([0.0, 1.0], 0.0)]
     {
-        let scene = built(sheets, Alpha::Coverage);
+        let scene = built(&sheets, Alpha::Coverage);
         for sensor in [&several, &same] {
             let seen = behind(&scene, sensor, ScanOptions::default());
             assert_eq!(seen.len(), count);
@@ -244,7 +244,7 @@ fn what_is_partly_there_stops_its_part_of_the_rays() {
         // As they were: nothing passes what is solid, or reflects as its alpha says.
         for (meaning, source) in [(Alpha::Solid, None), (Alpha::Coverage, Some(ReflectanceSource::Alpha))] {
             let options = ScanOptions { reflectance_source: source, ..ScanOptions::default() };
-            assert!(!behind(&built(sheets, meaning), &several, options).contains(&true));
+            assert!(!behind(&built(&sheets, meaning), &several, options).contains(&true));
         }
     }
     // The sub-rays of a beam are divided between both.

@@ -4,8 +4,9 @@
 use crate::{interrupt, usage};
 use anyhow::{Context as _, Result, ensure};
 use echocast::import::ReadOptions;
-use echocast::{Error, FieldSet, PointCloud, Report, export, import, read};
-use std::fs::File;
+use echocast::{Error, FieldSet, PointCloud, Report, export, import, read, shown};
+use serde_json::Value;
+use std::fs::{self, File};
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use tempfile::{NamedTempFile, TempDir};
@@ -90,12 +91,13 @@ impl Outgoing {
     /// Copies it, in the format called `format`, to standard output. A reader that has seen enough is not an error.
     pub fn pour(self, format: &str, report: &mut Report) -> Result<()> {
         let cloud = File::open(self.place()).context("-o -")?;
-        if export::labels_path(&self.place()).exists() {
+        if let Ok(labels) = fs::read_to_string(export::labels_path(&self.place())) {
             let holding =
                 export::FORMATS.iter().filter(|format| format.info().holds_label_names).map(|format| format.name());
             report.warn(format!(
-                "-o -: {format} has no room for the names of labels, which are lost; formats that have: {}",
-                holding.collect::<Vec<_>>().join(", ")
+                "-o -: {format} has no room for the names of labels, which are lost; formats that have: {}{}",
+                holding.collect::<Vec<_>>().join(", "),
+                names(&labels)
             ));
         }
         // Its names are gone before a reader lets this wait.
@@ -117,6 +119,22 @@ fn is_closed() -> Result<bool> {
     let found = fstat(stdout).context("-o -: standard output")?;
     let null = stat("/dev/null").is_ok_and(|null| null.st_rdev == found.st_rdev && null.st_mode == found.st_mode);
     Ok(null && flags & OFlags::RWMODE == OFlags::RDWR)
+}
+
+/// What the categories and parts of `labels`, the JSON beside a cloud, are called, as the end of a sentence: the first few.
+fn names(labels: &str) -> String {
+    const SHOWN: usize = 12;
+    let labels: Value = serde_json::from_str(labels).unwrap_or_default();
+    let list = |key: String| labels[key].as_array().cloned().unwrap_or_default();
+    let tables = ["category", "part"].into_iter().filter_map(|stem| {
+        let (ids, names) = (list(format!("{stem}_ids")), list(format!("{stem}_names")));
+        let pairs = ids.iter().zip(&names).take(SHOWN);
+        let pairs: Vec<String> =
+            pairs.map(|(id, name)| format!("{id} {}", shown::name(name.as_str().unwrap_or_default()))).collect();
+        let more = if ids.len() > SHOWN { ", ..." } else { "" };
+        (!pairs.is_empty()).then(|| format!("; {stem}_id: {}{more}", pairs.join(", ")))
+    });
+    tables.collect()
 }
 
 /// On which side of a copy something went wrong.

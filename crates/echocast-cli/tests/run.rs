@@ -423,7 +423,7 @@ fn what_is_wrong_is_one_sentence() {
         ("run DIR/street.yaml --set set.folder=\"\"", 2, "set.folder is \"\"; allowed: the name of a folder"),
         ("run DIR/street.yaml --preview DIR/x.png", 2, "--sample"),
         (
-            "run DIR/street.yaml --set outputs=[{style: files, preview: a.png}]",
+            "run DIR/street.yaml --set outputs=[{\"style\":\"files\",\"preview\":\"a.png\"}]",
             1,
             "outputs[0].preview: invalid type: string \"a.png\", expected a section of keys",
         ),

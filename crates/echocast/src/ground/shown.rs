@@ -42,7 +42,7 @@ pub fn message(message: &str) -> String {
 }
 
 /// A name or value for a message; long ones show their beginning.
-pub(crate) fn name(name: &str) -> Cow<'_, str> {
+pub fn name(name: &str) -> Cow<'_, str> {
     match text(name) {
         Cow::Borrowed(name) => cut(name, LONGEST_NAME),
         Cow::Owned(name) => cut(&name, LONGEST_NAME).into_owned().into(),

@@ -134,7 +134,7 @@ impl Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::material::{Reflectance, Scattering};
+    use crate::material::{Alpha, Reflectance, Scattering};
     use crate::scene::LoadOptions;
 
     fn rules(text: &str) -> MaterialRules {
@@ -199,6 +199,12 @@ mod tests {
         };
         let ([vase, pane], warnings) = load("'*': {transmission: 0.9, roughness: 0}\nvaze: glass");
         assert_eq!((vase.transmission, pane.transmission), (0.9, 0.9));
+        // What rules make glass is a pane, whatever its alpha, unless they say what that means.
+        let alphas = |rules: &str| load(rules).0.map(|material| material.alpha);
+        assert_eq!([vase.alpha, pane.alpha], [Alpha::Solid; 2]);
+        assert_eq!(alphas("vase: {alpha_cutoff: 0.2}"), [Alpha::Coverage, Alpha::Solid], "a pane is glass by its name");
+        assert_eq!(alphas("vase: glass\npane: {alpha: coverage}"), [Alpha::Solid, Alpha::Coverage]);
+        assert_eq!(alphas("vase: {alpha: cutout, transmission: 0.5}")[0], Alpha::Cutout);
         let told = warnings.iter().filter(|warning| warning.contains("endlessly thin")).collect::<Vec<_>>();
         assert!(told.len() == 1 && told[0].starts_with("material \"vase\": 1 part closed all around"), "{warnings:?}");
         let unmatched = "material rules: no material's name matches \"vaze\"; near: vase";

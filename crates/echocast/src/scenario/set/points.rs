@@ -110,4 +110,18 @@ mod tests {
             assert!(place.distance(cloud.position(row)) < 1e-3, "{row}: {place}");
         }
     }
+
+    #[test]
+    fn words_of_data_sets_are_known_in_any_case() {
+        for (known, found, same) in [
+            ("car", "Car", true),
+            ("traffic-sign", "Traffic Sign", true),
+            ("person-sitting", "Person_sitting", true),
+            ("vehicle.car", "VEHICLE.CAR", true),
+            ("car", "cars", false),
+            ("car", "cat", false),
+        ] {
+            assert_eq!(is_word(known, found), same, "{known} {found}");
+        }
+    }
 }
