@@ -56,11 +56,12 @@
 #define ECHOCAST_INSTANCE_DESC_INIT                                                                                    \
     { sizeof(echocast_instance_desc), 0, ECHOCAST_POSE_IDENTITY, 0, 0, 0xffffffffu, 0, 0, 0 }
 #define ECHOCAST_SCENE_INFO_INIT { sizeof(echocast_scene_info), 0, 0, { 0, 0, 0 }, { 0, 0, 0 }, 0 }
-#define ECHOCAST_SENSOR_INFO_INIT { sizeof(echocast_sensor_info), 0, 0, 0, 0, 0, { 0, 0 }, { 0, 0 } }
+#define ECHOCAST_SENSOR_INFO_INIT { sizeof(echocast_sensor_info), 0, 0, 0, 0, 0, { 0, 0 }, { 0, 0 }, 0, 0 }
 #define ECHOCAST_SCAN_DESC_INIT                                                                                        \
     { sizeof(echocast_scan_desc), 0, 0, 0, 0, 0, 0, 0xffffffffu, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
 #define ECHOCAST_RESULT_INFO_INIT                                                                                      \
     { sizeof(echocast_result_info), 0, 0, 0, 0, 0, { 0, 0, 0 }, ECHOCAST_POSE_IDENTITY }
+#define ECHOCAST_DRIVER_INFO_INIT { sizeof(echocast_driver_info), 0, 0, 0, { { 0, 0, 0 } } }
 #define ECHOCAST_PING_INFO_INIT                                                                                        \
     { sizeof(echocast_ping_info), 0, 0, 0, ECHOCAST_POSE_IDENTITY, { 0, 0, 0 }, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
 #define ECHOCAST_SCAN_INFO_INIT { sizeof(echocast_scan_info), 0, 0, 0 }
@@ -820,6 +821,10 @@ typedef struct echocast_sensor_info {
     double focal[2];
     /** Principal point of a camera, column and row, where whole numbers are the middle of pixels, as OpenCV counts. */
     double centre[2];
+    /** Whose ROS 2 driver it has: an ECHOCAST_DRIVER_ number; 0 if that is not known. It numbers the rings. */
+    int32_t driver;
+    /** 0. */
+    int32_t reserved;
 } echocast_sensor_info;
 
 /**
@@ -966,7 +971,10 @@ typedef struct echocast_result_info {
     int32_t coordinates;
     /** Full scale of the column `intensity`: 1 or 255; 0 if it has none, as for levels in dB. */
     float intensity_full_scale;
-    /** World position, metres, that the columns x, y, z and true_x, true_y, true_z are relative to. */
+    /**
+     * World position, metres, that the columns x, y, z, true_x to true_z and corrected_x to corrected_z are
+     * relative to.
+     */
     double origin[3];
     /** Where the sensor was at the start of the scan. */
     echocast_pose sensor_pose;
@@ -1039,12 +1047,11 @@ echocast_status echocast_result_view(const echocast_result *result,
  * Errors: ECHOCAST_E_ARGUMENT (a wrong item, too little room), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  *
  * ```c
- * // The layout that most ROS 2 drivers publish.
+ * // Positions, and the category in a byte; echocast_result_pack_driver has the layouts of ROS 2 drivers.
  * static const echocast_pack_item items[] = {
- *     {"x", ECHOCAST_TYPE_F32, 0, 0, 1},  {"y", ECHOCAST_TYPE_F32, 4, 0, 1},
- *     {"z", ECHOCAST_TYPE_F32, 8, 0, 1},  {"intensity", ECHOCAST_TYPE_F32, 12, 0, 1},
- *     {"channel", ECHOCAST_TYPE_U16, 16, 0, 1}, {"time", ECHOCAST_TYPE_F64, 18, 0, 1}};
- * echocast_result_pack(result, items, 6, 26, bytes, sizeof bytes, NULL);
+ *     {"x", ECHOCAST_TYPE_F32, 0, 0, 1}, {"y", ECHOCAST_TYPE_F32, 4, 0, 1},
+ *     {"z", ECHOCAST_TYPE_F32, 8, 0, 1}, {"category_id", ECHOCAST_TYPE_U8, 12, 0, 1}};
+ * echocast_result_pack(result, items, 4, 16, bytes, sizeof bytes, NULL);
  * ```
  */
 ECHOCAST_API
@@ -1090,6 +1097,87 @@ echocast_status echocast_result_append(echocast_result *result,
 
 /** Releases a result. NULL is allowed. Any thread may call this. */
 ECHOCAST_API void echocast_result_release(echocast_result *result);
+
+/* -- Messages of drivers --------------------------------------------------------------------------------------------- */
+
+/** Velodyne's driver, velodyne_pointcloud: points XYZIRT. */
+#define ECHOCAST_DRIVER_VELODYNE 1
+
+/** Ouster's driver, ouster_ros: points `original`. */
+#define ECHOCAST_DRIVER_OUSTER 2
+
+/** Hesai's driver, HesaiLidar_ROS_2.0. */
+#define ECHOCAST_DRIVER_HESAI 3
+
+/** RoboSense's driver, rslidar_sdk: points XYZIRT. */
+#define ECHOCAST_DRIVER_ROBOSENSE 4
+
+/** Livox's driver, livox_ros_driver2. */
+#define ECHOCAST_DRIVER_LIVOX 5
+
+/** Autoware's drivers: PointXYZIRCAEDT. */
+#define ECHOCAST_DRIVER_AUTOWARE 6
+
+/** A number that each point of a driver's messages has, as sensor_msgs/PointField says it. */
+typedef struct echocast_point_field {
+    /** Its name. */
+    const char *name;
+    /** Type: an ECHOCAST_TYPE_ number. */
+    int32_t kind;
+    /** Its first byte in the point. */
+    uint32_t offset;
+} echocast_point_field;
+
+/** What a driver publishes; ECHOCAST_DRIVER_INFO_INIT is empty. */
+typedef struct echocast_driver_info {
+    /** sizeof(echocast_driver_info). */
+    size_t struct_size;
+    /** The columns that a scan must have, for scan_desc.columns: "x,y,z,intensity,ring,time". */
+    const char *columns;
+    /** Bytes of a point. */
+    size_t point_step;
+    /** Number of its fields. */
+    size_t field_count;
+    /** Its fields. */
+    echocast_point_field fields[16];
+} echocast_driver_info;
+
+/**
+ * Gets what a driver publishes of a point: names, types and offsets of the fields, for the message, and the columns that
+ * a scan must have. The caller sets struct_size of `*info`. Texts are static.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no such driver).
+ */
+ECHOCAST_API
+echocast_status echocast_driver_get_info(int32_t driver,
+                                         echocast_driver_info *info);
+
+/**
+ * Writes the points as a driver publishes them, point i at `to + i * point_step`: positions in the frame of the sensor
+ * where the scan starts, whatever scan_desc.coordinates; times from `stamp_ns` on, the stamp of the message, where the
+ * driver's count from there (Velodyne, Ouster, Autoware), else since the start of the run; the ring of the column `ring`.
+ * All bytes are written, those of no field as 0. Where no azimuth, elevation and range were computed, they are those of
+ * the positions. `capacity`: bytes of `to`; `*needed` (may be NULL): point_step * points; if `to` is NULL, only that is
+ * written.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no such driver, a column that was not computed, too little room), ECHOCAST_E_HANDLE,
+ * ECHOCAST_E_BUSY.
+ *
+ * ```c
+ * echocast_driver_info velodyne = ECHOCAST_DRIVER_INFO_INIT;
+ * echocast_driver_get_info(ECHOCAST_DRIVER_VELODYNE, &velodyne);
+ * scan.columns = velodyne.columns;
+ * echocast_scan(snapshot, &scan, &result);
+ * echocast_result_pack_driver(result, ECHOCAST_DRIVER_VELODYNE, scan.t0_ns, bytes, sizeof bytes, NULL);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_result_pack_driver(const echocast_result *result,
+                                            int32_t driver,
+                                            int64_t stamp_ns,
+                                            void *to,
+                                            size_t capacity,
+                                            size_t *needed);
 
 /* -- Scans ----------------------------------------------------------------------------------------------------------- */
 
@@ -1137,6 +1225,18 @@ ECHOCAST_API void echocast_result_release(echocast_result *result);
 
 /** Boxes along the axes of the frame of the points. */
 #define ECHOCAST_BOXES_FRAME 2
+
+/**
+ * Boxes hold when their objects are scanned: each at the mean time of its points; without any, in the middle of the
+ * scan.
+ */
+#define ECHOCAST_BOX_TIME_SCAN 0
+
+/** Boxes hold when the scan starts. */
+#define ECHOCAST_BOX_TIME_START 1
+
+/** Boxes hold when the last beam of the scan fires. */
+#define ECHOCAST_BOX_TIME_END 2
 
 /**
  * Progress callback: gets the fraction of the work that is done, 0 to 1; returning anything but 0 ends the scan,
@@ -1216,6 +1316,14 @@ typedef struct echocast_scan_desc {
      * is looked at: the amodal boxes of echocast_result_image_boxes.
      */
     int32_t image_boxes;
+    /** When boxes hold: an ECHOCAST_BOX_TIME_ number. */
+    int32_t box_time;
+    /**
+     * 1: positions and normals are brought to t0_ns: what moves is where it was then, with all points that lie on it,
+     * and ECHOCAST_COORDINATES_SENSOR is the sensor frame then. The other columns, also `true_x`, `true_y` and `true_z`,
+     * say what was when the beam fired. Not for sonars.
+     */
+    int32_t deskew;
 } echocast_scan_desc;
 
 /**
@@ -1254,11 +1362,11 @@ echocast_status echocast_scan(const echocast_snapshot *snapshot,
 /* -- Boxes ----------------------------------------------------------------------------------------------------------- */
 
 /**
- * The box around a labelled instance when a scan starts. Position, orientation and velocity are in the frame of the
- * points; in sensor coordinates that is the sensor's frame when the scan starts.
+ * The box around a labelled instance. Position, orientation and velocity are in the frame of the points; in sensor
+ * coordinates that is the sensor's frame when the box holds, or when the scan starts if its points are brought there.
  */
 typedef struct echocast_box {
-    /** When the scan starts, ns: the box holds then. Times since 1970 are rounded to 0.2 microseconds. */
+    /** When the box holds (scan_desc.box_time), ns. Times since 1970 are rounded to 0.2 microseconds. */
     int64_t t_ns;
     /** Number of the frame, as in the column `frame`. */
     uint32_t frame;
@@ -1893,7 +2001,7 @@ echocast_status echocast_sample_drawn(const echocast_sample *sample,
 
 /**
  * Says which boxes the following scans of a sample have: `boxes` and `image_boxes` as in echocast_scan_desc; at first
- * none.
+ * none. When they hold, the scenario says (`boxes`).
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  *
@@ -1978,13 +2086,13 @@ typedef struct echocast_frames echocast_frames;
 ECHOCAST_API echocast_status echocast_result_write(const echocast_result *result, const char *path, const char *format);
 
 /**
- * Writes a picture of the points as PNG. `options`: NULL, or YAML with `view` (top, perspective, range), `color`
+ * Writes a picture of the points as PNG (`.png`). `options`: NULL, or YAML with `view` (top, perspective, range), `color`
  * (label, cause, intensity, range, height, velocity, radial_velocity, doppler, density) and `width` in pixels. The
  * result needs the columns that colours are made of; without them other colours are taken, with a warning to the log.
  * With the column `cause`, points of rain, fog and the like have their own colours.
  *
  * Errors: ECHOCAST_E_ARGUMENT (a view that points do not have, a width out of bounds), ECHOCAST_E_PARSE,
- * ECHOCAST_E_IO, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ * ECHOCAST_E_UNSUPPORTED (another ending), ECHOCAST_E_IO, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
 ECHOCAST_API
 echocast_status echocast_result_preview(const echocast_result *result,
@@ -2006,18 +2114,21 @@ echocast_status echocast_result_preview(const echocast_result *result,
 ECHOCAST_API echocast_status echocast_pings_write(const echocast_pings *pings, const char *path);
 
 /**
- * Writes a picture of the pings as PNG, with scales and a legend. `options`: YAML with `view`, `width` and `ground` as
+ * Writes a picture of the pings as PNG (`.png`), with scales and a legend. `options`: YAML with `view`, `width` and `ground` as
  * for echocast_pings_image, and `color` (label, intensity); pings without labels are coloured by intensity, with a
  * warning to the log.
  *
  * Errors: ECHOCAST_E_ARGUMENT (a view that this sonar does not have, a width out of bounds), ECHOCAST_E_PARSE,
- * ECHOCAST_E_IO, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ * ECHOCAST_E_UNSUPPORTED (another ending), ECHOCAST_E_IO, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  *
  * ```c
  * echocast_pings_preview(pings, "fan.png", "{view: fan, color: intensity}");
  * ```
  */
-ECHOCAST_API echocast_status echocast_pings_preview(const echocast_pings *pings, const char *path, const char *options);
+ECHOCAST_API
+echocast_status echocast_pings_preview(const echocast_pings *pings,
+                                       const char *path,
+                                       const char *options);
 
 /**
  * Starts an HDF5 file that takes scans one by one, each as one row of every dataset; only one is in memory at a time.

@@ -609,7 +609,8 @@ pub fn to_string<T: Serialize>(value: &T) -> Result<String> {
     let value = serde_json::to_value(value).map_err(|error| Error::Internal(error.to_string()))?;
     let mut text = String::new();
     match &value {
-        Value::Object(map) => write_map(&mut text, map, 0),
+        Value::Object(map) if !map.is_empty() => write_map(&mut text, map, 0),
+        // No text at all would be the name of a file where either is taken: a section without keys is `{}`.
         other => text = flow(other) + "\n",
     }
     Ok(text)
