@@ -402,18 +402,6 @@ public:
         return all;
     }
 
-    /** The points as a driver publishes them (ECHOCAST_DRIVER_VELODYNE, for instance): the data of a PointCloud2 with the
-     *  stamp `stamp_ns`. */
-    std::vector<uint8_t> pack_driver(int32_t driver, int64_t stamp_ns) const {
-        std::vector<uint8_t> bytes(size() * echocast::driver_info(driver).point_step);
-        pack_driver(driver, stamp_ns, span<uint8_t>(bytes.data(), bytes.size()));
-        return bytes;
-    }
-
-    void pack_driver(int32_t driver, int64_t stamp_ns, span<uint8_t> to) const {
-        check(echocast_result_pack_driver(get(), driver, stamp_ns, to.data(), to.size(), nullptr));
-    }
-
     /** Number that has this name: of category "car", for instance. */
     uint32_t label_number(const std::string &table, const std::string &name) const {
         uint32_t number = 0;
@@ -655,6 +643,18 @@ public:
 
     void pack(const std::vector<echocast_pack_item> &items, std::size_t stride, span<uint8_t> to) const {
         pack(items.data(), items.size(), stride, to.data(), to.size());
+    }
+
+    /** The points as a driver publishes them (ECHOCAST_DRIVER_VELODYNE, for instance): the data of a PointCloud2 with the
+     *  stamp `stamp_ns`. */
+    std::vector<uint8_t> pack_driver(int32_t driver, int64_t stamp_ns) const {
+        std::vector<uint8_t> bytes(size() * echocast::driver_info(driver).point_step);
+        pack_driver(driver, stamp_ns, span<uint8_t>(bytes.data(), bytes.size()));
+        return bytes;
+    }
+
+    void pack_driver(int32_t driver, int64_t stamp_ns, span<uint8_t> to) const {
+        check(echocast_result_pack_driver(get(), driver, stamp_ns, to.data(), to.size(), nullptr));
     }
 
     /** Number that has this name: of category "car", for instance. */

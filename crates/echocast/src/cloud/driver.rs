@@ -238,7 +238,7 @@ impl PointCloud {
     /// Writes those fields of `driver` that are no columns into points of `step` bytes, positions in the frame at `pose`.
     pub(crate) fn put_made(&self, driver: Driver, step: usize, pose: &Pose, points: &mut [u8]) {
         let c = &self.columns;
-        let (into_frame, to_sensor) = (self.into_frame(pose), self.into_frame(&self.sensor_pose));
+        let (to_frame, to_sensor) = (self.to_frame(pose), self.to_frame(&self.sensor_pose));
         let own = |row: usize| [c.x[row], c.y[row], c.z[row]];
         let made: Vec<&PointField> = driver.point_fields().iter().filter(|field| field.is_in(self)).collect();
         let rows = (BLOCK_BYTES / step).max(1);
@@ -247,7 +247,7 @@ impl PointCloud {
             for &&PointField { kind, offset, value, .. } in &made {
                 let rows = rows.clone();
                 match value {
-                    Value::Place if offset == 0 => record::put(records, step, 0, rows, |row| into_frame(own(row))),
+                    Value::Place if offset == 0 => record::put(records, step, 0, rows, |row| to_frame(own(row))),
                     Value::Polar(field, _) if self.fields.contains(field) => {}
                     Value::Polar(field, scale) => {
                         let value = |row| polar(field, to_sensor(own(row))) * scale;
@@ -294,7 +294,7 @@ impl PointCloud {
     }
 
     /// Takes positions to the frame at `pose`; those in the frame of the sensor stay.
-    pub(crate) fn into_frame(&self, pose: &Pose) -> impl Fn([f32; 3]) -> [f32; 3] + use<> {
+    pub(crate) fn to_frame(&self, pose: &Pose) -> impl Fn([f32; 3]) -> [f32; 3] + use<> {
         let pose = if self.frame == Frame::World { *pose } else { Pose::IDENTITY };
         let (turn, shift) = (DMat3::from_quat(pose.orientation.inverse()), self.origin - pose.position);
         move |place| (turn * (DVec3::from(place.map(f64::from)) + shift)).as_vec3().to_array()

@@ -272,7 +272,7 @@ pub(super) fn add_text(file: &File, name: &str, text: &str) -> ::hdf5::Result<()
 pub(super) fn describe(dataset: &Location, unit: &str, meaning: &str) -> ::hdf5::Result<()> {
     for (name, value) in [("unit", unit), ("meaning", meaning)] {
         let width = width(Some(value.len()));
-        let attribute = dataset.new_attr_builder().empty_as(&TypeDescriptor::FixedUnicode(width)).create(name)?;
+        let attribute = dataset.new_attr_builder().empty_as(TypeDescriptor::FixedUnicode(width)).create(name)?;
         put_texts(&attribute, width, &[value], None)?;
     }
     Ok(())
@@ -286,7 +286,7 @@ fn width(longest: Option<usize>) -> usize {
 /// A dataset of texts of `width` bytes. Texts of any length would lie in the heaps of the file, which other libraries read
 /// with less care, and which ours does not touch.
 fn new_texts(file: &File, width: usize) -> DatasetBuilderEmpty {
-    file.new_dataset_builder().empty_as(&TypeDescriptor::FixedUnicode(width)).obj_track_times(false)
+    file.new_dataset_builder().empty_as(TypeDescriptor::FixedUnicode(width)).obj_track_times(false)
 }
 
 /// Writes `texts` of at most `width` bytes to `place`: from row `start` on, or the only one.
@@ -304,7 +304,7 @@ fn put_texts(place: &Container, width: usize, texts: &[&str], start: Option<usiz
     }
     match width {
         ..=64 => put::<64>(place, texts, start),
-        ..=512 => put::<512>(place, texts, start),
+        65..=512 => put::<512>(place, texts, start),
         _ => put::<WIDEST>(place, texts, start),
     }
 }

@@ -271,7 +271,7 @@ fn camera_info(mut message: Message, cloud: &PointCloud, camera: Intrinsics, sta
 
 /// Distances along the axis, m, NaN where there is none.
 fn depth_image(mut message: Message, cloud: &PointCloud, stamp: Stamp) -> io::Result<Message> {
-    let (c, to_sensor) = (&cloud.columns, cloud.into_frame(&cloud.sensor_pose));
+    let (c, to_sensor) = (&cloud.columns, cloud.to_frame(&cloud.sensor_pose));
     let computed = |row| to_sensor([c.x[row], c.y[row], c.z[row]])[0];
     let depths: Vec<f32> = if c.depth.is_empty() { (0..cloud.len).map(computed).collect() } else { c.depth.clone() };
     image(&mut message, cloud, "32FC1", bytemuck::cast_slice(&depths), stamp)?;

@@ -64,7 +64,7 @@ pub(crate) fn start_pool() -> Result<(), &'static str> {
         Err(error) if error.source().is_some() => Err(error.to_string()),
         _ => Ok(()),
     };
-    STARTED.get_or_init(start).as_ref().map(|()| ()).map_err(String::as_str)
+    STARTED.get_or_init(start).as_ref().copied().map_err(String::as_str)
 }
 
 /// Threads that work here.

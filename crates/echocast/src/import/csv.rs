@@ -156,7 +156,7 @@ impl Layout {
             let words = style.words(line).count();
             let columns = match (wanted, header) {
                 (Some(wanted), _) => {
-                    let nothing = std::iter::repeat(NOTHING).take(words.saturating_sub(wanted.len()));
+                    let nothing = std::iter::repeat_n(NOTHING, words.saturating_sub(wanted.len()));
                     wanted.iter().map(String::as_str).chain(nothing).map(as_they_are).collect()
                 }
                 (None, Some(header)) => {

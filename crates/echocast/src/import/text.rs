@@ -89,7 +89,7 @@ pub(super) struct Style {
 
 impl Style {
     /// The words of `line`. In quotes, signs are a part of them.
-    pub(super) fn words<'l>(self, line: &'l str) -> impl Iterator<Item = &'l str> {
+    pub(super) fn words(self, line: &str) -> impl Iterator<Item = &str> {
         let quoted = line.contains('"');
         let mut rest = Some(line).filter(|line| !line.is_empty());
         std::iter::from_fn(move || {

@@ -399,7 +399,10 @@ unlit: true
                 "sound: {law: facet, mu_db: -20, slope_sigma_deg: 0.05, reflection_loss_db: 6}",
                 "line 2: sound.slope_sigma_deg: is 0.05; allowed: 0 (smooth), or 0.1 to 45",
             ),
-            ("alpha: mask", "line 2: alpha: unknown value \"mask\"; allowed: solid, coverage, cutout, reflectance"),
+            (
+                "alpha: mask",
+                "line 2: alpha: unknown value \"mask\"; allowed: ignore, solid, coverage, cutout, reflectance",
+            ),
             ("alpha_cutoff: 1.5", "line 2: alpha_cutoff: is 1.5; allowed: 0 to 1"),
             ("metallic: 2", "line 2: metallic: is 2; allowed: 0 to 1"),
             ("transmission: 1e300", "line 2: transmission: is inf; allowed: 0 to 1"),

@@ -196,19 +196,16 @@ impl Boxes<'_> {
             return None;
         }
         let velocity = self.scene.velocity_at(*first, place, moment);
-        let into_frame = frame.orientation.inverse();
+        let to_frame = frame.orientation.inverse();
         Some(InstanceBox {
             frame: self.options.frame,
             time,
             track_id: instance.id,
             instance_id: instance.id,
             category_id: instance.category_id,
-            pose: Pose {
-                position: into_frame * (place - frame.position),
-                orientation: (into_frame * axes).normalize(),
-            },
+            pose: Pose { position: to_frame * (place - frame.position), orientation: (to_frame * axes).normalize() },
             size,
-            velocity: into_frame * velocity.as_dvec3(),
+            velocity: to_frame * velocity.as_dvec3(),
             points: 0,
             visible: 0.0,
             image: self.grid.as_ref().and_then(|grid| self.outline(grid, sensor, &stances, place, moment)),

@@ -342,7 +342,11 @@ pub(crate) fn seen_normal(smooth: Vec3, facet: Vec3, cos_facet: f32, direction: 
     }
     let bent = half * half / (2.0 * half - cos);
     match (normal + direction * cos).try_normalize() {
-        Some(across) => (across * (1.0 - bent * bent).sqrt() - direction * bent, bent),
+        Some(across) => {
+            // Once more: what is left of a normal along the ray is mostly rounding.
+            let across = across - direction * across.dot(direction);
+            (across * (1.0 - bent * bent).sqrt() - direction * bent, bent)
+        }
         // It looks straight away, from the back of a triangle that is seen edge-on.
         None => (facet, cos_facet),
     }

@@ -68,12 +68,13 @@ fn kind_of(sentence: &str) -> String {
     let mut kind = String::with_capacity(sentence.len());
     let (mut quoted, mut before) = (false, ' ');
     for letter in sentence.chars() {
-        if letter == '"' && before != '\\' {
+        let ends = letter == '"' && before != '\\';
+        if ends {
             quoted = !quoted;
         }
         let in_name = before.is_alphabetic() || ['_', '['].contains(&before);
         match letter {
-            _ if quoted && letter != '"' => {}
+            _ if quoted && !ends => {}
             '0'..='9' if !in_name => {
                 if before != '#' {
                     kind.push('#');

@@ -325,8 +325,8 @@ impl Maker<'_> {
 
     fn write(&self, number: u64, sample: &mut Sample, cloud: &mut PointCloud) -> Result<Entry> {
         self.styles.iter().try_for_each(|style| style.fits(sample))?;
-        let begin = |style: &Box<dyn Style>| Making::begin(self.root, style.root(), number);
-        let folders = self.styles.iter().map(begin).collect::<Result<Vec<_>>>()?;
+        let begun = self.styles.iter().map(|style| Making::begin(self.root, style.root(), number));
+        let folders = begun.collect::<Result<Vec<_>>>()?;
         let shown = number < PICTURES;
         let mut needed = self.styles.iter().fold(FieldSet::EMPTY, |all, style| all.union(style.fields(sample)));
         needed = [Field::X, Field::Y, Field::Z, Field::CategoryId].into_iter().fold(needed, FieldSet::with);

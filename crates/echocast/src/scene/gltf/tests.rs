@@ -723,7 +723,8 @@ fn alpha_modes_say_what_alpha_means() {
             (Alpha::Coverage, 0.5),
         ),
         (
-            json!({"alphaMode": "BLEND", "extensions": {"KHR_materials_transmission": {"transmissionFactor": 0.9}}}),
+            json!({"alphaMode": "BLEND", "pbrMetallicRoughness": {"metallicFactor": 0},
+                "extensions": {"KHR_materials_transmission": {"transmissionFactor": 0.9}}}),
             (Alpha::Solid, 0.5),
         ),
         (json!({"alphaMode": "MASK"}), (Alpha::Cutout, 0.5)),
@@ -797,7 +798,7 @@ fn material_values_out_of_range_are_errors() {
         ),
         (
             json!({"extras": {"alpha": "mask"}}),
-            "extras.alpha: unknown value \"mask\"; allowed: solid, coverage, cutout, reflectance",
+            "extras.alpha: unknown value \"mask\"; allowed: ignore, solid, coverage, cutout, reflectance",
         ),
         (json!({"extras": {"alpha_cutoff": 2}}), "extras.alpha_cutoff is 2; allowed: a number from 0 to 1"),
         (json!({"extras": {"blainder_metallic": 2}}), "extras.blainder_metallic is 2"),
