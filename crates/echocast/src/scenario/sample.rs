@@ -39,7 +39,6 @@ pub struct Scan {
     trajectory: Trajectory,
     frames: Vec<FrameTime>,
     options: ScanOptions,
-    set_fields: FieldSet,
 }
 
 /// When a frame starts.
@@ -78,11 +77,6 @@ impl Scan {
     /// Its frames; of a sonar, its pings.
     pub fn frames(&self) -> &[FrameTime] {
         &self.frames
-    }
-
-    /// Columns that its clouds have in a set.
-    pub(super) fn set_fields(&self) -> FieldSet {
-        self.set_fields
     }
 
     /// How its `frame`th frame is scanned, counted from 0.
@@ -300,7 +294,6 @@ fn scans(
             trajectory: mounted(&carrier, &mount)?,
             mount,
             frames: times,
-            set_fields: spec.set_fields(&sensor)?,
             options: ScanOptions {
                 fields: spec.fields(&sensor)?,
                 seed: draws.scan_seed(spec.seed, index as u32),

@@ -358,19 +358,11 @@ impl Spec {
         self.environment.read_files(folder)
     }
 
-    /// Columns of clouds of `sensor`.
+    /// Columns of clouds of `sensor`: its default columns, and what made each point, which learners leave out or weigh.
     ///
     /// # Errors
     /// A column that does not exist.
     pub fn fields(&self, sensor: &Sensor) -> Result<FieldSet> {
-        FieldSet::parse_with(&self.fields.join(","), sensor.default_fields())
-    }
-
-    /// Those in a set: its default columns say what points are of, too.
-    ///
-    /// # Errors
-    /// As there.
-    pub fn set_fields(&self, sensor: &Sensor) -> Result<FieldSet> {
         FieldSet::parse_with(&self.fields.join(","), sensor.default_fields().with(Field::Cause))
     }
 

@@ -71,7 +71,7 @@ impl Origin {
         let inputs = files.iter().map(digest).collect::<Result<_>>()?;
         let sensors = scenario.spec.sensors.iter().enumerate().map(|(index, entry)| {
             let sensor = stage.sensor(entry, &format!("sensors[{index}]"), folder)?;
-            let fields = scenario.spec.set_fields(&sensor)?;
+            let fields = scenario.spec.fields(&sensor)?;
             Ok(SensorNote {
                 name: entry.name.clone().unwrap_or_else(|| sensor.name().to_owned()),
                 title: sensor.title().to_owned(),

@@ -344,7 +344,7 @@ impl Maker<'_> {
         let mut pictures = Vec::new();
         for scan in 0..sample.scans().len() {
             for frame in 0..sample.scans()[scan].frames().len() {
-                let asked = sample.scans()[scan].set_fields();
+                let asked = sample.scans()[scan].options(frame).fields;
                 let boxes = self.styles.iter().map(|style| style.boxes(sample, scan, frame)).max();
                 sample.cloud_with(scan, frame, asked.union(needed), boxes.unwrap_or(Boxes::None), cloud)?;
                 if counts.add(cloud) == 0 {
