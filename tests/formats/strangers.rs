@@ -77,8 +77,6 @@ fn texts_of_other_programs_are_read() {
     assert_eq!((found.columns.red, found.columns.blue), (vec![255, 1], vec![9, 3]));
     let found = rows(b"//X Y Z Rf Gf Bf\n1 2 3 1 0.2 0\n4 5 6 0 0 1\n");
     assert_eq!((found.columns.red, found.columns.green), (vec![255, 0], vec![51, 0]));
-    // Numbers alone are rows where there is one column.
-    assert_eq!(rows(b"beam\n7\n9\n").columns.beam, [7, 9]);
     // Names in an older alphabet.
     assert_eq!(rows(b"X,Y,Z,H\xf6he\n1,2,3,4\n").len, 1);
 

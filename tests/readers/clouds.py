@@ -29,7 +29,7 @@ TABLES = ("category", "part", "material", "instance")
 POSE = ("sensor_position", "sensor_orientation_xyzw")
 ABOUT = [f"{table}_{what}" for table in TABLES for what in ("ids", "names")]
 ABOUT += ["coordinates", "intensity_full_scale", *POSE]
-POSITIONS = {"x": 0, "y": 1, "z": 2, "true_x": 0, "true_y": 1, "true_z": 2}
+POSITIONS = {stem + axis: index for stem in ("", "true_", "corrected_") for index, axis in enumerate("xyz")}
 
 
 def names(tables):

@@ -141,7 +141,6 @@ def listed_ply(name, text=False, order="<"):
 
 listed_ply("listed text.ply", text=True, order="=")
 listed_ply("listed little.ply")
-listed_ply("listed big.ply", order=">")
 write_ply("text.ply", text=True, order="=")
 write_ply("little.ply")
 write_ply("big.ply", order=">")

@@ -140,8 +140,7 @@ impl Layout {
                 }
                 continue;
             }
-            let alone = wrote_header && header.as_ref().is_some_and(|header| named(header).len() == 1);
-            if is_count(line) && !alone {
+            if is_count(line) {
                 counted = counted.or(Some((at, before)));
                 continue;
             }
