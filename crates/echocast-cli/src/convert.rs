@@ -15,7 +15,6 @@ Examples:
   echocast convert scan.las -o scan.pcd
   echocast convert scan.las -o scan.npz
   echocast convert scan.npz -o small.las --format las2
-  echocast convert station.xyz -o station.laz --columns x,y,z,intensity,red,green,blue
   echocast convert scan.las -o - --format laz | echocast info -")]
 pub struct Args {
     /// Cloud file of any format that echocast writes, or LAS, LAZ, PLY, PCD, E57, MCAP or text of another program; its content

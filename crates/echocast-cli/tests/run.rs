@@ -273,7 +273,7 @@ fn what_is_damaged_is_not_joined() {
     let lines = fs::read_to_string(&manifest).unwrap();
     let without = lines.replace("webdataset/.pieces/000001.tar", "data/000000/top.csv");
     fs::write(&manifest, without).unwrap();
-    fails("run --finish DIR/set", "has other contents");
+    fails("run --finish DIR/set", "damaged: data/000000/top.csv has ");
     for name in ["../room.glb", "/etc/hostname", "data/../../room.glb"] {
         fs::write(&manifest, lines.replace("webdataset/.pieces/000001.tar", name)).unwrap();
         for command in ["run --check-output DIR/set", "run --finish DIR/set", "run DIR/room.yaml -o DIR/set --resume"] {
@@ -342,7 +342,7 @@ fn sets_are_told_of_in_few_words() {
     assert!(noticed.iter().any(|noticed| noticed["samples"] == 5 && noticed["first"] == 0), "{noticed:?}");
     // Arrays are compressed, the same in both layouts of the file, and have the cause of each point.
     let [sample, plain] = ["set/data/000000/top.npz", "plain.npz"].map(|name| folder.join(name));
-    stdout(folder, "convert DIR/set/data/000000/top.npz -o DIR/plain.npz -q");
+    stdout(folder, "convert DIR/set/data/000000/top.npz -o DIR/plain.npz");
     let size = |path: &Path| fs::metadata(path).unwrap().len() as f64;
     assert!(size(&sample) < 0.6 * size(&plain), "{} of {}", size(&sample), size(&plain));
     let info: serde_json::Value =
@@ -420,7 +420,7 @@ fn what_is_wrong_is_one_sentence() {
             "outputs[0].style: unknown value \"plane\"; allowed: plain, semantic_kitti, kitti, nuscenes, webdataset, coco, voc, \
              files",
         ),
-        ("run DIR/street.yaml --set set.folder=\"\"", 2, "set.folder is \"\"; allowed: the name of a folder"),
+        ("run DIR/street.yaml --set set.folder=\"\"", 2, "set.folder: is \"\"; allowed: the name of a folder"),
         ("run DIR/street.yaml --preview DIR/x.png", 2, "--sample"),
         (
             "run DIR/street.yaml --set outputs=[{\"style\":\"files\",\"preview\":\"a.png\"}]",

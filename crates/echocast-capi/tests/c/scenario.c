@@ -127,7 +127,7 @@ static void reads(echocast_context *context)
     OK(echocast_sample_scan(sample, 1, 0, "category_id,instance_id,range,beam", &result));
     OK(echocast_result_boxes(result, &boxes));
     const echocast_box *box = ECHOCAST_AT(echocast_box, boxes, 0);
-    CHECK(boxes.count == 1 && box->points == 49 && box->t_ns == 450000000 && close_to(box->position[0], wall));
+    CHECK(boxes.count == 1 && box->points == 49 && box->t_ns >= 450000000 && box->t_ns < 650000000 && close_to(box->position[0], wall));
     OK(echocast_result_image(result, "range", &image));
     CHECK(image.width == 7 && image.height == 7 && close_to(((const float *)image.data)[24], wall - 1));
     OK(echocast_sample_scan(sample, 0, 0, "beam,range", &result));
