@@ -419,7 +419,7 @@ write_driver_bag("livox.mcap", XYZ + [("intensity", 12, "f4"), ("tag", 16, "u1")
 write_driver_bag("ouster.mcap", XYZ + [("intensity", 16, "f4"), ("t", 20, "u4"), ("reflectivity", 24, "u2"),
                                        ("ring", 26, "u2"), ("ambient", 28, "u2"), ("range", 32, "u4")],
                  48, (16, 8), ouster,
-                 lambda p: columns_of("ring", lambda p: STAMP + p["t"] * 1e-9)(p) | {"range": p["range"] * 1e-3},
+                 lambda p: columns_of("ring", lambda p: STAMP + p["t"] * 1e-9)(p) | {"range": (p["range"] * 1e-3).astype("f4")},
                  ["reflectivity", "ambient"])
 write_driver_bag("autoware.mcap", XYZ + [("intensity", 12, "u1"), ("return_type", 13, "u1"), ("channel", 14, "u2"),
                                          ("azimuth", 16, "f4"), ("elevation", 20, "f4"), ("distance", 24, "f4"),
