@@ -101,6 +101,7 @@ fn a_box_is_where_its_object_is() {
         for coordinates in [Frame::World, Frame::Sensor] {
             let options = ScanOptions { coordinates, ..options(BoxAxes::Object) };
             let cloud = built.scan(&sensor(), &Trajectory::fixed(sensor_pose), &options).unwrap();
+            let cloud_end = sensor().beams().period;
             let [found] = cloud.boxes.as_deref().unwrap() else { panic!("one box") };
             let into = |place: DVec3| match coordinates {
                 Frame::World => place,
@@ -111,7 +112,8 @@ fn a_box_is_where_its_object_is() {
             let frame = if coordinates == Frame::World { DQuat::IDENTITY } else { sensor_pose.orientation };
             assert_close("x", frame * found.pose.orientation * DVec3::X, turn * DVec3::X, 1e-9);
             assert_close("z", frame * found.pose.orientation * DVec3::Z, turn * DVec3::Z, 1e-9);
-            assert_eq!((found.frame, found.time, found.velocity), (3, 0.0, DVec3::ZERO));
+            assert_eq!((found.frame, found.velocity), (3, DVec3::ZERO));
+            assert!((0.0..cloud_end).contains(&found.time), "{}", found.time);
             assert_eq!((found.instance_id, found.track_id, found.category_id), (1, 1, 10));
             // Every point lies in its box, up to single precision.
             assert!(found.points > 50 && found.points as usize == cloud.len && found.visible == 1.0);
@@ -303,7 +305,7 @@ fn share_inside(cloud: &PointCloud, ids: std::ops::RangeInclusive<u32>) -> f64 {
             (all, inside) = (all + 1, inside + u32::from(out.max_element() < 0.05));
         }
     }
-    assert!(all > 300, "{all} points");
+    assert!(all > 100, "{all} points");
     f64::from(inside) / f64::from(all)
 }
 
@@ -376,7 +378,7 @@ fn points_come_back_to_the_start() {
         assert_eq!((&a.time, &a.range, &a.true_x, &a.true_y), (&b.time, &b.range, &b.true_x, &b.true_y));
         assert_eq!((&a.instance_id, &a.intensity), (&b.instance_id, &b.intensity));
         let moved = |row: usize| (raw.position(row) - cloud.position(row)).length();
-        assert!((0..cloud.len).any(|row| moved(row) > 1.0));
+        assert!((0..cloud.len).any(|row| moved(row) > 0.5));
     }
     // In the sensor's frame at the start they are those of the world.
     let [world, sensor] = [Frame::World, Frame::Sensor].map(|coordinates| scanned(coordinates, true));
