@@ -79,7 +79,7 @@ def kitti(root):
                 flat = flat[:2] / flat[2]
                 ends = numpy.array([flat.min(axis=1), flat.max(axis=1)]).clip(0, [width - 1, height - 1])
                 away = numpy.abs(ends - [[left, top], [right, bottom]]).max()
-                # What leans does so in the image alone.
+                # What leans does so in the image alone; what moves is in the image where the camera sees it.
                 assert away < 2
                 found["leaning"] += bool(away > 0.01)
             own = (seen - [x, y, z]) @ axes
