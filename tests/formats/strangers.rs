@@ -63,7 +63,7 @@ fn texts_of_other_programs_are_read() {
         for (found, wanted) in positions(&cloud).iter().flatten().zip(PLACES.as_flattened()) {
             assert!((found - wanted).abs() < 1e-6, "{text:?}: {:?}", positions(&cloud));
         }
-        let wanted = FieldSet::parse(&format!("x,y,z,{columns}").replace(",,", ",").trim_end_matches(',')).unwrap();
+        let wanted = FieldSet::parse(format!("x,y,z,{columns}").replace(",,", ",").trim_end_matches(',')).unwrap();
         assert_eq!((cloud.fields, cloud.len), (wanted, 2), "{text:?}");
         assert_eq!(report.warnings.is_empty(), told.is_empty(), "{text:?}: {report:?}");
         assert!(told.is_empty() || said(&report, told), "{text:?}: {report:?}");

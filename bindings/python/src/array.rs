@@ -20,7 +20,7 @@ pub fn numbers<'py, T: Element, D: Dimension>(
     }
     let py = value.py();
     let wanted = (name, value, numpy::dtype::<T>(py), D::NDIM, shape);
-    Ok(py.import("echocast._arrays")?.call_method1("numbers", wanted)?.extract().map_err(PyErr::from)?)
+    Ok(py.import("echocast._arrays")?.call_method1("numbers", wanted)?.extract()?)
 }
 
 /// The rows of `array`, which the argument `name` is: `N` numbers each.

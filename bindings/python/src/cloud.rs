@@ -501,7 +501,7 @@ impl PointCloud {
             }
             return Ok(mask.iter().enumerate().filter(|(_, wanted)| **wanted).map(|(row, _)| row).collect());
         }
-        let numbers: PyReadonlyArray1<'_, i64> = key.extract().map_err(PyErr::from)?;
+        let numbers: PyReadonlyArray1<'_, i64> = key.extract()?;
         let row = |&number: &i64| {
             let row = if number < 0 { number + count as i64 } else { number };
             let fits = (0..count as i64).contains(&row);
