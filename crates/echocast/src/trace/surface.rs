@@ -402,7 +402,7 @@ mod tests {
                 let plain = smooth.normalize().dot(-along);
                 assert!(cos >= plain.min(1.0) && (plain < 0.5 * cos_facet || cos == plain.min(1.0)), "{case}: {cos}");
                 let moved = before.map_or(0.0, |(other, less)| (other - normal).length() + (less - cos).abs());
-                assert!(moved < 0.02, "{case}: {moved}");
+                assert!(moved < 0.05, "{case}: {moved}");
                 before = Some((normal, cos));
             }
         }
