@@ -836,7 +836,9 @@ fn the_readme_says_what_a_set_is() {
     let entry = json!([{"path": "../room.obj", "bytes": 1, "sha256": ""}]);
     fs::write(made.join("files.json"), entry.to_string()).unwrap();
     let error = set::finish(&made).unwrap_err().to_string();
-    assert!(error.contains("names \"../room.obj\", which is not in the set") && folder.path().join("room.obj").exists());
+    assert!(
+        error.contains("names \"../room.obj\", which is not in the set") && folder.path().join("room.obj").exists()
+    );
 }
 
 #[test]
