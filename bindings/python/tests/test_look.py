@@ -124,7 +124,7 @@ def test_what_is_missing_is_told(
     with pytest.raises(ec.UnsupportedError, match="there is no program"):
         cloud.show()
     monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(ImportError, match=r"pip install echocast\[look\]"):
+    with pytest.raises(ImportError, match="pip install rerun-sdk"):
         cloud.show(path=tmp_path / "a.rrd")
 
 
