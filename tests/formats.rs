@@ -674,7 +674,9 @@ fn bags_are_those_of_the_makers_driver() {
     }
     for ((preset, _, _, turned, cloud), file) in scans.iter().zip(&files) {
         let back = PointCloud::read(file).unwrap();
-        assert_eq!((back.driver, back.len, back.organised), (cloud.driver, cloud.len, cloud.organised), "{preset}");
+        // One row is no image.
+        let organised = cloud.organised.filter(|[rows, _]| *rows > 1);
+        assert_eq!((back.driver, back.len, back.organised), (cloud.driver, cloud.len, organised), "{preset}");
         // By beam again, where the driver has other rows.
         let mut rows: Vec<usize> = (0..cloud.len).collect();
         if cloud.organised.is_some() && *turned && cloud.driver == Some(Driver::Velodyne) {
