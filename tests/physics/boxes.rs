@@ -322,9 +322,10 @@ fn points_of_what_moves_lie_in_its_box() {
     };
     for coordinates in [Frame::World, Frame::Sensor] {
         let cloud = scanned(coordinates, BoxTime::Scan);
-        assert!(share_inside(&cloud, 1..=4) >= 0.995, "{}", share_inside(&cloud, 1..=4));
+        // The ends of a car that is near and fast are met when it is some 6 cm from there.
+        assert!(share_inside(&cloud, 1..=4) >= 0.99, "{}", share_inside(&cloud, 1..=4));
         assert!(share_inside(&cloud, 5..=5) >= 0.999, "{}", share_inside(&cloud, 5..=5));
-        for found in cloud.boxes.as_deref().unwrap() {
+        for found in cloud.boxes.as_deref().unwrap().iter().filter(|found| found.points > 0) {
             let rows = (0..cloud.len).filter(|&row| cloud.columns.instance_id[row] == found.instance_id);
             let times: Vec<f64> = rows.map(|row| cloud.columns.time[row]).collect();
             assert_near("time", found.time, times.iter().sum::<f64>() / times.len() as f64, 1e-9);
