@@ -402,7 +402,8 @@ mod tests {
                 let plain = smooth.normalize().dot(-along);
                 assert!(cos >= plain.min(1.0) && (plain < 0.5 * cos_facet || cos == plain.min(1.0)), "{case}: {cos}");
                 let moved = before.map_or(0.0, |(other, less)| (other - normal).length() + (less - cos).abs());
-                assert!(moved < 0.05, "{case}: {moved}");
+                // Past the ray itself, 0.02 aside, what is across it turns most: by 0.0016 / 0.02.
+                assert!(moved < 0.09, "{case}: {moved}");
                 before = Some((normal, cos));
             }
         }
