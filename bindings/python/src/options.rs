@@ -99,7 +99,7 @@ impl Asked {
         Ok(asked)
     }
 
-    /// Where the sensor is: where nobody says it, at 0, 0, 0, which is told, with one of the `cameras` that the scene has.
+    /// Where the sensor is. Without `at` it stands at 0, 0, 0, with a warning that suggests one of the scene's `cameras`.
     pub fn path(&self, py: Python<'_>, cameras: impl FnOnce() -> Vec<String>) -> PyResult<Trajectory> {
         if let Some(path) = &self.path {
             return Ok(path.clone());

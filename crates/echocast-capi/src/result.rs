@@ -363,7 +363,7 @@ impl Packing {
     /// many these are.
     ///
     /// # Safety
-    /// The pointers are NULL or to as much as they say, which nobody else uses meanwhile.
+    /// Each pointer is NULL or valid for the size given with it, and no other thread uses that memory during the call.
     pub unsafe fn fill(
         &self,
         fields: FieldSet,
@@ -407,7 +407,7 @@ impl Room {
     /// argument with the value `value` that says so.
     ///
     /// # Safety
-    /// The pointers are NULL or to as much as they say, which nobody else uses meanwhile.
+    /// Each pointer is NULL or valid for the size given with it, and no other thread uses that memory during the call.
     pub unsafe fn bytes<'a>(
         self,
         name: &str,
@@ -432,8 +432,8 @@ impl Room {
         }
         let to = self.to.cast();
         text::check_array(to, room, "to")?;
-        // SAFETY: as the caller promises: room for so many bytes, which nobody else uses meanwhile. They are only written,
-        // and bytes may hold anything.
+        // SAFETY: by the caller's promise `to` is valid for `capacity` bytes and not used elsewhere; `room` is no more than
+        // that. The bytes are only written, and any value is valid.
         Ok(Some(unsafe { std::slice::from_raw_parts_mut(to, room) }))
     }
 }

@@ -95,16 +95,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let done = match cli.command {
         // Without a command, that is all there is to do.
         None => print_version(cli.verbose),
-        Some(Command::Scan(args)) => scan::run(&args),
-        Some(Command::Run(args)) => run::run(&args),
-        Some(Command::Sensors(args)) => sensors::run(&args),
-        Some(Command::Info(args)) => info::run(&args),
-        Some(Command::Convert(args)) => convert::run(&args),
-        Some(Command::Preview(args)) => preview::run(&args),
-        Some(Command::Generate(args)) => generate::run(&args),
-        Some(Command::Formats(args)) => formats::run(&args),
-        Some(Command::Bench(args)) => bench::run(&args),
-        Some(Command::Completions(args)) => completions::run::<Cli>(&args),
+        Some(command) => command.run(),
     };
     match done {
         Ok(()) => 0,
@@ -117,6 +108,23 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
                 let _ = writeln!(std::io::stderr(), "error: {}", text::one_line(&error));
             }
             code
+        }
+    }
+}
+
+impl Command {
+    fn run(self) -> anyhow::Result<()> {
+        match self {
+            Command::Scan(args) => scan::run(&args),
+            Command::Run(args) => run::run(&args),
+            Command::Sensors(args) => sensors::run(&args),
+            Command::Info(args) => info::run(&args),
+            Command::Convert(args) => convert::run(&args),
+            Command::Preview(args) => preview::run(&args),
+            Command::Generate(args) => generate::run(&args),
+            Command::Formats(args) => formats::run(&args),
+            Command::Bench(args) => bench::run(&args),
+            Command::Completions(args) => completions::run::<Cli>(&args),
         }
     }
 }

@@ -179,11 +179,11 @@ impl Bag {
 impl Growing for Bag {
     fn add(&mut self, cloud: &PointCloud) -> io::Result<()> {
         let stamp = Stamp::of(cloud.begins());
-        let from = if cloud.frame == Frame::World { placed(cloud).1.position } else { DVec3::ZERO };
-        self.coarse |= reach(cloud, from) > NEAR;
-        let message = transforms(self.message(), cloud, self.images.is_some(), stamp)?;
+        let frame = PointFrame::of(cloud);
+        self.coarse |= frame.coarse;
+        let message = transforms(self.message(), cloud, &frame, self.images.is_some(), stamp)?;
         self.bytes = send(&mut self.writer, &mut self.transforms, stamp, message)?;
-        let message = points(self.message(), self.driver, cloud, stamp)?;
+        let message = points(self.message(), self.driver, cloud, &frame, stamp)?;
         self.bytes = send(&mut self.writer, &mut self.points, stamp, message)?;
         if let Some(boxes) = &cloud.boxes {
             let message = detections(self.message(), cloud, boxes, stamp)?;
@@ -235,15 +235,20 @@ fn io_error(error: McapError) -> io::Error {
 }
 
 /// Where the sensor is, and how its images lie.
-fn transforms(mut message: Message, cloud: &PointCloud, images: bool, stamp: Stamp) -> io::Result<Message> {
+fn transforms(
+    mut message: Message,
+    cloud: &PointCloud,
+    frame: &PointFrame,
+    images: bool,
+    stamp: Stamp,
+) -> io::Result<Message> {
     let optical = Pose { orientation: Intrinsics::FROM_OPTICAL, ..Pose::IDENTITY };
     let mut told = vec![(MAP, SENSOR, cloud.sensor_pose)];
     if images {
         told.push((SENSOR, OPTICAL, optical));
     }
-    let (frame, pose) = placed(cloud);
-    if frame == LOCAL {
-        told.push((MAP, LOCAL, pose));
+    if frame.name == LOCAL {
+        told.push((MAP, LOCAL, frame.pose));
     }
     message.count(told.len())?;
     for (frame, child, pose) in &told {
@@ -324,7 +329,13 @@ fn detections(mut message: Message, cloud: &PointCloud, boxes: &[InstanceBox], s
 }
 
 /// The points of `cloud`, as `driver` publishes them.
-fn points(mut message: Message, driver: Option<Driver>, cloud: &PointCloud, stamp: Stamp) -> io::Result<Message> {
+fn points(
+    mut message: Message,
+    driver: Option<Driver>,
+    cloud: &PointCloud,
+    frame: &PointFrame,
+    stamp: Stamp,
+) -> io::Result<Message> {
     let mut shape = cloud.organised.map_or([1, cloud.len], |shape| shape.map(|count| count as usize));
     let turned;
     let mut cloud = cloud;
@@ -334,8 +345,7 @@ fn points(mut message: Message, driver: Option<Driver>, cloud: &PointCloud, stam
     }
     let ([height, width], known) = (shape, driver.unwrap_or(Driver::Velodyne));
     let (fields, items, step) = record_of(known, cloud, stamp);
-    let (frame, pose) = placed(cloud);
-    message.header(stamp, frame)?;
+    message.header(stamp, frame.name)?;
     message.count(height)?;
     message.count(width)?;
     message.count(fields.len())?;
@@ -350,7 +360,7 @@ fn points(mut message: Message, driver: Option<Driver>, cloud: &PointCloud, stam
     message.count(width.saturating_mul(step))?;
     let bytes = message.zeros(cloud.len.saturating_mul(step))?;
     cloud.pack(&items, step, bytes).map_err(io::Error::other)?;
-    cloud.put_made(known, step, &pose, bytes);
+    cloud.put_made(known, step, &frame.pose, bytes);
     // Hesai's driver never says so.
     let dense = driver != Some(Driver::Hesai)
         && [&cloud.columns.x, &cloud.columns.y, &cloud.columns.z].into_iter().flatten().all(|x| x.is_finite());
@@ -358,12 +368,28 @@ fn points(mut message: Message, driver: Option<Driver>, cloud: &PointCloud, stam
     Ok(message)
 }
 
-/// The frame of the points of `cloud`, and where it is in the world: the sensor, unless f32 is too coarse from there, as
-/// where the pose of the sensor is not known. Around the origin of the cloud it is as fine as in the cloud.
-fn placed(cloud: &PointCloud) -> (&'static str, Pose) {
-    let sensor = (SENSOR, cloud.sensor_pose);
-    let far = cloud.frame == Frame::World && reach(cloud, cloud.sensor_pose.position) > NEAR;
-    if far { (LOCAL, Pose { position: cloud.origin, ..Pose::IDENTITY }) } else { sensor }
+/// The frame of the points of a cloud.
+struct PointFrame {
+    name: &'static str,
+    /// Where it is in the world.
+    pose: Pose,
+    /// Whether points are too far from it for f32.
+    coarse: bool,
+}
+
+impl PointFrame {
+    /// The sensor, unless f32 is too coarse from there, as where the pose of the sensor is not known. Around the origin of
+    /// the cloud it is as fine as in the cloud.
+    fn of(cloud: &PointCloud) -> PointFrame {
+        let is_world = cloud.frame == Frame::World;
+        let from = if is_world { cloud.sensor_pose.position } else { DVec3::ZERO };
+        let far = reach(cloud, from) > NEAR;
+        if !(far && is_world) {
+            return PointFrame { name: SENSOR, pose: cloud.sensor_pose, coarse: far };
+        }
+        let coarse = reach(cloud, cloud.origin) > NEAR;
+        PointFrame { name: LOCAL, pose: Pose { position: cloud.origin, ..Pose::IDENTITY }, coarse }
+    }
 }
 
 /// How far the points of `cloud` are along an axis from `from`, at most.

@@ -20,7 +20,7 @@ use std::io::Read as _;
 const COLUMNS: usize = 4096;
 /// Most lines before the points.
 const BEFORE: usize = 1000;
-/// Numbers of the first rows that tell what columns may be.
+/// How many numbers of the first rows are read to guess what the columns are.
 const SAMPLE: usize = 20_000;
 /// How texts of 16 bits begin.
 const WIDE: [&[u8]; 2] = [b"\xff\xfe", b"\xfe\xff"];

@@ -154,7 +154,7 @@ mod tests {
         assert_eq!(factor("t", Number::U32), Some(1e-9));
         assert_eq!(factor("Z (mm)", Number::F32), Some(1e-3));
         assert_eq!(factor("Rf", Number::U8), Some(255.0));
-        // A range in decibels is none, and what PCV is nobody knows.
+        // An angle is no range, and PCV (CloudCompare's sky visibility) has no column.
         assert_eq!((factor("range (deg)", Number::F32), factor("Illuminance (PCV)", Number::F32)), (None, None));
     }
 }

@@ -237,23 +237,9 @@ impl BuiltScene {
         cloud: &mut PointCloud,
         progress: Option<Progress>,
     ) -> Result<()> {
-        self.scan_counted(sensor, trajectory, options, cloud, progress)?;
-        cloud.time_zero = trajectory.time_zero();
-        Ok(())
-    }
-
-    /// [`BuiltScene::scan_watched`], with the points of each box if there are boxes.
-    fn scan_counted(
-        &self,
-        sensor: &Sensor,
-        trajectory: &Trajectory,
-        options: &ScanOptions,
-        cloud: &mut PointCloud,
-        progress: Option<Progress>,
-    ) -> Result<()> {
         if options.boxes.is_none() {
             self.scan_points(sensor, trajectory, options, cloud, progress)?;
-            cloud.boxes = None;
+            (cloud.boxes, cloud.time_zero) = (None, trajectory.time_zero());
             return Ok(());
         }
         // Before anything is scanned into the cloud, which stays as it is if there are none.
@@ -265,7 +251,7 @@ impl BuiltScene {
         let counted = ScanOptions { fields, ..options.clone() };
         self.scan_points(sensor, trajectory, &counted, cloud, progress)?;
         let done = self.boxes(sensor, trajectory, options, cloud).and_then(|boxes| {
-            cloud.boxes = Some(boxes);
+            (cloud.boxes, cloud.time_zero) = (Some(boxes), trajectory.time_zero());
             cloud.fields = options.fields;
             cloud.columns.resize(options.fields, cloud.len)
         });

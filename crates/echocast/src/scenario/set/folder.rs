@@ -201,7 +201,7 @@ pub(super) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
 /// How the names of the folders end in which samples are made.
 const UNFINISHED: &str = ".unfinished";
 
-/// A folder for the files of a sample while it is made, under a name that nobody else has; removed with what is left in
+/// A folder for the files of a sample while it is made, under a name that no other process uses; removed with what is left in
 /// it.
 #[derive(Debug)]
 pub(super) struct Making(PathBuf);

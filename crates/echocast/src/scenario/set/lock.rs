@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 /// How the names of lock files begin; that of the whole set has no more.
 const NAME: &str = ".lock";
 
-/// A set, or a shard of it, that nobody else writes to while this lives.
+/// The exclusive right to write to a set, or to a shard of it, for as long as this lives.
 #[derive(Debug)]
 pub(super) struct Lock {
     /// The last is given back first.

@@ -177,9 +177,9 @@ pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sy
         summary.warnings.push(Noticed { warning, samples: 0, first: 0 });
     }
     if options.shard.is_none() {
-        let entries = manifest::read(&root)?;
-        if folder::missing(&folder::need_origin(&root)?, &entries).is_none() {
-            write_whole(&root)?;
+        let (origin, entries) = (folder::need_origin(&root)?, manifest::read(&root)?);
+        if folder::missing(&origin, &entries).is_none() {
+            write_whole(&root, &origin, entries)?;
             summary.complete = true;
         }
     }
@@ -200,12 +200,13 @@ const UNLOCKED: &str = "its file system has no locks: nothing keeps another run 
 pub fn finish(root: &Path) -> Result<()> {
     let origin = folder::need_origin(root)?;
     let _lock = Lock::of_set(root)?;
-    for entry in all_entries(root, &origin)?.values() {
+    let entries = all_entries(root, &origin)?;
+    for entry in entries.values() {
         if let Some(fault) = folder::damages(root, &origin, entry).next() {
             return Err(damaged(fault));
         }
     }
-    write_whole(root)
+    write_whole(root, &origin, entries)
 }
 
 /// [`finish`] of a set of which only those files need to be in `root` that something is joined of, as where the others
@@ -214,29 +215,27 @@ pub fn finish(root: &Path) -> Result<()> {
 /// # Errors
 /// As there.
 pub fn complete(root: &Path) -> Result<()> {
-    folder::need_origin(root)?;
+    let origin = folder::need_origin(root)?;
     let _lock = Lock::of_set(root)?;
-    write_whole(root)
+    write_whole(root, &origin, all_entries(root, &origin)?)
 }
 
-/// [`complete`] by who has the lock of the set.
-fn write_whole(root: &Path) -> Result<()> {
-    let origin = folder::need_origin(root)?;
-    let entries = all_entries(root, &origin)?;
-    folder::sweep(root, &origin)?;
+/// [`complete`] for the holder of the set's lock, with all `entries` of its manifests.
+fn write_whole(root: &Path, origin: &Origin, entries: BTreeMap<u64, Entry>) -> Result<()> {
+    folder::sweep(root, origin)?;
     let logs = manifest::logs(root)?;
     let (spec, document) = origin.spec()?;
     let styles = style::all(&spec.outputs, &document)?;
     let licence = spec.set.licence;
-    let mut whole = Whole::new(root, &origin, entries, spec.set.splits, spec.seed);
+    let mut whole = Whole::new(root, origin, entries, spec.set.splits, spec.seed);
     whole.licence.clone_from(&licence);
     whole.write_splits()?;
     styles.iter().try_for_each(|style| style.join(&mut whole))?;
-    let readme = readme::text(&origin, &whole, &styles, licence.as_deref());
+    let readme = readme::text(origin, &whole, &styles, licence.as_deref());
     whole.write("README.md", &mut |out| out.write_all(readme.as_bytes()))?;
     whole.finish()?;
     manifest::write(root, &whole.entries)?;
-    report::write(root, &origin, &whole.entries)?;
+    report::write(root, origin, &whole.entries)?;
     for path in logs {
         fs::remove_file(&path).map_err(|source| Error::Io { path, source })?;
     }

@@ -165,7 +165,7 @@ impl<'w> Whole<'w> {
     }
 }
 
-/// What is told of a set in which something is not as it was written.
+/// The error for a set with a file that has changed since it was written.
 pub(super) fn damaged(fault: String) -> Error {
     Error::invalid("the set", format!("damaged: {fault}"), "a set as it was written; `echocast run --resume` mends it")
 }
