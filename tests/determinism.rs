@@ -3,7 +3,7 @@
 
 use echocast::cloud::FIELDS;
 use echocast::emitter::Pattern;
-use echocast::material::{RetroSample, Scattering};
+use echocast::material::{Alpha, RetroSample, Scattering};
 use echocast::scene::Material;
 use echocast::{
     BoxAxes, BuiltScene, Cause, Engine, Environment, Field, FieldSet, Frame, LiveScene, Order, Ping, PointCloud, Pose,
@@ -15,7 +15,7 @@ use echocast_tests::run_at_other_levels;
 use glam::{DAffine3, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Balls, smooth and flat, single and as copies; between them mirrors, panes, and balls of glass.
+/// Balls, smooth and flat, single and as copies; between them mirrors, panes, veils, and balls of glass.
 fn scene() -> BuiltScene {
     scene_with(&Engine::new().unwrap())
 }
@@ -29,12 +29,15 @@ fn scene_with(engine: &Engine) -> BuiltScene {
     let mirror = scene.material(Material { metallic: 0.8, base_color: [0.9; 4], ..smooth("mirror") });
     let pane = scene.material(Material { transmission: 1.0, pane_m: Some(0.004), dirt: 0.02, ..smooth("pane") });
     let glass = scene.material(Material { transmission: 1.0, thickness_m: 1.0, ..smooth("glass") });
+    let veil = Material { alpha: Alpha::Coverage, base_color: [0.4, 0.4, 0.4, 0.5], ..smooth("veil") };
+    let veil = scene.material(veil);
     let samples = vec![RetroSample { angle_deg: 70.0, cd_lx_m2: 250.0 }];
     let sign = scene.material(Material { scattering: Scattering::RetroReflector { samples }, ..smooth("sign") });
     for (shape, material) in [
         (Shape::plate(DVec3::ZERO, DVec3::X, 1.0), mirror),
         (Shape::plate(DVec3::ZERO, DVec3::X, 1.0), pane),
         (Shape::sphere(0.7, 12), glass),
+        (Shape::plate(DVec3::ZERO, DVec3::X, 1.0), veil),
     ] {
         let mesh = scene.mesh([(shape, Some(material))]);
         for _ in 0..6 {

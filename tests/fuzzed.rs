@@ -98,6 +98,11 @@ fn cloud() {
 }
 
 #[test]
+fn hdf5() {
+    fuzz("hdf5", 1500, &[], targets::hdf5::run);
+}
+
+#[test]
 fn scenario() {
     fuzz("scenario", 1500, &[], |bytes| {
         if let Ok(text) = std::str::from_utf8(bytes) {

@@ -7,6 +7,7 @@ pub mod cloud;
 mod common;
 pub mod fbx;
 pub mod gltf;
+pub mod hdf5;
 pub mod obj;
 pub mod ply;
 pub mod scenario;

@@ -1,6 +1,5 @@
 //! The `echocast` program: arguments, progress and printing. The work is the library's. A crate of its own, because the
 //! Python package brings the program too.
-#![forbid(unsafe_code)]
 
 mod bench;
 mod choice;

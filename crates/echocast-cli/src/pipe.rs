@@ -9,10 +9,22 @@ use serde_json::Value;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use tempfile::{NamedTempFile, TempDir};
 
 /// Bytes that are copied at once.
 const PIECE: usize = 1 << 20;
+
+/// Whether standard output was closed when the program was started.
+static CLOSED: AtomicBool = AtomicBool::new(false);
+
+/// Rust's runtime opens the null device in its place, before `main`, where all that is written is lost.
+#[allow(unsafe_code)] // it asks the system and no one else, for the library of Rust is not ready
+#[ctor::ctor(unsafe)]
+fn look_at_standard_output() {
+    let is_open = rustix::io::fcntl_getfd(rustix::stdio::stdout()).is_ok();
+    CLOSED.store(!is_open, Ordering::Relaxed);
+}
 
 /// Whether `file` stands for standard input or output.
 pub fn is_standard(file: &Path) -> bool {
@@ -76,10 +88,7 @@ impl Outgoing {
     }
 
     pub fn new() -> Result<Outgoing> {
-        ensure!(
-            !is_closed()?,
-            "-o -: standard output is closed, or the null device, opened for reading as well; allowed: a pipe, a file"
-        );
+        ensure!(!CLOSED.load(Ordering::Relaxed), "-o -: standard output is closed; allowed: a pipe, a file");
         TempDir::new().map(Outgoing).context("-o -")
     }
 
@@ -91,13 +100,15 @@ impl Outgoing {
     /// Copies it, in the format called `format`, to standard output. A reader that has seen enough is not an error.
     pub fn pour(self, format: &str, report: &mut Report) -> Result<()> {
         let cloud = File::open(self.place()).context("-o -")?;
-        if let Ok(labels) = fs::read_to_string(export::labels_path(&self.place())) {
+        let labels = fs::read_to_string(export::labels_path(&self.place())).unwrap_or_default();
+        let names = names(&labels);
+        if !names.is_empty() {
             let holding =
                 export::FORMATS.iter().filter(|format| format.info().holds_label_names).map(|format| format.name());
             report.warn(format!(
                 "-o -: {format} has no room for the names of labels, which are lost; formats that have: {}{}",
                 holding.collect::<Vec<_>>().join(", "),
-                names(&labels)
+                names
             ));
         }
         // Its names are gone before a reader lets this wait.
@@ -108,17 +119,6 @@ impl Outgoing {
             Side::To => Err(error.context("stdout")),
         })
     }
-}
-
-/// Whether standard output is closed. In its place, Rust has then opened the null device, for reading as well, which a
-/// shell does not.
-fn is_closed() -> Result<bool> {
-    use rustix::fs::{OFlags, fcntl_getfl, fstat, stat};
-    let stdout = rustix::stdio::stdout();
-    let Ok(flags) = fcntl_getfl(stdout) else { return Ok(true) };
-    let found = fstat(stdout).context("-o -: standard output")?;
-    let null = stat("/dev/null").is_ok_and(|null| null.st_rdev == found.st_rdev && null.st_mode == found.st_mode);
-    Ok(null && flags & OFlags::RWMODE == OFlags::RDWR)
 }
 
 /// What the categories and parts of `labels`, the JSON beside a cloud, are called, as the end of a sentence: the first few.

@@ -146,7 +146,7 @@ fn a_closed_standard_output_is_an_error() {
     let closed = shell(">&-");
     assert_eq!(closed.status.code(), Some(1));
     assert!(stderr(&closed).contains("-o -: standard output is closed"), "{}", stderr(&closed));
-    for to in ["> /dev/null", "| head -c 1"] {
+    for to in ["> /dev/null", "1<> /dev/null", "| head -c 1"] {
         assert!(shell(to).status.success(), "{to}");
     }
 }
