@@ -106,9 +106,8 @@ impl Outgoing {
             let holding =
                 export::FORMATS.iter().filter(|format| format.info().holds_label_names).map(|format| format.name());
             report.warn(format!(
-                "-o -: {format} has no room for the names of labels, which are lost; formats that have: {}{}",
+                "-o -: {format} has no room for the names of labels, which are lost; formats that have: {}{names}",
                 holding.collect::<Vec<_>>().join(", "),
-                names
             ));
         }
         // Its names are gone before a reader lets this wait.
