@@ -264,7 +264,7 @@ fn boxes_move_with_their_objects() {
     assert_close("velocity", found.velocity, DQuat::from_rotation_z(-std::f64::consts::FRAC_PI_2) * over_ground, 0.01);
 }
 
-/// 720 columns of 40 beams all round, from straight ahead on, in 0.1 s.
+/// 720 columns of 40 beams all round, from straight behind on, in 0.1 s.
 fn spinning() -> Sensor {
     let yaml = "
 name: round
@@ -343,6 +343,25 @@ fn points_of_what_moves_lie_in_its_box() {
     let mut live = scene([Object { mask: 2, ..hidden }]);
     let cloud = live.commit().unwrap().scan(&spinning(), &Trajectory::fixed(Pose::IDENTITY), &far).unwrap();
     assert_near("time", cloud.boxes.unwrap()[0].time, 0.3 + 0.5 * spinning().beams().last_time(), 1e-12);
+}
+
+/// What a turn meets at its beginning and again at its end has its box where the most points are, not in between.
+#[test]
+fn boxes_at_the_seam_of_a_turn_hold_points() {
+    let car = mesh(Shape::cuboid(DVec3::new(-2.0, -0.9, -0.7), DVec3::new(2.0, 0.9, 0.7)));
+    // Behind, where the turn begins, more of it on one side; driving off.
+    let mut live = scene([thing(&car, at(-8.0, 0.3, 0.0))]);
+    let id = live.objects().next().unwrap().0;
+    live.set_motion(id, &[(0.0, at(-8.0, 0.3, 0.0)), (1.0, at(-20.0, 0.3, 0.0))]).unwrap();
+    live.set_time(0.0, 0.2).unwrap();
+    let built = live.commit().unwrap();
+    let cloud = built.scan(&spinning(), &Trajectory::fixed(Pose::IDENTITY), &options(BoxAxes::Object)).unwrap();
+    let [found] = cloud.boxes.as_deref().unwrap() else { panic!("one box") };
+    let early = cloud.columns.time.iter().filter(|&&time| time < 0.05).count();
+    let larger = early.max(cloud.len - early) as f64 / cloud.len as f64;
+    assert!(early > 20 && cloud.len - early > 20 && larger < 0.8, "{early} of {}", cloud.len);
+    assert!(found.time < 0.01 || found.time > 0.09, "{}", found.time);
+    assert!(share_inside(&cloud, 1..=1) >= 0.99 * larger, "{}", share_inside(&cloud, 1..=1));
 }
 
 /// Points that are brought to the start are those of a scene that holds still then, seen from where the sensor was: on the

@@ -1,7 +1,8 @@
 //! Numbers at the ends of what is allowed: they make points, or an error, but no points that are nowhere.
 
+use echocast::cloud::FIELDS;
 use echocast::scene::Material;
-use echocast::{BuiltScene, Environment, FieldSet, Pose, ScanOptions, Sensor, SensorKind, Trajectory};
+use echocast::{BuiltScene, Environment, Field, FieldSet, Pose, ScanOptions, Sensor, SensorKind, Trajectory};
 use echocast_tests::reference::{SceneBuilder, Shape};
 use glam::DVec3;
 use serde_json::Value;
@@ -115,21 +116,30 @@ fn scene(material: Option<Material>) -> BuiltScene {
     scene.finish().build().unwrap()
 }
 
+/// How many scans there were, and how many points of them: most numbers are no error, and show something.
+#[derive(Default)]
+struct Made {
+    scans: usize,
+    points: usize,
+}
+
 /// What is wrong with a scan; an error is nothing wrong.
-fn fault(scene: &BuiltScene, sensor: &Sensor, environment: &Environment) -> Option<String> {
+fn fault(scene: &BuiltScene, sensor: &Sensor, environment: &Environment, made: &mut Made) -> Option<String> {
     let options = ScanOptions { fields: FieldSet::all(), environment: environment.clone(), ..ScanOptions::default() };
     let place = Trajectory::fixed(Pose::at(0.0, 0.0, 0.0));
     let scanned = catch_unwind(AssertUnwindSafe(|| scene.scan(sensor, &place, &options)));
     let Ok(scanned) = scanned else { return Some("panics".into()) };
     let cloud = scanned.ok()?;
-    let c = &cloud.columns;
-    for (name, column) in [("x", &c.x), ("y", &c.y), ("z", &c.z), ("range", &c.range)] {
-        if let Some(row) = column.iter().position(|value| !value.is_finite()) {
-            return Some(format!("{name} of row {row} of {} is {}", cloud.len, column[row]));
+    (made.scans, made.points) = (made.scans + 1, made.points + cloud.len);
+    // Some columns say of themselves when they are no numbers.
+    let sure = FIELDS.iter().filter(|info| cloud.fields.contains(info.field) && !info.meaning.contains("NaN"));
+    for (info, row) in sure.flat_map(|info| (0..cloud.len).map(move |row| (info, row))) {
+        let value = cloud.column(info.field).get_f64(row);
+        if value.is_nan() || value.is_infinite() && info.field != Field::Intensity {
+            return Some(format!("{} of row {row} of {} is {value}", info.name, cloud.len));
         }
     }
-    let row = c.intensity.iter().position(|value| value.is_nan())?;
-    Some(format!("intensity of row {row} of {} is NaN", cloud.len))
+    None
 }
 
 fn environment_of(sensor: &Sensor) -> Environment {
@@ -139,11 +149,11 @@ fn environment_of(sensor: &Sensor) -> Environment {
 /// Scans with one of each `part` numbers that the keys of sensors can have.
 fn check_sensors(part: usize) {
     let scene = scene(None);
-    let (mut faults, mut count) = (String::new(), 0);
+    let (mut faults, mut count, mut tried, mut made) = (String::new(), 0, 0, Made::default());
     for text in SENSORS {
         let sensor = Sensor::from_yaml(text, "").unwrap_or_else(|error| panic!("{error}"));
         let environment = environment_of(&sensor);
-        assert_eq!(fault(&scene, &sensor, &environment), None, "{}", sensor.name());
+        assert_eq!(fault(&scene, &sensor, &environment, &mut made), None, "{}", sensor.name());
         let (tree, mut keys) = (serde_json::to_value(sensor.spec()).unwrap(), Vec::new());
         numbers(&tree, "", &mut keys);
         assert!(keys.len() > 5, "{keys:?}");
@@ -163,18 +173,25 @@ fn check_sensors(part: usize) {
                 if count % part != 0 {
                     continue;
                 }
+                tried += 1;
                 let text = if whole { format!("{value}") } else { format!("{value:e}") };
                 let mut other = sensor.clone();
                 if other.set(&key, &text).is_err() || other.ray_count() > MOST_RAYS {
                     continue;
                 }
-                if let Some(fault) = fault(&scene, &other, &environment) {
+                if let Some(fault) = fault(&scene, &other, &environment, &mut made) {
                     writeln!(faults, "{}: {key}={text}: {fault}", sensor.name()).unwrap();
                 }
             }
         }
     }
     assert!(faults.is_empty(), "{} faults:\n{faults}", faults.lines().count());
+    assert!(
+        made.scans * 2 > tried && made.points > 20 * tried,
+        "{} scans and {} points of {tried}",
+        made.scans,
+        made.points
+    );
 }
 
 #[test]
@@ -207,35 +224,49 @@ fn with_other_numbers(text: &str) -> Vec<String> {
 #[test]
 fn no_number_of_an_environment_makes_points_nowhere() {
     let scene = scene(None);
-    let mut faults = String::new();
+    let (mut faults, mut tried, mut made) = (String::new(), 0, Made::default());
     for text in [SENSORS[0], SENSORS[4], SENSORS[7], SENSORS[8]] {
         let sensor = Sensor::from_yaml(text, "").unwrap();
         let texts: &[&str] = if sensor.kind() == SensorKind::Sonar { &[WATER, PROFILE] } else { &[AIR] };
         for text in texts.iter().flat_map(|text| with_other_numbers(text)) {
+            tried += 1;
             let Ok(environment) = Environment::from_yaml(&text) else { continue };
-            if let Some(fault) = fault(&scene, &sensor, &environment) {
+            if let Some(fault) = fault(&scene, &sensor, &environment, &mut made) {
                 writeln!(faults, "{}: {text}: {fault}", sensor.name()).unwrap();
             }
         }
     }
     assert!(faults.is_empty(), "{} faults:\n{faults}", faults.lines().count());
+    assert!(
+        made.scans * 4 > tried && made.points > 20 * tried,
+        "{} scans and {} points of {tried}",
+        made.scans,
+        made.points
+    );
 }
 
 #[test]
 fn no_number_of_a_material_makes_points_nowhere() {
     let sensors = [SENSORS[0], SENSORS[4], SENSORS[8]].map(|text| Sensor::from_yaml(text, "").unwrap());
-    let mut faults = String::new();
+    let (mut faults, mut tried, mut made) = (String::new(), 0, Made::default());
     for text in MATERIALS {
         Material::from_yaml(text).unwrap_or_else(|error| panic!("{error}"));
         for text in with_other_numbers(text) {
+            tried += sensors.len();
             let Ok(material) = Material::from_yaml(&text) else { continue };
             let scene = scene(Some(material));
             for sensor in &sensors {
-                if let Some(fault) = fault(&scene, sensor, &environment_of(sensor)) {
+                if let Some(fault) = fault(&scene, sensor, &environment_of(sensor), &mut made) {
                     writeln!(faults, "{}: {text}: {fault}", sensor.name()).unwrap();
                 }
             }
         }
     }
     assert!(faults.is_empty(), "{} faults:\n{faults}", faults.lines().count());
+    assert!(
+        made.scans * 4 > tried && made.points > 20 * tried,
+        "{} scans and {} points of {tried}",
+        made.scans,
+        made.points
+    );
 }

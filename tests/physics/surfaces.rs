@@ -147,13 +147,17 @@ fn light_passes_the_holes_of_cutouts() {
         (Alpha::Reflectance, 0.5, [true; 4]),
         (Alpha::Cutout, 0.5, [false, false, true, true]),
         (Alpha::Cutout, 0.25, [false, true, true, true]),
+        (Alpha::Cutout, 0.7, [false, false, true, true]),
         (Alpha::Cutout, 0.0, [true; 4]),
         (Alpha::Cutout, 1.0, [false, false, false, true]),
     ] {
         for sheets in [1, 2, 30] {
             let mut scene = SceneBuilder::new();
             wall(&mut scene);
-            let material = scene.material(leaves(alpha, cutoff));
+            // A mask that is the image of the colour, too, counts once.
+            let mut leaves = leaves(alpha, cutoff);
+            leaves.alpha_texture = leaves.base_color_texture.clone().filter(|_| sheets == 2);
+            let material = scene.material(leaves);
             let mesh = scene.mesh([(sheet(), Some(material))]);
             for copy in 0..sheets {
                 // Nearer ones are smaller, so that beams meet the same pixel of each.
@@ -252,6 +256,18 @@ fn what_is_partly_there_stops_its_part_of_the_rays() {
     let cloud = scan(&built(&[0.3], Alpha::Coverage), &one_beam(yaml), ScanOptions::default());
     let near = cloud.columns.true_x.iter().filter(|x| **x < 3.0).count();
     assert!(cloud.len == 2 && near == 1, "{:?}", cloud.columns.true_x);
+    // Those of a beam without an aperture, too, which go in one direction from different places.
+    let yaml =
+        "beam: {divergence_mrad: 0, exit_diameter_mm: 12, pulse_ns: 2, sub_rays: 64}\nreturns: {mode: all, max: 3}";
+    let cloud = scan(&built(&[0.3], Alpha::Coverage), &one_beam(yaml), ScanOptions::default());
+    assert_eq!(cloud.len, 2, "{:?}", cloud.columns.true_x);
+    // And where that is decided beam by beam: chance makes no beam look whole.
+    let mut adaptive = several.clone();
+    adaptive.set("beam", "{divergence_mrad: 3, pulse_ns: 2, sub_rays: adaptive}").unwrap();
+    adaptive.set("returns", "{mode: all, max: 3}").unwrap();
+    let cloud = scan(&built(&[0.3], Alpha::Coverage), &adaptive, ScanOptions::default());
+    let single = cloud.columns.return_count.iter().filter(|&&returns| returns == 1).count();
+    assert!(single * 50 < count, "{single} of {count}");
 }
 
 /// Objects seen in a mirror have holes too.

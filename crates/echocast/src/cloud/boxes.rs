@@ -41,8 +41,9 @@ pub struct InstanceBox {
 /// When boxes hold.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BoxTime {
-    /// Each when its object is scanned: at the mean time of the points that lie on it; without any, in the middle of the
-    /// scan. Where points are brought to its start, then.
+    /// Each when its object is scanned: at the mean time of the points that lie on it, or, of those that a turn meets at its
+    /// beginning and at its end, of the end with more of them; without any, in the middle of the scan. Where points are
+    /// brought to its start, then.
     #[default]
     Scan,
     /// When the scan starts.

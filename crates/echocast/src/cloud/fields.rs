@@ -344,9 +344,9 @@ columns! {
     red, Red, u8, "", true, Some("red"), "base colour of the surface, sRGB";
     green, Green, u8, "", true, Some("green"), "base colour of the surface, sRGB";
     blue, Blue, u8, "", true, Some("blue"), "base colour of the surface, sRGB";
-    normal_x, NormalX, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame";
-    normal_y, NormalY, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame";
-    normal_z, NormalZ, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame";
+    normal_x, NormalX, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame; NaN of what is no surface";
+    normal_y, NormalY, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame; NaN of what is no surface";
+    normal_z, NormalZ, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame; NaN of what is no surface";
     cos_incidence, CosIncidence, f32, "1", false, None, "cosine of incidence angle, 1 = head-on";
     depth, Depth, f32, "m", false, None, "distance along x, measured, in the sensor frame";
     true_x, TrueX, f32, "m", false, None, "position without errors, relative to the cloud's origin";
@@ -374,9 +374,9 @@ columns! {
     bottom_track_y, BottomTrackY, f32, "m/s", false, None, "velocity over ground: of the sonar relative to the bottom, in its own frame, as a Doppler velocity log measures it with the ping; NaN with fewer than three beams that meet the bottom, and of other sensors; a default column of Doppler velocity logs";
     bottom_track_z, BottomTrackZ, f32, "m/s", false, None, "velocity over ground: of the sonar relative to the bottom, in its own frame, as a Doppler velocity log measures it with the ping; NaN with fewer than three beams that meet the bottom, and of other sensors; a default column of Doppler velocity logs";
     bottom_track_error, BottomTrackError, f32, "m/s", false, None, "ground error velocity: how far four beams disagree; NaN with three, and of other sensors; a default column of Doppler velocity logs";
-    water_track_x, WaterTrackX, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, likewise; a default column of logs that track one";
-    water_track_y, WaterTrackY, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, likewise; a default column of logs that track one";
-    water_track_z, WaterTrackZ, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, likewise; a default column of logs that track one";
+    water_track_x, WaterTrackX, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, likewise, NaN where none is tracked; a default column of logs that track one";
+    water_track_y, WaterTrackY, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, likewise, NaN where none is tracked; a default column of logs that track one";
+    water_track_z, WaterTrackZ, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, likewise, NaN where none is tracked; a default column of logs that track one";
     water_track_error, WaterTrackError, f32, "m/s", false, None, "water error velocity: how far four beams disagree, likewise; a default column of logs that track one";
 }
 

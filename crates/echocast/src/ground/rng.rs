@@ -26,7 +26,8 @@ pub(crate) enum Draw {
     Footprint = 7,
     /// How strong the echo of fog or dust is, and from where.
     SoftEcho = 8,
-    /// Whether a ray is stopped by what covers a part of its place: sub-ray = its direction and the triangle, mixed.
+    /// Whether a ray is stopped by what covers a part of its place: sub-ray = where the ray begins, its direction
+    /// and the triangle, mixed.
     Coverage = 9,
     /// Noise in which an echo is detected: sub-ray 0 for the surface that a beam meets, the bits of the range for
     /// others.

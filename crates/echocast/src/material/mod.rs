@@ -74,7 +74,7 @@ pub struct Material {
     /// Image that multiplies the base colour.
     #[serde(skip)]
     pub base_color_texture: Option<TextureRef>,
-    /// Image whose alpha multiplies that of the base colour.
+    /// Image whose alpha is used instead of that of the base colour's image.
     #[serde(skip)]
     pub alpha_texture: Option<TextureRef>,
     /// What alpha means (in glTF `alphaMode` or `extras.alpha`).
@@ -193,6 +193,13 @@ impl Material {
         }
     }
 
+    /// As [`Material::blend`], if its factor of alpha lets anything through.
+    pub(crate) fn let_through(&mut self) {
+        if self.base_color[3] < 1.0 {
+            self.blend();
+        }
+    }
+
     /// As [`Material::blend`], by an image of opacity: one of black and white is cut out.
     pub(crate) fn mask(&mut self, mask: TextureRef) {
         self.blend();
@@ -210,12 +217,13 @@ impl Material {
     /// What its alpha does, for people; `None`: nothing, as it says nothing.
     pub fn told_alpha(&self) -> Option<String> {
         let alpha = self.base_color[3];
-        let by_image = self.images().any(|image| !image.texture.opaque);
+        let by_image = self.alpha_image().is_some_and(|image| !image.texture.opaque);
         match self.alpha {
             Alpha::Coverage if by_image => Some("alpha of its image is how much of the rays it stops".into()),
             Alpha::Coverage if alpha < 1.0 => {
                 Some(format!("alpha {alpha:.2}: {:.0} % of the rays pass", 100.0 * (1.0 - alpha)))
             }
+            Alpha::Coverage => Some("rays pass where its vertices have an alpha below 1, and nowhere else".into()),
             Alpha::Cutout => Some(format!("cut out where alpha is below {}", self.alpha_cutoff)),
             Alpha::Solid if alpha < 1.0 && self.is_glass() => {
                 Some(format!("glass, whose alpha {alpha:.2} is not used"))
@@ -223,6 +231,11 @@ impl Material {
             Alpha::Solid if alpha < 1.0 => Some(format!("solid, whose alpha {alpha:.2} is not used")),
             _ => None,
         }
+    }
+
+    /// The image that says where it is there.
+    pub(crate) fn alpha_image(&self) -> Option<&TextureRef> {
+        self.alpha_texture.as_ref().or(self.base_color_texture.as_ref())
     }
 
     /// The images of its colour and its alpha.

@@ -88,8 +88,7 @@ impl Texture {
         let fault = || Error::Parse { origin: origin.to_owned(), place: String::new(), message: budget.exceeded() };
         budget.left = budget.left.checked_sub(size as u64).ok_or_else(fault)?;
         let mut pixels = Vec::new();
-        pixels
-            .try_reserve_exact(self.pixels.len())
+        tried(|| pixels.try_reserve_exact(self.pixels.len()))
             .map_err(|_| Error::Memory(format!("{size} bytes of the image {origin}")))?;
         let of = |&[r, g, b, alpha]: &[u8; 4]| match channel {
             Channel::Red => r,

@@ -55,7 +55,8 @@ impl BuiltScene {
             Some(camera) if DepthCamera::wraps(camera) => f64::INFINITY,
             _ => sensor.range_max_m,
         };
-        let met = met(ids, if timed { times } else { &[] }, options.start_time, instances);
+        let last = beams.last_time();
+        let met = met(ids, if timed { times } else { &[] }, [options.start_time, last], instances);
         let frame = match cloud.frame {
             Frame::World => Pose::IDENTITY,
             Frame::Sensor => cloud.sensor_pose,
@@ -64,7 +65,6 @@ impl BuiltScene {
         let rides = cloud.frame == Frame::Sensor && !sonar && !options.deskew;
         let grid = options.image_boxes.then(|| sensor.image_grid()).transpose()?;
         let make = Boxes { scene: &self.0, options, frame, rides, path: trajectory, reach, grid };
-        let last = beams.last_time();
         Ok(self.0.engine.install(|| {
             let crossings = make.cross(&beams, &aim, sonar);
             let mut boxes = vec![None; instances.len()];
@@ -102,9 +102,31 @@ struct Met {
     first: f64,
 }
 
-/// How each of `instances` was met by the points of the instances `ids`, at `times`, s, if these are asked for.
-fn met(ids: &[u32], times: &[f64], start: f64, instances: &[Instance]) -> Vec<Met> {
+/// Of the points in one half of a scan: how many, the sum of their times, the first and the last, s.
+#[derive(Clone, Copy)]
+struct Half {
+    points: u32,
+    sum: f64,
+    reach: [f64; 2],
+}
+
+impl Half {
+    const NONE: Half = Half { points: 0, sum: 0.0, reach: [f64::INFINITY, f64::NEG_INFINITY] };
+
+    fn add(&mut self, time: f64) {
+        let [first, last] = self.reach;
+        *self = Half { points: self.points + 1, sum: self.sum + time, reach: [first.min(time), last.max(time)] };
+    }
+}
+
+/// How each of `instances` was met by the points of the instances `ids`, at `times`, s, if these are asked for, in a scan
+/// from `start` on that lasts `length`, s.
+///
+/// What is met where a turn begins is met again where it ends: in between it is where no point was. Then the time is that
+/// of the end that has more points.
+fn met(ids: &[u32], times: &[f64], [start, length]: [f64; 2], instances: &[Instance]) -> Vec<Met> {
     let mut all = vec![Met::default(); instances.len()];
+    let mut halves = vec![[Half::NONE; 2]; if times.is_empty() { 0 } else { instances.len() }];
     let mut row = 0;
     for run in ids.chunk_by(|a, b| a == b) {
         if let Ok(index) = instances.binary_search_by_key(&run[0], |instance| instance.id) {
@@ -114,13 +136,24 @@ fn met(ids: &[u32], times: &[f64], start: f64, instances: &[Instance]) -> Vec<Me
                     met.first = times[0] - start;
                 }
                 // Relative to the start, so that times since 1970 keep their digits.
-                met.mean += times.iter().map(|time| time - start).sum::<f64>();
+                times.iter().map(|time| time - start).for_each(|time| {
+                    halves[index][usize::from(time > 0.5 * length)].add(time);
+                });
             }
             met.points += run.len() as u32;
         }
         row += run.len();
     }
-    all.iter_mut().for_each(|met| met.mean /= f64::from(met.points.max(1)));
+    for (met, [early, late]) in all.iter_mut().zip(halves) {
+        let (count, sum) = if late.reach[0] - early.reach[1] <= 0.5 * length {
+            (early.points + late.points, early.sum + late.sum)
+        } else if early.points >= late.points {
+            (early.points, early.sum)
+        } else {
+            (late.points, late.sum)
+        };
+        met.mean = sum / f64::from(count.max(1));
+    }
     all
 }
 

@@ -119,8 +119,8 @@ impl NameTable {
 
 /// What a file says of objects or parts, names or numbers, as names with numbers.
 pub(super) struct Given<'r> {
-    /// The property that says it.
-    key: &'static str,
+    /// What it says of them, for people.
+    what: &'static str,
     rules: &'r LabelRules,
     /// Numbers of names: those of the rules, and those that the file gives instead of names.
     pub numbers: BTreeMap<String, u32>,
@@ -132,9 +132,9 @@ pub(super) struct Given<'r> {
 }
 
 impl<'r> Given<'r> {
-    pub fn new(key: &'static str, rules: &'r LabelRules) -> Self {
+    pub fn new(what: &'static str, rules: &'r LabelRules) -> Self {
         let none = BTreeSet::new;
-        Given { key, rules, numbers: rules.numbers.clone(), odd: none(), of_numbers: none(), others: none() }
+        Given { what, rules, numbers: rules.numbers.clone(), odd: none(), of_numbers: none(), others: none() }
     }
 
     /// The name of what is called `text`. A whole number stays the number that comes out; its name is that which the rules
@@ -175,11 +175,11 @@ impl<'r> Given<'r> {
         let clashes: Vec<String> = self.of_numbers.intersection(&self.others).cloned().collect();
         [
             (odd, "numbers that are not whole or not in 0 to 4294967295 are taken as names"),
-            (clashes, "its numbers and names that come from elsewhere are the same labels"),
+            (clashes, "numbers of the file are the same labels as names that come from elsewhere"),
         ]
         .into_iter()
         .filter(|(names, _)| !names.is_empty())
-        .map(|(names, what)| format!("{}: {what}: {}", self.key, some_of(&names)))
+        .map(|(names, fault)| format!("{}: {fault}: {}", self.what, some_of(&names)))
         .collect()
     }
 }

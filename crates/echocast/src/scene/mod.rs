@@ -652,7 +652,7 @@ impl Scene {
             self.hidden.extend(known.map(str::to_owned));
             known.is_none()
         });
-        let mut given = [Given::new("categoryID", rules), Given::new("partID", rules)];
+        let mut given = [Given::new("categories", rules), Given::new("parts", rules)];
         for object in &mut objects {
             let [category, part] = &mut given;
             object.category = object.category.take().map(|text| category.name(text));

@@ -21,8 +21,8 @@ pub struct AcousticsSpec {
     /// Source level, dB re 1 uPa at 1 m, 0 to 300.
     #[serde(default = "source_level")]
     pub source_level_db: f64,
-    /// Bandwidth of the pulse, kHz, 0.0001 (of the longest pulse) to twice the frequency; without it, that of an unmodulated pulse of
-    /// `pulse_ms`, its inverse.
+    /// Bandwidth of the pulse, kHz, from that of a resolution of the greatest range to twice the frequency; without it, that of
+    /// an unmodulated pulse of `pulse_ms`, its inverse.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bandwidth_khz: Option<f64>,
     /// Length of the pulse, ms, 0.0001 to 10000.
@@ -141,8 +141,8 @@ impl AcousticsSpec {
         bounds.within(key("source_level_db"), self.source_level_db, 0.0, 300.0)?;
         // Above, it would not be a band around the frequency.
         let widest = 2.0 * self.frequency_khz;
-        let allowed = format!("0.0001 to twice acoustics.frequency_khz ({widest})");
-        bounds.number(key("bandwidth_khz"), self.bandwidth_khz, [1e-4, widest], &allowed)?;
+        let allowed = format!("above 0 to twice acoustics.frequency_khz ({widest})");
+        bounds.number(key("bandwidth_khz"), self.bandwidth_khz, [f64::MIN_POSITIVE, widest], &allowed)?;
         bounds.number(key("pulse_ms"), self.pulse_ms, [1e-4, 1e4], "0.0001 to 10000")?;
         match (self.bandwidth_khz, self.pulse_ms) {
             (Some(bandwidth), _) => {

@@ -74,6 +74,8 @@ pub(crate) struct HitBatch {
     pub triangle: [u32; LANES],
     /// Row of [`super::Surfaces`], or [`MISS`].
     pub surface: [u32; LANES],
+    /// How far the nearest surface is at which a draw decided, m, if any is not behind the hit. Old in scenes without holes.
+    pub veil: [f32; LANES],
 }
 
 impl HitBatch {
@@ -88,6 +90,7 @@ impl HitBatch {
             v: [0.0; LANES],
             triangle: [0; LANES],
             surface: [MISS; LANES],
+            veil: [f32::INFINITY; LANES],
         }
     }
 
@@ -95,6 +98,9 @@ impl HitBatch {
     /// in angle.
     pub(crate) fn trace(&mut self, scene: &Tables, rays: &RayBatch, count: usize, coherent: bool, sight: Sight) {
         count_rays(count);
+        if scene.surfaces.has_holes {
+            self.veil[..count].fill(f32::INFINITY);
+        }
         let coherence = if coherent { Coherence::Coherent } else { Coherence::Incoherent };
         match scene.packet_width {
             16 => self.trace_packets::<16>(scene, rays, count, coherence, sight),
@@ -126,7 +132,15 @@ impl HitBatch {
             }
             if scene.surfaces.has_holes {
                 packet.id = std::array::from_fn(|lane| (first + lane) as u32);
-                let stops = |hit: &Candidate| scene.surfaces.stops(hit, sight.cover, rays);
+                let veil = Cell::from_mut(&mut self.veil[..]).as_slice_of_cells();
+                let stops = |hit: &Candidate| {
+                    // Whatever is not behind the hit is asked for, in whatever order.
+                    if scene.surfaces.is_drawn(hit, sight.cover) {
+                        let nearest = &veil[hit.ray as usize];
+                        nearest.set(nearest.get().min(hit.far));
+                    }
+                    scene.surfaces.stops(hit, sight.cover, rays)
+                };
                 scene.committed.intersect_where(&valid, &mut packet, coherence, &stops);
             } else {
                 scene.committed.intersect(&valid, &mut packet, coherence);
@@ -216,12 +230,13 @@ impl HitBatch {
         (self.u[lane], self.v[lane]) = (from.u[other], from.v[other]);
         self.triangle[lane] = from.triangle[other];
         self.surface[lane] = from.surface[other];
+        self.veil[lane] = from.veil[other];
     }
 
     /// Copies lane `from` to `lane`.
     pub(crate) fn move_lane(&mut self, lane: usize, from: usize) {
-        let HitBatch { range, normal_x, normal_y, normal_z, facet: [x, y, z], u, v, triangle, surface } = self;
-        for column in [range, normal_x, normal_y, normal_z, x, y, z, u, v] {
+        let HitBatch { range, normal_x, normal_y, normal_z, facet: [x, y, z], u, v, triangle, surface, veil } = self;
+        for column in [range, normal_x, normal_y, normal_z, x, y, z, u, v, veil] {
             column[lane] = column[from];
         }
         (triangle[lane], surface[lane]) = (triangle[from], surface[from]);

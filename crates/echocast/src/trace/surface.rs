@@ -4,7 +4,7 @@ use super::hits::Cover;
 use super::instances::Instances;
 use super::{Backscatter, Tables};
 use crate::ground::kept::kept;
-use crate::ground::lanes::RayBatch;
+use crate::ground::lanes::{LANES, RayBatch};
 use crate::ground::rng::Draw;
 use crate::material::{Alpha, Material, Mirrors, Optics, ReflectanceSource, Reflectances, Sound, srgb_byte};
 use crate::medium::Sea;
@@ -73,8 +73,8 @@ impl Holes {
     /// Those of a `part` of a `material`. What is there everywhere has none: its rays are asked nothing.
     fn of(material: &Material, part: &Part) -> Holes {
         let alpha = material.base_color[3];
-        let varies =
-            part.alphas.is_some() || part.uvs.is_some() && material.images().any(|image| !image.texture.opaque);
+        let varies = part.alphas.is_some()
+            || part.uvs.is_some() && material.alpha_image().is_some_and(|image| !image.texture.opaque);
         match material.alpha {
             Alpha::Cutout if varies || alpha < material.alpha_cutoff => Holes::Cut,
             Alpha::Coverage if varies || alpha < 1.0 => Holes::Between,
@@ -85,7 +85,7 @@ impl Holes {
 
 /// One word of several, of which each bit depends on all of theirs (the steps between them are those that finish
 /// MurmurHash3 of A. Appleby).
-fn mixed(words: [u32; 5]) -> u32 {
+fn mixed<const N: usize>(words: [u32; N]) -> u32 {
     words.into_iter().fold(0, |mixed, word| {
         let mixed = mixed ^ word;
         let mixed = (mixed ^ mixed >> 16).wrapping_mul(0x85eb_ca6b);
@@ -238,12 +238,14 @@ impl Surfaces {
         std::array::from_fn(|channel| srgb_byte(rgba[channel]))
     }
 
-    /// Alpha of `surface` as in [`Surfaces::base_color`], with that of its vertices and its other image.
-    fn alpha(&self, surface: &Surface, triangle: u32, corner @ [u, v]: [f32; 2]) -> f32 {
-        let [.., mut alpha] = self.base_color(surface, triangle, corner);
+    /// Alpha of `surface` where the second and the third corner of `triangle` weigh `u` and `v`: of its material, its image
+    /// and its vertices.
+    fn alpha(&self, surface: &Surface, triangle: u32, [u, v]: [f32; 2]) -> f32 {
+        let material = &self.materials[surface.material as usize];
         let part = &self.parts[surface.part as usize];
         let corners = || part.triangles[triangle as usize].map(|index| index as usize);
-        if let (Some(image), Some(uvs)) = (&self.materials[surface.material as usize].alpha_texture, &part.uvs) {
+        let mut alpha = material.base_color[3];
+        if let (Some(image), Some(uvs)) = (material.alpha_image(), &part.uvs) {
             let [a, b, c] = corners().map(|index| uvs[index]);
             alpha *= image.sample(std::array::from_fn(|k| a[k] * (1.0 - u - v) + b[k] * u + c[k] * v))[3];
         }
@@ -256,8 +258,8 @@ impl Surfaces {
 
     /// Whether a ray that meets a surface is stopped there rather than passing. `hit.ray` is its lane in `rays`.
     ///
-    /// It depends on nothing but the hit and the ray, which is known by its beam and its direction: whoever traces it again
-    /// finds the same, in whatever order its hits come.
+    /// It depends on nothing but the hit, by the order of the objects, and the ray, by its beam, where it begins and where
+    /// it goes: whoever traces it again finds the same, in whatever order its hits come.
     pub(crate) fn stops(&self, hit: &Candidate, cover: Cover, rays: &RayBatch) -> bool {
         let row = self.row(hit.geom_id, hit.inst_id);
         let surface = &self.rows[row as usize];
@@ -271,11 +273,19 @@ impl Surfaces {
             Cover::Solid => alpha() > 0.0,
             Cover::Drawn(rng) => {
                 let lane = hit.ray as usize;
-                let [x, y, z] = rays.directions().map(|axis| axis[lane].to_bits());
-                let [draw, ..] = rng.four(rays.beam[lane], Draw::Coverage, mixed([x, y, z, row, hit.prim_id]));
+                let word = |axis: &[f32; LANES]| axis[lane].to_bits();
+                let [[ox, oy, oz], [dx, dy, dz]] = [rays.origins(), rays.directions()].map(|axes| axes.map(word));
+                let ray = mixed([ox, oy, oz, dx, dy, dz, row, hit.prim_id]);
+                let [draw, ..] = rng.four(rays.beam[lane], Draw::Coverage, ray);
                 draw < alpha()
             }
         }
+    }
+
+    /// Whether a draw decides if a ray passes a surface.
+    pub(crate) fn is_drawn(&self, hit: &Candidate, cover: Cover) -> bool {
+        let holes = || self.rows[self.row(hit.geom_id, hit.inst_id) as usize].holes;
+        matches!(cover, Cover::Drawn(_)) && holes() == Holes::Between
     }
 
     /// Whether what lies behind a surface is seen through it.

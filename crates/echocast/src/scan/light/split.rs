@@ -3,7 +3,7 @@
 //!
 //! A beam is suspect where the axis meets another surface, or another plane, than what lies around it: one ray at the rim
 //! of its own footprint (above the axis in even columns, below it in odd ones) and the axes and rim rays of its
-//! neighbours in the row. Suspects are split if what lies around them can make a second echo, or share one, or is all
+//! neighbours in the row; and where it was up to a draw what the axis meets. Suspects are split if what lies around them can make a second echo, or share one, or is all
 //! that can be seen.
 
 use super::run::Scan;
@@ -39,6 +39,8 @@ const BEFORE: usize = 1;
 const BEHIND: usize = 2;
 const RIM_BEFORE: usize = 3;
 const RIM_BEHIND: usize = 4;
+/// Not compared: a part of the other rays meets something else.
+const DRAWN: usize = 5;
 
 /// Memory to find such beams in, and what is found.
 pub(super) struct Splitter {
@@ -226,6 +228,11 @@ impl Splitter {
             marks[start] &= !(1 << BEFORE | 1 << RIM_BEFORE);
             start += columns;
         }
+        if scan.world.scene.surfaces.has_holes {
+            for lane in 0..count {
+                marks[lane] |= u8::from(hits.veil[lane] <= hits.range[lane]) << DRAWN;
+            }
+        }
     }
 
     /// What is sent back from the rims that differ from some axis.
@@ -268,6 +275,9 @@ impl Splitter {
         let efficiency = scan.efficiency_of((first + lane) as u32);
         let least = scan.detect.threshold.faintest() / efficiency;
         let hit = hits.surface[lane] != MISS;
+        if self.marks[lane] & 1 << DRAWN != 0 {
+            return true;
+        }
         (OWN_RIM..=RIM_BEHIND).filter(|bit| self.marks[lane] & 1 << bit != 0).any(|bit| {
             let other = match bit {
                 OWN_RIM => lane,

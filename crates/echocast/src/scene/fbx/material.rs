@@ -59,16 +59,17 @@ impl<'a> Materials<'a> {
             None => None,
         };
         match mask {
-            Some((_, own)) if set.as_ref().is_some_and(|set| *set != own) => {
+            // A set without a name is the first one of the mesh.
+            Some((_, own)) if set.as_ref().is_some_and(|set| ![set, ""].contains(&own.as_str()) && !set.is_empty()) => {
                 notes.add("masks with texture coordinates of their own are not used", here);
+                material.let_through();
             }
             Some((mask, own)) => {
-                set = Some(own);
+                set = set.filter(|set| !set.is_empty()).or(Some(own));
                 material.base_color[3] = 1.0;
                 material.mask(mask);
             }
-            None if material.base_color[3] < 1.0 => material.blend(),
-            None => {}
+            None => material.let_through(),
         }
         properties::apply(&mut material, "property ", |key| user::get(&source.element.props, key))
             .map_err(|message| self.document.error(here(), message))?;

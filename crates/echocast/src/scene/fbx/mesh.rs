@@ -97,7 +97,7 @@ impl<'a> Meshes<'a> {
                 None => None,
             };
             let uvs = material.as_ref().and_then(|(_, set)| set.as_ref()).and_then(|set| uvs(mesh, set));
-            let textured = material.as_ref().is_some_and(|(material, _)| material.base_color_texture.is_some());
+            let textured = material.as_ref().is_some_and(|(material, _)| material.images().next().is_some());
             if textured && uvs.is_none() {
                 self.notes.add("textures are not used where texture coordinates are missing", || here.clone());
             }

@@ -1,5 +1,5 @@
 use super::*;
-use crate::material::{Reflectance, Wrap};
+use crate::material::{Alpha, Reflectance, Wrap};
 use crate::scene::{Object, UpAxis};
 use glam::Vec3;
 use std::fs;
@@ -366,6 +366,18 @@ fn materials_and_their_properties_are_read() {
     let blue = |uv| use_.sample(uv)[2] > 0.9;
     assert!(blue([0.2, 0.8]) && !blue([0.2, 0.2]) && !blue([0.8, 0.8]));
 
+    // In the place of the opacity it is a mask, by its brightness.
+    let mask = links(&["1,10", "20,10", "10,0"]) + "C: \"OP\",30,20, \"TransparentColor\"\n";
+    let veil = load("bricks.png", &mask);
+    let material = &veil.materials[0];
+    assert!(material.base_color_texture.is_none() && material.alpha == Alpha::Coverage, "{material:?}");
+    let use_ = material.alpha_texture.as_ref().unwrap();
+    assert!((use_.sample([0.2, 0.8])[3] - 0.0722).abs() < 0.1 && veil.objects[0].mesh.parts[0].uvs.is_some());
+    let bare = objects("bricks.png").replace(layers, "");
+    let bare = read_in(folder.path(), text(&bare, &mask).as_bytes(), &options()).unwrap();
+    let warnings = bare.report.warnings.join("\n");
+    assert!(warnings.contains("texture coordinates are missing"), "{warnings}");
+
     let missing = load("gone.png", &connections);
     assert!(missing.materials[0].base_color_texture.is_none());
     let warnings = missing.report.warnings.join("\n");
@@ -391,7 +403,6 @@ fn materials_and_their_properties_are_read() {
 
 #[test]
 fn transparency_is_coverage() {
-    use crate::material::Alpha;
     let load = |model: &str, lines: &[&str], name: &str| {
         let lines = properties(lines);
         let material = format!("Material: 20, \"Material::{name}\", \"\" {{\nShadingModel: \"{model}\"\n{lines}}}\n");

@@ -105,8 +105,8 @@ fn values(attribute: &PointAttribute, points: usize, accessor: &Accessor) -> Res
         DataType::Float32 => ComponentType::F32,
         _ => {
             return Err(
-                "the stream has numbers of 64 bits, or none; allowed: integers of 8 and 16 bits, unsigned and \
-                         float of 32 bits"
+                "the stream has numbers of 64 bits, or none; allowed: integers of 8 or 16 bits, unsigned integers of \
+                 32 bits, floats of 32 bits"
                     .into(),
             );
         }

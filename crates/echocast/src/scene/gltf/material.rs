@@ -68,11 +68,6 @@ impl<'a> Materials<'a> {
         Ok(set)
     }
 
-    /// Whether the alpha of vertices with a material means anything.
-    pub fn uses_alpha(&self, material: Option<usize>) -> bool {
-        material.is_some_and(|index| matches!(self.list[index].alpha, Alpha::Coverage | Alpha::Cutout))
-    }
-
     /// A material for a part that uses it.
     pub fn get(&self, index: usize) -> Arc<Material> {
         self.list[index].clone()

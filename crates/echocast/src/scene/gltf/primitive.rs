@@ -157,9 +157,8 @@ impl Meshes<'_> {
             let alpha = match alpha {
                 VertexAlpha::Constant(alpha) => alpha,
                 VertexAlpha::Varying(all) => {
-                    if self.materials.uses_alpha(material) {
-                        alphas = Some(self.alphas(index, key, &all, &triangles).map_err(fault)?);
-                    }
+                    // Whether alpha means anything, rules may say later.
+                    alphas = Some(self.alphas(index, key, &all, &triangles).map_err(fault)?);
                     1.0
                 }
             };

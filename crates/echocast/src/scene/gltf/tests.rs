@@ -535,8 +535,9 @@ fn alpha_of_vertices_multiplies_that_of_the_material() {
     assert_eq!(part.alphas.as_ref().unwrap().to_vec(), [0.0, 1.0, 0.2]);
     assert_eq!(part.material.as_ref().unwrap().base_color[3], 0.5);
     assert!(scene.report.warnings.is_empty(), "{:?}", scene.report);
+    // Rules may give it a meaning that its material does not.
     file.material(json!({"alphaMode": "OPAQUE"}));
-    assert!(file.load().unwrap().objects[0].mesh.parts[0].alphas.is_none());
+    assert!(file.load().unwrap().objects[0].mesh.parts[0].alphas.is_some());
 }
 
 #[test]
@@ -1028,7 +1029,7 @@ fn numbers_of_labels_stay() {
     assert_eq!(found, [30, 12, 7, 0]);
     assert_eq!(scene.labels.category.names, ["-3", "5000000000", "Door", "carpet", "7", "12", "30"]);
     assert_eq!((scene.objects[0].part_ids[0], scene.labels.part.name(9)), (9, Some("9")));
-    let odd = "categoryID: numbers that are not whole or not in 0 to 4294967295 are taken as names: -3, 5000000000";
+    let odd = "categories: numbers that are not whole or not in 0 to 4294967295 are taken as names: -3, 5000000000";
     assert_eq!(only_warning(&scene), odd);
 
     // Rules know names of numbers; the same name from elsewhere is told.

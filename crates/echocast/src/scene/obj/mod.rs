@@ -179,8 +179,7 @@ impl<'a> Materials<'a> {
                 let mut material = Material { base_color_texture, ..entry.material };
                 match &entry.mask {
                     Some(mask) => self.mask(&mut material, mask)?,
-                    None if material.base_color[3] < 1.0 => material.blend(),
-                    None => {}
+                    None => material.let_through(),
                 }
                 material
             }
@@ -219,18 +218,12 @@ impl<'a> Materials<'a> {
 
     /// Makes `material` as there as its mask says.
     fn mask(&mut self, material: &mut Material, mask: &mtl::Mask) -> Result<()> {
-        // What is left without the mask.
-        let solid = |material: &mut Material| {
-            if material.base_color[3] < 1.0 {
-                material.blend();
-            }
-            Ok(())
-        };
         let image = match self.texture(&mask.map) {
             Ok(image) => image,
             Err(error) => {
                 self.unread.push(error.to_string());
-                return solid(material);
+                material.let_through();
+                return Ok(());
             }
         };
         let of_color =
@@ -241,7 +234,8 @@ impl<'a> Materials<'a> {
             // The colours of a surface are no mask of it.
             None if of_color => {
                 self.maskless.push(material.name.clone());
-                return solid(material);
+                material.let_through();
+                return Ok(());
             }
             None => Channel::Luminance,
         };
