@@ -57,8 +57,13 @@ fn told<T>(found: PyResult<T>, name: &str, value: &Bound<'_, PyAny>, allowed: &s
 /// The whole number that `value` is, 0 to the greatest `T`.
 fn whole<T: TryFrom<u64>>(name: &str, value: &Bound<'_, PyAny>) -> Outcome<T> {
     let most = u64::MAX >> (64 - 8 * size_of::<T>());
-    let number = told(value.extract::<u64>(), name, value, &format!("a whole number from 0 to {most}"))?;
-    T::try_from(number).map_err(|_| Failure::argument(name, number, format!("a whole number from 0 to {most}")))
+    let number = match value.extract::<u64>() {
+        Err(error) if error.is_instance_of::<PyTypeError>(value.py()) => {
+            return Err(wrong_type(name, value, &format!("a whole number from 0 to {most}")));
+        }
+        number => told(number, name, value, &format!("0 to {most}"))?,
+    };
+    T::try_from(number).map_err(|_| Failure::argument(name, number, format!("0 to {most}")))
 }
 
 macro_rules! whole {

@@ -11,7 +11,7 @@ use crate::sensor::{Instrument, Source, options_text};
 use echocast::generate::Generate;
 use echocast::scene::{Material, Mesh, NameTable, Object, Part};
 use echocast::{BuiltScene, LoadOptions, Sensor, Trajectory, why_nothing};
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DAffine3, DVec3};
 use numpy::ndarray::{Ix1, Ix2};
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::PyKeyError;
@@ -138,25 +138,24 @@ impl Vertices {
         Ok(Vertices::Double(double.into_iter().map(DVec3::from_array).collect()))
     }
 
-    /// The point that their mesh should have them about as float32: `before`, about which it has them already, unless
-    /// numbers finer than float32 are so far from there that it would be coarse: then a point among them.
+    /// The point that their mesh should have them about: 0, 0, 0 for those that are float32 already; for finer ones
+    /// `before`, about which it has them, unless they are so far from there that float32 would be coarse: then a point
+    /// among them.
     pub fn middle(&self, before: DVec3) -> DVec3 {
         /// Farther out, m, float32 is coarser than 0.06 mm.
         const FAR: f64 = 1024.0;
-        let Vertices::Double(places) = self else { return before };
+        let Vertices::Double(places) = self else { return DVec3::ZERO };
         let low = places.iter().copied().fold(DVec3::INFINITY, DVec3::min);
         let high = places.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
         let far = (low - before).abs().max((high - before).abs()).max_element() > FAR;
         if low.is_finite() && high.is_finite() && far { (low + high) / 2.0 } else { before }
     }
 
-    /// Where they are from `middle`.
+    /// Where they are from a `middle` of theirs.
     pub fn about(self, middle: DVec3) -> Vec<[f32; 3]> {
-        let from = |place: DVec3| (place - middle).as_vec3().to_array();
         match self {
-            Vertices::Single(places) if middle == DVec3::ZERO => places,
-            Vertices::Single(places) => places.into_iter().map(|place| from(Vec3::from(place).as_dvec3())).collect(),
-            Vertices::Double(places) => places.into_iter().map(from).collect(),
+            Vertices::Single(places) => places,
+            Vertices::Double(places) => places.into_iter().map(|place| (place - middle).as_vec3().to_array()).collect(),
         }
     }
 }

@@ -66,10 +66,10 @@ MISTAKES: "list[tuple[Callable[..., Any], tuple[Any, ...], type[Exception], str]
         lambda names: ec.Scene.from_arrays(FLOOR, TWO, names=names),
         ({-1: "a"},),
         ec.ArgumentError,
-        "a number in names is -1; allowed: a whole number from 0 to 4294967295",
+        "a number in names is -1; allowed: 0 to 4294967295",
     ),
-    (lambda number: LIVE.add(FLOOR, TWO, category=number), (-1,), ec.ArgumentError, "category is -1; allowed: a whole number from 0"),
-    (lambda width: CLOUD.png(width=width), (-1,), ec.ArgumentError, "width is -1; allowed: a whole number from 0 to 4294967295"),
+    (lambda number: LIVE.add(FLOOR, TWO, category=number), (-1,), ec.ArgumentError, "category is -1; allowed: 0"),
+    (lambda width: CLOUD.png(width=width), (-1,), ec.ArgumentError, "width is -1; allowed: 0 to 4294967295"),
     (ec.Pose, ((0, 1),), ec.ArgumentError, "position is 2 numbers; allowed: a Pose, x, y and z, or a matrix of 4 x 4"),
     (ec.Pose, (MIRROR,), ec.ArgumentError, "position is a matrix that scales, shears or mirrors; allowed: one that turns"),
     (lambda rpy: ec.Pose(np.eye(4), rpy_deg=rpy), ((0, 0, 9),), ec.ArgumentError, "rpy_deg is there beside a pose or matrix; allowed: one"),
@@ -85,7 +85,7 @@ MISTAKES: "list[tuple[Callable[..., Any], tuple[Any, ...], type[Exception], str]
         ec.Scene.from_objects,
         ([{"vertices": FLOOR, "triangles": TWO, "category": -1}],),
         ec.ArgumentError,
-        "category of object 0 is -1; allowed: a whole number from 0 to 4294967295",
+        "category of object 0 is -1; allowed: 0 to 4294967295",
     ),
     (LIVE.set_pose, (DOOR, "there"), TypeError, "pose is of the type str; allowed: a Pose, x, y and z, or a matrix of 4 x 4"),
     (LIVE.set_pose, (DOOR, np.eye(4) + np.eye(4, k=-3)), ec.ArgumentError, "pose is a matrix whose last row is"),
@@ -224,7 +224,7 @@ def test_far_away_vertices_keep_their_place_while_things_change() -> None:
     assert abs(ahead(live, 0.1) - 5.9) < 1e-3
     live.set_vertices(wall, (WALL + [2, 0, 0]).astype(np.float32))
     live.set_pose(wall, UTM)
-    assert abs(ahead(live, 0.1) - 6.9) < 0.6
+    assert abs(ahead(live, 0.1) - 6.9) < 1e-3
 
 
 def test_errors_of_mappings_get_through() -> None:
