@@ -494,8 +494,8 @@ impl Scene {
     ///   Default: False.
     /// * `boxes`: of labelled instances, for which beams are traced once more: True or "object", along the axes of each
     ///   object; "frame", along those of the cloud. Default: False.
-    /// * `box_time`: when boxes hold: "scan", each at the mean time of its points; "start" or "end" of the scan. Default:
-    ///   "scan".
+    /// * `box_time`: when boxes hold: "scan", each at the mean time of its points, which with `deskew` is the start; "start"
+    ///   or "end" of the scan. Default: "scan".
     /// * `image_boxes`: True adds where all of an object is in the sensor's image, to boxes and to annotations.
     ///   Default: False.
     /// * `profile`: "physical"; "paper", equations as the paper prints them; "blainder", what the paper's program
