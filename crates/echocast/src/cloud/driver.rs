@@ -343,7 +343,7 @@ impl PointCloud {
         if ![&c.x, &c.y, &c.z].into_iter().any(|axis| differ(axis)) {
             return 7;
         }
-        let is_strongest = c.intensity[all.clone()].iter().all(|&other| other <= c.intensity[row]);
+        let is_strongest = c.intensity.is_empty() || c.intensity[all].iter().all(|&other| other <= c.intensity[row]);
         match (number == 1, number == count, is_strongest) {
             (true, _, true) => 3,
             (_, true, true) => 4,
@@ -360,15 +360,15 @@ impl PointCloud {
         let count = c.return_count[row];
         let start = (row + 1).checked_sub(usize::from(c.return_number[row]))?;
         let all = start..start + usize::from(count);
-        // Of what is computed, as much as says that a beam is the same.
+        // As much of what is computed as says that a beam is the same.
         let same = |other: usize| {
             c.return_count[other] == count
-                && c.time[other] == c.time[row]
+                && (c.time.is_empty() || c.time[other] == c.time[row])
                 && [&c.ring, &c.channel].into_iter().all(|ids| ids.is_empty() || ids[other] == ids[row])
                 && [&c.beam, &c.firing, &c.frame].into_iter().all(|ids| ids.is_empty() || ids[other] == ids[row])
         };
-        let whole = all.end <= self.len
-            && (1..=count).zip(all.clone()).all(|(number, other)| c.return_number[other] == number && same(other));
+        let mut returns = (1..=count).zip(all.clone());
+        let whole = all.end <= self.len && returns.all(|(number, row)| c.return_number[row] == number && same(row));
         whole.then_some(all)
     }
 
