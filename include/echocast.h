@@ -1153,15 +1153,29 @@ echocast_status echocast_driver_get_info(int32_t driver,
                                          echocast_driver_info *info);
 
 /**
- * Writes the points as a driver publishes them, point i at `to + i * point_step`: positions in the frame of the sensor
- * where the scan starts, whatever scan_desc.coordinates; times from `stamp_ns` on, the stamp of the message, where the
- * driver's count from there (Velodyne, Ouster, Autoware), else since the start of the run; the ring of the column `ring`.
- * All bytes are written, those of no field as 0. Where no azimuth, elevation and range were computed, they are those of
- * the positions. `capacity`: bytes of `to`; `*needed` (may be NULL): point_step * points; if `to` is NULL, only that is
- * written.
+ * Gets height and width of the message that a driver makes of a result: of organised results those of the driver's image,
+ * which for Velodyne and RoboSense has the rings side by side and the firings below each other; else 1 and the number of
+ * points.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no such driver), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_result_driver_shape(const echocast_result *result,
+                                             int32_t driver,
+                                             uint32_t *height,
+                                             uint32_t *width);
+
+/**
+ * Writes the points as a driver publishes them, point i at `to + i * point_step`. Positions are in the frame of the
+ * sensor where the scan starts; those of a scan with ECHOCAST_COORDINATES_SENSOR and without scan_desc.deskew stay in the
+ * frame of their own firing. Times count from `stamp_ns` on, the stamp of the message, where the driver's do (Velodyne,
+ * Ouster, Autoware), else from the start of the run; the ring is that of the column `ring`. Points of organised results
+ * come in the order of the driver's image (echocast_result_driver_shape). All bytes are written, those of no field as 0.
+ * Where no azimuth, elevation and range were computed, they are those of the positions. `capacity`: bytes of `to`;
+ * `*needed` (may be NULL): point_step * points; if `to` is NULL, only that is written.
  *
  * Errors: ECHOCAST_E_ARGUMENT (no such driver, a column that was not computed, too little room), ECHOCAST_E_HANDLE,
- * ECHOCAST_E_BUSY.
+ * ECHOCAST_E_BUSY, ECHOCAST_E_MEMORY.
  *
  * ```c
  * echocast_driver_info velodyne = ECHOCAST_DRIVER_INFO_INIT;
@@ -1228,7 +1242,7 @@ echocast_status echocast_result_pack_driver(const echocast_result *result,
 
 /**
  * Boxes hold when their objects are scanned: each at the mean time of its points; without any, in the middle of the
- * scan.
+ * scan. With scan_desc.deskew, whose points are of the start: at the start.
  */
 #define ECHOCAST_BOX_TIME_SCAN 0
 
@@ -1316,7 +1330,10 @@ typedef struct echocast_scan_desc {
      * is looked at: the amodal boxes of echocast_result_image_boxes.
      */
     int32_t image_boxes;
-    /** When boxes hold: an ECHOCAST_BOX_TIME_ number. */
+    /**
+     * When boxes hold: an ECHOCAST_BOX_TIME_ number. Of programs that were compiled when this was not there yet, boxes
+     * hold at the start, as they were told.
+     */
     int32_t box_time;
     /**
      * 1: positions and normals are brought to t0_ns: what moves is where it was then, with all points that lie on it,

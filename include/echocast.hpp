@@ -645,8 +645,15 @@ public:
         pack(items.data(), items.size(), stride, to.data(), to.size());
     }
 
-    /** The points as a driver publishes them (ECHOCAST_DRIVER_VELODYNE, for instance): the data of a PointCloud2 with the
-     *  stamp `stamp_ns`. */
+    /** Height and width of the PointCloud2 that a driver makes of them (ECHOCAST_DRIVER_VELODYNE, for instance): of
+     *  organised points those of the driver's image, else 1 and their number. */
+    std::array<uint32_t, 2> driver_shape(int32_t driver) const {
+        std::array<uint32_t, 2> shape;
+        check(echocast_result_driver_shape(get(), driver, &shape[0], &shape[1]));
+        return shape;
+    }
+
+    /** The points as a driver publishes them, in its order: the data of a PointCloud2 with the stamp `stamp_ns`. */
     std::vector<uint8_t> pack_driver(int32_t driver, int64_t stamp_ns) const {
         std::vector<uint8_t> bytes(size() * echocast::driver_info(driver).point_step);
         pack_driver(driver, stamp_ns, span<uint8_t>(bytes.data(), bytes.size()));

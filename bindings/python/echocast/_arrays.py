@@ -62,6 +62,12 @@ def found(value: Any, array: "Array") -> str:
     return f"an array of {array.dtype}, {shown(array.shape)}"
 
 
+def check_type(name: str, value: Any, types: "type | tuple[type, ...]", allowed: str) -> None:
+    """Fails unless the argument `name` is None or of one of `types`."""
+    if value is not None and not isinstance(value, types):
+        raise TypeError(f"{name} is of the type {type(value).__name__}; allowed: {allowed}")
+
+
 def shown(shape: tuple[int, ...]) -> str:
     """The shape of an array as it is said: 3 x 4."""
     return " x ".join(map(str, shape)) if len(shape) > 1 else f"{shape[0]} long" if shape else "one number"

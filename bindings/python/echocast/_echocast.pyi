@@ -82,7 +82,7 @@ class Soundings(TypedDict):
 class Pose:
     def __new__(
         cls,
-        position: Vector = (0.0, 0.0, 0.0),
+        position: Placement = (0.0, 0.0, 0.0),
         *,
         rpy_deg: Vector | None = None,
         quaternion: Sequence[float] | None = None,

@@ -11,12 +11,14 @@ import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from echocast._arrays import check_type
 from echocast._convert import package
 from echocast._echocast import Box, Ping, Pings, PointCloud, Trajectory, columns
 from echocast._errors import ArgumentError, UnsupportedError
@@ -29,6 +31,9 @@ LABELS = {
     "instance": ("instance_id", "instances"),
     "material": ("material_id", "materials"),
 }
+
+# What `color` may be.
+COLORS = f"{', '.join(LABELS)} or the name of a column"
 
 # Rerun has classes of 16 bits.
 MOST_CLASSES = 2**16
@@ -66,6 +71,10 @@ def show(
     >>> path = ec.Trajectory([0.0, 1.0], np.array([[0.0, 0, 2], [4, 0, 2]]))
     >>> ec.show({"top": cloud, "drive": path}, path="drive.rrd")
     """
+    check_type("path", path, (str, os.PathLike), "the name of a recording, which ends in .rrd")
+    check_type("name", name, str, "a text")
+    check_type("time", time, Real, "a number")
+    check_type("color", color, str, COLORS)
     if path is not None:
         package("rerun", "rerun-sdk")
         if Path(path).suffix != ".rrd":
@@ -282,6 +291,10 @@ def plot(cloud: PointCloud, *, color: str | None = None, view: str = "top", ax: 
     `color`: "category", "part", "instance", "material" or a column; `view`: "top", "side" (along y) or "3d"; `ax`: axes
     to draw in.
     """
+    check_type("color", color, str, COLORS)
+    check_type("view", view, str, ", ".join(VIEWS))
+    if not (ax is None or hasattr(ax, "scatter") and hasattr(ax, "name")):
+        raise TypeError(f"ax is of the type {type(ax).__name__}; allowed: axes of matplotlib")
     if view not in VIEWS:
         raise ArgumentError(f"view is {view!r}; allowed: {', '.join(VIEWS)}")
     package("matplotlib", "matplotlib")

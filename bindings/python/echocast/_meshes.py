@@ -2,11 +2,13 @@
 
 import re
 from collections.abc import Iterator, Mapping
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
+from echocast._arrays import check_type
 from echocast._echocast import Scene
 from echocast._errors import ArgumentError
 
@@ -34,6 +36,9 @@ def scene(thing: Any, up: str = "z", scale: float = 1.0, category: str | int | N
     `up`: which of its axes points up; `scale`: metres per unit; `category`: of meshes that have no "category" in their
     metadata; else it is their name without the number at its end.
     """
+    check_type("up", up, str, ", ".join(UP))
+    check_type("scale", scale, Real, "a number above 0")
+    check_type("category", category, (str, Integral), "a name, or a number from 0 to 4294967295")
     if up not in UP:
         raise ArgumentError(f"up is {up!r}; allowed: {', '.join(UP)}")
     if not (np.isfinite(scale) and scale > 0):

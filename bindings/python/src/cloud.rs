@@ -1,5 +1,6 @@
 //! Clouds, and their columns as arrays that share their memory.
 
+use crate::argument;
 use crate::array::{self, Held, owned, shared};
 use crate::boxes::PyBox;
 use crate::error::{Failure, Outcome};
@@ -13,7 +14,7 @@ use echocast::preview::{ColorBy, PreviewOptions, View};
 use echocast::scene::NameTable;
 use echocast::{Field, Frame, Report, export, import, preview};
 use numpy::PyReadonlyArray1;
-use pyo3::exceptions::{PyAttributeError, PyKeyError};
+use pyo3::exceptions::{PyAttributeError, PyKeyError, PyOverflowError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyCapsule, PyDict, PyIterator, PySlice};
 use std::collections::BTreeMap;
@@ -114,7 +115,7 @@ impl PointCloud {
     /// >>> ec.PointCloud.read("room.npz").coordinates
     /// 'world'
     #[staticmethod]
-    fn read(py: Python<'_>, path: PathBuf) -> Outcome<PointCloud> {
+    fn read(py: Python<'_>, #[pyo3(from_py_with = argument::path)] path: PathBuf) -> Outcome<PointCloud> {
         read_cloud(py, path).map(|(cloud, _)| cloud)
     }
 
@@ -128,7 +129,12 @@ impl PointCloud {
     /// >>> len(ec.PointCloud.read("room.las")) == len(cloud)
     /// True
     #[pyo3(signature = (path, format = None))]
-    fn write(&self, py: Python<'_>, path: PathBuf, format: Option<&str>) -> Outcome<Vec<String>> {
+    fn write(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::path)] path: PathBuf,
+        #[pyo3(from_py_with = argument::format)] format: Option<&str>,
+    ) -> Outcome<Vec<String>> {
         Ok(py.detach(|| export::write(&self.0, &path, format))?.warnings)
     }
 
@@ -152,10 +158,17 @@ impl PointCloud {
                 }
             };
         }
-        // True and False are integers in Python, but no rows.
-        if let Some(index) = key.extract::<isize>().ok().filter(|_| !key.is_instance_of::<PyBool>()) {
-            let point = PointCloud::of(self.0.select(&[sequence::place("point", index, self.0.len)?])?);
-            return Ok(records(py, point)?.get_item(0)?);
+        match key.extract::<isize>() {
+            // True and False are integers in Python, but no rows.
+            _ if key.is_instance_of::<PyBool>() => {}
+            Ok(index) => {
+                let point = PointCloud::of(self.0.select(&[sequence::place("point", index, self.0.len)?])?);
+                return Ok(records(py, point)?.get_item(0)?);
+            }
+            Err(error) if error.is_instance_of::<PyOverflowError>(py) => {
+                return Err(sequence::missing("point", key, self.0.len).into());
+            }
+            Err(_) => {}
         }
         let rows = self.rows(py, key)?;
         let cloud = py.detach(|| self.0.select(&rows))?;
@@ -249,8 +262,10 @@ impl PointCloud {
     }
 
     /// The points as a ROS 2 driver publishes them: a structured array with the names, types, offsets and size that the
-    /// messages have, so that `tobytes()` is the `data` of a `sensor_msgs/PointCloud2`. Positions are in the frame of the
-    /// sensor.
+    /// messages have, so that `tobytes()` is the `data` of a `sensor_msgs/PointCloud2`. That of an organised cloud has the
+    /// `height` and `width` of the message as its shape, in the order of the driver: for Velodyne and RoboSense, rings are
+    /// side by side and firings below each other. Positions are in the frame of the sensor at the start of the scan; those
+    /// of a scan with `coordinates="sensor"` and without `deskew` stay in the frame of their own firing.
     ///
     /// `driver`: "velodyne", "ouster", "hesai", "robosense", "livox" or "autoware"; None: that of the sensor's maker, or
     /// Velodyne's if that is not known. `stamp`: when the message is stamped, s since the start of the run, from where
@@ -264,8 +279,17 @@ impl PointCloud {
     /// (('x', 'y', 'z', 'intensity', 'ring', 'time'), 22, True)
     /// >>> cloud.to_ros("ouster")["t"].dtype
     /// dtype('uint32')
+    /// >>> whole = room.scan("velodyne_vlp16", at=room.camera("Scanner"), organised=True)
+    /// >>> height, width = whole.to_ros().shape
+    /// >>> width == 16, height * width == len(whole)
+    /// (True, True)
     #[pyo3(signature = (driver = None, *, stamp = None))]
-    fn to_ros<'py>(&self, py: Python<'py>, driver: Option<&str>, stamp: Option<f64>) -> Outcome<Bound<'py, PyAny>> {
+    fn to_ros<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::driver)] driver: Option<&str>,
+        #[pyo3(from_py_with = argument::stamp)] stamp: Option<f64>,
+    ) -> Outcome<Bound<'py, PyAny>> {
         let driver = driver.map(|name| crate::sensor::named("driver", name)).transpose()?;
         let driver: Driver = driver.or(self.0.driver).unwrap_or(Driver::Velodyne);
         let step = driver.point_step();
@@ -279,7 +303,12 @@ impl PointCloud {
         kind.set_item("offsets", fields.iter().map(|field| field.offset).collect::<Vec<_>>())?;
         kind.set_item("itemsize", step)?;
         let kind = py.import("numpy")?.call_method1("dtype", (kind,))?;
-        Ok(owned(py, bytes, &[self.0.len * step])?.call_method1("view", (kind,))?)
+        let points = owned(py, bytes, &[self.0.len * step])?.call_method1("view", (kind,))?;
+        Ok(if self.0.organised.is_some() {
+            points.call_method1("reshape", (self.0.driver_shape(driver),))?
+        } else {
+            points
+        })
     }
 
     /// Names of the numbers in `category_id`.
@@ -331,7 +360,12 @@ impl PointCloud {
     /// >>> cloud = room.scan(camera, at=room.camera("Camera_1"), organised=True, fields="default,depth")
     /// >>> cloud.image("depth", camera).shape, cloud.image("category", camera).dtype
     /// ((424, 512), dtype('uint32'))
-    fn image<'py>(&self, py: Python<'py>, layer: &str, sensor: Instrument<'_>) -> Outcome<Bound<'py, PyAny>> {
+    fn image<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::layer)] layer: &str,
+        #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
+    ) -> Outcome<Bound<'py, PyAny>> {
         crate::image::layer(py, &self.0, layer, sensor)
     }
 
@@ -349,7 +383,11 @@ impl PointCloud {
     /// >>> seen = cloud.annotations(camera)[0]
     /// >>> int((cloud.image("instance", camera) == seen["instance_id"]).sum()) == seen["area"]
     /// True
-    fn annotations<'py>(&self, py: Python<'py>, sensor: Instrument<'_>) -> Outcome<Vec<Bound<'py, PyDict>>> {
+    fn annotations<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
+    ) -> Outcome<Vec<Bound<'py, PyDict>>> {
         crate::image::annotations(py, &self.0, &sensor.sensor()?)
     }
 
@@ -362,9 +400,9 @@ impl PointCloud {
     fn png<'py>(
         &self,
         py: Python<'py>,
-        color: Option<&str>,
-        view: &str,
-        width: Option<u32>,
+        #[pyo3(from_py_with = argument::color)] color: Option<&str>,
+        #[pyo3(from_py_with = argument::view)] view: &str,
+        #[pyo3(from_py_with = argument::width)] width: Option<u32>,
     ) -> Outcome<Bound<'py, pyo3::types::PyBytes>> {
         let view: View = crate::sensor::named("view", view)?;
         let color: ColorBy = color.map(|color| crate::sensor::named("color", color)).transpose()?.unwrap_or_default();
@@ -459,7 +497,10 @@ impl PointCloud {
     /// >>> cloud.to_torch(["range", "category_id"])["category_id"].dtype
     /// torch.int64
     #[pyo3(signature = (columns = None))]
-    fn to_torch<'py>(slf: &Bound<'py, Self>, columns: Option<Columns>) -> PyResult<Bound<'py, PyAny>> {
+    fn to_torch<'py>(
+        slf: &Bound<'py, Self>,
+        #[pyo3(from_py_with = argument::columns)] columns: Option<Columns>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let columns = columns.map(Columns::names);
         slf.py().import("echocast._convert")?.call_method1("to_torch", (slf, columns))
     }
@@ -547,7 +588,10 @@ pub fn names(table: &NameTable) -> BTreeMap<u32, String> {
 /// >>> len(cloud) > 1000, left_out
 /// (True, [])
 #[pyfunction]
-pub fn read_cloud(py: Python<'_>, path: PathBuf) -> Outcome<(PointCloud, Vec<String>)> {
+pub fn read_cloud(
+    py: Python<'_>,
+    #[pyo3(from_py_with = argument::path)] path: PathBuf,
+) -> Outcome<(PointCloud, Vec<String>)> {
     let mut report = Report::default();
     let cloud = py.detach(|| import::read(&path, &mut report))?;
     Ok((PointCloud::of(cloud), report.warnings))

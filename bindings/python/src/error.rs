@@ -31,40 +31,14 @@ impl Failure {
         Failure::Library(echocast::Error::invalid(name, value, allowed))
     }
 
-    /// The same with the name of the argument in front, as PyO3 puts it, where a TypeError does not begin with it.
-    pub fn about(self, py: Python<'_>, name: &str) -> Failure {
-        let Failure::Python(error) = &self else { return self };
-        let told = error.value(py).to_string();
-        if name.is_empty() || told.starts_with(name) || !error.get_type(py).is(py.get_type::<PyTypeError>()) {
-            return self;
+    /// It, unless it says that something is of a wrong type.
+    pub fn unless_type(self, py: Python<'_>) -> Option<Failure> {
+        match &self {
+            Failure::Python(error) if error.is_instance_of::<PyTypeError>(py) => None,
+            _ => Some(self),
         }
-        Failure::Python(PyTypeError::new_err(format!("argument '{name}': {told}")))
     }
 }
-
-/// `value` is of no type that is `allowed`; PyO3 names the argument.
-pub fn wrong_type(value: &Bound<'_, PyAny>, allowed: &str) -> PyErr {
-    let kind = value.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
-    PyTypeError::new_err(format!("it is of the type {kind}; allowed: {allowed}"))
-}
-
-/// Lets `$name` be extracted as the first of its variants that fits; what is none of them gets a sentence, where PyO3 would
-/// list its own types.
-macro_rules! one_of {
-    ($name:ident $(<$py:lifetime>)?: $($variant:ident)|+; $allowed:expr) => {
-        impl<'py> pyo3::FromPyObject<'_, 'py> for $name $(<$py>)? {
-            type Error = pyo3::PyErr;
-
-            fn extract(value: pyo3::Borrowed<'_, 'py, pyo3::PyAny>) -> pyo3::PyResult<Self> {
-                $( if let Ok(found) = value.extract() {
-                    return Ok($name::$variant(found));
-                } )+
-                Err($crate::error::wrong_type(&value, $allowed))
-            }
-        }
-    };
-}
-pub(crate) use one_of;
 
 /// What is said where `pickle` and `copy` take `what`, which they cannot.
 pub fn no_pickle<T>(what: &str, instead: &str) -> PyResult<T> {

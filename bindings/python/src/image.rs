@@ -1,5 +1,6 @@
 //! Images: of pings, and what cameras and other sensors with rows and columns see.
 
+use crate::argument;
 use crate::array::{Held, owned, shared};
 use crate::error::{Failure, Outcome, no_pickle};
 use crate::sensor::{Instrument, named};
@@ -48,7 +49,11 @@ impl Image {
     }
 
     /// A label column.
-    fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> Outcome<Bound<'py, PyAny>> {
+    fn __getitem__<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::name)] name: &str,
+    ) -> Outcome<Bound<'py, PyAny>> {
         let layer = Field::from_name(name).ok().and_then(|field| self.0.layer(field));
         let Some(ids) = layer else {
             let (near, has) = (Error::missing("column", name, self.fields()), self.fields().join(", "));
@@ -58,7 +63,11 @@ impl Image {
     }
 
     /// Coordinates of the middle of a pixel; what they are is in `axes`.
-    fn coordinates(&self, column: usize, row: usize) -> [f64; 2] {
+    fn coordinates(
+        &self,
+        #[pyo3(from_py_with = argument::column)] column: usize,
+        #[pyo3(from_py_with = argument::row)] row: usize,
+    ) -> [f64; 2] {
         self.0.coordinates(column, row)
     }
 
@@ -69,7 +78,7 @@ impl Image {
     }
 
     /// Writes it as PNG, NPZ or HDF5, as the ending of `path` says; returns warnings.
-    fn write(&self, py: Python<'_>, path: PathBuf) -> Outcome<Vec<String>> {
+    fn write(&self, py: Python<'_>, #[pyo3(from_py_with = argument::path)] path: PathBuf) -> Outcome<Vec<String>> {
         Ok(py.detach(|| self.0.write(path))?.warnings)
     }
 

@@ -4,6 +4,7 @@
 // Docstrings are for Python, where >>> begins an example.
 #![allow(clippy::doc_lazy_continuation)]
 
+mod argument;
 mod array;
 mod arrow;
 mod boxes;

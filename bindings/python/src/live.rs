@@ -1,20 +1,23 @@
 //! Scenes that change from scan to scan.
 
-use crate::array::{numbers, rows};
+use crate::argument;
+use crate::array::numbers;
 use crate::cloud::PointCloud;
 use crate::error::{Failure, Outcome, no_pickle};
 use crate::options::Asked;
 use crate::ping::{Ping, ping};
 use crate::place::{Pose, affine, times_of, transform};
-use crate::scene::{Matter, Scene, mesh, scan};
+use crate::scene::{Matter, Scene, Vertices, mesh, scan};
 use crate::sensor::{Instrument, Source};
 use echocast::scene::Object;
 use echocast::{Engine, ObjectId};
-use glam::DAffine3;
-use numpy::ndarray::{ArrayView2, Ix2, Ix3};
+use glam::{DAffine3, DVec3};
+use numpy::PyReadonlyArray3;
+use numpy::ndarray::{ArrayView3, Ix3};
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
 use pyo3::types::PyDict;
+use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// A scene whose objects move, change, come and go between scans, and move during scans.
@@ -33,21 +36,95 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 /// 4
 /// 6
 #[pyclass(frozen, module = "echocast")]
-pub struct LiveScene(Mutex<echocast::LiveScene>);
+pub struct LiveScene(Mutex<Live>);
+
+/// A scene, and what is known of those of its objects that were given as arrays.
+struct Live {
+    scene: echocast::LiveScene,
+    given: HashMap<u64, Given>,
+}
+
+/// An object that was given as arrays. Far from 0, 0, 0, where float32 is coarse, its mesh has the vertices about a point
+/// among them, and its places are told of the vertices as they were given.
+#[derive(Clone, Default)]
+struct Given {
+    middle: DVec3,
+    /// Its motion as it was told; none if it stands.
+    motion: Vec<(f64, DAffine3)>,
+}
+
+impl Live {
+    /// All objects of `scene`, with their numbers.
+    fn add_scene(&mut self, scene: &Scene) -> echocast::Result<Vec<u64>> {
+        let added: Vec<u64> = self.scene.add_scene(&scene.scene)?.into_iter().map(ObjectId::to_u64).collect();
+        let middles = scene.middles.iter().map(|&middle| Given { middle, ..Given::default() });
+        self.given.extend(added.iter().copied().zip(middles));
+        Ok(added)
+    }
+
+    /// An object whose mesh has its vertices about `middle`, with its number.
+    fn add(&mut self, mut object: Object, middle: DVec3, fixed: bool) -> echocast::Result<u64> {
+        object.world_from_object *= DAffine3::from_translation(middle);
+        let added = if fixed { self.scene.add_fixed(object) } else { self.scene.add(object) }?.to_u64();
+        self.given.insert(added, Given { middle, ..Given::default() });
+        Ok(added)
+    }
+
+    fn middle(&self, object: u64) -> DVec3 {
+        self.given.get(&object).map_or(DVec3::ZERO, |given| given.middle)
+    }
+
+    fn set_pose(&mut self, object: u64, pose: DAffine3) -> echocast::Result<()> {
+        self.scene.set_pose(ObjectId::from_u64(object), pose * DAffine3::from_translation(self.middle(object)))?;
+        self.given.entry(object).or_default().motion.clear();
+        Ok(())
+    }
+
+    fn set_motion(&mut self, object: u64, motion: Vec<(f64, DAffine3)>) -> echocast::Result<()> {
+        let shift = DAffine3::from_translation(self.middle(object));
+        let keys: Vec<_> = motion.iter().map(|&(time, pose)| (time, pose * shift)).collect();
+        self.scene.set_motion(ObjectId::from_u64(object), &keys)?;
+        self.given.entry(object).or_default().motion = motion;
+        Ok(())
+    }
+
+    /// Gives an object `vertices` by `set`, which gets them about the point where its mesh should have them.
+    fn set_vertices(
+        &mut self,
+        object: u64,
+        vertices: Vertices,
+        set: impl FnOnce(&mut echocast::LiveScene, ObjectId, Vec<[f32; 3]>) -> echocast::Result<()>,
+    ) -> echocast::Result<()> {
+        let id = ObjectId::from_u64(object);
+        let before = self.middle(object);
+        // What a file moves cannot be put about another point.
+        let middle = if self.given.contains_key(&object) { vertices.middle(before) } else { before };
+        set(&mut self.scene, id, vertices.about(middle))?;
+        let Some(given) = self.given.get_mut(&object).filter(|_| middle != before) else { return Ok(()) };
+        given.middle = middle;
+        if given.motion.is_empty() {
+            let placed = self.scene.object(id)?.world_from_object * DAffine3::from_translation(middle - before);
+            self.scene.set_pose(id, placed)
+        } else {
+            let motion = given.motion.clone();
+            self.set_motion(object, motion)
+        }
+    }
+}
 
 impl LiveScene {
     /// It, once all calls before this have ended; until then other threads of Python go on.
-    fn lock(&self, py: Python<'_>) -> MutexGuard<'_, echocast::LiveScene> {
+    fn lock(&self, py: Python<'_>) -> MutexGuard<'_, Live> {
         self.0.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Names of its camera nodes.
     fn cameras(&self, py: Python<'_>) -> Vec<String> {
-        self.lock(py).cameras().iter().map(|camera| camera.name.clone()).collect()
+        self.lock(py).scene.cameras().iter().map(|camera| camera.name.clone()).collect()
     }
 
     /// Does `work` with it without the interpreter.
-    fn detached<T: Send>(&self, py: Python<'_>, work: impl Send + FnOnce(&mut echocast::LiveScene) -> T) -> T {
+    fn detached<T: Send>(&self, py: Python<'_>, work: impl Send + FnOnce(&mut Live) -> T) -> T {
         py.detach(|| work(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner)))
     }
 }
@@ -56,25 +133,33 @@ impl LiveScene {
 impl LiveScene {
     #[new]
     #[pyo3(signature = (scene = None, *, threads = None))]
-    fn new(py: Python<'_>, scene: Option<Bound<'_, Scene>>, threads: Option<usize>) -> Outcome<LiveScene> {
+    fn new(
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::scene)] scene: Option<Bound<'_, Scene>>,
+        #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
+    ) -> Outcome<LiveScene> {
         let engine = threads.map_or_else(Engine::new, Engine::with_threads)?;
-        let mut live = echocast::LiveScene::new(&engine);
+        let mut live = Live { scene: echocast::LiveScene::new(&engine), given: HashMap::new() };
         if let Some(scene) = scene {
-            let scene = &scene.get().scene;
+            let scene = scene.get();
             py.detach(|| live.add_scene(scene))?;
         }
         Ok(LiveScene(Mutex::new(live)))
     }
 
     /// Adds all objects of `scene`, its cameras and the names of its labels; returns the numbers of the objects.
-    fn add_scene(&self, py: Python<'_>, scene: Bound<'_, Scene>) -> Outcome<Vec<u64>> {
-        let scene = &scene.get().scene;
-        let added = self.detached(py, |live| live.add_scene(scene))?;
-        Ok(added.into_iter().map(ObjectId::to_u64).collect())
+    fn add_scene(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::scene)] scene: Bound<'_, Scene>,
+    ) -> Outcome<Vec<u64>> {
+        let scene = scene.get();
+        Ok(self.detached(py, |live| live.add_scene(scene))?)
     }
 
-    /// Adds a mesh and returns the number of the object: `vertices`, n x 3, m, which it has as float32; `triangles`, m x
-    /// 3, indices of vertices. They are copied; other numbers than float32 and uint32, and lists, are converted.
+    /// Adds a mesh and returns the number of the object: `vertices`, n x 3, m; `triangles`, m x 3, indices of vertices.
+    /// Arrays of any type of number and lists are copied, those of float32 and uint32 fastest; vertices in float64 keep
+    /// their place far from 0, 0, 0.
     ///
     /// `pose`: a Pose, x, y, z, or a 4 x 4 matrix (world from object); None: at 0, 0, 0. `category` and
     /// `instance`: its label numbers, 0: unlabelled. `material`: as of `Scene.from_arrays`. `mask`: 32 bits; scans see it
@@ -88,22 +173,22 @@ impl LiveScene {
         vertices: &Bound<'_, PyAny>,
         triangles: &Bound<'_, PyAny>,
         pose: Option<&Bound<'_, PyAny>>,
-        name: &str,
-        category: u32,
-        instance: u32,
-        material: Option<Source<'_>>,
-        mask: u32,
-        fixed: bool,
+        #[pyo3(from_py_with = argument::name)] name: &str,
+        #[pyo3(from_py_with = argument::category)] category: u32,
+        #[pyo3(from_py_with = argument::instance)] instance: u32,
+        #[pyo3(from_py_with = argument::material)] material: Option<Source<'_>>,
+        #[pyo3(from_py_with = argument::mask)] mask: u32,
+        #[pyo3(from_py_with = argument::fixed)] fixed: bool,
     ) -> Outcome<u64> {
         let material = material.as_ref().map(Matter::of).transpose()?;
-        let positions = rows::<_, 3>("vertices", &numbers::<f32, Ix2>("vertices", vertices, "n x 3")?)?;
-        let mut object = Object::new(name, mesh(name, positions, triangles, material.as_ref())?);
+        let vertices = Vertices::of(vertices)?;
+        let middle = vertices.middle(DVec3::ZERO);
+        let mut object = Object::new(name, mesh(name, vertices.about(middle), triangles, material.as_ref())?);
         (object.category_id, object.instance_id, object.mask) = (category, instance, mask);
         if let Some(pose) = pose {
             object.world_from_object = transform(pose)?;
         }
-        let mut live = self.lock(py);
-        Ok(if fixed { live.add_fixed(object) } else { live.add(object) }?.to_u64())
+        Ok(self.lock(py).add(object, middle, fixed)?)
     }
 
     /// Adds an object of the mesh and material that `object` has, which it shares, and returns its number: of many things
@@ -114,48 +199,63 @@ impl LiveScene {
     fn add_copy(
         &self,
         py: Python<'_>,
-        object: u64,
+        #[pyo3(from_py_with = argument::object)] object: u64,
         pose: Option<&Bound<'_, PyAny>>,
-        name: Option<&str>,
-        category: Option<u32>,
-        instance: u32,
-        mask: Option<u32>,
-        fixed: bool,
+        #[pyo3(from_py_with = argument::name)] name: Option<&str>,
+        #[pyo3(from_py_with = argument::category)] category: Option<u32>,
+        #[pyo3(from_py_with = argument::instance)] instance: u32,
+        #[pyo3(from_py_with = argument::mask)] mask: Option<u32>,
+        #[pyo3(from_py_with = argument::fixed)] fixed: bool,
     ) -> Outcome<u64> {
         let mut live = self.lock(py);
-        let mut copy = live.object(ObjectId::from_u64(object))?.clone();
+        let mut copy = live.scene.object(ObjectId::from_u64(object))?.clone();
         copy.name = name.map_or(copy.name, str::to_owned);
         copy.category_id = category.unwrap_or(copy.category_id);
         copy.instance_id = instance;
         copy.mask = mask.unwrap_or(copy.mask);
         copy.world_from_object = pose.map_or(Ok(DAffine3::IDENTITY), transform)?;
-        Ok(if fixed { live.add_fixed(copy) } else { live.add(copy) }?.to_u64())
+        let middle = live.middle(object);
+        Ok(live.add(copy, middle, fixed)?)
     }
 
     /// Removes an object.
-    fn remove(&self, py: Python<'_>, object: u64) -> Outcome<()> {
-        Ok(self.lock(py).remove(ObjectId::from_u64(object))?)
+    fn remove(&self, py: Python<'_>, #[pyo3(from_py_with = argument::object)] object: u64) -> Outcome<()> {
+        let mut live = self.lock(py);
+        live.scene.remove(ObjectId::from_u64(object))?;
+        live.given.remove(&object);
+        Ok(())
     }
 
     /// The number of the first object called `name`; ArgumentError without one, with the nearest names.
-    fn find(&self, py: Python<'_>, name: &str) -> Outcome<u64> {
-        Ok(self.lock(py).find(name)?.to_u64())
+    fn find(&self, py: Python<'_>, #[pyo3(from_py_with = argument::name)] name: &str) -> Outcome<u64> {
+        Ok(self.lock(py).scene.find(name)?.to_u64())
     }
 
     /// Places an object: a Pose, x, y, z, or a 4 x 4 matrix (world from object).
-    fn set_pose(&self, py: Python<'_>, object: u64, pose: &Bound<'_, PyAny>) -> Outcome<()> {
+    fn set_pose(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::object)] object: u64,
+        pose: &Bound<'_, PyAny>,
+    ) -> Outcome<()> {
         let pose = transform(pose)?;
-        Ok(self.lock(py).set_pose(ObjectId::from_u64(object), pose)?)
+        Ok(self.lock(py).set_pose(object, pose)?)
     }
 
     /// Gives the vertices of an object other places: n x 3, m, as many as it has. Copied, as by `add`.
-    fn set_vertices(&self, py: Python<'_>, object: u64, vertices: &Bound<'_, PyAny>) -> Outcome<()> {
-        let positions = rows::<_, 3>("vertices", &numbers::<f32, Ix2>("vertices", vertices, "n x 3")?)?;
-        Ok(self.lock(py).set_vertices(ObjectId::from_u64(object), positions.into(), None)?)
+    fn set_vertices(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::object)] object: u64,
+        vertices: &Bound<'_, PyAny>,
+    ) -> Outcome<()> {
+        let vertices = Vertices::of(vertices)?;
+        let set = |live: &mut echocast::LiveScene, id, places: Vec<_>| live.set_vertices(id, places.into(), None);
+        Ok(self.lock(py).set_vertices(object, vertices, set)?)
     }
 
-    /// Lets an object move: `poses`, n x 4 x 4 (world from object), at `times`, n, s, which never fall; between them linear in position and slerp in rotation, before and after them it stands. `set_time` says which of it
-    /// scans see.
+    /// Lets an object move: `poses`, n x 4 x 4 (world from object), at `times`, n, s, which never fall; between them
+    /// linear in position and slerp in rotation, before and after them it stands. `set_time` says which of it scans see.
     ///
     /// >>> live = ec.LiveScene()
     /// >>> square = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], dtype=np.float32)
@@ -169,7 +269,7 @@ impl LiveScene {
     fn set_motion(
         &self,
         py: Python<'_>,
-        object: u64,
+        #[pyo3(from_py_with = argument::object)] object: u64,
         times: &Bound<'_, PyAny>,
         poses: &Bound<'_, PyAny>,
     ) -> Outcome<()> {
@@ -182,8 +282,7 @@ impl LiveScene {
             return Err(Failure::argument("poses", format!("{count} x {rows} x {columns}"), allowed));
         }
         let poses = poses.outer_iter().map(|pose| affine("poses", pose)).collect::<Outcome<Vec<_>>>()?;
-        let keys: Vec<(f64, DAffine3)> = times.into_iter().zip(poses).collect();
-        Ok(self.lock(py).set_motion(ObjectId::from_u64(object), &keys)?)
+        Ok(self.lock(py).set_motion(object, times.into_iter().zip(poses).collect())?)
     }
 
     /// Lets the vertices of an object move: `vertices`, n x m x 3, m, as many as it has, at `times`, n, s, which rise;
@@ -191,75 +290,108 @@ impl LiveScene {
     fn set_vertex_motion(
         &self,
         py: Python<'_>,
-        object: u64,
+        #[pyo3(from_py_with = argument::object)] object: u64,
         times: &Bound<'_, PyAny>,
         vertices: &Bound<'_, PyAny>,
     ) -> Outcome<()> {
         let times = times_of(times)?;
-        let vertices = numbers::<f32, Ix3>("vertices", vertices, "n x m x 3")?;
-        let vertices = vertices.as_array();
-        let (count, points, columns) = vertices.dim();
-        if (count, columns) != (times.len(), 3) {
-            let allowed = format!("{} x m x 3, vertices for each time", times.len());
-            return Err(Failure::argument("vertices", format!("{count} x {points} x {columns}"), allowed));
-        }
-        let at = |vertices: ArrayView2<f32>| {
-            let rows = vertices.rows();
-            rows.into_iter().map(|row| [row[0], row[1], row[2]]).collect::<Vec<_>>().into()
+        let check = |(count, points, columns): (usize, usize, usize)| {
+            let allowed = || format!("{} x m x 3, vertices for each time", times.len());
+            let found = || format!("{count} x {points} x {columns}");
+            let fits = (count, columns) == (times.len(), 3);
+            if fits { Ok(points) } else { Err(Failure::argument("vertices", found(), allowed())) }
         };
-        let keys: Vec<_> = times.into_iter().zip(vertices.outer_iter().map(at)).collect();
-        Ok(self.lock(py).set_vertex_motion(ObjectId::from_u64(object), &keys)?)
+        let (points, vertices) = match vertices.extract::<PyReadonlyArray3<'_, f32>>() {
+            Ok(single) => (check(single.as_array().dim())?, Vertices::Single(all(single.as_array()))),
+            Err(_) => {
+                let double = numbers::<f64, Ix3>("vertices", vertices, "n x m x 3")?;
+                let points = check(double.as_array().dim())?;
+                (points, Vertices::Double(all(double.as_array()).into_iter().map(DVec3::from_array).collect()))
+            }
+        };
+        let set = |live: &mut echocast::LiveScene, id, places: Vec<[f32; 3]>| {
+            let at = |(number, &time): (usize, &f64)| (time, places[number * points..][..points].to_vec().into());
+            live.set_vertex_motion(id, &times.iter().enumerate().map(at).collect::<Vec<_>>())
+        };
+        Ok(self.lock(py).set_vertices(object, vertices, set)?)
     }
 
     /// Gives an object another category and instance, numbers; 0: unlabelled.
     #[pyo3(signature = (object, *, category, instance))]
-    fn set_labels(&self, py: Python<'_>, object: u64, category: u32, instance: u32) -> Outcome<()> {
+    fn set_labels(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::object)] object: u64,
+        #[pyo3(from_py_with = argument::category)] category: u32,
+        #[pyo3(from_py_with = argument::instance)] instance: u32,
+    ) -> Outcome<()> {
         let (mut live, object) = (self.lock(py), ObjectId::from_u64(object));
-        let parts = live.object(object)?.part_ids.clone();
-        Ok(live.set_labels(object, category, instance, &parts)?)
+        let parts = live.scene.object(object)?.part_ids.clone();
+        Ok(live.scene.set_labels(object, category, instance, &parts)?)
     }
 
     /// Names a number, from 1, of the label `table`: "category", "part" or "instance".
-    fn name_label(&self, py: Python<'_>, table: &str, number: u32, name: &str) -> Outcome<()> {
-        Ok(self.lock(py).name_label(table, number, name)?)
+    fn name_label(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::table)] table: &str,
+        #[pyo3(from_py_with = argument::number)] number: u32,
+        #[pyo3(from_py_with = argument::name)] name: &str,
+    ) -> Outcome<()> {
+        Ok(self.lock(py).scene.name_label(table, number, name)?)
     }
 
     /// Numbers and names of its objects.
     #[getter]
     fn objects(&self, py: Python<'_>) -> std::collections::BTreeMap<u64, String> {
-        self.lock(py).objects().map(|(id, object)| (id.to_u64(), object.name.clone())).collect()
+        self.lock(py).scene.objects().map(|(id, object)| (id.to_u64(), object.name.clone())).collect()
     }
 
     /// The pose of a sensor at the camera node called `name`, now; ArgumentError without one, with the nearest names.
-    fn camera(&self, py: Python<'_>, name: &str) -> Outcome<Pose> {
-        Ok(Pose(self.lock(py).camera(name)?))
+    fn camera(&self, py: Python<'_>, #[pyo3(from_py_with = argument::name)] name: &str) -> Outcome<Pose> {
+        Ok(Pose(self.lock(py).scene.camera(name)?))
     }
 
     /// Sets the time of the scans that follow: everything that moves by itself is where it is at every moment from
     /// `time` to `time + length`, s. With the `length` 0 it stands still as it is at `time`. A new scene stands still
     /// at 0.
     #[pyo3(signature = (time, length = 0.0))]
-    fn set_time(&self, py: Python<'_>, time: f64, length: f64) -> Outcome<()> {
-        Ok(self.lock(py).set_time(time, length)?)
+    fn set_time(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::time)] time: f64,
+        #[pyo3(from_py_with = argument::length)] length: f64,
+    ) -> Outcome<()> {
+        Ok(self.lock(py).scene.set_time(time, length)?)
     }
 
     /// What `sensor` sees now: a cloud. Keywords as those of `Scene.scan`.
     #[pyo3(signature = (sensor, **options))]
-    fn scan(&self, py: Python<'_>, sensor: Instrument<'_>, options: Option<&Bound<'_, PyDict>>) -> Outcome<PointCloud> {
+    fn scan(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> Outcome<PointCloud> {
         let sensor = sensor.sensor()?;
         let asked = Asked::of(options, &sensor)?;
         let path = asked.path(py, || self.cameras(py))?;
-        let built = self.detached(py, |live| live.commit())?;
-        scan(py, &built, &sensor, &path, &asked, || self.lock(py).bounds())
+        let built = self.detached(py, |live| live.scene.commit())?;
+        scan(py, &built, &sensor, &path, &asked, || self.lock(py).scene.bounds())
     }
 
     /// A ping of a sonar, now. Keywords as those of `Scene.scan`.
     #[pyo3(signature = (sensor, **options))]
-    fn ping(&self, py: Python<'_>, sensor: Instrument<'_>, options: Option<&Bound<'_, PyDict>>) -> Outcome<Ping> {
+    fn ping(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> Outcome<Ping> {
         let sensor = sensor.sensor()?;
         let asked = Asked::of(options, &sensor)?;
         let path = asked.path(py, || self.cameras(py))?;
-        let built = self.detached(py, |live| live.commit())?;
+        let built = self.detached(py, |live| live.scene.commit())?;
         ping(py, &built, &sensor, &path, &asked)
     }
 
@@ -268,7 +400,12 @@ impl LiveScene {
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {
-        let live = self.lock(py);
+        let live = &self.lock(py).scene;
         format!("<LiveScene: {} objects, {} triangles>", live.objects().count(), live.triangle_count())
     }
+}
+
+/// All rows of `vertices`, n x m x 3, one after the other.
+fn all<T: Copy>(vertices: ArrayView3<T>) -> Vec<[T; 3]> {
+    vertices.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect()
 }

@@ -1,10 +1,11 @@
 //! How to scan: the keyword arguments of every method that scans.
 
-use crate::error::{Failure, Outcome, one_of};
+use crate::argument::{Argument, one_of, wrong_type};
+use crate::error::{Failure, Outcome};
 use crate::place;
 use crate::sensor::{Air, named};
 use echocast::{BoxAxes, FieldSet, ScanOptions, Sensor, Trajectory};
-use pyo3::exceptions::{PyOverflowError, PyTypeError, PyUserWarning};
+use pyo3::exceptions::{PyTypeError, PyUserWarning};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::ffi::CString;
@@ -29,6 +30,14 @@ pub enum Columns {
     List(Vec<String>),
 }
 
+/// Whether there are boxes, and along which axes.
+enum Boxes {
+    Wanted(bool),
+    Axes(String),
+}
+
+one_of! { Boxes: Wanted | Axes; "True, False, object or frame" }
+
 one_of! { Columns: Text | List; "names of columns in a list, or in a text with commas" }
 
 impl Columns {
@@ -43,13 +52,6 @@ impl Columns {
 impl Asked {
     /// Out of `keywords`, for scans with `sensor`.
     pub fn of(keywords: Option<&Bound<'_, PyDict>>, sensor: &Sensor) -> Outcome<Asked> {
-        let mut current = String::new();
-        let read = Asked::read(keywords, sensor, &mut current);
-        read.map_err(|error| Python::attach(|py| error.about(py, &current)))
-    }
-
-    /// [`Asked::of`] that says in `current` which argument it reads.
-    fn read(keywords: Option<&Bound<'_, PyDict>>, sensor: &Sensor, current: &mut String) -> Outcome<Asked> {
         let mut asked = Asked {
             options: ScanOptions { fields: sensor.default_fields(), ..ScanOptions::default() },
             path: None,
@@ -59,39 +61,39 @@ impl Asked {
         for (key, value) in keywords.into_iter().flatten() {
             let key: String = key.extract()?;
             known(&key)?;
-            current.clone_from(&key);
-            let text = || value.extract::<String>();
-            match &*key {
+            let key = key.as_str();
+            let text = || <&str>::of(key, &value);
+            match key {
                 // None means the default.
                 _ if value.is_none() => {}
                 "at" => asked.path = Some(place::path(&value)?),
                 "fields" => {
-                    let list = value.extract::<Columns>()?.names().join(",");
+                    let list = Columns::of(key, &value)?.names().join(",");
                     options.fields = FieldSet::parse_with(&list, sensor.default_fields())?;
                 }
-                "seed" => options.seed = whole(&key, &value)?,
-                "frame" => options.frame = whole(&key, &value)?,
-                "start_time" => options.start_time = value.extract()?,
-                "trajectory_time" => options.trajectory_time = value.extract()?,
-                "freeze" => options.freeze = value.extract()?,
-                "frame_period" => options.frame_period = value.extract()?,
-                "organised" => options.organised = value.extract()?,
-                "coordinates" => options.coordinates = named("coordinates", &text()?)?,
-                "order" => options.order = named("order", &text()?)?,
+                "seed" => options.seed = Argument::of(key, &value)?,
+                "frame" => options.frame = Argument::of(key, &value)?,
+                "start_time" => options.start_time = Argument::of(key, &value)?,
+                "trajectory_time" => options.trajectory_time = Argument::of(key, &value)?,
+                "freeze" => options.freeze = Argument::of(key, &value)?,
+                "frame_period" => options.frame_period = Argument::of(key, &value)?,
+                "organised" => options.organised = Argument::of(key, &value)?,
+                "coordinates" => options.coordinates = named(key, text()?)?,
+                "order" => options.order = named(key, text()?)?,
                 "boxes" => {
-                    options.boxes = match value.extract::<bool>() {
-                        Ok(wanted) => wanted.then_some(BoxAxes::default()),
-                        Err(_) => Some(named("boxes", &text()?)?),
+                    options.boxes = match Boxes::of(key, &value)? {
+                        Boxes::Wanted(wanted) => wanted.then_some(BoxAxes::default()),
+                        Boxes::Axes(name) => Some(named(key, &name)?),
                     }
                 }
-                "box_time" => options.box_time = named("box_time", &text()?)?,
-                "deskew" => options.deskew = value.extract()?,
-                "image_boxes" => options.image_boxes = value.extract()?,
-                "profile" => options.profile = named("profile", &text()?)?,
-                "reflectance_source" => options.reflectance_source = Some(named("reflectance_source", &text()?)?),
-                "mask" => options.mask = whole(&key, &value)?,
-                "specular_depth" => options.specular_depth = whole(&key, &value)?,
-                "environment" => options.environment = value.extract::<Air>()?.environment()?,
+                "box_time" => options.box_time = named(key, text()?)?,
+                "deskew" => options.deskew = Argument::of(key, &value)?,
+                "image_boxes" => options.image_boxes = Argument::of(key, &value)?,
+                "profile" => options.profile = named(key, text()?)?,
+                "reflectance_source" => options.reflectance_source = Some(named(key, text()?)?),
+                "mask" => options.mask = Argument::of(key, &value)?,
+                "specular_depth" => options.specular_depth = Argument::of(key, &value)?,
+                "environment" => options.environment = Air::of(key, &value)?.environment()?,
                 "progress" => asked.progress = Progress::of(&value, "scan")?,
                 _ => {}
             }
@@ -151,14 +153,15 @@ pub struct Progress {
 
 impl Progress {
     /// Out of the argument `progress`: a function, or True for a bar that says it is about `what`.
-    pub fn of(progress: &Bound<'_, PyAny>, what: &str) -> PyResult<Progress> {
+    pub fn of(progress: &Bound<'_, PyAny>, what: &str) -> Outcome<Progress> {
         Ok(match progress.extract::<bool>() {
             Ok(false) => Progress::default(),
             Ok(true) => {
                 let bar = progress.py().import("echocast._progress")?.call_method1("bar", (what,))?;
                 Progress { told: Some(bar.unbind()), is_bar: true }
             }
-            Err(_) => Progress { told: Some(progress.clone().unbind()), is_bar: false },
+            Err(_) if progress.is_callable() => Progress { told: Some(progress.clone().unbind()), is_bar: false },
+            Err(_) => return Err(wrong_type("progress", progress, "a function, True or False")),
         })
     }
 
@@ -177,17 +180,6 @@ impl Progress {
             _ => Ok(()),
         }
     }
-}
-
-/// The whole number that `value` is, for the argument `name`, which is 0 to the greatest `T`.
-pub fn whole<T: TryFrom<u64>>(name: &str, value: &Bound<'_, PyAny>) -> Outcome<T> {
-    let number = match value.extract::<u64>() {
-        Err(error) if !error.is_instance_of::<PyOverflowError>(value.py()) => return Err(error.into()),
-        number => number.ok(),
-    };
-    let most = u64::MAX >> (64 - 8 * size_of::<T>());
-    let fitting = number.and_then(|number| T::try_from(number).ok());
-    fitting.ok_or_else(|| Failure::argument(name, value, format!("0 to {most}")))
 }
 
 /// Warns as Python does, of the line that called this package.

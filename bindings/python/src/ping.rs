@@ -1,5 +1,6 @@
 //! Pings of sonars.
 
+use crate::argument;
 use crate::array::{Held, owned, shared};
 use crate::cloud::names;
 use crate::error::{Failure, Outcome, no_pickle};
@@ -57,7 +58,7 @@ impl Pings {
     /// Writes them as the ending of `path` says, returns warnings: NPZ or HDF5, arrays of pings x beams x bins; XTF, what
     /// side-scan and swath sonars record; KMALL, soundings and water columns of swath sonars. ArgumentError for another
     /// sonar.
-    fn write(&self, py: Python<'_>, path: PathBuf) -> Outcome<Vec<String>> {
+    fn write(&self, py: Python<'_>, #[pyo3(from_py_with = argument::path)] path: PathBuf) -> Outcome<Vec<String>> {
         Ok(py.detach(|| self.0.write(path))?.warnings)
     }
 
@@ -66,7 +67,12 @@ impl Pings {
     /// `range`: "slant", or "ground", along a flat bed, without the water below the sonar. `beam`: only this one, from
     /// 0.
     #[pyo3(signature = (*, range = "slant", beam = None))]
-    fn waterfall(&self, py: Python<'_>, range: &str, beam: Option<usize>) -> Outcome<Image> {
+    fn waterfall(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::range)] range: &str,
+        #[pyo3(from_py_with = argument::beam)] beam: Option<usize>,
+    ) -> Outcome<Image> {
         let range: ImageRange = named("range", range)?;
         Ok(Image(py.detach(|| image::waterfall(&self.0, range, beam))?))
     }
@@ -77,7 +83,13 @@ impl Pings {
     /// `range`: as of `waterfall`. `overlap`, where several cells fall on a pixel: "mean" (of the power), "max", "last"
     /// or "nearest" (to the sonar).
     #[pyo3(signature = (cell_m, *, range = "slant", overlap = "mean"))]
-    fn mosaic(&self, py: Python<'_>, cell_m: f64, range: &str, overlap: &str) -> Outcome<Image> {
+    fn mosaic(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::cell_m)] cell_m: f64,
+        #[pyo3(from_py_with = argument::range)] range: &str,
+        #[pyo3(from_py_with = argument::overlap)] overlap: &str,
+    ) -> Outcome<Image> {
         let (range, overlap): (ImageRange, Overlap) = (named("range", range)?, named("overlap", overlap)?);
         Ok(Image(py.detach(|| image::mosaic(&self.0, range, cell_m, overlap))?))
     }
@@ -85,12 +97,12 @@ impl Pings {
     /// What a single beam that turns has seen, laid out around where the first ping was sent; the longer side has
     /// `pixels` pixels.
     #[pyo3(signature = (pixels = 800))]
-    fn fan(&self, py: Python<'_>, pixels: usize) -> Outcome<Image> {
+    fn fan(&self, py: Python<'_>, #[pyo3(from_py_with = argument::pixels)] pixels: usize) -> Outcome<Image> {
         Ok(Image(py.detach(|| image::turning_fan(&self.0, pixels))?))
     }
 
     /// Mean height of the soundings in squares of `cell_m` metres; ArgumentError for sonars without.
-    fn depth_map(&self, py: Python<'_>, cell_m: f64) -> Outcome<Image> {
+    fn depth_map(&self, py: Python<'_>, #[pyo3(from_py_with = argument::cell_m)] cell_m: f64) -> Outcome<Image> {
         Ok(Image(py.detach(|| image::depth_map(&self.0, cell_m))?))
     }
 
@@ -99,7 +111,13 @@ impl Pings {
     /// `view`: "waterfall", "track" (on the map) or "fan". `color`: "intensity" or "label". `width`: 320 to 4096
     /// pixels; None: 1600.
     #[pyo3(signature = (*, view = "waterfall", color = "intensity", width = None))]
-    fn png<'py>(&self, py: Python<'py>, view: &str, color: &str, width: Option<u32>) -> Outcome<Bound<'py, PyBytes>> {
+    fn png<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::view)] view: &str,
+        #[pyo3(from_py_with = argument::color)] color: &str,
+        #[pyo3(from_py_with = argument::width)] width: Option<u32>,
+    ) -> Outcome<Bound<'py, PyBytes>> {
         let view: View = named("view", view)?;
         let mut options = PreviewOptions { view, color: named("color", color)?, ..PreviewOptions::default() };
         if let Some(width) = width {
@@ -205,7 +223,11 @@ impl Ping {
     }
 
     /// A column: beams x bins.
-    fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> Outcome<Bound<'py, PyAny>> {
+    fn __getitem__<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::name)] name: &str,
+    ) -> Outcome<Bound<'py, PyAny>> {
         match Field::from_name(name).ok().filter(|&field| self.ping().fields.contains(field)) {
             Some(field) => Ok(self.array(py, field)?),
             None => {
@@ -286,7 +308,7 @@ impl Ping {
     /// Laid out by beam and range; the longer side has `pixels` pixels. For imaging and swath sonars; ArgumentError for
     /// others.
     #[pyo3(signature = (pixels = 800))]
-    fn fan(&self, py: Python<'_>, pixels: usize) -> Outcome<Image> {
+    fn fan(&self, py: Python<'_>, #[pyo3(from_py_with = argument::pixels)] pixels: usize) -> Outcome<Image> {
         Ok(Image(py.detach(|| image::fan(self.ping(), pixels))?))
     }
 

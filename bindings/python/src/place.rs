@@ -1,19 +1,22 @@
 //! Where sensors are.
 
+use crate::argument::{self, Argument};
 use crate::array::{numbers, owned, rows};
 use crate::error::{Failure, Outcome};
-use glam::{DAffine3, DMat3, DMat4, DQuat};
+use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use numpy::ndarray::{ArrayView2, Ix1, Ix2, IxDyn};
-use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
 
 /// Place and orientation of a sensor or an object in the world: x forward, y left, z up.
 ///
-/// `position`: x, y, z, m, by default 0, 0, 0. `rpy_deg`: roll, pitch and yaw in degrees, the first about x, then about
-/// y, then about z. `quaternion`: x, y, z, w, as in ROS, of any length but 0. One of the two, or none: along the axes
-/// of the world. ArgumentError for both, and for what is not finite. Poses are equal if their numbers are, and pickle.
+/// `position`: x, y, z, m, by default 0, 0, 0; or all of it, as a 4 x 4 matrix that turns and moves (world from sensor).
+/// `rpy_deg`: roll, pitch and yaw in degrees, the first about x, then about y, then about z. `quaternion`: x, y, z, w, as
+/// in ROS, of any length but 0. One of the two, or none: along the axes of the world. ArgumentError for both, beside a
+/// matrix, for matrices that scale, shear or mirror, and for what is not finite. Poses are equal if their numbers are, and
+/// pickle.
 ///
 /// >>> pose = ec.Pose((1, 2, 1.8), rpy_deg=(0, 0, 90))
 /// >>> pose.position
@@ -21,6 +24,8 @@ use std::path::PathBuf;
 /// >>> ahead = np.array(pose.matrix) @ [1, 0, 0, 1]  # 1 m ahead of it
 /// >>> [round(float(place), 3) for place in ahead]
 /// [1.0, 3.0, 1.8, 1.0]
+/// >>> ec.Pose(pose.matrix).position
+/// [1.0, 2.0, 1.8]
 #[pyclass(frozen, eq, from_py_object, module = "echocast")]
 #[derive(Clone, Copy, PartialEq)]
 pub struct Pose(pub echocast::Pose);
@@ -29,12 +34,26 @@ pub struct Pose(pub echocast::Pose);
 impl Pose {
     #[new]
     #[pyo3(
-        signature = (position = [0.0; 3], *, rpy_deg = None, quaternion = None),
+        signature = (position = Placement::Point(DVec3::ZERO), *, rpy_deg = None, quaternion = None),
         text_signature = "(position=(0.0, 0.0, 0.0), *, rpy_deg=None, quaternion=None)"
     )]
-    fn new(position: [f64; 3], rpy_deg: Option<[f64; 3]>, quaternion: Option<[f64; 4]>) -> Outcome<Pose> {
-        let [x, y, z] = position;
-        let pose = echocast::Pose::at(x, y, z);
+    fn new(
+        #[pyo3(from_py_with = argument::position)] position: Placement,
+        #[pyo3(from_py_with = argument::rpy_deg)] rpy_deg: Option<[f64; 3]>,
+        #[pyo3(from_py_with = argument::quaternion)] quaternion: Option<[f64; 4]>,
+    ) -> Outcome<Pose> {
+        let told = ("rpy_deg", rpy_deg.is_some(), "quaternion", quaternion.is_some());
+        let at = match position {
+            Placement::Point(at) => at,
+            // It turns already.
+            whole => match told {
+                (_, false, _, false) => return whole.rigid("position").map(Pose),
+                (name, true, ..) | (_, _, name, _) => {
+                    return Err(Failure::argument(name, "there beside a pose or matrix", "one of the two"));
+                }
+            },
+        };
+        let pose = echocast::Pose::at(at.x, at.y, at.z);
         let pose = match (rpy_deg, quaternion) {
             (None, None) => pose,
             (Some([roll, pitch, yaw]), None) => pose.with_rpy_deg(roll, pitch, yaw),
@@ -46,7 +65,7 @@ impl Pose {
         let wrong =
             |name: &str, found: &[f64], allowed: &str| Err(Failure::argument(name, format!("{found:?}"), allowed));
         if !pose.position.is_finite() {
-            return wrong("position", &position, "finite numbers");
+            return wrong("position", &at.to_array(), "finite numbers");
         }
         if (pose.orientation.length() - 1.0).abs() < 1e-6 {
             return Ok(Pose(pose));
@@ -137,12 +156,12 @@ impl Trajectory {
     /// >>> ec.Trajectory.load("drive.txt").span
     /// (0.0, 2.0)
     #[staticmethod]
-    fn load(path: PathBuf) -> Outcome<Trajectory> {
+    fn load(#[pyo3(from_py_with = argument::path)] path: PathBuf) -> Outcome<Trajectory> {
         Ok(Trajectory(echocast::Trajectory::load(path)?))
     }
 
     /// The pose at `time`, s; before the first pose the first, after the last the last.
-    fn at(&self, time: f64) -> Pose {
+    fn at(&self, #[pyo3(from_py_with = argument::time)] time: f64) -> Pose {
         Pose(self.0.at(time))
     }
 
@@ -189,45 +208,41 @@ pub fn path(at: &Bound<'_, PyAny>) -> Outcome<echocast::Trajectory> {
     if let Ok(Trajectory(path)) = at.extract() {
         return Ok(path);
     }
-    let allowed = "a Pose, a Trajectory, x, y and z, or a matrix of 4 x 4";
-    let pose = match Placement::of("at", at, allowed)? {
-        Placement::Pose(pose) => pose,
-        Placement::Matrix(placed) => {
-            let turned = placed.matrix3;
-            // Of numbers of float32, too.
-            let rigid = (turned.transpose() * turned).abs_diff_eq(DMat3::IDENTITY, 1e-5) && turned.determinant() > 0.0;
-            if placed.is_finite() && !rigid {
-                let found = "a matrix that scales, shears or mirrors";
-                return Err(Failure::argument("at", found, "one that turns and moves: a sensor keeps its size"));
-            }
-            echocast::Pose { position: placed.translation, orientation: DQuat::from_mat3(&turned) }
-        }
-    };
-    Ok(echocast::Trajectory::fixed(pose))
+    let placed = Placement::read("at", at, "a Pose, a Trajectory, x, y and z, or a matrix of 4 x 4")?;
+    Ok(echocast::Trajectory::fixed(placed.rigid("at")?))
 }
 
 /// Where an object is, the argument `pose`: world from object.
 pub fn transform(pose: &Bound<'_, PyAny>) -> Outcome<DAffine3> {
-    Ok(match Placement::of("pose", pose, "a Pose, x, y and z, or a matrix of 4 x 4")? {
+    Ok(match Placement::of("pose", pose)? {
+        Placement::Point(at) => DAffine3::from_translation(at),
         Placement::Pose(pose) => DAffine3::from_rotation_translation(pose.orientation, pose.position),
         Placement::Matrix(placed) => placed,
     })
 }
 
 /// A place, as it is told.
-enum Placement {
+#[derive(Clone, Copy)]
+pub enum Placement {
+    Point(DVec3),
     Pose(echocast::Pose),
     Matrix(DAffine3),
 }
 
+impl Argument<'_, '_> for Placement {
+    fn of(name: &str, value: &Bound<'_, PyAny>) -> Outcome<Self> {
+        Placement::read(name, value, "a Pose, x, y and z, or a matrix of 4 x 4")
+    }
+}
+
 impl Placement {
-    /// Out of the argument `name`.
-    fn of(name: &str, value: &Bound<'_, PyAny>, allowed: &str) -> Outcome<Placement> {
+    /// Out of the argument `name`, which may be what is `allowed`.
+    fn read(name: &str, value: &Bound<'_, PyAny>, allowed: &str) -> Outcome<Placement> {
         if let Ok(Pose(pose)) = value.extract() {
             return Ok(Placement::Pose(pose));
         }
-        if let Ok([x, y, z]) = value.extract::<[f64; 3]>() {
-            return Ok(Placement::Pose(echocast::Pose::at(x, y, z)));
+        if let Ok(point) = value.extract::<[f64; 3]>() {
+            return Ok(Placement::Point(point.into()));
         }
         let array = numbers::<f64, IxDyn>(name, value, allowed)?;
         if let Ok(matrix) = array.extract::<PyReadonlyArray2<'_, f64>>()
@@ -235,9 +250,36 @@ impl Placement {
         {
             return Ok(Placement::Matrix(affine(name, matrix.as_array())?));
         }
+        if let ([3], Ok(point)) = (array.shape(), array.extract::<PyReadonlyArray1<'_, f64>>()) {
+            let point = point.as_array();
+            return Ok(Placement::Point(DVec3::new(point[0], point[1], point[2])));
+        }
         let shape: Vec<String> = array.shape().iter().map(usize::to_string).collect();
-        let plain = if shape.len() < 2 { " numbers" } else { "" };
+        let plain = match array.shape() {
+            [1] => " number",
+            [_] => " numbers",
+            _ => "",
+        };
         Err(Failure::argument(name, shape.join(" x ") + plain, allowed))
+    }
+
+    /// The pose of something that keeps its size, which the argument `name` has.
+    fn rigid(self, name: &str) -> Outcome<echocast::Pose> {
+        let placed = match self {
+            Placement::Point(at) => return Ok(echocast::Pose::at(at.x, at.y, at.z)),
+            Placement::Pose(pose) => return Ok(pose),
+            Placement::Matrix(placed) => placed,
+        };
+        if !placed.is_finite() {
+            return Err(Failure::argument(name, "a matrix with numbers that are not finite", "finite numbers"));
+        }
+        let turned = placed.matrix3;
+        // Of numbers of float32, too.
+        if !(turned.transpose() * turned).abs_diff_eq(DMat3::IDENTITY, 1e-5) || turned.determinant() < 0.0 {
+            let found = "a matrix that scales, shears or mirrors";
+            return Err(Failure::argument(name, found, "one that turns and moves: a sensor keeps its size"));
+        }
+        Ok(echocast::Pose { position: placed.translation, orientation: DQuat::from_mat3(&turned).normalize() })
     }
 }
 

@@ -1,7 +1,8 @@
 //! Scenarios, their samples, and sets.
 
+use crate::argument::{self, class, one_of};
 use crate::cloud::PointCloud;
-use crate::error::{Failure, Outcome, no_pickle, one_of};
+use crate::error::{Failure, Outcome, no_pickle};
 use crate::options::Progress;
 use crate::sensor::{Source, options_text};
 use crate::sequence;
@@ -43,6 +44,8 @@ impl Scenario {
     }
 }
 
+class! { Scenario, "a Scenario" }
+
 /// A scenario, or what one is made of.
 pub enum Plan<'py> {
     Made(Bound<'py, Scenario>),
@@ -75,7 +78,12 @@ impl Scenario {
         signature = (scenario, *, folder = PathBuf::new(), threads = None),
         text_signature = "(scenario, *, folder='', threads=None)"
     )]
-    fn new(py: Python<'_>, scenario: Plan<'_>, folder: PathBuf, threads: Option<usize>) -> Outcome<Scenario> {
+    fn new(
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::scenario)] scenario: Plan<'_>,
+        #[pyo3(from_py_with = argument::folder)] folder: PathBuf,
+        #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
+    ) -> Outcome<Scenario> {
         let made = scenario.scenario(py, folder)?;
         let made = match threads {
             Some(threads) => made.with_engine(&Engine::with_threads(threads)?),
@@ -86,7 +94,12 @@ impl Scenario {
 
     /// Sets a key by its path, as `--set KEY=VALUE` does: `scenario.set("samples", 20)`. FormatError and ArgumentError
     /// for unknown keys and wrong values, then it stays as it was.
-    fn set(&self, py: Python<'_>, key: &str, value: &Bound<'_, PyAny>) -> Outcome<()> {
+    fn set(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::key)] key: &str,
+        value: &Bound<'_, PyAny>,
+    ) -> Outcome<()> {
         let text = options_text(value)?;
         Ok(self.0.write_py_attached(py).unwrap_or_else(PoisonError::into_inner).set(key, &text)?)
     }
@@ -192,14 +205,23 @@ impl Sample {
 
     /// Numbers and times, s, of the frames of a sensor, by its place in `sensors`.
     #[pyo3(signature = (sensor = 0))]
-    fn frames(&self, py: Python<'_>, sensor: usize) -> Outcome<Vec<(u32, f64)>> {
+    fn frames(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::sensor)] sensor: usize,
+    ) -> Outcome<Vec<(u32, f64)>> {
         self.check(py, sensor, 0)?;
         Ok(self.lock(py).scans()[sensor].frames().iter().map(|frame| (frame.number, frame.start)).collect())
     }
 
     /// What a sensor, by its place in `sensors`, sees in its `frame`th frame, counted from 0; ArgumentError for others.
     #[pyo3(signature = (sensor = 0, frame = 0))]
-    fn cloud(&self, py: Python<'_>, sensor: usize, frame: usize) -> Outcome<PointCloud> {
+    fn cloud(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::sensor)] sensor: usize,
+        #[pyo3(from_py_with = argument::frame)] frame: usize,
+    ) -> Outcome<PointCloud> {
         self.check(py, sensor, frame)?;
         let cloud = || self.sample.lock().unwrap_or_else(PoisonError::into_inner).cloud(sensor, frame);
         Ok(PointCloud::of(py.detach(cloud)?))
@@ -271,12 +293,12 @@ impl Sample {
 #[allow(clippy::too_many_arguments)]
 pub fn run<'py>(
     py: Python<'py>,
-    scenario: Plan<'py>,
-    folder: Option<PathBuf>,
-    samples: Option<Vec<u64>>,
-    shard: Option<[u64; 2]>,
-    resume: bool,
-    threads: Option<usize>,
+    #[pyo3(from_py_with = argument::scenario)] scenario: Plan<'py>,
+    #[pyo3(from_py_with = argument::folder)] folder: Option<PathBuf>,
+    #[pyo3(from_py_with = argument::samples)] samples: Option<Vec<u64>>,
+    #[pyo3(from_py_with = argument::shard)] shard: Option<Vec<u64>>,
+    #[pyo3(from_py_with = argument::resume)] resume: bool,
+    #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> Outcome<Bound<'py, PyDict>> {
     let samples = match samples.as_deref() {
@@ -286,6 +308,11 @@ pub fn run<'py>(
         Some(other) => {
             return Err(Failure::argument("samples", format!("{} numbers", other.len()), "first and last, and a step"));
         }
+    };
+    let shard = match shard.as_deref() {
+        None => None,
+        Some(&[part, parts]) => Some([part, parts]),
+        Some(other) => return Err(Failure::argument("shard", format!("{} numbers", other.len()), "part and parts")),
     };
     let options = RunOptions { folder, samples, shard, resume, threads: threads.unwrap_or(0) };
     let scenario = scenario.scenario(py, PathBuf::new())?;
@@ -330,8 +357,8 @@ pub fn run<'py>(
 }
 
 /// Completes the set in `folder`, whose shards are all made: tables, manifest and report, as `echocast run --finish`
-/// does. `check`: first verifies that all files are as they were written; False leaves that to who keeps those elsewhere of
-/// which no table or archive is made.
+/// does. `check`: first verifies that all files are as they were written; False skips that, for sets whose files are kept
+/// elsewhere, as far as no table or archive is made of them.
 ///
 /// >>> keys = {
 /// ...     "scene": {"generate": {"indoor": {"rooms": [1, 1]}}},
@@ -347,6 +374,10 @@ pub fn run<'py>(
 /// True
 #[pyfunction]
 #[pyo3(signature = (folder, *, check = true))]
-pub fn finish(py: Python<'_>, folder: PathBuf, check: bool) -> Outcome<()> {
+pub fn finish(
+    py: Python<'_>,
+    #[pyo3(from_py_with = argument::folder)] folder: PathBuf,
+    #[pyo3(from_py_with = argument::check)] check: bool,
+) -> Outcome<()> {
     Ok(py.detach(|| if check { set::finish(&folder) } else { set::complete(&folder) })?)
 }

@@ -1,9 +1,10 @@
 //! Scenes that do not change.
 
+use crate::argument::{self, Argument, class, one_of, wrong_type};
 use crate::array::{numbers, rows};
 use crate::cloud::PointCloud;
-use crate::error::{Failure, Outcome, no_pickle, one_of, wrong_type};
-use crate::options::{Asked, warn, whole};
+use crate::error::{Failure, Outcome, no_pickle};
+use crate::options::{Asked, warn};
 use crate::ping::{Ping, Pings, ping, pings};
 use crate::place::transform;
 use crate::sensor::{Instrument, Source, options_text};
@@ -13,10 +14,9 @@ use echocast::{BuiltScene, LoadOptions, Sensor, Trajectory, why_nothing};
 use glam::{DAffine3, DVec3};
 use numpy::ndarray::{Ix1, Ix2};
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
-use pyo3::conversion::FromPyObjectOwned;
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyMapping};
+use pyo3::types::{PyDict, PyMapping, PySequence, PyString};
 use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -34,22 +34,27 @@ use std::sync::{Arc, OnceLock};
 #[pyclass(frozen, module = "echocast")]
 pub struct Scene {
     pub scene: echocast::Scene,
+    /// Of each object that was given as arrays, the point that its mesh has its vertices about.
+    pub middles: Vec<DVec3>,
     built: OnceLock<BuiltScene>,
 }
 
+class! { Scene, "a Scene" }
+
 impl Scene {
     pub fn of(scene: echocast::Scene) -> Scene {
-        Scene { scene, built: OnceLock::new() }
+        Scene { scene, middles: Vec::new(), built: OnceLock::new() }
     }
 
-    /// It, whose instances are called as the first of their objects, and whose materials have numbers.
-    fn numbered(mut scene: echocast::Scene) -> Scene {
+    /// It, whose instances are called as the first of their objects, whose materials have numbers, and whose objects have
+    /// their vertices about `middles`.
+    fn numbered(mut scene: echocast::Scene, middles: Vec<DVec3>) -> Scene {
         let objects = scene.objects.iter().rev();
         scene.labels.instance = table(objects.map(|object| (object.instance_id, object.name.clone())).collect());
         let materials =
             scene.objects.iter().flat_map(|object| &object.mesh.parts).filter_map(|part| part.material.as_ref());
         scene.labels.material = NameTable::number(materials.map(|material| material.name.clone()), &BTreeMap::new());
-        Scene::of(scene)
+        Scene { middles, ..Scene::of(scene) }
     }
 
     /// Its structure, which the first to ask for it builds.
@@ -118,23 +123,41 @@ impl Given {
     }
 }
 
-/// Vertices of a mesh that keeps its place, as float32, and where these are: at 0, 0, 0, unless numbers finer than
-/// float32 are given for a mesh so far out that float32 would be coarse there: then about a point among them.
-fn vertices(array: &Bound<'_, PyAny>) -> Outcome<(Vec<[f32; 3]>, DVec3)> {
-    /// Farther out, m, float32 is coarser than 0.06 mm.
-    const FAR: f64 = 1024.0;
-    if let Ok(single) = array.extract() {
-        return Ok((rows("vertices", &single)?, DVec3::ZERO));
+/// Vertices as they are given, n x 3.
+pub enum Vertices {
+    Single(Vec<[f32; 3]>),
+    Double(Vec<DVec3>),
+}
+
+impl Vertices {
+    pub fn of(array: &Bound<'_, PyAny>) -> Outcome<Vertices> {
+        if let Ok(single) = array.extract() {
+            return Ok(Vertices::Single(rows("vertices", &single)?));
+        }
+        let double = rows("vertices", &numbers::<f64, Ix2>("vertices", array, "n x 3")?)?;
+        Ok(Vertices::Double(double.into_iter().map(DVec3::from_array).collect()))
     }
-    let positions: Vec<DVec3> = rows("vertices", &numbers::<f64, Ix2>("vertices", array, "n x 3")?)?
-        .into_iter()
-        .map(DVec3::from_array)
-        .collect();
-    let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
-    let high = positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
-    let far = low.is_finite() && high.is_finite() && low.abs().max(high.abs()).max_element() > FAR;
-    let middle = if far { (low + high) / 2.0 } else { DVec3::ZERO };
-    Ok((positions.into_iter().map(|position| (position - middle).as_vec3().to_array()).collect(), middle))
+
+    /// The point that their mesh should have them about: 0, 0, 0 for those that are float32 already; for finer ones
+    /// `before`, about which it has them, unless they are so far from there that float32 would be coarse: then a point
+    /// among them.
+    pub fn middle(&self, before: DVec3) -> DVec3 {
+        /// Farther out, m, float32 is coarser than 0.06 mm.
+        const FAR: f64 = 1024.0;
+        let Vertices::Double(places) = self else { return DVec3::ZERO };
+        let low = places.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+        let high = places.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+        let far = (low - before).abs().max((high - before).abs()).max_element() > FAR;
+        if low.is_finite() && high.is_finite() && far { (low + high) / 2.0 } else { before }
+    }
+
+    /// Where they are from a `middle` of theirs.
+    pub fn about(self, middle: DVec3) -> Vec<[f32; 3]> {
+        match self {
+            Vertices::Single(places) => places,
+            Vertices::Double(places) => places.into_iter().map(|place| (place - middle).as_vec3().to_array()).collect(),
+        }
+    }
 }
 
 /// A mesh of `triangles`, n x 3 indices of `positions`, m, of a material of the library or one that is told.
@@ -168,35 +191,58 @@ impl<'py> ObjectKeys<'py> {
     /// Out of item `place` of a list.
     fn of(place: usize, object: &Bound<'py, PyAny>) -> Outcome<Self> {
         let Ok(keys) = object.cast::<PyMapping>() else {
-            return Err(wrong_type(object, "a list of dicts, one for each object").into());
+            return Err(wrong_type(&format!("object {place}"), object, &format!("a dict with keys of {OBJECT_KEYS}")));
         };
         for key in keys.keys()? {
-            let key: String = key.extract()?;
-            if !OBJECT_KEYS.split(", ").any(|known| known == key) {
-                return Err(Failure::argument("the key of an object", format!("{key:?}"), OBJECT_KEYS));
+            let known = |key: &str| OBJECT_KEYS.split(", ").any(|known| known == key);
+            if !key.extract::<&str>().is_ok_and(known) {
+                return Err(Failure::argument(format!("a key of object {place}"), key.repr()?, OBJECT_KEYS));
             }
         }
         let needed = |key: &str| {
             let missing = || PyKeyError::new_err(format!("object {place} has no {key:?}; needed: vertices, triangles"));
-            keys.get_item(key).map_err(|_| missing())
+            item(keys, key)?.ok_or_else(|| Failure::from(missing()))
         };
+        let at = |key: &str| format!("{key} of object {place}");
         Ok(ObjectKeys {
             vertices: needed("vertices")?,
             triangles: needed("triangles")?,
-            name: value(keys, "name")?.unwrap_or_else(|| "mesh".to_owned()),
-            pose: value(keys, "pose")?,
-            category: value(keys, "category")?,
-            instance: value(keys, "instance")?,
-            material: value(keys, "material")?,
+            name: value(keys, "name", &at)?.unwrap_or_else(|| "mesh".to_owned()),
+            pose: value(keys, "pose", &at)?,
+            category: value(keys, "category", &at)?,
+            instance: value(keys, "instance", &at)?,
+            material: value(keys, "material", &at)?,
         })
     }
 }
 
-/// The value of `key`, if there is one that is not None.
-fn value<'py, T: FromPyObjectOwned<'py>>(keys: &Bound<'py, PyMapping>, key: &str) -> Outcome<Option<T>> {
-    let Some(value) = keys.get_item(key).ok().filter(|value| !value.is_none()) else { return Ok(None) };
-    let found: PyResult<T> = value.extract().map_err(Into::into);
-    found.map(Some).map_err(|error| Failure::from(error).about(keys.py(), key))
+/// What `keys` has for `key`. That it has nothing is a KeyError; other errors are those of who made it.
+fn item<'py>(keys: &Bound<'py, PyMapping>, key: &str) -> Outcome<Option<Bound<'py, PyAny>>> {
+    match keys.get_item(key) {
+        Ok(value) => Ok(Some(value)),
+        Err(error) if error.is_instance_of::<PyKeyError>(keys.py()) => Ok(None),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// The value of `key`, called as `name` says, if there is one that is not None.
+fn value<'py, T: for<'a> Argument<'a, 'py>>(
+    keys: &Bound<'py, PyMapping>,
+    key: &str,
+    name: impl Fn(&str) -> String,
+) -> Outcome<Option<T>> {
+    item(keys, key)?.filter(|value| !value.is_none()).map(|value| T::of(&name(key), &value)).transpose()
+}
+
+/// The argument `objects`: what the dicts are.
+struct Objects<'py>(Vec<Bound<'py, PyAny>>);
+
+impl<'py> Argument<'_, 'py> for Objects<'py> {
+    fn of(name: &str, value: &Bound<'py, PyAny>) -> Outcome<Self> {
+        let list = value.cast::<PySequence>().ok().filter(|_| !value.is_instance_of::<PyString>());
+        let Some(list) = list else { return Err(wrong_type(name, value, "a list of dicts, one for each object")) };
+        Ok(Objects(list.try_iter()?.collect::<PyResult<_>>()?))
+    }
 }
 
 /// A category by its number or name.
@@ -231,7 +277,11 @@ impl Scene {
     /// (['tent'], ['tent'])
     #[staticmethod]
     #[pyo3(signature = (files, **options))]
-    fn load(py: Python<'_>, files: Files, options: Option<&Bound<'_, PyDict>>) -> Outcome<Scene> {
+    fn load(
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::files)] files: Files,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> Outcome<Scene> {
         let options = match options {
             Some(keys) => LoadOptions::from_yaml(&options_text(keys)?)?,
             None => LoadOptions::default(),
@@ -263,20 +313,21 @@ impl Scene {
         vertices: &Bound<'_, PyAny>,
         triangles: &Bound<'_, PyAny>,
         categories: Option<&Bound<'_, PyAny>>,
-        names: Option<BTreeMap<u32, String>>,
-        name: &str,
-        material: Option<Source<'_>>,
+        #[pyo3(from_py_with = argument::names)] names: Option<BTreeMap<u32, String>>,
+        #[pyo3(from_py_with = argument::name)] name: &str,
+        #[pyo3(from_py_with = argument::material)] material: Option<Source<'_>>,
     ) -> Outcome<Scene> {
         let mut scene = echocast::Scene::default();
         let names = names.unwrap_or_default();
         scene.labels.category = table(names.clone());
         let material = material.as_ref().map(Matter::of).transpose()?;
-        let (positions, middle) = self::vertices(vertices)?;
+        let vertices = Vertices::of(vertices)?;
+        let middle = vertices.middle(DVec3::ZERO);
         let world_from_object = DAffine3::from_translation(middle);
-        let whole = mesh(name, positions, triangles, material.as_ref())?;
+        let whole = mesh(name, vertices.about(middle), triangles, material.as_ref())?;
         let Some(categories) = categories else {
             scene.objects.push(Object { instance_id: 1, world_from_object, ..Object::new(name, whole) });
-            return Ok(Scene::numbered(scene));
+            return Ok(Scene::numbered(scene, vec![middle]));
         };
         let categories = numbers::<u32, Ix1>("categories", categories, "one for each triangle:")?;
         let categories = categories.as_array();
@@ -298,7 +349,8 @@ impl Scene {
             let object = Object { category_id, instance_id: place as u32 + 1, world_from_object, ..object };
             scene.objects.push(object);
         }
-        Ok(Scene::numbered(scene))
+        let middles = vec![middle; scene.objects.len()];
+        Ok(Scene::numbered(scene, middles))
     }
 
     /// A scene of objects, a dict for each: `vertices` and `triangles` as for `from_arrays`; `name`; `pose`, a Pose, x,
@@ -315,8 +367,11 @@ impl Scene {
     /// (['sign 4', 'sign 8'], {1: 'sign'})
     #[staticmethod]
     #[pyo3(signature = (objects, *, names = None))]
-    fn from_objects(objects: Vec<Bound<'_, PyAny>>, names: Option<BTreeMap<u32, String>>) -> Outcome<Scene> {
-        let objects = objects.iter().enumerate().map(|(place, keys)| ObjectKeys::of(place, keys));
+    fn from_objects(
+        #[pyo3(from_py_with = argument::objects)] objects: Objects<'_>,
+        #[pyo3(from_py_with = argument::names)] names: Option<BTreeMap<u32, String>>,
+    ) -> Outcome<Scene> {
+        let objects = objects.0.iter().enumerate().map(|(place, keys)| ObjectKeys::of(place, keys));
         let objects = objects.collect::<Outcome<Vec<_>>>()?;
         let fixed = names.unwrap_or_default().into_iter().filter(|(id, _)| *id > 0);
         let fixed: BTreeMap<String, u32> = fixed.map(|(id, name)| (name, id)).collect();
@@ -335,15 +390,16 @@ impl Scene {
         }
         let mut scene = echocast::Scene::default();
         scene.labels.category = NameTable::number(named.chain(fixed.into_keys()), &taken);
-        let mut meshes = Meshes::new();
+        let (mut meshes, mut middles) = (Meshes::new(), Vec::new());
         for (number, keys) in objects.into_iter().enumerate() {
             let material = keys.material.as_ref().map(Matter::of).transpose()?;
             let given = (Given::of(&keys.vertices)?, Given::of(&keys.triangles)?, material);
             let (made, middle) = match meshes.entry(given) {
                 Entry::Occupied(known) => known.into_mut(),
                 Entry::Vacant(new) => {
-                    let (positions, middle) = vertices(&keys.vertices)?;
-                    let made = mesh(&keys.name, positions, &keys.triangles, new.key().2.as_ref())?;
+                    let vertices = Vertices::of(&keys.vertices)?;
+                    let middle = vertices.middle(DVec3::ZERO);
+                    let made = mesh(&keys.name, vertices.about(middle), &keys.triangles, new.key().2.as_ref())?;
                     new.insert((made, middle))
                 }
             };
@@ -357,8 +413,9 @@ impl Scene {
             let placed = keys.pose.as_ref().map_or(Ok(DAffine3::IDENTITY), transform)?;
             object.world_from_object = placed * DAffine3::from_translation(*middle);
             scene.objects.push(object);
+            middles.push(*middle);
         }
-        Ok(Scene::numbered(scene))
+        Ok(Scene::numbered(scene, middles))
     }
 
     /// A scene of a trimesh.Trimesh or trimesh.Scene, an Open3D TriangleMesh, or a list of them.
@@ -392,9 +449,9 @@ impl Scene {
     #[pyo3(signature = (kind, *, seed = 0, path = None, **options))]
     fn generate(
         py: Python<'_>,
-        kind: &str,
-        seed: u64,
-        path: Option<PathBuf>,
+        #[pyo3(from_py_with = argument::kind)] kind: &str,
+        #[pyo3(from_py_with = argument::seed)] seed: u64,
+        #[pyo3(from_py_with = argument::path)] path: Option<PathBuf>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> Outcome<Scene> {
         let keys = PyDict::new(py);
@@ -437,8 +494,8 @@ impl Scene {
     ///   Default: False.
     /// * `boxes`: of labelled instances, for which beams are traced once more: True or "object", along the axes of each
     ///   object; "frame", along those of the cloud. Default: False.
-    /// * `box_time`: when boxes hold: "scan", each at the mean time of its points; "start" or "end" of the scan. Default:
-    ///   "scan".
+    /// * `box_time`: when boxes hold: "scan", each at the mean time of its points, which with `deskew` is the start; "start"
+    ///   or "end" of the scan. Default: "scan".
     /// * `image_boxes`: True adds where all of an object is in the sensor's image, to boxes and to annotations.
     ///   Default: False.
     /// * `profile`: "physical"; "paper", equations as the paper prints them; "blainder", what the paper's program
@@ -461,7 +518,12 @@ impl Scene {
     /// >>> cloud.organised[0], "normal_z" in cloud.fields
     /// (16, True)
     #[pyo3(signature = (sensor, **options))]
-    fn scan(&self, py: Python<'_>, sensor: Instrument<'_>, options: Option<&Bound<'_, PyDict>>) -> Outcome<PointCloud> {
+    fn scan(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> Outcome<PointCloud> {
         let sensor = sensor.sensor()?;
         let asked = Asked::of(options, &sensor)?;
         let path = asked.path(py, || self.cameras())?;
@@ -476,7 +538,12 @@ impl Scene {
     /// >>> ping.levels.shape == (1, len(ping.ranges))
     /// True
     #[pyo3(signature = (sensor, **options))]
-    fn ping(&self, py: Python<'_>, sensor: Instrument<'_>, options: Option<&Bound<'_, PyDict>>) -> Outcome<Ping> {
+    fn ping(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> Outcome<Ping> {
         let sensor = sensor.sensor()?;
         let asked = Asked::of(options, &sensor)?;
         let path = asked.path(py, || self.cameras())?;
@@ -496,14 +563,13 @@ impl Scene {
     fn pings(
         &self,
         py: Python<'_>,
-        sensor: Instrument<'_>,
-        count: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
+        #[pyo3(from_py_with = argument::count)] count: u32,
         options: Option<&Bound<'_, PyDict>>,
     ) -> Outcome<Pings> {
         let sensor = sensor.sensor()?;
         let asked = Asked::of(options, &sensor)?;
         let path = asked.path(py, || self.cameras())?;
-        let count = whole("count", count).map_err(|error| error.about(py, "count"))?;
         pings(py, &self.built(py)?, &sensor, &path, &asked, count)
     }
 
@@ -538,7 +604,7 @@ impl Scene {
     }
 
     /// The pose of a sensor at the camera node called `name`; ArgumentError without one, with the nearest names.
-    fn camera(&self, name: &str) -> Outcome<crate::place::Pose> {
+    fn camera(&self, #[pyo3(from_py_with = argument::name)] name: &str) -> Outcome<crate::place::Pose> {
         Ok(crate::place::Pose(self.scene.camera(name)?.pose))
     }
 

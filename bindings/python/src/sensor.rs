@@ -1,6 +1,7 @@
 //! Sensors and what is between them and surfaces.
 
-use crate::error::{Failure, Outcome, one_of};
+use crate::argument::{self, class, one_of};
+use crate::error::{Failure, Outcome};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
@@ -44,6 +45,9 @@ pub fn options_text(value: &Bound<'_, PyAny>) -> PyResult<String> {
     value.py().import("echocast._arrays")?.call_method1("text", (value,))?.extract()
 }
 
+class! { Sensor, "a Sensor" }
+class! { Environment, "an Environment" }
+
 /// What a sensor, an environment or a scenario is made of.
 pub enum Source<'py> {
     Keys(Bound<'py, PyMapping>),
@@ -75,14 +79,14 @@ impl Source<'_> {
 /// Whether `source`, of which a sensor, an environment or a scenario is made, is the path or name of a file, not its
 /// contents.
 #[pyfunction]
-pub fn is_path(source: Source<'_>) -> PyResult<bool> {
+pub fn is_path(#[pyo3(from_py_with = argument::source)] source: Source<'_>) -> PyResult<bool> {
     Ok(source.yaml()?.is_none())
 }
 
 #[pymethods]
 impl Sensor {
     #[new]
-    fn new(sensor: Source<'_>) -> Outcome<Sensor> {
+    fn new(#[pyo3(from_py_with = argument::sensor)] sensor: Source<'_>) -> Outcome<Sensor> {
         Ok(Sensor::of(match sensor.yaml()? {
             Some(text) => echocast::Sensor::from_yaml(&text, "")?,
             None => echocast::Sensor::open(sensor.path())?,
@@ -135,7 +139,7 @@ impl Sensor {
     }
 
     /// The number at `key`.
-    fn __getitem__(&self, key: &str) -> Outcome<f64> {
+    fn __getitem__(&self, #[pyo3(from_py_with = argument::key)] key: &str) -> Outcome<f64> {
         match self.now().parameter(key) {
             Ok(found) => Ok(found.value),
             Err(error) => Err(PyKeyError::new_err(error.to_string()).into()),
@@ -143,7 +147,7 @@ impl Sensor {
     }
 
     /// Sets `key`, as `--set KEY=VALUE` does.
-    fn __setitem__(&self, key: &str, value: &Bound<'_, PyAny>) -> Outcome<()> {
+    fn __setitem__(&self, #[pyo3(from_py_with = argument::key)] key: &str, value: &Bound<'_, PyAny>) -> Outcome<()> {
         let mut changed = self.now();
         changed.set(key, &options_text(value)?)?;
         *self.0.write().unwrap_or_else(PoisonError::into_inner) = changed;
@@ -194,7 +198,7 @@ pub struct Environment(pub echocast::Environment);
 impl Environment {
     #[new]
     #[pyo3(signature = (environment = None))]
-    fn new(environment: Option<Source<'_>>) -> Outcome<Environment> {
+    fn new(#[pyo3(from_py_with = argument::environment)] environment: Option<Source<'_>>) -> Outcome<Environment> {
         let Some(source) = environment else { return Ok(Environment(echocast::Environment::default())) };
         let made = match source.yaml()? {
             Some(text) => echocast::Environment::from_yaml(&text)?,

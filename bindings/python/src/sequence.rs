@@ -7,7 +7,12 @@ use pyo3::prelude::*;
 pub fn place(what: &str, index: isize, count: usize) -> PyResult<usize> {
     let place = if index < 0 { index + count as isize } else { index };
     let found = usize::try_from(place).ok().filter(|&place| place < count);
-    found.ok_or_else(|| PyIndexError::new_err(format!("{what} {index}; there are {count}")))
+    found.ok_or_else(|| missing(what, index, count))
+}
+
+/// There is no `what` with the number `index`, whatever that is, but `count` others.
+pub fn missing(what: &str, index: impl std::fmt::Display, count: usize) -> PyErr {
+    PyIndexError::new_err(format!("{what} {index}; there are {count}"))
 }
 
 /// Goes through `sequence` as Python does by itself, but type checkers ask for an `__iter__`.

@@ -149,3 +149,24 @@ def test_a_loop_of_scans_keeps_its_memory(room: ec.Scene) -> None:
     for number in range(500):
         room.scan("velodyne_vlp16", at=(0, 0, 1.8), seed=number).range.sum()
     assert peak() - before < 30_000
+
+
+def test_points_of_drivers_come_in_their_rows(room: ec.Scene) -> None:
+    whole = room.scan("velodyne_vlp16", at=(0, 0, 1.8), organised=True)
+    assert whole.organised is not None
+    points, rings = whole.to_ros(), whole.ring.reshape(whole.organised)
+    assert points.shape == rings.T.shape
+    assert np.array_equal(points["ring"], np.sort(rings, axis=0).T)
+    assert whole.to_ros("hesai").shape == rings.shape
+    assert room.scan("velodyne_vlp16", at=(0, 0, 1.8)).to_ros().ndim == 1
+
+
+def test_return_types_of_a_selection_are_those_of_all_or_none(room: ec.Scene) -> None:
+    sensor = ec.Sensor("velodyne_vlp32c")
+    sensor["returns.mode"] = "dual"
+    cloud = room.scan(sensor, at=(0, 0, 1.8), fields="default,return_number,return_count", seed=7)
+    types = cloud.to_ros("autoware")["return_type"]
+    assert (cloud.return_count == 2).any() and set(np.unique(types)) - {0, 1}
+    for rows in (cloud.range > 9, cloud.return_number == 2, slice(None, None, -1), np.random.default_rng(1).permutation(len(cloud))):
+        found, right = cloud[rows].to_ros("autoware")["return_type"], types[rows]
+        assert np.all((found == right) | (found == 0))

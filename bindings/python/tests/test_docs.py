@@ -138,7 +138,7 @@ def test_the_block_of_the_readme_runs(tmp_path: Path, monkeypatch: pytest.Monkey
 
 
 #: What the blocks of the page on Python need beside NumPy.
-PAGE = [[], ["torch"], ["rerun", "matplotlib"]]
+PAGE = [[], ["torch"], ["rerun"], ["matplotlib"]]
 
 
 @pytest.mark.parametrize("number", range(len(PAGE)))
@@ -151,7 +151,7 @@ def test_the_page_on_python_runs_from_an_empty_folder(
         pytest.importorskip(package)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "agg")
-    names: dict[str, Any] = {}
+    names: dict[str, Any] = {"__name__": "__main__"}
     exec(found[0], names)
     check_street(names)
     if number > 0:
@@ -165,7 +165,9 @@ def test_the_page_on_python_runs_from_an_empty_folder(
         assert len(item["intensity"]) == len(item["category_id"]) == len(item["positions"]) > 0
         assert "positions" in names["batch"]
     if number == 2:
-        assert all(Path(file).exists() for file in ("cloud.rrd", "drive.rrd", "cloud.png"))
+        assert Path("cloud.rrd").exists() and Path("drive.rrd").exists()
+    if number == 3:
+        assert Path("cloud.png").exists()
 
 
 def test_types_tell_every_column() -> None:

@@ -4,6 +4,7 @@ import copy
 import pickle
 import re
 import warnings
+from collections import UserDict
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,12 @@ import echocast as ec
 FLOOR = np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], dtype=np.float32)
 TWO = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
 
-# What Rust and PyO3 call things.
-RAW = re.compile(r"failed to extract|PyArray|Can't extract|DVec3|DQuat|Some\(|None\b.*Rust|Pose \{|\bstruct\b|\n|object is not an")
+# What Rust, PyO3, CPython and NumPy say.
+RAW = re.compile(
+    r"failed to extract|PyArray|Can't extract|DVec3|DQuat|Some\(|None\b.*Rust|Pose \{|\bstruct\b|\n|object is not|'[^']*' object"
+    r"|must be (real|str|int)|interpreted as|can't convert|out of range|sequence of length|iterable|unhashable|ufunc"
+    r"|too (large|big)|\bitem\b.*not|has no attribute|codec|cannot fit|^expected"
+)
 
 LIVE = ec.LiveScene()
 DOOR = LIVE.add(FLOOR, TWO)
@@ -39,26 +44,48 @@ MISTAKES: "list[tuple[Callable[..., Any], tuple[Any, ...], type[Exception], str]
     (lambda at: scan(at=at), (2 * np.eye(4),), ec.ArgumentError, "at is a matrix whose last row is .*; allowed: 0, 0, 0, 1"),
     (lambda at: scan(at=at), (MIRROR,), ec.ArgumentError, "at is a matrix that scales, shears or mirrors; allowed: one that"),
     (lambda at: scan(at=at), ((np.nan, 0, 1),), ec.ArgumentError, r"pose is at \[NaN, 0.0, 1.0\] .*; allowed: finite"),
-    (lambda seed: scan(seed=seed), (1.5,), TypeError, "argument 'seed': 'float' object cannot be interpreted as an integer"),
-    (lambda time: scan(start_time=time), ("now",), TypeError, "argument 'start_time': must be real number, not str"),
-    (lambda fields: scan(fields=fields), (3,), TypeError, "it is of the type int; allowed: names of col"),
-    (lambda fog: scan(environment=fog), (3,), TypeError, "it is of the type int; allowed: an Env"),
-    (ec.Sensor, (3,), TypeError, "it is of the type int; allowed: a name, the path of a file, keys"),
-    (SCENE.scan, (3,), TypeError, "it is of the type int; allowed: a Sensor, the name of a preset"),
-    (ec.Scenario, (3,), TypeError, "it is of the type int; allowed: a Scenario, the path of a file"),
-    (ec.Scene.load, (3,), TypeError, "it is of the type int; allowed: the path of a file, or a list"),
+    (lambda seed: scan(seed=seed), (1.5,), TypeError, "seed is of the type float; allowed: a whole number from 0 to 18446744073709551615"),
+    (lambda time: scan(start_time=time), ("now",), TypeError, "start_time is of the type str; allowed: a number"),
+    (lambda fields: scan(fields=fields), (3,), TypeError, "fields is of the type int; allowed: names of col"),
+    (lambda fog: scan(environment=fog), (3,), TypeError, "environment is of the type int; allowed: an Env"),
+    (ec.Sensor, (3,), TypeError, "sensor is of the type int; allowed: a name, the path of a file, keys"),
+    (SCENE.scan, (3,), TypeError, "sensor is of the type int; allowed: a Sensor, the name of a preset"),
+    (ec.Scenario, (3,), TypeError, "scenario is of the type int; allowed: a Scenario, the path of a file"),
+    (ec.Scene.load, (3,), TypeError, "files is of the type int; allowed: the path of a file, or a list"),
     (ec.Scene.from_arrays, ("floor", TWO), TypeError, "vertices is of the type str; allowed: n x 3 numbers"),
     (ec.Scene.from_arrays, (FLOOR > 0, TWO), TypeError, "vertices is an array of bool, 4 x 3; allowed: n x 3 numbers"),
     (ec.Scene.from_arrays, (FLOOR.ravel(), TWO), ec.ArgumentError, "vertices is 12 long; allowed: n x 3"),
     (ec.Scene.from_arrays, (FLOOR, TWO.astype(float)), TypeError, "triangles is an array of float64, 2 x 3; allowed: n x"),
     (ec.Scene.from_arrays, (FLOOR, [[0, 1, -1]]), ec.ArgumentError, "triangles has the number -1; allowed: 0 to 4294967295"),
-    (ec.Scene.from_objects, ([FLOOR],), TypeError, "it is of the type ndarray; allowed: a list of dicts, one for each object"),
+    (ec.Scene.from_objects, ([FLOOR],), TypeError, "object 0 is of the type ndarray; allowed: a dict with keys of vertices"),
+    (ec.Scene.from_objects, ("abc",), TypeError, "objects is of the type str; allowed: a list of dicts, one for each object"),
+    (ec.Scene.from_objects, ({"vertices": FLOOR, "triangles": TWO},), TypeError, "objects is of the type dict; allowed: a list of"),
+    (ec.Scene.from_objects, ([], "road"), TypeError, "takes 1 positional arguments? but 2 were given"),
+    (lambda names: ec.Scene.from_arrays(FLOOR, TWO, names=names), (["road"],), TypeError, "names is of the type list; allowed: a dict"),
+    (
+        lambda names: ec.Scene.from_arrays(FLOOR, TWO, names=names),
+        ({-1: "a"},),
+        ec.ArgumentError,
+        "a number in names is -1; allowed: 0 to 4294967295",
+    ),
+    (lambda number: LIVE.add(FLOOR, TWO, category=number), (-1,), ec.ArgumentError, "category is -1; allowed: 0"),
+    (lambda width: CLOUD.png(width=width), (-1,), ec.ArgumentError, "width is -1; allowed: 0 to 4294967295"),
+    (ec.Pose, ((0, 1),), ec.ArgumentError, "position is 2 numbers; allowed: a Pose, x, y and z, or a matrix of 4 x 4"),
+    (ec.Pose, (MIRROR,), ec.ArgumentError, "position is a matrix that scales, shears or mirrors; allowed: one that turns"),
+    (lambda rpy: ec.Pose(np.eye(4), rpy_deg=rpy), ((0, 0, 9),), ec.ArgumentError, "rpy_deg is there beside a pose or matrix; allowed: one"),
+    (lambda rpy: ec.Pose(rpy_deg=rpy), ((0, 0),), ec.ArgumentError, "rpy_deg is 2 numbers; allowed: 3"),
+    (CLOUD.to_ros, (3,), TypeError, "driver is of the type int; allowed: a text"),
+    (lambda boxes: scan(boxes=boxes), (3,), TypeError, "boxes is of the type int; allowed: True, False, object or frame"),
+    (lambda progress: scan(progress=progress), (3,), TypeError, "progress is of the type int; allowed: a function, True or False"),
+    (SCENE.camera, (3,), TypeError, "name is of the type int; allowed: a text"),
+    (CLOUD.__getitem__, (2**63,), IndexError, "point 9223372036854775808; there are"),
+    (CLOUD.__getitem__, (-(2**63) - 1,), IndexError, "point -9223372036854775809; there are"),
     (ec.Scene.from_objects, ([{"vertices": FLOOR}],), KeyError, 'object 0 has no "triangles"; needed: vertices, triangles'),
     (
         ec.Scene.from_objects,
         ([{"vertices": FLOOR, "triangles": TWO, "category": -1}],),
-        TypeError,
-        "it is of the type int; allowed: a name, or a number from 0",
+        ec.ArgumentError,
+        "category of object 0 is -1; allowed: 0 to 4294967295",
     ),
     (LIVE.set_pose, (DOOR, "there"), TypeError, "pose is of the type str; allowed: a Pose, x, y and z, or a matrix of 4 x 4"),
     (LIVE.set_pose, (DOOR, np.eye(4) + np.eye(4, k=-3)), ec.ArgumentError, "pose is a matrix whose last row is"),
@@ -74,7 +101,7 @@ MISTAKES: "list[tuple[Callable[..., Any], tuple[Any, ...], type[Exception], str]
     (CLOUD.__getitem__, ([True, False],), ec.ArgumentError, "mask is 2 long; allowed"),
     (CLOUD.__getitem__, ([2**63],), ec.ArgumentError, "row is 9223372036854775807; allowed: -"),
     (CLOUD.__getitem__, ("rnage",), KeyError, 'there is no column named "rnage"; near: range'),
-    (CLOUD.to_torch, (3,), TypeError, "it is of the type int; allowed: names of columns in a list"),
+    (CLOUD.to_torch, (3,), TypeError, "columns is of the type int; allowed: names of columns in a list"),
     (pickle.dumps, (SCENE,), TypeError, "a Scene cannot be pickled or copied: let each process load its file"),
     (copy.deepcopy, (LIVE,), TypeError, "a LiveScene cannot be pickled or copied: let each process make one"),
 ]
@@ -123,11 +150,112 @@ def test_far_away_vertices_keep_their_place() -> None:
         assert abs(np.median(scene.scan("velodyne_vlp16", at=sensor).range) - np.median(CLOUD.range)) < 0.01
 
 
+WALL = np.array([[5, -5, -5], [5, 5, -5], [5, 5, 5], [5, -5, 5]], dtype=np.float64)
+UTM = np.array([5_600_000.2, 500_000.3, 100.1])
+
+
+def ahead(live: ec.LiveScene, x: float) -> float:
+    """What a beam straight ahead measures from `x` metres before UTM, at rest."""
+    beam = {"name": "one", "kind": "lidar", "pattern": {"type": "pinhole", "resolution": [1, 1], "fov_deg": [1, 1]}}
+    return float(live.scan(beam, at=UTM + [x, 0, 0]).range[0])
+
+
+def test_far_away_vertices_keep_their_place_while_things_change() -> None:
+    """However an object gets its place, its vertices are where they were given, to a millimetre."""
+
+    def given() -> "tuple[ec.LiveScene, int]":
+        live = ec.LiveScene()
+        return live, live.add(WALL + UTM, TWO)
+
+    def from_scene() -> "tuple[ec.LiveScene, int]":
+        live = ec.LiveScene(ec.Scene.from_arrays(WALL + UTM, TWO, name="wall"))
+        return live, live.find("wall")
+
+    def near() -> "tuple[ec.LiveScene, int]":
+        live = ec.LiveScene()
+        return live, live.add(WALL, TWO, pose=UTM)
+
+    def moved(live: ec.LiveScene, wall: int) -> None:
+        poses = np.stack([np.eye(4), np.eye(4)])
+        poses[1, 0, 3] = 8
+        live.set_motion(wall, [0, 1], poses)
+
+    def nothing(live: ec.LiveScene, wall: int) -> None:
+        pass
+
+    def copied(live: ec.LiveScene, wall: int) -> None:
+        live.add_copy(wall)
+        live.remove(wall)
+
+    def bent(live: ec.LiveScene, wall: int) -> None:
+        live.set_vertex_motion(wall, [0, 1], np.stack([WALL + UTM, WALL + UTM + [8, 0, 0]]))
+
+    changes: "list[Callable[[ec.LiveScene, int], object]]" = [
+        nothing,
+        copied,
+        moved,
+        bent,
+        lambda live, wall: live.set_pose(wall, (0, 0, 0)),
+        lambda live, wall: live.set_vertices(wall, WALL + UTM),
+    ]
+    for make in (given, from_scene):
+        for change in changes:
+            live, wall = make()
+            change(live, wall)
+            for x in (0, 0.1, 0.2):
+                assert abs(ahead(live, x) - (5 - x)) < 1e-3
+    # Motion is told of the vertices, too, wherever they come from.
+    for change in (moved, bent):
+        live, wall = given()
+        change(live, wall)
+        live.set_time(0.5)
+        assert abs(ahead(live, 0) - 9) < 1e-3
+    live, wall = near()
+    moved(live, wall)
+    live.set_vertices(wall, WALL + UTM)
+    assert abs(ahead(live, 0.1) - 4.9) < 1e-3
+    live.set_time(0.5)
+    assert abs(ahead(live, 0.1) - 8.9) < 1e-3
+    live, wall = near()
+    live.set_pose(wall, (0, 0, 0))
+    live.set_vertices(wall, WALL + UTM)
+    assert abs(ahead(live, 0.1) - 4.9) < 1e-3
+    live.set_pose(wall, (1, 0, 0))
+    assert abs(ahead(live, 0.1) - 5.9) < 1e-3
+    live.set_vertices(wall, (WALL + [2, 0, 0]).astype(np.float32))
+    live.set_pose(wall, UTM)
+    assert abs(ahead(live, 0.1) - 6.9) < 1e-3
+
+
+def test_errors_of_mappings_get_through() -> None:
+    """That a key is not there is a KeyError; others are those of who made the mapping."""
+
+    class Broken(UserDict[str, Any]):
+        def __getitem__(self, key: str) -> Any:
+            if key in self.data:
+                return self.data[key]
+            raise KeyError(key) if key != self.broken else RuntimeError("the disk is gone")
+
+        broken = ""
+
+    class BrokenName(Broken):
+        broken = "name"
+
+    class BrokenArray(Broken):
+        broken = "triangles"
+
+    assert ec.Scene.from_objects([Broken(vertices=FLOOR, triangles=TWO)]).triangles == 2  # type: ignore[list-item]
+    for thing in (BrokenName(vertices=FLOOR, triangles=TWO), BrokenArray(vertices=FLOOR)):
+        with pytest.raises(RuntimeError, match="the disk is gone"):
+            ec.Scene.from_objects([thing])  # type: ignore[list-item]
+
+
 def test_a_matrix_places_the_sensor() -> None:
     pose = ec.Pose((1, 2, 1.8), rpy_deg=(0, 10, 90))
     for matrix in (np.array(pose.matrix), pose.matrix, np.array(pose.matrix, np.float32)):
         placed = scan(at=matrix)
         assert np.allclose(placed.sensor_pose.matrix, pose.matrix, atol=1e-6)
+        assert np.allclose(ec.Pose(matrix).matrix, pose.matrix, atol=1e-6)
     assert np.array_equal(scan(at=np.array([0, 0, 1.8])).range, CLOUD.range)
 
 

@@ -2,6 +2,7 @@
 
 use crate::guard::{Failure, Outcome, echocast_status, guard};
 use crate::result::{Room, echocast_result, look, number_of_packed};
+use crate::sensor::seconds;
 use crate::text;
 use echocast::Named as _;
 use echocast::cloud::Driver;
@@ -124,15 +125,41 @@ pub unsafe extern "C" fn echocast_driver_get_info(driver: i32, info: *mut echoca
     })
 }
 
-/// Writes the points as a driver publishes them, point i at `to + i * point_step`: positions in the frame of the sensor
-/// where the scan starts, whatever scan_desc.coordinates; times from `stamp_ns` on, the stamp of the message, where the
-/// driver's count from there (Velodyne, Ouster, Autoware), else since the start of the run; the ring of the column `ring`.
-/// All bytes are written, those of no field as 0. Where no azimuth, elevation and range were computed, they are those of
-/// the positions. `capacity`: bytes of `to`; `*needed` (may be NULL): point_step * points; if `to` is NULL, only that is
-/// written.
+/// Gets height and width of the message that a driver makes of a result: of organised results those of the driver's image,
+/// which for Velodyne and RoboSense has the rings side by side and the firings below each other; else 1 and the number of
+/// points.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (no such driver), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_result_driver_shape(
+    result: *const echocast_result,
+    driver: i32,
+    height: *mut u32,
+    width: *mut u32,
+) -> echocast_status {
+    guard(|| {
+        let driver = driver_of(driver)?;
+        look(result, |points| {
+            let [rows, columns] = points.cloud.driver_shape(driver);
+            for (count, to, name) in [(rows, height, "height"), (columns, width, "width")] {
+                // SAFETY: as the header asks.
+                unsafe { text::output(to, name) }?.write(u32::try_from(count).unwrap_or(u32::MAX));
+            }
+            Ok(())
+        })
+    })
+}
+
+/// Writes the points as a driver publishes them, point i at `to + i * point_step`. Positions are in the frame of the
+/// sensor where the scan starts; those of a scan with ECHOCAST_COORDINATES_SENSOR and without scan_desc.deskew stay in the
+/// frame of their own firing. Times count from `stamp_ns` on, the stamp of the message, where the driver's do (Velodyne,
+/// Ouster, Autoware), else from the start of the run; the ring is that of the column `ring`. Points of organised results
+/// come in the order of the driver's image (echocast_result_driver_shape). All bytes are written, those of no field as 0.
+/// Where no azimuth, elevation and range were computed, they are those of the positions. `capacity`: bytes of `to`;
+/// `*needed` (may be NULL): point_step * points; if `to` is NULL, only that is written.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (no such driver, a column that was not computed, too little room), ECHOCAST_E_HANDLE,
-/// ECHOCAST_E_BUSY.
+/// ECHOCAST_E_BUSY, ECHOCAST_E_MEMORY.
 ///
 /// ```c
 /// echocast_driver_info velodyne = ECHOCAST_DRIVER_INFO_INIT;
@@ -158,8 +185,7 @@ pub unsafe extern "C" fn echocast_result_pack_driver(
             // SAFETY: as the header asks.
             let to = unsafe { room.bytes("driver", driver.name(), cloud.packed_len(driver.point_step())) }?;
             let Some(to) = to else { return Ok(()) };
-            let stamp = stamp_ns as f64 * 1e-9;
-            Ok(points.context.engine.install(|| cloud.pack_points(driver, stamp, to))?)
+            Ok(points.context.engine.install(|| cloud.pack_points(driver, seconds(stamp_ns), to))?)
         })
     })
 }

@@ -8,7 +8,7 @@ use crate::scene::{echocast_pose_key, echocast_snapshot};
 use crate::sensor::{echocast_sensor, seconds};
 use crate::text;
 use crate::weather::Weather;
-use echocast::{BoxAxes, BuiltScene, FieldSet, Named, Pose, ScanOptions, Sensor, Trajectory};
+use echocast::{BoxAxes, BoxTime, BuiltScene, FieldSet, Named, Pose, ScanOptions, Sensor, Trajectory};
 use std::ffi::{c_char, c_void};
 use std::ops::ControlFlow;
 use std::sync::{Arc, RwLock};
@@ -49,7 +49,7 @@ pub const ECHOCAST_BOXES_OBJECT: i32 = 1;
 pub const ECHOCAST_BOXES_FRAME: i32 = 2;
 
 /// Boxes hold when their objects are scanned: each at the mean time of its points; without any, in the middle of the
-/// scan.
+/// scan. With scan_desc.deskew, whose points are of the start: at the start.
 pub const ECHOCAST_BOX_TIME_SCAN: i32 = 0;
 /// Boxes hold when the scan starts.
 pub const ECHOCAST_BOX_TIME_START: i32 = 1;
@@ -120,7 +120,8 @@ pub struct echocast_scan_desc {
     /// 1: the boxes also say where they are in the image of the sensor, whatever hides them, for which every triangle
     /// is looked at: the amodal boxes of echocast_result_image_boxes.
     pub image_boxes: i32,
-    /// When boxes hold: an ECHOCAST_BOX_TIME_ number.
+    /// When boxes hold: an ECHOCAST_BOX_TIME_ number. Of programs that were compiled when this was not there yet, boxes
+    /// hold at the start, as they were told.
     pub box_time: i32,
     /// 1: positions and normals are brought to t0_ns: what moves is where it was then, with all points that lie on it,
     /// and ECHOCAST_COORDINATES_SENSOR is the sensor frame then. The other columns, also `true_x`, `true_y` and `true_z`,
@@ -386,7 +387,11 @@ unsafe fn scan_options(desc: &echocast_scan_desc, sensor: &Sensor) -> Outcome<Sc
         reflectance_source: optional(desc.reflectance, "desc->reflectance")?,
         boxes,
         image_boxes,
-        box_time: named(desc.box_time, "desc->box_time")?,
+        box_time: if desc.struct_size > mem::offset_of!(echocast_scan_desc, box_time) {
+            named(desc.box_time, "desc->box_time")?
+        } else {
+            BoxTime::Start
+        },
         deskew: flag(desc.deskew, "desc->deskew")?,
         mask: desc.mask,
         ..ScanOptions::default()

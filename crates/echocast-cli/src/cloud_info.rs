@@ -189,7 +189,7 @@ fn describe(file: &Path, cloud: &PointCloud, report: &Report) -> Result<String> 
     Ok(text.lines().map(str::trim_end).fold(String::new(), |text, line| text + line + "\n"))
 }
 
-/// Records of other programs, of which not is known what they say.
+/// Records of other programs, whose meaning is not known here.
 fn others(cloud: &PointCloud) -> Vec<String> {
     let others = cloud.records.all.iter().filter(|record| record.user != "LASF_Projection");
     let of = |record: &Record| format!("{} {} ({} bytes)", shown::text(&record.user), record.id, record.data.len());

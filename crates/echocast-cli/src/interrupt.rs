@@ -63,10 +63,13 @@ pub fn check() -> Result<(), Error> {
 pub fn say() {
     static SAID: AtomicBool = AtomicBool::new(false);
     if !SAID.swap(true, Ordering::SeqCst) {
-        // There may be a progress line.
-        let clear = if stderr().is_terminal() { "\r\x1b[K" } else { "" };
-        let _ = writeln!(stderr(), "{clear}error: interrupted; complete files stay, others are removed");
+        let _ = writeln!(stderr(), "{}error: interrupted; complete files stay, others are removed", clear());
     }
+}
+
+/// What takes away a progress line, which there may be.
+fn clear() -> &'static str {
+    if stderr().is_terminal() { "\r\x1b[K" } else { "" }
 }
 
 /// Waits for a signal, and ends the program if the work does not end.
@@ -97,7 +100,7 @@ pub fn without_memory(bytes: usize) -> ! {
         }
     } else {
         let mut line = Cursor::new([0; 64]);
-        let _ = writeln!(line, "error: no memory for {bytes} bytes");
+        let _ = writeln!(line, "{}error: no memory for {bytes} bytes", clear());
         let length = usize::try_from(line.position()).unwrap_or_default();
         // If stderr is closed, there is nobody to tell.
         let _ = stderr().write_all(&line.get_ref()[..length]);

@@ -1,6 +1,8 @@
 //! The `echocast` program: arguments, progress and printing. The work is the library's. A crate of its own, because the
 //! Python package brings the program too.
 
+#![forbid(unsafe_code)]
+
 mod bench;
 mod choice;
 mod cloud_info;
@@ -86,7 +88,13 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let cli = match Cli::try_parse_from(arguments) {
         Ok(cli) => cli,
         Err(told) => {
-            // Help, the version, or what is wrong. If nobody reads it, there is nobody to tell.
+            if !told.use_stderr()
+                && let Err(error) = text::check_stdout()
+            {
+                text::note(&format!("error: {error}"));
+                return usage::FAILED;
+            }
+            // Help, or what is wrong. If nobody reads it, there is nobody to tell.
             let _ = told.print();
             return u8::try_from(told.exit_code()).unwrap_or(u8::MAX);
         }

@@ -37,6 +37,7 @@ pub struct PictureArgs {
 #[derive(Args, Default)]
 #[command(group = ArgGroup::new("shown").args(["preview", "image"]).multiple(true))]
 #[command(group = ArgGroup::new("boxed").args(["boxes", "show"]).multiple(true))]
+#[command(group = ArgGroup::new("timed").args(["boxes", "show", "annotations"]).multiple(true))]
 pub struct OutputArgs {
     /// Cloud file, repeatable; its ending chooses the format (`echocast formats` lists them); `-` with `--format` is
     /// standard output, and what the program says then goes to stderr

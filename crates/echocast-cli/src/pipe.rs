@@ -1,7 +1,7 @@
 //! Clouds on standard input and output, which `-` stands for. Formats are read and written by seeking, so that a cloud
 //! is in the folder for temporary files (`TMPDIR`) meanwhile.
 
-use crate::{interrupt, usage};
+use crate::{interrupt, text, usage};
 use anyhow::{Context as _, Result, ensure};
 use echocast::import::ReadOptions;
 use echocast::{Error, FieldSet, PointCloud, Report, export, import, read, shown};
@@ -9,22 +9,10 @@ use serde_json::Value;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 use tempfile::{NamedTempFile, TempDir};
 
 /// Bytes that are copied at once.
 const PIECE: usize = 1 << 20;
-
-/// Whether standard output was closed when the program was started.
-static CLOSED: AtomicBool = AtomicBool::new(false);
-
-/// Rust's runtime opens the null device in its place, before `main`, where all that is written is lost.
-#[allow(unsafe_code)] // it asks the system and no one else, for the library of Rust is not ready
-#[ctor::ctor(unsafe)]
-fn look_at_standard_output() {
-    let is_open = rustix::io::fcntl_getfd(rustix::stdio::stdout()).is_ok();
-    CLOSED.store(!is_open, Ordering::Relaxed);
-}
 
 /// Whether `file` stands for standard input or output.
 pub fn is_standard(file: &Path) -> bool {
@@ -88,7 +76,7 @@ impl Outgoing {
     }
 
     pub fn new() -> Result<Outgoing> {
-        ensure!(!CLOSED.load(Ordering::Relaxed), "-o -: standard output is closed; allowed: a pipe, a file");
+        text::check_stdout().context("-o -")?;
         TempDir::new().map(Outgoing).context("-o -")
     }
 

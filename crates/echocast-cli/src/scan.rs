@@ -92,9 +92,9 @@ pub struct Args {
     /// sensor's frame then
     #[arg(long, help_heading = "Points")]
     deskew: bool,
-    /// When boxes hold: each when its object is scanned (at the mean time of its points), or at the start or the end of the
-    /// frame
-    #[arg(long, default_value = "scan", value_parser = choice::of::<BoxTime>(), help_heading = "Output")]
+    /// When boxes hold: each when its object is scanned (at the mean time of its points; with `--deskew` at the start), or at
+    /// the start or the end of the frame
+    #[arg(long, requires = "timed", default_value = "scan", value_parser = choice::of::<BoxTime>(), help_heading = "Output")]
     box_time: BoxTime,
     /// How far skins, morph targets and baked shapes may be from their true place within a frame, metres
     #[arg(long, value_name = "M", default_value = "0.001", value_parser = input::positive, help_heading = "Place")]

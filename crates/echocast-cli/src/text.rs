@@ -6,11 +6,18 @@ use std::path::PathBuf;
 
 /// Writes `text` to stdout. A reader that has seen enough (`echocast sensors | head`) is not an error.
 pub fn print(text: &str) -> anyhow::Result<()> {
+    check_stdout()?;
     let mut stdout = io::stdout().lock();
     match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(anyhow::Error::new(error).context("stdout")),
         _ => Ok(()),
     }
+}
+
+/// Fails if what is written to stdout would be lost.
+pub fn check_stdout() -> anyhow::Result<()> {
+    anyhow::ensure!(echocast_stdout::is_open(), "standard output is closed; allowed: a terminal, a pipe, a file");
+    Ok(())
 }
 
 /// Writes `value` to stdout, one key a line, as [`print`] does.

@@ -149,6 +149,15 @@ fn a_closed_standard_output_is_an_error() {
     for to in ["> /dev/null", "1<> /dev/null", "| head -c 1"] {
         assert!(shell(to).status.success(), "{to}");
     }
+    // And so it is for all that is printed.
+    for command in ["info DIR/a.csv", "info --json DIR/a.csv", "sensors vlp16", "formats", "--version", "scan --help"] {
+        let command = command.replace("DIR", &folder.path().display().to_string());
+        let line = format!("'{program}' {command} >&-");
+        let closed = std::process::Command::new("sh").args(["-c", &line]).output().unwrap();
+        assert_eq!(closed.status.code(), Some(1), "{command}");
+        let told = stderr(&closed);
+        assert_eq!(told, "error: standard output is closed; allowed: a terminal, a pipe, a file\n", "{command}");
+    }
 }
 
 #[test]

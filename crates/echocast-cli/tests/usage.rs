@@ -384,6 +384,22 @@ fn a_plan_is_drawn_of_any_scene() {
 }
 
 #[test]
+fn a_time_of_boxes_needs_boxes() {
+    let folder = tempfile::tempdir().unwrap();
+    let scan = "scan HALL --sensor velodyne_vlp16 --at 0,0,1 --box-time";
+    for alone in ["end", "start", "scan"] {
+        let output = run(folder.path(), &format!("{scan} {alone} -o DIR/x.las"));
+        let told = stderr(&output);
+        assert_eq!(output.status.code(), Some(2), "{told}");
+        for option in ["--boxes", "--show", "--annotations"] {
+            assert!(told.contains(option), "{told}");
+        }
+    }
+    assert!(common::files(folder.path()).is_empty());
+    stdout(folder.path(), &format!("{scan} end --boxes DIR/boxes.json"));
+}
+
+#[test]
 fn shells_complete_commands_and_options() {
     for shell in ["bash", "zsh", "fish"] {
         let script = stdout(Path::new("."), &format!("completions {shell}"));

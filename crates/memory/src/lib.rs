@@ -27,10 +27,15 @@ pub fn end_with(end: fn(usize) -> !) {
 
 /// Does `work`, which copes with memory that it does not get.
 pub fn tried<R>(work: impl FnOnce() -> R) -> R {
-    let before = TRIED.replace(true);
-    let result = work();
-    TRIED.set(before);
-    result
+    /// Says again what was said before, also where `work` panics.
+    struct Before(bool);
+    impl Drop for Before {
+        fn drop(&mut self) {
+            TRIED.set(self.0);
+        }
+    }
+    let _before = Before(TRIED.replace(true));
+    work()
 }
 
 /// Passes on what was got for `bytes`.
@@ -72,5 +77,20 @@ unsafe impl GlobalAlloc for Allocator {
     unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
         // SAFETY: the caller's promise.
         unsafe { System.dealloc(place, layout) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::panic::catch_unwind;
+
+    #[test]
+    fn what_panics_copes_no_longer() {
+        let is_tried = || TRIED.get();
+        assert!(catch_unwind(|| tried(|| panic!("{}", is_tried()))).is_err());
+        assert!(!is_tried());
+        assert!(tried(|| catch_unwind(|| tried(|| panic!("again"))).is_err() && is_tried()));
+        assert!(!is_tried());
     }
 }

@@ -554,6 +554,10 @@ int main(int argc, char **argv)
     REFUSED(echocast_result_pack_driver(result, INT32_MAX, INT64_MIN, bytes, sizeof bytes, NULL));
     REFUSED(echocast_result_pack_driver(result, 1, INT64_MAX, NULL, SIZE_MAX, NULL));
     REFUSED(echocast_result_pack_driver(result, 1, 0, bytes, 3, NULL));
+    uint32_t height, width;
+    BAD_HANDLES(echocast_result, wrong, echocast_result_driver_shape(wrong, 1, &height, &width));
+    REFUSED(echocast_result_driver_shape(result, 0, &height, &width));
+    REFUSED(echocast_result_driver_shape(result, 1, NULL, &width));
     REFUSED(echocast_driver_get_info(1, NULL));
     REFUSED(echocast_driver_get_info(-1, NULL));
     BAD_TEXTS(name, (item.column = name, echocast_result_pack(result, &item, 1, 4, bytes, sizeof bytes, NULL)));

@@ -68,6 +68,7 @@ int main(int argc, char **argv) try {
     const echocast_driver_info livox = echocast::driver_info(ECHOCAST_DRIVER_LIVOX);
     require(livox.point_step == 26 && std::string(livox.fields[5].name) == "line", "a driver");
     require(points.pack_driver(ECHOCAST_DRIVER_LIVOX, 0).size() == 52, "points of a driver");
+    require(points.driver_shape(ECHOCAST_DRIVER_LIVOX) == std::array<uint32_t, 2>{{1, 2}}, "their shape");
     const std::vector<uint8_t> bytes = points.pack(items, sizeof(point));
     std::vector<uint8_t> same(bytes.size());
     points.pack(items, sizeof(point), echocast::span<uint8_t>(same.data(), same.size()));

@@ -201,10 +201,65 @@ impl PointField {
     }
 }
 
+/// Where a driver has the rows of an organised cloud.
+pub(crate) struct Arrangement {
+    /// Height and width.
+    pub shape: [usize; 2],
+    /// The row of the cloud at each place.
+    pub rows: Vec<usize>,
+}
+
 impl PointCloud {
+    /// Height and width of the messages that `driver` makes of it: of an organised cloud those of the driver's image, else
+    /// one row of all points.
+    pub fn driver_shape(&self, driver: Driver) -> [usize; 2] {
+        self.order_of(driver).map_or_else(|| self.shape(), |order| order.shape)
+    }
+
+    /// Rows and columns of the sensor, or one row of all points.
+    pub(crate) fn shape(&self) -> [usize; 2] {
+        self.organised.map_or([1, self.len], |shape| shape.map(|count| count as usize))
+    }
+
+    /// How `driver` arranges it, a scan with a ring in each row, if it does otherwise than the cloud: Velodyne's has the
+    /// rings side by side, the lowest first, and firings below each other (organized_cloudXYZIRT.cpp), RoboSense's
+    /// likewise, in the order of its channels (source_pointcloud_ros.hpp), Ouster's the rings below each other.
+    pub(crate) fn order_of(&self, driver: Driver) -> Option<Arrangement> {
+        let [height, width] = self.organised?.map(|count| count as usize);
+        let rings = &self.columns.ring;
+        if rings.is_empty() || width == 0 {
+            return None;
+        }
+        let of_row = |row: usize| &rings[row * width..(row + 1) * width];
+        if (0..height).any(|row| of_row(row).iter().any(|ring| *ring != of_row(row)[0])) {
+            return None;
+        }
+        let mut lasers: Vec<usize> = (0..height).collect();
+        lasers.sort_by_key(|&row| of_row(row)[0]);
+        // Rings come again where several frames are one cloud.
+        if height < 2 || !lasers.is_sorted_by(|&a, &b| of_row(a)[0] < of_row(b)[0]) {
+            return None;
+        }
+        match driver {
+            Driver::Ouster if lasers.is_sorted() => return None,
+            Driver::Ouster => {
+                let rows = lasers.into_iter().flat_map(|row| row * width..(row + 1) * width).collect();
+                return Some(Arrangement { shape: [height, width], rows });
+            }
+            Driver::Velodyne => {}
+            Driver::Robosense => lasers.sort_unstable(),
+            Driver::Hesai | Driver::Livox | Driver::Autoware => return None,
+        }
+        let rows = (0..width).flat_map(|firing| lasers.iter().map(move |row| row * width + firing)).collect();
+        Some(Arrangement { shape: [width, height], rows })
+    }
+
     /// Writes the points as `driver` publishes them, each [`Driver::point_step`] bytes, to `to`: positions in the frame of
-    /// the sensor where the scan starts, times from `stamp` on (s, of the message), where the driver's count from there.
-    /// Where no `azimuth`, `elevation` and `range` were computed, they are those of the positions.
+    /// the sensor where the scan starts, but those of a cloud in the sensor's coordinates stay as they are, each in the
+    /// frame of its own firing unless it was deskewed; times from `stamp` on (s, of the message), where the driver's count
+    /// from there. Points of an organised cloud come in the order of the driver's image, whose height and width are
+    /// [`PointCloud::driver_shape`]. Where no `azimuth`, `elevation` and `range` were computed, they are those of the
+    /// positions.
     ///
     /// ```
     /// # use echocast::cloud::Driver;
@@ -217,7 +272,7 @@ impl PointCloud {
     /// ```
     ///
     /// # Errors
-    /// A column of [`Driver::columns`] that was not computed; a `to` that is shorter than the points.
+    /// A column of [`Driver::columns`] that was not computed; a `to` that is shorter than the points; no memory.
     pub fn pack_points(&self, driver: Driver, stamp: f64, to: &mut [u8]) -> Result<()> {
         let needed = driver.columns();
         if let Some(missing) = needed.iter().find(|info| !self.fields.contains(info.field)) {
@@ -227,11 +282,19 @@ impl PointCloud {
             return Err(Error::invalid("the cloud", found, allowed));
         }
         let step = driver.point_step();
-        let items: Vec<PackItem> = driver.point_fields().iter().filter_map(|field| field.item(self, stamp)).collect();
         let to = room(to, self.len, step)?;
         to.fill(0);
-        self.pack(&items, step, to)?;
-        self.put_made(driver, step, &self.sensor_pose, to);
+        let turned;
+        let cloud = match self.order_of(driver) {
+            Some(order) => {
+                turned = self.select(&order.rows)?;
+                &turned
+            }
+            None => self,
+        };
+        let items: Vec<PackItem> = driver.point_fields().iter().filter_map(|field| field.item(cloud, stamp)).collect();
+        cloud.pack(&items, step, to)?;
+        cloud.put_made(driver, step, &cloud.sensor_pose, to);
         Ok(())
     }
 
@@ -268,22 +331,19 @@ impl PointCloud {
 
     /// Which return a row is, as Autoware numbers them (`autoware_point_types`, `ReturnType`): 1 the only one, 3 and 4 the
     /// strongest, if it is the first or the last, 5 and 6 another that is the first or the last, 7 one that is reported
-    /// twice; 0 one in the middle, or none.
+    /// twice; 0, "invalid", one in the middle, none, and one whose beam has lost others, so that nobody knows.
     fn return_type(&self, row: usize) -> u8 {
         let c = &self.columns;
         let (number, count) = (usize::from(c.return_number[row]), usize::from(c.return_count[row]));
         if count < 2 || number == 0 || number > count {
             return u8::from(number == 1);
         }
-        // Returns of a beam follow each other.
-        let start = (row + 1).saturating_sub(number);
-        let all: Range<usize> = start..(start + count).min(self.len);
+        let Some(all) = self.returns_of(row) else { return 0 };
         let differ = |column: &[f32]| column[all.clone()].iter().any(|value| *value != column[row]);
         if ![&c.x, &c.y, &c.z].into_iter().any(|axis| differ(axis)) {
             return 7;
         }
-        let is_strongest =
-            c.intensity.is_empty() || c.intensity[all.clone()].iter().all(|&other| other <= c.intensity[row]);
+        let is_strongest = c.intensity.is_empty() || c.intensity[all].iter().all(|&other| other <= c.intensity[row]);
         match (number == 1, number == count, is_strongest) {
             (true, _, true) => 3,
             (_, true, true) => 4,
@@ -291,6 +351,25 @@ impl PointCloud {
             (_, true, false) => 6,
             _ => 0,
         }
+    }
+
+    /// The rows of all returns of the beam of `row`, which follow each other in a scan; none if one is missing, as it may
+    /// be where points were chosen or sorted.
+    fn returns_of(&self, row: usize) -> Option<Range<usize>> {
+        let c = &self.columns;
+        let count = c.return_count[row];
+        let start = (row + 1).checked_sub(usize::from(c.return_number[row]))?;
+        let all = start..start + usize::from(count);
+        // As much of what is computed as says that a beam is the same.
+        let same = |other: usize| {
+            c.return_count[other] == count
+                && (c.time.is_empty() || c.time[other] == c.time[row])
+                && [&c.ring, &c.channel].into_iter().all(|ids| ids.is_empty() || ids[other] == ids[row])
+                && [&c.beam, &c.firing, &c.frame].into_iter().all(|ids| ids.is_empty() || ids[other] == ids[row])
+        };
+        let mut returns = (1..=count).zip(all.clone());
+        let whole = all.end <= self.len && returns.all(|(number, row)| c.return_number[row] == number && same(row));
+        whole.then_some(all)
     }
 
     /// Takes positions to the frame at `pose`; those in the frame of the sensor stay.
@@ -399,6 +478,62 @@ mod tests {
         assert_eq!((point[12], u16_at(point, 14), u32_at(point, 28)), (255, 300, 500_000_000));
         let polar = [16, 20, 24].map(|at| f32_at(point, at));
         assert!(polar.iter().zip([0.75f32.atan(), 0.0, 5.0]).all(|(a, b)| (a - b).abs() < 1e-6), "{polar:?}");
+    }
+
+    #[test]
+    fn return_types_of_a_selection_are_those_of_all_or_none() {
+        let mut cloud = cloud();
+        // Two channels that fire at once, with two returns each, and three returns of one beam.
+        let c = &mut cloud.columns;
+        for (ring, count) in [(4_u16, 2_u8), (5, 2), (6, 3)] {
+            for number in 1..=count {
+                let distance = f32::from(number);
+                c.x.push(distance);
+                c.y.push(0.0);
+                c.z.push(f32::from(ring));
+                c.intensity.push(if ring == 5 { 1.0 / distance } else { distance });
+                c.ring.push(ring);
+                c.time.push(6.0);
+                c.return_number.push(number);
+                c.return_count.push(count);
+            }
+        }
+        cloud.len = cloud.columns.x.len();
+        let types = |cloud: &PointCloud| -> Vec<u8> { packed(cloud, Driver::Autoware).iter().map(|p| p[13]).collect() };
+        let all = types(&cloud);
+        assert_eq!(all, [5, 4, 1, 7, 7, 5, 4, 3, 6, 5, 0, 4]);
+        let mut known = 0;
+        for chosen in 0..1_usize << cloud.len {
+            let mut rows: Vec<usize> = (0..cloud.len).filter(|row| chosen >> row & 1 == 1).collect();
+            if chosen % 2 == 1 {
+                rows.reverse();
+            }
+            for (&row, found) in rows.iter().zip(types(&cloud.select(&rows).unwrap())) {
+                assert!(found == 0 || found == all[row], "row {row} of {rows:?} is {found}, not {}", all[row]);
+                known += usize::from(found > 1);
+            }
+        }
+        assert!(known > 1000);
+    }
+
+    #[test]
+    fn organised_points_come_as_the_driver_has_them() {
+        let mut cloud = PointCloud { len: 6, organised: Some([3, 2]), ..PointCloud::default() };
+        cloud.fields = FieldSet::parse("x,y,z,intensity,ring,time").unwrap();
+        let c = &mut cloud.columns;
+        c.x = (0..6_u8).map(f32::from).collect();
+        (c.y, c.z, c.intensity, c.time) = (vec![0.0; 6], vec![0.0; 6], vec![0.0; 6], vec![5.0; 6]);
+        c.ring = vec![1, 1, 2, 2, 0, 0];
+        let placed = |driver| -> Vec<f32> { packed(&cloud, driver).iter().map(|point| f32_at(point, 0)).collect() };
+        for (driver, shape, places) in [
+            (Driver::Velodyne, [2, 3], [4.0, 0.0, 2.0, 5.0, 1.0, 3.0]),
+            (Driver::Robosense, [2, 3], [0.0, 2.0, 4.0, 1.0, 3.0, 5.0]),
+            (Driver::Ouster, [3, 2], [4.0, 5.0, 0.0, 1.0, 2.0, 3.0]),
+            (Driver::Hesai, [3, 2], [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]),
+        ] {
+            assert_eq!((cloud.driver_shape(driver), placed(driver)), (shape, places.to_vec()), "{driver:?}");
+        }
+        assert_eq!(PointCloud { organised: None, ..cloud.clone() }.driver_shape(Driver::Velodyne), [1, 6]);
     }
 
     #[test]

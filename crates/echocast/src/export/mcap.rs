@@ -336,10 +336,9 @@ fn points(
     frame: &PointFrame,
     stamp: Stamp,
 ) -> io::Result<Message> {
-    let mut shape = cloud.organised.map_or([1, cloud.len], |shape| shape.map(|count| count as usize));
     let turned;
-    let mut cloud = cloud;
-    if let Some(order) = driver.and_then(|driver| order_of(driver, cloud)) {
+    let (mut shape, mut cloud) = (cloud.shape(), cloud);
+    if let Some(order) = driver.and_then(|driver| cloud.order_of(driver)) {
         turned = cloud.select(&order.rows).map_err(io::Error::other)?;
         (cloud, shape) = (&turned, order.shape);
     }
@@ -401,44 +400,6 @@ fn reach(cloud: &PointCloud, from: DVec3) -> f64 {
         finite.fold(0.0, |most: f64, &x| most.max((f64::from(x) + shift).abs()))
     };
     axes.map(along).fold(0.0, f64::max)
-}
-
-/// Where a driver has the rows of an organised cloud.
-struct Arrangement {
-    /// Height and width.
-    shape: [usize; 2],
-    /// The row of the cloud at each place.
-    rows: Vec<usize>,
-}
-
-/// How `driver` arranges `cloud`, a scan with a ring in each row, if it does otherwise than the cloud: Velodyne's has the
-/// rings side by side, the lowest first, and firings below each other (organized_cloudXYZIRT.cpp), RoboSense's likewise,
-/// in the order of its channels (source_pointcloud_ros.hpp), Ouster's the rings below each other.
-fn order_of(driver: Driver, cloud: &PointCloud) -> Option<Arrangement> {
-    let [height, width] = cloud.organised?.map(|count| count as usize);
-    let rings = &cloud.columns.ring;
-    let of_row = |row: usize| &rings[row * width..(row + 1) * width];
-    if rings.is_empty() || width == 0 || (0..height).any(|row| of_row(row).iter().any(|ring| *ring != of_row(row)[0])) {
-        return None;
-    }
-    let mut lasers: Vec<usize> = (0..height).collect();
-    lasers.sort_by_key(|&row| of_row(row)[0]);
-    // Rings come again where several frames are one cloud.
-    if height < 2 || !lasers.is_sorted_by(|&a, &b| of_row(a)[0] < of_row(b)[0]) {
-        return None;
-    }
-    match driver {
-        Driver::Ouster if lasers.is_sorted() => return None,
-        Driver::Ouster => {
-            let rows = lasers.into_iter().flat_map(|row| row * width..(row + 1) * width).collect();
-            return Some(Arrangement { shape: [height, width], rows });
-        }
-        Driver::Velodyne => {}
-        Driver::Robosense => lasers.sort_unstable(),
-        Driver::Hesai | Driver::Livox | Driver::Autoware => return None,
-    }
-    let rows = (0..width).flat_map(|firing| lasers.iter().map(move |row| row * width + firing)).collect();
-    Some(Arrangement { shape: [width, height], rows })
 }
 
 /// Name, type and first byte of a number that each point of a message has.

@@ -1,0 +1,203 @@
+//! Arguments: whatever is none gets a sentence that begins with its name. PyO3 has the name in a note, which the text of
+//! an exception does not show, and Python 3.10 does not know.
+
+use crate::array::numbers;
+use crate::error::{Failure, Outcome};
+use numpy::ndarray::Ix1;
+use pyo3::exceptions::{PyOverflowError, PyTypeError, PyUnicodeEncodeError};
+use pyo3::prelude::*;
+use pyo3::types::{PyMapping, PyString};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+/// What can be an argument of a function.
+pub trait Argument<'a, 'py>: Sized {
+    /// Out of `value`, which is given for `name`.
+    fn of(name: &str, value: &'a Bound<'py, PyAny>) -> Outcome<Self>;
+}
+
+/// Says how arguments with these names are read: `#[pyo3(from_py_with = argument::seed)] seed: u64`.
+macro_rules! named {
+    ($($name:ident)+) => { $(
+        pub fn $name<'a, 'py, T: Argument<'a, 'py>>(value: &'a Bound<'py, PyAny>) -> PyResult<T> {
+            Ok(T::of(stringify!($name), value)?)
+        }
+    )+ };
+}
+
+named! {
+    beam category cell_m check color column columns count driver environment fixed folder format frame
+    instance key kind layer length mask material name names number object objects overlap path pixels position
+    quaternion range resume row rpy_deg samples scenario scene seed sensor shard source stamp table threads time
+    view width files
+}
+
+/// `value` is of no type that is `allowed` for `name`.
+pub fn wrong_type(name: &str, value: &Bound<'_, PyAny>, allowed: &str) -> Failure {
+    let kind = value.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
+    PyErr::from(PyTypeError::new_err(format!("{name} is of the type {kind}; allowed: {allowed}"))).into()
+}
+
+/// What PyO3 has made of `value`, or what is to be said instead of its own words. What else went wrong stays: `value`
+/// may run code of its own.
+fn told<T>(found: PyResult<T>, name: &str, value: &Bound<'_, PyAny>, allowed: &str) -> Outcome<T> {
+    found.map_err(|error| {
+        let py = value.py();
+        if error.is_instance_of::<PyTypeError>(py) {
+            wrong_type(name, value, allowed)
+        } else if error.is_instance_of::<PyOverflowError>(py) || error.is_instance_of::<PyUnicodeEncodeError>(py) {
+            let shown = value.repr().map_or_else(|_| "beyond that".to_owned(), |shown| shown.to_string());
+            Failure::argument(name, shown, allowed)
+        } else {
+            error.into()
+        }
+    })
+}
+
+/// The whole number that `value` is, 0 to the greatest `T`.
+fn whole<T: TryFrom<u64>>(name: &str, value: &Bound<'_, PyAny>) -> Outcome<T> {
+    let most = u64::MAX >> (64 - 8 * size_of::<T>());
+    let number = match value.extract::<u64>() {
+        Err(error) if error.is_instance_of::<PyTypeError>(value.py()) => {
+            return Err(wrong_type(name, value, &format!("a whole number from 0 to {most}")));
+        }
+        number => told(number, name, value, &format!("0 to {most}"))?,
+    };
+    T::try_from(number).map_err(|_| Failure::argument(name, number, format!("0 to {most}")))
+}
+
+macro_rules! whole {
+    ($($kind:ty)+) => { $(
+        impl Argument<'_, '_> for $kind {
+            fn of(name: &str, value: &Bound<'_, PyAny>) -> Outcome<Self> {
+                whole(name, value)
+            }
+        }
+    )+ };
+}
+
+whole! { u8 u32 u64 usize }
+
+impl Argument<'_, '_> for f64 {
+    fn of(name: &str, value: &Bound<'_, PyAny>) -> Outcome<Self> {
+        told(value.extract(), name, value, "a number")
+    }
+}
+
+impl Argument<'_, '_> for bool {
+    fn of(name: &str, value: &Bound<'_, PyAny>) -> Outcome<Self> {
+        told(value.extract(), name, value, "True or False")
+    }
+}
+
+impl<'a> Argument<'a, '_> for &'a str {
+    fn of(name: &str, value: &'a Bound<'_, PyAny>) -> Outcome<Self> {
+        told(value.extract(), name, value, "a text")
+    }
+}
+
+impl Argument<'_, '_> for String {
+    fn of(name: &str, value: &Bound<'_, PyAny>) -> Outcome<Self> {
+        <&str>::of(name, value).map(str::to_owned)
+    }
+}
+
+impl Argument<'_, '_> for PathBuf {
+    fn of(name: &str, value: &Bound<'_, PyAny>) -> Outcome<Self> {
+        told(value.extract(), name, value, "the path of a file or folder")
+    }
+}
+
+/// Of items that are no text, which is a sequence, too.
+macro_rules! list {
+    ($($kind:ty, $allowed:literal);+) => { $(
+        impl Argument<'_, '_> for Vec<$kind> {
+            fn of(name: &str, value: &Bound<'_, PyAny>) -> Outcome<Self> {
+                if value.is_instance_of::<PyString>() {
+                    return Err(wrong_type(name, value, $allowed));
+                }
+                let items: Vec<Bound<'_, PyAny>> = told(value.extract(), name, value, $allowed)?;
+                let item = |item: &Bound<'_, PyAny>| Argument::of(&format!("an item of {name}"), item);
+                items.iter().map(item).collect()
+            }
+        }
+    )+ };
+}
+
+list! { u64, "whole numbers in a list or tuple"; String, "a list of texts"; PathBuf, "a list of paths" }
+
+impl<const N: usize> Argument<'_, '_> for [f64; N] {
+    fn of(name: &str, value: &Bound<'_, PyAny>) -> Outcome<Self> {
+        if let Ok(found) = value.extract() {
+            return Ok(found);
+        }
+        let array = numbers::<f64, Ix1>(name, value, &N.to_string())?;
+        let found = array.as_array().to_vec();
+        found.try_into().map_err(|found: Vec<f64>| {
+            let plural = if found.len() == 1 { "" } else { "s" };
+            Failure::argument(name, format!("{} number{plural}", found.len()), N.to_string())
+        })
+    }
+}
+
+impl Argument<'_, '_> for BTreeMap<u32, String> {
+    fn of(name: &str, value: &Bound<'_, PyAny>) -> Outcome<Self> {
+        let Ok(keys) = value.cast::<PyMapping>() else {
+            return Err(wrong_type(name, value, "a dict of names by their numbers"));
+        };
+        let (number, named) = (format!("a number in {name}"), format!("a name in {name}"));
+        let item = |item: Bound<'_, PyAny>| {
+            let (key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
+            Ok((Argument::of(&number, &key)?, Argument::of(&named, &value)?))
+        };
+        keys.items()?.into_iter().map(item).collect()
+    }
+}
+
+impl<'a, 'py, T: Argument<'a, 'py>> Argument<'a, 'py> for Option<T> {
+    fn of(name: &str, value: &'a Bound<'py, PyAny>) -> Outcome<Self> {
+        if value.is_none() { Ok(None) } else { T::of(name, value).map(Some) }
+    }
+}
+
+impl<'py> Argument<'_, 'py> for Bound<'py, PyAny> {
+    fn of(_: &str, value: &Bound<'py, PyAny>) -> Outcome<Self> {
+        Ok(value.clone())
+    }
+}
+
+impl<'py> Argument<'_, 'py> for Bound<'py, PyMapping> {
+    fn of(name: &str, value: &Bound<'py, PyAny>) -> Outcome<Self> {
+        told(value.cast().cloned().map_err(Into::into), name, value, "a dict")
+    }
+}
+
+/// Lets what is of a class of the module be an argument.
+macro_rules! class {
+    ($class:ty, $allowed:literal) => {
+        impl<'py> $crate::argument::Argument<'_, 'py> for pyo3::Bound<'py, $class> {
+            fn of(name: &str, value: &pyo3::Bound<'py, pyo3::PyAny>) -> $crate::error::Outcome<Self> {
+                value.cast().cloned().map_err(|_| $crate::argument::wrong_type(name, value, $allowed))
+            }
+        }
+    };
+}
+pub(crate) use class;
+
+/// Lets `$name` be the first of its variants that fits.
+macro_rules! one_of {
+    ($name:ident $(<$py:lifetime>)?: $($variant:ident)|+; $allowed:expr) => {
+        impl<'py> $crate::argument::Argument<'_, 'py> for $name $(<$py>)? {
+            fn of(name: &str, value: &pyo3::Bound<'py, pyo3::PyAny>) -> $crate::error::Outcome<Self> {
+                // Of the right type, but not allowed.
+                let mut close = None;
+                $( match $crate::argument::Argument::of(name, value) {
+                    Ok(found) => return Ok($name::$variant(found)),
+                    Err(error) => close = close.or_else(|| error.unless_type(value.py())),
+                } )+
+                Err(close.unwrap_or_else(|| $crate::argument::wrong_type(name, value, $allowed)))
+            }
+        }
+    };
+}
+pub(crate) use one_of;
