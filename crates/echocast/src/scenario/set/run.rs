@@ -198,8 +198,10 @@ const UNLOCKED: &str = "its file system has no locks: nothing keeps another run 
 /// There is no set, or another process writes to it; samples are missing, or their files are not as they were written;
 /// the system's.
 pub fn finish(root: &Path) -> Result<()> {
+    folder::need_origin(root)?;
+    let lock = Lock::of_set(root)?;
+    // What another process has written meanwhile is there now.
     let origin = folder::need_origin(root)?;
-    let _lock = Lock::of_set(root)?;
     let entries = all_entries(root, &origin)?;
     for entry in entries.values() {
         if let Some(fault) = folder::damages(root, &origin, entry).next() {
