@@ -2,7 +2,7 @@
 
 use crate::cloud::PointCloud;
 use crate::error::{Failure, Outcome, no_pickle, one_of};
-use crate::options::Progress;
+use crate::options::{Progress, warn};
 use crate::sensor::{Source, options_text};
 use crate::sequence;
 use echocast::Engine;
@@ -348,5 +348,7 @@ pub fn run<'py>(
 #[pyfunction]
 #[pyo3(signature = (folder, *, check = true))]
 pub fn finish(py: Python<'_>, folder: PathBuf, check: bool) -> Outcome<()> {
-    Ok(py.detach(|| if check { set::finish(&folder) } else { set::complete(&folder) })?)
+    let report = py.detach(|| if check { set::finish(&folder) } else { set::complete(&folder) })?;
+    report.warnings.iter().try_for_each(|told| warn(py, told))?;
+    Ok(())
 }

@@ -10,10 +10,12 @@ use hdf5_sys::h5f::{H5F_ACC_RDONLY, H5Fopen};
 use hdf5_sys::h5i::hid_t;
 use hdf5_sys::h5l::{H5L_info1_t, H5Lexists, H5Literate1};
 use hdf5_sys::h5p::{
-    H5P_CLS_FILE_ACCESS, H5P_DEFAULT, H5Pcreate, H5Pget_chunk, H5Pget_external_count, H5Pget_layout, H5Pset_fapl_sec2, H5Pset_file_locking,
+    H5P_CLS_FILE_ACCESS, H5P_DEFAULT, H5Pcreate, H5Pget_chunk, H5Pget_external_count, H5Pget_layout, H5Pset_fapl_sec2,
+    H5Pset_file_locking,
 };
 use hdf5_sys::h5s::{
-    H5S_ALL, H5S_seloper_t, H5Screate_simple, H5Sget_simple_extent_dims, H5Sget_simple_extent_ndims, H5Sselect_hyperslab,
+    H5S_ALL, H5S_seloper_t, H5Screate_simple, H5Sget_simple_extent_dims, H5Sget_simple_extent_ndims,
+    H5Sselect_hyperslab,
 };
 use hdf5_sys::h5t::{
     H5T_NATIVE_DOUBLE, H5T_class_t, H5T_str_t, H5Tget_class, H5Tget_size, H5Tget_strpad, H5Tis_variable_str,
@@ -293,7 +295,9 @@ impl Dataset {
     /// How many bytes or numbers `rows` or all are, of `size` each.
     fn room(&self, rows: Option<&Range<u64>>, size: usize) -> io::Result<usize> {
         let count = match rows {
-            Some(rows) => rows.end.checked_sub(rows.start).filter(|_| self.shape.len() == 1 && rows.end <= self.shape[0]),
+            Some(rows) => {
+                rows.end.checked_sub(rows.start).filter(|_| self.shape.len() == 1 && rows.end <= self.shape[0])
+            }
             None => self.count(),
         };
         let room = count.and_then(|count| usize::try_from(count).ok()?.checked_mul(size));

@@ -142,7 +142,10 @@ mod tests {
         assert_eq!(system(vec![keys(&all), texts.clone()]).unwrap(), "UTM 32 (EPSG:25832)");
         assert_eq!(system(vec![keys(&all)]).unwrap(), "EPSG:25832");
         // What leads out of the texts, or is cut off.
-        assert_eq!(system(vec![keys(&[1, 1, 0, 1, 1026, KEY_TEXTS, 99, 3]), texts]).unwrap(), "user-defined (GeoTIFF keys)");
+        assert_eq!(
+            system(vec![keys(&[1, 1, 0, 1, 1026, KEY_TEXTS, 99, 3]), texts]).unwrap(),
+            "user-defined (GeoTIFF keys)"
+        );
         assert_eq!(system(vec![keys(&[1, 1])]), None);
         let transform = record(2111, b"PARAM_MT[\"Affine\"]\0".to_vec());
         assert!(transform.is_system() && !transform.is_keys() && transform.text().is_none());

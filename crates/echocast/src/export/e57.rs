@@ -151,8 +151,9 @@ struct Attribute<'a> {
 }
 
 enum Values<'a> {
-    /// Coordinate of this axis in the sensor frame, in f32, or f64.
+    /// Coordinate along this axis in the sensor frame, as f32.
     Place(usize),
+    /// The same as f64, of clouds that reach far from the sensor.
     FarPlace(usize),
     /// Whether there are coordinates.
     State,

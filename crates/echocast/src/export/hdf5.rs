@@ -6,9 +6,9 @@ use super::{Format, FormatInfo, Growing, sensor_pose, unfinished};
 use crate::cloud::{Column, ColumnType, FieldInfo, InstanceBox, PointCloud};
 use crate::ground::report::Report;
 use crate::scene::Labels;
-use echocast_hdf5::io_error;
 use ::hdf5::types::{FixedUnicode, TypeDescriptor};
 use ::hdf5::{Container, Dataset, DatasetBuilderEmpty, Extent, File, Group, H5Type, Location};
+use echocast_hdf5::io_error;
 use std::io;
 use std::path::Path;
 

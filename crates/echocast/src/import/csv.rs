@@ -221,8 +221,10 @@ impl Head {
     fn headers(&self, row: usize) -> impl Iterator<Item = &str> {
         let texts = || self.lines[..row].iter().rev().map(|line| &*line.text).filter(|line| !is_count(line));
         let comment = self.comments.iter().rfind(|(place, _)| *place <= row).map(|(_, comment)| &**comment);
-        let known = |line: &&str| !has_places(line) && {
-            styles(line).any(|style| named(line, style).iter().any(|column| field(column).is_some()))
+        let known = |line: &&str| {
+            !has_places(line) && {
+                styles(line).any(|style| named(line, style).iter().any(|column| field(column).is_some()))
+            }
         };
         // Where nobody knows the names: what stands right above, as a title does not.
         let last = texts().next().filter(|line| line.contains([';', '\t', ',']));

@@ -81,7 +81,8 @@ impl Datasets<'_> {
             (Place::Together(Some(at)), Some(_)) => *at,
             (place, _) => {
                 let place = if *place == Place::Compact { "among what describes them (compact)" } else { "in chunks" };
-                let message = format!("has texts of variable length {place}; allowed: of a fixed length, or contiguous");
+                let message =
+                    format!("has texts of variable length {place}; allowed: of a fixed length, or contiguous");
                 return Err(Error::parse(self.source.path, name, message));
             }
         };

@@ -79,7 +79,16 @@ impl Rows {
             }
         }
         let origin = about.and_then(|about| about.f32_origin).map_or([None; 3], |origin| origin.map(Some));
-        Ok(Rows { columns, fields, origin, usual: [0.0; 3], unfit: FieldSet::EMPTY, far: false, coarse: false, colours: None })
+        Ok(Rows {
+            columns,
+            fields,
+            origin,
+            usual: [0.0; 3],
+            unfit: FieldSet::EMPTY,
+            far: false,
+            coarse: false,
+            colours: None,
+        })
     }
 
     /// With the origin `usual`, if positions are near it.
@@ -346,4 +355,47 @@ pub(super) fn lost<'a>(left: impl Iterator<Item = &'a str>, name: &str, report: 
 /// Columns that `goals` fill.
 pub(super) fn fields(goals: &[Option<Goal>]) -> FieldSet {
     goals.iter().flatten().map(|goal| goal.field).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn warnings_list_a_dozen_columns() {
+        let told = |count: usize| {
+            let names: Vec<String> = (0..count).map(|k| format!("n{k}")).collect();
+            let mut report = Report::default();
+            lost(names.iter().map(String::as_str), "csv", &mut report);
+            report.warnings.concat()
+        };
+        assert_eq!(told(0), "");
+        assert_eq!(told(2), "csv: a cloud has no place for n0, n1");
+        assert!(told(12).ends_with("n10, n11") && told(20_000).ends_with("n10, n11 and 19988 more"));
+    }
+
+    /// Rows of nothing, however many, do not keep the others from an origin.
+    #[test]
+    fn the_origin_is_where_most_points_are() {
+        let x = |blocks: &[&[f64]]| {
+            let mut rows = Rows::new(FieldSet::EMPTY.with(Field::X), 0, None).unwrap();
+            blocks.iter().for_each(|block| rows.add(Field::X.into(), block.iter().copied()).unwrap());
+            let mut report = Report::default();
+            let cloud = rows.finish(Path::new("a"), "csv", About::default(), &mut report).unwrap();
+            let places: Vec<f64> = cloud.columns.x.iter().map(|&x| f64::from(x) + cloud.origin.x).collect();
+            (cloud.origin.x, places, report.warnings.iter().any(|told| told.contains("precision")))
+        };
+        let far = 500_000.123;
+        for blocks in [&[&[0.0, far, far][..]][..], &[&[0.0, 0.0], &[f64::NAN], &[0.0, far, far]], &[&[far, 0.0, 0.0]]]
+        {
+            let (origin, places, told) = x(blocks);
+            assert!(origin == 500_000.0 && !told, "{blocks:?}: {origin}");
+            let wanted: Vec<f64> = blocks.concat();
+            let off = |(a, b): (&f64, &f64)| b.is_nan() || (a - b).abs() < 1e-4;
+            assert!(places.iter().zip(&wanted).all(off), "{places:?}");
+        }
+        assert_eq!(x(&[&[0.0, 7.5]]), (0.0, vec![0.0, 7.5], false));
+        // What is far from most of the others loses something, and that is told; what f32 can hold does not.
+        assert!(x(&[&[far, far, far, 7.123_456]]).2 && !x(&[&[0.0, far], &[490_000.5]]).2);
+    }
 }

@@ -153,7 +153,8 @@ fn odd(word: &str) -> Option<f64> {
     if plain.strip_prefix("nan(").is_some_and(|rest| rest.ends_with(')')) {
         return Some(f64::NAN);
     }
-    let (digits, exponent) = plain.split_once('d').filter(|(digits, _)| digits.ends_with(|c: char| c.is_ascii_digit()))?;
+    let (digits, exponent) =
+        plain.split_once('d').filter(|(digits, _)| digits.ends_with(|c: char| c.is_ascii_digit()))?;
     format!("{digits}e{exponent}").parse().ok().map(|number: f64| sign * number)
 }
 

@@ -197,7 +197,7 @@ impl Style for Kitti {
          the scenario asks for them (`unseen: true`). \
          Boxes in the image are around the whole object, cut at the image's edges. `occluded` is 0 where 90 % of \
          what a camera alone with the object would see of it are seen, 1 from 50 % on, 2 below, and 3 (unknown) where \
-         only the LiDAR sees it. `image_2` shows the \
+         the camera sees nothing of it. `image_2` shows the \
          surfaces' own colours, without light and shadow. `semantic` and `instance` are masks as of KITTI's semantic \
          benchmark: the class of each pixel with the numbers of Cityscapes (road 7, building 11, person 24, car 26), and \
          256 times that plus the number of its instance, which counts those of a class in an image from 1; what has no \
@@ -334,7 +334,7 @@ fn label(grid: &ImageGrid, of: &str, seen: &InstanceBox, met: &InstanceBox) -> O
         visible if visible >= VISIBLE => 0,
         visible if visible >= PARTLY => 1,
         visible if visible > 0.0 => 2,
-        // The LiDAR alone has met it.
+        // The camera does not know.
         _ => 3,
     };
     let InstanceBox { pose, size, .. } = met;
