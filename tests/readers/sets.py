@@ -41,7 +41,9 @@ def kitti(root):
     names = sorted(path.stem for path in (training / "velodyne").iterdir())
     assert sorted(listed) == names and names
     found = {"frames": len(names), "objects": {}, "pixels": {}}
-    found |= {"points_in_boxes": 0, "boxes_with_points": 0, "truncated": 0, "leaning": 0}
+    found |= {"points_in_boxes": 0, "boxes_with_points": 0, "truncated": 0, "alone_met": 0}
+    found |= {"standing": 0, "standing_leaning": 0}
+    movers = moving_sizes(root.parent / "nuscenes")
     for name in names:
         points = numpy.fromfile(training / f"velodyne/{name}.bin", numpy.float32).reshape(-1, 4)
         assert numpy.isfinite(points).all() and points[:, 3].min() >= 0 and points[:, 3].max() <= 1
@@ -61,12 +63,14 @@ def kitti(root):
             of, *words = line.split(" ")
             truncated, occluded, alpha, left, top, right, bottom, h, w, l, x, y, z, turned = map(float, words)
             assert of in ("Car", "Van", "Truck", "Pedestrian", "Person_sitting", "Cyclist", "Tram", "Misc"), of
-            assert 0 <= truncated < 1 and occluded in (0, 1, 2) and abs(alpha) <= 3.1416 and abs(turned) <= 3.1416
+            assert 0 <= truncated < 1 and occluded in (0, 1, 2, 3) and abs(alpha) <= 3.1416 and abs(turned) <= 3.1416
             assert 0 <= left < right <= width - 1 and 0 <= top < bottom <= height - 1
             around = (turned - numpy.arctan2(x, z) - alpha) / (2 * numpy.pi)
             assert abs(around - round(around)) < 1e-4
             found["objects"][of] = found["objects"].get(of, 0) + 1
             found["truncated"] += truncated > 0
+            found["alone_met"] += occluded == 3
+            stands = not any(numpy.allclose([w, l, h], size, atol=1e-3) for size in movers)
             if of in ("Car", "Van"):
                 cars.append([left, top, right, bottom])
             # The box as the development kit has it: about the camera's y axis, its place in the middle of its lower face.
@@ -81,7 +85,8 @@ def kitti(root):
                 away = numpy.abs(ends - [[left, top], [right, bottom]]).max()
                 # What leans does so in the image alone; what moves is in the image where the camera sees it.
                 assert away < 2
-                found["leaning"] += bool(away > 0.01)
+                found["standing"] += stands
+                found["standing_leaning"] += bool(stands and away > 0.01)
             own = (seen - [x, y, z]) @ axes
             within = (numpy.abs(own[:, 0]) < l / 2 + 0.1) & (numpy.abs(own[:, 2]) < w / 2 + 0.1)
             within &= (own[:, 1] < -0.1) & (own[:, 1] > -h - 0.1)
@@ -94,6 +99,14 @@ def kitti(root):
             around = [box for box in cars if (ends >= numpy.multiply(box, [1, 1, -1, -1]) - 1).all()]
             assert around, (name, ends, cars)
     return found
+
+
+def moving_sizes(root):
+    """Width, length and height of what moves, as the same set in nuScenes' layout says."""
+    (tables,) = root.glob("v1.0-*")
+    read = lambda name: json.loads((tables / f"{name}.json").read_text())
+    moving = {row["token"] for row in read("attribute") if row["name"].endswith((".moving", ".with_rider"))}
+    return [row["size"] for row in read("sample_annotation") if moving & set(row["attribute_tokens"])]
 
 
 def kitti_masks(training, name, shape, pixels):

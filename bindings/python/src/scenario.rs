@@ -3,7 +3,7 @@
 use crate::argument::{self, class, one_of};
 use crate::cloud::PointCloud;
 use crate::error::{Failure, Outcome, no_pickle};
-use crate::options::Progress;
+use crate::options::{Progress, warn};
 use crate::sensor::{Source, options_text};
 use crate::sequence;
 use echocast::Engine;
@@ -379,5 +379,7 @@ pub fn finish(
     #[pyo3(from_py_with = argument::folder)] folder: PathBuf,
     #[pyo3(from_py_with = argument::check)] check: bool,
 ) -> Outcome<()> {
-    Ok(py.detach(|| if check { set::finish(&folder) } else { set::complete(&folder) })?)
+    let report = py.detach(|| if check { set::finish(&folder) } else { set::complete(&folder) })?;
+    report.warnings.iter().try_for_each(|told| warn(py, told))?;
+    Ok(())
 }

@@ -120,7 +120,9 @@ pub fn run(args: &Args) -> Result<()> {
         return text::print(&format!("{}: all there, all as written\n", shown::path(folder)));
     }
     if let Some(folder) = &args.finish {
-        return set::finish(folder).context("--finish");
+        let report = set::finish(folder).context("--finish")?;
+        report.warnings.iter().for_each(|warning| text::note(&format!("warning: {warning}")));
+        return Ok(());
     }
     let mut scenario = load(args)?;
     for (key, value) in &args.set {

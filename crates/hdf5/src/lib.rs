@@ -1,40 +1,55 @@
-//! HDF5 files as a library opens them within somebody else's program.
+//! HDF5 files as a library opens them within somebody else's program, and reads those of strangers.
 //!
 //! The C library locks what it opens, with locks that belong to the handle of the system, and opens it in a way that
 //! every child process inherits: a child that another thread starts meanwhile holds the lock for as long as it lives,
 //! and whoever opens the file next is told that it is in use. Files here are not locked: those that are written have no
-//! name yet that anybody knows, and those that are read are not changed. Their handles are closed in children.
-#![allow(unsafe_code)] // the handle is known to the C library alone
+//! name yet that anybody knows, and those that are read are not changed. Their handles are closed in children. The
+//! environment (`HDF5_DRIVER`) does not choose how they are opened.
+#![allow(unsafe_code)] // the C library alone knows the handle, and what is in a file of somebody else
+
+mod error;
+mod read;
+
+pub use read::{Dataset, Kind, Place, Reader};
 
 use hdf5::{File, FileBuilder, Result};
+use hdf5_sys::h5i::{H5Idec_ref, hid_t};
+use std::io;
 use std::path::Path;
-
-/// Opens the file at `path` for reading.
-///
-/// # Errors
-/// Those of HDF5.
-pub fn open(path: &Path) -> Result<File> {
-    unlocked().open(path).inspect(keep_from_children)
-}
 
 /// Creates the file at `path`; one that is there is emptied.
 ///
 /// # Errors
 /// Those of HDF5.
 pub fn create(path: &Path) -> Result<File> {
-    unlocked().create(path).inspect(keep_from_children)
+    let mut options = FileBuilder::new();
+    options.with_fapl(|access| access.sec2().file_locking(false));
+    options.create(path).inspect(|file| keep_from_children(file.id()))
 }
 
-fn unlocked() -> FileBuilder {
-    let mut options = FileBuilder::new();
-    options.with_fapl(|access| access.file_locking(false));
-    options
+/// What the system said where the error comes from it, else what HDF5 says.
+pub fn io_error(error: hdf5::Error) -> io::Error {
+    match error.stack() {
+        Some(stack) => error::of(stack.iter().map(|frame| frame.desc())),
+        None => io::Error::other(format!("HDF5: {error}")),
+    }
+}
+
+/// A thing of the C library, which goes with this.
+#[derive(Debug)]
+struct Id(hid_t);
+
+impl Drop for Id {
+    fn drop(&mut self) {
+        // SAFETY: it is alive; called under the lock of the library.
+        hdf5::sync::sync(|| unsafe { H5Idec_ref(self.0) });
+    }
 }
 
 /// Closes the handle of `file` in children that are started from now on. Without a lock, one that was started before
 /// does no harm with it but keep the space of a deleted file.
 #[cfg(unix)]
-fn keep_from_children(file: &File) {
+fn keep_from_children(file: hid_t) {
     use rustix::fd::BorrowedFd;
     use rustix::io::{FdFlags, fcntl_setfd};
     use std::ffi::c_int;
@@ -43,11 +58,11 @@ fn keep_from_children(file: &File) {
     let mut handle = ptr::null_mut();
     hdf5::sync::sync(|| {
         // SAFETY: the file is open, and `handle` outlives the call; called under the lock of the library.
-        let told = unsafe { hdf5_sys::h5f::H5Fget_vfd_handle(file.id(), hdf5_sys::h5p::H5P_DEFAULT, &mut handle) };
+        let told = unsafe { hdf5_sys::h5f::H5Fget_vfd_handle(file, hdf5_sys::h5p::H5P_DEFAULT, &mut handle) };
         if told < 0 || handle.is_null() {
             return;
         }
-        // SAFETY: with the driver that all files have here (`H5FD_SEC2`), this points to a descriptor that the open
+        // SAFETY: with the driver that all files are opened with here (`H5FD_SEC2`), this points to a descriptor that the open
         // file owns.
         let descriptor = unsafe { BorrowedFd::borrow_raw(*handle.cast::<c_int>()) };
         // It was opened a moment ago; where this fails, there is nothing to be done about it.
@@ -56,4 +71,4 @@ fn keep_from_children(file: &File) {
 }
 
 #[cfg(not(unix))]
-fn keep_from_children(_: &File) {}
+fn keep_from_children(_: hid_t) {}

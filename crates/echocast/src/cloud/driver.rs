@@ -272,13 +272,20 @@ impl PointCloud {
     /// ```
     ///
     /// # Errors
-    /// A column of [`Driver::columns`] that was not computed; a `to` that is shorter than the points; no memory.
+    /// A column of [`Driver::columns`] that was not computed; times before the stamp or more than 4.29 s after it, where
+    /// the driver's are nanoseconds of 32 bits from there; a `to` that is shorter than the points; no memory.
     pub fn pack_points(&self, driver: Driver, stamp: f64, to: &mut [u8]) -> Result<()> {
         let needed = driver.columns();
         if let Some(missing) = needed.iter().find(|info| !self.fields.contains(info.field)) {
             let names: Vec<&str> = needed.iter().map(|info| info.name).collect();
             let found = format!("without the column {}", missing.name);
             let allowed = format!("clouds with {} for points as of the driver {}", names.join(", "), driver.name());
+            return Err(Error::invalid("the cloud", found, allowed));
+        }
+        if let Some(after) = self.time_beyond(driver, stamp) {
+            let found = format!("with a point {after} s after the stamp, {stamp} s");
+            let allowed =
+                format!("0 to {:.6} s, for points as of the driver {}", u32::MAX as f64 * 1e-9, driver.name());
             return Err(Error::invalid("the cloud", found, allowed));
         }
         let step = driver.point_step();
@@ -296,6 +303,17 @@ impl PointCloud {
         cloud.pack(&items, step, to)?;
         cloud.put_made(driver, step, &cloud.sensor_pose, to);
         Ok(())
+    }
+
+    /// When a point is, s after `stamp`, that the times of `driver` cannot say, if there is one.
+    pub(crate) fn time_beyond(&self, driver: Driver, stamp: f64) -> Option<f64> {
+        let since = driver.point_fields().iter().find_map(|field| match field.value {
+            Value::Since(scale) if field.kind == PackType::U32 => Some(scale),
+            _ => None,
+        })?;
+        // They are rounded.
+        let fits = |after: f64| (-0.5..f64::from(u32::MAX) + 0.5).contains(&(after * since));
+        self.columns.time.iter().map(|time| time - stamp).find(|&after| after.is_finite() && !fits(after))
     }
 
     /// Writes those fields of `driver` that are no columns into points of `step` bytes, positions in the frame at `pose`.
@@ -550,6 +568,24 @@ mod tests {
         cloud.columns.range = Vec::new();
         cloud.columns.x[2] = f32::NAN;
         assert_eq!(u32_at(&packed(&cloud, Driver::Ouster)[2], 32), 0);
+    }
+
+    /// 32 bits of nanoseconds.
+    #[test]
+    fn times_that_do_not_fit_are_refused() {
+        let mut cloud = cloud();
+        for (time, fits) in [(5.0 + 4.294_967_295, true), (5.0 + 4.2951, false), (4.9, false), (f64::NAN, true)] {
+            cloud.columns.time[1] = time;
+            for &(_, driver) in Driver::NAMES {
+                let counts = matches!(driver, Driver::Ouster | Driver::Autoware);
+                let mut bytes = vec![0; cloud.len * driver.point_step()];
+                let packed = cloud.pack_points(driver, 5.0, &mut bytes).map_err(|error| error.to_string());
+                assert_eq!(packed.is_ok(), fits || !counts, "{driver:?} {time}: {packed:?}");
+                assert!(
+                    packed.err().is_none_or(|error| error.contains("s after the stamp, 5 s; allowed: 0 to 4.294967 s"))
+                );
+            }
+        }
     }
 
     #[test]

@@ -29,6 +29,8 @@ pub struct Records {
 const PROJECTION: &str = "LASF_Projection";
 /// Numbers of the records that say them: text; keys of GeoTIFF, and their numbers and texts.
 const TEXT: u16 = 2112;
+/// And how coordinates are transformed, as such text.
+const TRANSFORM: u16 = 2111;
 const KEYS: u16 = 34735;
 const KEY_TEXTS: u16 = 34737;
 /// How a text of a coordinate system begins: versions 1 and 2.
@@ -73,12 +75,12 @@ impl Record {
 
     /// Whether it belongs to a coordinate system.
     pub(crate) fn is_system(&self) -> bool {
-        self.user == PROJECTION && (self.id == TEXT || (KEYS..=KEY_TEXTS).contains(&self.id))
+        self.user == PROJECTION && (matches!(self.id, TEXT | TRANSFORM) || (KEYS..=KEY_TEXTS).contains(&self.id))
     }
 
     /// Whether it is of the keys of GeoTIFF.
     pub(crate) fn is_keys(&self) -> bool {
-        self.is_system() && self.id != TEXT
+        self.is_system() && (KEYS..=KEY_TEXTS).contains(&self.id)
     }
 }
 
@@ -114,7 +116,7 @@ impl Records {
         let name = [3073, 1026, 2049].into_iter().find_map(cited);
         match (name, epsg) {
             (Some(name), Some(epsg)) => Some(format!("{name} ({epsg})")),
-            (name, epsg) => name.or(epsg).or_else(|| Some("of keys of its own".to_owned())),
+            (name, epsg) => name.or(epsg).or_else(|| Some("user-defined (GeoTIFF keys)".to_owned())),
         }
     }
 }
@@ -140,8 +142,13 @@ mod tests {
         assert_eq!(system(vec![keys(&all), texts.clone()]).unwrap(), "UTM 32 (EPSG:25832)");
         assert_eq!(system(vec![keys(&all)]).unwrap(), "EPSG:25832");
         // What leads out of the texts, or is cut off.
-        assert_eq!(system(vec![keys(&[1, 1, 0, 1, 1026, KEY_TEXTS, 99, 3]), texts]).unwrap(), "of keys of its own");
+        assert_eq!(
+            system(vec![keys(&[1, 1, 0, 1, 1026, KEY_TEXTS, 99, 3]), texts]).unwrap(),
+            "user-defined (GeoTIFF keys)"
+        );
         assert_eq!(system(vec![keys(&[1, 1])]), None);
+        let transform = record(2111, b"PARAM_MT[\"Affine\"]\0".to_vec());
+        assert!(transform.is_system() && !transform.is_keys() && transform.text().is_none());
         assert_eq!(system(Vec::new()), None);
     }
 }

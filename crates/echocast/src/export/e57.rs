@@ -39,8 +39,9 @@ impl Format for E57 {
     }
 
     fn keeps(&self, record: &cloud::Record) -> bool {
-        // It stands in XML as it is.
-        record.text().is_some_and(|text| !text.contains("]]>"))
+        // It stands in XML 1.0 as it is, which has no other characters (2.2 Char).
+        let is_char = |c: char| matches!(c, '\t' | '\n' | '\r' | ' '..='\u{fffd}' | '\u{10000}'..);
+        record.text().is_some_and(|text| !text.contains("]]>") && text.chars().all(is_char))
     }
 
     fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()> {
@@ -150,8 +151,9 @@ struct Attribute<'a> {
 }
 
 enum Values<'a> {
-    /// Coordinate of this axis in the sensor frame, in f32, or f64.
+    /// Coordinate along this axis in the sensor frame, as f32.
     Place(usize),
+    /// The same as f64, of clouds that reach far from the sensor.
     FarPlace(usize),
     /// Whether there are coordinates.
     State,

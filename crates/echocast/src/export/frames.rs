@@ -1,7 +1,7 @@
 //! Frames of a sequence in one HDF5 file, written one by one.
 
 use super::atomic::Pending;
-use super::hdf5::{BoxRows, ROWS, add_tables, describe, io_error};
+use super::hdf5::{BoxRows, ROWS, add_tables, describe};
 use super::{failed, sensor_pose, unfinished};
 use crate::cloud::{Column, FieldInfo, FieldSet, Frame, PointCloud};
 use crate::ground::error::{Error, Result};
@@ -160,7 +160,7 @@ impl FramesFile {
 }
 
 fn hdf5_error(pending: &Pending, error: ::hdf5::Error) -> Error {
-    failed(pending.target(), io_error(error))
+    failed(pending.target(), echocast_hdf5::io_error(error))
 }
 
 fn create<T: H5Type + Copy>(file: &File, info: &FieldInfo) -> ::hdf5::Result<Dataset> {

@@ -7,7 +7,8 @@ use crate::cloud::{Column, ColumnType, FieldInfo, InstanceBox, PointCloud};
 use crate::ground::report::Report;
 use crate::scene::Labels;
 use ::hdf5::types::{FixedUnicode, TypeDescriptor};
-use ::hdf5::{Container, Dataset, DatasetBuilderEmpty, ErrorFrame, Extent, File, Group, H5Type, Location};
+use ::hdf5::{Container, Dataset, DatasetBuilderEmpty, Extent, File, Group, H5Type, Location};
+use echocast_hdf5::io_error;
 use std::io;
 use std::path::Path;
 
@@ -60,7 +61,7 @@ impl Hdf5 {
 }
 
 /// Rows of frames, boxes and texts that are handled together.
-pub(crate) const ROWS: usize = 256;
+pub(super) const ROWS: usize = 256;
 /// Most bytes of a text, as many characters as names have at most, of four bytes each.
 pub(crate) const WIDEST: usize = NAME_CHARS * 4;
 /// Rows of points that are allocated together.
@@ -220,24 +221,6 @@ pub(super) fn add_names(file: &File, labels: &Labels, report: &mut Report) -> ::
         }
     }
     Ok(())
-}
-
-/// What the system said where HDF5's error comes from it. HDF5 itself tells where in its memory and its sources it was.
-pub(crate) fn io_error(error: ::hdf5::Error) -> io::Error {
-    let stack = error.stack();
-    let frames = || stack.iter().flat_map(|stack| stack.iter());
-    let number = |frame: &ErrorFrame| {
-        let digits = frame.desc().split_once("errno = ")?.1;
-        digits.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok()
-    };
-    // Of one that follows from another, such as closing what could not be written, the first tells why.
-    match (frames().find_map(number), frames().last()) {
-        (Some(number), _) => io::Error::from_raw_os_error(number),
-        (None, Some(frame)) => {
-            io::Error::other(format!("HDF5: {}", frame.desc().split(&[',', ':']).next().unwrap_or_default()))
-        }
-        (None, None) => io::Error::other(format!("HDF5: {error}")),
-    }
 }
 
 /// Adds the dataset `name` of `data`.

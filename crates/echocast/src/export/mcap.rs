@@ -116,6 +116,8 @@ struct Bag {
     large: bool,
     /// Whether points were too far from their frame for f32.
     coarse: bool,
+    /// Whether points were too late for the times of their driver.
+    late: bool,
     /// Memory of the last message.
     bytes: Vec<u8>,
 }
@@ -161,8 +163,8 @@ impl Bag {
             Ok(Images { camera, depth, labels: channel("/labels/image_rect", "sensor_msgs/Image", "")? })
         };
         let images = camera::of(first).map(&mut images).transpose().map_err(io_error)?;
-        let (large, coarse, bytes) = (false, false, Vec::new());
-        let mut bag = Bag { driver, writer, transforms, points, detections, images, large, coarse, bytes };
+        let (large, coarse, late, bytes) = (false, false, false, Vec::new());
+        let mut bag = Bag { driver, writer, transforms, points, detections, images, large, coarse, late, bytes };
         let mut message = bag.message();
         // Each message has a shape of its own.
         message.text(&labels_json(&PointCloud { organised: None, driver, ..first.head() }))?;
@@ -181,6 +183,7 @@ impl Growing for Bag {
         let stamp = Stamp::of(cloud.begins());
         let frame = PointFrame::of(cloud);
         self.coarse |= frame.coarse;
+        self.late |= self.driver.is_some_and(|driver| cloud.time_beyond(driver, stamp.seconds()).is_some());
         let message = transforms(self.message(), cloud, &frame, self.images.is_some(), stamp)?;
         self.bytes = send(&mut self.writer, &mut self.transforms, stamp, message)?;
         let message = points(self.message(), self.driver, cloud, &frame, stamp)?;
@@ -211,6 +214,12 @@ impl Growing for Bag {
             report.warn(format!(
                 "mcap: positions farther than {NEAR} m from the frame of their points lose precision, as f32 has it there"
             ));
+        }
+        if self.late {
+            report.warn(
+                "mcap: times that are more than 4.29 s after the stamp are those of this end: the driver's are \
+                 nanoseconds of 32 bits",
+            );
         }
         self.writer.finish().map(drop).map_err(io_error)
     }

@@ -35,7 +35,7 @@ pub use boxes::{check_boxes, write_boxes};
 pub use frames::FramesFile;
 pub use growing::GrowingFile;
 #[cfg(feature = "hdf5")]
-pub(crate) use hdf5::{ROWS as HDF5_ROWS, WIDEST as HDF5_WIDEST, io_error as hdf5_error};
+pub(crate) use hdf5::WIDEST as HDF5_WIDEST;
 pub use images::{AnnotationStyle, ImageFolder, ImageLayer, ImageOptions, check_images};
 pub use pings::{check_image, check_pings, image_label_paths};
 pub use unfinished::{cancel_flag, remove_unfinished};

@@ -174,7 +174,7 @@ impl Arrays {
     fn create(pending: &Pending, named: &Path) -> io::Result<Arrays> {
         #[cfg(feature = "hdf5")]
         if ending(named) != "npz" {
-            return echocast_hdf5::create(pending.path()).map(Arrays::Hdf5).map_err(super::hdf5::io_error);
+            return echocast_hdf5::create(pending.path()).map(Arrays::Hdf5).map_err(echocast_hdf5::io_error);
         }
         debug_assert_eq!(ending(named), "npz");
         Archive::create(pending.path()).map(|file| Arrays::Npz(Box::new(file)))
@@ -187,7 +187,7 @@ impl Arrays {
             #[cfg(feature = "hdf5")]
             Arrays::Hdf5(file) => super::hdf5::add_column(file, about[0], shape, data)
                 .and_then(|dataset| super::hdf5::describe(&dataset, about[1], about[2]))
-                .map_err(super::hdf5::io_error),
+                .map_err(echocast_hdf5::io_error),
         }
     }
 
@@ -195,7 +195,7 @@ impl Arrays {
         match self {
             Arrays::Npz(file) => file.text(name, words),
             #[cfg(feature = "hdf5")]
-            Arrays::Hdf5(file) => super::hdf5::add_text(file, name, words).map_err(super::hdf5::io_error),
+            Arrays::Hdf5(file) => super::hdf5::add_text(file, name, words).map_err(echocast_hdf5::io_error),
         }
     }
 
@@ -203,7 +203,7 @@ impl Arrays {
         match self {
             Arrays::Npz(file) => file.names(labels, report),
             #[cfg(feature = "hdf5")]
-            Arrays::Hdf5(file) => super::hdf5::add_names(file, labels, report).map_err(super::hdf5::io_error),
+            Arrays::Hdf5(file) => super::hdf5::add_names(file, labels, report).map_err(echocast_hdf5::io_error),
         }
     }
 
@@ -211,7 +211,7 @@ impl Arrays {
         match self {
             Arrays::Npz(file) => file.finish(),
             #[cfg(feature = "hdf5")]
-            Arrays::Hdf5(file) => file.close().map_err(super::hdf5::io_error),
+            Arrays::Hdf5(file) => file.close().map_err(echocast_hdf5::io_error),
         }
     }
 }

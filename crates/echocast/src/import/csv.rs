@@ -7,7 +7,7 @@
 use super::Source;
 use super::about::About;
 use super::names::{self, Named};
-use super::rows::{self, Goal, Rows};
+use super::rows::{self, Rows};
 use super::text::{self, Lines, Place, Style, is_comment};
 use crate::cloud::{Field, PointCloud};
 use crate::ground::error::{Error, Result};
@@ -22,12 +22,17 @@ const COLUMNS: usize = 4096;
 const BEFORE: usize = 1000;
 /// How many numbers of the first rows are read to guess what the columns are.
 const SAMPLE: usize = 20_000;
+/// How many lines tell how rows are divided.
+const ALIKE: usize = 100;
 /// How texts of 16 bits begin.
 const WIDE: [&[u8]; 2] = [b"\xff\xfe", b"\xfe\xff"];
-/// What a column is called that goes nowhere.
+/// Name of columns that are left out.
 const NOTHING: &str = "_";
+/// Most bytes before the points that are looked at, but for comments.
+const HEAD: usize = 4 << 20;
 
-/// Whether a file that begins with `bytes` is one: its first line names columns, or is of numbers.
+/// Whether a file that begins with `bytes` is one: its first line names columns, or is of numbers, or below a title there
+/// are such lines.
 pub(super) fn begins(bytes: &[u8]) -> bool {
     if WIDE.iter().any(|wide| bytes.starts_with(wide)) {
         return true;
@@ -36,17 +41,25 @@ pub(super) fn begins(bytes: &[u8]) -> bool {
     if text.contains('\0') {
         return false;
     }
-    for line in text.trim_start_matches('\u{feff}').lines().map(str::trim) {
-        let ours = || named(line).iter().any(|column| names::own(column).is_some());
-        match line {
-            "" => {}
-            comment if is_comment(comment) => {
-                if has_places(bare(comment)) {
-                    return true;
-                }
+    let mut titles = 0;
+    let mut header: Option<&str> = None;
+    for line in text.trim_start_matches('\u{feff}').lines().map(str::trim).filter(|line| !line.is_empty()) {
+        let ours = || {
+            let mut signs = styles(line).filter(|style| style.sign.is_some());
+            signs.any(|style| named(line, style).iter().any(|column| names::own(column).is_some()))
+        };
+        if is_comment(line) {
+            if has_places(bare(line)) {
+                return true;
             }
-            count if is_count(count) => {}
-            header => return is_row(header) || has_places(header) || header_style(header).sign.is_some() && ours(),
+        } else if is_count(line) {
+        } else if titles == 0 && (is_row(line) || has_places(line) || ours()) {
+            return true;
+        } else if header.is_some_and(|header| pair(header, line, &[]).is_some()) {
+            return true;
+        } else {
+            titles += 1;
+            header = Some(line).filter(|line| has_places(line)).or(header);
         }
     }
     false
@@ -57,30 +70,60 @@ fn is_count(line: &str) -> bool {
     line.parse::<u64>().is_ok()
 }
 
+/// How the words of `line` may be told apart, the likeliest first.
+fn styles(line: &str) -> impl Iterator<Item = Style> {
+    let signs = [';', '\t', ','].into_iter().filter(|&sign| line.contains(sign));
+    let style = |sign: Option<char>| Style { sign, decimal_comma: sign != Some(','), ..Style::default() };
+    signs.map(Some).chain([None]).map(style)
+}
+
+/// Words of `line` and the number that each is, if it is one.
+fn numbers(line: &str, style: Style) -> impl Iterator<Item = Option<f64>> {
+    style.words(line).take(style.count(line)).map(move |word| style.number(word))
+}
+
+/// How many of the first words of `line` are none, if the three behind them are numbers.
+fn words_before(line: &str, style: Style) -> Option<usize> {
+    let is_number = |word: &str| !word.is_empty() && style.number(word).is_some();
+    let before = style.words(line).position(is_number)?;
+    let behind = style.words(line).skip(before).take(3).filter(|word| is_number(word));
+    (behind.count() == 3).then_some(before)
+}
+
 /// Whether `line` is the row of a point, whatever its columns are.
 fn is_row(line: &str) -> bool {
-    let style = row_style(line);
-    let numbers = style.words(line).take(3).filter(|word| !word.is_empty() && style.number(word).is_some());
-    numbers.count() == 3
+    styles(line).any(|style| words_before(line, style) == Some(0))
 }
 
 /// A comment without its signs.
 fn bare(comment: &str) -> &str {
-    comment.trim_start_matches(['#', '/']).trim()
+    comment.trim_start_matches(['#', '/', '%']).trim()
+}
+
+/// The field of `column`, if it has one.
+fn field(column: &Named) -> Option<Field> {
+    names::own(column).or_else(|| names::foreign(column)).map(|goal| goal.field)
 }
 
 /// Whether `header` names all coordinates.
 fn has_places(header: &str) -> bool {
-    let columns = named(header);
-    let find = |column: &Named| names::own(column).or_else(|| names::foreign(column)).map(|goal| goal.field);
-    [Field::X, Field::Y, Field::Z].iter().all(|axis| columns.iter().any(|column| find(column) == Some(*axis)))
+    styles(header).any(|style| {
+        let columns = named(header, style);
+        [Field::X, Field::Y, Field::Z].iter().all(|axis| columns.iter().any(|column| field(column) == Some(*axis)))
+    })
 }
 
 /// The columns that `header` names.
-fn named(header: &str) -> Vec<Named> {
-    let mut columns: Vec<Named> = header_style(header).words(header).map(as_they_are).collect();
-    // A separator behind the last name is none.
-    columns.pop_if(|last| last.name.is_empty());
+fn named(header: &str, style: Style) -> Vec<Named> {
+    let mut columns: Vec<Named> = Vec::new();
+    for word in style.words(header).take(style.count(header)) {
+        let brackets = style.sign.is_none() && word.starts_with(['(', '[']) && word.ends_with([')', ']']);
+        match columns.last_mut().filter(|_| brackets) {
+            // X [m] Y [m] Z [m]
+            Some(last) => last.name = format!("{} {word}", last.name),
+            None => columns.push(as_they_are(word)),
+        }
+    }
     columns
 }
 
@@ -89,19 +132,122 @@ fn as_they_are(name: &str) -> Named {
     Named::new(name, Number::U8)
 }
 
-fn header_style(header: &str) -> Style {
-    Style { sign: [';', '\t', ','].into_iter().find(|&sign| header.contains(sign)), ..Style::default() }
+/// What `header` calls the columns of `row`, and how that is divided, as most of the lines `behind` it are too; `None`:
+/// it is no header of that row.
+fn pair(header: &str, row: &str, behind: &[Line]) -> Option<(Vec<Named>, Style)> {
+    let fits = |columns: &[Named], line: &str, style: Style| {
+        let (mut filled, mut fits) = (false, style.count(line) == columns.len());
+        let known = columns.iter().zip(style.words(line)).filter(|(column, _)| field(column).is_some());
+        for word in known.map(|(_, word)| word) {
+            filled |= !word.is_empty();
+            fits &= style.number(word).is_some();
+        }
+        filled && fits
+    };
+    let mut best: Option<(usize, Vec<Named>, Style)> = None;
+    for of_header in styles(header) {
+        let columns = named(header, of_header);
+        for style in styles(row).filter(|&style| fits(&columns, row, style)) {
+            let more = behind.iter().take(ALIKE).filter(|line| fits(&columns, &line.text, style)).count();
+            if best.as_ref().is_none_or(|(most, ..)| more > *most) {
+                let columns = columns.iter().map(|column| as_they_are(&column.name)).collect();
+                best = Some((more, columns, style));
+            }
+        }
+    }
+    best.map(|(_, columns, style)| (columns, style))
 }
 
-fn row_style(row: &str) -> Style {
-    let blanks = Style { decimal_comma: true, ..Style::default() };
-    // 1,5 2,5 3,5: between blanks, and with something on both sides of each comma.
-    let decimals = |row: &str| blanks.words(row).all(|word| !word.ends_with(',') && blanks.number(word).is_some());
-    match header_style(row).sign {
-        Some(',') if blanks.words(row).count() >= 3 && decimals(row) => blanks,
-        Some(',') => Style { sign: Some(','), ..Style::default() },
-        sign => Style { sign, decimal_comma: sign.is_some(), ..Style::default() },
+/// How the row at the front of `lines` is divided, which has no header, as most of those behind it are too; `None`: it is
+/// none. Of one that begins with words, the next must say the same.
+fn alone(lines: &[Line]) -> Option<Style> {
+    let row = &lines.first()?.text;
+    let same = |style: Style| {
+        let shape = |line: &str| (words_before(line, style), style.count(line));
+        let wanted = shape(row);
+        let more = lines[1..].iter().filter(|line| !is_count(&line.text)).take(ALIKE);
+        let alike = more.clone().filter(|line| shape(&line.text) == wanted).count();
+        let next = more.clone().next().is_none_or(|line| shape(&line.text) == wanted);
+        wanted.0.filter(|&before| before == 0 || next).map(|_| (alike, style))
+    };
+    let all = styles(row).filter_map(same);
+    all.reduce(|best, other| if other.0 > best.0 { other } else { best }).map(|(_, style)| style)
+}
+
+/// A line that is neither empty nor a comment.
+struct Line {
+    text: String,
+    /// Where it begins, bytes, and the lines before.
+    at: u64,
+    before: u64,
+}
+
+/// The first lines of a file.
+struct Head {
+    lines: Vec<Line>,
+    /// The last comment that names columns before each of some lines.
+    comments: Vec<(usize, String)>,
+    /// The end, where the file has no more lines than those.
+    end: Option<(u64, u64)>,
+}
+
+impl Head {
+    fn of(source: &Source) -> Result<Head> {
+        let mut head = Head { lines: Vec::new(), comments: Vec::new(), end: None };
+        let (mut lines, mut bytes) = (Lines::of(source)?, 0);
+        while head.lines.len() < BEFORE + ALIKE && bytes < HEAD {
+            let (at, before) = (lines.at(), lines.number());
+            let Some(line) = lines.next()? else {
+                head.end = Some((at, before));
+                break;
+            };
+            if line.is_empty() {
+                continue;
+            }
+            if is_comment(line) {
+                if has_places(bare(line)) {
+                    head.comments.retain(|(place, _)| *place != head.lines.len());
+                    head.comments.push((head.lines.len(), bare(line).to_owned()));
+                }
+                continue;
+            }
+            bytes += line.len();
+            head.lines.push(Line { text: line.to_owned(), at, before });
+        }
+        Ok(head)
     }
+
+    /// What may name the columns of the row `row`, the likeliest first.
+    fn headers(&self, row: usize) -> impl Iterator<Item = &str> {
+        let texts = || self.lines[..row].iter().rev().map(|line| &*line.text).filter(|line| !is_count(line));
+        let comment = self.comments.iter().rfind(|(place, _)| *place <= row).map(|(_, comment)| &**comment);
+        let known = |line: &&str| {
+            !has_places(line) && {
+                styles(line).any(|style| named(line, style).iter().any(|column| field(column).is_some()))
+            }
+        };
+        // Where nobody knows the names: what stands right above, as a title does not.
+        let last = texts().next().filter(|line| line.contains([';', '\t', ',']));
+        texts().filter(|line| has_places(line)).chain(comment).chain(texts().filter(known)).chain(last)
+    }
+
+    /// The units that a line between header and row says, with the columns called `columns`.
+    fn with_units(&self, row: usize, columns: Vec<Named>) -> Vec<Named> {
+        // As many words as columns, of which one at least is a unit and none a name.
+        let fits = |words: &Vec<&str>| words.len() == columns.len() && words.iter().any(|word| names::is_unit(word));
+        let odd = |words: &Vec<&str>| words.iter().any(|word| as_field(word).is_some() && !names::is_unit(word));
+        let texts = self.lines[..row].iter().rev().take(2).map(|line| &*line.text);
+        let mut divided = texts.flat_map(|text| {
+            styles(text).map(move |style| style.words(text).take(style.count(text)).collect::<Vec<_>>())
+        });
+        let Some(units) = divided.find(|words| fits(words) && !odd(words)) else { return columns };
+        columns.iter().zip(units).map(|(column, unit)| as_they_are(&names::with_unit(&column.name, unit))).collect()
+    }
+}
+
+/// The field that is called `name`, if there is one.
+fn as_field(name: &str) -> Option<Field> {
+    field(&as_they_are(name))
 }
 
 /// What stands before the points.
@@ -113,68 +259,42 @@ struct Layout {
     before: u64,
     /// Whether no header says what the columns are.
     bare: bool,
+    /// Whether numbers have commas.
+    commas: bool,
 }
 
 impl Layout {
     fn of(source: &Source) -> Result<Layout> {
+        let head = Head::of(source)?;
         let wanted = source.columns;
-        let mut lines = Lines::of(source)?;
-        let (mut header, mut wrote_header): (Option<String>, _) = (None, false);
         // Where rows are counted before they come.
-        let mut counted = None;
-        for _ in 0..BEFORE {
-            let (at, before) = (lines.at(), lines.number());
-            let Some(line) = lines.next()? else {
-                if let (Some(header), None) = (header, wanted) {
-                    let columns = named(&header);
-                    return Ok(Layout { columns, style: header_style(&header), at, before, bare: false });
-                }
-                break;
+        let mut counted: Option<usize> = None;
+        for (row, line) in head.lines.iter().enumerate().take(BEFORE) {
+            let found = match wanted {
+                Some(wanted) => asked(&head.lines[row..], wanted).map(|(columns, style)| (columns, style, false)),
+                None => below(&head, row),
             };
-            if line.is_empty() {
+            let counts = is_count(&line.text);
+            let Some((columns, mut style, bare)) = found else {
+                counted = if counts { counted.or(Some(row)) } else { None };
                 continue;
-            }
-            if is_comment(line) {
-                if has_places(bare(line)) && !wrote_header {
-                    header = Some(bare(line).to_owned());
-                }
-                continue;
-            }
-            if is_count(line) {
-                counted = counted.or(Some((at, before)));
-                continue;
-            }
-            // Rows may begin with words.
-            let is_next = header.as_ref().is_some_and(|header| wrote_header || has_columns(line, header));
-            if !wanted.map_or(is_next || is_row(line), |wanted| fits(line, wanted)) {
-                (header, wrote_header, counted) = (Some(line.to_owned()), true, None);
-                continue;
-            }
-            let mut style = row_style(line);
-            style.counts = counted.is_some();
-            let words = style.words(line).count();
-            let columns = match (wanted, header) {
-                (Some(wanted), _) => {
-                    let nothing = std::iter::repeat_n(NOTHING, words.saturating_sub(wanted.len()));
-                    wanted.iter().map(String::as_str).chain(nothing).map(as_they_are).collect()
-                }
-                (None, Some(header)) => {
-                    let columns = named(&header);
-                    if columns.len() != words && wrote_header {
-                        style = Style { counts: style.counts, ..header_style(&header) };
-                    }
-                    // A comment of another length is no header.
-                    if columns.len() == words || wrote_header { columns } else { Vec::new() }
-                }
-                (None, None) => Vec::new(),
             };
-            let bare = columns.is_empty();
-            let columns = if bare { (0..words).map(|_| as_they_are(NOTHING)).collect() } else { columns };
             if columns.len() > COLUMNS {
                 return Err(source.error(format!("has {} columns; allowed: {COLUMNS}", columns.len())));
             }
-            let (at, before) = counted.unwrap_or((at, before));
-            return Ok(Layout { columns, style, at, before, bare });
+            style.counts = counted.is_some();
+            let rows = head.lines[row..].iter().take(ALIKE);
+            let mut words = rows.flat_map(|line| style.words(&line.text).map(move |word| (style, word)));
+            let commas = words.any(|(style, word)| word.contains(',') && style.number(word).is_some());
+            let Line { at, before, .. } = &head.lines[counted.unwrap_or(row)];
+            return Ok(Layout { columns, style, at: *at, before: *before, bare, commas });
+        }
+        if let (Some((at, before)), None) = (head.end, wanted) {
+            // No point at all.
+            if let Some(header) = head.headers(head.lines.len()).find(|header| is_header(header)) {
+                let (style, columns) = divided(header);
+                return Ok(Layout { columns, style, at, before, bare: false, commas: false });
+            }
         }
         Err(source.error(match wanted {
             Some(wanted) => format!("has no row for the columns {} in its first {BEFORE} lines", wanted.join(",")),
@@ -189,14 +309,13 @@ impl Layout {
         Lines::behind(source, self.at, self.before)
     }
 
-    /// Numbers of the first rows; NaN for words.
-    fn sample(&self, source: &Source) -> Result<Vec<Vec<f64>>> {
+    /// Numbers of the first rows; `None` for words.
+    fn sample(&self, source: &Source) -> Result<Vec<Vec<Option<f64>>>> {
         let mut lines = self.lines(source)?;
         let mut rows = Vec::new();
         while rows.len() < (SAMPLE / self.columns.len().max(1)).max(1) {
             let Some(line) = lines.next()? else { break };
-            let row = self.style.words(line).map(|word| self.style.number(word).unwrap_or(f64::NAN));
-            let row: Vec<f64> = row.take(self.columns.len()).collect();
+            let row: Vec<Option<f64>> = numbers(line, self.style).collect();
             if row.len() == self.columns.len() && !is_comment(line) {
                 rows.push(row);
             }
@@ -205,38 +324,85 @@ impl Layout {
     }
 }
 
-/// Whether `line` has as many words as `header`, and numbers among them.
-fn has_columns(line: &str, header: &str) -> bool {
-    let style = row_style(line);
-    let numbers = style.words(line).filter(|word| !word.is_empty() && style.number(word).is_some());
-    numbers.count() > 0 && style.words(line).count() == named(header).len()
+/// Whether `header` names a column.
+fn is_header(header: &str) -> bool {
+    styles(header).any(|style| named(header, style).iter().any(|column| field(column).is_some()))
 }
 
-/// Whether `line` has a number for each of the `columns`.
-fn fits(line: &str, columns: &[String]) -> bool {
-    let style = row_style(line);
-    let mut words = style.words(line);
-    columns.iter().all(|column| {
-        words.next().is_some_and(|word| column == NOTHING || !word.is_empty() && style.number(word).is_some())
-    })
+/// How `header` is divided, if no row says: as names most columns.
+fn divided(header: &str) -> (Style, Vec<Named>) {
+    let all = styles(header).map(|style| (style, named(header, style)));
+    let known = |columns: &[Named]| columns.iter().filter(|column| field(column).is_some()).count();
+    let best = all.reduce(|best, other| if known(&other.1) > known(&best.1) { other } else { best });
+    best.unwrap_or_default()
 }
 
-/// What the columns of rows without a header are likely to be: of three to nine columns, all that programs write.
-fn guess(sample: &[Vec<f64>], columns: usize) -> Vec<&'static str> {
+/// The `wanted` columns of the row at the front of `lines`, and how it is divided; `None`: it has no number for each.
+fn asked(lines: &[Line], wanted: &[String]) -> Option<(Vec<Named>, Style)> {
+    let fits = |line: &str, style: Style| {
+        let mut words = style.words(line);
+        wanted.iter().all(|column| {
+            words.next().is_some_and(|word| column == NOTHING || !word.is_empty() && style.number(word).is_some())
+        })
+    };
+    let row = &lines.first()?.text;
+    if is_count(row) && wanted.len() > 1 {
+        return None;
+    }
+    let alike = |style: Style| lines.iter().take(ALIKE).filter(|line| fits(&line.text, style)).count();
+    let all = styles(row).filter(|&style| fits(row, style)).map(|style| (alike(style), style));
+    let (alike, style) = all.reduce(|best, other| if other.0 > best.0 { other } else { best })?;
+    // A title with a number in it.
+    let words = numbers(row, style).any(|number| number.is_none());
+    if words && alike < 2 && lines.len() > 1 {
+        return None;
+    }
+    let nothing = std::iter::repeat_n(NOTHING, style.count(row).saturating_sub(wanted.len()));
+    Some((wanted.iter().map(String::as_str).chain(nothing).map(as_they_are).collect(), style))
+}
+
+/// The columns of the line `row`, how it is divided, and whether no header names them; `None`: it is no row.
+fn below(head: &Head, row: usize) -> Option<(Vec<Named>, Style, bool)> {
+    let lines = &head.lines[row..];
+    let line = &*lines.first()?.text;
+    if let Some((columns, style)) = head.headers(row).find_map(|header| pair(header, line, &lines[1..])) {
+        return Some((head.with_units(row, columns), style, false));
+    }
+    if is_count(line) {
+        return None;
+    }
+    let style = alone(lines)?;
+    // Numbers below names, but not as many of them, or other words: whoever reads them says where.
+    let texts = head.lines[..row].iter().rev().map(|line| &*line.text);
+    if let Some(header) = texts.filter(|_| words_before(line, style) == Some(0)).find(|header| has_places(header)) {
+        let (_, columns) = divided(header);
+        return Some((head.with_units(row, columns), style, false));
+    }
+    Some(((0..style.count(line)).map(|_| as_they_are(NOTHING)).collect(), style, true))
+}
+
+/// What the columns of rows without a header are likely to be: of three to nine columns of numbers, all that programs
+/// write.
+fn guess(sample: &[Vec<Option<f64>>], columns: usize) -> Vec<&'static str> {
     const COLOUR: [&str; 3] = ["red", "green", "blue"];
     const NORMAL: [&str; 3] = ["normal_x", "normal_y", "normal_z"];
+    // Names of points and the like are left out.
+    let places: Vec<usize> = (0..columns).filter(|&at| sample.iter().all(|row| row[at].is_some())).collect();
+    let sample: Vec<Vec<f64>> =
+        sample.iter().map(|row| places.iter().map(|&at| row[at].unwrap_or(f64::NAN)).collect()).collect();
     let colours = |from: usize| {
-        let values = || sample.iter().filter_map(move |row| row.get(from..from + 3)).flatten();
+        let values = || sample.iter().filter_map(move |row| row.get(from..from + 3)).flatten().filter(|v| !v.is_nan());
         let whole = values().all(|value| value.fract() == 0.0 && (0.0..=65535.0).contains(value));
         whole || values().all(|value| (0.0..=1.0).contains(value))
     };
     let normals = |from: usize| {
         let normals = sample.iter().filter_map(|row| row.get(from..from + 3));
-        let mut squares = normals.map(|normal| normal.iter().map(|value| value * value).sum::<f64>());
+        let squares = normals.map(|normal| normal.iter().map(|value| value * value).sum::<f64>());
+        let mut squares = squares.filter(|square| !square.is_nan());
         let unit = |square: f64| (square - 1.0).abs() < 0.05;
         squares.clone().any(unit) && squares.all(|square| square == 0.0 || unit(square))
     };
-    let more: Vec<&str> = match columns {
+    let more: Vec<&str> = match places.len() {
         4 => vec!["intensity"],
         6 if normals(3) => NORMAL.into(),
         6 if colours(3) => COLOUR.into(),
@@ -245,26 +411,9 @@ fn guess(sample: &[Vec<f64>], columns: usize) -> Vec<&'static str> {
         9 if colours(3) && normals(6) => [COLOUR, NORMAL].concat(),
         _ => Vec::new(),
     };
-    let mut names = [&["x", "y", "z"], &more[..]].concat();
-    names.resize(columns, NOTHING);
+    let mut names = vec![NOTHING; columns];
+    places.into_iter().zip(["x", "y", "z"].into_iter().chain(more)).for_each(|(place, name)| names[place] = name);
     names
-}
-
-/// Fits colours that are not of 8 bits, by the first rows, to 255.
-fn fit_colours(goals: &mut [Option<Goal>], sample: &[Vec<f64>], report: &mut Report) {
-    let is_colour = |goal: &Goal| matches!(goal.field, Field::Red | Field::Green | Field::Blue) && goal.factor == 1.0;
-    let places: Vec<usize> = (0..goals.len()).filter(|&at| goals[at].as_ref().is_some_and(is_colour)).collect();
-    let values = || sample.iter().flat_map(|row| places.iter().map(|&at| row[at]));
-    let brightest = values().fold(0.0, f64::max);
-    let (factor, told) = if brightest > 255.0 {
-        (255.0 / 65535.0, "65535")
-    } else if brightest <= 1.0 && values().any(|value| value.fract() != 0.0) {
-        (255.0, "1")
-    } else {
-        return;
-    };
-    report.warn(format!("csv: colours from 0 to {told} are taken as 0 to 255"));
-    places.into_iter().for_each(|at| goals[at] = goals[at].map(|goal| Goal::scaled(goal.field, factor)));
 }
 
 /// Checks the names of `columns` that a user gives.
@@ -286,13 +435,12 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     if WIDE.contains(&&beginning[..read]) {
         return Err(source.error("is text of 16 bits (UTF-16); allowed: UTF-8"));
     }
+    if is_ptx(source)? {
+        return Err(source.error("is a PTX file, of grids with matrices; allowed: XYZ and PTS, or E57"));
+    }
     let mut layout = Layout::of(source)?;
-    let sample = layout.sample(source)?;
     if layout.bare {
-        if is_ptx(source)? {
-            return Err(source.error("is a PTX file, of grids with matrices; allowed: XYZ and PTS, or E57"));
-        }
-        let names = guess(&sample, layout.columns.len());
+        let names = guess(&layout.sample(source)?, layout.columns.len());
         let told = names.iter().filter(|&&name| name != NOTHING).copied().collect::<Vec<_>>().join(",");
         let left = match names.iter().filter(|&&name| name == NOTHING).count() {
             0 => String::new(),
@@ -303,35 +451,23 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
         ));
         layout.columns = names.into_iter().map(as_they_are).collect();
     }
-    if layout.style.sign != Some(',') && has_decimal_commas(&layout, source)? {
+    if layout.commas {
         report.warn("csv: commas in its numbers are taken as decimal points");
     }
     let columns = &layout.columns;
     let about = About::beside(source.path)?;
     // Integers have their own unit of time in other formats; here all are seconds.
-    let mut goals = rows::goals(columns, "csv", report);
-    fit_colours(&mut goals, &sample, report);
+    let goals = rows::goals(columns, "csv", report);
     let told = about.as_ref().and_then(|about| about.columns.as_deref()).unwrap_or_default();
     let told = told.iter().filter(|_| source.columns.is_none());
     if let Some(missing) = told.into_iter().find(|name| !columns.iter().any(|column| column.name == **name)) {
         let missing = shown::name(missing);
         return Err(source.error(format!("has no column {missing}, of which its label names tell: it is cut off")));
     }
-    let mut rows = Rows::new(rows::fields(&goals), 0, about.as_ref())?;
+    let mut rows = Rows::new(rows::fields(&goals), 0, about.as_ref())?.with_any_colours();
     let places: Vec<Option<Place>> = goals.into_iter().map(|goal| goal.map(Place::Goal)).collect();
     text::read(layout.lines(source)?, layout.style, &places, None, &mut rows)?;
     rows.finish(source.path, "csv", about.unwrap_or_default(), report)
-}
-
-/// Whether the first row has numbers with commas in them.
-fn has_decimal_commas(layout: &Layout, source: &Source) -> Result<bool> {
-    let (mut lines, style) = (layout.lines(source)?, layout.style);
-    while let Some(line) = lines.next()? {
-        if !line.is_empty() && !is_comment(line) && !is_count(line) {
-            return Ok(style.words(line).any(|word| word.contains(',') && style.number(word).is_some()));
-        }
-    }
-    Ok(false)
 }
 
 /// Whether rows and columns, places and matrices come before the points, as in PTX files.
@@ -362,6 +498,8 @@ mod tests {
             "2\n1 2 3 4\n",
             "\n1.5 2.5 3.5\n",
             "1,5;2,5;3,5\n",
+            "Survey of Monday\nX Y Z\n1 2 3\n",
+            "a title\nand more\nName;X;Y;Z\nm;m;m;m\nP1;1;2;3\n",
         ] {
             assert!(begins(text.as_bytes()), "{text:?}");
         }
@@ -375,7 +513,7 @@ mod tests {
 
     #[test]
     fn columns_without_a_header_are_guessed_by_their_numbers() {
-        let guessed = |row: &[f64]| guess(&[row.to_vec()], row.len()).join(",");
+        let guessed = |row: &[f64]| guess(&[row.iter().copied().map(Some).collect()], row.len()).join(",");
         assert_eq!(guessed(&[1.0, 2.0, 3.0, -2048.0]), "x,y,z,intensity");
         assert_eq!(guessed(&[1.0, 2.0, 3.0, 9.0, 255.0, 0.0]), "x,y,z,red,green,blue");
         assert_eq!(guessed(&[1.0, 2.0, 3.0, 0.6, -0.8, 0.0]), "x,y,z,normal_x,normal_y,normal_z");

@@ -6,76 +6,94 @@ use super::heap::{ELEMENT, Heaps};
 use super::rows::{Goal, Rows};
 use super::{MOST_OF_ONE, Source, boxes, rows};
 use crate::cloud::{FIELDS, FieldSet, PointCloud};
-use crate::export::{HDF5_ROWS as ROWS, HDF5_WIDEST as WIDEST, hdf5_error};
+use crate::export::HDF5_WIDEST as WIDEST;
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
-use ::hdf5::types::{FixedAscii, FixedUnicode, TypeDescriptor};
-use ::hdf5::{Dataset, File, H5Type};
+use echocast_hdf5::{Dataset, Kind, Place, Reader};
 use std::borrow::Cow;
-use std::io::{ErrorKind, Read as _};
+use std::io::{self, ErrorKind, Read as _};
+
+/// How a file begins, or what is behind a block of its user.
+pub(super) const SIGNATURE: &[u8] = b"\x89HDF\r\n\x1a\n";
+/// Numbers that are read together at least.
+const ROWS: u64 = 1 << 16;
+/// Most bytes of a chunk in a file that is shorter.
+const CHUNK: u64 = 16 << 20;
+
+/// Where HDF5 begins in the file: behind a block of its user, of 512 bytes or twice, four times as many and so on, there
+/// may be anything.
+pub(super) fn begins_at(source: &Source) -> io::Result<Option<u64>> {
+    let starts = std::iter::successors(Some(512), |at: &u64| at.checked_mul(2)).take_while(|&at| at < source.length);
+    for at in std::iter::once(0).chain(starts) {
+        let mut beginning = Vec::new();
+        source.at(at)?.take(SIGNATURE.len() as u64).read_to_end(&mut beginning)?;
+        if beginning == SIGNATURE {
+            return Ok(Some(at));
+        }
+    }
+    Ok(None)
+}
 
 struct Datasets<'a> {
     source: &'a Source<'a>,
-    file: File,
+    file: Reader,
     /// Whether texts were not UTF-8.
     garbled: bool,
 }
 
 impl Datasets<'_> {
-    fn failed(&self, error: ::hdf5::Error, place: &str) -> Error {
-        self.source.failed(hdf5_error(error), place)
+    fn failed(&self, error: io::Error, place: &str) -> Error {
+        self.source.failed(error, place)
     }
 
-    /// The dataset `name`, if there is one.
-    fn dataset(&self, name: &str) -> Result<Option<Dataset>> {
-        // Asked for within a group that is not there, the library complains.
-        let group = name.split_once('/').is_none_or(|(group, _)| self.file.link_exists(group));
-        if !group || !self.file.link_exists(name) {
-            return Ok(None);
+    /// The dataset `name`, if there is one, of no more numbers than the file can hold.
+    fn dataset(&self, name: &str) -> Result<Option<(Dataset, u64)>> {
+        let found = self.file.dataset(name).map_err(|error| self.failed(error, name))?;
+        let Some(dataset) = found else { return Ok(None) };
+        let wrong = |message: String| Err(Error::parse(self.source.path, name, message));
+        if dataset.place == Place::Elsewhere {
+            return wrong("is in other files; allowed: in this one".into());
         }
-        let dataset = self.file.dataset(name).map_err(|error| self.failed(error, name))?;
-        let whole = dataset.size().saturating_mul(dataset.dtype().map_or(1, |kind| kind.size())) as u64;
-        if whole > dataset.storage_size().min(self.source.length).saturating_mul(MOST_OF_ONE) {
-            let message = format!("says that it has {} numbers, of which it does not hold the bytes", dataset.size());
-            return Err(Error::parse(self.source.path, name, message));
+        let (stored, size) = (dataset.stored(), dataset.size as u64);
+        let whole = match (&dataset.place, dataset.chunks()) {
+            (Place::Chunks(_), chunks) => chunks.map(|[_, all]| all),
+            _ => dataset.count().and_then(|count| count.checked_mul(size)),
+        };
+        let Some(count) = dataset
+            .count()
+            .filter(|_| whole.is_some_and(|whole| whole <= stored.min(self.source.length).saturating_mul(MOST_OF_ONE)))
+        else {
+            return wrong(format!("says that it is of shape {:?}, of which it does not hold the bytes", dataset.shape));
+        };
+        // A whole chunk is in memory for a single number of it.
+        if let Some([one, _]) = dataset.chunks().filter(|&[one, _]| one > CHUNK.max(self.source.length)) {
+            return wrong(format!("has chunks of {one} bytes; allowed: {CHUNK}, or as many as the file has"));
         }
-        Ok(Some(dataset))
-    }
-
-    /// The texts of `dataset`, each of at most [`WIDEST`] bytes.
-    fn fixed<T: H5Type>(&self, dataset: &Dataset, name: &str, bytes: fn(&T) -> &[u8]) -> Result<Vec<Vec<u8>>> {
-        let failed = |error| self.failed(error, name);
-        if dataset.ndim() != 1 {
-            return Ok(dataset.read_raw::<T>().map_err(failed)?.iter().map(|text| bytes(text).to_vec()).collect());
-        }
-        let mut texts = Vec::new();
-        for start in (0..dataset.size()).step_by(ROWS) {
-            let rows = start..dataset.size().min(start + ROWS);
-            let read = dataset.read_slice_1d::<T, _>(rows).map_err(failed)?;
-            texts.extend(read.iter().map(|text| bytes(text).to_vec()));
-        }
-        Ok(texts)
+        Ok(Some((dataset, count)))
     }
 
     /// The texts of `dataset`, whose lengths differ.
-    fn variable(&self, dataset: &Dataset, name: &str) -> Result<Vec<Vec<u8>>> {
-        let count = dataset.size();
-        if dataset.storage_size() == 0 {
+    fn variable(&self, dataset: &Dataset, name: &str, count: u64) -> Result<Vec<Vec<u8>>> {
+        let stored = count.checked_mul(ELEMENT as u64).filter(|&stored| stored == dataset.stored());
+        let at = match (&dataset.place, stored) {
             // Nothing was ever written.
-            return Ok(vec![Vec::new(); count]);
-        }
-        let stored = (count as u64).checked_mul(ELEMENT as u64);
-        let Some(at) = dataset.offset().filter(|_| stored == Some(dataset.storage_size())) else {
-            let message = "has texts of variable length in chunks; allowed: of a fixed length, or all together";
-            return Err(Error::parse(self.source.path, name, message));
+            _ if dataset.stored() == 0 => return Ok(vec![Vec::new(); count as usize]),
+            (Place::Together(Some(at)), Some(_)) => *at,
+            (place, _) => {
+                let place = if *place == Place::Compact { "among what describes them (compact)" } else { "in chunks" };
+                let message =
+                    format!("has texts of variable length {place}; allowed: of a fixed length, or contiguous");
+                return Err(Error::parse(self.source.path, name, message));
+            }
         };
         let mut elements = Vec::new();
-        let read = self.source.from(at)?.take(dataset.storage_size()).read_to_end(&mut elements);
-        read.map_err(|error| self.source.failed(error, name))?;
-        if elements.len() as u64 != dataset.storage_size() {
-            return Err(self.source.failed(ErrorKind::UnexpectedEof.into(), name));
+        let read = self.source.from(at)?.take(dataset.stored()).read_to_end(&mut elements);
+        read.map_err(|error| self.failed(error, name))?;
+        if elements.len() as u64 != dataset.stored() {
+            return Err(self.failed(ErrorKind::UnexpectedEof.into(), name));
         }
-        let mut heaps = Heaps::of(self.source)?;
+        let base = begins_at(self.source).map_err(|error| self.failed(error, name))?;
+        let mut heaps = Heaps::of(self.source, base.unwrap_or(0))?;
         let (elements, _) = elements.as_chunks();
         elements.iter().map(|element| Ok(heaps.text(name, element)?.to_vec())).collect()
     }
@@ -83,22 +101,26 @@ impl Datasets<'_> {
 
 impl Arrays for Datasets<'_> {
     fn numbers(&mut self, name: &str) -> Result<Option<Vec<f64>>> {
-        let Some(dataset) = self.dataset(name)? else { return Ok(None) };
-        dataset.read_raw().map(Some).map_err(|error| self.failed(error, name))
+        let Some((dataset, count)) = self.dataset(name)? else { return Ok(None) };
+        if let Some(message) = no_numbers(&dataset) {
+            return Err(Error::parse(self.source.path, name, message));
+        }
+        self.source.check_beside(name, count, size_of::<f64>())?;
+        dataset.numbers(None).map(Some).map_err(|error| self.failed(error, name))
     }
 
     fn texts(&mut self, name: &str) -> Result<Option<Vec<String>>> {
-        let Some(dataset) = self.dataset(name)? else { return Ok(None) };
-        let kind = dataset.dtype().and_then(|kind| kind.to_descriptor()).map_err(|error| self.failed(error, name))?;
-        let bytes = match kind {
-            TypeDescriptor::FixedAscii(width) if width <= WIDEST => self.fixed(&dataset, name, ascii)?,
-            TypeDescriptor::FixedUnicode(width) if width <= WIDEST => self.fixed(&dataset, name, unicode)?,
-            TypeDescriptor::VarLenAscii | TypeDescriptor::VarLenUnicode => self.variable(&dataset, name)?,
-            other => {
-                let message =
-                    format!("is of type {other}; allowed: texts, those of a fixed length up to {WIDEST} bytes");
-                return Err(Error::parse(self.source.path, name, message));
-            }
+        let Some((dataset, count)) = self.dataset(name)? else { return Ok(None) };
+        let wrong = |message: String| Err(Error::parse(self.source.path, name, message));
+        if dataset.shape.len() > 1 {
+            return wrong(format!("has texts of shape {:?}; allowed: one after the other", dataset.shape));
+        }
+        self.source.check_beside(name, count, dataset.size.saturating_add(size_of::<[String; 2]>()))?;
+        let bytes = match dataset.kind {
+            Kind::Texts if dataset.size <= WIDEST => dataset.texts().map_err(|error| self.failed(error, name))?,
+            Kind::AnyTexts => self.variable(&dataset, name, count)?,
+            Kind::Texts => return wrong(format!("has texts of {} bytes; allowed: up to {WIDEST}", dataset.size)),
+            kind => return wrong(format!("is of {}; allowed: texts", called(kind))),
         };
         let mut texts = Vec::with_capacity(bytes.len());
         for bytes in bytes {
@@ -110,38 +132,52 @@ impl Arrays for Datasets<'_> {
     }
 }
 
-/// Whatever is read as text is bytes until it has been looked at: these types believe the file.
-fn ascii(text: &FixedAscii<WIDEST>) -> &[u8] {
-    text.as_bytes()
+fn called(kind: Kind) -> &'static str {
+    match kind {
+        Kind::Numbers => "numbers",
+        Kind::Texts | Kind::AnyTexts => "texts",
+        Kind::Lists => "lists",
+        Kind::Other(name) => name,
+    }
 }
 
-fn unicode(text: &FixedUnicode<WIDEST>) -> &[u8] {
-    text.as_bytes()
+/// What is wrong with a dataset of numbers, if it is none.
+fn no_numbers(dataset: &Dataset) -> Option<String> {
+    let message = || format!("is of {}; allowed: numbers", called(dataset.kind));
+    (dataset.kind != Kind::Numbers).then(message)
 }
 
 pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
-    let file = echocast_hdf5::open(source.path);
-    let file = file.map_err(|error| source.failed(hdf5_error(error), "its structure"))?;
+    let file = Reader::open(source.path).map_err(|error| source.failed(error, "its structure"))?;
     let mut datasets = Datasets { source, file, garbled: false };
     let mut about = About::of_arrays(&mut datasets, source)?;
     about.boxes = boxes::read(&mut datasets, source)?;
     let mut rows = Rows::new(FieldSet::EMPTY, 0, Some(&about))?;
     for info in FIELDS {
-        let Some(dataset) = datasets.dataset(info.name)? else { continue };
-        let kind = dataset.dtype().and_then(|kind| kind.to_descriptor());
-        let kind = kind.map_err(|error| datasets.failed(error, info.name))?;
-        if matches!(kind, TypeDescriptor::VarLenArray(_)) {
+        let Some((dataset, count)) = datasets.dataset(info.name)? else { continue };
+        if dataset.kind == Kind::Lists {
             return Err(source.error("has a row for each frame; allowed: files of one cloud, without --single"));
         }
-        if dataset.ndim() != 1 {
+        if let Some(message) = no_numbers(&dataset) {
+            return Err(Error::parse(source.path, info.name, message));
+        }
+        if dataset.shape.len() != 1 {
             return Err(Error::parse(source.path, info.name, "is not one number for each point"));
         }
-        let numbers: Vec<f64> = dataset.read_raw().map_err(|error| datasets.failed(error, info.name))?;
         rows.also([info.field]);
         let goal = Goal { shift: about.offset(info.field), ..info.field.into() };
-        rows.add(goal, numbers.iter().copied())?;
+        // No chunk is unpacked twice.
+        let step = match &dataset.place {
+            Place::Chunks(chunk) => chunk.first().map_or(ROWS, |&chunk| ROWS.next_multiple_of(chunk.max(1))),
+            _ => ROWS,
+        };
+        for start in (0..count).step_by(usize::try_from(step).unwrap_or(usize::MAX)) {
+            let numbers = dataset.numbers(Some(start..count.min(start.saturating_add(step))));
+            let numbers = numbers.map_err(|error| datasets.failed(error, info.name))?;
+            rows.add(goal, numbers.iter().copied())?;
+        }
     }
-    let names = datasets.file.member_names().map_err(|error| datasets.failed(error, "its structure"))?;
+    let names = datasets.file.names().map_err(|error| datasets.failed(error, "its structure"))?;
     let known = |name: &str| FIELDS.iter().any(|info| info.name == name) || ABOUT.contains(&name) || name == "boxes";
     rows::lost(names.iter().map(String::as_str).filter(|name| !known(name)), "hdf5", report);
     if datasets.garbled {

@@ -17,6 +17,8 @@ const HEAD: usize = 16;
 /// Heaps as they are needed. In a sound file none overlaps another, and no text is there twice.
 pub(super) struct Heaps<'a> {
     source: &'a Source<'a>,
+    /// Where addresses count from.
+    base: u64,
     heaps: BTreeMap<u64, Heap>,
     /// Bytes of heaps and of texts that may still come.
     heaps_left: u64,
@@ -30,20 +32,20 @@ struct Heap {
 }
 
 impl<'a> Heaps<'a> {
-    /// Of the file `source`.
+    /// Of the file `source`, in which HDF5 begins at byte `base`.
     ///
     /// # Errors
     /// A file whose addresses have not the usual eight bytes.
-    pub(super) fn of(source: &'a Source<'a>) -> Result<Heaps<'a>> {
+    pub(super) fn of(source: &'a Source<'a>, base: u64) -> Result<Heaps<'a>> {
         let mut head = [0; 16];
-        source.from(0)?.read_exact(&mut head).map_err(|error| source.failed(error, "its superblock"))?;
+        source.from(base)?.read_exact(&mut head).map_err(|error| source.failed(error, "its superblock"))?;
         // Sizes of addresses and of lengths, which later versions have elsewhere.
         let sizes = if head[8] < 2 { &head[13..15] } else { &head[9..11] };
         if sizes != [8, 8] {
             let message = "has texts of variable length behind addresses that are not of 8 bytes; allowed: of 8";
             return Err(source.error(message));
         }
-        Ok(Heaps { source, heaps: BTreeMap::new(), heaps_left: source.length, texts_left: source.length })
+        Ok(Heaps { source, base, heaps: BTreeMap::new(), heaps_left: source.length, texts_left: source.length })
     }
 
     /// The bytes of the text that `element` of the dataset `name` stands for.
@@ -61,7 +63,8 @@ impl<'a> Heaps<'a> {
         let damaged = || Error::parse(source.path, name, "leads out of the heaps of its texts: it is damaged");
         self.texts_left = self.texts_left.checked_sub(length as u64).ok_or_else(damaged)?;
         if !self.heaps.contains_key(&address) {
-            let heap = Heap::read(source, address, self.heaps_left)?.ok_or_else(damaged)?;
+            let at = self.base.checked_add(address).ok_or_else(damaged)?;
+            let heap = Heap::read(source, at, self.heaps_left)?.ok_or_else(damaged)?;
             self.heaps_left -= heap.bytes.len() as u64;
             self.heaps.insert(address, heap);
         }
@@ -72,7 +75,7 @@ impl<'a> Heaps<'a> {
 }
 
 impl Heap {
-    /// The heap at `address`, of at most `most` bytes; `None`: there is none.
+    /// The heap at byte `address`, of at most `most` bytes; `None`: there is none.
     fn read(source: &Source, address: u64, most: u64) -> Result<Option<Heap>> {
         if address > source.length {
             return Ok(None);

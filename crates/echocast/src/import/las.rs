@@ -111,7 +111,7 @@ struct Around {
     extra: Vec<u8>,
     laz: Option<Vec<u8>>,
     others: Vec<Record>,
-    /// Records that say where points or waveforms are in this file, and are wrong of any other.
+    /// Records that say where points or waveforms are in this file, and are wrong in any other.
     lost: Vec<String>,
 }
 
@@ -122,8 +122,9 @@ impl Around {
             (b"LASF_Spec", 4) => self.extra = data,
             (b"laszip encoded", 22204) => self.laz = Some(data),
             (b"echocast", 1) => self.about = Some(About::parse(source.path, &data)?),
-            // Packets of waveforms and what describes them; the index of COPC.
-            (b"LASF_Spec", 100..=354 | 65535) | (b"copc", _) => {
+            // Packets of waveforms and what describes them; the index of COPC; of LAStools a tile and what surrounds it,
+            // the first header, the index.
+            (b"LASF_Spec", 100..=354 | 65535) | (b"copc", _) | (b"LAStools", 10 | 20 | 30) => {
                 let name = format!("{} {id}", ascii(user));
                 self.lost.push(name);
             }

@@ -25,6 +25,7 @@ mod text;
 use crate::cloud::PointCloud;
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
+use crate::ground::shown;
 use crate::read::{self, Limit};
 use crate::scene::is_scene;
 use std::fs::File;
@@ -37,6 +38,9 @@ const BEGINNING: u64 = 4096;
 
 /// Most bytes that are believed to be in a compressed byte: deflate and zstd make a thousand of one.
 const MOST_OF_ONE: u64 = 1100;
+
+/// Most bytes of memory for an array beside the columns, of a file that is shorter.
+const BESIDE: u64 = 256 << 20;
 
 impl PointCloud {
     /// Reads the cloud file at `path`: of any format of [`crate::export::FORMATS`], and LAS, LAZ, PLY, PCD, E57, text
@@ -77,7 +81,8 @@ pub const READERS: &[CloudReader] = &[
         name: "hdf5",
         extensions: &["h5", "hdf5"],
         description: "HDF5 as echocast writes it: a dataset for each column",
-        begins: |bytes| bytes.starts_with(b"\x89HDF\r\n\x1a\n"),
+        // What has it behind a block of its user is found later.
+        begins: |bytes| bytes.starts_with(hdf5::SIGNATURE),
         read: hdf5::read,
     },
     CloudReader {
@@ -186,7 +191,7 @@ pub fn read_with(path: &Path, options: &ReadOptions, report: &mut Report) -> Res
 /// # Errors
 /// A missing file that should be one; a PLY file with a header that is none.
 pub fn is_cloud(path: &Path) -> Result<bool> {
-    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let ending = ending_of(path);
     let named = ending != "ply" && READERS.iter().any(|reader| reader.extensions.contains(&&*ending));
     match open(path) {
         Ok((source, Some(reader))) if reader.name == "ply" => ply::has_faces(&source).map(|faces| !faces),
@@ -199,6 +204,11 @@ pub fn is_cloud(path: &Path) -> Result<bool> {
     }
 }
 
+/// What the name of the file at `path` ends in, lower case.
+fn ending_of(path: &Path) -> String {
+    path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase()
+}
+
 /// Opens the file at `path` and finds its reader.
 fn open(path: &Path) -> Result<(Source<'_>, Option<&'static CloudReader>)> {
     let file = read::open(path, Limit::CLOUD)?;
@@ -208,7 +218,16 @@ fn open(path: &Path) -> Result<(Source<'_>, Option<&'static CloudReader>)> {
     (&mut file).take(BEGINNING).read_to_end(&mut beginning).map_err(fault)?;
     file.rewind().map_err(fault)?;
     let reader = READERS.iter().find(|reader| (reader.begins)(&beginning));
-    Ok((Source { path, file, length, columns: None }, reader))
+    let source = Source { path, file, length, columns: None };
+    let text = || READERS.iter().find(|reader| reader.name == "csv");
+    #[cfg(feature = "hdf5")]
+    if reader.is_none_or(|reader| reader.name == "csv") && hdf5::begins_at(&source).map_err(fault)?.is_some() {
+        // The block of the user may be text.
+        return Ok((source, READERS.iter().find(|reader| reader.name == "hdf5")));
+    }
+    // Text may begin with anything.
+    let named = |reader: &&CloudReader| reader.extensions.contains(&&*ending_of(path));
+    Ok((source, reader.or_else(|| text().filter(named))))
 }
 
 /// A cloud file that is being read.
@@ -233,15 +252,29 @@ impl Source<'_> {
             ErrorKind::UnexpectedEof => self.error(format!("ends within {place}: it is cut off")),
             // What the system says has a number; all else, what a library says of the content.
             _ if error.raw_os_error().is_some() => Error::io(self.path, error),
-            _ => self.error(format!("{place}: {error}")),
+            _ => self.error(format!("{place}: {}", shown::text(&error.to_string()))),
         }
     }
 
     /// The file from byte `at` on.
     fn from(&self, at: u64) -> Result<BufReader<&File>> {
+        Ok(BufReader::with_capacity(1 << 16, self.at(at).map_err(|error| Error::io(self.path, error))?))
+    }
+
+    /// The file itself, at byte `at`.
+    fn at(&self, at: u64) -> io::Result<&File> {
         let mut file = &self.file;
-        file.seek(SeekFrom::Start(at)).map_err(|error| Error::io(self.path, error))?;
-        Ok(BufReader::with_capacity(1 << 16, file))
+        file.seek(SeekFrom::Start(at)).map(|_| &self.file)
+    }
+
+    /// Checks that the `count` things in `name`, beside the columns, take no more memory, `size` bytes each, than what
+    /// describes a cloud may.
+    fn check_beside(&self, name: &str, count: u64, size: usize) -> Result<()> {
+        if count.saturating_mul(size as u64) <= BESIDE.max(self.length) {
+            return Ok(());
+        }
+        let message = format!("has {count} of them; allowed beside the columns: what fits in {} MB", BESIDE >> 20);
+        Err(Error::parse(self.path, name, message))
     }
 
     /// Checks that `count` points of `size` bytes can stand behind byte `at`.

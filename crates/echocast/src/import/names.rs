@@ -19,6 +19,24 @@ impl Named {
 
 /// Names without blanks, `_` and case, with the column that they mean.
 const FOREIGN: &[(&str, Field)] = &[
+    ("pointx", Field::X),
+    ("pointy", Field::Y),
+    ("pointz", Field::Z),
+    ("points0", Field::X),
+    ("points1", Field::Y),
+    ("points2", Field::Z),
+    ("xcoord", Field::X),
+    ("ycoord", Field::Y),
+    ("zcoord", Field::Z),
+    ("xcoordinate", Field::X),
+    ("ycoordinate", Field::Y),
+    ("zcoordinate", Field::Z),
+    ("coordx", Field::X),
+    ("coordy", Field::Y),
+    ("coordz", Field::Z),
+    ("positionx", Field::X),
+    ("positiony", Field::Y),
+    ("positionz", Field::Z),
     ("easting", Field::X),
     ("northing", Field::Y),
     ("height", Field::Z),
@@ -63,20 +81,37 @@ const FOREIGN: &[(&str, Field)] = &[
 /// Colours from 0 to 1, as CloudCompare calls them.
 const PARTS: &[(&str, Field)] = &[("rf", Field::Red), ("gf", Field::Green), ("bf", Field::Blue)];
 
-/// Units that names end in, in brackets, with what makes the unit of the column of them, and that.
-const UNITS: &[(&str, f64, &str)] = &[
-    ("m", 1.0, "m"),
-    ("mm", 1e-3, "m"),
-    ("cm", 1e-2, "m"),
-    ("km", 1e3, "m"),
-    ("ft", 0.3048, "m"),
-    ("s", 1.0, "s"),
-    ("ms", 1e-3, "s"),
-    ("us", 1e-6, "s"),
-    ("ns", 1e-9, "s"),
-    ("rad", 1.0, "rad"),
-    ("deg", std::f64::consts::PI / 180.0, "rad"),
+/// Units that names end in, or that have a line of their own, with what makes the unit of the column of them, and that.
+const UNITS: &[(&[&str], f64, &str)] = &[
+    (&["m", "meter", "meters", "metre", "metres"], 1.0, "m"),
+    (&["mm", "millimeter", "millimeters", "millimetre", "millimetres"], 1e-3, "m"),
+    (&["cm", "centimeter", "centimeters", "centimetre", "centimetres"], 1e-2, "m"),
+    (&["km", "kilometer", "kilometers", "kilometre", "kilometres"], 1e3, "m"),
+    (&["ft", "foot", "feet"], 0.3048, "m"),
+    (&["s", "sec", "second", "seconds"], 1.0, "s"),
+    (&["ms", "millisecond", "milliseconds"], 1e-3, "s"),
+    (&["us", "\u{b5}s", "\u{3bc}s", "microsecond", "microseconds"], 1e-6, "s"),
+    (&["ns", "nanosecond", "nanoseconds"], 1e-9, "s"),
+    (&["rad", "radian", "radians"], 1.0, "rad"),
+    (&["deg", "degree", "degrees", "\u{b0}"], std::f64::consts::PI / 180.0, "rad"),
 ];
+
+/// What makes the unit of columns of the unit `name`, in brackets or not, and that.
+fn unit(name: &str) -> Option<(f64, &'static str)> {
+    let name = name.trim().trim_start_matches(['(', '[']).trim_end_matches([')', ']']).trim().to_lowercase();
+    UNITS.iter().find(|(names, ..)| names.contains(&&*name)).map(|(_, factor, of)| (*factor, *of))
+}
+
+/// Whether `word` is the name of a unit.
+pub(super) fn is_unit(word: &str) -> bool {
+    unit(word).is_some()
+}
+
+/// The column `name` with numbers in `unit`, where it can have that.
+pub(super) fn with_unit(name: &str, unit: &str) -> String {
+    let both = format!("{name} ({})", unit.trim_matches(['(', ')', '[', ']', ' ']));
+    if foreign(&Named::new(&both, Number::U8)).is_some() { both } else { name.to_owned() }
+}
 
 /// The column that has this very name, `scalar_` before it or not.
 pub(super) fn own(column: &Named) -> Option<Goal> {
@@ -84,7 +119,7 @@ pub(super) fn own(column: &Named) -> Option<Goal> {
     Field::from_name(name).ok().map(|field| to(field, column.number))
 }
 
-/// The column that has this name, but for case, blanks, `_` and a unit in brackets, or another name for it.
+/// The column that has this name, but for case, blanks, `_` and a unit at its end, or another name for it.
 pub(super) fn foreign(column: &Named) -> Option<Goal> {
     let named = |name: &str| {
         let plain = |name: &str| name.to_lowercase().replace(['_', ' '], "");
@@ -96,10 +131,11 @@ pub(super) fn foreign(column: &Named) -> Option<Goal> {
         known.or_else(|| other(FOREIGN)).map(|field| to(field, column.number)).or_else(part)
     };
     named(&column.name).or_else(|| {
-        let (name, unit) = column.name.trim_end().strip_suffix([')', ']'])?.rsplit_once(['(', '['])?;
-        let (_, factor, of) = UNITS.iter().find(|(known, ..)| unit.trim().eq_ignore_ascii_case(known))?;
-        let goal = named(name).filter(|goal| goal.field.info().unit == *of)?;
-        Some(Goal::scaled(goal.field, *factor))
+        let name = column.name.trim_end();
+        let (name, last) = name.strip_suffix([')', ']']).unwrap_or(name).rsplit_once(['(', '[', '_', '/', ' '])?;
+        let (factor, of) = unit(last)?;
+        let goal = named(name).filter(|goal| goal.field.info().unit == of)?;
+        Some(Goal::scaled(goal.field, factor))
     })
 }
 
@@ -131,6 +167,24 @@ mod tests {
             ("scalar_Intensity", Field::Intensity),
             ("Scalar_Return_Number", Field::ReturnNumber),
             ("Number Of Returns", Field::ReturnCount),
+            ("pointx", Field::X),
+            ("pointy", Field::Y),
+            ("pointz", Field::Z),
+            ("points0", Field::X),
+            ("points1", Field::Y),
+            ("points2", Field::Z),
+            ("xcoord", Field::X),
+            ("ycoord", Field::Y),
+            ("zcoord", Field::Z),
+            ("xcoordinate", Field::X),
+            ("ycoordinate", Field::Y),
+            ("zcoordinate", Field::Z),
+            ("coordx", Field::X),
+            ("coordy", Field::Y),
+            ("coordz", Field::Z),
+            ("positionx", Field::X),
+            ("positiony", Field::Y),
+            ("positionz", Field::Z),
             ("easting", Field::X),
             ("northing", Field::Y),
             ("height", Field::Z),
@@ -143,6 +197,11 @@ mod tests {
             ("laser_id", Field::Channel),
             ("GpsTime", Field::Time),
             ("X(m)", Field::X),
+            ("Y[m]", Field::Y),
+            ("Z (meters)", Field::Z),
+            ("x_m", Field::X),
+            ("POINT_Y", Field::Y),
+            ("Points_2", Field::Z),
             ("Range [m]", Field::Range),
             ("Easting", Field::X),
             ("Gf", Field::Green),

@@ -101,6 +101,7 @@ impl Arrays for Archive<'_> {
             let Element::Number(number) = array.element else {
                 return Err(Error::parse(source.path, name, "is text; expected numbers"));
             };
+            source.check_beside(name, count as u64, size_of::<f64>())?;
             // A column of f64 is as good as any list of numbers.
             let mut numbers = Rows::new(FieldSet::EMPTY.with(Field::Time), 0, None)?;
             let member = Member { goal: Field::Time.into(), number, at: 0 };
@@ -116,6 +117,7 @@ impl Arrays for Archive<'_> {
             let Element::Text(characters) = array.element else {
                 return Err(Error::parse(source.path, name, "is numbers; expected text"));
             };
+            source.check_beside(name, count as u64, characters * 4 + size_of::<String>())?;
             let mut texts = Vec::new();
             blocks(source, file, characters * 4, count, |bytes| {
                 texts.extend(bytes.chunks_exact(characters * 4).map(|text| {

@@ -16,8 +16,14 @@ use std::sync::Arc;
 /// Farthest position, metres: as in scenes.
 pub(super) const FARTHEST: f64 = 1e18;
 
-/// Positions that begin farther from the origin get another one, metres: f32 says 0.06 mm there.
+/// Positions that are farther from the origin get another one, metres: f32 says 0.06 mm there.
 const NEAR: f64 = 1000.0;
+/// Positions that are farther from their origin may lose more than [`LOSS`], metres: f32 says half a millimetre there.
+const COARSE: f64 = 4096.0;
+/// What is not told, metres: half of what other formats have as their least step.
+const LOSS: f64 = 1e-4;
+/// How many of the first positions choose the origin.
+const FIRST: usize = 4096;
 
 /// Where a number of a file goes: `factor` times it and `shift` is a value of the column, or a coordinate of positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,7 +50,7 @@ impl From<Field> for Goal {
 pub(super) struct Rows {
     columns: Columns,
     fields: FieldSet,
-    /// Of positions; an axis has none before its first position.
+    /// Of positions; an axis has none before its first position that is not 0.
     origin: [Option<f64>; 3],
     /// What it is where positions begin near it.
     usual: [f64; 3],
@@ -52,6 +58,10 @@ pub(super) struct Rows {
     unfit: FieldSet,
     /// Whether positions were too far away.
     far: bool,
+    /// Whether positions lost something in f32.
+    coarse: bool,
+    /// Colours as they are in the file, red, green and blue, where only all together say what is white.
+    colours: Option<[Vec<f32>; 3]>,
 }
 
 impl Rows {
@@ -69,12 +79,27 @@ impl Rows {
             }
         }
         let origin = about.and_then(|about| about.f32_origin).map_or([None; 3], |origin| origin.map(Some));
-        Ok(Rows { columns, fields, origin, usual: [0.0; 3], unfit: FieldSet::EMPTY, far: false })
+        Ok(Rows {
+            columns,
+            fields,
+            origin,
+            usual: [0.0; 3],
+            unfit: FieldSet::EMPTY,
+            far: false,
+            coarse: false,
+            colours: None,
+        })
     }
 
-    /// With the origin `usual`, if positions begin near it.
+    /// With the origin `usual`, if positions are near it.
     pub(super) fn near(mut self, usual: [f64; 3]) -> Rows {
         self.usual = usual;
+        self
+    }
+
+    /// With colours of which nobody says whether white is 255, 65535 or 1.
+    pub(super) fn with_any_colours(mut self) -> Rows {
+        self.colours = Some(Default::default());
         self
     }
 
@@ -91,7 +116,13 @@ impl Rows {
         let more = values.size_hint().0;
         let memory = |_| Error::Memory(format!("{more} more rows of points"));
         let values = values.map(move |value| value * factor + shift);
-        let (far, mut fits) = (&mut self.far, true);
+        let colour = [Field::Red, Field::Green, Field::Blue].iter().position(|colour| *colour == field);
+        if let (Some(colours), Some(colour), true) = (&mut self.colours, colour, factor == 1.0) {
+            tried(|| colours[colour].try_reserve(more)).map_err(memory)?;
+            colours[colour].extend(values.map(|value| value as f32));
+            return Ok(());
+        }
+        let (far, coarse, mut fits) = (&mut self.far, &mut self.coarse, true);
         macro_rules! whole {
             ($column:expr, $t:ty) => {{
                 tried(|| $column.try_reserve(more)).map_err(memory)?;
@@ -108,7 +139,9 @@ impl Rows {
                 if axis.is_some() {
                     c.extend(values.map(|metres| {
                         if metres.abs() <= FARTHEST {
-                            return metres as f32;
+                            let near = metres as f32;
+                            *coarse |= metres.abs() > COARSE && (metres - f64::from(near)).abs() > LOSS;
+                            return near;
                         }
                         *far |= !metres.is_nan();
                         f32::NAN
@@ -131,16 +164,33 @@ impl Rows {
         Ok(())
     }
 
-    /// The origin along `axis`, which the first of `positions` may choose.
-    fn origin_of(&mut self, axis: usize, mut positions: impl Iterator<Item = f64>) -> f64 {
+    /// The origin along `axis`, which the middle one of `positions` may choose, of those that are not 0: so do many
+    /// programs write what was not measured.
+    fn origin_of(&mut self, axis: usize, positions: impl Iterator<Item = f64>) -> f64 {
         let usual = self.usual[axis];
-        if self.origin[axis].is_none()
-            && let Some(first) = positions.find(|metres| metres.abs() <= FARTHEST)
-        {
-            let far = (first - usual).abs() > NEAR;
-            self.origin[axis] = Some(if far { (first / NEAR).round() * NEAR } else { usual });
+        if self.origin[axis].is_none() {
+            let measured = positions.filter(|metres| metres.abs() <= FARTHEST && *metres != 0.0);
+            let mut first: Vec<f64> = measured.take(FIRST).collect();
+            if !first.is_empty() {
+                let middle = first.len() / 2;
+                let middle = *first.select_nth_unstable_by(middle, f64::total_cmp).1;
+                let far = (middle - usual).abs() > NEAR;
+                let origin = if far { (middle / NEAR).round() * NEAR } else { usual };
+                self.origin[axis] = Some(origin);
+                self.move_back(axis, origin - usual);
+            }
         }
         self.origin[axis].unwrap_or(usual)
+    }
+
+    /// Takes `metres` from the positions so far along an axis that had no origin.
+    fn move_back(&mut self, along: usize, metres: f64) {
+        let fields: Vec<Field> = self.fields.iter().map(|info| info.field).collect();
+        for field in fields.into_iter().filter(|&field| axis(field) == Some(along)) {
+            if let ColumnMut::F32(column) = self.columns.get_mut(field) {
+                column.iter_mut().for_each(|place| *place = (f64::from(*place) - metres) as f32);
+            }
+        }
     }
 
     /// Numbers of the columns so far.
@@ -175,8 +225,11 @@ impl Rows {
     ///
     /// # Errors
     /// Columns of unequal length.
-    pub(super) fn finish(self, path: &Path, name: &str, about: About, report: &mut Report) -> Result<PointCloud> {
-        let Rows { columns, fields, origin, usual, unfit, far } = self;
+    pub(super) fn finish(mut self, path: &Path, name: &str, about: About, report: &mut Report) -> Result<PointCloud> {
+        if let Some(colours) = self.colours.take() {
+            self.add_colours(&colours, name, report)?;
+        }
+        let Rows { columns, fields, origin, usual, unfit, far, coarse, colours: _ } = self;
         let first = fields.iter().next().ok_or_else(|| Error::parse(path, "", "has none of the columns of a cloud"))?;
         let len = columns.get(first.field).len();
         if let Some(other) = fields.iter().find(|info| columns.get(info.field).len() != len) {
@@ -191,6 +244,11 @@ impl Rows {
         }
         if far {
             report.warn(format!("{name}: positions farther than {FARTHEST:e} m, or infinite, are left empty"));
+        }
+        if coarse {
+            report.warn(format!(
+                "{name}: positions farther than {COARSE} m from the origin of the cloud lose precision, as f32 has it there"
+            ));
         }
         let shape = about.shape.filter(|&[rows, columns]| u64::from(rows) * u64::from(columns) == len as u64);
         if about.shape.is_some() && shape.is_none() {
@@ -223,6 +281,31 @@ impl Rows {
     }
 }
 
+impl Rows {
+    /// Adds `colours`, of which the brightest says what is white.
+    fn add_colours(&mut self, colours: &[Vec<f32>; 3], name: &str, report: &mut Report) -> Result<()> {
+        let values = || colours.iter().flatten().copied().filter(|value| !value.is_nan());
+        let brightest = values().fold(0.0, f32::max);
+        let white = if brightest > 255.0 {
+            65535.0
+        } else if brightest <= 1.0 && values().any(|value| value.fract() != 0.0) {
+            1.0
+        } else {
+            255.0
+        };
+        if white != 255.0 {
+            report.warn(format!("{name}: colours from 0 to {white} are taken as 0 to 255"));
+        }
+        for (field, values) in [Field::Red, Field::Green, Field::Blue].into_iter().zip(colours) {
+            // Those of their own white were added at once.
+            if !values.is_empty() {
+                self.add(Goal::scaled(field, 255.0 / white), values.iter().map(|&value| f64::from(value)))?;
+            }
+        }
+        Ok(())
+    }
+}
+
 /// Along which axis `field` is a position, if it is one.
 pub(super) fn axis(field: Field) -> Option<usize> {
     match field {
@@ -250,20 +333,69 @@ pub(super) fn goals(columns: &[names::Named], name: &str, report: &mut Report) -
             }
         }
     }
-    let left = columns.iter().zip(&goals).filter(|(column, goal)| goal.is_none() && column.name != "_");
+    let left = columns.iter().zip(&goals).filter(|(column, goal)| goal.is_none() && !matches!(&*column.name, "_" | ""));
     lost(left.map(|(column, _)| column.name.as_str()), name, report);
     goals
 }
 
+/// How many names of columns a warning lists.
+const LISTED: usize = 12;
+
 /// Reports the columns that a cloud does not hold.
 pub(super) fn lost<'a>(left: impl Iterator<Item = &'a str>, name: &str, report: &mut Report) {
-    let left: Vec<String> = left.map(|column| shown::text(column).into_owned()).collect();
-    if !left.is_empty() {
-        report.warn(format!("{name}: a cloud has no place for {}", left.join(", ")));
+    let left: Vec<&str> = left.collect();
+    let more = left.len().saturating_sub(LISTED);
+    let listed: Vec<_> = left.iter().take(LISTED).map(|column| shown::name(column)).collect();
+    if !listed.is_empty() {
+        let more = if more == 0 { String::new() } else { format!(" and {more} more") };
+        report.warn(format!("{name}: a cloud has no place for {}{more}", listed.join(", ")));
     }
 }
 
 /// Columns that `goals` fill.
 pub(super) fn fields(goals: &[Option<Goal>]) -> FieldSet {
     goals.iter().flatten().map(|goal| goal.field).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn warnings_list_a_dozen_columns() {
+        let told = |count: usize| {
+            let names: Vec<String> = (0..count).map(|k| format!("n{k}")).collect();
+            let mut report = Report::default();
+            lost(names.iter().map(String::as_str), "csv", &mut report);
+            report.warnings.concat()
+        };
+        assert_eq!(told(0), "");
+        assert_eq!(told(2), "csv: a cloud has no place for n0, n1");
+        assert!(told(12).ends_with("n10, n11") && told(20_000).ends_with("n10, n11 and 19988 more"));
+    }
+
+    /// Rows of nothing, however many, do not keep the others from an origin.
+    #[test]
+    fn the_origin_is_where_most_points_are() {
+        let x = |blocks: &[&[f64]]| {
+            let mut rows = Rows::new(FieldSet::EMPTY.with(Field::X), 0, None).unwrap();
+            blocks.iter().for_each(|block| rows.add(Field::X.into(), block.iter().copied()).unwrap());
+            let mut report = Report::default();
+            let cloud = rows.finish(Path::new("a"), "csv", About::default(), &mut report).unwrap();
+            let places: Vec<f64> = cloud.columns.x.iter().map(|&x| f64::from(x) + cloud.origin.x).collect();
+            (cloud.origin.x, places, report.warnings.iter().any(|told| told.contains("precision")))
+        };
+        let far = 500_000.123;
+        for blocks in [&[&[0.0, far, far][..]][..], &[&[0.0, 0.0], &[f64::NAN], &[0.0, far, far]], &[&[far, 0.0, 0.0]]]
+        {
+            let (origin, places, told) = x(blocks);
+            assert!(origin == 500_000.0 && !told, "{blocks:?}: {origin}");
+            let wanted: Vec<f64> = blocks.concat();
+            let off = |(a, b): (&f64, &f64)| b.is_nan() || (a - b).abs() < 1e-4;
+            assert!(places.iter().zip(&wanted).all(off), "{places:?}");
+        }
+        assert_eq!(x(&[&[0.0, 7.5]]), (0.0, vec![0.0, 7.5], false));
+        // What is far from most of the others loses something, and that is told; what f32 can hold does not.
+        assert!(x(&[&[far, far, far, 7.123_456]]).2 && !x(&[&[0.0, far], &[490_000.5]]).2);
+    }
 }

@@ -115,8 +115,47 @@ impl Style {
         if word.is_empty() {
             return Some(f64::NAN);
         }
-        if self.decimal_comma && word.contains(',') { word.replace(',', ".").parse().ok() } else { word.parse().ok() }
+        match word.parse() {
+            Ok(number) => Some(number),
+            Err(_) if self.decimal_comma && is_decimal(word) => word.replace(',', ".").parse().ok(),
+            Err(_) => odd(word),
+        }
     }
+
+    /// How many words of `line` there are, but for nothing behind a last separator.
+    pub(super) fn count(self, line: &str) -> usize {
+        let (mut count, mut last) = (0, "");
+        self.words(line).for_each(|word| (count, last) = (count + 1, word));
+        count - usize::from(count > 0 && last.is_empty())
+    }
+}
+
+/// Whether `word` has digits on both sides of each comma.
+fn is_decimal(word: &str) -> bool {
+    let digit = |at: Option<usize>| at.and_then(|at| word.as_bytes().get(at)).is_some_and(u8::is_ascii_digit);
+    word.contains(',') && word.match_indices(',').all(|(at, _)| digit(at.checked_sub(1)) && digit(Some(at + 1)))
+}
+
+/// What Windows (1.#INF, -1.#IND), C (-nan(ind)) and Fortran (1.5D+03) write for numbers.
+fn odd(word: &str) -> Option<f64> {
+    let (sign, plain) = match word.strip_prefix('-') {
+        Some(rest) => (-1.0, rest),
+        None => (1.0, word.strip_prefix('+').unwrap_or(word)),
+    };
+    let plain = plain.to_ascii_lowercase();
+    if let Some((_, what)) = plain.split_once(".#").filter(|(one, _)| *one == "1") {
+        return match what.trim_end_matches('0') {
+            "inf" => Some(sign * f64::INFINITY),
+            "qnan" | "snan" | "ind" | "nan" => Some(f64::NAN),
+            _ => None,
+        };
+    }
+    if plain.strip_prefix("nan(").is_some_and(|rest| rest.ends_with(')')) {
+        return Some(f64::NAN);
+    }
+    let (digits, exponent) =
+        plain.split_once('d').filter(|(digits, _)| digits.ends_with(|c: char| c.is_ascii_digit()))?;
+    format!("{digits}e{exponent}").parse().ok().map(|number: f64| sign * number)
 }
 
 /// A number of each line, and where it goes.
@@ -133,7 +172,7 @@ pub(super) enum Place {
 }
 
 /// Adds the rows of `lines` to `rows`, `count` of them or all that are left. There are as many `places` as numbers in a
-/// line; those that go nowhere need not be numbers. Empty lines and comments (`#`, `//`) are skipped.
+/// line; those that go nowhere need not be numbers. Empty lines and comments (`#`, `//`, `%`) are skipped.
 ///
 /// # Errors
 /// A line with more or fewer numbers, or words; fewer rows than were counted.
@@ -178,7 +217,7 @@ pub(super) fn read(
 
 /// Whether `line` says nothing to a program.
 pub(super) fn is_comment(line: &str) -> bool {
-    line.starts_with('#') || line.starts_with("//")
+    line.starts_with(['#', '%']) || line.starts_with("//")
 }
 
 /// Puts the numbers of `line` into `numbers`, or says what is wrong with them.

@@ -61,7 +61,7 @@ impl<'k> Bounds<'k> {
         match value.into() {
             Some(value) if !(min..=max).contains(&value) => {
                 let too_small = min == ABOVE_ZERO && value > 0.0 && value < min;
-                let least = if too_small { " (1e-9 and more)" } else { "" };
+                let least = if too_small { " (1e-9 or more)" } else { "" };
                 Err(Error::invalid(key.to_string(), value, format!("{allowed}{least}")))
             }
             _ => Ok(()),
@@ -131,7 +131,7 @@ mod tests {
         let small = |value| Bounds::none().number("a", value, [ABOVE_ZERO, 1.0], "above 0").unwrap_err().to_string();
         assert_eq!(
             [small(0.0), small(1e-300)],
-            ["a is 0; allowed: above 0", "a is 1e-300; allowed: above 0 (1e-9 and more)"]
+            ["a is 0; allowed: above 0", "a is 1e-300; allowed: above 0 (1e-9 or more)"]
         );
     }
 }

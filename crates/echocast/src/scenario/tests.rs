@@ -741,6 +741,33 @@ fn labels_of_kitti_are_what_its_camera_sees() {
     assert_eq!(matched, labels.lines().count(), "{labels}");
 }
 
+/// A third sensor, which scans twice as often; objects that the LiDAR alone meets.
+#[test]
+fn kitti_leaves_out_sensors_and_nothing_that_a_sensor_sees() {
+    let folder = folder();
+    let text =
+        STYLED.replace("    trajectory:", "\x20 - {name: side, sensor: velodyne_vlp16, rate_hz: 20}\n    trajectory:");
+    let from = text.find("    outputs:").unwrap();
+    let until = text.find("    variation:").unwrap();
+    let lines = |rest: &str, name: &str| {
+        let outputs = format!("    outputs: [{{style: kitti, velodyne: top, frames: 10{rest}}}]\n");
+        let text = format!("{}{outputs}{}", &text[..from], &text[until..]);
+        // What looks the other way sees no chair, and the box of none is in its image.
+        let scenario = Scenario::from_yaml(&text, folder.path()).unwrap();
+        let made = folder.path().join(name);
+        let summary = set::run(scenario, &set::RunOptions { samples: Some([0, 0, 1]), ..options(Some(made.clone())) });
+        let summary = summary.unwrap();
+        assert_eq!((summary.made, summary.failed), (1, Vec::new()));
+        assert!(summary.warnings.iter().any(|seen| seen.warning.contains("left out: side")), "{:?}", summary.warnings);
+        let read = |frame| fs::read_to_string(made.join(format!("kitti/training/label_2/{frame:06}.txt"))).unwrap();
+        (0..7).map(read).collect::<Vec<_>>().concat()
+    };
+    let seen = lines("", "seen");
+    assert!(seen.lines().count() >= 7, "{seen}");
+    let all = lines(", unseen: true", "all");
+    assert!(seen.lines().all(|line| all.contains(line)), "{seen}{all}");
+}
+
 #[test]
 fn what_a_style_cannot_be_made_of_is_refused_before_anything_is_written() {
     let folder = folder();

@@ -34,7 +34,7 @@ pub(super) struct Kitti {
     pub camera: Option<String>,
     /// Most frames of a sample: frame k of sample i is number i * frames + k.
     pub frames: u64,
-    /// Whether objects that neither of them has a point of have boxes, too.
+    /// Whether objects that neither of them sees have boxes, too.
     pub unseen: bool,
     /// Types of categories that are not known by their names.
     pub types: BTreeMap<String, String>,
@@ -193,9 +193,11 @@ impl Style for Kitti {
     fn readme(&self) -> String {
         "`kitti` is laid out as KITTI's object set. Points are in the LiDAR's frame (x ahead, y left, z up), boxes in the \
          camera's (x right, y down, z ahead), which is rectified: `R0_rect` is the identity, and `P0` to `P3` are the \
-         same. Boxes are where objects are when the LiDAR scans them; those of which neither sensor has a point have none. \
+         same. Boxes are where objects are when the LiDAR scans them; objects that neither sensor sees have none, unless \
+         the scenario asks for them (`unseen: true`). \
          Boxes in the image are around the whole object, cut at the image's edges. `occluded` is 0 where 90 % of \
-         what a camera alone with the object would see of it are seen, 1 from 50 % on, else 2. `image_2` shows the \
+         what a camera alone with the object would see of it are seen, 1 from 50 % on, 2 below, and 3 (unknown) where \
+         the camera sees nothing of it. `image_2` shows the \
          surfaces' own colours, without light and shadow. `semantic` and `instance` are masks as of KITTI's semantic \
          benchmark: the class of each pixel with the numbers of Cityscapes (road 7, building 11, person 24, car 26), and \
          256 times that plus the number of its instance, which counts those of a class in an image from 1; what has no \
@@ -221,7 +223,9 @@ impl Write for Writer<'_> {
     fn add(&mut self, &Scanned { sample, scan, frame, cloud, boxes }: &Scanned) -> Result<Report> {
         let mut report = Report::default();
         if ![self.lidar, self.camera].contains(&scan) {
+            // It may have more frames than these.
             report.warn(format!("kitti: holds a LiDAR and a camera, left out: {}", sample.scans()[scan].name()));
+            return Ok(report);
         }
         let name = numbered(self.number * self.style.frames + frame as u64);
         let path = |folder: &str, ending: &str| self.folder.join(format!("training/{folder}/{name}.{ending}"));
@@ -291,7 +295,7 @@ impl Writer<'_> {
         for found in seen {
             let own = met.iter().find(|own| own.instance_id == found.instance_id);
             let points = found.points + own.map_or(0, |own| own.points);
-            if !self.style.unseen && (found.visible <= 0.0 || points == 0) {
+            if !self.style.unseen && points == 0 {
                 continue;
             }
             let category = cloud.labels.category.name(found.category_id).unwrap_or("unlabelled");
@@ -329,7 +333,9 @@ fn label(grid: &ImageGrid, of: &str, seen: &InstanceBox, met: &InstanceBox) -> O
     let occluded = match seen.visible {
         visible if visible >= VISIBLE => 0,
         visible if visible >= PARTLY => 1,
-        _ => 2,
+        visible if visible > 0.0 => 2,
+        // The camera does not know.
+        _ => 3,
     };
     let InstanceBox { pose, size, .. } = met;
     let (ahead, up) = (to_optical * (pose.orientation * DVec3::X), pose.orientation * DVec3::Z);

@@ -13,9 +13,13 @@ use crate::ground::shown;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 /// How the names of lock files begin; that of the whole set has no more.
 const NAME: &str = ".lock";
+
+/// How long others may have a lock only to see whether somebody else has it, or to give theirs back.
+const PATIENCE: Duration = Duration::from_millis(50);
 
 /// The exclusive right to write to a set, or to a shard of it, for as long as this lives.
 #[derive(Debug)]
@@ -72,8 +76,8 @@ impl Lock {
         }
         // The same samples are in other parts where these are more or fewer.
         let ending = format!("_of_{parts}");
-        let other = shards(root).into_iter().find(|path| !path.to_string_lossy().ends_with(&ending) && is_taken(path));
-        match other {
+        let foreign = |path: &PathBuf| !path.to_string_lossy().ends_with(&ending);
+        match shards(root).into_iter().find(|path| foreign(path) && is_kept(path)) {
             Some(other) => Err(taken(root, &format!("{} in another number of shards", holder(&other)))),
             None => Ok(lock),
         }
@@ -81,15 +85,22 @@ impl Lock {
 
     /// Whether the lock of `path` could be had.
     fn take(&mut self, path: &Path, shared: bool) -> Result<bool> {
-        match ask(path, shared).map_err(|source| Error::io(path, source))? {
-            Asked::Given(held) => self.held.push(held),
-            Asked::Taken => return Ok(false),
-            Asked::Unknown => {
-                let _ = fs::remove_file(path);
-                self.unlocked = true;
+        let started = Instant::now();
+        loop {
+            match ask(path, shared).map_err(|source| Error::io(path, source))? {
+                Asked::Given(held) => self.held.push(held),
+                Asked::Taken if started.elapsed() < PATIENCE => {
+                    std::thread::sleep(PATIENCE / 10);
+                    continue;
+                }
+                Asked::Taken => return Ok(false),
+                Asked::Unknown => {
+                    let _ = fs::remove_file(path);
+                    self.unlocked = true;
+                }
             }
+            return Ok(true);
         }
-        Ok(true)
     }
 }
 
@@ -130,6 +141,18 @@ fn ask(path: &Path, shared: bool) -> io::Result<Asked> {
 fn is_taken(path: &Path) -> bool {
     let Ok(file) = File::open(path) else { return false };
     matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock))
+}
+
+/// Whether a process has the lock of the file at `path`, and does not give it back in a moment.
+fn is_kept(path: &Path) -> bool {
+    let started = Instant::now();
+    while is_taken(path) {
+        if started.elapsed() >= PATIENCE {
+            return true;
+        }
+        std::thread::sleep(PATIENCE / 10);
+    }
+    false
 }
 
 /// Whether `file` is the one at `path`.
@@ -229,6 +252,31 @@ mod tests {
         assert_eq!(fs::read_dir(root).unwrap().count(), 0);
     }
 
+    /// One that is given back in a moment keeps nobody out.
+    #[test]
+    fn a_moment_is_waited_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path();
+        for _ in 0..10 {
+            let whole = Lock::of_set(root).unwrap();
+            std::thread::scope(|scope| {
+                scope.spawn(move || {
+                    std::thread::sleep(PATIENCE / 5);
+                    drop(whole);
+                });
+                assert_eq!(told(Lock::of_shard(root, [0, 2])), "");
+            });
+            let shard = Lock::of_shard(root, [0, 2]).unwrap();
+            std::thread::scope(|scope| {
+                scope.spawn(move || {
+                    std::thread::sleep(PATIENCE / 5);
+                    drop(shard);
+                });
+                assert_eq!(told(Lock::of_shard(root, [0, 3])), "");
+            });
+        }
+    }
+
     /// Whoever waits between opening a lock file and locking it must not have that of a file that is gone.
     #[test]
     fn one_of_many_has_a_lock() {
@@ -236,7 +284,7 @@ mod tests {
         let (inside, most) = (std::sync::atomic::AtomicUsize::new(0), std::sync::atomic::AtomicUsize::new(0));
         let count = |number: &std::sync::atomic::AtomicUsize| number.load(std::sync::atomic::Ordering::SeqCst);
         let work = || {
-            for _ in 0..300 {
+            for _ in 0..100 {
                 if let Ok(_lock) = Lock::of_set(folder.path()) {
                     let now = inside.fetch_add(1, std::sync::atomic::Ordering::SeqCst) + 1;
                     most.fetch_max(now, std::sync::atomic::Ordering::SeqCst);

@@ -209,9 +209,10 @@ pub(super) fn read(root: &Path) -> Result<BTreeMap<u64, Entry>> {
         let file = File::open(&path).map_err(|source| Error::Io { path: path.clone(), source })?;
         // A sample that is made again was damaged: what is noted last holds, whatever becomes of it.
         let mut own: BTreeMap<u64, Entry> = BTreeMap::new();
-        for line in BufReader::new(file).lines() {
+        // A line that is cut off may end within a letter.
+        for line in BufReader::new(file).split(b'\n') {
             let line = line.map_err(|source| Error::Io { path: path.clone(), source })?;
-            if let Ok(entry) = serde_json::from_str::<Entry>(&line) {
+            if let Ok(entry) = serde_json::from_slice::<Entry>(&line) {
                 inside(&path, &entry)?;
                 own.insert(entry.sample, entry);
             }
@@ -282,7 +283,10 @@ mod tests {
             "manifest.jsonl",
             &[line(0, "a", None), line(0, "b", None), line(1, "a", None), line(1, "", Some("lost"))],
         );
-        write("manifest.0_of_2.jsonl", &[line(2, "a", None), "{\"sample\":".into()]);
+        let mut cut = [line(2, "a", None), line(3, "\u{e9}", None)].concat().into_bytes();
+        let within = cut.iter().rposition(|&byte| byte == 0xc3).unwrap();
+        cut.truncate(within + 1);
+        fs::write(folder.path().join("manifest.0_of_2.jsonl"), [&cut[..], b"\n"].concat()).unwrap();
         write("manifest.1_of_3.jsonl", &[line(2, "", Some("lost"))]);
         let entries = read(folder.path()).unwrap();
         let found = |sample: u64| entries[&sample].files.first().map(|file| file.path.as_str());

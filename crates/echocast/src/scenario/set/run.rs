@@ -12,6 +12,7 @@ use super::{readme, report};
 use crate::cloud::{Field, FieldSet, PointCloud};
 use crate::export::{self, cancel_flag};
 use crate::ground::error::{Error, Result};
+use crate::ground::report::Report;
 use crate::preview::{self, PreviewOptions, View};
 use crate::scenario::sample::Boxes;
 use crate::scenario::{Sample, Scenario, lock};
@@ -172,10 +173,8 @@ pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sy
     let mut summary = summary.into_inner().unwrap_or_else(PoisonError::into_inner);
     summary.failed.sort();
     summary.warnings = noticed.into_inner().unwrap_or_else(PoisonError::into_inner).told();
-    if lock_files.unlocked {
-        let warning = format!("{}: {UNLOCKED}", crate::ground::shown::path(&root));
-        summary.warnings.push(Noticed { warning, samples: 0, first: 0 });
-    }
+    let told = unlocked(&lock_files, &root).warnings.into_iter();
+    summary.warnings.extend(told.map(|warning| Noticed { warning, samples: 0, first: 0 }));
     if options.shard.is_none() {
         let (origin, entries) = (folder::need_origin(&root)?, manifest::read(&root)?);
         if folder::missing(&origin, &entries).is_none() {
@@ -192,21 +191,24 @@ pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sy
 const UNLOCKED: &str = "its file system has no locks: nothing keeps another run from writing there at the same time";
 
 /// Completes the set in `root`, whose samples are all there, as their manifests say: writes what they have together, its
-/// manifest and its report.
+/// manifest and its report. Returns what was noticed.
 ///
 /// # Errors
 /// There is no set, or another process writes to it; samples are missing, or their files are not as they were written;
 /// the system's.
-pub fn finish(root: &Path) -> Result<()> {
+pub fn finish(root: &Path) -> Result<Report> {
+    folder::need_origin(root)?;
+    let lock = Lock::of_set(root)?;
+    // What another process has written meanwhile is there now.
     let origin = folder::need_origin(root)?;
-    let _lock = Lock::of_set(root)?;
     let entries = all_entries(root, &origin)?;
     for entry in entries.values() {
         if let Some(fault) = folder::damages(root, &origin, entry).next() {
             return Err(damaged(fault));
         }
     }
-    write_whole(root, &origin, entries)
+    write_whole(root, &origin, entries)?;
+    Ok(unlocked(&lock, root))
 }
 
 /// [`finish`] of a set of which only those files need to be in `root` that something is joined of, as where the others
@@ -214,10 +216,21 @@ pub fn finish(root: &Path) -> Result<()> {
 ///
 /// # Errors
 /// As there.
-pub fn complete(root: &Path) -> Result<()> {
+pub fn complete(root: &Path) -> Result<Report> {
+    folder::need_origin(root)?;
+    let lock = Lock::of_set(root)?;
     let origin = folder::need_origin(root)?;
-    let _lock = Lock::of_set(root)?;
-    write_whole(root, &origin, all_entries(root, &origin)?)
+    write_whole(root, &origin, all_entries(root, &origin)?)?;
+    Ok(unlocked(&lock, root))
+}
+
+/// Tells where nothing keeps others from the set in `root`.
+fn unlocked(lock: &Lock, root: &Path) -> Report {
+    let mut report = Report::default();
+    if lock.unlocked {
+        report.warn(format!("{}: {UNLOCKED}", crate::ground::shown::path(root)));
+    }
+    report
 }
 
 /// [`complete`] for the holder of the set's lock, with all `entries` of its manifests.
