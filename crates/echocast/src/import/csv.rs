@@ -48,14 +48,14 @@ pub(super) fn begins(bytes: &[u8]) -> bool {
             let mut signs = styles(line).filter(|style| style.sign.is_some());
             signs.any(|style| named(line, style).iter().any(|column| names::own(column).is_some()))
         };
+        let is_row_of_header = || header.is_some_and(|header| pair(header, line, &[]).is_some());
         if is_comment(line) {
             if has_places(bare(line)) {
                 return true;
             }
         } else if is_count(line) {
-        } else if titles == 0 && (is_row(line) || has_places(line) || ours()) {
-            return true;
-        } else if header.is_some_and(|header| pair(header, line, &[]).is_some()) {
+            // Another line says of what.
+        } else if titles == 0 && (is_row(line) || has_places(line) || ours()) || is_row_of_header() {
             return true;
         } else {
             titles += 1;
