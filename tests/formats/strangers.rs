@@ -128,6 +128,7 @@ fn texts_of_other_programs_are_read() {
         PointCloud::read(&path).unwrap_err().to_string()
     };
     assert!(error(b"\xff\xfex\0,\0y\0,\0z\0\n\0").contains("UTF-16"));
+    assert!(error(b"lon,lat,alt\n1,2,3\n").contains("has none of the columns of a cloud"));
     assert!(error(b"3\n1 2 3 4\n1 2 3 4\n").contains("says it has 3 points, and has 2"));
     assert!(error(b"1 2 3\n7\n1 2 3\n").contains("line 2: has 1 numbers; expected 3"));
     let ptx = "1\n1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n1 2 3 0.5\n";

@@ -207,11 +207,11 @@ impl<'py> ObjectKeys<'py> {
         Ok(ObjectKeys {
             vertices: needed("vertices")?,
             triangles: needed("triangles")?,
-            name: value(keys, "name", &at)?.unwrap_or_else(|| "mesh".to_owned()),
-            pose: value(keys, "pose", &at)?,
-            category: value(keys, "category", &at)?,
-            instance: value(keys, "instance", &at)?,
-            material: value(keys, "material", &at)?,
+            name: value(keys, "name", at)?.unwrap_or_else(|| "mesh".to_owned()),
+            pose: value(keys, "pose", at)?,
+            category: value(keys, "category", at)?,
+            instance: value(keys, "instance", at)?,
+            material: value(keys, "material", at)?,
         })
     }
 }

@@ -134,9 +134,11 @@ impl Reader {
         {
             return Ok(false);
         }
-        let name = c_text(name)?;
+        let path = c_text(name)?;
         // SAFETY: the file is open, the name a text of C.
-        ask(|| unsafe { H5Lexists(self.0.0, name.as_ptr(), H5P_DEFAULT) }).map(|there| there > 0)
+        let there = ask(|| unsafe { H5Lexists(self.0.0, path.as_ptr(), H5P_DEFAULT) });
+        // There is nothing in what is no group.
+        if name.contains('/') { Ok(there.is_ok_and(|there| there > 0)) } else { there.map(|there| there > 0) }
     }
 
     /// The dataset `name`; `None`: there is nothing of that name.

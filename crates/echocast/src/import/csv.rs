@@ -82,12 +82,14 @@ fn numbers(line: &str, style: Style) -> impl Iterator<Item = Option<f64>> {
     style.words(line).take(style.count(line)).map(move |word| style.number(word))
 }
 
-/// How many of the first words of `line` are none, if the three behind them are numbers.
+/// How many words of `line` are before the first three numbers that follow each other; `None`: there are none.
 fn words_before(line: &str, style: Style) -> Option<usize> {
-    let is_number = |word: &str| !word.is_empty() && style.number(word).is_some();
-    let before = style.words(line).position(is_number)?;
-    let behind = style.words(line).skip(before).take(3).filter(|word| is_number(word));
-    (behind.count() == 3).then_some(before)
+    let mut row = 0;
+    let third = style.words(line).position(|word| {
+        row = if !word.is_empty() && style.number(word).is_some() { row + 1 } else { 0 };
+        row == 3
+    })?;
+    Some(third - 2)
 }
 
 /// Whether `line` is the row of a point, whatever its columns are.
@@ -136,7 +138,9 @@ fn as_they_are(name: &str) -> Named {
 /// it is no header of that row.
 fn pair(header: &str, row: &str, behind: &[Line]) -> Option<(Vec<Named>, Style)> {
     let fits = |columns: &[Named], line: &str, style: Style| {
-        let (mut filled, mut fits) = (false, style.count(line) == columns.len());
+        // The last may be empty.
+        let counts = [style.count(line), style.words(line).count()];
+        let (mut filled, mut fits) = (false, counts.contains(&columns.len()));
         let known = columns.iter().zip(style.words(line)).filter(|(column, _)| field(column).is_some());
         for word in known.map(|(_, word)| word) {
             filled |= !word.is_empty();
@@ -144,14 +148,15 @@ fn pair(header: &str, row: &str, behind: &[Line]) -> Option<(Vec<Named>, Style)>
         }
         filled && fits
     };
-    let mut best: Option<(usize, Vec<Named>, Style)> = None;
+    let mut best: Option<([usize; 2], Vec<Named>, Style)> = None;
     for of_header in styles(header) {
         let columns = named(header, of_header);
+        let known = columns.iter().filter(|column| field(column).is_some()).count();
         for style in styles(row).filter(|&style| fits(&columns, row, style)) {
             let more = behind.iter().take(ALIKE).filter(|line| fits(&columns, &line.text, style)).count();
-            if best.as_ref().is_none_or(|(most, ..)| more > *most) {
+            if best.as_ref().is_none_or(|(most, ..)| [known, more] > *most) {
                 let columns = columns.iter().map(|column| as_they_are(&column.name)).collect();
-                best = Some((more, columns, style));
+                best = Some(([known, more], columns, style));
             }
         }
     }
@@ -226,9 +231,7 @@ impl Head {
                 styles(line).any(|style| named(line, style).iter().any(|column| field(column).is_some()))
             }
         };
-        // Where nobody knows the names: what stands right above, as a title does not.
-        let last = texts().next().filter(|line| line.contains([';', '\t', ',']));
-        texts().filter(|line| has_places(line)).chain(comment).chain(texts().filter(known)).chain(last)
+        texts().filter(|line| has_places(line)).chain(comment).chain(texts().filter(known))
     }
 
     /// The units that a line between header and row says, with the columns called `columns`.
@@ -377,6 +380,13 @@ fn below(head: &Head, row: usize) -> Option<(Vec<Named>, Style, bool)> {
     if let Some(header) = texts.filter(|_| words_before(line, style) == Some(0)).find(|header| has_places(header)) {
         let (_, columns) = divided(header);
         return Some((head.with_units(row, columns), style, false));
+    }
+    // As many words right above, each without a blank, are names that nobody knows.
+    let above = row.checked_sub(1).map(|above| &*head.lines[above].text).filter(|_| style.sign.is_some());
+    let names = above.map(|above| named(above, style)).unwrap_or_default();
+    let is_name = |column: &Named| !column.name.contains(char::is_whitespace) && style.number(&column.name).is_none();
+    if names.len() > 1 && names.len() == style.count(line) && names.iter().all(is_name) {
+        return Some((names, style, false));
     }
     Some(((0..style.count(line)).map(|_| as_they_are(NOTHING)).collect(), style, true))
 }

@@ -752,11 +752,10 @@ fn kitti_leaves_out_sensors_and_nothing_that_a_sensor_sees() {
     let lines = |rest: &str, name: &str| {
         let outputs = format!("    outputs: [{{style: kitti, velodyne: top, frames: 10{rest}}}]\n");
         let text = format!("{}{outputs}{}", &text[..from], &text[until..]);
-        // What looks the other way sees no chair, and the box of none is in its image.
         let scenario = Scenario::from_yaml(&text, folder.path()).unwrap();
         let made = folder.path().join(name);
-        let options = set::RunOptions { samples: Some([0, 0, 1]), ..options(Some(made.clone())) };
-        let summary = set::run(scenario, &options, &|_| {}).unwrap();
+        let first = set::RunOptions { samples: Some([0, 0, 1]), ..options(Some(made.clone())) };
+        let summary = set::run(scenario, &first, &|_| ()).unwrap();
         assert_eq!((summary.made, summary.failed), (1, Vec::new()));
         assert!(summary.warnings.iter().any(|seen| seen.warning.contains("left out: side")), "{:?}", summary.warnings);
         let read = |frame| fs::read_to_string(made.join(format!("kitti/training/label_2/{frame:06}.txt"))).unwrap();
