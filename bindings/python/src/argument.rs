@@ -35,7 +35,7 @@ named! {
 /// `value` is of no type that is `allowed` for `name`.
 pub fn wrong_type(name: &str, value: &Bound<'_, PyAny>, allowed: &str) -> Failure {
     let kind = value.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
-    PyErr::from(PyTypeError::new_err(format!("{name} is of the type {kind}; allowed: {allowed}"))).into()
+    PyTypeError::new_err(format!("{name} is of the type {kind}; allowed: {allowed}")).into()
 }
 
 /// What PyO3 has made of `value`, or what is to be said instead of its own words. What else went wrong stays: `value`
