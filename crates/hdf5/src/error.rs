@@ -28,8 +28,10 @@ pub(crate) fn of<'a>(sentences: impl DoubleEndedIterator<Item = &'a str> + Clone
         let digits = sentence.split_once("errno = ")?.1;
         digits.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok()
     };
+    // Where nobody has a filter, the places are told last in which it was looked for.
+    let filter = || sentences.clone().find(|sentence| sentence.starts_with("required filter"));
     // Of one that follows from another, such as closing what could not be written, the first tells why.
-    match (sentences.clone().find_map(number), sentences.into_iter().next_back()) {
+    match (sentences.clone().find_map(number), filter().or_else(|| sentences.clone().next_back())) {
         (Some(number), _) => io::Error::from_raw_os_error(number),
         (None, Some(last)) => io::Error::other(format!("HDF5: {}", last.split([',', ':']).next().unwrap_or_default())),
         (None, None) => io::Error::other("HDF5: an error without a reason"),

@@ -722,7 +722,9 @@ fn labels_of_kitti_are_what_its_camera_sees() {
     sample.cloud_with(1, 3, crate::cloud::FieldSet::all(), sample::Boxes::None, &mut cloud).unwrap();
     // Pixels of each chair lie in its box, and one of them touches each side that is not hidden.
     let mut matched = 0;
-    for line in labels.lines() {
+    // Those that the LiDAR alone meets have none.
+    let seen = || labels.lines().filter(|line| numbers(line)[1] < 3.0);
+    for line in seen() {
         assert!(line.starts_with("Car "));
         let label = numbers(line);
         let (rect, size, turned) = (&label[3..7], &label[7..10], label[13]);
@@ -738,7 +740,7 @@ fn labels_of_kitti_are_what_its_camera_sees() {
         });
         matched += usize::from(inside.count() >= 4);
     }
-    assert_eq!(matched, labels.lines().count(), "{labels}");
+    assert_eq!(matched, seen().count(), "{labels}");
 }
 
 /// A third sensor, which scans twice as often; objects that the LiDAR alone meets.
