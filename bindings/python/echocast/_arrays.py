@@ -75,6 +75,13 @@ def shown(shape: tuple[int, ...]) -> str:
 
 def text(value: Any) -> str:
     """Keys and values as JSON, which is YAML too."""
+    if not isinstance(value, dict):
+        return json.dumps(value, default=plain)
+    for key, item in value.items():
+        try:
+            json.dumps(item, default=plain)
+        except TypeError as error:
+            raise TypeError(f"{key}: {error}") from None
     return json.dumps(value, default=plain)
 
 

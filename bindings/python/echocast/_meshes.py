@@ -1,6 +1,7 @@
 """Meshes of trimesh and Open3D as scenes. Neither package is imported: what is built as theirs is taken."""
 
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from numbers import Integral, Real
 from typing import TYPE_CHECKING, Any
@@ -41,8 +42,9 @@ def scene(thing: Any, up: str = "z", scale: float = 1.0, category: str | int | N
     check_type("category", category, (str, Integral), "a name, or a number from 0 to 4294967295")
     if up not in UP:
         raise ArgumentError(f"up is {up!r}; allowed: {', '.join(UP)}")
-    if not (np.isfinite(scale) and scale > 0):
+    if not 0 < scale <= sys.float_info.max:
         raise ArgumentError(f"scale is {scale}; allowed: above 0")
+    scale = float(scale)
     world = np.eye(4)
     world[:3, :3] = scale * np.array(UP[up])
     objects: "list[ObjectKeys]" = []

@@ -38,7 +38,7 @@ def test_scenes_are_made_of_objects() -> None:
         ec.Scene.from_objects([dict(vertices=SQUARE, triangles=TWO, pose=np.eye(3))])
     with pytest.raises((KeyError, TypeError)):
         ec.Scene.from_objects([dict(vertices=SQUARE)])  # type: ignore[typeddict-item]
-    with pytest.raises(ec.ArgumentError, match='the key of an object is "catgory"; allowed: vertices, .*, category'):
+    with pytest.raises(ec.ArgumentError, match="a key of object 0 is 'catgory'; allowed: vertices, .*, category"):
         ec.Scene.from_objects([dict(vertices=SQUARE, triangles=TWO, catgory="x")])  # type: ignore[typeddict-unknown-key]
 
 
