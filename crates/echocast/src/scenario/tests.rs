@@ -747,12 +747,12 @@ fn labels_of_kitti_are_what_its_camera_sees() {
 #[test]
 fn kitti_leaves_out_sensors_and_nothing_that_a_sensor_sees() {
     let folder = folder();
-    let text =
-        STYLED.replace("    trajectory:", "\x20 - {name: side, sensor: velodyne_vlp16, rate_hz: 20}\n    trajectory:");
-    let from = text.find("    outputs:").unwrap();
-    let until = text.find("    variation:").unwrap();
+    let side = "  - {name: side, sensor: velodyne_vlp16, rate_hz: 20}\ntrajectory:";
+    let text = STYLED.replace("trajectory:", side);
+    let from = text.find("outputs:").unwrap();
+    let until = text.find("variation:").unwrap();
     let lines = |rest: &str, name: &str| {
-        let outputs = format!("    outputs: [{{style: kitti, velodyne: top, frames: 10{rest}}}]\n");
+        let outputs = format!("outputs: [{{style: kitti, velodyne: top, frames: 10{rest}}}]\n");
         let text = format!("{}{outputs}{}", &text[..from], &text[until..]);
         let scenario = Scenario::from_yaml(&text, folder.path()).unwrap();
         let made = folder.path().join(name);

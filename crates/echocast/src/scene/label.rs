@@ -175,7 +175,7 @@ impl<'r> Given<'r> {
         let clashes: Vec<String> = self.of_numbers.intersection(&self.others).cloned().collect();
         [
             (odd, "numbers that are not whole or not in 0 to 4294967295 are taken as names"),
-            (clashes, "numbers of the file are the same labels as names that come from elsewhere"),
+            (clashes, "numbers of the file and names that come from elsewhere are the same labels"),
         ]
         .into_iter()
         .filter(|(names, _)| !names.is_empty())
