@@ -347,12 +347,12 @@ columns! {
     normal_x, NormalX, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame; NaN of what is no surface";
     normal_y, NormalY, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame; NaN of what is no surface";
     normal_z, NormalZ, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame; NaN of what is no surface";
-    cos_incidence, CosIncidence, f32, "1", false, None, "cosine of incidence angle, 1 = head-on";
+    cos_incidence, CosIncidence, f32, "1", false, None, "cosine of incidence angle, 1 = head-on; NaN of what is no surface";
     depth, Depth, f32, "m", false, None, "distance along x, measured, in the sensor frame";
-    true_x, TrueX, f32, "m", false, None, "position without errors, relative to the cloud's origin";
-    true_y, TrueY, f32, "m", false, None, "position without errors, relative to the cloud's origin";
-    true_z, TrueZ, f32, "m", false, None, "position without errors, relative to the cloud's origin";
-    true_range, TrueRange, f32, "m", false, None, "slant range without errors";
+    true_x, TrueX, f32, "m", false, None, "position without errors, relative to the cloud's origin; of sonars NaN where nothing scatters";
+    true_y, TrueY, f32, "m", false, None, "position without errors, relative to the cloud's origin; of sonars NaN where nothing scatters";
+    true_z, TrueZ, f32, "m", false, None, "position without errors, relative to the cloud's origin; of sonars NaN where nothing scatters";
+    true_range, TrueRange, f32, "m", false, None, "slant range without errors; of sonars NaN where nothing scatters";
     cause, Cause, u8, "", false, None, "why the point is there: 0 surface, 1 seen in a mirror, 2 seen through glass, 3 rain, 4 fog, 5 snow, 6 dust, 7 noise (false alarm), 8 mixed (edge), 9 multipath, 10 sea surface";
     bounces, Bounces, u8, "", false, None, "specular events on the path";
     first_category_id, FirstCategoryId, u32, "", false, None, "category of the first surface: the mirror or pane that the beam meets, if any";
@@ -377,7 +377,7 @@ columns! {
     water_track_x, WaterTrackX, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, likewise, NaN where none is tracked; a default column of logs that track one";
     water_track_y, WaterTrackY, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, likewise, NaN where none is tracked; a default column of logs that track one";
     water_track_z, WaterTrackZ, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, likewise, NaN where none is tracked; a default column of logs that track one";
-    water_track_error, WaterTrackError, f32, "m/s", false, None, "water error velocity: how far four beams disagree, likewise; a default column of logs that track one";
+    water_track_error, WaterTrackError, f32, "m/s", false, None, "water error velocity: how far four beams disagree, NaN with three or none; a default column of logs that track one";
 }
 
 impl Field {

@@ -292,10 +292,13 @@ impl Layout {
             let Line { at, before, .. } = &head.lines[counted.unwrap_or(row)];
             return Ok(Layout { columns, style, at: *at, before: *before, bare, commas });
         }
-        if let (Some((at, before)), None) = (head.end, wanted) {
-            // No point at all.
+        if let (Some(end), None) = (head.end, wanted) {
+            // No point at all, or none that is whole, which whoever reads them says.
             if let Some(header) = head.headers(head.lines.len()).find(|header| is_header(header)) {
                 let (style, columns) = divided(header);
+                let behind = head.lines.iter().rposition(|line| line.text == header).map_or(0, |header| header + 1);
+                let row = head.lines[behind..].iter().find(|line| !is_count(&line.text));
+                let (at, before) = row.map_or(end, |row| (row.at, row.before));
                 return Ok(Layout { columns, style, at, before, bare: false, commas: false });
             }
         }
