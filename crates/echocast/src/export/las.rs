@@ -590,7 +590,7 @@ impl Extra {
 /// The short form of a column's meaning, at most 31 bytes.
 fn description(info: &FieldInfo) -> String {
     let unit = if matches!(info.unit, "" | "1") { String::new() } else { format!("[{}] ", info.unit) };
-    let short = info.meaning.split([',', ':', '(']).next().unwrap_or_default();
+    let short = info.meaning.split([',', ':', ';', '(']).next().unwrap_or_default();
     unit + short.trim_end()
 }
 
