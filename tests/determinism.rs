@@ -24,7 +24,7 @@ fn scene_with(engine: &Engine) -> BuiltScene {
     scene_of(engine, true)
 }
 
-/// Where veils are solid, what a beam meets is not up to chance.
+/// Without veils, what a beam meets is not up to chance.
 fn scene_of(engine: &Engine, has_veils: bool) -> BuiltScene {
     let random = &mut Random::new(5);
     let mut scene = SceneBuilder::new();
@@ -34,16 +34,12 @@ fn scene_of(engine: &Engine, has_veils: bool) -> BuiltScene {
     let mirror = scene.material(Material { metallic: 0.8, base_color: [0.9; 4], ..smooth("mirror") });
     let pane = scene.material(Material { transmission: 1.0, pane_m: Some(0.004), dirt: 0.02, ..smooth("pane") });
     let glass = scene.material(Material { transmission: 1.0, thickness_m: 1.0, ..smooth("glass") });
-    let alpha = if has_veils { Alpha::Coverage } else { Alpha::Solid };
-    let veil = Material { alpha, base_color: [0.4, 0.4, 0.4, 0.5], ..smooth("veil") };
-    let veil = scene.material(veil);
     let samples = vec![RetroSample { angle_deg: 70.0, cd_lx_m2: 250.0 }];
     let sign = scene.material(Material { scattering: Scattering::RetroReflector { samples }, ..smooth("sign") });
     for (shape, material) in [
         (Shape::plate(DVec3::ZERO, DVec3::X, 1.0), mirror),
         (Shape::plate(DVec3::ZERO, DVec3::X, 1.0), pane),
         (Shape::sphere(0.7, 12), glass),
-        (Shape::plate(DVec3::ZERO, DVec3::X, 1.0), veil),
     ] {
         let mesh = scene.mesh([(shape, Some(material))]);
         for _ in 0..6 {
@@ -60,6 +56,15 @@ fn scene_of(engine: &Engine, has_veils: bool) -> BuiltScene {
     }
     for y in [-4.0, 4.0] {
         scene.stand(Shape::plate(DVec3::new(4.5, y, 0.0), DVec3::new(-1.0, -0.5 * y, 0.0), 0.05), Some(sign));
+    }
+    if has_veils {
+        let veil = Material { alpha: Alpha::Coverage, base_color: [0.4, 0.4, 0.4, 0.5], ..smooth("veil") };
+        let veil = scene.material(veil);
+        let mesh = scene.mesh([(Shape::plate(DVec3::ZERO, DVec3::X, 1.0), Some(veil))]);
+        for _ in 0..6 {
+            let place = DAffine3::from_translation(random.in_cube(5.0));
+            scene.place(mesh, place * DAffine3::from_quat(random.rotation()));
+        }
     }
     scene.finish().build_with(engine).unwrap()
 }
