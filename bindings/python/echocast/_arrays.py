@@ -75,14 +75,23 @@ def shown(shape: tuple[int, ...]) -> str:
 
 def text(value: Any) -> str:
     """Keys and values as JSON, which is YAML too."""
-    if not isinstance(value, dict):
+    try:
         return json.dumps(value, default=plain)
-    for key, item in value.items():
-        try:
-            json.dumps(item, default=plain)
-        except TypeError as error:
-            raise TypeError(f"{key}: {error}") from None
-    return json.dumps(value, default=plain)
+    except TypeError as error:
+        raise TypeError(odd(value, "") or str(error)) from None
+
+
+def odd(value: Any, name: str) -> str | None:
+    """What is wrong with the first thing within `value` that is called `name` which JSON does not know."""
+    if isinstance(value, dict):
+        parts = [(f"{name}.{key}" if name else str(key), item) for key, item in value.items()]
+    elif isinstance(value, list | tuple):
+        parts = [(f"{name}[{index}]", item) for index, item in enumerate(value)]
+    elif value is None or isinstance(value, str | bool | int | float | np.ndarray | np.generic | os.PathLike):
+        return None
+    else:
+        return f"{name or 'a value'} is of the type {type(value).__name__}; allowed: numbers, texts, lists and dicts"
+    return next(filter(None, (odd(item, part) for part, item in parts)), None)
 
 
 def plain(value: Any) -> Any:
