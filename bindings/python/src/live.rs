@@ -45,11 +45,11 @@ struct Live {
 }
 
 /// An object that was given as arrays. Far from 0, 0, 0, where float32 is coarse, its mesh has the vertices about a point
-/// among them, and its places are told of the vertices as they were given.
+/// among them, while its poses are those of the vertices as they were given.
 #[derive(Clone, Default)]
 struct Given {
     middle: DVec3,
-    /// Its motion as it was told; none if it stands.
+    /// Its motion as it was given; none if it stands.
     motion: Vec<(f64, DAffine3)>,
 }
 

@@ -1,4 +1,4 @@
-"""Whatever argument is wrong is told by its name, in words of this package's users: each of every function."""
+"""Errors name the argument that is wrong, in words of this package's users: each argument of every function."""
 
 import importlib
 import inspect

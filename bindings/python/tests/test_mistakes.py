@@ -204,7 +204,7 @@ def test_far_away_vertices_keep_their_place_while_things_change() -> None:
             change(live, wall)
             for x in (0, 0.1, 0.2):
                 assert abs(ahead(live, x) - (5 - x)) < 1e-3
-    # Motion is told of the vertices, too, wherever they come from.
+    # The poses of a motion are those of the vertices as given, too, wherever they come from.
     for change in (moved, bent):
         live, wall = given()
         change(live, wall)

@@ -94,7 +94,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
                 text::note(&format!("error: {error}"));
                 return usage::FAILED;
             }
-            // Help, or what is wrong. If nobody reads it, there is nobody to tell.
+            // Help, or what is wrong. A failure to print it cannot be reported either.
             let _ = told.print();
             return u8::try_from(told.exit_code()).unwrap_or(u8::MAX);
         }

@@ -8,7 +8,7 @@ use std::io;
 /// The last error of HDF5, for who has its lock. What it cites of a file may not be UTF-8.
 pub(crate) fn last() -> io::Error {
     unsafe extern "C" fn note(_: c_uint, error: *const H5E_error2_t, all: *mut c_void) -> herr_t {
-        // SAFETY: `all` is the list below, which nobody else has meanwhile, and the error is alive for the call.
+        // SAFETY: `all` is the list below, borrowed by nothing else during the walk; the error is alive for the call.
         let (all, error) = unsafe { (&mut *all.cast::<Vec<String>>(), &*error) };
         if !error.desc.is_null() {
             // SAFETY: a text of C that lives as long as the error.
@@ -28,7 +28,7 @@ pub(crate) fn of<'a>(sentences: impl DoubleEndedIterator<Item = &'a str> + Clone
         let digits = sentence.split_once("errno = ")?.1;
         digits.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok()
     };
-    // Where nobody has a filter, the places are told last in which it was looked for.
+    // Of a filter that is not installed, the innermost sentence is about the folders that were searched.
     let filter = || sentences.clone().find(|sentence| sentence.starts_with("required filter"));
     // Of one that follows from another, such as closing what could not be written, the first tells why.
     match (sentences.clone().find_map(number), filter().or_else(|| sentences.clone().next_back())) {

@@ -166,7 +166,7 @@ impl Reader {
     /// A damaged file.
     pub fn names(&self) -> io::Result<Vec<String>> {
         unsafe extern "C" fn note(_: hid_t, name: *const c_char, _: *const H5L_info1_t, all: *mut c_void) -> herr_t {
-            // SAFETY: `all` is the list below, which nobody else has meanwhile, the name a text of C.
+            // SAFETY: `all` is the list below, borrowed by nothing else during the walk; the name is a C string.
             let (all, name) = unsafe { (&mut *all.cast::<Vec<String>>(), CStr::from_ptr(name)) };
             all.push(name.to_string_lossy().into_owned());
             0

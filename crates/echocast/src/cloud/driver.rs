@@ -349,7 +349,7 @@ impl PointCloud {
 
     /// Which return a row is, as Autoware numbers them (`autoware_point_types`, `ReturnType`): 1 the only one, 3 and 4 the
     /// strongest, if it is the first or the last, 5 and 6 another that is the first or the last, 7 one that is reported
-    /// twice; 0, "invalid", one in the middle, none, and one whose beam has lost others, so that nobody knows.
+    /// twice; 0, "invalid", one in the middle, none, and one whose beam has lost others, so that it cannot be said.
     fn return_type(&self, row: usize) -> u8 {
         let c = &self.columns;
         let (number, count) = (usize::from(c.return_number[row]), usize::from(c.return_count[row]));

@@ -384,7 +384,7 @@ fn below(head: &Head, row: usize) -> Option<(Vec<Named>, Style, bool)> {
         let (_, columns) = divided(header);
         return Some((head.with_units(row, columns), style, false));
     }
-    // As many words right above, each without a blank, are names that nobody knows.
+    // As many words right above, each without a blank, are names of unknown columns.
     let above = row.checked_sub(1).map(|above| &*head.lines[above].text).filter(|_| style.sign.is_some());
     let names = above.map(|above| named(above, style)).unwrap_or_default();
     let is_name = |column: &Named| !column.name.contains(char::is_whitespace) && style.number(&column.name).is_none();

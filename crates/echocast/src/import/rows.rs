@@ -97,7 +97,7 @@ impl Rows {
         self
     }
 
-    /// With colours of which nobody says whether white is 255, 65535 or 1.
+    /// With colours whose white may be 255, 65535 or 1.
     pub(super) fn with_any_colours(mut self) -> Rows {
         self.colours = Some(Default::default());
         self

@@ -3,8 +3,8 @@
 //!
 //! A beam is suspect where the axis meets another surface, or another plane, than what lies around it: one ray at the rim
 //! of its own footprint (above the axis in even columns, below it in odd ones) and the axes and rim rays of its
-//! neighbours in the row; and where it was up to a draw what the axis meets. Suspects are split if what lies around them can make a second echo, or share one, or is all
-//! that can be seen.
+//! neighbours in the row. Suspects are split if what lies around them can make a second echo, or share one, or is all that
+//! can be seen; and so is, in any case, a beam on whose axis a draw decided whether a surface stopped it.
 
 use super::run::Scan;
 use crate::detect::ReturnMode;
@@ -39,7 +39,7 @@ const BEFORE: usize = 1;
 const BEHIND: usize = 2;
 const RIM_BEFORE: usize = 3;
 const RIM_BEHIND: usize = 4;
-/// Not compared: a part of the other rays meets something else.
+/// Nothing is compared: a draw decided on the axis, and decides otherwise for some of the other rays.
 const DRAWN: usize = 5;
 
 /// Memory to find such beams in, and what is found.

@@ -252,7 +252,7 @@ mod tests {
         assert_eq!(fs::read_dir(root).unwrap().count(), 0);
     }
 
-    /// One that is given back in a moment keeps nobody out.
+    /// A lock that is released within a moment does not make others fail.
     #[test]
     fn a_moment_is_waited_for() {
         let folder = tempfile::tempdir().unwrap();
