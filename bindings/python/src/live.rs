@@ -373,11 +373,9 @@ impl LiveScene {
         #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> Outcome<PointCloud> {
-        let sensor = sensor.sensor()?;
-        let asked = Asked::of(options, &sensor)?;
-        let path = asked.path(py, || self.cameras(py))?;
+        let asked = Asked::of(py, sensor, options, || self.cameras(py))?;
         let built = self.detached(py, |live| live.scene.commit())?;
-        scan(py, &built, &sensor, &path, &asked, || self.lock(py).scene.bounds())
+        scan(py, &built, &asked, || self.lock(py).scene.bounds())
     }
 
     /// A ping of a sonar, now. Keywords as those of `Scene.scan`.
@@ -388,11 +386,9 @@ impl LiveScene {
         #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> Outcome<Ping> {
-        let sensor = sensor.sensor()?;
-        let asked = Asked::of(options, &sensor)?;
-        let path = asked.path(py, || self.cameras(py))?;
+        let asked = Asked::of(py, sensor, options, || self.cameras(py))?;
         let built = self.detached(py, |live| live.scene.commit())?;
-        ping(py, &built, &sensor, &path, &asked)
+        ping(py, &built, &asked)
     }
 
     fn __reduce__(&self) -> PyResult<()> {

@@ -3,7 +3,7 @@
 use crate::argument::{Argument, one_of, wrong_type};
 use crate::error::{Failure, Outcome};
 use crate::place;
-use crate::sensor::{Air, named};
+use crate::sensor::{Air, Instrument, named};
 use echocast::{BoxAxes, FieldSet, ScanOptions, Sensor, Trajectory};
 use pyo3::exceptions::{PyTypeError, PyUserWarning};
 use pyo3::prelude::*;
@@ -18,9 +18,10 @@ const NAMES: &str = "at, fields, seed, frame, start_time, trajectory_time, freez
 
 /// What a method that scans was asked for.
 pub struct Asked {
+    pub sensor: Sensor,
+    /// Where the sensor is.
+    pub path: Trajectory,
     pub options: ScanOptions,
-    /// Where the sensor is, if that was told.
-    path: Option<Trajectory>,
     progress: Progress,
 }
 
@@ -40,6 +41,20 @@ one_of! { Boxes: Wanted | Axes; "True, False, object or frame" }
 
 one_of! { Columns: Text | List; "names of columns in a list, or in a text with commas" }
 
+/// Where a sensor stands that was told no place; warns, and suggests one of `cameras`.
+fn nowhere(py: Python<'_>, cameras: impl FnOnce() -> Vec<String>) -> PyResult<Trajectory> {
+    let camera = cameras().first().map(|name| format!("; the scene has a camera: at=scene.camera({name:?})"));
+    warn(
+        py,
+        &format!(
+            "the sensor is at 0, 0, 0, as at is not given; allowed: a Pose, a Trajectory, x, y and z, or a matrix of 4 x \
+             4{}",
+            camera.unwrap_or_default()
+        ),
+    )?;
+    Ok(Trajectory::fixed(echocast::Pose::IDENTITY))
+}
+
 impl Columns {
     pub fn names(self) -> Vec<String> {
         match self {
@@ -50,14 +65,17 @@ impl Columns {
 }
 
 impl Asked {
-    /// Out of `keywords`, for scans with `sensor`.
-    pub fn of(keywords: Option<&Bound<'_, PyDict>>, sensor: &Sensor) -> Outcome<Asked> {
-        let mut asked = Asked {
-            options: ScanOptions { fields: sensor.default_fields(), ..ScanOptions::default() },
-            path: None,
-            progress: Progress::default(),
-        };
-        let options = &mut asked.options;
+    /// Out of `keywords`. Without `at` the sensor stands at 0, 0, 0, with a warning that suggests one of the scene's
+    /// `cameras`.
+    pub fn of(
+        py: Python<'_>,
+        sensor: Instrument<'_>,
+        keywords: Option<&Bound<'_, PyDict>>,
+        cameras: impl FnOnce() -> Vec<String>,
+    ) -> Outcome<Asked> {
+        let sensor = sensor.sensor()?;
+        let mut options = ScanOptions { fields: sensor.default_fields(), ..ScanOptions::default() };
+        let (mut path, mut progress) = (None, Progress::default());
         for (key, value) in keywords.into_iter().flatten() {
             let key: String = key.extract()?;
             known(&key)?;
@@ -66,7 +84,7 @@ impl Asked {
             match key {
                 // None means the default.
                 _ if value.is_none() => {}
-                "at" => asked.path = Some(place::path(&value)?),
+                "at" => path = Some(place::path(&value)?),
                 "fields" => {
                     let list = Columns::of(key, &value)?.names().join(",");
                     options.fields = FieldSet::parse_with(&list, sensor.default_fields())?;
@@ -94,28 +112,12 @@ impl Asked {
                 "mask" => options.mask = Argument::of(key, &value)?,
                 "specular_depth" => options.specular_depth = Argument::of(key, &value)?,
                 "environment" => options.environment = Air::of(key, &value)?.environment()?,
-                "progress" => asked.progress = Progress::of(&value, "scan")?,
+                "progress" => progress = Progress::of(&value, "scan")?,
                 _ => {}
             }
         }
-        Ok(asked)
-    }
-
-    /// Where the sensor is. Without `at` it stands at 0, 0, 0, with a warning that suggests one of the scene's `cameras`.
-    pub fn path(&self, py: Python<'_>, cameras: impl FnOnce() -> Vec<String>) -> PyResult<Trajectory> {
-        if let Some(path) = &self.path {
-            return Ok(path.clone());
-        }
-        let camera = cameras().first().map(|name| format!("; the scene has a camera: at=scene.camera({name:?})"));
-        warn(
-            py,
-            &format!(
-                "the sensor is at 0, 0, 0, as at is not given; allowed: a Pose, a Trajectory, x, y and z, or a matrix of 4 \
-                 x 4{}",
-                camera.unwrap_or_default()
-            ),
-        )?;
-        Ok(Trajectory::fixed(echocast::Pose::IDENTITY))
+        let path = path.map_or_else(|| nowhere(py, cameras), Ok)?;
+        Ok(Asked { sensor, path, options, progress })
     }
 
     /// Does `work` without the interpreter, which it can ask how to go on.

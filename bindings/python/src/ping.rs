@@ -11,7 +11,7 @@ use crate::sensor::named;
 use crate::sequence;
 use echocast::image::{self, ImageRange, Overlap};
 use echocast::preview::{self, PreviewOptions, View};
-use echocast::{BuiltScene, Error, Field, Layout, Report, Sensor, Trajectory};
+use echocast::{BuiltScene, Error, Field, Layout, Report};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -326,15 +326,9 @@ fn ranges<'py>(py: Python<'py>, layout: &Layout) -> Outcome<Bound<'py, PyAny>> {
     Ok(owned(py, (0..layout.bins).map(|bin| layout.range(bin)).collect(), &[layout.bins])?)
 }
 
-/// `count` pings of `sensor`, along `path`, one after the other, from frame and time of what was `asked`.
-pub fn pings(
-    py: Python<'_>,
-    built: &BuiltScene,
-    sensor: &Sensor,
-    path: &Trajectory,
-    asked: &Asked,
-    count: u32,
-) -> Outcome<Pings> {
+/// `count` pings, one after the other, from frame and time of what was `asked`.
+pub fn pings(py: Python<'_>, built: &BuiltScene, asked: &Asked, count: u32) -> Outcome<Pings> {
+    let Asked { sensor, path, .. } = asked;
     let period = asked.options.frame_period.unwrap_or(sensor.beams().period);
     let made = asked.run(py, |progress| {
         let mut pings = echocast::Pings::default();
@@ -371,7 +365,7 @@ fn check_room(ping: &echocast::Ping, count: u32) -> echocast::Result<()> {
     Err(echocast::Error::InvalidParameter { name: "count".into(), value: count.to_string(), allowed })
 }
 
-/// One ping of `sensor`.
-pub fn ping(py: Python<'_>, built: &BuiltScene, sensor: &Sensor, path: &Trajectory, asked: &Asked) -> Outcome<Ping> {
-    Ok(Ping { pings: pings(py, built, sensor, path, asked, 1)?.0, index: 0 })
+/// One ping.
+pub fn ping(py: Python<'_>, built: &BuiltScene, asked: &Asked) -> Outcome<Ping> {
+    Ok(Ping { pings: pings(py, built, asked, 1)?.0, index: 0 })
 }

@@ -10,7 +10,7 @@ use crate::place::transform;
 use crate::sensor::{Instrument, Source, options_text};
 use echocast::generate::Generate;
 use echocast::scene::{Material, Mesh, NameTable, Object, Part};
-use echocast::{BuiltScene, LoadOptions, Sensor, Trajectory, why_nothing};
+use echocast::{BuiltScene, LoadOptions, why_nothing};
 use glam::{DAffine3, DVec3};
 use numpy::ndarray::{Ix1, Ix2};
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
@@ -524,10 +524,8 @@ impl Scene {
         #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> Outcome<PointCloud> {
-        let sensor = sensor.sensor()?;
-        let asked = Asked::of(options, &sensor)?;
-        let path = asked.path(py, || self.cameras())?;
-        scan(py, &self.built(py)?, &sensor, &path, &asked, || self.scene.bounds())
+        let asked = Asked::of(py, sensor, options, || self.cameras())?;
+        scan(py, &self.built(py)?, &asked, || self.scene.bounds())
     }
 
     /// A ping of a sonar: levels in range bins for each beam. Keywords as those of `Scene.scan`; ArgumentError for a
@@ -544,10 +542,8 @@ impl Scene {
         #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> Outcome<Ping> {
-        let sensor = sensor.sensor()?;
-        let asked = Asked::of(options, &sensor)?;
-        let path = asked.path(py, || self.cameras())?;
-        ping(py, &self.built(py)?, &sensor, &path, &asked)
+        let asked = Asked::of(py, sensor, options, || self.cameras())?;
+        ping(py, &self.built(py)?, &asked)
     }
 
     /// `count` pings of a sonar, one after the other along its trajectory. Keywords as those of `Scene.scan`; `frame`
@@ -567,10 +563,8 @@ impl Scene {
         #[pyo3(from_py_with = argument::count)] count: u32,
         options: Option<&Bound<'_, PyDict>>,
     ) -> Outcome<Pings> {
-        let sensor = sensor.sensor()?;
-        let asked = Asked::of(options, &sensor)?;
-        let path = asked.path(py, || self.cameras())?;
-        pings(py, &self.built(py)?, &sensor, &path, &asked, count)
+        let asked = Asked::of(py, sensor, options, || self.cameras())?;
+        pings(py, &self.built(py)?, &asked, count)
     }
 
     /// When the last of what moves by itself ends, s; 0 if nothing does. `LiveScene.set_time` lets it move.
@@ -638,23 +632,22 @@ impl Scene {
     }
 }
 
-/// Scans `built` along `path` as was asked for; warns if there are no points. `bounds` are those of the scene.
+/// Scans `built` as was asked for; warns if there are no points. `bounds` are those of the scene.
 pub fn scan(
     py: Python<'_>,
     built: &BuiltScene,
-    sensor: &Sensor,
-    path: &Trajectory,
     asked: &Asked,
     bounds: impl FnOnce() -> Option<(DVec3, DVec3)>,
 ) -> Outcome<PointCloud> {
+    let Asked { sensor, path, options, .. } = asked;
     let cloud = asked.run(py, |progress| {
         let mut cloud = echocast::PointCloud::default();
-        built.scan_with_progress(sensor, path, &asked.options, &mut cloud, progress)?;
+        built.scan_with_progress(sensor, path, options, &mut cloud, progress)?;
         Ok(cloud)
     })?;
     if cloud.return_rows().next().is_none() {
         let start = cloud.sensor_pose.position;
-        warn(py, &why_nothing(bounds(), sensor, start, &asked.options.environment))?;
+        warn(py, &why_nothing(bounds(), sensor, start, &options.environment))?;
     }
     Ok(PointCloud::of(cloud))
 }

@@ -148,19 +148,16 @@ fn pair(header: &str, row: &str, behind: &[Line]) -> Option<(Vec<Named>, Style)>
         }
         filled && fits
     };
-    let mut best: Option<([usize; 2], Vec<Named>, Style)> = None;
-    for of_header in styles(header) {
+    let pairs = styles(header).flat_map(|of_header| styles(row).map(move |style| (of_header, style)));
+    let fitting = pairs.filter_map(|(of_header, style)| {
         let columns = named(header, of_header);
-        let known = columns.iter().filter(|column| field(column).is_some()).count();
-        for style in styles(row).filter(|&style| fits(&columns, row, style)) {
+        fits(&columns, row, style).then(|| {
+            let known = columns.iter().filter(|column| field(column).is_some()).count();
             let more = behind.iter().take(ALIKE).filter(|line| fits(&columns, &line.text, style)).count();
-            if best.as_ref().is_none_or(|(most, ..)| [known, more] > *most) {
-                let columns = columns.iter().map(|column| as_they_are(&column.name)).collect();
-                best = Some(([known, more], columns, style));
-            }
-        }
-    }
-    best.map(|(_, columns, style)| (columns, style))
+            ([known, more], (columns, style))
+        })
+    });
+    first_of_most(fitting).map(|(_, found)| found)
 }
 
 /// How the row at the front of `lines` is divided, which has no header, as most of those behind it are too; `None`: it is
@@ -175,8 +172,12 @@ fn alone(lines: &[Line]) -> Option<Style> {
         let next = more.clone().next().is_none_or(|line| shape(&line.text) == wanted);
         wanted.0.filter(|&before| before == 0 || next).map(|_| (alike, style))
     };
-    let all = styles(row).filter_map(same);
-    all.reduce(|best, other| if other.0 > best.0 { other } else { best }).map(|(_, style)| style)
+    first_of_most(styles(row).filter_map(same)).map(|(_, style)| style)
+}
+
+/// The first of those that come with the largest number.
+fn first_of_most<N: PartialOrd, T>(all: impl Iterator<Item = (N, T)>) -> Option<(N, T)> {
+    all.reduce(|best, other| if other.0 > best.0 { other } else { best })
 }
 
 /// A line that is neither empty nor a comment.
@@ -356,8 +357,8 @@ fn asked(lines: &[Line], wanted: &[String]) -> Option<(Vec<Named>, Style)> {
         return None;
     }
     let alike = |style: Style| lines.iter().take(ALIKE).filter(|line| fits(&line.text, style)).count();
-    let all = styles(row).filter(|&style| fits(row, style)).map(|style| (alike(style), style));
-    let (alike, style) = all.reduce(|best, other| if other.0 > best.0 { other } else { best })?;
+    let (alike, style) =
+        first_of_most(styles(row).filter(|&style| fits(row, style)).map(|style| (alike(style), style)))?;
     // A title with a number in it.
     let words = numbers(row, style).any(|number| number.is_none());
     if words && alike < 2 && lines.len() > 1 {

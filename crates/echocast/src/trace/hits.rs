@@ -134,12 +134,13 @@ impl HitBatch {
                 packet.id = std::array::from_fn(|lane| (first + lane) as u32);
                 let veil = Cell::from_mut(&mut self.veil[..]).as_slice_of_cells();
                 let stops = |hit: &Candidate| {
+                    let Some(row) = scene.surfaces.with_holes(hit) else { return true };
                     // Whatever is not behind the hit is asked for, in whatever order.
-                    if scene.surfaces.is_drawn(hit, sight.cover) {
+                    if scene.surfaces.is_drawn(row, sight.cover) {
                         let nearest = &veil[hit.ray as usize];
                         nearest.set(nearest.get().min(hit.far));
                     }
-                    scene.surfaces.stops(hit, sight.cover, rays)
+                    scene.surfaces.covers(row, hit, sight.cover, rays)
                 };
                 scene.committed.intersect_where(&valid, &mut packet, coherence, &stops);
             } else {

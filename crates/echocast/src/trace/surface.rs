@@ -256,16 +256,23 @@ impl Surfaces {
         alpha
     }
 
+    /// The row of what is hit, where it has holes.
+    pub(crate) fn with_holes(&self, hit: &Candidate) -> Option<u32> {
+        let row = self.row(hit.geom_id, hit.inst_id);
+        (self.rows[row as usize].holes != Holes::Nowhere).then_some(row)
+    }
+
     /// Whether a ray that meets a surface is stopped there rather than passing. `hit.ray` is its lane in `rays`.
+    pub(crate) fn stops(&self, hit: &Candidate, cover: Cover, rays: &RayBatch) -> bool {
+        self.with_holes(hit).is_none_or(|row| self.covers(row, hit, cover, rays))
+    }
+
+    /// [`Surfaces::stops`] of a `row` with holes.
     ///
     /// It depends on nothing but the hit, by the order of the objects, and the ray, by its beam, where it begins and where
     /// it goes: whoever traces it again finds the same, in whatever order its hits come.
-    pub(crate) fn stops(&self, hit: &Candidate, cover: Cover, rays: &RayBatch) -> bool {
-        let row = self.row(hit.geom_id, hit.inst_id);
+    pub(crate) fn covers(&self, row: u32, hit: &Candidate, cover: Cover, rays: &RayBatch) -> bool {
         let surface = &self.rows[row as usize];
-        if surface.holes == Holes::Nowhere {
-            return true;
-        }
         let alpha = || self.alpha(surface, hit.prim_id, [hit.u, hit.v]);
         match cover {
             _ if surface.holes == Holes::Cut => alpha() >= self.materials[surface.material as usize].alpha_cutoff,
@@ -282,10 +289,9 @@ impl Surfaces {
         }
     }
 
-    /// Whether a draw decides if a ray passes a surface.
-    pub(crate) fn is_drawn(&self, hit: &Candidate, cover: Cover) -> bool {
-        let holes = || self.rows[self.row(hit.geom_id, hit.inst_id) as usize].holes;
-        matches!(cover, Cover::Drawn(_)) && holes() == Holes::Between
+    /// Whether a draw decides if a ray passes the surface `row`.
+    pub(crate) fn is_drawn(&self, row: u32, cover: Cover) -> bool {
+        matches!(cover, Cover::Drawn(_)) && self.rows[row as usize].holes == Holes::Between
     }
 
     /// Whether what lies behind a surface is seen through it.
