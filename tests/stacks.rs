@@ -28,7 +28,7 @@ const CALLER_KIB: usize = 256;
 /// A quarter of what an engine's threads have.
 const WORKER_KIB: usize = 512;
 
-/// How much of the stacks that `addresses` are in has been touched, KiB: the maximum.
+/// How much of the stacks that `addresses` are in has been touched, KiB: the maximum, 0 of none.
 fn deepest(addresses: &[usize]) -> usize {
     let maps = fs::read_to_string("/proc/self/smaps").unwrap();
     let (mut is_wanted, mut most) = (false, 0);
@@ -42,7 +42,6 @@ fn deepest(addresses: &[usize]) -> usize {
             most = most.max(second.parse().unwrap());
         }
     }
-    assert!(most > 0, "no stack is found");
     most
 }
 
@@ -62,7 +61,8 @@ fn caller(work: impl FnOnce() + Send) -> usize {
     std::thread::scope(|scope| scope.spawn(on_its_own).join().unwrap())
 }
 
-/// The most that has been touched of the stacks of engines' threads, KiB: as the kernel shows where they wait for work.
+/// The most that has been touched of the stacks of engines' threads, KiB: as the kernel shows where they wait for work. On a
+/// busy machine all may be done before a thread begins, and has its name.
 fn workers() -> usize {
     let tasks: Vec<_> = fs::read_dir("/proc/self/task").unwrap().map(|task| task.unwrap().path()).collect();
     let waits_at = |task: &PathBuf| {
@@ -147,7 +147,7 @@ fn building_takes_little_stack() {
     }
     let helped = workers();
     println!("a build takes {alone} KiB of stack alone, {helped} KiB of threads that help");
-    assert!(alone <= CALLER_KIB && helped <= WORKER_KIB);
+    assert!((1..=CALLER_KIB).contains(&alone) && (1..=WORKER_KIB).contains(&helped));
 }
 
 /// A scenario is read, a scene made and varied, with models that are placed, and scanned.
@@ -180,7 +180,7 @@ fn samples_take_little_stack() {
             (0..sample.scans().len()).for_each(|scan| drop(sample.cloud(scan, 0).unwrap()));
         });
         println!("{name}: {alone} KiB");
-        assert!(alone <= CALLER_KIB, "{name}: {alone} KiB of the calling thread");
+        assert!((1..=CALLER_KIB).contains(&alone), "{name}: {alone} KiB of the calling thread");
     }
 }
 
@@ -201,8 +201,8 @@ fn stacks_are_as_small_as_promised() {
     }
     let [alone, two, many] = most;
     println!("{:28}{alone:>10}{two:>10}{many:>10}", "most");
-    assert!(alone <= CALLER_KIB, "{alone} KiB of the calling thread");
-    assert!(two.max(many) <= WORKER_KIB, "{two} and {many} KiB of threads of an engine");
+    assert!((1..=CALLER_KIB).contains(&alone), "{alone} KiB of the calling thread");
+    assert!((64..=WORKER_KIB).contains(&two.max(many)), "{two} and {many} KiB of threads of an engine");
 }
 
 /// What reads a text calls itself at every level of it. With a stack of the size that is promised to be enough, and no more:
