@@ -41,20 +41,6 @@ one_of! { Boxes: Wanted | Axes; "True, False, object or frame" }
 
 one_of! { Columns: Text | List; "names of columns in a list, or in a text with commas" }
 
-/// Where a sensor stands that was told no place; warns, and suggests one of `cameras`.
-fn nowhere(py: Python<'_>, cameras: impl FnOnce() -> Vec<String>) -> PyResult<Trajectory> {
-    let camera = cameras().first().map(|name| format!("; the scene has a camera: at=scene.camera({name:?})"));
-    warn(
-        py,
-        &format!(
-            "the sensor is at 0, 0, 0, as at is not given; allowed: a Pose, a Trajectory, x, y and z, or a matrix of 4 x \
-             4{}",
-            camera.unwrap_or_default()
-        ),
-    )?;
-    Ok(Trajectory::fixed(echocast::Pose::IDENTITY))
-}
-
 impl Columns {
     pub fn names(self) -> Vec<String> {
         match self {
@@ -143,6 +129,20 @@ impl Asked {
             None => Ok(done?),
         }
     }
+}
+
+/// Where a sensor stands that was told no place; warns, and suggests one of `cameras`.
+fn nowhere(py: Python<'_>, cameras: impl FnOnce() -> Vec<String>) -> PyResult<Trajectory> {
+    let camera = cameras().first().map(|name| format!("; the scene has a camera: at=scene.camera({name:?})"));
+    warn(
+        py,
+        &format!(
+            "the sensor is at 0, 0, 0, as at is not given; allowed: a Pose, a Trajectory, x, y and z, or a matrix of 4 x \
+             4{}",
+            camera.unwrap_or_default()
+        ),
+    )?;
+    Ok(Trajectory::fixed(echocast::Pose::IDENTITY))
 }
 
 /// Who is told how far work has come.
