@@ -14,8 +14,19 @@ const LENGTH_S: f64 = 0.1;
 /// What rays are aimed at.
 const KINDS: [&str; 3] = ["anywhere", "edges", "corners"];
 
-/// Part of the rays that Embree may miss, by [`KINDS`].
-const MISSED: [f64; KINDS.len()] = [1e-5, 1e-5, 0.02];
+/// Part of the rays at a body that Embree may miss, by [`KINDS`]: at corners a few times what it misses of two million of
+/// them, 0.1 % of those from inside a ball and 0.8 % from outside, a fifth of that of one that flies, 0.01 % of others'.
+fn missed(body: &str, is_inside: bool) -> [f64; KINDS.len()] {
+    match (body, is_inside) {
+        // The library finds these hits itself.
+        ("skin" | "skin of a room", _) => [0.0; 3],
+        ("ball", true) => [1e-5, 1e-5, 4e-3],
+        ("ball", false) => [1e-5, 1e-5, 0.02],
+        ("moving", true) => [1e-5, 1e-5, 1e-3],
+        ("moving", false) => [1e-5, 1e-5, 6e-3],
+        _ => [1e-5, 1e-5, 5e-4],
+    }
+}
 
 /// A surface, and where its corners are.
 struct Body {
@@ -278,16 +289,9 @@ fn check(rays: usize, at_once: usize) {
             let from = if is_inside && body.middle.is_some() { "inside" } else { "outside" };
             let each = KINDS.iter().zip(sums).map(|(kind, [lost, count])| format!("{kind} {lost} of {count}"));
             report += &format!("{} from {from}: {}\n", body.name, each.collect::<Vec<_>>().join(", "));
-            let exact = body.name.starts_with("skin");
-            lost += sums
-                .iter()
-                .zip(MISSED)
-                .map(
-                    |([lost, count], most)| {
-                        if exact { *lost } else { lost.saturating_sub((most * *count as f64) as usize) }
-                    },
-                )
-                .sum::<usize>();
+            let too_many =
+                |([lost, count], most): ([usize; 2], f64)| lost.saturating_sub((most * count as f64) as usize);
+            lost += sums.into_iter().zip(missed(body.name, is_inside)).map(too_many).sum::<usize>();
         }
     }
     println!("{report}");

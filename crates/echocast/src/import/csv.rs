@@ -148,14 +148,13 @@ fn pair(header: &str, row: &str, behind: &[Line]) -> Option<(Vec<Named>, Style)>
         }
         filled && fits
     };
-    let pairs = styles(header).flat_map(|of_header| styles(row).map(move |style| (of_header, style)));
-    let fitting = pairs.filter_map(|(of_header, style)| {
+    let fitting = styles(header).filter_map(|of_header| {
         let columns = named(header, of_header);
-        fits(&columns, row, style).then(|| {
-            let known = columns.iter().filter(|column| field(column).is_some()).count();
-            let more = behind.iter().take(ALIKE).filter(|line| fits(&columns, &line.text, style)).count();
-            ([known, more], (columns, style))
-        })
+        let known = columns.iter().filter(|column| field(column).is_some()).count();
+        let more = |style| behind.iter().take(ALIKE).filter(|line| fits(&columns, &line.text, style)).count();
+        let all = styles(row).filter(|&style| fits(&columns, row, style)).map(|style| (more(style), style));
+        let (more, style) = first_of_most(all)?;
+        Some(([known, more], (columns, style)))
     });
     first_of_most(fitting).map(|(_, found)| found)
 }
