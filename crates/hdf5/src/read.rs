@@ -8,7 +8,7 @@ use hdf5_sys::h5d::{
 };
 use hdf5_sys::h5f::{H5F_ACC_RDONLY, H5Fopen};
 use hdf5_sys::h5i::hid_t;
-use hdf5_sys::h5l::{H5L_info1_t, H5Lexists, H5Literate1};
+use hdf5_sys::h5l::{H5L_info_t, H5Lexists, H5Literate};
 use hdf5_sys::h5p::{
     H5P_CLS_FILE_ACCESS, H5P_DEFAULT, H5Pcreate, H5Pget_chunk, H5Pget_external_count, H5Pget_layout, H5Pset_fapl_sec2,
     H5Pset_file_locking,
@@ -165,7 +165,7 @@ impl Reader {
     /// # Errors
     /// A damaged file.
     pub fn names(&self) -> io::Result<Vec<String>> {
-        unsafe extern "C" fn note(_: hid_t, name: *const c_char, _: *const H5L_info1_t, all: *mut c_void) -> herr_t {
+        unsafe extern "C" fn note(_: hid_t, name: *const c_char, _: *const H5L_info_t, all: *mut c_void) -> herr_t {
             // SAFETY: `all` is the list below, borrowed by nothing else during the walk; the name is a C string.
             let (all, name) = unsafe { (&mut *all.cast::<Vec<String>>(), CStr::from_ptr(name)) };
             all.push(name.to_string_lossy().into_owned());
@@ -175,7 +175,7 @@ impl Reader {
         let (index, order) = (H5_index_t::H5_INDEX_NAME, H5_iter_order_t::H5_ITER_NATIVE);
         let to = (&raw mut all).cast();
         // SAFETY: the file is open, and `all` outlives the call.
-        ask(|| unsafe { H5Literate1(self.0.0, index, order, ptr::null_mut(), Some(note), to) })?;
+        ask(|| unsafe { H5Literate(self.0.0, index, order, ptr::null_mut(), Some(note), to) })?;
         Ok(all)
     }
 }
