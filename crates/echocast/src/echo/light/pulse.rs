@@ -110,7 +110,9 @@ impl Pulse {
         let golden = (5f64.sqrt() - 1.0) / 2.0;
         let (mut a, mut b) = (high - golden * (high - low), low + golden * (high - low));
         let (mut fa, mut fb) = (received(a, FINE), received(b, FINE));
-        while high - low > 1e-4 * self.width {
+        // Of a pulse shorter than ranges are resolved, there is nothing finer to find.
+        let fine = (1e-4 * self.width).max(1e-14 * high);
+        while high - low > fine {
             if fa > fb {
                 (high, b, fb) = (b, a, fa);
                 a = high - golden * (high - low);
@@ -271,6 +273,16 @@ mod tests {
         let merging = Pulse::new(PulseShape::Gaussian, 5.0).merging_distance();
         assert!((merging - 0.636_551).abs() < 5e-7, "{merging}");
         assert!((merging * 2.0 / SPEED_OF_LIGHT * 1e9 - 4.246_61).abs() < 5e-6);
+    }
+
+    /// The search for its peak ends, where the overlap makes the echo strongest.
+    #[test]
+    fn pulses_of_hardly_any_length_have_a_peak() {
+        for ns in [1e-300, 1e-30, 1e-12, 1e-6] {
+            let density = |r: f64| overlap([0.5, 2.0], r) / (r * r);
+            let peak = Pulse::new(PulseShape::Gaussian, ns).peak([0.5, 200.0], 2.0, density);
+            assert!((0.5..=2.1).contains(&peak.range), "{ns}: {peak:?}");
+        }
     }
 
     /// The table of faces against the integral itself.
