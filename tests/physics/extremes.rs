@@ -201,7 +201,7 @@ fn no_number_of_a_sensor_makes_points_nowhere() {
 
 /// `cargo test --release --test physics -- --ignored every_number`
 #[test]
-#[ignore = "takes minutes: the same with every number"]
+#[ignore = "takes half a minute: the same with every number"]
 fn every_number_of_a_sensor_makes_points_somewhere() {
     check_sensors(1);
 }
