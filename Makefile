@@ -1,19 +1,19 @@
-# Two commands do everything on a fresh machine with a Rust toolchain and a C compiler: `make demo` and `make test`.
+# On a fresh machine with a Rust toolchain and a C compiler, two commands do everything: `make demo` and `make test`.
 
 PREFIX ?= /usr/local
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 
 help:
-	@echo "make demo                  scan the example scenes; clouds and pictures go to out/demo"
+	@echo "make demo                  scan the example scenes; clouds and pictures are written to out/demo"
 	@echo "make test                  run every test"
-	@echo "make check                 format, lints and unit tests alone"
+	@echo "make check                 run format checks, lints and unit tests only"
 	@echo "make build                 release build; the program is target/release/echocast"
 	@echo "make python                build the Python package and test it; the wheel is in target/python/tested-wheels"
-	@echo "make wheel                 the same, as a wheel to give away, in target/python/released-wheels"
-	@echo "make bench                 how fast it is beside bare Embree; writes target/bench.json"
-	@echo "make install PREFIX=DIR    put program, C library and headers below DIR [$(PREFIX)]"
-	@echo "make clean                 remove what was built and written"
+	@echo "make wheel                 the same, as a wheel for distribution, in target/python/released-wheels"
+	@echo "make bench                 compare its speed with bare Embree; writes target/bench.json"
+	@echo "make install PREFIX=DIR    install program, C library and headers below DIR [$(PREFIX)]"
+	@echo "make clean                 remove everything that was built or written"
 
 demo:
 	@scripts/setup

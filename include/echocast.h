@@ -2,21 +2,21 @@
  *
  * Generated from crates/echocast-capi by its test `header`; do not edit.
  *
- * Units are metres, radians and nanoseconds; a name with another unit says so. Frames are right-handed, z up; sensors
- * look along x, y is left. Strings are UTF-8 and end in 0; paths are bytes where the system's are.
+ * Units are metres, radians and nanoseconds unless a name gives another. Frames are right-handed, z up; sensors look
+ * along x, y is left. Strings are UTF-8 and NUL-terminated; paths are raw bytes on systems whose paths are.
  *
- * Functions return ECHOCAST_OK or why they failed; echocast_last_error says it in a sentence. A function that creates
- * something sets *out to NULL first. Nothing here ends the process, prints, or sets a signal handler; the
- * floating-point state of the caller is restored after every call. Where files may grow to a limit, SIGXFSZ is the
- * host's to ignore or handle: then the limit is an error, like a full disk.
+ * Functions return ECHOCAST_OK or an error code; echocast_last_error describes the error in a sentence. A function that
+ * creates something sets *out to NULL first. Nothing here ends the process, prints, or sets a signal handler; the
+ * floating-point state of the caller is restored after every call. Where file sizes are limited, the host must ignore
+ * or handle SIGXFSZ; reaching the limit is then an error, like a full disk.
  *
  * What cannot be checked is undefined behaviour, as always in C: pointers that are neither NULL nor point to what the
- * function asks for, arrays shorter than their count, strings without an end, a struct_size larger than the structure,
+ * function requires, arrays shorter than their count, unterminated strings, a struct_size larger than the structure,
  * memory that is freed or changed during a call. Handles are looked up and never dereferenced.
  *
- * Threads: functions that take a pointer to const only read, and any number of threads may call them at once for one
- * object. Of the other functions, one thread at a time may be in a call for one object; another gets ECHOCAST_E_BUSY.
- * Handles may be released on any thread, once; whatever uses the object keeps it.
+ * Threads: functions that take a pointer to const only read, and any number of threads may call them for one object at
+ * the same time. The other functions may be called for one object by only one thread at a time; a second thread gets
+ * ECHOCAST_E_BUSY. A handle may be released on any thread, once; the object lives as long as anything uses it.
  */
 
 #ifndef ECHOCAST_H
@@ -40,7 +40,7 @@
 #define ECHOCAST_VERSION                                                                                               \
     ((uint32_t)ECHOCAST_VERSION_MAJOR << 24 | (uint32_t)ECHOCAST_VERSION_MINOR << 12 | (uint32_t)ECHOCAST_VERSION_PATCH)
 
-/** The pose of something at the parent's origin, not rotated. */
+/** The identity pose: at the parent's origin, not rotated. */
 #define ECHOCAST_POSE_IDENTITY                                                                                         \
     { { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0 } }
 
@@ -89,10 +89,10 @@ extern "C" {
 /** A handle or the number of an instance is invalid: released, of another kind or of another context. */
 #define ECHOCAST_E_HANDLE 3
 
-/** The system gives no more memory, or no more threads. */
+/** Out of memory, or of threads. */
 #define ECHOCAST_E_MEMORY 4
 
-/** The system refused a file: it is missing, not permitted, the disk is full. */
+/** A file could not be read or written: it is missing, not permitted, the disk is full. */
 #define ECHOCAST_E_IO 5
 
 /** A file or text does not have the expected contents. */
@@ -133,11 +133,11 @@ ECHOCAST_API const char *echocast_status_string(echocast_status status);
 
 /* -- The library ----------------------------------------------------------------------------------------------------- */
 
-/** Version of the running library: major << 24 | minor << 12 | patch. That of the header is ECHOCAST_VERSION. */
+/** Version of the loaded library: major << 24 | minor << 12 | patch. That of the header is ECHOCAST_VERSION. */
 ECHOCAST_API uint32_t echocast_version(void);
 
 /**
- * The version and what is built in, for people: "echocast 0.1.0 (fbx, hdf5, mcap)".
+ * The version and the optional features of this build as text: "echocast 0.1.0 (fbx, hdf5, mcap)".
  *
  * Static, never NULL.
  */
@@ -183,15 +183,15 @@ typedef struct echocast_context echocast_context;
  */
 typedef void (*echocast_log_fn)(void *user, int32_t level, const char *text);
 
-/** How a context works; ECHOCAST_CONTEXT_DESC_INIT has the defaults. */
+/** Options of a context; ECHOCAST_CONTEXT_DESC_INIT has the defaults. */
 typedef struct echocast_context_desc {
     /** sizeof(echocast_context_desc). */
     size_t struct_size;
     /**
-     * Threads that scan, up to 1024: the calling one, which needs 256 KiB of stack, and others of the context's own, who
-     * help all callers at once, those with the fewest rays first. 0 for as many as the machine has cores, 1 for the
-     * calling thread alone. One less, up to one per core, help to build large meshes. All are started with the context;
-     * nothing asks the system for threads later, nor does Embree's TBB.
+     * Threads that scan, up to 1024: the calling thread, which needs 256 KiB of stack, and threads of the context,
+     * which help all callers at once, those with the fewest rays first. 0 for as many as the machine has cores, 1 for
+     * the calling thread only. One fewer, up to one per core, help to build large meshes. All are started with the
+     * context; neither the library nor Embree's TBB starts threads later.
      */
     int32_t threads;
     /** Least important messages for `log`: an ECHOCAST_LOG_ number. */
@@ -203,12 +203,12 @@ typedef struct echocast_context_desc {
 } echocast_context_desc;
 
 /**
- * Creates a context: starts its threads, which have the signal mask of this one, and loads Embree. A process forked
- * afterwards does not have these threads: create contexts after a fork. `desc`: NULL for the defaults. `*out` is the
- * new context; release it with echocast_context_release.
+ * Creates a context: starts its threads, which inherit the signal mask of the calling thread, and loads Embree. A
+ * process forked afterwards does not have these threads: create contexts after a fork. `desc`: NULL for the defaults.
+ * `*out` is the new context; release it with echocast_context_release.
  *
- * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_UNSUPPORTED (Embree is too old, or the processor), ECHOCAST_E_MEMORY (the
- * system gives no memory, or not enough threads). Any thread may call this.
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_UNSUPPORTED (Embree is too old, or the processor), ECHOCAST_E_MEMORY (out of
+ * memory, or of threads). Any thread may call this.
  */
 ECHOCAST_API
 echocast_status echocast_context_create(const echocast_context_desc *desc,
@@ -265,10 +265,10 @@ ECHOCAST_API void echocast_material_release(echocast_material *material);
 
 /* -- Meshes ---------------------------------------------------------------------------------------------------------- */
 
-/** The call copies the arrays of a mesh. */
+/** The arrays of the mesh are copied by the call. */
 #define ECHOCAST_MESH_COPY 0
 
-/** The arrays of a mesh stay the host's, which neither changes nor frees them before `released` is called. */
+/** The arrays of the mesh remain the host's, which must neither change nor free them before `released` is called. */
 #define ECHOCAST_MESH_BORROW 1
 
 /** Triangles that instances place in a scene; immutable. */
@@ -303,7 +303,7 @@ typedef struct echocast_mesh_desc {
     uint32_t vertex_count;
     /** Triangles, 1 to 4294967294. */
     uint32_t triangle_count;
-    /** Three vertices for each triangle. */
+    /** Three vertex indices per triangle. */
     const uint32_t *indices;
     /** A shading normal of length 1 for each vertex; NULL for flat triangles. */
     const float *normals;
@@ -328,11 +328,11 @@ typedef struct echocast_mesh_desc {
 } echocast_mesh_desc;
 
 /**
- * Creates a mesh. Its own structure for tracing is built when an instance is first committed, or by
+ * Creates a mesh. Its acceleration structure is built when an instance is first committed, or by
  * echocast_mesh_prepare.
  *
  * Errors: ECHOCAST_E_ARGUMENT (the vertex, index or part that is wrong), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY. Any
- * thread may call this, also while scenes are edited.
+ * thread may call this, even while scenes are edited.
  *
  * ```c
  * static const float corners[] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
@@ -350,9 +350,9 @@ echocast_status echocast_mesh_create(const echocast_context *context,
                                      echocast_mesh **out);
 
 /**
- * Builds the structure that instances of the mesh are traced with, which the first commit would otherwise build.
+ * Builds the acceleration structure of the mesh, which the first commit of an instance would otherwise build.
  *
- * Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY. Any thread may call this, also while scenes are edited.
+ * Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY. Any thread may call this, even while scenes are edited.
  */
 ECHOCAST_API echocast_status echocast_mesh_prepare(const echocast_mesh *mesh);
 
@@ -382,7 +382,7 @@ typedef struct echocast_scene_desc {
 /**
  * A placement: the upper three rows of the 4x4 matrix, row after row, that takes points of the child (an instance, a
  * sensor) to the parent (the world); the fourth column is the position in metres. Instances may be scaled, sheared and
- * mirrored; sensors are only turned and moved.
+ * mirrored; sensors are only rotated and translated.
  */
 typedef struct echocast_pose {
     /** Row after row. */
@@ -407,14 +407,14 @@ typedef struct echocast_instance_desc {
     /** Scans whose mask shares a bit with this see it; not 0. */
     uint32_t mask;
     /**
-     * 1: it stays where it is. Fixed instances with a mesh of their own are built together, the fastest to trace;
+     * 1: it does not move. Fixed instances with a mesh of their own are built together, which is the fastest to trace;
      * whenever one is added, removed or changed, all are rebuilt. 0: it may move, at a cost of a few microseconds per
      * commit.
      */
     int32_t fixed;
-    /** Replaces the materials of the mesh; NULL to keep those. */
+    /** Replaces the materials of the mesh; NULL to keep them. */
     const echocast_material *material;
-    /** Name, for echocast_scene_find, messages and the files' table of instances; NULL for none. */
+    /** Name, for echocast_scene_find, messages and the table of instances in files; NULL for none. */
     const char *name;
 } echocast_instance_desc;
 
@@ -437,7 +437,7 @@ typedef struct echocast_instance_info {
     uint32_t part_count;
     /** Triangles of its mesh. */
     size_t triangle_count;
-    /** Where its name is written, ending in 0, cut off if it is too long; NULL if not wanted. Set by the caller. */
+    /** Buffer for its name, which ends in 0 and is cut off if it is too long; NULL if not needed. Set by the caller. */
     char *name;
     /** Capacity of `name`, bytes. Set by the caller. */
     size_t name_capacity;
@@ -447,15 +447,15 @@ typedef struct echocast_instance_info {
 typedef struct echocast_scene_info {
     /** sizeof(echocast_scene_info). */
     size_t struct_size;
-    /** Instances. */
+    /** Number of instances. */
     size_t instances;
-    /** Triangles, each mesh counted as often as it is placed. */
+    /** Number of triangles, each mesh counted as often as it is placed. */
     size_t triangles;
     /** Lowest corner of the box around all instances, in the world, metres; all 0 without instances. */
     double low[3];
     /** Highest corner of that box. */
     double high[3];
-    /** Camera nodes of the loaded files. */
+    /** Number of camera nodes of the loaded files. */
     size_t cameras;
 } echocast_scene_info;
 
@@ -483,11 +483,11 @@ ECHOCAST_API void echocast_scene_release(echocast_scene *scene);
 /**
  * Adds the contents of a scene file (glTF, GLB, OBJ, FBX): its objects as fixed instances with their labels, and its
  * cameras. `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not define
- * them; `labels`, a label file, its contents or the name of rules that ship (`street`); `texture_limit_mib` (1024),
- * most memory for all images; `animation`, the name of the one to play instead of all; `loop` (false), whether
- * animations start again at their ends; and `allow_outside_paths` (false), whether the scene may name files that are
- * not in its own folder. Categories and parts whose name is already in the scene get its number there; instances are
- * numbered on from the greatest number that has a name, from 1 if there is none.
+ * them; `labels`, a label file, its contents or the name of built-in rules (`street`); `texture_limit_mib` (1024), the
+ * most memory for all images; `animation`, the name of the only one to play instead of all; `loop` (false), whether
+ * animations start again at their ends; and `allow_outside_paths` (false), whether the scene may refer to files
+ * outside of its own folder. Categories and parts whose name is already in the scene get its number there; instances
+ * are numbered on from the greatest number that has a name, from 1 if there is none.
  *
  * Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT,
  * ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; the scene is then unchanged.
@@ -533,7 +533,7 @@ echocast_status echocast_scene_add(echocast_scene *scene,
 ECHOCAST_API echocast_status echocast_scene_remove(echocast_scene *scene, echocast_instance id);
 
 /**
- * Finds the first instance with a name; instances from files have their names in the file.
+ * Finds the first instance with a name; instances of loaded files keep their names.
  *
  * Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -556,7 +556,7 @@ echocast_status echocast_scene_get_instances(const echocast_scene *scene,
                                              size_t *count);
 
 /**
- * Gets the state of an instance. The caller sets struct_size of `*info`, and where its name is to go.
+ * Gets the state of an instance. The caller sets struct_size of `*info`, and the buffer for its name.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -566,7 +566,7 @@ echocast_status echocast_scene_get_instance(const echocast_scene *scene,
                                             echocast_instance_info *info);
 
 /**
- * Gets the pose of the camera node with a name in a loaded file, as a sensor's pose: x along its view, z up.
+ * Gets the pose of a camera node of a loaded file by its name, as the pose of a sensor: x along its view, z up.
  *
  * Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -576,8 +576,8 @@ echocast_status echocast_scene_camera(const echocast_scene *scene,
                                       echocast_pose *out);
 
 /**
- * Gets the name and, as a sensor's pose, the place at time 0 of camera node `number` of the loaded files, counted from 0;
- * echocast_scene_get_info says how many there are. `name` has room for `capacity` bytes, a longer name is cut off;
+ * Gets the name of camera node `number` of the loaded files, counted from 0, and its pose at time 0, as the pose of a
+ * sensor; echocast_scene_get_info gives their number. `name` has room for `capacity` bytes, a longer name is cut off;
  * `*needed`: bytes of the whole name, including the 0 at its end. One of `name` and `needed` may be NULL, and so may
  * `pose`.
  *
@@ -592,8 +592,8 @@ echocast_status echocast_scene_get_camera(const echocast_scene *scene,
                                           echocast_pose *pose);
 
 /**
- * Gets the number that has a name in a label column. `table`: "category", "part", "material" or "instance", where the
- * first instance of the name counts.
+ * Gets the number of a label by its name. `table`: "category", "part", "material" or "instance", of which the first
+ * with the name counts.
  *
  * Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -604,8 +604,8 @@ echocast_status echocast_scene_label_number(const echocast_scene *scene,
                                             uint32_t *number);
 
 /**
- * Makes a pose of a position, metres, and a unit quaternion x, y, z, w: the real part last, the order of ROS. It is
- * normalised.
+ * Makes a pose from a position, metres, and a unit quaternion x, y, z, w: the real part last, as in ROS. The
+ * quaternion is normalised.
  *
  * Errors: ECHOCAST_E_ARGUMENT (numbers that are not finite, a quaternion whose length is not near 1). Any thread may
  * call this.
@@ -625,7 +625,7 @@ echocast_status echocast_scene_get_info(const echocast_scene *scene,
                                         echocast_scene_info *info);
 
 /**
- * Moves instances: `ids[i]` to `poses[i]`, all or, on an error, none. Fixed instances may move from then on.
+ * Moves instances: `ids[i]` to `poses[i]`, all or, on an error, none. Fixed instances become movable.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -636,10 +636,11 @@ echocast_status echocast_scene_set_poses(echocast_scene *scene,
                                          const echocast_pose *poses);
 
 /**
- * Moves an instance during the scans that follow: through `count` poses at times that never fall, in straight lines and
- * turning uniformly between them; before the first and after the last it stands. Times count from the same zero as
- * echocast_scan_desc.t0_ns. The poses may scale along the instance's own axes, but not shear. The keys are copied;
- * echocast_scene_set_time says which of the motion the next snapshot shows, and echocast_scene_set_poses ends it.
+ * Moves an instance during the scans that follow: through `count` poses at times that never decrease, between which it
+ * moves in straight lines and rotates uniformly; before the first and after the last it stands still. Times count from
+ * the same zero as echocast_scan_desc.t0_ns. The poses may scale along the instance's own axes, but not shear. The
+ * keys are copied; echocast_scene_set_time selects the part of the motion that the next snapshot shows, and
+ * echocast_scene_set_poses ends it.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; the instance then moves as before.
  */
@@ -650,10 +651,10 @@ echocast_status echocast_scene_set_motion(echocast_scene *scene,
                                           size_t count);
 
 /**
- * Sets the time of the scans of the next snapshots: what moves by itself, through the animations of files,
- * echocast_scene_set_motion or echocast_scene_set_vertex_motion, is where it is at every moment from `start_ns` to
- * `start_ns + length_ns`. A scan of such a snapshot must lie within that time. With a length of 0 everything holds
- * still where it is at `start_ns`, whatever the time of a scan; a new scene is set to time 0, still.
+ * Sets the time span of the next snapshots: in them, everything that moves by itself, by the animations of files,
+ * echocast_scene_set_motion or echocast_scene_set_vertex_motion, has its motion from `start_ns` to
+ * `start_ns + length_ns`. A scan of such a snapshot must be within that span. With a length of 0 everything stands
+ * still where it is at `start_ns`, whatever the time of a scan; a new scene stands still at time 0.
  *
  * Errors: ECHOCAST_E_ARGUMENT (a negative length), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -661,8 +662,8 @@ ECHOCAST_API echocast_status echocast_scene_set_time(echocast_scene *scene, int6
 
 /**
  * Gives the vertices of an instance new positions: `count` times x, y, z, as many as its mesh has, and shading
- * normals, or NULL for flat triangles. It then has its own mesh; others that share the mesh keep it. The arrays are
- * copied. The parts of its mesh must share their vertices, as those of echocast_mesh_create do; those of files may
+ * normals, or NULL for flat triangles. It then has its own mesh; others that share the mesh keep theirs. The arrays
+ * are copied. The parts of its mesh must share their vertices, as those of echocast_mesh_create do; those of files may
  * not.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; the instance is then unchanged.
@@ -675,11 +676,11 @@ echocast_status echocast_scene_set_vertices(echocast_scene *scene,
                                             size_t count);
 
 /**
- * Lets the vertices of an instance move during the scans that follow: `keys` times, ns as those of
- * echocast_scene_set_motion, that rise, and for each of them one after the other `count` times x, y, z, as many as its
- * mesh has, in its own frame. Between keys they move in straight lines; before the first and after the last they stand.
- * Its triangles stay, and are flat. The arrays are copied. The parts of its mesh must share their vertices, as for
- * echocast_scene_set_vertices, which ends it.
+ * Moves the vertices of an instance during the scans that follow: `keys` rising times, ns, as for
+ * echocast_scene_set_motion, and for each of them in order `count` times x, y, z, as many as its mesh has, in its own
+ * frame. Between keys they move in straight lines; before the first and after the last they stand still. The triangles
+ * remain the same, and are flat. The arrays are copied. The parts of its mesh must share their vertices, as for
+ * echocast_scene_set_vertices, which ends the motion.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; the instance then moves as
  * before.
@@ -693,8 +694,8 @@ echocast_status echocast_scene_set_vertex_motion(echocast_scene *scene,
                                                  size_t count);
 
 /**
- * Sets the labels of an instance: its category, its own number, and those of the parts of its mesh, or NULL to keep
- * these.
+ * Sets the labels of an instance: its category, its instance number, and those of the parts of its mesh, or NULL to
+ * keep these.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -724,7 +725,7 @@ echocast_status echocast_scene_set_material(echocast_scene *scene,
                                             const echocast_material *material);
 
 /**
- * Names a number in a label column; the names travel with every file. `table`: "category", "part" or "instance".
+ * Names a number in a label column; files contain the names. `table`: "category", "part" or "instance".
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -757,8 +758,8 @@ ECHOCAST_API void echocast_snapshot_release(echocast_snapshot *snapshot);
 #define ECHOCAST_FIRING_FRAME 2
 
 /**
- * An instrument: where its beams point, what it sees, and the errors it makes. Any number of threads may scan with it;
- * only one at a time may change it.
+ * An instrument: its beams, its detection and its errors. Any number of threads may scan with it; only one at a time
+ * may change it.
  */
 typedef struct echocast_sensor echocast_sensor;
 
@@ -774,7 +775,7 @@ typedef struct echocast_beam {
     float range_max_m;
     /** Emitter index, 0 to 65535. */
     uint32_t channel;
-    /** Where it starts in the sensor frame, metres, from where its ranges count; 0 for the origin of the frame. */
+    /** Where it starts in the sensor frame, metres; its ranges count from there. 0 for the origin of the frame. */
     float origin[3];
     /** 0. */
     uint32_t reserved;
@@ -784,11 +785,11 @@ typedef struct echocast_beam {
 typedef struct echocast_beams_desc {
     /** sizeof(echocast_beams_desc). */
     size_t struct_size;
-    /** Its name. */
+    /** Name. */
     const char *name;
     /**
-     * rows * columns beams, row by row. Neighbours in a row should be neighbours in angle: this is several times as
-     * fast.
+     * rows * columns beams, row by row. Neighbours in a row should be neighbours in angle: scans are then several
+     * times as fast.
      */
     const echocast_beam *beams;
     /** Rows of its range image. */
@@ -797,7 +798,7 @@ typedef struct echocast_beams_desc {
     uint32_t columns;
     /** Time from the start of one scan to the start of the next, ns, above 0. */
     int64_t period_ns;
-    /** How beams share firings: an ECHOCAST_FIRING_ number. */
+    /** How beams are grouped into firings: an ECHOCAST_FIRING_ number. */
     int32_t firing;
     /** 0. */
     int32_t reserved;
@@ -809,19 +810,19 @@ typedef struct echocast_sensor_info {
     size_t struct_size;
     /** Rows of its range image: channels of a spinning sensor, pixel rows of a camera, 1 for a sonar. */
     uint32_t rows;
-    /** Columns of its range image. It has rows * columns beams; beam row * columns + column. */
+    /** Columns of its range image. The sensor has rows * columns beams; the index of a beam is row * columns + column. */
     uint32_t columns;
     /** Time from the start of one scan to the start of the next, ns. */
     int64_t period_ns;
     /** Width of the images that echocast_result_image makes of its scans, pixels; 0 if it makes none. */
     uint32_t image_width;
-    /** Their height, pixels. */
+    /** Height of these images, pixels. */
     uint32_t image_height;
     /** Focal lengths of a camera along columns and rows, pixels; 0 for other sensors. */
     double focal[2];
-    /** Principal point of a camera, column and row, where whole numbers are the middle of pixels, as OpenCV counts. */
+    /** Principal point of a camera, column and row; whole numbers are pixel centres, as in OpenCV. */
     double centre[2];
-    /** Whose ROS 2 driver it has: an ECHOCAST_DRIVER_ number; 0 if that is not known. It numbers the rings. */
+    /** The ROS 2 driver of its maker, which defines the numbers of rings: an ECHOCAST_DRIVER_ number; 0 if unknown. */
     int32_t driver;
     /** 0. */
     int32_t reserved;
@@ -840,8 +841,8 @@ echocast_status echocast_sensor_create(const echocast_context *context,
                                        echocast_sensor **out);
 
 /**
- * Creates a sensor from YAML text with the contents of a sensor file. `folder`: where relative paths in it start; NULL
- * for the working folder.
+ * Creates a sensor from YAML text with the contents of a sensor file. `folder`: the folder that paths in it are
+ * relative to; NULL for the working folder.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO, ECHOCAST_E_PARSE (line and key). Any thread may call this.
  */
@@ -852,8 +853,9 @@ echocast_status echocast_sensor_from_text(const echocast_context *context,
                                           echocast_sensor **out);
 
 /**
- * Creates an ideal lidar from beams, each a ray with its own origin and time: no noise, no threshold, no range limit
- * but theirs; echocast_sensor_set adds what you want. Rays without rows and columns are 1 row of many columns.
+ * Creates an ideal lidar from beams, each a ray with its own origin and time: no noise, no threshold, no range limits
+ * other than those of the beams; echocast_sensor_set adds them. Rays without rows and columns form 1 row of many
+ * columns.
  *
  * Errors: ECHOCAST_E_ARGUMENT (the beam that is wrong), ECHOCAST_E_MEMORY. Any thread may call this.
  */
@@ -872,8 +874,8 @@ echocast_status echocast_sensor_from_beams(const echocast_context *context,
 ECHOCAST_API echocast_status echocast_sensor_set(echocast_sensor *sensor, const char *key, const char *value);
 
 /**
- * Reads a parameter that is a number, with the least and the greatest value that is allowed (infinite if unbounded).
- * `value`, `min` and `max` may each be NULL.
+ * Reads a numeric parameter with the lowest and highest allowed value (infinite if unbounded). `value`, `min` and
+ * `max` may each be NULL.
  *
  * Errors: ECHOCAST_E_ARGUMENT (no such key, or not a number), ECHOCAST_E_BUSY.
  */
@@ -951,7 +953,7 @@ ECHOCAST_API void echocast_sensor_release(echocast_sensor *sensor);
 /** Unsigned 64-bit number; for packing only. */
 #define ECHOCAST_TYPE_U64 10
 
-/** Points, column by column. Any number of threads may read it; only one at a time may change it. */
+/** Points, column by column. Any number of threads may read a result; only one at a time may change it. */
 typedef struct echocast_result echocast_result;
 
 /** Information on a result; ECHOCAST_RESULT_INFO_INIT is empty. */
@@ -976,7 +978,7 @@ typedef struct echocast_result_info {
      * relative to.
      */
     double origin[3];
-    /** Where the sensor was at the start of the scan. */
+    /** Pose of the sensor at the start of the scan. */
     echocast_pose sensor_pose;
 } echocast_result_info;
 
@@ -1021,8 +1023,8 @@ echocast_status echocast_result_get_info(const echocast_result *result,
 ECHOCAST_API size_t echocast_result_count(const echocast_result *result);
 
 /**
- * Gives access to a column without copying it. The view is valid until the result is scanned into, appended to or
- * released.
+ * Gives access to a column without copying it. The view is valid until the result is used for another scan, appended
+ * to or released.
  *
  * Errors: ECHOCAST_E_ARGUMENT (no such column, or one that was not computed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  *
@@ -1040,9 +1042,9 @@ echocast_status echocast_result_view(const echocast_result *result,
 /**
  * Writes the points in the host's layout, all at once: point i at `to + i * stride`, each column converted to its type
  * at its offset; bytes that no item covers stay unchanged. Numbers are rounded to the nearest value of the type;
- * not-a-number becomes 0 in integers. Positions are relative to the result's origin as ECHOCAST_TYPE_F32, and complete
- * as ECHOCAST_TYPE_F64. Up to 64 items. `capacity`: bytes of `to`; `*needed` (may be NULL): stride * points; if `to`
- * is NULL, only that is written.
+ * not-a-number becomes 0 in integers. Positions are relative to the result's origin as ECHOCAST_TYPE_F32, and absolute
+ * as ECHOCAST_TYPE_F64. Up to 64 items. `capacity`: size of `to`, bytes; `*needed` (may be NULL): stride * points; if
+ * `to` is NULL, only that is written.
  *
  * Errors: ECHOCAST_E_ARGUMENT (a wrong item, too little room), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  *
@@ -1066,7 +1068,7 @@ echocast_status echocast_result_pack(const echocast_result *result,
 /**
  * The name of a label number. `table`: "category", "part", "material" or "instance". NULL if it has none.
  *
- * Valid until the result is scanned into or released.
+ * Valid until the result is used for another scan or released.
  */
 ECHOCAST_API
 const char *echocast_result_label_name(const echocast_result *result,
@@ -1074,8 +1076,8 @@ const char *echocast_result_label_name(const echocast_result *result,
                                        uint32_t number);
 
 /**
- * Gets the number that has a name in a label column. `table`: "category", "part", "material" or "instance", where the
- * first instance of the name counts.
+ * Gets the number of a label by its name. `table`: "category", "part", "material" or "instance", of which the first
+ * with the name counts.
  *
  * Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -1118,44 +1120,42 @@ ECHOCAST_API void echocast_result_release(echocast_result *result);
 /** Autoware's drivers: PointXYZIRCAEDT. */
 #define ECHOCAST_DRIVER_AUTOWARE 6
 
-/** A number that each point of a driver's messages has, as sensor_msgs/PointField says it. */
+/** A field of the points in a driver's messages, as in sensor_msgs/PointField. */
 typedef struct echocast_point_field {
-    /** Its name. */
+    /** Name. */
     const char *name;
     /** Type: an ECHOCAST_TYPE_ number. */
     int32_t kind;
-    /** Its first byte in the point. */
+    /** Offset of its first byte in the point. */
     uint32_t offset;
 } echocast_point_field;
 
-/** What a driver publishes; ECHOCAST_DRIVER_INFO_INIT is empty. */
+/** The points that a driver publishes; ECHOCAST_DRIVER_INFO_INIT is empty. */
 typedef struct echocast_driver_info {
     /** sizeof(echocast_driver_info). */
     size_t struct_size;
-    /** The columns that a scan must have, for scan_desc.columns: "x,y,z,intensity,ring,time". */
+    /** The columns that a scan must compute, for scan_desc.columns: "x,y,z,intensity,ring,time". */
     const char *columns;
-    /** Bytes of a point. */
+    /** Size of a point, bytes. */
     size_t point_step;
-    /** Number of its fields. */
+    /** Number of fields. */
     size_t field_count;
-    /** Its fields. */
+    /** The fields. */
     echocast_point_field fields[16];
 } echocast_driver_info;
 
 /**
- * Gets what a driver publishes of a point: names, types and offsets of the fields, for the message, and the columns that
- * a scan must have. The caller sets struct_size of `*info`. Texts are static.
+ * Gets the layout of the points that a driver publishes: names, types and offsets of the fields, for the message, and
+ * the columns that a scan must compute. The caller sets struct_size of `*info`. Texts are static.
  *
  * Errors: ECHOCAST_E_ARGUMENT (no such driver).
  */
-ECHOCAST_API
-echocast_status echocast_driver_get_info(int32_t driver,
-                                         echocast_driver_info *info);
+ECHOCAST_API echocast_status echocast_driver_get_info(int32_t driver, echocast_driver_info *info);
 
 /**
- * Gets height and width of the message that a driver makes of a result: of organised results those of the driver's image,
- * which for Velodyne and RoboSense has the rings side by side and the firings below each other; else 1 and the number of
- * points.
+ * Gets the height and width of the message that a driver would publish for a result: for organised results those of
+ * the driver's image, in which Velodyne and RoboSense have a column for each ring and a row for each firing; otherwise
+ * 1 and the number of points.
  *
  * Errors: ECHOCAST_E_ARGUMENT (no such driver), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -1166,13 +1166,13 @@ echocast_status echocast_result_driver_shape(const echocast_result *result,
                                              uint32_t *width);
 
 /**
- * Writes the points as a driver publishes them, point i at `to + i * point_step`. Positions are in the frame of the
- * sensor where the scan starts; those of a scan with ECHOCAST_COORDINATES_SENSOR and without scan_desc.deskew stay in the
- * frame of their own firing. Times count from `stamp_ns` on, the stamp of the message, where the driver's do (Velodyne,
- * Ouster, Autoware), else from the start of the run; the ring is that of the column `ring`. Points of organised results
- * come in the order of the driver's image (echocast_result_driver_shape). All bytes are written, those of no field as 0.
- * Where no azimuth, elevation and range were computed, they are those of the positions. `capacity`: bytes of `to`;
- * `*needed` (may be NULL): point_step * points; if `to` is NULL, only that is written.
+ * Writes the points as a driver publishes them, point i at `to + i * point_step`. Positions are in the sensor frame at
+ * the start of the scan; those of a scan with ECHOCAST_COORDINATES_SENSOR and without scan_desc.deskew stay in the
+ * frame of their own firing. Times count from `stamp_ns`, the stamp of the message, for drivers that do so (Velodyne,
+ * Ouster, Autoware), otherwise from the start of the run; the ring is the column `ring`. Points of organised results
+ * are in the order of the driver's image (echocast_result_driver_shape). All bytes are written, those outside of
+ * fields as 0. Azimuth, elevation and range that were not computed are derived from the positions. `capacity`: size of
+ * `to`, bytes; `*needed` (may be NULL): point_step * points; if `to` is NULL, only that is written.
  *
  * Errors: ECHOCAST_E_ARGUMENT (no such driver, a column that was not computed, too little room), ECHOCAST_E_HANDLE,
  * ECHOCAST_E_BUSY, ECHOCAST_E_MEMORY.
@@ -1207,27 +1207,27 @@ echocast_status echocast_result_pack_driver(const echocast_result *result,
 /** Points are in order of rising time. */
 #define ECHOCAST_ORDER_TIME 1
 
-/** Physics as we know it. */
+/** The physical models. */
 #define ECHOCAST_PROFILE_PHYSICAL 0
 
 /** The equations of the paper as printed. */
 #define ECHOCAST_PROFILE_PAPER 1
 
-/** What the paper's program computes. */
+/** The equations as computed by the paper's program. */
 #define ECHOCAST_PROFILE_BLAINDER 2
 
 /** As the profile defines. */
 #define ECHOCAST_REFLECTANCE_DEFAULT 0
 
-/** Surfaces without a given reflectance take the luminance of their linear base colour, whatever the wavelength. */
+/** Surfaces without a given reflectance use the luminance of their linear base colour, whatever the wavelength. */
 #define ECHOCAST_REFLECTANCE_LUMINANCE 1
 
-/** Surfaces without a given reflectance take the alpha of their base colour. */
+/** Surfaces without a given reflectance use the alpha of their base colour. */
 #define ECHOCAST_REFLECTANCE_ALPHA 2
 
 /**
- * Surfaces without a given reflectance take that of the library material that their name speaks of; else what their
- * base colour suggests for the wavelength. The physical profile's default.
+ * Surfaces without a given reflectance use that of the library material that their name suggests; else an estimate
+ * from their base colour for the wavelength. The physical profile's default.
  */
 #define ECHOCAST_REFLECTANCE_LIBRARY 3
 
@@ -1241,34 +1241,34 @@ echocast_status echocast_result_pack_driver(const echocast_result *result,
 #define ECHOCAST_BOXES_FRAME 2
 
 /**
- * Boxes hold when their objects are scanned: each at the mean time of its points; without any, in the middle of the
- * scan. With scan_desc.deskew, whose points are of the start: at the start.
+ * Boxes are valid for the time at which their objects are scanned: the mean time of the points on each, without points
+ * the middle of the scan. With scan_desc.deskew, which brings points to the start of the scan: the start.
  */
 #define ECHOCAST_BOX_TIME_SCAN 0
 
-/** Boxes hold when the scan starts. */
+/** Boxes are valid for the start of the scan. */
 #define ECHOCAST_BOX_TIME_START 1
 
-/** Boxes hold when the last beam of the scan fires. */
+/** Boxes are valid for the time at which the last beam of the scan fires. */
 #define ECHOCAST_BOX_TIME_END 2
 
 /**
- * Progress callback: gets the fraction of the work that is done, 0 to 1; returning anything but 0 ends the scan,
+ * Progress callback: receives the fraction of the work that is done, 0 to 1; returning anything but 0 ends the scan,
  * unless it is complete. Called on the scanning thread, every 2048 beams of each thread; not for sonars. It must not
  * throw, and the result is in use during the call.
  */
 typedef int32_t (*echocast_progress_fn)(void *user, double fraction);
 
-/** How to scan; ECHOCAST_SCAN_DESC_INIT has the defaults. */
+/** Options of a scan; ECHOCAST_SCAN_DESC_INIT has the defaults. */
 typedef struct echocast_scan_desc {
     /** sizeof(echocast_scan_desc). */
     size_t struct_size;
     /** The sensor to scan with. */
     const echocast_sensor *sensor;
     /**
-     * Where the sensor is: one pose, or several at rising times, between which it moves evenly and turns the shorter
-     * way; before the first and after the last it stands still. Each beam is cast from the pose at the time of its own
-     * firing.
+     * Where the sensor is: one pose, or several at rising times, between which it moves uniformly and rotates the
+     * shorter way; before the first and after the last it stands still. Each beam is cast from the pose at the time of
+     * its own firing.
      */
     const echocast_pose_key *poses;
     /** Number of poses, 1 or more. */
@@ -1286,7 +1286,7 @@ typedef struct echocast_scan_desc {
     uint32_t mask;
     /**
      * Columns to compute: comma-separated names ("x,y,z,range,category_id"), "all", or NULL for the default columns
-     * ("default" in a list): `doppler` is one of a sensor that measures it.
+     * ("default" in a list), which include `doppler` if the sensor measures it.
      */
     const char *columns;
     /** 1: every beam has a row, with NaN or 0 if it has no return. 0: only returns have rows. */
@@ -1301,17 +1301,20 @@ typedef struct echocast_scan_desc {
     int32_t reflectance;
     /** 0. */
     int32_t reserved;
-    /** Gets the progress of the scan and may end it; may be NULL. */
+    /** Receives the progress of the scan and may end it; may be NULL. */
     echocast_progress_fn progress;
     /** First argument of `progress`. */
     void *progress_user;
     /**
-     * What is in the air, and the water a sonar is in, as YAML with the keys of a scenario's section `environment`
-     * ("{rain: {rate_mm_h: 10}}", "{water: {temperature_c: 8}}"), or NULL: clear air, and for sonars the sea below z =
+     * Weather, and for sonars the water, as YAML with the keys of a scenario's section `environment` ("{rain:
+     * {rate_mm_h: 10}}", "{water: {temperature_c: 8}}"), or NULL: clear air, and for sonars the sea below z =
      * 0. A text that is the same as in the result's last scan is not parsed again.
      */
     const char *environment;
-    /** 1: what moves holds still during the scan, where it is at t0_ns. 0: every beam meets it at its own time. */
+    /**
+     * 1: what moves stands still during the scan, where it is at t0_ns. 0: every beam hits it where it is at the
+     * beam's own time.
+     */
     int32_t freeze;
     /** 0. */
     int32_t reserved_2;
@@ -1326,36 +1329,36 @@ typedef struct echocast_scan_desc {
      */
     int32_t boxes;
     /**
-     * 1: the boxes also say where they are in the image of the sensor, whatever hides them, for which every triangle
-     * is looked at: the amodal boxes of echocast_result_image_boxes.
+     * 1: the boxes also have their extent in the image of the sensor, including what is hidden, which takes a pass
+     * over every triangle: the amodal boxes of echocast_result_image_boxes.
      */
     int32_t image_boxes;
     /**
-     * When boxes hold: an ECHOCAST_BOX_TIME_ number. Of programs that were compiled when this was not there yet, boxes
-     * hold at the start, as they were told.
+     * Time for which boxes are valid: an ECHOCAST_BOX_TIME_ number. For programs compiled before this field existed it
+     * is the start, as was documented then.
      */
     int32_t box_time;
     /**
-     * 1: positions and normals are brought to t0_ns: what moves is where it was then, with all points that lie on it,
-     * and ECHOCAST_COORDINATES_SENSOR is the sensor frame then. The other columns, also `true_x`, `true_y` and `true_z`,
-     * say what was when the beam fired. Not for sonars.
+     * 1: positions and normals are brought to t0_ns: what moves is where it was then, with all points on it, and
+     * ECHOCAST_COORDINATES_SENSOR is the sensor frame at that time. The other columns, including `true_x`, `true_y`
+     * and `true_z`, are as of the firing of the beam. Not for sonars.
      */
     int32_t deskew;
 } echocast_scan_desc;
 
 /**
- * Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, and it becomes a new result, to be
- * released with echocast_result_release; or a result, whose memory is reused: after the first few of their kind, scans
- * in beam order of lidars and depth cameras allocate nothing, whatever the sensor, in any weather and in front of
- * mirrors and glass; with another profile than the physical one, or boxes, they take some small blocks, a ping of a sonar
- * up to 20.
+ * Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, which is replaced by a new result, to
+ * be released with echocast_result_release; or a result, whose memory is reused: after the first few of their kind,
+ * scans in beam order of lidars and depth cameras allocate nothing, whatever the sensor, in any weather and in front
+ * of mirrors and glass; with a profile other than the physical one, or with boxes, they allocate some small blocks, a
+ * ping of a sonar up to 20.
  *
  * Points of a sonar: for multibeam and single-beam sonars the depth of each beam; for side-scan and imaging sonars the
- * range bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water. echocast_ping gives
- * whole pings.
+ * range bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water. echocast_ping
+ * gives whole pings.
  *
- * On an error in the arguments, an old result stays as it was; after a cancelled scan, or one for which there was no
- * memory, it is empty.
+ * On an error in the arguments, an existing result is unchanged; after a cancelled scan, or if memory runs out, it is
+ * empty.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_CANCELLED, ECHOCAST_E_BUSY (another
  * thread uses the result, or changes the sensor). Any number of threads may scan one snapshot with one sensor, each
@@ -1380,57 +1383,59 @@ echocast_status echocast_scan(const echocast_snapshot *snapshot,
 
 /**
  * The box around a labelled instance. Position, orientation and velocity are in the frame of the points; in sensor
- * coordinates that is the sensor's frame when the box holds, or when the scan starts if its points are brought there.
+ * coordinates that is the sensor frame at the time of the box, or at the start of the scan if its points are deskewed.
  */
 typedef struct echocast_box {
-    /** When the box holds (scan_desc.box_time), ns. Times since 1970 are rounded to 0.2 microseconds. */
+    /** Time for which the box is valid (scan_desc.box_time), ns. Times since 1970 are rounded to 0.2 microseconds. */
     int64_t t_ns;
     /** Number of the frame, as in the column `frame`. */
     uint32_t frame;
-    /** The object over all frames, as in the column `track_id`. */
+    /** The object across all frames, as in the column `track_id`. */
     uint32_t track_id;
-    /** The object, as in the column `instance_id`; never 0. */
+    /** The instance, as in the column `instance_id`; never 0. */
     uint32_t instance_id;
-    /** What it is, as in the column `category_id`; 0 = unlabelled. */
+    /** The category, as in the column `category_id`; 0 = unlabelled. */
     uint32_t category_id;
-    /** Returns of the scan that lie on it. */
+    /** Number of returns of the scan on it. */
     uint32_t points;
     /** 0. */
     uint32_t reserved;
-    /** The middle of the box, x, y, z, metres; complete, not relative to the result's origin. */
+    /** Centre of the box, x, y, z, metres; absolute, not relative to the result's origin. */
     double position[3];
-    /** Lengths along its axes, metres. */
+    /** Size along its axes, metres. */
     double size[3];
     /** Rotation from its axes, a unit quaternion x, y, z, w. */
     double orientation_xyzw[4];
-    /** How fast its middle moves over the ground, m/s. */
+    /** Velocity of its centre over the ground, m/s. */
     double velocity[3];
-    /** How much of it is not hidden, 0 to 1: of the beams that would meet it if it were alone, the part that does. */
+    /** Visible fraction, 0 to 1: of the beams that would hit it if it were alone, the share that does. */
     double visible;
     /**
-     * Left, top, right and bottom, pixels, of all of it in the image of the sensor, whatever hides it and where the
-     * image ends; not-a-number: not asked for (scan_desc.image_boxes), or nothing of it is in front of the camera.
+     * Left, top, right and bottom of the whole object in the image of the sensor, pixels, including what is hidden or
+     * outside of the image; NaN if not requested (scan_desc.image_boxes), or if no part of it is in front of the
+     * camera.
      */
     double image[4];
 } echocast_box;
 
 /**
  * The boxes of a result, in place. Those of a newer library may be longer than those of this header: ECHOCAST_AT steps
- * from one to the next by the stride.
+ * by the stride.
  */
 typedef struct echocast_box_view {
     /** The first; NULL if there are none. */
     const echocast_box *data;
-    /** Number of them. */
+    /** Number of boxes. */
     size_t count;
     /** Bytes from one to the next. */
     size_t stride;
 } echocast_box_view;
 
 /**
- * Gives access to the boxes around the labelled instances that a scan with `boxes` can see, in place: by rising
- * instance_id, those of appended results one after the other. Objects with one instance_id share a box. echocast_result_label_name has the names of categories and instances. The view is valid until the result is
- * scanned into, appended to or released.
+ * Gives access to the boxes around the labelled instances that a scan with `boxes` sees, in place, sorted by
+ * instance_id; those of appended results follow in order. Objects with the same instance_id share a box.
+ * echocast_result_label_name returns the names of categories and instances. The view is valid until the result is used
+ * for another scan, appended to or released.
  *
  * Errors: ECHOCAST_E_ARGUMENT (a scan without boxes), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  *
@@ -1443,15 +1448,13 @@ typedef struct echocast_box_view {
  *     printf("%u points\n", (unsigned)ECHOCAST_AT(echocast_box, boxes, i)->points);
  * ```
  */
-ECHOCAST_API
-echocast_status echocast_result_boxes(const echocast_result *result,
-                                      echocast_box_view *out);
+ECHOCAST_API echocast_status echocast_result_boxes(const echocast_result *result, echocast_box_view *out);
 
 /* -- Images ---------------------------------------------------------------------------------------------------------- */
 
 /** A layer of the image of a result or of pings, in place: rows from top to bottom, pixels from left to right. */
 typedef struct echocast_image_view {
-    /** The top left pixel; the channels of a pixel follow each other, and so do the pixels of a row. */
+    /** The top left pixel; the channels of a pixel are contiguous, and so are the pixels of a row. */
     const void *data;
     /** Bytes from row to row. */
     size_t row_stride;
@@ -1465,9 +1468,9 @@ typedef struct echocast_image_view {
     int32_t kind;
 } echocast_image_view;
 
-/** What an image shows of an instance. */
+/** An instance as an image shows it. */
 typedef struct echocast_image_box {
-    /** The object; never 0. */
+    /** The instance; never 0. */
     uint32_t instance_id;
     /** Category of most of its pixels; 0 = unlabelled. */
     uint32_t category_id;
@@ -1484,24 +1487,24 @@ typedef struct echocast_image_box {
     /** 0. */
     uint32_t reserved;
     /**
-     * Left, top, right and bottom, pixels, of all of it, whatever hides it and where the image ends; column c reaches
-     * from c to c + 1. Not-a-number: not known, as without scan_desc.image_boxes.
+     * Left, top, right and bottom of the whole object, pixels, including what is hidden or outside of the image;
+     * column c reaches from c to c + 1. NaN if unknown, as without scan_desc.image_boxes.
      */
     double amodal[4];
-    /** Part of the area of the amodal box that lies outside of the image, 0 to 1; not-a-number: not known. */
+    /** Fraction of the area of the amodal box that is outside of the image, 0 to 1; NaN if unknown. */
     double truncation;
-    /** How much of it is hidden by what is before it, 0 to 1; not-a-number: not known, as without scan_desc.boxes. */
+    /** Fraction of it that is hidden by what is in front of it, 0 to 1; NaN if unknown, as without scan_desc.boxes. */
     double occlusion;
 } echocast_image_box;
 
 /**
- * The boxes in the image of a result, in place. Those of a newer library may be longer than those of this header: ECHOCAST_AT steps
- * from one to the next by the stride.
+ * The boxes in the image of a result, in place. Those of a newer library may be longer than those of this header:
+ * ECHOCAST_AT steps by the stride.
  */
 typedef struct echocast_image_box_view {
     /** The first; NULL if there are none. */
     const echocast_image_box *data;
-    /** Number of them. */
+    /** Number of boxes. */
     size_t count;
     /** Bytes from one to the next. */
     size_t stride;
@@ -1509,19 +1512,19 @@ typedef struct echocast_image_box_view {
 
 /**
  * Gives access to a layer of the image that a camera, a spinning or a sweeping sensor sees; of several returns of a
- * beam, the nearest. Beams without a return are not-a-number, 0 or black. Layers and the columns that they show:
+ * beam, the nearest is shown. Beams without a return are NaN, 0 or black. Layers and the columns that they show:
  *
- * - "depth": metres along the axis of a camera (`depth`), of other sensors the slant range (`range`); F32
+ * - "depth": distance along the axis of a camera (`depth`), for other sensors the slant range (`range`), metres; F32
  * - "range": slant range, metres (`range`); F32
  * - "category", "part", "instance": label numbers (`category_id`, `part_id`, `instance_id`); U32
  * - "color": base colour, sRGB (`red`, `green`, `blue`); 3 of U8
  * - "intensity": what the instrument reports (`intensity`); F32
  * - "normal": unit normals to the right, up and towards the sensor (`normal_x`, `normal_y`, `normal_z`); 3 of F32
  *
- * If the result is organised, that is all it needs, and layers of one column are not copied where the columns of a
- * camera are the image already; if not, it also needs the columns `beam` and `range`. Other layers are made when they
- * are first asked for, in memory that the result keeps for those of the next scans. echocast_sensor_get_info has the
- * size and the lens. The view is valid until the result is scanned into, appended to or released.
+ * If the result is organised, it needs no other columns, and a layer of one column is not copied where the column of a
+ * camera already is the image; if not, it also needs the columns `beam` and `range`. Other layers are made when they
+ * are first requested, in memory that the result keeps for those of later scans. echocast_sensor_get_info gives the
+ * size and the lens. The view is valid until the result is used for another scan, appended to or released.
  *
  * Errors: ECHOCAST_E_ARGUMENT (no such layer; a column that was not computed; scans of several sensors),
  * ECHOCAST_E_UNSUPPORTED (a sensor whose beams form no rows and columns; a sonar), ECHOCAST_E_MEMORY,
@@ -1542,9 +1545,9 @@ echocast_status echocast_result_image(const echocast_result *result,
                                       echocast_image_view *out);
 
 /**
- * Gives access to what the image of a result shows of each instance, in place: by rising instance_id.
- * It is made of the layers "category" and "instance", and of the boxes of the scan for what is
- * hidden. The view is valid until the result is scanned into, appended to or released.
+ * Gives access to the instances that the image of a result shows, in place, sorted by instance_id. They are found in
+ * the layers "category" and "instance"; what is hidden comes from the boxes of the scan. The view is valid until the
+ * result is used for another scan, appended to or released.
  *
  * Errors: as echocast_result_image.
  *
@@ -1578,49 +1581,49 @@ echocast_status echocast_result_image_boxes(const echocast_result *result,
 /** One beam. */
 #define ECHOCAST_SONAR_SINGLE 3
 
-/** As ECHOCAST_SONAR_SIDESCAN: four beams, down and outwards, of a Doppler velocity log. */
+/** Like ECHOCAST_SONAR_SIDESCAN: the four beams of a Doppler velocity log, down and outwards. */
 #define ECHOCAST_SONAR_JANUS 4
 
 /**
- * Pings of one sonar, one after the other: usually one, the last. Any number of threads may read them; only one at a
- * time may change them.
+ * Pings of one sonar in order, usually only the last one. Any number of threads may read them; only one at a time may
+ * change them.
  */
 typedef struct echocast_pings echocast_pings;
 
-/** When and where a ping was sent, and how it is laid out; ECHOCAST_PING_INFO_INIT is empty. */
+/** Time and pose of a ping and its layout; ECHOCAST_PING_INFO_INIT is empty. */
 typedef struct echocast_ping_info {
     /** sizeof(echocast_ping_info). */
     size_t struct_size;
     /** Number of the ping: scan_desc.frame. */
     uint32_t number;
-    /** How the beams lie: an ECHOCAST_SONAR_ number. */
+    /** Arrangement of the beams: an ECHOCAST_SONAR_ number. */
     int32_t view;
-    /** When it was sent, ns. Times since 1970 are rounded to 0.2 microseconds. */
+    /** Time of transmission, ns. Times since 1970 are rounded to 0.2 microseconds. */
     int64_t t_ns;
-    /** Where the sonar was then, in the world; a rotating beam is turned to where it looked. */
+    /** Pose of the sonar in the world at that time, including the rotation of a rotating beam. */
     echocast_pose sensor_pose;
     /** World position, metres, that the columns true_x, true_y, true_z are relative to. */
     double origin[3];
-    /** Beams. */
+    /** Number of beams. */
     uint32_t beams;
-    /** Range bins of a beam. A ping has beams * bins cells; cell beam * bins + bin. */
+    /** Range bins of a beam. A ping has beams * bins cells; the index of a cell is beam * bins + bin. */
     uint32_t bins;
     /** Length of a bin, metres of reported slant range: bin k reaches from k * bin_m to (k + 1) * bin_m. */
     double bin_m;
-    /** Sound speed that ranges are reported with, m/s. */
+    /** Sound speed that reported ranges assume, m/s. */
     double sound_speed;
-    /** First bin that reports echoes: earlier ones are nearer than the nearest range. */
+    /** First bin that reports echoes: earlier ones are below the minimum range. */
     uint32_t first_bin;
-    /** Level of the noise in a cell, dB re 1 uPa. */
+    /** Noise level in a cell, dB re 1 uPa. */
     float noise_db;
     /**
-     * Azimuth and elevation of the axis of each beam as reported, one after the other, rad, sensor frame: 2 * beams
-     * numbers. This and the following are in place, like columns.
+     * Reported azimuth and elevation of the axis of each beam, interleaved, rad, sensor frame: 2 * beams numbers. This
+     * and the following arrays are in place, like columns.
      */
     const float *axes;
-    /** Lowest level that is reported as an echo, dB re 1 uPa, of each bin. */
+    /** Lowest level that is reported as an echo, for each bin, dB re 1 uPa. */
     const float *threshold_db;
-    /** Time-varied gain that pictures are drawn with, dB, of each bin; levels are without. */
+    /** Time-varied gain that pictures are drawn with, for each bin, dB; levels do not include it. */
     const float *tvg_db;
 } echocast_ping_info;
 
@@ -1632,56 +1635,55 @@ typedef struct echocast_sounding {
     uint32_t cell;
     /** Reported slant range. */
     float range;
-    /** Level of the loudest cell of the echo, dB re 1 uPa. */
+    /** Level of the strongest cell of the echo, dB re 1 uPa. */
     float level_db;
     /** Confidence, 0 to 1; 0.5 for a standard error of 0.25 % of the range. */
     float quality;
     /**
-     * Where it lies by a ray through the assumed cast of the water, relative to the origin of the ping; not-a-number
-     * where that ray leaves the water.
+     * Position by a ray traced through the assumed sound speed cast, relative to the origin of the ping; NaN where
+     * that ray leaves the water.
      */
     float corrected[3];
 } echocast_sounding;
 
 /**
  * The soundings of a ping, in place. Those of a newer library may be longer than those of this header: ECHOCAST_AT
- * steps from one to the next by the stride.
+ * steps by the stride.
  */
 typedef struct echocast_sounding_view {
     /** The first; NULL if there are none. */
     const echocast_sounding *data;
-    /** Number of them. */
+    /** Number of soundings. */
     size_t count;
     /** Bytes from one to the next. */
     size_t stride;
 } echocast_sounding_view;
 
-/** Coordinates of the pixels of an image: the middle of column c, row r is first + {c, r} * step. */
+/** Coordinates of the pixels of an image: the centre of the pixel in column c and row r is first + {c, r} * step. */
 typedef struct echocast_image_place {
     /**
-     * Of the middle of the top left pixel: metres to the right of the sonar and ahead of it (of a swath sonar, above)
-     * in a fan; x, y in the world on a track; metres across (starboard is positive) and the index of the ping in a
-     * waterfall.
+     * Centre of the top left pixel: in a fan, metres to the right of the sonar and ahead of it (for a swath sonar,
+     * above it); on a track, x, y in the world; in a waterfall, metres across track (starboard is positive) and the
+     * index of the ping.
      */
     double first[2];
-    /** From column to column, and from row to row. */
+    /** Step from column to column, and from row to row. */
     double step[2];
 } echocast_image_place;
 
 /**
- * Sends one ping of a sonar. `*io`: NULL, and it becomes a new list of this ping, to be released with
- * echocast_pings_release; or a list, which has only this ping from then on, in its memory: after the first of their
- * kind, pings take up to 20 small blocks, whatever the number of rays and cells.
+ * Sends one ping of a sonar. `*io`: NULL, which is replaced by a new list with this ping, to be released with
+ * echocast_pings_release; or a list, which then has only this ping and reuses its memory: after the first of their
+ * kind, pings allocate up to 20 small blocks, whatever the number of rays and cells.
  *
- * `desc` is as for echocast_scan, which gives the points of the same ping, and its `frame` is the number of the ping.
- * Of its columns a ping has `intensity`, the level, and those among `category_id`, `part_id`, `instance_id`,
+ * `desc` is as for echocast_scan, which gives the points of the same ping; its `frame` is the number of the ping. A
+ * ping has the column `intensity`, the level, and the requested ones among `category_id`, `part_id`, `instance_id`,
  * `material_id`, `time`, `azimuth`, `elevation`, `red`, `green`, `blue`, `normal_x` to `normal_z`, `cos_incidence`,
  * `true_x` to `true_z`, `true_range`, `cause`, `bounces`, `velocity_x` to `velocity_z`, `radial_velocity`, `flow_x` to
- * `flow_z` that are asked for: what the strongest scatterer in the cell is; numbers are not-a-number and labels 0
- * where nothing scatters. What `desc` says of points alone is not used: organised, coordinates, order, boxes,
- * progress.
+ * `flow_z`: they describe the strongest contributor of the cell; where nothing scatters, numbers are NaN and labels 0.
+ * What concerns only points in `desc` is not used: organised, coordinates, order, boxes, progress.
  *
- * On an error in the arguments, an old list stays as it was; one for which there was no memory is empty.
+ * On an error in the arguments, an existing list is unchanged; if memory runs out, it is empty.
  *
  * Errors: ECHOCAST_E_ARGUMENT (a sensor that is not a sonar, a sonar outside the water, another profile than the
  * physical one), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY (another thread uses the list, or changes the
@@ -1709,7 +1711,7 @@ ECHOCAST_API size_t echocast_pings_count(const echocast_pings *pings);
 
 /**
  * Gets information on a ping, counted from 0. The caller sets struct_size of `*info`; what it points to is valid until
- * the list is pinged into or released.
+ * the list is used for another ping or released.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  *
@@ -1726,9 +1728,9 @@ echocast_status echocast_pings_get_info(const echocast_pings *pings,
                                         echocast_ping_info *info);
 
 /**
- * Gives access to a column of a ping, counted from 0, without copying it: beams * bins numbers, all bins of a beam one
- * after the other. `column`: "intensity" for the levels, dB re 1 uPa, as ECHOCAST_TYPE_F32, or another that was asked
- * for. The view is valid until the list is pinged into or released.
+ * Gives access to a column of a ping, counted from 0, without copying it: beams * bins numbers, beam by beam.
+ * `column`: "intensity" for the levels, dB re 1 uPa, as ECHOCAST_TYPE_F32, or another requested one. The view is valid
+ * until the list is used for another ping or released.
  *
  * Errors: ECHOCAST_E_ARGUMENT (no such ping; no such column, or one that was not computed), ECHOCAST_E_HANDLE,
  * ECHOCAST_E_BUSY.
@@ -1746,8 +1748,8 @@ echocast_status echocast_pings_view(const echocast_pings *pings,
                                     echocast_view *out);
 
 /**
- * Gives access to what a ping, counted from 0, reports as depths, in place: by rising beam; none for side-scan and
- * imaging sonars. The view is valid until the list is pinged into, appended to or released.
+ * Gives access to the soundings of a ping, counted from 0, in place, in the order of beams; none for side-scan and
+ * imaging sonars. The view is valid until the list is used for another ping, appended to or released.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  *
@@ -1766,8 +1768,8 @@ echocast_status echocast_pings_soundings(const echocast_pings *pings,
 /**
  * Writes the cells of a ping, counted from 0, as an image in the host's layout: a row for each range bin, the nearest
  * first, in it a pixel of `stride` bytes for each beam, and in a pixel each column converted to its type at its
- * offset; so ROS has images of sonars, and the columns of a ping have them the other way round. Numbers are converted
- * as in echocast_result_pack, and the other arguments are the same; `*needed` is stride * beams * bins.
+ * offset. Sonar images in ROS have this layout; the columns of a ping are its transpose. Numbers are converted as in
+ * echocast_result_pack, and the other arguments are the same; `*needed` is stride * beams * bins.
  *
  * Errors: ECHOCAST_E_ARGUMENT (no such ping, a wrong item, too little room), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  *
@@ -1792,7 +1794,7 @@ echocast_status echocast_pings_pack(const echocast_pings *pings,
 /**
  * The name of a label number. `table`: "category", "part", "material" or "instance". NULL if it has none.
  *
- * Valid until the list is pinged into or released.
+ * Valid until the list is used for another ping or released.
  */
 ECHOCAST_API
 const char *echocast_pings_label_name(const echocast_pings *pings,
@@ -1800,8 +1802,8 @@ const char *echocast_pings_label_name(const echocast_pings *pings,
                                       uint32_t number);
 
 /**
- * Gets the number that has a name in a label column. `table`: "category", "part", "material" or "instance", where the
- * first instance of the name counts.
+ * Gets the number of a label by its name. `table`: "category", "part", "material" or "instance", of which the first
+ * with the name counts.
  *
  * Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -1820,14 +1822,14 @@ echocast_status echocast_pings_label_number(const echocast_pings *pings,
 ECHOCAST_API echocast_status echocast_pings_append(echocast_pings *pings, const echocast_pings *other);
 
 /**
- * Gives access to the pixels of a picture of all pings, in place. `options`: YAML with `view`: "fan" lays the last
- * ping of an imaging or swath sonar, or all of a beam that turns, out by beam and range; "waterfall" has a row for
- * each ping; "track" is the map that they make, of a swath sonar that of its depths; further `width` (1600), 320 to
- * 4096 pixels, and `ground` (false), whether a waterfall shows ground range. `layer`: "values", levels with the
- * sonar's time-varied gain, dB re 1 uPa, or heights on the map of depths, metres, not-a-number where nothing is, as
- * ECHOCAST_TYPE_F32; or a label column of the pings, such as "category_id", 0 where nothing is, as ECHOCAST_TYPE_U32.
- * `place` may be NULL. Each picture is made when it is first asked for; the view is valid until the list is pinged
- * into, appended to or released.
+ * Gives access to the pixels of a picture of all pings, in place. `options`: YAML with `view`: "fan" shows the last
+ * ping of an imaging or swath sonar, or all pings of a rotating beam, by beam and range; "waterfall" has a row for
+ * each ping; "track" is their map, for a swath sonar the map of its depths; also `width` (1600), 320 to 4096 pixels,
+ * and `ground` (false), whether a waterfall shows ground range. `layer`: "values", levels with the sonar's time-varied
+ * gain, dB re 1 uPa, or on the map of depths heights, metres, NaN where there is no data, as ECHOCAST_TYPE_F32; or a
+ * label column of the pings, such as "category_id", 0 where there is no data, as ECHOCAST_TYPE_U32. `place` may be
+ * NULL. Each picture is made when it is first requested; the view is valid until the list is used for another ping,
+ * appended to or released.
  *
  * Errors: ECHOCAST_E_ARGUMENT (a view that this sonar does not have, no such layer), ECHOCAST_E_PARSE,
  * ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY.
@@ -1852,50 +1854,50 @@ ECHOCAST_API void echocast_pings_release(echocast_pings *pings);
 /* -- Scenarios ------------------------------------------------------------------------------------------------------- */
 
 /**
- * A sample of a scenario: its scene as it was drawn, and the scans of its sensors. Any number of threads may read it;
- * only one at a time may scan it.
+ * A sample of a scenario: its scene with the values drawn for it, and the scans of its sensors. Any number of threads
+ * may read it; only one at a time may scan it.
  */
 typedef struct echocast_sample echocast_sample;
 
 /**
- * A file that makes samples: a scene, a rig of sensors, and what differs from sample to sample. Any number of threads
+ * A file that makes samples: a scene, a rig of sensors, and what varies from sample to sample. Any number of threads
  * may make samples of it; only one at a time may change it.
  */
 typedef struct echocast_scenario echocast_scenario;
 
-/** What one sensor of the rig does in a sample; ECHOCAST_SCAN_INFO_INIT is empty. */
+/** The scan of one sensor of the rig in a sample; ECHOCAST_SCAN_INFO_INIT is empty. */
 typedef struct echocast_scan_info {
     /** sizeof(echocast_scan_info). */
     size_t struct_size;
-    /** Its frames; of a sonar, its pings. */
+    /** Number of its frames; for a sonar, of its pings. */
     size_t frames;
     /**
-     * Where the name of the sensor in the rig is written, ending in 0, cut off if it is too long; NULL if not wanted.
-     * Set by the caller.
+     * Buffer for the name of the sensor in the rig, which ends in 0 and is cut off if it is too long; NULL if not
+     * needed. Set by the caller.
      */
     char *name;
     /** Capacity of `name`, bytes. Set by the caller. */
     size_t name_capacity;
 } echocast_scan_info;
 
-/** When a frame is scanned; ECHOCAST_FRAME_INFO_INIT is empty. */
+/** The time of a frame; ECHOCAST_FRAME_INFO_INIT is empty. */
 typedef struct echocast_frame_info {
     /** sizeof(echocast_frame_info). */
     size_t struct_size;
     /** Its start, ns since the start of the run, from which the column `time` counts. */
     int64_t start_ns;
-    /** How long the sensor looks at the scene at most, ns. */
+    /** Longest duration of the scan, ns. */
     int64_t duration_ns;
-    /** Its number, as in the column `frame`. */
+    /** Number of the frame, as in the column `frame`. */
     uint32_t number;
     /** 0. */
     uint32_t reserved;
 } echocast_frame_info;
 
 /**
- * Reads a scenario file, or the report of `echocast scan --json`. Names of files in it are relative to its folder, or
- * to its `folder`. Scenes and models are read with the first sample that needs them, and kept for the others. What it
- * says under `outputs` is for the program and not used here.
+ * Reads a scenario file, or the report of `echocast scan --json`. File names in it are relative to its folder, or to
+ * its key `folder`. Scenes and models are read with the first sample that needs them, and kept for the others. Its
+ * `outputs` are for the program and not used here.
  *
  * Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file, line, key), ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE. Any thread may
  * call this.
@@ -1911,8 +1913,8 @@ echocast_status echocast_scenario_load(const echocast_context *context,
                                        echocast_scenario **out);
 
 /**
- * Like echocast_scenario_load, from YAML text with the contents of a scenario file. `folder`: where relative paths in
- * it start; NULL for the working folder.
+ * Like echocast_scenario_load, from YAML text with the contents of a scenario file. `folder`: the folder that paths in
+ * it are relative to; NULL for the working folder.
  *
  * Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (line and key), ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE. Any thread may call
  * this.
@@ -1925,7 +1927,7 @@ echocast_status echocast_scenario_from_text(const echocast_context *context,
 
 /**
  * Changes a key of a scenario: `key` is its path (`frames.last`, `sensors.top.rate_hz`, `sensors[0].mount`), `value`
- * YAML. Samples that were made stay as they are; the next one reads its scene and models again.
+ * YAML. Existing samples stay as they are; the next one reads its scene and models again.
  *
  * Errors: ECHOCAST_E_PARSE (key, what was found, what is allowed), ECHOCAST_E_IO, ECHOCAST_E_ARGUMENT,
  * ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY (another thread makes a sample); the scenario is then unchanged.
@@ -1936,24 +1938,24 @@ echocast_status echocast_scenario_set(echocast_scenario *scenario,
                                       const char *value);
 
 /**
- * Writes the number of samples that a scenario asks for to `*out`.
+ * Writes the number of samples of a scenario to `*out`.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
 ECHOCAST_API echocast_status echocast_scenario_samples(const echocast_scenario *scenario, uint64_t *out);
 
 /**
- * Makes a sample, counted from 0: draws what varies and sets up its scene and scans. It is the same alone, in any
- * order, on any thread, and the one that `echocast run` writes; there may be more than the scenario asks for, up to
- * number 4294967295. `*out` is the new sample; release it with echocast_sample_release. What was noticed is reported
- * to the context's log: objects that found no room, what scene files lack.
+ * Makes a sample, counted from 0: draws what varies and sets up its scene and scans. It is the same whether it is made
+ * alone, in any order or on any thread, and the one that `echocast run` writes; the number may exceed the samples of
+ * the scenario, up to 4294967295. `*out` is the new sample; release it with echocast_sample_release. Warnings are
+ * reported to the context's log: objects for which there was no room, what scene files lack.
  *
- * Any number of threads may make samples of one scenario: in a context of one thread side by side; a context of
- * several gives all its threads to one sample after the other.
+ * Any number of threads may make samples of one scenario: with a context of one thread in parallel; a context of
+ * several threads uses all of them for one sample after the other.
  *
- * Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT (a value that
- * was drawn and is not allowed, no room for what must be placed), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY,
- * ECHOCAST_E_BUSY (another thread changes the scenario).
+ * Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT (a drawn value
+ * that is not allowed, no room for what must be placed), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY
+ * (another thread changes the scenario).
  */
 ECHOCAST_API
 echocast_status echocast_scenario_sample(const echocast_scenario *scenario,
@@ -1971,8 +1973,8 @@ ECHOCAST_API void echocast_scenario_release(echocast_scenario *scenario);
 ECHOCAST_API echocast_status echocast_sample_scans(const echocast_sample *sample, size_t *out);
 
 /**
- * Gets information on a scan, counted from 0 in the order of the rig. The caller sets struct_size of `*info`, and
- * where the name is to go.
+ * Gets information on a scan, counted from 0 in the order of the rig. The caller sets struct_size of `*info`, and the
+ * buffer for the name.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -1993,8 +1995,8 @@ echocast_status echocast_sample_get_frame(const echocast_sample *sample,
                                           echocast_frame_info *info);
 
 /**
- * Gives a copy of the sensor of a scan, with all that was drawn for it: `*out` is a sensor like any other, to be
- * released with echocast_sensor_release.
+ * Gets a copy of the sensor of a scan, with the values drawn for it: `*out` is a sensor like any other, to be released
+ * with echocast_sensor_release.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
@@ -2017,8 +2019,8 @@ echocast_status echocast_sample_drawn(const echocast_sample *sample,
                                       size_t *needed);
 
 /**
- * Says which boxes the following scans of a sample have: `boxes` and `image_boxes` as in echocast_scan_desc; at first
- * none. When they hold, the scenario says (`boxes`).
+ * Sets which boxes the following scans of a sample have: `boxes` and `image_boxes` as in echocast_scan_desc; none by
+ * default. The time for which they are valid is set by the scenario (`boxes`).
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  *
@@ -2035,15 +2037,15 @@ echocast_status echocast_sample_set_boxes(echocast_sample *sample,
                                           int32_t image_boxes);
 
 /**
- * Scans a frame of a sample as the scenario says: scan and frame are counted from 0; a sonar sends the ping of that
- * number. `columns`: NULL for those that the scenario asks for (`fields`); else names as in echocast_scan_desc, where
- * "default" stands for these. `*io`: NULL, and it becomes a new result, or a result, whose memory is reused, as for
- * echocast_scan. Frames may be scanned in any order and again: the points are the same.
+ * Scans a frame of a sample as the scenario specifies: scan and frame are counted from 0; a sonar sends the ping with
+ * that number. `columns`: NULL for those of the scenario (`fields`); else names as in echocast_scan_desc, where
+ * "default" stands for these. `*io`: NULL, which is replaced by a new result, or a result, whose memory is reused, as
+ * for echocast_scan. Frames may be scanned in any order and repeatedly: the points are the same.
  *
- * One thread at a time may scan a sample; each may scan one of its own.
+ * One thread at a time may scan a sample; several threads may each scan their own.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY. On an error in the arguments, an
- * old result stays as it was; when there was no memory for a scan, it is empty.
+ * existing result is unchanged; if memory runs out, it is empty.
  *
  * ```c
  * uint64_t samples;
@@ -2064,12 +2066,11 @@ echocast_status echocast_sample_scan(echocast_sample *sample,
                                      echocast_result **io);
 
 /**
- * Sends a ping of a sonar of a sample as the scenario says: as echocast_sample_scan, but into a list of pings, as
- * echocast_ping does.
+ * Sends a ping of a sonar of a sample as the scenario specifies: like echocast_sample_scan, but into a list of pings,
+ * as echocast_ping does.
  *
  * Errors: ECHOCAST_E_ARGUMENT (a scan whose sensor is not a sonar), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY,
- * ECHOCAST_E_BUSY. On an error in the arguments, an old list stays as it was; one for which there was no memory is
- * empty.
+ * ECHOCAST_E_BUSY. On an error in the arguments, an existing list is unchanged; if memory runs out, it is empty.
  *
  * ```c
  * echocast_pings *pings = NULL;
@@ -2094,8 +2095,8 @@ typedef struct echocast_frames echocast_frames;
 /**
  * Writes the points to a file, which appears under its name only when it is complete and on the disk. `format`: a name
  * from the list "formats"; NULL: chosen by the ending of `path`. Label names are in the file, or in NAME.labels.json
- * beside it, which gets its name just before; an error leaves both as they were. What a format cannot hold is reported
- * to the context's log.
+ * beside it, which appears just before; an error leaves both as they were. What a format cannot hold is reported to
+ * the context's log.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO (a full disk), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_HANDLE,
  * ECHOCAST_E_BUSY.
@@ -2103,12 +2104,12 @@ typedef struct echocast_frames echocast_frames;
 ECHOCAST_API echocast_status echocast_result_write(const echocast_result *result, const char *path, const char *format);
 
 /**
- * Writes a picture of the points as PNG (`.png`). `options`: NULL, or YAML with `view` (top, perspective, range), `color`
- * (label, cause, intensity, range, height, velocity, radial_velocity, doppler, density) and `width` in pixels. The
- * result needs the columns that colours are made of; without them other colours are taken, with a warning to the log.
+ * Writes a picture of the points as PNG (`.png`). `options`: NULL, or YAML with `view` (top, perspective, range),
+ * `color` (label, cause, intensity, range, height, velocity, radial_velocity, doppler, density) and `width` in pixels.
+ * The result needs the columns that the colours show; without them other colours are used, with a warning in the log.
  * With the column `cause`, points of rain, fog and the like have their own colours.
  *
- * Errors: ECHOCAST_E_ARGUMENT (a view that points do not have, a width out of bounds), ECHOCAST_E_PARSE,
+ * Errors: ECHOCAST_E_ARGUMENT (a view that is not available for points, a width out of bounds), ECHOCAST_E_PARSE,
  * ECHOCAST_E_UNSUPPORTED (another ending), ECHOCAST_E_IO, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
 ECHOCAST_API
@@ -2117,9 +2118,9 @@ echocast_status echocast_result_preview(const echocast_result *result,
                                         const char *options);
 
 /**
- * Writes all that the pings hold to a file, as NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`), as the ending of `path` says:
- * arrays of pings x beams x bins, soundings, and what they have in common. It appears under its name only when it is
- * complete and on the disk. What the format cannot hold is reported to the context's log.
+ * Writes the pings to a file, as NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`) by the ending of `path`: arrays of pings x
+ * beams x bins, soundings, and what all pings have in common. The file appears under its name only when it is complete
+ * and on the disk. What the format cannot hold is reported to the context's log.
  *
  * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO (a full disk), ECHOCAST_E_UNSUPPORTED (another ending; HDF5 that is not
  * built in), ECHOCAST_E_MEMORY, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
@@ -2131,9 +2132,9 @@ echocast_status echocast_result_preview(const echocast_result *result,
 ECHOCAST_API echocast_status echocast_pings_write(const echocast_pings *pings, const char *path);
 
 /**
- * Writes a picture of the pings as PNG (`.png`), with scales and a legend. `options`: YAML with `view`, `width` and `ground` as
- * for echocast_pings_image, and `color` (label, intensity); pings without labels are coloured by intensity, with a
- * warning to the log.
+ * Writes a picture of the pings as PNG (`.png`), with scales and a legend. `options`: YAML with `view`, `width` and
+ * `ground` as for echocast_pings_image, and `color` (label, intensity); pings without labels are coloured by
+ * intensity, with a warning in the log.
  *
  * Errors: ECHOCAST_E_ARGUMENT (a view that this sonar does not have, a width out of bounds), ECHOCAST_E_PARSE,
  * ECHOCAST_E_UNSUPPORTED (another ending), ECHOCAST_E_IO, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
@@ -2142,10 +2143,7 @@ ECHOCAST_API echocast_status echocast_pings_write(const echocast_pings *pings, c
  * echocast_pings_preview(pings, "fan.png", "{view: fan, color: intensity}");
  * ```
  */
-ECHOCAST_API
-echocast_status echocast_pings_preview(const echocast_pings *pings,
-                                       const char *path,
-                                       const char *options);
+ECHOCAST_API echocast_status echocast_pings_preview(const echocast_pings *pings, const char *path, const char *options);
 
 /**
  * Starts an HDF5 file that takes scans one by one, each as one row of every dataset; only one is in memory at a time.

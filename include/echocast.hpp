@@ -1,8 +1,8 @@
 /* echocast for C++11 and later: owners, exceptions and spans around the C functions of echocast.h. Header-only: it adds
- * nothing to the ABI, and everything of C can be used beside it (get()).
+ * nothing to the ABI, and all C functions can be used alongside it (get()).
  *
- * Objects are moved, not copied, and release what they own. Failures are thrown as echocast::error. What is const can be
- * used by any number of threads at once.
+ * Objects are moved, not copied, and release what they own. Failures are thrown as echocast::error. Any number of
+ * threads can use const objects at the same time.
  */
 #ifndef ECHOCAST_HPP
 #define ECHOCAST_HPP
@@ -23,12 +23,12 @@
 
 namespace echocast {
 
-/** Why a call failed: what() is the sentence of echocast_last_error. */
+/** Why a call failed; what() is the text of echocast_last_error. */
 class error : public std::runtime_error {
 public:
     explicit error(echocast_status status) : std::runtime_error(echocast_last_error()), status_(status) {}
 
-    /** An ECHOCAST_E_ number. */
+    /** One of the ECHOCAST_E_ codes. */
     echocast_status status() const noexcept { return status_; }
 
 private:
@@ -47,14 +47,14 @@ struct deleter {
     void operator()(T *handle) const noexcept { Release(handle); }
 };
 
-/** Owns one handle of C. */
+/** Owns one C handle. */
 template <class T, void (*Release)(T *)>
 class owner {
 public:
-    /** The handle, which stays owned here; NULL after a move. */
+    /** The handle, still owned by this object; NULL after a move. */
     T *get() const noexcept { return handle_.get(); }
 
-    /** Gives the handle away, to be released by the caller. */
+    /** Gives up ownership of the handle; the caller must release it. */
     T *release() noexcept { return handle_.release(); }
 
     explicit operator bool() const noexcept { return handle_ != nullptr; }
@@ -63,7 +63,7 @@ protected:
     owner() = default;
     explicit owner(T *handle) : handle_(handle) {}
 
-    /** Made by a C function that puts it where it is told. */
+    /** The handle that a C function returns through its out parameter. */
     template <class Make>
     static T *made(Make make) {
         T *handle = nullptr;
@@ -71,7 +71,7 @@ protected:
         return handle;
     }
 
-    /** Runs a C function that fills what is here, which is NULL until the first. */
+    /** Calls a C function that fills the object of this handle, or creates it if the handle is still NULL. */
     template <class Fill>
     void fill(Fill call) {
         T *handle = get();
@@ -83,7 +83,7 @@ protected:
     std::unique_ptr<T, deleter<T, Release>> handle_;
 };
 
-/** The text that a C function writes: asked for its size first. */
+/** The text that a C function writes; a first call gets its size. */
 template <class Put>
 std::string text(Put put) {
     std::size_t needed = 0;
@@ -96,7 +96,7 @@ std::string text(Put put) {
 
 inline const char *c_str_or_null(const std::string &text) { return text.empty() ? nullptr : text.c_str(); }
 
-/** Lets an exception of a callback out of the C call that it was thrown in. */
+/** Carries an exception thrown by a callback out of the C call that invoked it. */
 struct progress_call {
     const std::function<bool(double)> *heard;
     std::exception_ptr thrown;
@@ -127,7 +127,7 @@ struct type_of<uint32_t> : std::integral_constant<int32_t, ECHOCAST_TYPE_U32> {}
 
 } // namespace detail
 
-/** Elements one after the other that somebody else owns. */
+/** Non-owning view of contiguous elements. */
 template <class T>
 class span {
 public:
@@ -146,7 +146,7 @@ private:
     std::size_t size_ = 0;
 };
 
-/** Structures one after the other that somebody else owns; those of a newer library may be longer than T. */
+/** Non-owning view of consecutive structures; those of a newer library may be longer than T. */
 template <class T>
 class structs {
 public:
@@ -199,7 +199,7 @@ private:
     std::size_t stride_ = 0;
 };
 
-/** Pixels that somebody else owns, row by row from the top left. */
+/** Non-owning view of pixels, row by row from the top left. */
 template <class T>
 class image {
 public:
@@ -208,19 +208,19 @@ public:
 
     uint32_t width() const noexcept { return view_.width; }
     uint32_t height() const noexcept { return view_.height; }
-    /** Numbers per pixel. */
+    /** Values per pixel. */
     uint32_t channels() const noexcept { return view_.channels; }
     T *data() const noexcept { return static_cast<T *>(view_.data); }
     /** Bytes from row to row. */
     std::size_t row_stride() const noexcept { return view_.row_stride; }
 
-    /** The numbers of a row, pixel by pixel. */
+    /** The values of a row, pixel by pixel. */
     span<T> row(uint32_t y) const noexcept {
         const char *start = static_cast<const char *>(view_.data) + y * view_.row_stride;
         return span<T>(static_cast<T *>(static_cast<const void *>(start)), std::size_t(width()) * channels());
     }
 
-    /** A number of the pixel in column `x`, row `y`. */
+    /** One value of the pixel in column `x`, row `y`. */
     T &operator()(uint32_t x, uint32_t y, uint32_t channel = 0) const noexcept {
         return row(y)[std::size_t(x) * channels() + channel];
     }
@@ -229,7 +229,7 @@ private:
     echocast_image_view view_ = {nullptr, 0, 0, 0, 0, 0};
 };
 
-/** A pose that is not turned, at x, y, z metres. */
+/** A pose at x, y, z metres, not rotated. */
 inline echocast_pose pose_at(double x, double y, double z) {
     echocast_pose pose = ECHOCAST_POSE_IDENTITY;
     pose.m[3] = x;
@@ -238,7 +238,7 @@ inline echocast_pose pose_at(double x, double y, double z) {
     return pose;
 }
 
-/** A pose at x, y, z metres, turned by the unit quaternion {x, y, z, w}: the real part last, the order of ROS. */
+/** A pose at x, y, z metres, rotated by the unit quaternion {x, y, z, w}: real part last, as in ROS. */
 inline echocast_pose pose_at(double x, double y, double z, const std::array<double, 4> &xyzw) {
     const double position[] = {x, y, z};
     echocast_pose pose;
@@ -249,7 +249,7 @@ inline echocast_pose pose_at(double x, double y, double z, const std::array<doub
 /** A camera node of a loaded file. */
 struct camera {
     std::string name;
-    /** At time 0, as a sensor's. */
+    /** The pose at time 0, with a sensor's axes (x forward). */
     echocast_pose pose;
 };
 
@@ -259,7 +259,7 @@ using instance = echocast_instance;
 /** Threads and Embree's device; everything else belongs to a context. */
 class context : public detail::owner<echocast_context, echocast_context_release> {
 public:
-    /** `threads`: 0 as many as the machine has cores, 1 none but the calling one. */
+    /** `threads`: 0 for one per core of the machine, 1 for the calling thread only. */
     explicit context(int threads = 0) : context(with_threads(threads)) {}
 
     explicit context(const echocast_context_desc &desc)
@@ -276,7 +276,7 @@ private:
 /** What surfaces are made of. */
 class material : public detail::owner<echocast_material, echocast_material_release> {
 public:
-    /** Of YAML text with the keys of a material file; `image` may be NULL. */
+    /** From YAML text with the keys of a material file; `image` may be NULL. */
     material(const context &context, const std::string &yaml, const echocast_image *image = nullptr)
         : owner(made([&](echocast_material **out) {
               return echocast_material_create(context.get(), yaml.c_str(), image, out);
@@ -289,7 +289,7 @@ public:
     mesh(const context &context, const echocast_mesh_desc &desc)
         : owner(made([&](echocast_mesh **out) { return echocast_mesh_create(context.get(), &desc, out); })) {}
 
-    /** Of one part; the vectors are copied. */
+    /** A mesh of one part; the vectors are copied. */
     mesh(const context &context, const std::vector<std::array<float, 3>> &positions,
          const std::vector<std::array<uint32_t, 3>> &triangles, const material *made_of = nullptr, uint32_t part_id = 0)
         : owner(made([&](echocast_mesh **out) {
@@ -305,17 +305,17 @@ public:
               return echocast_mesh_create(context.get(), &desc, out);
           })) {}
 
-    /** Builds its structure for tracing now, rather than in the first commit. */
+    /** Builds its ray-tracing structure now rather than in the first commit. */
     void prepare() { check(echocast_mesh_prepare(get())); }
 };
 
-/** A scene as it was when it was committed. */
+/** The state of a scene at a commit. */
 class snapshot : public detail::owner<echocast_snapshot, echocast_snapshot_release> {
 public:
     explicit snapshot(echocast_snapshot *handle) : owner(handle) {}
 };
 
-/** Instances that come, go and move. */
+/** Instances that can be added, removed and moved. */
 class scene : public detail::owner<echocast_scene, echocast_scene_release> {
 public:
     explicit scene(const context &context)
@@ -329,7 +329,7 @@ public:
               return echocast_scene_create(context.get(), &desc, out);
           })) {}
 
-    /** Adds what a scene file holds. */
+    /** Adds the contents of a scene file. */
     void load(const std::string &path, const std::string &options = "") {
         check(echocast_scene_load(get(), path.c_str(), options.c_str()));
     }
@@ -372,7 +372,7 @@ public:
         return ids;
     }
 
-    /** What an instance is; `name`, if given, becomes its name, up to 255 bytes of it. */
+    /** The properties of an instance; `name`, if given, receives its name, at most 255 bytes of it. */
     echocast_instance_info info(instance id, std::string *name = nullptr) const {
         char text[256];
         echocast_instance_info info = ECHOCAST_INSTANCE_INFO_INIT;
@@ -384,7 +384,7 @@ public:
         return info;
     }
 
-    /** Where a camera node of a loaded file stands, as a sensor's pose. */
+    /** The pose of a camera node of a loaded file, with a sensor's axes. */
     echocast_pose camera(const std::string &name) const {
         echocast_pose pose;
         check(echocast_scene_camera(get(), name.c_str(), &pose));
@@ -402,7 +402,7 @@ public:
         return all;
     }
 
-    /** Number that has this name: of category "car", for instance. */
+    /** The number of a label name, such as category "car". */
     uint32_t label_number(const std::string &table, const std::string &name) const {
         uint32_t number = 0;
         check(echocast_scene_label_number(get(), table.c_str(), name.c_str(), &number));
@@ -422,17 +422,17 @@ public:
         check(echocast_scene_set_poses(get(), ids.size(), ids.data(), poses.data()));
     }
 
-    /** Through these poses, whose times never fall; see echocast_scene_set_motion. */
+    /** Moves through these poses, whose times must not decrease; see echocast_scene_set_motion. */
     void set_motion(instance id, const std::vector<echocast_pose_key> &keys) {
         check(echocast_scene_set_motion(get(), id, keys.data(), keys.size()));
     }
 
-    /** What moves is where it is from `start_ns` on for `length_ns`; 0: it holds still. */
+    /** Sets moving instances to the interval of `length_ns` from `start_ns` on; 0: they stand still. */
     void set_time(int64_t start_ns, int64_t length_ns) {
         check(echocast_scene_set_time(get(), start_ns, length_ns));
     }
 
-    /** `normals`: empty for flat triangles. */
+    /** `normals`: empty for flat shading. */
     void set_vertices(instance id, const std::vector<std::array<float, 3>> &positions,
                       const std::vector<std::array<float, 3>> &normals = {}) {
         if (!normals.empty() && normals.size() != positions.size()) {
@@ -442,7 +442,7 @@ public:
                                           normals.empty() ? nullptr : normals.data()->data(), positions.size()));
     }
 
-    /** For each of `times_ns`, which rise, the positions of all vertices, one after the other. */
+    /** The positions of all vertices for each of `times_ns`, which must increase, one time after the other. */
     void set_vertex_motion(instance id, const std::vector<int64_t> &times_ns,
                            const std::vector<std::array<float, 3>> &positions) {
         if (times_ns.empty() || positions.size() % times_ns.size() != 0) {
@@ -453,7 +453,7 @@ public:
                                                positions.size() / times_ns.size()));
     }
 
-    /** The parts keep theirs. */
+    /** The labels of the parts stay as they are. */
     void set_labels(instance id, uint32_t category_id, uint32_t instance_id) {
         check(echocast_scene_set_labels(get(), id, category_id, instance_id, nullptr, 0));
     }
@@ -470,14 +470,14 @@ public:
         check(echocast_scene_set_material(get(), id, material.get()));
     }
 
-    /** Those of its mesh again. */
+    /** Restores the materials of the mesh. */
     void reset_material(instance id) { check(echocast_scene_set_material(get(), id, nullptr)); }
 
     void name_label(const std::string &table, uint32_t number, const std::string &name) {
         check(echocast_scene_name_label(get(), table.c_str(), number, name.c_str()));
     }
 
-    /** The scene as it is now, to be scanned. */
+    /** The current state of the scene, for scans. */
     snapshot commit() {
         return snapshot(made_snapshot());
     }
@@ -490,7 +490,7 @@ private:
     }
 };
 
-/** A number among the parameters of a sensor. */
+/** A numeric parameter of a sensor and its limits. */
 struct parameter {
     double value, min, max;
 };
@@ -498,7 +498,7 @@ struct parameter {
 /** An instrument. */
 class sensor : public detail::owner<echocast_sensor, echocast_sensor_release> {
 public:
-    /** The preset of a name, or a sensor file. */
+    /** From the name of a preset or the path of a sensor file. */
     sensor(const context &context, const std::string &name)
         : owner(made([&](echocast_sensor **out) { return echocast_sensor_create(context.get(), name.c_str(), out); })) {}
 
@@ -524,7 +524,7 @@ public:
             made([&](echocast_sensor **out) { return echocast_sensor_from_beams(context.get(), &desc, out); }));
     }
 
-    /** Of rays in the order in which they fire: beams with their own origins and times. */
+    /** From rays in firing order: beams with their own origins and times. */
     static sensor from_rays(const context &context, const std::string &name, const std::vector<echocast_beam> &rays,
                             int64_t period_ns) {
         return from_beams(context, name, 1, static_cast<uint32_t>(rays.size()), rays, period_ns);
@@ -540,7 +540,7 @@ public:
         return found;
     }
 
-    /** All of it, as YAML. */
+    /** The complete sensor description, as YAML. */
     std::string describe() const {
         return detail::text([&](char *to, std::size_t capacity, std::size_t *needed) {
             return echocast_sensor_describe(get(), to, capacity, needed);
@@ -566,8 +566,8 @@ private:
     explicit sensor(echocast_sensor *handle) : owner(handle) {}
 };
 
-/** What a driver (ECHOCAST_DRIVER_VELODYNE, for instance) publishes of a point: the fields of its messages, and the
- *  columns that a scan must have. */
+/** What a driver (such as ECHOCAST_DRIVER_VELODYNE) publishes for a point: the fields of its messages, and the columns
+ *  that a scan must have. */
 inline echocast_driver_info driver_info(int32_t driver) {
     echocast_driver_info info = ECHOCAST_DRIVER_INFO_INIT;
     check(echocast_driver_get_info(driver, &info));
@@ -577,7 +577,7 @@ inline echocast_driver_info driver_info(int32_t driver) {
 /** Points, column by column. */
 class result : public detail::owner<echocast_result, echocast_result_release> {
 public:
-    /** Empty, until something is scanned into it. */
+    /** Empty until the first scan into it. */
     result() = default;
 
     std::size_t size() const { return get() ? echocast_result_count(get()) : 0; }
@@ -588,7 +588,7 @@ public:
         return info;
     }
 
-    /** A column where it is, valid until the next scan into this; T is the type of the column: float, double,
+    /** A column, without a copy, valid until the next scan into this; T is the type of the column: float, double,
      *  uint8_t, uint16_t or uint32_t. */
     template <class T>
     span<const T> column(const std::string &name) const {
@@ -600,7 +600,7 @@ public:
         return span<const T>(static_cast<const T *>(view.data), view.count);
     }
 
-    /** The boxes around labelled instances, of scans with `boxes`, where they are; valid until the next scan into
+    /** The boxes around labelled instances, of scans with `boxes`, without a copy; valid until the next scan into
      *  this. */
     structs<echocast_box> boxes() const {
         echocast_box_view found;
@@ -608,8 +608,8 @@ public:
         return structs<echocast_box>(found.data, found.count, found.stride);
     }
 
-    /** A layer of the image of a camera, a spinning or a sweeping sensor, valid until the next scan into this; T is
-     *  float, or uint32_t of label numbers, or uint8_t of colours. */
+    /** A layer of the image of a camera or of a spinning or sweeping sensor, valid until the next scan into this; T is
+     *  float, uint32_t for label numbers, or uint8_t for colours. */
     template <class T>
     echocast::image<const T> image(const std::string &layer) const {
         echocast_image_view view;
@@ -627,15 +627,15 @@ public:
         return structs<echocast_image_box>(found.data, found.count, found.stride);
     }
 
-    /** Points as a host wants them, `stride` bytes each. */
+    /** Points in a layout chosen by the host, `stride` bytes each. */
     std::vector<uint8_t> pack(const std::vector<echocast_pack_item> &items, std::size_t stride) const {
         std::vector<uint8_t> bytes(size() * stride);
         check(echocast_result_pack(get(), items.data(), items.size(), stride, bytes.data(), bytes.size(), nullptr));
         return bytes;
     }
 
-    /** The same into memory of the caller's, of at least size() * stride bytes, without any of its own: the data of a
-     *  message, for instance. */
+    /** The same into the caller's memory of at least size() * stride bytes, without allocating: the data of a message,
+     *  for instance. */
     void pack(const echocast_pack_item *items, std::size_t item_count, std::size_t stride, void *to,
               std::size_t capacity) const {
         check(echocast_result_pack(get(), items, item_count, stride, to, capacity, nullptr));
@@ -645,8 +645,8 @@ public:
         pack(items.data(), items.size(), stride, to.data(), to.size());
     }
 
-    /** Height and width of the PointCloud2 that a driver makes of them (ECHOCAST_DRIVER_VELODYNE, for instance): of
-     *  organised points those of the driver's image, else 1 and their number. */
+    /** Height and width of the PointCloud2 that a driver (such as ECHOCAST_DRIVER_VELODYNE) makes of the points: for
+     *  organised points those of the driver's image, else 1 and the number of points. */
     std::array<uint32_t, 2> driver_shape(int32_t driver) const {
         std::array<uint32_t, 2> shape;
         check(echocast_result_driver_shape(get(), driver, &shape[0], &shape[1]));
@@ -664,28 +664,28 @@ public:
         check(echocast_result_pack_driver(get(), driver, stamp_ns, to.data(), to.size(), nullptr));
     }
 
-    /** Number that has this name: of category "car", for instance. */
+    /** The number of a label name, such as category "car". */
     uint32_t label_number(const std::string &table, const std::string &name) const {
         uint32_t number = 0;
         check(echocast_result_label_number(get(), table.c_str(), name.c_str(), &number));
         return number;
     }
 
-    /** Name of a label number, "" if it has none. */
+    /** The name of a label number, "" if it has none. */
     std::string label_name(const std::string &table, uint32_t number) const {
         const char *name = echocast_result_label_name(get(), table.c_str(), number);
         return name ? name : "";
     }
 
-    /** The points of another scan behind these. */
+    /** Appends the points of another scan. */
     void append(const result &other) { check(echocast_result_append(get(), other.get())); }
 
-    /** `format`: empty as the ending of `path` says. */
+    /** `format`: empty to choose it by the ending of `path`. */
     void write(const std::string &path, const std::string &format = "") const {
         check(echocast_result_write(get(), path.c_str(), detail::c_str_or_null(format)));
     }
 
-    /** A picture. */
+    /** Writes a picture. */
     void preview(const std::string &path, const std::string &options = "") const {
         check(echocast_result_preview(get(), path.c_str(), options.c_str()));
     }
@@ -695,12 +695,12 @@ private:
     friend void scan(const snapshot &, const echocast_scan_desc &, result &);
 };
 
-/** Scans once, into the memory of `io`. */
+/** Scans once, reusing the memory of `io`. */
 inline void scan(const snapshot &snapshot, const echocast_scan_desc &desc, result &io) {
     io.fill([&](echocast_result **handle) { return echocast_scan(snapshot.get(), &desc, handle); });
 }
 
-/** As above; `progress` hears which part is done and says whether to go on. What it throws comes out here. */
+/** As above; `progress` gets the fraction done and returns whether to continue. What it throws is rethrown here. */
 inline void scan(const snapshot &snapshot, echocast_scan_desc desc, result &io,
                  const std::function<bool(double)> &progress) {
     detail::progress_call call = {&progress, nullptr};
@@ -714,7 +714,7 @@ inline void scan(const snapshot &snapshot, echocast_scan_desc desc, result &io,
     }
 }
 
-/** Scans once with a sensor that stands at `pose`. */
+/** Scans once with a sensor that is stationary at `pose`. */
 inline result scan(const snapshot &snapshot, const sensor &sensor, const echocast_pose &pose, uint64_t seed = 0) {
     const echocast_pose_key here = {0, pose};
     echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;
@@ -727,10 +727,11 @@ inline result scan(const snapshot &snapshot, const sensor &sensor, const echocas
     return points;
 }
 
-/** Pings of one sonar, counted from 0: usually one, the last. Spans and views are valid until the next ping into this. */
+/** Pings of one sonar, counted from 0, usually only the last one. Spans and views are valid until the next ping into
+ *  this. */
 class pings : public detail::owner<echocast_pings, echocast_pings_release> {
 public:
-    /** Empty, until something is pinged into it. */
+    /** Empty until the first ping into it. */
     pings() = default;
 
     std::size_t size() const { return get() ? echocast_pings_count(get()) : 0; }
@@ -741,10 +742,10 @@ public:
         return info;
     }
 
-    /** Levels, dB re 1 uPa, where they are: beams * bins, all bins of a beam one after the other. */
+    /** Levels in dB re 1 uPa, without a copy: beams * bins, beam by beam. */
     span<const float> levels(std::size_t ping = 0) const { return column<float>("intensity", ping); }
 
-    /** A column where it is, like levels; T is the type of the column: float, double, uint8_t, uint16_t or uint32_t. */
+    /** A column, likewise; T is the type of the column: float, double, uint8_t, uint16_t or uint32_t. */
     template <class T>
     span<const T> column(const std::string &name, std::size_t ping = 0) const {
         echocast_view view;
@@ -755,39 +756,39 @@ public:
         return span<const T>(static_cast<const T *>(view.data), view.count);
     }
 
-    /** Azimuth and elevation of each beam, one after the other, rad. */
+    /** Azimuth and elevation of each beam, alternating, rad. */
     span<const float> axes(std::size_t ping = 0) const {
         const echocast_ping_info about = info(ping);
         return span<const float>(about.axes, std::size_t(2) * about.beams);
     }
 
-    /** Lowest level that is reported as an echo, dB re 1 uPa, of each bin. */
+    /** Lowest level that is reported as an echo, dB re 1 uPa, for each bin. */
     span<const float> threshold_db(std::size_t ping = 0) const {
         const echocast_ping_info about = info(ping);
         return span<const float>(about.threshold_db, about.bins);
     }
 
-    /** Time-varied gain that pictures are drawn with, dB, of each bin. */
+    /** Time-varied gain applied in pictures, dB, for each bin. */
     span<const float> tvg_db(std::size_t ping = 0) const {
         const echocast_ping_info about = info(ping);
         return span<const float>(about.tvg_db, about.bins);
     }
 
-    /** What is reported as depths. */
+    /** The depths that the beams report. */
     structs<echocast_sounding> soundings(std::size_t ping = 0) const {
         echocast_sounding_view found;
         check(echocast_pings_soundings(get(), ping, &found));
         return structs<echocast_sounding>(found.data, found.count, found.stride);
     }
 
-    /** The cells as an image with a row for each bin and a pixel of `stride` bytes for each beam, into memory of the
-     *  caller's, without any of its own: the data of a message, for instance. */
+    /** The cells as an image with a row for each bin and a pixel of `stride` bytes for each beam, into the caller's
+     *  memory, without allocating: the data of a message, for instance. */
     void pack(const echocast_pack_item *items, std::size_t item_count, std::size_t stride, void *to,
               std::size_t capacity, std::size_t ping = 0) const {
         check(echocast_pings_pack(get(), ping, items, item_count, stride, to, capacity, nullptr));
     }
 
-    /** The same as bytes. */
+    /** The same, returned as bytes. */
     std::vector<uint8_t> pack(const std::vector<echocast_pack_item> &items, std::size_t stride,
                               std::size_t ping = 0) const {
         const echocast_ping_info about = info(ping);
@@ -796,8 +797,8 @@ public:
         return bytes;
     }
 
-    /** A layer of the picture of all pings that `options` ask for, such as "{view: fan}"; T is float of "values", and
-     *  uint32_t of label columns. `place` becomes the coordinates of its pixels, unless it is NULL. */
+    /** A layer of the picture of all pings that `options` select, such as "{view: fan}"; T is float for "values" and
+     *  uint32_t for label columns. `place`, if not NULL, receives the coordinates of its pixels. */
     template <class T>
     echocast::image<const T> image(const std::string &options, const std::string &layer = "values",
                                    echocast_image_place *place = nullptr) const {
@@ -809,26 +810,26 @@ public:
         return echocast::image<const T>(view);
     }
 
-    /** Number that has this name: of category "wreck", for instance. */
+    /** The number of a label name, such as category "wreck". */
     uint32_t label_number(const std::string &table, const std::string &name) const {
         uint32_t number = 0;
         check(echocast_pings_label_number(get(), table.c_str(), name.c_str(), &number));
         return number;
     }
 
-    /** Name of a label number, "" if it has none. */
+    /** The name of a label number, "" if it has none. */
     std::string label_name(const std::string &table, uint32_t number) const {
         const char *name = echocast_pings_label_name(get(), table.c_str(), number);
         return name ? name : "";
     }
 
-    /** Copies of other pings behind these. */
+    /** Appends copies of other pings. */
     void append(const pings &other) { check(echocast_pings_append(get(), other.get())); }
 
-    /** All of it, as NPZ or HDF5, as the ending of `path` says. */
+    /** Writes all pings as NPZ or HDF5, by the ending of `path`. */
     void write(const std::string &path) const { check(echocast_pings_write(get(), path.c_str())); }
 
-    /** A picture. */
+    /** Writes a picture. */
     void preview(const std::string &path, const std::string &options) const {
         check(echocast_pings_preview(get(), path.c_str(), options.c_str()));
     }
@@ -838,12 +839,12 @@ private:
     friend void ping(const snapshot &, const echocast_scan_desc &, pings &);
 };
 
-/** Sends one ping of a sonar, into the memory of `io`. */
+/** Sends one ping of a sonar, reusing the memory of `io`. */
 inline void ping(const snapshot &snapshot, const echocast_scan_desc &desc, pings &io) {
     io.fill([&](echocast_pings **handle) { return echocast_ping(snapshot.get(), &desc, handle); });
 }
 
-/** Sends one ping of a sonar that is at `pose`. */
+/** Sends one ping of a sonar at `pose`. */
 inline pings ping(const snapshot &snapshot, const sensor &sensor, const echocast_pose &pose, uint64_t seed = 0) {
     const echocast_pose_key here = {0, pose};
     echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;
@@ -866,7 +867,7 @@ public:
         return count;
     }
 
-    /** Name of a scan's sensor in the rig, up to 255 bytes of it. */
+    /** Name of a scan's sensor in the rig, at most 255 bytes of it. */
     std::string name(std::size_t scan) const {
         char text[256];
         echocast_scan_info info = ECHOCAST_SCAN_INFO_INIT;
@@ -901,20 +902,20 @@ public:
         });
     }
 
-    /** Which boxes the following scans have: an ECHOCAST_BOXES_ number, and whether they say where they are in the
-     *  image. */
+    /** Which boxes the following scans have: one of the ECHOCAST_BOXES_ values, and whether boxes include their place
+     *  in the image. */
     void set_boxes(int32_t boxes, bool image_boxes = false) {
         check(echocast_sample_set_boxes(get(), boxes, image_boxes));
     }
 
-    /** Scans a frame into the memory of `io`; `columns`: empty for those of the scenario. */
+    /** Scans a frame, reusing the memory of `io`; `columns`: empty for those of the scenario. */
     void scan(std::size_t scan, std::size_t frame, result &io, const std::string &columns = "") {
         io.fill([&](echocast_result **handle) {
             return echocast_sample_scan(get(), scan, frame, detail::c_str_or_null(columns), handle);
         });
     }
 
-    /** Sends a ping of a sonar, into the memory of `io`; the rest as above. */
+    /** Sends a ping of a sonar, reusing the memory of `io`; otherwise as above. */
     void ping(std::size_t scan, std::size_t frame, pings &io, const std::string &columns = "") {
         io.fill([&](echocast_pings **handle) {
             return echocast_sample_ping(get(), scan, frame, detail::c_str_or_null(columns), handle);
@@ -927,10 +928,10 @@ private:
     explicit sample(echocast_sample *handle) : owner(handle) {}
 };
 
-/** A file that makes samples. */
+/** A scenario, from which samples are made. */
 class scenario : public detail::owner<echocast_scenario, echocast_scenario_release> {
 public:
-    /** Of a scenario file. */
+    /** From a scenario file. */
     scenario(const context &context, const std::string &path)
         : owner(made([&](echocast_scenario **out) {
               return echocast_scenario_load(context.get(), path.c_str(), out);
@@ -946,14 +947,14 @@ public:
         check(echocast_scenario_set(get(), key.c_str(), value.c_str()));
     }
 
-    /** Number of samples that it asks for. */
+    /** Number of samples that it defines. */
     uint64_t samples() const {
         uint64_t count = 0;
         check(echocast_scenario_samples(get(), &count));
         return count;
     }
 
-    /** The sample of this number: the same in any order, on any thread. */
+    /** Sample `number`, the same in any order and on any thread. */
     echocast::sample sample(uint64_t number) const {
         return echocast::sample(echocast::sample::made(
             [&](echocast_sample **out) { return echocast_scenario_sample(get(), number, out); }));

@@ -28,7 +28,7 @@ def material(name, color, roughness=0.5, metallic=0.0, **properties):
 
 
 def textured(name, path):
-    """A material with a small image: red and green squares, one of them blue so that no turn goes unnoticed."""
+    """A material with a small image: red and green squares, a quarter of it blue so that any rotation is noticed."""
     side = 16
     image = bpy.data.images.new("squares", side, side)
     pixels = []
@@ -74,7 +74,7 @@ def cube(name, parent, size, location, *materials):
 
 
 def room(wood, brick, steel, glass):
-    """What stands still, and what hangs on what."""
+    """The static objects and their hierarchy."""
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=8, y_subdivisions=8, size=12)
     floor = last_added("Floor", None, brick, wood)
     for polygon in floor.data.polygons:
@@ -97,7 +97,7 @@ def room(wood, brick, steel, glass):
         bpy.context.collection.objects.link(other)
         other.location = (x, y, 0.36)
 
-    # A wedge that no mirror leaves as it is, and its mirror image: the same mesh with a negative scale.
+    # A wedge without mirror symmetry, and its mirror image: the same mesh with a negative scale.
     corners = [(0, 0, 0), (1.2, 0, 0), (1.2, 0.6, 0), (0, 0.6, 0), (0, 0, 0.8), (0, 0.6, 0.5)]
     faces = [(3, 2, 1, 0), (0, 1, 4), (2, 3, 5), (1, 2, 5, 4), (3, 0, 4, 5)]
     mesh = bpy.data.meshes.new("Wedge")
@@ -115,7 +115,7 @@ def room(wood, brick, steel, glass):
 
 
 def cart(squares):
-    """A box that drives and turns, under an empty that is turned and scaled."""
+    """A box that drives and turns, below an empty that is rotated and scaled."""
     track = empty("Track", location=(0, 3.5, 0), degrees=15)
     track.scale = (1, 1, 1.2)
     box = cube("Cart", track, (0.8, 0.5, 0.4), (0, 0, 0.3), squares)
@@ -127,7 +127,7 @@ def cart(squares):
 
 
 def worm(wood):
-    """A pillar that bends at two bones, and swells by a shape key in the middle."""
+    """A pillar that bends at two bones and swells in the middle by a shape key."""
     bpy.ops.mesh.primitive_cylinder_add(vertices=10, radius=0.25, depth=2)
     body = last_added("Worm", None, wood)
     body["categoryID"] = "worm"
@@ -192,18 +192,18 @@ def write():
         # One animation of the whole scene, at the scene's own times.
         bake_anim_use_nla_strips=False,
         bake_anim_use_all_actions=False,
-        # Bones are where the armature has them.
+        # Bones exactly as in the armature.
         add_leaf_bones=False,
     )
     bpy.ops.export_scene.gltf(filepath=path("scene.glb"), export_extras=True, export_cameras=True)
-    # These know no motion: the scene as it is at the start.
+    # These formats have no motion: the scene as it is at the start.
     bpy.ops.wm.obj_export(filepath=path("scene.obj"), export_animation=False, path_mode="RELATIVE")
     bpy.ops.object.select_all(action="DESELECT")
     meshes = [made for made in scene.objects if made.type == "MESH"]
     for made in meshes:
         made.select_set(True)
     bpy.ops.export_mesh.stl(filepath=path("scene.stl"), use_selection=True)
-    # Blender's PLY holds one object. What moves would move again once its place is applied.
+    # Blender writes one object to a PLY file. Animated objects would move again after their transforms are applied.
     for made in scene.objects:
         made.animation_data_clear()
     for made in meshes:

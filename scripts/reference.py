@@ -1,5 +1,5 @@
-"""Writes the reference of the package that is installed to the file OUTPUT, as HTML: its docstrings, in the order and with
-the types of the stubs.
+"""Writes the reference of the installed package to the file OUTPUT, as HTML: its docstrings, in the order and with the types
+of the stubs.
 
     python -W error reference.py OUTPUT
 """
@@ -17,7 +17,7 @@ import echocast
 
 STUBS = Path(echocast.__file__).with_name("_echocast.pyi")
 
-# Lines of examples are longer than pdoc's page is wide.
+# Examples have lines longer than the width of pdoc's page.
 STYLE = "main { width: calc(66rem + var(--sidebar-width)); }\n"
 
 
@@ -40,7 +40,7 @@ def main(output: Path) -> None:
 
 
 def order(thing: pdoc.doc.Namespace[Any], body: list[ast.stmt]) -> None:
-    """Puts what a module or class has in the order of its stub; what is not there comes last."""
+    """Sorts the members of a module or class in the order of its stub; those that it lacks come last."""
     defined = [node for node in body if isinstance(node, (ast.ClassDef, ast.FunctionDef))]
     for node in defined:
         member = thing.members.get(node.name)

@@ -185,7 +185,7 @@ fn depths_between_two_distances_and_beyond() {
     let cloud = scan(&scene, &sensor, Pose::at(-1.0, -1.0, 1.4), &options);
     let mut images = ImageFolder::create(folder.path(), &sensor, &options).unwrap();
     let report = images.add(&cloud, 0, 0.0).unwrap();
-    assert!(report.warnings.iter().any(|text| text.contains("farther than 2.5 m")), "{:?}", report.warnings);
+    assert!(report.warnings.iter().any(|text| text.contains("above 2.5 m")), "{:?}", report.warnings);
     images.finish().unwrap();
     let found = read(folder.path());
     assert_eq!(found["depth"], serde_json::json!({"nothing": 0, "1": 1.0, "65535": 2.5, "unit": "m"}));

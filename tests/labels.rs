@@ -87,8 +87,10 @@ fn nearer_names_count_and_contradictions_are_told() {
     assert_eq!(of("Bush"), ["Bush", "thing", "Shrub.004"]);
     assert_eq!(
         scene.report.warnings,
-        ["label rules: objects: of two patterns the one of the nearer name counts: \"Icosphere.001\" is \"crown\" by \
-          \"Icosphere*\", and \"tree\" by \"Tree*\", which matches \"Tree.001\" above it"]
+        [
+            "label rules: objects: of two patterns, the one that matches the nearer name counts: \"Icosphere.001\" is \"crown\" by \
+          \"Icosphere*\", and \"tree\" by \"Tree*\", which matches \"Tree.001\" above it"
+        ]
     );
     // What the file says yields to rules, also to those for what an object hangs on.
     let scene = load("pieces", rules("objects: {\"Bench\": seat, \"Plank_2\": back}"));

@@ -26,7 +26,7 @@ pub fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// What a `part` of `values`, which rise, is at most.
+/// The quantile of `values`, which are sorted, at `part`.
 pub fn quantile(values: &[f64], part: f64) -> f64 {
     values[((values.len() - 1) as f64 * part).round() as usize]
 }

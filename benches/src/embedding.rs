@@ -17,7 +17,7 @@ const SCANS: u32 = 20;
 
 pub fn run() -> Result<Value> {
     let exe = std::env::current_exe()?;
-    let target = exe.parent().ok_or("the benchmark lies in a folder")?;
+    let target = exe.parent().ok_or("the benchmark is in a folder")?;
     Ok(json!({"c": c(target)?, "python": python(target)?}))
 }
 
@@ -66,10 +66,10 @@ fn python(target: &Path) -> Result<Value> {
     let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/scan.py");
     let mut command = Command::new(python);
     let mut child = command.arg(program).arg(&path).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()?;
-    let (Some(mut asked), Some(told)) = (child.stdin.take(), child.stdout.take()) else {
+    let (Some(mut requests), Some(replies)) = (child.stdin.take(), child.stdout.take()) else {
         return Err("Python has no pipes".into());
     };
-    let mut told = BufReader::new(told);
+    let mut replies = BufReader::new(replies);
     let scene = Scene::load(&path)?;
     let place = Trajectory::fixed(scene.camera("Corner")?.pose);
     let (built, sensor) = (scene.build()?, Sensor::preset("velodyne_vlp32c")?);
@@ -83,21 +83,21 @@ fn python(target: &Path) -> Result<Value> {
         Ok(1000.0 * (cpu_seconds() - start) / f64::from(SCANS))
     };
     let mut python = || -> Result<f64> {
-        writeln!(asked, "{SCANS}")?;
+        writeln!(requests, "{SCANS}")?;
         let mut line = String::new();
-        told.read_line(&mut line)?;
+        replies.read_line(&mut line)?;
         Ok(line.trim().parse()?)
     };
     // Both build what they need first.
     python()?;
     rust()?;
     let compared = beside_rust("Python", python, rust)?;
-    drop(asked);
+    drop(requests);
     child.wait()?;
     Ok(compared)
 }
 
-/// Milliseconds of `other`, in a language of this name, beside those of Rust, in turn.
+/// Compares the milliseconds of `other`, in the language `name`, with those of Rust, measured in turn.
 fn beside_rust(name: &str, mut other: impl FnMut() -> Result<f64>, rust: impl Fn() -> Result<f64>) -> Result<Value> {
     let rounds: Vec<(f64, f64)> = (0..ROUNDS).map(|_| Ok((other()?, rust()?))).collect::<Result<_>>()?;
     let ratio = median(rounds.iter().map(|(other, rust)| other / rust).collect());

@@ -1,4 +1,4 @@
-//! Scans side by side in one engine: how long those of a small sensor take alone, and while others scan without end.
+//! Scans side by side in one engine: how long those of a small sensor take alone, and while others scan continuously.
 
 use crate::Result;
 use crate::clock::quantile;
@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 const SCANS: usize = 150;
 
-/// From one scan to the next, as of a sensor that is far slower than its simulation.
+/// Pause between scans, as for a sensor that is far slower than its simulation.
 const PAUSE: Duration = Duration::from_millis(10);
 
 pub fn run() -> Result<Value> {
@@ -49,14 +49,14 @@ pub fn run() -> Result<Value> {
     Ok(json!(rows))
 }
 
-/// How long scans take, s, sorted.
+/// Durations of scans, s, sorted.
 fn times(built: &BuiltScene, sensor: &Sensor, place: &Trajectory) -> Vec<f64> {
     let mut cloud = PointCloud::default();
     let mut times: Vec<f64> = (0..SCANS)
         .map(|_| {
             thread::sleep(PAUSE);
             let start = Instant::now();
-            // What fails is told by the other benches.
+            // Failures are reported by the other benchmarks.
             let _ = built.scan_into(sensor, place, &ScanOptions::default(), &mut cloud);
             start.elapsed().as_secs_f64()
         })

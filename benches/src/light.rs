@@ -46,8 +46,8 @@ pub fn run() -> Result<Value> {
     Ok(json!({"weather": rows, "paths": paths()?, "sub_rays": sub_rays()?}))
 }
 
-/// Beams of 19 rays: pulses per second on one core, and the time of the bare Embree loop on the same rays over that of
-/// the scan.
+/// Beams of 19 rays: pulses per second on one core, and the time of the bare Embree loop on the same rays relative to
+/// that of the scan.
 fn sub_rays() -> Result<Value> {
     println!(
         "\nBeams of 19 rays and all their returns, one thread: pulses a second, and the bare loop's time over ours"
@@ -111,7 +111,8 @@ fn interleaved(scans: &[(&BuiltScene, &ScanOptions)], sensor: &Sensor) -> Result
     Ok(times)
 }
 
-/// The city around a case of mirrors or glass that surrounds the sensor: processor time of a scan over one without.
+/// The city around a case of mirrors or glass that surrounds the sensor: processor time of a scan relative to one
+/// without.
 fn paths() -> Result<Value> {
     println!("\nMirrors and glass around the sensor in the city, one thread: time of a scan over that without");
     println!("{:<18}{:<24}{:>10}{:>14}", "sensor", "case", "ratio", "plain ns");

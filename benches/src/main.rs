@@ -1,5 +1,5 @@
 //! `make bench`: rays per second compared with the bare Embree loop, what weather adds, what adaptive beams cost and
-//! find, what moves, sonar, samples of sets and what their styles cost, the paper's two experiments, how fast files are
+//! find, motion, sonar, samples of sets and the cost of their styles, the paper's two experiments, how fast files are
 //! read and written, the C library and the Python package compared with the Rust crate, and scans side by side. Prints
 //! tables and writes `target/bench.json`.
 //!
@@ -43,19 +43,19 @@ const SECTIONS: &[Section] = &[
 ];
 
 fn main() -> Result<()> {
-    let asked: Vec<String> = std::env::args().skip(1).collect();
-    if let [first, scene] = asked.as_slice()
+    let selected: Vec<String> = std::env::args().skip(1).collect();
+    if let [first, scene] = selected.as_slice()
         && first == memory::CHILD
     {
         return memory::child(scene);
     }
-    if let Some(unknown) = asked.iter().find(|name| SECTIONS.iter().all(|(known, _)| known != name)) {
+    if let Some(unknown) = selected.iter().find(|name| SECTIONS.iter().all(|(known, _)| known != name)) {
         let known: Vec<&str> = SECTIONS.iter().map(|(name, _)| *name).collect();
         return Err(format!("there is no benchmark {unknown:?}; there are {}", known.join(", ")).into());
     }
     let mut results = Map::new();
     for (name, run) in SECTIONS {
-        if asked.is_empty() || asked.iter().any(|wanted| wanted == name) {
+        if selected.is_empty() || selected.iter().any(|chosen| chosen == name) {
             results.insert((*name).to_owned(), run()?);
         }
     }

@@ -46,7 +46,7 @@ pub fn child(name: &str) -> Result<()> {
         _ => scenes::million(),
     };
     let scene_bytes = scene_bytes(&scene);
-    // Making the scene is the benchmark's business: reset its peak.
+    // Making the scene does not count: reset the peak.
     std::fs::write("/proc/self/clear_refs", "5")?;
     let before = status("VmRSS")?;
     let built = scene.build()?;

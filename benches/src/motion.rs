@@ -1,4 +1,4 @@
-//! Scenes that move: driving cars, walking people, cloth from a cache, and the columns of how things move. One core.
+//! Scenes that move: driving cars, walking people, cloth from a cache, and the columns of motion. One core.
 
 use crate::Result;
 use crate::clock::{cpu_per_call, cpu_seconds, median};
@@ -6,7 +6,7 @@ use crate::presets;
 use crate::scenes::{self, Builder, Shapes};
 use echocast::scene::{CacheFile, Mesh, Object, Scene};
 use echocast::{BareLoop, Engine, FieldSet, LiveScene, LoadOptions, PointCloud, Pose, ScanOptions, Trajectory};
-use echocast_kernels::skin::{Influences, Joint, skin};
+use echocast_kernels::skin::{Influences, JointMatrix, skin};
 use glam::{DAffine3, DQuat, DVec3};
 use rayon::ThreadPoolBuilder;
 use serde_json::{Value, json};
@@ -27,7 +27,7 @@ pub fn run() -> Result<Value> {
     one.install(|| Ok(json!({ "cars": cars()?, "people": people()?, "cloth": cloth()? })))
 }
 
-/// Closed and bumpy, of `rows` rings of `columns` quads.
+/// A closed, bumpy body of `rows` rings of `columns` quads.
 fn body(size: [f32; 3], rows: u32, columns: u32) -> Mesh {
     let mut body = Builder::default();
     for row in 0..=rows {
@@ -48,7 +48,7 @@ fn body(size: [f32; 3], rows: u32, columns: u32) -> Mesh {
     body.mesh("body")
 }
 
-/// A city of 180,000 triangles that stay, and 200 cars of 5,000 that all drive.
+/// A static city of 180,000 triangles, and 200 cars of 5,000 that all drive.
 fn cars() -> Result<Value> {
     let engine = Engine::with_threads(1)?;
     let sensor = presets::of_one_ray("velodyne_vlp32c")?;
@@ -122,7 +122,7 @@ fn cars() -> Result<Value> {
     }
     let ratio = |under: usize| median(times[0].iter().zip(&times[under]).map(|(a, b)| a / b).collect());
     let points = clouds[1].len as f64;
-    // The difference of two times of which one is disturbed says nothing: the least of each.
+    // The difference of two times is useless if one is disturbed: take the minimum of each.
     let [without, with] = [2, 3].map(|under| times[under].iter().copied().fold(f64::INFINITY, f64::min));
     let added = (with - without) / points * 1e9;
     let setting = median(setting) * 1e3;
@@ -157,7 +157,7 @@ fn people() -> Result<Value> {
     let joints: Vec<[u16; 4]> =
         (0..rest.len()).map(|k| [0, 1, 2, 3].map(|n| ((k / 400 + n) % JOINTS) as u16)).collect();
     let weights = vec![[0.4, 0.3, 0.2, 0.1]; rest.len()];
-    let palette: Vec<Joint> = vec![std::array::from_fn(|k| if k % 5 == 0 { 1.0 } else { 0.01 }); JOINTS];
+    let palette: Vec<JointMatrix> = vec![std::array::from_fn(|k| if k % 5 == 0 { 1.0 } else { 0.01 }); JOINTS];
     let mut out = vec![[0.0; 4]; rest.len()];
     let sets = [Influences { joints: &joints, weights: &weights }];
     let seconds = cpu_per_call(LEAST, || skin(rest, &sets, &palette, &mut out));

@@ -1,5 +1,5 @@
-//! What adaptive beams cost and find, preset by preset: their time over that of one ray a beam, their rays, and the part of
-//! the second returns and mixed points of 64 rays for every beam that they have too.
+//! What adaptive beams cost and find, preset by preset: their time relative to one ray per beam, their rays, and which
+//! fraction of the second returns and mixed points found by 64 rays per beam they find, too.
 
 use crate::Result;
 use crate::clock::{cpu_per_call, median};
@@ -13,8 +13,8 @@ use std::time::Duration;
 const ROUNDS: usize = 3;
 const LEAST: Duration = Duration::from_millis(20);
 
-/// Beams that are asked how many rays they are.
-const ASKED: usize = 500;
+/// Beams whose number of rays is sampled.
+const SAMPLED: usize = 500;
 
 pub fn run() -> Result<Value> {
     println!(
@@ -40,7 +40,7 @@ pub fn run() -> Result<Value> {
     Ok(json!(rows))
 }
 
-/// A preset whose beams are one ray each, for what is compared with the bare loop over as many rays.
+/// A preset whose beams are one ray each, for comparisons with the bare loop over as many rays.
 pub fn of_one_ray(preset: &str) -> Result<Sensor> {
     let mut sensor = Sensor::preset(preset)?;
     sensor.set("beam.sub_rays", "1")?;
@@ -85,13 +85,13 @@ fn row(one: &ThreadPool, built: &BuiltScene, height: f64, scene: &str, sensor: &
         Ok([beams(&|row| c.return_count[row] > 1), beams(&|row| c.cause[row] == Cause::Mixed as u8)])
     };
     // One along the axis, most often one at the rim; 64 more where the explanation has them.
-    let asked = (0..ASKED).map(|part| (part * sensor.beams().len() / ASKED) as u32);
+    let sampled = (0..SAMPLED).map(|part| (part * sensor.beams().len() / SAMPLED) as u32);
     let options = ScanOptions::default();
     let mut several = 0;
-    for beam in asked {
+    for beam in sampled {
         several += usize::from(!built.explain(&sensors[1], &trajectory, &options, beam)?.contains("\nray: one"));
     }
-    let rays = 2.0 + 64.0 * several as f64 / ASKED as f64;
+    let rays = 2.0 + 64.0 * several as f64 / SAMPLED as f64;
     let (all, ours) = (found("64")?, found("adaptive")?);
     let part = |k: usize| {
         if all[k].is_empty() { 1.0 } else { all[k].intersection(&ours[k]).count() as f64 / all[k].len() as f64 }

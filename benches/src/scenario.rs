@@ -1,5 +1,5 @@
-//! How fast samples of a set are made: a street in which five cars move, seen by a VLP-32C, as SemanticKITTI. What each
-//! style of sets costs beside the scans.
+//! How fast samples of a set are made: a street in which five cars move, seen by a VLP-32C, as SemanticKITTI. The cost
+//! of each style of sets in addition to the scans.
 
 use crate::Result;
 use crate::clock::{cpu_seconds, median};
@@ -41,7 +41,7 @@ pub fn run() -> Result<Value> {
         number += 1;
         made(folder.path(), text, options(folder.path().join(number.to_string()), threads))
     };
-    // Files are read once before.
+    // Warm-up: files are read once before.
     make(&plain, 1)?;
     let (mut ratios, mut rates, mut shards) = (Vec::new(), Vec::new(), Vec::new());
     for round in 0..ROUNDS {
@@ -72,12 +72,12 @@ pub fn run() -> Result<Value> {
     Ok(json!({"samples_per_s": rate, "over_plain": ratio, "two_shards": shards}))
 }
 
-// Of one ray a beam, so that a scan is not much slower than what is measured beside it.
+// One ray per beam, so that a scan is not much slower than what is measured in addition to it.
 const TOP: &str = "{name: top, sensor: velodyne_vls128, set: {beam.sub_rays: 1}}";
 const EYE: &str = "{name: eye, sensor: {name: eye, kind: lidar, pattern: {type: pinhole, resolution: [1242, 375], \
                    fov_deg: [81, 29]}}}";
 
-/// Styles, and sensors that fill them.
+/// Styles, and sensors whose data they hold.
 const STYLES: [(&str, &[&str]); 7] = [
     ("plain", &[TOP]),
     ("semantic_kitti", &[TOP]),
@@ -91,7 +91,7 @@ const STYLES: [(&str, &[&str]); 7] = [
 /// First and last of the samples that are measured: those before have pictures.
 const MEASURED: [u64; 2] = [12, 21];
 
-/// Processor time of styles: of making samples, but for their scans. That is further columns and boxes, files and their
+/// Processor time of styles: of making samples without their scans, that is, further columns and boxes, files and their
 /// digests.
 pub fn styles() -> Result<Value> {
     let folder = street()?;

@@ -1,4 +1,4 @@
-"""maturin, once scripts/setup says that nothing is missing: compilers say so late, and in words of their own."""
+"""maturin, after scripts/setup has checked that nothing is missing: compilers report that late and less clearly."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-//! Where Embree lies (rpath.rs, shared with the other packages), and the name by which programs ask for the library.
+//! Where the loader finds Embree (rpath.rs, shared with the other packages), and the SONAME of the library.
 
 use std::env;
 
@@ -8,10 +8,10 @@ mod rpath;
 const ABI: u32 = 1;
 
 fn main() {
-    // Installed, the library finds an Embree that came with it in a folder beside it.
+    // Once installed, the library finds the Embree that comes with it in a folder beside it.
     println!("cargo::rustc-link-arg-cdylib=-Wl,-rpath,$ORIGIN/echocast");
     rpath::main();
-    // cargo-c says so itself.
+    // cargo-c sets it itself.
     if env::var_os("CARGO_FEATURE_CAPI").is_none() {
         println!("cargo::rustc-link-arg-cdylib=-Wl,-soname,libechocast.so.{ABI}");
     }

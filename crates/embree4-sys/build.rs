@@ -8,37 +8,37 @@ fn main() {
     println!("cargo::rerun-if-env-changed=EMBREE_LIB_DIR");
     println!("cargo::rustc-link-lib=dylib=embree4");
     match find() {
-        Ok(Found::Private(dir)) => {
+        Ok(EmbreeFolder::Private(dir)) => {
             let dir = dir.display();
             println!("cargo::rerun-if-changed={dir}/{LIBRARY}");
             println!("cargo::rustc-link-search=native={dir}");
             println!("cargo::rustc-link-arg=-Wl,-rpath,{dir}"); // this package's own tests
             println!("cargo::metadata=lib_dir={dir}"); // DEP_EMBREE4_LIB_DIR, see rpath.rs
         }
-        Ok(Found::System(dir)) => println!("cargo::rerun-if-changed={}/{LIBRARY}", dir.display()),
+        Ok(EmbreeFolder::System(dir)) => println!("cargo::rerun-if-changed={}/{LIBRARY}", dir.display()),
         Err(sentence) => println!("cargo::error={sentence}"), // and cargo fails
     }
 }
 
 const LIBRARY: &str = "libembree4.so";
 
-enum Found {
+enum EmbreeFolder {
     /// The loader does not search here by itself: binaries need an rpath.
     Private(PathBuf),
     System(PathBuf),
 }
 
-fn find() -> Result<Found, String> {
+fn find() -> Result<EmbreeFolder, String> {
     if let Some(dir) = env::var_os("EMBREE_LIB_DIR") {
         // The path ends up in binaries, so it must not depend on the current folder.
         return match Path::new(&dir).canonicalize() {
-            Ok(path) if path.join(LIBRARY).exists() => Ok(Found::Private(path)),
+            Ok(path) if path.join(LIBRARY).exists() => Ok(EmbreeFolder::Private(path)),
             _ => Err(format!("EMBREE_LIB_DIR is {}, where there is no {LIBRARY}", dir.display())),
         };
     }
     let package = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets it"));
     if let Some(dir) = package.ancestors().map(|dir| dir.join(".embree/lib")).find(|dir| dir.join(LIBRARY).exists()) {
-        return Ok(Found::Private(dir));
+        return Ok(EmbreeFolder::Private(dir));
     }
     let arch = env::var("CARGO_CFG_TARGET_ARCH").expect("cargo sets it");
     let multiarch = format!("/usr/lib/{arch}-linux-gnu");
@@ -46,9 +46,9 @@ fn find() -> Result<Found, String> {
         .into_iter()
         .map(PathBuf::from)
         .find(|dir| dir.join(LIBRARY).exists())
-        .map(Found::System)
+        .map(EmbreeFolder::System)
         .ok_or(format!(
-            "Embree 4.3 or later ({LIBRARY}) is not here: run scripts/setup, install libembree-dev \
+            "Embree 4.3 or later ({LIBRARY}) was not found: run scripts/setup, install libembree-dev \
              (Debian 13, Ubuntu 24.04), or set EMBREE_LIB_DIR to its folder"
         ))
 }

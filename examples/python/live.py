@@ -51,7 +51,7 @@ clouds = []
 start = time.process_time()
 for frame in range(FRAMES):
     if frame == 1:
-        start = time.process_time()  # the first frame builds what stands
+        start = time.process_time()  # the first frame builds the fixed objects
     # The car drives ahead, turned by the angle of the triangle 3, 4, 5.
     pose = np.eye(4)
     pose[:2, :2] = [[0.8, -0.6], [0.6, 0.8]]

@@ -16,7 +16,7 @@ from torch import nn
 
 from echocast.torch import ScanDataset, ScanStream, collate
 
-# Categories of a made street, and the class of each.
+# The classes, each with its categories of a generated street.
 CLASSES = {
     "ground": ["road", "lane-marking", "parking", "sidewalk", "terrain"],
     "building": ["building", "fence"],
@@ -26,14 +26,14 @@ CLASSES = {
     "post": ["pole", "traffic-sign", "other-object"],
 }
 NAMES = [name for names in CLASSES.values() for name in names]
-# By number of a category, from 1, its class; number 0 is what has none, which teaches nothing.
+# Class by category number, from 1; 0 is unlabelled and ignored in training.
 NONE = -1
 CLASS = torch.tensor([NONE] + [place for place, names in enumerate(CLASSES.values()) for _ in names])
 
 STREETS = {
     "scene": {
         "generate": {"street": {"cars": 6, "people": 8}, "seed": 0},
-        # Streets have the same numbers for categories, whichever of them they have.
+        # Categories have the same numbers in all streets, whichever of them a street has.
         "labels": {"numbers": {name: number for number, name in enumerate(NAMES, 1)}},
     },
     "sensors": [{"sensor": "velodyne_vlp16"}],

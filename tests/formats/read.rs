@@ -109,7 +109,7 @@ fn what_is_written_comes_back() {
             export::write(cloud, &path, Some(name)).unwrap();
             let (found, report) = read(&path);
             // What drivers say besides, and boxes.
-            let told = |warning: &String| warning.starts_with("mcap: a cloud has no place for ");
+            let told = |warning: &String| warning.starts_with("mcap: a cloud cannot hold ");
             assert!(las || report.warnings.iter().all(|warning| bag && told(warning)), "{name}: {report:?}");
             let held = cloud.fields.iter().filter(|info| format.holds(info)).map(|info| info.field);
             let mut held: FieldSet = held.collect();
@@ -297,6 +297,6 @@ fn positions_that_are_none_stay_empty() {
     let (cloud, report) = read(&path);
     assert_eq!(cloud.origin, glam::DVec3::new(500_000.0, 5_600_000.0, 0.0));
     assert!((cloud.position(1).x - 500_124.456_8).abs() < 1e-5);
-    assert!(said(&report, "csv: a cloud has no place for temperature"), "{report:?}");
+    assert!(said(&report, "csv: a cloud cannot hold temperature"), "{report:?}");
     assert!(matches!(cloud.column(Field::Range), Column::F32([])));
 }

@@ -33,15 +33,15 @@ fn texts_of_other_programs_are_read() {
         ("\"X\";\"Y\";\"Z\"\n1,5;2,5;3,5\n4,5;5,5;6,5\n", "", "decimal points"),
         ("x\ty\tz\n1,5\t2,5\t3,5\n4,5\t5,5\t6,5\n", "", "decimal points"),
         ("1,5 2,5 3,5\n4,5 5,5 6,5\n", "", "no header"),
-        ("\"Name\",\"X\",\"Y\",\"Z\"\n\"a, b\",1.5,2.5,3.5\n\"c\",\"4.5\",5.5,6.5\n", "", "no place for Name"),
-        ("X (m),Y (m),Z (cm),note,\n1.5,2.5,350,stone,\n4.5,5.5,650,,\n", "", "no place for note"),
+        ("\"Name\",\"X\",\"Y\",\"Z\"\n\"a, b\",1.5,2.5,3.5\n\"c\",\"4.5\",5.5,6.5\n", "", "cannot hold Name"),
+        ("X (m),Y (m),Z (cm),note,\n1.5,2.5,350,stone,\n4.5,5.5,650,,\n", "", "cannot hold note"),
         ("Easting;Northing;Height\n1.5;2.5;3.5\n4.5;5.5;6.5\n", "", ""),
         // CloudCompare, with the number of points and without it; scalar fields with blanks in their names.
         (
             "//X;Y;Z;Rf;Gf;Bf;Intensity;Illuminance (PCV);Nx;Ny;Nz\n2\n1.5;2.5;3.5;1;0.2;0;0.5;0.9;0;0;1\n\
              4.5;5.5;6.5;0;0;1;0.25;0.9;1;0;0\n",
             "red,green,blue,intensity,normal_x,normal_y,normal_z",
-            "no place for Illuminance (PCV)",
+            "cannot hold Illuminance (PCV)",
         ),
         ("//X Y Z R G B\n1.5 2.5 3.5 255 0 9\n4.5 5.5 6.5 1 2 3\n", "red,green,blue", ""),
         ("# made by hand, on Monday\n# x, y, z\n1.5 2.5 3.5\n4.5 5.5 6.5\n", "", ""),
@@ -56,7 +56,7 @@ fn texts_of_other_programs_are_read() {
         ("1.5,2.5,3.5,0.1,0.5,1\n4.5,5.5,6.5,0,0.25,0\n", "red,green,blue", "colours from 0 to 1"),
         ("1.5 2.5 3.5 0.6 0.8 0\n4.5 5.5 6.5 0 0 -1\n", "normal_x,normal_y,normal_z", "normal_z"),
         ("1.5 2.5 3.5 7 8\n4.5 5.5 6.5 7 8\n", "", "and 2 more are left out"),
-        ("X,Y,Z,Temperatur \u{b0}C\n1.5,2.5,3.5,20\n4.5,5.5,6.5,21\n", "", "no place for Temperatur"),
+        ("X,Y,Z,Temperatur \u{b0}C\n1.5,2.5,3.5,20\n4.5,5.5,6.5,21\n", "", "cannot hold Temperatur"),
         // Titles, units and two lines of names above the rows; other signs of comments.
         ("Survey of Monday, 12 May\nX;Y;Z\n1.5;2.5;3.5\n4.5;5.5;6.5\n", "", ""),
         ("Scan 12 03 2024\n1.5 2.5 3.5\n4.5 5.5 6.5\n", "", "no header"),
@@ -70,7 +70,7 @@ fn texts_of_other_programs_are_read() {
         ("Points_0,Points_1,Points_2\n1.5,2.5,3.5\n4.5,5.5,6.5\n", "", ""),
         ("\"Points:0\",\"Points:1\",\"Points:2\"\n1.5,2.5,3.5\n4.5,5.5,6.5\n", "", ""),
         // Names of points, with a header and without.
-        ("Name X Y Z\nP1 1.5 2.5 3.5\nP2 4.5 5.5 6.5\n", "", "no place for Name"),
+        ("Name X Y Z\nP1 1.5 2.5 3.5\nP2 4.5 5.5 6.5\n", "", "cannot hold Name"),
         ("P1,1.5,2.5,3.5\nP2,4.5,5.5,6.5\n", "", "taken as x,y,z, and 1 more are left out"),
         ("P1 tree 1.5 2.5 3.5 7\n22 wall 4.5 5.5 6.5 8\n", "intensity", "taken as x,y,z,intensity, and 2 more"),
         // Blanks and tabs, several of them; blanks before commas.
@@ -260,7 +260,7 @@ fn coordinate_systems_and_records_stay_or_are_told() {
                     assert_eq!(found.records.all, records[..2]);
                     assert_eq!(fs::read(&path).unwrap()[6] & 16, 0);
                     assert!(said(&report, "cannot hold the records somebody 9"), "{report:?}");
-                    assert_eq!(said(&report, "LAS 1.2 knows no coordinate systems as text"), text, "{report:?}");
+                    assert_eq!(said(&report, "LAS 1.2 has no coordinate systems as text"), text, "{report:?}");
                 }
                 "e57" => {
                     assert_eq!(found.records.wkt(), cloud.records.wkt());
@@ -289,7 +289,7 @@ fn coordinate_systems_and_records_stay_or_are_told() {
     let tools = [10, 20, 30].map(|id| of("LAStools", id));
     with([vec![of("copc", 1)], tools.to_vec(), vec![own.clone()]].concat()).write(&path).unwrap();
     let (found, report) = read(&path);
-    let told = "no place for copc 1, LAStools 10, LAStools 20, LAStools 30";
+    let told = "cannot hold copc 1, LAStools 10, LAStools 20, LAStools 30";
     assert!(said(&report, told) && found.records.all == [own], "{report:?}");
     // What no reader of XML would take is told, and the others read the file.
     let path = folder.path().join("a.e57");
@@ -463,7 +463,7 @@ fn hdf5_of_strangers_is_refused_in_words_and_little_memory() {
         ),
         ("enum_name.h5", "x: is of an enumeration; allowed: numbers"),
         ("compound_name.h5", "category_names: is of compounds; allowed: texts"),
-        ("compact_texts.h5", "category_names: has texts of variable length among what describes them (compact)"),
+        ("compact_texts.h5", "category_names: has texts of variable length in compact storage"),
     ] {
         let started = Instant::now();
         let error = PointCloud::read(data(name)).unwrap_err().to_string();
@@ -471,7 +471,7 @@ fn hdf5_of_strangers_is_refused_in_words_and_little_memory() {
         assert!(started.elapsed() < Duration::from_secs(3), "{name}: {:?}", started.elapsed());
     }
     let (found, report) = read(&data("link_name.h5"));
-    assert!(found.len == 3 && said(&report, "no place for \u{fffd}\u{fffd}\u{fffd}"), "{report:?}");
+    assert!(found.len == 3 && said(&report, "cannot hold \u{fffd}\u{fffd}\u{fffd}"), "{report:?}");
     // Behind a block of its user, which looks like text.
     let (found, _) = read(&data("user_block.h5"));
     assert_eq!((found.len, &found.labels.category.names[..]), (3, &["wall".to_owned(), "T\u{fc}r".into()][..]));

@@ -548,7 +548,7 @@ fn warnings_are_those_of_their_own_water() {
     };
     for profile in [Profile::Paper, Profile::Blainder] {
         assert_eq!(told(profile, "salinity_psu: 5"), "");
-        let warm = "the speed of sound is that of medwin, for temperature 40 C (it is good for 0 to 35 C)";
+        let warm = "the speed of sound is that of medwin, for temperature 40 C (valid for 0 to 35 C)";
         assert_eq!(told(profile, "temperature_c: 40"), warm);
     }
     assert!(told(Profile::Physical, "salinity_psu: 5").starts_with("the speed of sound is that of mackenzie"));
@@ -594,5 +594,5 @@ fn rays_are_explained_term_by_term() {
     // Nothing in reach is a sentence, too.
     let text =
         scene.explain(&set(sensor, "range.max_m", "20"), &at_depth(5.0), &options(Profile::Paper, environment), 0);
-    assert!(text.unwrap().ends_with("it meets nothing from 0 to 20 m\n"));
+    assert!(text.unwrap().ends_with("it hits nothing from 0 to 20 m\n"));
 }

@@ -284,7 +284,7 @@ fn returns_come_beam_by_beam() {
     let error = built.scan(&sensor, &Trajectory::fixed(Pose::IDENTITY), &organised).unwrap_err().to_string();
     assert_eq!(
         error,
-        "organised is 3 returns a beam; allowed: one return a beam (returns.mode: strongest, first, last or second)"
+        "organised is 3 returns per beam; allowed: one return per beam (returns.mode: strongest, first, last or second)"
     );
     sensor.set("returns.mode", "last").unwrap();
     let cloud = scan(&built, &sensor, organised);
@@ -314,13 +314,13 @@ fn a_beam_is_explained_step_by_step() {
         "beam 0: row 0, column 0, channel 0",
         "azimuth 0.0000 deg",
         "material silver) at 5.0000 m, incidence 45.00 deg",
-        "  1 meets ",
-        "    weather: optical depth 0.00678, transmittance there and back 0.9865",
-        "    light goes on from there",
+        "  1 hits ",
+        "    weather: optical depth 0.00678, two-way transmittance 0.9865",
+        "    light continues from there",
         "after 0 events: ",
         "after 1 event in a mirror",
         ", range 12.0000 m, incidence 0.0",
-        "echoes, of which those of 1.0000e-5 /m^2 and more are seen",
+        "echoes, of which those of 1.0000e-5 /m^2 and more are detected",
         "  12.0000 m",
         "reported",
         "  returns.mode: strongest\n",

@@ -419,7 +419,7 @@ fn wrong_weather_is_named() {
         ),
         ("fog: {}", "line 1: fog: is without visibility_m, mor_m and spectrum; allowed: one of them"),
         ("fog: {visibility_m: 0}", "line 1: fog.visibility_m: is 0; allowed: 0.1 or more"),
-        ("fog: {visibility_m: 5, mor_m: 4}", "line 1: fog.mor_m: is 4; allowed: none beside visibility_m"),
+        ("fog: {visibility_m: 5, mor_m: 4}", "line 1: fog.mor_m: is 4; allowed: none together with visibility_m"),
         (
             "dust: {radius_um: 50, per_m3: 1e5, start_m: 5, length_m: -1}",
             "line 1: dust.length_m: is -1; allowed: above 0",
@@ -434,7 +434,7 @@ fn wrong_weather_is_named() {
             "line 1: snow.box.max_m[2]: is 1; allowed: above",
         ),
         ("environment: {rain: {rate_mm_h: 501}}", "line 1: environment.rain.rate_mm_h: is 501; allowed: 0 to 500"),
-        ("- rain", "line 1: is no section of keys"),
+        ("- rain", "line 1: is not a section of keys"),
         ("hail: {}", "unknown key \"hail\"; allowed: clear_air, rain"),
         ("spray: {spectrum: light}", "spray.spectrum: unknown value \"light\""),
     ] {

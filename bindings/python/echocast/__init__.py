@@ -8,8 +8,9 @@
 >>> bool(abs(cloud.z.mean()) < 0.01)
 True
 
-Lengths are metres, times seconds, angles radians unless a name says otherwise (`rpy_deg`). Sensors look along x; y is left
-and z is up. Errors are `echocast.Error`, and also the ValueError, FileNotFoundError or OSError that one would expect.
+Lengths are in metres, times in seconds and angles in radians unless a name gives another unit (`rpy_deg`). Sensors look along
+x; y is left and z is up. Errors are `echocast.Error`, and also the ValueError, FileNotFoundError or OSError that one would
+expect.
 """
 
 from echocast._echocast import (

@@ -1,4 +1,4 @@
-"""What arguments become: arrays of the types that the extension module reads, and text."""
+"""Converts arguments to arrays of the types that the extension module reads, and to text."""
 
 import json
 import os
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 
 def numbers(name: str, value: Any, dtype: "np.dtype[Any]", dimensions: int | None, shape: str) -> "Array":
-    """The argument `name` as a copy of the type `dtype`, with `dimensions`, None: any number. `shape` says what is
-    allowed. Whole numbers are taken where fractions are, but not the other way."""
+    """The argument `name` as a copy of the type `dtype`, with `dimensions`, None: any number. `shape` states what is
+    allowed. Whole numbers are accepted where fractions are, but not the other way round."""
     array = as_array(name, value, shape)
     whole = dtype.kind == "u"
     if array.size == 0:
@@ -34,13 +34,13 @@ def numbers(name: str, value: Any, dtype: "np.dtype[Any]", dimensions: int | Non
 
 
 def rows(key: Any) -> "npt.NDArray[np.int64 | np.bool_]":
-    """The mask or the row numbers that `cloud[key]` asks for."""
+    """The mask or the row numbers that `cloud[key]` selects."""
     allowed = "the name of a column, the number of a point, a slice, a mask (bool), or row numbers (int)"
     array = as_array("the key of a cloud", key, allowed)
     if array.ndim == 1 and array.dtype.kind == "b":
         return array
     if array.ndim == 1 and (array.dtype.kind in "iu" or array.size == 0):
-        # Beyond int64 no number is a row, whatever it is.
+        # No number beyond int64 is a valid row.
         return np.minimum(array, np.uint64(2**63 - 1)).astype(np.int64) if array.dtype == np.uint64 else array.astype(np.int64)
     raise TypeError(f"the key of a cloud is {found(key, array)}; allowed: {allowed}")
 
@@ -53,7 +53,7 @@ def as_array(name: str, value: Any, shape: str) -> "Array":
 
 
 def found(value: Any, array: "Array") -> str:
-    """What `value` is, of which NumPy has made `array`."""
+    """A description of `value`, which NumPy has converted to `array`."""
     kind = type(value).__name__
     if array.dtype.kind in "OUS" and isinstance(value, list | tuple):
         return f"a {kind} of other things than numbers"
@@ -69,7 +69,7 @@ def check_type(name: str, value: Any, types: "type | tuple[type, ...]", allowed:
 
 
 def shown(shape: tuple[int, ...]) -> str:
-    """The shape of an array as it is said: 3 x 4."""
+    """The shape of an array as text: 3 x 4."""
     return " x ".join(map(str, shape)) if len(shape) > 1 else f"{shape[0]} long" if shape else "one number"
 
 
@@ -82,7 +82,7 @@ def text(value: Any) -> str:
 
 
 def odd(value: Any, name: str) -> str | None:
-    """What is wrong with the first thing within `value` that is called `name` which JSON does not know."""
+    """What is wrong with the first thing within `value` that JSON does not support; `name` is what messages call `value`."""
     if isinstance(value, dict):
         parts = [(f"{name}.{key}" if name else str(key), item) for key, item in value.items()]
     elif isinstance(value, list | tuple):
@@ -95,7 +95,7 @@ def odd(value: Any, name: str) -> str | None:
 
 
 def plain(value: Any) -> Any:
-    """What JSON knows, of NumPy's numbers and arrays and of paths."""
+    """NumPy's numbers and arrays, and paths, as types that JSON supports."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, os.PathLike):

@@ -1,4 +1,4 @@
-"""Clouds as what other packages hold; each is imported when it is asked for."""
+"""Converts clouds to the types of other packages; each is imported when it is needed."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -12,13 +12,13 @@ if TYPE_CHECKING:
 
 
 def package(name: str, install: str) -> Any:
-    """The module `name`, or a sentence about how to get it."""
+    """The module `name`; if it is missing, the error says how to install it."""
     import importlib
 
     try:
         return importlib.import_module(name)
     except ImportError as error:
-        raise ImportError(f"this needs the package {name}, which is not there; pip install {install}") from error
+        raise ImportError(f"this needs the package {name}, which is not installed; pip install {install}") from error
 
 
 def to_dict(cloud: PointCloud) -> "dict[str, Array]":
@@ -35,7 +35,7 @@ def to_pandas(cloud: PointCloud) -> Any:
 
 
 def to_torch(cloud: PointCloud, columns: Sequence[str] | None = None) -> dict[str, Any]:
-    """Tensors by name that own their memory: integers as int64, which networks take as classes."""
+    """Tensors by name that own their memory: integers as int64, which networks use for classes."""
     torch = package("torch", "torch")
     tensors = {}
     for name in columns or cloud.fields:
@@ -64,7 +64,7 @@ def records(cloud: PointCloud) -> "np.recarray[Any, Any]":
 def structured(cloud: PointCloud, dtype: Any = None, copy: bool | None = None) -> "Array":
     """A structured array with a member for each column; a copy."""
     if copy is False:
-        raise ValueError("an array of all columns is a copy; for one without, take a column: cloud.range")
+        raise ValueError("an array of all columns is always a copy; a single column needs none: cloud.range")
     array = np.empty(len(cloud), [(name, cloud[name].dtype) for name in cloud.fields])
     for name in cloud.fields:
         array[name] = cloud[name]

@@ -14,14 +14,14 @@ Vector: TypeAlias = Sequence[float] | npt.NDArray[np.floating[Any]] | npt.NDArra
 Keys: TypeAlias = Path | Mapping[str, Any]
 Material: TypeAlias = str | Mapping[str, Any]
 
-# The reference shows these names, not what they stand for.
+# The reference shows these names rather than their definitions.
 Array = TypeAliasType("Array", npt.NDArray[Any])
 Float32Array = TypeAliasType("Float32Array", npt.NDArray[np.float32])
 Float64Array = TypeAliasType("Float64Array", npt.NDArray[np.float64])
 UInt16Array = TypeAliasType("UInt16Array", npt.NDArray[np.uint16])
 UInt8Array = TypeAliasType("UInt8Array", npt.NDArray[np.uint8])
 UInt32Array = TypeAliasType("UInt32Array", npt.NDArray[np.uint32])
-# What NumPy makes an array of numbers of.
+# What NumPy converts to an array of numbers.
 AnyArray = TypeAliasType("AnyArray", npt.NDArray[np.floating[Any] | np.integer[Any]])
 Numbers = TypeAliasType(
     "Numbers",
@@ -335,7 +335,7 @@ class Pings:
     def png(self, *, view: str = "waterfall", color: str = "intensity", width: int | None = None) -> bytes: ...
     def _repr_png_(self) -> bytes | None: ...
 
-# The columns that a cloud may have; AttributeError where it lacks one.
+# The columns that a cloud may have; a missing one raises AttributeError.
 class Columns:
     @property
     def x(self) -> Float32Array: ...

@@ -1,8 +1,8 @@
-"""Exceptions: all are `Error`, and also what Python programs expect of their kind."""
+"""Exceptions: all are `Error`, and also the built-in exceptions that Python programs expect."""
 
 
 class Error(Exception):
-    """Something that echocast cannot do; its text says what was found and what is allowed."""
+    """Something that echocast cannot do; the message says what was found and what is allowed."""
 
 
 class ArgumentError(Error, ValueError):
@@ -14,7 +14,7 @@ class FormatError(Error, ValueError):
 
 
 class UnsupportedError(Error, ValueError):
-    """Something understood that this build or format cannot do."""
+    """A valid request that this build or format does not support."""
 
 
 class FileError(Error, OSError):

@@ -1,4 +1,4 @@
-"""Ways to look: pictures in a viewer, recordings for Rerun, plots with matplotlib. Each package is imported when it is
+"""Visualisation: pictures in a viewer, recordings for Rerun, plots with matplotlib. Each package is imported when it is
 needed."""
 
 import base64
@@ -24,7 +24,7 @@ from echocast._echocast import Box, Ping, Pings, PointCloud, Trajectory, columns
 from echocast._errors import ArgumentError, UnsupportedError
 from echocast._progress import in_notebook
 
-# Columns of labels by what `color` calls them, and where a cloud has their names.
+# Label columns by their name in `color`, and the attribute of a cloud that holds their names.
 LABELS = {
     "category": ("category_id", "categories"),
     "part": ("part_id", "parts"),
@@ -32,19 +32,19 @@ LABELS = {
     "material": ("material_id", "materials"),
 }
 
-# What `color` may be.
+# Values that `color` may have.
 COLORS = f"{', '.join(LABELS)} or the name of a column"
 
 # Rerun has classes of 16 bits.
 MOST_CLASSES = 2**16
 
-# Poses that a trajectory is drawn with.
+# Number of poses with which a trajectory is drawn.
 POSES = 200
 
-# Names in a legend.
+# Most names in a legend.
 MOST_NAMES = 16
 
-# Axes of each view of a plot, and by which one points hide others, from behind to the front.
+# For each view of a plot: its axes, the axis along which points hide others, and the sign of that axis from back to front.
 VIEWS = {"top": ("xy", "z", 1), "side": ("xz", "y", -1), "3d": ("xyz", None, 1)}
 
 
@@ -58,13 +58,13 @@ def show(
 ) -> None:
     """Shows a cloud, a trajectory, a ping, pings, or several of them: a list, or a dict by name.
 
-    With rerun-sdk installed they are logged to Rerun: to the recording that is active, or to a viewer that is opened;
-    with `path`, to a file .rrd. Without it, the picture of a cloud or of pings is opened. `name`: what it is called
-    there; `time`: s, of a cloud, by default when its first point was measured; `color`: "category", "part", "instance",
+    With rerun-sdk installed they are logged to Rerun: to the active recording, or to a viewer that is opened; with `path`,
+    to an .rrd file. Without rerun-sdk, the picture of a cloud or of pings is opened. `name`: the name of the entity in
+    Rerun; `time`: time of a cloud in s, by default that of its first point; `color`: "category", "part", "instance",
     "material" or a column.
 
-    UnsupportedError where there is no display, ArgumentError for other things and for a `path` that is no .rrd, ImportError
-    for a `path` without rerun-sdk.
+    Raises UnsupportedError if there is no display, ArgumentError for other things and for a `path` that is no .rrd file,
+    ImportError for a `path` without rerun-sdk.
 
     >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
     >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"), boxes=True)
@@ -88,7 +88,7 @@ def show(
 
 @contextlib.contextmanager
 def recording(path: str | os.PathLike[str] | None) -> Iterator[Any]:
-    """A recording of Rerun: of the file `path`, or the active one, or one with a viewer."""
+    """A recording of Rerun: to the file `path`, or the active one, or one with a viewer."""
     import rerun as rr
 
     if path is not None:
@@ -126,12 +126,12 @@ def log(
                 log(one, stream, name=name, time=time, color=color)
     else:
         allowed = "a PointCloud, a Trajectory, a Ping, Pings, boxes, a list or a dict of them"
-        raise ArgumentError(f"what is to be shown is of the type {type(thing).__name__}; allowed: {allowed}")
+        raise ArgumentError(f"the object to show is of the type {type(thing).__name__}; allowed: {allowed}")
 
 
 def log_cloud(cloud: PointCloud, stream: Any, name: str, time: float | None, color: str | None) -> None:
-    """Logs a cloud at its time: `name`/points and, if it has them, `name`/boxes. The space is the world, also where
-    the cloud has the sensor's axes."""
+    """Logs a cloud at its time: `name`/points and, if it has them, `name`/boxes. They are placed in the world, even if
+    the cloud is in the sensor frame."""
     import rerun as rr
 
     seen = np.isfinite(cloud.xyz).all(axis=1)
@@ -159,7 +159,7 @@ def log_cloud(cloud: PointCloud, stream: Any, name: str, time: float | None, col
 
 
 def log_names(names: Mapping[int, str], stream: Any, name: str) -> None:
-    """Logs what the classes below `name` are called."""
+    """Logs the names of the classes below `name`."""
     import rerun as rr
 
     known = [(number, text) for number, text in names.items() if number < MOST_CLASSES]
@@ -167,7 +167,7 @@ def log_names(names: Mapping[int, str], stream: Any, name: str) -> None:
 
 
 def log_boxes(boxes: Sequence[Box], stream: Any, name: str, classes: bool = False) -> None:
-    """Logs boxes, with the colours of their categories where the space has names for these."""
+    """Logs boxes; with `classes`, in the colours of their categories."""
     import rerun as rr
 
     classes = classes and all(box.category_id < MOST_CLASSES for box in boxes)
@@ -177,7 +177,7 @@ def log_boxes(boxes: Sequence[Box], stream: Any, name: str, classes: bool = Fals
         quaternions=[rr.Quaternion(xyzw=box.quaternion) for box in boxes],
         labels=[box.name or box.category for box in boxes],
         class_ids=[box.category_id for box in boxes] if classes else None,
-        # Names of many boxes hide them.
+        # The names of many boxes would hide them.
         show_labels=False,
     )
     stream.log(name, made)
@@ -200,7 +200,7 @@ def log_trajectory(path: Trajectory, stream: Any, name: str) -> None:
 
 
 def log_ping(ping: Ping, stream: Any, name: str) -> None:
-    """Logs a ping at its time: its levels, beams x bins, dB, and where the sonar was."""
+    """Logs a ping at its time: its levels, beams x bins, dB, and the pose of the sonar."""
     import rerun as rr
 
     stream.set_time("time", duration=ping.time)
@@ -210,12 +210,12 @@ def log_ping(ping: Ping, stream: Any, name: str) -> None:
     stream.log(f"{name}/sonar", rr.Transform3D(translation=ping.pose.position, quaternion=ping.pose.quaternion))
 
 
-# Names of labels in the table of a notebook.
+# Most label names in a row of a notebook's table.
 FEW_NAMES = 8
 
 
 def html(cloud: PointCloud) -> str:
-    """What a notebook shows of a cloud: its picture, how many points there are, and what is in each column."""
+    """What a notebook shows for a cloud: its picture, the number of points, and the contents of each column."""
     picture = base64.b64encode(cloud._repr_png_() or b"").decode()
     head = f"<b>{len(cloud):,} points</b>, x, y and z relative to {', '.join(f'{axis:g}' for axis in cloud.origin)} m"
     names = {column: getattr(cloud, names) for column, names in LABELS.values()}
@@ -228,17 +228,17 @@ def html(cloud: PointCloud) -> str:
             told = ", ".join(found[:FEW_NAMES]) + (", …" if len(found) > FEW_NAMES else "") if found else meaning
             cells = [name, "" if unit == "1" else unit, low, high, told]
             rows.append("".join(f"<td>{escape(cell)}</td>" for cell in cells))
-    header = "".join(f"<th>{title}</th>" for title in ("column", "unit", "lowest", "highest", "what it holds"))
+    header = "".join(f"<th>{title}</th>" for title in ("column", "unit", "lowest", "highest", "contents"))
     table = "".join(f"<tr>{row}</tr>" for row in [header, *rows])
     image = f'<img src="data:image/png;base64,{picture}"/>' if picture else ""
     return f"<div>{image}<p>{head}</p><table>{table}</table></div>"
 
 
 def open_picture(thing: Any, color: str | None) -> None:
-    """Opens the picture of a cloud or of pings, in the notebook if this is one."""
+    """Opens the picture of a cloud or of pings, inside the notebook if there is one."""
     if not isinstance(thing, (PointCloud, Pings)):
         kind = type(thing).__name__
-        raise UnsupportedError(f"of a {kind} there is no picture; pip install rerun-sdk to see it in Rerun")
+        raise UnsupportedError(f"there is no picture of a {kind}; pip install rerun-sdk to see it in Rerun")
     names = {None: {}, "category": {"color": "label"}}
     png = thing.png(**names.get(color, {"color": color}))
     if in_notebook():
@@ -268,7 +268,7 @@ def check_display(instead: str) -> None:
 
 
 def default_color(cloud: PointCloud) -> str | None:
-    """What a cloud is coloured by unless something else is asked for."""
+    """The default of `color` for a cloud."""
     wanted = {"category": "category_id", "intensity": "intensity", "range": "range"}
     return next((color for color, column in wanted.items() if column in cloud.fields), None)
 
@@ -277,7 +277,7 @@ def shades(values: npt.ArrayLike) -> npt.NDArray[np.uint8]:
     """Colours from dark blue for the lowest of `values` to light yellow for the highest: n x 3, uint8."""
     values = np.asarray(values, dtype=np.float64)
     known = values[np.isfinite(values)]
-    # A few bright points do not leave all others dark.
+    # Percentiles, so that a few bright points do not make all others dark.
     low, high = np.percentile(known, [1, 99]) if len(known) else (0.0, 1.0)
     place = np.clip(np.nan_to_num((values - low) / max(high - low, 1e-12)), 0, 1)
     stops = [0, 0.33, 0.67, 1]
@@ -311,7 +311,7 @@ def plot(cloud: PointCloud, *, color: str | None = None, view: str = "top", ax: 
     if behind is not None:
         rows = rows[np.argsort(sign * places[behind][rows], kind="stable")]
     drawn = [places[axis][rows] for axis in axes]
-    # So small that points of dense clouds can be told apart.
+    # So small that points of dense clouds can be distinguished.
     look = {"s": float(np.clip(20_000 / max(len(rows), 1), 0.3, 9)), "linewidths": 0, "rasterized": True}
     color = color or default_color(cloud)
     if color is None:
@@ -342,7 +342,7 @@ def label_colors(plt: Any, numbers: npt.NDArray[np.uint32]) -> npt.NDArray[np.fl
 
 
 def legend(ax: Any, plt: Any, numbers: npt.NDArray[np.uint32], names: Mapping[int, str]) -> None:
-    """A legend of the commonest of `numbers`."""
+    """Adds a legend of the most common of `numbers`."""
     found, counts = np.unique(numbers, return_counts=True)
     found = found[np.argsort(-counts, kind="stable")][:MOST_NAMES]
     for number, color in zip(found, label_colors(plt, found)):

@@ -1,4 +1,4 @@
-"""Meshes of trimesh and Open3D as scenes. Neither package is imported: what is built as theirs is taken."""
+"""Meshes of trimesh and Open3D as scenes. Neither package is imported: objects with the same attributes are accepted."""
 
 import re
 import sys
@@ -34,8 +34,8 @@ UP = {
 def scene(thing: Any, up: str = "z", scale: float = 1.0, category: str | int | None = None) -> Scene:
     """An echocast.Scene of `thing`: a trimesh.Trimesh or trimesh.Scene, an Open3D TriangleMesh, or a list of them.
 
-    `up`: which of its axes points up; `scale`: metres per unit; `category`: of meshes that have no "category" in their
-    metadata; else it is their name without the number at its end.
+    `up`: which of its axes points up; `scale`: metres per unit; `category`: the category of meshes that have no "category"
+    in their metadata, by default their name without the number at its end.
     """
     check_type("up", up, str, ", ".join(UP))
     check_type("scale", scale, Real, "a number above 0")
@@ -57,7 +57,7 @@ def scene(thing: Any, up: str = "z", scale: float = 1.0, category: str | int | N
             "category": label(metadata, category or re.sub(r"[ ._-]*\d+$", "", name) or name),
         })
     if not objects:
-        raise ArgumentError("what a scene is to be made of has no mesh; allowed: at least one")
+        raise ArgumentError("the source of the scene has no mesh; allowed: at least one")
     return Scene.from_objects(objects)
 
 
@@ -81,12 +81,12 @@ def meshes(thing: Any) -> Iterator[tuple[str, Array, Triangles, Matrix, Mapping[
     elif hasattr(thing, "vertices") and hasattr(thing, "triangles"):
         yield "mesh", *arrays(thing.vertices, thing.triangles), np.eye(4), {}
     elif hasattr(thing, "vertex") and hasattr(thing, "triangle"):
-        # Tensors, which may be elsewhere than in main memory.
+        # Tensors, which may be on another device.
         vertices, triangles = thing.vertex["positions"].cpu().numpy(), thing.triangle["indices"].cpu().numpy()
         yield "mesh", *arrays(vertices, triangles), np.eye(4), {}
     else:
         allowed = "a trimesh.Trimesh or trimesh.Scene, an Open3D TriangleMesh, or a list of them"
-        raise ArgumentError(f"what a scene is to be made of is of the type {type(thing).__name__}; allowed: {allowed}")
+        raise ArgumentError(f"the source of the scene is of the type {type(thing).__name__}; allowed: {allowed}")
 
 
 def arrays(vertices: Any, triangles: Any) -> tuple[Array, Triangles]:
@@ -99,6 +99,6 @@ def arrays(vertices: Any, triangles: Any) -> tuple[Array, Triangles]:
 
 
 def label(metadata: Mapping[str, Any], other: str | int) -> str | int:
-    """The category that `metadata` says, a name or a number, or `other`."""
+    """The category given in `metadata`, a name or a number, or else `other`."""
     found = metadata.get("category", other)
     return found if isinstance(found, str) else int(found)

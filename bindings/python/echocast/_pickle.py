@@ -1,4 +1,4 @@
-"""Clouds as bytes: NPZ, which holds all of a cloud."""
+"""Clouds as bytes: in NPZ, which holds everything a cloud has."""
 
 import tempfile
 from pathlib import Path

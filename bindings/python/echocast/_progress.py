@@ -1,11 +1,11 @@
-"""The bar of `progress=True`: how far a scan or a run is, and how long it will take."""
+"""The progress bar of `progress=True`: how far a scan or a run has got, and how much time is left."""
 
 import sys
 import threading
 import time
 from typing import Any, Protocol, TextIO
 
-#: s between two pictures of a bar.
+#: s between updates of a bar.
 INTERVAL = 0.1
 
 #: Characters of a bar.
@@ -13,8 +13,9 @@ WIDTH = 30
 
 
 def bar(what: str) -> "Bar":
-    """A bar called `what` for the notebook or terminal that this program is in. Called with a fraction, 0 to 1, or with
-    numbers of what is done and of all, it shows them; `close()` leaves the last picture. Elsewhere it shows nothing."""
+    """A bar titled `what` for the notebook or terminal that this program runs in. It is called with a fraction, 0 to 1, or
+    with the number done and the total, and shows them; `close()` leaves the last state visible. Elsewhere it shows
+    nothing."""
     if in_notebook():
         return Bar(what, NotebookScreen())
     if sys.stderr is not None and sys.stderr.isatty():
@@ -23,15 +24,15 @@ def bar(what: str) -> "Bar":
 
 
 def in_notebook() -> bool:
-    """Whether a kernel of Jupyter runs this program."""
-    # Nobody is in a notebook who has not imported IPython.
+    """Whether a Jupyter kernel runs this program."""
+    # In a notebook, IPython has been imported.
     ipython = sys.modules.get("IPython")
     shell = ipython.get_ipython() if ipython else None
     return getattr(shell, "kernel", None) is not None
 
 
 class Screen(Protocol):
-    """Where a line is shown, until another takes its place."""
+    """Where a line is shown until another replaces it."""
 
     def draw(self, line: str) -> None: ...
 
@@ -58,7 +59,7 @@ class Bar:
                 self._draw(self.screen, now)
 
     def close(self) -> None:
-        """Shows the last that was told, and ends the line."""
+        """Shows the last reported state, and ends the line."""
         with self.lock:
             if self.screen is None or not self.last:
                 return
@@ -84,25 +85,25 @@ class Bar:
 
 
 def clock(seconds: float) -> str:
-    """A time as it is read from a clock: 0:07, 1:02:03."""
+    """A time in clock notation: 0:07, 1:02:03."""
     minutes, seconds = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02}:{seconds:02}" if hours else f"{minutes}:{seconds:02}"
 
 
 class TerminalScreen:
-    """One line that is written over."""
+    """One line that is overwritten."""
 
     def __init__(self, stream: TextIO) -> None:
         self.stream = stream
 
     def draw(self, line: str) -> None:
-        # What a terminal cannot write is a row of signs that all can.
+        # ASCII for terminals that cannot display the blocks.
         try:
             line.encode(self.stream.encoding or "ascii")
         except UnicodeEncodeError:
             line = line.replace("█", "#").replace("░", ".")
-        # Back to its start, and clear what is left of the one before.
+        # Back to the start of the line, and clear what remains of the previous one.
         self.stream.write(f"\r{line}\x1b[K")
         self.stream.flush()
 
@@ -112,7 +113,7 @@ class TerminalScreen:
 
 
 class NotebookScreen:
-    """The output of a cell, which changes."""
+    """The output of a cell, which is updated in place."""
 
     def __init__(self) -> None:
         self.handle: Any = None
@@ -120,7 +121,7 @@ class NotebookScreen:
     def draw(self, line: str) -> None:
         from IPython.display import Pretty, display
 
-        # Text, which every program that shows notebooks can show.
+        # Plain text, which every notebook front end can show.
         if self.handle is None:
             self.handle = display(Pretty(line), display_id=True)
         else:

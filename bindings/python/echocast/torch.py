@@ -1,4 +1,4 @@
-"""Scans for PyTorch, made as they are needed, without files. Needs the package torch.
+"""Scans for PyTorch, made on the fly, without files. Needs the package torch.
 
     from echocast.torch import ScanDataset, collate
 
@@ -24,12 +24,12 @@ else:
 
 __all__ = ["ScanDataset", "ScanStream", "collate"]
 
-# Seeds of epochs lie this far apart, so that no epoch of one seed is an epoch of a seed near it.
+# Seeds of epochs are this far apart, so that no epoch of one seed is an epoch of a nearby seed.
 STRIDE = 0x9E3779B97F4A7C15
 
 
 class _Scans:
-    """What the data sets have in common: a scenario, which every process reads for itself, and the epoch."""
+    """Base of the data sets: a scenario, which every process reads for itself, and the epoch."""
 
     def __init__(
         self,
@@ -47,16 +47,16 @@ class _Scans:
         self.transform, self.sensor, self.frame = transform, sensor, frame
         self.columns = tuple(columns)
         self.epochs_differ = epochs_differ
-        # Workers that live on from epoch to epoch see what `set_epoch` writes here.
+        # Workers that persist from epoch to epoch see what `set_epoch` writes here.
         self._epoch = torch.zeros((), dtype=torch.int64).share_memory_()
-        # The scenario, once this process has read it, and the epoch whose seed it has.
+        # The scenario, once this process has read it, and the epoch whose seed is set in it.
         self._read: tuple[ec.Scenario, int] | None = None
         read = self._scenario()
         self.seed = read.seed
         self.samples = list(range(len(read)) if samples is None else samples)
 
     def _scenario(self) -> ec.Scenario:
-        """The scenario as this process has it, with the seed of the epoch."""
+        """This process's scenario, with the seed of the epoch."""
         if self._read is None:
             # Workers are processes: each with one thread.
             self._read = (ec.Scenario(self.source, folder=self.folder, threads=1), 0)
@@ -68,7 +68,7 @@ class _Scans:
         return scenario
 
     def _item(self, number: int) -> Any:
-        """Sample `number` as a dict of tensors, or what `transform` makes of that."""
+        """Sample `number` as a dict of tensors, or what `transform` returns for it."""
         cloud = self._scenario()[number].cloud(self.sensor, self.frame)
         item = {"positions": torch.from_numpy(positions(cloud)), "sample": number} | cloud.to_torch(self.columns)
         return item if self.transform is None else self.transform(item)
@@ -79,24 +79,23 @@ class _Scans:
         return int(self._epoch)
 
     def set_epoch(self, epoch: int) -> None:
-        """Begins `epoch`, from 0, in all workers, whether they are made anew or live on; between two runs through the
-        data."""
+        """Sets the epoch, from 0, for all workers, new or persistent; to be called between two passes over the data."""
         self._epoch.fill_(int(epoch))
 
     def __getstate__(self) -> dict[str, Any]:
-        # Engines and scenes do not go to other processes.
+        # Engines and scenes are not sent to other processes.
         return {**self.__dict__, "_read": None}
 
 
 class ScanDataset(_Scans, torch.utils.data.Dataset):
     """The samples of a scenario: item i is the cloud of sample `samples[i]`, the same in every process.
 
-    `scenario`: as `echocast.Scenario` takes it, with `folder`; each worker reads it for itself. `samples`: their numbers;
-    None: all. `sensor` and `frame`: which of its scans. `columns`: those of an item beside `positions`. `transform`: called
-    with each item, a dict of tensors: `positions`, n x 3 float32, m, relative to the sensor's place at the start of the
-    scan; the columns, n long, integers as int64; `sample`, its number.
+    `scenario`, `folder`: as for `echocast.Scenario`; each worker reads them for itself. `samples`: numbers of the samples;
+    None: all. `sensor` and `frame`: which scan of each sample. `columns`: columns of an item in addition to `positions`.
+    `transform`: called with each item, a dict of tensors: `positions`, n x 3 float32, m, relative to the sensor's position
+    at the start of the scan; the columns, n long, integers as int64; `sample`, its number.
 
-    With `epochs_differ`, `set_epoch` changes the seed of everything that is drawn; epoch 0 is the set that
+    With `epochs_differ`, `set_epoch` changes the seed of everything that is drawn at random; epoch 0 is the set that
     `echocast run` writes.
 
     >>> from echocast.torch import ScanDataset, collate
@@ -123,12 +122,12 @@ class ScanDataset(_Scans, torch.utils.data.Dataset):
 
 
 class ScanStream(_Scans, torch.utils.data.IterableDataset):
-    """The samples of a scenario one after the other, each once in an epoch, shared out over the ranks of
-    `torch.distributed`, if that is initialised, and over the workers of a DataLoader.
+    """The samples of a scenario one after the other, each once per epoch, divided among the ranks of
+    `torch.distributed`, if that is initialised, and the workers of a DataLoader.
 
-    Takes what `ScanDataset` takes, and gives the same items. With `shuffle`, each epoch has an order of its own, which
-    follows from the scenario's seed and `set_epoch`. All ranks have equally many: where these do not divide the
-    samples, the first ones are there twice.
+    Takes the arguments of `ScanDataset` and yields the same items. With `shuffle`, each epoch has its own order, given by
+    the scenario's seed and `set_epoch`. All ranks get the same number of samples: where the samples do not divide evenly,
+    the first ones occur twice.
 
     >>> from echocast.torch import ScanStream
     >>> stream = ScanStream({
@@ -152,7 +151,7 @@ class ScanStream(_Scans, torch.utils.data.IterableDataset):
     ) -> None:
         super().__init__(scenario, samples, transform, **options)
         self.shuffle = shuffle
-        # Rank and ranks of the process that made this one.
+        # Rank and number of ranks of the process that started this one.
         self._ranks: tuple[int, int] | None = None
 
     def __iter__(self) -> Iterator[Any]:
@@ -167,12 +166,12 @@ class ScanStream(_Scans, torch.utils.data.IterableDataset):
         return map(self._item, mine[first::step])
 
     def __getstate__(self) -> dict[str, Any]:
-        # A worker that is spawned knows nothing of the ranks.
+        # A spawned worker does not know the ranks.
         return {**super().__getstate__(), "_ranks": _ranks() or self._ranks}
 
 
 def _ranks() -> tuple[int, int] | None:
-    """The rank of this process and how many there are, if they are known."""
+    """The rank of this process and the number of ranks, if they are known."""
     distributed = torch.distributed
     if distributed.is_available() and distributed.is_initialized():
         return distributed.get_rank(), distributed.get_world_size()
@@ -180,8 +179,8 @@ def _ranks() -> tuple[int, int] | None:
 
 
 def collate(items: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Clouds of unequal length as one batch: tensors one after the other, `batch`, the item of each point, and
-    `starts`, the first point of each item and the end.
+    """Clouds of unequal length as one batch: concatenated tensors, `batch`, the item of each point, and `starts`, the
+    first point of each item and the end.
 
     >>> import torch
     >>> from echocast.torch import collate

@@ -1,6 +1,6 @@
-//! Arrays: rows that are read, columns that share the memory of what they belong to.
+//! Arrays: rows that are read, columns that share the memory of their owner.
 
-use crate::error::{Failure, Outcome};
+use crate::error::{BindingError, BindingResult};
 use echocast::cloud::{self, ColumnType};
 use echocast::{Field, Pings, PointCloud};
 use numpy::ndarray::Dimension;
@@ -9,57 +9,60 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use std::sync::Arc;
 
-/// The argument `name`: an array of `T` as it is, or whatever else NumPy takes for numbers of `shape`, as a copy.
+/// The argument `name`: an array of `T` as it is, or whatever else NumPy accepts as numbers of `shape`, as a copy.
 pub fn numbers<'py, T: Element, D: Dimension>(
     name: &str,
     value: &Bound<'py, PyAny>,
     shape: &str,
-) -> Outcome<PyReadonlyArray<'py, T, D>> {
+) -> BindingResult<PyReadonlyArray<'py, T, D>> {
     if let Ok(array) = value.extract() {
         return Ok(array);
     }
     let py = value.py();
-    let wanted = (name, value, numpy::dtype::<T>(py), D::NDIM, shape);
-    Ok(py.import("echocast._arrays")?.call_method1("numbers", wanted)?.extract()?)
+    let arguments = (name, value, numpy::dtype::<T>(py), D::NDIM, shape);
+    Ok(py.import("echocast._arrays")?.call_method1("numbers", arguments)?.extract()?)
 }
 
-/// The rows of `array`, which the argument `name` is: `N` numbers each.
-pub fn rows<T: Element + Copy, const N: usize>(name: &str, array: &PyReadonlyArray2<'_, T>) -> Outcome<Vec<[T; N]>> {
+/// The rows of `array`, the argument `name`: `N` numbers each.
+pub fn rows<T: Element + Copy, const N: usize>(
+    name: &str,
+    array: &PyReadonlyArray2<'_, T>,
+) -> BindingResult<Vec<[T; N]>> {
     let array = array.as_array();
     if array.ncols() != N {
-        return Err(Failure::argument(name, format!("n x {}", array.ncols()), format!("n x {N}")));
+        return Err(BindingError::argument(name, format!("n x {}", array.ncols()), format!("n x {N}")));
     }
     Ok(array.rows().into_iter().map(|row| std::array::from_fn(|column| row[column])).collect())
 }
 
-/// What a column belongs to, and which it is.
+/// The owner of a column, and which one it is.
 #[derive(Clone)]
-pub enum Held {
+pub enum ColumnOwner {
     Cloud(Arc<PointCloud>, Field),
     /// Of the ping with this index.
     Ping(Arc<Pings>, usize, Field),
 }
 
-impl Held {
+impl ColumnOwner {
     pub fn column(&self) -> cloud::Column<'_> {
         match self {
-            Held::Cloud(cloud, field) => cloud.column(*field),
-            Held::Ping(pings, ping, field) => pings.pings[*ping].column(*field),
+            ColumnOwner::Cloud(cloud, field) => cloud.column(*field),
+            ColumnOwner::Ping(pings, ping, field) => pings.pings[*ping].column(*field),
         }
     }
 }
 
 /// Its bytes, in the machine's order.
-impl AsRef<[u8]> for Held {
+impl AsRef<[u8]> for ColumnOwner {
     fn as_ref(&self) -> &[u8] {
         self.column().bytes()
     }
 }
 
-/// A column of a cloud or ping, which stays alive with it; `numpy.asarray` makes a read-only array of it without a copy.
+/// A column of a cloud or ping, which it keeps alive; `numpy.asarray` makes a read-only array of it without a copy.
 #[pyclass(frozen, module = "echocast")]
 pub struct Column {
-    held: Held,
+    held: ColumnOwner,
     shape: Vec<usize>,
 }
 
@@ -87,7 +90,7 @@ impl Column {
     }
 }
 
-/// What NumPy calls a type.
+/// NumPy's name for a type.
 pub fn kind_name(kind: ColumnType) -> &'static str {
     match kind {
         ColumnType::F32 => "float32",
@@ -99,7 +102,7 @@ pub fn kind_name(kind: ColumnType) -> &'static str {
 }
 
 /// The column `held` as an array of `shape`.
-pub fn shared<'py>(py: Python<'py>, held: Held, shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
+pub fn shared<'py>(py: Python<'py>, held: ColumnOwner, shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
     let column = Bound::new(py, Column { held, shape: shape.to_vec() })?;
     py.import("numpy")?.call_method1("asarray", (column,))
 }

@@ -1,8 +1,8 @@
-//! Clouds as Arrow tables that share their memory: the Arrow C stream interface, which pyarrow, polars, DuckDB and others
-//! read.
+//! Clouds as Arrow tables that share their memory: the Arrow C stream interface, which pyarrow, polars, DuckDB and
+//! others read.
 
-use crate::array::Held;
-use crate::error::{Failure, Outcome};
+use crate::array::ColumnOwner;
+use crate::error::{BindingError, BindingResult};
 use arrow_array::ffi_stream::FFI_ArrowArrayStream;
 use arrow_array::{
     ArrayRef, Float32Array, Float64Array, RecordBatch, RecordBatchIterator, UInt8Array, UInt16Array, UInt32Array,
@@ -20,8 +20,8 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 /// `cloud` as a stream of one batch; its schema has the metadata `origin` and the names of labels, as JSON.
-pub fn stream<'py>(py: Python<'py>, cloud: &Arc<PointCloud>) -> Outcome<Bound<'py, PyCapsule>> {
-    let table = table(cloud).map_err(|error| Failure::argument("cloud", error, "one that Arrow can hold"))?;
+pub fn stream<'py>(py: Python<'py>, cloud: &Arc<PointCloud>) -> BindingResult<Bound<'py, PyCapsule>> {
+    let table = table(cloud).map_err(|error| BindingError::argument("cloud", error, "one that Arrow can hold"))?;
     let schema = table.schema();
     let stream = FFI_ArrowArrayStream::new(Box::new(RecordBatchIterator::new([Ok(table)], schema)));
     Ok(PyCapsule::new_with_value(py, stream, c"arrow_array_stream")?)
@@ -31,7 +31,7 @@ fn table(cloud: &Arc<PointCloud>) -> Result<RecordBatch, arrow_schema::ArrowErro
     let mut columns = Vec::new();
     let mut fields = Vec::new();
     for info in cloud.fields.iter() {
-        let held = Held::Cloud(cloud.clone(), info.field);
+        let held = ColumnOwner::Cloud(cloud.clone(), info.field);
         let (kind, count) = (held.column().kind(), cloud.len);
         let buffer = Buffer::from(Bytes::from_owner(held));
         let (kind, column): (DataType, ArrayRef) = match kind {

@@ -1,11 +1,12 @@
-//! Boxes around what is labelled.
+//! Boxes around labelled instances.
 
 use crate::error::no_pickle;
 use crate::place::Pose;
 use echocast::InstanceBox;
 use pyo3::prelude::*;
 
-/// The box around an instance as it was when it was scanned (`box_time`), in the axes of the cloud. `PointCloud.boxes` has them.
+/// The box around an instance at the time that it was scanned or that `box_time` requests, in the axes of the cloud.
+/// `PointCloud.boxes` lists them.
 ///
 /// >>> square = np.array([[0, -1, 0], [0, 1, 0], [0, 1, 2], [0, -1, 2]], dtype=np.float32)
 /// >>> sign = {"vertices": square, "triangles": np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)}
@@ -39,7 +40,7 @@ impl PyBox {
 
 #[pymethods]
 impl PyBox {
-    /// Its middle, m, in the axes of the cloud, not relative to `PointCloud.origin`.
+    /// Its centre, m, in the axes of the cloud, not relative to `PointCloud.origin`.
     #[getter]
     fn center(&self) -> [f64; 3] {
         self.found.pose.position.to_array()
@@ -57,7 +58,7 @@ impl PyBox {
         self.found.pose.orientation.to_array()
     }
 
-    /// Its middle and rotation.
+    /// Its centre and rotation.
     #[getter]
     fn pose(&self) -> Pose {
         Pose(self.found.pose)
@@ -69,7 +70,7 @@ impl PyBox {
         self.found.corners().map(|corner| corner.to_array())
     }
 
-    /// How fast its middle moves over the ground, m/s: x, y, z.
+    /// Velocity of its centre over the ground, m/s: x, y, z.
     #[getter]
     fn velocity(&self) -> [f64; 3] {
         self.found.velocity.to_array()
@@ -87,7 +88,7 @@ impl PyBox {
         self.found.category_id
     }
 
-    /// Number of the object over all frames, as in the column `track_id`.
+    /// Number of the object across all frames, as in the column `track_id`.
     #[getter]
     fn track_id(&self) -> u32 {
         self.found.track_id
@@ -99,7 +100,7 @@ impl PyBox {
         self.found.frame
     }
 
-    /// When the box holds, s.
+    /// Time for which the box is valid, s.
     #[getter]
     fn time(&self) -> f64 {
         self.found.time
@@ -111,14 +112,14 @@ impl PyBox {
         self.found.points
     }
 
-    /// How much of it is not hidden, 0 to 1: of the beams that would meet it if it were alone.
+    /// Visible fraction, 0 to 1: of the beams that would hit it if it were alone, the share that does.
     #[getter]
     fn visible(&self) -> f64 {
         self.found.visible
     }
 
-    /// Left, top, right and bottom, pixels, of all of it in the sensor's image, whatever hides it, if the scan was
-    /// asked for `image_boxes` and it is in front of a camera; else None.
+    /// Left, top, right and bottom of the whole instance in the sensor's image, pixels, including what is hidden, if
+    /// `image_boxes` were requested and it is in front of a camera; else None.
     #[getter]
     fn image(&self) -> Option<[f64; 4]> {
         self.found.image

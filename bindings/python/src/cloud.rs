@@ -1,10 +1,10 @@
 //! Clouds, and their columns as arrays that share their memory.
 
 use crate::argument;
-use crate::array::{self, Held, owned, shared};
+use crate::array::{self, ColumnOwner, owned, shared};
 use crate::boxes::PyBox;
-use crate::error::{Failure, Outcome};
-use crate::options::Columns;
+use crate::error::{BindingError, BindingResult};
+use crate::options::ColumnNames;
 use crate::place::Pose;
 use crate::sensor::Instrument;
 use crate::sequence;
@@ -25,9 +25,9 @@ use std::sync::Arc;
 ///
 /// `cloud.range` and `cloud["range"]` are a column, as a NumPy array that shares the memory of the cloud and keeps it
 /// alive. `len(cloud)` is the number of points. A slice, a mask (bool, as long as the cloud) or row numbers (integers,
-/// negative ones from the end), as arrays or lists, give a cloud of some points; one number gives a point, a record of
-/// NumPy with all columns: `cloud[3].range`. KeyError and AttributeError for a column that is not there, ArgumentError
-/// for a mask of another length and for numbers of no row, IndexError for the number of no point. Clouds pickle.
+/// negative ones from the end), as arrays or lists, give a cloud of some points; a single number gives a point, a NumPy
+/// record with all columns: `cloud[3].range`. KeyError and AttributeError for a missing column, ArgumentError for a
+/// mask of another length and for row numbers out of range, IndexError for a point out of range. Clouds can be pickled.
 ///
 /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
 /// >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"), seed=7)
@@ -41,14 +41,14 @@ use std::sync::Arc;
 ///
 /// | columns | type | |
 /// |---|---|---|
-/// | `x`, `y`, `z` | float32 | where it is measured, m, relative to `origin` |
+/// | `x`, `y`, `z` | float32 | measured position, m, relative to `origin` |
 /// | `range` | float32 | measured slant range, m |
-/// | `intensity` | float32 | what the instrument reports, up to `intensity_full_scale`; of sonars dB re 1 uPa |
+/// | `intensity` | float32 | what the instrument reports, up to `intensity_full_scale`; for sonars dB re 1 uPa |
 /// | `category_id`, `part_id`, `instance_id`, `material_id` | uint32 | labels, 0: unlabelled |
-/// | `return_number`, `return_count` | uint8 | which return of its beam, from 1, of how many |
-/// | `channel` | uint16 | emitter, the id of the laser; of sonars the beam |
-/// | `ring` | uint16 | number of the ring, as the driver of the maker counts; of sonars the beam |
-/// | `time` | float64 | when it was measured, s since the start of the run |
+/// | `return_number`, `return_count` | uint8 | number of the return of its beam, from 1, and how many there are |
+/// | `channel` | uint16 | emitter, the id of the laser; for sonars the beam |
+/// | `ring` | uint16 | number of the ring, as the maker's driver counts; for sonars the beam |
+/// | `time` | float64 | time of measurement, s since the start of the run |
 /// | `frame` | uint32 | number of the scan |
 /// | `beam`, `firing` | uint32 | index of the beam, row x columns + column; of the emission |
 /// | `azimuth`, `elevation` | float32 | reported direction, rad, in the sensor's axes |
@@ -57,17 +57,17 @@ use std::sync::Arc;
 /// | `cos_incidence` | float32 | cosine of the angle of incidence |
 /// | `depth` | float32 | measured distance along the sensor's x axis, m |
 /// | `true_x`, `true_y`, `true_z`, `true_range` | float32 | without errors, m |
-/// | `cause` | uint8 | why it is there, see below |
+/// | `cause` | uint8 | what caused the point, see below |
 /// | `bounces` | uint8 | mirrors and faces of glass on its path |
 /// | `first_category_id`, `first_instance_id` | uint32 | labels of the first surface on its path |
 /// | `velocity_x`, `velocity_y`, `velocity_z` | float32 | velocity of the point in the world, m/s |
 /// | `radial_velocity`, `doppler` | float32 | rate of the true range, and as the instrument measures it, m/s |
-/// | `flow_x`, `flow_y`, `flow_z` | float32 | how far the surface is one frame later, in the world, m |
-/// | `track_id` | uint32 | object over all frames, 0: unlabelled |
+/// | `flow_x`, `flow_y`, `flow_z` | float32 | displacement of the surface until one frame later, in the world, m |
+/// | `track_id` | uint32 | object across all frames, 0: unlabelled |
 /// | `quality` | float32 | confidence in a sounding of a sonar, 0 to 1 |
-/// | `corrected_x`, `corrected_y`, `corrected_z` | float32 | sounding by a ray through the assumed cast, m |
+/// | `corrected_x`, `corrected_y`, `corrected_z` | float32 | sounding by a ray traced through the assumed cast, m |
 /// | `bottom_track_x`, `bottom_track_y`, `bottom_track_z` | float32 | velocity of a DVL over ground, its own axes, m/s |
-/// | `bottom_track_error` | float32 | how far its four beams disagree, m/s |
+/// | `bottom_track_error` | float32 | disagreement of its four beams, m/s |
 /// | `water_track_x`, `water_track_y`, `water_track_z`, `water_track_error` | float32 | likewise through a layer of water |
 ///
 /// Causes: 0 surface, 1 seen in a mirror, 2 seen through glass, 3 rain, 4 fog, 5 snow, 6 dust, 7 noise, 8 mixed at an
@@ -75,7 +75,7 @@ use std::sync::Arc;
 #[pyclass(frozen, module = "echocast")]
 pub struct PointCloud(Arc<echocast::PointCloud>);
 
-/// What NumPy calls a type, in the machine's byte order.
+/// NumPy's name for a type, in the machine's byte order.
 fn numpy_type(kind: PackType) -> &'static str {
     match kind {
         PackType::F32 => "f4",
@@ -98,7 +98,7 @@ impl PointCloud {
 
     /// The column `field` as an array.
     fn array<'py>(&self, py: Python<'py>, field: Field) -> PyResult<Bound<'py, PyAny>> {
-        shared(py, Held::Cloud(self.0.clone(), field), &[self.0.len])
+        shared(py, ColumnOwner::Cloud(self.0.clone(), field), &[self.0.len])
     }
 }
 
@@ -106,8 +106,8 @@ impl PointCloud {
 impl PointCloud {
     /// Reads a cloud file, of echocast or of another program: LAS, LAZ, E57, PCD, PLY, HDF5, CSV, NPZ or MCAP.
     ///
-    /// `read_cloud` also tells what a cloud has no place for. NotFoundError for a file that is not there, FormatError
-    /// for one that is broken.
+    /// `read_cloud` also returns what a cloud cannot hold. NotFoundError for a missing file, FormatError for a broken
+    /// one.
     ///
     /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
     /// >>> room.scan("velodyne_vlp16", at=room.camera("Scanner")).write("room.npz")
@@ -115,13 +115,13 @@ impl PointCloud {
     /// >>> ec.PointCloud.read("room.npz").coordinates
     /// 'world'
     #[staticmethod]
-    fn read(py: Python<'_>, #[pyo3(from_py_with = argument::path)] path: PathBuf) -> Outcome<PointCloud> {
+    fn read(py: Python<'_>, #[pyo3(from_py_with = argument::path)] path: PathBuf) -> BindingResult<PointCloud> {
         read_cloud(py, path).map(|(cloud, _)| cloud)
     }
 
-    /// Writes it to `path`, whose ending chooses one of the `formats`, or `format` does. Returns what the format cannot
-    /// hold, a sentence each. UnsupportedError for unknown endings, FileError if the file cannot be written (its kind
-    /// NotFoundError for a folder that is not there); a file that was there before stays as it was.
+    /// Writes it to `path` in one of the `formats`, selected by `format` or by the ending of `path`. Returns what the
+    /// format cannot hold, a sentence each. UnsupportedError for unknown endings, FileError if the file cannot be
+    /// written (its subclass NotFoundError for a missing folder); an existing file then stays as it was.
     ///
     /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
     /// >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"))
@@ -134,7 +134,7 @@ impl PointCloud {
         py: Python<'_>,
         #[pyo3(from_py_with = argument::path)] path: PathBuf,
         #[pyo3(from_py_with = argument::format)] format: Option<&str>,
-    ) -> Outcome<Vec<String>> {
+    ) -> BindingResult<Vec<String>> {
         Ok(py.detach(|| export::write(&self.0, &path, format))?.warnings)
     }
 
@@ -148,7 +148,7 @@ impl PointCloud {
         self.0.fields.iter().map(|info| info.name).collect()
     }
 
-    fn __getitem__<'py>(&self, py: Python<'py>, key: &Bound<'py, PyAny>) -> Outcome<Bound<'py, PyAny>> {
+    fn __getitem__<'py>(&self, py: Python<'py>, key: &Bound<'py, PyAny>) -> BindingResult<Bound<'py, PyAny>> {
         if let Ok(name) = key.extract::<String>() {
             return match Field::from_name(&name) {
                 Ok(field) if self.0.fields.contains(field) => Ok(self.array(py, field)?),
@@ -159,7 +159,7 @@ impl PointCloud {
             };
         }
         match key.extract::<isize>() {
-            // True and False are integers in Python, but no rows.
+            // True and False are integers in Python, but not rows.
             _ if key.is_instance_of::<PyBool>() => {}
             Ok(index) => {
                 let point = PointCloud::of(self.0.select(&[sequence::place("point", index, self.0.len)?])?);
@@ -181,7 +181,7 @@ impl PointCloud {
 
     fn __getattr__<'py>(slf: &Bound<'py, Self>, name: &str) -> PyResult<Bound<'py, PyAny>> {
         let cloud = slf.get();
-        let told = match Field::from_name(name) {
+        let message = match Field::from_name(name) {
             Ok(field) if cloud.0.fields.contains(field) => return cloud.array(slf.py(), field),
             Ok(_) => not_computed(name),
             // What Python and notebooks look for.
@@ -193,7 +193,7 @@ impl PointCloud {
                 format!("a PointCloud has no {name:?}{near}")
             }
         };
-        Err(PyAttributeError::new_err(told))
+        Err(PyAttributeError::new_err(message))
     }
 
     fn __dir__(slf: &Bound<'_, Self>) -> PyResult<Vec<String>> {
@@ -222,7 +222,7 @@ impl PointCloud {
         py.import("numpy")?.call_method1("column_stack", ((x?, y?, z?),))
     }
 
-    /// What positions are relative to: x, y, z in the world (or the sensor's axes), m.
+    /// The point that positions are relative to: x, y, z in the world (or the sensor's axes), m.
     #[getter]
     fn origin(&self) -> [f64; 3] {
         self.0.origin.to_array()
@@ -243,7 +243,7 @@ impl PointCloud {
         }
     }
 
-    /// Where the sensor was at the start of the scan.
+    /// Pose of the sensor at the start of the scan.
     #[getter]
     fn sensor_pose(&self) -> Pose {
         Pose(self.0.sensor_pose)
@@ -255,22 +255,22 @@ impl PointCloud {
         self.0.intensity_full_scale
     }
 
-    /// Whose ROS 2 driver publishes such clouds ("velodyne", for instance), if that is known; else None.
+    /// The maker whose ROS 2 driver publishes such clouds ("velodyne", for instance), if known; else None.
     #[getter]
     fn driver(&self) -> Option<&'static str> {
         self.0.driver.map(Driver::name)
     }
 
     /// The points as a ROS 2 driver publishes them: a structured array with the names, types, offsets and size that the
-    /// messages have, so that `tobytes()` is the `data` of a `sensor_msgs/PointCloud2`. That of an organised cloud has the
-    /// `height` and `width` of the message as its shape, in the order of the driver: for Velodyne and RoboSense, rings are
-    /// side by side and firings below each other. Positions are in the frame of the sensor at the start of the scan; those
-    /// of a scan with `coordinates="sensor"` and without `deskew` stay in the frame of their own firing.
+    /// messages have, so that `tobytes()` is the `data` of a `sensor_msgs/PointCloud2`. For an organised cloud its
+    /// shape is the `height` and `width` of the message, in the order of the driver: Velodyne and RoboSense have a
+    /// column for each ring and a row for each firing. Positions are in the frame of the sensor at the start of the
+    /// scan; those of a scan with `coordinates="sensor"` and without `deskew` stay in the frame of their own firing.
     ///
-    /// `driver`: "velodyne", "ouster", "hesai", "robosense", "livox" or "autoware"; None: that of the sensor's maker, or
-    /// Velodyne's if that is not known. `stamp`: when the message is stamped, s since the start of the run, from where
-    /// the times of Velodyne, Ouster and Autoware count; None: when the scan begins. ArgumentError for another driver and
-    /// without the columns.
+    /// `driver`: "velodyne", "ouster", "hesai", "robosense", "livox" or "autoware"; None: that of the sensor's maker,
+    /// or Velodyne's if that is not known. `stamp`: the stamp of the message, s since the start of the run, from which
+    /// the times of Velodyne, Ouster and Autoware count; None: the start of the scan. ArgumentError for another driver
+    /// and for missing columns.
     ///
     /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
     /// >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"))
@@ -289,7 +289,7 @@ impl PointCloud {
         py: Python<'py>,
         #[pyo3(from_py_with = argument::driver)] driver: Option<&str>,
         #[pyo3(from_py_with = argument::stamp)] stamp: Option<f64>,
-    ) -> Outcome<Bound<'py, PyAny>> {
+    ) -> BindingResult<Bound<'py, PyAny>> {
         let driver = driver.map(|name| crate::sensor::named("driver", name)).transpose()?;
         let driver: Driver = driver.or(self.0.driver).unwrap_or(Driver::Velodyne);
         let step = driver.point_step();
@@ -335,7 +335,7 @@ impl PointCloud {
         names(&self.0.labels.material)
     }
 
-    /// Boxes around labelled instances, if the scan was asked for them (`boxes=True`); else None.
+    /// Boxes around labelled instances, if they were requested (`boxes=True`); else None.
     ///
     /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
     /// >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"), boxes=True)
@@ -347,8 +347,8 @@ impl PointCloud {
         self.0.boxes.as_ref().map(|_| PyBox::all(&self.0))
     }
 
-    /// What `sensor`, which made the cloud, shows as an image: rows x columns. Of an organised scan of a camera, layers
-    /// of one column share the memory of the cloud.
+    /// The image of `sensor`, which made the cloud: rows x columns. For an organised scan of a camera, layers of one
+    /// column share the memory of the cloud.
     ///
     /// `layer`: "depth" (along the axis of a camera; else the range), "range" (both float32, m; NaN without a return),
     /// "category", "part", "instance" (uint32; 0 without a return), "color" (x 3 uint8, sRGB), "intensity" (float32) or
@@ -365,17 +365,17 @@ impl PointCloud {
         py: Python<'py>,
         #[pyo3(from_py_with = argument::layer)] layer: &str,
         #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
-    ) -> Outcome<Bound<'py, PyAny>> {
+    ) -> BindingResult<Bound<'py, PyAny>> {
         crate::image::layer(py, &self.0, layer, sensor)
     }
 
-    /// What the image of `sensor` shows of each instance, a dict for each:
+    /// The instances in the image of `sensor`, a dict for each:
     ///
     /// * `instance_id`, `category_id`: its label numbers.
-    /// * `bounds`: first column and row, columns and rows of what is visible, pixels.
+    /// * `bounds`: first column, first row, number of columns and of rows of the visible part, pixels.
     /// * `area`: number of its pixels.
-    /// * `amodal`: left, top, right and bottom of all of it, pixels; `truncation` and `occlusion`, 0 to 1: how much of
-    ///   it is outside the image, and how much is hidden. None unless the scan was asked for `image_boxes`.
+    /// * `amodal`: left, top, right and bottom of the whole instance, pixels; `truncation` and `occlusion`, 0 to 1: how
+    ///   much of it is outside the image, and how much is hidden. None unless `image_boxes` were requested.
     ///
     /// >>> camera = ec.Sensor("kinect_v2")
     /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
@@ -387,7 +387,7 @@ impl PointCloud {
         &self,
         py: Python<'py>,
         #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
-    ) -> Outcome<Vec<Bound<'py, PyDict>>> {
+    ) -> BindingResult<Vec<Bound<'py, PyDict>>> {
         crate::image::annotations(py, &self.0, &sensor.sensor()?)
     }
 
@@ -403,7 +403,7 @@ impl PointCloud {
         #[pyo3(from_py_with = argument::color)] color: Option<&str>,
         #[pyo3(from_py_with = argument::view)] view: &str,
         #[pyo3(from_py_with = argument::width)] width: Option<u32>,
-    ) -> Outcome<Bound<'py, pyo3::types::PyBytes>> {
+    ) -> BindingResult<Bound<'py, pyo3::types::PyBytes>> {
         let view: View = crate::sensor::named("view", view)?;
         let color: ColorBy = color.map(|color| crate::sensor::named("color", color)).transpose()?.unwrap_or_default();
         let mut options = PreviewOptions { view, color, ..PreviewOptions::default() };
@@ -427,7 +427,7 @@ impl PointCloud {
         slf.py().import("echocast._look")?.call_method1("html", (slf,))
     }
 
-    /// As `echocast.show`: in the viewer of Rerun or to a recording, `path`; without rerun-sdk its picture is opened.
+    /// Like `echocast.show`: in the viewer of Rerun or to a recording, `path`; without rerun-sdk its picture is opened.
     #[pyo3(signature = (**options))]
     fn show(slf: &Bound<'_, Self>, options: Option<&Bound<'_, PyDict>>) -> PyResult<()> {
         slf.py().import("echocast._look")?.getattr("show")?.call((slf,), options).map(drop)
@@ -444,13 +444,13 @@ impl PointCloud {
     }
 
     /// The Arrow C stream interface: `pyarrow.table(cloud)`, `polars.DataFrame(cloud)`, without copies.
-    /// `requested_schema` is not heeded, as the interface allows.
+    /// `requested_schema` is ignored, as the interface allows.
     #[pyo3(signature = (requested_schema = None))]
     fn __arrow_c_stream__<'py>(
         &self,
         py: Python<'py>,
         requested_schema: Option<Bound<'py, PyAny>>,
-    ) -> Outcome<Bound<'py, PyCapsule>> {
+    ) -> BindingResult<Bound<'py, PyCapsule>> {
         let _ = requested_schema;
         crate::arrow::stream(py, &self.0)
     }
@@ -489,8 +489,8 @@ impl PointCloud {
         converted(slf, "to_open3d")
     }
 
-    /// Tensors by name, copies: those of `columns`, or of all; integers as int64, which networks take as classes.
-    /// ImportError without PyTorch.
+    /// Tensors by name, copies: those of `columns`, or of all; integers as int64, the type that networks expect for
+    /// classes. ImportError without PyTorch.
     ///
     /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
     /// >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"))
@@ -499,9 +499,9 @@ impl PointCloud {
     #[pyo3(signature = (columns = None))]
     fn to_torch<'py>(
         slf: &Bound<'py, Self>,
-        #[pyo3(from_py_with = argument::columns)] columns: Option<Columns>,
+        #[pyo3(from_py_with = argument::columns)] columns: Option<ColumnNames>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let columns = columns.map(Columns::names);
+        let columns = columns.map(ColumnNames::names);
         slf.py().import("echocast._convert")?.call_method1("to_torch", (slf, columns))
     }
 
@@ -527,8 +527,8 @@ impl PointCloud {
 }
 
 impl PointCloud {
-    /// Numbers of the rows that `key` asks for: a slice, a mask or numbers.
-    fn rows(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> Outcome<Vec<usize>> {
+    /// Numbers of the rows that `key` selects: a slice, a mask or numbers.
+    fn rows(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> BindingResult<Vec<usize>> {
         let count = self.0.len;
         if let Ok(slice) = key.cast::<PySlice>() {
             let found = slice.indices(count as isize)?;
@@ -538,28 +538,28 @@ impl PointCloud {
         if let Ok(mask) = key.extract::<PyReadonlyArray1<'_, bool>>() {
             let mask = mask.as_array();
             if mask.len() != count {
-                return Err(Failure::argument("mask", format!("{} long", mask.len()), format!("{count} long")));
+                return Err(BindingError::argument("mask", format!("{} long", mask.len()), format!("{count} long")));
             }
-            return Ok(mask.iter().enumerate().filter(|(_, wanted)| **wanted).map(|(row, _)| row).collect());
+            return Ok(mask.iter().enumerate().filter(|(_, selected)| **selected).map(|(row, _)| row).collect());
         }
         let numbers: PyReadonlyArray1<'_, i64> = key.extract()?;
         let row = |&number: &i64| {
             let row = if number < 0 { number + count as i64 } else { number };
             let fits = (0..count as i64).contains(&row);
             fits.then_some(row as usize)
-                .ok_or_else(|| Failure::argument("row", number, format!("-{count} to {}", count as i64 - 1)))
+                .ok_or_else(|| BindingError::argument("row", number, format!("-{count} to {}", count as i64 - 1)))
         };
         numbers.as_array().iter().map(row).collect()
     }
 }
 
-/// What is said of the column `name`, which a cloud may have.
+/// The message for the column `name`, which a cloud may have.
 fn not_computed(name: &str) -> String {
-    format!("there is no column {name:?}: it was not computed; ask for it with fields=\"default,{name}\"")
+    format!("there is no column {name:?}: it was not computed; request it with fields=\"default,{name}\"")
 }
 
-/// Names of all columns that clouds may have, with their types, units ("1" of ratios, "" of counts and numbers) and what
-/// they hold.
+/// Names of all columns that clouds may have, with their types, units ("1" for ratios, "" for counts and numbers) and
+/// meanings.
 #[pyfunction]
 pub fn columns() -> Vec<(&'static str, &'static str, &'static str, &'static str)> {
     FIELDS.iter().map(|info| (info.name, array::kind_name(info.kind), info.unit, info.meaning)).collect()
@@ -570,7 +570,7 @@ fn records<'py>(py: Python<'py>, cloud: impl IntoPyObject<'py>) -> PyResult<Boun
     py.import("echocast._convert")?.call_method1("records", (cloud,))
 }
 
-/// `cloud` as the function `name` of the Python module makes it.
+/// `cloud`, converted by the function `name` of the Python module.
 fn converted<'py>(cloud: &Bound<'py, PointCloud>, name: &str) -> PyResult<Bound<'py, PyAny>> {
     cloud.py().import("echocast._convert")?.call_method1(name, (cloud,))
 }
@@ -579,7 +579,7 @@ pub fn names(table: &NameTable) -> BTreeMap<u32, String> {
     table.iter().map(|(id, name)| (id, name.to_owned())).collect()
 }
 
-/// The cloud in the file at `path`, and what the file has that a cloud has no place for, a sentence each. Errors as of
+/// The cloud in the file at `path`, and what the file contains that a cloud cannot hold, a sentence each. Errors as for
 /// `PointCloud.read`.
 ///
 /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
@@ -591,13 +591,13 @@ pub fn names(table: &NameTable) -> BTreeMap<u32, String> {
 pub fn read_cloud(
     py: Python<'_>,
     #[pyo3(from_py_with = argument::path)] path: PathBuf,
-) -> Outcome<(PointCloud, Vec<String>)> {
+) -> BindingResult<(PointCloud, Vec<String>)> {
     let mut report = Report::default();
     let cloud = py.detach(|| import::read(&path, &mut report))?;
     Ok((PointCloud::of(cloud), report.warnings))
 }
 
-/// Names of the formats that clouds are written in, with a line on each.
+/// Names of the formats that clouds are written in, with a description of each.
 ///
 /// >>> "las" in dict(ec.formats())
 /// True

@@ -5,51 +5,51 @@ use pyo3::prelude::*;
 use pyo3::types::PyType;
 
 /// What a function of the module returns.
-pub type Outcome<T> = Result<T, Failure>;
+pub type BindingResult<T> = Result<T, BindingError>;
 
 /// An error of the library, or of Python.
-pub enum Failure {
+pub enum BindingError {
     Library(echocast::Error),
     Python(PyErr),
 }
 
-impl From<echocast::Error> for Failure {
+impl From<echocast::Error> for BindingError {
     fn from(error: echocast::Error) -> Self {
-        Failure::Library(error)
+        BindingError::Library(error)
     }
 }
 
-impl From<PyErr> for Failure {
+impl From<PyErr> for BindingError {
     fn from(error: PyErr) -> Self {
-        Failure::Python(error)
+        BindingError::Python(error)
     }
 }
 
-impl Failure {
+impl BindingError {
     /// A wrong argument.
-    pub fn argument(name: impl Into<String>, value: impl ToString, allowed: impl Into<String>) -> Failure {
-        Failure::Library(echocast::Error::invalid(name, value, allowed))
+    pub fn argument(name: impl Into<String>, value: impl ToString, allowed: impl Into<String>) -> BindingError {
+        BindingError::Library(echocast::Error::invalid(name, value, allowed))
     }
 
-    /// It, unless it says that something is of a wrong type.
-    pub fn unless_type(self, py: Python<'_>) -> Option<Failure> {
+    /// This error, unless it is about a wrong type.
+    pub fn unless_type(self, py: Python<'_>) -> Option<BindingError> {
         match &self {
-            Failure::Python(error) if error.is_instance_of::<PyTypeError>(py) => None,
+            BindingError::Python(error) if error.is_instance_of::<PyTypeError>(py) => None,
             _ => Some(self),
         }
     }
 }
 
-/// What is said where `pickle` and `copy` take `what`, which they cannot.
+/// The error of `pickle` and `copy` for `what`, which does not support them.
 pub fn no_pickle<T>(what: &str, instead: &str) -> PyResult<T> {
     Err(PyTypeError::new_err(format!("{what} cannot be pickled or copied: {instead}")))
 }
 
-impl From<Failure> for PyErr {
-    fn from(failure: Failure) -> PyErr {
+impl From<BindingError> for PyErr {
+    fn from(failure: BindingError) -> PyErr {
         let error = match failure {
-            Failure::Python(error) => return error,
-            Failure::Library(error) => error,
+            BindingError::Python(error) => return error,
+            BindingError::Library(error) => error,
         };
         Python::attach(|py| {
             let class = class_of(&error);

@@ -1,8 +1,8 @@
 //! Images: of pings, and what cameras and other sensors with rows and columns see.
 
 use crate::argument;
-use crate::array::{Held, owned, shared};
-use crate::error::{Failure, Outcome, no_pickle};
+use crate::array::{ColumnOwner, owned, shared};
+use crate::error::{BindingError, BindingResult, no_pickle};
 use crate::sensor::{Instrument, named};
 use echocast::cloud::Column;
 use echocast::image::{Layer, Layers};
@@ -35,7 +35,7 @@ impl Image {
         self.0.kind.name()
     }
 
-    /// Rows x columns float32: echo levels with the gain of pictures, dB re 1 uPa; of a depth map heights, m. NaN where
+    /// Rows x columns float32: echo levels with time-varied gain, dB re 1 uPa; for a depth map heights, m. NaN where
     /// there is nothing. A copy.
     #[getter]
     fn values<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -53,7 +53,7 @@ impl Image {
         &self,
         py: Python<'py>,
         #[pyo3(from_py_with = argument::name)] name: &str,
-    ) -> Outcome<Bound<'py, PyAny>> {
+    ) -> BindingResult<Bound<'py, PyAny>> {
         let layer = Field::from_name(name).ok().and_then(|field| self.0.layer(field));
         let Some(ids) = layer else {
             let (near, has) = (Error::missing("column", name, self.fields()), self.fields().join(", "));
@@ -62,7 +62,7 @@ impl Image {
         Ok(owned(py, ids.to_vec(), &[self.0.height, self.0.width])?)
     }
 
-    /// Coordinates of the middle of a pixel; what they are is in `axes`.
+    /// Coordinates of the centre of a pixel; `axes` names them.
     fn coordinates(
         &self,
         #[pyo3(from_py_with = argument::column)] column: usize,
@@ -71,14 +71,18 @@ impl Image {
         self.0.coordinates(column, row)
     }
 
-    /// What the coordinates are, along columns and rows, with their units.
+    /// Meanings of the coordinates, along columns and rows, with their units.
     #[getter]
     fn axes(&self) -> [&'static str; 2] {
         self.0.place.axes
     }
 
-    /// Writes it as PNG, NPZ or HDF5, as the ending of `path` says; returns warnings.
-    fn write(&self, py: Python<'_>, #[pyo3(from_py_with = argument::path)] path: PathBuf) -> Outcome<Vec<String>> {
+    /// Writes it as PNG, NPZ or HDF5, by the ending of `path`; returns warnings.
+    fn write(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::path)] path: PathBuf,
+    ) -> BindingResult<Vec<String>> {
         Ok(py.detach(|| self.0.write(path))?.warnings)
     }
 
@@ -91,22 +95,23 @@ impl Image {
     }
 }
 
-/// The layer called `layer` of what `sensor` has seen in `cloud`: rows x columns, or x 3 for colours and normals.
+/// The layer called `layer` of the image that `sensor` has seen in `cloud`: rows x columns, or x 3 for colours and
+/// normals.
 pub fn layer<'py>(
     py: Python<'py>,
     cloud: &Arc<PointCloud>,
     layer: &str,
     sensor: Instrument<'_>,
-) -> Outcome<Bound<'py, PyAny>> {
+) -> BindingResult<Bound<'py, PyAny>> {
     let layer: Layer = named("layer", layer)?;
     let grid = sensor.sensor()?.image_grid()?;
     let mut layers = Layers::default();
     let column = py.detach(|| layers.get(cloud, &grid, layer))?;
     let shape = [grid.height, grid.width];
-    // Where the rows of the cloud are the pixels, it is a column.
+    // If the rows of the cloud are the pixels, the layer is a column.
     let own = |field: &Field| cloud.column(*field).bytes().as_ptr() == column.bytes().as_ptr();
     if let Some(field) = cloud.fields.iter().map(|info| info.field).find(own) {
-        return Ok(shared(py, Held::Cloud(cloud.clone(), field), &shape)?);
+        return Ok(shared(py, ColumnOwner::Cloud(cloud.clone(), field), &shape)?);
     }
     let pixels = shape[0] * shape[1];
     let whole = [shape[0], shape[1], column.len() / pixels.max(1)];
@@ -120,20 +125,24 @@ pub fn layer<'py>(
     }?)
 }
 
-/// What the image of `cloud` shows of each instance, as dicts.
-pub fn annotations<'py>(py: Python<'py>, cloud: &PointCloud, sensor: &Sensor) -> Outcome<Vec<Bound<'py, PyDict>>> {
+/// The instances in the image of `cloud`, as dicts.
+pub fn annotations<'py>(
+    py: Python<'py>,
+    cloud: &PointCloud,
+    sensor: &Sensor,
+) -> BindingResult<Vec<Bound<'py, PyDict>>> {
     let grid = sensor.image_grid()?;
     let found = py.detach(|| Layers::default().annotations(cloud, &grid))?;
-    let told = found.into_iter().map(|seen| {
-        let told = PyDict::new(py);
-        told.set_item("instance_id", seen.instance_id)?;
-        told.set_item("category_id", seen.category_id)?;
-        told.set_item("bounds", seen.bounds)?;
-        told.set_item("area", seen.area)?;
-        told.set_item("amodal", seen.amodal)?;
-        told.set_item("truncation", seen.truncation)?;
-        told.set_item("occlusion", seen.occlusion)?;
-        Ok::<_, Failure>(told)
+    let described = found.into_iter().map(|seen| {
+        let described = PyDict::new(py);
+        described.set_item("instance_id", seen.instance_id)?;
+        described.set_item("category_id", seen.category_id)?;
+        described.set_item("bounds", seen.bounds)?;
+        described.set_item("area", seen.area)?;
+        described.set_item("amodal", seen.amodal)?;
+        described.set_item("truncation", seen.truncation)?;
+        described.set_item("occlusion", seen.occlusion)?;
+        Ok::<_, BindingError>(described)
     });
-    told.collect()
+    described.collect()
 }

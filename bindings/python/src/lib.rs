@@ -1,5 +1,5 @@
-//! The extension module of the Python package `echocast`: classes around the types of the Rust crate. What is better
-//! said in Python is in the folder `echocast`.
+//! The extension module of the Python package `echocast`: classes around the types of the Rust crate. What is easier to
+//! write in Python is in the folder `echocast`.
 
 // Docstrings are for Python, where >>> begins an example.
 #![allow(clippy::doc_lazy_continuation)]
@@ -23,7 +23,7 @@ mod sequence;
 
 use pyo3::prelude::*;
 
-/// What `echocast/__init__.py` makes the package of.
+/// What `echocast/__init__.py` assembles into the package.
 #[pymodule(gil_used = false)]
 mod _echocast {
     #[pymodule_export]

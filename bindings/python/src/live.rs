@@ -3,12 +3,12 @@
 use crate::argument;
 use crate::array::numbers;
 use crate::cloud::PointCloud;
-use crate::error::{Failure, Outcome, no_pickle};
-use crate::options::Asked;
+use crate::error::{BindingError, BindingResult, no_pickle};
+use crate::options::ScanRequest;
 use crate::ping::{Ping, ping};
 use crate::place::{Pose, affine, times_of, transform};
-use crate::scene::{Matter, Scene, Vertices, mesh, scan};
-use crate::sensor::{Instrument, Source};
+use crate::scene::{Matter, Scene, VertexArray, mesh, scan};
+use crate::sensor::{Instrument, SpecSource};
 use echocast::scene::Object;
 use echocast::{Engine, ObjectId};
 use glam::{DAffine3, DVec3};
@@ -20,12 +20,12 @@ use pyo3::types::PyDict;
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// A scene whose objects move, change, come and go between scans, and move during scans.
+/// A scene whose objects can be added, removed, changed and moved between scans, and move during scans.
 ///
-/// `scene`: whose objects it begins with, all fixed until they are moved. `threads`: that build and scan it; None: all
-/// cores. Objects are numbers, which `add`, `add_scene` and `find` give; the number of a removed one is not used again,
-/// and using it is an ArgumentError. Threads may share it: each call waits for those before it; scans are made side by
-/// side, each of the scene as it was when the scan began.
+/// `scene`: the objects it begins with, all fixed until they are moved. `threads`: number of threads that build and
+/// scan it; None: all cores. Objects are identified by numbers, which `add`, `add_scene` and `find` return; the number
+/// of a removed one is not used again, and using it is an ArgumentError. Threads may share it: each call waits for
+/// earlier ones; scans run in parallel, each of the scene as it was when the scan began.
 ///
 /// >>> live = ec.LiveScene()
 /// >>> square = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], dtype=np.float32)
@@ -36,37 +36,37 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 /// 4
 /// 6
 #[pyclass(frozen, module = "echocast")]
-pub struct LiveScene(Mutex<Live>);
+pub struct LiveScene(Mutex<EditedScene>);
 
 /// A scene, and what is known of those of its objects that were given as arrays.
-struct Live {
+struct EditedScene {
     scene: echocast::LiveScene,
-    given: HashMap<u64, Given>,
+    given: HashMap<u64, ArrayObject>,
 }
 
-/// An object that was given as arrays. Far from 0, 0, 0, where float32 is coarse, its mesh has the vertices about a point
-/// among them, while its poses are those of the vertices as they were given.
+/// An object that was given as arrays. Far from 0, 0, 0, where float32 is coarse, the vertices of its mesh are relative
+/// to a point among them, while its poses are those of the vertices as they were given.
 #[derive(Clone, Default)]
-struct Given {
+struct ArrayObject {
     middle: DVec3,
-    /// Its motion as it was given; none if it stands.
+    /// Its motion as it was given; empty if it does not move.
     motion: Vec<(f64, DAffine3)>,
 }
 
-impl Live {
-    /// All objects of `scene`, with their numbers.
+impl EditedScene {
+    /// Adds all objects of `scene`; returns their numbers.
     fn add_scene(&mut self, scene: &Scene) -> echocast::Result<Vec<u64>> {
         let added: Vec<u64> = self.scene.add_scene(&scene.scene)?.into_iter().map(ObjectId::to_u64).collect();
-        let middles = scene.middles.iter().map(|&middle| Given { middle, ..Given::default() });
+        let middles = scene.middles.iter().map(|&middle| ArrayObject { middle, ..ArrayObject::default() });
         self.given.extend(added.iter().copied().zip(middles));
         Ok(added)
     }
 
-    /// An object whose mesh has its vertices about `middle`, with its number.
+    /// Adds an object whose mesh has its vertices relative to `middle`; returns its number.
     fn add(&mut self, mut object: Object, middle: DVec3, fixed: bool) -> echocast::Result<u64> {
         object.world_from_object *= DAffine3::from_translation(middle);
         let added = if fixed { self.scene.add_fixed(object) } else { self.scene.add(object) }?.to_u64();
-        self.given.insert(added, Given { middle, ..Given::default() });
+        self.given.insert(added, ArrayObject { middle, ..ArrayObject::default() });
         Ok(added)
     }
 
@@ -88,16 +88,16 @@ impl Live {
         Ok(())
     }
 
-    /// Gives an object `vertices` by `set`, which gets them about the point where its mesh should have them.
+    /// Gives an object `vertices` by `set`, which receives them relative to the point that its mesh should use.
     fn set_vertices(
         &mut self,
         object: u64,
-        vertices: Vertices,
+        vertices: VertexArray,
         set: impl FnOnce(&mut echocast::LiveScene, ObjectId, Vec<[f32; 3]>) -> echocast::Result<()>,
     ) -> echocast::Result<()> {
         let id = ObjectId::from_u64(object);
         let before = self.middle(object);
-        // What a file moves cannot be put about another point.
+        // Vertices that a file moves cannot be made relative to another point.
         let middle = if self.given.contains_key(&object) { vertices.middle(before) } else { before };
         set(&mut self.scene, id, vertices.about(middle))?;
         let Some(given) = self.given.get_mut(&object).filter(|_| middle != before) else { return Ok(()) };
@@ -113,8 +113,8 @@ impl Live {
 }
 
 impl LiveScene {
-    /// It, once all calls before this have ended; until then other threads of Python go on.
-    fn lock(&self, py: Python<'_>) -> MutexGuard<'_, Live> {
+    /// Locks it once all earlier calls have ended; until then other threads of Python continue.
+    fn lock(&self, py: Python<'_>) -> MutexGuard<'_, EditedScene> {
         self.0.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -123,8 +123,8 @@ impl LiveScene {
         self.lock(py).scene.cameras().iter().map(|camera| camera.name.clone()).collect()
     }
 
-    /// Does `work` with it without the interpreter.
-    fn detached<T: Send>(&self, py: Python<'_>, work: impl Send + FnOnce(&mut Live) -> T) -> T {
+    /// Does `work` with it, detached from the interpreter.
+    fn detached<T: Send>(&self, py: Python<'_>, work: impl Send + FnOnce(&mut EditedScene) -> T) -> T {
         py.detach(|| work(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner)))
     }
 }
@@ -137,9 +137,9 @@ impl LiveScene {
         py: Python<'_>,
         #[pyo3(from_py_with = argument::scene)] scene: Option<Bound<'_, Scene>>,
         #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
-    ) -> Outcome<LiveScene> {
+    ) -> BindingResult<LiveScene> {
         let engine = threads.map_or_else(Engine::new, Engine::with_threads)?;
-        let mut live = Live { scene: echocast::LiveScene::new(&engine), given: HashMap::new() };
+        let mut live = EditedScene { scene: echocast::LiveScene::new(&engine), given: HashMap::new() };
         if let Some(scene) = scene {
             let scene = scene.get();
             py.detach(|| live.add_scene(scene))?;
@@ -152,19 +152,19 @@ impl LiveScene {
         &self,
         py: Python<'_>,
         #[pyo3(from_py_with = argument::scene)] scene: Bound<'_, Scene>,
-    ) -> Outcome<Vec<u64>> {
+    ) -> BindingResult<Vec<u64>> {
         let scene = scene.get();
         Ok(self.detached(py, |live| live.add_scene(scene))?)
     }
 
     /// Adds a mesh and returns the number of the object: `vertices`, n x 3, m; `triangles`, m x 3, indices of vertices.
-    /// Arrays of any type of number and lists are copied, those of float32 and uint32 fastest; vertices in float64 keep
-    /// their place far from 0, 0, 0.
+    /// Arrays of any type of number and lists are copied, those of float32 and uint32 fastest; vertices in float64 stay
+    /// precise far from 0, 0, 0.
     ///
-    /// `pose`: a Pose, x, y, z, or a 4 x 4 matrix (world from object); None: at 0, 0, 0. `category` and
-    /// `instance`: its label numbers, 0: unlabelled. `material`: as of `Scene.from_arrays`. `mask`: 32 bits; scans see it
-    /// whose own `mask` shares one with these. `fixed`: True for one that stays where it is, with which scenes of many
-    /// objects are traced faster. Errors as of `Scene.from_arrays`.
+    /// `pose`: a Pose, x, y, z, or a 4 x 4 matrix (world from object); None: at 0, 0, 0. `category` and `instance`: its
+    /// label numbers, 0: unlabelled. `material`: as for `Scene.from_arrays`. `mask`: 32 bits; scans whose own `mask`
+    /// shares one with these see it. `fixed`: True for one that does not move; scenes of many such objects are traced
+    /// faster. Errors as for `Scene.from_arrays`.
     #[pyo3(signature = (vertices, triangles, *, pose = None, name = "mesh", category = 0, instance = 0, material = None, mask = 0xFFFF_FFFF, fixed = false))]
     #[allow(clippy::too_many_arguments)]
     fn add(
@@ -176,12 +176,12 @@ impl LiveScene {
         #[pyo3(from_py_with = argument::name)] name: &str,
         #[pyo3(from_py_with = argument::category)] category: u32,
         #[pyo3(from_py_with = argument::instance)] instance: u32,
-        #[pyo3(from_py_with = argument::material)] material: Option<Source<'_>>,
+        #[pyo3(from_py_with = argument::material)] material: Option<SpecSource<'_>>,
         #[pyo3(from_py_with = argument::mask)] mask: u32,
         #[pyo3(from_py_with = argument::fixed)] fixed: bool,
-    ) -> Outcome<u64> {
+    ) -> BindingResult<u64> {
         let material = material.as_ref().map(Matter::of).transpose()?;
-        let vertices = Vertices::of(vertices)?;
+        let vertices = VertexArray::of(vertices)?;
         let middle = vertices.middle(DVec3::ZERO);
         let mut object = Object::new(name, mesh(name, vertices.about(middle), triangles, material.as_ref())?);
         (object.category_id, object.instance_id, object.mask) = (category, instance, mask);
@@ -191,9 +191,9 @@ impl LiveScene {
         Ok(self.lock(py).add(object, middle, fixed)?)
     }
 
-    /// Adds an object of the mesh and material that `object` has, which it shares, and returns its number: of many things
-    /// that look alike, this takes a fraction of the memory. Keywords as of `add`; `name`, `category` and `mask`: None:
-    /// that of `object`.
+    /// Adds an object that shares the mesh and material of `object`, and returns its number: for many identical
+    /// objects, this takes a fraction of the memory. Keywords as for `add`; None as `name`, `category` or `mask`: that
+    /// of `object`.
     #[pyo3(signature = (object, *, pose = None, name = None, category = None, instance = 0, mask = None, fixed = false))]
     #[allow(clippy::too_many_arguments)]
     fn add_copy(
@@ -206,7 +206,7 @@ impl LiveScene {
         #[pyo3(from_py_with = argument::instance)] instance: u32,
         #[pyo3(from_py_with = argument::mask)] mask: Option<u32>,
         #[pyo3(from_py_with = argument::fixed)] fixed: bool,
-    ) -> Outcome<u64> {
+    ) -> BindingResult<u64> {
         let mut live = self.lock(py);
         let mut copy = live.scene.object(ObjectId::from_u64(object))?.clone();
         copy.name = name.map_or(copy.name, str::to_owned);
@@ -219,15 +219,15 @@ impl LiveScene {
     }
 
     /// Removes an object.
-    fn remove(&self, py: Python<'_>, #[pyo3(from_py_with = argument::object)] object: u64) -> Outcome<()> {
+    fn remove(&self, py: Python<'_>, #[pyo3(from_py_with = argument::object)] object: u64) -> BindingResult<()> {
         let mut live = self.lock(py);
         live.scene.remove(ObjectId::from_u64(object))?;
         live.given.remove(&object);
         Ok(())
     }
 
-    /// The number of the first object called `name`; ArgumentError without one, with the nearest names.
-    fn find(&self, py: Python<'_>, #[pyo3(from_py_with = argument::name)] name: &str) -> Outcome<u64> {
+    /// The number of the first object called `name`; ArgumentError if there is none, with the nearest names.
+    fn find(&self, py: Python<'_>, #[pyo3(from_py_with = argument::name)] name: &str) -> BindingResult<u64> {
         Ok(self.lock(py).scene.find(name)?.to_u64())
     }
 
@@ -237,25 +237,26 @@ impl LiveScene {
         py: Python<'_>,
         #[pyo3(from_py_with = argument::object)] object: u64,
         pose: &Bound<'_, PyAny>,
-    ) -> Outcome<()> {
+    ) -> BindingResult<()> {
         let pose = transform(pose)?;
         Ok(self.lock(py).set_pose(object, pose)?)
     }
 
-    /// Gives the vertices of an object other places: n x 3, m, as many as it has. Copied, as by `add`.
+    /// Sets the positions of the vertices of an object: n x 3, m, as many as it has. Copied, as by `add`.
     fn set_vertices(
         &self,
         py: Python<'_>,
         #[pyo3(from_py_with = argument::object)] object: u64,
         vertices: &Bound<'_, PyAny>,
-    ) -> Outcome<()> {
-        let vertices = Vertices::of(vertices)?;
+    ) -> BindingResult<()> {
+        let vertices = VertexArray::of(vertices)?;
         let set = |live: &mut echocast::LiveScene, id, places: Vec<_>| live.set_vertices(id, places.into(), None);
         Ok(self.lock(py).set_vertices(object, vertices, set)?)
     }
 
-    /// Lets an object move: `poses`, n x 4 x 4 (world from object), at `times`, n, s, which never fall; between them
-    /// linear in position and slerp in rotation, before and after them it stands. `set_time` says which of it scans see.
+    /// Sets the motion of an object: `poses`, n x 4 x 4 (world from object), at `times`, n, s, which never decrease;
+    /// interpolated linearly in position and by slerp in rotation; before and after them it stands still. `set_time`
+    /// selects the part of it that scans see.
     ///
     /// >>> live = ec.LiveScene()
     /// >>> square = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], dtype=np.float32)
@@ -272,41 +273,41 @@ impl LiveScene {
         #[pyo3(from_py_with = argument::object)] object: u64,
         times: &Bound<'_, PyAny>,
         poses: &Bound<'_, PyAny>,
-    ) -> Outcome<()> {
+    ) -> BindingResult<()> {
         let times = times_of(times)?;
         let poses = numbers::<f64, Ix3>("poses", poses, "n x 4 x 4")?;
         let poses = poses.as_array();
         if poses.dim() != (times.len(), 4, 4) {
             let (count, rows, columns) = poses.dim();
             let allowed = format!("{} x 4 x 4, a matrix for each time", times.len());
-            return Err(Failure::argument("poses", format!("{count} x {rows} x {columns}"), allowed));
+            return Err(BindingError::argument("poses", format!("{count} x {rows} x {columns}"), allowed));
         }
-        let poses = poses.outer_iter().map(|pose| affine("poses", pose)).collect::<Outcome<Vec<_>>>()?;
+        let poses = poses.outer_iter().map(|pose| affine("poses", pose)).collect::<BindingResult<Vec<_>>>()?;
         Ok(self.lock(py).set_motion(object, times.into_iter().zip(poses).collect())?)
     }
 
-    /// Lets the vertices of an object move: `vertices`, n x m x 3, m, as many as it has, at `times`, n, s, which rise;
-    /// in straight lines between them. `set_time` says which of it scans see.
+    /// Sets the motion of the vertices of an object: `vertices`, n x m x 3, m, as many as it has, at `times`, n, s,
+    /// which rise; in straight lines between them. `set_time` selects the part of it that scans see.
     fn set_vertex_motion(
         &self,
         py: Python<'_>,
         #[pyo3(from_py_with = argument::object)] object: u64,
         times: &Bound<'_, PyAny>,
         vertices: &Bound<'_, PyAny>,
-    ) -> Outcome<()> {
+    ) -> BindingResult<()> {
         let times = times_of(times)?;
         let check = |(count, points, columns): (usize, usize, usize)| {
             let allowed = || format!("{} x m x 3, vertices for each time", times.len());
             let found = || format!("{count} x {points} x {columns}");
             let fits = (count, columns) == (times.len(), 3);
-            if fits { Ok(points) } else { Err(Failure::argument("vertices", found(), allowed())) }
+            if fits { Ok(points) } else { Err(BindingError::argument("vertices", found(), allowed())) }
         };
         let (points, vertices) = match vertices.extract::<PyReadonlyArray3<'_, f32>>() {
-            Ok(single) => (check(single.as_array().dim())?, Vertices::Single(all(single.as_array()))),
+            Ok(single) => (check(single.as_array().dim())?, VertexArray::Single(all(single.as_array()))),
             Err(_) => {
                 let double = numbers::<f64, Ix3>("vertices", vertices, "n x m x 3")?;
                 let points = check(double.as_array().dim())?;
-                (points, Vertices::Double(all(double.as_array()).into_iter().map(DVec3::from_array).collect()))
+                (points, VertexArray::Double(all(double.as_array()).into_iter().map(DVec3::from_array).collect()))
             }
         };
         let set = |live: &mut echocast::LiveScene, id, places: Vec<[f32; 3]>| {
@@ -324,20 +325,20 @@ impl LiveScene {
         #[pyo3(from_py_with = argument::object)] object: u64,
         #[pyo3(from_py_with = argument::category)] category: u32,
         #[pyo3(from_py_with = argument::instance)] instance: u32,
-    ) -> Outcome<()> {
+    ) -> BindingResult<()> {
         let (mut live, object) = (self.lock(py), ObjectId::from_u64(object));
         let parts = live.scene.object(object)?.part_ids.clone();
         Ok(live.scene.set_labels(object, category, instance, &parts)?)
     }
 
-    /// Names a number, from 1, of the label `table`: "category", "part" or "instance".
+    /// Names a number, from 1, in the label `table`: "category", "part" or "instance".
     fn name_label(
         &self,
         py: Python<'_>,
         #[pyo3(from_py_with = argument::table)] table: &str,
         #[pyo3(from_py_with = argument::number)] number: u32,
         #[pyo3(from_py_with = argument::name)] name: &str,
-    ) -> Outcome<()> {
+    ) -> BindingResult<()> {
         Ok(self.lock(py).scene.name_label(table, number, name)?)
     }
 
@@ -347,52 +348,52 @@ impl LiveScene {
         self.lock(py).scene.objects().map(|(id, object)| (id.to_u64(), object.name.clone())).collect()
     }
 
-    /// The pose of a sensor at the camera node called `name`, now; ArgumentError without one, with the nearest names.
-    fn camera(&self, py: Python<'_>, #[pyo3(from_py_with = argument::name)] name: &str) -> Outcome<Pose> {
+    /// The pose of a sensor at the camera node called `name`, now; ArgumentError if there is none, with the nearest
+    /// names.
+    fn camera(&self, py: Python<'_>, #[pyo3(from_py_with = argument::name)] name: &str) -> BindingResult<Pose> {
         Ok(Pose(self.lock(py).scene.camera(name)?))
     }
 
-    /// Sets the time of the scans that follow: everything that moves by itself is where it is at every moment from
-    /// `time` to `time + length`, s. With the `length` 0 it stands still as it is at `time`. A new scene stands still
-    /// at 0.
+    /// Sets the time span of the scans that follow: everything that moves by itself has its motion from `time` to
+    /// `time + length`, s. With a `length` of 0 it stands still as it is at `time`. A new scene stands still at 0.
     #[pyo3(signature = (time, length = 0.0))]
     fn set_time(
         &self,
         py: Python<'_>,
         #[pyo3(from_py_with = argument::time)] time: f64,
         #[pyo3(from_py_with = argument::length)] length: f64,
-    ) -> Outcome<()> {
+    ) -> BindingResult<()> {
         Ok(self.lock(py).scene.set_time(time, length)?)
     }
 
-    /// What `sensor` sees now: a cloud. Keywords as those of `Scene.scan`.
+    /// Scans the scene as it is now and returns a cloud. Keywords as for `Scene.scan`.
     #[pyo3(signature = (sensor, **options))]
     fn scan(
         &self,
         py: Python<'_>,
         #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
         options: Option<&Bound<'_, PyDict>>,
-    ) -> Outcome<PointCloud> {
-        let asked = Asked::of(py, sensor, options, || self.cameras(py))?;
+    ) -> BindingResult<PointCloud> {
+        let request = ScanRequest::of(py, sensor, options, || self.cameras(py))?;
         let built = self.detached(py, |live| live.scene.commit())?;
-        scan(py, &built, &asked, || self.lock(py).scene.bounds())
+        scan(py, &built, &request, || self.lock(py).scene.bounds())
     }
 
-    /// A ping of a sonar, now. Keywords as those of `Scene.scan`.
+    /// A ping of a sonar in the scene as it is now. Keywords as for `Scene.scan`.
     #[pyo3(signature = (sensor, **options))]
     fn ping(
         &self,
         py: Python<'_>,
         #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
         options: Option<&Bound<'_, PyDict>>,
-    ) -> Outcome<Ping> {
-        let asked = Asked::of(py, sensor, options, || self.cameras(py))?;
+    ) -> BindingResult<Ping> {
+        let request = ScanRequest::of(py, sensor, options, || self.cameras(py))?;
         let built = self.detached(py, |live| live.scene.commit())?;
-        ping(py, &built, &asked)
+        ping(py, &built, &request)
     }
 
     fn __reduce__(&self) -> PyResult<()> {
-        no_pickle("a LiveScene", "let each process make one, of a file or of arrays; PointCloud, Sensor and Pose can")
+        no_pickle("a LiveScene", "let each process make one, from a file or arrays; PointCloud, Sensor and Pose can")
     }
 
     fn __repr__(&self, py: Python<'_>) -> String {

@@ -1,9 +1,9 @@
-//! How to scan: the keyword arguments of every method that scans.
+//! Options of scans: the keyword arguments of every method that scans.
 
 use crate::argument::{Argument, one_of, wrong_type};
-use crate::error::{Failure, Outcome};
+use crate::error::{BindingError, BindingResult};
 use crate::place;
-use crate::sensor::{Air, Instrument, named};
+use crate::sensor::{EnvironmentLike, Instrument, named};
 use echocast::{BoxAxes, FieldSet, ScanOptions, Sensor, Trajectory};
 use pyo3::exceptions::{PyTypeError, PyUserWarning};
 use pyo3::prelude::*;
@@ -16,52 +16,52 @@ const NAMES: &str = "at, fields, seed, frame, start_time, trajectory_time, freez
                      order, deskew, boxes, box_time, image_boxes, profile, reflectance_source, mask, specular_depth, \
                      environment, progress";
 
-/// What a method that scans was asked for.
-pub struct Asked {
+/// The arguments of a method that scans.
+pub struct ScanRequest {
     pub sensor: Sensor,
     /// Where the sensor is.
     pub path: Trajectory,
     pub options: ScanOptions,
-    progress: Progress,
+    progress: ProgressListener,
 }
 
 /// Columns: names in a list, or separated by commas.
-pub enum Columns {
+pub enum ColumnNames {
     Text(String),
     List(Vec<String>),
 }
 
-/// Whether there are boxes, and along which axes.
-enum Boxes {
-    Wanted(bool),
+/// Whether boxes are requested, and along which axes.
+enum BoxRequest {
+    Enabled(bool),
     Axes(String),
 }
 
-one_of! { Boxes: Wanted | Axes; "True, False, object or frame" }
+one_of! { BoxRequest: Enabled | Axes; "True, False, object or frame" }
 
-one_of! { Columns: Text | List; "names of columns in a list, or in a text with commas" }
+one_of! { ColumnNames: Text | List; "names of columns in a list, or in a text with commas" }
 
-impl Columns {
+impl ColumnNames {
     pub fn names(self) -> Vec<String> {
         match self {
-            Columns::Text(text) => text.split(',').map(|name| name.trim().to_owned()).collect(),
-            Columns::List(names) => names,
+            ColumnNames::Text(text) => text.split(',').map(|name| name.trim().to_owned()).collect(),
+            ColumnNames::List(names) => names,
         }
     }
 }
 
-impl Asked {
-    /// Out of `keywords`. Without `at` the sensor stands at 0, 0, 0, with a warning that suggests one of the scene's
+impl ScanRequest {
+    /// Converts `keywords`. Without `at` the sensor is at 0, 0, 0, with a warning that suggests one of the scene's
     /// `cameras`.
     pub fn of(
         py: Python<'_>,
         sensor: Instrument<'_>,
         keywords: Option<&Bound<'_, PyDict>>,
         cameras: impl FnOnce() -> Vec<String>,
-    ) -> Outcome<Asked> {
+    ) -> BindingResult<ScanRequest> {
         let sensor = sensor.sensor()?;
         let mut options = ScanOptions { fields: sensor.default_fields(), ..ScanOptions::default() };
-        let (mut path, mut progress) = (None, Progress::default());
+        let (mut path, mut progress) = (None, ProgressListener::default());
         for (key, value) in keywords.into_iter().flatten() {
             let key: String = key.extract()?;
             known(&key)?;
@@ -72,7 +72,7 @@ impl Asked {
                 _ if value.is_none() => {}
                 "at" => path = Some(place::path(&value)?),
                 "fields" => {
-                    let list = Columns::of(key, &value)?.names().join(",");
+                    let list = ColumnNames::of(key, &value)?.names().join(",");
                     options.fields = FieldSet::parse_with(&list, sensor.default_fields())?;
                 }
                 "seed" => options.seed = Argument::of(key, &value)?,
@@ -85,9 +85,9 @@ impl Asked {
                 "coordinates" => options.coordinates = named(key, text()?)?,
                 "order" => options.order = named(key, text()?)?,
                 "boxes" => {
-                    options.boxes = match Boxes::of(key, &value)? {
-                        Boxes::Wanted(wanted) => wanted.then_some(BoxAxes::default()),
-                        Boxes::Axes(name) => Some(named(key, &name)?),
+                    options.boxes = match BoxRequest::of(key, &value)? {
+                        BoxRequest::Enabled(enabled) => enabled.then_some(BoxAxes::default()),
+                        BoxRequest::Axes(name) => Some(named(key, &name)?),
                     }
                 }
                 "box_time" => options.box_time = named(key, text()?)?,
@@ -97,24 +97,24 @@ impl Asked {
                 "reflectance_source" => options.reflectance_source = Some(named(key, text()?)?),
                 "mask" => options.mask = Argument::of(key, &value)?,
                 "specular_depth" => options.specular_depth = Argument::of(key, &value)?,
-                "environment" => options.environment = Air::of(key, &value)?.environment()?,
-                "progress" => progress = Progress::of(&value, "scan")?,
+                "environment" => options.environment = EnvironmentLike::of(key, &value)?.environment()?,
+                "progress" => progress = ProgressListener::of(&value, "scan")?,
                 _ => {}
             }
         }
         let path = path.map_or_else(|| nowhere(py, cameras), Ok)?;
-        Ok(Asked { sensor, path, options, progress })
+        Ok(ScanRequest { sensor, path, options, progress })
     }
 
-    /// Does `work` without the interpreter, which it can ask how to go on.
+    /// Does `work` detached from the interpreter, to which it reports its progress.
     pub fn run<T: Send>(
         &self,
         py: Python<'_>,
         work: impl Send + FnOnce(&mut dyn FnMut(f64) -> ControlFlow<()>) -> echocast::Result<T>,
-    ) -> Outcome<T> {
+    ) -> BindingResult<T> {
         let mut stopped: Option<PyErr> = None;
         let done = py.detach(|| {
-            work(&mut |fraction| match Python::attach(|py| self.progress.tell(py, (fraction,))) {
+            work(&mut |fraction| match Python::attach(|py| self.progress.notify(py, (fraction,))) {
                 Ok(true) => ControlFlow::Continue(()),
                 Ok(false) => ControlFlow::Break(()),
                 Err(error) => {
@@ -125,73 +125,75 @@ impl Asked {
         });
         self.progress.close(py)?;
         match stopped {
-            Some(error) => Err(Failure::Python(error)),
+            Some(error) => Err(BindingError::Python(error)),
             None => Ok(done?),
         }
     }
 }
 
-/// Where a sensor stands that was told no place; warns, and suggests one of `cameras`.
+/// The place of a sensor for which none is given; warns, and suggests one of `cameras`.
 fn nowhere(py: Python<'_>, cameras: impl FnOnce() -> Vec<String>) -> PyResult<Trajectory> {
     let camera = cameras().first().map(|name| format!("; the scene has a camera: at=scene.camera({name:?})"));
     warn(
         py,
         &format!(
-            "the sensor is at 0, 0, 0, as at is not given; allowed: a Pose, a Trajectory, x, y and z, or a matrix of 4 x \
-             4{}",
+            "the sensor is at 0, 0, 0, since `at` is not given; allowed: a Pose, a Trajectory, x, y and z, or a matrix \
+             of 4 x 4{}",
             camera.unwrap_or_default()
         ),
     )?;
     Ok(Trajectory::fixed(echocast::Pose::IDENTITY))
 }
 
-/// Who is told how far work has come.
+/// Receives the progress of work.
 #[derive(Default)]
-pub struct Progress {
-    told: Option<Py<PyAny>>,
+pub struct ProgressListener {
+    callback: Option<Py<PyAny>>,
     /// Whether it is a bar of this package.
     is_bar: bool,
 }
 
-impl Progress {
-    /// Out of the argument `progress`: a function, or True for a bar that says it is about `what`.
-    pub fn of(progress: &Bound<'_, PyAny>, what: &str) -> Outcome<Progress> {
+impl ProgressListener {
+    /// Converts the argument `progress`: a function, or True for a bar with the title `what`.
+    pub fn of(progress: &Bound<'_, PyAny>, what: &str) -> BindingResult<ProgressListener> {
         Ok(match progress.extract::<bool>() {
-            Ok(false) => Progress::default(),
+            Ok(false) => ProgressListener::default(),
             Ok(true) => {
                 let bar = progress.py().import("echocast._progress")?.call_method1("bar", (what,))?;
-                Progress { told: Some(bar.unbind()), is_bar: true }
+                ProgressListener { callback: Some(bar.unbind()), is_bar: true }
             }
-            Err(_) if progress.is_callable() => Progress { told: Some(progress.clone().unbind()), is_bar: false },
+            Err(_) if progress.is_callable() => {
+                ProgressListener { callback: Some(progress.clone().unbind()), is_bar: false }
+            }
             Err(_) => return Err(wrong_type("progress", progress, "a function, True or False")),
         })
     }
 
-    /// Tells it `counts`; whether to go on. Fails at Ctrl-C.
-    pub fn tell<'py>(&self, py: Python<'py>, counts: impl pyo3::call::PyCallArgs<'py>) -> PyResult<bool> {
+    /// Passes `counts` to it and returns whether to continue. Fails at Ctrl-C.
+    pub fn notify<'py>(&self, py: Python<'py>, counts: impl pyo3::call::PyCallArgs<'py>) -> PyResult<bool> {
         py.check_signals()?;
-        let Some(told) = &self.told else { return Ok(true) };
-        // What it returns does not matter, unless it says no.
-        let answer = told.bind(py).call1(counts)?;
+        let Some(callback) = &self.callback else { return Ok(true) };
+        // Only a false result other than None ends the work.
+        let answer = callback.bind(py).call1(counts)?;
         Ok(answer.is_none() || answer.is_truthy()?)
     }
 
     pub fn close(&self, py: Python<'_>) -> PyResult<()> {
-        match &self.told {
+        match &self.callback {
             Some(bar) if self.is_bar => bar.bind(py).call_method0("close").map(drop),
             _ => Ok(()),
         }
     }
 }
 
-/// Warns as Python does, of the line that called this package.
-pub fn warn(py: Python<'_>, told: &str) -> PyResult<()> {
-    let told = CString::new(told)?;
-    PyErr::warn(py, &py.get_type::<PyUserWarning>(), &told, 1)
+/// Issues a Python warning about the line that called this package.
+pub fn warn(py: Python<'_>, message: &str) -> PyResult<()> {
+    let message = CString::new(message)?;
+    PyErr::warn(py, &py.get_type::<PyUserWarning>(), &message, 1)
 }
 
 /// Fails unless `key` is the name of an argument.
-fn known(key: &str) -> Outcome<()> {
+fn known(key: &str) -> BindingResult<()> {
     if NAMES.split(", ").any(|name| name == key) {
         return Ok(());
     }

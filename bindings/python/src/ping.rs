@@ -1,11 +1,11 @@
 //! Pings of sonars.
 
 use crate::argument;
-use crate::array::{Held, owned, shared};
+use crate::array::{ColumnOwner, owned, shared};
 use crate::cloud::names;
-use crate::error::{Failure, Outcome, no_pickle};
+use crate::error::{BindingError, BindingResult, no_pickle};
 use crate::image::Image;
-use crate::options::Asked;
+use crate::options::ScanRequest;
 use crate::place::Pose;
 use crate::sensor::named;
 use crate::sequence;
@@ -19,9 +19,9 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Pings of one sonar, one after the other.
+/// Pings of one sonar, in order.
 ///
-/// `Scene.pings` makes them. `len(pings)` is their number, `pings[i]` one of them, from the end if i is below 0;
+/// `Scene.pings` makes them. `len(pings)` is their number, `pings[i]` one of them, from the end if i is negative;
 /// IndexError for others. `waterfall`, `mosaic`, `fan` and `depth_map` are their images.
 ///
 /// >>> lake = ec.Scene.generate("seabed", seed=3)
@@ -35,8 +35,8 @@ use std::sync::Arc;
 pub struct Pings(Arc<echocast::Pings>);
 
 impl Pings {
-    fn layout(&self) -> Outcome<&Layout> {
-        self.0.layout().ok_or_else(|| Failure::argument("pings", "none", "at least one"))
+    fn layout(&self) -> BindingResult<&Layout> {
+        self.0.layout().ok_or_else(|| BindingError::argument("pings", "none", "at least one"))
     }
 }
 
@@ -55,24 +55,28 @@ impl Pings {
         sequence::iterate(slf)
     }
 
-    /// Writes them as the ending of `path` says, returns warnings: NPZ or HDF5, arrays of pings x beams x bins; XTF, what
-    /// side-scan and swath sonars record; KMALL, soundings and water columns of swath sonars. ArgumentError for another
-    /// sonar.
-    fn write(&self, py: Python<'_>, #[pyo3(from_py_with = argument::path)] path: PathBuf) -> Outcome<Vec<String>> {
+    /// Writes them in the format of the ending of `path` and returns warnings: NPZ or HDF5, arrays of pings x beams x
+    /// bins; XTF, the records of side-scan and swath sonars; KMALL, soundings and water columns of swath sonars.
+    /// ArgumentError for other sonars.
+    fn write(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::path)] path: PathBuf,
+    ) -> BindingResult<Vec<String>> {
         Ok(py.detach(|| self.0.write(path))?.warnings)
     }
 
     /// A row for each ping, the first at the top; for side-scan sonars port reversed and starboard side by side.
     ///
-    /// `range`: "slant", or "ground", along a flat bed, without the water below the sonar. `beam`: only this one, from
-    /// 0.
+    /// `range`: "slant", or "ground", along a flat bed, without the water column below the sonar. `beam`: only this
+    /// one, counted from 0.
     #[pyo3(signature = (*, range = "slant", beam = None))]
     fn waterfall(
         &self,
         py: Python<'_>,
         #[pyo3(from_py_with = argument::range)] range: &str,
         #[pyo3(from_py_with = argument::beam)] beam: Option<usize>,
-    ) -> Outcome<Image> {
+    ) -> BindingResult<Image> {
         let range: ImageRange = named("range", range)?;
         Ok(Image(py.detach(|| image::waterfall(&self.0, range, beam))?))
     }
@@ -80,8 +84,8 @@ impl Pings {
     /// The pings of a side-scan, imaging or single-beam sonar on a map of squares of `cell_m` metres; ArgumentError for
     /// others.
     ///
-    /// `range`: as of `waterfall`. `overlap`, where several cells fall on a pixel: "mean" (of the power), "max", "last"
-    /// or "nearest" (to the sonar).
+    /// `range`: as for `waterfall`. `overlap`, where several cells fall on a pixel: "mean" (of the power), "max",
+    /// "last" or "nearest" (to the sonar).
     #[pyo3(signature = (cell_m, *, range = "slant", overlap = "mean"))]
     fn mosaic(
         &self,
@@ -89,20 +93,20 @@ impl Pings {
         #[pyo3(from_py_with = argument::cell_m)] cell_m: f64,
         #[pyo3(from_py_with = argument::range)] range: &str,
         #[pyo3(from_py_with = argument::overlap)] overlap: &str,
-    ) -> Outcome<Image> {
+    ) -> BindingResult<Image> {
         let (range, overlap): (ImageRange, Overlap) = (named("range", range)?, named("overlap", overlap)?);
         Ok(Image(py.detach(|| image::mosaic(&self.0, range, cell_m, overlap))?))
     }
 
-    /// What a single beam that turns has seen, laid out around where the first ping was sent; the longer side has
+    /// The pings of a single rotating beam, laid out around the position of the first ping; the longer side has
     /// `pixels` pixels.
     #[pyo3(signature = (pixels = 800))]
-    fn fan(&self, py: Python<'_>, #[pyo3(from_py_with = argument::pixels)] pixels: usize) -> Outcome<Image> {
+    fn fan(&self, py: Python<'_>, #[pyo3(from_py_with = argument::pixels)] pixels: usize) -> BindingResult<Image> {
         Ok(Image(py.detach(|| image::turning_fan(&self.0, pixels))?))
     }
 
-    /// Mean height of the soundings in squares of `cell_m` metres; ArgumentError for sonars without.
-    fn depth_map(&self, py: Python<'_>, #[pyo3(from_py_with = argument::cell_m)] cell_m: f64) -> Outcome<Image> {
+    /// Mean height of the soundings in squares of `cell_m` metres; ArgumentError for sonars without soundings.
+    fn depth_map(&self, py: Python<'_>, #[pyo3(from_py_with = argument::cell_m)] cell_m: f64) -> BindingResult<Image> {
         Ok(Image(py.detach(|| image::depth_map(&self.0, cell_m))?))
     }
 
@@ -117,7 +121,7 @@ impl Pings {
         #[pyo3(from_py_with = argument::view)] view: &str,
         #[pyo3(from_py_with = argument::color)] color: &str,
         #[pyo3(from_py_with = argument::width)] width: Option<u32>,
-    ) -> Outcome<Bound<'py, PyBytes>> {
+    ) -> BindingResult<Bound<'py, PyBytes>> {
         let view: View = named("view", view)?;
         let mut options = PreviewOptions { view, color: named("color", color)?, ..PreviewOptions::default() };
         if let Some(width) = width {
@@ -149,7 +153,7 @@ impl Pings {
 
     /// Slant range of the middle of each bin, m: float64; ArgumentError if there are no pings.
     #[getter]
-    fn ranges<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyAny>> {
+    fn ranges<'py>(&self, py: Python<'py>) -> BindingResult<Bound<'py, PyAny>> {
         ranges(py, self.layout()?)
     }
 }
@@ -157,7 +161,7 @@ impl Pings {
 /// A ping of a sonar: beams x bins, read-only.
 ///
 /// `ping.levels` and `ping["category_id"]` are NumPy arrays that share its memory, KeyError for a column that it does
-/// not have; `ping.soundings` is what the sonar reports as depths. `Scene.ping` makes one.
+/// not have; `ping.soundings` are the depths that the sonar reports. `Scene.ping` makes one.
 ///
 /// >>> lake = ec.Scene.generate("seabed", seed=3)
 /// >>> ping = lake.ping("mbes_400", at=lake.camera("Sonar"), fields="intensity,category_id")
@@ -179,7 +183,7 @@ impl Ping {
 
     fn array<'py>(&self, py: Python<'py>, field: Field) -> PyResult<Bound<'py, PyAny>> {
         let layout = &self.ping().layout;
-        let held = Held::Ping(self.pings.clone(), self.index, field);
+        let held = ColumnOwner::Ping(self.pings.clone(), self.index, field);
         shared(py, held, &[layout.beams(), layout.bins])
     }
 }
@@ -192,19 +196,19 @@ impl Ping {
         self.ping().number
     }
 
-    /// When it was sent, s since the start of the run.
+    /// Time of transmission, s since the start of the run.
     #[getter]
     fn time(&self) -> f64 {
         self.ping().time
     }
 
-    /// Where the sonar was then.
+    /// Pose of the sonar at that time.
     #[getter]
     fn pose(&self) -> Pose {
         Pose(self.ping().pose)
     }
 
-    /// What `true_x`, `true_y` and `true_z` are relative to: x, y, z in the world, m.
+    /// The point that `true_x`, `true_y` and `true_z` are relative to: x, y, z in the world, m.
     #[getter]
     fn origin(&self) -> [f64; 3] {
         self.ping().origin.to_array()
@@ -227,7 +231,7 @@ impl Ping {
         &self,
         py: Python<'py>,
         #[pyo3(from_py_with = argument::name)] name: &str,
-    ) -> Outcome<Bound<'py, PyAny>> {
+    ) -> BindingResult<Bound<'py, PyAny>> {
         match Field::from_name(name).ok().filter(|&field| self.ping().fields.contains(field)) {
             Some(field) => Ok(self.array(py, field)?),
             None => {
@@ -237,7 +241,7 @@ impl Ping {
         }
     }
 
-    /// "sidescan", "swath", "fan", "single" or "janus": how its beams lie.
+    /// Arrangement of its beams: "sidescan", "swath", "fan", "single" or "janus".
     #[getter]
     fn view(&self) -> &'static str {
         self.ping().layout.view.name()
@@ -245,7 +249,7 @@ impl Ping {
 
     /// Slant range of the middle of each bin, m: float64.
     #[getter]
-    fn ranges<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyAny>> {
+    fn ranges<'py>(&self, py: Python<'py>) -> BindingResult<Bound<'py, PyAny>> {
         ranges(py, &self.ping().layout)
     }
 
@@ -262,7 +266,7 @@ impl Ping {
         owned(py, axes.as_flattened().to_vec(), &[axes.len(), 2])
     }
 
-    /// Level of the noise in a cell, dB re 1 uPa.
+    /// Noise level in a cell, dB re 1 uPa.
     #[getter]
     fn noise_db(&self) -> f32 {
         self.ping().layout.noise_db
@@ -275,28 +279,28 @@ impl Ping {
         owned(py, levels.clone(), &[levels.len()])
     }
 
-    /// Sound speed that ranges are reported with, m/s.
+    /// Sound speed that reported ranges assume, m/s.
     #[getter]
     fn sound_speed(&self) -> f64 {
         self.ping().layout.believed_speed
     }
 
-    /// What is reported as depths, a dict of arrays: `beam`, uint32; `range`, float32, m; `bin`, uint32; `level_db`,
-    /// float32, dB re 1 uPa; `quality`, float32, 0 to 1; `corrected`, n x 3 float32, the place by a ray through the assumed
-    /// cast, m, relative to `origin`. They are empty for side-scan and imaging sonars.
+    /// The soundings, a dict of arrays: `beam`, uint32; `range`, float32, m; `bin`, uint32; `level_db`, float32, dB re
+    /// 1 uPa; `quality`, float32, 0 to 1; `corrected`, n x 3 float32, the position by a ray traced through the assumed
+    /// sound speed cast, m, relative to `origin`. The arrays are empty for side-scan and imaging sonars.
     #[getter]
     fn soundings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (found, bins) = (&self.ping().soundings, self.ping().layout.bins.max(1) as u32);
-        let told = PyDict::new(py);
+        let by_name = PyDict::new(py);
         let count = [found.len()];
-        told.set_item("beam", owned(py, found.iter().map(|sounding| sounding.beam).collect(), &count)?)?;
-        told.set_item("range", owned(py, found.iter().map(|sounding| sounding.range).collect(), &count)?)?;
-        told.set_item("bin", owned(py, found.iter().map(|sounding| sounding.cell % bins).collect(), &count)?)?;
-        told.set_item("level_db", owned(py, found.iter().map(|sounding| sounding.level_db).collect(), &count)?)?;
-        told.set_item("quality", owned(py, found.iter().map(|sounding| sounding.quality).collect(), &count)?)?;
+        by_name.set_item("beam", owned(py, found.iter().map(|sounding| sounding.beam).collect(), &count)?)?;
+        by_name.set_item("range", owned(py, found.iter().map(|sounding| sounding.range).collect(), &count)?)?;
+        by_name.set_item("bin", owned(py, found.iter().map(|sounding| sounding.cell % bins).collect(), &count)?)?;
+        by_name.set_item("level_db", owned(py, found.iter().map(|sounding| sounding.level_db).collect(), &count)?)?;
+        by_name.set_item("quality", owned(py, found.iter().map(|sounding| sounding.quality).collect(), &count)?)?;
         let places = found.iter().flat_map(|sounding| sounding.corrected.to_array()).collect();
-        told.set_item("corrected", owned(py, places, &[found.len(), 3])?)?;
-        Ok(told)
+        by_name.set_item("corrected", owned(py, places, &[found.len(), 3])?)?;
+        Ok(by_name)
     }
 
     /// Names of the numbers in `category_id`.
@@ -305,10 +309,10 @@ impl Ping {
         names(&self.ping().labels.category)
     }
 
-    /// Laid out by beam and range; the longer side has `pixels` pixels. For imaging and swath sonars; ArgumentError for
-    /// others.
+    /// Its image by beam and range; the longer side has `pixels` pixels. For imaging and swath sonars; ArgumentError
+    /// for others.
     #[pyo3(signature = (pixels = 800))]
-    fn fan(&self, py: Python<'_>, #[pyo3(from_py_with = argument::pixels)] pixels: usize) -> Outcome<Image> {
+    fn fan(&self, py: Python<'_>, #[pyo3(from_py_with = argument::pixels)] pixels: usize) -> BindingResult<Image> {
         Ok(Image(py.detach(|| image::fan(self.ping(), pixels))?))
     }
 
@@ -322,18 +326,18 @@ impl Ping {
     }
 }
 
-fn ranges<'py>(py: Python<'py>, layout: &Layout) -> Outcome<Bound<'py, PyAny>> {
+fn ranges<'py>(py: Python<'py>, layout: &Layout) -> BindingResult<Bound<'py, PyAny>> {
     Ok(owned(py, (0..layout.bins).map(|bin| layout.range(bin)).collect(), &[layout.bins])?)
 }
 
-/// `count` pings, one after the other, from frame and time of what was `asked`.
-pub fn pings(py: Python<'_>, built: &BuiltScene, asked: &Asked, count: u32) -> Outcome<Pings> {
-    let Asked { sensor, path, .. } = asked;
-    let period = asked.options.frame_period.unwrap_or(sensor.beams().period);
-    let made = asked.run(py, |progress| {
+/// `count` pings in order, from the frame and time that were requested.
+pub fn pings(py: Python<'_>, built: &BuiltScene, request: &ScanRequest, count: u32) -> BindingResult<Pings> {
+    let ScanRequest { sensor, path, .. } = request;
+    let period = request.options.frame_period.unwrap_or(sensor.beams().period);
+    let made = request.run(py, |progress| {
         let mut pings = echocast::Pings::default();
         for number in 0..count {
-            let mut options = asked.options.clone();
+            let mut options = request.options.clone();
             options.frame = options.frame.saturating_add(number);
             options.start_time += f64::from(number) * period;
             let ping = built.ping(sensor, path, &options)?;
@@ -350,11 +354,11 @@ pub fn pings(py: Python<'_>, built: &BuiltScene, asked: &Asked, count: u32) -> O
     Ok(Pings(Arc::new(made)))
 }
 
-/// Fails unless the memory of this machine, or what a container has of it, holds `count` pings like this.
+/// Fails unless the memory of this machine, or the share of a container, holds `count` pings like this.
 fn check_room(ping: &echocast::Ping, count: u32) -> echocast::Result<()> {
     let bytes = ping.layout.cells() * ping.fields.iter().map(|info| info.kind.size()).sum::<usize>();
     let machine = rustix::system::sysinfo();
-    // What a container may take, which sees its own control group as the root; "max" is no number.
+    // The limit of a container, which sees its own control group as the root; "max" is not a number.
     let limit = std::fs::read_to_string("/sys/fs/cgroup/memory.max").ok().and_then(|text| text.trim().parse().ok());
     let memory = (machine.totalram as usize).saturating_mul(machine.mem_unit as usize).min(limit.unwrap_or(usize::MAX));
     let most = memory / bytes.max(1);
@@ -366,6 +370,6 @@ fn check_room(ping: &echocast::Ping, count: u32) -> echocast::Result<()> {
 }
 
 /// One ping.
-pub fn ping(py: Python<'_>, built: &BuiltScene, asked: &Asked) -> Outcome<Ping> {
-    Ok(Ping { pings: pings(py, built, asked, 1)?.0, index: 0 })
+pub fn ping(py: Python<'_>, built: &BuiltScene, request: &ScanRequest) -> BindingResult<Ping> {
+    Ok(Ping { pings: pings(py, built, request, 1)?.0, index: 0 })
 }

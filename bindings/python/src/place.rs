@@ -1,8 +1,8 @@
-//! Where sensors are.
+//! Poses and trajectories.
 
 use crate::argument::{self, Argument};
 use crate::array::{numbers, owned, rows};
-use crate::error::{Failure, Outcome};
+use crate::error::{BindingError, BindingResult};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use numpy::ndarray::{ArrayView2, Ix1, Ix2, IxDyn};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
@@ -10,13 +10,13 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
 
-/// Place and orientation of a sensor or an object in the world: x forward, y left, z up.
+/// Position and orientation of a sensor or an object in the world: x forward, y left, z up.
 ///
-/// `position`: x, y, z, m, by default 0, 0, 0; or all of it, as a 4 x 4 matrix that turns and moves (world from sensor).
-/// `rpy_deg`: roll, pitch and yaw in degrees, the first about x, then about y, then about z. `quaternion`: x, y, z, w, as
-/// in ROS, of any length but 0. One of the two, or none: along the axes of the world. ArgumentError for both, beside a
-/// matrix, for matrices that scale, shear or mirror, and for what is not finite. Poses are equal if their numbers are, and
-/// pickle.
+/// `position`: x, y, z, m, by default 0, 0, 0; or the whole pose, as a 4 x 4 matrix that rotates and translates (world
+/// from sensor). `rpy_deg`: roll, pitch and yaw in degrees, first about x, then about y, then about z. `quaternion`: x,
+/// y, z, w, as in ROS, of any length but 0. One of the two, or neither: along the axes of the world. ArgumentError for
+/// both, for either with a matrix, for matrices that scale, shear or mirror, and for numbers that are not finite. Poses
+/// are equal if their numbers are, and can be pickled.
 ///
 /// >>> pose = ec.Pose((1, 2, 1.8), rpy_deg=(0, 0, 90))
 /// >>> pose.position
@@ -34,22 +34,26 @@ pub struct Pose(pub echocast::Pose);
 impl Pose {
     #[new]
     #[pyo3(
-        signature = (position = Placement::Point(DVec3::ZERO), *, rpy_deg = None, quaternion = None),
+        signature = (position = PoseLike::Point(DVec3::ZERO), *, rpy_deg = None, quaternion = None),
         text_signature = "(position=(0.0, 0.0, 0.0), *, rpy_deg=None, quaternion=None)"
     )]
     fn new(
-        #[pyo3(from_py_with = argument::position)] position: Placement,
+        #[pyo3(from_py_with = argument::position)] position: PoseLike,
         #[pyo3(from_py_with = argument::rpy_deg)] rpy_deg: Option<[f64; 3]>,
         #[pyo3(from_py_with = argument::quaternion)] quaternion: Option<[f64; 4]>,
-    ) -> Outcome<Pose> {
-        let told = ("rpy_deg", rpy_deg.is_some(), "quaternion", quaternion.is_some());
+    ) -> BindingResult<Pose> {
+        let given = ("rpy_deg", rpy_deg.is_some(), "quaternion", quaternion.is_some());
         let at = match position {
-            Placement::Point(at) => at,
-            // It turns already.
-            whole => match told {
+            PoseLike::Point(at) => at,
+            // It includes the rotation.
+            whole => match given {
                 (_, false, _, false) => return whole.rigid("position").map(Pose),
                 (name, true, ..) | (_, _, name, _) => {
-                    return Err(Failure::argument(name, "there beside a pose or matrix", "one of the two"));
+                    return Err(BindingError::argument(
+                        name,
+                        "given in addition to a pose or matrix",
+                        "one of the two",
+                    ));
                 }
             },
         };
@@ -59,11 +63,11 @@ impl Pose {
             (Some([roll, pitch, yaw]), None) => pose.with_rpy_deg(roll, pitch, yaw),
             (None, Some([x, y, z, w])) => pose.with_quaternion(x, y, z, w),
             (Some(_), Some(_)) => {
-                return Err(Failure::argument("quaternion", "there beside rpy_deg", "one of the two"));
+                return Err(BindingError::argument("quaternion", "given in addition to rpy_deg", "one of the two"));
             }
         };
         let wrong =
-            |name: &str, found: &[f64], allowed: &str| Err(Failure::argument(name, format!("{found:?}"), allowed));
+            |name: &str, found: &[f64], allowed: &str| Err(BindingError::argument(name, format!("{found:?}"), allowed));
         if !pose.position.is_finite() {
             return wrong("position", &at.to_array(), "finite numbers");
         }
@@ -109,11 +113,11 @@ impl Pose {
     }
 }
 
-/// The path of a sensor: poses at rising times, between them linear in position and slerp in orientation.
+/// The path of a sensor: poses at rising times, interpolated linearly in position and by slerp in orientation.
 ///
-/// `times`: n numbers, s, at least one. `positions`: n x 3, m. `quaternions`: n x 4, x, y, z, w; None: along the axes of
-/// the world. Arrays or lists of numbers, which are copied. ArgumentError for other shapes, times that do not rise and
-/// what is not finite, TypeError for what is no numbers. Trajectories pickle.
+/// `times`: n numbers, s, at least one. `positions`: n x 3, m. `quaternions`: n x 4, x, y, z, w; None: along the axes
+/// of the world. Arrays or lists of numbers, which are copied. ArgumentError for other shapes, times that do not rise
+/// and numbers that are not finite, TypeError for anything but numbers. Trajectories can be pickled.
 ///
 /// >>> path = ec.Trajectory([0, 2], [[0, 0, 1.8], [10, 0, 1.8]])
 /// >>> path.at(0.5).position
@@ -124,8 +128,8 @@ impl Pose {
 #[derive(Clone)]
 pub struct Trajectory(pub echocast::Trajectory);
 
-/// What the columns of a trajectory are made of: times, places and quaternions.
-type Keys<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
+/// The columns of a trajectory: times, positions and quaternions.
+type TrajectoryKeys<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, Bound<'py, PyAny>);
 
 #[pymethods]
 impl Trajectory {
@@ -135,7 +139,7 @@ impl Trajectory {
         times: &Bound<'_, PyAny>,
         positions: &Bound<'_, PyAny>,
         quaternions: Option<&Bound<'_, PyAny>>,
-    ) -> Outcome<Trajectory> {
+    ) -> BindingResult<Trajectory> {
         let times = times_of(times)?;
         let positions = counted::<3>("positions", positions, times.len())?;
         let quaternions = match quaternions {
@@ -156,7 +160,7 @@ impl Trajectory {
     /// >>> ec.Trajectory.load("drive.txt").span
     /// (0.0, 2.0)
     #[staticmethod]
-    fn load(#[pyo3(from_py_with = argument::path)] path: PathBuf) -> Outcome<Trajectory> {
+    fn load(#[pyo3(from_py_with = argument::path)] path: PathBuf) -> BindingResult<Trajectory> {
         Ok(Trajectory(echocast::Trajectory::load(path)?))
     }
 
@@ -171,7 +175,7 @@ impl Trajectory {
         self.0.span()
     }
 
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Keys<'py>)> {
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, TrajectoryKeys<'py>)> {
         let (py, keys) = (slf.py(), slf.get().0.clone().into_keys());
         let count = keys.len();
         let times = owned(py, keys.iter().map(|(time, _)| *time).collect(), &[count])?;
@@ -188,71 +192,71 @@ impl Trajectory {
 }
 
 /// The argument `times`.
-pub fn times_of(times: &Bound<'_, PyAny>) -> Outcome<Vec<f64>> {
+pub fn times_of(times: &Bound<'_, PyAny>) -> BindingResult<Vec<f64>> {
     Ok(numbers::<f64, Ix1>("times", times, "n")?.as_array().to_vec())
 }
 
 /// The rows of the argument `name`, of which there must be `count`.
-fn counted<const N: usize>(name: &str, array: &Bound<'_, PyAny>, count: usize) -> Outcome<Vec<[f64; N]>> {
+fn counted<const N: usize>(name: &str, array: &Bound<'_, PyAny>, count: usize) -> BindingResult<Vec<[f64; N]>> {
     let allowed = format!("{count} x {N}, a row for each time");
     let array = numbers::<f64, Ix2>(name, array, &allowed)?;
     let (height, width) = array.as_array().dim();
     if (height, width) != (count, N) {
-        return Err(Failure::argument(name, format!("{height} x {width}"), allowed));
+        return Err(BindingError::argument(name, format!("{height} x {width}"), allowed));
     }
     rows(name, &array)
 }
 
 /// Where a scan is made from, the argument `at`.
-pub fn path(at: &Bound<'_, PyAny>) -> Outcome<echocast::Trajectory> {
+pub fn path(at: &Bound<'_, PyAny>) -> BindingResult<echocast::Trajectory> {
     if let Ok(Trajectory(path)) = at.extract() {
         return Ok(path);
     }
-    let placed = Placement::read("at", at, "a Pose, a Trajectory, x, y and z, or a matrix of 4 x 4")?;
+    let placed = PoseLike::read("at", at, "a Pose, a Trajectory, x, y and z, or a matrix of 4 x 4")?;
     Ok(echocast::Trajectory::fixed(placed.rigid("at")?))
 }
 
 /// Where an object is, the argument `pose`: world from object.
-pub fn transform(pose: &Bound<'_, PyAny>) -> Outcome<DAffine3> {
-    Ok(match Placement::of("pose", pose)? {
-        Placement::Point(at) => DAffine3::from_translation(at),
-        Placement::Pose(pose) => DAffine3::from_rotation_translation(pose.orientation, pose.position),
-        Placement::Matrix(placed) => placed,
+pub fn transform(pose: &Bound<'_, PyAny>) -> BindingResult<DAffine3> {
+    Ok(match PoseLike::of("pose", pose)? {
+        PoseLike::Point(at) => DAffine3::from_translation(at),
+        PoseLike::Pose(pose) => DAffine3::from_rotation_translation(pose.orientation, pose.position),
+        PoseLike::Matrix(placed) => placed,
     })
 }
 
-/// A place, as it is told.
+/// A place, in any form in which it can be given.
 #[derive(Clone, Copy)]
-pub enum Placement {
+pub enum PoseLike {
     Point(DVec3),
     Pose(echocast::Pose),
     Matrix(DAffine3),
 }
 
-impl Argument<'_, '_> for Placement {
-    fn of(name: &str, value: &Bound<'_, PyAny>) -> Outcome<Self> {
-        Placement::read(name, value, "a Pose, x, y and z, or a matrix of 4 x 4")
+impl Argument<'_, '_> for PoseLike {
+    fn of(name: &str, value: &Bound<'_, PyAny>) -> BindingResult<Self> {
+        PoseLike::read(name, value, "a Pose, x, y and z, or a matrix of 4 x 4")
     }
 }
 
-impl Placement {
-    /// Out of the argument `name`, which may be what is `allowed`.
-    fn read(name: &str, value: &Bound<'_, PyAny>, allowed: &str) -> Outcome<Placement> {
+impl PoseLike {
+    /// Converts the argument `name`, which may be what is `allowed`.
+    fn read(name: &str, value: &Bound<'_, PyAny>, allowed: &str) -> BindingResult<PoseLike> {
         if let Ok(Pose(pose)) = value.extract() {
-            return Ok(Placement::Pose(pose));
+            return Ok(PoseLike::Pose(pose));
         }
         if let Ok(point) = value.extract::<[f64; 3]>() {
-            return Ok(Placement::Point(point.into()));
+            return Ok(PoseLike::Point(point.into()));
         }
         let array = numbers::<f64, IxDyn>(name, value, allowed)?;
         if let Ok(matrix) = array.extract::<PyReadonlyArray2<'_, f64>>()
             && matrix.shape() == [4, 4]
         {
-            return Ok(Placement::Matrix(affine(name, matrix.as_array())?));
+            return Ok(PoseLike::Matrix(affine(name, matrix.as_array())?));
         }
         if let ([3], Ok(point)) = (array.shape(), array.extract::<PyReadonlyArray1<'_, f64>>()) {
             let point = point.as_array();
-            return Ok(Placement::Point(DVec3::new(point[0], point[1], point[2])));
+            return Ok(PoseLike::Point(DVec3::new(point[0], point[1], point[2])));
         }
         let shape: Vec<String> = array.shape().iter().map(usize::to_string).collect();
         let plain = match array.shape() {
@@ -260,35 +264,35 @@ impl Placement {
             [_] => " numbers",
             _ => "",
         };
-        Err(Failure::argument(name, shape.join(" x ") + plain, allowed))
+        Err(BindingError::argument(name, shape.join(" x ") + plain, allowed))
     }
 
-    /// The pose of something that keeps its size, which the argument `name` has.
-    fn rigid(self, name: &str) -> Outcome<echocast::Pose> {
+    /// The pose of an object that keeps its size, given as the argument `name`.
+    fn rigid(self, name: &str) -> BindingResult<echocast::Pose> {
         let placed = match self {
-            Placement::Point(at) => return Ok(echocast::Pose::at(at.x, at.y, at.z)),
-            Placement::Pose(pose) => return Ok(pose),
-            Placement::Matrix(placed) => placed,
+            PoseLike::Point(at) => return Ok(echocast::Pose::at(at.x, at.y, at.z)),
+            PoseLike::Pose(pose) => return Ok(pose),
+            PoseLike::Matrix(placed) => placed,
         };
         if !placed.is_finite() {
-            return Err(Failure::argument(name, "a matrix with numbers that are not finite", "finite numbers"));
+            return Err(BindingError::argument(name, "a matrix with numbers that are not finite", "finite numbers"));
         }
         let turned = placed.matrix3;
-        // Of numbers of float32, too.
+        // Numbers in float32 pass, too.
         if !(turned.transpose() * turned).abs_diff_eq(DMat3::IDENTITY, 1e-5) || turned.determinant() < 0.0 {
             let found = "a matrix that scales, shears or mirrors";
-            return Err(Failure::argument(name, found, "one that turns and moves: a sensor keeps its size"));
+            return Err(BindingError::argument(name, found, "one that turns and moves: a sensor keeps its size"));
         }
         Ok(echocast::Pose { position: placed.translation, orientation: DQuat::from_mat3(&turned).normalize() })
     }
 }
 
-/// The transform of a matrix of 4 x 4, which the argument `name` has.
-pub fn affine(name: &str, matrix: ArrayView2<f64>) -> Outcome<DAffine3> {
+/// The transform of a 4 x 4 matrix, given as the argument `name`.
+pub fn affine(name: &str, matrix: ArrayView2<f64>) -> BindingResult<DAffine3> {
     let last: [f64; 4] = std::array::from_fn(|column| matrix[[3, column]]);
     if last != [0.0, 0.0, 0.0, 1.0] {
         let found = format!("a matrix whose last row is {last:?}");
-        return Err(Failure::argument(name, found, "0, 0, 0, 1 there; the place is in the last column"));
+        return Err(BindingError::argument(name, found, "0, 0, 0, 1 there; the place is in the last column"));
     }
     let columns = std::array::from_fn(|column| std::array::from_fn(|row| matrix[[row, column]]));
     Ok(DAffine3::from_mat4(DMat4::from_cols_array_2d(&columns)))

@@ -2,9 +2,9 @@
 
 use crate::argument::{self, class, one_of};
 use crate::cloud::PointCloud;
-use crate::error::{Failure, Outcome, no_pickle};
-use crate::options::{Progress, warn};
-use crate::sensor::{Source, options_text};
+use crate::error::{BindingError, BindingResult, no_pickle};
+use crate::options::{ProgressListener, warn};
+use crate::sensor::{SpecSource, options_text};
 use crate::sequence;
 use echocast::Engine;
 use echocast::scenario::set::{self, Event, RunOptions};
@@ -16,14 +16,14 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 
-/// What a run is made of: scenes, rigs, trajectories, weather, and what varies from sample to sample.
+/// The definition of a run: scenes, rigs, trajectories, weather, and what varies from sample to sample.
 ///
-/// `scenario`: the path of a file, or its keys as a dict or YAML text, with names of files relative to `folder`, which
-/// nothing else takes; or a Scenario, of which it is a copy. `threads`: that build and scan; None: all cores, or those
-/// of the Scenario that is copied. NotFoundError for a file that is not there, FormatError and ArgumentError for wrong
-/// keys, with the nearest ones. `len(scenario)` is its number of samples, `scenario[i]` makes one, the same whenever and
-/// wherever, from the end if i is below 0; IndexError for others. Scenarios pickle, also with files relative to the
-/// working folder, and have the threads of the process that they go to.
+/// `scenario`: the path of a file, or its keys as a dict or YAML text, with file names relative to `folder`, which is
+/// allowed only for these; or a Scenario, of which it is a copy. `threads`: number of threads that build and scan;
+/// None: all cores, or those of the Scenario that is copied. NotFoundError for a missing file, FormatError and
+/// ArgumentError for wrong keys, with the nearest ones. `len(scenario)` is its number of samples, `scenario[i]` makes
+/// one, always the same one, from the end if i is negative; IndexError for others. Scenarios can be pickled, also with
+/// files relative to the working folder, and use the threads of the process that unpickles them.
 ///
 /// >>> scenario = ec.Scenario({
 /// ...     "scene": {"generate": {"indoor": {"rooms": [1, 1]}}},
@@ -46,20 +46,20 @@ impl Scenario {
 
 class! { Scenario, "a Scenario" }
 
-/// A scenario, or what one is made of.
-pub enum Plan<'py> {
+/// A scenario, or what one can be made from.
+pub enum ScenarioLike<'py> {
     Made(Bound<'py, Scenario>),
-    Source(Source<'py>),
+    Source(SpecSource<'py>),
 }
 
-one_of! { Plan<'py>: Made | Source; "a Scenario, the path of a file, keys as a dict, or YAML text" }
+one_of! { ScenarioLike<'py>: Made | Source; "a Scenario, the path of a file, keys as a dict, or YAML text" }
 
-impl Plan<'_> {
+impl ScenarioLike<'_> {
     /// The scenario; "" is no folder.
-    fn scenario(self, py: Python<'_>, folder: PathBuf) -> Outcome<echocast::Scenario> {
+    fn scenario(self, py: Python<'_>, folder: PathBuf) -> BindingResult<echocast::Scenario> {
         let made = match self {
-            Plan::Made(made) => made.get().now(py).clone(),
-            Plan::Source(source) => match source.yaml()? {
+            ScenarioLike::Made(made) => made.get().now(py).clone(),
+            ScenarioLike::Source(source) => match source.yaml()? {
                 Some(text) => return Ok(echocast::Scenario::from_yaml(&text, folder)?),
                 None => echocast::Scenario::load(source.path())?,
             },
@@ -67,7 +67,7 @@ impl Plan<'_> {
         if folder.as_os_str().is_empty() {
             return Ok(made);
         }
-        Err(Failure::argument("folder", folder.display(), "none for a file or a Scenario, which has one"))
+        Err(BindingError::argument("folder", folder.display(), "none for a file or a Scenario, which has one"))
     }
 }
 
@@ -80,10 +80,10 @@ impl Scenario {
     )]
     fn new(
         py: Python<'_>,
-        #[pyo3(from_py_with = argument::scenario)] scenario: Plan<'_>,
+        #[pyo3(from_py_with = argument::scenario)] scenario: ScenarioLike<'_>,
         #[pyo3(from_py_with = argument::folder)] folder: PathBuf,
         #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
-    ) -> Outcome<Scenario> {
+    ) -> BindingResult<Scenario> {
         let made = scenario.scenario(py, folder)?;
         let made = match threads {
             Some(threads) => made.with_engine(&Engine::with_threads(threads)?),
@@ -93,18 +93,18 @@ impl Scenario {
     }
 
     /// Sets a key by its path, as `--set KEY=VALUE` does: `scenario.set("samples", 20)`. FormatError and ArgumentError
-    /// for unknown keys and wrong values, then it stays as it was.
+    /// for unknown keys and wrong values; the scenario is then unchanged.
     fn set(
         &self,
         py: Python<'_>,
         #[pyo3(from_py_with = argument::key)] key: &str,
         value: &Bound<'_, PyAny>,
-    ) -> Outcome<()> {
+    ) -> BindingResult<()> {
         let text = options_text(value)?;
         Ok(self.0.write_py_attached(py).unwrap_or_else(PoisonError::into_inner).set(key, &text)?)
     }
 
-    /// All its keys as YAML, as they are now, which makes the same scenario in the same `folder`.
+    /// All its keys as YAML, as they are now, from which the same scenario can be made in the same `folder`.
     ///
     /// >>> scenario = ec.Scenario({"scene": {"files": "tent.obj"}, "samples": 3}, folder="scenes")
     /// >>> len(ec.Scenario(scenario.to_yaml(), folder=scenario.folder))
@@ -113,13 +113,13 @@ impl Scenario {
         text(&self.now(py))
     }
 
-    /// The folder that names of files in it are relative to.
+    /// The folder that file names in it are relative to.
     #[getter]
     fn folder(&self, py: Python<'_>) -> PathBuf {
         self.now(py).folder().to_owned()
     }
 
-    /// Seed of everything that is drawn, 0 to 2^64 - 1.
+    /// Seed of all random draws, 0 to 2^64 - 1.
     #[getter]
     fn seed(&self, py: Python<'_>) -> u64 {
         self.now(py).value().get("seed").and_then(Value::as_u64).unwrap_or_default()
@@ -129,8 +129,8 @@ impl Scenario {
         usize::try_from(self.now(py).samples()).unwrap_or(usize::MAX)
     }
 
-    /// Makes sample `index`: the same whenever and wherever it is made.
-    fn __getitem__(&self, py: Python<'_>, index: isize) -> Outcome<Sample> {
+    /// Makes sample `index`, always the same one.
+    fn __getitem__(&self, py: Python<'_>, index: isize) -> BindingResult<Sample> {
         let number = sequence::place("sample", index, self.__len__(py))? as u64;
         let sample = py.detach(|| self.0.read().unwrap_or_else(PoisonError::into_inner).sample(number))?;
         Ok(Sample { number, sample: Mutex::new(sample) })
@@ -140,12 +140,12 @@ impl Scenario {
         sequence::iterate(slf)
     }
 
-    /// What other processes make the same of, in any working folder, with threads of their own.
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Outcome<(Bound<'py, PyAny>, (String,))> {
+    /// What other processes make the same scenario from, in any working folder, with threads of their own.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> BindingResult<(Bound<'py, PyAny>, (String,))> {
         let py = slf.py();
         let here = std::env::current_dir().map_err(PyErr::from)?;
         let mut made = slf.get().now(py).clone();
-        // Text does not say what file it comes from, as which the folder of the set may be called.
+        // The folder of the set may be named after the file of the scenario, which the text does not include.
         if let Some(folder) = made.set_folder() {
             made.set("set.folder", &Value::from(here.join(folder).to_string_lossy()).to_string())?;
         }
@@ -160,15 +160,15 @@ impl Scenario {
     }
 }
 
-/// The keys of `scenario`. JSON, which is YAML too, has every number as it is.
+/// The keys of `scenario`, as JSON, which is also YAML and keeps every number exactly.
 fn text(scenario: &echocast::Scenario) -> String {
     let mut keys = scenario.value().clone();
-    // Names of files are relative to the folder of the scenario, in which this key is already.
+    // File names are relative to the folder of the scenario, which includes this key already.
     keys.as_object_mut().map(|keys| keys.shift_remove("folder"));
     format!("{keys:#}")
 }
 
-/// A sample of a scenario: what was drawn for it, and its scans. `scenario[i]` makes it.
+/// A sample of a scenario: the values drawn for it, and its scans. `scenario[i]` makes it.
 ///
 /// >>> scenario = ec.Scenario({
 /// ...     "scene": {"generate": {"indoor": {"rooms": [1, 1]}}},
@@ -203,39 +203,40 @@ impl Sample {
         self.lock(py).scans().iter().map(|scan| scan.name().to_owned()).collect()
     }
 
-    /// Numbers and times, s, of the frames of a sensor, by its place in `sensors`.
+    /// Numbers and times, s, of the frames of a sensor, given by its index in `sensors`.
     #[pyo3(signature = (sensor = 0))]
     fn frames(
         &self,
         py: Python<'_>,
         #[pyo3(from_py_with = argument::sensor)] sensor: usize,
-    ) -> Outcome<Vec<(u32, f64)>> {
+    ) -> BindingResult<Vec<(u32, f64)>> {
         self.check(py, sensor, 0)?;
         Ok(self.lock(py).scans()[sensor].frames().iter().map(|frame| (frame.number, frame.start)).collect())
     }
 
-    /// What a sensor, by its place in `sensors`, sees in its `frame`th frame, counted from 0; ArgumentError for others.
+    /// The cloud of a sensor, given by its index in `sensors`, in its `frame`th frame, counted from 0; ArgumentError
+    /// for others.
     #[pyo3(signature = (sensor = 0, frame = 0))]
     fn cloud(
         &self,
         py: Python<'_>,
         #[pyo3(from_py_with = argument::sensor)] sensor: usize,
         #[pyo3(from_py_with = argument::frame)] frame: usize,
-    ) -> Outcome<PointCloud> {
+    ) -> BindingResult<PointCloud> {
         self.check(py, sensor, frame)?;
         let cloud = || self.sample.lock().unwrap_or_else(PoisonError::into_inner).cloud(sensor, frame);
         Ok(PointCloud::of(py.detach(cloud)?))
     }
 
-    /// What was drawn for it, in the order of the rules: enough to repeat or to choose by.
+    /// The values drawn for it, in the order of the rules: enough to repeat it or to select by.
     #[getter]
-    fn drawn<'py>(&self, py: Python<'py>) -> Outcome<Bound<'py, PyAny>> {
+    fn drawn<'py>(&self, py: Python<'py>) -> BindingResult<Bound<'py, PyAny>> {
         let text = serde_json::to_string(self.lock(py).drawn()).unwrap_or_default();
         Ok(py.import("json")?.call_method1("loads", (text,))?)
     }
 
-    /// What was noticed when it was made, a sentence each: objects that found no room, what the reader of the scene
-    /// says.
+    /// Warnings from when it was made, a sentence each: objects for which there was no room, those of the reader of the
+    /// scene.
     #[getter]
     fn warnings(&self, py: Python<'_>) -> Vec<String> {
         self.lock(py).report().warnings.clone()
@@ -251,27 +252,27 @@ impl Sample {
 }
 
 impl Sample {
-    fn check(&self, py: Python<'_>, sensor: usize, frame: usize) -> Outcome<()> {
+    fn check(&self, py: Python<'_>, sensor: usize, frame: usize) -> BindingResult<()> {
         let sample = self.lock(py);
         let Some(scan) = sample.scans().get(sensor) else {
             let allowed = format!("below {}", sample.scans().len());
-            return Err(Failure::argument("sensor", sensor, allowed));
+            return Err(BindingError::argument("sensor", sensor, allowed));
         };
         let frames = scan.frames().len();
         if frame >= frames.max(1) {
-            return Err(Failure::argument("frame", frame, format!("below {frames}")));
+            return Err(BindingError::argument("frame", frame, format!("below {frames}")));
         }
         Ok(())
     }
 }
 
-/// Makes samples of a scenario and writes them as its `outputs` say, as `echocast run` does.
+/// Makes samples of a scenario and writes them as its `outputs` specify, as `echocast run` does.
 ///
-/// `scenario`: a Scenario, or what `Scenario` takes. `folder`: of the set; None: as the scenario says. `samples`:
-/// (first, last) or (first, last, step), None: all. `shard`: (part, parts), of which it makes one, from 0; `finish`
-/// completes a set of shards. `resume`: True goes on with a set that is there, which is else an ArgumentError.
-/// `threads`: None: all cores. `progress`: called with the number of samples done and of all; if it returns False, samples
-/// under way are completed and a CancelledError follows. True shows a bar.
+/// `scenario`: a Scenario, or what `Scenario` takes. `folder`: that of the set; None: as the scenario defines.
+/// `samples`: (first, last) or (first, last, step), None: all. `shard`: (part, parts), to make only one part, counted
+/// from 0; `finish` completes a set of shards. `resume`: True continues an existing set, which is otherwise an
+/// ArgumentError. `threads`: None: all cores. `progress`: called with the number of samples done and their total; if it
+/// returns False, samples under way are completed and a CancelledError follows. True shows a bar.
 ///
 /// Returns a dict: `folder`; `made` and `found`, numbers of samples; `failed`, number and error of each; `points`;
 /// `seconds`; `warnings`, one of each kind, with how many samples have it; `complete`, whether the set is.
@@ -293,30 +294,37 @@ impl Sample {
 #[allow(clippy::too_many_arguments)]
 pub fn run<'py>(
     py: Python<'py>,
-    #[pyo3(from_py_with = argument::scenario)] scenario: Plan<'py>,
+    #[pyo3(from_py_with = argument::scenario)] scenario: ScenarioLike<'py>,
     #[pyo3(from_py_with = argument::folder)] folder: Option<PathBuf>,
     #[pyo3(from_py_with = argument::samples)] samples: Option<Vec<u64>>,
     #[pyo3(from_py_with = argument::shard)] shard: Option<Vec<u64>>,
     #[pyo3(from_py_with = argument::resume)] resume: bool,
     #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
     progress: Option<Bound<'py, PyAny>>,
-) -> Outcome<Bound<'py, PyDict>> {
+) -> BindingResult<Bound<'py, PyDict>> {
     let samples = match samples.as_deref() {
         None => None,
         Some(&[first, last]) => Some([first, last, 1]),
         Some(&[first, last, step]) => Some([first, last, step]),
         Some(other) => {
-            return Err(Failure::argument("samples", format!("{} numbers", other.len()), "first and last, and a step"));
+            return Err(BindingError::argument(
+                "samples",
+                format!("{} numbers", other.len()),
+                "first and last, and a step",
+            ));
         }
     };
     let shard = match shard.as_deref() {
         None => None,
         Some(&[part, parts]) => Some([part, parts]),
-        Some(other) => return Err(Failure::argument("shard", format!("{} numbers", other.len()), "part and parts")),
+        Some(other) => {
+            return Err(BindingError::argument("shard", format!("{} numbers", other.len()), "part and parts"));
+        }
     };
     let options = RunOptions { folder, samples, shard, resume, threads: threads.unwrap_or(0) };
     let scenario = scenario.scenario(py, PathBuf::new())?;
-    let progress = progress.map_or_else(|| Ok(Progress::default()), |progress| Progress::of(&progress, "samples"))?;
+    let progress = progress
+        .map_or_else(|| Ok(ProgressListener::default()), |progress| ProgressListener::of(&progress, "samples"))?;
     let (stopped, done) = (Mutex::new(None::<PyErr>), Mutex::new((0, 0)));
     let watch = |event: Event| {
         let counts = {
@@ -327,11 +335,11 @@ pub fn run<'py>(
             }
             *done
         };
-        let told = Python::attach(|py| progress.tell(py, counts));
+        let reported = Python::attach(|py| progress.notify(py, counts));
         if let Err(error) =
-            told.and_then(|go| if go { Ok(()) } else { Err(Failure::from(echocast::Error::Cancelled).into()) })
+            reported.and_then(|go| if go { Ok(()) } else { Err(BindingError::from(echocast::Error::Cancelled).into()) })
         {
-            // Samples under way are completed; then it ends.
+            // Samples under way are completed; then the run ends.
             stopped.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
             echocast::export::cancel_flag().store(true, std::sync::atomic::Ordering::SeqCst);
         }
@@ -343,22 +351,22 @@ pub fn run<'py>(
         return Err(error.into());
     }
     let summary = result?;
-    let told = PyDict::new(py);
-    told.set_item("folder", summary.folder)?;
-    told.set_item("made", summary.made)?;
-    told.set_item("found", summary.found)?;
-    told.set_item("failed", summary.failed)?;
-    told.set_item("points", summary.points)?;
-    told.set_item("seconds", summary.seconds)?;
+    let reported = PyDict::new(py);
+    reported.set_item("folder", summary.folder)?;
+    reported.set_item("made", summary.made)?;
+    reported.set_item("found", summary.found)?;
+    reported.set_item("failed", summary.failed)?;
+    reported.set_item("points", summary.points)?;
+    reported.set_item("seconds", summary.seconds)?;
     let warnings: BTreeMap<_, _> = summary.warnings.into_iter().map(|seen| (seen.warning, seen.samples)).collect();
-    told.set_item("warnings", warnings)?;
-    told.set_item("complete", summary.complete)?;
-    Ok(told)
+    reported.set_item("warnings", warnings)?;
+    reported.set_item("complete", summary.complete)?;
+    Ok(reported)
 }
 
 /// Completes the set in `folder`, whose shards are all made: tables, manifest and report, as `echocast run --finish`
-/// does. `check`: first verifies that all files are as they were written; False skips that, for sets whose files are kept
-/// elsewhere, as far as no table or archive is made of them.
+/// does. `check`: first verifies that all files are as they were written; False skips that, for sets whose files are
+/// kept elsewhere, except those that tables or archives are made from.
 ///
 /// >>> keys = {
 /// ...     "scene": {"generate": {"indoor": {"rooms": [1, 1]}}},
@@ -378,8 +386,8 @@ pub fn finish(
     py: Python<'_>,
     #[pyo3(from_py_with = argument::folder)] folder: PathBuf,
     #[pyo3(from_py_with = argument::check)] check: bool,
-) -> Outcome<()> {
+) -> BindingResult<()> {
     let report = py.detach(|| if check { set::finish(&folder) } else { set::complete(&folder) })?;
-    report.warnings.iter().try_for_each(|told| warn(py, told))?;
+    report.warnings.iter().try_for_each(|reported| warn(py, reported))?;
     Ok(())
 }

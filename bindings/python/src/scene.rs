@@ -3,11 +3,11 @@
 use crate::argument::{self, Argument, class, one_of, wrong_type};
 use crate::array::{numbers, rows};
 use crate::cloud::PointCloud;
-use crate::error::{Failure, Outcome, no_pickle};
-use crate::options::{Asked, warn};
+use crate::error::{BindingError, BindingResult, no_pickle};
+use crate::options::{ScanRequest, warn};
 use crate::ping::{Ping, Pings, ping, pings};
 use crate::place::transform;
-use crate::sensor::{Instrument, Source, options_text};
+use crate::sensor::{Instrument, SpecSource, options_text};
 use echocast::generate::Generate;
 use echocast::scene::{Material, Mesh, NameTable, Object, Part};
 use echocast::{BuiltScene, LoadOptions, why_nothing};
@@ -22,10 +22,10 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
 
-/// Objects of triangles with labels and materials, which stay as they are: z up, m.
+/// A static scene: objects of triangles with labels and materials, z up, m.
 ///
 /// `load`, `from_arrays`, `from_objects`, `from_mesh` and `generate` make one. It is built for tracing at the first
-/// scan. Any number of threads may scan it. What comes, goes and moves is in a `LiveScene`.
+/// scan. Any number of threads may scan it. A `LiveScene` has objects that are added, removed and moved.
 ///
 /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
 /// >>> cloud = room.scan("velodyne_vlp16", at=room.camera("Scanner"), seed=7)
@@ -34,7 +34,7 @@ use std::sync::{Arc, OnceLock};
 #[pyclass(frozen, module = "echocast")]
 pub struct Scene {
     pub scene: echocast::Scene,
-    /// Of each object that was given as arrays, the point that its mesh has its vertices about.
+    /// For each object that was given as arrays, the point that the vertices of its mesh are relative to.
     pub middles: Vec<DVec3>,
     built: OnceLock<BuiltScene>,
 }
@@ -46,8 +46,8 @@ impl Scene {
         Scene { scene, middles: Vec::new(), built: OnceLock::new() }
     }
 
-    /// It, whose instances are called as the first of their objects, whose materials have numbers, and whose objects have
-    /// their vertices about `middles`.
+    /// Makes a scene whose instances are named after the first of their objects, whose materials are numbered, and
+    /// whose objects have their vertices relative to `middles`.
     fn numbered(mut scene: echocast::Scene, middles: Vec<DVec3>) -> Scene {
         let objects = scene.objects.iter().rev();
         scene.labels.instance = table(objects.map(|object| (object.instance_id, object.name.clone())).collect());
@@ -57,8 +57,8 @@ impl Scene {
         Scene { middles, ..Scene::of(scene) }
     }
 
-    /// Its structure, which the first to ask for it builds.
-    fn built(&self, py: Python<'_>) -> Outcome<BuiltScene> {
+    /// Its acceleration structure, which the first call builds.
+    fn built(&self, py: Python<'_>) -> BindingResult<BuiltScene> {
         if let Some(built) = self.built.get() {
             return Ok(built.clone());
         }
@@ -74,13 +74,13 @@ fn table(mut names: BTreeMap<u32, String>) -> NameTable {
     NameTable { ids, names }
 }
 
-/// A file, or several that are one scene.
-enum Files {
+/// A file, or several that form one scene.
+enum ScenePaths {
     One(PathBuf),
     Several(Vec<PathBuf>),
 }
 
-one_of! { Files: One | Several; "the path of a file, or a list of paths" }
+one_of! { ScenePaths: One | Several; "the path of a file, or a list of paths" }
 
 /// A material: YAML, or its name in the library.
 #[derive(PartialEq, Eq, Hash)]
@@ -90,7 +90,7 @@ pub enum Matter {
 }
 
 impl Matter {
-    pub fn of(source: &Source<'_>) -> PyResult<Matter> {
+    pub fn of(source: &SpecSource<'_>) -> PyResult<Matter> {
         let name = || Matter::Name(source.path().to_string_lossy().into_owned());
         Ok(source.yaml()?.map_or_else(name, Matter::Yaml))
     }
@@ -103,80 +103,83 @@ impl Matter {
     }
 }
 
-/// Meshes that are made already, by their vertices, triangles and material: who passes an array twice has one mesh.
-type Meshes = HashMap<(Given, Given, Option<Matter>), (Arc<Mesh>, DVec3)>;
+/// Meshes made so far, by their vertices, triangles and material: arrays that are passed twice share one mesh.
+type MeshCache = HashMap<(ArgumentIdentity, ArgumentIdentity, Option<Matter>), (Arc<Mesh>, DVec3)>;
 
-/// What tells an argument from another while both are there: of an array where it lies, of other things themselves.
+/// The identity of an argument while it exists: for an array its memory, for others the object itself.
 #[derive(PartialEq, Eq, Hash)]
-enum Given {
+enum ArgumentIdentity {
     /// Address, shape, strides and type.
     Array(usize, Vec<usize>, Vec<isize>, String),
     Thing(usize),
 }
 
-impl Given {
-    fn of(value: &Bound<'_, PyAny>) -> PyResult<Given> {
-        let Ok(array) = value.cast::<PyUntypedArray>() else { return Ok(Given::Thing(value.as_ptr() as usize)) };
+impl ArgumentIdentity {
+    fn of(value: &Bound<'_, PyAny>) -> PyResult<ArgumentIdentity> {
+        let Ok(array) = value.cast::<PyUntypedArray>() else {
+            return Ok(ArgumentIdentity::Thing(value.as_ptr() as usize));
+        };
         let address = array.getattr("ctypes")?.getattr("data")?.extract()?;
         let kind = array.dtype().str()?.to_string();
-        Ok(Given::Array(address, array.shape().to_vec(), array.strides().to_vec(), kind))
+        Ok(ArgumentIdentity::Array(address, array.shape().to_vec(), array.strides().to_vec(), kind))
     }
 }
 
 /// Vertices as they are given, n x 3.
-pub enum Vertices {
+pub enum VertexArray {
     Single(Vec<[f32; 3]>),
     Double(Vec<DVec3>),
 }
 
-impl Vertices {
-    pub fn of(array: &Bound<'_, PyAny>) -> Outcome<Vertices> {
+impl VertexArray {
+    pub fn of(array: &Bound<'_, PyAny>) -> BindingResult<VertexArray> {
         if let Ok(single) = array.extract() {
-            return Ok(Vertices::Single(rows("vertices", &single)?));
+            return Ok(VertexArray::Single(rows("vertices", &single)?));
         }
         let double = rows("vertices", &numbers::<f64, Ix2>("vertices", array, "n x 3")?)?;
-        Ok(Vertices::Double(double.into_iter().map(DVec3::from_array).collect()))
+        Ok(VertexArray::Double(double.into_iter().map(DVec3::from_array).collect()))
     }
 
-    /// The point that their mesh should have them about: 0, 0, 0 for those that are float32 already; for finer ones
-    /// `before`, about which it has them, unless they are so far from there that float32 would be coarse: then a point
-    /// among them.
+    /// The point that the vertices in their mesh should be relative to: 0, 0, 0 for float32; for float64 `before`, the
+    /// present one, unless they are so far from there that float32 would be too coarse: then a point among them.
     pub fn middle(&self, before: DVec3) -> DVec3 {
         /// Farther out, m, float32 is coarser than 0.06 mm.
         const FAR: f64 = 1024.0;
-        let Vertices::Double(places) = self else { return DVec3::ZERO };
+        let VertexArray::Double(places) = self else { return DVec3::ZERO };
         let low = places.iter().copied().fold(DVec3::INFINITY, DVec3::min);
         let high = places.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
         let far = (low - before).abs().max((high - before).abs()).max_element() > FAR;
         if low.is_finite() && high.is_finite() && far { (low + high) / 2.0 } else { before }
     }
 
-    /// Where they are from a `middle` of theirs.
+    /// The vertices relative to `middle`.
     pub fn about(self, middle: DVec3) -> Vec<[f32; 3]> {
         match self {
-            Vertices::Single(places) => places,
-            Vertices::Double(places) => places.into_iter().map(|place| (place - middle).as_vec3().to_array()).collect(),
+            VertexArray::Single(places) => places,
+            VertexArray::Double(places) => {
+                places.into_iter().map(|place| (place - middle).as_vec3().to_array()).collect()
+            }
         }
     }
 }
 
-/// A mesh of `triangles`, n x 3 indices of `positions`, m, of a material of the library or one that is told.
+/// A mesh of `triangles`, n x 3 indices of `positions`, m, with a material of the library or a given one.
 pub fn mesh(
     name: &str,
     positions: Vec<[f32; 3]>,
     triangles: &Bound<'_, PyAny>,
     material: Option<&Matter>,
-) -> Outcome<Arc<Mesh>> {
+) -> BindingResult<Arc<Mesh>> {
     let triangles = rows::<_, 3>("triangles", &numbers::<u32, Ix2>("triangles", triangles, "n x 3")?)?;
     let material = material.map(|matter| matter.material().map(Arc::new)).transpose()?;
     let part = Part { positions: positions.into(), triangles: triangles.into(), material, ..Part::default() };
     Ok(Arc::new(Mesh::new(name, vec![part])?))
 }
 
-/// Keys of a dict that says of an object what `ObjectKeys` has.
+/// Keys of a dict that describes an object, the fields of `ObjectKeys`.
 const OBJECT_KEYS: &str = "vertices, triangles, name, pose, category, instance, material";
 
-/// What a dict says of an object.
+/// The contents of a dict that describes an object.
 struct ObjectKeys<'py> {
     vertices: Bound<'py, PyAny>,
     triangles: Bound<'py, PyAny>,
@@ -184,24 +187,24 @@ struct ObjectKeys<'py> {
     pose: Option<Bound<'py, PyAny>>,
     category: Option<Category>,
     instance: Option<u32>,
-    material: Option<Source<'py>>,
+    material: Option<SpecSource<'py>>,
 }
 
 impl<'py> ObjectKeys<'py> {
-    /// Out of item `place` of a list.
-    fn of(place: usize, object: &Bound<'py, PyAny>) -> Outcome<Self> {
+    /// Converts item `place` of a list.
+    fn of(place: usize, object: &Bound<'py, PyAny>) -> BindingResult<Self> {
         let Ok(keys) = object.cast::<PyMapping>() else {
             return Err(wrong_type(&format!("object {place}"), object, &format!("a dict with keys of {OBJECT_KEYS}")));
         };
         for key in keys.keys()? {
             let known = |key: &str| OBJECT_KEYS.split(", ").any(|known| known == key);
             if !key.extract::<&str>().is_ok_and(known) {
-                return Err(Failure::argument(format!("a key of object {place}"), key.repr()?, OBJECT_KEYS));
+                return Err(BindingError::argument(format!("a key of object {place}"), key.repr()?, OBJECT_KEYS));
             }
         }
         let needed = |key: &str| {
             let missing = || PyKeyError::new_err(format!("object {place} has no {key:?}; needed: vertices, triangles"));
-            item(keys, key)?.ok_or_else(|| Failure::from(missing()))
+            item(keys, key)?.ok_or_else(|| BindingError::from(missing()))
         };
         let at = |key: &str| format!("{key} of object {place}");
         Ok(ObjectKeys {
@@ -216,8 +219,8 @@ impl<'py> ObjectKeys<'py> {
     }
 }
 
-/// What `keys` has for `key`. That it has nothing is a KeyError; other errors are those of who made it.
-fn item<'py>(keys: &Bound<'py, PyMapping>, key: &str) -> Outcome<Option<Bound<'py, PyAny>>> {
+/// The value of `key` in `keys`. A KeyError means that there is none; other errors come from the mapping itself.
+fn item<'py>(keys: &Bound<'py, PyMapping>, key: &str) -> BindingResult<Option<Bound<'py, PyAny>>> {
     match keys.get_item(key) {
         Ok(value) => Ok(Some(value)),
         Err(error) if error.is_instance_of::<PyKeyError>(keys.py()) => Ok(None),
@@ -225,23 +228,23 @@ fn item<'py>(keys: &Bound<'py, PyMapping>, key: &str) -> Outcome<Option<Bound<'p
     }
 }
 
-/// The value of `key`, called as `name` says, if there is one that is not None.
+/// The value of `key`, which `name` names in errors, if there is one that is not None.
 fn value<'py, T: for<'a> Argument<'a, 'py>>(
     keys: &Bound<'py, PyMapping>,
     key: &str,
     name: impl Fn(&str) -> String,
-) -> Outcome<Option<T>> {
+) -> BindingResult<Option<T>> {
     item(keys, key)?.filter(|value| !value.is_none()).map(|value| T::of(&name(key), &value)).transpose()
 }
 
-/// The argument `objects`: what the dicts are.
-struct Objects<'py>(Vec<Bound<'py, PyAny>>);
+/// The argument `objects`: a list of dicts.
+struct ObjectDicts<'py>(Vec<Bound<'py, PyAny>>);
 
-impl<'py> Argument<'_, 'py> for Objects<'py> {
-    fn of(name: &str, value: &Bound<'py, PyAny>) -> Outcome<Self> {
+impl<'py> Argument<'_, 'py> for ObjectDicts<'py> {
+    fn of(name: &str, value: &Bound<'py, PyAny>) -> BindingResult<Self> {
         let list = value.cast::<PySequence>().ok().filter(|_| !value.is_instance_of::<PyString>());
         let Some(list) = list else { return Err(wrong_type(name, value, "a list of dicts, one for each object")) };
-        Ok(Objects(list.try_iter()?.collect::<PyResult<_>>()?))
+        Ok(ObjectDicts(list.try_iter()?.collect::<PyResult<_>>()?))
     }
 }
 
@@ -259,16 +262,16 @@ impl Scene {
     ///
     /// `options`: keys of the section `scene` of a scenario:
     ///
-    /// * `labels`: a label file, its contents as a dict, or the name of rules that ship: "street", "forest",
+    /// * `labels`: a label file, its contents as a dict, or the name of built-in rules: "street", "forest",
     ///   "semantic_kitti".
-    /// * `hide`: patterns of names of objects that are left out: `["Sky*"]`.
-    /// * `materials`: what surfaces are made of: `{"Wall*": {"reflectance": 0.3}}`.
-    /// * `up`: which axis points up in files that do not say it (OBJ, PLY, STL): "y", "z", "x", "-x", "-y" or "-z".
+    /// * `hide`: name patterns of objects to leave out: `["Sky*"]`.
+    /// * `materials`: materials of surfaces by name pattern: `{"Wall*": {"reflectance": 0.3}}`.
+    /// * `up`: which axis points up in files that do not define it (OBJ, PLY, STL): "y", "z", "x", "-x", "-y" or "-z".
     /// * `scale`: metres per unit of these files.
-    /// * `animation`, `loop`, `caches`, `texture_limit_mib`, `allow_outside_paths`: as there; names of files are
+    /// * `animation`, `loop`, `caches`, `texture_limit_mib`, `allow_outside_paths`: as in a scenario; file names are
     ///   relative to the working folder.
     ///
-    /// NotFoundError for a file that is not there, FormatError for one that is broken and for unknown options.
+    /// NotFoundError for a missing file, FormatError for a broken one and for unknown options.
     ///
     /// >>> with open("tent.obj", "w") as file:
     /// ...     print("o tent\nv -1 -1 0\nv 1 -1 0\nv 0 0 2\nf 1 2 3", file=file)
@@ -279,27 +282,27 @@ impl Scene {
     #[pyo3(signature = (files, **options))]
     fn load(
         py: Python<'_>,
-        #[pyo3(from_py_with = argument::files)] files: Files,
+        #[pyo3(from_py_with = argument::files)] files: ScenePaths,
         options: Option<&Bound<'_, PyDict>>,
-    ) -> Outcome<Scene> {
+    ) -> BindingResult<Scene> {
         let options = match options {
             Some(keys) => LoadOptions::from_yaml(&options_text(keys)?)?,
             None => LoadOptions::default(),
         };
         let files = match files {
-            Files::One(file) => vec![file],
-            Files::Several(files) => files,
+            ScenePaths::One(file) => vec![file],
+            ScenePaths::Several(files) => files,
         };
         Ok(Scene::of(py.detach(|| echocast::Scene::load_all(&files, &options))?))
     }
 
     /// A scene of one mesh: `vertices`, n x 3, m; `triangles`, m x 3, indices of vertices.
     ///
-    /// `categories`: m numbers from 0, that of each triangle; triangles of a number are an object. `names`: what the
-    /// numbers are called, a dict. `name`: of the object, if there are no categories. `material`: what it is made of, a
-    /// name of the library or keys as a dict or YAML text. Arrays of any type of number and lists are copied, those of
-    /// float32 and uint32 fastest; vertices in float64 keep their place far from 0, 0, 0. ArgumentError for other shapes
-    /// and for what is not finite, TypeError for what is no numbers.
+    /// `categories`: m numbers from 0, one for each triangle; the triangles of a number form an object. `names`: names
+    /// of these numbers, a dict. `name`: that of the object, if there are no categories. `material`: the name of a
+    /// library material, or keys as a dict or YAML text. Arrays of any type of number and lists are copied, those of
+    /// float32 and uint32 fastest; vertices in float64 stay precise far from 0, 0, 0. ArgumentError for other shapes
+    /// and for numbers that are not finite, TypeError for anything but numbers.
     ///
     /// >>> floor = np.array([[-9, -9, 0], [9, -9, 0], [9, 9, 0], [-9, 9, 0]], dtype=np.float32)
     /// >>> triangles = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
@@ -315,13 +318,13 @@ impl Scene {
         categories: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = argument::names)] names: Option<BTreeMap<u32, String>>,
         #[pyo3(from_py_with = argument::name)] name: &str,
-        #[pyo3(from_py_with = argument::material)] material: Option<Source<'_>>,
-    ) -> Outcome<Scene> {
+        #[pyo3(from_py_with = argument::material)] material: Option<SpecSource<'_>>,
+    ) -> BindingResult<Scene> {
         let mut scene = echocast::Scene::default();
         let names = names.unwrap_or_default();
         scene.labels.category = table(names.clone());
         let material = material.as_ref().map(Matter::of).transpose()?;
-        let vertices = Vertices::of(vertices)?;
+        let vertices = VertexArray::of(vertices)?;
         let middle = vertices.middle(DVec3::ZERO);
         let world_from_object = DAffine3::from_translation(middle);
         let whole = mesh(name, vertices.about(middle), triangles, material.as_ref())?;
@@ -334,7 +337,7 @@ impl Scene {
         let part = &whole.parts[0];
         if categories.len() != part.triangles.len() {
             let allowed = format!("{}, one for each triangle", part.triangles.len());
-            return Err(Failure::argument("categories", format!("{} numbers", categories.len()), allowed));
+            return Err(BindingError::argument("categories", format!("{} numbers", categories.len()), allowed));
         }
         let mut kinds: Vec<u32> = categories.iter().copied().collect();
         kinds.sort_unstable();
@@ -354,10 +357,10 @@ impl Scene {
     }
 
     /// A scene of objects, a dict for each: `vertices` and `triangles` as for `from_arrays`; `name`; `pose`, a Pose, x,
-    /// y, z, or a 4 x 4 matrix (world from object); `category`, a name, or a number that `names` may name;
-    /// `instance`, a number from 1, by default one of its own; `material`, as for `from_arrays`. Only vertices and
-    /// triangles are needed, KeyError without; ArgumentError for other keys. Objects with the same two arrays and the same
-    /// material share a mesh.
+    /// y, z, or a 4 x 4 matrix (world from object); `category`, a name, or a number that `names` may name; `instance`,
+    /// a number from 1, by default its own; `material`, as for `from_arrays`. Only vertices and triangles are required,
+    /// KeyError without them; ArgumentError for other keys. Objects with the same two arrays and the same material
+    /// share a mesh.
     ///
     /// >>> square = np.array([[0, -1, 0], [0, 1, 0], [0, 1, 2], [0, -1, 2]], dtype=np.float32)
     /// >>> mesh = {"vertices": square, "triangles": np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)}
@@ -368,11 +371,11 @@ impl Scene {
     #[staticmethod]
     #[pyo3(signature = (objects, *, names = None))]
     fn from_objects(
-        #[pyo3(from_py_with = argument::objects)] objects: Objects<'_>,
+        #[pyo3(from_py_with = argument::objects)] objects: ObjectDicts<'_>,
         #[pyo3(from_py_with = argument::names)] names: Option<BTreeMap<u32, String>>,
-    ) -> Outcome<Scene> {
+    ) -> BindingResult<Scene> {
         let objects = objects.0.iter().enumerate().map(|(place, keys)| ObjectKeys::of(place, keys));
-        let objects = objects.collect::<Outcome<Vec<_>>>()?;
+        let objects = objects.collect::<BindingResult<Vec<_>>>()?;
         let fixed = names.unwrap_or_default().into_iter().filter(|(id, _)| *id > 0);
         let fixed: BTreeMap<String, u32> = fixed.map(|(id, name)| (name, id)).collect();
         let named = objects.iter().filter_map(|object| match &object.category {
@@ -390,14 +393,14 @@ impl Scene {
         }
         let mut scene = echocast::Scene::default();
         scene.labels.category = NameTable::number(named.chain(fixed.into_keys()), &taken);
-        let (mut meshes, mut middles) = (Meshes::new(), Vec::new());
+        let (mut meshes, mut middles) = (MeshCache::new(), Vec::new());
         for (number, keys) in objects.into_iter().enumerate() {
             let material = keys.material.as_ref().map(Matter::of).transpose()?;
-            let given = (Given::of(&keys.vertices)?, Given::of(&keys.triangles)?, material);
+            let given = (ArgumentIdentity::of(&keys.vertices)?, ArgumentIdentity::of(&keys.triangles)?, material);
             let (made, middle) = match meshes.entry(given) {
                 Entry::Occupied(known) => known.into_mut(),
                 Entry::Vacant(new) => {
-                    let vertices = Vertices::of(&keys.vertices)?;
+                    let vertices = VertexArray::of(&keys.vertices)?;
                     let middle = vertices.middle(DVec3::ZERO);
                     let made = mesh(&keys.name, vertices.about(middle), &keys.triangles, new.key().2.as_ref())?;
                     new.insert((made, middle))
@@ -418,11 +421,11 @@ impl Scene {
         Ok(Scene::numbered(scene, middles))
     }
 
-    /// A scene of a trimesh.Trimesh or trimesh.Scene, an Open3D TriangleMesh, or a list of them.
+    /// A scene made from a trimesh.Trimesh or trimesh.Scene, an Open3D TriangleMesh, or a list of them.
     ///
     /// `up`: "z", "-z", "y", "-y", "x" or "-x", which of its axes points up; by default "z". `scale`: metres per unit,
-    /// above 0; by default 1. `category`: of meshes that have no "category" in their metadata; by default their name
-    /// without the number at its end. ArgumentError for what is no mesh.
+    /// above 0; by default 1. `category`: that of meshes without a "category" in their metadata; by default their name
+    /// without the number at its end. ArgumentError for anything but meshes.
     ///
     /// >>> import types
     /// >>> wall = types.SimpleNamespace(vertices=[[3, -1, 0], [3, 1, 0], [3, 0, 2]], faces=[[0, 1, 2]])
@@ -434,10 +437,10 @@ impl Scene {
         mesh.py().import("echocast._meshes")?.getattr("scene")?.call((mesh,), options)
     }
 
-    /// Makes a scene that is always the same for the same arguments: "street", "landscape", "indoor" or "seabed".
+    /// Generates a scene, always the same for the same arguments: "street", "landscape", "indoor" or "seabed".
     ///
-    /// `seed`: 0 to 2^64 - 1. `path`: a .glb file that keeps it. `options`: keys of `scene.generate` of a scenario,
-    /// such as `blocks=[3, 2]` of a street and `rooms=[1, 1]` of a flat; FormatError for unknown ones, with the
+    /// `seed`: 0 to 2^64 - 1. `path`: a .glb file to save it to. `options`: keys of `scene.generate` of a scenario,
+    /// such as `blocks=[3, 2]` for a street and `rooms=[1, 1]` for a flat; FormatError for unknown ones, with the
     /// nearest.
     ///
     /// >>> flat = ec.Scene.generate("indoor", seed=3, rooms=[2, 1], path="flat.glb")
@@ -453,13 +456,13 @@ impl Scene {
         #[pyo3(from_py_with = argument::seed)] seed: u64,
         #[pyo3(from_py_with = argument::path)] path: Option<PathBuf>,
         options: Option<&Bound<'_, PyDict>>,
-    ) -> Outcome<Scene> {
+    ) -> BindingResult<Scene> {
         let keys = PyDict::new(py);
         keys.set_item(kind, options.cloned().unwrap_or_else(|| PyDict::new(py)))?;
         keys.set_item("seed", seed)?;
-        let wanted = Generate::from_yaml(&options_text(&keys)?)?;
+        let generator = Generate::from_yaml(&options_text(&keys)?)?;
         let scene = py.detach(|| {
-            let made = wanted.scene(Path::new(""))?;
+            let made = generator.scene(Path::new(""))?;
             if let Some(path) = path {
                 made.write(path)?;
             }
@@ -468,9 +471,10 @@ impl Scene {
         Ok(Scene::of(scene))
     }
 
-    /// What `sensor`, a Sensor or what `Sensor` takes, sees: a cloud. Of a sonar, the points of a ping.
+    /// Scans the scene with `sensor`, a Sensor or what `Sensor` takes, and returns a cloud; for a sonar, the points of
+    /// a ping.
     ///
-    /// Everything else is by keyword; None means the default:
+    /// All other arguments are keywords; None means the default:
     ///
     /// * `at`: where the sensor is: a Pose, such as that of a camera of the scene; x, y and z, m; a 4 x 4 matrix, world
     ///   from sensor; or a Trajectory, along which it moves during the scan. Default: at 0, 0, 0, along the axes of the
@@ -478,39 +482,38 @@ impl Scene {
     /// * `fields`: columns, a list or a string with commas, of the names that `PointCloud` lists. "default" stands for
     ///   those that the sensor has by default, "all" for all, "velocity" and "flow" for three each. Default: "default".
     /// * `seed`: of all random draws, 0 to 2^64 - 1. Default: 0.
-    /// * `frame`: number of the scan, 0 to 2^32 - 1; each draws other random numbers. Default: 0.
-    /// * `start_time`: when it starts, s since the start of the run; patterns that do not repeat go on with it.
+    /// * `frame`: number of the scan, 0 to 2^32 - 1; each has its own random numbers. Default: 0.
+    /// * `start_time`: when it starts, s since the start of the run; patterns that do not repeat continue with it.
     ///   Default: 0.
     /// * `trajectory_time`: time of the trajectory at which it starts, s. Default: `start_time`.
-    /// * `freeze`: True holds the scene still during the scan, as it is at the start. Default: False.
-    /// * `frame_period`: s, above 0, up to 1e9: time from frame to frame, over which scene flow is measured; of
+    /// * `freeze`: True freezes the scene during the scan, as it is at the start. Default: False.
+    /// * `frame_period`: s, above 0, up to 1e9: time from frame to frame, over which scene flow is measured; for
     ///   `pings`, from ping to ping. Default: the sensor's period.
     /// * `organised`: True keeps beams without a return, with NaN and 0, so that each beam has its point: for sensors
-    ///   with one return a beam, in the order "beam". Default: False.
+    ///   with one return per beam, in the order "beam". Default: False.
     /// * `coordinates`: axes of positions, normals and boxes, "world" or "sensor". Default: "world".
     /// * `order`: of points, "beam" or "time". Default: "beam".
-    /// * `deskew`: True brings points to one time, the start of the scan: what moves is where it was then, and the axes
-    ///   "sensor" are the sensor's then. The columns `time` and `true_x`, `true_y`, `true_z` stay as they are. Not for sonars.
+    /// * `deskew`: True brings points to one time, the start of the scan: moving objects are where they were then, and
+    ///   the axes "sensor" are the sensor's at that time. The columns `time` and `true_x`, `true_y`, `true_z` stay as
+    ///   they are. Not for sonars. Default: False.
+    /// * `boxes`: boxes around labelled instances, for which beams are traced once more: True or "object", along the
+    ///   axes of each object; "frame", along those of the cloud. Default: False.
+    /// * `box_time`: time for which boxes are valid: "scan", for each the mean time of its points, which with `deskew`
+    ///   is the start; "start" or "end" of the scan. Default: "scan".
+    /// * `image_boxes`: True adds the extent of the whole object in the sensor's image to boxes and annotations.
     ///   Default: False.
-    /// * `boxes`: of labelled instances, for which beams are traced once more: True or "object", along the axes of each
-    ///   object; "frame", along those of the cloud. Default: False.
-    /// * `box_time`: when boxes hold: "scan", each at the mean time of its points, which with `deskew` is the start; "start"
-    ///   or "end" of the scan. Default: "scan".
-    /// * `image_boxes`: True adds where all of an object is in the sensor's image, to boxes and to annotations.
-    ///   Default: False.
-    /// * `profile`: "physical"; "paper", equations as the paper prints them; "blainder", what the paper's program
-    ///   computes. Default: "physical".
-    /// * `reflectance_source`: where reflectance comes from that a material does not say: "library", "luminance" or
-    ///   "alpha". Default: "library"; of the profiles "paper" and "blainder", "luminance" and "alpha".
-    /// * `mask`: 32 bits; an object is seen whose own mask, by default all bits, shares one with it. Default: all bits.
-    /// * `specular_depth`: most mirrors and faces of glass that a path of light is followed over, 0 to 255. Default:
-    ///   10.
+    /// * `profile`: "physical"; "paper", equations as printed in the paper; "blainder", as computed by the paper's
+    ///   program. Default: "physical".
+    /// * `reflectance_source`: source of the reflectance that a material does not give: "library", "luminance" or
+    ///   "alpha". Default: "library"; for the profiles "paper" and "blainder", "luminance" and "alpha".
+    /// * `mask`: 32 bits; objects whose own mask, by default all bits, shares one with it are seen. Default: all bits.
+    /// * `specular_depth`: most mirrors and faces of glass along a path of light, 0 to 255. Default: 10.
     /// * `environment`: an Environment, or what `Environment` takes. Default: clear air, for sonars water.
-    /// * `progress`: called with what is done, 0 to 1; if it returns False the scan ends with a CancelledError. True
-    ///   shows a bar in terminals and notebooks. Default: None.
+    /// * `progress`: called with the fraction that is done, 0 to 1; if it returns False the scan ends with a
+    ///   CancelledError. True shows a bar in terminals and notebooks. Default: None.
     ///
-    /// ArgumentError for values that are not allowed, TypeError for other types and unknown keywords. A cloud without
-    /// points comes with a UserWarning that says why that may be. Ctrl-C ends it.
+    /// ArgumentError for values that are not allowed, TypeError for wrong types and unknown keywords. A cloud without
+    /// points causes a UserWarning with possible reasons. Ctrl-C ends the scan.
     ///
     /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
     /// >>> options = {"at": room.camera("Scanner"), "organised": True, "fields": "default,normal_z"}
@@ -523,13 +526,13 @@ impl Scene {
         py: Python<'_>,
         #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
         options: Option<&Bound<'_, PyDict>>,
-    ) -> Outcome<PointCloud> {
-        let asked = Asked::of(py, sensor, options, || self.cameras())?;
-        scan(py, &self.built(py)?, &asked, || self.scene.bounds())
+    ) -> BindingResult<PointCloud> {
+        let request = ScanRequest::of(py, sensor, options, || self.cameras())?;
+        scan(py, &self.built(py)?, &request, || self.scene.bounds())
     }
 
-    /// A ping of a sonar: levels in range bins for each beam. Keywords as those of `Scene.scan`; ArgumentError for a
-    /// sensor that is no sonar.
+    /// A ping of a sonar: levels in range bins for each beam. Keywords as for `Scene.scan`; ArgumentError for a sensor
+    /// that is not a sonar.
     ///
     /// >>> lake = ec.Scene.generate("seabed", seed=3)
     /// >>> ping = lake.ping("sbes_200", at=lake.camera("Sonar"))
@@ -541,14 +544,14 @@ impl Scene {
         py: Python<'_>,
         #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
         options: Option<&Bound<'_, PyDict>>,
-    ) -> Outcome<Ping> {
-        let asked = Asked::of(py, sensor, options, || self.cameras())?;
-        ping(py, &self.built(py)?, &asked)
+    ) -> BindingResult<Ping> {
+        let request = ScanRequest::of(py, sensor, options, || self.cameras())?;
+        ping(py, &self.built(py)?, &request)
     }
 
-    /// `count` pings of a sonar, one after the other along its trajectory. Keywords as those of `Scene.scan`; `frame`
-    /// and `start_time` are those of the first, `progress` is called after each. ArgumentError for more pings than the
-    /// memory of the machine holds.
+    /// `count` pings of a sonar, in order along its trajectory. Keywords as for `Scene.scan`; `frame` and `start_time`
+    /// are those of the first, `progress` is called after each. ArgumentError for more pings than the memory of the
+    /// machine holds.
     ///
     /// >>> lake = ec.Scene.generate("seabed", seed=3)
     /// >>> survey = ec.Trajectory([0.0, 10.0], np.array([[-15.0, 0, -2], [5, 0, -2]]))
@@ -562,12 +565,12 @@ impl Scene {
         #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
         #[pyo3(from_py_with = argument::count)] count: u32,
         options: Option<&Bound<'_, PyDict>>,
-    ) -> Outcome<Pings> {
-        let asked = Asked::of(py, sensor, options, || self.cameras())?;
-        pings(py, &self.built(py)?, &asked, count)
+    ) -> BindingResult<Pings> {
+        let request = ScanRequest::of(py, sensor, options, || self.cameras())?;
+        pings(py, &self.built(py)?, &request, count)
     }
 
-    /// When the last of what moves by itself ends, s; 0 if nothing does. `LiveScene.set_time` lets it move.
+    /// End of the last motion of the scene itself, s; 0 if nothing moves. `LiveScene.set_time` plays it.
     #[getter]
     fn end_time(&self) -> f64 {
         self.scene.timeline.end()
@@ -597,8 +600,8 @@ impl Scene {
         self.scene.cameras.iter().map(|camera| camera.name.clone()).collect()
     }
 
-    /// The pose of a sensor at the camera node called `name`; ArgumentError without one, with the nearest names.
-    fn camera(&self, #[pyo3(from_py_with = argument::name)] name: &str) -> Outcome<crate::place::Pose> {
+    /// The pose of a sensor at the camera node called `name`; ArgumentError if there is none, with the nearest names.
+    fn camera(&self, #[pyo3(from_py_with = argument::name)] name: &str) -> BindingResult<crate::place::Pose> {
         Ok(crate::place::Pose(self.scene.camera(name)?.pose))
     }
 
@@ -614,7 +617,7 @@ impl Scene {
         self.scene.bounds().map(|(low, high)| (low.to_array(), high.to_array()))
     }
 
-    /// What the reader of its files noticed, a sentence each.
+    /// Warnings of the reader of its files, a sentence each.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.scene.report.warnings.clone()
@@ -623,7 +626,7 @@ impl Scene {
     fn __reduce__(&self) -> PyResult<()> {
         no_pickle(
             "a Scene",
-            "let each process load its file, or give it the arrays that it is made of; a Scenario can, and names its files",
+            "let each process load the file, or make the scene from its arrays; a Scenario can, as it only names files",
         )
     }
 
@@ -632,15 +635,15 @@ impl Scene {
     }
 }
 
-/// Scans `built` as was asked for; warns if there are no points. `bounds` are those of the scene.
+/// Scans `built` as requested; warns if there are no points. `bounds` are those of the scene.
 pub fn scan(
     py: Python<'_>,
     built: &BuiltScene,
-    asked: &Asked,
+    request: &ScanRequest,
     bounds: impl FnOnce() -> Option<(DVec3, DVec3)>,
-) -> Outcome<PointCloud> {
-    let Asked { sensor, path, options, .. } = asked;
-    let cloud = asked.run(py, |progress| {
+) -> BindingResult<PointCloud> {
+    let ScanRequest { sensor, path, options, .. } = request;
+    let cloud = request.run(py, |progress| {
         let mut cloud = echocast::PointCloud::default();
         built.scan_with_progress(sensor, path, options, &mut cloud, progress)?;
         Ok(cloud)

@@ -1,23 +1,23 @@
-//! Sensors and what is between them and surfaces.
+//! Sensors and environments.
 
 use crate::argument::{self, class, one_of};
-use crate::error::{Failure, Outcome};
+use crate::error::{BindingError, BindingResult};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
 use std::path::{Path, PathBuf};
 use std::sync::{PoisonError, RwLock};
 
-/// An instrument: its beams, and the errors that it makes.
+/// An instrument: its beams and its errors.
 ///
-/// `sensor`: the name of a preset of `presets` (a part that no other has is enough: "VLP-16"), the path of a sensor
+/// `sensor`: the name of one of the `presets` (a part that no other has is enough: "VLP-16"), the path of a sensor
 /// file, or its keys as a dict or YAML text. ArgumentError for an unknown name, with the nearest ones; FormatError for
 /// wrong keys.
 ///
 /// `sensor["noise.range_sigma_m"]` is the number at a key, by its path in the YAML; KeyError if there is none.
-/// `sensor["noise.range_sigma_m"] = 0` sets a key to a number, text, list or dict, and None takes an optional one away;
-/// on a FormatError or ArgumentError, which says what is allowed, the sensor stays as it was. Sensors copy and pickle,
-/// and threads may share them: a scan is made with the sensor as it was when the scan began.
+/// `sensor["noise.range_sigma_m"] = 0` sets a key to a number, text, list or dict, and None removes an optional one; on
+/// a FormatError or ArgumentError, which states what is allowed, the sensor is unchanged. Sensors can be copied and
+/// pickled, and threads may share them: a scan is made with the sensor as it was when the scan began.
 ///
 /// >>> sensor = ec.Sensor("velodyne_vlp16")
 /// >>> sensor["noise.range_sigma_m"] = 0
@@ -30,7 +30,7 @@ use std::sync::{PoisonError, RwLock};
 pub struct Sensor(RwLock<echocast::Sensor>);
 
 impl Sensor {
-    /// It, as it is now.
+    /// A copy of it as it is now.
     pub fn now(&self) -> echocast::Sensor {
         self.0.read().unwrap_or_else(PoisonError::into_inner).clone()
     }
@@ -40,7 +40,7 @@ impl Sensor {
     }
 }
 
-/// Keys and values of Python as YAML, which JSON is too.
+/// Keys and values of Python as YAML, which includes JSON.
 pub fn options_text(value: &Bound<'_, PyAny>) -> PyResult<String> {
     value.py().import("echocast._arrays")?.call_method1("text", (value,))?.extract()
 }
@@ -48,45 +48,47 @@ pub fn options_text(value: &Bound<'_, PyAny>) -> PyResult<String> {
 class! { Sensor, "a Sensor" }
 class! { Environment, "an Environment" }
 
-/// What a sensor, an environment or a scenario is made of.
-pub enum Source<'py> {
+/// What a sensor, an environment or a scenario can be made from.
+pub enum SpecSource<'py> {
     Keys(Bound<'py, PyMapping>),
     Text(String),
     Path(PathBuf),
 }
 
-one_of! { Source<'py>: Keys | Text | Path; "a name, the path of a file, keys as a dict, or YAML text" }
+one_of! { SpecSource<'py>: Keys | Text | Path; "a name, the path of a file, keys as a dict, or YAML text" }
 
-impl Source<'_> {
-    /// YAML: JSON of keys, or text that is no name.
+impl SpecSource<'_> {
+    /// The YAML: keys as JSON, or text that is not a name.
     pub fn yaml(&self) -> PyResult<Option<String>> {
         Ok(match self {
-            Source::Keys(keys) => Some(options_text(&keys.py().get_type::<PyDict>().call1((keys,))?)?),
-            Source::Text(text) if text.contains(['\n', ':', '{']) && !Path::new(text).exists() => Some(text.clone()),
+            SpecSource::Keys(keys) => Some(options_text(&keys.py().get_type::<PyDict>().call1((keys,))?)?),
+            SpecSource::Text(text) if text.contains(['\n', ':', '{']) && !Path::new(text).exists() => {
+                Some(text.clone())
+            }
             _ => None,
         })
     }
 
     pub fn path(&self) -> &Path {
         match self {
-            Source::Text(text) => Path::new(text),
-            Source::Path(path) => path,
-            Source::Keys(_) => Path::new(""),
+            SpecSource::Text(text) => Path::new(text),
+            SpecSource::Path(path) => path,
+            SpecSource::Keys(_) => Path::new(""),
         }
     }
 }
 
-/// Whether `source`, of which a sensor, an environment or a scenario is made, is the path or name of a file, not its
+/// Whether `source`, from which a sensor, an environment or a scenario is made, is the path or name of a file, not its
 /// contents.
 #[pyfunction]
-pub fn is_path(#[pyo3(from_py_with = argument::source)] source: Source<'_>) -> PyResult<bool> {
+pub fn is_path(#[pyo3(from_py_with = argument::source)] source: SpecSource<'_>) -> PyResult<bool> {
     Ok(source.yaml()?.is_none())
 }
 
 #[pymethods]
 impl Sensor {
     #[new]
-    fn new(#[pyo3(from_py_with = argument::sensor)] sensor: Source<'_>) -> Outcome<Sensor> {
+    fn new(#[pyo3(from_py_with = argument::sensor)] sensor: SpecSource<'_>) -> BindingResult<Sensor> {
         Ok(Sensor::of(match sensor.yaml()? {
             Some(text) => echocast::Sensor::from_yaml(&text, "")?,
             None => echocast::Sensor::open(sensor.path())?,
@@ -99,7 +101,7 @@ impl Sensor {
         self.now().name().to_owned()
     }
 
-    /// What it is called in full.
+    /// Its full name.
     #[getter]
     fn title(&self) -> String {
         self.now().title().to_owned()
@@ -129,17 +131,17 @@ impl Sensor {
         self.now().beams().period
     }
 
-    /// All its keys as YAML, which makes the same sensor.
+    /// All its keys as YAML, from which the same sensor can be made.
     ///
     /// >>> sensor = ec.Sensor("velodyne_vlp16")
     /// >>> ec.Sensor(sensor.to_yaml()).beams == sensor.beams
     /// True
-    fn to_yaml(&self) -> Outcome<String> {
+    fn to_yaml(&self) -> BindingResult<String> {
         Ok(self.now().to_yaml()?)
     }
 
     /// The number at `key`.
-    fn __getitem__(&self, #[pyo3(from_py_with = argument::key)] key: &str) -> Outcome<f64> {
+    fn __getitem__(&self, #[pyo3(from_py_with = argument::key)] key: &str) -> BindingResult<f64> {
         match self.now().parameter(key) {
             Ok(found) => Ok(found.value),
             Err(error) => Err(PyKeyError::new_err(error.to_string()).into()),
@@ -147,7 +149,11 @@ impl Sensor {
     }
 
     /// Sets `key`, as `--set KEY=VALUE` does.
-    fn __setitem__(&self, #[pyo3(from_py_with = argument::key)] key: &str, value: &Bound<'_, PyAny>) -> Outcome<()> {
+    fn __setitem__(
+        &self,
+        #[pyo3(from_py_with = argument::key)] key: &str,
+        value: &Bound<'_, PyAny>,
+    ) -> BindingResult<()> {
         let mut changed = self.now();
         changed.set(key, &options_text(value)?)?;
         *self.0.write().unwrap_or_else(PoisonError::into_inner) = changed;
@@ -162,7 +168,7 @@ impl Sensor {
         Sensor::of(self.now())
     }
 
-    fn __reduce__(slf: &Bound<'_, Self>) -> Outcome<(Py<PyAny>, (String,))> {
+    fn __reduce__(slf: &Bound<'_, Self>) -> BindingResult<(Py<PyAny>, (String,))> {
         Ok((slf.get_type().into_any().unbind(), (slf.get().to_yaml()?,)))
     }
 
@@ -172,7 +178,7 @@ impl Sensor {
     }
 }
 
-/// Names of the sensors that come with echocast, with what they are called in full.
+/// Names of the sensors that come with echocast, with their full names.
 ///
 /// >>> dict(ec.presets())["velodyne_vlp16"]
 /// 'Velodyne VLP-16 Puck'
@@ -181,10 +187,10 @@ pub fn presets() -> Vec<(String, String)> {
     echocast::Sensor::presets().into_iter().map(|preset| (preset.name.to_owned(), preset.title.to_owned())).collect()
 }
 
-/// What is between sensor and surfaces: clear air, rain, fog, snow, dust; water for sonars.
+/// The medium between sensor and surfaces: clear air, rain, fog, snow, dust; water for sonars.
 ///
 /// `environment`: the keys of the section `environment` of a scenario, as a dict or YAML text, or the path of such a
-/// file; None: clear air. FormatError and ArgumentError for wrong keys and values. Environments pickle.
+/// file; None: clear air. FormatError and ArgumentError for wrong keys and values. Environments can be pickled.
 ///
 /// >>> fog = ec.Environment({"fog": {"visibility_m": 20}})
 /// >>> empty = ec.LiveScene()
@@ -198,7 +204,9 @@ pub struct Environment(pub echocast::Environment);
 impl Environment {
     #[new]
     #[pyo3(signature = (environment = None))]
-    fn new(#[pyo3(from_py_with = argument::environment)] environment: Option<Source<'_>>) -> Outcome<Environment> {
+    fn new(
+        #[pyo3(from_py_with = argument::environment)] environment: Option<SpecSource<'_>>,
+    ) -> BindingResult<Environment> {
         let Some(source) = environment else { return Ok(Environment(echocast::Environment::default())) };
         let made = match source.yaml()? {
             Some(text) => echocast::Environment::from_yaml(&text)?,
@@ -208,12 +216,12 @@ impl Environment {
         Ok(Environment(made))
     }
 
-    /// All its keys as YAML, which makes the same environment.
-    fn to_yaml(&self) -> Outcome<String> {
+    /// All its keys as YAML, from which the same environment can be made.
+    fn to_yaml(&self) -> BindingResult<String> {
         Ok(self.0.to_yaml()?)
     }
 
-    fn __reduce__(slf: &Bound<'_, Self>) -> Outcome<(Py<PyAny>, (String,))> {
+    fn __reduce__(slf: &Bound<'_, Self>) -> BindingResult<(Py<PyAny>, (String,))> {
         Ok((slf.get_type().into_any().unbind(), (slf.get().to_yaml()?,)))
     }
 
@@ -223,27 +231,27 @@ impl Environment {
     }
 }
 
-/// An environment, or what one is made of.
-pub enum Air<'py> {
+/// An environment, or what one can be made from.
+pub enum EnvironmentLike<'py> {
     Made(Bound<'py, Environment>),
-    Source(Source<'py>),
+    Source(SpecSource<'py>),
 }
 
-one_of! { Air<'py>: Made | Source; "an Environment, the path of a file, keys as a dict, or YAML text" }
+one_of! { EnvironmentLike<'py>: Made | Source; "an Environment, the path of a file, keys as a dict, or YAML text" }
 
-impl Air<'_> {
-    pub fn environment(self) -> Outcome<echocast::Environment> {
+impl EnvironmentLike<'_> {
+    pub fn environment(self) -> BindingResult<echocast::Environment> {
         match self {
-            Air::Made(made) => Ok(made.get().0.clone()),
-            Air::Source(source) => Ok(Environment::new(Some(source))?.0),
+            EnvironmentLike::Made(made) => Ok(made.get().0.clone()),
+            EnvironmentLike::Source(source) => Ok(Environment::new(Some(source))?.0),
         }
     }
 }
 
-/// A sensor, or what one is made of.
+/// A sensor, or what one can be made from.
 pub enum Instrument<'py> {
     Made(Bound<'py, Sensor>),
-    Source(Source<'py>),
+    Source(SpecSource<'py>),
 }
 
 one_of! {
@@ -252,7 +260,7 @@ one_of! {
 }
 
 impl Instrument<'_> {
-    pub fn sensor(self) -> Outcome<echocast::Sensor> {
+    pub fn sensor(self) -> BindingResult<echocast::Sensor> {
         match self {
             Instrument::Made(made) => Ok(made.get().now()),
             Instrument::Source(source) => Ok(Sensor::new(source)?.now()),
@@ -260,9 +268,9 @@ impl Instrument<'_> {
     }
 }
 
-/// The value called `name` of a type of names.
-pub fn named<T: echocast::Named>(argument: &str, name: &str) -> Outcome<T> {
+/// The value called `name` of a type with named values.
+pub fn named<T: echocast::Named>(argument: &str, name: &str) -> BindingResult<T> {
     let found = T::NAMES.iter().find(|(known, _)| *known == name).map(|(_, value)| *value);
     let all = || T::NAMES.iter().map(|(known, _)| *known).collect::<Vec<_>>().join(", ");
-    found.ok_or_else(|| Failure::argument(argument, format!("{name:?}"), all()))
+    found.ok_or_else(|| BindingError::argument(argument, format!("{name:?}"), all()))
 }

@@ -1,12 +1,12 @@
-//! Threads that help with the work of others.
+//! A crew of helper threads that share the work of their callers.
 //!
-//! Whoever has work does it, and calls the crew for help. Work comes in steps, which any thread may take one after the
-//! other until there are none. After every step a helper looks whether smaller work has come up, and goes there: a small
-//! scan never waits for a large one, and a large one goes on with the thread that asked for it, at least. Nothing is
-//! allocated but when more work is shared at once than ever before.
+//! A thread that has work does it itself, and calls the crew for help. Work is divided into steps, which any thread may
+//! take one after the other until none are left. After every step a helper checks whether smaller work has arrived, and
+//! switches to it: a small scan never waits for a large one, and a large one continues at least on the thread that
+//! called for help. Memory is allocated only when more work is shared at once than ever before.
 //!
-//! Rayon, which works in the pools of hosts, is no help here: it takes up whatever comes first, on the stack of what
-//! waits, and a scan would end when everything above it has ended.
+//! Rayon, which runs in the pools of hosts, does not fit here: a waiting thread takes up whatever comes first, on its
+//! own stack, and a scan would end only when everything above it on the stack has ended.
 
 use std::any::Any;
 use std::io;
@@ -15,29 +15,29 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 
-/// Threads that help, until this is dropped.
+/// Helper threads, until this is dropped.
 pub struct Crew {
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
 }
 
-/// Does one step of some work; `false`: there was none left.
-type Step<'s> = &'s (dyn Fn() -> bool + Sync + 's);
+/// Does one step of some work; `false`: none was left.
+type WorkStep<'s> = &'s (dyn Fn() -> bool + Sync + 's);
 
 struct Shared {
     jobs: Mutex<Jobs>,
-    /// There is work, or the end has come.
+    /// Signals that there is work, or that the end has come.
     called: Condvar,
-    /// A helper has left the last of its work.
+    /// Signals that the last helper has left a job.
     left: Condvar,
-    /// How often work has come up.
+    /// Number of jobs shared so far.
     calls: AtomicUsize,
 }
 
 #[derive(Default)]
 struct Jobs {
     open: Vec<Job>,
-    /// Number of the next one.
+    /// Number of the next job.
     next: u64,
     ending: bool,
 }
@@ -47,22 +47,22 @@ struct Job {
     size: u64,
     step: StepPointer,
     helpers: usize,
-    /// Whether all steps are taken, if not done.
+    /// Whether all steps are taken, though perhaps not yet done.
     taken: bool,
     /// Why a helper's step panicked.
     panic: Option<Box<dyn Any + Send>>,
 }
 
-/// A [`Step`] whose lifetime is kept by [`Open`]: it outlives all helpers of its job.
+/// A [`WorkStep`] whose lifetime is guaranteed by [`Open`]: it outlives all helpers of its job.
 #[derive(Clone, Copy)]
 struct StepPointer(*const (dyn Fn() -> bool + Sync));
 
-// SAFETY: what is pointed at may be called by any thread (`Sync`).
+// SAFETY: the function pointed to may be called by any thread (`Sync`).
 #[allow(unsafe_code)]
 unsafe impl Send for StepPointer {}
 
 impl Crew {
-    /// Starts `count` threads with `start`, which gets the number of each and what it must run.
+    /// Starts `count` threads with `start`, which receives the number of each and what it must run.
     ///
     /// # Errors
     /// Those of `start`; then threads already started end.
@@ -85,22 +85,22 @@ impl Crew {
         Ok(crew)
     }
 
-    /// Threads that help.
+    /// Number of helpers.
     pub fn len(&self) -> usize {
         self.threads.len()
     }
 
-    /// Whether nobody helps.
+    /// Whether there are no helpers.
     pub fn is_empty(&self) -> bool {
         self.threads.is_empty()
     }
 
-    /// Calls `step` until it says that there is nothing left, on this thread and on helpers, who prefer work of smaller
+    /// Calls `step` until it returns that nothing is left, on this thread and on helpers, which prefer work of smaller
     /// `size`. Returns when all steps are done.
     ///
     /// # Panics
     /// When a step does.
-    pub fn share(&self, size: u64, step: Step<'_>) {
+    pub fn share(&self, size: u64, step: WorkStep<'_>) {
         if self.threads.is_empty() {
             while step() {}
             return;
@@ -126,17 +126,17 @@ impl Drop for Crew {
     }
 }
 
-/// A job that is shared. Dropping it waits until nobody works on it any more.
+/// A job that is shared. Dropping it waits until no helper works on it any more.
 struct Open<'s> {
     shared: &'s Shared,
     number: u64,
 }
 
 impl<'s> Open<'s> {
-    fn new(shared: &'s Shared, size: u64, step: Step<'s>) -> Open<'s> {
+    fn new(shared: &'s Shared, size: u64, step: WorkStep<'s>) -> Open<'s> {
         let step: *const (dyn Fn() -> bool + Sync + 's) = step;
-        // SAFETY: the lifetime alone changes. `Open::drop`, which runs before `'s` ends, takes the job away when no helper
-        // has it any more, and helpers call it only while they are counted.
+        // SAFETY: only the lifetime changes. `Open::drop`, which runs before `'s` ends, removes the job once no helper
+        // uses it any more, and helpers call it only while they are counted.
         #[allow(unsafe_code)]
         let step = StepPointer(unsafe {
             std::mem::transmute::<*const (dyn Fn() -> bool + Sync + 's), *const (dyn Fn() -> bool + Sync)>(step)
@@ -151,7 +151,7 @@ impl<'s> Open<'s> {
         Open { shared, number }
     }
 
-    /// Ends it; why a helper's step panicked, if one did.
+    /// Ends it and returns why a helper's step panicked, if one did.
     fn close(self) -> Option<Box<dyn Any + Send>> {
         let panic = self.end();
         std::mem::forget(self);
@@ -173,13 +173,13 @@ impl<'s> Open<'s> {
 
 impl Drop for Open<'_> {
     fn drop(&mut self) {
-        // Here when a step of this thread has panicked.
+        // Reached when a step of this thread has panicked.
         drop(self.end());
     }
 }
 
 impl Jobs {
-    /// Where the job is in the list; it is there as long as somebody works on it.
+    /// Index of the job in the list, which contains it as long as a thread works on it.
     fn place(&self, number: u64) -> usize {
         let found = self.open.iter().position(|job| job.number == number);
         found.unwrap_or_else(|| unreachable!("job {number} is not open"))
@@ -209,14 +209,14 @@ impl Shared {
             let known = self.calls.load(Ordering::Relaxed);
             drop(jobs);
             let taken = catch_unwind(AssertUnwindSafe(|| {
-                // SAFETY: this thread is counted as a helper, so that `Open` keeps it.
+                // SAFETY: this thread is counted as a helper, so that `Open` keeps the step alive.
                 #[allow(unsafe_code)]
                 let step = unsafe { &*step.0 };
                 loop {
                     if !step() {
                         return true;
                     }
-                    // Perhaps there is smaller work.
+                    // There may be smaller work.
                     if self.calls.load(Ordering::Relaxed) != known {
                         return false;
                     }
@@ -243,7 +243,7 @@ mod tests {
     use std::sync::atomic::AtomicBool;
     use std::time::Duration;
 
-    /// Takes one of what is `left`; whether there was one.
+    /// Takes one of the steps that are `left`; whether there was one.
     fn take(left: &AtomicUsize) -> bool {
         left.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |left| left.checked_sub(1)).is_ok()
     }
@@ -303,7 +303,7 @@ mod tests {
                 });
             });
             thread::sleep(Duration::from_millis(20));
-            // The helper is busy with endless work, and comes.
+            // The helper is busy with endless work, and comes nevertheless.
             let here = thread::current().id();
             let tries = AtomicUsize::new(0);
             crew.share(1, &|| {
@@ -317,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn panics_reach_whoever_asked_for_help() {
+    fn panics_reach_the_thread_that_shared_the_work() {
         let crew = crew(2);
         for only_helpers in [false, true] {
             let here = thread::current().id();
@@ -331,7 +331,7 @@ mod tests {
             }));
             assert!(shared.is_err());
         }
-        // The crew goes on.
+        // The crew still works.
         let left = AtomicUsize::new(10);
         crew.share(1, &|| take(&left));
         assert_eq!(left.into_inner(), 0);

@@ -8,36 +8,37 @@ use echocast::InstanceBox;
 use std::ptr;
 
 /// The box around a labelled instance. Position, orientation and velocity are in the frame of the points; in sensor
-/// coordinates that is the sensor's frame when the box holds, or when the scan starts if its points are brought there.
+/// coordinates that is the sensor frame at the time of the box, or at the start of the scan if its points are deskewed.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_box {
-    /// When the box holds (scan_desc.box_time), ns. Times since 1970 are rounded to 0.2 microseconds.
+    /// Time for which the box is valid (scan_desc.box_time), ns. Times since 1970 are rounded to 0.2 microseconds.
     pub t_ns: i64,
     /// Number of the frame, as in the column `frame`.
     pub frame: u32,
-    /// The object over all frames, as in the column `track_id`.
+    /// The object across all frames, as in the column `track_id`.
     pub track_id: u32,
-    /// The object, as in the column `instance_id`; never 0.
+    /// The instance, as in the column `instance_id`; never 0.
     pub instance_id: u32,
-    /// What it is, as in the column `category_id`; 0 = unlabelled.
+    /// The category, as in the column `category_id`; 0 = unlabelled.
     pub category_id: u32,
-    /// Returns of the scan that lie on it.
+    /// Number of returns of the scan on it.
     pub points: u32,
     /// 0.
     pub reserved: u32,
-    /// The middle of the box, x, y, z, metres; complete, not relative to the result's origin.
+    /// Centre of the box, x, y, z, metres; absolute, not relative to the result's origin.
     pub position: [f64; 3],
-    /// Lengths along its axes, metres.
+    /// Size along its axes, metres.
     pub size: [f64; 3],
     /// Rotation from its axes, a unit quaternion x, y, z, w.
     pub orientation_xyzw: [f64; 4],
-    /// How fast its middle moves over the ground, m/s.
+    /// Velocity of its centre over the ground, m/s.
     pub velocity: [f64; 3],
-    /// How much of it is not hidden, 0 to 1: of the beams that would meet it if it were alone, the part that does.
+    /// Visible fraction, 0 to 1: of the beams that would hit it if it were alone, the share that does.
     pub visible: f64,
-    /// Left, top, right and bottom, pixels, of all of it in the image of the sensor, whatever hides it and where the
-    /// image ends; not-a-number: not asked for (scan_desc.image_boxes), or nothing of it is in front of the camera.
+    /// Left, top, right and bottom of the whole object in the image of the sensor, pixels, including what is hidden or
+    /// outside of the image; NaN if not requested (scan_desc.image_boxes), or if no part of it is in front of the
+    /// camera.
     pub image: [f64; 4],
 }
 
@@ -62,21 +63,22 @@ impl echocast_box {
 }
 
 /// The boxes of a result, in place. Those of a newer library may be longer than those of this header: ECHOCAST_AT steps
-/// from one to the next by the stride.
+/// by the stride.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_box_view {
     /// The first; NULL if there are none.
     pub data: *const echocast_box,
-    /// Number of them.
+    /// Number of boxes.
     pub count: usize,
     /// Bytes from one to the next.
     pub stride: usize,
 }
 
-/// Gives access to the boxes around the labelled instances that a scan with `boxes` can see, in place: by rising
-/// instance_id, those of appended results one after the other. Objects with one instance_id share a box. echocast_result_label_name has the names of categories and instances. The view is valid until the result is
-/// scanned into, appended to or released.
+/// Gives access to the boxes around the labelled instances that a scan with `boxes` sees, in place, sorted by
+/// instance_id; those of appended results follow in order. Objects with the same instance_id share a box.
+/// echocast_result_label_name returns the names of categories and instances. The view is valid until the result is used
+/// for another scan, appended to or released.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (a scan without boxes), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 ///
@@ -95,7 +97,7 @@ pub unsafe extern "C" fn echocast_result_boxes(
 ) -> echocast_status {
     guard(|| {
         let none = echocast_box_view { data: ptr::null(), count: 0, stride: size_of::<echocast_box>() };
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = unsafe { text::output(out, "out") }?.write(none);
         look(result, |points| {
             if points.cloud.boxes.is_none() {

@@ -27,16 +27,16 @@ pub const ECHOCAST_LOG_INFO: i32 = 3;
 /// must neither throw nor call the library.
 pub type echocast_log_fn = Option<unsafe extern "C" fn(user: *mut c_void, level: i32, text: *const c_char)>;
 
-/// How a context works; ECHOCAST_CONTEXT_DESC_INIT has the defaults.
+/// Options of a context; ECHOCAST_CONTEXT_DESC_INIT has the defaults.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_context_desc {
     /// sizeof(echocast_context_desc).
     pub struct_size: usize,
-    /// Threads that scan, up to 1024: the calling one, which needs 256 KiB of stack, and others of the context's own, who
-    /// help all callers at once, those with the fewest rays first. 0 for as many as the machine has cores, 1 for the
-    /// calling thread alone. One less, up to one per core, help to build large meshes. All are started with the context;
-    /// nothing asks the system for threads later, nor does Embree's TBB.
+    /// Threads that scan, up to 1024: the calling thread, which needs 256 KiB of stack, and threads of the context,
+    /// which help all callers at once, those with the fewest rays first. 0 for as many as the machine has cores, 1 for
+    /// the calling thread only. One fewer, up to one per core, help to build large meshes. All are started with the
+    /// context; neither the library nor Embree's TBB starts threads later.
     pub threads: i32,
     /// Least important messages for `log`: an ECHOCAST_LOG_ number.
     pub log_level: i32,
@@ -68,21 +68,22 @@ pub struct Context {
     user: *mut c_void,
 }
 
-// SAFETY: `user` is only handed to `log`, which may be called on any thread, as the header says.
+// SAFETY: `user` is only passed to `log`, which the header allows to be called on any thread.
 unsafe impl Send for Context {}
 // SAFETY: as above.
 unsafe impl Sync for Context {}
 
 impl Context {
-    pub(crate) fn say(&self, level: i32, text: impl Display) {
+    pub(crate) fn log_message(&self, level: i32, text: impl Display) {
         let Some(log) = self.log.filter(|_| level <= self.level) else { return };
         let text = CString::new(text.to_string().replace('\0', "?")).unwrap_or_default();
-        // SAFETY: the function and its argument are the host's, which promised that they can be called.
+        // SAFETY: the header requires that the host's function can be called with its argument on any thread; the text
+        // lives during the call.
         unsafe { log(self.user, level, text.as_ptr()) };
     }
 
     pub(crate) fn warn(&self, report: &Report) {
-        report.warnings.iter().for_each(|warning| self.say(ECHOCAST_LOG_WARN, warning));
+        report.warnings.iter().for_each(|warning| self.log_message(ECHOCAST_LOG_WARN, warning));
     }
 
     /// Checks that `other`, of the argument `name`, is this context.
@@ -94,24 +95,24 @@ impl Context {
     }
 }
 
-/// Creates a context: starts its threads, which have the signal mask of this one, and loads Embree. A process forked
-/// afterwards does not have these threads: create contexts after a fork. `desc`: NULL for the defaults. `*out` is the
-/// new context; release it with echocast_context_release.
+/// Creates a context: starts its threads, which inherit the signal mask of the calling thread, and loads Embree. A
+/// process forked afterwards does not have these threads: create contexts after a fork. `desc`: NULL for the defaults.
+/// `*out` is the new context; release it with echocast_context_release.
 ///
-/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_UNSUPPORTED (Embree is too old, or the processor), ECHOCAST_E_MEMORY (the
-/// system gives no memory, or not enough threads). Any thread may call this.
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_UNSUPPORTED (Embree is too old, or the processor), ECHOCAST_E_MEMORY (out of
+/// memory, or of threads). Any thread may call this.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_context_create(
     desc: *const echocast_context_desc,
     out: *mut *mut echocast_context,
 ) -> crate::echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = unsafe { text::output(out, "out") }?.write(ptr::null_mut());
         let desc = if desc.is_null() {
             echocast_context_desc::default()
         } else {
-            // SAFETY: as the header asks.
+            // SAFETY: `desc` is a structure (see `text`).
             unsafe { text::structure(desc, "desc") }?
         };
         let threads =
@@ -122,7 +123,7 @@ pub unsafe extern "C" fn echocast_context_create(
         let engine = Engine::with_threads(threads)?;
         let context = Context { engine, level: desc.log_level, log: desc.log, user: desc.log_user };
         let (major, minor, patch) = context.engine.embree_version();
-        context.say(
+        context.log_message(
             ECHOCAST_LOG_INFO,
             format_args!("Embree {major}.{minor}.{patch}, threads: {}", context.engine.threads()),
         );

@@ -1,7 +1,7 @@
-//! What ROS 2 drivers publish of a point.
+//! Points as ROS 2 drivers publish them.
 
 use crate::guard::{Failure, Outcome, echocast_status, guard};
-use crate::result::{Room, echocast_result, look, number_of_packed};
+use crate::result::{CallerBuffer, echocast_result, look, number_of_packed};
 use crate::sensor::seconds;
 use crate::text;
 use echocast::Named as _;
@@ -23,31 +23,31 @@ pub const ECHOCAST_DRIVER_LIVOX: i32 = 5;
 /// Autoware's drivers: PointXYZIRCAEDT.
 pub const ECHOCAST_DRIVER_AUTOWARE: i32 = 6;
 
-/// A number that each point of a driver's messages has, as sensor_msgs/PointField says it.
+/// A field of the points in a driver's messages, as in sensor_msgs/PointField.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_point_field {
-    /// Its name.
+    /// Name.
     pub name: *const c_char,
     /// Type: an ECHOCAST_TYPE_ number.
     pub kind: i32,
-    /// Its first byte in the point.
+    /// Offset of its first byte in the point.
     pub offset: u32,
 }
 
-/// What a driver publishes; ECHOCAST_DRIVER_INFO_INIT is empty.
+/// The points that a driver publishes; ECHOCAST_DRIVER_INFO_INIT is empty.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_driver_info {
     /// sizeof(echocast_driver_info).
     pub struct_size: usize,
-    /// The columns that a scan must have, for scan_desc.columns: "x,y,z,intensity,ring,time".
+    /// The columns that a scan must compute, for scan_desc.columns: "x,y,z,intensity,ring,time".
     pub columns: *const c_char,
-    /// Bytes of a point.
+    /// Size of a point, bytes.
     pub point_step: usize,
-    /// Number of its fields.
+    /// Number of fields.
     pub field_count: usize,
-    /// Its fields.
+    /// The fields.
     pub fields: [echocast_point_field; 16],
 }
 
@@ -65,7 +65,7 @@ impl Default for echocast_driver_info {
 
 text::versioned!(echocast_driver_info { struct_size, columns, point_step, field_count, fields });
 
-/// The driver with an ECHOCAST_DRIVER_ number.
+/// The driver that has an ECHOCAST_DRIVER_ number.
 fn driver_of(number: i32) -> Outcome<Driver> {
     let index = usize::try_from(number).ok().and_then(|number| number.checked_sub(1));
     let found = index.and_then(|index| Driver::NAMES.get(index));
@@ -79,7 +79,7 @@ pub(crate) fn number_of(driver: Option<Driver>) -> i32 {
     at.map_or(0, |index| index as i32 + 1)
 }
 
-/// Texts of a driver as C has them.
+/// The texts of a driver as C strings.
 struct Texts {
     columns: CString,
     fields: Vec<CString>,
@@ -98,8 +98,8 @@ fn texts(driver: Driver) -> &'static Texts {
     &all[number_of(Some(driver)) as usize - 1]
 }
 
-/// Gets what a driver publishes of a point: names, types and offsets of the fields, for the message, and the columns that
-/// a scan must have. The caller sets struct_size of `*info`. Texts are static.
+/// Gets the layout of the points that a driver publishes: names, types and offsets of the fields, for the message, and
+/// the columns that a scan must compute. The caller sets struct_size of `*info`. Texts are static.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (no such driver).
 #[unsafe(no_mangle)]
@@ -120,14 +120,14 @@ pub unsafe extern "C" fn echocast_driver_get_info(driver: i32, info: *mut echoca
                 offset: field.offset as u32,
             };
         }
-        // SAFETY: as the header asks.
+        // SAFETY: `info` is a structure (see `text`).
         unsafe { text::put_structure(found, info, "info") }
     })
 }
 
-/// Gets height and width of the message that a driver makes of a result: of organised results those of the driver's image,
-/// which for Velodyne and RoboSense has the rings side by side and the firings below each other; else 1 and the number of
-/// points.
+/// Gets the height and width of the message that a driver would publish for a result: for organised results those of
+/// the driver's image, in which Velodyne and RoboSense have a column for each ring and a row for each firing; otherwise
+/// 1 and the number of points.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (no such driver), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -142,7 +142,7 @@ pub unsafe extern "C" fn echocast_result_driver_shape(
         look(result, |points| {
             let [rows, columns] = points.cloud.driver_shape(driver);
             for (count, to, name) in [(rows, height, "height"), (columns, width, "width")] {
-                // SAFETY: as the header asks.
+                // SAFETY: `to` is an output (see `text`).
                 unsafe { text::output(to, name) }?.write(u32::try_from(count).unwrap_or(u32::MAX));
             }
             Ok(())
@@ -150,13 +150,13 @@ pub unsafe extern "C" fn echocast_result_driver_shape(
     })
 }
 
-/// Writes the points as a driver publishes them, point i at `to + i * point_step`. Positions are in the frame of the
-/// sensor where the scan starts; those of a scan with ECHOCAST_COORDINATES_SENSOR and without scan_desc.deskew stay in the
-/// frame of their own firing. Times count from `stamp_ns` on, the stamp of the message, where the driver's do (Velodyne,
-/// Ouster, Autoware), else from the start of the run; the ring is that of the column `ring`. Points of organised results
-/// come in the order of the driver's image (echocast_result_driver_shape). All bytes are written, those of no field as 0.
-/// Where no azimuth, elevation and range were computed, they are those of the positions. `capacity`: bytes of `to`;
-/// `*needed` (may be NULL): point_step * points; if `to` is NULL, only that is written.
+/// Writes the points as a driver publishes them, point i at `to + i * point_step`. Positions are in the sensor frame at
+/// the start of the scan; those of a scan with ECHOCAST_COORDINATES_SENSOR and without scan_desc.deskew stay in the
+/// frame of their own firing. Times count from `stamp_ns`, the stamp of the message, for drivers that do so (Velodyne,
+/// Ouster, Autoware), otherwise from the start of the run; the ring is the column `ring`. Points of organised results
+/// are in the order of the driver's image (echocast_result_driver_shape). All bytes are written, those outside of
+/// fields as 0. Azimuth, elevation and range that were not computed are derived from the positions. `capacity`: size of
+/// `to`, bytes; `*needed` (may be NULL): point_step * points; if `to` is NULL, only that is written.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (no such driver, a column that was not computed, too little room), ECHOCAST_E_HANDLE,
 /// ECHOCAST_E_BUSY, ECHOCAST_E_MEMORY.
@@ -181,8 +181,8 @@ pub unsafe extern "C" fn echocast_result_pack_driver(
         let driver = driver_of(driver)?;
         look(result, |points| {
             let cloud = &points.cloud;
-            let room = Room { to, capacity, needed };
-            // SAFETY: as the header asks.
+            let room = CallerBuffer { to, capacity, needed };
+            // SAFETY: `to` is a buffer and `needed` an output (see `text`).
             let to = unsafe { room.bytes("driver", driver.name(), cloud.packed_len(driver.point_step())) }?;
             let Some(to) = to else { return Ok(()) };
             Ok(points.context.engine.install(|| cloud.pack_points(driver, seconds(stamp_ns), to))?)

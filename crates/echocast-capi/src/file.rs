@@ -27,7 +27,7 @@ pub struct Frames {
     file: Mutex<Option<FramesFile>>,
 }
 
-/// Without HDF5 there is no such file.
+/// Uninhabited: without HDF5 there are no such files.
 #[cfg(not(feature = "hdf5"))]
 enum FramesFile {}
 
@@ -49,8 +49,8 @@ impl FramesFile {
 
 /// Writes the points to a file, which appears under its name only when it is complete and on the disk. `format`: a name
 /// from the list "formats"; NULL: chosen by the ending of `path`. Label names are in the file, or in NAME.labels.json
-/// beside it, which gets its name just before; an error leaves both as they were. What a format cannot hold is reported
-/// to the context's log.
+/// beside it, which appears just before; an error leaves both as they were. What a format cannot hold is reported to
+/// the context's log.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO (a full disk), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_HANDLE,
 /// ECHOCAST_E_BUSY.
@@ -61,7 +61,7 @@ pub unsafe extern "C" fn echocast_result_write(
     format: *const c_char,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `path` and `format` are strings (see `text`).
         let (path, format) = unsafe { (text::path(path, "path")?, text::optional(format, "format")?) };
         look(result, |points| {
             let report = points.context.engine.install(|| export::write(&points.cloud, path, format))?;
@@ -71,12 +71,12 @@ pub unsafe extern "C" fn echocast_result_write(
     })
 }
 
-/// Writes a picture of the points as PNG (`.png`). `options`: NULL, or YAML with `view` (top, perspective, range), `color`
-/// (label, cause, intensity, range, height, velocity, radial_velocity, doppler, density) and `width` in pixels. The
-/// result needs the columns that colours are made of; without them other colours are taken, with a warning to the log.
+/// Writes a picture of the points as PNG (`.png`). `options`: NULL, or YAML with `view` (top, perspective, range),
+/// `color` (label, cause, intensity, range, height, velocity, radial_velocity, doppler, density) and `width` in pixels.
+/// The result needs the columns that the colours show; without them other colours are used, with a warning in the log.
 /// With the column `cause`, points of rain, fog and the like have their own colours.
 ///
-/// Errors: ECHOCAST_E_ARGUMENT (a view that points do not have, a width out of bounds), ECHOCAST_E_PARSE,
+/// Errors: ECHOCAST_E_ARGUMENT (a view that is not available for points, a width out of bounds), ECHOCAST_E_PARSE,
 /// ECHOCAST_E_UNSUPPORTED (another ending), ECHOCAST_E_IO, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_result_preview(
@@ -85,7 +85,7 @@ pub unsafe extern "C" fn echocast_result_preview(
     options: *const c_char,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `path` and `options` are strings (see `text`).
         let (path, options) = unsafe { (text::path(path, "path")?, text::optional(options, "options")?) };
         let options = match options.filter(|options| !options.trim().is_empty()) {
             None => PreviewOptions::default(),
@@ -99,9 +99,9 @@ pub unsafe extern "C" fn echocast_result_preview(
     })
 }
 
-/// Writes all that the pings hold to a file, as NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`), as the ending of `path` says:
-/// arrays of pings x beams x bins, soundings, and what they have in common. It appears under its name only when it is
-/// complete and on the disk. What the format cannot hold is reported to the context's log.
+/// Writes the pings to a file, as NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`) by the ending of `path`: arrays of pings x
+/// beams x bins, soundings, and what all pings have in common. The file appears under its name only when it is complete
+/// and on the disk. What the format cannot hold is reported to the context's log.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO (a full disk), ECHOCAST_E_UNSUPPORTED (another ending; HDF5 that is not
 /// built in), ECHOCAST_E_MEMORY, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
@@ -112,7 +112,7 @@ pub unsafe extern "C" fn echocast_result_preview(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_pings_write(pings: *const echocast_pings, path: *const c_char) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `path` is a string (see `text`).
         let path = unsafe { text::path(path, "path") }?;
         ping::look(pings, |pings| {
             let report = pings.context.engine.install(|| pings.pings.write(path))?;
@@ -122,9 +122,9 @@ pub unsafe extern "C" fn echocast_pings_write(pings: *const echocast_pings, path
     })
 }
 
-/// Writes a picture of the pings as PNG (`.png`), with scales and a legend. `options`: YAML with `view`, `width` and `ground` as
-/// for echocast_pings_image, and `color` (label, intensity); pings without labels are coloured by intensity, with a
-/// warning to the log.
+/// Writes a picture of the pings as PNG (`.png`), with scales and a legend. `options`: YAML with `view`, `width` and
+/// `ground` as for echocast_pings_image, and `color` (label, intensity); pings without labels are coloured by
+/// intensity, with a warning in the log.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (a view that this sonar does not have, a width out of bounds), ECHOCAST_E_PARSE,
 /// ECHOCAST_E_UNSUPPORTED (another ending), ECHOCAST_E_IO, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
@@ -139,7 +139,7 @@ pub unsafe extern "C" fn echocast_pings_preview(
     options: *const c_char,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `path` and `options` are strings (see `text`).
         let (path, options) = unsafe { (text::path(path, "path")?, text::required(options, "options")?) };
         let options = PreviewOptions::from_yaml(options)?;
         ping::look(pings, |pings| {
@@ -161,10 +161,10 @@ pub unsafe extern "C" fn echocast_frames_create(
     out: *mut *mut echocast_frames,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = unsafe { text::output(out, "out") }?.write(ptr::null_mut());
         let context = handle::get(context, "context")?;
-        // SAFETY: as the header asks.
+        // SAFETY: `path` is a string (see `text`).
         let path = unsafe { text::path(path, "path") }?;
         let file = Mutex::new(Some(FramesFile::create(path)?));
         *out = handle::create(Frames { context, file })?;

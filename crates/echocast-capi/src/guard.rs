@@ -18,9 +18,9 @@ pub const ECHOCAST_E_ARGUMENT: i32 = 1;
 pub const ECHOCAST_E_STATE: i32 = 2;
 /// A handle or the number of an instance is invalid: released, of another kind or of another context.
 pub const ECHOCAST_E_HANDLE: i32 = 3;
-/// The system gives no more memory, or no more threads.
+/// Out of memory, or of threads.
 pub const ECHOCAST_E_MEMORY: i32 = 4;
-/// The system refused a file: it is missing, not permitted, the disk is full.
+/// A file could not be read or written: it is missing, not permitted, the disk is full.
 pub const ECHOCAST_E_IO: i32 = 5;
 /// A file or text does not have the expected contents.
 pub const ECHOCAST_E_PARSE: i32 = 6;
@@ -60,7 +60,7 @@ impl Failure {
         Failure { text: self.text.replacen(name, &format!("[{number}]"), 1), ..self }
     }
 
-    /// A wrong argument, which the caller knows as `name`.
+    /// A wrong argument, which is called `name` in C.
     pub fn argument_of(error: Error, name: &str) -> Failure {
         match error {
             Error::InvalidParameter { value, allowed, .. } => Failure::argument(name, value, &allowed),
@@ -73,7 +73,7 @@ impl Failure {
     }
 }
 
-/// The element of this number, the argument called `name`.
+/// The element with this number, the argument called `name`.
 pub(crate) fn numbered<'a, T>(all: &'a [T], number: usize, name: &str) -> Outcome<&'a T> {
     all.get(number).ok_or_else(|| Failure::argument(name, number, &format!("less than the {} there are", all.len())))
 }
@@ -84,7 +84,7 @@ impl From<Error> for Failure {
             Error::Io { .. } => ECHOCAST_E_IO,
             Error::Parse { .. } => ECHOCAST_E_PARSE,
             Error::InvalidParameter { .. } | Error::Missing { .. } => ECHOCAST_E_ARGUMENT,
-            // Embree: an old library, an old processor; without memory it is the next.
+            // Embree: an old library or processor; out of memory is `Error::Memory`.
             Error::Unsupported { .. } | Error::Embree(_) => ECHOCAST_E_UNSUPPORTED,
             Error::Cancelled => ECHOCAST_E_CANCELLED,
             Error::Memory(_) | Error::Threads { .. } => ECHOCAST_E_MEMORY,
@@ -110,7 +110,7 @@ pub(crate) fn guard(body: impl FnOnce() -> Outcome) -> echocast_status {
     let outside = !INSIDE.replace(true);
     // What a panic may leave half done is behind locks, which it poisons.
     let outcome = catch_unwind(AssertUnwindSafe(body));
-    // A callback may call in turn.
+    // A callback may call the library in turn.
     if outside {
         INSIDE.set(false);
     }
@@ -122,16 +122,16 @@ pub(crate) fn guard(body: impl FnOnce() -> Outcome) -> echocast_status {
         }
         Err(panic) => {
             let here = PANIC.try_with(|text| std::mem::take(&mut *text.borrow_mut())).unwrap_or_default();
-            // Another thread may have panicked for this one.
-            let why = if here.is_empty() { said(&*panic) } else { &here };
+            // The panic may come from a thread that worked for this one.
+            let why = if here.is_empty() { panic_message(&*panic) } else { &here };
             keep(&format!("internal error (please report): {why}"));
             ECHOCAST_E_INTERNAL
         }
     }
 }
 
-/// What a panic was about.
-fn said(panic: &(dyn Any + Send)) -> &str {
+/// The message of a panic.
+fn panic_message(panic: &(dyn Any + Send)) -> &str {
     let text = panic.downcast_ref::<&str>().copied();
     text.or_else(|| panic.downcast_ref::<String>().map(String::as_str)).unwrap_or("a panic")
 }
@@ -152,8 +152,8 @@ pub(crate) fn push_lossy(to: &mut Vec<u8>, text: &str) {
     to.push(0);
 }
 
-/// Rust's own hook prints to stderr, which is the host's: it is kept for threads that have nothing to do with us. There
-/// are none in a shared library, which has its own hook.
+/// Rust's own hook prints to stderr, which is the host's: it is kept for threads that are not in a call of this
+/// library. There are none in a shared library, which has its own hook.
 fn silence_panics() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
@@ -169,7 +169,7 @@ fn silence_panics() {
 }
 
 fn keep(text: &str) {
-    // A thread at its end has no place for it any more.
+    // A thread that is ending has already destroyed it.
     let _ = LAST.try_with(|last| {
         let last = &mut *last.borrow_mut();
         last.clear();
@@ -197,13 +197,13 @@ pub extern "C" fn echocast_last_error() -> *const c_char {
 pub extern "C" fn echocast_status_string(status: echocast_status) -> *const c_char {
     let text: &CStr = match status {
         ECHOCAST_OK => c"ok",
-        ECHOCAST_E_ARGUMENT => c"an argument is not what is allowed",
+        ECHOCAST_E_ARGUMENT => c"an argument is not allowed",
         ECHOCAST_E_STATE => c"the object cannot be used any more",
-        ECHOCAST_E_HANDLE => c"the handle stands for nothing",
+        ECHOCAST_E_HANDLE => c"the handle is invalid",
         ECHOCAST_E_MEMORY => c"no memory or threads",
-        ECHOCAST_E_IO => c"the system refused a file",
-        ECHOCAST_E_PARSE => c"a file or text does not say what it should",
-        ECHOCAST_E_UNSUPPORTED => c"this build cannot do it",
+        ECHOCAST_E_IO => c"a file cannot be read or written",
+        ECHOCAST_E_PARSE => c"a file or text does not have the expected contents",
+        ECHOCAST_E_UNSUPPORTED => c"not supported by this build",
         ECHOCAST_E_CANCELLED => c"cancelled by the progress callback",
         ECHOCAST_E_BUSY => c"the object is in use",
         ECHOCAST_E_VERSION => c"a structure of a newer header",

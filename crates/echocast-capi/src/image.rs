@@ -1,7 +1,7 @@
 //! Images of what cameras, spinning and sweeping sensors see.
 
 use crate::guard::{Failure, Outcome, echocast_status, guard};
-use crate::result::{Points, echocast_result, look, number_of};
+use crate::result::{ResultPoints, echocast_result, look, number_of};
 use crate::text;
 use echocast::emitter::ImageGrid;
 use echocast::image::{Annotation, Layer, Layers};
@@ -9,25 +9,25 @@ use std::ffi::{c_char, c_void};
 use std::ptr;
 use std::sync::PoisonError;
 
-/// Images of a result, made as they are asked for.
+/// Images of a result, made on request.
 #[derive(Default)]
 pub(crate) struct Images {
-    /// That of the sensor, once it was asked for.
+    /// The image grid of the sensor, once it was requested.
     grid: Option<ImageGrid>,
     layers: Layers,
-    /// Whether `boxes` are those of the points.
+    /// Whether `boxes` are up to date with the points.
     boxed: bool,
     boxes: Vec<echocast_image_box>,
 }
 
 impl Images {
-    /// Forgets what is made of the points, but not its memory.
+    /// Discards what was made from the points, but keeps its memory.
     pub fn clear(&mut self) {
         self.layers.clear();
         self.boxed = false;
     }
 
-    /// The next points are of another sensor.
+    /// Discards the grid: the next points come from another sensor.
     pub fn forget_sensor(&mut self) {
         self.grid = None;
     }
@@ -37,7 +37,7 @@ impl Images {
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_image_view {
-    /// The top left pixel; the channels of a pixel follow each other, and so do the pixels of a row.
+    /// The top left pixel; the channels of a pixel are contiguous, and so are the pixels of a row.
     pub data: *const c_void,
     /// Bytes from row to row.
     pub row_stride: usize,
@@ -52,16 +52,16 @@ pub struct echocast_image_view {
 }
 
 impl echocast_image_view {
-    /// Of nothing.
+    /// An empty view.
     pub(crate) const NONE: Self =
         echocast_image_view { data: ptr::null(), row_stride: 0, width: 0, height: 0, channels: 0, kind: 0 };
 }
 
-/// What an image shows of an instance.
+/// An instance as an image shows it.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_image_box {
-    /// The object; never 0.
+    /// The instance; never 0.
     pub instance_id: u32,
     /// Category of most of its pixels; 0 = unlabelled.
     pub category_id: u32,
@@ -77,12 +77,12 @@ pub struct echocast_image_box {
     pub area: u32,
     /// 0.
     pub reserved: u32,
-    /// Left, top, right and bottom, pixels, of all of it, whatever hides it and where the image ends; column c reaches
-    /// from c to c + 1. Not-a-number: not known, as without scan_desc.image_boxes.
+    /// Left, top, right and bottom of the whole object, pixels, including what is hidden or outside of the image;
+    /// column c reaches from c to c + 1. NaN if unknown, as without scan_desc.image_boxes.
     pub amodal: [f64; 4],
-    /// Part of the area of the amodal box that lies outside of the image, 0 to 1; not-a-number: not known.
+    /// Fraction of the area of the amodal box that is outside of the image, 0 to 1; NaN if unknown.
     pub truncation: f64,
-    /// How much of it is hidden by what is before it, 0 to 1; not-a-number: not known, as without scan_desc.boxes.
+    /// Fraction of it that is hidden by what is in front of it, 0 to 1; NaN if unknown, as without scan_desc.boxes.
     pub occlusion: f64,
 }
 
@@ -105,21 +105,21 @@ impl echocast_image_box {
     }
 }
 
-/// The boxes in the image of a result, in place. Those of a newer library may be longer than those of this header: ECHOCAST_AT steps
-/// from one to the next by the stride.
+/// The boxes in the image of a result, in place. Those of a newer library may be longer than those of this header:
+/// ECHOCAST_AT steps by the stride.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_image_box_view {
     /// The first; NULL if there are none.
     pub data: *const echocast_image_box,
-    /// Number of them.
+    /// Number of boxes.
     pub count: usize,
     /// Bytes from one to the next.
     pub stride: usize,
 }
 
 /// Runs `make` on the images of the points and the grid of their sensor.
-fn with_images<T>(points: &Points, make: impl FnOnce(&mut Images, &ImageGrid) -> Outcome<T>) -> Outcome<T> {
+fn with_images<T>(points: &ResultPoints, make: impl FnOnce(&mut Images, &ImageGrid) -> Outcome<T>) -> Outcome<T> {
     let Some(sensor) = &points.sensor else {
         let found = "of scans of several sensors, or of one that was changed between them";
         return Err(Failure::argument("result", found, "scans of one sensor, of which images are made"));
@@ -136,19 +136,19 @@ fn with_images<T>(points: &Points, make: impl FnOnce(&mut Images, &ImageGrid) ->
 }
 
 /// Gives access to a layer of the image that a camera, a spinning or a sweeping sensor sees; of several returns of a
-/// beam, the nearest. Beams without a return are not-a-number, 0 or black. Layers and the columns that they show:
+/// beam, the nearest is shown. Beams without a return are NaN, 0 or black. Layers and the columns that they show:
 ///
-/// - "depth": metres along the axis of a camera (`depth`), of other sensors the slant range (`range`); F32
+/// - "depth": distance along the axis of a camera (`depth`), for other sensors the slant range (`range`), metres; F32
 /// - "range": slant range, metres (`range`); F32
 /// - "category", "part", "instance": label numbers (`category_id`, `part_id`, `instance_id`); U32
 /// - "color": base colour, sRGB (`red`, `green`, `blue`); 3 of U8
 /// - "intensity": what the instrument reports (`intensity`); F32
 /// - "normal": unit normals to the right, up and towards the sensor (`normal_x`, `normal_y`, `normal_z`); 3 of F32
 ///
-/// If the result is organised, that is all it needs, and layers of one column are not copied where the columns of a
-/// camera are the image already; if not, it also needs the columns `beam` and `range`. Other layers are made when they
-/// are first asked for, in memory that the result keeps for those of the next scans. echocast_sensor_get_info has the
-/// size and the lens. The view is valid until the result is scanned into, appended to or released.
+/// If the result is organised, it needs no other columns, and a layer of one column is not copied where the column of a
+/// camera already is the image; if not, it also needs the columns `beam` and `range`. Other layers are made when they
+/// are first requested, in memory that the result keeps for those of later scans. echocast_sensor_get_info gives the
+/// size and the lens. The view is valid until the result is used for another scan, appended to or released.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (no such layer; a column that was not computed; scans of several sensors),
 /// ECHOCAST_E_UNSUPPORTED (a sensor whose beams form no rows and columns; a sonar), ECHOCAST_E_MEMORY,
@@ -169,9 +169,9 @@ pub unsafe extern "C" fn echocast_result_image(
     out: *mut echocast_image_view,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = unsafe { text::output(out, "out") }?.write(echocast_image_view::NONE);
-        // SAFETY: as the header asks.
+        // SAFETY: `layer` is a string (see `text`).
         let layer = unsafe { text::required(layer, "layer") }?;
         let layer = Layer::from_name(layer)?;
         look(result, |points| {
@@ -192,9 +192,9 @@ pub unsafe extern "C" fn echocast_result_image(
     })
 }
 
-/// Gives access to what the image of a result shows of each instance, in place: by rising instance_id.
-/// It is made of the layers "category" and "instance", and of the boxes of the scan for what is
-/// hidden. The view is valid until the result is scanned into, appended to or released.
+/// Gives access to the instances that the image of a result shows, in place, sorted by instance_id. They are found in
+/// the layers "category" and "instance"; what is hidden comes from the boxes of the scan. The view is valid until the
+/// result is used for another scan, appended to or released.
 ///
 /// Errors: as echocast_result_image.
 ///
@@ -216,7 +216,7 @@ pub unsafe extern "C" fn echocast_result_image_boxes(
 ) -> echocast_status {
     guard(|| {
         let none = echocast_image_box_view { data: ptr::null(), count: 0, stride: size_of::<echocast_image_box>() };
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = unsafe { text::output(out, "out") }?.write(none);
         look(result, |points| {
             with_images(points, |images, grid| {

@@ -8,7 +8,7 @@
 //! * Nothing is decided here: every function translates its arguments, calls the Rust API and translates the result.
 #![allow(unsafe_code)] // C's pointers; each block says what the caller promises
 #![allow(non_camel_case_types)] // the names are C's
-#![allow(clippy::missing_safety_doc)] // the header says what each function needs of its pointers
+#![allow(clippy::missing_safety_doc)] // the header says what each function requires of its pointers
 
 mod boxes;
 mod context;

@@ -23,13 +23,13 @@ const MAJOR: u32 = number(env!("CARGO_PKG_VERSION_MAJOR"));
 const MINOR: u32 = number(env!("CARGO_PKG_VERSION_MINOR"));
 const PATCH: u32 = number(env!("CARGO_PKG_VERSION_PATCH"));
 
-/// Version of the running library: major << 24 | minor << 12 | patch. That of the header is ECHOCAST_VERSION.
+/// Version of the loaded library: major << 24 | minor << 12 | patch. That of the header is ECHOCAST_VERSION.
 #[unsafe(no_mangle)]
 pub extern "C" fn echocast_version() -> u32 {
     MAJOR << 24 | MINOR << 12 | PATCH
 }
 
-/// The version and what is built in, for people: "echocast 0.1.0 (fbx, hdf5, mcap)".
+/// The version and the optional features of this build as text: "echocast 0.1.0 (fbx, hdf5, mcap)".
 ///
 /// Static, never NULL.
 #[unsafe(no_mangle)]
@@ -54,7 +54,7 @@ pub extern "C" fn echocast_version_string() -> *const c_char {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_has_feature(name: *const c_char) -> i32 {
     guard_or(0, || {
-        // SAFETY: as the header asks.
+        // SAFETY: `name` is a string (see `text`).
         let name = unsafe { text::required(name, "name") }?;
         let known = ["formats", "scene_formats", "columns"]
             .iter()
@@ -76,7 +76,7 @@ pub unsafe extern "C" fn echocast_has_feature(name: *const c_char) -> i32 {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_name(list: *const c_char, index: usize) -> *const c_char {
     guard_or(ptr::null(), || -> Outcome<*const c_char> {
-        // SAFETY: as the header asks.
+        // SAFETY: `list` is a string (see `text`).
         let list = unsafe { text::required(list, "list") }?;
         Ok(names(list).get(index).map_or(ptr::null(), |name| name.as_ptr()))
     })

@@ -69,14 +69,14 @@ pub unsafe extern "C" fn echocast_material_create(
     out: *mut *mut echocast_material,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = unsafe { text::output(out, "out") }?.write(ptr::null_mut());
         let context = handle::get(context, "context")?;
-        // SAFETY: as the header asks.
+        // SAFETY: `yaml` is a string (see `text`).
         let yaml = unsafe { text::required(yaml, "yaml") }?;
         let mut material = Material::from_yaml(yaml)?;
         if !image.is_null() {
-            // SAFETY: as the header asks.
+            // SAFETY: `image` is a structure whose `data` is an array (see `text`).
             let texture = unsafe { read_image(image) }?;
             material.base_color_texture = Some(TextureRef::plain(Arc::new(texture)));
         }
@@ -86,7 +86,7 @@ pub unsafe extern "C" fn echocast_material_create(
 }
 
 /// # Safety
-/// `image` is a structure whose `data` are as many bytes as it says.
+/// `image` is a structure whose `data` is an array, as [`text`] describes.
 unsafe fn read_image(image: *const echocast_image) -> Outcome<Texture> {
     // SAFETY: as the caller promises.
     let image = unsafe { text::structure(image, "image") }?;

@@ -18,16 +18,16 @@ handles! {
     echocast_mesh: SharedMesh, "mesh", 3;
 }
 
-/// A mesh, and what C says about its parts.
+/// A mesh and the label numbers of its parts.
 pub struct SharedMesh {
     pub(crate) context: Arc<Context>,
     pub(crate) mesh: Arc<Mesh>,
     pub(crate) part_ids: Vec<u32>,
 }
 
-/// The call copies the arrays of a mesh.
+/// The arrays of the mesh are copied by the call.
 pub const ECHOCAST_MESH_COPY: i32 = 0;
-/// The arrays of a mesh stay the host's, which neither changes nor frees them before `released` is called.
+/// The arrays of the mesh remain the host's, which must neither change nor free them before `released` is called.
 pub const ECHOCAST_MESH_BORROW: i32 = 1;
 
 /// Consecutive triangles of one mesh that have one material and one part label; ECHOCAST_PART_INIT has the
@@ -61,7 +61,7 @@ pub struct echocast_mesh_desc {
     pub vertex_count: u32,
     /// Triangles, 1 to 4294967294.
     pub triangle_count: u32,
-    /// Three vertices for each triangle.
+    /// Three vertex indices per triangle.
     pub indices: *const u32,
     /// A shading normal of length 1 for each vertex; NULL for flat triangles.
     pub normals: *const f32,
@@ -121,11 +121,11 @@ text::versioned!(echocast_mesh_desc {
     name,
 });
 
-/// Creates a mesh. Its own structure for tracing is built when an instance is first committed, or by
+/// Creates a mesh. Its acceleration structure is built when an instance is first committed, or by
 /// echocast_mesh_prepare.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (the vertex, index or part that is wrong), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY. Any
-/// thread may call this, also while scenes are edited.
+/// thread may call this, even while scenes are edited.
 ///
 /// ```c
 /// static const float corners[] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
@@ -143,12 +143,13 @@ pub unsafe extern "C" fn echocast_mesh_create(
     out: *mut *mut echocast_mesh,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = unsafe { text::output(out, "out") }?.write(ptr::null_mut());
         let context = handle::get(context, "context")?;
-        // SAFETY: as the header asks.
+        // SAFETY: `desc` is a structure (see `text`).
         let desc = unsafe { text::structure(desc, "desc") }?;
-        // SAFETY: as the header asks.
+        // SAFETY: the arrays and strings of `desc` are as `text` describes; borrowed ones live until `released` is
+        // called.
         let (mesh, part_ids, host) = unsafe { read_mesh(&desc, &context) }?;
         *out = handle::create(SharedMesh { context, mesh: Arc::new(mesh), part_ids })?;
         if let Some(host) = host {
@@ -158,9 +159,9 @@ pub unsafe extern "C" fn echocast_mesh_create(
     })
 }
 
-/// Builds the structure that instances of the mesh are traced with, which the first commit would otherwise build.
+/// Builds the acceleration structure of the mesh, which the first commit of an instance would otherwise build.
 ///
-/// Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY. Any thread may call this, also while scenes are edited.
+/// Errors: ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY. Any thread may call this, even while scenes are edited.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_mesh_prepare(mesh: *const echocast_mesh) -> echocast_status {
     guard(|| {
@@ -178,7 +179,7 @@ pub unsafe extern "C" fn echocast_mesh_release(mesh: *mut echocast_mesh) {
     });
 }
 
-/// The host, which is told when its arrays are free.
+/// The host, which is notified when its arrays are no longer in use.
 struct Host {
     released: Option<unsafe extern "C" fn(user: *mut c_void)>,
     user: *mut c_void,
@@ -186,7 +187,7 @@ struct Host {
     armed: AtomicBool,
 }
 
-// SAFETY: `user` is only handed to `released`, which may be called on any thread, as the header says.
+// SAFETY: `user` is only passed to `released`, which the header allows to be called on any thread.
 unsafe impl Send for Host {}
 // SAFETY: as above.
 unsafe impl Sync for Host {}
@@ -194,28 +195,29 @@ unsafe impl Sync for Host {}
 impl Drop for Host {
     fn drop(&mut self) {
         if let (Some(released), true) = (self.released, self.armed.load(Ordering::Acquire)) {
-            // SAFETY: the host promised that it can be called, once, now that no array refers to it.
+            // SAFETY: the header requires a function that can be called once when no array is in use any more, which is
+            // now.
             unsafe { released(self.user) };
         }
     }
 }
 
-/// An array of the host.
+/// An array borrowed from the host.
 struct Borrowed<T> {
     data: *const T,
     count: usize,
     _host: Arc<Host>,
 }
 
-// SAFETY: the host does not change the array while it is borrowed.
+// SAFETY: the header requires that the host does not change the array while it is borrowed.
 unsafe impl<T: Sync> Send for Borrowed<T> {}
 // SAFETY: as above.
 unsafe impl<T: Sync> Sync for Borrowed<T> {}
 
 impl<T> AsRef<[T]> for Borrowed<T> {
     fn as_ref(&self) -> &[T] {
-        // SAFETY: the host promised that the array lives, unchanged, until it is told otherwise; pointer and count were
-        // checked.
+        // SAFETY: the header requires that the array stays alive and unchanged until `released` is called, which
+        // `_host` does when dropped; pointer and count were checked.
         unsafe { std::slice::from_raw_parts(self.data, self.count) }
     }
 }
@@ -241,7 +243,7 @@ unsafe fn vectors<T: Copy + Send + Sync + 'static>(
     }
 }
 
-/// Positions with any number of bytes between them.
+/// Positions with any stride.
 ///
 /// # Safety
 /// `data` points to `count` positions, `stride` bytes apart.
@@ -252,7 +254,7 @@ unsafe fn strided(data: *const f32, count: usize, stride: usize) -> Outcome<Arra
 }
 
 /// # Safety
-/// The arrays of `desc` are as it says.
+/// The arrays and strings of `desc` are as [`text`] describes; borrowed ones live until `released` is called.
 unsafe fn read_mesh(desc: &echocast_mesh_desc, context: &Arc<Context>) -> Outcome<(Mesh, Vec<u32>, Option<Arc<Host>>)> {
     for (name, count) in [("desc->vertex_count", desc.vertex_count), ("desc->triangle_count", desc.triangle_count)] {
         if !(1..u32::MAX).contains(&count) {

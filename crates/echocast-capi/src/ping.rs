@@ -5,7 +5,7 @@ use crate::guard::{Failure, Outcome, echocast_status, guard, guard_or, numbered}
 use crate::handle::{self, handles};
 use crate::image::echocast_image_view;
 use crate::result::{
-    ECHOCAST_TYPE_F32, ECHOCAST_TYPE_U32, Names, Packing, computed, echocast_pack_item, echocast_view,
+    ECHOCAST_TYPE_F32, ECHOCAST_TYPE_U32, LabelStrings, Packing, computed, echocast_pack_item, echocast_view,
 };
 use crate::scan::{Inputs, Reused, echocast_scan_desc, fill};
 use crate::scene::{echocast_pose, echocast_snapshot, put_label_number};
@@ -19,8 +19,8 @@ use std::ffi::{c_char, c_void};
 use std::ptr;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
-/// Pings of one sonar, one after the other: usually one, the last. Any number of threads may read them; only one at a
-/// time may change them.
+/// Pings of one sonar in order, usually only the last one. Any number of threads may read them; only one at a time may
+/// change them.
 pub struct echocast_pings(());
 
 handles! {
@@ -32,11 +32,11 @@ pub struct Pings {
     pub(crate) context: Arc<Context>,
     pub(crate) pings: echocast::Pings,
     inputs: Inputs,
-    /// The soundings of each ping as C has them.
+    /// The soundings of each ping as structures of C.
     soundings: Vec<Vec<echocast_sounding>>,
-    /// With the options that they were asked for with.
+    /// Each with the options that it was requested with.
     images: Mutex<Vec<(String, Image)>>,
-    names: Mutex<Names>,
+    names: Mutex<LabelStrings>,
 }
 
 impl Reused for Pings {
@@ -51,7 +51,7 @@ impl Reused for Pings {
 }
 
 impl Pings {
-    /// Runs `send`, which fills the ping that is left. On an error the pings are what they were, or none.
+    /// Runs `send`, which fills the one ping that remains. On an error the list is unchanged or empty.
     pub(crate) fn sent(&mut self, send: impl FnOnce(&mut Inputs, &mut Ping) -> Outcome) -> Outcome {
         let all = &mut self.pings.pings;
         if all.is_empty() {
@@ -69,7 +69,7 @@ impl Pings {
         done
     }
 
-    /// Makes what comes with the pings follow them.
+    /// Updates what is derived from the pings.
     fn changed(&mut self) {
         self.images.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
         self.soundings.resize_with(self.pings.pings.len(), Vec::new);
@@ -80,19 +80,18 @@ impl Pings {
     }
 }
 
-/// Sends one ping of a sonar. `*io`: NULL, and it becomes a new list of this ping, to be released with
-/// echocast_pings_release; or a list, which has only this ping from then on, in its memory: after the first of their
-/// kind, pings take up to 20 small blocks, whatever the number of rays and cells.
+/// Sends one ping of a sonar. `*io`: NULL, which is replaced by a new list with this ping, to be released with
+/// echocast_pings_release; or a list, which then has only this ping and reuses its memory: after the first of their
+/// kind, pings allocate up to 20 small blocks, whatever the number of rays and cells.
 ///
-/// `desc` is as for echocast_scan, which gives the points of the same ping, and its `frame` is the number of the ping.
-/// Of its columns a ping has `intensity`, the level, and those among `category_id`, `part_id`, `instance_id`,
+/// `desc` is as for echocast_scan, which gives the points of the same ping; its `frame` is the number of the ping. A
+/// ping has the column `intensity`, the level, and the requested ones among `category_id`, `part_id`, `instance_id`,
 /// `material_id`, `time`, `azimuth`, `elevation`, `red`, `green`, `blue`, `normal_x` to `normal_z`, `cos_incidence`,
 /// `true_x` to `true_z`, `true_range`, `cause`, `bounces`, `velocity_x` to `velocity_z`, `radial_velocity`, `flow_x` to
-/// `flow_z` that are asked for: what the strongest scatterer in the cell is; numbers are not-a-number and labels 0
-/// where nothing scatters. What `desc` says of points alone is not used: organised, coordinates, order, boxes,
-/// progress.
+/// `flow_z`: they describe the strongest contributor of the cell; where nothing scatters, numbers are NaN and labels 0.
+/// What concerns only points in `desc` is not used: organised, coordinates, order, boxes, progress.
 ///
-/// On an error in the arguments, an old list stays as it was; one for which there was no memory is empty.
+/// On an error in the arguments, an existing list is unchanged; if memory runs out, it is empty.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (a sensor that is not a sonar, a sonar outside the water, another profile than the
 /// physical one), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY (another thread uses the list, or changes the
@@ -117,14 +116,14 @@ pub unsafe extern "C" fn echocast_ping(
 ) -> echocast_status {
     guard(|| {
         let snapshot = handle::get(snapshot, "snapshot")?;
-        // SAFETY: as the header asks.
+        // SAFETY: `desc` is a structure (see `text`).
         let desc = unsafe { text::structure(desc, "desc") }?;
         let sensor = handle::get(desc.sensor, "desc->sensor")?;
         snapshot.0.check(&sensor.0, "desc->sensor")?;
         let sensor = handle::read(&sensor.1, "desc->sensor")?;
         let made = |pings: &mut Pings| {
             pings.sent(|inputs, ping| {
-                // SAFETY: as the header asks.
+                // SAFETY: the arrays and strings of `desc` are as `text` describes.
                 unsafe {
                     inputs.with(&desc, &sensor, |trajectory, options| {
                         snapshot.1.ping_into(&sensor, trajectory, options, ping)
@@ -132,12 +131,12 @@ pub unsafe extern "C" fn echocast_ping(
                 }
             })
         };
-        // SAFETY: as the header asks.
+        // SAFETY: `io` is a handle slot (see `text`).
         unsafe { fill(io, &snapshot.0, made) }
     })
 }
 
-/// Runs `look` on the pings, while nobody changes them.
+/// Runs `look` on the pings while no thread changes them.
 pub(crate) fn look<T>(pings: *const echocast_pings, look: impl FnOnce(&Pings) -> Outcome<T>) -> Outcome<T> {
     let pings = handle::get(pings, "pings")?;
     look(&*handle::read(&pings, "pings")?)
@@ -157,10 +156,10 @@ pub const ECHOCAST_SONAR_SWATH: i32 = 1;
 pub const ECHOCAST_SONAR_FAN: i32 = 2;
 /// One beam.
 pub const ECHOCAST_SONAR_SINGLE: i32 = 3;
-/// As ECHOCAST_SONAR_SIDESCAN: four beams, down and outwards, of a Doppler velocity log.
+/// Like ECHOCAST_SONAR_SIDESCAN: the four beams of a Doppler velocity log, down and outwards.
 pub const ECHOCAST_SONAR_JANUS: i32 = 4;
 
-/// When and where a ping was sent, and how it is laid out; ECHOCAST_PING_INFO_INIT is empty.
+/// Time and pose of a ping and its layout; ECHOCAST_PING_INFO_INIT is empty.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_ping_info {
@@ -168,32 +167,32 @@ pub struct echocast_ping_info {
     pub struct_size: usize,
     /// Number of the ping: scan_desc.frame.
     pub number: u32,
-    /// How the beams lie: an ECHOCAST_SONAR_ number.
+    /// Arrangement of the beams: an ECHOCAST_SONAR_ number.
     pub view: i32,
-    /// When it was sent, ns. Times since 1970 are rounded to 0.2 microseconds.
+    /// Time of transmission, ns. Times since 1970 are rounded to 0.2 microseconds.
     pub t_ns: i64,
-    /// Where the sonar was then, in the world; a rotating beam is turned to where it looked.
+    /// Pose of the sonar in the world at that time, including the rotation of a rotating beam.
     pub sensor_pose: echocast_pose,
     /// World position, metres, that the columns true_x, true_y, true_z are relative to.
     pub origin: [f64; 3],
-    /// Beams.
+    /// Number of beams.
     pub beams: u32,
-    /// Range bins of a beam. A ping has beams * bins cells; cell beam * bins + bin.
+    /// Range bins of a beam. A ping has beams * bins cells; the index of a cell is beam * bins + bin.
     pub bins: u32,
     /// Length of a bin, metres of reported slant range: bin k reaches from k * bin_m to (k + 1) * bin_m.
     pub bin_m: f64,
-    /// Sound speed that ranges are reported with, m/s.
+    /// Sound speed that reported ranges assume, m/s.
     pub sound_speed: f64,
-    /// First bin that reports echoes: earlier ones are nearer than the nearest range.
+    /// First bin that reports echoes: earlier ones are below the minimum range.
     pub first_bin: u32,
-    /// Level of the noise in a cell, dB re 1 uPa.
+    /// Noise level in a cell, dB re 1 uPa.
     pub noise_db: f32,
-    /// Azimuth and elevation of the axis of each beam as reported, one after the other, rad, sensor frame: 2 * beams
-    /// numbers. This and the following are in place, like columns.
+    /// Reported azimuth and elevation of the axis of each beam, interleaved, rad, sensor frame: 2 * beams numbers. This
+    /// and the following arrays are in place, like columns.
     pub axes: *const f32,
-    /// Lowest level that is reported as an echo, dB re 1 uPa, of each bin.
+    /// Lowest level that is reported as an echo, for each bin, dB re 1 uPa.
     pub threshold_db: *const f32,
-    /// Time-varied gain that pictures are drawn with, dB, of each bin; levels are without.
+    /// Time-varied gain that pictures are drawn with, for each bin, dB; levels do not include it.
     pub tvg_db: *const f32,
 }
 
@@ -238,7 +237,7 @@ text::versioned!(echocast_ping_info {
 });
 
 /// Gets information on a ping, counted from 0. The caller sets struct_size of `*info`; what it points to is valid until
-/// the list is pinged into or released.
+/// the list is used for another ping or released.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 ///
@@ -281,15 +280,15 @@ pub unsafe extern "C" fn echocast_pings_get_info(
                 tvg_db: layout.tvg_db.as_ptr(),
                 ..echocast_ping_info::default()
             };
-            // SAFETY: as the header asks.
+            // SAFETY: `info` is a structure (see `text`).
             unsafe { text::put_structure(found, info, "info") }
         })
     })
 }
 
-/// Gives access to a column of a ping, counted from 0, without copying it: beams * bins numbers, all bins of a beam one
-/// after the other. `column`: "intensity" for the levels, dB re 1 uPa, as ECHOCAST_TYPE_F32, or another that was asked
-/// for. The view is valid until the list is pinged into or released.
+/// Gives access to a column of a ping, counted from 0, without copying it: beams * bins numbers, beam by beam.
+/// `column`: "intensity" for the levels, dB re 1 uPa, as ECHOCAST_TYPE_F32, or another requested one. The view is valid
+/// until the list is used for another ping or released.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (no such ping; no such column, or one that was not computed), ECHOCAST_E_HANDLE,
 /// ECHOCAST_E_BUSY.
@@ -307,9 +306,9 @@ pub unsafe extern "C" fn echocast_pings_view(
     out: *mut echocast_view,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = unsafe { text::output(out, "out") }?.write(echocast_view::NONE);
-        // SAFETY: as the header asks.
+        // SAFETY: `column` is a string (see `text`).
         let name = unsafe { text::required(column, "column") }?;
         look(pings, |pings| {
             let ping = numbered(&pings.pings.pings, ping, "ping")?;
@@ -329,12 +328,12 @@ pub struct echocast_sounding {
     pub cell: u32,
     /// Reported slant range.
     pub range: f32,
-    /// Level of the loudest cell of the echo, dB re 1 uPa.
+    /// Level of the strongest cell of the echo, dB re 1 uPa.
     pub level_db: f32,
     /// Confidence, 0 to 1; 0.5 for a standard error of 0.25 % of the range.
     pub quality: f32,
-    /// Where it lies by a ray through the assumed cast of the water, relative to the origin of the ping; not-a-number
-    /// where that ray leaves the water.
+    /// Position by a ray traced through the assumed sound speed cast, relative to the origin of the ping; NaN where
+    /// that ray leaves the water.
     pub corrected: [f32; 3],
 }
 
@@ -346,20 +345,20 @@ impl echocast_sounding {
 }
 
 /// The soundings of a ping, in place. Those of a newer library may be longer than those of this header: ECHOCAST_AT
-/// steps from one to the next by the stride.
+/// steps by the stride.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_sounding_view {
     /// The first; NULL if there are none.
     pub data: *const echocast_sounding,
-    /// Number of them.
+    /// Number of soundings.
     pub count: usize,
     /// Bytes from one to the next.
     pub stride: usize,
 }
 
-/// Gives access to what a ping, counted from 0, reports as depths, in place: by rising beam; none for side-scan and
-/// imaging sonars. The view is valid until the list is pinged into, appended to or released.
+/// Gives access to the soundings of a ping, counted from 0, in place, in the order of beams; none for side-scan and
+/// imaging sonars. The view is valid until the list is used for another ping, appended to or released.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 ///
@@ -377,7 +376,7 @@ pub unsafe extern "C" fn echocast_pings_soundings(
 ) -> echocast_status {
     guard(|| {
         let none = echocast_sounding_view { data: ptr::null(), count: 0, stride: size_of::<echocast_sounding>() };
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = unsafe { text::output(out, "out") }?.write(none);
         look(pings, |pings| {
             let found = numbered(&pings.soundings, ping, "ping")?;
@@ -391,8 +390,8 @@ pub unsafe extern "C" fn echocast_pings_soundings(
 
 /// Writes the cells of a ping, counted from 0, as an image in the host's layout: a row for each range bin, the nearest
 /// first, in it a pixel of `stride` bytes for each beam, and in a pixel each column converted to its type at its
-/// offset; so ROS has images of sonars, and the columns of a ping have them the other way round. Numbers are converted
-/// as in echocast_result_pack, and the other arguments are the same; `*needed` is stride * beams * bins.
+/// offset. Sonar images in ROS have this layout; the columns of a ping are its transpose. Numbers are converted as in
+/// echocast_result_pack, and the other arguments are the same; `*needed` is stride * beams * bins.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (no such ping, a wrong item, too little room), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 ///
@@ -420,7 +419,7 @@ pub unsafe extern "C" fn echocast_pings_pack(
             let ping = numbered(&pings.pings.pings, ping, "ping")?;
             let pack =
                 |items: &[PackItem], to: &mut [u8]| pings.context.engine.install(|| ping.pack(items, stride, to));
-            // SAFETY: as the header asks.
+            // SAFETY: `items` is an array, `to` a buffer and `needed` an output (see `text`).
             unsafe { to.fill(ping.fields, ping.packed_len(stride), pack) }
         })
     })
@@ -428,7 +427,7 @@ pub unsafe extern "C" fn echocast_pings_pack(
 
 /// The name of a label number. `table`: "category", "part", "material" or "instance". NULL if it has none.
 ///
-/// Valid until the list is pinged into or released.
+/// Valid until the list is used for another ping or released.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_pings_label_name(
     pings: *const echocast_pings,
@@ -436,7 +435,7 @@ pub unsafe extern "C" fn echocast_pings_label_name(
     number: u32,
 ) -> *const c_char {
     guard_or(ptr::null(), || {
-        // SAFETY: as the header asks.
+        // SAFETY: `table` is a string (see `text`).
         let table = unsafe { text::required(table, "table") }?;
         look(pings, |pings| {
             let mut names = pings.names.lock().unwrap_or_else(PoisonError::into_inner);
@@ -445,8 +444,8 @@ pub unsafe extern "C" fn echocast_pings_label_name(
     })
 }
 
-/// Gets the number that has a name in a label column. `table`: "category", "part", "material" or "instance", where the
-/// first instance of the name counts.
+/// Gets the number of a label by its name. `table`: "category", "part", "material" or "instance", of which the first
+/// with the name counts.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -459,7 +458,7 @@ pub unsafe extern "C" fn echocast_pings_label_number(
     let with_labels = |put: &mut dyn FnMut(&echocast::scene::Labels) -> Outcome| {
         look(pings, |pings| put(&numbered(&pings.pings.pings, 0, "ping")?.labels))
     };
-    // SAFETY: as the header asks.
+    // SAFETY: `table` and `name` are strings and `number` an output (see `text`).
     unsafe { put_label_number(table, name, number, with_labels) }
 }
 
@@ -487,26 +486,26 @@ pub unsafe extern "C" fn echocast_pings_append(
     })
 }
 
-/// Coordinates of the pixels of an image: the middle of column c, row r is first + {c, r} * step.
+/// Coordinates of the pixels of an image: the centre of the pixel in column c and row r is first + {c, r} * step.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_image_place {
-    /// Of the middle of the top left pixel: metres to the right of the sonar and ahead of it (of a swath sonar, above)
-    /// in a fan; x, y in the world on a track; metres across (starboard is positive) and the index of the ping in a
-    /// waterfall.
+    /// Centre of the top left pixel: in a fan, metres to the right of the sonar and ahead of it (for a swath sonar,
+    /// above it); on a track, x, y in the world; in a waterfall, metres across track (starboard is positive) and the
+    /// index of the ping.
     pub first: [f64; 2],
-    /// From column to column, and from row to row.
+    /// Step from column to column, and from row to row.
     pub step: [f64; 2],
 }
 
-/// Gives access to the pixels of a picture of all pings, in place. `options`: YAML with `view`: "fan" lays the last
-/// ping of an imaging or swath sonar, or all of a beam that turns, out by beam and range; "waterfall" has a row for
-/// each ping; "track" is the map that they make, of a swath sonar that of its depths; further `width` (1600), 320 to
-/// 4096 pixels, and `ground` (false), whether a waterfall shows ground range. `layer`: "values", levels with the
-/// sonar's time-varied gain, dB re 1 uPa, or heights on the map of depths, metres, not-a-number where nothing is, as
-/// ECHOCAST_TYPE_F32; or a label column of the pings, such as "category_id", 0 where nothing is, as ECHOCAST_TYPE_U32.
-/// `place` may be NULL. Each picture is made when it is first asked for; the view is valid until the list is pinged
-/// into, appended to or released.
+/// Gives access to the pixels of a picture of all pings, in place. `options`: YAML with `view`: "fan" shows the last
+/// ping of an imaging or swath sonar, or all pings of a rotating beam, by beam and range; "waterfall" has a row for
+/// each ping; "track" is their map, for a swath sonar the map of its depths; also `width` (1600), 320 to 4096 pixels,
+/// and `ground` (false), whether a waterfall shows ground range. `layer`: "values", levels with the sonar's time-varied
+/// gain, dB re 1 uPa, or on the map of depths heights, metres, NaN where there is no data, as ECHOCAST_TYPE_F32; or a
+/// label column of the pings, such as "category_id", 0 where there is no data, as ECHOCAST_TYPE_U32. `place` may be
+/// NULL. Each picture is made when it is first requested; the view is valid until the list is used for another ping,
+/// appended to or released.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (a view that this sonar does not have, no such layer), ECHOCAST_E_PARSE,
 /// ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY.
@@ -526,18 +525,18 @@ pub unsafe extern "C" fn echocast_pings_image(
     place: *mut echocast_image_place,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = unsafe { text::output(out, "out") }?.write(echocast_image_view::NONE);
-        // SAFETY: as the header asks.
+        // SAFETY: `options` and `layer` are strings (see `text`).
         let (options, layer) = unsafe { (text::required(options, "options")?, text::required(layer, "layer")?) };
         look(pings, |pings| {
-            // What a panic left half made is not there.
+            // A picture that a panic left half made has not been added.
             let mut images = pings.images.lock().unwrap_or_else(PoisonError::into_inner);
-            let made = match images.iter().position(|(asked, _)| asked == options) {
+            let made = match images.iter().position(|(requested, _)| requested == options) {
                 Some(made) => made,
                 None => {
-                    let asked = PreviewOptions::from_yaml(options)?;
-                    let image = pings.context.engine.install(|| preview::image_of(&pings.pings, &asked))?;
+                    let requested = PreviewOptions::from_yaml(options)?;
+                    let image = pings.context.engine.install(|| preview::image_of(&pings.pings, &requested))?;
                     images.push((options.to_owned(), image));
                     images.len() - 1
                 }
@@ -554,7 +553,7 @@ pub unsafe extern "C" fn echocast_pings_image(
             };
             if !place.is_null() {
                 let Place { first, step, .. } = image.place;
-                // SAFETY: as the header asks.
+                // SAFETY: `place` is an output (see `text`).
                 unsafe { text::output(place, "place") }?.write(echocast_image_place { first, step });
             }
             Ok(())

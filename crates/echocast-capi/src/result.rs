@@ -17,54 +17,54 @@ use std::fmt::Display;
 use std::ptr;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
-/// Points, column by column. Any number of threads may read it; only one at a time may change it.
+/// Points, column by column. Any number of threads may read a result; only one at a time may change it.
 pub struct echocast_result(());
 
 handles! {
-    echocast_result: RwLock<Points>, "result", 7;
+    echocast_result: RwLock<ResultPoints>, "result", 7;
 }
 
 /// The points of a result, and memory that a scan reuses.
-pub struct Points {
+pub struct ResultPoints {
     pub(crate) context: Arc<Context>,
     pub(crate) cloud: PointCloud,
     pub(crate) inputs: Inputs,
-    /// What all points are of; `None`: of several sensors.
+    /// The sensor of all points; `None` if they come from several.
     pub(crate) sensor: Option<Arc<Sensor>>,
-    /// The boxes of `cloud` as C has them.
+    /// The boxes of `cloud` as structures of C.
     pub(crate) boxes: Vec<echocast_box>,
     pub(crate) images: Mutex<Images>,
-    names: Mutex<Names>,
+    names: Mutex<LabelStrings>,
 }
 
-/// Names that were asked for, as C has them.
+/// Label names that were requested, as C strings.
 #[derive(Default)]
-pub(crate) struct Names {
-    /// What they are of.
+pub(crate) struct LabelStrings {
+    /// The labels that they belong to.
     labels: Arc<Labels>,
     /// By table and number.
     texts: HashMap<(&'static str, u32), CString>,
 }
 
-impl Names {
-    /// Name of a number in a table of `labels`, which lives as long as these names are of the same labels; NULL if
-    /// there is none.
+impl LabelStrings {
+    /// Name of a number in a table of `labels`, valid as long as these names belong to the same labels; NULL if there
+    /// is none.
     pub fn get(&mut self, labels: &Arc<Labels>, table: &str, number: u32) -> Outcome<*const c_char> {
         let (stem, names) = label_table(labels, table)?;
         let Some(name) = names.name(number) else { return Ok(ptr::null()) };
         if !Arc::ptr_eq(&self.labels, labels) {
-            // Those of scenes before are no longer valid.
-            *self = Names { labels: labels.clone(), ..Names::default() };
+            // The names of earlier scenes are no longer valid.
+            *self = LabelStrings { labels: labels.clone(), ..LabelStrings::default() };
         }
         let made = || CString::new(name.replace('\0', "?")).unwrap_or_default();
         Ok(self.texts.entry((stem, number)).or_insert_with(made).as_ptr())
     }
 }
 
-impl Reused for Points {
-    fn new(context: &Arc<Context>) -> Points {
+impl Reused for ResultPoints {
+    fn new(context: &Arc<Context>) -> ResultPoints {
         let (cloud, inputs, sensor, boxes, images, names) = Default::default();
-        Points { context: context.clone(), cloud, inputs, sensor, boxes, images, names }
+        ResultPoints { context: context.clone(), cloud, inputs, sensor, boxes, images, names }
     }
 
     fn context(&self) -> &Arc<Context> {
@@ -72,18 +72,18 @@ impl Reused for Points {
     }
 }
 
-impl Points {
-    /// Runs `scan`, which is of `sensor`.
-    pub(crate) fn scanned(&mut self, sensor: &Arc<Sensor>, scan: impl FnOnce(&mut Points) -> Outcome) -> Outcome {
+impl ResultPoints {
+    /// Runs `scan`, a scan by `sensor`.
+    pub(crate) fn scanned(&mut self, sensor: &Arc<Sensor>, scan: impl FnOnce(&mut ResultPoints) -> Outcome) -> Outcome {
         let done = scan(self);
-        // On an error the points are what they were, or none.
+        // On an error the points are unchanged, or there are none.
         let sensor = if done.is_ok() { Some(sensor.clone()) } else { self.sensor.take() };
         self.changed(sensor);
         done
     }
 
-    /// Makes what comes with the points follow them: to be called whenever they may have changed. `sensor`: what they
-    /// are of now.
+    /// Updates what is derived from the points: to be called whenever they may have changed. `sensor`: the one that
+    /// they now come from.
     fn changed(&mut self, sensor: Option<Arc<Sensor>>) {
         let images = self.images.get_mut().unwrap_or_else(PoisonError::into_inner);
         images.clear();
@@ -135,7 +135,7 @@ pub struct echocast_view {
 }
 
 impl echocast_view {
-    /// Of nothing.
+    /// An empty view.
     pub(crate) const NONE: Self = echocast_view { data: ptr::null(), count: 0, stride: 0, kind: 0, reserved: 0 };
 
     pub(crate) fn of(column: &Column) -> echocast_view {
@@ -186,7 +186,7 @@ pub struct echocast_result_info {
     /// World position, metres, that the columns x, y, z, true_x to true_z and corrected_x to corrected_z are
     /// relative to.
     pub origin: [f64; 3],
-    /// Where the sensor was at the start of the scan.
+    /// Pose of the sensor at the start of the scan.
     pub sensor_pose: echocast_pose,
 }
 
@@ -216,8 +216,8 @@ text::versioned!(echocast_result_info {
     sensor_pose,
 });
 
-/// Runs `look` on the points, while nobody changes them.
-pub(crate) fn look<T>(result: *const echocast_result, look: impl FnOnce(&Points) -> Outcome<T>) -> Outcome<T> {
+/// Runs `look` on the points while no thread changes them.
+pub(crate) fn look<T>(result: *const echocast_result, look: impl FnOnce(&ResultPoints) -> Outcome<T>) -> Outcome<T> {
     let result = handle::get(result, "result")?;
     look(&*handle::read(&result, "result")?)
 }
@@ -247,7 +247,7 @@ pub unsafe extern "C" fn echocast_result_get_info(
                 origin: cloud.origin.to_array(),
                 sensor_pose: echocast_pose::of(&cloud.sensor_pose),
             };
-            // SAFETY: as the header asks.
+            // SAFETY: `info` is a structure (see `text`).
             unsafe { text::put_structure(found, info, "info") }
         })
     })
@@ -259,8 +259,8 @@ pub unsafe extern "C" fn echocast_result_count(result: *const echocast_result) -
     guard_or(0, || look(result, |points| Ok(points.cloud.len)))
 }
 
-/// Gives access to a column without copying it. The view is valid until the result is scanned into, appended to or
-/// released.
+/// Gives access to a column without copying it. The view is valid until the result is used for another scan, appended
+/// to or released.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (no such column, or one that was not computed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 ///
@@ -276,9 +276,9 @@ pub unsafe extern "C" fn echocast_result_view(
     out: *mut echocast_view,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = unsafe { text::output(out, "out") }?.write(echocast_view::NONE);
-        // SAFETY: as the header asks.
+        // SAFETY: `column` is a string (see `text`).
         let name = unsafe { text::required(column, "column") }?;
         look(result, |points| {
             let field = computed(points.cloud.fields, name)?;
@@ -313,9 +313,9 @@ const MOST_ITEMS: usize = 64;
 
 /// Writes the points in the host's layout, all at once: point i at `to + i * stride`, each column converted to its type
 /// at its offset; bytes that no item covers stay unchanged. Numbers are rounded to the nearest value of the type;
-/// not-a-number becomes 0 in integers. Positions are relative to the result's origin as ECHOCAST_TYPE_F32, and complete
-/// as ECHOCAST_TYPE_F64. Up to 64 items. `capacity`: bytes of `to`; `*needed` (may be NULL): stride * points; if `to`
-/// is NULL, only that is written.
+/// not-a-number becomes 0 in integers. Positions are relative to the result's origin as ECHOCAST_TYPE_F32, and absolute
+/// as ECHOCAST_TYPE_F64. Up to 64 items. `capacity`: size of `to`, bytes; `*needed` (may be NULL): stride * points; if
+/// `to` is NULL, only that is written.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (a wrong item, too little room), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 ///
@@ -342,13 +342,13 @@ pub unsafe extern "C" fn echocast_result_pack(
             let cloud = &points.cloud;
             let pack =
                 |items: &[PackItem], to: &mut [u8]| points.context.engine.install(|| cloud.pack(items, stride, to));
-            // SAFETY: as the header asks.
+            // SAFETY: `items` is an array, `to` a buffer and `needed` an output (see `text`).
             unsafe { to.fill(cloud.fields, cloud.packed_len(stride), pack) }
         })
     })
 }
 
-/// Where numbers are packed to, as C says it.
+/// The arguments of a C function that packs columns.
 pub(crate) struct Packing {
     pub items: *const echocast_pack_item,
     pub item_count: usize,
@@ -359,11 +359,11 @@ pub(crate) struct Packing {
 }
 
 impl Packing {
-    /// Runs `pack` on the items, of columns among `fields`, and on `room` bytes; with NULL to write to, only tells how
-    /// many these are.
+    /// Runs `pack` on the items, whose columns are among `fields`, and on `room` bytes of `to`; if that is NULL, only
+    /// reports the number of bytes.
     ///
     /// # Safety
-    /// Each pointer is NULL or valid for the size given with it, and no other thread uses that memory during the call.
+    /// `items` is an array, `to` a buffer of `capacity` bytes and `needed` an output, as [`text`] describes.
     pub unsafe fn fill(
         &self,
         fields: FieldSet,
@@ -388,26 +388,26 @@ impl Packing {
                 scale: if item.scale == 0.0 { 1.0 } else { item.scale },
             };
         }
-        let to = Room { to: self.to, capacity: self.capacity, needed: self.needed };
+        let to = CallerBuffer { to: self.to, capacity: self.capacity, needed: self.needed };
         // SAFETY: as the caller promises.
         let Some(to) = unsafe { to.bytes("stride", self.stride, room) }? else { return Ok(()) };
         Ok(pack(&packed[..items.len()], to)?)
     }
 }
 
-/// Memory that a caller gives.
-pub(crate) struct Room {
+/// Memory provided by the caller.
+pub(crate) struct CallerBuffer {
     pub to: *mut c_void,
     pub capacity: usize,
     pub needed: *mut usize,
 }
 
-impl Room {
-    /// The first `room` bytes of it; `None` with NULL to write to: the caller only asked how many these are. `name` is the
-    /// argument with the value `value` that says so.
+impl CallerBuffer {
+    /// The first `room` bytes of it; `None` if `to` is NULL and the caller only requested their number. `name` and
+    /// `value`: the argument that `room` depends on.
     ///
     /// # Safety
-    /// Each pointer is NULL or valid for the size given with it, and no other thread uses that memory during the call.
+    /// `to` is a buffer of `capacity` bytes and `needed` an output, as [`text`] describes.
     pub unsafe fn bytes<'a>(
         self,
         name: &str,
@@ -432,8 +432,8 @@ impl Room {
         }
         let to = self.to.cast();
         text::check_array(to, room, "to")?;
-        // SAFETY: by the caller's promise `to` is valid for `capacity` bytes and not used elsewhere; `room` is no more than
-        // that. The bytes are only written, and any value is valid.
+        // SAFETY: by the caller's promise `to` is valid for `capacity` bytes and not used elsewhere; `room` is no more
+        // than that. The bytes are only written, and any value is valid.
         Ok(Some(unsafe { std::slice::from_raw_parts_mut(to, room) }))
     }
 }
@@ -471,7 +471,7 @@ fn pack_type(number: i32) -> Outcome<PackType> {
 
 /// The name of a label number. `table`: "category", "part", "material" or "instance". NULL if it has none.
 ///
-/// Valid until the result is scanned into or released.
+/// Valid until the result is used for another scan or released.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_result_label_name(
     result: *const echocast_result,
@@ -479,7 +479,7 @@ pub unsafe extern "C" fn echocast_result_label_name(
     number: u32,
 ) -> *const c_char {
     guard_or(ptr::null(), || {
-        // SAFETY: as the header asks.
+        // SAFETY: `table` is a string (see `text`).
         let table = unsafe { text::required(table, "table") }?;
         look(result, |points| {
             let mut names = points.names.lock().unwrap_or_else(PoisonError::into_inner);
@@ -488,8 +488,8 @@ pub unsafe extern "C" fn echocast_result_label_name(
     })
 }
 
-/// Gets the number that has a name in a label column. `table`: "category", "part", "material" or "instance", where the
-/// first instance of the name counts.
+/// Gets the number of a label by its name. `table`: "category", "part", "material" or "instance", of which the first
+/// with the name counts.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -499,7 +499,7 @@ pub unsafe extern "C" fn echocast_result_label_number(
     name: *const c_char,
     number: *mut u32,
 ) -> echocast_status {
-    // SAFETY: as the header asks.
+    // SAFETY: `table` and `name` are strings and `number` an output (see `text`).
     unsafe { put_label_number(table, name, number, |put| look(result, |points| put(&points.cloud.labels))) }
 }
 
@@ -519,7 +519,7 @@ pub unsafe extern "C" fn echocast_result_append(
         }
         let mut result = handle::write(&result, "result")?;
         let other = handle::read(&other, "other")?;
-        // What is appended to nothing is all there is.
+        // An empty result takes the sensor of what is appended.
         let sensor = if result.cloud.fields == FieldSet::EMPTY {
             other.sensor.clone()
         } else {

@@ -3,11 +3,11 @@
 use crate::context::Context;
 use crate::guard::{Failure, Outcome, echocast_status, guard};
 use crate::handle::{self, Handle};
-use crate::result::{Points, echocast_result};
+use crate::result::{ResultPoints, echocast_result};
 use crate::scene::{echocast_pose_key, echocast_snapshot};
 use crate::sensor::{echocast_sensor, seconds};
 use crate::text;
-use crate::weather::Weather;
+use crate::weather::ResultWeather;
 use echocast::{BoxAxes, BoxTime, BuiltScene, FieldSet, Named, Pose, ScanOptions, Sensor, Trajectory};
 use std::ffi::{c_char, c_void};
 use std::ops::ControlFlow;
@@ -24,21 +24,21 @@ pub const ECHOCAST_ORDER_BEAM: i32 = 0;
 /// Points are in order of rising time.
 pub const ECHOCAST_ORDER_TIME: i32 = 1;
 
-/// Physics as we know it.
+/// The physical models.
 pub const ECHOCAST_PROFILE_PHYSICAL: i32 = 0;
 /// The equations of the paper as printed.
 pub const ECHOCAST_PROFILE_PAPER: i32 = 1;
-/// What the paper's program computes.
+/// The equations as computed by the paper's program.
 pub const ECHOCAST_PROFILE_BLAINDER: i32 = 2;
 
 /// As the profile defines.
 pub const ECHOCAST_REFLECTANCE_DEFAULT: i32 = 0;
-/// Surfaces without a given reflectance take the luminance of their linear base colour, whatever the wavelength.
+/// Surfaces without a given reflectance use the luminance of their linear base colour, whatever the wavelength.
 pub const ECHOCAST_REFLECTANCE_LUMINANCE: i32 = 1;
-/// Surfaces without a given reflectance take the alpha of their base colour.
+/// Surfaces without a given reflectance use the alpha of their base colour.
 pub const ECHOCAST_REFLECTANCE_ALPHA: i32 = 2;
-/// Surfaces without a given reflectance take that of the library material that their name speaks of; else what their
-/// base colour suggests for the wavelength. The physical profile's default.
+/// Surfaces without a given reflectance use that of the library material that their name suggests; else an estimate
+/// from their base colour for the wavelength. The physical profile's default.
 pub const ECHOCAST_REFLECTANCE_LIBRARY: i32 = 3;
 
 /// No boxes.
@@ -48,20 +48,20 @@ pub const ECHOCAST_BOXES_OBJECT: i32 = 1;
 /// Boxes along the axes of the frame of the points.
 pub const ECHOCAST_BOXES_FRAME: i32 = 2;
 
-/// Boxes hold when their objects are scanned: each at the mean time of its points; without any, in the middle of the
-/// scan. With scan_desc.deskew, whose points are of the start: at the start.
+/// Boxes are valid for the time at which their objects are scanned: the mean time of the points on each, without points
+/// the middle of the scan. With scan_desc.deskew, which brings points to the start of the scan: the start.
 pub const ECHOCAST_BOX_TIME_SCAN: i32 = 0;
-/// Boxes hold when the scan starts.
+/// Boxes are valid for the start of the scan.
 pub const ECHOCAST_BOX_TIME_START: i32 = 1;
-/// Boxes hold when the last beam of the scan fires.
+/// Boxes are valid for the time at which the last beam of the scan fires.
 pub const ECHOCAST_BOX_TIME_END: i32 = 2;
 
-/// Progress callback: gets the fraction of the work that is done, 0 to 1; returning anything but 0 ends the scan,
+/// Progress callback: receives the fraction of the work that is done, 0 to 1; returning anything but 0 ends the scan,
 /// unless it is complete. Called on the scanning thread, every 2048 beams of each thread; not for sonars. It must not
 /// throw, and the result is in use during the call.
 pub type echocast_progress_fn = Option<unsafe extern "C" fn(user: *mut c_void, fraction: f64) -> i32>;
 
-/// How to scan; ECHOCAST_SCAN_DESC_INIT has the defaults.
+/// Options of a scan; ECHOCAST_SCAN_DESC_INIT has the defaults.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_scan_desc {
@@ -69,9 +69,9 @@ pub struct echocast_scan_desc {
     pub struct_size: usize,
     /// The sensor to scan with.
     pub sensor: *const echocast_sensor,
-    /// Where the sensor is: one pose, or several at rising times, between which it moves evenly and turns the shorter
-    /// way; before the first and after the last it stands still. Each beam is cast from the pose at the time of its own
-    /// firing.
+    /// Where the sensor is: one pose, or several at rising times, between which it moves uniformly and rotates the
+    /// shorter way; before the first and after the last it stands still. Each beam is cast from the pose at the time of
+    /// its own firing.
     pub poses: *const echocast_pose_key,
     /// Number of poses, 1 or more.
     pub pose_count: usize,
@@ -85,7 +85,7 @@ pub struct echocast_scan_desc {
     /// Instances whose mask shares a bit with this are seen.
     pub mask: u32,
     /// Columns to compute: comma-separated names ("x,y,z,range,category_id"), "all", or NULL for the default columns
-    /// ("default" in a list): `doppler` is one of a sensor that measures it.
+    /// ("default" in a list), which include `doppler` if the sensor measures it.
     pub columns: *const c_char,
     /// 1: every beam has a row, with NaN or 0 if it has no return. 0: only returns have rows.
     pub organised: i32,
@@ -99,15 +99,16 @@ pub struct echocast_scan_desc {
     pub reflectance: i32,
     /// 0.
     pub reserved: i32,
-    /// Gets the progress of the scan and may end it; may be NULL.
+    /// Receives the progress of the scan and may end it; may be NULL.
     pub progress: echocast_progress_fn,
     /// First argument of `progress`.
     pub progress_user: *mut c_void,
-    /// What is in the air, and the water a sonar is in, as YAML with the keys of a scenario's section `environment`
-    /// ("{rain: {rate_mm_h: 10}}", "{water: {temperature_c: 8}}"), or NULL: clear air, and for sonars the sea below z =
+    /// Weather, and for sonars the water, as YAML with the keys of a scenario's section `environment` ("{rain:
+    /// {rate_mm_h: 10}}", "{water: {temperature_c: 8}}"), or NULL: clear air, and for sonars the sea below z =
     /// 0. A text that is the same as in the result's last scan is not parsed again.
     pub environment: *const c_char,
-    /// 1: what moves holds still during the scan, where it is at t0_ns. 0: every beam meets it at its own time.
+    /// 1: what moves stands still during the scan, where it is at t0_ns. 0: every beam hits it where it is at the
+    /// beam's own time.
     pub freeze: i32,
     /// 0.
     pub reserved_2: i32,
@@ -117,15 +118,15 @@ pub struct echocast_scan_desc {
     /// Boxes around the labelled instances, for echocast_result_boxes: an ECHOCAST_BOXES_ number. All beams are then
     /// traced once more.
     pub boxes: i32,
-    /// 1: the boxes also say where they are in the image of the sensor, whatever hides them, for which every triangle
-    /// is looked at: the amodal boxes of echocast_result_image_boxes.
+    /// 1: the boxes also have their extent in the image of the sensor, including what is hidden, which takes a pass
+    /// over every triangle: the amodal boxes of echocast_result_image_boxes.
     pub image_boxes: i32,
-    /// When boxes hold: an ECHOCAST_BOX_TIME_ number. Of programs that were compiled when this was not there yet, boxes
-    /// hold at the start, as they were told.
+    /// Time for which boxes are valid: an ECHOCAST_BOX_TIME_ number. For programs compiled before this field existed it
+    /// is the start, as was documented then.
     pub box_time: i32,
-    /// 1: positions and normals are brought to t0_ns: what moves is where it was then, with all points that lie on it,
-    /// and ECHOCAST_COORDINATES_SENSOR is the sensor frame then. The other columns, also `true_x`, `true_y` and `true_z`,
-    /// say what was when the beam fired. Not for sonars.
+    /// 1: positions and normals are brought to t0_ns: what moves is where it was then, with all points on it, and
+    /// ECHOCAST_COORDINATES_SENSOR is the sensor frame at that time. The other columns, including `true_x`, `true_y`
+    /// and `true_z`, are as of the firing of the beam. Not for sonars.
     pub deskew: i32,
 }
 
@@ -189,18 +190,18 @@ text::versioned!(echocast_scan_desc {
     deskew,
 });
 
-/// Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, and it becomes a new result, to be
-/// released with echocast_result_release; or a result, whose memory is reused: after the first few of their kind, scans
-/// in beam order of lidars and depth cameras allocate nothing, whatever the sensor, in any weather and in front of
-/// mirrors and glass; with another profile than the physical one, or boxes, they take some small blocks, a ping of a sonar
-/// up to 20.
+/// Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, which is replaced by a new result, to
+/// be released with echocast_result_release; or a result, whose memory is reused: after the first few of their kind,
+/// scans in beam order of lidars and depth cameras allocate nothing, whatever the sensor, in any weather and in front
+/// of mirrors and glass; with a profile other than the physical one, or with boxes, they allocate some small blocks, a
+/// ping of a sonar up to 20.
 ///
 /// Points of a sonar: for multibeam and single-beam sonars the depth of each beam; for side-scan and imaging sonars the
-/// range bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water. echocast_ping gives
-/// whole pings.
+/// range bins with an echo. Their `intensity` is a level in dB re 1 uPa. Sonars must be in the water. echocast_ping
+/// gives whole pings.
 ///
-/// On an error in the arguments, an old result stays as it was; after a cancelled scan, or one for which there was no
-/// memory, it is empty.
+/// On an error in the arguments, an existing result is unchanged; after a cancelled scan, or if memory runs out, it is
+/// empty.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_CANCELLED, ECHOCAST_E_BUSY (another
 /// thread uses the result, or changes the sensor). Any number of threads may scan one snapshot with one sensor, each
@@ -223,38 +224,39 @@ pub unsafe extern "C" fn echocast_scan(
 ) -> echocast_status {
     guard(|| {
         let snapshot = handle::get(snapshot, "snapshot")?;
-        // SAFETY: as the header asks.
+        // SAFETY: `desc` is a structure (see `text`).
         let desc = unsafe { text::structure(desc, "desc") }?;
         let sensor = handle::get(desc.sensor, "desc->sensor")?;
         snapshot.0.check(&sensor.0, "desc->sensor")?;
         let sensor = handle::read(&sensor.1, "desc->sensor")?;
-        let made = |points: &mut Points| {
-            // SAFETY: as the header asks.
+        let made = |points: &mut ResultPoints| {
+            // SAFETY: the arrays and strings of `desc` are as `text` describes.
             points.scanned(&sensor, |points| unsafe { scan(&snapshot.1, &sensor, &desc, points) })
         };
-        // SAFETY: as the header asks.
+        // SAFETY: `io` is a handle slot (see `text`).
         unsafe { fill(io, &snapshot.0, made) }
     })
 }
 
-/// What calls fill again and again, in its own memory.
+/// An object that calls fill again and again, reusing its memory.
 pub(crate) trait Reused {
-    /// Empty, of a context.
+    /// An empty one that belongs to a context.
     fn new(context: &Arc<Context>) -> Self;
     fn context(&self) -> &Arc<Context>;
 }
 
-/// Runs `fill` on what is at `io`, or on a new one if there is none, which then stands there.
+/// Runs `fill` on the object whose handle is at `io`, or on a new one if that is NULL, and then writes its handle
+/// there.
 ///
 /// # Safety
-/// `io` is NULL or points to a handle or NULL, which nobody else uses meanwhile.
+/// `io` is a handle slot, as [`text`] describes.
 pub(crate) unsafe fn fill<T: Reused, H: Handle<Object = RwLock<T>>>(
     io: *mut *mut H,
     context: &Arc<Context>,
     fill: impl FnOnce(&mut T) -> Outcome,
 ) -> Outcome {
     if io.is_null() || !io.is_aligned() {
-        return Err(Failure::argument("io", format!("{io:p}"), &format!("where a pointer to a {} stands", H::NAME)));
+        return Err(Failure::argument("io", format!("{io:p}"), &format!("the address of a pointer to a {}", H::NAME)));
     }
     // SAFETY: as the caller promises.
     let old = unsafe { io.read() };
@@ -274,40 +276,41 @@ pub(crate) unsafe fn fill<T: Reused, H: Handle<Object = RwLock<T>>>(
 }
 
 /// # Safety
-/// The arrays and strings of `desc` are as it says.
-unsafe fn scan(scene: &BuiltScene, sensor: &Sensor, desc: &echocast_scan_desc, points: &mut Points) -> Outcome {
+/// The arrays and strings of `desc` are as [`text`] describes.
+unsafe fn scan(scene: &BuiltScene, sensor: &Sensor, desc: &echocast_scan_desc, points: &mut ResultPoints) -> Outcome {
     let cloud = &mut points.cloud;
     let scan = |trajectory: &Trajectory, options: &ScanOptions| match desc.progress {
         None => scene.scan_into(sensor, trajectory, options, cloud),
         Some(progress) => {
             let user = desc.progress_user;
-            let mut heard = |fraction: f64| {
-                // SAFETY: the function and its argument are the host's, which promised that they can be called here.
+            let mut on_progress = |fraction: f64| {
+                // SAFETY: the header requires that the host's function can be called with its argument on the scanning
+                // thread.
                 if unsafe { progress(user, fraction) } == 0 {
                     ControlFlow::Continue(())
                 } else {
                     ControlFlow::Break(())
                 }
             };
-            scene.scan_with_progress(sensor, trajectory, options, cloud, &mut heard)
+            scene.scan_with_progress(sensor, trajectory, options, cloud, &mut on_progress)
         }
     };
     // SAFETY: as the caller promises.
     unsafe { points.inputs.with(desc, sensor, scan) }
 }
 
-/// What was read of the last description, and memory for the next one.
+/// The inputs of the last scan, and memory for those of the next one.
 #[derive(Default)]
 pub(crate) struct Inputs {
     keys: Vec<(f64, Pose)>,
-    weather: Weather,
+    weather: ResultWeather,
 }
 
 impl Inputs {
     /// Runs `scan` on the trajectory and the options of `desc`.
     ///
     /// # Safety
-    /// The arrays and strings of `desc` are as it says.
+    /// The arrays and strings of `desc` are as [`text`] describes.
     pub unsafe fn with(
         &mut self,
         desc: &echocast_scan_desc,
@@ -334,7 +337,7 @@ impl Inputs {
                 return Err(Failure::argument(&name, key.t_ns, &allowed));
             }
             let pose = key.pose.rigid("desc->poses[i].pose").map_err(|failure| failure.at("[i]", number))?;
-            // Counted from the scan's start, where nothing is rounded away, whatever the zero.
+            // Relative to the start of the scan, so that nothing is rounded away, whatever the zero of times.
             let Some(since) = key.t_ns.checked_sub(desc.t0_ns) else {
                 let name = format!("desc->poses[{number}].t_ns");
                 return Err(Failure::argument(&name, key.t_ns, "less than 292 years from desc->t0_ns"));
@@ -351,7 +354,7 @@ impl Inputs {
 }
 
 /// # Safety
-/// The strings of `desc` are valid.
+/// The strings of `desc` are as [`text`] describes.
 unsafe fn scan_options(desc: &echocast_scan_desc, sensor: &Sensor) -> Outcome<ScanOptions> {
     // SAFETY: as the caller promises.
     let fields = match unsafe { text::optional(desc.columns, "desc->columns") }? {
@@ -359,7 +362,7 @@ unsafe fn scan_options(desc: &echocast_scan_desc, sensor: &Sensor) -> Outcome<Sc
         Some(names) => FieldSet::parse_with(names, sensor.default_fields())?,
     };
     if desc.mask == 0 {
-        return Err(Failure::argument("desc->mask", 0, "a bit or more: nothing would be seen"));
+        return Err(Failure::argument("desc->mask", 0, "at least one bit; otherwise nothing would be seen"));
     }
     for (name, reserved) in [("desc->reserved", desc.reserved), ("desc->reserved_2", desc.reserved_2)] {
         if reserved != 0 {
@@ -398,7 +401,7 @@ unsafe fn scan_options(desc: &echocast_scan_desc, sensor: &Sensor) -> Outcome<Sc
     })
 }
 
-/// The argument as yes or no.
+/// The argument as a boolean.
 fn flag(number: i32, argument: &str) -> Outcome<bool> {
     match number {
         0 => Ok(false),
@@ -407,8 +410,8 @@ fn flag(number: i32, argument: &str) -> Outcome<bool> {
     }
 }
 
-/// Along which axes boxes lie, if there are any, and whether they say where they are in the image: by numbers, which come
-/// with the names of the arguments.
+/// The axes of boxes, if any are requested, and whether they include their extent in the image: from the numbers, each
+/// with the name of its argument.
 pub(crate) fn boxes(boxes: (i32, &str), image_boxes: (i32, &str)) -> Outcome<(Option<BoxAxes>, bool)> {
     let (axes, in_image) = (optional(boxes.0, boxes.1)?, flag(image_boxes.0, image_boxes.1)?);
     if in_image && axes.is_none() {

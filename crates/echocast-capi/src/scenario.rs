@@ -4,7 +4,7 @@ use crate::context::{Context, echocast_context};
 use crate::guard::{Outcome, echocast_status, guard, numbered};
 use crate::handle::{self, handles};
 use crate::ping::{Pings, echocast_pings};
-use crate::result::{Points, echocast_result};
+use crate::result::{ResultPoints, echocast_result};
 use crate::scan::{self, fill};
 use crate::sensor::{echocast_sensor, nanoseconds};
 use crate::text;
@@ -14,12 +14,12 @@ use std::ffi::c_char;
 use std::ptr;
 use std::sync::{Arc, RwLock};
 
-/// A file that makes samples: a scene, a rig of sensors, and what differs from sample to sample. Any number of threads
+/// A file that makes samples: a scene, a rig of sensors, and what varies from sample to sample. Any number of threads
 /// may make samples of it; only one at a time may change it.
 pub struct echocast_scenario(());
 
-/// A sample of a scenario: its scene as it was drawn, and the scans of its sensors. Any number of threads may read it;
-/// only one at a time may scan it.
+/// A sample of a scenario: its scene with the values drawn for it, and the scans of its sensors. Any number of threads
+/// may read it; only one at a time may scan it.
 pub struct echocast_sample(());
 
 handles! {
@@ -27,23 +27,23 @@ handles! {
     echocast_sample: (Arc<Context>, RwLock<Drawn>), "sample", 10;
 }
 
-/// A sample, and the boxes that its scans are to have.
+/// A sample, and the boxes requested for its scans.
 pub struct Drawn {
     sample: Sample,
     boxes: Option<BoxAxes>,
     image_boxes: bool,
 }
 
-/// What one sensor of the rig does in a sample; ECHOCAST_SCAN_INFO_INIT is empty.
+/// The scan of one sensor of the rig in a sample; ECHOCAST_SCAN_INFO_INIT is empty.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_scan_info {
     /// sizeof(echocast_scan_info).
     pub struct_size: usize,
-    /// Its frames; of a sonar, its pings.
+    /// Number of its frames; for a sonar, of its pings.
     pub frames: usize,
-    /// Where the name of the sensor in the rig is written, ending in 0, cut off if it is too long; NULL if not wanted.
-    /// Set by the caller.
+    /// Buffer for the name of the sensor in the rig, which ends in 0 and is cut off if it is too long; NULL if not
+    /// needed. Set by the caller.
     pub name: *mut c_char,
     /// Capacity of `name`, bytes. Set by the caller.
     pub name_capacity: usize,
@@ -57,7 +57,7 @@ impl Default for echocast_scan_info {
 
 text::versioned!(echocast_scan_info { struct_size, frames, name, name_capacity });
 
-/// When a frame is scanned; ECHOCAST_FRAME_INFO_INIT is empty.
+/// The time of a frame; ECHOCAST_FRAME_INFO_INIT is empty.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_frame_info {
@@ -65,9 +65,9 @@ pub struct echocast_frame_info {
     pub struct_size: usize,
     /// Its start, ns since the start of the run, from which the column `time` counts.
     pub start_ns: i64,
-    /// How long the sensor looks at the scene at most, ns.
+    /// Longest duration of the scan, ns.
     pub duration_ns: i64,
-    /// Its number, as in the column `frame`.
+    /// Number of the frame, as in the column `frame`.
     pub number: u32,
     /// 0.
     pub reserved: u32,
@@ -81,9 +81,9 @@ impl Default for echocast_frame_info {
 
 text::versioned!(echocast_frame_info { struct_size, start_ns, duration_ns, number, reserved });
 
-/// Reads a scenario file, or the report of `echocast scan --json`. Names of files in it are relative to its folder, or
-/// to its `folder`. Scenes and models are read with the first sample that needs them, and kept for the others. What it
-/// says under `outputs` is for the program and not used here.
+/// Reads a scenario file, or the report of `echocast scan --json`. File names in it are relative to its folder, or to
+/// its key `folder`. Scenes and models are read with the first sample that needs them, and kept for the others. Its
+/// `outputs` are for the program and not used here.
 ///
 /// Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file, line, key), ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE. Any thread may
 /// call this.
@@ -99,14 +99,14 @@ pub unsafe extern "C" fn echocast_scenario_load(
     out: *mut *mut echocast_scenario,
 ) -> echocast_status {
     create(context, out, || {
-        // SAFETY: as the header asks.
+        // SAFETY: `path` is a string (see `text`).
         let path = unsafe { text::path(path, "path") }?;
         Ok(Scenario::load(path)?)
     })
 }
 
-/// Like echocast_scenario_load, from YAML text with the contents of a scenario file. `folder`: where relative paths in
-/// it start; NULL for the working folder.
+/// Like echocast_scenario_load, from YAML text with the contents of a scenario file. `folder`: the folder that paths in
+/// it are relative to; NULL for the working folder.
 ///
 /// Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (line and key), ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE. Any thread may call
 /// this.
@@ -118,7 +118,7 @@ pub unsafe extern "C" fn echocast_scenario_from_text(
     out: *mut *mut echocast_scenario,
 ) -> echocast_status {
     create(context, out, || {
-        // SAFETY: as the header asks.
+        // SAFETY: `yaml` and `folder` are strings (see `text`).
         let (yaml, folder) = unsafe { (text::required(yaml, "yaml")?, text::optional_path(folder, "folder")?) };
         Ok(Scenario::from_yaml(yaml, folder)?)
     })
@@ -130,7 +130,7 @@ fn create(
     read: impl FnOnce() -> Outcome<Scenario>,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = unsafe { text::output(out, "out") }?.write(ptr::null_mut());
         let context = handle::get(context, "context")?;
         let scenario = read()?.with_engine(&context.engine);
@@ -140,7 +140,7 @@ fn create(
 }
 
 /// Changes a key of a scenario: `key` is its path (`frames.last`, `sensors.top.rate_hz`, `sensors[0].mount`), `value`
-/// YAML. Samples that were made stay as they are; the next one reads its scene and models again.
+/// YAML. Existing samples stay as they are; the next one reads its scene and models again.
 ///
 /// Errors: ECHOCAST_E_PARSE (key, what was found, what is allowed), ECHOCAST_E_IO, ECHOCAST_E_ARGUMENT,
 /// ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY (another thread makes a sample); the scenario is then unchanged.
@@ -151,14 +151,14 @@ pub unsafe extern "C" fn echocast_scenario_set(
     value: *const c_char,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `key` and `value` are strings (see `text`).
         let (key, value) = unsafe { (text::required(key, "key")?, text::required(value, "value")?) };
         let scenario = handle::get(scenario, "scenario")?;
         Ok(handle::write(&scenario.1, "scenario")?.set(key, value)?)
     })
 }
 
-/// Writes the number of samples that a scenario asks for to `*out`.
+/// Writes the number of samples of a scenario to `*out`.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -167,7 +167,7 @@ pub unsafe extern "C" fn echocast_scenario_samples(
     out: *mut u64,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = unsafe { text::output(out, "out") }?.write(0);
         let scenario = handle::get(scenario, "scenario")?;
         *out = handle::read(&scenario.1, "scenario")?.samples();
@@ -175,17 +175,17 @@ pub unsafe extern "C" fn echocast_scenario_samples(
     })
 }
 
-/// Makes a sample, counted from 0: draws what varies and sets up its scene and scans. It is the same alone, in any
-/// order, on any thread, and the one that `echocast run` writes; there may be more than the scenario asks for, up to
-/// number 4294967295. `*out` is the new sample; release it with echocast_sample_release. What was noticed is reported
-/// to the context's log: objects that found no room, what scene files lack.
+/// Makes a sample, counted from 0: draws what varies and sets up its scene and scans. It is the same whether it is made
+/// alone, in any order or on any thread, and the one that `echocast run` writes; the number may exceed the samples of
+/// the scenario, up to 4294967295. `*out` is the new sample; release it with echocast_sample_release. Warnings are
+/// reported to the context's log: objects for which there was no room, what scene files lack.
 ///
-/// Any number of threads may make samples of one scenario: in a context of one thread side by side; a context of
-/// several gives all its threads to one sample after the other.
+/// Any number of threads may make samples of one scenario: with a context of one thread in parallel; a context of
+/// several threads uses all of them for one sample after the other.
 ///
-/// Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT (a value that
-/// was drawn and is not allowed, no room for what must be placed), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY,
-/// ECHOCAST_E_BUSY (another thread changes the scenario).
+/// Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT (a drawn value
+/// that is not allowed, no room for what must be placed), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY
+/// (another thread changes the scenario).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_scenario_sample(
     scenario: *const echocast_scenario,
@@ -193,7 +193,7 @@ pub unsafe extern "C" fn echocast_scenario_sample(
     out: *mut *mut echocast_sample,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = unsafe { text::output(out, "out") }?.write(ptr::null_mut());
         let scenario = handle::get(scenario, "scenario")?;
         let (context, scenario) = (&scenario.0, handle::read(&scenario.1, "scenario")?);
@@ -214,18 +214,18 @@ pub unsafe extern "C" fn echocast_scenario_release(scenario: *mut echocast_scena
     });
 }
 
-/// Runs `look` on the sample, while nobody scans it.
+/// Runs `look` on the sample while no thread scans it.
 fn look<T>(sample: *const echocast_sample, look: impl FnOnce(&Arc<Context>, &Sample) -> Outcome<T>) -> Outcome<T> {
     let sample = handle::get(sample, "sample")?;
     look(&sample.0, &handle::read(&sample.1, "sample")?.sample)
 }
 
-/// The scan of this number.
+/// The scan with this number.
 fn scan_of(sample: &Sample, scan: usize) -> Outcome<&Scan> {
     numbered(sample.scans(), scan, "scan")
 }
 
-/// The frame of this number.
+/// The frame with this number.
 fn frame_of(scan: &Scan, frame: usize) -> Outcome<&FrameTime> {
     numbered(scan.frames(), frame, "frame")
 }
@@ -236,7 +236,7 @@ fn frame_of(scan: &Scan, frame: usize) -> Outcome<&FrameTime> {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_sample_scans(sample: *const echocast_sample, out: *mut usize) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = unsafe { text::output(out, "out") }?.write(0);
         look(sample, |_, sample| {
             *out = sample.scans().len();
@@ -245,8 +245,8 @@ pub unsafe extern "C" fn echocast_sample_scans(sample: *const echocast_sample, o
     })
 }
 
-/// Gets information on a scan, counted from 0 in the order of the rig. The caller sets struct_size of `*info`, and
-/// where the name is to go.
+/// Gets information on a scan, counted from 0 in the order of the rig. The caller sets struct_size of `*info`, and the
+/// buffer for the name.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -258,14 +258,14 @@ pub unsafe extern "C" fn echocast_sample_get_scan(
     guard(|| {
         look(sample, |_, sample| {
             let scan = scan_of(sample, scan)?;
-            // SAFETY: as the header asks.
-            let asked = unsafe { text::structure(info, "info") }?;
-            if !asked.name.is_null() {
-                // SAFETY: as the header asks.
-                unsafe { text::put(scan.name(), asked.name, asked.name_capacity, ptr::null_mut()) }?;
+            // SAFETY: `info` is a structure (see `text`).
+            let given = unsafe { text::structure(info, "info") }?;
+            if !given.name.is_null() {
+                // SAFETY: `given.name` is a buffer (see `text`).
+                unsafe { text::put(scan.name(), given.name, given.name_capacity, ptr::null_mut()) }?;
             }
-            let found = echocast_scan_info { frames: scan.frames().len(), ..asked };
-            // SAFETY: as the header asks.
+            let found = echocast_scan_info { frames: scan.frames().len(), ..given };
+            // SAFETY: `info` is a structure (see `text`).
             unsafe { text::put_structure(found, info, "info") }
         })
     })
@@ -291,14 +291,14 @@ pub unsafe extern "C" fn echocast_sample_get_frame(
                 number: frame.number,
                 ..echocast_frame_info::default()
             };
-            // SAFETY: as the header asks.
+            // SAFETY: `info` is a structure (see `text`).
             unsafe { text::put_structure(found, info, "info") }
         })
     })
 }
 
-/// Gives a copy of the sensor of a scan, with all that was drawn for it: `*out` is a sensor like any other, to be
-/// released with echocast_sensor_release.
+/// Gets a copy of the sensor of a scan, with the values drawn for it: `*out` is a sensor like any other, to be released
+/// with echocast_sensor_release.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -308,7 +308,7 @@ pub unsafe extern "C" fn echocast_sample_sensor(
     out: *mut *mut echocast_sensor,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = unsafe { text::output(out, "out") }?.write(ptr::null_mut());
         look(sample, |context, sample| {
             let sensor = Arc::clone(scan_of(sample, scan)?.sensor());
@@ -333,13 +333,13 @@ pub unsafe extern "C" fn echocast_sample_drawn(
     guard(|| {
         let entries: Vec<String> =
             look(sample, |_, sample| Ok(sample.drawn().iter().map(ToString::to_string).collect()))?;
-        // SAFETY: as the header asks.
+        // SAFETY: `json` is a buffer and `needed` an output (see `text`).
         unsafe { text::put(&format!("[{}]", entries.join(",")), json, capacity, needed) }
     })
 }
 
-/// Says which boxes the following scans of a sample have: `boxes` and `image_boxes` as in echocast_scan_desc; at first
-/// none. When they hold, the scenario says (`boxes`).
+/// Sets which boxes the following scans of a sample have: `boxes` and `image_boxes` as in echocast_scan_desc; none by
+/// default. The time for which they are valid is set by the scenario (`boxes`).
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 ///
@@ -364,15 +364,15 @@ pub unsafe extern "C" fn echocast_sample_set_boxes(
     })
 }
 
-/// Scans a frame of a sample as the scenario says: scan and frame are counted from 0; a sonar sends the ping of that
-/// number. `columns`: NULL for those that the scenario asks for (`fields`); else names as in echocast_scan_desc, where
-/// "default" stands for these. `*io`: NULL, and it becomes a new result, or a result, whose memory is reused, as for
-/// echocast_scan. Frames may be scanned in any order and again: the points are the same.
+/// Scans a frame of a sample as the scenario specifies: scan and frame are counted from 0; a sonar sends the ping with
+/// that number. `columns`: NULL for those of the scenario (`fields`); else names as in echocast_scan_desc, where
+/// "default" stands for these. `*io`: NULL, which is replaced by a new result, or a result, whose memory is reused, as
+/// for echocast_scan. Frames may be scanned in any order and repeatedly: the points are the same.
 ///
-/// One thread at a time may scan a sample; each may scan one of its own.
+/// One thread at a time may scan a sample; several threads may each scan their own.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY. On an error in the arguments, an
-/// old result stays as it was; when there was no memory for a scan, it is empty.
+/// existing result is unchanged; if memory runs out, it is empty.
 ///
 /// ```c
 /// uint64_t samples;
@@ -393,7 +393,7 @@ pub unsafe extern "C" fn echocast_sample_scan(
     io: *mut *mut echocast_result,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `columns` is a string (see `text`).
         let columns = unsafe { text::optional(columns, "columns") }?;
         let sample = handle::get(sample, "sample")?;
         let (context, mut drawn) = (&sample.0, handle::write(&sample.1, "sample")?);
@@ -401,7 +401,7 @@ pub unsafe extern "C" fn echocast_sample_scan(
         let mut options = options(sample, scan, frame, columns)?;
         (options.boxes, options.image_boxes) = (*boxes, *image_boxes);
         let sensor = Arc::clone(sample.scans()[scan].sensor());
-        let scan_into = |points: &mut Points| {
+        let scan_into = |points: &mut ResultPoints| {
             points.scanned(&sensor, |points| {
                 let built = sample.built(scan, frame)?;
                 context.warn(built.report());
@@ -409,17 +409,16 @@ pub unsafe extern "C" fn echocast_sample_scan(
                 Ok(built.scan_into(&sensor, trajectory, &options, &mut points.cloud)?)
             })
         };
-        // SAFETY: as the header asks.
+        // SAFETY: `io` is a handle slot (see `text`).
         unsafe { fill(io, context, scan_into) }
     })
 }
 
-/// Sends a ping of a sonar of a sample as the scenario says: as echocast_sample_scan, but into a list of pings, as
-/// echocast_ping does.
+/// Sends a ping of a sonar of a sample as the scenario specifies: like echocast_sample_scan, but into a list of pings,
+/// as echocast_ping does.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (a scan whose sensor is not a sonar), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY,
-/// ECHOCAST_E_BUSY. On an error in the arguments, an old list stays as it was; one for which there was no memory is
-/// empty.
+/// ECHOCAST_E_BUSY. On an error in the arguments, an existing list is unchanged; if memory runs out, it is empty.
 ///
 /// ```c
 /// echocast_pings *pings = NULL;
@@ -434,7 +433,7 @@ pub unsafe extern "C" fn echocast_sample_ping(
     io: *mut *mut echocast_pings,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `columns` is a string (see `text`).
         let columns = unsafe { text::optional(columns, "columns") }?;
         let sample = handle::get(sample, "sample")?;
         let (context, mut drawn) = (&sample.0, handle::write(&sample.1, "sample")?);
@@ -448,7 +447,7 @@ pub unsafe extern "C" fn echocast_sample_ping(
                 Ok(built.ping_into(scan.sensor(), scan.trajectory(), &options, ping)?)
             })
         };
-        // SAFETY: as the header asks.
+        // SAFETY: `io` is a handle slot (see `text`).
         unsafe { fill(io, context, sent) }
     })
 }

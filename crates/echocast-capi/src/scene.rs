@@ -30,7 +30,7 @@ pub type echocast_instance = u64;
 
 /// A placement: the upper three rows of the 4x4 matrix, row after row, that takes points of the child (an instance, a
 /// sensor) to the parent (the world); the fourth column is the position in metres. Instances may be scaled, sheared and
-/// mirrored; sensors are only turned and moved.
+/// mirrored; sensors are only rotated and translated.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct echocast_pose {
@@ -57,7 +57,7 @@ impl echocast_pose {
         DAffine3 { matrix3: DMat3::from_cols(column(0), column(1), column(2)), translation: column(3) }
     }
 
-    /// As an instance's placement.
+    /// As the placement of an instance.
     fn placement(&self, name: &str) -> Outcome<DAffine3> {
         if self.m == [0.0; 12] {
             return Err(Failure::argument(name, "all 0", "a matrix, such as ECHOCAST_POSE_IDENTITY"));
@@ -65,9 +65,9 @@ impl echocast_pose {
         Ok(self.affine())
     }
 
-    /// As a sensor's pose.
+    /// As the pose of a sensor.
     pub(crate) fn rigid(&self, name: &str) -> Outcome<Pose> {
-        /// For the entries of the rotation; a quaternion that was rounded to single precision passes.
+        /// Tolerance of the entries of the rotation: one made from a quaternion in single precision passes.
         const TOLERANCE: f64 = 1e-4;
         let DAffine3 { matrix3, translation } = self.placement(name)?;
         let product = matrix3.transpose() * matrix3;
@@ -107,13 +107,13 @@ pub struct echocast_instance_desc {
     pub instance_id: u32,
     /// Scans whose mask shares a bit with this see it; not 0.
     pub mask: u32,
-    /// 1: it stays where it is. Fixed instances with a mesh of their own are built together, the fastest to trace;
+    /// 1: it does not move. Fixed instances with a mesh of their own are built together, which is the fastest to trace;
     /// whenever one is added, removed or changed, all are rebuilt. 0: it may move, at a cost of a few microseconds per
     /// commit.
     pub fixed: i32,
-    /// Replaces the materials of the mesh; NULL to keep those.
+    /// Replaces the materials of the mesh; NULL to keep them.
     pub material: *const echocast_material,
-    /// Name, for echocast_scene_find, messages and the files' table of instances; NULL for none.
+    /// Name, for echocast_scene_find, messages and the table of instances in files; NULL for none.
     pub name: *const c_char,
 }
 
@@ -171,15 +171,15 @@ text::versioned!(echocast_scene_desc { struct_size, origin });
 pub struct echocast_scene_info {
     /// sizeof(echocast_scene_info).
     pub struct_size: usize,
-    /// Instances.
+    /// Number of instances.
     pub instances: usize,
-    /// Triangles, each mesh counted as often as it is placed.
+    /// Number of triangles, each mesh counted as often as it is placed.
     pub triangles: usize,
     /// Lowest corner of the box around all instances, in the world, metres; all 0 without instances.
     pub low: [f64; 3],
     /// Highest corner of that box.
     pub high: [f64; 3],
-    /// Camera nodes of the loaded files.
+    /// Number of camera nodes of the loaded files.
     pub cameras: usize,
 }
 
@@ -208,15 +208,15 @@ pub unsafe extern "C" fn echocast_scene_create(
     out: *mut *mut echocast_scene,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = unsafe { text::output(out, "out") }?.write(ptr::null_mut());
         let context = handle::get(context, "context")?;
         let mut scene = LiveScene::new(&context.engine);
         if !desc.is_null() {
-            // SAFETY: as the header asks.
+            // SAFETY: `desc` is a structure (see `text`).
             let desc = unsafe { text::structure(desc, "desc") }?;
             if !desc.origin.is_null() {
-                // SAFETY: as the header asks: three numbers.
+                // SAFETY: `desc.origin` is an array of three numbers (see `text`).
                 let origin = unsafe { text::array(desc.origin, 3, "desc->origin") }?;
                 scene.set_origin(DVec3::from_slice(origin))?;
             }
@@ -235,21 +235,21 @@ pub unsafe extern "C" fn echocast_scene_release(scene: *mut echocast_scene) {
     });
 }
 
-/// Runs `edit` on the scene, while no other thread uses it.
+/// Runs `edit` on the scene while no other thread uses it.
 fn edit<T>(scene: *mut echocast_scene, edit: impl FnOnce(&Arc<Context>, &mut LiveScene) -> Outcome<T>) -> Outcome<T> {
     let scene = handle::get(scene, "scene")?;
     let mut live = handle::write(&scene.1, "scene")?;
     edit(&scene.0, &mut live)
 }
 
-/// Runs `look` on the scene, while nobody edits it.
+/// Runs `look` on the scene while no thread edits it.
 fn look<T>(scene: *const echocast_scene, look: impl FnOnce(&LiveScene) -> Outcome<T>) -> Outcome<T> {
     let scene = handle::get(scene, "scene")?;
     look(&*handle::read(&scene.1, "scene")?)
 }
 
 /// # Safety
-/// `options` is NULL or a string.
+/// `options` is a string, as [`text`] describes.
 unsafe fn load_options(options: *const c_char) -> Outcome<LoadOptions> {
     // SAFETY: as the caller promises.
     match unsafe { text::optional(options, "options") }? {
@@ -262,17 +262,17 @@ unsafe fn load_options(options: *const c_char) -> Outcome<LoadOptions> {
 fn add_scene(context: &Context, live: &mut LiveScene, file: &Scene) -> Outcome {
     context.warn(&file.report);
     let objects = live.add_scene(file)?.len();
-    context.say(ECHOCAST_LOG_INFO, format_args!("objects: {objects}, triangles: {}", file.triangle_count()));
+    context.log_message(ECHOCAST_LOG_INFO, format_args!("objects: {objects}, triangles: {}", file.triangle_count()));
     Ok(())
 }
 
 /// Adds the contents of a scene file (glTF, GLB, OBJ, FBX): its objects as fixed instances with their labels, and its
 /// cameras. `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not define
-/// them; `labels`, a label file, its contents or the name of rules that ship (`street`); `texture_limit_mib` (1024),
-/// most memory for all images; `animation`, the name of the one to play instead of all; `loop` (false), whether
-/// animations start again at their ends; and `allow_outside_paths` (false), whether the scene may name files that are
-/// not in its own folder. Categories and parts whose name is already in the scene get its number there; instances are
-/// numbered on from the greatest number that has a name, from 1 if there is none.
+/// them; `labels`, a label file, its contents or the name of built-in rules (`street`); `texture_limit_mib` (1024), the
+/// most memory for all images; `animation`, the name of the only one to play instead of all; `loop` (false), whether
+/// animations start again at their ends; and `allow_outside_paths` (false), whether the scene may refer to files
+/// outside of its own folder. Categories and parts whose name is already in the scene get its number there; instances
+/// are numbered on from the greatest number that has a name, from 1 if there is none.
 ///
 /// Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT,
 /// ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; the scene is then unchanged.
@@ -288,7 +288,7 @@ pub unsafe extern "C" fn echocast_scene_load(
 ) -> echocast_status {
     guard(|| {
         edit(scene, |context, live| {
-            // SAFETY: as the header asks.
+            // SAFETY: `path` and `options` are strings (see `text`).
             let (path, options) = unsafe { (text::path(path, "path")?, load_options(options)?) };
             let file = Scene::load_with(path, &options)?;
             add_scene(context, live, &file)
@@ -306,7 +306,7 @@ pub unsafe extern "C" fn echocast_scene_load_memory(
 ) -> echocast_status {
     guard(|| {
         edit(scene, |context, live| {
-            // SAFETY: as the header asks.
+            // SAFETY: `data` is an array and `options` a string (see `text`).
             let (bytes, options) = unsafe { (text::array(data.cast::<u8>(), size, "data")?, load_options(options)?) };
             let file = Scene::from_glb_bytes(bytes, &options)?;
             add_scene(context, live, &file)
@@ -334,14 +334,14 @@ pub unsafe extern "C" fn echocast_scene_add(
     out: *mut echocast_instance,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = if out.is_null() { None } else { Some(unsafe { text::output(out, "out") }?.write(0)) };
-        // SAFETY: as the header asks.
+        // SAFETY: `desc` is a structure (see `text`).
         let desc = unsafe { text::structure(desc, "desc") }?;
         edit(scene, |context, live| {
             let mesh = handle::get(desc.mesh, "desc->mesh")?;
             context.check(&mesh.context, "desc->mesh")?;
-            // SAFETY: as the header asks.
+            // SAFETY: `desc.name` is a string (see `text`).
             let name = unsafe { text::optional(desc.name, "desc->name") }?.unwrap_or_default();
             let object = Object {
                 world_from_object: desc.pose.placement("desc->pose")?,
@@ -366,7 +366,7 @@ pub unsafe extern "C" fn echocast_scene_add(
 }
 
 fn nonzero_mask(mask: u32, name: &str) -> Outcome<u32> {
-    if mask == 0 { Err(Failure::argument(name, 0, "a bit or more: no scan would see anything")) } else { Ok(mask) }
+    if mask == 0 { Err(Failure::argument(name, 0, "at least one bit; otherwise no scan sees it")) } else { Ok(mask) }
 }
 
 fn material_of(
@@ -382,14 +382,14 @@ fn material_of(
     Ok(Some(material.1.clone()))
 }
 
-/// The instance that a number stands for.
+/// The instance with this number.
 fn instance(live: &LiveScene, number: echocast_instance, name: &str) -> Outcome<ObjectId> {
     let id = ObjectId::from_u64(number);
     match live.object(id) {
         Ok(_) => Ok(id),
         Err(_) => Err(Failure::new(
             crate::ECHOCAST_E_HANDLE,
-            format!("{name} is {number:#x}, which is no instance of this scene that has not been removed"),
+            format!("{name} is {number:#x}, which is not an existing instance of this scene"),
         )),
     }
 }
@@ -402,7 +402,7 @@ pub unsafe extern "C" fn echocast_scene_remove(scene: *mut echocast_scene, id: e
     guard(|| edit(scene, |_, live| Ok(live.remove(instance(live, id, "id")?)?)))
 }
 
-/// Finds the first instance with a name; instances from files have their names in the file.
+/// Finds the first instance with a name; instances of loaded files keep their names.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -412,7 +412,7 @@ pub unsafe extern "C" fn echocast_scene_find(
     out: *mut echocast_instance,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output and `name` a string (see `text`).
         let (out, name) = unsafe { (text::output(out, "out")?.write(0), text::required(name, "name")?) };
         look(scene, |live| {
             *out = live.find(name)?.to_u64();
@@ -439,11 +439,11 @@ pub unsafe extern "C" fn echocast_scene_get_instances(
         }
         look(scene, |live| {
             if !count.is_null() {
-                // SAFETY: as the header asks.
+                // SAFETY: `count` is an output (see `text`).
                 unsafe { text::output(count, "count") }?.write(live.objects().count());
             }
             for (number, (id, _)) in live.objects().skip(first).take(capacity).enumerate() {
-                // SAFETY: as the header asks; the pointer was checked.
+                // SAFETY: `ids` is an array with room for `capacity` elements (see `text`); its pointer was checked.
                 unsafe { ids.add(number).write(id.to_u64()) };
             }
             Ok(())
@@ -469,7 +469,7 @@ pub struct echocast_instance_info {
     pub part_count: u32,
     /// Triangles of its mesh.
     pub triangle_count: usize,
-    /// Where its name is written, ending in 0, cut off if it is too long; NULL if not wanted. Set by the caller.
+    /// Buffer for its name, which ends in 0 and is cut off if it is too long; NULL if not needed. Set by the caller.
     pub name: *mut c_char,
     /// Capacity of `name`, bytes. Set by the caller.
     pub name_capacity: usize,
@@ -503,7 +503,7 @@ text::versioned!(echocast_instance_info {
     name_capacity,
 });
 
-/// Gets the state of an instance. The caller sets struct_size of `*info`, and where its name is to go.
+/// Gets the state of an instance. The caller sets struct_size of `*info`, and the buffer for its name.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -515,11 +515,11 @@ pub unsafe extern "C" fn echocast_scene_get_instance(
     guard(|| {
         look(scene, |live| {
             let object = live.object(instance(live, id, "id")?)?;
-            // SAFETY: as the header asks.
-            let asked = unsafe { text::structure(info, "info") }?;
-            if !asked.name.is_null() {
-                // SAFETY: as the header asks.
-                unsafe { text::put(&object.name, asked.name, asked.name_capacity, ptr::null_mut()) }?;
+            // SAFETY: `info` is a structure (see `text`).
+            let given = unsafe { text::structure(info, "info") }?;
+            if !given.name.is_null() {
+                // SAFETY: `given.name` is a buffer (see `text`).
+                unsafe { text::put(&object.name, given.name, given.name_capacity, ptr::null_mut()) }?;
             }
             let found = echocast_instance_info {
                 pose: echocast_pose::of_placement(&object.world_from_object),
@@ -528,15 +528,15 @@ pub unsafe extern "C" fn echocast_scene_get_instance(
                 mask: object.mask,
                 part_count: object.mesh.parts.len() as u32,
                 triangle_count: object.mesh.triangle_count(),
-                ..asked
+                ..given
             };
-            // SAFETY: as the header asks.
+            // SAFETY: `info` is a structure (see `text`).
             unsafe { text::put_structure(found, info, "info") }
         })
     })
 }
 
-/// Gets the pose of the camera node with a name in a loaded file, as a sensor's pose: x along its view, z up.
+/// Gets the pose of a camera node of a loaded file by its name, as the pose of a sensor: x along its view, z up.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -546,7 +546,7 @@ pub unsafe extern "C" fn echocast_scene_camera(
     out: *mut echocast_pose,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output and `name` a string (see `text`).
         let (out, name) = unsafe { (text::output(out, "out")?, text::required(name, "name")?) };
         look(scene, |live| {
             out.write(echocast_pose::of(&live.camera(name)?));
@@ -555,8 +555,8 @@ pub unsafe extern "C" fn echocast_scene_camera(
     })
 }
 
-/// Gets the name and, as a sensor's pose, the place at time 0 of camera node `number` of the loaded files, counted from 0;
-/// echocast_scene_get_info says how many there are. `name` has room for `capacity` bytes, a longer name is cut off;
+/// Gets the name of camera node `number` of the loaded files, counted from 0, and its pose at time 0, as the pose of a
+/// sensor; echocast_scene_get_info gives their number. `name` has room for `capacity` bytes, a longer name is cut off;
 /// `*needed`: bytes of the whole name, including the 0 at its end. One of `name` and `needed` may be NULL, and so may
 /// `pose`.
 ///
@@ -578,17 +578,17 @@ pub unsafe extern "C" fn echocast_scene_get_camera(
                 return Err(Failure::argument("number", number, &allowed));
             };
             if !pose.is_null() {
-                // SAFETY: as the header asks.
+                // SAFETY: `pose` is an output (see `text`).
                 unsafe { text::output(pose, "pose") }?.write(echocast_pose::of(&camera.pose));
             }
-            // SAFETY: as the header asks.
+            // SAFETY: `name` is a buffer and `needed` an output (see `text`).
             unsafe { text::put(&camera.name, name, capacity, needed) }
         })
     })
 }
 
-/// Gets the number that has a name in a label column. `table`: "category", "part", "material" or "instance", where the
-/// first instance of the name counts.
+/// Gets the number of a label by its name. `table`: "category", "part", "material" or "instance", of which the first
+/// with the name counts.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -598,14 +598,14 @@ pub unsafe extern "C" fn echocast_scene_label_number(
     name: *const c_char,
     number: *mut u32,
 ) -> echocast_status {
-    // SAFETY: as the header asks.
+    // SAFETY: `table` and `name` are strings and `number` an output (see `text`).
     unsafe { put_label_number(table, name, number, |put| look(scene, |live| put(live.labels()))) }
 }
 
-/// Writes the number of `name` in a table of the labels that `with_labels` passes on.
+/// Writes the number of `name` in a table of the labels that `with_labels` passes.
 ///
 /// # Safety
-/// `table` and `name` are NULL or strings, `number` is NULL or may be written.
+/// `table` and `name` are strings and `number` an output, as [`text`] describes.
 pub(crate) unsafe fn put_label_number(
     table: *const c_char,
     name: *const c_char,
@@ -635,8 +635,8 @@ pub(crate) fn label_table<'a>(labels: &'a Labels, table: &str) -> Outcome<(&'sta
     found.ok_or_else(|| Failure::argument("table", format!("{table:?}"), "category, part, material, instance"))
 }
 
-/// Makes a pose of a position, metres, and a unit quaternion x, y, z, w: the real part last, the order of ROS. It is
-/// normalised.
+/// Makes a pose from a position, metres, and a unit quaternion x, y, z, w: the real part last, as in ROS. The
+/// quaternion is normalised.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (numbers that are not finite, a quaternion whose length is not near 1). Any thread may
 /// call this.
@@ -647,15 +647,15 @@ pub unsafe extern "C" fn echocast_pose_from_quaternion(
     pose: *mut echocast_pose,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `pose` is an output (see `text`).
         let pose = unsafe { text::output(pose, "pose") }?;
-        // SAFETY: as the header asks.
+        // SAFETY: `position` and `xyzw` are arrays of three and four numbers (see `text`).
         let (p, q) = unsafe { (text::array(position, 3, "position")?, text::array(xyzw, 4, "xyzw")?) };
         if !p.iter().all(|x| x.is_finite()) {
             return Err(Failure::argument("position", format!("{p:?}"), "finite numbers"));
         }
         let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
-        // A message that was rounded to single precision, or added up by hand, passes; one that was never filled does not.
+        // A quaternion that was rounded to single precision or averaged passes; one that was never filled in does not.
         if !(0.9..=1.1).contains(&length) {
             return Err(Failure::argument("xyzw", format!("{q:?}"), "x, y, z, w of a unit quaternion"));
         }
@@ -683,13 +683,13 @@ pub unsafe extern "C" fn echocast_scene_get_info(
                 high: high.to_array(),
                 cameras: live.cameras().len(),
             };
-            // SAFETY: as the header asks.
+            // SAFETY: `info` is a structure (see `text`).
             unsafe { text::put_structure(found, info, "info") }
         })
     })
 }
 
-/// Moves instances: `ids[i]` to `poses[i]`, all or, on an error, none. Fixed instances may move from then on.
+/// Moves instances: `ids[i]` to `poses[i]`, all or, on an error, none. Fixed instances become movable.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -700,12 +700,12 @@ pub unsafe extern "C" fn echocast_scene_set_poses(
     poses: *const echocast_pose,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `ids` and `poses` are arrays (see `text`).
         let (ids, poses) = unsafe { (text::array(ids, count, "ids")?, text::array(poses, count, "poses")?) };
         edit(scene, |_, live| {
             for check in [true, false] {
                 for (number, (&id, pose)) in ids.iter().zip(poses).enumerate() {
-                    // Names are made only for what is wrong: a loop of frames allocates nothing here.
+                    // Names are formatted only for errors: a loop of frames allocates nothing here.
                     let id = instance(live, id, "ids[i]").map_err(|failure| failure.at("[i]", number))?;
                     let pose = pose.placement("poses[i]").map_err(|failure| failure.at("[i]", number))?;
                     if check {
@@ -721,10 +721,11 @@ pub unsafe extern "C" fn echocast_scene_set_poses(
     })
 }
 
-/// Moves an instance during the scans that follow: through `count` poses at times that never fall, in straight lines and
-/// turning uniformly between them; before the first and after the last it stands. Times count from the same zero as
-/// echocast_scan_desc.t0_ns. The poses may scale along the instance's own axes, but not shear. The keys are copied;
-/// echocast_scene_set_time says which of the motion the next snapshot shows, and echocast_scene_set_poses ends it.
+/// Moves an instance during the scans that follow: through `count` poses at times that never decrease, between which it
+/// moves in straight lines and rotates uniformly; before the first and after the last it stands still. Times count from
+/// the same zero as echocast_scan_desc.t0_ns. The poses may scale along the instance's own axes, but not shear. The
+/// keys are copied; echocast_scene_set_time selects the part of the motion that the next snapshot shows, and
+/// echocast_scene_set_poses ends it.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; the instance then moves as before.
 #[unsafe(no_mangle)]
@@ -735,7 +736,7 @@ pub unsafe extern "C" fn echocast_scene_set_motion(
     count: usize,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `keys` is an array (see `text`).
         let keys = unsafe { text::array(keys, count, "keys") }?;
         edit(scene, |_, live| {
             let id = instance(live, id, "id")?;
@@ -749,10 +750,10 @@ pub unsafe extern "C" fn echocast_scene_set_motion(
     })
 }
 
-/// Sets the time of the scans of the next snapshots: what moves by itself, through the animations of files,
-/// echocast_scene_set_motion or echocast_scene_set_vertex_motion, is where it is at every moment from `start_ns` to
-/// `start_ns + length_ns`. A scan of such a snapshot must lie within that time. With a length of 0 everything holds
-/// still where it is at `start_ns`, whatever the time of a scan; a new scene is set to time 0, still.
+/// Sets the time span of the next snapshots: in them, everything that moves by itself, by the animations of files,
+/// echocast_scene_set_motion or echocast_scene_set_vertex_motion, has its motion from `start_ns` to
+/// `start_ns + length_ns`. A scan of such a snapshot must be within that span. With a length of 0 everything stands
+/// still where it is at `start_ns`, whatever the time of a scan; a new scene stands still at time 0.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (a negative length), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -770,8 +771,8 @@ pub unsafe extern "C" fn echocast_scene_set_time(
 }
 
 /// Gives the vertices of an instance new positions: `count` times x, y, z, as many as its mesh has, and shading
-/// normals, or NULL for flat triangles. It then has its own mesh; others that share the mesh keep it. The arrays are
-/// copied. The parts of its mesh must share their vertices, as those of echocast_mesh_create do; those of files may
+/// normals, or NULL for flat triangles. It then has its own mesh; others that share the mesh keep theirs. The arrays
+/// are copied. The parts of its mesh must share their vertices, as those of echocast_mesh_create do; those of files may
 /// not.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; the instance is then unchanged.
@@ -785,7 +786,7 @@ pub unsafe extern "C" fn echocast_scene_set_vertices(
 ) -> echocast_status {
     guard(|| {
         let copy = |data: *const f32, name: &str| -> Outcome<Array<[f32; 3]>> {
-            // SAFETY: as the header asks.
+            // SAFETY: `data` is an array (see `text`).
             let from = unsafe { text::array(data.cast::<[f32; 3]>(), count, name) }?;
             Ok(text::collect(from.iter().copied(), count, name)?.into())
         };
@@ -802,11 +803,11 @@ pub unsafe extern "C" fn echocast_scene_set_vertices(
     })
 }
 
-/// Lets the vertices of an instance move during the scans that follow: `keys` times, ns as those of
-/// echocast_scene_set_motion, that rise, and for each of them one after the other `count` times x, y, z, as many as its
-/// mesh has, in its own frame. Between keys they move in straight lines; before the first and after the last they stand.
-/// Its triangles stay, and are flat. The arrays are copied. The parts of its mesh must share their vertices, as for
-/// echocast_scene_set_vertices, which ends it.
+/// Moves the vertices of an instance during the scans that follow: `keys` rising times, ns, as for
+/// echocast_scene_set_motion, and for each of them in order `count` times x, y, z, as many as its mesh has, in its own
+/// frame. Between keys they move in straight lines; before the first and after the last they stand still. The triangles
+/// remain the same, and are flat. The arrays are copied. The parts of its mesh must share their vertices, as for
+/// echocast_scene_set_vertices, which ends the motion.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY; the instance then moves as
 /// before.
@@ -820,7 +821,7 @@ pub unsafe extern "C" fn echocast_scene_set_vertex_motion(
     count: usize,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `times_ns` is an array (see `text`).
         let times = unsafe { text::array(times_ns, keys, "times_ns") }?;
         edit(scene, |_, live| {
             let id = instance(live, id, "id")?;
@@ -830,7 +831,7 @@ pub unsafe extern "C" fn echocast_scene_set_vertex_motion(
             }
             let all =
                 keys.checked_mul(count).ok_or_else(|| Failure::argument("keys", keys, "as many as fit in memory"))?;
-            // SAFETY: as the header asks.
+            // SAFETY: `positions` is an array (see `text`).
             let all = unsafe { text::array(positions.cast::<[f32; 3]>(), all, "positions") }?;
             let sample = |(&time, from): (&i64, &[[f32; 3]])| {
                 let positions = text::collect(from.iter().copied(), count, "positions")?;
@@ -842,8 +843,8 @@ pub unsafe extern "C" fn echocast_scene_set_vertex_motion(
     })
 }
 
-/// Sets the labels of an instance: its category, its own number, and those of the parts of its mesh, or NULL to keep
-/// these.
+/// Sets the labels of an instance: its category, its instance number, and those of the parts of its mesh, or NULL to
+/// keep these.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -863,7 +864,7 @@ pub unsafe extern "C" fn echocast_scene_set_labels(
                 kept = live.object(id)?.part_ids.clone();
                 &kept[..]
             } else {
-                // SAFETY: as the header asks.
+                // SAFETY: `part_ids` is an array (see `text`).
                 unsafe { text::array(part_ids, part_count, "part_ids") }?
             };
             Ok(live.set_labels(id, category_id, instance_id, parts)?)
@@ -900,7 +901,7 @@ pub unsafe extern "C" fn echocast_scene_set_material(
     })
 }
 
-/// Names a number in a label column; the names travel with every file. `table`: "category", "part" or "instance".
+/// Names a number in a label column; files contain the names. `table`: "category", "part" or "instance".
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -912,7 +913,7 @@ pub unsafe extern "C" fn echocast_scene_name_label(
 ) -> echocast_status {
     guard(|| {
         edit(scene, |_, live| {
-            // SAFETY: as the header asks.
+            // SAFETY: `table` and `name` are strings (see `text`).
             let (table, name) = unsafe { (text::required(table, "table")?, text::required(name, "name")?) };
             Ok(live.name_label(table, number, name)?)
         })
@@ -929,7 +930,7 @@ pub unsafe extern "C" fn echocast_scene_commit(
     out: *mut *mut echocast_snapshot,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = unsafe { text::output(out, "out") }?.write(ptr::null_mut());
         edit(scene, |context, live| {
             let built = live.commit()?;

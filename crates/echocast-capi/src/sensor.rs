@@ -10,8 +10,8 @@ use std::ffi::c_char;
 use std::ptr;
 use std::sync::{Arc, RwLock};
 
-/// An instrument: where its beams point, what it sees, and the errors it makes. Any number of threads may scan with it;
-/// only one at a time may change it.
+/// An instrument: its beams, its detection and its errors. Any number of threads may scan with it; only one at a time
+/// may change it.
 pub struct echocast_sensor(());
 
 handles! {
@@ -32,7 +32,7 @@ pub struct echocast_beam {
     pub range_max_m: f32,
     /// Emitter index, 0 to 65535.
     pub channel: u32,
-    /// Where it starts in the sensor frame, metres, from where its ranges count; 0 for the origin of the frame.
+    /// Where it starts in the sensor frame, metres; its ranges count from there. 0 for the origin of the frame.
     pub origin: [f32; 3],
     /// 0.
     pub reserved: u32,
@@ -53,19 +53,19 @@ pub struct echocast_sensor_info {
     pub struct_size: usize,
     /// Rows of its range image: channels of a spinning sensor, pixel rows of a camera, 1 for a sonar.
     pub rows: u32,
-    /// Columns of its range image. It has rows * columns beams; beam row * columns + column.
+    /// Columns of its range image. The sensor has rows * columns beams; the index of a beam is row * columns + column.
     pub columns: u32,
     /// Time from the start of one scan to the start of the next, ns.
     pub period_ns: i64,
     /// Width of the images that echocast_result_image makes of its scans, pixels; 0 if it makes none.
     pub image_width: u32,
-    /// Their height, pixels.
+    /// Height of these images, pixels.
     pub image_height: u32,
     /// Focal lengths of a camera along columns and rows, pixels; 0 for other sensors.
     pub focal: [f64; 2],
-    /// Principal point of a camera, column and row, where whole numbers are the middle of pixels, as OpenCV counts.
+    /// Principal point of a camera, column and row; whole numbers are pixel centres, as in OpenCV.
     pub centre: [f64; 2],
-    /// Whose ROS 2 driver it has: an ECHOCAST_DRIVER_ number; 0 if that is not known. It numbers the rings.
+    /// The ROS 2 driver of its maker, which defines the numbers of rings: an ECHOCAST_DRIVER_ number; 0 if unknown.
     pub driver: i32,
     /// 0.
     pub reserved: i32,
@@ -113,14 +113,14 @@ pub unsafe extern "C" fn echocast_sensor_create(
     out: *mut *mut echocast_sensor,
 ) -> echocast_status {
     create(context, out, || {
-        // SAFETY: as the header asks.
+        // SAFETY: `sensor` is a string (see `text`).
         let name = unsafe { text::path(sensor, "sensor") }?;
         Ok(Sensor::open(name)?)
     })
 }
 
-/// Creates a sensor from YAML text with the contents of a sensor file. `folder`: where relative paths in it start; NULL
-/// for the working folder.
+/// Creates a sensor from YAML text with the contents of a sensor file. `folder`: the folder that paths in it are
+/// relative to; NULL for the working folder.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_IO, ECHOCAST_E_PARSE (line and key). Any thread may call this.
 #[unsafe(no_mangle)]
@@ -131,7 +131,7 @@ pub unsafe extern "C" fn echocast_sensor_from_text(
     out: *mut *mut echocast_sensor,
 ) -> echocast_status {
     create(context, out, || {
-        // SAFETY: as the header asks.
+        // SAFETY: `yaml` and `folder` are strings (see `text`).
         let (yaml, folder) = unsafe { (text::required(yaml, "yaml")?, text::optional_path(folder, "folder")?) };
         Ok(Sensor::from_yaml(yaml, folder)?)
     })
@@ -143,10 +143,10 @@ pub unsafe extern "C" fn echocast_sensor_from_text(
 pub struct echocast_beams_desc {
     /// sizeof(echocast_beams_desc).
     pub struct_size: usize,
-    /// Its name.
+    /// Name.
     pub name: *const c_char,
-    /// rows * columns beams, row by row. Neighbours in a row should be neighbours in angle: this is several times as
-    /// fast.
+    /// rows * columns beams, row by row. Neighbours in a row should be neighbours in angle: scans are then several
+    /// times as fast.
     pub beams: *const echocast_beam,
     /// Rows of its range image.
     pub rows: u32,
@@ -154,7 +154,7 @@ pub struct echocast_beams_desc {
     pub columns: u32,
     /// Time from the start of one scan to the start of the next, ns, above 0.
     pub period_ns: i64,
-    /// How beams share firings: an ECHOCAST_FIRING_ number.
+    /// How beams are grouped into firings: an ECHOCAST_FIRING_ number.
     pub firing: i32,
     /// 0.
     pub reserved: i32,
@@ -177,8 +177,9 @@ impl Default for echocast_beams_desc {
 
 text::versioned!(echocast_beams_desc { struct_size, name, beams, rows, columns, period_ns, firing, reserved });
 
-/// Creates an ideal lidar from beams, each a ray with its own origin and time: no noise, no threshold, no range limit
-/// but theirs; echocast_sensor_set adds what you want. Rays without rows and columns are 1 row of many columns.
+/// Creates an ideal lidar from beams, each a ray with its own origin and time: no noise, no threshold, no range limits
+/// other than those of the beams; echocast_sensor_set adds them. Rays without rows and columns form 1 row of many
+/// columns.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (the beam that is wrong), ECHOCAST_E_MEMORY. Any thread may call this.
 #[unsafe(no_mangle)]
@@ -188,16 +189,16 @@ pub unsafe extern "C" fn echocast_sensor_from_beams(
     out: *mut *mut echocast_sensor,
 ) -> echocast_status {
     create(context, out, || {
-        // SAFETY: as the header asks.
+        // SAFETY: `desc` is a structure (see `text`).
         let desc = unsafe { text::structure(desc, "desc") }?;
-        // SAFETY: as the header asks.
+        // SAFETY: `desc.name` is a string (see `text`).
         let name = unsafe { text::required(desc.name, "desc->name") }?;
         if desc.reserved != 0 {
             return Err(Failure::argument("desc->reserved", desc.reserved, "0"));
         }
-        // 2^64 does not fit two numbers below 2^32, and an array of so many is refused.
+        // The product of two 32-bit numbers does not overflow; an array of too many elements is refused.
         let count = desc.rows as usize * desc.columns as usize;
-        // SAFETY: as the header asks.
+        // SAFETY: `desc.beams` is an array (see `text`).
         let beams = unsafe { text::array(desc.beams, count, "desc->beams") }?;
         Ok(Sensor::from_beams(name, table(&desc, beams)?)?)
     })
@@ -209,7 +210,7 @@ fn create(
     make: impl FnOnce() -> Outcome<Sensor>,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `out` is an output (see `text`).
         let out = unsafe { text::output(out, "out") }?.write(ptr::null_mut());
         let context = handle::get(context, "context")?;
         *out = handle::create((context, RwLock::new(Arc::new(make()?))))?;
@@ -260,7 +261,7 @@ fn column<T>(beams: &[echocast_beam], of: impl Fn(&echocast_beam) -> T) -> Outco
 }
 
 pub(crate) fn seconds(ns: i64) -> f64 {
-    // Whole seconds apart, so that a time of 2026 is rounded once; divided, as 1e-9 itself is rounded.
+    // Whole seconds separately, so that a time in 2026 is rounded only once; divided, because 1e-9 itself is rounded.
     (ns / 1_000_000_000) as f64 + (ns % 1_000_000_000) as f64 / 1e9
 }
 
@@ -285,17 +286,17 @@ pub unsafe extern "C" fn echocast_sensor_set(
     value: *const c_char,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `key` and `value` are strings (see `text`).
         let (key, value) = unsafe { (text::required(key, "key")?, text::required(value, "value")?) };
         let sensor = handle::get(sensor, "sensor")?;
         let mut sensor = handle::write(&sensor.1, "sensor")?;
-        // Results keep the one that they are of.
+        // Results keep the sensor that they were made with.
         Ok(Arc::make_mut(&mut sensor).set(key, value)?)
     })
 }
 
-/// Reads a parameter that is a number, with the least and the greatest value that is allowed (infinite if unbounded).
-/// `value`, `min` and `max` may each be NULL.
+/// Reads a numeric parameter with the lowest and highest allowed value (infinite if unbounded). `value`, `min` and
+/// `max` may each be NULL.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (no such key, or not a number), ECHOCAST_E_BUSY.
 #[unsafe(no_mangle)]
@@ -307,12 +308,12 @@ pub unsafe extern "C" fn echocast_sensor_get(
     max: *mut f64,
 ) -> echocast_status {
     guard(|| {
-        // SAFETY: as the header asks.
+        // SAFETY: `key` is a string (see `text`).
         let key = unsafe { text::required(key, "key") }?;
         let found = look(sensor, |sensor| Ok(sensor.parameter(key)?))?;
         for (to, name, number) in [(value, "value", found.value), (min, "min", found.min), (max, "max", found.max)] {
             if !to.is_null() {
-                // SAFETY: as the header asks.
+                // SAFETY: `to` is an output (see `text`).
                 unsafe { text::output(to, name) }?.write(number);
             }
         }
@@ -333,7 +334,7 @@ pub unsafe extern "C" fn echocast_sensor_describe(
 ) -> echocast_status {
     guard(|| {
         let described = look(sensor, |sensor| Ok(sensor.to_yaml()?))?;
-        // SAFETY: as the header asks.
+        // SAFETY: `yaml` is a buffer and `needed` an output (see `text`).
         unsafe { text::put(&described, yaml, capacity, needed) }
     })
 }
@@ -362,7 +363,7 @@ pub unsafe extern "C" fn echocast_sensor_get_info(
                     (found.focal, found.centre) = (lens.focal, lens.centre);
                 }
             }
-            // SAFETY: as the header asks.
+            // SAFETY: `info` is a structure (see `text`).
             unsafe { text::put_structure(found, info, "info") }
         })
     })
@@ -402,7 +403,7 @@ pub unsafe extern "C" fn echocast_sensor_get_beams(
                     origin: table.origin.each_ref().map(|axis| axis.get(beam).copied().unwrap_or(0.0)),
                     reserved: 0,
                 };
-                // SAFETY: as the header asks; the pointer was checked.
+                // SAFETY: `beams` is an array with room for `count` elements (see `text`); its pointer was checked.
                 unsafe { beams.add(to).write(described) };
             }
             Ok(())

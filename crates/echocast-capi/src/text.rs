@@ -1,4 +1,17 @@
 //! C's strings, arrays and structures in, text out.
+//!
+//! What a pointer of the caller must point to if it is not NULL. The header requires this, and it cannot be checked;
+//! `SAFETY` comments of this crate refer to it by these names:
+//!
+//! * string: bytes that end in 0;
+//! * array: the number of elements given with it;
+//! * structure: as many bytes as its `struct_size` says;
+//! * output: room for one value of its type;
+//! * buffer: room for as many bytes as its capacity;
+//! * handle slot: a handle or NULL, which the call may replace.
+//!
+//! Nothing else frees or changes this memory during the call, or reads what the call writes. The functions here check
+//! the rest: NULL, alignment, impossible sizes.
 
 use crate::guard::{ECHOCAST_E_MEMORY, ECHOCAST_E_VERSION, Failure, Outcome, push_lossy};
 use std::ffi::{CStr, c_char};
@@ -6,20 +19,20 @@ use std::mem::MaybeUninit;
 use std::ops::Range;
 use std::path::Path;
 
-/// Longest text that is accepted: a string without an end is detected before it is read too far.
+/// Longest string that is accepted.
 const LONGEST: usize = 64 << 20;
 
-/// The text `argument`; `None` for NULL.
+/// The string `text`, the argument called `name`; `None` for NULL.
 ///
 /// # Safety
-/// `text` is NULL or ends in 0, and lives as long as the result is used.
+/// `text` is a string (see the module) that lives as long as the result is used.
 pub(crate) unsafe fn optional<'a>(text: *const c_char, name: &str) -> Outcome<Option<&'a str>> {
     // SAFETY: as the caller promises.
     let text = unsafe { bytes(text, name) }?.map(str::from_utf8).transpose();
     text.map_err(|error| Failure::argument(name, format!("not UTF-8 after byte {}", error.valid_up_to()), "UTF-8 text"))
 }
 
-/// The bytes of the text `argument`; `None` for NULL.
+/// The bytes of the string `text`; `None` for NULL.
 ///
 /// # Safety
 /// As [`optional`].
@@ -35,7 +48,7 @@ unsafe fn bytes<'a>(text: *const c_char, name: &str) -> Outcome<Option<&'a [u8]>
     Ok(Some(text.to_bytes()))
 }
 
-/// The text `argument`.
+/// The string `text`, which must not be NULL.
 ///
 /// # Safety
 /// As [`optional`].
@@ -44,7 +57,7 @@ pub(crate) unsafe fn required<'a>(text: *const c_char, name: &str) -> Outcome<&'
     unsafe { optional(text, name) }?.ok_or_else(|| Failure::argument(name, "NULL", "a string"))
 }
 
-/// The path `argument`.
+/// The path `text`, which must be neither NULL nor empty.
 ///
 /// # Safety
 /// As [`optional`].
@@ -57,7 +70,7 @@ pub(crate) unsafe fn path<'a>(text: *const c_char, name: &str) -> Outcome<&'a Pa
     if path.as_os_str().is_empty() { Err(Failure::argument(name, "empty", "a path")) } else { Ok(path) }
 }
 
-/// The path `argument`, empty for NULL. Where names of files are bytes, they need not be UTF-8.
+/// The path `text`, empty for NULL. Where file names are bytes, it need not be UTF-8.
 ///
 /// # Safety
 /// As [`optional`].
@@ -76,13 +89,13 @@ pub(crate) unsafe fn optional_path<'a>(text: *const c_char, name: &str) -> Outco
 /// The `count` elements of the array `data`, which may be NULL when there are none.
 ///
 /// # Safety
-/// `data` is NULL or points to `count` elements that live, unchanged, as long as the result is used.
+/// `data` is an array of `count` elements (see the module) that live, unchanged, as long as the result is used.
 pub(crate) unsafe fn array<'a, T>(data: *const T, count: usize, name: &str) -> Outcome<&'a [T]> {
     if count == 0 {
         return Ok(&[]);
     }
     check_array(data, count, name)?;
-    // SAFETY: the pointer is not NULL, aligned, and does not wrap around; else as the caller promises.
+    // SAFETY: the pointer is not NULL, aligned, and its end does not overflow; the rest is as the caller promises.
     Ok(unsafe { std::slice::from_raw_parts(data, count) })
 }
 
@@ -106,16 +119,16 @@ fn check_aligned<T>(pointer: *const T, name: &str) -> Outcome {
     Err(Failure::argument(name, format!("{pointer:p}"), &format!("a multiple of {} bytes", align_of::<T>())))
 }
 
-/// A place to put a result.
+/// Where to write a result.
 ///
 /// # Safety
-/// `to` is NULL or points to room for a `T` that nobody else uses meanwhile.
+/// `to` is an output (see the module) that nothing else uses as long as the result lives.
 pub(crate) unsafe fn output<'a, T>(to: *mut T, name: &str) -> Outcome<&'a mut MaybeUninit<T>> {
     if to.is_null() {
         return Err(Failure::null(name));
     }
     check_aligned(to, name)?;
-    // SAFETY: not NULL, aligned; else as the caller promises.
+    // SAFETY: not NULL, aligned; the rest is as the caller promises.
     Ok(unsafe { &mut *to.cast::<MaybeUninit<T>>() })
 }
 
@@ -129,7 +142,7 @@ pub(crate) unsafe trait Versioned: Copy + Default {
     const FIELDS: &'static [Range<usize>];
 }
 
-/// Says that a structure of the header is [`Versioned`] and has these fields.
+/// Implements [`Versioned`] for a structure of the header that has these fields.
 macro_rules! versioned {
     ($name:ident { $($field:ident),* $(,)? }) => {
         // SAFETY: plain numbers and pointers, the size first.
@@ -139,13 +152,13 @@ macro_rules! versioned {
                 start..start + $crate::text::size_of_field(|it: &$name| &it.$field)
             }),*];
         }
-        // None is left out.
+        // No field is left out.
         const _: fn(&$name) = |$name { $($field: _),* }| ();
     };
 }
 pub(crate) use versioned;
 
-/// Bytes of what `field` shows.
+/// Size of the field that the function returns, bytes.
 pub(crate) const fn size_of_field<S, F>(_: fn(&S) -> &F) -> usize {
     size_of::<F>()
 }
@@ -153,11 +166,11 @@ pub(crate) const fn size_of_field<S, F>(_: fn(&S) -> &F) -> usize {
 /// Largest structure that is accepted.
 const LARGEST_STRUCT: usize = 4096;
 
-/// Reads a structure that may be shorter or longer than this library knows: what an older header lacks has its default,
-/// what a newer one adds must be 0. So 0 must be the default of every field that is added.
+/// Reads a structure that may be shorter or longer than this library knows: fields that an older header lacks get their
+/// defaults, fields that a newer one adds must be 0. So 0 must be the default of every field that is added.
 ///
 /// # Safety
-/// `from` is NULL or points to as many bytes as its `struct_size` says.
+/// `from` is a structure (see the module).
 pub(crate) unsafe fn structure<T: Versioned>(from: *const T, name: &str) -> Outcome<T> {
     if from.is_null() {
         return Err(Failure::null(name));
@@ -165,7 +178,7 @@ pub(crate) unsafe fn structure<T: Versioned>(from: *const T, name: &str) -> Outc
     check_aligned(from, name)?;
     // SAFETY: aligned, and every such structure begins with its size.
     let size = unsafe { from.cast::<usize>().read() };
-    // A header knows whole fields.
+    // Every version of the header has whole fields.
     let cuts = T::FIELDS.iter().any(|field| field.start < size && size < field.end);
     if cuts || !(size_of::<usize>()..=LARGEST_STRUCT).contains(&size) {
         let allowed = format!("sizeof(*{name}), as the INIT macro of the structure has it");
@@ -186,12 +199,13 @@ pub(crate) unsafe fn structure<T: Versioned>(from: *const T, name: &str) -> Outc
     Ok(value)
 }
 
-/// Writes as much of a structure as the caller's, which may be older or newer, has room for; `to->struct_size` stays.
+/// Writes as much of a structure as that of the caller, whose header may be older or newer, has room for;
+/// `to->struct_size` is unchanged.
 ///
 /// # Safety
-/// `to` is NULL or points to as many bytes as its `struct_size` says, which nobody else uses meanwhile.
+/// `to` is a structure (see the module) that nothing else uses meanwhile.
 pub(crate) unsafe fn put_structure<T: Versioned>(value: T, to: *mut T, name: &str) -> Outcome {
-    // SAFETY: as the caller promises. What it holds does not matter, but its size must make sense.
+    // SAFETY: as the caller promises. Its contents do not matter, but its size must be valid.
     match unsafe { structure(to, name) } {
         Err(failure) if failure.status != ECHOCAST_E_VERSION => return Err(failure),
         _ => {}
@@ -210,7 +224,7 @@ pub(crate) unsafe fn put_structure<T: Versioned>(value: T, to: *mut T, name: &st
     Ok(())
 }
 
-/// A vector of `count` elements, or the error that there is no memory for so many of `name`.
+/// A vector of `count` elements, or an error if there is no memory for them; `name` is the argument they come from.
 pub(crate) fn collect<T>(elements: impl Iterator<Item = T>, count: usize, name: &str) -> Outcome<Vec<T>> {
     let mut all = Vec::new();
     all.try_reserve_exact(count)
@@ -219,10 +233,10 @@ pub(crate) fn collect<T>(elements: impl Iterator<Item = T>, count: usize, name: 
     Ok(all)
 }
 
-/// Copies as much of `text` and a 0 to `to` as fits in its `capacity` bytes; `needed`: bytes with the 0.
+/// Copies `text` and a 0 to `to`, cut off to fit its `capacity` bytes; `needed`: bytes of the whole text with the 0.
 ///
 /// # Safety
-/// `to` is NULL or has room; `needed` is NULL or a place for a number.
+/// `to` is a buffer of `capacity` bytes and `needed` an output (see the module).
 pub(crate) unsafe fn put(text: &str, to: *mut c_char, capacity: usize, needed: *mut usize) -> Outcome {
     if to.is_null() && needed.is_null() {
         return Err(Failure::argument("text and needed", "NULL", "at least one of them"));

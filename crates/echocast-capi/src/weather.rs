@@ -1,17 +1,17 @@
-//! What is between sensor and scene, as a result remembers it.
+//! Weather and water of the last scan, kept by a result.
 
 use crate::guard::Outcome;
 use echocast::Environment;
 
 /// The environment of a result's last scan and its text.
 #[derive(Default)]
-pub(crate) struct Weather {
+pub(crate) struct ResultWeather {
     text: String,
     pub environment: Environment,
 }
 
-impl Weather {
-    /// Reads `text`, unless it is the one that was read last.
+impl ResultWeather {
+    /// Parses `text`, unless it is the one that was parsed last.
     pub fn read(&mut self, text: Option<&str>) -> Outcome {
         let text = text.unwrap_or_default();
         if text != self.text {

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-/// What the examples take as given.
+/// Declarations that the examples assume.
 const GIVEN: &str = r#"
 #include <echocast.h>
 #include <stdio.h>
@@ -38,7 +38,7 @@ void on_message(void *user, int32_t level, const char *text);
 void on_released(void *user);
 "#;
 
-/// What the examples in C++ take as given.
+/// Declarations that the examples in C++ assume.
 const GIVEN_CPP: &str = "
 #include <echocast.hpp>
 extern echocast::result points;
@@ -67,7 +67,7 @@ fn blocks(text: &str, language: &str) -> Vec<String> {
     blocks
 }
 
-/// Checks that `examples` compile after what is `given`, each as a function, with the flags that `add` gives.
+/// Checks that `examples` compile after the declarations `given`, each as a function, with the flags that `add` adds.
 fn compile<'c>(
     file: &str,
     given: &str,

@@ -1,5 +1,5 @@
-//! The header that is checked in is the one that the sources make; it compiles everywhere and says what is so.
-#![allow(unsafe_code)] // looks at the bytes of structures
+//! The header that is checked in is the one generated from the sources; it compiles everywhere and is correct.
+#![allow(unsafe_code)] // reads the bytes of structures
 
 mod common;
 
@@ -8,7 +8,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-/// The files of the crate in the order of the header, and what their sections are called there.
+/// The files of the crate in the order of the header, and the titles of their sections.
 const SECTIONS: [(&str, &str); 15] = [
     ("guard", "Errors"),
     ("library", "The library"),
@@ -52,7 +52,7 @@ fn header_is_fresh() {
     panic!("include/echocast.h is not what the sources make: run the test with BLESS=1");
 }
 
-/// What one file of the crate exports.
+/// The declarations that one file of the crate exports.
 fn section(root: &Path, file: &str, title: &str) -> String {
     let config = cbindgen::Config::from_file(root.join("cbindgen.toml")).unwrap();
     let source = root.join(format!("src/{file}.rs"));
@@ -63,7 +63,7 @@ fn section(root: &Path, file: &str, title: &str) -> String {
     format!("\n/* -- {title} {rule} */\n\n{}", on_one_line(String::from_utf8(made).unwrap().trim_start()))
 }
 
-/// With comments of one line on that line, and types by their own names.
+/// With one-line comments on one line, and types named without `struct`.
 fn on_one_line(text: &str) -> String {
     let lines: Vec<&str> = text.lines().collect();
     let mut made = String::new();
@@ -72,8 +72,8 @@ fn on_one_line(text: &str) -> String {
         let indent = lines[at].len() - lines[at].trim_start().len();
         match lines.get(at..at + 3) {
             Some(three) if three[0].trim() == "/**" && three[2].trim() == "*/" => {
-                let said = three[1].trim().trim_start_matches("* ");
-                made.push_str(&format!("{}/** {said} */\n", " ".repeat(indent)));
+                let sentence = three[1].trim().trim_start_matches("* ");
+                made.push_str(&format!("{}/** {sentence} */\n", " ".repeat(indent)));
                 at += 3;
                 continue;
             }
@@ -91,7 +91,8 @@ fn on_one_line(text: &str) -> String {
     made
 }
 
-/// In every language version, with every compiler that is here, and from two files of one program.
+/// The header compiles in every language version, with every compiler that is installed, and from two files of one
+/// program.
 #[test]
 fn header_compiles_everywhere() {
     let folder = folder("header");
@@ -120,7 +121,7 @@ fn header_compiles_everywhere() {
     }
 }
 
-/// `two.c` for a compiler of C++.
+/// `two.c` for a C++ compiler.
 fn two_as_cpp(folder: &Path) -> std::path::PathBuf {
     let path = folder.join("two.cpp");
     let text = fs::read_to_string(source("two.c")).unwrap();
@@ -129,7 +130,7 @@ fn two_as_cpp(folder: &Path) -> std::path::PathBuf {
     path
 }
 
-/// What the INIT macros of the header say is what the library takes for what is left out.
+/// The INIT macros of the header are the defaults of the library.
 #[test]
 fn defaults_are_the_librarys_own() {
     use echocast_capi::*;
@@ -162,7 +163,7 @@ fn defaults_are_the_librarys_own() {
         echocast_result_info echocast_ping_info echocast_scan_info echocast_frame_info);
 }
 
-/// The shared library shows nothing but what the header declares, and has the name that programs ask for.
+/// The shared library exports exactly what the header declares, and has the right SONAME.
 #[test]
 fn symbols_are_those_of_the_header() {
     let output = run(Command::new("nm").args(["-D", "--defined-only"]).arg(library(".so")));

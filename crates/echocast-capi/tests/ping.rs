@@ -1,4 +1,4 @@
-//! Pings through C are those of Rust, cell by cell, and a loop of them takes no memory but some small blocks.
+//! Pings through C are those of Rust, cell by cell, and a loop of them allocates only some small blocks.
 #![allow(unsafe_code)] // calls of C, and an allocator that counts
 
 mod common;
@@ -17,8 +17,8 @@ use std::path::PathBuf;
 use std::ptr;
 
 thread_local! {
-    /// Blocks that this thread has asked for, and the largest of them.
-    static ASKED: Cell<(usize, usize)> = const { Cell::new((0, 0)) };
+    /// Number of blocks that this thread has allocated, and the size of the largest.
+    static ALLOCATED: Cell<(usize, usize)> = const { Cell::new((0, 0)) };
 }
 
 struct Counting;
@@ -26,9 +26,9 @@ struct Counting;
 // SAFETY: everything is delegated to the system's allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        let _ = ASKED.try_with(|asked| {
-            let (count, largest) = asked.get();
-            asked.set((count + 1, largest.max(layout.size())));
+        let _ = ALLOCATED.try_with(|allocated| {
+            let (count, largest) = allocated.get();
+            allocated.set((count + 1, largest.max(layout.size())));
         });
         // SAFETY: as the caller promises.
         unsafe { System.alloc(layout) }
@@ -54,7 +54,7 @@ const SONARS: [(&str, SonarView); 5] = [
 
 const WATER: &CStr = c"{water: {temperature_c: 8, salinity_psu: 30}}";
 
-/// Farthest range of all of them, m.
+/// Maximum range of all of them, m.
 const REACH: &str = "15";
 
 /// A bed 10 m deep with a box on it.
@@ -66,14 +66,14 @@ fn lake(name: &str) -> PathBuf {
     path
 }
 
-/// When frame `frame` is, and how the sonar moves: poses and ns.
+/// Start of frame `frame`, ns, and the motion of the sonar: times, ns, and poses.
 fn course(frame: u32) -> (i64, [(i64, Pose); 2]) {
     (50_000_000 * i64::from(frame), [(0, Pose::at(0.0, 0.0, -3.0)), (1_000_000_000, Pose::at(1.0, 0.5, -3.5))])
 }
 
 #[track_caller]
 fn ok(status: echocast_status) {
-    // SAFETY: a text of this thread, which ends in 0.
+    // SAFETY: the text belongs to this thread and ends in 0.
     let why = unsafe { CStr::from_ptr(echocast_last_error()) };
     assert_eq!(status, ECHOCAST_OK, "{why:?}");
 }
@@ -82,7 +82,7 @@ fn c(text: &str) -> CString {
     CString::new(text).unwrap()
 }
 
-/// What is made through C of the lake.
+/// The lake, built through C.
 struct Host {
     context: *mut echocast_context,
     snapshot: *mut echocast_snapshot,
@@ -93,7 +93,7 @@ impl Host {
         let (mut context, mut scene, mut snapshot) = (ptr::null_mut(), ptr::null_mut(), ptr::null_mut());
         let desc = echocast_context_desc { threads, ..Default::default() };
         let path = c(lake.to_str().unwrap());
-        // SAFETY: pointers are to what is there.
+        // SAFETY: all pointers refer to live variables.
         unsafe {
             ok(echocast_context_create(&desc, &mut context));
             ok(echocast_scene_create(context, ptr::null(), &mut scene));
@@ -114,7 +114,7 @@ impl Host {
         sensor
     }
 
-    /// Sends the ping of a frame. Asks for no memory itself.
+    /// Sends the ping of a frame. Allocates nothing itself.
     fn ping(&self, sensor: *mut echocast_sensor, frame: u32, columns: &CStr, pings: &mut *mut echocast_pings) {
         let (t0_ns, course) = course(frame);
         let poses = course.map(|(t_ns, pose)| {
@@ -139,7 +139,7 @@ impl Host {
 
 impl Drop for Host {
     fn drop(&mut self) {
-        // SAFETY: handles may be anything.
+        // SAFETY: handles may have any value.
         unsafe {
             echocast_snapshot_release(self.snapshot);
             echocast_context_release(self.context);
@@ -147,7 +147,7 @@ impl Drop for Host {
     }
 }
 
-/// What Rust makes of a frame.
+/// The ping of a frame by Rust.
 fn by_rust(live: &mut LiveScene, preset: &str, frame: u32) -> Ping {
     let (t0_ns, course) = course(frame);
     let keys = course.map(|(t_ns, pose)| ((t_ns - t0_ns) as f64 / 1e9, pose));
@@ -175,7 +175,7 @@ unsafe fn numbers<'a, T>(data: *const T, count: usize) -> &'a [T] {
 fn compare(pings: *mut echocast_pings, index: usize, expected: &Ping) {
     let layout = &*expected.layout;
     let mut info = echocast_ping_info::default();
-    // SAFETY: what is shown is there.
+    // SAFETY: all pointers refer to live variables, and views to as many elements as they state.
     unsafe {
         ok(echocast_pings_get_info(pings, index, &mut info));
         assert_eq!((info.number, info.t_ns), (expected.number, (expected.time * 1e9).round() as i64));
@@ -200,13 +200,13 @@ fn compare(pings: *mut echocast_pings, index: usize, expected: &Ping) {
         let mut depths = std::mem::zeroed();
         ok(echocast_pings_soundings(pings, index, &mut depths));
         assert_eq!((depths.count, depths.stride), (expected.soundings.len(), size_of::<echocast_sounding>()));
-        for (found, wanted) in numbers(depths.data, depths.count).iter().zip(&expected.soundings) {
-            assert_eq!((found.beam, found.cell, found.range), (wanted.beam, wanted.cell, wanted.range));
-            assert_eq!((found.level_db, found.quality), (wanted.level_db, wanted.quality));
-            assert_eq!(found.corrected.map(f32::to_bits), wanted.corrected.to_array().map(f32::to_bits));
+        for (found, reference) in numbers(depths.data, depths.count).iter().zip(&expected.soundings) {
+            assert_eq!((found.beam, found.cell, found.range), (reference.beam, reference.cell, reference.range));
+            assert_eq!((found.level_db, found.quality), (reference.level_db, reference.quality));
+            assert_eq!(found.corrected.map(f32::to_bits), reference.corrected.to_array().map(f32::to_bits));
         }
 
-        // As an image of 8 bits for ROS, of 40 dB above the noise.
+        // As an 8-bit image for ROS that covers 40 dB above the noise.
         let scale = 255.0 / 40.0;
         let shift = layout.noise_db.into();
         let grey =
@@ -242,11 +242,11 @@ fn pings_are_those_of_rust() {
             let sensor = host.sensor(preset);
             let mut pings: *mut echocast_pings = ptr::null_mut();
             let mut all = pings;
-            // SAFETY: pointers are to what is there.
+            // SAFETY: all pointers refer to live variables.
             unsafe {
-                for (frame, wanted) in frames.iter().zip(&expected) {
+                for (frame, reference) in frames.iter().zip(&expected) {
                     host.ping(sensor, *frame, c"all", &mut pings);
-                    compare(pings, 0, wanted);
+                    compare(pings, 0, reference);
                     if all.is_null() {
                         host.ping(sensor, *frame, c"all", &mut all);
                     } else {
@@ -254,8 +254,8 @@ fn pings_are_those_of_rust() {
                     }
                 }
                 assert_eq!((echocast_pings_count(pings), echocast_pings_count(all)), (1, 3));
-                (0..).zip(&expected).for_each(|(index, wanted)| compare(all, index, wanted));
-                // Of many, one is left.
+                (0..).zip(&expected).for_each(|(index, reference)| compare(all, index, reference));
+                // Of several pings, one is left.
                 host.ping(sensor, 4, c"all", &mut all);
                 assert_eq!(echocast_pings_count(all), 1);
                 compare(all, 0, &expected[1]);
@@ -275,7 +275,7 @@ fn pings_of_samples_are_those_of_rust() {
     let mut expected = scenario.sample(0).unwrap();
     let host = Host::new(&lake("samples"), 1);
     let (mut scenario, mut sample, mut pings) = (ptr::null_mut(), ptr::null_mut(), ptr::null_mut());
-    // SAFETY: pointers are to what is there.
+    // SAFETY: all pointers refer to live variables.
     unsafe {
         ok(echocast_scenario_from_text(host.context, c(yaml).as_ptr(), ptr::null(), &mut scenario));
         ok(echocast_scenario_sample(scenario, 0, &mut sample));
@@ -295,15 +295,15 @@ fn pings_of_samples_are_those_of_rust() {
 
 #[test]
 fn a_loop_takes_small_blocks_alone() {
-    // With the calling thread alone, which counts.
+    // Only the calling thread scans, whose allocations are counted.
     let host = Host::new(&lake("loop"), 1);
     for (preset, _) in SONARS {
         let sensor = host.sensor(preset);
         let mut pings = ptr::null_mut();
         for frame in 0..6 {
-            ASKED.set((0, 0));
+            ALLOCATED.set((0, 0));
             host.ping(sensor, frame, c"all", &mut pings);
-            // SAFETY: what is shown is there.
+            // SAFETY: all pointers refer to live variables, and views to as many elements as they state.
             unsafe {
                 let (mut view, mut depths) = (std::mem::zeroed(), std::mem::zeroed());
                 let mut info = echocast_ping_info::default();
@@ -320,8 +320,8 @@ fn a_loop_takes_small_blocks_alone() {
                 let mut needed = 0;
                 ok(echocast_pings_pack(pings, 0, &grey, 1, 1, ptr::null_mut(), 0, &mut needed));
             }
-            let (count, largest) = ASKED.get();
-            // The first ones make the memory; soundings may become more.
+            let (count, largest) = ALLOCATED.get();
+            // The first pings allocate the memory; the number of soundings may still grow.
             assert!(
                 frame < 2 || count <= 20,
                 "{count} blocks in ping {frame} of {preset}, the largest of {largest} bytes"

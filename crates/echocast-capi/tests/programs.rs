@@ -1,4 +1,4 @@
-//! Programs of C that use the library as hosts do: plainly, under AddressSanitizer and under Valgrind.
+//! Programs in C that use the library as hosts do: plainly, under AddressSanitizer and under Valgrind.
 
 mod common;
 
@@ -30,7 +30,7 @@ fn check(name: &str, kind: &str, options: &[&str], wrap: &[&str]) {
     passes(&run(command.arg(&folder).env("ASAN_OPTIONS", "detect_leaks=1:abort_on_error=0")));
 }
 
-/// What Valgrind must not find.
+/// Valgrind, which must not find leaks or errors.
 const VALGRIND: &[&str] = &[
     "valgrind",
     "-q",
@@ -47,7 +47,7 @@ fn under_valgrind(name: &str) {
 
 /// The wrapper for C++ adds nothing to C but comfort.
 #[test]
-fn the_wrapper_does_what_it_says() {
+fn the_wrapper_works() {
     let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/scenes/glass.gltf");
     for [_, cpp] in compilers() {
         let program = program(&folder("wrapper"), cpp, &["-std=c++11"], &[source("wrapper.cpp")]);
@@ -55,62 +55,62 @@ fn the_wrapper_does_what_it_says() {
     }
 }
 
-/// The example drives a sonar along, and the block on the bed is in its pings.
+/// The example moves a sonar along a track, and the block on the bed is in its pings.
 #[test]
 fn the_example_pings() {
     let folder = folder("example");
     let example = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/c/ping.c"));
     let picture = folder.join("ping.png");
     let output = run(Command::new(program(&folder, compilers()[0][0], C99, &[example])).arg(&picture));
-    let said = String::from_utf8(output.stdout).unwrap();
-    let numbers: Vec<u32> = said.split(' ').filter_map(|word| word.parse().ok()).collect();
-    assert!(matches!(numbers[..], [20, cells, on_block, ..] if cells > 10_000 && on_block > 0), "{said}");
+    let printed = String::from_utf8(output.stdout).unwrap();
+    let numbers: Vec<u32> = printed.split(' ').filter_map(|word| word.parse().ok()).collect();
+    assert!(matches!(numbers[..], [20, cells, on_block, ..] if cells > 10_000 && on_block > 0), "{printed}");
     assert!(picture.exists());
 }
 
 #[test]
-fn functions_do_what_they_say() {
+fn functions_work() {
     check("api", "plain", C99, &[]);
 }
 
 #[test]
-fn functions_do_what_they_say_under_address_sanitizer() {
+fn functions_work_under_address_sanitizer() {
     check("api", "asan", ASAN, &[]);
 }
 
 #[test]
-fn functions_do_what_they_say_under_valgrind() {
+fn functions_work_under_valgrind() {
     under_valgrind("api");
 }
 
 #[test]
-fn scenarios_do_what_they_say() {
+fn scenarios_work() {
     check("scenario", "plain", C99, &[]);
 }
 
 #[test]
-fn scenarios_do_what_they_say_under_address_sanitizer() {
+fn scenarios_work_under_address_sanitizer() {
     check("scenario", "asan", ASAN, &[]);
 }
 
 #[test]
-fn scenarios_do_what_they_say_under_valgrind() {
+fn scenarios_work_under_valgrind() {
     under_valgrind("scenario");
 }
 
 #[test]
-fn misuse_is_answered() {
+fn misuse_is_an_error() {
     check("misuse", "plain", C99, &[]);
 }
 
 #[test]
-fn misuse_is_answered_under_address_sanitizer() {
-    // The pointers that are made odd on purpose are never followed.
+fn misuse_is_an_error_under_address_sanitizer() {
+    // The deliberately misaligned pointers are never dereferenced.
     check("misuse", "asan", &["-std=c99", "-fsanitize=address"], &[]);
 }
 
 #[test]
-fn misuse_is_answered_under_valgrind() {
+fn misuse_is_an_error_under_valgrind() {
     under_valgrind("misuse");
 }
 
@@ -130,7 +130,7 @@ fn threads_that_end_may_still_fail() {
 }
 
 #[test]
-fn a_system_without_threads_is_answered() {
+fn a_system_without_threads_is_an_error() {
     check("threads", "plain", C99, &[]);
 }
 
@@ -139,7 +139,7 @@ fn what_is_the_hosts_stays_the_hosts() {
     check("host", "plain", C99, &[]);
 }
 
-/// Programs of every release of the header work with the library of today.
+/// Programs written for any release of the header work with the current library.
 #[test]
 fn old_clients_work() {
     let releases = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/releases")).unwrap();

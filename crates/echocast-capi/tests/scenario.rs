@@ -1,4 +1,4 @@
-//! What C, C++ and Python make of a scenario is what Rust makes of it, and what `echocast run` writes, bit by bit.
+//! Samples of a scenario made by C, C++ and Python are those made by Rust and written by `echocast run`, bit by bit.
 
 mod common;
 
@@ -44,18 +44,18 @@ fn bytes(cloud: &PointCloud) -> Vec<u8> {
     cloud.fields.iter().flat_map(|info| cloud.column(info.field).bytes().iter().copied()).collect()
 }
 
-/// Compares what a program has written to `made` with samples of Rust's; what was drawn for them by its text, or, if that
-/// has `other_numbers`, by its values.
+/// Compares what a program has written to `made` with the samples of Rust; drawn values are compared as text, or by
+/// value if the program formats them differently (`other_numbers`).
 fn compare(scenario: &Scenario, written: &Path, made: &Path, other_numbers: bool) {
     let mut points = 0;
     for number in 0..scenario.samples() {
         let mut sample = scenario.sample(number).unwrap();
         let drawn = serde_json::Value::Array(sample.drawn().to_vec());
-        let told = fs::read_to_string(made.join(format!("{number}.json"))).unwrap();
+        let recorded = fs::read_to_string(made.join(format!("{number}.json"))).unwrap();
         if other_numbers {
-            assert_eq!(serde_json::from_str::<serde_json::Value>(&told).unwrap(), drawn);
+            assert_eq!(serde_json::from_str::<serde_json::Value>(&recorded).unwrap(), drawn);
         } else {
-            assert_eq!(told, drawn.to_string());
+            assert_eq!(recorded, drawn.to_string());
         }
         for scan in 0..sample.scans().len() {
             let name = sample.scans()[scan].name().to_owned();
@@ -96,7 +96,7 @@ fn samples_are_those_of_rust_and_of_the_program() {
         if let Some(python) = env::var_os("ECHOCAST_WHEEL_PYTHON") {
             let mut command = Command::new(python);
             command.arg(source("samples.py"));
-            // It writes numbers in ways of its own: 1e-05.
+            // It formats numbers differently: 1e-05.
             programs.push((command, "2", true));
         }
         for (number, (mut program, threads, other_numbers)) in programs.into_iter().enumerate() {

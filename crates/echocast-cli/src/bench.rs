@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
 /// Measure how fast a scene is scanned on this machine: a few seconds of warm scans, compared with the bare Embree loop
-/// on the same rays, and, where beams are several rays that meet more than one place, with one ray a beam
+/// on the same rays, and, for beams with an adaptive number of rays, with one ray a beam
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -20,7 +20,7 @@ Examples:
   echocast bench street.glb --sensor velodyne_vls128 --camera Corner --threads 1
   echocast generate seabed -o lake.glb
   echocast bench lake.glb --sensor sss_450 --camera Sonar")]
-pub struct Args {
+pub struct BenchArgs {
     #[command(flatten)]
     scene: SceneArgs,
     #[command(flatten)]
@@ -42,7 +42,7 @@ const ROUNDS: usize = 15;
 /// A round of one loop lasts at least this long.
 const ROUND: Duration = Duration::from_millis(100);
 
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &BenchArgs) -> Result<()> {
     let threads = input::set_threads(args.threads)?;
     let sensor = args.sensor.load()?;
     let environment = args.weather.load(sensor.kind())?;
@@ -85,7 +85,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let is_sonar = sensor.kind() == SensorKind::Sonar;
     let beams = sensor.beams().len();
-    // Of a sonar those that are sent; the bare loop has as many.
+    // For a sonar those that are sent; the bare loop has as many.
     let rays = if is_sonar { bare.len() } else { traced as usize };
     let wall = Figures::of(scans.iter().map(|time| time.wall));
     let cpu = Figures::of(scans.iter().map(|time| time.cpu));

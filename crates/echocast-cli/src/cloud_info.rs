@@ -1,4 +1,4 @@
-//! What `echocast info` tells of a cloud.
+//! What `echocast info` reports about a cloud.
 
 use crate::pipe::{self, ColumnArgs};
 use crate::text::{self, thousands};
@@ -13,9 +13,9 @@ use std::path::Path;
 
 /// Bars of a histogram.
 const BARS: usize = 12;
-/// Signs of the longest bar.
+/// Characters of the longest bar.
 const LONGEST: usize = 50;
-/// Label names that are listed.
+/// Most label names that are listed.
 const LISTED: usize = 40;
 
 /// Prints what is in the cloud file `file`.
@@ -28,16 +28,16 @@ pub fn run(file: &Path, columns: &ColumnArgs, as_json: bool) -> Result<()> {
     text::print(&describe(file, &cloud, &report)?)
 }
 
-/// The least and the greatest of the numbers of a column, and how many are none.
-struct Span {
+/// The lowest and highest number of a column, and how many values are not a number.
+struct ColumnSpan {
     low: f64,
     high: f64,
     empty: usize,
 }
 
-impl Span {
-    fn of(column: Column) -> Span {
-        let mut span = Span { low: f64::INFINITY, high: f64::NEG_INFINITY, empty: 0 };
+impl ColumnSpan {
+    fn of(column: Column) -> ColumnSpan {
+        let mut span = ColumnSpan { low: f64::INFINITY, high: f64::NEG_INFINITY, empty: 0 };
         for value in (0..column.len()).map(|row| column.get_f64(row)) {
             span.empty += usize::from(value.is_nan());
             (span.low, span.high) = (span.low.min(value), span.high.max(value));
@@ -45,13 +45,13 @@ impl Span {
         span
     }
 
-    /// With numbers at all.
-    fn some(self) -> Option<Span> {
+    /// `None` if there are no numbers.
+    fn some(self) -> Option<ColumnSpan> {
         (self.low <= self.high).then_some(self)
     }
 }
 
-/// What is added to the numbers of a column: the origin, of positions.
+/// Offset of the numbers of a column: the origin for positions.
 fn offset(cloud: &PointCloud, field: Field) -> f64 {
     match field {
         Field::X | Field::TrueX | Field::CorrectedX => cloud.origin.x,
@@ -61,16 +61,16 @@ fn offset(cloud: &PointCloud, field: Field) -> f64 {
     }
 }
 
-/// Least and greatest coordinates, metres.
+/// Lowest and highest coordinates, metres.
 fn bounds(cloud: &PointCloud) -> Option<[[f64; 3]; 2]> {
     let axes = [Field::X, Field::Y, Field::Z];
-    let spans = axes.map(|field| Span::of(cloud.column(field)).some());
+    let spans = axes.map(|field| ColumnSpan::of(cloud.column(field)).some());
     let [Some(x), Some(y), Some(z)] = spans else { return None };
     let [a, b, c] = axes.map(|field| offset(cloud, field));
     Some([[x.low + a, y.low + b, z.low + c], [x.high + a, y.high + b, z.high + c]])
 }
 
-/// How many points have each number of a label column.
+/// Number of points of each number in a label column.
 fn counts(ids: &[u32]) -> BTreeMap<u32, usize> {
     let mut counts = BTreeMap::new();
     for &id in ids {
@@ -79,7 +79,7 @@ fn counts(ids: &[u32]) -> BTreeMap<u32, usize> {
     counts
 }
 
-/// How many points have values in each of equal steps.
+/// Number of points in equal intervals of the values of a column.
 struct Histogram {
     info: &'static FieldInfo,
     low: f64,
@@ -88,12 +88,13 @@ struct Histogram {
 }
 
 impl Histogram {
-    /// Of the ranges of `cloud`, or of its intensities, or of its heights.
+    /// That of the ranges of `cloud`, or else of its intensities or heights.
     fn of(cloud: &PointCloud) -> Option<Histogram> {
         let fields = [Field::Range, Field::Intensity, Field::Z].into_iter();
         let field = fields.into_iter().find(|&field| cloud.fields.contains(field))?;
         let (column, offset) = (cloud.column(field), offset(cloud, field));
-        let Span { low, high, .. } = Span::of(column).some().filter(|span| (span.high - span.low).is_finite())?;
+        let ColumnSpan { low, high, .. } =
+            ColumnSpan::of(column).some().filter(|span| (span.high - span.low).is_finite())?;
         let mut bars = [0; BARS];
         let values = (0..column.len()).map(|row| column.get_f64(row)).filter(|value| !value.is_nan());
         for value in values {
@@ -127,7 +128,7 @@ fn describe(file: &Path, cloud: &PointCloud, report: &Report) -> Result<String> 
         writeln!(text, "size        {:.3} x {:.3} x {:.3} m", size[0], size[1], size[2])?;
     }
     let at = cloud.sensor_pose.position;
-    // Clouds that say nothing of it are as if it were at the origin.
+    // In clouds without a sensor pose it is at the origin.
     let sensor = if cloud.sensor_pose == Pose::IDENTITY {
         String::new()
     } else {
@@ -148,14 +149,14 @@ fn describe(file: &Path, cloud: &PointCloud, report: &Report) -> Result<String> 
     }
     writeln!(text, "columns     {}", cloud.fields.iter().count())?;
     for info in cloud.fields.iter() {
-        let span = Span::of(cloud.column(info.field));
+        let span = ColumnSpan::of(cloud.column(info.field));
         let empty = match span.empty {
             0 => String::new(),
             count => format!(", {} empty", thousands(count)),
         };
         let offset = offset(cloud, info.field);
         let values = match span.some() {
-            Some(Span { low, high, .. }) => format!("{} to {}", number(low + offset), number(high + offset)),
+            Some(ColumnSpan { low, high, .. }) => format!("{} to {}", number(low + offset), number(high + offset)),
             None => "no numbers".to_owned(),
         };
         writeln!(text, "  {:<18} {values} {}{empty}", info.name, unit(info))?;
@@ -185,7 +186,7 @@ fn describe(file: &Path, cloud: &PointCloud, report: &Report) -> Result<String> 
     for warning in &report.warnings {
         writeln!(text, "warning: {warning}")?;
     }
-    // Units that are none leave a blank.
+    // Columns without a unit leave a blank at the end.
     Ok(text.lines().map(str::trim_end).fold(String::new(), |text, line| text + line + "\n"))
 }
 
@@ -196,7 +197,7 @@ fn others(cloud: &PointCloud) -> Vec<String> {
     others.map(of).collect()
 }
 
-/// `value` with as many digits as people read.
+/// `value` with a readable number of digits.
 fn number(value: f64) -> String {
     let text = if value != 0.0 && (value.abs() < 1e-3 || value.abs() >= 1e12) {
         format!("{value:.3e}")
@@ -226,7 +227,7 @@ fn write_labels(text: &mut String, title: &str, counts: &BTreeMap<u32, usize>, n
     Ok(())
 }
 
-/// What [`describe`] tells, for programs.
+/// The content of [`describe`] as JSON.
 fn to_json(file: &Path, cloud: &PointCloud, report: &Report) -> Value {
     let c = &cloud.columns;
     let labels = |ids: &[u32], names: &NameTable| -> Value {
@@ -234,11 +235,11 @@ fn to_json(file: &Path, cloud: &PointCloud, report: &Report) -> Value {
         counts(ids).iter().map(label).collect()
     };
     let columns = cloud.fields.iter().map(|info| {
-        let span = Span::of(cloud.column(info.field));
+        let span = ColumnSpan::of(cloud.column(info.field));
         let offset = offset(cloud, info.field);
         let empty = span.empty;
         let span = span.some();
-        let of = |value: fn(&Span) -> f64| span.as_ref().map(|span| value(span) + offset);
+        let of = |value: fn(&ColumnSpan) -> f64| span.as_ref().map(|span| value(span) + offset);
         json!({ "name": info.name, "unit": info.unit, "low": of(|s| s.low), "high": of(|s| s.high), "empty": empty })
     });
     let histogram = Histogram::of(cloud).map(

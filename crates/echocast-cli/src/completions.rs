@@ -5,20 +5,20 @@ use anyhow::Result;
 use clap::CommandFactory;
 use clap_complete::{Shell, generate};
 
-/// Print what a shell needs to complete commands and options
+/// Print the script with which a shell completes commands and options
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   source <(echocast completions bash)
   echocast completions zsh > \"${fpath[1]}/_echocast\"
   echocast completions fish > ~/.config/fish/completions/echocast.fish")]
-pub struct Args {
+pub struct CompletionsArgs {
     /// Shell
     shell: Shell,
 }
 
 /// Prints the completions of the program `Cli`.
-pub fn run<Cli: CommandFactory>(args: &Args) -> Result<()> {
+pub fn run<Cli: CommandFactory>(args: &CompletionsArgs) -> Result<()> {
     let mut script = Vec::new();
     generate(args.shell, &mut Cli::command(), "echocast", &mut script);
     text::print(&String::from_utf8(script)?)

@@ -16,13 +16,13 @@ Examples:
   echocast convert scan.las -o scan.npz
   echocast convert scan.npz -o small.las --format las2
   echocast convert scan.las -o - --format laz | echocast info -")]
-pub struct Args {
-    /// Cloud file of any format that echocast writes, or LAS, LAZ, PLY, PCD, E57, MCAP or text of another program; its content
-    /// tells the format; `-` for standard input
+pub struct ConvertArgs {
+    /// Cloud file of any format that echocast writes, or LAS, LAZ, PLY, PCD, E57, MCAP or text of another program; its
+    /// content determines the format; `-` for standard input
     #[arg(value_name = "CLOUD")]
     input: PathBuf,
-    /// Cloud file to write; its ending chooses the format (`echocast formats` lists them); `-` with `--format`
-    /// is standard output
+    /// Cloud file to write; its ending selects the format (`echocast formats` lists them); `-` with `--format` is
+    /// standard output
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Format of the file to write, whatever its ending
@@ -32,7 +32,7 @@ pub struct Args {
     columns: ColumnArgs,
 }
 
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &ConvertArgs) -> Result<()> {
     interrupt::listen().context("cannot listen for signals")?;
     let name = args.format.as_deref();
     check(args).map_err(usage::wrong)?;
@@ -55,19 +55,19 @@ pub fn run(args: &Args) -> Result<()> {
     let poured = stdout.map(|cloud| cloud.pour(format.name(), &mut report)).transpose()?;
     report.warnings.iter().for_each(|warning| text::note(&format!("warning: {warning}")));
     let points = text::counted(cloud.len, "point");
-    let told =
+    let message =
         format!("{}: {points} as {}\n  {}\n", shown::path(&args.input), format.name(), shown::path(&args.output));
     if poured.is_some() {
-        text::tell(&told);
+        text::print_error(&message);
         return Ok(());
     }
-    text::print(&told)
+    text::print(&message)
 }
 
-/// Fails where the command says what cannot be.
-fn check(args: &Args) -> Result<()> {
+/// Checks that the output is possible.
+fn check(args: &ConvertArgs) -> Result<()> {
     if pipe::is_standard(&args.output) {
-        // Which columns there are is not known yet.
+        // The columns are not known yet.
         return Outgoing::check(args.format.as_deref(), FieldSet::all());
     }
     output::check_kept(&args.output, &args.input)?;

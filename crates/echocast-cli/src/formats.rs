@@ -12,17 +12,17 @@ use std::fmt::Write as _;
 /// List the input and output formats and what each can hold
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  echocast formats\n  echocast formats --json")]
-pub struct Args {
-    /// Print one JSON object: lists of scenes, clouds, clouds that are read, pictures and pings
+pub struct FormatsArgs {
+    /// Print one JSON object with the lists scenes, clouds, clouds_read, pictures and pings
     #[arg(long)]
     json: bool,
 }
 
-/// A format that only its endings tell from others.
-type Row = (&'static str, &'static [&'static str], &'static str);
+/// Name, endings and description of a format.
+type FormatRow = (&'static str, &'static [&'static str], &'static str);
 
-const PICTURES: [Row; 1] = [("png", &["png"], "RGB picture with legend")];
-const PINGS: [Row; 5] = [
+const PICTURES: [FormatRow; 1] = [("png", &["png"], "RGB picture with legend")];
+const PINGS: [FormatRow; 5] = [
     ("npz", &["npz"], "arrays, including labels"),
     ("hdf5", &["h5", "hdf5"], "one dataset per array, with unit and meaning"),
     ("xtf", &["xtf"], "pings only: samples of side-scan sonars or soundings of swath sonars, without labels"),
@@ -30,7 +30,7 @@ const PINGS: [Row; 5] = [
     ("png", &["png"], "images only: greyscale, labels in files beside it"),
 ];
 
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &FormatsArgs) -> Result<()> {
     if args.json { text::print_json(&to_json()) } else { text::print(&list()?) }
 }
 
@@ -47,7 +47,7 @@ fn list() -> Result<String> {
             writeln!(list, "{:23}cannot hold {}", "", lost.join(", "))?;
         }
         if !format.info().holds_label_names {
-            writeln!(list, "{:23}label names are beside it, in NAME.labels.json", "")?;
+            writeln!(list, "{:23}label names are in a file beside it, NAME.labels.json", "")?;
         }
     }
     list.push_str("\nClouds are read (convert, info, preview) from\n");
@@ -61,7 +61,7 @@ fn list() -> Result<String> {
     Ok(list)
 }
 
-fn row(list: &mut String, (name, extensions, description): Row) -> Result<()> {
+fn row(list: &mut String, (name, extensions, description): FormatRow) -> Result<()> {
     let endings: Vec<String> = extensions.iter().map(|ending| format!(".{ending}")).collect();
     Ok(writeln!(list, "  {name:<7} {:<12} {description}", endings.join(" "))?)
 }
@@ -72,7 +72,7 @@ fn lost(format: &dyn Format) -> Vec<&'static str> {
 }
 
 fn to_json() -> Value {
-    let plain = |(name, extensions, description): Row| {
+    let plain = |(name, extensions, description): FormatRow| {
         json!({
             "name": name,
             "extensions": extensions,

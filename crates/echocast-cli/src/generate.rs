@@ -25,12 +25,12 @@ Examples:
 
 See `echocast generate KIND --help` for more."
 )]
-pub struct Args {
+pub struct GenerateArgs {
     #[command(subcommand)]
-    kind: Kind,
+    kind: SceneKind,
 }
 
-/// What all of them take.
+/// Options of all kinds of scenes.
 #[derive(clap::Args)]
 struct MadeArgs {
     /// Seed of all random draws: same seed and options, same file
@@ -45,7 +45,7 @@ struct MadeArgs {
 }
 
 #[derive(Subcommand)]
-enum Kind {
+enum SceneKind {
     Indoor(IndoorArgs),
     Seabed(SeabedArgs),
     Street(StreetArgs),
@@ -55,9 +55,9 @@ enum Kind {
 /// A lake bed for sonar: sand, gravel and mud, boulders, wrecks, pipes, mines, sea grass, a school of fish
 ///
 /// The water surface is at z = 0, the bed is centred on the z axis. Categories are seabed, boulder, wreck, pipe, mine,
-/// seagrass and fish; the bed has the parts sand, gravel and mud, a wreck hull, cabin and mast. The fish are children of the node Swarm,
-/// which an animation moves against the x axis. The camera node Sonar is at the low end of x, just below the surface,
-/// and looks along x.
+/// seagrass and fish; the bed has the parts sand, gravel and mud, a wreck hull, cabin and mast. The fish are children
+/// of the node Swarm, which an animation moves against the x axis. The camera node Sonar is at the low end of x, just
+/// below the surface, and looks along x.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -93,7 +93,7 @@ pub struct SeabedArgs {
     /// Pipes that lie across the bed
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     pipes: u32,
-    /// Mines: by turns a cylinder of 2 m, a ball of 1 m with horns, a blunt cone of 1 m
+    /// Mines: in turn a cylinder of 2 m, a ball of 1 m with horns, a blunt cone of 1 m
     #[arg(long, value_name = "N", default_value_t = 0, allow_negative_numbers = true)]
     mines: u32,
     /// Patches of sea grass, 2 to 5 m wide
@@ -103,14 +103,14 @@ pub struct SeabedArgs {
     made: MadeArgs,
 }
 
-/// A street, or a town of streets, with houses and trees, cars that drive and people who walk
+/// A street, or a town of streets, with houses and trees, driving cars and walking people
 ///
 /// The street runs along x and is 200 m long, a side street crosses it at 0,0; with --blocks there are streets around
 /// blocks of houses, a crossing every 100 m along x and 84 m along y, one of them at 0,0. Categories are those of
-/// SemanticKITTI: road, lane-marking, parking, sidewalk, terrain, building, fence, vegetation, trunk, pole, traffic-sign
-/// (retro-reflectors), car, truck, bicycle, person and other-object. The animation Street moves cars and their wheels, people, the flag
-/// and the lamps of the traffic lights. The camera node Lidar is on the roof of a moving car, 1.9 m above the road;
-/// Corner stands at the crossing at 0,0, 3 m high, and looks along the street.
+/// SemanticKITTI: road, lane-marking, parking, sidewalk, terrain, building, fence, vegetation, trunk, pole,
+/// traffic-sign (retro-reflectors), car, truck, bicycle, person and other-object. The animation Street moves cars and
+/// their wheels, people, the flag and the lamps of the traffic lights. The camera node Lidar is on the roof of a moving
+/// car, 1.9 m above the road; Corner is at the crossing at 0,0, 3 m high, and looks along the street.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -139,9 +139,9 @@ pub struct StreetArgs {
 /// A landscape: hills, or a height map, with trees, bushes, grass, rocks, a path and a stream
 ///
 /// The land is centred on the z axis. Categories are terrain, path, water, tree, bush, grass and rock; trees and bushes
-/// have the parts trunk, branch and leaf, the terrain turf, soil, rock and sand. Every tree, bush and rock is an instance,
-/// grass one for each patch of 24 tufts. The camera node Lidar is 1.8 m above the path, near the middle, and looks along
-/// it; Overview looks down from a corner.
+/// have the parts trunk, branch and leaf, the terrain turf, soil, rock and sand. Every tree, bush and rock is an
+/// instance, grass one for each patch of 24 tufts. The camera node Lidar is 1.8 m above the path, near the middle, and
+/// looks along it; Overview looks down from a corner.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -154,13 +154,13 @@ pub struct LandscapeArgs {
     /// Start from other values than the defaults: paper, the landscape of the paper (hills with trees, rocks and grass)
     #[arg(long, value_name = "NAME")]
     preset: Option<Preset>,
-    /// Extent along x and y, metres; that of the height map if its file says it [default: 100,100]
+    /// Extent along x and y, metres; that of the height map if its file defines it [default: 100,100]
     #[arg(long, value_name = "X,Y", value_parser = two_numbers, allow_hyphen_values = true)]
     size: Option<[f64; 2]>,
     /// Spacing of the grid, metres [default: 0.5, or that of the height map]
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     cell: Option<f64>,
-    /// From the lowest to the highest place, metres; not used with a height map [default: 12]
+    /// Height from the lowest to the highest point, metres; not used with a height map [default: 12]
     #[arg(long, value_name = "M", allow_negative_numbers = true)]
     relief: Option<f64>,
     /// Trees per hectare [default: 300]
@@ -195,8 +195,8 @@ pub struct LandscapeArgs {
 ///
 /// The rooms are centred on 0,0, their floor is at z = 0; doors between them stand open. Categories are wall, floor,
 /// ceiling, door, window, mirror, partition (a pane of glass that reaches into the room), table, chair, sofa, bed,
-/// shelf, cupboard, lamp, plant and tv; parts are leg, seat, back and so on. The camera nodes Camera_1 and so on stand
-/// in a corner of each room, 1.5 m high, and look at its middle; Scanner stands in the first room and looks along x.
+/// shelf, cupboard, lamp, plant and tv; parts are leg, seat, back and so on. The camera nodes Camera_1 and so on are in
+/// a corner of each room, 1.5 m high, and look at its middle; Scanner is in the first room and looks along x.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -214,7 +214,7 @@ pub struct IndoorArgs {
     /// Height of the rooms, metres
     #[arg(long, value_name = "M", default_value_t = Indoor::default().height_m, allow_negative_numbers = true)]
     height: f64,
-    /// How much furniture there is, from 0, none, to 1
+    /// Amount of furniture, from 0, none, to 1
     #[arg(long, value_name = "PART", default_value_t = Indoor::default().furniture, allow_negative_numbers = true)]
     furniture: f64,
     /// Mirrors on walls, at most one in a room
@@ -235,12 +235,12 @@ enum Preset {
     Paper,
 }
 
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &GenerateArgs) -> Result<()> {
     match &args.kind {
-        Kind::Indoor(args) => indoor(args),
-        Kind::Seabed(args) => seabed(args),
-        Kind::Street(args) => street(args),
-        Kind::Landscape(args) => landscape(args),
+        SceneKind::Indoor(args) => indoor(args),
+        SceneKind::Seabed(args) => seabed(args),
+        SceneKind::Street(args) => street(args),
+        SceneKind::Landscape(args) => landscape(args),
     }
 }
 

@@ -13,8 +13,8 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-/// Show what is in a scene: triangles, instances, materials, labels, cameras, animations, bounds; or in a cloud: points,
-/// bounds, columns, labels and how many points have them, and how ranges or intensities are distributed
+/// Show what is in a scene: triangles, instances, materials, labels, cameras, animations, bounds; or in a cloud:
+/// points, bounds, columns, labels with their numbers of points, and the distribution of ranges or intensities
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -25,14 +25,14 @@ Examples:
   echocast info street.glb --preview map.png
   echocast scan street.glb --sensor velodyne_vlp16 --at 0,0,2 -o scan.las
   echocast info scan.las")]
-pub struct Args {
+pub struct InfoArgs {
     #[command(flatten)]
     scene: SceneArgs,
     /// Wavelength at which reflectances are listed, nm
     #[arg(long, value_name = "NM", default_value = "905", value_parser = positive)]
     wavelength: f64,
-    /// Draw a plan of the scene: what is seen from above, in the colours of categories, with a grid of coordinates, the
-    /// heights where its lines cross, and the cameras, to choose `--at` of a scan from. What has a ceiling is cut open
+    /// Draw a plan of the scene to choose `--at` of a scan from: the view from above in the colours of categories, with
+    /// a coordinate grid, the heights where its lines cross, and the cameras. Rooms with a ceiling are cut open
     #[arg(long, value_name = "FILE.png")]
     preview: Option<PathBuf>,
     /// Print one JSON object, with lengths in metres
@@ -42,16 +42,16 @@ pub struct Args {
     columns: ColumnArgs,
 }
 
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &InfoArgs) -> Result<()> {
     if let [file] = &*args.scene.files
         && (pipe::is_standard(file) || args.columns.is_some() || import::is_cloud(file)?)
     {
-        let told = "--preview: is a plan of scenes; echocast preview draws clouds";
-        ensure!(args.preview.is_none(), usage::wrong(anyhow!(told)));
+        let message = "--preview: draws plans of scenes; for clouds use echocast preview";
+        ensure!(args.preview.is_none(), usage::wrong(anyhow!(message)));
         return cloud_info::run(file, &args.columns, args.json);
     }
-    let told = "--columns: is for text; allowed: with one cloud file";
-    ensure!(!args.columns.is_some(), usage::wrong(anyhow!(told)));
+    let message = "--columns: is for clouds as text; allowed: with one cloud file";
+    ensure!(!args.columns.is_some(), usage::wrong(anyhow!(message)));
     let options = PreviewOptions::default();
     if let Some(file) = &args.preview {
         output::check_picture("--preview", file, &options).map_err(usage::wrong)?;
@@ -69,7 +69,7 @@ pub fn run(args: &Args) -> Result<()> {
     text::print(&describe(&args.scene, &scene, args.wavelength)?)
 }
 
-/// How much light the materials of `scene` return, and why, a line each.
+/// The reflectance of the materials of `scene` and its reason, a line each.
 fn write_materials(text: &mut String, scene: &Scene, wavelength_nm: f64) -> Result<()> {
     writeln!(text, "materials   {}, reflectance at {wavelength_nm} nm", scene.materials.len())?;
     for material in &scene.materials {
@@ -81,7 +81,7 @@ fn write_materials(text: &mut String, scene: &Scene, wavelength_nm: f64) -> Resu
             _ => String::new(),
         };
         let changes = if material.changes.is_some() { ", changes over time" } else { "" };
-        let passes = material.told_alpha().map_or(String::new(), |told| format!("; {told}"));
+        let passes = material.told_alpha().map_or(String::new(), |message| format!("; {message}"));
         writeln!(text, "  {:<28} {value}{spread}, {why}{source}{changes}{passes}", shown::text(&material.name))?;
     }
     Ok(())
@@ -151,7 +151,7 @@ fn describe(files: &SceneArgs, scene: &Scene, wavelength_nm: f64) -> Result<Stri
     Ok(text)
 }
 
-/// How many objects there are of each category.
+/// Number of objects of each category.
 fn objects_of(scene: &Scene) -> BTreeMap<u32, usize> {
     let mut objects_of = BTreeMap::new();
     for object in &scene.objects {
@@ -160,7 +160,7 @@ fn objects_of(scene: &Scene) -> BTreeMap<u32, usize> {
     objects_of
 }
 
-/// What [`describe`] tells, for programs.
+/// The content of [`describe`] as JSON.
 fn to_json(files: &[PathBuf], scene: &Scene, wavelength_nm: f64) -> Value {
     let objects_of = objects_of(scene);
     let materials = scene.materials.iter().map(|material| {

@@ -1,4 +1,4 @@
-//! What a scan needs: scene and sensor.
+//! The inputs of a scan: scene and sensor.
 
 use crate::{choice, text, usage};
 use anyhow::{Context as _, Result, anyhow, ensure};
@@ -23,19 +23,19 @@ pub struct SceneArgs {
     /// Scene files; several are combined as they are (`echocast formats` lists the formats)
     #[arg(required = true, value_name = "SCENE")]
     pub files: Vec<PathBuf>,
-    /// Label file (YAML): names to numbers, object and material name patterns to names; `-` for standard input; or rules
-    /// that ship with echocast: forest, semantic_kitti, street
+    /// Label file (YAML): maps names to numbers, and patterns of object and material names to names; `-` for standard
+    /// input; or built-in rules: forest, semantic_kitti, street
     #[arg(long, value_name = "FILE|NAME", help_heading = "Scene")]
     labels: Option<PathBuf>,
-    /// Leave out the objects whose names, or those of the nodes that they hang on, match PATTERN (with `*` and `?`): sky
-    /// boxes, helpers. Example: `--hide "Sky*"`; repeatable
+    /// Leave out the objects whose names, or those of their parent nodes, match PATTERN (with `*` and `?`): sky boxes,
+    /// helpers. Example: `--hide "Sky*"`; repeatable
     #[arg(long, value_name = "PATTERN", help_heading = "Scene")]
     hide: Vec<String>,
-    /// What surfaces are made of (YAML): material name patterns, each with the name of a library material or with keys of a
+    /// Materials of surfaces (YAML): maps patterns of material names to the name of a library material or to keys of a
     /// material file; `-` for standard input
     #[arg(long, value_name = "FILE", help_heading = "Scene")]
     materials: Option<PathBuf>,
-    /// Let materials whose name matches PATTERN (with `*` and `?`) reflect as the library material NAME does
+    /// Make materials whose name matches PATTERN (with `*` and `?`) reflect like the library material NAME
     /// (`echocast info` lists what is used). Example: `--material "Sofa*=fabric"`; repeatable
     #[arg(long, value_name = "PATTERN=NAME", value_parser = material, help_heading = "Scene")]
     material: Vec<(String, String)>,
@@ -45,21 +45,21 @@ pub struct SceneArgs {
     /// Metres per unit of scene formats that do not define the unit (OBJ, PLY, STL), such as 0.001 for millimetres
     #[arg(long, value_name = "F", default_value = "1", value_parser = positive, help_heading = "Scene")]
     scale: f64,
-    /// Most memory for the images of all materials, MiB
+    /// Memory limit for the images of all materials, MiB
     #[arg(long, value_name = "MIB", default_value_t = LoadOptions::default().texture_limit_mib, help_heading = "Scene")]
     texture_limit: u64,
-    /// Play this animation alone (`echocast info` lists them) [default: all of them at once]
+    /// Play only this animation (`echocast info` lists them) [default: all of them at once]
     #[arg(long, value_name = "NAME", help_heading = "Scene")]
     animation: Option<String>,
     /// Repeat animations and caches: each starts again at its last key or sample, instead of staying there
     #[arg(long = "loop", help_heading = "Scene")]
     looped: bool,
-    /// Let scenes name buffers, images and material files outside their own folder: only for scenes that you trust
+    /// Let scenes refer to buffers, images and material files outside their own folder: only for scenes that you trust
     #[arg(long, help_heading = "Scene")]
     allow_outside_paths: bool,
-    /// Change the shape of the object NAME (a pattern with `*` and `?`) over time, by a vertex cache (.mdd, .pc2) or by
-    /// numbered scene files, of which FILE is the first; FPS is the frame rate of .pc2 and of numbered files (24).
-    /// Example: `--cache Flag=flag.pc2 --cache Water=water_0001.obj@25`; repeatable
+    /// Change the shape of the object NAME (a pattern with `*` and `?`) over time, with a vertex cache (.mdd, .pc2) or
+    /// with numbered scene files, of which FILE is the first; FPS is the frame rate of .pc2 and of numbered files (24
+    /// by default). Example: `--cache Flag=flag.pc2 --cache Water=water_0001.obj@25`; repeatable
     #[arg(long, value_name = "NAME=FILE[@FPS]", value_parser = OsStringValueParser::new().try_map(cache), help_heading = "Scene")]
     cache: Vec<(String, CacheFile)>,
 }
@@ -91,23 +91,23 @@ impl SceneArgs {
         let mut caches = BTreeMap::new();
         for (name, file) in &self.cache {
             let before = caches.insert(name.clone(), file.clone());
-            ensure!(before.is_none(), "--cache: {:?} is there twice; allowed: once for each name", shown::text(name));
+            ensure!(before.is_none(), "--cache: {:?} is given twice; allowed: once for each name", shown::text(name));
         }
         Ok(caches)
     }
 
-    /// Checks that `--up` and `--scale` have a scene that needs them.
+    /// Checks that a scene needs `--up` and `--scale`.
     fn check_units(&self) -> Result<()> {
-        let told = self.up != UpAxis::Z || self.scale != 1.0;
+        let specified = self.up != UpAxis::Z || self.scale != 1.0;
         ensure!(
-            !told || self.files.iter().any(|file| has_ending(file, UNITLESS)),
-            "--up, --scale: {} already says which axis is up and what its unit is",
+            !specified || self.files.iter().any(|file| has_ending(file, UNITLESS)),
+            "--up, --scale: {} already defines its up axis and its unit",
             self.names()
         );
         Ok(())
     }
 
-    /// What was taken for the units and axes of files that have none; `None`: all have.
+    /// The units and axes assumed for files that do not define them; `None`: all do.
     pub fn units(&self) -> Option<String> {
         self.files.iter().any(|file| has_ending(file, UNITLESS)).then(|| {
             let endings = UNITLESS.join(", ").to_uppercase();
@@ -132,13 +132,13 @@ impl SceneArgs {
         };
         let readable = |file: &PathBuf| FORMATS.iter().any(|format| has_ending(file, format.extensions));
         Scene::load_all(&self.files, &options).map_err(|error| match error {
-            // Something in a file, not its ending.
+            // It is about the content of a file, not its ending.
             Error::Unsupported { .. } if self.files.iter().all(readable) => error.into(),
             error => usage::wrong(error),
         })
     }
 
-    /// File names, for people.
+    /// File names for display.
     pub fn names(&self) -> String {
         text::paths(&self.files).join(" + ")
     }
@@ -146,7 +146,7 @@ impl SceneArgs {
     /// As the section `scene` of a scenario; `labels` are the rules of the label file, `materials` those of
     /// materials.
     pub fn to_json(&self, labels: &LabelRules, materials: &MaterialRules) -> Result<Value> {
-        // What came from standard input is not there again.
+        // Standard input cannot be read again.
         let labels = match &self.labels {
             Some(file) if file.as_os_str() == "-" => {
                 serde_json::to_value(labels).context("the label rules cannot be reported")?
@@ -188,13 +188,13 @@ pub struct SensorArgs {
     /// Change one parameter by its path in the sensor's YAML; repeatable
     #[arg(long, value_name = "KEY=VALUE", value_parser = key_value, help_heading = "Sensor")]
     set: Vec<(String, String)>,
-    /// Which echo of a beam is reported [default: as the sensor has it]
+    /// Which echo of a beam is reported [default: that of the sensor]
     #[arg(long, value_name = "MODE", value_parser = choice::of::<ReturnMode>(), help_heading = "Sensor")]
     returns: Option<ReturnMode>,
 }
 
 impl SensorArgs {
-    /// The sensor, changed.
+    /// The sensor with its changes.
     pub fn load(&self) -> Result<Sensor> {
         let mut sensor = load_sensor(&self.sensor).context("--sensor")?;
         for (key, value) in &self.set {
@@ -207,7 +207,7 @@ impl SensorArgs {
     }
 }
 
-/// Lets `sensor` report its echoes as `mode` says.
+/// Sets which echoes `sensor` reports.
 fn set_returns(sensor: &mut Sensor, mode: ReturnMode) -> Result<()> {
     ensure!(
         sensor.kind() != SensorKind::Sonar,
@@ -217,10 +217,10 @@ fn set_returns(sensor: &mut Sensor, mode: ReturnMode) -> Result<()> {
     sensor.set("returns.mode", mode.name()).context("--returns")
 }
 
-/// What a KEY=VALUE that cannot be set says of the command.
+/// The error of the command for a KEY=VALUE that cannot be set.
 pub fn wrong_key(error: Error) -> anyhow::Error {
     match error {
-        // KEY=VALUE is what was parsed.
+        // The text that could not be parsed is KEY=VALUE.
         Error::Parse { .. } => usage::wrong(anyhow!("{error}")),
         error => usage::wrong(error),
     }
@@ -246,7 +246,7 @@ pub fn load_trajectory(file: &Path) -> Result<Trajectory> {
     file_or_stdin("--trajectory", file, Trajectory::load, Trajectory::from_text)
 }
 
-/// The `file` of `option`, read with `load`; or what `parse` makes of standard input, which `-` stands for.
+/// The `file` of `option`, read with `load`; or standard input, if it is `-`, read with `parse`.
 pub fn file_or_stdin<'f, T, E: Into<anyhow::Error>>(
     option: &'static str,
     file: &'f Path,
@@ -332,9 +332,10 @@ pub fn positive(text: &str) -> Result<f64, String> {
 /// Uses `threads` threads for all parallel work, or all cores if `None`.
 pub fn set_threads(threads: Option<u16>) -> Result<usize> {
     rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0).into()).build_global().map_err(|error| {
-        let wanted = threads.map_or("as many as there are cores".to_owned(), |threads| threads.to_string());
+        let requested =
+            threads.map_or("as many threads as there are cores".to_owned(), |threads| format!("{threads} threads"));
         anyhow!(
-            "--threads: the system does not give {wanted} ({error}); allowed: fewer, or a higher limit of processes"
+            "--threads: the system cannot start {requested} ({error}); allowed: fewer, or a higher limit of processes"
         )
     })?;
     Ok(rayon::current_num_threads())

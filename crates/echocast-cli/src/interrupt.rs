@@ -1,5 +1,5 @@
-//! Ctrl-C, termination, a terminal that closes: the work is told to end; unfinished files are removed, older ones stay.
-//! Where there is no memory, the program ends at once.
+//! Ctrl-C, termination, a terminal that closes: the work is cancelled; unfinished files are removed, older ones stay.
+//! Out of memory, the program ends at once.
 
 use crate::usage;
 use echocast::{Error, export};
@@ -14,7 +14,7 @@ use std::{fs, thread};
 /// The exit code: what shells report for a program ended by SIGINT, 128 + 2.
 pub const INTERRUPTED: u8 = 130;
 
-/// How long the work may go on before it checks for a signal.
+/// How long the work may continue before it checks for a signal.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Whether the next signal ends the program in its handler.
@@ -34,13 +34,13 @@ pub fn listen_patiently() -> io::Result<()> {
 
 fn listen_for(patience: Duration) -> io::Result<()> {
     let ignored = ignored_signals();
-    let heard = [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0);
-    let heard: Vec<i32> = heard.collect();
-    let signals = Signals::new(&heard)?;
+    let handled = [SIGINT, SIGTERM, SIGHUP].into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0);
+    let handled: Vec<i32> = handled.collect();
+    let signals = Signals::new(&handled)?;
     let watcher = thread::Builder::new().name("signals".into()).spawn(move || watch(signals, patience));
-    // If the system gives no thread, the second signal still ends the program.
+    // If no thread can be started, the second signal still ends the program.
     let at_once = if watcher.is_ok() { &LEAVING } else { export::cancel_flag() };
-    for signal in heard {
+    for signal in handled {
         // In this order: the first signal must not count as the second, too.
         flag::register_conditional_shutdown(signal, INTERRUPTED.into(), at_once)?;
         flag::register(signal, export::cancel_flag())?;
@@ -59,15 +59,15 @@ pub fn check() -> Result<(), Error> {
     if export::cancel_flag().load(Ordering::SeqCst) { Err(Error::Cancelled) } else { Ok(()) }
 }
 
-/// Tells the user what happened to the files.
-pub fn say() {
+/// Reports to the user what happened to the files.
+pub fn report_interruption() {
     static SAID: AtomicBool = AtomicBool::new(false);
     if !SAID.swap(true, Ordering::SeqCst) {
         let _ = writeln!(stderr(), "{}error: interrupted; complete files stay, others are removed", clear());
     }
 }
 
-/// What takes away a progress line, which there may be.
+/// The control characters that erase a progress line, which there may be.
 fn clear() -> &'static str {
     if stderr().is_terminal() { "\r\x1b[K" } else { "" }
 }
@@ -81,9 +81,9 @@ fn watch(mut signals: Signals, patience: Duration) {
         thread::sleep(Duration::from_millis(10));
     }
     export::remove_unfinished();
-    // Nobody may read stderr.
+    // Writing to stderr may block, if nothing reads it.
     LEAVING.store(true, Ordering::SeqCst);
-    say();
+    report_interruption();
     low_level::exit(INTERRUPTED.into());
 }
 
@@ -102,7 +102,7 @@ pub fn without_memory(bytes: usize) -> ! {
         let mut line = Cursor::new([0; 64]);
         let _ = writeln!(line, "{}error: no memory for {bytes} bytes", clear());
         let length = usize::try_from(line.position()).unwrap_or_default();
-        // If stderr is closed, there is nobody to tell.
+        // If stderr is closed, the message is lost.
         let _ = stderr().write_all(&line.get_ref()[..length]);
         export::remove_unfinished();
         DONE.store(true, Ordering::SeqCst);

@@ -1,5 +1,5 @@
 //! The `echocast` program: arguments, progress and printing. The work is the library's. A crate of its own, because the
-//! Python package brings the program too.
+//! Python package includes the program, too.
 
 #![forbid(unsafe_code)]
 
@@ -45,19 +45,19 @@ use std::io::Write as _;
                   Exit codes:\n  \
                   0    success\n  \
                   1    the work has failed: a file cannot be read or written, or its content is wrong; the system\n       \
-                  gives no memory or threads; the simulation refuses\n  \
-                  2    wrong usage: an option, name, value or ending of the command is unknown, not allowed, or does\n       \
-                  not go with the others, the sensor or the scene; nothing is written\n  \
+                  is out of memory or threads; the simulation is not possible\n  \
+                  2    wrong usage: an option, name, value or file ending is unknown, not allowed, or cannot be\n       \
+                  combined with the others, the sensor or the scene; nothing is written\n  \
                   130  interrupted\n\n\
                   Environment:\n  \
-                  ECHOCAST_SIMD  vector instructions: avx512, avx2 or plain [default: the widest that the processor has];\n                 \
-                  figures of surfaces may differ in their last digits"
+                  ECHOCAST_SIMD  vector instructions: avx512, avx2 or plain [default: the widest the processor has];\n                 \
+                  values computed for surfaces may differ in their last digits"
 )]
 struct Cli {
     /// Print the version
     #[arg(short = 'V', long)]
     version: bool,
-    /// Print which vector instructions are used, too
+    /// Also print which vector instructions are used
     #[arg(long, requires = "version")]
     verbose: bool,
     #[command(subcommand)]
@@ -66,37 +66,37 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    Scan(Box<scan::Args>),
-    Run(Box<run::Args>),
-    Sensors(sensors::Args),
-    Info(info::Args),
-    Convert(convert::Args),
-    Preview(preview::Args),
-    Generate(generate::Args),
-    Formats(formats::Args),
-    Bench(Box<bench::Args>),
-    Completions(completions::Args),
+    Scan(Box<scan::ScanArgs>),
+    Run(Box<run::RunArgs>),
+    Sensors(sensors::SensorsArgs),
+    Info(info::InfoArgs),
+    Convert(convert::ConvertArgs),
+    Preview(preview::PreviewArgs),
+    Generate(generate::GenerateArgs),
+    Formats(formats::FormatsArgs),
+    Bench(Box<bench::BenchArgs>),
+    Completions(completions::CompletionsArgs),
 }
 
-/// Does what the command line `arguments` asks for, the first of which is the program's name. Returns the exit code.
+/// Runs the command line `arguments`, the first of which is the program's name. Returns the exit code.
 ///
-/// To be called once, by a process that does nothing else: it listens for signals, and ends the process at the second.
+/// To be called once, by a process that does nothing else: it handles signals, and ends the process at the second.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     echocast_memory::end_with(interrupt::without_memory);
     // If this fails, a file that grows too long ends the program, as usual.
     let _ = interrupt::outlive_full_files();
     let cli = match Cli::try_parse_from(arguments) {
         Ok(cli) => cli,
-        Err(told) => {
-            if !told.use_stderr()
+        Err(message) => {
+            if !message.use_stderr()
                 && let Err(error) = text::check_stdout()
             {
                 text::note(&format!("error: {error}"));
                 return usage::FAILED;
             }
-            // Help, or what is wrong. A failure to print it cannot be reported either.
-            let _ = told.print();
-            return u8::try_from(told.exit_code()).unwrap_or(u8::MAX);
+            // Help, or an error. A failure to print it cannot be reported either.
+            let _ = message.print();
+            return u8::try_from(message.exit_code()).unwrap_or(u8::MAX);
         }
     };
     let done = match cli.command {
@@ -109,9 +109,9 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Err(error) => {
             let code = usage::exit_code(&error);
             if code == interrupt::INTERRUPTED {
-                interrupt::say();
+                interrupt::report_interruption();
             } else {
-                // If stderr is closed, there is nobody to tell.
+                // If stderr is closed, the message is lost.
                 let _ = writeln!(std::io::stderr(), "error: {}", text::one_line(&error));
             }
             code
@@ -136,9 +136,9 @@ impl Command {
     }
 }
 
-/// Prints the version; `verbose`: and which vector instructions are used.
+/// Prints the version, and if `verbose` also which vector instructions are used.
 fn print_version(verbose: bool) -> anyhow::Result<()> {
-    let mut told = concat!("echocast ", env!("CARGO_PKG_VERSION"), "\n").to_owned();
+    let mut message = concat!("echocast ", env!("CARGO_PKG_VERSION"), "\n").to_owned();
     if verbose {
         let engine = Engine::with_threads(1)?;
         let (major, minor, patch) = engine.embree_version();
@@ -148,7 +148,7 @@ fn print_version(verbose: bool) -> anyhow::Result<()> {
             _ => "SSE or NEON",
         };
         let (vectors, width) = (engine.vectors(), engine.packet_width());
-        told += &format!("kernels: {vectors}\nEmbree {major}.{minor}.{patch}: {isa}, packets of {width} rays\n");
+        message += &format!("kernels: {vectors}\nEmbree {major}.{minor}.{patch}: {isa}, packets of {width} rays\n");
     }
-    text::print(&told)
+    text::print(&message)
 }

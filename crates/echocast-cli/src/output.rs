@@ -1,4 +1,4 @@
-//! Where clouds and pictures go.
+//! Output files: clouds, pings, pictures, images and boxes.
 
 use crate::input::has_ending;
 use crate::pipe::{self, Outgoing};
@@ -39,8 +39,8 @@ pub struct PictureArgs {
 #[command(group = ArgGroup::new("boxed").args(["boxes", "show"]).multiple(true))]
 #[command(group = ArgGroup::new("timed").args(["boxes", "show", "annotations"]).multiple(true))]
 pub struct OutputArgs {
-    /// Cloud file, repeatable; its ending chooses the format (`echocast formats` lists them); `-` with `--format` is
-    /// standard output, and what the program says then goes to stderr
+    /// Cloud file, repeatable; its ending selects the format (`echocast formats` lists them); `-` with `--format` is
+    /// standard output, and the program's messages then go to stderr
     #[arg(short, long, value_name = "FILE", required_unless_present_any = ["preview", "explain", "pings", "image", "images", "boxes"], help_heading = "Output")]
     output: Vec<PathBuf>,
     /// Format of the cloud files, whatever their endings
@@ -52,57 +52,57 @@ pub struct OutputArgs {
     /// All frames in one cloud (the default)
     #[arg(long = "merged", help_heading = "Output")]
     _merged: bool,
-    /// Picture of the cloud: of all frames together, so that what moves leaves a trail, or with `--single` one for each
-    /// frame, `name_0007.png`
+    /// Picture of the cloud: of all frames together, in which moving objects leave a trail, or with `--single` one for
+    /// each frame, `name_0007.png`
     #[arg(long, value_name = "FILE.png", help_heading = "Output")]
     preview: Option<PathBuf>,
     /// What the colours of the picture show: `label`, the category or part that was hit; `cause`, why a point is there:
-    /// a surface, seen in a mirror or through glass, rain, fog and so on; `velocity`, the speed of what moves, while
-    /// what stands is grey; `radial_velocity` and `doppler`, its part along the beam, true and measured, blue towards
-    /// the sensor and orange away from it; `density`, how many points the sensor has in a square degree of what it
-    /// sees; the others are scales of values
+    /// a surface, seen in a mirror or through glass, rain, fog and so on; `velocity`, the speed of moving objects,
+    /// while static ones are grey; `radial_velocity` and `doppler`, its component along the beam, true and measured,
+    /// blue towards the sensor and orange away from it; `density`, the number of points per square degree of the field
+    /// of view; the others show values on a colour scale
     #[arg(long, requires = "preview", default_value = "label", value_parser = choice::of::<ColorBy>(), help_heading = "Output")]
     color: ColorBy,
     /// How the picture shows the cloud; `range` shows the last of several frames. For sonars, also `waterfall`, one row
-    /// per ping; `track`, what was seen along the track, from above; `fan`, the last ping as its beams lie
+    /// per ping; `track`, a map along the track, from above; `fan`, the last ping by beam and range
     #[arg(long, requires = "shown", default_value = "top", value_parser = choice::of::<View>(), help_heading = "Output")]
     view: View,
-    /// What else the picture shows: `boxes`, the edges of the boxes around labelled instances that have points, in the
-    /// colours of their categories
+    /// What the picture shows in addition: `boxes`, the edges of the boxes around labelled instances that have points,
+    /// in the colours of their categories
     #[arg(long, value_name = "WHAT", requires = "preview", value_parser = ["boxes"], help_heading = "Output")]
     show: Option<String>,
     /// Waterfall over ground range, along the bed, instead of slant range
     #[arg(long, requires = "shown", help_heading = "Output")]
     ground: bool,
-    /// Pings of a sonar as arrays of beams and range bins, with levels, labels and true places: .npz, .h5;
-    /// for survey programs, of side-scan and swath sonars .xtf, of swath sonars .kmall with water columns
+    /// Pings of a sonar as arrays of beams and range bins, with levels, labels and true positions: .npz, .h5; for
+    /// survey software .xtf, for side-scan and swath sonars, and .kmall with water columns, for swath sonars
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     pings: Option<PathBuf>,
     /// What `--view waterfall`, `track` or `fan` shows, as numbers and labels: .npz, .h5, or greyscale .png
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     image: Option<PathBuf>,
     /// Folder for images of each frame of a depth camera or a spinning sensor, whose beams form rows and columns:
-    /// `depth_0007.png` and so on, and `images.json` with the camera, poses and names of labels
+    /// `depth_0007.png` and so on, and `images.json` with the camera, poses and label names
     #[arg(long, value_name = "FOLDER", help_heading = "Output")]
     images: Option<PathBuf>,
-    /// What is written of each image: `depth`, a PNG of 16 bits in millimetres, 0 where nothing is; `depth32`, a TIFF
-    /// of floats in metres; `category`, `part` and `instance`, a PNG with a palette if all numbers are below 256, else
-    /// of 16 bits, as `category16`, `part16` and `instance16` always are; `color`, of the materials; `intensity`;
-    /// `normal`; `arrays`, all of these as .npz [default: depth,category,instance,color]
+    /// Layers to write of each image: `depth`, a 16-bit PNG in millimetres, 0 where there is no return; `depth32`, a
+    /// floating-point TIFF in metres; `category`, `part` and `instance`, a PNG with a palette if all numbers are below
+    /// 256, else with 16 bits, as `category16`, `part16` and `instance16` always are; `color`, of the materials;
+    /// `intensity`; `normal`; `arrays`, all of these as .npz [default: depth,category,instance,color]
     #[arg(long, value_name = "LIST", requires = "images", value_delimiter = ',', value_parser = choice::of::<ImageLayer>(), hide_possible_values = true, help_heading = "Output")]
     image_layers: Vec<ImageLayer>,
     /// Distances, m, between which `depth` goes from 1 to 65535, instead of millimetres up to 65.535 m
     #[arg(long, value_name = "A,B", requires = "images", value_parser = depth_range, help_heading = "Output")]
     depth_range: Option<DepthRange>,
-    /// What the images show of each instance: `coco`, boxes and masks in `coco.json`; `panoptic`, COCO's segments in
-    /// `panoptic.json` and images; `voc`, boxes in an XML file for each image
+    /// Annotations of the instances in the images: `coco`, boxes and masks in `coco.json`; `panoptic`, COCO's segments
+    /// in `panoptic.json` and images; `voc`, boxes in an XML file for each image
     #[arg(long, value_name = "LIST", requires = "images", value_delimiter = ',', value_parser = choice::of::<AnnotationStyle>(), help_heading = "Output")]
     annotations: Vec<AnnotationStyle>,
-    /// Boxes around the labelled instances of all frames, with velocity, number of points and visible share: .json,
-    /// .csv; clouds in .npz, .h5 and .mcap carry them too
+    /// Boxes around the labelled instances of all frames, with velocity, number of points and visible fraction: .json,
+    /// .csv; clouds in .npz, .h5 and .mcap include them, too
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     boxes: Option<PathBuf>,
-    /// Along which axes boxes lie: those of each object, or those of the frame of the points (`--frame`)
+    /// Axes of the boxes: those of each object, or those of the frame of the points (`--frame`)
     #[arg(long, requires = "boxed", default_value = "object", value_parser = choice::of::<BoxAxes>(), help_heading = "Output")]
     box_axes: BoxAxes,
 }
@@ -150,8 +150,8 @@ struct PreviewKeys {
 }
 
 impl OutputArgs {
-    /// From the entry of the section `outputs` of a scenario whose style is `files`; names of files in it are relative to
-    /// `folder`.
+    /// From the entry of the section `outputs` of a scenario whose style is `files`; names of files in it are relative
+    /// to `folder`.
     pub fn from_keys(keys: FilesKeys, folder: &Path) -> Result<OutputArgs> {
         let at = |file: PathBuf| if pipe::is_standard(&file) { file } else { folder.join(file) };
         let axes = keys.box_axes.as_deref().unwrap_or("object");
@@ -179,7 +179,7 @@ impl OutputArgs {
         })
     }
 
-    /// A picture alone.
+    /// Only a picture.
     pub fn picture_only(picture: &PictureArgs) -> OutputArgs {
         let PictureArgs { preview, color, view } = picture;
         OutputArgs { preview: preview.clone(), color: *color, view: *view, ..OutputArgs::default() }
@@ -190,7 +190,7 @@ impl OutputArgs {
         self.single
     }
 
-    /// Files that were asked for by name.
+    /// Files that were requested by name.
     fn files(&self) -> impl Iterator<Item = &PathBuf> {
         self.output.iter().chain(&self.preview).chain(&self.pings).chain(&self.image).chain(&self.boxes)
     }
@@ -200,7 +200,7 @@ impl OutputArgs {
         self.files().count() + usize::from(self.images.is_some()) - usize::from(self.preview.is_some())
     }
 
-    /// What the folder of images holds, if there is one.
+    /// Contents of the image folder, if there is one.
     fn imaged(&self) -> Option<ImageOptions> {
         self.images.as_ref()?;
         let layers =
@@ -213,7 +213,7 @@ impl OutputArgs {
         self.images.is_some() && !self.annotations.is_empty()
     }
 
-    /// The folder of images, begun, if there is one.
+    /// Creates the image folder, if one was requested.
     pub fn begin_images(&self, sensor: &Sensor) -> Result<Option<ImageFolder>> {
         let Some((folder, options)) = self.images.as_ref().zip(self.imaged()) else { return Ok(None) };
         Ok(Some(ImageFolder::create(folder, sensor, &options).context("--images")?))
@@ -224,18 +224,19 @@ impl OutputArgs {
         self.preview.is_some() && !self.single && matches!(self.view, View::Top | View::Perspective)
     }
 
-    /// Along which axes boxes lie, if any were asked for.
+    /// Axes of the boxes, if any were requested.
     pub fn boxes(&self) -> Option<BoxAxes> {
         (self.boxes.is_some() || self.show.is_some()).then_some(self.box_axes)
     }
 
-    /// Whether clouds or boxes were asked for, as files or pictures.
-    pub fn wants_clouds(&self) -> bool {
+    /// Whether clouds or boxes were requested, as files or pictures.
+    pub fn requests_clouds(&self) -> bool {
         let files = !self.output.is_empty() || self.boxes.is_some() || self.images.is_some();
         files || self.preview.is_some() && !self.view.shows_pings()
     }
 
-    /// The columns of pings that were asked for, `fields` in files and images of pings among them; `None`: no pings were.
+    /// The requested columns of pings, including `fields` for files and images of pings; `None`: no pings were
+    /// requested.
     pub fn pinged(&self, fields: FieldSet) -> Option<FieldSet> {
         let shown = self.preview.is_some() && self.view.shows_pings() || self.image.is_some();
         let shown = shown.then(|| self.picture().fields());
@@ -246,7 +247,7 @@ impl OutputArgs {
         shown.into_iter().chain(kept).chain(imaged).reduce(FieldSet::union)
     }
 
-    /// Fails before a long scan rather than after it.
+    /// Checks the options, to fail before a long scan rather than after it.
     pub fn check(&self, fields: FieldSet, sensor: &Sensor, profile: Profile) -> Result<()> {
         let kind = sensor.kind();
         if kind != SensorKind::Sonar {
@@ -273,13 +274,13 @@ impl OutputArgs {
         }
         let of_pings = self.preview.is_some() || self.pings.is_some() || self.image.is_some();
         ensure!(
-            !(self.single && of_pings && !self.wants_clouds()),
-            "--single: files and pictures of pings hold all of them, and no cloud is asked for; allowed: with -o, or a \
-             --preview of points"
+            !(self.single && of_pings && !self.requests_clouds()),
+            "--single: files and pictures of pings hold all pings of a run, and no cloud is requested; allowed: with -o, \
+             or a --preview of points"
         );
         ensure!(
             !self.ground || self.view == View::Waterfall,
-            "--ground: allowed with --view waterfall only; a track is over ground range where the bed is seen"
+            "--ground: allowed with --view waterfall only; a track uses ground range wherever the bed is detected"
         );
         self.check_view(&sensor.spec().pattern)?;
         self.check_color(sensor)?;
@@ -290,13 +291,13 @@ impl OutputArgs {
             export::check_image(file).context("--image")?;
             ensure!(
                 self.view.shows_pings(),
-                "--image: shows what --view says, which is {}; allowed: waterfall, track, fan",
+                "--image: writes the view of --view, which is {}; allowed: waterfall, track, fan",
                 self.view.name()
             );
         }
         ensure!(
             self.show.is_none() || !self.view.shows_pings(),
-            "--show boxes: is not shown by --view {}; allowed: top, perspective, range",
+            "--show boxes: not available with --view {}; allowed: top, perspective, range",
             self.view.name()
         );
         if let Some((folder, options)) = self.images.as_ref().zip(self.imaged()) {
@@ -327,11 +328,11 @@ impl OutputArgs {
         self.check_names(fields)
     }
 
-    /// Checks that the files can hold what `sensor` sees in `frames` frames, whose points have the columns `fields`.
+    /// Checks that the files can hold `frames` frames of `sensor`, whose points have the columns `fields`.
     pub fn check_room(&self, fields: FieldSet, sensor: &Sensor, frames: usize) -> Result<()> {
         /// Most frames: at 10 a second, those of 11 days.
         const MOST_FRAMES: usize = 10_000_000;
-        /// Most beams whose points are in memory at once: in some hundred gigabytes.
+        /// Most beams whose points are in memory at once: some hundred gigabytes.
         const MOST_PILED: u64 = 4_000_000_000;
         let beams = sensor.beams().len() as u64 * if self.single { 1 } else { frames as u64 };
         ensure!(
@@ -348,10 +349,10 @@ impl OutputArgs {
         Ok(self.output.iter().try_for_each(room)?)
     }
 
-    /// Prints `text`, which the run says: to stdout, or where a cloud goes there to stderr.
+    /// Prints `text`, a message of the run, to stdout, or to stderr if a cloud goes to stdout.
     pub fn print(&self, text: &str) -> Result<()> {
         if self.output.iter().any(|file| pipe::is_standard(file)) {
-            text::tell(text);
+            text::print_error(text);
             return Ok(());
         }
         text::print(text)
@@ -374,7 +375,7 @@ impl OutputArgs {
         files.filter(|file| !pipe::is_standard(file)).try_for_each(|file| check_kept(&file, input))
     }
 
-    /// The file in the folder of images, of any frame, that is called as `file` is.
+    /// The file of the image folder, of any frame, that has the name of `file`.
     fn image_at(&self, file: &Path) -> Option<PathBuf> {
         let (images, options) = self.images.as_ref().zip(self.imaged())?;
         let name = file.file_name()?.to_str()?;
@@ -401,7 +402,7 @@ impl OutputArgs {
         let values = if depths { ColorBy::Height } else { ColorBy::Intensity };
         ensure!(
             self.preview.is_none() || [ColorBy::Label, values].contains(&self.color),
-            "--color {}: is not shown by --view {} of this sonar; allowed: label, {}",
+            "--color {}: not available with --view {} of this sonar; allowed: label, {}",
             self.color.name(),
             self.view.name(),
             values.name()
@@ -437,22 +438,22 @@ impl OutputArgs {
                 shown::path(name)
             );
         }
-        // So have those of images.
+        // The files of images have names of their own.
         for name in self.files().chain(&labels) {
             let image = self.image_at(name).filter(|image| same_folder(image, name));
             ensure!(
                 image.is_none(),
-                "{}: is a name that --images gives to a file; allowed: another name",
+                "{}: is the name that --images gives to a file; allowed: another name",
                 shown::path(name)
             );
         }
-        // Files of single frames have names that were not asked for.
+        // Files of single frames have names that were not requested as such.
         let of_frames = self.output.iter().chain(self.preview.iter().filter(|_| !self.view.shows_pings()));
         let whole = self.pings.iter().chain(&self.image).chain(&self.boxes).chain(&beside);
         for (file, name) in of_frames.flat_map(|file| whole.clone().map(move |name| (file, name))) {
             ensure!(
                 !(self.single && is_numbered(name, file)),
-                "{}: is a name that --single gives to a frame of {}; allowed: another name",
+                "{}: is the name that --single gives to a frame of {}; allowed: another name",
                 shown::path(name),
                 shown::path(file)
             );
@@ -528,7 +529,7 @@ impl OutputArgs {
     }
 }
 
-/// Checks before the work that a picture could be written to `file`, which `option` named.
+/// Checks before the work that a picture could be written to `file`, which was given with `option`.
 pub fn check_picture(option: &'static str, file: &Path, options: &PreviewOptions) -> Result<()> {
     ensure!(has_ending(file, &["png"]), "{option} {}: pictures are written as .png", shown::path(file));
     preview::check(file, options).context(option)
@@ -545,13 +546,13 @@ pub fn check_kept(file: &Path, input: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The folder that `file` goes to.
+/// The folder that contains `file`.
 fn folder(file: &Path) -> &Path {
     file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
 /// Writes the clouds of a run.
-pub struct Writer<'a> {
+pub struct CloudWriter<'a> {
     args: &'a OutputArgs,
     /// HDF5 files that take frame after frame, in the order of `args.output`.
     growing: Vec<(&'a Path, FramesFile)>,
@@ -565,10 +566,10 @@ pub struct Writer<'a> {
     pub report: Report,
 }
 
-impl<'a> Writer<'a> {
+impl<'a> CloudWriter<'a> {
     pub fn new(args: &'a OutputArgs) -> Result<Self> {
         let stdout = args.output.iter().any(|file| pipe::is_standard(file)).then(Outgoing::new).transpose()?;
-        Ok(Writer {
+        Ok(CloudWriter {
             args,
             growing: Vec::new(),
             merged: Vec::new(),
@@ -578,7 +579,8 @@ impl<'a> Writer<'a> {
         })
     }
 
-    /// Adds the cloud of one of many frames to the files of all of them. Whether [`Writer::write`] needs it again.
+    /// Adds the cloud of one of many frames to the files of all of them. Returns whether [`CloudWriter::write`] needs
+    /// it again.
     pub fn add(&mut self, cloud: &PointCloud) -> Result<bool> {
         if self.merged.is_empty() {
             let format = self.args.format.as_deref();
@@ -589,7 +591,7 @@ impl<'a> Writer<'a> {
         Ok(self.args.piles_frames() || self.merged.iter().any(Option::is_none))
     }
 
-    /// Writes the only cloud of the run, whose last frame is `last`: a range image shows what is seen from one place.
+    /// Writes the single cloud of the run, whose last frame is `last`: a range image shows the view from one place.
     /// Where frames were added, `cloud` is all of them, if they were needed again.
     pub fn write(&mut self, cloud: &PointCloud, last: &PointCloud) -> Result<()> {
         let mut merged = std::mem::take(&mut self.merged).into_iter();
@@ -618,7 +620,7 @@ impl<'a> Writer<'a> {
         self.write_preview(cloud, self.args.preview.as_ref().map(|file| numbered(file, frame)))
     }
 
-    /// Writes what is made of all pings of the run.
+    /// Writes the files and pictures of all pings of the run.
     pub fn write_pings(&mut self, pings: &Pings) -> Result<()> {
         let args = self.args;
         if let Some(file) = &args.pings {
@@ -647,7 +649,7 @@ impl<'a> Writer<'a> {
         Ok(())
     }
 
-    /// Gives their names to the files that grew frame by frame.
+    /// Completes the files that grew frame by frame, which then get their names.
     pub fn finish(&mut self) -> Result<()> {
         for (file, frames) in self.growing.drain(..) {
             self.report.absorb(frames.finish()?);
@@ -667,7 +669,7 @@ impl<'a> Writer<'a> {
         self.stdout.as_ref().filter(|_| pipe::is_standard(file)).map_or_else(|| file.to_owned(), Outgoing::place)
     }
 
-    /// Notes the cloud file `file`, and that of label names beside it.
+    /// Lists the cloud file `file` among those written, and the file of label names beside it.
     fn wrote_cloud(&mut self, file: &Path) -> Result<()> {
         if let Some(cloud) = self.stdout.take_if(|_| pipe::is_standard(file)) {
             cloud.pour(self.args.format.as_deref().unwrap_or_default(), &mut self.report)?;
@@ -737,7 +739,7 @@ fn numbered_as(name: &Path, file: &Path) -> Option<PathBuf> {
     Some(numbered(file, digits.parse().ok()?))
 }
 
-/// Whether both names are those of one existing file, also by way of links.
+/// Whether both names refer to the same existing file, also through links.
 fn is_same(a: &Path, b: &Path) -> bool {
     let identity = |path: &Path| path.metadata().ok().map(|file| (file.dev(), file.ino()));
     identity(a).is_some_and(|file| identity(b) == Some(file))

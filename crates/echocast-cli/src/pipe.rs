@@ -1,5 +1,5 @@
-//! Clouds on standard input and output, which `-` stands for. Formats are read and written by seeking, so that a cloud
-//! is in the folder for temporary files (`TMPDIR`) meanwhile.
+//! Clouds on standard input and output, which `-` stands for. Reading and writing formats requires seeking, so that a
+//! cloud is kept in the folder for temporary files (`TMPDIR`) meanwhile.
 
 use crate::{interrupt, text, usage};
 use anyhow::{Context as _, Result, ensure};
@@ -19,11 +19,12 @@ pub fn is_standard(file: &Path) -> bool {
     file == Path::new("-")
 }
 
-/// What is said of a cloud file that does not say it itself.
+/// What a cloud file does not state itself.
 #[derive(clap::Args)]
 pub struct ColumnArgs {
-    /// Columns of text without a header, or instead of it: names of the columns of clouds, `_` for what is left out, as is
-    /// what is behind them. Example: `--columns x,y,z,intensity` [default: by the header, or a guess that is told]
+    /// Columns of a text file without a header, or in place of its header: names of columns of clouds, `_` for those to
+    /// leave out, as are all further ones. Example: `--columns x,y,z,intensity` [default: by the header, or a guess,
+    /// which is reported]
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     columns: Option<Vec<String>>,
 }
@@ -41,7 +42,7 @@ impl ColumnArgs {
     }
 }
 
-/// Reads the cloud file `file`, or the cloud on standard input, and tells which files were read.
+/// Reads the cloud file `file`, or the cloud on standard input, and returns which files were read.
 pub fn read_cloud(file: &Path, columns: &ColumnArgs, report: &mut Report) -> Result<(PointCloud, Vec<PathBuf>)> {
     let options = columns.options()?;
     if !is_standard(file) {
@@ -62,7 +63,7 @@ pub fn read_cloud(file: &Path, columns: &ColumnArgs, report: &mut Report) -> Res
     Ok((cloud, Vec::new()))
 }
 
-/// A cloud on its way to standard output, where it goes once it is complete.
+/// A cloud for standard output, which is written there once it is complete.
 pub struct Outgoing(TempDir);
 
 impl Outgoing {
@@ -85,7 +86,8 @@ impl Outgoing {
         self.0.path().join("cloud")
     }
 
-    /// Copies it, in the format called `format`, to standard output. A reader that has seen enough is not an error.
+    /// Copies it, in the format called `format`, to standard output. A reader that closes the pipe early is not an
+    /// error.
     pub fn pour(self, format: &str, report: &mut Report) -> Result<()> {
         let cloud = File::open(self.place()).context("-o -")?;
         let labels = fs::read_to_string(export::labels_path(&self.place())).unwrap_or_default();
@@ -94,11 +96,11 @@ impl Outgoing {
             let holding =
                 export::FORMATS.iter().filter(|format| format.info().holds_label_names).map(|format| format.name());
             report.warn(format!(
-                "-o -: {format} has no room for the names of labels, which are lost; formats that have: {}{names}",
+                "-o -: {format} cannot hold label names, which are lost; formats that can: {}{names}",
                 holding.collect::<Vec<_>>().join(", "),
             ));
         }
-        // Its names are gone before a reader lets this wait.
+        // The file is deleted before a slow reader can block this.
         drop(self);
         copy(cloud, io::stdout().lock()).or_else(|(side, error)| match side {
             Side::From => Err(error.context("-o -")),
@@ -108,7 +110,7 @@ impl Outgoing {
     }
 }
 
-/// What the categories and parts of `labels`, the JSON beside a cloud, are called, as the end of a sentence: the first few.
+/// The names of the first few categories and parts of `labels`, the JSON beside a cloud, as the end of a sentence.
 fn names(labels: &str) -> String {
     const SHOWN: usize = 12;
     let labels: Value = serde_json::from_str(labels).unwrap_or_default();

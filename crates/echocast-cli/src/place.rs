@@ -1,4 +1,4 @@
-//! Where the sensor is.
+//! The place of the sensor.
 
 use anyhow::{Result, bail};
 use clap::Args;
@@ -34,8 +34,8 @@ pub struct PlaceArgs {
 }
 
 impl PlaceArgs {
-    /// The place that was asked for, or the way that the camera of that name, or the scene's only one, takes from time
-    /// `from` to `to`, s.
+    /// The requested place, or the path of the camera of that name, or of the scene's only one, from time `from` to
+    /// `to`, s.
     pub fn path(&self, scene: &Scene, from: f64, to: f64) -> Result<Trajectory> {
         if let Some([x, y, z]) = self.at {
             let [roll, pitch, yaw] = self.rpy.unwrap_or_default();
@@ -62,7 +62,7 @@ impl PlaceArgs {
 }
 
 impl PlaceArgs {
-    /// As the section `trajectory` of a scenario; `path` is where it was.
+    /// As the section `trajectory` of a scenario; `path` is that of the run.
     pub fn to_json(&self, path: &Trajectory) -> Value {
         match (self.at, &self.camera) {
             (None, Some(name)) => json!({ "camera": name }),

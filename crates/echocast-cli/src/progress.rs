@@ -1,4 +1,4 @@
-//! A progress line on stderr, for people who wait longer than a second.
+//! A progress line on stderr for work that takes longer than a second.
 
 use crate::interrupt;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -14,14 +14,14 @@ const PATIENCE: Duration = Duration::from_secs(1);
 const TICK: Duration = Duration::from_millis(100);
 
 /// Shows what is being done; removed from the terminal when dropped.
-pub struct Progress {
+pub struct ProgressLine {
     bar: ProgressBar,
     /// The thread that draws, and the sender that ends it when dropped.
     drawer: Option<(Sender<()>, JoinHandle<()>)>,
 }
 
-impl Progress {
-    /// Appears after a while if stderr is a terminal, unless `quiet` is set or the system gives no thread for it.
+impl ProgressLine {
+    /// Appears after a while if stderr is a terminal, unless `quiet` is set or no thread can be started for it.
     pub fn new(quiet: bool) -> Self {
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden());
         bar.set_style(style("{spinner} {msg} {elapsed}"));
@@ -32,7 +32,7 @@ impl Progress {
             let thread = thread::Builder::new().name("progress".into()).spawn(move || draw(&shown, &ended));
             drawer = thread.ok().map(|thread| (end, thread));
         }
-        Progress { bar, drawer }
+        ProgressLine { bar, drawer }
     }
 
     /// Names the current work.
@@ -55,7 +55,7 @@ impl Progress {
     }
 }
 
-impl Drop for Progress {
+impl Drop for ProgressLine {
     fn drop(&mut self) {
         if let Some((end, thread)) = self.drawer.take() {
             drop(end);
@@ -65,7 +65,7 @@ impl Drop for Progress {
     }
 }
 
-/// Draws `bar` until `ended` says to stop. An interrupted program draws no more: it may end at any moment.
+/// Draws `bar` until the sender of `ended` is dropped. Stops when the program is interrupted: it may end at any moment.
 fn draw(bar: &ProgressBar, ended: &Receiver<()>) {
     let waits = |time| ended.recv_timeout(time) == Err(RecvTimeoutError::Timeout) && interrupt::check().is_ok();
     if waits(PATIENCE) {

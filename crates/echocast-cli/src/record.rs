@@ -1,8 +1,8 @@
-//! Frame after frame of one sensor, to files: what `scan` and `run` do alike.
+//! Records the frames of one sensor to files, for both `scan` and `run`.
 
 use crate::interrupt;
-use crate::output::{OutputArgs, Writer};
-use crate::progress::Progress;
+use crate::output::{CloudWriter, OutputArgs};
+use crate::progress::ProgressLine;
 use crate::report::{Seconds, timed};
 use anyhow::Result;
 use echocast::emitter::Pattern;
@@ -21,7 +21,7 @@ pub struct Take<'t> {
     pub sensor: &'t Sensor,
     pub trajectory: &'t Trajectory,
     pub frames: Vec<FrameTime>,
-    /// Of all frames; `fields` are the columns that files hold.
+    /// Options of all frames; `fields` are the columns of files.
     pub options: ScanOptions,
     pub output: &'t OutputArgs,
     /// Instances that seem to be a sky.
@@ -31,24 +31,24 @@ pub struct Take<'t> {
 /// What has been recorded.
 pub struct Recorded {
     pub beams: usize,
-    /// Rays that were traced for them; of a sonar those that were sent.
+    /// Rays that were traced for them; for a sonar those that were sent.
     pub rays: u64,
     pub points: usize,
-    /// How many of them are on what seems to be a sky.
+    /// Number of points on what seems to be a sky.
     pub sky_points: usize,
     /// Causes of a sonar's points, and how many points each has.
     pub causes: Vec<(&'static str, usize)>,
     pub report: Report,
     pub files: Vec<PathBuf>,
-    /// Whether it is worth nothing.
+    /// Why the recording is useless, if it is.
     pub nothing: Option<Nothing>,
 }
 
-/// Why a recording is worth nothing.
+/// Why a recording is useless.
 pub enum Nothing {
     /// No beam has a return.
     Seen,
-    /// A sonar hears noise alone.
+    /// A sonar receives only noise.
     ButNoise,
 }
 
@@ -61,9 +61,9 @@ pub fn frame_word(sensor: &Sensor) -> &'static str {
 }
 
 impl Take<'_> {
-    /// How a frame is scanned.
+    /// The options of a frame.
     pub fn options_of(&self, frame: FrameTime) -> ScanOptions {
-        let fields = self.options.fields.union(self.output.pictured()).union(self.told());
+        let fields = self.options.fields.union(self.output.pictured()).union(self.reported());
         let annotates = self.output.annotates();
         let boxes = self.options.boxes.or_else(|| annotates.then(BoxAxes::default));
         ScanOptions {
@@ -76,16 +76,16 @@ impl Take<'_> {
         }
     }
 
-    /// Columns for the report, which counts a sonar's points by cause, and those on a sky and in boxes by instance, whatever
-    /// the files hold.
-    fn told(&self) -> FieldSet {
+    /// Columns for the report, which counts a sonar's points by cause, and those on a sky and in boxes by instance,
+    /// whatever the files hold.
+    fn reported(&self) -> FieldSet {
         let cause = if self.is_sonar() { FieldSet::EMPTY.with(Field::Cause) } else { FieldSet::EMPTY };
-        // Boxes of pings ask when their points were met.
+        // Boxes of pings need the times of their points.
         let cause = if self.is_sonar() && self.output.boxes().is_some() { cause.with(Field::Time) } else { cause };
         if self.output.boxes().is_some() || !self.skies.is_empty() { cause.with(Field::InstanceId) } else { cause }
     }
 
-    /// How many points are on what seems to be a sky.
+    /// Number of points on what seems to be a sky.
     fn on_sky(&self, cloud: &PointCloud) -> usize {
         let instances = &cloud.columns.instance_id;
         if self.skies.is_empty() || instances.is_empty() {
@@ -94,7 +94,7 @@ impl Take<'_> {
         cloud.return_rows().filter(|&row| self.skies.contains(&instances[row])).count()
     }
 
-    /// Warns when the sensor, as it starts, is inside of a body, a building or the ground.
+    /// Warns if the sensor starts inside of an object, a building or the ground.
     fn warn_of_enclosure(&self, built: &BuiltScene, report: &mut Report) {
         /// Nothing that encloses a sensor by mistake is larger, m; a sky may be.
         const REACH: f64 = 100.0;
@@ -113,8 +113,8 @@ impl Take<'_> {
         ));
     }
 
-    /// Warns when a Doppler velocity log has no velocity over ground in `lost` pings; `most_locked`: how many beams met the
-    /// bottom in any ping.
+    /// Warns that a Doppler velocity log has no velocity over ground in `lost` pings; `most_locked`: the most beams
+    /// that met the bottom in any ping.
     fn warn_of_lost_bottom(&self, lost: usize, most_locked: usize, report: &mut Report) {
         let reach = self.sensor.spec().range.max_m.unwrap_or(f64::INFINITY);
         let met = match most_locked {
@@ -123,7 +123,7 @@ impl Take<'_> {
         };
         report.warn(format!(
             "{met} within range.max_m, {reach} m, in {lost} of {} pings: they have no velocity over ground; perhaps the sonar \
-             is too high, or leans; --explain BEAM shows what happens to one beam",
+             is too high, or tilted; --explain BEAM shows what happens to one beam",
             self.frames.len()
         ));
     }
@@ -132,13 +132,13 @@ impl Take<'_> {
         self.sensor.kind() == SensorKind::Sonar
     }
 
-    /// Scans all frames and writes what was asked for. `built` is the scene as the first frame sees it; `build` makes
-    /// it anew where it moves.
+    /// Scans all frames and writes what was requested. `built` is the scene as the first frame sees it; `build`
+    /// rebuilds it for each frame if it moves.
     pub fn record(
         &self,
         mut built: BuiltScene,
         mut build: Option<Build>,
-        progress: &Progress,
+        progress: &ProgressLine,
         seconds: &mut Seconds,
     ) -> Result<Recorded> {
         let (sensor, trajectory, output) = (self.sensor, self.trajectory, self.output);
@@ -149,7 +149,7 @@ impl Take<'_> {
         self.warn_of_enclosure(&built, &mut report);
         let several = self.frames.len() > 1;
         progress.count_frames(self.frames.len(), frame_word(sensor));
-        let mut writer = Writer::new(output)?;
+        let mut writer = CloudWriter::new(output)?;
         let mut images = output.begin_images(sensor)?;
         let mut all = PointCloud::default();
         let mut cloud = PointCloud::default();
@@ -159,7 +159,7 @@ impl Take<'_> {
         // Pings of a Doppler velocity log without a velocity, and the most beams that met the bottom in any.
         let (mut lost, mut most_locked) = (0, 0);
         // Whether anything but noise is received.
-        let mut heard = false;
+        let mut received = false;
         let mut boxes = Vec::new();
         let mut pings = Pings::default();
         let mut ping = Ping::default();
@@ -175,12 +175,12 @@ impl Take<'_> {
             timed(&mut seconds.scan, || -> Result<()> {
                 // One ping gives both cells and points.
                 let Some(kept) = pinged else { return Ok(built.scan_into(sensor, trajectory, &options, &mut cloud)?) };
-                let wants_clouds = output.wants_clouds();
-                let cells = if wants_clouds { Ping::cloud_fields(options.fields) } else { self.told() };
+                let requests_clouds = output.requests_clouds();
+                let cells = if requests_clouds { Ping::cloud_fields(options.fields) } else { self.reported() };
                 let cells = ScanOptions { fields: kept.union(cells), ..options.clone() };
                 built.ping_into(sensor, trajectory, &cells, &mut ping)?;
-                heard |= ping.cells.cause.iter().any(|&cause| cause != Cause::FalseAlarm as u8);
-                if wants_clouds {
+                received |= ping.cells.cause.iter().any(|&cause| cause != Cause::FalseAlarm as u8);
+                if requests_clouds {
                     cloud = ping.cloud(&options)?;
                     cloud.time_zero = trajectory.time_zero();
                     if options.boxes.is_some() {
@@ -197,11 +197,11 @@ impl Take<'_> {
             if self.options.boxes.is_none() {
                 cloud.boxes = None;
             }
-            // Files hold what was asked for; the other columns that the picture shows are computed all the same.
+            // Files have the requested columns; the other ones that the picture shows are computed as well.
             cloud.fields = self.options.fields;
             points += cloud.return_rows().count();
             rays += sent + cloud.rays;
-            let locked = if pinged.is_some() { locked(&ping) } else { heard_rows(&cloud).count() };
+            let locked = if pinged.is_some() { locked(&ping) } else { received_rows(&cloud).count() };
             lost += usize::from(locked < LEAST_LOCKED);
             most_locked = most_locked.max(locked);
             causes.count(&cloud);
@@ -235,22 +235,22 @@ impl Take<'_> {
         if tracks && lost > 0 {
             self.warn_of_lost_bottom(lost, most_locked, &mut report);
         }
-        let with_points = output.wants_clouds() || !self.is_sonar();
-        let noise = self.is_sonar() && if with_points { causes.only(Cause::FalseAlarm) } else { !heard };
+        let with_points = output.requests_clouds() || !self.is_sonar();
+        let noise = self.is_sonar() && if with_points { causes.only(Cause::FalseAlarm) } else { !received };
         let nothing = match () {
             () if points == 0 && with_points => Some(Nothing::Seen),
             () if noise => Some(Nothing::ButNoise),
             () => None,
         };
-        let told = self.is_sonar() && self.options.profile == Profile::Physical;
-        let causes = if told { causes.told() } else { Vec::new() };
+        let reported = self.is_sonar() && self.options.profile == Profile::Physical;
+        let causes = if reported { causes.reported() } else { Vec::new() };
         let beams = sensor.beams().len() * self.frames.len();
         Ok(Recorded { beams, rays, points, sky_points, causes, report, files: writer.files, nothing })
     }
 }
 
 /// Rows of a sonar's `cloud` that are more than noise.
-fn heard_rows(cloud: &PointCloud) -> impl Iterator<Item = usize> {
+fn received_rows(cloud: &PointCloud) -> impl Iterator<Item = usize> {
     cloud.return_rows().filter(|&row| cloud.columns.cause.get(row) != Some(&(Cause::FalseAlarm as u8)))
 }
 
@@ -282,10 +282,10 @@ impl Causes {
     }
 
     /// Names and counts, the most frequent first.
-    fn told(&self) -> Vec<(&'static str, usize)> {
-        let mut told: Vec<_> =
+    fn reported(&self) -> Vec<(&'static str, usize)> {
+        let mut reported: Vec<_> =
             Cause::ALL.into_iter().map(Cause::name).zip(self.0).filter(|(_, count)| *count > 0).collect();
-        told.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
-        told
+        reported.sort_by_key(|&(_, count)| std::cmp::Reverse(count));
+        reported
     }
 }

@@ -1,4 +1,4 @@
-//! What a run did, for programs and for people.
+//! The report of a run, as JSON and as text.
 
 use crate::text::{self, counted, duration, thousands};
 use echocast::shown;
@@ -28,7 +28,7 @@ pub struct RunReport {
     pub beams: usize,
     pub rays: u64,
     pub points: usize,
-    /// Whether points were asked for: pictures of pings need none.
+    /// Whether points were requested: pictures of pings need none.
     pub with_points: bool,
     /// Causes of points, and how many points each has; empty if not reported.
     pub causes: Vec<(&'static str, usize)>,
@@ -65,7 +65,7 @@ impl RunReport {
     pub fn summary(&self, title: &str) -> String {
         let Seconds { load, build, scan, write } = self.seconds;
         let points = if self.with_points { counted(self.points, "point") + " of " } else { String::new() };
-        // Where every beam is one ray, there is nothing to add.
+        // Where every beam is one ray, the number of rays adds nothing.
         let rays = if self.rays == self.beams as u64 {
             String::new()
         } else {
@@ -83,9 +83,9 @@ impl RunReport {
             duration(write),
         );
         if !self.causes.is_empty() {
-            let told: Vec<String> =
+            let listed: Vec<String> =
                 self.causes.iter().map(|(name, count)| format!("{} {name}", thousands(*count))).collect();
-            text.push_str(&format!("  points by cause: {}\n", told.join(", ")));
+            text.push_str(&format!("  points by cause: {}\n", listed.join(", ")));
         }
         /// If there are more files, only the first and the last are listed.
         const MOST_LINES: usize = 12;

@@ -1,7 +1,7 @@
 //! `echocast run`
 
 use crate::output::{FilesKeys, OutputArgs, PictureArgs};
-use crate::progress::Progress;
+use crate::progress::ProgressLine;
 use crate::record::{Nothing, Take, frame_word};
 use crate::report::{RunReport, Seconds, timed};
 use crate::text::{self, counted, duration, thousands};
@@ -19,7 +19,7 @@ use std::sync::Mutex;
 /// Make a set of samples from a scenario file: a scene, a rig of sensors, and what varies from sample to sample
 ///
 /// Samples are made side by side on all cores. Each is the same alone, in any order, on any machine: its random numbers
-/// are addressed by seed, sample, rule and object. A sample that fails is told at the end, and the others go on.
+/// are addressed by seed, sample, rule and object. A sample that fails is reported at the end; the others are made.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -37,24 +37,25 @@ A scan repeated:
   echocast generate street -o street.glb
   echocast scan street.glb --sensor velodyne_vlp16 --camera Corner -o scan.las --json > report.json
   echocast run report.json")]
-pub struct Args {
+pub struct RunArgs {
     /// Scenario file (docs/scenario.md), the report of `echocast scan --json`, or `-` for standard input
     #[arg(value_name = "SCENARIO", required_unless_present_any = ["check_output", "finish"])]
     scenario: Option<PathBuf>,
     /// Samples A to B, both included, every STEPth [default: all]
     #[arg(long, value_name = "A:B[:STEP]", conflicts_with = "sample")]
     samples: Option<Range>,
-    /// This sample alone
+    /// Only this sample
     #[arg(long, value_name = "N")]
     sample: Option<u64>,
-    /// One of N parts of the samples, counted from 0; together they are the same files. Parts may be made at once, each by
-    /// one run
+    /// Part K of N of the samples, counted from 0; together the parts are the same files. Parts may be made at the same
+    /// time, each by one run
     #[arg(long, value_name = "K/N")]
     shard: Option<Shard>,
-    /// Go on where a run has stopped: what is there, with its size and digest, is not made again
+    /// Continue where a run has stopped: samples whose files are there, with their sizes and digests, are not made
+    /// again
     #[arg(long)]
     resume: bool,
-    /// Folder of the set [default: as the scenario says, or one called as its file]
+    /// Folder of the set [default: that of the scenario, or one named after its file]
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
     /// Change one key of the scenario by its path; repeatable
@@ -113,11 +114,11 @@ impl FromStr for Shard {
     }
 }
 
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &RunArgs) -> Result<()> {
     if let Some(folder) = &args.check_output {
         let faults = set::check_folder(folder).context("--check-output")?;
         ensure!(faults.is_empty(), "--check-output {}: {}", shown::path(folder), some_of(&faults));
-        return text::print(&format!("{}: all there, all as written\n", shown::path(folder)));
+        return text::print(&format!("{}: complete and unchanged\n", shown::path(folder)));
     }
     if let Some(folder) = &args.finish {
         let report = set::finish(folder).context("--finish")?;
@@ -153,17 +154,17 @@ pub fn run(args: &Args) -> Result<()> {
     make_set(args, scenario)
 }
 
-fn load(args: &Args) -> Result<Scenario> {
+fn load(args: &RunArgs) -> Result<Scenario> {
     let Some(file) = &args.scenario else { bail!("a scenario file is missing") };
     let parse = |text: &str| Scenario::from_yaml(text, "");
     input::file_or_stdin("SCENARIO", file, Scenario::load, parse)
 }
 
-/// Writes what was asked for of one sample, one sensor after the other.
-fn record(args: &Args, scenario: Scenario, output: &OutputArgs) -> Result<()> {
+/// Writes what was requested of one sample.
+fn record(args: &RunArgs, scenario: Scenario, output: &OutputArgs) -> Result<()> {
     let threads = input::set_threads(args.threads)?;
     interrupt::listen().context("cannot listen for signals")?;
-    let progress = Progress::new(args.quiet);
+    let progress = ProgressLine::new(args.quiet);
     let mut seconds = Seconds::default();
     progress.phase("loading".into());
     let mut sample = timed(&mut seconds.load, || scenario.sample(args.sample.unwrap_or(0)))?;
@@ -178,7 +179,7 @@ fn record(args: &Args, scenario: Scenario, output: &OutputArgs) -> Result<()> {
     let fields = scan.options(0).fields;
     output.check_room(fields, scan.sensor(), scan.frames().len())?;
     output.check(fields, scan.sensor(), scan.options(0).profile).map_err(|error| {
-        // Without options for a picture, it is the scenario that says what is written.
+        // Without options for a picture, the scenario defines what is written.
         if args.picture.preview.is_some() { usage::wrong(error) } else { error }
     })?;
     let first = timed(&mut seconds.build, || sample.built(0, 0))?;
@@ -189,7 +190,7 @@ fn record(args: &Args, scenario: Scenario, output: &OutputArgs) -> Result<()> {
         frames: scan.frames().to_vec(),
         options,
         output,
-        // What a scenario leaves out, it says.
+        // A scenario leaves out a sky explicitly.
         skies: Vec::new(),
     };
     let moving = sample.is_moving();
@@ -235,9 +236,9 @@ fn record(args: &Args, scenario: Scenario, output: &OutputArgs) -> Result<()> {
 }
 
 /// Makes samples of a set.
-fn make_set(args: &Args, scenario: Scenario) -> Result<()> {
+fn make_set(args: &RunArgs, scenario: Scenario) -> Result<()> {
     interrupt::listen_patiently().context("cannot listen for signals")?;
-    let progress = Progress::new(args.quiet || args.json);
+    let progress = ProgressLine::new(args.quiet || args.json);
     progress.phase("loading".into());
     let options = RunOptions {
         folder: args.output.clone(),
@@ -258,7 +259,7 @@ fn make_set(args: &Args, scenario: Scenario) -> Result<()> {
                     "sample": entry.sample, "points": entry.points, "error": entry.error,
                     "files": entry.files.iter().map(|file| &file.path).collect::<Vec<_>>(),
                 });
-                // If nobody reads, the samples are made all the same.
+                // The samples are made even if nothing reads the lines.
                 let _ = text::print(&format!("{line}\n"));
             }
             if entry.error.is_some() {
@@ -308,7 +309,7 @@ fn summarised(summary: &RunSummary) -> Result<String> {
         thousands(summary.points as usize),
     );
     if summary.found > 0 {
-        writeln!(text, "  {} were there", counted(summary.found as usize, "sample"))?;
+        writeln!(text, "  {} already existed", counted(summary.found as usize, "sample"))?;
     }
     for (sample, error) in summary.failed.iter().take(10) {
         writeln!(text, "  sample {sample} has failed: {error}")?;
@@ -335,7 +336,7 @@ fn summary_json(summary: &RunSummary) -> Value {
     })
 }
 
-/// What a scenario would do.
+/// A summary of what a scenario would do.
 fn described(scenario: &Scenario, sample: &Sample) -> String {
     let mut text =
         format!("{}, {}\n", counted(scenario.samples() as usize, "sample"), counted(sample.scans().len(), "sensor"));
@@ -362,7 +363,7 @@ fn described(scenario: &Scenario, sample: &Sample) -> String {
     text
 }
 
-/// What was drawn for a rule, in a line: `move Chair_*, Chair_2: moved_m [0.1, 0, 0]`.
+/// The values drawn for a rule, on one line: `move Chair_*, Chair_2: moved_m [0.1, 0, 0]`.
 fn drawn_line(entry: &Value) -> String {
     let word = |key: &str| entry[key].as_str().unwrap_or_default().to_owned();
     let values: Vec<String> = entry

@@ -1,10 +1,10 @@
 //! `echocast scan`
 
-use crate::frames::Frames;
+use crate::frames::FrameRange;
 use crate::input::{self, SceneArgs, SensorArgs};
 use crate::output::OutputArgs;
 use crate::place::PlaceArgs;
-use crate::progress::Progress;
+use crate::progress::ProgressLine;
 use crate::record::{Nothing, Take, frame_word};
 use crate::report::{RunReport, Seconds, timed};
 use crate::text::duration;
@@ -55,7 +55,7 @@ A survey with a side-scan sonar:
   echocast scan lake.glb --sensor sss_450 --set range.max_m=25 --trajectory survey.txt -o lake.las \\
     --preview lake.png --view waterfall --color intensity
   echocast scan lake.glb --sensor sss_450 --trajectory survey.txt --explain 20,1")]
-pub struct Args {
+pub struct ScanArgs {
     #[command(flatten)]
     scene: SceneArgs,
     /// Source of the reflectance where the material does not give one [default: library for the profile
@@ -64,7 +64,7 @@ pub struct Args {
     reflectance_source: Option<ReflectanceSource>,
     #[command(flatten)]
     sensor: SensorArgs,
-    /// Model set: physics as we know it, the paper's equations as printed, or what the paper's program computes
+    /// Set of models: the physical ones, the paper's equations as printed, or as computed by the paper's program
     #[arg(long, default_value = "physical", value_parser = choice::of::<Profile>(), help_heading = "Sensor")]
     profile: Profile,
     /// Seed of all random draws
@@ -75,33 +75,33 @@ pub struct Args {
     #[command(flatten)]
     place: PlaceArgs,
     /// Poses over time: TUM text (`t x y z qx qy qz qw`) or CSV with a header, `-` for standard input; time 0 of the
-    /// run is the first pose. Without `--frames`, frames are scanned all along them
+    /// run is the first pose. Without `--frames`, frames are scanned along the whole trajectory
     #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "rpy", "camera"], help_heading = "Place")]
     trajectory: Option<PathBuf>,
     /// Frames A to B, both included, every STEPth, or frame A alone; frame k starts at k / fps seconds. The frames of a
-    /// sonar are its pings [default: the whole --trajectory; without one, frame 0 alone]
+    /// sonar are its pings [default: the whole --trajectory; without one, only frame 0]
     #[arg(long, value_name = "A[:B[:STEP]]", help_heading = "Place")]
-    frames: Option<Frames>,
+    frames: Option<FrameRange>,
     /// Frames per second [default: the sensor's rate]
     #[arg(long, value_name = "N", value_parser = input::positive, requires = "several", help_heading = "Place")]
     fps: Option<f64>,
-    /// Let the scene hold still during each frame, as it is when the frame starts
+    /// Freeze the scene during each frame, as it is when the frame starts
     #[arg(long, help_heading = "Place")]
     freeze: bool,
-    /// Bring points to one time, the start of their frame: what moves is where it was then, and `--frame sensor` is the
-    /// sensor's frame then
+    /// Bring points to one time, the start of their frame: moving objects are where they were then, and
+    /// `--frame sensor` is the sensor's frame at that time
     #[arg(long, help_heading = "Points")]
     deskew: bool,
-    /// When boxes hold: each when its object is scanned (at the mean time of its points; with `--deskew` at the start), or at
-    /// the start or the end of the frame
+    /// Time for which boxes are valid: that at which each object is scanned (the mean time of its points; with
+    /// `--deskew` the start), or the start or the end of the frame
     #[arg(long, requires = "timed", default_value = "scan", value_parser = choice::of::<BoxTime>(), help_heading = "Output")]
     box_time: BoxTime,
-    /// How far skins, morph targets and baked shapes may be from their true place within a frame, metres
+    /// How far skins, morph targets and baked shapes may deviate from their true position within a frame, metres
     #[arg(long, value_name = "M", default_value = "0.001", value_parser = input::positive, help_heading = "Place")]
     motion_tolerance: f64,
     /// Columns to compute and write: names separated by commas, `default` or `all`; `--help` lists them
-    #[arg(long, value_name = "LIST", value_parser = Asked::parse, long_help = formats::column_help(), help_heading = "Points")]
-    fields: Option<Asked>,
+    #[arg(long, value_name = "LIST", value_parser = FieldRequest::parse, long_help = formats::column_help(), help_heading = "Points")]
+    fields: Option<FieldRequest>,
     /// Coordinates of the points
     #[arg(long = "frame", default_value = "world", value_parser = choice::of::<Frame>(), help_heading = "Points")]
     coordinates: Frame,
@@ -112,8 +112,8 @@ pub struct Args {
     #[arg(long, help_heading = "Points")]
     organised: bool,
     /// Show what happens to one beam of the first frame, or of FRAME, step by step with numbers, and write nothing;
-    /// rows and columns count from 0, a beam is row * columns + column; for a sonar, a frame is
-    /// a ping, and in the profiles of the paper and its program a beam is a ray
+    /// rows and columns count from 0, a beam is row * columns + column; for a sonar, a frame is a ping, and in the
+    /// profiles paper and blainder a beam is a ray
     #[arg(long, value_name = "[FRAME,]BEAM", value_parser = frame_and_beam, conflicts_with_all = ["output", "preview", "images", "boxes", "json"], help_heading = "Output")]
     explain: Option<(Option<u32>, u32)>,
     #[command(flatten)]
@@ -132,10 +132,10 @@ pub struct Args {
     verbose: bool,
 }
 
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &ScanArgs) -> Result<()> {
     let threads = input::set_threads(args.threads)?;
     interrupt::listen().context("cannot listen for signals")?;
-    let progress = Progress::new(args.quiet);
+    let progress = ProgressLine::new(args.quiet);
     let mut seconds = Seconds::default();
     let mut warnings = Report::default();
 
@@ -156,8 +156,8 @@ pub fn run(args: &Args) -> Result<()> {
     let frames = match (args.frames, &path) {
         (Some(frames), _) => frames,
         // A sonar pings from the last pose, too; a sweep that begins there would not move.
-        (None, Some(path)) => Frames::until(path.span().1, fps, sonar),
-        (None, None) => Frames::ONE,
+        (None, Some(path)) => FrameRange::until(path.span().1, fps, sonar),
+        (None, None) => FrameRange::ONE,
     };
     match &path {
         Some(path) => warn_of_end(path, frames, fps, &mut warnings),
@@ -235,7 +235,7 @@ pub fn run(args: &Args) -> Result<()> {
     match recorded.nothing {
         Some(Nothing::Seen) => {
             let why = why_nothing(scene.bounds(), &sensor, trajectory.at(0.0).position, &environment);
-            // Of those of which there are several.
+            // Where there are several possible reasons.
             let more = if why.contains("perhaps") { "; --explain BEAM shows what happens to one beam" } else { "" };
             warnings.warn(why + more);
         }
@@ -247,7 +247,7 @@ pub fn run(args: &Args) -> Result<()> {
         beams: recorded.beams,
         rays: recorded.rays,
         points: recorded.points,
-        with_points: args.output.wants_clouds() || !sonar,
+        with_points: args.output.requests_clouds() || !sonar,
         causes: if args.profile == Profile::Physical { recorded.causes } else { Vec::new() },
         frame: frame_word(&sensor),
         frames: frames.len(),
@@ -258,7 +258,7 @@ pub fn run(args: &Args) -> Result<()> {
         run: repeatable(args, (&labels, &materials), &take, frames, fps)?,
     };
     if args.verbose {
-        tell_more(&scene, &sensor, &trajectory);
+        print_details(&scene, &sensor, &trajectory);
     }
     if args.json {
         return args.output.print(&text::json(&report.to_json()));
@@ -270,7 +270,7 @@ pub fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// What a run reads.
+/// The inputs of a run.
 struct Loaded {
     sensor: Sensor,
     environment: Environment,
@@ -282,7 +282,7 @@ struct Loaded {
 }
 
 /// Reads everything a run needs, the scene last: it may take a long time.
-fn load(args: &Args) -> Result<Loaded> {
+fn load(args: &ScanArgs) -> Result<Loaded> {
     let sensor = args.sensor.load()?;
     check_options(args, &sensor).map_err(usage::wrong)?;
     let environment = args.weather.load(sensor.kind())?;
@@ -295,7 +295,7 @@ fn load(args: &Args) -> Result<Loaded> {
 }
 
 /// Checks that the options go with each other and with `sensor`.
-fn check_options(args: &Args, sensor: &Sensor) -> Result<()> {
+fn check_options(args: &ScanArgs, sensor: &Sensor) -> Result<()> {
     ensure!(
         !(args.organised && args.order == Order::Time),
         "--organised: its rows and columns are beams; allowed: --order beam"
@@ -312,18 +312,18 @@ fn frame_and_beam(text: &str) -> Result<(Option<u32>, u32), String> {
     }
 }
 
-/// The columns that were asked for.
+/// The requested columns.
 #[derive(Clone, Copy)]
-struct Asked {
+struct FieldRequest {
     fields: FieldSet,
     /// Whether the default columns are among them.
     by_default: bool,
 }
 
-impl Asked {
-    fn parse(list: &str) -> echocast::Result<Asked> {
+impl FieldRequest {
+    fn parse(list: &str) -> echocast::Result<FieldRequest> {
         let by_default = list.split(',').any(|name| name.trim() == "default");
-        Ok(Asked { fields: FieldSet::parse(list)?, by_default })
+        Ok(FieldRequest { fields: FieldSet::parse(list)?, by_default })
     }
 
     /// The columns for a sensor.
@@ -332,22 +332,22 @@ impl Asked {
     }
 }
 
-impl Default for Asked {
+impl Default for FieldRequest {
     fn default() -> Self {
-        Asked { fields: FieldSet::default(), by_default: true }
+        FieldRequest { fields: FieldSet::default(), by_default: true }
     }
 }
 
-/// Frames per second: as asked for, or else the sensor's rate.
-fn frame_rate(asked: Option<f64>, sensor: &Sensor) -> Result<f64> {
+/// Frames per second: as requested, or else the sensor's rate.
+fn frame_rate(requested: Option<f64>, sensor: &Sensor) -> Result<f64> {
     let period = sensor.beams().period;
-    let fps = asked.unwrap_or(1.0 / period);
+    let fps = requested.unwrap_or(1.0 / period);
     ensure!(fps.is_finite() && fps > 0.0, "the sensor's period is {period} s: set the frames per second with --fps N");
     Ok(fps)
 }
 
-/// Warns when frames start after the last pose.
-fn warn_of_end(trajectory: &Trajectory, frames: Frames, fps: f64, warnings: &mut Report) {
+/// Warns if frames start after the last pose.
+fn warn_of_end(trajectory: &Trajectory, frames: FrameRange, fps: f64, warnings: &mut Report) {
     let (_, end) = trajectory.span();
     let last_start = f64::from(frames.last) / fps;
     if last_start > end {
@@ -357,22 +357,22 @@ fn warn_of_end(trajectory: &Trajectory, frames: Frames, fps: f64, warnings: &mut
     }
 }
 
-/// Warns when the points of several frames are shown as a sensor sees them that has moved from the first frame to the
-/// last, at times `from` and `to`.
+/// Warns if the points of several frames are shown in the frame of a sensor that has moved between the first and the
+/// last one, at times `from` and `to`.
 fn warn_of_piled_frames(trajectory: &Trajectory, [from, to]: [f64; 2], warnings: &mut Report) {
     if trajectory.at(from) != trajectory.at(to) {
         warnings.warn(
-            "--preview: with --frame sensor, the frames of a sensor that moves lie over each other; --frame world shows \
-             them in their places",
+            "--preview: with --frame sensor, the frames of a moving sensor overlap; --frame world shows them in their \
+             places",
         );
     }
 }
 
-/// Warns when no frames were asked for though the scene moves.
-fn warn_of_other_animation(scene: &Scene, asked: Option<Frames>, fps: f64, warnings: &mut Report) {
+/// Warns if no frames were requested although the scene moves.
+fn warn_of_other_animation(scene: &Scene, requested: Option<FrameRange>, fps: f64, warnings: &mut Report) {
     let end = scene.timeline.end();
     let last = (end * fps).ceil() - 1.0;
-    if asked.is_none() && last >= 1.0 {
+    if requested.is_none() && last >= 1.0 {
         warnings.warn(format!(
             "the scene moves for {end:.3} s, one frame of {:.3} s is scanned: --frames 0:{last} scans all of it",
             1.0 / fps
@@ -380,9 +380,9 @@ fn warn_of_other_animation(scene: &Scene, asked: Option<Frames>, fps: f64, warni
     }
 }
 
-/// Warns when what seems to be a sky has many of the points: it reflects as a wall would.
+/// Warns if many of the points are on what seems to be a sky: it reflects like a wall.
 fn warn_of_sky(scene: &Scene, skies: &[u32], [on_sky, points]: [usize; 2], warnings: &mut Report) {
-    /// Part of all points.
+    /// Fraction of all points.
     const MANY: f64 = 0.1;
     if on_sky as f64 <= MANY * points as f64 {
         return;
@@ -397,26 +397,26 @@ fn warn_of_sky(scene: &Scene, skies: &[u32], [on_sky, points]: [usize; 2], warni
     ));
 }
 
-/// Warns of possible reasons why a sonar receives nothing but noise, which has made `points`.
+/// Warns that a sonar receives nothing but noise, which accounts for all `points`, with possible reasons.
 fn warn_of_noise(points: usize, sensor: &Sensor, warnings: &mut Report) {
-    let heard = match points {
+    let finding = match points {
         0 => "nothing but noise is received".to_owned(),
         1 => "the only point is noise".to_owned(),
         _ => format!("all {} points are noise", text::thousands(points)),
     };
     let reach = sensor.spec().range.max_m.unwrap_or(f64::INFINITY);
     warnings.warn(format!(
-        "{heard}; perhaps the sonar is below the bed or looks past the scene, or all of the scene is farther away than \
+        "{finding}; perhaps the sonar is below the bed or looks past the scene, or all of the scene is farther away than \
          range.max_m, {reach} m; --explain BEAM shows what happens to one beam"
     ));
 }
 
 /// The scenario that repeats this run.
 fn repeatable(
-    args: &Args,
+    args: &ScanArgs,
     (labels, materials): (&LabelRules, &MaterialRules),
     take: &Take,
-    frames: Frames,
+    frames: FrameRange,
     fps: f64,
 ) -> Result<Value> {
     let place = match (&args.trajectory, args.place.to_json(take.trajectory)) {
@@ -456,7 +456,7 @@ fn repeatable(
 }
 
 /// What `--verbose` adds, on stderr: stdout belongs to the summary or the report.
-fn tell_more(scene: &Scene, sensor: &Sensor, trajectory: &Trajectory) {
+fn print_details(scene: &Scene, sensor: &Sensor, trajectory: &Trajectory) {
     let beams = sensor.beams();
     let pose = trajectory.at(0.0);
     let [x, y, z] = pose.position.to_array();

@@ -8,10 +8,10 @@ use std::ffi::{OsStr, OsString};
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// List the sensor presets, or those that words choose, or show one sensor, fully resolved, as YAML
+/// List the sensor presets, or those that match words, or show one sensor, fully resolved, as YAML
 ///
-/// Words are looked for in name, title and folder, whatever their case; all of them must be there. If they are the name
-/// of a preset, or a part of one that no other has, or the name of a file, that sensor is shown instead.
+/// Words are searched for in name, title and folder, ignoring case; all of them must be found. If they are the name of
+/// a preset, or a part of one that no other has, or the name of a file, that sensor is shown instead.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -20,8 +20,8 @@ Examples:
   echocast sensors sonar --json
   echocast sensors vlp16
   echocast sensors velodyne_vlp16 > mine.yaml")]
-pub struct Args {
-    /// Words that the listed presets have; or the preset or sensor file (.yaml) to show, `-` for one from standard
+pub struct SensorsArgs {
+    /// Words that the listed presets contain; or the preset or sensor file (.yaml) to show, `-` for one from standard
     /// input
     #[arg(value_name = "WORD|NAME|FILE")]
     words: Vec<OsString>,
@@ -30,7 +30,7 @@ pub struct Args {
     json: bool,
 }
 
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &SensorsArgs) -> Result<()> {
     let presets = Sensor::presets();
     let name = args.words.join(OsStr::new(" "));
     let chosen: Vec<&PresetInfo> = presets.iter().filter(|preset| has(preset, &args.words)).collect();

@@ -1,10 +1,10 @@
-//! Words and numbers for people.
+//! Text and numbers for display.
 
 use echocast::shown;
 use std::io::{self, ErrorKind, Write as _};
 use std::path::PathBuf;
 
-/// Writes `text` to stdout. A reader that has seen enough (`echocast sensors | head`) is not an error.
+/// Writes `text` to stdout. A reader that closes the pipe early (`echocast sensors | head`) is not an error.
 pub fn print(text: &str) -> anyhow::Result<()> {
     check_stdout()?;
     let mut stdout = io::stdout().lock();
@@ -30,12 +30,12 @@ pub fn json(value: &serde_json::Value) -> String {
     format!("{value:#}\n")
 }
 
-/// Writes `text` to stderr; if that is closed, there is nobody to tell.
-pub fn tell(text: &str) {
+/// Writes `text` to stderr; if that is closed, it is lost.
+pub fn print_error(text: &str) {
     let _ = io::stderr().write_all(text.as_bytes());
 }
 
-/// A line on stderr; if that is closed, there is nobody to tell.
+/// Writes a line to stderr; if that is closed, it is lost.
 pub fn note(line: &str) {
     let _ = writeln!(io::stderr(), "{}", shown::text(line));
 }
@@ -45,7 +45,7 @@ pub fn lines(text: &str) -> String {
     text.split('\n').map(shown::text).collect::<Vec<_>>().join("\n")
 }
 
-/// The names of files, for people and JSON.
+/// The names of files for display and JSON.
 pub fn paths(files: &[PathBuf]) -> Vec<String> {
     files.iter().map(|file| shown::path(file)).collect()
 }
@@ -112,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn each_cause_is_told_once() {
+    fn each_cause_is_named_once() {
         let cause = anyhow::anyhow!("x.glb: No such file");
         let wrapped = cause.context("x.glb: No such file").context("--sensor\n  x");
         assert_eq!(one_line(&wrapped), "--sensor x: x.glb: No such file");

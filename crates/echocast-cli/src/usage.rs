@@ -1,9 +1,9 @@
-//! What the program ends with, and how.
+//! Exit codes, and the errors that have them.
 //!
-//! A command that must be written differently ends with 2, before any work: an option, name, value or ending of it is
-//! unknown, not allowed, or does not go with the others, with the sensor or with the scene. What the command says can
-//! be right and the work still fail, which is 1: a file cannot be read or written, or its content is wrong; the system
-//! gives no memory or threads; the simulation refuses, as it does a sonar above the water.
+//! A wrong command ends with 2, before any work: an option, name, value or ending of it is unknown, not allowed, or
+//! does not go with the others, the sensor or the scene. A correct command whose work fails ends with 1: a file cannot
+//! be read or written, or its content is wrong; the system provides no memory or threads; the simulation refuses, as it
+//! does a sonar above the water.
 
 use crate::interrupt;
 use crate::text;
@@ -13,10 +13,10 @@ use std::fmt;
 /// Exit code of failed work.
 pub const FAILED: u8 = 1;
 
-/// Exit code of a command that must be written differently; clap's, too.
+/// Exit code of wrong usage; also that of clap.
 pub const WRONG: u8 = 2;
 
-/// Why a command must be written differently.
+/// Why the usage is wrong.
 #[derive(Debug)]
 struct WrongUsage(String);
 
@@ -28,7 +28,7 @@ impl fmt::Display for WrongUsage {
 
 impl std::error::Error for WrongUsage {}
 
-/// What a check of the command says is wrong usage, unless the reason is a file or the system.
+/// The error of a check of the command as wrong usage, unless its cause is a file or the system.
 pub fn wrong(error: impl Into<anyhow::Error>) -> anyhow::Error {
     let error = error.into();
     match error.downcast_ref() {
@@ -69,8 +69,8 @@ mod tests {
         ] {
             assert_eq!(exit_code(&error), code, "{error:#}");
         }
-        let told = Err::<(), _>(wrong(missing())).context("--fields").unwrap_err();
-        assert_eq!(exit_code(&told), 2);
-        assert_eq!(text::one_line(&told), "--fields: there is no column named \"rnge\"; near: range");
+        let wrapped = Err::<(), _>(wrong(missing())).context("--fields").unwrap_err();
+        assert_eq!(exit_code(&wrapped), 2);
+        assert_eq!(text::one_line(&wrapped), "--fields: there is no column named \"rnge\"; near: range");
     }
 }

@@ -7,18 +7,19 @@ use echocast::medium::{Dust, Fog, Placed, Rain, Region, Snow};
 use echocast::{Environment, Error, SensorKind, shown};
 use std::path::{Path, PathBuf};
 
-/// What is between sensor and surfaces.
+/// Weather, and water for sonars.
 #[derive(Args)]
 pub struct WeatherArgs {
     /// Weather, and water for sonars, from a YAML file: the section `environment` of a scenario, or only its keys;
     /// `-` for standard input
     #[arg(long, value_name = "FILE", help_heading = "Weather")]
     env: Option<PathBuf>,
-    /// Rain, mm/h (10 is a shower, 50 a cloudburst); sensors with a detection threshold (`detection.model:
-    /// radar_equation` or `statistical`) see single drops; for others, rain only dims what lies behind it
+    /// Rain, mm/h (10 is a shower, 50 a cloudburst); sensors with a detection threshold
+    /// (`detection.model: radar_equation` or `statistical`) detect single drops; for others, rain only attenuates the
+    /// echoes from behind it
     #[arg(long, value_name = "MM_H", allow_negative_numbers = true, help_heading = "Weather")]
     rain: Option<f64>,
-    /// Snow, mm/h of melted water (1 is a moderate snowfall); flakes are seen like drops
+    /// Snow, mm/h of melted water (1 is a moderate snowfall); flakes are detected like drops
     #[arg(long, value_name = "MM_H", allow_negative_numbers = true, help_heading = "Weather")]
     snow: Option<f64>,
     /// Fog: visibility, metres
@@ -96,7 +97,7 @@ impl WeatherArgs {
     }
 }
 
-/// Reads the environment in `file`. An error in another file that it names says which key names it.
+/// Reads the environment in `file`. An error in another file that it refers to includes the key.
 fn read(file: &Path) -> Result<Environment> {
     let own = shown::path(file);
     Environment::load(file).map_err(|error| {
@@ -116,12 +117,12 @@ fn replace<T>(kind: &mut Vec<T>, by: Vec<T>) {
     }
 }
 
-/// Names the flag instead of the key that it stands for.
+/// Names the flag in place of the key that it sets.
 fn name_flag(error: Error) -> Error {
     match error {
         Error::InvalidParameter { name, value, allowed } => {
             let name = match name.split_once('.') {
-                // It has several numbers.
+                // Dust has several numbers.
                 Some((flag, number)) if flag.starts_with("dust") => format!("--{flag}: {number}"),
                 Some((flag, _)) => format!("--{flag}"),
                 None => name,

@@ -1,4 +1,4 @@
-//! Clouds that are read: in other formats, in words, as pictures.
+//! Clouds that are read: converted, described, drawn.
 
 mod common;
 
@@ -16,7 +16,7 @@ const SCAN: &str = "scan HALL --sensor velodyne_vlp16 --at -6,6,1.2 --fields def
 fn clouds_go_from_format_to_format() {
     let folder = tempfile::tempdir().unwrap();
     stdout(folder.path(), &format!("{SCAN} -o DIR/a.laz -o DIR/z.npz"));
-    // Through formats that hold all columns; names of labels go along.
+    // Through formats that hold all columns; label names are kept.
     let mut from = "a.laz".to_owned();
     for to in ["b.pcd", "c.ply", "d.e57", "e.h5", "f.csv", "g.npz", "h.las"] {
         let said = run(folder.path(), &format!("convert DIR/{from} -o DIR/{to}"));
@@ -36,7 +36,7 @@ fn clouds_go_from_format_to_format() {
     assert!(first.columns.true_range == last.columns.true_range && first.columns.cause == last.columns.cause);
     assert!((0..first.len).all(|row| (first.position(row) - last.position(row)).abs().max_element() < 5e-4));
 
-    // What the simplest LAS cannot hold is told.
+    // What the simplest LAS cannot hold is reported.
     let said = run(folder.path(), "convert DIR/h.las -o DIR/i.las --format las2");
     assert!(stderr(&said).contains("las2: cannot hold the columns range, part_id"), "{}", stderr(&said));
     let plain = read("i.las");
@@ -68,14 +68,14 @@ fn clouds_come_from_standard_input_and_go_to_standard_output() {
         assert!(output.stdout == fs::read(folder.path().join("direct.npz")).unwrap(), "{name}");
     }
     let las = fs::read(folder.path().join("a.las")).unwrap();
-    let told = String::from_utf8(piped("info -", &las).stdout).unwrap();
+    let message = String::from_utf8(piped("info -", &las).stdout).unwrap();
     let of_file = stdout(folder.path(), "info DIR/a.las");
-    assert_eq!(told.split_once('\n').unwrap().1, of_file.split_once('\n').unwrap().1);
+    assert_eq!(message.split_once('\n').unwrap().1, of_file.split_once('\n').unwrap().1);
     assert!(piped("preview - -o DIR/a.png", &las).status.success() && folder.path().join("a.png").exists());
     let laz = piped("convert - -o - --format laz", &las);
     assert!(laz.status.success() && piped("info -", &laz.stdout).status.success(), "{}", stderr(&laz));
     let lost = piped("convert - -o - --format csv", &las);
-    assert!(stderr(&lost).contains("warning: -o -: csv has no room for the names of labels"), "{}", stderr(&lost));
+    assert!(stderr(&lost).contains("warning: -o -: csv cannot hold label names"), "{}", stderr(&lost));
     let cut = piped("convert - -o - --format npz", &las[..1000]);
     assert_eq!(cut.status.code(), Some(1));
     assert!(cut.stdout.is_empty() && stderr(&cut).starts_with("error: standard input: "), "{}", stderr(&cut));
@@ -83,27 +83,27 @@ fn clouds_come_from_standard_input_and_go_to_standard_output() {
 }
 
 #[test]
-fn columns_of_text_are_named_or_guessed_aloud() {
+fn columns_of_text_are_named_or_guessed_with_a_warning() {
     let folder = tempfile::tempdir().unwrap();
     let place = folder.path().join("a.xyz");
     fs::write(&place, "1 2 3 0.5\n4 5 6 0.25\n").unwrap();
     let guessed = run(folder.path(), "convert DIR/a.xyz -o DIR/a.npz");
-    let told =
-        "warning: csv: no header names its columns, which are taken as x,y,z,intensity; --columns says otherwise";
-    assert!(guessed.status.success() && stderr(&guessed).contains(told), "{}", stderr(&guessed));
+    let message =
+        "warning: csv: no header names its columns, which are taken as x,y,z,intensity; --columns overrides that";
+    assert!(guessed.status.success() && stderr(&guessed).contains(message), "{}", stderr(&guessed));
     let named = run(folder.path(), "convert DIR/a.xyz -o DIR/b.npz --columns x,y,z,range");
     assert!(named.status.success() && stderr(&named).is_empty(), "{}", stderr(&named));
     let read = |name: &str| PointCloud::read(folder.path().join(name)).unwrap();
     assert_eq!((read("a.npz").columns.intensity, read("b.npz").columns.range), (vec![0.5, 0.25], vec![0.5, 0.25]));
     assert!(stdout(folder.path(), "info DIR/a.xyz --columns x,y,z").contains("columns     3"));
     fs::write(folder.path().join("scene.obj"), "v 0 0 0\n").unwrap();
-    for (args, code, told) in [
+    for (args, code, message) in [
         ("convert DIR/a.xyz -o DIR/c.npz --columns x,y,colour", 2, "--columns: "),
         ("convert DIR/a.npz -o DIR/c.npz --columns x,y,z", 1, "columns is given for NPZ"),
-        ("info DIR/scene.obj DIR/scene.obj --columns x,y,z", 2, "--columns: is for text"),
+        ("info DIR/scene.obj DIR/scene.obj --columns x,y,z", 2, "--columns: is for clouds as text"),
     ] {
         let output = run(folder.path(), args);
-        assert!(output.status.code() == Some(code) && stderr(&output).contains(told), "{args}: {}", stderr(&output));
+        assert!(output.status.code() == Some(code) && stderr(&output).contains(message), "{args}: {}", stderr(&output));
     }
     assert!(!folder.path().join("c.npz").exists());
 }
@@ -124,14 +124,18 @@ fn coordinate_systems_are_named() {
     cloud.records = Arc::new(Records { all, ..Records::default() });
     cloud.write(folder.path().join("a.las")).unwrap();
     stdout(folder.path(), "convert DIR/a.las -o DIR/b.laz");
-    let told = stdout(folder.path(), "info DIR/b.laz");
-    assert!(told.contains("system      WGS 84 / UTM zone 33N, as WKT\nrecords     liblas 5 (3 bytes)\n"), "{told}");
+    let message = stdout(folder.path(), "info DIR/b.laz");
+    assert!(
+        message.contains("system      WGS 84 / UTM zone 33N, as WKT\nrecords     liblas 5 (3 bytes)\n"),
+        "{message}"
+    );
     let json = report(folder.path(), "info DIR/b.laz");
     assert_eq!(json["coordinate_system"], "WGS 84 / UTM zone 33N");
     assert_eq!(json["wkt"], system.trim_end_matches('\0'));
     let lost = run(folder.path(), "convert DIR/b.laz -o DIR/c.ply");
-    let told = "ply: cannot hold the coordinate system WGS 84 / UTM zone 33N and the records liblas 5; las and laz do";
-    assert!(stderr(&lost).contains(told), "{}", stderr(&lost));
+    let message =
+        "ply: cannot hold the coordinate system WGS 84 / UTM zone 33N and the records liblas 5; las and laz do";
+    assert!(stderr(&lost).contains(message), "{}", stderr(&lost));
 }
 
 #[test]
@@ -149,26 +153,26 @@ fn a_closed_standard_output_is_an_error() {
     for to in ["> /dev/null", "1<> /dev/null", "| head -c 1"] {
         assert!(shell(to).status.success(), "{to}");
     }
-    // And so it is for all that is printed.
+    // The same holds for everything that is printed.
     for command in ["info DIR/a.csv", "info --json DIR/a.csv", "sensors vlp16", "formats", "--version", "scan --help"] {
         let command = command.replace("DIR", &folder.path().display().to_string());
         let line = format!("'{program}' {command} >&-");
         let closed = std::process::Command::new("sh").args(["-c", &line]).output().unwrap();
         assert_eq!(closed.status.code(), Some(1), "{command}");
-        let told = stderr(&closed);
-        assert_eq!(told, "error: standard output is closed; allowed: a terminal, a pipe, a file\n", "{command}");
+        let message = stderr(&closed);
+        assert_eq!(message, "error: standard output is closed; allowed: a terminal, a pipe, a file\n", "{command}");
     }
 }
 
 #[test]
-fn conversions_that_cannot_be_leave_nothing() {
+fn impossible_conversions_leave_nothing() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.csv"), "x,y,z\n1,2,3\n").unwrap();
     fs::write(folder.path().join("b.csv"), "range,time\n1,2\n").unwrap();
     fs::write(folder.path().join("broken.las"), "LASF and nothing else").unwrap();
     fs::write(folder.path().join("scene.obj"), "v 0 0 0\n").unwrap();
     let before = files(folder.path());
-    for (args, code, told) in [
+    for (args, code, message) in [
         ("convert DIR/a.csv -o DIR/a.csv", 2, "would overwrite"),
         ("convert DIR/a.csv -o -", 2, "-o -: standard output has no ending"),
         ("convert DIR/a.csv -o DIR/a.xyz", 2, "clouds are written as .las"),
@@ -182,33 +186,33 @@ fn conversions_that_cannot_be_leave_nothing() {
         ("preview DIR/a.csv -o DIR/a.png --width 10", 2, "320 to 4096"),
         ("info DIR/broken.las", 1, "broken.las: ends within"),
         ("info DIR/missing.las", 1, "missing.las: No such file"),
-        ("info DIR/a.csv --preview DIR/c.png", 2, "echocast preview draws clouds"),
+        ("info DIR/a.csv --preview DIR/c.png", 2, "for clouds use echocast preview"),
     ] {
         let output = run(folder.path(), args);
         let said = stderr(&output);
-        assert!(output.status.code() == Some(code) && said.contains(told), "{args}: {code} {said}");
+        assert!(output.status.code() == Some(code) && said.contains(message), "{args}: {code} {said}");
         assert_eq!(said.lines().count(), 1, "{args}: {said}");
     }
     assert_eq!(files(folder.path()), before);
 }
 
 #[test]
-fn info_tells_what_a_cloud_holds() {
+fn info_describes_a_cloud() {
     let folder = tempfile::tempdir().unwrap();
     stdout(folder.path(), &format!("{SCAN} --organised -o DIR/a.npz"));
-    let told = stdout(folder.path(), "info DIR/a.npz");
+    let message = stdout(folder.path(), "info DIR/a.npz");
     for text in
         ["points      28,928", "16 rows of 1808", "coordinates world", "chair", "intensity", "range       m", "####"]
     {
-        assert!(told.contains(text), "{text} is missing in\n{told}");
+        assert!(message.contains(text), "{text} is missing in\n{message}");
     }
     let cloud = PointCloud::read(folder.path().join("a.npz")).unwrap();
     let json = report(folder.path(), "info DIR/a.npz");
     assert_eq!((&json["points"], &json["shape"]), (&28928.into(), &serde_json::json!([16, 1808])));
     let chairs = cloud.labels.category.id("chair");
-    let wanted = cloud.columns.category_id.iter().filter(|&&id| id == chairs).count();
+    let expected = cloud.columns.category_id.iter().filter(|&&id| id == chairs).count();
     let found = json["categories"].as_array().unwrap().iter().find(|row| row["name"] == "chair").unwrap();
-    assert_eq!(found["points"], wanted);
+    assert_eq!(found["points"], expected);
     let hits = cloud.columns.range.iter().filter(|range| !range.is_nan()).count();
     let bars: u64 = json["histogram"]["points"].as_array().unwrap().iter().filter_map(|bar| bar.as_u64()).sum();
     assert_eq!((json["histogram"]["column"].as_str(), bars), (Some("range"), hits as u64));
@@ -222,10 +226,10 @@ fn info_tells_what_a_cloud_holds() {
 fn clouds_are_drawn() {
     let folder = tempfile::tempdir().unwrap();
     stdout(folder.path(), &format!("{SCAN} -o DIR/a.las --preview DIR/scan.png"));
-    // Of the same points the same picture, but for what LAS rounds.
+    // The same points give the same picture, apart from rounding by LAS.
     stdout(folder.path(), "preview DIR/a.las -o DIR/a.png");
     assert!(fs::read(folder.path().join("a.png")).unwrap().starts_with(b"\x89PNG"));
-    // Without labels, colours are those of heights; nobody asked for others.
+    // Without labels, colours are those of heights if no others are requested.
     fs::write(folder.path().join("b.csv"), "x,y,z\n1,2,3\n2,3,4\n").unwrap();
     let said = run(folder.path(), "preview DIR/b.csv -o DIR/b.png --view perspective --width 640");
     assert!(said.status.success() && stderr(&said).is_empty(), "{}", stderr(&said));

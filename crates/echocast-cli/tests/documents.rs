@@ -98,7 +98,7 @@ fn below<'a>(help: &'a str, heading: &str) -> impl Iterator<Item = &'a str> {
     help.lines().skip_while(move |line| !line.starts_with(heading)).skip(1).take_while(|line| !line.is_empty())
 }
 
-/// Commands within `command`, and within those.
+/// Subcommands of `command`, and their own.
 fn commands_of(command: &[String]) -> Vec<Vec<String>> {
     let help = help(command);
     let names = below(&help, "Commands:").filter_map(|line| line.split_whitespace().next());
@@ -113,7 +113,7 @@ fn examples_in_the_help_run() {
     commands.push(Vec::new());
     for command in commands {
         let help = help(&command);
-        // What is not indented says what follows.
+        // Lines that are not indented describe what follows.
         let examples: Vec<_> = below(&help, "Example").filter(|line| line.starts_with(' ')).collect();
         assert!(examples.iter().any(|line| line.contains("echocast ")), "{command:?} has no example:\n{help}");
         run(&format!("echocast {} --help", command.join(" ")), &(examples.join("\n") + "\n"));

@@ -1,4 +1,4 @@
-//! Files and names that are made, or happen, to do harm.
+//! Files and names that do harm, on purpose or by accident.
 #![cfg(unix)]
 
 mod common;
@@ -21,13 +21,13 @@ const SONAR: &str = "--set range.max_m=5 --sensor sss_450 --at 0,0,-1";
 /// A triangle in three lines.
 const TRIANGLE: &str = "v 3 -1 0\nv 3 1 0\nv 3 0 2\n";
 
-/// A pipe that nobody writes to.
+/// A pipe that nothing writes to.
 fn pipe(path: &Path) -> PathBuf {
     assert!(Command::new("mkfifo").arg(path).status().unwrap().success());
     path.to_owned()
 }
 
-/// The one line of a failure, which comes soon.
+/// The single line of a failure, which must come soon.
 #[track_caller]
 fn failure(folder: &Path, args: &str) -> String {
     let start = Instant::now();
@@ -51,10 +51,10 @@ fn run_bytes(args: &[&[u8]], input: &str) -> Output {
     child.wait_with_output().unwrap()
 }
 
-/// As in a container with a limit of processes. Root has none, so root becomes somebody else.
+/// As in a container with a limit on processes. Root has none, so root becomes another user.
 #[test]
-fn a_system_without_threads_is_told() {
-    for (threads, told) in [("", "as many as there are cores"), ("--threads 8", "8")] {
+fn a_system_without_threads_is_reported() {
+    for (threads, message) in [("", "as many threads as there are cores"), ("--threads 8", "8 threads")] {
         let mut command = Command::new("bash");
         command.args(["-c", r#"ulimit -u 1 && exec "$0" bench x.glb --sensor velodyne_vlp16 --at 0,0,0 $1"#]);
         command.args([env!("CARGO_BIN_EXE_echocast"), threads]);
@@ -66,14 +66,14 @@ fn a_system_without_threads_is_told() {
             return;
         };
         let said = stderr(&output);
-        assert!(said.starts_with(&format!("error: --threads: the system does not give {told} (")), "{said}");
+        assert!(said.starts_with(&format!("error: --threads: the system cannot start {message} (")), "{said}");
         assert_eq!(said.lines().count(), 1, "{said}");
     }
 }
 
-/// Wherever memory ends: in Rust, in Embree or when a thread is started.
+/// Wherever memory runs out: in Rust, in Embree or when a thread is started.
 #[test]
-fn a_system_without_memory_is_told() {
+fn a_system_without_memory_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let limited = |mib: usize, args: &str| {
         let mut command = Command::new("bash");
@@ -100,7 +100,7 @@ fn a_system_without_memory_is_told() {
         assert!(left.iter().all(|name| !name.starts_with('.')), "{left:?}");
     }
     assert!(failures > 2, "{failures} of them");
-    // A scene that it has no room for.
+    // A scene that does not fit in memory.
     let output = limited(least + 100, "generate landscape --size 1000,1000 --cell 0.5 -o DIR/big.glb");
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
     assert_eq!(stderr(&output).lines().count(), 1, "{}", stderr(&output));
@@ -169,7 +169,7 @@ fn names_of_files_are_bytes() {
     let output = run_bytes(&args, "");
     assert!(output.status.success(), "{}", stderr(&output));
     assert!(String::from_utf8(output.stdout).unwrap().contains("q\\xff.npz"));
-    // What is not there is named.
+    // A missing file is named.
     let output = run_bytes(&[b"info", &at(b"\xff.obj")], "");
     assert!(stderr(&output).ends_with("/d\\xff\\n/\\xff.obj: No such file or directory (os error 2)\n"));
     let output = run_bytes(&[b"sensors", b"\xff\x1b[31m"], "");
@@ -203,7 +203,7 @@ fn pipes_devices_and_folders_are_refused_at_once() {
     ] {
         assert!(failure(path, args).contains(says), "{args}\n{}", failure(path, args));
     }
-    // Those that files name.
+    // Those that files refer to.
     let gltf = r#"{"asset": {"version": "2.0"}, "buffers": [{"uri": "p.glb", "byteLength": 36}]}"#;
     fs::write(path.join("a.gltf"), gltf).unwrap();
     assert!(failure(path, "info DIR/a.gltf").contains("buffer 0: cannot read "));
@@ -296,7 +296,7 @@ fn images_have_a_budget() {
 }
 
 #[test]
-fn what_a_terminal_obeys_is_escaped() {
+fn terminal_controls_are_escaped() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     fs::write(path.join("a.obj"), format!("o \x1b]0;OWNED\x07\x1b[31mred\nusemtl \u{9b}31m\n{TRIANGLE}f 1 2 3\n"))

@@ -1,4 +1,4 @@
-//! Runs that are interrupted, or whose files cannot be written: what they say and what they leave.
+//! Runs that are interrupted, or whose files cannot be written: what they print and what they leave behind.
 
 mod common;
 
@@ -40,7 +40,7 @@ fn arguments(run: &str) -> String {
     }
 }
 
-/// Makes what the runs read.
+/// Creates the inputs of the runs.
 fn prepare(folder: &Path) {
     let pattern = "{type: raster, azimuth: {fov_deg: 350, step_deg: 0.4}, elevation: {fov_deg: 60, step_deg: 0.4}}";
     fs::write(folder.join("fine.yaml"), format!("name: fine\nkind: lidar\npattern: {pattern}\n")).unwrap();
@@ -49,12 +49,13 @@ fn prepare(folder: &Path) {
     fs::create_dir(folder.join("out")).unwrap();
 }
 
-/// What each file of `folder` holds.
+/// The contents of each file of `folder`.
 fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     files(folder).into_iter().map(|name| (name.clone(), fs::read(folder.join(name)).unwrap())).collect()
 }
 
-/// Starts a program that ignores no signal, whatever those ignore who run the tests (`nohup`, jobs in the background).
+/// Starts a program that ignores no signal, whatever the process that runs the tests ignores (`nohup`, background
+/// jobs).
 fn start(program: &mut Command) -> Child {
     let mut start = Command::new("env");
     start.arg("--default-signal=HUP,INT,TERM").arg(program.get_program()).args(program.get_args());
@@ -75,7 +76,7 @@ fn signal(name: &str, process: u32) {
     Command::new("kill").args([&format!("-{name}"), &process.to_string()]).stderr(Stdio::null()).status().unwrap();
 }
 
-/// While its libraries are loaded, before it has begun anything, a program ends by any signal.
+/// Any signal ends a program while its libraries are being loaded, before it has begun anything.
 fn wait_until_it_listens(child: &Child) {
     /// SIGHUP, SIGINT, SIGTERM.
     const ALL: u64 = 0x4003;
@@ -84,7 +85,7 @@ fn wait_until_it_listens(child: &Child) {
         let mask = status.lines().find_map(|line| line.strip_prefix("SigCgt:"))?;
         u64::from_str_radix(mask.trim(), 16).ok()
     };
-    // A program that has ended catches nothing, and is no child that is waited for in vain.
+    // A program that has ended catches no signals, and must not be waited for in vain.
     let start = Instant::now();
     while caught().is_some_and(|mask| mask & ALL != ALL) && start.elapsed() < Duration::from_secs(60) {
         sleep(Duration::from_millis(1));
@@ -93,7 +94,7 @@ fn wait_until_it_listens(child: &Child) {
 
 const INTERRUPTED: &str = "error: interrupted; complete files stay, others are removed\n";
 
-/// Interrupts at moments of all kinds; `ECHOCAST_INTERRUPTS` says how many.
+/// Interrupts at random moments; `ECHOCAST_INTERRUPTS` sets how many.
 #[test]
 fn interrupted_runs_leave_whole_files_and_no_others() {
     let count = std::env::var("ECHOCAST_INTERRUPTS").ok().map_or(24, |count| count.parse().expect("a number"));
@@ -125,7 +126,7 @@ fn interrupted_runs_leave_whole_files_and_no_others() {
         wait_until_it_listens(&child);
         sleep(took.mul_f64(part));
         signal(["INT", "TERM", "HUP"][round % 3], child.id());
-        // Some are impatient.
+        // Some users are impatient.
         if round % 5 == 4 {
             sleep(Duration::from_millis(3));
             signal("INT", child.id());
@@ -141,7 +142,7 @@ fn interrupted_runs_leave_whole_files_and_no_others() {
             assert!(complete || old && whole.contains_key(name) && bytes == b"old", "{run}: {status}: {name}");
             assert!(complete || status.code() != Some(0), "{run}: {name}");
         }
-        // Those that belong together are of one run.
+        // Files that belong together are from one run.
         for (name, names) in [("a.csv", "a.labels.json"), ("b.ply", "b.labels.json"), ("b.png", "b.category_id.png")] {
             let of_today = |name| left.get(name).map(|bytes| bytes != b"old");
             assert!(
@@ -169,7 +170,7 @@ fn start_long_work(folder: &Path) -> Child {
 }
 
 #[test]
-fn work_that_does_not_look_is_ended_soon() {
+fn work_that_does_not_check_is_ended_soon() {
     let folder = tempfile::tempdir().unwrap();
     let child = start_long_work(folder.path());
     let start = Instant::now();
@@ -185,7 +186,8 @@ fn work_that_does_not_look_is_ended_soon() {
 
 #[test]
 fn a_second_interrupt_ends_at_once() {
-    // After one it waits for a second. A busy machine may take that long for anything, but not every time.
+    // After the first interrupt it waits for a second. A busy machine may take that long for anything, but not every
+    // time.
     let is_soon = (0..5).any(|_| {
         let folder = tempfile::tempdir().unwrap();
         let child = start_long_work(folder.path());
@@ -224,7 +226,7 @@ fn ignored_signals_stay_ignored() {
     }
 }
 
-/// Whether `wrapper`, a command with its arguments, can run another here; says so if not.
+/// Whether `wrapper`, a command with its arguments, can run another here; prints a line if not.
 fn can(wrapper: &[&str]) -> bool {
     let output = Command::new(wrapper[0]).args(&wrapper[1..]).arg("true").output();
     let can = output.as_ref().is_ok_and(|output| output.status.success());
@@ -241,7 +243,7 @@ fn wrapped(wrapper: &[&str], command: &Command) -> Command {
     outer
 }
 
-/// Containers that share a folder may have processes of one number.
+/// Containers that share a folder may have processes with the same number.
 #[test]
 fn one_container_leaves_the_files_of_another_alone() {
     let space = ["unshare", "-pf", "--mount-proc"];
@@ -262,7 +264,7 @@ fn one_container_leaves_the_files_of_another_alone() {
         sleep(Duration::from_millis(2));
     }
     assert_eq!(unfinished(), 2, "both write");
-    // The program is the child of what has made its space.
+    // The program is the child of the process that has created its namespace.
     let interrupt = |outer: &Child| {
         let child = fs::read_to_string(format!("/proc/{0}/task/{0}/children", outer.id())).unwrap();
         signal("INT", child.trim().parse().expect("one child"));
@@ -275,7 +277,7 @@ fn one_container_leaves_the_files_of_another_alone() {
     assert_eq!(unfinished(), 0);
 }
 
-/// The cloud cannot have its name: the label names stay the old ones, too.
+/// The cloud cannot get its name: the old label names stay, too.
 #[test]
 fn an_error_leaves_the_old_pair() {
     let inject = "inject=rename,renameat,renameat2:error=EIO:when=2";
@@ -295,7 +297,7 @@ fn an_error_leaves_the_old_pair() {
     assert!(left.len() == 2 && left.values().all(|bytes| bytes == b"old"), "{:?}", left.keys());
 }
 
-/// One sentence, whatever the libraries that write would say.
+/// One sentence, whatever the messages of the libraries that write.
 #[test]
 fn a_full_disk_is_one_sentence() {
     let space = ["unshare", "-m"];
@@ -325,7 +327,7 @@ fn a_full_disk_is_one_sentence() {
     }
 }
 
-/// As a full disk, on every system: files may not grow beyond a limit.
+/// Like a full disk, on every system: files may not grow beyond a limit.
 #[test]
 fn a_file_that_may_not_grow_is_one_sentence() {
     let folder = tempfile::tempdir().unwrap();
@@ -337,7 +339,7 @@ fn a_file_that_may_not_grow_is_one_sentence() {
         "info HALL --preview DIR/out/a.png".to_owned(),
     ];
     for args in RUNS.iter().map(|run| arguments(run)).chain(more) {
-        // Nothing at all, and a part of most files.
+        // Room for nothing at all, and for a part of most files.
         for blocks in [0, 1] {
             let program = command(folder.path(), &args);
             let mut limited = Command::new("sh");

@@ -1,4 +1,4 @@
-//! Scenarios by the program: scans repeated from their reports, sets of samples.
+//! Scenarios run by the program: scans repeated from their reports, sets of samples.
 
 mod common;
 
@@ -27,7 +27,7 @@ fn contents(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     all
 }
 
-/// Every kind of scan: weather, drives, cameras that ride, organised clouds, sonars, pictures, several formats.
+/// Every kind of scan: weather, drives, moving cameras, organised clouds, sonars, pictures, several formats.
 #[test]
 fn reports_of_scans_repeat_them() {
     let folder = tempfile::tempdir().unwrap();
@@ -104,7 +104,7 @@ fn a_set_that_is_killed_goes_on_to_the_same_files() {
     let said = stdout(folder, "run DIR/street.yaml");
     assert!(said.contains("12 samples made in") && said.contains("complete, see report.html"), "{said}");
     let whole = contents(&folder.join("street"));
-    assert!(stdout(folder, "run --check-output DIR/street").contains("all there, all as written"));
+    assert!(stdout(folder, "run --check-output DIR/street").contains("complete and unchanged"));
 
     let again = folder.join("again").display().to_string();
     let program = env!("CARGO_BIN_EXE_echocast");
@@ -141,7 +141,7 @@ fn shards_are_parts_of_the_same_set() {
     assert!(contents(&folder.join("parts")) == contents(&folder.join("street")));
 }
 
-/// Tells whoever comes second who is at work, and touches nothing: runs of a set, of one shard, and of its end.
+/// A second run reports which process is writing, and touches nothing: of a set, of one shard, and at its end.
 #[cfg(unix)]
 #[test]
 fn a_set_has_one_writer() {
@@ -170,9 +170,9 @@ fn a_set_has_one_writer() {
     let refused = |args: &str, child: &std::process::Child| {
         let output = run(folder, args);
         let words = format!("which is being written by process {}", child.id());
-        let told = stderr(&output);
-        assert_eq!(output.status.code(), Some(1), "{args}: {told}");
-        assert!(told.contains(&words) && told.trim_end().lines().count() == 1, "{args}: {told}");
+        let message = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{args}: {message}");
+        assert!(message.contains(&words) && message.trim_end().lines().count() == 1, "{args}: {message}");
     };
     let whole = begin(&[], "street/manifest.jsonl");
     for args in ["run DIR/street.yaml", "run DIR/street.yaml --resume", "run DIR/street.yaml --shard 0/2"] {
@@ -185,7 +185,7 @@ fn a_set_has_one_writer() {
         refused(&format!("run DIR/street.yaml {args} -o DIR/parts --set samples=100000"), &shard);
     }
     refused("run --finish DIR/parts", &shard);
-    // Another shard of as many goes on beside it.
+    // Another shard of the same number can run at the same time.
     let beside = "run DIR/street.yaml --shard 1/2 -o DIR/parts --samples 1:1 --set samples=100000";
     assert!(stdout(folder, beside).contains("1 sample made"));
     end(shard);
@@ -195,7 +195,7 @@ fn a_set_has_one_writer() {
     }
 }
 
-/// Runs into one folder at the same time leave a whole set, whichever of them makes it.
+/// Runs that write to one folder at the same time leave a whole set, whichever of them makes it.
 #[test]
 fn runs_at_once_leave_a_whole_set() {
     let folder = tempfile::tempdir().unwrap();
@@ -222,7 +222,7 @@ fn runs_at_once_leave_a_whole_set() {
         let set = format!("set{turn}");
         let both = codes(vec![spawn(&format!("room.yaml -o {set}")), spawn(&format!("room.yaml -o {set}"))]);
         assert!(both.contains(&0) && both.iter().all(|code| *code < 2), "{both:?}");
-        assert!(stdout(folder, &format!("run --check-output DIR/{set}")).contains("all there"));
+        assert!(stdout(folder, &format!("run --check-output DIR/{set}")).contains("complete and unchanged"));
         assert!(contents(&folder.join(&set)) == alone, "{set}");
 
         let parts = format!("parts{turn}");
@@ -282,16 +282,16 @@ fn what_is_damaged_is_not_joined() {
     }
     fs::write(&manifest, lines).unwrap();
     stdout(folder, "run --finish DIR/set");
-    // Archives that are there already are looked at, too.
+    // Archives that exist already are checked, too.
     damage("webdataset/train-000000.tar");
     fails("run --check-output DIR/set", "webdataset/train-000000.tar has other contents");
     fails("run --finish DIR/set", "webdataset/train-000000.tar has other contents");
 }
 
-/// Who cannot write ends with the reason, and goes on when there is room.
+/// A run that cannot write ends with the reason, and can be resumed when there is room.
 #[cfg(unix)]
 #[test]
-fn a_full_disk_is_told_and_ends_the_run() {
+fn a_full_disk_is_reported_and_ends_the_run() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     stdout(folder, "generate indoor --rooms 1,1 -q -o DIR/room.glb");
@@ -299,16 +299,16 @@ fn a_full_disk_is_told_and_ends_the_run() {
                 samples: 3\noutputs: [{style: nuscenes}]\n";
     fs::write(folder.join("room.yaml"), text).unwrap();
     let program = env!("CARGO_BIN_EXE_echocast");
-    // Files of 64 blocks of 512 or 1024 bytes: the first cloud has none.
+    // Files of 64 blocks of 512 or 1024 bytes: the first cloud does not fit.
     let limited = |args: &str| {
         let script = format!("ulimit -f 64; exec {program} run room.yaml -o set -q {args}");
         Command::new("sh").args(["-c", &script]).current_dir(folder).output().unwrap()
     };
     for args in ["", "--resume"] {
         let output = limited(args);
-        let told = stderr(&output);
-        assert_eq!(output.status.code(), Some(1), "{told}");
-        assert!(told.contains("File too large") && told.trim_end().lines().count() == 1, "{told}");
+        let message = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{message}");
+        assert!(message.contains("File too large") && message.trim_end().lines().count() == 1, "{message}");
         assert!(!folder.join("set/manifest.json").exists());
     }
     let half = files(&folder.join("set/nuscenes"));
@@ -319,9 +319,9 @@ fn a_full_disk_is_told_and_ends_the_run() {
     assert!(contents(&folder.join("set")) == contents(&folder.join("again")));
 }
 
-/// Warnings come once a kind, what is empty is counted, points say what they are of, and arrays are small.
+/// Each kind of warning is given once, empty clouds are counted, points have their causes, and arrays are small.
 #[test]
-fn sets_are_told_of_in_few_words() {
+fn reports_of_sets_are_short() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     stdout(folder, "generate indoor --rooms 1,1 -q -o DIR/room.glb");
@@ -332,10 +332,10 @@ fn sets_are_told_of_in_few_words() {
                 count: {uniform: [1, 3]}}\n  - {set: environment.rain.rate_mm_h, to: 20}\n";
     fs::write(folder.join("room.yaml"), text).unwrap();
     let output = run(folder, "run DIR/room.yaml -o DIR/set");
-    let told = stderr(&output);
-    let kinds = |words: &str| told.lines().filter(|line| line.contains(words)).count();
-    assert_eq!((kinds("no room for"), kinds("eye: an image in which nothing is seen")), (1, 1), "{told}");
-    assert!(told.contains(" (5 samples, the first is 0)"), "{told}");
+    let message = stderr(&output);
+    let kinds = |words: &str| message.lines().filter(|line| line.contains(words)).count();
+    assert_eq!((kinds("no room for"), kinds("eye: an image in which nothing is seen")), (1, 1), "{message}");
+    assert!(message.contains(" (5 samples, the first is 0)"), "{message}");
     let report: serde_json::Value = serde_json::from_slice(&fs::read(folder.join("set/report.json")).unwrap()).unwrap();
     assert_eq!(report["empty"], serde_json::json!({"eye": 5}));
     let noticed = report["warnings"].as_array().unwrap();
@@ -378,7 +378,7 @@ fn an_interrupted_run_ends_after_the_samples_under_way() {
 }
 
 #[test]
-fn one_sample_is_looked_at() {
+fn one_sample_is_previewed() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     street(folder);
@@ -410,7 +410,7 @@ fn what_is_wrong_is_one_sentence() {
         (
             "run DIR/street.yaml",
             1,
-            "in which 1 of these samples are; allowed: another folder, or to go on with it (--resume)",
+            "which already holds 1 of these samples; allowed: another folder, or --resume to continue the set",
         ),
         ("run DIR/street.yaml --set seed=4 --resume", 1, "which holds a set of another scenario"),
         ("run DIR/street.yaml --set sensor=3", 2, "sensor=3: sensor: unknown key \"sensor\"; near: sensors"),

@@ -57,13 +57,13 @@ fn clouds_go_to_standard_output() {
         assert!(output.status.success(), "{said}");
         assert!(output.stdout == fs::read(folder.path().join("file")).unwrap(), "{format}");
         assert!(said.contains(" rays), ") && said.contains("  -\n"), "{said}");
-        let lost = "warning: -o -: csv has no room for the names of labels, which are lost; formats that have: las";
+        let lost = "warning: -o -: csv cannot hold label names, which are lost; formats that can: las";
         assert_eq!(said.contains(lost), format == "csv", "{said}");
     }
     let output = scan("-o - --format csv --json").output().unwrap();
     let report: Value = serde_json::from_str(stderr(&output)).unwrap();
     assert_eq!(report["outputs"], serde_json::json!(["-"]));
-    // A reader that has seen enough.
+    // A reader that closes the pipe early.
     let mut child = scan("-o - --format csv -q").stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     drop(child.stdout.take());
     let output = child.wait_with_output().unwrap();
@@ -113,7 +113,7 @@ fn the_report_says_what_was_done_and_how_to_repeat_it() {
     }
 }
 
-/// Flags and file say the same; a flag takes the place of the file's weather of its kind.
+/// Flags and file are equivalent; a flag replaces the file's weather of its kind.
 #[test]
 fn weather_comes_by_flag_and_by_file() {
     let folder = tempfile::tempdir().unwrap();
@@ -168,7 +168,7 @@ fn an_older_file_survives_a_failed_or_killed_write() {
     let folder = tempfile::tempdir().unwrap();
     let old = folder.path().join("a.csv");
     fs::write(&old, "old").unwrap();
-    // Files may not grow beyond 64 KiB, whether the signal that says so is ignored or not.
+    // Files may not grow beyond 64 KiB, whether the signal for that is ignored or not.
     for trap in ["trap '' XFSZ;", ""] {
         let program = common::command(folder.path(), &format!("{SCAN} -o DIR/a.csv"));
         let mut limited = Command::new("sh");
@@ -182,7 +182,7 @@ fn an_older_file_survives_a_failed_or_killed_write() {
     }
 }
 
-/// Scene, labels, trajectory, environment and sensor stay, whatever name of theirs is given.
+/// Scene, labels, trajectory, environment and sensor are kept, by whatever name they are given.
 #[test]
 fn what_is_read_is_not_written_over() {
     let folder = tempfile::tempdir().unwrap();
@@ -218,11 +218,11 @@ fn what_is_read_is_not_written_over() {
         assert!(said.starts_with(&format!("error: {}: would overwrite", at(named).display())), "{args}: {said}");
         assert_eq!(files(folder.path()), before, "{args}");
     }
-    // What is read by name of another file.
+    // A file that another one refers to.
     let output = run(folder.path(), "scan DIR/room.gltf --sensor DIR/table.yaml --at 0,0,1 -o DIR/beams.csv");
     assert!(stderr(&output).contains("beams.csv, which this run reads"), "{}", stderr(&output));
     assert_eq!(files(folder.path()), before);
-    // Frames have other names than the file that they are asked for with, and LAS has no label file.
+    // Frames have names other than the requested file, and LAS has no label file.
     stdout(folder.path(), &format!("{scan} --trajectory DIR/still.csv --frames 0:1 --single -o DIR/still.csv"));
     stdout(folder.path(), &format!("{scan} --at 0,0,1 --labels DIR/a.labels.json -o DIR/a.las"));
 }
@@ -339,7 +339,7 @@ fn a_line_scanner_that_looks_down_scans_across_its_track() {
     let half = 30.0 * 50f64.to_radians().tan();
     let [least, most] = [f64::min, f64::max].map(|pick| x.iter().copied().fold(0.0, pick));
     assert!((least + half).abs() < 0.9 && (most - half).abs() < 0.9, "{least} to {most} is not {half} m");
-    // A line lies across the track, tilted by what the aircraft flies within it: 100 of 360 degrees of a turn.
+    // A line is across the track, tilted by how far the aircraft flies during it: 100 of 360 degrees of a turn.
     for (y, frame) in y.iter().zip(&frame) {
         let start = frame / 80.0 * 10.0;
         assert!((start - 1e-3..start + 0.04).contains(y), "{y} in the line at {start}");
@@ -390,7 +390,7 @@ fn an_empty_cloud_is_explained() {
     );
 }
 
-/// A sensor that sees only from far away finds nothing in a small room.
+/// A sensor with a large minimum range finds nothing in a small room.
 #[test]
 fn a_scene_nearer_than_the_sensor_sees_is_explained() {
     let folder = tempfile::tempdir().unwrap();
@@ -418,13 +418,13 @@ fn an_empty_cloud_within_range_is_not_blamed_on_the_range() {
     let aside = warnings("--sensor DIR/pole.yaml");
     assert!(aside.contains("though the scene is within range of the sensor"), "{aside}");
     assert!(aside.contains("its beams miss the scene; --explain BEAM"), "{aside}");
-    // The floor is met, but far too dark in this fog.
+    // The floor is hit, but far too dark in this fog.
     let weak = warnings("--sensor DIR/dull.yaml --rpy 0,90,0 --fog 0.5");
     assert!(weak.contains("echoes are below its detection limit, or the weather attenuates their light"), "{weak}");
     assert!(!weak.contains("reaches from"), "{weak}");
 }
 
-/// The picture has what it shows, the files have what was asked for.
+/// The picture has the columns that it shows, the files have the requested ones.
 #[test]
 fn pictures_need_no_columns_in_the_files() {
     let folder = tempfile::tempdir().unwrap();
@@ -443,8 +443,8 @@ fn pictures_need_no_columns_in_the_files() {
     assert!(fs::read_to_string(folder.path().join("b.csv")).unwrap().starts_with("x,y,z\n"));
 }
 
-/// A picture of several frames shows the points of all of them, where they were in the world; one that shows what the
-/// sensor sees shows the last. Single frames have pictures with their numbers.
+/// A picture of several frames shows the points of all of them, where they were in the world; one in the view of the
+/// sensor shows the last. Single frames have pictures with their numbers.
 #[test]
 fn what_moves_leaves_a_trail_in_pictures() {
     let folder = tempfile::tempdir().unwrap();
@@ -464,7 +464,7 @@ fn what_moves_leaves_a_trail_in_pictures() {
     assert_eq!(bytes("range_all.png"), bytes("range_0008.png"));
     assert_ne!(bytes("range_0004.png"), bytes("range_0008.png"));
 
-    // The same by the library.
+    // The same with the library.
     let scene = Scene::load(folder.path().join("street.glb")).unwrap();
     let sensor = Sensor::preset("velodyne_vlp16").unwrap();
     let (fps, length) = (1.0 / sensor.beams().period, sensor.scan_time());
@@ -495,7 +495,7 @@ fn what_moves_leaves_a_trail_in_pictures() {
 }
 
 #[test]
-fn points_can_be_organised_ordered_and_told_in_the_sensor_frame() {
+fn points_can_be_organised_ordered_and_in_the_sensor_frame() {
     let folder = tempfile::tempdir().unwrap();
     let column = |file: &str, name: &str| csv_column(&folder.path().join(file), name);
     let organised = report(folder.path(), &format!("{SCAN} --organised -o DIR/a.csv"));
@@ -519,9 +519,9 @@ fn points_can_be_organised_ordered_and_told_in_the_sensor_frame() {
 }
 
 #[test]
-fn units_and_up_axis_of_obj_files_can_be_told() {
+fn units_and_up_axis_of_obj_files_can_be_set() {
     let folder = tempfile::tempdir().unwrap();
-    // A wall, 4 cm before the origin in the file's z, which is the file's up or not.
+    // A wall at 4 units along the file's z axis, which may or may not be its up axis.
     fs::write(folder.path().join("wall.obj"), "o Wall\nv -9 -9 4\nv 9 -9 4\nv 9 9 4\nv -9 9 4\nf 1 2 3 4\n").unwrap();
     write_single_beam(folder.path());
     for (args, range) in [
@@ -560,7 +560,7 @@ fn beams_and_rays_are_counted() {
         report["rays"].as_u64().unwrap()
     };
     assert_eq!((of("1"), of("7")), (2 * 28928, 2 * 7 * 28928));
-    // A ray for each, one at the rim of those that see anything, and 64 for those at the end of the floor.
+    // A ray for each, one at the rim of those that hit anything, and 64 for those at the end of the floor.
     let adaptive = of("adaptive");
     assert!((2 * 28928 + 10_000..2 * 3 * 28928).contains(&adaptive), "{adaptive}");
     let said = stdout(folder.path(), &format!("{scan}7"));
@@ -589,7 +589,7 @@ fn write_house(folder: &Path, inwards: bool) {
     }
     // Walls and roof, no floor.
     for mut side in [[4, 8, 6, 2], [1, 5, 7, 3], [1, 2, 6, 5], [3, 7, 8, 4], [5, 6, 8, 7]] {
-        // The list is for x = low, high and so on; what faces in is the other way round.
+        // The list is for x = low, high and so on; sides that face inwards have the reverse order.
         if matches!(side, [4, ..]) {
             side = [2, 4, 8, 6];
         }
@@ -602,7 +602,7 @@ fn write_house(folder: &Path, inwards: bool) {
 }
 
 #[test]
-fn a_sensor_in_a_wall_is_told() {
+fn a_sensor_in_a_wall_is_reported() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let warned = |args: &str| {
@@ -620,7 +620,7 @@ fn a_sensor_in_a_wall_is_told() {
         let starts = "the sensor at 1.00,1.00,1.50 seems to be inside of \"House_3\": 100 % of the directions";
         assert!(warning.starts_with(starts) && warning.contains("--preview"), "{warning}");
     }
-    // Beside it, in the ground, far away, and where the walls face in.
+    // Beside it, in the ground, far away, and where the walls face inwards.
     assert_eq!(inside(warned("--sensor vlp16 --at 9,1,1.5")), None);
     assert_eq!(inside(warned("--sensor vlp16 --trajectory DIR/back.txt")), None);
     assert_eq!(inside(warned("--sensor vlp16 --at 0,0,500")), None);
@@ -663,14 +663,14 @@ fn images_are_files_of_each_frame_whatever_the_points() {
         stdout(dir, &format!("{scan} {images} {other} -o DIR/a.npz"));
         assert!(bytes("images") == first, "{other}");
     }
-    // The report repeats it, over what is there.
+    // The report repeats it, over existing files.
     fs::write(dir.join("run.json"), report["run"].to_string()).unwrap();
     stdout(dir, "run DIR/run.json");
     assert!(bytes("images") == first);
 }
 
 #[test]
-fn images_that_cannot_be_are_refused_before_anything_is_read() {
+fn impossible_images_are_refused_before_anything_is_read() {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path();
     fs::write(dir.join("eye.yaml"), EYE).unwrap();
@@ -683,14 +683,14 @@ fn images_that_cannot_be_are_refused_before_anything_is_read() {
         ("--sensor DIR/eye.yaml --images DIR/i --depth-range 2", "two distances"),
         ("--sensor DIR/eye.yaml --images DIR/i --image-layers depth,dept", "dept"),
         ("--sensor DIR/eye.yaml --images DIR/i --image-layers depth,depth", "each once"),
-        ("--sensor DIR/eye.yaml --images DIR --boxes DIR/images.json", "is a name that --images gives"),
+        ("--sensor DIR/eye.yaml --images DIR --boxes DIR/images.json", "is the name that --images gives"),
         ("--sensor DIR/eye.yaml -o DIR/a.npz --annotations coco", "--images"),
     ] {
         let output = run(dir, &format!("scan missing.glb --at 0,0,1 {args}"));
         assert!(!output.status.success() && stderr(&output).contains(words), "{args}: {}", stderr(&output));
         assert_eq!(files(dir), ["eye.yaml"], "{args}");
     }
-    // What the scan reads is not written over.
+    // What the scan reads is not overwritten.
     for name in ["images.json", "depth_0000.png", "depth_12345.png"] {
         let labels = dir.join(name);
         fs::write(&labels, "{}").unwrap();

@@ -60,7 +60,7 @@ fn a_sonar_pings_all_along_its_way() {
             "{SIDES} --preview DIR/falls.png --view waterfall --color intensity --image DIR/falls.npz --pings DIR/pings.npz"
         ),
     );
-    // Nobody asked for points.
+    // No points were requested.
     assert!(said.contains("sss_450 in") && said.contains("lake.glb: 10 beams (2,560 rays), 5 pings\n"), "{said}");
     assert!(is_png(&folder.join("falls.png")));
     assert_eq!(files(folder), ["falls.npz", "falls.png", "lake.glb", "pings.npz", "survey.csv"]);
@@ -84,7 +84,7 @@ fn a_sonar_pings_all_along_its_way() {
 }
 
 #[test]
-fn fewer_pings_can_be_asked_for_and_other_columns() {
+fn fewer_pings_and_other_columns_can_be_requested() {
     let folder = lake();
     let folder = folder.path();
     let report = report(
@@ -106,7 +106,7 @@ fn fewer_pings_can_be_asked_for_and_other_columns() {
     assert_eq!(report["points"], range.len());
     assert!(ping.iter().all(|&ping| ping == 1.0 || ping == 3.0) && ping.contains(&3.0));
     assert!(level.iter().all(|level| (40.0..220.0).contains(level)));
-    // Of what is there: the middle of a bin is at most half of one beside the truth, and the pulse as much again.
+    // For real echoes, the middle of a bin is at most half a bin off the truth, and the pulse adds as much again.
     let there = range.iter().zip(&truth).zip(&id).filter(|(_, id)| **id > 0.0);
     let (near, all) = there
         .fold((0, 0), |(near, all), ((range, truth), _)| (near + usize::from((range - truth).abs() < 0.15), all + 1));
@@ -185,7 +185,7 @@ fn what_does_not_fit_a_sonar_is_named_and_nothing_is_written() {
             "scan DIR/lake.glb --sensor fls_900 --at 0,0,-2 --pings DIR/x.xtf".to_owned(),
             "x.xtf is for a fan sonar; allowed: side-scan and swath sonars; .npz and .h5 hold any",
         ),
-        (format!("{SIDES} --image DIR/x.npz"), "--image: shows what --view says, which is top; allowed: waterfall"),
+        (format!("{SIDES} --image DIR/x.npz"), "--image: writes the view of --view, which is top; allowed: waterfall"),
         (
             format!("{above} -o DIR/x.csv"),
             "error: the sonar is 1.000 m above the water, whose surface is at z = 0 m: lower it with --at",
@@ -220,7 +220,7 @@ fn what_does_not_fit_a_sonar_is_named_and_nothing_is_written() {
         ),
         (
             format!("{SIDES} --single -o DIR/x.npz --pings DIR/x_0001.npz"),
-            "x_0001.npz: is a name that --single gives to a frame of",
+            "x_0001.npz: is the name that --single gives to a frame of",
         ),
         (
             format!("{SIDES} --image DIR/x.png --view track --preview DIR/x.category_id.png"),
@@ -232,7 +232,7 @@ fn what_does_not_fit_a_sonar_is_named_and_nothing_is_written() {
         ),
         (
             format!("{SIDES} --preview DIR/x.png --view track --color cause"),
-            "--color cause: is not shown by --view track of this sonar; allowed: label, intensity",
+            "--color cause: not available with --view track of this sonar; allowed: label, intensity",
         ),
         (
             "scan DIR/lake.glb --sensor mbes_400 --at 0,0,-2 --preview DIR/x.png --view waterfall --ground".to_owned(),
@@ -240,7 +240,7 @@ fn what_does_not_fit_a_sonar_is_named_and_nothing_is_written() {
         ),
     ] {
         let output = run(folder, &args);
-        // The place, the simulation and the content of a file are no wrong usage.
+        // The place, the simulation and the content of a file are not wrong usage.
         let failed = ["above the water", "range.max_m is 20 m", "speed_m_s is 15"].iter().any(|of| says.contains(of));
         assert_eq!(output.status.code(), Some(if failed { 1 } else { 2 }), "{args}\n{}", stderr(&output));
         let says = says.replace("DIR", &folder.display().to_string());
@@ -250,30 +250,30 @@ fn what_does_not_fit_a_sonar_is_named_and_nothing_is_written() {
 }
 
 #[test]
-fn points_of_a_sonar_say_why_they_are_there() {
+fn points_of_a_sonar_have_their_causes() {
     let folder = lake();
     let folder = folder.path();
     let said = stdout(folder, &format!("{SIDES} -o DIR/points.csv -o DIR/points.las"));
-    let told = said.lines().find_map(|line| line.trim().strip_prefix("points by cause: ")).expect("causes");
+    let listed = said.lines().find_map(|line| line.trim().strip_prefix("points by cause: ")).expect("causes");
     let causes = csv_column(&folder.join("points.csv"), "cause");
     let surfaces = causes.iter().filter(|&&cause| cause == 0.0).count();
-    assert!(surfaces > 100 && told.replace(',', "").contains(&format!("{surfaces} surface")), "{said}");
-    assert!(told.contains(" noise") == causes.contains(&7.0), "{said}");
+    assert!(surfaces > 100 && listed.replace(',', "").contains(&format!("{surfaces} surface")), "{said}");
+    assert!(listed.contains(" noise") == causes.contains(&7.0), "{said}");
     for name in ["return_number", "return_count"] {
         assert!(csv_column(&folder.join("points.csv"), name).iter().all(|&number| number == 1.0));
     }
     let output = run(folder, &format!("{SIDES} -o DIR/more.las"));
     assert!(!stderr(&output).contains("return numbers"), "{}", stderr(&output));
-    // Only what was asked for.
+    // Only what was requested.
     stdout(folder, &format!("{SIDES} --frames 0:0 --fields x,y,z -o DIR/three.csv"));
     assert!(fs::read_to_string(folder.join("three.csv")).unwrap().starts_with("x,y,z\n"));
-    // Lidars have the column when it is asked for.
+    // Lidars have the column only if it is requested.
     stdout(folder, "scan DIR/lake.glb --sensor velodyne_vlp16 --at 0,0,-2 -o DIR/light.csv");
     assert!(!fs::read_to_string(folder.join("light.csv")).unwrap().lines().next().unwrap().contains("cause"));
 }
 
 #[test]
-fn a_sonar_that_hears_nothing_is_told_why() {
+fn a_sonar_that_receives_nothing_is_explained() {
     let folder = lake();
     let folder = folder.path();
     let deep = "scan DIR/lake.glb --sensor sss_450 --set range.max_m=20 --set pattern.rays=256 --at 0,0,-40";
@@ -290,7 +290,7 @@ fn a_sonar_that_hears_nothing_is_told_why() {
 }
 
 #[test]
-fn a_velocity_log_says_where_it_has_no_bottom() {
+fn a_velocity_log_reports_where_it_has_no_bottom() {
     let folder = lake();
     let folder = folder.path();
     let log = "scan DIR/lake.glb --sensor water_linked_a50 --set pattern.rays=256 --at 0,0,-3";
@@ -328,11 +328,11 @@ fn files_beside_an_image_are_reported() {
             .map(|name| folder.join(name).display().to_string())
     );
     assert!(outputs.iter().all(|file| is_png(Path::new(file))));
-    // Of those that were asked for and those that the picture shows, whether files of pings have them or not.
+    // Labels that were requested and those that the picture shows, whether files of pings have them or not.
     for pings in ["", " --pings DIR/pings.npz"] {
-        let asked =
+        let command_line =
             format!("{SIDES} --frames 0:1 --image DIR/b.npz --view track --fields x,instance_id,material_id{pings}");
-        stdout(folder, &asked);
+        stdout(folder, &command_line);
         let held = fs::read(folder.join("b.npz")).unwrap();
         let has = |name: &str| held.windows(name.len()).any(|found| found == name.as_bytes());
         assert!(

@@ -45,7 +45,7 @@ fn the_version_says_which_vector_instructions_are_used() {
     };
     for (level, width) in [("plain", 4), ("avx2", 8), ("avx512", 16)] {
         let (code, said, error) = verbose(level);
-        // What the processor does not have is told.
+        // What the processor lacks is reported.
         if code == Some(1) {
             assert!(error.starts_with(&format!("error: ECHOCAST_SIMD is {level}; allowed: ")), "{error}");
             assert_ne!(level, "plain");
@@ -98,7 +98,7 @@ fn wrong_usage_is_2() {
     assert!(common::files(folder.path()).is_empty());
 }
 
-/// Runs the program in `folder` for each row of `table`: arguments, and what the one line says that it ends with.
+/// Runs the program in `folder` for each row of `table`: arguments, and words in the single line that it ends with.
 #[track_caller]
 fn all_end_with(code: i32, folder: &Path, table: &[(&str, &[&str])]) {
     for (args, says) in table {
@@ -115,7 +115,7 @@ fn all_end_with(code: i32, folder: &Path, table: &[(&str, &[&str])]) {
     }
 }
 
-/// What the parser of arguments lets through, and only the sensor, the scene or the library can tell.
+/// What the parser of arguments accepts, and only the sensor, the scene or the library can detect.
 #[test]
 fn wrong_usage_that_is_found_late_is_2_and_one_line() {
     let folder = tempfile::tempdir().unwrap();
@@ -187,7 +187,7 @@ fn wrong_usage_that_is_found_late_is_2_and_one_line() {
             ("info DIR/scene.blend", &["scene.blend", ".glb", ".obj"]),
             ("scan DIR/room.gltf --sensor kinect_v2 -o DIR/x.las", &["--camera NODE", "Front, Rear"]),
             ("scan DIR/room.gltf --sensor kinect_v2 --camera Side -o DIR/x.las", &["--camera Side", "Front, Rear"]),
-            ("scan HALL --sensor velodyne --at 0,0,1 -o DIR/x.las", &["--sensor", "fits several", "velodyne_vlp16"]),
+            ("scan HALL --sensor velodyne --at 0,0,1 -o DIR/x.las", &["--sensor", "matches several", "velodyne_vlp16"]),
             (&format!("{scene} --view fan --preview DIR/x.png"), &["--view fan: the sensor is a tof"]),
             (&format!("{scene} --pings DIR/x.npz"), &["--pings: the sensor is a tof"]),
             (&format!("{scene} --color doppler --preview DIR/x.png"), &["--color doppler"]),
@@ -389,10 +389,10 @@ fn a_time_of_boxes_needs_boxes() {
     let scan = "scan HALL --sensor velodyne_vlp16 --at 0,0,1 --box-time";
     for alone in ["end", "start", "scan"] {
         let output = run(folder.path(), &format!("{scan} {alone} -o DIR/x.las"));
-        let told = stderr(&output);
-        assert_eq!(output.status.code(), Some(2), "{told}");
+        let message = stderr(&output);
+        assert_eq!(output.status.code(), Some(2), "{message}");
         for option in ["--boxes", "--show", "--annotations"] {
-            assert!(told.contains(option), "{told}");
+            assert!(message.contains(option), "{message}");
         }
     }
     assert!(common::files(folder.path()).is_empty());
@@ -423,7 +423,7 @@ fn formats_are_listed_with_what_they_lack() {
 }
 
 #[test]
-fn info_tells_what_a_scene_holds() {
+fn info_describes_a_scene() {
     let folder = tempfile::tempdir().unwrap();
     let hall = stdout(folder.path(), "info HALL");
     for text in ["triangles   58,", "ChromeMat", "chair", "3 objects", "cameras     0", "animations  0", "seat"] {
@@ -441,7 +441,7 @@ fn info_tells_what_a_scene_holds() {
     ] {
         assert!(room.contains(text), "{text} is missing in\n{room}");
     }
-    // Its floor from another file, whose name is not that of a rate.
+    // Its floor from another file, the `@` in whose name does not begin a rate.
     fs::write(folder.path().join("bed@home_1.obj"), "v 0 0 0\nv 7 0 0\nv 0 1 2\nf 1 2 3\n").unwrap();
     let room = stdout(folder.path(), "info DIR/room.gltf --cache Floor=DIR/bed@home_1.obj@25");
     assert!(room.contains("triangles   1\n") && room.contains("size        7.000 x 2.000 x 1.000 m"), "{room}");

@@ -12,7 +12,8 @@
 //! # Ok::<(), echocast::Error>(())
 //! ```
 //!
-//! In a loop, a [`LiveScene`] changes while its last snapshot is scanned, into the memory of the scan before:
+//! In a loop, a [`LiveScene`] is edited while its last snapshot is scanned; each scan reuses the memory of the one
+//! before:
 //!
 //! ```no_run
 //! # use echocast::{Engine, LiveScene, PointCloud, ScanOptions, Scene, Sensor, Trajectory};
@@ -30,7 +31,7 @@
 //! ```
 //!
 //! A sonar sends pings. [`BuiltScene::scan`] gives the points of a ping, as for any sensor; [`BuiltScene::ping`] gives
-//! the whole ping, a level and labels for every range bin, from which [`image`] makes what a sonar's software shows:
+//! the whole ping, a level and labels for every range bin, from which [`image`] renders what sonar software displays:
 //!
 //! ```no_run
 //! use echocast::{Environment, Field, Pings, ScanOptions, Scene, Sensor, Trajectory, image};
@@ -43,7 +44,8 @@
 //! for frame in 0..200 {
 //!     let start_time = f64::from(frame) * sonar.beams().period;
 //!     let fields = [Field::CategoryId].into_iter().collect();
-//!     let options = ScanOptions { frame, start_time, fields, environment: environment.clone(), ..ScanOptions::default() };
+//!     let options =
+//!         ScanOptions { frame, start_time, fields, environment: environment.clone(), ..ScanOptions::default() };
 //!     pings.push(lake.ping(&sonar, &survey, &options)?)?;
 //! }
 //! pings.write("survey.npz")?;
@@ -58,25 +60,25 @@
 //! | make | [`generate`] | a lake bed, a street, a town, rooms or a landscape as a file, if you have no scene |
 //! | read, resolve | [`scene`] | [`Scene`]: z up, metres, labels and materials attached |
 //! | build | `trace` | [`BuiltScene`]: Embree's structure and what its ids mean, shared by threads; a [`LiveScene`] makes one after another |
-//! | aim | [`emitter`] | the beams of a [`Sensor`], each at the pose of its own time |
+//! | aim | [`emitter`] | the beams of a [`Sensor`], each at the pose of its emission time |
 //! | trace | `trace` | range, normal and surface for every beam |
 //! | interact | [`echo`], with [`material`] and [`medium`] | reflectance, incidence, intensity; for sonars a [`Ping`]: levels in range bins |
-//! | detect | [`detect`] | which echoes are seen, and at which measured range |
-//! | collect | [`cloud`] | [`PointCloud`]: one column per quantity, truth beside measurement; [`Pings`] for a sonar |
+//! | detect | [`detect`] | which echoes are detected, and at what measured range |
+//! | collect | [`cloud`] | [`PointCloud`]: one column per quantity, ground truth alongside measurements; [`Pings`] for a sonar |
 //! | draw | [`image`] | from [`Pings`]: waterfall, mosaic, fan, depth map; from a [`PointCloud`]: what a camera saw, pixel by pixel |
-//! | write | [`export`], [`preview`] | a file and a [`Report`] of what it could not hold; a picture for people |
+//! | write | [`export`], [`preview`] | a file and a [`Report`] of what it could not hold; a picture for viewing |
 //! | read back | [`import`] | the [`PointCloud`] of such a file, or of another program's |
 //!
 //! # The path of a ping
 //!
 //! | step | module | result |
 //! |---|---|---|
-//! | stretch | [`medium`] | the water as layers in which sound speed, absorption and density are known |
-//! | send | [`emitter`] | the rays that stand for the sound a transducer sends, and how strongly each of its beams receives them |
-//! | trace | `trace` | arrivals: where rays, bent and reflected, meet the bed, objects in the water and its surface |
-//! | answer | [`echo`] | for each arrival its energy, divided among range bins, with the phase of its scatterers |
-//! | listen | [`echo`] | for each beam the sum over bins, the response to its pulse, and noise: levels in dB |
-//! | report | [`detect`] | the depth that each beam reports; of a Doppler velocity log its velocity |
+//! | layer | [`medium`] | the water as layers in which sound speed, absorption and density are known |
+//! | transmit | [`emitter`] | the rays that sample the sound a transducer transmits, and the response of each of its beams to them |
+//! | trace | `trace` | arrivals: where rays, refracted and reflected, meet the bed, objects in the water and its surface |
+//! | scatter | [`echo`] | for each arrival its energy, divided among range bins, with the phase of its scatterers |
+//! | receive | [`echo`] | for each beam the sum over bins, the response to its pulse, and noise: levels in dB |
+//! | report | [`detect`] | the sounding of each beam; for a Doppler velocity log its velocity |
 //!
 //! # Floors
 //!
@@ -89,19 +91,23 @@
 //! | `preview` | pictures of clouds and pings, for people |
 //! | `import` | clouds from files |
 //! | `export` | files of clouds, pings and images |
-//! | `image` | images of pings: waterfall, mosaic, fan, depth map; of scans of light, and what they show of each instance |
-//! | `scan` | the driver: a scan of light, a ping, the profiles of the paper |
+//! | `image` | images of pings: waterfall, mosaic, fan, depth map; images of optical scans, and what they show of each instance |
+//! | `scan` | the driver: an optical scan, a ping, the profiles of the paper |
 //! | `sensor` | sensor files, presets, and what they set up in the modules below |
 //! | `echo` | what comes back: contributions, paths, weather, signals; sound levels |
-//! | `detect` | which echoes are seen, with which errors |
+//! | `detect` | which echoes are detected, with which errors |
 //! | `cloud` | columns of points, pings |
 //! | `trace` | rays to hits: Embree, and what its ids mean |
-//! | `scene` | objects, meshes and labels, read from files |
+//! | `scene` | objects, meshes and labels, with label rules applied |
+//! | `scene_files` | scenes from files: a module for each format |
+//! | `model` | meshes, and objects and cameras as files place them |
 //! | `material` | how surfaces reflect light and sound |
 //! | `medium` | air and water |
+//! | `cells` | the levels of a ping by beam and range bin, and what is read from them |
 //! | `emitter` | beams, trajectories, lobes |
-//! | `motion` | how things move: keys, nodes, what changes its shape |
+//! | `motion` | how objects move: keyframes, nodes, deformation |
 //! | `read` | files, YAML and tables, with errors that say where |
+//! | `write` | files that appear only once complete |
 //! | `ground` | errors, units, poses, blocks of rays, random numbers, threads |
 //!
 //! # Conventions
@@ -115,16 +121,16 @@
 //! | word | meaning here |
 //! |---|---|
 //! | beam | what one emitter or transducer sends in one firing; it has a divergence |
-//! | ray | a line handed to Embree; several can stand for one beam |
+//! | ray | a line handed to Embree; several can sample one beam |
 //! | firing | one emission: a pulse, an exposure, a ping |
 //! | hit | a ray meets a triangle: geometry alone |
 //! | echo | a peak of energy in the received signal |
 //! | return | an echo that the instrument reports |
 //! | reflectance | a property of the surface, at the wavelength |
-//! | effective reflectance, `rho_eff` | that of a Lambert surface, met head-on, that would reflect as much |
+//! | effective reflectance, `rho_eff` | that of a Lambertian surface that would reflect as much at normal incidence |
 //! | intensity | what the instrument reports, in its own scale |
-//! | extinction, backscatter | in 1/m and 1/(m sr), of what is in the air |
-//! | lane, block, chunk | one of 256 beams side by side; these 256 beams; 2048 beams, the work of one task |
+//! | extinction, backscatter | in 1/m and 1/(m sr), of the air and what is suspended in it |
+//! | lane, block, chunk | one of 256 beams processed side by side; these 256 beams; 2048 beams, the work of one task |
 //! | row | in a cloud: a return; in the table of surfaces: a part of an object |
 //! | kernel | a loop over the lanes of a block, compiled for every vector level (the crate `echocast-kernels`) |
 //!
@@ -132,10 +138,12 @@
 //!
 //! * The same binary, machine, inputs and seed give the same bits, for any number of threads and any vector level.
 //! * A random number is a function of its address: the key is the seed, the counter is beam, frame, number of the
-//!   return or sub-ray, and purpose. A new noise has its own purpose and does not change the draws of the others.
-//! * Nothing panics, prints or hangs on input; errors say what was found and what is allowed.
+//!   return or sub-ray, and purpose. A new noise source has its own purpose and does not change the draws of the
+//!   others.
+//! * No input causes a panic, output to the console or a hang; errors say what was found and what is allowed.
 #![forbid(unsafe_code)]
 
+mod cells;
 pub mod cloud;
 pub mod detect;
 pub mod echo;
@@ -149,23 +157,27 @@ pub mod image;
 pub mod import;
 pub mod material;
 pub mod medium;
+mod model;
 mod motion;
 pub mod preview;
 pub mod read;
 mod scan;
 pub mod scenario;
 pub mod scene;
+mod scene_files;
 mod sensor;
 mod trace;
+mod write;
 
-/// Compiles the examples of the page.
+/// Compiles the examples of that page.
 #[cfg(doctest)]
 #[doc = include_str!("../../../docs/motion.md")]
 mod page_of_motion {}
 
+pub use cells::{Layout, SonarView, Sounding, Track};
 pub use cloud::{
-    BoxAxes, BoxTime, CELL_FIELDS, Driver, Field, FieldSet, Frame, InstanceBox, Layout, PackItem, PackType, Ping,
-    Pings, PointCloud, SonarView, Sounding, Track,
+    BoxAxes, BoxTime, CELL_FIELDS, Driver, Field, FieldSet, Frame, InstanceBox, PackItem, PackType, Ping, Pings,
+    PointCloud,
 };
 pub use detect::ReturnMode;
 pub use echo::Taper;

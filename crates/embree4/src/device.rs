@@ -12,20 +12,20 @@ pub(crate) const OLDEST_MINOR: u32 = 3;
 /// An Embree device: the factory of meshes and scenes. Clones are handles of the same device; what it created keeps it
 /// alive.
 #[derive(Clone)]
-pub struct Device(Arc<Owned>);
+pub struct Device(Arc<OwnedDevice>);
 
-struct Owned {
+struct OwnedDevice {
     raw: sys::RTCDevice,
     version: (u32, u32, u32),
     packet_width: usize,
-    slots: Slots,
+    slots: BuilderSlots,
 }
 
 // SAFETY: Embree's device is reference counted and may be used from any number of threads at once (its error state is
 // per thread).
-unsafe impl Send for Owned {}
+unsafe impl Send for OwnedDevice {}
 // SAFETY: as above.
-unsafe impl Sync for Owned {}
+unsafe impl Sync for OwnedDevice {}
 
 impl Device {
     /// A device for the CPU's best instruction set. It starts no thread, now or later: scenes are built by the threads
@@ -44,8 +44,8 @@ impl Device {
     /// # Errors
     /// As [`Device::new`], and [`Error::Config`] when `config` contains a NUL character.
     pub fn with_config(config: &str) -> Result<Device, Error> {
-        // As many threads as TBB has places for, all of them our callers: TBB starts none of its own, which would end
-        // the process if the system refused, and limits none of another user in this process.
+        // As many threads as TBB has places for, all of them reserved for callers: TBB starts none of its own, which
+        // would end the process if the system refused, and does not limit other users of TBB in this process.
         let places = "threads=65536,user_threads=65536";
         let text = CString::new(format!("{places},{config}")).map_err(|_| Error::Config { config: config.into() })?;
         // SAFETY: `text` is a C string that outlives the call; Embree copies what it needs.
@@ -54,7 +54,7 @@ impl Device {
             check(None, "rtcNewDevice")?;
             return Err(Error::Embree { call: "rtcNewDevice", reason: "no device and no error returned" });
         }
-        let mut owned = Owned { raw, version: (0, 0, 0), packet_width: 4, slots: Slots::new() }; // released by Drop from here on
+        let mut owned = OwnedDevice { raw, version: (0, 0, 0), packet_width: 4, slots: BuilderSlots::new() }; // released by Drop from here on
         let number = |property| u32::try_from(owned.property(property)).unwrap_or(0);
         owned.version = (
             number(sys::RTC_DEVICE_PROPERTY_VERSION_MAJOR),
@@ -88,7 +88,7 @@ impl Device {
         self.0.slots.count
     }
 
-    pub(crate) fn slots(&self) -> &Slots {
+    pub(crate) fn slots(&self) -> &BuilderSlots {
         &self.0.slots
     }
 
@@ -107,14 +107,14 @@ impl fmt::Debug for Device {
     }
 }
 
-impl Owned {
+impl OwnedDevice {
     fn property(&self, property: sys::RTCDeviceProperty) -> isize {
         // SAFETY: `self.raw` is a live device; an unknown property sets an error and returns 0.
         unsafe { sys::rtcGetDeviceProperty(self.raw, property) }
     }
 }
 
-impl Drop for Owned {
+impl Drop for OwnedDevice {
     fn drop(&mut self) {
         // SAFETY: we own one reference, given by rtcNewDevice, and give it back once.
         unsafe { sys::rtcReleaseDevice(self.raw) }
@@ -123,21 +123,21 @@ impl Drop for Owned {
 
 /// The places for threads that build a device's scenes, as many as TBB has for them. With one more, TBB would start a
 /// thread to make room.
-pub(crate) struct Slots {
+pub(crate) struct BuilderSlots {
     count: usize,
     free: Mutex<usize>,
     freed: Condvar,
 }
 
-impl Slots {
-    fn new() -> Slots {
+impl BuilderSlots {
+    fn new() -> BuilderSlots {
         /// TBB counts cores only once, too.
         static COUNT: OnceLock<usize> = OnceLock::new();
         let count = *COUNT.get_or_init(|| thread::available_parallelism().map_or(1, usize::from));
-        Slots { count, free: Mutex::new(count), freed: Condvar::new() }
+        BuilderSlots { count, free: Mutex::new(count), freed: Condvar::new() }
     }
 
-    /// Does `work` in a place, waiting for one; `spare` others stay free, if there are that many.
+    /// Does `work` in a place, for which it waits; `spare` others stay free, if there are that many.
     pub fn with<R>(&self, spare: usize, work: impl FnOnce() -> R) -> R {
         let spare = spare.min(self.count - 1);
         let free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
@@ -147,7 +147,7 @@ impl Slots {
         self.leave_after(work)
     }
 
-    /// [`Slots::with`] if a place is free right now.
+    /// [`BuilderSlots::with`] if a place is free right now.
     pub fn try_with<R>(&self, spare: usize, work: impl FnOnce() -> R) -> Option<R> {
         let mut free = self.free.lock().unwrap_or_else(PoisonError::into_inner);
         if *free <= spare {
@@ -159,12 +159,12 @@ impl Slots {
     }
 
     fn leave_after<R>(&self, work: impl FnOnce() -> R) -> R {
-        /// Leaves the place, also when `work` panics.
-        struct Leave<'a>(&'a Slots);
+        /// Frees the place, even if `work` panics.
+        struct Leave<'a>(&'a BuilderSlots);
         impl Drop for Leave<'_> {
             fn drop(&mut self) {
                 *self.0.free.lock().unwrap_or_else(PoisonError::into_inner) += 1;
-                // Waiters may want different numbers of places to stay free.
+                // Waiting threads may require different numbers of free places.
                 self.0.freed.notify_all();
             }
         }

@@ -1,5 +1,5 @@
 //! A safe wrapper of the parts of [Embree](https://www.embree.org) 4 that a sensor simulator needs: triangle meshes,
-//! one level of instances, shapes of the caller's own, and the closest hit of single rays and of packets of 4, 8 and 16.
+//! one level of instances, custom shapes, and the closest hit of single rays and of packets of 4, 8 and 16.
 //!
 //! ```
 //! use embree4::{Coherence, Device, Mesh, Packet, Quality, Scene, INVALID};
@@ -43,4 +43,4 @@ pub use error::{Error, OUT_OF_MEMORY};
 pub use mesh::Mesh;
 pub use ray::{Coherence, INVALID, Packet, Ray};
 pub use scene::{Candidate, CommittedScene, Instance, Joint, Pace, Quality, Scene, is_invertible};
-pub use shape::{Custom, Hit, LocalRays, Query, Shape};
+pub use shape::{Custom, CustomShape, Hit, LocalRays, Query};

@@ -93,11 +93,11 @@ impl Geometry {
             return Err(Error::Embree { call: "rtcSetNewGeometryBuffer", reason: "no memory and no error returned" });
         }
         // SAFETY: Embree returned room for `count` items of size_of::<T>() bytes, aligned to 16 bytes, that lives as
-        // long as the geometry; nobody else has the pointer, and the contents need not be initialised.
+        // long as the geometry; nothing else has the pointer, and the contents need not be initialised.
         Ok(unsafe { std::slice::from_raw_parts_mut(data.cast(), count) })
     }
 
-    /// Prepares it for attaching.
+    /// Prepares the geometry to be attached.
     pub(crate) fn commit(&mut self, mask: u32) -> Result<(), Error> {
         // SAFETY: the geometry is alive and not shared yet; its buffers are filled.
         unsafe {

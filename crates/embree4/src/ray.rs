@@ -1,6 +1,6 @@
 use embree4_sys as sys;
 
-/// The id of nothing: what `geom_id` of a ray that hits nothing keeps, and `inst_id` of a hit outside instances.
+/// The id for none: `geom_id` of a ray that hits nothing, and `inst_id` of a hit outside of instances.
 pub const INVALID: u32 = u32::MAX;
 
 /// How similar the rays of a packet are.

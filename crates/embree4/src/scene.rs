@@ -7,7 +7,7 @@ use crate::error::{Error, check};
 use crate::mesh::Geometry;
 use crate::{Coherence, Custom, Device, INVALID, Mesh, Packet, Ray};
 
-/// How much work goes into building a scene's structure.
+/// How much work goes into building the acceleration structure of a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Quality {
     /// Built four times as fast as medium, traced up to twice as slowly: for what is rebuilt every frame.
@@ -19,16 +19,16 @@ pub enum Quality {
 
 /// A scene being assembled from meshes and instances. [`Scene::commit`] makes it ready to trace.
 #[derive(Debug)]
-pub struct Scene(Owned);
+pub struct Scene(OwnedScene);
 
 /// A finished scene: immutable, shared by threads, ready to trace. Clones are handles of the same scene.
 #[derive(Clone, Debug)]
-pub struct CommittedScene(Arc<Owned>);
+pub struct CommittedScene(Arc<OwnedScene>);
 
 /// One reference to an Embree scene, and what it depends on. Embree counts references of scenes to their geometries
 /// and, though only its source says so, of instances to their scenes; we do not rely on the latter.
 #[derive(Debug)]
-struct Owned {
+struct OwnedScene {
     raw: sys::RTCScene,
     device: Device,
     instances: Vec<Instance>,
@@ -38,20 +38,20 @@ struct Owned {
 /// A scene placed in another one, ready to be attached to any number of scenes. Clones are handles of the same
 /// instance.
 #[derive(Clone, Debug)]
-pub struct Instance(Arc<Placed>);
+pub struct Instance(Arc<PlacedScene>);
 
 #[derive(Debug)]
-struct Placed {
+struct PlacedScene {
     geometry: Geometry,
     /// What Embree's geometry refers to; dropped after it.
     of: CommittedScene,
 }
 
 // SAFETY: Embree's scenes are reference counted and not bound to a thread.
-unsafe impl Send for Owned {}
+unsafe impl Send for OwnedScene {}
 // SAFETY: what changes a scene takes `&mut self` or consumes it; a shared one is only built and then traced, which
 // Embree allows from any number of threads.
-unsafe impl Sync for Owned {}
+unsafe impl Sync for OwnedScene {}
 
 impl Scene {
     /// An empty scene.
@@ -65,7 +65,7 @@ impl Scene {
         if raw.is_null() {
             return Err(Error::Embree { call: "rtcNewScene", reason: "no scene and no error returned" });
         }
-        let scene = Scene(Owned { raw, device: device.clone(), instances: Vec::new(), customs: Vec::new() });
+        let scene = Scene(OwnedScene { raw, device: device.clone(), instances: Vec::new(), customs: Vec::new() });
         let quality = match quality {
             Quality::Low => sys::RTC_BUILD_QUALITY_LOW,
             Quality::Medium => sys::RTC_BUILD_QUALITY_MEDIUM,
@@ -73,9 +73,9 @@ impl Scene {
         // SAFETY: the scene is alive and ours alone.
         unsafe { sys::rtcSetSceneBuildQuality(raw, quality) };
         check(Some(device), "rtcSetSceneBuildQuality")?;
-        // No ray passes between triangles that share an edge; one that is aimed exactly at a corner still may, if rarely
-        // (Embree's issues 174 and 181). And `intersect_where` may call back, which without a filter has no measurable
-        // cost.
+        // No ray passes between triangles that share an edge; one that is aimed exactly at a corner still may, if
+        // rarely (Embree's issues 174 and 181). And `intersect_where` may call back, which without a filter has no
+        // measurable cost.
         let flags = sys::RTC_SCENE_FLAG_ROBUST | sys::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
         // SAFETY: as above.
         unsafe { sys::rtcSetSceneFlags(raw, flags) };
@@ -129,8 +129,8 @@ impl Scene {
         self.commit_with(Pace::Now, |_| ())
     }
 
-    /// [`Scene::commit`] with the help of other threads: `call` tells them what to do, which is [`Joint::help`] on
-    /// each. It need not wait for them, and they may come too late or never.
+    /// [`Scene::commit`] with the help of other threads: `call` makes each of them run [`Joint::help`]. It need not
+    /// wait for them, and they may come too late or never.
     ///
     /// # Errors
     /// As [`Scene::commit`].
@@ -140,7 +140,7 @@ impl Scene {
             Pace::Now => 0,
             Pace::Aside => 1,
         };
-        let open = Open { scene: Some(scene.clone()), inside: 0, error: None };
+        let open = OpenScene { scene: Some(scene.clone()), inside: 0, error: None };
         let joint = Arc::new(Joint { spare, open: Mutex::new(open), left: Condvar::new() });
         call(&joint);
         let own = scene.device.slots().with(spare, || scene.build());
@@ -149,7 +149,7 @@ impl Scene {
     }
 }
 
-/// Who goes first when scenes of one device are built at the same time.
+/// Priority of a scene when several scenes of one device are built at the same time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
     /// As fast as possible.
@@ -160,16 +160,16 @@ pub enum Pace {
 
 /// A scene that several threads build together.
 pub struct Joint {
-    /// Places left to others.
+    /// Places left free for other builds.
     spare: usize,
-    open: Mutex<Open>,
+    open: Mutex<OpenScene>,
     /// Signals that a helper has left.
     left: Condvar,
 }
 
-struct Open {
+struct OpenScene {
     /// `None`: it has been built.
-    scene: Option<Arc<Owned>>,
+    scene: Option<Arc<OwnedScene>>,
     /// Helpers at work.
     inside: usize,
     error: Option<Error>,
@@ -189,14 +189,14 @@ impl Joint {
         self.left.notify_all();
     }
 
-    fn enter(&self) -> Option<Arc<Owned>> {
+    fn enter(&self) -> Option<Arc<OwnedScene>> {
         let mut open = self.lock();
         let scene = open.scene.clone()?;
         open.inside += 1;
         Some(scene)
     }
 
-    /// Admits nobody else and waits for those inside; `own` is the committing thread's result.
+    /// Admits no more helpers and waits for those at work; `own` is the committing thread's result.
     fn close(&self, own: Result<(), Error>) -> Result<(), Error> {
         let mut open = self.lock();
         open.scene = None;
@@ -204,7 +204,7 @@ impl Joint {
         own.and(open.error.take().map_or(Ok(()), Err))
     }
 
-    fn lock(&self) -> MutexGuard<'_, Open> {
+    fn lock(&self) -> MutexGuard<'_, OpenScene> {
         self.open.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -215,7 +215,7 @@ impl fmt::Debug for Joint {
     }
 }
 
-impl Owned {
+impl OwnedScene {
     /// Builds the scene with all threads that call this at the same time.
     fn build(&self) -> Result<(), Error> {
         // SAFETY: the scene is alive, everything attached to it is committed, and nothing else is done with it before
@@ -243,8 +243,8 @@ impl Instance {
         }
         let device = &of.0.device;
         let mut geometry = Geometry::new(device, sys::RTC_GEOMETRY_TYPE_INSTANCE)?;
-        // SAFETY: both handles are alive and of one device, and the geometry is ours alone. `Placed` keeps the scene
-        // alive as long as the geometry.
+        // SAFETY: both handles are alive and of one device, and the geometry is ours alone. `PlacedScene` keeps the
+        // scene alive as long as the geometry.
         unsafe { sys::rtcSetGeometryInstancedScene(geometry.raw(), of.0.raw) };
         check(Some(device), "rtcSetGeometryInstancedScene")?;
         // SAFETY: the format names 12 floats without padding, and Embree copies them.
@@ -258,7 +258,7 @@ impl Instance {
         }
         check(Some(device), "rtcSetGeometryTransform")?;
         geometry.commit(mask)?;
-        Ok(Instance(Arc::new(Placed { geometry, of: of.clone() })))
+        Ok(Instance(Arc::new(PlacedScene { geometry, of: of.clone() })))
     }
 
     /// The scene that is placed.
@@ -277,7 +277,7 @@ impl CommittedScene {
         self.0.device.is(device)
     }
 
-    /// Least and greatest x, y, z of its contents; if empty the least are +infinity, the greatest -infinity.
+    /// Lowest and highest x, y, z of its contents; if empty the lowest are +infinity, the highest -infinity.
     pub fn bounds(&self) -> [[f32; 3]; 2] {
         let mut bounds = sys::RTCBounds {
             lower_x: 0.0,
@@ -300,15 +300,15 @@ impl CommittedScene {
     /// coordinate that is not finite, or with neither -1 nor 0 in `valid`, gives a meaningless hit or none.
     #[inline]
     pub fn intersect<const W: usize>(&self, valid: &[i32; W], rays: &mut Packet<W>, coherence: Coherence) {
-        let mut asking = Asking::ALL;
-        let mut arguments = arguments(coherence.flags(), &mut asking);
+        let mut query_filter = QueryFilter::ALL;
+        let mut arguments = arguments(coherence.flags(), &mut query_filter);
         // SAFETY: the context outlives the call, and there is no filter.
         unsafe { self.intersect_with(valid, rays, &mut arguments) }
     }
 
-    /// [`CommittedScene::intersect`] that passes through every hit that `counts` refuses. It is called for hits in any
-    /// order, for some more than once and for some that are not the closest, so it must decide by the hit alone. A
-    /// panic in it ends the process.
+    /// [`CommittedScene::intersect`] of rays that pass through every hit that `counts` rejects. It is called for hits
+    /// in any order, for some more than once and for some that are not the closest, so it must decide by the hit alone.
+    /// A panic in it ends the process.
     #[inline]
     pub fn intersect_where<const W: usize, F: Fn(&Candidate) -> bool>(
         &self,
@@ -317,10 +317,11 @@ impl CommittedScene {
         coherence: Coherence,
         counts: &F,
     ) {
-        let mut asking = Asking::new(counts);
+        let mut query_filter = QueryFilter::new(counts);
         let flags = coherence.flags() | sys::RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER;
-        let mut arguments = sys::RTCIntersectArguments { filter: Some(ask), ..arguments(flags, &mut asking) };
-        // SAFETY: `ask` may be called with this context: it begins an `Asking` that outlives the call, and the pointer
+        let mut arguments =
+            sys::RTCIntersectArguments { filter: Some(call_filter), ..arguments(flags, &mut query_filter) };
+        // SAFETY: `call_filter` may be called with this context: it begins an `QueryFilter` that outlives the call, and the pointer
         // to it is one to the whole of it.
         unsafe { self.intersect_with(valid, rays, &mut arguments) }
     }
@@ -352,13 +353,13 @@ impl CommittedScene {
     /// else stays. Faster than [`CommittedScene::intersect`]; the same conditions apply.
     #[inline]
     pub fn occlude<const W: usize>(&self, valid: &[i32; W], rays: &mut Packet<W>, coherence: Coherence) {
-        let mut asking = Asking::ALL;
-        let mut arguments = occlusion(coherence.flags(), &mut asking);
+        let mut query_filter = QueryFilter::ALL;
+        let mut arguments = occlusion(coherence.flags(), &mut query_filter);
         // SAFETY: the context outlives the call, and there is no filter.
         unsafe { self.occlude_with(valid, rays, &mut arguments) }
     }
 
-    /// [`CommittedScene::occlude`] by hits that `counts` does not refuse, see [`CommittedScene::intersect_where`].
+    /// [`CommittedScene::occlude`] by hits that `counts` does not reject, see [`CommittedScene::intersect_where`].
     #[inline]
     pub fn occlude_where<const W: usize, F: Fn(&Candidate) -> bool>(
         &self,
@@ -367,9 +368,10 @@ impl CommittedScene {
         coherence: Coherence,
         counts: &F,
     ) {
-        let mut asking = Asking::new(counts);
+        let mut query_filter = QueryFilter::new(counts);
         let flags = coherence.flags() | sys::RTC_RAY_QUERY_FLAG_INVOKE_ARGUMENT_FILTER;
-        let mut arguments = sys::RTCOccludedArguments { filter: Some(ask), ..occlusion(flags, &mut asking) };
+        let mut arguments =
+            sys::RTCOccludedArguments { filter: Some(call_filter), ..occlusion(flags, &mut query_filter) };
         // SAFETY: as in `intersect_where`.
         unsafe { self.occlude_with(valid, rays, &mut arguments) }
     }
@@ -400,20 +402,21 @@ impl CommittedScene {
     /// Finds the closest hit of one ray.
     #[inline]
     pub fn intersect1(&self, ray: &mut Ray) {
-        let mut asking = Asking::ALL;
-        let mut arguments = arguments(Coherence::Incoherent.flags(), &mut asking);
-        // SAFETY: the context outlives the call; the scene is alive and committed; `ray` has the size, alignment and fields of RTCRayHit (proved where
-        // Ray is defined), and Embree writes nothing else.
+        let mut query_filter = QueryFilter::ALL;
+        let mut arguments = arguments(Coherence::Incoherent.flags(), &mut query_filter);
+        // SAFETY: the context outlives the call; the scene is alive and committed; `ray` has the size, alignment and
+        // fields of RTCRayHit (proved where Ray is defined), and Embree writes nothing else.
         unsafe { sys::rtcIntersect1(self.0.raw, std::ptr::from_mut(ray).cast(), &mut arguments) }
     }
 }
 
-/// A hit that a ray may take or pass through, see [`CommittedScene::intersect_where`]; the fields are those of [`Ray`].
+/// A hit at which a ray may end or which it may pass through, see [`CommittedScene::intersect_where`]; the fields are
+/// those of [`Ray`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Candidate {
-    /// Number of the ray: the `id` it was given.
+    /// Number of the ray: its `id`.
     pub ray: u32,
-    /// Where it is, in lengths of the ray's direction.
+    /// Distance of the hit, in lengths of the ray's direction.
     pub far: f32,
     /// Barycentric weight of the triangle's second corner.
     pub u: f32,
@@ -427,56 +430,56 @@ pub struct Candidate {
     pub inst_id: u32,
 }
 
-/// What every query carries: for Embree's filter and for shapes.
+/// Data that every query carries, for Embree's filter and for shapes.
 #[repr(C)]
-pub(crate) struct Asking {
+pub(crate) struct QueryFilter {
     /// First, so that a pointer to it is one to the whole.
     context: sys::RTCRayQueryContext,
     /// Calls `counts`; `None`: every hit counts.
-    ask: Option<unsafe fn(*const (), &Candidate) -> bool>,
+    call_filter: Option<unsafe fn(*const (), &Candidate) -> bool>,
     counts: *const (),
 }
 
-impl Asking {
-    /// Nothing: every hit counts.
-    const ALL: Asking = Asking {
+impl QueryFilter {
+    /// Every hit counts.
+    const ALL: QueryFilter = QueryFilter {
         context: sys::RTCRayQueryContext { instID: [INVALID], instPrimID: [INVALID] },
-        ask: None,
+        call_filter: None,
         counts: std::ptr::null(),
     };
 
-    /// Whether hits count that `counts` does not refuse; it must outlive the query.
-    fn new<F: Fn(&Candidate) -> bool>(counts: &F) -> Asking {
+    /// Only hits that `counts` does not reject count; it must outlive the query.
+    fn new<F: Fn(&Candidate) -> bool>(counts: &F) -> QueryFilter {
         /// # Safety
         /// `counts` points to an `F`.
         unsafe fn call<F: Fn(&Candidate) -> bool>(counts: *const (), hit: &Candidate) -> bool {
-            // SAFETY: as this function asks for.
+            // SAFETY: as the caller promises.
             unsafe { (*counts.cast::<F>())(hit) }
         }
-        Asking { ask: Some(call::<F>), counts: std::ptr::from_ref(counts).cast(), ..Asking::ALL }
+        QueryFilter { call_filter: Some(call::<F>), counts: std::ptr::from_ref(counts).cast(), ..QueryFilter::ALL }
     }
 
     /// Whether some hits may not count.
     pub(crate) fn refuses(&self) -> bool {
-        self.ask.is_some()
+        self.call_filter.is_some()
     }
 
     /// Whether a hit counts.
     pub(crate) fn counts(&self, hit: &Candidate) -> bool {
         // SAFETY: both were set together, and `counts` outlives the query that carries this.
-        self.ask.is_none_or(|ask| unsafe { ask(self.counts, hit) })
+        self.call_filter.is_none_or(|call_filter| unsafe { call_filter(self.counts, hit) })
     }
 }
 
 /// The filter that calls back.
 ///
 /// # Safety
-/// Only for Embree to call, in a query whose context is that of an [`Asking`].
-unsafe extern "C" fn ask(arguments: *const sys::RTCFilterFunctionNArguments) {
+/// Only for Embree to call, in a query whose context is that of an [`QueryFilter`].
+unsafe extern "C" fn call_filter(arguments: *const sys::RTCFilterFunctionNArguments) {
     // SAFETY: Embree passes its arguments for the time of the call, with the query's context.
-    let (arguments, asking) = unsafe {
+    let (arguments, query_filter) = unsafe {
         let arguments = &*arguments;
-        (arguments, &*arguments.context.cast::<Asking>())
+        (arguments, &*arguments.context.cast::<QueryFilter>())
     };
     let lanes = arguments.N as usize;
     for lane in 0..lanes {
@@ -488,7 +491,8 @@ unsafe extern "C" fn ask(arguments: *const sys::RTCFilterFunctionNArguments) {
         // SAFETY: an RTCHitN is, for one level of instances, nine rows of `lanes` 32-bit numbers: the normal, u, v,
         // primID, geomID, instID and instPrimID, as RTCHit4, 8 and 16 have them (rtcore_ray.h, `RTCHitN_u` and others).
         let row = |row: usize| unsafe { *arguments.hit.cast::<u32>().add(row * lanes + lane) };
-        // SAFETY: an RTCRayN is twelve such rows, of which the ninth is tfar, here that of the hit, and the eleventh id.
+        // SAFETY: an RTCRayN is twelve such rows, of which the ninth is tfar, here that of the hit, and the eleventh
+        // id.
         let ray = |row: usize| unsafe { *arguments.ray.cast::<u32>().add(row * lanes + lane) };
         let candidate = Candidate {
             ray: ray(10),
@@ -499,7 +503,7 @@ unsafe extern "C" fn ask(arguments: *const sys::RTCFilterFunctionNArguments) {
             geom_id: row(6),
             inst_id: row(7),
         };
-        if !asking.counts(&candidate) {
+        if !query_filter.counts(&candidate) {
             *valid = 0;
         }
     }
@@ -509,25 +513,25 @@ unsafe extern "C" fn ask(arguments: *const sys::RTCFilterFunctionNArguments) {
 #[repr(align(64))]
 struct Aligned<const W: usize>([i32; W]);
 
-/// What `rtcInitIntersectArguments` sets, `flags`, and the context of `asking`.
+/// What `rtcInitIntersectArguments` sets, `flags`, and the context of `query_filter`.
 #[inline]
-fn arguments(flags: sys::RTCRayQueryFlags, asking: &mut Asking) -> sys::RTCIntersectArguments {
+fn arguments(flags: sys::RTCRayQueryFlags, query_filter: &mut QueryFilter) -> sys::RTCIntersectArguments {
     sys::RTCIntersectArguments {
         flags,
         feature_mask: sys::RTC_FEATURE_FLAG_ALL,
-        context: std::ptr::from_mut(asking).cast(),
+        context: std::ptr::from_mut(query_filter).cast(),
         filter: None,
         intersect: None,
     }
 }
 
-/// What `rtcInitOccludedArguments` sets, `flags`, and the context of `asking`.
+/// What `rtcInitOccludedArguments` sets, `flags`, and the context of `query_filter`.
 #[inline]
-fn occlusion(flags: sys::RTCRayQueryFlags, asking: &mut Asking) -> sys::RTCOccludedArguments {
+fn occlusion(flags: sys::RTCRayQueryFlags, query_filter: &mut QueryFilter) -> sys::RTCOccludedArguments {
     sys::RTCOccludedArguments {
         flags,
         feature_mask: sys::RTC_FEATURE_FLAG_ALL,
-        context: std::ptr::from_mut(asking).cast(),
+        context: std::ptr::from_mut(query_filter).cast(),
         filter: None,
         occluded: None,
     }
@@ -541,7 +545,7 @@ pub fn is_invertible(m: &[f32; 12]) -> bool {
     m.iter().all(|x| x.is_finite()) && determinant.is_normal() && determinant.recip().is_normal()
 }
 
-impl Drop for Owned {
+impl Drop for OwnedScene {
     fn drop(&mut self) {
         // SAFETY: we own one reference, given by rtcNewScene. The fields dropped after this outlive it.
         unsafe { sys::rtcReleaseScene(self.raw) }

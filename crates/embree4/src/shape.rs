@@ -5,40 +5,40 @@ use embree4_sys as sys;
 
 use crate::error::{Error, check};
 use crate::mesh::Geometry;
-use crate::scene::{Asking, Candidate};
+use crate::scene::{Candidate, QueryFilter};
 use crate::{CommittedScene, Device};
 
 /// Most lanes of a packet.
 const MOST: usize = 16;
 
-/// Something that finds the hits of rays on itself, such as a mesh that moves.
-pub trait Shape: Any + Send + Sync {
-    /// Boxes, least and greatest x, y, z, at evenly spaced times of rays from 0 to 1, 1 to 129 of them. What rays can
-    /// hit at a time must lie in the box between its two neighbours, corner by corner. A box whose least is above its
-    /// greatest is never hit.
+/// A shape that finds the hits of rays on itself, such as a moving mesh.
+pub trait CustomShape: Any + Send + Sync {
+    /// Boxes, lowest and highest x, y, z, at evenly spaced times of rays from 0 to 1, 1 to 129 of them. What rays can
+    /// hit at a time must be inside the box interpolated between the two neighbours of that time, corner by corner. A
+    /// box whose lowest corner is above its highest is never hit.
     fn bounds(&self) -> Vec<[[f32; 3]; 2]>;
 
     /// Finds hits nearer than the far ends of the rays; a panic in it ends the process.
     fn intersect(&self, query: &mut Query);
 }
 
-/// A [`Shape`] as part of a scene. Clones are handles of the same one.
+/// A [`CustomShape`] as part of a scene. Clones are handles of the same one.
 #[derive(Clone)]
-pub struct Custom(Arc<Owned>);
+pub struct Custom(Arc<OwnedShape>);
 
-struct Owned {
+struct OwnedShape {
     geometry: Geometry,
-    /// What Embree's geometry refers to: on the heap, so that its place stays; dropped after the geometry.
-    _told: Box<Told>,
+    /// What Embree's geometry refers to: on the heap, so that its address stays; dropped after the geometry.
+    _user_data: Box<UserData>,
 }
 
-/// What Embree calls back with.
-struct Told {
-    shape: Arc<dyn Shape>,
+/// The user data of Embree's callbacks.
+struct UserData {
+    shape: Arc<dyn CustomShape>,
     bounds: Vec<[[f32; 3]; 2]>,
 }
 
-/// Rays that come near a [`Shape`], lane by lane, with what they hit so far.
+/// Rays that come near a [`CustomShape`], lane by lane, with their hits so far.
 pub struct Query<'a> {
     call: Call,
     /// Lanes of the packet: 1, 4, 8 or 16.
@@ -50,7 +50,7 @@ pub struct Query<'a> {
     geometry: u32,
 }
 
-/// Which of Embree's calls it answers.
+/// The callback of Embree that a query answers.
 #[derive(Clone, Copy)]
 enum Call {
     Intersect(*const sys::RTCIntersectFunctionNArguments),
@@ -61,7 +61,7 @@ enum Call {
 #[repr(C, align(64))]
 pub struct LocalRays([f32; 12 * MOST]);
 
-/// What a lane hits, see [`crate::Ray`].
+/// The hit of a lane, see [`crate::Ray`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Distance in lengths of the ray's direction.
@@ -77,25 +77,25 @@ pub struct Hit {
 }
 
 impl Custom {
-    /// Prepares `shape` for scenes of `device`. Rays whose mask shares a bit with `mask` meet it. Hits come with the id
-    /// of its place in the scene as `inst_id`.
+    /// Prepares `shape` for scenes of `device`. Rays whose mask shares a bit with `mask` hit it. Hits have its id in
+    /// the scene as `inst_id`.
     ///
     /// # Errors
     /// [`Error::Embree`] when memory runs out, or for more than 129 boxes or none.
-    pub fn new(device: &Device, shape: Arc<dyn Shape>, mask: u32) -> Result<Custom, Error> {
+    pub fn new(device: &Device, shape: Arc<dyn CustomShape>, mask: u32) -> Result<Custom, Error> {
         let bounds = shape.bounds();
         if bounds.is_empty() {
-            // Embree would ask for one.
+            // Embree would request one.
             return Err(Error::Embree { call: "rtcSetGeometryTimeStepCount", reason: "invalid argument" });
         }
         let mut geometry = Geometry::new(device, sys::RTC_GEOMETRY_TYPE_USER)?;
-        let mut told = Box::new(Told { shape, bounds });
-        let place: *mut Told = &raw mut *told;
+        let mut user_data = Box::new(UserData { shape, bounds });
+        let place: *mut UserData = &raw mut *user_data;
         // SAFETY: the geometry is alive and ours alone. The functions are called with `place`, which lives as long as
-        // the geometry (`Owned`) and is only read from now on; Embree asks for as many boxes as there are steps.
+        // the geometry (`OwnedShape`) and is only read from now on; Embree requests as many boxes as there are steps.
         unsafe {
             sys::rtcSetGeometryUserPrimitiveCount(geometry.raw(), 1);
-            sys::rtcSetGeometryTimeStepCount(geometry.raw(), told.bounds.len() as u32);
+            sys::rtcSetGeometryTimeStepCount(geometry.raw(), user_data.bounds.len() as u32);
             sys::rtcSetGeometryUserData(geometry.raw(), place.cast());
             sys::rtcSetGeometryBoundsFunction(geometry.raw(), Some(bounds_of), place.cast());
             sys::rtcSetGeometryIntersectFunction(geometry.raw(), Some(intersect));
@@ -103,7 +103,7 @@ impl Custom {
         }
         check(Some(device), "rtcSetGeometryIntersectFunction")?;
         geometry.commit(mask)?;
-        Ok(Custom(Arc::new(Owned { geometry, _told: told })))
+        Ok(Custom(Arc::new(OwnedShape { geometry, _user_data: user_data })))
     }
 
     pub(crate) fn geometry(&self) -> &Geometry {
@@ -121,11 +121,11 @@ impl std::fmt::Debug for Custom {
 /// Only for Embree to call, for a geometry that [`Custom::new`] made.
 unsafe extern "C" fn bounds_of(arguments: *const sys::RTCBoundsFunctionArguments) {
     // SAFETY: Embree passes its arguments for the time of the call, with the pointer it was given.
-    let (told, step, bounds) = unsafe {
+    let (user_data, step, bounds) = unsafe {
         let arguments = &*arguments;
-        (&*arguments.geometryUserPtr.cast::<Told>(), arguments.timeStep as usize, &mut *arguments.bounds_o)
+        (&*arguments.geometryUserPtr.cast::<UserData>(), arguments.timeStep as usize, &mut *arguments.bounds_o)
     };
-    let [low, high] = told.bounds[step];
+    let [low, high] = user_data.bounds[step];
     [bounds.lower_x, bounds.lower_y, bounds.lower_z] = low;
     [bounds.upper_x, bounds.upper_y, bounds.upper_z] = high;
 }
@@ -134,7 +134,7 @@ unsafe extern "C" fn bounds_of(arguments: *const sys::RTCBoundsFunctionArguments
 /// As [`bounds_of`].
 unsafe extern "C" fn intersect(call: *const sys::RTCIntersectFunctionNArguments) {
     // SAFETY: Embree passes its arguments for the time of the call; `valid` has N numbers, the rays N lanes.
-    let (told, mut query) = unsafe {
+    let (user_data, mut query) = unsafe {
         let arguments = &*call;
         let query = Query {
             call: Call::Intersect(call),
@@ -144,16 +144,16 @@ unsafe extern "C" fn intersect(call: *const sys::RTCIntersectFunctionNArguments)
             context: arguments.context,
             geometry: arguments.geomID,
         };
-        (&*arguments.geometryUserPtr.cast::<Told>(), query)
+        (&*arguments.geometryUserPtr.cast::<UserData>(), query)
     };
-    told.shape.intersect(&mut query);
+    user_data.shape.intersect(&mut query);
 }
 
 /// # Safety
 /// As [`bounds_of`].
 unsafe extern "C" fn occluded(call: *const sys::RTCOccludedFunctionNArguments) {
     // SAFETY: as in `intersect`.
-    let (told, mut query) = unsafe {
+    let (user_data, mut query) = unsafe {
         let arguments = &*call;
         let query = Query {
             call: Call::Occluded(call),
@@ -163,14 +163,14 @@ unsafe extern "C" fn occluded(call: *const sys::RTCOccludedFunctionNArguments) {
             context: arguments.context,
             geometry: arguments.geomID,
         };
-        (&*arguments.geometryUserPtr.cast::<Told>(), query)
+        (&*arguments.geometryUserPtr.cast::<UserData>(), query)
     };
-    told.shape.intersect(&mut query);
+    user_data.shape.intersect(&mut query);
 }
 
 /// Rows of a packet, see [`crate::Ray`].
 #[derive(Clone, Copy)]
-enum Row {
+enum PacketRow {
     Origin = 0,
     Near = 3,
     Direction = 4,
@@ -192,12 +192,12 @@ impl Query<'_> {
         self.lanes
     }
 
-    /// For each lane whether it asks: -1, else 0.
+    /// For each lane -1 if it is active, else 0.
     pub fn active(&self) -> &[i32] {
         self.active
     }
 
-    /// Whether any hit will do: the nearest is not looked for.
+    /// Whether any hit will do: the nearest need not be found.
     pub fn any_hit(&self) -> bool {
         matches!(self.call, Call::Occluded(_))
     }
@@ -210,37 +210,37 @@ impl Query<'_> {
 
     /// Where rays start.
     pub fn origins(&self) -> [&[f32]; 3] {
-        [0, 1, 2].map(|axis| self.row(Row::Origin as usize + axis))
+        [0, 1, 2].map(|axis| self.row(PacketRow::Origin as usize + axis))
     }
 
     /// Directions of rays.
     pub fn directions(&self) -> [&[f32]; 3] {
-        [0, 1, 2].map(|axis| self.row(Row::Direction as usize + axis))
+        [0, 1, 2].map(|axis| self.row(PacketRow::Direction as usize + axis))
     }
 
-    /// Where rays begin to count, in lengths of their directions.
+    /// Near ends of rays, in lengths of their directions.
     pub fn near(&self) -> &[f32] {
-        self.row(Row::Near as usize)
+        self.row(PacketRow::Near as usize)
     }
 
     /// Times of rays.
     pub fn times(&self) -> &[f32] {
-        self.row(Row::Time as usize)
+        self.row(PacketRow::Time as usize)
     }
 
-    /// Where rays end, or what they have hit so far, in lengths of their directions.
+    /// Far ends of rays, or their hits so far, in lengths of their directions.
     pub fn far(&self) -> &[f32] {
-        self.row(Row::Far as usize)
+        self.row(PacketRow::Far as usize)
     }
 
-    /// Lets the lanes of `active` (-1, else 0; those that do not ask stay out) hit what is in `scene`, starting and
-    /// going as `rays` do, up to where they end.
+    /// Traces the lanes of `active` (-1, else 0; those that are not active in the query stay out) through `scene`, with
+    /// the origins and directions of `rays`, up to their far ends.
     pub fn forward(&mut self, scene: &CommittedScene, rays: &mut LocalRays, active: &[i32; MOST]) {
         #[repr(align(64))]
-        struct Aligned([i32; MOST]);
-        let mut valid = Aligned(*active);
-        for (lane, asks) in valid.0.iter_mut().enumerate() {
-            *asks &= self.active.get(lane).copied().unwrap_or(0);
+        struct AlignedMask([i32; MOST]);
+        let mut valid = AlignedMask(*active);
+        for (lane, lane_mask) in valid.0.iter_mut().enumerate() {
+            *lane_mask &= self.active.get(lane).copied().unwrap_or(0);
         }
         if valid.0 == [0; MOST] {
             return;
@@ -265,36 +265,36 @@ impl Query<'_> {
 
     /// Whether some hits may not count, see [`Query::counts`].
     pub fn refuses(&self) -> bool {
-        // SAFETY: every query of this crate carries an `Asking` that outlives it.
-        unsafe { (*self.context.cast::<Asking>()).refuses() }
+        // SAFETY: every query of this crate carries an `QueryFilter` that outlives it.
+        unsafe { (*self.context.cast::<QueryFilter>()).refuses() }
     }
 
-    /// Whether a hit of `lane` at `far` counts, for queries that pass through some
+    /// Whether a hit of `lane` at `far` counts, for queries that pass through some hits
     /// ([`CommittedScene::intersect_where`]).
     pub fn counts(&self, lane: usize, far: f32, mesh: u32, triangle: u32, [u, v]: [f32; 2]) -> bool {
-        let ray = self.row(Row::Id as usize)[lane].to_bits();
+        let ray = self.row(PacketRow::Id as usize)[lane].to_bits();
         let candidate = Candidate { ray, far, u, v, prim_id: triangle, geom_id: mesh, inst_id: self.geometry };
-        // SAFETY: every query of this crate carries an `Asking` that outlives it.
-        unsafe { (*self.context.cast::<Asking>()).counts(&candidate) }
+        // SAFETY: every query of this crate carries an `QueryFilter` that outlives it.
+        unsafe { (*self.context.cast::<QueryFilter>()).counts(&candidate) }
     }
 
-    /// Lets `lane` hit what it hits, nearer than its far end.
+    /// Sets `hit` as that of `lane`; it must be nearer than its far end.
     pub fn hit(&mut self, lane: usize, hit: &Hit) {
         assert!(lane < self.lanes, "lane {lane} of {}", self.lanes);
-        // SAFETY: the lane exists, and rows as in `row`: of a query for any hit only its far end is written.
+        // SAFETY: the lane exists, and rows as in `row`: in a query for any hit only its far end is written.
         let put = |row: usize, value: f32| unsafe { *self.rows.add(row * self.lanes + lane) = value };
         if matches!(self.call, Call::Occluded(_)) {
-            return put(Row::Far as usize, f32::NEG_INFINITY);
+            return put(PacketRow::Far as usize, f32::NEG_INFINITY);
         }
-        put(Row::Far as usize, hit.far);
-        (0..3).for_each(|axis| put(Row::Normal as usize + axis, hit.normal[axis]));
-        put(Row::U as usize, hit.uv[0]);
-        put(Row::V as usize, hit.uv[1]);
+        put(PacketRow::Far as usize, hit.far);
+        (0..3).for_each(|axis| put(PacketRow::Normal as usize + axis, hit.normal[axis]));
+        put(PacketRow::U as usize, hit.uv[0]);
+        put(PacketRow::V as usize, hit.uv[1]);
         let ids = [
-            (Row::Triangle, hit.triangle),
-            (Row::Mesh, hit.mesh),
-            (Row::Instance, self.geometry),
-            (Row::InstancePrimitive, 0),
+            (PacketRow::Triangle, hit.triangle),
+            (PacketRow::Mesh, hit.mesh),
+            (PacketRow::Instance, self.geometry),
+            (PacketRow::InstancePrimitive, 0),
         ];
         ids.into_iter().for_each(|(row, id)| put(row as usize, f32::from_bits(id)));
     }
@@ -309,7 +309,7 @@ impl LocalRays {
     /// Origins and directions of `lanes` lanes, axis by axis, to be written.
     pub fn rows(&mut self, lanes: usize) -> [&mut [f32]; 6] {
         let lanes = lanes.min(MOST);
-        let (origins, rest) = self.0.split_at_mut(Row::Direction as usize * lanes);
+        let (origins, rest) = self.0.split_at_mut(PacketRow::Direction as usize * lanes);
         let mut rows = origins[..3 * lanes].chunks_exact_mut(lanes).chain(rest[..3 * lanes].chunks_exact_mut(lanes));
         std::array::from_fn(|_| rows.next().unwrap_or_default())
     }

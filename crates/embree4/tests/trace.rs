@@ -1,8 +1,8 @@
 //! The wrapper tested on geometry whose hits are known.
 
 use embree4::{
-    Candidate, Coherence, CommittedScene, Custom, Device, Error, Hit, INVALID, Instance, Joint, LocalRays, Mesh, Pace,
-    Packet, Quality, Query, Ray, Scene, Shape,
+    Candidate, Coherence, CommittedScene, Custom, CustomShape, Device, Error, Hit, INVALID, Instance, Joint, LocalRays,
+    Mesh, Pace, Packet, Quality, Query, Ray, Scene,
 };
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -233,7 +233,7 @@ fn rays_pass_through_what_does_not_count() {
             whole.occlude_where(&valid, &mut stops, coherence, &counts);
             for lane in 0..directions.len() {
                 let (found, expected) = (lane_of(&rays, lane), lane_of(&expected, lane));
-                // Occlusion only tells whether there is a hit.
+                // Occlusion only reports whether there is a hit.
                 let stopped = Ray { tfar: f32::NEG_INFINITY, ..lane_of(&start, lane) };
                 let expected_stop = if expected.geom_id == INVALID { lane_of(&start, lane) } else { stopped };
                 assert_eq!(lane_of(&stops, lane), expected_stop);
@@ -268,11 +268,11 @@ fn rays_pass_through_what_does_not_count() {
     }
 }
 
-/// All that lies on a ray is passed to whoever refuses it all, with the ray's number and its distance.
+/// A filter that rejects every hit is called for all that a ray meets, with the ray's number and the distance.
 #[test]
-fn what_refuses_every_hit_sees_every_hit() {
+fn a_filter_that_rejects_every_hit_is_called_for_every_hit() {
     struct Forwards(CommittedScene);
-    impl Shape for Forwards {
+    impl CustomShape for Forwards {
         fn bounds(&self) -> Vec<[[f32; 3]; 2]> {
             vec![self.0.bounds()]
         }
@@ -328,7 +328,7 @@ struct Floors {
     speed: f32,
 }
 
-impl Shape for Floors {
+impl CustomShape for Floors {
     fn bounds(&self) -> Vec<[[f32; 3]; 2]> {
         let (low, high) = self.floors.iter().fold((f32::MAX, f32::MIN), |(low, high), z| (low.min(*z), high.max(*z)));
         [0.0, self.speed].map(|risen| [[-1.0, -1.0, low + risen - 0.01], [1.0, 1.0, high + risen + 0.01]]).to_vec()
@@ -342,7 +342,7 @@ impl Shape for Floors {
             }
             let of = |rows: [&[f32]; 3]| rows.map(|row| row[lane]);
             let ([ox, oy, oz], [dx, dy, dz]) = (of(query.origins()), of(query.directions()));
-            // The last ones first, so that nearer hits follow farther ones.
+            // The last ones first, so that nearer hits come after farther ones.
             for (triangle, z) in self.floors.iter().enumerate().rev() {
                 let far = (z + self.speed * query.times()[lane] - oz) / dz;
                 let [x, y] = [ox + far * dx, oy + far * dy];
@@ -363,7 +363,7 @@ impl Shape for Floors {
 }
 
 /// A scene with a triangle below everything, and `shape` in the third place.
-fn with_shape(device: &Device, shape: impl Shape, mask: u32) -> CommittedScene {
+fn with_shape(device: &Device, shape: impl CustomShape, mask: u32) -> CommittedScene {
     let mut world = Scene::new(device, Quality::Medium).unwrap();
     world.attach_instance(&placed(&scene(device, &[triangle(device, -9.0)]), IDENTITY)).unwrap();
     world.attach_mesh(&triangle(device, -8.0)).unwrap();
@@ -400,11 +400,11 @@ fn floor_above(lane: usize, time: f32, counts: impl Fn(u32) -> bool) -> Option<(
     (0..3).map(|floor| (floor, floors[floor as usize])).find(|(floor, z)| (near..far).contains(z) && counts(*floor))
 }
 
-/// Rays of every width, with lanes that do not ask, at times of their own.
+/// Packets of every width, with inactive lanes, and rays at different times.
 #[test]
 fn shapes_are_hit_where_they_are_at_the_time_of_each_ray() {
     fn check<const W: usize>(world: &CommittedScene, coherence: Coherence) {
-        // The third lane of four does not ask.
+        // Every third lane of four is inactive.
         let valid = std::array::from_fn(|lane| if lane % 4 == 2 { 0 } else { -1 });
         let before = upwards::<W>();
         let (mut rays, mut stops) = (before, before);
@@ -470,13 +470,13 @@ fn masks_hide_shapes() {
     }
 }
 
-/// A shape that is drawn from elsewhere: `at` in x at time 0, 1 farther at time 1, and twice as high.
+/// A shape that shows another scene: `at` in x at time 0, 1 farther at time 1, and twice as high.
 struct Elsewhere {
     of: CommittedScene,
     at: f32,
 }
 
-impl Shape for Elsewhere {
+impl CustomShape for Elsewhere {
     fn bounds(&self) -> Vec<[[f32; 3]; 2]> {
         let [low, high] = self.of.bounds();
         [self.at, self.at + 1.0].map(|x| [low, high].map(|[a, b, z]| [a + x, b, 2.0 * z])).to_vec()
@@ -492,7 +492,7 @@ impl Shape for Elsewhere {
             to_ox[lane] = ox[lane] - self.at - times[lane];
             (to_oy[lane], to_oz[lane]) = (oy[lane], 0.5 * oz[lane]);
             (to_dx[lane], to_dy[lane], to_dz[lane]) = (dx[lane], dy[lane], 0.5 * dz[lane]);
-            // It keeps rays of this height out.
+            // It excludes rays of this height.
             if query.origins()[1][lane] > 0.55 {
                 active[lane] = 0;
             }
@@ -501,14 +501,15 @@ impl Shape for Elsewhere {
     }
 }
 
-/// What a shape forwards to is hit as if it stood there, by queries of every kind and width.
+/// What a shape forwards to is hit as if it were there, by queries of every kind and width.
 #[test]
 fn shapes_forward_to_scenes_in_frames_of_their_own() {
     fn check<const W: usize>(world: &CommittedScene, coherence: Coherence) {
         let mut before = Packet::<W>::new();
         for lane in 0..W {
             let part = lane as f32 / 16.0;
-            // Where the triangles' point (0.2, 0.3) is at the time of the ray; each third is asleep, each fifth stays out.
+            // Where the triangles' point (0.2, 0.3) is at the time of the ray; every third lane is inactive, every
+            // fifth is excluded.
             (before.time[lane], before.org_x[lane]) = (part, 5.2 + part);
             (before.org_y[lane], before.dir_z[lane]) = (if lane % 5 == 4 { 0.6 } else { 0.3 }, 1.0);
             before.id[lane] = lane as u32;
@@ -559,7 +560,7 @@ fn shapes_forward_to_scenes_in_frames_of_their_own() {
 #[test]
 fn shapes_have_one_to_129_boxes_and_none_of_nothing() {
     struct Boxes(Vec<[[f32; 3]; 2]>);
-    impl Shape for Boxes {
+    impl CustomShape for Boxes {
         fn bounds(&self) -> Vec<[[f32; 3]; 2]> {
             self.0.clone()
         }
@@ -693,7 +694,7 @@ fn meshes_without_content_or_with_wrong_indices_are_refused() {
 }
 
 #[test]
-fn an_iterator_shorter_than_it_says_leaves_vertices_that_are_never_hit() {
+fn an_iterator_shorter_than_claimed_leaves_vertices_that_are_never_hit() {
     struct Liar;
     impl Iterator for Liar {
         type Item = [f32; 3];
@@ -740,7 +741,7 @@ fn an_empty_scene_is_missed() {
     assert!(trace::<16>(&scene, &fan(16), Coherence::Coherent).iter().all(|ray| ray.geom_id == INVALID));
 }
 
-/// Embree does not guarantee this; that results do not depend on machine load relies on it.
+/// Embree does not guarantee this; results that do not depend on machine load rely on it.
 #[test]
 fn build_threads_do_not_change_a_bit() {
     let run = |helpers: usize| {

@@ -1,16 +1,16 @@
-//! HDF5 files as a library opens them within somebody else's program, and reads those of strangers.
+//! HDF5 files, opened by a library within a host program, and read from untrusted sources.
 //!
-//! The C library locks what it opens, with locks that belong to the handle of the system, and opens it in a way that
-//! every child process inherits: a child that another thread starts meanwhile holds the lock for as long as it lives,
-//! and whoever opens the file next is told that it is in use. Files here are not locked: those that are written have no
-//! name yet that anybody knows, and those that are read are not changed. Their handles are closed in children. The
-//! environment (`HDF5_DRIVER`) does not choose how they are opened.
-#![allow(unsafe_code)] // the C library alone knows the handle, and what is in a file of somebody else
+//! The C library locks the files that it opens, with locks that belong to the handle of the system, and opens them in a
+//! way that every child process inherits: a child that another thread starts meanwhile holds the lock for as long as it
+//! lives, and the next attempt to open the file fails because it is in use. Files here are not locked: those that are
+//! written do not have their final name yet, and those that are read are not changed. Their handles are closed in
+//! children. The environment (`HDF5_DRIVER`) does not affect how they are opened.
+#![allow(unsafe_code)] // only the C library gives access to the handle, and to what may be in untrusted files
 
 mod error;
 mod read;
 
-pub use read::{Dataset, Kind, Place, Reader};
+pub use read::{Dataset, Kind, Reader, StorageLayout};
 
 use hdf5::{File, FileBuilder, Result};
 use hdf5_sys::h5i::{H5Idec_ref, hid_t};
@@ -27,7 +27,7 @@ pub fn create(path: &Path) -> Result<File> {
     options.create(path).inspect(|file| keep_from_children(file.id()))
 }
 
-/// What the system said where the error comes from it, else what HDF5 says.
+/// The error of the system if it is the cause, else that of HDF5.
 pub fn io_error(error: hdf5::Error) -> io::Error {
     match error.stack() {
         Some(stack) => error::of(stack.iter().map(|frame| frame.desc())),
@@ -35,7 +35,7 @@ pub fn io_error(error: hdf5::Error) -> io::Error {
     }
 }
 
-/// A thing of the C library, which goes with this.
+/// An object of the C library, which is released with this.
 #[derive(Debug)]
 struct Id(hid_t);
 
@@ -46,8 +46,8 @@ impl Drop for Id {
     }
 }
 
-/// Closes the handle of `file` in children that are started from now on. Without a lock, one that was started before
-/// does no harm with it but keep the space of a deleted file.
+/// Closes the handle of `file` in children that are started from now on. Without a lock, the only harm of one that was
+/// started before is that it keeps the space of a deleted file.
 #[cfg(unix)]
 fn keep_from_children(file: hid_t) {
     use rustix::fd::BorrowedFd;
@@ -58,14 +58,14 @@ fn keep_from_children(file: hid_t) {
     let mut handle = ptr::null_mut();
     hdf5::sync::sync(|| {
         // SAFETY: the file is open, and `handle` outlives the call; called under the lock of the library.
-        let told = unsafe { hdf5_sys::h5f::H5Fget_vfd_handle(file, hdf5_sys::h5p::H5P_DEFAULT, &mut handle) };
-        if told < 0 || handle.is_null() {
+        let status = unsafe { hdf5_sys::h5f::H5Fget_vfd_handle(file, hdf5_sys::h5p::H5P_DEFAULT, &mut handle) };
+        if status < 0 || handle.is_null() {
             return;
         }
-        // SAFETY: with the driver that all files are opened with here (`H5FD_SEC2`), this points to a descriptor that the open
-        // file owns.
+        // SAFETY: with the driver that all files are opened with here (`H5FD_SEC2`), this points to a descriptor that
+        // the open file owns.
         let descriptor = unsafe { BorrowedFd::borrow_raw(*handle.cast::<c_int>()) };
-        // It was opened a moment ago; where this fails, there is nothing to be done about it.
+        // It was opened a moment ago; if this fails, nothing can be done about it.
         let _ = fcntl_setfd(descriptor, FdFlags::CLOEXEC);
     });
 }

@@ -1,4 +1,4 @@
-//! From the directions of beams in their sensor's frame to rays in the world.
+//! Transforms beam directions in the sensor frame into rays in the world.
 
 use crate::level::kernels;
 use crate::math::{cos_pi, sin_cos, sin_pi};
@@ -6,12 +6,12 @@ use crate::{LANES, Lanes};
 
 /// A uniform motion: along a straight line, and about one axis.
 #[derive(Clone, Copy, Debug)]
-pub struct Motion {
+pub struct UniformMotion {
     /// When it begins, s.
     pub start: f64,
-    /// Part of the motion done in a second.
+    /// Fraction of the motion per second.
     pub per_second: f64,
-    /// Place at its start, m.
+    /// Position at its start, m.
     pub from: [f64; 3],
     /// Displacement from there to its end, m.
     pub way: [f64; 3],
@@ -25,7 +25,7 @@ pub struct Motion {
 
 /// A frame that moves: its origin and the matrix into it are `a + b t + c t^2` when the part `t` of a time has passed.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Frame {
+pub struct MovingFrame {
     /// When the time starts.
     pub start: f32,
     /// One over its length.
@@ -37,12 +37,12 @@ pub struct Frame {
 }
 
 kernels! {
-    /// Brings rays, origins and directions axis by axis, into a frame, each at its own time.
-    pub fn enter(frame: &Frame, times: &[f32], from: [&[f32]; 6], to: [&mut [f32]; 6]) {
+    /// Transforms rays, origins and directions axis by axis, into a frame, each at its own time.
+    pub fn enter(frame: &MovingFrame, times: &[f32], from: [&[f32]; 6], to: [&mut [f32]; 6]) {
         let count = times.len();
         let [ox, oy, oz, dx, dy, dz] = from.map(|row| &row[..count]);
         let [to_ox, to_oy, to_oz, to_dx, to_dy, to_dz] = to.map(|row| &mut row[..count]);
-        let Frame { start, rate, place, into } = *frame;
+        let MovingFrame { start, rate, place, into } = *frame;
         for lane in 0..count {
             let part = ((times[lane] - start) * rate).clamp(0.0, 1.0);
             let at = |axis: usize| place[0][axis] + (place[1][axis] + place[2][axis] * part) * part;
@@ -90,7 +90,7 @@ kernels! {
     /// Origins and directions of rays from lane `first` on, one for each of `times`, s after `start_time`, of beams in
     /// the directions `from` of a moving sensor. Origins are relative to `local_origin`, m.
     pub fn rotate_moving(
-        motion: &Motion,
+        motion: &UniformMotion,
         start_time: f64,
         times: &[f64],
         from: [&[f32]; 3],
@@ -137,10 +137,10 @@ kernels! {
         }
     }
 
-    /// Rays beside the axes of beams, one each: `place` is the ray's place in the beam (cosine and sine of its place on
-    /// a spiral, times its distance from the axis over the beam's radius), `left` and `up` are unit vectors across the
-    /// beam, `turn` the cosine and sine of the spiral's rotation, `start` the radius at the exit, m, `half_angles` half
-    /// the divergence, rad, horizontal and vertical.
+    /// Sub-rays off the axes of beams, one each: `place` is the ray's position in the beam (cosine and sine of its
+    /// position on a spiral, times its distance from the axis over the beam's radius), `left` and `up` are unit vectors
+    /// perpendicular to the beam, `turn` the cosine and sine of the spiral's rotation, `start` the radius at the exit,
+    /// m, `half_angles` half the divergence, rad, horizontal and vertical.
     pub fn spread(
         place: [f32; 2],
         start: f32,
@@ -160,7 +160,7 @@ kernels! {
         for lane in 0..LANES {
             let c = cos * turn[0][lane] - sin * turn[1][lane];
             let s = sin * turn[0][lane] + cos * turn[1][lane];
-            // Sideways: the place at the exit is a quarter turn from where the angle leads.
+            // Skewed: the position at the exit is a quarter turn from the direction of the angle.
             let (a, b) = (start * c, start * s);
             let (u, v) = (-horizontal * s, vertical * c);
             org_x[lane] = axis_origin[0][lane] + a * left[0][lane] + b * up[0][lane];

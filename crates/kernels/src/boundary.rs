@@ -4,7 +4,7 @@ use crate::level::kernels;
 use crate::math::exp_negative;
 use crate::{LANES, Lanes};
 
-/// Light paths side by side at the surfaces they meet, with what decides how each goes on.
+/// Light paths side by side at the surfaces they hit, with what determines how each continues.
 #[repr(align(64))]
 pub struct Meetings {
     /// Range so far as the instrument measures it, m.
@@ -15,7 +15,7 @@ pub struct Meetings {
     pub length: Lanes,
     /// Part of the light that is left, one way.
     pub part: Lanes,
-    /// What the last segment went through: range and spread over its length, absorption, 1/m.
+    /// Medium of the last segment: range and spread over its length, absorption, 1/m.
     pub through: [Lanes; 3],
     /// Part that the surface mirrors whatever its material, 0..1.
     pub mirrored: Lanes,
@@ -23,13 +23,13 @@ pub struct Meetings {
     pub clear: Lanes,
     /// Index behind the surface over that in front of it.
     pub index: Lanes,
-    /// Thickness of the pane whose two faces the surface is, m; below 0 it is the face of a body.
+    /// Thickness of the pane that the surface represents, m; below 0 it is the face of a body.
     pub pane: Lanes,
-    /// As `through`, for the pane, or for what is behind the face of a body.
+    /// As `through`, for the pane, or for the medium behind the face of a body.
     pub within: [Lanes; 3],
-    /// How the face of a body reflects: 0 totally or not at all, 1 as Fresnel's equations say.
+    /// How the face of a body reflects: 0 totally or not at all, 1 by Fresnel's equations.
     pub partly: Lanes,
-    /// Where they are.
+    /// Positions of the hits, m.
     pub place: [Lanes; 3],
     /// Angle of incidence, exact near 0, rad.
     pub angle: Lanes,
@@ -37,7 +37,7 @@ pub struct Meetings {
     pub reflected: Lanes,
 }
 
-/// Paths side by side that go on.
+/// Continuing paths side by side.
 #[repr(align(64))]
 pub struct Onward {
     /// Start of the next segment.
@@ -50,7 +50,7 @@ pub struct Onward {
     pub spread: Lanes,
     /// As [`Meetings::length`].
     pub length: Lanes,
-    /// As [`Meetings::part`]; 0 where nothing goes on.
+    /// As [`Meetings::part`]; 0 where no light continues.
     pub part: Lanes,
 }
 
@@ -106,9 +106,10 @@ kernels! {
         }
     }
 
-    /// Divides the light of the first `count` paths, which travels `along`, at surfaces whose unit `normals` face it, met at cosines of incidence `cos`.
-    /// `facets` are the unit normals of their triangles on the same side: what is reflected stays on it, what is refracted
-    /// gets to the other. `simple`: panes reflect at their first face only and transmit all the rest.
+    /// Divides the light of the first `count` paths, which travels `along`, at surfaces whose unit `normals` face it,
+    /// at cosines of incidence `cos`. `facets` are the unit normals of their triangles on the same side: reflected
+    /// light stays on that side, refracted light gets to the other. `simple`: panes reflect at their first face only
+    /// and transmit all the rest.
     pub fn divide(
         at: &mut Meetings,
         along: [&Lanes; 3],
@@ -159,7 +160,8 @@ kernels! {
             for lane in 0..N {
                 let to = chunk + lane;
                 let along = d[0][lane] * n[0][lane] + d[1][lane] * n[1][lane] + d[2][lane] * n[2][lane];
-                // Near head-on the difference of the directions is the angle, and exact where the cosine rounds to 1.
+                // Near normal incidence the difference of the directions is the angle, and exact where the cosine
+                // rounds to 1.
                 let apart = [d[0][lane] + n[0][lane], d[1][lane] + n[1][lane], d[2][lane] + n[2][lane]];
                 at.angle[to] = (apart[0] * apart[0] + apart[1] * apart[1] + apart[2] * apart[2]).sqrt();
                 at.reflected[to] = share[lane];
@@ -167,7 +169,7 @@ kernels! {
                 let mut skipped = 0.0;
                 for axis in 0..3 {
                     let direction = d[axis][lane] - n[axis][lane] * (2.0 * along);
-                    // Back on the way that it came, which is clear of other surfaces, too.
+                    // Back along the incoming path, which is clear of other surfaces, too.
                     let clear = g[axis][lane] * up - d[axis][lane] * back;
                     mirrored.direction[axis][to] = direction;
                     mirrored.origin[axis][to] = place[axis][lane] + clear;
@@ -194,7 +196,7 @@ kernels! {
                 let (x, y, z) = (x - lower * g[0][lane], y - lower * g[1][lane], z - lower * g[2][lane]);
                 let scale = 1.0 / (x * x + y * y + z * z).sqrt();
                 let bent = [x * scale, y * scale, z * scale];
-                // Behind a pane light goes on in its old direction, from the other face.
+                // Behind a pane light continues in its old direction, from the other face.
                 let is_pane = at.pane[to] >= 0.0;
                 let on = if is_pane { cos_g[lane] } else { (down + lower) * scale };
                 let [ahead, up] = clearance(off[lane], on);
@@ -215,19 +217,20 @@ kernels! {
     }
 }
 
-/// Least cosine of the angle between a triangle's normal and what goes on from it.
+/// Least cosine of the angle between a triangle's normal and light leaving the triangle.
 const LEVEL: f32 = 1e-3;
 
-/// How far along a ray, and how far along the normal of a surface besides, a place is that is `off` the surface, m: on the
-/// ray itself, unless it grazes the surface. `cos`: between them.
+/// Displacement along a ray, and in addition along the normal of a surface, to a point that is `off` the surface, m: on
+/// the ray itself, unless it grazes the surface. `cos`: between them.
 #[inline(always)]
 pub fn clearance(off: f32, cos: f32) -> [f32; 2] {
     let along = off / cos.max(0.25);
     [along, (off - along * cos).max(0.0)]
 }
 
-/// Raises a shading normal that reflects light through its triangle so far that it leaves level with it, as Blender's
-/// Cycles does (`ensure_valid_specular_reflection`). Returns the cosines of incidence on both, `cos` if nothing changes.
+/// Raises a shading normal that would reflect light through its triangle so far that the light leaves parallel to the
+/// triangle, as Blender's Cycles does (`ensure_valid_specular_reflection`). Returns the cosines of incidence on both,
+/// `cos` if nothing changes.
 #[inline(always)]
 fn lift<const N: usize>(
     d: &[[f32; N]; 3],
@@ -242,7 +245,7 @@ fn lift<const N: usize>(
     let (along, of_facet, between) = (dot(d, n), -dot(d, g), dot(n, g));
     let up = -of_facet - 2.0 * along * between;
     let raised = ((0.9 * of_facet).min(LEVEL) - up).max(0.0);
-    // Halfway between where light comes from and where it goes.
+    // The half vector between incoming and outgoing light.
     let half = [0, 1, 2].map(|axis| raised * g[axis][lane] - 2.0 * along * n[axis][lane]);
     let mirrored = [0, 1, 2].map(|axis| d[axis][lane] + half[axis]);
     let length = (mirrored[0] * mirrored[0] + mirrored[1] * mirrored[1] + mirrored[2] * mirrored[2]).sqrt();
@@ -256,12 +259,13 @@ fn lift<const N: usize>(
     (if raised > 0.0 { 0.5 * size } else { cos }, of_facet)
 }
 
-/// What a smooth boundary reflects of unpolarised light, 0..1, and the cosine of the refracted direction; total
+/// Reflectance of a smooth boundary for unpolarised light, 0..1, and the cosine of the refracted direction; total
 /// reflection gives 1 and 0. `cos`: of the incidence angle, 0..1. `m`: index behind the boundary over that in front of
 /// it.
 ///
-/// Uses the amplitudes of Fresnel's equations, `r_s = (c_i - m c_t) / (c_i + m c_t)`, `r_p = (m c_i - c_t) / (m c_i +
-/// c_t)`, which the paper's eq. 12 writes as quotients of tangents and sines, 0/0 head-on.
+/// Uses the amplitudes of Fresnel's equations, `r_s = (c_i - m c_t) / (c_i + m c_t)`,
+/// `r_p = (m c_i - c_t) / (m c_i + c_t)`, which the paper's eq. 12 writes as quotients of tangents and sines, 0/0 at
+/// normal incidence.
 #[inline(always)]
 pub fn dielectric(cos: f32, m: f32) -> (f32, f32) {
     let sin2 = (1.0 - cos * cos) / (m * m);
@@ -275,9 +279,9 @@ fn amplitudes(cos: f32, cos_t: f32, m: f32) -> (f32, f32) {
     ((cos - m * cos_t) / (cos + m * cos_t), (m * cos - cos_t) / (m * cos + cos_t))
 }
 
-/// What a plate of index `n` reflects and transmits, with all echoes between its faces, summed as powers for each
-/// polarisation: `T = (1-R)^2 A / (1 - R^2 A^2)`, `R' = R + R (1-R)^2 A^2 / (1 - R^2 A^2)`. `pass`: what is left after
-/// one pass, `A`; `cos_t`: as in [`dielectric`]. Total reflection does not occur: both sides are air.
+/// Reflectance and transmittance of a plate of index `n`, with all reflections between its faces, summed as powers for
+/// each polarisation: `T = (1-R)^2 A / (1 - R^2 A^2)`, `R' = R + R (1-R)^2 A^2 / (1 - R^2 A^2)`. `pass`: what is left
+/// after one pass, `A`; `cos_t`: as in [`dielectric`]. Total reflection does not occur: both sides are air.
 #[inline(always)]
 pub fn plate(cos: f32, cos_t: f32, n: f32, pass: f32) -> (f32, f32) {
     let (s, p) = amplitudes(cos, cos_t, n);
@@ -334,7 +338,7 @@ mod tests {
         assert_eq!(dielectric(0.5, 1.0).0, 0.0);
     }
 
-    /// Transmission of a pane of 1.5, and what is left of 1 after one way through, both ways.
+    /// Transmission of a pane of index 1.5, without and with absorption.
     #[test]
     fn plate_table() {
         for (degrees, expected) in
@@ -350,7 +354,7 @@ mod tests {
         assert!((passed - 0.851_905_5).abs() < 2e-6 && reflected + passed < 1.0);
     }
 
-    /// Onto glass from above, 30 degrees off the plane: 60 degrees of incidence, and 35.2644 behind (Snell).
+    /// Onto glass at 30 degrees of incidence: refracted to 19.4712 degrees (Snell).
     #[test]
     fn snells_law() {
         let mut at = Meetings { clear: [1.0; LANES], index: [1.5; LANES], pane: [-1.0; LANES], ..Meetings::default() };
@@ -372,8 +376,8 @@ mod tests {
         }
     }
 
-    /// Whatever the shading normal, light that is reflected stays on the side of the triangle, refracted light gets to the
-    /// other, and both start there.
+    /// Whatever the shading normal, reflected light stays on its side of the triangle, refracted light gets to the
+    /// other, and each starts on its side.
     #[test]
     fn shading_normals_do_not_turn_light_through_the_triangle() {
         for (index, tilt) in [(1.5, 10.0), (1.5, 70.0), (1.0 / 1.5, 15.0), (1.0 / 1.5, 60.0)] {

@@ -1,30 +1,30 @@
-//! Depth cameras: where pixels look, how much light they receive, which range they derive from it.
+//! Depth cameras: directions of pixels, how much light they receive, which range they derive from it.
 
 use crate::level::kernels;
 use crate::math::acos;
 use crate::{LANES, Lanes};
 use std::f64::consts::TAU;
 
-/// Greatest number of frequencies that light is modulated at.
+/// Greatest number of modulation frequencies.
 pub const MOST_FREQUENCIES: usize = 3;
 
-/// The frequencies that a camera's light is modulated at, one after the other.
+/// The modulation frequencies of a camera's light, used one after the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frequencies {
     /// Range at which the phase of each frequency wraps, m, rising.
     wraps: [f64; MOST_FREQUENCIES],
     /// Number of frequencies.
     count: usize,
-    /// Turns of the first until all are back where they began.
+    /// Turns of the first until all phases are back at their start.
     turns: u32,
     /// Part of the [`wiggle`] that calibration leaves.
     residual: f32,
 }
 
-/// Shot noise of four taps, in electrons of each tap.
+/// Shot noise of four taps, in electrons per tap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShotNoise {
-    /// Electrons that an echo of power 1 1/m^2 is modulated by, and its mean.
+    /// Modulation amplitude of an echo of power 1 1/m^2, in electrons, and its mean.
     pub gain: f64,
     /// Electrons of background light.
     pub background: f64,
@@ -49,8 +49,8 @@ impl ShotNoise {
 
 impl Frequencies {
     /// `wraps`: ranges, m, rising, at which the phases of the frequencies wrap, 1 to [`MOST_FREQUENCIES`] of them.
-    /// `turns`: of the first until all are back where they began. `residual`: part of the [`wiggle`] that calibration
-    /// leaves, 0 to 1.
+    /// `turns`: of the first until all phases are back at their start. `residual`: part of the [`wiggle`] that
+    /// calibration leaves, 0 to 1.
     pub fn new(wraps: &[f64], turns: u32, residual: f64) -> Frequencies {
         let mut all = [f64::INFINITY; MOST_FREQUENCIES];
         all[..wraps.len()].copy_from_slice(wraps);
@@ -88,7 +88,7 @@ impl Frequencies {
     /// any two of them, m.
     ///
     /// Tries every whole number of turns of the highest frequency; the one with the least squared residuals of the
-    /// other phases counts. Then all are weighted by their precision, `f^2`.
+    /// other phases is chosen. Then all are weighted by their precision, `f^2`.
     #[inline(always)]
     pub fn unwrap<const N: usize>(&self, phases: &[[f64; N]; MOST_FREQUENCIES]) -> ([f64; N], [f64; N]) {
         let (count, finest) = (self.count, self.wraps[0]);
@@ -97,7 +97,7 @@ impl Frequencies {
         for lane in 0..N {
             first[lane] = phases[0][lane] - phases[0][lane].floor();
         }
-        // What is left of the others' turns before any whole one. In units of 2^-32, whole turns overflow away.
+        // Residuals of the other phases before any whole turn. In units of 2^-32, whole turns overflow away.
         let mut rests = [[0u32; N]; MOST_FREQUENCIES];
         for index in 1..count {
             for lane in 0..N {
@@ -120,7 +120,7 @@ impl Frequencies {
                 least[lane] = least[lane].min((left[lane].to_bits() & !low) | turn);
             }
         }
-        // How far beyond that each puts the range.
+        // How far beyond that each phase places the range.
         let weights = self.wraps.map(|wrap| 1.0 / (wrap * wrap));
         let (mut best, mut sum, mut nearest, mut farthest) = ([0.0; N], [0.0; N], [0.0f64; N], [0.0f64; N]);
         for lane in 0..N {
@@ -151,9 +151,9 @@ impl Frequencies {
 /// Error of the phase that four taps derive from the correlation of two square waves, rad, to 1e-7, where four times
 /// the phase is `turns`, -1/2 to 1/2.
 ///
-/// That correlation is a triangle, `cos p + cos(3 p) / 9 + cos(5 p) / 25 + ...`; four taps take its third and fifth
-/// harmonics for the phasor `1 + e^(-4jp) / 9 + e^(4jp) / 25` along that of the first. Its angle is an odd function
-/// that is 0 at both ends: a least-squares polynomial at 4000 Chebyshev nodes.
+/// That correlation is a triangle, `cos p + cos(3 p) / 9 + cos(5 p) / 25 + ...`; four taps alias its third and fifth
+/// harmonics, which gives the phasor `1 + e^(-4jp) / 9 + e^(4jp) / 25` relative to that of the first. Its angle is an
+/// odd function that is 0 at both ends: a least-squares polynomial at 4000 Chebyshev nodes.
 #[inline(always)]
 pub fn wiggle(turns: f32) -> f32 {
     const TERMS: [f32; 7] = [-0.388_151_94, 0.015_280_537, 2.092_470_2, 2.353_244, -10.328_791, -20.083_952, 55.647_77];
@@ -181,9 +181,9 @@ fn fixed(turns: f64) -> u32 {
 }
 
 kernels! {
-    /// Where pixels that should look along `from` actually look: off by `normals` times `across` and `down`, in units
-    /// of the focal length. Unit vectors.
-    pub fn look_aside(from: [&[f32]; 3], across: f32, down: f32, normals: [&[f32]; 2], to: &mut [Lanes; 3]) {
+    /// Actual directions of pixels with the nominal directions `from`: displaced by `normals` times `across` and
+    /// `down`, in units of the focal length. Unit vectors.
+    pub fn jitter_directions(from: [&[f32]; 3], across: f32, down: f32, normals: [&[f32]; 2], to: &mut [Lanes; 3]) {
         let count = from[0].len();
         let [x, y, z] = from.map(|axis| &axis[..count]);
         let [left, up] = normals.map(|normals| &normals[..count]);
@@ -196,8 +196,8 @@ kernels! {
         }
     }
 
-    /// Points rays from `from` at the places at `range` m along rays from `origin`, up to a part `free` of the way
-    /// there.
+    /// Aims rays from `from` at the points at `range` m along rays from `origin`, up to a fraction `free` of the
+    /// distance.
     pub fn look_at(
         origin: [&Lanes; 3],
         direction: [&Lanes; 3],
@@ -286,9 +286,10 @@ kernels! {
         }
     }
 
-    /// Measured depths along rays `axis` (cosines) off the optical axis, m of range: errors have the deviation `a + b
-    /// z + c z^2` with the `terms` a, b, c, plus `slanted.0 z^slanted.1 t^2 / (pi/2 - t)^2` on surfaces met at cosines
-    /// of incidence `cos`; in even steps of the disparity where `step`, that of depth over its square, 1/m, is above 0.
+    /// Measured depths along rays `axis` (cosines) off the optical axis, m of range: errors have the deviation
+    /// `a + b z + c z^2` with the `terms` a, b, c, plus `slanted.0 z^slanted.1 t^2 / (pi/2 - t)^2` on surfaces at
+    /// cosines of incidence `cos`; in equal steps of the disparity where `step`, the step of the depth over its square,
+    /// 1/m, is above 0.
     pub fn err(
         terms: [f32; 3],
         slanted: (f32, f32),
@@ -334,7 +335,7 @@ pub fn light<const N: usize>(table: &[[f32; 2]], cos: &[f32; N]) -> [f32; N] {
 }
 
 /// Standard deviation of a depth, m. From 85 degrees on it is that at 85 degrees: at 90 the laws are infinite, and
-/// nobody has measured that far.
+/// there are no measurements that far.
 #[inline(always)]
 pub fn depth_sigma([a, b, c]: [f32; 3], (factor, power): (f32, f32), depth: f32, cos: f32) -> f32 {
     const STEEPEST: f32 = 85.0 / 180.0 * std::f32::consts::PI;
@@ -351,14 +352,14 @@ pub fn depth_sigma([a, b, c]: [f32; 3], (factor, power): (f32, f32), depth: f32,
     sigma.max(0.0)
 }
 
-/// Measured depth, m, where `depth` is true and `normal` a standard normal number. Sigma is that of what is reported:
-/// the steps themselves contribute their part of its variance, a twelfth of their square.
+/// Measured depth, m, where `depth` is true and `normal` a standard normal number. Sigma is that of the reported depth:
+/// the steps themselves contribute a twelfth of their square to its variance.
 #[inline(always)]
 pub fn measured_depth(terms: [f32; 3], slanted: (f32, f32), per_square: f32, depth: f32, cos: f32, normal: f32) -> f32 {
     let step = per_square * depth * depth;
     let sigma = depth_sigma(terms, slanted, depth, cos);
     let noisy = depth + (sigma * sigma - step * step / 12.0).max(0.0).sqrt() * normal;
-    // Disparities have even steps, so inverse depths do too.
+    // Disparities have equal steps, so inverse depths do too.
     let steps = (1.0 / (noisy * per_square)).round_ties_even().max(1.0);
     if per_square > 0.0 && noisy > 0.0 { 1.0 / (steps * per_square) } else { noisy.max(0.0) }
 }

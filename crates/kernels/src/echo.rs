@@ -1,4 +1,4 @@
-//! What surfaces send back of sound, and over which stretch of range: many arrivals side by side.
+//! Sound returned by surfaces, and its extent in range: many arrivals side by side.
 
 use crate::level::kernels;
 use crate::math::{exp2, log2};
@@ -7,48 +7,48 @@ use crate::math::{exp2, log2};
 pub const WAYS: usize = 64;
 
 /// A number for each.
-pub type Row<T = f32> = [T; WAYS];
+pub type ArrivalRow<T = f32> = [T; WAYS];
 
-/// Steps of the tables of laws, even in `sqrt(1 - sine of the grazing angle)`, fine at both ends: 0.16 degrees near head-on, half
-/// a degree at grazing.
+/// Steps of the tables of laws, even in `sqrt(1 - sine of the grazing angle)`, fine at both ends: 0.16 degrees near
+/// normal incidence, half a degree at grazing.
 pub const STEPS: usize = 512;
 
-/// Ways of sound out to a surface and back. Vectors are in the world's frame, those at the start in the sensor's.
+/// Paths of sound out to a surface and back. Vectors are in the world frame, those at the start in the sensor frame.
 #[derive(Clone, Debug)]
 #[repr(align(64))]
 pub struct Ways {
     /// Unit vector along the ray where it arrives.
-    pub direction: [Row; 3],
-    /// The same of the ray along which the echo returns, as if that went out.
-    pub back: [Row; 3],
+    pub direction: [ArrivalRow; 3],
+    /// The same for the ray along which the echo returns, as if it went out.
+    pub back: [ArrivalRow; 3],
     /// Normal of the surface, of any length.
-    pub normal: [Row; 3],
-    /// Unit vectors along the ray where it starts, and across it, sensor frame.
-    pub launch: [Row; 3],
+    pub normal: [ArrivalRow; 3],
+    /// Unit vectors along the ray where it starts, and perpendicular to it, sensor frame.
+    pub launch: [ArrivalRow; 3],
     /// See `launch`.
-    pub tangent: [Row; 3],
-    /// Length of the ray's cell of directions along the tangent, and across both, rad.
-    pub cell: Row,
+    pub tangent: [ArrivalRow; 3],
+    /// Size of the ray's cell of directions along the tangent, and perpendicular to both, rad.
+    pub cell: ArrivalRow,
     /// See `cell`.
-    pub aside: Row,
-    /// Widths of the tube of the ray per radian at the start, m: in its vertical plane, and across it.
-    pub tube: [Row; 2],
-    /// The same of the way back.
-    pub back_tube: [Row; 2],
-    /// Lengths of the ways out and back, m.
-    pub path: [Row; 2],
-    /// Sound speed at the surface over that at the start, of the ways out and back together.
-    pub speed: Row,
-    /// Where in the tables the law of the surface begins.
-    pub law: Row<u32>,
-    /// Sines of the grazing angles of the ways out and back.
-    pub sines: [Row; 2],
-    /// log2 of the energy that is heard.
-    pub loudness: Row,
+    pub aside: ArrivalRow,
+    /// Widths of the tube of the ray per radian at the start, m: in its vertical plane, and perpendicular to it.
+    pub tube: [ArrivalRow; 2],
+    /// The same for the return path.
+    pub back_tube: [ArrivalRow; 2],
+    /// Lengths of the outward and return paths, m.
+    pub path: [ArrivalRow; 2],
+    /// Sound speed at the surface over that at the start, for the outward and return paths together.
+    pub speed: ArrivalRow,
+    /// Where the law of the surface begins in the tables.
+    pub law: ArrivalRow<u32>,
+    /// Sines of the grazing angles of the outward and return paths.
+    pub sines: [ArrivalRow; 2],
+    /// log2 of the received energy.
+    pub beam_gain: ArrivalRow,
     /// How much the range changes from one side of the ray's cell to the other, m.
-    pub reach: Row,
-    /// How far along the surface a metre of that is.
-    pub slide: [Row; 3],
+    pub reach: ArrivalRow,
+    /// Displacement along the surface per metre of that.
+    pub slide: [ArrivalRow; 3],
 }
 
 impl Default for Ways {
@@ -69,7 +69,7 @@ impl Default for Ways {
             speed: unit,
             law: whole,
             sines: [unit; 2],
-            loudness: zero,
+            beam_gain: zero,
             reach: zero,
             slide: [zero; 3],
         }
@@ -95,20 +95,20 @@ pub struct Parts {
     pub low: PartRow,
     /// See `low`.
     pub high: PartRow,
-    /// Energy of the echo in a bin that it fills, and the least of a part.
+    /// Energy of the echo in a bin that it fills, and the least energy of a part.
     pub share: PartRow,
     /// See `share`.
     pub least: PartRow,
-    /// What the texture leaves of it, 1 on average.
+    /// Factor of the texture, 1 on average.
     pub rough: PartRow,
-    /// Place of the echo's middle along the array, in lengths over which scatterers stay the same; how much of these a bin is; and
-    /// in which bin the middle is.
+    /// Position of the echo's middle along the array, in lengths over which scatterers stay the same; how many of these
+    /// a bin spans; and the bin of the middle.
     pub along: PartRow,
     /// See `along`.
     pub slope: PartRow,
     /// See `along`.
     pub middle: PartRow,
-    /// Whose scatterers they are.
+    /// The object that the scatterers belong to.
     pub object: PartRow<u32>,
 }
 
@@ -152,7 +152,7 @@ fn times(a: [f32; 3], x: f32) -> [f32; 3] {
 }
 
 #[inline(always)]
-fn at(rows: &[Row; 3], lane: usize) -> [f32; 3] {
+fn at(rows: &[ArrivalRow; 3], lane: usize) -> [f32; 3] {
     [rows[0][lane], rows[1][lane], rows[2][lane]]
 }
 
@@ -162,8 +162,8 @@ pub fn sine(direction: [f32; 3], normal: [f32; 3]) -> f32 {
     (dot(direction, normal).abs() / dot(normal, normal).sqrt()).clamp(1e-3, 1.0)
 }
 
-/// Part of the unit `direction` along a normal of any length, times that, for the extent of what is met: not less than at a
-/// grazing angle of 0.6 degrees, as at the rim of a round object that would reach far behind it.
+/// Component of the unit `direction` along a normal of any length, times that, for the extent of a hit: not less than
+/// at a grazing angle of 0.6 degrees, as at the rim of a round object the extent would reach far behind it.
 #[inline(always)]
 pub fn towards(direction: [f32; 3], normal: [f32; 3]) -> f32 {
     const LEAST: f32 = 1e-2;
@@ -172,47 +172,47 @@ pub fn towards(direction: [f32; 3], normal: [f32; 3]) -> f32 {
     if along.abs() > least { along } else { least.copysign(along) }
 }
 
-/// Where in the table of a law the sine of a grazing angle lies, in steps.
+/// Position of the sine of a grazing angle in the table of a law, in steps.
 #[inline(always)]
 pub fn step(sine: f32) -> f32 {
     (1.0 - sine).max(0.0).sqrt() * STEPS as f32
 }
 
-/// The step in which such a place lies, and what part of it is before the place.
+/// The step that contains such a position, and the part of it before the position.
 #[inline(always)]
 pub fn within_step(at: f32) -> (usize, f32) {
     let step = (at as usize).min(STEPS - 1);
     (step, at - step as f32)
 }
 
-/// Between `low` and `high`, after a `part` of the way.
+/// Interpolates between `low` and `high` at the fraction `part`.
 #[inline(always)]
 pub fn between(low: f32, high: f32, part: f32) -> f32 {
     low * (1.0 - part) + high * part
 }
 
-/// log2 of `speed` (pressure follows from intensity by the impedance) over the area of the tube of a ray, whose phase turns
-/// `turns` times for each metre of range. At a caustic the tube is as wide as diffraction leaves it.
+/// log2 of `speed` (pressure follows from intensity by the impedance) over the area of the tube of a ray, whose phase
+/// turns `turns` times for each metre of range. At a caustic diffraction limits its width.
 #[inline(always)]
 pub fn tube_spread([upright, level]: [f32; 2], path: f32, speed: f32, turns: f32) -> f32 {
     let least = path.min((2.0 * path / turns).sqrt());
     log2(speed) - log2((upright.max(least) * level).max(1e-6)).abs()
 }
 
-/// log2 of the energy loss on a path of `2^path` m: nothing within a metre. `law`: powers of the length near and far, and
+/// log2 of the energy loss on a path of `2^path` m: none within a metre. `law`: powers of the length near and far, and
 /// log2 of the length, m, from which on it is far.
 #[inline(always)]
 pub fn one_way(path: f32, [near, far, from]: [f32; 3]) -> f32 {
     near * path.max(0.0).min(from) + far * (path - from).max(0.0)
 }
 
-/// A vector across a ray at its start, where the ray arrives, m: the tube turns with the ray, in its vertical plane, and is
-/// wider or thinner there than across it.
+/// A vector across a ray at its start, carried to where the ray arrives, m: the tube turns with the ray in its vertical
+/// plane, and is wider or narrower in that plane than perpendicular to it.
 #[inline(always)]
 fn carried(across: [f32; 3], launch: [f32; 3], direction: [f32; 3], [upright, level]: [f32; 2]) -> [f32; 3] {
     let aside = |direction: [f32; 3]| {
         let length = (direction[0] * direction[0] + direction[1] * direction[1]).sqrt();
-        // Straight up or down, any will do.
+        // For a vertical ray any direction will do.
         let any = if length > 0.0 { 0.0 } else { 1.0 };
         let scale = (1.0 - any) / (length + any);
         [-direction[1] * scale, direction[0] * scale + any, 0.0]
@@ -222,7 +222,7 @@ fn carried(across: [f32; 3], launch: [f32; 3], direction: [f32; 3], [upright, le
     plus(scaled, cross(direction, now), upright * dot(across, cross(launch, before)))
 }
 
-/// [`reaches`], where rays bend (or are reflected), and where cells are also wide aside.
+/// [`reaches`]; `BENT`: rays bend (or are reflected), `WIDE`: cells also have a width perpendicular to the tangent.
 #[inline(always)]
 fn find_reaches<const BENT: bool, const WIDE: bool>(rotation: [[f32; 3]; 3], it: &mut Ways) {
     for lane in 0..WAYS {
@@ -242,7 +242,7 @@ fn find_reaches<const BENT: bool, const WIDE: bool>(rotation: [[f32; 3]; 3], it:
         };
         let (reach, way) = side(times(tangent, it.cell[lane]));
         let (length, per_metre, way) = if WIDE {
-            // The cell's sides combined: length by the spread of both, direction as both have it on average.
+            // The cell's sides combined: length by the spread of both, direction by their mean.
             let (aside, way_aside) = side(times(cross(tangent, launch), it.aside[lane]));
             let square = reach * reach + aside * aside;
             let per_metre = if square > 1e-12 { 1.0 } else { 0.0 } / square.max(1e-12);
@@ -252,18 +252,19 @@ fn find_reaches<const BENT: bool, const WIDE: bool>(rotation: [[f32; 3]; 3], it:
         };
         it.reach[lane] = length;
         for axis in 0..3 {
-            // Nothing where there is no way, nor a number of it.
+            // Zero where there is no displacement, which then need not be a number.
             it.slide[axis][lane] = if per_metre == 0.0 { 0.0 } else { way[axis] * per_metre };
         }
     }
 }
 
 kernels! {
-    /// Adds to the loudness what the laws of the surfaces say, `log2(s_b / sine in)`; `same`: all ways back are those out.
+    /// Adds the scattering by the laws of the surfaces to the loudness, `log2(s_b / sine in)`; `same`: all return paths
+    /// are the outward paths.
     ///
-    /// Between two directions `s_b` is the geometric mean of what goes back into either, an assumption of ours: it is the
-    /// same both ways, and turns Lambert's law into `mu sin(in) sin(out)`, which is that law. It has no lobes about the
-    /// mirror direction.
+    /// Between two directions `s_b` is the geometric mean of the backscatter into either, our assumption: it is
+    /// reciprocal, and turns Lambert's law into `mu sin(in) sin(out)`, which is that law. It has no lobes about the
+    /// specular direction.
     pub fn weigh(laws: &[f32], same: bool, it: &mut Ways) {
         let (mut low, mut high, mut part) = ([[0.0; WAYS]; 2], [[0.0; WAYS]; 2], [[0.0; WAYS]; 2]);
         let sides = if same { 1 } else { 2 };
@@ -285,35 +286,36 @@ kernels! {
         if same {
             it.sines[1] = it.sines[0];
             for lane in 0..WAYS {
-                it.loudness[lane] += value(0, lane);
+                it.beam_gain[lane] += value(0, lane);
             }
         } else {
             for lane in 0..WAYS {
                 let sines = log2(it.sines[1][lane] / it.sines[0][lane]);
-                it.loudness[lane] += 0.5 * (value(0, lane) + value(1, lane) + sines);
+                it.beam_gain[lane] += 0.5 * (value(0, lane) + value(1, lane) + sines);
             }
         }
     }
 
-    /// Adds what is left after spreading, by the tubes of the rays: of the return path alone, as the outward path makes the footprint
-    /// that the ray represents.
+    /// Adds the loss by spreading, by the tubes of the rays: of the return path alone, as the outward path determines
+    /// the footprint that the ray represents.
     pub fn spread_tubes(turns: f32, it: &mut Ways) {
         for lane in 0..WAYS {
             let tube = [it.back_tube[0][lane], it.back_tube[1][lane]];
-            it.loudness[lane] += tube_spread(tube, it.path[1][lane], it.speed[lane], turns);
+            it.beam_gain[lane] += tube_spread(tube, it.path[1][lane], it.speed[lane], turns);
         }
     }
 
-    /// Adds what is left after spreading by a law ([`one_way`]), likewise. Levels do not rise within a metre of the sonar.
+    /// Adds the loss by spreading by a law ([`one_way`]), likewise. Levels do not rise within a metre of the sonar.
     pub fn spread_by(law: [f32; 3], it: &mut Ways) {
         for lane in 0..WAYS {
             let [out, back] = [log2(it.path[0][lane].max(1e-3)), log2(it.path[1][lane].max(1e-3))];
-            it.loudness[lane] += 2.0 * out - one_way(out, law) - one_way(back, law);
+            it.beam_gain[lane] += 2.0 * out - one_way(out, law) - one_way(back, law);
         }
     }
 
-    /// Finds how much the range of echoes changes over the cells of their rays, and how far along the surface a metre of that
-    /// is. `rotation`: columns of the world from the sensor; `bent`: of any way out; `wide`: cells are also wide aside.
+    /// Finds how much the range of echoes changes over the cells of their rays, and the displacement along the surface
+    /// per metre of that. `rotation`: columns of the matrix from the sensor to the world; `bent`: any outward path
+    /// bends; `wide`: cells also have a width perpendicular to the tangent.
     pub fn reaches(rotation: [[f32; 3]; 3], bent: bool, wide: bool, it: &mut Ways) {
         match (bent, wide) {
             (false, false) => find_reaches::<false, false>(rotation, it),
@@ -323,23 +325,23 @@ kernels! {
         }
     }
 
-    /// Divides echoes among their bins: energies of the first [`PARTS`], their roots, and whose scatterers they have along the
-    /// array, as the words of an address: these places are less than 2^31.
+    /// Divides echoes among their bins: energies of the first [`PARTS`], their square roots, and the positions of their
+    /// scatterers along the array, as the words of an address: these positions are less than 2^31.
     pub fn divide(
         parts: &Parts,
         energies: &mut [f32; PARTS],
         amplitudes: &mut [f32; PARTS],
         places: &mut [u32; PARTS],
     ) {
-        /// Beside it the lower half of a number's bits is a whole number.
+        /// Added to a number, it leaves a whole number in the lower half of the bits.
         const UNIT: f64 = 1.5 * (1u64 << 52) as f64;
         for part in 0..PARTS {
             let bin = parts.bin[part] as i32 as f32;
             let (low, high) = (parts.low[part].max(bin), parts.high[part].min(bin + 1.0));
             let energy = (parts.share[part] * (high - low)).max(parts.least[part]) * parts.rough[part];
-            // The middle of what lies in the bin.
+            // The middle of what is in the bin.
             let along = parts.along[part] + parts.slope[part] * (0.5 * (low + high) - parts.middle[part]);
-            // Not all of them change at once.
+            // Shifted, so that not all of them change at once.
             let shift = parts.object[part].wrapping_add(parts.bin[part].wrapping_mul(0x9E37_79B9));
             let place = along + (shift >> 8) as i32 as f32 / (1 << 24) as f32;
             energies[part] = energy;
@@ -357,7 +359,7 @@ kernels! {
     }
 
     /// 2 to the power of each.
-    pub fn powers(row: &mut Row) {
+    pub fn powers(row: &mut ArrivalRow) {
         for power in row {
             *power = exp2(*power);
         }

@@ -1,10 +1,10 @@
-//! Which vector instructions are used: the widest that the processor has, or those that somebody chose.
+//! Which vector instructions are used: the widest that the processor has, or those that the user chose.
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::{env, fmt};
 
-/// The environment variable that chooses a level; read once. Unset or empty: the widest that the processor has.
+/// The environment variable that selects a level; read once. Unset or empty: the widest that the processor has.
 pub const VARIABLE: &str = "ECHOCAST_SIMD";
 
 /// A set of vector instructions, narrower ones first.
@@ -22,7 +22,7 @@ pub enum Level {
 impl Level {
     const ALL: [Level; 3] = [Level::Avx512, Level::Avx2, Level::Plain];
 
-    /// What [`VARIABLE`] calls it.
+    /// Its name in [`VARIABLE`].
     pub fn name(self) -> &'static str {
         match self {
             Level::Plain => "plain",
@@ -31,19 +31,19 @@ impl Level {
         }
     }
 
-    /// Those that this processor has, wider ones first.
+    /// The levels that this processor has, wider ones first.
     pub fn here() -> impl Iterator<Item = Level> {
         let widest = widest();
         Level::ALL.into_iter().filter(move |&level| level <= widest)
     }
 }
 
-/// Why [`VARIABLE`] chooses nothing.
+/// Why [`VARIABLE`] selects no level.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NoLevel {
-    /// What it says.
+    /// Its value.
     pub found: String,
-    /// What it may say on this processor.
+    /// Values that are allowed on this processor.
     pub allowed: String,
 }
 
@@ -55,7 +55,7 @@ impl fmt::Display for NoLevel {
 
 impl std::error::Error for NoLevel {}
 
-/// What kernels use; 0: not determined yet.
+/// The level that kernels use; 0: not determined yet.
 static LEVEL: AtomicU8 = AtomicU8::new(0);
 
 /// The widest level of this processor.
@@ -86,7 +86,7 @@ fn named(text: &str) -> Result<Level, NoLevel> {
     })
 }
 
-/// The level that [`VARIABLE`] chooses, if it does.
+/// The level that [`VARIABLE`] selects, if any.
 ///
 /// # Errors
 /// It names no level that this processor has. Kernels then use the widest.
@@ -99,7 +99,7 @@ pub fn chosen_level() -> Result<Option<Level>, NoLevel> {
     CHOSEN.get_or_init(read).clone()
 }
 
-/// What kernels use.
+/// The level that kernels use.
 #[inline]
 pub fn level() -> Level {
     match LEVEL.load(Ordering::Relaxed) {
@@ -135,7 +135,7 @@ macro_rules! kernels {
                 #[target_feature(enable = "avx512f,avx512bw,avx512cd,avx512dq,avx512vl")]
                 fn with_avx512($($arg: $type),*) $(-> $out)? { at_any_level::<32>($($arg),*) }
                 match $crate::level() {
-                    // SAFETY: the level says that the processor has what these need.
+                    // SAFETY: the level guarantees that the processor has what these need.
                     $crate::Level::Avx512 => unsafe { with_avx512($($arg),*) },
                     // SAFETY: as above.
                     $crate::Level::Avx2 => unsafe { with_avx2($($arg),*) },

@@ -1,8 +1,8 @@
 //! The hot loops over blocks of beams, compiled for every vector level; the widest that this processor has is chosen
 //! once. Everything around them is ordinary code.
 //!
-//! A kernel does the same operations on every lane and knows nothing of sensors, scenes or materials, only numbers of them. Results are the same bits at
-//! every level: no operation is fused or reordered.
+//! A kernel does the same operations on every lane and works on plain numbers: it does not depend on sensors, scenes or
+//! materials. Results are bit-identical at every level: no operation is fused or reordered.
 
 mod level;
 

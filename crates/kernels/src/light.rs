@@ -1,4 +1,4 @@
-//! Returning light: incidence, intensity, what of it is seen.
+//! Returning light: incidence, intensity, detection.
 
 use crate::level::kernels;
 use crate::math::{exp_negative, ln};
@@ -34,7 +34,7 @@ pub fn power(value: f32, range: f32) -> f32 {
 
 kernels! {
     /// Turns normals of any length into unit vectors that face rays in the directions `rays`, and computes the cosines
-    /// of incidence, never 0: what is met is met from a side.
+    /// of incidence, never 0: a surface is always hit from one side.
     pub fn face(normals: [&mut Lanes; 3], rays: [&Lanes; 3], cos: &mut Lanes) {
         let [nx, ny, nz] = normals;
         let [dx, dy, dz] = rays;
@@ -131,7 +131,7 @@ kernels! {
         }
     }
 
-    /// Removes the surfaces that are not seen, and their intensities.
+    /// Removes the surfaces that are not `seen`, and their intensities.
     pub fn forget(seen: &Lanes<bool>, surface: &mut Lanes<u32>, intensity: &mut Lanes) {
         for lane in 0..LANES {
             intensity[lane] = if seen[lane] { intensity[lane] } else { 0.0 };
@@ -217,7 +217,7 @@ kernels! {
     }
 
     /// One step of Newton's method towards the maxima of signals side by side: adds the terms of parts at `ranges` with
-    /// `powers`, in sigmas from the places `at`, `scale` = 1/sigma.
+    /// `powers`, in sigmas from the positions `at`, `scale` = 1/sigma.
     pub fn add_terms(
         scale: f32,
         ranges: &Lanes,
@@ -229,7 +229,7 @@ kernels! {
     ) {
         for lane in 0..LANES {
             let x = (ranges[lane] - at[lane]) * scale;
-            // No farther than the lanes that count; the others are not looked at.
+            // No farther than in the lanes that count; the others are not used.
             let weight = powers[lane] * exp_negative(0.5 * (x * x).min(8.0));
             sum[lane] += weight;
             first[lane] += weight * x;

@@ -41,7 +41,7 @@ pub fn exp2(x: f32) -> f32 {
 }
 
 /// The nearest whole number to `x`, -126 to 127, and 2 to its power. Avoids conversion to an integer, which saturates
-/// and so is no vector instruction.
+/// and so does not vectorise.
 #[inline(always)]
 fn whole(x: f32) -> (f32, f32) {
     // The lower bits of the sum hold it.

@@ -1,4 +1,4 @@
-//! What an instrument makes of a range: errors, steps, limits.
+//! How an instrument measures a range: errors, steps, limits.
 
 use crate::level::kernels;
 use crate::math::ln;
@@ -28,9 +28,9 @@ kernels! {
         }
     }
 
-    /// Subtracts how much nearer than its peak, m, the edge of a Gaussian echo of this `sigma`, m, rises above the
-    /// threshold, at an effective reflectance of `unit R^2`: `sigma sqrt(2 ln(A/T))`, where sigma is half the distance
-    /// that light travels in that of the pulse.
+    /// Subtracts the distance, m, from the peak of a Gaussian echo of this `sigma`, m, to where its leading edge
+    /// crosses the threshold, an effective reflectance of `unit R^2`: `sigma sqrt(2 ln(A/T))`, where sigma is half the
+    /// distance that light travels in that of the pulse.
     pub fn walk(values: &mut [f32], rho_eff: &[f32], range: &[f32], sigma: f32, unit: f32) {
         for ((value, &rho_eff), &range) in values.iter_mut().zip(rho_eff).zip(range) {
             let over = rho_eff / (unit * range * range);
@@ -60,10 +60,10 @@ kernels! {
         }
     }
 
-    /// Removes the surfaces whose range is not above 0 and from `low` to `high`.
+    /// Removes the surfaces whose range is not above 0 and within `low` to `high`.
     pub fn limit(range: &Lanes, low: f32, high: f32, surface: &mut Lanes<u32>) {
         for lane in 0..LANES {
-            // Written so that a miss, with an infinite range or none, stays one.
+            // Written so that a miss, whose range is infinite or NaN, stays one.
             let within = (range[lane] > 0.0) & (range[lane] >= low) & (range[lane] <= high);
             surface[lane] = if within { surface[lane] } else { MISS };
         }

@@ -7,14 +7,14 @@
 use crate::level::kernels;
 use crate::math::{cos_pi, ln, sin_pi};
 use crate::sound::BEAMS;
-use crate::tile::{ROWS, Rows};
+use crate::tile::{ROWS, TileRows};
 
 const MULTIPLIER: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
 const WEYL: [u32; 2] = [0x9E37_79B9, 0xBB67_AE85];
 const ROUNDS: u32 = 10;
 
-/// Cells that get the first two words of one counter each in [`phasor_row`]; the next ones get the other two. Not the lanes
-/// of a vector, as results must not depend on the level.
+/// Cells that take the first two words of one counter each in [`phasor_row`]; the next ones take the other two. Not the
+/// lanes of a vector, as results must not depend on the level.
 const HALF: usize = 16;
 
 /// One block of Philox4x32-10 for each of `N` counters under one key.
@@ -87,8 +87,8 @@ kernels! {
         }
     }
 
-    /// Two standard normal numbers with the counters `first[i], second, third[i], fourth` for each element of `a` and `b`;
-    /// those of `a` are those of [`normals`].
+    /// Two standard normal numbers with the counters `first[i], second, third[i], fourth` for each element of `a` and
+    /// `b`; those of `a` are the same as from [`normals`].
     pub fn normal_pairs(
         key: [u32; 2],
         first: &[u32],
@@ -150,7 +150,8 @@ kernels! {
         }
     }
 
-    /// [`phasors`] of the counters `0 ..` before the three words `rest`; each counter gives the numbers of two.
+    /// [`phasors`] of the counters that begin with `0 ..` and end with the three words `rest`; each counter gives two
+    /// numbers.
     pub fn phasor_row(key: [u32; 2], rest: [u32; 3], re: &mut [f32], im: &mut [f32]) {
         for (index, (re, im)) in (0..).zip(re.chunks_mut(2 * HALF).zip(im.chunks_mut(2 * HALF))) {
             let mut first = [0; HALF];
@@ -168,9 +169,9 @@ kernels! {
         }
     }
 
-    /// [`phasor_row`]s of [`BEAMS`] beams, the cells from `first` on, a multiple of [`ROWS`]. The middle one of the words `rest` is
-    /// the first beam's, and one more for each beam.
-    pub fn phasor_rows(key: [u32; 2], rest: [u32; 3], first: usize, re: &mut Rows, im: &mut Rows) {
+    /// [`phasor_row`]s of [`BEAMS`] beams, for the cells from `first` on, a multiple of [`ROWS`]. The middle one of the
+    /// words `rest` is that of the first beam; it increases by one per beam.
+    pub fn phasor_rows(key: [u32; 2], rest: [u32; 3], first: usize, re: &mut TileRows, im: &mut TileRows) {
         const { assert!(ROWS == 2 * HALF) };
         let mut beams = [rest[1]; BEAMS];
         for beam in 0..BEAMS {

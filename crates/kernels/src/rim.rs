@@ -1,11 +1,11 @@
-//! What lies around the beams of a block, compared with what their axes meet.
+//! The footprints of a block's beams, compared with the hits of their axes.
 
 use crate::level::kernels;
 use crate::{LANES, Lanes, MISS};
 
 kernels! {
-    /// Unit vectors across beams, to the left and up, where the sensors' z axes are `z`; zeros where a beam goes along
-    /// its z, and so has no left.
+    /// Unit vectors perpendicular to beams, to the left and up, where the sensors' z axes are `z`; zeros where a beam
+    /// is parallel to its z, and so has no left.
     pub fn across(z: [&Lanes; 3], direction: [&Lanes; 3], left: [&mut Lanes; 3], up: [&mut Lanes; 3]) {
         let ([zx, zy, zz], [x, y, z]) = (z, direction);
         let ([left_x, left_y, left_z], [up_x, up_y, up_z]) = (left, up);
@@ -23,11 +23,12 @@ kernels! {
         }
     }
 
-    /// Height of the echo of an oblique surface over that of one met head-on: its pulse of the standard deviation
-    /// `sigma` m spreads by `s`, and so falls by `sigma / hypot(sigma, s)`.
+    /// Peak of the echo of an oblique surface relative to that at normal incidence: its pulse of the standard deviation
+    /// `sigma` m spreads by `s`, and so its peak falls by `sigma / hypot(sigma, s)`.
     ///
-    /// Across a Gaussian beam of the radii `w = hypot(start, angle R)` at 1/e^2, places have the standard deviations
-    /// `w / 2`; on a plane they are `tan` of its slope deeper: `s^2 = (w_h^2 n_left^2 + w_v^2 n_up^2) / (4 cos^2)`.
+    /// Across a Gaussian beam of the radii `w = hypot(start, angle R)` at 1/e^2, positions have the standard deviations
+    /// `w / 2`; on a plane, depths vary by that times `tan` of its slope:
+    /// `s^2 = (w_h^2 n_left^2 + w_v^2 n_up^2) / (4 cos^2)`.
     pub fn obliqueness(
         sigma: f32,
         start: f32,
@@ -52,8 +53,8 @@ kernels! {
         }
     }
 
-    /// Adds `mark` to the marks of lanes where what is met at `other`, on the surface `other_surface`, is another
-    /// surface than that at `place` or more than `off` m off its plane. All slices are equally long.
+    /// Adds `mark` to the marks of lanes where the hit at `other`, on the surface `other_surface`, is on another
+    /// surface than that at `place` or more than `off` m off its plane. All slices have the same length.
     pub fn compare(
         normal: [&[f32]; 3],
         place: [&[f32]; 3],

@@ -1,12 +1,12 @@
-//! Signals of beams of several rays that all meet one place of one surface.
+//! Signals of beams whose sub-rays all hit one place of one surface.
 
 use crate::level::kernels;
 use crate::{LANES, Lanes};
 
-/// What the rays of each beam meet, accumulated ray by ray.
+/// Hits of the sub-rays of each beam, accumulated ray by ray.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub struct Plain {
+pub struct PlainSignal {
     /// Range of the first ray, m; finally that of the echo.
     pub range: Lanes,
     /// Sum of the powers, 1/m^2; finally that of the echo.
@@ -15,16 +15,16 @@ pub struct Plain {
     pub moments: [Lanes; 2],
     nearest: Lanes,
     farthest: Lanes,
-    /// Plane of the surface that the first ray meets: `normal . place = offset`.
+    /// Plane of the surface that the first ray hits: `normal . place = offset`.
     normal: [Lanes; 3],
     offset: Lanes,
     /// Whether a lane is such a beam.
     pub is: Lanes<bool>,
 }
 
-impl Default for Plain {
+impl Default for PlainSignal {
     fn default() -> Self {
-        Plain {
+        PlainSignal {
             range: [0.0; LANES],
             power: [0.0; LANES],
             moments: [[0.0; LANES]; 2],
@@ -37,7 +37,7 @@ impl Default for Plain {
     }
 }
 
-impl Plain {
+impl PlainSignal {
     /// Position along the normal of a ray from `origin` at its range, m.
     #[inline(always)]
     fn along(&self, lane: usize, origin: [&Lanes; 3], direction: [&Lanes; 3], range: f32) -> f32 {
@@ -48,7 +48,7 @@ impl Plain {
 }
 
 kernels! {
-    /// Where the planes are that rays meet: `normal . place`, m.
+    /// Offsets of the planes that rays hit: `normal . place`, m.
     pub fn offsets(
         normal: [&Lanes; 3],
         origin: [&Lanes; 3],
@@ -64,7 +64,7 @@ kernels! {
 
     /// Starts with the first ray of every beam.
     pub fn start(
-        plain: &mut Plain,
+        plain: &mut PlainSignal,
         normal: [&Lanes; 3],
         origin: [&Lanes; 3],
         direction: [&Lanes; 3],
@@ -80,10 +80,10 @@ kernels! {
         }
     }
 
-    /// Adds what one more ray meets, with its `surface`; `first` is that of the first ray. More than `off` m off its
-    /// plane is another place.
+    /// Adds the hit of one more ray, with its `surface`; `first` is that of the first ray. A hit more than `off` m off
+    /// its plane is at another place.
     pub fn meet(
-        plain: &mut Plain,
+        plain: &mut PlainSignal,
         origin: [&Lanes; 3],
         direction: [&Lanes; 3],
         range: &Lanes,
@@ -109,7 +109,7 @@ kernels! {
 
     /// Replaces the range of the first ray by the mean range. `wide`: the rays span more than `narrow` m. Returns
     /// whether any beam spans more than `fine` m.
-    pub fn middle(plain: &mut Plain, narrow: f32, fine: f32, wide: &mut Lanes<bool>) -> bool {
+    pub fn middle(plain: &mut PlainSignal, narrow: f32, fine: f32, wide: &mut Lanes<bool>) -> bool {
         let mut any = false;
         for lane in 0..LANES {
             let span = plain.farthest[lane] - plain.nearest[lane];

@@ -3,25 +3,25 @@
 use crate::level::kernels;
 
 /// Columns of a 4x4 matrix: the x, y and z axis and the translation, each padded to four numbers.
-pub type Joint = [f32; 16];
+pub type JointMatrix = [f32; 16];
 
 /// Up to four joints that move each vertex.
 #[derive(Clone, Copy, Debug)]
 pub struct Influences<'a> {
-    /// Which joints of the palette.
+    /// Indices of the joints in the palette.
     pub joints: &'a [[u16; 4]],
-    /// How much each counts; those of all influences of a vertex sum to 1.
+    /// Weight of each; those of all influences of a vertex sum to 1.
     pub weights: &'a [[f32; 4]],
 }
 
 kernels! {
     /// Moves `rest` by the joints of the `palette`: every vertex by the sum of the matrices of its influences, of which
-    /// there may be several sets of four. As many vertices as the shortest of the slices has; the fourth number of each
-    /// is what the fourth numbers of the columns make of it.
+    /// there may be several sets of four. Moves as many vertices as the shortest of the slices has; the fourth number
+    /// of each results from the fourth numbers of the columns.
     ///
     /// Panics on a joint that the palette does not have.
-    pub fn skin(rest: &[[f32; 3]], sets: &[Influences], palette: &[Joint], out: &mut [[f32; 4]]) {
-        // All meshes but a few have one set; with AVX-512 a loop over it would cost a fifth.
+    pub fn skin(rest: &[[f32; 3]], sets: &[Influences], palette: &[JointMatrix], out: &mut [[f32; 4]]) {
+        // Nearly all meshes have one set; with AVX-512 a loop over it would cost a fifth.
         if let &[Influences { joints, weights }] = sets {
             for (((out, rest), joints), weights) in out.iter_mut().zip(rest).zip(joints).zip(weights) {
                 let mut matrix = [0.0; 16];
@@ -50,7 +50,7 @@ kernels! {
 
 /// Adds the matrices of `joints`, times their `weights`.
 #[inline(always)]
-fn blend(matrix: &mut Joint, joints: &[u16; 4], weights: &[f32; 4], palette: &[Joint]) {
+fn blend(matrix: &mut JointMatrix, joints: &[u16; 4], weights: &[f32; 4], palette: &[JointMatrix]) {
     for (&joint, &weight) in joints.iter().zip(weights) {
         let joint = &palette[usize::from(joint)];
         for element in 0..16 {
@@ -60,7 +60,7 @@ fn blend(matrix: &mut Joint, joints: &[u16; 4], weights: &[f32; 4], palette: &[J
 }
 
 #[inline(always)]
-fn transform(matrix: &Joint, point: &[f32; 3]) -> [f32; 4] {
+fn transform(matrix: &JointMatrix, point: &[f32; 3]) -> [f32; 4] {
     let mut moved = [0.0; 4];
     for axis in 0..4 {
         moved[axis] =

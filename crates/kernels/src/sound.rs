@@ -1,4 +1,4 @@
-//! Sound that beams hear: sums over range bins, levels.
+//! Sound that beams receive: sums over range bins, levels.
 
 use crate::level::kernels;
 use crate::math::{LOG2_PER_DB, log2};
@@ -6,22 +6,22 @@ use crate::math::{LOG2_PER_DB, log2};
 /// Range bins of a block.
 pub const BLOCK: usize = 4;
 
-/// Beams that hear a block together: their sums fill the vector registers.
+/// Beams that receive a block together: their sums fill the vector registers.
 pub const BEAMS: usize = 16;
 
-/// A block that beams hear.
+/// A block that beams receive.
 #[derive(Clone, Copy, Debug)]
-pub struct HeardBlock {
+pub struct ReceivedBlock {
     /// Its index among the blocks given.
     pub block: u32,
-    /// Where in the table of all loudness that of the beams begins.
-    pub loudness: u32,
+    /// Where the beams' gains begin in the table of all gains (`beam_gain`).
+    pub beam_gain: u32,
 }
 
-/// What arrives in [`BLOCK`] range bins: a cache line.
+/// Arrivals in [`BLOCK`] range bins: a cache line.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(align(64))]
-pub struct Block {
+pub struct BinBlock {
     /// Sums of amplitudes, or of energies.
     pub re: [f32; BLOCK],
     /// Their imaginary parts.
@@ -32,12 +32,12 @@ pub struct Block {
     pub who: [u32; BLOCK],
 }
 
-/// The greatest energy and whose it is, after `heard` from `who`.
+/// The greatest energy and its contributor, given those of another arrival and of the strongest so far.
 #[inline(always)]
 #[must_use]
-pub fn greater(heard: f32, who: u32, most: f32, is: u32) -> (f32, u32) {
-    let stronger = heard > most;
-    (if stronger { heard } else { most }, if stronger { who } else { is })
+pub fn greater(received: f32, who: u32, most: f32, is: u32) -> (f32, u32) {
+    let stronger = received > most;
+    (if stronger { received } else { most }, if stronger { who } else { is })
 }
 
 /// The numbers of [`BEAMS`] beams from `at` on.
@@ -52,24 +52,24 @@ fn rows<T>(cells: &mut [T]) -> &mut [[T; BEAMS]; BLOCK] {
     cells.as_chunks_mut().0.try_into().expect("as many rows as a block has bins")
 }
 
-/// [`hear_blocks`], of amplitudes or of energies.
+/// [`receive_blocks`], of amplitudes or of energies.
 #[inline(always)]
 #[allow(clippy::too_many_arguments)]
-fn hear<const COHERENT: bool>(
-    blocks: &[Block],
-    heard: &[HeardBlock],
-    loudness: &[f32],
+fn receive<const COHERENT: bool>(
+    blocks: &[BinBlock],
+    received: &[ReceivedBlock],
+    beam_gain: &[f32],
     first: u32,
     [sum_re, sum_im]: [&mut [f32]; 2],
     most: &mut [f32],
     is: &mut [u32],
 ) {
-    let mut silent = [[0.0; BEAMS]; BLOCK];
-    let sum_im = if COHERENT { rows(sum_im) } else { &mut silent };
+    let mut no_imaginary = [[0.0; BEAMS]; BLOCK];
+    let sum_im = if COHERENT { rows(sum_im) } else { &mut no_imaginary };
     let (sum_re, most, is) = (rows(sum_re), rows(most), rows(is));
     let (mut re, mut im, mut best, mut whose) = (*sum_re, *sum_im, *most, *is);
-    for heard in heard {
-        let (loud, block) = (row(loudness, heard.loudness), &blocks[heard.block as usize]);
+    for received in received {
+        let (loud, block) = (row(beam_gain, received.beam_gain), &blocks[received.block as usize]);
         for beam in 0..BEAMS {
             let loud = loud[beam];
             let square = loud * loud;
@@ -103,7 +103,7 @@ fn db(power: f32) -> f32 {
     log2(power.max(1e-30)) * (1.0 / LOG2_PER_DB)
 }
 
-/// [`CELLS`] of what is convolved with `taps`, or their squares, from `start` on.
+/// [`CELLS`] of the convolution with `taps`, or their squares, from `start` on.
 #[inline(always)]
 fn convolved(taps: &[(u32, f32)], squared: bool, cells: &[f32], start: usize, sums: &mut [f32; CELLS]) {
     *sums = [0.0; CELLS];
@@ -135,9 +135,9 @@ kernels! {
         }
     }
 
-    /// Adds the parts of an arrival to as many cells: amplitudes, or without imaginary parts energies; and keeps the greatest
-    /// energy of each cell and whose it is.
-    pub fn hear_parts(
+    /// Adds the parts of an arrival to as many cells: amplitudes, or, without imaginary parts, energies; and keeps the
+    /// greatest energy of each cell and its contributor.
+    pub fn receive_parts(
         loud: f32,
         amplitudes: [&[f32]; 2],
         energy: &[f32],
@@ -156,54 +156,55 @@ kernels! {
         }
     }
 
-    /// Adds those of `blocks` of the same [`BLOCK`] bins that are `heard` to as many rows of [`BEAMS`] cells: amplitudes, or
-    /// without imaginary parts energies, scaled by the square; and for every cell the greatest energy and whose it is. The
-    /// numbers of arrivals are those from `first` on. Amplitudes are finite: beams that do not hear a block add it zero times.
-    pub fn hear_blocks(
-        blocks: &[Block],
-        heard: &[HeardBlock],
-        loudness: &[f32],
+    /// Adds those of `blocks`, all of the same [`BLOCK`] bins, that beams receive to as many rows of [`BEAMS`] cells:
+    /// amplitudes, or, without imaginary parts, energies, scaled by the square; and keeps the greatest energy of every
+    /// cell and its contributor. Arrivals are numbered from `first` on. Amplitudes are finite: beams that do not
+    /// receive a block add it times zero.
+    pub fn receive_blocks(
+        blocks: &[BinBlock],
+        received: &[ReceivedBlock],
+        beam_gain: &[f32],
         first: u32,
         sums: [&mut [f32]; 2],
         most: &mut [f32],
         is: &mut [u32],
     ) {
         if sums[1].is_empty() {
-            hear::<false>(blocks, heard, loudness, first, sums, most, is);
+            receive::<false>(blocks, received, beam_gain, first, sums, most, is);
         } else {
-            hear::<true>(blocks, heard, loudness, first, sums, most, is);
+            receive::<true>(blocks, received, beam_gain, first, sums, most, is);
         }
     }
 
-    /// Adds energies, and energies times the angle `beside` the axis of each cell's beam, to rows like those of
-    /// [`hear_blocks`].
-    pub fn lean_blocks(
+    /// Adds energies, and energies times the angle off axis (`beside`) of each cell's beam, to rows like those of
+    /// [`receive_blocks`].
+    pub fn add_moments(
         energies: &[[f32; BLOCK]],
-        heard: &[HeardBlock],
-        loudness: &[f32],
+        received: &[ReceivedBlock],
+        beam_gain: &[f32],
         beside: &[f32],
-        lean: &mut [f32],
+        moment: &mut [f32],
         total: &mut [f32],
     ) {
-        let (lean, total) = (rows(lean), rows(total));
-        let (mut leans, mut totals) = (*lean, *total);
-        for heard in heard {
-            let (loud, aside) = (row(loudness, heard.loudness), row(beside, heard.loudness));
-            let energies = &energies[heard.block as usize];
+        let (moment, total) = (rows(moment), rows(total));
+        let (mut moments, mut totals) = (*moment, *total);
+        for received in received {
+            let (loud, aside) = (row(beam_gain, received.beam_gain), row(beside, received.beam_gain));
+            let energies = &energies[received.block as usize];
             for beam in 0..BEAMS {
                 let square = loud[beam] * loud[beam];
                 for bin in 0..BLOCK {
                     let energy = square * energies[bin];
-                    leans[bin][beam] += energy * aside[beam];
+                    moments[bin][beam] += energy * aside[beam];
                     totals[bin][beam] += energy;
                 }
             }
         }
-        (*lean, *total) = (leans, totals);
+        (*moment, *total) = (moments, totals);
     }
 
-    /// Levels, dB re 1 uPa, of amplitudes convolved with the `taps` of a response: each weighs the cell so many after. After those
-    /// of `levels`, up to whole [`CELLS`], are as many more as the last tap says.
+    /// Levels, dB re 1 uPa, of amplitudes convolved with the `taps` of a response: each weighs the cell that many
+    /// further on. Amplitudes extend beyond those of `levels`, up to whole [`CELLS`], by the shift of the last tap.
     pub fn convolve_to_db(taps: &[(u32, f32)], re: &[f32], im: &[f32], levels: &mut [f32]) {
         let (whole, rest) = levels.as_chunks_mut();
         let after = whole.len() * CELLS;
@@ -217,8 +218,8 @@ kernels! {
         }
     }
 
-    /// [`convolve_to_db`] of energies, with the squares of the taps. With noise, which the response does not change:
-    /// `(sqrt(energy) + re a)^2 + (im a)^2`, where the `powers` of it are `a^2`, uPa^2.
+    /// [`convolve_to_db`] of energies, with the squares of the taps, and with noise, to which the response is not
+    /// applied: `(sqrt(energy) + re a)^2 + (im a)^2`, where the `powers` of the noise are `a^2`, uPa^2.
     pub fn convolve_energies_to_db(
         taps: &[(u32, f32)],
         energy: &[f32],

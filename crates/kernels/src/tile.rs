@@ -1,27 +1,27 @@
-//! What the beams of a tile hear besides blocks, row by row: a row has a number of each beam in one range bin, as many as a
-//! cache line. Powers are uPa^2.
+//! What the beams of a tile receive in addition to blocks, row by row: a row has one number per beam for one range bin,
+//! as many as fit in a cache line. Powers are uPa^2.
 
 use crate::level::kernels;
 use crate::sound::{BEAMS, greater};
 
-/// Rows that are worked on at a time, which stay in the first cache.
+/// Rows that are processed at a time, which stay in the first-level cache.
 pub const ROWS: usize = 32;
 
-/// Numbers of so many rows.
-pub type Rows<T = f32> = [T; ROWS * BEAMS];
+/// Numbers of [`ROWS`] rows.
+pub type TileRows<T = f32> = [T; ROWS * BEAMS];
 
-/// What beams hear from one part of the directions far aside.
+/// Side-lobe reception of beams from one part of the directions far off axis.
 #[derive(Clone, Copy, Debug)]
-pub struct Aside {
-    /// Where its number in the first row is in the columns of all parts, which go on bin by bin.
+pub struct SideLobePart {
+    /// Index of its number for the first row in the columns of all parts, which continue bin by bin.
     pub at: usize,
-    /// How loudly each beam hears that, as a factor of power.
+    /// Gain of each beam towards that part, as a factor of power.
     pub loud: [f32; BEAMS],
 }
 
 kernels! {
-    /// Powers of what is heard from far aside, by the columns of `energy`.
-    pub fn hear_aside(parts: &[Aside], energy: &[f32], powers: &mut Rows) {
+    /// Side-lobe powers from far off axis, by the columns of `energy`.
+    pub fn side_lobe_powers(parts: &[SideLobePart], energy: &[f32], powers: &mut TileRows) {
         for (row, powers) in powers.as_chunks_mut::<BEAMS>().0.iter_mut().enumerate() {
             let mut sums = [0.0; BEAMS];
             for part in parts {
@@ -34,44 +34,44 @@ kernels! {
         }
     }
 
-    /// Where `nobody` is heard, but the `powers` from far aside are above the `noise`: whose is the strongest of that, by the
-    /// columns of the greatest energies (`most`) and whose they are (`who`).
-    pub fn tell_aside(
-        parts: &[Aside],
+    /// Labels cells that have no contributor, but side-lobe `powers` above the `noise`, with the strongest contributor
+    /// to these, by the columns of the greatest energies (`most`) and their contributors.
+    pub fn label_side_lobes(
+        parts: &[SideLobePart],
         most: &[f32],
-        who: &[u32],
-        powers: &Rows,
+        contributors: &[u32],
+        powers: &TileRows,
         noise: f32,
-        nobody: u32,
-        told: &mut Rows<u32>,
+        unlabelled: u32,
+        labels: &mut TileRows<u32>,
     ) {
-        let rows = powers.as_chunks::<BEAMS>().0.iter().zip(told.as_chunks_mut::<BEAMS>().0);
-        for (row, (powers, told)) in rows.enumerate() {
+        let rows = powers.as_chunks::<BEAMS>().0.iter().zip(labels.as_chunks_mut::<BEAMS>().0);
+        for (row, (powers, labels)) in rows.enumerate() {
             let (mut unknown, mut any) = ([0u32; BEAMS], 0);
             for beam in 0..BEAMS {
-                // Not a condition, which would keep this from becoming vector instructions.
-                let is = u32::from(told[beam] == nobody) & u32::from(powers[beam] > noise);
+                // Not a condition, which would prevent vectorisation.
+                let is = u32::from(labels[beam] == unlabelled) & u32::from(powers[beam] > noise);
                 unknown[beam] = 0u32.wrapping_sub(is);
                 any |= is;
             }
             if any == 0 {
                 continue;
             }
-            let (mut best, mut whose) = ([0.0; BEAMS], [nobody; BEAMS]);
+            let (mut best, mut strongest) = ([0.0; BEAMS], [unlabelled; BEAMS]);
             for part in parts {
-                let (most, who) = (most[part.at + row], who[part.at + row]);
+                let (most, contributors) = (most[part.at + row], contributors[part.at + row]);
                 for beam in 0..BEAMS {
-                    (best[beam], whose[beam]) = greater(part.loud[beam] * most, who, best[beam], whose[beam]);
+                    (best[beam], strongest[beam]) = greater(part.loud[beam] * most, contributors, best[beam], strongest[beam]);
                 }
             }
             for beam in 0..BEAMS {
-                told[beam] = whose[beam] & unknown[beam] | told[beam] & !unknown[beam];
+                labels[beam] = strongest[beam] & unknown[beam] | labels[beam] & !unknown[beam];
             }
         }
     }
 
-    /// Transposes rows from the bin `first` on into `lines`, one of `bins` numbers for each of the first beams. Numbers of any
-    /// kind, by their bits.
+    /// Transposes rows from the bin `first` on into `lines`, one of `bins` numbers for each of the first beams. Numbers
+    /// of any type, as their bits.
     pub fn put_columns(rows: &[u32], first: usize, bins: usize, lines: &mut [u32]) {
         /// Rows at a time.
         const EIGHT: usize = 8;
@@ -104,7 +104,7 @@ kernels! {
 mod tests {
     use super::*;
 
-    /// Any numbers of rows and beams, from any bin on; what lies beside stays.
+    /// Any numbers of rows and beams, from any bin on; all other cells are unchanged.
     #[test]
     fn columns_are_those_of_rows() {
         const BINS: usize = 50;

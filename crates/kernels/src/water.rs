@@ -17,7 +17,7 @@ pub type Eight<T = f64> = [T; WIDTH];
 pub struct Slab {
     /// Depth of its top, m.
     pub top: f64,
-    /// Depth of its bottom, m; the last has none and is infinite.
+    /// Depth of its bottom, m; infinite for the last slab.
     pub bottom: f64,
     /// Speed of sound at its top, m/s.
     pub speed: f64,
@@ -67,7 +67,7 @@ pub struct Turn {
 }
 
 impl Turn {
-    /// Of an angle of at most 0.02 rad, by the series, to 2e-14.
+    /// The turn by an angle of at most 0.02 rad, by the series, to 2e-14.
     #[inline(always)]
     #[must_use]
     pub fn small(angle: f64) -> Turn {
@@ -76,7 +76,7 @@ impl Turn {
         Turn { sin: angle * sinc, cos: 1.0 - q * 0.5 * (1.0 - q * (1.0 / 12.0) * (1.0 - q * (1.0 / 30.0))), sinc }
     }
 
-    /// Of any angle.
+    /// The turn by any angle.
     #[must_use]
     pub fn of(angle: f64) -> Turn {
         if angle.abs() <= 0.02 {
@@ -87,9 +87,9 @@ impl Turn {
     }
 }
 
-/// Where a ray is, and how it runs there.
+/// Depth and direction of a ray, and the sound speed there.
 #[derive(Clone, Copy, Debug)]
-pub struct Course {
+pub struct RayCourse {
     /// Depth, m.
     pub depth: f64,
     /// Sine of the grazing angle.
@@ -103,7 +103,7 @@ pub struct Course {
 /// A stretch of a ray within a slab.
 #[derive(Clone, Copy, Debug)]
 pub struct Arc {
-    /// How far it leads along the level, m.
+    /// Its horizontal length, m.
     pub level: f64,
     /// Depth at its end, m.
     pub depth: f64,
@@ -117,19 +117,19 @@ pub struct Arc {
     pub middle_speed: f64,
 }
 
-/// Speed changes along an arc by no more than this part of itself where [`Arc::time`] is used: the rule is off by less
-/// than a 120th of its fourth power, relative to the time.
+/// Greatest relative change of speed along an arc for which [`Arc::time`] is used: the error of the rule is less than a
+/// 120th of its fourth power, relative to the time.
 pub const SHORT: f64 = 0.02;
 
 impl Arc {
-    /// The `length` m from a place on, along which speed has a `gradient`. `half` and `quarter`: of half and a quarter
-    /// of the angle that the ray turns by, upwards where sound is faster below.
+    /// The arc of `length` m from a point on, along which speed has a `gradient`. `half` and `quarter`: turns by half
+    /// and a quarter of the angle that the ray turns by, upwards where sound is faster below.
     ///
-    /// The grazing angle falls linearly with length; a chord is `length sinc(half)` long, in the direction of the middle
-    /// of the arc.
+    /// The grazing angle falls linearly with length; a chord is `length sinc(half)` long, in the direction of the
+    /// middle of the arc.
     #[inline(always)]
     #[must_use]
-    pub fn bent(from: &Course, gradient: f64, length: f64, half: Turn, quarter: Turn) -> Arc {
+    pub fn bent(from: &RayCourse, gradient: f64, length: f64, half: Turn, quarter: Turn) -> Arc {
         let cosine = from.snell * from.speed;
         let middle = [from.sine * half.cos - cosine * half.sin, cosine * half.cos + from.sine * half.sin];
         let fall = length * middle[0] * half.sinc;
@@ -148,7 +148,7 @@ impl Arc {
     /// [`Arc::bent`] where speed changes by no more than [`SHORT`].
     #[inline(always)]
     #[must_use]
-    pub fn short(from: &Course, gradient: f64, length: f64) -> Arc {
+    pub fn short(from: &RayCourse, gradient: f64, length: f64) -> Arc {
         let half = 0.5 * gradient * from.snell * length;
         Arc::bent(from, gradient, length, Turn::small(half), Turn::small(0.5 * half))
     }
@@ -156,7 +156,7 @@ impl Arc {
     /// Time along it, by Simpson's rule.
     #[inline(always)]
     #[must_use]
-    pub fn time(&self, from: &Course, length: f64) -> f64 {
+    pub fn time(&self, from: &RayCourse, length: f64) -> f64 {
         // 1 / a + 4 / b + 1 / c, with one division.
         let [a, b, c] = [from.speed, self.middle_speed, self.speed];
         length * (1.0 / 6.0) * ((b * (a + c) + 4.0 * a * c) / (a * b * c))
@@ -165,20 +165,20 @@ impl Arc {
     /// Integral of speed over it, m^2/s, by Simpson's rule.
     #[inline(always)]
     #[must_use]
-    pub fn speed_path(&self, from: &Course, length: f64) -> f64 {
+    pub fn speed_path(&self, from: &RayCourse, length: f64) -> f64 {
         length * (1.0 / 6.0) * (from.speed + 4.0 * self.middle_speed + self.speed)
     }
 
     /// Loss by absorption along it, dB: Simpson's rule.
     #[inline(always)]
     #[must_use]
-    pub fn absorbed(&self, from: &Course, slab: &Slab, length: f64) -> f64 {
+    pub fn absorbed(&self, from: &RayCourse, slab: &Slab, length: f64) -> f64 {
         let ends = slab.absorption_at(from.depth) + slab.absorption_at(self.depth);
         length * (1.0 / 6.0) * (ends + 4.0 * slab.absorption_at(self.middle_depth))
     }
 }
 
-/// Length of the arc to a boundary `fall` m above or below that the ray gets to without turning over, given the sines
+/// Length of the arc to a boundary `fall` m above or below that the ray reaches without turning over, given the sines
 /// of its grazing angles here and there, without signs, and its curvature, 1/m; infinite where it turns by more than
 /// 0.06 rad on the way.
 #[inline(always)]
@@ -202,7 +202,7 @@ pub fn transmittance([here, there]: [f64; 2], [sine, sine_there]: [f64; 2]) -> f
     4.0 * a * b / ((a + b) * (a + b))
 }
 
-/// Speeds and densities this close are equal: they differ only by rounding.
+/// Whether speeds or densities differ by more than rounding.
 #[inline(always)]
 #[must_use]
 pub fn differ(a: f64, b: f64) -> bool {
@@ -221,8 +221,8 @@ pub fn steep(sine: f64) -> f64 {
 /// Rays side by side.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
-pub struct Rays {
-    /// Where the vertical plane of each starts, m.
+pub struct WaterRays {
+    /// Origin of the vertical plane of each, m.
     pub start: [Eight; 2],
     /// Horizontal unit vector in that plane.
     pub heading: [Eight; 2],
@@ -232,7 +232,7 @@ pub struct Rays {
     pub depth: Eight,
     /// Sine of the grazing angle.
     pub sine: Eight,
-    /// As of [`Course`].
+    /// As in [`RayCourse`].
     pub snell: Eight,
     /// Sound speed there, m/s.
     pub speed: Eight,
@@ -257,9 +257,9 @@ pub struct Rays {
     pub slab: Eight<u32>,
 }
 
-impl Default for Rays {
+impl Default for WaterRays {
     fn default() -> Self {
-        Rays {
+        WaterRays {
             start: [[0.0; WIDTH]; 2],
             heading: [[0.0; WIDTH]; 2],
             distance: [0.0; WIDTH],
@@ -284,13 +284,13 @@ impl Default for Rays {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Stop {
-    /// They are not followed.
+    /// They are not traced any further.
     #[default]
     Ended,
-    /// Within a slab, or at its boundary on the other side: they go on.
+    /// Within a slab, or at its boundary on the other side: they continue.
     Onward,
-    /// At the upper boundary of their slab, not yet through it: the surface, a boundary that reflects everything, or the
-    /// axis of a duct.
+    /// At the upper boundary of their slab, not yet through it: the surface, a boundary that reflects everything, or
+    /// the axis of a duct.
     Top,
     /// At the lower one.
     Bottom,
@@ -308,7 +308,7 @@ pub struct Chords {
     pub along: [Eight<f32>; 3],
     /// Its length, m.
     pub length: Eight<f32>,
-    /// Whether something may be met along it; says nothing of rays that have ended.
+    /// Whether something may be hit along it; undefined for rays that have ended.
     pub traced: Eight<bool>,
 }
 
@@ -318,7 +318,7 @@ impl Default for Chords {
     }
 }
 
-/// How far rays get within a slab.
+/// Limits of arcs within a slab.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits {
     /// Greatest speed, m/s.
@@ -327,12 +327,12 @@ pub struct Limits {
     pub short: f64,
     /// An arc that is near its chord is no longer than this, (m s)^(1/2), over the square root of its `snell`.
     pub chord: f64,
-    /// Whether nothing can be met there.
+    /// Whether nothing can be hit there.
     pub empty: bool,
 }
 
 impl Limits {
-    /// Of `slab`; `sagitta`: how far an arc may be from its chord, m.
+    /// The limits in `slab`; `sagitta`: how far an arc may be from its chord, m.
     #[must_use]
     pub fn new(slab: &Slab, sagitta: f64, empty: bool) -> Limits {
         let gradient = slab.gradient.abs();
@@ -343,14 +343,14 @@ impl Limits {
     }
 }
 
-/// Farther than sound of a greatest speed gets in a time, s; m.
+/// A distance, m, that sound of at most the speed `fastest` does not reach in `time`, s.
 #[inline(always)]
 #[must_use]
 pub fn farther(fastest: f64, time: f64) -> f64 {
     time * fastest + 1e-3
 }
 
-/// Slabs of a group's rays: a column for each of their numbers.
+/// Slabs of a group's rays: a column for each of their properties.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
 struct Slabs {
@@ -416,28 +416,28 @@ fn pick(yes: bool, a: f64, b: f64) -> f64 {
     if yes { a } else { b }
 }
 
-/// Through which water rays are led.
+/// The water that rays are traced through.
 pub struct Through<'a> {
-    /// From the surface down, and what limits arcs in each.
+    /// From the surface down.
     pub slabs: &'a [Slab],
-    /// As many as `slabs`.
+    /// Limits of arcs in each of `slabs`.
     pub limits: &'a [Limits],
     /// Greatest distance of a ray from the chord that is traced in its place, m.
     pub sagitta: f64,
     /// z of the surface, m.
     pub surface_z: f64,
-    /// Least and greatest coordinates of what can be met, m.
+    /// Least and greatest coordinates of what can be hit, m.
     pub bounds: [[f64; 3]; 2],
 }
 
 kernels! {
-    /// Leads every ray of every group that is not [`Stop::Ended`] on as far as one chord may take its place, or to where
-    /// it stops; `starts` are the rays where their chords start. `latest`: when rays end, s.
+    /// Advances every ray of every group that is not [`Stop::Ended`] as far as one chord may replace it, or to where it
+    /// stops; `starts` are the rays where their chords start. `latest`: when rays end, s.
     pub fn lead(
         water: &Through<'_>,
         latest: &[Eight],
-        rays: &mut [Rays],
-        starts: &mut [Rays],
+        rays: &mut [WaterRays],
+        starts: &mut [WaterRays],
         chords: &mut [Chords],
         stops: &mut [Eight<Stop>],
     ) {
@@ -455,8 +455,8 @@ kernels! {
 fn lead_group(
     water: &Through<'_>,
     latest: &Eight,
-    rays: &mut Rays,
-    start: &mut Rays,
+    rays: &mut WaterRays,
+    start: &mut WaterRays,
     chords: &mut Chords,
     stops: &mut Eight<Stop>,
 ) {
@@ -474,7 +474,7 @@ fn lead_group(
             (going[i], stops[i]) = (true, Stop::Onward);
         }
     }
-    // 1 / sqrt(snell), which stays the same.
+    // 1 / sqrt(snell), which is constant.
     let mut root = [0.0; WIDTH];
     for i in 0..WIDTH {
         root[i] = 1.0 / rays.snell[i].sqrt();
@@ -485,7 +485,7 @@ fn lead_group(
         let (mut down, mut crosses, mut level) = ([false; WIDTH], [false; WIDTH], [false; WIDTH]);
         for i in 0..WIDTH {
             let slab = here.get(i);
-            let at = Course { depth: rays.depth[i], sine: rays.sine[i], snell: rays.snell[i], speed: rays.speed[i] };
+            let at = RayCourse { depth: rays.depth[i], sine: rays.sine[i], snell: rays.snell[i], speed: rays.speed[i] };
             let (gradient, sine) = (slab.gradient, at.sine.abs());
             let falls = at.sine > 0.0;
             let straight = gradient == 0.0;
@@ -504,7 +504,7 @@ fn lead_group(
             let flat = (at.sine == 0.0) | (over & (most * curvature >= 2.0 * sine));
             let length = exit.min(most);
             let turn = curvature * length;
-            // Of arcs that turn by so much over such a length none is farther from its chord.
+            // No arc that turns by this much over this length is farther from its chord.
             let fits = (way[i] == 0.0) | empty[i] | ((way[i] + length) * (turned[i] + turn) <= 4.0 * water.sagitta);
             let goes = going[i] & (rays.time[i] < latest[i]);
             let takes = goes & fits & !flat;
@@ -556,7 +556,7 @@ fn lead_group(
             let stays = (bends & (rays.snell[i] * to >= 1.0)) | axis;
             let passes = crosses[i] & !stays;
             let sine = side * rays.sine[i].abs();
-            // Where nothing refracts the tube widens as it did but for the change of the gradient.
+            // Without refraction, the widening of the tube changes only with the gradient.
             let change = (slab.gradient - next.gradient) * rays.snell[i] * rays.snell[i] * rays.tube[i] / steep(sine);
             rays.depth[i] = pick(passes, depth, rays.depth[i]);
             rays.sine[i] = pick(passes, sine, rays.sine[i]);
@@ -586,11 +586,11 @@ fn lead_group(
         }
         let mut fits = [false; WIDTH];
         for i in 0..WIDTH {
-            // Whether the way through the next slab will fit, too.
+            // Whether the path through the next slab will fit, too.
             let slab = there.get(i);
             let length = ((slab.bottom - slab.top) / rays.sine[i].abs()).min(there.chord[i] * root[i]);
             let turn = turned[i] + slab.gradient.abs() * rays.snell[i] * length;
-            // No number where a straight way does not end.
+            // NaN where a straight path does not end.
             fits[i] = ((way[i] + length) * turn).max(0.0) <= 4.0 * water.sagitta;
         }
         let mut goes_on = false;
@@ -602,17 +602,17 @@ fn lead_group(
                 rays.slab[i] = next[i];
                 going[i] &= !changes[i];
             }
-            // What lies where the water changes is met on the side that the ray comes from.
+            // Surfaces where the water changes are hit on the side that the ray comes from.
             going[i] &= empty[i] | (fits[i] & !refracts[i]);
             goes_on |= going[i];
         }
-        // Rays that do not pass have stopped: what it says of them is not used.
+        // Rays that do not pass have stopped: their entries are not used.
         here = there;
         if !goes_on {
             break;
         }
     }
-    // A hit on the box itself is one on what is in it.
+    // A hit on the box itself is one on its contents.
     let margin = 2.0 * water.sagitta;
     for i in 0..WIDTH {
         let (level, fall) = (rays.distance[i] - start.distance[i], rays.depth[i] - start.depth[i]);

@@ -1,33 +1,34 @@
-//! What a program does where the system gives no memory. Without this, Rust aborts and prints the stack.
+//! How a program ends when it runs out of memory. Without this, Rust aborts and prints the stack.
 //!
-//! A program makes [`Allocator`] its global allocator and says with [`end_with`] how it ends; the library marks with
-//! [`tried`] where it copes itself. A host that the library is loaded into does neither, and notices nothing.
+//! A program makes [`Allocator`] its global allocator and sets with [`end_with`] how it ends; the library marks with
+//! [`tried`] where it handles failed allocations itself. A host that loads the library does neither, and is not
+//! affected.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::OnceLock;
 
-/// The system's allocator, which ends the process where it has no memory, if somebody has said how.
+/// The system's allocator, which ends the process when it runs out of memory, if [`end_with`] has set how.
 pub struct Allocator;
 
 /// Ends the process.
 static END: OnceLock<fn(usize) -> !> = OnceLock::new();
 
 thread_local! {
-    /// Whether this thread copes without the memory that it asks for.
+    /// Whether this thread handles failed allocations itself.
     static TRIED: Cell<bool> = const { Cell::new(false) };
 }
 
-/// From now on `end` is called with the number of bytes that there is no memory for. Many threads may call it, and one
-/// again from inside of it; whatever it does, it does best without memory.
+/// From now on `end` is called with the number of bytes that could not be allocated. Several threads may call it, and
+/// one again from inside of it; it should not allocate.
 pub fn end_with(end: fn(usize) -> !) {
     // The first one stays: a process has one program.
     let _ = END.set(end);
 }
 
-/// Does `work`, which copes with memory that it does not get.
+/// Does `work`, which handles failed allocations itself.
 pub fn tried<R>(work: impl FnOnce() -> R) -> R {
-    /// Says again what was said before, also where `work` panics.
+    /// Restores the previous state, even if `work` panics.
     struct Before(bool);
     impl Drop for Before {
         fn drop(&mut self) {
@@ -38,7 +39,7 @@ pub fn tried<R>(work: impl FnOnce() -> R) -> R {
     work()
 }
 
-/// Passes on what was got for `bytes`.
+/// Passes on the result of an allocation of `bytes`.
 #[inline]
 fn got(place: *mut u8, bytes: usize) -> *mut u8 {
     if place.is_null() {
@@ -49,7 +50,7 @@ fn got(place: *mut u8, bytes: usize) -> *mut u8 {
 
 #[cold]
 fn missing(bytes: usize) {
-    // A thread at its end, too, copes with nothing.
+    // Nor does a thread that is ending handle it.
     let is_tried = TRIED.try_with(Cell::get).unwrap_or(false);
     if let Some(end) = END.get().filter(|_| !is_tried) {
         end(bytes);
@@ -60,22 +61,22 @@ fn missing(bytes: usize) {
 #[allow(unsafe_code)]
 unsafe impl GlobalAlloc for Allocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        // SAFETY: the caller's promise.
+        // SAFETY: as the caller promises.
         got(unsafe { System.alloc(layout) }, layout.size())
     }
 
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        // SAFETY: the caller's promise.
+        // SAFETY: as the caller promises.
         got(unsafe { System.alloc_zeroed(layout) }, layout.size())
     }
 
     unsafe fn realloc(&self, place: *mut u8, layout: Layout, bytes: usize) -> *mut u8 {
-        // SAFETY: the caller's promise.
+        // SAFETY: as the caller promises.
         got(unsafe { System.realloc(place, layout, bytes) }, bytes)
     }
 
     unsafe fn dealloc(&self, place: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promise.
+        // SAFETY: as the caller promises.
         unsafe { System.dealloc(place, layout) }
     }
 }
@@ -86,7 +87,7 @@ mod tests {
     use std::panic::catch_unwind;
 
     #[test]
-    fn what_panics_copes_no_longer() {
+    fn a_panic_restores_the_state() {
         let is_tried = || TRIED.get();
         assert!(catch_unwind(|| tried(|| panic!("{}", is_tried()))).is_err());
         assert!(!is_tried());

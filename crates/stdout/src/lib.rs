@@ -1,8 +1,8 @@
 //! Whether the program was started with a standard output.
 //!
-//! Rust opens the null device in the place of one that is closed, before `main`, where all that is written is lost. So
-//! this looks before that. A crate of its own, which the library and its C ABI do not have: hosts that load them notice
-//! nothing.
+//! Rust replaces a closed one by the null device before `main`, where everything that is written is lost. So this
+//! checks before that. It is a crate of its own, on which the library and its C ABI do not depend: hosts that load them
+//! are not affected.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -13,9 +13,9 @@ pub fn is_open() -> bool {
     OPEN.load(Ordering::Relaxed)
 }
 
-#[allow(unsafe_code)] // it asks the system and no one else, for the library of Rust is not ready
+#[allow(unsafe_code)] // it only makes a system call, because the standard library of Rust is not ready
 #[ctor::ctor(unsafe)]
-fn look() {
+fn check() {
     let is_open = rustix::io::fcntl_getfd(rustix::stdio::stdout()).is_ok();
     OPEN.store(is_open, Ordering::Relaxed);
 }

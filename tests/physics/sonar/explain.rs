@@ -42,7 +42,7 @@ fn the_ray_of_an_echo_is_told_layer_by_layer() {
     let text = scene.explain(&sensor, &trajectory, &options, 0).unwrap();
     let rows = layers(&text);
     assert_eq!(rows.len(), 3, "{text}");
-    let met = numbers(&text, "met:");
+    let met = numbers(&text, "hit:");
     assert_near("time", rows.iter().map(|row| row[6]).sum(), met[met.len() - 1], 2e-3);
     assert_near("way", rows.iter().map(|row| row[5]).sum(), met[met.len() - 2], 2e-3);
     assert_near("depth of the bottom", rows[2][1], 50.0, 0.01);
@@ -88,7 +88,7 @@ fn the_sonar_equation_is_told_term_by_term() {
     assert_near("signal excess", term("SE "), heard - (term("N ") + 10.0), 0.02);
     assert!(text.contains("signal excess: it is reported"), "{text}");
     // Half a degree at 450 kHz: 0.886 wavelengths over the width, and its square over the wavelength.
-    assert!(text.contains("a transducer of 0.338 m: beams are those of its far field, from 34.3"), "{text}");
+    assert!(text.contains("a transducer of 0.338 m: far-field beams, valid from 34.3"), "{text}");
 
     // Total reflection, as sound that leaves at a low angle meets faster water below and rises to the surface.
     let fast = "{layers: [{depth_m: 0, speed_m_s: 1450}, {depth_m: 35, speed_m_s: 1550}]}";

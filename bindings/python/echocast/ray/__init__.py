@@ -6,8 +6,8 @@
     for batch in echocast.ray.dataset("drive.yaml").iter_batches(batch_size=4):
         batch["positions"][0], batch["category_id"][0]
 
-Ray schedules, retries and moves data; here is only what a set needs beside that. The bytes are those of `echocast run` on
-one machine.
+Ray schedules, retries and moves data; this module adds only what a set needs beyond that. The files are identical, byte for
+byte, to those of `echocast run` on one machine.
 """
 
 from echocast._convert import package

@@ -19,7 +19,7 @@ examples:
 from a machine that shares no files with the cluster:
   python -m echocast.ray drive.yaml --ship --address ray://head:10001 -o s3://bucket/set
 
-exit codes: 0 success; 1 the work has failed, in whole or in part, and --resume goes on; 2 wrong usage; 130 interrupted
+exit codes: 0 success; 1 the run failed, in whole or in part (--resume continues it); 2 wrong usage; 130 interrupted
 """
 
 #: s between lines of progress.
@@ -49,7 +49,7 @@ def setting(text: str) -> tuple[str, Any]:
 
 
 def yaml(text: str) -> Any:
-    """A value of YAML 1.2, for which `on` is a word."""
+    """A value of YAML 1.2, where `on` is a string."""
     yaml = package("yaml", "'ray[data]'")
 
     class Loader(yaml.SafeLoader):  # type: ignore[name-defined]
@@ -69,9 +69,9 @@ def yaml(text: str) -> Any:
 
 
 def positive(text: str) -> int:
-    """A number from 1 on."""
+    """A whole number of 1 or more."""
     if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected a number from 1 on")
+        raise argparse.ArgumentTypeError(f"{text!r}: expected a whole number, 1 or more")
     return int(text)
 
 
@@ -79,29 +79,29 @@ def arguments() -> argparse.ArgumentParser:
     """The command line."""
     parser = argparse.ArgumentParser(
         prog="python -m echocast.ray",
-        description="Make a set of samples from a scenario file on a Ray cluster. The files are those of `echocast run` on "
-        "one machine, to the byte.",
+        description="Make a set of samples from a scenario file on a Ray cluster. The files are identical, byte for byte, to "
+        "those of `echocast run` on one machine.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("scenario", metavar="SCENARIO", help="scenario file (docs/scenario.md), which workers find too")
-    add("-o", "--output", metavar="FOLDER", required=True, help="folder of the set, which all machines share, or its URL")
+    add("scenario", metavar="SCENARIO", help="scenario file (docs/scenario.md), which workers must find too")
+    add("-o", "--output", metavar="FOLDER", required=True, help="folder of the set, shared by all machines, or its URL")
     add("--samples", metavar="A:B[:STEP]", type=samples, help="samples A to B, both included, every STEPth [default: all]")
-    add("--resume", action="store_true", help="go on where a run has stopped: what is there is not made again")
+    add("--resume", action="store_true", help="continue where a run has stopped: existing samples are not made again")
     help = "change one key of the scenario by its path; repeatable"
     add("--set", metavar="KEY=VALUE", type=setting, action="append", default=[], help=help)
-    help = "cluster to connect to: `auto`, HOST:PORT or ray://HOST:PORT [default: one that is here, else this machine]"
+    help = "cluster to connect to: `auto`, HOST:PORT or ray://HOST:PORT [default: one running here, else this machine]"
     add("--address", help=help)
-    add("--workers", metavar="N", type=positive, help="processes with a CPU each [default: the CPUs of the cluster]")
-    add("--chunk", metavar="N", type=positive, help="samples of a task [default: up to 32]")
+    add("--workers", metavar="N", type=positive, help="processes, with one CPU each [default: the CPUs of the cluster]")
+    add("--chunk", metavar="N", type=positive, help="samples per task [default: up to 32]")
     add("--ship", action="store_true", help="send the current folder, with scenario and scenes, to the workers")
     add("-q", "--quiet", action="store_true", help="print only errors")
     return parser
 
 
 class Progress:
-    """Lines on stderr, not too many."""
+    """Lines of progress on stderr, at most one per `PERIOD`."""
 
     def __init__(self, quiet: bool) -> None:
         self.quiet = quiet
@@ -120,14 +120,14 @@ class Progress:
 
 
 def summarised(done: dict[str, Any]) -> str:
-    """What is told of a run at its end."""
+    """The summary printed at the end of a run."""
     made = done["made"] + len(done["failed"])
     lines = [
         f"{made} samples made in {done['seconds']:.1f} s ({made / done['seconds']:.1f} a second, {done['workers']} workers), "
         f"{done['points']:,} points"
     ]
     if done["found"]:
-        lines.append(f"  {done['found']} were there")
+        lines.append(f"  {done['found']} already existed")
     lines += [f"  sample {sample} has failed: {error}" for sample, error in done["failed"][:10]]
     lines.append(f"  {done['folder']}: {'complete, see report.html' if done['complete'] else 'not complete yet'}")
     return "\n".join(lines)
@@ -154,16 +154,16 @@ def run(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Runs it with the arguments of this process; returns its exit code."""
+    """Runs the command with the arguments of this process; returns its exit code."""
     args = arguments().parse_args()
     try:
         done = run(args)
     except KeyboardInterrupt:
-        print("interrupted; --resume goes on", file=sys.stderr)
+        print("interrupted; --resume continues the run", file=sys.stderr)
         return 130
     except (ec.Error, ImportError) as error:
         print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
-        # It is named after the option.
+        # The message begins with the name of the option.
         return 2 if isinstance(error, ec.ArgumentError) and str(error).startswith("samples is ") else 1
     if not args.quiet:
         for warning, count in done["warnings"].items():

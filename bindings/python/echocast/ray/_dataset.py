@@ -1,4 +1,4 @@
-"""Scans as a `ray.data.Dataset`, made as they are needed, without files."""
+"""Scans as a `ray.data.Dataset`, made on the fly, without files."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -30,18 +30,19 @@ def dataset(
 ) -> ray.data.Dataset:
     """A `ray.data.Dataset` with a row for each sample, made by Ray's workers while they are read.
 
-    `scenario`, `folder` and `settings`: as of `run`. `samples`: their numbers; None: all. `sensor` and `frame`: which of
-    the scans of a sample. `columns`: those of the cloud that a row has beside its positions. `workers`: the most processes,
-    with a CPU each; None: as many as the cluster has CPUs now. `batch_size`: samples that a worker makes at a time.
+    `scenario`, `folder` and `settings`: as for `run`. `samples`: numbers of the samples; None: all. `sensor` and `frame`:
+    which scan of each sample. `columns`: columns of the cloud that a row has in addition to its positions. `workers`: the
+    most processes, with one CPU each; None: as many as the cluster has CPUs now. `batch_size`: samples that a worker makes
+    at a time.
 
     | column of a row | |
     |---|---|
-    | `sample` | its number, int64 |
-    | `positions` | n x 3 float32, m, relative to the sensor's place at the start of the scan |
-    | `intensity`, … | n long, with the types and numbers of `scenario[sample].cloud()` |
+    | `sample` | number of the sample, int64 |
+    | `positions` | n x 3 float32, m, relative to the sensor's position at the start of the scan |
+    | `intensity`, … | n long, with the types and values of `scenario[sample].cloud()` |
 
-    Rows are as long as their clouds, so that a batch, as `iter_batches` gives them, is a dict of arrays of arrays. They come
-    as they are made; `ray.data.DataContext.get_current().execution_options.preserve_order` keeps them in order.
+    Rows are as long as their clouds, so a batch, as `iter_batches` yields it, is a dict of arrays of arrays. Rows arrive as
+    they are made; `ray.data.DataContext.get_current().execution_options.preserve_order` keeps them in order.
 
     >>> import echocast.ray
     >>> data = echocast.ray.dataset({
@@ -86,7 +87,7 @@ class Scans:
 
 
 def _ragged(arrays: Sequence[npt.NDArray[Any]]) -> npt.NDArray[np.object_]:
-    """An array of arrays of any lengths."""
+    """An array of arrays of different lengths."""
     together = np.empty(len(arrays), dtype=object)
     together[:] = arrays
     return together

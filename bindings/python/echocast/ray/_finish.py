@@ -1,4 +1,4 @@
-"""Completes a set: what all samples have together, as `echocast run --finish` writes it."""
+"""Completes a set: writes the files about all samples together, as `echocast run --finish` does."""
 
 import json
 import tempfile
@@ -9,17 +9,17 @@ import echocast as ec
 from echocast.ray._plan import is_log
 from echocast.ray._store import UNFINISHED, Store
 
-#: What was written of all samples together.
+#: Lists the files about all samples together.
 WHOLE = "files.json"
 
-#: Folders of what tables and archives are joined of.
+#: Folders of the pieces that tables and archives are joined from.
 PIECES = {"pieces", ".pieces"}
 
 
 def finish(store: Store, roots: Sequence[str]) -> None:
-    """Completes the set in `store`, whose samples are all there. `roots`: the folders of its styles."""
+    """Completes the set in `store`, in which no sample is missing. `roots`: the folders of its styles."""
     names = store.sizes()
-    # Of workers that were killed.
+    # Left by workers that were killed.
     left = [name for name in names if PurePosixPath(name).name.startswith(UNFINISHED)]
     store.remove(left)
     if store.folder is not None:
@@ -37,14 +37,14 @@ def finish(store: Store, roots: Sequence[str]) -> None:
             raise type(error)(str(error).replace(folder, store.name)) from error
         after = _files(folder)
         new = [name for name, stamp in after.items() if before.get(name) != stamp]
-        # The manifest tells where samples are: first they are there.
+        # The manifest says where samples are, so it is written after them.
         store.put([name for name in new if name != "manifest.json"], folder)
         store.put(["manifest.json"], folder)
         store.remove((before.keys() - after.keys()) | (old - _whole(folder)).intersection(names))
 
 
 def _folders(folder: Path, roots: Sequence[str]) -> None:
-    """Folders of a set, which object stores do not have."""
+    """Creates the folders of a set, which object stores do not have."""
     for name in [*roots, "samples", "pictures"]:
         Path(folder, name).mkdir(parents=True, exist_ok=True)
 
@@ -57,19 +57,19 @@ def _is_joined(name: str) -> bool:
         or is_log(name)
         or path.parts[0] in ("samples", "pictures")
         or bool(PIECES.intersection(path.parts))
-        # Archives of the set before it grew.
+        # Archives from before the set grew.
         or (path.parts[0] == "webdataset" and path.suffix == ".tar")
     )
 
 
 def _whole(folder: str | Path) -> set[str]:
-    """Names of the files of the whole set."""
+    """Names of the files about the whole set."""
     path = Path(folder, WHOLE)
     return {file["path"] for file in json.loads(path.read_text())} if path.exists() else set()
 
 
 def _files(folder: str | Path) -> dict[str, tuple[int, int]]:
-    """What is in a folder, by name, and since when."""
+    """The files in a folder by name, with modification time and inode."""
     found = [path for path in Path(folder).rglob("*") if path.is_file()]
     stamps = {path: path.stat() for path in found}
     return {path.relative_to(folder).as_posix(): (stamp.st_mtime_ns, stamp.st_ino) for path, stamp in stamps.items()}

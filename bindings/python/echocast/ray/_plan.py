@@ -1,4 +1,4 @@
-"""Which samples are made: those that are wanted and not there, in tasks."""
+"""Plans which samples are made: those that are requested and missing, divided into tasks."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,15 +9,15 @@ import echocast as ec
 if TYPE_CHECKING:
     from echocast.ray._store import Store
 
-#: Most samples of a task: what is made again when a worker dies.
+#: Most samples of a task: all of them are made again when a worker dies.
 MOST = 32
 
-#: Fewest samples of a task, if there are enough: each begins with what its samples have in common.
+#: Fewest samples of a task, if there are enough: each task begins with work that its samples share.
 LEAST = 4
 
 
 def wanted(count: int, samples: Sequence[int] | None) -> range:
-    """The samples that are asked for, of a scenario that has `count`: a range."""
+    """The requested samples of a scenario that has `count`: a range."""
     given = (0, count - 1) if samples is None else tuple(samples)
     if len(given) not in (2, 3):
         raise ec.ArgumentError(f"samples is {len(given)} numbers; allowed: first and last, and a step")
@@ -29,7 +29,7 @@ def wanted(count: int, samples: Sequence[int] | None) -> range:
 
 
 def noted(store: "Store", sizes: Mapping[str, int]) -> dict[int, dict[str, Any]]:
-    """What the manifests of a set say of its samples, by number: the newest success, else a failure."""
+    """The entries of a set's manifests by sample number: the newest success, else a failure."""
     names = [name for name in sizes if name == "manifest.json" or is_log(name)]
     known: dict[int, dict[str, Any]] = {}
     for name, text in sorted(store.read(names).items()):
@@ -41,7 +41,7 @@ def noted(store: "Store", sizes: Mapping[str, int]) -> dict[int, dict[str, Any]]
 
 
 def is_log(name: str) -> bool:
-    """Whether this is the manifest of a task, shard or run; it goes when the set is complete."""
+    """Whether this is the manifest of a task, shard or run, which is removed when the set is complete."""
     return name.startswith("manifest") and name.endswith(".jsonl")
 
 
@@ -50,12 +50,12 @@ def _lines(text: bytes) -> Iterator[Any]:
         try:
             yield json.loads(line)
         except ValueError:
-            # A run that was killed has left half a line.
+            # Half a line, left by a run that was killed.
             pass
 
 
 def complete(entry: Mapping[str, Any], sizes: Mapping[str, int]) -> bool:
-    """Whether a sample was made and its files are all there, with their sizes."""
+    """Whether a sample was made and all its files exist, with their sizes."""
 
     def is_there(file: Mapping[str, Any]) -> bool:
         size, length = sizes.get(file["path"], -1), int(file["bytes"])
@@ -66,8 +66,8 @@ def complete(entry: Mapping[str, Any], sizes: Mapping[str, int]) -> bool:
 
 
 def tasks(numbers: Sequence[int], workers: int, most: int | None = None) -> list[range]:
-    """Ranges that `numbers`, which rise, are divided into for some workers: of up to `most`, or if that is None, longer
-    ones first and shorter ones in the end, so that all workers end at about the same time."""
+    """Divides `numbers`, which must increase, into ranges for `workers`: of up to `most`, or if that is None, longer ones
+    first and shorter ones at the end, so that all workers finish at about the same time."""
     least = max(1, min(LEAST, len(numbers) // (4 * workers)))
     made: list[list[int]] = []
     size = 0

@@ -1,4 +1,4 @@
-"""Makes a set on a cluster: what is missing is found, divided among workers, and completed."""
+"""Makes a set on a cluster: finds the missing samples, divides them among workers, and completes the set."""
 
 import json
 import tempfile
@@ -20,7 +20,7 @@ from echocast.ray._worker import ORIGIN, Made, Worker
 if TYPE_CHECKING:
     from echocast._echocast import Keys, Path as AnyPath
 
-#: How many workers try a task: a sample that kills them all must not do so for ever.
+#: How many workers try a task: a sample that kills every worker must not do so for ever.
 TRIES = 4
 
 
@@ -39,17 +39,18 @@ def run(
 ) -> dict[str, Any]:
     """Makes samples of a scenario on the Ray cluster that this process is connected to, or on one of this machine alone.
 
-    `scenario`, `folder`: as `echocast.Scenario` takes them, with files where every worker finds them: on a file system that
-    all machines share, or relative to the `working_dir` that Ray ships. `settings`: keys of the scenario that are changed,
-    `{"environment.fog.visibility_m": 80}`. `output`: the set's folder, on a file system that all machines share, or a URL as
-    fsspec takes it, `s3://bucket/set`; with `filesystem`, of fsspec or `pyarrow.fs`, a path in that.
+    `scenario`, `folder`: as for `echocast.Scenario`, with files where every worker finds them: on a file system shared by all
+    machines, or relative to the `working_dir` that Ray ships. `settings`: keys of the scenario to change, such as
+    `{"environment.fog.visibility_m": 80}`. `output`: the folder of the set, on a file system shared by all machines, or a
+    URL that fsspec supports, such as `s3://bucket/set`; with `filesystem`, of fsspec or `pyarrow.fs`, a path in it.
 
-    `samples`: (first, last) or (first, last, step); None: all. `resume`: go on with a set that is there; samples in its
-    manifests whose files have their sizes are not made again. `workers`: processes with a CPU each; None: as many as the
-    cluster has CPUs now. `chunk`: samples of a task; None: up to 32. `progress`: called with the number of samples done and
-    of all.
+    `samples`: (first, last) or (first, last, step); None: all. `resume`: continue an existing set; samples in its manifests
+    whose files have the recorded sizes are not made again. `workers`: number of processes, with one CPU each; None: as many
+    as the cluster has CPUs now. `chunk`: samples per task; None: up to 32. `progress`: called with the number of samples
+    done and the total.
 
-    Returns what `echocast.run` does, and the number of `workers`. The files are those of `echocast run`, to the byte.
+    Returns what `echocast.run` returns, and the number of `workers`. The files are identical, byte for byte, to those of
+    `echocast run`.
 
     >>> import echocast.ray
     >>> done = echocast.ray.run({
@@ -74,8 +75,8 @@ def run(
         known = _plan.noted(store, sizes)
         there = {sample for sample in wanted if sample in known and _plan.complete(known[sample], sizes)}
         if there and not resume:
-            found = f"{store.name}, in which {len(there)} of these samples are"
-            raise ec.ArgumentError(f"set.folder is {found}; allowed: another folder, or to go on with it (--resume)")
+            found = f"{store.name}, which already holds {len(there)} of these samples"
+            raise ec.ArgumentError(f"set.folder is {found}; allowed: another folder, or --resume to continue the set")
         _write(store, ORIGIN, origin)
         missing = [sample for sample in wanted if sample not in there]
         tasks = _plan.tasks(missing, workers, chunk)
@@ -98,7 +99,7 @@ def run(
     if whole:
         finish(store, about["roots"])
         if not summary["found"]:
-            # The report of the same samples has one warning of each kind.
+            # The report about the same samples has each kind of warning once.
             report = json.loads(store.find("report.json") or b"{}")
             warnings = Counter({one["warning"]: one["samples"] for one in report.get("warnings", ())})
     summary["failed"].sort()
@@ -111,7 +112,7 @@ def run(
 
 
 def _write(store: Store, name: str, content: bytes) -> None:
-    """Writes a small file, unless it is there."""
+    """Writes a small file, unless it has this content already."""
     if store.find(name) != content:
         with tempfile.TemporaryDirectory(prefix="echocast-") as folder:
             Path(folder, name).write_bytes(content)
@@ -119,43 +120,43 @@ def _write(store: Store, name: str, content: bytes) -> None:
 
 
 class Crew:
-    """The workers of a run: actors of Ray, which has a place for them on any machine of the cluster."""
+    """The workers of a run: Ray actors, which Ray places on any machine of the cluster."""
 
     def __init__(self, source: Source, store: Store) -> None:
-        # As long as it lives, a worker has a CPU.
+        # A worker occupies a CPU as long as it lives.
         worker: Any = ray.remote(num_cpus=1)(Worker)
         self.workers: list[Any] = []
         self.worker: Callable[[], Any] = lambda: worker.remote(source, store)
         self.most = 1
 
     def hire(self) -> Any:
-        """One more."""
+        """Starts one more worker."""
         self.workers.append(self.worker())
         return self.workers[-1]
 
     def begin(self, origin: bytes | None, first: int) -> bytes:
-        """`Worker.begin` of the first of them."""
+        """Calls `Worker.begin` of a first worker."""
         try:
             begun: bytes = ray.get(self.hire().begin.remote(origin, first))
             return begun
         except ray.exceptions.RayTaskError as error:
             raise error.cause from None
         except ray.exceptions.RayError as error:
-            raise ec.Error(f"no worker can begin: {_line(error)}") from error
+            raise ec.Error(f"no worker can start: {_line(error)}") from error
 
     def make(self, origin: bytes, first: int, tasks: Sequence[range], most: int) -> Iterator[Made]:
-        """Has up to `most` workers make `tasks`; yields what `Worker.make` returns, as it comes."""
+        """Makes `tasks` with up to `most` workers; yields the results of `Worker.make` as they arrive."""
         self.most = max(1, min(most, len(tasks)))
         idle = self.workers + [self.hire() for _ in range(self.most - 1)]
         queue, tries = deque(tasks), Counter[range]()
         busy: dict[Any, tuple[Any, range]] = {}
         lost: list[int] = []
         while queue or busy:
-            # One task at a time for each, which copies its files before it gets another: nothing piles up anywhere.
+            # One task at a time for each worker, which copies its files before it gets another: nothing piles up.
             while queue and idle:
                 worker, task = idle.pop(), queue.popleft()
                 busy[worker.make.remote(origin, first, task)] = worker, task
-            # Who has nothing more to do leaves its CPU to those whose machine is gone and that have no other.
+            # Idle workers free their CPUs for workers that must be restarted because their machine is gone.
             while idle:
                 ray.kill(idle.pop())
             [ref], _ = ray.wait(list(busy))
@@ -166,7 +167,7 @@ class Crew:
             except ray.exceptions.RayTaskError as error:
                 raise error.cause from None
             except ray.exceptions.RayError as error:
-                # It has died, or cannot be reached any more.
+                # The worker has died, or can no longer be reached.
                 ray.kill(worker)
                 idle.append(self.hire())
                 tries[task] += 1
@@ -176,10 +177,10 @@ class Crew:
                     lost += task
                     reason = error
         if lost:
-            one, several = "1 of these samples is not made", f"{len(lost)} of these samples are not made"
+            one, several = "1 of these samples was not made", f"{len(lost)} of these samples were not made"
             raise ec.Error(
-                f"{one if len(lost) == 1 else several}, the first is {min(lost)}: {TRIES} workers have died of them, the last "
-                f"one: {_line(reason)}; allowed: to try again (--resume), with more memory or smaller scenes"
+                f"{one if len(lost) == 1 else several}, the first is {min(lost)}: {TRIES} workers died while making them, the "
+                f"last one: {_line(reason)}; allowed: another try (--resume), with more memory or smaller scenes"
             )
 
     def end(self) -> None:
@@ -189,5 +190,5 @@ class Crew:
 
 
 def _line(error: BaseException) -> str:
-    """What Ray says, in one line."""
+    """The message of a Ray error, in one line."""
     return " ".join(str(error).split())

@@ -1,4 +1,4 @@
-"""The scenario of a run, as it goes to the workers."""
+"""The scenario of a run, as it is sent to the workers."""
 
 import os
 from collections.abc import Mapping
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
 
 class Source:
-    """A scenario that every worker reads for itself: engines and scenes do not go to other processes.
+    """A scenario that every worker reads for itself: engines and scenes are not sent to other processes.
 
-    `scenario` and `folder`: as `echocast.Scenario` takes them; `settings`: keys that are changed, by their paths.
+    `scenario` and `folder`: as for `echocast.Scenario`; `settings`: keys to change, by their paths.
     """
 
     def __init__(
@@ -25,7 +25,7 @@ class Source:
     ) -> None:
         scenario, folder = source(scenario, folder)
         self.scenario: "Keys" = scenario
-        # Beside a file there is none, as reading it will tell.
+        # With a file no folder is allowed; reading the scenario reports that.
         self.folder: "Path" = folder
         if is_path(scenario):
             self.scenario = _place(scenario)
@@ -42,7 +42,8 @@ class Source:
 
 
 def _place(path: "Path") -> str:
-    """Where workers find what is at `path` here."""
-    # Ray starts workers in the folder that it has shipped to them, if there is one; elsewhere they know no current folder.
+    """The path at which workers find what is at `path` here."""
+    # Ray starts workers in the folder that it has shipped to them, if there is one; otherwise relative paths are useless to
+    # them.
     shipped = ray.get_runtime_context().runtime_env.get("working_dir")
     return os.fspath(path) if shipped else os.path.abspath(path)

@@ -14,14 +14,14 @@ from fsspec.implementations.local import LocalFileSystem
 
 import echocast as ec
 
-#: How the names of files begin that are not complete yet.
+#: Prefix of the names of incomplete files.
 UNFINISHED = ".echocast-"
 
 
 class Store:
     """A folder of a file system. Names of files are relative to it, with `/`.
 
-    `output`: a path, a URL that fsspec knows, or with `filesystem`, of fsspec or pyarrow, a path in that.
+    `output`: a path, a URL that fsspec supports, or with `filesystem`, of fsspec or pyarrow, a path in it.
     """
 
     def __init__(self, output: str | os.PathLike[str], filesystem: Any = None) -> None:
@@ -30,17 +30,17 @@ class Store:
             root = self.name
             if filesystem is None:
                 filesystem, root = fsspec.url_to_fs(root)
-            # What has no way to rename of its own would copy.
+            # File systems without their own rename would copy.
             self.renames = getattr(type(filesystem), "mv", None) is not AbstractFileSystem.mv
             if not isinstance(filesystem, AbstractFileSystem):
                 self.renames = filesystem.type_name not in ("s3", "gcs", "abfs")
                 filesystem = LocalFileSystem() if filesystem.type_name == "local" else ArrowFSWrapper(filesystem)
             self.fs, self.root = filesystem, filesystem._strip_protocol(root).rstrip("/")
-        #: The folder, if it is one that the system knows.
+        #: The folder, if it is on a local file system.
         self.folder = Path(self.root) if isinstance(filesystem, LocalFileSystem) else None
 
     def sizes(self) -> dict[str, int]:
-        """Lengths of all files, bytes, by name."""
+        """Sizes of all files in bytes, by name."""
         with self._telling("read"):
             self.fs.invalidate_cache()
             try:
@@ -51,7 +51,7 @@ class Store:
             return {path[start:]: about["size"] for path, about in found.items()}
 
     def find(self, name: str) -> bytes | None:
-        """The contents of a file; None if it is not there."""
+        """The contents of a file; None if it does not exist."""
         with self._telling("read"):
             try:
                 content: bytes = self.fs.cat_file(self._path(name))
@@ -76,14 +76,14 @@ class Store:
         """Copies files from `folder` on this machine; each appears when it is complete."""
         with self._telling("written"):
             if not self.renames:
-                # Object stores show what is complete. Many are sent at a time.
+                # Object stores only show complete files. Many are sent at a time.
                 if names:
                     self.fs.put([str(Path(folder, name)) for name in names], [self._path(name) for name in names])
                 return
             for parent in sorted({os.path.dirname(self._path(name)) for name in names}):
                 self.fs.makedirs(parent, exist_ok=True)
             for name in names:
-                # Two workers may be at the same sample, if one was thought dead.
+                # Two workers may write the same sample, if one was taken for dead.
                 pending = f"{os.path.dirname(self._path(name))}/{UNFINISHED}{uuid.uuid4().hex}"
                 try:
                     self.fs.put_file(str(Path(folder, name)), pending)
@@ -108,7 +108,7 @@ class Store:
 
     @contextlib.contextmanager
     def _telling(self, what: str) -> Iterator[None]:
-        """Says of the errors of any file system in a sentence what could not be done."""
+        """Turns errors of any file system into a sentence on what could not be done."""
         try:
             yield
         except Exception as error:

@@ -1,4 +1,4 @@
-"""What a worker of a run does."""
+"""The workers of a run."""
 
 import json
 import platform
@@ -14,19 +14,19 @@ from echocast.ray._store import Store
 
 E = TypeVar("E", bound=ec.Error)
 
-#: What `Worker.make` returns.
+#: Result of `Worker.make`.
 Made = tuple[range, int, list[tuple[int, str]], int, Counter[str]]
 
-#: What made a set; it appears first, and says which set this is.
+#: The scenario that a set is made from; it is written first, and identifies the set.
 ORIGIN = "scenario.json"
 
-#: Where `echocast.run` of the only part of one notes its samples.
+#: Where `echocast.run` records its samples, as the only shard of one.
 LOG = "manifest.0_of_1.jsonl"
 
 
 class Worker:
-    """Makes samples in a folder of its own and copies what is complete to the set. It is an actor: a process that keeps
-    what it has read. `source` and `store`: what is made, and where it goes."""
+    """Makes samples in a folder of its own and copies complete ones to the set. It is an actor: a process that keeps what
+    it has read. `source` and `store`: what is made, and where it is written."""
 
     def __init__(self, source: Source, store: Store) -> None:
         self.source, self.store = source, store
@@ -34,8 +34,8 @@ class Worker:
         self.sees = False
 
     def begin(self, origin: bytes | None, first: int) -> bytes:
-        """The `scenario.json` of the set; `origin` is that of the one in the store, or None. What `echocast run` refuses
-        is refused here: another scenario, styles that the sensors cannot fill. `first`: number of the first sample."""
+        """Returns the `scenario.json` of the set; `origin` is the one in the store, or None. What `echocast run` refuses is
+        refused here: another scenario, styles that the sensors cannot fill. `first`: number of the first sample."""
         with tempfile.TemporaryDirectory(prefix="echocast-") as folder:
             try:
                 self._run(folder, origin, range(first, first + 1), progress=_begun)
@@ -44,16 +44,16 @@ class Worker:
             except ec.FileError as error:
                 raise self._told(error) from error
             except ec.Error as error:
-                # The folder that is meant is not this one.
+                # Name the set's folder, not this temporary one.
                 raise type(error)(str(error).replace(folder, self.store.name)) from error
             return Path(folder, ORIGIN).read_bytes()
 
     def make(self, origin: bytes, first: int, task: range) -> Made:
-        """Makes the samples of a range, `task`, of the set that `origin` says and that begins with `first`. Returns `task`,
-        how many were made, what has failed, the number of points, and warnings, each with the number of its samples."""
+        """Makes the samples of a range, `task`, of the set that `origin` identifies and that begins with `first`. Returns
+        `task`, the number of samples made, the failures, the number of points, and warnings with their number of samples."""
         if not self.sees and self.store.find(ORIGIN) != origin:
-            allowed = "allowed: a folder that all machines share, or a bucket"
-            raise self._told(ec.FileError(f"{self.store.name} does not hold the set that is made; {allowed}"))
+            allowed = "allowed: a folder shared by all machines, or a bucket"
+            raise self._told(ec.FileError(f"{self.store.name} does not hold the set being made; {allowed}"))
         self.sees = True
         with tempfile.TemporaryDirectory(prefix="echocast-") as folder:
             try:
@@ -65,10 +65,10 @@ class Worker:
             failed = [(entry["sample"], entry["error"]) for entry in entries if "error" in entry]
             for _, told in failed:
                 if folder in told:
-                    # It is not the sample that is wrong, but this machine: its disk is full.
+                    # Not the sample is at fault, but this machine: its disk is full.
                     raise self._told(ec.FileError(told))
             self.store.put([file["path"] for entry in entries for file in entry["files"]], folder)
-            # Samples are there once they are noted, which is what comes last.
+            # Samples count as made once they are recorded, which is done last.
             log = f"manifest.{task[0]}_{task[-1]}_{task.step}.jsonl"
             Path(folder, log).write_text("".join(line + "\n" for line in lines))
             self.store.put([log], folder)
@@ -77,7 +77,7 @@ class Worker:
         return task, len(entries) - len(failed), failed, points, warnings
 
     def _make(self, folder: str, origin: bytes, first: int, task: range) -> None:
-        """Makes `task` in `folder`; samples that fail are noted there."""
+        """Makes `task` in `folder`; failed samples are recorded there."""
         while task:
             try:
                 self._run(folder, origin, task)
@@ -85,8 +85,8 @@ class Worker:
             except ec.Error:
                 if task[0] == first:
                     raise
-                # Before it begins, `echocast.run` makes the first sample to see whether the rest can be written, and ends
-                # if that fails. After one that is good, and noted as if it were made, the sample fails by itself.
+                # `echocast.run` first makes the first sample to see whether the rest can be written, and ends if that fails.
+                # After a good sample that is recorded as if it were made, this sample fails on its own.
                 noted = {"sample": first, "files": [], "points": 0, "categories": {}, "ranges": []}
                 with Path(folder, LOG).open("a") as log:
                     log.write(f"\n{json.dumps(noted)}\n")
@@ -96,25 +96,25 @@ class Worker:
     def _run(
         self, folder: str, origin: bytes | None, task: range, progress: Callable[[int, int], object] | None = None
     ) -> None:
-        """`echocast.run` to `folder`, which does not complete the set."""
+        """Runs `echocast.run` to `folder`, without completing the set."""
         if self.scenario is None:
             self.scenario = self.source.read(threads=1)
         if origin is not None:
-            # Who reads another scenario than the others, or other scenes, is refused.
+            # A worker that reads a different scenario or different scenes is refused.
             Path(folder, ORIGIN).write_bytes(origin)
         part = (task[0], task[-1], task.step)
         ec.run(self.scenario, folder, samples=part, shard=(0, 1), resume=True, threads=1, progress=progress)
 
     def _told(self, error: E) -> E:
-        """`error` for people at another machine."""
+        """`error` with the name of this machine, for users of another one."""
         text = f"worker on {platform.node()}: {error}"
         if isinstance(error, FileNotFoundError):
-            text += "; allowed: files on a file system that all machines share, or in the folder that Ray ships"
+            text += "; allowed: files on a file system shared by all machines, or in the folder that Ray ships"
         return type(error)(text)
 
 
 class _Begun(Exception):
-    """A run has checked everything and begins with the first sample."""
+    """Raised when a run has checked everything and begins with the first sample."""
 
 
 def _begun(done: int, all: int) -> None:

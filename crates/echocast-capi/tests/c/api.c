@@ -1187,7 +1187,7 @@ static void pings_of(echocast_context *context, const echocast_snapshot *snapsho
     FAILS(ECHOCAST_E_ARGUMENT, "layer is \"part_id\"; allowed: values, category_id",
           echocast_pings_image(all, "{view: waterfall}", "part_id", &again, NULL));
     CHECK(again.data == NULL);
-    FAILS(ECHOCAST_E_ARGUMENT, "fan is asked of a sidescan sonar;",
+    FAILS(ECHOCAST_E_ARGUMENT, "fan is requested for a sidescan sonar;",
           echocast_pings_image(all, "{view: fan}", "values", &again, NULL));
     FAILS(ECHOCAST_E_ARGUMENT, "view is top; allowed: waterfall, track or fan for pings",
           echocast_pings_image(all, "{width: 640}", "values", &again, NULL));

@@ -270,7 +270,7 @@ static void fails(echocast_context *context)
     /* Handles that stand for nothing any more. */
     echocast_sample_release(sample);
     FAILS(ECHOCAST_E_HANDLE, "sample is 0x", echocast_sample_scan(sample, 0, 0, NULL, &result));
-    CHECK(strstr(echocast_last_error(), "which is no sample that has not been released"));
+    CHECK(strstr(echocast_last_error(), "which is not a valid sample"));
     FAILS(ECHOCAST_E_HANDLE, "sample is 0x", echocast_sample_get_scan(sample, 0, &scan));
     FAILS(ECHOCAST_E_HANDLE, "scenario is 0x", echocast_scenario_sample((echocast_scenario *)sample, 0, &sample));
     echocast_scenario_release(scenario);

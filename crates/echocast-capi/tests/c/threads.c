@@ -117,7 +117,7 @@ int main(int argc, char **argv)
         limit(processes);
         desc.threads = 8;
         context = (echocast_context *)&desc;
-        FAILS(ECHOCAST_E_MEMORY, "the system does not give 8 threads", echocast_context_create(&desc, &context));
+        FAILS(ECHOCAST_E_MEMORY, "the system cannot start 8 threads", echocast_context_create(&desc, &context));
         CHECK(context == NULL);
     }
     desc.threads = 1;

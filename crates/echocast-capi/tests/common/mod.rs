@@ -1,11 +1,11 @@
-//! Compilers, and programs of C and C++ that run with the library just built.
-#![allow(dead_code)] // each test uses some
+//! Compilers, and programs in C and C++ that run with the library just built.
+#![allow(dead_code)] // each test uses some of it
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::{env, fs};
 
-/// The compilers of C that are here, with those of C++ that belong to them.
+/// The C compilers that are installed, with their C++ compilers.
 pub fn compilers() -> Vec<[&'static str; 2]> {
     let all = [["gcc", "g++"], ["clang", "clang++"]];
     let here =
@@ -28,7 +28,7 @@ pub fn source(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/c").join(name)
 }
 
-/// The folder of this test, made anew.
+/// The folder of this test, newly created.
 pub fn folder(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = fs::remove_dir_all(&folder);
@@ -36,7 +36,7 @@ pub fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// The library of the build that this test belongs to: `libechocast_capi` with the ending `.so` or `.a`.
+/// The library of the build that this test belongs to: `libechocast_capi` with the extension `.so` or `.a`.
 pub fn library(ending: &str) -> PathBuf {
     let deps = env::current_exe().unwrap();
     let library = deps.with_file_name(format!("libechocast_capi{ending}"));
@@ -44,7 +44,7 @@ pub fn library(ending: &str) -> PathBuf {
     library
 }
 
-/// A folder where programs find the shared library under its name.
+/// A folder where programs find the shared library under its installed name.
 pub fn stage(folder: &Path) -> PathBuf {
     let stage = folder.join("lib");
     fs::create_dir_all(&stage).unwrap();

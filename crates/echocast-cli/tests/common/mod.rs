@@ -1,4 +1,4 @@
-//! Running the program and looking at what it leaves.
+//! Runs the program and inspects its output.
 #![allow(dead_code, reason = "each test program uses its part")]
 
 use serde_json::Value;

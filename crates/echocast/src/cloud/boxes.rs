@@ -9,41 +9,41 @@ use glam::DVec3;
 pub struct InstanceBox {
     /// Frame index of the scan.
     pub frame: u32,
-    /// When the box holds, s since the start of the run.
+    /// Time at which the box is valid, s since the start of the run.
     pub time: f64,
     /// Object over all frames, as in the column `track_id`.
     pub track_id: u32,
     /// Object, as in the column `instance_id`; never 0.
     pub instance_id: u32,
-    /// What it is, as in the column `category_id`; 0 = unlabelled.
+    /// Category, as in the column `category_id`; 0 = unlabelled.
     pub category_id: u32,
-    /// Position of the middle of the box, metres, and rotation from its axes, in the frame of the cloud. In a cloud in
-    /// sensor coordinates that is the sensor's frame when the box holds, or when the scan starts if its points are brought
-    /// there ([`crate::ScanOptions::deskew`]).
+    /// Position of the centre of the box, metres, and rotation from its axes, in the frame of the cloud. For a cloud in
+    /// sensor coordinates, that is the sensor frame at the time of the box, or at the start of the scan if its points
+    /// are transformed to it ([`crate::ScanOptions::deskew`]).
     pub pose: Pose,
     /// Lengths along its axes, metres.
     pub size: DVec3,
-    /// How fast its middle moves over the ground, m/s, in the frame of the cloud; with what changes its shape, as that
-    /// does on average.
+    /// Velocity of its centre over the ground, m/s, in the frame of the cloud; deformation is included with its mean
+    /// velocity.
     pub velocity: DVec3,
-    /// Returns of the scan that lie on it: the rows with its `instance_id`.
+    /// Number of returns of the scan on it: the rows with its `instance_id`.
     pub points: u32,
-    /// How much of it is not hidden, 0 to 1: of the beams that would meet it within their range if it were alone, how
-    /// many meet it before anything else, seen in straight lines along their axes; light passes through glass, and
-    /// weather, noise and detection play no part. 0 where no beam would meet it.
+    /// Visible fraction, 0 to 1: of the beams that would hit it within their range if it were alone, the fraction that
+    /// hit it before anything else, traced in straight lines along their axes; light passes through glass, and weather,
+    /// noise and detection are ignored. 0 if no beam would hit it.
     pub visible: f64,
-    /// Left, top, right and bottom, pixels, of all of it in the [image](crate::emitter::ImageGrid) of the sensor when the
-    /// box holds, whatever hides it and where the image ends; `None`: it was not asked for
-    /// ([`crate::ScanOptions::image_boxes`]), or nothing of it is in front of the camera.
+    /// Left, top, right and bottom, pixels, of the whole object in the [image](crate::emitter::ImageGrid) of the sensor
+    /// at the time of the box, regardless of occlusion and of the borders of the image; `None`: not requested
+    /// ([`crate::ScanOptions::image_boxes`]), or no part of it is in front of the camera.
     pub image: Option<[f64; 4]>,
 }
 
-/// When boxes hold.
+/// The time for which boxes are valid.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BoxTime {
-    /// Each when its object is scanned: at the mean time of the points that lie on it, or, of those that a turn meets at its
-    /// beginning and at its end, of the end with more of them; without any, in the middle of the scan. Where points are
-    /// brought to its start, then.
+    /// Each when its object is scanned: the mean time of the points on it; if a revolution meets the object both at its
+    /// beginning and at its end, the mean time of the points at the end that has more of them; without points, the
+    /// middle of the scan. If points are deskewed to the start of the scan, that time.
     #[default]
     Scan,
     /// When the scan starts.
@@ -54,11 +54,11 @@ pub enum BoxTime {
 
 named! { BoxTime: Scan "scan", Start "start", End "end" }
 
-/// Along which axes boxes lie.
+/// The axes with which boxes are aligned.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum BoxAxes {
-    /// Those of each object, z up as it was modelled: its x axis, and the z axis as far as it is at right angles to
-    /// that. Of a mesh with a skeleton, they turn with the root of the skeleton.
+    /// Those of each object, z up as modelled: its x axis, and the component of its z axis perpendicular to that. For a
+    /// mesh with a skeleton, they rotate with the root of the skeleton.
     #[default]
     Object,
     /// Those of the cloud's frame.
@@ -68,7 +68,7 @@ pub enum BoxAxes {
 named! { BoxAxes: Object "object", Frame "frame" }
 
 impl InstanceBox {
-    /// Its corners; bit k of an index says at which end of axis k the corner is.
+    /// Its corners; bit k of an index is the end of axis k at which the corner is.
     pub fn corners(&self) -> [DVec3; 8] {
         std::array::from_fn(|corner| {
             let side = |axis: usize| if corner >> axis & 1 == 1 { 0.5 } else { -0.5 };

@@ -1,4 +1,4 @@
-//! From lanes to rows: which beams of a block have a return, and where their values go.
+//! From lanes to rows: which beams of a block have a return, and where their values are written.
 
 use super::Element;
 use crate::ground::lanes::{LANES, MISS};
@@ -6,20 +6,20 @@ use echocast_kernels::rows;
 
 /// The lanes of a block that become rows.
 pub(crate) struct Kept {
-    /// Lane of each row; bytes reach every lane of a block and no other, so no index needs a check.
+    /// Lane of each row; a byte can index every lane of a block and nothing beyond, so no index needs a check.
     lanes: [u8; LANES],
     rows: usize,
-    /// First row and end of what is copied at once, as lanes of these rows follow each other; none where such runs are
-    /// many and short.
+    /// First row and end of each run of rows with consecutive lanes, which is copied at once; none where runs are many
+    /// and short.
     runs: [[u16; 2]; MOST_RUNS],
     run_count: usize,
-    /// Lanes without a return that have a row all the same (organised clouds).
+    /// Whether lanes without a return have a row as well (organised clouds).
     misses: bool,
 }
 
 const _: () = assert!(LANES == 1 << u8::BITS);
 
-/// So many runs of lanes are copied one by one in less time than all lanes.
+/// Up to this many runs are copied faster one by one than lane by lane.
 const MOST_RUNS: usize = 16;
 
 impl Kept {
@@ -27,7 +27,7 @@ impl Kept {
         Kept { lanes: [0; LANES], rows: 0, runs: [[0; 2]; MOST_RUNS], run_count: 0, misses: false }
     }
 
-    /// Chooses among the first `count` lanes those that hit a surface, or all when `organised`; returns how many.
+    /// Selects among the first `count` lanes those that hit a surface, or all when `organised`; returns how many.
     pub(crate) fn choose(&mut self, surface: &[u32; LANES], count: usize, organised: bool) -> usize {
         let hits = rows::choose(surface, count, &mut self.lanes);
         self.misses = organised && hits < count;
@@ -51,7 +51,7 @@ impl Kept {
         !self.misses && self.run_count == 1 && self.lanes[usize::from(first)] == 0 && usize::from(end) == self.rows
     }
 
-    /// Writes what every beam has, return or not.
+    /// Writes values that every beam has, with or without a return.
     pub(crate) fn put_beam<T: Element>(&self, from: &[T; LANES], to: &mut [T]) {
         if to.is_empty() {
             return;
@@ -70,7 +70,7 @@ impl Kept {
         }
     }
 
-    /// Writes what only returns have; misses of organised clouds get the type's miss value.
+    /// Writes values that only returns have; misses of organised clouds get the type's miss value.
     pub(crate) fn put<T: Element>(&self, surface: &[u32; LANES], from: &[T; LANES], to: &mut [T]) {
         if to.is_empty() {
             return;

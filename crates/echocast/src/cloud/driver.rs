@@ -11,7 +11,7 @@ use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
-/// A ROS 2 driver: it numbers the rings of a sensor, and what it publishes of a point has a layout of its own.
+/// A ROS 2 driver, with its own numbering of the rings of a sensor and its own layout of points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Driver {
@@ -25,14 +25,15 @@ pub enum Driver {
     Robosense,
     /// livox_ros_driver2.
     Livox,
-    /// Those of Autoware, for the LiDARs of several makers, whose rings they call channels; no sensor's own driver.
+    /// The drivers of Autoware, for the LiDARs of several makers; they call rings channels. No sensor has it as its own
+    /// driver.
     #[serde(skip_deserializing)]
     Autoware,
 }
 
 named! { Driver: Velodyne "velodyne", Ouster "ouster", Hesai "hesai", Robosense "robosense", Livox "livox", Autoware "autoware" }
 
-/// A number that each point of a driver's messages has.
+/// A number in each point of a driver's messages.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PointField {
     /// Its name in the message.
@@ -47,11 +48,11 @@ pub struct PointField {
 /// What a field holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Value {
-    /// Coordinate in the sensor frame; x, y and z are the first fields, side by side.
+    /// Coordinate in the sensor frame; x, y and z are the first fields, one after the other.
     Place,
     /// The column, times this.
     Column(Field, f64),
-    /// The column, times this; without the column, the quantity of the point in the sensor frame.
+    /// The column, or without it the quantity computed from the position in the sensor frame, times this.
     Polar(Field, f64),
     /// Time since the stamp, s, times this.
     Since(f64),
@@ -61,7 +62,7 @@ enum Value {
     Tag,
     /// Which return it is, as Autoware numbers them.
     ReturnType,
-    /// Nothing that is simulated.
+    /// A quantity that is not simulated.
     Zero,
 }
 
@@ -98,9 +99,9 @@ const OUSTER: [PointField; 9] = [
     field("range", PackType::U32, 32, Value::Polar(Field::Range, 1e3)),
 ];
 
-/// `ToRosMsg` of github.com/HesaiTechnology/HesaiLidar_ROS_2.0, src/manager/source_driver_ros2.hpp, and what
-/// github.com/RoboSense-LiDAR/rslidar_sdk, src/source/source_pointcloud_ros.hpp, makes of points `XYZIRT`; times are those
-/// of the run, in s.
+/// `ToRosMsg` of github.com/HesaiTechnology/HesaiLidar_ROS_2.0, src/manager/source_driver_ros2.hpp, and the points
+/// `XYZIRT` of github.com/RoboSense-LiDAR/rslidar_sdk, src/source/source_pointcloud_ros.hpp; times are those of the
+/// run, in s.
 const HESAI: [PointField; 6] = [
     X,
     Y,
@@ -110,8 +111,8 @@ const HESAI: [PointField; 6] = [
     field("timestamp", PackType::F64, 18, Value::Column(Field::Time, 1.0)),
 ];
 
-/// `LivoxPointXyzrtlt` of github.com/Livox-SDK/livox_ros_driver2, src/comm/comm.h, and its fields, src/lddc.cpp; times are
-/// those of the run, in ns. Tags: "Livox HAP user manual", point cloud data.
+/// `LivoxPointXyzrtlt` of github.com/Livox-SDK/livox_ros_driver2, src/comm/comm.h, and its fields, src/lddc.cpp; times
+/// are those of the run, in ns. Tags: "Livox HAP user manual", point cloud data.
 const LIVOX: [PointField; 7] = [
     X,
     Y,
@@ -122,8 +123,8 @@ const LIVOX: [PointField; 7] = [
     field("timestamp", PackType::F64, 18, Value::Column(Field::Time, 1e9)),
 ];
 
-/// `PointXYZIRCAEDT` of Autoware's drivers, github.com/tier4/nebula, docs/point_types.md; times count from the stamp, in
-/// ns. The channel is the ring of the maker's driver (`point.channel` of its decoders).
+/// `PointXYZIRCAEDT` of Autoware's drivers, github.com/tier4/nebula, docs/point_types.md; times count from the stamp,
+/// in ns. The channel is the ring of the maker's driver (`point.channel` of its decoders).
 const AUTOWARE: [PointField; 10] = [
     X,
     Y,
@@ -138,7 +139,7 @@ const AUTOWARE: [PointField; 10] = [
 ];
 
 impl Driver {
-    /// What it publishes of a point.
+    /// The fields of each point that it publishes.
     pub fn point_fields(self) -> &'static [PointField] {
         match self {
             Driver::Velodyne => &VELODYNE,
@@ -166,7 +167,7 @@ impl Driver {
 }
 
 impl Value {
-    /// The columns without which there is no such value.
+    /// The columns that the value requires.
     fn columns(&self) -> &[Field] {
         match self {
             Value::Place => &[Field::X, Field::Y, Field::Z],
@@ -181,12 +182,12 @@ impl Value {
 }
 
 impl PointField {
-    /// Whether `cloud` has what it is made of.
+    /// Whether `cloud` has the columns that it requires.
     pub(crate) fn is_in(&self, cloud: &PointCloud) -> bool {
         self.value.columns().iter().all(|&column| cloud.fields.contains(column))
     }
 
-    /// How it is packed, if it is a column of `cloud`; times may count from `stamp`, s.
+    /// How it is packed, if it is made from a column of `cloud`; times may count from `stamp`, s.
     pub(crate) fn item(&self, cloud: &PointCloud, stamp: f64) -> Option<PackItem> {
         let (field, shift, scale) = match self.value {
             Value::Column(field, scale) => (field, 0.0, scale),
@@ -201,7 +202,7 @@ impl PointField {
     }
 }
 
-/// Where a driver has the rows of an organised cloud.
+/// How a driver arranges the rows of an organised cloud.
 pub(crate) struct Arrangement {
     /// Height and width.
     pub shape: [usize; 2],
@@ -210,8 +211,8 @@ pub(crate) struct Arrangement {
 }
 
 impl PointCloud {
-    /// Height and width of the messages that `driver` makes of it: of an organised cloud those of the driver's image, else
-    /// one row of all points.
+    /// Height and width of the messages that `driver` makes of it: for an organised cloud those of the driver's image,
+    /// else one row of all points.
     pub fn driver_shape(&self, driver: Driver) -> [usize; 2] {
         self.order_of(driver).map_or_else(|| self.shape(), |order| order.shape)
     }
@@ -221,9 +222,9 @@ impl PointCloud {
         self.organised.map_or([1, self.len], |shape| shape.map(|count| count as usize))
     }
 
-    /// How `driver` arranges it, a scan with a ring in each row, if it does otherwise than the cloud: Velodyne's has the
-    /// rings side by side, the lowest first, and firings below each other (organized_cloudXYZIRT.cpp), RoboSense's
-    /// likewise, in the order of its channels (source_pointcloud_ros.hpp), Ouster's the rings below each other.
+    /// How `driver` arranges it, a scan with one ring per row, if differently from the cloud: Velodyne's puts the rings
+    /// side by side, the lowest first, and the firings one below the other (organized_cloudXYZIRT.cpp), RoboSense's
+    /// likewise, in the order of its channels (source_pointcloud_ros.hpp), Ouster's puts the rings one below the other.
     pub(crate) fn order_of(&self, driver: Driver) -> Option<Arrangement> {
         let [height, width] = self.organised?.map(|count| count as usize);
         let rings = &self.columns.ring;
@@ -236,7 +237,7 @@ impl PointCloud {
         }
         let mut lasers: Vec<usize> = (0..height).collect();
         lasers.sort_by_key(|&row| of_row(row)[0]);
-        // Rings come again where several frames are one cloud.
+        // Rings repeat where one cloud holds several frames.
         if height < 2 || !lasers.is_sorted_by(|&a, &b| of_row(a)[0] < of_row(b)[0]) {
             return None;
         }
@@ -254,12 +255,12 @@ impl PointCloud {
         Some(Arrangement { shape: [width, height], rows })
     }
 
-    /// Writes the points as `driver` publishes them, each [`Driver::point_step`] bytes, to `to`: positions in the frame of
-    /// the sensor where the scan starts, but those of a cloud in the sensor's coordinates stay as they are, each in the
-    /// frame of its own firing unless it was deskewed; times from `stamp` on (s, of the message), where the driver's count
-    /// from there. Points of an organised cloud come in the order of the driver's image, whose height and width are
-    /// [`PointCloud::driver_shape`]. Where no `azimuth`, `elevation` and `range` were computed, they are those of the
-    /// positions.
+    /// Writes the points to `to` as `driver` publishes them, [`Driver::point_step`] bytes each. Positions are in the
+    /// frame of the sensor at the start of the scan; those of a cloud in sensor coordinates are left as they are, each
+    /// in the frame of its own firing unless the cloud was deskewed. Times are relative to `stamp` (s, of the message)
+    /// if the driver's are. Points of an organised cloud are in the order of the driver's image, whose height and width
+    /// are [`PointCloud::driver_shape`]. If `azimuth`, `elevation` and `range` were not computed, they are derived from
+    /// the positions.
     ///
     /// ```
     /// # use echocast::cloud::Driver;
@@ -272,20 +273,24 @@ impl PointCloud {
     /// ```
     ///
     /// # Errors
-    /// A column of [`Driver::columns`] that was not computed; times before the stamp or more than 4.29 s after it, where
-    /// the driver's are nanoseconds of 32 bits from there; a `to` that is shorter than the points; no memory.
+    /// A column of [`Driver::columns`] that was not computed; times before the stamp or more than 4.29 s after it, if
+    /// the driver's are 32-bit nanoseconds relative to it; a `to` that is shorter than the points; no memory.
     pub fn pack_points(&self, driver: Driver, stamp: f64, to: &mut [u8]) -> Result<()> {
         let needed = driver.columns();
         if let Some(missing) = needed.iter().find(|info| !self.fields.contains(info.field)) {
             let names: Vec<&str> = needed.iter().map(|info| info.name).collect();
             let found = format!("without the column {}", missing.name);
-            let allowed = format!("clouds with {} for points as of the driver {}", names.join(", "), driver.name());
+            let allowed =
+                format!("clouds with {} for points in the layout of the driver {}", names.join(", "), driver.name());
             return Err(Error::invalid("the cloud", found, allowed));
         }
         if let Some(after) = self.time_beyond(driver, stamp) {
             let found = format!("with a point {after} s after the stamp, {stamp} s");
-            let allowed =
-                format!("0 to {:.6} s, for points as of the driver {}", u32::MAX as f64 * 1e-9, driver.name());
+            let allowed = format!(
+                "0 to {:.6} s, for points in the layout of the driver {}",
+                u32::MAX as f64 * 1e-9,
+                driver.name()
+            );
             return Err(Error::invalid("the cloud", found, allowed));
         }
         let step = driver.point_step();
@@ -305,7 +310,7 @@ impl PointCloud {
         Ok(())
     }
 
-    /// When a point is, s after `stamp`, that the times of `driver` cannot say, if there is one.
+    /// Time, s after `stamp`, of a point that the times of `driver` cannot represent, if there is one.
     pub(crate) fn time_beyond(&self, driver: Driver, stamp: f64) -> Option<f64> {
         let since = driver.point_fields().iter().find_map(|field| match field.value {
             Value::Since(scale) if field.kind == PackType::U32 => Some(scale),
@@ -316,7 +321,8 @@ impl PointCloud {
         self.columns.time.iter().map(|time| time - stamp).find(|&after| after.is_finite() && !fits(after))
     }
 
-    /// Writes those fields of `driver` that are no columns into points of `step` bytes, positions in the frame at `pose`.
+    /// Writes those fields of `driver` that are not columns into points of `step` bytes, with positions in the frame at
+    /// `pose`.
     pub(crate) fn put_made(&self, driver: Driver, step: usize, pose: &Pose, points: &mut [u8]) {
         let c = &self.columns;
         let (to_frame, to_sensor) = (self.to_frame(pose), self.to_frame(&self.sensor_pose));
@@ -347,9 +353,10 @@ impl PointCloud {
         });
     }
 
-    /// Which return a row is, as Autoware numbers them (`autoware_point_types`, `ReturnType`): 1 the only one, 3 and 4 the
-    /// strongest, if it is the first or the last, 5 and 6 another that is the first or the last, 7 one that is reported
-    /// twice; 0, "invalid", one in the middle, none, and one whose beam has lost others, so that it cannot be said.
+    /// Type of the return of a row, as Autoware numbers them (`autoware_point_types`, `ReturnType`): 1 the only one, 3
+    /// and 4 the strongest, if it is the first or the last, 5 and 6 a weaker one that is the first or the last, 7 one
+    /// that is reported twice; 0, "invalid", one in the middle, no return, and one whose beam has lost other returns,
+    /// so that its type is unknown.
     fn return_type(&self, row: usize) -> u8 {
         let c = &self.columns;
         let (number, count) = (usize::from(c.return_number[row]), usize::from(c.return_count[row]));
@@ -371,14 +378,14 @@ impl PointCloud {
         }
     }
 
-    /// The rows of all returns of the beam of `row`, which follow each other in a scan; none if one is missing, as it may
-    /// be where points were chosen or sorted.
+    /// The rows of all returns of the beam of `row`, which are consecutive in a scan; `None` if one is missing, as it
+    /// may be after points were selected or sorted.
     fn returns_of(&self, row: usize) -> Option<Range<usize>> {
         let c = &self.columns;
         let count = c.return_count[row];
         let start = (row + 1).checked_sub(usize::from(c.return_number[row]))?;
         let all = start..start + usize::from(count);
-        // As much of what is computed as says that a beam is the same.
+        // Every computed column that identifies the beam.
         let same = |other: usize| {
             c.return_count[other] == count
                 && (c.time.is_empty() || c.time[other] == c.time[row])
@@ -390,7 +397,7 @@ impl PointCloud {
         whole.then_some(all)
     }
 
-    /// Takes positions to the frame at `pose`; those in the frame of the sensor stay.
+    /// Transforms positions to the frame at `pose`; those in the frame of the sensor are left as they are.
     pub(crate) fn to_frame(&self, pose: &Pose) -> impl Fn([f32; 3]) -> [f32; 3] + use<> {
         let pose = if self.frame == Frame::World { *pose } else { Pose::IDENTITY };
         let (turn, shift) = (DMat3::from_quat(pose.orientation.inverse()), self.origin - pose.position);
@@ -413,7 +420,7 @@ mod tests {
     use super::*;
     use crate::ground::named::Named as _;
 
-    /// Two dual returns of a beam, a single one, and one reported twice, seen from (10, 0, 2), turned to the left.
+    /// The two returns of one beam, a single one, and one reported twice, seen from (10, 0, 2), facing left.
     fn cloud() -> PointCloud {
         let mut cloud = PointCloud { len: 5, origin: DVec3::new(10.0, 0.0, 0.0), ..PointCloud::default() };
         cloud.sensor_pose = Pose::at(10.0, 0.0, 2.0).with_rpy_deg(0.0, 0.0, 90.0);
@@ -501,7 +508,7 @@ mod tests {
     #[test]
     fn return_types_of_a_selection_are_those_of_all_or_none() {
         let mut cloud = cloud();
-        // Two channels that fire at once, with two returns each, and three returns of one beam.
+        // Two channels that fire simultaneously, with two returns each, and three returns of one beam.
         let c = &mut cloud.columns;
         for (ring, count) in [(4_u16, 2_u8), (5, 2), (6, 3)] {
             for number in 1..=count {
@@ -555,7 +562,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_computed_goes_before_what_positions_say() {
+    fn computed_columns_take_precedence_over_positions() {
         let mut cloud = cloud();
         cloud.fields = cloud.fields.with(Field::Range).with(Field::Azimuth);
         cloud.columns.range = vec![7.0005; 5];
@@ -563,14 +570,14 @@ mod tests {
         assert_eq!(u32_at(&packed(&cloud, Driver::Ouster)[2], 32), 7001);
         let point = &packed(&cloud, Driver::Autoware)[2];
         assert_eq!((f32_at(point, 16), f32_at(point, 24)), (0.25, 7.0005));
-        // Without a return there is no place.
+        // Without a return there is no position.
         cloud.fields = cloud.fields.without(Field::Range);
         cloud.columns.range = Vec::new();
         cloud.columns.x[2] = f32::NAN;
         assert_eq!(u32_at(&packed(&cloud, Driver::Ouster)[2], 32), 0);
     }
 
-    /// 32 bits of nanoseconds.
+    /// Nanoseconds have 32 bits.
     #[test]
     fn times_that_do_not_fit_are_refused() {
         let mut cloud = cloud();
@@ -589,7 +596,7 @@ mod tests {
     }
 
     #[test]
-    fn missing_columns_and_memory_are_told() {
+    fn missing_columns_and_memory_are_reported() {
         let mut cloud = cloud();
         let error = cloud.pack_points(Driver::Hesai, 0.0, &mut [0; 129]).unwrap_err().to_string();
         assert_eq!(error, "memory to pack into is 129 bytes long; allowed: 130 bytes or more, 5 rows of 26 bytes");
@@ -598,8 +605,8 @@ mod tests {
         let error = cloud.pack_points(Driver::Hesai, 0.0, &mut [0; 130]).unwrap_err().to_string();
         assert_eq!(
             error,
-            "the cloud is without the column ring; allowed: clouds with x, y, z, intensity, ring, time for points as of \
-             the driver hesai"
+            "the cloud is without the column ring; allowed: clouds with x, y, z, intensity, ring, time for points in the \
+             layout of the driver hesai"
         );
     }
 }

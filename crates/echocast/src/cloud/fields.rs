@@ -1,5 +1,5 @@
-//! The one table of point-cloud columns. Everything that lists columns walks it: the cloud, the
-//! writers, `--fields`, the help.
+//! The one table of point-cloud columns. Everything that lists columns is generated from it: the cloud, the writers,
+//! `--fields`, the help.
 
 use crate::ground::error::{Error, Result};
 use bytemuck::allocation::try_zeroed_vec;
@@ -165,7 +165,7 @@ macro_rules! columns {
             meaning: $meaning,
         } ),* ];
 
-        /// The columns of a cloud; one that was not asked for is empty.
+        /// The columns of a cloud; one that was not requested is empty.
         #[derive(Clone, Debug, Default, PartialEq)]
         pub struct Columns { $( #[doc = $meaning] pub $name: Vec<$t> ),* }
 
@@ -208,7 +208,7 @@ macro_rules! columns {
                 Ok(())
             }
 
-            /// Makes the columns of `fields`, which have the memory, at least `len` long.
+            /// Makes the columns of `fields`, which already have the memory, at least `len` long.
             pub(crate) fn lengthen(&mut self, fields: FieldSet, len: usize) {
                 $( if fields.contains(Field::$variant) && self.$name.len() < len {
                     self.$name.resize(len, <$t>::default());
@@ -239,7 +239,7 @@ macro_rules! columns {
                 $( self.$name.extend_from_slice(&other.$name); )*
             }
 
-            /// Puts row `order[i]` at row `i`, in every column.
+            /// Moves row `order[i]` to row `i`, in every column.
             ///
             /// # Errors
             /// No memory; some columns are then in order and some are not.
@@ -262,7 +262,7 @@ macro_rules! columns {
             }
         }
 
-        /// Mutable rows of a cloud's columns; a column that was not asked for is empty.
+        /// Mutable rows of a cloud's columns; a column that was not requested is empty.
         #[derive(Default)]
         pub(crate) struct Slices<'a> { $( pub $name: &'a mut [$t] ),* }
 
@@ -273,7 +273,7 @@ macro_rules! columns {
                 (Slices { $( $name: $name.0 ),* }, Slices { $( $name: $name.1 ),* })
             }
 
-            /// One part after the other, of as many rows as `counts` says.
+            /// Successive parts of as many rows as `counts` gives.
             pub(crate) fn parts(
                 self,
                 counts: impl ExactSizeIterator<Item = usize>,
@@ -286,12 +286,12 @@ macro_rules! columns {
                 })
             }
 
-            /// Whether there is any of these columns.
+            /// Whether any of these columns is present.
             pub(crate) fn has(&self, fields: &[Field]) -> bool {
                 fields.iter().any(|field| match field { $( Field::$variant => !self.$name.is_empty() ),* })
             }
 
-            /// Mutable rows from `start` on, borrowed for a while.
+            /// Mutable rows from `start` on, reborrowed.
             pub(crate) fn rows_after(&mut self, start: usize) -> Slices<'_> {
                 Slices { $( $name: if self.$name.is_empty() { &mut [] } else { &mut self.$name[start..] } ),* }
             }
@@ -309,7 +309,7 @@ fn gathered<T: Copy>(column: &[T], rows: &[usize]) -> Result<Vec<T>> {
     Ok(found)
 }
 
-/// Puts values into the columns of a row that are there; `$columns` are [`Columns`] or [`Slices`].
+/// Writes values into those columns of a row that are present; `$columns` are [`Columns`] or [`Slices`].
 macro_rules! put {
     ($columns:expr, $row:expr, $($column:ident: $value:expr),* $(,)?) => {$(
         if let Some(place) = $columns.$column.get_mut($row) {
@@ -320,64 +320,64 @@ macro_rules! put {
 pub(crate) use put;
 
 columns! {
-    // name, variant, type, unit, default, LAS dimension, meaning: up to a comma, colon or parenthesis it is what LAS
-    // says of an extra dimension in 31 bytes with the unit
+    // name, variant, type, unit, default, LAS dimension, meaning: up to a comma, colon or parenthesis it is, with the
+    // unit, the description of an extra dimension in LAS, 31 bytes
     x, X, f32, "m", true, Some("X"), "measured position, relative to the cloud's origin";
     y, Y, f32, "m", true, Some("Y"), "measured position, relative to the cloud's origin";
     z, Z, f32, "m", true, Some("Z"), "measured position, relative to the cloud's origin";
     range, Range, f32, "m", true, None, "measured slant range";
-    intensity, Intensity, f32, "1", true, Some("intensity"), "what the instrument reports: 0..1, or 0..255 for 8-bit encodings; of sonars the echo level, dB";
+    intensity, Intensity, f32, "1", true, Some("intensity"), "reported intensity: 0..1, or 0..255 for 8-bit encodings; for sonars the echo level in dB";
     category_id, CategoryId, u32, "", true, None, "semantic class, 0 = unlabelled";
     part_id, PartId, u32, "", true, None, "part of the object, 0 = unlabelled";
     instance_id, InstanceId, u32, "", true, None, "individual object, 0 = unlabelled";
     material_id, MaterialId, u32, "", false, None, "material of the surface, 0 = none";
     return_number, ReturnNumber, u8, "", true, Some("return_number"), "which return of its beam, from 1";
     return_count, ReturnCount, u8, "", true, Some("number_of_returns"), "how many returns the beam has";
-    channel, Channel, u16, "", true, None, "emitter index, the id of the laser; of sonars the beam";
-    ring, Ring, u16, "", true, None, "number of the ring, as the driver of the maker counts: by rising elevation (Velodyne, RoboSense, and where no maker is known), from the top (Ouster), the channel (Hesai, Livox); of sonars the beam, no default column";
+    channel, Channel, u16, "", true, None, "emitter index, the id of the laser; for sonars the beam";
+    ring, Ring, u16, "", true, None, "ring number, as the manufacturer's driver counts: by rising elevation (Velodyne, RoboSense, and unknown manufacturers), from the top (Ouster), by channel (Hesai, Livox); for sonars the beam, not a default column";
     time, Time, f64, "s", true, Some("gps_time"), "time of the firing since the start of the run";
     frame, Frame, u32, "", false, None, "frame index";
-    beam, Beam, u32, "", false, None, "index of the beam in its frame: row * columns + column; of side-scan and imaging sonars, whose range bins are points, beam * bins + bin";
+    beam, Beam, u32, "", false, None, "index of the beam in its frame: row * columns + column; for side-scan and imaging sonars, whose range bins are points, beam * bins + bin";
     firing, Firing, u32, "", false, None, "index of the emission event: column of a spinning sensor, ping of a sonar";
     azimuth, Azimuth, f32, "rad", false, None, "reported azimuth, in the sensor frame, counter-clockwise from x";
     elevation, Elevation, f32, "rad", false, None, "reported elevation, in the sensor frame, up from the xy plane";
     red, Red, u8, "", true, Some("red"), "base colour of the surface, sRGB";
     green, Green, u8, "", true, Some("green"), "base colour of the surface, sRGB";
     blue, Blue, u8, "", true, Some("blue"), "base colour of the surface, sRGB";
-    normal_x, NormalX, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame; NaN of what is no surface";
-    normal_y, NormalY, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame; NaN of what is no surface";
-    normal_z, NormalZ, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame; NaN of what is no surface";
-    cos_incidence, CosIncidence, f32, "1", false, None, "cosine of incidence angle, 1 = head-on; NaN of what is no surface";
+    normal_x, NormalX, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame; NaN where there is no surface";
+    normal_y, NormalY, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame; NaN where there is no surface";
+    normal_z, NormalZ, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame; NaN where there is no surface";
+    cos_incidence, CosIncidence, f32, "1", false, None, "cosine of incidence angle, 1 = head-on; NaN where there is no surface";
     depth, Depth, f32, "m", false, None, "distance along x, measured, in the sensor frame";
-    true_x, TrueX, f32, "m", false, None, "position without errors, relative to the cloud's origin; of sonars NaN where nothing scatters";
-    true_y, TrueY, f32, "m", false, None, "position without errors, relative to the cloud's origin; of sonars NaN where nothing scatters";
-    true_z, TrueZ, f32, "m", false, None, "position without errors, relative to the cloud's origin; of sonars NaN where nothing scatters";
-    true_range, TrueRange, f32, "m", false, None, "slant range without errors; of sonars NaN where nothing scatters";
+    true_x, TrueX, f32, "m", false, None, "position without errors, relative to the cloud's origin; for sonars NaN where nothing scatters";
+    true_y, TrueY, f32, "m", false, None, "position without errors, relative to the cloud's origin; for sonars NaN where nothing scatters";
+    true_z, TrueZ, f32, "m", false, None, "position without errors, relative to the cloud's origin; for sonars NaN where nothing scatters";
+    true_range, TrueRange, f32, "m", false, None, "slant range without errors; for sonars NaN where nothing scatters";
     cause, Cause, u8, "", false, None, "why the point is there: 0 surface, 1 seen in a mirror, 2 seen through glass, 3 rain, 4 fog, 5 snow, 6 dust, 7 noise (false alarm), 8 mixed (edge), 9 multipath, 10 sea surface";
     bounces, Bounces, u8, "", false, None, "specular events on the path";
     first_category_id, FirstCategoryId, u32, "", false, None, "category of the first surface: the mirror or pane that the beam meets, if any";
-    first_instance_id, FirstInstanceId, u32, "", false, None, "instance of the first surface: as first_category_id";
-    velocity_x, VelocityX, f32, "m/s", false, None, "velocity of the point: of the surface there, in the world; of its image where it is seen in a mirror; of sonars that of the strongest scatterer, NaN where there is none";
-    velocity_y, VelocityY, f32, "m/s", false, None, "velocity of the point: of the surface there, in the world; of its image where it is seen in a mirror; of sonars that of the strongest scatterer, NaN where there is none";
-    velocity_z, VelocityZ, f32, "m/s", false, None, "velocity of the point: of the surface there, in the world; of its image where it is seen in a mirror; of sonars that of the strongest scatterer, NaN where there is none";
-    radial_velocity, RadialVelocity, f32, "m/s", false, None, "rate of the true range: negative where point and sensor approach each other; of sonars that of the strongest scatterer, NaN where there is none";
-    flow_x, FlowX, f32, "m", false, None, "scene flow: where the surface point is one frame later, minus where it is, in the world; of sonars that of the strongest scatterer, NaN where there is none";
-    flow_y, FlowY, f32, "m", false, None, "scene flow: where the surface point is one frame later, minus where it is, in the world; of sonars that of the strongest scatterer, NaN where there is none";
-    flow_z, FlowZ, f32, "m", false, None, "scene flow: where the surface point is one frame later, minus where it is, in the world; of sonars that of the strongest scatterer, NaN where there is none";
+    first_instance_id, FirstInstanceId, u32, "", false, None, "instance of the first surface: as for first_category_id";
+    velocity_x, VelocityX, f32, "m/s", false, None, "velocity of the point: of the surface there, in world coordinates; of its image where it is seen in a mirror; for sonars that of the strongest scatterer, NaN where there is none";
+    velocity_y, VelocityY, f32, "m/s", false, None, "velocity of the point: of the surface there, in world coordinates; of its image where it is seen in a mirror; for sonars that of the strongest scatterer, NaN where there is none";
+    velocity_z, VelocityZ, f32, "m/s", false, None, "velocity of the point: of the surface there, in world coordinates; of its image where it is seen in a mirror; for sonars that of the strongest scatterer, NaN where there is none";
+    radial_velocity, RadialVelocity, f32, "m/s", false, None, "rate of the true range: negative where point and sensor approach each other; for sonars that of the strongest scatterer, NaN where there is none";
+    flow_x, FlowX, f32, "m", false, None, "scene flow: position of the surface point one frame later minus its position now, in world coordinates; for sonars that of the strongest scatterer, NaN where there is none";
+    flow_y, FlowY, f32, "m", false, None, "scene flow: position of the surface point one frame later minus its position now, in world coordinates; for sonars that of the strongest scatterer, NaN where there is none";
+    flow_z, FlowZ, f32, "m", false, None, "scene flow: position of the surface point one frame later minus its position now, in world coordinates; for sonars that of the strongest scatterer, NaN where there is none";
     track_id, TrackId, u32, "", false, None, "object over all frames, 0 = unlabelled";
-    doppler, Doppler, f32, "m/s", false, None, "measured radial velocity: negative where point and sensor approach each other, NaN where the instrument measures none; of Doppler velocity logs that of the bottom along the beam; a default column of those that measure it";
-    quality, Quality, f32, "1", false, None, "confidence in a sounding: 0 to 1, 0.5 for a standard error of the range of 0.25 %; NaN for what is none; a default column of swaths and single beams";
-    corrected_x, CorrectedX, f32, "m", false, None, "sounding by a bent ray: position by the ray through the assumed profile of sound speeds, relative to the cloud's origin; NaN for what is none; a default column of swaths and single beams";
-    corrected_y, CorrectedY, f32, "m", false, None, "sounding by a bent ray: position by the ray through the assumed profile of sound speeds, relative to the cloud's origin; NaN for what is none; a default column of swaths and single beams";
-    corrected_z, CorrectedZ, f32, "m", false, None, "sounding by a bent ray: position by the ray through the assumed profile of sound speeds, relative to the cloud's origin; NaN for what is none; a default column of swaths and single beams";
-    bottom_track_x, BottomTrackX, f32, "m/s", false, None, "velocity over ground: of the sonar relative to the bottom, in its own frame, as a Doppler velocity log measures it with the ping; NaN with fewer than three beams that meet the bottom, and of other sensors; a default column of Doppler velocity logs";
-    bottom_track_y, BottomTrackY, f32, "m/s", false, None, "velocity over ground: of the sonar relative to the bottom, in its own frame, as a Doppler velocity log measures it with the ping; NaN with fewer than three beams that meet the bottom, and of other sensors; a default column of Doppler velocity logs";
-    bottom_track_z, BottomTrackZ, f32, "m/s", false, None, "velocity over ground: of the sonar relative to the bottom, in its own frame, as a Doppler velocity log measures it with the ping; NaN with fewer than three beams that meet the bottom, and of other sensors; a default column of Doppler velocity logs";
-    bottom_track_error, BottomTrackError, f32, "m/s", false, None, "ground error velocity: how far four beams disagree; NaN with three, and of other sensors; a default column of Doppler velocity logs";
-    water_track_x, WaterTrackX, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, likewise, NaN where none is tracked; a default column of logs that track one";
-    water_track_y, WaterTrackY, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, likewise, NaN where none is tracked; a default column of logs that track one";
-    water_track_z, WaterTrackZ, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, likewise, NaN where none is tracked; a default column of logs that track one";
-    water_track_error, WaterTrackError, f32, "m/s", false, None, "water error velocity: how far four beams disagree, NaN with three or none; a default column of logs that track one";
+    doppler, Doppler, f32, "m/s", false, None, "measured radial velocity: negative where point and sensor approach each other, NaN where the instrument measures none; for Doppler velocity logs that of the bottom along the beam; a default column of sensors that measure it";
+    quality, Quality, f32, "1", false, None, "confidence in a sounding: 0 to 1, 0.5 for a standard error of the range of 0.25 %; NaN for other points; a default column of swath and single-beam sonars";
+    corrected_x, CorrectedX, f32, "m", false, None, "ray-traced sounding: position by the refracted ray through the assumed sound-speed profile, relative to the cloud's origin; NaN for other points; a default column of swath and single-beam sonars";
+    corrected_y, CorrectedY, f32, "m", false, None, "ray-traced sounding: position by the refracted ray through the assumed sound-speed profile, relative to the cloud's origin; NaN for other points; a default column of swath and single-beam sonars";
+    corrected_z, CorrectedZ, f32, "m", false, None, "ray-traced sounding: position by the refracted ray through the assumed sound-speed profile, relative to the cloud's origin; NaN for other points; a default column of swath and single-beam sonars";
+    bottom_track_x, BottomTrackX, f32, "m/s", false, None, "velocity over ground: of the sonar relative to the bottom, in its own frame, as a Doppler velocity log measures it with the ping; NaN with fewer than three beams that meet the bottom, and for other sensors; a default column of Doppler velocity logs";
+    bottom_track_y, BottomTrackY, f32, "m/s", false, None, "velocity over ground: of the sonar relative to the bottom, in its own frame, as a Doppler velocity log measures it with the ping; NaN with fewer than three beams that meet the bottom, and for other sensors; a default column of Doppler velocity logs";
+    bottom_track_z, BottomTrackZ, f32, "m/s", false, None, "velocity over ground: of the sonar relative to the bottom, in its own frame, as a Doppler velocity log measures it with the ping; NaN with fewer than three beams that meet the bottom, and for other sensors; a default column of Doppler velocity logs";
+    bottom_track_error, BottomTrackError, f32, "m/s", false, None, "ground error velocity: disagreement of the four beams; NaN with three, and for other sensors; a default column of Doppler velocity logs";
+    water_track_x, WaterTrackX, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, in its own frame, NaN where none is tracked; a default column of logs that track one";
+    water_track_y, WaterTrackY, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, in its own frame, NaN where none is tracked; a default column of logs that track one";
+    water_track_z, WaterTrackZ, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, in its own frame, NaN where none is tracked; a default column of logs that track one";
+    water_track_error, WaterTrackError, f32, "m/s", false, None, "water error velocity: disagreement of the four beams, NaN with three or none; a default column of logs that track one";
 }
 
 impl Field {
@@ -414,7 +414,7 @@ pub(crate) const BOTTOM_TRACK: [Field; 4] =
 pub(crate) const WATER_TRACK: [Field; 4] =
     [Field::WaterTrackX, Field::WaterTrackY, Field::WaterTrackZ, Field::WaterTrackError];
 
-/// Columns that depend on how things move.
+/// Columns that depend on motion.
 pub(crate) const MOVING: [Field; 8] = [
     Field::VelocityX,
     Field::VelocityY,
@@ -529,7 +529,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn table_rows_stand_at_their_field() {
+    fn table_rows_are_at_their_field() {
         assert!(FIELDS.len() <= 64, "FieldSet holds 64 columns");
         for (row, info) in FIELDS.iter().enumerate() {
             assert_eq!(info.field as usize, row);

@@ -1,4 +1,4 @@
-//! The labelled point cloud: one column each for position, range, labels and whatever else was asked for.
+//! The labelled point cloud: one column each for position, range, labels and whatever else was requested.
 
 mod boxes;
 mod collect;
@@ -8,7 +8,6 @@ mod pack;
 mod ping;
 pub(crate) mod record;
 mod records;
-mod track;
 
 pub use boxes::{BoxAxes, BoxTime, InstanceBox};
 pub(crate) use collect::Kept;
@@ -16,9 +15,8 @@ pub use driver::{Driver, PointField};
 pub(crate) use fields::{BOTTOM_TRACK, ColumnMut, Element, FLOW, MOVING, SOUNDING, Slices, VELOCITY, WATER_TRACK, put};
 pub use fields::{Column, ColumnType, Columns, FIELDS, Field, FieldInfo, FieldSet};
 pub use pack::{PackItem, PackType};
-pub use ping::{CELL_FIELDS, Layout, Ping, Pings, SonarView, Sounding};
+pub use ping::{CELL_FIELDS, Ping, Pings};
 pub use records::{Record, Records};
-pub use track::Track;
 
 use crate::ground::error::{Error, Result};
 use crate::ground::named::named;
@@ -34,8 +32,8 @@ pub enum Frame {
     /// World, z up.
     #[default]
     World,
-    /// Sensor at the time of each firing, or of the scan's start ([`crate::ScanOptions::deskew`]): x forward, y left, z
-    /// up.
+    /// Sensor frame at the time of each firing, or at the start of the scan ([`crate::ScanOptions::deskew`]): x
+    /// forward, y left, z up.
     Sensor,
 }
 
@@ -46,9 +44,9 @@ named! { Frame: World "world", Sensor "sensor" }
 pub struct PointCloud {
     /// World (or sensor) coordinates of position 0, 0, 0, metres; add it to `x`, `y`, `z`.
     pub origin: DVec3,
-    /// The data; a column that was not asked for is empty.
+    /// The data; a column that was not requested is empty.
     pub columns: Columns,
-    /// Which columns are there.
+    /// Which columns are present.
     pub fields: FieldSet,
     /// Number of rows.
     pub len: usize,
@@ -58,24 +56,28 @@ pub struct PointCloud {
     pub frame: Frame,
     /// World pose of the sensor at the start of the (first) scan.
     pub sensor_pose: Pose,
-    /// When the (first) scan starts, s since the start of the run; `None`: not known, as of clouds that no scan made.
+    /// When the (first) scan starts, s since the start of the run; `None`: unknown, as for clouds that do not come from
+    /// a scan.
     pub start_time: Option<f64>,
-    /// What the clock of the trajectory shows at time 0 of the run, s: [`Trajectory::time_zero`](crate::Trajectory::time_zero).
+    /// Reading of the trajectory's clock at time 0 of the run, s:
+    /// [`Trajectory::time_zero`](crate::Trajectory::time_zero).
     pub time_zero: f64,
-    /// Full scale of `intensity`: 1, or 255 for 8-bit encodings; relative energy and the levels of sonars, dB, have
+    /// Full scale of `intensity`: 1, or 255 for 8-bit encodings; relative energy and the levels of sonars (dB) have
     /// none.
     pub intensity_full_scale: Option<f32>,
-    /// Rays that light was traced with: those of beams that are several, at edges, behind mirrors and glass among them. 0
-    /// of clouds that no scan made, and of sonars, whose rays [`crate::Sensor::ray_count`] counts.
+    /// Number of light rays traced, including those of beams that take several rays, at edges, and behind mirrors and
+    /// glass. 0 for clouds that do not come from a scan, and for sonars, whose rays [`crate::Sensor::ray_count`]
+    /// counts.
     pub rays: u64,
-    /// Whose driver publishes such clouds: that of the sensor's maker ([`crate::SensorSpec::driver`]); `None`: not known.
+    /// The ROS 2 driver that publishes such clouds, that of the sensor's maker ([`crate::SensorSpec::driver`]); `None`:
+    /// unknown.
     pub driver: Option<Driver>,
-    /// Boxes around labelled instances, if they were asked for ([`crate::ScanOptions::boxes`]): by frame, then by rising
-    /// `instance_id`.
+    /// Boxes around labelled instances, if requested ([`crate::ScanOptions::boxes`]): sorted by frame, then by
+    /// ascending `instance_id`.
     pub boxes: Option<Vec<InstanceBox>>,
     /// Names of the numbers in the label columns.
     pub labels: Arc<Labels>,
-    /// The coordinate system, and what else a file of surveying said beside its points.
+    /// The coordinate system, and whatever else a survey file contained in addition to its points.
     pub records: Arc<Records>,
 }
 
@@ -103,7 +105,7 @@ impl Default for PointCloud {
 }
 
 impl PointCloud {
-    /// When it begins, s since the start of the run: its scan, else its first point, else 0.
+    /// Start of the cloud, s since the start of the run: that of its scan, else the time of its first point, else 0.
     pub fn begins(&self) -> f64 {
         let first = || self.columns.time.iter().copied().filter(|time| time.is_finite()).min_by(f64::total_cmp);
         self.start_time.or_else(first).unwrap_or(0.0)
@@ -134,10 +136,10 @@ impl PointCloud {
     /// Rows that are returns: all but the misses of an organised cloud, if a column shows which they are.
     pub fn return_rows(&self) -> impl Iterator<Item = usize> {
         /// Columns that only returns have: misses are NaN.
-        const TELLING: [Field; 5] = [Field::X, Field::Range, Field::TrueRange, Field::Intensity, Field::NormalX];
-        let telling = TELLING.map(|field| self.column(field)).into_iter().find(|column| !column.is_empty());
-        let telling = telling.filter(|_| self.organised.is_some());
-        (0..self.len).filter(move |&row| telling.is_none_or(|column| !column.get_f64(row).is_nan()))
+        const ONLY_RETURNS: [Field; 5] = [Field::X, Field::Range, Field::TrueRange, Field::Intensity, Field::NormalX];
+        let marking = ONLY_RETURNS.map(|field| self.column(field)).into_iter().find(|column| !column.is_empty());
+        let marking = marking.filter(|_| self.organised.is_some());
+        (0..self.len).filter(move |&row| marking.is_none_or(|column| !column.get_f64(row).is_nan()))
     }
 
     /// What to add to a column of positions to get f64 world (or sensor) coordinates; `None` for other columns.
@@ -167,7 +169,7 @@ impl PointCloud {
         tried(|| order.try_reserve_exact(self.len))
             .map_err(|_| Error::Memory(format!("the order of {} rows", self.len)))?;
         order.extend(0..self.len);
-        // Rows of one time keep their order, without the memory that a stable sort needs.
+        // Rows with the same time keep their order, without the memory that a stable sort needs.
         order.sort_unstable_by(|&a, &b| times[a].total_cmp(&times[b]).then(a.cmp(&b)));
         self.columns.permute(&order)
     }
@@ -175,8 +177,8 @@ impl PointCloud {
     /// Appends the rows of `other`, a later scan of the same scene with the same columns.
     ///
     /// # Errors
-    /// When origins, frames, columns, intensity scales or labels differ, or only one has boxes; more than 4,294,967,295 rows of an organised
-    /// cloud; no memory.
+    /// When origins, frames, columns, intensity scales or labels differ, or only one has boxes; more than 4,294,967,295
+    /// rows of an organised cloud; no memory.
     pub fn append(&mut self, other: &PointCloud) -> Result<()> {
         if self.len == 0 && self.fields == FieldSet::EMPTY {
             *self = other.clone();
@@ -191,10 +193,10 @@ impl PointCloud {
         Ok(())
     }
 
-    /// A cloud of the rows `rows`, in that order, without rows and columns of the sensor; boxes stay.
+    /// A cloud of the rows `rows`, in that order, not organised; boxes are kept.
     ///
     /// # Errors
-    /// A row that is not there; no memory.
+    /// A row that does not exist; no memory.
     pub fn select(&self, rows: &[usize]) -> Result<PointCloud> {
         self.check()?;
         if let Some(row) = rows.iter().find(|&&row| row >= self.len) {
@@ -209,7 +211,7 @@ impl PointCloud {
         })
     }
 
-    /// What the cloud is besides its rows and boxes, as if it had none.
+    /// The cloud without its rows and boxes.
     pub(crate) fn head(&self) -> PointCloud {
         PointCloud {
             columns: Columns::default(),
@@ -225,7 +227,7 @@ impl PointCloud {
     /// Counts the rows of `other`, which follow those of `self`.
     ///
     /// # Errors
-    /// As [`PointCloud::append`], but for memory.
+    /// As [`PointCloud::append`], except for memory.
     pub(crate) fn lengthen(&mut self, other: &PointCloud) -> Result<()> {
         let same = self.origin == other.origin
             && self.frame == other.frame

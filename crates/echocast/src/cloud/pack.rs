@@ -56,7 +56,7 @@ pub struct PackItem {
     pub offset: usize,
     /// Subtracted from the column's number first, in its unit; usually 0.
     pub shift: f64,
-    /// Factor for the rest; usually 1.
+    /// Factor for the difference; usually 1.
     pub scale: f64,
 }
 
@@ -72,15 +72,15 @@ impl PointCloud {
     /// unchanged.
     ///
     /// Positions (`x`, `true_x` and so on) become world (or sensor) coordinates as [`PackType::F64`] and stay relative
-    /// to [`PointCloud::origin`] as any other type. Then the item's shift is taken away and the rest scaled. Floats
-    /// become integers by rounding to the nearest, halves to the even one; what an integer type cannot hold becomes its
-    /// least or greatest value, NaN becomes 0.
+    /// to [`PointCloud::origin`] as any other type. Then the item's shift is subtracted and the difference scaled.
+    /// Floats become integers by rounding to the nearest, halves to even; values out of an integer type's range become
+    /// its least or greatest value, NaN becomes 0.
     ///
-    /// The work is shared by the threads of the [`crate::Engine::install`] around the call, or rayon's.
+    /// The work is shared by the threads of the enclosing [`crate::Engine::install`], or by rayon's.
     ///
     /// # Errors
-    /// A column that was not computed; an item that reaches past `stride`, or into another; a stride of 0; a `to` that
-    /// is shorter than [`PointCloud::packed_len`].
+    /// A column that was not computed; an item that extends past `stride` or overlaps another; a stride of 0; a `to`
+    /// that is shorter than [`PointCloud::packed_len`].
     pub fn pack(&self, items: &[PackItem], stride: usize, to: &mut [u8]) -> Result<()> {
         self.check()?;
         check_items(self.fields, items, stride)?;
@@ -96,7 +96,7 @@ impl PointCloud {
         Ok(())
     }
 
-    /// Bytes of all rows, packed `stride` bytes apart; `None` if no memory can hold as many.
+    /// Bytes of all rows, packed `stride` bytes apart; `None` if there are too many for any memory.
     pub fn packed_len(&self, stride: usize) -> Option<usize> {
         self.len.checked_mul(stride)
     }
@@ -105,7 +105,8 @@ impl PointCloud {
 impl Ping {
     /// Writes the cells as an image with a row for each bin, the nearest first, and a pixel of `stride` bytes for each
     /// beam: cell `beam * bins + bin` at byte `(bin * beams + beam) * stride` of `to`, a number for each of `items`.
-    /// This is how ROS has images of sonars. Numbers are converted as in [`PointCloud::pack`], on the same threads.
+    /// This is the layout of sonar images in ROS. Numbers are converted as in [`PointCloud::pack`], on the same
+    /// threads.
     ///
     /// # Errors
     /// As [`PointCloud::pack`].
@@ -127,13 +128,13 @@ impl Ping {
         Ok(())
     }
 
-    /// Bytes of all cells, packed `stride` bytes apart; `None` if no memory can hold as many.
+    /// Bytes of all cells, packed `stride` bytes apart; `None` if there are too many for any memory.
     pub fn packed_len(&self, stride: usize) -> Option<usize> {
         self.layout.cells().checked_mul(stride)
     }
 }
 
-/// The part of `to` that so many rows fill.
+/// The part of `to` that `rows` rows fill.
 pub(super) fn room(to: &mut [u8], rows: usize, stride: usize) -> Result<&mut [u8]> {
     let length = to.len();
     rows.checked_mul(stride).and_then(|needed| to.get_mut(..needed)).ok_or_else(|| {
@@ -163,38 +164,45 @@ fn check_items(fields: FieldSet, items: &[PackItem], stride: usize) -> Result<()
         }
         let over = |other: &PackItem| bytes(other).start < end && start < bytes(other).end;
         if let Some(other) = items[..index].iter().position(over) {
-            let allowed = format!("bytes beside those of {}", name(other));
+            let allowed = format!("bytes other than those of {}", name(other));
             return Err(Error::invalid(name(index), found(), allowed));
         }
     }
     Ok(())
 }
 
-/// Which elements of a column become successive records.
-trait Rows {
+/// The elements of a column that become successive records.
+trait RowSelection {
     fn of<'c, E>(&self, column: &'c [E]) -> impl Iterator<Item = &'c E>;
 }
 
-impl Rows for Range<usize> {
+impl RowSelection for Range<usize> {
     fn of<'c, E>(&self, column: &'c [E]) -> impl Iterator<Item = &'c E> {
         column[self.clone()].iter()
     }
 }
 
-/// Those of one bin, beam by beam.
+/// The elements of one bin, beam by beam.
 struct AcrossBeams {
     bin: usize,
     bins: usize,
 }
 
-impl Rows for AcrossBeams {
+impl RowSelection for AcrossBeams {
     fn of<'c, E>(&self, column: &'c [E]) -> impl Iterator<Item = &'c E> {
         column[self.bin..].iter().step_by(self.bins)
     }
 }
 
-/// Puts one number of each of `rows` of `column`, whose 0 is at `offset`, into its record.
-fn put(column: Column, offset: Option<f64>, item: &PackItem, records: &mut [u8], stride: usize, rows: &impl Rows) {
+/// Writes one number of each of `rows` of `column`, whose 0 is at `offset`, into its record.
+fn put(
+    column: Column,
+    offset: Option<f64>,
+    item: &PackItem,
+    records: &mut [u8],
+    stride: usize,
+    rows: &impl RowSelection,
+) {
     match item.kind {
         PackType::F32 => put_as::<f32>(column, None, item, records, stride, rows),
         PackType::F64 => put_as::<f64>(column, offset, item, records, stride, rows),
@@ -209,13 +217,13 @@ fn put(column: Column, offset: Option<f64>, item: &PackItem, records: &mut [u8],
     }
 }
 
-fn put_as<T: Number>(
+fn put_as<T: PackedNumber>(
     column: Column,
     offset: Option<f64>,
     item: &PackItem,
     records: &mut [u8],
     stride: usize,
-    rows: &impl Rows,
+    rows: &impl RowSelection,
 ) {
     let (offset, shift, scale, at) = (offset.unwrap_or(0.0), item.shift, item.scale, item.offset);
     if (offset, shift, scale) == (0.0, 0.0, 1.0) {
@@ -239,14 +247,14 @@ fn put_as<T: Number>(
 }
 
 /// A type of packed numbers, converted from those of any column.
-trait Number: NoUninit {
+trait PackedNumber: NoUninit {
     fn from_f64(value: f64) -> Self;
     fn from_u32(value: u32) -> Self;
 }
 
 macro_rules! floats {
     ($($t:ty)*) => {$(
-        impl Number for $t {
+        impl PackedNumber for $t {
             fn from_f64(value: f64) -> Self { value as $t }
             fn from_u32(value: u32) -> Self { value as $t }
         }
@@ -256,8 +264,8 @@ floats! { f32 f64 }
 
 macro_rules! integers {
     ($($t:ty)*) => {$(
-        impl Number for $t {
-            // The cast saturates, and makes 0 of NaN.
+        impl PackedNumber for $t {
+            // The cast saturates and turns NaN into 0.
             fn from_f64(value: f64) -> Self { nearest(value) as $t }
             // The greatest value of a wider type becomes the greatest u32 here.
             fn from_u32(value: u32) -> Self { value.min(<$t>::MAX as u32) as $t }
@@ -266,9 +274,9 @@ macro_rules! integers {
 }
 integers! { u8 u16 u32 i8 i16 i32 i64 u64 }
 
-/// The integer nearest to `value`, halves to the even one.
+/// The integer nearest to `value`, halves to even.
 fn nearest(value: f64) -> f64 {
-    /// The sum of this and a smaller number has no bits below 1; much faster than a call of the C library.
+    /// The sum of this and a smaller number has no bits below 1; much faster than calling the C library.
     const WHOLE: f64 = (1u64 << 52) as f64;
     if value.abs() < WHOLE { (value.abs() + WHOLE - WHOLE).copysign(value) } else { value }
 }
@@ -376,7 +384,7 @@ mod tests {
 
     #[test]
     fn numbers_are_rounded_and_kept_within_their_type() {
-        fn of<T: Number + PartialEq + std::fmt::Debug>(cases: &[(f64, T)]) {
+        fn of<T: PackedNumber + PartialEq + std::fmt::Debug>(cases: &[(f64, T)]) {
             for &(value, expected) in cases {
                 assert_eq!(T::from_f64(value), expected, "{value}");
             }
@@ -456,7 +464,7 @@ mod tests {
         ping.cells.intensity = (0..60_000).map(|cell| cell as f32 / 100.0).collect();
         ping.cells.category_id = (0..60_000).collect();
         ping.cells.true_y = vec![0.25; 60_000];
-        // From 100 dB on, a step for every 2 dB.
+        // From 100 dB on, one step per 2 dB.
         let level = PackItem { shift: 100.0, scale: 0.5, ..item(Field::Intensity, U8, 0) };
         let items = [level, item(Field::CategoryId, U16, 1), item(Field::TrueY, F64, 3)];
         let pack = |threads| {
@@ -468,8 +476,8 @@ mod tests {
         let packed = pack(1);
         assert!(packed == pack(3));
         for (row, cell) in (0..200).flat_map(|bin| (0..300).map(move |beam| beam * 200 + bin)).enumerate() {
-            let wanted = u8::from_f64((cell as f64 / 100.0 - 100.0) / 2.0);
-            assert!(bytes::<1>(&packed, 11, row, 0)[0].abs_diff(wanted) <= 1, "{row}");
+            let expected_level = u8::from_f64((cell as f64 / 100.0 - 100.0) / 2.0);
+            assert!(bytes::<1>(&packed, 11, row, 0)[0].abs_diff(expected_level) <= 1, "{row}");
             assert_eq!(bytes(&packed, 11, row, 1), (cell as u16).to_ne_bytes());
             assert_eq!(f64::from_ne_bytes(bytes(&packed, 11, row, 3)), 5.6e6 + 0.25);
         }
@@ -505,7 +513,7 @@ mod tests {
         assert!(refused(&[item(Field::X, U8, usize::MAX)], 8, 80).contains("to 18446744073709551615; allowed"));
         assert_eq!(
             refused(&[item(Field::Channel, U16, 7), x, item(Field::Y, F32, 3)], 16, 160),
-            "item 2 (y) is from byte 3 to 7; allowed: bytes beside those of item 1 (x)"
+            "item 2 (y) is from byte 3 to 7; allowed: bytes other than those of item 1 (x)"
         );
         assert_eq!(
             refused(&[x], 16, 159),

@@ -1,16 +1,16 @@
 //! What a sonar records: pings of beams and range bins.
 
-use crate::cloud::{Column, Columns, Field, FieldSet, Track};
-use crate::ground::angle::direction_f64;
+use crate::cells::{Layout, Sounding, Track};
+use crate::cloud::{Column, Columns, Field, FieldSet};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use crate::scene::Labels;
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use std::any::Any;
 use std::fmt;
 use std::sync::Arc;
 
-/// What a ping can hold for each cell, beside its level in `intensity`: what the strongest scatterer in it is. Where
+/// What a ping can hold for each cell: its level in `intensity`, and properties of the strongest scatterer in it. Where
 /// nothing scatters, numbers are NaN and labels 0.
 ///
 /// | column | meaning in a cell |
@@ -19,9 +19,9 @@ use std::sync::Arc;
 /// | `category_id` to `material_id`, `red` to `blue` | labels and colour of the scatterer; 0 for sea surface and water |
 /// | `true_x` to `true_z`, `true_range` | where the scatterer is, and the length of the path there, m; the mean if there are two paths |
 /// | `time` | when the echo arrives, s since the start of the run |
-/// | `cos_incidence`, `normal_x` to `normal_z` | how sound meets it |
-/// | `azimuth`, `elevation` | direction in which the sound left, sensor frame, rad; for sound that left over reflections but comes back directly, the direction from which it comes back |
-/// | `cause`, `bounces` | surface (0), sea surface (10), either over reflections (9) or noise alone (7), and number of reflections on the path; with two paths, on the one that has some |
+/// | `cos_incidence`, `normal_x` to `normal_z` | incidence of the sound on it |
+/// | `azimuth`, `elevation` | direction in which the sound left, sensor frame, rad; for sound that left via reflections but returns directly, the direction from which it returns |
+/// | `cause`, `bounces` | surface (0), sea surface (10), either via reflections (9) or noise alone (7), and number of reflections on the path; with two paths, on the one that has any |
 pub const CELL_FIELDS: [Field; 28] = [
     Field::Intensity,
     Field::CategoryId,
@@ -53,74 +53,12 @@ pub const CELL_FIELDS: [Field; 28] = [
     Field::FlowZ,
 ];
 
-/// What all pings of a sonar have in common.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Layout {
-    /// What kind of sonar it is.
-    pub view: SonarView,
-    /// Azimuth and elevation of each beam's axis as reported, sensor frame, rad; for a rotating beam, at its first
-    /// ping.
-    pub axes: Vec<[f32; 2]>,
-    /// Range bins per beam; bin `k` reaches from `k bin_m` to `(k + 1) bin_m`.
-    pub bins: usize,
-    /// Length of a bin, m of reported slant range.
-    pub bin_m: f64,
-    /// First bin that reports echoes: earlier bins are nearer than the nearest range.
-    pub first_bin: usize,
-    /// Sound speed that ranges are reported with, m/s.
-    pub believed_speed: f64,
-    /// Centre frequency of the pulse, Hz.
-    pub frequency: f64,
-    /// Height of the water surface in the world, m.
-    pub surface_z: f64,
-    /// Level of the noise in a cell, dB re 1 uPa, after directivity and processing gain.
-    pub noise_db: f32,
-    /// Lowest level that is reported as an echo, dB re 1 uPa, by bin: noise, volume reverberation and threshold.
-    pub threshold_db: Vec<f32>,
-    /// Time-varied gain that pictures are drawn with, dB, by bin.
-    pub tvg_db: Vec<f32>,
-}
-
-/// How the beams of a sonar lie: which pictures it makes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SonarView {
-    /// Beams to the sides: waterfall and mosaic.
-    Sidescan,
-    /// Beams side by side, down: bathymetry and the image of the water column.
-    Swath,
-    /// Beams side by side, ahead: fan.
-    Fan,
-    /// One beam.
-    Single,
-    /// Four beams, down and outwards: velocities.
-    Janus,
-}
-
-/// An echo that a sonar reports as the depth of a beam.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sounding {
-    /// Beam that received it.
-    pub beam: u32,
-    /// Reported slant range, m.
-    pub range: f32,
-    /// Cell at that range, or the nearest one with an echo: `beam * bins + bin`.
-    pub cell: u32,
-    /// Level of the loudest cell of the echo, dB re 1 uPa.
-    pub level_db: f32,
-    /// Confidence, 0 to 1: `1 / (1 + (e / 0.25 %)^2)`, with the relative standard error `e` of the range as the echo's
-    /// shape and noise have it.
-    pub quality: f32,
-    /// Where it lies by a ray through the assumed profile of the water, m, relative to [`Ping::origin`]; NaN where the ray
-    /// does not stay in the water.
-    pub corrected: Vec3,
-}
-
-/// Memory that the maker of pings keeps in each, for the next ping made in its place.
+/// Memory that is kept in a ping for the next ping made in its place.
 #[derive(Default)]
 pub(crate) struct Spare(Option<Box<dyn Any + Send + Sync>>);
 
 impl Spare {
-    /// What was kept, or new.
+    /// The memory that was kept, or new memory.
     pub(crate) fn take<T: Any + Send + Sync + Default>(&mut self) -> Box<T> {
         self.0.take().and_then(|kept| kept.downcast().ok()).unwrap_or_default()
     }
@@ -131,7 +69,7 @@ impl Spare {
 }
 
 impl Clone for Spare {
-    /// A copy needs its own memory when it is pinged into.
+    /// A copy gets memory of its own when a ping is made in its place.
     fn clone(&self) -> Self {
         Spare::default()
     }
@@ -156,82 +94,19 @@ pub struct Ping {
     pub layout: Arc<Layout>,
     /// World position of `true_x`, `true_y`, `true_z` 0, metres.
     pub origin: DVec3,
-    /// One row per cell; columns that were not asked for are empty.
+    /// One row per cell; columns that were not requested are empty.
     pub cells: Columns,
-    /// Which columns are there.
+    /// Which columns are present.
     pub fields: FieldSet,
     /// The depths that beams report; empty for side-scan and imaging sonars, whose points are their cells.
     pub soundings: Vec<Sounding>,
-    /// Its velocity relative to the bottom; `None`: the sonar is no Doppler velocity log.
+    /// Its velocity relative to the bottom; `None`: the sonar is not a Doppler velocity log.
     pub bottom_track: Option<Track>,
     /// Its velocity relative to a layer of water; `None`: it tracks none.
     pub water_track: Option<Track>,
     /// Names of the numbers in the label columns.
     pub labels: Arc<Labels>,
     pub(crate) memory: Spare,
-}
-
-impl Default for Layout {
-    fn default() -> Self {
-        Layout {
-            view: SonarView::Single,
-            axes: Vec::new(),
-            bins: 0,
-            bin_m: 1.0,
-            first_bin: 0,
-            believed_speed: 1500.0,
-            frequency: 0.0,
-            surface_z: 0.0,
-            noise_db: 0.0,
-            threshold_db: Vec::new(),
-            tvg_db: Vec::new(),
-        }
-    }
-}
-
-impl SonarView {
-    /// Whether its points are the depths of its beams, not its cells.
-    pub(crate) fn reports_depths(self) -> bool {
-        matches!(self, SonarView::Swath | SonarView::Single | SonarView::Janus)
-    }
-
-    /// Its name in files.
-    pub fn name(self) -> &'static str {
-        match self {
-            SonarView::Sidescan => "sidescan",
-            SonarView::Swath => "swath",
-            SonarView::Fan => "fan",
-            SonarView::Single => "single",
-            SonarView::Janus => "janus",
-        }
-    }
-}
-
-impl Layout {
-    /// Number of beams.
-    pub fn beams(&self) -> usize {
-        self.axes.len()
-    }
-
-    /// Unit vector along the axis of a beam, sensor frame.
-    pub(crate) fn axis(&self, beam: usize) -> DVec3 {
-        direction_f64(self.axes[beam])
-    }
-
-    /// Cells of a ping.
-    pub fn cells(&self) -> usize {
-        self.beams() * self.bins
-    }
-
-    /// Reported slant range of the middle of a bin, m.
-    pub fn range(&self, bin: usize) -> f64 {
-        (bin as f64 + 0.5) * self.bin_m
-    }
-
-    /// Farthest range, m.
-    pub fn reach(&self) -> f64 {
-        self.bins as f64 * self.bin_m
-    }
 }
 
 impl Ping {
@@ -253,8 +128,8 @@ impl Ping {
         self.pose.position + self.pose.orientation * (f64::from(sounding.range) * axis)
     }
 
-    /// Where a sounding is in the world, m, by a ray through the assumed profile of the water, as survey programs have it; as
-    /// [`Ping::sounding_place`] where that ray leaves the water.
+    /// Where a sounding is in the world, m, by a ray through the assumed profile of sound speeds, as in survey
+    /// programs; as [`Ping::sounding_place`] where that ray leaves the water.
     ///
     /// # Panics
     /// If there is no such beam.
@@ -283,7 +158,7 @@ impl Ping {
     }
 
     /// Checks that it is consistent: every column has the right length, every number is valid. They are all public, so
-    /// they may disagree. `name`: of the ping, for errors.
+    /// they may disagree. `name` is that of the ping, for errors.
     pub(crate) fn check(&self, name: &str) -> Result<()> {
         let wrong = |found: String, allowed: &str| Err(Error::invalid(name, found, allowed));
         let layout = &*self.layout;
@@ -326,14 +201,14 @@ impl Ping {
         Ok(())
     }
 
-    /// Whether it can be one of the [`Pings`] of `other`.
+    /// Whether it can be in the same [`Pings`] as `other`.
     fn is_beside(&self, other: &Ping) -> bool {
         let same_layout = Arc::ptr_eq(&self.layout, &other.layout) || self.layout == other.layout;
         let same_labels = Arc::ptr_eq(&self.labels, &other.labels) || self.labels == other.labels;
         same_layout && same_labels && self.origin == other.origin && self.fields == other.fields
     }
 
-    /// Column `field`, one row per cell; empty if it was not asked for.
+    /// Column `field`, one row per cell; empty if it was not requested.
     pub fn column(&self, field: Field) -> Column<'_> {
         self.cells.get(field)
     }
@@ -347,7 +222,7 @@ pub struct Pings {
 }
 
 impl Pings {
-    /// Adds a ping, without what it keeps for the next one made in its place.
+    /// Adds a ping, without the memory that it keeps for the next one made in its place.
     ///
     /// # Errors
     /// A ping with another layout, origin, set of columns or labels.
@@ -376,7 +251,7 @@ impl Pings {
         Ok(&first.layout)
     }
 
-    /// Seconds from ping `index` to the next, for the last from the one before; 0 for a ping alone.
+    /// Seconds from ping `index` to the next, for the last from the one before; 0 for a single ping.
     pub(crate) fn interval(&self, index: usize) -> f64 {
         let first = index.min(self.pings.len().saturating_sub(2));
         self.pings.get(first..first + 2).map_or(0.0, |pair| pair[1].time - pair[0].time)

@@ -1,11 +1,11 @@
-//! Packing of rows into records of fixed size, as LAS, binary PLY and [`super::PackItem`] want them.
+//! Packing of rows into records of fixed size, as LAS, binary PLY and [`super::PackItem`] require them.
 
 use bytemuck::NoUninit;
 
-/// Bytes of records that are packed before they go to the file: small enough to stay in a core's cache.
+/// Bytes of records that are packed before they are written to the file: small enough to stay in a core's cache.
 pub(crate) const BLOCK_BYTES: usize = 128 * 1024;
 
-/// Puts `value(row)` at `offset` of successive records of `size` bytes, one for each of `rows`.
+/// Writes `value(row)` at `offset` of successive records of `size` bytes, one for each of `rows`.
 pub(crate) fn put<R, T: NoUninit>(
     records: &mut [u8],
     size: usize,

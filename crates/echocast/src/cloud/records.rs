@@ -1,39 +1,40 @@
-//! What files of surveying say beside their points, and what stays with a cloud from file to file.
+//! What survey files contain in addition to their points, and what a cloud keeps from file to file.
 //!
-//! Coordinate systems are records of LAS (ASPRS LAS Specification 1.4 R15, 2.5 and 3): OGC's well known text, or the keys
+//! Coordinate systems are records of LAS (ASPRS LAS Specification 1.4 R15, 2.5 and 3): OGC well-known text, or the keys
 //! of GeoTIFF 1.0 (2.4 and 6.3).
 
-/// A record of LAS.
+/// A LAS record.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Record {
-    /// Whose it is; at most 16 bytes of ASCII.
+    /// Its owner; at most 16 bytes of ASCII.
     pub user: String,
-    /// Its number among those of its owner.
+    /// Its number among the records of its owner.
     pub id: u16,
     /// At most 32 bytes of ASCII.
     pub description: String,
-    /// What it says.
+    /// Its content.
     pub data: Vec<u8>,
 }
 
-/// All records of a cloud, and what its times are.
+/// All records of a cloud, and the reference of its times.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Records {
-    /// In the order of the file, but for those that say how the file is made.
+    /// In the order of the file, except those that describe the layout of the file.
     pub all: Vec<Record>,
-    /// Whether times count from the epoch of GPS, less a billion seconds; from the start of a week else.
+    /// Whether times count from the GPS epoch, less a billion seconds; otherwise from the start of a week.
     pub standard_time: bool,
 }
 
-/// Whose coordinate systems are.
+/// Owner of the records of coordinate systems.
 const PROJECTION: &str = "LASF_Projection";
-/// Numbers of the records that say them: text; keys of GeoTIFF, and their numbers and texts.
+/// Number of the record of a coordinate system as well-known text.
 const TEXT: u16 = 2112;
-/// And how coordinates are transformed, as such text.
+/// And of a coordinate transform as such text.
 const TRANSFORM: u16 = 2111;
+/// First and last number of the records of GeoTIFF: keys, their numbers, their texts.
 const KEYS: u16 = 34735;
 const KEY_TEXTS: u16 = 34737;
-/// How a text of a coordinate system begins: versions 1 and 2.
+/// First keywords of the text of a coordinate system, versions 1 and 2.
 const SYSTEMS: &[&str] = &[
     "PROJCS",
     "GEOGCS",
@@ -55,7 +56,7 @@ const SYSTEMS: &[&str] = &[
 ];
 
 impl Record {
-    /// A coordinate system as well known text; `None`: `text` is none.
+    /// A coordinate system as well-known text; `None`: `text` is not one.
     pub(crate) fn of_text(text: &str) -> Option<Record> {
         let begins = text.trim_start().split('[').next().unwrap_or_default().trim_end();
         let known = SYSTEMS.iter().any(|system| system.eq_ignore_ascii_case(begins));
@@ -78,19 +79,19 @@ impl Record {
         self.user == PROJECTION && (matches!(self.id, TEXT | TRANSFORM) || (KEYS..=KEY_TEXTS).contains(&self.id))
     }
 
-    /// Whether it is of the keys of GeoTIFF.
+    /// Whether it belongs to the keys of GeoTIFF.
     pub(crate) fn is_keys(&self) -> bool {
         self.is_system() && (KEYS..=KEY_TEXTS).contains(&self.id)
     }
 }
 
 impl Records {
-    /// The coordinate system as well known text.
+    /// The coordinate system as well-known text.
     pub fn wkt(&self) -> Option<&str> {
         self.all.iter().find_map(Record::text)
     }
 
-    /// What people call the coordinate system: the name within its text, what its keys cite, or a number of EPSG.
+    /// The common name of the coordinate system: the name in its text, the citation of its keys, or an EPSG code.
     pub fn system(&self) -> Option<String> {
         let quoted = |text: &str| text.split('"').nth(1).map(str::to_owned);
         if let Some(text) = self.wkt() {
@@ -101,7 +102,7 @@ impl Records {
         let (numbers, _) = of(KEYS)?.as_chunks();
         let numbers: Vec<u16> = numbers.iter().map(|bytes| u16::from_le_bytes(*bytes)).collect();
         let (keys, _) = numbers.get(4..)?.as_chunks::<4>();
-        // A number of its own is in the entry, a text where the entry says.
+        // A number is in the entry itself, a text where the entry points.
         let find = |key| keys.iter().find(|entry| entry[0] == key);
         let number = |key| find(key).filter(|entry| entry[1] == 0 && entry[3] != 32767).map(|entry| entry[3]);
         let cited = |key| {
@@ -141,7 +142,7 @@ mod tests {
         let all = [1, 1, 0, 2, 1026, KEY_TEXTS, 7, 0, 3072, 0, 1, 25832];
         assert_eq!(system(vec![keys(&all), texts.clone()]).unwrap(), "UTM 32 (EPSG:25832)");
         assert_eq!(system(vec![keys(&all)]).unwrap(), "EPSG:25832");
-        // What leads out of the texts, or is cut off.
+        // An entry that points past the texts, and keys that are cut off.
         assert_eq!(
             system(vec![keys(&[1, 1, 0, 1, 1026, KEY_TEXTS, 99, 3]), texts]).unwrap(),
             "user-defined (GeoTIFF keys)"

@@ -15,7 +15,7 @@ pub(crate) struct FalseAlarms {
     per_m: f32,
     /// `rho_eff / R^2` of an echo as strong as the noise in darkness, 1/m^2.
     unit: f32,
-    /// Threshold and noise over that.
+    /// Threshold and noise relative to that.
     level: f32,
     sigma: f32,
 }
@@ -38,39 +38,40 @@ impl FalseAlarms {
         1.0 - (-self.per_m * length).exp()
     }
 
-    /// Reports those of all `beams`, by their place among them, as [`FalseAlarms::of_beam`] does; `limits` gives the
-    /// reported ranges of a beam, `farthest` those of all, m.
+    /// Reports the false alarms of all `beams`, by index into `beams`, as [`FalseAlarms::of_beam`] does; `limits` gives
+    /// the reported ranges of a beam, `farthest` the greatest for all, m.
     pub(crate) fn of_beams(
         &self,
         rng: &Rng,
         beams: &[u32],
         farthest: f32,
         limits: impl Fn(u32) -> [f32; 2],
-        mut tell: impl FnMut(usize, f32, f32),
+        mut report: impl FnMut(usize, f32, f32),
     ) {
         let mut chance = [0.0; LANES];
         rng.uniforms(beams, &[0; LANES][..beams.len()], Draw::FalseAlarm, &mut chance[..beams.len()]);
         let some = self.some(farthest);
         for (lane, &beam) in beams.iter().enumerate().filter(|&(lane, _)| chance[lane] < some) {
             let [from, to] = limits(beam);
-            self.of_beam(rng, beam, [from, to.min(farthest)], |range, rho_eff| tell(lane, range, rho_eff));
+            self.of_beam(rng, beam, [from, to.min(farthest)], |range, rho_eff| report(lane, range, rho_eff));
         }
     }
 
-    /// Reports those of `beam` from `from` to `to` m: range, m, rising, and effective reflectance of an equally strong
-    /// surface there. There is one if the first number of [`Draw::FalseAlarm`] is below [`FalseAlarms::some`].
-    fn of_beam(&self, rng: &Rng, beam: u32, [from, to]: [f32; 2], mut tell: impl FnMut(f32, f32)) {
+    /// Reports the false alarms of `beam` from `from` to `to` m: range, m, ascending, and effective reflectance of an
+    /// equally strong surface there. There is one if the first number of [`Draw::FalseAlarm`] is below
+    /// [`FalseAlarms::some`].
+    fn of_beam(&self, rng: &Rng, beam: u32, [from, to]: [f32; 2], mut report: impl FnMut(f32, f32)) {
         let mut range = from;
         for alarm in 0..MOST_ALARMS {
             let [gap, amplitude, ..] = rng.four(beam, Draw::FalseAlarm, alarm);
-            // Exponential gaps: a Poisson number of alarms, each anywhere.
+            // Exponential gaps: a Poisson number of alarms, uniform over range.
             range -= (1.0 - gap).ln() / self.per_m;
             if range >= to {
                 return;
             }
             // Rice: peaks of the noise above the threshold, A = sqrt(TNR^2 - 2 ln u).
             let noise = self.sigma * self.sigma * -2.0 * (1.0 - amplitude).ln();
-            tell(range, self.unit * (self.level * self.level + noise).sqrt() * range * range);
+            report(range, self.unit * (self.level * self.level + noise).sqrt() * range * range);
         }
     }
 }

@@ -2,29 +2,29 @@
 
 use serde::{Deserialize, Serialize};
 
-/// How much light of a surface brighter than a white wall, met directly by the middle of a beam, leaks into other beams
-/// of the scan: at the angle `d` between them the part `weight exp(-d / width_deg) + floor`. The optics spread it, over
-/// the beam on its way out or over the detectors on its way in; either way the other beam has an echo at the same
+/// How much light from a surface brighter than a white wall, hit directly by the centre of a beam, leaks into other
+/// beams of the scan: at the angle `d` between them the fraction `weight exp(-d / width_deg) + floor`. The optics
+/// spread it, within the transmitted beam or over the detectors; either way the other beam has an echo at the same
 /// range.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Blooming {
-    /// Part of the light right beside the bright return, above `floor`, 0 to 1.
+    /// Fraction of the light right next to the bright return, above `floor`, 0 to 1.
     pub weight: f64,
     /// Angle over which that falls to 1/e, degrees, above 0, at most 90.
     pub width_deg: f64,
-    /// Part of the light that leaks into all beams, 0 to 1.
+    /// Fraction of the light that leaks into all beams, 0 to 1.
     #[serde(default)]
     pub floor: f64,
 }
 
 impl Blooming {
-    /// Part of the light that leaks into a beam at an `angle` in rad.
+    /// Fraction of the light that leaks into a beam at an `angle` in rad.
     pub(crate) fn part(&self, angle: f32) -> f32 {
         self.weight as f32 * (-angle / self.width_deg.to_radians() as f32).exp() + self.floor as f32
     }
 
-    /// Angle in rad beyond which that part is below `least`; below 0 where it is so everywhere.
+    /// Angle in rad beyond which that fraction is below `least`; negative if it is below it everywhere.
     pub(crate) fn reach(&self, least: f32) -> f32 {
         let above = f64::from(least) - self.floor;
         let reach = if above > 0.0 { self.width_deg.to_radians() * (self.weight / above).ln() } else { f64::INFINITY };
@@ -36,10 +36,10 @@ impl Blooming {
 mod tests {
     use super::*;
 
-    /// With a part of 1e-4 a retro-reflector as bright as a Lambert surface of 785 acts like one of 0.0785, which a
-    /// receiver that just sees 0.8 at 200 m sees up to 62.7 m.
+    /// With a fraction of 1e-4 a retro-reflector as bright as a Lambert surface of 785 acts like one of 0.0785, which a
+    /// receiver that just detects 0.8 at 200 m detects up to 62.7 m.
     #[test]
-    fn a_retro_reflector_is_seen_beside_itself() {
+    fn a_retro_reflector_blooms_into_neighbouring_beams() {
         let blooming = Blooming { weight: 9e-5, width_deg: 0.5, floor: 1e-5 };
         let rho_eff = 785.0 * blooming.part(0.0);
         assert!((rho_eff - 0.0785).abs() < 1e-7);

@@ -1,4 +1,4 @@
-//! Errors of depth images from structured light and stereo, and as measured for some cameras.
+//! Depth errors of structured light and stereo, and as measured for some cameras.
 
 use crate::read::yaml;
 use echocast_kernels::{LANES, camera};
@@ -19,12 +19,12 @@ pub enum DepthNoise {
     Nguyen,
     /// Kinect v2 (Fankhauser et al. 2015): sigma = 1.5 - 0.5 z + 0.3 z^2 + 0.1 z^(3/2) g mm, with the same g.
     Fankhauser,
-    /// Triangulation with two eyes `tof.second_eye_m` apart: sigma and steps are those of the disparity times z^2 / (f
-    /// B) with the focal length f in pixels and the baseline B.
+    /// Triangulation from two viewpoints `tof.second_eye_m` apart: sigma and steps are those of the disparity times z^2
+    /// / (f B) with the focal length f in pixels and the baseline B.
     Disparity {
         /// Standard deviation of the disparity, pixels.
         sigma_px: f64,
-        /// Step of the disparity, pixels; 0 is none.
+        /// Step of the disparity, pixels; 0 for none.
         step_px: f64,
     },
     /// sigma = a + b z + c z^2, from a data sheet.
@@ -77,7 +77,7 @@ impl<'de> Deserialize<'de> for DepthNoise {
 pub(crate) struct DepthError {
     /// Standard deviation head-on: `a + b z + c z^2`, m.
     terms: [f32; 3],
-    /// What slanted surfaces add, m: the first times `z^second t^2 / (pi/2 - t)^2`.
+    /// Additional term of slanted surfaces, m: the first times `z^second t^2 / (pi/2 - t)^2`.
     slanted: (f32, f32),
     /// Step over z^2, 1/m.
     step: f32,
@@ -102,13 +102,13 @@ impl DepthError {
         }
     }
 
-    /// The measured depth, m, where `depth` is true, on a surface met at an incidence of cosine `cos`, and `normal` a
+    /// The measured depth, m, for the true `depth`, on a surface with the cosine of incidence `cos`; `normal` is a
     /// standard normal number.
     pub(crate) fn measure(&self, depth: f32, cos: f32, normal: f32) -> f32 {
         camera::measured_depth(self.terms, self.slanted, self.step, depth, cos, normal)
     }
 
-    /// [`DepthError::measure`] of the depths of `ranges` along rays `axis` (cosines) off the optical axis.
+    /// [`DepthError::measure`] for `ranges` along rays at angles with the cosines `axis` from the optical axis.
     pub(crate) fn measure_all(
         &self,
         axis: &[f32; LANES],
@@ -196,7 +196,7 @@ mod tests {
         depths.dedup();
         assert!(depths.len() > 5);
         for pair in depths.windows(2) {
-            // The step grows across itself: its relative error is that of z^2 over one step.
+            // The step grows over its own length: its relative error is that of z^2 over one step.
             let middle = 0.5 * (pair[0] + pair[1]);
             assert_near(pair[1] - pair[0], 2.85e-3 * f64::from(middle * middle), 1e-3);
         }

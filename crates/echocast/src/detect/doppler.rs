@@ -1,4 +1,4 @@
-//! What an instrument measures of radial velocities.
+//! Measurement of radial velocities.
 
 use super::Returns;
 use crate::ground::error::Result;
@@ -7,15 +7,15 @@ use crate::ground::rng::{Draw, Rng};
 use crate::read::bounds::Bounds;
 use serde::{Deserialize, Serialize};
 
-/// `doppler`: how an instrument measures radial velocities, as those with a frequency-modulated continuous wave do;
-/// with no key it measures them exactly.
+/// `doppler`: how an instrument measures radial velocities, as those with a frequency-modulated continuous wave (FMCW)
+/// do; without any key it measures them exactly.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Doppler {
     /// Standard deviation of the Gaussian error, m/s, 0 to 1000.
     pub sigma_m_s: f64,
-    /// Width of the interval of velocities that it can tell apart, m/s, 0.001 to 1e6: what is measured wraps into
-    /// [-ambiguity / 2, ambiguity / 2). If a data sheet says +-X, this is 2 X. Without it nothing wraps.
+    /// Width of the interval of unambiguous velocities, m/s, 0.001 to 1e6: measured velocities wrap into [-ambiguity /
+    /// 2, ambiguity / 2). If a data sheet says +-X, this is 2 X. Without it nothing wraps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ambiguity_m_s: Option<f64>,
 }
@@ -27,7 +27,7 @@ impl Doppler {
     }
 
     /// Turns the true radial velocities of `returns`, m/s, into measured ones. Those that are a `false_alarm` are
-    /// anywhere in the interval, or NaN where it has no ends.
+    /// uniform over the interval, or NaN if it has no ends.
     pub(super) fn measure(
         &self,
         rng: &Rng,
@@ -65,7 +65,7 @@ pub(super) fn wrap(value: f32, width: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// Worked out by hand, both ends and what is next to them.
+    /// Worked out by hand: both ends and their neighbours.
     #[test]
     fn velocities_wrap_into_half_open_intervals() {
         for (value, width, expected) in [

@@ -1,4 +1,4 @@
-//! All errors of what an instrument measures: each step of a scan asks here for those of its quantity.
+//! All measurement errors of an instrument: each step of a scan gets those of its quantity from here.
 
 use super::{AzimuthError, Doppler, IntensityError, Noise, RangeError, Threshold, WeakDropout};
 use crate::ground::lanes::{LANES, MISS};
@@ -6,7 +6,7 @@ use crate::ground::rng::{Draw, Rng};
 use crate::ground::units::seconds_from_us;
 use echocast_kernels::measure;
 
-/// Returns side by side.
+/// Returns, side by side.
 pub(crate) struct Returns<'a> {
     /// The beam of each, and which of the beam's returns it is, from 0: the address of random numbers.
     pub beams: &'a [u32],
@@ -25,18 +25,18 @@ pub(crate) struct Errors {
     azimuth: Option<AzimuthError>,
     /// Standard deviation of the beams' true directions about the reported ones, rad.
     pub pointing_sigma: f32,
-    /// Of the reported time, s.
+    /// Standard deviation of the reported time, s.
     time_sigma: f64,
     doppler: Option<Doppler>,
     dropout: f32,
     dropout_weak: Option<WeakDropout>,
-    /// Whether anything but the pointing errs.
+    /// Whether anything has errors, pointing included.
     pub any: bool,
 }
 
 impl Errors {
-    /// For an instrument with this `noise` and its errors of `range`, which measures velocities as `doppler` says, or
-    /// not at all.
+    /// For an instrument with this `noise` and its errors of `range`, which measures velocities as `doppler` specifies,
+    /// or not at all.
     pub(crate) fn new(noise: &Noise, range: RangeError, threshold: &Threshold, doppler: Option<Doppler>) -> Errors {
         Errors {
             range,
@@ -51,7 +51,7 @@ impl Errors {
         }
     }
 
-    /// Whether light may matter although it is not seen: returns are lost depending on their strength.
+    /// Whether light may matter although it is not reported: returns are lost depending on their strength.
     pub(crate) fn depend_on_light(&self) -> bool {
         self.dropout_weak.is_some()
     }
@@ -62,8 +62,8 @@ impl Errors {
     }
 
     /// Measured ranges, m, of returns whose ranges without errors would be `formed`; `in_proportion` is the standard
-    /// deviation over range that rain adds. Sets what multiplies the light of each return in the reported intensity, `flicker`,
-    /// if asked for.
+    /// deviation over range that rain adds. Sets `flicker`, the factor on the light of each return in the reported
+    /// intensity, if requested.
     pub(crate) fn measure(
         &self,
         rng: &Rng,
@@ -91,18 +91,18 @@ impl Errors {
         self.range.round(measured);
     }
 
-    /// Whether intensities err.
+    /// Whether intensities have errors.
     pub(crate) fn flicker(&self) -> bool {
         self.intensity.is_some()
     }
 
     /// Whether the instrument measures radial velocities.
-    pub(crate) fn tells_doppler(&self) -> bool {
+    pub(crate) fn measures_doppler(&self) -> bool {
         self.doppler.is_some()
     }
 
     /// Turns the true radial velocities of returns, m/s, into measured ones, NaN if the instrument measures none;
-    /// `false_alarm` says which of them are one.
+    /// `false_alarm` states which of them are false alarms.
     pub(crate) fn shift(
         &self,
         rng: &Rng,
@@ -134,7 +134,8 @@ impl Errors {
         }
     }
 
-    /// How far to the left, rad, `beams` in the directions `x`, `y` (sensor frame) are reported.
+    /// By how much, rad, counter-clockwise, `beams` in the directions `x`, `y` (sensor frame) are reported off their
+    /// true azimuth.
     pub(crate) fn turn(&self, rng: &Rng, beams: &[u32], [x, y]: [&[f32]; 2], turn: &mut [f32]) {
         if let Some(error) = &self.azimuth {
             // All returns of a beam share one direction.

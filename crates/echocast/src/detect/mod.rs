@@ -1,4 +1,4 @@
-//! Signal to returns: thresholds first, then measurement noise.
+//! From signals to returns: thresholds first, then measurement noise.
 
 mod alarms;
 mod blooming;
@@ -13,7 +13,7 @@ mod statistical;
 mod threshold;
 mod velocity_log;
 
-use curve::Curve;
+use curve::RangeCurve;
 
 pub(crate) use alarms::FalseAlarms;
 pub use blooming::Blooming;
@@ -26,9 +26,9 @@ pub(crate) use noise::{IntensityError, RangeError};
 pub use noise::{Noise, RangePoint, WeakDropout};
 pub use returns::ReturnMode;
 pub(crate) use returns::{Peak, ReturnRule};
-pub(crate) use soundings::{BeamLevels, Beside, Stretch, bins_about, sounding};
+pub(crate) use soundings::{BeamLevels, Beside, SoundingMemory, bins_about, sounding};
 pub use statistical::{Statistical, Sunlight};
 pub(crate) use threshold::Threshold;
 pub use threshold::{Detection, DetectionSpec, LimitPoint, Timing};
-pub(crate) use velocity_log::{Heard, Tracked};
+pub(crate) use velocity_log::{BeamRate, Tracked};
 pub use velocity_log::{VelocityLog, WaterLayer};

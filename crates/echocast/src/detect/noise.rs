@@ -1,6 +1,6 @@
 //! Measurement errors.
 
-use super::{Curve, Threshold};
+use super::{RangeCurve, Threshold};
 use crate::ground::error::{Error, Result};
 use crate::ground::rng::{Draw, Rng};
 use crate::read::bounds::{ABOVE_ZERO, Bounds, FARTHEST_M, check_rows, rising_rows};
@@ -26,17 +26,17 @@ pub struct Noise {
     /// Growth of that with every metre of range, at least 0.
     pub range_sigma_per_m: f64,
     /// Standard deviation at the detection threshold, m, at least 0; it falls as 1/SNR (the Cramer-Rao bound of a
-    /// Gaussian pulse, `sigma_R = (c/2) sqrt(2) sigma_p / SNR`) and adds in squares to `range_sigma_m`. Needs
+    /// Gaussian pulse, `sigma_R = (c/2) sqrt(2) sigma_p / SNR`) and adds in quadrature to `range_sigma_m`. Needs
     /// `detection.model: radar_equation` or `statistical`.
     pub range_snr_sigma_m: f64,
-    /// Mean and standard deviation by range, rising, linear between points and constant outside; at most 1000 points.
+    /// Mean and standard deviation by ascending range, linear between points and constant outside; at most 1000 points.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub range_table: Vec<RangePoint>,
     /// Standard deviation of the intensity in percent of it, before it is encoded, 0 to 1000.
     pub intensity_percent: f64,
-    /// The same at the detection threshold, percent, 0 to 1000; it falls as 1/SNR and adds in squares to
-    /// `intensity_percent`: an amplitude that stands SNR times above the noise is known to a part of 1/SNR. Without
-    /// `detection.model: radar_equation` or `statistical` there is no such ratio, and none of this.
+    /// The same at the detection threshold, percent, 0 to 1000; it falls as 1/SNR and adds in quadrature to
+    /// `intensity_percent`: an amplitude of SNR times the noise is known to a relative error of 1/SNR. Without
+    /// `detection.model: radar_equation` or `statistical` there is no SNR, and no such error.
     pub intensity_snr_percent: f64,
     /// Standard deviation, over the channels, of a constant error of each, m, at least 0.
     pub channel_bias_sigma_m: f64,
@@ -46,19 +46,20 @@ pub struct Noise {
     pub instrument: u32,
     /// Error for each kelvin by which the instrument is warmer than at calibration, m/K.
     pub temperature_m_per_k: f64,
-    /// How much warmer it is, K.
+    /// By how much it is warmer, K.
     pub temperature_offset_k: f64,
-    /// Standard deviation of the reported azimuth, degrees, 0 to 10: points are reported turned about the sensor's z.
+    /// Standard deviation of the reported azimuth, degrees, 0 to 10: points are reported rotated about the sensor's z
+    /// axis.
     pub azimuth_sigma_deg: f64,
     /// Step of the encoder, degrees, 1e-4 to 10: azimuths, and points with them, are reported at the nearest multiple
-    /// of it; 0 is none.
+    /// of it; 0 for none.
     pub azimuth_step_deg: f64,
     /// Standard deviation, in each of the two directions across a beam, of its true direction from the reported one,
     /// degrees, 0 to 10.
     pub pointing_sigma_deg: f64,
     /// Standard deviation of the reported time of a firing, us, at least 0.
     pub time_sigma_us: f64,
-    /// Part of the returns lost at random, 0 to 1.
+    /// Fraction of the returns lost at random, 0 to 1.
     pub dropout: f64,
     /// Weak returns lost in addition.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -83,9 +84,9 @@ pub struct RangePoint {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WeakDropout {
-    /// Reflectivity from which on none is lost, above 0, at most 1000.
+    /// Reflectivity from which on no return is lost, above 0, at most 1000.
     pub below: f64,
-    /// Part lost of the weakest, 0 to 1.
+    /// Fraction of the weakest returns that is lost, 0 to 1.
     pub at_zero: f64,
 }
 
@@ -105,7 +106,7 @@ pub(crate) struct RangeError {
     sigma_per_m: f32,
     snr_sigma: f32,
     /// Mean and standard deviation of the table.
-    table: [Curve; 2],
+    table: [RangeCurve; 2],
     /// Bias, m, and gain of each channel; empty where all are equal.
     channels: Vec<[f32; 2]>,
     step: f32,
@@ -117,9 +118,9 @@ pub(crate) struct RangeError {
 /// The errors of intensity.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct IntensityError {
-    /// Standard deviation, as a part.
+    /// Relative standard deviation.
     sigma: f32,
-    /// The same where the signal-to-noise ratio is the threshold's, at `unit`, 1/m^2.
+    /// The same where the signal-to-noise ratio is that of the threshold, at `unit`, 1/m^2.
     snr_sigma: f32,
     unit: f32,
 }
@@ -133,7 +134,7 @@ impl IntensityError {
         (sigma > 0.0 || snr_sigma > 0.0).then_some(IntensityError { sigma, snr_sigma, unit: unit.unwrap_or(1.0) })
     }
 
-    /// Turns standard normal numbers into what multiplies the light of returns, at least 0.
+    /// Turns standard normal numbers into factors on the light of returns, at least 0.
     pub(crate) fn factors(self, rho_eff: &[f32], range: &[f32], factors: &mut [f32]) {
         measure::spread(factors, rho_eff, range, self.sigma, 0.0, self.snr_sigma, self.unit);
         factors.iter_mut().for_each(|factor| *factor = (1.0 + *factor).max(0.0));
@@ -147,7 +148,7 @@ impl RangeError {
         let bias = noise.range_offset_m + noise.range_mean_m + noise.temperature_m_per_k * noise.temperature_offset_k;
         let (bias, gain) = (bias as f32, (1.0 + noise.range_offset_percent / 100.0) as f32);
         let point = |value: fn(&RangePoint) -> f64| {
-            Curve::new(noise.range_table.iter().map(move |point| (point.at_m, value(point))))
+            RangeCurve::new(noise.range_table.iter().map(move |point| (point.at_m, value(point))))
         };
         let differ = noise.channel_bias_sigma_m > 0.0 || noise.channel_gain_sigma > 0.0;
         let (instrument, sigmas) =
@@ -170,14 +171,14 @@ impl RangeError {
         }
     }
 
-    /// Whether ranges have a Gaussian error, whose numbers are those of [`Draw::RangeJitter`].
+    /// Whether ranges have a Gaussian error, drawn by [`Draw::RangeJitter`].
     pub(crate) fn draws(&self) -> bool {
         let [_, sigma] = &self.table;
         self.sigma > 0.0 || self.sigma_per_m > 0.0 || self.snr_sigma > 0.0 || !sigma.is_empty()
     }
 
     /// Measured ranges, not yet rounded, from the channels, effective reflectances and true ranges of some echoes.
-    /// `measured` holds a standard normal number for each, if [`RangeError::draws`] any.
+    /// `measured` holds a standard normal number for each, if [`RangeError::draws`] is true.
     pub(crate) fn measure(&self, channel: &[u16], rho_eff: &[f32], truth: &[f32], measured: &mut [f32]) {
         let [mean_at, sigma_at] = &self.table;
         if !sigma_at.is_empty() {
@@ -243,8 +244,8 @@ impl AzimuthError {
         (sigma > 0.0 || step > 0.0).then_some(AzimuthError { sigma: sigma as f32, step: step as f32 })
     }
 
-    /// How far to the left, rad, beams in the directions `x`, `y` (sensor frame) are reported. `turn` holds a standard
-    /// normal number for each, those of [`Draw::AzimuthJitter`].
+    /// By how much, rad, counter-clockwise, beams in the directions `x`, `y` (sensor frame) are reported off their true
+    /// azimuth. `turn` holds a standard normal number for each, those of [`Draw::AzimuthJitter`].
     pub(crate) fn turn(&self, x: &[f32], y: &[f32], turn: &mut [f32]) {
         measure::scale(turn, self.sigma);
         if self.step > 0.0 {
@@ -385,7 +386,7 @@ mod tests {
         }
     }
 
-    /// RGL's form: base + rise R; added in squares to what the signal leaves.
+    /// RGL's form: base + rise R; added in quadrature to the error that depends on the signal.
     #[test]
     fn noise_may_grow_with_range() {
         let noise =
@@ -436,7 +437,7 @@ mod tests {
         assert_eq!(measure(&noise, 0.0, &Detection::None, 0.5, 10.0, 1), [10.0]);
     }
 
-    /// Drawn once: the same channels in all scans of an instrument, different ones in another.
+    /// Drawn once: the same channel errors in all scans of an instrument, different ones in another.
     #[test]
     fn channels_have_errors_of_their_own() {
         let channels = 4096;

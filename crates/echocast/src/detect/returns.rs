@@ -40,7 +40,7 @@ pub(crate) struct ReturnRule {
     pub mode: ReturnMode,
     /// Greatest number in mode `all`.
     pub max: usize,
-    /// Of echoes closer together than this only the strongest is seen, m.
+    /// Of echoes closer together than this, m, only the strongest is detected.
     pub separation: f32,
 }
 
@@ -59,8 +59,8 @@ impl ReturnRule {
         if self.mode == ReturnMode::Dual { 2 } else { 1 }
     }
 
-    /// Indices of the reported ones among `echoes`, which are detected and rise in range, in the order of reporting.
-    /// `order` is working memory.
+    /// Indices of those `echoes` that are reported, in the order of reporting; `echoes` are detected and in ascending
+    /// range. `order` is working memory.
     pub(crate) fn choose(&self, echoes: &[Peak], order: &mut Vec<usize>, chosen: &mut Vec<usize>) {
         chosen.clear();
         order.clear();

@@ -2,55 +2,55 @@
 //!
 //! A swath's beams detect as bathymetric sonars do (de Moustier 1988, "State of the art in swath bathymetry survey
 //! systems"; Lurton 2010, "An introduction to underwater acoustics", section 8.4): short echoes by the centre of their
-//! energy, long ones where the phase between the two halves of the array, which is the angle beside the beam's axis,
+//! energy, long ones where the phase between the two halves of the array, which gives the angle from the beam's axis,
 //! crosses zero.
 
-use crate::cloud::{Layout, Sounding};
+use crate::cells::{Layout, Sounding};
 use crate::ground::math::{LOG2_PER_DB, exp2};
 use crate::ground::rng::{Draw, Rng};
 use glam::Vec3;
 use std::ops::Range;
 
-/// Part of a beam's full width at -3 dB to each side of its axis within which echoes are its own: what comes from
-/// farther aside came in by the flanks of the lobe, or its sidelobes.
+/// Fraction of a beam's full width at -3 dB to each side of its axis within which echoes are its own: those from
+/// farther off axis came in through the flanks of the main lobe or through side lobes.
 const WITHIN: f32 = 0.6;
 
-/// What one beam has heard.
+/// What one beam has received.
 pub(crate) struct BeamLevels<'a> {
     pub beam: usize,
     /// Levels, dB, bin by bin.
     pub levels: &'a [f32],
-    /// From how far beside its axis it has heard that.
+    /// From which angle off its axis it has received that.
     pub beside: Beside<'a>,
     /// Full width of the beam as it is steered, rad.
     pub width: f32,
     /// Length of the pulse, bins.
     pub resolution: f32,
-    /// Of the ping.
+    /// Random numbers of the ping.
     pub rng: &'a Rng,
 }
 
-/// Energies of a tile times the angle from the axis of the beam that hears them, rad, and energies, by bin and beam. Empty:
-/// of a single beam.
+/// Energies of a tile times the angle from the axis of the beam that receives them, rad, and the energies, by bin and
+/// beam. Empty for a single beam.
 #[derive(Clone, Copy)]
 pub(crate) struct Beside<'a> {
-    pub lean: &'a [f32],
+    pub moment: &'a [f32],
     pub total: &'a [f32],
-    /// Cells of a bin, and which of them the beam's is.
+    /// Cells per bin, and which of them is the beam's.
     pub width: usize,
     pub beam: usize,
-    /// First bin in which there may be any, and first after these.
-    pub heard: (usize, usize),
+    /// First bin in which there may be energy, and the first after the last such bin.
+    pub received: (usize, usize),
 }
 
 impl Beside<'_> {
     /// Angle from the beam's axis at which the energy of a bin arrives, rad; NaN: there is none.
     fn at(&self, bin: usize) -> f32 {
         let cell = bin * self.width + self.beam;
-        self.lean[cell] / self.total[cell]
+        self.moment[cell] / self.total[cell]
     }
 
-    /// Energy that arrives in a bin on average, whatever its speckle.
+    /// Energy that arrives in a bin on average, without speckle.
     fn energy(&self, bin: usize) -> f32 {
         self.total[bin * self.width + self.beam]
     }
@@ -60,10 +60,10 @@ impl Beside<'_> {
     }
 }
 
-/// Memory of [`sounding`].
+/// Buffers of [`sounding`].
 #[derive(Default)]
-pub(crate) struct Stretch {
-    /// Bins of an echo that are loud enough, their powers, and the angles beside the axis that are measured there, rad.
+pub(crate) struct SoundingMemory {
+    /// Bins of an echo above the threshold, their powers, and the angles off axis that are measured there, rad.
     bins: Vec<u32>,
     powers: Vec<f32>,
     angles: Vec<f32>,
@@ -72,66 +72,69 @@ pub(crate) struct Stretch {
     sums: Vec<f32>,
 }
 
-/// Where an echo lies, bins, and with what standard error.
-struct Found {
+/// Position of an echo, bins, and its standard error.
+struct EchoEstimate {
     at: f32,
     error: f32,
 }
 
-/// The range of the strongest echo of a beam. `None`: nothing is loud enough; or, for swaths, nothing lies on the
+/// The range of the strongest echo of a beam. `None`: nothing is above the threshold; or, for swaths, nothing is on the
 /// beam's axis within range.
-pub(crate) fn sounding(layout: &Layout, heard: &BeamLevels, stretch: &mut Stretch) -> Option<Sounding> {
-    let BeamLevels { beam, levels, beside, .. } = *heard;
-    let window =
-        if beside.is_empty() { about_the_loudest(layout, heard)? } else { on_axis(layout, heard, &mut stretch.sums)? };
-    stretch.fill(layout, heard, window.clone());
+pub(crate) fn sounding(layout: &Layout, received: &BeamLevels, stretch: &mut SoundingMemory) -> Option<Sounding> {
+    let BeamLevels { beam, levels, beside, .. } = *received;
+    let window = if beside.is_empty() {
+        around_the_strongest(layout, received)?
+    } else {
+        on_axis(layout, received, &mut stretch.sums)?
+    };
+    stretch.fill(layout, received, window.clone());
     let bins = levels.len();
-    let found = match stretch.crossing(heard) {
+    let found = match stretch.crossing(received) {
         Some(found) => found,
-        // It goes on beyond what is heard.
+        // The echo continues beyond the last bin.
         None if !beside.is_empty() && window.end == bins => return None,
-        None => stretch.centre(heard, exp2(layout.noise_db * LOG2_PER_DB))?,
+        None => stretch.centre(received, exp2(layout.noise_db * LOG2_PER_DB))?,
     };
     if !(window.start as f32 - 1.0..=window.end as f32 + 1.0).contains(&found.at) {
         return None;
     }
     let cell = (found.at.max(0.0) as usize).min(bins - 1);
-    let loudest = window.map(|bin| levels[bin]).fold(f32::NEG_INFINITY, f32::max);
+    let strongest = window.map(|bin| levels[bin]).fold(f32::NEG_INFINITY, f32::max);
     Some(Sounding {
         beam: beam as u32,
         range: found.at * layout.bin_m as f32,
         cell: (beam * bins + cell) as u32,
-        level_db: loudest,
+        level_db: strongest,
         quality: quality(found.error / found.at),
         corrected: Vec3::NAN,
     })
 }
 
-/// Confidence, 0 to 1, in a range with this relative standard error: 0.5 at 0.25 %, half of what surveys of the second
-/// best order allow in depth (IHO S-44, order 1: 1.3 %, at 95 %).
+/// Confidence, 0 to 1, in a range with this relative standard error: 0.5 at 0.25 %, half of the depth error allowed for
+/// surveys of the second best order (IHO S-44, order 1: 1.3 %, at 95 %).
 fn quality(error: f32) -> f32 {
     const HALF: f32 = 2.5e-3;
     1.0 / (1.0 + (error / HALF).powi(2))
 }
 
-/// Bins about the loudest of a single beam that its echo of a flat bottom may cover.
-fn about_the_loudest(layout: &Layout, heard: &BeamLevels) -> Option<Range<usize>> {
-    let BeamLevels { beam, levels, width, .. } = *heard;
+/// Bins around the highest level of a single beam that its echo from a flat bottom may cover.
+fn around_the_strongest(layout: &Layout, received: &BeamLevels) -> Option<Range<usize>> {
+    let BeamLevels { beam, levels, width, .. } = *received;
     let (bins, from) = (levels.len(), layout.first_bin);
     // Energy of the cells around each one, so that a single bright speckle does not win.
     let around = |bin: usize| {
         let about = &levels[bin.saturating_sub(2)..(bin + 3).min(bins)];
         about.iter().map(|level| exp2(level * LOG2_PER_DB)).sum::<f32>()
     };
-    let loud = loud_stretches(levels, &layout.threshold_db, from..bins).flatten();
-    let loud = loud.filter(|&bin| levels[bin] > layout.threshold_db[bin]);
-    let (loudest, _) = loud.map(|bin| (bin, around(bin))).max_by(|(_, a), (_, b)| a.total_cmp(b))?;
-    let range = (loudest as f32 + 0.5) * layout.bin_m as f32;
+    let above_threshold = stretches_above_threshold(levels, &layout.threshold_db, from..bins).flatten();
+    let above_threshold = above_threshold.filter(|&bin| levels[bin] > layout.threshold_db[bin]);
+    let (strongest, _) = above_threshold.map(|bin| (bin, around(bin))).max_by(|(_, a), (_, b)| a.total_cmp(b))?;
+    let range = (strongest as f32 + 0.5) * layout.bin_m as f32;
     let reach = bins_about(layout, beam, width, range);
-    Some(loudest.saturating_sub(reach).max(from)..(loudest + reach + 1).min(bins))
+    Some(strongest.saturating_sub(reach).max(from)..(strongest + reach + 1).min(bins))
 }
 
-/// Bins to each side of a `range`, m, that the echo of a flat bottom may cover in a beam of this `width`, rad.
+/// Bins to each side of a `range`, m, that the echo from a flat bottom may cover in a beam of this `width`, rad.
 pub(crate) fn bins_about(layout: &Layout, beam: usize, width: f32, range: f32) -> usize {
     let [_, elevation] = layout.axes[beam];
     let down = (elevation + std::f32::consts::FRAC_PI_2).abs();
@@ -139,22 +142,22 @@ pub(crate) fn bins_about(layout: &Layout, beam: usize, width: f32, range: f32) -
     (0.75 * length).ceil() as usize + 3
 }
 
-/// The bins with the most energy among those stretches that are loud enough and come from within a swath's beam, without what
-/// is much fainter before and after: what the sidelobes along the track hear. Which those are the energy on average decides:
-/// instruments look where the beams beside and the pings before have found something, and so a single dark speckle does not
-/// mislead them.
-fn on_axis(layout: &Layout, heard: &BeamLevels, sums: &mut Vec<f32>) -> Option<Range<usize>> {
-    /// Part of the power of the loudest part that the rest has at least.
+/// The stretch of bins with the most energy among those that are above the threshold and come from within a swath's
+/// beam, without much fainter bins before and after, which are received by the along-track side lobes. The mean energy
+/// decides which these are: instruments search where neighbouring beams and previous pings have found something, so a
+/// single dark speckle does not mislead them.
+fn on_axis(layout: &Layout, received: &BeamLevels, sums: &mut Vec<f32>) -> Option<Range<usize>> {
+    /// Least power of the rest, as a fraction of that of the strongest part.
     const FAINTER: f32 = 0.05;
-    let BeamLevels { levels, beside, width, resolution, .. } = *heard;
-    let bins = layout.first_bin.max(beside.heard.0)..levels.len().min(beside.heard.1);
+    let BeamLevels { levels, beside, width, resolution, .. } = *received;
+    let bins = layout.first_bin.max(beside.received.0)..levels.len().min(beside.received.1);
     // Speckle interrupts an echo.
     let least = 3.0 * resolution + 3.0;
     let longest = |length: usize| least.max(0.2 * length as f32);
     let lit = |&bin: &usize| levels[bin] > layout.threshold_db[bin] && beside.at(bin).abs() <= WITHIN * width;
     let mut best = (0.0, 0..0);
     let mut run = (0.0, 0..0);
-    for bin in loud_stretches(levels, &layout.threshold_db, bins).flatten().filter(lit) {
+    for bin in stretches_above_threshold(levels, &layout.threshold_db, bins).flatten().filter(lit) {
         let (_, at) = &run;
         if at.is_empty() || (bin - at.end) as f32 > longest(at.len()) {
             run = (0.0, bin..bin);
@@ -170,7 +173,7 @@ fn on_axis(layout: &Layout, heard: &BeamLevels, sums: &mut Vec<f32>) -> Option<R
     if energy == 0.0 {
         return None;
     }
-    // Sums up to each bin, for means over some pulses.
+    // Cumulative sums by bin, for means over some pulses.
     sums.clear();
     sums.push(0.0);
     let mut sum = 0.0;
@@ -182,7 +185,7 @@ fn on_axis(layout: &Layout, heard: &BeamLevels, sums: &mut Vec<f32>) -> Option<R
     let around = |at: usize| sums[(at + half + 1).min(whole.len())] - sums[at.saturating_sub(half)];
     let (middle, most) = (0..whole.len()).map(|at| (at, around(at))).max_by(|(_, a), (_, b)| a.total_cmp(b))?;
     let is_faint = |at: &usize| around(*at) < FAINTER * most;
-    // From the middle outwards, over gaps that speckle makes.
+    // From the middle outwards, across gaps caused by speckle.
     let reach = |ways: &mut dyn Iterator<Item = usize>| {
         let mut last = middle;
         for at in ways {
@@ -199,26 +202,30 @@ fn on_axis(layout: &Layout, heard: &BeamLevels, sums: &mut Vec<f32>) -> Option<R
 }
 
 /// The stretches of `bins` in which any level is above its threshold: there are few.
-fn loud_stretches(levels: &[f32], thresholds: &[f32], bins: Range<usize>) -> impl Iterator<Item = Range<usize>> {
-    /// Bins of a stretch.
+fn stretches_above_threshold(
+    levels: &[f32],
+    thresholds: &[f32],
+    bins: Range<usize>,
+) -> impl Iterator<Item = Range<usize>> {
+    /// Length of a stretch, bins.
     const STRETCH: usize = 32;
     let stretches = bins.clone().step_by(STRETCH).map(move |from| from..(from + STRETCH).min(bins.end));
     stretches.filter(|stretch| {
         let pairs = levels[stretch.clone()].iter().zip(&thresholds[stretch.clone()]);
-        // No early end, which would keep this from becoming vector instructions.
-        pairs.fold(false, |loud, (level, threshold)| loud | (level > threshold))
+        // No early exit, which would prevent vectorisation.
+        pairs.fold(false, |above_threshold, (level, threshold)| above_threshold | (level > threshold))
     })
 }
 
-impl Stretch {
-    /// Takes in the bins of `window` that are loud enough, and measures angles there.
-    fn fill(&mut self, layout: &Layout, heard: &BeamLevels, window: Range<usize>) {
+impl SoundingMemory {
+    /// Collects the bins of `window` above the threshold, and measures angles there.
+    fn fill(&mut self, layout: &Layout, received: &BeamLevels, window: Range<usize>) {
         /// Standard deviation of the measured angle over the width of the beam, times the square root of the ratio of
-        /// power to noise: two halves of a line array, half its length apart, whose phases have independent noise;
-        /// `1 / (0.886 pi)`, where 0.886 wavelengths over the length is the width.
+        /// power to noise: two halves of a line array, half its length apart, whose phases have independent noise; `1 /
+        /// (0.886 pi)`, as the width is 0.886 wavelengths over the length.
         const PER_WIDTH: f32 = 0.359;
-        let BeamLevels { beam, levels, beside, width, rng, .. } = *heard;
-        let Stretch { bins, powers, angles, beams, noise, .. } = self;
+        let BeamLevels { beam, levels, beside, width, rng, .. } = *received;
+        let SoundingMemory { bins, powers, angles, beams, noise, .. } = self;
         bins.clear();
         powers.clear();
         angles.clear();
@@ -244,10 +251,10 @@ impl Stretch {
         angles.extend(measured);
     }
 
-    /// Centre of the energy within 10 dB of the loudest. Speckle moves it within what is longer than a pulse, noise by a
-    /// part of a pulse.
-    fn centre(&self, heard: &BeamLevels, noise: f32) -> Option<Found> {
-        /// Spread of a point's echo, resolutions: of `sinc^2` within 10 dB.
+    /// Centre of the energy within 10 dB of the maximum. Speckle moves it within the extent beyond a pulse, noise by a
+    /// fraction of a pulse.
+    fn centre(&self, received: &BeamLevels, noise: f32) -> Option<EchoEstimate> {
+        /// Spread of a point's echo, in resolutions: that of `sinc^2` within 10 dB.
         const OWN: f32 = 0.28;
         let most = self.powers.iter().copied().fold(0.0, f32::max);
         let origin = *self.bins.first()?;
@@ -257,27 +264,28 @@ impl Stretch {
             (sum, first, second) = (sum + power, first + power * at, second + power * at * at);
         }
         let mean = first / sum;
-        let own = (OWN * heard.resolution).powi(2);
-        // As many independent speckles as pulses fit into it.
-        let looks = (self.bins.len() as f32 / heard.resolution).max(1.0);
+        let own = (OWN * received.resolution).powi(2);
+        // As many independent speckles as pulses fit into the echo.
+        let looks = (self.bins.len() as f32 / received.resolution).max(1.0);
         let longer = (second / sum - mean * mean - own).max(0.0);
-        Some(Found { at: origin as f32 + mean, error: (longer / looks + own * noise / most).sqrt() })
+        Some(EchoEstimate { at: origin as f32 + mean, error: (longer / looks + own * noise / most).sqrt() })
     }
 
-    /// Where the angle crosses zero, if it runs through the beam over several pulses: a parabola is fitted to it, as
-    /// the range of a flat bottom is none of the angle's, but nearly so within a beam.
-    fn crossing(&self, heard: &BeamLevels) -> Option<Found> {
-        /// Pulses that an echo lasts at least.
+    /// Where the angle crosses zero, if it runs through the beam over several pulses: a parabola is fitted to it; the
+    /// range of a flat bottom is not a parabola of the angle, but nearly one within a beam.
+    fn crossing(&self, received: &BeamLevels) -> Option<EchoEstimate> {
+        /// Least length of an echo, pulses.
         const PULSES: f32 = 6.0;
-        /// Part of the width of the beam that the angle runs through at least.
+        /// Fraction of the beam width that the angle must run through at least.
         const THROUGH: f64 = 0.4;
         let (&first, &last) = (self.bins.first()?, self.bins.last()?);
         let half = 0.5 * (last + 1 - first) as f32;
-        if self.angles.is_empty() || 2.0 * half < PULSES * heard.resolution || self.bins.len() < 8 {
+        if self.angles.is_empty() || 2.0 * half < PULSES * received.resolution || self.bins.len() < 8 {
             return None;
         }
         let middle = first as f32 + half;
-        // In halves of the stretch about its middle: moments with equal weights, as speckle says nothing of an angle.
+        // In half lengths of the stretch from its middle: moments with equal weights, as speckle carries no information
+        // about the angle.
         let mut x_sums = [0f64; 5];
         let mut y_sums = [0f64; 3];
         for (&bin, &angle) in self.bins.iter().zip(&self.angles) {
@@ -292,7 +300,7 @@ impl Stretch {
             }
         }
         let [a, b, c] = parabola(x_sums, y_sums)?;
-        if 2.0 * b.abs() < THROUGH * f64::from(heard.width) {
+        if 2.0 * b.abs() < THROUGH * f64::from(received.width) {
             return None;
         }
         let residuals = self.bins.iter().zip(&self.angles).map(|(&bin, &angle)| {
@@ -304,13 +312,13 @@ impl Stretch {
         let root = (b * b - 4.0 * a * c).max(0.0).sqrt();
         let x = -2.0 * a / (b + root.copysign(b));
         let slope = (b + 2.0 * c * x).abs().max(0.25 * b.abs());
-        // Of a parabola in its middle: 9/4 of the variance of a mean.
+        // For a parabola at its middle: 9/4 of the variance of a mean.
         let error = 1.5 * sigma / slope / x_sums[0].sqrt();
-        Some(Found { at: middle + half * x as f32, error: half * error as f32 })
+        Some(EchoEstimate { at: middle + half * x as f32, error: half * error as f32 })
     }
 }
 
-/// The coefficients of `a + b x + c x^2` that fits best, by the sums of `x^0` to `x^4` and of `x^0 y` to `x^2 y`.
+/// The coefficients of the best fit `a + b x + c x^2`, from the sums of `x^0` to `x^4` and of `x^0 y` to `x^2 y`.
 fn parabola([n, x1, x2, x3, x4]: [f64; 5], [y0, y1, y2]: [f64; 3]) -> Option<[f64; 3]> {
     let moments = glam::DMat3::from_cols_array(&[n, x1, x2, x1, x2, x3, x2, x3, x4]);
     if moments.determinant() < 1e-9 * n * n * n {
@@ -322,7 +330,7 @@ fn parabola([n, x1, x2, x3, x4]: [f64; 5], [y0, y1, y2]: [f64; 3]) -> Option<[f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::SonarView;
+    use crate::cells::SonarView;
 
     fn layout(elevation: f32) -> Layout {
         Layout {
@@ -339,9 +347,9 @@ mod tests {
     fn found(layout: &Layout, levels: &[f32], beside: &[f32], width: f32) -> Option<Sounding> {
         let rng = Rng::new(1, 0);
         let total = vec![1.0; beside.len()];
-        let beside = Beside { lean: beside, total: &total, width: 1, beam: 0, heard: (0, levels.len()) };
-        let heard = BeamLevels { beam: 0, levels, beside, width, resolution: 2.0, rng: &rng };
-        sounding(layout, &heard, &mut Stretch::default())
+        let beside = Beside { moment: beside, total: &total, width: 1, beam: 0, received: (0, levels.len()) };
+        let received = BeamLevels { beam: 0, levels, beside, width, resolution: 2.0, rng: &rng };
+        sounding(layout, &received, &mut SoundingMemory::default())
     }
 
     #[test]
@@ -357,13 +365,13 @@ mod tests {
             assert_eq!((found.cell, found.level_db), (100, 72.0));
         }
         assert!(found(&Layout { first_bin: 110, ..layout.clone() }, &levels, &[], 0.02).is_none());
-        // From aside it is none of the beam's.
+        // An echo from off axis is not the beam's own.
         assert!(found(&layout, &levels, &[0.05; 200], 0.02).is_none());
     }
 
     #[test]
     fn a_long_echo_is_found_where_it_crosses_the_axis() {
-        // Louder towards one end, as speckle may make it, and on a curve, as a flat bottom has it.
+        // Stronger towards one end, as speckle may cause, and on a curve, as a flat bottom gives.
         let mut levels = [40.0; 200];
         let mut beside = [f32::NAN; 200];
         for bin in 84..130 {
@@ -371,12 +379,12 @@ mod tests {
             levels[bin] = 80.0 + (bin - 84) as f32 / 3.0;
             beside[bin] = at * 2e-3 - at * at * 8e-6;
         }
-        // An object in the water before it is quieter as a whole, though not in each bin.
+        // An object in the water before it is weaker as a whole, though not in each bin.
         (levels[60], beside[60]) = (90.0, 0.01);
         let layout = layout(-0.4);
         let whole = found(&layout, &levels, &beside, 0.1).unwrap();
         assert!((whole.range - 10.4).abs() < 0.02 && whole.quality > 0.5, "{whole:?}");
-        // The bottom gets to the axis beyond what is heard.
+        // The bottom reaches the axis beyond the last bin.
         let near = Layout { bins: 100, threshold_db: vec![50.0; 100], ..layout };
         assert_eq!(found(&near, &levels[..100], &beside[..100], 0.1).map(|it| it.cell), None);
     }

@@ -1,4 +1,4 @@
-//! Detection by chance: an echo against the noise of the receiver.
+//! Statistical detection: an echo against the noise of the receiver.
 
 use crate::ground::error::Result;
 use crate::ground::math::erf;
@@ -28,13 +28,14 @@ pub struct Statistical {
     /// Bandwidth of the receiver, MHz; it determines false alarms. 0 means none.
     #[serde(default)]
     pub bandwidth_mhz: f64,
-    /// The sun, and how the receiver sees it; darkness when not given.
+    /// The sun, and how the receiver sees it; darkness by default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sunlight: Option<Sunlight>,
 }
 
-/// Sunlight that a receiver sees besides its echoes. What it adds to the noise depends on how many photo-electrons the
-/// noise in darkness is worth, which follows from the energy of the pulse and the data-sheet line.
+/// Sunlight that a receiver sees in addition to its echoes. What it adds to the noise depends on how many
+/// photo-electrons the noise in darkness corresponds to, which follows from the energy of the pulse and the data-sheet
+/// line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sunlight {
@@ -42,17 +43,17 @@ pub struct Sunlight {
     pub pulse_uj: f64,
     /// Diameter of the receiver's aperture, mm, above 0.
     pub aperture_mm: f64,
-    /// What the receiver sees at once, full angles of an ellipse, mrad, above 0.
+    /// Field of view of the receiver, full angles of an ellipse, mrad, above 0.
     pub field_of_view_mrad: [f64; 2],
     /// Width of its optical filter, nm, above 0.
     pub filter_nm: f64,
-    /// Part of the light that its optics pass, 0 to 1.
+    /// Fraction of the light that its optics transmit, 0 to 1.
     #[serde(default = "optics")]
     pub efficiency: f64,
     /// Photo-electrons per photon, 0 to 1.
     #[serde(default = "silicon")]
     pub quantum_efficiency: f64,
-    /// Excess noise factor of the detector, 1 to 100; about 3 of an avalanche photodiode, 1 of counted photons.
+    /// Excess noise factor of the detector, 1 to 100; about 3 for an avalanche photodiode, 1 for photon counting.
     #[serde(default = "avalanche")]
     pub excess_noise: f64,
     /// The sun's irradiance at the wavelength, W/(m^2 nm), perpendicular to its rays: 0.65 at 905 nm at the ground.
@@ -107,8 +108,8 @@ impl Statistical {
         self.tnr + normal_quantile(self.probability)
     }
 
-    /// Noise under the sun over that in darkness, of pulses `pulse_ns` long: the variances add, in photo-electrons of a
-    /// pulse, and that of light is its number times the excess noise factor.
+    /// Ratio of the noise in sunlight to that in darkness, for pulses `pulse_ns` long: the variances add, in
+    /// photo-electrons of a pulse, and that of light is its number of photo-electrons times the excess noise factor.
     pub(super) fn noise_in_light(&self, wavelength_nm: f64, pulse_ns: f64) -> f64 {
         let Some(sun) = &self.sunlight else { return 1.0 };
         let electrons = |joule: f64| sun.quantum_efficiency * photons(joule, wavelength_nm);
@@ -230,8 +231,8 @@ mod tests {
         assert!((photons(SUN.background_w() * 5e-9, 905.0) - 25.90).abs() < 5e-3);
     }
 
-    /// By hand: 0.1 at 100 m gives 3189.11 photons, 2551.29 electrons, of which the noise is the 6.28155th part,
-    /// 406.15; 25.90 photons of the sun are 20.72 electrons, and add 62.2 to the variance of 164961.
+    /// By hand: 0.1 at 100 m gives 3189.11 photons, 2551.29 electrons, and the noise is 1/6.28155 of that, 406.15;
+    /// 25.90 photons of the sun give 20.72 electrons, and add 62.2 to the variance of 164961.
     #[test]
     fn the_sun_adds_to_the_noise() {
         let receiver = |sunlight| Statistical {

@@ -1,6 +1,6 @@
 //! Which echoes are strong enough to be reported.
 
-use super::{Blooming, Curve, Statistical};
+use super::{Blooming, RangeCurve, Statistical};
 use crate::ground::error::Result;
 use crate::ground::lanes::LANES;
 use crate::ground::rng::{Draw, Rng};
@@ -9,24 +9,24 @@ use crate::read::yaml;
 use echocast_kernels::light;
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// `detection`: which echoes an instrument sees. Its keys stand beside those of the model.
+/// `detection`: which echoes an instrument detects. Its keys are on the same level as those of the model.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct DetectionSpec {
     /// The model.
     #[serde(flatten)]
     pub model: Detection,
-    /// Part of the light of an echo that each channel uses, 0 to 1, relative to the channel that the model describes;
-    /// one per channel, or none if all are equal.
+    /// Fraction of the light of an echo that each channel uses, 0 to 1, relative to the channel that the model
+    /// describes; one per channel, or none if all are equal.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub channel_efficiency: Vec<f64>,
     /// Received power above which the reported intensity does not rise, in multiples of the detection threshold, 1 to
-    /// 1e12; none is no limit. Needs a model of `radar_equation` or `statistical`.
+    /// 1e12; no limit by default. Needs a model of `radar_equation` or `statistical`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub saturation: Option<f64>,
-    /// Light of bright returns that leaks into the beams around them; none is no leakage. Needs such a model too.
+    /// Light of bright returns that leaks into the beams around them; none by default. Also needs such a model.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub blooming: Option<Blooming>,
-    /// What part of an echo is timed. Needs such a model too, and a pulse, unless it is the peak.
+    /// What part of an echo is timed. Unless that is the peak, this also needs such a model, and a pulse.
     pub timing: Timing,
 }
 
@@ -37,14 +37,14 @@ pub enum Timing {
     /// Its peak, or a constant fraction of it: its strength does not matter.
     #[default]
     Peak,
-    /// Where it rises above the detection threshold: the stronger it is, the nearer it seems.
+    /// Where it rises above the detection threshold: the stronger the echo, the shorter the range.
     LeadingEdge,
 }
 
 impl<'de> Deserialize<'de> for DetectionSpec {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
-        struct Beside {
+        struct ReceiverKeys {
             #[serde(default)]
             channel_efficiency: Vec<f64>,
             saturation: Option<f64>,
@@ -54,7 +54,7 @@ impl<'de> Deserialize<'de> for DetectionSpec {
         }
         let (beside, model) =
             yaml::split_keys(deserializer, &["channel_efficiency", "saturation", "blooming", "timing"])?;
-        let Beside { channel_efficiency, saturation, blooming, timing } = beside.read()?;
+        let ReceiverKeys { channel_efficiency, saturation, blooming, timing } = beside.read()?;
         Ok(DetectionSpec { model: model.read()?, channel_efficiency, saturation, blooming, timing })
     }
 }
@@ -63,7 +63,7 @@ impl<'de> Deserialize<'de> for DetectionSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LimitPoint {
-    /// Reflectivity that is just not seen, 0..1.
+    /// Reflectivity that is just not detected, 0..1.
     pub reflectance: f64,
     /// Range, m.
     pub at_m: f64,
@@ -76,16 +76,16 @@ pub enum Detection {
     /// Every echo is reported.
     #[default]
     None,
-    /// Hard-target radar equation, calibrated by one data-sheet line: a head-on Lambert target of
-    /// `reflectance` that fills the beam is just seen at `at_m` in clear air.
+    /// Hard-target radar equation, calibrated by one data-sheet line: a head-on Lambert target of `reflectance` that
+    /// fills the beam is just detected at `at_m` in clear air.
     RadarEquation {
         /// Reflectance of the data-sheet target, 0..1.
         reflectance: f64,
         /// Its greatest range, m.
         at_m: f64,
     },
-    /// The linear limit of the paper's system: between the two points the reflectivity that is just not seen rises
-    /// linearly with range; everything nearer than `lower` is seen.
+    /// The linear limit of the paper's system: between the two points the reflectivity that is just not detected rises
+    /// linearly with range; everything nearer than `lower` is detected.
     ReflectivityLimit {
         /// Near point.
         lower: LimitPoint,
@@ -94,10 +94,10 @@ pub enum Detection {
     },
     /// A reflectivity limit of many points: linear between them, constant nearer than the first and beyond the last.
     Table {
-        /// The points, rising in range, 1 to 1000.
+        /// The points, in ascending range, 1 to 1000.
         points: Vec<LimitPoint>,
     },
-    /// Noise decides.
+    /// Detection with a probability that depends on the noise.
     Statistical(Statistical),
 }
 
@@ -105,13 +105,13 @@ impl<'de> Deserialize<'de> for Detection {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Limits {
+        struct LinearLimit {
             lower: LimitPoint,
             upper: LimitPoint,
         }
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Points {
+        struct LimitTable {
             points: Vec<LimitPoint>,
         }
         let (word, section) = yaml::split_tag(deserializer, "model")?;
@@ -125,11 +125,11 @@ impl<'de> Deserialize<'de> for Detection {
                 Detection::RadarEquation { reflectance, at_m }
             }
             "reflectivity_limit" => {
-                let Limits { lower, upper } = section.read()?;
+                let LinearLimit { lower, upper } = section.read()?;
                 Detection::ReflectivityLimit { lower, upper }
             }
             "table" => {
-                let Points { points } = section.read()?;
+                let LimitTable { points } = section.read()?;
                 Detection::Table { points }
             }
             "statistical" => Detection::Statistical(section.read()?),
@@ -190,14 +190,14 @@ pub(crate) enum Threshold {
     /// of the model it cites).
     LinearBlainder { from: f32, limit: f32, slope: f32 },
     /// Echoes with `rho_eff` above the curve.
-    Table(Curve),
+    Table(RangeCurve),
     /// Echoes that reach `level` including their noise: `rho_eff / (R^2 unit) + sigma N(0, 1) >= level`.
     Statistical {
         /// `rho_eff / R^2` of an echo as strong as the noise in darkness, 1/m^2.
         unit: f32,
-        /// Threshold over that.
+        /// Threshold relative to that.
         level: f32,
-        /// Noise over that in darkness.
+        /// Noise relative to that in darkness.
         sigma: f32,
         /// Ratio of threshold to noise in darkness.
         tnr: f32,
@@ -205,8 +205,8 @@ pub(crate) enum Threshold {
 }
 
 impl Threshold {
-    /// For pulses of a wavelength, nm, and a width, ns. `blainder`: as the paper's program computes the linear limit;
-    /// it has no randomness, so the data-sheet line of a statistical detector is its limit.
+    /// For pulses of a wavelength, nm, and a width, ns. `blainder`: the linear limit as computed by the paper's
+    /// program; the program has no randomness, so the data-sheet line of a statistical detector is its limit.
     pub(crate) fn new(detection: &Detection, (wavelength_nm, pulse_ns): (f64, f64), blainder: bool) -> Self {
         match *detection {
             Detection::None => Threshold::Open,
@@ -218,10 +218,10 @@ impl Threshold {
             }
             Detection::Statistical(ref receiver) => {
                 let sigma = receiver.noise_in_light(wavelength_nm, pulse_ns);
-                let follows = receiver.sunlight.is_some_and(|sun| sun.adaptive);
+                let tracks_noise = receiver.sunlight.is_some_and(|sun| sun.adaptive);
                 Threshold::Statistical {
                     unit: (receiver.reflectance / (receiver.at_m * receiver.at_m) / receiver.reference_snr()) as f32,
-                    level: (receiver.tnr * if follows { sigma } else { 1.0 }) as f32,
+                    level: (receiver.tnr * if tracks_noise { sigma } else { 1.0 }) as f32,
                     sigma: sigma as f32,
                     tnr: receiver.tnr as f32,
                 }
@@ -236,7 +236,7 @@ impl Threshold {
                 }
             }
             Detection::Table { ref points } => {
-                Threshold::Table(Curve::new(points.iter().map(|point| (point.at_m, point.reflectance))))
+                Threshold::Table(RangeCurve::new(points.iter().map(|point| (point.at_m, point.reflectance))))
             }
         }
     }
@@ -295,7 +295,7 @@ impl Threshold {
         }
     }
 
-    /// What the effective reflectance of an echo from `range` m must exceed in the paper's program.
+    /// The effective reflectance that an echo from `range` m must exceed in the paper's program.
     pub(crate) fn limit_of_the_program(&self, range: f32) -> f32 {
         match *self {
             Threshold::LinearBlainder { from, limit, slope } if range >= from => limit + slope * range,
@@ -347,11 +347,11 @@ impl Threshold {
     }
 }
 
-/// Ratio of threshold to noise of instruments whose sheet gives a limit alone: as usual against false alarms.
+/// Ratio of threshold to noise of instruments whose data sheet gives only a limit: a usual choice against false alarms.
 const USUAL_TNR: f64 = 5.0;
 
-/// Signal over the noise in darkness below which no echo is searched: four sigma under the threshold, where one in
-/// 30,000 would be detected, and at least half as strong as the noise.
+/// Ratio of signal to the noise in darkness below which no echo is searched for: four sigma below the threshold, where
+/// one in 30,000 would be detected, and at least half as strong as the noise.
 fn least_snr(level: f32, sigma: f32) -> f32 {
     (level - 4.0 * sigma).max(0.5 * sigma)
 }
@@ -370,7 +370,7 @@ mod tests {
 
     const PULSE: (f64, f64) = (905.0, 5.0);
 
-    /// Least reflectivity that `threshold` sees at `range`, by bisection.
+    /// Least reflectivity that `threshold` detects at `range`, by bisection.
     fn least(threshold: &Threshold, range: f32) -> f64 {
         let (mut low, mut high) = (-0.1f32, 2.0f32);
         for _ in 0..40 {
@@ -402,7 +402,7 @@ mod tests {
             assert!((least(&right, range) - expected).abs() < 1e-6);
             assert!((least(&blainder, range) - program).abs() < 1e-6);
         }
-        assert!(right.detects(0.0, 49.9, 0.0), "nearer than the lower point all is seen");
+        assert!(right.detects(0.0, 49.9, 0.0), "everything nearer than the lower point is detected");
         assert!(!blainder.detects(0.0, 49.9, 0.0) && blainder.detects(1e-3, 49.9, 0.0));
     }
     /// The rising line of the two points above as a table: the same between them, constant outside.
@@ -427,7 +427,7 @@ mod tests {
         Detection::Statistical(Statistical { reflectance, at_m, probability, tnr, bandwidth_mhz: 0.0, sunlight })
     }
 
-    /// Part of a million echoes that is detected.
+    /// Fraction of a million echoes that is detected.
     fn share(threshold: &Threshold, rho_eff: f32, range: f32) -> f64 {
         let (rng, mut noise, mut seen) = (Rng::new(4, 2), [0.0; LANES], 0);
         for block in 0..4000 {
@@ -448,7 +448,7 @@ mod tests {
             let found = share(&threshold, snr * unit * range * range, range);
             assert!((found - p).abs() < 3.0 * (p * (1.0 - p) / 1.024e6f64).sqrt(), "{snr} {tnr}: {found}");
         }
-        // The data-sheet line itself, and what is never seen.
+        // The data-sheet line itself, and what is never detected.
         let threshold = Threshold::new(&statistical(5.0, None), PULSE, false);
         assert!((share(&threshold, 0.8, 100.0) - 0.9).abs() < 3.0 * (0.09f64 / 1.024e6).sqrt());
         assert_eq!((share(&threshold, 0.8, 30.0), share(&threshold, 0.0, 30.0)), (1.0, 0.0));
@@ -468,13 +468,13 @@ mod tests {
             Sunlight { adaptive, ..yaml::from_str("sun", sun).unwrap() }
         };
         let threshold = |sunlight| Threshold::new(&statistical(5.0, sunlight), PULSE, false);
-        let (dark, follows, fixed) = (threshold(None), threshold(Some(sun(true))), threshold(Some(sun(false))));
-        let (Threshold::Statistical { sigma, .. }, rho) = (follows.clone(), 0.8) else { panic!() };
+        let (dark, tracks_noise, fixed) = (threshold(None), threshold(Some(sun(true))), threshold(Some(sun(false))));
+        let (Threshold::Statistical { sigma, .. }, rho) = (tracks_noise.clone(), 0.8) else { panic!() };
         assert!(sigma > 1.2 && sigma < 2.0, "{sigma}");
-        // Where one half is seen: SNR = TNR.
+        // Where one half is detected: SNR = TNR.
         let half = 100.0 * (6.281_552_f32 / 5.0).sqrt();
         let error = 3.0 * (0.25f64 / 1.024e6).sqrt();
-        for (threshold, range) in [(&dark, half), (&follows, half / sigma.sqrt()), (&fixed, half)] {
+        for (threshold, range) in [(&dark, half), (&tracks_noise, half / sigma.sqrt()), (&fixed, half)] {
             let found = share(threshold, rho, range);
             assert!((found - 0.5).abs() < error, "{threshold:?} {found}");
         }
@@ -482,6 +482,6 @@ mod tests {
         // The timing noise follows the ratio to the actual noise.
         let snr = |threshold: &Threshold| rho / (threshold.unit().unwrap() * half * half);
         assert!((snr(&dark) - 1.0).abs() < 1e-5 && (snr(&fixed) * sigma - 1.0).abs() < 1e-5);
-        assert_eq!(snr(&fixed), snr(&follows));
+        assert_eq!(snr(&fixed), snr(&tracks_noise));
     }
 }

@@ -1,7 +1,7 @@
-//! How a Doppler velocity log gets from rates of ranges to its velocity.
+//! How a Doppler velocity log derives its velocity from range rates.
 
 use super::doppler::wrap;
-use crate::cloud::Track;
+use crate::cells::Track;
 use crate::emitter::pattern::JANUS_BEAMS;
 use crate::ground::error::{Error, Result};
 use crate::ground::rng::{Draw, Rng};
@@ -9,14 +9,14 @@ use crate::read::bounds::{ABOVE_ZERO, Bounds, FARTHEST_M};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// `dvl`: how a Doppler velocity log measures; with no key it measures the bottom exactly, and no water.
+/// `dvl`: how a Doppler velocity log measures; without any key it measures the bottom exactly, and no water.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VelocityLog {
-    /// Standard deviation of the velocity along a beam, from one ping of a clear echo, m/s, 0 to 10. Of the velocity along
-    /// x or y it is `1 / (sqrt(2) sin(janus_deg))` times that.
+    /// Standard deviation of the velocity along a beam, from one ping with a clear echo, m/s, 0 to 10. For the velocity
+    /// along x or y it is `1 / (sqrt(2) sin(janus_deg))` times that.
     pub sigma_m_s: f64,
-    /// Growth of that with every m/s of speed over the bottom, or through the water, 0 to 1; it adds in squares.
+    /// Growth of that with every m/s of speed over the bottom, or through the water, 0 to 1; it adds in quadrature.
     pub sigma_per_m_s: f64,
     /// Standard deviation, over many instruments of its kind, of a relative error of all velocities, 0 to 1.
     pub scale_sigma: f64,
@@ -24,34 +24,36 @@ pub struct VelocityLog {
     pub bias_sigma_m_s: f64,
     /// Which of many instruments of its kind this is: each has a scale and biases of its own, the same in all pings.
     pub instrument: u32,
-    /// Width of the interval of velocities along a beam that it can tell apart, m/s, 0.001 to 1e6: what is measured wraps
-    /// into [-ambiguity / 2, ambiguity / 2). Without it nothing wraps.
+    /// Width of the interval of unambiguous velocities along a beam, m/s, 0.001 to 1e6: measured velocities wrap into
+    /// [-ambiguity / 2, ambiguity / 2). Without it nothing wraps.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ambiguity_m_s: Option<f64>,
-    /// The layer of water that it tracks beside the bottom; none when not given.
+    /// The layer of water that it tracks in addition to the bottom; none by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub water: Option<WaterLayer>,
 }
 
-/// `dvl.water`: a layer of water. What drifts in it must scatter sound: see `volume_backscatter_db` of the water.
+/// `dvl.water`: a layer of water. Particles that drift in it must scatter sound: see `volume_backscatter_db` of the
+/// water.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct WaterLayer {
     /// Where it begins, m straight down from the sonar, along its -z.
     pub from_m: f64,
-    /// Where it ends, likewise. The bottom must be farther than a sidelobe straight down can tell apart: where a beam
-    /// leaves the layer it has come `to_m / cos(janus_deg)` far, and the bottom below the sonar must be beyond that.
+    /// Where it ends, likewise. The bottom must be too far for a side lobe straight down to pick it up at the same
+    /// time: a beam leaves the layer at a range of `to_m / cos(janus_deg)`, and the bottom below the sonar must be
+    /// beyond that.
     pub to_m: f64,
-    /// Standard deviation of the velocity of the water along a beam, from one ping of a clear echo, m/s, 0 to 10.
+    /// Standard deviation of the velocity of the water along a beam, from one ping with a clear echo, m/s, 0 to 10.
     pub sigma_m_s: f64,
 }
 
-/// What a beam hears of what it tracks.
+/// What a beam receives from what it tracks.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Heard {
-    /// Rate of the range by the Doppler shift, m/s.
+pub(crate) struct BeamRate {
+    /// Range rate by the Doppler shift, m/s.
     pub rate: f64,
-    /// How fast the sonar moves relative to it, in any direction, m/s.
+    /// Speed of the sonar relative to it, in any direction, m/s.
     pub speed: f64,
     /// Power of the echo over that of the noise.
     pub snr: f64,
@@ -86,45 +88,45 @@ impl VelocityLog {
         Ok(())
     }
 
-    /// What it measures along the `axes` of its beams, unit vectors in the sensor's frame, of what they `heard`. `rng`: of
-    /// the ping.
+    /// What it measures along the `axes` of its beams, unit vectors in the sensor's frame, from what they `received`;
+    /// `rng` is that of the ping.
     pub(crate) fn track(
         &self,
         rng: &Rng,
         of: Tracked,
         axes: &[DVec3; JANUS_BEAMS],
-        heard: &[Option<Heard>; JANUS_BEAMS],
+        received: &[Option<BeamRate>; JANUS_BEAMS],
     ) -> Track {
         let maker = Rng::new(self.instrument.into(), 0);
         let scale = 1.0 + self.scale_sigma * f64::from(maker.normal(0, Draw::VelocityScale, 0));
         let radial = std::array::from_fn(|beam| {
             let number = beam as u32;
-            let Some(heard) = heard[beam] else { return f64::NAN };
+            let Some(received) = received[beam] else { return f64::NAN };
             let bias = self.bias_sigma_m_s * f64::from(maker.normal(number, Draw::VelocityBias, 0));
-            let noise = self.sigma(of, &heard) * f64::from(rng.normal(number, Draw::BeamVelocity, of as u32));
-            let rate = heard.rate * scale + bias + noise;
+            let noise = self.sigma(of, &received) * f64::from(rng.normal(number, Draw::BeamVelocity, of as u32));
+            let rate = received.rate * scale + bias + noise;
             self.ambiguity_m_s.map_or(rate, |width| wrap(rate as f32, width as f32).into())
         });
         solve(axes, radial)
     }
 
-    /// Standard deviation along a beam, m/s. Noise adds to it as to the mean phase of pairs of pulses, the variance of which
-    /// is in proportion to `(1 + 1/SNR)^2 - rho^2` (Zrnic 1977, IEEE Trans. Aerospace and Electronic Systems 13, 344-354),
-    /// where `rho = 1/2` for the echo of a pulse and its repetition, half of which is that of other places (Brumley et al.
-    /// 1991, IEEE J. Oceanic Eng. 16, 402-407).
-    fn sigma(&self, of: Tracked, heard: &Heard) -> f64 {
+    /// Standard deviation along a beam, m/s. Noise adds to it as to the mean phase of pairs of pulses, the variance of
+    /// which is proportional to `(1 + 1/SNR)^2 - rho^2` (Zrnic 1977, IEEE Trans. Aerospace and Electronic Systems 13,
+    /// 344-354), where `rho = 1/2` for the echo of a pulse and its repetition, half of which comes from elsewhere
+    /// (Brumley et al. 1991, IEEE J. Oceanic Eng. 16, 402-407).
+    fn sigma(&self, of: Tracked, received: &BeamRate) -> f64 {
         const RHO: f64 = 0.5;
         let clear = match (of, self.water) {
             (Tracked::Water, Some(layer)) => layer.sigma_m_s,
             _ => self.sigma_m_s,
         };
-        let noisy = ((1.0 + 1.0 / heard.snr).powi(2) - RHO * RHO) / (1.0 - RHO * RHO);
-        clear.hypot(self.sigma_per_m_s * heard.speed) * noisy.sqrt()
+        let noisy = ((1.0 + 1.0 / received.snr).powi(2) - RHO * RHO) / (1.0 - RHO * RHO);
+        clear.hypot(self.sigma_per_m_s * received.speed) * noisy.sqrt()
     }
 }
 
-/// The velocity that fits the rates of the ranges best, NaN for beams without: a sonar that moves with v along its axis `a`
-/// shortens the range of a beam by `a v` per second, so that the sum of `(rate + a v)^2` is least.
+/// The velocity that fits the range rates best (NaN for beams without one): a sonar that moves at v shortens the range
+/// of a beam with the axis `a` by `a v` per second, so the sum of `(rate + a v)^2` is minimised.
 fn solve(axes: &[DVec3; JANUS_BEAMS], radial: [f64; JANUS_BEAMS]) -> Track {
     let mut track = Track { radial: radial.map(|rate| rate as f32), ..Track::default() };
     let beams = || axes.iter().zip(radial).filter(|(_, rate)| !rate.is_nan());
@@ -134,8 +136,8 @@ fn solve(axes: &[DVec3; JANUS_BEAMS], radial: [f64; JANUS_BEAMS]) -> Track {
     let outer = |axis: &DVec3| DMat3::from_cols(*axis * axis.x, *axis * axis.y, *axis * axis.z);
     let inverse = beams().map(|(axis, _)| outer(axis)).fold(DMat3::ZERO, |sum, part| sum + part).inverse();
     track.velocity = (inverse * -beams().map(|(axis, rate)| *axis * rate).sum::<DVec3>()).as_vec3();
-    // The combination of rates that no velocity makes: by Cramer's rule the triple products of the other axes. Its size is
-    // that of the error velocity of Teledyne RD Instruments, "ADCP coordinate transformation" (1998).
+    // The combination of rates that no velocity produces: by Cramer's rule the triple products of the other axes. Its
+    // scale is that of the error velocity of Teledyne RD Instruments, "ADCP coordinate transformation" (1998).
     let others = |beam: usize| {
         let [a, b, c] = std::array::from_fn(|index| axes[if index < beam { index } else { index + 1 }]);
         a.cross(b).dot(c) * if beam.is_multiple_of(2) { 1.0 } else { -1.0 }
@@ -174,7 +176,7 @@ mod tests {
         }
     }
 
-    /// `(b1 - b2 + b3 - b4) / (2 sqrt(2) sin(30 deg))` for beams 1 and 3, 2 and 4 that face each other.
+    /// `(b1 - b2 + b3 - b4) / (2 sqrt(2) sin(30 deg))` for the opposite beams 1 and 3, 2 and 4.
     #[test]
     fn the_error_velocity_is_that_of_the_field() {
         let found = solve(&axes(), [0.03, 0.0, 0.0, 0.0]);
@@ -186,7 +188,7 @@ mod tests {
     #[test]
     fn noise_grows_with_speed_and_where_the_echo_drowns() {
         let log = VelocityLog { sigma_m_s: 0.003, sigma_per_m_s: 0.002, ..VelocityLog::default() };
-        let sigma = |speed, snr| log.sigma(Tracked::Bottom, &Heard { rate: 0.0, speed, snr });
+        let sigma = |speed, snr| log.sigma(Tracked::Bottom, &BeamRate { rate: 0.0, speed, snr });
         assert!((sigma(0.0, f64::INFINITY) - 0.003).abs() < 1e-12);
         assert!((sigma(2.0, f64::INFINITY) - 0.005).abs() < 1e-12);
         // (4 - 1/4) / (3/4) = 5.

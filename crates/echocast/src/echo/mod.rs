@@ -1,16 +1,16 @@
-//! From hits to echoes: how much light or sound comes back.
+//! From hits to echoes: how much light or sound returns.
 
 mod light;
 mod sound;
 
 pub(crate) use light::{
-    Air, AirEcho, AirEchoes, Answer, Cone, Contribution, Follower, Foremost, Glint, Image, IntensityModel,
-    MOST_FREQUENCIES, Meeting, Modulation, PathEcho, PathEchoes, PathLimits, Preferred, Pulse, Pulselet, Receiver,
-    ShotNoise, Surroundings, Wanted, Waveform, natural_vignetting, turns,
+    Air, AirEcho, AirEchoes, Answer, Cone, Contribution, Follower, Foremost, Glint, IntensityModel, MOST_FREQUENCIES,
+    Meeting, MirrorImage, Modulation, PathEcho, PathEchoes, PathLimits, Preferred, Pulse, Pulselet, Receiver,
+    RequestedQuantities, ShotNoise, Surroundings, Waveform, natural_vignetting, turns,
 };
 pub use light::{IntensityEncoding, PulseShape};
 pub use sound::Taper;
 pub(crate) use sound::{
-    Background, Coupling, Drift, Echoes, Flanks, Insonification, LevelMemory, NO_RAY, NOBODY, PingEcho, Response,
-    Scatterers, Share, Tile, Wants, answers_in_phase, grid, texture,
+    Background, Coupling, Drift, Echoes, Flanks, Insonification, LevelMemory, NO_CONTRIBUTOR, NO_RAY, PingEcho,
+    Response, Scatterers, Tile, TileQuantities, TubeShare, grid, has_coherent_echo, texture,
 };

@@ -8,7 +8,7 @@ use glam::{DVec3, Mat3, Vec3};
 
 /// How the beams of one scan are placed in the world.
 pub(crate) enum Aim<'a> {
-    /// The sensor stands: one rotation and origin for all beams.
+    /// The sensor is stationary: one rotation and origin for all beams.
     Fixed { rotation: Mat3, origin: Vec3 },
     /// The sensor moves: the pose is taken from the trajectory at each beam's time.
     Moving { trajectory: &'a Trajectory, start_time: f64, local_origin: DVec3 },
@@ -36,7 +36,7 @@ impl<'a> Aim<'a> {
         }
     }
 
-    /// [`Aim::pose`] when the scan starts.
+    /// [`Aim::pose`] at the start of the scan.
     pub(crate) fn start(&self) -> (Mat3, Vec3) {
         match *self {
             Aim::Fixed { rotation, origin } => (rotation, origin),
@@ -49,7 +49,7 @@ impl<'a> Aim<'a> {
         matches!(self, Aim::Moving { .. })
     }
 
-    /// How fast the place moves where beam `beam` starts when it fires, m/s.
+    /// Velocity of the origin of beam `beam` when it fires, m/s.
     pub(crate) fn velocity(&self, beams: &BeamTable, beam: usize) -> Vec3 {
         match *self {
             Aim::Fixed { .. } => Vec3::ZERO,
@@ -65,7 +65,7 @@ impl<'a> Aim<'a> {
         }
     }
 
-    /// Origins, directions and farthest ranges of beams `first ..` in the directions `x`, `y`, `z` (sensor frame);
+    /// Origins, directions and farthest ranges of beams `first ..` along `directions` (x, y, z in the sensor frame);
     /// `range_max`, m, where the table has none.
     pub(crate) fn rays(
         &self,
@@ -85,7 +85,7 @@ impl<'a> Aim<'a> {
         }
         self.turn(beams, first, directions, rays);
         if beams.has_origins() {
-            // Where beams start is turned as their directions are.
+            // Origins are rotated as directions are.
             let mut arms = RayBatch::default();
             self.turn(beams, first, beams.origin.each_ref().map(|axis| &axis[first..first + count]), &mut arms);
             let starts = [&mut rays.org_x, &mut rays.org_y, &mut rays.org_z];
@@ -95,7 +95,7 @@ impl<'a> Aim<'a> {
         }
     }
 
-    /// Origins of the sensor, and vectors `x`, `y`, `z` of its frame turned into the world as directions, when beams
+    /// Origins of the sensor, and vectors `x`, `y`, `z` of its frame rotated into the world as directions, when beams
     /// `first ..` fire.
     fn turn(&self, beams: &BeamTable, first: usize, [x, y, z]: [&[f32]; 3], rays: &mut RayBatch) {
         let count = x.len();
@@ -134,7 +134,7 @@ fn local(pose: &Pose, local_origin: DVec3) -> (Mat3, Vec3) {
     (pose.rotation().as_mat3(), (pose.position - local_origin).as_vec3())
 }
 
-/// Where `beams` really go whose reported directions are `nominal` (sensor frame): off by a small Gaussian angle of
+/// True directions of `beams` whose reported directions are `nominal` (sensor frame): off by a small Gaussian angle of
 /// `sigma` rad in each of the two directions across.
 pub(crate) fn scatter(rng: &Rng, beams: &[u32], sigma: f32, nominal: [&[f32]; 3], pointed: &mut [[f32; LANES]; 3]) {
     let count = beams.len();
@@ -144,7 +144,7 @@ pub(crate) fn scatter(rng: &Rng, beams: &[u32], sigma: f32, nominal: [&[f32]; 3]
     }
     for lane in 0..count {
         let along = Vec3::from(nominal.map(|axis| axis[lane]));
-        // Straight up or down there is no horizontal: any direction is across.
+        // Straight up or down, left is not defined: any direction across will do.
         let left = Vec3::Z.cross(along).try_normalize().unwrap_or(Vec3::Y);
         let across = left * angles[0][lane] + along.cross(left) * angles[1][lane];
         let direction = (along + sigma * across).normalize();

@@ -1,44 +1,45 @@
-//! The face of a sonar: how loudly it sends in, or hears from, any direction.
+//! The face of a sonar: the power with which it transmits in, or receives from, any direction.
 
 use crate::ground::math::log2;
 use glam::Vec3;
 
-/// log2 of the least power assigned to a face, 1e-15; also of what is behind it.
+/// log2 of the least power assigned to a face, 1e-15; also of directions behind it.
 pub(crate) const FAINT: f32 = -49.8;
 
-/// The side of a face that forms no beam: its pattern, and its width, rad.
+/// A side of a face that forms no beam: its pattern and its width, rad.
 pub(super) const EVERYWHERE: (fn(f64) -> f64, f64) = (|_| 1.0, std::f64::consts::PI);
 
-/// A face that looks along an axis, with tables of its patterns.
+/// A face that points along an axis, with tables of its patterns.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Aperture {
     /// Unit vectors in the sensor's frame: its axis, its long edge and the one across it.
     frame: [Vec3; 3],
     /// Amplitudes along the long edge, or all round the axis if it is round.
-    along: Table,
-    across: Table,
+    along: PatternTable,
+    across: PatternTable,
     round: bool,
 }
 
 impl Aperture {
-    /// With a pattern and its width (rad) along the long edge, by the sine of the angle off the axis, and one across
-    /// it, by that of the angle in the plane of the axis and the edge across. `frame`: see [`Aperture`].
+    /// A face with a pattern and its width (rad) along the long edge, as a function of the sine of the angle off the
+    /// axis, and one across it, as a function of the sine of the angle in the plane of the axis and the edge across.
+    /// `frame`: see [`Aperture`].
     pub fn new(
         frame: [[f64; 3]; 3],
         along: (impl Fn(f64) -> f64, f64),
         across: (impl Fn(f64) -> f64, f64),
     ) -> Aperture {
-        let [along, across] = [Table::new(along.0, along.1), Table::new(across.0, across.1)];
+        let [along, across] = [PatternTable::new(along.0, along.1), PatternTable::new(across.0, across.1)];
         Aperture { frame: frame.map(vector), along, across, round: false }
     }
 
-    /// With one pattern all round its axis.
+    /// A face with one pattern all round its axis.
     pub fn round(frame: [[f64; 3]; 3], lobe: impl Fn(f64) -> f64, width: f64) -> Aperture {
-        let (along, across) = (Table::new(lobe, width), Table::default());
+        let (along, across) = (PatternTable::new(lobe, width), PatternTable::default());
         Aperture { frame: frame.map(vector), along, across, round: true }
     }
 
-    /// log2 of the power along a unit `direction` in the sensor's frame; nothing is sent backwards.
+    /// log2 of the power along a unit `direction` in the sensor's frame; [`FAINT`] behind the face.
     pub fn power(&self, direction: Vec3) -> f32 {
         let [ahead, along, across] = self.frame.map(|axis| axis.dot(direction));
         if ahead <= 0.0 {
@@ -59,14 +60,14 @@ fn vector(axis: [f64; 3]) -> Vec3 {
 
 /// A pattern at even steps of the sine from -1 to 1.
 #[derive(Clone, Debug, Default)]
-struct Table(Vec<f32>);
+struct PatternTable(Vec<f32>);
 
-impl Table {
-    fn new(pattern: impl Fn(f64) -> f64, width: f64) -> Table {
+impl PatternTable {
+    fn new(pattern: impl Fn(f64) -> f64, width: f64) -> PatternTable {
         /// Steps per width: the power of a line is then off by at most 0.003 dB on its main lobe.
         const FINE: f64 = 32.0;
         let half = (FINE / width).ceil().clamp(64.0, 262_144.0) as i32;
-        Table((-half..=half).map(|step| pattern(f64::from(step) / f64::from(half)) as f32).collect())
+        PatternTable((-half..=half).map(|step| pattern(f64::from(step) / f64::from(half)) as f32).collect())
     }
 
     fn at(&self, sine: f32) -> f32 {
@@ -87,7 +88,7 @@ mod tests {
     fn tables_are_the_patterns() {
         let (lobe, tall) = (Lobe::Width(0.5).at(1.0), Lobe::Width(50.0).at(1.0));
         let (sin, cos) = 0.4f64.sin_cos();
-        // The axis looks to port, 0.4 rad down.
+        // The axis points to port, 0.4 rad down.
         let frame = [[0.0, cos, -sin], [1.0, 0.0, 0.0], [0.0, sin, cos]];
         let face = Aperture::new(
             frame,

@@ -15,10 +15,11 @@ pub enum FiringOrder {
     Frame,
 }
 
-/// Most beams of one scan. A fuzzer would spend its time drawing.
+/// Most beams of one scan; fewer for fuzzers, which would spend their time on computing beams.
 pub(crate) const MAX_BEAMS: u64 = if cfg!(fuzzing) { 1_000_000 } else { 64_000_000 };
 
-/// How far from the sensor beams start at most, m: farther away, single precision is worse than decimetres.
+/// Greatest distance of the origin of a beam from the sensor, m: farther away, single precision is worse than
+/// decimetres.
 pub(crate) const FARTHEST_ORIGIN_M: f64 = 1e6;
 
 /// The beams of one scan in beam order, one column per quantity; directions are unit vectors in the sensor frame (x
@@ -46,7 +47,7 @@ pub struct BeamTable {
     pub range_min: Vec<f32>,
     /// Farthest range that is reported, m, beam by beam; empty: the sensor's for all.
     pub range_max: Vec<f32>,
-    /// x, y and z of where the beam starts, m in the sensor frame, from where its ranges count; all empty: every beam
+    /// x, y and z of the origin of the beam, m in the sensor frame, from which its ranges count; all empty: every beam
     /// starts at the origin of the frame.
     pub origin: [Vec<f32>; 3],
     /// How beams share firings.
@@ -59,9 +60,9 @@ pub struct BeamTable {
 /// be neighbours in angle: this is several times as fast.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayColumns<'a> {
-    /// Where they start, m in the sensor frame, from where their ranges count; empty: all at the origin of the frame.
+    /// Their origins, m in the sensor frame, from which their ranges count; empty: all at the origin of the frame.
     pub origin: &'a [[f32; 3]],
-    /// Where they go in the sensor frame (x forward, y left, z up): unit vectors.
+    /// Their directions in the sensor frame (x forward, y left, z up): unit vectors.
     pub direction: &'a [[f32; 3]],
     /// When they fire, s since the start of the scan; empty: all at its start.
     pub time: &'a [f64],
@@ -82,7 +83,7 @@ impl BeamTable {
     /// One row of beams, each of them a firing of its own.
     ///
     /// # Errors
-    /// A column that is neither empty nor as long as `direction`, the errors of [`BeamTable::check`], no memory.
+    /// A column that is neither empty nor as long as `direction`, the errors of [`BeamTable::check`], out of memory.
     pub fn from_rays(rays: &RayColumns) -> Result<BeamTable> {
         let count = rays.direction.len();
         let lengths = [("origin", rays.origin.len()), ("time", rays.time.len()), ("channel", rays.channel.len())];
@@ -124,7 +125,7 @@ impl BeamTable {
         })
     }
 
-    /// Forgets the beams, but not what they have in common.
+    /// Removes the beams, but keeps what they have in common.
     pub(crate) fn clear(&mut self) {
         let BeamTable { dir_x, dir_y, dir_z, time, channel, range_min, range_max, origin, .. } = self;
         [dir_x, dir_y, dir_z, range_min, range_max].into_iter().chain(origin).for_each(Vec::clear);
@@ -141,7 +142,8 @@ impl BeamTable {
         self.channel.push(channel);
     }
 
-    /// Normalises the directions as well as f32 can, because ranges count in them; those that already are stay.
+    /// Normalises the directions as well as f32 can, because ranges count in them; those that are unit vectors already
+    /// are left alone.
     pub(crate) fn normalize(&mut self) {
         for ((x, y), z) in self.dir_x.iter_mut().zip(&mut self.dir_y).zip(&mut self.dir_z) {
             let direction = DVec3::new((*x).into(), (*y).into(), (*z).into());
@@ -161,12 +163,12 @@ impl BeamTable {
         [&self.dir_x, &self.dir_y, &self.dir_z].map(|axis| &axis[first..first + count])
     }
 
-    /// Whether beams start elsewhere than at the origin of the sensor frame.
+    /// Whether beams have origins other than that of the sensor frame.
     pub(crate) fn has_origins(&self) -> bool {
         !self.origin[0].is_empty()
     }
 
-    /// Where beam `beam` starts, m in the sensor frame.
+    /// Origin of beam `beam`, m in the sensor frame.
     pub(crate) fn origin(&self, beam: usize) -> Vec3 {
         if self.has_origins() { Vec3::from(self.origin.each_ref().map(|axis| axis[beam])) } else { Vec3::ZERO }
     }
@@ -214,8 +216,8 @@ impl BeamTable {
         }
     }
 
-    /// Whether the table can be scanned: columns of equal length, unit directions (to 1e-4), finite times, ranges at
-    /// least 0 with the nearest below the farthest, origins within 1000 km, a period above 0.
+    /// Checks that the table can be scanned: columns of equal length, unit directions (to 1e-4), finite times, ranges
+    /// at least 0 with the nearest below the farthest, origins within 1000 km, a period above 0.
     ///
     /// # Errors
     /// Names the column and the beam that is wrong, and what is allowed.

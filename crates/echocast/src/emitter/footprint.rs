@@ -1,4 +1,4 @@
-//! How a beam's light is spread within it: sub-rays that represent it.
+//! How a beam's light is distributed across it: sub-rays that represent it.
 
 use crate::ground::lanes::{LANES, RayBatch};
 use echocast_kernels::{aim, rim};
@@ -8,9 +8,10 @@ use std::f64::consts::{PI, TAU};
 /// A Gaussian beam as sub-rays of equal weight.
 ///
 /// Irradiance falls as `exp(-2 r^2 / w^2)` across the beam, `w(R)^2 = w0^2 + (phi R)^2` with the half angle `phi` at
-/// 1/e^2, each axis its own. Sub-ray `i` of `N` crosses it at `r = w sqrt(-ln(1 - u)/2)`, `u = (i + 1/2)/N`, the golden
-/// angle `pi (3 - sqrt 5)` on from the previous one (a Vogel spiral); the spiral is rotated at random for each beam.
-/// Straight rays keep to `w(R)` at every range if they leave the exit disc sideways: a ruled hyperboloid.
+/// 1/e^2, each axis its own. Sub-ray `i` of `N` crosses it at `r = w sqrt(-ln(1 - u)/2)`, `u = (i + 1/2)/N`, turned by
+/// the golden angle `pi (3 - sqrt 5)` from the previous one (a Vogel spiral); the spiral is rotated at random for each
+/// beam. Straight rays keep to `w(R)` at every range if they leave the exit disc with a tangential tilt: a ruled
+/// hyperboloid.
 #[derive(Clone, Debug)]
 pub(crate) struct Footprint {
     /// Cosine and sine of each sub-ray's place on the spiral, times `r / w`.
@@ -37,11 +38,11 @@ impl Across {
         Across { left: [[0.0; LANES]; 3], up: [[0.0; LANES]; 3], turn: [[0.0; LANES]; 2] }
     }
 
-    /// Sets the axes of one beam in `direction`, where the sensor's z is `up`, with the spiral rotated by `turn` of a
-    /// circle.
+    /// Sets the axes of one beam in `direction`, where the sensor's z is `up`, with the spiral rotated by the fraction
+    /// `turn` of a circle.
     pub(crate) fn set(&mut self, lane: usize, direction: Vec3, up: Vec3, turn: f32) {
         let left = up.cross(direction);
-        // A beam straight up or down has no left of its own.
+        // For a beam straight up or down, left is not defined.
         let left = if left.length_squared() > 1e-12 { left.normalize() } else { direction.any_orthonormal_vector() };
         self.set_axes(lane, [left, direction.cross(left)], turn);
     }
@@ -54,12 +55,12 @@ impl Across {
         self.turn = [[1.0; LANES], [0.0; LANES]];
     }
 
-    /// Rotates the spiral of a beam by half a circle more.
+    /// Rotates the spiral of a beam by another half circle.
     pub(crate) fn turn_over(&mut self, lane: usize) {
         self.turn.iter_mut().for_each(|axis| axis[lane] = -axis[lane]);
     }
 
-    /// The same with the vectors across given.
+    /// [`Across::set`] with the vectors across the beam given.
     pub(crate) fn set_axes(&mut self, lane: usize, [left, up]: [Vec3; 2], turn: f32) {
         for (axis, (left, up)) in left.to_array().into_iter().zip(up.to_array()).enumerate() {
             self.left[axis][lane] = left;
@@ -88,9 +89,9 @@ impl Footprint {
         }
     }
 
-    /// One ray at the rim of this footprint: above its axis, if it is not turned.
+    /// One ray at the rim of this footprint: above its axis unless rotated.
     pub(crate) fn rim(&self) -> Footprint {
-        // Of a beam 1.5 w: an edge there cuts off 0.13 percent of the light. Of a pixel its edge.
+        // For a beam 1.5 w: an edge there cuts off 0.13 percent of the light. For a pixel its edge.
         let far = if self.turns { 1.5 } else { 0.5 };
         Footprint { places: vec![[far, 0.0]], ..self.clone() }
     }
@@ -114,7 +115,8 @@ impl Footprint {
         self.places.len()
     }
 
-    /// Puts the axes of the beam at `lane` of `from` into all lanes of its rays, from `first` on, each turned to its place.
+    /// Puts the axes of the beam at `lane` of `from` into all lanes of its rays, from `first` on, each rotated to its
+    /// place.
     pub(crate) fn lay_out(&self, across: &mut Across, first: usize, from: &Across, lane: usize) {
         let rays = first..first + self.len();
         for axis in 0..3 {
@@ -128,13 +130,13 @@ impl Footprint {
         }
     }
 
-    /// The rays of beams whose axes, and vectors across, have been laid out for every ray.
+    /// The rays of beams whose directions and vectors across have been laid out for every ray.
     pub(crate) fn laid_out_rays(&self, across: &Across, beams: &RayBatch, rays: &mut RayBatch) {
         self.rays_at([1.0, 0.0], across, beams, rays);
     }
 
-    /// How much the oblique plane that each beam meets, with its `normals` and `cos`ine of incidence at `ranges` m, lowers
-    /// the echo of a pulse of the standard deviation `sigma` m.
+    /// Factors by which the oblique plane that each beam meets, with its `normals` and `cos`ine of incidence at
+    /// `ranges` m, lowers the echo of a pulse with the standard deviation `sigma` m.
     pub(crate) fn obliqueness(
         &self,
         across: &Across,
@@ -160,7 +162,7 @@ impl Footprint {
             + up * (self.start * s + vertical * range * c)
     }
 
-    /// Sub-ray `index` of every beam of the block: `beams` turned aside according to `across`. Their range limits and
+    /// Sub-ray `index` of every beam of the block: `beams` deflected according to `across`. Their range limits and
     /// times are copied.
     pub(crate) fn rays(&self, index: usize, across: &Across, beams: &RayBatch, rays: &mut RayBatch) {
         self.rays_at(self.places[index], across, beams, rays);

@@ -1,4 +1,4 @@
-//! The image that beams in rows make: which pixel each beam is, and where in the image a place would be.
+//! The image that beams in rows make: which pixel each beam is, and where in the image a point would be.
 
 use super::BeamTable;
 use super::pattern::{Pinhole, Rays};
@@ -14,8 +14,8 @@ pub struct ImageGrid {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Of a camera; `None`: of a sensor whose rows are of one elevation and whose columns are of one azimuth, to the
-    /// nearest pixel, or of one whose beams were given in code, row by row from the top left.
+    /// For a camera; `None`: for a sensor whose rows each have one elevation and whose columns each have one azimuth,
+    /// to the nearest pixel, or for one whose beams were given in code, row by row from the top left.
     pub intrinsics: Option<Intrinsics>,
     /// Beams in a row.
     columns: usize,
@@ -26,8 +26,8 @@ pub struct ImageGrid {
     round: Option<Round>,
 }
 
-/// Where a camera sees a place of the sensor frame (x forward, y left, z up): at column `centre[0] - focal[0] y / x`
-/// and row `centre[1] - focal[1] z / x`, with whole numbers in the middle of pixels, as OpenCV counts.
+/// Where a camera sees a point of the sensor frame (x forward, y left, z up): at column `centre[0] - focal[0] y / x`
+/// and row `centre[1] - focal[1] z / x`, with whole numbers at the centres of pixels, as in OpenCV.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Intrinsics {
     /// Focal lengths along columns and rows, pixels.
@@ -37,10 +37,10 @@ pub struct Intrinsics {
 }
 
 impl Intrinsics {
-    /// From the frame in which others tell of cameras (x right, y down, z ahead) to that of the sensor.
+    /// From the optical frame, in which cameras are usually described (x right, y down, z ahead), to the sensor frame.
     pub(crate) const FROM_OPTICAL: DQuat = DQuat::from_xyzw(-0.5, 0.5, -0.5, 0.5);
 
-    /// The camera matrix, row by row: from places in the frame with x to the right, y down and z ahead to pixels times
+    /// The camera matrix, row by row: from points in the frame with x to the right, y down and z ahead to pixels times
     /// their distance ahead.
     pub fn matrix(&self) -> [[f64; 3]; 3] {
         let Intrinsics { focal: [fx, fy], centre: [cx, cy] } = *self;
@@ -48,26 +48,26 @@ impl Intrinsics {
     }
 }
 
-/// Directions of the rows and columns of a sensor that turns or sweeps.
+/// Directions of the rows and columns of a sensor that rotates or sweeps.
 #[derive(Clone, Debug, PartialEq)]
 struct Round {
     /// Azimuth of the middle of the first column, rad.
     left: f32,
-    /// From column to column, to the right, rad.
+    /// Angle from column to column, to the right, rad.
     step: f32,
-    /// Of the rows from the top, rad.
+    /// Elevations of the rows from the top, rad.
     elevations: Vec<f32>,
 }
 
 impl ImageGrid {
-    /// Row by row from the top left.
+    /// The image of beams row by row from the top left.
     pub(crate) fn plain(beams: &BeamTable) -> ImageGrid {
         let [width, height] = [beams.columns, beams.rows].map(|count| count as usize);
         let lines = (0..beams.rows).map(|row| [row, 0]).collect();
         ImageGrid { width, height, intrinsics: None, columns: width, lines, mirrored: false, round: None }
     }
 
-    /// Of a camera.
+    /// The image of a camera.
     pub(crate) fn flat(camera: &Pinhole, beams: &BeamTable) -> ImageGrid {
         let intrinsics = Intrinsics {
             focal: [0, 1].map(|axis| {
@@ -84,7 +84,8 @@ impl ImageGrid {
         ImageGrid { intrinsics: Some(intrinsics), ..ImageGrid::plain(beams) }
     }
 
-    /// Of a sensor that turns or sweeps: rows by elevation, the highest first, and every beam at its azimuth.
+    /// The image of a sensor that rotates or sweeps: rows by elevation, the highest first, and every beam at its
+    /// azimuth.
     pub(crate) fn round(beams: &BeamTable) -> ImageGrid {
         let (rows, columns) = (beams.rows as usize, beams.columns as usize);
         let angles = |beam: usize| azimuth_elevation([beams.dir_x[beam], beams.dir_y[beam], beams.dir_z[beam]]);
@@ -92,7 +93,7 @@ impl ImageGrid {
         let mirrored = step > 0.0;
         let outermost = if mirrored { columns - 1 } else { 0 };
         let lefts: Vec<f32> = (0..rows).map(|row| angles(row * columns + outermost)[0]).collect();
-        // Channels look to several sides at a time; ahead is what most do.
+        // Channels point in several directions at a time; the image is laid out about their mean.
         let mean = lefts.iter().map(|&left| Vec2::from_angle(left)).sum::<Vec2>().to_angle();
         let shifts: Vec<i64> = lefts.iter().map(|left| (turn(mean - left) / step.abs()).round() as i64).collect();
         let least = shifts.iter().copied().min().unwrap_or(0);
@@ -152,7 +153,7 @@ fn step(azimuth: impl Fn(usize) -> f32, count: usize) -> f32 {
     }
     let steps = (count - 1) as f32;
     let rough = turn(azimuth(1) - azimuth(0));
-    // Over all of the row it is known better, up to whole turns.
+    // Over the whole row it is more precise, up to whole turns.
     let all = turn(azimuth(count - 1) - azimuth(0));
     (all + ((rough * steps - all) / TAU).round() * TAU) / steps
 }
@@ -162,7 +163,7 @@ fn turn(angle: f32) -> f32 {
     (angle + PI).rem_euclid(TAU) - PI
 }
 
-/// Grows around triangles, as an image would show them that is large enough.
+/// Bounding box that grows around triangles as they would appear in a sufficiently large image.
 pub(crate) struct Outline<'g> {
     grid: &'g ImageGrid,
     /// Azimuth of what is in the middle, rad, and the column that it is in.
@@ -171,15 +172,15 @@ pub(crate) struct Outline<'g> {
 }
 
 impl<'g> Outline<'g> {
-    /// Nearer to the plane through a camera, m, nothing is seen.
+    /// Nearest distance, m, to the plane through a camera at which anything is seen.
     const NEAR: f64 = 0.1;
 
-    /// Around nothing yet, for things about `middle` (sensor frame).
+    /// An empty outline, for objects about `middle` (sensor frame).
     pub fn new(grid: &'g ImageGrid, middle: DVec3) -> Outline<'g> {
         let azimuth = middle.y.atan2(middle.x);
         let column = grid.round.as_ref().map_or(0.0, |round| {
             let right = f64::from(round.left) - azimuth;
-            // The columns on the left are those on the right of the image before; what is not in it is next to it.
+            // The image repeats with every turn: what is beyond its edges is placed next to the nearer one.
             let turn = std::f64::consts::TAU;
             let half = 0.5 * f64::from(round.step);
             let right = (right + half).rem_euclid(turn) - half;
@@ -206,7 +207,7 @@ impl<'g> Outline<'g> {
             if from.x >= Self::NEAR {
                 self.reach(see(from));
             }
-            // Where a side passes the plane.
+            // Where an edge crosses the plane.
             if (from.x >= Self::NEAR) != (to.x >= Self::NEAR) {
                 let cut = from.lerp(to, (Self::NEAR - from.x) / (to.x - from.x));
                 self.reach(see(DVec3 { x: Self::NEAR, ..cut }));
@@ -229,7 +230,7 @@ impl<'g> Outline<'g> {
 }
 
 impl Round {
-    /// Column and row of a place near what is in the `middle`.
+    /// Column and row of a point near the `middle`.
     fn place(&self, place: DVec3, [azimuth, column]: [f64; 2]) -> [f64; 2] {
         let turn = std::f64::consts::TAU;
         let off = (azimuth - place.y.atan2(place.x) + 0.5 * turn).rem_euclid(turn) - 0.5 * turn;
@@ -288,13 +289,13 @@ mod tests {
                         azimuth_offset_deg: [-4, 0, 4]}}";
 
     #[test]
-    fn channels_stand_at_their_azimuth_the_highest_on_top() {
+    fn channels_are_at_their_azimuth_the_highest_on_top() {
         for (direction, part) in [("ccw", 360), ("cw", 360), ("ccw", 90), ("cw", 90)] {
             let yaml = FULL.replace("step_deg: 0.4", &format!("step_deg: 0.4, direction: {direction}"));
             let (_, beams) = beams(&yaml.replace("fov_deg: 360", &format!("fov_deg: {part}")));
             let grid = ImageGrid::round(&beams);
             check(&grid, &beams);
-            // Of a part of a turn, the picture is as wide as all channels see.
+            // For part of a turn, the image is as wide as what all channels see.
             let wider = if part == 360 { 0 } else { 20 };
             assert_eq!([grid.width, grid.height], [beams.columns as usize + wider, 3]);
             // What is ahead is in the middle of all rows.
@@ -348,7 +349,7 @@ mod tests {
     }
 
     #[test]
-    fn what_passes_the_camera_is_cut_at_it() {
+    fn triangles_through_the_camera_plane_are_clipped() {
         let (pattern, table) = beams("{type: pinhole, resolution: [100, 100], fov_deg: [90, 90]}");
         let Pattern::Pinhole(camera) = pattern else { panic!() };
         let grid = ImageGrid::flat(&camera, &table);
@@ -357,7 +358,7 @@ mod tests {
             outline.add(corners.map(DVec3::from_array));
             outline.done()
         };
-        // A wall to the left that goes on behind.
+        // A wall to the left that continues behind the camera.
         let [left, top, right, bottom] = around([[-5.0, 1.0, 0.5], [5.0, 1.0, 0.5], [5.0, 1.0, -0.5]]).unwrap();
         assert!((left - (50.0 - 50.0 / 0.1)).abs() < 1e-6 && (right - 40.0).abs() < 1e-9, "{left} {right}");
         assert!((bottom - 55.0).abs() < 1e-9 && top < -190.0, "{top} {bottom}");

@@ -1,4 +1,4 @@
-//! What is sent, when and from where.
+//! What is emitted, when and from where.
 
 mod aim;
 mod aperture;
@@ -19,7 +19,7 @@ pub(crate) use footprint::{Across, Footprint};
 pub(crate) use image_grid::Outline;
 pub use image_grid::{ImageGrid, Intrinsics};
 pub use lobe::Lobe;
-use motion::Motion;
+use motion::PlatformMotion;
 pub use pattern::Pattern;
 pub use trajectory::Trajectory;
-pub(crate) use transducer::{FLANK_PARTS, Hearing, Transducer};
+pub(crate) use transducer::{FLANK_PARTS, ReceivingBeams, Transducer};

@@ -6,19 +6,19 @@ use echocast_kernels::aim;
 use glam::{DQuat, DVec3};
 
 /// How a sensor moves between two poses: in a straight line, and uniformly about one axis.
-pub(super) struct Motion {
+pub(super) struct PlatformMotion {
     end: f64,
-    inner: aim::Motion,
+    inner: aim::UniformMotion,
 }
 
-impl Motion {
+impl PlatformMotion {
     /// Between two poses and their times, s, turning the shorter way.
-    pub fn new((start, a): (f64, Pose), (end, b): (f64, Pose)) -> Motion {
+    pub fn new((start, a): (f64, Pose), (end, b): (f64, Pose)) -> PlatformMotion {
         let turn = a.orientation.conjugate() * b.orientation;
         let turn = if turn.w < 0.0 { -turn } else { turn };
         let DQuat { x, y, z, w } = turn;
         let sine = DVec3::new(x, y, z);
-        let inner = aim::Motion {
+        let inner = aim::UniformMotion {
             start,
             per_second: 1.0 / (end - start),
             from: a.position.to_array(),
@@ -27,7 +27,7 @@ impl Motion {
             axis: sine.try_normalize().unwrap_or(DVec3::Z).as_vec3().to_array(),
             half_angle: sine.length().atan2(w),
         };
-        Motion { end, inner }
+        PlatformMotion { end, inner }
     }
 
     /// Whether it includes `time`, s.

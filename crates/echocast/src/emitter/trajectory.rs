@@ -1,9 +1,9 @@
 //! Poses over time.
 
-use super::{Motion, Pose};
+use super::{PlatformMotion, Pose};
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
-use crate::read::csv::{Csv, Lines};
+use crate::read::csv::{CsvReader, Lines};
 use glam::{DQuat, DVec3};
 use std::path::Path;
 
@@ -25,7 +25,7 @@ impl Trajectory {
     /// A sensor that passes through `keys`: (time in s, pose), times strictly rising. Quaternions are normalised.
     ///
     /// # Errors
-    /// No key, times that do not rise, non-finite numbers, a quaternion without length.
+    /// No key, times that do not rise, non-finite numbers, a quaternion of length 0.
     pub fn new(mut keys: Vec<(f64, Pose)>) -> Result<Self> {
         if keys.is_empty() {
             return Err(Error::invalid("trajectory", "empty", "at least one pose"));
@@ -70,7 +70,7 @@ impl Trajectory {
             let expected = "expected CSV with a header, or TUM text (t x y z qx qy qz qw) without one";
             return Err(lines.error(format!("has a header without commas; {expected}")));
         }
-        let keys = if has_header { read_csv(Csv::with_header(lines)?)? } else { read_tum(lines)? };
+        let keys = if has_header { read_csv(CsvReader::with_header(lines)?)? } else { read_tum(lines)? };
         Ok(Trajectory { keys, time_zero: 0.0 })
     }
 
@@ -85,8 +85,8 @@ impl Trajectory {
         self
     }
 
-    /// What the clock of its file shows at its time 0, s: what [`Trajectory::shifted_to_zero`] took away. Formats that hold
-    /// the time of a clock, as LAS does, get it back.
+    /// Clock time of its file at its time 0, s: what [`Trajectory::shifted_to_zero`] subtracted. Formats that store
+    /// clock times, such as LAS, add it again.
     pub fn time_zero(&self) -> f64 {
         self.time_zero
     }
@@ -96,7 +96,7 @@ impl Trajectory {
         self.keys
     }
 
-    /// The pose, where it never changes.
+    /// The pose, if it never changes.
     pub fn constant(&self) -> Option<Pose> {
         let (_, first) = self.keys[0];
         self.keys.iter().all(|(_, pose)| *pose == first).then_some(first)
@@ -108,13 +108,13 @@ impl Trajectory {
     }
 
     /// The uniform motion of the sensor at `time`, s; `None`: it stands still.
-    pub(super) fn motion(&self, time: f64) -> Option<Motion> {
+    pub(super) fn motion(&self, time: f64) -> Option<PlatformMotion> {
         let after = self.keys.partition_point(|(key, _)| *key <= time);
         let from = *self.keys.get(after.checked_sub(1)?)?;
-        Some(Motion::new(from, *self.keys.get(after)?))
+        Some(PlatformMotion::new(from, *self.keys.get(after)?))
     }
 
-    /// How fast it moves at `time`, s, m/s.
+    /// Velocity at `time`, s, in m/s.
     pub(crate) fn velocity(&self, time: f64) -> DVec3 {
         let after = self.keys.partition_point(|(key, _)| *key <= time);
         let ends = after.checked_sub(1).zip(self.keys.get(after));
@@ -124,7 +124,7 @@ impl Trajectory {
         })
     }
 
-    /// How fast it turns at `time`, s: the axis in the world, as long as the speed in rad/s.
+    /// Angular velocity in the world at `time`, s, in rad/s.
     pub(crate) fn turning(&self, time: f64) -> DVec3 {
         let after = self.keys.partition_point(|(key, _)| *key <= time);
         let ends = after.checked_sub(1).zip(self.keys.get(after));
@@ -189,7 +189,7 @@ fn read_tum(mut lines: Lines) -> Result<Vec<(f64, Pose)>> {
     }
 }
 
-fn read_csv(mut csv: Csv) -> Result<Vec<(f64, Pose)>> {
+fn read_csv(mut csv: CsvReader) -> Result<Vec<(f64, Pose)>> {
     let times = csv.optional(["time_s", "t", "time"]);
     let [x, y, z] = csv.required(["x", "y", "z"])?;
     let Some(time) = times.into_iter().flatten().next() else {

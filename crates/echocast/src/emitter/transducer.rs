@@ -1,4 +1,4 @@
-//! The fans of a sonar as rays: how much sound each represents, and how loudly each beam hears it.
+//! The fans of a sonar as rays: how much sound each represents, and how strongly each beam receives it.
 
 use super::aperture::{Aperture, EVERYWHERE, FAINT};
 use super::lobe::{self, Lobe, Shape};
@@ -8,55 +8,59 @@ use echocast_kernels::sound::BEAMS;
 use glam::Vec3;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Power of a line array below which a beam does not hear single echoes off its axis, but all together: four sidelobes on
-/// each side. See [`Transducer::flanks`].
+/// Power below which a beam of a line array does not receive echoes off its axis one by one, but all together: beyond
+/// four sidelobes on each side. See [`Transducer::flanks`].
 const FAINTEST: f64 = 5e-3;
 
-/// Equal parts of the sine to a line array by which beams hear what is farther aside.
+/// Equal parts of the sine to a line array by which beams receive from farther off their axes.
 pub(crate) const FLANK_PARTS: usize = 32;
 
-/// Rays beside each other that are looked at together.
+/// Neighbouring rays that are tested together.
 const BOX: usize = 256;
 
-/// Part of the rays spread evenly over a fan, whatever its pattern: they find what the sidelobes see.
+/// Share of the rays spread evenly over a fan, whatever its pattern: they find what the sidelobes receive.
 const EVEN: f64 = 0.2;
 
-/// What a sonar sends and hears, at one wavelength. Rays are ordered from the first beam to the last.
+/// What a sonar transmits and receives, at one wavelength. Rays are ordered from the first beam to the last.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Transducer {
     /// Unit directions of the rays in the sensor's frame.
     pub direction: [Vec<f32>; 3],
-    /// Least and greatest of these of every [`BOX`] rays.
+    /// Bounds of these for every [`BOX`] rays.
     boxes: Vec<[Vec3; 2]>,
     /// Unit vectors across each ray along which the cell of directions it represents is `cell` rad long.
     pub tangent: [Vec<f32>; 3],
     pub cell: Vec<f32>,
-    /// Length of the cells across ray and tangent, rad; empty: fans so thin that ranges hardly change that way.
+    /// Length of the cells across ray and tangent, rad; empty: fans so thin that ranges hardly change in that
+    /// direction.
     pub aside: Vec<f32>,
-    /// Powers of sending and hearing, times the solid angle of the cell, sr, as log2; without the beams' own pattern.
+    /// Transmitted power times received power times the solid angle of the cell, sr, as log2; without the beams' own
+    /// patterns.
     pub weight: Vec<f32>,
     /// Power of the face in the direction of each ray, one way, as log2.
     pub power: Vec<f32>,
-    /// Index of the ray's [`Hearing`].
-    pub hearing: Vec<u32>,
-    /// Who hears rays, by rising first beam; then who hears any direction, at even steps of its sine to a line array.
-    pub hearings: Vec<Hearing>,
-    /// Number of hearings that belong to rays.
+    /// Index of the ray's [`ReceivingBeams`].
+    pub receiving: Vec<u32>,
+    /// Beams that receive rays, by rising first beam; then those that receive from any direction, at even steps of its
+    /// sine to a line array.
+    pub receiving_beams: Vec<ReceivingBeams>,
+    /// How many of these belong to rays.
     of_rays: usize,
-    /// What sends and hears: for sonars whose beams are apart one for each beam.
+    /// What transmits and receives: for sonars with separate beams, one for each beam.
     faces: Vec<Aperture>,
-    /// What hears instead of each face, and its power in the direction of each ray, as log2; empty: the faces do.
-    ears: Vec<Aperture>,
-    heard_power: Vec<f32>,
-    /// Whether the face only sends: beams hear what is in front of it as [`Hearing`] alone says.
-    only_sends: bool,
-    /// Amplitudes with which beams hear, 1 on the axis; see [`Hearing`]. Before and after those of each hearing are [`BEAMS`]
-    /// zeros, so that as many beams at a time can be looked up from any of its beams on, or from before it.
-    pub loudness: Vec<f32>,
-    /// Mean power with which each beam hears what is farther aside than its [`Hearing`]s reach, by the part of the
-    /// directions from which it comes: beam by beam, [`FLANK_PARTS`] each. Empty: no line array.
+    /// What receives instead of each face, and its power in the direction of each ray, as log2; empty: the faces do.
+    receive_faces: Vec<Aperture>,
+    receive_power: Vec<f32>,
+    /// Whether the face only transmits: how beams receive from in front of it is given by [`ReceivingBeams`] alone.
+    only_transmits: bool,
+    /// Receive amplitudes of beams, 1 on the axis; see [`ReceivingBeams`]. Before and after those of each [`ReceivingBeams`] are
+    /// [`BEAMS`] zeros, so that as many beams at a time can be looked up from any of its beams on, or from before it.
+    pub beam_gain: Vec<f32>,
+    /// Mean power with which each beam receives from farther off its axis than its [`ReceivingBeams`]s reach, by the part of
+    /// the directions from which sound arrives: beam by beam, [`FLANK_PARTS`] each. Empty: no line array.
     pub flanks: Vec<f32>,
-    /// Angles from the beam's axis to the ray, rad, positive to port, for each loudness, and zeros as there; only for swaths.
+    /// Angles from the beam's axis to the ray, rad, positive to port, for each receive amplitude, and zeros as there;
+    /// only for swaths.
     pub beside: Vec<f32>,
     /// Reported azimuth and elevation of each beam's axis, rad.
     pub axes: Vec<[f32; 2]>,
@@ -64,28 +68,28 @@ pub(crate) struct Transducer {
     pub widths: Vec<f32>,
     /// Full width of its narrowest lobe, rad.
     pub narrowest: f64,
-    /// The sensor's axis that its array lies along, and the power that it sends and hears over all angles to it, rad.
+    /// The sensor's axis along which its array is, and its two-way power over all angles to it, rad.
     pub array: Vec3,
     pub array_width: f64,
-    /// Directivity index of hearing, dB.
+    /// Directivity index for reception, dB.
     pub directivity_db: f64,
-    /// Solid angle that each beam sends to and hears, sr: both powers over all directions.
+    /// Two-way solid angle of each beam, sr: the product of both powers over all directions.
     pub solid_angles: Vec<f32>,
 }
 
-/// The beams that hear a ray: from `first` on, as loud as `loudness[from..to]` says.
+/// The beams that receive a ray: from `first` on, with the amplitudes `beam_gain[from..to]`.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Hearing {
+pub(crate) struct ReceivingBeams {
     pub first: u32,
     pub from: u32,
     pub to: u32,
-    /// In which of the [`FLANK_PARTS`] the directions lie.
+    /// In which of the [`FLANK_PARTS`] the directions are.
     pub part: u32,
 }
 
 impl Transducer {
-    /// For `pattern` at `wavelength`, m, where the true sound speed is `ratio` times what the beamformer believes;
-    /// `None` for patterns of light.
+    /// The transducer for `pattern` at `wavelength`, m, where the true sound speed is `ratio` times what the beamformer
+    /// assumes; `None` for patterns of light.
     pub fn new(pattern: &Pattern, wavelength: f64, ratio: f64) -> Option<Transducer> {
         let mut transducer = match pattern {
             Pattern::Sidescan(sidescan) => Transducer::sidescan(sidescan, wavelength),
@@ -97,60 +101,61 @@ impl Transducer {
         };
         transducer.axes = axes(pattern);
         if transducer.of_rays == 0 {
-            transducer.of_rays = transducer.hearings.len();
+            transducer.of_rays = transducer.receiving_beams.len();
         }
         transducer.find_solid_angles();
-        transducer.find_heard_powers();
+        transducer.find_receive_powers();
         transducer.find_boxes();
         Some(transducer)
     }
 
-    /// Roughly how many numbers for hearings of rays or directions by beams a transducer for `pattern` has: its memory grows
-    /// with this.
-    pub fn hearings_of(pattern: &Pattern, wavelength: f64) -> f64 {
-        let (rays, sines, heard): (u32, Vec<f64>, _) = match pattern {
+    /// Approximate number of receive amplitudes of beams, for rays or directions, that a transducer for `pattern`
+    /// holds: its memory grows with this.
+    pub fn receive_amplitudes_of(pattern: &Pattern, wavelength: f64) -> f64 {
+        let (rays, sines, received): (u32, Vec<f64>, _) = match pattern {
             Pattern::Multibeam(swath) => {
                 (swath.beams * swath.rays, swath.angles_deg().map(sine_deg).collect(), &swath.across_deg)
             }
-            // A hearing for each column of rays.
+            // One `ReceivingBeams` for each column of rays.
             Pattern::Imaging(array) => {
                 (64 * array.beams, array.bearings_deg().map(sine_deg).collect(), &array.beam_deg)
             }
             _ => return 0.0,
         };
-        let heard = heard.at(wavelength);
-        let extent = heard.extent_within(FAINTEST, 1.0 + sines[0].abs());
+        let received = received.at(wavelength);
+        let extent = received.extent_within(FAINTEST, 1.0 + sines[0].abs());
         let within = |&sine: &f64| {
             let first = sines.partition_point(|&axis| axis > sine + extent);
             sines.partition_point(|&axis| axis >= sine - extent) - first
         };
-        let heard_of_each = sines.iter().map(within).sum::<usize>() as f64 / sines.len() as f64;
-        (f64::from(rays) + directions_of(&heard) as f64) * (heard_of_each + BEAMS as f64)
+        let received_of_each = sines.iter().map(within).sum::<usize>() as f64 / sines.len() as f64;
+        (f64::from(rays) + directions_of(&received) as f64) * (received_of_each + BEAMS as f64)
     }
 
-    /// Length of its longest side, m, and the range from which its beams are formed as its patterns say, `L^2 / wavelength`
-    /// (Lurton 2010, section 3.3): nearer they are those of one that focuses.
+    /// Length of its longest side, m, and the range from which its beams have its patterns, `L^2 / wavelength` (Lurton
+    /// 2010, section 3.3): nearer, they are those of an array that focuses.
     pub fn far_field(&self, wavelength: f64) -> [f64; 2] {
-        // A line's width at -3 dB.
+        // From a line's width at -3 dB.
         let length = 0.886 * wavelength / self.narrowest;
         [length, length * length / wavelength]
     }
 
-    /// How far it moves along its array until speckle has changed, m.
+    /// How far it moves along its array until speckle has decorrelated, m.
     ///
-    /// Sound that many scatterers send back at the sine `u` to the array turns by `4 pi u d / wavelength` while it moves by
-    /// `d`. So the pressures of two pings have the correlation `rho(d)`, the transform of the power `b(u)` with which it
-    /// sends and hears: the theorem of van Cittert and Zernike for echoes (Mallart and Fink, J. Acoust. Soc. Am. 90, 2718,
-    /// 1991; of sonars Bellettini and Pinto, IEEE J. Ocean. Eng. 27, 780, 2002). Of a uniform line of the length `L` that
-    /// sends and hears it is, with `t = d / L`, `1 - 6 t^2 + 6 t^3` up to `t = 1/2`, `2 (1 - t)^3` up to 1, then 0; of one that
-    /// only sends, or only hears, `1 - 2 t` up to `t = 1/2`. Its integral over `d >= 0`, which this is twice of, is a quarter
-    /// of `wavelength / (integral of b)`; the triangle `1 - d / length` has the same.
+    /// The phase of sound that many scatterers return at the sine `u` to the array changes by `4 pi u d / wavelength`
+    /// while it moves by `d`. So the pressures of two pings have the correlation `rho(d)`, the Fourier transform of the
+    /// two-way power `b(u)`: the van Cittert-Zernike theorem for echoes (Mallart and Fink, J. Acoust. Soc. Am. 90,
+    /// 2718, 1991; for sonars Bellettini and Pinto, IEEE J. Ocean. Eng. 27, 780, 2002). For a uniform line of the
+    /// length `L` that transmits and receives, it is, with `t = d / L`, `1 - 6 t^2 + 6 t^3` up to `t = 1/2`,
+    /// `2 (1 - t)^3` up to 1, then 0; for one that only transmits, or only receives, `1 - 2 t` up to `t = 1/2`. Its
+    /// integral over `d >= 0` is a quarter of `wavelength / (integral of b)`, half of what this returns; that of the
+    /// triangle `1 - d / length` is the same.
     pub fn coherence(&self, wavelength: f64) -> f64 {
         0.5 * wavelength / self.array_width
     }
 
-    /// Whether fewer than `enough` rays start within `size` of the unit vector `aim` (sensor frame), as distances of the ends of
-    /// unit vectors.
+    /// Whether fewer than `enough` rays start within `size` of the unit vector `aim` (sensor frame), as distances
+    /// between the ends of unit vectors.
     pub fn has_fewer_rays(&self, enough: f32, aim: Vec3, size: f32) -> bool {
         let [x, y, z] = &self.direction;
         let square = size * size;
@@ -160,7 +165,7 @@ impl Transducer {
                 continue;
             }
             let rays = index * BOX..((index + 1) * BOX).min(x.len());
-            // Without branches within.
+            // Without branches inside.
             let within = |((x, y), z): ((&f32, &f32), &f32)| {
                 let (x, y, z) = (x - aim.x, y - aim.y, z - aim.z);
                 u32::from(x * x + y * y + z * z < square)
@@ -191,86 +196,91 @@ impl Transducer {
         self.axes.len()
     }
 
-    /// Whether every ray is heard by one beam: those of line arrays are not.
+    /// Whether every ray is received by one beam only: those of line arrays are not.
     pub fn beams_are_apart(&self) -> bool {
         self.flanks.is_empty()
     }
 
-    /// Index of what sends and hears where a ray starts.
+    /// Index of the face from which a ray starts.
     fn face(&self, ray: usize) -> usize {
-        // Hearings of sonars with several faces are their beams.
-        (self.hearing[ray] as usize).min(self.faces.len() - 1)
+        // For sonars with several faces, each `ReceivingBeams` is a beam.
+        (self.receiving[ray] as usize).min(self.faces.len() - 1)
     }
 
-    /// What hears for a face.
-    fn ear(&self, face: usize) -> &Aperture {
-        self.ears.get(face).unwrap_or(&self.faces[face])
+    /// What receives instead of a face, or the face itself.
+    fn receive_face(&self, face: usize) -> &Aperture {
+        self.receive_faces.get(face).unwrap_or(&self.faces[face])
     }
 
-    /// log2 of how much louder sound is sent along the unit `direction` (sensor frame) than along a ray.
+    /// log2 of the power transmitted along the unit `direction` (sensor frame) over that along a ray.
     pub fn sent_beside(&self, ray: usize, direction: Vec3) -> f32 {
         self.faces[self.face(ray)].power(direction) - self.power[ray]
     }
 
-    /// log2 of how much louder sound is heard from the unit `direction` (sensor frame) than from that of a ray, without
-    /// the beams' own pattern; and the index of the [`Hearing`] that gives that.
-    pub fn heard_beside(&self, ray: usize, direction: Vec3) -> (f32, u32) {
-        let power = self.ear(self.face(ray)).power(direction);
-        let louder = match self.only_sends {
+    /// log2 of the power received from the unit `direction` (sensor frame) over that from the direction of a ray,
+    /// without the beams' own pattern; and the index of the [`ReceivingBeams`] that gives that.
+    pub fn received_beside(&self, ray: usize, direction: Vec3) -> (f32, u32) {
+        let power = self.receive_face(self.face(ray)).power(direction);
+        let ratio_log2 = match self.only_transmits {
             true if power <= FAINT => FAINT,
             true => 0.0,
-            false => power - self.heard_power.get(ray).unwrap_or(&self.power[ray]),
+            false => power - self.receive_power.get(ray).unwrap_or(&self.power[ray]),
         };
-        let anywhere = self.hearings.len() > self.of_rays;
-        (louder, if anywhere { self.hearing_at(direction) } else { self.hearing[ray] })
+        let anywhere = self.receiving_beams.len() > self.of_rays;
+        (ratio_log2, if anywhere { self.receiving_at(direction) } else { self.receiving[ray] })
     }
 
-    /// How loudly it sends along the unit `sent` and hears from `heard` (sensor frame), log2 of the power, without the
-    /// beams' own pattern, and the index of the [`Hearing`] that has that; for each face.
-    pub fn towards(&self, sent: Vec3, heard: Vec3) -> impl Iterator<Item = (f32, u32)> {
-        let steps = self.hearings.len() - self.of_rays;
+    /// log2 of the two-way power when transmitting along the unit `sent` and receiving from `received` (sensor frame),
+    /// without the beams' own pattern, and the index of the [`ReceivingBeams`] that gives that; for each face.
+    pub fn towards(&self, sent: Vec3, received: Vec3) -> impl Iterator<Item = (f32, u32)> {
+        let steps = self.receiving_beams.len() - self.of_rays;
         self.faces.iter().enumerate().map(move |(face, aperture)| {
-            let back = self.ear(face).power(heard);
-            let loud = aperture.power(sent) + if self.only_sends && back > FAINT { 0.0 } else { back };
-            (loud, if steps == 0 { face as u32 } else { self.hearing_at(heard) })
+            let back = self.receive_face(face).power(received);
+            let strength = aperture.power(sent) + if self.only_transmits && back > FAINT { 0.0 } else { back };
+            (strength, if steps == 0 { face as u32 } else { self.receiving_at(received) })
         })
     }
 
-    /// How much what is heard by one [`Hearing`] is heard by another: 1 for the same, 0 where no beam hears both.
-    pub fn overlap(&self, hearing: u32, other: u32) -> f32 {
-        let [one, two] = [hearing, other].map(|index| self.hearings[index as usize]);
-        let end = |hearing: &Hearing| hearing.first + hearing.to - hearing.from;
+    /// Correlation of what two [`ReceivingBeams`]s receive: 1 for the same, 0 where no beam receives both.
+    pub fn overlap(&self, receiving: u32, other: u32) -> f32 {
+        let [one, two] = [receiving, other].map(|index| self.receiving_beams[index as usize]);
+        let end = |receiving: &ReceivingBeams| receiving.first + receiving.to - receiving.from;
         let (first, last) = (one.first.max(two.first), end(&one).min(end(&two)));
-        let heard = |hearing: &Hearing, beam: u32| self.loudness[(hearing.from + beam - hearing.first) as usize];
-        let both = (first..last).map(|beam| heard(&one, beam) * heard(&two, beam)).sum::<f32>();
-        let alone = |hearing: &Hearing| {
-            self.loudness[hearing.from as usize..hearing.to as usize].iter().map(|loud| loud * loud).sum::<f32>()
+        let received =
+            |receiving: &ReceivingBeams, beam: u32| self.beam_gain[(receiving.from + beam - receiving.first) as usize];
+        let both = (first..last).map(|beam| received(&one, beam) * received(&two, beam)).sum::<f32>();
+        let alone = |receiving: &ReceivingBeams| {
+            self.beam_gain[receiving.from as usize..receiving.to as usize]
+                .iter()
+                .map(|strength| strength * strength)
+                .sum::<f32>()
         };
         both / (alone(&one) * alone(&two)).sqrt().max(f32::MIN_POSITIVE)
     }
 
-    /// The [`Hearing`] of the unit `direction` (sensor frame), by its sine to a line array.
-    fn hearing_at(&self, direction: Vec3) -> u32 {
-        let steps = self.hearings.len() - self.of_rays;
+    /// The [`ReceivingBeams`] of the unit `direction` (sensor frame), by its sine to a line array.
+    fn receiving_at(&self, direction: Vec3) -> u32 {
+        let steps = self.receiving_beams.len() - self.of_rays;
         let step = ((0.5 + 0.5 * direction.y) * steps as f32) as usize;
         (self.of_rays + step.min(steps - 1)) as u32
     }
 
-    fn find_heard_powers(&mut self) {
-        if self.ears.is_empty() {
+    fn find_receive_powers(&mut self) {
+        if self.receive_faces.is_empty() {
             return;
         }
         let direction = |ray: usize| Vec3::from(self.direction.each_ref().map(|axis| axis[ray]));
-        self.heard_power = (0..self.rays()).map(|ray| self.ear(self.face(ray)).power(direction(ray))).collect();
+        self.receive_power =
+            (0..self.rays()).map(|ray| self.receive_face(self.face(ray)).power(direction(ray))).collect();
     }
 
     fn find_solid_angles(&mut self) {
         self.solid_angles = vec![0.0; self.beams()];
-        for (weight, &hearing) in self.weight.iter().zip(&self.hearing) {
-            let Hearing { first, from, to, .. } = self.hearings[hearing as usize];
-            let heard = &self.loudness[from as usize..to as usize];
-            for (sum, loudness) in self.solid_angles[first as usize..].iter_mut().zip(heard) {
-                *sum += weight.exp2() * loudness * loudness;
+        for (weight, &receiving) in self.weight.iter().zip(&self.receiving) {
+            let ReceivingBeams { first, from, to, .. } = self.receiving_beams[receiving as usize];
+            let received = &self.beam_gain[from as usize..to as usize];
+            for (sum, beam_gain) in self.solid_angles[first as usize..].iter_mut().zip(received) {
+                *sum += weight.exp2() * beam_gain * beam_gain;
             }
         }
     }
@@ -283,37 +293,37 @@ impl Transducer {
         self.cell.push(cell as f32);
         self.weight.push(power.max(1e-30).log2() as f32);
         self.power.push((one_way.log2() as f32).max(FAINT));
-        self.hearing.push(self.hearings.len() as u32 - 1);
+        self.receiving.push(self.receiving_beams.len() as u32 - 1);
     }
 
-    /// Adds a hearing by the beams from `first` on, as loud as `heard` says.
-    fn add_hearing(&mut self, first: usize, part: u32, heard: impl Iterator<Item = f32>) {
-        if self.hearings.is_empty() {
-            self.loudness.resize(BEAMS, 0.0);
+    /// Adds a [`ReceivingBeams`] by the beams from `first` on, with the amplitudes `received`.
+    fn add_receiving(&mut self, first: usize, part: u32, received: impl Iterator<Item = f32>) {
+        if self.receiving_beams.is_empty() {
+            self.beam_gain.resize(BEAMS, 0.0);
         }
-        let from = self.loudness.len() as u32;
-        self.loudness.extend(heard);
-        let to = self.loudness.len() as u32;
-        self.loudness.resize(to as usize + BEAMS, 0.0);
-        self.hearings.push(Hearing { first: first as u32, from, to, part });
+        let from = self.beam_gain.len() as u32;
+        self.beam_gain.extend(received);
+        let to = self.beam_gain.len() as u32;
+        self.beam_gain.resize(to as usize + BEAMS, 0.0);
+        self.receiving_beams.push(ReceivingBeams { first: first as u32, from, to, part });
     }
 
-    /// All rays from here on are heard by one beam.
-    fn heard_by(&mut self, beam: usize) {
-        self.add_hearing(beam, 0, std::iter::once(1.0));
+    /// All rays from here on are received by one beam.
+    fn received_by(&mut self, beam: usize) {
+        self.add_receiving(beam, 0, std::iter::once(1.0));
     }
 
-    /// Who hears any direction, by its sine to a line array.
-    fn heard_anywhere(&mut self, sines: &[f64], lobe: &lobe::BeamPattern, extent: f64, with_angles: bool) {
-        self.of_rays = self.hearings.len();
+    /// Finds which beams receive from any direction, by its sine to a line array.
+    fn received_anywhere(&mut self, sines: &[f64], lobe: &lobe::BeamPattern, extent: f64, with_angles: bool) {
+        self.of_rays = self.receiving_beams.len();
         let steps = directions_of(lobe);
         for step in 0..steps {
             let sine = (2 * step + 1) as f64 / steps as f64 - 1.0;
-            self.heard_from(sine, sines, lobe, extent, with_angles);
+            self.received_from(sine, sines, lobe, extent, with_angles);
         }
     }
 
-    /// How beams at the `sines` hear what is farther than `extent` aside.
+    /// Finds how beams at the `sines` receive from farther than `extent` off their axes.
     fn find_flanks(&mut self, sines: &[f64], lobe: &lobe::BeamPattern, extent: f64) {
         /// Steps of the sine for each width of the lobe: sidelobes are about as wide.
         const FINE: f64 = 4.0;
@@ -328,16 +338,20 @@ impl Transducer {
         }
     }
 
-    /// All rays from here on, `sine` from broadside of a line array, are heard by beams at the `sines`, falling.
-    fn heard_from(&mut self, sine: f64, sines: &[f64], lobe: &lobe::BeamPattern, extent: f64, with_angles: bool) {
+    /// All rays from here on, `sine` from broadside of a line array, are received by beams at the `sines`, falling.
+    fn received_from(&mut self, sine: f64, sines: &[f64], lobe: &lobe::BeamPattern, extent: f64, with_angles: bool) {
         let first = sines.partition_point(|&axis| axis > sine + extent);
         let end = sines.partition_point(|&axis| axis >= sine - extent).max(first);
         let part = ((0.5 + 0.5 * sine) * FLANK_PARTS as f64).clamp(0.0, FLANK_PARTS as f64 - 1.0) as u32;
-        self.add_hearing(first, part, sines[first..end].iter().map(|&axis| lobe.amplitude_steered(sine, axis) as f32));
+        self.add_receiving(
+            first,
+            part,
+            sines[first..end].iter().map(|&axis| lobe.amplitude_steered(sine, axis) as f32),
+        );
         if with_angles {
             let angle = |sine: f64| sine.clamp(-1.0, 1.0).asin();
-            self.beside.resize(self.loudness.len(), 0.0);
-            let from = self.loudness.len() - BEAMS - (end - first);
+            self.beside.resize(self.beam_gain.len(), 0.0);
+            let from = self.beam_gain.len() - BEAMS - (end - first);
             for (beside, &axis) in self.beside[from..].iter_mut().zip(&sines[first..end]) {
                 *beside = (angle(sine) - angle(axis)) as f32;
             }
@@ -346,9 +360,9 @@ impl Transducer {
 
     fn sidescan(sonar: &Sidescan, wavelength: f64) -> Transducer {
         let lobe = sonar.along_deg.at(wavelength);
-        let heard = sonar.heard_along_deg.as_ref().unwrap_or(&sonar.along_deg).at(wavelength);
-        let along = ThinSide::between(&lobe, &heard);
-        // Half a fan from nadir hears all of it alike.
+        let received = sonar.heard_along_deg.as_ref().unwrap_or(&sonar.along_deg).at(wavelength);
+        let along = ThinSide::between(&lobe, &received);
+        // Half a fan from nadir receives all of it equally.
         let half_fan = sonar.down_fov_deg.map(|fov| Lobe::Shape(Shape::Box { width_deg: 0.5 * fov }));
         let vertical = half_fan.as_ref().unwrap_or(&sonar.vertical_deg).at(wavelength);
         let axis = sonar.axis_deg().to_radians();
@@ -374,7 +388,7 @@ impl Transducer {
         let mut transducer = Transducer::default();
         for (beam, azimuth) in sonar.azimuths_deg().iter().enumerate() {
             let side = azimuth.signum();
-            transducer.heard_by(beam);
+            transducer.received_by(beam);
             for (index, Stratum { at, size, power }) in strata.iter().enumerate() {
                 let (sin, cos) = at.sin_cos();
                 let ([forward, level], tangent) = (along.sine_cosine(index), [0.0, -side * sin, cos]);
@@ -387,22 +401,26 @@ impl Transducer {
             let across = (|sine| vertical.amplitude(sine), vertical.width());
             transducer.faces.push(Aperture::new(frame, (|sine| lobe.amplitude(sine), lobe.width()), across));
             if sonar.heard_along_deg.is_some() {
-                transducer.ears.push(Aperture::new(frame, (|sine| heard.amplitude(sine), heard.width()), across));
+                transducer.receive_faces.push(Aperture::new(
+                    frame,
+                    (|sine| received.amplitude(sine), received.width()),
+                    across,
+                ));
             }
         }
-        transducer.narrowest = lobe.width().min(heard.width()).min(vertical.width());
+        transducer.narrowest = lobe.width().min(received.width()).min(vertical.width());
         (transducer.array, transducer.array_width) = (Vec3::X, along.width);
-        transducer.directivity_db = lobe::directivity(&heard, &vertical);
+        transducer.directivity_db = lobe::directivity(&received, &vertical);
         transducer
     }
 
     fn multibeam(swath: &Multibeam, wavelength: f64, ratio: f64) -> Transducer {
-        let (sent, heard) = (swath.along_deg.at(wavelength), swath.across_deg.at(wavelength));
+        let (sent, received) = (swath.along_deg.at(wavelength), swath.across_deg.at(wavelength));
         let along = ThinSide::new(|sine| sent.amplitude(sine).powi(2), sent.extent(1e-3));
         let sines: Vec<f64> = swath.angles_deg().map(|angle| sine_deg(angle) * ratio).collect();
-        let extent = heard.extent_within(FAINTEST, 1.0 + sines[0].abs());
+        let extent = received.extent_within(FAINTEST, 1.0 + sines[0].abs());
         let widest = (0.5 * swath.swath_deg).to_radians();
-        // Rays extend as far beyond the outermost beams as these hear, but not upwards.
+        // Rays extend as far beyond the outermost beams as these receive, but not upwards.
         let most = (widest.sin() * ratio.max(1.0) + extent).min(88f64.to_radians().sin()).asin().max(widest);
         let count = swath.beams as usize * swath.rays as usize;
         let mut transducer = Transducer::default();
@@ -411,36 +429,36 @@ impl Transducer {
             let size = 2.0 * most / count as f64;
             let (sin, cos) = at.sin_cos();
             let [forward, level] = along.sine_cosine(index);
-            transducer.heard_from(sin * level, &sines, &heard, extent, true);
+            transducer.received_from(sin * level, &sines, &received, extent, true);
             let one_way = sent.amplitude(forward).powi(2);
             transducer.push([forward, sin * level, -cos * level], [0.0, cos, sin], size, size * along.width, one_way);
             transducer.aside.push(along.size(index) as f32);
         }
-        transducer.heard_anywhere(&sines, &heard, extent, true);
-        transducer.find_flanks(&sines, &heard, extent);
+        transducer.received_anywhere(&sines, &received, extent, true);
+        transducer.find_flanks(&sines, &received, extent);
         let frame = [[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
         transducer.faces = vec![Aperture::new(frame, (|sine| sent.amplitude(sine), sent.width()), EVERYWHERE)];
-        transducer.only_sends = true;
-        // Seen from aside, the array is shorter.
-        let steered = |sine: &f64| heard.width() / (1.0 - sine * sine).max(1e-4).sqrt();
+        transducer.only_transmits = true;
+        // Seen off broadside, the array is shorter.
+        let steered = |sine: &f64| received.width() / (1.0 - sine * sine).max(1e-4).sqrt();
         transducer.widths = sines.iter().map(|sine| steered(sine) as f32).collect();
-        transducer.narrowest = sent.width().min(heard.width());
+        transducer.narrowest = sent.width().min(received.width());
         (transducer.array, transducer.array_width) = (Vec3::X, along.width);
-        transducer.directivity_db = lobe::wall_directivity(&heard);
+        transducer.directivity_db = lobe::wall_directivity(&received);
         transducer
     }
 
-    /// Beams of a line array are cones about it: rays of one hearing lie at one angle to the array.
+    /// Beams of a line array are cones about it: rays of one [`ReceivingBeams`] are at one angle to the array.
     fn imaging(array: &Imaging, wavelength: f64, ratio: f64) -> Transducer {
-        /// Hearings within the width of a beam, at least.
+        /// [`ReceivingBeams`]s within the width of a beam, at least.
         const WITHIN: f64 = 2.2;
-        let (heard, vertical) = (array.beam_deg.at(wavelength), array.vertical_deg.at(wavelength));
+        let (received, vertical) = (array.beam_deg.at(wavelength), array.vertical_deg.at(wavelength));
         let sines: Vec<f64> = array.bearings_deg().map(|bearing| sine_deg(bearing) * ratio).collect();
-        let extent = heard.extent_within(FAINTEST, 1.0 + sines[0].abs());
+        let extent = received.extent_within(FAINTEST, 1.0 + sines[0].abs());
         let widest = 0.5 * array.fov_deg.to_radians();
         let most = (widest.sin() * ratio.max(1.0) + 0.5 * extent).min(1.0);
         let spacing = 2.0 * widest / f64::from(array.beams - 1);
-        let fine = (WITHIN * spacing / heard.width()).ceil().clamp(1.0, 64.0) as usize;
+        let fine = (WITHIN * spacing / received.width()).ceil().clamp(1.0, 64.0) as usize;
         let (columns, rows) = (fine * array.beams as usize, (array.rays as usize).div_ceil(fine).max(4));
         let power = |angle: f64| vertical.amplitude(angle.sin()).powi(4);
         let rows = strata(rows, (&vertical, 0.0), [-FRAC_PI_2, FRAC_PI_2], power, |_| 1.0);
@@ -451,7 +469,7 @@ impl Transducer {
             let at = most.asin() * (1.0 - (2 * column + 1) as f64 / columns as f64);
             let (sine, cosine) = at.sin_cos();
             let size = 2.0 * most.asin() / columns as f64 * cosine;
-            transducer.heard_from(sine, &sines, &heard, extent, false);
+            transducer.received_from(sine, &sines, &received, extent, false);
             let shift = golden(column) - 0.5;
             for row in &rows {
                 let angle = row.at + shift * row.size;
@@ -463,15 +481,15 @@ impl Transducer {
                 transducer.push(direction, tangent, row.size * cosine, power * row.size * size, power.sqrt());
             }
         }
-        transducer.heard_anywhere(&sines, &heard, extent, false);
-        transducer.find_flanks(&sines, &heard, extent);
+        transducer.received_anywhere(&sines, &received, extent, false);
+        transducer.find_flanks(&sines, &received, extent);
         let frame = [tilted([1.0, 0.0, 0.0]), [0.0, 1.0, 0.0], tilted([0.0, 0.0, 1.0])];
         let up = |sine: f64| vertical.amplitude(sine);
         transducer.faces = vec![Aperture::new(frame, EVERYWHERE, (up, vertical.width()))];
-        transducer.narrowest = heard.width().min(vertical.width());
-        let aside = ThinSide::new(|sine| heard.amplitude(sine).powi(2), heard.extent(1e-3));
+        transducer.narrowest = received.width().min(vertical.width());
+        let aside = ThinSide::new(|sine| received.amplitude(sine).powi(2), received.extent(1e-3));
         (transducer.array, transducer.array_width) = (Vec3::Y, aside.width);
-        transducer.directivity_db = lobe::directivity(&heard, &vertical);
+        transducer.directivity_db = lobe::directivity(&received, &vertical);
         transducer
     }
 
@@ -481,20 +499,20 @@ impl Transducer {
         let tilted = |[x, y, z]: [f64; 3]| [x * tilt.1 + z * tilt.0, y, z * tilt.1 - x * tilt.0];
         let frame = [tilted([1.0, 0.0, 0.0]), [0.0, 1.0, 0.0], tilted([0.0, 0.0, 1.0])];
         let mut transducer = Transducer::default();
-        transducer.heard_by(0);
-        let [lobe, heard] = sonar.lobes().map(|lobe| lobe.at(wavelength));
+        transducer.received_by(0);
+        let [lobe, received] = sonar.lobes().map(|lobe| lobe.at(wavelength));
         let apart = sonar.heard_deg.is_some();
-        transducer.narrowest = lobe.width().min(heard.width());
-        let both = ThinSide::between(&lobe, &heard);
+        transducer.narrowest = lobe.width().min(received.width());
+        let both = ThinSide::between(&lobe, &received);
         (transducer.array, transducer.array_width) = (Vec3::Y, both.width);
         if let Some(vertical) = &sonar.vertical_deg {
             let vertical = vertical.at(wavelength);
             let power = |angle: f64| vertical.amplitude(angle.sin()).powi(4);
-            let power_aside = |angle: f64| (lobe.amplitude(angle.sin()) * heard.amplitude(angle.sin())).powi(2);
+            let power_aside = |angle: f64| (lobe.amplitude(angle.sin()) * received.amplitude(angle.sin())).powi(2);
             // Cells about as high as they are wide.
             let columns = (count as f64 * lobe.width() / vertical.width()).sqrt().round();
             let columns = (columns as usize).clamp(1, count / 4);
-            let most = ThinSide::extent(&lobe, &heard).min(1.0).asin();
+            let most = ThinSide::extent(&lobe, &received).min(1.0).asin();
             let columns = strata(columns, (&lobe, 0.0), [-most, most], power_aside, |_| 1.0);
             // A single column is as wide as the beam, not as its sidelobes.
             let half = [-FRAC_PI_2, FRAC_PI_2];
@@ -508,7 +526,7 @@ impl Transducer {
                     let ((sin, cos), (aside, level)) = (angle.sin_cos(), angle_aside.sin_cos());
                     let direction = tilted([cos * level, aside, sin * level]);
                     let (up, power_aside) = (power(angle), power_aside(angle_aside));
-                    // The angle aside is a latitude: a step of the other angle is shorter there by its cosine.
+                    // The sideways angle is a latitude: a step of the other angle is shorter there by its cosine.
                     let size = row.size * level;
                     transducer.push(
                         direction,
@@ -525,14 +543,14 @@ impl Transducer {
                 Aperture::new(frame, (aside, lobe.width()), (up, vertical.width()))
             };
             transducer.faces = vec![face(&lobe)];
-            transducer.ears = if apart { vec![face(&heard)] } else { Vec::new() };
+            transducer.receive_faces = if apart { vec![face(&received)] } else { Vec::new() };
             transducer.widths = vec![vertical.width() as f32];
             transducer.narrowest = transducer.narrowest.min(vertical.width());
-            transducer.directivity_db = lobe::directivity(&heard, &vertical);
+            transducer.directivity_db = lobe::directivity(&received, &vertical);
         } else {
-            transducer.round(frame, [&lobe, &heard], apart, count);
-            transducer.widths = vec![lobe.width().min(heard.width()) as f32];
-            transducer.directivity_db = lobe::round_directivity(&heard);
+            transducer.round(frame, [&lobe, &received], apart, count);
+            transducer.widths = vec![lobe.width().min(received.width()) as f32];
+            transducer.directivity_db = lobe::round_directivity(&received);
         }
         transducer
     }
@@ -542,9 +560,9 @@ impl Transducer {
         let mut transducer = Transducer::default();
         for (beam, [x, y, z]) in sonar.axes().into_iter().enumerate() {
             let level = x.hypot(y);
-            // Along the axis, level to its left, and what is up across both.
+            // The axis, the horizontal to its left, and up across both.
             let frame = [[x, y, z], [-y / level, x / level, 0.0], [-x * z / level, -y * z / level, level]];
-            transducer.heard_by(beam);
+            transducer.received_by(beam);
             transducer.round(frame, [&lobe, &lobe], false, sonar.rays as usize);
             transducer.widths.push(lobe.width() as f32);
         }
@@ -553,14 +571,14 @@ impl Transducer {
         transducer
     }
 
-    /// Adds `count` rays of a round beam, sent and heard with the `lobes`, and its face; `apart`: another face hears.
-    /// `frame`: its axis and two directions across it.
+    /// Adds `count` rays of a round beam, transmitted and received with the `lobes`, and its face; `apart`: another
+    /// face receives. `frame`: its axis and two directions across it.
     fn round(&mut self, frame: [[f64; 3]; 3], lobes: [&lobe::BeamPattern; 2], apart: bool, count: usize) {
-        let [sent, heard] = lobes;
+        let [sent, received] = lobes;
         let turned = |[ahead, left, up]: [f64; 3]| {
             std::array::from_fn(|axis| ahead * frame[0][axis] + left * frame[1][axis] + up * frame[2][axis])
         };
-        let two_way = |angle: f64| (sent.amplitude(angle.sin()) * heard.amplitude(angle.sin())).powi(2);
+        let two_way = |angle: f64| (sent.amplitude(angle.sin()) * received.amplitude(angle.sin())).powi(2);
         for (index, ring) in strata(count, (sent, 0.0), [0.0, FRAC_PI_2], two_way, f64::sin).iter().enumerate() {
             let ((sin, cos), (left, up)) = (ring.at.sin_cos(), (2.0 * PI * golden(index)).sin_cos());
             let direction = turned([cos, sin * left, sin * up]);
@@ -573,12 +591,12 @@ impl Transducer {
         let face = |lobe: &lobe::BeamPattern| Aperture::round(frame, |sine| lobe.amplitude(sine), lobe.width());
         self.faces.push(face(sent));
         if apart {
-            self.ears.push(face(heard));
+            self.receive_faces.push(face(received));
         }
     }
 }
 
-/// Steps of the sine at which anything is heard.
+/// Number of steps of the sine in reception from any direction.
 fn directions_of(lobe: &lobe::BeamPattern) -> usize {
     /// Steps for each width of a beam.
     const FINE: f64 = 16.0;
@@ -596,7 +614,7 @@ fn axes(pattern: &Pattern) -> Vec<[f32; 2]> {
     (0..table.len()).map(axis).collect()
 }
 
-/// `index` times the golden ratio, without its whole part: even, and never repeating.
+/// `index` times the golden ratio, without its whole part: evenly distributed, and never repeating.
 fn golden(index: usize) -> f64 {
     (index as f64 * 0.618_033_988_749_894_9).fract()
 }
@@ -611,8 +629,8 @@ struct Stratum {
     power: f64,
 }
 
-/// `count` parts of a fan of a `lobe` about an axis, rad: small where it is loud, but some everywhere. `measure`: solid
-/// angle of a ring by angle.
+/// `count` parts of a fan of a `lobe` about an axis, rad: small where it is strong, but some everywhere. `measure`:
+/// solid angle of a ring by angle.
 fn strata(
     count: usize,
     (lobe, axis): (&lobe::BeamPattern, f64),
@@ -629,7 +647,7 @@ fn strata(
     let mut steps: Vec<f64> = even([low, high]).chain(even(about)).collect();
     steps.sort_by(f64::total_cmp);
     let steps: Vec<[f64; 2]> = steps.windows(2).map(|pair| [pair[0], pair[1]]).collect();
-    // Rays in proportion to amplitude: between noise (power) and even sampling.
+    // Rays in proportion to amplitude: a compromise between power, which is noisy, and even sampling.
     let ring = |[from, to]: &[f64; 2]| {
         let at = 0.5 * (from + to);
         let even = measure(at) * (to - from);
@@ -639,8 +657,8 @@ fn strata(
     let sums = [0, 1].map(|of| rings.iter().map(|ring| ring[of]).sum::<f64>().max(1e-300));
     let mut rays = 0.0;
     let mut edges = vec![low];
-    for ([from, to], [loud, even]) in steps.into_iter().zip(rings) {
-        let density = count as f64 * ((1.0 - EVEN) * loud / sums[0] + EVEN * even / sums[1]);
+    for ([from, to], [strength, even]) in steps.into_iter().zip(rings) {
+        let density = count as f64 * ((1.0 - EVEN) * strength / sums[0] + EVEN * even / sums[1]);
         while edges.len() < count && rays + density >= edges.len() as f64 {
             let part = (edges.len() as f64 - rays) / density;
             edges.push(from + (to - from) * part);
@@ -656,7 +674,7 @@ fn strata(
     edges.windows(2).map(stratum).collect()
 }
 
-/// The thin side of a fan: where rays lie across it so that all weigh the same.
+/// The thin side of a fan: the angles of rays across it such that all have the same weight.
 struct ThinSide {
     /// Its power over all angles, rad.
     width: f64,
@@ -665,18 +683,18 @@ struct ThinSide {
 }
 
 impl ThinSide {
-    /// For lobes that send and hear.
-    fn between(sent: &lobe::BeamPattern, heard: &lobe::BeamPattern) -> ThinSide {
-        let power = |sine| (sent.amplitude(sine) * heard.amplitude(sine)).powi(2);
-        ThinSide::new(power, ThinSide::extent(sent, heard))
+    /// The thin side for lobes that transmit and receive.
+    fn between(sent: &lobe::BeamPattern, received: &lobe::BeamPattern) -> ThinSide {
+        let power = |sine| (sent.amplitude(sine) * received.amplitude(sine)).powi(2);
+        ThinSide::new(power, ThinSide::extent(sent, received))
     }
 
-    /// Sine up to which both together are heard: with 1e-4 of their power where they are alike.
-    fn extent(sent: &lobe::BeamPattern, heard: &lobe::BeamPattern) -> f64 {
-        sent.extent(1e-2).max(heard.extent(1e-2)).min(sent.extent(1e-4)).min(heard.extent(1e-4))
+    /// Sine up to which both together count: down to 1e-4 of their power where they are alike.
+    fn extent(sent: &lobe::BeamPattern, received: &lobe::BeamPattern) -> f64 {
+        sent.extent(1e-2).max(received.extent(1e-2)).min(sent.extent(1e-4)).min(received.extent(1e-4))
     }
 
-    /// For a lobe with `power` at a sine, heard up to `extent`.
+    /// The thin side for a lobe with `power` at a sine, up to `extent`.
     fn new(power: impl Fn(f64) -> f64, extent: f64) -> ThinSide {
         const STEPS: usize = 4096;
         const ANGLES: usize = 1024;
@@ -703,10 +721,10 @@ impl ThinSide {
         self.angles[(golden(index) * self.angles.len() as f64) as usize].sin_cos().into()
     }
 
-    /// Extent of the angles that ray `index` stands for among its neighbours, rad: in the sidelobes, where rays are few, it
-    /// is wide, and what they meet would be as loud as a point.
+    /// Extent of the angles that ray `index` represents among its neighbours, rad: in the sidelobes, where rays are
+    /// few, it is wide; without it, what they hit would be as strong as a point.
     fn size(&self, index: usize) -> f64 {
-        /// Rays beside each other that together have met all of the lobe.
+        /// Neighbouring rays that together have covered all of the lobe.
         const NEIGHBOURS: f64 = 16.0;
         let at = |part: f64| self.angles[(part.clamp(0.0, 1.0) * (self.angles.len() - 1) as f64) as usize];
         at(golden(index) + 0.5 / NEIGHBOURS) - at(golden(index) - 0.5 / NEIGHBOURS)

@@ -1,4 +1,4 @@
-//! What images show of each instance, as COCO and Pascal VOC tell it.
+//! What images show of each instance, in the formats of COCO and Pascal VOC.
 
 use crate::ground::report::Report;
 use crate::image::{Annotation, RangeImage, Runs, runs_text};
@@ -11,21 +11,21 @@ use std::fmt::Write as _;
 pub(crate) struct Shown<'s> {
     pub image: &'s RangeImage,
     pub found: &'s [Annotation],
-    /// Name of the file that people see as the image.
+    /// Name of the image file that the annotations refer to.
     pub picture: &'s str,
     pub frame: u32,
     /// s.
     pub time: f64,
 }
 
-/// COCO's instances (cocodataset.org, data format), image by image; a line each, for files of any length.
+/// COCO's instances (cocodataset.org, data format), image by image; one per line, for files of any length.
 #[derive(Debug, Default)]
-pub(crate) struct Coco {
+pub(crate) struct CocoInstances {
     images: Vec<String>,
     annotations: Vec<String>,
 }
 
-impl Coco {
+impl CocoInstances {
     /// Adds an image with the pixels of its instances.
     pub fn add(&mut self, shown: &Shown, masks: &HashMap<u32, Runs>, report: &mut Report) {
         let image = self.images.len() + 1;
@@ -65,7 +65,7 @@ impl Panoptic {
     }
 }
 
-/// A file of `images` and `annotations`, lists that are JSON already.
+/// A file of `images` and `annotations`, lists that are already JSON.
 fn table(images: &str, annotations: &str, categories: &[String]) -> String {
     format!(
         "{{\n\"info\": {},\n\"licenses\": [],\n\"images\": {images},\n\"annotations\": {annotations},\n\
@@ -75,23 +75,23 @@ fn table(images: &str, annotations: &str, categories: &[String]) -> String {
     )
 }
 
-/// What made the file.
+/// Information on the file and its creator.
 pub(crate) fn info() -> Value {
     json!({ "description": "Simulated images", "version": "1.0", "contributor": contributor() })
 }
 
-/// One element a line.
+/// One element per line.
 fn list(elements: &[String]) -> String {
     if elements.is_empty() { "[]".to_owned() } else { format!("[\n{}\n]", elements.join(",\n")) }
 }
 
-/// An object of its numbers and what else is known.
+/// An object of its numbers and further keys.
 pub(crate) fn line(numbers: &[(&str, Value)], keys: Map<String, Value>) -> String {
     let numbers = numbers.iter().map(|(key, value)| ((*key).to_owned(), value.clone()));
     Value::Object(numbers.chain(keys).collect()).to_string()
 }
 
-/// What COCO says of an image, but for its number.
+/// The keys of an image in COCO, except its number.
 pub(crate) fn image_keys(shown: &Shown) -> Map<String, Value> {
     let mut keys = Map::new();
     let mut put = |key: &str, value: Value| keys.insert(key.to_owned(), value);
@@ -103,7 +103,7 @@ pub(crate) fn image_keys(shown: &Shown) -> Map<String, Value> {
     keys
 }
 
-/// What COCO says of the instances of an image, but for numbers.
+/// The keys of the instances of an image in COCO, except numbers.
 pub(crate) fn instances(
     shown: &Shown,
     masks: &HashMap<u32, Runs>,
@@ -121,13 +121,13 @@ pub(crate) fn instances(
     })
 }
 
-/// The segments of an image in the file `name`, and its pixels: the number of each one's segment, `R + 256 G + 65536
-/// B`.
+/// The segments of an image in the file `name`, and its pixels: the number of the segment of each,
+/// `R + 256 G + 65536 B`.
 pub(crate) fn segments(shown: &Shown, name: &str) -> (Map<String, Value>, Vec<[u8; 3]>) {
     let RangeImage { instance_id, category_id, width, .. } = shown.image;
     let known: Vec<&Annotation> = shown.found.iter().filter(|found| found.category_id != 0).collect();
     let most = known.last().map_or(0, |found| found.instance_id);
-    // Numbers that do not fit into three bytes become places in the image.
+    // Numbers that do not fit into three bytes are replaced by the index of the instance in the image.
     let fits = most < (1 << 24) - (1 << 16);
     let numbers = known.iter().zip(1..).map(|(found, place)| {
         let id = found.instance_id;
@@ -135,8 +135,8 @@ pub(crate) fn segments(shown: &Shown, name: &str) -> (Map<String, Value>, Vec<[u
     });
     let of: HashMap<u32, u32> = numbers.collect();
     let free = if fits { most } else { known.len() as u32 };
-    // What has a category and no instance is a segment of that category.
-    let mut rest: BTreeMap<u32, Rest> = BTreeMap::new();
+    // Pixels with a category and no instance form a segment of that category.
+    let mut rest: BTreeMap<u32, StuffSegment> = BTreeMap::new();
     let mut pixels = Vec::with_capacity(instance_id.len());
     for (pixel, (instance, &category)) in instance_id.iter().zip(category_id).enumerate() {
         let segment = match of.get(instance) {
@@ -145,7 +145,7 @@ pub(crate) fn segments(shown: &Shown, name: &str) -> (Map<String, Value>, Vec<[u
             None => {
                 let number = free + 1 + rest.len() as u32;
                 let place = [(pixel % width) as u32, (pixel / width) as u32];
-                let rest = rest.entry(category).or_insert(Rest { number, low: place, high: place, area: 0 });
+                let rest = rest.entry(category).or_insert(StuffSegment { number, low: place, high: place, area: 0 });
                 rest.low = [0, 1].map(|axis| rest.low[axis].min(place[axis]));
                 rest.high = [0, 1].map(|axis| rest.high[axis].max(place[axis]));
                 rest.area += 1;
@@ -160,7 +160,7 @@ pub(crate) fn segments(shown: &Shown, name: &str) -> (Map<String, Value>, Vec<[u
         keys.insert("id".to_owned(), of[&found.instance_id].into());
         Value::Object(keys)
     });
-    let rest = rest.iter().map(|(category, Rest { number, low, high, area })| {
+    let rest = rest.iter().map(|(category, StuffSegment { number, low, high, area })| {
         let bounds = [low[0], low[1], high[0] - low[0] + 1, high[1] - low[1] + 1];
         json!({ "category_id": category, "bbox": bounds, "area": area, "iscrowd": 0, "id": number })
     });
@@ -171,8 +171,8 @@ pub(crate) fn segments(shown: &Shown, name: &str) -> (Map<String, Value>, Vec<[u
 }
 
 /// Pixels of a category without an instance.
-struct Rest {
-    /// Of its segment.
+struct StuffSegment {
+    /// Number of its segment.
     number: u32,
     /// First and last column and row.
     low: [u32; 2],
@@ -184,7 +184,7 @@ fn contributor() -> String {
     format!("echocast {}", env!("CARGO_PKG_VERSION"))
 }
 
-/// What is the same in both: boxes, how much of it is there, and what it is called.
+/// The keys common to both: boxes, how much of the instance is visible, and its names.
 fn instance_keys(found: &Annotation, labels: &Labels) -> Map<String, Value> {
     let mut keys = Map::new();
     let mut put = |key: &str, value: Value| keys.insert(key.to_owned(), value);
@@ -206,7 +206,7 @@ fn instance_keys(found: &Annotation, labels: &Labels) -> Map<String, Value> {
     keys
 }
 
-/// To a thousandth, of a pixel or of a whole.
+/// Rounds to a thousandth, of a pixel or of a whole.
 fn rounded(value: f64) -> f64 {
     (value * 1000.0).round() / 1000.0 + 0.0
 }
@@ -225,17 +225,17 @@ pub(crate) fn categories<'c>(all: impl Iterator<Item = (u32, &'c str)>, panoptic
     all.map(one).collect()
 }
 
-/// Part of the area of the amodal box outside of the image, and hidden part of an object, from which on it counts as
+/// Fraction of the area of the amodal box outside the image, and hidden fraction of an object, above which it counts as
 /// truncated and as occluded (guidelines of VOC2012: 15 to 20 %, and 5 %).
 const TRUNCATED: f64 = 0.15;
 const OCCLUDED: f64 = 0.05;
 
-/// What an image in `folder` of so many `channels` shows, as Pascal VOC tells it. Pixels count from 1, the last of a
-/// box is in it.
+/// What an image in `folder` with this number of `channels` shows, in the format of Pascal VOC. Pixels count from 1;
+/// boxes include their last pixel.
 pub(crate) fn voc(shown: &Shown, folder: &str, channels: u32) -> String {
     let (image, labels) = (shown.image, &shown.image.labels);
     let mut text = String::new();
-    // Writing to a text does not fail.
+    // Writing to a string does not fail.
     let _ = writeln!(
         text,
         "<annotation>\n  <folder>{}</folder>\n  <filename>{}</filename>\n  \
@@ -285,7 +285,7 @@ pub(crate) fn voc(shown: &Shown, folder: &str, channels: u32) -> String {
     text
 }
 
-/// Text between tags; what XML 1.0 cannot hold becomes the character for that.
+/// Text between tags; characters that XML 1.0 cannot hold become the replacement character.
 fn escaped(text: &str) -> String {
     let mut all = String::with_capacity(text.len());
     for letter in text.chars() {
@@ -294,7 +294,7 @@ fn escaped(text: &str) -> String {
             '<' => all.push_str("&lt;"),
             '>' => all.push_str("&gt;"),
             '\t' | '\n' => all.push(letter),
-            // A reader would make a line end of it.
+            // A reader would turn it into a line feed.
             '\r' => all.push_str("&#13;"),
             '\0'..'\u{20}' | '\u{fffe}' | '\u{ffff}' => all.push('\u{fffd}'),
             _ => all.push(letter),

@@ -1,24 +1,25 @@
-//! Boxes around instances: as JSON and CSV files of their own, and as columns of files of arrays.
+//! Boxes around instances: as separate JSON and CSV files, and as columns of files of arrays.
 
-use super::{Pending, ending, failed, write_bytes};
+use super::ending;
 use crate::cloud::{Column, InstanceBox};
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::scene::Labels;
+use crate::write::{self, Pending, failed};
 use serde_json::{Map, Value};
 use std::path::Path;
 
-/// Something that files tell of every box.
+/// A property of boxes that files hold.
 pub(super) struct BoxColumn {
     pub name: &'static str,
     /// SI unit, `1` for ratios, empty for counts and ids.
     pub unit: &'static str,
-    #[cfg_attr(not(feature = "hdf5"), allow(dead_code))] // HDF5 alone holds it
+    #[cfg_attr(not(feature = "hdf5"), allow(dead_code))] // only HDF5 holds it
     pub meaning: &'static str,
-    pub values: Values,
+    pub values: BoxValues,
 }
 
-pub(super) enum Values {
+pub(super) enum BoxValues {
     Number(fn(&InstanceBox) -> u32),
     Quantity(fn(&InstanceBox) -> f64),
     /// x, y, z.
@@ -27,27 +28,27 @@ pub(super) enum Values {
     Quaternion(fn(&InstanceBox) -> [f64; 4]),
 }
 
-/// All of them, in the order of the files; in files of arrays they are called `boxes/` and their name.
+/// All of them, in the order of the files; in files of arrays their names are prefixed with `boxes/`.
 pub(super) const COLUMNS: [BoxColumn; 11] = [
-    column("frame", "", "index of the frame", Values::Number(|b| b.frame)),
-    column("time", "s", "when the box holds", Values::Quantity(|b| b.time)),
-    column("track_id", "", "object over all frames", Values::Number(|b| b.track_id)),
-    column("instance_id", "", "object", Values::Number(|b| b.instance_id)),
-    column("category_id", "", "what it is, 0 = unlabelled", Values::Number(|b| b.category_id)),
-    column("position", "m", "middle of the box", Values::Vector(|b| b.pose.position.to_array())),
-    column("size", "m", "lengths along its axes", Values::Vector(|b| b.size.to_array())),
+    column("frame", "", "index of the frame", BoxValues::Number(|b| b.frame)),
+    column("time", "s", "time at which the box is valid", BoxValues::Quantity(|b| b.time)),
+    column("track_id", "", "object over all frames", BoxValues::Number(|b| b.track_id)),
+    column("instance_id", "", "object", BoxValues::Number(|b| b.instance_id)),
+    column("category_id", "", "category, 0 = unlabelled", BoxValues::Number(|b| b.category_id)),
+    column("position", "m", "centre of the box", BoxValues::Vector(|b| b.pose.position.to_array())),
+    column("size", "m", "lengths along its axes", BoxValues::Vector(|b| b.size.to_array())),
     column(
         "orientation_xyzw",
         "",
         "rotation from its axes to the frame of the points",
-        Values::Quaternion(|b| b.pose.orientation.to_array()),
+        BoxValues::Quaternion(|b| b.pose.orientation.to_array()),
     ),
-    column("velocity", "m/s", "of its middle, over the ground", Values::Vector(|b| b.velocity.to_array())),
-    column("points", "", "returns that lie on it", Values::Number(|b| b.points)),
-    column("visible", "1", "part of the beams that could meet it and do", Values::Quantity(|b| b.visible)),
+    column("velocity", "m/s", "velocity of its centre over the ground", BoxValues::Vector(|b| b.velocity.to_array())),
+    column("points", "", "number of returns on the object", BoxValues::Number(|b| b.points)),
+    column("visible", "1", "fraction of the beams towards it that hit it", BoxValues::Quantity(|b| b.visible)),
 ];
 
-const fn column(name: &'static str, unit: &'static str, meaning: &'static str, values: Values) -> BoxColumn {
+const fn column(name: &'static str, unit: &'static str, meaning: &'static str, values: BoxValues) -> BoxColumn {
     BoxColumn { name, unit, meaning, values }
 }
 
@@ -67,12 +68,12 @@ impl Numbers {
 }
 
 impl BoxColumn {
-    /// How many numbers a box has; `None`: one, in arrays of one dimension.
+    /// How many numbers a box has in the column; `None`: one, in arrays of one dimension.
     pub(super) fn width(&self) -> Option<usize> {
         match self.values {
-            Values::Number(_) | Values::Quantity(_) => None,
-            Values::Vector(_) => Some(3),
-            Values::Quaternion(_) => Some(4),
+            BoxValues::Number(_) | BoxValues::Quantity(_) => None,
+            BoxValues::Vector(_) => Some(3),
+            BoxValues::Quaternion(_) => Some(4),
         }
     }
 
@@ -81,13 +82,13 @@ impl BoxColumn {
         [count].into_iter().chain(self.width()).collect()
     }
 
-    /// Box by box.
+    /// The column's numbers, box by box.
     pub(super) fn numbers(&self, boxes: &[InstanceBox]) -> Numbers {
         match self.values {
-            Values::Number(of) => Numbers::U32(boxes.iter().map(of).collect()),
-            Values::Quantity(of) => Numbers::F64(boxes.iter().map(of).collect()),
-            Values::Vector(of) => Numbers::F64(boxes.iter().flat_map(of).collect()),
-            Values::Quaternion(of) => Numbers::F64(boxes.iter().flat_map(of).collect()),
+            BoxValues::Number(of) => Numbers::U32(boxes.iter().map(of).collect()),
+            BoxValues::Quantity(of) => Numbers::F64(boxes.iter().map(of).collect()),
+            BoxValues::Vector(of) => Numbers::F64(boxes.iter().flat_map(of).collect()),
+            BoxValues::Quaternion(of) => Numbers::F64(boxes.iter().flat_map(of).collect()),
         }
     }
 }
@@ -118,12 +119,12 @@ fn check_ending(path: &Path) -> Result<()> {
 /// categories and instances. The file appears under its name only when it is complete.
 ///
 /// # Errors
-/// As [`check_boxes`], a full disk, and a set [`super::cancel_flag`].
+/// As [`check_boxes`], a full disk, and a set [`crate::write::cancel_flag`].
 pub fn write_boxes(boxes: &[InstanceBox], labels: &Labels, path: &Path) -> Result<()> {
     check_ending(path)?;
     let pending = Pending::create(path)?;
     let text = if ending(path) == "json" { json(boxes, labels) } else { csv(boxes, labels) };
-    write_bytes(pending.path(), text.as_bytes()).map_err(|source| failed(path, source))?;
+    write::bytes(pending.path(), text.as_bytes()).map_err(|source| failed(path, source))?;
     pending.commit()
 }
 
@@ -138,10 +139,10 @@ fn json(boxes: &[InstanceBox], labels: &Labels) -> String {
     let lines = boxes.iter().map(|found| {
         let numbers = COLUMNS.iter().map(|column| {
             let value = match column.values {
-                Values::Number(of) => of(found).into(),
-                Values::Quantity(of) => of(found).into(),
-                Values::Vector(of) => of(found).as_slice().into(),
-                Values::Quaternion(of) => of(found).as_slice().into(),
+                BoxValues::Number(of) => of(found).into(),
+                BoxValues::Quantity(of) => of(found).into(),
+                BoxValues::Vector(of) => of(found).as_slice().into(),
+                BoxValues::Quaternion(of) => of(found).as_slice().into(),
             };
             (column.name.to_owned(), value)
         });
@@ -151,7 +152,7 @@ fn json(boxes: &[InstanceBox], labels: &Labels) -> String {
     format!("[\n{}\n]\n", lines.collect::<Vec<_>>().join(",\n"))
 }
 
-/// A header, in which names end in their units, and a row for each box.
+/// A header, in which names end with their units, and a row for each box.
 fn csv(boxes: &[InstanceBox], labels: &Labels) -> String {
     let mut header: Vec<String> = Vec::new();
     for BoxColumn { name, unit, values, .. } in &COLUMNS {
@@ -160,9 +161,9 @@ fn csv(boxes: &[InstanceBox], labels: &Labels) -> String {
             unit => format!("_{}", unit.replace('/', "_")),
         };
         match values {
-            Values::Number(_) | Values::Quantity(_) => header.push(format!("{name}{unit}")),
-            Values::Vector(_) => header.extend(["x", "y", "z"].map(|axis| format!("{name}_{axis}{unit}"))),
-            Values::Quaternion(_) => {
+            BoxValues::Number(_) | BoxValues::Quantity(_) => header.push(format!("{name}{unit}")),
+            BoxValues::Vector(_) => header.extend(["x", "y", "z"].map(|axis| format!("{name}_{axis}{unit}"))),
+            BoxValues::Quaternion(_) => {
                 let stem = name.trim_end_matches("_xyzw");
                 header.extend(["x", "y", "z", "w"].map(|axis| format!("{stem}_{axis}{unit}")));
             }
@@ -174,10 +175,10 @@ fn csv(boxes: &[InstanceBox], labels: &Labels) -> String {
         let mut row: Vec<String> = Vec::with_capacity(header.len());
         for column in &COLUMNS {
             match column.values {
-                Values::Number(of) => row.push(of(found).to_string()),
-                Values::Quantity(of) => row.push(of(found).to_string()),
-                Values::Vector(of) => row.extend(of(found).map(|value| value.to_string())),
-                Values::Quaternion(of) => row.extend(of(found).map(|value| value.to_string())),
+                BoxValues::Number(of) => row.push(of(found).to_string()),
+                BoxValues::Quantity(of) => row.push(of(found).to_string()),
+                BoxValues::Vector(of) => row.extend(of(found).map(|value| value.to_string())),
+                BoxValues::Quaternion(of) => row.extend(of(found).map(|value| value.to_string())),
             }
         }
         row.extend(names(found, labels).map(|(_, name)| quoted(name)));

@@ -4,10 +4,10 @@ use crate::cloud::{Field, PointCloud};
 use crate::emitter::Intrinsics;
 use std::f32::consts::FRAC_PI_2;
 
-/// How far off pixels may be, as a root mean square: noise of directions, and what f32 leaves.
+/// Tolerated root-mean-square deviation of pixels: noise of directions, and rounding of f32.
 const SLACK_PX: f64 = 0.5;
 
-/// The camera of `cloud` if it is an image with directions, all of which lie ahead in rows and columns.
+/// The camera of `cloud` if it is an image with directions, all of them ahead and on a grid of rows and columns.
 pub(super) fn of(cloud: &PointCloud) -> Option<Intrinsics> {
     let [_, columns] = cloud.organised.filter(|shape| shape.iter().all(|&count| count > 1))?;
     let c = &cloud.columns;
@@ -34,7 +34,7 @@ struct Axis {
 }
 
 impl Axis {
-    /// The line through `points`: place of the pixel, and how far left or up its ray goes for each metre ahead.
+    /// The line through `points`: position of the pixel, and how far left or up its ray is for each metre ahead.
     fn of<I: Iterator<Item = (f64, f64)>>(points: impl Fn() -> I) -> Option<Axis> {
         let count = points().count() as f64;
         let (sum_x, sum_y) = points().fold((0.0, 0.0), |(x, y), point| (x + point.0, y + point.1));
@@ -70,9 +70,9 @@ mod tests {
     fn the_field_of_view_of_a_camera_is_found() {
         let pattern = "pattern: {type: pinhole, resolution: [80, 60], fov_deg: [90, 60]}";
         let camera = of(&scan(&format!("{{name: a, kind: tof, {pattern}}}"), 80)).unwrap();
-        let wanted = [40.0, 30.0 / 30f64.to_radians().tan(), 39.5, 29.5];
+        let expected = [40.0, 30.0 / 30f64.to_radians().tan(), 39.5, 29.5];
         let found = [camera.focal[0], camera.focal[1], camera.centre[0], camera.centre[1]];
-        assert!(found.iter().zip(wanted).all(|(found, wanted)| (found - wanted).abs() < 1e-4), "{camera:?}");
+        assert!(found.iter().zip(expected).all(|(found, expected)| (found - expected).abs() < 1e-4), "{camera:?}");
     }
 
     #[test]

@@ -1,13 +1,14 @@
 //! CSV: a header of column names, one row per point.
 
-use super::{Format, FormatInfo, Growing, Sink};
+use super::{Format, FormatInfo, Growing};
 use crate::cloud::{Column, PointCloud};
 use crate::ground::parallel;
 use crate::ground::report::Report;
+use crate::write::Sink;
 use std::io::{self, Write};
 use std::path::Path;
 
-/// Text, for programs that read nothing else.
+/// Text, for programs that do not read anything else.
 pub(super) struct Csv;
 
 /// Rows that one thread formats at a time: about 1 MB of text.
@@ -18,7 +19,7 @@ impl Format for Csv {
         &FormatInfo {
             name: "csv",
             extensions: &["csv"],
-            description: "comma separated text with a header; positions to the micrometre, misses are nan",
+            description: "comma-separated text with a header; positions to the micrometre, misses are nan",
             needs_positions: false,
             holds_label_names: false,
         }
@@ -57,7 +58,7 @@ impl Growing for CsvFile {
     }
 }
 
-/// Writes `count` rows of text, each as `push` appends it.
+/// Writes `count` rows of text, each appended by `push`.
 pub(super) fn write_rows(file: &mut Sink, count: usize, push: impl Fn(&mut Vec<u8>, usize) + Sync) -> io::Result<()> {
     let mut texts = vec![Vec::new(); parallel::threads()];
     for start in (0..count).step_by(ROWS * texts.len()) {
@@ -101,7 +102,7 @@ pub(super) fn push_float<F: zmij::Float + Into<f64>>(text: &mut Vec<u8>, value: 
     }
 }
 
-/// Metres with six decimals: coordinates such as 5600000 carry no more than f32 micrometres beside them.
+/// Metres with six decimals: with coordinates such as 5600000, relative f32 positions carry no more than micrometres.
 pub(super) fn push_position(text: &mut Vec<u8>, metres: f64) {
     let micrometres = (metres * 1e6).round();
     // Beyond 2^53 micrometres, 9 million kilometres, they are no longer counted exactly.
@@ -113,7 +114,7 @@ pub(super) fn push_position(text: &mut Vec<u8>, metres: f64) {
     }
     let micrometres = micrometres.abs() as u64;
     push_integer(text, micrometres / 1_000_000);
-    // A leading 1 keeps the zeros; the point goes in its place.
+    // A leading 1 keeps the zeros; the point replaces it.
     let point = text.len();
     push_integer(text, micrometres % 1_000_000 + 1_000_000);
     text[point] = b'.';

@@ -1,12 +1,13 @@
 //! E57, the exchange format of terrestrial laser scanning (ASTM E2807): one scan for each frame.
 //!
-//! Written by the crate `e57`. Cartesian coordinates are in the frame of the sensor and the scan has its pose, as surveyors
-//! expect; what E57 does not know are attributes of an extension, called as the columns are.
+//! Written by the crate `e57`. Cartesian coordinates are in the frame of the sensor and the scan has its pose, as
+//! surveyors expect; columns that E57 does not define are attributes of an extension, with the names of the columns.
 
 use super::tail::Tail;
-use super::{Format, FormatInfo, Growing, NEAR, Sink};
+use super::{Format, FormatInfo, Growing, NEAR};
 use crate::cloud::{self, Column, ColumnType, Field, Frame, PointCloud};
 use crate::ground::report::Report;
+use crate::write::Sink;
 use ::e57::{
     E57Writer, Error, Extension, IntensityLimits, Quaternion, Record, RecordDataType, RecordName, RecordValue,
     Transform, Translation,
@@ -23,7 +24,7 @@ pub(super) struct E57;
 /// Namespace of our attributes.
 const NAMESPACE: &str = "echocast";
 
-/// States of coordinates: there are some, there are none.
+/// States of coordinates: present, absent.
 const VALID: RecordValue = RecordValue::Integer(0);
 const INVALID: RecordValue = RecordValue::Integer(2);
 
@@ -39,7 +40,7 @@ impl Format for E57 {
     }
 
     fn keeps(&self, record: &cloud::Record) -> bool {
-        // It stands in XML 1.0 as it is, which has no other characters (2.2 Char).
+        // It is written verbatim into XML 1.0, which allows no other characters (2.2 Char).
         let is_char = |c: char| matches!(c, '\t' | '\n' | '\r' | ' '..='\u{fffd}' | '\u{10000}'..);
         record.text().is_some_and(|text| !text.contains("]]>") && text.chars().all(is_char))
     }
@@ -73,7 +74,7 @@ impl E57File {
 
 impl Growing for E57File {
     fn add(&mut self, cloud: &PointCloud) -> io::Result<()> {
-        // Readers stumble over scans without points.
+        // Readers fail on scans without points.
         if cloud.len == 0 {
             return Ok(());
         }
@@ -117,7 +118,7 @@ impl Growing for E57File {
     }
 }
 
-/// A name for `cloud`, the same for the same cloud: that of the scan `number`, or of the file it begins.
+/// An identifier for `cloud`, the same for the same cloud: that of the scan `number`, or of the file that it starts.
 fn guid(cloud: &PointCloud, number: Option<u32>) -> String {
     let mut digest = Sha256::new();
     digest.update(number.map_or([0; 4], |number| (number + 1).to_le_bytes()));
@@ -137,59 +138,59 @@ fn guid(cloud: &PointCloud, number: Option<u32>) -> String {
 }
 
 fn io_error(error: Error) -> io::Error {
-    // The system's own words, where it is to blame.
+    // The system's own message, if it caused the error.
     match error.source().and_then(|source| source.downcast_ref::<io::Error>()).and_then(io::Error::raw_os_error) {
         Some(code) => io::Error::from_raw_os_error(code),
         None => io::Error::other(error),
     }
 }
 
-/// What a point of a scan has.
+/// An attribute of the points of a scan.
 struct Attribute<'a> {
     name: RecordName,
-    values: Values<'a>,
+    values: E57Values<'a>,
 }
 
-enum Values<'a> {
+enum E57Values<'a> {
     /// Coordinate along this axis in the sensor frame, as f32.
     Place(usize),
-    /// The same as f64, of clouds that reach far from the sensor.
+    /// The same as f64, for clouds that reach far from the sensor.
     FarPlace(usize),
     /// Whether there are coordinates.
     State,
-    /// Of an organised cloud with so many columns.
+    /// Row or column in an organised cloud with this number of columns.
     Row(u32),
     Column(u32),
     Numbers(Column<'a>),
-    /// Counted from 1 where E57 counts from 0; a beam without a return has 0 in both.
+    /// Counts from 1, whereas E57 counts from 0; a beam without a return has 0 in both.
     ReturnIndex(&'a [u8]),
     /// A true position, with its coordinate of the origin.
     Position(&'a [f32], f64),
 }
 
 impl<'a> Attribute<'a> {
-    /// Those of `cloud`, which reaches `far` from the sensor or not.
+    /// The attributes of `cloud`; `far`: it reaches far from the sensor.
     fn of(cloud: &'a PointCloud, far: bool) -> Vec<Attribute<'a>> {
         let c = &cloud.columns;
         let mut all = Vec::new();
         let mut add = |name, values| all.push(Attribute { name, values });
         let axes = [RecordName::CartesianX, RecordName::CartesianY, RecordName::CartesianZ];
-        let place = if far { Values::FarPlace } else { Values::Place };
+        let place = if far { E57Values::FarPlace } else { E57Values::Place };
         axes.into_iter().enumerate().for_each(|(axis, name)| add(name, place(axis)));
         let misses = [&c.x, &c.y, &c.z].into_iter().flatten().any(|x| !x.is_finite());
         if misses {
-            add(RecordName::CartesianInvalidState, Values::State);
+            add(RecordName::CartesianInvalidState, E57Values::State);
         }
         if let Some([_, columns]) = cloud.organised {
-            add(RecordName::RowIndex, Values::Row(columns));
-            add(RecordName::ColumnIndex, Values::Column(columns));
+            add(RecordName::RowIndex, E57Values::Row(columns));
+            add(RecordName::ColumnIndex, E57Values::Column(columns));
         }
         // E57 has all three of a colour, and both of a return, or none.
         let all_of = |fields: &[Field]| fields.iter().all(|&field| cloud.fields.contains(field));
         let coloured = all_of(&[Field::Red, Field::Green, Field::Blue]);
         let returns = all_of(&[Field::ReturnNumber, Field::ReturnCount]);
         for info in cloud.fields.iter() {
-            let column = Values::Numbers(cloud.column(info.field));
+            let column = E57Values::Numbers(cloud.column(info.field));
             match info.field {
                 Field::X | Field::Y | Field::Z => {}
                 Field::Intensity => add(RecordName::Intensity, column),
@@ -197,12 +198,14 @@ impl<'a> Attribute<'a> {
                 Field::Red if coloured => add(RecordName::ColorRed, column),
                 Field::Green if coloured => add(RecordName::ColorGreen, column),
                 Field::Blue if coloured => add(RecordName::ColorBlue, column),
-                Field::ReturnNumber if returns => add(RecordName::ReturnIndex, Values::ReturnIndex(&c.return_number)),
+                Field::ReturnNumber if returns => {
+                    add(RecordName::ReturnIndex, E57Values::ReturnIndex(&c.return_number))
+                }
                 Field::ReturnCount if returns => add(RecordName::ReturnCount, column),
                 _ => {
                     let name = RecordName::Unknown { namespace: NAMESPACE.into(), name: info.name.into() };
                     match (cloud.column(info.field), cloud.offset(info.field)) {
-                        (Column::F32(positions), Some(offset)) => add(name, Values::Position(positions, offset)),
+                        (Column::F32(positions), Some(offset)) => add(name, E57Values::Position(positions, offset)),
                         _ => add(name, column),
                     }
                 }
@@ -216,13 +219,13 @@ impl<'a> Attribute<'a> {
         const DOUBLE: RecordDataType = RecordDataType::Double { min: None, max: None };
         let up_to = |max| RecordDataType::Integer { min: 0, max };
         let data_type = match &self.values {
-            Values::Place(_) => SINGLE,
-            Values::FarPlace(_) => DOUBLE,
-            Values::State => up_to(2),
-            Values::Row(_) | Values::Column(_) => up_to(u32::MAX.into()),
-            Values::ReturnIndex(_) => up_to(u8::MAX.into()),
-            Values::Position(..) => DOUBLE,
-            Values::Numbers(column) => match column.kind() {
+            E57Values::Place(_) => SINGLE,
+            E57Values::FarPlace(_) => DOUBLE,
+            E57Values::State => up_to(2),
+            E57Values::Row(_) | E57Values::Column(_) => up_to(u32::MAX.into()),
+            E57Values::ReturnIndex(_) => up_to(u8::MAX.into()),
+            E57Values::Position(..) => DOUBLE,
+            E57Values::Numbers(column) => match column.kind() {
                 ColumnType::F32 => SINGLE,
                 ColumnType::F64 => DOUBLE,
                 ColumnType::U8 => up_to(u8::MAX.into()),
@@ -233,24 +236,24 @@ impl<'a> Attribute<'a> {
         Record { name: self.name.clone(), data_type }
     }
 
-    /// Of row `row`, at `place` in the sensor frame.
+    /// The value of row `row`, at `place` in the sensor frame.
     fn value(&self, place: DVec3, row: usize) -> RecordValue {
         let here = place.is_finite();
         match &self.values {
-            Values::Place(axis) => RecordValue::Single(if here { place[*axis] as f32 } else { 0.0 }),
-            Values::FarPlace(axis) => RecordValue::Double(if here { place[*axis] } else { 0.0 }),
-            Values::State => {
+            E57Values::Place(axis) => RecordValue::Single(if here { place[*axis] as f32 } else { 0.0 }),
+            E57Values::FarPlace(axis) => RecordValue::Double(if here { place[*axis] } else { 0.0 }),
+            E57Values::State => {
                 if here {
                     VALID
                 } else {
                     INVALID
                 }
             }
-            Values::Row(columns) => RecordValue::Integer((row / *columns as usize) as i64),
-            Values::Column(columns) => RecordValue::Integer((row % *columns as usize) as i64),
-            Values::ReturnIndex(numbers) => RecordValue::Integer(i64::from(numbers[row]).saturating_sub(1).max(0)),
-            Values::Position(positions, offset) => RecordValue::Double(f64::from(positions[row]) + offset),
-            Values::Numbers(column) => match *column {
+            E57Values::Row(columns) => RecordValue::Integer((row / *columns as usize) as i64),
+            E57Values::Column(columns) => RecordValue::Integer((row % *columns as usize) as i64),
+            E57Values::ReturnIndex(numbers) => RecordValue::Integer(i64::from(numbers[row]).saturating_sub(1).max(0)),
+            E57Values::Position(positions, offset) => RecordValue::Double(f64::from(positions[row]) + offset),
+            E57Values::Numbers(column) => match *column {
                 Column::F32(c) => RecordValue::Single(c[row]),
                 Column::F64(c) => RecordValue::Double(c[row]),
                 Column::U8(c) => RecordValue::Integer(c[row].into()),

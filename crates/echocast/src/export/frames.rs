@@ -1,13 +1,13 @@
 //! Frames of a sequence in one HDF5 file, written one by one.
 
-use super::atomic::Pending;
 use super::hdf5::{BoxRows, ROWS, add_tables, describe};
-use super::{failed, sensor_pose, unfinished};
+use super::sensor_pose;
 use crate::cloud::{Column, FieldInfo, FieldSet, Frame, PointCloud};
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
 use crate::ground::shown;
 use crate::scene::Labels;
+use crate::write::{self, Pending, failed};
 use ::hdf5::types::VarLenArray;
 use ::hdf5::{Dataset, Extent, File, H5Type};
 use glam::DVec3;
@@ -15,14 +15,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// An HDF5 file that grows by one frame at a time: one dataset per column, one variable-length row per frame, and a row
-/// of `sensor_position` and `sensor_orientation_xyzw` per frame. Boxes are rows of one group, which say their frame.
-/// All else is as in a merged HDF5 file. Only one frame
-/// is in memory at a time.
+/// of `sensor_position` and `sensor_orientation_xyzw` per frame. Boxes are rows of one group and state their frame.
+/// Everything else is as in a merged HDF5 file. Only one frame is in memory at a time.
 ///
 /// The file appears under its name with [`FramesFile::finish`]; if dropped before, it leaves nothing behind.
 #[derive(Debug)]
 pub struct FramesFile {
-    // The datasets go before the file, the file before its name.
+    // Dropped in this order: the datasets before the file, the file before its name.
     columns: Vec<(&'static FieldInfo, Dataset)>,
     poses: Vec<Dataset>,
     /// The boxes of all frames, if there are any.
@@ -73,9 +72,9 @@ impl FramesFile {
     ///
     /// # Errors
     /// A cloud with other columns or labels, another frame, origin, shape or intensity scale than the first; a full
-    /// disk; a set [`cancel_flag`](super::cancel_flag).
+    /// disk; a set [`cancel_flag`](crate::write::cancel_flag).
     pub fn add(&mut self, cloud: &PointCloud) -> Result<()> {
-        unfinished::check().map_err(|source| failed(self.pending.target(), source))?;
+        write::check().map_err(|source| failed(self.pending.target(), source))?;
         cloud.check()?;
         let common = Common {
             fields: cloud.fields,
@@ -142,7 +141,7 @@ impl FramesFile {
         Ok(())
     }
 
-    /// Gives the file its name, replacing an older file. The report says what it could not hold.
+    /// Gives the file its name, replacing an older file. The report lists what it could not hold.
     ///
     /// # Errors
     /// A full disk, also when that made [`FramesFile::add`] fail before.
@@ -192,7 +191,7 @@ mod tests {
         cloud.columns.resize(cloud.fields, 3).unwrap();
         let mut file = FramesFile::create(&path).unwrap();
         file.add(&cloud).unwrap();
-        // A dataset of one dimension holds no pose: this frame fails when its columns are there.
+        // A dataset of one dimension holds no pose: this frame fails after its columns were written.
         file.poses[0] = file.columns[0].1.clone();
         assert!(file.add(&cloud).is_err());
         let error = file.finish().unwrap_err().to_string();

@@ -1,20 +1,21 @@
 //! A cloud file that grows frame by frame.
 
-use super::{Format, Growing, Output, check_fields, failed, format_for, lost};
+use super::{Format, Growing, Output, check_fields, format_for, lost};
 use crate::cloud::PointCloud;
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
 use crate::ground::shown;
+use crate::write::failed;
 use std::path::{Path, PathBuf};
 
 /// The clouds of several frames in one file, as if they were one cloud, of which one at a time is in memory.
 ///
-/// The file, and `NAME.labels.json` beside formats that cannot hold the label names, appear under their names with
+/// The file, and `NAME.labels.json` for formats that cannot hold the label names, appear under their names with
 /// [`GrowingFile::finish`]; if dropped before, it leaves nothing behind.
 pub struct GrowingFile {
     format: &'static dyn Format,
     path: PathBuf,
-    // Closed before its name is given or taken.
+    // Closed before it gets its name or is removed.
     file: Box<dyn Growing>,
     output: Output,
     /// All clouds together, without their rows and boxes.
@@ -24,8 +25,8 @@ pub struct GrowingFile {
 }
 
 impl GrowingFile {
-    /// Starts the file that will be called `path`, for clouds like `first`, in the format called `format` or the one of
-    /// the ending; `None`: files of the format need all points at once. `first` is not added yet.
+    /// Starts the file that will be called `path`, for clouds like `first`, in the format called `format` or the one
+    /// that owns the ending; `None`: files of the format need all points at once. `first` is not added yet.
     ///
     /// # Errors
     /// As [`super::write`].
@@ -43,7 +44,7 @@ impl GrowingFile {
     ///
     /// # Errors
     /// A cloud with other columns or labels, another frame, origin or intensity scale than the first; a full disk; a
-    /// set [`cancel_flag`](super::cancel_flag).
+    /// set [`cancel_flag`](crate::write::cancel_flag).
     pub fn add(&mut self, cloud: &PointCloud) -> Result<()> {
         cloud.check()?;
         self.head.lengthen(cloud)?;
@@ -52,7 +53,7 @@ impl GrowingFile {
         added.map_err(|source| failed(&self.path, source))
     }
 
-    /// Gives the file its name, replacing an older file. The report says what the format could not hold.
+    /// Gives the file its name, replacing an older file. The report lists what the format could not hold.
     ///
     /// # Errors
     /// A full disk, also when that made [`GrowingFile::add`] fail before.
@@ -72,13 +73,14 @@ impl GrowingFile {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{FORMATS, labels_path, sink, write};
+    use super::super::{FORMATS, labels_path, write};
     use super::*;
     use crate::cloud::{Field, FieldSet};
+    use crate::write::sink;
     use glam::DVec3;
     use std::fs;
 
-    /// A frame of `rows` of all columns but those of rows and columns, with a beam that has no return.
+    /// A frame of `rows` rows with all columns, organised in one column, with a beam that has no return.
     fn frame(number: usize, rows: usize) -> PointCloud {
         let mut cloud = PointCloud { len: rows, fields: FieldSet::all(), ..PointCloud::default() };
         cloud.origin = DVec3::new(5e5, 5.6e6, 100.0);
@@ -114,8 +116,8 @@ mod tests {
             let Some(report) = growing(&path("grown"), &frames).unwrap() else { continue };
             grew += 1;
             assert_eq!(report.warnings, write(&all, &path("whole"), None).unwrap().warnings);
-            // Bytes, but for HDF5, whose datasets lie in chunks, E57, which has a scan for each frame, and bags, which
-            // have a message.
+            // Bytes, except for HDF5, whose datasets are in chunks, E57, which has a scan for each frame, and bags,
+            // which have a message for each.
             if !["hdf5", "e57", "mcap"].contains(&format.name()) {
                 let read = |stem| fs::read(path(stem)).unwrap();
                 assert!(read("grown") == read("whole"), "{}", format.name());
@@ -168,12 +170,12 @@ mod tests {
     }
 
     #[test]
-    fn points_farther_out_than_the_first_frame_lets_say_are_told() {
+    fn points_out_of_the_range_of_the_first_frame_are_reported() {
         let folder = tempfile::tempdir().unwrap();
         let mut far = frame(1, 10);
         far.columns.x[5] = 3e5;
         let report = growing(&folder.path().join("a.las"), &[frame(0, 10), far]).unwrap().unwrap();
-        let told = "las: 1 of 18 points left out: their coordinates are farther out than LAS can say";
-        assert!(report.warnings.iter().any(|warning| warning == told), "{report:?}");
+        let expected_warning = "las: 1 of 18 points left out: their coordinates are out of the range of LAS";
+        assert!(report.warnings.iter().any(|warning| warning == expected_warning), "{report:?}");
     }
 }

@@ -2,10 +2,11 @@
 
 use super::boxes::{self, BoxColumn, Numbers};
 use super::npz::{NAME_CHARS, cut_names};
-use super::{Format, FormatInfo, Growing, sensor_pose, unfinished};
+use super::{Format, FormatInfo, Growing, sensor_pose};
 use crate::cloud::{Column, ColumnType, FieldInfo, InstanceBox, PointCloud};
 use crate::ground::report::Report;
 use crate::scene::Labels;
+use crate::write;
 use ::hdf5::types::{FixedUnicode, TypeDescriptor};
 use ::hdf5::{Container, Dataset, DatasetBuilderEmpty, Extent, File, Group, H5Type, Location};
 use echocast_hdf5::io_error;
@@ -13,7 +14,8 @@ use std::io;
 use std::path::Path;
 
 /// Contiguous datasets named like the columns, with the attributes `unit` and `meaning`; positions f32 relative to the
-/// dataset `origin`. Organised clouds stay lists of rows, and the dataset `shape` holds their rows and columns.
+/// dataset `origin`. Organised clouds are stored as lists of rows, and the dataset `shape` holds their numbers of rows
+/// and columns.
 pub(super) struct Hdf5;
 
 impl Format for Hdf5 {
@@ -60,16 +62,16 @@ impl Hdf5 {
     }
 }
 
-/// Rows of frames, boxes and texts that are handled together.
+/// Rows of frames, boxes and texts that are processed together.
 pub(super) const ROWS: usize = 256;
-/// Most bytes of a text, as many characters as names have at most, of four bytes each.
+/// Maximum number of bytes of a text: the longest allowed name, four bytes per character.
 pub(crate) const WIDEST: usize = NAME_CHARS * 4;
 /// Rows of points that are allocated together.
 const CHUNK: usize = 1 << 16;
 
 /// A file to which clouds are added: the same datasets, in chunks.
 struct Hdf5File {
-    // The datasets go before the file.
+    // Dropped in this order: the datasets before the file.
     columns: Vec<(&'static FieldInfo, Dataset)>,
     boxes: Option<BoxRows>,
     file: Option<File>,
@@ -104,7 +106,7 @@ impl Hdf5File {
     fn add_rows(&mut self, cloud: &PointCloud) -> ::hdf5::Result<()> {
         let rows = self.len..self.len + cloud.len;
         for (info, dataset) in self.columns.iter().filter(|_| !rows.is_empty()) {
-            unfinished::check().map_err(|error| error.to_string())?;
+            write::check().map_err(|error| error.to_string())?;
             dataset.resize(rows.end)?;
             match cloud.column(info.field) {
                 Column::F32(c) => dataset.write_slice(c, rows.clone()),
@@ -194,7 +196,7 @@ impl BoxRows {
     }
 }
 
-/// Adds what says how to read the columns: frame, origin, shape, scale and name tables.
+/// Adds what is needed to interpret the columns: frame, origin, shape, scale and name tables.
 pub(super) fn add_tables(file: &File, cloud: &PointCloud, report: &mut Report) -> ::hdf5::Result<()> {
     add_text(file, "coordinates", cloud.frame.name())?;
     if let Some(driver) = cloud.driver {
@@ -225,7 +227,7 @@ pub(super) fn add_names(file: &File, labels: &Labels, report: &mut Report) -> ::
 
 /// Adds the dataset `name` of `data`.
 pub(super) fn add_column(group: &Group, name: &str, shape: &[usize], data: Column<'_>) -> ::hdf5::Result<Dataset> {
-    unfinished::check().map_err(|error| error.to_string())?;
+    write::check().map_err(|error| error.to_string())?;
     match data {
         Column::F32(c) => add(group, name, shape, c),
         Column::F64(c) => add(group, name, shape, c),
@@ -236,7 +238,7 @@ pub(super) fn add_column(group: &Group, name: &str, shape: &[usize], data: Colum
 }
 
 fn add<T: H5Type>(group: &Group, name: &str, shape: &[usize], data: &[T]) -> ::hdf5::Result<Dataset> {
-    // Without times of change the same run gives the same bytes.
+    // Without modification times the same run gives the same bytes.
     let dataset = group.new_dataset::<T>().obj_track_times(false).shape(shape).create(name)?;
     if !data.is_empty() {
         dataset.write_raw(data)?;
@@ -244,14 +246,14 @@ fn add<T: H5Type>(group: &Group, name: &str, shape: &[usize], data: &[T]) -> ::h
     Ok(dataset)
 }
 
-/// Adds a dataset of one text without a shape.
+/// Adds a scalar dataset of one text.
 pub(super) fn add_text(file: &File, name: &str, text: &str) -> ::hdf5::Result<()> {
     let width = width(Some(text.len()));
     let dataset = new_texts(file, width).create(name)?;
     put_texts(&dataset, width, &[text], None)
 }
 
-/// Adds the attributes that say what a dataset holds.
+/// Adds the attributes that describe what a dataset holds.
 pub(super) fn describe(dataset: &Location, unit: &str, meaning: &str) -> ::hdf5::Result<()> {
     for (name, value) in [("unit", unit), ("meaning", meaning)] {
         let width = width(Some(value.len()));
@@ -261,22 +263,22 @@ pub(super) fn describe(dataset: &Location, unit: &str, meaning: &str) -> ::hdf5:
     Ok(())
 }
 
-/// Bytes of texts of which the longest has so many; none at all is no type.
+/// Width in bytes of texts of which the longest has `longest`; a type of 0 bytes does not exist.
 fn width(longest: Option<usize>) -> usize {
     longest.unwrap_or(0).max(1)
 }
 
-/// A dataset of texts of `width` bytes. Texts of any length would lie in the heaps of the file, which other libraries read
-/// with less care, and which ours does not touch.
+/// A dataset of texts of `width` bytes. Texts of variable length would be in the heaps of the file, which other
+/// libraries read less carefully, and which ours does not use.
 fn new_texts(file: &File, width: usize) -> DatasetBuilderEmpty {
     file.new_dataset_builder().empty_as(TypeDescriptor::FixedUnicode(width)).obj_track_times(false)
 }
 
 /// Writes `texts` of at most `width` bytes to `place`: from row `start` on, or the only one.
 fn put_texts(place: &Container, width: usize, texts: &[&str], start: Option<usize>) -> ::hdf5::Result<()> {
-    // In memory they are of a few widths, which are types; the library fits them to those of the file.
+    // In memory they have one of a few widths, which are types; the library converts them to those of the file.
     fn put<const N: usize>(place: &Container, texts: &[&str], start: Option<usize>) -> ::hdf5::Result<()> {
-        // A zero ends a text, and therefore cannot stand in it.
+        // A zero terminates a text, and therefore cannot be part of it.
         let fixed = |text: &&str| text.replace('\0', "?").parse::<FixedUnicode<N>>().unwrap_or_default();
         let texts: Vec<FixedUnicode<N>> = texts.iter().map(fixed).collect();
         match (start, &*texts) {

@@ -1,10 +1,9 @@
-//! Images of cameras and other sensors of light, frame by frame into a folder: pixels as PNG, TIFF and arrays, and what
+//! Images of cameras and other optical sensors, frame by frame into a folder: pixels as PNG, TIFF and arrays, and what
 //! they show as annotations.
 
-use super::annotations::{Coco, Panoptic, Shown, voc};
+use super::annotations::{CocoInstances, Panoptic, Shown, voc};
 use super::npz::Archive;
 use super::pixels::{Png, palette, write_tiff};
-use super::{Pending, atomic, failed, write_bytes};
 use crate::cloud::{Column, Field, FieldSet, PointCloud};
 use crate::emitter::{ImageGrid, Intrinsics};
 use crate::ground::error::{Error, Result};
@@ -13,6 +12,7 @@ use crate::ground::report::Report;
 use crate::image::{RangeImage, annotations, masks};
 use crate::scene::NameTable;
 use crate::sensor::Sensor;
+use crate::write::{self, Pending, failed};
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeSet, HashMap};
@@ -21,12 +21,12 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Something that files hold of every image.
+/// A layer of images that files hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ImageLayer {
-    /// Distance along the axis of a camera, of other sensors the slant range: PNG of 16 bits, 0 where there is no
-    /// return, else millimetres or as [`ImageOptions::depth_range_m`] says.
+    /// Distance along the axis of a camera, for other sensors the slant range: PNG of 16 bits, 0 where there is no
+    /// return, else millimetres or as specified by [`ImageOptions::depth_range_m`].
     Depth,
     /// The same in metres, NaN where there is no return: TIFF of 32-bit floats.
     Depth32,
@@ -50,7 +50,7 @@ pub enum ImageLayer {
     /// Normals to the right, up and back: PNG in which red, green and blue are `127.5 (n + 1)`, black where there is no
     /// return.
     Normal,
-    /// All of these as arrays of NumPy, with the numbers of the cloud: NPZ.
+    /// All of these as NumPy arrays, with the numbers of the cloud: NPZ.
     Arrays,
 }
 
@@ -61,7 +61,7 @@ named! {
         Intensity "intensity", Normal "normal", Arrays "arrays",
 }
 
-/// How files tell what images show of each instance.
+/// The format in which files describe what images show of each instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AnnotationStyle {
@@ -79,11 +79,11 @@ named! { AnnotationStyle: Coco "coco", Panoptic "panoptic", Voc "voc" }
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImageOptions {
-    /// What is written of every image; depth, category, instance and color by default.
+    /// The layers written for every image; depth, category, instance and color by default.
     pub layers: Vec<ImageLayer>,
     /// Distances, m, between which `depth` is linear, 1 to 65535; `None`: it is in millimetres.
     pub depth_range_m: Option<[f64; 2]>,
-    /// How it is annotated; not by default.
+    /// Formats of the annotations; none by default.
     pub annotations: Vec<AnnotationStyle>,
 }
 
@@ -107,7 +107,7 @@ impl ImageLayer {
         }
     }
 
-    /// The columns that it is made from, besides `beam` and `range`.
+    /// The columns that it is made from, in addition to `beam` and `range`.
     fn fields(self) -> FieldSet {
         let fields: &[Field] = match self {
             ImageLayer::Depth | ImageLayer::Depth32 => &[Field::Depth],
@@ -133,10 +133,10 @@ impl ImageOptions {
         self.layers.iter().fold(fields, |all, layer| all.union(layer.fields()))
     }
 
-    /// Checks that images can be made so.
+    /// Checks that images can be made with these options.
     ///
     /// # Errors
-    /// No layer, one that is there twice, depths that do not rise from 0 or more.
+    /// No layer, a layer given twice, depths that do not ascend from 0 or more.
     pub fn check(&self) -> Result<()> {
         let twice = |index: usize| self.layers[..index].contains(&self.layers[index]);
         if self.layers.is_empty() || (0..self.layers.len()).any(twice) {
@@ -152,7 +152,7 @@ impl ImageOptions {
         Ok(())
     }
 
-    /// The layer that annotations are about: what people see as a picture.
+    /// The layer that annotations refer to: the one that is viewed as a picture.
     pub(crate) fn pictured(&self) -> ImageLayer {
         let seen = [ImageLayer::Color, ImageLayer::Intensity, ImageLayer::Depth];
         let seen = seen.into_iter().find(|layer| self.layers.contains(layer));
@@ -172,7 +172,7 @@ impl ImageOptions {
         names
     }
 
-    /// Names of the files of all images.
+    /// Names of the files that cover all images.
     pub fn table_names(&self) -> Vec<String> {
         let tables = [(AnnotationStyle::Coco, "coco.json"), (AnnotationStyle::Panoptic, "panoptic.json")];
         let tables = tables.into_iter().filter(|(style, _)| self.annotations.contains(style)).map(|(_, name)| name);
@@ -193,8 +193,7 @@ fn voc_name(pictured: ImageLayer, frame: u32) -> String {
     format!("{}_{frame:04}.xml", pictured.name())
 }
 
-/// Checks, before a long scan, whether images of `sensor` can be written to the folder `folder`, which may be there or
-/// not.
+/// Checks, before a long scan, whether images of `sensor` can be written to the folder `folder`, which need not exist.
 ///
 /// # Errors
 /// As [`ImageOptions::check`] and [`Sensor::image_grid`]; a folder that can neither be made nor written to.
@@ -209,7 +208,7 @@ pub fn check_images(folder: &Path, sensor: &Sensor, options: &ImageOptions) -> R
     tried
 }
 
-/// Makes `folder`; whether it was not there.
+/// Makes `folder`; returns whether it did not exist.
 fn make(folder: &Path) -> Result<bool> {
     match fs::create_dir(folder) {
         Ok(()) => Ok(true),
@@ -218,23 +217,23 @@ fn make(folder: &Path) -> Result<bool> {
     }
 }
 
-/// A folder of images of one sensor, frame by frame: `depth_0007.png` and so on, and for all of them `images.json`.
+/// A folder of images of one sensor, frame by frame: `depth_0007.png` and so on, and `images.json` for all of them.
 #[derive(Debug)]
 pub struct ImageFolder {
     folder: PathBuf,
     options: ImageOptions,
     grid: ImageGrid,
     sensor: String,
-    /// What `images.json` says of each image.
+    /// The entry of each image in `images.json`.
     frames: Vec<Value>,
-    coco: Coco,
+    coco: CocoInstances,
     panoptic: Panoptic,
     labels: Arc<crate::scene::Labels>,
     files: Vec<PathBuf>,
 }
 
 impl ImageFolder {
-    /// Begins a folder, which is made if it is not there.
+    /// Begins a folder, which is made if it does not exist.
     ///
     /// # Errors
     /// As [`check_images`].
@@ -249,7 +248,7 @@ impl ImageFolder {
             grid,
             sensor: sensor.name().to_owned(),
             frames: Vec::new(),
-            coco: Coco::default(),
+            coco: CocoInstances::default(),
             panoptic: Panoptic::default(),
             labels: Arc::default(),
             files: Vec::new(),
@@ -257,8 +256,8 @@ impl ImageFolder {
     }
 
     /// Adds the image of `cloud`, the scan number `frame`, which began at `time`, s; it has the columns
-    /// [`ImageOptions::fields`], and for annotations the boxes of [`crate::ScanOptions::image_boxes`]. Its files appear under
-    /// their names when all of them are complete.
+    /// [`ImageOptions::fields`], and for annotations the boxes of [`crate::ScanOptions::image_boxes`]. Its files appear
+    /// under their names when all of them are complete.
     ///
     /// # Errors
     /// As [`RangeImage::new`]; a column that is missing; more labels than a file holds; a full disk.
@@ -300,7 +299,7 @@ impl ImageFolder {
                         let text = voc(&shown, &self.folder_name(), channels);
                         let name = voc_name(pictured, frame);
                         let file = Pending::create(&self.folder.join(&name))?;
-                        write_bytes(file.path(), text.as_bytes())
+                        write::bytes(file.path(), text.as_bytes())
                             .map_err(|source| failed(&self.folder.join(&name), source))?;
                         names.insert("voc".to_owned(), name.into());
                         pending.push(file);
@@ -308,7 +307,7 @@ impl ImageFolder {
                 }
             }
         }
-        atomic::commit_all(pending)?;
+        write::commit_all(pending)?;
         self.files.extend(names.values().filter_map(Value::as_str).map(|name| self.folder.join(name)));
         self.frames.push(json!({
             "frame": frame,
@@ -326,7 +325,7 @@ impl ImageFolder {
         whole.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
     }
 
-    /// Writes what belongs to all images. Returns every file of the folder that was written.
+    /// Writes the files that cover all images. Returns every file of the folder that was written.
     ///
     /// # Errors
     /// A full disk.
@@ -344,11 +343,11 @@ impl ImageFolder {
         for (name, text) in tables {
             let path = self.folder.join(name);
             let file = Pending::create(&path)?;
-            write_bytes(file.path(), text.as_bytes()).map_err(|source| failed(&path, source))?;
+            write::bytes(file.path(), text.as_bytes()).map_err(|source| failed(&path, source))?;
             pending.push(file);
             self.files.push(path);
         }
-        atomic::commit_all(pending)?;
+        write::commit_all(pending)?;
         Ok(self.files)
     }
 
@@ -374,7 +373,7 @@ impl ImageFolder {
     }
 }
 
-/// Errors of the system name the file as it will be called.
+/// Makes errors of the system refer to the file by its final name.
 fn named_by(error: Error, path: &Path) -> Error {
     match error {
         Error::Io { source, .. } => failed(path, source),
@@ -385,7 +384,8 @@ fn named_by(error: Error, path: &Path) -> Error {
 /// Distances of the values 1 and 65535 in millimetres.
 const MILLIMETRES: [f64; 2] = [0.001, 65.535];
 
-/// Writes a layer of `image` to the file `path`, which nobody else sees yet; depths between the distances `range`, m.
+/// Writes a layer of `image` to the file `path`, which is not visible to others yet; depths between the distances
+/// `range`, m.
 ///
 /// # Errors
 /// As [`ImageFolder::add`].
@@ -489,10 +489,10 @@ fn depths(distance: &[f32], range: Option<[f64; 2]>, report: &mut Report) -> Vec
     let bytes = distance.iter().map(value).collect::<Vec<_>>().into_flattened();
     let [low, high] = range.unwrap_or(MILLIMETRES);
     if farther {
-        report.warn(format!("depth: what is farther than {high} m holds 65535; a depth range holds more"));
+        report.warn(format!("depth: distances above {high} m are written as 65535; a depth range covers more"));
     }
     if nearer {
-        report.warn(format!("depth: what is nearer than {low} m holds 1"));
+        report.warn(format!("depth: distances below {low} m are written as 1"));
     }
     bytes
 }
@@ -503,17 +503,17 @@ fn intensities(values: &[f32], full: f32, report: &mut Report) -> Vec<u8> {
     let mut above = false;
     let value = |&value: &f32| {
         above |= value > full;
-        // Nothing, NaN, becomes 0.
+        // No return, NaN, becomes 0.
         ((value * scale + 0.5) as u16).to_be_bytes()
     };
     let bytes = values.iter().map(value).collect::<Vec<_>>().into_flattened();
     if above {
-        report.warn(format!("intensity: what is above the full scale, {full}, holds 65535"));
+        report.warn(format!("intensity: values above the full scale, {full}, are written as 65535"));
     }
     bytes
 }
 
-/// Writes label numbers: with a palette where all of them have 8 bits and the layer does not ask for 16.
+/// Writes label numbers: with a palette where all of them have 8 bits and the layer does not require 16.
 fn write_mask(
     image: &RangeImage,
     ids: &[u32],
@@ -524,7 +524,7 @@ fn write_mask(
     let stem = layer.name().trim_end_matches("16");
     need(image, ids, &format!("{stem}_id"))?;
     let seen: BTreeSet<u32> = ids.chunk_by(|a, b| a == b).map(|run| run[0]).filter(|&id| id != 0).collect();
-    // That of all images of a scene is the same.
+    // The same for all images of a scene.
     let greatest = table.ids.last().copied().max(seen.last().copied()).unwrap_or(0);
     let mut texts = vec![("quantity".to_owned(), stem.to_owned())];
     let values: Vec<(u32, u32)> = if greatest <= u32::from(u16::MAX) {
@@ -540,14 +540,14 @@ fn write_mask(
     texts.push(("names".to_owned(), Value::Object(names.collect()).to_string()));
     let of: Option<HashMap<u32, u32>> = (greatest > u32::from(u16::MAX)).then(|| values.into_iter().collect());
     let wide = greatest > u32::from(u8::MAX) || layer.name() != stem;
-    let samples = if wide { Samples::Grey16 } else { Samples::Indexed };
+    let samples = if wide { PixelFormat::Grey16 } else { PixelFormat::Indexed };
     let number = |id: &u32| of.as_ref().map_or(*id, |of| of.get(id).copied().unwrap_or(0));
     write_numbers(image, ids.iter().map(number), samples, texts, path)
 }
 
-/// How an image has numbers.
+/// The pixel format of an image of numbers.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Samples {
+pub(crate) enum PixelFormat {
     /// 8 bits, with the colours of Pascal VOC.
     Indexed,
     /// 8 bits, without colours.
@@ -560,30 +560,30 @@ pub(crate) enum Samples {
 pub(crate) fn write_numbers(
     image: &RangeImage,
     numbers: impl Iterator<Item = u32>,
-    samples: Samples,
+    samples: PixelFormat,
     texts: Vec<(String, String)>,
     path: &Path,
 ) -> Result<()> {
     let bytes: Vec<u8> = match samples {
-        Samples::Grey16 => numbers.flat_map(|number| (number as u16).to_be_bytes()).collect(),
-        Samples::Indexed | Samples::Grey8 => numbers.map(|number| number as u8).collect(),
+        PixelFormat::Grey16 => numbers.flat_map(|number| (number as u16).to_be_bytes()).collect(),
+        PixelFormat::Indexed | PixelFormat::Grey8 => numbers.map(|number| number as u8).collect(),
     };
     let grey = grey16([image.width, image.height], texts);
     let (palette, depth) = (palette(), png::BitDepth::Eight);
     let png = match samples {
-        Samples::Indexed => Png { color: png::ColorType::Indexed, depth, palette: Some(&palette), ..grey },
-        Samples::Grey8 => Png { depth, ..grey },
-        Samples::Grey16 => grey,
+        PixelFormat::Indexed => Png { color: png::ColorType::Indexed, depth, palette: Some(&palette), ..grey },
+        PixelFormat::Grey8 => Png { depth, ..grey },
+        PixelFormat::Grey16 => grey,
     };
     png.write(path, &bytes).map_err(|source| failed(path, source))
 }
 
-/// Values of 16 bits for numbers that do not fit: the places of all in the table, or where they are too many, of those
-/// `seen`.
+/// Values of 16 bits for numbers that do not fit: indices of all labels in the table, or if these are too many, of
+/// those `seen`.
 fn renumbered(seen: &BTreeSet<u32>, table: &NameTable, stem: &str, report: &mut Report) -> Result<Vec<(u32, u32)>> {
     let most = usize::from(u16::MAX);
     let place = |id: u32| table.ids.binary_search(&id).ok().map(|place| place as u32 + 1);
-    report.warn(format!("{stem}: numbers above {most} renumbered; the text `numbers` of each image tells them"));
+    report.warn(format!("{stem}: numbers above {most} renumbered; the text `numbers` of each image lists them"));
     if table.ids.len() <= most
         && let Some(values) = seen.iter().map(|&id| Some((id, place(id)?))).collect()
     {
@@ -628,9 +628,9 @@ fn write_arrays(image: &RangeImage, path: &Path, report: &mut Report) -> io::Res
 
 #[cfg(test)]
 mod tests {
-    use super::super::sink;
     use super::*;
     use crate::image::range_image::tests::{camera, wall};
+    use crate::write::sink;
 
     /// Everything but parts, which the wall does not have.
     fn options() -> ImageOptions {
@@ -677,7 +677,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_too_far_or_too_near_is_told() {
+    fn what_is_too_far_or_too_near_is_reported() {
         let values = |distance: &[f32], range| {
             let mut report = Report::default();
             let bytes = depths(distance, range, &mut report);
@@ -727,7 +727,7 @@ mod tests {
         let table = NameTable { ids, names };
         let seen: BTreeSet<u32> = [5, 69_999, 70_000].into();
         assert_eq!(renumbered(&seen, &table, "part", &mut report).unwrap(), [(5, 1), (69_999, 2), (70_000, 3)]);
-        // Few labels with large numbers have the same place in all images.
+        // Few labels with large numbers have the same index in all images.
         let few = NameTable { ids: vec![5, 9, 70_000], names: vec![String::new(); 3] };
         assert_eq!(renumbered(&[5, 70_000].into(), &few, "part", &mut report).unwrap(), [(5, 1), (70_000, 3)]);
         let all: BTreeSet<u32> = (1..=70_000).collect();

@@ -1,28 +1,29 @@
-//! KMALL: soundings and water columns of swath sonars, as programs for Kongsberg's multibeam sonars read them.
+//! KMALL: soundings and water columns of swath sonars, in the form that programs for Kongsberg's multibeam sonars read.
 //!
-//! Layout, names and units of members are those that pykmall 1.1.1 reads, which takes them from Kongsberg's description of
-//! the format: version 1 of `#SKM`, 3 of `#MRZ` and 2 of `#MWC`. Members that are not set here are 0. The reference point
-//! of the vessel is the sonar.
+//! Layout, names and units of members are those that pykmall 1.1.1 reads, which takes them from Kongsberg's description
+//! of the format: version 1 of `#SKM`, 3 of `#MRZ` and 2 of `#MWC`. Members that are not set here are 0. The reference
+//! point of the vessel is the sonar.
 
-use super::Sink;
 use super::pings::{is_lost, length};
-use crate::cloud::{Layout, Ping, Pings, Sounding};
+use crate::cells::{Layout, Sounding};
+use crate::cloud::{Ping, Pings};
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
+use crate::write::Sink;
 use bytemuck::NoUninit;
 use glam::{DQuat, DVec3};
 use std::io::{self, Write as _};
 use std::path::Path;
 
-/// Metres of a degree of latitude and longitude at 0 N 0 E on the ellipsoid of WGS 84: `pi / 180` times `a (1 - e^2)` and
-/// `a`. Degrees are as long everywhere in the file, so that they give metres back.
+/// Metres of a degree of latitude and longitude at 0 N 0 E on the ellipsoid of WGS 84: `pi / 180` times `a (1 - e^2)`
+/// and `a`. Degrees have the same length everywhere in the file, so that they can be converted back to metres.
 const DEGREE: [f64; 2] = [110_574.275_821, 111_319.490_793];
-/// Steps of samples for a decibel.
+/// Steps of samples per decibel.
 const STEPS_PER_DB: f32 = 2.0;
 /// The least and the greatest sample.
 const STEPS: [f32; 2] = [i8::MIN as f32, i8::MAX as f32];
-/// Installation settings, a line each in the order in which readers expect them: one transmitter, one receiver and sensors
-/// at the reference point, not turned. Readers take the first letter for a member of its own.
+/// Installation settings, one per line in the order in which readers expect them: one transmitter, one receiver and
+/// sensors at the reference point, not rotated. Readers treat the first letter as a member of its own.
 const INSTALLATION: &str = "OSCV:Empty,EMXV:echocast,\nPU_0,\nSN=0,\nIP=0.0.0.0:0x00000000,\nUDP=0,\nTYPE=echocast,\n\
     VERSIONS:,\nVERSIONS-END,\nSERIALno:,\nSERIALno-END,\nDCL:0,\nKMALL:Rev I,\nSYSTEM:Single Tx single Rx,\n\
     EMXI:SWLZ=0.000,\n\
@@ -31,7 +32,7 @@ const INSTALLATION: &str = "OSCV:Empty,EMXV:echocast,\nPU_0,\nSN=0,\nIP=0.0.0.0:
     POSI_1:X=0.000;Y=0.000;Z=0.000;D=0.000;U=ACTIVE,\n\
     ATTI_1:X=0.000;Y=0.000;Z=0.000;R=0.000;P=0.000;H=0.000;D=0.000;U=ACTIVE,\n";
 
-/// Checks that beams, bins and positions are numbers that the datagrams can say.
+/// Checks that the datagrams can represent the numbers of beams and bins and the positions.
 pub(super) fn check(pings: &Pings, layout: &Layout) -> Result<()> {
     for (name, count) in [("beams", layout.beams()), ("bins", layout.bins)] {
         if count > u16::MAX.into() {
@@ -60,7 +61,7 @@ pub(super) fn write(pings: &Pings, path: &Path, report: &mut Report) -> io::Resu
         if index == 0 {
             installation(&mut bytes, ping)?;
         }
-        let place = Place::of(ping);
+        let place = ShipPose::of(ping);
         attitude(&mut bytes, ping, &place)?;
         soundings(&mut bytes, ping, &place, pings.interval(index))?;
         clamped |= water_column(&mut bytes, ping, &place, offset)?;
@@ -73,15 +74,15 @@ pub(super) fn write(pings: &Pings, path: &Path, report: &mut Report) -> io::Resu
     file.finish()
 }
 
-/// The gain in whole decibels, `TVGoffset_dB`, with which the loudest cell is among the greatest samples.
+/// The gain in whole decibels, `TVGoffset_dB`, with which the cell of the highest level is among the greatest samples.
 fn gain_offset(pings: &Pings) -> i8 {
     let levels = pings.pings.iter().flat_map(|ping| &ping.cells.intensity);
-    let loudest = levels.copied().filter(|level| level.is_finite()).reduce(f32::max).unwrap_or(0.0);
-    (STEPS[1] / STEPS_PER_DB - loudest).floor() as i8
+    let strongest = levels.copied().filter(|level| level.is_finite()).reduce(f32::max).unwrap_or(0.0);
+    (STEPS[1] / STEPS_PER_DB - strongest).floor() as i8
 }
 
-/// Where a ping was sent, as a ship says it.
-struct Place {
+/// Where a ping was sent from, in a ship's terms.
+struct ShipPose {
     latitude: f64,
     longitude: f64,
     /// Height over 0, m.
@@ -90,15 +91,15 @@ struct Place {
     depth: f64,
     /// Heading, pitch and roll, degrees.
     angles: [f32; 3],
-    /// From the world to ahead, to port and up.
+    /// Rotation from the world to ahead, to port and up.
     level: DQuat,
 }
 
-impl Place {
-    fn of(ping: &Ping) -> Place {
+impl ShipPose {
+    fn of(ping: &Ping) -> ShipPose {
         let [x, y, z] = ping.pose.position.to_array();
         let angles = ping.pose.ship_angles();
-        Place {
+        ShipPose {
             latitude: y / DEGREE[0],
             longitude: x / DEGREE[1],
             z,
@@ -109,20 +110,20 @@ impl Place {
     }
 }
 
-/// Angle of a direction ahead, to port and up, degrees from straight down to port: how angles turn about x where axes point
-/// ahead, to starboard and down.
+/// Angle of a direction ahead, to port and up, degrees from straight down to port: the sense of rotation about x with
+/// axes ahead, to starboard and down.
 fn to_port(direction: DVec3) -> f32 {
     direction.y.atan2(-direction.z).to_degrees() as f32
 }
 
-/// A datagram that is being written behind others.
+/// A datagram that is being written after others.
 struct Datagram<'b> {
     bytes: &'b mut Vec<u8>,
     start: usize,
 }
 
 impl Datagram<'_> {
-    /// With its header (`EMdgmHeader`); the length comes last.
+    /// Starts a datagram with its header (`EMdgmHeader`); the length is filled in last.
     fn begin<'b>(bytes: &'b mut Vec<u8>, kind: [u8; 4], version: u8, ping: &Ping) -> Datagram<'b> {
         let start = bytes.len();
         let mut datagram = Datagram { bytes, start };
@@ -134,11 +135,11 @@ impl Datagram<'_> {
         datagram
     }
 
-    /// With what datagrams of a ping begin with: `EMdgmMpartition` and `EMdgmMbody`.
+    /// Starts a datagram of a ping, with `EMdgmMpartition` and `EMdgmMbody`.
     fn of_ping<'b>(bytes: &'b mut Vec<u8>, kind: [u8; 4], version: u8, ping: &Ping) -> Datagram<'b> {
         let mut datagram = Datagram::begin(bytes, kind, version, ping);
         datagram.put(&[1u16, 1]); // numOfDgms, dgmNum
-        datagram.put(&[12, ping.number as u16]); // numBytesCmnPart, pingCnt, which starts again after 65535
+        datagram.put(&[12, ping.number as u16]); // numBytesCmnPart, pingCnt, which restarts after 65535
         datagram.put(&[1u8, 0, 1, 0, 0, 0, 1, 0]); // one fan, swath, transmitter and receiver
         datagram
     }
@@ -151,7 +152,7 @@ impl Datagram<'_> {
         self.bytes.resize(self.bytes.len() + count, 0);
     }
 
-    /// With its length at both ends, a multiple of four.
+    /// Completes the datagram with its length at both ends, a multiple of four.
     fn end(mut self) -> io::Result<()> {
         let odd = (self.bytes.len() - self.start) % 4;
         self.zeros((4 - odd) % 4);
@@ -162,7 +163,7 @@ impl Datagram<'_> {
     }
 }
 
-/// Seconds and nanoseconds since 1970 began, when the run does.
+/// Seconds and nanoseconds since the start of 1970, which is the start of the run.
 fn stamp(ping: &Ping) -> [u32; 2] {
     let nanoseconds = (ping.time.clamp(0.0, u32::MAX.into()) * 1e9).round() as u64;
     [nanoseconds / 1_000_000_000, nanoseconds % 1_000_000_000].map(|part| part as u32)
@@ -177,7 +178,7 @@ fn installation(bytes: &mut Vec<u8>, ping: &Ping) -> io::Result<()> {
 }
 
 /// `#SKM`: position and attitude, one sample.
-fn attitude(bytes: &mut Vec<u8>, ping: &Ping, place: &Place) -> io::Result<()> {
+fn attitude(bytes: &mut Vec<u8>, ping: &Ping, place: &ShipPose) -> io::Result<()> {
     /// Bytes of `EMdgmSKMsample`.
     const SAMPLE: u16 = 132;
     /// Bits of `sensorDataContents`: position, roll and pitch, heading.
@@ -189,7 +190,7 @@ fn attitude(bytes: &mut Vec<u8>, ping: &Ping, place: &Place) -> io::Result<()> {
     datagram.put(b"#KMB");
     datagram.put(&[SAMPLE, 1]); // version
     datagram.put(&stamp(ping));
-    datagram.put(&[u32::from(!HELD & 0x7f)]); // status: what is not valid
+    datagram.put(&[u32::from(!HELD & 0x7f)]); // status: what is invalid
     datagram.put(&[place.latitude, place.longitude]);
     let [heading, pitch, roll] = place.angles;
     datagram.put(&[place.z as f32, roll, pitch, heading]);
@@ -198,8 +199,8 @@ fn attitude(bytes: &mut Vec<u8>, ping: &Ping, place: &Place) -> io::Result<()> {
     datagram.end()
 }
 
-/// `#MRZ`: a sounding for each beam; where there is none, one that is rejected.
-fn soundings(bytes: &mut Vec<u8>, ping: &Ping, place: &Place, interval: f64) -> io::Result<()> {
+/// `#MRZ`: a sounding for each beam; for a beam without one, a rejected one.
+fn soundings(bytes: &mut Vec<u8>, ping: &Ping, place: &ShipPose, interval: f64) -> io::Result<()> {
     /// Bytes of `EMdgmMRZ_pingInfo`, `txSectorInfo`, `rxInfo` and `sounding`.
     const SIZES: [u16; 4] = [152, 48, 32, 120];
     let layout = &*ping.layout;
@@ -248,7 +249,7 @@ fn soundings(bytes: &mut Vec<u8>, ping: &Ping, place: &Place, interval: f64) -> 
         datagram.put(&[beam as u16, (range / layout.bin_m).round() as u16]); // WCBeamNumb, WCrange_samples
         let level = sounding.map_or(0.0, |sounding| sounding.level_db);
         // WCNomBeamAngleAcross_deg, meanAbsCoeff_dbPerkm, reflectivity1_dB, reflectivity2_dB: without corrections, so
-        // that it is the level of the echo.
+        // that they are the level of the echo.
         datagram.put(&[across, 0.0, level, level]);
         datagram.zeros(16);
         datagram.put(&[to_port(axis), 0.0, (2.0 * range / layout.believed_speed) as f32, 0.0]);
@@ -262,13 +263,13 @@ fn soundings(bytes: &mut Vec<u8>, ping: &Ping, place: &Place, interval: f64) -> 
     datagram.end()
 }
 
-/// Samples of the water column in a second: one for each bin.
+/// Samples of the water column per second: one for each bin.
 fn sample_rate(layout: &Layout) -> f32 {
     (layout.believed_speed / (2.0 * layout.bin_m)) as f32
 }
 
 /// `#MWC`: the levels of all bins. Returns whether a level is lost.
-fn water_column(bytes: &mut Vec<u8>, ping: &Ping, place: &Place, offset: i8) -> io::Result<bool> {
+fn water_column(bytes: &mut Vec<u8>, ping: &Ping, place: &ShipPose, offset: i8) -> io::Result<bool> {
     let layout = &*ping.layout;
     let mut datagram = Datagram::of_ping(bytes, *b"#MWC", 2, ping);
     // EMdgmMWCtxInfo: one sector, no heave.
@@ -277,7 +278,7 @@ fn water_column(bytes: &mut Vec<u8>, ping: &Ping, place: &Place, offset: i8) -> 
     // EMdgmMWCtxSectorData
     datagram.put(&[0.0, layout.frequency as f32, 0.0]);
     datagram.put(&[0u16, 0]);
-    // EMdgmMWCrxInfo: bytes of a beam, no phase, no gain that varies with time.
+    // EMdgmMWCrxInfo: bytes of a beam, no phase, no time-varied gain.
     datagram.put(&[16, layout.beams() as u16]);
     datagram.put(&[16u8, 0, 0, offset as u8]);
     datagram.put(&[sample_rate(layout), layout.believed_speed as f32]);
@@ -288,7 +289,7 @@ fn water_column(bytes: &mut Vec<u8>, ping: &Ping, place: &Place, offset: i8) -> 
     let mut clamped = false;
     for (beam, range) in ranges.into_iter().enumerate() {
         datagram.put(&[to_port(place.level * (ping.pose.orientation * layout.axis(beam)))]);
-        // startRangeSampleNum, detectedRangeInSamples, beamTxSectorNum, numSampleData, and the range more finely
+        // startRangeSampleNum, detectedRangeInSamples, beamTxSectorNum, numSampleData, and the unrounded range
         datagram.put(&[0, range.round() as u16, 0, layout.bins as u16]);
         datagram.put(&[range as f32]);
         datagram.bytes.extend(ping.levels(beam).iter().map(|level| {
@@ -322,7 +323,7 @@ mod tests {
             found.push((String::from_utf8_lossy(&rest[5..8]).into_owned(), length));
             rest = &rest[length..];
         }
-        // 81 beams of 500 bins; soundings that are not there take as much.
+        // 81 beams of 500 bins; missing soundings take as much.
         let [skm, mrz, mwc] = [
             ("SKM", 20 + 12 + 132 + 4),
             ("MRZ", 36 + 152 + 48 + 32 + 81 * 120 + 4),
@@ -338,7 +339,7 @@ mod tests {
         let track = moved(swath(1), DVec3::new(5e5, 5.6e6, 0.0));
         let ping = &track.pings[0];
         let mut bytes = Vec::new();
-        soundings(&mut bytes, ping, &Place::of(ping), 0.5).unwrap();
+        soundings(&mut bytes, ping, &ShipPose::of(ping), 0.5).unwrap();
         let double = |at: usize| f64::from_le_bytes(bytes[at..at + 8].try_into().unwrap());
         let single = |at: usize| f64::from(f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()));
         // latitude_deg and longitude_deg of the ping, deltaLatitude_deg and deltaLongitude_deg of each sounding.
@@ -354,7 +355,7 @@ mod tests {
     }
 
     #[test]
-    fn the_loudest_cell_is_among_the_greatest_samples() {
+    fn the_strongest_cell_is_among_the_greatest_samples() {
         let folder = tempfile::tempdir().unwrap();
         let mut track = swath(1);
         assert_eq!(gain_offset(&track), -28); // 90.7 dB
@@ -364,7 +365,7 @@ mod tests {
         assert_eq!(gain_offset(&track), -101);
         let mut bytes = Vec::new();
         let ping = &track.pings[0];
-        assert!(water_column(&mut bytes, ping, &Place::of(ping), -101).unwrap());
+        assert!(water_column(&mut bytes, ping, &ShipPose::of(ping), -101).unwrap());
         let samples = &bytes[36 + 12 + 16 + 16 + 16..];
         assert_eq!(samples[..4].iter().map(|&byte| byte as i8).collect::<Vec<_>>(), [125, -128, 0, -102]);
         let warnings = track.write(folder.path().join("a.kmall")).unwrap().warnings;

@@ -4,10 +4,11 @@
 //! records by our own code, which is several times faster.
 
 use super::laz::{self, Laz};
-use super::{Format, FormatInfo, Growing, Sink, labels_json};
+use super::{Format, FormatInfo, Growing, labels_json};
 use crate::cloud::record::{self, BLOCK_BYTES};
 use crate::cloud::{Column, ColumnType, Field, FieldInfo, FieldSet, PointCloud, Record};
 use crate::ground::report::Report;
+use crate::write::Sink;
 use ::las::raw::header::{Evlr, LargeFile};
 use ::las::{Builder, GpsTimeType, Header, Transform, Vector, Vlr};
 use std::io::{self, BufWriter, Seek, Write};
@@ -35,7 +36,7 @@ pub(super) const LAS: Las = Las {
     compressed: false,
 };
 
-/// The same with its points compressed, as LASzip 3 does: a third to a sixth of the size.
+/// The same with points compressed, as by LASzip 3: a third to a sixth of the size.
 pub(super) const LAZ: Las = Las {
     info: FormatInfo {
         name: "laz",
@@ -69,7 +70,7 @@ pub(super) const LAS2: Las = Las {
     compressed: false,
 };
 
-/// One kind of point record: sizes and places of its members in bytes, where the kinds differ.
+/// One kind of point record: sizes and offsets of its members in bytes, where the kinds differ.
 #[derive(Clone, Copy)]
 pub(super) struct Las {
     info: FormatInfo,
@@ -92,7 +93,7 @@ pub(super) struct Las {
 const INTENSITY: usize = 12;
 const RETURNS: usize = 14;
 
-/// Class of points that are none of the others.
+/// Class of points that belong to no other class.
 const UNCLASSIFIED: u8 = 1;
 
 /// Finest step of the coordinates, metres, as a power of ten.
@@ -112,7 +113,7 @@ impl Format for Las {
     }
 
     fn keeps(&self, record: &Record) -> bool {
-        // Larger ones come behind the points, from LAS 1.4 on.
+        // Larger ones come after the points, from LAS 1.4 on.
         self.version >= (1, 4) || record.data.len() <= u16::MAX.into()
     }
 
@@ -148,8 +149,8 @@ impl Growing for LasFile {
     }
 
     fn finish(&mut self, head: &PointCloud, report: &mut Report) -> io::Result<()> {
-        self.survey.tell(head, &self.las, report);
-        self.las.tell_system(head, report);
+        self.survey.report_losses(head, &self.las, report);
+        self.las.report_system(head, report);
         if let Some(laz) = &mut self.laz {
             laz.finish(&mut self.file)?;
         }
@@ -166,9 +167,9 @@ impl Growing for LasFile {
 }
 
 impl LasFile {
-    /// Starts the file for clouds like `first`, none of whose points are farther out than it is far.
+    /// Starts the file for clouds like `first`, whose points are no farther out than those of `first`.
     fn create(las: &Las, first: &PointCloud, path: &Path) -> io::Result<LasFile> {
-        // Not buffered: header and records each go in few large pieces.
+        // Not buffered: header and records are each written in few large pieces.
         let file = Sink::create(path)?;
         let extra = if las.extra_bytes { Extra::of(first) } else { Vec::new() };
         let survey = Survey::new(first);
@@ -182,8 +183,8 @@ impl LasFile {
         Ok(file)
     }
 
-    /// Header and records beside the points, of which those that come after them are last. `head` is the cloud
-    /// without its rows.
+    /// Header and records around the points; those that come after the points are last. `head` is the cloud without its
+    /// rows.
     fn header(&self, head: &PointCloud) -> io::Result<Header> {
         let las = &self.las;
         let mut builder = Builder::from(las.version);
@@ -201,7 +202,7 @@ impl LasFile {
                 description: "extra bytes".into(),
                 data: self.extra.iter().flat_map(Extra::descriptor).collect(),
             };
-            // Beams without a return are left out, and with them the shape.
+            // Beams without a return are left out, and therefore the shape.
             let labels = labels_json(&PointCloud { organised: None, ..head.head() });
             let labels = Vlr {
                 user_id: "echocast".into(),
@@ -241,7 +242,7 @@ impl LasFile {
         [raw.max_x, raw.max_y, raw.max_z] = high;
         let points: u64 = survey.by_return.iter().sum();
         if self.las.version < (1, 4) {
-            // Counts of more than five returns have no place here.
+            // There is no room for counts of more than five returns.
             let small =
                 |n: u64| u32::try_from(n).map_err(|_| io::Error::other("LAS 1.2 holds 4294967295 points at most"));
             raw.number_of_point_records = small(points)?;
@@ -266,7 +267,7 @@ impl LasFile {
         let LasFile { las, file, extra, survey, laz, .. } = self;
         let size = las.size + Extra::size(extra);
         let block = BLOCK_BYTES / size;
-        // Members that nothing is put into (flags, user data, scan angle) stay 0.
+        // Members that are not written (flags, user data, scan angle) stay 0.
         let mut buffer = vec![0; block * size];
         let mut rows = Vec::with_capacity(block);
         let (c, classes) = (&cloud.columns, &cloud.labels.las_class);
@@ -281,7 +282,7 @@ impl LasFile {
                 record::put(records, size, axis * 4, rows.iter().copied(), steps);
             }
             if !c.intensity.is_empty() {
-                // A conversion of a float to an integer clamps.
+                // The conversion of a float to an integer clamps.
                 let part = |row: usize| ((f64::from(c.intensity[row]) * per_full_scale).round() as u16).to_le_bytes();
                 record::put(records, size, INTENSITY, rows.iter().copied(), part);
             }
@@ -323,19 +324,19 @@ impl LasFile {
 }
 
 impl Las {
-    /// Says what readers may not look at: points of format 6 and above want coordinate systems as text, and LAS before 1.4
-    /// has none (2.5 and table 4).
-    fn tell_system(&self, head: &PointCloud, report: &mut Report) {
+    /// Warns of what readers may ignore: points of format 6 and above require coordinate systems as text, and LAS
+    /// before 1.4 has none (2.5 and table 4).
+    fn report_system(&self, head: &PointCloud, report: &mut Report) {
         let name = self.info.name;
         let keys = head.records.all.iter().any(Record::is_keys);
         match head.records.wkt() {
             Some(_) if self.version < (1, 4) => report.warn(format!(
-                "{name}: LAS 1.2 knows no coordinate systems as text (WKT): it is kept, but programs may not look for it; \
+                "{name}: LAS 1.2 has no coordinate systems as text (WKT): it is kept, but programs may ignore it; \
                  las holds it"
             )),
             None if keys && self.point_format >= 6 => report.warn(format!(
-                "{name}: points of format {} want the coordinate system as text (WKT): its GeoTIFF keys are kept, but \
-                 programs may not look for them; las2 holds them",
+                "{name}: points of format {} require the coordinate system as text (WKT): its GeoTIFF keys are kept, but \
+                 programs may ignore them; las2 holds them",
                 self.point_format
             )),
             _ => {}
@@ -355,7 +356,7 @@ impl Las {
     }
 }
 
-/// Writes in few pieces what `write` writes in many.
+/// Writes the output of `write`, which is in many pieces, in few.
 fn write_buffered(
     file: &mut Sink,
     write: impl FnOnce(&mut BufWriter<&mut Sink>) -> ::las::Result<()>,
@@ -378,14 +379,14 @@ fn io_error(error: ::las::Error) -> io::Error {
     }
 }
 
-/// Greatest intensity of the points, never 0, which nothing can be divided by.
+/// Greatest intensity of the points, never 0, because it is a divisor.
 fn strongest(cloud: &PointCloud) -> f32 {
     let finite =
         |&(row, intensity): &(usize, &f32)| intensity.is_finite() && place(cloud, row).iter().all(|x| x.is_finite());
     cloud.columns.intensity.iter().enumerate().filter(finite).fold(f32::MIN_POSITIVE, |most, (_, &i)| most.max(i))
 }
 
-/// What the header must say of the points, and what they lose.
+/// What the header must state of the points, and what they lose.
 struct Survey {
     /// Least and greatest coordinates relative to the origin, metres.
     low: [f32; 3],
@@ -404,7 +405,7 @@ struct Survey {
 }
 
 impl Survey {
-    /// Of no points yet, in steps in which those of `first` can be said.
+    /// Without points yet; the step is large enough to represent those of `first`.
     fn new(first: &PointCloud) -> Self {
         let axes = [&first.columns.x, &first.columns.y, &first.columns.z].into_iter();
         let farthest = axes.flatten().filter(|x| x.is_finite()).fold(0.0_f32, |most, x| most.max(x.abs()));
@@ -426,12 +427,12 @@ impl Survey {
         survey
     }
 
-    /// Coordinates below this can be said, metres.
+    /// Coordinates below this can be represented, metres.
     fn reach(&self) -> f64 {
         f64::from(i32::MAX) * self.step()
     }
 
-    /// Whether row `row` is a point that can be said.
+    /// Whether row `row` is a point that can be represented.
     fn holds(&self, cloud: &PointCloud, row: usize) -> bool {
         let reach = self.reach();
         place(cloud, row).iter().all(|&x| f64::from(x).abs() < reach)
@@ -479,9 +480,9 @@ impl Survey {
         })
     }
 
-    /// Without counts of what is usual, so that the files of a sequence say the same. `head` is the cloud without its
-    /// rows.
-    fn tell(&self, head: &PointCloud, las: &Las, report: &mut Report) {
+    /// Reports losses, without counts of usual ones, so that the files of a sequence give the same warnings. `head` is
+    /// the cloud without its rows.
+    fn report_losses(&self, head: &PointCloud, las: &Las, report: &mut Report) {
         let name = las.info.name;
         if self.misses > 0 {
             report.warn(format!("{name}: rows without a position left out"));
@@ -489,7 +490,7 @@ impl Survey {
         if self.far > 0 {
             let points = head.len - self.misses;
             report.warn(format!(
-                "{name}: {} of {points} points left out: their coordinates are farther out than LAS can say",
+                "{name}: {} of {points} points left out: their coordinates are out of the range of LAS",
                 self.far
             ));
         }
@@ -518,19 +519,19 @@ impl Survey {
     }
 }
 
-/// The extra dimension of intensities without a full scale, which are another number in each file's own dimension:
-/// levels of sonars, and relative energy.
+/// The extra dimension of intensities without a full scale (levels of sonars, and relative energy), which are scaled
+/// differently in each file in the dimension of LAS.
 pub(crate) const RAW_INTENSITY: &str = "raw_intensity";
 
-/// A column for which LAS has no dimension, or only part of one, behind the members of each record.
+/// A column for which LAS has no dimension, or only part of one, after the members of each record.
 struct Extra {
     info: &'static FieldInfo,
     name: &'static str,
     /// At most 31 bytes.
     meaning: String,
-    /// Whether it is a position, which has 64 bits with the origin.
+    /// Whether it is a position, which has 64 bits as it includes the origin.
     positions: bool,
-    /// First byte behind the members.
+    /// First byte, counted from the end of the members.
     at: usize,
 }
 
@@ -540,7 +541,7 @@ impl Extra {
         let unscaled = cloud.intensity_full_scale.is_none();
         for info in cloud.fields.iter() {
             let (name, meaning) = match info.field {
-                Field::Intensity if unscaled => (RAW_INTENSITY, "not scaled; of sonars in dB".to_owned()),
+                Field::Intensity if unscaled => (RAW_INTENSITY, "not scaled; dB for sonars".to_owned()),
                 _ if info.las.is_none() => (info.name, description(info)),
                 _ => continue,
             };
@@ -607,8 +608,8 @@ mod tests {
         cloud.columns.resize(cloud.fields, 4).unwrap();
         cloud.columns.x = vec![1e17, f32::INFINITY, f32::NAN, 0.0];
         let report = crate::export::write(&cloud, &folder.path().join("a.las"), None).unwrap();
-        let told = "las: 1 of 3 points left out: their coordinates are farther out than LAS can say";
-        assert!(report.warnings.iter().any(|warning| warning == told), "{report:?}");
+        let expected = "las: 1 of 3 points left out: their coordinates are out of the range of LAS";
+        assert!(report.warnings.iter().any(|warning| warning == expected), "{report:?}");
         assert!(report.warnings.iter().any(|warning| warning.contains("rounded to 100000000 m")), "{report:?}");
     }
 

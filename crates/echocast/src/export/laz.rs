@@ -1,7 +1,7 @@
-//! Compression of LAS records, by the crate `laz`: LASzip version 3, in chunks that are compressed side by side.
+//! Compression of LAS records, by the crate `laz`: LASzip version 3, in chunks that are compressed in parallel.
 
-use super::Sink;
 use crate::ground::parallel;
+use crate::write::Sink;
 use ::las::Vlr;
 use ::laz::laszip::{ChunkTable, ChunkTableEntry};
 use ::laz::{LasZipCompressor, LazItemRecordBuilder, LazVlr};
@@ -10,7 +10,7 @@ use std::io::{self, Cursor, Seek, SeekFrom, Write};
 /// Flag of the point format in the header of files with compressed points.
 pub(super) const COMPRESSED: u8 = 1 << 7;
 
-/// Where the place of the chunk table stands in what a compressor writes, and its size.
+/// Size of the offset of the chunk table, which comes first in what a compressor writes.
 const TABLE_AT: usize = 8;
 
 /// Records on their way to the file.
@@ -19,7 +19,7 @@ pub(super) struct Laz {
     table: ChunkTable,
     /// Records of chunks that are not written yet.
     waiting: Vec<u8>,
-    /// Where the place of the chunk table stands in the file.
+    /// Where the offset of the chunk table is in the file.
     start: u64,
 }
 
@@ -29,7 +29,7 @@ impl Laz {
         Ok(Laz { vlr: LazVlr::from_laz_items(items), table: ChunkTable::default(), waiting: Vec::new(), start: 0 })
     }
 
-    /// The record of the header that says how points are compressed.
+    /// The record of the header that describes how points are compressed.
     pub(super) fn record(&self) -> io::Result<Vlr> {
         let mut data = Vec::new();
         self.vlr.write_to(&mut data)?;
@@ -41,13 +41,13 @@ impl Laz {
         })
     }
 
-    /// Leaves room for the place of the chunk table.
+    /// Leaves room for the offset of the chunk table.
     pub(super) fn begin(&mut self, file: &mut Sink) -> io::Result<()> {
         self.start = file.stream_position()?;
         file.write_all(&[0; TABLE_AT])
     }
 
-    /// Adds whole records, and writes what fills a chunk for each thread.
+    /// Adds whole records, and writes chunks when there is one for each thread.
     pub(super) fn add(&mut self, records: &[u8], file: &mut Sink) -> io::Result<()> {
         self.waiting.extend_from_slice(records);
         let chunks = self.waiting.len() / self.chunk_bytes();
@@ -89,7 +89,7 @@ impl Laz {
         let mut compressor = LasZipCompressor::new(Cursor::new(Vec::new()), self.vlr.clone()).map_err(io_error)?;
         compressor.compress_many(records)?;
         compressor.done()?;
-        // A file of its own: the place of its table, the chunk, the table.
+        // The output is a complete stream: the offset of its table, the chunk, the table.
         let mut file = compressor.into_inner().into_inner();
         let place = file[..TABLE_AT].try_into().map_or(0, u64::from_le_bytes);
         file.truncate(place as usize);

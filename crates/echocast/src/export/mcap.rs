@@ -1,14 +1,16 @@
-//! MCAP, the bags of ROS 2: for each frame a cloud, the pose of its sensor, the boxes, and the images of a camera.
+//! MCAP, the bag format of ROS 2: for each frame a cloud, the pose of its sensor, the boxes, and the images of a
+//! camera.
 //!
 //! Written by the crate `mcap`, in chunks that are compressed by zstd, with an index. Points are in the frame of the
-//! sensor and begin with what the driver of its maker publishes of them; the other columns follow, as they are in the cloud.
+//! sensor and begin with the fields that the driver of its maker publishes; the other columns follow, as in the cloud.
 
-use super::ros::{Message, Stamp, definition};
-use super::{Format, FormatInfo, Growing, NEAR, Sink, camera, labels_json};
+use super::ros::{CdrWriter, Stamp, definition};
+use super::{Format, FormatInfo, Growing, NEAR, camera, labels_json};
 use crate::cloud::{ColumnType, Driver, Field, Frame, InstanceBox, PackItem, PackType, PointCloud};
 use crate::emitter::Intrinsics;
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
+use crate::write::Sink;
 use ::mcap::records::MessageHeader;
 use ::mcap::{Compression, McapError, WriteOptions, Writer};
 use glam::DVec3;
@@ -20,7 +22,7 @@ pub(super) const MCAP: Mcap = Mcap {
     info: FormatInfo {
         name: "mcap",
         extensions: &["mcap"],
-        description: "bag of ROS 2: for each frame a PointCloud2 as of the driver of the sensor's maker, TFMessage, \
+        description: "bag of ROS 2: for each frame a PointCloud2 in the layout of the driver of the sensor's maker, TFMessage, \
                       Detection3DArray",
         needs_positions: true,
         holds_label_names: true,
@@ -28,26 +30,32 @@ pub(super) const MCAP: Mcap = Mcap {
     driver: None,
 };
 
-pub(super) const MCAP_VELODYNE: Mcap =
-    of_driver("mcap_velodyne", "bag with points as of Velodyne's driver; time in s since the stamp", Driver::Velodyne);
+pub(super) const MCAP_VELODYNE: Mcap = of_driver(
+    "mcap_velodyne",
+    "bag with points in the layout of Velodyne's driver; time in s since the stamp",
+    Driver::Velodyne,
+);
 pub(super) const MCAP_OUSTER: Mcap = of_driver(
     "mcap_ouster",
-    "bag with points as of Ouster's driver; time in ns since the stamp, range in mm",
+    "bag with points in the layout of Ouster's driver; time in ns since the stamp, range in mm",
     Driver::Ouster,
 );
 pub(super) const MCAP_HESAI: Mcap =
-    of_driver("mcap_hesai", "bag with points as of Hesai's driver; time in s of the run", Driver::Hesai);
-pub(super) const MCAP_ROBOSENSE: Mcap =
-    of_driver("mcap_robosense", "bag with points as of RoboSense's driver; time in s of the run", Driver::Robosense);
+    of_driver("mcap_hesai", "bag with points in the layout of Hesai's driver; time in s of the run", Driver::Hesai);
+pub(super) const MCAP_ROBOSENSE: Mcap = of_driver(
+    "mcap_robosense",
+    "bag with points in the layout of RoboSense's driver; time in s of the run",
+    Driver::Robosense,
+);
 pub(super) const MCAP_LIVOX: Mcap =
-    of_driver("mcap_livox", "bag with points as of Livox's driver; time in ns of the run", Driver::Livox);
+    of_driver("mcap_livox", "bag with points in the layout of Livox's driver; time in ns of the run", Driver::Livox);
 pub(super) const MCAP_AUTOWARE: Mcap = of_driver(
     "mcap_autoware",
-    "bag with points as Autoware has them (PointXYZIRCAEDT); time in ns since the stamp",
+    "bag with points in the layout of Autoware (PointXYZIRCAEDT); time in ns since the stamp",
     Driver::Autoware,
 );
 
-/// Bags of one driver, whatever the sensor.
+/// Bags of one driver, regardless of the sensor.
 const fn of_driver(name: &'static str, description: &'static str, driver: Driver) -> Mcap {
     Mcap { info: FormatInfo { name, extensions: &[], description, ..MCAP.info }, driver: Some(driver) }
 }
@@ -56,28 +64,29 @@ const fn of_driver(name: &'static str, description: &'static str, driver: Driver
 #[derive(Clone, Copy)]
 pub(super) struct Mcap {
     info: FormatInfo,
-    /// Whose points there are; `None`: that of the cloud.
+    /// The driver whose points are written; `None`: that of the cloud.
     driver: Option<Driver>,
 }
 
-/// What the frames are called: the world, the sensor, and its images, which look along z with x to the right (REP 103).
+/// Names of the frames: the world, the sensor, and its images, with z along the optical axis and x to the right (REP
+/// 103).
 const MAP: &str = "map";
 const SENSOR: &str = "sensor";
 const OPTICAL: &str = "sensor_optical";
 /// The frame of points that are far from the sensor: around the origin of the cloud.
 const LOCAL: &str = "local";
 
-/// What the channel is called beside a driver's own.
+/// Name of the column `channel` if the driver has a field of that name.
 const LASER: &str = "laser_id";
 
-/// Order of the bytes of points and pixels; numbers around them are little endian everywhere.
+/// Byte order of points and pixels; the numbers around them are always little endian.
 const BIG_ENDIAN: bool = cfg!(target_endian = "big");
 
-/// Fast enough for as many points as drivers publish; higher levels save little of what is mostly noise.
+/// Fast enough for the number of points that drivers publish; higher levels save little, as the data is mostly noise.
 const COMPRESSION_LEVEL: u32 = 1;
 
-/// Quality of service of a topic whose last message is for those who come later: history keeps the last (1), it is
-/// reliable (1), transient local (1) and alive by itself (1); times are infinite.
+/// Quality of service of a topic whose last message is kept for late subscribers: history keep last (1), reliable (1),
+/// transient local (1), liveliness automatic (1); durations are infinite.
 const FOR_LATER: &str = "- history: 1
   depth: 1
   reliability: 1
@@ -105,32 +114,32 @@ impl Format for Mcap {
 
 /// A file that is being written.
 struct Bag {
-    /// Whose points there are; `None`: not known.
+    /// The driver whose points are written; `None`: unknown.
     driver: Option<Driver>,
     writer: Writer<Sink>,
-    transforms: Channel,
-    points: Channel,
-    detections: Channel,
-    images: Option<Images>,
+    transforms: McapChannel,
+    points: McapChannel,
+    detections: McapChannel,
+    images: Option<CameraTopics>,
     /// Whether categories were too large for images.
     large: bool,
     /// Whether points were too far from their frame for f32.
     coarse: bool,
-    /// Whether points were too late for the times of their driver.
+    /// Whether times of points were too late for the time field of the driver.
     late: bool,
     /// Memory of the last message.
     bytes: Vec<u8>,
 }
 
 /// The topics of a camera.
-struct Images {
-    camera: Channel,
-    depth: Channel,
-    labels: Channel,
+struct CameraTopics {
+    camera: McapChannel,
+    depth: McapChannel,
+    labels: McapChannel,
 }
 
 /// A topic.
-struct Channel {
+struct McapChannel {
     id: u16,
     /// Messages so far.
     count: u32,
@@ -144,14 +153,14 @@ impl Bag {
             .library(concat!("echocast ", env!("CARGO_PKG_VERSION")))
             .compression(Some(Compression::Zstd))
             .compression_level(COMPRESSION_LEVEL)
-            // Several would compress differently.
+            // Several threads would compress differently.
             .compression_threads(0);
         let mut writer = options.create(Sink::create(path)?).map_err(io_error)?;
         let mut channel = |topic: &str, kind: &str, service: &str| {
             let (package, name) = kind.split_once('/').unwrap_or_default();
             let schema = writer.add_schema(&format!("{package}/msg/{name}"), "ros2msg", definition(kind).as_bytes())?;
             let metadata = BTreeMap::from([("offered_qos_profiles".to_owned(), service.to_owned())]);
-            writer.add_channel(schema, topic, "cdr", &metadata).map(|id| Channel { id, count: 0 })
+            writer.add_channel(schema, topic, "cdr", &metadata).map(|id| McapChannel { id, count: 0 })
         };
         let mut legend = channel("/legend", "std_msgs/String", FOR_LATER).map_err(io_error)?;
         let transforms = channel("/tf", "tf2_msgs/TFMessage", "").map_err(io_error)?;
@@ -160,21 +169,21 @@ impl Bag {
         let mut images = |_| {
             let camera = channel("/depth/camera_info", "sensor_msgs/CameraInfo", "")?;
             let depth = channel("/depth/image_rect", "sensor_msgs/Image", "")?;
-            Ok(Images { camera, depth, labels: channel("/labels/image_rect", "sensor_msgs/Image", "")? })
+            Ok(CameraTopics { camera, depth, labels: channel("/labels/image_rect", "sensor_msgs/Image", "")? })
         };
         let images = camera::of(first).map(&mut images).transpose().map_err(io_error)?;
         let (large, coarse, late, bytes) = (false, false, false, Vec::new());
         let mut bag = Bag { driver, writer, transforms, points, detections, images, large, coarse, late, bytes };
         let mut message = bag.message();
-        // Each message has a shape of its own.
+        // Each cloud message has a shape of its own.
         message.text(&labels_json(&PointCloud { organised: None, driver, ..first.head() }))?;
         send(&mut bag.writer, &mut legend, Stamp::of(first.begins()), message).map(|bytes| bag.bytes = bytes)?;
         Ok(bag)
     }
 
-    /// A message, in the memory of the last.
-    fn message(&mut self) -> Message {
-        Message::new(std::mem::take(&mut self.bytes))
+    /// A new message, in the memory of the last.
+    fn message(&mut self) -> CdrWriter {
+        CdrWriter::new(std::mem::take(&mut self.bytes))
     }
 }
 
@@ -193,12 +202,12 @@ impl Growing for Bag {
             self.bytes = send(&mut self.writer, &mut self.detections, stamp, message)?;
         }
         if let (Some(images), Some(camera)) = (&mut self.images, camera::of(cloud)) {
-            let message = camera_info(Message::new(std::mem::take(&mut self.bytes)), cloud, camera, stamp)?;
+            let message = camera_info(CdrWriter::new(std::mem::take(&mut self.bytes)), cloud, camera, stamp)?;
             let bytes = send(&mut self.writer, &mut images.camera, stamp, message)?;
-            let message = depth_image(Message::new(bytes), cloud, stamp)?;
+            let message = depth_image(CdrWriter::new(bytes), cloud, stamp)?;
             self.bytes = send(&mut self.writer, &mut images.depth, stamp, message)?;
             if cloud.fields.contains(Field::CategoryId) {
-                let message = label_image(Message::new(std::mem::take(&mut self.bytes)), cloud, stamp)?;
+                let message = label_image(CdrWriter::new(std::mem::take(&mut self.bytes)), cloud, stamp)?;
                 self.bytes = send(&mut self.writer, &mut images.labels, stamp, message)?;
                 self.large |= cloud.columns.category_id.iter().any(|&id| id > u16::MAX.into());
             }
@@ -212,13 +221,13 @@ impl Growing for Bag {
         }
         if self.coarse {
             report.warn(format!(
-                "mcap: positions farther than {NEAR} m from the frame of their points lose precision, as f32 has it there"
+                "mcap: positions farther than {NEAR} m from the frame of their points lose precision, as they are f32"
             ));
         }
         if self.late {
             report.warn(
-                "mcap: times that are more than 4.29 s after the stamp are those of this end: the driver's are \
-                 nanoseconds of 32 bits",
+                "mcap: times more than 4.29 s after the stamp are clamped to that: the driver stores nanoseconds in 32 \
+                 bits",
             );
         }
         self.writer.finish().map(drop).map_err(io_error)
@@ -226,7 +235,7 @@ impl Growing for Bag {
 }
 
 /// Writes `message` and returns its memory.
-fn send(writer: &mut Writer<Sink>, channel: &mut Channel, stamp: Stamp, message: Message) -> io::Result<Vec<u8>> {
+fn send(writer: &mut Writer<Sink>, channel: &mut McapChannel, stamp: Stamp, message: CdrWriter) -> io::Result<Vec<u8>> {
     let bytes = message.bytes();
     let (log_time, publish_time) = (stamp.log_time(), stamp.log_time());
     let header = MessageHeader { channel_id: channel.id, sequence: channel.count, log_time, publish_time };
@@ -243,24 +252,24 @@ fn io_error(error: McapError) -> io::Error {
     }
 }
 
-/// Where the sensor is, and how its images lie.
+/// The pose of the sensor, and the orientation of its images.
 fn transforms(
-    mut message: Message,
+    mut message: CdrWriter,
     cloud: &PointCloud,
     frame: &PointFrame,
     images: bool,
     stamp: Stamp,
-) -> io::Result<Message> {
+) -> io::Result<CdrWriter> {
     let optical = Pose { orientation: Intrinsics::FROM_OPTICAL, ..Pose::IDENTITY };
-    let mut told = vec![(MAP, SENSOR, cloud.sensor_pose)];
+    let mut listed = vec![(MAP, SENSOR, cloud.sensor_pose)];
     if images {
-        told.push((SENSOR, OPTICAL, optical));
+        listed.push((SENSOR, OPTICAL, optical));
     }
     if frame.name == LOCAL {
-        told.push((MAP, LOCAL, frame.pose));
+        listed.push((MAP, LOCAL, frame.pose));
     }
-    message.count(told.len())?;
-    for (frame, child, pose) in &told {
+    message.count(listed.len())?;
+    for (frame, child, pose) in &listed {
         message.header(stamp, frame)?;
         message.text(child)?;
         message.pose(pose);
@@ -268,7 +277,7 @@ fn transforms(
     Ok(message)
 }
 
-fn camera_info(mut message: Message, cloud: &PointCloud, camera: Intrinsics, stamp: Stamp) -> io::Result<Message> {
+fn camera_info(mut message: CdrWriter, cloud: &PointCloud, camera: Intrinsics, stamp: Stamp) -> io::Result<CdrWriter> {
     let matrix = camera.matrix();
     image_header(&mut message, cloud, stamp)?;
     message.text("plumb_bob")?;
@@ -284,7 +293,7 @@ fn camera_info(mut message: Message, cloud: &PointCloud, camera: Intrinsics, sta
 }
 
 /// Distances along the axis, m, NaN where there is none.
-fn depth_image(mut message: Message, cloud: &PointCloud, stamp: Stamp) -> io::Result<Message> {
+fn depth_image(mut message: CdrWriter, cloud: &PointCloud, stamp: Stamp) -> io::Result<CdrWriter> {
     let (c, to_sensor) = (&cloud.columns, cloud.to_frame(&cloud.sensor_pose));
     let computed = |row| to_sensor([c.x[row], c.y[row], c.z[row]])[0];
     let depths: Vec<f32> = if c.depth.is_empty() { (0..cloud.len).map(computed).collect() } else { c.depth.clone() };
@@ -292,20 +301,20 @@ fn depth_image(mut message: Message, cloud: &PointCloud, stamp: Stamp) -> io::Re
     Ok(message)
 }
 
-fn label_image(mut message: Message, cloud: &PointCloud, stamp: Stamp) -> io::Result<Message> {
+fn label_image(mut message: CdrWriter, cloud: &PointCloud, stamp: Stamp) -> io::Result<CdrWriter> {
     let ids: Vec<u16> = cloud.columns.category_id.iter().map(|&id| u16::try_from(id).unwrap_or(0)).collect();
     image(&mut message, cloud, "16UC1", bytemuck::cast_slice(&ids), stamp)?;
     Ok(message)
 }
 
-/// What images and their camera begin with; [`camera::of`] has made sure that the cloud has rows and columns.
-fn image_header(message: &mut Message, cloud: &PointCloud, stamp: Stamp) -> io::Result<()> {
+/// The beginning of images and camera information; [`camera::of`] has made sure that the cloud has rows and columns.
+fn image_header(message: &mut CdrWriter, cloud: &PointCloud, stamp: Stamp) -> io::Result<()> {
     message.header(stamp, OPTICAL)?;
     cloud.organised.iter().flatten().for_each(|&count| message.u32(count));
     Ok(())
 }
 
-fn image(message: &mut Message, cloud: &PointCloud, encoding: &str, pixels: &[u8], stamp: Stamp) -> io::Result<()> {
+fn image(message: &mut CdrWriter, cloud: &PointCloud, encoding: &str, pixels: &[u8], stamp: Stamp) -> io::Result<()> {
     image_header(message, cloud, stamp)?;
     message.text(encoding)?;
     message.u8(BIG_ENDIAN.into());
@@ -314,8 +323,13 @@ fn image(message: &mut Message, cloud: &PointCloud, encoding: &str, pixels: &[u8
     Ok(())
 }
 
-/// The boxes of `cloud`, in the frame in which they are.
-fn detections(mut message: Message, cloud: &PointCloud, boxes: &[InstanceBox], stamp: Stamp) -> io::Result<Message> {
+/// The boxes of `cloud`, in its frame.
+fn detections(
+    mut message: CdrWriter,
+    cloud: &PointCloud,
+    boxes: &[InstanceBox],
+    stamp: Stamp,
+) -> io::Result<CdrWriter> {
     let frame = match cloud.frame {
         Frame::World => MAP,
         Frame::Sensor => SENSOR,
@@ -339,12 +353,12 @@ fn detections(mut message: Message, cloud: &PointCloud, boxes: &[InstanceBox], s
 
 /// The points of `cloud`, as `driver` publishes them.
 fn points(
-    mut message: Message,
+    mut message: CdrWriter,
     driver: Option<Driver>,
     cloud: &PointCloud,
     frame: &PointFrame,
     stamp: Stamp,
-) -> io::Result<Message> {
+) -> io::Result<CdrWriter> {
     let turned;
     let (mut shape, mut cloud) = (cloud.shape(), cloud);
     if let Some(order) = driver.and_then(|driver| cloud.order_of(driver)) {
@@ -369,7 +383,7 @@ fn points(
     let bytes = message.zeros(cloud.len.saturating_mul(step))?;
     cloud.pack(&items, step, bytes).map_err(io::Error::other)?;
     cloud.put_made(known, step, &frame.pose, bytes);
-    // Hesai's driver never says so.
+    // Hesai's driver never reports it.
     let dense = driver != Some(Driver::Hesai)
         && [&cloud.columns.x, &cloud.columns.y, &cloud.columns.z].into_iter().flatten().all(|x| x.is_finite());
     message.u8(dense.into());
@@ -386,8 +400,8 @@ struct PointFrame {
 }
 
 impl PointFrame {
-    /// The sensor, unless f32 is too coarse from there, as where the pose of the sensor is not known. Around the origin of
-    /// the cloud it is as fine as in the cloud.
+    /// The sensor, unless f32 is too coarse relative to it, as when the pose of the sensor is unknown. Relative to the
+    /// origin of the cloud, f32 is as fine as in the cloud.
     fn of(cloud: &PointCloud) -> PointFrame {
         let is_world = cloud.frame == Frame::World;
         let from = if is_world { cloud.sensor_pose.position } else { DVec3::ZERO };
@@ -400,7 +414,7 @@ impl PointFrame {
     }
 }
 
-/// How far the points of `cloud` are along an axis from `from`, at most.
+/// Greatest distance of the points of `cloud` from `from` along an axis.
 fn reach(cloud: &PointCloud, from: DVec3) -> f64 {
     let c = &cloud.columns;
     let axes = [&c.x, &c.y, &c.z].into_iter().zip((cloud.origin - from).to_array());
@@ -411,11 +425,11 @@ fn reach(cloud: &PointCloud, from: DVec3) -> f64 {
     axes.map(along).fold(0.0, f64::max)
 }
 
-/// Name, type and first byte of a number that each point of a message has.
+/// Name, type and first byte of a number in each point of a message.
 type MessageField = (&'static str, PackType, usize);
 
-/// What a point of a message has, where its numbers come from, and its size. Where the cloud lacks a column, its place
-/// is left free.
+/// The fields of a point of a message, the columns that they come from, and its size. The bytes of a column that the
+/// cloud lacks are left free.
 fn record_of(driver: Driver, cloud: &PointCloud, stamp: Stamp) -> (Vec<MessageField>, Vec<PackItem>, usize) {
     let (mut fields, mut items) = (Vec::new(), Vec::new());
     let mut others = cloud.fields.without(Field::X).without(Field::Y).without(Field::Z);
@@ -427,7 +441,7 @@ fn record_of(driver: Driver, cloud: &PointCloud, stamp: Stamp) -> (Vec<MessageFi
         }
     }
     let mut size = driver.point_step();
-    // As programs that show colours know them: 0x00RRGGBB, called a float.
+    // As expected by viewers: 0x00RRGGBB, declared as a float.
     const COLOUR: [Field; 3] = [Field::Blue, Field::Green, Field::Red];
     if COLOUR.iter().all(|&field| others.contains(field)) {
         fields.push(("rgb", PackType::F32, size));
@@ -439,7 +453,7 @@ fn record_of(driver: Driver, cloud: &PointCloud, stamp: Stamp) -> (Vec<MessageFi
     }
     for info in others.iter() {
         let kind = match info.kind {
-            // Of positions in the world.
+            // Positions in the world.
             ColumnType::F32 if cloud.offset(info.field).is_some_and(|offset| offset != 0.0) => PackType::F64,
             ColumnType::F32 => PackType::F32,
             ColumnType::F64 => PackType::F64,
@@ -457,7 +471,7 @@ fn record_of(driver: Driver, cloud: &PointCloud, stamp: Stamp) -> (Vec<MessageFi
     (fields, items, size)
 }
 
-/// The number that `sensor_msgs/PointField` has for a type that points have.
+/// The number of a type of points in `sensor_msgs/PointField`.
 fn number_of(kind: PackType) -> u8 {
     match kind {
         PackType::I8 => 1,

@@ -1,7 +1,6 @@
 //! Clouds to files: one file per format, one table of formats.
 
 pub(crate) mod annotations;
-mod atomic;
 mod boxes;
 #[cfg(feature = "mcap")]
 mod camera;
@@ -25,9 +24,7 @@ mod pixels;
 mod ply;
 #[cfg(feature = "mcap")]
 mod ros;
-mod sink;
 mod tail;
-mod unfinished;
 mod xtf;
 
 pub use boxes::{check_boxes, write_boxes};
@@ -38,22 +35,20 @@ pub use growing::GrowingFile;
 pub(crate) use hdf5::WIDEST as HDF5_WIDEST;
 pub use images::{AnnotationStyle, ImageFolder, ImageLayer, ImageOptions, check_images};
 pub use pings::{check_image, check_pings, image_label_paths};
-pub use unfinished::{cancel_flag, remove_unfinished};
 
 use crate::cloud::{Field, FieldInfo, FieldSet, PointCloud, Record};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
 use crate::ground::shown;
-pub(crate) use atomic::Pending;
+use crate::write::{self, Pending, failed};
+pub use crate::write::{cancel_flag, remove_unfinished};
 pub(crate) use las::RAW_INTENSITY;
-pub(crate) use sink::Sink;
-use std::io::{self, Write as _};
+use std::io;
 use std::path::{Path, PathBuf};
-pub(crate) use unfinished::{PREFIX as UNFINISHED, failed};
 
 impl PointCloud {
-    /// Writes the cloud to `path`; the format is chosen by the extension. Boxes go to NPZ, HDF5 and MCAP only; see
+    /// Writes the cloud to `path`; the format is chosen by the extension. Only NPZ, HDF5 and MCAP hold boxes; see
     /// [`write_boxes`].
     ///
     /// The file appears under its name only when it is complete.
@@ -70,7 +65,7 @@ const NEAR: f64 = 4096.0;
 
 /// A point-cloud file format.
 pub trait Format: Sync {
-    /// What it is.
+    /// Its name, endings and properties.
     fn info(&self) -> &FormatInfo;
     /// Name for `--format`.
     fn name(&self) -> &'static str {
@@ -80,57 +75,58 @@ pub trait Format: Sync {
     fn holds(&self, _info: &FieldInfo) -> bool {
         true
     }
-    /// Whether it can hold `record` of a file of surveying.
+    /// Whether it can hold `record` of a survey file.
     fn keeps(&self, _record: &Record) -> bool {
         false
     }
-    /// How many points with the columns `fields` a file can hold, where that is fewer than runs may make.
+    /// Maximum number of points with the columns `fields` in a file, if runs may produce more.
     fn most_points(&self, _fields: FieldSet) -> Option<u64> {
         None
     }
-    /// Writes `cloud` to the file `path`, which nobody else sees yet. `cloud` is consistent and has positions if the
-    /// format needs them. Columns that the format does not hold are left out; what else is lost goes to `report`.
+    /// Writes `cloud` to the file `path`, which is not visible to others yet. `cloud` is consistent and has positions
+    /// if the format needs them. Columns that the format does not hold are left out; any other loss is added to
+    /// `report`.
     ///
     /// # Errors
-    /// The system's errors: a full disk.
+    /// Errors of the system, such as a full disk.
     fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()>;
-    /// The same in smaller files that take longer to write, for those that are kept; `None`: there is none.
+    /// The same format in smaller files that take longer to write, for files that are kept; `None`: there is none.
     fn packed(&self) -> Option<&'static dyn Format> {
         None
     }
-    /// Starts the file `path`, which nobody else sees yet, for clouds like `first` that are added to it one after the
-    /// other; `None`: the format needs all points at once.
+    /// Starts the file `path`, which is not visible to others yet, for clouds like `first` that are added to it one
+    /// after the other; `None`: the format needs all points at once.
     fn begin(&self, _first: &PointCloud, _path: &Path) -> Option<io::Result<Box<dyn Growing>>> {
         None
     }
 }
 
-/// What a format is.
+/// Properties of a format.
 #[derive(Clone, Copy)]
 pub struct FormatInfo {
     /// Name for `--format`.
     pub name: &'static str,
     /// File name endings, lower case, without the dot; the first format with an ending owns it.
     pub extensions: &'static [&'static str],
-    /// One line for people: what it is and how it differs from the others.
+    /// One line for users: what it is and how it differs from the others.
     pub description: &'static str,
     /// Whether it can only hold clouds with the columns `x`, `y` and `z`.
     pub needs_positions: bool,
-    /// Whether the label names are inside the file; otherwise they go to `NAME.labels.json`.
+    /// Whether the label names are inside the file; otherwise they are written to `NAME.labels.json`.
     pub holds_label_names: bool,
 }
 
-/// A file to which clouds are added one after the other, without keeping them.
+/// A file to which clouds are added one after the other; they are not kept in memory.
 pub trait Growing {
-    /// Adds the rows of `cloud`, which fits the first.
+    /// Adds the rows of `cloud`, which is compatible with the first.
     ///
     /// # Errors
-    /// The system's.
+    /// Errors of the system.
     fn add(&mut self, cloud: &PointCloud) -> io::Result<()>;
-    /// Completes the file. `head` is all clouds together, without their rows and boxes. What is lost goes to `report`.
+    /// Completes the file. `head` is all clouds together, without their rows and boxes. Losses are added to `report`.
     ///
     /// # Errors
-    /// The system's.
+    /// Errors of the system.
     fn finish(&mut self, head: &PointCloud, report: &mut Report) -> io::Result<()>;
 }
 
@@ -213,7 +209,7 @@ fn format_with(ending: &str) -> Option<&'static dyn Format> {
 }
 
 /// Checks, before a long scan, whether a cloud with the columns `fields` can be written to `path`, and its label names
-/// beside it.
+/// next to it.
 ///
 /// # Errors
 /// As [`format_for`]; a missing folder or one that cannot be written to; no `x`, `y`, `z` for a format that needs them.
@@ -252,10 +248,10 @@ fn check_fields(format: &dyn Format, fields: FieldSet) -> Result<()> {
     Ok(())
 }
 
-/// Writes `cloud` to `path` in the format called `format`, or the one of its ending.
+/// Writes `cloud` to `path` in the format called `format`, or the one that owns its ending.
 ///
-/// The file, and `NAME.labels.json` beside formats that cannot hold the label names, appear under their names only when
-/// both are complete and on the disk; the label names first. An error leaves both as they were. The report says what
+/// The file, and `NAME.labels.json` for formats that cannot hold the label names, appear under their names only when
+/// both are complete and on the disk; the label names first. An error leaves both as they were. The report lists what
 /// the format could not hold.
 ///
 /// # Errors
@@ -271,7 +267,7 @@ pub fn write(cloud: &PointCloud, path: &Path, format: Option<&str>) -> Result<Re
     Ok(report)
 }
 
-/// What the cloud with the rows of `head` loses in `format`.
+/// What the cloud with the rows of `head` would lose in `format`.
 fn lost(format: &dyn Format, head: &PointCloud) -> Report {
     let mut report = Report::default();
     let lost: Vec<&str> = head.fields.iter().filter(|info| !format.holds(info)).map(|info| info.name).collect();
@@ -291,7 +287,8 @@ fn lost(format: &dyn Format, head: &PointCloud) -> Report {
     report
 }
 
-/// The `names` of columns in table order; of a vector the first and the last, as lists of all would be cut.
+/// The `names` of columns in table order; of a vector only the first and the last, as lists of all of them would be
+/// cut.
 fn listed(names: &[&str]) -> String {
     let mut words: Vec<String> = Vec::new();
     let mut rest = names;
@@ -309,8 +306,8 @@ fn listed(names: &[&str]) -> String {
     words.join(", ")
 }
 
-/// Writes `cloud` to the new file `path`, and its label names beside it if `format` cannot hold them, in a folder that
-/// nobody else looks into yet.
+/// Writes `cloud` to the new file `path`, and its label names next to it if `format` cannot hold them, in a folder that
+/// is not visible to others yet.
 ///
 /// # Errors
 /// As [`write`].
@@ -320,24 +317,9 @@ pub(crate) fn write_new(cloud: &PointCloud, path: &Path, format: &dyn Format) ->
     let packed = format.packed().unwrap_or(format);
     packed.write(cloud, path, &mut report).map_err(|source| failed(path, source))?;
     if !format.info().holds_label_names {
-        write_whole(&labels_path(path), labels_json(cloud).as_bytes())?;
+        write::whole(&labels_path(path), labels_json(cloud).as_bytes())?;
     }
     Ok(report)
-}
-
-/// [`write_bytes`] whose error names the file.
-///
-/// # Errors
-/// The system's.
-pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    write_bytes(path, bytes).map_err(|source| failed(path, source))
-}
-
-/// Writes all of the file at `path`.
-pub(crate) fn write_bytes(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut file = Sink::create(path)?;
-    file.write_all(bytes)?;
-    file.finish()
 }
 
 /// The files of one cloud.
@@ -354,21 +336,21 @@ impl Output {
         Ok(Output { file, labels })
     }
 
-    /// Gives their names to the complete cloud file and, beside it, to the label names of `cloud`, of which rows are not
+    /// Gives their names to the complete cloud file and to the file of label names of `cloud`, whose rows are not
     /// needed.
     fn commit(self, path: &Path, cloud: &PointCloud) -> Result<()> {
         let Output { file, labels } = self;
         if let Some(labels) = &labels {
-            write_bytes(labels.path(), labels_json(cloud).as_bytes())
+            write::bytes(labels.path(), labels_json(cloud).as_bytes())
                 .map_err(|source| failed(&labels_path(path), source))?;
         }
-        // Whoever is woken by the cloud finds the names.
-        atomic::commit_all(labels.into_iter().chain([file]).collect())
+        // A program that is triggered by the cloud file finds the label names.
+        write::commit_all(labels.into_iter().chain([file]).collect())
     }
 }
 
-/// Where the label names of the cloud file at `path` are if its format cannot hold them: `street.labels.json` beside
-/// `street.csv`. An ending that belongs to no format is a part of the name: `run_1.5m.labels.json` beside `run_1.5m`.
+/// Where the label names of the cloud file at `path` are if its format cannot hold them: `street.labels.json` for
+/// `street.csv`. An ending that belongs to no format is a part of the name: `run_1.5m.labels.json` for `run_1.5m`.
 pub fn labels_path(path: &Path) -> PathBuf {
     match format_with(&ending(path)) {
         Some(_) => path.with_extension("labels.json"),
@@ -376,15 +358,15 @@ pub fn labels_path(path: &Path) -> PathBuf {
     }
 }
 
-/// World position and orientation of the sensor under the names that every format gives them.
+/// World position and orientation of the sensor under the names that all formats use.
 fn sensor_pose(cloud: &PointCloud) -> [(&'static str, Vec<f64>); 2] {
     let Pose { position, orientation } = cloud.sensor_pose;
     [("sensor_position", position.to_array().into()), ("sensor_orientation_xyzw", orientation.to_array().into())]
 }
 
-/// What the columns do not say, under the names that every format gives it. There is no origin: where this goes,
-/// positions are complete. For who makes the same cloud of them again, `f32_origin` is what has been added to its f32
-/// positions, and `columns` are those that it had.
+/// What is not in the columns, under the names that all formats use. There is no origin: the formats that need this
+/// hold absolute positions. To restore the same cloud, `f32_origin` is what has been added to its f32 positions, and
+/// `columns` are those that it had.
 fn labels_json(cloud: &PointCloud) -> String {
     let mut map = serde_json::Map::new();
     // Not "frame", which is a column.
@@ -445,7 +427,8 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 
-    /// At each of its writes the disk is full once; writers of libraries must get over it when they are dropped.
+    /// The disk is full at each of its writes in turn; the writers of libraries must cope with that when they are
+    /// dropped.
     #[test]
     fn a_disk_that_is_full_at_any_write_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
@@ -454,9 +437,9 @@ mod tests {
         for format in FORMATS.iter().filter(|format| format.name() != "hdf5") {
             let path = folder.path().join("a");
             let written = |writes| {
-                sink::tests::WRITES.set(writes);
+                crate::write::sink::tests::WRITES.set(writes);
                 let written = write(&cloud, &path, Some(format.name()));
-                sink::tests::WRITES.set(usize::MAX);
+                crate::write::sink::tests::WRITES.set(usize::MAX);
                 written
             };
             let count = (0..500).take_while(|&writes| written(writes).is_err()).count();
@@ -469,7 +452,7 @@ mod tests {
     }
 
     #[test]
-    fn label_names_stand_beside_their_own_cloud() {
+    fn label_names_are_next_to_their_own_cloud() {
         let of = |path: &str| labels_path(Path::new(path));
         assert_eq!(of("a.b/street.CSV"), Path::new("a.b/street.labels.json"));
         assert_eq!(of("run_1.5m"), Path::new("run_1.5m.labels.json"));

@@ -1,25 +1,26 @@
-//! NPZ: a zip of NumPy arrays, in sets a compressed one; `numpy.load` reads both without anything else.
+//! NPZ: a zip of NumPy arrays, compressed in sets; `numpy.load` alone reads both.
 
-use super::{Format, FormatInfo, Sink, boxes, sensor_pose};
+use super::{Format, FormatInfo, boxes, sensor_pose};
 use crate::cloud::{Column, FieldSet, PointCloud};
 use crate::ground::report::Report;
 use crate::scene::Labels;
+use crate::write::Sink;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipWriter};
 
-/// Most characters of a label name: all names of an array are as wide as the longest.
+/// Maximum number of characters of a label name: all names of an array are as wide as the longest.
 pub(super) const NAME_CHARS: usize = 1024;
 
-/// One array per column; positions f32 relative to the array `origin`. Organised clouds stay lists of rows, and the
-/// array `shape` holds their rows and columns: `x.reshape(shape)` is the image.
+/// One array per column; positions f32 relative to the array `origin`. Organised clouds are stored as lists of rows,
+/// and the array `shape` holds their numbers of rows and columns: `x.reshape(shape)` is the image.
 pub(super) struct Npz {
     pack: Pack,
 }
 
-/// How arrays are stored: as they are, or deflated (RFC 1951) as fast as can be. Coordinates
-/// and times hardly get smaller at any level, labels become a twentieth or less, colours an eighth, at the lowest.
+/// How arrays are stored: as they are, or deflated (RFC 1951) at the fastest level. Coordinates and times hardly shrink
+/// at any level; at the lowest, labels shrink to a twentieth or less and colours to an eighth.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Pack {
     Stored,
@@ -31,7 +32,7 @@ impl Npz {
     const PACKED: Npz = Npz { pack: Pack::Deflated };
 }
 
-/// Most points, which are in memory all at once: in some hundred gigabytes.
+/// Maximum number of points, which are all in memory at once: some hundred gigabytes.
 const MOST: u64 = 4_000_000_000;
 
 impl Format for Npz {
@@ -39,7 +40,7 @@ impl Format for Npz {
         &FormatInfo {
             name: "npz",
             extensions: &["npz"],
-            description: "NumPy arrays, uncompressed but in sets; f32 positions relative to the array origin",
+            description: "NumPy arrays, uncompressed except in sets; f32 positions relative to the array origin",
             needs_positions: false,
             holds_label_names: true,
         }
@@ -103,7 +104,7 @@ impl Archive {
         self.zip.write_all(data.bytes())
     }
 
-    /// Adds a text without a shape.
+    /// Adds a text as an array without dimensions.
     pub(super) fn text(&mut self, name: &str, words: &str) -> io::Result<()> {
         let characters: Vec<u32> = words.chars().map(u32::from).collect();
         self.add(name, &format!("U{}", characters.len()), &[], &characters)
@@ -113,7 +114,7 @@ impl Archive {
     pub(super) fn names(&mut self, labels: &Labels, report: &mut Report) -> io::Result<()> {
         for (stem, table) in labels.tables() {
             self.add(&format!("{stem}_ids"), "u4", &[table.ids.len()], &table.ids)?;
-            // NumPy text: UTF-32, every element as wide as the longest, ended by zeros.
+            // NumPy text: UTF-32, every element as wide as the longest, padded with zeros.
             let names = cut_names(&table.names, "npz", report);
             let width = names.iter().map(|name| name.chars().count()).max().unwrap_or(0).max(1);
             let count = names.len();
@@ -135,7 +136,7 @@ impl Archive {
 
     /// Adds an array whose data, `bytes` long, the caller writes next.
     fn start(&mut self, name: &str, kind: &str, shape: &[usize], bytes: usize) -> io::Result<()> {
-        // Format 1.0 (numpy.lib.format): magic, version, length of the text, text ended so that data starts at 64 n.
+        // Format 1.0 (numpy.lib.format): magic, version, length of the text, text padded so that data starts at 64 n.
         let order = if cfg!(target_endian = "big") { '>' } else { '<' };
         let shape: String = shape.iter().map(|length| format!("{length},")).collect();
         let mut text = format!("{{'descr': '{order}{kind}', 'fortran_order': False, 'shape': ({shape}), }}");

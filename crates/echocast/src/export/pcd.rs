@@ -1,20 +1,21 @@
 //! PCD, the format of the Point Cloud Library: version 0.7, binary, as text, and compressed.
 //!
-//! Layout: "The PCD (Point Cloud Data) file format" of the PCL documentation. What is compressed is column after column,
-//! by LZF, whose stream has no header: the streams of pieces, one after the other, are that of the whole.
+//! Layout: "The PCD (Point Cloud Data) file format" of the PCL documentation. Compressed data is column after column,
+//! by LZF, whose stream has no header: the concatenated streams of the pieces are the stream of the whole.
 
 use super::csv::{push_float, push_integer, push_position};
-use super::{Format, FormatInfo, Growing, Sink};
+use super::{Format, FormatInfo, Growing};
 use crate::cloud::record::{self, BLOCK_BYTES};
 use crate::cloud::{Column, ColumnType, Field, FieldInfo, FieldSet, Frame, PointCloud};
 use crate::ground::parallel;
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
+use crate::write::Sink;
 use std::fmt::Write as _;
 use std::io::{self, Seek as _, Write as _};
 use std::path::Path;
 
-/// Records of packed columns.
+/// Binary: records of packed columns.
 pub(super) const PCD: Pcd = Pcd {
     info: FormatInfo {
         name: "pcd",
@@ -60,7 +61,7 @@ const COLOUR: [Field; 3] = [Field::Red, Field::Green, Field::Blue];
 /// Bytes that are compressed at a time.
 const PIECE: usize = 1 << 20;
 
-/// Most bytes that LZF copies as they are behind one byte that says how many.
+/// Maximum number of bytes that LZF copies as they are after one byte with their count.
 const LITERALS: usize = 32;
 
 impl Format for Pcd {
@@ -105,7 +106,7 @@ impl PcdFile {
 
 impl Growing for PcdFile {
     fn add(&mut self, cloud: &PointCloud) -> io::Result<()> {
-        let members = Member::of(cloud);
+        let members = PcdMember::of(cloud);
         if self.data == Data::Text {
             return super::csv::write_rows(&mut self.file, cloud.len, |text, row| {
                 for member in &members {
@@ -117,7 +118,7 @@ impl Growing for PcdFile {
                 }
             });
         }
-        let size = members.iter().map(Member::size).sum::<usize>();
+        let size = members.iter().map(PcdMember::size).sum::<usize>();
         let block = BLOCK_BYTES / size;
         let mut buffer = vec![0; block * size];
         for start in (0..cloud.len).step_by(block) {
@@ -142,8 +143,8 @@ impl Growing for PcdFile {
 }
 
 fn write_compressed(cloud: &PointCloud, path: &Path) -> io::Result<()> {
-    let members = Member::of(cloud);
-    let size = members.iter().map(Member::size).sum::<usize>();
+    let members = PcdMember::of(cloud);
+    let size = members.iter().map(PcdMember::size).sum::<usize>();
     let small = |bytes: usize| {
         u32::try_from(bytes).map_err(|_| io::Error::other("a compressed PCD file holds 4 GiB at most; pcd holds more"))
     };
@@ -169,15 +170,15 @@ fn write_compressed(cloud: &PointCloud, path: &Path) -> io::Result<()> {
 /// An LZF stream of `bytes`.
 fn compress(bytes: &[u8]) -> Vec<u8> {
     lzf::compress(bytes).unwrap_or_else(|_| {
-        // They do not become fewer.
+        // They cannot be compressed.
         bytes.chunks(LITERALS).flat_map(|run| [&[run.len() as u8 - 1], run].concat()).collect()
     })
 }
 
-/// The header of a cloud with the rows of `head`; as long for any number of them.
+/// The header of a cloud with the rows of `head`; its length does not depend on their number.
 fn header(data: Data, head: &PointCloud) -> String {
-    let members = Member::of(head);
-    let line = |key: &str, of: &dyn Fn(&Member) -> String| {
+    let members = PcdMember::of(head);
+    let line = |key: &str, of: &dyn Fn(&PcdMember) -> String| {
         members.iter().fold(key.to_owned(), |line, member| line + " " + &of(member)) + "\n"
     };
     let mut text = line("FIELDS", &|member| member.name.to_owned());
@@ -185,7 +186,7 @@ fn header(data: Data, head: &PointCloud) -> String {
     text += &line("TYPE", &|member| member.letter().to_string());
     text += &line("COUNT", &|_| "1".to_owned());
     let [height, width] = head.organised.map_or([1, head.len], |[rows, columns]| [rows as usize, columns as usize]);
-    // Programs that show the cloud move it by this.
+    // Viewers transform the cloud by this.
     let Pose { position: p, orientation: q } =
         if head.frame == Frame::Sensor { head.sensor_pose } else { Pose::IDENTITY };
     let viewpoint = format!("{} {} {} {} {} {} {}", p.x, p.y, p.z, q.w, q.x, q.y, q.z);
@@ -205,12 +206,12 @@ fn header(data: Data, head: &PointCloud) -> String {
 }
 
 /// A member of a point.
-struct Member<'a> {
+struct PcdMember<'a> {
     name: &'static str,
-    values: Values<'a>,
+    values: PcdValues<'a>,
 }
 
-enum Values<'a> {
+enum PcdValues<'a> {
     Column(Column<'a>),
     /// Positions relative to a coordinate.
     Position(&'a [f32], f64),
@@ -218,66 +219,66 @@ enum Values<'a> {
     Colour([&'a [u8]; 3]),
 }
 
-impl<'a> Member<'a> {
+impl<'a> PcdMember<'a> {
     /// The members of the points of `cloud`.
-    fn of(cloud: &'a PointCloud) -> Vec<Member<'a>> {
+    fn of(cloud: &'a PointCloud) -> Vec<PcdMember<'a>> {
         let c = &cloud.columns;
         let coloured = COLOUR.iter().all(|&field| cloud.fields.contains(field));
         let other = if coloured { COLOUR[1..].iter().copied().collect() } else { FieldSet::EMPTY };
         let fields = cloud.fields.iter().filter(|info| !other.contains(info.field));
         let member = |info: &'static FieldInfo| match (cloud.column(info.field), cloud.offset(info.field)) {
             _ if coloured && info.field == Field::Red => {
-                Member { name: "rgb", values: Values::Colour([&c.red, &c.green, &c.blue]) }
+                PcdMember { name: "rgb", values: PcdValues::Colour([&c.red, &c.green, &c.blue]) }
             }
-            // The library's usual points have f32 positions.
+            // The usual point types of the library have f32 positions.
             (Column::F32(column), Some(offset)) if cloud.origin != glam::DVec3::ZERO => {
-                Member { name: info.name, values: Values::Position(column, offset) }
+                PcdMember { name: info.name, values: PcdValues::Position(column, offset) }
             }
-            (column, _) => Member { name: info.name, values: Values::Column(column) },
+            (column, _) => PcdMember { name: info.name, values: PcdValues::Column(column) },
         };
         fields.map(member).collect()
     }
 
     fn size(&self) -> usize {
         match self.values {
-            Values::Column(column) => column.kind().size(),
-            Values::Position(..) => 8,
-            Values::Colour(_) => 4,
+            PcdValues::Column(column) => column.kind().size(),
+            PcdValues::Position(..) => 8,
+            PcdValues::Colour(_) => 4,
         }
     }
 
     /// Type: unsigned or float.
     fn letter(&self) -> char {
         match self.values {
-            Values::Column(column) if !matches!(column.kind(), ColumnType::F32 | ColumnType::F64) => 'U',
-            Values::Colour(_) => 'U',
+            PcdValues::Column(column) if !matches!(column.kind(), ColumnType::F32 | ColumnType::F64) => 'U',
+            PcdValues::Colour(_) => 'U',
             _ => 'F',
         }
     }
 
     fn put(&self, records: &mut [u8], size: usize, at: usize, rows: std::ops::Range<usize>) {
         match self.values {
-            Values::Column(Column::F32(c)) => record::put(records, size, at, rows, |row| c[row].to_le_bytes()),
-            Values::Column(Column::F64(c)) => record::put(records, size, at, rows, |row| c[row].to_le_bytes()),
-            Values::Column(Column::U8(c)) => record::put(records, size, at, rows, |row| [c[row]]),
-            Values::Column(Column::U16(c)) => record::put(records, size, at, rows, |row| c[row].to_le_bytes()),
-            Values::Column(Column::U32(c)) => record::put(records, size, at, rows, |row| c[row].to_le_bytes()),
-            Values::Position(c, offset) => {
+            PcdValues::Column(Column::F32(c)) => record::put(records, size, at, rows, |row| c[row].to_le_bytes()),
+            PcdValues::Column(Column::F64(c)) => record::put(records, size, at, rows, |row| c[row].to_le_bytes()),
+            PcdValues::Column(Column::U8(c)) => record::put(records, size, at, rows, |row| [c[row]]),
+            PcdValues::Column(Column::U16(c)) => record::put(records, size, at, rows, |row| c[row].to_le_bytes()),
+            PcdValues::Column(Column::U32(c)) => record::put(records, size, at, rows, |row| c[row].to_le_bytes()),
+            PcdValues::Position(c, offset) => {
                 record::put(records, size, at, rows, |row| (f64::from(c[row]) + offset).to_le_bytes());
             }
-            Values::Colour(rgb) => record::put(records, size, at, rows, |row| packed(rgb, row).to_le_bytes()),
+            PcdValues::Colour(rgb) => record::put(records, size, at, rows, |row| packed(rgb, row).to_le_bytes()),
         }
     }
 
     fn push(&self, text: &mut Vec<u8>, row: usize) {
         match self.values {
-            Values::Column(Column::F32(c)) => push_float(text, c[row]),
-            Values::Column(Column::F64(c)) => push_float(text, c[row]),
-            Values::Column(Column::U8(c)) => push_integer(text, c[row]),
-            Values::Column(Column::U16(c)) => push_integer(text, c[row]),
-            Values::Column(Column::U32(c)) => push_integer(text, c[row]),
-            Values::Position(c, offset) => push_position(text, f64::from(c[row]) + offset),
-            Values::Colour(rgb) => push_integer(text, packed(rgb, row)),
+            PcdValues::Column(Column::F32(c)) => push_float(text, c[row]),
+            PcdValues::Column(Column::F64(c)) => push_float(text, c[row]),
+            PcdValues::Column(Column::U8(c)) => push_integer(text, c[row]),
+            PcdValues::Column(Column::U16(c)) => push_integer(text, c[row]),
+            PcdValues::Column(Column::U32(c)) => push_integer(text, c[row]),
+            PcdValues::Position(c, offset) => push_position(text, f64::from(c[row]) + offset),
+            PcdValues::Colour(rgb) => push_integer(text, packed(rgb, row)),
         }
     }
 }

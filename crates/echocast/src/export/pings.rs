@@ -1,11 +1,11 @@
-//! Sonar pings and their images to files for programs.
+//! Sonar pings and their images to files.
 
-use super::atomic::{self, Pending};
+use super::ending;
 use super::npz::Archive;
 use super::pixels::Png;
-use super::{ending, failed};
 use super::{kmall, xtf};
-use crate::cloud::{Column, Field, FieldSet, Layout, Ping, Pings, SonarView, Sounding, Track};
+use crate::cells::{Layout, SonarView, Sounding, Track};
+use crate::cloud::{Column, Field, FieldSet, Ping, Pings};
 use crate::emitter::pattern::JANUS_BEAMS;
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
@@ -14,6 +14,7 @@ use crate::ground::units::amplitude_from_db;
 use crate::image::{Image, ImageKind, LAYERS};
 use crate::scene::{Labels, NameTable};
 use crate::sensor::Sensor;
+use crate::write::{self, Pending, failed};
 use echocast_memory::tried;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -28,8 +29,8 @@ const CLIPPED: f32 = 0.005;
 /// Checks, before a long scan, whether pings of `sensor` can be written to `path`.
 ///
 /// # Errors
-/// An ending of no format for pings, or of one for those of other sonars; a missing folder or one that cannot be written
-/// to.
+/// An ending of no format for pings, or of one for pings of other sonars; a missing folder or one that cannot be
+/// written to.
 pub fn check_pings(path: &Path, sensor: &Sensor) -> Result<()> {
     check_ending(path, "pings", PINGS)?;
     check_view(path, sensor.sonar_view())?;
@@ -61,7 +62,7 @@ fn check_ending(path: &Path, what: &str, endings: &[&str]) -> Result<()> {
     Ok(())
 }
 
-/// Checks that pings of such a sonar are what a survey program expects in such a file.
+/// Checks that survey programs expect pings of such a sonar in such a file.
 fn check_view(path: &Path, view: SonarView) -> Result<()> {
     let (views, allowed): (&[SonarView], _) = match &*ending(path) {
         "xtf" => (&[SonarView::Sidescan, SonarView::Swath], "side-scan and swath sonars; .npz and .h5 hold any"),
@@ -74,22 +75,22 @@ fn check_view(path: &Path, view: SonarView) -> Result<()> {
     Ok(())
 }
 
-/// Whether a sample of `steps`, clamped to between `least` and `most`, loses what is known of `level`; fainter than the
-/// noise there is nothing.
+/// Whether a sample of `steps`, clamped to between `least` and `most`, loses information on `level`; below the noise
+/// there is none.
 pub(super) fn is_lost(level: f32, steps: f32, [least, most]: [f32; 2], layout: &Layout) -> bool {
     level.is_nan() || steps > most || steps < least && level >= layout.noise_db
 }
 
-/// How many bytes a record has, in the 32 bits that it says so with.
+/// The number of bytes of a record, in the 32 bits of its length member.
 pub(super) fn length(bytes: usize) -> io::Result<u32> {
-    let told = "a ping takes more than 4 GB; allowed: what its record can say in 32 bits";
-    u32::try_from(bytes).map_err(|_| io::Error::new(io::ErrorKind::FileTooLarge, told))
+    let reason = "a ping takes more than 4 GB; allowed: what 32 bits can hold";
+    u32::try_from(bytes).map_err(|_| io::Error::new(io::ErrorKind::FileTooLarge, reason))
 }
 
 impl Pings {
-    /// Writes the pings to `path`: everything that they hold as NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`); the samples of
-    /// a side-scan sonar or the soundings of a swath sonar as XTF (`.xtf`); soundings and water columns of a swath
-    /// sonar as KMALL (`.kmall`). The file appears under its name only when it is complete.
+    /// Writes the pings to `path`: their whole content as NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`); the samples of a
+    /// side-scan sonar or the soundings of a swath sonar as XTF (`.xtf`); soundings and water columns of a swath sonar
+    /// as KMALL (`.kmall`). The file appears under its name only when it is complete.
     ///
     /// In NPZ and HDF5, cells are in arrays of pings x beams x bins: `level`, `amplitude` and a column for each field;
     /// `true_x` to `true_z` are relative to `origin`. Soundings are a list in which `sounding_ping` counts the pings of
@@ -118,13 +119,13 @@ impl Pings {
 }
 
 impl Image {
-    /// Writes the image to `path`: NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`) with `values`, a label array for each column
-    /// that it has and its place, or PNG (`.png`), eight bits grey. The files appear under their names only when all
-    /// are complete.
+    /// Writes the image to `path`: NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`) with `values`, an array for each label column
+    /// that it has and the coordinates of its pixels, or PNG (`.png`), 8-bit greyscale. The files appear under their
+    /// names only when all are complete.
     ///
-    /// In a PNG, 0 is nothing, and 1 to 255 are the window of values given by its text `window`, which leaves out half
-    /// a percent at each end. Labels are beside it, `NAME.category_id.png` and so on, 16-bit greyscale, the numbers
-    /// themselves.
+    /// In a PNG, 0 is no value, and 1 to 255 span the window of values given by its text `window`, which leaves out
+    /// half a percent at each end. Labels are in files next to it, `NAME.category_id.png` and so on, 16-bit greyscale,
+    /// with the label numbers themselves.
     ///
     /// # Errors
     /// As [`check_image`]; arrays of another size than the image; no memory; a full disk.
@@ -152,40 +153,40 @@ fn into_file(path: &Path, fill: impl FnOnce(&Pending, &mut Report) -> io::Result
 }
 
 /// Writes a file of arrays with `fill`.
-fn into_arrays(path: &Path, fill: impl FnOnce(&mut Arrays, &mut Report) -> io::Result<()>) -> Result<Report> {
+fn into_arrays(path: &Path, fill: impl FnOnce(&mut ArrayFile, &mut Report) -> io::Result<()>) -> Result<Report> {
     into_file(path, |pending, report| {
-        let mut file = Arrays::create(pending, path)?;
+        let mut file = ArrayFile::create(pending, path)?;
         fill(&mut file, report)?;
         file.finish()
     })
 }
 
 /// A file of named arrays.
-enum Arrays {
+enum ArrayFile {
     Npz(Box<Archive>),
     #[cfg(feature = "hdf5")]
     Hdf5(::hdf5::File),
 }
 
 /// Name, unit and meaning of an array.
-type About<'a> = [&'a str; 3];
+type ArrayCaption<'a> = [&'a str; 3];
 
-impl Arrays {
-    fn create(pending: &Pending, named: &Path) -> io::Result<Arrays> {
+impl ArrayFile {
+    fn create(pending: &Pending, named: &Path) -> io::Result<ArrayFile> {
         #[cfg(feature = "hdf5")]
         if ending(named) != "npz" {
-            return echocast_hdf5::create(pending.path()).map(Arrays::Hdf5).map_err(echocast_hdf5::io_error);
+            return echocast_hdf5::create(pending.path()).map(ArrayFile::Hdf5).map_err(echocast_hdf5::io_error);
         }
         debug_assert_eq!(ending(named), "npz");
-        Archive::create(pending.path()).map(|file| Arrays::Npz(Box::new(file)))
+        Archive::create(pending.path()).map(|file| ArrayFile::Npz(Box::new(file)))
     }
 
-    fn add(&mut self, about: About, shape: &[usize], data: Column<'_>) -> io::Result<()> {
+    fn add(&mut self, about: ArrayCaption, shape: &[usize], data: Column<'_>) -> io::Result<()> {
         match self {
-            // Arrays of NumPy have names only.
-            Arrays::Npz(file) => file.column(about[0], shape, data),
+            // NumPy arrays have only names.
+            ArrayFile::Npz(file) => file.column(about[0], shape, data),
             #[cfg(feature = "hdf5")]
-            Arrays::Hdf5(file) => super::hdf5::add_column(file, about[0], shape, data)
+            ArrayFile::Hdf5(file) => super::hdf5::add_column(file, about[0], shape, data)
                 .and_then(|dataset| super::hdf5::describe(&dataset, about[1], about[2]))
                 .map_err(echocast_hdf5::io_error),
         }
@@ -193,30 +194,30 @@ impl Arrays {
 
     fn text(&mut self, name: &str, words: &str) -> io::Result<()> {
         match self {
-            Arrays::Npz(file) => file.text(name, words),
+            ArrayFile::Npz(file) => file.text(name, words),
             #[cfg(feature = "hdf5")]
-            Arrays::Hdf5(file) => super::hdf5::add_text(file, name, words).map_err(echocast_hdf5::io_error),
+            ArrayFile::Hdf5(file) => super::hdf5::add_text(file, name, words).map_err(echocast_hdf5::io_error),
         }
     }
 
     fn names(&mut self, labels: &Labels, report: &mut Report) -> io::Result<()> {
         match self {
-            Arrays::Npz(file) => file.names(labels, report),
+            ArrayFile::Npz(file) => file.names(labels, report),
             #[cfg(feature = "hdf5")]
-            Arrays::Hdf5(file) => super::hdf5::add_names(file, labels, report).map_err(echocast_hdf5::io_error),
+            ArrayFile::Hdf5(file) => super::hdf5::add_names(file, labels, report).map_err(echocast_hdf5::io_error),
         }
     }
 
     fn finish(self) -> io::Result<()> {
         match self {
-            Arrays::Npz(file) => file.finish(),
+            ArrayFile::Npz(file) => file.finish(),
             #[cfg(feature = "hdf5")]
-            Arrays::Hdf5(file) => file.close().map_err(echocast_hdf5::io_error),
+            ArrayFile::Hdf5(file) => file.close().map_err(echocast_hdf5::io_error),
         }
     }
 }
 
-fn write_pings(file: &mut Arrays, Pings { pings }: &Pings, report: &mut Report) -> io::Result<()> {
+fn write_pings(file: &mut ArrayFile, Pings { pings }: &Pings, report: &mut Report) -> io::Result<()> {
     let first = &pings[0];
     let layout = &*first.layout;
     let (beams, bins) = (layout.beams(), layout.bins);
@@ -234,9 +235,9 @@ fn write_pings(file: &mut Arrays, Pings { pings }: &Pings, report: &mut Report) 
     let surface = ["surface_z_m", "m", "height of the water surface, world"];
     file.add(surface, &[], Column::F64(&[layout.surface_z]))?;
     file.add(["noise_db", "dB re 1 uPa", "level of the noise in a cell"], &[], Column::F32(&[layout.noise_db]))?;
-    let threshold = ["threshold_db", "dB re 1 uPa", "least level that is reported as an echo, by bin"];
+    let threshold = ["threshold_db", "dB re 1 uPa", "lowest level reported as an echo, by bin"];
     file.add(threshold, &[bins], Column::F32(&layout.threshold_db))?;
-    file.add(["tvg_db", "dB", "gain that pictures are drawn with, by bin"], &[bins], Column::F32(&layout.tvg_db))?;
+    file.add(["tvg_db", "dB", "time-varied gain of images, by bin"], &[bins], Column::F32(&layout.tvg_db))?;
     file.add(
         ["origin", "m", "world position of true_x, true_y, true_z 0"],
         &[3],
@@ -246,9 +247,9 @@ fn write_pings(file: &mut Arrays, Pings { pings }: &Pings, report: &mut Report) 
     let numbers: Vec<u32> = pings.iter().map(|ping| ping.number).collect();
     file.add(["ping_number", "", "number of each ping"], &[pings.len()], Column::U32(&numbers))?;
     let times: Vec<f64> = pings.iter().map(|ping| ping.time).collect();
-    file.add(["ping_time", "s", "when each ping was sent"], &[pings.len()], Column::F64(&times))?;
+    file.add(["ping_time", "s", "time at which each ping was sent"], &[pings.len()], Column::F64(&times))?;
     let positions: Vec<f64> = pings.iter().flat_map(|ping| ping.pose.position.to_array()).collect();
-    let about = ["sensor_position", "m", "where the sonar was at each ping, world"];
+    let about = ["sensor_position", "m", "position of the sonar at each ping, world"];
     file.add(about, &[pings.len(), 3], Column::F64(&positions))?;
     let turns: Vec<f64> = pings.iter().flat_map(|ping| ping.pose.orientation.to_array()).collect();
     let about = ["sensor_orientation_xyzw", "1", "rotation from sensor to world at each ping, quaternion"];
@@ -284,17 +285,17 @@ fn write_pings(file: &mut Arrays, Pings { pings }: &Pings, report: &mut Report) 
     file.names(&first.labels, report)
 }
 
-fn write_soundings(file: &mut Arrays, pings: &[Ping]) -> io::Result<()> {
+fn write_soundings(file: &mut ArrayFile, pings: &[Ping]) -> io::Result<()> {
     let indices: Vec<u32> = (0u32..).zip(pings).flat_map(|(i, ping)| ping.soundings.iter().map(move |_| i)).collect();
     let count = [indices.len()];
     let whole = |of: fn(&Sounding) -> u32| joined(pings, move |ping| ping.soundings.iter().map(of));
     let real = |of: fn(&Sounding) -> f32| joined(pings, move |ping| ping.soundings.iter().map(of));
     file.add(["sounding_ping", "", "index of the ping, from 0"], &count, Column::U32(&indices))?;
-    file.add(["sounding_beam", "", "beam that heard it"], &count, Column::U32(&whole(|s| s.beam)?))?;
+    file.add(["sounding_beam", "", "beam that received it"], &count, Column::U32(&whole(|s| s.beam)?))?;
     file.add(["sounding_range", "m", "reported slant range"], &count, Column::F32(&real(|s| s.range)?))?;
     let about = ["sounding_level_db", "dB re 1 uPa", "level of its strongest cell"];
     file.add(about, &count, Column::F32(&real(|s| s.level_db)?))?;
-    file.add(["sounding_quality", "1", "how sure it is, 0 to 1"], &count, Column::F32(&real(|s| s.quality)?))?;
+    file.add(["sounding_quality", "1", "confidence, 0 to 1"], &count, Column::F32(&real(|s| s.quality)?))?;
     let places: Vec<f32> = joined(pings, |ping| ping.soundings.iter().map(|s| s.corrected))?
         .iter()
         .flat_map(|place| place.to_array())
@@ -306,7 +307,7 @@ fn write_soundings(file: &mut Arrays, pings: &[Ping]) -> io::Result<()> {
 }
 
 /// The velocities of a Doppler velocity log, ping by ping.
-fn write_tracks(file: &mut Arrays, pings: &[Ping]) -> io::Result<()> {
+fn write_tracks(file: &mut ArrayFile, pings: &[Ping]) -> io::Result<()> {
     type Of = fn(&Ping) -> Option<Track>;
     let kinds: [(&str, &str, Of); 2] = [
         ("bottom_track", "over ground", |ping| ping.bottom_track),
@@ -322,7 +323,7 @@ fn write_tracks(file: &mut Arrays, pings: &[Ping]) -> io::Result<()> {
         let about = format!("velocity {over} of the sonar in its own frame at each ping, NaN without");
         file.add([name, "m/s", &about], &[count, 3], Column::F32(&velocities))?;
         let errors: Vec<f32> = tracks.iter().map(|track| track.error).collect();
-        let about = format!("error velocity {over}, how far four beams disagree");
+        let about = format!("error velocity {over}, the disagreement of the four beams");
         file.add([&format!("{name}_error"), "m/s", &about], &[count], Column::F32(&errors))?;
         let rates: Vec<f32> = tracks.iter().flat_map(|track| track.radial).collect();
         let about = format!("measured rate of the range along each beam, {over}");
@@ -331,7 +332,7 @@ fn write_tracks(file: &mut Arrays, pings: &[Ping]) -> io::Result<()> {
     Ok(())
 }
 
-/// What `part` returns for each ping, one after the other.
+/// The elements that `part` returns for each ping, one after the other.
 fn joined<'a, T, I: Iterator<Item = T>>(pings: &'a [Ping], part: impl Fn(&'a Ping) -> I) -> io::Result<Vec<T>> {
     let mut all = Vec::new();
     for ping in pings {
@@ -346,11 +347,11 @@ fn joined<'a, T, I: Iterator<Item = T>>(pings: &'a [Ping], part: impl Fn(&'a Pin
 fn quantity(kind: ImageKind) -> [&'static str; 2] {
     match kind {
         ImageKind::DepthMap => ["height, world z", "m"],
-        _ => ["echo level with the gain of pictures", "dB re 1 uPa"],
+        _ => ["echo level with time-varied gain", "dB re 1 uPa"],
     }
 }
 
-fn write_image(file: &mut Arrays, image: &Image, report: &mut Report) -> io::Result<()> {
+fn write_image(file: &mut ArrayFile, image: &Image, report: &mut Report) -> io::Result<()> {
     let shape = [image.height, image.width];
     file.text("kind", image.kind.name())?;
     let [quantity, unit] = quantity(image.kind);
@@ -408,24 +409,24 @@ fn write_pngs(image: &Image, path: &Path) -> Result<Report> {
         let png = Png { size, color: png::ColorType::Grayscale, depth, palette: None, texts, fast: false };
         png.write(file.path(), &bytes).map_err(|source| failed(named, source))?;
     }
-    // The picture comes last, behind its labels.
-    atomic::commit_all(pending.into_iter().map(|(file, _)| file).rev().collect())?;
+    // The picture comes last, after its labels.
+    write::commit_all(pending.into_iter().map(|(file, _)| file).rev().collect())?;
     Ok(report)
 }
 
-/// Where the label image of `field` is, beside the image at `path`: `fan.category_id.png` beside `fan.png`.
+/// Where the label image of `field` is for the image at `path`: `fan.category_id.png` for `fan.png`.
 fn layer_path(path: &Path, field: Field) -> PathBuf {
     path.with_extension(format!("{}.png", field.info().name))
 }
 
-/// The files that [`Image::write`] leaves beside the image at `path`, of pings with the columns `fields`: one for each
-/// label column beside a PNG, none beside others.
+/// The files that [`Image::write`] writes in addition to the image at `path`, of pings with the columns `fields`: one
+/// for each label column for a PNG, none for other formats.
 pub fn image_label_paths(path: &Path, fields: FieldSet) -> Vec<PathBuf> {
     let layers = LAYERS.into_iter().filter(|&field| ending(path) == "png" && fields.contains(field));
     layers.map(|field| layer_path(path, field)).collect()
 }
 
-/// The values between which an image has its greys.
+/// The range of values that the greys of an image span.
 fn window(values: &[f32]) -> [f32; 2] {
     let mut known: Vec<f32> = values.iter().copied().filter(|value| value.is_finite()).collect();
     let mut quantile = |q: f32| {
@@ -436,7 +437,7 @@ fn window(values: &[f32]) -> [f32; 2] {
     if high > low { [low, high] } else { [low - 0.5, low + 0.5] }
 }
 
-/// Grey of `value`: 0 for NaN, 1 to 255 else.
+/// Grey of `value`: 0 for NaN, else 1 to 255.
 fn grey(value: f32, [low, high]: [f32; 2]) -> u8 {
     if value.is_nan() { 0 } else { (1.0 + 254.0 * (value - low) / (high - low)).round().clamp(1.0, 255.0) as u8 }
 }
@@ -452,8 +453,8 @@ fn names(labels: &Labels, field: Field) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cloud::SonarView;
-    use crate::image::synthetic::{Sidescan, TARGET, imaging, pings, swath};
+    use crate::cells::SonarView;
+    use crate::image::synthetic::{SyntheticSidescan, TARGET, imaging, pings, swath};
     use crate::image::{ImageRange, Overlap, mosaic, waterfall};
     use std::fs::File;
 
@@ -477,8 +478,8 @@ mod tests {
             }
         }
         let error = check_pings(&at("a.xtf"), &fan).unwrap_err().to_string();
-        let told = "a.xtf is for a fan sonar; allowed: side-scan and swath sonars; .npz and .h5 hold any";
-        assert!(error.ends_with(told), "{error}");
+        let reason = "a.xtf is for a fan sonar; allowed: side-scan and swath sonars; .npz and .h5 hold any";
+        assert!(error.ends_with(reason), "{error}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }
 
@@ -486,7 +487,7 @@ mod tests {
     fn files_beside_an_image_are_known_before() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("map.png");
-        let image = waterfall(&pings(&Sidescan::default()), ImageRange::Slant, None).unwrap();
+        let image = waterfall(&pings(&SyntheticSidescan::default()), ImageRange::Slant, None).unwrap();
         image.write(&path).unwrap();
         let known = image_label_paths(&path, [Field::CategoryId, Field::InstanceId, Field::Time].into_iter().collect());
         assert_eq!(known, ["category_id", "instance_id"].map(|name| folder.path().join(format!("map.{name}.png"))));
@@ -526,13 +527,13 @@ mod tests {
             refused(&fan, "a.xtf")
                 .ends_with("a.xtf is for a fan sonar; allowed: side-scan and swath sonars; .npz and .h5 hold any")
         );
-        let sides = pings(&Sidescan { pings: 1, ..Sidescan::default() });
+        let sides = pings(&SyntheticSidescan { pings: 1, ..SyntheticSidescan::default() });
         assert!(refused(&sides, "a.kmall").contains("a.kmall is for a sidescan sonar; allowed: swath sonars"));
         let mut far = swath(2);
         far.pings[1].pose.position.y = 1e7;
-        let told =
+        let reason =
             "kmall: position of ping 1 is 0.35, 10000000; allowed: x within 20037508 m and y within 9951685 m of 0";
-        assert!(refused(&far, "a.kmall").starts_with(told), "{}", refused(&far, "a.kmall"));
+        assert!(refused(&far, "a.kmall").starts_with(reason), "{}", refused(&far, "a.kmall"));
         far.write(folder.path().join("a.xtf")).unwrap();
         let many = SonarView::Sidescan;
         let many = Pings { pings: vec![imaging(many, 0.0, 5.0)] };
@@ -542,7 +543,7 @@ mod tests {
 
     #[test]
     fn a_disk_that_is_full_at_any_write_leaves_nothing() {
-        use super::super::sink::tests::WRITES;
+        use crate::write::sink::tests::WRITES;
         let folder = tempfile::tempdir().unwrap();
         for name in ["a.xtf", "a.kmall"] {
             let written = |writes| {
@@ -567,16 +568,16 @@ mod tests {
     }
 
     #[test]
-    fn a_png_says_what_its_greys_are_and_labels_stand_beside_it() {
+    fn a_png_describes_its_greys_and_labels_are_next_to_it() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("track.png");
-        let track = Sidescan::default();
+        let track = SyntheticSidescan::default();
         let image = mosaic(&pings(&track), ImageRange::Ground, 0.1, Overlap::Mean).unwrap();
         image.write(&path).unwrap();
         let (info, pixels, texts) = read(&path);
         assert_eq!((info.width as usize, info.height as usize), (image.width, image.height));
         let text = |name: &str| &texts.iter().find(|(keyword, _)| keyword == name).unwrap().1;
-        assert_eq!(text("quantity"), "echo level with the gain of pictures, dB re 1 uPa");
+        assert_eq!(text("quantity"), "echo level with time-varied gain, dB re 1 uPa");
         assert!(text("column_axis").ends_with("+ 0.1 * column (x, m)"), "{}", text("column_axis"));
         let window: Vec<f32> =
             text("window").split("= ").nth(2).unwrap().split(" to ").map(|number| number.parse().unwrap()).collect();
@@ -599,7 +600,7 @@ mod tests {
     #[test]
     fn images_of_the_wrong_size_are_not_written() {
         let folder = tempfile::tempdir().unwrap();
-        let mut image = waterfall(&pings(&Sidescan::default()), ImageRange::Slant, None).unwrap();
+        let mut image = waterfall(&pings(&SyntheticSidescan::default()), ImageRange::Slant, None).unwrap();
         image.layers[0].ids.pop();
         for name in ["a.png", "a.npz"] {
             let error = image.write(folder.path().join(name)).unwrap_err().to_string();

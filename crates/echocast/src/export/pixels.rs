@@ -1,13 +1,13 @@
 //! Pixels as PNG and TIFF.
 
-use super::Sink;
+use crate::write::Sink;
 use std::io::{self, BufWriter};
 use std::path::Path;
 use tiff::encoder::TiffEncoder;
 use tiff::encoder::colortype::Gray32Float;
 use tiff::tags::Tag;
 
-/// What a PNG holds. Samples of 16 bits are big-endian.
+/// Properties of a PNG. Samples of 16 bits are big-endian.
 pub(super) struct Png<'p> {
     /// Columns and rows.
     pub size: [usize; 2],
@@ -17,7 +17,7 @@ pub(super) struct Png<'p> {
     pub palette: Option<&'p [u8]>,
     /// Keywords and texts.
     pub texts: Vec<(String, String)>,
-    /// Made in a tenth of the time, and larger.
+    /// Whether it is compressed in a tenth of the time, to a larger file.
     pub fast: bool,
 }
 
@@ -32,12 +32,12 @@ impl Png<'_> {
             encoder.set_palette(palette);
         }
         if self.fast {
-            // What is like what is above becomes zeros, of which fdeflate makes runs.
+            // Pixels like those above become zeros, which fdeflate encodes as runs.
             encoder.set_deflate_compression(png::DeflateCompression::FdeflateUltraFast);
             encoder.set_filter(png::Filter::Up);
         }
         for (keyword, text) in self.texts {
-            // Plain text chunks are Latin-1, names of labels may be anything.
+            // Plain text chunks are Latin-1, label names may be any text.
             if text.is_ascii() {
                 encoder.add_text_chunk(keyword, text)?;
             } else {
@@ -70,8 +70,8 @@ pub(super) fn write_tiff(
     to.into_inner().map_err(io::IntoInnerError::into_error)?.finish()
 }
 
-/// Colours of the numbers 0 to 255 in masks, as Pascal VOC has them: the bits of a number, three at a time from the
-/// lowest, are bits of red, green and blue from the highest (VOCdevkit, VOClabelcolormap.m).
+/// Colours of the numbers 0 to 255 in masks, as in Pascal VOC: the bits of a number, three at a time from the lowest,
+/// are bits of red, green and blue from the highest (VOCdevkit, VOClabelcolormap.m).
 pub(super) fn palette() -> Vec<u8> {
     let color = |number: u8| {
         let mut color = [0; 3];

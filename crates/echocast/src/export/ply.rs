@@ -1,15 +1,16 @@
 //! Binary PLY, for viewers.
 
-use super::{Format, FormatInfo, Growing, Sink};
+use super::{Format, FormatInfo, Growing};
 use crate::cloud::record::{self, BLOCK_BYTES};
 use crate::cloud::{Column, FieldInfo, FieldSet, PointCloud};
 use crate::ground::report::Report;
+use crate::write::Sink;
 use std::fmt::Write as _;
 use std::io::{self, Seek as _, Write as _};
 use std::path::Path;
 
 /// Vertices without faces. Property names and types are those that CloudCompare and Open3D both keep: scalars are
-/// called `scalar_NAME`, and integers wider than a byte are `int`, for Open3D skips `ushort` and `uint`.
+/// called `scalar_NAME`, and integers wider than a byte are `int`, because Open3D skips `ushort` and `uint`.
 pub(super) struct Ply;
 
 impl Format for Ply {
@@ -53,7 +54,8 @@ impl Growing for PlyFile {
         let mut properties = Vec::new();
         let mut size = 0;
         for info in cloud.fields.iter() {
-            let property = Property { column: cloud.column(info.field), offset: cloud.offset(info.field), at: size };
+            let property =
+                VertexProperty { column: cloud.column(info.field), offset: cloud.offset(info.field), at: size };
             size += property.kind().1;
             properties.push(property);
             if let Column::U32(ids) = cloud.column(info.field)
@@ -77,7 +79,7 @@ impl Growing for PlyFile {
 
     fn finish(&mut self, head: &PointCloud, report: &mut Report) -> io::Result<()> {
         for info in self.clamped.iter() {
-            report.warn(format!("ply: numbers above {} in {} written as that", i32::MAX, info.name));
+            report.warn(format!("ply: numbers above {} in {} clamped to it", i32::MAX, info.name));
         }
         // Now that all points are counted.
         self.file.rewind()?;
@@ -86,7 +88,7 @@ impl Growing for PlyFile {
     }
 }
 
-/// The header of a cloud with the rows of `head`; as long for any number of them.
+/// The header of a cloud with the rows of `head`; its length does not depend on their number.
 fn header(head: &PointCloud) -> String {
     let mut text = String::from("ply\nformat binary_little_endian 1.0\n");
     let _ = writeln!(text, "comment echocast {}", env!("CARGO_PKG_VERSION"));
@@ -99,13 +101,13 @@ fn header(head: &PointCloud) -> String {
     let _ = writeln!(text, "comment{}", " ".repeat(longest - counts.len()));
     text += &counts;
     for info in head.fields.iter() {
-        let property = Property { column: head.column(info.field), offset: head.offset(info.field), at: 0 };
+        let property = VertexProperty { column: head.column(info.field), offset: head.offset(info.field), at: 0 };
         let _ = writeln!(text, "property {} {}", property.kind().0, property_name(info));
     }
     text + "end_header\n"
 }
 
-/// Names with a meaning of their own in PLY; all else are scalars.
+/// Names with a meaning of their own in PLY; all others are scalars.
 fn property_name(info: &FieldInfo) -> String {
     match info.name {
         "x" | "y" | "z" | "red" | "green" | "blue" => info.name.into(),
@@ -116,15 +118,15 @@ fn property_name(info: &FieldInfo) -> String {
     }
 }
 
-struct Property<'a> {
+struct VertexProperty<'a> {
     column: Column<'a>,
-    /// What makes positions f64 world coordinates.
+    /// Added to positions to get f64 world coordinates.
     offset: Option<f64>,
     /// First byte in the record.
     at: usize,
 }
 
-impl Property<'_> {
+impl VertexProperty<'_> {
     /// PLY type and its size.
     fn kind(&self) -> (&'static str, usize) {
         match (self.column, self.offset) {

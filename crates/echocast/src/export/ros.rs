@@ -1,7 +1,7 @@
 //! Messages of ROS 2: their definitions and their bytes.
 //!
-//! Definitions: common_interfaces and geometry2 of ROS 2 Jazzy, vision_msgs 4.1. Bytes: CDR (OMG, DDS-XTypes 1.3, 7.4.1),
-//! little endian: each number is at a multiple of its size, counted from behind the four bytes of the header.
+//! Definitions: common_interfaces and geometry2 of ROS 2 Jazzy, vision_msgs 4.1. Bytes: CDR (OMG, DDS-XTypes 1.3,
+//! 7.4.1), little endian: each number is at a multiple of its size, counted from the end of the four-byte header.
 
 use crate::ground::pose::Pose;
 use echocast_memory::tried;
@@ -80,7 +80,7 @@ pub(super) fn definition(name: &str) -> String {
     text + "\n"
 }
 
-/// When something is, ns since the start of the run.
+/// A time, ns since the start of the run.
 #[derive(Clone, Copy)]
 pub(super) struct Stamp(pub i64);
 
@@ -90,7 +90,7 @@ impl Stamp {
         Stamp((time * 1e9).round() as i64)
     }
 
-    /// As bags count, from 0 on.
+    /// As bags count time: never below 0.
     pub fn log_time(self) -> u64 {
         self.0.max(0) as u64
     }
@@ -101,17 +101,17 @@ impl Stamp {
 }
 
 /// The bytes of a message that is being written.
-pub(super) struct Message(Vec<u8>);
+pub(super) struct CdrWriter(Vec<u8>);
 
-/// Bytes in front of a message: how it is encoded.
+/// Bytes before a message: its encoding.
 const HEADER: [u8; 4] = [0, 1, 0, 0];
 
-impl Message {
-    /// In the memory of `bytes`.
-    pub fn new(mut bytes: Vec<u8>) -> Message {
+impl CdrWriter {
+    /// An empty message in the memory of `bytes`.
+    pub fn new(mut bytes: Vec<u8>) -> CdrWriter {
         bytes.clear();
         bytes.extend(HEADER);
-        Message(bytes)
+        CdrWriter(bytes)
     }
 
     pub fn bytes(self) -> Vec<u8> {
@@ -136,18 +136,18 @@ impl Message {
         values.iter().for_each(|value| self.number(value.to_le_bytes()));
     }
 
-    /// A number of bytes or members that follow.
+    /// The number of bytes or members that follow.
     pub fn count(&mut self, count: usize) -> io::Result<()> {
         let count = u32::try_from(count).map_err(|_| {
-            let told = format!("{count} bytes of a frame are too many for a message, which holds {}", u32::MAX);
-            io::Error::new(io::ErrorKind::FileTooLarge, told)
+            let reason = format!("{count} bytes of a frame are too many for a message, which holds {}", u32::MAX);
+            io::Error::new(io::ErrorKind::FileTooLarge, reason)
         })?;
         self.u32(count);
         Ok(())
     }
 
     pub fn text(&mut self, text: &str) -> io::Result<()> {
-        // A zero ends it.
+        // It is terminated by a zero.
         let text = text.split('\0').next().unwrap_or_default();
         self.count(text.len() + 1)?;
         self.0.extend(text.as_bytes());
@@ -177,7 +177,7 @@ impl Message {
         self.quaternion(pose.orientation);
     }
 
-    /// Adds as many zeros, to be filled.
+    /// Adds `count` and as many zeros, to be filled.
     pub fn zeros(&mut self, count: usize) -> io::Result<&mut [u8]> {
         self.count(count)?;
         let start = self.0.len();
@@ -193,7 +193,7 @@ mod tests {
 
     #[test]
     fn numbers_are_at_multiples_of_their_size_behind_the_header() {
-        let mut message = Message::new(vec![7; 3]);
+        let mut message = CdrWriter::new(vec![7; 3]);
         message.u8(1);
         message.u32(2);
         message.text("ab").unwrap();
@@ -205,7 +205,7 @@ mod tests {
 
     #[test]
     fn times_have_whole_seconds_below_them() {
-        let mut message = Message::new(Vec::new());
+        let mut message = CdrWriter::new(Vec::new());
         message.header(Stamp::of(-0.25), "").unwrap();
         assert_eq!(message.0[4..8], (-1i32).to_le_bytes());
         assert_eq!(message.0[8..12], 750_000_000u32.to_le_bytes());

@@ -1,12 +1,12 @@
-//! A file whose end is in memory, for writers that write small pages and look behind each.
+//! A file whose end is in memory, for writers that write small pages and read each back.
 
-use super::Sink;
+use crate::write::Sink;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 
-/// Bytes that are kept at most.
+/// Maximum number of bytes in memory.
 const LIMIT: usize = 1 << 18;
 
-/// What is written behind `start` is in the file after [`Write::flush`] alone.
+/// What is written after `start` is in the file only after [`Write::flush`].
 pub(super) struct Tail {
     file: Sink,
     /// Where the bytes in memory begin.
@@ -26,7 +26,7 @@ impl Tail {
         self.start + self.bytes.len() as u64
     }
 
-    /// Where `at`, which is not behind the end, is in memory; `None`: in the file.
+    /// Where `at`, which is not past the end, is in memory; `None`: in the file.
     fn here(&self) -> Option<usize> {
         self.at.checked_sub(self.start).map(|offset| offset as usize)
     }
@@ -57,7 +57,7 @@ impl Write for Tail {
     fn flush(&mut self) -> io::Result<()> {
         self.file.seek(SeekFrom::Start(self.start))?;
         self.start = self.end();
-        // What could not be written is not tried again.
+        // A failed write is not retried.
         let written = self.file.write_all(&self.bytes);
         self.bytes.clear();
         written

@@ -1,38 +1,40 @@
-//! XTF: the channels of side-scan sonars and the soundings of swath sonars, as survey programs read them.
+//! XTF: the channels of side-scan sonars and the soundings of swath sonars, in the form that survey programs read.
 //!
-//! Meanings, units and signs are those of the eXtended Triton Format's own `Xtf.h` (Triton, 1998). Offsets, the format of
-//! samples and the structure of soundings, which came later, are those that pyxtf 1.5.0 reads, and so is the order of
-//! samples to port, by how it lays them out. Members that are not set here are 0.
+//! Meanings, units and signs are those of `Xtf.h` of the eXtended Triton Format (Triton, 1998). Offsets, the format of
+//! samples and the structure of soundings, which came later, are those that pyxtf 1.5.0 reads; the order of samples to
+//! port follows from how it arranges them. Members that are not set here are 0.
 
-use super::Sink;
 use super::pings::{is_lost, length};
-use crate::cloud::{Layout, Ping, Pings, SonarView};
+use crate::cells::{Layout, SonarView};
+use crate::cloud::{Ping, Pings};
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
 use crate::image::altitudes;
+use crate::write::Sink;
 use bytemuck::NoUninit;
 use std::io::{self, Write as _};
 use std::path::Path;
 
-/// Most channels that the header of a file has room for.
+/// Maximum number of channels in the header of a file.
 const MOST_CHANNELS: usize = 6;
-/// Bytes of a file header (`XTFFILEHEADER`), of a channel in it (`CHANINFO`), of a packet's header (`XTFPINGHEADER`), of a
-/// channel in it (`XTFPINGCHANHEADER`) and of a sounding (`XTFBEAMXYZA`).
+/// Bytes of a file header (`XTFFILEHEADER`), of a channel in it (`CHANINFO`), of a packet's header (`XTFPINGHEADER`),
+/// of a channel in it (`XTFPINGCHANHEADER`) and of a sounding (`XTFBEAMXYZA`).
 const FILE_HEADER: usize = 1024;
 const CHANNEL_INFO: usize = 128;
 const PING_HEADER: usize = 256;
 const CHANNEL_HEADER: usize = 64;
 const SOUNDING: usize = 31;
-/// Kinds of packets (`HeaderType`): samples of a side-scan sonar, soundings with their places.
+/// Kinds of packets (`HeaderType`): samples of a side-scan sonar, soundings with their positions.
 const SONAR: u8 = 0;
 const BATHY_XYZA: u8 = 17;
-/// A packet of samples is a multiple of this long. One of soundings ends behind the last: readers count them by it.
+/// The length of a packet of samples is a multiple of this. A packet of soundings ends after the last one: readers
+/// compute their number from its length.
 const GRANULE: usize = 64;
-/// Samples and amplitudes have this many steps for a decibel re 1 uPa.
+/// Steps of samples and amplitudes per decibel re 1 uPa.
 const STEPS_PER_DB: f32 = 100.0;
 /// The least and the greatest sample.
 const STEPS: [f32; 2] = [0.0, u16::MAX as f32];
-/// What the header says of itself, at most 64 bytes.
+/// The note in the header, at most 64 bytes.
 const NOTE: &[u8] = b"amplitudes: dB re 1 uPa x 100; the run starts on 1970-01-01";
 
 /// Checks that the header has room for the channels.
@@ -48,7 +50,7 @@ pub(super) fn check(layout: &Layout) -> Result<()> {
 pub(super) fn write(pings: &Pings, layout: &Layout, path: &Path, report: &mut Report) -> io::Result<()> {
     let mut file = Sink::create(path)?;
     file.write_all(&file_header(layout))?;
-    // Where the bed was never heard, altitudes stay 0.
+    // Without any return of the bed, altitudes stay 0.
     let altitudes = altitudes(pings).unwrap_or_default();
     let mut packet = Vec::new();
     let mut clamped = false;
@@ -73,18 +75,18 @@ pub(super) fn write(pings: &Pings, layout: &Layout, path: &Path, report: &mut Re
     file.finish()
 }
 
-/// Puts `value` at `offset` of a record.
+/// Writes `value` at `offset` of a record.
 fn put<T: NoUninit>(record: &mut [u8], offset: usize, value: T) {
     record[offset..offset + size_of::<T>()].copy_from_slice(bytemuck::bytes_of(&value));
 }
 
-/// Puts as many bytes of `text` as there are `room` for.
+/// Writes as many bytes of `text` as there is `room` for.
 fn put_text(record: &mut [u8], offset: usize, room: usize, text: &[u8]) {
     let text = &text[..text.len().min(room)];
     record[offset..offset + text.len()].copy_from_slice(text);
 }
 
-/// Whether a beam of a side-scan sonar looks to port; to starboard else.
+/// Whether a beam of a side-scan sonar points to port; otherwise to starboard.
 fn is_port(axis: [f32; 2]) -> bool {
     axis[0] > 0.0
 }
@@ -98,7 +100,7 @@ fn file_header(layout: &Layout) -> Vec<u8> {
     put_text(&mut header, 10, 8, env!("CARGO_PKG_VERSION").as_bytes());
     put(&mut header, 34, if sides { 44u16 } else { 45 }); // SonarType: some side-scan or multibeam sonar
     put_text(&mut header, 36, 64, NOTE); // NoteString
-    // NavUnits stays 0: metres. The channels that there are, of sound and of depths.
+    // NavUnits stays 0: metres. The numbers of channels: sonar or bathymetry.
     let channels: Vec<[f32; 2]> = if sides { layout.axes.clone() } else { vec![[0.0; 2]] };
     put(&mut header, if sides { 166 } else { 168 }, channels.len() as u16);
     for (info, &axis) in header[256..].chunks_exact_mut(CHANNEL_INFO).zip(&channels) {
@@ -122,7 +124,7 @@ fn file_header(layout: &Layout) -> Vec<u8> {
     header
 }
 
-/// What samples and soundings of a ping have in common; not yet how long the packet is.
+/// What samples and soundings of a ping have in common; the length of the packet is not known yet.
 fn put_ping(header: &mut [u8], ping: &Ping, altitude: f64) {
     let layout = &*ping.layout;
     let sides = layout.view == SonarView::Sidescan;
@@ -135,12 +137,12 @@ fn put_ping(header: &mut [u8], ping: &Ping, altitude: f64) {
     put(header, 18, time); // Hour to HSeconds
     put(header, 22, day_of_year); // JulianDay
     put(header, 28, ping.number);
-    // Sound there and back; the true one is where computed ones are.
+    // Half the speed, for two-way travel; the speed itself is ComputedSoundVelocity.
     put(header, 32, (layout.believed_speed / 2.0) as f32);
     put(header, 72, layout.believed_speed as f32); // ComputedSoundVelocity
     let [heading, pitch, roll] = ping.pose.ship_angles().map(|angle| angle as f32);
     let [x, y, z] = ping.pose.position.to_array();
-    // There is no ship but the sonar: ShipYcoordinate and SensorYcoordinate.
+    // There is no ship other than the sonar: ShipYcoordinate and SensorYcoordinate.
     for coordinates in [128, 160] {
         put(header, coordinates, [y, x]);
     }
@@ -150,8 +152,8 @@ fn put_ping(header: &mut [u8], ping: &Ping, altitude: f64) {
     put(header, 224, (ping.time * 1e3).round() as u32); // AttitudeTimeTag, ms
 }
 
-/// Adds what each side hears, starboard from the sonar outwards, port towards it, so that both side by side are a row of
-/// a waterfall. Returns whether a level is lost.
+/// Adds the samples of each side, starboard from the sonar outwards, port towards it, so that both side by side are a
+/// row of a waterfall. Returns whether a level is lost.
 fn add_channels(packet: &mut Vec<u8>, ping: &Ping, altitude: f64, interval: f64) -> bool {
     let layout = &*ping.layout;
     let reach = layout.reach();
@@ -180,7 +182,7 @@ fn add_channels(packet: &mut Vec<u8>, ping: &Ping, altitude: f64, interval: f64)
     clamped
 }
 
-/// Adds the places of all soundings.
+/// Adds the positions of all soundings.
 fn add_soundings(packet: &mut Vec<u8>, ping: &Ping) {
     let layout = &*ping.layout;
     for sounding in &ping.soundings {
@@ -189,14 +191,14 @@ fn add_soundings(packet: &mut Vec<u8>, ping: &Ping) {
         let mut record = [0; SOUNDING];
         put(&mut record, 0, [offset.x, offset.y]); // east and north of the sensor
         put(&mut record, 16, (layout.surface_z - at.z) as f32); // depth
-        put(&mut record, 20, 2.0 * f64::from(sounding.range) / layout.believed_speed); // there and back
+        put(&mut record, 20, 2.0 * f64::from(sounding.range) / layout.believed_speed); // two-way
         put(&mut record, 28, (STEPS_PER_DB * sounding.level_db).round() as i16);
         put(&mut record, 30, (255.0 * sounding.quality).round() as u8);
         packet.extend(record);
     }
 }
 
-/// A time as XTF says it.
+/// A time as in XTF.
 #[derive(Debug, PartialEq)]
 struct Date {
     year: u16,
@@ -209,7 +211,7 @@ struct Date {
 }
 
 impl Date {
-    /// `time` seconds after 1970 began, until 2106.
+    /// `time` seconds after the start of 1970, until 2106.
     fn of(time: f64) -> Date {
         const DAY: u64 = 24 * 60 * 60 * 100;
         let hundredths = (time.clamp(0.0, u32::MAX.into()) * 100.0).round() as u64;
@@ -238,15 +240,15 @@ impl Date {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::synthetic::{Sidescan, moved, pings, swath};
+    use crate::image::synthetic::{SyntheticSidescan, moved, pings, swath};
     use glam::DVec3;
 
     #[test]
-    fn port_comes_from_afar_and_levels_without_a_sample_are_told() {
+    fn port_starts_at_the_farthest_range_and_clamped_levels_are_reported() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.xtf");
-        let mut track = pings(&Sidescan { pings: 2, ..Sidescan::default() });
-        // A null of the noise.
+        let mut track = pings(&SyntheticSidescan { pings: 2, ..SyntheticSidescan::default() });
+        // A null in the noise.
         track.pings[1].cells.intensity[0] = -3.0;
         assert!(track.write(&path).unwrap().warnings.is_empty());
         let cells = &mut track.pings[1].cells.intensity;
@@ -254,7 +256,7 @@ mod tests {
         let warnings = track.write(&path).unwrap().warnings;
         assert_eq!(warnings, ["xtf: levels that are not from 0 to 655.35 dB re 1 uPa clamped"]);
         let bytes = std::fs::read(&path).unwrap();
-        // Two times a header, 64 and 1200 bytes: to a multiple of 64.
+        // A header, and twice 64 and 1200 bytes, rounded up to a multiple of 64.
         let length = 2816;
         assert_eq!(bytes.len(), 1024 + 2 * length);
         let packet = &bytes[1024 + length..];

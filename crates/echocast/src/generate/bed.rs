@@ -1,6 +1,6 @@
-//! The ground of a lake: a grid of heights, and what lies where.
+//! The ground of a lake: a grid of heights, and the kind of ground at each point.
 
-use super::noise::{Dice, Noise};
+use super::noise::{Dice, GradientNoise};
 use super::seabed::Ripples;
 use crate::ground::parallel;
 use crate::ground::rng::Draw;
@@ -9,13 +9,13 @@ use std::f64::consts::TAU;
 
 /// Kinds of ground, in the order of [`Bed::triangles`].
 pub(super) const SOILS: [&str; 3] = ["sand", "gravel", "mud"];
-/// Part of the bed covered by gravel, and by mud of the rest.
+/// Fraction of the bed that is gravel, and of the rest that is mud.
 const GRAVEL: f64 = 0.15;
 const MUD: f64 = 0.2;
-/// Hills over the depth, at most; [`SLOPE`] over the depth from the middle to a corner, at most.
+/// Maximum height of hills, and maximum rise from the middle to a corner ([`SLOPE`]), both over the depth.
 const HILLS: f64 = 0.15;
 const SLOPE: f64 = 0.1;
-/// Random numbers of the hills, of gravel, mud, and the wandering of ripples.
+/// Noise fields of the hills, gravel, mud, and the meandering of ripples.
 const FIELDS: [u32; 4] = [0, 1, 2, 3];
 
 /// What the bed is generated from.
@@ -32,7 +32,7 @@ pub(super) struct Bed {
     pub ground: Ground,
     /// Heights of the grid points, row by row along x.
     heights: Vec<f64>,
-    /// Amount of gravel and mud at the grid points, above the threshold: positive where present.
+    /// Amount of gravel and mud at the grid points, less the threshold: positive where present.
     soils: Vec<[f32; 2]>,
 }
 
@@ -48,7 +48,7 @@ impl Bed {
         let wavelength = (shorter / 2.5).min(60.0);
         let hill_height = (0.1 * wavelength).min(HILLS * depth);
         let noise = |field: usize, wavelength: f64, most, gain| {
-            Noise::new(seed, FIELDS[field], *size, [wavelength, finest], most, gain)
+            GradientNoise::new(seed, FIELDS[field], *size, [wavelength, finest], most, gain)
         };
 
         let (gravel, mud) = (noise(1, 0.8 * wavelength, 4, 0.5), noise(2, 0.8 * wavelength, 4, 0.5));
@@ -150,7 +150,7 @@ impl Bed {
         of_soil
     }
 
-    /// Height of the triangle above or below a place; outside the bed, of the nearest edge.
+    /// Height of the ground at a position; outside the bed, that of the nearest edge.
     pub fn height(&self, x: f64, y: f64) -> f64 {
         let Ground { size, cells, .. } = &self.ground;
         let split = |axis: usize, at: f64| {
@@ -169,7 +169,7 @@ impl Bed {
         }
     }
 
-    /// Unit normal of the ground as something `reach` m long would lie on it.
+    /// Unit normal of the ground averaged over `reach` m, as for an object of that length resting on it.
     pub fn normal(&self, x: f64, y: f64, reach: f64) -> DVec3 {
         let half = reach / 2.0;
         let rise_x = self.height(x + half, y) - self.height(x - half, y);

@@ -3,7 +3,7 @@
 //! Callers use echocast's frame (metres, z up); the output is y up.
 
 use super::GeneratedScene;
-use crate::scene::count;
+use crate::ground::shown;
 use glam::{DQuat, DVec3};
 use serde_json::{Map, Value, json};
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -34,7 +34,7 @@ fn turn(q: DQuat) -> [f32; 4] {
     [q.x, q.z, 0.0 - q.y, q.w].map(|part| part as f32)
 }
 
-/// Lists of a file under their names there, and its buffer.
+/// The arrays of a file by their glTF names, and its buffer.
 #[derive(Default)]
 pub(super) struct Glb {
     lists: Map<String, Value>,
@@ -46,26 +46,26 @@ pub(super) struct Glb {
     /// Triangles of all objects, and how many objects each category has.
     placed: usize,
     categories: Vec<(&'static str, usize)>,
-    /// Samplers and channels of the animation that is being made.
+    /// Samplers and channels of the animation under construction.
     samplers: Vec<Value>,
     channels: Vec<Value>,
     extensions: Vec<&'static str>,
-    /// Those without which the file would show something else.
+    /// Extensions without which the file would look different.
     required: Vec<&'static str>,
 }
 
-/// How a material looks besides its colour.
+/// Appearance of a material apart from its colour.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Look {
     /// Without gloss.
     Matt,
-    /// The same, a single sheet that is seen from both sides.
+    /// The same, but a single sheet visible from both sides.
     Sheet,
-    /// A thin sheet of glass, through which light passes.
+    /// A thin sheet of glass that transmits light.
     Pane,
-    /// Without a picture of its own: it shows what is in front of it.
+    /// A mirror: it shows what is in front of it.
     Mirror,
-    /// A light of its own.
+    /// Emits light.
     Glow,
 }
 
@@ -75,7 +75,7 @@ pub(super) struct Primitive<'a> {
     pub material: usize,
 }
 
-/// Position and size of a node.
+/// Position, rotation and scale of a node.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Placement {
     pub at: DVec3,
@@ -102,14 +102,14 @@ impl Glb {
         items.len() - 1
     }
 
-    /// The file uses an extension, which readers may ignore.
+    /// Records that the file uses an extension, which readers may ignore.
     fn extension(&mut self, name: &'static str) {
         if !self.extensions.contains(&name) {
             self.extensions.push(name);
         }
     }
 
-    /// A material, its colour linear; `extras` are custom properties, or null.
+    /// Adds a material; its colour is linear, `extras` are custom properties or null.
     pub fn material(&mut self, name: &str, look: Look, color: [f32; 3], extras: Value) -> usize {
         let [r, g, b] = color;
         let rough = i32::from(!matches!(look, Look::Pane | Look::Mirror));
@@ -165,7 +165,7 @@ impl Glb {
         self.accessor(start, target, description)
     }
 
-    /// Numbers of several components, the accessor's `type`, as they are.
+    /// Values of several components, without conversion of axes; `kind` is the accessor's `type`.
     fn numbers<const N: usize>(&mut self, kind: &str, numbers: &[[f32; N]], target: Option<u32>) -> usize {
         let start = self.buffer.len();
         self.buffer.extend(numbers.as_flattened().iter().flat_map(|number| number.to_le_bytes()));
@@ -176,7 +176,7 @@ impl Glb {
     fn indices(&mut self, triangles: &[[u32; 3]], vertices: usize) -> usize {
         let start = self.buffer.len();
         let corners = triangles.as_flattened();
-        // The largest number of a type is not an index (3.7.2.1).
+        // The largest value of a component type is not a valid index (3.7.2.1).
         let short = vertices <= usize::from(u16::MAX);
         for &corner in corners {
             match short {
@@ -189,7 +189,7 @@ impl Glb {
         self.accessor(start, Some(ELEMENT_ARRAY_BUFFER), description)
     }
 
-    /// A mesh whose parts share their vertices; those without a triangle are left out.
+    /// A mesh whose parts share their vertices; parts without triangles are left out.
     pub fn mesh(
         &mut self,
         name: &str,
@@ -223,7 +223,7 @@ impl Glb {
         self.push("meshes", copy)
     }
 
-    /// Gives the vertices of a mesh their joints, numbers of joints in a skin, and how much each joint moves them.
+    /// Adds joints, as their numbers in a skin, and their weights to the vertices of a mesh.
     pub fn joints(&mut self, mesh: usize, joints: &[[u8; 4]], weights: &[[f32; 4]]) {
         let start = self.buffer.len();
         self.buffer.extend(joints.as_flattened());
@@ -236,8 +236,7 @@ impl Glb {
         }
     }
 
-    /// Gives a mesh shapes into which it changes: for each, how far vertices move and normals change, and how much of
-    /// it there is at rest.
+    /// Adds morph targets to a mesh: for each, the displacements of vertices and normals, and its weight at rest.
     pub fn morphs(&mut self, mesh: usize, shapes: &[[Vec<[f32; 3]>; 2]], weights: &[f64]) {
         let mut targets = Vec::new();
         for [moves, turns] in shapes {
@@ -263,13 +262,13 @@ impl Glb {
             node["rotation"] = quaternion(place.turned);
         }
         if place.scale != DVec3::ONE {
-            // Axes swap as for points, sizes have no sign.
+            // Axes swap as for points; scales have no sign.
             node["scale"] = json!([place.scale.x, place.scale.z, place.scale.y]);
         }
         node
     }
 
-    /// A node that shows `mesh`; [`Glb::root`], [`Glb::group`] or [`Glb::adopt`] puts it into the world.
+    /// A node with `mesh`; [`Glb::root`], [`Glb::group`] or [`Glb::adopt`] puts it into the scene.
     pub fn object(&mut self, name: &str, category: &'static str, mesh: usize, place: Placement) -> usize {
         self.placed += self.triangles[mesh];
         match self.categories.iter_mut().find(|(known, _)| *known == category) {
@@ -282,8 +281,7 @@ impl Glb {
         self.push("nodes", node)
     }
 
-    /// A node that shows `mesh` once at each of `places`, every time as an object of its own
-    /// (EXT_mesh_gpu_instancing).
+    /// A node with `mesh` at each of `places`, each time as a separate object (EXT_mesh_gpu_instancing).
     pub fn objects(&mut self, name: &str, category: &'static str, mesh: usize, places: &[Placement]) -> usize {
         const INSTANCING: &str = "EXT_mesh_gpu_instancing";
         self.extension(INSTANCING);
@@ -298,7 +296,7 @@ impl Glb {
         let single = |vector: DVec3| vector.as_vec3().to_array();
         let at: Vec<[f32; 3]> = places.iter().map(|place| single(place.at)).collect();
         let turned: Vec<[f32; 4]> = places.iter().map(|place| turn(place.turned)).collect();
-        // Axes swap as for points, sizes have no sign.
+        // Axes swap as for points; scales have no sign.
         let scale: Vec<[f32; 3]> =
             places.iter().map(|Placement { scale, .. }| single(DVec3::new(scale.x, scale.z, scale.y))).collect();
         let (at, turned) = (self.vectors(&at, None), self.numbers("VEC4", &turned, None));
@@ -308,13 +306,13 @@ impl Glb {
         node
     }
 
-    /// A node that holds others, or a joint of a skeleton.
+    /// A node without a mesh: the parent of others, or a joint of a skeleton.
     pub fn frame(&mut self, name: &str, place: Placement) -> usize {
         self.push("nodes", Glb::node(name, place))
     }
 
-    /// Gives a node without children its children. What has its category, also below groups, says so no longer: it is
-    /// a part of it, and no instance of its own.
+    /// Gives a node without children its children. Descendants of the same category, also below groups, lose their
+    /// category: they are parts of the node, not instances of their own.
     pub fn adopt(&mut self, node: usize, children: &[usize]) {
         let nodes = &mut self.lists["nodes"];
         nodes[node]["children"] = json!(children);
@@ -337,8 +335,8 @@ impl Glb {
         self.lists["nodes"][node]["extensions"] = json!({ "KHR_node_visibility": { "visible": visible } });
     }
 
-    /// Lets the joints, nodes under `root`, move the mesh of a node. `bound` is where they were when the mesh was made,
-    /// none of them turned. The place of the node itself then has no meaning (3.7.3.3).
+    /// Binds the mesh of a node to joints, nodes under `root`. `bound` are the positions of the joints in the bind
+    /// pose, in which none is rotated. The transform of the node itself is then ignored (3.7.3.3).
     pub fn skin(&mut self, node: usize, root: usize, joints: &[usize], bound: &[DVec3]) {
         let inverse: Vec<[f32; 16]> = bound
             .iter()
@@ -359,7 +357,7 @@ impl Glb {
         node
     }
 
-    /// A camera node that looks along x, z up, when it is not turned.
+    /// A camera node; without rotation it looks along x, z up.
     pub fn camera(&mut self, name: &str, place: Placement) -> usize {
         let lens = json!({ "type": "perspective", "perspective": { "yfov": 1, "znear": 0.1 } });
         let camera = self.push("cameras", lens);
@@ -375,7 +373,7 @@ impl Glb {
         self.roots.push(node);
     }
 
-    /// Times of keys, which rise from 0.
+    /// Keyframe times, which rise from 0.
     pub fn times(&mut self, seconds: &[f64]) -> usize {
         let start = self.buffer.len();
         let seconds: Vec<f32> = seconds.iter().map(|&time| time as f32).collect();
@@ -392,14 +390,14 @@ impl Glb {
         self.samplers.len() - 1
     }
 
-    /// Places at times, with straight lines in between.
+    /// Positions at keyframes, interpolated linearly.
     pub fn places(&mut self, times: usize, places: &[DVec3]) -> usize {
         let places: Vec<[f32; 3]> = places.iter().map(|place| place.as_vec3().to_array()).collect();
         let output = self.vectors(&places, None);
         self.sampler(times, "LINEAR", output)
     }
 
-    /// Places at times and the velocities there, with cubic curves in between.
+    /// Positions and velocities at keyframes, interpolated by cubic splines.
     pub fn curve(&mut self, times: usize, keys: &[[DVec3; 2]]) -> usize {
         let rows = keys.iter().flat_map(|&[place, velocity]| [velocity, place, velocity]);
         let rows: Vec<[f32; 3]> = rows.map(|row| row.as_vec3().to_array()).collect();
@@ -407,21 +405,21 @@ impl Glb {
         self.sampler(times, "CUBICSPLINE", output)
     }
 
-    /// Turns at times, evenly in between: less than half a turn from key to key.
+    /// Rotations at keyframes, interpolated evenly: less than half a turn from key to key.
     pub fn turns(&mut self, times: usize, turns: &[DQuat]) -> usize {
         let turns: Vec<[f32; 4]> = turns.iter().map(|&q| turn(q)).collect();
         let output = self.numbers("VEC4", &turns, None);
         self.sampler(times, "LINEAR", output)
     }
 
-    /// Weights of the shapes of a mesh at times, evenly in between.
+    /// Weights of the morph targets of a mesh at keyframes, interpolated linearly.
     pub fn weights<const N: usize>(&mut self, times: usize, weights: &[[f64; N]]) -> usize {
         let weights: Vec<[f32; 1]> = weights.as_flattened().iter().map(|&weight| [weight as f32]).collect();
         let output = self.numbers("SCALAR", &weights, None);
         self.sampler(times, "LINEAR", output)
     }
 
-    /// On or off from each time to the next.
+    /// On or off from each keyframe to the next.
     pub fn switches(&mut self, times: usize, on: &[bool]) -> usize {
         let start = self.buffer.len();
         self.buffer.extend(on.iter().map(|&on| u8::from(on)));
@@ -430,12 +428,12 @@ impl Glb {
         self.sampler(times, "STEP", output)
     }
 
-    /// Lets the property `path` of a node follow a sampler.
+    /// Animates the property `path` of a node by a sampler.
     pub fn animate(&mut self, node: usize, path: &str, sampler: usize) {
         self.channels.push(json!({ "sampler": sampler, "target": { "node": node, "path": path } }));
     }
 
-    /// Lets a node that is [`Glb::visible`] or not follow switches (KHR_animation_pointer).
+    /// Animates the visibility of a node (see [`Glb::visible`]) by a sampler of switches (KHR_animation_pointer).
     pub fn animate_visible(&mut self, node: usize, sampler: usize) {
         self.extension("KHR_animation_pointer");
         let pointer = format!("/nodes/{node}/extensions/KHR_node_visibility/visible");
@@ -443,13 +441,13 @@ impl Glb {
         self.channels.push(json!({ "sampler": sampler, "target": { "path": "pointer", "extensions": extensions } }));
     }
 
-    /// Puts everything that has been animated since the last animation into one.
+    /// Collects everything animated since the last animation into a new one.
     pub fn animation(&mut self, name: &str) {
         let [channels, samplers] = [&mut self.channels, &mut self.samplers].map(std::mem::take);
         self.push("animations", json!({ "name": name, "channels": channels, "samplers": samplers }));
     }
 
-    /// The file (glTF 2.0, 4.4), described by `details`; an error if it exceeds the limit of a GLB.
+    /// The file (glTF 2.0, 4.4), described by `details`; an error if it exceeds the size limit of a GLB.
     pub fn finish(self, details: Vec<String>) -> Result<GeneratedScene, String> {
         let (triangles, categories) = (self.placed, self.categories.clone());
         Ok(GeneratedScene { triangles, categories, details, glb: self.bytes()? })
@@ -475,7 +473,7 @@ impl Glb {
         let mut text = file.to_string().into_bytes();
         text.resize(text.len().next_multiple_of(4), b' ');
         let length = 12 + 8 + text.len() + 8 + self.buffer.len();
-        let too_long = |_| format!("{}; allowed: {}", count(length, "byte"), u32::MAX);
+        let too_long = |_| format!("{}; allowed: {}", shown::count(length, "byte"), u32::MAX);
         let length = u32::try_from(length).map_err(too_long)?;
         let mut bytes = Vec::with_capacity(length as usize);
         bytes.extend(b"glTF");

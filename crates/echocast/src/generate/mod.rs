@@ -27,10 +27,10 @@ pub use landscape::{HeightMap, Landscape};
 pub use seabed::{Ripples, Seabed};
 pub use street::Street;
 
-use crate::export::{self, Pending};
 use crate::ground::error::{Error, Result};
 use crate::read::yaml;
 use crate::scene::{LoadOptions, Scene};
+use crate::write::{self, Pending};
 use serde::Deserialize;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{self, Deserializer, MapAccess, Visitor};
@@ -58,7 +58,7 @@ pub struct Generate {
     pub seed: u64,
 }
 
-/// The keys of [`Generate`], or the word of a scene without options.
+/// The keys of [`Generate`], or only the name of a kind of scene, with default options.
 impl<'de> Deserialize<'de> for Generate {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct WordOrKeys;
@@ -89,19 +89,19 @@ impl<'de> Deserialize<'de> for Generate {
 }
 
 impl Generate {
-    /// Reads it from YAML: one of `street`, `seabed`, `indoor`, `landscape` with its options, and `seed`; or one of these
-    /// words alone.
+    /// Reads the section from YAML: one of `street`, `seabed`, `indoor`, `landscape` with its options, and `seed`; or
+    /// one of these four names alone.
     ///
     /// # Errors
-    /// Line and key of what is wrong, with the most similar known key.
+    /// Line and key of the mistake, with the most similar known key.
     pub fn from_yaml(text: &str) -> Result<Generate> {
         yaml::from_str("generated scene", text)
     }
 
-    /// The scene. The names of files in it are relative to `folder`.
+    /// Generates the scene. File names in the options are relative to `folder`.
     ///
     /// # Errors
-    /// As those of the generators; none or several of them.
+    /// The errors of the generators; no generator or several.
     pub fn scene(&self, folder: &Path) -> Result<GeneratedScene> {
         match (&self.street, &self.seabed, &self.indoor, &self.landscape) {
             (Some(street), None, None, None) => street.scene(self.seed),
@@ -119,20 +119,20 @@ impl Generate {
     }
 }
 
-/// A generated scene: a complete binary glTF file in memory. Same parameters, same seed: the same bytes.
+/// A generated scene: a complete binary glTF file in memory. The same parameters and seed give the same bytes.
 #[derive(Clone)]
 pub struct GeneratedScene {
     /// Triangles, each mesh counted as often as it is placed.
     pub triangles: usize,
     /// Categories and how many objects each has.
     pub categories: Vec<(&'static str, usize)>,
-    /// What was generated, as lines for people.
+    /// What was generated, as human-readable lines.
     pub details: Vec<String>,
     glb: Vec<u8>,
 }
 
 impl GeneratedScene {
-    /// The file.
+    /// The bytes of the file.
     pub fn bytes(&self) -> &[u8] {
         &self.glb
     }
@@ -140,10 +140,10 @@ impl GeneratedScene {
     /// Writes the file, which appears under its name only when complete.
     ///
     /// # Errors
-    /// The system's: a missing folder, a full disk.
+    /// Those of the file system: a missing folder, a full disk.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let pending = Pending::create(path.as_ref())?;
-        export::write_bytes(pending.path(), &self.glb).map_err(|source| export::failed(path.as_ref(), source))?;
+        write::bytes(pending.path(), &self.glb).map_err(|source| write::failed(path.as_ref(), source))?;
         pending.commit()
     }
 

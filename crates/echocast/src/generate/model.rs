@@ -1,16 +1,16 @@
-//! Meshes of several materials, and the materials of streets and rooms.
+//! Meshes with several materials, and the materials of streets and rooms.
 
 use super::glb::{Glb, Look, Placement, Primitive};
-use super::shapes::Shape;
+use super::shapes::ClosedShape;
 use glam::{DVec3, Vec3};
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 
-/// Corners of surfaces that meet at a smaller angle than this are rounded, as its cosine.
+/// Cosine of the crease angle: normals are averaged over faces that meet at a smaller angle.
 const CREASE: f64 = 0.7;
 
-/// Materials by name: how they look, their linear colour and their reflectance at 905 nm. Those without a reflectance
-/// are in the library of materials, or a pane or mirror; the others are our own choice, as such things look.
+/// Materials by name: look, linear colour and reflectance at 905 nm. Those without a reflectance are in the material
+/// library, or are panes or mirrors; the other values are our own plausible choices.
 const MATERIALS: &[(&str, Look, [f32; 3], Option<f64>)] = &[
     ("asphalt_dry", Look::Matt, [0.055, 0.055, 0.06], None),
     ("concrete", Look::Matt, [0.34, 0.33, 0.31], None),
@@ -60,7 +60,7 @@ const MATERIALS: &[(&str, Look, [f32; 3], Option<f64>)] = &[
     ("lamp_red", Look::Glow, [1.0, 0.02, 0.0], Some(0.4)),
     ("lamp_yellow", Look::Glow, [1.0, 0.45, 0.0], Some(0.5)),
     ("lamp_green", Look::Glow, [0.0, 0.8, 0.25], Some(0.4)),
-    // Of rooms.
+    // Rooms.
     ("wall_paint", Look::Matt, [0.78, 0.76, 0.7], Some(0.7)),
     ("ceiling_paint", Look::Matt, [0.82, 0.82, 0.8], Some(0.8)),
     ("parquet", Look::Matt, [0.3, 0.17, 0.08], Some(0.5)),
@@ -95,9 +95,9 @@ const MATERIALS: &[(&str, Look, [f32; 3], Option<f64>)] = &[
     ("screen", Look::Matt, [0.01, 0.01, 0.012], Some(0.04)),
 ];
 
-/// Sheetings of traffic signs: coefficient of retro-reflection in cd/(lx m^2) at incidences of 4 and 30 degrees, the
-/// least that ASTM D4956 allows for type III (high-intensity) sheeting, seen 0.2 degrees beside the lamp. They end at 60
-/// degrees by our own choice.
+/// Sheeting of traffic signs: coefficient of retro-reflection in cd/(lx m^2) at incidences of 4 and 30 degrees, the
+/// minimum of ASTM D4956 for type III (high-intensity) sheeting, observed 0.2 degrees off the lamp. The cut-off at 60
+/// degrees is our own choice.
 const SHEETINGS: [(&str, [f64; 2]); 4] = [
     ("sign_white", [250.0, 150.0]),
     ("sign_yellow", [170.0, 100.0]),
@@ -105,7 +105,7 @@ const SHEETINGS: [(&str, [f64; 2]); 4] = [
     ("sign_blue", [20.0, 11.0]),
 ];
 
-/// The file as it grows, and the materials in it.
+/// The file under construction, and the materials in it.
 #[derive(Default)]
 pub(super) struct Made {
     pub glb: Glb,
@@ -144,7 +144,7 @@ impl Made {
         self.parts(name, model, &vertices, None, model.parts.iter().map(|(_, triangles)| triangles.as_slice()))
     }
 
-    /// A mesh whose faces are rounded where they meet at a blunt angle.
+    /// A mesh whose faces are shaded smoothly where they meet at a shallow angle.
     pub fn rounded_mesh(&mut self, name: &str, model: &Model) -> usize {
         let Rounded { vertices, normals, parts } = model.rounded();
         self.parts(name, model, &vertices, Some(&normals), parts.iter().map(Vec::as_slice))
@@ -170,7 +170,7 @@ impl Made {
         self.glb.mesh(name, vertices, normals, &parts)
     }
 
-    /// Adds an object that stands in the street by itself.
+    /// Adds an object at the top level of the scene.
     pub fn put(&mut self, name: &str, category: &'static str, mesh: usize, place: Placement) -> usize {
         let node = self.glb.object(name, category, mesh, place);
         self.glb.root(node);
@@ -178,14 +178,14 @@ impl Made {
     }
 }
 
-/// Triangles that share vertices, by the name of their material.
+/// Triangles that share vertices, grouped by the name of their material.
 #[derive(Default)]
 pub(super) struct Model {
     pub vertices: Vec<DVec3>,
     pub parts: Vec<(&'static str, Vec<[u32; 3]>)>,
 }
 
-/// A model as it is in the file.
+/// A model as it is stored in the file.
 struct Rounded {
     vertices: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
@@ -200,12 +200,12 @@ impl Model {
         }
     }
 
-    /// Adds all of a shape.
-    pub fn add(&mut self, material: &'static str, shape: &Shape) {
+    /// Adds a whole shape.
+    pub fn add(&mut self, material: &'static str, shape: &ClosedShape) {
         self.add_placed(material, shape, &Placement::HERE);
     }
 
-    pub fn add_placed(&mut self, material: &'static str, shape: &Shape, place: &Placement) {
+    pub fn add_placed(&mut self, material: &'static str, shape: &ClosedShape, place: &Placement) {
         let first = self.vertices.len() as u32;
         self.vertices.extend(shape.vertices.iter().map(|&vertex| place.apply(vertex)));
         for corners in &shape.triangles {
@@ -215,12 +215,12 @@ impl Model {
 
     /// Adds a box, given by its lowest and highest corner.
     pub fn add_box(&mut self, material: &'static str, low: [f64; 3], high: [f64; 3]) {
-        let mut shape = Shape::default();
+        let mut shape = ClosedShape::default();
         shape.add_box(low.into(), high.into());
         self.add(material, &shape);
     }
 
-    /// Adds a flat polygon, convex, its corners counter-clockwise seen from outside.
+    /// Adds a flat convex polygon, its corners counter-clockwise seen from outside.
     pub fn polygon(&mut self, material: &'static str, corners: &[DVec3]) {
         let first = self.vertices.len() as u32;
         self.vertices.extend(corners);
@@ -229,8 +229,9 @@ impl Model {
         }
     }
 
-    /// Adds a skin over rings of as many corners each, counter-clockwise seen from the last ring; `material` is that of
-    /// what lies between the corners `side` and `side + 1` of the rings `ring` and `ring + 1`. `ends` closes both.
+    /// Adds a skin over rings with equally many corners, counter-clockwise seen from the last ring; `material` is
+    /// called with `ring` and `side` for the face between the corners `side` and `side + 1` of the rings `ring` and
+    /// `ring + 1`. `ends` are the materials of the end caps; an end without one stays open.
     pub fn loft(
         &mut self,
         rings: &[Vec<DVec3>],
@@ -263,7 +264,7 @@ impl Model {
         }
     }
 
-    /// Adds a closed tube through points, round, with a radius at each.
+    /// Adds a closed round tube through points, with a radius at each.
     pub fn tube(&mut self, material: &'static str, points: &[(DVec3, f64)], sides: usize) {
         let last = points.len() - 1;
         let rings: Vec<Vec<DVec3>> = (0..points.len())
@@ -277,7 +278,8 @@ impl Model {
         self.loft(&rings, [Some(material); 2], |_, _| material);
     }
 
-    /// Adds an open skin about an axis along y: its outline as distances along the axis and from it.
+    /// Adds an open surface of revolution about the y axis; its outline is given as distances along the axis and from
+    /// it.
     pub fn turned(&mut self, material: &'static str, outline: &[[f64; 2]], sides: usize) {
         let rings: Vec<Vec<DVec3>> = outline
             .iter()
@@ -286,11 +288,11 @@ impl Model {
         self.loft(&rings, [None; 2], |_, _| material);
     }
 
-    /// Vertices with normals: as many for a place as there are directions to round to.
+    /// Vertices with normals: one vertex for each distinct normal at a position.
     fn rounded(&self) -> Rounded {
         let corner = |index: u32| self.vertices[index as usize];
         let all = || self.parts.iter().flat_map(|(_, triangles)| triangles);
-        // Twice the area of each triangle, along its normal, at each of its vertices.
+        // For each vertex, the normals of its triangles, each as long as twice the triangle's area.
         let mut faces: Vec<Vec<DVec3>> = vec![Vec::new(); self.vertices.len()];
         let face = |&[a, b, c]: &[u32; 3]| (corner(b) - corner(a)).cross(corner(c) - corner(a));
         for corners in all() {

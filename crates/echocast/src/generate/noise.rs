@@ -3,7 +3,7 @@
 use crate::ground::rng::{Draw, Rng};
 use std::f64::consts::{SQRT_2, TAU};
 
-/// Random numbers for one generated thing, in sequence.
+/// A sequence of random numbers for one generated object.
 pub(super) struct Dice {
     rng: Rng,
     draw: Draw,
@@ -41,7 +41,7 @@ impl Dice {
 
 /// Gradient noise (Perlin 1985, "An image synthesizer"; the smooth step of Perlin 2002, "Improving noise") in several
 /// octaves over the rectangle from the origin to `size`.
-pub(super) struct Noise {
+pub(super) struct GradientNoise {
     octaves: Vec<Octave>,
 }
 
@@ -51,13 +51,13 @@ struct Octave {
     columns: usize,
     /// Gradients at the grid points, row by row.
     gradients: Vec<[f64; 2]>,
-    /// Its part of the sum.
+    /// Its weight in the sum.
     weight: f64,
 }
 
-impl Noise {
-    /// Octaves of `wavelength` m, half of it and so on, as long as that is at least `finest` m, at most `most` of them;
-    /// each has `gain` times the height of the previous one. `field` distinguishes the noises of one seed.
+impl GradientNoise {
+    /// Octaves of `wavelength` m, half of it and so on down to `finest` m, at most `most` of them; each has `gain`
+    /// times the amplitude of the previous one. `field` distinguishes the noises of one seed.
     pub fn new(seed: u64, field: u32, size: [f64; 2], [wavelength, finest]: [f64; 2], most: usize, gain: f64) -> Self {
         let all = (0..most).map(|octave| wavelength / f64::powi(2.0, octave as i32));
         let wavelengths: Vec<f64> = all.enumerate().filter(|&(i, w)| i == 0 || w >= finest).map(|(_, w)| w).collect();
@@ -78,10 +78,10 @@ impl Noise {
                 weight: weights(octave) / sum,
             }
         });
-        Noise { octaves: octaves.collect() }
+        GradientNoise { octaves: octaves.collect() }
     }
 
-    /// The noise at a place inside the rectangle, -1 to 1.
+    /// The noise at a point inside the rectangle, -1 to 1.
     pub fn at(&self, x: f64, y: f64) -> f64 {
         // A sum of four unit gradients reaches sqrt(1/2) in the middle of a square.
         self.octaves.iter().map(|octave| octave.at(x, y) * octave.weight).sum::<f64>() * SQRT_2
@@ -92,7 +92,7 @@ impl Octave {
     fn at(&self, x: f64, y: f64) -> f64 {
         let (x, y) = (x * self.frequency, y * self.frequency);
         let last = [self.columns - 2, self.gradients.len() / self.columns - 2];
-        // At the far edges rounding may lead one square too far.
+        // At the far edges rounding may end one square too far.
         let (column, row) = ((x as usize).min(last[0]), (y as usize).min(last[1]));
         let (fx, fy) = (x - column as f64, y - row as f64);
         let corner = |right: usize, up: usize| {
@@ -117,7 +117,7 @@ mod tests {
 
     #[test]
     fn noise_is_smooth_bounded_and_without_bias() {
-        let noise = Noise::new(3, 1, [200.0, 100.0], [5.0, 0.5], 4, 0.5);
+        let noise = GradientNoise::new(3, 1, [200.0, 100.0], [5.0, 0.5], 4, 0.5);
         assert_eq!(noise.octaves.len(), 4);
         let (mut sum, mut squares, mut count) = (0.0, 0.0, 0.0);
         for i in 0..=500 {
@@ -133,7 +133,7 @@ mod tests {
         }
         let rms = f64::sqrt(squares / count);
         assert!((sum / count).abs() < 0.03 && (0.15..0.5).contains(&rms), "mean {}, rms {rms}", sum / count);
-        assert_ne!(noise.at(3.0, 4.0), Noise::new(4, 1, [200.0, 100.0], [5.0, 0.5], 4, 0.5).at(3.0, 4.0));
+        assert_ne!(noise.at(3.0, 4.0), GradientNoise::new(4, 1, [200.0, 100.0], [5.0, 0.5], 4, 0.5).at(3.0, 4.0));
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::bed::{Bed, Ground, SOILS};
 use super::glb::{Glb, Look, Placement, Primitive};
 use super::model::{Model, ring, single};
 use super::noise::Dice;
-use super::shapes::{Shape, direction};
+use super::shapes::{ClosedShape, direction};
 use super::{GeneratedScene, within};
 use crate::ground::error::{Error, Result};
 use crate::ground::rng::Draw;
@@ -14,22 +14,22 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::f64::consts::{PI, TAU};
 
-/// Triangles of a bed without a given cell size, and the most it may have.
+/// Triangles of a bed without a specified cell size, and their maximum number.
 const USUAL_TRIANGLES: f64 = 30_000.0;
 const MOST_TRIANGLES: f64 = 10e6;
-/// Cells that a ripple needs: with fewer, other waves than the true ones appear.
+/// Least number of cells per ripple: with fewer, the ripples alias.
 const CELLS_PER_RIPPLE: f64 = 3.0;
 
-/// Parameters of a lake bed. The water surface is at z = 0, the bed lies around z = -`depth_m`, centred on the z axis.
+/// Parameters of a lake bed. The water surface is at z = 0, the bed around z = -`depth_m`, centred on the z axis.
 ///
 /// Objects have the categories `seabed`, `boulder`, `wreck`, `pipe`, `mine`, `seagrass` and `fish`. The bed has the
-/// parts `sand`, `gravel` and `mud`, a boulder `rock`, a wreck `hull`, `cabin` and `mast`, a pipe `pipe` and `joint`, a
-/// mine `mine` and `horn`. The fish are children of the node `Swarm`, which an
-/// animation moves against the x axis. The camera node `Sonar` stands at the low end of x, 1 m below the surface (less
-/// in less than 4 m of water), and looks along x.
+/// parts `sand`, `gravel` and `mud`, a boulder has `rock`, a wreck `hull`, `cabin` and `mast`, a pipe `pipe` and
+/// `joint`, a mine `mine` and `horn`. The fish are children of the node `Swarm`, which an animation moves along -x. The
+/// camera node `Sonar` is at the low end of x, 1 m below the surface (less in less than 4 m of water), and looks along
+/// x.
 ///
-/// All of them are smaller than usual where the water is shallow or the bed small, so that they are below the surface
-/// and on the bed.
+/// Objects are smaller than usual if the water is shallow or the bed small, so that they stay below the surface and on
+/// the bed.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Seabed {
@@ -47,9 +47,9 @@ pub struct Seabed {
     pub wrecks: u32,
     /// Fish of about 0.4 m, up to 10 000.
     pub fish: u32,
-    /// Pipes of 0.3 to 0.8 m that lie across the bed, up to 20.
+    /// Pipes 0.3 to 0.8 m in diameter across the bed, up to 20.
     pub pipes: u32,
-    /// Mines on the bed, up to 1000: by turns a cylinder of 2 m, a ball of 1 m with horns and a blunt cone of 1 m.
+    /// Mines on the bed, up to 1000: in turn a cylinder of 2 m, a ball of 1 m with horns and a blunt cone of 1 m.
     pub mines: u32,
     /// Patches of sea grass of 2 to 5 m, up to 200; blades of 0.3 to 0.6 m.
     pub seagrass: u32,
@@ -80,7 +80,7 @@ pub struct Ripples {
     pub wavelength_m: f64,
     /// From trough to crest, 0 (none) to half the wavelength and a twentieth of the depth.
     pub height_m: f64,
-    /// Direction across the crests, counter-clockwise from x, -360 to 360 degrees. `None`: any, by the seed.
+    /// Direction across the crests, counter-clockwise from x, -360 to 360 degrees. `None`: random, by the seed.
     pub direction_deg: Option<f64>,
 }
 
@@ -101,7 +101,7 @@ impl Seabed {
         let ripples = ground.ripples;
         let bed = Bed::new(ground, seed);
         let [low, high] = bed.height_range();
-        let mut made = Made::default();
+        let mut made = SeabedFile::default();
         made.add_bed(&bed);
         made.add_boulders(self, &bed, seed);
         made.add_wrecks(self, &bed, seed);
@@ -127,7 +127,7 @@ impl Seabed {
         made.glb.finish(details).map_err(too_large)
     }
 
-    /// Checks everything and divides the bed into cells.
+    /// Checks all parameters and divides the bed into cells.
     pub(super) fn ground(&self) -> Result<Ground> {
         for length in self.size_m {
             within("size_m", length, 1.0, 10_000.0)?;
@@ -147,15 +147,15 @@ impl Seabed {
         }
 
         let [x, y] = self.size_m;
-        let asked = self.ripples.filter(|ripples| ripples.height_m > 0.0);
+        let requested = self.ripples.filter(|ripples| ripples.height_m > 0.0);
         let usual = (2.0 * x * y / USUAL_TRIANGLES).sqrt();
         // One cell more than needed: not all cells are as wide as requested.
-        let for_ripples = asked.map_or(f64::INFINITY, |ripples| ripples.wavelength_m / (CELLS_PER_RIPPLE + 1.0));
+        let for_ripples = requested.map_or(f64::INFINITY, |ripples| ripples.wavelength_m / (CELLS_PER_RIPPLE + 1.0));
         let cell = self.cell_m.unwrap_or(usual.min(for_ripples));
         let finest = finest_cell(x, y);
         if !(finest..=x.min(y)).contains(&cell) {
             let most = format!("a bed of {x} x {y} m has at most 10 million triangles");
-            return Err(match asked {
+            return Err(match requested {
                 Some(ripples) if self.cell_m.is_none() => Error::invalid(
                     "ripples.wavelength_m",
                     ripples.wavelength_m,
@@ -167,7 +167,7 @@ impl Seabed {
         let cells = [x, y].map(|length| (length / cell - 1e-9).ceil().max(1.0));
         let widest = (x / cells[0]).max(y / cells[1]);
         let shown = |ripples: &Ripples| CELLS_PER_RIPPLE * widest <= ripples.wavelength_m * (1.0 + 1e-9);
-        if let Some(ripples) = asked.filter(|ripples| !shown(ripples)) {
+        if let Some(ripples) = requested.filter(|ripples| !shown(ripples)) {
             let allowed = format!("{:.3} or more, three cells of {widest:.3} m", CELLS_PER_RIPPLE * widest);
             return Err(Error::invalid("ripples.wavelength_m", ripples.wavelength_m, allowed));
         }
@@ -177,11 +177,11 @@ impl Seabed {
             size: self.size_m,
             depth: self.depth_m,
             cells: cells.map(|cells| cells as usize),
-            ripples: asked.or(natural),
+            ripples: requested.or(natural),
         })
     }
 
-    /// How much smaller than usual things are that need `depth` m of water and a bed of `size` m.
+    /// Scale, at most 1, of objects that at full size need `depth` m of water and a bed of `size` m.
     fn shrinkage(&self, depth: f64, size: f64) -> f64 {
         (self.depth_m / depth).min(self.size_m[0] / size).min(self.size_m[1] / size).min(1.0)
     }
@@ -191,30 +191,31 @@ impl Seabed {
     }
 }
 
-/// Cells of this width or more make at most [`MOST_TRIANGLES`] of a bed of `x` times `y` m: the root c of 2 (x / c + 1)
-/// (y / c + 1) = most, as up to one cell per side is only partly there.
+/// Smallest cell with which a bed of `x` times `y` m has at most [`MOST_TRIANGLES`]: the root c of 2 (x / c + 1) (y /
+/// c + 1) = most, as one cell per side may be partial.
 fn finest_cell(x: f64, y: f64) -> f64 {
     ((x + y) + ((x + y).powi(2) + 2.0 * (MOST_TRIANGLES - 2.0) * x * y).sqrt()) / (MOST_TRIANGLES - 2.0)
 }
 
-/// The file as it grows.
+/// The file under construction.
 #[derive(Default)]
-struct Made {
+struct SeabedFile {
     glb: Glb,
     /// What to report about the swarm.
     swimming: Option<String>,
-    /// Materials of what is made of a [`Model`].
+    /// Materials of objects made from a [`Model`].
     materials: Vec<(&'static str, usize)>,
-    /// Circles, middle and radius, in which something lies already.
+    /// Occupied circles: centre and radius.
     taken: Vec<(DVec2, f64)>,
 }
 
-/// Lambert's constant of a fish's skin, dB: with it a fish 0.4 m long has, from above, about the target strength of
-/// fish with a closed swim bladder at 38 kHz, 20 log10(L / cm) - 67.4 dB re 1 m^2 (Foote 1987, J. Acoust. Soc. Am. 82).
+/// Lambert's constant of a fish's skin, dB: with it, a fish 0.4 m long has, seen from above, about the target strength
+/// of fish with a closed swim bladder at 38 kHz, 20 log10(L / cm) - 67.4 dB re 1 m^2 (Foote 1987, J. Acoust. Soc. Am.
+/// 82).
 pub(super) const FISH_MU_DB: f64 = -16.0;
 
-/// Colours and reflectances are our own choice, as such things look. The sediments of the material key `sound` define
-/// how the ground scatters sound.
+/// Colours and reflectances are our own plausible choices. The sediments of the material key `sound` define how the
+/// ground scatters sound.
 fn material(glb: &mut Glb, name: &str) -> usize {
     let sediment = |name: &str| json!({ "law": "sediment", "name": name });
     let (color, reflectance, sound) = match name {
@@ -240,7 +241,7 @@ fn material(glb: &mut Glb, name: &str) -> usize {
     glb.material(name, look, color, extras)
 }
 
-impl Made {
+impl SeabedFile {
     fn add_bed(&mut self, bed: &Bed) {
         let (positions, normals) = bed.vertices();
         let triangles = bed.triangles();
@@ -255,17 +256,17 @@ impl Made {
     }
 
     fn add_boulders(&mut self, seabed: &Seabed, bed: &Bed, seed: u64) {
-        /// Boulders have one of a few shapes; rotated and stretched they all differ.
+        /// Number of shapes of boulders; rotated and stretched, all boulders differ.
         const SHAPES: u32 = 8;
-        /// Dice of the shapes, separate from those of the boulders.
+        /// Random stream of the shapes, separate from those of the boulders.
         const SHAPE_DICE: u32 = 1 << 31;
         if seabed.boulders == 0 {
             return;
         }
         let rock = material(&mut self.glb, "rock");
-        let shapes: Vec<(Shape, usize)> = (0..SHAPES.min(seabed.boulders))
+        let shapes: Vec<(ClosedShape, usize)> = (0..SHAPES.min(seabed.boulders))
             .map(|number| {
-                let shape = Shape::rock(&mut Dice::new(seed, Draw::Boulder, SHAPE_DICE + number));
+                let shape = ClosedShape::rock(&mut Dice::new(seed, Draw::Boulder, SHAPE_DICE + number));
                 let part = Primitive { triangles: &shape.triangles, material: rock };
                 let mesh = self.glb.mesh(&format!("Boulder_{}", number + 1), &shape.positions(), None, &[part]);
                 (shape, mesh)
@@ -275,7 +276,7 @@ impl Made {
         for number in 0..seabed.boulders {
             let mut dice = Dice::new(seed, Draw::Boulder, number);
             let (shape, mesh) = &shapes[number as usize % shapes.len()];
-            // As many between 0.3 and 0.6 m as between 0.6 and 1.2 m.
+            // Log-uniform: as many between 0.3 and 0.6 m as between 0.6 and 1.2 m.
             let size = largest * f64::powf(0.2, dice.unit());
             let [x, y] = seabed.size_m.map(|length| dice.between(-0.5, 0.5) * (length - 2.0 * size));
             let (yaw, pitch, roll) = (dice.between(0.0, TAU), dice.between(-0.4, 0.4), dice.between(-0.4, 0.4));
@@ -308,7 +309,7 @@ impl Made {
         for number in 0..seabed.wrecks {
             let mut dice = Dice::new(seed, Draw::Wreck, number);
             let scale = usual * dice.between(0.8, 1.0);
-            // Of several places the one farthest from the other wrecks.
+            // Of several candidates, the one farthest from the other wrecks.
             let mut chance = || {
                 let [x, y] = seabed.size_m.map(|length| dice.between(-0.5, 0.5) * (length - 10.0 * scale));
                 DVec3::new(x, y, 0.0)
@@ -348,12 +349,12 @@ impl Made {
         self.glb.mesh(name, &single(&model.vertices), None, &parts)
     }
 
-    /// How far a place is from what lies on the bed already, negative inside.
+    /// Distance of a position from the objects already on the bed, negative inside them.
     fn clearance(&self, at: DVec2) -> f64 {
         self.taken.iter().map(|(middle, radius)| at.distance(*middle) - radius).fold(f64::INFINITY, f64::min)
     }
 
-    /// Of several places the one farthest from everything.
+    /// Of several candidates, the one farthest from all objects.
     fn free_place(&self, mut chance: impl FnMut() -> DVec2) -> DVec2 {
         const CHANCES: usize = 24;
         let mut best = chance();
@@ -368,7 +369,7 @@ impl Made {
 
     /// Pipes from one side of the bed to the other.
     fn add_pipes(&mut self, seabed: &Seabed, bed: &Bed, seed: u64) {
-        /// From one ring of vertices to the next, and from one joint to the next.
+        /// Distances between rings of vertices, and between joints.
         const STEP: f64 = 0.8;
         const PIECE: f64 = 12.0;
         const SIDES: usize = 20;
@@ -389,7 +390,8 @@ impl Made {
                 let bent = (from + (to - from) * part + bend * (1.5 * PI * part + phase).sin()).clamp(-aside, aside);
                 if axis == 0 { DVec2::new(along, bent) } else { DVec2::new(bent, along) }
             };
-            // From end to end, with a bend in between, and of several ways the one clear of other things.
+            // From end to end, with a bend in between; of several candidates, the one with the greatest clearance from
+            // other objects.
             let ways: [[f64; 4]; CHANCES] = std::array::from_fn(|_| {
                 let [from, to] = [0; 2].map(|_| dice.between(-0.85, 0.85) * aside);
                 [from, to, dice.between(0.02, 0.06) * half, dice.between(0.0, TAU)]
@@ -399,7 +401,7 @@ impl Made {
             };
             let chosen = ways.into_iter().reduce(|best, shape| if clear(&shape) > clear(&best) { shape } else { best });
             let way = |along: f64| way(chosen.unwrap_or_default(), along);
-            // A pipe is stiff: it lies on the bed as it is on average over some metres, sunk in by a third.
+            // A pipe is stiff: it follows the bed averaged over some metres, sunk in by a third.
             let height = |along: f64| {
                 let near = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|step| {
                     let at = way((along + step * scale).clamp(-half, half));
@@ -454,10 +456,10 @@ impl Made {
     }
 
     fn add_seagrass(&mut self, seabed: &Seabed, bed: &Bed, seed: u64) {
-        /// Different tufts, and how many there are in a patch per square metre.
+        /// Number of different tufts, and tufts per square metre of a patch.
         const TUFTS: u32 = 4;
         const DENSITY: f64 = 6.0;
-        /// Dice of the shapes, separate from those of the patches.
+        /// Random stream of the shapes, separate from those of the patches.
         const SHAPE_DICE: u32 = 1 << 31;
         if seabed.seagrass == 0 {
             return;
@@ -478,7 +480,7 @@ impl Made {
             });
             self.taken.push((middle, radius));
             for _ in 0..(DENSITY * PI * (radius / scale).powi(2)).round() as u32 {
-                // Dense in the middle, thin at the edge.
+                // Dense in the middle, sparse at the edge.
                 let (sin, cos) = dice.between(0.0, TAU).sin_cos();
                 let out = radius * dice.unit().powf(0.7);
                 let [x, y] = [middle.x + out * cos, middle.y + out * sin];
@@ -498,15 +500,15 @@ impl Made {
     fn add_swarm(&mut self, seabed: &Seabed, seed: u64) {
         /// Half the length, width and height of a fish 1 m long.
         const BODY: DVec3 = DVec3::new(0.5, 0.075, 0.125);
-        /// Room of a fish, m^3.
+        /// Volume of water per fish, m^3.
         const ROOM: f64 = 0.6;
-        /// Of a swarm, m/s.
+        /// Speed of the swarm, m/s.
         const SPEED: f64 = 1.0;
         if seabed.fish == 0 {
             return;
         }
         let skin = material(&mut self.glb, "fish");
-        let mut body = Shape::ball(1);
+        let mut body = ClosedShape::ball(1);
         let normals: Vec<[f32; 3]> =
             body.vertices.iter().map(|v| (v / BODY).normalize().as_vec3().to_array()).collect();
         body.vertices.iter_mut().for_each(|vertex| *vertex *= BODY);
@@ -543,7 +545,7 @@ impl Made {
         let places = self.glb.places(times, &[from, from - DVec3::X * way]);
         self.glb.animate(swarm, "translation", places);
         self.glb.animation("Swarm");
-        self.swimming = Some(format!("animation Swarm: {way:.1} m against x in {seconds:.1} s"));
+        self.swimming = Some(format!("animation Swarm: {way:.1} m along -x in {seconds:.1} s"));
     }
 }
 
@@ -556,10 +558,10 @@ fn resting_height(bed: &Bed, vertices: &[DVec3], place: &Placement) -> f64 {
     -vertices.iter().map(gap).fold(f64::INFINITY, f64::min)
 }
 
-/// A boat 9 m long, its keel on z = 0, bow along x: hull, cabin and mast, and how many triangles hull and cabin have.
-/// Cabin and mast reach into the hull, so that no faces coincide.
-fn boat() -> (Shape, [usize; 2]) {
-    let mut boat = Shape::default();
+/// A boat 9 m long, its keel on z = 0, bow along x: hull, cabin and mast, and the number of triangles of hull and
+/// cabin. Cabin and mast reach into the hull, so that no faces coincide.
+fn boat() -> (ClosedShape, [usize; 2]) {
+    let mut boat = ClosedShape::default();
     let bottom = [[-4.3, -1.0], [2.5, -1.0], [3.6, 0.0], [2.5, 1.0], [-4.3, 1.0]];
     let deck = [[-4.5, -1.5], [2.5, -1.5], [4.5, 0.0], [2.5, 1.5], [-4.5, 1.5]];
     boat.add_prism(bottom.map(|[x, y]| DVec3::new(x, y, 0.0)), deck.map(|[x, y]| DVec3::new(x, y, 1.6)));
@@ -585,7 +587,11 @@ fn horned_ball() -> Model {
     const HORN: f64 = 0.14;
     let mut mine = Model::default();
     let middle = DVec3::Z * RADIUS;
-    mine.add_placed("mine", &Shape::ball(3), &Placement { at: middle, scale: DVec3::splat(RADIUS), ..Placement::HERE });
+    mine.add_placed(
+        "mine",
+        &ClosedShape::ball(3),
+        &Placement { at: middle, scale: DVec3::splat(RADIUS), ..Placement::HERE },
+    );
     let mut horn = |out: DVec3| {
         let at = |length: f64, radius: f64| (middle + out * length, radius);
         mine.tube("horn", &[at(RADIUS - 0.02, 0.035), at(RADIUS + HORN, 0.03), at(RADIUS + HORN + 0.02, 0.015)], 8);
@@ -601,7 +607,7 @@ fn horned_ball() -> Model {
     mine
 }
 
-/// A blunt cone of 1 m that stands on its base.
+/// A blunt cone of 1 m on its base.
 fn blunt_cone() -> Model {
     let mut mine = Model::default();
     let rings = [(0.0, 0.5), (0.06, 0.5), (0.4, 0.27), (0.47, 0.2)];
@@ -610,7 +616,7 @@ fn blunt_cone() -> Model {
     mine
 }
 
-/// Blades that stand together.
+/// A tuft of blades.
 fn tuft(dice: &mut Dice) -> Model {
     const BLADES: u32 = 14;
     let mut tuft = Model::default();

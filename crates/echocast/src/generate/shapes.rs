@@ -6,15 +6,15 @@ use std::collections::HashMap;
 
 /// Triangles that share vertices, seen counter-clockwise from outside.
 #[derive(Default)]
-pub(super) struct Shape {
+pub(super) struct ClosedShape {
     pub vertices: Vec<DVec3>,
     pub triangles: Vec<[u32; 3]>,
 }
 
-impl Shape {
+impl ClosedShape {
     /// A ball of radius 1 about the origin: an icosahedron whose triangles are divided in four `divisions` times.
     pub fn ball(divisions: u32) -> Self {
-        let mut ball = Shape::icosahedron();
+        let mut ball = ClosedShape::icosahedron();
         for _ in 0..divisions {
             ball.divide();
         }
@@ -40,7 +40,7 @@ impl Shape {
                 }
             }
         }
-        Shape { vertices: corners.into_iter().map(DVec3::normalize).collect(), triangles }
+        ClosedShape { vertices: corners.into_iter().map(DVec3::normalize).collect(), triangles }
     }
 
     /// Divides each triangle in four, the new corners on the ball of radius 1.
@@ -63,14 +63,14 @@ impl Shape {
             .collect();
     }
 
-    /// An irregular rock that just fits into the ball of radius 1: a ball with flat faces cut off, and rough.
+    /// An irregular rock that just fits into the ball of radius 1: a ball with flat facets cut off and a rough surface.
     pub fn rock(dice: &mut Dice) -> Self {
-        /// Number of cut faces, and their distance from the middle.
+        /// Number of facets, and their least distance from the centre.
         const CUTS: usize = 14;
         const DEEPEST: f64 = 0.6;
-        /// How far the surface rises and falls.
+        /// Depth of the roughness over the radius.
         const ROUGHNESS: f64 = 0.03;
-        let mut rock = Shape::ball(2);
+        let mut rock = ClosedShape::ball(2);
         let cuts: Vec<(DVec3, f64)> = (0..CUTS).map(|_| (direction(dice), dice.between(DEEPEST, 0.95))).collect();
         for vertex in &mut rock.vertices {
             // The nearest cut in this direction, or the ball.
@@ -86,7 +86,7 @@ impl Shape {
         rock
     }
 
-    /// Adds a prism: `bottom` and `top` are outlines with as many corners, convex, counter-clockwise from above.
+    /// Adds a prism: `bottom` and `top` are convex outlines with equally many corners, counter-clockwise from above.
     pub fn add_prism<const N: usize>(&mut self, bottom: [DVec3; N], top: [DVec3; N]) {
         let first = self.vertices.len() as u32;
         self.vertices.extend(bottom);
@@ -132,7 +132,7 @@ mod tests {
     use std::f64::consts::PI;
 
     /// Checks that every edge has one triangle on each side, and returns the volume inside.
-    fn volume_inside(shape: &Shape) -> f64 {
+    fn volume_inside(shape: &ClosedShape) -> f64 {
         let mut edges = HashMap::new();
         for &[a, b, c] in &shape.triangles {
             for edge in [[a, b], [b, c], [c, a]] {
@@ -149,12 +149,12 @@ mod tests {
     #[test]
     fn shapes_are_closed_and_face_outwards() {
         for (divisions, triangles) in [(0, 20), (1, 80), (2, 320), (3, 1280)] {
-            let ball = Shape::ball(divisions);
+            let ball = ClosedShape::ball(divisions);
             assert_eq!((ball.triangles.len(), ball.vertices.len()), (triangles, triangles / 2 + 2));
             let part = volume_inside(&ball) / (4.0 / 3.0 * PI);
             assert!((0.6..1.0).contains(&part), "{divisions}: {part}");
         }
-        let mut shape = Shape::default();
+        let mut shape = ClosedShape::default();
         shape.add_box(DVec3::new(1.0, 2.0, 3.0), DVec3::new(2.0, 4.0, 6.0));
         assert!((volume_inside(&shape) - 6.0).abs() < 1e-12);
     }
@@ -162,7 +162,7 @@ mod tests {
     #[test]
     fn rocks_are_irregular_and_fit() {
         for item in 0..20 {
-            let rock = Shape::rock(&mut Dice::new(5, Draw::Boulder, item));
+            let rock = ClosedShape::rock(&mut Dice::new(5, Draw::Boulder, item));
             let radii: Vec<f64> = rock.vertices.iter().map(|vertex| vertex.length()).collect();
             assert!(radii.iter().all(|radius| (0.5..=1.0 + 1e-12).contains(radius)));
             assert!(radii.iter().any(|radius| *radius < 0.9));

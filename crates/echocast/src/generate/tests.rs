@@ -1,4 +1,4 @@
-//! Laws of generated scenes, and what other readers find in the files.
+//! Properties of generated scenes, and what other readers find in the files.
 
 use super::bed::Bed;
 use super::seabed::FISH_MU_DB;
@@ -66,7 +66,7 @@ fn a_written_scene_reads_back() {
 }
 
 #[test]
-fn same_seed_same_bytes_and_things_do_not_move_each_other() {
+fn same_seed_same_bytes_and_objects_do_not_affect_each_other() {
     let seabed = small();
     let one = seabed.scene(1).unwrap();
     assert_eq!(one.bytes(), seabed.scene(1).unwrap().bytes());
@@ -101,7 +101,7 @@ fn the_bed_is_a_sheet_of_that_depth_with_normals_up() {
             for i in 0..3 {
                 *edges.entry([corners[i], corners[(i + 1) % 3]]).or_insert(0) += 1;
             }
-            // The ground below things is the ground in the file.
+            // The ground on which objects are placed is the ground in the file.
             let middle = (a + b + c) / 3.0;
             assert!((bed.height(middle.x, middle.y) - middle.z).abs() < 1e-4 * depth_m);
         }
@@ -128,15 +128,15 @@ fn ripples_are_seen_where_the_cells_show_them() {
         let seabed = Seabed { size_m: [12.0, 10.0], cell_m, ripples, ..Seabed::default() };
         bed(&seabed, 3).vertices().0.iter().map(|p| p[2]).collect::<Vec<_>>()
     };
-    let (none, asked) = (Ripples { height_m: 0.0, ..Ripples::default() }, Ripples::default());
+    let (none, requested) = (Ripples { height_m: 0.0, ..Ripples::default() }, Ripples::default());
     // The default cells of such a small bed are fine enough; those of a large one are not.
-    assert_eq!(heights(None, None), heights(Some(asked), None));
+    assert_eq!(heights(None, None), heights(Some(requested), None));
     assert_eq!(heights(None, Some(0.5)), heights(Some(none), Some(0.5)));
     assert_eq!(Seabed::default().ground().unwrap().ripples, None);
-    let asked_large = Seabed { ripples: Some(asked), ..Seabed::default() }.ground().unwrap();
-    assert_eq!((asked_large.ripples, asked_large.cells), (Some(asked), [400, 267]));
+    let requested_large = Seabed { ripples: Some(requested), ..Seabed::default() }.ground().unwrap();
+    assert_eq!((requested_large.ripples, requested_large.cells), (Some(requested), [400, 267]));
 
-    let (flat, rippled) = (heights(Some(none), None), heights(Some(asked), None));
+    let (flat, rippled) = (heights(Some(none), None), heights(Some(requested), None));
     let difference: Vec<f32> = flat.iter().zip(&rippled).map(|(flat, rippled)| rippled - flat).collect();
     let largest = difference.iter().fold(0.0, |largest: f32, d| largest.max(d.abs()));
     assert!((0.024..0.026).contains(&largest), "{largest}");
@@ -180,7 +180,7 @@ fn boulders_and_wrecks_lie_on_the_bed_and_everything_is_under_water() {
     }
 }
 
-/// With some of everything that lies on the bed.
+/// A bed with objects of all kinds on it.
 fn full() -> Seabed {
     Seabed { pipes: 2, mines: 6, seagrass: 3, ..small() }
 }
@@ -241,7 +241,7 @@ fn new_things_leave_the_bed_as_it_was() {
 }
 
 #[test]
-fn ripples_have_the_direction_that_is_asked_for() {
+fn ripples_have_the_requested_direction() {
     let of = |height_m, direction_deg| {
         let ripples = Some(Ripples { height_m, direction_deg, ..Ripples::default() });
         bed(&Seabed { size_m: [12.0, 10.0], ripples, ..Seabed::default() }, 3)
@@ -264,7 +264,7 @@ fn ripples_have_the_direction_that_is_asked_for() {
     }
 }
 
-/// The parts of a GLB by the specification alone: its JSON and binary chunk.
+/// The JSON and binary chunks of a GLB, parsed by the specification alone.
 pub(super) fn chunks(glb: &[u8]) -> (Value, &[u8]) {
     let word = |at: usize| u32::from_le_bytes(glb[at..at + 4].try_into().unwrap()) as usize;
     assert_eq!((&glb[..4], word(4), word(8)), (&b"glTF"[..], 2, glb.len()));
@@ -361,7 +361,7 @@ fn a_fish_is_as_strong_as_measured_from_above() {
     let scene = load(&small(), 1);
     let mesh = &of_category(&scene, "fish")[0].mesh;
     let part = &mesh.parts[0];
-    // Lambert: mu cos^2 of every piece of the surface that looks up (y in a mesh), of a fish 0.4 m long.
+    // Lambert: mu cos^2 of every piece of the surface that faces up (y in a mesh), for a fish 0.4 m long.
     let mut sum = 0.0;
     for corners in part.triangles.iter() {
         let [a, b, c] = corners.map(|corner| Vec3::from(part.positions[corner as usize]).as_dvec3() * 0.4);

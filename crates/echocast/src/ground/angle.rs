@@ -13,7 +13,7 @@ pub(crate) fn direction([azimuth, elevation]: [f32; 2]) -> Vec3 {
     Vec3::new(cos_el * cos_az, cos_el * sin_az, sin_el)
 }
 
-/// The same in double precision.
+/// [`direction`] in double precision.
 pub(crate) fn direction_f64(angles: [f32; 2]) -> DVec3 {
     let [(sin_az, cos_az), (sin_el, cos_el)] = angles.map(|angle| f64::from(angle).sin_cos());
     DVec3::new(cos_el * cos_az, cos_el * sin_az, sin_el)

@@ -1,17 +1,18 @@
-//! Numbers that many may share.
+//! Immutable arrays of numbers that are shared.
 
 use std::fmt;
 use std::ops::{Deref, Range};
 use std::sync::Arc;
 
-/// Numbers of a mesh, immutable and shared by clones: a vector, or memory owned by somebody else.
+/// Numbers of a mesh, immutable and shared by clones: a vector, or memory that something else owns.
 pub struct Array<T> {
     owner: Arc<dyn AsRef<[T]> + Send + Sync>,
     range: Range<usize>,
 }
 
 impl<T> Array<T> {
-    /// What `owner` exposes, which must never change; it is dropped with the last clone, on any thread.
+    /// The elements that `owner` exposes, which must never change; `owner` is dropped with the last clone, on any
+    /// thread.
     pub fn new(owner: impl AsRef<[T]> + Send + Sync + 'static) -> Self {
         Array { range: 0..owner.as_ref().len(), owner: Arc::new(owner) }
     }
@@ -21,7 +22,7 @@ impl<T> Array<T> {
         Arc::ptr_eq(&self.owner, &other.owner) && self.range == other.range
     }
 
-    /// The elements from `range.start` to before `range.end`, as far as they exist.
+    /// The elements from `range.start` up to, but not including, `range.end`, as far as they exist.
     #[must_use]
     pub fn range(&self, range: Range<usize>) -> Array<T> {
         let end = range.end.min(self.len());

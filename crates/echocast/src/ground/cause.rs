@@ -11,11 +11,11 @@ pub enum Cause {
     Mirror = 1,
     /// A surface seen through glass or water.
     Glass = 2,
-    /// A rain drop, or rain.
+    /// A raindrop, or rain.
     Rain = 3,
     /// Fog or spray.
     Fog = 4,
-    /// A flake of snow, or snowfall.
+    /// A snowflake, or snowfall.
     Snow = 5,
     /// Dust.
     Dust = 6,
@@ -23,14 +23,14 @@ pub enum Cause {
     FalseAlarm = 7,
     /// Several surfaces whose echoes have merged.
     Mixed = 8,
-    /// Light that returned by another path than it went, or got into a neighbouring beam.
+    /// Light that returned by a path other than the one it was emitted along, or leaked into a neighbouring beam.
     Multipath = 9,
-    /// The surface of the water, heard from below.
+    /// The water surface, as a sonar receives it from below.
     SeaSurface = 10,
 }
 
 impl Cause {
-    /// All of them, each at its number.
+    /// All causes, each at the index of its number.
     pub const ALL: [Cause; 11] = [
         Cause::Surface,
         Cause::Mirror,
@@ -45,7 +45,7 @@ impl Cause {
         Cause::SeaSurface,
     ];
 
-    /// The one with the number `number` in the column `cause`.
+    /// The cause with the number `number` in the column `cause`.
     pub fn from_number(number: u8) -> Option<Cause> {
         Cause::ALL.get(usize::from(number)).copied()
     }
@@ -78,7 +78,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn causes_stand_at_their_numbers() {
+    fn causes_are_at_their_numbers() {
         for (number, cause) in (0..).zip(Cause::ALL) {
             assert_eq!((cause as u8, Cause::from_number(number)), (number, Some(cause)));
         }

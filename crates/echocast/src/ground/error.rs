@@ -8,7 +8,7 @@ use std::{fmt, io};
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 /// Why a call failed. Each message is one sentence: where, what was found, what is allowed; on one line, below 500
-/// bytes, and without control characters, whatever the files said.
+/// bytes, and without control characters, whatever the files contain.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -16,7 +16,7 @@ pub enum Error {
     Io {
         /// File or folder concerned.
         path: PathBuf,
-        /// What the system said.
+        /// The error that the system reported.
         source: io::Error,
     },
     /// A file or text was read but its content is wrong.
@@ -48,7 +48,7 @@ pub enum Error {
     },
     /// Understood, but this build or format cannot do it.
     Unsupported {
-        /// What was asked for.
+        /// What was requested.
         what: String,
         /// Which feature, format or tool would do it.
         instead: String,
@@ -59,14 +59,14 @@ pub enum Error {
     Memory(String),
     /// The system cannot start more threads.
     Threads {
-        /// How many were wanted.
+        /// How many were requested.
         wanted: String,
-        /// What the system said.
+        /// The error that the system reported.
         reason: String,
     },
     /// Embree failed.
     Embree(#[source] embree4::Error),
-    /// A defect of this library.
+    /// A defect in this library.
     Internal(String),
 }
 
@@ -105,7 +105,7 @@ impl fmt::Display for Error {
             Error::Memory(what) => format!("no memory for {what}"),
             Error::Threads { wanted, reason } => {
                 format!(
-                    "the system does not give {wanted} threads ({reason}); allowed: fewer, or a higher limit of processes"
+                    "the system cannot start {wanted} threads ({reason}); allowed: fewer, or a higher limit of processes"
                 )
             }
             Error::Embree(error) => format!("Embree: {error}"),
@@ -197,7 +197,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn names_that_are_no_text_are_shown_escaped() {
+    fn names_that_are_not_text_are_escaped() {
         use std::os::unix::ffi::OsStrExt as _;
         let path = Path::new(std::ffi::OsStr::from_bytes(b"x\xff.glb"));
         assert_eq!(Error::parse(path, "", "is empty").to_string(), "x\\xff.glb: is empty");

@@ -1,13 +1,13 @@
-//! Results that are kept for whoever asks for the same again.
+//! Results kept for repeated requests.
 
 use std::convert::Infallible;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Most results kept at once, of which the oldest go first: a scan whose wavelength or weather keeps changing must not fill
+/// Most results kept at once, the oldest dropped first: a scan whose wavelength or weather keeps changing must not fill
 /// the memory.
 const MOST: usize = 16;
 
-/// The one of `all` that fits, or a new one that is kept.
+/// The result in `all` that `fits`, or a new one, which is kept.
 pub(crate) fn kept<T>(all: &Mutex<Vec<Arc<T>>>, fits: impl Fn(&T) -> bool, make: impl FnOnce() -> T) -> Arc<T> {
     match try_kept(all, fits, || Ok::<T, Infallible>(make())) {
         Ok(found) => found,

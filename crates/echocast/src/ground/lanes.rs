@@ -3,18 +3,18 @@
 pub(crate) use echocast_kernels::{LANES, MISS};
 use glam::Vec3;
 
-/// Beams per task. A constant, so that results cannot depend on the number of threads; traced rays lose nothing at this
+/// Beams per task. A constant, so that results cannot depend on the number of threads; tracing loses no speed at this
 /// size.
 pub(crate) const CHUNK: usize = 2048;
 
-/// Surface index of what the medium itself sends back, not a surface of the scene: rain and dust in the air, noise, the
-/// surface of the sea.
+/// Surface index of what is not a surface of the scene: returns of the medium itself such as rain and dust in the air,
+/// noise, the sea surface.
 pub(crate) const MEDIUM: u32 = MISS - 1;
 
 /// Rays of one block, relative to the scene's local origin; directions have unit length.
 ///
 /// Columns of blocks start at a cache line: the widest vectors fill one, and straddling two costs up to a tenth of a
-/// scan.
+/// scan's time.
 #[derive(Clone)]
 #[repr(align(64))]
 pub(crate) struct RayBatch {
@@ -26,9 +26,9 @@ pub(crate) struct RayBatch {
     pub dir_z: [f32; LANES],
     /// Greatest range, m; nothing is hit beyond it.
     pub range_max: [f32; LANES],
-    /// When, 0 to 1 in the time that the scene is prepared for; not used where nothing moves.
+    /// Time, 0 to 1 within the span that the scene is prepared for; not used if nothing moves.
     pub time: [f32; LANES],
-    /// Number of the beam: what random draws of a ray depend on, beside its direction.
+    /// Number of the beam: random draws of a ray depend on it in addition to the direction.
     pub beam: [u32; LANES],
 }
 
@@ -57,7 +57,7 @@ impl RayBatch {
         self.beam[lane] = from.beam[other];
     }
 
-    /// Copies lane `other` of `from`, with all it has, to `lanes`.
+    /// Copies all of lane `other` of `from` to `lanes`.
     pub(crate) fn fill(&mut self, lanes: std::ops::Range<usize>, from: &RayBatch, other: usize) {
         let columns = [
             (&mut self.org_x, from.org_x[other]),
@@ -75,7 +75,7 @@ impl RayBatch {
         self.beam[lanes].fill(from.beam[other]);
     }
 
-    /// Copies lane `from`, with all it has, to `lane`.
+    /// Copies all of lane `from` to `lane`.
     pub(crate) fn move_lane(&mut self, lane: usize, from: usize) {
         let RayBatch { org_x, org_y, org_z, dir_x, dir_y, dir_z, range_max, time, beam } = self;
         for column in [org_x, org_y, org_z, dir_x, dir_y, dir_z, range_max, time] {
@@ -84,7 +84,7 @@ impl RayBatch {
         beam[lane] = beam[from];
     }
 
-    /// Where rays start, axis by axis.
+    /// Origins of rays, axis by axis.
     pub(crate) fn origins(&self) -> [&[f32; LANES]; 3] {
         [&self.org_x, &self.org_y, &self.org_z]
     }
@@ -94,7 +94,7 @@ impl RayBatch {
         [&self.dir_x, &self.dir_y, &self.dir_z]
     }
 
-    /// Where the ray of a lane starts.
+    /// Origin of the ray of a lane.
     pub(crate) fn origin(&self, lane: usize) -> Vec3 {
         Vec3::new(self.org_x[lane], self.org_y[lane], self.org_z[lane])
     }

@@ -3,14 +3,13 @@
 pub(crate) use echocast_kernels::math::{LOG2_PER_DB, exp2, log2};
 use glam::DMat3;
 
-/// The cofactors of the linear part of a transform: up to length they transform normals along with surfaces, whatever
-/// its scale and mirroring. They are zero where it leaves no surface.
+/// The cofactors of the linear part of a transform: up to length they transform the normals of surfaces, whatever its
+/// scale and mirroring. They are zero if it collapses every surface.
 pub(crate) fn cofactors(m: &DMat3) -> DMat3 {
     DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
 }
 
-/// The greatest whole number that is not above `x`, as `x.floor() as i64`, which calls a function on processors that are
-/// not asked for SSE 4.1.
+/// The greatest whole number not above `x`, as `x.floor() as i64`, which calls a function unless SSE 4.1 is enabled.
 pub(crate) fn floor(x: f64) -> i64 {
     let whole = x as i64;
     whole.saturating_sub((whole as f64 > x).into())

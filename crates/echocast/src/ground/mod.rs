@@ -1,5 +1,5 @@
 //! What every module is built on: errors, units, poses, blocks of rays, random numbers, work on threads. It knows
-//! nothing of sensors or scenes.
+//! nothing about sensors or scenes.
 
 pub(crate) mod angle;
 pub(crate) mod array;

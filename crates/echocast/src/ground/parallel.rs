@@ -1,9 +1,9 @@
 //! Work shared among threads, or done by the calling thread alone if [`crate::Engine`] says so.
 //!
-//! Threads take parts from one list until it is empty. An engine's threads help the calling one, see [`Crew`]. In a rayon
-//! pool of the host's, its threads do not halve the work recursively: a thread waiting for the other half would take up
-//! whatever else its pool has to do, on the same stack, and wait again in that. Here it only finds an empty list, and does
-//! what others give the pool without the help of more threads.
+//! Threads take parts from one list until it is empty. An engine's threads help the calling thread, see [`Crew`]. In a
+//! rayon pool of the host, the work is not halved recursively: a thread waiting for the other half would take up any
+//! other job of its pool, on the same stack, and wait again inside that. Here it only finds an empty list, and runs
+//! other jobs of the pool without the help of further threads.
 
 use echocast_crew::Crew;
 use std::cell::{Cell, RefCell};
@@ -12,52 +12,52 @@ use std::error::Error as _;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// Stack of the threads started here, whatever the environment says: several times what they use.
+/// Stack size of the threads started here, regardless of the environment: several times what they use.
 pub(crate) const STACK: usize = 2 << 20;
 
 thread_local! {
-    /// Whether this thread must do all work itself: it is an engine's only one, or others already share its work.
+    /// Whether this thread must do all work itself: it is an engine's only thread, or others already share its work.
     static ALONE: Cell<bool> = const { Cell::new(false) };
-    /// Who helps this thread, and the size of its work.
+    /// The crew that helps this thread, and the size of the work.
     static CREW: RefCell<Option<(Arc<Crew>, u64)>> = const { RefCell::new(None) };
 }
 
-/// Runs `work`, which is of a `size`, with the help of `crew`.
+/// Runs `work`, of size `size`, with the help of `crew`.
 pub(crate) fn with_crew<R>(crew: &Arc<Crew>, size: u64, work: impl FnOnce() -> R) -> R {
-    /// Restores the previous state, also when `work` panics.
-    struct Before(Option<(Arc<Crew>, u64)>);
-    impl Drop for Before {
+    /// Restores the previous state, even if `work` panics.
+    struct CrewGuard(Option<(Arc<Crew>, u64)>);
+    impl Drop for CrewGuard {
         fn drop(&mut self) {
             CREW.replace(self.0.take());
         }
     }
-    let _before = Before(CREW.replace(Some((crew.clone(), size))));
+    let _before = CrewGuard(CREW.replace(Some((crew.clone(), size))));
     work()
 }
 
-/// Who helps this thread.
+/// The crew that helps this thread, and the size of the work.
 fn crew() -> Option<(Arc<Crew>, u64)> {
     CREW.with_borrow(Clone::clone)
 }
 
 /// Runs `work` without the help of other threads.
 pub(crate) fn alone<R>(work: impl FnOnce() -> R) -> R {
-    /// Restores the previous state, also when `work` panics.
-    struct Before(bool);
-    impl Drop for Before {
+    /// Restores the previous state, even if `work` panics.
+    struct AloneGuard(bool);
+    impl Drop for AloneGuard {
         fn drop(&mut self) {
             ALONE.set(self.0);
         }
     }
-    let _before = Before(ALONE.replace(true));
+    let _before = AloneGuard(ALONE.replace(true));
     work()
 }
 
-/// Starts the pool of rayon that helps whoever has no other, one thread per core, unless somebody has. Rayon itself would
-/// panic if the system gives no threads.
+/// Starts rayon's global pool, which helps callers that have no other, with one thread per core, unless it has been
+/// started already. Rayon itself would panic if the system cannot start the threads.
 ///
 /// # Errors
-/// What the system said; there is no such pool then, and none later.
+/// The system's error; there is then no such pool, now or later.
 pub(crate) fn start_pool() -> Result<(), &'static str> {
     static STARTED: OnceLock<Result<(), String>> = OnceLock::new();
     let start = || match rayon::ThreadPoolBuilder::new().stack_size(STACK).build_global() {
@@ -67,19 +67,19 @@ pub(crate) fn start_pool() -> Result<(), &'static str> {
     STARTED.get_or_init(start).as_ref().copied().map_err(String::as_str)
 }
 
-/// Threads that work here.
+/// Number of threads that work here.
 pub(crate) fn threads() -> usize {
     match crew() {
         _ if ALONE.get() => 1,
         Some((crew, _)) => crew.len() + 1,
-        // Without help the work is done, too.
+        // The work gets done without help, too.
         None if rayon::current_thread_index().is_none() && start_pool().is_err() => 1,
         None => rayon::current_num_threads(),
     }
 }
 
-/// Does both, possibly at the same time, on a thread that need not be alone. What it takes up while waiting, for others
-/// or for us, it does alone.
+/// Does both, possibly at the same time, on a thread that may have help. Jobs that it takes up while waiting, ours or
+/// others', it does alone.
 fn both<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
     alone(|| rayon::join(a, || alone(b)))
 }
@@ -96,7 +96,7 @@ pub(crate) fn for_each_of<T: Send>(items: impl Iterator<Item = T> + Send, work: 
     }
     let items = Mutex::new(items);
     let next = || items.lock().unwrap_or_else(PoisonError::into_inner).next();
-    // A part is done by one thread.
+    // Each part is done by one thread.
     let step = || match next() {
         Some(item) => {
             alone(|| work(item));
@@ -110,8 +110,8 @@ pub(crate) fn for_each_of<T: Send>(items: impl Iterator<Item = T> + Send, work: 
     }
 }
 
-/// [`for_each_of`] with memory. There are as many `memories` as items are worked on at once, not one for each item, so that
-/// they stay in the caches of the processor. `work` finds in its own what the item before has left there.
+/// [`for_each_of`] with memory. There are as many `memories` as items being worked on at once, not one for each item,
+/// so that they stay in the processor's caches. Each still holds what the previous item left in it.
 pub(crate) fn for_each_with<M: Default + Send, T: Send>(
     memories: &mut Vec<M>,
     items: impl ExactSizeIterator<Item = T> + Send,

@@ -26,8 +26,8 @@ impl Pose {
         Pose { position: DVec3::new(x, y, z), orientation: DQuat::IDENTITY }
     }
 
-    /// Same position, with the orientation of the quaternion `x`, `y`, `z`, `w`: the real part last, the order of ROS and
-    /// of TUM files. It is normalised; one of length 0 is refused by whatever takes the pose.
+    /// Same position, with the orientation of the quaternion `x`, `y`, `z`, `w`: the real part last, the order of ROS
+    /// and of TUM files. It is normalised; one of length 0 is refused by whatever takes the pose.
     #[must_use]
     pub fn with_quaternion(self, x: f64, y: f64, z: f64, w: f64) -> Pose {
         Pose { orientation: DQuat::from_xyzw(x, y, z, w).normalize(), ..self }
@@ -43,7 +43,7 @@ impl Pose {
         Pose { orientation, ..self }
     }
 
-    /// A camera's pose from its node transform, which looks along its own -z with +y up.
+    /// Pose of a camera from its node transform; the camera looks along its own -z with +y up.
     ///
     /// Scale and shear of the node are ignored.
     pub fn from_camera_node(world_from_node: &DAffine3) -> Pose {
@@ -60,8 +60,8 @@ impl Pose {
         DMat3::from_quat(self.orientation)
     }
 
-    /// Heading clockwise from y (north), 0 to 360, pitch (nose up) and roll (to starboard), degrees: the angles of ships,
-    /// each about the axis that the one before has turned.
+    /// Heading clockwise from y (north), 0 to 360, pitch (nose up) and roll (to starboard), degrees: a ship's angles,
+    /// each about the axis as rotated by the previous one.
     pub(crate) fn ship_angles(&self) -> [f64; 3] {
         let [ahead, port, up] = [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| self.orientation * axis);
         let heading = ahead.x.atan2(ahead.y).to_degrees().rem_euclid(360.0);
@@ -69,7 +69,7 @@ impl Pose {
     }
 }
 
-/// Where what is at `mount` on a carrier is, if the carrier is at `carrier`.
+/// World pose of what is mounted at `mount` on a carrier that is at `carrier`.
 pub(crate) fn on(carrier: &Pose, mount: &Pose) -> Pose {
     Pose {
         position: carrier.position + carrier.orientation * mount.position,
@@ -90,14 +90,14 @@ mod tests {
         let pose = Pose::IDENTITY.with_rpy_deg(0.0, 0.0, 90.0);
         close(pose.orientation * DVec3::X, DVec3::Y);
         let pose = Pose::IDENTITY.with_rpy_deg(0.0, 30.0, 0.0);
-        // Positive pitch about +y (left) looks down.
+        // Positive pitch, about +y (left), is nose down.
         close(pose.orientation * DVec3::X, DVec3::new(30f64.to_radians().cos(), 0.0, -0.5));
         let pose = Pose::IDENTITY.with_rpy_deg(90.0, 0.0, 90.0);
         close(pose.orientation * DVec3::Z, DVec3::X);
     }
 
     #[test]
-    fn ships_count_from_north_to_starboard_and_nose_up() {
+    fn ship_angles_are_clockwise_from_north_nose_up_and_to_starboard() {
         let ship = Pose::IDENTITY.with_rpy_deg(4.0, -3.0, 90.0 - 350.0);
         let found = ship.ship_angles();
         assert!(found.iter().zip([350.0, 3.0, 4.0]).all(|(a, b)| (a - b).abs() < 1e-12), "{found:?}");

@@ -1,4 +1,4 @@
-//! What a load, a scan or a write reports besides its result: warnings are data, libraries do not print.
+//! What a load, a scan or a write reports in addition to its result: warnings are data, libraries do not print.
 
 use crate::ground::shown;
 
@@ -10,7 +10,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Adds `warning`, on one line and cut where too long to read, unless it is already there.
+    /// Adds `warning`, on one line and cut if too long to read, unless it is already there.
     pub fn warn(&mut self, warning: impl AsRef<str>) {
         let warning = shown::message(warning.as_ref());
         if !self.warnings.contains(&warning) {

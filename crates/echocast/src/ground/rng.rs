@@ -3,7 +3,7 @@
 //! Key = seed, counter = (beam, frame, sub-ray, [`Draw`]), see [`echocast_kernels::random`].
 
 use echocast_kernels::random;
-use echocast_kernels::tile::Rows;
+use echocast_kernels::tile::TileRows;
 
 /// What a random number is for. Numbers are explicit and never reused, so that a new purpose leaves the draws of the
 /// others unchanged.
@@ -16,18 +16,18 @@ pub(crate) enum Draw {
     AzimuthJitter = 2,
     /// Whether a return is lost.
     Dropout = 3,
-    /// How many rain drops a beam meets, where, how large.
+    /// How many raindrops a beam meets, where, and how large.
     Drops = 4,
-    /// Likewise flakes of snow.
+    /// Likewise for snowflakes.
     Flakes = 5,
     /// Gaussian error of the range from rain.
     RainRange = 6,
-    /// Rotation of a beam's sub-rays about it.
+    /// Rotation of a beam's sub-rays about its axis.
     Footprint = 7,
     /// How strong the echo of fog or dust is, and from where.
     SoftEcho = 8,
-    /// Whether a ray is stopped by what covers a part of its place: sub-ray = where the ray begins, its direction
-    /// and the triangle, mixed.
+    /// Whether a partly covered place of a surface stops a ray: sub-ray = origin of the ray, its direction and the
+    /// triangle, mixed.
     Coverage = 9,
     /// Noise in which an echo is detected: sub-ray 0 for the surface that a beam meets, the bits of the range for
     /// others.
@@ -51,13 +51,13 @@ pub(crate) enum Draw {
     /// Gaussian error of the measured depth.
     DepthJitter = 31,
     /// Deviation of a pixel's direction from its nominal one.
-    LookAside = 32,
-    /// Where light that reaches a pixel over two surfaces met the first.
+    PixelDirection = 32,
+    /// Where light that reaches a pixel via two surfaces hit the first of them.
     SecondBounce = 33,
-    /// Phase and amplitude of the sound that a ray finds in a bin: counter = (place along the array, bin, where the sonar is,
-    /// what it belongs to).
+    /// Phase and amplitude of the sound that a ray returns in a bin: counter = (place along the array, bin, position of
+    /// the sonar, scatterers it belongs to).
     Speckle = 40,
-    /// Roughness of a larger place of a surface.
+    /// Roughness of a larger patch of a surface.
     Texture = 41,
     /// Noise of a sonar's receiver, by cell.
     PingNoise = 42,
@@ -93,7 +93,7 @@ pub(crate) enum Draw {
     Furniture = 123,
     /// Likewise mirrors and glass partitions.
     Glass = 124,
-    /// Way of generated pipes.
+    /// Course of generated pipes.
     Pipe = 125,
     /// Place of generated mines.
     Mine = 126,
@@ -132,14 +132,14 @@ impl Rng {
         random::block([a, self.frame, b, draw as u32], self.key)
     }
 
-    /// Four random words of what varies, at an address of three words; the frame is the sample.
+    /// Four random words for variations between samples, at an address of three words; the frame is the sample.
     pub(crate) fn variation(&self, [a, b, c]: [u32; 3]) -> [u32; 4] {
-        // A counter has no room for its purpose, so that the key is another one.
+        // The counter has no room for the purpose, so the key is a different one.
         let [low, high, ..] = random::block([0, 0, 0, Draw::Variation as u32], self.key);
         random::block([a, self.frame, b, c], [low, high])
     }
 
-    /// A number that is another one for another seed.
+    /// A number that differs from seed to seed.
     pub(crate) fn seed_word(&self) -> u32 {
         let [word, ..] = random::block([1, 0, 0, Draw::Variation as u32], self.key);
         word
@@ -173,7 +173,7 @@ impl Rng {
 
     /// [`Rng::cell_phasors`] of as many beams from `beam` on as a row has, in the rows from `first` on: see
     /// [`random::phasor_rows`].
-    pub(crate) fn tile_phasors(&self, beam: u32, draw: Draw, first: usize, [re, im]: [&mut Rows; 2]) {
+    pub(crate) fn tile_phasors(&self, beam: u32, draw: Draw, first: usize, [re, im]: [&mut TileRows; 2]) {
         random::phasor_rows(self.key, [self.frame, beam, draw as u32], first, re, im);
     }
 

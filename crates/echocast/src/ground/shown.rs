@@ -1,5 +1,5 @@
-//! How names, texts and numbers from anywhere are shown to people: without control characters, and no longer than
-//! anybody reads.
+//! How names, texts and numbers of any origin are shown to people: without control characters, and short enough to
+//! read.
 
 use std::borrow::Cow;
 use std::fmt::Write as _;
@@ -9,10 +9,10 @@ use std::path::Path;
 const LONGEST: usize = 500;
 /// Longest name, bytes, shown whole in a message.
 const LONGEST_NAME: usize = 160;
-/// Numbers of more digits get an exponent.
+/// Numbers with more digits get an exponent.
 const MOST_DIGITS: usize = 24;
 
-/// `text` on one line: anything but letters, digits, signs and spaces is shown as `\n` or `\u{1b}`.
+/// `text` on one line: anything but letters, digits, symbols and spaces is escaped, such as `\n` or `\u{1b}`.
 pub fn text(text: &str) -> Cow<'_, str> {
     if !text.contains(is_unseen) {
         return text.into();
@@ -41,7 +41,7 @@ pub fn message(message: &str) -> String {
     cut(&text(message), LONGEST - 1).into_owned()
 }
 
-/// A name or value for a message; long ones show their beginning.
+/// A name or value for a message; only the beginning of long ones.
 pub fn name(name: &str) -> Cow<'_, str> {
     match text(name) {
         Cow::Borrowed(name) => cut(name, LONGEST_NAME),
@@ -49,14 +49,14 @@ pub fn name(name: &str) -> Cow<'_, str> {
     }
 }
 
-/// A source for a message; long ones show their end: the file's own name.
+/// An origin for a message; only the end of long ones: the file's own name.
 pub(crate) fn origin(origin: &str) -> String {
     let shown = text(origin);
     let Some(start) = shown.len().checked_sub(LONGEST_NAME) else { return shown.into_owned() };
     format!("...{}", &shown[shown.ceil_char_boundary(start + 3)..])
 }
 
-/// `text` with exponents for numbers of too many digits: 1e300 has 301.
+/// `text` with exponents for numbers with too many digits: 1e300 has 301.
 pub fn short_numbers(text: &str) -> Cow<'_, str> {
     let is_part = |c: char| c.is_ascii_digit() || matches!(c, '.' | '-' | '+');
     let bare = |word: &'_ str| -> Option<String> {
@@ -85,12 +85,27 @@ pub(crate) fn is_unseen(c: char) -> bool {
     c.is_control() || matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
+/// The first names of a list, and the number of the others.
+pub(crate) fn some_of(names: &[String]) -> String {
+    const SHOWN: usize = 5;
+    let shown = names[..names.len().min(SHOWN)].iter().map(|text| name(text)).collect::<Vec<_>>().join(", ");
+    match names.len().saturating_sub(SHOWN) {
+        0 => shown,
+        more => format!("{shown} and {more} more"),
+    }
+}
+
+/// `1 triangle`, `2 triangles`.
+pub(crate) fn count(number: usize, what: &str) -> String {
+    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn what_a_terminal_obeys_is_escaped() {
+    fn terminal_controls_are_escaped() {
         assert_eq!(text("caf\u{e9} \u{1f600} \\ \"a\""), "caf\u{e9} \u{1f600} \\ \"a\"");
         assert_eq!(text("a\nb\t\x1b[31m\u{7f}\u{9b}\u{202e}"), "a\\nb\\t\\u{1b}[31m\\u{7f}\\u{9b}\\u{202e}");
     }

@@ -1,23 +1,24 @@
 //! The height of the sonar over the bed, from the first return.
 
-use crate::cloud::{Ping, Pings, SonarView};
+use crate::cells::SonarView;
+use crate::cloud::{Ping, Pings};
 use crate::ground::error::{Error, Result};
 
-/// The bed is no fainter than the loudest twentieth of a ping by more than this, dB; the water surface and volume
-/// backscatter are.
+/// The level of the bed is at most this far below the strongest twentieth of a ping, dB; the water surface and volume
+/// backscatter are weaker.
 const FAINTER: f32 = 25.0;
-/// Pings before and after one whose first returns also count for it.
+/// Number of pings before and after a ping whose first returns also count for it.
 const NEIGHBOURS: usize = 3;
-/// Part of the cells after the first return above the threshold. Fish and noise are shorter than that.
+/// Fraction of the cells after the first return that is above the threshold. Fish and noise are shorter.
 const FILLED: f64 = 0.6;
-/// Cells searched for that, as a fraction of all of a beam, and at least.
+/// Cells checked for that: all cells of a beam divided by the first, but at least the second.
 const WINDOW: (usize, usize) = (16, 8);
 
 /// Height of the sonar over the bed at each ping, m, as side-scan software tracks it: the range at which the returns of
-/// the bed begin, which stay above the threshold and near the loudest of the ping, the median over both sides and seven
-/// pings. Pings without a first return near them take the height of the nearest that has one.
+/// the bed begin, which stay above the threshold and near the strongest levels of the ping; the median over both sides
+/// and seven pings. Pings without a first return near them take the height of the nearest that has one.
 ///
-/// Where the sonar is nearer to the water surface than to the bed, and hears it as loudly as the bed, this is the
+/// Where the sonar is nearer to the water surface than to the bed, and receives it at the level of the bed, this is the
 /// distance to the surface.
 ///
 /// # Errors
@@ -29,7 +30,7 @@ pub fn altitudes(pings: &Pings) -> Result<Vec<f64>> {
         .iter()
         .map(|ping| {
             let mut found: Vec<f64> = (0..layout.beams()).filter_map(|beam| first_return(ping, beam)).collect();
-            // Both sides see the same bed; of adjacent beams only the one that looks down sees it that near.
+            // Both sides see the same bed; of adjacent beams only the one that points down sees it that near.
             if layout.view != SonarView::Sidescan {
                 found = found.into_iter().reduce(f64::min).into_iter().collect();
             }
@@ -46,7 +47,7 @@ pub fn altitudes(pings: &Pings) -> Result<Vec<f64>> {
     if known.is_empty() {
         return Err(Error::invalid(
             "ground range",
-            "asked of pings without a first return of the bed above the threshold",
+            "requested for pings without a first return from the bed above the threshold",
             "slant range for such pings",
         ));
     }
@@ -66,20 +67,20 @@ pub fn altitudes(pings: &Pings) -> Result<Vec<f64>> {
 fn first_return(ping: &Ping, beam: usize) -> Option<f64> {
     let layout = &ping.layout;
     let levels = ping.levels(beam);
-    let mut loud = levels.to_vec();
-    let twentieth = loud.len() * 19 / 20;
-    if loud.is_empty() {
+    let mut strong = levels.to_vec();
+    let twentieth = strong.len() * 19 / 20;
+    if strong.is_empty() {
         return None;
     }
-    let loud = *loud.select_nth_unstable_by(twentieth, f32::total_cmp).1 - FAINTER;
+    let strong = *strong.select_nth_unstable_by(twentieth, f32::total_cmp).1 - FAINTER;
     let above: Vec<bool> =
-        levels.iter().zip(&layout.threshold_db).map(|(level, least)| *level >= least.max(loud)).collect();
+        levels.iter().zip(&layout.threshold_db).map(|(level, least)| *level >= least.max(strong)).collect();
     let window = (above.len() / WINDOW.0).max(WINDOW.1);
     let dense = |from: usize, length: usize, part: f64| {
         let cells = &above[from..(from + length).min(above.len())];
-        let heard = cells.iter().filter(|&&is| is).count();
+        let reached = cells.iter().filter(|&&is| is).count();
         // The end of the record may shorten the window, but not to nothing.
-        2 * cells.len() >= length && heard as f64 >= part * cells.len() as f64
+        2 * cells.len() >= length && reached as f64 >= part * cells.len() as f64
     };
     let start = (0..above.len()).find(|&bin| above[bin] && dense(bin, window, FILLED))?;
     // A lone noisy cell just before the bed is not its beginning.
@@ -97,12 +98,12 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::synthetic::{Sidescan, pings};
+    use super::super::synthetic::{SyntheticSidescan, pings};
     use super::*;
 
     #[test]
     fn the_bed_is_found_under_fish_and_noise() {
-        let track = Sidescan { pings: 30, altitude: 8.0, ..Sidescan::default() };
+        let track = SyntheticSidescan { pings: 30, altitude: 8.0, ..SyntheticSidescan::default() };
         let mut pings = pings(&track);
         for ping in &mut pings.pings {
             // A fish of 0.4 m at 4 m to port, and a spike just before the bed on both sides.
@@ -112,7 +113,7 @@ mod tests {
                 ping.cells.intensity[beam * bins + 155] = 150.0;
             }
         }
-        // One side of a ping hears nothing, another ping hears a school of fish.
+        // One side of a ping receives nothing, another ping receives a school of fish.
         pings.pings[10].cells.intensity[..track.bins].fill(0.0);
         pings.pings[20].cells.intensity[50..track.bins].fill(150.0);
         for (ping, altitude) in altitudes(&pings).unwrap().into_iter().enumerate() {
@@ -122,17 +123,17 @@ mod tests {
 
     #[test]
     fn pings_without_a_return_take_the_height_of_the_nearest() {
-        let track = Sidescan { pings: 20, altitude: 8.0, ..Sidescan::default() };
-        let mut silent = pings(&track);
-        for ping in &mut silent.pings[5..] {
+        let track = SyntheticSidescan { pings: 20, altitude: 8.0, ..SyntheticSidescan::default() };
+        let mut mute = pings(&track);
+        for ping in &mut mute.pings[5..] {
             ping.cells.intensity.fill(0.0);
         }
-        let found = altitudes(&silent).unwrap();
+        let found = altitudes(&mute).unwrap();
         assert!(found.iter().all(|altitude| (altitude - 8.0).abs() <= track.bin_m), "{found:?}");
-        for ping in &mut silent.pings {
+        for ping in &mut mute.pings {
             ping.cells.intensity.fill(0.0);
         }
-        let error = altitudes(&silent).unwrap_err().to_string();
+        let error = altitudes(&mute).unwrap_err().to_string();
         assert!(error.contains("slant range"), "{error}");
     }
 }

@@ -1,4 +1,4 @@
-//! What is seen of each instance in an image: boxes, masks, how much of it is missing.
+//! What is seen of each instance in an image: boxes, masks, how much of it is cut off or hidden.
 
 use super::RangeImage;
 use crate::cloud::InstanceBox;
@@ -15,32 +15,32 @@ pub struct Annotation {
     pub bounds: [u32; 4],
     /// Number of its pixels.
     pub area: u32,
-    /// Left, top, right and bottom, pixels, of all of it, whatever hides it and where the image ends; `None`: not
-    /// known.
+    /// Left, top, right and bottom, pixels, of the whole object, regardless of occlusion and of the borders of the
+    /// image; `None`: unknown.
     pub amodal: Option<[f64; 4]>,
-    /// Part of the area of the amodal box that lies outside of the image, 0 to 1; `None`: not known.
+    /// Fraction of the area of the amodal box that is outside the image, 0 to 1; `None`: unknown.
     pub truncation: Option<f64>,
-    /// How much of it is hidden by what is before it, 0 to 1 ([`InstanceBox::visible`]); `None`: not known.
+    /// Fraction hidden by what is in front of it, 0 to 1 ([`InstanceBox::visible`]); `None`: unknown.
     pub occlusion: Option<f64>,
 }
 
-/// Where an instance is in an image, as it is counted.
+/// Where an instance is in an image, while its pixels are counted.
 struct Seen {
     /// First and last column and row.
     low: [u32; 2],
     high: [u32; 2],
     area: u32,
-    /// Categories and their pixels.
+    /// Categories and their numbers of pixels.
     categories: Vec<(u32, u32)>,
 }
 
-/// What `image` shows of each instance, by rising number. `boxes` are those of the scan, with boxes in the image
+/// What `image` shows of each instance, by ascending number. `boxes` are those of the scan, with boxes in the image
 /// ([`InstanceBox::image`]), as far as they are known.
 pub fn annotations(image: &RangeImage, boxes: &[InstanceBox]) -> Vec<Annotation> {
     of_pixels([image.width, image.height], &image.instance_id, &image.category_id, boxes)
 }
 
-/// [`annotations`] of an image of this width and height, from the layers that it takes.
+/// [`annotations`] of an image of this width and height, from the layers that this requires.
 pub(super) fn of_pixels(
     size: [usize; 2],
     instance_id: &[u32],
@@ -98,8 +98,8 @@ fn seen(width: usize, instance_id: &[u32], category_id: &[u32]) -> HashMap<u32, 
     all
 }
 
-/// Part of the area of a box that lies outside of an image of this size; of a box without an area, whether all of it
-/// does.
+/// Fraction of the area of a box that is outside an image of this size; for a box without an area, 1 if it is outside,
+/// else 0.
 fn truncation([left, top, right, bottom]: [f64; 4], size: [f64; 2]) -> f64 {
     let part = |low: f64, high: f64, size: f64| {
         let inside = high.min(size) - low.max(0.0);
@@ -112,7 +112,7 @@ fn truncation([left, top, right, bottom]: [f64; 4], size: [f64; 2]) -> f64 {
 /// on; the counts add up to all pixels.
 pub type Runs = Vec<u32>;
 
-/// The pixels of every instance of `image`, by number; none if it does not know instances.
+/// The pixels of every instance of `image`, by number; none if it has no instances.
 pub fn masks(image: &RangeImage) -> HashMap<u32, Runs> {
     let (width, height) = (image.width, image.height);
     if image.instance_id.len() != image.len() {
@@ -139,7 +139,7 @@ pub fn masks(image: &RangeImage) -> HashMap<u32, Runs> {
     all.into_iter().map(finish).collect()
 }
 
-/// Column by column what is row by row.
+/// `pixels`, which are row by row, in the order column by column.
 fn transposed(pixels: &[u32], width: usize, height: usize) -> Vec<u32> {
     /// Squares of this side stay in the cache.
     const SIDE: usize = 32;
@@ -157,7 +157,8 @@ fn transposed(pixels: &[u32], width: usize, height: usize) -> Vec<u32> {
 }
 
 /// Runs as the text that COCO's files hold (maskApi.c of the COCO API, rleToString): each count from the fourth on as
-/// its difference to the one two before, in digits of 5 bits, the least first, from the letter 0 on.
+/// its difference from the one two before, in digits of 5 bits, the least significant first, coded from the character
+/// `0` on.
 pub fn runs_text(runs: &[u32]) -> String {
     let mut text = String::with_capacity(2 * runs.len());
     for (index, &run) in runs.iter().enumerate() {

@@ -1,22 +1,23 @@
 //! Fan: beams and ranges laid out around the sonar.
 
-use super::{Image, ImageKind, LONE_SECTOR, Place, Source, check_view, filled, middle, of_sources};
-use crate::cloud::{Ping, Pings, SonarView};
+use super::{Image, ImageKind, LONE_SECTOR, PixelSource, Place, check_view, filled, middle, of_sources};
+use crate::cells::SonarView;
+use crate::cloud::{Ping, Pings};
 use crate::ground::angle::direction_f64;
 use crate::ground::error::{Error, Result};
 use glam::DVec2;
 use std::f64::consts::{PI, TAU};
 
-/// Directions distinguished: a pixel of the largest picture.
+/// Number of directions distinguished: finer than a pixel of the largest picture.
 const DIRECTIONS: usize = 1 << 16;
-/// How much wider than usual the angle between neighbours with a common border may be.
+/// Neighbours share a border if the angle between them is at most this many times the usual one.
 const USUAL: f64 = 3.0;
 /// Allowed lengths of the longer side, pixels.
 const SIDES: std::ops::RangeInclusive<usize> = 16..=8192;
 
-/// One ping of an imaging or swath sonar: for an imaging sonar ahead is up, for a swath sonar the image is a cut across
-/// the track through the water, and up is up. Starboard is to the right. Beams extend to the middle between them; the
-/// longer side has `pixels` pixels, 16 to 8192.
+/// One ping of an imaging or swath sonar: for an imaging sonar ahead is up; for a swath sonar the image is a section
+/// through the water across the track, with up at the top. Starboard is to the right. Beams extend to midway between
+/// them; the longer side has `pixels` pixels, 16 to 8192.
 ///
 /// # Errors
 /// A ping of another sonar, or one with inconsistent columns; a side out of bounds.
@@ -31,8 +32,9 @@ pub fn fan(ping: &Ping, pixels: usize) -> Result<Image> {
     draw(&pings, &sectors, pixels)
 }
 
-/// The pings of a rotating single beam, around where the first was sent: what was ahead of the sonar then is up. Its
-/// motion meanwhile is ignored; a [mosaic](fn@super::mosaic) includes it. Later pings cover earlier ones.
+/// The pings of a rotating single beam, around the place where the first was sent: the direction ahead of the sonar at
+/// that time is up. Its motion meanwhile is ignored; a [mosaic](fn@super::mosaic) includes it. Later pings cover
+/// earlier ones.
 ///
 /// # Errors
 /// Pings that do not fit together or of another sonar; a side out of bounds.
@@ -90,11 +92,11 @@ fn angle(view: SonarView, axis: [f32; 2]) -> f64 {
     }
 }
 
-/// Which angles each beam covers: to the middle between neighbours, at the rims and beside gaps as far as on the other
-/// side or as beams usually do. Sorted by rising angle.
+/// The angles that each beam covers: to midway between neighbours; at the edges and beside gaps, half the usual step.
+/// Sorted by ascending angle.
 pub(super) fn limits(angles: Vec<f64>) -> Vec<(usize, [f64; 2])> {
     let Some(&first) = angles.first() else { return Vec::new() };
-    // No seam between the beams unless they go all round.
+    // No seam between the beams unless they cover the full circle.
     let mut beams: Vec<(usize, f64)> =
         angles.iter().map(|angle| first + (angle - first + PI).rem_euclid(TAU) - PI).enumerate().collect();
     beams.sort_by(|a, b| a.1.total_cmp(&b.1));
@@ -114,7 +116,7 @@ fn draw(pings: &Pings, sectors: &[Sector], pixels: usize) -> Result<Image> {
         return Err(Error::invalid("side of a fan", pixels, allowed));
     }
     let layout = &pings.pings[0].layout;
-    // Which sector covers each direction.
+    // The sector that covers each direction.
     let mut looks: Vec<Option<usize>> = filled(DIRECTIONS, None)?;
     let turn = DIRECTIONS as f64 / TAU;
     for (sector, Sector { limits, .. }) in sectors.iter().enumerate() {
@@ -141,7 +143,7 @@ fn draw(pings: &Pings, sectors: &[Sector], pixels: usize) -> Result<Image> {
         step: [metres, -metres],
         axes: ["right, m", if layout.view == SonarView::Swath { "up, m" } else { "ahead, m" }],
     };
-    let mut sources = filled(width * height, Source::NONE)?;
+    let mut sources = filled(width * height, PixelSource::NONE)?;
     for (row, line) in sources.chunks_exact_mut(width).enumerate() {
         let up = place.first[1] + row as f64 * place.step[1];
         for (column, source) in line.iter_mut().enumerate() {
@@ -152,7 +154,7 @@ fn draw(pings: &Pings, sectors: &[Sector], pixels: usize) -> Result<Image> {
                 && let Some(sector) = looks[direction.min(DIRECTIONS - 1)]
             {
                 let Sector { ping, beam, .. } = sectors[sector];
-                *source = Source { ping: ping as u32, cell: (beam * layout.bins + bin) as u32 };
+                *source = PixelSource { ping: ping as u32, cell: (beam * layout.bins + bin) as u32 };
             }
         }
     }
@@ -177,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn cells_lie_at_their_angle_and_range() {
+    fn cells_are_at_their_angle_and_range() {
         // 20 degrees to port at 12 m.
         let angle = 20f64.to_radians();
         let ahead = imaging(SonarView::Fan, 20.0, 12.0);
@@ -194,7 +196,7 @@ mod tests {
         let error = fan(&down, 8).unwrap_err().to_string();
         assert_eq!(error, "side of a fan is 8; allowed: 16 to 8192 pixels");
         let error = fan(&turning(4, 90.0).pings[0], 100).unwrap_err().to_string();
-        assert!(error.starts_with("fan is asked of a single sonar; allowed: imaging and swath"), "{error}");
+        assert!(error.starts_with("fan is requested for a single sonar; allowed: imaging and swath"), "{error}");
     }
 
     #[test]
@@ -237,9 +239,9 @@ mod tests {
     fn gaps_between_beams_stay() {
         let degrees = |angles: &[f64]| limits(angles.iter().map(|angle| angle.to_radians()).collect());
         let found = degrees(&[10.0, 0.0, 30.0, 20.0, 90.0, 100.0]);
-        let wanted = [(1, -5, 5), (0, 5, 15), (3, 15, 25), (2, 25, 35), (4, 85, 95), (5, 95, 105)];
-        for ((beam, [from, to]), wanted) in found.into_iter().zip(wanted) {
-            assert_eq!((beam, from.to_degrees().round() as i32, to.to_degrees().round() as i32), wanted);
+        let expected = [(1, -5, 5), (0, 5, 15), (3, 15, 25), (2, 25, 35), (4, 85, 95), (5, 95, 105)];
+        for ((beam, [from, to]), expected) in found.into_iter().zip(expected) {
+            assert_eq!((beam, from.to_degrees().round() as i32, to.to_degrees().round() as i32), expected);
         }
         // Across the seam at half a turn.
         let found = degrees(&[179.0, -179.0, -177.0]);

@@ -4,7 +4,7 @@ use super::Place;
 use crate::ground::error::{Error, Result};
 use glam::DVec2;
 
-/// Most pixels of a map.
+/// Maximum number of pixels of a map.
 const MOST_PIXELS: usize = 1 << 24;
 
 /// Squares of the world, seen from above; row 0 has the largest y.
@@ -50,10 +50,10 @@ impl Grid {
         self.width * self.height
     }
 
-    /// Index of the pixel at `at`, which lies in the grid's span.
+    /// Index of the pixel at `at`, which is within the grid's span.
     pub(super) fn index(&self, at: DVec2) -> usize {
         let steps = (at - self.corner) / self.cell;
-        // Casts saturate: rounding at the rim cannot lead outside.
+        // Casts saturate: rounding at the edge cannot lead outside.
         let column = (steps.x as usize).min(self.width - 1);
         let row = self.height - 1 - (steps.y as usize).min(self.height - 1);
         row * self.width + column
@@ -70,10 +70,10 @@ pub(super) fn span(points: impl Iterator<Item = DVec2>) -> [DVec2; 2] {
     points.fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[low, high], point| [low.min(point), high.max(point)])
 }
 
-/// Cell size with which a map of `low` to `high` fits into `pixels`.
+/// Cell size for which a map of `low` to `high` fits into `pixels`.
 pub(super) fn fitting([low, high]: [DVec2; 2], pixels: [u32; 2]) -> f64 {
     let pixels = DVec2::new(f64::from(pixels[0]), f64::from(pixels[1]));
-    // The span may touch one more pixel than it has.
+    // The span may touch one more pixel than its size suggests.
     ((high - low) / (pixels - 1.0).max(DVec2::ONE)).max_element().max(1e-6)
 }
 

@@ -1,4 +1,4 @@
-//! The layers of images of scans, one by one, for who looks at some of them in a loop.
+//! The layers of images of scans, one by one, for callers that use some of them in a loop.
 
 use super::annotation::of_pixels;
 use super::range_image::{PixelRows, has_every_beam};
@@ -8,10 +8,11 @@ use crate::emitter::ImageGrid;
 use crate::ground::error::{Error, Result};
 use crate::ground::named::{Named as _, by_name, named};
 
-/// Something that an image says of each pixel.
+/// A quantity that an image holds for each pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Layer {
-    /// Measured distance along the axis of a camera, of other sensors the slant range, m; NaN where there is no return.
+    /// Measured distance along the axis of a camera, for other sensors the slant range, m; NaN where there is no
+    /// return.
     Depth,
     /// Measured slant range, m; NaN where there is no return.
     Range,
@@ -44,7 +45,7 @@ impl Layer {
         by_name("image layer", name)
     }
 
-    /// The layer that it is in images like `grid`.
+    /// The layer that it stands for in images like `grid`.
     fn of(self, grid: &ImageGrid) -> Layer {
         if self == Layer::Depth && grid.intrinsics.is_none() { Layer::Range } else { self }
     }
@@ -63,7 +64,7 @@ impl Layer {
         }
     }
 
-    /// The columns that it is made of and `cloud` does not have.
+    /// The columns that it is made from and that `cloud` lacks.
     fn missing(self, cloud: &PointCloud, grid: &ImageGrid) -> Vec<&'static str> {
         let places: &[Field] = if has_every_beam(cloud, grid) { &[] } else { &[Field::Beam, Field::Range] };
         let has = |field: Field| cloud.fields.contains(field) && cloud.column(field).len() == cloud.len;
@@ -72,8 +73,8 @@ impl Layer {
     }
 }
 
-/// Layers of the image of a cloud, each made when it is first asked for. Where the rows of the cloud are the pixels, as
-/// in organised clouds of cameras, a layer of one column is that column. For the next cloud, memory is reused.
+/// Layers of the image of a cloud, each made when it is first requested. Where the rows of the cloud are the pixels, as
+/// in organised clouds of cameras, a layer of one column is that column. Memory is reused for the next cloud.
 ///
 /// ```
 /// use echocast::image::{Layer, Layers};
@@ -92,26 +93,26 @@ impl Layer {
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Layers {
-    /// Those that each pixel shows, if they are known.
+    /// The row that each pixel shows, if `found`.
     rows: PixelRows,
     found: bool,
-    /// Values of the layers that are made.
+    /// Values of the layers that have been made.
     image: RangeImage,
     made: [bool; Layer::NAMES.len()],
 }
 
 impl Layers {
-    /// Forgets what was made, but not its memory: to be called when the cloud has changed.
+    /// Discards the layers but keeps their memory: to be called when the cloud has changed.
     pub fn clear(&mut self) {
         self.found = false;
         self.made = [false; Layer::NAMES.len()];
     }
 
     /// A layer of the image of `cloud`, one scan of the sensor that makes images like `grid`: row by row from the top
-    /// left, with the three numbers of a pixel beside each other in [`Layer::Color`] and [`Layer::Normal`].
+    /// left, with the three numbers of a pixel one after the other in [`Layer::Color`] and [`Layer::Normal`].
     ///
     /// # Errors
-    /// A cloud without the columns that the layer is made of: its own, and unless the cloud is organised, `beam` and
+    /// A cloud without the columns that the layer is made from: its own, and unless the cloud is organised, `beam` and
     /// `range`; a cloud of another sensor; no memory.
     pub fn get<'l>(&'l mut self, cloud: &'l PointCloud, grid: &ImageGrid, layer: Layer) -> Result<Column<'l>> {
         self.make(cloud, grid, layer)?;
@@ -134,7 +135,7 @@ impl Layers {
         Ok(of_pixels([grid.width, grid.height], instances, categories, boxes))
     }
 
-    /// Makes a layer, unless it is there.
+    /// Makes a layer, unless it has been made.
     fn make(&mut self, cloud: &PointCloud, grid: &ImageGrid, layer: Layer) -> Result<()> {
         let missing = layer.missing(cloud, grid);
         if !missing.is_empty() {
@@ -257,7 +258,7 @@ mod tests {
             let image = RangeImage::new(&cloud, &grid).unwrap();
             for cloud in [&organised(&cloud, sensor.beams()), &cloud] {
                 layers.clear();
-                // The second time it is there.
+                // The second time, it has been made.
                 for (layer, expected) in all(&image).into_iter().chain(all(&image)) {
                     same(layers.get(cloud, &grid, layer).unwrap(), expected, layer);
                 }
@@ -286,7 +287,7 @@ mod tests {
         assert!(error.contains("color, for which the cloud lacks beam, green; ") && error.ends_with("none"), "{error}");
         let error = Layer::from_name("dept").unwrap_err().to_string();
         assert!(error.starts_with("there is no image layer named \"dept\"; near: depth, ") && error.contains("normal"));
-        // Without rows of its own beams, it is another sensor's.
+        // A cloud with a beam that the sensor lacks is another sensor's.
         cloud = wall(camera.beams());
         cloud.columns.beam[0] = 12;
         assert!(layers.get(&cloud, &grid, Layer::Range).is_err());

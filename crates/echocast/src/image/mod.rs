@@ -1,7 +1,7 @@
-//! Images of what sensors report: of sonar pings waterfall, mosaic, fan and depth map, each with its labels; of cameras
-//! and other sensors of light whose beams form rows, the [`RangeImage`], and what it shows of each instance.
+//! Images of what sensors report: of sonar pings the waterfall, mosaic, fan and depth map, each with its labels; of
+//! cameras and other optical sensors whose beams form rows the [`RangeImage`], and what it shows of each instance.
 //!
-//! Images of pings are made from what a sonar reports, as its own software would make them: nothing uses the scene.
+//! Images of pings are made only from what a sonar reports, as its own software would make them: the scene is not used.
 //! Levels are drawn with the sonar's time-varied gain. The pings are not changed.
 
 mod altitude;
@@ -28,14 +28,15 @@ pub(crate) use soundings::fitting_cell as fitting_depth_cell;
 pub(crate) use waterfall::middle_beam as waterfall_beam;
 pub use waterfall::waterfall;
 
-use crate::cloud::{Column, Field, Ping, Pings, SonarView};
+use crate::cells::SonarView;
+use crate::cloud::{Column, Field, Ping, Pings};
 use crate::ground::error::{Error, Result};
 use crate::ground::named::named;
 use crate::scene::Labels;
 use echocast_memory::tried;
 use std::sync::Arc;
 
-/// What an image is.
+/// Kind of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ImageKind {
     /// A row for each ping, the first at the top.
@@ -82,8 +83,8 @@ pub struct Image {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Row by row from the top: echo level with the gain of pictures, dB re 1 uPa; for a depth map height, world z, m.
-    /// NaN where there is nothing.
+    /// Row by row from the top: echo level with time-varied gain, dB re 1 uPa; for a depth map height, world z, m. NaN
+    /// where there is nothing.
     pub values: Vec<f32>,
     /// The label columns of the pings, pixel by pixel like `values`.
     pub layers: Vec<LabelLayer>,
@@ -105,7 +106,7 @@ pub struct LabelLayer {
 /// Coordinates of an image's pixels: the middle of column `c`, row `r` is `first + [c, r] * step`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
-    /// Of the middle of the top left pixel.
+    /// Coordinates of the middle of the top left pixel.
     pub first: [f64; 2],
     /// From column to column, and from row to row.
     pub step: [f64; 2],
@@ -152,16 +153,16 @@ impl Image {
 
 /// The cell that a pixel shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Source {
+struct PixelSource {
     /// Index of its ping.
     ping: u32,
     /// Its cell.
     cell: u32,
 }
 
-impl Source {
+impl PixelSource {
     /// A pixel without a cell.
-    const NONE: Source = Source { ping: u32::MAX, cell: u32::MAX };
+    const NONE: PixelSource = PixelSource { ping: u32::MAX, cell: u32::MAX };
 }
 
 /// `count` times `value`.
@@ -174,7 +175,7 @@ fn filled<T: Clone>(count: usize, value: T) -> Result<Vec<T>> {
     Ok(values)
 }
 
-/// `count` times `value` instead of what is in `values`, in its memory if that is enough.
+/// Replaces the content of `values` by `count` times `value`, in its memory if that is enough.
 ///
 /// # Errors
 /// Out of memory.
@@ -189,7 +190,7 @@ fn refill<T: Clone>(values: &mut Vec<T>, count: usize, value: T) -> Result<()> {
 pub const LAYERS: [Field; 4] = [Field::CategoryId, Field::PartId, Field::InstanceId, Field::MaterialId];
 
 /// The label columns of `pings` at the cells `sources`.
-fn layers(pings: &[Ping], sources: &[Source]) -> Result<Vec<LabelLayer>> {
+fn layers(pings: &[Ping], sources: &[PixelSource]) -> Result<Vec<LabelLayer>> {
     let mut layers = Vec::new();
     for field in LAYERS {
         if !pings.iter().all(|ping| ping.fields.contains(field)) {
@@ -197,7 +198,7 @@ fn layers(pings: &[Ping], sources: &[Source]) -> Result<Vec<LabelLayer>> {
         }
         let mut ids = filled(sources.len(), 0)?;
         for (id, source) in ids.iter_mut().zip(sources) {
-            if *source != Source::NONE
+            if *source != PixelSource::NONE
                 && let Column::U32(column) = pings[source.ping as usize].column(field)
             {
                 *id = column[source.cell as usize];
@@ -208,18 +209,18 @@ fn layers(pings: &[Ping], sources: &[Source]) -> Result<Vec<LabelLayer>> {
     Ok(layers)
 }
 
-/// Levels of `pings` at the cells `sources`, with the gain of pictures.
-fn levels(pings: &[Ping], sources: &[Source]) -> Result<Vec<f32>> {
+/// Levels of `pings` at the cells `sources`, with time-varied gain.
+fn levels(pings: &[Ping], sources: &[PixelSource]) -> Result<Vec<f32>> {
     let mut values = filled(sources.len(), f32::NAN)?;
     for (value, source) in values.iter_mut().zip(sources) {
-        if *source != Source::NONE {
+        if *source != PixelSource::NONE {
             *value = level(&pings[source.ping as usize], source.cell as usize);
         }
     }
     Ok(values)
 }
 
-/// Level of a cell with the gain of pictures, dB re 1 uPa.
+/// Level of a cell with time-varied gain, dB re 1 uPa.
 fn level(ping: &Ping, cell: usize) -> f32 {
     ping.cells.intensity[cell] + ping.layout.tvg_db[cell % ping.layout.bins]
 }
@@ -229,7 +230,7 @@ fn of_sources(
     kind: ImageKind,
     pings: &[Ping],
     [width, height]: [usize; 2],
-    sources: &[Source],
+    sources: &[PixelSource],
     place: Place,
 ) -> Result<Image> {
     let labels = pings.first().map(|ping| Arc::clone(&ping.labels)).unwrap_or_default();
@@ -237,16 +238,16 @@ fn of_sources(
     Ok(Image { kind, width, height, values, layers, place, labels })
 }
 
-/// Checks that `pings` are of one of the kinds from which `what` can be made.
+/// Checks that `pings` are of one of the `allowed` kinds, from which `what` can be made.
 fn check_view(pings: &Pings, what: &str, allowed: &[SonarView], words: &str) -> Result<SonarView> {
     let view = pings.check()?.view;
     if !allowed.contains(&view) {
-        return Err(Error::invalid(what, format!("asked of a {} sonar", view.name()), words));
+        return Err(Error::invalid(what, format!("requested for a {} sonar", view.name()), words));
     }
     Ok(view)
 }
 
-/// Drawn width of beams without a neighbour, rad: 2 degrees, as of a mechanically scanning sonar.
+/// Drawn width of beams without a neighbour, rad: 2 degrees, as for a mechanically scanning sonar.
 const LONE_SECTOR: f64 = 0.035;
 
 /// The median of `values`; 0 if empty.

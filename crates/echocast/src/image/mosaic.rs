@@ -2,9 +2,11 @@
 
 use super::grid::{self, Grid, span};
 use super::{
-    Image, ImageKind, ImageRange, LONE_SECTOR, Source, altitudes, check_view, filled, layers, level, levels, middle,
+    Image, ImageKind, ImageRange, LONE_SECTOR, PixelSource, altitudes, check_view, filled, layers, level, levels,
+    middle,
 };
-use crate::cloud::{Pings, SonarView};
+use crate::cells::SonarView;
+use crate::cloud::Pings;
 use crate::ground::error::Result;
 use crate::ground::math::{LOG2_PER_DB, exp2};
 use crate::ground::named::named;
@@ -12,10 +14,10 @@ use crate::ground::pose::Pose;
 use glam::{DMat2, DVec2};
 use std::sync::Arc;
 
-/// How much farther apart and more turned than usual neighbours with a common border may be. What lies between others
-/// is a gap.
+/// Neighbours share a border if their distance and turn are at most this many times the usual ones. Between others
+/// there is a gap.
 const USUAL: f64 = 3.0;
-/// And at least this turn, rad: 2 degrees.
+/// A turn that is always allowed, rad: 2 degrees.
 const TURN: f64 = 0.035;
 
 /// What a mosaic pixel shows when several cells fall into it.
@@ -26,7 +28,7 @@ pub enum Overlap {
     Mean,
     /// The strongest.
     Max,
-    /// The last one heard.
+    /// The last one received.
     Last,
     /// The one nearest to the sonar.
     Nearest,
@@ -34,13 +36,13 @@ pub enum Overlap {
 
 named! { Overlap: Mean "mean", Max "max", Last "last", Nearest "nearest" }
 
-/// The pings of a side-scan, imaging or single-beam sonar on a map of squares of `cell_m` metres: each cell lies where
-/// its beam looks from the ping's position and heading, at its range. Roll and pitch are ignored, as is the height of
-/// what is seen, which a sonar cannot know.
+/// The pings of a side-scan, imaging or single-beam sonar on a map of squares of `cell_m` metres: each cell is where
+/// its beam points from the ping's position and heading, at its range. Roll and pitch are ignored, as is the height of
+/// the scatterers, which a sonar cannot know.
 ///
-/// Neighbouring pings share a border in the middle between them, so that a swath is closed; where the sonar turns it is
-/// stretched outside and overlaps inside. Missing pings leave a gap, and beams of an imaging sonar extend to the middle
-/// between them.
+/// Neighbouring pings share a border midway between them, so that a swath has no holes; where the sonar turns, it is
+/// stretched on the outside and overlaps on the inside of the turn. Missing pings leave a gap. Beams of an imaging
+/// sonar extend to midway between them.
 ///
 /// # Errors
 /// Pings that do not fit together, are from a swath sonar, or, for ground range, lack a first return of the bed; a cell
@@ -52,7 +54,7 @@ pub fn mosaic(pings: &Pings, range: ImageRange, cell_m: f64, overlap: Overlap) -
 }
 
 /// The mosaic that fits into a picture of `pixels`: over ground range where a side-scan sonar sees the bed, else over
-/// slant range. Returns which.
+/// slant range. Returns the range as well.
 ///
 /// # Errors
 /// As [`mosaic`].
@@ -72,14 +74,14 @@ fn check(pings: &Pings) -> Result<SonarView> {
 
 fn draw(pings: &Pings, strips: &[Strip], cell_m: f64, overlap: Overlap) -> Result<Image> {
     let grid = Grid::new(extent(strips), cell_m)?;
-    let mut sources = filled(grid.len(), Source::NONE)?;
+    let mut sources = filled(grid.len(), PixelSource::NONE)?;
     let mut scores = filled(grid.len(), f32::NEG_INFINITY)?;
-    // For the mean: power over 1 uPa^2, and the number of places in it.
+    // For the mean: power over 1 uPa^2, and the number of samples in it.
     let mut sums = if overlap == Overlap::Mean { filled(grid.len(), (0f64, 0u32))? } else { Vec::new() };
     for strip in strips {
         let ping = &pings.pings[strip.ping];
         let layout = &ping.layout;
-        // Every cell has a place, and no pixel in the strip is left out.
+        // Every cell is drawn, and no pixel in the strip is left out.
         let step = layout.bin_m.min(0.5 * cell_m);
         let steps = (strip.reach / step) as usize;
         for i in 0..steps {
@@ -107,7 +109,7 @@ fn draw(pings: &Pings, strips: &[Strip], cell_m: f64, overlap: Overlap) -> Resul
                 }
                 if score >= scores[pixel] {
                     scores[pixel] = score;
-                    sources[pixel] = Source { ping: strip.ping as u32, cell: cell as u32 };
+                    sources[pixel] = PixelSource { ping: strip.ping as u32, cell: cell as u32 };
                 }
             }
         }
@@ -127,8 +129,8 @@ fn draw(pings: &Pings, strips: &[Strip], cell_m: f64, overlap: Overlap) -> Resul
     })
 }
 
-/// What one beam of a ping paints: at the distance `r` over the bed, from `from[0] + r along[0]` to `from[1] + r
-/// along[1]`.
+/// The strip that one beam of a ping covers: at the distance `r` over the bed, from `from[0] + r along[0]` to
+/// `from[1] + r along[1]`.
 struct Strip {
     ping: usize,
     beam: usize,
@@ -150,16 +152,16 @@ fn extent(strips: &[Strip]) -> [DVec2; 2] {
     span(strips.iter().flat_map(|strip| [strip.at(0.0), strip.at(strip.reach)]).flatten())
 }
 
-/// Direction in which a sonar looks, seen from above, whatever its roll and pitch.
+/// Direction in which a sonar points, seen from above, regardless of its roll and pitch.
 pub(crate) fn heading(pose: &Pose) -> DVec2 {
     let rotation = pose.rotation();
     let ahead = rotation.x_axis;
-    // One that looks straight up or down heads where its upper side would lean if it were raised.
+    // One that points straight up or down heads where it would point if it were pitched to the horizontal.
     let level = if ahead.truncate().length() > 1e-6 { ahead } else { -ahead.z.signum() * rotation.z_axis };
     level.truncate().normalize_or(DVec2::X)
 }
 
-/// What the pings paint; over ground range if the `altitudes` of the sonar are known.
+/// The strips that the pings cover; over ground range if the `altitudes` of the sonar are known.
 fn strips(Pings { pings }: &Pings, altitudes: Option<Vec<f64>>) -> Vec<Strip> {
     let altitudes = altitudes.unwrap_or_else(|| vec![0.0; pings.len()]);
     let layout = &pings[0].layout;
@@ -184,7 +186,7 @@ fn strips(Pings { pings }: &Pings, altitudes: Option<Vec<f64>>) -> Vec<Strip> {
     let steps: Vec<[f64; 2]> = (1..pings.len())
         .map(|ping| [from[ping].distance(from[ping - 1]), headings[ping].angle_to(headings[ping - 1]).abs()])
         .collect();
-    // Only those that move.
+    // Only steps with motion.
     let moving = |what: usize| steps.iter().map(|step| step[what]).filter(|&step| step > 1e-9).collect();
     let [distance, turn] = [0, 1].map(|what| middle(moving(what)));
     let neighbours = |first: usize| {
@@ -215,7 +217,7 @@ fn strips(Pings { pings }: &Pings, altitudes: Option<Vec<f64>>) -> Vec<Strip> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::synthetic::{Sidescan, TARGET, pings, turning};
+    use super::super::synthetic::{SyntheticSidescan, TARGET, pings, turning};
     use super::*;
     use crate::cloud::Field;
     use std::f64::consts::FRAC_PI_2;
@@ -230,16 +232,17 @@ mod tests {
     }
 
     #[test]
-    fn a_target_lies_at_its_place_in_the_world() {
+    fn a_target_is_at_its_place_in_the_world() {
         for course in [0.0, 0.5, 2.0, -FRAC_PI_2] {
-            let track = Sidescan { course, start: DVec2::new(1000.0, -2000.0), ..Sidescan::default() };
+            let track =
+                SyntheticSidescan { course, start: DVec2::new(1000.0, -2000.0), ..SyntheticSidescan::default() };
             let pings = pings(&track);
             for overlap in [Overlap::Mean, Overlap::Max, Overlap::Last, Overlap::Nearest] {
                 let image = mosaic(&pings, ImageRange::Ground, 0.1, overlap).unwrap();
                 let found = target(&image);
                 let centre = found.iter().fold(DVec2::ZERO, |sum, &at| sum + DVec2::from(at)) / found.len() as f64;
-                let wanted = track.target_in_world();
-                assert!(centre.distance(wanted) < 0.1, "{course} {overlap:?}: {centre} {wanted}");
+                let expected = track.target_in_world();
+                assert!(centre.distance(expected) < 0.1, "{course} {overlap:?}: {centre} {expected}");
                 // As long and wide as the target: half a metre along, 0.4 m across.
                 let area = found.len() as f64 * 0.01;
                 assert!((area - 0.2).abs() < 0.1, "{course} {overlap:?}: {area}");
@@ -249,7 +252,7 @@ mod tests {
 
     #[test]
     fn a_swath_is_closed_but_missing_pings_leave_a_gap() {
-        let track = Sidescan { pings: 40, speed: 1.0, course: 0.3, ..Sidescan::default() };
+        let track = SyntheticSidescan { pings: 40, speed: 1.0, course: 0.3, ..SyntheticSidescan::default() };
         let mut pings = pings(&track);
         let empty = |image: &Image| {
             // Along the track at 10 m to starboard.
@@ -273,7 +276,7 @@ mod tests {
     #[test]
     fn a_turn_stretches_the_outer_side() {
         // A quarter circle of radius 30 m to port.
-        let mut turn = pings(&Sidescan { pings: 91, target: None, ..Sidescan::default() });
+        let mut turn = pings(&SyntheticSidescan { pings: 91, target: None, ..SyntheticSidescan::default() });
         for (i, ping) in turn.pings.iter_mut().enumerate() {
             let angle = i as f64;
             let position = 30.0 * DVec2::from_angle((angle - 90.0).to_radians());
@@ -289,13 +292,14 @@ mod tests {
 
     #[test]
     fn one_ping_is_to_be_seen() {
-        for (one, sides) in
-            [(pings(&Sidescan { pings: 1, target: None, ..Sidescan::default() }), 2.0), (turning(1, 1.8), 1.0)]
-        {
+        for (one, sides) in [
+            (pings(&SyntheticSidescan { pings: 1, target: None, ..SyntheticSidescan::default() }), 2.0),
+            (turning(1, 1.8), 1.0),
+        ] {
             let image = mosaic(&one, ImageRange::Slant, 0.05, Overlap::Mean).unwrap();
             let seen = 0.05 * 0.05 * image.values.iter().filter(|value| value.is_finite()).count() as f64;
             let reach = one.pings[0].layout.reach();
-            // A sector of two degrees of each beam, whose rims touch pixels beside it.
+            // A sector of two degrees for each beam, whose edges touch pixels beside it.
             let area = sides * 0.5 * LONE_SECTOR * reach * reach;
             assert!(seen > area && seen < area + sides * 0.15 * reach, "{seen} {area}");
             let (range, fitted) = fitting(&one, [400, 300]).unwrap();
@@ -307,7 +311,7 @@ mod tests {
     /// Most pings are of a stationary sonar: those in motion still join.
     #[test]
     fn a_rest_on_the_way_leaves_no_gaps() {
-        let mut resting = pings(&Sidescan { pings: 30, target: None, ..Sidescan::default() });
+        let mut resting = pings(&SyntheticSidescan { pings: 30, target: None, ..SyntheticSidescan::default() });
         let moving = Pings { pings: resting.pings[19..].to_vec() };
         let rest = resting.pings[19].pose;
         resting.pings[..19].iter_mut().for_each(|ping| ping.pose = rest);
@@ -321,7 +325,7 @@ mod tests {
 
     #[test]
     fn the_mean_is_of_the_power() {
-        let mut pings = pings(&Sidescan { speed: 0.25, target: None, ..Sidescan::default() });
+        let mut pings = pings(&SyntheticSidescan { speed: 0.25, target: None, ..SyntheticSidescan::default() });
         for (i, ping) in pings.pings.iter_mut().enumerate() {
             Arc::make_mut(&mut ping.layout).tvg_db.fill(0.0);
             ping.cells.intensity.fill(if i % 2 == 0 { 80.0 } else { 100.0 });

@@ -1,4 +1,4 @@
-//! What a depth camera, or a sensor that turns or sweeps, sees: a scan as an image.
+//! What a depth camera, or a sensor that spins or sweeps, sees: a scan as an image.
 
 use super::{Layer, refill};
 use crate::cloud::{Field, FieldSet, Frame, PointCloud};
@@ -10,15 +10,15 @@ use crate::scene::Labels;
 use glam::{Quat, Vec3};
 use std::sync::Arc;
 
-/// A scan as an image: row by row from the top left, each pixel with the return of its beam; of several, the nearest.
-/// What the cloud has no columns for is empty.
+/// A scan as an image: row by row from the top left, each pixel with the return of its beam, the nearest if there are
+/// several. Values for which the cloud has no columns are empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RangeImage {
     /// Columns.
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Of a camera.
+    /// Of a camera; other sensors have none.
     pub intrinsics: Option<Intrinsics>,
     /// Measured slant range, m; NaN where there is no return.
     pub range: Vec<f32>,
@@ -36,10 +36,10 @@ pub struct RangeImage {
     pub intensity: Vec<f32>,
     /// Full scale of `intensity`; relative energy has none.
     pub intensity_full_scale: Option<f32>,
-    /// Unit normals of the surfaces: right, up and back, towards who looks along the axis of the sensor (-y, z, -x of
-    /// its frame); NaN where there is no return.
+    /// Unit normals of the surfaces: right, up and back, towards a viewer who looks along the axis of the sensor (-y,
+    /// z, -x of its frame); NaN where there is no return.
     pub normal: Vec<[f32; 3]>,
-    /// World pose of the sensor as it starts.
+    /// World pose of the sensor at the start of the scan.
     pub sensor_pose: Pose,
     /// Names of the numbers.
     pub labels: Arc<Labels>,
@@ -81,7 +81,8 @@ impl RangeImage {
         Ok(image)
     }
 
-    /// Takes the values of a layer from `cloud`, whose `rows` the pixels show; they are empty if it does not have them.
+    /// Takes the values of a layer from the `rows` of `cloud` that the pixels show; they become empty if the cloud
+    /// lacks them.
     pub(super) fn take(&mut self, layer: Layer, cloud: &PointCloud, rows: &PixelRows) -> Result<()> {
         let columns = &cloud.columns;
         let len = cloud.len;
@@ -120,7 +121,7 @@ impl RangeImage {
         self.len() == 0
     }
 
-    /// How far away each pixel is, m, and what that is: along the axis of a camera, else the slant range.
+    /// Distance of each pixel, m, and what it is: along the axis of a camera, else the slant range.
     pub fn distance(&self) -> (&[f32], &'static str) {
         if self.depth.is_empty() { (&self.range, "slant range") } else { (&self.depth, "distance along the axis") }
     }
@@ -135,11 +136,11 @@ pub(super) fn has_every_beam(cloud: &PointCloud, grid: &ImageGrid) -> bool {
 #[derive(Clone, Debug, Default)]
 pub(super) struct PixelRows(Vec<u32>);
 
-/// Instead of a row, where a pixel shows none.
+/// Stands for no row.
 const NONE: u32 = u32::MAX;
 
 impl PixelRows {
-    /// Finds them, of several returns the nearest, as [`RangeImage::new`] says.
+    /// Finds the rows, of several returns the nearest, as for [`RangeImage::new`].
     pub fn find(&mut self, cloud: &PointCloud, grid: &ImageGrid) -> Result<()> {
         let PixelRows(rows) = self;
         refill(rows, grid.len(), NONE)?;
@@ -172,8 +173,8 @@ impl PixelRows {
         Ok(())
     }
 
-    /// Takes to each pixel what `value` makes of the values of `columns` in its row, or `nothing`; `to` becomes empty
-    /// unless there are `len` of them.
+    /// Sets each pixel to `value` of the values of `columns` in its row, or to `nothing`; `to` becomes empty unless
+    /// each column has `len` rows.
     fn take<T: Copy, U: Copy, const N: usize>(
         &self,
         len: usize,
@@ -188,7 +189,7 @@ impl PixelRows {
         }
         refill(to, self.0.len(), nothing)?;
         for (pixel, &row) in to.iter_mut().zip(&self.0) {
-            // No column has a row called NONE.
+            // No column has a row NONE.
             let row = row as usize;
             if row < len {
                 *pixel = value(columns.map(|column| column[row]));
@@ -263,10 +264,10 @@ pub(crate) mod tests {
         let mut behind = cloud.clone();
         behind.columns.range.iter_mut().for_each(|range| *range += 1.0);
         behind.columns.category_id.fill(9);
-        // A beam without a return, as organised clouds have it.
+        // A beam without a return, as in organised clouds.
         behind.columns.range[3] = f32::NAN;
         behind.append(&cloud).unwrap();
-        // NaN is not NaN, but looks the same.
+        // NaN does not equal NaN, but prints the same.
         assert_eq!(format!("{:?}", RangeImage::new(&behind, &grid).unwrap()), format!("{one:?}"));
         cloud.columns.beam[0] = 12;
         let error = RangeImage::new(&cloud, &grid).unwrap_err().to_string();

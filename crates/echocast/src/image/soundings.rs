@@ -1,8 +1,9 @@
 //! Depth map: the heights of soundings on the map.
 
 use super::grid::{Grid, fitting, span};
-use super::{Image, ImageKind, Source, check_view, filled, layers};
-use crate::cloud::{Pings, SonarView};
+use super::{Image, ImageKind, PixelSource, check_view, filled, layers};
+use crate::cells::SonarView;
+use crate::cloud::Pings;
 use crate::ground::error::{Error, Result};
 use glam::DVec3;
 use std::sync::Arc;
@@ -18,7 +19,7 @@ pub fn depth_map(pings: &Pings, cell_m: f64) -> Result<Image> {
     let grid = Grid::new(span(soundings.iter().map(|sounding| sounding.at.truncate())), cell_m)?;
     let mut sums = filled(grid.len(), (0f64, 0u32))?;
     let mut strongest = filled(grid.len(), f32::NEG_INFINITY)?;
-    let mut sources = filled(grid.len(), Source::NONE)?;
+    let mut sources = filled(grid.len(), PixelSource::NONE)?;
     for sounding in &soundings {
         let pixel = grid.index(sounding.at.truncate());
         sums[pixel].0 += sounding.at.z;
@@ -52,27 +53,27 @@ pub(crate) fn fitting_cell(pings: &Pings, pixels: [u32; 2]) -> Result<f64> {
     Ok(fitting([low, high], pixels).max(spread))
 }
 
-struct Place {
+struct PlacedSounding {
     at: DVec3,
     level_db: f32,
-    source: Source,
+    source: PixelSource,
 }
 
 /// Where all soundings are in the world; at least one.
-fn soundings(pings: &Pings) -> Result<Vec<Place>> {
+fn soundings(pings: &Pings) -> Result<Vec<PlacedSounding>> {
     let words = "swath and single sonars, and Doppler velocity logs";
     check_view(pings, "depth map", &[SonarView::Swath, SonarView::Single, SonarView::Janus], words)?;
     let mut places = Vec::new();
     for (index, ping) in pings.pings.iter().enumerate() {
         for sounding in &ping.soundings {
             let at = ping.corrected_place(sounding);
-            let source = Source { ping: index as u32, cell: sounding.cell };
-            places.push(Place { at, level_db: sounding.level_db, source });
+            let source = PixelSource { ping: index as u32, cell: sounding.cell };
+            places.push(PlacedSounding { at, level_db: sounding.level_db, source });
         }
     }
     places.retain(|place| place.at.is_finite());
     if places.is_empty() {
-        return Err(Error::invalid("depth map", "asked of pings without soundings", "pings that report depths"));
+        return Err(Error::invalid("depth map", "requested for pings without soundings", "pings that report depths"));
     }
     Ok(places)
 }

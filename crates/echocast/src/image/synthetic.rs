@@ -1,17 +1,18 @@
 //! Pings made by hand: what a sonar over a flat bed would report, for tests.
 
-use crate::cloud::{Columns, Field, FieldSet, Layout, Ping, Pings, SonarView, Sounding};
+use crate::cells::{Layout, SonarView, Sounding};
+use crate::cloud::{Columns, Field, FieldSet, Ping, Pings};
 use crate::ground::pose::Pose;
 use crate::scene::{Labels, NameTable};
 use glam::{DVec2, DVec3, Vec3};
 use std::sync::Arc;
 
-/// Label of the target; that of the bed is 1.
+/// Label of the target; the bed has 1.
 pub(crate) const TARGET: u32 = 2;
 
 /// A side-scan sonar on a straight track over a flat bed with one target and its shadow.
 #[derive(Clone)]
-pub(crate) struct Sidescan {
+pub(crate) struct SyntheticSidescan {
     pub pings: usize,
     pub bins: usize,
     pub bin_m: f64,
@@ -21,15 +22,15 @@ pub(crate) struct Sidescan {
     /// Direction of the track, rad from x.
     pub course: f64,
     pub start: DVec2,
-    /// Metres along and to port of its middle; half a metre long, 0.4 m wide, 2 m high.
+    /// Position of its middle, metres along the track and to port; half a metre long, 0.4 m wide, 2 m high.
     pub target: Option<[f64; 2]>,
     /// Whether levels vary like those of sand.
     pub speckle: bool,
 }
 
-impl Default for Sidescan {
+impl Default for SyntheticSidescan {
     fn default() -> Self {
-        Sidescan {
+        SyntheticSidescan {
             pings: 101,
             bins: 600,
             bin_m: 0.05,
@@ -43,7 +44,7 @@ impl Default for Sidescan {
     }
 }
 
-impl Sidescan {
+impl SyntheticSidescan {
     pub(crate) fn target_in_world(&self) -> DVec2 {
         let [along, port] = self.target.unwrap();
         let ahead = DVec2::from_angle(self.course);
@@ -110,7 +111,7 @@ fn bed(range: f64, altitude: f64) -> f32 {
     BED - (40.0 * range.log10() - 20.0 * (altitude / range).log10()) as f32
 }
 
-pub(crate) fn pings(track: &Sidescan) -> Pings {
+pub(crate) fn pings(track: &SyntheticSidescan) -> Pings {
     let axes = [90f32, -90.0].map(|degrees| [degrees.to_radians(), (-30f32).to_radians()]);
     let layout = layout(SonarView::Sidescan, axes.to_vec(), track.bins, track.bin_m, 40.0);
     let mut pings = Pings::default();
@@ -122,7 +123,7 @@ pub(crate) fn pings(track: &Sidescan) -> Pings {
         let mut index = (number * 1_000_000) as u64;
         let made = ping(number, &layout, pose, |beam, range| {
             index += 1;
-            // Rayleigh's amplitude has an exponentially distributed power.
+            // The power of a Rayleigh-distributed amplitude is distributed exponentially.
             let speckle = if track.speckle { 10.0 * (-(random(index) + 1e-6).ln()).log10() } else { 0.0 };
             let (noise, altitude) = (NOISE + speckle, track.altitude);
             if range < altitude {
@@ -147,7 +148,7 @@ pub(crate) fn pings(track: &Sidescan) -> Pings {
     pings
 }
 
-/// One ping of 60 beams, 120 degrees wide, 15 m far, with a target at `degrees` to port.
+/// One ping of 60 beams over 120 degrees and 15 m of range, with a target at `degrees` to port.
 pub(crate) fn imaging(view: SonarView, degrees: f64, range: f64) -> Ping {
     let angles: Vec<f64> = (0..60).map(|beam| f64::from(2 * beam - 59)).collect();
     let axis = |&angle: &f64| match view {
@@ -176,7 +177,7 @@ pub(crate) fn turning(pings: usize, step: f64) -> Pings {
     turned
 }
 
-/// `track` somewhere else.
+/// `track` moved `by` metres.
 pub(crate) fn moved(mut track: Pings, by: DVec3) -> Pings {
     for ping in &mut track.pings {
         ping.pose.position += by;

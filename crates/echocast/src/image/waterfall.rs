@@ -1,15 +1,16 @@
 //! Waterfall: a row for each ping.
 
-use super::{Image, ImageKind, ImageRange, Place, Source, altitudes, filled, of_sources};
-use crate::cloud::{Layout, Pings, SonarView};
+use super::{Image, ImageKind, ImageRange, PixelSource, Place, altitudes, filled, of_sources};
+use crate::cells::{Layout, SonarView};
+use crate::cloud::Pings;
 use crate::ground::error::{Error, Result};
 
-/// Most pixels of a waterfall.
+/// Maximum number of pixels of a waterfall.
 const MOST_PIXELS: usize = 1 << 26;
 
-/// A row for each ping by its index, the first at the top, whatever the sonar's track: `[port reversed | starboard]`
-/// for a side-scan sonar, nearest ranges in the middle; else the cells of one beam, nearest on the left. Pixels are as
-/// wide as cells.
+/// A row for each ping by its index, the first at the top, regardless of the sonar's track:
+/// `[port reversed | starboard]` for a side-scan sonar, nearest ranges in the middle; else the cells of one beam,
+/// nearest on the left. Pixels are as wide as cells.
 ///
 /// `beam`: only this one; by default both sides of a side-scan sonar, the middle beam of others.
 ///
@@ -33,7 +34,7 @@ pub fn waterfall(pings: &Pings, range: ImageRange, beam: Option<usize>) -> Resul
         ImageRange::Slant => vec![0.0; pings.pings.len()],
         ImageRange::Ground if layout.view == SonarView::Sidescan => altitudes(pings)?,
         ImageRange::Ground => {
-            let found = format!("asked of a {} sonar", layout.view.name());
+            let found = format!("requested for a {} sonar", layout.view.name());
             return Err(Error::invalid("ground range in a waterfall", found, "slant range, or a sidescan sonar"));
         }
     };
@@ -45,16 +46,16 @@ pub fn waterfall(pings: &Pings, range: ImageRange, beam: Option<usize>) -> Resul
         let found = format!("{width} x {height} pixels large");
         return Err(Error::invalid("waterfall", found, format!("at most {MOST_PIXELS} pixels; write fewer pings")));
     }
-    let mut sources = filled(width * height, Source::NONE)?;
+    let mut sources = filled(width * height, PixelSource::NONE)?;
     for (ping, (row, altitude)) in sources.chunks_exact_mut(width).zip(heights).enumerate() {
         for (column, source) in row.iter_mut().enumerate() {
             let (beam, step) = if column < left { (port, left - 1 - column) } else { (starboard, column - left) };
-            // What lies at this distance over the bed is heard at this slant range.
+            // A scatterer at this distance over the bed is received at this slant range.
             let slant = layout.range(step).hypot(altitude) / layout.bin_m;
             if let Some(beam) = beam
                 && slant < bins as f64
             {
-                *source = Source { ping: ping as u32, cell: (beam * bins + slant as usize) as u32 };
+                *source = PixelSource { ping: ping as u32, cell: (beam * bins + slant as usize) as u32 };
             }
         }
     }
@@ -72,7 +73,7 @@ pub(crate) fn middle_beam(layout: &Layout) -> Option<usize> {
     (layout.view != SonarView::Sidescan).then(|| layout.beams() / 2)
 }
 
-/// The beams that look to port, which is left, and to starboard.
+/// The beams that point to port, which is left, and to starboard.
 fn sides(layout: &Layout) -> (Option<usize>, Option<usize>) {
     let looks = |left: bool| layout.axes.iter().position(|axis| (axis[0].sin() > 0.0) == left);
     (looks(true), looks(false))
@@ -80,13 +81,13 @@ fn sides(layout: &Layout) -> (Option<usize>, Option<usize>) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::synthetic::{Sidescan, TARGET, pings};
+    use super::super::synthetic::{SyntheticSidescan, TARGET, pings};
     use super::*;
     use crate::cloud::Field;
 
     #[test]
     fn an_unmoved_flat_bed_gives_straight_lines() {
-        let pings = pings(&Sidescan { speed: 0.0, target: None, ..Sidescan::default() });
+        let pings = pings(&SyntheticSidescan { speed: 0.0, target: None, ..SyntheticSidescan::default() });
         for range in [ImageRange::Slant, ImageRange::Ground] {
             let image = waterfall(&pings, range, None).unwrap();
             let first = &image.values[..image.width];
@@ -103,7 +104,7 @@ mod tests {
 
     #[test]
     fn ground_range_puts_a_target_at_its_distance_and_drops_the_water() {
-        let track = Sidescan::default();
+        let track = SyntheticSidescan::default();
         let [_, across] = track.target.unwrap();
         let pings = pings(&track);
         let ground = waterfall(&pings, ImageRange::Ground, None).unwrap();
@@ -134,7 +135,7 @@ mod tests {
 
     #[test]
     fn one_beam_runs_from_left_to_right() {
-        let pings = pings(&Sidescan::default());
+        let pings = pings(&SyntheticSidescan::default());
         let both = waterfall(&pings, ImageRange::Slant, None).unwrap();
         let port = waterfall(&pings, ImageRange::Slant, Some(0)).unwrap();
         assert_eq!((port.width * 2, port.height), (both.width, both.height));

@@ -1,4 +1,4 @@
-//! What files of ours say of a cloud besides its columns.
+//! What files of echocast contain about a cloud in addition to its columns.
 
 use super::Source;
 use super::rows::axis;
@@ -14,12 +14,12 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What is not told is what it is without the file.
+/// Metadata of a cloud; what a file does not specify has its default.
 #[derive(Default)]
 pub(super) struct About {
     pub frame: Option<Frame>,
     pub sensor_pose: Option<Pose>,
-    /// `Some(None)`: there is none.
+    /// `Some(None)`: it is known that there is none.
     pub intensity_full_scale: Option<Option<f32>>,
     pub driver: Option<Driver>,
     pub shape: Option<[u32; 2]>,
@@ -38,7 +38,7 @@ pub(super) trait Arrays {
     /// The numbers of the array `name`; `None`: there is none.
     ///
     /// # Errors
-    /// The system's; an array of something else.
+    /// Errors of the system; an array of another type.
     fn numbers(&mut self, name: &str) -> Result<Option<Vec<f64>>>;
     /// The texts of the array `name`; `None`: there is none.
     ///
@@ -47,7 +47,7 @@ pub(super) trait Arrays {
     fn texts(&mut self, name: &str) -> Result<Option<Vec<String>>>;
 }
 
-/// Arrays that are neither columns nor of boxes.
+/// Arrays that are neither columns nor belong to boxes.
 pub(super) const ABOUT: &[&str] = &[
     "origin",
     "sensor_position",
@@ -66,10 +66,10 @@ pub(super) const ABOUT: &[&str] = &[
     "instance_names",
 ];
 
-/// The same as it is written.
+/// The metadata as written in files.
 #[derive(Default, Deserialize)]
 #[serde(default)]
-struct Words {
+struct WrittenAbout {
     coordinates: Option<String>,
     sensor_position: Option<[f64; 3]>,
     sensor_orientation_xyzw: Option<[f64; 4]>,
@@ -89,10 +89,10 @@ struct Words {
 }
 
 impl About {
-    /// Out of `NAME.labels.json` beside the cloud at `path`, if there is one.
+    /// From `NAME.labels.json` next to the cloud at `path`, if there is one.
     ///
     /// # Errors
-    /// A file that is no such JSON.
+    /// A file that is not such JSON.
     pub(super) fn beside(path: &Path) -> Result<Option<About>> {
         let file = labels_path(path);
         if !file.exists() {
@@ -101,22 +101,22 @@ impl About {
         About::parse(&file, &read::bytes(&file, Limit::NAMES)?).map(Some)
     }
 
-    /// Out of `json`, which is in the file at `path`.
+    /// From `json`, which is in the file at `path`.
     ///
     /// # Errors
-    /// Text that is no such JSON.
+    /// Text that is not such JSON.
     pub(super) fn parse(path: &Path, json: &[u8]) -> Result<About> {
         let words = serde_json::from_slice(json);
-        let words: Words = words.map_err(|error| Error::parse(path, "names of labels", error.to_string()))?;
+        let words: WrittenAbout = words.map_err(|error| Error::parse(path, "names of labels", error.to_string()))?;
         About::of(words).map_err(|message| Error::parse(path, "", message))
     }
 
-    /// Out of `arrays` of the file `source`.
+    /// From `arrays` of the file `source`.
     ///
     /// # Errors
-    /// Arrays that cannot be read or say what cannot be.
+    /// Arrays that cannot be read or have invalid values.
     pub(super) fn of_arrays(arrays: &mut dyn Arrays, source: &Source) -> Result<About> {
-        let mut words = Words::default();
+        let mut words = WrittenAbout::default();
         let three = |numbers: Option<Vec<f64>>| numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
         words.f32_origin = three(arrays.numbers("origin")?);
         words.sensor_position = three(arrays.numbers("sensor_position")?);
@@ -138,20 +138,20 @@ impl About {
             *names = arrays.texts(&format!("{stem}_names"))?.unwrap_or_default();
         }
         let about = About::of(words).map_err(|message| source.error(message))?;
-        // Another program's file does not say that there is no scale.
+        // The file of another program does not state that there is no scale.
         Ok(About { intensity_full_scale: about.intensity_full_scale.filter(|_| full.is_some()), ..about })
     }
 
-    /// What to add to f32 positions in the column `field`, and to no other numbers.
+    /// The offset of f32 positions in the column `field`; none for other columns.
     pub(super) fn offset(&self, field: Field) -> f64 {
         axis(field).zip(self.f32_origin).map_or(-0.0, |(axis, origin)| origin[axis])
     }
 
-    /// What `words` say.
+    /// The metadata in `words`.
     ///
     /// # Errors
     /// What is wrong with them.
-    fn of(words: Words) -> Result<About, String> {
+    fn of(words: WrittenAbout) -> Result<About, String> {
         let frame = words.coordinates.map(|name| named("coordinates", &name)).transpose()?;
         let driver = words.driver.map(|name| named("driver", &name)).transpose()?;
         let sensor_pose = match (words.sensor_position, words.sensor_orientation_xyzw) {
@@ -186,10 +186,10 @@ impl About {
     }
 }
 
-/// The value called `name`, which the file has under `key`.
+/// The value called `name`, which is under `key` in the file.
 ///
 /// # Errors
-/// A name that is none.
+/// An unknown name.
 fn named<T: Named>(key: &str, name: &str) -> Result<T, String> {
     let known = T::NAMES.iter().find(|(known, _)| *known == name).map(|(_, value)| *value);
     known.ok_or_else(|| {
@@ -203,7 +203,7 @@ fn is_place(place: [f64; 3]) -> bool {
     place.iter().all(|metres| metres.abs() <= super::rows::FARTHEST)
 }
 
-/// A pose, of which the orientation may not be exactly of unit length.
+/// A pose from an orientation that need not be exactly of unit length.
 ///
 /// # Errors
 /// What is wrong with it.
@@ -240,7 +240,7 @@ mod tests {
             of("{}").is_ok()
                 && of(r#"{"more": 1, "shape": [2, 3], "category_ids": [1, 5], "category_names": ["a", "b"]}"#).is_ok()
         );
-        for (json, told) in [
+        for (json, expected) in [
             ("{", "names of labels"),
             (r#"{"coordinates": "lidar"}"#, "allowed: world, sensor"),
             (r#"{"driver": "sick"}"#, "driver is \"sick\"; allowed: velodyne, ouster, hesai"),
@@ -252,7 +252,7 @@ mod tests {
             (r#"{"sensor_position": [0, 0, 0], "sensor_orientation_xyzw": [0, 0, 0, 0]}"#, "quaternion"),
         ] {
             let error = of(json).unwrap_err().to_string();
-            assert!(error.starts_with("a.labels.json: ") && error.contains(told), "{error}");
+            assert!(error.starts_with("a.labels.json: ") && error.contains(expected), "{error}");
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Boxes, out of files of arrays.
+//! Boxes, from files of arrays.
 
 use super::Source;
 use super::about::Arrays;

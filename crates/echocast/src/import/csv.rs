@@ -1,14 +1,14 @@
-//! Text: rows of numbers behind a header of column names, or without one.
+//! Text: rows of numbers below a header of column names, or without one.
 //!
-//! What programs write: CloudCompare a header behind `//` and, if asked to, the number of points below it; Leica's
-//! Cyclone (PTS) and FARO's SCENE the number of points above rows without a header, PTS again for each scan; spreadsheets
-//! quotes, semicolons and decimal commas.
+//! What programs write: CloudCompare a header after `//` and, as an option, the number of points below it; Leica's
+//! Cyclone (PTS) and FARO's SCENE the number of points above rows without a header, PTS again for each scan;
+//! spreadsheets quotes, semicolons and decimal commas.
 
 use super::Source;
 use super::about::About;
-use super::names::{self, Named};
+use super::names::{self, NamedColumn};
 use super::rows::{self, Rows};
-use super::text::{self, Lines, Place, Style, is_comment};
+use super::text::{self, TextLines, TextStyle, WordTarget, is_comment};
 use crate::cloud::{Field, PointCloud};
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
@@ -16,23 +16,23 @@ use crate::ground::shown;
 use crate::read::number::Number;
 use std::io::Read as _;
 
-/// Most columns.
+/// Maximum number of columns.
 const COLUMNS: usize = 4096;
-/// Most lines before the points.
+/// Maximum number of lines before the points.
 const BEFORE: usize = 1000;
-/// How many numbers of the first rows are read to guess what the columns are.
+/// Numbers of the first rows that are read to guess the meaning of the columns.
 const SAMPLE: usize = 20_000;
-/// How many lines tell how rows are divided.
+/// Number of lines that are compared to find how rows are divided.
 const ALIKE: usize = 100;
-/// How texts of 16 bits begin.
+/// Byte order marks of 16-bit text.
 const WIDE: [&[u8]; 2] = [b"\xff\xfe", b"\xfe\xff"];
 /// Name of columns that are left out.
 const NOTHING: &str = "_";
-/// Most bytes before the points that are looked at, but for comments.
+/// Maximum number of bytes before the points that are read, not counting comments.
 const HEAD: usize = 4 << 20;
 
-/// Whether a file that begins with `bytes` is one: its first line names columns, or is of numbers, or below a title there
-/// are such lines.
+/// Whether a file that begins with `bytes` is in this format: its first line names columns or consists of numbers, or
+/// there are such lines below a title.
 pub(super) fn begins(bytes: &[u8]) -> bool {
     if WIDE.iter().any(|wide| bytes.starts_with(wide)) {
         return true;
@@ -54,7 +54,7 @@ pub(super) fn begins(bytes: &[u8]) -> bool {
                 return true;
             }
         } else if is_count(line) {
-            // Another line says of what.
+            // Another line decides what it counts.
         } else if titles == 0 && (is_row(line) || has_places(line) || ours()) || is_row_of_header() {
             return true;
         } else {
@@ -70,20 +70,20 @@ fn is_count(line: &str) -> bool {
     line.parse::<u64>().is_ok()
 }
 
-/// How the words of `line` may be told apart, the likeliest first.
-fn styles(line: &str) -> impl Iterator<Item = Style> {
+/// Ways to divide `line` into words, the likeliest first.
+fn styles(line: &str) -> impl Iterator<Item = TextStyle> {
     let signs = [';', '\t', ','].into_iter().filter(|&sign| line.contains(sign));
-    let style = |sign: Option<char>| Style { sign, decimal_comma: sign != Some(','), ..Style::default() };
+    let style = |sign: Option<char>| TextStyle { sign, decimal_comma: sign != Some(','), ..TextStyle::default() };
     signs.map(Some).chain([None]).map(style)
 }
 
-/// Words of `line` and the number that each is, if it is one.
-fn numbers(line: &str, style: Style) -> impl Iterator<Item = Option<f64>> {
+/// The number in each word of `line`, if it is one.
+fn numbers(line: &str, style: TextStyle) -> impl Iterator<Item = Option<f64>> {
     style.words(line).take(style.count(line)).map(move |word| style.number(word))
 }
 
-/// How many words of `line` are before the first three numbers that follow each other; `None`: there are none.
-fn words_before(line: &str, style: Style) -> Option<usize> {
+/// The number of words of `line` before the first three consecutive numbers; `None`: there are none.
+fn words_before(line: &str, style: TextStyle) -> Option<usize> {
     let mut row = 0;
     let third = style.words(line).position(|word| {
         row = if !word.is_empty() && style.number(word).is_some() { row + 1 } else { 0 };
@@ -92,18 +92,18 @@ fn words_before(line: &str, style: Style) -> Option<usize> {
     Some(third - 2)
 }
 
-/// Whether `line` is the row of a point, whatever its columns are.
+/// Whether `line` is the row of a point, regardless of its columns.
 fn is_row(line: &str) -> bool {
     styles(line).any(|style| words_before(line, style) == Some(0))
 }
 
-/// A comment without its signs.
+/// A comment without its markers.
 fn bare(comment: &str) -> &str {
     comment.trim_start_matches(['#', '/', '%']).trim()
 }
 
 /// The field of `column`, if it has one.
-fn field(column: &Named) -> Option<Field> {
+fn field(column: &NamedColumn) -> Option<Field> {
     names::own(column).or_else(|| names::foreign(column)).map(|goal| goal.field)
 }
 
@@ -116,8 +116,8 @@ fn has_places(header: &str) -> bool {
 }
 
 /// The columns that `header` names.
-fn named(header: &str, style: Style) -> Vec<Named> {
-    let mut columns: Vec<Named> = Vec::new();
+fn named(header: &str, style: TextStyle) -> Vec<NamedColumn> {
+    let mut columns: Vec<NamedColumn> = Vec::new();
     for word in style.words(header).take(style.count(header)) {
         let brackets = style.sign.is_none() && word.starts_with(['(', '[']) && word.ends_with([')', ']']);
         match columns.last_mut().filter(|_| brackets) {
@@ -129,16 +129,16 @@ fn named(header: &str, style: Style) -> Vec<Named> {
     columns
 }
 
-/// A column of this name. Of the types of numbers, that whose numbers are meant as they are.
-fn as_they_are(name: &str) -> Named {
-    Named::new(name, Number::U8)
+/// A column of this name, with the type whose numbers are not scaled.
+fn as_they_are(name: &str) -> NamedColumn {
+    NamedColumn::new(name, Number::U8)
 }
 
-/// What `header` calls the columns of `row`, and how that is divided, as most of the lines `behind` it are too; `None`:
-/// it is no header of that row.
-fn pair(header: &str, row: &str, behind: &[Line]) -> Option<(Vec<Named>, Style)> {
-    let fits = |columns: &[Named], line: &str, style: Style| {
-        // The last may be empty.
+/// The columns of `row` as named by `header`, and how the row is divided, like most of the lines `behind` it; `None`:
+/// it is not a header of that row.
+fn pair(header: &str, row: &str, behind: &[CsvLine]) -> Option<(Vec<NamedColumn>, TextStyle)> {
+    let fits = |columns: &[NamedColumn], line: &str, style: TextStyle| {
+        // The last word may be empty.
         let counts = [style.count(line), style.words(line).count()];
         let (mut filled, mut fits) = (false, counts.contains(&columns.len()));
         let known = columns.iter().zip(style.words(line)).filter(|(column, _)| field(column).is_some());
@@ -159,47 +159,47 @@ fn pair(header: &str, row: &str, behind: &[Line]) -> Option<(Vec<Named>, Style)>
     first_of_most(fitting).map(|(_, found)| found)
 }
 
-/// How the row at the front of `lines` is divided, which has no header, as most of those behind it are too; `None`: it is
-/// none. Of one that begins with words, the next must say the same.
-fn alone(lines: &[Line]) -> Option<Style> {
+/// How the first of `lines`, a row without a header, is divided, like most of those after it; `None`: it is not a row.
+/// If it begins with words, the next line must have the same form.
+fn alone(lines: &[CsvLine]) -> Option<TextStyle> {
     let row = &lines.first()?.text;
-    let same = |style: Style| {
+    let same = |style: TextStyle| {
         let shape = |line: &str| (words_before(line, style), style.count(line));
-        let wanted = shape(row);
+        let requested = shape(row);
         let more = lines[1..].iter().filter(|line| !is_count(&line.text)).take(ALIKE);
-        let alike = more.clone().filter(|line| shape(&line.text) == wanted).count();
-        let next = more.clone().next().is_none_or(|line| shape(&line.text) == wanted);
-        wanted.0.filter(|&before| before == 0 || next).map(|_| (alike, style))
+        let alike = more.clone().filter(|line| shape(&line.text) == requested).count();
+        let next = more.clone().next().is_none_or(|line| shape(&line.text) == requested);
+        requested.0.filter(|&before| before == 0 || next).map(|_| (alike, style))
     };
     first_of_most(styles(row).filter_map(same)).map(|(_, style)| style)
 }
 
-/// The first of those that come with the largest number.
+/// The first element with the largest number.
 fn first_of_most<N: PartialOrd, T>(all: impl Iterator<Item = (N, T)>) -> Option<(N, T)> {
     all.reduce(|best, other| if other.0 > best.0 { other } else { best })
 }
 
 /// A line that is neither empty nor a comment.
-struct Line {
+struct CsvLine {
     text: String,
-    /// Where it begins, bytes, and the lines before.
+    /// The byte where it begins, and the number of lines before it.
     at: u64,
     before: u64,
 }
 
 /// The first lines of a file.
 struct Head {
-    lines: Vec<Line>,
-    /// The last comment that names columns before each of some lines.
+    lines: Vec<CsvLine>,
+    /// Comments that name columns, with the index of the line that follows; only the last before a line.
     comments: Vec<(usize, String)>,
-    /// The end, where the file has no more lines than those.
+    /// The end, if the file has no more lines.
     end: Option<(u64, u64)>,
 }
 
 impl Head {
     fn of(source: &Source) -> Result<Head> {
         let mut head = Head { lines: Vec::new(), comments: Vec::new(), end: None };
-        let (mut lines, mut bytes) = (Lines::of(source)?, 0);
+        let (mut lines, mut bytes) = (TextLines::of(source)?, 0);
         while head.lines.len() < BEFORE + ALIKE && bytes < HEAD {
             let (at, before) = (lines.at(), lines.number());
             let Some(line) = lines.next()? else {
@@ -217,12 +217,12 @@ impl Head {
                 continue;
             }
             bytes += line.len();
-            head.lines.push(Line { text: line.to_owned(), at, before });
+            head.lines.push(CsvLine { text: line.to_owned(), at, before });
         }
         Ok(head)
     }
 
-    /// What may name the columns of the row `row`, the likeliest first.
+    /// Lines that may name the columns of the row `row`, the likeliest first.
     fn headers(&self, row: usize) -> impl Iterator<Item = &str> {
         let texts = || self.lines[..row].iter().rev().map(|line| &*line.text).filter(|line| !is_count(line));
         let comment = self.comments.iter().rfind(|(place, _)| *place <= row).map(|(_, comment)| &**comment);
@@ -234,9 +234,9 @@ impl Head {
         texts().filter(|line| has_places(line)).chain(comment).chain(texts().filter(known))
     }
 
-    /// The units that a line between header and row says, with the columns called `columns`.
-    fn with_units(&self, row: usize, columns: Vec<Named>) -> Vec<Named> {
-        // As many words as columns, of which one at least is a unit and none a name.
+    /// The `columns` with the units that a line between header and row gives.
+    fn with_units(&self, row: usize, columns: Vec<NamedColumn>) -> Vec<NamedColumn> {
+        // As many words as columns, at least one of them a unit and none a name.
         let fits = |words: &Vec<&str>| words.len() == columns.len() && words.iter().any(|word| names::is_unit(word));
         let odd = |words: &Vec<&str>| words.iter().any(|word| as_field(word).is_some() && !names::is_unit(word));
         let texts = self.lines[..row].iter().rev().take(2).map(|line| &*line.text);
@@ -248,33 +248,35 @@ impl Head {
     }
 }
 
-/// The field that is called `name`, if there is one.
+/// The field called `name`, if there is one.
 fn as_field(name: &str) -> Option<Field> {
     field(&as_they_are(name))
 }
 
-/// What stands before the points.
-struct Layout {
-    columns: Vec<Named>,
-    style: Style,
-    /// Where the points begin, bytes, and the lines before.
+/// The layout of a file, from what precedes the points.
+struct CsvLayout {
+    columns: Vec<NamedColumn>,
+    style: TextStyle,
+    /// The byte where the points begin, and the number of lines before them.
     at: u64,
     before: u64,
-    /// Whether no header says what the columns are.
+    /// Whether there is no header that names the columns.
     bare: bool,
-    /// Whether numbers have commas.
+    /// Whether numbers have decimal commas.
     commas: bool,
 }
 
-impl Layout {
-    fn of(source: &Source) -> Result<Layout> {
+impl CsvLayout {
+    fn of(source: &Source) -> Result<CsvLayout> {
         let head = Head::of(source)?;
-        let wanted = source.columns;
-        // Where rows are counted before they come.
+        let requested = source.columns;
+        // The line that counts the rows below it.
         let mut counted: Option<usize> = None;
         for (row, line) in head.lines.iter().enumerate().take(BEFORE) {
-            let found = match wanted {
-                Some(wanted) => asked(&head.lines[row..], wanted).map(|(columns, style)| (columns, style, false)),
+            let found = match requested {
+                Some(requested) => {
+                    with_requested(&head.lines[row..], requested).map(|(columns, style)| (columns, style, false))
+                }
                 None => below(&head, row),
             };
             let counts = is_count(&line.text);
@@ -289,21 +291,23 @@ impl Layout {
             let rows = head.lines[row..].iter().take(ALIKE);
             let mut words = rows.flat_map(|line| style.words(&line.text).map(move |word| (style, word)));
             let commas = words.any(|(style, word)| word.contains(',') && style.number(word).is_some());
-            let Line { at, before, .. } = &head.lines[counted.unwrap_or(row)];
-            return Ok(Layout { columns, style, at: *at, before: *before, bare, commas });
+            let CsvLine { at, before, .. } = &head.lines[counted.unwrap_or(row)];
+            return Ok(CsvLayout { columns, style, at: *at, before: *before, bare, commas });
         }
-        if let (Some(end), None) = (head.end, wanted) {
-            // No point at all, or none that is whole, which whoever reads them says.
+        if let (Some(end), None) = (head.end, requested) {
+            // No points at all, or none that is complete, which is reported when they are read.
             if let Some(header) = head.headers(head.lines.len()).find(|header| is_header(header)) {
                 let (style, columns) = divided(header);
                 let behind = head.lines.iter().rposition(|line| line.text == header).map_or(0, |header| header + 1);
                 let row = head.lines[behind..].iter().find(|line| !is_count(&line.text));
                 let (at, before) = row.map_or(end, |row| (row.at, row.before));
-                return Ok(Layout { columns, style, at, before, bare: false, commas: false });
+                return Ok(CsvLayout { columns, style, at, before, bare: false, commas: false });
             }
         }
-        Err(source.error(match wanted {
-            Some(wanted) => format!("has no row for the columns {} in its first {BEFORE} lines", wanted.join(",")),
+        Err(source.error(match requested {
+            Some(requested) => {
+                format!("has no row for the columns {} in its first {BEFORE} lines", requested.join(","))
+            }
             None => {
                 format!("has no rows of points in its first {BEFORE} lines; expected numbers below a header, or alone")
             }
@@ -311,11 +315,11 @@ impl Layout {
     }
 
     /// The lines of the points.
-    fn lines<'a>(&self, source: &'a Source<'a>) -> Result<Lines<'a>> {
-        Lines::behind(source, self.at, self.before)
+    fn lines<'a>(&self, source: &'a Source<'a>) -> Result<TextLines<'a>> {
+        TextLines::behind(source, self.at, self.before)
     }
 
-    /// Numbers of the first rows; `None` for words.
+    /// The numbers of the first rows; `None` for words.
     fn sample(&self, source: &Source) -> Result<Vec<Vec<Option<f64>>>> {
         let mut lines = self.lines(source)?;
         let mut rows = Vec::new();
@@ -335,27 +339,27 @@ fn is_header(header: &str) -> bool {
     styles(header).any(|style| named(header, style).iter().any(|column| field(column).is_some()))
 }
 
-/// How `header` is divided, if no row says: as names most columns.
-fn divided(header: &str) -> (Style, Vec<Named>) {
+/// How `header` is divided if there is no row: such that it names the most columns.
+fn divided(header: &str) -> (TextStyle, Vec<NamedColumn>) {
     let all = styles(header).map(|style| (style, named(header, style)));
-    let known = |columns: &[Named]| columns.iter().filter(|column| field(column).is_some()).count();
+    let known = |columns: &[NamedColumn]| columns.iter().filter(|column| field(column).is_some()).count();
     let best = all.reduce(|best, other| if known(&other.1) > known(&best.1) { other } else { best });
     best.unwrap_or_default()
 }
 
-/// The `wanted` columns of the row at the front of `lines`, and how it is divided; `None`: it has no number for each.
-fn asked(lines: &[Line], wanted: &[String]) -> Option<(Vec<Named>, Style)> {
-    let fits = |line: &str, style: Style| {
+/// The requested columns of the first of `lines`, and how it is divided; `None`: it does not have a number for each.
+fn with_requested(lines: &[CsvLine], requested: &[String]) -> Option<(Vec<NamedColumn>, TextStyle)> {
+    let fits = |line: &str, style: TextStyle| {
         let mut words = style.words(line);
-        wanted.iter().all(|column| {
+        requested.iter().all(|column| {
             words.next().is_some_and(|word| column == NOTHING || !word.is_empty() && style.number(word).is_some())
         })
     };
     let row = &lines.first()?.text;
-    if is_count(row) && wanted.len() > 1 {
+    if is_count(row) && requested.len() > 1 {
         return None;
     }
-    let alike = |style: Style| lines.iter().take(ALIKE).filter(|line| fits(&line.text, style)).count();
+    let alike = |style: TextStyle| lines.iter().take(ALIKE).filter(|line| fits(&line.text, style)).count();
     let (alike, style) =
         first_of_most(styles(row).filter(|&style| fits(row, style)).map(|style| (alike(style), style)))?;
     // A title with a number in it.
@@ -363,12 +367,13 @@ fn asked(lines: &[Line], wanted: &[String]) -> Option<(Vec<Named>, Style)> {
     if words && alike < 2 && lines.len() > 1 {
         return None;
     }
-    let nothing = std::iter::repeat_n(NOTHING, style.count(row).saturating_sub(wanted.len()));
-    Some((wanted.iter().map(String::as_str).chain(nothing).map(as_they_are).collect(), style))
+    let nothing = std::iter::repeat_n(NOTHING, style.count(row).saturating_sub(requested.len()));
+    Some((requested.iter().map(String::as_str).chain(nothing).map(as_they_are).collect(), style))
 }
 
-/// The columns of the line `row`, how it is divided, and whether no header names them; `None`: it is no row.
-fn below(head: &Head, row: usize) -> Option<(Vec<Named>, Style, bool)> {
+/// The columns of the line `row`, how it is divided, and whether there is no header that names them; `None`: it is not
+/// a row.
+fn below(head: &Head, row: usize) -> Option<(Vec<NamedColumn>, TextStyle, bool)> {
     let lines = &head.lines[row..];
     let line = &*lines.first()?.text;
     if let Some((columns, style)) = head.headers(row).find_map(|header| pair(header, line, &lines[1..])) {
@@ -378,24 +383,25 @@ fn below(head: &Head, row: usize) -> Option<(Vec<Named>, Style, bool)> {
         return None;
     }
     let style = alone(lines)?;
-    // Numbers below names, but not as many of them, or other words: whoever reads them says where.
+    // Numbers below names, but of another count, or other words: the line is reported when it is read.
     let texts = head.lines[..row].iter().rev().map(|line| &*line.text);
     if let Some(header) = texts.filter(|_| words_before(line, style) == Some(0)).find(|header| has_places(header)) {
         let (_, columns) = divided(header);
         return Some((head.with_units(row, columns), style, false));
     }
-    // As many words right above, each without a blank, are names of unknown columns.
+    // As many words directly above, each without a blank, are names of unknown columns.
     let above = row.checked_sub(1).map(|above| &*head.lines[above].text).filter(|_| style.sign.is_some());
     let names = above.map(|above| named(above, style)).unwrap_or_default();
-    let is_name = |column: &Named| !column.name.contains(char::is_whitespace) && style.number(&column.name).is_none();
+    let is_name =
+        |column: &NamedColumn| !column.name.contains(char::is_whitespace) && style.number(&column.name).is_none();
     if names.len() > 1 && names.len() == style.count(line) && names.iter().all(is_name) {
         return Some((names, style, false));
     }
     Some(((0..style.count(line)).map(|_| as_they_are(NOTHING)).collect(), style, true))
 }
 
-/// What the columns of rows without a header are likely to be: of three to nine columns of numbers, all that programs
-/// write.
+/// The likely meaning of the columns of rows without a header: for three to nine columns of numbers, every combination
+/// that programs write.
 fn guess(sample: &[Vec<Option<f64>>], columns: usize) -> Vec<&'static str> {
     const COLOUR: [&str; 3] = ["red", "green", "blue"];
     const NORMAL: [&str; 3] = ["normal_x", "normal_y", "normal_z"];
@@ -429,16 +435,16 @@ fn guess(sample: &[Vec<Option<f64>>], columns: usize) -> Vec<&'static str> {
     names
 }
 
-/// Checks the names of `columns` that a user gives.
+/// Checks the names of `columns` given by a user.
 ///
 /// # Errors
-/// The first that is none.
+/// The first unknown name.
 pub(super) fn check(columns: &[String]) -> Result<()> {
     let known = |name: &String| {
         let column = as_they_are(name);
         name == NOTHING || names::own(&column).or_else(|| names::foreign(&column)).is_some()
     };
-    // Who says what it should be lists all names.
+    // The error lists all names.
     columns.iter().find(|name| !known(name)).map_or(Ok(()), |name| Field::from_name(name).map(drop))
 }
 
@@ -451,16 +457,16 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     if is_ptx(source)? {
         return Err(source.error("is a PTX file, of grids with matrices; allowed: XYZ and PTS, or E57"));
     }
-    let mut layout = Layout::of(source)?;
+    let mut layout = CsvLayout::of(source)?;
     if layout.bare {
         let names = guess(&layout.sample(source)?, layout.columns.len());
-        let told = names.iter().filter(|&&name| name != NOTHING).copied().collect::<Vec<_>>().join(",");
+        let listed = names.iter().filter(|&&name| name != NOTHING).copied().collect::<Vec<_>>().join(",");
         let left = match names.iter().filter(|&&name| name == NOTHING).count() {
             0 => String::new(),
             count => format!(", and {count} more are left out"),
         };
         report.warn(format!(
-            "csv: no header names its columns, which are taken as {told}{left}; --columns says otherwise"
+            "csv: no header names its columns, which are taken as {listed}{left}; --columns overrides that"
         ));
         layout.columns = names.into_iter().map(as_they_are).collect();
     }
@@ -471,21 +477,21 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     let about = About::beside(source.path)?;
     // Integers have their own unit of time in other formats; here all are seconds.
     let goals = rows::goals(columns, "csv", report);
-    let told = about.as_ref().and_then(|about| about.columns.as_deref()).unwrap_or_default();
-    let told = told.iter().filter(|_| source.columns.is_none());
-    if let Some(missing) = told.into_iter().find(|name| !columns.iter().any(|column| column.name == **name)) {
+    let listed = about.as_ref().and_then(|about| about.columns.as_deref()).unwrap_or_default();
+    let listed = listed.iter().filter(|_| source.columns.is_none());
+    if let Some(missing) = listed.into_iter().find(|name| !columns.iter().any(|column| column.name == **name)) {
         let missing = shown::name(missing);
-        return Err(source.error(format!("has no column {missing}, of which its label names tell: it is cut off")));
+        return Err(source.error(format!("has no column {missing}, which its label names list: it is cut off")));
     }
     let mut rows = Rows::new(rows::fields(&goals), 0, about.as_ref())?.with_any_colours();
-    let places: Vec<Option<Place>> = goals.into_iter().map(|goal| goal.map(Place::Goal)).collect();
+    let places: Vec<Option<WordTarget>> = goals.into_iter().map(|goal| goal.map(WordTarget::Goal)).collect();
     text::read(layout.lines(source)?, layout.style, &places, None, &mut rows)?;
     rows.finish(source.path, "csv", about.unwrap_or_default(), report)
 }
 
-/// Whether rows and columns, places and matrices come before the points, as in PTX files.
+/// Whether numbers of rows and columns, positions and matrices precede the points, as in PTX files.
 fn is_ptx(source: &Source) -> Result<bool> {
-    let mut lines = Lines::of(source)?;
+    let mut lines = TextLines::of(source)?;
     for words in [1, 1, 3, 3, 3, 3, 4, 4, 4, 4] {
         if lines.next()?.is_none_or(|line| line.split_whitespace().count() != words) {
             return Ok(false);

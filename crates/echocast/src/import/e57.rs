@@ -1,8 +1,8 @@
-//! E57, by the crate `e57`: all scans of a file, in the world.
+//! E57, by the crate `e57`: all scans of a file, in world coordinates.
 
 use super::about::{About, pose};
-use super::names::Named;
-use super::rows::{self, Goal, Rows};
+use super::names::NamedColumn;
+use super::rows::{self, FieldTarget, Rows};
 use super::{Source, contained};
 use crate::cloud::{self, Field, FieldSet, Frame, PointCloud};
 use crate::ground::error::Result;
@@ -15,13 +15,13 @@ use std::f64::consts::FRAC_PI_2;
 use std::fs::File;
 use std::io::{self, BufReader};
 
-/// Most attributes of a point: the crate takes memory for each before it has read any.
+/// Maximum number of attributes of a point: the crate allocates memory for each before it has read any.
 const MOST: usize = 80;
 
-/// Points that are read before they go to the columns.
+/// Number of points that are read before they are added to the columns.
 const BLOCK: usize = 4096;
 
-type Reader<'a> = E57Reader<BufReader<&'a File>>;
+type E57FileReader<'a> = E57Reader<BufReader<&'a File>>;
 
 pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     let file = source.from(0)?;
@@ -32,9 +32,9 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     let world = about.frame != Some(Frame::Sensor);
     let mut attributes = Vec::new();
     for scan in &scans {
-        attributes.push(Attributes::of(scan, source, report)?);
+        attributes.push(E57Prototype::of(scan, source, report)?);
     }
-    // What all scans have.
+    // The columns that all scans have.
     let all = attributes
         .iter()
         .map(|attributes| attributes.fields())
@@ -55,7 +55,7 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
         brightest = brightest.max(full_scale(scan));
     }
     if about.intensity_full_scale.is_none() && brightest > 0.0 {
-        // Some say what the scan has, others what the instrument can say.
+        // Some state the maximum of the scan, others that of the instrument.
         let usual = [1.0, 255.0].into_iter().find(|&full| brightest <= full);
         about.intensity_full_scale = Some(usual.or(Some(brightest)));
     }
@@ -75,7 +75,7 @@ fn pose_of(transform: &Transform, source: &Source) -> Result<Pose> {
     pose([t.x, t.y, t.z], [q.x, q.y, q.z, q.w]).map_err(|message| source.error(message))
 }
 
-/// The greatest intensity that the scan tells of; 0: of none.
+/// The greatest intensity that the scan states; 0: none.
 fn full_scale(scan: &Scan) -> f32 {
     let kind =
         scan.prototype.iter().find(|record| record.name == RecordName::Intensity).map(|record| &record.data_type);
@@ -84,9 +84,9 @@ fn full_scale(scan: &Scan) -> f32 {
     if most.is_finite() { most } else { 0.0 }
 }
 
-/// Where the numbers of a point go.
+/// The target of a number of a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Place {
+enum RecordTarget {
     /// A coordinate of this axis; spherical: range, azimuth, elevation.
     Cartesian(usize),
     Spherical(usize),
@@ -96,27 +96,27 @@ enum Place {
     Column,
     /// Counted from 0.
     ReturnIndex,
-    Goal(Goal),
+    Goal(FieldTarget),
     Nowhere,
 }
 
-/// What the points of a scan have.
-struct Attributes {
-    places: Vec<Place>,
+/// The attributes of the points of a scan.
+struct E57Prototype {
+    places: Vec<RecordTarget>,
     kinds: Vec<RecordDataType>,
 }
 
-impl Attributes {
-    fn of(scan: &Scan, source: &Source, report: &mut Report) -> Result<Attributes> {
+impl E57Prototype {
+    fn of(scan: &Scan, source: &Source, report: &mut Report) -> Result<E57Prototype> {
         let prototype = &scan.prototype;
         if prototype.is_empty() || prototype.len() > MOST {
             let count = prototype.len();
             return Err(source.error(format!("has points with {count} attributes; allowed: 1 to {MOST}")));
         }
         if prototype.iter().all(|record| is_constant(&record.data_type)) && scan.records > 0 {
-            return Err(source.error("has points that are all the same, of which it says nothing"));
+            return Err(source.error("has only constant attributes, so that its points are all the same"));
         }
-        // A point has at least a bit.
+        // A point takes at least one bit.
         if scan.records > source.length.saturating_mul(8) {
             let records = scan.records;
             return Err(source.error(format!("says it has {records} points, and is too short for them")));
@@ -131,39 +131,39 @@ impl Attributes {
             let place = place(record, cartesian);
             let name = match (&record.name, place) {
                 (RecordName::Unknown { name, .. }, _) => name,
-                // Taken, or a flag of what is there.
+                // Used, or a flag of presence.
                 _ => "_",
             };
-            names.push(Named::new(name, Number::U8));
+            names.push(NamedColumn::new(name, Number::U8));
             places.push(place);
         }
-        // Attributes of extensions go by their names.
+        // Attributes of extensions are matched by their names.
         let goals = rows::goals(&names, "e57", report);
         for (place, goal) in places.iter_mut().zip(goals) {
-            if let (Place::Nowhere, Some(goal)) = (*place, goal)
+            if let (RecordTarget::Nowhere, Some(goal)) = (*place, goal)
                 && !matches!(goal.field, Field::X | Field::Y | Field::Z)
             {
-                *place = Place::Goal(goal);
+                *place = RecordTarget::Goal(goal);
             }
         }
-        Ok(Attributes { places, kinds: prototype.iter().map(|record| record.data_type.clone()).collect() })
+        Ok(E57Prototype { places, kinds: prototype.iter().map(|record| record.data_type.clone()).collect() })
     }
 
     fn fields(&self) -> FieldSet {
-        let field = |place: &Place| match place {
-            Place::Goal(goal) => Some(goal.field),
-            Place::ReturnIndex => Some(Field::ReturnNumber),
+        let field = |place: &RecordTarget| match place {
+            RecordTarget::Goal(goal) => Some(goal.field),
+            RecordTarget::ReturnIndex => Some(Field::ReturnNumber),
             _ => None,
         };
         let axes = [Field::X, Field::Y, Field::Z];
         self.places.iter().filter_map(field).chain(axes).collect()
     }
 
-    /// Adds the points of `scan`, which `transform` puts where they are, to `rows`; of what they have, `fields`. Returns
-    /// the rows and columns of the scan, if it has all of them, one after the other.
+    /// Adds the points of `scan`, moved by `transform`, to `rows`, with the columns `fields`. Returns the numbers of
+    /// rows and columns of the scan if its points fill the grid in order.
     fn read(
         &self,
-        reader: &mut Reader,
+        reader: &mut E57FileReader,
         scan: &Scan,
         transform: Pose,
         fields: FieldSet,
@@ -174,7 +174,7 @@ impl Attributes {
         let opened = contained(|| reader.pointcloud_raw(scan).map_err(io::Error::other));
         let mut points = opened.map_err(failed)?;
         let mut block: Vec<Vec<f64>> = vec![Vec::new(); self.places.len()];
-        let mut grid = Grid::default();
+        let mut grid = E57Grid::default();
         let mut left = scan.records;
         while left > 0 {
             let count = left.min(BLOCK as u64);
@@ -190,22 +190,24 @@ impl Attributes {
             })
             .map_err(failed)?;
             self.add(&block, transform, fields, rows)?;
-            grid.add(self.column(&block, Place::Row), self.column(&block, Place::Column));
+            grid.add(self.column(&block, RecordTarget::Row), self.column(&block, RecordTarget::Column));
             block.iter_mut().for_each(Vec::clear);
             left -= count;
         }
         Ok(grid.shape())
     }
 
-    fn column<'a>(&self, block: &'a [Vec<f64>], place: Place) -> Option<&'a [f64]> {
+    fn column<'a>(&self, block: &'a [Vec<f64>], place: RecordTarget) -> Option<&'a [f64]> {
         self.places.iter().position(|&other| other == place).map(|index| &*block[index])
     }
 
     fn add(&self, block: &[Vec<f64>], transform: Pose, fields: FieldSet, rows: &mut Rows) -> Result<()> {
         let rotation = transform.rotation();
-        let invalid = self.column(block, Place::Invalid);
-        let of = |place: fn(usize) -> Place| [0, 1, 2].map(|axis| self.column(block, place(axis)).unwrap_or_default());
-        let (cartesian, spherical) = (of(Place::Cartesian), of(Place::Spherical));
+        let invalid = self.column(block, RecordTarget::Invalid);
+        let of = |place: fn(usize) -> RecordTarget| {
+            [0, 1, 2].map(|axis| self.column(block, place(axis)).unwrap_or_default())
+        };
+        let (cartesian, spherical) = (of(RecordTarget::Cartesian), of(RecordTarget::Spherical));
         let count = block.first().map_or(0, Vec::len);
         let is_there = |row: usize| invalid.is_none_or(|states| states[row] == 0.0);
         let places: Vec<DVec3> = (0..count)
@@ -230,8 +232,8 @@ impl Attributes {
         }
         for (place, column) in self.places.iter().zip(block) {
             match place {
-                Place::Goal(goal) if fields.contains(goal.field) => rows.add(*goal, column.iter().copied())?,
-                Place::ReturnIndex if fields.contains(Field::ReturnNumber) => {
+                RecordTarget::Goal(goal) if fields.contains(goal.field) => rows.add(*goal, column.iter().copied())?,
+                RecordTarget::ReturnIndex if fields.contains(Field::ReturnNumber) => {
                     let number = |(row, index): (usize, &f64)| if is_there(row) { index + 1.0 } else { 0.0 };
                     rows.add(Field::ReturnNumber.into(), column.iter().enumerate().map(number))?;
                 }
@@ -242,39 +244,39 @@ impl Attributes {
     }
 }
 
-/// Where the attribute `record` goes.
-fn place(record: &Record, cartesian: bool) -> Place {
+/// The target of the attribute `record`.
+fn place(record: &Record, cartesian: bool) -> RecordTarget {
     let colour = |field| {
         let white = match record.data_type {
             RecordDataType::Integer { max, .. } if max > 0 => max as f64,
             RecordDataType::Integer { .. } | RecordDataType::ScaledInteger { .. } => 255.0,
             RecordDataType::Single { .. } | RecordDataType::Double { .. } => 1.0,
         };
-        Place::Goal(Goal::scaled(field, 255.0 / white))
+        RecordTarget::Goal(FieldTarget::scaled(field, 255.0 / white))
     };
     match record.name {
-        RecordName::CartesianX if cartesian => Place::Cartesian(0),
-        RecordName::CartesianY if cartesian => Place::Cartesian(1),
-        RecordName::CartesianZ if cartesian => Place::Cartesian(2),
-        RecordName::CartesianInvalidState if cartesian => Place::Invalid,
-        RecordName::SphericalRange if !cartesian => Place::Spherical(0),
-        RecordName::SphericalAzimuth if !cartesian => Place::Spherical(1),
-        RecordName::SphericalElevation if !cartesian => Place::Spherical(2),
-        RecordName::SphericalInvalidState if !cartesian => Place::Invalid,
-        RecordName::RowIndex => Place::Row,
-        RecordName::ColumnIndex => Place::Column,
-        RecordName::ReturnIndex => Place::ReturnIndex,
-        RecordName::ReturnCount => Place::Goal(Field::ReturnCount.into()),
-        RecordName::Intensity => Place::Goal(Field::Intensity.into()),
-        RecordName::TimeStamp => Place::Goal(Field::Time.into()),
+        RecordName::CartesianX if cartesian => RecordTarget::Cartesian(0),
+        RecordName::CartesianY if cartesian => RecordTarget::Cartesian(1),
+        RecordName::CartesianZ if cartesian => RecordTarget::Cartesian(2),
+        RecordName::CartesianInvalidState if cartesian => RecordTarget::Invalid,
+        RecordName::SphericalRange if !cartesian => RecordTarget::Spherical(0),
+        RecordName::SphericalAzimuth if !cartesian => RecordTarget::Spherical(1),
+        RecordName::SphericalElevation if !cartesian => RecordTarget::Spherical(2),
+        RecordName::SphericalInvalidState if !cartesian => RecordTarget::Invalid,
+        RecordName::RowIndex => RecordTarget::Row,
+        RecordName::ColumnIndex => RecordTarget::Column,
+        RecordName::ReturnIndex => RecordTarget::ReturnIndex,
+        RecordName::ReturnCount => RecordTarget::Goal(Field::ReturnCount.into()),
+        RecordName::Intensity => RecordTarget::Goal(Field::Intensity.into()),
+        RecordName::TimeStamp => RecordTarget::Goal(Field::Time.into()),
         RecordName::ColorRed => colour(Field::Red),
         RecordName::ColorGreen => colour(Field::Green),
         RecordName::ColorBlue => colour(Field::Blue),
-        _ => Place::Nowhere,
+        _ => RecordTarget::Nowhere,
     }
 }
 
-/// Whether all numbers of this type are the same, for which a file has no bits.
+/// Whether all numbers of this type are the same, which take no bits in a file.
 fn is_constant(kind: &RecordDataType) -> bool {
     match kind {
         RecordDataType::Integer { min, max } | RecordDataType::ScaledInteger { min, max, .. } => min == max,
@@ -293,21 +295,21 @@ fn number(value: &RecordValue, kind: &RecordDataType) -> f64 {
     }
 }
 
-/// Rows and columns of points that should come one after the other.
-struct Grid {
-    /// Points so far.
+/// Rows and columns of points that should fill a grid in order.
+struct E57Grid {
+    /// Points added so far.
     count: u64,
     columns: u64,
     whole: bool,
 }
 
-impl Default for Grid {
+impl Default for E57Grid {
     fn default() -> Self {
-        Grid { count: 0, columns: 0, whole: true }
+        E57Grid { count: 0, columns: 0, whole: true }
     }
 }
 
-impl Grid {
+impl E57Grid {
     fn add(&mut self, rows: Option<&[f64]>, columns: Option<&[f64]>) {
         let (Some(rows), Some(columns)) = (rows, columns) else {
             self.whole = false;

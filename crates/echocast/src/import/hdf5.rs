@@ -1,27 +1,27 @@
-//! HDF5: a dataset for each column. The C library reads it, but for texts of variable length; what the file claims is
-//! checked before, but whether it does harm to that library cannot be.
+//! HDF5: a dataset for each column. It is read by the C library, except for texts of variable length; what the file
+//! claims is checked first, but whether it harms that library cannot be checked.
 
 use super::about::{ABOUT, About, Arrays};
 use super::heap::{ELEMENT, Heaps};
-use super::rows::{Goal, Rows};
+use super::rows::{FieldTarget, Rows};
 use super::{MOST_OF_ONE, Source, boxes, rows};
 use crate::cloud::{FIELDS, FieldSet, PointCloud};
 use crate::export::HDF5_WIDEST as WIDEST;
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
-use echocast_hdf5::{Dataset, Kind, Place, Reader};
+use echocast_hdf5::{Dataset, Kind, Reader, StorageLayout};
 use std::borrow::Cow;
 use std::io::{self, ErrorKind, Read as _};
 
-/// How a file begins, or what is behind a block of its user.
+/// Start of a file, or of what follows its user block.
 pub(super) const SIGNATURE: &[u8] = b"\x89HDF\r\n\x1a\n";
-/// Numbers that are read together at least.
+/// Minimum of numbers that are read together.
 const ROWS: u64 = 1 << 16;
-/// Most bytes of a chunk in a file that is shorter.
+/// Maximum bytes of a chunk in a file that is shorter.
 const CHUNK: u64 = 16 << 20;
 
-/// Where HDF5 begins in the file: behind a block of its user, of 512 bytes or twice, four times as many and so on, there
-/// may be anything.
+/// Where HDF5 begins in the file: a user block with any content may precede it, of 512 bytes or two, four times as many
+/// and so on.
 pub(super) fn begins_at(source: &Source) -> io::Result<Option<u64>> {
     let starts = std::iter::successors(Some(512), |at: &u64| at.checked_mul(2)).take_while(|&at| at < source.length);
     for at in std::iter::once(0).chain(starts) {
@@ -46,26 +46,26 @@ impl Datasets<'_> {
         self.source.failed(error, place)
     }
 
-    /// The dataset `name`, if there is one, of no more numbers than the file can hold.
+    /// The dataset `name`, if there is one, and its count of numbers, no more than the file can hold.
     fn dataset(&self, name: &str) -> Result<Option<(Dataset, u64)>> {
         let found = self.file.dataset(name).map_err(|error| self.failed(error, name))?;
         let Some(dataset) = found else { return Ok(None) };
         let wrong = |message: String| Err(Error::parse(self.source.path, name, message));
-        if dataset.place == Place::Elsewhere {
+        if dataset.place == StorageLayout::Elsewhere {
             return wrong("is in other files; allowed: in this one".into());
         }
         let (stored, size) = (dataset.stored(), dataset.size as u64);
         let whole = match (&dataset.place, dataset.chunks()) {
-            (Place::Chunks(_), chunks) => chunks.map(|[_, all]| all),
+            (StorageLayout::Chunks(_), chunks) => chunks.map(|[_, all]| all),
             _ => dataset.count().and_then(|count| count.checked_mul(size)),
         };
         let Some(count) = dataset
             .count()
             .filter(|_| whole.is_some_and(|whole| whole <= stored.min(self.source.length).saturating_mul(MOST_OF_ONE)))
         else {
-            return wrong(format!("says that it is of shape {:?}, of which it does not hold the bytes", dataset.shape));
+            return wrong(format!("claims the shape {:?} but does not hold its bytes", dataset.shape));
         };
-        // A whole chunk is in memory for a single number of it.
+        // Reading a single number takes memory for its whole chunk.
         if let Some([one, _]) = dataset.chunks().filter(|&[one, _]| one > CHUNK.max(self.source.length)) {
             return wrong(format!("has chunks of {one} bytes; allowed: {CHUNK}, or as many as the file has"));
         }
@@ -78,9 +78,9 @@ impl Datasets<'_> {
         let at = match (&dataset.place, stored) {
             // Nothing was ever written.
             _ if dataset.stored() == 0 => return Ok(vec![Vec::new(); count as usize]),
-            (Place::Together(Some(at)), Some(_)) => *at,
+            (StorageLayout::Together(Some(at)), Some(_)) => *at,
             (place, _) => {
-                let place = if *place == Place::Compact { "among what describes them (compact)" } else { "in chunks" };
+                let place = if *place == StorageLayout::Compact { "in compact storage" } else { "in chunks" };
                 let message =
                     format!("has texts of variable length {place}; allowed: of a fixed length, or contiguous");
                 return Err(Error::parse(self.source.path, name, message));
@@ -141,7 +141,7 @@ fn called(kind: Kind) -> &'static str {
     }
 }
 
-/// What is wrong with a dataset of numbers, if it is none.
+/// What is wrong with a dataset that should hold numbers, if it does not.
 fn no_numbers(dataset: &Dataset) -> Option<String> {
     let message = || format!("is of {}; allowed: numbers", called(dataset.kind));
     (dataset.kind != Kind::Numbers).then(message)
@@ -165,10 +165,10 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
             return Err(Error::parse(source.path, info.name, "is not one number for each point"));
         }
         rows.also([info.field]);
-        let goal = Goal { shift: about.offset(info.field), ..info.field.into() };
-        // No chunk is unpacked twice.
+        let goal = FieldTarget { shift: about.offset(info.field), ..info.field.into() };
+        // No chunk is decompressed twice.
         let step = match &dataset.place {
-            Place::Chunks(chunk) => chunk.first().map_or(ROWS, |&chunk| ROWS.next_multiple_of(chunk.max(1))),
+            StorageLayout::Chunks(chunk) => chunk.first().map_or(ROWS, |&chunk| ROWS.next_multiple_of(chunk.max(1))),
             _ => ROWS,
         };
         for start in (0..count).step_by(usize::try_from(step).unwrap_or(usize::MAX)) {

@@ -1,5 +1,5 @@
-//! Texts of any length in HDF5 files, which lie in its global heaps, by our own code: the C library trusts what a heap
-//! says of itself, and crashes or never ends where that is wrong.
+//! Texts of variable length in HDF5 files, which are in the global heaps, by our own code: the C library trusts the
+//! header of a heap, and crashes or never returns if it is wrong.
 //!
 //! Layout: HDF5 File Format Specification 3.0, II.A (superblock) and III.E (global heap).
 
@@ -9,18 +9,18 @@ use std::collections::BTreeMap;
 use std::io::Read as _;
 use std::ops::Range;
 
-/// Bytes of what stands for a text in a dataset: its length, the address of its heap, its number there.
+/// Bytes of the reference to a text in a dataset: its length, the address of its heap, its number there.
 pub(super) const ELEMENT: usize = 16;
 /// Bytes before the first object of a heap, and of an object.
 const HEAD: usize = 16;
 
-/// Heaps as they are needed. In a sound file none overlaps another, and no text is there twice.
+/// Heaps, read when they are needed. In a valid file no heap overlaps another, and each text is referenced once.
 pub(super) struct Heaps<'a> {
     source: &'a Source<'a>,
-    /// Where addresses count from.
+    /// The byte that addresses count from.
     base: u64,
     heaps: BTreeMap<u64, Heap>,
-    /// Bytes of heaps and of texts that may still come.
+    /// Bytes of heaps and of texts that may still be read.
     heaps_left: u64,
     texts_left: u64,
 }
@@ -32,14 +32,14 @@ struct Heap {
 }
 
 impl<'a> Heaps<'a> {
-    /// Of the file `source`, in which HDF5 begins at byte `base`.
+    /// The heaps of the file `source`, in which HDF5 begins at byte `base`.
     ///
     /// # Errors
-    /// A file whose addresses have not the usual eight bytes.
+    /// A file whose addresses do not have the usual eight bytes.
     pub(super) fn of(source: &'a Source<'a>, base: u64) -> Result<Heaps<'a>> {
         let mut head = [0; 16];
         source.from(base)?.read_exact(&mut head).map_err(|error| source.failed(error, "its superblock"))?;
-        // Sizes of addresses and of lengths, which later versions have elsewhere.
+        // Sizes of addresses and of lengths; their position depends on the version.
         let sizes = if head[8] < 2 { &head[13..15] } else { &head[9..11] };
         if sizes != [8, 8] {
             let message = "has texts of variable length behind addresses that are not of 8 bytes; allowed: of 8";
@@ -48,10 +48,10 @@ impl<'a> Heaps<'a> {
         Ok(Heaps { source, base, heaps: BTreeMap::new(), heaps_left: source.length, texts_left: source.length })
     }
 
-    /// The bytes of the text that `element` of the dataset `name` stands for.
+    /// The bytes of the text that `element` of the dataset `name` refers to.
     ///
     /// # Errors
-    /// The system's; a damaged heap.
+    /// Errors of the system; a damaged heap.
     pub(super) fn text(&mut self, name: &str, element: &[u8; ELEMENT]) -> Result<&[u8]> {
         let number = |at: usize| element[at..].first_chunk().copied().map_or(0, u32::from_le_bytes);
         let length = number(0) as usize;
@@ -60,7 +60,7 @@ impl<'a> Heaps<'a> {
             return Ok(&[]);
         }
         let source = self.source;
-        let damaged = || Error::parse(source.path, name, "leads out of the heaps of its texts: it is damaged");
+        let damaged = || Error::parse(source.path, name, "points outside the heaps of its texts: it is damaged");
         self.texts_left = self.texts_left.checked_sub(length as u64).ok_or_else(damaged)?;
         if !self.heaps.contains_key(&address) {
             let at = self.base.checked_add(address).ok_or_else(damaged)?;
@@ -97,7 +97,7 @@ impl Heap {
             let length = head[8..].first_chunk().copied().map_or(0, u64::from_le_bytes);
             let start = at + HEAD;
             let end = usize::try_from(length).ok().and_then(|length| start.checked_add(length));
-            // Behind the last object the rest is free, which is object 0.
+            // The rest after the last object is free space, which is object 0.
             let Some(end) = end.filter(|&end| index != 0 && end <= bytes.len()) else { break };
             objects.insert(index.into(), start..end);
             at = end.next_multiple_of(8);

@@ -1,9 +1,10 @@
-//! LAS and LAZ: header and records before and behind the points by the crate `las`, points by our own code.
+//! LAS and LAZ: header and records before the points by the crate `las`, points and the records after them by our own
+//! code.
 
 use super::about::About;
-use super::names::Named;
+use super::names::NamedColumn;
 use super::number::{Member, blocks};
-use super::rows::{self, Goal, Rows};
+use super::rows::{self, FieldTarget, Rows};
 use super::{Source, laz};
 use crate::cloud::{Field, FieldSet, PointCloud, Record, Records};
 use crate::export::RAW_INTENSITY;
@@ -19,10 +20,10 @@ use std::io::{self, Read as _};
 const EVLR: u64 = 60;
 /// Bytes of the description of an extra dimension.
 const DESCRIPTION: usize = 192;
-/// What makes 16 bits of a byte.
+/// Factor from 8 to 16 bits.
 const WIDE: f64 = 257.0;
 
-/// Classes of the ASPRS (LAS 1.4, table 17) that have a meaning: the names of categories where there are no other.
+/// Classes of the ASPRS (LAS 1.4, table 17) that have a meaning: the names of categories if there are no others.
 const CLASSES: &[(u8, &str)] = &[
     (1, "unclassified"),
     (2, "ground"),
@@ -48,19 +49,19 @@ const CLASSES: &[(u8, &str)] = &[
     (22, "temporal exclusion"),
 ];
 
-/// Where the members of a point format are, bytes.
-struct Layout {
+/// Offsets of the members of a point format, bytes.
+struct LasLayout {
     size: usize,
     /// Formats from 6 on have wider members.
     wide: bool,
     time: Option<usize>,
     colour: Option<usize>,
-    /// Members that a cloud has no place for: name, first byte, bytes.
+    /// Members that a cloud cannot hold: name, first byte, bytes.
     others: Vec<(&'static str, usize, usize)>,
 }
 
 /// The layout of the point format `number`, if there is one.
-fn layout(number: u8) -> Option<Layout> {
+fn layout(number: u8) -> Option<LasLayout> {
     // Size, time, colour, near infrared, waveform.
     let (size, time, colour, infrared, wave) = match number {
         0 => (20, None, None, None, None),
@@ -85,10 +86,10 @@ fn layout(number: u8) -> Option<Layout> {
     });
     others.extend(infrared.map(|at| ("nir", at, 2)));
     others.extend(wave.map(|at| ("wavepacket_index", at, 1)));
-    Some(Layout { size, wide, time, colour, others })
+    Some(LasLayout { size, wide, time, colour, others })
 }
 
-impl Layout {
+impl LasLayout {
     fn classification(&self) -> usize {
         if self.wide { 16 } else { 15 }
     }
@@ -98,32 +99,32 @@ impl Layout {
         if self.wide { 4 } else { 3 }
     }
 
-    /// Bits of the byte of the class that are the class.
+    /// Bits of the classification byte that are the class.
     fn class_mask(&self) -> u8 {
         if self.wide { 0xff } else { 0x1f }
     }
 }
 
-/// What stands before and behind the points.
+/// The records before and after the points.
 #[derive(Default)]
-struct Around {
+struct LasRecords {
     about: Option<About>,
     extra: Vec<u8>,
     laz: Option<Vec<u8>>,
     others: Vec<Record>,
-    /// Records that say where points or waveforms are in this file, and are wrong in any other.
+    /// Records that refer to points or waveforms in this file, and would be wrong in any other.
     lost: Vec<String>,
 }
 
-impl Around {
+impl LasRecords {
     /// Takes the record of `user` with the number `id`.
     fn take(&mut self, source: &Source, user: &[u8], id: u16, description: &[u8], data: Vec<u8>) -> Result<()> {
         match (user, id) {
             (b"LASF_Spec", 4) => self.extra = data,
             (b"laszip encoded", 22204) => self.laz = Some(data),
             (b"echocast", 1) => self.about = Some(About::parse(source.path, &data)?),
-            // Packets of waveforms and what describes them; the index of COPC; of LAStools a tile and what surrounds it,
-            // the first header, the index.
+            // Waveform packets and their descriptors; the index of COPC; of LAStools, a tile and its surroundings, the
+            // original header, the index.
             (b"LASF_Spec", 100..=354 | 65535) | (b"copc", _) | (b"LAStools", 10 | 20 | 30) => {
                 let name = format!("{} {id}", ascii(user));
                 self.lost.push(name);
@@ -134,14 +135,14 @@ impl Around {
     }
 }
 
-/// A text of LAS without the zeros behind it; other letters than those of ASCII are not allowed.
+/// A text of LAS without its trailing zeros; only ASCII is allowed.
 fn ascii(bytes: &[u8]) -> String {
     user(bytes).iter().map(|&byte| if byte.is_ascii() { char::from(byte) } else { '?' }).collect()
 }
 
 /// How points are stored.
-struct Points {
-    layout: Layout,
+struct LasPoints {
+    layout: LasLayout,
     format: u8,
     compressed: bool,
     /// Bytes of a point.
@@ -151,8 +152,8 @@ struct Points {
     offset: [f64; 3],
 }
 
-impl Points {
-    fn of(header: &Header, source: &Source) -> Result<Points> {
+impl LasPoints {
+    fn of(header: &Header, source: &Source) -> Result<LasPoints> {
         let format = header.point_data_record_format & 0x3f;
         let wrong = || source.error(format!("its points are of format {format}; allowed: 0 to 10"));
         let layout = layout(format).ok_or_else(wrong)?;
@@ -171,19 +172,19 @@ impl Points {
             return Err(source.error(format!("{found}; allowed: finite numbers, scales that are not 0")));
         }
         let compressed = header.point_data_record_format >= 0x40;
-        Ok(Points { layout, format, compressed, size, count, scale, offset })
+        Ok(LasPoints { layout, format, compressed, size, count, scale, offset })
     }
 
-    /// Colours and where they are.
+    /// Colours and their offsets.
     fn colour(&self) -> Option<[(Field, usize); 3]> {
         self.layout.colour.map(|at| [(Field::Red, at), (Field::Green, at + 2), (Field::Blue, at + 4)])
     }
 
-    /// Numbers that columns are made of: of every file, and of `ours`.
+    /// Numbers from which columns are made: those of every file, and those of `ours`.
     fn members(&self, full_scale: Option<f32>, ours: Option<Ours>) -> Vec<Member> {
         let mut members = Vec::new();
         let mut take = |field, number, at, factor| {
-            members.push(Member { goal: Goal::scaled(field, factor), number, at });
+            members.push(Member { goal: FieldTarget::scaled(field, factor), number, at });
         };
         if let Some(full) = full_scale {
             take(Field::Intensity, Number::U16, 12, f64::from(full) / 65535.0);
@@ -198,7 +199,7 @@ impl Points {
             self.colour().into_iter().flatten().for_each(|(field, at)| take(field, Number::U16, at, 1.0 / WIDE));
         }
         for (axis, field) in [Field::X, Field::Y, Field::Z].into_iter().enumerate() {
-            let goal = Goal { field, factor: self.scale[axis], shift: self.offset[axis] };
+            let goal = FieldTarget { field, factor: self.scale[axis], shift: self.offset[axis] };
             members.push(Member { goal, number: Number::I32, at: axis * 4 });
         }
         members
@@ -208,16 +209,16 @@ impl Points {
 /// A file of ours.
 #[derive(Clone, Copy, PartialEq)]
 enum Ours {
-    /// With all columns.
+    /// A file with all columns.
     Whole,
-    /// Where the category is where others have the flight line.
+    /// A file with the category in place of the flight line.
     Simple,
 }
 
 pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     let (header, mut records) = header(source)?;
     rows::lost(records.lost.iter().map(String::as_str), "las", report);
-    let points = Points::of(&header, source)?;
+    let points = LasPoints::of(&header, source)?;
     let mut ours = records.about.as_ref().map(|_| Ours::Whole);
     if header.generating_software.starts_with(b"echocast ") && points.format == 2 && ours.is_none() {
         records.about = About::beside(source.path)?;
@@ -227,7 +228,7 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     let full_scale = about.intensity_full_scale.unwrap_or(Some(1.0));
     about.intensity_full_scale = Some(full_scale);
     about.records = Records { all: records.others, standard_time: header.global_encoding & 1 != 0 };
-    // Coordinates count from there.
+    // Coordinates are relative to it.
     about.f32_origin = ours.map(|_| points.offset);
 
     let mut members = points.members(full_scale, ours);
@@ -242,14 +243,14 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     columns = columns.with(Field::CategoryId);
     if let Some(names) = &about.columns {
         let had = names.iter().filter_map(|name| Field::from_name(name).ok());
-        // Positions are there in any case.
+        // Positions are present in any case.
         let had: FieldSet = had.chain([Field::X, Field::Y, Field::Z]).collect();
         columns = columns.iter().map(|info| info.field).filter(|&field| had.contains(field)).collect();
     }
     members.retain(|member| columns.contains(member.goal.field));
 
     let start = u64::from(header.offset_to_point_data);
-    // Memory is taken for points that the file holds, not for what it claims of compressed ones.
+    // Memory is allocated for points that the file holds, not for the number of compressed ones that it claims.
     let room = if points.compressed { 0 } else { source.check_count(points.count, points.size, start)? };
     let rows = Rows::new(columns, room, Some(&about))?.near(points.offset);
     let (size, count, compressed) = (points.size, points.count, points.compressed);
@@ -264,26 +265,26 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     pass.finish(source, about, report)
 }
 
-/// One way through the points.
+/// One pass over the points.
 struct Pass {
-    points: Points,
+    points: LasPoints,
     rows: Rows,
     members: Vec<Member>,
     columns: FieldSet,
     /// Whether categories are the classes.
     classes: bool,
     ours: Option<Ours>,
-    /// Colours of other programs, of which only all together say whether they are of 8 bits.
+    /// Colours of other programs; all of them are needed to decide whether they have 8 bits.
     colours: [Vec<u16>; 3],
     /// Pairs of a category and a class.
     seen: BTreeSet<(u32, u8)>,
-    /// Members that are not 0 and that a cloud has no place for.
+    /// Members that are not 0 and that a cloud cannot hold.
     lost: BTreeSet<&'static str>,
 }
 
 impl Pass {
     fn new(
-        points: Points,
+        points: LasPoints,
         rows: Rows,
         members: Vec<Member>,
         columns: FieldSet,
@@ -295,7 +296,7 @@ impl Pass {
     }
 
     fn take(&mut self, records: &[u8]) -> Result<()> {
-        let Pass { points: Points { layout, size, .. }, rows, columns, .. } = self;
+        let Pass { points: LasPoints { layout, size, .. }, rows, columns, .. } = self;
         let size = *size;
         let before = rows.columns().x.len();
         self.members.iter().try_for_each(|member| member.take(records, size, false, rows))?;
@@ -315,7 +316,7 @@ impl Pass {
         let categories = rows.columns().category_id.get(before..).unwrap_or_default();
         let mut last = (0, 0);
         for pair in categories.iter().copied().zip(classes) {
-            // There are few, but in a damaged file.
+            // There are few, except in a damaged file.
             if pair != last && pair.1 != 0 && self.seen.len() < 1 << 16 {
                 self.seen.insert(pair);
                 last = pair;
@@ -324,7 +325,7 @@ impl Pass {
         self.take_others(records)
     }
 
-    /// Takes colours of other programs, and looks for what a cloud has no place for.
+    /// Takes colours of other programs, and records members that a cloud cannot hold.
     fn take_others(&mut self, records: &[u8]) -> Result<()> {
         let Pass { points, ours, .. } = self;
         let size = points.size;
@@ -371,13 +372,13 @@ fn add_colours(rows: &mut Rows, fields: [Field; 3], colours: &[Vec<u16>; 3]) -> 
     }
     rows.also(fields);
     for (field, values) in fields.into_iter().zip(colours) {
-        let goal = Goal::scaled(field, if brightest < 256 { 1.0 } else { 1.0 / WIDE });
+        let goal = FieldTarget::scaled(field, if brightest < 256 { 1.0 } else { 1.0 / WIDE });
         rows.add(goal, values.iter().map(|&value| f64::from(value)))?;
     }
     Ok(())
 }
 
-/// What is 0 everywhere was not measured.
+/// Removes columns that are 0 everywhere: they were not measured.
 fn forget_empty(rows: &mut Rows, classes: bool) {
     let c = rows.columns();
     if c.x.is_empty() {
@@ -393,7 +394,7 @@ fn forget_empty(rows: &mut Rows, classes: bool) {
     empty.into_iter().filter(|(_, empty)| *empty).for_each(|(field, _)| rows.forget(field));
 }
 
-/// Makes a category of `class`, which comes after lower ones.
+/// Adds a category for `class`, which is higher than those before.
 fn name_class(about: &mut About, class: u8) {
     let known = CLASSES.iter().find(|(number, _)| *number == class);
     let category = &mut about.labels.category;
@@ -402,21 +403,21 @@ fn name_class(about: &mut About, class: u8) {
     about.las_class.insert(class.into(), class);
 }
 
-/// The header, and the records that say something of the cloud.
-fn header(source: &Source) -> Result<(Header, Around)> {
+/// The header, and the records that concern the cloud.
+fn header(source: &Source) -> Result<(Header, LasRecords)> {
     let failed = |error: ::las::Error, place: &str| match error {
         ::las::Error::Io(error) => source.failed(error, place),
         other => source.failed(io::Error::other(other), place),
     };
     let header = Header::read_from(source.from(0)?).map_err(|error| failed(error, "its header"))?;
-    let mut around = Around::default();
+    let mut around = LasRecords::default();
     let mut file = source.from(header.header_size.into())?;
     for _ in 0..header.number_of_variable_length_records {
         let record = Vlr::read_from(&mut file, false);
         let record = record.map_err(|error| failed(error, "the records before its points"))?;
         around.take(source, user(&record.user_id), record.record_id, &record.description, record.data)?;
     }
-    // Not by the crate, which takes memory for whatever length they claim.
+    // Not by the crate, which allocates memory for any length that they claim.
     let behind = |error| source.failed(error, "the records behind its points");
     let mut at = header.evlr.map_or(0, |evlr| evlr.start_of_first_evlr);
     for _ in 0..header.evlr.map_or(0, |evlr| evlr.number_of_evlrs) {
@@ -436,12 +437,12 @@ fn header(source: &Source) -> Result<(Header, Around)> {
     Ok((header, around))
 }
 
-/// Whose record it is, without the zeros behind the name.
+/// The owner of a record, without trailing zeros.
 fn user(id: &[u8]) -> &[u8] {
     id.split(|&byte| byte == 0).next().unwrap_or_default()
 }
 
-/// Extra dimensions that `descriptions` tell of and a cloud holds; they follow byte `at` of records of `size` bytes.
+/// Extra dimensions in `descriptions` that a cloud can hold; they start at byte `at` of records of `size` bytes.
 fn extra(descriptions: &[u8], mut at: usize, size: usize, report: &mut Report) -> Vec<Member> {
     let mut columns = Vec::new();
     let mut places = Vec::new();
@@ -479,7 +480,7 @@ fn extra(descriptions: &[u8], mut at: usize, size: usize, report: &mut Report) -
                 let scale = if kind > 0 && options & 8 != 0 { float(112) } else { 1.0 };
                 let offset = if kind > 0 && options & 16 != 0 { float(136) } else { -0.0 };
                 let name = if name == RAW_INTENSITY { Field::Intensity.info().name.to_owned() } else { name };
-                columns.push(Named { name, number });
+                columns.push(NamedColumn { name, number });
                 places.push((at, scale, offset));
             }
             _ => left.push(name),
@@ -488,8 +489,8 @@ fn extra(descriptions: &[u8], mut at: usize, size: usize, report: &mut Report) -
     }
     rows::lost(left.iter().map(String::as_str), "las", report);
     let goals = rows::goals(&columns, "las", report);
-    let member = |(goal, column): (Goal, &Named), (at, scale, offset): (usize, f64, f64)| Member {
-        goal: Goal { factor: goal.factor * scale, shift: offset, ..goal },
+    let member = |(goal, column): (FieldTarget, &NamedColumn), (at, scale, offset): (usize, f64, f64)| Member {
+        goal: FieldTarget { factor: goal.factor * scale, shift: offset, ..goal },
         number: column.number,
         at,
     };

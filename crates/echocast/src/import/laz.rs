@@ -1,4 +1,4 @@
-//! Decompression of LAZ, by the crate `laz`: several chunks side by side. What the file claims is checked before, for
+//! Decompression of LAZ, by the crate `laz`: several chunks in parallel. What the file claims is checked first, because
 //! the crate would trust it.
 
 use super::{Source, contained};
@@ -10,27 +10,27 @@ use ::laz::{LazItem, LazItemType, LazVlr};
 use echocast_memory::tried;
 use std::io::{self, Cursor, ErrorKind, Read as _};
 
-/// Most bytes of points that are believed to be in a byte of the file: those of real clouds are ten to a hundred.
+/// Maximum plausible bytes of points per byte of the file; real clouds have ten to a hundred.
 const MOST: u64 = 1000;
 
-/// Bytes of points that are believed in any case: a few bytes are many points that are all the same.
+/// Bytes of points that are accepted in any case: a few bytes can hold many points that are all the same.
 const BELIEVED: u64 = 256 << 20;
 
-/// How a record begins that says that all points are one chunk.
+/// Start of a record with which all points are one chunk.
 const POINTWISE: [u8; 2] = [1, 0];
 
-/// Bytes before the first chunk: the place of the table of chunks.
+/// Bytes before the first chunk: the offset of the chunk table.
 const TABLE_AT: u64 = 8;
 
 /// Where a chunk is in the file, and how many points it has.
-struct Chunk {
+struct LazChunk {
     at: u64,
     bytes: u64,
     points: u64,
 }
 
-/// Reads `count` points of `size` bytes that are compressed from byte `start` on, as `record` says, and gives them to
-/// `take`.
+/// Reads `count` points of `size` bytes that are compressed from byte `start` on, as described by `record`, and passes
+/// them to `take`.
 pub(super) fn read(
     source: &Source,
     record: &[u8],
@@ -86,7 +86,7 @@ pub(super) fn read(
     Ok(())
 }
 
-/// Fills `points` out of the chunk `bytes`, and returns the size of a point.
+/// Fills `points` from the chunk `bytes`, and returns the size of a point.
 fn decompress(items: &Vec<LazItem>, bytes: &[u8], points: &mut [u8]) -> io::Result<usize> {
     let input = Cursor::new(bytes);
     let layered = items.first().is_some_and(|item| item.version() >= 3);
@@ -103,7 +103,7 @@ fn decompress(items: &Vec<LazItem>, bytes: &[u8], points: &mut [u8]) -> io::Resu
     Ok(size)
 }
 
-/// Checks that the layers of the chunk `bytes` are in it: memory is taken for what it says of them.
+/// Checks that the layers of the chunk `bytes` are within it: memory is allocated for the sizes that it claims.
 fn check_layers(items: &[LazItem], bytes: &[u8], size: usize) -> io::Result<()> {
     let layers = |item: &LazItem| match item.item_type() {
         LazItemType::Point14 => 9,
@@ -116,7 +116,7 @@ fn check_layers(items: &[LazItem], bytes: &[u8], size: usize) -> io::Result<()> 
     if count == 0 {
         return Ok(());
     }
-    // Behind the first point and the number of points.
+    // They follow the first point and the number of points.
     let sizes = bytes.get(size + 4..size + 4 + 4 * count).ok_or(ErrorKind::UnexpectedEof)?;
     let sizes =
         sizes.chunks_exact(4).map(|bytes| u64::from(bytes.first_chunk().copied().map_or(0, u32::from_le_bytes)));
@@ -127,12 +127,12 @@ fn check_layers(items: &[LazItem], bytes: &[u8], size: usize) -> io::Result<()> 
 }
 
 /// All points from byte `start` on, as the first versions of LASzip compressed them.
-fn one_chunk(source: &Source, start: u64, count: u64) -> Vec<Chunk> {
-    vec![Chunk { at: start, bytes: source.length.saturating_sub(start), points: count }]
+fn one_chunk(source: &Source, start: u64, count: u64) -> Vec<LazChunk> {
+    vec![LazChunk { at: start, bytes: source.length.saturating_sub(start), points: count }]
 }
 
 /// The chunks of `count` points.
-fn chunks(source: &Source, vlr: &LazVlr, start: u64, count: u64, size: usize) -> Result<Vec<Chunk>> {
+fn chunks(source: &Source, vlr: &LazVlr, start: u64, count: u64, size: usize) -> Result<Vec<LazChunk>> {
     let (table, end) = table(source, vlr, start, size)?;
     let mut chunks = Vec::new();
     let (mut at, mut left) = (start + TABLE_AT, count);
@@ -140,10 +140,10 @@ fn chunks(source: &Source, vlr: &LazVlr, start: u64, count: u64, size: usize) ->
         let points = if vlr.uses_variable_size_chunks() { entry.point_count } else { vlr.chunk_size().into() };
         let points = points.min(left);
         if entry.byte_count > end.saturating_sub(at) {
-            return Err(source.error("its table of chunks leads out of its points: it is damaged"));
+            return Err(source.error("its table of chunks extends past its points: it is damaged"));
         }
         if points > 0 {
-            chunks.push(Chunk { at, bytes: entry.byte_count, points });
+            chunks.push(LazChunk { at, bytes: entry.byte_count, points });
         }
         (at, left) = (at + entry.byte_count, left - points);
     }
@@ -168,7 +168,7 @@ fn table(source: &Source, vlr: &LazVlr, start: u64, size: usize) -> Result<(Chun
     let is_place = |at: u64| at >= start + TABLE_AT && at.saturating_add(8) <= length;
     let mut at = place(start)?;
     if !is_place(at) {
-        // Who writes to a pipe cannot go back, and says it at the end.
+        // Programs that write to a pipe cannot seek back, and write it at the end.
         at = place(length.saturating_sub(TABLE_AT))?;
     }
     if !is_place(at) {
@@ -178,7 +178,7 @@ fn table(source: &Source, vlr: &LazVlr, start: u64, size: usize) -> Result<(Chun
     let read = source.from(at)?.read_exact(&mut head);
     read.map_err(|error| source.failed(error, "its table of chunks"))?;
     let chunks = u64::from(head[4..].first_chunk().copied().map_or(0, u32::from_le_bytes));
-    // A chunk begins with a point as it is.
+    // A chunk begins with an uncompressed point.
     if chunks > (at - start) / size as u64 {
         return Err(source.error(format!("says it has {chunks} chunks of points, more than it has room for")));
     }

@@ -1,8 +1,8 @@
-//! MCAP, the bags of ROS 2: the clouds of one topic, put by the transforms into one frame.
+//! MCAP, the bag format of ROS 2: the clouds of one topic, transformed into one frame.
 
 use super::about::About;
-use super::ros::{Message, Points, Transform, transforms};
-use super::rows::{Goal, Rows};
+use super::ros::{CdrReader, CloudMessage, Transform, transforms};
+use super::rows::{FieldTarget, Rows};
 use super::{MOST_OF_ONE, Source, contained};
 use crate::cloud::{Field, Frame, PointCloud};
 use crate::emitter::Trajectory;
@@ -16,14 +16,14 @@ use glam::{DMat3, DVec3};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Read as _};
 
-/// Longest record, bytes: more than the cloud of a frame.
+/// Longest record, bytes: longer than the cloud of a frame.
 const LONGEST: u64 = 1 << 30;
-/// Bytes that are asked for at once: a record takes memory as its bytes come, not by the length that it claims.
+/// Bytes that are requested at once: memory for a record grows as its bytes arrive, not by the length that it claims.
 const PIECE: usize = 1 << 20;
-/// Bytes and records that are believed to be in a file, however short it is.
+/// Bytes and records that are accepted in a file, however short it is.
 const BELIEVED_BYTES: u64 = 64 << 20;
 const BELIEVED_RECORDS: u64 = 1 << 16;
-/// Most frames from one to the world.
+/// Maximum number of frames from one to the world.
 const DEPTH: usize = 100;
 
 /// Kinds of messages that are read.
@@ -32,15 +32,15 @@ const TRANSFORMS: &str = "tf2_msgs/msg/TFMessage";
 const TEXT: &str = "std_msgs/msg/String";
 
 pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
-    // Transforms may come behind the clouds that need them.
-    let mut frames = Frames::default();
+    // Transforms may come after the clouds that need them.
+    let mut frames = TransformTree::default();
     messages(source, |topic, bytes| {
         if topic.kind == TRANSFORMS {
             transforms(bytes).map_err(|fault| topic.error(source, fault))?.into_iter().for_each(|t| frames.add(t));
         }
         Ok(())
     })?;
-    let mut bag = Bag::default();
+    let mut bag = BagCloud::default();
     messages(source, |topic, bytes| bag.take(source, topic, bytes, &mut frames, report))?;
     bag.finish(source, report)
 }
@@ -57,10 +57,10 @@ impl Topic {
     }
 }
 
-/// Does `work` with each message of `source`, in the order of the file.
+/// Calls `work` with each message of `source`, in the order of the file.
 ///
 /// # Errors
-/// A file that is cut off or damaged, or that is more when decompressed than its bytes can be; those of `work`.
+/// A file that is cut off or damaged, or that decompresses to more than its bytes can hold; errors of `work`.
 fn messages(source: &Source, mut work: impl FnMut(&Topic, &[u8]) -> Result<()>) -> Result<()> {
     let mut file = source.from(0)?;
     let most = source.length.saturating_mul(MOST_OF_ONE).max(BELIEVED_BYTES);
@@ -69,11 +69,11 @@ fn messages(source: &Source, mut work: impl FnMut(&Topic, &[u8]) -> Result<()>) 
     let mut kinds = BTreeMap::new();
     let mut topics = BTreeMap::new();
     let failed = |error| source.failed(error, "its messages");
-    // A record of its own takes at least a byte, however well it is compressed.
+    // Each record takes at least a byte, however well it is compressed.
     let (mut records_left, mut bytes_left) = (source.length.max(BELIEVED_RECORDS), most);
     loop {
         let event = contained(|| reader.next_event().transpose().map_err(io_error)).map_err(failed)?;
-        let wanted = match event {
+        let requested = match event {
             None => return Ok(()),
             Some(LinearReadEvent::ReadRequest(count)) => count.min(PIECE),
             Some(LinearReadEvent::Record { opcode, data }) => {
@@ -103,13 +103,13 @@ fn messages(source: &Source, mut work: impl FnMut(&Topic, &[u8]) -> Result<()>) 
                 continue;
             }
         };
-        let count = file.read(reader.insert(wanted)).map_err(failed)?;
+        let count = file.read(reader.insert(requested)).map_err(failed)?;
         reader.notify_read(count);
     }
 }
 
-/// The rest of a record, from the front; `None`: it ends before. By our own code, for the crate takes memory for whatever
-/// length a text claims.
+/// The rest of a record, read from the start; `None`: it ends too early. By our own code, because the crate allocates
+/// memory for any length that a text claims.
 struct Fields<'a>(&'a [u8]);
 
 impl<'a> Fields<'a> {
@@ -142,7 +142,7 @@ impl<'a> Fields<'a> {
         Some((self.u16()?, self.u16()?, self.text()?, self.text()?))
     }
 
-    /// Number of the channel, and the message, behind its number and two times.
+    /// Number of the channel, and the message, which follows its sequence number and two times.
     fn message(&mut self) -> Option<(u16, &'a [u8])> {
         let channel = self.u16()?;
         self.bytes(4 + 8 + 8)?;
@@ -161,23 +161,23 @@ fn io_error(error: McapError) -> io::Error {
     }
 }
 
-/// Where frames are in others over time.
+/// Poses of frames in others over time.
 #[derive(Default)]
-struct Frames {
+struct TransformTree {
     /// By child: the parent, and poses in it with their times, s.
     keys: BTreeMap<String, (String, Vec<(f64, Pose)>)>,
-    /// The same, in order.
+    /// The same, sorted.
     paths: BTreeMap<String, (String, Trajectory)>,
 }
 
-impl Frames {
+impl TransformTree {
     fn add(&mut self, transform: Transform) {
         let (parent, keys) = self.keys.entry(transform.child).or_default();
         *parent = transform.parent;
         keys.push((transform.time, transform.pose));
     }
 
-    /// Where `frame` is at `time`, s, in the frame that is in no other; `None`: it is in no other itself.
+    /// Pose of `frame` at `time`, s, in the root frame; `None`: it is a root itself.
     fn pose(&mut self, frame: &str, time: f64) -> Result<Option<Pose>> {
         for (child, (parent, mut keys)) in std::mem::take(&mut self.keys) {
             keys.sort_by(|(a, _), (b, _)| a.total_cmp(b));
@@ -196,41 +196,41 @@ impl Frames {
     }
 }
 
-/// The cloud of a bag, as it is read.
+/// The cloud of a bag while it is read.
 #[derive(Default)]
-struct Bag {
+struct BagCloud {
     about: About,
     has_legend: bool,
     /// The topic of its clouds, once there is one.
     topic: Option<String>,
     rows: Option<Rows>,
-    /// Clouds so far.
+    /// Clouds read so far.
     count: usize,
-    /// Whether they are in the frame of the sensor for want of transforms.
+    /// Whether they are in the frame of the sensor for lack of transforms.
     untransformed: bool,
-    /// Topics that a cloud has no place for.
+    /// Topics that a cloud cannot hold.
     left: BTreeSet<String>,
 }
 
-impl Bag {
+impl BagCloud {
     fn take(
         &mut self,
         source: &Source,
         topic: &Topic,
         bytes: &[u8],
-        frames: &mut Frames,
+        frames: &mut TransformTree,
         report: &mut Report,
     ) -> Result<()> {
         let mine = self.topic.as_ref().is_none_or(|mine| *mine == topic.name);
         match &*topic.kind {
             CLOUD if mine => {
                 self.topic = Some(topic.name.clone());
-                let points = Points::read(bytes).map_err(|fault| topic.error(source, fault))?;
+                let points = CloudMessage::read(bytes).map_err(|fault| topic.error(source, fault))?;
                 self.add(source, topic, &points, frames, report)
             }
             TEXT if topic.name == "/legend" && self.rows.is_none() => {
-                let text = Message::new(bytes).and_then(|mut message| message.text());
-                // Another program may have something else there.
+                let text = CdrReader::new(bytes).and_then(|mut message| message.text());
+                // Another program may use this topic for something else.
                 if let Some(about) = text.ok().and_then(|text| About::parse(source.path, text.as_bytes()).ok()) {
                     (self.about, self.has_legend) = (about, true);
                 }
@@ -249,14 +249,14 @@ impl Bag {
         &mut self,
         source: &Source,
         topic: &Topic,
-        points: &Points,
-        frames: &mut Frames,
+        points: &CloudMessage,
+        frames: &mut TransformTree,
         report: &mut Report,
     ) -> Result<()> {
-        // Those of the first tell what has no place.
-        let mut told_before = Report::default();
+        // Fields that a cloud cannot hold are reported for the first message only.
+        let mut repeated = Report::default();
         let full_scale = self.about.intensity_full_scale.flatten().unwrap_or(255.0);
-        let members = points.members(full_scale, if self.count == 0 { report } else { &mut told_before });
+        let members = points.members(full_scale, if self.count == 0 { report } else { &mut repeated });
         let fields = members.iter().map(|member| member.goal.field).collect();
         let pose = frames.pose(&points.frame, points.time)?;
         if self.count == 0 {
@@ -288,7 +288,7 @@ impl Bag {
             match (axis, &places) {
                 (Some(axis), Some(places)) => {
                     let along = places.iter().map(|place: &DVec3| place[axis]);
-                    rows.add(Goal::from(member.goal.field), along)?;
+                    rows.add(FieldTarget::from(member.goal.field), along)?;
                 }
                 _ => points.rows().try_for_each(|row| member.take(row, points.step, points.big_endian, &mut rows))?,
             }
@@ -298,23 +298,23 @@ impl Bag {
     }
 
     fn finish(self, source: &Source, report: &mut Report) -> Result<PointCloud> {
-        let Bag { about, rows, count, untransformed, left, .. } = self;
+        let BagCloud { about, rows, count, untransformed, left, .. } = self;
         let Some(rows) = rows else {
             return Err(source.error(format!("has no message of {CLOUD}; allowed: bags of ROS 2 with clouds")));
         };
         if untransformed && count > 1 {
-            report.warn(format!("mcap: without transforms, its {count} clouds are all as the sensor sees them"));
+            report.warn(format!("mcap: without transforms, its {count} clouds all stay in the frame of the sensor"));
         }
         if !left.is_empty() {
             let left = left.into_iter().collect::<Vec<_>>().join(", ");
-            report.warn(format!("mcap: a cloud has no place for the topics {left}"));
+            report.warn(format!("mcap: a cloud cannot hold the topics {left}"));
         }
         side_by_side(rows.finish(source.path, "mcap", about, report)?)
     }
 }
 
-/// The cloud with a row for each laser, if it has a column for each, as drivers arrange the firings of all lasers; else as
-/// it is.
+/// The cloud with a row for each laser if it has a column for each, as drivers arrange firings; otherwise the cloud
+/// unchanged.
 ///
 /// # Errors
 /// No memory.
@@ -327,7 +327,7 @@ fn side_by_side(cloud: PointCloud) -> Result<PointCloud> {
     }
     let mut known = Vec::new();
     for laser in 0..lasers {
-        // What is no point may have no ring.
+        // A row without a point may have no ring.
         let mut rings = (laser..ring.len()).step_by(lasers).filter(|&row| !x[row].is_nan()).map(|row| ring[row]);
         let first = rings.next();
         if rings.any(|ring| Some(ring) != first) {

@@ -27,25 +27,25 @@ use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
 use crate::ground::shown;
 use crate::read::{self, Limit};
-use crate::scene::is_scene;
+use crate::scene_files::is_scene;
 use std::fs::File;
 use std::io::{self, BufReader, ErrorKind, Read as _, Seek as _, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-/// Bytes at the beginning of a file that tell its format.
+/// Bytes at the beginning of a file from which its format is detected.
 const BEGINNING: u64 = 4096;
 
-/// Most bytes that are believed to be in a compressed byte: deflate and zstd make a thousand of one.
+/// Maximum plausible expansion of a compressed byte: deflate and zstd reach a thousand.
 const MOST_OF_ONE: u64 = 1100;
 
-/// Most bytes of memory for an array beside the columns, of a file that is shorter.
+/// Maximum bytes of memory for an array other than the columns, of a file that is shorter.
 const BESIDE: u64 = 256 << 20;
 
 impl PointCloud {
     /// Reads the cloud file at `path`: of any format of [`crate::export::FORMATS`], and LAS, LAZ, PLY, PCD, E57, text
-    /// and MCAP files of other programs. The content tells the format, whatever the name ends in. [`read()`] also reports what a
-    /// cloud could not take over.
+    /// and MCAP files of other programs. The format is detected from the content, regardless of the file name's ending.
+    /// [`read()`] also reports what the cloud cannot hold.
     ///
     /// # Errors
     /// As [`read()`].
@@ -54,20 +54,20 @@ impl PointCloud {
     }
 }
 
-/// A point-cloud file format that is read.
+/// A point-cloud file format that can be read.
 pub struct CloudReader {
-    /// What it is called.
+    /// Its name.
     pub name: &'static str,
-    /// File name endings, lower case, without the dot. Those of other files are read too.
+    /// File name endings, lower case, without the dot. Files with other endings are read too.
     pub extensions: &'static [&'static str],
-    /// One line for people: which files are read.
+    /// One line for users: which files are read.
     pub description: &'static str,
-    /// Whether a file that begins so is one.
+    /// Whether a file that begins with these bytes is in this format.
     begins: fn(&[u8]) -> bool,
     read: fn(&Source, &mut Report) -> Result<PointCloud>,
 }
 
-/// Every format that is read.
+/// Every format that can be read.
 pub const READERS: &[CloudReader] = &[
     CloudReader {
         name: "las",
@@ -81,7 +81,7 @@ pub const READERS: &[CloudReader] = &[
         name: "hdf5",
         extensions: &["h5", "hdf5"],
         description: "HDF5 as echocast writes it: a dataset for each column",
-        // What has it behind a block of its user is found later.
+        // Files with the signature after a user block are detected later.
         begins: |bytes| bytes.starts_with(hdf5::SIGNATURE),
         read: hdf5::read,
     },
@@ -110,7 +110,7 @@ pub const READERS: &[CloudReader] = &[
     CloudReader {
         name: "mcap",
         extensions: &["mcap"],
-        description: "bags of ROS 2: the PointCloud2 messages of one topic, put by the transforms into one frame",
+        description: "bags of ROS 2: the PointCloud2 messages of one topic, transformed into one frame",
         begins: |bytes| bytes.starts_with(b"\x89MCAP0\r\n"),
         read: mcap::read,
     },
@@ -124,30 +124,30 @@ pub const READERS: &[CloudReader] = &[
     CloudReader {
         name: "csv",
         extensions: &["csv", "txt", "asc", "xyz", "pts"],
-        description: "rows of numbers, behind a header of column names or not",
+        description: "rows of numbers, with or without a header of column names",
         begins: csv::begins,
         read: csv::read,
     },
 ];
 
-/// Reads the cloud file at `path`, whose content tells the format. Names of labels are in it, or in `NAME.labels.json`
-/// beside it. `report` gets what the file says and a cloud does not hold.
+/// Reads the cloud file at `path`, whose format is detected from the content. Label names are in it, or in
+/// `NAME.labels.json` next to it. What the file contains and a cloud does not hold is added to `report`.
 ///
-/// Positions farther than 1e18 m, infinite ones and those that are no numbers become NaN, as those of beams without a
-/// return are.
+/// Positions farther than 1e18 m, infinite ones and those that are not numbers become NaN, like those of beams without
+/// a return.
 ///
 /// # Errors
-/// A missing file, or one of another format; one that is cut off, damaged or says what cannot be; no memory.
+/// A missing file, or one of another format; one that is cut off, damaged or has invalid content; no memory.
 pub fn read(path: &Path, report: &mut Report) -> Result<PointCloud> {
     read_with(path, &ReadOptions::default(), report)
 }
 
-/// What files do not say of themselves.
+/// What files do not state themselves.
 #[derive(Clone, Debug, Default)]
 pub struct ReadOptions {
     /// The columns of text, from the first on, by the names of [`Field`](crate::Field)s or those that other programs
-    /// give them; `_` is left out, and so are those behind the last. `None`: as the header has them, or, where there is
-    /// none, as they are likely to be, which is reported.
+    /// use; `_` is left out, and so are columns after the last. `None`: as in the header, or, if there is none, as
+    /// guessed, which is reported.
     pub columns: Option<Vec<String>>,
 }
 
@@ -155,22 +155,22 @@ impl ReadOptions {
     /// Checks the names of the columns.
     ///
     /// # Errors
-    /// One that is unknown.
+    /// An unknown name.
     pub fn check(&self) -> Result<()> {
         csv::check(self.columns.as_deref().unwrap_or_default())
     }
 }
 
-/// [`read()`] with what the file does not say itself.
+/// [`read()`] with what the file does not state itself.
 ///
 /// # Errors
-/// As [`read()`] and [`ReadOptions::check`]; columns for what is not text.
+/// As [`read()`] and [`ReadOptions::check`]; columns for a file that is not text.
 pub fn read_with(path: &Path, options: &ReadOptions, report: &mut Report) -> Result<PointCloud> {
     options.check()?;
     let (mut source, mut reader) = open(path)?;
     if options.columns.is_some() {
         source.columns = options.columns.as_deref();
-        // Whatever stands above the rows.
+        // Regardless of what is above the rows.
         let text = READERS.iter().find(|reader| reader.name == "csv");
         reader = reader.or(text);
         if let Some(other) = reader.filter(|reader| reader.name != "csv") {
@@ -186,10 +186,11 @@ pub fn read_with(path: &Path, options: &ReadOptions, report: &mut Report) -> Res
     (reader.read)(&source, report)
 }
 
-/// Whether the file at `path` is, or by its name should be, a cloud rather than a scene: a PLY file with faces is none.
+/// Whether the file at `path` is, or by its name should be, a cloud rather than a scene: a PLY file with faces is not a
+/// cloud.
 ///
 /// # Errors
-/// A missing file that should be one; a PLY file with a header that is none.
+/// A missing file that should be a cloud; a PLY file with an invalid header.
 pub fn is_cloud(path: &Path) -> Result<bool> {
     let ending = ending_of(path);
     let named = ending != "ply" && READERS.iter().any(|reader| reader.extensions.contains(&&*ending));
@@ -199,12 +200,12 @@ pub fn is_cloud(path: &Path) -> Result<bool> {
         Ok((_, Some(reader))) if reader.name == "csv" => Ok(!is_scene(path)),
         Ok((_, reader)) => Ok(named || reader.is_some()),
         Err(error) if named => Err(error),
-        // Who reads scenes says it.
+        // The reader of scenes reports it.
         Err(_) => Ok(false),
     }
 }
 
-/// What the name of the file at `path` ends in, lower case.
+/// The ending of the file name `path`, lower case.
 fn ending_of(path: &Path) -> String {
     path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase()
 }
@@ -222,7 +223,7 @@ fn open(path: &Path) -> Result<(Source<'_>, Option<&'static CloudReader>)> {
     let text = || READERS.iter().find(|reader| reader.name == "csv");
     #[cfg(feature = "hdf5")]
     if reader.is_none_or(|reader| reader.name == "csv") && hdf5::begins_at(&source).map_err(fault)?.is_some() {
-        // The block of the user may be text.
+        // The user block may be text.
         return Ok((source, READERS.iter().find(|reader| reader.name == "hdf5")));
     }
     // Text may begin with anything.
@@ -234,23 +235,23 @@ fn open(path: &Path) -> Result<(Source<'_>, Option<&'static CloudReader>)> {
 struct Source<'a> {
     path: &'a Path,
     file: File,
-    /// Bytes of the file when it was opened.
+    /// Length of the file when it was opened, bytes.
     length: u64,
     /// As [`ReadOptions::columns`].
     columns: Option<&'a [String]>,
 }
 
 impl Source<'_> {
-    /// What is wrong with the file as a whole.
+    /// An error in the file as a whole.
     fn error(&self, message: impl Into<String>) -> Error {
         Error::parse(self.path, "", message)
     }
 
-    /// The system's error, or where the file ends too early.
+    /// The error of the system, or that the file ends within `place`.
     fn failed(&self, error: io::Error, place: &str) -> Error {
         match error.kind() {
             ErrorKind::UnexpectedEof => self.error(format!("ends within {place}: it is cut off")),
-            // What the system says has a number; all else, what a library says of the content.
+            // Errors of the system have a number; all others are a library's errors on the content.
             _ if error.raw_os_error().is_some() => Error::io(self.path, error),
             _ => self.error(format!("{place}: {}", shown::text(&error.to_string()))),
         }
@@ -267,8 +268,8 @@ impl Source<'_> {
         file.seek(SeekFrom::Start(at)).map(|_| &self.file)
     }
 
-    /// Checks that the `count` things in `name`, beside the columns, take no more memory, `size` bytes each, than what
-    /// describes a cloud may.
+    /// Checks that the `count` elements of `name`, which is not a column, take no more memory, at `size` bytes each,
+    /// than metadata of a cloud may.
     fn check_beside(&self, name: &str, count: u64, size: usize) -> Result<()> {
         if count.saturating_mul(size as u64) <= BESIDE.max(self.length) {
             return Ok(());
@@ -277,7 +278,7 @@ impl Source<'_> {
         Err(Error::parse(self.path, name, message))
     }
 
-    /// Checks that `count` points of `size` bytes can stand behind byte `at`.
+    /// Checks that there is room for `count` points of `size` bytes after byte `at`.
     fn check_count(&self, count: u64, size: usize, at: u64) -> Result<usize> {
         let room = self.length.saturating_sub(at) / (size as u64).max(1);
         match usize::try_from(count) {
@@ -287,7 +288,7 @@ impl Source<'_> {
     }
 }
 
-/// Does `work` of a library that panics on some damaged files.
+/// Runs `work` of a library that panics on some damaged files.
 fn contained<T>(work: impl FnOnce() -> io::Result<T>) -> io::Result<T> {
     let damaged = |_| Err(io::Error::new(ErrorKind::InvalidData, "is damaged"));
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(damaged)

@@ -1,23 +1,23 @@
-//! What other programs call the columns of a cloud.
+//! Names of the columns of a cloud in other programs.
 
-use super::rows::Goal;
+use super::rows::FieldTarget;
 use crate::cloud::Field;
 use crate::read::number::Number;
 
 /// A column of a file.
-pub(super) struct Named {
+pub(super) struct NamedColumn {
     pub name: String,
     /// Type of its numbers.
     pub number: Number,
 }
 
-impl Named {
-    pub(super) fn new(name: &str, number: Number) -> Named {
-        Named { name: name.to_owned(), number }
+impl NamedColumn {
+    pub(super) fn new(name: &str, number: Number) -> NamedColumn {
+        NamedColumn { name: name.to_owned(), number }
     }
 }
 
-/// Names without blanks, `_` and case, with the column that they mean.
+/// Names without blanks, `_` and case, with the column that they stand for.
 const FOREIGN: &[(&str, Field)] = &[
     ("pointx", Field::X),
     ("pointy", Field::Y),
@@ -78,10 +78,11 @@ const FOREIGN: &[(&str, Field)] = &[
     ("numreturns", Field::ReturnCount),
 ];
 
-/// Colours from 0 to 1, as CloudCompare calls them.
+/// Colours from 0 to 1, as named by CloudCompare.
 const PARTS: &[(&str, Field)] = &[("rf", Field::Red), ("gf", Field::Green), ("bf", Field::Blue)];
 
-/// Units that names end in, or that have a line of their own, with what makes the unit of the column of them, and that.
+/// Units that names end with, or that are on a line of their own, with the factor to the unit of the column, and that
+/// unit.
 const UNITS: &[(&[&str], f64, &str)] = &[
     (&["m", "meter", "meters", "metre", "metres"], 1.0, "m"),
     (&["mm", "millimeter", "millimeters", "millimetre", "millimetres"], 1e-3, "m"),
@@ -96,7 +97,7 @@ const UNITS: &[(&[&str], f64, &str)] = &[
     (&["deg", "degree", "degrees", "\u{b0}"], std::f64::consts::PI / 180.0, "rad"),
 ];
 
-/// What makes the unit of columns of the unit `name`, in brackets or not, and that.
+/// The factor from the unit `name`, in brackets or not, to the unit of columns, and that unit.
 fn unit(name: &str) -> Option<(f64, &'static str)> {
     let name = name.trim().trim_start_matches(['(', '[']).trim_end_matches([')', ']']).trim().to_lowercase();
     UNITS.iter().find(|(names, ..)| names.contains(&&*name)).map(|(_, factor, of)| (*factor, *of))
@@ -107,20 +108,20 @@ pub(super) fn is_unit(word: &str) -> bool {
     unit(word).is_some()
 }
 
-/// The column `name` with numbers in `unit`, where it can have that.
+/// The name of the column `name` with `unit` added if it can have that unit.
 pub(super) fn with_unit(name: &str, unit: &str) -> String {
     let both = format!("{name} ({})", unit.trim_matches(['(', ')', '[', ']', ' ']));
-    if foreign(&Named::new(&both, Number::U8)).is_some() { both } else { name.to_owned() }
+    if foreign(&NamedColumn::new(&both, Number::U8)).is_some() { both } else { name.to_owned() }
 }
 
-/// The column that has this very name, `scalar_` before it or not.
-pub(super) fn own(column: &Named) -> Option<Goal> {
+/// The column of exactly this name, with or without the prefix `scalar_`.
+pub(super) fn own(column: &NamedColumn) -> Option<FieldTarget> {
     let name = column.name.strip_prefix("scalar_").unwrap_or(&column.name);
     Field::from_name(name).ok().map(|field| to(field, column.number))
 }
 
-/// The column that has this name, but for case, blanks, `_` and a unit at its end, or another name for it.
-pub(super) fn foreign(column: &Named) -> Option<Goal> {
+/// The column of this name, ignoring case, blanks, `_` and a unit at the end, or of a synonym.
+pub(super) fn foreign(column: &NamedColumn) -> Option<FieldTarget> {
     let named = |name: &str| {
         let plain = |name: &str| name.to_lowercase().replace(['_', ' '], "");
         let name = plain(name);
@@ -135,12 +136,12 @@ pub(super) fn foreign(column: &Named) -> Option<Goal> {
         let (name, last) = name.strip_suffix([')', ']']).unwrap_or(name).rsplit_once(['(', '[', '_', '/', ' '])?;
         let (factor, of) = unit(last)?;
         let goal = named(name).filter(|goal| goal.field.info().unit == of)?;
-        Some(Goal::scaled(goal.field, factor))
+        Some(FieldTarget::scaled(goal.field, factor))
     })
 }
 
 /// Numbers of the type `number` in the column `field`.
-fn to(field: Field, number: Number) -> Goal {
+fn to(field: Field, number: Number) -> FieldTarget {
     let factor = match (field, number) {
         (Field::Red | Field::Green | Field::Blue, Number::U16) => 1.0 / 257.0,
         (Field::Red | Field::Green | Field::Blue, Number::F32 | Number::F64) => 255.0,
@@ -148,7 +149,7 @@ fn to(field: Field, number: Number) -> Goal {
         (Field::Time, Number::U32 | Number::I32 | Number::U64 | Number::I64) => 1e-9,
         _ => 1.0,
     };
-    Goal::scaled(field, factor)
+    FieldTarget::scaled(field, factor)
 }
 
 #[cfg(test)]
@@ -158,7 +159,7 @@ mod tests {
     #[test]
     fn names_of_other_programs_are_known() {
         let found = |name| {
-            let column = Named::new(name, Number::F32);
+            let column = NamedColumn::new(name, Number::F32);
             own(&column).or_else(|| foreign(&column)).map(|goal| goal.field)
         };
         for (name, field) in [
@@ -185,11 +186,11 @@ mod tests {
             assert_eq!(found(name), Some(field), "{name}");
         }
         assert_eq!(found("temperature"), None);
-        let factor = |name, number| foreign(&Named::new(name, number)).map(|goal| goal.factor);
+        let factor = |name, number| foreign(&NamedColumn::new(name, number)).map(|goal| goal.factor);
         assert_eq!(factor("t", Number::U32), Some(1e-9));
         assert_eq!(factor("Z (mm)", Number::F32), Some(1e-3));
         assert_eq!(factor("Rf", Number::U8), Some(255.0));
-        // An angle is no range, and PCV (CloudCompare's sky visibility) has no column.
+        // An angle is not a range, and PCV (CloudCompare's sky visibility) has no column.
         assert_eq!((factor("range (deg)", Number::F32), factor("Illuminance (PCV)", Number::F32)), (None, None));
     }
 }

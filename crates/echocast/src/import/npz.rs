@@ -2,7 +2,7 @@
 
 use super::about::{ABOUT, About, Arrays};
 use super::number::{Member, blocks};
-use super::rows::{Goal, Rows};
+use super::rows::{FieldTarget, Rows};
 use super::{MOST_OF_ONE, Source, boxes, rows};
 use crate::cloud::{FIELDS, Field, FieldSet, PointCloud};
 use crate::ground::error::{Error, Result};
@@ -17,45 +17,45 @@ use zip::ZipArchive;
 const HEADER: usize = 1 << 16;
 
 /// A zip of arrays.
-struct Archive<'a> {
+struct NpzReader<'a> {
     source: &'a Source<'a>,
     zip: ZipArchive<BufReader<&'a File>>,
 }
 
-/// What the header of an array says.
+/// The header of an array.
 #[derive(Debug, PartialEq)]
-struct Array {
-    /// Text: this many characters.
-    element: Element,
+struct NpyHeader {
+    /// Text has this many characters.
+    element: NpyDtype,
     big: bool,
     shape: Vec<usize>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Element {
+enum NpyDtype {
     Number(Number),
     Text(usize),
 }
 
-impl Array {
+impl NpyHeader {
     fn count(&self) -> Option<usize> {
         self.shape.iter().try_fold(1_usize, |product, &length| product.checked_mul(length))
     }
 
     fn size(&self) -> usize {
         match self.element {
-            Element::Number(number) => number.size(),
-            Element::Text(characters) => characters * 4,
+            NpyDtype::Number(number) => number.size(),
+            NpyDtype::Text(characters) => characters * 4,
         }
     }
 }
 
-impl Archive<'_> {
-    /// Hands the array `name`, its number of elements and what reads them to `take`; `None`: there is none.
+impl NpzReader<'_> {
+    /// Passes the array `name`, its number of elements and their reader to `take`; `None`: there is none.
     fn array<T>(
         &mut self,
         name: &str,
-        take: impl FnOnce(&Source, &Array, usize, &mut dyn Read) -> Result<T>,
+        take: impl FnOnce(&Source, &NpyHeader, usize, &mut dyn Read) -> Result<T>,
     ) -> Result<Option<T>> {
         let source = self.source;
         let place = format!("{name}.npy");
@@ -70,9 +70,9 @@ impl Archive<'_> {
         let mut head = [0; 8];
         file.read_exact(&mut head).map_err(fault)?;
         if !head.starts_with(b"\x93NUMPY") {
-            return Err(wrong("is no array of NumPy".into()));
+            return Err(wrong("is not a NumPy array".into()));
         }
-        // From version 2 on, the length of the text has four bytes.
+        // From version 2 on, the length of the header text has four bytes.
         let mut length = [0; 4];
         let digits = if head[6] < 2 { 2 } else { 4 };
         file.read_exact(&mut length[..digits]).map_err(fault)?;
@@ -89,20 +89,20 @@ impl Archive<'_> {
             return Err(wrong(format!("its {rest} bytes are not an array of shape {:?}", array.shape)));
         };
         let taken = take(source, &array, count, &mut file)?;
-        // At the end the sum of all bytes is checked.
+        // The checksum is verified at the end of the file.
         let end = file.read(&mut [0]).map_err(fault)?;
-        if end > 0 { Err(wrong("is longer than it says".into())) } else { Ok(Some(taken)) }
+        if end > 0 { Err(wrong("is longer than its header states".into())) } else { Ok(Some(taken)) }
     }
 }
 
-impl Arrays for Archive<'_> {
+impl Arrays for NpzReader<'_> {
     fn numbers(&mut self, name: &str) -> Result<Option<Vec<f64>>> {
         self.array(name, |source, array, count, file| {
-            let Element::Number(number) = array.element else {
+            let NpyDtype::Number(number) = array.element else {
                 return Err(Error::parse(source.path, name, "is text; expected numbers"));
             };
             source.check_beside(name, count as u64, size_of::<f64>())?;
-            // A column of f64 is as good as any list of numbers.
+            // A column of f64 serves as a list of numbers.
             let mut numbers = Rows::new(FieldSet::EMPTY.with(Field::Time), 0, None)?;
             let member = Member { goal: Field::Time.into(), number, at: 0 };
             blocks(source, file, number.size(), count, |bytes| {
@@ -114,7 +114,7 @@ impl Arrays for Archive<'_> {
 
     fn texts(&mut self, name: &str) -> Result<Option<Vec<String>>> {
         self.array(name, |source, array, count, file| {
-            let Element::Text(characters) = array.element else {
+            let NpyDtype::Text(characters) = array.element else {
                 return Err(Error::parse(source.path, name, "is numbers; expected text"));
             };
             source.check_beside(name, count as u64, characters * 4 + size_of::<String>())?;
@@ -135,9 +135,9 @@ impl Arrays for Archive<'_> {
 }
 
 /// Reads the text of a header: `{'descr': '<f4', 'fortran_order': False, 'shape': (3,), }`.
-fn parse(text: &str) -> Result<Array, String> {
+fn parse(text: &str) -> Result<NpyHeader, String> {
     let after = |key: &str| text.split_once(key).map(|(_, rest)| rest.trim_start_matches([':', ' ']));
-    let unknown = || format!("has the header {:?}, which is none of an array of numbers", shown::text(text.trim()));
+    let unknown = || format!("has the header {:?}, which is not that of an array of numbers", shown::text(text.trim()));
     let kind = after("'descr'").and_then(|rest| rest.strip_prefix('\'')?.split('\'').next()).ok_or_else(unknown)?;
     let shape = after("'shape'").and_then(|rest| rest.strip_prefix('(')?.split(')').next()).ok_or_else(unknown)?;
     let lengths = shape.split(',').map(str::trim).filter(|length| !length.is_empty());
@@ -146,27 +146,27 @@ fn parse(text: &str) -> Result<Array, String> {
     let (letter, size) = kind.split_at_checked(1).ok_or_else(unknown)?;
     let size: usize = size.parse().map_err(|_| unknown())?;
     let element = match letter {
-        "U" if (1..=1 << 20).contains(&size) => Element::Text(size),
-        "b" if size == 1 => Element::Number(Number::U8),
-        letter => Element::Number(letter.chars().next().and_then(|l| Number::of(l, size)).ok_or_else(unknown)?),
+        "U" if (1..=1 << 20).contains(&size) => NpyDtype::Text(size),
+        "b" if size == 1 => NpyDtype::Number(Number::U8),
+        letter => NpyDtype::Number(letter.chars().next().and_then(|l| Number::of(l, size)).ok_or_else(unknown)?),
     };
-    Ok(Array { element, big: order == ">", shape })
+    Ok(NpyHeader { element, big: order == ">", shape })
 }
 
 pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     let zip = ZipArchive::new(source.from(0)?);
     let zip = zip.map_err(|error| source.failed(error.into(), "its list of arrays"))?;
-    let mut archive = Archive { source, zip };
+    let mut archive = NpzReader { source, zip };
     let mut about = About::of_arrays(&mut archive, source)?;
     about.boxes = boxes::read(&mut archive, source)?;
     let mut rows = Rows::new(FieldSet::EMPTY, 0, Some(&about))?;
     for info in FIELDS {
         archive.array(info.name, |source, array, count, file| {
-            let (Element::Number(number), [_]) = (array.element, &*array.shape) else {
+            let (NpyDtype::Number(number), [_]) = (array.element, &*array.shape) else {
                 return Err(Error::parse(source.path, info.name, "is not one number for each point"));
             };
             rows.also([info.field]);
-            let goal = Goal { shift: about.offset(info.field), ..info.field.into() };
+            let goal = FieldTarget { shift: about.offset(info.field), ..info.field.into() };
             let member = Member { goal, number, at: 0 };
             blocks(source, file, number.size(), count, |bytes| member.take(bytes, number.size(), array.big, &mut rows))
         })?;

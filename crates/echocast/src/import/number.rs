@@ -1,22 +1,22 @@
 //! Numbers in records of bytes.
 
 use super::Source;
-use super::rows::{Goal, Rows};
+use super::rows::{FieldTarget, Rows};
 use crate::cloud::record::BLOCK_BYTES;
 use crate::ground::error::Result;
 use crate::read::number::Number;
 use std::io::Read;
 
-/// A number of each record of a file, and where it goes.
+/// A number in each record of a file, and its target.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Member {
-    pub goal: Goal,
+    pub goal: FieldTarget,
     pub number: Number,
     /// First byte in the record.
     pub at: usize,
 }
 
-/// What the macro `$make` makes of the type of `$number`.
+/// Calls the macro `$make` with the type of `$number`.
 macro_rules! of_type {
     ($number:expr, $make:ident) => {
         match $number {
@@ -34,7 +34,7 @@ macro_rules! of_type {
     };
 }
 
-/// The number of the type `$t` at the front of the bytes `$from`.
+/// The number of the type `$t` at the start of the bytes `$from`.
 macro_rules! number {
     ($t:ty, $from:expr, $big:expr) => {{
         let bytes = $from.first_chunk().copied().unwrap_or_default();
@@ -43,7 +43,7 @@ macro_rules! number {
 }
 
 impl Number {
-    /// The number of this type at the front of `bytes`, which are big-endian if `big`.
+    /// The number of this type at the start of `bytes`, which are big-endian if `big`.
     pub(super) fn value(self, bytes: &[u8], big: bool) -> f64 {
         macro_rules! one {
             ($t:ty) => {

@@ -1,10 +1,10 @@
 //! PCD, the format of the Point Cloud Library.
 
 use super::about::{self, About};
-use super::names::Named;
+use super::names::NamedColumn;
 use super::number::{Member, blocks};
-use super::rows::{self, Goal, Rows};
-use super::text::{self, Lines, Place, Style};
+use super::rows::{self, FieldTarget, Rows};
+use super::text::{self, TextLines, TextStyle, WordTarget};
 use super::{Source, contained};
 use crate::cloud::{Field, Frame, PointCloud};
 use crate::ground::error::{Error, Result};
@@ -13,22 +13,22 @@ use crate::ground::report::Report;
 use crate::read::number::Number;
 use std::io::{self, Read as _};
 
-/// Most lines before the points.
+/// Maximum number of lines before the points.
 const HEADER: usize = 1000;
-/// Most bytes of a point.
+/// Maximum number of bytes of a point.
 const POINT: usize = 1 << 16;
-/// Most bytes that LZF makes of one: 264 of 3.
+/// Maximum expansion of LZF: 264 bytes from 3.
 const MOST: u64 = 88;
 
-/// Whether a file that begins with `bytes` is one.
+/// Whether a file that begins with `bytes` is in this format.
 pub(super) fn begins(bytes: &[u8]) -> bool {
     [&b"# .PCD"[..], b"#.PCD", b"VERSION ", b"FIELDS "].iter().any(|beginning| bytes.starts_with(beginning))
 }
 
-/// What stands before the points.
+/// The header, which precedes the points.
 #[derive(Default)]
-struct Header {
-    fields: Vec<Entry>,
+struct PcdHeader {
+    fields: Vec<PcdField>,
     width: u64,
     height: u64,
     points: Option<u64>,
@@ -36,14 +36,14 @@ struct Header {
 }
 
 /// Numbers of one name in a point.
-struct Entry {
+struct PcdField {
     name: String,
     size: usize,
     kind: char,
     count: usize,
 }
 
-impl Entry {
+impl PcdField {
     fn bytes(&self) -> usize {
         self.size * self.count
     }
@@ -54,10 +54,11 @@ impl Entry {
     }
 }
 
-/// Lines of keys and words, up to that which says how the points are kept: that, and the lines behind it.
-fn header<'a>(source: &'a Source<'a>) -> Result<(Header, String, Lines<'a>)> {
-    let mut lines = Lines::of(source)?;
-    let mut header = Header::default();
+/// Reads lines of keys and words up to the one that states how the points are stored; returns the header, that word,
+/// and the lines after it.
+fn header<'a>(source: &'a Source<'a>) -> Result<(PcdHeader, String, TextLines<'a>)> {
+    let mut lines = TextLines::of(source)?;
+    let mut header = PcdHeader::default();
     for _ in 0..HEADER {
         let Some(line) = lines.next()? else { break };
         let line = line.to_owned();
@@ -67,7 +68,7 @@ fn header<'a>(source: &'a Source<'a>) -> Result<(Header, String, Lines<'a>)> {
         let fields = &mut header.fields;
         let done = match key {
             "FIELDS" | "COLUMNS" => {
-                let entry = |name: &&str| Entry { name: (*name).to_owned(), size: 4, kind: 'F', count: 1 };
+                let entry = |name: &&str| PcdField { name: (*name).to_owned(), size: 4, kind: 'F', count: 1 };
                 *fields = words.iter().map(entry).collect();
                 Some(())
             }
@@ -96,8 +97,8 @@ fn header<'a>(source: &'a Source<'a>) -> Result<(Header, String, Lines<'a>)> {
     Err(source.error("has no line DATA: it is cut off, or no PCD"))
 }
 
-/// Lets `set` take a word for each of `fields`.
-fn each(fields: &mut [Entry], words: &[&str], set: impl Fn(&mut Entry, &str) -> Option<()>) -> Option<()> {
+/// Calls `set` with a word for each of `fields`.
+fn each(fields: &mut [PcdField], words: &[&str], set: impl Fn(&mut PcdField, &str) -> Option<()>) -> Option<()> {
     if fields.len() != words.len() {
         return None;
     }
@@ -128,19 +129,19 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     if let (Some([x, y, z, qw, qx, qy, qz]), None) = (header.viewpoint, about.sensor_pose) {
         let pose = about::pose([x, y, z], [qx, qy, qz, qw]).map_err(|message| source.error(message))?;
         if pose != Pose::IDENTITY {
-            // The points are where the sensor sees them.
+            // The points are in the frame of the sensor.
             (about.sensor_pose, about.frame) = (Some(pose), about.frame.or(Some(Frame::Sensor)));
         }
     }
 
     let places = places(fields, source, report)?;
-    let goals: Vec<Goal> = places
+    let goals: Vec<FieldTarget> = places
         .iter()
         .flatten()
         .flat_map(|place| match place {
-            Place::Goal(goal) => vec![*goal],
-            Place::Packed { goals, .. } => goals.to_vec(),
-            Place::List => Vec::new(),
+            WordTarget::Goal(goal) => vec![*goal],
+            WordTarget::Packed { goals, .. } => goals.to_vec(),
+            WordTarget::List => Vec::new(),
         })
         .collect();
     let columns = goals.iter().map(|goal| goal.field).collect();
@@ -149,9 +150,9 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
         "ascii" => {
             let mut rows = rows(0)?;
             let count = usize::try_from(count).unwrap_or(usize::MAX);
-            // Fields of several numbers are as many words.
+            // Fields of several numbers take as many words.
             let words = places.into_iter().zip(fields).flat_map(|(place, entry)| vec![place; entry.count]);
-            text::read(lines, Style::default(), &words.collect::<Vec<_>>(), Some(count), &mut rows)?;
+            text::read(lines, TextStyle::default(), &words.collect::<Vec<_>>(), Some(count), &mut rows)?;
             rows
         }
         "binary" => {
@@ -168,8 +169,8 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
             let count = bytes.len() / size;
             let mut rows = rows(count)?;
             for (member, entry) in members(fields, &places) {
-                // Column after column.
-                let before: usize = fields[..entry].iter().map(Entry::bytes).sum();
+                // The data is column after column.
+                let before: usize = fields[..entry].iter().map(PcdField::bytes).sum();
                 let width = fields[entry].bytes();
                 let within = member.at - before;
                 let column = &bytes[before * count..(before + width) * count];
@@ -185,54 +186,54 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     rows.finish(source.path, "pcd", about, report)
 }
 
-/// Where each of `fields` goes.
-fn places(fields: &[Entry], source: &Source, report: &mut Report) -> Result<Vec<Option<Place>>> {
+/// The target of each of `fields`.
+fn places(fields: &[PcdField], source: &Source, report: &mut Report) -> Result<Vec<Option<WordTarget>>> {
     let mut columns = Vec::new();
     for entry in fields {
         let number = Number::of(entry.kind.to_ascii_lowercase(), entry.size).ok_or_else(|| {
-            let Entry { name, size, kind, .. } = entry;
+            let PcdField { name, size, kind, .. } = entry;
             source.error(format!(
                 "{name:?} is of type {kind} with {size} bytes; allowed: I and U with 1, 2, 4 and 8, F with 4 and 8"
             ))
         })?;
-        // What has several numbers is no column.
+        // A field of several numbers is not a column.
         let name = if entry.count == 1 { entry.name.clone() } else { format!("{}[{}]", entry.name, entry.count) };
         let name = if entry.name == "_" { "_".to_owned() } else { name };
-        // One of three, so that no other is taken for it.
+        // Claims red, so that no other field is taken for it.
         let name = if entry.is_packed() { Field::Red.info().name.to_owned() } else { name };
-        columns.push(Named { name, number: if entry.is_packed() { Number::U8 } else { number } });
+        columns.push(NamedColumn { name, number: if entry.is_packed() { Number::U8 } else { number } });
     }
     let mut goals = rows::goals(&columns, "pcd", report);
-    if fields.iter().any(Entry::is_packed) {
-        let twice = |goal: &Goal| matches!(goal.field, Field::Green | Field::Blue);
+    if fields.iter().any(PcdField::is_packed) {
+        let twice = |goal: &FieldTarget| matches!(goal.field, Field::Green | Field::Blue);
         goals.iter_mut().for_each(|goal| *goal = goal.filter(|goal| !twice(goal)));
     }
-    let place = |(goal, entry): (Option<Goal>, &Entry)| match goal {
+    let place = |(goal, entry): (Option<FieldTarget>, &PcdField)| match goal {
         Some(goal) if entry.is_packed() && goal.field == Field::Red => {
-            let goals = [Field::Red, Field::Green, Field::Blue].map(Goal::from);
-            Some(Place::Packed { float: entry.kind.eq_ignore_ascii_case(&'f'), goals })
+            let goals = [Field::Red, Field::Green, Field::Blue].map(FieldTarget::from);
+            Some(WordTarget::Packed { float: entry.kind.eq_ignore_ascii_case(&'f'), goals })
         }
-        goal => goal.map(Place::Goal),
+        goal => goal.map(WordTarget::Goal),
     };
     Ok(goals.into_iter().zip(fields).map(place).collect())
 }
 
-/// The members of a point that go to columns, each with the index of its field.
-fn members(fields: &[Entry], places: &[Option<Place>]) -> Vec<(Member, usize)> {
+/// The members of a point that are read into columns, each with the index of its field.
+fn members(fields: &[PcdField], places: &[Option<WordTarget>]) -> Vec<(Member, usize)> {
     let mut members = Vec::new();
     let mut at = 0;
     for (index, (entry, place)) in fields.iter().zip(places).enumerate() {
         match place {
-            Some(Place::Goal(goal)) => {
+            Some(WordTarget::Goal(goal)) => {
                 let number = Number::of(entry.kind.to_ascii_lowercase(), entry.size);
                 members.extend(number.map(|number| (Member { goal: *goal, number, at }, index)));
             }
-            Some(Place::Packed { goals, .. }) => {
+            Some(WordTarget::Packed { goals, .. }) => {
                 // Little-endian: blue comes first.
                 let byte = |(goal, byte)| (Member { goal, number: Number::U8, at: at + byte }, index);
                 members.extend(goals.iter().copied().zip([2, 1, 0]).map(byte));
             }
-            Some(Place::List) | None => {}
+            Some(WordTarget::List) | None => {}
         }
         at += entry.bytes();
     }

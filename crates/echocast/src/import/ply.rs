@@ -2,36 +2,36 @@
 
 use super::Source;
 use super::about::About;
-use super::names::Named;
+use super::names::NamedColumn;
 use super::number::{Member, blocks};
-use super::rows::{self, Goal, Rows};
-use super::text::{self, Lines, Place, Style};
+use super::rows::{self, FieldTarget, Rows};
+use super::text::{self, TextLines, TextStyle, WordTarget};
 use crate::cloud::PointCloud;
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
 use crate::ground::shown;
 use crate::read::number::Number;
-use crate::read::ply::{Element, Encoding, Header, Property};
+use crate::read::ply::{Encoding, PlyElement, PlyHeader, PlyProperty};
 use std::io::{self, ErrorKind, Read};
 
-/// Most bytes before the points.
+/// Maximum number of bytes before the points.
 const HEADER: u64 = 1 << 20;
 
-fn header(source: &Source) -> Result<Header> {
+fn header(source: &Source) -> Result<PlyHeader> {
     let mut bytes = Vec::new();
     source.from(0)?.take(HEADER).read_to_end(&mut bytes).map_err(|error| Error::io(source.path, error))?;
-    Header::parse(&bytes).map_err(|(line, message)| Error::parse(source.path, format!("line {line}"), message))
+    PlyHeader::parse(&bytes).map_err(|(line, message)| Error::parse(source.path, format!("line {line}"), message))
 }
 
 /// Whether it is a mesh rather than a cloud.
 ///
 /// # Errors
-/// A header that is none.
+/// An invalid header.
 pub(super) fn has_faces(source: &Source) -> Result<bool> {
     Ok(faces(&header(source)?) > 0)
 }
 
-fn faces(header: &Header) -> u64 {
+fn faces(header: &PlyHeader) -> u64 {
     let surfaces = ["face", "tristrips"];
     header.elements.iter().filter(|element| surfaces.contains(&&*element.name)).map(|element| element.count).sum()
 }
@@ -45,7 +45,7 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
         return Err(source.error("has no element vertex"));
     };
     let vertex = &header.elements[at];
-    let columns: Vec<Named> = vertex.properties.iter().map(column).collect();
+    let columns: Vec<NamedColumn> = vertex.properties.iter().map(column).collect();
     let others = header.elements.iter().enumerate().filter(|&(index, element)| index != at && element.count > 0);
     rows::lost(others.map(|(_, element)| element.name.as_str()), "ply", report);
     let goals = rows::goals(&columns, "ply", report);
@@ -55,18 +55,18 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     }
     let before = &header.elements[..at];
     let rows = if header.encoding == Encoding::Text {
-        let mut lines = Lines::behind(source, header.length as u64, header.lines as u64)?;
+        let mut lines = TextLines::behind(source, header.length as u64, header.lines as u64)?;
         for element in before {
             skip_lines(&mut lines, element, source)?;
         }
         let count = usize::try_from(vertex.count).unwrap_or(usize::MAX);
         let mut rows = Rows::new(rows::fields(&goals), 0, Some(&about))?;
-        let place = |(goal, property): (Option<Goal>, &Property)| match property.length {
-            Some(_) => Some(Place::List),
-            None => goal.map(Place::Goal),
+        let place = |(goal, property): (Option<FieldTarget>, &PlyProperty)| match property.length {
+            Some(_) => Some(WordTarget::List),
+            None => goal.map(WordTarget::Goal),
         };
-        let places: Vec<Option<Place>> = goals.into_iter().zip(&vertex.properties).map(place).collect();
-        text::read(lines, Style::default(), &places, Some(count), &mut rows)?;
+        let places: Vec<Option<WordTarget>> = goals.into_iter().zip(&vertex.properties).map(place).collect();
+        text::read(lines, TextStyle::default(), &places, Some(count), &mut rows)?;
         rows
     } else {
         binary(source, &header, before, vertex, &goals, &about)?
@@ -74,16 +74,16 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     rows.finish(source.path, "ply", about, report)
 }
 
-/// The column of a property; of a list, none that has a place in a cloud.
-fn column(property: &Property) -> Named {
+/// The column of a property; for a list, a name that no column has.
+fn column(property: &PlyProperty) -> NamedColumn {
     match property.length {
-        Some(_) => Named::new(&format!("{}[]", property.name), property.kind),
-        None => Named::new(&property.name, property.kind),
+        Some(_) => NamedColumn::new(&format!("{}[]", property.name), property.kind),
+        None => NamedColumn::new(&property.name, property.kind),
     }
 }
 
-/// Reads on behind the rows of `element`, each of them a line.
-fn skip_lines(lines: &mut Lines, element: &Element, source: &Source) -> Result<()> {
+/// Skips the rows of `element`, one per line.
+fn skip_lines(lines: &mut TextLines, element: &PlyElement, source: &Source) -> Result<()> {
     let mut left = element.count;
     while left > 0 {
         match lines.next()? {
@@ -95,13 +95,13 @@ fn skip_lines(lines: &mut Lines, element: &Element, source: &Source) -> Result<(
     Ok(())
 }
 
-/// The rows of `vertex`, which come behind those of the elements `before` it.
+/// The rows of `vertex`, which follow those of the elements `before` it.
 fn binary(
     source: &Source,
-    header: &Header,
-    before: &[Element],
-    vertex: &Element,
-    goals: &[Option<Goal>],
+    header: &PlyHeader,
+    before: &[PlyElement],
+    vertex: &PlyElement,
+    goals: &[Option<FieldTarget>],
     about: &About,
 ) -> Result<Rows> {
     let big = header.encoding == Encoding::Big;
@@ -127,17 +127,17 @@ fn binary(
     Ok(rows)
 }
 
-fn has_lists(element: &Element) -> bool {
+fn has_lists(element: &PlyElement) -> bool {
     element.properties.iter().any(|property| property.length.is_some())
 }
 
-/// Least bytes of a row: those of numbers, and of the lengths of lists.
-fn row_size(element: &Element) -> usize {
+/// Minimum bytes of a row: those of numbers, and of the lengths of lists.
+fn row_size(element: &PlyElement) -> usize {
     element.properties.iter().map(|property| property.length.unwrap_or(property.kind).size()).sum()
 }
 
-/// Where the rows of `element` end, which begin at byte `start`.
-fn skip_rows(source: &Source, start: u64, element: &Element, big: bool) -> Result<u64> {
+/// The byte where the rows of `element` end, which begin at byte `start`.
+fn skip_rows(source: &Source, start: u64, element: &PlyElement, big: bool) -> Result<u64> {
     let size = row_size(element);
     let count = if size == 0 { 0 } else { source.check_count(element.count, size, start)? };
     if !has_lists(element) {
@@ -149,24 +149,24 @@ fn skip_rows(source: &Source, start: u64, element: &Element, big: bool) -> Resul
     Ok(start + rows.read)
 }
 
-/// Rows of which only the numbers come out, without lists.
+/// A reader of rows that returns only the numbers, without lists.
 struct WithoutLists<'p, R> {
     file: R,
-    properties: &'p [Property],
+    properties: &'p [PlyProperty],
     big: bool,
-    /// The numbers of the current row, and how many bytes of them are out.
+    /// The numbers of the current row, and how many of their bytes have been returned.
     row: Vec<u8>,
     out: usize,
-    /// Bytes of rows so far.
+    /// Bytes of rows read so far.
     read: u64,
 }
 
 impl<'p, R: Read> WithoutLists<'p, R> {
-    fn of(file: R, properties: &'p [Property], big: bool) -> Self {
+    fn of(file: R, properties: &'p [PlyProperty], big: bool) -> Self {
         WithoutLists { file, properties, big, row: Vec::new(), out: 0, read: 0 }
     }
 
-    /// The next bytes of a number at the end of the row.
+    /// Appends the bytes of the next number to the row.
     fn number(&mut self, kind: Number) -> io::Result<()> {
         let at = self.row.len();
         self.row.resize(at + kind.size(), 0);
@@ -185,7 +185,7 @@ impl<'p, R: Read> WithoutLists<'p, R> {
             };
             let at = self.row.len();
             self.number(length)?;
-            // What is negative is none, and a float that is none saturates.
+            // The cast saturates: negative lengths and NaN become 0.
             let items = length.value(&self.row[at..], self.big) as u64;
             self.row.truncate(at);
             let bytes = items.saturating_mul(property.kind.size() as u64);

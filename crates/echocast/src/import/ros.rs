@@ -1,6 +1,6 @@
-//! Messages of ROS 2, as bags hold them: numbers in CDR, at multiples of their size behind a header.
+//! Messages of ROS 2, as bags hold them: numbers in CDR, at multiples of their size after a header.
 
-use super::names::Named;
+use super::names::NamedColumn;
 use super::number::Member;
 use super::rows;
 use crate::cloud::{self, Driver, Field};
@@ -10,47 +10,47 @@ use crate::ground::report::Report;
 use crate::read::number::Number;
 use glam::DVec3;
 
-/// The bytes of a message, from the front.
-pub(super) struct Message<'a> {
+/// The bytes of a message, read from the start.
+pub(super) struct CdrReader<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
-/// What is wrong with a message, behind its topic.
-pub(super) type Fault = String;
+/// What is wrong with a message; follows the name of its topic.
+pub(super) type MessageFault = String;
 
-impl<'a> Message<'a> {
+impl<'a> CdrReader<'a> {
     /// # Errors
-    /// An encoding that is not known.
-    pub(super) fn new(bytes: &'a [u8]) -> Result<Message<'a>, Fault> {
+    /// An unknown encoding.
+    pub(super) fn new(bytes: &'a [u8]) -> Result<CdrReader<'a>, MessageFault> {
         match bytes {
-            [0, 1, _, _, bytes @ ..] => Ok(Message { bytes, at: 0 }),
+            [0, 1, _, _, bytes @ ..] => Ok(CdrReader { bytes, at: 0 }),
             [high, low, ..] => Err(format!("is encoded as {high:#04x}{low:02x}; allowed: 0x0001, little-endian CDR")),
             _ => Err(cut_off()),
         }
     }
 
     /// The next `count` bytes.
-    fn bytes(&mut self, count: usize) -> Result<&'a [u8], Fault> {
+    fn bytes(&mut self, count: usize) -> Result<&'a [u8], MessageFault> {
         let bytes = self.bytes.get(self.at..).and_then(|rest| rest.get(..count)).ok_or_else(cut_off)?;
         self.at += count;
         Ok(bytes)
     }
 
-    fn number<const N: usize>(&mut self) -> Result<[u8; N], Fault> {
+    fn number<const N: usize>(&mut self) -> Result<[u8; N], MessageFault> {
         self.at = self.at.next_multiple_of(N);
         Ok(self.bytes(N)?.first_chunk().copied().unwrap_or([0; N]))
     }
 
-    fn u8(&mut self) -> Result<u8, Fault> {
+    fn u8(&mut self) -> Result<u8, MessageFault> {
         self.number().map(u8::from_le_bytes)
     }
 
-    fn u32(&mut self) -> Result<u32, Fault> {
+    fn u32(&mut self) -> Result<u32, MessageFault> {
         self.number().map(u32::from_le_bytes)
     }
 
-    fn f64s<const N: usize>(&mut self) -> Result<[f64; N], Fault> {
+    fn f64s<const N: usize>(&mut self) -> Result<[f64; N], MessageFault> {
         let mut numbers = [0.0; N];
         for number in &mut numbers {
             *number = f64::from_le_bytes(self.number()?);
@@ -58,26 +58,26 @@ impl<'a> Message<'a> {
         Ok(numbers)
     }
 
-    /// A text, which a zero ends.
-    pub(super) fn text(&mut self) -> Result<String, Fault> {
+    /// A text, terminated by a zero.
+    pub(super) fn text(&mut self) -> Result<String, MessageFault> {
         let length = self.u32()? as usize;
         let bytes = self.bytes(length)?;
         Ok(String::from_utf8_lossy(bytes.strip_suffix(b"\0").unwrap_or(bytes)).into_owned())
     }
 
     /// Time, s, and the name of a frame.
-    fn header(&mut self) -> Result<(f64, String), Fault> {
+    fn header(&mut self) -> Result<(f64, String), MessageFault> {
         let seconds = i32::from_le_bytes(self.number()?);
         let nanoseconds = self.u32()?;
         Ok((f64::from(seconds) + f64::from(nanoseconds) * 1e-9, self.text()?))
     }
 }
 
-fn cut_off() -> Fault {
+fn cut_off() -> MessageFault {
     "is cut off".into()
 }
 
-/// Where a frame is in another, at a time.
+/// The pose of a frame in another at a time.
 pub(super) struct Transform {
     /// s
     pub time: f64,
@@ -89,9 +89,9 @@ pub(super) struct Transform {
 /// The transforms of a `tf2_msgs/TFMessage`.
 ///
 /// # Errors
-/// A message that is none.
-pub(super) fn transforms(bytes: &[u8]) -> Result<Vec<Transform>, Fault> {
-    let mut message = Message::new(bytes)?;
+/// A message of another type.
+pub(super) fn transforms(bytes: &[u8]) -> Result<Vec<Transform>, MessageFault> {
+    let mut message = CdrReader::new(bytes)?;
     let mut transforms = Vec::new();
     for _ in 0..message.u32()? {
         let (time, parent) = message.header()?;
@@ -104,14 +104,14 @@ pub(super) fn transforms(bytes: &[u8]) -> Result<Vec<Transform>, Fault> {
 }
 
 /// A `sensor_msgs/PointCloud2`.
-pub(super) struct Points<'a> {
+pub(super) struct CloudMessage<'a> {
     /// s
     pub time: f64,
     /// Name of the frame of its positions.
     pub frame: String,
     pub height: usize,
     pub width: usize,
-    fields: Vec<PointField>,
+    fields: Vec<CloudField>,
     pub big_endian: bool,
     /// Bytes from point to point.
     pub step: usize,
@@ -120,26 +120,26 @@ pub(super) struct Points<'a> {
     data: &'a [u8],
 }
 
-struct PointField {
+struct CloudField {
     name: String,
     number: Number,
     at: usize,
-    /// Several numbers in a row are no column.
+    /// Whether it is a single number; several are not a column.
     single: bool,
 }
 
-impl PointField {
+impl CloudField {
     /// Red, green and blue in one number.
     fn is_packed(&self) -> bool {
         matches!(&*self.name, "rgb" | "rgba") && self.number.size() == 4 && self.single
     }
 }
 
-impl<'a> Points<'a> {
+impl<'a> CloudMessage<'a> {
     /// # Errors
-    /// A message that is none, or whose points are not within it.
-    pub(super) fn read(bytes: &'a [u8]) -> Result<Points<'a>, Fault> {
-        let mut message = Message::new(bytes)?;
+    /// A message of another type, or whose points are not within it.
+    pub(super) fn read(bytes: &'a [u8]) -> Result<CloudMessage<'a>, MessageFault> {
+        let mut message = CdrReader::new(bytes)?;
         let (time, frame) = message.header()?;
         let [height, width] = [message.u32()? as usize, message.u32()? as usize];
         let mut fields = Vec::new();
@@ -148,12 +148,12 @@ impl<'a> Points<'a> {
             let (at, kind, count) = (message.u32()? as usize, message.u8()?, message.u32()?);
             let number =
                 number(kind).ok_or_else(|| format!("its field {name:?} is of type {kind}; allowed: 1 to 8"))?;
-            fields.push(PointField { name, number, at, single: count <= 1 });
+            fields.push(CloudField { name, number, at, single: count <= 1 });
         }
         let big_endian = message.u8()? != 0;
         let [step, row_step, length] = [message.u32()? as usize, message.u32()? as usize, message.u32()? as usize];
         let data = message.bytes(length)?;
-        let points = Points { time, frame, height, width, fields, big_endian, step, row_step, data };
+        let points = CloudMessage { time, frame, height, width, fields, big_endian, step, row_step, data };
         if let Some(field) = points.fields.iter().find(|field| field.at + field.number.size() > step) {
             return Err(format!("its field {:?} is not within the {step} bytes of a point", field.name));
         }
@@ -170,7 +170,7 @@ impl<'a> Points<'a> {
         self.height * self.width
     }
 
-    /// Its points, row by row, or all at once where nothing is between rows.
+    /// Its points, row by row, or all at once where there is no padding between rows.
     pub(super) fn rows(&self) -> impl Iterator<Item = &'a [u8]> {
         let row = self.width * self.step;
         let together = self.height <= 1 || row == self.row_step;
@@ -179,19 +179,20 @@ impl<'a> Points<'a> {
         (0..count).map(move |index| &data[index * step..][..length])
     }
 
-    /// Whose driver publishes such points, if that can be seen.
+    /// The driver that publishes such points, if it can be identified.
     pub(super) fn driver(&self) -> Option<Driver> {
-        let is = |wanted: &cloud::PointField| {
-            let same = |field: &PointField| field.name == wanted.name && field.number.size() == wanted.kind.size();
+        let is = |required: &cloud::PointField| {
+            let same = |field: &CloudField| field.name == required.name && field.number.size() == required.kind.size();
             self.fields.iter().any(same)
         };
         let mut drivers = Driver::NAMES.iter().map(|(_, driver)| *driver);
         let found = drivers.find(|driver| driver.point_fields().iter().all(is));
-        // These two publish the same, but for rows and columns.
+        // These two publish the same, except for rows and columns.
         found.map(|driver| if driver == Driver::Hesai && self.height > 1 { Driver::Robosense } else { driver })
     }
 
-    /// Its numbers that go to columns; `full_scale` is that of the intensity. `report` gets what a cloud has no place for.
+    /// Its numbers that are read into columns; `full_scale` is that of the intensity. Fields that a cloud cannot hold
+    /// are added to `report`.
     pub(super) fn members(&self, full_scale: f32, report: &mut Report) -> Vec<Member> {
         let mut columns = Vec::new();
         let mut places = Vec::new();
@@ -202,7 +203,7 @@ impl<'a> Points<'a> {
             if field.is_packed() {
                 // 0x00RRGGBB
                 let bytes = if self.big_endian { [1, 2, 3] } else { [2, 1, 0] };
-                columns.extend(["red", "green", "blue"].map(|name| Named::new(name, Number::U8)));
+                columns.extend(["red", "green", "blue"].map(|name| NamedColumn::new(name, Number::U8)));
                 places.extend(bytes.map(|byte| field.at + byte));
             } else {
                 let name = match &*field.name {
@@ -210,7 +211,7 @@ impl<'a> Points<'a> {
                     name if field.single => name,
                     name => &format!("{name}[]"),
                 };
-                columns.push(Named::new(name, field.number));
+                columns.push(NamedColumn::new(name, field.number));
                 places.push(field.at);
             }
         }
@@ -221,7 +222,7 @@ impl<'a> Points<'a> {
             match (goal.field, column.number) {
                 // Livox counts nanoseconds in f64.
                 (Field::Time, Number::F64) if livox && column.name == "timestamp" => goal.factor = 1e-9,
-                // Drivers count from the stamp where a number is too short for more.
+                // Drivers count from the stamp where the number has too few bits for absolute time.
                 (Field::Time, Number::F32 | Number::I32 | Number::U32) => goal.shift = self.time,
                 // Ouster's are in mm.
                 (Field::Range, Number::U32) => goal.factor = 1e-3,
@@ -233,7 +234,7 @@ impl<'a> Points<'a> {
         members
     }
 
-    /// The places of `x`, `y` and `z`, m, in its frame.
+    /// The positions of the points, m, in its frame.
     pub(super) fn positions(&self, members: &[Member; 3]) -> Vec<DVec3> {
         let value = |point: &[u8], member: Member| member.number.value(&point[member.at..], self.big_endian);
         let place = |point: &[u8]| DVec3::from_array(members.map(|member| value(point, member)));

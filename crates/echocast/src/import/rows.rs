@@ -1,4 +1,4 @@
-//! The rows of a cloud, as they come from a file.
+//! The rows of a cloud while they are read from a file.
 
 use super::about::About;
 use super::names;
@@ -16,33 +16,35 @@ use std::sync::Arc;
 /// Farthest position, metres: as in scenes.
 pub(super) const FARTHEST: f64 = 1e18;
 
-/// Positions that are farther from the origin get another one, metres: f32 says 0.06 mm there.
+/// Positions that are farther from the origin get another one, metres: f32 resolves 0.06 mm there.
 const NEAR: f64 = 1000.0;
-/// Positions that are farther from their origin may lose more than [`LOSS`], metres: f32 says half a millimetre there.
+/// Positions that are farther from their origin may lose more than [`LOSS`], metres: f32 resolves half a millimetre
+/// there.
 const COARSE: f64 = 4096.0;
-/// What is not told, metres: half of what other formats have as their least step.
+/// Loss up to which there is no warning, metres: half the finest step of other formats.
 const LOSS: f64 = 1e-4;
-/// How many of the first positions choose the origin.
+/// Number of first positions that determine the origin.
 const FIRST: usize = 4096;
 
-/// Where a number of a file goes: `factor` times it and `shift` is a value of the column, or a coordinate of positions.
+/// The target of a number of a file: the number times `factor` plus `shift` is a value of the column, or a coordinate
+/// of positions.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Goal {
+pub(super) struct FieldTarget {
     pub field: Field,
     pub factor: f64,
     pub shift: f64,
 }
 
-impl Goal {
-    pub(super) fn scaled(field: Field, factor: f64) -> Goal {
-        Goal { factor, ..field.into() }
+impl FieldTarget {
+    pub(super) fn scaled(field: Field, factor: f64) -> FieldTarget {
+        FieldTarget { factor, ..field.into() }
     }
 }
 
-impl From<Field> for Goal {
-    fn from(field: Field) -> Goal {
+impl From<Field> for FieldTarget {
+    fn from(field: Field) -> FieldTarget {
         // Adding -0 changes no number, not even -0.
-        Goal { field, factor: 1.0, shift: -0.0 }
+        FieldTarget { field, factor: 1.0, shift: -0.0 }
     }
 }
 
@@ -50,22 +52,22 @@ impl From<Field> for Goal {
 pub(super) struct Rows {
     columns: Columns,
     fields: FieldSet,
-    /// Of positions; an axis has none before its first position that is not 0.
+    /// Origin of positions; an axis has none before its first position that is not 0.
     origin: [Option<f64>; 3],
-    /// What it is where positions begin near it.
+    /// The origin if the first positions are near it.
     usual: [f64; 3],
-    /// Integer columns with numbers that are none, or too large.
+    /// Integer columns with numbers that are not integers, or too large.
     unfit: FieldSet,
     /// Whether positions were too far away.
     far: bool,
-    /// Whether positions lost something in f32.
+    /// Whether positions lost precision in f32.
     coarse: bool,
-    /// Colours as they are in the file, red, green and blue, where only all together say what is white.
+    /// Colours as in the file, red, green and blue, where all of them are needed to determine the value of white.
     colours: Option<[Vec<f32>; 3]>,
 }
 
 impl Rows {
-    /// Of `fields`, `count` of them at least. If `about` says an origin, positions are relative to that.
+    /// Rows of `fields`, at least `count` of them. If `about` has an origin, positions are relative to it.
     pub(super) fn new(fields: FieldSet, count: usize, about: Option<&About>) -> Result<Rows> {
         let mut columns = Columns::default();
         columns.make_room(fields, count)?;
@@ -107,8 +109,8 @@ impl Rows {
     ///
     /// # Errors
     /// No memory.
-    pub(super) fn add(&mut self, goal: Goal, values: impl Iterator<Item = f64> + Clone) -> Result<()> {
-        let Goal { field, factor, mut shift } = goal;
+    pub(super) fn add(&mut self, goal: FieldTarget, values: impl Iterator<Item = f64> + Clone) -> Result<()> {
+        let FieldTarget { field, factor, mut shift } = goal;
         let axis = axis(field);
         if let Some(axis) = axis {
             shift -= self.origin_of(axis, values.clone().map(|value| value * factor + goal.shift));
@@ -164,8 +166,8 @@ impl Rows {
         Ok(())
     }
 
-    /// The origin along `axis`, which the middle one of `positions` may choose, of those that are not 0: so do many
-    /// programs write what was not measured.
+    /// The origin along `axis`, which may be set from the median of those `positions` that are not 0, as many programs
+    /// write 0 for what was not measured.
     fn origin_of(&mut self, axis: usize, positions: impl Iterator<Item = f64>) -> f64 {
         let usual = self.usual[axis];
         if self.origin[axis].is_none() {
@@ -183,7 +185,7 @@ impl Rows {
         self.origin[axis].unwrap_or(usual)
     }
 
-    /// Takes `metres` from the positions so far along an axis that had no origin.
+    /// Subtracts `metres` from the positions so far along an axis that had no origin.
     fn move_back(&mut self, along: usize, metres: f64) {
         let fields: Vec<Field> = self.fields.iter().map(|info| info.field).collect();
         for field in fields.into_iter().filter(|&field| axis(field) == Some(along)) {
@@ -204,12 +206,12 @@ impl Rows {
         self.fields
     }
 
-    /// Lets `fields` be columns as well.
+    /// Adds `fields` to the columns.
     pub(super) fn also(&mut self, fields: impl IntoIterator<Item = Field>) {
         self.fields = self.fields.union(fields.into_iter().collect());
     }
 
-    /// Forgets the column `field`.
+    /// Removes the column `field`.
     pub(super) fn forget(&mut self, field: Field) {
         self.fields = self.fields.without(field);
         match self.columns.get_mut(field) {
@@ -221,7 +223,7 @@ impl Rows {
         }
     }
 
-    /// The cloud of the rows, with what `about` says of it. `name` is that of the format, for the report.
+    /// The cloud of the rows, with the metadata `about`. `name` is that of the format, for the report.
     ///
     /// # Errors
     /// Columns of unequal length.
@@ -247,7 +249,7 @@ impl Rows {
         }
         if coarse {
             report.warn(format!(
-                "{name}: positions farther than {COARSE} m from the origin of the cloud lose precision, as f32 has it there"
+                "{name}: positions farther than {COARSE} m from the origin of the cloud lose precision, as they are f32"
             ));
         }
         let shape = about.shape.filter(|&[rows, columns]| u64::from(rows) * u64::from(columns) == len as u64);
@@ -258,7 +260,7 @@ impl Rows {
             report.warn(format!("{name}: there are rows without a position"));
         }
         let brightest = columns.intensity.iter().fold(0.0, |most: f32, &value| most.max(value));
-        // What no file says, the numbers do.
+        // Without a full scale in the file, it is inferred from the numbers.
         let below = columns.intensity.iter().any(|&value| value < 0.0);
         let guessed = [1.0, 255.0].into_iter().find(|&full| brightest <= full && !below);
         Ok(PointCloud {
@@ -282,7 +284,7 @@ impl Rows {
 }
 
 impl Rows {
-    /// Adds `colours`, of which the brightest says what is white.
+    /// Adds `colours`, of which the brightest determines the value of white.
     fn add_colours(&mut self, colours: &[Vec<f32>; 3], name: &str, report: &mut Report) -> Result<()> {
         let values = || colours.iter().flatten().copied().filter(|value| !value.is_nan());
         let brightest = values().fold(0.0, f32::max);
@@ -297,16 +299,16 @@ impl Rows {
             report.warn(format!("{name}: colours from 0 to {white} are taken as 0 to 255"));
         }
         for (field, values) in [Field::Red, Field::Green, Field::Blue].into_iter().zip(colours) {
-            // Those of their own white were added at once.
+            // Those with a known value of white were added before.
             if !values.is_empty() {
-                self.add(Goal::scaled(field, 255.0 / white), values.iter().map(|&value| f64::from(value)))?;
+                self.add(FieldTarget::scaled(field, 255.0 / white), values.iter().map(|&value| f64::from(value)))?;
             }
         }
         Ok(())
     }
 }
 
-/// Along which axis `field` is a position, if it is one.
+/// The axis along which `field` is a position, if it is one.
 pub(super) fn axis(field: Field) -> Option<usize> {
     match field {
         Field::X | Field::TrueX | Field::CorrectedX => Some(0),
@@ -316,13 +318,12 @@ pub(super) fn axis(field: Field) -> Option<usize> {
     }
 }
 
-/// Columns of a file with their names, of which some have a place in a cloud: the goal of each. `report` gets the
-/// names of the others.
-pub(super) fn goals(columns: &[names::Named], name: &str, report: &mut Report) -> Vec<Option<Goal>> {
-    let mut goals: Vec<Option<Goal>> = vec![None; columns.len()];
+/// The target of each named column of a file, if a cloud can hold it. The names of the others are added to `report`.
+pub(super) fn goals(columns: &[names::NamedColumn], name: &str, report: &mut Report) -> Vec<Option<FieldTarget>> {
+    let mut goals: Vec<Option<FieldTarget>> = vec![None; columns.len()];
     let mut taken = FieldSet::EMPTY;
-    // Our own names before names that mean the same.
-    for find in [names::own as fn(&names::Named) -> Option<Goal>, names::foreign] {
+    // Our own names take precedence over synonyms.
+    for find in [names::own as fn(&names::NamedColumn) -> Option<FieldTarget>, names::foreign] {
         for (goal, column) in goals.iter_mut().zip(columns) {
             if goal.is_none()
                 && let Some(found) = find(column)
@@ -338,22 +339,22 @@ pub(super) fn goals(columns: &[names::Named], name: &str, report: &mut Report) -
     goals
 }
 
-/// How many names of columns a warning lists.
+/// Maximum number of column names that a warning lists.
 const LISTED: usize = 12;
 
-/// Reports the columns that a cloud does not hold.
+/// Reports the columns that a cloud cannot hold.
 pub(super) fn lost<'a>(left: impl Iterator<Item = &'a str>, name: &str, report: &mut Report) {
     let left: Vec<&str> = left.collect();
     let more = left.len().saturating_sub(LISTED);
     let listed: Vec<_> = left.iter().take(LISTED).map(|column| shown::name(column)).collect();
     if !listed.is_empty() {
         let more = if more == 0 { String::new() } else { format!(" and {more} more") };
-        report.warn(format!("{name}: a cloud has no place for {}{more}", listed.join(", ")));
+        report.warn(format!("{name}: a cloud cannot hold {}{more}", listed.join(", ")));
     }
 }
 
 /// Columns that `goals` fill.
-pub(super) fn fields(goals: &[Option<Goal>]) -> FieldSet {
+pub(super) fn fields(goals: &[Option<FieldTarget>]) -> FieldSet {
     goals.iter().flatten().map(|goal| goal.field).collect()
 }
 
@@ -363,18 +364,18 @@ mod tests {
 
     #[test]
     fn warnings_list_a_dozen_columns() {
-        let told = |count: usize| {
+        let warned = |count: usize| {
             let names: Vec<String> = (0..count).map(|k| format!("n{k}")).collect();
             let mut report = Report::default();
             lost(names.iter().map(String::as_str), "csv", &mut report);
             report.warnings.concat()
         };
-        assert_eq!(told(0), "");
-        assert_eq!(told(2), "csv: a cloud has no place for n0, n1");
-        assert!(told(12).ends_with("n10, n11") && told(20_000).ends_with("n10, n11 and 19988 more"));
+        assert_eq!(warned(0), "");
+        assert_eq!(warned(2), "csv: a cloud cannot hold n0, n1");
+        assert!(warned(12).ends_with("n10, n11") && warned(20_000).ends_with("n10, n11 and 19988 more"));
     }
 
-    /// Rows of nothing, however many, do not keep the others from an origin.
+    /// Rows without a position, however many, do not prevent the choice of an origin.
     #[test]
     fn the_origin_is_where_most_points_are() {
         let x = |blocks: &[&[f64]]| {
@@ -383,19 +384,19 @@ mod tests {
             let mut report = Report::default();
             let cloud = rows.finish(Path::new("a"), "csv", About::default(), &mut report).unwrap();
             let places: Vec<f64> = cloud.columns.x.iter().map(|&x| f64::from(x) + cloud.origin.x).collect();
-            (cloud.origin.x, places, report.warnings.iter().any(|told| told.contains("precision")))
+            (cloud.origin.x, places, report.warnings.iter().any(|warned| warned.contains("precision")))
         };
         let far = 500_000.123;
         for blocks in [&[&[0.0, far, far][..]][..], &[&[0.0, 0.0], &[f64::NAN], &[0.0, far, far]], &[&[far, 0.0, 0.0]]]
         {
-            let (origin, places, told) = x(blocks);
-            assert!(origin == 500_000.0 && !told, "{blocks:?}: {origin}");
-            let wanted: Vec<f64> = blocks.concat();
+            let (origin, places, warned) = x(blocks);
+            assert!(origin == 500_000.0 && !warned, "{blocks:?}: {origin}");
+            let expected: Vec<f64> = blocks.concat();
             let off = |(a, b): (&f64, &f64)| b.is_nan() || (a - b).abs() < 1e-4;
-            assert!(places.iter().zip(&wanted).all(off), "{places:?}");
+            assert!(places.iter().zip(&expected).all(off), "{places:?}");
         }
         assert_eq!(x(&[&[0.0, 7.5]]), (0.0, vec![0.0, 7.5], false));
-        // What is far from most of the others loses something, and that is told; what f32 can hold does not.
+        // Positions far from most of the others lose precision, with a warning; those that f32 can hold do not.
         assert!(x(&[&[far, far, far, 7.123_456]]).2 && !x(&[&[0.0, far], &[490_000.5]]).2);
     }
 }

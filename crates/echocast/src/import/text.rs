@@ -1,7 +1,7 @@
 //! Rows of numbers as text.
 
 use super::Source;
-use super::rows::{Goal, Rows};
+use super::rows::{FieldTarget, Rows};
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use std::fs::File;
@@ -10,35 +10,35 @@ use std::io::{BufRead as _, BufReader, Read as _, Take};
 /// Longest line that is read, bytes.
 const MAX_LINE: u64 = 1 << 20;
 
-/// Rows that are read before they go to the columns.
+/// Number of rows that are read before they are added to the columns.
 const ROWS: usize = 4096;
 
-/// The lines of a file, counted.
-pub(super) struct Lines<'a> {
+/// The lines of a file, with their numbers.
+pub(super) struct TextLines<'a> {
     source: &'a Source<'a>,
     reader: Take<BufReader<&'a File>>,
     buffer: Vec<u8>,
     number: u64,
-    /// Bytes so far.
+    /// Bytes read so far.
     at: u64,
 }
 
-impl<'a> Lines<'a> {
-    /// Those of `source`, as long as it was when it was opened.
+impl<'a> TextLines<'a> {
+    /// The lines of `source`, up to the length it had when it was opened.
     pub(super) fn of(source: &'a Source<'a>) -> Result<Self> {
-        Lines::behind(source, 0, 0)
+        TextLines::behind(source, 0, 0)
     }
 
-    /// Those from byte `at` on, behind `number` others.
+    /// The lines from byte `at` on, after `number` others.
     pub(super) fn behind(source: &'a Source<'a>, at: u64, number: u64) -> Result<Self> {
         let reader = source.from(at)?.take(source.length.saturating_sub(at));
-        Ok(Lines { source, reader, buffer: Vec::new(), number, at })
+        Ok(TextLines { source, reader, buffer: Vec::new(), number, at })
     }
 
-    /// The next line, without blanks around it; `None` at the end.
+    /// The next line, without surrounding blanks; `None` at the end.
     ///
     /// # Errors
-    /// The system's; a line that is too long or no text.
+    /// Errors of the system; a line that is too long or not text.
     pub(super) fn next(&mut self) -> Result<Option<&str>> {
         self.buffer.clear();
         self.number += 1;
@@ -52,7 +52,7 @@ impl<'a> Lines<'a> {
             return Err(self.error(format!("is longer than {MAX_LINE} bytes, the most allowed")));
         }
         if str::from_utf8(&self.buffer).is_err() {
-            // Names in one of the older alphabets; numbers have no such letters.
+            // Names in a legacy encoding; numbers have no such characters.
             self.buffer.iter_mut().filter(|byte| !byte.is_ascii()).for_each(|byte| *byte = b'?');
         }
         let Ok(line) = str::from_utf8(&self.buffer) else { return Err(self.error("is not UTF-8 text")) };
@@ -60,7 +60,7 @@ impl<'a> Lines<'a> {
         Ok(Some(line.trim_start_matches('\u{feff}').trim()))
     }
 
-    /// What is wrong with the current line.
+    /// An error in the current line.
     pub(super) fn error(&self, message: impl Into<String>) -> Error {
         Error::parse(self.source.path, format!("line {}", self.number), message)
     }
@@ -76,19 +76,19 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// How the words of a line are told apart.
+/// How a line is divided into words.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Style {
-    /// What is between words; blanks where it is none.
+pub(super) struct TextStyle {
+    /// The separator of words; `None`: blanks.
     pub sign: Option<char>,
-    /// Whether decimals follow a comma.
+    /// Whether the decimal separator is a comma.
     pub decimal_comma: bool,
-    /// Whether a number alone in its line counts rows that follow.
+    /// Whether a number alone on a line is the count of the rows that follow.
     pub counts: bool,
 }
 
-impl Style {
-    /// The words of `line`. In quotes, signs are a part of them.
+impl TextStyle {
+    /// The words of `line`. Within quotes, separators are a part of them.
     pub(super) fn words(self, line: &str) -> impl Iterator<Item = &str> {
         let quoted = line.contains('"');
         let mut rest = Some(line).filter(|line| !line.is_empty());
@@ -103,14 +103,14 @@ impl Style {
             let word = end.map_or(line, |at| &line[..at]);
             rest = end.map(|at| &line[at..]).and_then(|rest| rest.strip_prefix(ends));
             if self.sign.is_none() {
-                // Several blanks are as good as one.
+                // Several blanks count as one.
                 rest = rest.map(str::trim_start).filter(|rest| !rest.is_empty());
             }
             Some(if quoted { word.trim().trim_matches('"').trim() } else { word.trim() })
         })
     }
 
-    /// The number that `word` is; NaN where there is none.
+    /// The number in `word`; NaN if it is empty.
     pub(super) fn number(self, word: &str) -> Option<f64> {
         if word.is_empty() {
             return Some(f64::NAN);
@@ -122,7 +122,7 @@ impl Style {
         }
     }
 
-    /// How many words of `line` there are, but for nothing behind a last separator.
+    /// The number of words of `line`, not counting an empty one after the last separator.
     pub(super) fn count(self, line: &str) -> usize {
         let (mut count, mut last) = (0, "");
         self.words(line).for_each(|word| (count, last) = (count + 1, word));
@@ -136,7 +136,7 @@ fn is_decimal(word: &str) -> bool {
     word.contains(',') && word.match_indices(',').all(|(at, _)| digit(at.checked_sub(1)) && digit(Some(at + 1)))
 }
 
-/// What Windows (1.#INF, -1.#IND), C (-nan(ind)) and Fortran (1.5D+03) write for numbers.
+/// Numbers as Windows (1.#INF, -1.#IND), C (-nan(ind)) and Fortran (1.5D+03) write them.
 fn odd(word: &str) -> Option<f64> {
     let (sign, plain) = match word.strip_prefix('-') {
         Some(rest) => (-1.0, rest),
@@ -158,35 +158,35 @@ fn odd(word: &str) -> Option<f64> {
     format!("{digits}e{exponent}").parse().ok().map(|number: f64| sign * number)
 }
 
-/// A number of each line, and where it goes.
+/// The target of a word of each line.
 #[derive(Clone)]
-pub(super) enum Place {
-    Goal(Goal),
-    /// Red, green and blue in one number; as a float it is the bits of that.
+pub(super) enum WordTarget {
+    Goal(FieldTarget),
+    /// Red, green and blue in one number; if it is a float, in its bits.
     Packed {
         float: bool,
-        goals: [Goal; 3],
+        goals: [FieldTarget; 3],
     },
-    /// As many words as the first of them says, which go nowhere.
+    /// A list, which begins with its length and is ignored.
     List,
 }
 
 /// Adds the rows of `lines` to `rows`, `count` of them or all that are left. There are as many `places` as numbers in a
-/// line; those that go nowhere need not be numbers. Empty lines and comments (`#`, `//`, `%`) are skipped.
+/// line; words without a target need not be numbers. Empty lines and comments (`#`, `//`, `%`) are skipped.
 ///
 /// # Errors
-/// A line with more or fewer numbers, or words; fewer rows than were counted.
+/// A line with more or fewer numbers, or with words; fewer rows than announced.
 pub(super) fn read(
-    mut lines: Lines,
-    style: Style,
-    places: &[Option<Place>],
+    mut lines: TextLines,
+    style: TextStyle,
+    places: &[Option<WordTarget>],
     count: Option<usize>,
     rows: &mut Rows,
 ) -> Result<()> {
     let mut columns: Vec<Vec<f64>> = vec![Vec::new(); places.len()];
     let mut read = 0;
-    // As the lines say.
-    let mut told: Option<usize> = None;
+    // Number of rows announced by the lines.
+    let mut announced: Option<usize> = None;
     let mut numbers = Vec::new();
     while count.is_none_or(|count| read < count) {
         let Some(line) = lines.next()? else { break };
@@ -196,7 +196,7 @@ pub(super) fn read(
         if style.counts
             && let Ok(more) = line.parse::<usize>()
         {
-            told = Some(told.unwrap_or(0).saturating_add(more));
+            announced = Some(announced.unwrap_or(0).saturating_add(more));
             continue;
         }
         if let Some(fault) = parse(style, line, places, &mut numbers) {
@@ -208,20 +208,20 @@ pub(super) fn read(
             flush(&mut columns, places, rows)?;
         }
     }
-    if let Some(count) = count.or(told).filter(|&count| read < count) {
+    if let Some(count) = count.or(announced).filter(|&count| read < count) {
         let source = lines.source;
         return Err(source.error(format!("says it has {count} points, and has {read}: it is cut off, or damaged")));
     }
     flush(&mut columns, places, rows)
 }
 
-/// Whether `line` says nothing to a program.
+/// Whether `line` is a comment.
 pub(super) fn is_comment(line: &str) -> bool {
     line.starts_with(['#', '%']) || line.starts_with("//")
 }
 
-/// Puts the numbers of `line` into `numbers`, or says what is wrong with them.
-fn parse(style: Style, line: &str, places: &[Option<Place>], numbers: &mut Vec<f64>) -> Option<String> {
+/// Puts the numbers of `line` into `numbers`, or returns what is wrong with them.
+fn parse(style: TextStyle, line: &str, places: &[Option<WordTarget>], numbers: &mut Vec<f64>) -> Option<String> {
     numbers.clear();
     let mut words = style.words(line);
     let mut found = 0;
@@ -230,7 +230,7 @@ fn parse(style: Style, line: &str, places: &[Option<Place>], numbers: &mut Vec<f
         found += 1;
         let number = match place {
             None => Some(0.0),
-            Some(Place::List) => {
+            Some(WordTarget::List) => {
                 let items = word.parse::<usize>().ok();
                 items.filter(|&items| items == 0 || words.nth(items - 1).is_some()).map(|_| 0.0)
             }
@@ -238,29 +238,29 @@ fn parse(style: Style, line: &str, places: &[Option<Place>], numbers: &mut Vec<f
         };
         match number {
             Some(number) => numbers.push(number),
-            None if matches!(place, Some(Place::List)) => {
+            None if matches!(place, Some(WordTarget::List)) => {
                 return Some(format!("has a list of {:?} numbers, which it does not hold", shown::name(word)));
             }
             None => return Some(format!("{:?} is not a number", shown::name(word))),
         }
     }
-    // A separator behind the last number is no number more.
+    // A separator after the last number does not add a number.
     found += words.by_ref().enumerate().filter(|(index, word)| *index > 0 || !word.is_empty()).count();
     (found != places.len()).then(|| format!("has {found} numbers; expected {}", places.len()))
 }
 
 /// Moves what was read to `rows`.
-fn flush(columns: &mut [Vec<f64>], places: &[Option<Place>], rows: &mut Rows) -> Result<()> {
+fn flush(columns: &mut [Vec<f64>], places: &[Option<WordTarget>], rows: &mut Rows) -> Result<()> {
     for (column, place) in columns.iter_mut().zip(places) {
         match place {
-            Some(Place::Goal(goal)) => rows.add(*goal, column.iter().copied())?,
-            Some(Place::Packed { float, goals }) => {
+            Some(WordTarget::Goal(goal)) => rows.add(*goal, column.iter().copied())?,
+            Some(WordTarget::Packed { float, goals }) => {
                 let bits = |value: f64| if *float { (value as f32).to_bits() } else { value as u32 };
                 for (goal, shift) in goals.iter().zip([16, 8, 0]) {
                     rows.add(*goal, column.iter().map(|&value| f64::from(bits(value) >> shift & 0xff)))?;
                 }
             }
-            Some(Place::List) | None => {}
+            Some(WordTarget::List) | None => {}
         }
         column.clear();
     }

@@ -1,32 +1,32 @@
 //! Materials that change over time.
 
 use super::{Material, Reflectance};
-use crate::motion::{Curve, Interpolation, Track};
+use crate::motion::{AnimationTrack, Curve, Interpolation};
 use std::sync::Arc;
 
 /// How a material changes over time.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Changes {
     /// Linear red, green, blue and alpha.
-    pub(crate) base_color: Option<Track>,
-    pub(crate) metallic: Option<Track>,
-    pub(crate) roughness: Option<Track>,
+    pub(crate) base_color: Option<AnimationTrack>,
+    pub(crate) metallic: Option<AnimationTrack>,
+    pub(crate) roughness: Option<AnimationTrack>,
     /// The same at every wavelength.
-    pub(crate) reflectance: Option<Track>,
+    pub(crate) reflectance: Option<AnimationTrack>,
 }
 
 impl Changes {
-    fn tracks(&self) -> impl Iterator<Item = &Track> {
+    fn tracks(&self) -> impl Iterator<Item = &AnimationTrack> {
         [&self.base_color, &self.metallic, &self.roughness, &self.reflectance].into_iter().flatten()
     }
 }
 
 impl Material {
-    /// What it is at `time`, s; `None`: it never changes. What leaves 0..1 between keys is clamped.
+    /// The material at `time`, s; `None`: it never changes. Values that leave 0..1 between keys are clamped.
     pub fn at(&self, time: f64) -> Option<Material> {
         let changes = self.changes.as_ref()?;
         let mut now = Material { changes: None, ..self.clone() };
-        let factor = |track: &Option<Track>, rest: f32| {
+        let factor = |track: &Option<AnimationTrack>, rest: f32| {
             track.as_ref().map_or(rest, |track| track.value::<1>(time)[0].clamp(0.0, 1.0) as f32)
         };
         if let Some(track) = &changes.base_color {
@@ -40,7 +40,7 @@ impl Material {
         Some(now)
     }
 
-    /// Makes it change over time, if it does, and gives it the values of time 0.
+    /// Sets how the material changes over time, if it does, and gives it the values of time 0.
     pub(crate) fn set_changes(&mut self, changes: Changes) {
         let changing = changes.tracks().any(|track| !track.is_still(f64::NEG_INFINITY, f64::INFINITY));
         self.changes = Some(Arc::new(changes));
@@ -49,7 +49,7 @@ impl Material {
         }
     }
 
-    /// The reflectance at the time when it is greatest; splines are looked at at their keys.
+    /// The reflectance at the time when it is greatest; splines are evaluated at their keys only.
     pub(crate) fn greatest_reflectance(&self) -> Option<Reflectance> {
         let Some(track) = self.changes.as_ref().and_then(|changes| changes.reflectance.as_ref()) else {
             return self.reflectance.clone();
@@ -62,7 +62,7 @@ impl Material {
         Some(Reflectance::Constant(at_keys.fold(0.0, f32::max)))
     }
 
-    /// Multiplies its base colour, at all times.
+    /// Multiplies the base colour, at all times.
     pub(crate) fn tint(&mut self, color: [f32; 4]) {
         for (channel, factor) in self.base_color.iter_mut().zip(color) {
             *channel *= factor;
@@ -76,9 +76,9 @@ impl Material {
     }
 }
 
-/// A reflectance that is `value` at `time`, straight lines between; times never fall.
+/// A reflectance of `value` at each `time`, linear in between; times must not decrease.
 pub(super) fn reflectance(keys: impl Iterator<Item = [f64; 2]>) -> Changes {
     let (times, values) = keys.map(|[time, value]| (time, value)).unzip();
     let curve = Curve { times, values, width: 1, interpolation: Interpolation::Linear, turns: false };
-    Changes { reflectance: Some(Track { curve: Arc::new(curve), period: None }), ..Changes::default() }
+    Changes { reflectance: Some(AnimationTrack { curve: Arc::new(curve), period: None }), ..Changes::default() }
 }

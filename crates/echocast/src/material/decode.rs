@@ -16,35 +16,35 @@ const CUT_OFF: Fault = "it is cut off";
 const UNSUPPORTED: Fault = "it is of a kind that is not supported";
 
 /// An image whose header has been read.
-pub(super) struct Header<'a> {
+pub(super) struct ImageHeader<'a> {
     pub width: u32,
     pub height: u32,
     /// Numbers per pixel, 1 to 4: grey or colours, and alpha.
     pub channels: usize,
     /// Bytes per number, 1 or 2, most significant first.
     pub depth: usize,
-    rest: Rest<'a>,
+    rest: PixelDecoder<'a>,
 }
 
-enum Rest<'a> {
+enum PixelDecoder<'a> {
     Png(Box<png::Reader<Cursor<&'a [u8]>>>),
     Jpeg(Box<JpegDecoder<ZCursor<&'a [u8]>>>),
 }
 
-impl<'a> Header<'a> {
+impl<'a> ImageHeader<'a> {
     /// Reads the header of the file `bytes`; `None`: it is neither PNG nor JPEG. A PNG may use `aside` bytes for its
     /// other contents.
-    pub fn read(bytes: &'a [u8], aside: u64) -> Option<Result<Header<'a>, Fault>> {
+    pub fn read(bytes: &'a [u8], aside: u64) -> Option<Result<ImageHeader<'a>, Fault>> {
         if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
-            Some(Header::of_png(bytes, aside))
+            Some(ImageHeader::of_png(bytes, aside))
         } else if bytes.starts_with(&[0xff, 0xd8, 0xff]) {
-            Some(Header::of_jpeg(bytes))
+            Some(ImageHeader::of_jpeg(bytes))
         } else {
             None
         }
     }
 
-    fn of_png(bytes: &'a [u8], aside: u64) -> Result<Header<'a>, Fault> {
+    fn of_png(bytes: &'a [u8], aside: u64) -> Result<ImageHeader<'a>, Fault> {
         let limits = png::Limits { bytes: usize::try_from(aside).unwrap_or(usize::MAX) };
         let mut decoder = png::Decoder::new_with_limits(Cursor::new(bytes), limits);
         // Expands palettes, low bit depths and transparent colours to plain numbers.
@@ -64,11 +64,11 @@ impl<'a> Header<'a> {
             BitDepth::Sixteen => 2,
             _ => return Err(UNSUPPORTED),
         };
-        Ok(Header { width, height, channels, depth, rest: Rest::Png(Box::new(reader)) })
+        Ok(ImageHeader { width, height, channels, depth, rest: PixelDecoder::Png(Box::new(reader)) })
     }
 
-    fn of_jpeg(bytes: &'a [u8]) -> Result<Header<'a>, Fault> {
-        // The caller judges the dimensions.
+    fn of_jpeg(bytes: &'a [u8]) -> Result<ImageHeader<'a>, Fault> {
+        // The caller checks the dimensions.
         let options =
             DecoderOptions::default().set_strict_mode(false).set_max_width(usize::MAX).set_max_height(usize::MAX);
         let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
@@ -81,7 +81,7 @@ impl<'a> Header<'a> {
         decoder.set_options(options.jpeg_set_out_colorspace(color));
         // A side fits in two bytes.
         let (width, height) = (width as u32, height as u32);
-        Ok(Header { width, height, channels, depth: 1, rest: Rest::Jpeg(Box::new(decoder)) })
+        Ok(ImageHeader { width, height, channels, depth: 1, rest: PixelDecoder::Jpeg(Box::new(decoder)) })
     }
 
     /// Bytes of all pixels.
@@ -89,11 +89,11 @@ impl<'a> Header<'a> {
         u64::from(self.width) * u64::from(self.height) * (self.channels * self.depth) as u64
     }
 
-    /// Decodes the pixels, row by row from the top, into `to`, which is [`Header::size`] long.
+    /// Decodes the pixels, row by row from the top, into `to`, which is [`ImageHeader::size`] long.
     pub fn decode(self, to: &mut [u8]) -> Result<(), Fault> {
         match self.rest {
-            Rest::Png(mut reader) => reader.next_frame(to).map(drop).map_err(|error| of_png(&error)),
-            Rest::Jpeg(mut decoder) => decoder.decode_into(to).map_err(|error| of_jpeg(&error)),
+            PixelDecoder::Png(mut reader) => reader.next_frame(to).map(drop).map_err(|error| of_png(&error)),
+            PixelDecoder::Jpeg(mut decoder) => decoder.decode_into(to).map_err(|error| of_jpeg(&error)),
         }
     }
 }

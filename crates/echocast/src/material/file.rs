@@ -10,23 +10,23 @@ use std::fmt::Display;
 
 impl Material {
     /// Reads the text of a material file, whose keys are the fields of this type except the texture. Only `name` is
-    /// required; `base_color` may omit alpha, and `reflectance` is a number, a list of [`super::ReflectanceSample`], or a list
-    /// of `{t, value}`: what it is at times in s.
+    /// required; `base_color` may omit alpha, and `reflectance` is a number, a list of [`super::ReflectanceSample`], or
+    /// a list of `{t, value}`: its values at times in s.
     ///
     /// # Errors
-    /// Line and key of what is wrong, with the most similar known key.
+    /// States the line and key of the fault, with the most similar known key.
     pub fn from_yaml(text: &str) -> Result<Material> {
         Material::read(&Document::parse("YAML text", text)?)
     }
 
-    /// This material with the keys of a material file that `keys` gives.
+    /// This material with the material-file keys in `keys` applied to it.
     ///
     /// # Errors
-    /// As [`Material::from_yaml`]; `key` is where they stand.
+    /// As [`Material::from_yaml`]; `key` is where the keys are written.
     pub(crate) fn with_keys(&self, key: &str, keys: &Value) -> Result<Material> {
         let mut whole = keys.clone();
         if let Some(whole) = whole.as_object_mut() {
-            // Materials of scenes may have none; here it is only there to be read.
+            // Materials of scenes may have no name; this one only lets the keys be read.
             whole.entry("name").or_insert_with(|| "unnamed".into());
         }
         let given = Material::read(&Document::from_value(key, whole))?;
@@ -44,7 +44,7 @@ impl Material {
         }
         take!(name source base_color alpha alpha_cutoff reflectance scattering metallic roughness ior transmission
             thickness_m attenuation_distance_m attenuation_color pane_m group_index extinction_index dirt sound unlit);
-        // What becomes glass is a pane, unless it is to be something else.
+        // A material that becomes glass is a pane, unless the keys say otherwise.
         if has("transmission") && !has("alpha") && material.alpha == Alpha::Coverage && material.is_glass() {
             material.alpha = Alpha::Solid;
         }
@@ -66,7 +66,7 @@ impl Material {
         Ok(material)
     }
 
-    /// Checks that all values are within what is allowed.
+    /// Checks that all values are within their allowed ranges.
     fn check(&self) -> Result<()> {
         if self.name.is_empty() {
             return Err(Error::invalid("name", "empty", "a word"));
@@ -105,7 +105,7 @@ impl Material {
 }
 
 impl Reflectance {
-    /// Checks that all values at the key `key` are within what is allowed.
+    /// Checks that all values at the key `key` are within their allowed ranges.
     pub(crate) fn check(&self, key: &str) -> Result<()> {
         let samples = match self {
             Reflectance::Constant(value) => return fraction(key, *value),
@@ -139,14 +139,14 @@ fn fraction(key: impl Display, value: impl Into<f64> + Display + Copy) -> Result
 /// Reflectance at one time.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Key {
+struct ReflectanceKey {
     /// s
     t: f64,
     value: f64,
 }
 
-/// The reflectance over time, if `document` gives one, and everything else.
-fn take_keys(document: &Document) -> Result<(Vec<Key>, Value)> {
+/// The reflectance over time, if `document` gives one, and the rest of the document.
+fn take_keys(document: &Document) -> Result<(Vec<ReflectanceKey>, Value)> {
     const KEY: &str = "reflectance";
     let mut value = document.value().clone();
     let timed = |list: &Vec<Value>| list.iter().any(|item| item.get("t").is_some());
@@ -162,7 +162,7 @@ fn take_keys(document: &Document) -> Result<(Vec<Key>, Value)> {
     Ok((document.read_at(KEY, &keys)?, value))
 }
 
-fn check_keys(keys: &[Key]) -> Result<()> {
+fn check_keys(keys: &[ReflectanceKey]) -> Result<()> {
     let mut before = f64::MIN;
     for (index, key) in keys.iter().enumerate() {
         let name = |name| format!("reflectance[{index}].{name}");

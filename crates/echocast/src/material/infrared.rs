@@ -1,9 +1,9 @@
-//! Reflectance in the near infrared as the visible colour suggests, for surfaces whose name says nothing.
+//! Reflectance in the near infrared estimated from the visible colour, for surfaces whose name indicates no material.
 
 use super::luminance;
 
-/// Coefficients of one wavelength, and the standard deviation of what they leave unexplained.
-struct Row {
+/// Coefficients at one wavelength, and the standard deviation of the residuals.
+struct InfraredRow {
     wavelength_nm: f64,
     /// `a` to `e` of [`Estimate`].
     coefficients: [f32; 5],
@@ -13,22 +13,22 @@ struct Row {
 /// Fitted to 1295 spectra of ECOSTRESS 1.0 (914; Meerdink et al. 2019), USGS splib07a (113; Kokaly et al. 2017), KLUM
 /// (168; Ilehag et al. 2019) and of skin (NIST, 100; Cooksey et al. 2017): paints, textiles, plastics, wood, leaves,
 /// plaster, brick, concrete, ceramics, stone, soil, asphalt, skin. Their colours are linear sRGB under an even white
-/// light (CIE 1931). Robust least squares with no coefficient below 0; each class weighs as a whole, so that 553 leaves
-/// do not count more than 14 textiles. The deviations are those of the samples fitted; a constant would leave 0.23 at
-/// 905 nm, the luminance 0.27.
-const ROWS: [Row; 6] = [
-    Row { wavelength_nm: 532.0, coefficients: [0.0, 0.961, 0.0, 0.0, 0.246], sigma: 0.034 },
-    Row { wavelength_nm: 850.0, coefficients: [0.093, 0.0, 0.792, 0.146, 0.668], sigma: 0.153 },
-    Row { wavelength_nm: 905.0, coefficients: [0.094, 0.131, 0.646, 0.197, 0.591], sigma: 0.154 },
-    Row { wavelength_nm: 940.0, coefficients: [0.095, 0.150, 0.614, 0.215, 0.564], sigma: 0.154 },
-    Row { wavelength_nm: 1064.0, coefficients: [0.104, 0.129, 0.606, 0.262, 0.557], sigma: 0.157 },
-    Row { wavelength_nm: 1550.0, coefficients: [0.103, 0.218, 0.388, 0.266, 0.125], sigma: 0.164 },
+/// light (CIE 1931). Robust least squares with no coefficient below 0; each class has a weight as a whole, so that 553
+/// leaves do not count more than 14 textiles. The deviations are those of the samples fitted; a constant would leave
+/// 0.23 at 905 nm, the luminance 0.27.
+const ROWS: [InfraredRow; 6] = [
+    InfraredRow { wavelength_nm: 532.0, coefficients: [0.0, 0.961, 0.0, 0.0, 0.246], sigma: 0.034 },
+    InfraredRow { wavelength_nm: 850.0, coefficients: [0.093, 0.0, 0.792, 0.146, 0.668], sigma: 0.153 },
+    InfraredRow { wavelength_nm: 905.0, coefficients: [0.094, 0.131, 0.646, 0.197, 0.591], sigma: 0.154 },
+    InfraredRow { wavelength_nm: 940.0, coefficients: [0.095, 0.150, 0.614, 0.215, 0.564], sigma: 0.154 },
+    InfraredRow { wavelength_nm: 1064.0, coefficients: [0.104, 0.129, 0.606, 0.262, 0.557], sigma: 0.157 },
+    InfraredRow { wavelength_nm: 1550.0, coefficients: [0.103, 0.218, 0.388, 0.266, 0.125], sigma: 0.164 },
 ];
 
 /// Reflectance at one wavelength from linear red, green and blue: `a + b Y + c max + d S + e G`, between 0.02 and 0.95,
 /// with the luminance Y, the greatest channel, the colourfulness `S = (max - min) / (max + 0.05)` and the greenness
-/// `G = (g - max(r, b)) / (max + 0.05)`, at least 0. Dyes and leaves absorb in the visible alone, so what is colourful
-/// is bright in the infrared; what is dark because of its dye cannot be told from soot.
+/// `G = (g - max(r, b)) / (max + 0.05)`, at least 0. Dyes and leaves absorb in the visible alone, so colourful surfaces
+/// are bright in the infrared; those that are dark because of a dye cannot be distinguished from soot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Estimate {
     coefficients: [f32; 5],
@@ -37,11 +37,11 @@ pub(crate) struct Estimate {
 }
 
 impl Estimate {
-    /// At `wavelength_nm`: linear between the rows, constant outside them. In steps of 5 nm, so that diodes called 903 and
-    /// 905 nm, which drift by more than that with their temperature, are one.
+    /// The estimate at `wavelength_nm`: linear between the rows, constant outside them. In steps of 5 nm, so that
+    /// diodes specified as 903 and 905 nm, which drift by more than that with temperature, are the same.
     pub fn at(wavelength_nm: f64) -> Estimate {
         let wavelength_nm = (wavelength_nm / 5.0).round() * 5.0;
-        let of = |row: &Row| Estimate { coefficients: row.coefficients, sigma: row.sigma };
+        let of = |row: &InfraredRow| Estimate { coefficients: row.coefficients, sigma: row.sigma };
         let above = ROWS.partition_point(|row| row.wavelength_nm < wavelength_nm);
         if above == 0 || above == ROWS.len() {
             return of(&ROWS[above.min(ROWS.len() - 1)]);
@@ -55,7 +55,7 @@ impl Estimate {
         }
     }
 
-    /// Reflectance, 0.02 to 0.95, where the linear colour is `r`, `g`, `b`.
+    /// Reflectance, 0.02 to 0.95, of a surface of the linear colour `r`, `g`, `b`.
     pub fn of(&self, [r, g, b]: [f32; 3]) -> f32 {
         let (most, least) = (r.max(g).max(b), r.min(g).min(b));
         let whole = most + 0.05;
@@ -74,10 +74,10 @@ mod tests {
         Estimate::at(wavelength_nm).of(color)
     }
 
-    /// Colours of measured samples, and their reflectances at 905 nm (USGS splib07a, ECOSTRESS, KLUM): what the formula
-    /// leaves is within three of its deviations for all but the black dye, which colour cannot show.
+    /// Colours of measured samples, and their reflectances at 905 nm (USGS splib07a, ECOSTRESS, KLUM): the residuals
+    /// are within two standard deviations for all but the black dye, which the colour cannot reveal.
     #[test]
-    fn colours_suggest_what_was_measured() {
+    fn estimates_from_colours_are_near_measurements() {
         let samples = [
             ([0.62, 0.60, 0.62], 0.64), // white cotton
             ([0.33, 0.02, 0.03], 0.53), // red nylon
@@ -112,7 +112,7 @@ mod tests {
         assert_eq!(estimate(903.0, leaf), estimate(905.0, leaf));
         let [low, between, high] = [850.0, 875.0, 905.0].map(|nm| estimate(nm, leaf));
         assert!((between - (low + (high - low) * 25.0 / 55.0)).abs() < 1e-6);
-        // Brighter colours are brighter.
+        // Brighter colours have higher reflectances.
         for k in 0..100 {
             let [dark, bright] = [0.0, 0.01].map(|more| estimate(905.0, [0.01 * k as f32 + more; 3]));
             assert!(bright >= dark && (0.02..=0.95).contains(&dark));

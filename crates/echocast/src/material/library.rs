@@ -1,4 +1,4 @@
-//! The material library: reflectance by material name and wavelength, and what surfaces do with sound, one YAML per
+//! The material library: reflectance by material name and wavelength, and how surfaces scatter sound, one YAML file per
 //! material in `presets/material`.
 
 use super::words::words;
@@ -12,28 +12,28 @@ use std::sync::OnceLock;
 
 /// A material of the library, and the names that scenes give it.
 #[derive(Debug)]
-pub(super) struct Entry {
+pub(super) struct LibraryMaterial {
     pub material: Material,
-    pub names: Names,
+    pub names: MaterialNames,
 }
 
-/// How an entry's material is called.
+/// What an entry's material is called.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
-pub(super) struct Names {
+pub(super) struct MaterialNames {
     /// Words and phrases for the material itself.
     words: Vec<String>,
-    /// For things that are mostly made of it; they count where no word does.
+    /// For things that are mostly made of it; they count where no word matches.
     things: Vec<String>,
     /// Standard deviation of the reflectance near 905 nm between samples and kinds of it.
     pub spread: Option<f32>,
 }
 
-/// Why a name is that of a material.
+/// Why a name matches a material.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Match {
-    pub entry: &'static Entry,
-    /// The words of the name that say so.
+    pub entry: &'static LibraryMaterial,
+    /// The words of the name that match.
     pub phrase: &'static str,
 }
 
@@ -54,25 +54,25 @@ impl Material {
     }
 }
 
-/// The reflectance that the library has for the name of `material`, with the standard deviation between its kinds, and
-/// why; none where its alpha gives it.
+/// The library's reflectance for the name of `material`, and the match, with the standard deviation between kinds of
+/// the material; `None` where its alpha gives it.
 pub(super) fn reflectance(material: &Material) -> Option<(&'static Reflectance, Match)> {
     let found = find(&material.name).filter(|_| material.alpha != Alpha::Reflectance)?;
     Some((found.entry.material.reflectance.as_ref()?, found))
 }
 
-/// What a material does with sound, from itself or from the library.
+/// How a material scatters and reflects sound, by itself or by the library.
 pub(super) fn sound(material: &Material) -> Option<&Sound> {
     material.sound.as_ref().or_else(|| find(&material.name)?.entry.material.sound.as_ref())
 }
 
-/// Whether `name` speaks of glass.
+/// Whether `name` indicates glass.
 pub(super) fn is_glass(name: &str) -> bool {
     find(name).is_some_and(|found| ["glass", "glass_frosted"].contains(&found.entry.material.name.as_str()))
 }
 
-/// The entry called `name`, apart from its case and the suffix of a copy.
-fn called(name: &str) -> Option<&'static Entry> {
+/// The entry called `name`, ignoring case and the suffix of a copy.
+fn called(name: &str) -> Option<&'static LibraryMaterial> {
     let stem = match name.rsplit_once('.') {
         Some((stem, digits)) if digits.len() == 3 && digits.bytes().all(|b| b.is_ascii_digit()) => stem,
         _ => name,
@@ -80,8 +80,8 @@ fn called(name: &str) -> Option<&'static Entry> {
     library().entries.iter().find(|entry| entry.material.name.eq_ignore_ascii_case(stem))
 }
 
-/// What the library knows of a scene material called `name`: the material of that name; else the one of whose words most
-/// are in it, the last of them where several have as many; else the same with things.
+/// The library's match for a scene material called `name`: the material of that name; else the one whose phrase with
+/// the most words is in the name, the last one where several have as many; else the same with things.
 fn find(name: &str) -> Option<Match> {
     if let Some(entry) = called(name) {
         return Some(Match { entry, phrase: &entry.material.name });
@@ -104,7 +104,7 @@ fn find(name: &str) -> Option<Match> {
 }
 
 struct Library {
-    entries: Vec<Entry>,
+    entries: Vec<LibraryMaterial>,
     /// Phrases by their first word.
     by_word: HashMap<String, Vec<Phrase>>,
 }
@@ -114,7 +114,7 @@ struct Phrase {
     words: Vec<String>,
     /// Whether it is a word for the material, not for a thing.
     names_material: bool,
-    /// Row of the entries.
+    /// Index into the entries.
     entry: usize,
 }
 
@@ -122,11 +122,11 @@ struct Phrase {
 fn library() -> &'static Library {
     static LIBRARY: OnceLock<Library> = OnceLock::new();
     LIBRARY.get_or_init(|| {
-        let entries: Vec<Entry> = presets::embedded("material/")
+        let entries: Vec<LibraryMaterial> = presets::embedded("material/")
             .map(|(path, text)| read(path, text).expect("presets that are compiled in can be read"))
             .collect();
         let mut by_word: HashMap<String, Vec<Phrase>> = HashMap::new();
-        for (number, Entry { names, .. }) in entries.iter().enumerate() {
+        for (number, LibraryMaterial { names, .. }) in entries.iter().enumerate() {
             let phrases = names.words.iter().map(|text| (text, true));
             for (text, names_material) in phrases.chain(names.things.iter().map(|text| (text, false))) {
                 let words = words(text);
@@ -139,8 +139,8 @@ fn library() -> &'static Library {
     })
 }
 
-/// An entry from the `text` of its file: the keys of a material, and those of [`Names`].
-fn read(path: &str, text: &str) -> Result<Entry> {
+/// An entry from the `text` of its file: the keys of a material, and those of [`MaterialNames`].
+fn read(path: &str, text: &str) -> Result<LibraryMaterial> {
     let document = Document::parse(path, text)?;
     let mut keys = document.value().clone();
     let mut names = serde_json::Map::new();
@@ -150,7 +150,7 @@ fn read(path: &str, text: &str) -> Result<Entry> {
         }
     }
     let names = Document::from_value(path, names.into()).read()?;
-    Ok(Entry { material: Material::read(&Document::from_value(path, keys))?, names })
+    Ok(LibraryMaterial { material: Material::read(&Document::from_value(path, keys))?, names })
 }
 
 #[cfg(test)]
@@ -166,7 +166,7 @@ mod tests {
         let mut phrases = HashSet::new();
         let mut count = 0;
         for (path, text) in presets::embedded("material/") {
-            let Entry { material, names } = read(path, text).unwrap();
+            let LibraryMaterial { material, names } = read(path, text).unwrap();
             assert_eq!(path, format!("material/{}.yaml", material.name));
             assert!(!material.source.is_empty(), "{path}");
             let Some(Reflectance::Samples(samples)) = &material.reflectance else { panic!("{path}") };
@@ -204,7 +204,7 @@ mod tests {
 
     /// Names of materials in scenes that people made, and in the generated ones.
     #[test]
-    fn names_speak_of_materials() {
+    fn names_indicate_materials() {
         for (name, expected) in [
             ("DarkRedFabric", "fabric"),
             ("Asphalt.001", "asphalt_dry"),
@@ -227,12 +227,12 @@ mod tests {
             let found = find(name).map(|found| found.entry.material.name.as_str());
             assert_eq!(found, Some(expected), "{name}");
         }
-        // Words within words are none.
+        // Words within words do not count.
         for name in ["", "Material.001", "PC", "Goldfish", "Woodrow", "brickly", "default", "Board"] {
             assert!(find(name).is_none(), "{name}: {:?}", find(name));
         }
         let material = Material { name: "DarkRedFabric".into(), alpha: Alpha::Reflectance, ..Material::default() };
-        assert!(reflectance(&material).is_none(), "its alpha says it");
+        assert!(reflectance(&material).is_none(), "its alpha gives it");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! What surfaces are made of, and how much light and sound they send back.
+//! Materials of surfaces, and how much light and sound they return.
 
 mod change;
 mod decode;
@@ -34,23 +34,24 @@ pub enum ReflectanceSource {
     Luminance,
     /// Alpha of the base colour, as in the paper's system.
     Alpha,
-    /// The library material that its name speaks of; else what its base colour suggests for the wavelength.
+    /// The library material that its name indicates; else the estimate from its base colour for the wavelength.
     #[default]
     Library,
 }
 
 named! { ReflectanceSource: Luminance "luminance", Alpha "alpha", Library "library" }
 
-/// What the alpha of a surface means: of its base colour, times that of its images and of its vertices.
+/// What the alpha of a surface means: that of its base colour, times those of its images and its vertices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Alpha {
-    /// Nothing, unless the scan uses it as the reflectance ([`ReflectanceSource::Alpha`]): the surface is there.
+    /// Nothing, unless the scan uses it as the reflectance ([`ReflectanceSource::Alpha`]): the surface is solid.
     #[default]
     #[serde(alias = "ignore")]
     Solid,
-    /// Which part of where it is the surface covers: a ray of light is stopped with this probability, by a draw of its own
-    /// at every triangle, unless the scan uses alpha as the reflectance. To sound it is solid, unless alpha is 0.
+    /// The fraction of its area that the surface covers: a ray of light is stopped with this probability, drawn
+    /// independently at every triangle, unless the scan uses alpha as the reflectance. To sound it is solid, unless
+    /// alpha is 0.
     Coverage,
     /// Where there is a surface at all: light and sound pass where alpha is below [`Material::alpha_cutoff`].
     Cutout,
@@ -89,8 +90,8 @@ pub struct Material {
     pub metallic: f32,
     /// glTF roughness factor, 0..1.
     pub roughness: f32,
-    /// Index of refraction (`KHR_materials_ior`, `blainder_ior`), 1 at least; of a metal, whose `extinction_index` is not 0,
-    /// above 0.
+    /// Index of refraction (`KHR_materials_ior`, `blainder_ior`), at least 1; of a metal, whose `extinction_index` is
+    /// not 0, above 0.
     pub ior: f32,
     /// Fraction of light that passes the surface (`KHR_materials_transmission`), 0..1.
     pub transmission: f32,
@@ -100,28 +101,29 @@ pub struct Material {
     pub attenuation_distance_m: f32,
     /// Linear colour of white light after the attenuation distance (`KHR_materials_volume`).
     pub attenuation_color: [f32; 3],
-    /// Thickness of a pane that the scene models as a single sheet, metres; none is a body with an inside, or, where
+    /// Thickness of a pane that the scene models as a single sheet, metres; `None`: a body with an inside, or, where
     /// `thickness_m` is 0, an infinitely thin pane.
     pub pane_m: Option<f32>,
-    /// Index of refraction for the travel time of pulses, at least 1; none is `ior`.
+    /// Index of refraction for the travel time of pulses, at least 1; `None`: `ior`.
     pub group_index: Option<f32>,
     /// Imaginary part of a metal's index of refraction, whose real part is `ior`: with it a mirror's loss depends on
-    /// the angle; without it (0) the mirror leaves its reflectance.
+    /// the angle; without it (0) the mirror has its reflectance at every angle.
     pub extinction_index: f32,
-    /// Reflectance of the dirt on a mirror, glass or water, 0..1; it is diffuse, and what lies behind gets the rest.
+    /// Reflectance of the dirt on a mirror, glass or water, 0..1; it is diffuse, and the surface behind it gets the
+    /// rest.
     pub dirt: f32,
-    /// What it does with sound (in glTF `extras.sound`); see [`Material::sound_law`].
+    /// How it scatters and reflects sound (in glTF `extras.sound`); see [`Material::sound_law`].
     pub sound: Option<Sound>,
-    /// Whether the file wants the surface drawn without lighting (`KHR_materials_unlit`).
+    /// Whether the file specifies that the surface is drawn without lighting (`KHR_materials_unlit`).
     pub unlit: bool,
-    /// Whether both sides of the surface are seen (in glTF `doubleSided`). Beams see both in any case; this only tells
-    /// rooms from bodies, see [`BuiltScene::enclosure`](crate::BuiltScene::enclosure).
+    /// Whether both sides of the surface are visible (in glTF `doubleSided`). Beams hit both in any case; this only
+    /// distinguishes rooms from bodies, see [`BuiltScene::enclosure`](crate::BuiltScene::enclosure).
     #[serde(skip)]
     pub double_sided: bool,
-    /// What part of an object its faces are, where the file says it of the material (in glTF `extras.partID`).
+    /// Which part of an object its faces are, where the file states it for the material (in glTF `extras.partID`).
     #[serde(skip)]
     pub part: Option<String>,
-    /// How it changes over time; none: it stays as it is. The other fields are what it is at time 0.
+    /// How it changes over time; `None`: not at all. The other fields are its values at time 0.
     #[serde(skip)]
     pub changes: Option<Arc<Changes>>,
 }
@@ -161,13 +163,13 @@ impl Default for Material {
 }
 
 impl Material {
-    /// What it does with sound, from itself or from the library material of its name; if neither gives it, its
-    /// reflectance may: [`Sound::of_reflectance`].
+    /// How it scatters and reflects sound, by itself or by the library material of its name; if neither specifies it,
+    /// its reflectance may: [`Sound::of_reflectance`].
     pub fn sound_law(&self) -> Option<&Sound> {
         library::sound(self)
     }
 
-    /// This material reflecting light and sound as `other` does; `source` is where that comes from.
+    /// This material, reflecting light and sound as `other` does; `source` states where that comes from.
     pub(crate) fn made_of(&self, other: &Material, source: String) -> Material {
         let alpha = match self.alpha {
             Alpha::Reflectance => Alpha::Solid,
@@ -185,22 +187,22 @@ impl Material {
         }
     }
 
-    /// Lets light through as its alpha says, because its file calls it transparent; not if it is glass, by its transmission
-    /// or its name: of that, alpha says how it looks, and [`Material::transmission`] what passes.
+    /// Lets light through by its alpha, because its file declares it transparent; not if it is glass by its
+    /// transmission or its name: the alpha of glass is its appearance, and [`Material::transmission`] what passes.
     pub(crate) fn blend(&mut self) {
         if !self.is_glass() {
             self.alpha = Alpha::Coverage;
         }
     }
 
-    /// As [`Material::blend`], if its factor of alpha lets anything through.
+    /// As [`Material::blend`], if its alpha factor lets anything through.
     pub(crate) fn let_through(&mut self) {
         if self.base_color[3] < 1.0 {
             self.blend();
         }
     }
 
-    /// As [`Material::blend`], by an image of opacity: one of black and white is cut out.
+    /// As [`Material::blend`], by an opacity image: a black-and-white one makes a cut-out.
     pub(crate) fn mask(&mut self, mask: TextureRef) {
         self.blend();
         if self.alpha == Alpha::Coverage && self.base_color[3] == 1.0 && mask.texture.is_black_or_white() {
@@ -214,12 +216,12 @@ impl Material {
         self.transmission > 0.0 && self.metallic < 1.0 || library::is_glass(&self.name)
     }
 
-    /// What its alpha does, for people; `None`: nothing, as it says nothing.
+    /// Describes for users what its alpha does; `None`: nothing worth mentioning.
     pub fn told_alpha(&self) -> Option<String> {
         let alpha = self.base_color[3];
         let by_image = self.alpha_image().is_some_and(|image| !image.texture.opaque);
         match self.alpha {
-            Alpha::Coverage if by_image => Some("alpha of its image is how much of the rays it stops".into()),
+            Alpha::Coverage if by_image => Some("alpha of its image is the fraction of the rays that it stops".into()),
             Alpha::Coverage if alpha < 1.0 => {
                 Some(format!("alpha {alpha:.2}: {:.0} % of the rays pass", 100.0 * (1.0 - alpha)))
             }
@@ -233,7 +235,7 @@ impl Material {
         }
     }
 
-    /// The image that says where it is there.
+    /// The image that gives its alpha.
     pub(crate) fn alpha_image(&self) -> Option<&TextureRef> {
         self.alpha_texture.as_ref().or(self.base_color_texture.as_ref())
     }
@@ -243,7 +245,7 @@ impl Material {
         self.base_color_texture.iter().chain(&self.alpha_texture)
     }
 
-    /// What its colour says of its reflectance at `wavelength_nm` in a scan that uses `source`.
+    /// How its colour gives its reflectance at `wavelength_nm` in a scan that uses `source`.
     pub(crate) fn by_color(&self, source: ReflectanceSource, wavelength_nm: f64) -> ByColor {
         match source {
             _ if self.alpha == Alpha::Reflectance => ByColor::Alpha,
@@ -257,13 +259,13 @@ impl Material {
 }
 
 impl ReflectanceSource {
-    /// The one that stands for it where surfaces reflect sound: the names and the infrared say nothing of that.
+    /// The source used instead where surfaces reflect sound: names and infrared estimates do not apply to sound.
     pub(crate) fn of_sound(self) -> ReflectanceSource {
         if self == ReflectanceSource::Library { ReflectanceSource::Luminance } else { self }
     }
 }
 
-/// What a base colour says of reflectance.
+/// How a base colour gives a reflectance.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum ByColor {
     Luminance,

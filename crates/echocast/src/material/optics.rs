@@ -2,12 +2,12 @@
 
 use super::{Material, ReflectanceSource, fresnel, luminance};
 
-/// How a material divides light that meets it, at one wavelength.
+/// How a material divides incident light, at one wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Optics {
-    /// Part scattered diffusely, which the reflectance multiplies, 0..1.
+    /// Part scattered diffusely, to be multiplied by the reflectance, 0..1.
     pub diffuse: f32,
-    /// Reflectance of the dirt on it, 0..1; the other parts are of what the dirt leaves.
+    /// Reflectance of the dirt on it, 0..1; the other parts are already reduced by it.
     pub dirt: f32,
     /// Part that is mirrored, 0..1; excludes what a metal absorbs, unless that depends on the angle.
     pub mirrored: f32,
@@ -15,25 +15,25 @@ pub(crate) struct Optics {
     pub metal: Option<[f32; 2]>,
     /// Part that obeys Fresnel's equations, 0..1: glass and water.
     pub clear: f32,
-    /// Index of refraction, 1 at least.
+    /// Index of refraction, at least 1.
     pub index: f32,
     /// Index for the travel time of pulses.
     pub group_index: f32,
-    /// Absorption within, 1/m.
+    /// Absorption inside, 1/m.
     pub absorption: f32,
-    /// Thickness of a pane that the scene models as a single sheet, m; none is a body with an inside.
+    /// Thickness of a pane that the scene models as a single sheet, m; `None`: a body with an inside.
     pub sheet: Option<f32>,
 }
 
 /// What mirrors absorb.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Mirrors {
-    /// All but what their material leaves.
+    /// All that their material does not reflect.
     Real,
     /// Nothing, as in the paper's equations.
     Lossless,
-    /// Nothing, and a metallic of exactly 1 makes a mirror, however rough: the paper's program.
-    OfTheProgram,
+    /// Nothing, and a metallic factor of exactly 1 makes a mirror, however rough, as computed by the paper's program.
+    PaperProgram,
 }
 
 impl Optics {
@@ -49,16 +49,15 @@ impl Optics {
         sheet: None,
     };
 
-    /// Whether light goes on from the surface in a direction of its own.
+    /// Whether the surface mirrors or transmits light in a specific direction.
     pub(crate) fn goes_on(&self) -> bool {
         self.mirrored > 0.0 || self.clear > 0.0
     }
 
-    /// A rough surface is a mirror or a pane only for the part `(1 - roughness)^4` of the light (a choice of ours: a
-    /// half at 0.16, a sixteenth at 0.5); of the rest a metal scatters like a diffuse surface, and glass returns
-    /// nothing.
+    /// A rough surface is a mirror or a pane only for the part `(1 - roughness)^4` of the light (our choice: a half at
+    /// 0.16, a sixteenth at 0.5); a metal scatters the rest like a diffuse surface, and glass returns nothing of it.
     pub(crate) fn new(material: &Material, wavelength_nm: f64, source: ReflectanceSource, mirrors: Mirrors) -> Optics {
-        if mirrors == Mirrors::OfTheProgram {
+        if mirrors == Mirrors::PaperProgram {
             match material.metallic {
                 1.0 => return Optics { diffuse: 0.0, mirrored: 1.0, ..Optics::DIFFUSE },
                 _ if material.transmission == 0.0 => return Optics::DIFFUSE,
@@ -86,16 +85,16 @@ impl Optics {
             index: material.ior,
             group_index: material.group_index.unwrap_or(material.ior),
             absorption,
-            // KHR_materials_volume: without a thickness the surface is thin-walled, an infinitely thin pane. The paper's
-            // program knows no panes: each face is one boundary.
+            // KHR_materials_volume: without a thickness the surface is thin-walled, an infinitely thin pane. The
+            // paper's program has no panes: each face is one boundary.
             sheet: match mirrors {
-                Mirrors::OfTheProgram => None,
+                Mirrors::PaperProgram => None,
                 _ => material.pane_m.or((material.thickness_m == 0.0).then_some(0.0)),
             },
         }
     }
 
-    /// What is mirrored of light at an incidence of cosine `cos`, 0..1.
+    /// Part that is mirrored at an incidence angle of cosine `cos`, 0..1.
     pub(crate) fn mirrored_at(&self, cos: f32) -> f32 {
         match self.metal {
             Some([n, k]) => self.mirrored * fresnel::conductor(cos, n, k),

@@ -44,7 +44,7 @@ impl Reflectance {
         value as f32
     }
 
-    /// The greatest at any wavelength.
+    /// The greatest reflectance at any wavelength.
     pub(super) fn greatest(&self) -> f32 {
         match self {
             Reflectance::Constant(value) => *value,
@@ -86,34 +86,34 @@ impl<'de> Deserialize<'de> for Reflectance {
 pub struct Returned {
     /// Reflectance, 0..1; with an image, that of the colour which multiplies it.
     pub value: f32,
-    /// Standard deviation of what it may truly be, where that is known.
+    /// Standard deviation of the true reflectance about the value, where known.
     pub spread: Option<f32>,
     /// Whether it differs from place to place with the image of the base colour.
     pub by_image: bool,
-    /// Why.
+    /// Where the value comes from.
     pub why: Why,
 }
 
-/// Why a material returns as much light as it does.
+/// Where the reflectance of a material comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Why {
-    /// It gives its reflectance.
+    /// The material specifies it.
     Given,
-    /// Its name speaks of a library material.
+    /// The name of the material indicates a library material.
     Named {
         /// The library material.
         material: &'static str,
-        /// The words of its name that do.
+        /// The words of its name that indicate it.
         words: &'static str,
     },
     /// Its colour suggests it.
     Estimated,
-    /// It has no colour of its own, but white or Blender's grey, as files have where nothing was chosen, or nothing that
+    /// It has no colour of its own, only white or Blender's grey, as in files where no colour was chosen, or none that
     /// the exporter could write; the reflectance is what that colour suggests.
     Assumed,
-    /// The luminance of its base colour, as asked or as it is a metal.
+    /// The luminance of its base colour, as requested or because it is a metal.
     Luminance,
-    /// The alpha of its base colour, as asked or as it says itself.
+    /// The alpha of its base colour, as requested or as the material itself specifies.
     Alpha,
 }
 
@@ -124,7 +124,7 @@ impl fmt::Display for Why {
             Why::Named { material, words } if material == words => write!(f, "library material {material}"),
             Why::Named { material, words } => write!(f, "library material {material}, for \"{words}\" in its name"),
             Why::Estimated => f.write_str("estimated from the colour"),
-            Why::Assumed => f.write_str("assumed: no colour is given but the default"),
+            Why::Assumed => f.write_str("assumed: no colour is given except the default"),
             Why::Luminance => f.write_str("luminance of the colour"),
             Why::Alpha => f.write_str("alpha of the colour"),
         }
@@ -132,7 +132,7 @@ impl fmt::Display for Why {
 }
 
 impl Material {
-    /// How much light of `wavelength_nm` it returns, in this order: as it says itself; as `source` says.
+    /// How much light of `wavelength_nm` it returns: as the material itself specifies, else as `source` selects.
     pub fn returned(&self, wavelength_nm: f64, source: ReflectanceSource) -> Returned {
         if let Some(own) = &self.reflectance {
             return Returned { value: own.at(wavelength_nm), spread: None, by_image: false, why: Why::Given };
@@ -141,7 +141,7 @@ impl Material {
         if source == ReflectanceSource::Library
             && let Some((reflectance, found)) = library::reflectance(self)
         {
-            let library::Entry { material, names } = found.entry;
+            let library::LibraryMaterial { material, names } = found.entry;
             let why = Why::Named { material: &material.name, words: found.phrase };
             return Returned { value: reflectance.at(wavelength_nm), spread: names.spread, by_image: false, why };
         }
@@ -155,15 +155,15 @@ impl Material {
         Returned { value: by_color.of(self.base_color), spread, by_image, why }
     }
 
-    /// Whether its colour is what files have where none was chosen: white, which glTF leaves out, as do exporters that cannot
-    /// write a procedural colour, or the 0.8 that Blender's materials begin with.
+    /// Whether its colour is what files have where none was chosen: white, which glTF omits, as do exporters that
+    /// cannot write a procedural colour, or the 0.8 of new materials in Blender.
     fn has_default_color(&self) -> bool {
         let [r, g, b, _] = self.base_color;
         let plain = |value: f32| (r - value).abs() < 1e-6 && r == g && g == b;
         self.base_color_texture.is_none() && (plain(1.0) || plain(0.8))
     }
 
-    /// Its own reflectance, or that of the library for its name.
+    /// Its own reflectance, or the library's for its name.
     pub(crate) fn known_reflectance(&self) -> Option<&Reflectance> {
         self.reflectance.as_ref().or_else(|| Some(library::reflectance(self)?.0))
     }
@@ -175,13 +175,13 @@ pub(crate) struct Reflectances {
     pub by_material: Vec<f32>,
     /// The greatest effective reflectance of any of them at any angle.
     pub greatest: f32,
-    /// Whether any of them scatters differently from Lambert surfaces, and that matters.
+    /// Whether any of them scatters differently from a Lambert surface, where that is modelled.
     pub scatter: bool,
-    /// What smooth surfaces do with light, likewise.
+    /// What smooth surfaces do with light, in the same order.
     pub optics: Vec<Optics>,
-    /// What colours say where an image decides, likewise.
+    /// How colours give the reflectance where an image does, in the same order.
     pub by_color: Vec<ByColor>,
-    /// Whether light goes on from any of them.
+    /// Whether any of them mirrors or transmits light.
     pub go_on: bool,
     pub wavelength_nm: f64,
     pub source: ReflectanceSource,
@@ -189,7 +189,7 @@ pub(crate) struct Reflectances {
 }
 
 impl Reflectances {
-    /// As [`Material::returned`] says. `mirrors`: what these absorb.
+    /// Reflectances as by [`Material::returned`]. `mirrors`: what mirrors absorb.
     pub fn new(materials: &[Arc<Material>], wavelength_nm: f64, source: ReflectanceSource, mirrors: Mirrors) -> Self {
         let of = |material: &Arc<Material>| {
             let returned = material.returned(wavelength_nm, source);
@@ -220,7 +220,7 @@ impl Reflectances {
         }
     }
 
-    /// Whether they are what [`Reflectances::new`] would make.
+    /// Whether they are what [`Reflectances::new`] would compute for these parameters.
     pub fn are_for(&self, wavelength_nm: f64, source: ReflectanceSource, mirrors: Mirrors) -> bool {
         (self.wavelength_nm, self.source, self.mirrors) == (wavelength_nm, source, mirrors)
     }

@@ -1,7 +1,8 @@
-//! How surfaces distribute what they return over directions, as seen by an instrument that receives where it sends.
+//! How surfaces distribute returned light over directions, as seen by a monostatic instrument.
 //!
-//! Each model gives the effective reflectance `rho_eff = pi f_r cos(theta)`: the reflectance of a head-on Lambert
-//! surface that returns as much, `f_r` the model's BRDF (1/sr) back to the light source, `theta` the incidence angle.
+//! Each model gives the effective reflectance `rho_eff = pi f_r cos(theta)`: the reflectance of a Lambert surface at
+//! normal incidence that returns as much, `f_r` the model's BRDF (1/sr) back to the light source, `theta` the incidence
+//! angle.
 
 use super::Reflectance;
 use crate::ground::error::{Error, Result};
@@ -36,7 +37,7 @@ pub enum Scattering {
     /// Diffuse under a layer of microfacet mirrors (Walter and others 2007, shadowed by height-correlated Smith): `rho
     /// cos(theta) + pi D f0 G / (4 cos(theta))`.
     Ggx {
-        /// What a mirror reflects head-on, 0 to 1.
+        /// Reflectance of the mirrors at normal incidence, 0 to 1.
         f0: f32,
         /// How much the mirrors tilt, 0.001 to 1; in glTF the square of the roughness.
         alpha: f32,
@@ -56,7 +57,8 @@ pub enum Scattering {
 pub struct RetroSample {
     /// Incidence angle, degrees, 0 to 85.
     pub angle_deg: f32,
-    /// Returned luminous intensity, over the illuminance across the beam and the area: `R_A`, cd/(lx m^2), 0 to 10000.
+    /// Returned luminous intensity over the illuminance perpendicular to the beam and the area: `R_A`, cd/(lx m^2), 0
+    /// to 10000.
     pub cd_lx_m2: f32,
 }
 
@@ -79,10 +81,10 @@ impl Scattering {
             }
             Scattering::Ggx { f0, alpha } => {
                 // D = a^2 / (pi (cos^2 (a^2 - 1) + 1)^2) and G / cos = 1 / sqrt(cos^2 + a^2 sin^2), which is G = 1 / (1
-                // + 2 L), L = (sqrt(1 + a^2 tan^2) - 1) / 2, without its 0/0 at the edge.
+                // + 2 L), L = (sqrt(1 + a^2 tan^2) - 1) / 2, without its 0/0 at grazing incidence.
                 let a2 = alpha * alpha;
-                let lean = a2 * cos * cos + sin2;
-                let lobe = a2 / (4.0 * lean * lean * (cos * cos + a2 * sin2).sqrt());
+                let denominator = a2 * cos * cos + sin2;
+                let lobe = a2 / (4.0 * denominator * denominator * (cos * cos + a2 * sin2).sqrt());
                 rho.min(1.0 - f0) * cos + f0 * lobe
             }
             Scattering::RetroReflector { ref samples } => {
@@ -99,10 +101,10 @@ impl Scattering {
     /// Upper bound of [`Scattering::rho_eff`] at any angle.
     pub(crate) fn greatest(&self, rho: f32) -> f32 {
         match *self {
-            // A and B of Oren and Nayar keep their factors below 1: A cos + B sin^2 is A head-on, and at its peak, if
-            // it has one, A^2 / (4 B) + B, which is 0.65 for s = 1 and less for rougher ones.
+            // A and B of Oren and Nayar keep their factors below 1: A cos + B sin^2 is A at normal incidence, and at
+            // its peak, if it has one, A^2 / (4 B) + B, which is 0.65 for s = 1 and less for rougher ones.
             Scattering::Lambert | Scattering::Constant | Scattering::OrenNayar { .. } => rho,
-            // Both lobes are greatest head-on.
+            // Both lobes are greatest at normal incidence.
             Scattering::Phong { .. } | Scattering::Ggx { .. } => self.rho_eff(rho, 1.0),
             Scattering::RetroReflector { ref samples } => {
                 let coefficient = samples.iter().map(|sample| sample.cd_lx_m2).fold(0.0, f32::max);
@@ -112,7 +114,7 @@ impl Scattering {
         }
     }
 
-    /// Checks that all values are within what is allowed, given the `reflectance` known of the diffuse part.
+    /// Checks that all values are within their allowed ranges, given the known `reflectance` of the diffuse part.
     ///
     /// # Errors
     /// [`Error::InvalidParameter`] that names the key, as in `scattering.f0`.
@@ -164,7 +166,7 @@ impl Scattering {
     }
 }
 
-/// Cosine below which incidence is grazing: nothing comes back, whatever the model, and nothing is divided by less.
+/// Cosine below which incidence is grazing: nothing comes back, whatever the model. It is also the least divisor.
 const LEAST_COS: f32 = 1e-6;
 
 /// `R_A` at the incidence angle `angle_deg`.
@@ -195,7 +197,7 @@ impl<'de> Deserialize<'de> for Scattering {
         }
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Mirrors {
+        struct Microfacets {
             f0: f32,
             alpha: f32,
         }
@@ -224,7 +226,7 @@ impl<'de> Deserialize<'de> for Scattering {
                 Scattering::Phong { specular, exponent }
             }
             "ggx" => {
-                let Mirrors { f0, alpha } = section.read()?;
+                let Microfacets { f0, alpha } = section.read()?;
                 Scattering::Ggx { f0, alpha }
             }
             "retro_reflector" => {
@@ -255,7 +257,7 @@ mod tests {
         Scattering::RetroReflector { samples: samples.iter().map(sample).collect() }
     }
 
-    /// Computed with numpy from the formulas of the models: head-on and at 60 degrees.
+    /// Computed with numpy from the formulas of the models: at normal incidence and at 60 degrees.
     #[test]
     fn effective_reflectances_are_those_of_the_table() {
         for (model, rho, head_on, inclined) in [
@@ -359,8 +361,8 @@ mod tests {
         }
     }
 
-    /// Our form of each model is its BRDF back to the light, and no BRDF returns more than arrives: the integral of
-    /// `f_r cos` over the hemisphere, by the midpoint rule.
+    /// Our form of each model is its BRDF back to the light, and no BRDF returns more than the incident light: the
+    /// integral of `f_r cos` over the hemisphere, by the midpoint rule.
     #[test]
     fn brdfs_keep_energy() {
         let models = [
@@ -390,7 +392,7 @@ mod tests {
                     }
                 }
                 assert!(sum < 1.0 + 1e-3, "{model:?} at {degrees}: {sum}");
-                // The gloss is normalised head-on.
+                // The gloss is normalised at normal incidence.
                 if let (Scattering::Phong { .. }, 0.0) = (model, degrees) {
                     assert!((sum - 1.0).abs() < 1e-3, "{model:?}: {sum}");
                 }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Deserializer};
 use std::f64::consts::PI;
 use std::sync::LazyLock;
 
-/// What a surface does with sound under water: the section `sound` of a material, distinguished by `law`.
+/// How a surface scatters and reflects sound under water: the section `sound` of a material, distinguished by `law`.
 ///
 /// Backscatter is a cross-section per area and solid angle, 1/sr; in decibels that is the surface's scattering
 /// strength. Angles are grazing angles, between wave and surface.
@@ -14,54 +14,55 @@ use std::sync::LazyLock;
 pub enum Sound {
     /// Lambert's law, `mu sin^2(g)`: a rough surface without layers below.
     Lambert {
-        /// `10 log mu`, dB, -100 to -4.9715, where everything is scattered; -27 is the deep sea (Mackenzie 1961), -15
-        /// sand, -8 rock.
+        /// `10 log mu`, dB, -100 to -4.9715, at which everything is scattered; -27 for the deep sea (Mackenzie 1961),
+        /// -15 for sand, -8 for rock.
         mu_db: f64,
     },
-    /// Lambert's law plus mirror facets of a surface with normally distributed slopes, which shine where it is met
-    /// head-on (high-frequency Kirchhoff): `mu sin^2(g) + R / (8 pi s^2 sin^4(g)) exp(-1 / (2 s^2 tan^2(g)))`.
+    /// Lambert's law plus specular facets with normally distributed slopes, which glint at normal incidence
+    /// (high-frequency Kirchhoff): `mu sin^2(g) + R / (8 pi s^2 sin^4(g)) exp(-1 / (2 s^2 tan^2(g)))`.
     ///
-    /// Without slopes it is smooth: objects of up to 450 wavelengths answer by physical optics (Kirchhoff's integral over
-    /// what is met, in phase, over up to three facets), as plates, corners, spheres and cylinders do; larger ones as
-    /// if their facets had slopes of [`Sound::GLINT_DEG`], which leaves a mirror's echo as loud as it is.
+    /// Without slopes the surface is smooth: objects of up to 450 wavelengths scatter by physical optics (Kirchhoff's
+    /// integral over the insonified surface, in phase, over up to three facets), as plates, corners, spheres and
+    /// cylinders do; larger ones scatter as if their facets had slopes of [`Sound::GLINT_DEG`], which leaves the level
+    /// of a mirror's echo unchanged.
     Facet {
-        /// As in `lambert`; -35 when not given.
+        /// As in `lambert`; defaults to -35.
         mu_db: f64,
-        /// Standard deviation of the slope along any direction, as an angle in degrees, 0.1 to 45: `s` is its tangent; or 0,
-        /// also when not given.
+        /// Standard deviation of the slope along any direction, as an angle in degrees, 0.1 to 45: `s` is its tangent;
+        /// or 0, the default.
         slope_sigma_deg: f64,
-        /// Loss of a facet met head-on, dB, 0 to 100: `R` is `10^(-loss / 10)`; 0 when not given.
+        /// Loss of a facet at normal incidence, dB, 0 to 100: `R` is `10^(-loss / 10)`; defaults to 0.
         reflection_loss_db: f64,
     },
     /// Generic seabed backscatter (Lamarche and others 2011, Cont. Shelf Res. 31, S158), six numbers fitted to
     /// measurements: `A exp(-i^2 / (2 b^2)) + C cos^d(i) + E exp(-i^2 / (2 f^2))` at the incidence angle `i`.
     Gsab {
-        /// `10 log A`, dB, -100 to 30: what is seen head-on.
+        /// `10 log A`, dB, -100 to 30: the lobe at normal incidence.
         a_db: f64,
-        /// Width of that, degrees, 0.1 to 90.
+        /// Width of that lobe, degrees, 0.1 to 90.
         b_deg: f64,
         /// `10 log C`, dB, -100 to 30.
         c_db: f64,
         /// Exponent, 0 to 20; 2 is Lambert's law.
         d: f64,
-        /// `10 log E`, dB, -100 to 30: what is seen in between.
+        /// `10 log E`, dB, -100 to 30: the lobe in between.
         e_db: f64,
-        /// Width of that, degrees, 0.1 to 90.
+        /// Width of that lobe, degrees, 0.1 to 90.
         f_deg: f64,
     },
-    /// A kind of seabed by its name.
+    /// A type of seabed, by name.
     Sediment {
-        /// Which.
+        /// The type.
         name: Sediment,
     },
-    /// Something small that answers as a whole, whatever its area: a fish, a float, a calibration sphere.
+    /// A small object that scatters as a whole, whatever its area: a fish, a float, a calibration sphere.
     Target {
         /// Target strength, dB re 1 m^2, -200 to 100.
         strength_db: f64,
     },
 }
 
-/// Seabeds for which the library has a table: Jackson's small-slope model at 20, 100, 300 and 450 kHz.
+/// Types of seabed for which the library has a table: Jackson's small-slope model at 20, 100, 300 and 450 kHz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Sediment {
@@ -97,22 +98,23 @@ impl Sediment {
     ];
 }
 
-/// Loss of a mirror image where a law does not give it, dB: between that of sand (7 to 13) and of rock (3) met head-on.
-/// Mirror images matter where one echo takes several paths, and such laws are fitted to backscatter alone.
+/// Reflection loss where a law does not give it, dB: between those of sand (7 to 13) and rock (3) at normal incidence.
+/// Specular reflection matters where one echo takes several paths, and such laws are fitted to backscatter alone.
 const UNKNOWN_LOSS_DB: f64 = 10.0;
 
 impl Sound {
-    /// Slope that the facets of a smooth surface count as having where rays meet it, degrees: they find it from wherever it
-    /// shines. What shines then adds up to the same: the echo of a mirror is `R r^2 / 4` whatever the slope.
+    /// Slope attributed to the facets of a smooth surface where rays meet it, degrees, so that rays find the glint
+    /// wherever there is one. The total stays the same: the echo of a mirror is `R r^2 / 4` whatever the slope.
     pub const GLINT_DEG: f64 = 2.0;
 
-    /// For a surface of which only the reflectance is known, 0 to 1: Lambert's law with `mu` a `pi`-th of it.
+    /// The law of a surface of which only the reflectance is known, 0 to 1: Lambert's with `mu` the reflectance over
+    /// `pi`.
     pub fn of_reflectance(reflectance: f64) -> Sound {
         Sound::Lambert { mu_db: 10.0 * (reflectance / PI).log10() }
     }
 
     /// Backscattering cross-section, 1/sr, of a surface met at a grazing angle of sine `sin_grazing`, 0 to 1, by sound
-    /// of `frequency_hz`. That of a target is 0: it has its [`Sound::target_strength_db`].
+    /// of `frequency_hz`. That of a target is 0: it has a [`Sound::target_strength_db`] instead.
     pub fn backscatter(&self, sin_grazing: f64, frequency_hz: f64) -> f64 {
         if sin_grazing <= 0.0 {
             return 0.0;
@@ -139,9 +141,9 @@ impl Sound {
         }
     }
 
-    /// Loss of the mirror image of a source, dB, 0 or more, in a smooth surface met at a grazing angle of sine
-    /// `sin_grazing`. Lambert's law and `gsab` do not give it, and 10 dB are used; nothing is mirrored in a target,
-    /// whose loss is infinite. None of the laws depends on the frequency.
+    /// Loss of a specular reflection, dB, 0 or more, by a surface met at a grazing angle of sine `sin_grazing`.
+    /// Lambert's law and `gsab` do not give it, and 10 dB is used; a target reflects nothing specularly, so that its
+    /// loss is infinite. The loss does not depend on the frequency in any of the laws.
     pub fn reflection_loss_db(&self, sin_grazing: f64) -> f64 {
         match *self {
             Sound::Lambert { .. } | Sound::Gsab { .. } => UNKNOWN_LOSS_DB,
@@ -151,7 +153,7 @@ impl Sound {
         }
     }
 
-    /// Target strength, dB re 1 m^2, of what is small and answers as a whole.
+    /// Target strength, dB re 1 m^2, of a small object that scatters as a whole.
     pub fn target_strength_db(&self) -> Option<f64> {
         match *self {
             Sound::Target { strength_db } => Some(strength_db),
@@ -159,23 +161,25 @@ impl Sound {
         }
     }
 
-    /// Whether it is smooth facets.
+    /// Whether it is a smooth surface: facets without slopes.
     pub(crate) fn is_smooth(&self) -> bool {
         matches!(self, Sound::Facet { slope_sigma_deg: 0.0, .. })
     }
 
-    /// What users should know before trusting it at `frequency_hz`.
+    /// Warning for the user about the validity of the law at `frequency_hz`.
     pub fn warning(&self, frequency_hz: f64) -> Option<String> {
         let [least, most] = [FREQUENCIES_HZ[0], FREQUENCIES_HZ[FREQUENCIES_HZ.len() - 1]];
         let outside = matches!(self, Sound::Sediment { .. }) && !(least..=most).contains(&frequency_hz);
         outside.then(|| {
             let (khz, least, most) = (frequency_hz / 1e3, least / 1e3, most / 1e3);
             let edge = if khz < least { least } else { most };
-            format!("sediments are known from {least} to {most} kHz; at {khz} kHz they are as at {edge}")
+            format!(
+                "sediments are tabulated from {least} to {most} kHz; at {khz} kHz the values at {edge} kHz are used"
+            )
         })
     }
 
-    /// Checks that all values are within what is allowed.
+    /// Checks that all values are within their allowed ranges.
     ///
     /// # Errors
     /// [`Error::InvalidParameter`] that names the key, as in `sound.mu_db`.
@@ -184,7 +188,7 @@ impl Sound {
             let invalid = || Error::invalid(format!("sound.{key}"), value, format!("{least} to {most}"));
             if (least..=most).contains(&value) { Ok(()) } else { Err(invalid()) }
         };
-        // Lambert's law scatters pi mu of what arrives, over all directions.
+        // Lambert's law scatters pi mu of the incident energy, over all directions.
         let lambert = |mu_db: f64| within("mu_db", mu_db, [-100.0, -4.9715]);
         match *self {
             Sound::Lambert { mu_db } => lambert(mu_db),
@@ -209,7 +213,7 @@ impl Sound {
     }
 }
 
-/// Power of `db` decibels.
+/// Power ratio of `db` decibels.
 fn power(db: f64) -> f64 {
     10f64.powf(db / 10.0)
 }
@@ -219,13 +223,13 @@ const FREQUENCIES_HZ: [f64; 4] = [20e3, 100e3, 300e3, 450e3];
 
 /// The table, in the order of [`Sediment`]; a test compares all of it with its source.
 struct Sediments {
-    rows: Vec<Rows>,
+    rows: Vec<SedimentTable>,
     /// Logarithms of [`FREQUENCIES_HZ`].
     log_frequency: [f64; FREQUENCIES_HZ.len()],
 }
 
 /// The table's values for one sediment.
-struct Rows {
+struct SedimentTable {
     /// Logarithm of each grazing angle in degrees, rising, and the sine of the first.
     log_angle: Vec<f64>,
     first_sine: f64,
@@ -236,13 +240,13 @@ struct Rows {
 }
 
 impl Sediments {
-    fn of(&self, name: Sediment) -> &Rows {
+    fn of(&self, name: Sediment) -> &SedimentTable {
         &self.rows[name as usize]
     }
 
     /// Linear in decibels over the logarithms of angle and frequency: at small angles a power of the angle dominates.
-    /// Outside the frequencies as at the first or last; below the first angle with the fourth power of the sine,
-    /// continuing the table's last degrees.
+    /// Outside the table's frequencies, the first or last is used; below the first angle, backscatter falls with the
+    /// fourth power of the sine, continuing the table's last degrees.
     fn backscatter_db(&self, name: Sediment, sin: f64, frequency_hz: f64) -> f64 {
         let rows = self.of(name);
         let (row, t) = rows.place(sin);
@@ -259,7 +263,7 @@ impl Sediments {
     }
 }
 
-impl Rows {
+impl SedimentTable {
     /// Row below a grazing angle, and the fraction of the way to the next.
     fn place(&self, sin: f64) -> (usize, f64) {
         let log = sin.clamp(0.0, 1.0).asin().to_degrees().ln();
@@ -275,10 +279,10 @@ impl Rows {
     }
 }
 
-/// Read from the file that is compiled in, once.
+/// The table, read once from the embedded file.
 fn sediments() -> &'static Sediments {
     static SEDIMENTS: LazyLock<Sediments> = LazyLock::new(|| {
-        let mut all: Vec<Rows> = Vec::new();
+        let mut all: Vec<SedimentTable> = Vec::new();
         let mut last = "";
         let lines = include_str!("sediments.csv").lines().filter(|line| !line.starts_with('#')).skip(1);
         for line in lines {
@@ -288,7 +292,7 @@ fn sediments() -> &'static Sediments {
             if name != last {
                 let first_sine = angle.to_radians().sin();
                 let (log_angle, backscatter_db, loss_db) = (Vec::new(), Vec::new(), Vec::new());
-                all.push(Rows { log_angle, first_sine, backscatter_db, loss_db });
+                all.push(SedimentTable { log_angle, first_sine, backscatter_db, loss_db });
                 last = name;
             }
             if let Some(rows) = all.last_mut() {
@@ -319,7 +323,7 @@ impl<'de> Deserialize<'de> for Sound {
             #[serde(default)]
             reflection_loss_db: f64,
         }
-        /// A surface that is smooth but for its scratches, an assumption of ours.
+        /// For a surface that is smooth except for scratches; our assumption.
         fn smooth_mu() -> f64 {
             -35.0
         }
@@ -335,12 +339,12 @@ impl<'de> Deserialize<'de> for Sound {
         }
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Named {
+        struct SedimentName {
             name: Sediment,
         }
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Whole {
+        struct TargetStrength {
             strength_db: f64,
         }
         const LAWS: &[&str] = &["lambert", "facet", "gsab", "sediment", "target"];
@@ -359,11 +363,11 @@ impl<'de> Deserialize<'de> for Sound {
                 Sound::Gsab { a_db, b_deg, c_db, d, e_db, f_deg }
             }
             "sediment" => {
-                let Named { name } = section.read()?;
+                let SedimentName { name } = section.read()?;
                 Sound::Sediment { name }
             }
             "target" => {
-                let Whole { strength_db } = section.read()?;
+                let TargetStrength { strength_db } = section.read()?;
                 Sound::Target { strength_db }
             }
             _ => return Err(section.unknown(&word, LAWS)),
@@ -404,17 +408,17 @@ mod tests {
         }
         assert_eq!(db(&sand, 30.0, 1e3), db(&sand, 30.0, 20e3));
         assert_eq!(db(&sand, 30.0, 1e6), db(&sand, 30.0, 450e3));
-        // The fourth power below a degree, without a step.
+        // The fourth power applies below a degree, without a step.
         assert!((db(&sand, 1.0, 1e5) - db(&sand, 0.5, 1e5) - 12.04).abs() < 0.01);
         assert!((db(&sand, 1.001, 1e5) - db(&sand, 0.999, 1e5)).abs() < 0.1);
         assert_eq!(sand.warning(100e3), None);
-        let told = "sediments are known from 20 to 450 kHz; at 900 kHz they are as at 450";
-        assert_eq!(sand.warning(900e3).unwrap(), told);
+        let warned = "sediments are tabulated from 20 to 450 kHz; at 900 kHz the values at 450 kHz are used";
+        assert_eq!(sand.warning(900e3).unwrap(), warned);
         assert_eq!(Sound::Lambert { mu_db: -27.0 }.warning(900e3), None);
     }
 
-    /// What Lambert's law scatters in all directions, `int mu sin(g) sin(g') / sin(g)` over the hemisphere, is at most
-    /// what arrives.
+    /// The energy that Lambert's law scatters in all directions, `int mu sin(g) sin(g') / sin(g)` over the hemisphere,
+    /// is at most the incident energy.
     #[test]
     fn lambert_keeps_energy() {
         for (sound, expected) in [
@@ -423,7 +427,7 @@ mod tests {
             (Sound::of_reflectance(0.0), 0.0),
             (Sound::Lambert { mu_db: -4.9715 }, 1.0),
         ] {
-            // mu, as it is seen head-on.
+            // mu, which is the backscatter at normal incidence.
             let mu = sound.backscatter(1.0, 1e5);
             let steps = 2000;
             let width = FRAC_PI_2 / f64::from(steps);
@@ -437,7 +441,7 @@ mod tests {
         }
     }
 
-    /// Head-on all level facets shine: `R / (8 pi s^2)`.
+    /// At normal incidence all level facets glint: `R / (8 pi s^2)`.
     #[test]
     fn facets_shine_head_on() {
         let facet = Sound::Facet { mu_db: -100.0, slope_sigma_deg: 5.0, reflection_loss_db: 6.0 };

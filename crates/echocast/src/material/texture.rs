@@ -1,12 +1,12 @@
 //! Images on surfaces: decoding happens in the readers, sampling here.
 
-use super::decode::Header;
+use super::decode::ImageHeader;
 use crate::ground::error::{Error, Result};
 use crate::ground::math::floor;
 use echocast_memory::tried;
 use std::sync::{Arc, OnceLock};
 
-/// What lies beyond the edge of an image.
+/// How an image continues beyond its edges.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Wrap {
     /// The image again.
@@ -18,7 +18,7 @@ pub enum Wrap {
     ClampToEdge,
 }
 
-/// How colours between pixel centres are found.
+/// How colours between pixel centres are determined.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Filter {
     /// The nearest pixel.
@@ -52,16 +52,16 @@ impl TextureBudget {
         TextureBudget { left: limit_mib.saturating_mul(1 << 20), limit_mib }
     }
 
-    /// What is wrong when it is used up.
+    /// The error message for a budget that is used up.
     fn exceeded(&self) -> String {
         format!(
-            "the images of the scene take more than {} MiB decoded; allowed: what texture_limit_mib (--texture-limit) says",
+            "the images of the scene take more than {} MiB decoded; allowed: up to texture_limit_mib (--texture-limit)",
             self.limit_mib
         )
     }
 }
 
-/// What of an image says how much of a surface is there.
+/// The channel of an image that gives the opacity of a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Channel {
     Red,
@@ -72,14 +72,14 @@ pub(crate) enum Channel {
 }
 
 impl Texture {
-    /// Of `width * height` pixels, row by row from the top.
+    /// A texture of `width * height` pixels, row by row from the top.
     pub fn new(width: u32, height: u32, pixels: Vec<[u8; 4]>) -> Texture {
         let opaque = pixels.iter().all(|pixel| pixel[3] == 255);
         Texture { width, height, pixels, opaque }
     }
 
-    /// The image whose alpha is a channel of this one; luminance is that of the bytes, as masks are no light (Rec. ITU-R
-    /// BT.709); `origin` is its source, for errors.
+    /// An image whose alpha is a channel of this one; luminance is that of the encoded bytes, as masks are not light
+    /// (Rec. ITU-R BT.709); `origin` is its source, for errors.
     ///
     /// # Errors
     /// No budget left, or no memory.
@@ -103,7 +103,7 @@ impl Texture {
         Ok(Texture::new(self.width, self.height, pixels))
     }
 
-    /// Whether alpha is nearly 0 or nearly 1 nearly everywhere: what is between are edges.
+    /// Whether alpha is close to 0 or to 1 almost everywhere: values in between are edges.
     pub(crate) fn is_black_or_white(&self) -> bool {
         let between = self.pixels.iter().filter(|pixel| (16..240).contains(&pixel[3])).count();
         between * 10 <= self.pixels.len()
@@ -121,10 +121,10 @@ impl Texture {
         let error = |message: String| Error::Parse { origin: origin.to_owned(), place: String::new(), message };
         let fault = |fault: &str| error(format!("the image cannot be decoded: {fault}"));
         // Nothing is decoded yet.
-        let header = Header::read(bytes, budget.left.saturating_add(ASIDE))
+        let header = ImageHeader::read(bytes, budget.left.saturating_add(ASIDE))
             .ok_or_else(|| error("the image is neither PNG nor JPEG".to_owned()))?
             .map_err(fault)?;
-        let Header { width, height, channels, depth, .. } = header;
+        let ImageHeader { width, height, channels, depth, .. } = header;
         if width == 0 || height == 0 {
             return Err(error("the image has no pixel".to_owned()));
         }
@@ -139,8 +139,8 @@ impl Texture {
         }
         let no_memory = || Error::Memory(format!("{room} bytes of the image {origin}"));
         let mut bytes = Vec::new();
-        let wanted = usize::try_from(room).map_err(|_| no_memory())?;
-        tried(|| bytes.try_reserve_exact(wanted)).map_err(|_| no_memory())?;
+        let capacity = usize::try_from(room).map_err(|_| no_memory())?;
+        tried(|| bytes.try_reserve_exact(capacity)).map_err(|_| no_memory())?;
         bytes.resize(room as usize, 0);
         header.decode(&mut bytes[..stored as usize]).map_err(fault)?;
         match (channels, depth) {
@@ -179,11 +179,11 @@ fn to_rgba<const N: usize>(bytes: &mut [u8], size: u64, rgba: impl Fn([u8; N]) -
         bytes[4 * pixel..][..4].copy_from_slice(&rgba(from));
     };
     let pixels = 0..size as usize / 4;
-    // None is overwritten before it is read.
+    // No pixel is overwritten before it is read.
     if N < 4 { pixels.rev().for_each(&mut turn) } else { pixels.for_each(&mut turn) }
 }
 
-/// Sixteen bits as eight.
+/// Rounds 16 bits to 8.
 fn rounded(bits: [u8; 2]) -> u8 {
     ((u32::from(u16::from_be_bytes(bits)) + 128) / 257) as u8
 }
@@ -193,11 +193,11 @@ fn rounded(bits: [u8; 2]) -> u8 {
 pub struct TextureRef {
     /// The image.
     pub texture: Arc<Texture>,
-    /// Beyond the left and right edges.
+    /// How the image continues beyond its left and right edges.
     pub wrap_u: Wrap,
-    /// Beyond the top and bottom edges.
+    /// How the image continues beyond its top and bottom edges.
     pub wrap_v: Wrap,
-    /// Between pixel centres.
+    /// How colours between pixel centres are determined.
     pub filter: Filter,
     /// Rows of the 2x3 matrix from a vertex's (u, v, 1) to the image's (u, v), v downwards.
     pub transform: [[f32; 3]; 2],
@@ -220,12 +220,12 @@ impl TextureRef {
         let image = &*self.texture;
         let [u, v] = self.transform.map(|row| row[0] * uv[0] + row[1] * uv[1] + row[2]);
         let (width, height) = (image.width as i64, image.height as i64);
-        // Pixel centres lie at half-integers.
+        // Pixel centres are at half-integers.
         let (x, y) = (f64::from(u) * width as f64, f64::from(v) * height as f64);
         if !(x.is_finite() && y.is_finite()) {
             return [0.0; 4];
         }
-        // This far out pixels have no fractions: the colour there does not matter, but whole numbers must hold it.
+        // This far out coordinates have no fractions: the colour there does not matter, but integers must hold them.
         const FAR: f64 = (1u64 << 52) as f64;
         let (x, y) = (x.clamp(-FAR, FAR), y.clamp(-FAR, FAR));
         let pixel = |px: i64, py: i64| {
@@ -352,11 +352,11 @@ mod tests {
         decode().unwrap();
         let error = decode().unwrap_err().to_string();
         let expected =
-            "wood.png: the images of the scene take more than 1 MiB decoded; allowed: what texture_limit_mib";
+            "wood.png: the images of the scene take more than 1 MiB decoded; allowed: up to texture_limit_mib";
         assert!(error.starts_with(expected), "{error}");
     }
 
-    /// The bytes of a PNG whose header says `width` x `height`, with nothing behind it.
+    /// The bytes of a PNG whose header says `width` x `height`, without those pixels.
     fn header(width: u32, height: u32) -> Vec<u8> {
         let mut bytes = png(1, 1, png::ColorType::Grayscale, png::BitDepth::Eight, &[0]);
         bytes[16..20].copy_from_slice(&width.to_be_bytes());

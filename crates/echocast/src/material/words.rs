@@ -1,6 +1,6 @@
-//! The words of a name, for names that people gave to materials.
+//! Splits the names that people give to materials into words.
 
-/// The words of `name` in lower case and the singular: `DarkRedFabric.001` is dark, red, fabric; `wood_planks2` is wood,
+/// The words of `name` in lower case and singular: `DarkRedFabric.001` is dark, red, fabric; `wood_planks2` is wood,
 /// plank. Words end where a letter is followed by something else, and where a capital follows a small letter
 /// (`RedWood`) or begins a word after capitals (`PVCPipe`).
 pub(super) fn words(name: &str) -> Vec<String> {
@@ -25,7 +25,7 @@ pub(super) fn words(name: &str) -> Vec<String> {
     words
 }
 
-/// `word` without the ending of a plural. Words are compared after both have lost it, so `leaves` may become `leave`.
+/// `word` without a plural ending. Both words of a comparison lose it, so `leaves` may become `leave`.
 fn singular(mut word: String) -> String {
     let keep = if ["sses", "shes", "ches", "xes"].iter().any(|ending| word.ends_with(ending)) {
         word.len() - 2

@@ -33,7 +33,7 @@ pub struct Environment {
     /// Spray.
     #[serde(deserialize_with = "yaml::one_or_more", skip_serializing_if = "Vec::is_empty")]
     pub spray: Vec<Placed<Spray>>,
-    /// Water, for sonar; light does not meet it.
+    /// Water, for sonar; it has no effect on light.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub water: Option<Water>,
 }
@@ -43,7 +43,7 @@ impl Environment {
     /// weather.
     ///
     /// # Errors
-    /// A missing file; line and key of what is wrong.
+    /// A missing file, or a fault in it, with its line and key.
     pub fn load(path: impl AsRef<Path>) -> Result<Environment> {
         let path = path.as_ref();
         Environment::read(&Document::load(path)?, path.parent().unwrap_or(Path::new("")))
@@ -52,7 +52,7 @@ impl Environment {
     /// [`Environment::load`] from `text`; names of other files in it are relative to the current folder.
     ///
     /// # Errors
-    /// Line and key of what is wrong.
+    /// A fault in the text, with its line and key.
     pub fn from_yaml(text: &str) -> Result<Environment> {
         Environment::read(&Document::parse("YAML text", text)?, Path::new(""))
     }
@@ -60,16 +60,16 @@ impl Environment {
     fn read(document: &Document, folder: &Path) -> Result<Environment> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct File {
+        struct EnvironmentFile {
             environment: Environment,
         }
         match document.value() {
             Value::Null => return Ok(Environment::default()),
             Value::Object(_) => {}
-            _ => return Err(document.error("", "is no section of keys")),
+            _ => return Err(document.error("", "is not a section of keys")),
         }
         if document.value().get("environment").is_some() {
-            let File { mut environment } = document.read()?;
+            let EnvironmentFile { mut environment } = document.read()?;
             environment.read_files(folder)?;
             let inside = |error| match error {
                 Error::InvalidParameter { name, value, allowed } => {
@@ -86,12 +86,12 @@ impl Environment {
         Ok(environment)
     }
 
-    /// Reads what is kept in separate files; relative names start at `folder`.
+    /// Reads what is kept in separate files; relative names are resolved against `folder`.
     pub(crate) fn read_files(&mut self, folder: &Path) -> Result<()> {
         self.water.as_mut().map_or(Ok(()), |water| water.read_files(folder))
     }
 
-    /// Checks that all values are within what is allowed.
+    /// Checks that all values are within their allowed ranges.
     ///
     /// # Errors
     /// [`Error::InvalidParameter`] that names the key.
@@ -117,7 +117,7 @@ impl Environment {
     /// Text that [`Environment::from_yaml`] reads back as this.
     ///
     /// # Errors
-    /// None that is known.
+    /// None known.
     pub fn to_yaml(&self) -> Result<String> {
         yaml::to_string(self)
     }

@@ -14,5 +14,5 @@ pub use water::{
     Absorption, AmbientNoise, Fluid, Layer, Outside, RayEvent, RayPoint, Sea, SoundRay, SoundSpeed, SoundSpeedProfile,
     SpeedRow, Spreading, Water, WaterRow, pressure_bar, unesco_speed,
 };
-pub(crate) use water::{Column, End, Ray, Slab, slab_at};
+pub(crate) use water::{End, RefractedRay, Slab, WaterColumn, slab_at};
 pub(crate) use weather::{Medium, Weather};

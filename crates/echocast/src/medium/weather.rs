@@ -4,7 +4,7 @@ use super::{Environment, Extent, Particles, Placed, RainModel, Region};
 use crate::ground::cause::Cause;
 use glam::{DVec3, Vec3};
 
-/// Something in the air.
+/// A medium in the air.
 #[derive(Clone, Debug)]
 pub(crate) struct Medium {
     pub extent: Extent,
@@ -13,29 +13,29 @@ pub(crate) struct Medium {
     /// Backscatter, 1/(m sr).
     pub backscatter: f64,
     pub cause: Cause,
-    /// Drops or flakes that may show one by one.
+    /// Drops or flakes that may appear individually.
     pub particles: Option<Particles>,
 }
 
 impl Medium {
-    /// Optical depth, one way, of `length` m from `origin` on; `travelled`: the beam's path up to there, m.
+    /// One-way optical depth of `length` m from `origin` on; `travelled`: the beam's path up to there, m.
     pub(crate) fn depth(&self, origin: Vec3, direction: Vec3, travelled: f32, length: f32) -> f32 {
         let (from, to) = self.extent.interval(origin, direction, travelled, length);
         self.extinction as f32 * (to - from).max(0.0)
     }
 }
 
-/// All that is in the air.
+/// All media in the air.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Weather {
     pub media: Vec<Medium>,
-    /// Standard deviation of ranges over range, from rain.
+    /// Standard deviation of ranges relative to the range, from rain.
     pub range_noise: f32,
 }
 
 impl Weather {
-    /// `as_the_paper`: where the environment leaves a choice, the paper's. `origin`: world position of the rays' (0, 0,
-    /// 0).
+    /// `as_the_paper`: whether the paper's choices apply where the environment makes none. `origin`: world position of
+    /// the rays' (0, 0, 0).
     pub(crate) fn new(environment: &Environment, wavelength_nm: f64, as_the_paper: bool, origin: DVec3) -> Weather {
         let mut weather = Weather::default();
         let mut add = |region: Region, [extinction, backscatter]: [f64; 2], cause, particles: Option<Particles>| {
@@ -73,7 +73,7 @@ impl Weather {
         weather
     }
 
-    /// Optical depth, one way, of the first `range` m of a beam in what is around the sensor.
+    /// One-way optical depth of the first `range` m of a beam in the media around the sensor.
     pub(crate) fn depth_around_the_sensor(&self, range: f64) -> f64 {
         self.media
             .iter()

@@ -1,9 +1,9 @@
 //! Vertex caches: positions that another program has computed, sample by sample.
 //!
-//! MDD (NewTek) is big-endian: int32 samples, int32 vertices, f32 seconds of each sample, then for each sample f32 x, y, z
-//! of each vertex. PC2 (3ds Max) is little-endian: "POINTCACHE2\0", int32 version 1, int32 vertices, f32 frame of the
-//! first sample, f32 frames from sample to sample, int32 samples, then the positions. The layouts are those that Blender's
-//! add-ons `io_shape_mdd` and `io_export_pc2` write.
+//! MDD (NewTek) is big-endian: int32 samples, int32 vertices, f32 seconds of each sample, then for each sample f32 x,
+//! y, z of each vertex. PC2 (3ds Max) is little-endian: "POINTCACHE2\0", int32 version 1, int32 vertices, f32 frame of
+//! the first sample, f32 frames from sample to sample, int32 samples, then the positions. The layouts are those that
+//! Blender's add-ons `io_shape_mdd` and `io_export_pc2` write.
 //!
 //! Blender's glTF exporter places frame f at f / fps seconds, and so does [`Cache::open`] for PC2, which counts frames.
 //! Blender's MDD exporter counts seconds from the first frame that it exports, whichever that is.
@@ -24,7 +24,7 @@ use std::time::SystemTime;
 /// Frames per second where nothing says otherwise: Blender's default.
 pub(crate) const FPS: f64 = 24.0;
 
-/// Where a cache begins again, it jumps within this time, s.
+/// Where a cache repeats, it jumps within this time, s.
 const JUMP_S: f64 = 1e-6;
 
 /// Most samples of a cache: half a day of 24 frames a second.
@@ -36,9 +36,9 @@ const LARGEST: f32 = 1e18;
 /// The positions of a mesh's vertices at certain times.
 #[derive(Debug)]
 pub(crate) struct Cache {
-    /// When each sample holds, s, rising.
+    /// Time of each sample, s, rising.
     pub times: Vec<f64>,
-    /// After how many seconds it starts again; `None`: it holds its last sample.
+    /// After how many seconds it repeats; `None`: it holds its last sample.
     pub period: Option<f64>,
     samples: Samples,
 }
@@ -53,42 +53,42 @@ enum Samples {
 /// Samples in a file.
 #[derive(Debug)]
 struct Baked {
-    /// Vertices of each.
+    /// Vertices of each sample.
     vertices: usize,
-    /// For each vertex of the mesh which of the file's it is; `None`: they are the same, in order.
+    /// For each vertex of the mesh, which of the file's it is; `None`: they are the same, in order.
     order: Option<Vec<u32>>,
     /// The mesh's origin in the file's coordinates.
     origin: DVec3,
     path: PathBuf,
-    /// Where the first sample begins, bytes.
+    /// Offset of the first sample, bytes.
     start: u64,
     big_endian: bool,
-    /// What the file was like when its header was read.
-    state: State,
+    /// State of the file when its header was read.
+    state: FileStamp,
     recent: Mutex<Recent>,
 }
 
-/// Length and date of a file.
-type State = (u64, Option<SystemTime>);
+/// Length and modification time of a file.
+type FileStamp = (u64, Option<SystemTime>);
 
 /// The samples read last: with rising times each is read once.
 #[derive(Debug)]
 struct Recent {
     file: File,
-    samples: [Sample; 2],
+    samples: [CacheSample; 2],
     /// A sample in the file's order.
     unordered: Vec<[f32; 3]>,
 }
 
 #[derive(Debug, Default)]
-struct Sample {
-    /// Which; `None` before any, and after a failure.
+struct CacheSample {
+    /// Its index; `None` before any is read, and after a failure.
     index: Option<usize>,
     positions: Vec<[f32; 3]>,
 }
 
-/// What a header says.
-struct Header {
+/// Content of a header.
+struct CacheHeader {
     times: Vec<f64>,
     points: usize,
     /// Bytes before the first sample.
@@ -97,7 +97,7 @@ struct Header {
 
 impl Cache {
     /// Opens the file at `path`; its name says whether it is an MDD or a PC2 file. `fps` turns the frames of PC2 into
-    /// seconds, [`FPS`] unless told.
+    /// seconds, [`FPS`] by default.
     ///
     /// # Errors
     /// A file that cannot be read; a header with other numbers than the file holds, or times that do not rise; an `fps`
@@ -106,7 +106,7 @@ impl Cache {
         let big_endian = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mdd"));
         let mut file = read::open(path, Limit::SCENE)?;
         let length = file.limit();
-        let Header { times, points, start } = if big_endian {
+        let CacheHeader { times, points, start } = if big_endian {
             if let Some(fps) = fps {
                 let message =
                     format!("an MDD file holds seconds, but {fps} frames per second are given; allowed: none");
@@ -133,7 +133,7 @@ impl Cache {
         Ok(Cache { times, period: None, samples: Samples::File(Box::new(baked)) })
     }
 
-    /// Of samples at rising `times`, s; as many of both, with as many vertices each.
+    /// A cache of samples at rising `times`, s, one for each, all with the same number of vertices.
     pub(crate) fn held(times: Vec<f64>, samples: Vec<Array<[f32; 3]>>) -> Cache {
         Cache { times, period: None, samples: Samples::Held(samples) }
     }
@@ -151,8 +151,8 @@ impl Cache {
         }
     }
 
-    /// The same for a mesh whose origin is at `origin` in the file's coordinates, and whose vertices are those of the file
-    /// that `order` says, all below [`Cache::vertices`].
+    /// The same for a mesh whose origin is at `origin` in the file's coordinates, and whose vertices are those of the
+    /// file that `order` lists, all below [`Cache::vertices`].
     #[must_use]
     pub(crate) fn placed(mut self, order: Option<Vec<u32>>, origin: DVec3) -> Cache {
         if let Samples::File(baked) = &mut self.samples {
@@ -167,7 +167,7 @@ impl Cache {
         self.times.len() == 1 || self.period.is_none() && (to <= first || from >= last)
     }
 
-    /// Adds the times between `from` and `to`, s, at which it has samples or is about to jump, in no order.
+    /// Adds the times between `from` and `to`, s, at which it has samples or is about to jump, in no particular order.
     pub(crate) fn bends(&self, from: f64, to: f64, bends: &mut Vec<f64>) {
         bends_of(&self.times, self.period, from, to, bends);
         if let Some(period) = self.period {
@@ -175,17 +175,17 @@ impl Cache {
         }
     }
 
-    /// No fewer times than [`Cache::bends`] adds.
+    /// Upper bound on the number of times that [`Cache::bends`] adds.
     pub(crate) fn most_bends(&self, from: f64, to: f64) -> f64 {
         let jumps = self.period.map_or(0.0, |_| most_bends_of(&[], self.period, from, to));
         most_bends_of(&self.times, self.period, from, to) + jumps
     }
 
-    /// The positions at `time`, s, one for each vertex of the mesh, m, in its frame: linear between samples, those of the
-    /// first before it and of the last after it.
+    /// The positions at `time`, s, one for each vertex of the mesh, m, in its frame: linear between samples, those of
+    /// the first before it and of the last after it.
     ///
     /// # Errors
-    /// A file that has changed or can no longer be read; a coordinate that is not finite or beyond 1e18; no memory.
+    /// A file that has changed or can no longer be read; a coordinate that is not finite or beyond 1e18; out of memory.
     pub(crate) fn at(&self, time: f64, positions: &mut Vec<[f32; 3]>) -> Result<()> {
         let time = self.period.map_or(time, |period| time.rem_euclid(period));
         let before = self.times.partition_point(|sample| *sample <= time).saturating_sub(1);
@@ -208,15 +208,15 @@ impl Cache {
     }
 }
 
-/// Positions on the way from one sample to another, of which a part has passed.
+/// Positions on the way from one sample to another, of which the given part has passed.
 fn blend<'a>(from: &'a [[f32; 3]], to: Option<(&'a [[f32; 3]], f32)>) -> impl Iterator<Item = [f32; 3]> + 'a {
     let (to, part) = to.unwrap_or((from, 0.0));
-    // On the way from a place to itself rounding changes nothing.
+    // On the way from a position to itself, rounding changes nothing.
     from.iter().zip(to).map(move |(&from, &to)| Vec3::from(from).lerp(to.into(), part).to_array())
 }
 
 impl Baked {
-    /// The positions when `part` of the time from sample `before` to the next has passed, or those of that one.
+    /// The positions when `part` of the time from sample `before` to the next has passed, or those of sample `before`.
     fn at(&self, before: usize, part: Option<f32>, positions: &mut Vec<[f32; 3]>) -> Result<()> {
         let after = before + 1;
         // After a panic at worst a sample is read again.
@@ -233,7 +233,7 @@ impl Baked {
         Ok(())
     }
 
-    /// Where among the recent samples `index` is, which is read if need be; `kept` stays if it is there.
+    /// Where among the recent samples `index` is; it is read if necessary, without replacing `kept`.
     fn slot(&self, recent: &mut Recent, index: usize, kept: usize) -> Result<usize> {
         if let Some(slot) = recent.samples.iter().position(|sample| sample.index == Some(index)) {
             return Ok(slot);
@@ -247,7 +247,7 @@ impl Baked {
         Ok(slot)
     }
 
-    /// Sample `index` of `file`, for the vertices of the mesh; `unordered` is memory for it.
+    /// Sample `index` of `file`, for the vertices of the mesh; `unordered` is scratch memory.
     fn fetch(
         &self,
         file: &mut File,
@@ -300,7 +300,7 @@ impl Baked {
     }
 }
 
-/// Turns the bits of `numbers` into those of floats; whether none is NaN or beyond [`LARGEST`].
+/// Turns the bits of `numbers` into those of floats; returns whether none is NaN or beyond [`LARGEST`].
 fn decode(numbers: &mut [u32], from: impl Fn(u32) -> u32) -> bool {
     // Floats without their sign are ordered as their bits are, with NaN and infinity last: beyond, the difference is
     // negative. Its sign alone takes fewer instructions than a comparison.
@@ -313,7 +313,7 @@ fn decode(numbers: &mut [u32], from: impl Fn(u32) -> u32) -> bool {
 }
 
 /// Reads the header of an MDD file of `length` bytes.
-fn mdd(path: &Path, file: &mut impl io::Read, length: u64) -> Result<Header> {
+fn mdd(path: &Path, file: &mut impl io::Read, length: u64) -> Result<CacheHeader> {
     let [samples, points] = bytes(path, file, length, "an MDD header")?.map(i32::from_be_bytes);
     let samples = count(path, "samples", samples, MOST_SAMPLES)?;
     let points = count(path, "vertices", points, i32::MAX as usize)?;
@@ -322,16 +322,16 @@ fn mdd(path: &Path, file: &mut impl io::Read, length: u64) -> Result<Header> {
     let mut times = vec![0; 4 * samples];
     file.read_exact(&mut times).map_err(|source| Error::io(path, source))?;
     let times = times.as_chunks().0.iter().map(|&time| f32::from_be_bytes(time).into()).collect();
-    Ok(Header { times, points, start })
+    Ok(CacheHeader { times, points, start })
 }
 
 /// Reads the header of a PC2 file of `length` bytes.
-fn pc2(path: &Path, file: &mut impl io::Read, length: u64, fps: f64) -> Result<Header> {
+fn pc2(path: &Path, file: &mut impl io::Read, length: u64, fps: f64) -> Result<CacheHeader> {
     const MAGIC: &[u8; 12] = b"POINTCACHE2\0";
     let words: [[u8; 4]; 8] = bytes(path, file, length, "a PC2 header")?;
     let [magic @ .., version, points, first, step, samples] = words;
     if magic.as_flattened() != MAGIC {
-        return Err(Error::parse(path, "", "is no PC2 file: it does not begin with POINTCACHE2"));
+        return Err(Error::parse(path, "", "is not a PC2 file: it does not begin with POINTCACHE2"));
     }
     let version = i32::from_le_bytes(version);
     if version != 1 {
@@ -346,9 +346,9 @@ fn pc2(path: &Path, file: &mut impl io::Read, length: u64, fps: f64) -> Result<H
         let message = format!("its samples are {step} frames apart; allowed: numbers above 0");
         return Err(Error::parse(path, "", message));
     }
-    // Of a single sample the step says nothing.
+    // With a single sample the step means nothing.
     let step = if samples > 1 { step } else { 0.0 };
-    Ok(Header { times: (0..samples).map(|k| (first + k as f64 * step) / fps).collect(), points, start })
+    Ok(CacheHeader { times: (0..samples).map(|k| (first + k as f64 * step) / fps).collect(), points, start })
 }
 
 /// The first words of a file of `length` bytes.
@@ -361,7 +361,7 @@ fn bytes<const N: usize>(path: &Path, file: &mut impl io::Read, length: u64, wha
     Ok(words)
 }
 
-/// A number of `what` in a header.
+/// The number of `what` in a header.
 fn count(path: &Path, what: &str, number: i32, most: usize) -> Result<usize> {
     let fault = || Error::parse(path, "", format!("its header says {number} {what}; allowed: 1 to {most}"));
     usize::try_from(number).ok().filter(|number| (1..=most).contains(number)).ok_or_else(fault)
@@ -392,9 +392,9 @@ fn check_times(path: &Path, times: &[f64]) -> Result<()> {
     }
 }
 
-fn state(file: &File) -> io::Result<State> {
+fn state(file: &File) -> io::Result<FileStamp> {
     let found = file.metadata()?;
-    // Some systems know no dates.
+    // Some systems have no modification times.
     Ok((found.len(), found.modified().ok()))
 }
 
@@ -445,7 +445,7 @@ mod tests {
             path
         }
 
-        /// What is wrong with `bytes`.
+        /// The error that `bytes` cause.
         fn error(&self, name: &str, bytes: &[u8], fps: Option<f64>) -> String {
             let path = self.write(name, bytes);
             self.plain(Cache::open(&path, fps).unwrap_err())
@@ -523,12 +523,12 @@ mod tests {
         assert_eq!(known(0.0), [None, Some(0)]);
         assert_eq!([known(0.3), known(0.9), known(1.0)], [[Some(0), Some(1)]; 3]);
         assert_eq!([known(1.1), known(2.0), known(5.0)], [[Some(1), Some(2)]; 3]);
-        // What is known needs no file.
+        // Samples in memory need no file.
         fs::write(&path, "").unwrap();
         assert_eq!(known(1.5), [Some(1), Some(2)]);
         let error = folder.plain(cache.at(0.5, &mut Vec::new()).unwrap_err());
         assert_eq!(error, "a.mdd: has changed since the scene was read; allowed: the same file");
-        // Its place is free, and the other sample still there.
+        // Its slot is free, and the other sample is still there.
         assert_eq!(at(&cache, 1.0), B);
     }
 
@@ -542,7 +542,7 @@ mod tests {
     }
 
     #[test]
-    fn damaged_mdd_files_are_told_apart() {
+    fn damage_of_mdd_files_is_distinguished() {
         let folder = Folder::new();
         let good = mdd_bytes(&[0.0, 1.0], &[&A, &B]);
         let error = |bytes: &[u8]| folder.error("a.mdd", bytes, None);
@@ -576,7 +576,7 @@ mod tests {
     }
 
     #[test]
-    fn damaged_pc2_files_are_told_apart() {
+    fn damage_of_pc2_files_is_distinguished() {
         let folder = Folder::new();
         let good = pc2_bytes(1.0, 1.0, &[&A, &B]);
         let error = |bytes: &[u8]| folder.error("a.pc2", bytes, None);
@@ -586,7 +586,7 @@ mod tests {
             error(&bytes)
         };
         assert_eq!(error(&good[..31]), "a.pc2: is 31 bytes long, shorter than a PC2 header, 32");
-        assert_eq!(with(8, *b"E3\0\0"), "a.pc2: is no PC2 file: it does not begin with POINTCACHE2");
+        assert_eq!(with(8, *b"E3\0\0"), "a.pc2: is not a PC2 file: it does not begin with POINTCACHE2");
         assert_eq!(with(12, [2, 0, 0, 0]), "a.pc2: its version is 2; allowed: 1");
         assert_eq!(with(16, [255; 4]), "a.pc2: its header says -1 vertices; allowed: 1 to 2147483647");
         assert_eq!(with(28, [0; 4]), "a.pc2: its header says 0 samples; allowed: 1 to 1000000");
@@ -597,7 +597,7 @@ mod tests {
             let found = format!("a.pc2: its samples are {step} frames apart; allowed: numbers above 0");
             assert_eq!(with(24, step.to_le_bytes()), found);
         }
-        // Far away, a frame more is no later.
+        // At such a time, one frame more is no later.
         assert!(with(20, 1e30f32.to_le_bytes()).ends_with("allowed: rising times"));
     }
 

@@ -1,4 +1,4 @@
-//! Numbers over time: keys, and what is between them.
+//! Numbers over time: keys, and the interpolation between them.
 
 use glam::DQuat;
 use std::sync::Arc;
@@ -17,14 +17,14 @@ pub(crate) enum Interpolation {
 /// A quantity of `width` numbers over time.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Curve {
-    /// When, s, never falling; two equal times are a jump.
+    /// Times of the keys, s, never falling; two equal times are a jump.
     pub times: Vec<f64>,
     /// `width` numbers for each time; with [`Interpolation::Cubic`] three times as many: the tangent before, the value
     /// and the tangent after, tangents per second.
     pub values: Vec<f64>,
-    /// How many numbers.
+    /// How many numbers the quantity has.
     pub width: usize,
-    /// What is between the keys.
+    /// Interpolation between the keys.
     pub interpolation: Interpolation,
     /// Whether it is a quaternion (x, y, z, w).
     pub turns: bool,
@@ -102,19 +102,19 @@ pub(crate) const MOST_BENDS: f64 = 1e7;
 
 /// A curve as it is played.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Track {
+pub(crate) struct AnimationTrack {
     pub curve: Arc<Curve>,
-    /// After how many seconds it starts again; `None`: it holds its last value.
+    /// After how many seconds it repeats; `None`: it holds its last value.
     pub period: Option<f64>,
 }
 
-impl Track {
+impl AnimationTrack {
     /// The value at `time`, s.
     pub(crate) fn at(&self, time: f64, value: &mut [f64]) {
         self.curve.at(self.own_time(time), value);
     }
 
-    /// [`Track::at`] of `N` numbers.
+    /// [`AnimationTrack::at`] of `N` numbers.
     pub(crate) fn value<const N: usize>(&self, time: f64) -> [f64; N] {
         let mut value = [0.0; N];
         self.at(time, &mut value);
@@ -129,7 +129,7 @@ impl Track {
     pub(crate) fn is_still(&self, from: f64, to: f64) -> bool {
         match self.period {
             None => self.curve.is_still(from, to),
-            // A time's own time and the next ones lie in one round, or the whole of it is looked at.
+            // If both times are within one period, only the part in between is checked, otherwise the whole period.
             Some(period) if to - from < period && self.own_time(from) <= self.own_time(to) => {
                 self.curve.is_still(self.own_time(from), self.own_time(to))
             }
@@ -137,23 +137,23 @@ impl Track {
         }
     }
 
-    /// Adds the times between `from` and `to`, s, at which it may bend or jump, in no order.
+    /// Adds the times between `from` and `to`, s, at which it may bend or jump, in no particular order.
     pub(crate) fn bends(&self, from: f64, to: f64, bends: &mut Vec<f64>) {
         bends_of(&self.curve.times, self.period, from, to, bends);
     }
 
-    /// No fewer times than [`Track::bends`] adds.
+    /// Upper bound on the number of times that [`AnimationTrack::bends`] adds.
     pub(crate) fn most_bends(&self, from: f64, to: f64) -> f64 {
         most_bends_of(&self.curve.times, self.period, from, to)
     }
 }
 
-/// In how many rounds the times between `from` and `to`, s, may lie.
+/// How many periods the times between `from` and `to`, s, may touch.
 fn rounds(period: Option<f64>, from: f64, to: f64) -> f64 {
     period.map_or(1.0, |period| ((to - from) / period).ceil() + 1.0)
 }
 
-/// No fewer times than [`bends_of`] adds.
+/// Upper bound on the number of times that [`bends_of`] adds.
 pub(super) fn most_bends_of(times: &[f64], period: Option<f64>, from: f64, to: f64) -> f64 {
     if period.is_some() {
         return rounds(period, from, to) * (times.len() + 1) as f64;
@@ -162,7 +162,7 @@ pub(super) fn most_bends_of(times: &[f64], period: Option<f64>, from: f64, to: f
     times.partition_point(|key| *key < to).saturating_sub(first) as f64
 }
 
-/// Adds those of `times` that lie between `from` and `to`, s, repeated with the `period`, in no order.
+/// Adds those of `times` that are between `from` and `to`, s, repeated with the `period`, in no particular order.
 pub(super) fn bends_of(times: &[f64], period: Option<f64>, from: f64, to: f64, bends: &mut Vec<f64>) {
     let mut round = |start: f64| {
         let first = times.partition_point(|key| start + key <= from);
@@ -174,7 +174,7 @@ pub(super) fn bends_of(times: &[f64], period: Option<f64>, from: f64, to: f64, b
     };
     let Some(length) = period else { return round(0.0) };
     let first = (from / length).floor();
-    // Counted, as late numbers may be too large for one more to make a difference.
+    // Counted, as late times may be too large for one period more to make a difference.
     for number in 0..rounds(period, from, to) as u64 {
         round((first + number as f64) * length);
     }
@@ -223,7 +223,7 @@ mod tests {
         let turn = |degrees: f64| DQuat::from_rotation_z(degrees.to_radians());
         let (a, b) = (turn(10.0), -turn(110.0));
         let values = [a.to_array(), b.to_array()].concat();
-        let track = Track {
+        let track = AnimationTrack {
             curve: Arc::new(Curve { turns: true, ..curve(&[0.0, 1.0], &values, 4, Interpolation::Linear) }),
             period: None,
         };
@@ -234,9 +234,9 @@ mod tests {
     #[test]
     fn tracks_repeat_and_know_where_they_bend() {
         let line = Arc::new(curve(&[0.0, 1.0, 2.0], &[0.0, 4.0, 4.0], 1, Interpolation::Linear));
-        let [once, again] = [None, Some(2.0)].map(|period| Track { curve: line.clone(), period });
+        let [once, again] = [None, Some(2.0)].map(|period| AnimationTrack { curve: line.clone(), period });
         assert_eq!([once.value::<1>(2.5), again.value(2.5), again.value(-1.5)], [[4.0], [2.0], [2.0]]);
-        let bends = |track: &Track, from, to| {
+        let bends = |track: &AnimationTrack, from, to| {
             let mut bends = Vec::new();
             track.bends(from, to, &mut bends);
             bends.sort_by(f64::total_cmp);

@@ -1,7 +1,7 @@
-//! How things move: values over time, the nodes that hang on each other, and what deforms.
+//! How things move: values over time, hierarchies of nodes, and deformation.
 //!
-//! A [`Timeline`] belongs to a scene and can be asked for any time. What a scan needs of it is prepared for the time of
-//! the scan alone.
+//! A [`Timeline`] belongs to a scene and can be evaluated at any time. What a scan needs of it is prepared for the time
+//! span of the scan only.
 
 mod cache;
 mod curve;
@@ -10,28 +10,31 @@ mod shape;
 mod timeline;
 
 pub(crate) use cache::{Cache, FPS};
-pub(crate) use curve::{Curve, Interpolation, MOST_BENDS, Track};
+pub(crate) use curve::{AnimationTrack, Curve, Interpolation, MOST_BENDS};
 pub(crate) use path::{Path, Span};
-pub(crate) use shape::{Layout, PartVertices, Pull, Shape, Skin, Target, Vertices};
+pub(crate) use shape::{Deformation, MeshLayout, MorphTarget, PartVertices, Pull, Skin, Vertices};
 pub use timeline::Timeline;
 pub(crate) use timeline::{Node, Rest};
 
 use glam::DAffine3;
 use std::sync::Arc;
 
+/// Shortest animation or cache that can be repeated, s: all of its repetitions within a scan are visited.
+pub(crate) const SHORTEST_ROUND_S: f64 = 1e-3;
+
 /// How an object follows the timeline of its scene.
 #[derive(Clone, Debug)]
 pub struct Motion {
-    /// The node that it hangs on.
+    /// The node that it is attached to.
     pub(crate) node: usize,
-    /// Where it is on its node, always.
+    /// Its constant pose on its node.
     pub(crate) node_from_object: DAffine3,
-    /// How its mesh changes, if it does.
-    pub(crate) shape: Option<Arc<Shape>>,
+    /// How its mesh deforms, if it does.
+    pub(crate) shape: Option<Arc<Deformation>>,
 }
 
 impl Motion {
-    /// Whether an object that follows `timeline` in this way stays as and where it is from `from` to `to`, s.
+    /// Whether an object that follows `timeline` in this way neither moves nor deforms from `from` to `to`, s.
     pub(crate) fn stays(&self, timeline: &Timeline, from: f64, to: f64) -> bool {
         timeline.stays(self.node, from, to) && self.shape.as_ref().is_none_or(|shape| shape.stays(timeline, from, to))
     }

@@ -1,11 +1,11 @@
-//! Where something that keeps its shape is, at all times of one scan, in the form that rays need.
+//! Where an object whose mesh keeps its shape is, at all times of one scan, in the form that rays need.
 
-use echocast_kernels::aim::Frame;
+use echocast_kernels::aim::MovingFrame;
 use glam::{DAffine3, DMat3, DVec3, Mat3, Vec3};
 
-/// Where something is at all times of a scan, counted from 0 to 1: pieces between which it may bend or jump, on each of
-/// which its place and the inverse of its linear part are parabolas of the time. They are short enough that no point of
-/// it is farther than [`TOLERANCE_M`] from where it should be.
+/// Poses of an object at all times of a scan, counted from 0 to 1: pieces between which it may bend or jump, on each of
+/// which its position and the inverse of its linear part are parabolas in time. They are short enough that no point of
+/// the object is farther than [`TOLERANCE_M`] from where it should be.
 #[derive(Clone, Debug)]
 pub(crate) struct Path {
     pieces: Vec<Piece>,
@@ -13,23 +13,23 @@ pub(crate) struct Path {
     first: Vec<u32>,
 }
 
-/// Half of what is promised: a tenth of a millimetre, which at one metre is a tenth of a milliradian.
+/// Half of the documented accuracy: a tenth of a millimetre, which at one metre is a tenth of a milliradian.
 const TOLERANCE_M: f64 = 0.05e-3;
 
-/// Where a piece is looked at, as parts of its length: at both ends and in the middle, which it goes through, and where it
-/// is checked, not evenly, so that no turn and no wave passes all unnoticed.
-const LOOKS: [f64; 7] = [0.0, 0.21, 0.38, 0.5, 0.69, 0.87, 1.0];
+/// Where a piece is sampled, as parts of its length: at both ends and in the middle, through which it passes, and in
+/// between, where it is checked, at uneven steps, so that no rotation and no wave goes unnoticed at all of them.
+const PROBES: [f64; 7] = [0.0, 0.21, 0.38, 0.5, 0.69, 0.87, 1.0];
 
-/// Which of [`LOOKS`] are its ends and its middle.
+/// Which of [`PROBES`] are its ends and its middle.
 const THROUGH: [usize; 3] = [0, 3, 6];
 
-/// No piece is a smaller part of the time between two bends: where a motion needs that it jumps,
+/// No piece is a smaller part of the time between two bends: a motion that needs shorter ones jumps.
 const SHORTEST: f64 = 1.0 / (1 << 18) as f64;
 
-/// A piece that is too long is cut into no more at once.
+/// Most parts into which a piece that is too long is cut at once.
 const MOST_PARTS: f64 = 32.0;
 
-/// and one that jumps more often, other than at its bends, is noise.
+/// A motion that jumps more often, other than at its bends, is noise.
 const MOST_JUMPS: usize = 64;
 
 /// Most pieces of a path: what takes longer is not worth waiting for.
@@ -38,13 +38,13 @@ const MOST_PIECES: usize = 1 << 20;
 /// A part of a path.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Piece {
-    /// When it is, where the thing's origin is relative to the scene's, m, and the linear part of object-from-world.
-    frame: Frame,
-    /// Whether the thing can be seen.
+    /// Its time, the object's origin relative to the scene's, m, and the linear part of object-from-world.
+    frame: MovingFrame,
+    /// Whether the object is visible.
     visible: bool,
-    /// How fast its origin moves, m/s.
+    /// Velocity of its origin, m/s.
     velocity: Parabola<Vec3>,
-    /// How fast the linear part of world-from-object changes, 1/s.
+    /// Rate of change of the linear part of world-from-object, 1/s.
     turning: Parabola<Mat3>,
 }
 
@@ -68,40 +68,40 @@ where
     a + (b + c * t) * t
 }
 
-/// What the values at [`LOOKS`] weigh in the derivatives at the ends and in the middle of a piece of length 1: those of
-/// the polynomial through all.
-fn slopes() -> [[f64; LOOKS.len()]; 3] {
-    let others = |k: usize| (0..LOOKS.len()).filter(move |&other| other != k);
+/// Weights of the values at [`PROBES`] in the derivatives at the ends and in the middle of a piece of length 1: those of
+/// the polynomial through all values.
+fn slopes() -> [[f64; PROBES.len()]; 3] {
+    let others = |k: usize| (0..PROBES.len()).filter(move |&other| other != k);
     THROUGH.map(|place| {
         std::array::from_fn(|k| {
-            let whole: f64 = others(k).map(|m| LOOKS[k] - LOOKS[m]).product();
+            let whole: f64 = others(k).map(|m| PROBES[k] - PROBES[m]).product();
             let without =
-                |left: usize| others(k).filter(|&m| m != left).map(|m| LOOKS[place] - LOOKS[m]).product::<f64>();
+                |left: usize| others(k).filter(|&m| m != left).map(|m| PROBES[place] - PROBES[m]).product::<f64>();
             others(k).map(without).sum::<f64>() / whole
         })
     })
 }
 
-/// Where something is at one time.
+/// Pose of an object at one time.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Place {
+pub(crate) struct PathPose {
     /// Its origin relative to the scene's, m.
     pub place: Vec3,
     /// The linear part of object-from-world.
     pub inverse: Mat3,
 }
 
-/// The time of a scan.
+/// The time span of a scan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Span {
     /// s.
     pub start: f64,
-    /// s; 0: everything holds still.
+    /// s; 0: nothing moves.
     pub length: f64,
 }
 
 impl Span {
-    /// Which part of it has passed at `time`, s; 0 where everything holds still.
+    /// The part of it that has passed at `time`, s; 0 if nothing moves.
     pub(crate) fn part(&self, time: f64) -> f32 {
         if self.length > 0.0 { ((time - self.start) / self.length) as f32 } else { 0.0 }
     }
@@ -110,9 +110,9 @@ impl Span {
 impl Path {
     const PIECE_BYTES: usize = size_of::<Piece>() + size_of::<u32>();
 
-    /// Along `world_from_object`, where the object can be seen at a time if `visible`, and may bend or jump at `bends`,
-    /// in any order. `bounds` is the box of the object's mesh; `origin` the scene's. `None`: it is noise, or its pieces
-    /// take more than `most_bytes`.
+    /// The path along `world_from_object` of an object that can be seen at the times that are `visible`, and that may
+    /// bend or jump at `bends`, in any order. `bounds` is the box of the object's mesh; `origin` the scene's. `None`:
+    /// it is noise, or its pieces take more than `most_bytes`.
     pub(crate) fn new(
         span: Span,
         mut bends: Vec<f64>,
@@ -127,7 +127,7 @@ impl Path {
         bends.push(start + length);
         bends.retain(|time| (start..=start + length).contains(time));
         bends.sort_by(f64::total_cmp);
-        // Times that only rounding tells apart: there is no speed between them.
+        // Times that differ only by rounding: there is no velocity between them.
         let rounding = 1e-9 * length + 16.0 * f64::EPSILON * start.abs();
         bends.dedup_by(|later, before| *later - *before <= rounding);
         if let Some(last) = bends.last_mut() {
@@ -138,7 +138,7 @@ impl Path {
         let mut pieces = Vec::new();
         let most = MOST_PIECES.min(most_bytes / Path::PIECE_BYTES);
         let mut jumps = 0;
-        // Pieces in the making, the first on top: when, and where it is then.
+        // Pieces yet to be made, the first on top: time and pose at both ends.
         let mut cuts: Vec<[(f64, DAffine3); 2]> = Vec::new();
         for ends in bends.windows(2) {
             let whole = ends[1] - ends[0];
@@ -148,13 +148,13 @@ impl Path {
             let [first, last] = [ends[0] + inside, ends[1] - inside].map(&local_from_object);
             cuts.push([(ends[0], first), (ends[1], last)]);
             while let Some([(from, start), (to, end)]) = cuts.pop() {
-                let mut looks = [start; LOOKS.len()];
-                looks[LOOKS.len() - 1] = end;
-                for (place, look) in LOOKS.iter().zip(&mut looks).skip(1).take(LOOKS.len() - 2) {
-                    *look = local_from_object(from + place * (to - from));
+                let mut probes = [start; PROBES.len()];
+                probes[PROBES.len() - 1] = end;
+                for (place, probe) in PROBES.iter().zip(&mut probes).skip(1).take(PROBES.len() - 2) {
+                    *probe = local_from_object(from + place * (to - from));
                 }
-                let piece = Piece::through(span, [from, to], visible, &looks, &slopes);
-                let off = piece.farthest(&looks, &marks);
+                let piece = Piece::through(span, [from, to], visible, &probes, &slopes);
+                let off = piece.farthest(&probes, &marks);
                 let fits = off <= TOLERANCE_M;
                 if fits || to - from <= SHORTEST * whole {
                     jumps += usize::from(!fits);
@@ -193,19 +193,19 @@ impl Path {
         self.pieces.len() * Path::PIECE_BYTES
     }
 
-    /// Of what holds still at `local_from_object`, where it can be seen or not.
+    /// The path of an object that rests at `local_from_object`, visible or not.
     pub(crate) fn standing(local_from_object: &DAffine3, visible: bool) -> Path {
         let place = local_from_object.translation.as_vec3().to_array();
         let into = inverse(&local_from_object.matrix3).as_mat3().to_cols_array_2d();
-        let frame = Frame {
+        let frame = MovingFrame {
             place: [place, [0.0; 3], [0.0; 3]],
             into: [into, [[0.0; 3]; 3], [[0.0; 3]; 3]],
-            ..Frame::default()
+            ..MovingFrame::default()
         };
         Path { pieces: vec![Piece { frame, visible, ..Piece::default() }], first: vec![0] }
     }
 
-    /// The piece that `time`, 0 to 1, lies in.
+    /// The piece that `time`, 0 to 1, is in.
     pub(crate) fn piece(&self, time: f32) -> &Piece {
         let part = (time * self.first.len() as f32) as usize;
         let mut piece = self.first[part.min(self.first.len() - 1)] as usize;
@@ -216,27 +216,27 @@ impl Path {
         &self.pieces[piece]
     }
 
-    /// Where it is at `time`, 0 to 1.
-    pub(crate) fn at(&self, time: f32) -> Place {
+    /// Pose at `time`, 0 to 1.
+    pub(crate) fn at(&self, time: f32) -> PathPose {
         let piece = self.piece(time);
         piece.at_part(piece.part(time))
     }
 
-    /// Boxes, least and greatest x, y, z, at `steps` evenly spaced times from 0 to 1, such that in between what lies in
-    /// `bounds(time)` (object frame), which bends at `bends` alone, stays within the box between them; where nothing is
-    /// ever seen, they are empty.
+    /// Boxes, least and greatest x, y, z, at `steps` evenly spaced times from 0 to 1, such that in between, what is
+    /// within `bounds(time)` (object frame), which bends at `bends` alone, stays within the box interpolated between
+    /// them; they are empty where nothing is ever visible.
     pub(crate) fn boxes(
         &self,
         steps: usize,
         bends: &[f32],
         bounds: impl Fn(f32) -> [[f32; 3]; 2],
     ) -> Vec<[[f32; 3]; 2]> {
-        /// Far more than [`TOLERANCE_M`], m,
+        /// Margin, m: far more than [`TOLERANCE_M`].
         const MARGIN_M: f32 = 2e-3;
-        /// and than what rounding makes of a coordinate, of a place and of a ray there.
+        /// Margin relative to a coordinate: far more than the rounding of a place and of a ray there.
         const ROUNDING: f32 = 16.0 * f32::EPSILON;
         const NOTHING: [Vec3; 2] = [Vec3::INFINITY, Vec3::NEG_INFINITY];
-        // Where it is at the ends of each piece and in between, widened by how far it bends from there to the next sample.
+        // Bounds at the ends of each piece and in between, widened by how far it bends from there to the next sample.
         const PARTS: [f32; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
         let sample = |piece: &Piece, part: f32, time: f32| {
             let stray = Vec3::from(piece.frame.place[2]).abs() * (0.25 * PARTS[1] * PARTS[1]);
@@ -259,7 +259,8 @@ impl Path {
         let mut boxes = vec![NOTHING; last + 1];
         for step in 0..last {
             let (from, to) = (step as f32 / last as f32, (step + 1) as f32 / last as f32);
-            // Both ends of the interval hold every sample within, and what the path is at the ends themselves.
+            // The boxes at both ends of the interval must hold every sample within it, and the path at the ends
+            // themselves.
             let ends = [from, to].map(|time| {
                 let piece = self.piece(time);
                 (time, sample(piece, piece.part(time), time).1, piece.visible)
@@ -267,7 +268,7 @@ impl Path {
             let within = samples.iter().filter(|(time, _)| (from..=to).contains(time)).copied();
             let all: Vec<_> =
                 within.chain(ends.into_iter().filter(|end| end.2).map(|(time, bounds, _)| (time, bounds))).collect();
-            // Linear between the boxes at both ends, if it is seen there, widened by what sticks out.
+            // Linear between the boxes at both ends, if it is visible there, widened by what sticks out.
             let [a, b] = match ends {
                 [(_, a, true), (_, b, true)] => [a, b],
                 _ => {
@@ -288,7 +289,7 @@ impl Path {
             boxes[step + 1] = unite(boxes[step + 1], widened(b));
         }
         let wider = |[low, high]: &[Vec3; 2]| {
-            // Of nothing the ends are infinite, and stay so.
+            // The ends of empty boxes are infinite, and stay so.
             let [a, b] = [low, high].map(|end| MARGIN_M + ROUNDING * end.abs().min(Vec3::splat(f32::MAX)));
             [(*low - a).to_array(), (*high + b).to_array()]
         };
@@ -296,14 +297,14 @@ impl Path {
     }
 }
 
-/// The box around the corners of `bounds` (object frame) at a place.
-fn surround(place: &Place, bounds: [[f32; 3]; 2]) -> [Vec3; 2] {
+/// The box around the corners of `bounds` (object frame) at a pose.
+fn surround(place: &PathPose, bounds: [[f32; 3]; 2]) -> [Vec3; 2] {
     let linear = place.inverse.inverse();
     let [low, high] = bounds.map(Vec3::from);
     let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
     let middle = place.place + linear * middle;
     let half = linear.x_axis.abs() * half.x + linear.y_axis.abs() * half.y + linear.z_axis.abs() * half.z;
-    // A thousandth for what turns between samples.
+    // A thousandth for rotation between samples.
     let half = half * 1.001;
     [middle - half, middle + half]
 }
@@ -312,8 +313,8 @@ fn unite(a: [Vec3; 2], b: [Vec3; 2]) -> [Vec3; 2] {
     [a[0].min(b[0]), a[1].max(b[1])]
 }
 
-/// Points that must be where they belong: the corners of a box, and one metre along each axis, so that small things
-/// do not turn too far.
+/// Points that must be within the tolerance: the corners of a box, and one metre along each axis, so that small objects
+/// do not rotate too far.
 fn marks(bounds: [[f32; 3]; 2]) -> [DVec3; 11] {
     let corner = |k: usize| DVec3::from_array(std::array::from_fn(|axis| f64::from(bounds[k >> axis & 1][axis])));
     std::array::from_fn(|k| match k {
@@ -323,17 +324,17 @@ fn marks(bounds: [[f32; 3]; 2]) -> [DVec3; 11] {
 }
 
 impl Piece {
-    /// Through where the thing is at [`LOOKS`] between two times, s; see [`slopes`].
+    /// The piece through the poses at [`PROBES`] between two times, s; see [`slopes`].
     fn through(
         span: Span,
         [from, to]: [f64; 2],
         visible: bool,
-        looks: &[DAffine3; LOOKS.len()],
-        slopes: &[[f64; LOOKS.len()]; 3],
+        probes: &[DAffine3; PROBES.len()],
+        slopes: &[[f64; PROBES.len()]; 3],
     ) -> Piece {
-        let places = parabola(THROUGH.map(|k| looks[k].translation));
-        let inverses = parabola(THROUGH.map(|k| inverse(&looks[k].matrix3)));
-        let frame = Frame {
+        let places = parabola(THROUGH.map(|k| probes[k].translation));
+        let inverses = parabola(THROUGH.map(|k| inverse(&probes[k].matrix3)));
+        let frame = MovingFrame {
             start: ((from - span.start) / span.length) as f32,
             rate: (span.length / (to - from)) as f32,
             place: places.map(|place| place.as_vec3().to_array()),
@@ -341,10 +342,10 @@ impl Piece {
         };
         let rates = slopes.map(|weights| {
             let mut rate = DAffine3 { matrix3: DMat3::ZERO, translation: DVec3::ZERO };
-            for (weight, look) in weights.iter().zip(looks) {
-                // From where it starts, lest large coordinates lose digits.
-                rate.matrix3 += (look.matrix3 - looks[0].matrix3) * (weight / (to - from));
-                rate.translation += (look.translation - looks[0].translation) * (weight / (to - from));
+            for (weight, probe) in weights.iter().zip(probes) {
+                // Relative to the start, lest large coordinates lose digits.
+                rate.matrix3 += (probe.matrix3 - probes[0].matrix3) * (weight / (to - from));
+                rate.translation += (probe.translation - probes[0].translation) * (weight / (to - from));
             }
             rate
         });
@@ -353,47 +354,47 @@ impl Piece {
         Piece { frame, visible, velocity, turning }
     }
 
-    /// How far one of `marks` (object frame) is at most from where it should be, m, where the piece is checked.
-    fn farthest(&self, looks: &[DAffine3; LOOKS.len()], marks: &[DVec3; 11]) -> f64 {
-        let checked = LOOKS.iter().zip(looks).enumerate().filter(|(k, _)| !THROUGH.contains(k));
+    /// Greatest distance of any of `marks` (object frame) from where it should be, m, where the piece is checked.
+    fn farthest(&self, probes: &[DAffine3; PROBES.len()], marks: &[DVec3; 11]) -> f64 {
+        let checked = PROBES.iter().zip(probes).enumerate().filter(|(k, _)| !THROUGH.contains(k));
         let off = checked.map(|(_, (part, exact))| self.at_part(*part as f32).farthest(exact, marks));
         off.fold(0.0, f64::max)
     }
 
-    /// Whether `time`, 0 to 1, lies in it.
+    /// Whether `time`, 0 to 1, is in it.
     pub(crate) fn covers(&self, time: f32) -> bool {
         let passed = (time - self.frame.start) * self.frame.rate;
         (0.0..1.0).contains(&passed)
     }
 
-    /// Whether the thing can be seen.
+    /// Whether the object is visible.
     pub(crate) fn is_visible(&self) -> bool {
         self.visible
     }
 
-    /// Which part of the piece has passed at `time`, 0 to 1.
+    /// The part of the piece that has passed at `time`, 0 to 1.
     pub(crate) fn part(&self, time: f32) -> f32 {
         ((time - self.frame.start) * self.frame.rate).clamp(0.0, 1.0)
     }
 
-    /// Where the thing is when `part` of the piece has passed.
-    pub(crate) fn at_part(&self, part: f32) -> Place {
+    /// Pose of the object when `part` of the piece has passed.
+    pub(crate) fn at_part(&self, part: f32) -> PathPose {
         let into = self.frame.into.map(|columns| Mat3::from_cols_array_2d(&columns));
-        Place { place: at(self.frame.place.map(Vec3::from), part), inverse: at(into, part) }
+        PathPose { place: at(self.frame.place.map(Vec3::from), part), inverse: at(into, part) }
     }
 
-    /// How fast the point at `object` (object frame) moves when `part` of the piece has passed, m/s.
+    /// Velocity of the point at `object` (object frame) when `part` of the piece has passed, m/s.
     pub(crate) fn velocity(&self, part: f32, object: Vec3) -> Vec3 {
         at(self.velocity, part) + at(self.turning, part) * object
     }
 
-    /// What rays enter.
-    pub(crate) fn frame(&self) -> &Frame {
+    /// The frame that rays are transformed into.
+    pub(crate) fn frame(&self) -> &MovingFrame {
         &self.frame
     }
 }
 
-/// The inverse of a linear part; what is squeezed flat gets a thickness of a millionth.
+/// The inverse of a linear part; one that is squeezed flat gets a thickness of a millionth.
 fn inverse(linear: &DMat3) -> DMat3 {
     let size = linear.x_axis.length().max(linear.y_axis.length()).max(linear.z_axis.length());
     let flat = linear.determinant().abs() <= 1e-18 * size * size * size;
@@ -404,28 +405,28 @@ fn inverse(linear: &DMat3) -> DMat3 {
     }
 }
 
-impl Place {
-    /// Where the point at `object` of the thing is in the scene's frame.
+impl PathPose {
+    /// The point at `object` (object frame) in the scene's frame.
     pub(crate) fn to_local(self, object: Vec3) -> Vec3 {
         self.place + self.inverse.inverse() * object
     }
 
-    /// A direction of the thing, of any length, in the scene's frame.
+    /// The direction `object` (object frame), of any length, in the scene's frame.
     pub(crate) fn turn(&self, object: Vec3) -> Vec3 {
         self.inverse.inverse() * object
     }
 
-    /// A normal of the thing in the scene's frame, of any length.
+    /// A normal (object frame) in the scene's frame, of any length.
     pub(crate) fn normal(&self, normal: Vec3) -> Vec3 {
         self.inverse.transpose() * normal
     }
 
-    /// What makes a normal of the thing here, in the scene's frame, of what it is at another `place`.
-    pub(crate) fn normals_from(&self, place: Place) -> Mat3 {
+    /// Matrix that takes normals of the object at another pose `place` to its normals here, in the scene's frame.
+    pub(crate) fn normals_from(&self, place: PathPose) -> Mat3 {
         self.inverse.transpose() * place.inverse.inverse().transpose()
     }
 
-    /// How far one of `marks` (object frame) is at most from where `exact` has it, m.
+    /// Greatest distance of any of `marks` (object frame) from where `exact` places it, m.
     fn farthest(&self, exact: &DAffine3, marks: &[DVec3; 11]) -> f64 {
         let inverse = self.inverse.as_dmat3();
         let off = marks.iter().map(|mark| {
@@ -464,7 +465,7 @@ mod tests {
         Path::new(span, bends.to_vec(), CUBE, DVec3::ZERO, pose, |_| true, usize::MAX).unwrap()
     }
 
-    /// Every corner at every time, against the exact pose; and no box is left.
+    /// Every corner at every time, against the exact pose; and no corner leaves its box.
     fn check(span: Span, bends: &[f64], pose: impl Fn(f64) -> DAffine3) -> usize {
         let path = path(span, bends, &pose);
         for steps in [2, 5] {

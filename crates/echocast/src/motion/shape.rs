@@ -1,17 +1,17 @@
 //! Meshes that change their shape: skins, morph targets, caches.
 
 use super::timeline::Branch;
-use super::{Cache, MOST_BENDS, Span, Timeline, Track};
+use super::{AnimationTrack, Cache, MOST_BENDS, Span, Timeline};
 use crate::ground::array::Array;
 use crate::ground::math::cofactors;
 use echocast_kernels::tree::Tree;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use std::sync::{Arc, OnceLock};
 
-/// Steps closer than this, s, are not cut further: what jumps does so within it.
+/// Steps shorter than this, s, are not cut further: a jump happens within it.
 const SHORTEST_S: f64 = 1e-6;
 
-/// What jumps more often, other than at its bends, is noise.
+/// A deformation that jumps more often, other than at its bends, is noise.
 const MOST_JUMPS: usize = 64;
 
 /// Most steps: what takes longer is not worth waiting for.
@@ -19,13 +19,13 @@ const MOST_STEPS: usize = 1 << 16;
 
 /// How an object's mesh changes its shape over time.
 #[derive(Clone, Debug)]
-pub(crate) struct Shape {
-    /// What its vertices are before they move; shared by all objects with this mesh.
+pub(crate) struct Deformation {
+    /// Its vertices before they move; shared by all objects with this mesh.
     pub vertices: Arc<Vertices>,
     /// Weights of the morph targets, where no track says otherwise.
     pub weights: Vec<f64>,
     /// Weights of the morph targets over time.
-    pub weights_track: Option<Track>,
+    pub weights_track: Option<AnimationTrack>,
     pub skin: Option<Arc<Skin>>,
     pub cache: Option<Arc<Cache>>,
 }
@@ -34,24 +34,24 @@ pub(crate) struct Shape {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Vertices {
     pub parts: Vec<PartVertices>,
-    /// How far joints and morph targets move them, once asked for.
-    reach: OnceLock<Reach>,
-    /// Their triangles as rays need them, once asked for.
-    pub(crate) layout: OnceLock<Layout>,
+    /// How far joints and morph targets move them, once needed.
+    reach: OnceLock<VertexReach>,
+    /// Their triangles in the form that rays need, once required.
+    pub(crate) layout: OnceLock<MeshLayout>,
 }
 
 /// How far joints and morph targets move vertices.
 #[derive(Clone, Debug)]
-struct Reach {
+struct VertexReach {
     /// Lowest and highest corner of the box around the vertices that each joint moves, m; `None`: it moves none.
     joints: Vec<Option<[DVec3; 2]>>,
-    /// Greatest way of a vertex, m, for each morph target.
+    /// Greatest displacement of a vertex, m, for each morph target.
     targets: Vec<f64>,
 }
 
 /// The triangles of a mesh that changes its shape, those of all parts together.
 #[derive(Clone, Debug)]
-pub(crate) struct Layout {
+pub(crate) struct MeshLayout {
     pub tree: Tree,
     /// Where the vertices of each part begin among all; parts may share theirs.
     pub first_vertex: Vec<usize>,
@@ -61,12 +61,12 @@ pub(crate) struct Layout {
     pub vertices: usize,
 }
 
-/// What brings vertices to their places at one time.
+/// What deforms vertices at one time.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Pull {
-    /// Of the morph targets.
+    /// Weights of the morph targets.
     pub weights: Vec<f64>,
-    /// Of the joints, see [`Skin::palette`].
+    /// Matrices of the joints, see [`Skin::palette`].
     pub palette: Vec<DAffine3>,
 }
 
@@ -78,17 +78,17 @@ pub(crate) struct PartVertices {
     /// Unit normals, where the surface is smooth.
     pub normals: Option<Array<[f32; 3]>>,
     /// Morph targets.
-    pub targets: Vec<Target>,
+    pub targets: Vec<MorphTarget>,
     /// Sets of four joints that move each vertex, numbers in [`Skin::joints`]; one or two sets, or none without skin.
     pub joints: Vec<Array<[u16; 4]>>,
-    /// How much each joint does, all sets together 1.
+    /// How much each joint contributes, all sets together 1.
     pub weights: Vec<Array<[f32; 4]>>,
 }
 
-/// Where a morph target moves the vertices of a part at weight 1.
+/// How a morph target displaces the vertices of a part at weight 1.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Target {
-    /// m; `None`: nowhere.
+pub(crate) struct MorphTarget {
+    /// m; `None`: not at all.
     pub positions: Option<Array<[f32; 3]>>,
     /// What it adds to the normals.
     pub normals: Option<Array<[f32; 3]>>,
@@ -101,16 +101,16 @@ pub(crate) struct Skin {
     pub joints: Vec<usize>,
     /// From the mesh as modelled to each joint's own frame.
     pub joint_from_mesh: Vec<DAffine3>,
-    /// The joints in their timeline, once asked for.
+    /// The joints in their timeline, once needed.
     branch: OnceLock<Branch>,
 }
 
-impl Shape {
-    /// Of so many `parts` that share their vertices, those of `cache`, at rest at `positions`.
-    pub(crate) fn baked(parts: usize, positions: &Array<[f32; 3]>, cache: Cache) -> Shape {
+impl Deformation {
+    /// The deformation by a `cache` of so many `parts` that share their vertices, which rest at `positions`.
+    pub(crate) fn baked(parts: usize, positions: &Array<[f32; 3]>, cache: Cache) -> Deformation {
         let part = PartVertices { positions: positions.clone(), ..PartVertices::default() };
         let vertices = Arc::new(Vertices::new(vec![part; parts]));
-        Shape { vertices, weights: Vec::new(), weights_track: None, skin: None, cache: Some(Arc::new(cache)) }
+        Deformation { vertices, weights: Vec::new(), weights_track: None, skin: None, cache: Some(Arc::new(cache)) }
     }
 
     /// Weights of the morph targets at `time`, s.
@@ -122,7 +122,7 @@ impl Shape {
         weights
     }
 
-    /// What brings its vertices to their places at `time`, s: weights of the morph targets, and [`Skin::palette`].
+    /// What deforms its vertices at `time`, s: weights of the morph targets, and [`Skin::palette`].
     pub(crate) fn pull(&self, timeline: &Timeline, time: f64, world_from_object: &DAffine3) -> Pull {
         let mut palette = Vec::new();
         if let Some(skin) = &self.skin {
@@ -132,7 +132,7 @@ impl Shape {
     }
 
     /// Sets `positions` to where the vertices of part `part` are at `time`, s, in the frame of an object at
-    /// `world_from_object`, which counts for skins only.
+    /// `world_from_object`, which matters for skins only.
     #[cfg(test)]
     pub(crate) fn pose(
         &self,
@@ -146,7 +146,7 @@ impl Shape {
         self.vertices.parts[part].pose(&weights, &palette, positions);
     }
 
-    /// Sets `normals` to the unit normals that go with [`Shape::pose`]; empty where the surface is not smooth.
+    /// Sets `normals` to the unit normals that go with [`Deformation::pose`]; empty where the surface is not smooth.
     #[cfg(test)]
     pub(crate) fn normals(
         &self,
@@ -169,8 +169,8 @@ impl Shape {
     }
 
     /// Times, s, from the start to the end of `span`, between which no vertex is farther than `tolerance` m from the
-    /// straight line between its places at both, and what pulls them then; `world_from_object` as in
-    /// [`Shape::pose`]. `None`: it is noise, or they are more than `most`, at least 1.
+    /// straight line between its places at both, and what deforms them then; `world_from_object` as in
+    /// [`Deformation::pose`]. `None`: it is noise, or there are more than `most`, at least 1.
     pub(crate) fn steps(
         &self,
         timeline: &Timeline,
@@ -209,7 +209,7 @@ impl Shape {
                 let (from, ref a) = steps[steps.len() - 1];
                 let middle = 0.5 * (from + to);
                 let error = self.error(a, &pull(middle), &b);
-                // Coordinates are single precision: what that cannot tell apart needs no steps.
+                // Coordinates are single precision: differences that it cannot resolve need no steps.
                 let fits = error <= tolerance || error <= self.extent(a).max(self.extent(&b)) * f64::from(f32::EPSILON);
                 if fits || to - from <= SHORTEST_S {
                     jumps += usize::from(!fits);
@@ -236,21 +236,21 @@ impl Shape {
         Some(steps)
     }
 
-    /// No fewer times than those at which it may bend between `from` and `to`, s.
+    /// Upper bound on the number of times at which it may bend between `from` and `to`, s.
     fn most_bends(&self, timeline: &Timeline, from: f64, to: f64) -> f64 {
         let cache = self.cache.as_ref().map_or(0.0, |cache| cache.most_bends(from, to));
         let weights = self.weights_track.as_ref().map_or(0.0, |track| track.most_bends(from, to));
         cache + weights + self.skin.as_ref().map_or(0.0, |skin| skin.branch(timeline).most_bends(timeline, from, to))
     }
 
-    /// Memory of what pulls it at one time.
+    /// Memory of a [`Pull`] of it.
     pub(crate) fn pull_bytes(&self) -> usize {
         size_of::<Pull>()
             + self.weights.len() * size_of::<f64>()
             + self.skin.as_ref().map_or(0, |skin| skin.joints.len() * size_of::<DAffine3>())
     }
 
-    /// How far at most vertices pulled by `middle` are from the middle of where `a` and `b` pull them, m.
+    /// Greatest distance of vertices deformed by `middle` from halfway between where `a` and `b` put them, m.
     fn error(&self, a: &Pull, middle: &Pull, b: &Pull) -> f64 {
         let reach = self.vertices.reach();
         let targets = reach.targets.iter().enumerate().map(|(k, way)| {
@@ -262,7 +262,7 @@ impl Shape {
             let [Some(a), Some(middle), Some(b)] = [a, middle, b].map(|pull| pull.palette.get(k)) else { return 0.0 };
             let matrix = middle.matrix3 - (a.matrix3 + b.matrix3) * 0.5;
             let offset = middle.translation - (a.translation + b.translation) * 0.5;
-            // The error is affine in the place: greatest at a corner of the box.
+            // The error is affine in the position: greatest at a corner of the box.
             let centre = offset + matrix * (0.5 * (low + high));
             let half = 0.5 * (high - low);
             let spread = matrix.x_axis.abs() * half.x + matrix.y_axis.abs() * half.y + matrix.z_axis.abs() * half.z;
@@ -271,7 +271,7 @@ impl Shape {
         targets.sum::<f64>() + joints.fold(0.0, f64::max)
     }
 
-    /// How far from the origin vertices pulled by `pull` may be along an axis, m.
+    /// How far from the origin vertices deformed by `pull` may be along an axis, m.
     fn extent(&self, pull: &Pull) -> f64 {
         let reach = self.vertices.reach();
         let targets: f64 = reach.targets.iter().zip(&pull.weights).map(|(way, weight)| way * weight.abs()).sum();
@@ -283,22 +283,22 @@ impl Shape {
     }
 
     /// The same on a timeline whose nodes have numbers `shift` higher.
-    pub(super) fn shifted(self, shift: usize) -> Shape {
+    pub(super) fn shifted(self, shift: usize) -> Deformation {
         let skin = self.skin.map(|skin| {
             let Skin { joints, joint_from_mesh, .. } = Arc::unwrap_or_clone(skin);
             Arc::new(Skin::new(joints.into_iter().map(|joint| joint + shift).collect(), joint_from_mesh))
         });
-        Shape { skin, ..self }
+        Deformation { skin, ..self }
     }
 }
 
-impl Layout {
+impl MeshLayout {
     /// Memory of one step.
     pub(crate) fn step_bytes(&self) -> usize {
         self.vertices * size_of::<[f32; 4]>() + self.tree.box_bytes()
     }
 
-    /// Part and triangle of the part that a `triangle` of all is.
+    /// Part of a `triangle` counted over all parts, and its number within that part.
     pub(crate) fn of(&self, triangle: u32) -> (usize, u32) {
         let part = self.first_triangle.partition_point(|first| *first <= triangle) - 1;
         (part, triangle - self.first_triangle[part])
@@ -306,14 +306,14 @@ impl Layout {
 }
 
 impl Vertices {
-    /// Of these parts.
+    /// The vertices of these parts.
     pub(crate) fn new(parts: Vec<PartVertices>) -> Vertices {
         Vertices { parts, ..Vertices::default() }
     }
 
-    fn reach(&self) -> &Reach {
+    fn reach(&self) -> &VertexReach {
         self.reach.get_or_init(|| {
-            let mut reach = Reach { joints: Vec::new(), targets: Vec::new() };
+            let mut reach = VertexReach { joints: Vec::new(), targets: Vec::new() };
             for part in &self.parts {
                 reach.targets.resize(reach.targets.len().max(part.targets.len()), 0.0);
                 for (way, target) in reach.targets.iter_mut().zip(&part.targets) {
@@ -341,7 +341,7 @@ impl Vertices {
 }
 
 impl Skin {
-    /// Of these joints; see its fields.
+    /// The skin of these joints; see its fields.
     pub(crate) fn new(joints: Vec<usize>, joint_from_mesh: Vec<DAffine3>) -> Skin {
         Skin { joints, joint_from_mesh, branch: OnceLock::new() }
     }
@@ -350,8 +350,8 @@ impl Skin {
         self.branch.get_or_init(|| timeline.branch(&self.joints))
     }
 
-    /// Sets `palette` to what brings the mesh as modelled to where each joint wants it at `time`, s, in the frame of an
-    /// object at `world_from_object`.
+    /// Sets `palette` to the transforms from the mesh as modelled to where each joint moves it at `time`, s, in the
+    /// frame of an object at `world_from_object`.
     pub(crate) fn palette(
         &self,
         timeline: &Timeline,
@@ -378,7 +378,7 @@ impl Skin {
 impl PartVertices {
     /// Whether its vertices are those of `other`, and always will be.
     pub(crate) fn moves_as(&self, other: &PartVertices) -> bool {
-        let alike = |a: &Target, b: &Target| match (&a.positions, &b.positions) {
+        let alike = |a: &MorphTarget, b: &MorphTarget| match (&a.positions, &b.positions) {
             (None, None) => true,
             (Some(a), Some(b)) => a.is(b),
             _ => false,
@@ -427,8 +427,8 @@ impl PartVertices {
         positions.extend(places.iter().map(|place| place.as_vec3().to_array()));
     }
 
-    /// Sets `normals` to the unit normals that go with [`PartVertices::pose`]; empty without normals. One that is left
-    /// without direction stays as modelled.
+    /// Sets `normals` to the unit normals that go with [`PartVertices::pose`]; empty without normals. A normal that
+    /// vanishes stays as modelled.
     pub(crate) fn turn(&self, weights: &[f64], palette: &[DAffine3], normals: &mut Vec<[f32; 3]>) {
         normals.clear();
         let Some(modelled) = &self.normals else { return };
@@ -445,8 +445,8 @@ impl PartVertices {
         normals.extend(turned.iter().zip(modelled.iter()).map(unit));
     }
 
-    /// Adds what the morph targets add at these weights.
-    fn morph(&self, weights: &[f64], of: impl Fn(&Target) -> Option<&Array<[f32; 3]>>, vectors: &mut [DVec3]) {
+    /// Adds the displacements of the morph targets at these weights.
+    fn morph(&self, weights: &[f64], of: impl Fn(&MorphTarget) -> Option<&Array<[f32; 3]>>, vectors: &mut [DVec3]) {
         for (target, &weight) in self.targets.iter().zip(weights) {
             let Some(moved) = of(target).filter(|_| weight != 0.0) else { continue };
             for (vector, by) in vectors.iter_mut().zip(moved.iter()) {
@@ -455,7 +455,7 @@ impl PartVertices {
         }
     }
 
-    /// What its joints together do to each vertex.
+    /// Blended transform of its joints for each vertex.
     fn blends(&self, palette: &[DAffine3]) -> Vec<DAffine3> {
         let nothing = DAffine3 { matrix3: DMat3::ZERO, translation: DVec3::ZERO };
         let mut blends = vec![nothing; self.positions.len()];

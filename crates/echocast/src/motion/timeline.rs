@@ -1,35 +1,35 @@
 //! The nodes of a scene over time.
 
-use super::{Curve, Interpolation, Track};
+use super::{AnimationTrack, Curve, Interpolation};
 use crate::ground::error::{Error, Result};
 use glam::{DAffine3, DQuat, DVec3};
 use std::sync::Arc;
 
-/// What moves in a scene, asked at any time, in seconds: nodes that hang on each other, and the keys of the file.
+/// What moves in a scene, evaluated at any time, in seconds: a hierarchy of nodes, and the keys of the file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Timeline {
     /// Parents before their children.
     pub(crate) nodes: Vec<Node>,
 }
 
-/// A place that others may hang on.
+/// A node that others may be attached to.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Node {
-    /// Number of the node it hangs on; `None`: the world.
+    /// Number of its parent; `None`: the world.
     pub parent: Option<usize>,
-    /// Where it is in its parent, where no track says otherwise.
+    /// Its pose in its parent, where no track says otherwise.
     pub rest: Rest,
     /// Three numbers, m.
-    pub translation: Option<Track>,
+    pub translation: Option<AnimationTrack>,
     /// A quaternion, x, y, z, w.
-    pub rotation: Option<Track>,
+    pub rotation: Option<AnimationTrack>,
     /// Three factors.
-    pub scale: Option<Track>,
-    /// Above 0.5: it and what hangs on it can be seen.
-    pub visible: Option<Track>,
+    pub scale: Option<AnimationTrack>,
+    /// Above 0.5: it and its descendants are visible.
+    pub visible: Option<AnimationTrack>,
 }
 
-/// A place in a parent.
+/// A pose in a parent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Rest {
     /// Parts that tracks may replace.
@@ -38,19 +38,19 @@ pub(crate) enum Rest {
     Whole(DAffine3),
 }
 
-/// Nodes that belong together, and all that they hang on.
+/// Nodes that belong together, and all their ancestors.
 #[derive(Clone, Debug)]
 pub(crate) struct Branch {
     /// Parents before their children.
     nodes: Vec<usize>,
-    /// Places of their parents in `nodes`.
+    /// Indices of their parents in `nodes`.
     parents: Vec<Option<usize>>,
-    /// Places in `nodes` of those that were asked for, in their order.
+    /// Indices in `nodes` of the requested ones, in their order.
     ends: Vec<usize>,
 }
 
 impl Branch {
-    fn tracks<'a>(&'a self, timeline: &'a Timeline) -> impl Iterator<Item = &'a Track> {
+    fn tracks<'a>(&'a self, timeline: &'a Timeline) -> impl Iterator<Item = &'a AnimationTrack> {
         self.nodes.iter().flat_map(|&node| timeline.nodes[node].tracks())
     }
 
@@ -59,12 +59,12 @@ impl Branch {
         self.tracks(timeline).all(|track| track.is_still(from, to))
     }
 
-    /// Adds the times between `from` and `to`, s, at which any of it may bend or jump, in no order.
+    /// Adds the times between `from` and `to`, s, at which any of it may bend or jump, in no particular order.
     pub(crate) fn bends(&self, timeline: &Timeline, from: f64, to: f64, bends: &mut Vec<f64>) {
         self.tracks(timeline).for_each(|track| track.bends(from, to, bends));
     }
 
-    /// No fewer times than [`Branch::bends`] adds.
+    /// Upper bound on the number of times that [`Branch::bends`] adds.
     pub(crate) fn most_bends(&self, timeline: &Timeline, from: f64, to: f64) -> f64 {
         self.tracks(timeline).map(|track| track.most_bends(from, to)).sum()
     }
@@ -77,14 +77,15 @@ impl Default for Rest {
 }
 
 impl Node {
-    /// Place in the parent at `time`, s.
+    /// Pose in the parent at `time`, s.
     pub(crate) fn parent_from_node(&self, time: f64) -> DAffine3 {
         let (translation, rotation, scale) = match self.rest {
             Rest::Whole(place) => return place,
             Rest::Parts { translation, rotation, scale } => (translation, rotation, scale),
         };
-        let vector =
-            |track: &Option<Track>, rest| track.as_ref().map_or(rest, |track| DVec3::from_array(track.value(time)));
+        let vector = |track: &Option<AnimationTrack>, rest| {
+            track.as_ref().map_or(rest, |track| DVec3::from_array(track.value(time)))
+        };
         let rotation = self.rotation.as_ref().map_or(rotation, |track| {
             // Splines leave the unit sphere (glTF 2.0, appendix C.5), and may pass through its centre.
             let turned = DQuat::from_array(track.value(time));
@@ -97,18 +98,18 @@ impl Node {
         )
     }
 
-    fn tracks(&self) -> impl Iterator<Item = &Track> {
+    fn tracks(&self) -> impl Iterator<Item = &AnimationTrack> {
         [&self.translation, &self.rotation, &self.scale, &self.visible].into_iter().flatten()
     }
 }
 
 impl Timeline {
-    /// Of one node that stays at `place`.
+    /// A timeline of one node that stays at `place`.
     pub(crate) fn standing(place: DAffine3) -> Timeline {
         Timeline { nodes: vec![Node { rest: Rest::Whole(place), ..Node::default() }] }
     }
 
-    /// Of one node that passes through `keys`, times in s and places in the world.
+    /// A timeline of one node that passes through `keys`, times in s and poses in the world.
     ///
     /// # Errors
     /// No key; a number that is not finite; times that fall; a place that is sheared or squeezed flat.
@@ -136,7 +137,7 @@ impl Timeline {
         let track = |values: Vec<f64>, turns| {
             let (times, width) = (times.clone(), if turns { 4 } else { 3 });
             let curve = Curve { times, values, width, interpolation: Interpolation::Linear, turns };
-            Some(Track { curve: Arc::new(curve), period: None })
+            Some(AnimationTrack { curve: Arc::new(curve), period: None })
         };
         let node = Node {
             translation: track(places, false),
@@ -157,17 +158,17 @@ impl Timeline {
         self.nodes.iter().flat_map(Node::tracks).map(|track| track.curve.end()).fold(0.0, f64::max)
     }
 
-    /// `node` and the nodes that it hangs on.
+    /// `node` and its ancestors.
     fn up(&self, node: usize) -> impl Iterator<Item = &Node> {
         std::iter::successors(self.nodes.get(node), |node| self.nodes.get(node.parent?))
     }
 
-    /// Where `node` is at `time`, s.
+    /// Pose of `node` at `time`, s.
     pub(crate) fn world_from_node(&self, node: usize, time: f64) -> DAffine3 {
         self.up(node).fold(DAffine3::IDENTITY, |below, node| node.parent_from_node(time) * below)
     }
 
-    /// `ends` and all nodes that they hang on.
+    /// `ends` and all their ancestors.
     pub(crate) fn branch(&self, ends: &[usize]) -> Branch {
         let mut nodes: Vec<usize> = Vec::new();
         for &end in ends {
@@ -185,7 +186,7 @@ impl Timeline {
         Branch { nodes, parents, ends }
     }
 
-    /// Where each end of `branch` is at `time`, s; what several of them hang on is looked at once.
+    /// Pose of each end of `branch` at `time`, s; ancestors that several of them share are evaluated once.
     pub(crate) fn world_from_ends(&self, branch: &Branch, time: f64) -> impl Iterator<Item = DAffine3> {
         let mut places: Vec<DAffine3> = Vec::with_capacity(branch.nodes.len());
         for (&node, &parent) in branch.nodes.iter().zip(&branch.parents) {
@@ -195,7 +196,7 @@ impl Timeline {
         branch.ends.iter().map(move |&end| places[end])
     }
 
-    /// Whether `node` can be seen at `time`, s.
+    /// Whether `node` is visible at `time`, s.
     pub(crate) fn is_visible(&self, node: usize, time: f64) -> bool {
         self.up(node).filter_map(|node| node.visible.as_ref()).all(|track| track.value::<1>(time)[0] > 0.5)
     }
@@ -205,17 +206,18 @@ impl Timeline {
         self.up(node).flat_map(Node::tracks).all(|track| track.is_still(from, to))
     }
 
-    /// Adds the times between `from` and `to`, s, at which the motion of `node` may bend or jump, in no order.
+    /// Adds the times between `from` and `to`, s, at which the motion of `node` may bend or jump, in no particular
+    /// order.
     pub(crate) fn bends(&self, node: usize, from: f64, to: f64, bends: &mut Vec<f64>) {
         self.up(node).flat_map(Node::tracks).for_each(|track| track.bends(from, to, bends));
     }
 
-    /// No fewer times than [`Timeline::bends`] adds.
+    /// Upper bound on the number of times that [`Timeline::bends`] adds.
     pub(crate) fn most_bends(&self, node: usize, from: f64, to: f64) -> f64 {
         self.up(node).flat_map(Node::tracks).map(|track| track.most_bends(from, to)).sum()
     }
 
-    /// Hangs the nodes of `other` on the first node; returns by how much their numbers have risen.
+    /// Attaches the nodes of `other` to the first node; returns by how much their numbers have risen.
     pub(crate) fn hang(&mut self, other: &Timeline) -> usize {
         let shift = self.nodes.len();
         let hung =
@@ -240,7 +242,7 @@ mod tests {
     use super::*;
     use std::f64::consts::FRAC_PI_2;
 
-    fn track(times: &[f64], values: &[&[f64]], turns: bool) -> Option<Track> {
+    fn track(times: &[f64], values: &[&[f64]], turns: bool) -> Option<AnimationTrack> {
         let curve = Curve {
             times: times.to_vec(),
             values: values.concat(),
@@ -248,12 +250,12 @@ mod tests {
             interpolation: if values[0].len() == 1 { Interpolation::Step } else { Interpolation::Linear },
             turns,
         };
-        Some(Track { curve: Arc::new(curve), period: None })
+        Some(AnimationTrack { curve: Arc::new(curve), period: None })
     }
 
     /// A wheel on a car that drives and turns.
     #[test]
-    fn what_hangs_on_a_node_moves_with_it() {
+    fn children_move_with_their_parent() {
         let quarter = DQuat::from_rotation_z(FRAC_PI_2).to_array();
         let car = Node {
             translation: track(&[0.0, 2.0], &[&[0.0; 3], &[20.0, 0.0, 0.0]], false),

@@ -6,32 +6,32 @@ use crate::cloud::{InstanceBox, PointCloud};
 use glam::{Vec2, Vec3};
 
 /// The edges of a box.
-pub(super) struct Outline {
+pub(super) struct BoxEdges {
     edges: [[Vec3; 2]; 12],
     color: Color,
 }
 
 /// The boxes of `cloud` that have points, relative to its origin, in the colours of their categories.
-pub(super) fn outlines(cloud: &PointCloud) -> Vec<Outline> {
+pub(super) fn outlines(cloud: &PointCloud) -> Vec<BoxEdges> {
     let seen = cloud.boxes.iter().flatten().filter(|found| found.points > 0);
     let outline = |found: &InstanceBox| {
         let corners = found.corners().map(|corner| (corner - cloud.origin).as_vec3());
         let edges = InstanceBox::EDGES.map(|ends| ends.map(|end| corners[end]));
-        Outline { edges, color: palette::category(found.category_id) }
+        BoxEdges { edges, color: palette::category(found.category_id) }
     };
     seen.map(outline).filter(|outline| outline.edges.as_flattened().iter().all(|end| end.is_finite())).collect()
 }
 
-/// Draws `outlines`; `lines` says where an edge is in the picture.
+/// Draws `outlines`; `lines` projects an edge into the picture.
 pub(super) fn draw<I: IntoIterator<Item = [Vec2; 2]>>(
     picture: &mut Picture,
-    outlines: &[Outline],
+    outlines: &[BoxEdges],
     page: &Page,
     lines: impl Fn([Vec3; 2]) -> I,
 ) {
-    for Outline { edges, color } in outlines {
+    for BoxEdges { edges, color } in outlines {
         let lines: Vec<[Vec2; 2]> = edges.iter().flat_map(|&edge| lines(edge)).collect();
-        // Points of the same colour lie around it.
+        // The box may be surrounded by points of the same colour.
         let radius = (0.8 * page.scale).max(0.75);
         for (radius, color) in [(radius + 1.1 * page.scale, GROUND), (radius, *color)] {
             lines.iter().for_each(|line| picture.line(line, radius, color));
@@ -39,8 +39,8 @@ pub(super) fn draw<I: IntoIterator<Item = [Vec2; 2]>>(
     }
 }
 
-/// An edge in pieces, each straight enough for pictures in which it is bent: their ends as `project` has them, without
-/// pieces that have none or reach across half of `width` pixels.
+/// An edge in pieces, each straight enough for pictures in which the edge is curved: their ends projected by `project`,
+/// without pieces whose ends have no projection or that reach across half of `width` pixels.
 pub(super) fn bent(edge: [Vec3; 2], width: f32, project: impl Fn(Vec3) -> Option<Vec2>) -> Vec<[Vec2; 2]> {
     const PIECES: usize = 48;
     let ends: Vec<Option<Vec2>> =
@@ -74,7 +74,7 @@ pub(super) mod tests {
         }
     }
 
-    /// A wall of points of category 1 and a box before it, far from the world's origin.
+    /// A wall of points of category 1 and a box in front of it, far from the world's origin.
     fn scene(organised: bool) -> PointCloud {
         let (rows, columns) = (40, 60);
         let origin = DVec3::new(5e5, 5.6e6, 100.0);
@@ -110,7 +110,7 @@ pub(super) mod tests {
             let lit = |picture: &Picture, id: u32| {
                 picture.pixels.chunks_exact(3).filter(|pixel| *pixel == palette::category(id)).count()
             };
-            // Lines are soft where they lie between pixels.
+            // Lines are soft where they are between pixels.
             assert!(lit(&with, 3) > 20 && lit(&without, 3) == 0, "{view:?}: {}", lit(&with, 3));
             assert_eq!(lit(&with, 2), 0);
         }
@@ -139,7 +139,8 @@ pub(super) mod tests {
             };
             [ends(0), ends(1)]
         };
-        // Points where the front corners are seen on the wall: rows and columns of the sensor there, of another colour.
+        // The front corners are drawn, in another colour, at the rows and columns in which the sensor sees the wall
+        // behind them.
         let [across, down] = face(&cloud);
         let (rows, columns) = (40.0, 60.0);
         let part = |y: f64, z: f64| [(6.1 - y * 10.0 / 7.75) / 0.2 / columns, (4.1 - z * 10.0 / 7.75) / 0.2 / rows];

@@ -11,9 +11,9 @@ pub(super) type Color = [u8; 3];
 /// Pictures of scales have more colours than this, those of names fewer.
 const FEW_COLORS: u32 = 8192;
 
-/// Around everything.
+/// Background of the page.
 pub(super) const PAGE: Color = [0x17, 0x19, 0x1d];
-/// Behind the points, and misses of range images.
+/// Background of the points, and misses of range images.
 pub(super) const GROUND: Color = [0x0d, 0x0e, 0x11];
 /// Lines of the ground grid.
 pub(super) const GRID: Color = [0x1c, 0x1f, 0x24];
@@ -92,7 +92,7 @@ impl Picture {
         }
     }
 
-    /// Draws a line segment as [`Picture::stroke`] does, however long, looking only at what is near it.
+    /// Draws a line segment as [`Picture::stroke`] does, however long, visiting only pixels near it.
     pub(super) fn line(&mut self, segment: &[Vec2; 2], radius: f32, color: Color) {
         let [start, end] = *segment;
         let reach = radius + 1.0;
@@ -103,7 +103,7 @@ impl Picture {
         let (low, high) = (start.min(end) - reach, start.max(end) + reach);
         // Casts saturate.
         for y in low.y.max(0.0) as u32..high.y.clamp(0.0, self.height as f32).ceil() as u32 {
-            // What of the segment is near this row.
+            // The part of the segment near this row.
             let (above, below) = (y as f32 + 0.5 - reach, y as f32 + 0.5 + reach);
             let part = |height: f32| ((height - start.y) / along.y).clamp(0.0, 1.0);
             let parts = if along.y.abs() > f32::EPSILON { [part(above), part(below)] } else { [0.0, 1.0] };
@@ -242,7 +242,7 @@ mod tests {
         let swatches = [[10u8, 200, 30], [240, 20, 90], [0, 0, 0], [90, 90, 250]];
         let flat = (0..400 * 300).map(at).flat_map(|(x, y)| swatches[(x * x + 7 * y * y) / 999 % 4]).collect();
         let smooth = (0..400 * 300).map(at).flat_map(|(x, y)| [x / 2, y / 2, (x + y) / 3].map(|v| v as u8)).collect();
-        // Of 360000 bytes; the other way takes at least half as much again.
+        // Out of 360000 bytes; the other filter takes at least half as much again.
         let (flat, smooth) = (packed(flat), packed(smooth));
         assert!(flat < 20_000 && smooth < 4_000, "{flat} {smooth}");
     }

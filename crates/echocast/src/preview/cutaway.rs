@@ -6,10 +6,11 @@ use std::f32::consts::TAU;
 
 /// Thickness of the layer that holds a ceiling's points, metres.
 const LAYER: f32 = 0.15;
-/// Azimuth sectors for the reach of a cloud, and how many on both sides count with each, to bridge gaps in walls.
+/// Azimuth sectors for the reach of a cloud, and the number of neighbours on each side that count with a sector, to
+/// bridge gaps in walls.
 const SECTORS: usize = 64;
 const NEIGHBOURS: usize = 3;
-/// Part of the reach from which surfaces enclose the room; nearer ones are furniture.
+/// Fraction of the reach beyond which surfaces enclose the room; nearer ones are furniture.
 const CLOSING: f32 = 0.6;
 
 /// Where a cloud is cut open.
@@ -49,8 +50,8 @@ impl Cutaway {
 
     /// Whether a viewer in the direction `toward_viewer` (unit) sees a wall at `position` from behind.
     ///
-    /// A surface shows its front to the sensor. So one well above the floor seen from nearly the opposite side is seen
-    /// from behind; where it limits the sensor's view, leaving it out gives the view into a doll's house.
+    /// A surface shows its front to the sensor. Seen from nearly the opposite side, a surface well above the floor is
+    /// therefore seen from behind; where it limits the sensor's view, leaving it out gives a doll's-house view.
     pub(super) fn seen_from_behind(&self, position: Vec3, toward_viewer: Vec3) -> bool {
         let out = position - self.sensor;
         let horizontal = out.truncate();

@@ -1,17 +1,17 @@
-//! How densely the sensor has covered what it sees.
+//! Density with which the sensor has covered its view.
 
 use super::points::{CHUNK, Points, robust_span};
 use crate::ground::parallel;
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Points in a usual cell: their number is accurate to a sixth.
+/// Points in a typical cell: their number is accurate to a sixth.
 const IN_CELL: f32 = 36.0;
 /// Bounds of the side of cells, degrees.
 const FINEST: f32 = 0.1;
 const COARSEST: f32 = 5.0;
 
-/// Points per square degree of what the sensor sees around each point: those in its cell of azimuth and elevation over
+/// Points per square degree around each point, as seen by the sensor: those in its cell of azimuth and elevation over
 /// the solid angle of the cell. NaN where there is no point.
 pub(super) fn of(points: &Points<'_>) -> Vec<f32> {
     let side = side(points);
@@ -61,7 +61,7 @@ mod tests {
 
     #[test]
     fn evenly_covered_is_even_and_what_is_scanned_twice_counts_twice() {
-        // 20 points on each degree of azimuth and elevation, ahead; and once more to the left.
+        // 20 points per square degree ahead; and once more to the left.
         let mut cloud = PointCloud::default();
         let mut ring = |from: i32, to: i32| {
             for azimuth in from * 10..to * 10 {

@@ -1,13 +1,13 @@
 //! The strip below the picture that explains its colours.
 
 use super::canvas::{Color, DIM, PAGE, Picture, TEXT};
-use super::paint::{Entry, Legend};
+use super::paint::{Legend, LegendEntry};
 use super::{Page, font};
 use glam::Vec2;
 
 /// Longest name that a legend shows, characters.
 const LONGEST: usize = 32;
-/// Left of text, so that the pen is not cut off, pixels.
+/// Margin to the left of text, so that the pen is not cut off, pixels.
 const INSET: f32 = 2.0;
 
 /// The legend as a picture as wide as the page's inner width.
@@ -29,7 +29,7 @@ pub(super) fn draw(legend: &Legend, page: &Page) -> Picture {
 }
 
 /// Swatches, names and counts, row by row in equally wide columns.
-fn names(entries: &[Entry], page: &Page) -> Picture {
+fn names(entries: &[LegendEntry], page: &Page) -> Picture {
     let (capitals, gap) = (page.text(), page.text());
     let swatch = 1.3 * capitals;
     let labels: Vec<(String, String)> =
@@ -86,7 +86,7 @@ fn ticks(low: f64, high: f64) -> Vec<(f64, String)> {
     let step = round_down((high - low) / 4.0);
     let decimals = (-step.log10().floor()).clamp(0.0, 12.0) as usize;
     let first = (low / step).ceil();
-    // Counting, rather than adding up, ends even where the step is lost against the value.
+    // Counting, rather than adding up, terminates even if the step is lost against the value.
     (0..=10)
         .map(|i| (first + f64::from(i)) * step)
         .filter(|value| (low..=high).contains(value))
@@ -164,8 +164,8 @@ mod tests {
     #[test]
     fn names_are_drawn_with_their_colours() {
         let page = Page::new(1600);
-        let entry = |id: u32| Entry { name: format!("name {id}"), color: palette::category(id), count: 10 };
-        let entries: Vec<Entry> = (0..17).map(entry).collect();
+        let entry = |id: u32| LegendEntry { name: format!("name {id}"), color: palette::category(id), count: 10 };
+        let entries: Vec<LegendEntry> = (0..17).map(entry).collect();
         let picture = draw(&Legend::Names(entries.clone()), &page);
         let lit = |picture: &Picture, color| {
             (0..picture.height)
@@ -178,7 +178,7 @@ mod tests {
         }
         let fewer = draw(&Legend::Names(entries[..16].to_vec()), &page);
         assert!(lit(&picture, TEXT) > lit(&fewer, TEXT));
-        let long = Entry { name: "w".repeat(500), color: [0; 3], count: usize::MAX };
+        let long = LegendEntry { name: "w".repeat(500), color: [0; 3], count: usize::MAX };
         assert_eq!(draw(&Legend::Names(vec![long]), &Page::new(320)).width, Page::new(320).inner());
     }
 }

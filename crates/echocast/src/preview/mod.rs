@@ -1,5 +1,5 @@
-//! A picture of a cloud for people: from above, in perspective or as range image, coloured by label, cause, intensity,
-//! range, height or velocity, with a legend; and of a sonar's pings: waterfall, track and fan.
+//! Pictures of a cloud: from above, in perspective or as range image, coloured by label, cause, intensity, range,
+//! height or velocity, with a legend; and of a sonar's pings: waterfall, track and fan.
 
 mod boxes;
 mod canvas;
@@ -23,7 +23,6 @@ pub(crate) use legend::thousands;
 pub(crate) use sheet::sheet;
 
 use crate::cloud::{Field, FieldSet, Pings, PointCloud, VELOCITY};
-use crate::export::{self, Pending, failed, write_bytes};
 use crate::ground::error::{Error, Result};
 use crate::ground::named::{by_name, named};
 use crate::ground::report::Report;
@@ -32,6 +31,7 @@ use crate::image::Image;
 use crate::read::yaml;
 use crate::scene::Scene;
 use crate::trace::BuiltScene;
+use crate::write::{self, Pending, failed};
 use canvas::{DIM, PAGE, TEXT};
 use glam::Vec2;
 use paint::Paint;
@@ -84,7 +84,7 @@ impl FromStr for View {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ColorBy {
-    /// Category, or part if there is only one category; what the air sends back has its own colours if the cloud has
+    /// Category, or part if there is only one category; backscatter from the air has its own colours if the cloud has
     /// the column `cause`.
     #[default]
     Label,
@@ -96,13 +96,13 @@ pub enum ColorBy {
     Range,
     /// Height, z.
     Height,
-    /// Speed of the surface in the world, m/s; what stands is grey.
+    /// Speed of the surface in the world, m/s; stationary points are grey.
     Velocity,
     /// Rate of the true range, m/s: one colour towards the sensor, another away from it, grey in between.
     RadialVelocity,
-    /// The same as an FMCW LiDAR measures it.
+    /// The same as measured by an FMCW LiDAR.
     Doppler,
-    /// Points per square degree, as the sensor sees them: how it has covered the scene.
+    /// Points per square degree as seen by the sensor: how densely it has covered the scene.
     Density,
 }
 
@@ -143,12 +143,12 @@ impl PreviewOptions {
     /// Reads options from YAML: `view`, `color`, `width`, `ground`, `boxes`.
     ///
     /// # Errors
-    /// Line and key of what is wrong, with the most similar known key.
+    /// Line and key of the mistake, with the most similar known key.
     pub fn from_yaml(text: &str) -> Result<PreviewOptions> {
         yaml::from_str("preview options", text)
     }
 
-    /// The columns that such a picture needs, of a cloud or of pings, depending on the view.
+    /// The columns that a picture with these options needs, of a cloud or of pings, depending on the view.
     pub fn fields(&self) -> FieldSet {
         if self.view.shows_pings() {
             return [Field::Intensity, Field::CategoryId, Field::PartId].into_iter().collect();
@@ -171,14 +171,14 @@ impl PreviewOptions {
 /// Checks before a long scan whether a picture could be written to `path`.
 ///
 /// # Errors
-/// A width out of bounds, another ending than `.png`, a folder that is missing or not writable.
+/// A width out of bounds, an ending other than `.png`, a folder that is missing or not writable.
 pub fn check(path: &Path, options: &PreviewOptions) -> Result<()> {
     check_width(options.width)?;
     check_ending(path)?;
     Pending::create(path).map(drop)
 }
 
-/// Checks that it is no file of another kind that a picture would replace.
+/// Checks that a picture would not replace a file of another kind.
 fn check_ending(path: &Path) -> Result<()> {
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
         return Ok(());
@@ -223,15 +223,15 @@ pub(crate) fn check_options(options: &PreviewOptions) -> Result<()> {
     Ok(())
 }
 
-/// [`write`] to a new file in a folder that nobody else looks into yet.
+/// [`write`] to a new file in a folder that no other process reads yet.
 ///
 /// # Errors
-/// As there.
+/// The same.
 pub(crate) fn write_new(cloud: &PointCloud, path: &Path, options: &PreviewOptions) -> Result<Report> {
     let mut report = Report::default();
     let picture = render(cloud, options, &mut report)?;
     let bytes = picture.to_png().map_err(|source| failed(path, source))?;
-    export::write_whole(path, &bytes)?;
+    write::whole(path, &bytes)?;
     Ok(report)
 }
 
@@ -242,7 +242,7 @@ fn pings_only(view: View) -> Error {
 /// Writes a picture of `pings` to the PNG file `path`, which appears only when complete.
 ///
 /// # Errors
-/// As [`render_pings`], another ending than `.png`, a folder that is missing or not writable, and a full disk.
+/// As [`render_pings`], an ending other than `.png`, a folder that is missing or not writable, and a full disk.
 pub fn write_pings(pings: &Pings, path: &Path, options: &PreviewOptions) -> Result<Report> {
     check_ending(path)?;
     let mut report = Report::default();
@@ -251,12 +251,12 @@ pub fn write_pings(pings: &Pings, path: &Path, options: &PreviewOptions) -> Resu
     Ok(report)
 }
 
-/// Writes a plan of `scene`, which `built` is made of, to the PNG file `path`, `width` pixels wide: what is seen from
+/// Writes a plan of `scene`, from which `built` is made, to the PNG file `path`, `width` pixels wide: the view from
 /// above, in the colours of categories, or of heights if there are no categories, with a grid of coordinates, the
 /// heights where its lines cross, and the cameras. A scene whose top is a ceiling is cut open above the tables.
 ///
 /// # Errors
-/// A width out of bounds, another ending than `.png`, a folder that is missing or not writable, and a full disk.
+/// A width out of bounds, an ending other than `.png`, a folder that is missing or not writable, and a full disk.
 pub fn write_plan(scene: &Scene, built: &BuiltScene, path: &Path, width: u32) -> Result<()> {
     check_width(width)?;
     check_ending(path)?;
@@ -265,7 +265,7 @@ pub fn write_plan(scene: &Scene, built: &BuiltScene, path: &Path, width: u32) ->
 
 fn write_picture(picture: &Picture, path: &Path) -> Result<()> {
     let pending = Pending::create(path)?;
-    let written = picture.to_png().and_then(|bytes| write_bytes(pending.path(), &bytes));
+    let written = picture.to_png().and_then(|bytes| write::bytes(pending.path(), &bytes));
     written.map_err(|source| failed(path, source))?;
     pending.commit()
 }
@@ -325,7 +325,7 @@ pub fn render(cloud: &PointCloud, options: &PreviewOptions, report: &mut Report)
     }
     let paint = Paint::new(cloud, &points, options.color, report);
     if options.boxes && cloud.boxes.is_none() {
-        report.warn("preview: the cloud has no boxes, which are made where ScanOptions::boxes asks for them");
+        report.warn("preview: the cloud has no boxes, which are computed if ScanOptions::boxes requests them");
     }
     let outlines = if options.boxes { boxes::outlines(cloud) } else { Vec::new() };
     let mut notes = Vec::new();
@@ -426,7 +426,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let scene = folder.path().join("scene.glb");
         std::fs::write(&scene, "a scene").unwrap();
-        let pings = crate::image::synthetic::pings(&crate::image::synthetic::Sidescan::default());
+        let pings = crate::image::synthetic::pings(&crate::image::synthetic::SyntheticSidescan::default());
         let options = PreviewOptions { view: View::Waterfall, color: ColorBy::Intensity, ..PreviewOptions::default() };
         let refused = |done: Result<Report>| {
             let error = done.unwrap_err().to_string();

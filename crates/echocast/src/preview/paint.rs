@@ -1,4 +1,4 @@
-//! The colour of each point, and what the legend says about it.
+//! The colour of each point, and the legend that explains it.
 
 use super::canvas::Color;
 use super::palette::{self, HEIGHT, INTENSITY, RANGE, Ramp, SPEED, STANDING};
@@ -15,17 +15,17 @@ use std::ops::Range;
 
 /// How many names a legend lists before summing up the rest.
 pub(super) const LISTED: usize = 16;
-/// Part of the values at each end of a scale that shares the end's colour.
+/// Fraction of the values at each end of a scale that share the end's colour.
 const CLIPPED: f32 = 0.01;
-/// What is slower than this stands, m/s.
+/// Points slower than this are stationary, m/s.
 const STANDS: f32 = 0.05;
-/// A scale of radial velocities is that of the points faster than this, if there are any, not that of errors, m/s.
+/// The scale of radial velocities is set by the points faster than this, if there are any, not by errors, m/s.
 const MOVES: f32 = 0.5;
 
 /// Colours of a cloud's points.
 pub(super) struct Paint<'a> {
     name: &'static str,
-    source: Source<'a>,
+    source: ColorSource<'a>,
     legend: Legend,
 }
 
@@ -33,7 +33,7 @@ pub(super) struct Paint<'a> {
 #[derive(Clone)]
 pub(super) enum Legend {
     /// Names, labels before causes, the most frequent first.
-    Names(Vec<Entry>),
+    Names(Vec<LegendEntry>),
     /// A scale of values.
     Scale {
         /// Quantity and unit.
@@ -42,29 +42,29 @@ pub(super) enum Legend {
         table: Vec<Color>,
         low: f64,
         high: f64,
-        /// What has no place on the scale.
-        beside: Vec<Entry>,
+        /// Entries that are not on the scale.
+        beside: Vec<LegendEntry>,
     },
 }
 
 /// A name in the legend.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Entry {
+pub(super) struct LegendEntry {
     pub name: String,
     pub color: Color,
     /// Number of points.
     pub count: usize,
 }
 
-enum Source<'a> {
-    Groups { groups: Groups<'a>, listed: HashMap<Group, Color> },
-    Values { values: Values<'a>, points: &'a Points<'a>, table: Vec<Color>, low: f32, high: f32 },
-    Motion { motion: Motion<'a>, table: Vec<Color>, low: f32, high: f32 },
+enum ColorSource<'a> {
+    Groups { groups: Groups<'a>, listed: HashMap<ColorGroup, Color> },
+    Values { values: PaintValues<'a>, points: &'a Points<'a>, table: Vec<Color>, low: f32, high: f32 },
+    Motion { motion: PointSpeed<'a>, table: Vec<Color>, low: f32, high: f32 },
 }
 
 /// What points of one colour have in common.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-enum Group {
+enum ColorGroup {
     Label(u32),
     Cause(Cause),
 }
@@ -72,12 +72,12 @@ enum Group {
 /// The group of each point.
 #[derive(Clone, Copy)]
 struct Groups<'a> {
-    /// Labels of points on surfaces; without them only causes count.
+    /// Labels of points on surfaces; without them only causes are used.
     labels: Option<&'a [u32]>,
     points: &'a Points<'a>,
 }
 
-enum Values<'a> {
+enum PaintValues<'a> {
     Column(&'a [f32]),
     Made(Vec<f32>),
     Distance,
@@ -86,7 +86,7 @@ enum Values<'a> {
 
 /// How fast points are, m/s.
 #[derive(Clone, Copy)]
-enum Motion<'a> {
+enum PointSpeed<'a> {
     /// The length of the velocity.
     Speed([&'a [f32]; 3]),
     /// Along the beam, negative towards the sensor.
@@ -102,11 +102,11 @@ impl<'a> Paint<'a> {
                 let by = |ids: &'a [u32]| (ids.len() >= rows).then_some(Groups { labels: Some(ids), points });
                 let (categories, parts) = (by(&columns.category_id), by(&columns.part_id));
                 let count = |groups: Option<Groups>| groups.map_or_else(HashMap::new, Groups::count);
-                let labels = |counts: &HashMap<Group, usize>| {
-                    counts.keys().filter(|group| matches!(group, Group::Label(_))).count()
+                let labels = |counts: &HashMap<ColorGroup, usize>| {
+                    counts.keys().filter(|group| matches!(group, ColorGroup::Label(_))).count()
                 };
                 let of_categories = count(categories);
-                // A single category says nothing; its parts may.
+                // A single category carries no information; its parts may.
                 let of_parts = if labels(&of_categories) <= 1 { count(parts) } else { HashMap::new() };
                 if let Some(parts) = parts
                     && labels(&of_parts) > labels(&of_categories)
@@ -133,18 +133,21 @@ impl<'a> Paint<'a> {
                     Some(full) => format!("intensity, full scale {full}"),
                     None => "intensity, no full scale".to_owned(),
                 };
-                Paint::values("intensity", caption, INTENSITY, Values::Column(&columns.intensity), points, 0.0)
+                Paint::values("intensity", caption, INTENSITY, PaintValues::Column(&columns.intensity), points, 0.0)
             }
             ColorBy::Intensity => {
                 report.warn("preview: the cloud has no column intensity; coloured by range instead");
                 Paint::new(cloud, points, ColorBy::Range, report)
             }
             ColorBy::Range => {
-                let values =
-                    if columns.range.len() >= rows { Values::Column(&columns.range) } else { Values::Distance };
-                if matches!(values, Values::Distance) {
+                let values = if columns.range.len() >= rows {
+                    PaintValues::Column(&columns.range)
+                } else {
+                    PaintValues::Distance
+                };
+                if matches!(values, PaintValues::Distance) {
                     report.warn(
-                        "preview: the cloud has no column range; the distance from the sensor's first position stands for it",
+                        "preview: the cloud has no column range; the distance from the sensor's first position is used instead",
                     );
                 }
                 Paint::values("range", "range in m".to_owned(), RANGE, values, points, 0.0)
@@ -152,19 +155,19 @@ impl<'a> Paint<'a> {
             ColorBy::Height => Paint::height(points),
             ColorBy::Density => {
                 let caption = "points per square degree, as the sensor sees them".to_owned();
-                let values = Values::Made(density::of(points));
+                let values = PaintValues::Made(density::of(points));
                 Paint::values("density", caption, INTENSITY, values, points, 0.0)
             }
             ColorBy::Velocity => {
                 let velocity = [&columns.velocity_x, &columns.velocity_y, &columns.velocity_z].map(Vec::as_slice);
-                Paint::motion("speed", "speed in m/s", Motion::Speed(velocity), rows, points).unwrap_or_else(|| {
+                Paint::motion("speed", "speed in m/s", PointSpeed::Speed(velocity), rows, points).unwrap_or_else(|| {
                     report.warn("preview: the cloud has no velocities (velocity_x to _z); coloured by label instead");
                     Paint::new(cloud, points, ColorBy::Label, report)
                 })
             }
             ColorBy::RadialVelocity => {
                 let caption = "radial velocity in m/s, negative towards the sensor";
-                let motion = Motion::Radial(&columns.radial_velocity);
+                let motion = PointSpeed::Radial(&columns.radial_velocity);
                 Paint::motion("radial velocity", caption, motion, rows, points).unwrap_or_else(|| {
                     report.warn("preview: the cloud has no radial_velocity; coloured by label instead");
                     Paint::new(cloud, points, ColorBy::Label, report)
@@ -172,7 +175,7 @@ impl<'a> Paint<'a> {
             }
             ColorBy::Doppler => {
                 let caption = "measured radial velocity in m/s, negative towards the sensor";
-                let motion = Motion::Radial(&columns.doppler);
+                let motion = PointSpeed::Radial(&columns.doppler);
                 Paint::motion("Doppler", caption, motion, rows, points).unwrap_or_else(|| {
                     report.warn("preview: the cloud has no doppler; coloured by radial_velocity instead");
                     Paint::new(cloud, points, ColorBy::RadialVelocity, report)
@@ -182,35 +185,35 @@ impl<'a> Paint<'a> {
     }
 
     fn height(points: &'a Points<'a>) -> Self {
-        Paint::values("height", "height in m".to_owned(), HEIGHT, Values::Height, points, points.height_origin)
+        Paint::values("height", "height in m".to_owned(), HEIGHT, PaintValues::Height, points, points.height_origin)
     }
 
-    fn groups(name: &'static str, groups: Groups<'a>, names: &NameTable, counts: &HashMap<Group, usize>) -> Self {
-        let mut frequent: Vec<(Group, usize)> = counts.iter().map(|(&group, &count)| (group, count)).collect();
+    fn groups(name: &'static str, groups: Groups<'a>, names: &NameTable, counts: &HashMap<ColorGroup, usize>) -> Self {
+        let mut frequent: Vec<(ColorGroup, usize)> = counts.iter().map(|(&group, &count)| (group, count)).collect();
         frequent.sort_unstable_by_key(|&(group, count)| (std::cmp::Reverse(count), group));
         let (mut listed, causes): (Vec<_>, Vec<_>) =
-            frequent.into_iter().partition(|(group, _)| matches!(group, Group::Label(_)));
+            frequent.into_iter().partition(|(group, _)| matches!(group, ColorGroup::Label(_)));
         // Summing up a single name would hide it without saving space.
         let rest = if listed.len() == LISTED + 1 { Vec::new() } else { listed.split_off(LISTED.min(listed.len())) };
-        let entry = |&(group, count): &(Group, usize)| {
+        let entry = |&(group, count): &(ColorGroup, usize)| {
             let name = match group {
-                Group::Cause(cause) => cause.name().to_owned(),
-                Group::Label(id) => match names.name(id) {
+                ColorGroup::Cause(cause) => cause.name().to_owned(),
+                ColorGroup::Label(id) => match names.name(id) {
                     Some(known) => known.to_owned(),
                     None if id == 0 => "unlabelled".to_owned(),
                     None => format!("{name} {id}"),
                 },
             };
-            Entry { name, color: group.color(), count }
+            LegendEntry { name, color: group.color(), count }
         };
-        let mut entries: Vec<Entry> = listed.iter().map(entry).collect();
+        let mut entries: Vec<LegendEntry> = listed.iter().map(entry).collect();
         if !rest.is_empty() {
             let count = rest.iter().map(|(_, count)| count).sum();
-            entries.push(Entry { name: format!("{} others", rest.len()), color: palette::OTHER, count });
+            entries.push(LegendEntry { name: format!("{} others", rest.len()), color: palette::OTHER, count });
         }
         entries.extend(causes.iter().map(entry));
         let listed = listed.iter().chain(&causes).map(|&(group, _)| (group, group.color())).collect();
-        Paint { name, source: Source::Groups { groups, listed }, legend: Legend::Names(entries) }
+        Paint { name, source: ColorSource::Groups { groups, listed }, legend: Legend::Names(entries) }
     }
 
     /// Colours by `values`, whose numbers in the legend are larger by `offset`.
@@ -218,7 +221,7 @@ impl<'a> Paint<'a> {
         name: &'static str,
         caption: String,
         ramp: Ramp,
-        values: Values<'a>,
+        values: PaintValues<'a>,
         points: &'a Points<'a>,
         offset: f64,
     ) -> Self {
@@ -227,21 +230,21 @@ impl<'a> Paint<'a> {
         let [low, high] = wide([quantile(&mut sample, CLIPPED), quantile(&mut sample, 1.0 - CLIPPED)]);
         let (table, ends) = (ramp.table(), [low, high].map(|end| f64::from(end) + offset));
         let legend = Legend::Scale { caption, table: table.clone(), low: ends[0], high: ends[1], beside: Vec::new() };
-        Paint { name, source: Source::Values { values, points, table, low, high }, legend }
+        Paint { name, source: ColorSource::Values { values, points, table, low, high }, legend }
     }
 
-    /// Colours by `motion`; `None`: it is not known of any of the points.
+    /// Colours by `motion`; `None` if it is unknown for all points.
     fn motion(
         name: &'static str,
         caption: &str,
-        motion: Motion<'a>,
+        motion: PointSpeed<'a>,
         rows: usize,
         points: &'a Points<'a>,
     ) -> Option<Self> {
         if !motion.covers(rows) {
             return None;
         }
-        let count = |is: fn(Motion, f32) -> bool| {
+        let count = |is: fn(PointSpeed, f32) -> bool| {
             points.count_rows(|row| points.get(row).is_some() && is(motion, motion.get(row)))
         };
         let unknown = count(|_, value| !value.is_finite());
@@ -251,10 +254,10 @@ impl<'a> Paint<'a> {
         let standing = count(|motion, value| motion.stands(value));
         let high = motion.scale(points);
         let (low, table) = match motion {
-            Motion::Speed(_) => (0.0, SPEED.table()),
-            Motion::Radial(_) => (-high, palette::radial()),
+            PointSpeed::Speed(_) => (0.0, SPEED.table()),
+            PointSpeed::Radial(_) => (-high, palette::radial()),
         };
-        let entry = |name: &str, color, count| Entry { name: name.to_owned(), color, count };
+        let entry = |name: &str, color, count| LegendEntry { name: name.to_owned(), color, count };
         let beside = [entry("standing", STANDING, standing), entry("unknown", palette::OTHER, unknown)];
         let legend = Legend::Scale {
             caption: caption.to_owned(),
@@ -263,7 +266,7 @@ impl<'a> Paint<'a> {
             high: f64::from(high),
             beside: beside.into_iter().filter(|entry| entry.count > 0).collect(),
         };
-        Some(Paint { name, source: Source::Motion { motion, table, low, high }, legend })
+        Some(Paint { name, source: ColorSource::Motion { motion, table, low, high }, legend })
     }
 
     /// What the colours show.
@@ -278,13 +281,13 @@ impl<'a> Paint<'a> {
     /// Colour of row `row`, which has a position.
     pub(super) fn color(&self, row: u32) -> Color {
         match &self.source {
-            Source::Groups { groups, listed } => listed.get(&groups.of(row)).copied().unwrap_or(palette::OTHER),
-            Source::Values { values, points, table, low, high } => {
+            ColorSource::Groups { groups, listed } => listed.get(&groups.of(row)).copied().unwrap_or(palette::OTHER),
+            ColorSource::Values { values, points, table, low, high } => {
                 let t = (values.get(row, points) - low) / (high - low);
                 // The cast saturates: below the scale 0, NaN 0.
                 table[((t * 255.0).round() as usize).min(table.len() - 1)]
             }
-            Source::Motion { motion, table, low, high } => match motion.get(row) {
+            ColorSource::Motion { motion, table, low, high } => match motion.get(row) {
                 value if !value.is_finite() => palette::OTHER,
                 value if motion.stands(value) => STANDING,
                 value => {
@@ -296,38 +299,39 @@ impl<'a> Paint<'a> {
     }
 }
 
-impl Motion<'_> {
+impl PointSpeed<'_> {
     /// Whether it has a value for each of `rows` rows.
     fn covers(self, rows: usize) -> bool {
         match self {
-            Motion::Speed(axes) => axes.iter().all(|axis| axis.len() >= rows),
-            Motion::Radial(values) => values.len() >= rows,
+            PointSpeed::Speed(axes) => axes.iter().all(|axis| axis.len() >= rows),
+            PointSpeed::Radial(values) => values.len() >= rows,
         }
     }
 
-    /// Of row `row`, m/s; NaN where it is unknown.
+    /// Speed of row `row`, m/s; NaN where it is unknown.
     fn get(self, row: u32) -> f32 {
         let row = row as usize;
         match self {
-            Motion::Speed([x, y, z]) => Vec3::new(x[row], y[row], z[row]).length(),
-            Motion::Radial(values) => values[row],
+            PointSpeed::Speed([x, y, z]) => Vec3::new(x[row], y[row], z[row]).length(),
+            PointSpeed::Radial(values) => values[row],
         }
     }
 
-    /// Whether a point with `value` stands; of a radial velocity this is not known, and 0 is a value like others.
+    /// Whether a point with `value` is stationary; a radial velocity does not show this, and 0 is a value like any
+    /// other.
     fn stands(self, value: f32) -> bool {
-        matches!(self, Motion::Speed(_)) && value < STANDS
+        matches!(self, PointSpeed::Speed(_)) && value < STANDS
     }
 
-    /// The greatest speed of surfaces, without strays: the end of the scale, m/s.
+    /// The greatest speed of surfaces, without outliers: the end of the scale, m/s.
     fn scale(self, points: &Points<'_>) -> f32 {
-        // Of the radial velocities that a driving sensor sees, few are those of others that drive.
+        // Few of the radial velocities that a moving sensor sees are those of other moving objects.
         let (least, clipped) = match self {
-            Motion::Speed(_) => (STANDS, CLIPPED),
-            Motion::Radial(_) => (MOVES, 0.2 * CLIPPED),
+            PointSpeed::Speed(_) => (STANDS, CLIPPED),
+            PointSpeed::Radial(_) => (MOVES, 0.2 * CLIPPED),
         };
         let faster = |than: f32| {
-            // Few of many points may move, so it is them that are sampled.
+            // Few of many points may move, so only those are sampled.
             let speed = |row: u32| match points.get(row) {
                 Some(_) if points.cause(row).has_surface() => self.get(row).abs(),
                 _ => f32::NAN,
@@ -342,40 +346,40 @@ impl Motion<'_> {
     }
 }
 
-impl Values<'_> {
+impl PaintValues<'_> {
     fn get(&self, row: u32, points: &Points<'_>) -> f32 {
         match self {
-            Values::Column(values) => values[row as usize],
-            Values::Made(values) => values[row as usize],
-            Values::Distance => points.get(row).map_or(f32::NAN, |position| points.distance(position)),
-            Values::Height => points.get(row).map_or(f32::NAN, |position| position.z),
+            PaintValues::Column(values) => values[row as usize],
+            PaintValues::Made(values) => values[row as usize],
+            PaintValues::Distance => points.get(row).map_or(f32::NAN, |position| points.distance(position)),
+            PaintValues::Height => points.get(row).map_or(f32::NAN, |position| position.z),
         }
     }
 }
 
-impl Group {
+impl ColorGroup {
     fn color(self) -> Color {
         match self {
-            Group::Label(id) => palette::category(id),
-            Group::Cause(cause) => palette::cause(cause),
+            ColorGroup::Label(id) => palette::category(id),
+            ColorGroup::Cause(cause) => palette::cause(cause),
         }
     }
 }
 
 impl Groups<'_> {
-    fn of(&self, row: u32) -> Group {
+    fn of(&self, row: u32) -> ColorGroup {
         let cause = self.points.cause(row);
         match self.labels {
             // After reflections sound may come from the water surface, which has no label.
             Some(ids) if cause.has_surface() && (cause != Cause::Multipath || ids[row as usize] != 0) => {
-                Group::Label(ids[row as usize])
+                ColorGroup::Label(ids[row as usize])
             }
-            _ => Group::Cause(cause),
+            _ => ColorGroup::Cause(cause),
         }
     }
 
     /// Number of points in each.
-    fn count(self) -> HashMap<Group, usize> {
+    fn count(self) -> HashMap<ColorGroup, usize> {
         let count_rows = |rows: Range<usize>| {
             let mut counts = HashMap::new();
             let mut hits = rows.map(|row| row as u32).filter(|&row| self.points.get(row).is_some()).peekable();
@@ -390,7 +394,7 @@ impl Groups<'_> {
             }
             counts
         };
-        let add = |mut sum: HashMap<Group, usize>, part: HashMap<Group, usize>| {
+        let add = |mut sum: HashMap<ColorGroup, usize>, part: HashMap<ColorGroup, usize>| {
             for (group, count) in part {
                 *sum.entry(group).or_default() += count;
             }
@@ -438,22 +442,22 @@ mod tests {
         let mut cloud = cloud(vec![1, 2, 2, 0, 9, 2, 1], vec![0; 7]);
         cloud.columns.y[6] = f32::NAN;
         let (name, entries) = names(&cloud, ColorBy::Label, &mut Report::default());
-        let wanted = [("desk", 3), ("unlabelled", 1), ("chair", 1), ("category 9", 1)];
-        assert_eq!((name, entries), ("category", wanted.map(|(n, c)| (n.to_owned(), c)).to_vec()));
+        let expected = [("desk", 3), ("unlabelled", 1), ("chair", 1), ("category 9", 1)];
+        assert_eq!((name, entries), ("category", expected.map(|(n, c)| (n.to_owned(), c)).to_vec()));
     }
 
     #[test]
-    fn what_the_air_sends_back_is_named_after_the_labels() {
+    fn backscatter_from_the_air_is_listed_after_the_labels() {
         let mut cloud = cloud(vec![1, 0, 0, 0, 0, 0], vec![1, 0, 0, 0, 0, 2]);
         let causes = [Cause::Surface, Cause::Fog, Cause::Rain, Cause::Fog, Cause::FalseAlarm, Cause::Mixed];
         cloud.columns.cause = causes.map(|cause| cause as u8).to_vec();
-        let list = |wanted: &[(&str, usize)]| wanted.iter().map(|&(n, c)| (n.to_owned(), c)).collect::<Vec<_>>();
+        let list = |expected: &[(&str, usize)]| expected.iter().map(|&(n, c)| (n.to_owned(), c)).collect::<Vec<_>>();
         let (name, entries) = names(&cloud, ColorBy::Label, &mut Report::default());
-        let wanted = [("unlabelled", 1), ("chair", 1), ("fog", 2), ("rain", 1), ("noise", 1)];
-        assert_eq!((name, entries), ("category", list(&wanted)));
+        let expected = [("unlabelled", 1), ("chair", 1), ("fog", 2), ("rain", 1), ("noise", 1)];
+        assert_eq!((name, entries), ("category", list(&expected)));
         let (name, entries) = names(&cloud, ColorBy::Cause, &mut Report::default());
-        let wanted = [("fog", 2), ("surface", 1), ("rain", 1), ("noise", 1), ("mixed", 1)];
-        assert_eq!((name, entries), ("cause", list(&wanted)));
+        let expected = [("fog", 2), ("surface", 1), ("rain", 1), ("noise", 1), ("mixed", 1)];
+        assert_eq!((name, entries), ("cause", list(&expected)));
 
         let points = Points::new(&cloud, &mut Report::default());
         let paint = |color| Paint::new(&cloud, &points, color, &mut Report::default());
@@ -470,13 +474,13 @@ mod tests {
     }
 
     #[test]
-    fn what_a_sonar_hears_besides_the_bed_is_named() {
+    fn echoes_of_a_sonar_other_than_the_bed_are_named() {
         let mut cloud = cloud(vec![1, 1, 0, 0, 0], vec![]);
         let causes = [Cause::Surface, Cause::Multipath, Cause::Multipath, Cause::SeaSurface, Cause::FalseAlarm];
         cloud.columns.cause = causes.map(|cause| cause as u8).to_vec();
         let (_, entries) = names(&cloud, ColorBy::Label, &mut Report::default());
-        let wanted = [("chair", 2), ("noise", 1), ("multipath", 1), ("sea surface", 1)];
-        assert_eq!(entries, wanted.map(|(name, count)| (name.to_owned(), count)));
+        let expected = [("chair", 2), ("noise", 1), ("multipath", 1), ("sea surface", 1)];
+        assert_eq!(entries, expected.map(|(name, count)| (name.to_owned(), count)));
     }
 
     #[test]
@@ -495,7 +499,10 @@ mod tests {
         let paint = Paint::new(&cloud, &points, ColorBy::Label, &mut Report::default());
         let Legend::Names(entries) = paint.legend() else { panic!("labels") };
         assert_eq!(entries.len(), LISTED + 1);
-        assert_eq!(entries[LISTED], Entry { name: "4 others".into(), color: palette::OTHER, count: 13 + 12 + 11 + 10 });
+        assert_eq!(
+            entries[LISTED],
+            LegendEntry { name: "4 others".into(), color: palette::OTHER, count: 13 + 12 + 11 + 10 }
+        );
         assert_eq!(paint.color(0), palette::category(1));
         assert_eq!(paint.color(ids.len() as u32 - 1), palette::OTHER);
     }
@@ -541,7 +548,7 @@ mod tests {
         assert_eq!(paint.color(500), HEIGHT.color(1.0));
     }
 
-    /// A floor that stands, a person and a car that move at 1.4 and 10 m/s, and a false alarm without a velocity.
+    /// A stationary floor, a person and a car that move at 1.4 and 10 m/s, and a false alarm without a velocity.
     fn moving() -> PointCloud {
         let mut cloud = cloud(vec![1; 1000], vec![]);
         let velocity = |row: usize| match row {
@@ -553,7 +560,7 @@ mod tests {
         let axis = |axis: usize| (0..1000).map(|row| velocity(row)[axis]).collect::<Vec<_>>();
         let c = &mut cloud.columns;
         [c.velocity_x, c.velocity_y, c.velocity_z] = [0, 1, 2].map(axis);
-        // The person comes nearer, the car goes away.
+        // The person approaches, the car recedes.
         c.radial_velocity =
             (0..1000).map(|row| [0.0, -1.4, 10.0, f32::NAN][row / 900 + row / 910 + row / 999]).collect();
         c.cause = vec![Cause::Surface as u8; 999];
@@ -562,25 +569,25 @@ mod tests {
     }
 
     #[test]
-    fn what_moves_has_the_colour_of_its_speed_and_what_stands_is_grey() {
+    fn moving_points_have_the_colour_of_their_speed_and_stationary_ones_are_grey() {
         let cloud = moving();
         let points = Points::new(&cloud, &mut Report::default());
         let mut report = Report::default();
         let paint = Paint::new(&cloud, &points, ColorBy::Velocity, &mut report);
         let Legend::Scale { caption, low, high, beside, .. } = paint.legend() else { panic!("scale") };
         assert_eq!((caption.as_str(), *low, *high), ("speed in m/s", 0.0, 10.0));
-        let told: Vec<_> = beside.iter().map(|entry| (entry.name.as_str(), entry.color, entry.count)).collect();
-        assert_eq!(told, [("standing", STANDING, 900), ("unknown", palette::OTHER, 1)]);
-        let wanted = [STANDING, SPEED.table()[(0.14f32 * 255.0).round() as usize], SPEED.color(1.0), palette::OTHER];
-        assert_eq!([0, 905, 950, 999].map(|row| paint.color(row)), wanted);
+        let found: Vec<_> = beside.iter().map(|entry| (entry.name.as_str(), entry.color, entry.count)).collect();
+        assert_eq!(found, [("standing", STANDING, 900), ("unknown", palette::OTHER, 1)]);
+        let expected = [STANDING, SPEED.table()[(0.14f32 * 255.0).round() as usize], SPEED.color(1.0), palette::OTHER];
+        assert_eq!([0, 905, 950, 999].map(|row| paint.color(row)), expected);
         assert!(report.warnings.is_empty());
     }
 
     #[test]
-    fn radial_velocities_are_told_apart_by_their_sign() {
+    fn radial_velocities_are_distinguished_by_their_sign() {
         let mut cloud = moving();
         let radial = palette::radial();
-        let wanted = [STANDING, radial[127 - 18], radial[254], palette::OTHER];
+        let expected = [STANDING, radial[127 - 18], radial[254], palette::OTHER];
         // Errors of a measurement neither widen nor narrow the scale, nor does a false alarm.
         cloud.columns.doppler = cloud.columns.radial_velocity.clone();
         cloud.columns.doppler[..900]
@@ -597,7 +604,7 @@ mod tests {
             assert!(caption.starts_with(name) && (*low, *high) == (-10.0, 10.0), "{caption} {low} {high}");
             let unknown = color == ColorBy::RadialVelocity;
             assert_eq!(beside.len(), usize::from(unknown));
-            assert_eq!([2, 905, 950].map(|row| paint.color(row)), wanted[..3]);
+            assert_eq!([2, 905, 950].map(|row| paint.color(row)), expected[..3]);
             assert_eq!(paint.color(999), if unknown { palette::OTHER } else { radial[254] });
         }
     }
@@ -625,7 +632,7 @@ mod tests {
         ] {
             let mut cloud = moving();
             let c = &mut cloud.columns;
-            // Not asked for, or of an instrument that does not measure it.
+            // Not requested, or from an instrument that does not measure it.
             (c.velocity_x, c.radial_velocity) = (Vec::new(), vec![f32::NAN; 1000]);
             let mut report = Report::default();
             assert_eq!((names(&cloud, color, &mut report).0, report.warnings.len()), (name, warnings), "{report:?}");
@@ -641,7 +648,7 @@ mod tests {
         let cloud = cloud(ids, vec![]);
         let points = Points::new(&cloud, &mut Report::default());
         let counts = Groups { labels: Some(&cloud.columns.category_id), points: &points }.count();
-        let wanted = [(0, 70_000), (1, 70_000), (2, 70_000), (3, 70_000), (4, 20_000)];
-        assert_eq!(counts, wanted.map(|(id, count)| (Group::Label(id), count)).into());
+        let expected = [(0, 70_000), (1, 70_000), (2, 70_000), (3, 70_000), (4, 20_000)];
+        assert_eq!(counts, expected.map(|(id, count)| (ColorGroup::Label(id), count)).into());
     }
 }

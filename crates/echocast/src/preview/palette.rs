@@ -42,7 +42,7 @@ const CATEGORIES: [Color; 24] = [
 const UNLABELLED: Color = [0x84, 0x88, 0x90];
 /// Colour of the categories that the legend sums up, and of values that are unknown.
 pub(super) const OTHER: Color = [0x52, 0x56, 0x5e];
-/// Colour of what stands, a calm grey between the colours of what moves.
+/// Colour of stationary points, a neutral grey between the colours of moving points.
 pub(super) const STANDING: Color = [0x71, 0x72, 0x75];
 
 /// Colour of points with `cause`; the same in every picture.
@@ -98,7 +98,8 @@ pub(super) const HEIGHT: Ramp = Ramp { lightness: [0.40, 0.93], hue: [0.83, 0.30
 pub(super) const INTENSITY: Ramp = Ramp { lightness: [0.36, 0.97], hue: [0.03, 0.28], chroma: [0.14; 2] };
 /// For sonar levels: copper, as on their screens.
 pub(super) const LEVEL: Ramp = Ramp { lightness: [0.16, 0.95], hue: [0.13, 0.22], chroma: [0.105; 2] };
-/// For the speed of what moves: blue through magenta and orange to pale yellow, all of it brighter than [`STANDING`].
+/// For the speed of moving points: blue through magenta and orange to pale yellow, all of it brighter than
+/// [`STANDING`].
 pub(super) const SPEED: Ramp = Ramp { lightness: [0.60, 0.96], hue: [0.74, 1.28], chroma: [0.17; 2] };
 /// For radial velocities, from [`STANDING`] outwards: blue towards the sensor, red to orange away from it.
 const TOWARDS: Ramp = Ramp { lightness: [0.55, 0.80], hue: [0.67, 0.62], chroma: [0.004, 0.15] };
@@ -192,7 +193,7 @@ mod tests {
     }
 
     #[test]
-    fn what_moves_stands_out_from_what_stands() {
+    fn moving_points_stand_out_from_stationary_ones() {
         assert!(SPEED.table().into_iter().all(|color| distance(color, STANDING) > 1600));
         let radial = radial();
         assert_eq!((radial.len(), radial[127]), (255, STANDING));

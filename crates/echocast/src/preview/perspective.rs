@@ -1,27 +1,27 @@
 //! The cloud in perspective, from behind and above the sensor.
 
 use super::Page;
-use super::boxes::{self, Outline};
+use super::boxes::{self, BoxEdges};
 use super::canvas::{GROUND, Picture};
 use super::cutaway::Cutaway;
 use super::legend::counted;
 use super::paint::Paint;
 use super::points::{Points, quantile, robust_span, wide};
-use super::splat::{self, Splats, Stamp};
+use super::splat::{self, SplatStamp, Splats};
 use glam::{Quat, Vec2, Vec3};
 
 /// How far the camera may look down: the angle at which the cloud best fills the picture is used.
 const PITCHES_DEG: [f32; 7] = [16.0, 20.0, 24.0, 28.0, 32.0, 36.0, 40.0];
-/// How far the camera stands to the right of the sensor's heading, so that boxes show two sides.
+/// Angle of the camera to the right of the sensor's heading, so that boxes show two sides.
 const YAW_DEG: f32 = 18.0;
 /// Tangents of half the angles of view: 50 degrees wide, 16 : 9.
 const HALF_WIDTH: f32 = 0.466;
 const HALF_HEIGHT: f32 = HALF_WIDTH * 9.0 / 16.0;
-/// Part of the points at each edge that may lie outside the picture.
+/// Fraction of the points at each edge that may be outside the picture.
 const OUTSIDE: f32 = 0.006;
 
 /// A pinhole camera.
-struct Camera {
+struct PinholeCamera {
     position: Vec3,
     right: Vec3,
     up: Vec3,
@@ -31,10 +31,10 @@ struct Camera {
     centre: Vec2,
 }
 
-impl Camera {
-    /// The camera that has the visible part of `points` in the picture.
-    fn new(points: &Points<'_>, picture: &Picture, seen: impl Fn(Vec3, Vec3) -> bool) -> Camera {
-        // A sensor that looks straight down heads where its upper edge points.
+impl PinholeCamera {
+    /// The camera that frames the visible part of `points`.
+    fn new(points: &Points<'_>, picture: &Picture, seen: impl Fn(Vec3, Vec3) -> bool) -> PinholeCamera {
+        // The heading of a sensor that looks straight down is the direction of its upper edge.
         let heading = [Vec3::X, Vec3::Z]
             .map(|axis| (points.orientation * axis).with_z(0.0))
             .into_iter()
@@ -46,15 +46,15 @@ impl Camera {
             let pitch = pitch.to_radians();
             let forward = ahead * pitch.cos() - Vec3::Z * pitch.sin();
             let seen: Vec<Vec3> = points.scene.iter().copied().filter(|&position| seen(position, -forward)).collect();
-            Camera::fit(forward, if seen.is_empty() { &points.scene } else { &seen }, picture)
+            PinholeCamera::fit(forward, if seen.is_empty() { &points.scene } else { &seen }, picture)
         });
         let [first, rest @ ..] = cameras;
         rest.into_iter().fold(first, |best, next| if next.1 < best.1 { next } else { best }).0
     }
 
-    /// The camera that looks along `forward` and has `sample` in the picture, and how much of the picture's width or
-    /// height it leaves empty, as a difference of logarithms.
-    fn fit(forward: Vec3, sample: &[Vec3], picture: &Picture) -> (Camera, f32) {
+    /// The camera that looks along `forward` and frames `sample`, and how much of the picture's width or height it
+    /// leaves empty, as a difference of logarithms.
+    fn fit(forward: Vec3, sample: &[Vec3], picture: &Picture) -> (PinholeCamera, f32) {
         let right = forward.cross(Vec3::Z).normalize();
         let up = right.cross(forward);
         // The four sides of the view are planes that should touch the cloud: they are placed at the offsets of all but
@@ -77,7 +77,7 @@ impl Camera {
         let along = along_width.min(along_height).min(before);
         let empty =
             ((middle - along_width).max(f32::MIN_POSITIVE) / (middle - along_height).max(f32::MIN_POSITIVE)).ln();
-        let camera = Camera {
+        let camera = PinholeCamera {
             position: right * across + up * upward + forward * along,
             right,
             up,
@@ -96,7 +96,7 @@ impl Camera {
         (depth > 0.0).then_some((self.centre + at, depth))
     }
 
-    /// What of an edge is before the camera, in pixels.
+    /// The part of an edge in front of the camera, in pixels.
     fn line(&self, edge: [Vec3; 2]) -> Option<[Vec2; 2]> {
         /// Nearest depth, as a part of the farther end's.
         const NEAREST: f32 = 1e-3;
@@ -110,11 +110,11 @@ impl Camera {
     }
 }
 
-/// The view of `points`; what it leaves out goes to `notes`.
+/// The view of `points`; what it leaves out is added to `notes`.
 pub(super) fn draw(
     points: &Points<'_>,
     paint: &Paint<'_>,
-    outlines: &[Outline],
+    outlines: &[BoxEdges],
     page: &Page,
     notes: &mut Vec<String>,
 ) -> Picture {
@@ -125,13 +125,13 @@ pub(super) fn draw(
     let seen = |position: Vec3, toward_viewer: Vec3| {
         position.z <= cutaway.ceiling && !cutaway.seen_from_behind(position, toward_viewer)
     };
-    let camera = Camera::new(points, &picture, seen);
+    let camera = PinholeCamera::new(points, &picture, seen);
 
-    let stamp = Stamp::disc(splat::diameter(points.count, &picture, 3.0 * page.scale));
+    let stamp = SplatStamp::disc(splat::diameter(points.count, &picture, 3.0 * page.scale));
     let splats = Splats::new(width, height);
     let behind = points.count_rows(|row| {
         let Some(position) = points.get(row) else { return false };
-        // What the air sends back is not a wall.
+        // Backscatter from the air is not a wall.
         let shown = !points.cause(row).has_surface() || seen(position, -camera.forward);
         if shown && let Some((at, depth)) = camera.project(position) {
             splats.put(at, &stamp, depth, row);
@@ -182,9 +182,9 @@ mod tests {
         cloud
     }
 
-    fn camera(cloud: &PointCloud) -> Camera {
+    fn camera(cloud: &PointCloud) -> PinholeCamera {
         let points = Points::new(cloud, &mut Report::default());
-        Camera::new(&points, &Picture::new(1600, 900, GROUND), |_, _| true)
+        PinholeCamera::new(&points, &Picture::new(1600, 900, GROUND), |_, _| true)
     }
 
     #[test]
@@ -225,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_air_sends_back_neither_frames_the_picture_nor_is_cut() {
+    fn backscatter_from_the_air_neither_frames_the_picture_nor_is_cut() {
         let fog = Cause::Fog as u8;
         let clear = scene(Pose::at(0.0, 0.0, 1.5), Vec3::new(4.0, -3.0, 0.0), Vec3::new(12.0, 3.0, 2.0));
         let mut foggy = clear.clone();

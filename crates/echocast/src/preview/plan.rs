@@ -1,4 +1,4 @@
-//! A plan of a scene: what is seen from above, with coordinates and cameras, to choose a place for a sensor from.
+//! A plan of a scene: the view from above, with coordinates and cameras, for choosing the position of a sensor.
 
 use super::canvas::{GROUND, Picture, TEXT};
 use super::legend::{self, counted, round_down};
@@ -10,21 +10,21 @@ use super::{ColorBy, Page, canvas, font};
 use crate::cloud::PointCloud;
 use crate::ground::report::Report;
 use crate::scene::{Camera, Scene};
-use crate::trace::{Below, BuiltScene, Raster};
+use crate::trace::{Below, BuiltScene, MapRaster};
 use glam::{DVec3, Vec2};
 use std::collections::BTreeMap;
 
 /// Bodies and walls that the plan cuts through.
 const CUT: canvas::Color = [0xb9, 0xbc, 0xc2];
-/// Places along a side of the coarse look that finds a ceiling.
+/// Samples along a side of the coarse raster by which a ceiling is found.
 const COARSE: usize = 64;
-/// Thickness of the layer that holds a ceiling, m, and the least part of the scene that it covers.
+/// Thickness of the layer that holds a ceiling, m, and the least fraction of the scene that it covers.
 const LAYER: f32 = 0.3;
 const COVER: f32 = 0.6;
 /// Least height of a room, m.
 const ROOM: f32 = 1.5;
-/// Height above the floor that a plan of rooms is cut at, m, or this part of the room's height if that is less: above
-/// tables and through doors.
+/// Height above the floor at which a plan of rooms is cut, m, or this fraction of the room's height if that is less:
+/// above tables and through doors.
 const EYES: f32 = 1.5;
 const PART: f32 = 0.6;
 
@@ -43,7 +43,7 @@ pub(super) fn draw(scene: &Scene, built: &BuiltScene, page: &Page) -> Picture {
     if points.count == 0 {
         return page.empty("no triangles");
     }
-    // A single name says nothing.
+    // A single category carries no information.
     let color = if scene.labels.category.ids.len() > 1 { ColorBy::Label } else { ColorBy::Height };
     let paint = Paint::new(&cloud, &points, color, &mut Report::default());
     let mut picture = Picture::new(map.width, map.height, GROUND);
@@ -58,7 +58,7 @@ pub(super) fn draw(scene: &Scene, built: &BuiltScene, page: &Page) -> Picture {
         let width = map.width as usize;
         for (pixel, wall) in walls.into_iter().enumerate() {
             let [x, y] = [pixel % width, pixel / width];
-            // Its first sample stands for a pixel.
+            // The first sample of a pixel represents it.
             if wall || below[SAMPLES as usize * (y * raster.width + x)].cut {
                 picture.fill([x as u32, y as u32], [1, 1], CUT, 1.0);
             }
@@ -94,13 +94,13 @@ pub(super) fn draw(scene: &Scene, built: &BuiltScene, page: &Page) -> Picture {
     page.compose(&title, &notes.join("; "), &picture, &legend)
 }
 
-/// Where to cut through a scene whose top is a ceiling, m; `None`: it has none. A ceiling is a level layer over most of
-/// the scene, with rooms below it.
+/// Height at which to cut through a scene whose top is a ceiling, m; `None` if it has none. A ceiling is a level layer
+/// over most of the scene, with rooms below it.
 fn cut(built: &BuiltScene, [low, high]: [Vec2; 2], top: f32) -> Option<f32> {
     let step = (high - low).max_element() / COARSE as f32;
     let count = |size: f32| ((size / step) as usize).max(1);
     let corner = Vec2::new(low.x, high.y) + 0.5 * Vec2::new(step, -step);
-    let raster = Raster { corner: corner.into(), step, width: count(high.x - low.x), height: count(high.y - low.y) };
+    let raster = MapRaster { corner: corner.into(), step, width: count(high.x - low.x), height: count(high.y - low.y) };
     let median = |seen: &[Below]| {
         let mut heights: Vec<f32> = seen.iter().map(|below| below.z).filter(|z| z.is_finite()).collect();
         (!heights.is_empty()).then(|| (quantile(&mut heights, 0.5), heights))
@@ -112,7 +112,7 @@ fn cut(built: &BuiltScene, [low, high]: [Vec2; 2], top: f32) -> Option<f32> {
     }
     let mut from = layer - 0.5 * LAYER;
     let mut seen = built.below(&raster, from);
-    // Within a slab its underside comes first.
+    // Inside a slab, its underside is found first.
     if 2 * seen.iter().filter(|below| below.cut).count() > seen.len() {
         let (underside, _) = median(&seen)?;
         from = underside - 0.05;
@@ -124,8 +124,8 @@ fn cut(built: &BuiltScene, [low, high]: [Vec2; 2], top: f32) -> Option<f32> {
     rooms.then(|| floor + EYES.min(PART * room))
 }
 
-/// What is seen, as points.
-fn cloud(scene: &Scene, built: &BuiltScene, raster: &Raster, below: &[Below]) -> PointCloud {
+/// The visible surfaces, as points.
+fn cloud(scene: &Scene, built: &BuiltScene, raster: &MapRaster, below: &[Below]) -> PointCloud {
     let mut cloud = PointCloud { len: below.len(), origin: built.origin(), ..PointCloud::default() };
     cloud.sensor_pose.position = built.origin();
     cloud.labels = std::sync::Arc::new(scene.labels.clone());
@@ -139,11 +139,11 @@ fn cloud(scene: &Scene, built: &BuiltScene, raster: &Raster, below: &[Below]) ->
     cloud
 }
 
-/// Lines at round coordinates of the world, with their numbers, and the heights where they cross.
+/// Lines at round coordinates of the world, with their values, and the heights where they cross.
 fn grid(picture: &mut Picture, map: &Map, unit: f64, origin: DVec3, height: impl Fn(Vec2) -> Option<f64>, page: &Page) {
     let decimals = (-unit.log10().floor()).max(0.0) as usize;
     let number = |value: f64| format!("{:.decimals$}", value + 0.0);
-    // Multiples of the unit between two ends, and where they are.
+    // Multiples of the unit between two ends.
     let lines = |ends: [f64; 2]| {
         let first = (ends[0] / unit).ceil() as i64;
         let last = (ends[1] / unit).floor() as i64;
@@ -200,7 +200,7 @@ fn draw_cameras(picture: &mut Picture, map: &Map, cameras: &[Camera], origin: DV
         let room = Vec2::new(font::width(&words, capitals), 1.4 * capitals);
         let right = Vec2::new(2.0 * size, -0.5 * room.y);
         let left = Vec2::new(-2.0 * size - room.x, -0.5 * room.y);
-        // Beside the mark, or as near above or below it as is free.
+        // Beside the mark, or as near above or below it as there is room.
         let shifts = (0..8).flat_map(|step| [1.0, -1.0].map(|sign| Vec2::new(0.0, sign * step as f32 * room.y)));
         let free = shifts.flat_map(|shift| [at + right + shift, at + left + shift]).find(|&corner| {
             let inside = corner.x >= 0.0 && corner.x + room.x < map.width as f32;
@@ -224,7 +224,7 @@ fn objects_of(scene: &Scene, legend: &Legend) -> Legend {
     for entry in &mut entries {
         entry.count = objects.remove(entry.name.as_str()).unwrap_or_default();
     }
-    // What sums up the others is last, and has no name of its own.
+    // The entry that sums up the others is last, and is not the name of a category.
     if let Some(rest) = entries.last_mut().filter(|rest| rest.count == 0) {
         rest.count = objects.values().sum();
     }
@@ -281,10 +281,10 @@ mod tests {
         let map = Map::around(low.truncate(), high.truncate(), &page);
         let id = |name| scene.labels.category.id(name);
         let near =
-            |color: canvas::Color, wanted: canvas::Color| color.iter().zip(wanted).all(|(a, b)| a.abs_diff(b) < 20);
-        let count = |wanted| {
+            |color: canvas::Color, target: canvas::Color| color.iter().zip(target).all(|(a, b)| a.abs_diff(b) < 20);
+        let count = |target| {
             let inside = |x: u32, y: u32| picture.pixel(page.margin() + x, page.panel_top() + y);
-            (0..map.width * map.height).filter(|at| near(inside(at % map.width, at / map.width), wanted)).count()
+            (0..map.width * map.height).filter(|at| near(inside(at % map.width, at / map.width), target)).count()
         };
         for name in ["road", "building", "car"] {
             assert!(count(super::super::palette::category(id(name))) > 100, "{name}");
@@ -295,7 +295,7 @@ mod tests {
             let color = picture.pixel(page.margin() + at.x as u32, page.panel_top() + at.y as u32);
             assert!(near(color, TEXT), "{color:?}");
         }
-        // Nothing to see is no failure.
+        // An empty scene is not an error.
         assert_eq!(draw(&Scene::default(), &built, &page), page.empty("no triangles"));
     }
 }

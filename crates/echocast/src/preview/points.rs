@@ -16,7 +16,7 @@ const MOST_ROWS: usize = u32::MAX as usize;
 pub(super) const CHUNK: usize = 1 << 16;
 /// Most points of a sample; a percentile of it is accurate to a thousandth.
 pub(super) const SAMPLE: usize = 50_000;
-/// Part of a sample that must be on surfaces to show where the scene is.
+/// Fraction of a sample that must be on surfaces to define where the scene is.
 const SCENE: f32 = 0.01;
 
 /// The positions of a cloud, relative to its origin.
@@ -36,7 +36,7 @@ pub(super) struct Points<'a> {
     pub scene: Vec<Vec3>,
     /// Height of z = 0 in the cloud's frame, metres.
     pub height_origin: f64,
-    /// Where the sensor stood at the start.
+    /// Position of the sensor at the start.
     pub sensor: Vec3,
     /// Rotation from the sensor frame to the cloud's.
     pub orientation: Quat,
@@ -53,7 +53,7 @@ impl<'a> Points<'a> {
         let axes = [&columns.x, &columns.y, &columns.z];
         let here = axes.iter().all(|axis| axis.len() >= rows);
         if !here {
-            report.warn("preview: the cloud has no positions, which needs its columns x, y and z");
+            report.warn("preview: the cloud has no positions, which require the columns x, y and z");
         }
         let [x, y, z] = axes.map(|axis| if here { &axis[..rows] } else { &[][..] });
         let pose = match cloud.frame {
@@ -92,7 +92,7 @@ impl<'a> Points<'a> {
         self.x.len()
     }
 
-    /// Passes every row to `counts`, in parallel, and returns how often it said yes.
+    /// Calls `counts` for every row, in parallel, and returns how often it was true.
     pub(super) fn count_rows(&self, counts: impl Fn(u32) -> bool + Sync) -> usize {
         let count = |rows: Range<usize>| rows.filter(|&row| counts(row as u32)).count();
         parallel::map_reduce(self.len(), CHUNK, count, |left, right| left + right)
@@ -150,8 +150,8 @@ pub(super) fn quantile(values: &mut [f32], q: f32) -> f32 {
 
 /// The span of `values`, without the few outliers.
 ///
-/// Each end excludes the fraction `outside` of the values, moved out to the last value if that is near. The span is
-/// never empty.
+/// Each end excludes the fraction `outside` of the values, but extends to the outermost value if that is near. The span
+/// is never empty.
 pub(super) fn robust_span(values: &mut [f32], outside: f32) -> [f32; 2] {
     let [low, high] = [quantile(values, outside), quantile(values, 1.0 - outside)];
     let near = 0.25 * (high - low);
@@ -207,7 +207,7 @@ mod tests {
         cloud.columns.cause = vec![Cause::Fog as u8; 200];
         cloud.columns.cause[7] = Cause::Mirror as u8;
         assert_eq!(scene(&cloud).len(), 200, "one point is no scene");
-        // A point with an unknown number has a surface.
+        // A point with an unknown cause counts as a surface.
         cloud.columns.cause[9] = 77;
         assert_eq!(scene(&cloud), [7.0, 9.0]);
     }

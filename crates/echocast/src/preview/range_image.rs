@@ -1,11 +1,11 @@
 //! The cloud as seen by the sensor: left is left, up is up.
 
 use super::Page;
-use super::boxes::{self, Outline};
+use super::boxes::{self, BoxEdges};
 use super::canvas::{GROUND, Picture};
 use super::paint::Paint;
 use super::points::{CHUNK, Points, angles, robust_span};
-use super::splat::{self, Splats, Stamp};
+use super::splat::{self, SplatStamp, Splats};
 use crate::cloud::PointCloud;
 use crate::ground::parallel;
 use glam::{Vec2, Vec3};
@@ -23,23 +23,24 @@ pub(super) fn draw(
     cloud: &PointCloud,
     points: &Points<'_>,
     paint: &Paint<'_>,
-    outlines: &[Outline],
+    outlines: &[BoxEdges],
     page: &Page,
 ) -> Picture {
     let channel = &cloud.columns.channel;
     let (mut picture, splats);
-    // Where a direction (sensor frame) is in the picture.
+    // Position of a direction (sensor frame) in the picture.
     let place: Box<dyn Fn(Vec3, Vec2) -> Option<Vec2>>;
     let organised = cloud
         .organised
         .filter(|[rows, columns]| cloud.len as u64 == u64::from(*rows) * u64::from(*columns))
-        .map(|size| Grid::new(points, size, channel))
+        .map(|size| SensorGrid::new(points, size, channel))
         .filter(|grid| grid.is_straight(points));
     match organised {
         Some(grid) => {
             picture = frame(page, grid.columns as f32 / grid.rows.len() as f32);
             splats = grid.splats(points, &picture);
-            let lines = if outlines.is_empty() { Lines::default() } else { Lines::new(&grid, points) };
+            let lines =
+                if outlines.is_empty() { GridDirections::default() } else { GridDirections::new(&grid, points) };
             place = Box::new(move |direction, size| lines.place(direction, size));
         }
         None => {
@@ -62,13 +63,13 @@ pub(super) fn draw(
 fn frame(page: &Page, aspect: f32) -> Picture {
     let full = page.inner() as f32;
     let height = (full / aspect).clamp(FLATTEST * full, STEEPEST * full);
-    // What is taller than the page allows becomes narrower, but not a thin line.
+    // A picture taller than the page allows becomes narrower, but not a thin line.
     let width = (height * aspect).clamp(FLATTEST * full, full);
     Picture::new(width as u32, height as u32, GROUND)
 }
 
-/// Rows and columns of the sensor in the order in which people see them.
-struct Grid {
+/// Rows and columns of the sensor in the order in which they are shown.
+struct SensorGrid {
     /// Sensor rows from the top of the picture down.
     rows: Vec<u32>,
     columns: u32,
@@ -78,11 +79,11 @@ struct Grid {
     step: f32,
 }
 
-impl Grid {
-    fn new(points: &Points<'_>, [rows, columns]: [u32; 2], channel: &[u16]) -> Grid {
+impl SensorGrid {
+    fn new(points: &Points<'_>, [rows, columns]: [u32; 2], channel: &[u16]) -> SensorGrid {
         let cell = |row: u32, column: u32| row * columns + column;
         let direction = |row, column| Some(angles(points.in_sensor_frame(points.get(cell(row, column))?)));
-        // A few hundred positions per row are enough to tell its direction.
+        // A few hundred positions per row suffice to determine its direction.
         let step = columns.div_ceil(512) as usize;
         let (mut leftward, mut rightward) = (0, 0);
         let mut turned = 0.0;
@@ -94,7 +95,7 @@ impl Grid {
                     sum += here.y;
                     hits += 1;
                     if let Some(next) = (column + 1 < columns).then(|| direction(row, column + 1)).flatten() {
-                        // Azimuth rises to the left, and jumps once a turn.
+                        // Azimuth increases to the left, and jumps once a turn.
                         let turn = (next.x - here.x + PI).rem_euclid(TAU) - PI;
                         leftward += i32::from(turn > 0.0);
                         rightward += i32::from(turn < 0.0);
@@ -110,20 +111,20 @@ impl Grid {
             && channel.len() == rows as usize * columns as usize
             && points.sample.iter().all(|&(row, _)| u32::from(channel[row as usize]) == row / columns);
         if rows_are_channels {
-            // Channels may be numbered in any order. A row without a return looks at the sky.
+            // Channels may be numbered in any order. A row without a return is taken to point at the sky.
             let height = |row: &u32| elevations[*row as usize].unwrap_or(f32::INFINITY);
             order.sort_by(|a, b| height(b).total_cmp(&height(a)));
         } else if rises(&elevations) {
             order.reverse();
         }
         let step = turned / (leftward + rightward).max(1) as f32;
-        Grid { rows: order, columns, mirrored: leftward > rightward, step }
+        SensorGrid { rows: order, columns, mirrored: leftward > rightward, step }
     }
 
-    /// Whether its rows are rows, and its columns columns, of what is seen. They are not where the channels of a
-    /// spinning sensor look to other sides at a time, nor where beams follow a curve.
+    /// Whether the rows and columns of the sensor are rows and columns of the view. They are not if the channels of a
+    /// spinning sensor point at different azimuths at a time, or if beams follow a curve.
     fn is_straight(&self, points: &Points<'_>) -> bool {
-        /// Columns that a row may be off.
+        /// Columns by which a row may be off.
         const MOST: f32 = 2.0;
         let cells: Vec<(u32, Vec2)> =
             points.sample.iter().map(|&(cell, place)| (cell, angles(points.in_sensor_frame(place)))).collect();
@@ -156,19 +157,19 @@ impl Grid {
     }
 }
 
-/// Directions of the rows and columns of a [`Grid`], from the points in them.
+/// Directions of the rows and columns of a [`SensorGrid`], from the points in them.
 #[derive(Default)]
-struct Lines {
-    /// Whether rows and columns are straight lines on a plane ahead, as a camera's, rather than of one elevation and
-    /// one azimuth.
+struct GridDirections {
+    /// Whether rows and columns are straight lines on a plane ahead, as those of a camera, rather than lines of
+    /// constant elevation and azimuth.
     flat: bool,
-    /// Of each row from the top down, and of each column from the left.
+    /// Coordinate of each row from the top down, and of each column from the left.
     rows: Vec<Option<f32>>,
     columns: Vec<Option<f32>>,
 }
 
-impl Lines {
-    fn new(grid: &Grid, points: &Points<'_>) -> Lines {
+impl GridDirections {
+    fn new(grid: &SensorGrid, points: &Points<'_>) -> GridDirections {
         let mut places = vec![0; grid.rows.len()];
         for (place, &row) in grid.rows.iter().enumerate() {
             places[row as usize] = place;
@@ -184,10 +185,10 @@ impl Lines {
             .collect();
         let ahead = cells.iter().all(|(_, direction)| direction.x > 0.05 * direction.length());
         let [round, flat] = [false, true].map(|flat| {
-            let lines = Lines {
+            let lines = GridDirections {
                 flat,
-                rows: Lines::means(1, grid.rows.len(), &cells, flat),
-                columns: Lines::means(0, grid.columns as usize, &cells, flat),
+                rows: GridDirections::means(1, grid.rows.len(), &cells, flat),
+                columns: GridDirections::means(0, grid.columns as usize, &cells, flat),
             };
             let off = cells.iter().map(|([column, row], direction)| {
                 let at = lines.of(*direction);
@@ -200,15 +201,15 @@ impl Lines {
         if ahead && flat.1 < round.1 { flat.0 } else { round.0 }
     }
 
-    /// What is the same along a column, x, and along a row, y.
+    /// The coordinates of a direction: x is constant along a column, y along a row.
     fn of(&self, direction: Vec3) -> Vec2 {
         if self.flat { Vec2::new(direction.y, direction.z) / direction.x } else { angles(direction) }
     }
 
     /// Means of the coordinate `axis` in each of `count` lines.
     fn means(axis: usize, count: usize, cells: &[([usize; 2], Vec3)], flat: bool) -> Vec<Option<f32>> {
-        let lines = Lines { flat, ..Lines::default() };
-        // Of an azimuth, whose mean is that of directions.
+        let lines = GridDirections { flat, ..GridDirections::default() };
+        // The mean of angles is that of directions.
         let mut sums = vec![Vec2::ZERO; count];
         for (cell, direction) in cells {
             let value = lines.of(*direction)[axis];
@@ -218,14 +219,14 @@ impl Lines {
         sums.iter().map(|sum| (*sum != Vec2::ZERO).then(|| mean(sum))).collect()
     }
 
-    /// Where a direction is in a picture of this size; `None`: between no two of the lines.
+    /// Position of a direction in a picture of this size; `None` if it is not between two of the lines.
     fn place(&self, direction: Vec3, size: Vec2) -> Option<Vec2> {
         if self.flat && direction.x <= 0.0 {
             return None;
         }
         let at = self.of(direction);
         let along = |lines: &[Option<f32>], value: f32| {
-            // A turn has no beginning.
+            // Angles wrap around.
             let off = |line: f32| if self.flat { line - value } else { (line - value + PI).rem_euclid(TAU) - PI };
             let known: Vec<(usize, f32)> =
                 lines.iter().enumerate().filter_map(|(index, line)| Some((index, off((*line)?)))).collect();
@@ -241,11 +242,11 @@ impl Lines {
     }
 }
 
-/// Whether elevations, each with the number of its row, are mostly those of the rows.
+/// Whether elevations, each with the number of its row, are mostly explained by the rows.
 fn are_rows(elevations: impl Iterator<Item = (u32, f32)> + Clone) -> bool {
-    /// Part of the variance that rows may leave: a camera's are bent.
+    /// Fraction of the variance that rows may leave unexplained: those of a camera are curved.
     const LEFT: f64 = 0.25;
-    /// Variance of what is one row anyway, rad^2: a degree.
+    /// Variance up to which elevations are one row in any case, rad^2: a degree.
     const LEVEL: f64 = 3e-4;
     let mut rows: BTreeMap<u32, [f64; 3]> = BTreeMap::new();
     for (row, elevation) in elevations.filter(|(_, elevation)| elevation.is_finite()) {
@@ -274,7 +275,7 @@ struct Panorama<'a> {
     elevation: [f32; 2],
     /// Channel of each point and row of each channel, if channels form rows.
     channels: Option<(&'a [u16], BTreeMap<u16, usize>)>,
-    /// Their elevations, from the top row down.
+    /// Elevations of these rows, from the top down.
     elevations: Vec<f32>,
 }
 
@@ -312,7 +313,7 @@ impl<'a> Panorama<'a> {
         panorama
     }
 
-    /// Where a direction (sensor frame) is in a picture of this size; `None`: above or below all channels.
+    /// Position of a direction (sensor frame) in a picture of this size; `None` if it is above or below all channels.
     fn place(&self, direction: Vec3, size: Vec2) -> Option<Vec2> {
         let at = angles(direction);
         let part = |value: f32, [low, high]: [f32; 2]| (high - value) / (high - low);
@@ -340,11 +341,11 @@ impl<'a> Panorama<'a> {
                 let per_row = points.count as f32 * height / size.y;
                 // Rounded up: no gap between rows.
                 let closed = (height * splat::SAMPLES as f32).ceil() / splat::SAMPLES as f32;
-                Stamp::rectangle((1.3 * size.x / per_row).min(0.01 * size.x), closed)
+                SplatStamp::rectangle((1.3 * size.x / per_row).min(0.01 * size.x), closed)
             }
             None => {
                 let side = splat::diameter(points.count, picture, 0.01 * size.x);
-                Stamp::rectangle(side, side)
+                SplatStamp::rectangle(side, side)
             }
         };
         let splats = Splats::new(picture.width, picture.height);
@@ -375,8 +376,8 @@ mod tests {
     use crate::ground::pose::Pose;
     use crate::ground::report::Report;
 
-    /// A sphere of radius 5 m around the sensor at 1, 2, 3, seen by channels at -10, 10 and 0 degrees over a full
-    /// turn counter-clockwise; its label is the channel + 1, and 9 dead ahead. `table` gives elevations.
+    /// A sphere of radius 5 m around the sensor at 1, 2, 3, seen by channels at `elevations`, degrees, over a full turn
+    /// counter-clockwise; its label is the channel + 1, and 9 dead ahead.
     fn spinning(columns: u32, elevations: &[f32]) -> PointCloud {
         let mut cloud = PointCloud { sensor_pose: Pose::at(1.0, 2.0, 3.0), ..PointCloud::default() };
         for (channel, elevation) in elevations.iter().enumerate() {
@@ -438,7 +439,7 @@ mod tests {
     fn every_point_is_at_its_own_azimuth() {
         let mut cloud = spinning(900, &[-10.0, 10.0, 0.0]);
         cloud.organised = Some([3, 900]);
-        // The second channel looks 17 degrees further to the left at a time.
+        // The second channel points 17 degrees further to the left at a time.
         for row in 900..1800 {
             let out = Vec2::from_angle(0.3).rotate(Vec2::new(cloud.columns.x[row] - 1.0, cloud.columns.y[row] - 2.0));
             [cloud.columns.x[row], cloud.columns.y[row]] = [out.x + 1.0, out.y + 2.0];

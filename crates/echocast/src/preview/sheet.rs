@@ -1,13 +1,13 @@
-//! Many pictures as one.
+//! Many pictures combined into one.
 
 use super::canvas::{PAGE, Picture};
 use png::Transformations;
 use std::io::Cursor;
 
-/// Pictures side by side.
+/// Number of pictures side by side.
 const ACROSS: usize = 4;
 
-/// The PNG pictures `files` as one, row by row; what is no picture is left out.
+/// The PNG pictures `files` combined into one, row by row; files that are not pictures are left out.
 pub(crate) fn sheet<'f>(files: impl Iterator<Item = &'f Vec<u8>>) -> Picture {
     let pictures: Vec<Picture> = files.filter_map(|file| decoded(file)).collect();
     let width = pictures.iter().map(|picture| picture.width).max().unwrap_or(1);
@@ -25,7 +25,7 @@ pub(crate) fn sheet<'f>(files: impl Iterator<Item = &'f Vec<u8>>) -> Picture {
     sheet
 }
 
-/// A PNG picture of red, green and blue.
+/// Decodes a PNG picture in RGB.
 fn decoded(file: &[u8]) -> Option<Picture> {
     let mut decoder = png::Decoder::new(Cursor::new(file));
     decoder.set_transformations(Transformations::EXPAND);

@@ -2,12 +2,13 @@
 
 use super::canvas::{Color, DIM, GROUND, Picture, TEXT};
 use super::legend::{self, counted, round_down};
-use super::paint::{Entry, LISTED, Legend};
+use super::paint::{LISTED, Legend, LegendEntry};
 use super::palette::{self, HEIGHT, LEVEL, Ramp};
 use super::points::{quantile, robust_span, wide};
 use super::top::{length, scale_bar};
 use super::{ColorBy, Page, PreviewOptions, View, font};
-use crate::cloud::{Field, Pings, SonarView};
+use crate::cells::SonarView;
+use crate::cloud::{Field, Pings};
 use crate::ground::error::{Error, Result};
 use crate::ground::math::{LOG2_PER_DB, exp2};
 use crate::ground::report::Report;
@@ -20,7 +21,7 @@ use std::collections::{BTreeMap, HashMap};
 const FLATTEST: f32 = 0.25;
 const TALLEST: f32 = 0.68;
 
-/// What a picture of `pings`, at least one, shows: its name, notes, and the image.
+/// The content of a picture of `pings`, at least one: its name, notes, and the image.
 pub(super) fn made(pings: &Pings, options: &PreviewOptions, page: &Page) -> Result<(String, Vec<String>, Image)> {
     let layout = pings.check()?;
     let view = layout.view;
@@ -61,7 +62,7 @@ pub(super) fn draw(pings: &Pings, options: &PreviewOptions, page: &Page, report:
         ImageKind::Mosaic | ImageKind::DepthMap => track(&image, pings, &ink, page),
     };
     if image.kind != ImageKind::DepthMap && pings.pings[0].layout.tvg_db.iter().any(|gain| *gain != 0.0) {
-        notes.push("levels with the sonar's gain over time".to_owned());
+        notes.push("levels with the sonar's time-varied gain".to_owned());
     }
     let title = format!("{name} by {}", ink.name);
     Ok(page.compose(&title, &notes.join("; "), &panel, &legend::draw(&ink.legend, page)))
@@ -139,26 +140,26 @@ impl<'a> Ink<'a> {
         frequent.sort_by_key(|&(id, count)| (std::cmp::Reverse(count), id));
         let rest = if frequent.len() > LISTED + 1 { frequent.split_off(LISTED) } else { Vec::new() };
         let names: &NameTable = if name == "part" { &image.labels.part } else { &image.labels.category };
-        let mut entries: Vec<Entry> = frequent
+        let mut entries: Vec<LegendEntry> = frequent
             .iter()
             .map(|&(id, count)| {
                 let known = names.name(id).map(str::to_owned);
                 let name =
                     known.unwrap_or_else(|| if id == 0 { "unlabelled".to_owned() } else { format!("{name} {id}") });
-                Entry { name, color: palette::category(id), count }
+                LegendEntry { name, color: palette::category(id), count }
             })
             .collect();
         if !rest.is_empty() {
             let count = rest.iter().map(|(_, count)| count).sum();
-            entries.push(Entry { name: format!("{} others", rest.len()), color: palette::OTHER, count });
+            entries.push(LegendEntry { name: format!("{} others", rest.len()), color: palette::OTHER, count });
         }
         let listed = frequent.iter().map(|&(id, _)| (id, palette::category(id))).collect();
         let window = span(image);
         Ink { name, image, labels: Some((ids, listed)), table: Vec::new(), window, legend: Legend::Names(entries) }
     }
 
-    /// Colour of a picture pixel that shows the image's columns and rows up to, not including, the ends: of the mean
-    /// power, or of the mean height, and of the label of the strongest, or highest.
+    /// Colour of a picture pixel that shows these columns and rows of the image, without their ends: that of the mean
+    /// power or mean height, and of the label of the strongest or highest pixel.
     fn color(&self, columns: [usize; 2], rows: [usize; 2]) -> Option<Color> {
         let heights = self.image.kind == ImageKind::DepthMap;
         let [low, high] = self.window;
@@ -171,7 +172,7 @@ impl<'a> Ink<'a> {
                 if value.is_nan() {
                     continue;
                 }
-                // Strays at the ends of the scale, for which no power is too large for a number.
+                // Outliers are clamped to the ends of the scale, so that no power overflows.
                 sum += if heights { value.clamp(low, high) } else { exp2((value.min(high) - high) * LOG2_PER_DB) };
                 count += 1;
                 if strongest.is_none() || value > most {
@@ -187,7 +188,7 @@ impl<'a> Ink<'a> {
             return Some(self.table[((part * 255.0).round() as usize).min(255)]);
         };
         let color = listed.get(&ids[strongest]).copied().unwrap_or(palette::OTHER);
-        // Weak echoes are dark, so that shadows and shapes remain visible; so, slightly, is what lies deep.
+        // Weak echoes are dark, so that shadows and shapes remain visible; deep ground is slightly darker, too.
         let dark = if heights { 0.4 } else { 0.7 };
         let light = 1.0 - dark * (1.0 - part);
         Some(std::array::from_fn(|i| {
@@ -214,10 +215,10 @@ impl<'a> Ink<'a> {
     }
 }
 
-/// How far below the median level a picture extends, dB: shadows and water are dark, the bed has most of the scale.
+/// How far below the median level a picture extends, dB: shadows and water are dark, the bed uses most of the scale.
 const BELOW_MEDIAN: f32 = 30.0;
 
-/// The values between which an image's colours range: without half a percent at each end.
+/// The span of values of an image's colours: without half a percent at each end.
 fn span(image: &Image) -> [f32; 2] {
     let mut known: Vec<f32> = image.values.iter().copied().filter(|value| value.is_finite()).collect();
     if image.kind == ImageKind::DepthMap {
@@ -227,7 +228,7 @@ fn span(image: &Image) -> [f32; 2] {
     wide([low.max(middle - BELOW_MEDIAN), high])
 }
 
-/// The numbers by which an image is labelled, as for clouds: the category, or the part if there is only one category.
+/// The labels by which an image is coloured, as for clouds: the category, or the part if there is only one category.
 fn labels(image: &Image) -> Option<(&'static str, &[u32], BTreeMap<u32, usize>)> {
     let of = |name, field| {
         let ids = image.layer(field)?;
@@ -342,7 +343,7 @@ fn track(image: &Image, pings: &Pings, ink: &Ink, page: &Page) -> Picture {
     for (radius, color) in [(1.4, GROUND), (0.6, TEXT)] {
         let mut from = way[0];
         for &to in &way {
-            // Pings closer together than that make one step.
+            // Pings closer together than that are joined in one step.
             if from.distance(to) >= 4.0 {
                 picture.stroke(&[[from, to]], radius * page.scale, color, 0.8);
                 from = to;
@@ -362,7 +363,7 @@ fn track(image: &Image, pings: &Pings, ink: &Ink, page: &Page) -> Picture {
 mod tests {
     use super::super::render_pings;
     use super::*;
-    use crate::image::synthetic::{self, Sidescan, TARGET};
+    use crate::image::synthetic::{self, SyntheticSidescan, TARGET};
 
     fn render(pings: &Pings, view: View, color: ColorBy) -> Picture {
         let options = PreviewOptions { view, color, width: 800, ..PreviewOptions::default() };
@@ -382,16 +383,16 @@ mod tests {
 
     #[test]
     fn a_target_has_its_colour_in_every_view() {
-        let side = synthetic::pings(&Sidescan::default());
+        let side = synthetic::pings(&SyntheticSidescan::default());
         let ahead = Pings { pings: vec![synthetic::imaging(SonarView::Fan, 20.0, 12.0)] };
         let down = Pings { pings: vec![synthetic::imaging(SonarView::Swath, 20.0, 12.0)] };
         let round = synthetic::turning(200, 1.8);
         let views = [(&side, View::Waterfall), (&side, View::Track), (&ahead, View::Fan), (&down, View::Fan)];
         let more = [(&round, View::Fan), (&round, View::Track), (&ahead, View::Track), (&down, View::Waterfall)];
         for (pings, view) in views.into_iter().chain(more) {
-            let wanted = palette::category(TARGET);
+            let expected = palette::category(TARGET);
             // The target is strongest, so it is not darkened.
-            let found = count(&render(pings, view, ColorBy::Label), |color| color == wanted);
+            let found = count(&render(pings, view, ColorBy::Label), |color| color == expected);
             assert!(found > 5 || pings.pings.len() == 1 && view == View::Waterfall, "{view:?}: {found}");
             render(pings, view, ColorBy::Intensity);
         }
@@ -403,9 +404,11 @@ mod tests {
 
     #[test]
     fn pixels_show_the_mean_power_and_the_label_of_the_strongest() {
-        let mut image = image::waterfall(&synthetic::pings(&Sidescan::default()), ImageRange::Slant, None).unwrap();
+        let mut image =
+            image::waterfall(&synthetic::pings(&SyntheticSidescan::default()), ImageRange::Slant, None).unwrap();
         (image.width, image.height) = (4, 2);
-        // By hand: nine tenths of 1e8 uPa^2 and one of 1e10 would be 90.4 dB; here seven eighths.
+        // By hand: nine tenths at 1e8 uPa^2 and one tenth at 1e10 would be 90.4 dB; here it is seven eighths and one
+        // eighth.
         image.values = [80.0, 80.0, 80.0, 80.0, 80.0, 100.0, 80.0, 80.0].to_vec();
         image.layers.truncate(1);
         image.layers[0].ids = vec![1, 1, 1, 1, 1, 2, 1, 1];
@@ -417,27 +420,27 @@ mod tests {
         assert_eq!(ink(ColorBy::Intensity).color([0, 1], [0, 1]), Some(LEVEL.table()[64]));
         // The second category, as bright as the mean.
         let light = 1.0 - 0.7 * (1.0 - (mean - 70.0) / 40.0);
-        let wanted: Color = std::array::from_fn(|i| {
+        let expected: Color = std::array::from_fn(|i| {
             let ground = f32::from(GROUND[i]);
             (ground + light * (f32::from(palette::category(2)[i]) - ground)).round() as u8
         });
-        assert_eq!(ink(ColorBy::Label).color([0, 4], [0, 2]), Some(wanted));
+        assert_eq!(ink(ColorBy::Label).color([0, 4], [0, 2]), Some(expected));
     }
 
     #[test]
-    fn waterfalls_of_many_beams_say_which() {
+    fn waterfalls_of_many_beams_name_the_beam() {
         let name = |pings: &Pings| {
             let options = PreviewOptions { view: View::Waterfall, ..PreviewOptions::default() };
             made(pings, &options, &Page::new(800)).unwrap().0
         };
         assert_eq!(name(&synthetic::swath(3)), "Waterfall of 3 pings, beam 40 of 0 to 80");
         assert_eq!(name(&synthetic::turning(3, 1.8)), "Waterfall of 3 pings");
-        assert_eq!(name(&synthetic::pings(&Sidescan::default())), "Waterfall of 101 pings");
+        assert_eq!(name(&synthetic::pings(&SyntheticSidescan::default())), "Waterfall of 101 pings");
     }
 
     #[test]
-    fn views_and_colours_that_do_not_fit_say_so() {
-        let side = synthetic::pings(&Sidescan::default());
+    fn views_and_colours_that_do_not_fit_are_rejected() {
+        let side = synthetic::pings(&SyntheticSidescan::default());
         let error = |pings: &Pings, view, color| {
             let options = PreviewOptions { view, color, ..PreviewOptions::default() };
             render_pings(pings, &options, &mut Report::default()).unwrap_err().to_string()
@@ -447,7 +450,7 @@ mod tests {
         let found = error(&side, View::Waterfall, ColorBy::Cause);
         assert_eq!(found, "preview colour is cause; allowed: label or intensity, for pings");
         assert!(error(&synthetic::swath(3), View::Track, ColorBy::Intensity).contains("label or height"));
-        assert!(error(&side, View::Fan, ColorBy::Label).contains("asked of a sidescan sonar"));
+        assert!(error(&side, View::Fan, ColorBy::Label).contains("requested for a sidescan sonar"));
         let mut none = side.clone();
         for ping in &mut none.pings {
             ping.fields = ping.fields.without(Field::CategoryId);
@@ -462,12 +465,12 @@ mod tests {
     fn strange_pings_give_pictures() {
         let mut strange = vec![Pings::default()];
         for level in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 0.0, f32::MAX] {
-            let mut pings = synthetic::pings(&Sidescan { pings: 3, ..Sidescan::default() });
+            let mut pings = synthetic::pings(&SyntheticSidescan { pings: 3, ..SyntheticSidescan::default() });
             pings.pings.iter_mut().for_each(|ping| ping.cells.intensity.fill(level));
             strange.push(pings);
         }
-        strange.push(synthetic::pings(&Sidescan { pings: 1, ..Sidescan::default() }));
-        strange.push(synthetic::pings(&Sidescan { start: DVec2::splat(1e9), ..Sidescan::default() }));
+        strange.push(synthetic::pings(&SyntheticSidescan { pings: 1, ..SyntheticSidescan::default() }));
+        strange.push(synthetic::pings(&SyntheticSidescan { start: DVec2::splat(1e9), ..SyntheticSidescan::default() }));
         for pings in &strange {
             for view in [View::Waterfall, View::Track] {
                 for color in [ColorBy::Label, ColorBy::Intensity] {

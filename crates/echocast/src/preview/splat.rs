@@ -10,8 +10,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// Samples per pixel in each direction; averaging them smooths the edges.
 pub(super) const SAMPLES: u32 = 2;
 
-/// Nearest point of each sample: depth above, row below, so that the smaller number is the nearer point
-/// and, at equal depth, the earlier row, whatever the order of writing.
+/// Nearest point of each sample: depth in the upper bits, row in the lower, so that the smaller number is the nearer
+/// point and, at equal depth, the earlier row, whatever the order of writing.
 pub(super) struct Splats {
     /// Samples in a row.
     width: u32,
@@ -32,7 +32,7 @@ impl Splats {
 
     /// Puts a point at `at` (pixels from the top left corner), clipped to the picture; the one with the smallest
     /// `depth` stays.
-    pub(super) fn put(&self, at: Vec2, stamp: &Stamp, depth: f32, row: u32) {
+    pub(super) fn put(&self, at: Vec2, stamp: &SplatStamp, depth: f32, row: u32) {
         if !(at.is_finite() && depth.is_finite()) {
             return;
         }
@@ -146,16 +146,16 @@ fn unordered(number: u32) -> f32 {
 }
 
 /// The samples that a point covers.
-pub(super) struct Stamp {
+pub(super) struct SplatStamp {
     /// Row and first and last column of samples, from the top left one.
     spans: Vec<(i32, i32, i32)>,
     /// From the upper left sample to the point.
     shift: Vec2,
 }
 
-impl Stamp {
+impl SplatStamp {
     /// A disc of about `diameter` pixels, at least one sample.
-    pub(super) fn disc(diameter: f32) -> Stamp {
+    pub(super) fn disc(diameter: f32) -> SplatStamp {
         let size = samples(diameter);
         let radius = size as f32 / 2.0;
         let spans = (0..size)
@@ -167,14 +167,14 @@ impl Stamp {
                 (dy, first, size - 1 - first)
             })
             .collect();
-        Stamp { spans, shift: Vec2::splat((size - 1) as f32 / 2.0) }
+        SplatStamp { spans, shift: Vec2::splat((size - 1) as f32 / 2.0) }
     }
 
     /// A rectangle of about `width` x `height` pixels, at least one sample each.
-    pub(super) fn rectangle(width: f32, height: f32) -> Stamp {
+    pub(super) fn rectangle(width: f32, height: f32) -> SplatStamp {
         let (width, height) = (samples(width), samples(height));
         let spans = (0..height).map(|dy| (dy, 0, width - 1)).collect();
-        Stamp { spans, shift: Vec2::new((width - 1) as f32, (height - 1) as f32) / 2.0 }
+        SplatStamp { spans, shift: Vec2::new((width - 1) as f32, (height - 1) as f32) / 2.0 }
     }
 }
 
@@ -204,13 +204,13 @@ mod tests {
     fn the_nearest_point_stays_and_the_edges_clip() {
         let splats = Splats::new(4, 3);
         let at = |x, y| splats.cells[splats.index(x, y)].load(Ordering::Relaxed);
-        let stamp = Stamp::disc(1.0);
+        let stamp = SplatStamp::disc(1.0);
         splats.put(Vec2::new(1.5, 1.5), &stamp, 2.0, 7);
         splats.put(Vec2::new(1.5, 1.5), &stamp, -1.0, 8);
         splats.put(Vec2::new(1.5, 1.5), &stamp, -1.0, 9);
         assert_eq!((at(2, 2) as u32, at(3, 3) as u32), (8, 8));
         assert_eq!((at(1, 2), at(4, 3), at(2, 4)), (EMPTY, EMPTY, EMPTY));
-        let stamp = Stamp::rectangle(2.0, 1.0);
+        let stamp = SplatStamp::rectangle(2.0, 1.0);
         assert_eq!(stamp.spans, [(0, 0, 3), (1, 0, 3)]);
         for place in [-0.2, 1e20, -1e20, f32::NAN] {
             splats.put(Vec2::splat(place), &stamp, 0.0, 1);

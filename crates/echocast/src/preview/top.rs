@@ -1,17 +1,17 @@
 //! The cloud from above, without perspective: a map.
 
-use super::boxes::{self, Outline};
+use super::boxes::{self, BoxEdges};
 use super::canvas::{GRID, GROUND, Picture, TEXT};
 use super::cutaway::Cutaway;
 use super::legend::{counted, round_down};
 use super::paint::Paint;
 use super::points::{Points, robust_span};
-use super::splat::{self, Splats, Stamp};
+use super::splat::{self, SplatStamp, Splats};
 use super::{Page, font};
-use crate::trace::Raster;
+use crate::trace::MapRaster;
 use glam::{Vec2, Vec3};
 
-/// Where the map lies in the world.
+/// Position and scale of the map in the world.
 pub(super) struct Map {
     /// World position of the top left corner, metres.
     pub corner: Vec2,
@@ -34,10 +34,10 @@ impl Map {
         Map::around(Vec2::new(x[0], y[0]), Vec2::new(x[1], y[1]), page)
     }
 
-    /// A map of what lies between `low` and `high`, with a margin.
+    /// A map of the area between `low` and `high`, with a margin.
     pub(super) fn around(low: Vec2, high: Vec2, page: &Page) -> Map {
         let centre = low.midpoint(high);
-        // A line has an extent too.
+        // Even a line needs an extent.
         let size = 1.06 * (high - low).max(Vec2::splat(1e-3));
         let width = page.inner();
         let height = (width as f32 * (size.y / size.x).clamp(0.42, 0.68)) as u32;
@@ -46,12 +46,12 @@ impl Map {
         Map { corner: centre + Vec2::new(-0.5, 0.5) * pixels / zoom, zoom, width, height }
     }
 
-    /// Its places, `samples` for each side of a pixel.
-    pub(super) fn raster(&self, samples: u32) -> Raster {
+    /// The map as a raster, with `samples` along each side of a pixel.
+    pub(super) fn raster(&self, samples: u32) -> MapRaster {
         let step = 1.0 / (self.zoom * samples as f32);
         let corner = self.corner + 0.5 * Vec2::new(step, -step);
         let [width, height] = [self.width, self.height].map(|pixels| (pixels * samples) as usize);
-        Raster { corner: corner.into(), step, width, height }
+        MapRaster { corner: corner.into(), step, width, height }
     }
 
     /// Pixels from the top left corner, y down.
@@ -64,11 +64,11 @@ impl Map {
     }
 }
 
-/// The map of `points`; what it leaves out goes to `notes`.
+/// The map of `points`; what it leaves out is added to `notes`.
 pub(super) fn draw(
     points: &Points<'_>,
     paint: &Paint<'_>,
-    outlines: &[Outline],
+    outlines: &[BoxEdges],
     page: &Page,
     notes: &mut Vec<String>,
 ) -> Picture {
@@ -79,7 +79,7 @@ pub(super) fn draw(
     grid(&mut picture, &map, unit, page);
 
     let ceiling = Cutaway::new(points).ceiling;
-    let stamp = Stamp::disc(splat::diameter(points.count, &picture, 3.5 * page.scale));
+    let stamp = SplatStamp::disc(splat::diameter(points.count, &picture, 3.5 * page.scale));
     let splats = Splats::new(map.width, map.height);
     let outside = points.count_rows(|row| {
         let Some(position) = points.get(row) else { return false };
@@ -128,7 +128,8 @@ fn grid(picture: &mut Picture, map: &Map, unit: f64, page: &Page) {
     }
 }
 
-/// The length `unit`, at `zoom` pixels per metre, in the bottom left corner, with the directions of x and y.
+/// Draws a scale bar of the length `unit`, at `zoom` pixels per metre, in the bottom left corner, and the directions of
+/// x and y.
 pub(super) fn scale_bar(picture: &mut Picture, zoom: f32, unit: f64, page: &Page) {
     let capitals = page.text();
     let start = Vec2::new(2.0 * capitals, picture.height as f32 - 2.0 * capitals);
@@ -173,8 +174,8 @@ mod tests {
     use crate::cloud::PointCloud;
     use crate::ground::report::Report;
 
-    /// Every centimetre of a floor 10 m x 5 m with its corner at the origin, category 1, and a table 1 m x 1 m
-    /// at 7, 3, category 2.
+    /// Points every 5 cm on a floor 10 m x 5 m with its corner at the origin, category 1, and on a table 1 m x 1 m at
+    /// 7, 3, category 2.
     fn scene() -> PointCloud {
         let mut cloud = PointCloud::default();
         let mut push = |[x, y, z]: [f32; 3], category| {

@@ -7,7 +7,7 @@ use std::fmt::Display;
 /// A numeric parameter of a sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parameter {
-    /// Its value; for an optional key without one infinite (`range.max_m`) or NaN (all others).
+    /// Its value; for an optional key without one, infinity (`range.max_m`) or NaN (all others).
     pub value: f64,
     /// Least value allowed with the present values of the other keys; -infinite without such a bound. Where a number
     /// must be above another, this is the next one in `f64`.
@@ -16,34 +16,35 @@ pub struct Parameter {
     pub max: f64,
 }
 
-/// The least number where one must be above 0: far below anything real, and far from where its square, or a quotient, would
-/// leave the range of single precision.
+/// Least number accepted where one must be above 0: far below anything real, and far from where its square, or a
+/// quotient, would leave the range of single precision.
 pub(crate) const ABOVE_ZERO: f64 = 1e-9;
 
 /// Farthest range that makes sense anywhere, m.
 pub(crate) const FARTHEST_M: f64 = 1e9;
 
-/// Accompanies a check from number to number: refuses those out of bounds, and remembers the bounds of one key.
+/// Passed along during a check from number to number: rejects those out of bounds, and records the bounds of one key.
 pub(crate) struct Bounds<'k> {
-    wanted: Option<&'k str>,
+    requested: Option<&'k str>,
     pub min: f64,
     pub max: f64,
-    /// The keys seen, if wanted.
+    /// The keys visited, if bounds of a key are requested.
     pub keys: Vec<String>,
 }
 
 impl<'k> Bounds<'k> {
-    /// For a check.
+    /// For a check only.
     pub fn none() -> Self {
-        Bounds { wanted: None, min: f64::NEG_INFINITY, max: f64::INFINITY, keys: Vec::new() }
+        Bounds { requested: None, min: f64::NEG_INFINITY, max: f64::INFINITY, keys: Vec::new() }
     }
 
     /// For a check that determines the bounds of `key`.
     pub fn of(key: &'k str) -> Self {
-        Bounds { wanted: Some(key), ..Bounds::none() }
+        Bounds { requested: Some(key), ..Bounds::none() }
     }
 
-    /// Checks that the number at `key`, if there is one, is from `min` to `max`, which errors call `allowed`.
+    /// Checks that the number at `key`, if there is one, is from `min` to `max`, a range that errors describe as
+    /// `allowed`.
     pub fn number(
         &mut self,
         key: impl Display,
@@ -51,9 +52,9 @@ impl<'k> Bounds<'k> {
         [min, max]: [f64; 2],
         allowed: impl Display,
     ) -> Result<()> {
-        if let Some(wanted) = self.wanted {
+        if let Some(requested) = self.requested {
             let key = key.to_string();
-            if yaml::same_path(&key, wanted) {
+            if yaml::same_path(&key, requested) {
                 (self.min, self.max) = (self.min.max(min), self.max.min(max));
             }
             self.keys.push(key);
@@ -68,7 +69,7 @@ impl<'k> Bounds<'k> {
         }
     }
 
-    /// Checks that it is from `min` to `max`.
+    /// Checks that the number at `key`, if there is one, is from `min` to `max`.
     pub fn within(&mut self, key: impl Display, value: impl Into<Option<f64>>, min: f64, max: f64) -> Result<()> {
         self.number(key, value, [min, max], format_args!("{min} to {max}"))
     }
@@ -94,7 +95,7 @@ pub(crate) fn check_rows(key: &str, rows: usize) -> Result<()> {
     Err(Error::invalid(key, format!("a list of {rows}"), format!("1 to {MOST} points")))
 }
 
-/// Checks that the `at_m` of the table at `key` rise from row to row.
+/// Checks that the `at_m` values of the table at `key` rise from row to row.
 pub(crate) fn rising_rows(bounds: &mut Bounds, key: &str, at_m: impl Iterator<Item = f64> + Clone) -> Result<()> {
     let row = |index: usize| format!("{key}[{index}].at_m");
     at_m.clone()

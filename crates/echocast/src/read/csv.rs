@@ -11,7 +11,7 @@ const MAX_LINE: u64 = 64 << 10;
 
 /// The lines of a text file, counted; blank ones and comments (`#`) are skipped.
 pub(crate) struct Lines {
-    /// The file, or a word for text.
+    /// The file, or a word for text from elsewhere.
     origin: String,
     reader: Box<dyn BufRead>,
     buffer: Vec<u8>,
@@ -25,7 +25,7 @@ impl Lines {
         Ok(Lines::new(shown::path(path), BufReader::with_capacity(1 << 18, file)))
     }
 
-    /// Those of `text`, which came from `origin`.
+    /// The lines of `text`, which came from `origin`.
     pub fn of(origin: &str, text: String) -> Lines {
         Lines::new(origin.to_owned(), Cursor::new(text))
     }
@@ -57,7 +57,7 @@ impl Lines {
         }
     }
 
-    /// The current line, without blanks around it.
+    /// The current line, trimmed.
     pub fn text(&self) -> &str {
         str::from_utf8(&self.buffer).unwrap_or_default().trim()
     }
@@ -74,34 +74,34 @@ impl Lines {
 }
 
 /// A CSV file of finite numbers with a header.
-pub(crate) struct Csv {
+pub(crate) struct CsvReader {
     lines: Lines,
-    /// Whether errors may show a header that is not ours.
+    /// Whether errors may show an unexpected header.
     shows: bool,
     header: Vec<String>,
     row: Vec<f64>,
 }
 
-impl Csv {
+impl CsvReader {
     /// Opens the file at `path`, which another file names, and reads its header. It may be any file of the user's:
     /// errors show its content only once the header has the expected columns.
-    pub fn open(path: &Path) -> Result<Csv> {
+    pub fn open(path: &Path) -> Result<CsvReader> {
         let mut lines = Lines::open(path)?;
         if !lines.advance()? {
             return Err(lines.error_at_all("is empty; expected a header"));
         }
-        Csv::new(lines, false)
+        CsvReader::new(lines, false)
     }
 
     /// Takes the current line of `lines`, from a file the user named, as the header.
-    pub fn with_header(lines: Lines) -> Result<Csv> {
-        Csv::new(lines, true)
+    pub fn with_header(lines: Lines) -> Result<CsvReader> {
+        CsvReader::new(lines, true)
     }
 
-    fn new(lines: Lines, shows: bool) -> Result<Csv> {
+    fn new(lines: Lines, shows: bool) -> Result<CsvReader> {
         let header: Vec<String> = lines.text().split(',').map(|name| name.trim().to_owned()).collect();
         let row = Vec::with_capacity(header.len());
-        let csv = Csv { lines, shows, header, row };
+        let csv = CsvReader { lines, shows, header, row };
         let header = &csv.header;
         match header.iter().enumerate().find_map(|(i, name)| header[..i].contains(name).then_some(name)) {
             Some(twice) if shows => Err(csv.error(format!("has the column {:?} twice", shown::name(twice)))),
@@ -129,7 +129,7 @@ impl Csv {
         }
     }
 
-    /// Checks that there are no columns but `known`.
+    /// Checks that there are no columns other than `known`.
     pub fn only(&self, known: &[&str]) -> Result<()> {
         match self.header.iter().find(|name| !known.contains(&name.as_str())) {
             None => Ok(()),
@@ -181,14 +181,14 @@ mod tests {
     #[test]
     fn files_that_other_files_name_are_not_shown() {
         let file = tempfile::NamedTempFile::new().unwrap();
-        let wants = |csv: Csv| csv.required(["azimuth_deg", "elevation_deg"]);
+        let require_angles = |csv: CsvReader| csv.required(["azimuth_deg", "elevation_deg"]);
         for text in ["root:x:0:0", "root,root", "azimuth_deg,azimuth_deg,root", "azimuth_deg,root"] {
             fs::write(file.path(), text).unwrap();
-            let error = Csv::open(file.path()).and_then(wants).unwrap_err().to_string();
+            let error = CsvReader::open(file.path()).and_then(require_angles).unwrap_err().to_string();
             assert!(!error.contains("root") && error.contains(": line 1: "), "{text}: {error}");
             let mut lines = Lines::open(file.path()).unwrap();
             lines.advance().unwrap();
-            let error = Csv::with_header(lines).and_then(wants).unwrap_err().to_string();
+            let error = CsvReader::with_header(lines).and_then(require_angles).unwrap_err().to_string();
             assert!(error.contains("root") || error.contains("\"azimuth_deg\" twice"), "{text}: {error}");
         }
     }

@@ -16,12 +16,12 @@ use std::io::{self, ErrorKind, Read, Take};
 use std::path::{Path, PathBuf};
 
 thread_local! {
-    /// What has been read, if recorded.
+    /// Files that have been read, if they are being recorded.
     static NOTED: RefCell<Option<Vec<PathBuf>>> = const { RefCell::new(None) };
 }
 
-/// Does `work` and returns which files it has read on this thread: those it was given, and those that they name, such
-/// as the textures of a scene.
+/// Does `work` and returns the files that it has read on this thread: those it was given, and those that these name,
+/// such as the textures of a scene.
 pub fn noting<R>(work: impl FnOnce() -> R) -> (R, Vec<PathBuf>) {
     let before = NOTED.replace(Some(Vec::new()));
     let result = work();
@@ -37,7 +37,7 @@ impl Limit {
     pub const SCENE: Limit = Limit(16 << 30);
     /// Clouds.
     pub const CLOUD: Limit = Limit(1 << 40);
-    /// Label names beside clouds.
+    /// Label names that accompany clouds.
     pub const NAMES: Limit = Limit(256 << 20);
     /// Materials of scenes.
     pub const MATERIALS: Limit = Limit(256 << 20);
@@ -59,7 +59,7 @@ impl Limit {
     }
 }
 
-/// Opens the file at `path`; reads no more than its present size, so that a growing file ends too.
+/// Opens the file at `path`; reads no more than its present size, so that reading a growing file ends, too.
 ///
 /// # Errors
 /// A missing file; a folder, pipe or device, which could be endless or block for ever; a file beyond `limit`.
@@ -78,7 +78,7 @@ pub(crate) fn open(path: &Path, limit: Limit) -> Result<Take<File>> {
 /// The bytes of the file at `path`.
 ///
 /// # Errors
-/// As [`open`]; no memory.
+/// As [`open`]; out of memory.
 pub(crate) fn bytes(path: &Path, limit: Limit) -> Result<Vec<u8>> {
     let mut file = open(path, limit)?;
     let mut bytes = Vec::new();
@@ -89,7 +89,7 @@ pub(crate) fn bytes(path: &Path, limit: Limit) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Opens without waiting for the other end of what may have become a pipe since it was checked.
+/// Opens without waiting for the other end, in case the file has become a pipe since it was checked.
 fn open_at_once(path: &Path) -> io::Result<File> {
     let mut options = OpenOptions::new();
     #[cfg(unix)]

@@ -1,4 +1,4 @@
-//! Types of numbers in binary files.
+//! Number types in binary files.
 
 /// Type of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,7 +16,7 @@ pub(crate) enum Number {
 }
 
 impl Number {
-    /// Bytes of one.
+    /// Size of one, bytes.
     pub(crate) fn size(self) -> usize {
         match self {
             Number::I8 | Number::U8 => 1,

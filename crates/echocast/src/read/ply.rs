@@ -1,20 +1,20 @@
-//! The header of a PLY file, of a mesh or of points: which numbers follow, in which order.
+//! The header of a PLY file, of a mesh or a point cloud: which numbers follow, in which order.
 
 use crate::read::number::Number;
 
-/// What the header says.
+/// Content of a header.
 #[derive(Debug)]
-pub(crate) struct Header {
+pub(crate) struct PlyHeader {
     pub encoding: Encoding,
     /// Groups of rows, in the order of the file.
-    pub elements: Vec<Element>,
+    pub elements: Vec<PlyElement>,
     /// Images that comments name (`TextureFile`, as MeshLab and Metashape write it).
     pub textures: Vec<String>,
     /// Rows and columns of an organised cloud.
     pub grid: [Option<u32>; 2],
-    /// Where the rows begin, bytes.
+    /// Offset of the first row, bytes.
     pub length: usize,
-    /// Lines before them.
+    /// Lines before the rows.
     pub lines: usize,
 }
 
@@ -28,22 +28,22 @@ pub(crate) enum Encoding {
 
 /// Rows with the same properties.
 #[derive(Debug)]
-pub(crate) struct Element {
+pub(crate) struct PlyElement {
     pub name: String,
     pub count: u64,
-    pub properties: Vec<Property>,
+    pub properties: Vec<PlyProperty>,
 }
 
 /// A number of each row, or a list of them.
 #[derive(Debug)]
-pub(crate) struct Property {
+pub(crate) struct PlyProperty {
     pub name: String,
     pub kind: Number,
-    /// Of a list: how its length is written.
+    /// For a list: the type of its length.
     pub length: Option<Number>,
 }
 
-/// The type of this name: of the format, or as other programs call more of them.
+/// The type with this name: those of the format, and further names that other programs use.
 fn named(name: &str) -> Option<Number> {
     Some(match name {
         "char" | "int8" => Number::I8,
@@ -60,15 +60,15 @@ fn named(name: &str) -> Option<Number> {
     })
 }
 
-impl Header {
-    /// Reads the header at the start of `bytes`; or the line of what is wrong with it, and what.
-    pub fn parse(bytes: &[u8]) -> Result<Header, (usize, String)> {
+impl PlyHeader {
+    /// Reads the header at the start of `bytes`; on failure, the line and what is wrong with it.
+    pub fn parse(bytes: &[u8]) -> Result<PlyHeader, (usize, String)> {
         let Some(rest) = bytes.strip_prefix(b"ply") else {
             return Err((1, "not a PLY file: it does not begin with \"ply\"".into()));
         };
         // Old programs end lines with a carriage return alone.
         let end = if rest.first() == Some(&b'\r') && rest.get(1) != Some(&b'\n') { b'\r' } else { b'\n' };
-        let mut header = Header {
+        let mut header = PlyHeader {
             encoding: Encoding::Text,
             elements: Vec::new(),
             textures: Vec::new(),
@@ -104,8 +104,8 @@ impl Header {
                     });
                 }
                 ["element", name, count] => {
-                    let count = count.parse().map_err(|_| fault(format!("{count:?} is no number of elements")))?;
-                    header.elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
+                    let count = count.parse().map_err(|_| fault(format!("{count:?} is not a number of elements")))?;
+                    header.elements.push(PlyElement { name: name.to_owned(), count, properties: Vec::new() });
                 }
                 ["property", "list", length, kind, name] => {
                     let length = known(length).map_err(fault)?;
@@ -122,7 +122,7 @@ impl Header {
                     let allowed = "format, comment, obj_info, element NAME COUNT, property TYPE NAME, \
                                    property list TYPE TYPE NAME, end_header";
                     let text: String = text.chars().take(40).collect();
-                    return Err(fault(format!("{text:?} is no line of a PLY header; allowed: {allowed}")));
+                    return Err(fault(format!("{text:?} is not a line of a PLY header; allowed: {allowed}")));
                 }
             }
         }
@@ -134,8 +134,8 @@ impl Header {
 
     fn property(&mut self, name: &str, kind: &str, length: Option<Number>) -> Result<(), String> {
         let kind = known(kind)?;
-        let element = self.elements.last_mut().ok_or("a property stands before the first element")?;
-        element.properties.push(Property { name: name.to_owned(), kind, length });
+        let element = self.elements.last_mut().ok_or("a property comes before the first element")?;
+        element.properties.push(PlyProperty { name: name.to_owned(), kind, length });
         Ok(())
     }
 }
@@ -143,7 +143,7 @@ impl Header {
 fn known(kind: &str) -> Result<Number, String> {
     const ALLOWED: &str = "char, uchar, short, ushort, int, uint, float, double, int8 to int64, uint8 to uint64, \
                            float32, float64";
-    named(kind).ok_or_else(|| format!("{kind:?} is no type of numbers; allowed: {ALLOWED}"))
+    named(kind).ok_or_else(|| format!("{kind:?} is not a number type; allowed: {ALLOWED}"))
 }
 
 #[cfg(test)]
@@ -158,7 +158,7 @@ mod tests {
     fn headers_are_read_with_all_line_ends() {
         for end in ["\n", "\r\n", "\r"] {
             let text = HEADER.replace('\n', end) + "rows";
-            let header = Header::parse(text.as_bytes()).unwrap();
+            let header = PlyHeader::parse(text.as_bytes()).unwrap();
             assert_eq!((header.encoding, header.lines), (Encoding::Little, 11), "{end:?}");
             assert_eq!(&text[header.length..], "rows");
             assert_eq!(header.textures, ["my wall.png"]);
@@ -168,12 +168,12 @@ mod tests {
             let faces = &header.elements[1].properties[0];
             assert_eq!((faces.kind, faces.length), (Number::I32, Some(Number::U8)));
         }
-        assert_eq!(Header::parse(HEADER.trim_end().as_bytes()).unwrap().length, HEADER.len() - 1);
+        assert_eq!(PlyHeader::parse(HEADER.trim_end().as_bytes()).unwrap().length, HEADER.len() - 1);
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_its_line() {
-        let error = |from: &str, to: &str| Header::parse(HEADER.replace(from, to).as_bytes()).unwrap_err();
+    fn errors_name_their_line() {
+        let error = |from: &str, to: &str| PlyHeader::parse(HEADER.replace(from, to).as_bytes()).unwrap_err();
         assert_eq!(error("ply", "obj").0, 1);
         assert_eq!(
             error("end_header", "comment"),
@@ -182,12 +182,12 @@ mod tests {
         assert!(error("format binary_little_endian 1.0", "").1.contains("no line \"format\""));
         for (from, to, line, part) in [
             ("binary_little_endian", "binary", 2, "\"binary\"; allowed: ascii"),
-            ("vertex 3", "vertex -3", 5, "\"-3\" is no number"),
-            ("vertex 3", "vertex 99999999999999999999999", 5, "is no number"),
-            ("float", "half", 6, "\"half\" is no type"),
-            ("uchar int", "uchar bit", 10, "\"bit\" is no type"),
+            ("vertex 3", "vertex -3", 5, "\"-3\" is not a number"),
+            ("vertex 3", "vertex 99999999999999999999999", 5, "is not a number"),
+            ("float", "half", 6, "\"half\" is not a number type"),
+            ("uchar int", "uchar bit", 10, "\"bit\" is not a number type"),
             ("element vertex 3", "", 6, "before the first element"),
-            ("obj_info", "info", 8, "\"info x\" is no line"),
+            ("obj_info", "info", 8, "\"info x\" is not a line"),
         ] {
             let (found, message) = error(from, to);
             assert!(found == line && message.contains(part), "{found}: {message}");

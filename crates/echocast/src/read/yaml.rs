@@ -1,7 +1,7 @@
 //! Reading and writing YAML: the only file that depends on the YAML crate.
 //!
 //! A text is read in two steps: YAML to a tree of values that remembers the line of every key, then the tree to a type.
-//! So every error can name file, line and key, even those found later ([`Document::locate`]).
+//! So every error can name file, line and key, even errors found later ([`Document::locate`]).
 
 use crate::ground::error::{Error, Result, nearest};
 use crate::ground::shown;
@@ -14,8 +14,8 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::path::Path;
 
-/// Deepest nesting accepted: three times what files of ours need. What reads a text calls itself at every level, on the
-/// stack of whoever asked, of which little is promised to be enough.
+/// Deepest nesting accepted: three times what our files need. Parsing recurses at every level, on the caller's stack,
+/// and little stack is promised to be enough.
 const MAX_DEPTH: usize = 24;
 
 /// Reads YAML `text` that came from `origin` (a file name, or a word for messages).
@@ -30,8 +30,8 @@ pub fn from_str<T: DeserializeOwned>(origin: &str, text: &str) -> Result<T> {
 pub struct Document {
     origin: String,
     value: Value,
-    /// The same tree with lines; none when there is no text.
-    tree: Option<Spanned<Tree>>,
+    /// The same tree with lines; `None` if there is no text.
+    tree: Option<Spanned<YamlTree>>,
 }
 
 impl Document {
@@ -51,7 +51,7 @@ impl Document {
     /// A text that is too long, a syntax error with its line.
     pub fn parse(origin: &str, text: &str) -> Result<Document> {
         Limit::YAML.check(origin, text.len() as u64)?;
-        let tree: Spanned<Tree> = serde_saphyr::from_str_with_options(text, options()).map_err(|error| {
+        let tree: Spanned<YamlTree> = serde_saphyr::from_str_with_options(text, options()).map_err(|error| {
             let place = error.location().map_or(String::new(), |at| format!("line {}", at.line()));
             Error::Parse { origin: origin.to_owned(), place, message: plain_message(&error) }
         })?;
@@ -74,11 +74,12 @@ impl Document {
         let mut line = node.referenced.line();
         for step in steps(path) {
             match (step, &node.value) {
-                (Step::Key(key), Tree::Map(entries)) => match entries.iter().find(|(name, _)| name.value == key) {
+                (KeyStep::Key(key), YamlTree::Map(entries)) => match entries.iter().find(|(name, _)| name.value == key)
+                {
                     Some((name, child)) => (line, node) = (name.referenced.line(), child),
                     None => break,
                 },
-                (Step::Index(index), Tree::List(items)) => match items.get(index) {
+                (KeyStep::Index(index), YamlTree::List(items)) => match items.get(index) {
                     Some(child) => (line, node) = (child.referenced.line(), child),
                     None => break,
                 },
@@ -96,7 +97,7 @@ impl Document {
         self.read_at("", &self.value)
     }
 
-    /// Turns `value`, which stands at `key`, into a `T`.
+    /// Turns `value`, which is at `key`, into a `T`.
     ///
     /// # Errors
     /// As [`Document::read`].
@@ -106,7 +107,7 @@ impl Document {
             Err(fault) => fault,
         };
         Err(self.explain(place, message, |unknown| {
-            // Whether it is known one section further up.
+            // Whether the key is known one section further up.
             let (section, name) = unknown.rsplit_once('.')?;
             let (outside, _) = section.rsplit_once('.')?;
             let inside = |path: &str| path.strip_prefix(key).map(|rest| rest.trim_start_matches('.').to_owned());
@@ -117,7 +118,7 @@ impl Document {
         }))
     }
 
-    /// An error about `key` from serde's message; `moved` says where a key belongs that is unknown where it is.
+    /// An error about `key` from serde's message; `moved` gives the place where a misplaced key belongs.
     fn explain(&self, mut key: String, mut message: String, moved: impl Fn(&str) -> Option<String>) -> Error {
         // A section chosen by a tag reports "inner.key: message", see `Section`.
         while let Some((inner, rest)) = message.split_once(": ") {
@@ -155,11 +156,11 @@ impl Document {
         Error::Parse { origin: self.origin.clone(), place, message: message.to_owned() }
     }
 
-    /// Adds to an [`Error::Io`] of a file that `key` names where that is asked for.
+    /// Adds to the [`Error::Io`] of a file the place of the `key` that names it.
     pub fn asks(&self, key: &str, error: Error) -> Error {
         let Error::Io { path, source } = error else { return error };
         let place = self.line(key).map_or_else(String::new, |line| format!("line {line}: "));
-        let message = format!("{source}, asked for by {}: {place}{key}", shown::origin(&self.origin));
+        let message = format!("{source}, requested by {}: {place}{key}", shown::origin(&self.origin));
         Error::io(path, std::io::Error::new(source.kind(), message))
     }
 
@@ -174,7 +175,7 @@ impl Document {
     }
 }
 
-/// Turns `value`, which stands at `key`, into a `T`; else the path of what is wrong, and what serde says of it.
+/// Turns `value`, which is at `key`, into a `T`; otherwise the path of what is wrong, and serde's message about it.
 fn attempt<T: DeserializeOwned>(key: &str, value: &Value) -> Result<T, (String, String)> {
     serde_path_to_error::deserialize(value).map_err(|error| {
         let place = match error.path().to_string() {
@@ -186,7 +187,7 @@ fn attempt<T: DeserializeOwned>(key: &str, value: &Value) -> Result<T, (String, 
     })
 }
 
-/// What serde calls missing or of another type, in users' words.
+/// Serde's messages about missing keys and wrong types, in users' terms.
 pub fn plain(message: &str) -> String {
     if let Some(missing) = message.strip_prefix("missing field ") {
         return format!("the key {missing} is missing");
@@ -197,7 +198,7 @@ pub fn plain(message: &str) -> String {
     }
 }
 
-/// What a user calls a type.
+/// A type in users' terms.
 fn plain_type(expected: &str) -> String {
     let of_length = ["an array of length ", "a tuple of size ", "tuple of ", "tuple struct "].into_iter();
     if let Some(rest) = of_length.filter_map(|start| expected.strip_prefix(start)).next() {
@@ -222,7 +223,7 @@ fn plain_type(expected: &str) -> String {
     plain.to_owned()
 }
 
-/// `path` and then `key`.
+/// `path` followed by `key`.
 pub fn join(path: &str, key: &str) -> String {
     if path.is_empty() { key.to_owned() } else { format!("{path}.{key}") }
 }
@@ -242,16 +243,16 @@ fn unknown_name(message: &str) -> Option<(&str, Vec<&str>)> {
 /// The value at `path` (`a.b[3]`) below `value`.
 pub fn lookup<'v>(value: &'v Value, path: &str) -> Option<&'v Value> {
     steps(path).try_fold(value, |value, step| match step {
-        Step::Key(key) => value.get(key),
-        Step::Index(index) => value.get(index),
+        KeyStep::Key(key) => value.get(key),
+        KeyStep::Index(index) => value.get(index),
     })
 }
 
-/// [`lookup`] of what is to be changed.
+/// [`lookup`] of a value to be changed.
 fn lookup_mut<'v>(value: &'v mut Value, path: &str) -> Option<&'v mut Value> {
-    steps(path).filter(|step| *step != Step::Key("")).try_fold(value, |value, step| match step {
-        Step::Key(key) => value.get_mut(key),
-        Step::Index(index) => value.get_mut(index),
+    steps(path).filter(|step| *step != KeyStep::Key("")).try_fold(value, |value, step| match step {
+        KeyStep::Key(key) => value.get_mut(key),
+        KeyStep::Index(index) => value.get_mut(index),
     })
 }
 
@@ -278,16 +279,16 @@ pub fn numbers(value: &Value) -> Vec<String> {
 }
 
 #[derive(PartialEq)]
-enum Step<'p> {
+enum KeyStep<'p> {
     Key(&'p str),
     Index(usize),
 }
 
 /// Splits `a.b[3]` into a, b, 3.
-fn steps(path: &str) -> impl Iterator<Item = Step<'_>> {
+fn steps(path: &str) -> impl Iterator<Item = KeyStep<'_>> {
     path.split(['.', '[']).map(|step| match step.strip_suffix(']').and_then(|index| index.parse().ok()) {
-        Some(index) => Step::Index(index),
-        None => Step::Key(step),
+        Some(index) => KeyStep::Index(index),
+        None => KeyStep::Key(step),
     })
 }
 
@@ -308,7 +309,7 @@ pub fn set(value: &mut Value, path: &str, text: &str, tags: &[&str]) -> Result<(
     let new = Document::parse(&origin, text)?.value;
     let fail = |message: String| Error::Parse { origin: origin.clone(), place: String::new(), message };
     if text.trim().is_empty() {
-        return Err(fail("has no value; `null` takes a key away".into()));
+        return Err(fail("has no value; `null` removes a key".into()));
     }
     put(value, path, new, tags).map_err(fail)
 }
@@ -320,7 +321,7 @@ pub fn set(value: &mut Value, path: &str, text: &str, tags: &[&str]) -> Result<(
 /// # Errors
 /// A sentence about a path through something that is not a section, an entry that a list does not have.
 pub fn put(value: &mut Value, path: &str, new: Value, tags: &[&str]) -> Result<(), String> {
-    // As a text that has it there.
+    // The limit is that of a text with the value at this place.
     if steps(path).take(MAX_DEPTH + 1).count() + depth(&new) > MAX_DEPTH {
         return Err(too_deep());
     }
@@ -334,9 +335,9 @@ pub fn put(value: &mut Value, path: &str, new: Value, tags: &[&str]) -> Result<(
             *place = Value::Object(Map::new());
         }
         place = match (step, place) {
-            (Step::Key(""), _) => return Err("the key has an empty part; allowed: names joined by dots".into()),
-            (Step::Key(key), Value::Object(map)) => {
-                // A missing key gets its null: reading will tell whether it may exist.
+            (KeyStep::Key(""), _) => return Err("the key has an empty part; allowed: names joined by dots".into()),
+            (KeyStep::Key(key), Value::Object(map)) => {
+                // A missing key gets its null: reading checks whether it may exist.
                 if last && new.is_null() && map.shift_remove(key).is_some() {
                     return Ok(());
                 }
@@ -346,20 +347,20 @@ pub fn put(value: &mut Value, path: &str, new: Value, tags: &[&str]) -> Result<(
                 done = join(&done, key);
                 map.entry(key).or_insert(Value::Null)
             }
-            (Step::Key(key), Value::Array(items)) => {
+            (KeyStep::Key(key), Value::Array(items)) => {
                 let length = items.len();
                 let entry = items.iter_mut().find(|item| item.get("name").and_then(Value::as_str) == Some(key));
                 let entry = entry.ok_or_else(|| format!("{done}, a list of {length}, has no entry called {key:?}"))?;
                 done = join(&done, key);
                 entry
             }
-            (Step::Index(index), Value::Array(items)) => {
+            (KeyStep::Index(index), Value::Array(items)) => {
                 let length = items.len();
                 done = format!("{done}[{index}]");
                 items.get_mut(index).ok_or_else(|| format!("{done} is past the end of the list of {length}"))?
             }
-            (Step::Key(key), _) => return Err(format!("{done} has no key {key:?}: it is not a section")),
-            (Step::Index(_), _) => return Err(format!("{done} is not a list")),
+            (KeyStep::Key(key), _) => return Err(format!("{done} has no key {key:?}: it is not a section")),
+            (KeyStep::Index(_), _) => return Err(format!("{done} is not a list")),
         };
     }
     *place = new;
@@ -389,7 +390,7 @@ pub struct Section {
 /// serde's own tagged enums, errors keep the key they are about.
 ///
 /// # Errors
-/// Not a mapping; no such key, or no word as its value.
+/// Not a mapping; no such key, or its value is not a word.
 pub fn split_tag<'de, D: Deserializer<'de>>(deserializer: D, tag: &'static str) -> Result<(String, Section), D::Error> {
     let mut keys = Map::deserialize(deserializer)?;
     match keys.shift_remove(tag) {
@@ -425,7 +426,7 @@ pub fn one_or_more_words<'de, D: Deserializer<'de>>(deserializer: D) -> Result<V
 /// Reads a list, a section as a list of one, or nothing as an empty list.
 ///
 /// # Errors
-/// Neither; what is wrong in an item.
+/// None of these; what is wrong in an item.
 pub fn one_or_more<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Vec<T>, D::Error> {
     struct OneOrMore<T>(PhantomData<T>);
 
@@ -481,30 +482,30 @@ impl Section {
     pub fn end<E: de::Error>(self) -> Result<(), E> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Nothing {}
-        let Nothing {} = self.read()?;
+        struct NoKeys {}
+        let NoKeys {} = self.read()?;
         Ok(())
     }
 
-    /// The error that `word` is none of the kinds `known`.
+    /// The error that `word` is not one of the kinds `known`.
     pub fn unknown<E: de::Error>(&self, word: &str, known: &'static [&'static str]) -> E {
         E::custom(format!("{}: {}", self.tag, E::unknown_variant(word, known)))
     }
 }
 
 /// A YAML value with the lines of its contents.
-enum Tree {
+enum YamlTree {
     Leaf(Value),
-    List(Vec<Spanned<Tree>>),
-    Map(Vec<(Spanned<String>, Spanned<Tree>)>),
+    List(Vec<Spanned<YamlTree>>),
+    Map(Vec<(Spanned<String>, Spanned<YamlTree>)>),
 }
 
-impl Tree {
+impl YamlTree {
     fn to_value(&self) -> Value {
         match self {
-            Tree::Leaf(value) => value.clone(),
-            Tree::List(items) => items.iter().map(|item| item.value.to_value()).collect(),
-            Tree::Map(entries) => {
+            YamlTree::Leaf(value) => value.clone(),
+            YamlTree::List(items) => items.iter().map(|item| item.value.to_value()).collect(),
+            YamlTree::Map(entries) => {
                 entries.iter().map(|(key, item)| (key.value.clone(), item.value.to_value())).collect()
             }
         }
@@ -520,8 +521,8 @@ fn options() -> Options {
     }
 }
 
-/// The YAML crate's message, on one line, without the place (which we name ourselves) and words that only its own users
-/// know.
+/// The YAML crate's message, on one line, without the place (which we add ourselves) and without terms that only its
+/// own users know.
 fn plain_message(error: &serde_saphyr::Error) -> String {
     use serde_saphyr::Error as Yaml;
     use serde_saphyr::budget::BudgetBreach;
@@ -533,7 +534,7 @@ fn plain_message(error: &serde_saphyr::Error) -> String {
         | Yaml::AliasReplayLimitExceeded { .. }
         | Yaml::AliasExpansionLimitExceeded { .. }
         | Yaml::AliasReplayStackDepthExceeded { .. } => {
-            "there are more values than are read, those that aliases repeat among them".into()
+            "there are too many values, including those that aliases repeat".into()
         }
         Yaml::DuplicateMappingKey { key: Some(key), .. } => format!("duplicate key {:?}", shown::name(key)),
         Yaml::DuplicateMappingKey { key: None, .. } => "duplicate key".into(),
@@ -550,48 +551,48 @@ fn plain_message(error: &serde_saphyr::Error) -> String {
     }
 }
 
-impl<'de> Deserialize<'de> for Tree {
+impl<'de> Deserialize<'de> for YamlTree {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct TreeVisitor;
 
         impl<'de> Visitor<'de> for TreeVisitor {
-            type Value = Tree;
+            type Value = YamlTree;
 
             fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
                 f.write_str("a YAML value")
             }
-            fn visit_unit<E>(self) -> Result<Tree, E> {
-                Ok(Tree::Leaf(Value::Null))
+            fn visit_unit<E>(self) -> Result<YamlTree, E> {
+                Ok(YamlTree::Leaf(Value::Null))
             }
-            fn visit_bool<E>(self, value: bool) -> Result<Tree, E> {
-                Ok(Tree::Leaf(Value::Bool(value)))
+            fn visit_bool<E>(self, value: bool) -> Result<YamlTree, E> {
+                Ok(YamlTree::Leaf(Value::Bool(value)))
             }
-            fn visit_i64<E>(self, value: i64) -> Result<Tree, E> {
-                Ok(Tree::Leaf(value.into()))
+            fn visit_i64<E>(self, value: i64) -> Result<YamlTree, E> {
+                Ok(YamlTree::Leaf(value.into()))
             }
-            fn visit_u64<E>(self, value: u64) -> Result<Tree, E> {
-                Ok(Tree::Leaf(value.into()))
+            fn visit_u64<E>(self, value: u64) -> Result<YamlTree, E> {
+                Ok(YamlTree::Leaf(value.into()))
             }
-            fn visit_f64<E: de::Error>(self, value: f64) -> Result<Tree, E> {
+            fn visit_f64<E: de::Error>(self, value: f64) -> Result<YamlTree, E> {
                 let number = Number::from_f64(value);
-                Ok(Tree::Leaf(Value::Number(number.ok_or_else(|| E::custom("a number that is not finite"))?)))
+                Ok(YamlTree::Leaf(Value::Number(number.ok_or_else(|| E::custom("a number that is not finite"))?)))
             }
-            fn visit_str<E>(self, value: &str) -> Result<Tree, E> {
-                Ok(Tree::Leaf(value.into()))
+            fn visit_str<E>(self, value: &str) -> Result<YamlTree, E> {
+                Ok(YamlTree::Leaf(value.into()))
             }
-            fn visit_seq<A: SeqAccess<'de>>(self, mut access: A) -> Result<Tree, A::Error> {
+            fn visit_seq<A: SeqAccess<'de>>(self, mut access: A) -> Result<YamlTree, A::Error> {
                 let mut items = Vec::new();
                 while let Some(item) = access.next_element()? {
                     items.push(item);
                 }
-                Ok(Tree::List(items))
+                Ok(YamlTree::List(items))
             }
-            fn visit_map<A: MapAccess<'de>>(self, mut access: A) -> Result<Tree, A::Error> {
+            fn visit_map<A: MapAccess<'de>>(self, mut access: A) -> Result<YamlTree, A::Error> {
                 let mut entries = Vec::new();
                 while let Some(entry) = access.next_entry()? {
                     entries.push(entry);
                 }
-                Ok(Tree::Map(entries))
+                Ok(YamlTree::Map(entries))
             }
         }
         deserializer.deserialize_any(TreeVisitor)
@@ -610,7 +611,7 @@ pub fn to_string<T: Serialize>(value: &T) -> Result<String> {
     let mut text = String::new();
     match &value {
         Value::Object(map) if !map.is_empty() => write_map(&mut text, map, 0),
-        // No text at all would be the name of a file where either is taken: a section without keys is `{}`.
+        // Where a text or a file name is accepted, an empty text would be a file name: a section without keys is `{}`.
         other => text = flow(other) + "\n",
     }
     Ok(text)
@@ -672,7 +673,7 @@ fn flow(value: &Value) -> String {
         Value::Array(items) => format!("[{}]", items.iter().map(flow).collect::<Vec<_>>().join(", ")),
         Value::String(text) => scalar(text),
         Value::Number(number) => match number.as_f64() {
-            // Whole numbers without ".0", and no row of zeros.
+            // Whole numbers without ".0", and no long runs of zeros.
             Some(x) if number.is_f64() && x != 0.0 && !(1e-5..1e15).contains(&x.abs()) => format!("{x:e}"),
             Some(x) if number.is_f64() => format!("{x}"),
             _ => number.to_string(),
@@ -743,11 +744,11 @@ mod tests {
     }
 
     #[test]
-    fn what_the_crate_says_is_put_plainly() {
+    fn messages_of_the_crate_are_made_plain() {
         for (text, expected) in [
             ("a: 1\na: 2".to_owned(), "line 2: duplicate key \"a\""),
             ("[".repeat(100), "line 1: sections and lists are nested deeper than 24, the most allowed"),
-            (format!("[{}]", "1,".repeat(300_000)), "line 1: there are more values than are read, those that"),
+            (format!("[{}]", "1,".repeat(300_000)), "line 1: there are too many values, including those that"),
             ("a: 1\n---\nb: 2".to_owned(), "line 3: a second document begins; allowed: one"),
             ("a: .inf".to_owned(), "line 1: .inf is not a finite number"),
         ] {
@@ -787,9 +788,9 @@ mod tests {
         assert!(!text.contains(|c: char| c != '\n' && shown::is_unseen(c)), "{text}");
     }
 
-    /// Whatever stands where something else should: no word of Rust.
+    /// Whatever value is in place of one of another type, errors use no Rust terms.
     #[test]
-    fn types_are_called_as_users_call_them() {
+    fn types_are_named_in_users_terms() {
         #[derive(Debug, Deserialize)]
         #[serde(rename_all = "snake_case")]
         enum Word {
@@ -825,7 +826,7 @@ mod tests {
     }
 
     #[test]
-    fn unknown_names_are_found_in_what_serde_says() {
+    fn unknown_names_are_found_in_messages_of_serde() {
         assert_eq!(unknown_name("unknown field `a`, expected `b` or `c`"), Some(("a", vec!["b", "c"])));
         assert_eq!(unknown_name("unknown field `a`, there are no fields"), Some(("a", vec![])));
         assert_eq!(unknown_name("unknown variant ``, expected `, expected `b`"), Some(("`, expected ", vec!["b"])));

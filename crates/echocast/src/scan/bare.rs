@@ -7,13 +7,13 @@ use crate::sensor::Sensor;
 use crate::trace::{BareLoop, BuiltScene};
 
 impl<'a> BareLoop<'a> {
-    /// Prepares the rays that [`BuiltScene::scan`] would trace with `sensor` at `pose`, including all rays that stand
-    /// for every beam; for a sonar, those of a ping through water of 1500 m/s.
+    /// Prepares the rays that [`BuiltScene::scan`] would trace with `sensor` at `pose`, including all sub-rays of every
+    /// beam; for a sonar, those of a ping through water of 1500 m/s.
     pub fn new(scene: &'a BuiltScene, sensor: &Sensor, pose: Pose) -> Self {
         let beams = &*sensor.rays();
         let trajectory = Trajectory::fixed(pose);
         let aim = Aim::new(&trajectory, 0.0, scene.origin());
-        // Where beams are one ray or several, one.
+        // Where the number of sub-rays adapts, one per beam.
         let footprint = sensor.signals.footprint.as_ref().filter(|_| sensor.signals.adaptive.is_none());
         let (mut rays, mut counts) = (Vec::new(), Vec::new());
         for first in (0..beams.len()).step_by(LANES) {

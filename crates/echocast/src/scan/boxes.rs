@@ -1,4 +1,4 @@
-//! Boxes around labelled instances: where they are, how many points they have, how much of them is not hidden.
+//! Boxes around labelled instances: their poses, numbers of points and visible fractions.
 
 use super::ScanOptions;
 use crate::cloud::{BoxAxes, BoxTime, Field, Frame, InstanceBox, PointCloud};
@@ -8,21 +8,20 @@ use crate::ground::lanes::{CHUNK, LANES, RayBatch};
 use crate::ground::parallel;
 use crate::ground::pose::Pose;
 use crate::sensor::{DepthCamera, Sensor, SensorKind};
-use crate::trace::{BuiltScene, Crossings, Instance, Sight, Tables};
+use crate::trace::{BuiltScene, Crossings, LabelledInstance, Sight, Tables};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 impl BuiltScene {
-    /// Boxes around the labelled instances that such a scan can see: those with an `instance_id` that is not 0, which are
-    /// there when their box [holds](ScanOptions::box_time) and then reach into the sensor's range, or have points in
-    /// `cloud`, which it made. Objects with one `instance_id` share a box, along the axes of the first; what changes its
-    /// shape is as it is then. Along [`BoxAxes::Object`] unless the options say otherwise.
+    /// Boxes around the labelled instances that such a scan can see: those with an `instance_id` other than 0 that are
+    /// present when their box [holds](ScanOptions::box_time) and within the sensor's range then, or have points in
+    /// `cloud`, the result of that scan. Objects with one `instance_id` share a box, along the axes of the first;
+    /// deforming objects have their shape at that time. Boxes are along [`BoxAxes::Object`] by default.
     ///
     /// # Errors
-    /// As [`BuiltScene::scan`]; a cloud without the column `instance_id`, or `time` if boxes hold when objects are scanned;
-    /// boxes in images of a sensor that has
-    /// [none](Sensor::image_grid).
+    /// As [`BuiltScene::scan`]; a cloud without the column `instance_id`, or without `time` if boxes hold when objects
+    /// are scanned; boxes in images of a sensor that has [none](Sensor::image_grid).
     pub fn boxes(
         &self,
         sensor: &Sensor,
@@ -61,7 +60,7 @@ impl BuiltScene {
             Frame::World => Pose::IDENTITY,
             Frame::Sensor => cloud.sensor_pose,
         };
-        // The frame of such points goes along with the sensor.
+        // The frame of such points moves with the sensor.
         let rides = cloud.frame == Frame::Sensor && !sonar && !options.deskew;
         let grid = options.image_boxes.then(|| sensor.image_grid()).transpose()?;
         let make = Boxes { scene: &self.0, options, frame, rides, path: trajectory, reach, grid };
@@ -70,14 +69,14 @@ impl BuiltScene {
             let mut boxes = vec![None; instances.len()];
             parallel::for_each(&mut boxes, |index, to| {
                 let [alone, first] = [&crossings.alone, &crossings.first].map(|all| all[index].load(Ordering::Relaxed));
-                let Met { points, mean, first: met } = met[index];
+                let InstanceHits { points, mean, first: met } = met[index];
                 let seen = points > 0 || alone > 0;
                 let around = |after: f64| make.around(&instances[index], seen, after);
                 let found = match options.box_time {
                     BoxTime::Start => around(0.0),
                     BoxTime::End => around(last),
                     BoxTime::Scan if options.deskew => around(0.0),
-                    // What comes and goes may be away in between.
+                    // An object that is hidden at times may be hidden in between.
                     BoxTime::Scan if points > 0 => around(mean).or_else(|| around(met)),
                     BoxTime::Scan => around(0.5 * last),
                 };
@@ -92,17 +91,17 @@ impl BuiltScene {
     }
 }
 
-/// How an instance was met.
+/// When an instance was hit, and how often.
 #[derive(Clone, Copy, Default)]
-struct Met {
-    /// How many points lie on it.
+struct InstanceHits {
+    /// Number of points on it.
     points: u32,
-    /// When they were met on average, and the first of them, s after the start of the scan.
+    /// Mean time of these points, and time of the first, s after the start of the scan.
     mean: f64,
     first: f64,
 }
 
-/// Of the points in one half of a scan: how many, the sum of their times, the first and the last, s.
+/// The points in one half of a scan: their number, the sum of their times, and the first and last time, s.
 #[derive(Clone, Copy)]
 struct Half {
     points: u32,
@@ -119,13 +118,13 @@ impl Half {
     }
 }
 
-/// How each of `instances` was met by the points of the instances `ids`, at `times`, s, if these are asked for, in a scan
-/// from `start` on that lasts `length`, s.
+/// When each of `instances` was hit, and how often, by points with the instances `ids` at `times`, s, if these are
+/// required, in a scan from `start` on that lasts `length`, s.
 ///
-/// What is met where a turn begins is met again where it ends: in between it is where no point was. Then the time is that
-/// of the end that has more points.
-fn met(ids: &[u32], times: &[f64], [start, length]: [f64; 2], instances: &[Instance]) -> Vec<Met> {
-    let mut all = vec![Met::default(); instances.len()];
+/// What is hit at the start of a revolution may be hit again at its end: at the mean time there would be no point. Then
+/// the time is that of the end with more points.
+fn met(ids: &[u32], times: &[f64], [start, length]: [f64; 2], instances: &[LabelledInstance]) -> Vec<InstanceHits> {
+    let mut all = vec![InstanceHits::default(); instances.len()];
     let mut halves = vec![[Half::NONE; 2]; if times.is_empty() { 0 } else { instances.len() }];
     let mut row = 0;
     for run in ids.chunk_by(|a, b| a == b) {
@@ -135,7 +134,7 @@ fn met(ids: &[u32], times: &[f64], [start, length]: [f64; 2], instances: &[Insta
                 if met.points == 0 {
                     met.first = times[0] - start;
                 }
-                // Relative to the start, so that times since 1970 keep their digits.
+                // Relative to the start, so that times since 1970 keep their precision.
                 times.iter().map(|time| time - start).for_each(|time| {
                     halves[index][usize::from(time > 0.5 * length)].add(time);
                 });
@@ -163,18 +162,18 @@ struct Boxes<'a> {
     options: &'a ScanOptions,
     /// World from the frame of the boxes, when the scan starts.
     frame: Pose,
-    /// Whether that is the sensor's at all times.
+    /// Whether that frame moves with the sensor.
     rides: bool,
-    /// Where the sensor is.
+    /// Path of the sensor.
     path: &'a Trajectory,
     /// Greatest range, m.
     reach: f64,
-    /// Its image, if boxes in it are wanted.
+    /// Its image, if boxes in it are requested.
     grid: Option<ImageGrid>,
 }
 
 impl Boxes<'_> {
-    /// Which instances the axes of `beams` meet.
+    /// Which instances the axes of `beams` hit.
     fn cross(&self, beams: &BeamTable, aim: &Aim, sonar: bool) -> Crossings {
         let clock = self.scene.clock(self.options.start_time, self.options.freeze);
         let crossings = Crossings::new(self.scene.instances().len());
@@ -198,16 +197,17 @@ impl Boxes<'_> {
         crossings
     }
 
-    /// The box around `instance` so many s `after` the start of the scan, without points; `None`: it is not there, or
+    /// The box around `instance`, `after` s from the start of the scan, without points; `None`: it is not present, or
     /// neither `seen` nor within range.
-    fn around(&self, instance: &Instance, seen: bool, after: f64) -> Option<InstanceBox> {
+    fn around(&self, instance: &LabelledInstance, seen: bool, after: f64) -> Option<InstanceBox> {
         let (start, mask) = (self.options.start_time, self.options.mask);
         let time = start + after;
         let moment = self.scene.clock(start, self.options.freeze).map_or(0.0, |clock| clock.of(after));
         let sensor = self.path.at(self.options.trajectory_time() + after);
         let frame = if self.rides { sensor } else { self.frame };
         let stances = instance.objects.iter().filter_map(|&object| {
-            let (place, turned) = self.scene.stance(object, if self.options.freeze { start } else { time }, mask)?;
+            let (place, turned) =
+                self.scene.transform_at(object, if self.options.freeze { start } else { time }, mask)?;
             Some((object, place, turned))
         });
         let stances: Vec<(u32, DAffine3, DMat3)> = stances.collect();
@@ -216,7 +216,7 @@ impl Boxes<'_> {
             BoxAxes::Object => axes(turned),
             BoxAxes::Frame => frame.orientation,
         };
-        // Relative to a place nearby, so that distances keep their digits.
+        // Relative to a position nearby, so that distances keep their precision.
         let near = place.translation;
         let into = DAffine3::from_quat(axes.inverse()) * DAffine3::from_translation(-near);
         let extents =
@@ -258,7 +258,7 @@ impl Boxes<'_> {
         let back = DAffine3::from_quat(orientation.inverse());
         let mut outline = Outline::new(grid, back.transform_point3(middle - position));
         for (object, place, _) in stances {
-            // The difference of places first, so that it keeps its digits.
+            // The difference of positions first, so that it keeps its precision.
             let near = DAffine3 { translation: place.translation - position, ..*place };
             let into = back * near;
             let mut corners = [DVec3::ZERO; 3];
@@ -276,11 +276,11 @@ impl Boxes<'_> {
     }
 }
 
-/// The rotation of an object with this linear part: where its x axis goes, and its z axis as far as it is at right
-/// angles to that; y follows, whether it is mirrored or not.
+/// The rotation of an object with this linear part: x along its x axis, z along the part of its z axis that is at right
+/// angles to that; y completes them, whether the object is mirrored or not.
 fn axes(linear: &DMat3) -> DQuat {
     let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis].map(DVec3::normalize_or_zero);
-    // What is squeezed flat takes its axes from what is left.
+    // An object scaled flat takes its axes from those that are left.
     let x = if x == DVec3::ZERO { y.cross(z).try_normalize().unwrap_or(DVec3::X) } else { x };
     let across = |axis: DVec3| (axis - x * x.dot(axis)).try_normalize().filter(|_| axis.cross(x).length() > 1e-9);
     let z = across(z).or_else(|| across(x.cross(y))).unwrap_or_else(|| x.any_orthonormal_vector());
@@ -300,13 +300,13 @@ mod tests {
         };
         let of = |x, y, z| DMat3::from_diagonal(DVec3::new(x, y, z));
         same(quarter * of(2.0, 3.0, 0.5), quarter);
-        // Left and right of what is mirrored change places; what looks back has been turned.
+        // Mirroring swaps left and right; a reversed x axis is a rotation.
         same(quarter * of(1.0, -1.0, 1.0), quarter);
         same(of(-1.0, 1.0, 1.0), of(-1.0, -1.0, 1.0));
         same(of(-1.0, -1.0, -1.0), of(-1.0, 1.0, -1.0));
-        // Sheared: z leans forward.
+        // Sheared: z is tilted forward.
         same(DMat3::from_cols(2.0 * DVec3::X, DVec3::Y, DVec3::new(1.0, 0.0, 1.0)), DMat3::IDENTITY);
-        // Squeezed flat.
+        // Scaled flat.
         same(quarter * of(0.0, 1.0, 1.0), quarter);
         same(quarter * of(1.0, 0.0, 1.0), quarter);
         same(quarter * of(1.0, 1.0, 0.0), quarter);

@@ -19,22 +19,22 @@ use crate::sensor::{Sensor, SensorKind};
 use crate::trace::BuiltScene;
 use std::ops::ControlFlow;
 
-/// Which model set a scan follows.
+/// The set of models that a scan uses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Profile {
-    /// Physics as we know it.
+    /// Physical models.
     #[default]
     Physical,
-    /// The equations of the paper as printed; glass is physical. Sonars give clouds, and no pings.
+    /// The equations of the paper as printed; glass is physical. Sonars produce clouds, and no pings.
     Paper,
-    /// What the paper's program computes; total reflection within glass is physical. Sonars as with `Paper`.
+    /// As computed by the paper's program; total internal reflection in glass is physical. Sonars as with `Paper`.
     Blainder,
 }
 
 named! { Profile: Physical "physical", Paper "paper", Blainder "blainder" }
 
 impl Profile {
-    /// Checks that it is the physical one; `allowed` says why no other is.
+    /// Checks that it is the physical one; `allowed` states why no other is.
     fn check_physical(self, allowed: &str) -> Result<()> {
         match self {
             Profile::Physical => Ok(()),
@@ -42,7 +42,7 @@ impl Profile {
         }
     }
 
-    /// Checks that `sensor` asks for no points in one plane unless it is the one that has them.
+    /// Checks that `sensor` requests no points in one plane unless this profile supports them.
     fn check_flat(self, sensor: &Sensor) -> Result<()> {
         match sensor.flat() {
             Some(_) if self != Profile::Blainder => {
@@ -56,10 +56,10 @@ impl Profile {
 /// Order of the points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Order {
-    /// By rising frame, beam and return.
+    /// By ascending frame, beam and return.
     #[default]
     Beam,
-    /// By rising time, as drivers publish.
+    /// By ascending time, as drivers publish.
     Time,
 }
 
@@ -74,30 +74,31 @@ pub struct ScanOptions {
     pub seed: u64,
     /// Frame index; it changes the random draws and fills the `frame` column.
     pub frame: u32,
-    /// Time at which the scan starts, s since the start of the run; patterns that do not repeat go on with it.
+    /// Time at which the scan starts, s since the start of the run; patterns that do not repeat continue with it.
     pub start_time: f64,
     /// Time of the trajectory at which the scan starts, s; `None`: `start_time`.
     pub trajectory_time: Option<f64>,
-    /// Let the scene hold still during the scan, as it is when it starts: to compare with simulators that do.
+    /// Freeze the scene during the scan, as it is at the start: for comparison with simulators that do so.
     pub freeze: bool,
     /// Time from one frame to the next, s, over which scene flow is measured; `None`: the sensor's period.
     pub frame_period: Option<f64>,
     /// Keep misses, so that every beam has a row.
     pub organised: bool,
-    /// Bring points to one time, the start of the scan: what moves is where it was then, with all points that lie on it,
-    /// however late they were met, and [`Frame::Sensor`] is the sensor's frame then. That holds for positions and normals;
-    /// the other columns, also `true_x`, `true_y` and `true_z`, say what was when the beam fired. Not for sonars.
+    /// Transform points to one time, the start of the scan: moving objects are where they were then, with all points on
+    /// them, however late these were hit, and [`Frame::Sensor`] is the sensor's frame at that time. This applies to
+    /// positions and normals; the other columns, including `true_x`, `true_y` and `true_z`, give the state when the
+    /// beam fired. Not for sonars.
     pub deskew: bool,
     /// Coordinates of the output points.
     pub coordinates: Frame,
     /// Order of the points.
     pub order: Order,
-    /// Along which axes the boxes around labelled instances lie; `None`: no boxes, for which all beams are traced once more.
+    /// Axes of the boxes around labelled instances; `None`: no boxes. For boxes all beams are traced once more.
     pub boxes: Option<BoxAxes>,
-    /// When boxes hold.
+    /// Time at which boxes hold.
     pub box_time: BoxTime,
-    /// Whether boxes also say where they are in the sensor's image ([`InstanceBox::image`](crate::InstanceBox::image)), for
-    /// which every triangle is looked at.
+    /// Whether boxes also give their extent in the sensor's image ([`InstanceBox::image`](crate::InstanceBox::image)),
+    /// for which every triangle is processed.
     pub image_boxes: bool,
     /// Model set.
     pub profile: Profile,
@@ -106,7 +107,7 @@ pub struct ScanOptions {
     pub reflectance_source: Option<ReflectanceSource>,
     /// Objects whose mask shares a bit with this are seen.
     pub mask: u32,
-    /// Most mirrors and glass faces that a path of light is followed over and through.
+    /// Greatest number of mirrors and glass faces on a path of light.
     pub specular_depth: u8,
     /// What is between sensor and surfaces; it must be valid, see [`Environment::check`].
     pub environment: Environment,
@@ -149,8 +150,8 @@ impl ScanOptions {
         self.trajectory_time.unwrap_or(self.start_time)
     }
 
-    /// Checks that a scan along `trajectory` is possible, in an environment that is checked elsewhere: of light once, when
-    /// it is made ready.
+    /// Checks that a scan along `trajectory` is possible, in an environment that is checked elsewhere: for light once,
+    /// when it is prepared.
     fn check(&self, trajectory: &Trajectory) -> Result<()> {
         let start = trajectory.at(self.trajectory_time());
         if !(start.position.is_finite() && start.orientation.is_finite()) {
@@ -178,11 +179,11 @@ impl ScanOptions {
     }
 }
 
-/// A callback that gets the fraction of the work that is done, 0 to 1, and returns whether to go on.
+/// A callback that gets the fraction of the work that is done, 0 to 1, and returns whether to continue.
 pub type Progress<'a> = &'a mut dyn FnMut(f64) -> ControlFlow<()>;
 
 impl BuiltScene {
-    /// Scans once with `sensor` along `trajectory`. For a sonar, gives the points of one ping
+    /// Scans once with `sensor` along `trajectory`. For a sonar, returns the points of one ping
     /// ([`Ping::cloud`](crate::Ping::cloud)).
     ///
     /// # Errors
@@ -194,11 +195,11 @@ impl BuiltScene {
         Ok(cloud)
     }
 
-    /// [`BuiltScene::scan`] into the memory of `cloud`. After the first few of their kind, scans in beam order of LiDARs
-    /// and depth cameras allocate nothing, whatever the sensor, in any weather and in front of mirrors and glass; with
-    /// another profile than the physical one, or boxes around instances, they take some small blocks, a ping of a sonar
-    /// up to 20 ([`BuiltScene::ping_into`] reuses memory). Threads, the calling one among them, keep their working
-    /// memory until they end, sensors what they made ready for the last 16 environments.
+    /// [`BuiltScene::scan`] into the memory of `cloud`. After the first few of their kind, scans in beam order of
+    /// LiDARs and depth cameras allocate nothing, whatever the sensor, in any weather and in front of mirrors and
+    /// glass; with a profile other than the physical one, or boxes around instances, they allocate some small blocks, a
+    /// ping of a sonar up to 20 ([`BuiltScene::ping_into`] reuses memory). Threads, including the calling one, keep
+    /// their working memory until they end; sensors keep what they prepared for the last 16 environments.
     ///
     /// # Errors
     /// As [`BuiltScene::scan`]. `cloud` is unchanged if the pose or the options are wrong; if there is no memory, it is
@@ -213,11 +214,11 @@ impl BuiltScene {
         self.scan_watched(sensor, trajectory, options, cloud, None)
     }
 
-    /// [`BuiltScene::scan_into`] that reports to `progress`, on this thread, how far it is, several times in a long
+    /// [`BuiltScene::scan_into`] that reports how far it is to `progress`, on this thread, several times in a long
     /// scan; for a sonar, whose scan is one ping, before and after it.
     ///
     /// # Errors
-    /// As [`BuiltScene::scan_into`], and [`Error::Cancelled`] if `progress` says to stop; `cloud` is then empty.
+    /// As [`BuiltScene::scan_into`], and [`Error::Cancelled`] if `progress` returns to stop; `cloud` is then empty.
     pub fn scan_with_progress(
         &self,
         sensor: &Sensor,
@@ -242,11 +243,11 @@ impl BuiltScene {
             (cloud.boxes, cloud.time_zero) = (None, trajectory.time_zero());
             return Ok(());
         }
-        // Before anything is scanned into the cloud, which stays as it is if there are none.
+        // Before anything is scanned into the cloud, which stays as it is if the sensor has no image.
         if options.image_boxes {
             sensor.image_grid()?;
         }
-        // Boxes count the points of each instance, and ask when they were met.
+        // Boxes count the points of each instance, and require their times.
         let fields = options.fields.with(Field::InstanceId).with(Field::Time);
         let counted = ScanOptions { fields, ..options.clone() };
         self.scan_points(sensor, trajectory, &counted, cloud, progress)?;
@@ -281,17 +282,17 @@ impl BuiltScene {
                 Profile::Physical => self.scan_sound(sensor, trajectory, options, cloud)?,
                 _ => self.scan_printed(sensor, trajectory, options, cloud)?,
             }
-            // What is finished is not thrown away.
+            // A finished ping is not discarded.
             let _ = progress.map(|progress| progress(1.0));
             return Ok(());
         }
         self.scan_light(sensor, trajectory, options, cloud, progress)
     }
 
-    /// Explains what happens to beam `beam` of such a scan, step by step with numbers: where it goes, what it meets,
-    /// what comes back, and which part of it is seen and reported. For a sonar, explains the ray of the beam's echo,
-    /// layer by layer, and the terms of the sonar equation; in the profiles of the paper and its program `beam` is a ray of
-    /// their fan.
+    /// Explains what happens to beam `beam` of such a scan, step by step with numbers: where it goes, what it hits,
+    /// what returns, and which part of that is detected and reported. For a sonar, explains the ray of the beam's echo,
+    /// layer by layer, and the terms of the sonar equation; in the profiles of the paper and its program `beam` is a
+    /// ray of their fan.
     ///
     /// # Errors
     /// As [`BuiltScene::scan`], and a beam that does not exist.

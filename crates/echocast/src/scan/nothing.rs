@@ -1,12 +1,12 @@
-//! Why a scan has no point.
+//! Why a scan has no points.
 
 use crate::detect::Detection;
 use crate::medium::Environment;
 use crate::sensor::{Sensor, SensorKind};
 use glam::DVec3;
 
-/// Why no beam of `sensor` may have a return, as a sentence: the scene reaches from its lowest to its highest corner,
-/// `bounds`, m (`None`: it is empty), the sensor starts at `start`.
+/// Possible reasons why no beam of `sensor` has a return, as a sentence: the scene extends from its lowest to its
+/// highest corner, `bounds`, m (`None`: it is empty), the sensor starts at `start`.
 pub fn why_nothing(bounds: Option<(DVec3, DVec3)>, sensor: &Sensor, start: DVec3, environment: &Environment) -> String {
     let Some((low, high)) = bounds else {
         return "no beam has a return: the scene has no triangles".into();
@@ -26,7 +26,7 @@ pub fn why_nothing(bounds: Option<(DVec3, DVec3)>, sensor: &Sensor, start: DVec3
             start.x, start.y, start.z, low.x, low.y, low.z, high.x, high.y, high.z
         );
     }
-    // Reasons that cannot be told apart here are listed, as far as they apply to this sensor and this weather.
+    // Reasons that cannot be distinguished here are listed, as far as they apply to this sensor and this weather.
     let mut causes = vec!["its beams miss the scene"];
     let sonar = sensor.kind() == SensorKind::Sonar;
     if sonar || spec.detection.model != Detection::None {

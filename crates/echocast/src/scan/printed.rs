@@ -16,7 +16,7 @@ use crate::ground::lanes::{CHUNK, LANES, MEDIUM, MISS, RayBatch};
 use crate::ground::parallel;
 use crate::ground::pose::Pose;
 use crate::material::{Mirrors, ReflectanceSource, Reflectances};
-use crate::medium::{Absorption, Column, Fluid, Slab, SoundSpeed, SoundSpeedProfile, Water};
+use crate::medium::{Absorption, Fluid, Slab, SoundSpeed, SoundSpeedProfile, Water, WaterColumn};
 use crate::sensor::{AcousticsSpec, Sensor};
 use crate::trace::{
     Arrival, BuiltScene, Cover, HitBatch, Launch, ReflectionLoss, Sight, SoundLimits, SoundTracer, Tables, TracerMemory,
@@ -34,7 +34,7 @@ struct Printed<'a> {
     acoustics: &'a AcousticsSpec,
     options: &'a ScanOptions,
     fan: Arc<BeamTable>,
-    column: Column,
+    column: WaterColumn,
     reflectances: Arc<Reflectances>,
     pose: Pose,
     /// Where the sonar starts, m.
@@ -48,10 +48,10 @@ struct Printed<'a> {
 #[derive(Clone, Copy, Debug)]
 struct PrintedPoint {
     ray: u32,
-    /// Way along the ray, m.
+    /// Length along the ray, m.
     range: f32,
     intensity: f32,
-    /// Where the surface is met, relative to the scene's origin, m, and the unit vector along the ray there.
+    /// Where the surface is hit, relative to the scene's origin, m, and the unit vector along the ray there.
     place: Vec3,
     direction: Vec3,
     /// Of any length and sign.
@@ -61,14 +61,14 @@ struct PrintedPoint {
     corner: [f32; 2],
 }
 
-/// The terms of the sonar equation (6) that differ from ray to ray, dB but for the reflectance.
+/// The terms of the sonar equation (6) that differ from ray to ray, dB except for the reflectance.
 #[derive(Clone, Copy, Debug)]
 struct Terms {
-    /// Source level, of the program after the interfaces on the way.
+    /// Source level; for the program, after the interfaces on the way.
     source: f64,
-    /// What spreading takes, there and back.
+    /// Two-way spreading loss.
     spreading: f64,
-    /// What interfaces take; nothing of the program, which has that in the source level.
+    /// Loss at interfaces; 0 for the program, which includes it in the source level.
     interfaces: f64,
     /// 0 to 1.
     reflectance: f64,
@@ -76,11 +76,11 @@ struct Terms {
     level: f64,
 }
 
-/// Rays of one task and the memory to follow them in.
+/// Points of the rays of one task, and the buffers to trace them.
 #[derive(Default)]
 struct PrintedChunk {
     points: Vec<PrintedPoint>,
-    ways: Vec<Way>,
+    ways: Vec<ProgramRay>,
     tracer: TracerMemory,
     arrivals: Vec<Arrival>,
 }
@@ -120,7 +120,11 @@ impl<'a> Printed<'a> {
         let acoustics = sensor.acoustics()?;
         options.profile.check_flat(sensor)?;
         if sensor.flat().is_some() && options.coordinates == Frame::Sensor {
-            return Err(Error::invalid("coordinates", "sensor", "world with pattern.flat, whose points lie there"));
+            return Err(Error::invalid(
+                "coordinates",
+                "sensor",
+                "world with pattern.flat, whose points are in world coordinates",
+            ));
         }
         scene.check_time(options.start_time, 0.0)?;
         let program = options.profile == Profile::Blainder;
@@ -130,8 +134,8 @@ impl<'a> Printed<'a> {
         let pose = sensor.turned(trajectory.at(options.trajectory_time()), options.frame);
         let water = printed_water(options.environment.water.clone().unwrap_or_default());
         let depth = water.surface_z_m - pose.position.z;
-        // What there is to say against it `BuiltScene::check_water` tells.
-        let (column, _) = Column::new(&water, acoustics.frequency(), depth)?;
+        // Warnings about it are reported by `BuiltScene::check_water`.
+        let (column, _) = WaterColumn::new(&water, acoustics.frequency(), depth)?;
         let wavelength = column.speed_at(depth) / acoustics.frequency();
         let source = if program { ReflectanceSource::Alpha } else { ReflectanceSource::Luminance };
         let source = options.reflectance_source.unwrap_or(source).of_sound();
@@ -168,7 +172,7 @@ impl<'a> Printed<'a> {
         chunks.into_iter().flat_map(|chunk| chunk.points).collect()
     }
 
-    /// Time is what ends a ray of the tracer; where sound is slowest it takes longest over the farthest range.
+    /// The tracer ends rays by time; where sound is slowest it takes longest over the maximum range.
     fn tracer_limits<'l>(&self, reflection_loss: ReflectionLoss<'l>) -> SoundLimits<'l> {
         SoundLimits {
             mask: self.options.mask,
@@ -184,12 +188,12 @@ impl<'a> Printed<'a> {
         self.pose.rotation().as_mat3()
     }
 
-    /// Place of the sonar, relative to the scene's origin, m.
+    /// Position of the sonar, relative to the scene's origin, m.
     fn place(&self) -> DVec3 {
         self.pose.position - self.scene.origin
     }
 
-    /// What of the sonar equation (6) is the same for all rays, dB: `- NL`, `DI` and `PG`.
+    /// Terms of the sonar equation (6) that are the same for all rays, dB: `- NL`, `DI` and `PG`.
     fn own_terms(&self) -> [f64; 3] {
         let AcousticsSpec { noise_level_db, directivity_index_db, processing_gain_db, .. } = self.acoustics;
         [-noise_level_db.unwrap_or(0.0), directivity_index_db.unwrap_or(0.0), processing_gain_db.unwrap_or(0.0)]
@@ -200,7 +204,7 @@ impl<'a> Printed<'a> {
         directivity + gain + noise
     }
 
-    /// Reflectance of a `surface`, 0 to 1, at a place of a `triangle`.
+    /// Reflectance of a `surface`, 0 to 1, at a point of a `triangle`.
     fn reflectance(&self, surface: u32, triangle: u32, corner: [f32; 2]) -> f64 {
         let surfaces = &self.scene.surfaces;
         let surface = &surfaces.rows[surface as usize];
@@ -212,9 +216,9 @@ impl<'a> Printed<'a> {
         known.into()
     }
 
-    /// Echoes as the paper has them: eq. 6 with spherical spreading over the whole path, `TS = 10 log(reflectance)`,
-    /// and `-10 log` of eq. 13 at each interface on the way there; rays by Snell's law (11), mirrored where nothing
-    /// goes over.
+    /// Echoes as printed (paper profile): eq. 6 with spherical spreading over the whole path, `TS = 10
+    /// log(reflectance)`, and `-10 log` of eq. 13 at each interface on the way out; rays by Snell's law (11), reflected
+    /// where nothing is transmitted.
     fn follow_as_paper(&self, tracer: &SoundTracer, rays: Range<usize>, chunk: &mut PrintedChunk) {
         let launch = Launch {
             directions: self.fan.directions(0, self.fan.len()),
@@ -231,7 +235,8 @@ impl<'a> Printed<'a> {
         }
     }
 
-    /// The paper's echo of what a ray meets; `None`: of the sea surface, of which it knows nothing, and out of range.
+    /// The echo of an arrival as printed (paper profile); `None`: from the sea surface, which the paper does not treat,
+    /// or out of range.
     fn echo_as_paper(&self, arrival: &Arrival) -> Option<(Terms, PrintedPoint)> {
         let path = f64::from(arrival.path);
         if arrival.surface == MEDIUM || !(path >= self.limits[0] && path <= self.limits[1]) {
@@ -256,16 +261,16 @@ impl<'a> Printed<'a> {
         Some((Terms { source, spreading, interfaces, reflectance, level }, point))
     }
 
-    /// Echoes as the program has them, block by block, all rays of a block through one layer after the other. `tell` is
-    /// called with all that is met, however faint.
+    /// Echoes as computed by the paper's program, block by block, all rays of a block through one layer after the
+    /// other. `report` is called with everything that is hit, however weak.
     fn follow_as_program(
         &self,
         rays: Range<usize>,
         chunk: &mut PrintedChunk,
-        tell: &mut impl FnMut(&Terms, &PrintedPoint),
+        report: &mut impl FnMut(&Terms, &PrintedPoint),
     ) {
         let (mut batch, mut hits) = (RayBatch::default(), HitBatch::new());
-        // As for the program, nothing moves during a ping.
+        // As in the program, nothing moves during a ping.
         if let Some(clock) = self.scene.clock(self.options.start_time, true) {
             batch.time = [clock.of(0.0); LANES];
         }
@@ -273,16 +278,17 @@ impl<'a> Printed<'a> {
         let slabs = &self.column.slabs[self.column.slab_at(depth)..];
         let rotation = self.rotation();
         let ways = &mut chunk.ways;
-        // Its surfaces are there, whatever their alpha.
+        // In the program surfaces are solid, whatever their alpha.
         let sight = Sight { mask: self.options.mask, cover: Cover::Reflecting };
         for first in rays.clone().step_by(LANES) {
             ways.clear();
             ways.extend((first..rays.end.min(first + LANES)).map(|ray| {
                 let direction = (rotation * self.fan.direction(ray)).as_dvec3().normalize();
-                Way::new(ray as u32, self.place(), direction, self.limits[1], self.acoustics.source_level_db)
+                ProgramRay::new(ray as u32, self.place(), direction, self.limits[1], self.acoustics.source_level_db)
             }));
             if slabs.len() > 1 {
-                // Of rays that do not go down it makes such that start behind themselves; here they meet nothing.
+                // The program turns rays that do not go down into ones that start behind themselves; here they hit
+                // nothing.
                 ways.retain(|way| way.fall > 0.0);
             }
             let mut top = depth;
@@ -304,9 +310,9 @@ impl<'a> Printed<'a> {
                     let met = self.echo_as_program(way, &hits, lane);
                     lane += 1;
                     if let Some((terms, point)) = &met {
-                        tell(terms, point);
+                        report(terms, point);
                     }
-                    // On an interface the way in the last layer is 0, and the level no number.
+                    // On an interface the path in the last layer is 0, and the level not a number.
                     let loud = |terms: &Terms, point: &PrintedPoint| {
                         terms.level > self.acoustics.detection_threshold_db && point.intensity.is_finite()
                     };
@@ -325,10 +331,10 @@ impl<'a> Printed<'a> {
         }
     }
 
-    /// The echo of what `lane` of `hits` meets: `(SL - 2 TL - NL + DI + PG) R` by the program, the reflectance `R` a
-    /// factor of the level, `TL = 10 log` of the way in the last layer alone; its intensity is the ratio of the level to
-    /// that of the source.
-    fn echo_as_program(&self, way: &Way, hits: &HitBatch, lane: usize) -> Option<(Terms, PrintedPoint)> {
+    /// The echo of the hit in `lane` of `hits` as computed by the paper's program: `(SL - 2 TL - NL + DI + PG) R`, with
+    /// the reflectance `R` as a factor of the level and `TL = 10 log` of the path in the last layer only; its intensity
+    /// is the ratio of the level to that of the source.
+    fn echo_as_program(&self, way: &ProgramRay, hits: &HitBatch, lane: usize) -> Option<(Terms, PrintedPoint)> {
         let surface = hits.surface[lane];
         if surface == MISS {
             return None;
@@ -353,7 +359,7 @@ impl<'a> Printed<'a> {
         Some((terms, point))
     }
 
-    /// Makes a cloud of the points.
+    /// Makes a cloud from the points.
     fn collect(&self, points: Vec<PrintedPoint>, cloud: &mut PointCloud) -> Result<()> {
         let options = self.options;
         let rows = if options.organised { self.fan.len() } else { points.len() };
@@ -371,7 +377,7 @@ impl<'a> Printed<'a> {
         cloud.organised = options.organised.then_some([self.fan.rows, self.fan.columns]);
         cloud.sensor_pose = self.pose;
         cloud.start_time = Some(options.start_time);
-        // A level has no greatest value; the program's ratio has 1.
+        // A level has no full-scale value; that of the program's ratio is 1.
         cloud.intensity_full_scale = (options.profile == Profile::Blainder).then_some(1.0);
         cloud.driver = None;
         cloud.labels = self.scene.surfaces.labels.clone();
@@ -430,7 +436,7 @@ impl<'a> Printed<'a> {
         };
         let rotation = self.pose.rotation();
         let met = rotation.transpose() * (point.place.as_dvec3() - self.place());
-        // The paper's point lies in the direction in which the ray left, the program's where the surface is.
+        // The paper's point is in the direction in which the ray left, the program's where the surface is.
         let own = match self.options.profile {
             Profile::Blainder => met,
             _ => launch.as_dvec3().normalize() * f64::from(point.range),
@@ -476,12 +482,13 @@ impl<'a> Printed<'a> {
 }
 
 impl Printed<'_> {
-    /// Where the program has a `point` of a ray that leaves along `launch` (sensor frame) when it makes them lie in one
+    /// Where the program puts a `point` of a ray that leaves along `launch` (sensor frame) if it puts them into one
     /// plane, relative to the scene's origin, m; `None`: it does not.
     fn flattened(&self, launch: Vec3, point: &PrintedPoint) -> Option<Vec3> {
         let range = f64::from(point.range);
         let place = match self.flat? {
-            // What it calls the travelled distance is the straight one from the start: it shrinks on the way back.
+            // What the program calls the travelled distance is the straight one from the start: it decreases on the way
+            // back.
             Flat::Waterfall => {
                 let travelled = self.pose.position.distance(self.start);
                 let starboard = f64::from(-launch.y.signum());
@@ -493,12 +500,12 @@ impl Printed<'_> {
     }
 }
 
-/// `water` as paper and program have it: eq. 8 makes speeds of temperatures, and neither knows absorption.
+/// `water` as in the paper and its program: eq. 8 gives sound speeds from temperatures, and neither has absorption.
 pub(super) fn printed_water(water: Water) -> Water {
     Water { sound_speed: SoundSpeed::Medwin, absorption: Absorption::None, ..water }
 }
 
-/// What the program must have beyond what every sonar has.
+/// Checks what the program requires beyond what every sonar has.
 fn check_for_program(acoustics: &AcousticsSpec, water: Option<&Water>) -> Result<()> {
     if acoustics.source_level_db <= 0.0 {
         let allowed = "above 0 with profile blainder, whose intensities are ratios to it";
@@ -509,36 +516,36 @@ fn check_for_program(acoustics: &AcousticsSpec, water: Option<&Water>) -> Result
         Some(SoundSpeedProfile::Ts(_)) => "ts",
         _ => return Ok(()),
     };
-    Err(Error::invalid("water.profile", found, "layers or constant with profile blainder, which knows no other"))
+    Err(Error::invalid("water.profile", found, "layers or constant with profile blainder, which supports no other"))
 }
 
-/// A ray of the program on its way.
+/// A ray of the program while it is traced.
 #[derive(Clone, Copy, Debug)]
-struct Way {
+struct ProgramRay {
     ray: u32,
     /// Where it enters the layer, relative to the scene's origin, m, and its unit direction there.
     place: DVec3,
     direction: DVec3,
-    /// How much deeper a metre of way leads at launch.
+    /// Depth per metre of path at launch.
     fall: f64,
-    /// To the end of the layer, as the program has it, m.
+    /// Length to the end of the layer, as computed by the program, m.
     length: f64,
-    /// Up to the layer, and what is left of the farthest range, m.
+    /// Length up to the layer, and what is left of the maximum range, m.
     path: f64,
     left: f64,
     /// Source level after the interfaces on the way, dB.
     source_level: f64,
 }
 
-impl Way {
-    fn new(ray: u32, place: DVec3, direction: DVec3, reach: f64, source_level: f64) -> Way {
-        Way { ray, place, direction, fall: -direction.z, length: 0.0, path: 0.0, left: reach, source_level }
+impl ProgramRay {
+    fn new(ray: u32, place: DVec3, direction: DVec3, reach: f64, source_level: f64) -> ProgramRay {
+        ProgramRay { ray, place, direction, fall: -direction.z, length: 0.0, path: 0.0, left: reach, source_level }
     }
 
-    /// Passes into the `next` layer, at the end of the `length` that the direction at launch makes of the layer's
-    /// thickness, whatever it is by now; whether it goes on. The source level is multiplied with the part of the power
-    /// that goes over (eq. 13), though it is in dB. Where all is reflected the program makes no number of the
-    /// direction, and the ray is lost.
+    /// Passes into the `next` layer, at the end of the `length` that results from the layer's thickness and the
+    /// direction at launch, whatever the direction is by now; returns whether it continues. The source level is
+    /// multiplied by the transmitted fraction of the power (eq. 13), although it is in dB. On total reflection the
+    /// direction is not a number in the program, and the ray is lost.
     fn enter(&mut self, slab: &Slab, next: &Slab) -> bool {
         self.left -= self.length;
         self.path += self.length;
@@ -552,8 +559,8 @@ impl Way {
     }
 }
 
-/// The rays of a sonar. Of a side-scan sonar a row for each side, from the lowest ray up: the fans of the paper, or
-/// rays spread evenly over the vertical width; of others the axes of the beams.
+/// The rays of a sonar. For a side-scan sonar a row for each side, from the lowest ray up: the fans of the paper, or
+/// rays spread evenly over the vertical width; for others the axes of the beams.
 fn fan(sensor: &Sensor, program: bool, wavelength: f64) -> Result<Arc<BeamTable>> {
     let Pattern::Sidescan(sonar) = &sensor.spec().pattern else { return Ok(sensor.beams.clone()) };
     let sides = sonar.azimuths_deg();
@@ -570,10 +577,10 @@ fn fan(sensor: &Sensor, program: bool, wavelength: f64) -> Result<Arc<BeamTable>
     Ok(Arc::new(fan))
 }
 
-/// How many rays each side has, and the elevations of the lowest and the highest, degrees.
+/// Number of rays of each side, and the elevations of the lowest and the highest, degrees.
 fn elevations(sonar: &Sidescan, program: bool, wavelength: f64) -> (usize, [f64; 2]) {
     match sonar.down_fov_deg.zip(sonar.step_deg) {
-        // The program cuts the count off and then spreads the rays over the whole angle.
+        // The program truncates the count and then spreads the rays over the whole angle.
         Some((fov, step)) if program => {
             ((0.5 * fov / step + 1.0) as usize, [-90.0 + PROGRAM_NADIR_DEG, -90.0 + 0.5 * fov])
         }
@@ -615,7 +622,7 @@ mod tests {
     fn fans_begin_straight_down() {
         let keys = "type: sidescan, down_fov_deg: 90, step_deg: 20";
         assert_all_near(&elevations_deg(keys, false), &[-90.0, -70.0, -50.0]);
-        // 45 / 20 + 1 is 3 after the cut, and the angle is divided in two: 22.5 degrees.
+        // 45 / 20 + 1 is 3 after truncation, and the angle is divided in two: 22.5 degrees.
         assert_all_near(&elevations_deg(keys, true), &[-89.999, -67.4995, -45.0]);
         assert_all_near(&elevations_deg("type: sidescan, down_fov_deg: 20, step_deg: 30", true), &[-89.999]);
         let fan = fan(&sonar(keys), true, 1.0).unwrap();
@@ -634,7 +641,7 @@ mod tests {
         assert_eq!(fan(&sonar("type: multibeam, beams: 7, swath_deg: 90"), true, 1.0).unwrap().columns, 7);
     }
 
-    /// By hand: at 30 degrees from the vertical 10 m of depth are 11.547 m of way, and Snell's sine goes from 0.5 to
+    /// By hand: at 30 degrees from the vertical 10 m of depth are 11.547 m of path, and Snell's sine goes from 0.5 to
     /// 0.6.
     #[test]
     fn the_program_takes_the_first_direction_for_lengths() {
@@ -649,7 +656,7 @@ mod tests {
         };
         let (upper, lower) = (slab(1500.0, 1000.0), slab(1800.0, 1000.0));
         let (sin, cos) = 30f64.to_radians().sin_cos();
-        let mut way = Way::new(0, DVec3::ZERO, DVec3::new(0.0, sin, -cos), 100.0, 200.0);
+        let mut way = ProgramRay::new(0, DVec3::ZERO, DVec3::new(0.0, sin, -cos), 100.0, 200.0);
         way.length = 10.0 / way.fall;
         assert!(way.enter(&upper, &lower));
         assert!((way.path - 11.547_005).abs() < 1e-6 && (way.left - 88.452_995).abs() < 1e-6);
@@ -660,9 +667,9 @@ mod tests {
         let (a, b) = (1200.0, 1800.0 * cos);
         assert!((way.source_level - 200.0 * 4.0 * a * b / ((a + b) * (a + b))).abs() < 1e-9);
         // sin 60 deg x 1.2 is more than 1.
-        let mut flat = Way::new(0, DVec3::ZERO, DVec3::new(cos, 0.0, -sin), 100.0, 200.0);
+        let mut flat = ProgramRay::new(0, DVec3::ZERO, DVec3::new(cos, 0.0, -sin), 100.0, 200.0);
         assert!(!flat.enter(&upper, &lower));
-        let mut far = Way::new(0, DVec3::ZERO, DVec3::NEG_Z, 5.0, 200.0);
+        let mut far = ProgramRay::new(0, DVec3::ZERO, DVec3::NEG_Z, 5.0, 200.0);
         far.length = 10.0;
         assert!(!far.enter(&upper, &upper));
     }
@@ -677,7 +684,7 @@ mod tests {
         let cast = water("cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 9, speed_m_s: 1490}]");
         assert_eq!(
             check_for_program(&acoustics, cast.as_ref()).unwrap_err().to_string(),
-            "water.profile is cast; allowed: layers or constant with profile blainder, which knows no other"
+            "water.profile is cast; allowed: layers or constant with profile blainder, which supports no other"
         );
         check_for_program(&acoustics, None).unwrap();
         check_for_program(&acoustics, water("constant: {speed_m_s: 1500}").as_ref()).unwrap();

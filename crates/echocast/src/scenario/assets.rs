@@ -1,42 +1,43 @@
 //! Files that samples share: models and images.
 
 use super::lock;
-use super::variation::{Models, Room, Solid};
+use super::variation::{MeshTrees, Models, Solid};
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::material::{Texture, TextureBudget, TextureRef};
 use crate::read::{self, Limit};
-use crate::scene::{self, LabelRules, LoadOptions, Scene};
+use crate::scene::{LabelRules, LoadOptions, Scene};
+use crate::scene_files;
 use glam::DMat3;
 use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-/// A file that is placed in scenes.
+/// A model file that is placed in scenes.
 #[derive(Debug)]
-pub(super) struct Model {
+pub(super) struct ModelFile {
     pub path: PathBuf,
     pub scene: Scene,
-    /// Around all of it as it lies in its file, with the axes of that.
+    /// Bounding box of the whole model in its file's coordinates, along the file's axes.
     pub solid: Solid,
-    /// Memory that it takes, about.
+    /// Approximate memory use, bytes.
     bytes: usize,
 }
 
-/// What has been read so far. Models are kept until they take more than [`MOST_BYTES`]; then those that no sample uses
-/// are forgotten, and read again when they are needed.
+/// Files read so far. Models are kept until they take more than [`MOST_BYTES`]; then those that no sample uses are
+/// dropped, and read again when needed.
 #[derive(Debug, Default)]
 pub(super) struct Assets {
-    models: Mutex<HashMap<PathBuf, Arc<Model>>>,
+    models: Mutex<HashMap<PathBuf, Arc<ModelFile>>>,
     images: Mutex<HashMap<PathBuf, TextureRef>>,
-    pub room: Room,
+    pub room: MeshTrees,
 }
 
-/// Most memory for models, and about what is made of them.
+/// Maximum memory for models and, roughly, for what is built from them, bytes.
 const MOST_BYTES: usize = 2 << 30;
 
-/// Most memory for an image, MiB.
+/// Maximum memory for an image, MiB.
 const MOST_IMAGE_MIB: u64 = 1024;
 
 impl Assets {
@@ -44,17 +45,17 @@ impl Assets {
     ///
     /// # Errors
     /// As [`Scene::load`].
-    pub fn model(&self, path: &Path, labels: &LabelRules) -> Result<Arc<Model>> {
+    pub fn model(&self, path: &Path, labels: &LabelRules) -> Result<Arc<ModelFile>> {
         if let Some(known) = lock(&self.models).get(path) {
             return Ok(known.clone());
         }
-        // Read without the lock: other samples need other models.
+        // Read without holding the lock: other samples need other models.
         let options = LoadOptions { labels: labels.clone(), ..LoadOptions::default() };
         let scene = Scene::load_with(path, &options)?;
         let solid = Solid::around(DMat3::IDENTITY, scene.world_points())
             .ok_or_else(|| Error::parse(path, "", "holds no mesh"))?;
         let bytes = scene.meshes().iter().map(|mesh| mesh.bytes()).sum();
-        let model = Arc::new(Model { path: path.to_owned(), scene, solid, bytes });
+        let model = Arc::new(ModelFile { path: path.to_owned(), scene, solid, bytes });
         let mut models = lock(&self.models);
         let kept: usize = models.values().map(|model| model.bytes).sum();
         if kept + bytes > MOST_BYTES {
@@ -67,7 +68,7 @@ impl Assets {
     /// The image in the file `path`.
     ///
     /// # Errors
-    /// A missing file, one that is no image of a known format.
+    /// A missing file; a file that is not an image of a known format.
     pub fn image(&self, path: &Path) -> Result<TextureRef> {
         if let Some(known) = lock(&self.images).get(path) {
             return Ok(known.clone());
@@ -78,7 +79,7 @@ impl Assets {
     }
 }
 
-/// The files that `models` names, relative to `folder`; those of a folder share its weight.
+/// The files that `models` names, relative to `folder`, with their weights; the files of a folder share its weight.
 ///
 /// # Errors
 /// A missing file, a folder without models. `key` names the rule.
@@ -94,12 +95,12 @@ pub(super) fn files(models: &Models, folder: &Path, key: &str) -> Result<Vec<(Pa
         let entries = fs::read_dir(&path).map_err(failed)?;
         let mut files: Vec<PathBuf> =
             entries.map(|entry| entry.map(|entry| entry.path())).collect::<Result<_, _>>().map_err(failed)?;
-        files.retain(|file| scene::is_scene(file));
-        // Folders have no order of their own.
+        files.retain(|file| scene_files::is_scene(file));
+        // Directory listings have no defined order.
         files.sort();
         if files.is_empty() {
             let found = format!("{}, a folder without models", shown::path(&path));
-            return Err(Error::invalid(key, found, format!("folders with files of {}", scene::extensions())));
+            return Err(Error::invalid(key, found, format!("folders with files of {}", scene_files::extensions())));
         }
         let each = weight / files.len() as f64;
         all.extend(files.into_iter().map(|file| (file, each)));

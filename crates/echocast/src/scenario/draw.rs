@@ -1,5 +1,6 @@
-//! Random numbers of a sample: each is a function of its address alone, which is the seed, the sample, and names that
-//! say what it is for. So a rule more moves no other draw, and a sample is the same alone and among others.
+//! Random numbers of a sample: each is a function of its address alone, which consists of the seed, the sample, and
+//! names that state its purpose. Adding a rule therefore changes no other draw, and a sample is the same whether it is
+//! made alone or with others.
 
 use crate::ground::rng::{Draw, Rng};
 use rand_core::{Infallible, TryRng};
@@ -11,11 +12,11 @@ pub(super) struct Draws {
     sample: u32,
 }
 
-/// What a random number is for: a rule, an object or the number of a placement, a parameter.
+/// Purpose of a random number: a rule, an object or the number of a placement, a parameter.
 #[derive(Clone, Debug)]
 pub(super) struct Address {
     draws: Draws,
-    /// Of the names so far.
+    /// Hash of the names so far.
     hash: u64,
 }
 
@@ -24,12 +25,13 @@ impl Draws {
         Draws { rng: Rng::new(seed, sample), sample }
     }
 
-    /// The address of what has this name.
+    /// The address with this name.
     pub fn of(&self, name: &str) -> Address {
         Address { draws: *self, hash: BASIS }.of(name)
     }
 
-    /// The seed of the scan with the `sensor`th sensor; that of sample 0 with the first is the scenario's own, `seed`.
+    /// The seed of the scan with the `sensor`th sensor; for the first sensor of sample 0, it is the scenario's own
+    /// `seed`.
     pub fn scan_seed(&self, seed: u64, sensor: u32) -> u64 {
         if (self.sample, sensor) == (0, 0) {
             return seed;
@@ -44,29 +46,29 @@ const BASIS: u64 = 0xcbf2_9ce4_8422_2325;
 const PRIME: u64 = 0x0100_0000_01b3;
 
 impl Address {
-    /// The address of what has this name in it.
+    /// This address extended by a name.
     pub fn of(&self, name: &str) -> Address {
         // No byte of UTF-8 text is 255, so "a", "bc" and "ab", "c" differ.
         let hash = name.bytes().chain([255]).fold(self.hash, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(PRIME));
         Address { hash, ..*self }
     }
 
-    /// The address of the `index`th thing in it.
+    /// This address extended by an index.
     pub fn at(&self, index: usize) -> Address {
         self.of(&index.to_string())
     }
 
-    /// Random numbers without end.
+    /// An endless stream of random numbers.
     pub fn stream(&self) -> Stream {
         Stream { address: self.clone(), block: 0, words: [0; 4], left: 0 }
     }
 
-    /// The sample, and a number for all samples at this address.
+    /// The sample number, and a number that all samples share at this address.
     pub fn in_sequence(&self) -> (u32, u32) {
         (self.draws.sample, (self.hash ^ self.hash >> 32) as u32 ^ self.draws.rng.seed_word())
     }
 
-    /// The sample.
+    /// The sample number.
     pub fn sample(&self) -> u32 {
         self.draws.sample
     }

@@ -1,4 +1,4 @@
-//! Scenarios: a scene, a rig of sensors, and what differs from sample to sample, from one file.
+//! Scenarios: a scene, a rig of sensors, and what varies from sample to sample, read from one file.
 //!
 //! ```no_run
 //! use echocast::Scenario;
@@ -43,17 +43,17 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use variation::What;
 
-/// A scenario file, read and checked. Its samples are made one by one, in any order, on any thread: sample 17 is the
-/// same alone and among others.
+/// A scenario file, read and checked. Its samples are made one by one, in any order, on any thread; sample 17 is the
+/// same whether it is made alone or with others.
 #[derive(Debug)]
 pub struct Scenario {
     /// Where it comes from, for messages.
     origin: String,
     /// Whether that is a file.
     file: bool,
-    /// Where relative names of files start.
+    /// Base folder of relative file names.
     folder: PathBuf,
-    /// The file as it is written.
+    /// Contents of the file as written.
     value: Value,
     spec: Arc<Spec>,
     engine: Option<Engine>,
@@ -62,7 +62,7 @@ pub struct Scenario {
 }
 
 impl Clone for Scenario {
-    /// The same, which shares the scene that is loaded already.
+    /// A copy that shares the scene already loaded.
     fn clone(&self) -> Self {
         let Scenario { origin, file, folder, value, spec, engine, stage } = self;
         Scenario {
@@ -81,24 +81,24 @@ impl Scenario {
     /// Reads a scenario file, or the report of `echocast scan --json`.
     ///
     /// # Errors
-    /// A missing file; line and key of what is wrong, with the nearest known key.
+    /// A missing file; an invalid entry, with its line, its key and the most similar known key.
     pub fn load(path: impl AsRef<Path>) -> Result<Scenario> {
         let path = path.as_ref();
         let folder = path.parent().unwrap_or(Path::new(""));
         Ok(Scenario { file: true, ..Scenario::read(&Document::load(path)?, &shown::path(path), folder)? })
     }
 
-    /// [`Scenario::load`] from the text of a file; names of files in it are relative to `folder`.
+    /// [`Scenario::load`] from the text of a file; file names in it are relative to `folder`.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Scenario::load`].
     pub fn from_yaml(text: &str, folder: impl AsRef<Path>) -> Result<Scenario> {
         const ORIGIN: &str = "YAML text";
         Scenario::read(&Document::parse(ORIGIN, text)?, ORIGIN, folder.as_ref())
     }
 
     fn read(document: &Document, origin: &str, folder: &Path) -> Result<Scenario> {
-        // The report of a scan holds the scenario that repeats it.
+        // The report of a scan contains the scenario that reproduces it.
         let reported = document.value().get("run").filter(|_| document.value().get("version").is_some());
         if let Some(run) = reported {
             return Scenario::read(&Document::from_value(format!("{origin}: run"), run.clone()), origin, folder);
@@ -110,10 +110,10 @@ impl Scenario {
         variation::number_grids(&mut spec.variation);
         for (index, rule) in spec.variation.iter_mut().enumerate() {
             if let What::Set(rule) = &mut rule.what {
-                // Its key must be one that the file could have.
+                // The key must be one that the file may contain.
                 let mut value = document.value().clone();
                 if yaml::put(&mut value, &rule.set, Value::Null, &[]).is_err() {
-                    let message = format!("set: there is no place for {:?} in this file", rule.set);
+                    let message = format!("set: this file cannot contain {:?}", rule.set);
                     return Err(document.error(&format!("variation[{index}].set"), &message));
                 }
                 rule.whole = takes_whole_numbers(document, &rule.set);
@@ -134,22 +134,22 @@ impl Scenario {
     /// `sensors.top.rate_hz`), `value` is YAML.
     ///
     /// # Errors
-    /// As [`Scenario::load`]; then it stays as it was.
+    /// As [`Scenario::load`]; the scenario is then unchanged.
     pub fn set(&mut self, key: &str, value: &str) -> Result<()> {
         let mut tree = self.value.clone();
         yaml::set(&mut tree, key, value, &[])?;
-        // The folder has been found already.
+        // The folder is resolved already.
         tree.as_object_mut().map(|keys| keys.shift_remove("folder"));
         let changed =
             Scenario::read(&Document::from_value(yaml::assignment(key, value), tree), &self.origin, &self.folder)?;
-        // Draws begin with the seed; what samples start from has none of them.
+        // Random draws depend on the seed; what samples start from contains none.
         let stage = if key == "seed" { mem::take(&mut self.stage) } else { Mutex::default() };
         *self = Scenario { engine: self.engine.clone(), file: self.file, stage, ..changed };
         Ok(())
     }
 
-    /// The same, built and scanned by `engine`. With one of one thread, any number of threads can make samples side by
-    /// side.
+    /// The same scenario, built and scanned by `engine`. With a single-threaded engine, any number of threads can make
+    /// samples in parallel.
     #[must_use]
     pub fn with_engine(self, engine: &Engine) -> Scenario {
         Scenario { engine: Some(engine.clone()), stage: Mutex::default(), ..self }
@@ -168,8 +168,8 @@ impl Scenario {
     /// Makes sample `index`: draws what varies, and sets up its scene and scans.
     ///
     /// # Errors
-    /// A file that cannot be read; a drawn value that a key does not allow; no room for what must be placed. An index
-    /// beyond [`Scenario::samples`] is allowed up to 4,294,967,295.
+    /// A file that cannot be read; a drawn value that a key does not allow; no room for an object that must be placed.
+    /// An index beyond [`Scenario::samples`] is allowed, up to 4,294,967,295.
     pub fn sample(&self, index: u64) -> Result<Sample> {
         let number = u32::try_from(index).map_err(|_| Error::invalid("sample", index, "0 to 4294967295"))?;
         let stage = self.stage()?;
@@ -178,15 +178,15 @@ impl Scenario {
         stage.engine.install(|| Sample::new(&stage, &spec, &value, &self.folder, &draws, set))
     }
 
-    /// Where relative names of files in it start.
+    /// Base folder of the relative file names in it.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// The first entry of its section `outputs` of this style, if there is one.
+    /// The first entry of this style in its section `outputs`, if there is one.
     ///
     /// # Errors
-    /// Key of what is wrong, with the most similar known key.
+    /// An invalid entry, with its key and the most similar known key.
     pub fn output_of<T: DeserializeOwned>(&self, style: &str) -> Result<Option<T>> {
         let is_of = |output: &Value| output.get("style").and_then(Value::as_str) == Some(style);
         let Some(index) = self.spec.outputs.iter().position(is_of) else { return Ok(None) };
@@ -197,12 +197,13 @@ impl Scenario {
     /// Checks that its outputs can hold the scans of `sample`.
     ///
     /// # Errors
-    /// A style or key that does not exist; a sensor that a style cannot take.
+    /// An unknown style or key; a sensor that a style does not support.
     pub fn check_outputs(&self, sample: &Sample) -> Result<()> {
         set::check_outputs(self, sample)
     }
 
-    /// Folder of its set: what it says, or one called as the file; `None` for a scenario that is no file and says none.
+    /// Folder of its set: the specified one, or one named after the file; `None` for a scenario that is not from a file
+    /// and specifies none.
     pub fn set_folder(&self) -> Option<PathBuf> {
         let of_file = || Path::new(&self.origin).file_stem().filter(|_| self.file).map(Path::new);
         Some(self.folder.join(self.spec.set.folder.as_deref().or_else(of_file)?))
@@ -217,7 +218,7 @@ impl Scenario {
         Ok(stage.insert(Arc::new(Stage::new(&self.spec, &self.folder, engine)?)).clone())
     }
 
-    /// The sections of a sample, after all rules that set keys, the same as values, and what was drawn.
+    /// The specification of a sample after all rules that set keys, the same as a tree of values, and what was drawn.
     fn varied(&self, draws: &Draws, index: u64) -> Result<(Arc<Spec>, Value, Vec<Value>)> {
         let mut value = self.value.clone();
         let mut drawn = Vec::new();
@@ -247,7 +248,7 @@ impl Scenario {
     }
 }
 
-/// Whether the key at `path` of a scenario is one of whole numbers.
+/// Whether the key at `path` of a scenario takes whole numbers.
 fn takes_whole_numbers(document: &Document, path: &str) -> bool {
     let takes = |number: Value| {
         let mut value = document.value().clone();
@@ -256,7 +257,7 @@ fn takes_whole_numbers(document: &Document, path: &str) -> bool {
     takes(1.into()) && !takes(0.5.into())
 }
 
-/// What `mutex` holds, even if another sample has ended in a panic while it was held: it is whole at all times.
+/// The contents of `mutex`, even if another sample panicked while holding it: they are consistent at all times.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

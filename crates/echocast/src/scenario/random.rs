@@ -1,4 +1,4 @@
-//! Values that differ from sample to sample, as a scenario file writes them.
+//! Values that vary from sample to sample, as written in a scenario file.
 
 use super::draw::{Address, Stream};
 use crate::ground::error::{Error, Result, nearest};
@@ -9,7 +9,7 @@ use serde::de::{Deserializer, Error as _};
 use serde_json::Value;
 use std::fmt::Display;
 
-/// A value, or the distribution that it is drawn from; or a list of such.
+/// A value, the distribution that it is drawn from, or a list of these.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Random {
     /// Always the same.
@@ -17,15 +17,14 @@ pub(super) enum Random {
     List(Vec<Random>),
     /// Numbers; several axes make a list of numbers.
     Spread {
-        kind: Kind,
-        /// Of each axis, the numbers in the file.
+        kind: ProbabilityLaw,
+        /// For each axis, the numbers in the file.
         axes: Vec<Vec<f64>>,
         list: bool,
     },
-    /// One of some values, each as often as its weight says.
+    /// One of several values, drawn by weight.
     Choice(Vec<(Value, f64)>),
-    /// All values, one after the other; each stays for `stride` samples, so that several grids go through all
-    /// combinations.
+    /// All values in turn; each is kept for `stride` samples, so that several grids run through all combinations.
     Grid {
         values: Vec<Value>,
         stride: u64,
@@ -34,38 +33,39 @@ pub(super) enum Random {
 
 /// How numbers are distributed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum ProbabilityLaw {
     /// From low to high.
     Uniform,
     /// Mean and standard deviation.
     Normal,
-    /// Likewise, and low and high: what lies outside is drawn again.
+    /// Mean, standard deviation, low and high: values outside are redrawn.
     TruncatedNormal,
-    /// Low and high, the logarithm uniform.
+    /// From low to high, uniform in the logarithm.
     LogUniform,
-    /// From low to high, more evenly than random numbers: an Owen-scrambled Sobol sequence over the samples (Burley
-    /// 2020, Practical Hash-based Owen Scrambling, JCGT 9(4)). The axes of one list are spread together.
+    /// From low to high, more evenly than independent random numbers: an Owen-scrambled Sobol sequence over the samples
+    /// (Burley 2020, Practical Hash-based Owen Scrambling, JCGT 9(4)). The axes of one list share a multi-dimensional
+    /// sequence.
     Sobol,
 }
 
-const NAMES: [(&str, Kind); 5] = [
-    ("uniform", Kind::Uniform),
-    ("normal", Kind::Normal),
-    ("truncated_normal", Kind::TruncatedNormal),
-    ("log_uniform", Kind::LogUniform),
-    ("sobol", Kind::Sobol),
+const NAMES: [(&str, ProbabilityLaw); 5] = [
+    ("uniform", ProbabilityLaw::Uniform),
+    ("normal", ProbabilityLaw::Normal),
+    ("truncated_normal", ProbabilityLaw::TruncatedNormal),
+    ("log_uniform", ProbabilityLaw::LogUniform),
+    ("sobol", ProbabilityLaw::Sobol),
 ];
 
-/// Farther out than this, in standard deviations, a normal distribution has nothing that could be drawn.
+/// Beyond this many standard deviations, a normal distribution has nothing left to draw.
 const FARTHEST_TAIL: f64 = 30.0;
 
-impl Kind {
-    /// What the numbers of the file are.
+impl ProbabilityLaw {
+    /// Meaning of the numbers in the file.
     fn numbers(self) -> &'static str {
         match self {
-            Kind::Uniform | Kind::LogUniform | Kind::Sobol => "[low, high]",
-            Kind::Normal => "[mean, sigma]",
-            Kind::TruncatedNormal => "[mean, sigma, low, high]",
+            ProbabilityLaw::Uniform | ProbabilityLaw::LogUniform | ProbabilityLaw::Sobol => "[low, high]",
+            ProbabilityLaw::Normal => "[mean, sigma]",
+            ProbabilityLaw::TruncatedNormal => "[mean, sigma, low, high]",
         }
     }
 
@@ -83,45 +83,49 @@ impl Kind {
         };
         let sigma = |sigma: f64| (sigma < 0.0).then(|| format!("sigma is {sigma}; allowed: 0 or more"));
         match (self, numbers) {
-            (Kind::Uniform | Kind::Sobol, &[low, high]) => ends(low, high),
-            (Kind::LogUniform, &[low, high]) => {
+            (ProbabilityLaw::Uniform | ProbabilityLaw::Sobol, &[low, high]) => ends(low, high),
+            (ProbabilityLaw::LogUniform, &[low, high]) => {
                 (low <= 0.0).then(|| format!("starts at {low}; allowed: above 0")).or_else(|| ends(low, high))
             }
-            (Kind::Normal, &[_, s]) => sigma(s),
-            (Kind::TruncatedNormal, &[mean, s, low, high]) => sigma(s).or_else(|| ends(low, high)).or_else(|| {
-                let far = (low - mean).max(mean - high);
-                (far > FARTHEST_TAIL * s || s == 0.0 && far > 0.0).then(|| {
-                    format!("has nothing between {low} and {high}; allowed: ends within {FARTHEST_TAIL} sigma")
+            (ProbabilityLaw::Normal, &[_, s]) => sigma(s),
+            (ProbabilityLaw::TruncatedNormal, &[mean, s, low, high]) => {
+                sigma(s).or_else(|| ends(low, high)).or_else(|| {
+                    let far = (low - mean).max(mean - high);
+                    (far > FARTHEST_TAIL * s || s == 0.0 && far > 0.0).then(|| {
+                        format!("has nothing between {low} and {high}; allowed: ends within {FARTHEST_TAIL} sigma")
+                    })
                 })
-            }),
+            }
             _ => None,
         }
     }
 
-    /// A number with `numbers` of the file, on axis `axis` of its list.
+    /// Draws a number from the distribution with the file's `numbers`, for axis `axis` of its list.
     fn draw(self, numbers: &[f64], address: &Address, axis: usize, stream: &mut Stream) -> f64 {
         match (self, numbers) {
-            (Kind::Uniform, &[low, high]) => between(low, high, stream),
-            (Kind::LogUniform, &[low, high]) => between(low.ln(), high.ln(), stream).exp().clamp(low, high),
-            (Kind::Normal, &[mean, sigma]) => Normal::new(mean, sigma).map_or(mean, |normal| normal.sample(stream)),
-            (Kind::TruncatedNormal, &[mean, sigma, low, high]) if sigma > 0.0 => {
+            (ProbabilityLaw::Uniform, &[low, high]) => between(low, high, stream),
+            (ProbabilityLaw::LogUniform, &[low, high]) => between(low.ln(), high.ln(), stream).exp().clamp(low, high),
+            (ProbabilityLaw::Normal, &[mean, sigma]) => {
+                Normal::new(mean, sigma).map_or(mean, |normal| normal.sample(stream))
+            }
+            (ProbabilityLaw::TruncatedNormal, &[mean, sigma, low, high]) if sigma > 0.0 => {
                 let [a, b] = [low, high].map(|end| (end - mean) / sigma);
                 let z = if b < 0.0 { -tail(-b, -a, stream) } else { tail(a, b, stream) };
                 (mean + sigma * z).clamp(low, high)
             }
-            (Kind::Sobol, &[low, high]) => low + (high - low) * sobol(address, axis),
-            // Without width.
+            (ProbabilityLaw::Sobol, &[low, high]) => low + (high - low) * sobol(address, axis),
+            // Of zero width.
             (_, &[mean, ..]) => mean,
             (_, &[]) => f64::NAN,
         }
     }
 }
 
-/// The place of this sample in a sequence of its own for each address, 0 to 1.
+/// The element of this sample, 0 to 1, in the sequence of this address; each address has its own.
 fn sobol(address: &Address, axis: usize) -> f64 {
-    /// Longest sequence of the library; then another one begins.
+    /// Length of the library's longest sequence; after it another one begins.
     const LENGTH: u32 = 1 << 16;
-    /// Most dimensions of the library.
+    /// Maximum number of dimensions of the library.
     const DIMENSIONS: usize = 256;
     let (sample, seed) = address.in_sequence();
     let seed = seed.wrapping_add(sample / LENGTH);
@@ -132,12 +136,12 @@ fn between(low: f64, high: f64, stream: &mut Stream) -> f64 {
     Uniform::new_inclusive(low, high).map_or(low, |uniform| uniform.sample(stream))
 }
 
-/// A standard normal number from `a` to `b`, `b` not below 0, by proposals that are taken as often as the density says
-/// (Robert 1995, Simulation of truncated normal variables, Statistics and Computing 5).
+/// A standard normal number from `a` to `b`, `b` not below 0, by rejection sampling (Robert 1995, Simulation of
+/// truncated normal variables, Statistics and Computing 5).
 fn tail(a: f64, b: f64, stream: &mut Stream) -> f64 {
-    /// Proposals after which the last is taken: so many are refused once in 10^30 draws.
+    /// Number of proposals after which the last is accepted: so many in a row are rejected once in 10^30 draws.
     const TRIES: usize = 400;
-    /// Width from which on normal proposals are taken more often than uniform ones.
+    /// Width above which normal proposals are accepted more often than uniform ones.
     const WIDE: f64 = 2.506_628_274_631;
     let unit = |stream: &mut Stream| -> f64 { StandardUniform.sample(stream) };
     let mut z = a.clamp(0.0, b);
@@ -184,8 +188,8 @@ impl Random {
         }
     }
 
-    /// Gives every grid in it its stride: the first goes on with every sample, each further one when all before it have
-    /// gone round.
+    /// Gives every grid in it its stride: the first advances with every sample, each further one when all before it
+    /// have wrapped around.
     pub fn number_grids(&mut self, next: &mut u64) {
         match self {
             Random::List(items) => items.iter_mut().for_each(|item| item.number_grids(next)),
@@ -229,14 +233,16 @@ impl Random {
         std::array::from_fn(|axis| value.get(axis).and_then(Value::as_f64).unwrap_or(f64::NAN))
     }
 
-    /// The whole number at `address`: of a spread from low to high, both of them and all between are as frequent;
-    /// others are rounded.
+    /// The whole number at `address`: in a range from low to high, both ends and all numbers between are equally
+    /// likely; other distributions are rounded.
     pub fn whole(&self, address: &Address) -> i64 {
         let number = match self {
-            Random::Spread { kind: Kind::Uniform | Kind::Sobol, axes, list: false } if axes[0].len() == 2 => {
+            Random::Spread { kind: ProbabilityLaw::Uniform | ProbabilityLaw::Sobol, axes, list: false }
+                if axes[0].len() == 2 =>
+            {
                 let [low, high] = [axes[0][0].ceil(), axes[0][1].floor()];
                 let wider = Random::Spread {
-                    kind: self.kind().unwrap_or(Kind::Uniform),
+                    kind: self.kind().unwrap_or(ProbabilityLaw::Uniform),
                     axes: vec![vec![low, high + 1.0]],
                     list: false,
                 };
@@ -247,7 +253,7 @@ impl Random {
         number as i64
     }
 
-    fn kind(&self) -> Option<Kind> {
+    fn kind(&self) -> Option<ProbabilityLaw> {
         match self {
             Random::Spread { kind, .. } => Some(*kind),
             _ => None,
@@ -255,7 +261,7 @@ impl Random {
     }
 }
 
-/// One of `values` by their weights.
+/// One of `values`, drawn by weight.
 pub(super) fn choose<'v, T>(values: &'v [(T, f64)], address: &Address) -> &'v T {
     let whole: f64 = values.iter().map(|(_, weight)| weight).sum();
     let mut left = between(0.0, whole, &mut address.stream());
@@ -274,7 +280,7 @@ impl<'de> Deserialize<'de> for Random {
     }
 }
 
-/// What a scenario file says, or what is wrong with it, behind the key that it is about.
+/// A value of a scenario file, or what is wrong with it, after the key that it concerns.
 fn read(value: Value) -> Result<Random, String> {
     match value {
         Value::Array(items) => {
@@ -305,7 +311,7 @@ fn read(value: Value) -> Result<Random, String> {
                         let names: Vec<&str> = known().collect();
                         let near = nearest(&key, &names);
                         let near = if near.is_empty() { String::new() } else { format!("; near: {}", near.join(", ")) };
-                        Err(of_key(format!(": is no distribution{near}; allowed: {}", names.join(", "))))
+                        Err(of_key(format!(": is not a distribution{near}; allowed: {}", names.join(", "))))
                     }
                 },
             }
@@ -314,7 +320,7 @@ fn read(value: Value) -> Result<Random, String> {
     }
 }
 
-/// What stands between a key and the fault of what it holds, which may begin with a further key.
+/// Separator between a key and the fault of its value, which may begin with a further key.
 fn separator(fault: &str) -> &'static str {
     if fault.starts_with([':', '[', '.']) { "" } else { ": " }
 }
@@ -347,8 +353,8 @@ fn choices(value: Value) -> Result<Vec<(Value, f64)>, String> {
     }
 }
 
-/// Numbers of a spread: of one axis, `[0, 1]`, or of several, `[[0, 0, 0], [1, 1, 2]]`.
-fn spread(kind: Kind, value: &Value) -> Result<Random, String> {
+/// Numbers of a spread: for one axis, `[0, 1]`, or for several, `[[0, 0, 0], [1, 1, 2]]`.
+fn spread(kind: ProbabilityLaw, value: &Value) -> Result<Random, String> {
     let wrong = || format!(": expected {}, or a list for each of these", kind.numbers());
     let items = value.as_array().ok_or_else(wrong)?;
     let list = items.iter().any(Value::is_array);
@@ -372,12 +378,12 @@ fn spread(kind: Kind, value: &Value) -> Result<Random, String> {
     }
 }
 
-/// Checks that all values at `key` are from `low` to `high`, as far as their distribution has ends.
+/// Checks that all values at `key` are from `low` to `high`, as far as their distribution is bounded.
 pub(super) fn check_range(key: impl Display, random: &Random, low: f64, high: f64) -> Result<()> {
     let outside = |value: &f64| !(low..=high).contains(value);
     let found = match random {
-        Random::Spread { kind: Kind::Normal, .. } | Random::List(_) => None,
-        Random::Spread { kind: Kind::TruncatedNormal, axes, .. } => {
+        Random::Spread { kind: ProbabilityLaw::Normal, .. } | Random::List(_) => None,
+        Random::Spread { kind: ProbabilityLaw::TruncatedNormal, axes, .. } => {
             axes.iter().flat_map(|n| n[2..].to_vec()).find(outside)
         }
         Random::Spread { axes, .. } => axes.iter().flatten().copied().find(outside),
@@ -402,8 +408,8 @@ mod tests {
         (0..count).map(|sample| random.number(&Draws::new(11, sample).of("test"))).collect()
     }
 
-    /// Greatest distance of the numbers' distribution from `cdf`: Kolmogorov and Smirnov's, as a multiple of that which
-    /// one sample in a million exceeds.
+    /// Kolmogorov-Smirnov distance of the numbers' distribution from `cdf`, as a multiple of that which one sample in a
+    /// million exceeds.
     fn far(mut numbers: Vec<f64>, cdf: impl Fn(f64) -> f64) -> f64 {
         numbers.sort_by(f64::total_cmp);
         let n = numbers.len() as f64;
@@ -452,14 +458,14 @@ mod tests {
 
     #[test]
     fn sobol_numbers_are_spread_evenly() {
-        // Of each 64 samples from the first on, one lies in each 64th.
+        // Of each 64 samples, counted from the first, one is in each 64th of the range.
         let drawn = numbers("{sobol: [10, 74]}", 256);
         for part in drawn.chunks(64) {
             let mut cells: Vec<u32> = part.iter().map(|x| (x - 10.0) as u32).collect();
             cells.sort_unstable();
             assert_eq!(cells, (0..64).collect::<Vec<_>>());
         }
-        // Axes of one list together: one of each 64 in each of 8 by 8 squares; other addresses are independent.
+        // The axes of one list together: of 64 samples, one in each of 8 by 8 squares; other addresses are independent.
         let both = random("{sobol: [[0, 0], [8, 8]]}");
         let mut cells: Vec<[u64; 2]> = (0..64)
             .map(|sample| both.draw(&Draws::new(3, sample).of("here")))
@@ -502,7 +508,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_told_with_its_key() {
+    fn errors_are_reported_with_their_key() {
         #[derive(Debug, Deserialize)]
         #[allow(dead_code)]
         struct File {
@@ -515,7 +521,7 @@ mod tests {
             ("at: {normal: [1, -2]}", "sigma is -2; allowed: 0 or more"),
             ("at: {log_uniform: [0, 2]}", "starts at 0; allowed: above 0"),
             ("at: {truncated_normal: [0, 1, 50, 60]}", "has nothing between 50 and 60; allowed: ends within 30 sigma"),
-            ("at: {unifrom: [1, 2]}", "is no distribution; near: uniform"),
+            ("at: {unifrom: [1, 2]}", "is not a distribution; near: uniform"),
             ("at: {choice: []}", "has nothing to choose from"),
             ("at: {choice: [{value: 1, weight: -1}]}", "is -1; allowed: 0 to 1e12"),
             ("at: {grid: []}", "expected a list of values"),

@@ -1,9 +1,9 @@
-//! One sample: a scene, varied, and the scans of it.
+//! One sample: a varied scene and its scans.
 
 use super::draw::Draws;
 use super::spec::{Carrier, SensorEntry, Spec};
 use super::stage::{Base, Stage};
-use super::variation::Stand;
+use super::variation::SampleScene;
 use crate::cloud::{BoxAxes, FieldSet, Ping, PointCloud};
 use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
@@ -26,7 +26,7 @@ pub struct Sample {
     drawn: Vec<Value>,
     report: Report,
     live: LiveScene,
-    /// Whether anything moves by itself.
+    /// Whether anything moves or changes over time.
     moving: bool,
 }
 
@@ -46,11 +46,11 @@ pub struct Scan {
 pub struct FrameTime {
     /// Its number.
     pub number: u32,
-    /// s since the start of the run.
+    /// Seconds since the start of the run.
     pub start: f64,
 }
 
-/// Most frames of a scan.
+/// Maximum number of frames of a scan.
 const MOST_FRAMES: f64 = 10_000_000.0;
 
 impl Scan {
@@ -64,39 +64,39 @@ impl Scan {
         &self.sensor
     }
 
-    /// Where the sensor is on its carrier.
+    /// Pose of the sensor on its carrier.
     pub fn mount(&self) -> &Pose {
         &self.mount
     }
 
-    /// Where the sensor is, at all times.
+    /// Pose of the sensor over time.
     pub fn trajectory(&self) -> &Trajectory {
         &self.trajectory
     }
 
-    /// Its frames; of a sonar, its pings.
+    /// Its frames; for a sonar, its pings.
     pub fn frames(&self) -> &[FrameTime] {
         &self.frames
     }
 
-    /// How its `frame`th frame is scanned, counted from 0.
+    /// Scan options of its `frame`th frame, counted from 0.
     pub fn options(&self, frame: usize) -> ScanOptions {
         let FrameTime { number, start } = self.frames[frame];
         ScanOptions { frame: number, start_time: start, ..self.options.clone() }
     }
 }
 
-/// The boxes around instances that a cloud gets.
+/// Which boxes around instances a cloud gets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Boxes {
+pub(super) enum BoxScope {
     None,
     InSpace,
-    /// Which also say where they are in the sensor's image, if it has one.
+    /// Boxes that also give their place in the sensor's image, if it has one.
     InImage,
 }
 
 impl Sample {
-    /// With the sections of `spec`, which as they are written are `value`; `drawn`: what has been drawn for them.
+    /// Makes a sample from the sections of `spec`, which are `value` as written; `drawn` is what was drawn for them.
     pub(super) fn new(
         stage: &Stage,
         spec: &Spec,
@@ -107,7 +107,7 @@ impl Sample {
     ) -> Result<Sample> {
         let scene_key = value.get("scene").map(Value::to_string).unwrap_or_default();
         let base = stage.base(spec, scene_key, folder)?;
-        let mut stand = Stand::new((&base.live, &base.units), &stage.assets, &stage.labels, folder);
+        let mut stand = SampleScene::new((&base.live, &base.units), &stage.assets, &stage.labels, folder);
         stand.drawn = drawn;
         for (index, (rule, models)) in spec.variation.iter().zip(&stage.models).enumerate() {
             stand.apply(rule, &format!("variation[{index}]"), models, draws)?;
@@ -131,12 +131,12 @@ impl Sample {
         &self.scans
     }
 
-    /// What was drawn for it, in the order of the rules: enough to repeat or to choose by.
+    /// What was drawn for it, in the order of the rules: enough to reproduce it or to select by.
     pub fn drawn(&self) -> &[Value] {
         &self.drawn
     }
 
-    /// What was noticed: objects that found no room, what the scene's reader had to say.
+    /// Warnings: objects that found no room, and those of the scene's reader.
     pub fn report(&self) -> &Report {
         &self.report
     }
@@ -146,12 +146,12 @@ impl Sample {
         &self.live
     }
 
-    /// Whether anything in its scene moves or changes by itself.
+    /// Whether anything in its scene moves or changes over time.
     pub fn is_moving(&self) -> bool {
         self.moving
     }
 
-    /// The scene from the time `start` on, for `length`, s, if it moves.
+    /// The built scene; if anything moves, from time `start` on for `length`, s.
     ///
     /// # Errors
     /// As [`LiveScene::commit`].
@@ -181,35 +181,35 @@ impl Sample {
         Ok(cloud)
     }
 
-    /// [`Sample::cloud`] into the memory of `cloud`.
+    /// [`Sample::cloud`] that reuses the memory of `cloud`.
     ///
     /// # Errors
-    /// As there.
+    /// As [`Sample::cloud`].
     pub fn cloud_into(&mut self, scan: usize, frame: usize, cloud: &mut PointCloud) -> Result<()> {
         let built = self.built(scan, frame)?;
         let scan = &self.scans[scan];
         built.scan_into(&scan.sensor, &scan.trajectory, &scan.options(frame), cloud)
     }
 
-    /// [`Sample::cloud_into`] with further columns, `more`, and boxes.
+    /// [`Sample::cloud_into`] with the further columns `more`, and boxes.
     pub(super) fn cloud_with(
         &mut self,
         scan: usize,
         frame: usize,
         more: FieldSet,
-        boxes: Boxes,
+        boxes: BoxScope,
         cloud: &mut PointCloud,
     ) -> Result<()> {
         let built = self.built(scan, frame)?;
         let scan = &self.scans[scan];
         let options = scan.options(frame);
-        let image_boxes = boxes == Boxes::InImage && scan.sensor.image_grid().is_ok();
-        let boxes = (boxes != Boxes::None).then_some(BoxAxes::Object);
+        let image_boxes = boxes == BoxScope::InImage && scan.sensor.image_grid().is_ok();
+        let boxes = (boxes != BoxScope::None).then_some(BoxAxes::Object);
         let options = ScanOptions { fields: options.fields.union(more), boxes, image_boxes, ..options };
         built.scan_into(&scan.sensor, &scan.trajectory, &options, cloud)
     }
 
-    /// The `frame`th ping of a scan with a sonar.
+    /// The `frame`th ping of a sonar's scan.
     ///
     /// # Errors
     /// As [`BuiltScene::ping`].
@@ -258,7 +258,7 @@ fn scans(
         let Some(rate) = entry.rate_hz else {
             return Ok(whole.clone().map(|number| FrameTime { number, start: f64::from(number) / fps }).collect());
         };
-        // All that start before the frame after the last.
+        // All frames that start before the one after the last.
         let first = start + entry.start_s;
         let count = ((end + f64::from(step) / fps - first) * rate - 1e-9).ceil().max(0.0);
         if count > MOST_FRAMES {
@@ -281,12 +281,12 @@ fn scans(
     for (index, ((entry, sensor), times)) in spec.sensors.iter().zip(sensors).zip(times).enumerate() {
         let name = entry.name.clone().unwrap_or_else(|| sensor.name().to_owned());
         if !LENGTHS.contains(&name.len()) {
-            let allowed = format!("{} to {} bytes, as files are called by it", LENGTHS.start(), LENGTHS.end());
+            let allowed = format!("{} to {} bytes, as files are named after it", LENGTHS.start(), LENGTHS.end());
             let found = format!("{} bytes long, {:?}", name.len(), shown::name(&name));
             return Err(Error::invalid(format!("sensors[{index}].name"), found, allowed));
         }
         if names.contains(&name) {
-            let found = format!("called {name:?}, as a sensor before it");
+            let found = format!("called {name:?}, like an earlier sensor");
             return Err(Error::invalid(format!("sensors[{index}]"), found, "a `name` of its own for each"));
         }
         let mount = entry.mount.pose(&format!("sensors[{index}].mount"))?;
@@ -318,10 +318,10 @@ fn scans(
     Ok(scans)
 }
 
-/// Bytes of the name of a sensor: of files, they may be 255 with what is added to them.
+/// Allowed length of a sensor's name, bytes: file names, which add to it, are limited to 255.
 const LENGTHS: RangeInclusive<usize> = 1..=200;
 
-/// The path of the carrier from `start` to `end`, s.
+/// The trajectory of the carrier from `start` to `end`, s.
 fn carrier(
     trajectory: Option<&Carrier>,
     standing: Option<Pose>,
@@ -351,11 +351,11 @@ fn carrier(
     }
 }
 
-/// The path of what is mounted so on a carrier: poses are added where the carrier turns, so that a straight line from
-/// one to the next is less than a tenth of a millimetre from the arc.
+/// The trajectory of a sensor with this mount on a carrier: poses are added where the carrier turns, so that the
+/// straight line from one to the next is less than a tenth of a millimetre from the arc.
 fn mounted(carrier: &Trajectory, mount: &Pose) -> Result<Trajectory> {
     const TOLERANCE_M: f64 = 1e-4;
-    /// Most poses added between two.
+    /// Maximum number of poses added between two.
     const MOST: f64 = 1000.0;
     if *mount == Pose::IDENTITY {
         return Ok(carrier.clone());
@@ -365,7 +365,7 @@ fn mounted(carrier: &Trajectory, mount: &Pose) -> Result<Trajectory> {
     let mut all = Vec::with_capacity(keys.len());
     for ends in keys.windows(2) {
         let [(from, a), (to, b)] = [ends[0], ends[1]];
-        // Height of the arc of a lever of this length above its chord.
+        // Height above its chord of the arc that a lever arm of this length describes.
         let angle = a.orientation.angle_between(b.orientation);
         let parts = (angle * (mount.position.length() / (8.0 * TOLERANCE_M)).sqrt()).ceil().clamp(1.0, MOST);
         for part in 0..parts as u32 {

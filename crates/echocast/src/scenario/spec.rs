@@ -1,4 +1,4 @@
-//! What a scenario file says, section by section.
+//! Contents of a scenario file, section by section.
 
 use super::set::Splits;
 use super::variation::Rule;
@@ -20,11 +20,11 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// A scenario file. Names of files in it are relative to its folder, or to `folder`.
+/// A scenario file. File names in it are relative to its folder, or to `folder`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Spec {
-    /// Where relative names of files start, instead of the file's own folder; relative to that.
+    /// Base folder of relative file names, instead of the file's own folder and relative to it.
     pub folder: Option<PathBuf>,
     pub scene: SceneSpec,
     #[serde(deserialize_with = "nothing_as_empty")]
@@ -38,11 +38,11 @@ pub(super) struct Spec {
     pub profile: Profile,
     #[serde(deserialize_with = "word_or_nothing")]
     pub reflectance_source: Option<ReflectanceSource>,
-    /// Of all random draws.
+    /// Seed of all random draws.
     pub seed: u64,
-    /// How many samples there are.
+    /// Number of samples.
     pub samples: u64,
-    /// Names of columns, `default`, `all`.
+    /// Column names, `default`, `all`.
     #[serde(deserialize_with = "one_or_more_words")]
     pub fields: Vec<String>,
     #[serde(deserialize_with = "word")]
@@ -51,15 +51,15 @@ pub(super) struct Spec {
     pub order: Order,
     pub organised: bool,
     pub freeze: bool,
-    /// Whether points are brought to the start of their frame.
+    /// Whether points are deskewed to the start of their frame.
     pub deskew: bool,
-    /// When boxes hold.
+    /// Time for which boxes are valid.
     #[serde(deserialize_with = "word")]
     pub boxes: BoxTime,
     pub motion_tolerance_m: f64,
     #[serde(deserialize_with = "nothing_as_empty")]
     pub set: SetSpec,
-    /// What is written; each style has its own keys.
+    /// Output styles; each has its own keys.
     #[serde(deserialize_with = "nothing_as_empty")]
     pub outputs: Vec<Value>,
 }
@@ -108,13 +108,13 @@ pub(super) struct SceneSpec {
     #[serde(rename = "loop")]
     pub looped: bool,
     pub allow_outside_paths: bool,
-    /// Object name pattern to the file that says how the object changes its shape.
+    /// Object name pattern to the file that describes how the object's shape changes.
     pub caches: BTreeMap<String, CacheFile>,
-    /// Object name patterns that are left out.
+    /// Name patterns of objects to leave out.
     #[serde(deserialize_with = "one_or_more_words")]
     pub hide: Vec<String>,
-    /// Further models, each at a place of its own.
-    pub place: Vec<Placement>,
+    /// Further models, each with its own pose.
+    pub place: Vec<PlacedModel>,
     /// What surfaces are made of, by material name pattern.
     pub materials: MaterialRules,
 }
@@ -162,20 +162,20 @@ impl<'de> Deserialize<'de> for LabelSource {
 /// A model placed in the scene.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Placement {
+pub(super) struct PlacedModel {
     pub model: PathBuf,
-    /// Name of the instance; without it, that of the file.
+    /// Name of the instance; defaults to that of the file.
     pub name: Option<String>,
     pub category: Option<String>,
-    /// Where its origin is, and how it is turned.
+    /// Position of its origin, and its orientation.
     #[serde(default)]
     pub at: PoseSpec,
-    /// How much larger it is than in its file.
+    /// Scale factor relative to its file.
     #[serde(default = "unchanged")]
     pub scale: f64,
 }
 
-/// A place, and how something is turned there.
+/// A position and an orientation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct PoseSpec {
@@ -186,7 +186,7 @@ pub(super) struct PoseSpec {
 }
 
 impl PoseSpec {
-    /// The pose, or what is wrong with the section `key`.
+    /// The pose, or what is wrong with it; `key` is that of the section.
     pub fn pose(&self, key: &str) -> Result<Pose> {
         let [x, y, z] = self.position_m;
         let pose = match (self.rpy_deg, self.orientation_xyzw) {
@@ -198,7 +198,7 @@ impl PoseSpec {
                     let key = format!("{key}.orientation_xyzw");
                     return Err(Error::invalid(key, format!("{turned:?}"), "a quaternion of length 1"));
                 }
-                // What is of length 1 keeps its bits.
+                // A unit quaternion is kept bit for bit.
                 let unit = orientation.is_normalized();
                 Pose {
                     position: DVec3::new(x, y, z),
@@ -206,7 +206,7 @@ impl PoseSpec {
                 }
             }
             (Some(_), Some(_)) => {
-                return Err(Error::invalid(key, "turned twice", "rpy_deg or orientation_xyzw"));
+                return Err(Error::invalid(key, "rotated twice", "rpy_deg or orientation_xyzw"));
             }
         };
         if pose.position.is_finite() && pose.orientation.is_finite() {
@@ -220,17 +220,17 @@ impl PoseSpec {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SensorEntry {
-    /// Its name in the set; without it, the sensor's own.
+    /// Its name in the set; defaults to the sensor's own.
     pub name: Option<String>,
     /// A preset, a sensor file, or the contents of one.
     pub sensor: Value,
     /// Keys that replace those of the sensor: sections, or paths such as `noise.range_sigma_m`.
     #[serde(default)]
     pub set: serde_json::Map<String, Value>,
-    /// Where it is on its carrier.
+    /// Its pose on the carrier.
     #[serde(default)]
     pub mount: PoseSpec,
-    /// Scans per second; without it, one for each frame.
+    /// Scans per second; defaults to one scan for each frame.
     pub rate_hz: Option<f64>,
     /// When the first of these scans starts, s after the first frame.
     #[serde(default)]
@@ -242,15 +242,15 @@ pub(super) struct SensorEntry {
 pub(super) enum Carrier {
     /// TUM text or CSV; time 0 is the first pose.
     File(PathBuf),
-    /// It stands.
+    /// A fixed pose.
     At(PoseSpec),
     /// A camera node of the scene.
     Camera(String),
-    /// An object of the scene, its x axis ahead.
+    /// An object of the scene, whose x axis points forward.
     Object(String),
-    /// Time in s and a pose, as in TUM text.
+    /// Rows of a time, s, and a pose, as in TUM text.
     Poses(Vec<[f64; 8]>),
-    /// It stands on surfaces of the scene, elsewhere in each sample.
+    /// A fixed pose on surfaces of the scene, different in each sample.
     On(Box<super::variation::Spot>),
 }
 
@@ -258,17 +258,17 @@ impl<'de> Deserialize<'de> for Carrier {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct File {
+        struct TrajectoryFile {
             file: PathBuf,
         }
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Camera {
+        struct CarrierCamera {
             camera: String,
         }
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Object {
+        struct CarrierObject {
             object: String,
         }
         #[derive(Deserialize)]
@@ -279,9 +279,9 @@ impl<'de> Deserialize<'de> for Carrier {
         let value = Value::deserialize(deserializer)?;
         let has = |key: &str| value.get(key).is_some();
         Ok(match () {
-            () if has("file") => Carrier::File(inner::<File, _>(&value)?.file),
-            () if has("camera") => Carrier::Camera(inner::<Camera, _>(&value)?.camera),
-            () if has("object") => Carrier::Object(inner::<Object, _>(&value)?.object),
+            () if has("file") => Carrier::File(inner::<TrajectoryFile, _>(&value)?.file),
+            () if has("camera") => Carrier::Camera(inner::<CarrierCamera, _>(&value)?.camera),
+            () if has("object") => Carrier::Object(inner::<CarrierObject, _>(&value)?.object),
             () if has("poses") => Carrier::Poses(inner::<Poses, _>(&value)?.poses),
             () if has("on") => Carrier::On(Box::new(inner(&value)?)),
             () if has("position_m") => Carrier::At(inner(&value)?),
@@ -300,11 +300,11 @@ impl<'de> Deserialize<'de> for Carrier {
 pub(super) struct FrameSpec {
     #[serde(default)]
     pub first: u32,
-    /// Included.
+    /// Inclusive.
     pub last: u32,
     #[serde(default = "one")]
     pub step: u32,
-    /// Without it, the rate of the first sensor.
+    /// Defaults to the rate of the first sensor.
     pub fps: Option<f64>,
 }
 
@@ -316,15 +316,15 @@ fn unchanged() -> f64 {
     1.0
 }
 
-/// The set that the samples make.
+/// The set that the samples form.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct SetSpec {
-    /// Where it is written; without it, a folder called as the scenario file without its ending.
+    /// Folder that it is written to; defaults to one named after the scenario file, without extension.
     pub folder: Option<PathBuf>,
-    /// The parts that it is divided into.
+    /// Its splits.
     pub splits: Splits,
-    /// What others may do with it: a name such as `CC-BY-4.0`, or a sentence.
+    /// Its licence: a name such as `CC-BY-4.0`, or a sentence.
     pub licence: Option<String>,
 }
 
@@ -337,7 +337,7 @@ fn word_or_nothing<'de, D: Deserializer<'de>, T: Named>(deserializer: D) -> Resu
     word.map(|word| by_name("value", &word).map_err(D::Error::custom)).transpose()
 }
 
-/// A list or section; nothing, where all that is in it is a comment, is an empty one.
+/// A list or section; an empty value, as where all entries are commented out, is read as an empty one.
 fn nothing_as_empty<'de, D: Deserializer<'de>, T: Deserialize<'de> + Default>(deserializer: D) -> Result<T, D::Error> {
     Option::deserialize(deserializer).map(Option::unwrap_or_default)
 }
@@ -350,15 +350,16 @@ impl Spec {
         Ok(spec)
     }
 
-    /// Reads what is kept in files of its own; relative names start at `folder`.
+    /// Reads what is kept in separate files, whose names are relative to `folder`.
     ///
     /// # Errors
-    /// A missing file, or what is wrong in it.
+    /// A missing or invalid file.
     pub fn read_files(&mut self, folder: &Path) -> Result<()> {
         self.environment.read_files(folder)
     }
 
-    /// Columns of clouds of `sensor`: its default columns, and what made each point, which learners leave out or weigh.
+    /// Columns of clouds of `sensor`: its default columns, and the cause of each point, by which training can exclude
+    /// or weight points.
     ///
     /// # Errors
     /// A column that does not exist.
@@ -366,13 +367,13 @@ impl Spec {
         FieldSet::parse_with(&self.fields.join(","), sensor.default_fields().with(Field::Cause))
     }
 
-    /// Frames a second; `first`: the first sensor.
+    /// Frames per second; `first` is the first sensor.
     pub fn fps(&self, first: &Sensor) -> f64 {
         self.frames.and_then(|frames| frames.fps).unwrap_or_else(|| 1.0 / first.beams().period)
     }
 
     fn check(&self) -> Result<()> {
-        /// More samples than anybody makes, so that each has a number of 32 bits.
+        /// More than any real set has; sample numbers fit in 32 bits.
         const MOST_SAMPLES: u64 = 1_000_000_000;
         if !(1..=MOST_SAMPLES).contains(&self.samples) {
             return Err(Error::invalid("samples", self.samples, format!("1 to {MOST_SAMPLES}")));

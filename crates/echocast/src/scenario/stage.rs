@@ -24,16 +24,16 @@ pub(super) struct Stage {
     pub labels: LabelRules,
     /// The files that each rule names.
     pub models: Vec<Vec<(PathBuf, f64)>>,
-    /// Start and length, s, of the first frame, unless a rule says otherwise: scenes are built for it, so that samples
-    /// share even what moves.
+    /// Start and length, s, of the first frame, unless a rule changes it: scenes are built for this interval, so that
+    /// samples share even what moves.
     first_frame: Option<[f64; 2]>,
-    /// The last scenes, by the section that describes them; the newest last.
-    bases: Mutex<VecDeque<(String, Slot)>>,
+    /// The most recent scenes, by the section that describes them, newest last.
+    bases: Mutex<VecDeque<(String, BaseSlot)>>,
     /// By the entry that describes them.
     sensors: Mutex<HashMap<String, Arc<Sensor>>>,
 }
 
-/// A scene that samples start from, built.
+/// A built scene that samples start from.
 #[derive(Debug)]
 pub(super) struct Base {
     pub scene: Scene,
@@ -41,18 +41,18 @@ pub(super) struct Base {
     pub units: Units,
 }
 
-/// A scene that is made, or will be by the first that asks for it.
-type Slot = Arc<Mutex<Option<Arc<Base>>>>;
+/// A scene that is built, or will be by the first sample that needs it.
+type BaseSlot = Arc<Mutex<Option<Arc<Base>>>>;
 
-/// Scenes kept at once, where the scene itself differs between samples.
+/// Number of scenes kept, where the scene itself differs between samples.
 const KEPT: usize = 4;
 
-/// Sensors kept at once, likewise.
+/// Number of sensors kept, likewise.
 const KEPT_SENSORS: usize = 64;
 
 impl Stage {
     /// # Errors
-    /// A label file that cannot be read, a model that is not there.
+    /// A label file that cannot be read; a missing model.
     pub fn new(spec: &Spec, folder: &Path, engine: Engine) -> Result<Stage> {
         let labels = match &spec.scene.labels {
             LabelSource::None => LabelRules::default(),
@@ -72,7 +72,7 @@ impl Stage {
         let models = spec.variation.iter().enumerate().map(files).collect::<Result<_>>()?;
         let (bases, sensors) = (Mutex::default(), Mutex::default());
         let mut stage = Stage { engine, assets: Assets::default(), labels, models, first_frame: None, bases, sensors };
-        // A sensor that cannot be read is told of by the samples that have it.
+        // A sensor that cannot be read is reported by the samples that use it.
         let sensor = spec.sensors.first().and_then(|entry| stage.sensor(entry, "sensors[0]", folder).ok());
         stage.first_frame = sensor.map(|sensor| {
             let first = f64::from(spec.frames.map_or(0, |frames| frames.first)) / spec.fps(&sensor);
@@ -81,8 +81,8 @@ impl Stage {
         Ok(stage)
     }
 
-    /// The scene that `spec` describes; `key` is the text of its section. A scene that another thread makes at the same
-    /// time is waited for.
+    /// The scene that `spec` describes; `key` is the text of its section. Waits if another thread is building the same
+    /// scene.
     ///
     /// # Errors
     /// As [`Scene::load`] and [`LiveScene::commit`]; a pattern that nothing matches.
@@ -95,13 +95,14 @@ impl Stage {
                     if bases.len() == KEPT {
                         bases.pop_front();
                     }
-                    let slot = Slot::default();
+                    let slot = BaseSlot::default();
                     bases.push_back((key, slot.clone()));
                     slot
                 }
             }
         };
-        // Others that want the same scene wait for it, unless the work that they have left to do so is what it needs.
+        // Threads that need the same scene wait for it, except pool threads: the job that they left for this one may be
+        // part of its construction, and waiting would deadlock.
         let in_the_way = self.engine.threads() > 1 && rayon::current_thread_index().is_some();
         let mut base = match slot.try_lock() {
             Err(TryLockError::WouldBlock) if in_the_way => return Ok(Arc::new(self.make(spec, folder)?)),
@@ -140,10 +141,10 @@ impl Stage {
         for (index, rule) in spec.variation.iter().enumerate() {
             let Some(target) = rule.target() else { continue };
             let ids: Vec<_> = units.ids(target).collect();
-            // What a rule before it has placed is not here yet.
+            // Objects that an earlier rule places do not exist yet.
             let placed = spec.variation[..index].iter().any(|rule| matches!(rule.what, What::Place(_)));
             if ids.is_empty() && !placed {
-                let found = format!("{}, which nothing in the scene is", target.shown());
+                let found = format!("{}, which matches nothing in the scene", target.shown());
                 let names: Vec<&str> = units.names().collect();
                 let near = target.object.as_deref().map(|name| crate::ground::error::nearest(name, &names));
                 let near = near.filter(|near| !near.is_empty()).unwrap_or_default();
@@ -156,7 +157,7 @@ impl Stage {
         if let Some([start, length]) = self.first_frame {
             live.set_time(start, length)?;
         }
-        // What no rule moves is built here, once for all samples.
+        // Objects that no rule changes are built here, once for all samples.
         live.commit()?;
         Ok(Base { scene, live, units })
     }
@@ -187,7 +188,7 @@ impl Stage {
         }
     }
 
-    /// The sensor of `entry`, the one at `key` of the file.
+    /// The sensor of `entry`, which is at `key` of the file.
     ///
     /// # Errors
     /// As [`Sensor::open`] and [`Sensor::set`].
@@ -199,7 +200,7 @@ impl Stage {
         let mut sensor = match &entry.sensor {
             Value::String(name) => {
                 let path = folder.join(name);
-                // A file beside the scenario is preferred to a preset.
+                // A file next to the scenario takes precedence over a preset.
                 Sensor::open(if path.is_file() { &path } else { Path::new(name) })?
             }
             section @ Value::Object(_) => {
@@ -221,20 +222,20 @@ impl Stage {
     }
 }
 
-/// Checks that each of `patterns` has left something out of `scene`.
+/// Checks that each of `patterns` has hidden something in `scene`.
 fn check_hidden(scene: &Scene, patterns: &[String]) -> Result<()> {
     for (index, pattern) in patterns.iter().enumerate() {
         if !scene.hidden.iter().any(|name| matches(pattern, name)) {
             let names = scene.objects.iter().map(|object| &object.name);
             let near = crate::ground::error::nearest(pattern, names).join(", ");
-            let found = format!("{:?}, which no object is called", shown::name(pattern));
+            let found = format!("{:?}, which matches no object", shown::name(pattern));
             return Err(Error::invalid(format!("scene.hide[{index}]"), found, near));
         }
     }
     Ok(())
 }
 
-/// Sections of keys as paths of keys and their values.
+/// Nested sections flattened to key paths and their values.
 fn flat(keys: &serde_json::Map<String, Value>) -> Vec<(String, &Value)> {
     let mut all = Vec::new();
     for (key, value) in keys {

@@ -59,7 +59,7 @@ fn rules(rules: &str) -> (TempDir, Scenario) {
     (folder, scenario)
 }
 
-/// The middles of the boxes of all objects whose names fit, and their lowest and highest points.
+/// Names of all objects that match, with the centres of their boxes and their lowest and highest points.
 fn places(live: &LiveScene, pattern: &str) -> Vec<(String, DVec3, f64, f64)> {
     let fits = |name: &str| crate::scene::matches(pattern, name);
     let named = |number: u32| live.labels().instance.name(number).unwrap_or_default().to_owned();
@@ -67,7 +67,7 @@ fn places(live: &LiveScene, pattern: &str) -> Vec<(String, DVec3, f64, f64)> {
         .map(|(_, object)| (named(object.instance_id), object))
         .filter(|(name, _)| fits(name))
         .map(|(name, object)| {
-            let corners = crate::scene::corners(object.mesh.bounds().unwrap(), &object.world_from_object);
+            let corners = crate::model::corners(object.mesh.bounds().unwrap(), &object.world_from_object);
             let middle = corners.iter().sum::<DVec3>() / 8.0;
             let heights = corners.map(|corner| corner.z);
             let (low, high) = heights.iter().fold((f64::MAX, f64::MIN), |(a, b), z| (a.min(*z), b.max(*z)));
@@ -77,7 +77,7 @@ fn places(live: &LiveScene, pattern: &str) -> Vec<(String, DVec3, f64, f64)> {
 }
 
 #[test]
-fn a_rule_more_moves_no_other_draw() {
+fn an_added_rule_changes_no_other_draw() {
     let chairs = "  - move: \"Chair_*\"\n    by_m: [{normal: [0, 0.2]}, {uniform: [-1, 1]}, 0]\n    turn_deg: {uniform: [0, 360]}\n";
     let (_a, alone) = rules(chairs);
     let (_b, among) = rules(
@@ -93,7 +93,7 @@ fn a_rule_more_moves_no_other_draw() {
         let [a, b] = [&alone, &among].map(|scenario| places(scenario.sample(index).unwrap().scene(), "Chair_*"));
         assert_eq!(a, b);
     }
-    // In any order, again and again.
+    // In any order, repeatedly.
     let again: Vec<_> =
         [5, 3, 5].map(|index| places(alone.sample(index).unwrap().scene(), "Chair_*")).into_iter().collect();
     assert_eq!(again[0], again[2]);
@@ -101,7 +101,7 @@ fn a_rule_more_moves_no_other_draw() {
 }
 
 #[test]
-fn what_is_drawn_is_told() {
+fn drawn_values_are_reported() {
     let (_folder, scenario) = rules(
         "  - {remove: \"Chair_*\", chance: 0.5}\n  - {swap: Chair_3, with: models/crate.obj}\n\
          \x20 - {set: environment.rain.rate_mm_h, to: {uniform: [5, 20]}, name: shower}\n",
@@ -135,7 +135,7 @@ fn models_stand_on_their_surface_and_clear_of_others() {
             assert!(low.abs() < 1e-3, "{name} stands at {low}");
             poles += usize::from(high - low > 1.0);
             assert!(middle.x.abs() < 10.0 && middle.y.abs() < 10.0);
-            // Smaller than half of their least sizes and the clearance.
+            // A lower bound: the clearance plus half of their smallest sizes.
             for (other, there, ..) in things[..k].iter().chain(others.iter().filter(|other| other.0 != "Wall")) {
                 assert!(middle.truncate().distance(there.truncate()) > 0.2 + 0.1, "{name} and {other}");
             }
@@ -153,7 +153,7 @@ fn models_stand_on_their_surface_and_clear_of_others() {
 }
 
 #[test]
-fn things_drop_and_lie_along_the_slope() {
+fn objects_drop_and_align_with_the_slope() {
     let (_folder, scenario) = rules(
         "  - {place: models/pole.obj, call: up, at: {on: Slope}}\n\
          \x20 - {place: models/crate.obj, call: flat, at: {on: Slope}, align: slope, clearance_m: 0.3}\n\
@@ -169,7 +169,7 @@ fn things_drop_and_lie_along_the_slope() {
         let (_, pole, low, high) = at("up_1");
         assert!((low - ground(pole)).abs() < 1e-3 && (high - low - 2.0).abs() < 1e-6);
         let (_, crate_, ..) = at("flat_1");
-        // Half of its height above the slope, across it.
+        // Half of its height above the slope, along the normal.
         assert!(((crate_.z - ground(crate_)) / 1.25_f64.sqrt() - 0.2).abs() < 1e-3);
         let (_, fallen, low, _) = at("fallen_1");
         let others = (low - ground(fallen)).abs() > 1e-3;
@@ -179,7 +179,7 @@ fn things_drop_and_lie_along_the_slope() {
     }
 }
 
-/// What an upright box on a slope reaches into is the slope, nothing else.
+/// An upright box on a slope reaches into the slope, and into nothing else.
 #[test]
 fn things_on_a_slope_stand_clear_of_each_other() {
     let (_folder, scenario) =
@@ -190,7 +190,7 @@ fn things_on_a_slope_stand_clear_of_each_other() {
         for (k, (name, middle, ..)) in there.iter().enumerate() {
             for (other, at, ..) in &there[..k] {
                 let apart = (*middle - *at).abs() - DVec3::new(1.0, 0.6, 0.4) + 1e-6;
-                // The lowest 2 cm may be in what is there.
+                // The lowest 2 cm may reach into other objects.
                 assert!(apart.cmpge(DVec3::new(0.1, 0.1, -0.02)).any(), "{name} and {other}: {apart}");
             }
         }
@@ -198,7 +198,7 @@ fn things_on_a_slope_stand_clear_of_each_other() {
 }
 
 #[test]
-fn what_is_turned_over_stands_on_its_side() {
+fn tipped_objects_stand_on_their_side() {
     let (_folder, scenario) = rules(
         "  - {place: models/crate.obj, call: side, at: {on: Floor}, turn_deg: [90, 0, 20]}\n\
          \x20 - {place: models/pole.obj, call: lying, at: {on: Slope}, turn_deg: [0, 90, {uniform: [0, 360]}], align: slope}\n\
@@ -210,14 +210,14 @@ fn what_is_turned_over_stands_on_its_side() {
     let (_, _, low, high) = at("side_1");
     assert!(low.abs() < 1e-6 && (high - 0.6).abs() < 1e-6, "{low} {high}");
     let (_, pole, ..) = at("lying_1");
-    // Half of its width above the slope, across it.
+    // Half of its width above the slope, along the normal.
     assert!(((pole.z - 0.5 * (pole.x - 10.0)) / 1.25_f64.sqrt() - 0.05).abs() < 1e-3);
     let (_, _, low, high) = at("Chair_0");
     assert!(low.abs() < 1e-6 && (high - (0.9 * 30_f64.to_radians().cos() + 0.25)).abs() < 1e-6, "{low} {high}");
 }
 
 #[test]
-fn what_finds_no_room_is_told_or_fails() {
+fn lack_of_room_is_reported_or_fails() {
     let rule = |otherwise: &str| {
         format!(
             "  - {{place: models/pole.obj, at: {{on: Floor}}, count: 3, clearance_m: 30, tries: 5, otherwise: {otherwise}}}\n"
@@ -256,7 +256,7 @@ fn swapped_objects_keep_place_name_and_category() {
 
 /// A car of the generated street has wheels, which are objects of their own and turn while it drives.
 #[test]
-fn what_hangs_on_a_node_is_moved_with_it() {
+fn children_move_with_their_node() {
     let text = "scene: {generate: {street: {}}}\nsensors: [{sensor: velodyne_vlp16}]\ntrajectory: {camera: Corner}\n\
                 samples: 10\nvariation:\n  - {move: \"Car_*\", by_m: [{uniform: [1, 3]}, 0, {uniform: [1, 2]}]}\n";
     let scenario = Scenario::from_yaml(text, "").unwrap().with_engine(&Engine::with_threads(1).unwrap());
@@ -368,12 +368,12 @@ fn surfaces_are_taken_in_a_box() {
     }
     scenario.set("trajectory.within.min_m[2]", "0.5").unwrap();
     let error = scenario.sample(0).unwrap_err().to_string();
-    assert!(error.contains("no free place") && error.contains("a larger box"), "{error}");
+    assert!(error.contains("no place with") && error.contains("a larger box"), "{error}");
     let error = scenario.set("trajectory.within.min_m[0]", "7").unwrap_err().to_string();
     assert!(error.contains("trajectory.within: is from 7 to -1; allowed: min_m not above max_m"), "{error}");
 }
 
-/// Work that a thread takes up while it waits for a part of a scene may want the same scene.
+/// A job that a thread takes up while it waits for part of a scene may need the same scene.
 #[test]
 fn samples_are_made_on_the_threads_of_any_pool() {
     use rayon::prelude::*;
@@ -440,7 +440,7 @@ fn keys_are_changed_by_path() {
         ("sensors.left.rate_hz", "5", "sensors.left.rate_hz=5: sensors, a list of 1, has no entry called \"left\""),
         ("samples", "1000000000000", "samples=1000000000000: samples: is 1000000000000; allowed: 1 to 1000000000"),
         ("environment.rain.rate_mm_h", "-3", "rate_mm_h"),
-        ("frames.last", "", "frames.last=: has no value; `null` takes a key away"),
+        ("frames.last", "", "frames.last=: has no value; `null` removes a key"),
     ] {
         let error = scenario.set(key, value).unwrap_err().to_string();
         assert!(error.contains(fault), "{error}");
@@ -449,14 +449,14 @@ fn keys_are_changed_by_path() {
 }
 
 #[test]
-fn bad_files_are_told_with_line_and_key() {
+fn invalid_files_are_reported_with_line_and_key() {
     let folder = folder();
     fs::create_dir(folder.path().join("empty")).unwrap();
     let fault = |rest: &str| {
         let error = scenario(&folder, rest).and_then(|scenario| scenario.sample(0)).unwrap_err();
         error.to_string()
     };
-    for (rest, wanted) in [
+    for (rest, expected_text) in [
         (
             "variation: [{place: models/pole.obj, at: {on: Floor}, count: {normal: [1.0e+30, 1]}}]",
             "variation[0].count is 9223372036854775807; allowed: 0 to 100000",
@@ -469,37 +469,37 @@ fn bad_files_are_told_with_line_and_key() {
         ("variation: [{move: \"Chair_*\", by_m: [{uniform: [2, 1]}, 0, 0]}]", "variation[0].by_m"),
         (
             "variation: [{move: \"Cahir_*\", by_m: [1, 0, 0]}]",
-            "variation[0] is object \"Cahir_*\", which nothing in the scene is",
+            "variation[0] is object \"Cahir_*\", which matches nothing in the scene",
         ),
         ("variation: [{shuffle: \"Chair_*\"}]", "unknown key \"shuffle\""),
-        ("variation: [{remove: Wall}, {remove: Wall}]", "variation[1]: is called \"remove Wall\", as a rule before it"),
+        (
+            "variation: [{remove: Wall}, {remove: Wall}]",
+            "variation[1]: is called \"remove Wall\", like an earlier rule",
+        ),
         ("variation: [{place: empty, at: {on: Floor}}]", "a folder without models"),
         ("variation: [{place: none.obj, at: {on: Floor}}]", "none.obj: No such file"),
         (
             "variation: [{place: models, at: {on: Roof}}]",
-            "variation[0].at.on is object \"Roof\", which nothing in the scene is",
+            "variation[0].at.on is object \"Roof\", which matches nothing in the scene",
         ),
         (
             "variation: [{place: models, at: {on: Wall, along: [[0, 0, 0], [1, 0, 0]]}}]",
             "variation[0].at: is several places",
         ),
         ("variation: [{remove: Wall, chance: 2}]", "variation[0].chance: is 2; allowed: 0 to 1"),
-        (
-            "variation: [{set: sensors.left.rate_hz, to: 3}]",
-            "there is no place for \"sensors.left.rate_hz\" in this file",
-        ),
+        ("variation: [{set: sensors.left.rate_hz, to: 3}]", "this file cannot contain \"sensors.left.rate_hz\""),
         ("variation: [{set: environment.rain.rate_mm_h, to: -3}]", "YAML text, sample 0: environment.rain.rate_mm_h"),
         ("frames: {last: 3, first: 5}", "line 5: frames: is 5 to 3 with step 1"),
         ("outputs: 3", "line 5: outputs"),
     ] {
         let error = fault(rest);
-        assert!(error.contains(wanted), "{rest}: {error}");
+        assert!(error.contains(expected_text), "{rest}: {error}");
     }
     let two = "scene: {files: room.obj}\nsensors: [{sensor: velodyne_vlp16}, {sensor: velodyne_vlp16}]\ntrajectory: {position_m: [0, 0, 1]}";
     let error = Scenario::from_yaml(two, folder.path()).unwrap().sample(0).unwrap_err().to_string();
     assert_eq!(
         error,
-        "sensors[1] is called \"velodyne_vlp16\", as a sensor before it; allowed: a `name` of its own for each"
+        "sensors[1] is called \"velodyne_vlp16\", like an earlier sensor; allowed: a `name` of its own for each"
     );
     // Names that no file can have.
     for name in ["x".repeat(300), String::new()] {
@@ -559,7 +559,7 @@ fn sets_are_the_same_however_they_are_made() {
     );
     assert_eq!(set::check_folder(&folder.path().join("made")).unwrap(), Vec::<String>::new());
 
-    // Elsewhere.
+    // In another folder.
     let other = self::folder();
     fourteen_of(&other, &options(None));
     assert_eq!(contents(&other.path().join("made")), whole);
@@ -574,7 +574,7 @@ fn sets_are_the_same_however_they_are_made() {
     set::finish(&parts).unwrap();
     assert_eq!(contents(&parts), whole);
 
-    // Some of it lost, damaged or half made.
+    // With some of it lost, damaged or half written.
     let again = folder.path().join("again");
     fourteen(&set::RunOptions { samples: Some([3, 9, 2]), ..options(Some(again.clone())) });
     fs::remove_file(again.join("data/000005/top_0000.ply")).unwrap();
@@ -594,7 +594,7 @@ fn sets_are_the_same_however_they_are_made() {
     assert_eq!(contents(&again), whole);
 }
 
-/// A LiDAR that drives and a camera, in every style.
+/// A moving LiDAR and a camera, in every style.
 const STYLED: &str = "scene: {files: room.obj, labels: {objects: {Floor: road, Wall: building, \"Chair_*\": car}}}\n\
     sensors:\n\
     \x20 - {name: top, sensor: velodyne_vlp16, mount: {position_m: [0, 0, 0.5]}}\n\
@@ -645,7 +645,7 @@ fn sets_of_every_style_grow_and_are_the_same_however_they_are_made() {
     }
     set::finish(&folder.path().join("parts")).unwrap();
     assert!(contents(&folder.path().join("parts")) == whole);
-    // Once more changes nothing.
+    // Repeating it changes nothing.
     set::finish(&folder.path().join("parts")).unwrap();
     assert!(contents(&folder.path().join("parts")) == whole);
 
@@ -654,14 +654,14 @@ fn sets_of_every_style_grow_and_are_the_same_however_they_are_made() {
     let few = contents(&folder.path().join("grown"));
     let resumed = || set::RunOptions { resume: true, ..in_folder("grown") };
     assert_eq!(styled(&folder, 7, &resumed()).unwrap().found, 4);
-    // A run that was killed when it was complete, but for what it no longer needed.
+    // A run that was killed when it had only to remove what it no longer needed.
     fs::write(folder.path().join("grown/webdataset/.pieces/000002.tar"), "old").unwrap();
     fs::write(folder.path().join("grown/nuscenes/v1.0-echocast/.echocast-abc"), "half").unwrap();
     assert_eq!(styled(&folder, 9, &resumed()).unwrap().found, 7);
     let grown = contents(&folder.path().join("grown"));
     let different: Vec<_> = whole.keys().filter(|name| grown.get(*name) != whole.get(*name)).collect();
     assert!(different.is_empty() && grown.len() == whole.len(), "{different:?}");
-    // What is in a part stays there.
+    // Samples stay in their split.
     for part in ["train", "val"] {
         let lines = |all: &std::collections::BTreeMap<String, Vec<u8>>| {
             String::from_utf8(all[&format!("splits/{part}.txt")].clone()).unwrap()
@@ -669,7 +669,7 @@ fn sets_of_every_style_grow_and_are_the_same_however_they_are_made() {
         assert!(lines(&whole).starts_with(&lines(&few)), "{part}");
     }
 
-    // What is damaged is found, and made again.
+    // Damage is found and repaired.
     let root = folder.path().join("grown");
     for (name, words) in [
         ("webdataset/train-000000.tar", "webdataset/train-000000.tar has other contents"),
@@ -719,17 +719,17 @@ fn labels_of_kitti_are_what_its_camera_sees() {
     let scenario = Scenario::from_yaml(STYLED, folder.path()).unwrap();
     let mut sample = scenario.sample(0).unwrap();
     let mut cloud = crate::cloud::PointCloud::default();
-    sample.cloud_with(1, 3, crate::cloud::FieldSet::all(), sample::Boxes::None, &mut cloud).unwrap();
-    // Pixels of each chair lie in its box, and one of them touches each side that is not hidden.
+    sample.cloud_with(1, 3, crate::cloud::FieldSet::all(), sample::BoxScope::None, &mut cloud).unwrap();
+    // The pixels of each chair are in its box, and one of them touches each side that is not hidden.
     let mut matched = 0;
-    // Those that the LiDAR alone meets have none.
+    // Chairs that only the LiDAR hits have none.
     let seen = || labels.lines().filter(|line| numbers(line)[1] < 3.0);
     for line in seen() {
         assert!(line.starts_with("Car "));
         let label = numbers(line);
         let (rect, size, turned) = (&label[3..7], &label[7..10], label[13]);
         assert!((size[0] - 0.9).abs() < 1e-3 && (size[1] - 0.5).abs() < 1e-3 && (size[2] - 0.5).abs() < 1e-3);
-        // The chairs' x axis is to the right of who looks along y.
+        // The chairs' x axis points to the right when looking along y.
         assert!(turned.abs() < 1e-3, "{line}");
         assert!((label[2] - (turned - label[10].atan2(label[12]))).abs() < 2e-4, "{line}");
         let inside = (0..cloud.len).filter(|&row| {
@@ -743,7 +743,7 @@ fn labels_of_kitti_are_what_its_camera_sees() {
     assert_eq!(matched, seen().count(), "{labels}");
 }
 
-/// A third sensor, which scans twice as often; objects that the LiDAR alone meets.
+/// A third sensor, which scans twice as often; objects that only the LiDAR hits.
 #[test]
 fn kitti_leaves_out_sensors_and_nothing_that_a_sensor_sees() {
     let folder = folder();
@@ -770,7 +770,7 @@ fn kitti_leaves_out_sensors_and_nothing_that_a_sensor_sees() {
 }
 
 #[test]
-fn what_a_style_cannot_be_made_of_is_refused_before_anything_is_written() {
+fn unsuitable_samples_are_refused_before_anything_is_written() {
     let folder = folder();
     let fault = |sensors: &str, output: &str| {
         let text = format!(
@@ -849,18 +849,18 @@ fn the_readme_says_what_a_set_is() {
     ] {
         assert!(text.contains(words), "{words}: {text}");
     }
-    // Licence and parts may change later.
+    // Licence and splits may change later.
     let mut scenario = Scenario::from_yaml(STYLED, folder.path()).unwrap();
     scenario.set("samples", "2").unwrap();
     scenario.set("set", "{splits: {a: 1, b: 1}}").unwrap();
     let options = set::RunOptions { samples: None, resume: true, ..options(Some(made.clone())) };
     assert_eq!(set::run(scenario, &options, &|_| {}).unwrap().found, 2);
     let all = contents(&made);
-    assert!(String::from_utf8_lossy(&all["README.md"]).contains("None is said."));
+    assert!(String::from_utf8_lossy(&all["README.md"]).contains("None specified."));
     assert!(all.contains_key("splits/a.txt") && !all.contains_key("splits/train.txt"));
     assert!(!all.contains_key("webdataset/train-000000.tar"));
     assert_eq!(set::check_folder(&made).unwrap(), [""; 0]);
-    // A list that names files of others is not followed.
+    // A list that names files outside the set is rejected.
     let entry = json!([{"path": "../room.obj", "bytes": 1, "sha256": ""}]);
     fs::write(made.join("files.json"), entry.to_string()).unwrap();
     let error = set::finish(&made).unwrap_err().to_string();
@@ -870,13 +870,13 @@ fn the_readme_says_what_a_set_is() {
 }
 
 #[test]
-fn folders_of_others_are_left_alone() {
+fn foreign_folders_are_left_alone() {
     let folder = folder();
     let ten = set::RunOptions { samples: Some([0, 1, 1]), ..options(None) };
     run(&folder, "", &ten).unwrap();
     let before = contents(&folder.path().join("made"));
     let error = run(&folder, "", &ten).unwrap_err().to_string();
-    assert!(error.contains("in which 2 of these samples are; allowed: another folder, or to go on"), "{error}");
+    assert!(error.contains("which already holds 2 of these samples; allowed: another folder, or --resume"), "{error}");
     let error = run(&folder, "organised: true\n", &ten).unwrap_err().to_string();
     assert!(error.contains("which holds a set of another scenario"), "{error}");
     fs::create_dir(folder.path().join("mine")).unwrap();
@@ -884,7 +884,7 @@ fn folders_of_others_are_left_alone() {
     let other = set::RunOptions { folder: Some(folder.path().join("mine")), ..ten.clone() };
     let error = run(&folder, "", &other).unwrap_err().to_string();
     assert!(error.contains("which holds other files; allowed: an empty or a new folder"), "{error}");
-    // A set is of one scene.
+    // A set belongs to one scene.
     let room = fs::read_to_string(folder.path().join("room.obj")).unwrap();
     fs::write(folder.path().join("room.obj"), room.clone() + "# painted\n").unwrap();
     let resumed = set::RunOptions { resume: true, ..ten.clone() };
@@ -922,7 +922,7 @@ fn a_sample_that_fails_does_not_stop_the_others() {
     assert!(summary.failed[0].1.contains("sample 2: environment.rain.rate_mm_h: is -1"), "{:?}", summary.failed[0]);
     let page = fs::read_to_string(folder.path().join("made/report.html")).unwrap();
     assert!(page.contains("4 samples have failed") && page.contains("sample 2: environment.rain"));
-    // What has failed is tried again.
+    // Failed samples are retried.
     let summary = set::run(scenario().unwrap(), &set::RunOptions { resume: true, ..options }, &|_| {}).unwrap();
     assert_eq!((summary.found, summary.failed.len()), (8, 4));
 }
@@ -943,7 +943,7 @@ fn sequences_of_semantic_kitti_are_as_its_readers_expect() {
     assert_eq!((points.len(), labels.len()), (16 * cloud.len, 4 * cloud.len));
     let number = |k: usize| f32::from_le_bytes(points[4 * k..4 * k + 4].try_into().unwrap());
     for row in (0..cloud.len).step_by(97) {
-        // The sensor has driven 0.4 m when the second scan begins.
+        // The sensor has moved by 0.4 m when the second scan begins.
         assert!((number(4 * row) - (cloud.columns.x[row] - 0.4)).abs() < 1e-4);
         let label = u32::from_le_bytes(labels[4 * row..4 * row + 4].try_into().unwrap());
         let name = cloud.labels.category.name(cloud.columns.category_id[row]).unwrap();
@@ -958,7 +958,7 @@ fn sequences_of_semantic_kitti_are_as_its_readers_expect() {
 }
 
 #[test]
-fn what_drives_and_walks_has_classes_of_its_own() {
+fn moving_objects_have_classes_of_their_own() {
     let folder = folder();
     let text = "scene: {generate: {street: {cars: 6}}}\nsensors: [{sensor: velodyne_vlp32c}]\ntrajectory: {camera: Corner}\n\
                 outputs: [{style: semantic_kitti}]\nset: {folder: made}\nfields: [default, velocity]\n";
@@ -972,7 +972,7 @@ fn what_drives_and_walks_has_classes_of_its_own() {
         let velocity = [columns.velocity_x[row], columns.velocity_y[row], columns.velocity_z[row]];
         let name = cloud.labels.category.name(columns.category_id[row]).unwrap();
         let class = u32::from_le_bytes(*label) & 0xffff;
-        // Cars are stiff.
+        // Cars are rigid.
         if name == "car" && velocity.iter().all(|speed| speed.abs() < 0.01) {
             assert_eq!(class, 10);
         } else if name == "car" && velocity.iter().any(|speed| speed.abs() > 1.0) {
@@ -984,7 +984,7 @@ fn what_drives_and_walks_has_classes_of_its_own() {
     assert!(seen.keys().all(|(name, class)| *class < 252 || ["car", "person", "bicyclist"].contains(name)), "{seen:?}");
 }
 
-/// The schema for editors knows the keys that are read, no more and no fewer.
+/// The schema for editors has exactly the keys that are read.
 #[test]
 fn the_schema_has_the_keys_of_the_file() {
     let schema: Value = serde_json::from_str(include_str!("../../presets/scenario.schema.json")).unwrap();
@@ -1034,7 +1034,7 @@ fn the_schema_has_the_keys_of_the_file() {
     }
 }
 
-/// Epochs of training differ by their seed alone.
+/// Training epochs differ only in their seed.
 #[test]
 fn another_seed_has_the_same_scene_and_other_draws() {
     let rule = "  - {move: \"Chair_*\", by_m: [{uniform: [-0.5, 0.5]}, 0, 0]}\n";

@@ -1,18 +1,19 @@
 //! Files that change the shapes of objects: vertex caches and numbered scene files.
 //!
-//! Their coordinates are those that the scene file has for the mesh: in glTF the mesh's own, y up; in OBJ, PLY and STL the file's, to
-//! which [`LoadOptions::up`] and [`LoadOptions::scale`] apply as they do to the scene file. So from Blender, for its glTF
-//! export PC2 with its own settings fits ("Convert to Y-up", object space). Its OBJ export is in world coordinates: for it,
-//! PC2 with "Export into Worldspace", "Convert to Y-up" if the OBJ file is y up; or MDD, which is always in world
-//! coordinates and z up.
+//! Their coordinates are those that the scene file has for the mesh: in glTF the mesh's own, y up; in OBJ, PLY and STL
+//! the file's, to which [`LoadOptions::up`] and [`LoadOptions::scale`] apply as they do to the scene file. From
+//! Blender, PC2 with its default settings ("Convert to Y-up", object space) therefore fits the glTF export. The OBJ
+//! export is in world coordinates: it needs PC2 with "Export into Worldspace", and with "Convert to Y-up" if the OBJ
+//! file is y up; or MDD, which is always in world coordinates and z up.
 
-use super::gltf::SHORTEST_ROUND_S;
 use super::label::{best_of, matches};
-use super::mesh::Structure;
-use super::{Array, FORMATS, LoadOptions, Mesh, Part, Scene, Sequence};
+use super::{LoadOptions, Scene, Sequence};
+use crate::ground::array::Array;
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
-use crate::motion::{Cache, Motion, Node, Rest, Shape};
+use crate::model::{Mesh, Part, Structure};
+use crate::motion::{Cache, Deformation, Motion, Node, Rest, SHORTEST_ROUND_S};
+use crate::scene_files::FORMATS;
 use glam::{DAffine3, DVec3};
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{self, MapAccess, Visitor};
@@ -23,15 +24,16 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Vertices that parts share are there once for each when the object is traced; so many at most.
+/// Maximum number of vertices; those that parts share exist once for each part when the object is traced.
 const MOST_VERTICES: usize = 200_000_000;
 
-/// The file that says how an object changes its shape over time.
+/// The file that describes how the shape of an object changes over time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CacheFile {
-    /// A vertex cache (`.mdd`, `.pc2`), or the first of numbered scene files (`water_0001.obj`), each a shape of its own.
+    /// A vertex cache (`.mdd`, `.pc2`), or the first of numbered scene files (`water_0001.obj`), each a shape of its
+    /// own.
     pub file: PathBuf,
-    /// Frames per second of PC2 and of numbered files; 24 unless told. MDD files hold seconds.
+    /// Frames per second of PC2 and of numbered files; defaults to 24. MDD files hold seconds.
     pub fps: Option<f64>,
 }
 
@@ -40,7 +42,7 @@ impl<'de> Deserialize<'de> for CacheFile {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Keys {
+        struct CacheKeys {
             file: PathBuf,
             fps: Option<f64>,
         }
@@ -56,7 +58,7 @@ impl<'de> Deserialize<'de> for CacheFile {
                 Ok(CacheFile { file: file.into(), fps: None })
             }
             fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<CacheFile, A::Error> {
-                let Keys { file, fps } = Keys::deserialize(MapAccessDeserializer::new(map))?;
+                let CacheKeys { file, fps } = CacheKeys::deserialize(MapAccessDeserializer::new(map))?;
                 Ok(CacheFile { file, fps })
             }
         }
@@ -72,17 +74,17 @@ impl LoadOptions {
     }
 }
 
-/// What a file makes of a mesh; objects that share a mesh and a file share this.
+/// A mesh that is bound to a file; objects that share a mesh and a file share this.
 struct Bound {
-    /// Before; it also keeps its address from being used again.
+    /// The mesh before; it is kept so that its address is not reused.
     _from: Arc<Mesh>,
-    /// At time 0.
+    /// The mesh at time 0.
     mesh: Arc<Mesh>,
-    changes: Changes,
+    changes: ShapeChange,
 }
 
-enum Changes {
-    Shape(Arc<Shape>),
+enum ShapeChange {
+    Shape(Arc<Deformation>),
     Sequence(Arc<Sequence>),
 }
 
@@ -122,11 +124,11 @@ impl Scene {
                 self.report.warn(warning);
             }
             match changes {
-                Changes::Sequence(sequence) => {
+                ShapeChange::Sequence(sequence) => {
                     object.sequence = Some(sequence.clone());
                     object.part_ids.truncate(1);
                 }
-                Changes::Shape(shape) => {
+                ShapeChange::Shape(shape) => {
                     let motion = object.motion.get_or_insert_with(|| {
                         let rest = Rest::Whole(object.world_from_object);
                         timeline.nodes.push(Node { rest, ..Node::default() });
@@ -142,7 +144,7 @@ impl Scene {
     }
 }
 
-/// Opens `cache` for `mesh`, which the object `name` has.
+/// Opens `cache` for `mesh`, that of the object `name`.
 fn bind(pattern: &str, cache: &CacheFile, name: &str, mesh: &Arc<Mesh>, options: &LoadOptions) -> Result<Bound> {
     let CacheFile { file, fps } = cache;
     if let Some(fps) = fps.filter(|fps| !(*fps > 0.0 && fps.is_finite())) {
@@ -166,20 +168,21 @@ fn bind(pattern: &str, cache: &CacheFile, name: &str, mesh: &Arc<Mesh>, options:
         let mut positions = Vec::new();
         cache.at(0.0, &mut positions)?;
         let mesh = shared(mesh, positions.into()).map_err(fault)?;
-        let shape = Shape::baked(mesh.parts.len(), &mesh.parts[0].positions, cache);
-        return Ok(Bound { _from: from, mesh: Arc::new(mesh), changes: Changes::Shape(Arc::new(shape)) });
+        let shape = Deformation::baked(mesh.parts.len(), &mesh.parts[0].positions, cache);
+        return Ok(Bound { _from: from, mesh: Arc::new(mesh), changes: ShapeChange::Shape(Arc::new(shape)) });
     }
     if !FORMATS.iter().any(|format| format.reads(file)) {
-        let allowed = format!("caches in .mdd and .pc2, and in numbered scene files, {}", super::extensions());
+        let allowed =
+            format!("caches in .mdd and .pc2, and in numbered scene files, {}", crate::scene_files::extensions());
         return Err(Error::invalid(format!("caches.{pattern}"), shown::path(file), allowed));
     }
     let sequence = Sequence::open(file, *fps, mesh, options)?;
     let mesh = sequence.load(0)?;
-    Ok(Bound { _from: from, mesh, changes: Changes::Sequence(Arc::new(sequence)) })
+    Ok(Bound { _from: from, mesh, changes: ShapeChange::Sequence(Arc::new(sequence)) })
 }
 
-/// Which vertex of `cache` each vertex of `mesh` is, part after part, vertices that parts share once; `None`: they are the
-/// same.
+/// Which vertex of `cache` each vertex of `mesh` is, part after part, with vertices that parts share once; `None`: the
+/// order is the same.
 fn order(cache: &Cache, mesh: &Mesh) -> Result<Option<Vec<u32>>, String> {
     let vertices = cache.vertices();
     let fault = |found: usize, more: &str| {
@@ -207,8 +210,8 @@ fn order(cache: &Cache, mesh: &Mesh) -> Result<Option<Vec<u32>>, String> {
     Ok(Some(used().map(|vertex| vertex - first).collect()))
 }
 
-/// Where the vertices of each part begin when those of all parts are one list, with those that parts share once; and the
-/// length of the list.
+/// Where the vertices of each part begin when those of all parts are one list, with those that parts share once; and
+/// the length of the list.
 fn starts(mesh: &Mesh) -> (Vec<usize>, usize) {
     let (mut known, mut length) = (HashMap::new(), 0);
     let starts = mesh.parts.iter().map(|part| {
@@ -221,7 +224,7 @@ fn starts(mesh: &Mesh) -> (Vec<usize>, usize) {
     (starts.collect(), length)
 }
 
-/// `mesh` with all `positions` in one list that its parts share, flat-shaded: normals of one shape are not those of others.
+/// `mesh` with all `positions` in one list that its parts share, flat-shaded: normals differ from shape to shape.
 fn shared(mesh: &Mesh, positions: Array<[f32; 3]>) -> Result<Mesh, String> {
     let (starts, vertices) = starts(mesh);
     let most = MOST_VERTICES / mesh.parts.len();
@@ -307,7 +310,7 @@ mod tests {
         }
     }
 
-    /// World positions of the corners of every triangle of an object with the shape that `positions` give.
+    /// World positions of the corners of every triangle of an object with the shape given by `positions`.
     fn world(timeline: &Timeline, object: &super::super::Object, positions: &[[f32; 3]], time: f64) -> Vec<[DVec3; 3]> {
         let motion = object.motion.as_ref().unwrap();
         let place = timeline.world_from_node(motion.node, time) * motion.node_from_object;
@@ -315,7 +318,7 @@ mod tests {
         object.mesh.parts.iter().flat_map(|part| part.triangles.iter().map(|t| t.map(corner))).collect()
     }
 
-    fn shape(scene: &Scene, object: usize) -> &Arc<Shape> {
+    fn shape(scene: &Scene, object: usize) -> &Arc<Deformation> {
         scene.objects[object].motion.as_ref().unwrap().shape.as_ref().unwrap()
     }
 
@@ -332,7 +335,7 @@ mod tests {
         usemtl red\nf 7/1 5/1 4/2\nusemtl blue\nf 4/1 7/2 6/2\nf 8 7 6\n";
 
     #[test]
-    fn caches_repeat_if_told() {
+    fn caches_repeat_if_requested() {
         let folder = Folder::new();
         folder.write("yard.obj", OBJ);
         let [low, high] = [0.0, 4.0].map(|z| [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z + 1.0]]);
@@ -392,15 +395,15 @@ mod tests {
             assert_eq!(cached(&scene, 1, 0.0), before);
             for (now, before) in cached(&scene, 1, 1.0 / 24.0).iter().flatten().zip(before.iter().flatten()) {
                 let p = file(*before / scale);
-                let wanted = world(DVec3::new(p.x + p.z, p.y + 24.0, -p.z)) * scale;
-                assert!(now.distance(wanted) < 1e-4, "{now} {wanted}");
+                let target_value = world(DVec3::new(p.x + p.z, p.y + 24.0, -p.z)) * scale;
+                assert!(now.distance(target_value) < 1e-4, "{now} {target_value}");
             }
         }
         // Its two parts share their vertices, and seams keep their texture coordinates.
         let mesh = &folder.load("yard.obj", &[("Flag", "flag.pc2")]).unwrap().objects[1].mesh;
         assert!(mesh.structure.changing && mesh.parts.len() == 2);
         assert!(mesh.parts[0].positions.is(&mesh.parts[1].positions) && mesh.parts[0].normals.is_none());
-        assert!(plain.objects[1].mesh.source.is_none(), "nobody asked");
+        assert!(plain.objects[1].mesh.source.is_none(), "sources are kept only if requested");
         // A cache may also hold all vertices of the file.
         let all: Vec<[f32; 3]> = (0..8).map(|k| [k as f32, 0.0, (k * k) as f32]).collect();
         folder.write("all.pc2", pc2(&[&all]));
@@ -433,8 +436,8 @@ mod tests {
         scene.build().unwrap();
     }
 
-    /// A file whose node `Flag` has a mesh of two primitives, three and four vertices, and stands aside, turned; another
-    /// node has the same mesh.
+    /// A file whose node `Flag` has a mesh of two primitives, three and four vertices, and is translated and rotated;
+    /// another node has the same mesh.
     fn glb() -> Vec<u8> {
         let positions: [[f32; 3]; 7] = [
             [0.0, 0.0, 0.0],
@@ -495,20 +498,20 @@ mod tests {
         assert_eq!(scene.objects[1].mesh.parts[0].positions[1], [1.0, 0.0, 0.0]);
         // A quarter turn about y takes (x, y, z) to (z, y, -x); then 5 along x, then z up.
         let place = |[x, y, z]: [f32; 3]| DVec3::new(f64::from(z) + 5.0, f64::from(x), f64::from(y));
-        for (time, wanted) in [(0.0, &flat), (2.0, &high)] {
+        for (time, target_value) in [(0.0, &flat), (2.0, &high)] {
             let corners: Vec<usize> = vec![0, 1, 2, 3, 4, 5, 4, 6, 5];
             for (found, vertex) in cached(&scene, 0, time).into_iter().flatten().zip(corners) {
-                assert!(found.distance(place(wanted[vertex])) < 1e-6, "{time} {vertex} {found}");
+                assert!(found.distance(place(target_value[vertex])) < 1e-6, "{time} {vertex} {found}");
             }
         }
         let (low, _) = scene.bounds().unwrap();
         assert!((low.x - 0.0).abs() < 1e-6 && scene.objects[0].mesh.parts[0].positions[6] == flat[6]);
         scene.build().unwrap();
-        // Objects with one mesh and one file share what becomes of it.
+        // Objects with the same mesh and the same file share the result.
         let scene = folder.load("yard.glb", &[("Flag*", "flag.pc2")]).unwrap();
         assert!(Arc::ptr_eq(&scene.objects[0].mesh, &scene.objects[1].mesh));
         assert!(Arc::ptr_eq(shape(&scene, 0), shape(&scene, 1)) && scene.timeline.nodes.len() == 2);
-        // The longer pattern counts, and the two are apart.
+        // The longer pattern counts, and the two are separate.
         folder.write("other.pc2", pc2(&[&high]));
         let scene = folder.load("yard.glb", &[("Flag*", "flag.pc2"), ("Flag.001", "other.pc2")]).unwrap();
         assert_eq!([0, 1].map(|k| scene.objects[k].mesh.parts[0].positions[0][1]), [0.0, 2.0]);
@@ -523,7 +526,8 @@ mod tests {
         let mut scene = folder.load("yard.glb", &[]).unwrap();
         let timeline = Timeline { nodes: vec![Node::default(), Node::default()] };
         scene.timeline = Arc::new(timeline);
-        let old = Shape { vertices: Arc::default(), weights: vec![1.0], weights_track: None, skin: None, cache: None };
+        let old =
+            Deformation { vertices: Arc::default(), weights: vec![1.0], weights_track: None, skin: None, cache: None };
         let node_from_object = DAffine3::from_translation(DVec3::X);
         scene.objects[0].motion = Some(Motion { node: 1, node_from_object, shape: Some(Arc::new(old)) });
         let scene = scene.with_caches(&folder.options(&[("Flag*", "flag.pc2")])).unwrap();
@@ -536,7 +540,7 @@ mod tests {
     }
 
     #[test]
-    fn what_does_not_fit_is_told() {
+    fn mismatches_are_reported() {
         let folder = Folder::new();
         folder.write("yard.glb", glb());
         folder.write("yard.obj", OBJ);
@@ -558,7 +562,7 @@ mod tests {
             folder.error("yard.obj", &[("Flag", "water_1.abc")]),
             format!(
                 "caches.Flag is water_1.abc; allowed: caches in .mdd and .pc2, and in numbered scene files, {}",
-                crate::scene::extensions()
+                crate::scene_files::extensions()
             )
         );
         for fps in [0.0, -1.0, f64::NAN, f64::INFINITY] {
@@ -609,11 +613,11 @@ mod tests {
         assert!(sequence.load(2).unwrap_err().to_string().ends_with("allowed: 0 to 1"));
         scene.build().unwrap();
 
-        // Binary glTF: y up in the file, so is the mesh that it replaces; objects are where their nodes are.
+        // Binary glTF: y up in the file, like the mesh that it replaces; objects are where their nodes are.
         let scene = folder.load("yard.glb", &[("Flag", "water_0011.glb")]).unwrap();
         let found = scene.objects[0].mesh.bounds().unwrap();
-        for (found, wanted) in found.as_flattened().iter().zip([0.0, 0.0, -1.0, 5.0, 3.0, 0.0]) {
-            assert!((found - wanted).abs() < 1e-6, "{found} {wanted}");
+        for (found, target_value) in found.as_flattened().iter().zip([0.0, 0.0, -1.0, 5.0, 3.0, 0.0]) {
+            assert!((found - target_value).abs() < 1e-6, "{found} {target_value}");
         }
         assert_eq!(scene.objects[0].mesh.triangle_count(), 6);
     }
@@ -686,7 +690,7 @@ mod tests {
         let options = LoadOptions { labels, ..LoadOptions::default() };
         let scene = Scene::load_with(folder.path("yard.obj"), &options).unwrap();
         assert!(scene.objects[0].sequence.is_some() && shape(&scene, 1).cache.is_some());
-        // Options come before the label file.
+        // Options take precedence over the label file.
         let caches = folder.options(&[("Flag", "w_1.obj")]).caches;
         let scene = Scene::load_with(folder.path("yard.obj"), &LoadOptions { caches, ..options }).unwrap();
         assert!(scene.objects[1].sequence.is_some() && scene.objects[1].motion.is_none());

@@ -1,4 +1,4 @@
-//! Camera nodes: places in the scene where a sensor can be put.
+//! Camera nodes: places in the scene for a sensor.
 
 use super::Scene;
 use crate::emitter::Trajectory;
@@ -6,48 +6,27 @@ use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 
-/// A camera node of the scene file.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Camera {
-    /// Name of the node.
-    pub name: String,
-    /// Sensor pose at the camera at time 0: x = the view direction, z = the camera's up.
-    pub pose: Pose,
-    /// Node of the timeline that it is; `None`: it never moves.
-    pub(crate) node: Option<usize>,
-}
-
-impl Camera {
-    /// The first of `cameras` called `name`.
-    ///
-    /// # Errors
-    /// [`Error::Missing`] with similar names.
-    pub(crate) fn find<'a>(cameras: &'a [Camera], name: &str) -> Result<&'a Camera> {
-        let found = cameras.iter().find(|camera| camera.name == name);
-        found.ok_or_else(|| Error::missing("camera node", name, cameras.iter().map(|camera| &camera.name)))
-    }
-}
-
-/// Half of what [`Scene::camera_path`] promises, as it is checked at some times only.
+/// Half of what [`Scene::camera_path`] guarantees, since it is checked at some times only.
 const TOLERANCE_RAD: f64 = 0.5e-4;
 const TOLERANCE_M: f64 = 0.05e-3;
 
-/// Where a stretch between two keys is checked, as parts of its length: not evenly, so that no turn and no wave passes
-/// all of them unnoticed.
+/// Where an interval between two keys is checked, as fractions of its length: unevenly spaced, so that no rotation or
+/// oscillation escapes all of them.
 const CHECKED: [f64; 5] = [0.11, 0.29, 0.5, 0.73, 0.9];
 
 /// How long a jump takes, s: a trajectory has one pose at a time.
 const JUMP_S: f64 = 1e-6;
 
-/// Most poses of a path.
+/// Maximum number of poses of a trajectory.
 const MOST_KEYS: usize = 1_000_000;
 
 impl Scene {
-    /// The path of the camera node called `name` from time `from` to `to`, s, as the animations move it; poses between
-    /// its keys are right to 0.1 mrad and 0.1 mm. A jump takes a microsecond, and ends when the camera has jumped.
+    /// The trajectory of the camera node called `name` from time `from` to `to`, s, as the animations move it; poses
+    /// between its keys are accurate to 0.1 mrad and 0.1 mm. A jump takes a microsecond, and ends at the time of the
+    /// jump.
     ///
     /// # Errors
-    /// [`Error::Missing`] with similar names; times that are not finite or fall; more than a million keys.
+    /// [`Error::Missing`] with similar names; times that are not finite or decrease; more than a million keys.
     pub fn camera_path(&self, name: &str, from: f64, to: f64) -> Result<Trajectory> {
         let camera = self.camera(name)?;
         let pose = |world_from_node: &DAffine3| Pose::from_camera_node(world_from_node);
@@ -57,8 +36,8 @@ impl Scene {
         }
     }
 
-    /// The path of the first object called `name`, likewise: the x axis of the pose is that of the object, its z axis
-    /// what points up in it.
+    /// The trajectory of the first object called `name`, likewise: the x axis of the pose is that of the object, its z
+    /// axis the object's up direction.
     ///
     /// # Errors
     /// As [`Scene::camera_path`].
@@ -79,7 +58,7 @@ impl Scene {
         }
     }
 
-    /// The path of what is at `pose_on` a node of the timeline.
+    /// The trajectory of the pose that `pose_on` derives from a node of the timeline.
     fn path_of(&self, node: usize, from: f64, to: f64, pose_on: impl Fn(&DAffine3) -> Pose) -> Result<Trajectory> {
         if !(from.is_finite() && to.is_finite() && from <= to) {
             return Err(Error::invalid("times of the camera path", format!("{from} to {to} s"), "rising finite times"));
@@ -89,7 +68,7 @@ impl Scene {
             let found = format!("{from} to {to} s, which takes more than {MOST_KEYS} poses");
             Error::invalid("times of the camera path", found, "a shorter time")
         };
-        // A comparison that NaN fails too.
+        // NaN fails this comparison, too.
         let few = self.timeline.most_bends(node, from, to) <= 4.0 * MOST_KEYS as f64;
         if !few {
             return Err(too_many());

@@ -1,49 +1,52 @@
-//! What objects are, and which of them are one: a chair of six meshes is a chair, and one.
+//! Categories of objects, and which objects are one instance: a chair of six meshes is one chair.
 //!
-//! Rules of a label file match the names of objects and of the nodes that they hang on, the nearest name first. What
-//! gives an object its category also makes it one instance with all that it gives a category to. Where nothing does, all
-//! that hangs on the outermost node that is no mere group is one.
+//! Rules of a label file match the names of objects and of their ancestor nodes, the nearest name first. The object or
+//! node that gives an object its category also makes one instance of everything that it gives a category to. Where
+//! there is none, everything below the outermost node that is not a mere group is one.
 
 use super::label::{best_of, is_lettered, matches};
-use super::{Ancestor, InstanceRule, LabelRules, RawObject, some_of};
+use super::{InstanceRule, LabelRules};
+use crate::ground::shown;
+use crate::model::{Ancestor, RawObject};
 use std::collections::{BTreeSet, HashMap};
 
-/// What the rules, the file and the names make of an object.
+/// Category and instance of an object, by the rules, the file and the names.
 pub(super) struct Identity {
     pub category: String,
     /// Objects with the same key are one instance.
     pub instance: InstanceKey,
-    /// What the instance is called.
+    /// Name of the instance.
     pub name: String,
 }
 
-/// Which objects are one.
+/// Which objects are one instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) enum InstanceKey {
-    /// All on a node of the file, or with a number in the file at a place of the list.
+    /// All objects below this node of the file; or, where files are merged, all with this instance number in the file
+    /// at this index.
     Shared(usize, u32),
-    /// The object at a place of the list.
+    /// The object at this index of the list.
     Alone(usize),
 }
 
-/// A name that an object answers to: its own, or that of a node that it hangs on.
+/// A name that counts for an object: its own, or that of an ancestor node.
 #[derive(Clone, Copy)]
-struct Level<'a> {
+struct NameLevel<'a> {
     name: &'a str,
-    /// The category that the file gives there.
+    /// The category that the file assigns there.
     category: Option<&'a str>,
-    /// Number of the node; `None`: the object, which shares it with others.
+    /// Number of the node; `None`: the object itself, which shares its node with others.
     node: Option<u32>,
-    /// Whether it only holds other things together.
+    /// Whether it is a mere group of other nodes.
     is_group: bool,
 }
 
-/// Tells what objects are, and remembers rules that contradict each other.
+/// Finds the identity of objects, and collects rules that contradict each other.
 pub(super) struct Identifier<'r> {
     rules: &'r LabelRules,
-    /// The pattern and its category for each name so far: nodes have many objects below them.
+    /// The pattern and its category for each name so far, cached: nodes have many objects below them.
     matched: HashMap<String, Option<(&'r str, &'r str)>>,
-    /// Pairs of patterns of which each has been told of.
+    /// Pairs of patterns that have been reported.
     known: BTreeSet<(&'r str, &'r str)>,
     contradictions: Vec<String>,
 }
@@ -53,7 +56,7 @@ impl<'r> Identifier<'r> {
         Identifier { rules, matched: HashMap::new(), known: BTreeSet::new(), contradictions: Vec::new() }
     }
 
-    /// What `object` is, the one at `place` of the list.
+    /// The identity of `object`, which is at index `place` of the list.
     pub fn identify(&mut self, object: &RawObject, place: usize) -> Identity {
         let levels = levels(object);
         let rule = self.rule(&levels);
@@ -77,18 +80,18 @@ impl<'r> Identifier<'r> {
         }
     }
 
-    /// Sentences about patterns that say different things of the same object.
+    /// A sentence about patterns that give the same object different categories.
     pub fn contradictions(self) -> Option<String> {
         (!self.contradictions.is_empty() && !self.rules.general).then(|| {
             format!(
-                "label rules: objects: of two patterns the one of the nearer name counts: {}",
-                some_of(&self.contradictions)
+                "label rules: objects: of two patterns, the one that matches the nearer name counts: {}",
+                shown::some_of(&self.contradictions)
             )
         })
     }
 
-    /// The rule for the nearest name that one matches.
-    fn rule<'a>(&mut self, levels: &[Level<'a>]) -> Option<(&'a str, Level<'a>)>
+    /// The category, and the level with the nearest name that a rule matches.
+    fn rule<'a>(&mut self, levels: &[NameLevel<'a>]) -> Option<(&'a str, NameLevel<'a>)>
     where
         'r: 'a,
     {
@@ -112,36 +115,36 @@ impl<'r> Identifier<'r> {
         Some((category, level))
     }
 
-    /// The level that `instances` of the label file chooses.
-    fn ordered<'a>(&self, levels: &[Level<'a>]) -> Option<Level<'a>> {
+    /// The level that `instances` of the label file selects.
+    fn ordered<'a>(&self, levels: &[NameLevel<'a>]) -> Option<NameLevel<'a>> {
         match self.rules.instances.as_ref()? {
             InstanceRule::Node => levels.first().copied(),
             InstanceRule::Root => levels.last().copied(),
             InstanceRule::Named(patterns) => {
-                let named = |level: &&Level| patterns.iter().any(|pattern| matches(pattern, level.name));
+                let named = |level: &&NameLevel| patterns.iter().any(|pattern| matches(pattern, level.name));
                 levels.iter().rev().find(named).copied()
             }
         }
     }
 }
 
-/// The names that `object` answers to, its own first.
-fn levels(object: &RawObject) -> Vec<Level<'_>> {
+/// The names that count for `object`, its own first.
+fn levels(object: &RawObject) -> Vec<NameLevel<'_>> {
     let (own, above) = match object.ancestors.split_last() {
         Some((own, above)) if object.has_node => (Some(own), above),
         _ => (None, &*object.ancestors),
     };
-    let itself = Level {
+    let itself = NameLevel {
         name: &object.name,
         category: match own {
             Some(own) => own.category.as_deref(),
-            // What no node above it gives is its own.
+            // A category that no node above it assigns is its own.
             None => object.category.as_deref().filter(|_| above.iter().all(|node| node.category.is_none())),
         },
         node: own.map(|own| own.node),
         is_group: false,
     };
-    let nodes = above.iter().rev().map(|node: &Ancestor| Level {
+    let nodes = above.iter().rev().map(|node: &Ancestor| NameLevel {
         name: &node.name,
         category: node.category.as_deref(),
         node: Some(node.node),
@@ -150,13 +153,13 @@ fn levels(object: &RawObject) -> Vec<Level<'_>> {
     std::iter::once(itself).chain(nodes).collect()
 }
 
-/// The outermost level that is no mere group.
-fn whole<'a>(levels: &[Level<'a>]) -> Level<'a> {
-    // The object itself is none.
+/// The outermost level that is not a mere group.
+fn whole<'a>(levels: &[NameLevel<'a>]) -> NameLevel<'a> {
+    // The object itself is not a group.
     *levels.iter().rfind(|level| !level.is_group).unwrap_or(&levels[0])
 }
 
-/// `Chair` for `Chair.001`, as Blender calls a copy.
+/// `Chair` for `Chair.001`, as Blender names copies.
 fn without_copy_number(name: &str) -> &str {
     match name.rsplit_once('.') {
         Some((stem, digits)) if !stem.is_empty() && digits.len() >= 3 && digits.bytes().all(|b| b.is_ascii_digit()) => {

@@ -1,130 +1,23 @@
 //! Names to numbers: categories, parts, materials and instances.
 
-use super::{CacheFile, MaterialRules, Part, Scene, some_of};
+use super::{CacheFile, MaterialRules, Scene};
 use crate::ground::error::{Result, nearest};
 use crate::ground::shown;
+use crate::model::{Labels, Part};
 use crate::read::presets;
 use crate::read::yaml::{Document, join, one_or_more_words};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::Path;
 
-/// Numbers and names of one label column, sorted by number.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct NameTable {
-    /// Numbers, rising, each once; never 0 (which means unlabelled).
-    pub ids: Vec<u32>,
-    /// Names, one for each number.
-    pub names: Vec<String>,
-}
-
-impl NameTable {
-    /// Numbers `names` in sorted order from 1, keeping the numbers that `fixed` gives.
-    ///
-    /// Names without a fixed number take the free numbers in sorted order. An empty name gets none.
-    pub fn number(names: impl IntoIterator<Item = String>, fixed: &BTreeMap<String, u32>) -> Self {
-        let names: BTreeSet<String> = names.into_iter().filter(|name| !name.is_empty()).collect();
-        let taken: BTreeSet<u32> = fixed.values().copied().collect();
-        let mut free = (1u32..).filter(|id| !taken.contains(id));
-        let mut rows: Vec<(u32, String)> = names
-            .into_iter()
-            .map(|name| (fixed.get(&name).copied().unwrap_or_else(|| free.next().unwrap_or(0)), name))
-            .filter(|(id, _)| *id != 0)
-            .collect();
-        rows.sort();
-        let (ids, names) = rows.into_iter().unzip();
-        NameTable { ids, names }
-    }
-
-    /// Names the number `id`, replacing any earlier name; 0 has none.
-    pub(crate) fn set(&mut self, id: u32, name: &str) {
-        match self.ids.binary_search(&id) {
-            _ if id == 0 => {}
-            Ok(row) => name.clone_into(&mut self.names[row]),
-            Err(row) => {
-                self.ids.insert(row, id);
-                self.names.insert(row, name.to_owned());
-            }
-        }
-    }
-
-    /// Forgets the number `id`.
-    pub(crate) fn remove(&mut self, id: u32) {
-        if let Ok(row) = self.ids.binary_search(&id) {
-            self.ids.remove(row);
-            self.names.remove(row);
-        }
-    }
-
-    /// Adopts the names of `other`: known ones keep their number here, the others theirs if it is free. Returns the
-    /// numbers here of those of `other` that differ.
-    pub(crate) fn absorb(&mut self, other: &NameTable) -> HashMap<u32, u32> {
-        let known: HashMap<String, u32> = self.iter().map(|(id, name)| (name.to_owned(), id)).collect();
-        let mut changed = HashMap::new();
-        for (id, name) in other.iter() {
-            let here = known.get(name).copied().unwrap_or_else(|| {
-                let id = self.free(id);
-                self.set(id, name);
-                id
-            });
-            if here != id {
-                changed.insert(id, here);
-            }
-        }
-        changed
-    }
-
-    /// The number of `name`, a new one if it has none.
-    pub(crate) fn numbered(&mut self, name: &str) -> u32 {
-        match self.id(name) {
-            0 if !name.is_empty() => {
-                let id = self.free(self.ids.len() as u32 + 1);
-                self.set(id, name);
-                id
-            }
-            known => known,
-        }
-    }
-
-    /// A free number: `wanted`, else the one after the last.
-    pub(crate) fn free(&self, wanted: u32) -> u32 {
-        let is_free = |id: &u32| self.ids.binary_search(id).is_err();
-        if is_free(&wanted) {
-            return wanted;
-        }
-        let next = self.ids.last().and_then(|last| last.checked_add(1));
-        next.or_else(|| (1..).find(is_free)).unwrap_or(wanted)
-    }
-
-    /// Number of `name`; 0 when it has none.
-    pub fn id(&self, name: &str) -> u32 {
-        self.names.iter().position(|n| n == name).map_or(0, |row| self.ids[row])
-    }
-
-    /// Names to numbers.
-    pub(crate) fn to_map(&self) -> HashMap<&str, u32> {
-        self.iter().map(|(id, name)| (name, id)).collect()
-    }
-
-    /// Name of number `id`.
-    pub fn name(&self, id: u32) -> Option<&str> {
-        self.ids.binary_search(&id).ok().map(|row| self.names[row].as_str())
-    }
-
-    /// `(number, name)` pairs, rising.
-    pub fn iter(&self) -> impl Iterator<Item = (u32, &str)> {
-        self.ids.iter().copied().zip(self.names.iter().map(String::as_str))
-    }
-}
-
-/// What a file says of objects or parts, names or numbers, as names with numbers.
+/// The labels that a file gives to objects or parts, names or numbers, as names with numbers.
 pub(super) struct Given<'r> {
-    /// What it says of them, for people.
+    /// Which labels these are, for messages.
     what: &'static str,
     rules: &'r LabelRules,
     /// Numbers of names: those of the rules, and those that the file gives instead of names.
     pub numbers: BTreeMap<String, u32>,
-    /// Numbers that none can have.
+    /// Numbers that no label can have.
     odd: BTreeSet<String>,
     /// Names that stand for numbers of the file, and those that come from elsewhere.
     of_numbers: BTreeSet<String>,
@@ -137,8 +30,8 @@ impl<'r> Given<'r> {
         Given { what, rules, numbers: rules.numbers.clone(), odd: none(), of_numbers: none(), others: none() }
     }
 
-    /// The name of what is called `text`. A whole number stays the number that comes out; its name is that which the rules
-    /// have for it, else the number itself. 0 is unlabelled, without a name.
+    /// The name of the label `text`. A whole number remains the number of the label; its name is the one that the rules
+    /// have for it, otherwise the number itself. 0 is unlabelled, without a name.
     pub fn name(&mut self, text: String) -> String {
         if self.rules.numbers.contains_key(&text) {
             return text;
@@ -162,48 +55,25 @@ impl<'r> Given<'r> {
         }
     }
 
-    /// Takes note of a name that comes from elsewhere.
+    /// Records a name that comes from elsewhere.
     pub fn meet(&mut self, name: &str) {
         if !self.others.contains(name) {
             self.others.insert(name.to_owned());
         }
     }
 
-    /// Sentences about numbers that none can have, and such that clash with names.
-    pub fn told(&self) -> Vec<String> {
+    /// Sentences about numbers that no label can have, and about numbers that clash with names.
+    pub fn wording(&self) -> Vec<String> {
         let odd: Vec<String> = self.odd.iter().cloned().collect();
         let clashes: Vec<String> = self.of_numbers.intersection(&self.others).cloned().collect();
         [
             (odd, "numbers that are not whole or not in 0 to 4294967295 are taken as names"),
-            (clashes, "numbers of the file and names that come from elsewhere are the same labels"),
+            (clashes, "names of numbers in the file and equal names from elsewhere are the same labels"),
         ]
         .into_iter()
         .filter(|(names, _)| !names.is_empty())
-        .map(|(names, fault)| format!("{}: {fault}: {}", self.what, some_of(&names)))
+        .map(|(names, fault)| format!("{}: {fault}: {}", self.what, shown::some_of(&names)))
         .collect()
-    }
-}
-
-/// The name tables of a scene; they travel with every output.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Labels {
-    /// Names of `category_id`.
-    pub category: NameTable,
-    /// Names of `part_id`.
-    pub part: NameTable,
-    /// Names of `material_id`.
-    pub material: NameTable,
-    /// Names of `instance_id`: the objects. Names may repeat here, numbers do not.
-    pub instance: NameTable,
-    /// Class of the ASPRS, as LAS has it, of a `category_id`; that of others is 0, never classified.
-    #[serde(skip)]
-    pub las_class: BTreeMap<u32, u8>,
-}
-
-impl Labels {
-    /// The four tables with the stems of their column names: `category`, `part`, `material`, `instance`.
-    pub fn tables(&self) -> [(&'static str, &NameTable); 4] {
-        [("category", &self.category), ("part", &self.part), ("material", &self.material), ("instance", &self.instance)]
     }
 }
 
@@ -213,27 +83,28 @@ impl Labels {
 pub struct LabelRules {
     /// Category or part name to number, from 1, no number twice.
     pub numbers: BTreeMap<String, u32>,
-    /// Pattern (`*` and `?`) of the names of objects, or of nodes that they hang on, to category. The nearest name that a
-    /// pattern matches counts, and of several patterns the one with the most letters; one without letters only where
-    /// nothing else gives a category.
+    /// Pattern (`*` and `?`) of the names of objects, or of their ancestor nodes, to category. The nearest name that a
+    /// pattern matches counts, and of several patterns the one with the most letters; a pattern without letters counts
+    /// only where nothing else gives a category.
     pub objects: BTreeMap<String, String>,
-    /// Patterns of the names of objects, or of nodes that they hang on, which are left out: sky boxes.
+    /// Patterns of the names of objects, or of their ancestor nodes, to leave out, such as sky boxes.
     #[serde(deserialize_with = "one_or_more_words")]
     pub hide: Vec<String>,
-    /// Which objects are one instance; `None`: all that hangs on the node that gives them their category, else on the
-    /// outermost node that is no mere group.
+    /// Which objects are one instance; `None`: everything below the node that gives the category, otherwise below the
+    /// outermost node that is not a mere group.
     pub instances: Option<InstanceRule>,
-    /// Category to class of the ASPRS (LAS 1.4, table 17), for LAS files.
+    /// Category to ASPRS class (LAS 1.4, table 17), for LAS files.
     pub las_class: BTreeMap<String, u8>,
     /// Material name pattern (`*` and `?`) to part; the longest matching pattern wins.
     pub materials: BTreeMap<String, String>,
-    /// Object name pattern (`*` and `?`) to the file that says how the object changes its shape; added to those of the load
-    /// options.
+    /// Object name pattern (`*` and `?`) to the file that describes how the object's shape changes; added to those of
+    /// the load options.
     pub caches: BTreeMap<String, CacheFile>,
     /// What surfaces are made of, by material name pattern.
     #[serde(skip_serializing_if = "MaterialRules::is_empty")]
     pub surfaces: MaterialRules,
-    /// Whether they are for scenes of a kind: it is no mistake that a scene has nothing that some of them name.
+    /// Whether they are for a kind of scene, not for one scene: it is then no mistake if a scene lacks what some of
+    /// them name.
     #[serde(skip)]
     pub general: bool,
 }
@@ -244,9 +115,9 @@ pub struct LabelRules {
 pub enum InstanceRule {
     /// Each placed mesh.
     Node,
-    /// All that hangs on an outermost node of the file.
+    /// Everything below an outermost node of the file.
     Root,
-    /// All that hangs on the outermost node with a name that one of these patterns (`*` and `?`) matches; what hangs on none
+    /// Everything below the outermost node whose name one of these patterns (`*` and `?`) matches; what is below none,
     /// as if there were no rule.
     Named(Vec<String>),
 }
@@ -293,8 +164,8 @@ impl LabelRules {
         Ok(rules)
     }
 
-    /// The label file called `name`, or if there is none the rules for scenes of a kind that ship with the library under
-    /// that name ([`LabelRules::presets`]).
+    /// The label file called `name`, or if there is none, the rules for a kind of scene that ship with the library
+    /// under that name ([`LabelRules::presets`]).
     ///
     /// # Errors
     /// As [`LabelRules::load`].
@@ -302,10 +173,10 @@ impl LabelRules {
         LabelRules::open_in(Path::new(""), name.as_ref())
     }
 
-    /// [`LabelRules::open`] where relative names start at `folder`.
+    /// [`LabelRules::open`] of a name relative to `folder`.
     ///
     /// # Errors
-    /// As there.
+    /// As [`LabelRules::open`].
     pub(crate) fn open_in(folder: &Path, name: &Path) -> Result<Self> {
         let path = folder.join(name);
         let preset = LabelRules::presets().find(|(preset, _)| name == Path::new(preset) && !path.exists());
@@ -324,7 +195,7 @@ impl LabelRules {
     /// [`LabelRules::load`] from the text of a file.
     ///
     /// # Errors
-    /// As there, except for the file.
+    /// As [`LabelRules::load`], except for the file.
     pub fn from_yaml(text: &str) -> Result<Self> {
         LabelRules::read(&Document::parse("YAML text", text)?)
     }
@@ -335,7 +206,7 @@ impl LabelRules {
         Ok(rules)
     }
 
-    /// Checks that each number has one name, and what surfaces are made of. The rules stand at `key` of `document`.
+    /// Checks that each number has one name, and the material rules. The rules are at `key` of `document`.
     pub(crate) fn check(&self, document: &Document, key: &str) -> Result<()> {
         let wrong = |name: &str, message: &str| document.error(&join(key, &format!("numbers.{name}")), message);
         if let Some((name, _)) = self.numbers.iter().find(|(_, number)| **number == 0) {
@@ -354,7 +225,7 @@ impl LabelRules {
         self.surfaces.check(document, &join(key, "surfaces"))
     }
 
-    /// Sentences about names in these rules that `scene`, read with them, does not have: mostly typing errors.
+    /// Sentences about names in these rules that `scene`, read with them, does not have: mostly typos.
     pub(super) fn idle(&self, scene: &Scene) -> Vec<String> {
         if self.general {
             return Vec::new();
@@ -390,11 +261,11 @@ impl LabelRules {
         ]
         .into_iter()
         .filter(|(_, names)| !names.is_empty())
-        .map(|(what, names)| format!("label rules: {what}: {}", some_of(&names)))
+        .map(|(what, names)| format!("label rules: {what}: {}", shown::some_of(&names)))
         .collect()
     }
 
-    /// Patterns of names of objects and the categories that they give.
+    /// Patterns of names of objects and the categories that they assign.
     pub(super) fn patterns(&self) -> impl Iterator<Item = (&str, &str)> {
         self.objects.iter().map(|(pattern, category)| (pattern.as_str(), category.as_str()))
     }
@@ -405,7 +276,7 @@ impl LabelRules {
     }
 }
 
-/// Whether `pattern` says anything of a name.
+/// Whether `pattern` contains more than wildcards.
 pub(super) fn is_lettered(pattern: &str) -> bool {
     pattern.chars().any(|c| !"*?".contains(c))
 }
@@ -415,7 +286,7 @@ fn best_match<'a>(patterns: &'a BTreeMap<String, String>, name: &str) -> Option<
     best_of(patterns, name).map(|(_, value)| value)
 }
 
-/// Of `patterns` and what they stand for the one with the most letters that matches `name`.
+/// Of `patterns` and their values, the one with the most letters that matches `name`.
 pub(super) fn best_of<'a, T>(patterns: impl Iterator<Item = (&'a str, T)>, name: &str) -> Option<(&'a str, T)> {
     patterns
         .filter(|(pattern, _)| matches(pattern, name))
@@ -426,27 +297,27 @@ fn has_capitals(pattern: &str) -> bool {
     pattern.chars().any(char::is_uppercase)
 }
 
-/// Of `names` those that are most like what `pattern` means, as the end of a message; empty if none is.
+/// Those of `names` that are most similar to `pattern`, as the end of a message; empty if none is.
 pub(super) fn near(pattern: &str, names: &[&str]) -> String {
     let plain: String = pattern.chars().filter(|letter| !"*?".contains(*letter)).collect();
     let length = plain.chars().count();
-    // Of what a `*` stands for nothing is compared.
-    let told = |name: &&str| -> String {
+    // What a `*` stands for is not compared.
+    let wording = |name: &&str| -> String {
         match (pattern.starts_with('*'), pattern.ends_with('*')) {
             (false, true) => name.chars().take(length).collect(),
             (true, false) => name.chars().skip(name.chars().count().saturating_sub(length)).collect(),
             _ => (*name).to_owned(),
         }
     };
-    let like = nearest(&plain, names.iter().map(told));
-    let found: BTreeSet<&str> = names.iter().copied().filter(|name| like.contains(&told(name))).collect();
+    let like = nearest(&plain, names.iter().map(wording));
+    let found: BTreeSet<&str> = names.iter().copied().filter(|name| like.contains(&wording(name))).collect();
     match found.into_iter().take(3).collect::<Vec<_>>().join(", ") {
         none if none.is_empty() => none,
         near => format!("; near: {near}"),
     }
 }
 
-/// Shell-style match: `*` any run of characters, `?` any one; a pattern without capitals fits capitals too.
+/// Shell-style match: `*` any run of characters, `?` any one; a pattern without capitals matches capitals, too.
 pub(crate) fn matches(pattern: &str, name: &str) -> bool {
     let any_case = !has_capitals(pattern);
     let letters = name.chars().flat_map(|c| {
@@ -455,7 +326,7 @@ pub(crate) fn matches(pattern: &str, name: &str) -> bool {
     });
     let (pattern, name): (Vec<char>, Vec<char>) = (pattern.chars().collect(), letters.collect());
     let (mut p, mut n) = (0, 0);
-    // Where to continue when the text after the last `*` does not fit: (pattern after it, next start).
+    // Where to continue when the text after the last `*` does not match: (pattern after it, next start).
     let mut retry: Option<(usize, usize)> = None;
     while n < name.len() {
         match pattern.get(p) {
@@ -483,6 +354,7 @@ pub(crate) fn matches(pattern: &str, name: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::NameTable;
 
     #[test]
     fn names_are_numbered_in_sorted_order_around_fixed_numbers() {

@@ -1,9 +1,10 @@
-//! What surfaces are made of, by patterns of the names of their materials.
+//! What surfaces are made of, by material name pattern.
 
-use super::{Mesh, Scene, matches};
+use super::{Scene, matches};
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::material::Material;
+use crate::model::Mesh;
 use crate::read::yaml::{Document, join};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -12,18 +13,18 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Material name patterns (`*` and `?`), and what the materials that they match become. Where several match, those with
-/// more letters have the last word.
+/// more letters take precedence.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct MaterialRules(BTreeMap<String, MaterialRule>);
 
-/// What a rule makes of a material.
+/// What a rule does to a material.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum MaterialRule {
-    /// It reflects light and sound as the library material of this name.
+    /// It reflects light and sound like the library material of this name.
     Library(String),
-    /// It takes these keys of a material file; the others stay.
+    /// These keys of a material file are set; the others are unchanged.
     Keys(Value),
 }
 
@@ -31,7 +32,7 @@ impl MaterialRules {
     /// Reads a file (YAML) of patterns, each with the name of a library material or with keys of a material file.
     ///
     /// # Errors
-    /// A missing file, an unknown key or library material, with its line.
+    /// A missing file; an unknown key or library material, with its line.
     pub fn load(path: impl AsRef<Path>) -> Result<MaterialRules> {
         MaterialRules::read(&Document::load(path.as_ref())?)
     }
@@ -39,7 +40,7 @@ impl MaterialRules {
     /// [`MaterialRules::load`] from the text of a file.
     ///
     /// # Errors
-    /// As there.
+    /// As [`MaterialRules::load`].
     pub fn from_yaml(text: &str) -> Result<MaterialRules> {
         MaterialRules::read(&Document::parse("YAML text", text)?)
     }
@@ -51,12 +52,12 @@ impl MaterialRules {
         Ok(rules)
     }
 
-    /// Checks what stands at `key` of `document`.
+    /// Checks the rules, which are at `key` of `document`.
     pub(crate) fn check(&self, document: &Document, key: &str) -> Result<()> {
         self.0.iter().try_for_each(|(pattern, rule)| {
             let key = join(key, pattern);
             rule.of(&key, pattern, &Material::default()).map(drop).map_err(|error| match error {
-                // Of a section of its own, which has no lines.
+                // From a separate section, which has no lines.
                 Error::Parse { place, message, .. } => document.error(&join(&key, &place), &message),
                 Error::Missing { .. } => document.error(&key, &error.to_string()),
                 other => document.locate(other),
@@ -64,7 +65,7 @@ impl MaterialRules {
         })
     }
 
-    /// Adds a rule; it replaces one of the same pattern.
+    /// Adds a rule, which replaces one with the same pattern.
     pub fn set(&mut self, pattern: impl Into<String>, rule: MaterialRule) {
         self.0.insert(pattern.into(), rule);
     }
@@ -74,12 +75,12 @@ impl MaterialRules {
         self.0.keys().map(String::as_str)
     }
 
-    /// Whether there are none.
+    /// Whether there are no rules.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// `material` as the rules have it; none where none matches. `key`: where the rules stand.
+    /// `material` as changed by the rules; `None` if no rule matches. `key` is that of the rules.
     fn of(&self, key: &str, material: &Material) -> Result<Option<Material>> {
         let mut matching: Vec<_> = self.0.iter().filter(|(pattern, _)| matches(pattern, &material.name)).collect();
         matching.sort_by_key(|(pattern, _)| pattern.chars().filter(|letter| !"*?".contains(*letter)).count());
@@ -90,7 +91,7 @@ impl MaterialRules {
 }
 
 impl MaterialRule {
-    /// `material` as the rule of `pattern`, which stands at `key`, has it.
+    /// `material` as changed by this rule for `pattern`, which is at `key`.
     fn of(&self, key: &str, pattern: &str, material: &Material) -> Result<Material> {
         let by = |what: &str| format!("{what} by the rule {:?}", shown::name(pattern));
         match self {
@@ -107,7 +108,7 @@ impl MaterialRule {
 }
 
 impl Scene {
-    /// Makes materials what `rules`, which stand at `key`, say. Returns the patterns that no material's name matches.
+    /// Applies `rules`, which are at `key`, to the materials. Returns the patterns that no material's name matches.
     pub(crate) fn apply(&mut self, rules: &MaterialRules, key: &str) -> Result<Vec<String>> {
         let mut replaced: HashMap<*const Material, Arc<Material>> = HashMap::new();
         for material in self.materials.iter().filter(|_| !rules.is_empty()) {
@@ -146,7 +147,7 @@ mod tests {
     }
 
     #[test]
-    fn more_letters_have_the_last_word() {
+    fn more_letters_take_precedence() {
         let rules = rules("'*': {roughness: 0.3, reflectance: 0.1}\nSofa*: fabric\nSofa?: {reflectance: 0.7}");
         let of = |name: &str| rules.of("", &named(name)).unwrap().unwrap();
         let plain = of("thing");
@@ -167,7 +168,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_told_with_their_line() {
+    fn mistakes_are_reported_with_their_line() {
         for (text, expected) in [
             ("a: wood\nb: wod", "line 2: b: there is no library material named \"wod\"; near: wood"),
             ("a:\n  reflectance: 2", "line 2: a.reflectance: is 2; allowed: 0 to 1"),
@@ -180,10 +181,10 @@ mod tests {
         }
     }
 
-    /// Rules and warnings reach the parts of a scene: a box of glass has no volume until a rule gives it one, and what
-    /// matches nothing is told with names that are near.
+    /// Rules and warnings reach the parts of a scene: a box of glass has no volume until a rule gives it one, and
+    /// patterns that match nothing are reported with similar names.
     #[test]
-    fn scenes_follow_rules() {
+    fn rules_apply_to_scenes() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name: &str| folder.path().join(name);
         let corners: String = (0..8).map(|k| format!("v {} {} {}\n", k & 1, k >> 1 & 1, k >> 2)).collect();
@@ -199,14 +200,17 @@ mod tests {
         };
         let ([vase, pane], warnings) = load("'*': {transmission: 0.9, roughness: 0}\nvaze: glass");
         assert_eq!((vase.transmission, pane.transmission), (0.9, 0.9));
-        // What rules make glass is a pane, whatever its alpha, unless they say what that means.
+        // A material that rules turn into glass is a pane, whatever its alpha, unless they specify what alpha means.
         let alphas = |rules: &str| load(rules).0.map(|material| material.alpha);
         assert_eq!([vase.alpha, pane.alpha], [Alpha::Solid; 2]);
         assert_eq!(alphas("vase: {alpha_cutoff: 0.2}"), [Alpha::Coverage, Alpha::Solid], "a pane is glass by its name");
         assert_eq!(alphas("vase: glass\npane: {alpha: coverage}"), [Alpha::Solid, Alpha::Coverage]);
         assert_eq!(alphas("vase: {alpha: cutout, transmission: 0.5}")[0], Alpha::Cutout);
-        let told = warnings.iter().filter(|warning| warning.contains("endlessly thin")).collect::<Vec<_>>();
-        assert!(told.len() == 1 && told[0].starts_with("material \"vase\": 1 part closed all around"), "{warnings:?}");
+        let thin_bodies = warnings.iter().filter(|warning| warning.contains("infinitely thin")).collect::<Vec<_>>();
+        assert!(
+            thin_bodies.len() == 1 && thin_bodies[0].starts_with("material \"vase\": 1 part with a closed surface"),
+            "{warnings:?}"
+        );
         let unmatched = "material rules: no material's name matches \"vaze\"; near: vase";
         assert!(warnings.iter().any(|warning| warning == unmatched), "{warnings:?}");
         for (pattern, near) in [("vaze*", "vase"), ("'*wase'", "vase"), ("'*an*'", "pane")] {

@@ -1,6 +1,7 @@
 //! Several scene files as one scene.
 
-use super::{Camera, InstanceKey, LabelRules, NamedObject, Scene};
+use super::{InstanceKey, LabelRules, NamedObject, Scene};
+use crate::model::Camera;
 use crate::motion::Timeline;
 use std::sync::Arc;
 
@@ -17,7 +18,7 @@ impl Scene {
         for (number, scene) in scenes.into_iter().enumerate() {
             let Scene { labels, .. } = scene;
             for (numbers, table) in numbers.iter_mut().zip([&labels.category, &labels.part]) {
-                // The file itself gave them, or they cannot do harm.
+                // The file itself assigned these, or they do no harm.
                 let given = table.iter().filter(|(id, name)| id.to_string() == **name);
                 given.for_each(|(id, name)| {
                     numbers.entry(name.to_owned()).or_insert(id);
@@ -55,6 +56,7 @@ impl Scene {
 mod tests {
     use super::super::{Material, Mesh, Part, RawObject, UpAxis};
     use super::*;
+    use crate::model::RawScene;
     use glam::DAffine3;
     use std::collections::BTreeMap;
 
@@ -67,7 +69,6 @@ mod tests {
             material: Some(material.clone()),
             ..Part::default()
         };
-        let empty = Scene { materials: vec![material], ..Scene::default() };
         let object = RawObject {
             name: object.to_owned(),
             mesh: Arc::new(Mesh::trusted(String::new(), vec![part])),
@@ -80,7 +81,8 @@ mod tests {
             has_node: false,
         };
         let options = super::super::LoadOptions { labels: rules.clone(), ..Default::default() };
-        empty.assemble(vec![object], &options)
+        let raw = RawScene { objects: vec![object], materials: vec![material], ..RawScene::default() };
+        Scene::assemble(raw, &options)
     }
 
     #[test]
@@ -102,7 +104,7 @@ mod tests {
     }
 
     #[test]
-    fn rules_that_say_nothing_are_told_of_once_all_files_are_read() {
+    fn unused_rules_are_reported_once_all_files_are_read() {
         let folder = tempfile::tempdir().unwrap();
         let files = ["Tree_1", "Car"].map(|name| folder.path().join(format!("{name}.obj")));
         for (path, name) in files.iter().zip(["Tree_1", "Car"]) {

@@ -1,143 +1,75 @@
-//! A resolved scene: what the files said, with references resolved.
+//! A resolved scene: the contents of the files, with references resolved.
 //!
 //! What [`Scene`] guarantees to its users:
 //! * z is up, lengths are metres, the frame is right-handed;
 //! * world positions are `f64`; mesh vertices are `f32` in the mesh's own frame;
-//! * every index is in range, every vertex finite, no triangle degenerate but of objects whose shape changes over time;
+//! * every index is in range, every vertex finite, no triangle degenerate, except in objects whose shape changes over
+//!   time;
 //! * a mesh that many objects use is stored once;
 //! * every object and part carries label numbers, and [`Labels`] names them.
 
 mod caches;
 mod camera;
-mod faces;
-#[cfg(feature = "fbx")]
-mod fbx;
-mod gltf;
 mod identity;
 mod label;
 mod material_rules;
 mod merge;
-mod mesh;
-mod notes;
-mod number;
-mod obj;
-mod ply;
-mod pose;
-mod properties;
 mod sequence;
-mod stl;
 
 pub use crate::ground::array::Array;
+pub use crate::model::{Ancestor, Camera, Labels, MOST_ANCESTORS, Mesh, NameTable, Part, UpAxis};
+pub use crate::scene_files::{FORMATS, SceneFormat};
 pub use caches::CacheFile;
-pub use camera::Camera;
 use identity::{Identifier, Identity, InstanceKey};
 use label::Given;
 pub(crate) use label::matches;
-pub use label::{InstanceRule, LabelRules, Labels, NameTable};
+pub use label::{InstanceRule, LabelRules};
 pub use material_rules::{MaterialRule, MaterialRules};
-pub use mesh::{Mesh, Part};
 pub use sequence::Sequence;
 
 use crate::ground::error::{Error, Result};
-pub(crate) use crate::ground::math::cofactors;
-use crate::ground::named::named;
 use crate::ground::report::Report;
 use crate::ground::shown;
 use crate::material::{Alpha, TextureBudget};
 pub use crate::material::{Filter, Material, Texture, TextureRef, Wrap};
+use crate::model::{RawObject, RawScene, corners, surrounding, within_reach};
 use crate::motion::{Motion, Timeline};
 use crate::read::yaml::{Document, one_or_more_words};
-use glam::{DAffine3, DMat3, DVec3};
-pub(crate) use mesh::beyond_reach;
+use crate::scene_files::{self, FileOptions, gltf};
+use glam::{DAffine3, DVec3};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
-use std::path::{Component, Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
-
-/// Largest magnitude of an accepted coordinate, in files and in the world: well inside `f32`, so that no later step
-/// overflows.
-const LARGEST: f64 = 1e18;
-
-/// Which axis of a file points up, for formats that do not specify it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum UpAxis {
-    /// The file is y up: (x, y, z) becomes (x, -z, y).
-    Y,
-    /// The file is z up, as echocast is.
-    #[default]
-    Z,
-    /// The file is x up: (x, y, z) becomes (-z, y, x).
-    X,
-    /// The file's x points down: (x, y, z) becomes (z, y, -x).
-    #[serde(rename = "-x")]
-    MinusX,
-    /// The file's y points down: (x, y, z) becomes (x, z, -y).
-    #[serde(rename = "-y")]
-    MinusY,
-    /// The file's z points down: (x, y, z) becomes (x, -y, -z).
-    #[serde(rename = "-z")]
-    MinusZ,
-}
-
-named! { UpAxis: Y "y", Z "z", X "x", MinusX "-x", MinusY "-y", MinusZ "-z" }
-
-impl UpAxis {
-    /// Turns the file so that z is up.
-    fn world_from_file(self) -> DMat3 {
-        let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
-        match self {
-            UpAxis::Y => DMat3::from_cols(x, z, -y),
-            UpAxis::Z => DMat3::IDENTITY,
-            UpAxis::X => DMat3::from_cols(z, y, -x),
-            UpAxis::MinusX => DMat3::from_cols(-z, y, x),
-            UpAxis::MinusY => DMat3::from_cols(x, -z, y),
-            UpAxis::MinusZ => DMat3::from_cols(x, -y, -z),
-        }
-    }
-
-    /// How an object stands whose mesh has this axis up and was turned by `turned`: z is up in it.
-    pub(crate) fn upright(self, turned: &DMat3) -> DMat3 {
-        let DMat3 { x_axis: x, y_axis: y, z_axis: z } = *turned;
-        match self {
-            UpAxis::Y => DMat3::from_cols(x, -z, y),
-            UpAxis::Z => *turned,
-            UpAxis::X => DMat3::from_cols(-z, y, x),
-            UpAxis::MinusX => DMat3::from_cols(z, y, -x),
-            UpAxis::MinusY => DMat3::from_cols(x, z, -y),
-            UpAxis::MinusZ => DMat3::from_cols(x, -y, -z),
-        }
-    }
-}
 
 /// How to read a scene file.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct LoadOptions {
-    /// Up axis of formats that do not specify it (OBJ, PLY, STL). glTF is always y up, and FBX files say it.
+    /// Up axis of formats that do not specify it (OBJ, PLY, STL). glTF is always y up, and FBX files specify it.
     pub up: UpAxis,
     /// Metres per unit of formats that do not specify it (OBJ, PLY, STL).
     pub scale: f64,
     /// Names to numbers and patterns to names.
     pub labels: LabelRules,
-    /// Most memory that the images of all materials together may take, MiB: four bytes a pixel.
+    /// Maximum memory for the images of all materials together, MiB: four bytes per pixel.
     pub texture_limit_mib: u64,
     /// Name of the animation to play; `None`: all of them at once.
     pub animation: Option<String>,
-    /// Whether each animation and each cache starts again at the time of its last key or sample, numbered files after the
-    /// last; if not, what they move stays as it is then. In YAML `loop`.
+    /// Whether each animation and each cache restarts at the time of its last key or sample, numbered files after the
+    /// last; if not, what they move keeps its last state. In YAML `loop`.
     #[serde(rename = "loop")]
     pub looped: bool,
-    /// Whether buffers, images and material files may lie outside the folder of the scene file that names them, or be
-    /// named by absolute path. If so, an untrusted scene can pull in any file that you may read.
+    /// Whether buffers, images and material files may be outside the folder of the scene file that names them, or be
+    /// named by absolute path. If so, an untrusted scene can pull in any file that the user may read.
     pub allow_outside_paths: bool,
-    /// Object name pattern (`*` and `?`) to the file that says how the object changes its shape; the longest matching
-    /// pattern wins. In YAML relative to the working folder, in a label file to its own.
+    /// Object name pattern (`*` and `?`) to the file that describes how the object's shape changes; the longest
+    /// matching pattern wins. In YAML relative to the working folder, in a label file to that file's folder.
     pub caches: BTreeMap<String, CacheFile>,
-    /// What surfaces are made of; these rules come after those of the label file.
+    /// What surfaces are made of; these rules are applied after those of the label file.
     pub materials: MaterialRules,
-    /// Patterns (`*` and `?`) of the names of objects, or of nodes that they hang on, which are left out, beside those of
-    /// the label file.
+    /// Patterns (`*` and `?`) of the names of objects, or of their ancestor nodes, to leave out, in addition to those
+    /// of the label file.
     #[serde(deserialize_with = "one_or_more_words")]
     pub hide: Vec<String>,
 }
@@ -160,16 +92,16 @@ impl Default for LoadOptions {
 }
 
 impl LoadOptions {
-    /// Reads options from YAML: the fields of this type, `up` as `y`, `z`, `x`, `-x`, `-y` or `-z`, and `labels`, with the
-    /// contents of a label file or what [`LabelRules::open`] takes.
+    /// Reads options from YAML: the fields of this type, `up` as `y`, `z`, `x`, `-x`, `-y` or `-z`, and `labels`, with
+    /// the contents of a label file or what [`LabelRules::open`] takes.
     ///
     /// # Errors
-    /// Line and key of what is wrong, with the most similar known key; a label file that cannot be read.
+    /// An invalid entry, with its line, its key and the most similar known key; a label file that cannot be read.
     pub fn from_yaml(text: &str) -> Result<LoadOptions> {
         const ORIGIN: &str = "load options";
         let document = Document::parse(ORIGIN, text)?;
         let mut keys = document.value().clone();
-        // A name stands for a file, whose errors are its own.
+        // A name refers to a file, which has its own errors.
         let named = keys.get("labels").and_then(|labels| labels.as_str()).map(LabelRules::open).transpose()?;
         if named.is_some() {
             keys.as_object_mut().map(|keys| keys.shift_remove("labels"));
@@ -180,18 +112,16 @@ impl LoadOptions {
         Ok(LoadOptions { labels: named.unwrap_or(options.labels), ..options })
     }
 
-    /// Checks what formats without units take from here.
-    fn check_units(&self) -> Result<()> {
-        if self.scale.is_finite() && self.scale > 0.0 {
-            return Ok(());
+    /// The options for readers of files.
+    pub(crate) fn of_files(&self) -> FileOptions<'_> {
+        FileOptions {
+            up: self.up,
+            scale: self.scale,
+            animation: self.animation.as_deref(),
+            looped: self.looped,
+            allow_outside_paths: self.allow_outside_paths,
+            keeps_sources: self.caches().next().is_some(),
         }
-        Err(Error::invalid("scale", self.scale, "finite numbers above 0"))
-    }
-
-    /// Where a mesh is in the world that a format without units has around `origin`, in the file's units.
-    fn world_from_mesh(&self, origin: DVec3) -> DAffine3 {
-        let world_from_file = self.up.world_from_file() * self.scale;
-        DAffine3::from_mat3_translation(world_from_file, world_from_file * origin)
     }
 }
 
@@ -204,43 +134,26 @@ pub struct Object {
     pub mesh: Arc<Mesh>,
     /// Placement, metres.
     pub world_from_object: DAffine3,
-    /// Which axis of its mesh points up as it was modelled: boxes stand on it.
+    /// Axis of its mesh that points up as modelled: boxes are upright along it.
     pub up: UpAxis,
     /// Semantic class number, 0 = unlabelled.
     pub category_id: u32,
     /// Part number of each part of the mesh, in their order.
     pub part_ids: Vec<u32>,
-    /// Number of the instance, from 1; objects that are one share it.
+    /// Number of the instance, from 1; all objects of an instance share it.
     pub instance_id: u32,
     /// Scans whose mask shares a bit with this see it.
     pub mask: u32,
     /// Replaces the materials of all parts.
     pub material: Option<Arc<Material>>,
-    /// How it follows the timeline of its scene; `None`: it stays as and where it is.
+    /// Its motion on the timeline of its scene; `None`: it neither moves nor changes its shape.
     pub motion: Option<Motion>,
-    /// Meshes that one after another take the place of its own, which is the one at time 0.
+    /// Meshes that replace its own one after another; its own is the one at time 0.
     pub sequence: Option<Arc<Sequence>>,
-    /// The nodes of the file that it hangs on, from the outermost in, then its own if it is the only object there; the
-    /// nearest [`MOST_ANCESTORS`] of them. Empty in formats without such nodes.
+    /// Its ancestor nodes in the file, from the outermost in, then its own if it is the only object there; the nearest
+    /// [`MOST_ANCESTORS`] of them. Empty in formats without such nodes.
     pub ancestors: Arc<[Ancestor]>,
 }
-
-/// A node of a file.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Ancestor {
-    /// Its number in the file.
-    pub node: u32,
-    /// Its name; empty without one.
-    pub name: Arc<str>,
-    /// The category that it gives to what hangs on it, if it does.
-    pub category: Option<Arc<str>>,
-    /// Whether it only holds other things together: it has no mesh and no category, and either lies at the origin of what
-    /// it hangs on, or holds very many things, instances of a mesh, or another group.
-    pub is_group: bool,
-}
-
-/// Most ancestors that an object knows.
-pub const MOST_ANCESTORS: usize = 32;
 
 impl Object {
     /// The materials of its parts, or the one that replaces them.
@@ -279,7 +192,7 @@ pub struct Scene {
     pub cameras: Vec<Camera>,
     /// Names of the label numbers.
     pub labels: Labels,
-    /// What moves; objects and cameras are where they are at time 0.
+    /// All motion; objects and cameras are placed as at time 0.
     pub timeline: Arc<Timeline>,
     /// Names of the file's animations, played or not.
     pub animations: Vec<String>,
@@ -287,9 +200,9 @@ pub struct Scene {
     pub animation_lengths: Vec<f64>,
     /// Triangles without area that were left out.
     pub degenerate_triangles: usize,
-    /// Of each object that rules have left out, the name that they know.
+    /// For each object that rules have left out, the name that they matched.
     pub hidden: Vec<String>,
-    /// What the reader noticed.
+    /// Warnings of the reader.
     pub report: Report,
 }
 
@@ -297,8 +210,8 @@ impl Scene {
     /// Reads a scene file; the format is chosen by the extension (see [`FORMATS`]).
     ///
     /// # Errors
-    /// A missing or damaged file, a feature that is not supported, nothing to scan; a cache that does not fit its object.
-    /// The message names file and place.
+    /// A missing or damaged file, a feature that is not supported, nothing to scan; a cache that does not fit its
+    /// object. The message states file and place.
     pub fn load(path: impl AsRef<Path>) -> Result<Scene> {
         Scene::load_with(path, &LoadOptions::default())
     }
@@ -321,7 +234,7 @@ impl Scene {
         }
         let mut images = TextureBudget::new(options.texture_limit_mib);
         let scenes: Vec<Scene> =
-            paths.iter().map(|path| read(path.as_ref(), options, &mut images)).collect::<Result<_>>()?;
+            paths.iter().map(|path| Scene::read(path.as_ref(), options, &mut images)).collect::<Result<_>>()?;
         Scene::merge(scenes, &options.labels).finished(options)
     }
 
@@ -332,10 +245,16 @@ impl Scene {
     pub fn from_glb_bytes(bytes: &[u8], options: &LoadOptions) -> Result<Scene> {
         let origin = Path::new("glTF data");
         let mut images = TextureBudget::new(options.texture_limit_mib);
-        gltf::read_bytes(bytes, origin, None, options, &mut images)?.checked(origin)?.finished(options)
+        let raw = gltf::read_bytes(bytes, origin, None, &options.of_files(), &mut images)?;
+        Scene::assemble(raw, options).checked(origin)?.finished(options)
     }
 
-    /// The scene as read from `origin` if it has anything to scan.
+    /// Reads one scene file by itself.
+    fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudget) -> Result<Scene> {
+        Scene::assemble(scene_files::read(path, &options.of_files(), images)?, options).checked(path)
+    }
+
+    /// This scene, as read from `origin`, if it has anything to scan.
     fn checked(self, origin: &Path) -> Result<Scene> {
         if self.triangle_count() == 0 && self.hidden.is_empty() {
             return Err(Error::parse(origin, "", "no triangle to scan: the file holds no mesh with area"));
@@ -386,7 +305,7 @@ impl Scene {
         self.with_caches(options)
     }
 
-    /// Sentences about materials that let light through closed bodies, but give them no volume.
+    /// Sentences about materials that let light through closed bodies but give them no volume.
     fn hollow(&self) -> Vec<String> {
         let mut bodies: BTreeMap<&str, usize> = BTreeMap::new();
         let parts = self.meshes().into_iter().flat_map(|mesh| &mesh.parts);
@@ -397,21 +316,21 @@ impl Scene {
                 *bodies.entry(&material.name).or_default() += 1;
             }
         }
-        let told = |(name, number)| {
+        let wording = |(name, number)| {
             format!(
-                "material {:?}: {} closed all around {} light through, but {} no volume (KHR_materials_volume, \
-                 thickness_m): each face is taken for an endlessly thin pane, which does not bend light; in the profile \
-                 blainder for a boundary",
+                "material {:?}: {} with a closed surface {} light through, but {} no volume (KHR_materials_volume, \
+                 thickness_m): each face is treated as an infinitely thin pane, which does not bend light; in the profile \
+                 blainder, as a boundary",
                 shown::name(name),
-                count(number, "part"),
+                shown::count(number, "part"),
                 if number == 1 { "lets" } else { "let" },
                 if number == 1 { "has" } else { "have" },
             )
         };
-        bodies.into_iter().map(told).collect()
+        bodies.into_iter().map(wording).collect()
     }
 
-    /// A sentence about used materials that rays always pass.
+    /// A sentence about used materials that rays always pass through.
     fn unseen(&self) -> Option<String> {
         let parts = self.meshes().into_iter().flat_map(|mesh| &mesh.parts);
         let unseen = parts.filter_map(|part| part.material.as_ref()).filter(|material| {
@@ -425,9 +344,9 @@ impl Scene {
         });
         let names: BTreeSet<String> = unseen.map(|material| material.name.clone()).collect();
         (!names.is_empty()).then(|| {
-            let names = some_of(&names.into_iter().collect::<Vec<_>>());
+            let names = shown::some_of(&names.into_iter().collect::<Vec<_>>());
             format!(
-                "materials that are not seen at all, as their alpha is 0 or below the cutoff: {names}; \
+                "materials that are not visible at all, since their alpha is 0 or below the cutoff: {names}; \
                      `alpha: solid` in a material rule shows them"
             )
         })
@@ -447,13 +366,13 @@ impl Scene {
         self.objects.iter().flat_map(|object| object.mesh.world_points(&object.world_from_object))
     }
 
-    /// Whether anything in it moves or changes by itself.
+    /// Whether anything in it moves or changes over time.
     pub fn is_moving(&self) -> bool {
         self.objects.iter().any(|object| object.motion.is_some())
             || self.materials.iter().any(|material| material.changes.is_some())
     }
 
-    /// Triangles, each mesh counted as often as it is placed.
+    /// Number of triangles, each mesh counted as often as it is placed.
     pub fn triangle_count(&self) -> usize {
         self.objects.iter().map(|object| object.mesh.triangle_count()).sum()
     }
@@ -474,8 +393,8 @@ impl Scene {
         surrounding(self.object_boxes().flat_map(|(_, corners)| corners))
     }
 
-    /// Instances that seem to be a sky: called so, or around all the rest and several times as large. They send back light
-    /// that no sky would: [`LoadOptions::hide`] leaves them out.
+    /// Instances that appear to be a sky: named so, or around all the rest and several times as large. They return
+    /// light, which no sky does: [`LoadOptions::hide`] leaves them out.
     pub fn skies(&self) -> Vec<u32> {
         /// How much larger than the rest, along each axis.
         const LARGER: f64 = 4.0;
@@ -513,119 +432,13 @@ impl Scene {
     }
 }
 
-/// The corners of the box `bounds` of a mesh in the world; the first and the last are opposite.
-pub(crate) fn corners(bounds: [[f32; 3]; 2], world_from_object: &DAffine3) -> [DVec3; 8] {
-    std::array::from_fn(|corner| {
-        let local = DVec3::from_array(std::array::from_fn(|axis| f64::from(bounds[corner >> axis & 1][axis])));
-        world_from_object.transform_point3(local)
-    })
-}
-
-/// Whether no coordinate is beyond [`LARGEST`].
-pub(crate) fn within_reach(point: &DVec3) -> bool {
-    // A comparison that NaN fails too.
-    point.abs().max_element() <= LARGEST && point.is_finite()
-}
-
-/// Lowest and highest corner of the box around `points`; `None` without any.
-pub(crate) fn surrounding(points: impl Iterator<Item = DVec3>) -> Option<(DVec3, DVec3)> {
-    points.map(|p| (p, p)).reduce(|(low, high), (p, _)| (low.min(p), high.max(p)))
-}
-
 /// The shared values of `all`, each once.
 fn once<'a, T>(all: impl Iterator<Item = &'a Arc<T>>) -> Vec<&'a Arc<T>> {
     let mut seen = HashSet::new();
     all.filter(|one| seen.insert(Arc::as_ptr(one))).collect()
 }
 
-/// `1 triangle`, `2 triangles`.
-pub(crate) fn count(number: usize, what: &str) -> String {
-    format!("{number} {what}{}", if number == 1 { "" } else { "s" })
-}
-
-/// The endings of scene files, for people.
-pub(crate) fn extensions() -> String {
-    FORMATS.iter().flat_map(|f| f.extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
-}
-
-/// Whether `path` has an ending of a scene file.
-pub(crate) fn is_scene(path: &Path) -> bool {
-    FORMATS.iter().any(|format| format.reads(path))
-}
-
-/// Reads one scene file.
-fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudget) -> Result<Scene> {
-    let reader = FORMATS.iter().find(|format| format.reads(path)).ok_or_else(|| Error::Unsupported {
-        what: format!("{}: scene format", shown::path(path)),
-        instead: format!("scenes are read from {}", extensions()),
-    })?;
-    (reader.read)(path, options, images)?.checked(path)
-}
-
-/// `path` without its `..`, if it leads into `folder`, as spelled: links are followed wherever they lead, as they are
-/// not named by the scene.
-fn inside(folder: &Path, path: &Path) -> Option<PathBuf> {
-    let mut found = folder.to_owned();
-    let mut depth = 0;
-    for step in path.strip_prefix(folder).ok()?.components() {
-        match step {
-            Component::Normal(name) => {
-                found.push(name);
-                depth += 1;
-            }
-            Component::CurDir => {}
-            Component::ParentDir if depth > 0 => {
-                found.pop();
-                depth -= 1;
-            }
-            Component::ParentDir | Component::RootDir | Component::Prefix(_) => return None,
-        }
-    }
-    Some(found)
-}
-
-/// What is wrong with a path that a scene must not name.
-fn outside(name: &str) -> String {
-    format!(
-        "{:?} leads out of the folder of the scene; allowed: paths in it, or any with allow_outside_paths \
-         (--allow-outside-paths)",
-        shown::name(name)
-    )
-}
-
-/// The first names of a list, and the number of the others.
-fn some_of(names: &[String]) -> String {
-    const SHOWN: usize = 5;
-    let shown = names[..names.len().min(SHOWN)].iter().map(|name| shown::name(name)).collect::<Vec<_>>().join(", ");
-    match names.len().saturating_sub(SHOWN) {
-        0 => shown,
-        more => format!("{shown} and {more} more"),
-    }
-}
-
-/// An object as a reader found it, before its labels have numbers.
-pub(crate) struct RawObject {
-    /// Name in the file.
-    pub name: String,
-    /// Its shape.
-    pub mesh: Arc<Mesh>,
-    /// Placement, metres.
-    pub world_from_object: DAffine3,
-    /// As in [`Object::up`].
-    pub up: UpAxis,
-    /// `categoryID` of the node or its nearest ancestor.
-    pub category: Option<String>,
-    /// `partID` of the node or its nearest ancestor.
-    pub part: Option<String>,
-    /// How it follows the timeline.
-    pub motion: Option<Motion>,
-    /// As in [`Object::ancestors`].
-    pub ancestors: Arc<[Ancestor]>,
-    /// Whether the last of them is its own node.
-    pub has_node: bool,
-}
-
-/// An object whose labels are words, about to be numbered.
+/// An object whose labels are names, yet to be numbered.
 struct NamedObject {
     name: String,
     mesh: Arc<Mesh>,
@@ -635,21 +448,32 @@ struct NamedObject {
     /// One for each part of the mesh; empty = unlabelled.
     parts: Vec<String>,
     instance: InstanceKey,
-    /// What the instance is called.
+    /// Name of the instance.
     instance_name: String,
     motion: Option<Motion>,
     ancestors: Arc<[Ancestor]>,
 }
 
 impl Scene {
-    /// Leaves out what is to be hidden, and gives every object and part its label numbers; the last step of every reader.
-    pub(crate) fn assemble(mut self, mut objects: Vec<RawObject>, options: &LoadOptions) -> Scene {
+    /// The scene of a file without hidden objects; every object and part gets its label numbers.
+    pub(crate) fn assemble(raw: RawScene, options: &LoadOptions) -> Scene {
+        let RawScene { mut objects, materials, cameras, timeline, .. } = raw;
+        let mut scene = Scene {
+            materials,
+            cameras,
+            timeline: Arc::new(timeline),
+            animations: raw.animations,
+            animation_lengths: raw.animation_lengths,
+            degenerate_triangles: raw.degenerate_triangles,
+            report: raw.report,
+            ..Scene::default()
+        };
         let rules = &options.labels;
         let hidden = |name: &str| options.hide.iter().chain(&rules.hide).any(|pattern| matches(pattern, name));
         objects.retain(|object| {
             let above = object.ancestors.iter().map(|node| &*node.name);
             let known = std::iter::once(object.name.as_str()).chain(above).find(|name| hidden(name));
-            self.hidden.extend(known.map(str::to_owned));
+            scene.hidden.extend(known.map(str::to_owned));
             known.is_none()
         });
         let mut given = [Given::new("categories", rules), Given::new("parts", rules)];
@@ -686,12 +510,13 @@ impl Scene {
                 }
             })
             .collect();
-        identifier.contradictions().into_iter().for_each(|warning| self.report.warn(warning));
-        given.iter().flat_map(Given::told).for_each(|warning| self.report.warn(warning));
-        self.number(named, rules, given.map(|given| given.numbers))
+        identifier.contradictions().into_iter().for_each(|warning| scene.report.warn(warning));
+        given.iter().flat_map(Given::wording).for_each(|warning| scene.report.warn(warning));
+        scene.number(named, rules, given.map(|given| given.numbers))
     }
 
-    /// Numbers the labels of `objects`, which become this scene's; `numbers`: those that categories and parts have already.
+    /// Numbers the labels of `objects`, which become this scene's; `numbers` are those that categories and parts have
+    /// already.
     fn number(mut self, objects: Vec<NamedObject>, rules: &LabelRules, numbers: [BTreeMap<String, u32>; 2]) -> Scene {
         let category = NameTable::number(objects.iter().map(|object| object.category.clone()), &numbers[0]);
         let part = NameTable::number(objects.iter().flat_map(|object| object.parts.iter().cloned()), &numbers[1]);
@@ -733,7 +558,7 @@ impl Scene {
     }
 }
 
-/// What a part of an object is called.
+/// Name of a part of an object.
 fn part_name(part: &Part, object: &RawObject, rules: &LabelRules, given: &mut Given) -> String {
     let material = part.material_name();
     if let Some(ruled) = rules.part(material) {
@@ -746,59 +571,3 @@ fn part_name(part: &Part, object: &RawObject, rules: &LabelRules, given: &mut Gi
         material.to_owned()
     })
 }
-
-/// A kind of scene file.
-pub struct SceneFormat {
-    /// Short name.
-    pub name: &'static str,
-    /// File name endings, lower case, without the dot.
-    pub extensions: &'static [&'static str],
-    /// One-line description.
-    pub description: &'static str,
-    read: fn(&Path, &LoadOptions, &mut TextureBudget) -> Result<Scene>,
-}
-
-impl SceneFormat {
-    fn reads(&self, path: &Path) -> bool {
-        path.extension()
-            .and_then(|e| e.to_str())
-            .is_some_and(|e| self.extensions.contains(&e.to_ascii_lowercase().as_str()))
-    }
-}
-
-/// Every scene format that can be read.
-pub const FORMATS: &[SceneFormat] = &[
-    SceneFormat {
-        name: "gltf",
-        extensions: &["glb", "gltf"],
-        description: "glTF 2.0, binary or text: hierarchy, instances, materials, textures, cameras, animations, skins, \
-                      morph targets, labels in extras",
-        read: gltf::read,
-    },
-    SceneFormat {
-        name: "obj",
-        extensions: &["obj"],
-        description: "Wavefront OBJ with MTL: polygons, groups and objects, materials, textures",
-        read: obj::read,
-    },
-    SceneFormat {
-        name: "ply",
-        extensions: &["ply"],
-        description: "PLY meshes, text or binary: polygons, normals, textures, labels of faces or vertices",
-        read: ply::read,
-    },
-    SceneFormat {
-        name: "stl",
-        extensions: &["stl"],
-        description: "STL, text or binary: triangles, an object for each solid",
-        read: stl::read,
-    },
-    #[cfg(feature = "fbx")]
-    SceneFormat {
-        name: "fbx",
-        extensions: &["fbx"],
-        description: "Autodesk FBX, binary or text: hierarchy, instances, materials, textures, cameras, animations, \
-                      skins, blend shapes, labels in user properties",
-        read: fbx::read,
-    },
-];

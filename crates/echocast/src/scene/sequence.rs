@@ -1,22 +1,23 @@
-//! Meshes one after another, from numbered scene files: for what changes its triangles, such as water.
+//! Sequences of meshes from numbered scene files: for objects whose triangles change, such as water.
 
-use super::mesh::{Structure, beyond_reach, is_degenerate};
-use super::{LoadOptions, Mesh, Part, Scene, obj};
+use super::{LoadOptions, Scene};
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::material::{Material, TextureBudget};
+use crate::model::{Mesh, Part, Structure, beyond_reach, is_degenerate};
 use crate::motion::FPS;
 use crate::read::{self, Limit};
+use crate::scene_files::obj;
 use glam::DVec3;
 use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Most triangles of one file, those that instances repeat counted as often.
+/// Maximum number of triangles of one file; those that instances repeat count each time.
 const MOST_TRIANGLES: usize = 50_000_000;
 
-/// Meshes that one after another take the place of an object's own, each from a file.
+/// Meshes that replace an object's own one after another, each from a file.
 #[derive(Debug)]
 pub struct Sequence {
     files: Vec<PathBuf>,
@@ -32,15 +33,15 @@ pub struct Sequence {
     name: String,
     /// Material of the first part of the object's mesh.
     material: Option<Arc<Material>>,
-    /// What was loaded last.
+    /// The mesh loaded last, with its index.
     last: Mutex<Option<(usize, Arc<Mesh>)>>,
 }
 
 impl Sequence {
-    /// The files from `first` on, in place of `mesh`; `fps` of them a second, [`FPS`] unless told.
+    /// The files from `first` on, in place of `mesh`; `fps` of them per second, by default [`FPS`].
     ///
     /// # Errors
-    /// A name without a number at its end; a file that is no regular one; a gap in the numbers.
+    /// A name without a number at its end; a file that is not a regular file; a gap in the numbers.
     pub(super) fn open(first: &Path, fps: Option<f64>, mesh: &Mesh, options: &LoadOptions) -> Result<Sequence> {
         Ok(Sequence {
             files: numbered(first)?,
@@ -58,17 +59,17 @@ impl Sequence {
         })
     }
 
-    /// When each mesh takes its place, s. The first is also there before, the last stays; or they repeat.
+    /// When each mesh appears, s. The first is also present before, the last remains; or they repeat.
     pub fn times(&self) -> impl ExactSizeIterator<Item = f64> {
         (0..self.files.len()).map(|index| index as f64 / self.fps)
     }
 
-    /// The number of the mesh that is there at `time`, s, from 0.
+    /// Index of the mesh at `time`, s, from 0.
     pub fn at(&self, time: f64) -> usize {
         self.mesh_of(self.turn(time))
     }
 
-    /// Whose turn it is at `time`, s: the number of a mesh, counted on through all rounds.
+    /// Running number of the mesh at `time`, s, counted through all repetitions.
     fn turn(&self, time: f64) -> f64 {
         // Products of times and rates miss whole numbers by the last bit.
         let near = (time * self.fps).round();
@@ -80,21 +81,21 @@ impl Sequence {
         turn.rem_euclid(self.files.len() as f64) as usize
     }
 
-    /// Whether one mesh is there at all times from `from` to `to`, s.
+    /// Whether the mesh is the same at all times from `from` to `to`, s.
     pub(crate) fn stays(&self, from: f64, to: f64) -> bool {
         self.files.len() == 1 || self.turn(from) == self.turn(to)
     }
 
-    /// The numbers of the meshes that are there from `from` to `to`, s, and when each takes its place, s.
+    /// The indices of the meshes from `from` to `to`, s, and when each appears, s.
     pub(crate) fn between(&self, from: f64, to: f64) -> impl Iterator<Item = (usize, f64)> {
         let [first, last] = [from, to].map(|time| self.turn(time));
-        // Counted, as late numbers may be too large for one more to make a difference.
+        // Counted, since late numbers may be too large to change when 1 is added.
         let turns = (0..=(last - first) as u64).map(move |number| first + number as f64);
         turns.map(|turn| (self.mesh_of(turn), turn / self.fps))
     }
 
-    /// Loads mesh `index`, below the number of [`Sequence::times`]: one part, flat-shaded, of the material of the object's
-    /// first part, in the frame of the object's own mesh. The mesh loaded last is kept.
+    /// Loads mesh `index`, below the number of [`Sequence::times`]: one part, flat-shaded, with the material of the
+    /// object's first part, in the frame of the object's own mesh. The mesh loaded last is kept.
     ///
     /// # Errors
     /// A file that cannot be read or holds no triangle.
@@ -117,9 +118,9 @@ impl Sequence {
         let fault = |message: String| Error::parse(file, "", message);
         let is = |known: &str| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case(known));
         let scene = if is("obj") {
-            obj::read_shapes(file)?.checked(file)?
+            Scene::assemble(obj::read_shapes(file)?, &LoadOptions::default()).checked(file)?
         } else {
-            super::read(file, &self.options, &mut TextureBudget::new(self.options.texture_limit_mib))?
+            Scene::read(file, &self.options, &mut TextureBudget::new(self.options.texture_limit_mib))?
         };
         let triangles = scene.triangle_count();
         if triangles > MOST_TRIANGLES {
@@ -140,7 +141,7 @@ impl Sequence {
     }
 }
 
-/// All triangles of `scene`, with the vertices that they use, in a frame that `local_from_world` leads to.
+/// All triangles of `scene`, with the vertices that they use, in the frame that `local_from_world` transforms to.
 fn merged(scene: &Scene, local_from_world: impl Fn(DVec3) -> DVec3) -> Part {
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     for object in &scene.objects {
@@ -186,7 +187,7 @@ fn numbered(first: &Path) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for number in start..=u32::MAX {
         let file = first.with_file_name(name(number));
-        // Opened, so that what reads the scene is told of them, and that none is a pipe.
+        // Opened, so that they are recorded as files of the scene, and to rule out pipes.
         match read::open(&file, Limit::SCENE) {
             Err(Error::Io { source, .. }) if source.kind() == ErrorKind::NotFound && number > start => break,
             opened => drop(opened?),

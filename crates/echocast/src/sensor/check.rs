@@ -1,4 +1,4 @@
-//! Which sensor files are valid: bounds of numbers, and keys that depend on each other.
+//! Validity of sensor files: bounds of numbers, and keys that depend on each other.
 
 use super::spec::{BeamSpec, IntensitySpec, ReturnsSpec, SensorKind, SensorSpec, SubRays};
 use crate::detect::{Detection, DetectionSpec, Noise, Statistical, Timing};
@@ -12,7 +12,7 @@ use crate::read::yaml::Document;
 const FINEST_M: f64 = 1e-6;
 
 impl SensorSpec {
-    /// Checks that all values are within what is allowed.
+    /// Checks that all values are within their allowed ranges.
     ///
     /// # Errors
     /// [`Error::InvalidParameter`] that names the key.
@@ -20,7 +20,7 @@ impl SensorSpec {
         self.check_with(&mut Bounds::none())
     }
 
-    /// [`SensorSpec::check`] that shows all numbers that have bounds to `bounds`.
+    /// [`SensorSpec::check`] that also reports all numbers that have bounds to `bounds`.
     pub(super) fn check_with(&self, bounds: &mut Bounds) -> Result<()> {
         if self.name.is_empty() {
             return Err(Error::invalid("name", "empty", "a word"));
@@ -127,7 +127,7 @@ impl SensorSpec {
             bounds.number("beam.pulse_ns", beam.pulse_ns, [ABOVE_ZERO, 1e9], format_args!("above 0 with {because}"))
         };
         if blooming.is_some() {
-            // Light of many bright places is one echo only within a pulse.
+            // Light from many bright surfaces merges into one echo only within a pulse.
             needs_pulse(bounds, "detection.blooming")?;
         }
         if self.detection.timing != Timing::Peak {
@@ -135,7 +135,7 @@ impl SensorSpec {
         }
         if let Detection::Statistical(Statistical { bandwidth_mhz, sunlight, .. }) = self.detection.model {
             if range.max_m.is_none() {
-                // False alarms come anywhere up to there.
+                // False alarms occur anywhere up to there.
                 let allowed = "0, or above with range.max_m";
                 bounds.number("detection.bandwidth_mhz", bandwidth_mhz, [0.0; 2], allowed)?;
             }
@@ -191,8 +191,8 @@ impl SensorSpec {
             return Err(Error::invalid("acoustics.array_speed_m_s", "given", allowed));
         }
         acoustics.check(bounds)?;
-        // The resolution in water of 1500 m/s is 0.75 m for 1 kHz, or for a tone of 1 ms. Coarser than the sonar hears, its
-        // only bin would be beyond.
+        // The resolution in water of 1500 m/s is 0.75 m for 1 kHz, or for a tone of 1 ms. If it were coarser than the
+        // greatest range, its only bin would be beyond that.
         let farthest = range.max_m.unwrap_or(FARTHEST_M);
         let within = format!("of a resolution within range.max_m ({farthest})");
         match (acoustics.bandwidth_khz, acoustics.pulse_ms) {
@@ -215,9 +215,11 @@ impl SensorSpec {
         }
         /// Eight bytes each.
         const MOST_HEARINGS: f64 = 2e8;
-        let hearings = Transducer::hearings_of(&self.pattern, 1500.0 / acoustics.frequency());
-        if hearings > MOST_HEARINGS {
-            let found = format!("too many for these beams, which overlap: {hearings:.1e} of beams that hear a ray");
+        let receiving_beams = Transducer::receive_amplitudes_of(&self.pattern, 1500.0 / acoustics.frequency());
+        if receiving_beams > MOST_HEARINGS {
+            let found = format!(
+                "too many for these beams, which overlap: {receiving_beams:.1e} beams that receive a ray, over all rays"
+            );
             let allowed = format!("{MOST_HEARINGS:.0e} with fewer rays or beams, or narrower ones");
             return Err(Error::invalid("pattern.rays", found, allowed));
         }

@@ -1,4 +1,4 @@
-//! Numbers of a sensor by key.
+//! Parameters of a sensor by key.
 
 use super::{Sensor, SensorKind, SensorSpec};
 use crate::ground::error::{Error, Result};
@@ -10,11 +10,11 @@ use std::sync::Arc;
 
 impl Sensor {
     /// Changes one parameter: `key` is its path in the YAML (`noise.range_sigma_m`, `pattern.resolution[0]`), `value`
-    /// is YAML too, a number, a word, a list or a whole section; `null` takes an optional key away. On an error the
-    /// sensor stays as it was.
+    /// is YAML too, a number, a word, a list or a whole section; `null` removes an optional key. On an error the sensor
+    /// is unchanged.
     ///
     /// # Errors
-    /// An unknown key (with similar ones), a wrong type, a value out of range, a pattern that cannot be drawn.
+    /// An unknown key (with similar ones), a wrong type, a value out of range, a pattern that cannot be generated.
     pub fn set(&mut self, key: &str, value: &str) -> Result<()> {
         let mut tree = self.tree()?;
         yaml::set(&mut tree, key, value, &yaml::TAGS)?;
@@ -32,7 +32,7 @@ impl Sensor {
     }
 
     /// A numeric parameter by its path in the YAML, as [`Sensor::set`] takes it, and the bounds of its key. Within them
-    /// `set` may still refuse a value where several keys must fit together: too many beams, steps that two keys say
+    /// `set` may still refuse a value where several keys must fit together: too many beams, steps that two keys specify
     /// differently, a `range.resolution_m` between 0 and a micrometre.
     ///
     /// # Errors
@@ -79,7 +79,7 @@ fn is_of_light(key: &str) -> bool {
     ["beam", "detection", "returns", "noise", "intensity", "doppler", "tof"].contains(&section)
 }
 
-/// Whether a sensor file could have a number at `key`, where `tree` has nothing.
+/// Whether a sensor file could have a number at `key`, where `tree` has no value.
 fn takes_numbers(mut tree: Value, key: &str) -> bool {
     yaml::set(&mut tree, key, "1", &yaml::TAGS).is_ok() && Document::from_value(key, tree).read::<SensorSpec>().is_ok()
 }

@@ -20,7 +20,8 @@ pub use spec::{BeamSpec, Expectations, IntensitySpec, RangeSpec, ReturnsSpec, Se
 pub(crate) use tof::DepthCamera;
 pub use tof::{Illumination, ShotNoiseSpec, Target, TofSpec, Vignetting};
 
-use crate::cloud::{BOTTOM_TRACK, Driver, Field, FieldSet, SOUNDING, SonarView, WATER_TRACK};
+use crate::cells::SonarView;
+use crate::cloud::{BOTTOM_TRACK, Driver, Field, FieldSet, SOUNDING, WATER_TRACK};
 use crate::detect::{DetectionSpec, Doppler, Noise, RangeError, ReturnMode, Threshold, Timing};
 use crate::echo::{Cone, Glint, Pulse, Receiver, texture};
 use crate::emitter::pattern::Pattern;
@@ -38,7 +39,7 @@ type Transducers = Vec<(f64, f64, Arc<Transducer>)>;
 #[derive(Clone, Debug)]
 pub struct Sensor {
     spec: SensorSpec,
-    /// Where relative paths in it start.
+    /// Base folder of relative paths in it.
     folder: PathBuf,
     pub(crate) beams: Arc<BeamTable>,
     /// One more than the greatest channel of a beam.
@@ -58,11 +59,12 @@ pub struct Sensor {
     pub(crate) signals: Arc<Signals>,
     /// Quantiles of the texture of a sonar's echoes; empty: none.
     pub(crate) texture: Arc<[f32]>,
-    /// What a sonar sends and receives, for the wavelengths that it has been used at; shared with copies.
+    /// Transducers of a sonar, for the wavelengths that it has been used at; shared with copies.
     transducers: Arc<Mutex<Transducers>>,
-    /// What was made ready for scans; shared with copies.
+    /// Receptions prepared for scans; shared with copies.
     receptions: Arc<Mutex<Vec<Arc<Reception>>>>,
-    /// Beams of earlier scans, if the pattern does not repeat: memory for those of the next ones; shared with copies.
+    /// Beams of earlier scans, if the pattern does not repeat: their memory is reused for later ones; shared with
+    /// copies.
     drawn: Arc<Mutex<Vec<Arc<BeamTable>>>>,
 }
 
@@ -70,13 +72,13 @@ impl Sensor {
     /// Reads a sensor file.
     ///
     /// # Errors
-    /// File, line and key of what is wrong, with the nearest known key.
+    /// States the file, line and key of the fault, with the most similar known key.
     pub fn load(path: impl AsRef<Path>) -> Result<Sensor> {
         let path = path.as_ref();
         Sensor::from_section(&Document::load(path)?, path.parent().unwrap_or(Path::new("")))
     }
 
-    /// Reads the text of a sensor file; relative paths in it start at `folder`.
+    /// Reads the text of a sensor file; relative paths in it are resolved against `folder`.
     ///
     /// # Errors
     /// As [`Sensor::load`].
@@ -84,7 +86,7 @@ impl Sensor {
         Sensor::from_section(&Document::parse("YAML text", text)?, folder.as_ref())
     }
 
-    /// A sensor described in code; relative paths in it start at the working folder.
+    /// A sensor described in code; relative paths in it are resolved against the working directory.
     ///
     /// ```
     /// use echocast::emitter::pattern::{Pattern, Pinhole, Rays};
@@ -99,7 +101,7 @@ impl Sensor {
     /// ```
     ///
     /// # Errors
-    /// The key of what is wrong, and what is allowed.
+    /// States the key of the fault, and what is allowed.
     pub fn from_spec(mut spec: SensorSpec) -> Result<Sensor> {
         spec.check()?;
         spec.pattern.resolve(Path::new(""), None);
@@ -107,7 +109,7 @@ impl Sensor {
         Sensor::new(spec, PathBuf::new(), Arc::new(beams))
     }
 
-    /// Reads a section of a file; relative paths in it start at `folder`.
+    /// Reads a section of a file; relative paths in it are resolved against `folder`.
     ///
     /// # Errors
     /// As [`Sensor::load`].
@@ -153,23 +155,24 @@ impl Sensor {
         })
     }
 
-    /// How long the scene is looked at by one scan, s, for [`LiveScene::set_time`](crate::LiveScene::set_time); never 0.
+    /// Time over which one scan observes the scene, s, for [`LiveScene::set_time`](crate::LiveScene::set_time); never
+    /// 0.
     pub fn scan_time(&self) -> f64 {
         /// Snapshots take a moment too.
         const LEAST: f64 = 1e-4;
-        /// Slower, m/s, than sound in any water.
+        /// Slower than sound in any water, m/s.
         const SLOW: f64 = 1000.0;
         let last = self.beams.last_time();
         let sound = if self.spec.kind == SensorKind::Sonar { self.range_max_m / SLOW } else { 0.0 };
         (last + if sound.is_finite() { sound } else { 0.0 }).max(LEAST)
     }
 
-    /// Its detection model, ready to use; `blainder`: as in the paper's program.
+    /// Its detection model, ready to use; `blainder`: as computed by the paper's program.
     pub(crate) fn threshold(&self, blainder: bool) -> Threshold {
         Threshold::new(&self.detection.model, (self.wavelength_nm, self.spec.beam.pulse_ns), blainder)
     }
 
-    /// How it receives, with `threshold` instead of its detection model.
+    /// Its receiver, with `threshold` instead of its detection model.
     pub(crate) fn receiver(&self, threshold: Threshold) -> Receiver {
         let beam = &self.spec.beam;
         Receiver {
@@ -200,8 +203,8 @@ impl Sensor {
         RangeError::new(&self.noise, self.range_resolution_m, self.channels, edge_sigma, threshold)
     }
 
-    /// How it sees itself in smooth surfaces, if it does. A round beam of the same area stands for an elliptic one; if
-    /// many rays make up the beam, each of them is a line.
+    /// How it receives the glint of its own light from smooth surfaces, if it does. An elliptic beam is replaced by a
+    /// round one of the same area; if a beam has several sub-rays, each of them is a line.
     pub(crate) fn glint(&self) -> Option<Glint> {
         let beam = &self.spec.beam;
         let [horizontal, vertical] = beam.divergence_mrad;
@@ -218,7 +221,7 @@ impl Sensor {
         self.spec.returns.mode
     }
 
-    /// An ideal lidar with your own beams: no noise, no threshold, no range limit but the table's.
+    /// An ideal lidar with custom beams: no noise, no threshold, no range limit other than the table's.
     ///
     /// # Errors
     /// As [`BeamTable::check`].
@@ -230,7 +233,7 @@ impl Sensor {
         Sensor::new(spec, PathBuf::new(), Arc::new(beams))
     }
 
-    /// An ideal lidar of your own rays, each from its own origin at its own time: [`Sensor::from_beams`] with one row.
+    /// An ideal lidar with custom rays, each from its own origin at its own time: [`Sensor::from_beams`] with one row.
     ///
     /// ```
     /// use echocast::{Sensor, emitter::RayColumns};
@@ -267,7 +270,7 @@ impl Sensor {
         &self.spec.name
     }
 
-    /// Its title, for people; without one, its name.
+    /// Its title, for display; without one, its name.
     pub fn title(&self) -> &str {
         if self.spec.title.is_empty() { self.name() } else { &self.spec.title }
     }
@@ -277,14 +280,14 @@ impl Sensor {
         self.spec.kind
     }
 
-    /// Whose ROS driver it has, if its file says so.
+    /// Maker of its ROS driver, if its file specifies it.
     pub fn driver(&self) -> Option<Driver> {
         self.spec.driver
     }
 
-    /// The columns of its clouds by default: [`FieldSet::default`]; `doppler` if it measures that; of a sonar no `ring` and,
-    /// as its points are of the bed, the water surface, reflections and noise, `cause`, and what belongs to its soundings and
-    /// velocities.
+    /// The columns of its clouds by default: [`FieldSet::default`]; `doppler` if it measures that; for a sonar no
+    /// `ring`, but `cause`, as its points come from the seabed, the water surface, reflections and noise, and the
+    /// fields of its soundings and velocities.
     pub fn default_fields(&self) -> FieldSet {
         let mut fields = FieldSet::default();
         if self.doppler.is_some() {
@@ -315,7 +318,7 @@ impl Sensor {
         self.spec.expect.as_ref()
     }
 
-    /// The greatest number of returns that it reports of a beam; a range bin of a sonar is none.
+    /// The greatest number of returns that it reports per beam; range bins of a sonar do not count.
     pub fn most_returns(&self) -> usize {
         self.signals.rule.most()
     }
@@ -325,7 +328,7 @@ impl Sensor {
         &self.beams
     }
 
-    /// Its image: which pixel each of its beams is.
+    /// The grid of its image: which pixel each of its beams is.
     ///
     /// # Errors
     /// [`Error::Unsupported`] for beams without rows and columns, those of prisms, of a table or of sound.

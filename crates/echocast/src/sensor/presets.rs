@@ -14,7 +14,7 @@ use std::path::Path;
 pub struct PresetInfo {
     /// Name for [`Sensor::preset`].
     pub name: String,
-    /// Name for people.
+    /// Name for display.
     pub title: String,
     /// What it measures with.
     pub kind: SensorKind,
@@ -23,13 +23,13 @@ pub struct PresetInfo {
 }
 
 impl Sensor {
-    /// The preset called `name` (or `FOLDER/NAME`). If there is none, the only one that is meant: case, `-`, `_` and
-    /// blanks do not count, the maker's name may be missing, or a part of the name is enough that no other preset has.
+    /// The preset called `name` (or `FOLDER/NAME`). If there is none, the only one that matches: case, `-`, `_` and
+    /// blanks are ignored, the maker's name may be missing, or a part of the name that no other preset has is enough.
     /// So `VLP-16` and `Velodyne VLP16` are `velodyne_vlp16`.
     ///
     /// # Errors
-    /// [`crate::Error::Missing`] with similar names; [`crate::Error::InvalidParameter`] with those that `name` fits, if
-    /// there are several.
+    /// [`crate::Error::Missing`] with similar names; [`crate::Error::InvalidParameter`] with the presets that `name`
+    /// matches, if there are several.
     pub fn preset(name: &str) -> Result<Sensor> {
         let preset = find(name)?;
         Sensor::from_section(&Document::parse(preset.path, preset.text)?, Path::new(""))
@@ -42,7 +42,7 @@ impl Sensor {
     pub fn open(name: impl AsRef<Path>) -> Result<Sensor> {
         let path = name.as_ref();
         let is_yaml = path.extension().is_some_and(|ending| ending == "yaml" || ending == "yml");
-        // What is no regular file is told, rather than that there is no such preset.
+        // A path that is not a regular file is reported as such, rather than as a missing preset.
         let is_file = fs::metadata(path).is_ok_and(|found| !found.is_dir());
         if is_yaml || is_file {
             return Sensor::load(path);
@@ -52,15 +52,15 @@ impl Sensor {
 
     /// All presets, by folder and name.
     pub fn presets() -> Vec<PresetInfo> {
-        /// The keys that a list shows; the others are not read.
+        /// The keys that a list needs; the others are not read.
         #[derive(Deserialize)]
-        struct Head {
+        struct PresetHead {
             title: String,
             kind: SensorKind,
         }
         presets::sensors()
             .map(|preset| {
-                let Head { title, kind } =
+                let PresetHead { title, kind } =
                     yaml::from_str(preset.path, preset.text).expect("presets that are compiled in can be read");
                 PresetInfo { name: preset.name.to_owned(), title, kind, folder: preset.folder.to_owned() }
             })
@@ -68,19 +68,19 @@ impl Sensor {
     }
 }
 
-/// The preset that `name` stands for.
+/// The preset that `name` identifies.
 fn find(name: &str) -> Result<SensorFile> {
-    /// Fewer letters fit a single preset by chance.
+    /// Fewer letters match a single preset by chance.
     const FEWEST: usize = 3;
     let (folder, given) = name.split_once('/').map_or((None, name), |(folder, given)| (Some(folder), given));
-    let wanted = plain(given);
-    let model = |preset: &SensorFile| preset.name.split_once('_').is_some_and(|(_, model)| plain(model) == wanted);
-    // What is nearer to the name as it is written wins.
+    let normalized = plain(given);
+    let model = |preset: &SensorFile| preset.name.split_once('_').is_some_and(|(_, model)| plain(model) == normalized);
+    // The closest match to the name as written wins.
     let rules: [&dyn Fn(&SensorFile) -> bool; 4] = [
         &|preset| preset.name == given,
-        &|preset| plain(preset.name) == wanted,
-        &|preset| wanted.len() >= FEWEST && model(preset),
-        &|preset| wanted.len() >= FEWEST && plain(preset.name).contains(&wanted),
+        &|preset| plain(preset.name) == normalized,
+        &|preset| normalized.len() >= FEWEST && model(preset),
+        &|preset| normalized.len() >= FEWEST && plain(preset.name).contains(&normalized),
     ];
     for rule in rules {
         let of_folder = presets::sensors().filter(|preset| folder.is_none_or(|folder| folder == preset.folder));
@@ -90,7 +90,7 @@ fn find(name: &str) -> Result<SensorFile> {
             1 => return Ok(fitting.remove(0)),
             _ => {
                 let names: Vec<_> = fitting.iter().map(|preset| preset.name).collect();
-                let value = format!("{:?}, which fits several", shown::name(name));
+                let value = format!("{:?}, which matches several", shown::name(name));
                 return Err(Error::invalid("the sensor preset", value, names.join(", ")));
             }
         }
@@ -98,7 +98,7 @@ fn find(name: &str) -> Result<SensorFile> {
     Err(Error::missing("sensor preset", name, presets::sensors().map(|preset| preset.name)))
 }
 
-/// `name` without what people write differently.
+/// `name` without differences of spelling.
 fn plain(name: &str) -> String {
     name.chars().filter(|c| !matches!(c, '-' | '_') && !c.is_whitespace()).flat_map(char::to_lowercase).collect()
 }

@@ -1,4 +1,4 @@
-//! What a sensor receives in an environment, made ready once for all scans alike.
+//! How a sensor receives light in an environment, prepared once for all similar scans.
 
 use super::Sensor;
 use crate::detect::{Errors, FalseAlarms, ReturnMode, Threshold};
@@ -9,19 +9,19 @@ use crate::medium::{Environment, Weather};
 use glam::DVec3;
 use std::sync::Arc;
 
-/// How a sensor sees light in some weather.
+/// How a sensor receives light in an environment.
 #[derive(Debug)]
 pub(crate) struct Reception {
     environment: Environment,
     /// World position of the rays' (0, 0, 0), m.
     origin: DVec3,
-    /// Whether the paper's equations are in place of ours, and whether its program's are.
+    /// Whether the paper's equations replace ours, and whether those of its program do.
     of_the_paper: [bool; 2],
-    /// Which echoes are sought.
+    /// Which echoes are searched for.
     pub mode: ReturnMode,
     pub threshold: Threshold,
     pub errors: Errors,
-    /// Noise that looks like echoes, if there is any.
+    /// Noise that passes for echoes, if there is any.
     pub alarms: Option<FalseAlarms>,
     /// What is in the air, if anything.
     pub air: Option<Air>,
@@ -30,7 +30,7 @@ pub(crate) struct Reception {
 }
 
 impl Sensor {
-    /// How it sees light in `environment`: what was made ready before, if that was for an equal one.
+    /// How it receives light in `environment`; reuses what was prepared for an equal one.
     ///
     /// # Errors
     /// An environment that is not valid.

@@ -1,4 +1,4 @@
-//! The numbers of rings, as drivers count them.
+//! Ring numbers as assigned by the drivers.
 
 use super::{SensorKind, SensorSpec};
 use crate::cloud::Driver;
@@ -9,11 +9,12 @@ use std::sync::Arc;
 /// The ring of each of the `channels` of `beams`.
 ///
 /// * Velodyne (velodyne_pointcloud, src/lib/calibration.cpp, the loop for the next-smallest vertical angle): angles are
-///   counted upwards from the lowest. The driver forgets a second laser at the same angle; here it shares the ring.
+///   counted upwards from the lowest. The driver ignores a second laser at the same angle; here it shares the ring.
 /// * Ouster (ouster-ros, src/point_cloud_compose.h): the row of the image, with the highest on top.
-/// * Hesai (HesaiLidar_SDK_2.0, libhesai/UdpParser/src/udp*_parser.cc): the channel of the angle file, whatever its angle.
-/// * RoboSense (rs_driver, driver/decoder/chan_angles.hpp, `genUserChan`): of what spins, the number of channels that
-///   look lower; of the others, the channel.
+/// * Hesai (HesaiLidar_SDK_2.0, libhesai/UdpParser/src/udp*_parser.cc): the channel of the angle file, whatever its
+///   angle.
+/// * RoboSense (rs_driver, driver/decoder/chan_angles.hpp, `genUserChan`): for spinning sensors, the number of channels
+///   below; for the others, the channel.
 /// * Livox (livox_ros_driver2, src/comm/pub_handler.cpp): the line.
 pub(super) fn of_channels(spec: &SensorSpec, beams: &BeamTable, channels: usize) -> Arc<[u16]> {
     let same = || (0..channels).map(|channel| channel as u16).collect();
@@ -40,7 +41,7 @@ fn heights(beams: &BeamTable, channels: usize) -> Vec<Option<f64>> {
     sums.into_iter().map(|(sum, count)| (count > 0).then(|| sum / f64::from(count))).collect()
 }
 
-/// How many of `heights` are below each one: `once`, however many are equal.
+/// How many of `heights` are below each one; with `once`, equal ones count once.
 fn rising(heights: &[Option<f64>], once: bool) -> Arc<[u16]> {
     let mut sorted: Vec<f64> = heights.iter().flatten().copied().collect();
     sorted.sort_unstable_by(f64::total_cmp);
@@ -51,7 +52,7 @@ fn rising(heights: &[Option<f64>], once: bool) -> Arc<[u16]> {
     heights.iter().map(|height| height.map_or(0, rank)).collect()
 }
 
-/// The place of each of `heights`, the highest of which is the first; equal ones stay in order.
+/// The rank of each of `heights`, the highest first; equal ones stay in order.
 fn from_top(heights: &[Option<f64>]) -> Arc<[u16]> {
     let mut order: Vec<usize> = (0..heights.len()).collect();
     let height = |channel: usize| heights[channel].unwrap_or(f64::NEG_INFINITY);
@@ -102,7 +103,7 @@ mod tests {
             ("ouster_os1_64", 16.611, -16.611),
             ("ouster_os1_128", 21.4764, -21.4764),
             ("ouster_os2_128", 10.76, -10.5),
-            // The channels of the angle files: falling, but for QT.
+            // The channels of the angle files: falling, except for the QT.
             ("hesai_pandar_xt32", 15.0, -16.0),
             ("hesai_pandar64", 14.9, -24.879),
             ("hesai_pandar_qt64", -52.121, 52.133),
@@ -126,12 +127,12 @@ mod tests {
     }
 
     #[test]
-    fn makers_differ_in_the_order_and_in_what_is_equal() {
+    fn makers_differ_in_the_order_and_in_ties() {
         let yaml = "{name: a, kind: lidar, pattern: {type: spinning, azimuth: {fov_deg: 90, step_deg: 30}, \
                     channels: {elevation_deg: [3, -1, 3, 7, -1]}}}";
         let mut sensor = Sensor::from_yaml(yaml, ".").unwrap();
         assert_eq!(sensor.driver(), None);
-        for (driver, wanted) in [
+        for (driver, expected) in [
             ("null", [1, 0, 1, 2, 0]),
             ("velodyne", [1, 0, 1, 2, 0]),
             ("robosense", [2, 0, 2, 4, 0]),
@@ -140,14 +141,14 @@ mod tests {
             ("livox", [0, 1, 2, 3, 4]),
         ] {
             sensor.set("driver", driver).unwrap();
-            assert_eq!(rings(&sensor), wanted, "{driver}");
+            assert_eq!(rings(&sensor), expected, "{driver}");
         }
-        for (driver, told) in [
+        for (driver, fault) in [
             ("autoware", "unknown value \"autoware\"; allowed: velodyne, ouster, hesai, robosense, livox"),
             ("3", "driver"),
         ] {
             let error = sensor.set("driver", driver).unwrap_err().to_string();
-            assert!(error.contains(told), "{error}");
+            assert!(error.contains(fault), "{error}");
         }
         assert!(sensor.to_yaml().unwrap().contains("\ndriver: livox\n"));
         let mut camera = Sensor::preset("kinect_v2").unwrap();

@@ -7,36 +7,36 @@ use crate::emitter::Footprint;
 use crate::emitter::pattern::Pattern;
 use std::sync::Arc;
 
-/// Rays of a beam that meets more than one place.
+/// Sub-rays of a beam whose footprint covers more than one surface.
 const RAYS_OF_A_BEAM: usize = 64;
 
-/// Rays of a pixel that meets more than one place.
+/// Sub-rays of a pixel that covers more than one surface.
 const RAYS_OF_A_PIXEL: usize = 25;
 
-/// How beams of several rays or returns are made; the same for the whole scan.
+/// How beams of several sub-rays or returns are simulated; the same for the whole scan.
 #[derive(Debug, Default)]
 pub(crate) struct Signals {
     /// None: one ray along the beam.
     pub footprint: Option<Footprint>,
-    /// How those beams are found that meet more than one place, and so are that many rays; all others are one. None: all
-    /// beams are.
+    /// How the beams are found whose footprints cover more than one surface and which need all sub-rays; all others
+    /// have one ray. None: all beams have all sub-rays.
     pub adaptive: Option<Adaptive>,
     /// Standard deviation of the pulse, m of range.
     pub sigma: f64,
     pub rule: ReturnRule,
 }
 
-/// Where beams are looked at to find those that meet more than one place.
+/// How footprints that cover more than one surface are found.
 #[derive(Debug)]
 pub(crate) struct Adaptive {
-    /// One ray of every beam.
+    /// One sub-ray per beam, at the rim of its footprint.
     pub rim: Footprint,
-    /// How all others are made.
+    /// How all other beams are simulated.
     pub one_ray: Arc<Signals>,
 }
 
 impl Signals {
-    /// Those of a sensor.
+    /// The signals of a sensor.
     pub fn new(spec: &SensorSpec) -> Signals {
         let SensorSpec { beam, returns, .. } = spec;
         // A pixel has one range.
@@ -60,7 +60,7 @@ impl Signals {
         Signals { footprint, adaptive, sigma, rule }
     }
 
-    /// Whether beams of one ray have one return: then there is a shortcut for them.
+    /// Whether beams of one ray have one return, for which there is a shortcut.
     pub fn are_simple(&self) -> bool {
         let single = match self.rule.mode {
             ReturnMode::Strongest => true,
@@ -70,7 +70,7 @@ impl Signals {
         (self.footprint.is_none() || self.adaptive.is_some()) && single
     }
 
-    /// Rays of a beam that is more than one.
+    /// Sub-rays of a beam that has several.
     pub fn rays(&self) -> usize {
         self.footprint.as_ref().map_or(1, Footprint::len)
     }

@@ -1,7 +1,7 @@
 //! Keys for sonars only: the section `acoustics` of a sensor file.
 
 use super::Sensor;
-use crate::cloud::SonarView;
+use crate::cells::SonarView;
 use crate::echo::Taper;
 use crate::emitter::pattern::{Flat, Pattern};
 use crate::emitter::{BeamTable, Transducer};
@@ -21,14 +21,15 @@ pub struct AcousticsSpec {
     /// Source level, dB re 1 uPa at 1 m, 0 to 300.
     #[serde(default = "source_level")]
     pub source_level_db: f64,
-    /// Bandwidth of the pulse, kHz, from that of a resolution of the greatest range to twice the frequency; without it, that of
-    /// an unmodulated pulse of `pulse_ms`, its inverse.
+    /// Bandwidth of the pulse, kHz, from that whose resolution is the greatest range to twice the frequency; without
+    /// it, that of an unmodulated pulse of `pulse_ms`, its inverse.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bandwidth_khz: Option<f64>,
     /// Length of the pulse, ms, 0.0001 to 10000.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pulse_ms: Option<f64>,
-    /// Which way the frequency of a pulse with a bandwidth and a length goes, on which ranges to what moves depend.
+    /// Direction of the frequency sweep of a pulse with a bandwidth and a length, on which the ranges of moving objects
+    /// depend.
     #[serde(default, skip_serializing_if = "is_default")]
     pub sweep: Sweep,
     /// Noise within the bandwidth, dB re 1 uPa, -200 to 300; without it the ambient noise of the water.
@@ -41,36 +42,37 @@ pub struct AcousticsSpec {
     /// the pulse)`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub processing_gain_db: Option<f64>,
-    /// How far an echo must be above noise and volume reverberation to be reported, dB, -100 to 100.
+    /// Level by which an echo must exceed noise and volume reverberation to be reported, dB, -100 to 100.
     #[serde(default = "threshold")]
     pub detection_threshold_db: f64,
     /// Length of a range bin, m, 0.001 to 1000 and at least 0.0044 of the resolution (0.0005 of an unmodulated pulse);
-    /// without it half the resolution `c / (2 bandwidth)`. Longer bins hold the mean power of what they cover: an
-    /// area keeps its level, a point gets fainter.
+    /// without it half the resolution `c / (2 bandwidth)`. Longer bins hold the mean power of what they cover: the
+    /// level of an area stays the same, that of a point falls.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bin_m: Option<f64>,
     /// Weighting of the matched filter.
     #[serde(default, skip_serializing_if = "is_default")]
     pub taper: Taper,
-    /// What the random scatterers of a surface make of its echo.
+    /// How the random scatterers of a surface modulate its echo.
     #[serde(default, skip_serializing_if = "is_default")]
     pub speckle: Speckle,
     /// Shape of the gamma-distributed texture that turns Rayleigh-distributed echoes into K-distributed ones, 0.1 to
     /// 1000; there is no texture if speckle is off.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub texture_shape: Option<f64>,
-    /// Reflections at the sea surface and the scene that sound is followed over, 0 to 8; it returns the way it went, or
-    /// directly from where it got to. Sound that was sent directly and returns over reflections counts too.
+    /// Number of reflections at the sea surface and the scene over which sound is traced, 0 to 8; it returns the way it
+    /// came, or directly from where it arrived. Sound that is transmitted directly and returns over reflections is
+    /// included.
     #[serde(default)]
     pub bounces: u8,
-    /// Gain over range that pictures are drawn with.
+    /// Gain over range that images are drawn with.
     #[serde(default)]
     pub tvg: Tvg,
     /// Sound speed that the beamformer of a `multibeam` or `imaging` sonar assumes, m/s, 100 to 10000; without it the
     /// true one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub array_speed_m_s: Option<f64>,
-    /// Whether the sonar stands still from a ping to its last echo; otherwise it receives with the pose that it has by
+    /// Whether the sonar is at rest from a ping to its last echo; otherwise it receives at the pose that it has by
     /// then.
     #[serde(default, skip_serializing_if = "is_default")]
     pub stop_and_hop: bool,
@@ -79,27 +81,27 @@ pub struct AcousticsSpec {
     pub allow_ambiguity: bool,
 }
 
-/// Which way a pulse sweeps its frequency.
+/// Direction of a frequency sweep.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Sweep {
-    /// It rises: what comes nearer appears too near.
+    /// Upwards: approaching objects appear too near.
     #[default]
     Up,
-    /// It falls.
+    /// Downwards.
     Down,
 }
 
-/// What the random scatterers of a surface make of its echo.
+/// How the random scatterers of a surface modulate its echo.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Speckle {
-    /// Rayleigh-distributed amplitude: each ray, on each way back, has its own random scatterer in every place of a
-    /// surface, a third of the range resolution wide, the same in all pings of a seed. If nothing moves, echoes are the
-    /// same again; where another ray meets a place, it finds another scatterer.
+    /// Rayleigh-distributed amplitude: each ray, on each return path, has its own random scatterer in every patch of a
+    /// surface, a third of the range resolution wide, the same in all pings of a seed. If nothing moves, echoes repeat;
+    /// another ray that hits the same patch finds another scatterer.
     #[default]
     Frozen,
-    /// None: the mean level.
+    /// No speckle: the mean level.
     Off,
 }
 
@@ -139,7 +141,7 @@ impl AcousticsSpec {
         let key = |name: &str| format!("acoustics.{name}");
         bounds.within(key("frequency_khz"), self.frequency_khz, 1.0, 5000.0)?;
         bounds.within(key("source_level_db"), self.source_level_db, 0.0, 300.0)?;
-        // Above, it would not be a band around the frequency.
+        // A wider one would not be a band around the frequency.
         let widest = 2.0 * self.frequency_khz;
         let allowed = format!("above 0 to twice acoustics.frequency_khz ({widest})");
         bounds.number(key("bandwidth_khz"), self.bandwidth_khz, [f64::MIN_POSITIVE, widest], &allowed)?;
@@ -156,7 +158,7 @@ impl AcousticsSpec {
                 bounds.number(key("pulse_ms"), pulse, [shortest, f64::INFINITY], allowed)?;
             }
             (None, None) => {
-                let allowed = "the one or acoustics.pulse_ms, or both";
+                let allowed = "this or acoustics.pulse_ms, or both";
                 return Err(Error::invalid(key("bandwidth_khz"), "missing", allowed));
             }
         }
@@ -192,8 +194,8 @@ impl AcousticsSpec {
             .map_or_else(|| self.pulse_ms.map_or(f64::NAN, |pulse| 1e3 / pulse), |bandwidth| 1e3 * bandwidth)
     }
 
-    /// Time by which the ranges of what moves lead, `f T / B` of a pulse that rises by the bandwidth in its length, s; 0 of
-    /// one that has no bandwidth, or none of whose length is known.
+    /// Time by which the ranges of moving objects lead, `f T / B` for a pulse that sweeps up by its bandwidth over its
+    /// length, s; 0 for one without a bandwidth, or of unknown length.
     pub fn lead(&self) -> f64 {
         let (Some(bandwidth), Some(pulse)) = (self.bandwidth_khz, self.pulse_ms) else { return 0.0 };
         let lead = 1e-3 * self.frequency_khz * pulse / bandwidth;
@@ -212,7 +214,7 @@ impl AcousticsSpec {
         self.processing_gain_db.unwrap_or_else(of_pulse)
     }
 
-    /// Range resolution where sound travels at `speed` m/s, m: `c / (2 B)`, of an unmodulated pulse `c tau / 2`.
+    /// Range resolution where sound travels at `speed` m/s, m: `c / (2 B)`, for an unmodulated pulse `c tau / 2`.
     pub fn resolution(&self, speed: f64) -> f64 {
         0.5 * speed / self.bandwidth()
     }
@@ -228,7 +230,7 @@ impl Sensor {
         self.spec.acoustics.as_ref().ok_or_else(|| Error::invalid("kind of the sensor", kind, "sonar, which pings"))
     }
 
-    /// Which pictures its pings make.
+    /// Which kind of images its pings make.
     pub(crate) fn sonar_view(&self) -> SonarView {
         match self.spec.pattern {
             Pattern::Sidescan(_) => SonarView::Sidescan,
@@ -239,7 +241,7 @@ impl Sensor {
         }
     }
 
-    /// How its points lie in one plane, if they do.
+    /// How its points are laid out in one plane, if they are.
     pub(crate) fn flat(&self) -> Option<Flat> {
         match &self.spec.pattern {
             Pattern::Sidescan(sidescan) => sidescan.flat,
@@ -247,7 +249,7 @@ impl Sensor {
         }
     }
 
-    /// Where a sonar at `pose` looks at ping `number`: rotating beams look elsewhere with each ping.
+    /// Orientation of the beams of a sonar at `pose` for ping `number`: rotating beams turn with each ping.
     pub(crate) fn turned(&self, pose: Pose, number: u32) -> Pose {
         match &self.spec.pattern {
             Pattern::SingleBeam(beam) => {
@@ -258,8 +260,8 @@ impl Sensor {
         }
     }
 
-    /// What a sonar sends and receives at `wavelength` m, where sound is `ratio` times as fast as its beamformer
-    /// assumes. One wavelength stands for all that hardly differ from it.
+    /// The transducer of a sonar at `wavelength` m, where sound is `ratio` times as fast as its beamformer assumes. One
+    /// wavelength is used for all that hardly differ from it.
     pub(crate) fn transducer(&self, wavelength: f64, ratio: f64) -> Arc<Transducer> {
         /// Steps of the wavelength and of the ratio, as a fraction of them: beams turn with the ratio.
         const STEPS: [f64; 2] = [1e-3, 1e-4];
@@ -279,12 +281,12 @@ impl Sensor {
         known[known.len() - 1].2.clone()
     }
 
-    /// Rays of one scan: one per beam, except for a sonar, where many rays stand for a beam.
+    /// Rays of one scan: one per beam, except for a sonar, where many rays sample a beam.
     pub fn ray_count(&self) -> usize {
         if self.spec.acoustics.is_some() { self.rays().len() } else { self.beams.len() }
     }
 
-    /// The rays that stand for its beams, if a beam is not a single ray: for a sonar in water of 1500 m/s.
+    /// The rays that sample its beams; for a sonar, in water of 1500 m/s.
     pub(crate) fn rays(&self) -> Cow<'_, BeamTable> {
         let Some(acoustics) = &self.spec.acoustics else { return Cow::Borrowed(&self.beams) };
         let transducer = self.transducer(1500.0 / acoustics.frequency(), 1.0);

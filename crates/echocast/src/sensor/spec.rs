@@ -1,4 +1,4 @@
-//! What a sensor file says.
+//! The contents of a sensor file.
 
 use super::sonar::AcousticsSpec;
 use super::tof::TofSpec;
@@ -11,20 +11,21 @@ use serde::ser::{SerializeStruct, Serializer};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// A sensor file: what each key of its YAML means. What is left out is ideal. A sonar is written without the sections
-/// for light (`beam`, `detection`, `returns`, `noise`, `intensity`, `doppler`), which its file must not contain.
+/// A sensor file: what each key of its YAML means. An omitted key means the ideal case. A sonar is written without the
+/// sections for light (`beam`, `detection`, `returns`, `noise`, `intensity`, `doppler`), which its file must not
+/// contain.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SensorSpec {
-    /// Name, as a preset also the name of its file.
+    /// Name; for a preset also the name of its file.
     pub name: String,
-    /// Name for people.
+    /// Name for display.
     #[serde(default)]
     pub title: String,
     /// What it measures with.
     pub kind: SensorKind,
-    /// Whose ROS driver it has, which numbers the rings and lays out the points in bags. Of a LiDAR only. Without it,
-    /// rings count by rising elevation, and bags have what Velodyne's driver publishes.
+    /// Maker of its ROS driver, which numbers the rings and lays out the points in bags. LiDARs only. Without it, rings
+    /// are numbered by rising elevation, and bags have what Velodyne's driver publishes.
     #[serde(default)]
     pub driver: Option<Driver>,
     /// Where the numbers come from.
@@ -38,19 +39,19 @@ pub struct SensorSpec {
     /// Ranges that it reports.
     #[serde(default)]
     pub range: RangeSpec,
-    /// Which echoes it sees.
+    /// Which echoes it detects.
     #[serde(default)]
     pub detection: DetectionSpec,
     /// Which echoes of a beam it reports.
     #[serde(default)]
     pub returns: ReturnsSpec,
-    /// Errors of what it measures.
+    /// Measurement errors.
     #[serde(default)]
     pub noise: Noise,
     /// What it reports as intensity.
     #[serde(default)]
     pub intensity: IntensitySpec,
-    /// How it measures radial velocities; without it, it measures none. Of a LiDAR only.
+    /// How it measures radial velocities; without this section it does not. LiDARs only.
     #[serde(default)]
     pub doppler: Option<Doppler>,
     /// Keys for depth cameras only.
@@ -59,7 +60,7 @@ pub struct SensorSpec {
     /// Keys for sonars only.
     #[serde(default)]
     pub acoustics: Option<AcousticsSpec>,
-    /// How a Doppler velocity log measures; without it, it measures the bottom exactly. Of the pattern `dvl` only.
+    /// How a Doppler velocity log measures; without this section it tracks the bottom exactly. Pattern `dvl` only.
     #[serde(default)]
     pub dvl: Option<VelocityLog>,
     /// The maker's figures, which the pattern is tested against.
@@ -68,7 +69,7 @@ pub struct SensorSpec {
 }
 
 impl SensorSpec {
-    /// An ideal sensor: whatever else a file can say is left out.
+    /// An ideal sensor: all other keys of a file are omitted.
     pub fn new(name: impl Into<String>, kind: SensorKind, pattern: Pattern) -> SensorSpec {
         SensorSpec {
             name: name.into(),
@@ -187,24 +188,24 @@ pub struct BeamSpec {
     /// Full divergence at 1/e^2, horizontal and vertical, mrad, at least 0; one number stands for both.
     #[serde(deserialize_with = "number_or_pair")]
     pub divergence_mrad: [f64; 2],
-    /// Full width of the pulse at half of its greatest power, ns, at least 0.
+    /// Full width of the pulse at half its peak power, ns, at least 0.
     pub pulse_ns: f64,
     /// Power of the pulse over time.
     pub pulse_shape: PulseShape,
     /// Diameter of the beam where it leaves the instrument, mm, 0 to 1000.
     pub exit_diameter_mm: f64,
-    /// Diameter of the receiver's aperture, mm, above 0, at most 1000. With it, smooth surfaces that are met head-on
-    /// reflect the instrument's own light back to it; without it, this is left out.
+    /// Diameter of the receiver's aperture, mm, above 0, at most 1000. With it, smooth surfaces at normal incidence
+    /// reflect the instrument's own light back to it; without it, this effect is omitted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub aperture_mm: Option<f64>,
     /// Range below which the receiver sees nothing of its own beam and range from which it sees all of it, m; linear in
-    /// between. This decides how nearby fog appears.
+    /// between. This determines how nearby fog appears.
     pub overlap_m: [f64; 2],
-    /// Range at which half of the light that reaches the receiver's aperture falls onto its detector, m, 0 to 1000: about
-    /// the aperture over the field of view of one beam. Light from nearer is out of focus, so that nearby fog, rain and
-    /// dust appear weaker. 0: all light is used.
+    /// Range at which half of the light that reaches the receiver's aperture falls onto its detector, m, 0 to 1000:
+    /// about the aperture over the field of view of one beam. Light from nearer is out of focus, so that nearby fog,
+    /// rain and dust appear weaker. 0: all light is used.
     pub near_range_m: f64,
-    /// Rays that stand for a beam.
+    /// Sub-rays of a beam.
     pub sub_rays: SubRays,
 }
 
@@ -224,14 +225,14 @@ impl Default for BeamSpec {
     }
 }
 
-/// How many rays stand for a beam: one along its axis, or several over its footprint (of a depth camera: over the pixel),
-/// which meet edges and slopes as the beam does.
+/// How many sub-rays sample a beam: one along its axis, or several over its footprint (of a depth camera: over the
+/// pixel), which resolve edges and slopes as the beam does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SubRays {
-    /// So many for every beam, 1 to 1024.
+    /// This many for every beam, 1 to 1024.
     Count(u32),
-    /// Several for beams whose footprint meets more than one place, one for all others, which knows of its footprint:
-    /// its echo is as wide and as weak as its surface is oblique.
+    /// Several for beams whose footprint covers more than one surface, one for all others, which accounts for the
+    /// footprint: the more oblique the surface, the wider and weaker its echo.
     Adaptive,
 }
 
@@ -258,7 +259,7 @@ pub struct RangeSpec {
 pub struct ReturnsSpec {
     /// Which echoes.
     pub mode: ReturnMode,
-    /// Greatest number of them in mode `all`, 1 to 255.
+    /// Greatest number of returns in mode `all`, 1 to 255.
     pub max: u8,
     /// Of echoes closer together than this, m, at least 0, only the strongest is reported.
     pub separation_m: f64,
@@ -276,7 +277,7 @@ impl Default for ReturnsSpec {
 pub struct IntensitySpec {
     /// How received energy becomes a number.
     pub encoding: IntensityEncoding,
-    /// What `reflectivity8` counts for a white surface, 1 to 250.
+    /// Value of `reflectivity8` for a white surface, 1 to 250.
     pub white_count: u8,
 }
 

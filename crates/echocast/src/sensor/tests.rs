@@ -40,7 +40,7 @@ fn presets_are_found_by_name() {
 }
 
 #[test]
-fn names_of_presets_forgive() {
+fn names_of_presets_are_lenient() {
     for (name, found) in [
         ("VLP-16", "velodyne_vlp16"),
         ("vlp16", "velodyne_vlp16"),
@@ -57,7 +57,7 @@ fn names_of_presets_forgive() {
         assert_eq!(Sensor::open(name).unwrap().name(), found, "{name}");
     }
     for (name, says) in [
-        ("OS1", "the sensor preset is \"OS1\", which fits several; allowed: ouster_os1_128, ouster_os1_64"),
+        ("OS1", "the sensor preset is \"OS1\", which matches several; allowed: ouster_os1_128, ouster_os1_64"),
         ("kinect", "kinect_v1, "),
         ("velodyne", "velodyne_vlp16, velodyne_vlp16_hires"),
         ("16", "there is no sensor preset named"),
@@ -302,7 +302,7 @@ fn errors_of_depth_cameras_name_line_and_key() {
         ("{lateral_sigma_px: 11}", "tof.lateral_sigma_px: is 11; allowed: 0 to 10"),
         ("{multipath_rays: 8}", "tof.multipath_rays: is given; allowed: with tof.frequencies_mhz only"),
         ("{multipath_rays: 257}", "tof.multipath_rays: is 257; allowed: 0 to 256"),
-        ("{second_eye_m: [0, 0, 0]}", "tof.second_eye_m: is where the camera is; allowed: 1e-6 m or more beside it"),
+        ("{second_eye_m: [0, 0, 0]}", "tof.second_eye_m: is where the camera is; allowed: 1e-6 m or more away from it"),
     ];
     for (section, expected) in cases {
         let error = message(&format!("{CAMERA}tof: {section}\n"));
@@ -339,7 +339,7 @@ fn errors_in_patterns_name_line_and_key() {
         (
             ", step_deg: 1}\n  e",
             "}\n  e",
-            "line 6: pattern.azimuth.step_deg: is missing; allowed: it, or pattern.cycle_us",
+            "line 6: pattern.azimuth.step_deg: is missing; allowed: a value here or pattern.cycle_us",
         ),
         (
             ", step_deg: 1}\n  e",
@@ -438,11 +438,7 @@ range: {max_m: 50}
         ("frequency_khz: 450, ", "", "line 4: acoustics: the key `frequency_khz` is missing"),
         ("30}", "0}", "line 4: acoustics.bandwidth_khz: is 0; allowed: above 0 to twice acoustics.frequency_khz"),
         ("30}", "901}", "line 4: acoustics.bandwidth_khz: is 901; allowed: above 0 to twice"),
-        (
-            ", bandwidth_khz: 30",
-            "",
-            "line 4: acoustics.bandwidth_khz: is missing; allowed: the one or acoustics.pulse_ms",
-        ),
+        (", bandwidth_khz: 30", "", "line 4: acoustics.bandwidth_khz: is missing; allowed: this or acoustics.pulse_ms"),
         ("bandwidth_khz: 30", "bandwidth_khz: 1e-300", "line 4: acoustics.bandwidth_khz: is 1e-300; allowed: at least"),
         ("bandwidth_khz: 30", "bandwidth_khz: 0.001", "line 4: acoustics.bandwidth_khz: is 0.001; allowed: at least"),
         ("bandwidth_khz: 30", "pulse_ms: 9000", "line 4: acoustics.pulse_ms: is 9000; allowed: at most"),
@@ -461,7 +457,7 @@ range: {max_m: 50}
         (
             "sidescan",
             "multibeam, beams: 4000, swath_deg: 120, across_deg: 90, rays: 1000",
-            "line 3: pattern.rays: is too many for these beams, which overlap: 1.6e10 of beams that hear a ray",
+            "line 3: pattern.rays: is too many for these beams, which overlap: 1.6e10 beams that receive a ray, over all rays",
         ),
         ("30}", "30, tvg: {spreading: 61}}", "line 4: acoustics.tvg.spreading: is 61; allowed: 0 to 60"),
         ("range: {max_m: 50}\n", "", "line 1: range.max_m: is missing; allowed: a value with kind: sonar"),
@@ -535,7 +531,7 @@ fn sonars_show_nothing_of_light() {
     sensor.set("acoustics.bin_m", "0.1").unwrap();
     sensor.set("pattern.along_deg", "1").unwrap();
     assert_eq!(sensor.parameter("acoustics.bin_m").unwrap(), Parameter { value: 0.1, min: 1e-3, max: 1000.0 });
-    // The band lies around the frequency, and half a period is the shortest pulse.
+    // The band is around the frequency, and half a period is the shortest pulse.
     assert_eq!(sensor.parameter("acoustics.bandwidth_khz").unwrap().max, 900.0);
     assert_eq!(sensor.parameter("acoustics.frequency_khz").unwrap().min, 15.0);
     sensor.set("acoustics.bandwidth_khz", "null").unwrap();
@@ -590,7 +586,7 @@ fn a_wrong_setting_changes_nothing() {
         ("noise[0]", "1", "noise[0]=1: noise is not a list"),
         ("noise..x", "1", "noise..x=1: the key has an empty part"),
         ("", "1", "=1: the key has an empty part"),
-        ("noise.range_sigma_m", " ", "noise.range_sigma_m= : has no value; `null` takes a key away"),
+        ("noise.range_sigma_m", " ", "noise.range_sigma_m= : has no value; `null` removes a key"),
         ("noise.rnage_sigma_m", "null", "noise.rnage_sigma_m=null: noise.rnage_sigma_m: unknown key"),
         (
             "range.resolution_m",
@@ -619,7 +615,7 @@ fn parameters_lie_within_bounds_that_hold() {
         let sensor = Sensor::preset(preset.name).unwrap();
         let tree = sensor.tree().unwrap();
         let keys = yaml::numbers(&tree);
-        // A sonar is said by fewer.
+        // A sonar has fewer.
         let least = if sensor.kind() == SensorKind::Sonar { 12 } else { 16 };
         assert!(keys.len() >= least, "{keys:?}");
         for key in keys {
@@ -638,18 +634,18 @@ fn parameters_lie_within_bounds_that_hold() {
 }
 
 #[test]
-fn what_is_called_allowed_is() {
+fn allowed_values_are_accepted() {
     for preset in presets::sensors() {
         let sensor = Sensor::preset(preset.name).unwrap();
         let keys = yaml::numbers(&sensor.tree().unwrap());
-        // Other patterns take their time.
+        // Generating other patterns takes long.
         for key in keys.iter().filter(|key| !key.starts_with("pattern.")) {
             let Parameter { min, max, .. } = sensor.parameter(key).unwrap();
             for value in [min, max, 0.5 * (min + max), -1.0, 0.0, 1e-9, 1.0, 2000.0, 1e12, 1e300] {
                 let Err(error) = sensor.clone().set(key, &format!("{value:e}")) else { continue };
                 let error = error.to_string();
                 let Some((_, allowed)) = error.split_once("; allowed: ") else { continue };
-                // `1 to 5`, and `0, or 1 to 5`; others have words.
+                // `1 to 5`, and `0, or 1 to 5`; others contain words.
                 let ranges = allowed.split(", or ").map(|range| range.split_once(" to ").unwrap_or((range, range)));
                 let within = |(low, high): (&str, &str)| match (low.parse::<f64>(), high.parse::<f64>()) {
                     (Ok(low), Ok(high)) => (low..=high).contains(&value),

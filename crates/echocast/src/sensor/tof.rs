@@ -1,4 +1,4 @@
-//! Depth cameras: the section `tof` of a sensor file, and how it turns the light at a pixel into a range.
+//! Depth cameras: the section `tof` of a sensor file, and how the light at a pixel becomes a range.
 
 use crate::detect::{DepthError, DepthNoise};
 use crate::echo::{MOST_FREQUENCIES, Modulation, ShotNoise, natural_vignetting, turns};
@@ -12,8 +12,8 @@ use echocast_kernels::camera as kernels;
 use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
-/// `tof`: keys for depth cameras; only sensors of kind `tof` have it. What is left out is ideal. Only the physical
-/// profile has these effects.
+/// `tof`: keys for depth cameras; only sensors of kind `tof` have it. An omitted key means the ideal case. Only the
+/// physical profile has these effects.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct TofSpec {
@@ -21,7 +21,7 @@ pub struct TofSpec {
     /// together. Without any, ranges do not wrap.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub frequencies_mhz: Vec<f64>,
-    /// Fraction of the error of four taps in square waves that remains after calibration, 0 to 1.
+    /// Fraction of the error of four-tap sampling of square waves that remains after calibration, 0 to 1.
     pub wiggle_residual: f64,
     /// Pixels are invalid where the ranges from two frequencies differ by more than this, m, above 0.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -29,23 +29,23 @@ pub struct TofSpec {
     /// Noise of the phases.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shot_noise: Option<ShotNoiseSpec>,
-    /// Pixels that get more light than from this target are invalid.
+    /// Pixels that receive more light than from this target are invalid.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub saturation: Option<Target>,
     /// How the lens dims the image off its axis.
     pub vignetting: Vignetting,
-    /// Emitted light, by angle off the axis; linear in between, constant outside. Without any, the same everywhere.
+    /// Emitted light, by angle off the axis; linear in between, constant outside. Without any, it is uniform.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub illumination: Vec<Illumination>,
     /// Random error along the optical axis.
     pub depth_noise: DepthNoise,
-    /// Standard deviation of the place that a pixel looks at, pixels across and down, 0 to 10.
+    /// Standard deviation of the point that a pixel samples, pixels across and down, 0 to 10.
     pub lateral_sigma_px: f64,
-    /// Position of the projector or the other camera, in the sensor frame, m: a pixel whose surface is not seen from
+    /// Position of the projector or the other camera, in the sensor frame, m: a pixel whose surface is not visible from
     /// there is invalid.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub second_eye_m: Option<[f64; 3]>,
-    /// Rays per pixel that look for light that arrived via another surface, 0 to 256; 0 for none.
+    /// Rays per pixel that sample light arriving via another surface, 0 to 256; 0 for none.
     pub multipath_rays: u32,
 }
 
@@ -67,7 +67,7 @@ impl Default for TofSpec {
     }
 }
 
-/// A Lambert target, met head-on on the optical axis, that fills the pixel.
+/// A Lambert target at normal incidence on the optical axis that fills the pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Target {
@@ -84,8 +84,8 @@ impl Target {
     }
 }
 
-/// Shot noise, said by the random error of one [`Target`]: it falls as the root of the light that comes back, and as
-/// that light itself where background light is stronger.
+/// Shot noise, specified by the random error for one [`Target`]: it falls with the square root of the returned light,
+/// and with that light itself where background light is stronger.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ShotNoiseSpec {
@@ -95,7 +95,7 @@ pub struct ShotNoiseSpec {
     pub reflectance: f64,
     /// As [`Target::at_m`].
     pub at_m: f64,
-    /// Background light over the light of that target, at least 0.
+    /// Background light relative to the light of that target, at least 0.
     #[serde(default)]
     pub ambient: f64,
 }
@@ -111,18 +111,18 @@ pub enum Vignetting {
     Cos4,
 }
 
-/// Light that goes out at an angle.
+/// Light emitted at an angle.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Illumination {
     /// Angle off the optical axis, degrees, 0 to 180, rising.
     pub angle_deg: f64,
-    /// Light there over that on the axis, 0 to 100.
+    /// Light there relative to that on the axis, 0 to 100.
     pub value: f64,
 }
 
 impl TofSpec {
-    /// Whether all values are within what is allowed beside `pattern`; shows all numbers to `bounds`.
+    /// Checks that all values are within what is allowed with `pattern`; reports all numbers to `bounds`.
     pub(crate) fn check(&self, pattern: &Pattern, bounds: &mut Bounds) -> Result<()> {
         let target = |bounds: &mut Bounds, name: &str, Target { reflectance, at_m }: Target| {
             let key = format!("tof.{name}.reflectance");
@@ -207,27 +207,27 @@ impl TofSpec {
                 bounds.within(format_args!("tof.second_eye_m[{axis}]"), place, -1000.0, 1000.0)?;
             }
             if eye.iter().all(|place| place.abs() < 1e-6) {
-                return Err(Error::invalid("tof.second_eye_m", "where the camera is", "1e-6 m or more beside it"));
+                return Err(Error::invalid("tof.second_eye_m", "where the camera is", "1e-6 m or more away from it"));
             }
         }
         Ok(())
     }
 
-    /// The frequencies that are in bounds, kHz.
+    /// The frequencies, which are in bounds, kHz.
     fn frequencies_khz(&self) -> Vec<u32> {
         self.frequencies_mhz.iter().map(|mhz| (mhz * 1e3).round() as u32).collect()
     }
 }
 
-/// Greatest ratio of a frequency to the common divisor: so many wraps are tried for every pixel.
+/// Greatest ratio of a frequency to the common divisor: this many wraps are tried for every pixel.
 const MOST_TURNS: u32 = 1000;
 
-/// A depth camera made ready to scan.
+/// A depth camera prepared to scan.
 #[derive(Clone, Debug)]
 pub(crate) struct DepthCamera {
     modulation: Option<Modulation>,
     shot_noise: Option<ShotNoise>,
-    /// Greatest difference between what the frequencies say, m.
+    /// Greatest difference between the ranges of the frequencies, m.
     inconsistency: f32,
     /// Power above which a pixel is invalid, 1/m^2.
     saturation: f32,
@@ -235,11 +235,11 @@ pub(crate) struct DepthCamera {
     /// Angle off the axis, rad, and light there.
     illumination: Vec<[f32; 2]>,
     depth: Option<DepthError>,
-    /// Standard deviation of the place that a pixel looks at, in units of the focal length, across and down; none is 0.
+    /// Standard deviation of the point that a pixel samples, in units of the focal length, across and down; `None`: 0.
     pub aside: Option<[f32; 2]>,
-    /// Place of the second eye in the sensor frame, m.
+    /// Position of the second eye in the sensor frame, m.
     pub second_eye: Option<Vec3>,
-    /// Rays of each pixel that look for light which came over another surface.
+    /// Rays per pixel that sample light arriving via another surface.
     pub multipath_rays: u32,
     /// Half of the width and height of the image in units of the focal length; infinite without an image.
     half: [f32; 2],
@@ -277,17 +277,17 @@ impl DepthCamera {
         }
     }
 
-    /// Whether what it measures wraps, so that surfaces beyond its greatest range count.
+    /// Whether its ranges wrap, so that surfaces beyond its greatest range count.
     pub(crate) fn wraps(&self) -> bool {
         self.modulation.is_some()
     }
 
-    /// Whether pixels off the axis get more or less light than others.
+    /// Whether pixels off the axis receive more or less light than others.
     pub(crate) fn dims(&self) -> bool {
         self.vignetting != Vignetting::None || !self.illumination.is_empty()
     }
 
-    /// Light of a pixel whose ray is `cos` (the cosine) off the axis, over that without lens and projector.
+    /// Light at a pixel whose ray is `cos` (the cosine) off the axis, relative to that without lens and projector.
     pub(crate) fn gain(&self, cos: f32) -> f32 {
         let lens = match self.vignetting {
             Vignetting::None => 1.0,
@@ -296,7 +296,7 @@ impl DepthCamera {
         lens * self.light(cos)
     }
 
-    /// Light that goes out in `direction` (of length 1, in the sensor frame), over that on the axis: none beside the
+    /// Light emitted in `direction` (of length 1, in the sensor frame), relative to that on the axis; none outside the
     /// image.
     pub(crate) fn light_along(&self, direction: Vec3) -> f32 {
         let [across, down] = self.half;
@@ -304,15 +304,15 @@ impl DepthCamera {
         if within || across.is_infinite() { self.light(direction.x) } else { 0.0 }
     }
 
-    /// Light that goes out `cos` off the axis, over that on it.
+    /// Light emitted `cos` (the cosine) off the axis, relative to that on it.
     pub(crate) fn light(&self, cos: f32) -> f32 {
         let [light] = kernels::light(&self.illumination, &[cos]);
         light
     }
 
-    /// Range, m, and power, 1/m^2, that pixel `beam` makes of the echoes at it, from `ranges` m with the `powers`
-    /// `rho_eff / R^2`, 1/m^2, dimmed by [`DepthCamera::gain`] and weighted by their part of the pixel; none where it
-    /// is invalid.
+    /// Range, m, and power, 1/m^2, that pixel `beam` derives from its echoes at `ranges`, m, with the `powers`
+    /// `rho_eff / R^2`, 1/m^2, attenuated by [`DepthCamera::gain`] and weighted by their part of the pixel; `None`
+    /// where it is invalid.
     pub(crate) fn form(&self, rng: &Rng, beam: u32, ranges: &[f32], powers: &[f32]) -> Option<(f32, f32)> {
         let light: f32 = powers.iter().sum();
         if light > self.saturation {
@@ -336,7 +336,7 @@ impl DepthCamera {
         (formed.disagreement <= self.inconsistency).then_some((formed.range, formed.power))
     }
 
-    /// [`DepthCamera::form`] of pixels with one echo each: `formed` gets ranges, m, `valid` whether there is one.
+    /// [`DepthCamera::form`] of pixels with one echo each: `formed` receives ranges, m, `valid` whether there is one.
     pub(crate) fn form_all(
         &self,
         rng: &Rng,
@@ -370,7 +370,7 @@ impl DepthCamera {
         }
     }
 
-    /// [`DepthCamera::err`] of each lane; `axis`: cosines of the angles that pixels are off the optical axis.
+    /// [`DepthCamera::err`] of each lane; `axis`: cosines of the pixels' angles off the optical axis.
     pub(crate) fn err_all(
         &self,
         rng: &Rng,
@@ -386,7 +386,7 @@ impl DepthCamera {
         }
     }
 
-    /// Multiplies `values` with [`DepthCamera::gain`] of pixels whose rays are `cos` off the axis.
+    /// Multiplies `values` by [`DepthCamera::gain`] of pixels whose rays are `cos` off the axis.
     pub(crate) fn dim(&self, cos: &[f32; LANES], values: &mut [f32; LANES]) {
         if self.vignetting == Vignetting::Cos4 {
             kernels::vignette(cos, values);
@@ -394,20 +394,20 @@ impl DepthCamera {
         kernels::illuminate(&self.illumination, cos, values);
     }
 
-    /// Where pixels, which should look along `from`, do look: unit vectors in the sensor frame too.
+    /// Actual directions of pixels with the nominal directions `from`; both are unit vectors in the sensor frame.
     ///
-    /// Published lateral noise grows with the incidence, which is not known before the ray is traced: the number is
-    /// that of surfaces met head-on.
-    pub(crate) fn look_aside(&self, rng: &Rng, beams: &[u32], from: [&[f32]; 3], to: &mut [[f32; LANES]; 3]) {
+    /// Published lateral noise grows with the incidence angle, which is not known before the ray is traced: the number
+    /// is that at normal incidence.
+    pub(crate) fn jitter_directions(&self, rng: &Rng, beams: &[u32], from: [&[f32]; 3], to: &mut [[f32; LANES]; 3]) {
         let [across, down] = self.aside.unwrap_or_default();
         let (mut y, mut z) = ([0.0; LANES], [0.0; LANES]);
         let count = beams.len();
-        rng.normal_pairs(beams, &[0; LANES][..count], Draw::LookAside, &mut y[..count], &mut z[..count]);
-        kernels::look_aside(from, across, down, [&y, &z], to);
+        rng.normal_pairs(beams, &[0; LANES][..count], Draw::PixelDirection, &mut y[..count], &mut z[..count]);
+        kernels::jitter_directions(from, across, down, [&y, &z], to);
     }
 
     /// The measured range, m, of pixel `beam`, whose ray is `axis` (the cosine) off the optical axis and meets its
-    /// surface at an incidence of cosine `cos`, where the range would be `range` without errors of the depth.
+    /// surface at an incidence angle of cosine `cos`, where the range would be `range` without depth errors.
     pub(crate) fn err(&self, rng: &Rng, beam: u32, axis: f32, cos: f32, range: f32) -> f32 {
         let Some(depth) = &self.depth else { return range };
         let [normal, _] = rng.normal_pair(beam, Draw::DepthJitter, 0);

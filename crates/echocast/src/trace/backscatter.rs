@@ -1,4 +1,4 @@
-//! What surfaces scatter back of sound, prepared for one frequency.
+//! Acoustic backscatter of surfaces, prepared for one frequency.
 
 use super::{Arrival, Surfaces};
 use crate::ground::lanes::MEDIUM;
@@ -8,14 +8,14 @@ use crate::medium::Sea;
 use echocast_kernels::echo::{STEPS, between, step, within_step};
 use std::sync::Arc;
 
-/// How much every material and the sea surface scatter back, and what a reflection costs.
+/// Backscatter and reflection loss of every material and the sea surface.
 pub(crate) struct Backscatter {
     /// `log2(s_b / sine of the grazing angle)` at the angles of the table, a run of `STEPS + 1` for each material, then
-    /// the sea surface; where the reflectance of an image decides, that for reflectance 1.
+    /// the sea surface; where reflectance comes from an image, the law for reflectance 1.
     pub laws: Vec<f32>,
-    /// Loss of a reflection at those angles, dB, likewise.
+    /// Reflection loss at those angles, dB, likewise.
     losses: Vec<f32>,
-    /// What else decides, by material.
+    /// What else backscatter depends on, by material.
     by: Vec<By>,
     /// Where reflectances come from.
     source: ReflectanceSource,
@@ -24,7 +24,7 @@ pub(crate) struct Backscatter {
     speed: f64,
 }
 
-/// What decides besides the angle.
+/// What backscatter depends on in addition to the angle.
 #[derive(Clone, Copy, PartialEq)]
 enum By {
     /// Nothing.
@@ -33,13 +33,13 @@ enum By {
     Image(ByColor),
     /// The area of the object: the law is for 1 m^2.
     Area,
-    /// Nothing; but it is smooth, and without its facets has Lambert's law with this log2 of `mu`.
+    /// Nothing; but the surface is smooth, and apart from its facets follows Lambert's law with this log2 of `mu`.
     Smooth(f32),
 }
 
 impl Backscatter {
-    /// For `materials`, whose reflectances stand in where they say nothing of sound, and for `sea`, at `frequency` Hz
-    /// in water of `speed` m/s.
+    /// For `materials`, whose reflectances stand in where they have no acoustic properties, and for `sea`, at
+    /// `frequency` Hz in water with a sound speed of `speed` m/s.
     pub fn new(
         materials: &[Arc<Material>],
         reflectances: &Reflectances,
@@ -58,8 +58,8 @@ impl Backscatter {
             let sound = known.cloned().unwrap_or_else(of_reflectance);
             if let Some(strength) = sound.target_strength_db() {
                 by.push(By::Area);
-                // From any direction, a convex body presents on average a quarter of its surface (Cauchy 1832): this
-                // much of its target strength answers per area that is met.
+                // Averaged over directions, a convex body presents a quarter of its surface (Cauchy 1832): its target
+                // strength is divided by this area to give the backscatter per area that is hit.
                 tabulate(&mut laws, |_| strength / 10.0 * 10f64.log2() + 2.0);
             } else {
                 by.push(if let Sound::Facet { mu_db, slope_sigma_deg: 0.0, .. } = sound {
@@ -83,13 +83,13 @@ impl Backscatter {
         (self.source, self.frequency, self.sea, self.speed) == (source, frequency, sea, speed)
     }
 
-    /// Where in `laws` that of a row begins.
+    /// Index in `laws` where the law of a row begins.
     pub fn law(&self, surfaces: &Surfaces, row: u32) -> u32 {
         (self.material(surfaces, row) * (STEPS + 1)) as u32
     }
 
-    /// What is added to the law of what an arrival meets, besides the angle.
-    pub fn besides(&self, surfaces: &Surfaces, arrival: &Arrival) -> f32 {
+    /// Log2 added to the law of the surface that an arrival hits, whatever the angle.
+    pub fn constant_log2(&self, surfaces: &Surfaces, arrival: &Arrival) -> f32 {
         match self.by.get(self.material(surfaces, arrival.surface)) {
             None | Some(By::Law | By::Smooth(_)) => 0.0,
             Some(By::Area) => -surfaces.rows[arrival.surface as usize].area.max(1e-9).log2(),
@@ -101,23 +101,23 @@ impl Backscatter {
         }
     }
 
-    /// `log2(s_b / sine)` of what an arrival meets at the sine of a grazing angle.
+    /// `log2(s_b / sine)` of the surface that an arrival hits, at the sine of a grazing angle.
     pub fn log2(&self, surfaces: &Surfaces, arrival: &Arrival, sine: f32) -> f32 {
-        interpolate(&self.laws, self.material(surfaces, arrival.surface), sine) + self.besides(surfaces, arrival)
+        interpolate(&self.laws, self.material(surfaces, arrival.surface), sine) + self.constant_log2(surfaces, arrival)
     }
 
-    /// Backscatter of what an arrival meets at the sine of a grazing angle, dB per m^2.
+    /// Backscatter of the surface that an arrival hits, at the sine of a grazing angle, dB per m^2.
     pub fn strength_db(&self, surfaces: &Surfaces, arrival: &Arrival, sine: f32) -> f64 {
         let ratio = self.log2(surfaces, arrival, sine) + sine.log2();
         f64::from(ratio) * 10.0 * std::f64::consts::LOG10_2
     }
 
-    /// Whether a row answers as a whole, however it is met.
+    /// Whether a row scatters as a whole, from whichever side it is hit.
     pub fn is_whole(&self, surfaces: &Surfaces, row: u32) -> bool {
         self.by.get(self.material(surfaces, row)) == Some(&By::Area)
     }
 
-    /// Whether a row is of smooth facets, and what it scatters besides: log2 of `mu` of Lambert's law.
+    /// Whether a row has smooth facets, and what it scatters in addition to them: log2 of `mu` of Lambert's law.
     pub fn smooth(&self, surfaces: &Surfaces, row: u32) -> Option<f32> {
         match self.by.get(self.material(surfaces, row)) {
             Some(&By::Smooth(mu)) => Some(mu),
@@ -125,13 +125,13 @@ impl Backscatter {
         }
     }
 
-    /// log2 of the target strength of a row that answers as a whole, re 1 m^2.
+    /// log2 of the target strength of a row that scatters as a whole, re 1 m^2.
     pub fn target_strength(&self, surfaces: &Surfaces, row: u32) -> f32 {
-        // The law has it for what is met of 1 m^2.
+        // The law is per area that is hit, a quarter of 1 m^2.
         interpolate(&self.laws, self.material(surfaces, row), 1.0) - 2.0
     }
 
-    /// What a reflection by a row, or by the sea surface, costs at the sine of a grazing angle, dB.
+    /// Loss of a reflection by a row, or by the sea surface, at the sine of a grazing angle, dB.
     pub fn reflection_loss(&self, surfaces: &Surfaces, row: u32, sine: f64) -> f64 {
         interpolate(&self.losses, self.material(surfaces, row), sine as f32).into()
     }

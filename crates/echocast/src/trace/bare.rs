@@ -1,4 +1,4 @@
-//! The yardstick: Embree alone, on the rays of a scan.
+//! The yardstick for speed: Embree alone, on the rays of a scan.
 
 use super::{BuiltScene, Tables};
 use crate::ground::lanes::{CHUNK, LANES, RayBatch};
@@ -12,12 +12,12 @@ use rayon::prelude::*;
 pub struct BareLoop<'a> {
     scene: &'a Tables,
     coherent: bool,
-    /// Whether the rays of a block start at different places.
+    /// Whether the rays of a block have different origins.
     spread: bool,
     /// World directions, range limits; a block of [`LANES`] rays each.
     rays: Vec<RayBatch>,
     hits: Vec<BareHits>,
-    /// Rays of each block that count.
+    /// Number of valid rays in each block.
     counts: Vec<usize>,
 }
 
@@ -56,8 +56,8 @@ impl BareHits {
 }
 
 impl<'a> BareLoop<'a> {
-    /// Of `rays`, in blocks of which `counts` count; `coherent`: neighbours in a block are neighbours in angle;
-    /// `spread`: the rays of a block start at different places.
+    /// For `rays`, in blocks with `counts` valid rays; `coherent`: neighbours in a block are neighbours in angle;
+    /// `spread`: the rays of a block have different origins.
     pub(crate) fn of(
         scene: &'a BuiltScene,
         [coherent, spread]: [bool; 2],

@@ -1,33 +1,33 @@
-//! A scene seen straight from above: what a plan of it shows.
+//! A scene seen from straight above: what a map of it shows.
 
 use super::{BuiltScene, HitBatch, Sight};
 use crate::ground::lanes::{LANES, MISS, RayBatch};
 use crate::ground::parallel;
 use glam::Vec3;
 
-/// Places on a map, row by row from north to south.
+/// Points of a map, row by row from north to south.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Raster {
-    /// Of the first place, relative to the scene's origin, m.
+pub(crate) struct MapRaster {
+    /// The first point, relative to the scene's origin, m.
     pub corner: [f32; 2],
-    /// From place to place, m.
+    /// Spacing of the points, m.
     pub step: f32,
     pub width: usize,
     pub height: usize,
 }
 
-/// What is seen below a place.
+/// What is seen below a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Below {
     /// Height, relative to the scene's origin, m; NaN: nothing.
     pub z: f32,
     pub category_id: u32,
-    /// Whether the place above is inside of a body.
+    /// Whether the point above is inside of a body.
     pub cut: bool,
 }
 
-impl Raster {
-    /// Relative to the scene's origin, m.
+impl MapRaster {
+    /// Position of a point, relative to the scene's origin, m.
     pub(crate) fn place(&self, index: usize) -> [f32; 2] {
         let (column, row) = (index % self.width, index / self.width);
         [self.corner[0] + column as f32 * self.step, self.corner[1] - row as f32 * self.step]
@@ -39,9 +39,9 @@ impl Raster {
 }
 
 impl BuiltScene {
-    /// What is straight below each place of `raster` at the height `from`, as the scene is at the beginning of the time
-    /// that it is built for.
-    pub(crate) fn below(&self, raster: &Raster, from: f32) -> Vec<Below> {
+    /// What is straight below each point of `raster` at the height `from`, at the start of the time span that the scene
+    /// is built for.
+    pub(crate) fn below(&self, raster: &MapRaster, from: f32) -> Vec<Below> {
         let mut found = vec![Below { z: f32::NAN, category_id: 0, cut: false }; raster.len()];
         parallel::for_each_chunk(&mut found, LANES, |chunk, found| {
             let mut rays = RayBatch::default();
@@ -62,9 +62,9 @@ impl BuiltScene {
         found
     }
 
-    /// Whether each place of `raster` at the height `at` is within a wall, or a sheet stands between it and the next:
-    /// seen along x or y, what is on both sides shows its back.
-    pub(crate) fn walls(&self, raster: &Raster, at: f32) -> Vec<bool> {
+    /// Whether each point of `raster` at the height `at` is within a wall, or a sheet is between it and the next:
+    /// within a wall, the surfaces on both sides along x or y show their back faces.
+    pub(crate) fn walls(&self, raster: &MapRaster, at: f32) -> Vec<bool> {
         /// Half of the thickness of the thickest wall, m.
         const HALF: f32 = 0.6;
         let mut found = vec![false; raster.len()];

@@ -1,10 +1,10 @@
-//! Objects that keep their shape, by their boxes: what sound may meet between its rays.
+//! Boxes of rigid objects: what sound may hit between its rays.
 
 use super::{Surface, Tables};
 use crate::material::Sound;
 use glam::{DMat3, DVec3};
 
-/// An object that keeps its shape and does not answer as a whole.
+/// A rigid object that does not scatter as a whole.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Body {
     /// As in [`super::Surface::object`].
@@ -17,15 +17,15 @@ pub(crate) struct Body {
     pub sphere: Option<(DVec3, f64)>,
 }
 
-/// The box of a body where it stands.
+/// The box of a body at its pose.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Stand {
     pub body: Body,
     /// Relative to the scene's origin, m.
     pub middle: DVec3,
-    /// Halves of its edges, m.
+    /// Half its edges, m.
     pub halves: [DVec3; 3],
-    /// World from object, without the place.
+    /// World from object, without the translation.
     pub linear: DMat3,
 }
 
@@ -35,8 +35,8 @@ impl Stand {
         self.halves.iter().map(|half| half.length_squared()).sum::<f64>().sqrt()
     }
 
-    /// The rectangle that holds what is seen of it along the unit `direction`: half its sides, m, at right angles to each
-    /// other; along the first the box is longest.
+    /// The rectangle that encloses its outline as seen along the unit `direction`: half its sides, m, at right angles
+    /// to each other; the first is along the longest extent of the box.
     pub fn outline(&self, direction: DVec3) -> [DVec3; 2] {
         let across = self.halves.map(|half| half - half.dot(direction) * direction);
         let longest = across.into_iter().max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
@@ -60,7 +60,7 @@ impl Tables {
         })
     }
 
-    /// The body that has the `rows` from `first` on, if it is one.
+    /// The body with the `rows` from `first` on, if they are those of one.
     fn body(&self, first: u32, rows: &[Surface]) -> Option<Body> {
         let law = |row: &Surface| self.surfaces.materials[row.material as usize].sound_law();
         if rows.iter().filter_map(law).any(|law| law.target_strength_db().is_some()) {
@@ -78,7 +78,7 @@ impl Tables {
 
     /// The box of a body at `time`, s; `None` if scans with this mask do not see it then.
     pub(crate) fn stand(&self, body: Body, time: f64, mask: u32) -> Option<Stand> {
-        let (place, _) = self.stance(body.object, time, mask)?;
+        let (place, _) = self.transform_at(body.object, time, mask)?;
         let [low, high] = self.extents[body.object as usize].bounds?.map(|end| DVec3::from(end.map(f64::from)));
         let (half, linear) = (0.5 * (high - low), place.matrix3);
         let middle = place.transform_point3(0.5 * (low + high)) - self.origin;

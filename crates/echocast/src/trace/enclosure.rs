@@ -1,66 +1,66 @@
-//! Whether a place is inside of something: there, surfaces show their backs.
+//! Whether a position is inside of something: seen from there, surfaces show their back faces.
 
 use super::hits::{Cover, load};
 use super::{BuiltScene, Tables};
 use crate::ground::lanes::{LANES, RayBatch};
-use crate::scene::{corners, surrounding};
+use crate::model::{corners, surrounding};
 use embree4::{Candidate, Coherence, INVALID, Packet};
 use glam::{DVec3, Vec3};
 use std::collections::BTreeMap;
 use std::f32::consts::TAU;
 
-/// What a place is inside of, see [`BuiltScene::enclosure`].
+/// What a position is inside of, see [`BuiltScene::enclosure`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Enclosure {
     /// The object that most of the surfaces around belong to; empty if it has no name.
     pub name: String,
-    /// Which part of the directions meets a back, 0 to 1.
+    /// Fraction of the directions that hit a back face, 0 to 1.
     pub part: f64,
-    /// How far away the farthest of these backs is, m.
+    /// Distance of the farthest of these back faces, m.
     pub within_m: f64,
 }
 
-/// Where a place is inside, at least this part of all directions meets something within reach: the ground does not go
-/// on for ever.
-const MET: f64 = 0.75;
+/// From a position inside, at least this fraction of all directions hits something within reach: the ground does not
+/// extend for ever.
+const LEAST_HITS: f64 = 0.75;
 
-/// At least this part of what is met there are backs: there may be furniture, and open doors to look through.
+/// At least this fraction of the hits are back faces: there may be furniture, and open doors.
 const BACKS: f64 = 0.9;
 
-/// Surfaces of two-sided materials that are nearer than this all around, m, are no room.
+/// Surfaces of two-sided materials that are nearer than this all around, m, are not a room.
 const ROOM: f64 = 1.0;
 
-/// How much nearer or farther than each other the two sides of a sheet may be, in parts of the range.
+/// By how much the ranges of the two sides of a sheet may differ, relative to the range.
 const SHEET: f32 = 1e-4;
 
-/// A back that a ray meets.
+/// A back face hit by a ray.
 #[derive(Clone, Copy)]
 struct Back {
     instance: u32,
-    /// How far away it is, m.
+    /// Range, m.
     range: f32,
-    /// Whether its material says that it has two sides.
+    /// Whether its material is two-sided.
     two_sided: bool,
 }
 
 impl BuiltScene {
-    /// What the world position `place` is inside of, if it is: where most directions from the horizon up meet a surface
-    /// within `reach_m`, and nearly all of these its back. A surface shows its back where its corners run clockwise, as
-    /// in glTF and OBJ. So a body, a building whose walls face outwards and the ground enclose what is in or below
-    /// them; a room whose walls face inwards encloses nothing, nor does one whose surfaces have a second one in the same
-    /// place. Below the horizon, the ground may lie within the walls.
+    /// What the world position `place` is inside of, if anything: it is if most directions from the horizon up hit a
+    /// surface within `reach_m`, and nearly all of these its back face. A surface shows its back face where its corners
+    /// run clockwise, as in glTF and OBJ. So a body, a building whose walls face outwards, and the ground enclose what
+    /// is in or below them; a room whose walls face inwards encloses nothing, nor does one whose surfaces are doubled
+    /// by others in the same place. Directions below the horizon are ignored, as the ground may be within the walls.
     ///
-    /// Some programs call all materials two-sided
-    /// ([`Material::double_sided`](crate::material::Material::double_sided)), so that the walls of a room may face either
-    /// way. Such surfaces enclose a place if they are of one instance and either very near or not all there is: what lies
-    /// around a room is mostly nothing, around a body the scene.
+    /// Some programs mark all materials as two-sided
+    /// ([`Material::double_sided`](crate::material::Material::double_sided)), so that the walls of a room may face
+    /// either way. Such surfaces enclose a position if they belong to one instance and are either very near or not the
+    /// whole scene: around a room there is mostly nothing, around a body the scene.
     ///
-    /// The scene is looked at as it is when the scans begin that it is built for.
+    /// The scene is taken as it is at the start of the time span that it is built for.
     pub fn enclosure(&self, place: DVec3, reach_m: f64) -> Option<Enclosure> {
-        let met = self.0.met(&self.0.looks_up(place, reach_m));
+        let met = self.0.met(&self.0.upward_rays(place, reach_m));
         let backs: Vec<Back> = met.iter().copied().flatten().collect();
         let nearly_all = |count: usize| count as f64 >= BACKS * met.len() as f64;
-        if (met.len() as f64) < MET * LANES as f64 || !nearly_all(backs.len()) {
+        if (met.len() as f64) < LEAST_HITS * LANES as f64 || !nearly_all(backs.len()) {
             return None;
         }
         let mut counts = BTreeMap::new();
@@ -80,9 +80,9 @@ impl BuiltScene {
 }
 
 impl Tables {
-    /// Rays from `place` in directions that are spread evenly over the upper half of all.
-    fn looks_up(&self, place: DVec3, reach_m: f64) -> RayBatch {
-        /// Of the golden ratio: no two of many directions come close (Vogel, 1979).
+    /// Rays from `place` in directions spread evenly over the upper hemisphere.
+    fn upward_rays(&self, place: DVec3, reach_m: f64) -> RayBatch {
+        /// From the golden ratio: no two of many directions come close (Vogel, 1979).
         const TURN: f32 = 0.618_034;
         let origin = (place - self.origin).as_vec3();
         let mut rays = RayBatch::default();
@@ -97,14 +97,14 @@ impl Tables {
         rays
     }
 
-    /// Whether the scene is larger than an instance of it.
+    /// Whether the scene extends beyond one of its instances.
     fn reaches_beyond(&self, instance: u32) -> bool {
-        /// By which part of its size: floors and walls overlap.
+        /// By which fraction of its size: floors and walls overlap.
         const PART: f64 = 0.05;
         let start = self.span.map_or(0.0, |span| span.start);
         let found = self.instances().iter().find(|known| known.id == instance);
         let corners = found.into_iter().flat_map(|instance| &instance.objects).filter_map(|&object| {
-            let (place, _) = self.stance(object, start, u32::MAX)?;
+            let (place, _) = self.transform_at(object, start, u32::MAX)?;
             Some(corners(self.extents[object as usize].bounds?, &place))
         });
         let Some((low, high)) = surrounding(corners.flatten()) else { return false };
@@ -113,7 +113,7 @@ impl Tables {
         (low - least).max_element() > slack || (most - high).max_element() > slack
     }
 
-    /// For each of `rays` that meets something, what that shows if it shows its back alone.
+    /// For each of `rays` that hits something, the back face, if it shows only that.
     fn met(&self, rays: &RayBatch) -> Vec<Option<Back>> {
         const WIDTH: usize = 4;
         let mut met = Vec::new();
@@ -123,7 +123,7 @@ impl Tables {
             let mut near = packet;
             let stops = |hit: &Candidate| self.surfaces.stops(hit, Cover::Solid, rays);
             self.committed.intersect_where(&[-1; WIDTH], &mut near, Coherence::Incoherent, &stops);
-            // A second triangle in the same place is another side.
+            // A second triangle in the same place is the other side.
             packet.tnear = near.tfar.map(|range| range * (1.0 - SHEET));
             packet.tfar = near.tfar.map(|range| range * (1.0 + SHEET));
             let valid = near.geom_id.map(|geometry| if geometry == INVALID { 0 } else { -1 });
@@ -142,7 +142,7 @@ impl Tables {
         met
     }
 
-    /// The surface that the ray of a lane has met, if it shows its back.
+    /// The surface that the ray of a lane has hit, if it shows its back face.
     fn back<const W: usize>(&self, packet: &Packet<W>, lane: usize) -> Option<Back> {
         if packet.geom_id[lane] == INVALID {
             return None;
@@ -159,10 +159,10 @@ impl Tables {
         })
     }
 
-    /// Whether `surface`, a row, shows its back to a ray along `direction` that meets it at `time` where Embree gives
-    /// it this `normal`.
+    /// Whether `surface`, a row, shows its back face to a ray along `direction` that hits it at `time`, with this
+    /// `normal` as Embree reports it.
     pub(super) fn shows_back(&self, surface: u32, normal: Vec3, direction: Vec3, time: f32) -> bool {
-        // The order of corners is that before an object is mirrored.
+        // The winding order is that before an object is mirrored.
         let mirrored = self.is_mirrored(self.surfaces.rows[surface as usize].object, time);
         (self.world_normal(surface, normal, time).dot(direction) > 0.0) != mirrored
     }
@@ -177,7 +177,7 @@ mod tests {
     use glam::DAffine3;
     use std::sync::Arc;
 
-    /// A box from -`half` to `half`, m, whose sides face outwards, or inwards too or alone.
+    /// A box from -`half` to `half`, m, whose sides face outwards, inwards or both.
     fn sides(half: f32, outward: bool, inward: bool, material: Material) -> Part {
         let corner = |i: usize| [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { half } else { -half });
         let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
@@ -199,7 +199,8 @@ mod tests {
         scene.commit().unwrap()
     }
 
-    /// As Blender exports everything: a body in a scene is one, a room that is all there is is none.
+    /// Two-sided, as Blender exports all materials: a body in a scene counts as one, a room that is the whole scene
+    /// does not.
     #[test]
     fn bodies_of_two_sided_materials_are_inside() {
         let two_sided = Material { double_sided: true, ..Material::default() };
@@ -240,7 +241,7 @@ mod tests {
                 let built = built(part.clone(), place);
                 let found = built.enclosure(high.translation, 100.0);
                 assert_eq!(found.is_some(), expected, "{part:?} {place}");
-                // Beside it, or beyond the reach.
+                // Outside of it, or beyond the reach.
                 assert_eq!(built.enclosure(high.translation + 3.0 * DVec3::X, 100.0), None);
                 assert_eq!(built.enclosure(high.translation, 1.9), None);
                 if let Some(found) = found {

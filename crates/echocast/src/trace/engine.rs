@@ -1,4 +1,4 @@
-//! What builds and scans scenes: Embree's device, and threads.
+//! The engine that builds and scans scenes: Embree's device, and threads.
 
 use crate::ground::error::{Error, Result};
 use crate::ground::parallel::{self, STACK};
@@ -10,11 +10,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::{fmt, io, mem};
 
-/// Embree's device and the threads that work. Clones share them, as does everything built with it.
+/// Embree's device and the worker threads. Clones share them, as does everything built with it.
 #[derive(Clone)]
-pub struct Engine(Arc<Parts>);
+pub struct Engine(Arc<EngineParts>);
 
-struct Parts {
+struct EngineParts {
     device: Device,
     workers: Workers,
     /// `None`: the calling thread builds alone.
@@ -28,8 +28,8 @@ enum Workers {
     Crew(Arc<Crew>),
 }
 
-/// The crew of engines that work on all cores, started with the first and kept.
-static EVERYBODYS_CREW: Mutex<Option<Arc<Crew>>> = Mutex::new(None);
+/// The crew shared by engines that use all cores, started with the first and kept.
+static SHARED_CREW: Mutex<Option<Arc<Crew>>> = Mutex::new(None);
 
 /// Threads that help build scenes, apart from those that scan: a mesh may be built in the background. They sleep until
 /// called.
@@ -38,34 +38,35 @@ struct Builders {
     threads: Vec<JoinHandle<()>>,
 }
 
-/// Those of engines that work on all cores, likewise.
-static EVERYBODYS_BUILDERS: Mutex<Option<Arc<Builders>>> = Mutex::new(None);
+/// The builders shared by engines that use all cores, likewise.
+static SHARED_BUILDERS: Mutex<Option<Arc<Builders>>> = Mutex::new(None);
 
 /// Scenes of fewer triangles and instances are built by the calling thread before another wakes up.
 const WORTH_HELP: usize = 4096;
 
 impl Engine {
-    /// Works on as many threads as rayon's current pool has, which is started if there is none: one per core. The calling
-    /// thread is one of them, the others help all engines made so.
+    /// An engine with as many threads as rayon's current pool, which is started with one thread per core if there is
+    /// none. The calling thread is one of them; the others are shared by all engines made this way.
     ///
     /// # Errors
     /// Embree's: out of memory, a library that is too old or too new; [`Error::Threads`]; vector instructions that
-    /// `ECHOCAST_SIMD` names, but there are not.
+    /// `ECHOCAST_SIMD` names but the processor lacks.
     pub fn new() -> Result<Engine> {
         if rayon::current_thread_index().is_none() {
             parallel::start_pool().map_err(|error| no_threads("enough", error))?;
         }
         let device = device()?;
         let count = rayon::current_num_threads();
-        let crew = kept(&EVERYBODYS_CREW, || hire(count))?;
-        let builders = kept(&EVERYBODYS_BUILDERS, || Builders::for_workers(&device, count))?;
+        let crew = kept(&SHARED_CREW, || hire(count))?;
+        let builders = kept(&SHARED_BUILDERS, || Builders::for_workers(&device, count))?;
         let workers = crew.map_or(Workers::Caller, Workers::Crew);
-        Ok(Engine(Arc::new(Parts { device, workers, builders })))
+        Ok(Engine(Arc::new(EngineParts { device, workers, builders })))
     }
 
-    /// Works with `threads` threads: the calling one, and others of its own. One fewer help build large scenes, up to one
-    /// per core. All end with it. With 1, no thread is started and the calling thread does everything; with 0, there are
-    /// as many as the machine has cores. No threads are requested from the system later.
+    /// An engine with `threads` threads: the calling one, and others of its own. Further threads, one fewer and at most
+    /// one per core, help build large scenes. All end with the engine. With 1, no thread is started and the calling
+    /// thread does everything; with 0, there are as many as the machine has cores. No threads are requested from the
+    /// system later.
     ///
     /// # Errors
     /// As [`Engine::new`]; more than 1024.
@@ -80,10 +81,10 @@ impl Engine {
         let device = device()?;
         let workers = hire(count)?.map_or(Workers::Caller, Workers::Crew);
         let builders = Builders::for_workers(&device, count)?;
-        Ok(Engine(Arc::new(Parts { device, workers, builders })))
+        Ok(Engine(Arc::new(EngineParts { device, workers, builders })))
     }
 
-    /// Threads that work.
+    /// Number of threads that work, including the calling one.
     pub fn threads(&self) -> usize {
         match &self.0.workers {
             Workers::Caller => 1,
@@ -92,7 +93,7 @@ impl Engine {
         }
     }
 
-    /// Major, minor and patch number of the Embree library that runs.
+    /// Major, minor and patch number of the Embree library in use.
     pub fn embree_version(&self) -> (u32, u32, u32) {
         self.0.device.version()
     }
@@ -102,20 +103,21 @@ impl Engine {
         self.0.device.packet_width()
     }
 
-    /// Vector instructions of the kernels, the loops of this library: `avx512`, `avx2` or `plain`, of the variable
-    /// `ECHOCAST_SIMD` or else the widest that the processor has. Embree uses its own of the same width.
+    /// Vector instructions of the kernels, the inner loops of this library: `avx512`, `avx2` or `plain`, as set by the
+    /// environment variable `ECHOCAST_SIMD` or else the widest that the processor has. Embree uses its own of the same
+    /// width.
     pub fn vectors(&self) -> &'static str {
         kernels::level().name()
     }
 
-    /// Runs `work` on this thread, its parallel parts with the help of this engine's other threads, which help several at
-    /// once. On a thread of a rayon pool, that pool helps instead, whatever the engine, except for an engine of one
-    /// thread, which never asks for another.
+    /// Runs `work` on this thread, its parallel parts with the help of this engine's other threads, which can help
+    /// several callers at once. On a thread of a rayon pool, that pool helps instead, whatever the engine, except for
+    /// an engine of one thread, which never uses another.
     pub fn install<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
         self.install_sized(u64::MAX, work)
     }
 
-    /// [`Engine::install`] for work of a `size`, rays: whoever has less is helped first.
+    /// [`Engine::install`] for work of a `size`, rays: smaller work is helped first.
     pub(crate) fn install_sized<R: Send>(&self, size: u64, work: impl FnOnce() -> R + Send) -> R {
         match &self.0.workers {
             Workers::Caller => parallel::alone(work),
@@ -139,19 +141,19 @@ impl Engine {
 fn device() -> Result<Device> {
     let chosen = kernels::chosen_level()
         .map_err(|error| Error::invalid(kernels::VARIABLE, error.found, error.allowed))?
-        // Elsewhere there is nothing to choose.
+        // On other architectures there is nothing to choose.
         .filter(|_| cfg!(target_arch = "x86_64"));
     let isa = match chosen {
         None => "",
         Some(Level::Avx512) => "isa=avx512",
         Some(Level::Avx2) => "isa=avx2",
-        // What any processor of the last fifteen years has.
+        // Available on any processor of the last fifteen years.
         Some(Level::Plain) => "isa=sse4.2",
     };
     Ok(Device::with_config(isa)?)
 }
 
-/// As many threads as help a calling one where `count` work; `None`: nobody.
+/// Starts the threads that, with the calling one, make `count`; `None`: the calling one alone.
 fn hire(count: usize) -> Result<Option<Arc<Crew>>> {
     if count <= 1 {
         return Ok(None);
@@ -160,7 +162,7 @@ fn hire(count: usize) -> Result<Option<Arc<Crew>>> {
     Ok(Some(Arc::new(crew.map_err(|error| no_threads(count, error))?)))
 }
 
-/// What is in `place`, made if there is nothing yet.
+/// The content of `place`, created if it is empty.
 fn kept<T>(place: &Mutex<Option<Arc<T>>>, make: impl FnOnce() -> Result<Option<Arc<T>>>) -> Result<Option<Arc<T>>> {
     let mut place = place.lock().unwrap_or_else(PoisonError::into_inner);
     if place.is_none() {
@@ -176,16 +178,16 @@ impl fmt::Debug for Engine {
 }
 
 impl Builders {
-    /// As many as can be of use beside a calling thread when `workers` threads scan; `None` if none can.
+    /// As many as can be of use to a calling thread when `workers` threads scan; `None` if none can.
     fn for_workers(device: &Device, workers: usize) -> Result<Option<Arc<Builders>>> {
         let count = workers.min(device.build_threads()) - 1;
-        let (calls, heard) = mpsc::channel::<Arc<Joint>>();
-        let heard = Arc::new(Mutex::new(heard));
+        let (calls, requests) = mpsc::channel::<Arc<Joint>>();
+        let requests = Arc::new(Mutex::new(requests));
         // If dropped on an error, those already started end.
         let mut builders = Builders { calls: Some(calls), threads: Vec::with_capacity(count) };
         for number in 0..count {
-            let heard = heard.clone();
-            let next = move || heard.lock().unwrap_or_else(PoisonError::into_inner).recv();
+            let requests = requests.clone();
+            let next = move || requests.lock().unwrap_or_else(PoisonError::into_inner).recv();
             let work = move || {
                 while let Ok(joint) = next() {
                     joint.help();
@@ -197,10 +199,10 @@ impl Builders {
         Ok((count > 0).then(|| Arc::new(builders)))
     }
 
-    /// Calls all for help with `joint`.
+    /// Calls all threads to help with `joint`.
     fn call(&self, joint: &Arc<Joint>) {
         if let Some(calls) = &self.calls {
-            // They listen as long as this exists.
+            // They receive as long as this exists.
             self.threads.iter().for_each(|_| drop(calls.send(joint.clone())));
         }
     }
@@ -226,7 +228,7 @@ fn end(threads: &mut Vec<JoinHandle<()>>) {
 
 impl Drop for Builders {
     fn drop(&mut self) {
-        // Tells the threads to end.
+        // Closing the channel ends the threads.
         self.calls = None;
         end(&mut self.threads);
     }
@@ -238,11 +240,11 @@ mod tests {
     use embree4::{Quality, Scene};
 
     #[test]
-    fn all_who_can_help_are_called() {
-        let (calls, heard) = mpsc::channel();
+    fn all_builders_are_called() {
+        let (calls, requests) = mpsc::channel();
         let builders = Builders { calls: Some(calls), threads: (0..3).map(|_| thread::spawn(|| ())).collect() };
         let scene = Scene::new(&Device::new().unwrap(), Quality::Medium).unwrap();
         scene.commit_with(Pace::Now, |joint| builders.call(joint)).unwrap();
-        assert_eq!(heard.try_iter().count(), 3);
+        assert_eq!(requests.try_iter().count(), 3);
     }
 }

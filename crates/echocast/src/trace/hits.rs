@@ -29,27 +29,26 @@ pub(crate) struct Sight {
     pub cover: Cover,
 }
 
-/// Which rays pass surfaces that cover a part of where they are
-/// ([`Alpha::Coverage`](crate::material::Alpha::Coverage)).
+/// Which rays pass through surfaces with partial coverage ([`Alpha::Coverage`](crate::material::Alpha::Coverage)).
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Cover {
-    /// Each by a draw of its own.
+    /// Each by its own random draw.
     Drawn(Rng),
-    /// None, but where a surface covers nothing.
+    /// None, except where a surface covers nothing.
     Solid,
-    /// None at all: alpha is how much they reflect.
+    /// None at all: alpha is the reflectance.
     Reflecting,
 }
 
 impl Sight {
-    /// What sound meets, and whoever asks for the shape of things.
+    /// For sound, and wherever only geometry matters.
     pub(crate) fn of_shapes(mask: u32) -> Sight {
         Sight { mask, cover: Cover::Solid }
     }
 }
 
 impl Cover {
-    /// Of light, in a scan with the reflectances of `source` and the draws of `rng`.
+    /// For light, in a scan with the reflectances of `source` and the draws of `rng`.
     pub(crate) fn of_light(source: ReflectanceSource, rng: Rng) -> Cover {
         if source == ReflectanceSource::Alpha { Cover::Reflecting } else { Cover::Drawn(rng) }
     }
@@ -64,7 +63,7 @@ pub(crate) struct HitBatch {
     pub normal_x: [f32; LANES],
     pub normal_y: [f32; LANES],
     pub normal_z: [f32; LANES],
-    /// Unit normal of the triangle itself on the sensor's side, where that of a smooth surface is another one; known once
+    /// Unit normal of the triangle itself on the sensor's side, where that of a smooth surface differs; known once
     /// incidence is.
     pub facet: [[f32; LANES]; 3],
     /// Barycentric weights of the second and third corner.
@@ -74,7 +73,8 @@ pub(crate) struct HitBatch {
     pub triangle: [u32; LANES],
     /// Row of [`super::Surfaces`], or [`MISS`].
     pub surface: [u32; LANES],
-    /// How far the nearest surface is at which a draw decided, m, if any is not behind the hit. Old in scenes without holes.
+    /// Distance to the nearest surface at which a draw decided, m, if any is not behind the hit. Stale in scenes
+    /// without holes.
     pub veil: [f32; LANES],
 }
 
@@ -135,7 +135,7 @@ impl HitBatch {
                 let veil = Cell::from_mut(&mut self.veil[..]).as_slice_of_cells();
                 let stops = |hit: &Candidate| {
                     let Some(row) = scene.surfaces.with_holes(hit) else { return true };
-                    // Whatever is not behind the hit is asked for, in whatever order.
+                    // This is called for everything that is not behind the hit, in any order.
                     if scene.surfaces.is_drawn(row, sight.cover) {
                         let nearest = &veil[hit.ray as usize];
                         nearest.set(nearest.get().min(hit.far));
@@ -160,7 +160,7 @@ impl HitBatch {
         }
     }
 
-    /// Finds which of the first `count` rays meet anything before their end; see [`HitBatch::trace`].
+    /// Finds which of the first `count` rays hit anything before their end; see [`HitBatch::trace`].
     pub(crate) fn blocked(
         scene: &Tables,
         rays: &RayBatch,
@@ -243,7 +243,7 @@ impl HitBatch {
         (triangle[lane], surface[lane]) = (triangle[from], surface[from]);
     }
 
-    /// Brings the normals of hits in instances to the world's frame.
+    /// Transforms the normals of hits in instances to the world frame.
     pub(crate) fn orient_normals(&mut self, scene: &Tables, rays: &RayBatch, count: usize) {
         for lane in 0..count {
             if scene.surfaces.rows.get(self.surface[lane] as usize).is_some_and(|row| row.instanced) {
@@ -267,7 +267,8 @@ pub(super) fn load<const W: usize>(packet: &mut Packet<W>, rays: &RayBatch, firs
 }
 
 impl Tables {
-    /// The `normal` of a hit on a `surface` (a row, or [`MISS`]) at `time` as Embree gives it, in the world's frame.
+    /// The `normal` of a hit on a `surface` (a row, or [`MISS`]) at `time` as Embree reports it, transformed to the
+    /// world frame.
     pub(crate) fn world_normal(&self, surface: u32, normal: Vec3, time: f32) -> Vec3 {
         match self.surfaces.rows.get(surface as usize) {
             Some(row) if row.instanced => self.turned(row.object, normal, time),

@@ -1,4 +1,4 @@
-//! The labelled instances of a scene: where each is, how far it reaches, and which rays would meet it.
+//! The labelled instances of a scene: their poses and extents, and which rays would hit them.
 
 use super::hits::{Sight, load};
 use super::mover::Mover;
@@ -11,45 +11,45 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Where an object is, and how far it reaches.
+/// Pose and extent of an object.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Extent {
+pub(crate) struct ObjectExtent {
     world_from_object: DAffine3,
     /// Box of its mesh, object frame; `None`: it has no triangles.
     pub(super) bounds: Option<[[f32; 3]; 2]>,
-    /// Which of its axes points up as it was modelled.
+    /// Which of its axes pointed up as modelled.
     up: UpAxis,
     mask: u32,
 }
 
-/// Objects of one number.
+/// The objects with one instance number.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Instance {
+pub(crate) struct LabelledInstance {
     /// Never 0.
     pub id: u32,
-    /// That of the first object.
+    /// Category of the first object.
     pub category_id: u32,
-    /// Numbers of its objects ([`super::Surface::object`]), rising.
+    /// Numbers of its objects ([`super::Surface::object`]), ascending.
     pub objects: Vec<u32>,
 }
 
 /// All instances of a scene.
 #[derive(Debug, Default)]
 pub(crate) struct Instances {
-    /// By rising number.
-    all: Vec<Instance>,
-    /// Place in `all` of each row of [`Surfaces`], or [`UNLABELLED`].
+    /// By ascending number.
+    all: Vec<LabelledInstance>,
+    /// Index in `all` for each row of [`Surfaces`], or [`UNLABELLED`].
     of_row: Vec<u32>,
 }
 
 const UNLABELLED: u32 = u32::MAX;
 
-/// For every instance of a scene the rays that meet it.
+/// For every instance of a scene, the number of rays that hit it.
 #[derive(Debug, Default)]
 pub(crate) struct Crossings {
-    /// How many would meet it if it were alone.
+    /// How many would hit it if it were alone.
     pub alone: Vec<AtomicU32>,
-    /// How many meet nothing before it.
+    /// How many hit nothing before it.
     pub first: Vec<AtomicU32>,
 }
 
@@ -61,23 +61,23 @@ impl Crossings {
     }
 }
 
-impl Extent {
-    pub(super) fn new(object: &Object, bounds: Option<[[f32; 3]; 2]>) -> Extent {
-        Extent { world_from_object: object.world_from_object, bounds, up: object.up, mask: object.mask }
+impl ObjectExtent {
+    pub(super) fn new(object: &Object, bounds: Option<[[f32; 3]; 2]>) -> ObjectExtent {
+        ObjectExtent { world_from_object: object.world_from_object, bounds, up: object.up, mask: object.mask }
     }
 }
 
 impl Instances {
     fn new(surfaces: &Surfaces) -> Instances {
-        let mut by_id: BTreeMap<u32, Instance> = BTreeMap::new();
+        let mut by_id: BTreeMap<u32, LabelledInstance> = BTreeMap::new();
         for row in surfaces.rows.iter().filter(|row| row.instance_id != 0) {
-            let new = || Instance { id: row.instance_id, category_id: row.category_id, objects: Vec::new() };
+            let new = || LabelledInstance { id: row.instance_id, category_id: row.category_id, objects: Vec::new() };
             let objects = &mut by_id.entry(row.instance_id).or_insert_with(new).objects;
             if objects.last() != Some(&row.object) {
                 objects.push(row.object);
             }
         }
-        let all: Vec<Instance> = by_id.into_values().collect();
+        let all: Vec<LabelledInstance> = by_id.into_values().collect();
         let place = |id: u32| all.binary_search_by_key(&id, |instance| instance.id).map_or(UNLABELLED, |at| at as u32);
         let of_row = surfaces.rows.iter().map(|row| place(row.instance_id)).collect();
         Instances { all, of_row }
@@ -89,21 +89,22 @@ impl Tables {
         self.surfaces.instances.get_or_init(|| Instances::new(&self.surfaces))
     }
 
-    /// The labelled instances, by rising number.
-    pub(crate) fn instances(&self) -> &[Instance] {
+    /// The labelled instances, by ascending number.
+    pub(crate) fn instances(&self) -> &[LabelledInstance] {
         &self.known_instances().all
     }
 
-    /// Where an object is at `time`, s, and how it has turned, z up; `None` if scans with this mask do not see it then.
-    pub(crate) fn stance(&self, object: u32, time: f64, mask: u32) -> Option<(DAffine3, DMat3)> {
-        let Extent { world_from_object, bounds, up, mask: own } = self.extents[object as usize];
+    /// Pose of an object at `time`, s, and its orientation with z up; `None` if scans with this mask do not see it
+    /// then.
+    pub(crate) fn transform_at(&self, object: u32, time: f64, mask: u32) -> Option<(DAffine3, DMat3)> {
+        let ObjectExtent { world_from_object, bounds, up, mask: own } = self.extents[object as usize];
         if own & mask == 0 || bounds.is_none() {
             return None;
         }
         let (place, turned) = match self.mover(object) {
             None => (world_from_object, world_from_object.matrix3),
-            // What holds still is as it is when it starts to.
-            Some(mover) => mover.stance(self.span.map_or(mover.start, |_| time))?,
+            // With time frozen, it is where the mover starts.
+            Some(mover) => mover.transform_at(self.span.map_or(mover.start, |_| time))?,
         };
         Some((place, up.upright(&turned)))
     }
@@ -150,8 +151,8 @@ impl Tables {
         ends
     }
 
-    /// How fast the point of an object that is at `place` (world) moves at `time`, 0 to 1, m/s; with what changes its
-    /// shape, as its corners do on average.
+    /// Velocity of the point of an object that is at `place` (world) at `time`, 0 to 1, m/s; a change of shape
+    /// contributes the mean velocity of the corners.
     pub(crate) fn velocity_at(&self, object: u32, place: DVec3, time: f32) -> Vec3 {
         let (Some(mover), Some(span)) = (self.mover(object), self.span) else { return Vec3::ZERO };
         let (mut sum, mut count) = (Vec3::ZERO, 0.0);
@@ -163,7 +164,7 @@ impl Tables {
         piece.velocity(part, at.inverse * ((place - self.origin).as_vec3() - at.place)) + at.turn(own)
     }
 
-    /// Adds to `crossings` which instances the first `count` rays meet, to which glass is nothing if they are of `light`.
+    /// Adds to `crossings` which instances the first `count` rays hit; glass does not stop them if they are of `light`.
     pub(crate) fn cross(
         &self,
         rays: &RayBatch,
@@ -193,7 +194,7 @@ impl Tables {
         let instances = self.known_instances();
         let mut packet = Packet { mask: [sight.mask; W], ..Packet::<W>::new() };
         let mut valid = [-1; W];
-        let met = RefCell::new([const { Met::NOTHING }; W]);
+        let met = RefCell::new([const { PiercedInstances::NOTHING }; W]);
         for first in (0..count).step_by(W) {
             load(&mut packet, rays, first);
             packet.id = std::array::from_fn(|lane| (first + lane) as u32);
@@ -203,7 +204,7 @@ impl Tables {
             if first + W > count {
                 valid[count - first..].fill(0);
             }
-            // Refused, a hit does not end its ray.
+            // A rejected hit does not end its ray.
             self.committed.intersect_where(&valid, &mut packet, coherence, &|hit: &Candidate| {
                 let row = surfaces.row(hit.geom_id, hit.inst_id) as usize;
                 if surfaces.stops(hit, sight.cover, rays) {
@@ -224,21 +225,21 @@ fn keeps_axes(linear: &DMat3) -> bool {
     columns.iter().all(|column| column.element_sum() - column.max_element() <= 1e-9 * size)
 }
 
-/// What a ray meets.
+/// The instances that a ray hits.
 #[derive(Clone, Debug)]
-struct Met {
-    /// Instances and how far away they are, m; some may be there several times.
+struct PiercedInstances {
+    /// Instances and their distances, m; some may occur several times.
     instances: Vec<(u32, f32)>,
     /// Where the ray ends, m.
     end: f32,
 }
 
-impl Met {
-    const NOTHING: Met = Met { instances: Vec::new(), end: f32::INFINITY };
-    /// Instances among which it is worth looking for one that is met again.
+impl PiercedInstances {
+    const NOTHING: PiercedInstances = PiercedInstances { instances: Vec::new(), end: f32::INFINITY };
+    /// Number of instances among which it is worth searching for one that is hit again.
     const FEW: usize = 16;
 
-    /// Adds what is met at `far`, m; `ends`: the ray goes no further.
+    /// Adds what is hit at `far`, m; `ends`: the ray ends there.
     fn add(&mut self, instance: u32, far: f32, ends: bool) {
         if ends {
             self.end = self.end.min(far);
@@ -246,15 +247,15 @@ impl Met {
         if instance == UNLABELLED {
             return;
         }
-        match self.instances.iter_mut().take(Met::FEW).find(|(known, _)| *known == instance) {
+        match self.instances.iter_mut().take(PiercedInstances::FEW).find(|(known, _)| *known == instance) {
             Some((_, nearest)) => *nearest = nearest.min(far),
             None => self.instances.push((instance, far)),
         }
     }
 
-    /// Moves what is known to `crossings`.
+    /// Moves what has been collected to `crossings`.
     fn count(&mut self, crossings: &Crossings) {
-        if self.instances.len() > Met::FEW {
+        if self.instances.len() > PiercedInstances::FEW {
             self.instances.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
             self.instances.dedup_by_key(|(instance, _)| *instance);
         }

@@ -1,17 +1,18 @@
 //! A scene that is edited while it is scanned: from objects to Embree's structure and the tables behind its ids.
 
-use super::bending::Known;
-use super::instances::Extent;
-use super::mover::{Follows, MOST_BYTES, Mover};
+use super::deforming::Known;
+use super::instances::ObjectExtent;
+use super::mover::{DrivingMotion, MOST_BYTES, Mover};
 use super::{BuiltScene, Engine, Surfaces, Tables};
+use crate::ground::array::Array;
 use crate::ground::error::{Error, Result};
+use crate::ground::math::cofactors;
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
 use crate::material::Material;
-use crate::motion::{Cache, Motion, Shape, Span, Timeline};
-use crate::scene::{
-    Array, Camera, Labels, Mesh, NameTable, Object, Scene, beyond_reach, cofactors, corners, surrounding, within_reach,
-};
+use crate::model::{Camera, Labels, Mesh, NameTable, beyond_reach, corners, surrounding, within_reach};
+use crate::motion::{Cache, Deformation, Motion, Span, Timeline};
+use crate::scene::{Object, Scene};
 use embree4::{CommittedScene, Custom, Instance, Pace, Quality};
 use glam::{DAffine3, DVec3, Mat3};
 use std::collections::HashMap;
@@ -23,10 +24,10 @@ use std::{fmt, mem};
 ///
 /// Objects that may move are placed individually, so that a commit after moving them costs a few microseconds per
 /// object, whatever the size of their meshes. Fixed objects with a mesh of their own are built together, which makes
-/// them as fast to trace as can be; adding, removing or changing a fixed object, or moving it for the first time,
+/// them as fast to trace as possible; adding, removing or changing a fixed object, or moving it for the first time,
 /// rebuilds all of them.
 ///
-/// A copy shares what both have in common, and is made about as fast as a list of its objects.
+/// A clone shares what both have in common and costs about as much as copying the list of objects.
 #[derive(Clone)]
 pub struct LiveScene {
     engine: Engine,
@@ -38,22 +39,22 @@ pub struct LiveScene {
     origin: Option<DVec3>,
     /// The time of the next scans.
     time: Span,
-    /// Greatest distance of what changes its shape from where it should be, m.
+    /// Tolerance on the position of deforming surfaces, m.
     tolerance: f64,
     /// `None`: fixed objects have changed.
     fixed: Option<Arc<Fixed>>,
     /// Objects placed by themselves, by slot, unless they have moved.
-    placed: HashMap<u32, Placed>,
-    /// What stands for a material: on one object, by slot, or on all; by the material's address, which nothing else can
-    /// get as long as it is kept here.
+    placed: HashMap<u32, PlacedObject>,
+    /// Materials that replace others, on one object (by slot) or on all; keyed by the address of the replaced material,
+    /// which nothing else can have as long as it is kept here.
     looks: HashMap<(Option<u32>, usize), [Arc<Material>; 2]>,
-    /// `None`: objects have come, gone or changed their meaning.
+    /// `None`: objects have been added, removed or relabelled.
     surfaces: Option<Arc<Surfaces>>,
     /// `None`: something has changed.
     built: Option<BuiltScene>,
 }
 
-/// Identifies an object of a [`LiveScene`]; never reused, even after the object is gone.
+/// Identifies an object of a [`LiveScene`]; never reused, even after the object has been removed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct ObjectId {
     slot: u32,
@@ -66,7 +67,7 @@ impl ObjectId {
         u64::from(self.generation) << 32 | u64::from(self.slot)
     }
 
-    /// The object that [`ObjectId::to_u64`] gave this number; a number of no object is detected where it is used.
+    /// The id that [`ObjectId::to_u64`] turned into this number; a number that belongs to no object is detected on use.
     pub fn from_u64(number: u64) -> ObjectId {
         ObjectId { slot: number as u32, generation: (number >> 32) as u32 }
     }
@@ -82,12 +83,12 @@ struct Slot {
 #[derive(Clone)]
 struct Live {
     object: Object,
-    /// What it follows, if it moves by itself.
+    /// The timeline that moves it, if it moves by itself.
     timeline: Option<Arc<Timeline>>,
-    /// Of its mesh.
+    /// Bounding box of its mesh.
     bounds: Option<[[f32; 3]; 2]>,
-    place: Place,
-    /// Whether it has been placed where it is since the last commit.
+    place: Attachment,
+    /// Whether it has been placed or moved since the last commit.
     moved: bool,
     /// Its shape in the last scans.
     known: Known,
@@ -95,7 +96,7 @@ struct Live {
 
 /// How an object appears in Embree's structure.
 #[derive(Clone)]
-enum Place {
+enum Attachment {
     /// Together with the other fixed objects, if possible; known once those are built.
     Fixed { together: bool },
     /// By itself.
@@ -107,40 +108,40 @@ struct Fixed {
     /// Slots of those built together, in the order of their geometries.
     together: Vec<u32>,
     scene: CommittedScene,
-    /// The scene placed as it is, so that others can be placed beside it.
+    /// That scene as an untransformed instance, so that other instances can be placed alongside it.
     instance: Instance,
 }
 
 #[derive(Clone)]
-struct Placed {
-    thing: Thing,
+struct PlacedObject {
+    thing: EmbreeObject,
     /// Whether its normals come in the mesh's frame.
     turned: bool,
 }
 
-impl Placed {
-    /// Memory that its motion takes.
+impl PlacedObject {
+    /// Memory used by its motion.
     fn bytes(&self) -> usize {
         match &self.thing {
-            Thing::Still(_) | Thing::Resting(..) => 0,
-            Thing::Moving(_, mover) => mover.bytes(),
+            EmbreeObject::Still(_) | EmbreeObject::Resting(..) => 0,
+            EmbreeObject::Moving(_, mover) => mover.bytes(),
         }
     }
 }
 
 /// An object in Embree's structure.
 #[derive(Clone)]
-enum Thing {
+enum EmbreeObject {
     Still(Instance),
-    /// It stands where it is, for the time.
-    Resting(Instance, Arc<Follows>),
-    /// On its way, or out of sight.
+    /// At rest during the current time span.
+    Resting(Instance, Arc<DrivingMotion>),
+    /// Moving, or hidden.
     Moving(Custom, Arc<Mover>),
 }
 
 impl Mesh {
     /// Builds what objects with this mesh need to be traced, which otherwise happens when the first of them is
-    /// committed. This can be done on any thread while scenes are edited, and leaves a core to those who commit them.
+    /// committed. This can be done on any thread while scenes are edited, and leaves a core free for committing them.
     ///
     /// # Errors
     /// Embree's: out of memory.
@@ -148,7 +149,7 @@ impl Mesh {
         self.structure_by(engine, Pace::Aside).map(drop)
     }
 
-    /// Its structure, built now if the engine has none of it yet.
+    /// Its ray-tracing structure, built now if the engine does not have it yet.
     pub(super) fn structure_by(&self, engine: &Engine, pace: Pace) -> Result<CommittedScene> {
         let mut built = self.structure.built.lock().unwrap_or_else(PoisonError::into_inner);
         match &*built {
@@ -171,7 +172,7 @@ impl Scene {
         self.build_with(&Engine::new()?)
     }
 
-    /// [`Scene::build`] with the threads of `engine`, which scan the scene too.
+    /// [`Scene::build`] with the threads of `engine`, which also scan the scene.
     ///
     /// # Errors
     /// As [`Scene::build`].
@@ -208,7 +209,7 @@ impl LiveScene {
         }
     }
 
-    /// What builds and scans it.
+    /// The engine that builds and scans it.
     pub fn engine(&self) -> &Engine {
         &self.engine
     }
@@ -230,11 +231,11 @@ impl LiveScene {
     }
 
     /// Adds the objects of a scene file, all fixed, its cameras and the names of its labels, and returns the objects in
-    /// their order. In a scene with labels, a known name keeps its number here, as does any other name whose number in
-    /// the file is free; instances are numbered on from the greatest named number.
+    /// order. In a scene with labels, a known name keeps its number here, and any other name keeps its number from the
+    /// file if that is free; instances are numbered on from the greatest named number.
     ///
     /// # Errors
-    /// As [`LiveScene::add`]; then none is added.
+    /// As [`LiveScene::add`]; in that case no object is added.
     pub fn add_scene(&mut self, scene: &Scene) -> Result<Vec<ObjectId>> {
         let mut boxes = HashMap::new();
         for object in &scene.objects {
@@ -245,7 +246,7 @@ impl LiveScene {
         let most =
             scene.objects.iter().map(|object| object.instance_id).chain(scene.labels.instance.ids.last().copied());
         if most.max().unwrap_or(0).checked_add(last).is_none() {
-            let allowed = "such that those of the file count on after it";
+            let allowed = "one after which the numbers of the file still fit";
             return Err(Error::invalid("the greatest instance number", last, allowed));
         }
         let labels = Arc::make_mut(&mut self.labels);
@@ -264,7 +265,7 @@ impl LiveScene {
             };
             let timeline = object.motion.is_some().then(|| scene.timeline.clone());
             let (object, timeline) = staged(object, timeline);
-            let place = if timeline.is_some() { Place::Free } else { Place::Fixed { together: false } };
+            let place = if timeline.is_some() { Attachment::Free } else { Attachment::Fixed { together: false } };
             self.insert(object, bounds, place, timeline)
         });
         Ok(objects.collect())
@@ -273,9 +274,9 @@ impl LiveScene {
     /// Adds an object that may move.
     ///
     /// # Errors
-    /// A place that is not finite or reaches beyond 1e18 m; a different number of part numbers than parts.
+    /// A pose that is not finite or reaches beyond 1e18 m; part numbers that are not as many as the parts.
     pub fn add(&mut self, object: Object) -> Result<ObjectId> {
-        self.add_at(object, Place::Free)
+        self.add_at(object, Attachment::Free)
     }
 
     /// Adds an object that stays where it is.
@@ -283,10 +284,10 @@ impl LiveScene {
     /// # Errors
     /// As [`LiveScene::add`].
     pub fn add_fixed(&mut self, object: Object) -> Result<ObjectId> {
-        self.add_at(object, Place::Fixed { together: false })
+        self.add_at(object, Attachment::Fixed { together: false })
     }
 
-    fn add_at(&mut self, object: Object, place: Place) -> Result<ObjectId> {
+    fn add_at(&mut self, object: Object, place: Attachment) -> Result<ObjectId> {
         let bounds = object.mesh.bounds();
         check_pose(&object.name, bounds, &object.world_from_object)?;
         check_parts(&object.mesh, &object.part_ids)?;
@@ -303,10 +304,10 @@ impl LiveScene {
         &mut self,
         object: Object,
         bounds: Option<[[f32; 3]; 2]>,
-        place: Place,
+        place: Attachment,
         timeline: Option<Arc<Timeline>>,
     ) -> ObjectId {
-        if let Place::Fixed { .. } = place {
+        if let Attachment::Fixed { .. } = place {
             self.fixed = None;
         }
         (self.surfaces, self.built) = (None, None);
@@ -327,7 +328,7 @@ impl LiveScene {
     pub fn remove(&mut self, id: ObjectId) -> Result<()> {
         let live = self.live(id)?;
         let number = live.object.instance_id;
-        self.take_out(id);
+        self.discard_built(id);
         (self.surfaces, self.built) = (None, None);
         self.looks.retain(|(slot, _), _| *slot != Some(id.slot));
         let slot = &mut self.slots[id.slot as usize];
@@ -351,11 +352,12 @@ impl LiveScene {
         check_pose(&live.object.name, live.bounds, world_from_object)
     }
 
-    /// Moves an object elsewhere. A fixed one may move from now on. Vertices that move by themselves (caches, morph
-    /// targets, [`LiveScene::set_vertex_motion`]) go on to do so there; a skin is left in its rest pose.
+    /// Moves an object to another pose. A fixed one may move from now on. Vertices that move by themselves (caches,
+    /// morph targets, [`LiveScene::set_vertex_motion`]) continue to do so there; a skin is left in its rest pose.
     ///
     /// # Errors
-    /// As [`LiveScene::object`]; a place that is not finite or reaches beyond 1e18 m, in which case it stays.
+    /// As [`LiveScene::object`]; a pose that is not finite or reaches beyond 1e18 m, in which case it stays where it
+    /// is.
     pub fn set_pose(&mut self, id: ObjectId, world_from_object: DAffine3) -> Result<()> {
         let live = self.live(id)?;
         check_pose(&live.object.name, live.bounds, &world_from_object)?;
@@ -365,19 +367,19 @@ impl LiveScene {
             Some(shape) => live.hang(Timeline::standing(world_from_object), Some(shape)),
         }
         live.moved = true;
-        self.loosen(id);
+        self.detach(id);
         Ok(())
     }
 
-    /// Moves an object during the scans that follow: through `keys`, times in s (those of [`ScanOptions::start_time`]
-    /// and of the beams) and poses, in straight lines and turning uniformly between them; before the first and after
-    /// the last it stands. [`LiveScene::set_time`] says which of it the next scans see.
+    /// Moves an object during subsequent scans through `keys`, times in s (those of [`ScanOptions::start_time`] and of
+    /// the beams) and poses, with linear motion and uniform rotation between them; before the first and after the last
+    /// it is at rest. [`LiveScene::set_time`] selects which part of it the next scans see.
     ///
     /// [`ScanOptions::start_time`]: crate::ScanOptions::start_time
     ///
     /// # Errors
-    /// As [`LiveScene::set_pose`]; no key; times that are not finite or fall; a pose that is not a rotation and scaling
-    /// along the object's axes. Then it moves as before.
+    /// As [`LiveScene::set_pose`]; no key; times that are not finite or decrease; a pose that is not a rotation and
+    /// scaling along the object's axes. In that case it moves as before.
     pub fn set_motion(&mut self, id: ObjectId, keys: &[(f64, DAffine3)]) -> Result<()> {
         let live = self.live(id)?;
         for (_, pose) in keys {
@@ -386,19 +388,19 @@ impl LiveScene {
         let timeline = Timeline::through(keys)?;
         live.hang(timeline, live.own_shape());
         live.moved = true;
-        self.loosen(id);
+        self.detach(id);
         Ok(())
     }
 
-    /// Lets the vertices of an object move during the scans that follow: through `keys`, times in s as those of
-    /// [`LiveScene::set_motion`] and positions in the object's frame, in straight lines between them; before the first
-    /// and after the last they stand. Its triangles stay, and are flat-shaded. Given again and again, for the next part
-    /// of a simulation each time, only what the next scan needs is built.
+    /// Moves the vertices of an object during subsequent scans through `keys`, times in s as those of
+    /// [`LiveScene::set_motion`] and positions in the object's frame, with linear motion between them; before the first
+    /// and after the last they are at rest. Its triangles stay the same and are flat-shaded. When called repeatedly,
+    /// each time with the next part of a simulation, it builds only what the next scan needs.
     ///
     /// # Errors
-    /// As [`LiveScene::object`]; no key; times that are not finite or do not rise; a different number of vertices than
-    /// before; a coordinate that is not finite or beyond 1e18; a mesh whose parts do not share their vertices. Then it
-    /// moves as before.
+    /// As [`LiveScene::object`]; no key; times that are not finite or not increasing; a number of vertices that differs
+    /// from the number before; a coordinate that is not finite or beyond 1e18; a mesh whose parts do not share their
+    /// vertices. In that case it moves as before.
     pub fn set_vertex_motion(&mut self, id: ObjectId, keys: &[(f64, Array<[f32; 3]>)]) -> Result<()> {
         let live = self.live(id)?;
         let times: Vec<f64> = keys.iter().map(|(time, _)| *time).collect();
@@ -406,7 +408,7 @@ impl LiveScene {
             return Err(Error::invalid(format!("time of key {index}"), times[index], "finite times that rise"));
         }
         let Some((_, first)) = keys.first() else { return Err(Error::invalid("keys", "none", "at least one")) };
-        // What has moved before keeps the tree that its rays go through.
+        // A mesh that has moved before keeps the tree that its rays traverse.
         let known = live.object.motion.as_ref().and_then(|motion| motion.shape.clone());
         let known = known.filter(|shape| shape.cache.as_ref().is_some_and(|cache| !cache.is_read()));
         let vertices = live.object.mesh.parts[0].positions.len();
@@ -423,10 +425,10 @@ impl LiveScene {
         let samples = keys.iter().map(|(_, positions)| positions.clone()).collect();
         let cache = Cache::held(times, samples);
         let shape = match known {
-            Some(known) => Shape { cache: Some(Arc::new(cache)), ..(*known).clone() },
+            Some(known) => Deformation { cache: Some(Arc::new(cache)), ..(*known).clone() },
             None => {
                 let mesh = live.object.mesh.with_vertices(first.clone(), None)?;
-                let shape = Shape::baked(mesh.parts.len(), first, cache);
+                let shape = Deformation::baked(mesh.parts.len(), first, cache);
                 (live.bounds, live.object.mesh, live.object.sequence) = (mesh.bounds(), Arc::new(mesh), None);
                 self.surfaces = None;
                 shape
@@ -438,13 +440,13 @@ impl LiveScene {
             None => live.hang(Timeline::standing(live.object.world_from_object), Some(Arc::new(shape))),
         }
         live.moved = true;
-        self.loosen(id);
+        self.detach(id);
         Ok(())
     }
 
-    /// Sets the time of the next scans, s: everything that moves by itself will be where it is at every moment from
-    /// `start` to `start + length`. With a `length` of 0 it holds still where it is at `start`, whatever the time of a
-    /// scan. A new scene is set to time 0, still.
+    /// Sets the time of the next scans, s: everything that moves by itself does so from `start` to `start + length`.
+    /// With a `length` of 0 it is frozen where it is at `start`, whatever the time of a scan. A new scene is frozen at
+    /// time 0.
     ///
     /// # Errors
     /// A time that is not finite; a negative length.
@@ -471,7 +473,7 @@ impl LiveScene {
                 }
                 live.moved = true;
             }
-            // Even of what rests, another time is told.
+            // The snapshot also states the time of objects at rest.
             self.built = None;
         }
         if self.objects().any(|(_, object)| object.materials().any(|material| material.changes.is_some())) {
@@ -480,8 +482,8 @@ impl LiveScene {
         Ok(())
     }
 
-    /// Sets how far what changes its shape may be from where it should be during a scan, m: 1 mm in a new scene. Rays
-    /// see straight motion between steps, of which there are as many as that needs.
+    /// Sets the tolerance on the position of deforming surfaces during a scan, m: 1 mm in a new scene. Rays see linear
+    /// motion between steps; there are as many steps as the tolerance requires.
     ///
     /// # Errors
     /// A distance that is not above 0, or beyond 1 km.
@@ -504,8 +506,8 @@ impl LiveScene {
     /// optimised for build speed, with the same triangles.
     ///
     /// # Errors
-    /// As [`LiveScene::object`] and [`Mesh::new`]; a different number of vertices than before; a mesh whose parts do
-    /// not share their vertices. Then it stays as it is.
+    /// As [`LiveScene::object`] and [`Mesh::new`]; a number of vertices that differs from the number before; a mesh
+    /// whose parts do not share their vertices. In that case the object stays as it is.
     pub fn set_vertices(
         &mut self,
         id: ObjectId,
@@ -521,15 +523,15 @@ impl LiveScene {
             motion.shape = None;
         }
         live.moved = true;
-        self.loosen(id);
+        self.detach(id);
         self.surfaces = None;
         Ok(())
     }
 
-    /// Sets what an object is: its category, its own number, and that of each part of its mesh.
+    /// Sets the labels of an object: its category, its instance number, and the number of each part of its mesh.
     ///
     /// # Errors
-    /// As [`LiveScene::object`]; a different number of part numbers than parts.
+    /// As [`LiveScene::object`]; part numbers that are not as many as the parts.
     pub fn set_labels(&mut self, id: ObjectId, category_id: u32, instance_id: u32, part_ids: &[u32]) -> Result<()> {
         let live = self.live(id)?;
         check_parts(&live.object.mesh, part_ids)?;
@@ -556,7 +558,7 @@ impl LiveScene {
     pub fn set_mask(&mut self, id: ObjectId, mask: u32) -> Result<()> {
         let live = self.live(id)?;
         live.object.mask = mask;
-        self.take_out(id);
+        self.discard_built(id);
         self.built = None;
         Ok(())
     }
@@ -574,8 +576,8 @@ impl LiveScene {
         Ok(())
     }
 
-    /// Lets `look` stand for `material` of meshes, on one object or on all; what is set for one object is preferred.
-    /// Nothing is built anew.
+    /// Replaces `material` of meshes by `look`, on one object or on all; what is set for one object takes precedence.
+    /// Nothing is rebuilt.
     ///
     /// # Errors
     /// As [`LiveScene::object`].
@@ -593,17 +595,17 @@ impl LiveScene {
         Ok(())
     }
 
-    /// Lets a fixed object be moved, removed or replaced without building the others anew.
+    /// Detaches a fixed object, so that it can be moved, removed or replaced without rebuilding the others.
     ///
     /// # Errors
     /// As [`LiveScene::object`].
     pub(crate) fn unfix(&mut self, id: ObjectId) -> Result<()> {
         self.slot(id)?;
-        self.loosen(id);
+        self.detach(id);
         Ok(())
     }
 
-    /// Moves an object, with all of its motion, as `moved` moves the world.
+    /// Applies the world transform `moved` to an object and to all of its motion.
     ///
     /// # Errors
     /// As [`LiveScene::set_pose`].
@@ -619,15 +621,15 @@ impl LiveScene {
             live.object.motion = Some(motion.shifted(shift));
         }
         live.moved = true;
-        self.loosen(id);
+        self.detach(id);
         Ok(())
     }
 
-    /// Adds the objects of a model, which may move, as one instance with this number, name and, if it is given,
-    /// category; `world_from_model` places them.
+    /// Adds the objects of a model, which may move, as one instance with this number, name and, if given, category;
+    /// `world_from_model` places them.
     ///
     /// # Errors
-    /// As [`LiveScene::add`]; then none is added.
+    /// As [`LiveScene::add`]; in that case no object is added.
     pub(crate) fn add_model(
         &mut self,
         model: &Scene,
@@ -657,12 +659,12 @@ impl LiveScene {
             };
             let timeline = object.motion.is_some().then(|| timeline.clone());
             let (object, timeline) = staged(object, timeline);
-            self.insert(object, bounds, Place::Free, timeline)
+            self.insert(object, bounds, Attachment::Free, timeline)
         });
         Ok(ids.collect())
     }
 
-    /// A number for one more instance.
+    /// An unused number for another instance.
     pub(crate) fn next_instance(&self) -> u32 {
         let last = self.objects().map(|(_, object)| object.instance_id).max().unwrap_or(0);
         last.max(self.labels.instance.ids.last().copied().unwrap_or(0)).saturating_add(1)
@@ -673,10 +675,10 @@ impl LiveScene {
         &self.labels
     }
 
-    /// Names a number of a label column: `category`, `part` or `instance`; the names travel with every file.
+    /// Names a number of a label column: `category`, `part` or `instance`; the names are part of every file written.
     ///
     /// # Errors
-    /// A different table; the number 0, which means unlabelled.
+    /// Any other table; the number 0, which means unlabelled.
     pub fn name_label(&mut self, table: &str, number: u32, name: &str) -> Result<()> {
         if number == 0 {
             return Err(Error::invalid("number", 0, "1 to 4294967295: 0 means unlabelled"));
@@ -720,7 +722,7 @@ impl LiveScene {
         &self.cameras
     }
 
-    /// Where the camera node called `name` of an added scene stands.
+    /// Pose of the camera node called `name` of an added scene.
     ///
     /// # Errors
     /// [`Error::Missing`] with similar names.
@@ -754,14 +756,14 @@ impl LiveScene {
     fn build(&mut self) -> Result<BuiltScene> {
         let origin = match self.origin {
             Some(origin) => origin,
-            // Without objects there is nothing to choose by.
+            // Without objects there is nothing to choose from.
             None if self.lives().next().is_none() => DVec3::ZERO,
             None => *self.origin.insert(local_origin(&self.slots)),
         };
         let fixed = match self.fixed.take() {
             Some(fixed) => fixed,
             None => {
-                // The order of objects may depend on which are together.
+                // The order of objects may depend on which are built together.
                 self.surfaces = None;
                 Arc::new(self.build_fixed(origin)?)
             }
@@ -770,7 +772,7 @@ impl LiveScene {
         for live in self.slots.iter_mut().filter_map(|slot| slot.live.as_mut()).filter(|live| live.moved) {
             Arc::make_mut(live).follow(self.time.start);
         }
-        let mut left = MOST_BYTES.saturating_sub(self.placed.values().map(Placed::bytes).sum());
+        let mut left = MOST_BYTES.saturating_sub(self.placed.values().map(PlacedObject::bytes).sum());
         for (slot, entry) in (0..).zip(&mut self.slots) {
             let Some(live) = &mut entry.live else { continue };
             if !live.place.is_together() && !self.placed.contains_key(&slot) {
@@ -796,8 +798,10 @@ impl LiveScene {
             top.attach_instance(&fixed.instance)?;
             for (slot, _) in order().skip(fixed.together.len()) {
                 match &self.placed[&slot].thing {
-                    Thing::Still(instance) | Thing::Resting(instance, _) => top.attach_instance(instance)?,
-                    Thing::Moving(custom, _) => top.attach_shape(custom)?,
+                    EmbreeObject::Still(instance) | EmbreeObject::Resting(instance, _) => {
+                        top.attach_instance(instance)?
+                    }
+                    EmbreeObject::Moving(custom, _) => top.attach_shape(custom)?,
                 };
             }
             self.engine.commit(top, self.placed.len(), Pace::Now)?
@@ -812,7 +816,7 @@ impl LiveScene {
                 };
                 let looks = (!self.looks.is_empty()).then_some(&look as &dyn Fn(u32, &Arc<Material>) -> _);
                 let objects = order().map(|(slot, live)| (slot, &live.object, turned(slot)));
-                // Materials are as in the middle of a scan.
+                // Materials are those at the middle of a scan.
                 let time = self.time.start + 0.5 * self.time.length;
                 let mut surfaces = Surfaces::new(objects, looks, self.labels.clone(), time);
                 let rows = |live: &Live| live.object.mesh.parts.len() as u32;
@@ -828,9 +832,9 @@ impl LiveScene {
         let (mut movers, mut resting) = (Vec::new(), Vec::new());
         for (slot, _) in order() {
             let (mover, rests) = match self.placed.get(&slot).map(|placed| &placed.thing) {
-                None | Some(Thing::Still(_)) => (None, None),
-                Some(Thing::Resting(_, follows)) => (None, Some(follows.clone())),
-                Some(Thing::Moving(_, mover)) => (Some(mover.clone()), None),
+                None | Some(EmbreeObject::Still(_)) => (None, None),
+                Some(EmbreeObject::Resting(_, driving)) => (None, Some(driving.clone())),
+                Some(EmbreeObject::Moving(_, mover)) => (Some(mover.clone()), None),
             };
             movers.push(mover);
             resting.push(rests);
@@ -838,7 +842,7 @@ impl LiveScene {
         let moves = movers.iter().any(Option::is_some);
         let rests = resting.iter().any(Option::is_some);
         let normal_matrices = order().map(|(_, live)| normal_matrix(&live.object)).collect();
-        let extents = order().map(|(_, live)| Extent::new(&live.object, live.bounds)).collect();
+        let extents = order().map(|(_, live)| ObjectExtent::new(&live.object, live.bounds)).collect();
         let mut report = Report::default();
         warn_of_far_objects(&self.slots, origin, &mut report);
         let device = self.engine.device();
@@ -865,10 +869,10 @@ impl LiveScene {
         Ok(BuiltScene(Arc::new(tables)))
     }
 
-    /// Builds the fixed objects: in one scene those whose mesh is not shared, the others to be placed like free ones.
+    /// Builds the fixed objects whose mesh is not shared in one scene; the others are placed like free ones.
     fn build_fixed(&mut self, origin: DVec3) -> Result<Fixed> {
         let mut uses: HashMap<*const Mesh, usize> = HashMap::new();
-        for (_, live) in self.lives().filter(|(_, live)| !matches!(live.place, Place::Free)) {
+        for (_, live) in self.lives().filter(|(_, live)| !matches!(live.place, Attachment::Free)) {
             *uses.entry(Arc::as_ptr(&live.object.mesh)).or_default() += 1;
         }
         let mut scene = embree4::Scene::new(self.engine.device(), Quality::Medium)?;
@@ -876,13 +880,13 @@ impl LiveScene {
         for (slot, live) in
             self.slots.iter_mut().enumerate().filter_map(|(slot, entry)| Some((slot, entry.live.as_mut()?)))
         {
-            if matches!(live.place, Place::Free) {
+            if matches!(live.place, Attachment::Free) {
                 continue;
             }
             let live = Arc::make_mut(live);
-            let Place::Fixed { together: is_together } = &mut live.place else { continue };
+            let Attachment::Fixed { together: is_together } = &mut live.place else { continue };
             let local_from_object = DAffine3::from_translation(-origin) * live.object.world_from_object;
-            // A copy squeezed flat cannot be an instance: rays could not be transformed to its frame.
+            // An object scaled flat cannot be an instance: rays could not be transformed to its frame.
             *is_together =
                 uses[&Arc::as_ptr(&live.object.mesh)] == 1 || !embree4::is_invertible(&columns(&local_from_object));
             if *is_together {
@@ -897,20 +901,21 @@ impl LiveScene {
         Ok(Fixed { together, scene, instance })
     }
 
-    /// An object has been moved: it may move from now on.
-    fn loosen(&mut self, id: ObjectId) {
-        self.take_out(id);
-        if let Some(live) = self.slots[id.slot as usize].live.as_mut().filter(|live| !matches!(live.place, Place::Free))
+    /// Makes an object movable, because it has been moved.
+    fn detach(&mut self, id: ObjectId) {
+        self.discard_built(id);
+        if let Some(live) =
+            self.slots[id.slot as usize].live.as_mut().filter(|live| !matches!(live.place, Attachment::Free))
         {
-            Arc::make_mut(live).place = Place::Free;
+            Arc::make_mut(live).place = Attachment::Free;
         }
         self.built = None;
     }
 
-    /// What has been built of an object is no longer valid.
-    fn take_out(&mut self, id: ObjectId) {
+    /// Discards what has been built for an object.
+    fn discard_built(&mut self, id: ObjectId) {
         let Some(live) = &mut self.slots[id.slot as usize].live else { return };
-        if !matches!(live.place, Place::Free) {
+        if !matches!(live.place, Attachment::Free) {
             self.fixed = None;
         }
         if let Some(placed) = self.placed.remove(&id.slot) {
@@ -936,7 +941,7 @@ impl LiveScene {
     }
 }
 
-/// An object whose mesh is one of a sequence hangs on a node even if that stays.
+/// Attaches an object whose mesh is one of a sequence to a node, even if that does not move.
 fn staged(object: Object, timeline: Option<Arc<Timeline>>) -> (Object, Option<Arc<Timeline>>) {
     if object.sequence.is_none() || timeline.is_some() {
         return (object, timeline);
@@ -946,9 +951,9 @@ fn staged(object: Object, timeline: Option<Arc<Timeline>>) -> (Object, Option<Ar
     (Object { motion: Some(motion), ..object }, Some(Arc::new(timeline)))
 }
 
-impl Place {
+impl Attachment {
     fn is_together(&self) -> bool {
-        matches!(self, Place::Fixed { together: true })
+        matches!(self, Attachment::Fixed { together: true })
     }
 }
 
@@ -967,19 +972,19 @@ fn check_pose(name: &str, bounds: Option<[[f32; 3]; 2]>, world_from_object: &DAf
         corner => Err(Error::invalid(
             format!("pose of object {name:?}"),
             corner.map_or("not finite".into(), |corner| format!("such that it reaches to {:?} m", corner.to_array())),
-            "finite numbers, places from -1e18 to 1e18 m",
+            "finite numbers, positions from -1e18 to 1e18 m",
         )),
     }
 }
 
-/// Numbers of labels that are others here than in the scene that objects come from.
+/// Label numbers that differ from those in the scene that the objects come from.
 struct Renumbered {
     categories: HashMap<u32, u32>,
     parts: HashMap<u32, u32>,
 }
 
 impl Renumbered {
-    /// Gives `labels` the names of `other` for categories, parts and materials.
+    /// Merges the names of categories, parts and materials from `other` into `labels`.
     fn absorbing(labels: &mut Labels, other: &Labels) -> Renumbered {
         labels.material.absorb(&other.material);
         let (categories, parts) = (labels.category.absorb(&other.category), labels.part.absorb(&other.part));
@@ -1008,45 +1013,45 @@ fn check_parts(mesh: &Mesh, part_ids: &[u32]) -> Result<()> {
     }
 }
 
-/// Names the number of an instance, if both are given and it has no name.
+/// Names an instance number, if both are given and it has no name yet.
 fn name_instance(labels: &mut Labels, number: u32, name: &str) {
     if !name.is_empty() && labels.instance.name(number).is_none() {
         labels.instance.set(number, name);
     }
 }
 
-/// Gives the name of a material a number, if it has none.
+/// Gives the name of a material a number, if it has none yet.
 fn name_material(labels: &mut Labels, material: &Material) {
     labels.material.numbered(&material.name);
 }
 
 impl Live {
-    /// The shape that it has wherever it is: all but a skin, whose joints are in the world.
-    fn own_shape(&self) -> Option<Arc<Shape>> {
+    /// The deformation that it keeps at any pose: all but a skin, whose joints are in the world.
+    fn own_shape(&self) -> Option<Arc<Deformation>> {
         self.object.motion.as_ref()?.shape.clone().filter(|shape| shape.skin.is_none())
     }
 
-    /// Hangs it on the only node of `timeline`.
-    fn hang(&mut self, timeline: Timeline, shape: Option<Arc<Shape>>) {
+    /// Attaches it to the only node of `timeline`.
+    fn hang(&mut self, timeline: Timeline, shape: Option<Arc<Deformation>>) {
         self.object.motion = Some(Motion { node: 0, node_from_object: DAffine3::IDENTITY, shape });
         self.timeline = Some(Arc::new(timeline));
     }
 
-    /// What is known of its shape when it is no longer `placed` so.
-    fn remember(&mut self, placed: &Placed) {
-        if let Thing::Moving(_, mover) = &placed.thing {
+    /// Keeps the shapes known from `placed`, which is being replaced.
+    fn remember(&mut self, placed: &PlacedObject) {
+        if let EmbreeObject::Moving(_, mover) = &placed.thing {
             self.known.moments.extend_from_slice(mover.moments());
         }
     }
 
-    /// Puts what moves by itself where it is at `time`, s.
+    /// Sets the pose at `time`, s, of an object that moves by itself.
     fn follow(&mut self, time: f64) {
         if let (Some(timeline), Some(motion)) = (&self.timeline, &self.object.motion) {
             self.object.world_from_object = timeline.world_from_node(motion.node, time) * motion.node_from_object;
         }
     }
 
-    /// Places it by itself, as it is in `time`, its motion in no more than `most_bytes`.
+    /// Places it individually for the span `time`, with its motion in at most `most_bytes`.
     fn place(
         &mut self,
         engine: &Engine,
@@ -1054,7 +1059,7 @@ impl Live {
         time: Span,
         tolerance: f64,
         most_bytes: usize,
-    ) -> Result<Placed> {
+    ) -> Result<PlacedObject> {
         let object = &self.object;
         let [start, end] = [time.start, time.start + time.length];
         let mut resting = None;
@@ -1065,28 +1070,28 @@ impl Live {
                 && timeline.is_visible(motion.node, start);
             let (timeline, motion, mesh) = (timeline.clone(), motion.clone(), object.mesh.clone());
             let (name, sequence) = (object.name.clone(), object.sequence.clone());
-            let follows = Follows { name, timeline, motion, mesh, sequence, tolerance, origin };
+            let driving = DrivingMotion { name, timeline, motion, mesh, sequence, tolerance, origin };
             if !rests {
-                let mover = Arc::new(Mover::new(engine, follows, time, &mut self.known, most_bytes)?);
+                let mover = Arc::new(Mover::new(engine, driving, time, &mut self.known, most_bytes)?);
                 let custom = Custom::new(engine.device(), mover.clone(), object.mask)?;
-                return Ok(Placed { thing: Thing::Moving(custom, mover), turned: true });
+                return Ok(PlacedObject { thing: EmbreeObject::Moving(custom, mover), turned: true });
             }
-            resting = Some(Arc::new(follows));
+            resting = Some(Arc::new(driving));
         }
         let thing = |instance| match resting {
-            Some(follows) => Thing::Resting(instance, follows),
-            None => Thing::Still(instance),
+            Some(driving) => EmbreeObject::Resting(instance, driving),
+            None => EmbreeObject::Still(instance),
         };
         let local_from_object = DAffine3::from_translation(-origin) * object.world_from_object;
         let matrix = columns(&local_from_object);
         if embree4::is_invertible(&matrix) {
             let of = object.mesh.structure_by(engine, Pace::Now)?;
-            return Ok(Placed { thing: thing(Instance::new(&of, matrix, object.mask)?), turned: true });
+            return Ok(PlacedObject { thing: thing(Instance::new(&of, matrix, object.mask)?), turned: true });
         }
-        // Squeezed flat, it gets a mesh of its own in the world.
+        // Scaled flat, it gets a mesh of its own in world coordinates.
         let of = mesh_scene(engine, &object.mesh, Quality::Low, Some(&local_from_object), Pace::Now)?;
         let instance = Instance::new(&of, columns(&DAffine3::IDENTITY), object.mask)?;
-        Ok(Placed { thing: thing(instance), turned: false })
+        Ok(PlacedObject { thing: thing(instance), turned: false })
     }
 }
 

@@ -1,10 +1,10 @@
-//! Rays to hits: the only user of Embree.
+//! Ray tracing, from rays to hits: the only module that uses Embree.
 
 mod backscatter;
 mod bare;
 mod below;
-mod bending;
 mod bodies;
+mod deforming;
 mod enclosure;
 mod engine;
 mod hits;
@@ -16,14 +16,14 @@ mod surface;
 
 pub(crate) use backscatter::Backscatter;
 pub use bare::BareLoop;
-pub(crate) use below::{Below, Raster};
+pub(crate) use below::{Below, MapRaster};
 pub(crate) use bodies::{Body, Stand};
 pub use enclosure::Enclosure;
 pub use engine::Engine;
 pub(crate) use hits::{Cover, HitBatch, Sight, traced};
-pub(crate) use instances::{Crossings, Instance};
+pub(crate) use instances::{Crossings, LabelledInstance};
 pub use live::{LiveScene, ObjectId};
-pub(crate) use mover::{Clock, Follows, Later, Movement, Mover, Return};
+pub(crate) use mover::{Clock, DrivingMotion, Later, Movement, Mover, Return};
 pub(crate) use sound::{
     Arrival, Direct, Goal, Launch, ReflectionLoss, SoundLimits, SoundTracer, TracerMemory, TubeHit,
 };
@@ -34,7 +34,7 @@ use crate::motion::Span;
 use crate::scene::Labels;
 use embree4::CommittedScene;
 use glam::{DVec3, Mat3};
-use instances::Extent;
+use instances::ObjectExtent;
 use std::sync::{Arc, OnceLock};
 
 /// A scene with its ray-tracing structure, immutable and shared by threads and clones.
@@ -51,17 +51,18 @@ pub(crate) struct Tables {
     pub origin: DVec3,
     /// World-from-object matrices for normals (cofactors of the linear part), by [`Surface::object`].
     pub normal_matrices: Vec<Mat3>,
-    /// Where objects are while nothing moves, and how far they reach, by [`Surface::object`].
-    pub extents: Vec<Extent>,
+    /// Pose and extent of objects while nothing moves, by [`Surface::object`].
+    pub extents: Vec<ObjectExtent>,
     /// Objects that move, by [`Surface::object`]; empty if none does.
     pub movers: Vec<Option<Arc<Mover>>>,
-    /// Objects that stand in this time but may move at others, by [`Surface::object`]; empty if there are none.
-    pub resting: Vec<Option<Arc<Follows>>>,
-    /// The time of the scans that those are prepared for; `None`: nothing ever moves, or time stands still.
+    /// Objects that are at rest during this span but may move at other times, by [`Surface::object`]; empty if there
+    /// are none.
+    pub resting: Vec<Option<Arc<DrivingMotion>>>,
+    /// The time span that those are prepared for; `None`: nothing ever moves, or time is frozen.
     pub span: Option<Span>,
     pub surfaces: Arc<Surfaces>,
     pub report: Report,
-    /// Computed when first asked for.
+    /// Computed on first use.
     bodies: OnceLock<Vec<Body>>,
 }
 
@@ -71,7 +72,7 @@ impl BuiltScene {
         &self.0.surfaces.labels
     }
 
-    /// What building noticed.
+    /// What was noticed during the build.
     pub fn report(&self) -> &Report {
         &self.0.report
     }

@@ -1,78 +1,78 @@
 //! Objects that move while they are scanned.
 
-use super::bending::{Bending, Known, Moment, Spot};
+use super::deforming::{Deforming, Known, MeshSpot, Moment};
 use super::{Engine, Surface, Tables};
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::LANES;
 use crate::motion::{MOST_BENDS, Motion, Path, Span, Timeline};
 use crate::scene::{Mesh, Sequence};
 use echocast_kernels::aim;
-use embree4::{CommittedScene, LocalRays, Pace, Query, Shape};
+use embree4::{CommittedScene, CustomShape, LocalRays, Pace, Query};
 use glam::{DAffine3, DMat3, DVec3, Mat3, Vec3};
 use std::sync::{Arc, OnceLock};
 
-/// An object on its way, as rays at their own times meet it.
+/// A moving object, as rays hit it at their own times.
 pub(crate) struct Mover {
     pub path: Path,
-    /// When it starts, s.
+    /// Start of its time span, s.
     pub start: f64,
-    follows: Follows,
-    body: Body,
+    driving: DrivingMotion,
+    body: MoverMesh,
 }
 
-/// What an object follows, and how exactly.
+/// The motion of an object, and its tolerance.
 #[derive(Clone)]
-pub(crate) struct Follows {
+pub(crate) struct DrivingMotion {
     pub name: String,
     pub timeline: Arc<Timeline>,
     pub motion: Motion,
     pub mesh: Arc<Mesh>,
-    /// Meshes that take the place of its own.
+    /// Meshes that replace its own over time.
     pub sequence: Option<Arc<Sequence>>,
-    /// Greatest distance of what changes its shape from where it should be, m.
+    /// Tolerance on the position of deforming surfaces, m.
     pub tolerance: f64,
     /// The scene's origin.
     pub origin: DVec3,
 }
 
 /// The mesh of an object that moves, in the object's frame.
-enum Body {
-    /// It keeps its shape.
-    Stiff(CommittedScene),
-    Bending(Bending),
-    /// One mesh takes the place of another.
-    Changing(Vec<Stage>),
+enum MoverMesh {
+    /// It is rigid.
+    Rigid(CommittedScene),
+    Deforming(Deforming),
+    /// One mesh replaces another.
+    Changing(Vec<MeshStage>),
 }
 
-/// A mesh and from when it is there, 0 to 1.
-struct Stage {
+/// A mesh and the time from which it is present, 0 to 1.
+struct MeshStage {
     start: f32,
-    /// Which of the sequence it is.
+    /// Its number in the sequence.
     number: usize,
     mesh: Arc<Mesh>,
     of: CommittedScene,
-    /// Memory that these take, unless an earlier stage has them too.
+    /// Memory that mesh and structure take, unless an earlier stage has them too.
     bytes: usize,
 }
 
-/// Where the objects of a scene are one frame later.
+/// Poses of the objects of a scene one frame later.
 pub(crate) struct Later {
     /// The time of the scan, and how much later, s.
     span: Span,
     period: f64,
-    /// By number, once asked for; few objects are hit.
+    /// By number, computed on demand; few objects are hit.
     objects: Vec<OnceLock<Next>>,
 }
 
-/// What becomes of an object in one frame.
+/// How an object moves in one frame.
 enum Next {
     Stays,
-    Moves(Path, Option<Bending>),
-    /// It moves too much to be followed.
+    Moves(Path, Option<Deforming>),
+    /// Its motion takes too much memory to be represented.
     Unknown,
 }
 
-/// Most memory for what moves in one scene, bytes.
+/// Most memory for the moving objects of one scene, bytes.
 pub(super) const MOST_BYTES: usize = 4 << 30;
 
 /// How a point moves.
@@ -80,26 +80,26 @@ pub(super) const MOST_BYTES: usize = 4 << 30;
 pub(crate) struct Movement {
     /// In the world, m/s.
     pub velocity: Vec3,
-    /// Where it will be one frame later, minus where it is, in the world, m.
+    /// Its position one frame later minus its current one, in the world, m.
     pub flow: Vec3,
 }
 
-/// What brings a point back to where it was.
+/// What takes a point back to where it was.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Return {
-    /// Where it was, minus where it is, in the world, m.
+    /// Its earlier position minus its current one, in the world, m.
     pub way: Vec3,
-    /// What turns normals there.
+    /// Matrix that transforms normals accordingly.
     pub normal: Mat3,
 }
 
 /// Most lanes of a packet.
 const MOST: usize = 16;
 
-impl Follows {
-    /// Its way through `span` around `bounds`, in no more than `most_bytes`.
+impl DrivingMotion {
+    /// Its path through `span`, given the `bounds` of its mesh, in no more than `most_bytes`.
     fn path(&self, span: Span, bounds: [[f32; 3]; 2], most_bytes: usize) -> Result<Path> {
-        let Follows { timeline, motion, origin, .. } = self;
+        let DrivingMotion { timeline, motion, origin, .. } = self;
         if span.length == 0.0 {
             let place = DAffine3::from_translation(-*origin) * self.world_from_object(span.start);
             return Ok(Path::standing(&place, timeline.is_visible(motion.node, span.start)));
@@ -115,11 +115,11 @@ impl Follows {
         path.ok_or_else(|| self.too_much(span))
     }
 
-    /// Its shape in `span`, if it changes, in no more than `most_bytes`; see [`Bending::new`].
-    fn shape(&self, span: Span, known: &mut Known, most_bytes: usize) -> Result<Option<Bending>> {
+    /// Its shape in `span`, if it changes, in no more than `most_bytes`; see [`Deforming::new`].
+    fn shape(&self, span: Span, known: &mut Known, most_bytes: usize) -> Result<Option<Deforming>> {
         let Some(shape) = &self.motion.shape else { return Ok(None) };
-        let bending = Bending::new(self, shape, span, known, most_bytes)?;
-        bending.ok_or_else(|| self.too_much(span)).map(Some)
+        let deforming = Deforming::new(self, shape, span, known, most_bytes)?;
+        deforming.ok_or_else(|| self.too_much(span)).map(Some)
     }
 
     pub(super) fn world_from_object(&self, time: f64) -> DAffine3 {
@@ -128,12 +128,14 @@ impl Follows {
 
     fn too_much(&self, span: Span) -> Error {
         let gib = MOST_BYTES >> 30;
-        let allowed =
-            format!("times in which what moves can be followed in {gib} GiB, as object {:?} cannot", self.name);
+        let allowed = format!(
+            "a time short enough for moving objects to fit into {gib} GiB, which object {:?} does not",
+            self.name
+        );
         Error::invalid("time of a scan", format!("{} s", span.length), allowed)
     }
 
-    /// What becomes of it from `span` to the same time `period` s later, in which it keeps its shape.
+    /// How it moves from `span` to the same time `period` s later, provided that it is rigid.
     fn next(&self, span: Span, period: f64) -> Next {
         if self.timeline.stays(self.motion.node, span.start, span.start + period + span.length) {
             return Next::Stays;
@@ -145,62 +147,63 @@ impl Follows {
 }
 
 impl Mover {
-    /// What moves through `span` as `follows` says; moments `known` already as in [`Bending::new`].
+    /// An object that moves through `span` as `driving` specifies; moments `known` already are used as in
+    /// [`Deforming::new`].
     ///
     /// # Errors
     /// Embree's: out of memory; a vertex cache that can no longer be read; motion that takes more than `most_bytes`.
     pub(super) fn new(
         engine: &Engine,
-        follows: Follows,
+        driving: DrivingMotion,
         span: Span,
         known: &mut Known,
         most_bytes: usize,
     ) -> Result<Mover> {
-        let body = match (follows.shape(span, known, most_bytes)?, &follows.sequence) {
-            (Some(bending), _) => Body::Bending(bending),
+        let body = match (driving.shape(span, known, most_bytes)?, &driving.sequence) {
+            (Some(deforming), _) => MoverMesh::Deforming(deforming),
             (None, Some(sequence)) => {
                 let stages = stages(engine, sequence, span, most_bytes)?;
-                Body::Changing(stages.ok_or_else(|| follows.too_much(span))?)
+                MoverMesh::Changing(stages.ok_or_else(|| driving.too_much(span))?)
             }
-            (None, None) => Body::Stiff(follows.mesh.structure_by(engine, Pace::Now)?),
+            (None, None) => MoverMesh::Rigid(driving.mesh.structure_by(engine, Pace::Now)?),
         };
-        let path = follows.path(span, body.bounds(0.0), most_bytes)?;
-        Ok(Mover { path, start: span.start, follows, body })
+        let path = driving.path(span, body.bounds(0.0), most_bytes)?;
+        Ok(Mover { path, start: span.start, driving, body })
     }
 
     /// Memory that its motion takes.
     pub(super) fn bytes(&self) -> usize {
         let body = match &self.body {
-            Body::Stiff(_) => 0,
-            Body::Bending(bending) => bending.bytes(),
-            Body::Changing(stages) => stages.iter().map(|stage| stage.bytes).sum(),
+            MoverMesh::Rigid(_) => 0,
+            MoverMesh::Deforming(deforming) => deforming.bytes(),
+            MoverMesh::Changing(stages) => stages.iter().map(|stage| stage.bytes).sum(),
         };
         self.path.bytes() + body
     }
 
-    /// Where it is at `time`, s, and how it has turned: as its frame has, or its skeleton; `None`: it cannot be seen.
-    pub(super) fn stance(&self, time: f64) -> Option<(DAffine3, DMat3)> {
-        let Follows { timeline, motion, .. } = &self.follows;
-        let world_from_object = self.follows.world_from_object(time);
+    /// Its pose at `time`, s, and its orientation: that of its frame, or of its skeleton; `None`: it is hidden.
+    pub(super) fn transform_at(&self, time: f64) -> Option<(DAffine3, DMat3)> {
+        let DrivingMotion { timeline, motion, .. } = &self.driving;
+        let world_from_object = self.driving.world_from_object(time);
         timeline.is_visible(motion.node, time).then(|| (world_from_object, self.turned(time, &world_from_object)))
     }
 
-    /// How it has turned at `time`, s, where it is then.
+    /// Its orientation at `time`, s, given its pose then.
     fn turned(&self, time: f64, world_from_object: &DAffine3) -> DMat3 {
         let turned = match &self.body {
-            Body::Bending(bending) => bending.turned(&self.follows.timeline, time, world_from_object),
-            Body::Stiff(_) | Body::Changing(_) => None,
+            MoverMesh::Deforming(deforming) => deforming.turned(&self.driving.timeline, time, world_from_object),
+            MoverMesh::Rigid(_) | MoverMesh::Changing(_) => None,
         };
         world_from_object.matrix3 * turned.unwrap_or(DMat3::IDENTITY)
     }
 
-    /// If its shape changes, passes the places of the corners of its triangles at `time`, 0 to 1, in the object's frame
-    /// and how fast they move there, per length of the scan's time, to `visit`.
+    /// If its shape changes, passes the positions of the corners of its triangles at `time`, 0 to 1, and their
+    /// velocities per length of the time span, both in the object's frame, to `visit`.
     pub(super) fn each_corner(&self, time: f32, visit: &mut dyn FnMut(Vec3, Vec3)) {
         match &self.body {
-            Body::Stiff(_) => {}
-            Body::Bending(bending) => bending.each_corner(time, visit),
-            Body::Changing(stages) => {
+            MoverMesh::Rigid(_) => {}
+            MoverMesh::Deforming(deforming) => deforming.each_corner(time, visit),
+            MoverMesh::Changing(stages) => {
                 let Some(stage) = stages.get(stage_at(stages, time)) else { return };
                 for part in &stage.mesh.parts {
                     let corners = part.triangles.iter().flatten();
@@ -210,55 +213,55 @@ impl Mover {
         }
     }
 
-    /// Whether it keeps its shape.
+    /// Whether it is rigid.
     pub(super) fn is_stiff(&self) -> bool {
-        matches!(self.body, Body::Stiff(_))
+        matches!(self.body, MoverMesh::Rigid(_))
     }
 
-    /// Its way `period` s later than in `span`.
+    /// Its motion `period` s later than in `span`.
     fn later(&self, span: Span, period: f64) -> Result<Next> {
         let span = Span { start: span.start + period, ..span };
-        let shape = self.follows.shape(span, &mut self.moments().into(), MOST_BYTES)?;
-        Ok(Next::Moves(self.follows.path(span, self.body.bounds(0.0), MOST_BYTES)?, shape))
+        let shape = self.driving.shape(span, &mut self.moments().into(), MOST_BYTES)?;
+        Ok(Next::Moves(self.driving.path(span, self.body.bounds(0.0), MOST_BYTES)?, shape))
     }
 
     /// What is known of its shape, for the next scan.
     pub(super) fn moments(&self) -> &[Arc<Moment>] {
         match &self.body {
-            Body::Stiff(_) | Body::Changing(_) => &[],
-            Body::Bending(bending) => bending.moments(),
+            MoverMesh::Rigid(_) | MoverMesh::Changing(_) => &[],
+            MoverMesh::Deforming(deforming) => deforming.moments(),
         }
     }
 
     /// The interpolated normal of a spot at `time` in the object's frame, of any length, where its shape changes;
-    /// `None`: it is flat there, or keeps its shape.
-    pub(crate) fn smooth_normal(&self, spot: Spot, time: f32) -> Option<Vec3> {
+    /// `None`: it is flat there, or rigid.
+    pub(crate) fn smooth_normal(&self, spot: MeshSpot, time: f32) -> Option<Vec3> {
         match &self.body {
-            Body::Stiff(_) | Body::Changing(_) => None,
-            Body::Bending(bending) => bending.normal(spot, time),
+            MoverMesh::Rigid(_) | MoverMesh::Changing(_) => None,
+            MoverMesh::Deforming(deforming) => deforming.normal(spot, time),
         }
     }
 
     /// Whether its shape is read from a file.
     fn is_read(&self) -> bool {
-        let shape = self.follows.motion.shape.as_ref();
+        let shape = self.driving.motion.shape.as_ref();
         shape.and_then(|shape| shape.cache.as_ref()).is_some_and(|cache| cache.is_read())
     }
 
     /// Whether its shape changes.
     pub(crate) fn bends(&self) -> bool {
-        matches!(self.body, Body::Bending(_))
+        matches!(self.body, MoverMesh::Deforming(_))
     }
 }
 
-impl Body {
+impl MoverMesh {
     /// Box around it at `time`, 0 to 1.
     fn bounds(&self, time: f32) -> [[f32; 3]; 2] {
         match self {
-            Body::Stiff(of) => of.bounds(),
-            Body::Bending(bending) => bending.bounds(time),
-            // Of all: one box is as good as another where everything changes at once.
-            Body::Changing(stages) => {
+            MoverMesh::Rigid(of) => of.bounds(),
+            MoverMesh::Deforming(deforming) => deforming.bounds(time),
+            // That of all stages: no box is better than another where everything changes at once.
+            MoverMesh::Changing(stages) => {
                 let all = stages.iter().map(|stage| stage.of.bounds().map(Vec3::from));
                 let around = all.reduce(|[low, high], [a, b]| [low.min(a), high.max(b)]);
                 around.map_or([[0.0; 3]; 2], |ends| ends.map(|end| end.to_array()))
@@ -267,15 +270,15 @@ impl Body {
     }
 }
 
-/// The meshes of `sequence` that are there in `span`; `None`: they take more than `most_bytes`, or are far too many.
-fn stages(engine: &Engine, sequence: &Sequence, span: Span, most_bytes: usize) -> Result<Option<Vec<Stage>>> {
+/// The meshes of `sequence` that are present in `span`; `None`: they take more than `most_bytes`, or are far too many.
+fn stages(engine: &Engine, sequence: &Sequence, span: Span, most_bytes: usize) -> Result<Option<Vec<MeshStage>>> {
     const MOST_STAGES: usize = 100_000;
-    /// Of Embree's structure, corners and indices.
+    /// Embree's structure, vertices and indices.
     const TRIANGLE_BYTES: usize = 150;
-    let mut stages: Vec<Stage> = Vec::new();
+    let mut stages: Vec<MeshStage> = Vec::new();
     let mut left = most_bytes;
     for (number, time) in sequence.between(span.start, span.start + span.length) {
-        // Those that repeat come back.
+        // Meshes that repeat are reused.
         let (mesh, of, bytes) = match stages.iter().find(|stage| stage.number == number) {
             Some(known) => (known.mesh.clone(), known.of.clone(), 0),
             None => {
@@ -289,23 +292,23 @@ fn stages(engine: &Engine, sequence: &Sequence, span: Span, most_bytes: usize) -
             return Ok(None);
         }
         left -= bytes;
-        stages.push(Stage { start: span.part(time), number, mesh, of, bytes });
+        stages.push(MeshStage { start: span.part(time), number, mesh, of, bytes });
     }
     Ok(Some(stages))
 }
 
-/// Which of `stages` is there at `time`, 0 to 1.
-fn stage_at(stages: &[Stage], time: f32) -> usize {
+/// Which of `stages` is present at `time`, 0 to 1.
+fn stage_at(stages: &[MeshStage], time: f32) -> usize {
     stages.partition_point(|stage| stage.start <= time).saturating_sub(1)
 }
 
-impl Shape for Mover {
+impl CustomShape for Mover {
     fn bounds(&self) -> Vec<[[f32; 3]; 2]> {
-        /// Two boxes fit what moves straight; what turns gains from more.
+        /// Two boxes fit linear motion; rotation gains from more.
         const STEPS: usize = 3;
         let times: &[f32] = match &self.body {
-            Body::Stiff(_) | Body::Changing(_) => &[],
-            Body::Bending(bending) => bending.times(),
+            MoverMesh::Rigid(_) | MoverMesh::Changing(_) => &[],
+            MoverMesh::Deforming(deforming) => deforming.times(),
         };
         self.path.boxes(STEPS, times, |time| self.body.bounds(time))
     }
@@ -329,9 +332,9 @@ impl Shape for Mover {
             }
         }
         match &self.body {
-            Body::Stiff(of) => query.forward(of, &mut rays, &active),
-            Body::Bending(bending) => bending.intersect(query, &mut rays, &active),
-            Body::Changing(stages) => {
+            MoverMesh::Rigid(of) => query.forward(of, &mut rays, &active),
+            MoverMesh::Deforming(deforming) => deforming.intersect(query, &mut rays, &active),
+            MoverMesh::Changing(stages) => {
                 let mut at = [0; MOST];
                 at.iter_mut().zip(query.times()).for_each(|(at, &time)| *at = stage_at(stages, time));
                 for (number, stage) in stages.iter().enumerate().filter(|(number, _)| at[..lanes].contains(number)) {
@@ -343,12 +346,12 @@ impl Shape for Mover {
     }
 }
 
-/// From the times of beams to those of rays.
+/// Converts the times of beams to those of rays.
 #[derive(Clone, Copy)]
 pub(crate) struct Clock {
-    /// Time of the scan's start since the scene's, in lengths of the scene's time.
+    /// Start of the scan since that of the scene's time span, in lengths of that span.
     offset: f64,
-    /// One over the length of the scene's time, 1/s; 0 where time stands still.
+    /// One over the length of the scene's time span, 1/s; 0 where time is frozen.
     rate: f64,
 }
 
@@ -367,7 +370,7 @@ impl Clock {
 }
 
 impl Later {
-    /// What becomes of object `number`, if it ever moves.
+    /// How object `number` moves, if it ever does.
     fn of(&self, number: u32, next: impl FnOnce(Span, f64) -> Next) -> &Next {
         let known = self.objects.get(number as usize);
         known.map_or(&Next::Stays, |known| known.get_or_init(|| next(self.span, self.period)))
@@ -375,14 +378,14 @@ impl Later {
 }
 
 impl Tables {
-    /// Where the scene moves, what the times of beams of a scan are that starts at `start_time`, s; all the same if it
-    /// is to `freeze`.
+    /// In a moving scene, the clock of a scan that starts at `start_time`, s; with `freeze` all its beams have the same
+    /// time.
     pub(crate) fn clock(&self, start_time: f64, freeze: bool) -> Option<Clock> {
         let Span { start, length } = self.span?;
         Some(Clock { offset: (start_time - start) / length, rate: if freeze { 0.0 } else { 1.0 / length } })
     }
 
-    /// Where its objects are `period` s later; `None` where time stands still.
+    /// Poses of its objects `period` s later; `None` where time is frozen.
     ///
     /// # Errors
     /// A vertex cache that can no longer be read.
@@ -397,19 +400,19 @@ impl Tables {
         Ok(Some(Later { span, period, objects }))
     }
 
-    /// The point of a surface of `mover`, in its object's frame, where at `time` the second and the third corner of a
-    /// `triangle` weigh `u` and `v`, and how fast it moves there, m per length of the scan's time.
+    /// The point of a surface of `mover` at `time` and the weights `uv` of the second and third corner of a `triangle`,
+    /// and its velocity, m per length of the time span, both in its object's frame.
     fn point(&self, mover: &Mover, surface: &Surface, triangle: u32, uv: [f32; 2], time: f32) -> (Vec3, Vec3) {
         let part = match &mover.body {
-            Body::Bending(bending) => return bending.point((surface.number.into(), triangle, uv), time),
-            Body::Stiff(_) => &self.surfaces.parts[surface.part as usize],
-            Body::Changing(stages) => &stages[stage_at(stages, time)].mesh.parts[usize::from(surface.number)],
+            MoverMesh::Deforming(deforming) => return deforming.point((surface.number.into(), triangle, uv), time),
+            MoverMesh::Rigid(_) => &self.surfaces.parts[surface.part as usize],
+            MoverMesh::Changing(stages) => &stages[stage_at(stages, time)].mesh.parts[usize::from(surface.number)],
         };
         (part.point(triangle, uv), Vec3::ZERO)
     }
 
-    /// What brings a point of a surface (a row, or [`super::MISS`]) at `time` back to `start`, both 0 to 1; `None`: it
-    /// stays. Where triangles change, it goes with the object as a whole.
+    /// What takes a point of a surface (a row, or [`super::MISS`]) at `time` back to `start`, both 0 to 1; `None`: it
+    /// does not move. Where triangles change, it moves with the object as a whole.
     pub(crate) fn return_to(&self, surface: u32, triangle: u32, uv: [f32; 2], time: f32, start: f32) -> Option<Return> {
         let row = self.surfaces.rows.get(surface as usize)?;
         let mover = self.mover(row.object)?;
@@ -419,8 +422,8 @@ impl Tables {
         Some(Return { way: then.to_local(before) - now.to_local(point), normal: then.normals_from(now) })
     }
 
-    /// How a point of a surface (a row, or [`super::MISS`]) moves at `time`, see [`Tables::point`]; where it will be one
-    /// frame later is known with `later` alone. `None`: it stays.
+    /// How a point of a surface (a row, or [`super::MISS`]) moves at `time`, see [`Tables::point`]; its position one
+    /// frame later is known only with `later`. `None`: it does not move.
     pub(crate) fn movement(
         &self,
         later: Option<&Later>,
@@ -457,24 +460,25 @@ impl Tables {
         Some(Movement { velocity, flow })
     }
 
-    /// Where a point of an object that stands will be one frame later, minus where it is, if it moves by then.
+    /// How far a point of an object at rest will have moved one frame later, if it moves by then.
     fn start_of(&self, later: &Later, row: &Surface, triangle: u32, uv: [f32; 2], time: f32) -> Option<Vec3> {
-        let follows = self.resting.get(row.object as usize)?.as_deref()?;
-        match later.of(row.object, |span, period| follows.next(span, period)) {
+        let driving = self.resting.get(row.object as usize)?.as_deref()?;
+        match later.of(row.object, |span, period| driving.next(span, period)) {
             Next::Stays => None,
             Next::Moves(path, _) => {
                 let point = self.surfaces.parts[row.part as usize].point(triangle, uv);
-                let now = follows.world_from_object(later.span.start).transform_point3(point.as_dvec3()) - self.origin;
+                let now = driving.world_from_object(later.span.start).transform_point3(point.as_dvec3()) - self.origin;
                 Some(path.at(time).to_local(point) - now.as_vec3())
             }
             Next::Unknown => Some(Vec3::NAN),
         }
     }
 
-    /// Checks that a scan from `start_time` on that takes `length`, s, lies in the time that the scene is prepared for.
+    /// Checks that a scan from `start_time` on that takes `length`, s, is within the time span that the scene is
+    /// prepared for.
     ///
     /// # Errors
-    /// If something moves, and it does not.
+    /// If something moves, and it is not.
     pub(crate) fn check_time(&self, start_time: f64, length: f64) -> Result<()> {
         // Sums of times are rounded.
         const SLACK: f64 = 1e-6;
@@ -492,12 +496,12 @@ impl Tables {
         }
     }
 
-    /// The object of a row, if it moves.
+    /// The mover of an object, if it moves.
     pub(crate) fn mover(&self, object: u32) -> Option<&Mover> {
         self.movers.get(object as usize)?.as_deref()
     }
 
-    /// The `normal` of `object` in its own frame in the world's, at `time`; of any length.
+    /// A `normal` in the frame of `object`, transformed to the world frame at `time`; of any length.
     pub(crate) fn turned(&self, object: u32, normal: Vec3, time: f32) -> Vec3 {
         match self.mover(object) {
             Some(mover) => mover.path.at(time).normal(normal),
@@ -528,7 +532,7 @@ mod tests {
             (0.01 * f64::from(key), pose)
         };
         let keys: Vec<_> = (0..100).map(turn).collect();
-        let follows = Follows {
+        let driving = DrivingMotion {
             name: "Flag".to_owned(),
             timeline: Arc::new(Timeline::through(&keys).unwrap()),
             motion: Motion { node: 0, node_from_object: DAffine3::IDENTITY, shape: None },
@@ -538,7 +542,7 @@ mod tests {
             origin: DVec3::ZERO,
         };
         let span = Span { start: 0.0, length: 1.0 };
-        let of = |most: usize| Mover::new(&engine, follows.clone(), span, &mut Known::default(), most);
+        let of = |most: usize| Mover::new(&engine, driving.clone(), span, &mut Known::default(), most);
         let bytes = of(1 << 22).unwrap().bytes();
         assert!((10_000..1 << 22).contains(&bytes), "{bytes}");
         assert_eq!(of(bytes).unwrap().bytes(), bytes);

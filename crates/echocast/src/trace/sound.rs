@@ -1,4 +1,4 @@
-//! Sound rays through layered water and a scene: bent, reflected, and arriving where they meet something.
+//! Sound rays through layered water and a scene: refracted, reflected, and arriving at what they hit.
 
 mod block;
 mod direct;
@@ -9,7 +9,7 @@ pub(crate) use tubes::TubeHit;
 
 use super::{Clock, HitBatch, Sight, Tables, seen_normal};
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
-use crate::medium::{Column, End, Ray, Slab, slab_at};
+use crate::medium::{End, RefractedRay, Slab, WaterColumn, slab_at};
 use echocast_kernels::boundary;
 use echocast_kernels::water::{Limits, Turn, farther};
 use glam::{DVec3, Mat3, Vec3};
@@ -18,42 +18,42 @@ use std::ops::Range;
 /// Greatest distance of an arc from the chord that is traced in its place, m.
 const SAGITTA: f64 = 1e-3;
 
-/// Steps, one chord of every ray each, after which the rays of a block are given up; of a direct path also those between
-/// two on which something can be met. A ray that oscillates in a thin duct makes that many.
+/// Steps (one chord of every ray each) after which the rays of a block are abandoned; for a direct path also the most
+/// steps between two on which something can be hit. A ray that oscillates in a thin duct takes that many.
 const MOST_STEPS: usize = 100_000;
 
-/// Loss of a reflection, dB: of a surface's row (or [`MEDIUM`]) at the sine of a grazing angle.
+/// Reflection loss, dB, of a surface row (or [`MEDIUM`]) as a function of the sine of the grazing angle.
 pub(crate) type ReflectionLoss<'a> = &'a (dyn Fn(u32, f64) -> f64 + Sync);
 
-/// Follows rays through one scene and one water column, from one place.
+/// Traces rays from one point through one scene and one water column.
 pub(crate) struct SoundTracer<'a> {
     scene: &'a Tables,
-    /// The column, cut where the scene begins and ends, and what limits rays in each of its slabs.
+    /// The column, cut at the top and bottom of the scene, and the step limits of rays in each slab.
     slabs: Vec<Slab>,
     limits: Vec<Limits>,
-    /// The column as it is.
-    column: &'a Column,
+    /// The column, uncut.
+    column: &'a WaterColumn,
     /// Whether all rays are straight.
     uniform: bool,
     /// z of the sea surface, m, relative to the scene's origin.
     surface_z: f64,
-    /// The scene's box, m, relative to its origin.
+    /// The scene's bounding box, m, relative to its origin.
     bounds: [[f32; 3]; 2],
     sight: Sight,
-    /// Speed that ranges are reported with, m/s.
+    /// Sound speed that the sonar assumes when it reports ranges, m/s.
     believed: f64,
-    /// Farthest range that is reported, m.
+    /// Maximum reported range, m.
     reach: f64,
     /// Reported range per metre of path where sound is fastest.
     least_range: f64,
-    /// Reflections that are followed.
+    /// Reflections that are traced.
     bounces: u8,
     reflection_loss: ReflectionLoss<'a>,
-    /// Where the scene moves, when sound is where.
+    /// In a moving scene, the scene time for each travel time.
     clock: Option<Clock>,
 }
 
-/// What a ray meets.
+/// What a ray hits, where, and along which path.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Arrival {
     /// Number of the ray.
@@ -64,17 +64,17 @@ pub(crate) struct Arrival {
     pub triangle: u32,
     /// Barycentric weights of its second and third corner.
     pub corner: [f32; 2],
-    /// Range that the sonar reports, m: one-way time times the speed that it believes.
+    /// Range that the sonar reports, m: one-way travel time times the sound speed that it assumes.
     pub range: f32,
     /// Length along the ray, m.
     pub path: f32,
     /// One-way loss by absorption, boundaries and reflections, dB.
     pub loss: f32,
-    /// Widths of the tube around the ray per radian at the start, m: in the vertical plane, and across it.
+    /// Widths of the ray tube per radian at the source, m: in the vertical plane, and across it.
     pub tube: [f32; 2],
-    /// Sound speed there over that at the start.
+    /// Sound speed there relative to that at the source.
     pub speed: f32,
-    /// Where it is, relative to the scene's origin, m.
+    /// Position relative to the scene's origin, m.
     pub place: Vec3,
     /// Unit vector along the ray.
     pub direction: Vec3,
@@ -88,14 +88,15 @@ pub(crate) struct Arrival {
 #[derive(Clone, Copy, Debug)]
 struct State {
     number: u32,
-    /// Where its vertical plane starts, relative to the scene's origin, m, and its direction, a unit vector.
+    /// Where its vertical plane starts, relative to the scene's origin, m, and the heading of that plane, a unit
+    /// vector.
     start: [f64; 2],
     heading: [f64; 2],
-    ray: Ray,
+    ray: RefractedRay,
     order: u8,
 }
 
-/// Where rays start.
+/// The source of the rays.
 #[derive(Clone, Copy)]
 struct Start {
     /// Relative to the scene's origin, m.
@@ -109,7 +110,7 @@ struct Start {
 struct Step {
     length: f64,
     end: End,
-    /// What is traced in its place, where it can meet something of the scene.
+    /// The chord traced in its place, where it can hit something in the scene.
     chord: Option<Chord>,
 }
 
@@ -125,11 +126,11 @@ impl State {
     /// Ray `number` from `place` (relative to the scene's origin) in the unit `direction`, at `depth` in `slabs[slab]`.
     fn launch(number: u32, place: DVec3, direction: DVec3, depth: f64, slabs: &[Slab], slab: usize) -> State {
         let (heading, level) = heading(direction);
-        let ray = Ray::launch(depth, [-direction.z, level], slabs, slab);
+        let ray = RefractedRay::launch(depth, [-direction.z, level], slabs, slab);
         State { number, start: [place.x, place.y], heading, ray, order: 0 }
     }
 
-    /// Horizontal place, m.
+    /// Horizontal position, m.
     fn level(&self) -> [f64; 2] {
         let distance = self.ray.distance;
         [self.start[0] + self.heading[0] * distance, self.start[1] + self.heading[1] * distance]
@@ -151,23 +152,23 @@ fn heading(direction: DVec3) -> ([f64; 2], f64) {
     (heading, level)
 }
 
-/// Rays from one place, in the directions of a sensor.
+/// Rays from one point, in the directions of a sensor.
 pub(crate) struct Launch<'a> {
     /// Unit directions in the sensor's frame.
     pub directions: [&'a [f32]; 3],
-    /// To the world's frame.
+    /// Rotation to the world frame.
     pub rotation: Mat3,
     /// Relative to the scene's origin, m.
     pub place: DVec3,
 }
 
-/// Memory of [`SoundTracer::trace`].
+/// Buffers of [`SoundTracer::trace`].
 pub(crate) struct TracerMemory {
     rays: Box<RayBatch>,
     hits: Box<HitBatch>,
     states: Vec<State>,
-    block: Box<block::Block>,
-    direct: Vec<direct::Candidate>,
+    block: Box<block::RayBlock>,
+    direct: Vec<direct::CandidatePath>,
     ways: Vec<Direct>,
     tubes: Vec<tubes::Tube>,
 }
@@ -178,7 +179,7 @@ impl Default for TracerMemory {
             rays: Box::new(RayBatch::default()),
             hits: Box::new(HitBatch::new()),
             states: Vec::new(),
-            block: Box::new(block::Block::new()),
+            block: Box::new(block::RayBlock::new()),
             direct: Vec::new(),
             ways: Vec::new(),
             tubes: Vec::new(),
@@ -186,22 +187,22 @@ impl Default for TracerMemory {
     }
 }
 
-/// What [`SoundTracer::new`] needs besides scene and water.
+/// What [`SoundTracer::new`] needs in addition to scene and water.
 pub(crate) struct SoundLimits<'a> {
     pub mask: u32,
-    /// Speed that ranges are reported with, m/s.
+    /// Sound speed that the sonar assumes when it reports ranges, m/s.
     pub believed: f64,
-    /// Farthest range that is reported, m.
+    /// Maximum reported range, m.
     pub reach: f64,
-    /// Reflections that are followed.
+    /// Reflections that are traced.
     pub bounces: u8,
     pub reflection_loss: ReflectionLoss<'a>,
-    /// Where the scene moves, when sound is where.
+    /// In a moving scene, the scene time for each travel time.
     pub clock: Option<Clock>,
 }
 
 impl<'a> SoundTracer<'a> {
-    pub fn new(scene: &'a Tables, column: &'a Column, sound: SoundLimits<'a>) -> SoundTracer<'a> {
+    pub fn new(scene: &'a Tables, column: &'a WaterColumn, sound: SoundLimits<'a>) -> SoundTracer<'a> {
         let bounds = scene.committed.bounds();
         let surface_z = column.surface_z - scene.origin.z;
         let [top, bottom] = [bounds[1][2], bounds[0][2]].map(|z| surface_z - f64::from(z));
@@ -240,9 +241,10 @@ impl<'a> SoundTracer<'a> {
         }
     }
 
-    /// Adds what the rays `which` of `launch` meet to `arrivals`, block by block: in uniform water first what each
-    /// meets first, in their order, then what they meet over reflections; in other water in the order of the chords that
-    /// reach it. After reflections also what is out of reach back along the path, if it may be heard straight back.
+    /// Appends what the rays `which` of `launch` hit to `arrivals`, block by block: in uniform water the first hit of
+    /// each ray, in ray order, then the hits after reflections; in other water in the order of the chords that reach
+    /// them. After reflections this includes hits that are out of range back along the path but may be in range along
+    /// the direct path back.
     pub fn trace(&self, launch: &Launch, which: Range<usize>, memory: &mut TracerMemory, arrivals: &mut Vec<Arrival>) {
         let depth = self.surface_z - launch.place.z;
         let slab = self.slab_at(depth);
@@ -266,7 +268,7 @@ impl<'a> SoundTracer<'a> {
         slab_at(&self.slabs, depth)
     }
 
-    /// Rays of one block through uniform water; those that are reflected go to `memory.states`.
+    /// Traces the rays of one block through uniform water; those that are reflected go to `memory.states`.
     fn straight(&self, launch: &Launch, block: Range<usize>, memory: &mut TracerMemory, arrivals: &mut Vec<Arrival>) {
         let TracerMemory { rays, hits, states, .. } = memory;
         let depth = self.surface_z - launch.place.z;
@@ -340,8 +342,8 @@ impl<'a> SoundTracer<'a> {
         }
     }
 
-    /// Traces `count` rays that sound follows; what moves is met where it is when the sound gets there. `passing` is, of
-    /// a lane, the time at which its ray starts, s after the ping, and what a metre takes, s.
+    /// Traces `count` sound rays; moving objects are hit where they are when the sound gets there. `passing` gives, for
+    /// a lane, the time at which its ray starts, s after the ping, and the travel time per metre, s.
     fn meet(
         &self,
         rays: &mut RayBatch,
@@ -350,7 +352,8 @@ impl<'a> SoundTracer<'a> {
         coherent: bool,
         passing: impl Fn(usize) -> [f64; 2],
     ) {
-        /// Things are at most a hundredth as fast as sound: each pass finds the place a hundred times better.
+        /// Objects move at no more than a hundredth of the speed of sound: each pass improves the position a
+        /// hundredfold.
         const PASSES: usize = 4;
         let Some(clock) = &self.clock else { return hits.trace(self.scene, rays, count, coherent, self.sight) };
         for pass in 0..PASSES {
@@ -372,9 +375,9 @@ impl<'a> SoundTracer<'a> {
         }
     }
 
-    /// Reflects a ray at the surface that it has met; whether it goes on.
+    /// Reflects a ray at the surface that it has hit; returns whether it continues.
     fn reflect(&self, state: &mut State, surface: u32, normal: Vec3) -> bool {
-        /// Rays weaker by this, dB, are not followed.
+        /// Rays that have lost more than this, dB, are dropped.
         const MOST_LOSS: f64 = 80.0;
         if state.order >= self.bounces {
             return false;
@@ -392,7 +395,7 @@ impl<'a> SoundTracer<'a> {
         let direction = state.direction();
         let along = direction.dot(normal);
         let facing = if along > 0.0 { -normal } else { normal };
-        // Clear of the surface, so that the next step does not meet it again, and of others beside it.
+        // Clear of the surface, so that the next step does not hit it again, and of adjacent surfaces.
         let off = rounding(self.place(state)).max(1e-4);
         let [back, up] = boundary::clearance(off, along.abs() as f32).map(f64::from);
         let clear = facing * up - direction * back;
@@ -414,15 +417,15 @@ impl<'a> SoundTracer<'a> {
         ray.loss() < MOST_LOSS
     }
 
-    /// When a ray ends, s: what comes back along its path is heard until then; after a reflection also what comes back
-    /// along a shorter path.
+    /// Time at which a ray ends, s: echoes back along its path are received until then; after a reflection also those
+    /// back along a shorter path.
     fn latest(&self, state: &State) -> f64 {
         let reach = if state.order == 0 { self.reach } else { 2.0 * self.reach };
         reach / self.believed
     }
 
-    /// Whether anything is heard of what a ray meets where it is: back along its path or, after a reflection, straight
-    /// back.
+    /// Whether an echo from the current position of a ray can be received: back along its path or, after a reflection,
+    /// along the direct path.
     fn is_in_reach(&self, state: &State, start: &Start) -> bool {
         let range = self.believed * state.ray.time;
         if state.order == 0 || range <= self.reach {
@@ -459,7 +462,7 @@ impl<'a> SoundTracer<'a> {
         Step { length, end, chord: (!apart).then_some(chord) }
     }
 
-    /// Takes a ray, which is at a boundary of its slab, through it or back; whether it goes on.
+    /// Takes a ray at a boundary of its slab through it, or reflects it; returns whether it continues.
     fn pass(&self, state: &mut State, end: End, start: &Start, arrivals: &mut Vec<Arrival>) -> bool {
         if end != End::Top || state.ray.slab > 0 {
             state.ray.cross(&self.slabs, end);
@@ -473,9 +476,9 @@ impl<'a> SoundTracer<'a> {
         self.reflect(state, MEDIUM, Vec3::NEG_Z)
     }
 
-    /// What a ray meets where it is.
+    /// The arrival at the current position of a ray.
     fn arrival(&self, state: &State, surface: u32, normal: Vec3, start: &Start) -> Arrival {
-        let Ray { path, tube, speed_path, speed, time, .. } = state.ray;
+        let RefractedRay { path, tube, speed_path, speed, time, .. } = state.ray;
         Arrival {
             ray: state.number,
             surface,
@@ -493,8 +496,8 @@ impl<'a> SoundTracer<'a> {
         }
     }
 
-    /// The normal for the echo of a `lane`'s hit, met along `direction`; that of its triangle is `flat`. Mirrors use
-    /// the triangle's, lest a ray go on behind it.
+    /// The normal for the echo of a `lane`'s hit, met along `direction`; that of its triangle is `flat`. Reflections
+    /// use the triangle's, lest a ray continue behind it.
     fn smooth_normal(&self, (rays, hits): (&RayBatch, &HitBatch), lane: usize, direction: Vec3, flat: Vec3) -> Vec3 {
         let (corner, time) = ([hits.u[lane], hits.v[lane]], rays.time[lane]);
         let smooth = self.scene.shading_normal(hits.surface[lane], hits.triangle[lane], corner, time);
@@ -513,7 +516,7 @@ impl<'a> SoundTracer<'a> {
 
     /// The chord of the next `length` m of a ray.
     fn chord(&self, state: &State, length: f64) -> Chord {
-        let Ray { snell, speed, sine, slab, .. } = state.ray;
+        let RefractedRay { snell, speed, sine, slab, .. } = state.ray;
         let half = 0.5 * state.ray.gradient(&self.slabs[slab]) * snell * length;
         let Turn { sin, cos, sinc } = Turn::of(half);
         let cosine = snell * speed;
@@ -531,7 +534,7 @@ impl Launch<'_> {
     }
 }
 
-/// How far, m, a hit may be from a `place`, m, because of rounding.
+/// How far, m, rounding may displace a hit at `place`, m.
 fn rounding(place: Vec3) -> f32 {
     4.0 * f32::EPSILON * place.abs().max_element()
 }
@@ -543,7 +546,7 @@ mod tests {
     use crate::{BuiltScene, Engine, Environment, LiveScene};
     use std::sync::Arc;
 
-    /// A sheet of just `corners`, and their normals if it is smooth.
+    /// A sheet with these four `corners`, and their normals if it is smooth.
     fn sheet(corners: [DVec3; 4], normals: Option<[DVec3; 4]>) -> BuiltScene {
         let array = |vectors: [DVec3; 4]| vectors.map(|it| it.as_vec3().to_array()).to_vec();
         let part = Part {
@@ -558,11 +561,11 @@ mod tests {
         scene.commit().unwrap()
     }
 
-    /// What rays along `directions` from `place` meet within `reach` m.
+    /// Arrivals of rays along `directions` from `place` within `reach` m.
     fn arrivals(scene: &BuiltScene, profile: &str, place: DVec3, directions: &[DVec3], reach: f64) -> Vec<Arrival> {
         let yaml = format!("water: {{allow_unphysical: true, profile: {profile}}}");
         let water = Environment::from_yaml(&yaml).unwrap().water.unwrap();
-        let (column, _) = Column::new(&water, 100e3, -place.z).unwrap();
+        let (column, _) = WaterColumn::new(&water, 100e3, -place.z).unwrap();
         let believed = column.speed_at(-place.z);
         let reflection_loss = |_: u32, _: f64| 0.0;
         let limits =
@@ -578,9 +581,9 @@ mod tests {
     const STRAIGHT: &str = "{constant: {speed_m_s: 1500}}";
     const BENT: &str = "{cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 1000, speed_m_s: 1480}]}";
 
-    /// Far from the scene's origin places are rounded to millimetres.
+    /// Far from the scene's origin positions are rounded to millimetres.
     #[test]
-    fn what_has_been_reflected_does_not_meet_its_mirror_again() {
+    fn reflected_rays_do_not_hit_their_mirror_again() {
         let middle = DVec3::new(31_000.0, -47_000.0, -500.0);
         let (u, v) = (DVec3::new(40.0, 3.0, 29.0), DVec3::new(-4.0, 40.0, 2.0));
         let plate = sheet([middle - u - v, middle + u - v, middle + u + v, middle - u + v], None);
@@ -599,8 +602,8 @@ mod tests {
         }
     }
 
-    /// Rows of a table of touches of surface and bottom, launch by launch: angle, number of the touch, range by
-    /// BELLHOP, time by another solver.
+    /// Rows of a table of surface and bottom bounces, launch by launch: angle, number of the bounce, range by BELLHOP,
+    /// time by another solver.
     fn touches(table: &str) -> Vec<(f64, usize, f64, f64)> {
         let mut lines = table.lines();
         let header: Vec<&str> = lines.next().unwrap().split(',').collect();
@@ -616,7 +619,7 @@ mod tests {
 
     /// Chords over arcs and ramps, mirrors by surface and scene: within 2 mm and 1 us of the tables.
     #[test]
-    fn scenes_are_met_where_others_have_rays_touch_the_bottom() {
+    fn bottom_hits_agree_with_other_solvers() {
         let gradient = "{cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 1000, speed_m_s: 1000}]}".to_owned();
         let layers = [(0.0, 1520.0), (10.0, 1500.0), (25.0, 1487.0), (45.0, 1475.0), (70.0, 1490.0), (95.0, 1510.0)];
         // Ramps of 0.2 m instead of jumps.
@@ -640,7 +643,7 @@ mod tests {
             let found = arrivals(&sheet(bed, None), &profile, DVec3::new(0.0, 0.0, -start), &directions, 900.0);
             let speed = {
                 let water = Environment::from_yaml(&format!("water: {{allow_unphysical: true, profile: {profile}}}"));
-                Column::new(&water.unwrap().water.unwrap(), 100e3, start).unwrap().0.speed_at(start)
+                WaterColumn::new(&water.unwrap().water.unwrap(), 100e3, start).unwrap().0.speed_at(start)
             };
             let mut met = [0; 4];
             for arrival in &found {
@@ -655,9 +658,9 @@ mod tests {
         }
     }
 
-    /// A bed where the water changes is met from above, whatever rounding says of which comes first.
+    /// A bed at a boundary between water layers is hit from above, whichever of the two rounding puts first.
     #[test]
-    fn a_bed_at_a_boundary_is_met_before_it() {
+    fn a_bed_at_a_boundary_is_hit_before_it() {
         let corners = [[-90.0, -90.0], [90.0, -90.0], [90.0, 90.0], [-90.0, 90.0]];
         let bed = corners.map(|[x, y]| DVec3::new(x, y, -10.3));
         let profile = "{layers: [{depth_m: 0, speed_m_s: 1480}, {depth_m: 10.3, speed_m_s: 1530}]}";
@@ -679,9 +682,9 @@ mod tests {
         assert_eq!(found.iter().filter(|it| it.place.z < -10.4).count(), 0);
     }
 
-    /// A slope is met on the arc, and the arc where the slope is.
+    /// Hits on a slope are on the arc as well as on the slope.
     #[test]
-    fn slopes_are_met_on_the_arc() {
+    fn slopes_are_hit_on_the_arc() {
         let profile = "{cast: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 1000, speed_m_s: 1000}]}";
         let normal = DVec3::new(20f64.to_radians().sin(), 0.0, 20f64.to_radians().cos());
         let (middle, along) = (DVec3::new(300.0, 0.0, -200.0), DVec3::new(normal.z, 0.0, -normal.x) * 250.0);
@@ -705,7 +708,7 @@ mod tests {
         }
     }
 
-    /// From the depth where sound is slowest a level ray goes straight, as does one to a wall there.
+    /// At the depth where sound is slowest a level ray is straight, and so is the direct path to a wall there.
     #[test]
     fn level_rays_on_the_axis_of_a_duct_arrive() {
         let wall = [[-9.0, -120.0], [9.0, -120.0], [9.0, -80.0], [-9.0, -80.0]].map(|[y, z]| DVec3::new(40.0, y, z));
@@ -716,13 +719,13 @@ mod tests {
         let first: Vec<&Arrival> = found.iter().filter(|it| it.order == 0).collect();
         assert_eq!(first.len(), 1, "{found:?}");
         assert!((first[0].range - 40.0).abs() < 1e-4 && (first[0].place.z + 100.0).abs() < 1e-4, "{first:?}");
-        // Its mirror sends it back past its start.
+        // The wall reflects it back past its source.
         assert!(found.iter().all(|it| it.order == 0), "{found:?}");
     }
 
-    /// A cylinder's quarter of one flat face has the normals of the cylinder.
+    /// A flat face that approximates a quarter of a cylinder has the normals of the cylinder.
     #[test]
-    fn echoes_of_smooth_parts_ask_for_the_smooth_normal() {
+    fn echoes_of_smooth_parts_use_the_smooth_normal() {
         let corners = [[-1.0, -7.0], [1.0, -7.0], [1.0, -5.0], [-1.0, -5.0]].map(|[y, z]| DVec3::new(5.0, y, z));
         let normals = corners.map(|it| DVec3::new(-1.0, it.y, 0.0).normalize());
         let place = DVec3::new(0.0, 0.0, -6.0);
@@ -733,7 +736,8 @@ mod tests {
             assert_eq!((flat.len(), smooth.len()), (3, 3));
             for (flat, smooth) in flat.iter().zip(&smooth) {
                 assert!(flat.normal.normalize().x.abs() > 0.999_99);
-                // Both corners of an edge lean by 45 degrees: what is linear between them is (-1, y) times sqrt(1/2).
+                // The normals at both ends of an edge are tilted by 45 degrees: linear interpolation gives (-1, y)
+                // times sqrt(1/2).
                 let expected = Vec3::new(-1.0, smooth.place.y, 0.0).normalize();
                 assert!((smooth.normal.normalize() - expected).length() < 1e-3, "{smooth:?}");
                 assert_eq!(flat.place, smooth.place);

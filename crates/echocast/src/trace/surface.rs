@@ -14,13 +14,13 @@ use glam::{DVec3, Mat3, Vec3};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, OnceLock};
 
-/// Where rays pass a surface.
+/// Where rays pass through a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Holes {
     Nowhere,
     /// Where alpha is below the cutoff.
     Cut,
-    /// Anywhere, the more of them the lower alpha is.
+    /// Anywhere, at random: the lower alpha is, the more of them.
     Between,
 }
 
@@ -46,31 +46,31 @@ pub(crate) struct Surface {
     /// Whether hits come with normals in the mesh's frame.
     pub instanced: bool,
     pub holes: Holes,
-    /// Area, m^2, of what answers sound as a whole; 0 of all others, where it is not used.
+    /// Area, m^2, of a part that scatters sound as a whole; 0 for all others, where it is not used.
     pub area: f32,
 }
 
-/// A part that answers sound as a whole: its row, and the middle and radius of its box, m, in its object's frame.
+/// A part that scatters sound as a whole: its row, and the middle and radius of its box, m, in its object's frame.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Target {
+pub(crate) struct SoundTarget {
     pub row: u32,
     pub middle: DVec3,
     pub radius: f64,
 }
 
-impl Target {
-    fn new(row: usize, part: &Part) -> Target {
+impl SoundTarget {
+    fn new(row: usize, part: &Part) -> SoundTarget {
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for &corner in part.triangles.iter().flatten() {
             let place = Vec3::from(part.positions[corner as usize]).as_dvec3();
             (low, high) = (low.min(place), high.max(place));
         }
-        Target { row: row as u32, middle: 0.5 * (low + high), radius: 0.5 * (high - low).length() }
+        SoundTarget { row: row as u32, middle: 0.5 * (low + high), radius: 0.5 * (high - low).length() }
     }
 }
 
 impl Holes {
-    /// Those of a `part` of a `material`. What is there everywhere has none: its rays are asked nothing.
+    /// Holes of a `part` made of a `material`. What is opaque everywhere has none: its hits are not filtered.
     fn of(material: &Material, part: &Part) -> Holes {
         let alpha = material.base_color[3];
         let varies = part.alphas.is_some()
@@ -83,8 +83,8 @@ impl Holes {
     }
 }
 
-/// One word of several, of which each bit depends on all of theirs (the steps between them are those that finish
-/// MurmurHash3 of A. Appleby).
+/// Hash of several words, each bit of which depends on all of theirs (the mixing steps are those of the finalizer of A.
+/// Appleby's MurmurHash3).
 fn mixed<const N: usize>(words: [u32; N]) -> u32 {
     words.into_iter().fold(0, |mixed, word| {
         let mixed = mixed ^ word;
@@ -106,28 +106,28 @@ pub(crate) struct Surfaces {
     /// Materials, by [`Surface::material`]; the first is the default material.
     pub materials: Vec<Arc<Material>>,
     pub labels: Arc<Labels>,
-    /// Whether hits can lie in instances whose normals must be turned.
+    /// Whether hits can be in instances whose normals must be transformed.
     pub has_instances: bool,
     /// Whether any part has shading normals.
     pub has_shading_normals: bool,
-    /// Whether rays may pass any surface.
+    /// Whether rays may pass through any surface.
     pub has_holes: bool,
-    /// What answers sound as a whole.
-    pub targets: Vec<Target>,
+    /// The parts that scatter sound as a whole.
+    pub targets: Vec<SoundTarget>,
     /// Computed once for each wavelength: a scan in a loop allocates nothing.
     reflectances: Mutex<Vec<Arc<Reflectances>>>,
     /// Computed once for each frequency and sea.
     backscatter: Mutex<Vec<Arc<Backscatter>>>,
-    /// Computed when first asked for.
+    /// Computed on first use.
     pub(super) instances: OnceLock<Instances>,
 }
 
-/// What stands for a material on the object in a slot, if anything does.
+/// The material that replaces another on the object in a slot, if any.
 pub(crate) type Looks<'l> = &'l dyn Fn(u32, &Arc<Material>) -> Option<Arc<Material>>;
 
 impl Surfaces {
-    /// Rows of `objects` in their order at `time`, s; each with its slot, and whether its normals come in the mesh's
-    /// frame. `looks` says what stands for a material on an object, if anything does.
+    /// Rows of `objects`, in order, at `time`, s; each with its slot, and whether its normals come in the mesh's frame.
+    /// `looks` gives the material that replaces another on an object, if any.
     pub(crate) fn new<'a>(
         objects: impl Iterator<Item = (u32, &'a Object, bool)>,
         looks: Option<Looks>,
@@ -158,9 +158,9 @@ impl Surfaces {
                 let textured = made_of.base_color_texture.is_some() && part.uvs.is_some();
                 let holes = Holes::of(made_of, part);
                 surfaces.has_holes |= holes != Holes::Nowhere;
-                let answers_whole = matches!(made_of.sound_law(), Some(Sound::Target { .. }));
-                if answers_whole && !part.triangles.is_empty() {
-                    surfaces.targets.push(Target::new(surfaces.rows.len(), part));
+                let scatters_whole = matches!(made_of.sound_law(), Some(Sound::Target { .. }));
+                if scatters_whole && !part.triangles.is_empty() {
+                    surfaces.targets.push(SoundTarget::new(surfaces.rows.len(), part));
                 }
                 surfaces.rows.push(Surface {
                     category_id: object.category_id,
@@ -175,7 +175,7 @@ impl Surfaces {
                     textured,
                     instanced,
                     holes,
-                    area: if answers_whole { part.area(&object.world_from_object) as f32 } else { 0.0 },
+                    area: if scatters_whole { part.area(&object.world_from_object) as f32 } else { 0.0 },
                 });
             }
             surfaces.has_instances |= instanced;
@@ -186,12 +186,13 @@ impl Surfaces {
         surfaces
     }
 
-    /// The row of what is hit: that of `geometry` itself, or of `instance` where that is not [`INVALID`].
+    /// The row of a hit: that of `geometry` itself, or within `instance` where that is not [`INVALID`].
     pub(crate) fn row(&self, geometry: u32, instance: u32) -> u32 {
         if instance == INVALID { geometry } else { self.first_row[instance as usize] + geometry }
     }
 
-    /// Linear base colour and alpha of `surface` where the second and the third corner of `triangle` weigh `u` and `v`.
+    /// Linear base colour and alpha of `surface` at the weights `u` and `v` of the second and third corner of
+    /// `triangle`.
     pub(crate) fn base_color(&self, surface: &Surface, triangle: u32, [u, v]: [f32; 2]) -> [f32; 4] {
         let material = &self.materials[surface.material as usize];
         let part = &self.parts[surface.part as usize];
@@ -203,11 +204,11 @@ impl Surfaces {
         std::array::from_fn(|k| material.base_color[k] * texel[k])
     }
 
-    /// How far a smooth part bulges beyond its triangle where the second and third corner weigh `u` and `v`, m; `None`: it
-    /// is flat. `normals` and `linear` bring normals and vectors to the world's frame.
+    /// How far, m, a smooth part bulges beyond its triangle at the weights `u` and `v` of the second and third corner;
+    /// `None`: it is flat. `normals` and `linear` transform normals and vectors to the world frame.
     ///
-    /// Half of what the planes across the normals of the corners lie beside it: a sphere, to the second order (Boubekeur
-    /// and Alexa 2008, Phong tessellation, with their factor as a sphere asks for).
+    /// Half the weighted offset of the tangent planes at the corners: a sphere, to second order (Boubekeur and Alexa
+    /// 2008, Phong tessellation, with their shape factor as a sphere requires).
     pub(crate) fn bulge(
         &self,
         surface: &Surface,
@@ -238,8 +239,8 @@ impl Surfaces {
         std::array::from_fn(|channel| srgb_byte(rgba[channel]))
     }
 
-    /// Alpha of `surface` where the second and the third corner of `triangle` weigh `u` and `v`: of its material, its image
-    /// and its vertices.
+    /// Alpha of `surface` at the weights `u` and `v` of the second and third corner of `triangle`: that of its
+    /// material, its image and its vertices.
     fn alpha(&self, surface: &Surface, triangle: u32, [u, v]: [f32; 2]) -> f32 {
         let material = &self.materials[surface.material as usize];
         let part = &self.parts[surface.part as usize];
@@ -256,21 +257,21 @@ impl Surfaces {
         alpha
     }
 
-    /// The row of what is hit, where it has holes.
+    /// The row of a hit, if it has holes.
     pub(crate) fn with_holes(&self, hit: &Candidate) -> Option<u32> {
         let row = self.row(hit.geom_id, hit.inst_id);
         (self.rows[row as usize].holes != Holes::Nowhere).then_some(row)
     }
 
-    /// Whether a ray that meets a surface is stopped there rather than passing. `hit.ray` is its lane in `rays`.
+    /// Whether a ray that hits a surface is stopped there rather than passing through. `hit.ray` is its lane in `rays`.
     pub(crate) fn stops(&self, hit: &Candidate, cover: Cover, rays: &RayBatch) -> bool {
         self.with_holes(hit).is_none_or(|row| self.covers(row, hit, cover, rays))
     }
 
-    /// [`Surfaces::stops`] of a `row` with holes.
+    /// [`Surfaces::stops`] for a `row` with holes.
     ///
-    /// It depends on nothing but the hit, by the order of the objects, and the ray, by its beam, where it begins and where
-    /// it goes: whoever traces it again finds the same, in whatever order its hits come.
+    /// It depends on nothing but the hit (by the order of the objects) and the ray (by its beam, origin and direction):
+    /// tracing the ray again gives the same result, in whatever order its hits come.
     pub(crate) fn covers(&self, row: u32, hit: &Candidate, cover: Cover, rays: &RayBatch) -> bool {
         let surface = &self.rows[row as usize];
         let alpha = || self.alpha(surface, hit.prim_id, [hit.u, hit.v]);
@@ -289,18 +290,18 @@ impl Surfaces {
         }
     }
 
-    /// Whether a draw decides if a ray passes the surface `row`.
+    /// Whether a random draw decides if a ray passes through the surface `row`.
     pub(crate) fn is_drawn(&self, row: u32, cover: Cover) -> bool {
         matches!(cover, Cover::Drawn(_)) && self.rows[row as usize].holes == Holes::Between
     }
 
-    /// Whether what lies behind a surface is seen through it.
+    /// Whether what is behind a surface is seen through it.
     pub(crate) fn is_glass(&self, surface: &Surface) -> bool {
         let Material { transmission, metallic, .. } = *self.materials[surface.material as usize];
         transmission > 0.0 && metallic < 1.0
     }
 
-    /// What `surface`, a row or [`super::MISS`], does with light, according to `reflectances`.
+    /// Optical properties of `surface`, a row or [`super::MISS`], according to `reflectances`.
     pub(crate) fn optics<'a>(&self, reflectances: &'a Reflectances, surface: u32) -> Option<&'a Optics> {
         let row = self.rows.get(surface as usize)?;
         Some(&reflectances.optics[row.material as usize])
@@ -320,8 +321,8 @@ impl Surfaces {
         )
     }
 
-    /// What every material and the `sea` scatter back of sound of `frequency` Hz in water of `speed` m/s;
-    /// `reflectances` stand for what materials do not say.
+    /// Acoustic backscatter of every material and the `sea` at `frequency` Hz in water with a sound speed of `speed`
+    /// m/s; `reflectances` stand in for materials without acoustic properties.
     pub(crate) fn backscatter(
         &self,
         reflectances: &Reflectances,
@@ -329,8 +330,8 @@ impl Surfaces {
         sea: Sea,
         speed: f64,
     ) -> Arc<Backscatter> {
-        // What depends on the speed changes little with it, so one value serves those near it; which one must not
-        // depend on what came before.
+        // The dependence on the speed is weak, so one value serves those near it; which one must not depend on earlier
+        // calls.
         const STEP: f64 = 1e-3;
         let speed = ((speed.ln() / STEP).round() * STEP).exp();
         kept(
@@ -341,14 +342,15 @@ impl Surfaces {
     }
 }
 
-/// The unit normal of a smooth surface as a ray along `direction` meets it, and the cosine of incidence on it, above 0.
+/// The unit normal of a smooth surface as seen by a ray along `direction`, and the cosine of incidence on it, above 0.
 /// `smooth` is the interpolated normal, of any length and on either side; `facet` the unit normal of the triangle on
 /// the side that the ray comes from, which it meets at the cosine `cos_facet`.
 ///
-/// At the rim of a body a smooth normal turns away from whoever looks at its triangle. There it is bent back until it
-/// is seen, as renderers do (Lagarde and de Rousiers 2014, Moving Frostbite to PBR, keep its cosine above 0; so does
-/// Blender's Cycles with that of what it reflects): where its cosine `c` is less than half `h` of the triangle's, that
-/// becomes `h^2 / (2 h - c)`, which begins as `c` does at `h` and falls off without ever getting to 0.
+/// At the rim of a body a smooth normal may face away from the sensor while its triangle faces it. There it is bent
+/// back until it faces the sensor, as renderers do (Lagarde and de Rousiers 2014, Moving Frostbite to PBR, keep its
+/// cosine above 0; so does Blender's Cycles with that of the reflected ray): where its cosine `c` is less than `h`,
+/// half of the triangle's, it becomes `h^2 / (2 h - c)`, which joins `c` smoothly at `h` and falls off without ever
+/// reaching 0.
 pub(crate) fn seen_normal(smooth: Vec3, facet: Vec3, cos_facet: f32, direction: Vec3) -> (Vec3, f32) {
     let normal = smooth.normalize() * if smooth.dot(facet) < 0.0 { -1.0 } else { 1.0 };
     let cos = -normal.dot(direction);
@@ -359,11 +361,11 @@ pub(crate) fn seen_normal(smooth: Vec3, facet: Vec3, cos_facet: f32, direction: 
     let bent = half * half / (2.0 * half - cos);
     match (normal + direction * cos).try_normalize() {
         Some(across) => {
-            // Once more: what is left of a normal along the ray is mostly rounding.
+            // Orthogonalised again: what is left of a normal along the ray is mostly rounding.
             let across = across - direction * across.dot(direction);
             (across * (1.0 - bent * bent).sqrt() - direction * bent, bent)
         }
-        // It looks straight away, from the back of a triangle that is seen edge-on.
+        // It points along the ray, at the back of a triangle that is seen edge-on.
         None => (facet, cos_facet),
     }
 }
@@ -375,9 +377,9 @@ impl Tables {
         row == other || object(row).is_some_and(|one| object(other) == Some(one))
     }
 
-    /// The interpolated normal of a smooth part at `time` where the second and the third corner of `triangle` weigh `u`
-    /// and `v`, in the world's frame, of any length and on the mesh's side; `None`: the part is flat, or the normals of its
-    /// corners cancel.
+    /// The interpolated normal of a smooth part at `time` and the weights `u` and `v` of the second and third corner of
+    /// `triangle`, in the world frame, of any length and on the mesh's side; `None`: the part is flat, or the normals
+    /// of its corners cancel.
     pub(crate) fn shading_normal(&self, surface: u32, triangle: u32, [u, v]: [f32; 2], time: f32) -> Option<Vec3> {
         let surfaces = &self.surfaces;
         if !surfaces.has_shading_normals {
@@ -401,24 +403,26 @@ impl Tables {
 mod tests {
     use super::*;
 
-    /// However a normal looks, it is seen, on the side of the triangle, and no more than a little moved by a little.
+    /// Whatever the smooth normal, the result faces the sensor, is on the side of the triangle, and changes little with
+    /// it.
     #[test]
     fn smooth_normals_are_seen_wherever_the_triangle_is() {
         for cos_facet in [1.0_f32, 0.5, 0.1, 1e-3, 1e-6] {
             let along = Vec3::new((1.0 - cos_facet * cos_facet).sqrt(), 0.0, -cos_facet);
             let mut before: Option<(Vec3, f32)> = None;
             for step in 1..2000 {
-                // All around, the half on the other side turned over.
+                // All around, with the half on the other side flipped.
                 let angle = std::f32::consts::PI * (step as f32 / 2000.0 - 0.5);
                 let smooth = 3.0 * Vec3::new(angle.sin(), 0.02, angle.cos());
                 let (normal, cos) = seen_normal(smooth, Vec3::Z, cos_facet, along);
-                let case = format!("{smooth} of a triangle met at {cos_facet}");
+                let case = format!("{smooth} of a triangle hit at {cos_facet}");
                 assert!((normal.length() - 1.0).abs() < 1e-6 && normal.z > -1e-6, "{case}: {normal}");
                 assert!(cos > 0.0 && (normal.dot(-along) - cos).abs() < 1e-6, "{case}: {cos}");
                 let plain = smooth.normalize().dot(-along);
                 assert!(cos >= plain.min(1.0) && (plain < 0.5 * cos_facet || cos == plain.min(1.0)), "{case}: {cos}");
                 let moved = before.map_or(0.0, |(other, less)| (other - normal).length() + (less - cos).abs());
-                // Past the ray itself, 0.02 aside, what is across it turns most: by 0.0016 / 0.02.
+                // Where it passes the ray, at an offset of 0.02, its component across the ray turns most: by 0.0016 /
+                // 0.02.
                 assert!(moved < 0.09, "{case}: {moved}");
                 before = Some((normal, cos));
             }

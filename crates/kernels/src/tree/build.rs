@@ -1,7 +1,7 @@
 //! Which triangles go into which box: splits that make hits least likely, by the surface area heuristic over bins
 //! (Wald 2007, "On fast construction of SAH-based bounding volume hierarchies").
 
-use super::{CHILDREN, NODE, Node, Tree, greatest, least};
+use super::{CHILDREN, NODE, Tree, TreeNode, greatest, least};
 
 /// Most triangles of a leaf.
 const LEAF: usize = 8;
@@ -19,26 +19,26 @@ const DEPTH: usize = 12;
 /// Greatest number of nodes above each other: halves of halves of halves of halves of 2^32 triangles, eight times.
 pub const MOST_DEPTH: usize = DEPTH + 8;
 
-/// Coordinates beyond it are not told apart, so that the area of a box is finite.
+/// Coordinates beyond it are not distinguished, so that the area of a box is finite.
 const FAR: f32 = 1e15;
 
 /// A triangle of the mesh at rest.
 #[derive(Clone, Copy)]
 struct Item {
-    bounds: Bounds,
+    bounds: Aabb,
     triangle: u32,
 }
 
 #[derive(Clone, Copy)]
-struct Bounds {
+struct Aabb {
     lower: [f32; 3],
     upper: [f32; 3],
 }
 
-impl Bounds {
-    const NONE: Bounds = Bounds { lower: [f32::INFINITY; 3], upper: [f32::NEG_INFINITY; 3] };
+impl Aabb {
+    const NONE: Aabb = Aabb { lower: [f32::INFINITY; 3], upper: [f32::NEG_INFINITY; 3] };
 
-    fn around(self, other: &Bounds) -> Bounds {
+    fn around(self, other: &Aabb) -> Aabb {
         let mut both = self;
         for axis in 0..3 {
             both.lower[axis] = least(other.lower[axis], both.lower[axis]);
@@ -61,31 +61,31 @@ impl Bounds {
 
 /// A run of items that is to be a child.
 #[derive(Clone, Copy)]
-struct Run {
+struct ItemRun {
     first: usize,
     end: usize,
     area: f32,
 }
 
-impl Run {
+impl ItemRun {
     fn len(&self) -> usize {
         self.end - self.first
     }
 }
 
 impl Tree {
-    /// Sorts the triangles of a mesh at rest. Any that names a vertex that is not there is left out.
+    /// Sorts the triangles of a mesh at rest. Those that refer to a missing vertex are omitted.
     pub fn new(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Tree {
         let mut items = Vec::with_capacity(triangles.len());
-        let mut all = Bounds::NONE;
+        let mut all = Aabb::NONE;
         let mut vertices = 0;
         for (triangle, corners) in (0..u32::MAX).zip(triangles) {
             let [Some(a), Some(b), Some(c)] = corners.map(|corner| positions.get(corner as usize)) else { continue };
-            let mut bounds = Bounds::NONE;
+            let mut bounds = Aabb::NONE;
             for corner in [a, b, c] {
-                // What is no number is beyond all.
+                // NaN is beyond all numbers.
                 let place = corner.map(|at| if at.abs() < FAR { at } else { FAR.copysign(at) });
-                bounds = bounds.around(&Bounds { lower: place, upper: place });
+                bounds = bounds.around(&Aabb { lower: place, upper: place });
             }
             all = all.around(&bounds);
             items.push(Item { bounds, triangle });
@@ -97,19 +97,20 @@ impl Tree {
         // Runs that become nodes, with the child of a node that each is, and their depth.
         let mut open = Vec::new();
         if !items.is_empty() {
-            open.push((Run { first: 0, end: items.len(), area: 0.0 }, None, 0));
+            open.push((ItemRun { first: 0, end: items.len(), area: 0.0 }, None, 0));
         }
         while let Some((run, parent, depth)) = open.pop() {
             let (mut children, count) = divide(&mut items, run, depth >= DEPTH);
             let index = tree.nodes.len();
             if let Some((node, child)) = parent {
-                let node: &mut Node = &mut tree.nodes[node];
+                let node: &mut TreeNode = &mut tree.nodes[node];
                 node.first[child] = index as u32;
             }
-            // Like beside like: a processor guesses what comes next.
+            // Similar children are next to each other, which helps branch prediction.
             children[..count].sort_by_key(|run| (run.len() > LEAF, usize::MAX - run.len()));
             let first_corner = tree.corners.len() as u32;
-            let mut node = Node { first: [0; CHILDREN], count: [0; CHILDREN], first_corner, corners: [0; CHILDREN] };
+            let mut node =
+                TreeNode { first: [0; CHILDREN], count: [0; CHILDREN], first_corner, corners: [0; CHILDREN] };
             for (child, run) in children[..count].iter().enumerate() {
                 if run.len() > LEAF {
                     node.count[child] = NODE;
@@ -137,16 +138,17 @@ impl Tree {
 
 /// Splits `run` until there are enough children, always the one with the greatest area, or with `halves` the longest;
 /// if it takes more than one node, until each child is small enough for one. Returns them and how many there are.
-fn divide(items: &mut [Item], run: Run, halves: bool) -> ([Run; CHILDREN], usize) {
+fn divide(items: &mut [Item], run: ItemRun, halves: bool) -> ([ItemRun; CHILDREN], usize) {
     let mut children = [run; CHILDREN];
     let mut count = 1;
     let most = if run.len() > BOTTOM { BOTTOM } else { LEAF };
-    let is_small = |run: &Run| run.len() <= most;
+    let is_small = |run: &ItemRun| run.len() <= most;
     while count < CHILDREN && !(most == BOTTOM && children[..count].iter().all(is_small)) {
-        // First what is too large; single triangles stay.
-        let size = |run: &Run| if halves { run.len() as f32 } else { run.area };
-        let rank = |run: &Run| (!is_small(run), if run.len() > 1 { size(run) } else { -1.0 });
-        let by = |a: &&mut Run, b: &&mut Run| rank(a).partial_cmp(&rank(b)).unwrap_or(std::cmp::Ordering::Equal);
+        // Runs that are too large come first; single triangles are not split.
+        let size = |run: &ItemRun| if halves { run.len() as f32 } else { run.area };
+        let rank = |run: &ItemRun| (!is_small(run), if run.len() > 1 { size(run) } else { -1.0 });
+        let by =
+            |a: &&mut ItemRun, b: &&mut ItemRun| rank(a).partial_cmp(&rank(b)).unwrap_or(std::cmp::Ordering::Equal);
         let Some(largest) = children[..count].iter_mut().max_by(by).filter(|run| run.len() > 1) else { break };
         let [left, right] = split(items, *largest, halves);
         *largest = left;
@@ -157,7 +159,7 @@ fn divide(items: &mut [Item], run: Run, halves: bool) -> ([Run; CHILDREN], usize
 }
 
 /// Two parts of a run of at least two items, neither of them empty.
-fn split(items: &mut [Item], run: Run, halves: bool) -> [Run; 2] {
+fn split(items: &mut [Item], run: ItemRun, halves: bool) -> [ItemRun; 2] {
     let items = &mut items[run.first..run.end];
     let mut middle = items.len() / 2;
     if let Some((axis, bin, scale, first)) = best(items).filter(|_| !halves) {
@@ -176,26 +178,26 @@ fn split(items: &mut [Item], run: Run, halves: bool) -> [Run; 2] {
             middle = left;
         }
     }
-    let area = |items: &[Item]| items.iter().fold(Bounds::NONE, |all, item| all.around(&item.bounds)).area();
+    let area = |items: &[Item]| items.iter().fold(Aabb::NONE, |all, item| all.around(&item.bounds)).area();
     let at = run.first + middle;
     let [left, right] = [&items[..middle], &items[middle..]].map(area);
-    [Run { first: run.first, end: at, area: left }, Run { first: at, end: run.end, area: right }]
+    [ItemRun { first: run.first, end: at, area: left }, ItemRun { first: at, end: run.end, area: right }]
 }
 
-/// Axis, last bin on the left, bins per length and where they begin, of the split with the least cost; none if all
+/// Axis, last bin on the left, bins per length and where they begin, of the split with the least cost; `None` if all
 /// items are in one place.
 fn best(items: &[Item]) -> Option<(usize, usize, f32, f32)> {
-    let mut centres = Bounds::NONE;
+    let mut centres = Aabb::NONE;
     for item in items {
         let centre = item.bounds.centre();
-        centres = centres.around(&Bounds { lower: centre, upper: centre });
+        centres = centres.around(&Aabb { lower: centre, upper: centre });
     }
     let scale = [0, 1, 2].map(|axis| {
         // A little less, so that the last is in the last bin.
         let scale = BINS as f32 * (1.0 - 1e-6) / (centres.upper[axis] - centres.lower[axis]);
         if scale.is_finite() { scale } else { 0.0 }
     });
-    let mut bins = [[(Bounds::NONE, 0u32); BINS]; 3];
+    let mut bins = [[(Aabb::NONE, 0u32); BINS]; 3];
     for item in items {
         let centre = item.bounds.centre();
         for axis in 0..3 {
@@ -212,13 +214,13 @@ fn best(items: &[Item]) -> Option<(usize, usize, f32, f32)> {
             continue;
         }
         let mut cost = [0.0; BINS];
-        let (mut all, mut sum) = (Bounds::NONE, 0);
+        let (mut all, mut sum) = (Aabb::NONE, 0);
         for bin in (1..BINS).rev() {
             let (bounds, count) = &bins[axis][bin];
             (all, sum) = (all.around(bounds), sum + count);
             cost[bin - 1] = if sum > 0 { all.area() * sum as f32 } else { f32::INFINITY };
         }
-        (all, sum) = (Bounds::NONE, 0);
+        (all, sum) = (Aabb::NONE, 0);
         for bin in 0..BINS - 1 {
             let (bounds, count) = &bins[axis][bin];
             (all, sum) = (all.around(bounds), sum + count);

@@ -1,14 +1,14 @@
-//! Boxes around triangles where they are.
+//! Fits boxes around triangles at their current positions.
 
-use super::{Boxes, CHILDREN, FARTHEST, NODE, Node, greatest, least};
+use super::{CHILDREN, ChildBoxes, FARTHEST, NODE, TreeNode, greatest, least};
 use crate::level::kernels;
 
-/// By more than what rounding makes of a coordinate between two steps and seen from a ray.
+/// More than the rounding error of a coordinate between two steps and relative to a ray.
 const SLACK: f32 = 1.0 / (1 << 21) as f32;
 
 kernels! {
     /// Fits the boxes of all `nodes`, children before their parents.
-    pub fn fit(nodes: &[Node], corners: &[u32], positions: &[[f32; 4]], boxes: &mut [Boxes]) {
+    pub fn fit(nodes: &[TreeNode], corners: &[u32], positions: &[[f32; 4]], boxes: &mut [ChildBoxes]) {
         for (index, node) in nodes.iter().enumerate().rev() {
             // Corners with a fourth number: one register each.
             let mut lowers = [[FARTHEST; 4]; CHILDREN];

@@ -23,15 +23,15 @@ impl Random {
 struct Scene {
     tree: Tree,
     triangles: Vec<[u32; 3]>,
-    a: Step,
-    b: Step,
+    a: MeshStep,
+    b: MeshStep,
 }
 
-fn step(tree: &Tree, positions: &[[f32; 3]]) -> Step {
+fn step(tree: &Tree, positions: &[[f32; 3]]) -> MeshStep {
     let positions: Vec<_> = positions.iter().map(|&[x, y, z]| [x, y, z, f32::NAN]).collect();
     let mut boxes = Vec::new();
     tree.fit(&positions, &mut boxes);
-    Step { positions, boxes }
+    MeshStep { positions, boxes }
 }
 
 fn scene(rest: &[[f32; 3]], triangles: Vec<[u32; 3]>, a: Vec<[f32; 3]>, b: Vec<[f32; 3]>) -> Scene {
@@ -61,7 +61,7 @@ fn debris(random: &mut Random, count: usize) -> Scene {
     scene(&rest, (0..count as u32).map(|of| [3 * of, 3 * of + 1, 3 * of + 2]).collect(), a, b)
 }
 
-/// Closed, with bumps: rings around the z axis, the first and last of which are points.
+/// A closed surface with bumps: rings around the z axis, the first and last of which are points.
 fn ball(rings: usize, sides: usize, bump: f32) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
     use std::f32::consts::{PI, TAU};
     let mut positions = vec![[0.0, 0.0, 1.0]];
@@ -102,11 +102,11 @@ fn minus(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 
 /// Where the ray of a lane meets a triangle's plane: parameter, weights of the second and third corner, normal.
 /// Moller and Trumbore 1997, "Fast, minimum storage ray/triangle intersection".
-fn plane(scene: &Scene, triangle: usize, rays: &Packet, lane: usize) -> (f64, f64, f64, [f64; 3]) {
+fn plane(scene: &Scene, triangle: usize, rays: &RayPacket, lane: usize) -> (f64, f64, f64, [f64; 3]) {
     let part = f64::from(rays.part[lane]);
     let [a, b, c] = scene.triangles[triangle].map(|corner| {
         [0, 1, 2].map(|axis| {
-            let of = |step: &Step| f64::from(step.positions[corner as usize][axis]);
+            let of = |step: &MeshStep| f64::from(step.positions[corner as usize][axis]);
             (1.0 - part) * of(&scene.a) + part * of(&scene.b)
         })
     });
@@ -119,14 +119,14 @@ fn plane(scene: &Scene, triangle: usize, rays: &Packet, lane: usize) -> (f64, f6
     (dot(f, q) / whole, dot(to, p) / whole, dot(dir, q) / whole, cross(e, f))
 }
 
-/// By how much a place is outside of a triangle, below 0 inside.
+/// By how much a point is outside a triangle, below 0 inside.
 fn outside(u: f64, v: f64) -> f64 {
     (-u).max(-v).max(u + v - 1.0)
 }
 
 /// Rays of all kinds: from one place or many, side by side or not, of any length, between limits.
-fn packet(random: &mut Random) -> Packet {
-    let mut packet = Packet::default();
+fn packet(random: &mut Random) -> RayPacket {
+    let mut packet = RayPacket::default();
     let (eye, ahead) = (random.point(), random.point());
     let (spread, wide) = (random.next().powi(4), random.next().powi(6));
     for lane in 0..RAYS {
@@ -151,14 +151,14 @@ fn packet(random: &mut Random) -> Packet {
     packet
 }
 
-fn trace(scene: &Scene, packet: &Packet, active: u16) -> (Packet, u16) {
+fn trace(scene: &Scene, packet: &RayPacket, active: u16) -> (RayPacket, u16) {
     let mut traced = packet.clone();
     let hits = intersect(&scene.tree, &scene.a, &scene.b, &mut traced, active, None);
     (traced, hits)
 }
 
-/// Nothing nearer is hit by a mile, what is hit is there, and what clearly should be hit is.
-fn compare(scene: &Scene, packet: &Packet, active: u16) -> usize {
+/// Checks that no clearly nearer triangle is missed, that hits are where they should be, and that clear hits are found.
+fn compare(scene: &Scene, packet: &RayPacket, active: u16) -> usize {
     let (traced, hits) = trace(scene, packet, active);
     assert_eq!(occluded(&scene.tree, &scene.a, &scene.b, packet, active, None), hits);
     assert_eq!(hits & !active, 0);
@@ -170,7 +170,7 @@ fn compare(scene: &Scene, packet: &Packet, active: u16) -> usize {
         } else {
             let found = f64::from(traced.far[lane]);
             let (at, u, v, normal) = plane(scene, traced.triangle[lane] as usize, packet, lane);
-            // Planes that the ray nearly lies in are met anywhere: no such is among these.
+            // A ray that is nearly in a plane may meet it anywhere: there is none among these.
             let size = dot(normal, normal).sqrt();
             let dir = [0, 1, 2].map(|axis| f64::from(packet.dir[axis][lane]));
             let steep = (dot(normal, dir) / size / dot(dir, dir).sqrt()).abs();
@@ -206,7 +206,7 @@ fn closest_hits_are_those_of_all_triangles_one_by_one() {
             let active = if turn % 3 == 0 { !0 } else { random.index(1 << 16) as u16 };
             hits += compare(&scene, &packet, active);
         }
-        // Standing still.
+        // At rest.
         scene.b = scene.a.clone();
         let mut packet = packet(random);
         hits += compare(&scene, &packet, !0);
@@ -228,13 +228,13 @@ fn no_ray_leaves_a_closed_mesh() {
         let spread = random.next();
         let at = random.point().map(|place| 0.3 * place);
         for lane in 0..RAYS {
-            // Half of them at a corner or at the middle of an edge, as exactly as numbers go.
+            // Half of them at a corner or at the middle of an edge, as exactly as the numbers allow.
             let [a, b, _] = scene.triangles[random.index(scene.triangles.len()) as usize];
             let other = if random.next() > 0.0 { a } else { b };
             let aimed = random.next() > 0.0;
             let part = packet.part[lane];
             let place = |corner: u32, axis: usize| {
-                let of = |step: &Step| step.positions[corner as usize][axis];
+                let of = |step: &MeshStep| step.positions[corner as usize][axis];
                 (1.0 - part) * of(&scene.a) + part * of(&scene.b)
             };
             for axis in 0..3 {
@@ -274,16 +274,16 @@ fn what_is_refused_is_passed_through() {
         (1..=40).flat_map(|z| [[-9.0, -9.0, z as f32], [9.0, -9.0, z as f32], [0.0, 9.0, z as f32]]).collect();
     let triangles = (0..40).map(|of| [3 * of, 3 * of + 1, 3 * of + 2]).collect();
     let scene = scene(&rest, triangles, rest.clone(), rest.clone());
-    let mut packet = Packet { dir: [[0.0; RAYS], [0.0; RAYS], [2.0; RAYS]], ..Packet::default() };
-    let from = |asked: &mut Vec<usize>, lane: usize, triangle: u32| {
-        asked[lane] += 1;
+    let mut packet = RayPacket { dir: [[0.0; RAYS], [0.0; RAYS], [2.0; RAYS]], ..RayPacket::default() };
+    let from = |calls: &mut Vec<usize>, lane: usize, triangle: u32| {
+        calls[lane] += 1;
         triangle as usize >= 2 * lane
     };
-    let mut asked = vec![0; RAYS];
+    let mut calls = vec![0; RAYS];
     let mut accept = |lane: usize, far: f32, triangle: u32, [u, v]: [f32; 2]| {
         // The axis meets each at 1/4, 1/4, 1/2.
         assert!((u - 0.25).abs() < 1e-6 && (v - 0.5).abs() < 1e-6 && far == (triangle + 1) as f32 / 2.0);
-        from(&mut asked, lane, triangle)
+        from(&mut calls, lane, triangle)
     };
     let hits = intersect(&scene.tree, &scene.a, &scene.b, &mut packet, !1, Some(&mut accept));
     assert_eq!(hits, !1);
@@ -292,7 +292,7 @@ fn what_is_refused_is_passed_through() {
         assert!(packet.normal[0][lane] == 0.0 && packet.normal[1][lane] == 0.0);
         assert_eq!(packet.normal[2][lane], 18.0 * 18.0);
     }
-    assert_eq!((packet.far[0], asked[0]), (f32::INFINITY, 0));
+    assert_eq!((packet.far[0], calls[0]), (f32::INFINITY, 0));
     // Not beyond the nearest that counts.
     packet.far = [f32::INFINITY; RAYS];
     packet.far[3] = 3.4;
@@ -310,17 +310,17 @@ fn what_is_refused_is_passed_through() {
 fn hostile_meshes_and_rays_are_harmless() {
     let random = &mut Random(500_000);
     let bad = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, -f32::MAX, 1e30, 1e-40, 0.0];
-    // Nothing, and vertices that are not there.
+    // No triangles, and missing vertices.
     for (positions, triangles) in [(vec![], vec![]), (vec![[0.0; 3]], vec![[0, 0, 1], [u32::MAX; 3]])] {
         let scene = scene(&positions, triangles, positions.clone(), positions.clone());
         assert_eq!(trace(&scene, &packet(random), !0).1, 0);
         let [lower, upper] = scene.tree.bounds(&scene.a);
         assert!(lower[0] > upper[0]);
     }
-    // All in one place: a leaf holds no more than some, and nodes are not too deep.
+    // All in one place: leaves have a limited size, and nodes are not too deep.
     let positions = vec![[0.0, 0.0, 3.0], [1.0, 0.0, 3.0], [0.0, 1.0, 3.0]];
     let same = scene(&positions, vec![[0, 1, 2]; 5000], positions.clone(), positions.clone());
-    let mut rays = Packet { org: [[0.2; RAYS]; 3], ..Packet::default() };
+    let mut rays = RayPacket { org: [[0.2; RAYS]; 3], ..RayPacket::default() };
     rays.dir[2] = [1.0; RAYS];
     let (traced, hits) = trace(&same, &rays, !0);
     assert!(hits == !0 && traced.far.iter().all(|far| (far - 2.8).abs() < 1e-5));
@@ -329,7 +329,7 @@ fn hostile_meshes_and_rays_are_harmless() {
     let triangles = (0..298).map(|at| [at, at + 1, at + 2]).collect();
     let growing = scene(&positions, triangles, positions.clone(), positions.clone());
     trace(&growing, &rays, !0);
-    // Corners that are no numbers, next to a triangle that is hit all the same.
+    // Corners that are not numbers, next to a triangle that is hit all the same.
     for _ in 0..50 {
         let mut rest: Vec<_> = (0..90).map(|_| random.point()).collect();
         rest[..3].copy_from_slice(&[[-9.0, -9.0, 2.0], [9.0, -9.0, 2.0], [0.0, 9.0, 2.0]]);
@@ -361,11 +361,11 @@ fn hostile_meshes_and_rays_are_harmless() {
             assert!(traced.far[lane] <= 2.000_01);
         }
     }
-    // Rays that are none.
+    // Invalid rays.
     let scene = debris(random, 200);
     for _ in 0..500 {
         let mut packet = packet(random);
-        let Packet { org, dir, near, far, part, .. } = &mut packet;
+        let RayPacket { org, dir, near, far, part, .. } = &mut packet;
         let columns: [&mut [f32; RAYS]; 4] = [&mut org[random.index(3) as usize], &mut dir[1], near, part];
         let spoilt = random.next() > 0.0;
         for column in columns {
@@ -385,7 +385,7 @@ fn hostile_meshes_and_rays_are_harmless() {
             }
         }
     }
-    let none = Packet::default();
+    let none = RayPacket::default();
     assert_eq!(trace(&scene, &none, !0).1, 0);
 }
 
@@ -395,18 +395,18 @@ fn steps_that_do_not_fit_hit_nothing() {
     let Scene { tree, a, b, triangles } = debris(random, 100);
     let other = debris(random, 3000);
     let mut packet = packet(random);
-    for (a, b) in [(&Step::default(), &b), (&a, &other.a), (&Step { boxes: Vec::new(), ..a.clone() }, &b)] {
+    for (a, b) in [(&MeshStep::default(), &b), (&a, &other.a), (&MeshStep { boxes: Vec::new(), ..a.clone() }, &b)] {
         assert_eq!(intersect(&tree, a, b, &mut packet, !0, None), 0);
     }
     // Too few positions.
     let short = step(&tree, &[[1.0; 3]; 7]);
     assert_eq!(occluded(&tree, &short, &short, &packet, !0, None), 0);
-    // Memory is taken once, and boxes hold all corners.
+    // Memory is allocated once, and boxes hold all corners.
     let mut boxes = a.boxes.clone();
     let before = boxes.as_ptr();
     tree.fit(&b.positions, &mut boxes);
     assert_eq!(boxes.as_ptr(), before);
-    let [lower, upper] = tree.bounds(&Step { positions: b.positions.clone(), boxes });
+    let [lower, upper] = tree.bounds(&MeshStep { positions: b.positions.clone(), boxes });
     for corner in triangles.as_flattened() {
         for axis in 0..3 {
             let at = b.positions[*corner as usize][axis];

@@ -1,47 +1,47 @@
 //! Packets of rays through a tree between two steps.
 //!
-//! Neighbours that look to the same side (the greatest component of their directions has the same axis and sign) go
-//! through the tree together. All children of a node are tested at once against what bounds the rays: their slopes
-//! against that axis, origins and times. Where that says yes, the rays are tested against the box of a leaf, unless it
+//! Neighbours that point to the same side (the greatest component of their directions has the same axis and sign)
+//! traverse the tree together. All children of a node are tested at once against the bounds of the rays: their slopes
+//! against that axis, origins and times. If that test passes, the rays are tested against the box of a leaf, unless it
 //! has a single triangle, and then against its triangles.
 
 use super::build::MOST_DEPTH;
-use super::{Boxes, CHILDREN, FARTHEST, NODE, Node, Step, Tree, greatest, least};
+use super::{CHILDREN, ChildBoxes, FARTHEST, MeshStep, NODE, Tree, TreeNode, greatest, least};
 use crate::level::kernels;
 
 /// Rays of a packet.
 pub const RAYS: usize = 16;
 
 /// A number for each ray.
-type Rays<T = f32> = [T; RAYS];
+type RayLanes<T = f32> = [T; RAYS];
 
 /// Rays side by side, and what they hit.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
-pub struct Packet {
-    /// Where they begin.
-    pub org: [Rays; 3],
-    /// Where they go, of any length.
-    pub dir: [Rays; 3],
-    /// What they hit is farther than this, in lengths of `dir`, at least 0.
-    pub near: Rays,
-    /// And not farther than this; then where they hit it.
-    pub far: Rays,
-    /// Time: 0 at the first step, 1 at the second; not before the one or after the other.
-    pub part: Rays,
+pub struct RayPacket {
+    /// Origins.
+    pub org: [RayLanes; 3],
+    /// Directions, of any length.
+    pub dir: [RayLanes; 3],
+    /// Hits are farther than this, in lengths of `dir`, at least 0.
+    pub near: RayLanes,
+    /// Hits are not farther than this; afterwards where the hit is.
+    pub far: RayLanes,
+    /// Time: 0 at the first step, 1 at the second; clamped to these.
+    pub part: RayLanes,
     /// Weight of the triangle's second corner.
-    pub u: Rays,
+    pub u: RayLanes,
     /// Weight of the triangle's third corner.
-    pub v: Rays,
+    pub v: RayLanes,
     /// Normal of the triangle at that time, by the right-hand rule; its length is twice the area.
-    pub normal: [Rays; 3],
+    pub normal: [RayLanes; 3],
     /// Index of the triangle.
-    pub triangle: Rays<u32>,
+    pub triangle: RayLanes<u32>,
 }
 
-impl Default for Packet {
+impl Default for RayPacket {
     fn default() -> Self {
-        Packet {
+        RayPacket {
             org: [[0.0; RAYS]; 3],
             dir: [[0.0; RAYS]; 3],
             near: [0.0; RAYS],
@@ -55,23 +55,23 @@ impl Default for Packet {
     }
 }
 
-/// Whether a hit counts: the lane of the ray, where it is in lengths of the ray's `dir`, the triangle, the weights of its
-/// second and third corner.
+/// Whether a hit counts: the lane of the ray, where it is in lengths of the ray's `dir`, the triangle, the weights of
+/// its second and third corner.
 pub type Accept<'a> = dyn FnMut(usize, f32, u32, [f32; 2]) -> bool + 'a;
 
 kernels! {
     /// Finds the closest hit of each of the rays whose bit in `active` is set, on triangles whose corners move in
     /// straight lines from step `a` to step `b` (which may be the same); returns which rays hit anything. The others
-    /// stay as they are.
+    /// are unchanged.
     ///
     /// Both sides of a triangle are hit, and its edges belong to it. A hit that `accept` refuses does not count: it is
-    /// asked in any order, and not only about closest hits. A triangle or a ray with a number that is not finite, or
+    /// called in any order, and not only for closest hits. A triangle or a ray with a number that is not finite, or
     /// beyond 1e18, hits nothing, nor does anything in a step that has not been fitted.
     pub fn intersect(
         tree: &Tree,
-        a: &Step,
-        b: &Step,
-        packet: &mut Packet,
+        a: &MeshStep,
+        b: &MeshStep,
+        packet: &mut RayPacket,
         active: u16,
         accept: Option<&mut Accept>,
     ) -> u16 {
@@ -97,12 +97,12 @@ kernels! {
         bits(&hits.is)
     }
 
-    /// Which of the rays hit anything, as [`intersect`] finds it, but sooner.
+    /// Which of the rays hit anything, as found by [`intersect`], but faster.
     pub fn occluded(
         tree: &Tree,
-        a: &Step,
-        b: &Step,
-        packet: &Packet,
+        a: &MeshStep,
+        b: &MeshStep,
+        packet: &RayPacket,
         active: u16,
         accept: Option<&mut Accept>,
     ) -> u16 {
@@ -120,33 +120,33 @@ kernels! {
 #[derive(Default)]
 #[repr(align(64))]
 struct Hits {
-    far: Rays,
-    u: Rays,
-    v: Rays,
-    normal: [Rays; 3],
-    triangle: Rays<u32>,
+    far: RayLanes,
+    u: RayLanes,
+    v: RayLanes,
+    normal: [RayLanes; 3],
+    triangle: RayLanes<u32>,
     /// 1 for rays that hit anything.
-    is: Rays<u32>,
+    is: RayLanes<u32>,
 }
 
-/// Rays that look to the same side; the other lanes are copies of one of them that can hit nothing. Axes are in the
+/// Rays that point to the same side; the other lanes are copies of one of them that can hit nothing. Axes are in the
 /// order in which that side's is the last.
 #[repr(align(64))]
 struct Beam {
-    org: [Rays; 3],
+    org: [RayLanes; 3],
     /// Slopes against the last axis.
-    slope: [Rays; 2],
+    slope: [RayLanes; 2],
     /// Ray parameter per length along each axis.
-    per: [Rays; 3],
+    per: [RayLanes; 3],
     /// Length along the last axis per ray parameter.
-    along: Rays,
-    near: Rays,
-    far: Rays,
+    along: RayLanes,
+    near: RayLanes,
+    far: RayLanes,
     /// Weights of both steps.
-    parts: [Rays; 2],
+    parts: [RayLanes; 2],
 }
 
-/// What bounds a beam.
+/// Bounds of a beam.
 struct Hull {
     /// Least and greatest origin along each axis.
     org: [[f32; 2]; 3],
@@ -156,14 +156,14 @@ struct Hull {
     reach: [f32; 2],
     /// Weights of both steps for the first of the rays and the last.
     parts: [[f32; 2]; 2],
-    /// Whether the beam looks down the last axis.
+    /// Whether the beam points down the last axis.
     down: bool,
 }
 
 /// Leaves of no more triangles are not worth a test of their box.
 const UNTOUCHED: u8 = 1;
 
-/// More than what rounding makes of slopes and lengths.
+/// More than the rounding error of slopes and lengths.
 const SLACK: f32 = 1.0 / (1 << 20) as f32;
 
 /// Rays are neighbours if their slopes differ by no more than this,
@@ -176,8 +176,8 @@ const APART: f32 = 0.05;
 #[inline(always)]
 fn trace<const ANY: bool, const MOVES: bool>(
     tree: &Tree,
-    steps: [&Step; 2],
-    packet: &Packet,
+    steps: [&MeshStep; 2],
+    packet: &RayPacket,
     active: u16,
     mut accept: Option<&mut Accept>,
     hits: &mut Hits,
@@ -185,7 +185,7 @@ fn trace<const ANY: bool, const MOVES: bool>(
     if tree.nodes.is_empty() || !steps.iter().all(|step| tree.fits(step)) {
         return;
     }
-    // Twice the axis, plus whether they look down it.
+    // Twice the axis, plus whether they point down it.
     let mut side = [0; RAYS];
     let mut valid = [0; RAYS];
     let mut slopes = [[0.0; RAYS]; 2];
@@ -209,7 +209,7 @@ fn trace<const ANY: bool, const MOVES: bool>(
         );
     }
     let mut left = active & bits(&valid);
-    // Rays that are not like those before them.
+    // Rays that are not neighbours of those before them.
     let mut apart = [0; RAYS];
     for lane in 1..RAYS {
         let last = lane - 1;
@@ -229,9 +229,9 @@ fn trace<const ANY: bool, const MOVES: bool>(
     }
 }
 
-/// The lanes where there is 1.
+/// The lanes that are 1, as bits.
 #[inline(always)]
-fn bits(is: &Rays<u32>) -> u16 {
+fn bits(is: &RayLanes<u32>) -> u16 {
     let mut bits = 0;
     for lane in 0..RAYS {
         bits |= is[lane] << lane;
@@ -239,12 +239,12 @@ fn bits(is: &Rays<u32>) -> u16 {
     bits as u16
 }
 
-/// Traces the rays of a `group` that look to the same `side`.
+/// Traces the rays of a `group` that point to the same `side`.
 #[inline(always)]
 fn pass<const ANY: bool, const MOVES: bool>(
     tree: &Tree,
-    [a, b]: [&Step; 2],
-    packet: &Packet,
+    [a, b]: [&MeshStep; 2],
+    packet: &RayPacket,
     group: u16,
     side: u32,
     accept: &mut Option<&mut Accept>,
@@ -287,7 +287,7 @@ fn pass<const ANY: bool, const MOVES: bool>(
                 continue;
             }
             let (node, child) = (place as usize / CHILDREN, place as usize % CHILDREN);
-            let Node { first, count, .. } = &tree.nodes[node];
+            let TreeNode { first, count, .. } = &tree.nodes[node];
             let (first, count) = (first[child] as usize, count[child]);
             if count == NODE {
                 break first;
@@ -319,9 +319,9 @@ fn pass<const ANY: bool, const MOVES: bool>(
     }
 }
 
-/// The rays of a `group`, and what bounds them.
+/// The rays of a `group`, and their bounds.
 #[inline(always)]
-fn prepare(packet: &Packet, group: u16, axes: [usize; 3], down: bool) -> (Beam, Hull) {
+fn prepare(packet: &RayPacket, group: u16, axes: [usize; 3], down: bool) -> (Beam, Hull) {
     let any = group.trailing_zeros() as usize % RAYS;
     let mut is = [0; RAYS];
     for lane in 0..RAYS {
@@ -389,7 +389,7 @@ fn prepare(packet: &Packet, group: u16, axes: [usize; 3], down: bool) -> (Beam, 
 
 /// The least and the greatest of the numbers.
 #[inline(always)]
-fn span(values: &Rays) -> [f32; 2] {
+fn span(values: &RayLanes) -> [f32; 2] {
     // By halves, as vector instructions do it.
     let (mut low, mut high) = (*values, *values);
     for half in [8, 4, 2, 1] {
@@ -403,7 +403,13 @@ fn span(values: &Rays) -> [f32; 2] {
 
 /// Which children of a node the beam may enter, and the least length to each along the last axis.
 #[inline(always)]
-fn enter<const MOVES: bool>(a: &Boxes, b: &Boxes, hull: &Hull, reach: f32, axes: [usize; 3]) -> (u16, [f32; CHILDREN]) {
+fn enter<const MOVES: bool>(
+    a: &ChildBoxes,
+    b: &ChildBoxes,
+    hull: &Hull,
+    reach: f32,
+    axes: [usize; 3],
+) -> (u16, [f32; CHILDREN]) {
     // Bounds at all times of the rays.
     let mut low = [[0.0; CHILDREN]; 3];
     let mut high = [[0.0; CHILDREN]; 3];
@@ -439,7 +445,7 @@ fn enter<const MOVES: bool>(a: &Boxes, b: &Boxes, hull: &Hull, reach: f32, axes:
             end[child] = high[2][child] - least_org;
         }
     }
-    // Whether it may, as bits: masks of numbers are what registers hold.
+    // Whether the beam may enter, as integers: registers hold masks of that width.
     let mut enters = [0; CHILDREN];
     for child in 0..CHILDREN {
         start[child] = greatest(start[child], hull.reach[0]);
@@ -458,9 +464,9 @@ fn enter<const MOVES: bool>(a: &Boxes, b: &Boxes, hull: &Hull, reach: f32, axes:
     (bits(&enters), start)
 }
 
-/// Whether any ray meets the box of a child.
+/// Whether any ray hits the box of a child.
 #[inline(always)]
-fn touches<const MOVES: bool>(a: &Boxes, b: &Boxes, child: usize, beam: &Beam, axes: [usize; 3]) -> bool {
+fn touches<const MOVES: bool>(a: &ChildBoxes, b: &ChildBoxes, child: usize, beam: &Beam, axes: [usize; 3]) -> bool {
     let mut near = beam.near;
     let mut far = beam.far;
     for axis in 0..3 {
@@ -485,11 +491,12 @@ fn touches<const MOVES: bool>(a: &Boxes, b: &Boxes, child: usize, beam: &Beam, a
     any
 }
 
-/// Meets the beam with a triangle, given the places of each corner at both steps; whether any ray now has a closer hit.
+/// Intersects the beam with a triangle, given the positions of each corner at both steps; returns whether any ray now
+/// has a closer hit.
 ///
 /// Corners are sheared along the rays (Woop, Benthin and Wald 2013, "Watertight ray/triangle intersection"): two
-/// triangles see their common edge with exactly opposite signs, so that no ray passes between them. Rounded products
-/// are in the order of the exact ones, so a difference that is not 0 has the right sign; what is 0 is computed again.
+/// triangles have exactly opposite signs at their common edge, so that no ray passes between them. Rounded products are
+/// in the order of the exact ones, so a difference that is not 0 has the right sign; what is 0 is computed again.
 #[inline(always)]
 fn meet<const ANY: bool, const MOVES: bool>(
     corners: [[&[f32; 4]; 2]; 3],
@@ -499,7 +506,7 @@ fn meet<const ANY: bool, const MOVES: bool>(
     accept: &mut Option<&mut Accept>,
     hits: &mut Hits,
 ) -> bool {
-    // Where the corners are as the rays see them: across and along the last axis.
+    // Positions of the corners relative to the rays: across and along the last axis.
     let mut across = [[[0.0; RAYS]; 2]; 3];
     let mut along = [[0.0; RAYS]; 3];
     for corner in 0..3 {
@@ -541,7 +548,7 @@ fn meet<const ANY: bool, const MOVES: bool>(
     for lane in 0..RAYS {
         let (a, b, c) = (areas[0][lane], areas[1][lane], areas[2][lane]);
         let inside = ((a >= 0.0) & (b >= 0.0) & (c >= 0.0)) | ((a <= 0.0) & (b <= 0.0) & (c <= 0.0));
-        // 0 for a triangle seen from the side: then nothing below is a number.
+        // 0 for a triangle seen edge-on: then everything below is NaN.
         let whole = a + b + c;
         let (a, b, c) = (a / whole, b / whole, c / whole);
         let at = (a * along[0][lane] + b * along[1][lane] + c * along[2][lane]) * beam.per[2][lane];
@@ -599,11 +606,11 @@ fn meet<const ANY: bool, const MOVES: bool>(
     true
 }
 
-/// The areas again of rays whose point is on an edge as single precision sees it, up to a common factor: in double
-/// precision products are exact, and their differences have the right sign.
+/// Recomputes the areas for rays that are on an edge in single precision, up to a common factor: in double precision
+/// products are exact, and their differences have the right sign.
 #[cold]
 #[inline(never)]
-fn weigh_exactly(across: &[[Rays; 2]; 3], areas: &mut [Rays; 3]) {
+fn weigh_exactly(across: &[[RayLanes; 2]; 3], areas: &mut [RayLanes; 3]) {
     for lane in 0..RAYS {
         if areas.iter().all(|area| area[lane] != 0.0) {
             continue;
@@ -616,7 +623,7 @@ fn weigh_exactly(across: &[[Rays; 2]; 3], areas: &mut [Rays; 3]) {
         let whole: f64 = exact.iter().sum();
         let inside = exact.iter().all(|area| *area >= 0.0) || exact.iter().all(|area| *area <= 0.0);
         for (area, exact) in areas.iter_mut().zip(exact) {
-            // Outside: none of them is a number.
+            // Outside: all of them are NaN.
             area[lane] = if inside { (exact / whole) as f32 } else { f32::NAN };
         }
     }

@@ -1,4 +1,4 @@
-//! What surfaces send back to the sensor.
+//! What surfaces return to the sensor.
 
 use crate::ground::lanes::{LANES, MISS, RayBatch};
 use crate::material::{ByColor, Reflectances, Scattering, srgb_byte};
@@ -7,19 +7,19 @@ use echocast_kernels::light;
 use glam::Vec3;
 use std::ops::Range;
 
-/// What images are read for.
+/// What images are sampled for.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Wanted {
+pub(crate) struct RequestedQuantities {
     pub colors: bool,
     pub reflectance: bool,
 }
 
-/// The surfaces that a block of beams meets, lane by lane.
+/// The surfaces hit by a block of beams, lane by lane.
 #[repr(align(64))]
 pub(crate) struct Contribution {
     /// Cosine of the incidence angle, 0..1.
     pub cos_incidence: [f32; LANES],
-    /// Reflectance of a Lambert surface there that would send back as much, 0 or more; above 1 for gloss and
+    /// Reflectance of a Lambert surface there that would return as much, 0 or more; above 1 for gloss and
     /// retro-reflectors, and for others at grazing incidence.
     pub reflectance: [f32; LANES],
     pub category_id: [u32; LANES],
@@ -46,8 +46,8 @@ impl Contribution {
         }
     }
 
-    /// Incidence of the first `count` rays, turning the normals of `hits` into unit vectors in the world's frame on the
-    /// sensor's side; interpolated ones where the part has them and `smooth` wants them.
+    /// Incidence of the first `count` rays, turning the normals of `hits` into unit vectors in the world frame on the
+    /// sensor's side; interpolated ones where the part has them and `smooth` is set.
     pub(crate) fn face(&mut self, scene: &Tables, rays: &RayBatch, hits: &mut HitBatch, count: usize, smooth: bool) {
         if scene.surfaces.has_instances {
             hits.orient_normals(scene, rays, count);
@@ -72,7 +72,7 @@ impl Contribution {
         let surfaces = &scene.surfaces;
         let mut start = 0;
         while start < count {
-            // Neighbours mostly meet the same surface.
+            // Neighbours mostly hit the same surface.
             let index = hits.surface[start];
             let run = start..start + run_of(&hits.surface[start..count]);
             start = run.end;
@@ -90,7 +90,7 @@ impl Contribution {
                     let [a, b, c] = corners.map(|index| Vec3::from(normals[index as usize]));
                     matrix * (a * (1.0 - u - v) + b * u + c * v)
                 };
-                // Opposite vertex normals may cancel; then the triangle's own normal stays.
+                // Opposite vertex normals may cancel; then the triangle's own normal is kept.
                 if smooth.length_squared() > f32::MIN_POSITIVE {
                     let (facet, cos_facet) = (hits.normal(lane), self.cos_incidence[lane]);
                     let (normal, cos) = seen_normal(smooth, facet, cos_facet, rays.direction(lane));
@@ -102,14 +102,14 @@ impl Contribution {
     }
 
     /// Labels, colours and reflectance of the surfaces hit by the rays of `lanes`, whose incidence is known
-    /// ([`Contribution::face`]). Neighbours mostly meet the same surface, so whole runs of lanes are filled at once.
+    /// ([`Contribution::face`]). Neighbours mostly hit the same surface, so whole runs of lanes are filled at once.
     pub(crate) fn look_up(
         &mut self,
         surfaces: &Surfaces,
         reflectances: &Reflectances,
         hits: &HitBatch,
         lanes: Range<usize>,
-        wanted: Wanted,
+        requested: RequestedQuantities,
     ) {
         let mut start = lanes.start;
         while start < lanes.end {
@@ -127,11 +127,11 @@ impl Contribution {
                 self.red[run.clone()].fill(surface.rgb[0]);
                 self.green[run.clone()].fill(surface.rgb[1]);
                 self.blue[run.clone()].fill(surface.rgb[2]);
-                if (wanted.colors && surface.textured) || (wanted.reflectance && reflectance.is_nan()) {
+                if (requested.colors && surface.textured) || (requested.reflectance && reflectance.is_nan()) {
                     let by_color = &reflectances.by_color[surface.material as usize];
                     self.sample(surfaces, by_color, surface, hits, run.clone());
                 }
-                if wanted.reflectance && reflectances.scatter {
+                if requested.reflectance && reflectances.scatter {
                     self.scatter(&surfaces.materials[surface.material as usize].scattering, run);
                 }
             }
@@ -151,7 +151,7 @@ impl Contribution {
         self.blue[lane] = from.blue[other];
     }
 
-    /// Forgets the surface of a lane: it has no label, colour or side.
+    /// Clears the surface of a lane: it has no label, colour or incidence.
     pub(crate) fn clear(&mut self, lane: usize) {
         self.cos_incidence[lane] = f32::NAN;
         (self.category_id[lane], self.part_id[lane]) = (0, 0);
@@ -159,7 +159,7 @@ impl Contribution {
         (self.red[lane], self.green[lane], self.blue[lane]) = (0, 0, 0);
     }
 
-    /// Turns lanes that scatter as `model` says into Lambert surfaces equally bright at their angle.
+    /// Converts lanes that scatter according to `model` into Lambert surfaces equally bright at their angle.
     #[inline(never)]
     fn scatter(&mut self, model: &Scattering, lanes: Range<usize>) {
         if *model != Scattering::Lambert {
@@ -189,7 +189,7 @@ impl Contribution {
     }
 }
 
-/// How many of `surfaces` are the same as the first.
+/// Length of the run of `surfaces` that equal the first.
 fn run_of(surfaces: &[u32]) -> usize {
     surfaces.iter().position(|surface| *surface != surfaces[0]).unwrap_or(surfaces.len())
 }

@@ -1,43 +1,44 @@
-//! How what is seen in mirrors and through glass moves.
+//! Apparent motion of what is seen in mirrors and through glass.
 
 use glam::{Mat3, Vec3};
 
-/// Of a point, how its image in mirrors moves: with the velocity v of the point, at `turn v + drift`.
+/// How the image of a point in mirrors moves: at `turn v + drift`, with the velocity v of the point.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Image {
-    /// Mirrors turn velocities as they turn what is seen.
+pub(crate) struct MirrorImage {
+    /// Mirrors reflect velocities as they reflect what is seen.
     turn: Mat3,
-    /// What the mirrors' own motion adds, m/s.
+    /// Velocity added by the mirrors' own motion, m/s.
     drift: Vec3,
 }
 
-impl Image {
-    /// Of what is seen directly.
-    pub(crate) const DIRECT: Image = Image { turn: Mat3::IDENTITY, drift: Vec3::ZERO };
+impl MirrorImage {
+    /// For what is seen directly.
+    pub(crate) const DIRECT: MirrorImage = MirrorImage { turn: Mat3::IDENTITY, drift: Vec3::ZERO };
 
-    /// The image behind a mirror in this one, whose place there has the unit `normal` and moves at `velocity`, m/s.
+    /// The image in a further mirror that is seen in this one; where it reflects, that mirror has the unit `normal` and
+    /// moves at `velocity`, m/s.
     ///
     /// The image of p is `p - 2 ((p - m) . n) n`, with m a point of the mirror.
     #[must_use]
-    pub(crate) fn in_mirror(self, normal: Vec3, velocity: Vec3) -> Image {
+    pub(crate) fn in_mirror(self, normal: Vec3, velocity: Vec3) -> MirrorImage {
         let across = Mat3::from_cols(normal * normal.x, normal * normal.y, normal * normal.z);
         let drift = 2.0 * velocity.dot(normal) * normal;
-        Image { turn: self.turn * (Mat3::IDENTITY - across * 2.0), drift: self.drift + self.turn * drift }
+        MirrorImage { turn: self.turn * (Mat3::IDENTITY - across * 2.0), drift: self.drift + self.turn * drift }
     }
 
-    /// The image through a surface that bends light from `along` to `onward`, unit vectors: it is seen turned back.
+    /// The image through a surface that refracts light from `along` to `onward`, unit vectors: it appears rotated back.
     #[must_use]
-    pub(crate) fn through(self, along: Vec3, onward: Vec3) -> Image {
+    pub(crate) fn through(self, along: Vec3, onward: Vec3) -> MirrorImage {
         let back = glam::Quat::from_rotation_arc(onward, along);
-        Image { turn: self.turn * Mat3::from_quat(back), ..self }
+        MirrorImage { turn: self.turn * Mat3::from_quat(back), ..self }
     }
 
-    /// How fast the image of a point moves that moves at `velocity`, m/s.
+    /// Velocity of the image of a point that moves at `velocity`, m/s.
     pub(crate) fn velocity(&self, velocity: Vec3) -> Vec3 {
         self.turn * velocity + self.drift
     }
 
-    /// Where the image of a point goes in `time` s while the point goes `way`, m.
+    /// Displacement of the image of a point in `time` s while the point is displaced by `way`, m.
     pub(crate) fn way(&self, way: Vec3, time: f32) -> Vec3 {
         self.turn * way + self.drift * time
     }
@@ -47,7 +48,7 @@ impl Image {
 mod tests {
     use super::*;
 
-    /// Two mirrors that move, by differences of the images' places.
+    /// Two moving mirrors, by differences of the images' positions.
     #[test]
     fn images_move_as_they_are_seen() {
         let mirrors = [
@@ -55,12 +56,12 @@ mod tests {
             (Vec3::new(0.0, -0.6, 0.8), Vec3::new(-4.0, 0.0, 2.0), Vec3::new(0.0, 1.0, 7.0)),
         ];
         let (place, velocity) = (Vec3::new(5.0, 4.0, -3.0), Vec3::new(-1.0, 2.0, 6.0));
-        let mut image = Image::DIRECT;
+        let mut image = MirrorImage::DIRECT;
         for (normal, _, speed) in mirrors {
             image = image.in_mirror(normal, speed);
         }
         let seen = |time: f32| {
-            // Of the last mirror's image the one before shows one.
+            // Each mirror shows an image of the next mirror's image.
             mirrors.iter().rev().fold(place + velocity * time, |point, (normal, at, speed)| {
                 point - 2.0 * (point - (at + speed * time)).dot(*normal) * normal
             })
@@ -68,7 +69,7 @@ mod tests {
         let way = seen(0.5) - seen(0.0);
         assert!((image.velocity(velocity) - way / 0.5).length() < 1e-4);
         assert!((image.way(velocity * 0.5, 0.5) - way).length() < 1e-4);
-        let bent = Image::DIRECT.through(Vec3::X, Vec3::Y);
+        let bent = MirrorImage::DIRECT.through(Vec3::X, Vec3::Y);
         assert!((bent.velocity(Vec3::Y) - Vec3::X).length() < 1e-6);
     }
 }

@@ -4,7 +4,7 @@ use crate::ground::lanes::LANES;
 use echocast_kernels::light;
 use serde::{Deserialize, Serialize};
 
-/// How received energy becomes the `intensity` column.
+/// How received energy is encoded in the `intensity` column.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum IntensityEncoding {
@@ -12,9 +12,9 @@ pub enum IntensityEncoding {
     /// retro-reflectors and gloss.
     #[default]
     Reflectivity,
-    /// The same in 8 bits as Velodyne, RoboSense and Livox define it: a white surface is a count of their own (100, 110,
-    /// 150), less is in proportion, what returns more has the counts up to 255, in equal steps of the logarithm up to
-    /// 1000 times as much.
+    /// The same in 8 bits as Velodyne, RoboSense and Livox define it: a white surface has a count of their choice (100,
+    /// 110, 150), darker surfaces are in proportion, and brighter ones have the counts up to 255, in equal logarithmic
+    /// steps up to 1000 times as much.
     Reflectivity8,
     /// The same in 8 bits as Hesai defines it: percent, 0..255.
     Reflectivity255,
@@ -40,7 +40,7 @@ pub(crate) enum IntensityModel {
     Encoded(IntensityEncoding, f32),
     /// `P_n = rho / (pi R^2)`: the paper's eq. 5 in clear air, which has no cosine.
     PaperEq5,
-    /// `rho cos(theta)`, and 0 where it is not detected: the paper's program.
+    /// `rho cos(theta)`, and 0 where it is not detected: as computed by the paper's program.
     Blainder,
 }
 
@@ -54,7 +54,7 @@ impl IntensityModel {
         }
     }
 
-    /// Whether it is corrected for what a channel makes use of, as a calibrated reflectivity is.
+    /// Whether it is corrected for the efficiency of the channel, as a calibrated reflectivity is.
     pub(crate) fn is_calibrated(self) -> bool {
         matches!(self, IntensityModel::Encoded(encoding, _) if encoding != IntensityEncoding::Power)
     }
@@ -70,7 +70,7 @@ impl IntensityModel {
         }
     }
 
-    /// [`IntensityModel::of`] each lane.
+    /// [`IntensityModel::of`] for each lane.
     pub(crate) fn of_all(self, rho: &[f32; LANES], cos: &[f32; LANES], range: &[f32; LANES], to: &mut [f32; LANES]) {
         match self {
             IntensityModel::Encoded(IntensityEncoding::Reflectivity, _) | IntensityModel::Blainder => {
@@ -122,7 +122,7 @@ mod tests {
         assert_eq!(model.full_scale(), Some(255.0));
     }
 
-    /// Computed from the two lines of the scale; 785.398 and 219.911 are what 250 and 70 cd/(lx m^2) send back.
+    /// Computed from the two lines of the scale; 785.398 and 219.911 correspond to 250 and 70 cd/(lx m^2).
     #[test]
     fn eight_bits_hold_retro_reflectors() {
         let model = IntensityModel::Encoded(IntensityEncoding::Reflectivity8, 100.0);

@@ -1,4 +1,4 @@
-//! Echoes of light: what surfaces, mirrors, glass and the air send back, and the resulting signal.
+//! Echoes of light: what surfaces, mirrors, glass and the air return, and the resulting signal.
 
 mod contribution;
 mod glint;
@@ -11,9 +11,9 @@ mod pulse;
 mod waveform;
 mod weather;
 
-pub(crate) use contribution::{Contribution, Wanted};
+pub(crate) use contribution::{Contribution, RequestedQuantities};
 pub(crate) use glint::Glint;
-pub(crate) use images::Image;
+pub(crate) use images::MirrorImage;
 pub use intensity::IntensityEncoding;
 pub(crate) use intensity::IntensityModel;
 pub(crate) use particles::Cone;

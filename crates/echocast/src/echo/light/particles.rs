@@ -1,10 +1,10 @@
-//! Drops and flakes one by one: the few that a sensor sees.
+//! Individual drops and flakes: the few that a sensor detects.
 
 use crate::ground::math::floor;
 use crate::medium::Particles;
 use std::f64::consts::PI;
 
-/// Shape of a beam, as far as particles need it.
+/// Shape of a beam, as needed for particles.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cone {
     /// Diameter at the sensor, m.
@@ -22,33 +22,33 @@ impl Cone {
 
 /// The particles of a medium that one kind of beam detects.
 ///
-/// A particle of diameter D at range r fills the part D^2 / beam^2 of the beam; its strength is `S = reflectance (D /
-/// beam)^2 gain(r) / r^2`, and it is detected if that is at least the threshold K. All others are never seen and never
-/// drawn. The rest is a Poisson process, which can be sampled in the order of range or of strength, particle by
-/// particle, as far as needed: the mean number up to the n-th is a sum of n exponential numbers.
+/// A particle of diameter D at range r fills the fraction D^2 / beam^2 of the beam; its strength is `S = reflectance (D
+/// / beam)^2 gain(r) / r^2`, and it is detected if that is at least the threshold K. All others are never detected and
+/// never drawn. The detectable ones form a Poisson process, which can be sampled in order of range or of strength,
+/// particle by particle, as far as needed: the mean number up to the n-th is a sum of n exponential numbers.
 #[derive(Clone, Debug)]
 pub(crate) struct Detectable {
     from: f32,
     cell: f32,
     /// Mean number nearer than the end of each cell.
     nearer: [f32; CELLS],
-    /// Least diameter seen in each cell, mm.
+    /// Least diameter detected in each cell, mm.
     least_mm: [f32; CELLS],
-    /// Strength over the filled part of the beam, `reflectance gain / r^2`, in each cell.
+    /// Strength per filled fraction of the beam, `reflectance gain / r^2`, in each cell.
     whole: [f32; CELLS],
     /// Product of the beam's diameters in each cell, mm^2.
     square_mm2: [f32; CELLS],
     slope_per_mm: f32,
     k: f32,
-    /// Mean number at least as strong as each level, falling.
+    /// Mean number at least as strong as each level, descending.
     stronger: [f32; LEVELS],
-    /// How much of what has exactly a level's strength is nearer than the end of each cell, 0..1.
+    /// Fraction of the particles of exactly a level's strength that is nearer than the end of each cell, 0..1.
     shares: Box<[[f32; CELLS]; LEVELS]>,
 }
 
 const CELLS: usize = 64;
 
-/// Levels of strength, half a factor of 2 apart.
+/// Levels of strength, half an octave apart.
 const LEVELS: usize = 48;
 const LEVELS_PER_OCTAVE: f32 = 2.0;
 
@@ -69,7 +69,7 @@ impl Detectable {
             let least = ((fill * square).sqrt() * 1e3).max(particles.least_mm);
             if fill > 1.0 { 0.0 } else { PI / 4.0 * square * particles.count_above(least) }
         };
-        // Beyond the range where one beam in a million meets a particle per metre there is nothing to draw.
+        // Beyond the range where one beam in a million hits a particle per metre there is nothing to draw.
         let mut end = from;
         while end < to && (end < from + 2.0 || rate(end) > 1e-6) {
             end = (end * 1.05 + 0.05).min(to);
@@ -111,7 +111,7 @@ impl Detectable {
                     let diameter = (fill * seen.square_mm2[index]).sqrt();
                     let least = particles.least_mm as f32;
                     stronger += all[index] * (-seen.slope_per_mm * diameter.max(least)).exp();
-                    // dD/dS = D / 2S: what has exactly that strength, up to a factor common to all cells.
+                    // dD/dS = D / 2S: the number of exactly that strength, up to a factor common to all cells.
                     if diameter >= least {
                         alike += all[index] * (-seen.slope_per_mm * diameter).exp() * diameter;
                     }
@@ -121,7 +121,7 @@ impl Detectable {
             seen.stronger[level] = stronger;
             seen.shares[level].iter_mut().for_each(|share| *share /= alike.max(f32::MIN_POSITIVE));
         }
-        // Both orders meet the same particles.
+        // Both orders sample the same particles.
         let scale = seen.mean() / seen.stronger[0].max(f32::MIN_POSITIVE);
         seen.stronger.iter_mut().for_each(|stronger| *stronger *= scale);
         seen
@@ -137,11 +137,11 @@ impl Detectable {
         self.range_of(&self.nearer, number)
     }
 
-    /// Range, m, up to which the sum over cells is `wanted`; `sums` holds it at the end of each.
-    fn range_of(&self, sums: &[f32; CELLS], wanted: f32) -> f32 {
-        let cell = sums.partition_point(|&sum| sum <= wanted).min(CELLS - 1);
+    /// Range, m, at which the sum over cells reaches `target`; `sums` holds the sum at the end of each.
+    fn range_of(&self, sums: &[f32; CELLS], target: f32) -> f32 {
+        let cell = sums.partition_point(|&sum| sum <= target).min(CELLS - 1);
         let before = if cell == 0 { 0.0 } else { sums[cell - 1] };
-        let part = (wanted - before) / (sums[cell] - before).max(f32::MIN_POSITIVE);
+        let part = (target - before) / (sums[cell] - before).max(f32::MIN_POSITIVE);
         self.from + self.cell * (cell as f32 + part.clamp(0.0, 1.0))
     }
 
@@ -175,8 +175,9 @@ mod tests {
     const RAIN_10: Particles =
         Particles { per_m3_mm: 8000.0, slope_per_mm: 2.528_039_5, least_mm: 1.0, reflectance: 0.0225 };
 
-    /// Drops of 10 mm/h above 1 mm in 50 m of a cone of 3 mrad, when the sensor sees them all: 74.390, and above 0.05
-    /// mm 821.36, computed with numpy. The others are volumes, m^3, of cones, and of frustums that start 12 mm wide.
+    /// Drops of 10 mm/h above 1 mm in 50 m of a cone of 3 mrad, when the sensor detects them all: 74.390, and above
+    /// 0.05 mm 821.36, computed with numpy. The others are volumes, m^3, of cones, and of frustums that start 12 mm
+    /// wide.
     #[test]
     fn drops_in_a_beam_are_counted() {
         let mean = |start, length, particles: &Particles| {
@@ -203,7 +204,7 @@ mod tests {
 
     /// Drawn in order of range and in order of strength: the same particles.
     #[test]
-    fn both_orders_meet_the_same_particles() {
+    fn both_orders_sample_the_same_particles() {
         let flakes = Particles { per_m3_mm: 600.0, slope_per_mm: 0.8, least_mm: 1.0, reflectance: 0.9 };
         let cone = Cone { start: 0.012, divergence: [3e-3, 1.5e-3] };
         let k = 2e-5f32;

@@ -1,10 +1,11 @@
-//! Light that goes on: over mirrors, through glass and water, to what is seen in them.
+//! Light that continues by mirrors and through glass and water, to what is seen in them.
 //!
-//! A beam that meets such a surface becomes a tree of paths. Each path is a chain of straight segments; at a smooth
-//! surface it divides into a reflected and a refracted one, and wherever a surface scatters light back there is an
-//! echo, whose light returns the same way. The paths of a block of beams are traced together, generation by generation.
+//! A beam that hits such a surface becomes a tree of paths. Each path is a chain of straight segments; at a smooth
+//! surface it splits into a reflected and a refracted one, and wherever a surface scatters light back there is an echo,
+//! whose light returns along the same path. The paths of a block of beams are traced together, generation by
+//! generation.
 
-use super::{Air, Contribution, Glint, Image, Wanted};
+use super::{Air, Contribution, Glint, MirrorImage, RequestedQuantities};
 use crate::ground::cause::Cause;
 use crate::ground::lanes::{LANES, MISS, RayBatch};
 use crate::material::{Optics, Reflectances};
@@ -12,26 +13,26 @@ use crate::trace::{HitBatch, Sight, Tables};
 use echocast_kernels::boundary::{self, Meetings, Onward};
 use glam::Vec3;
 
-/// How far paths are followed.
+/// How far paths are traced.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathLimits {
     /// Most specular events on a path.
     pub depth: u8,
-    /// Least part of the light, two-way, that is followed.
+    /// Least fraction of the light, two-way, that is traced.
     pub least: f32,
     /// Whether ranges are sums of lengths rather than of travel times.
     pub geometric: bool,
-    /// Whether the incidence on what is seen in a mirror matters.
+    /// Whether the incidence on surfaces seen in a mirror matters.
     pub cosine_after: bool,
-    /// How the instrument sees itself in what it meets head-on, if at all.
+    /// How the instrument sees its own reflection at normal incidence, if at all.
     pub glint: Option<Glint>,
-    /// Whether glass behaves as in the paper's program: seen itself within 2 degrees of head-on, elsewhere with a first
-    /// face only, the other faces transmitting everything. Total reflection, for which the program has no number,
-    /// stays.
+    /// Whether glass behaves as in the paper's program: it is itself detected within 2 degrees of normal incidence;
+    /// elsewhere only its first face reflects, and the other faces transmit everything. Total internal reflection, for
+    /// which the program has no value, is kept.
     pub glass_of_the_program: bool,
 }
 
-/// Cosine of the 2 degrees within which the paper's program sees glass itself.
+/// Cosine of the 2 degrees within which the paper's program detects glass itself.
 const PROGRAM_COS: f32 = 0.999_390_8;
 
 /// Bodies that a path is inside, outermost first: object and material of their surfaces.
@@ -49,7 +50,7 @@ impl Inside {
         self.bodies[..usize::from(self.count)].last().map(|&(_, material)| material)
     }
 
-    /// On the other side of the surface of `body`.
+    /// The bodies on the other side of the surface of `body`.
     fn through(mut self, body: (u32, u32)) -> Inside {
         let count = usize::from(self.count);
         match self.bodies[..count].iter().rposition(|&known| known == body) {
@@ -69,13 +70,13 @@ impl Inside {
 
 /// A path still in progress.
 #[derive(Clone, Copy, Debug)]
-struct Path {
+struct LightPath {
     origin: Vec3,
     direction: Vec3,
     way: Way,
 }
 
-/// How a path got to where it is.
+/// State of a path where it is.
 #[derive(Clone, Copy, Debug)]
 struct Way {
     /// Range so far as the instrument measures it, m.
@@ -86,11 +87,11 @@ struct Way {
     length: f32,
     /// Optical depth of weather so far.
     depth: f32,
-    /// Part of the light that is left, one way.
+    /// Fraction of the light that is left, one way.
     part: f32,
-    /// What it is inside: a row of [`Follower::insides`].
+    /// The bodies that it is inside: a row of [`Follower::insides`].
     inside: u32,
-    /// How what is at its end is seen to move: a row of [`Follower::images`].
+    /// Apparent motion of what is at its end: a row of [`Follower::images`].
     image: u32,
     lane: u8,
     bounces: u8,
@@ -98,7 +99,7 @@ struct Way {
 }
 
 impl Way {
-    /// Where all start, for `lane`.
+    /// The start of all paths, for `lane`.
     fn start(lane: usize) -> Way {
         Way {
             range: 0.0,
@@ -114,7 +115,7 @@ impl Way {
         }
     }
 
-    /// The same through glass, or still seen in a mirror.
+    /// The same through glass, unless it is already seen in a mirror.
     fn through(self) -> Way {
         Way { cause: if self.cause == Cause::Surface { Cause::Glass } else { self.cause }, ..self }
     }
@@ -132,7 +133,7 @@ pub(crate) struct PathEcho {
     pub lane: usize,
     /// Range as the instrument measures it, m.
     pub range: f32,
-    /// Effective reflectance of a surface at that range that would send back as much, apart from incidence.
+    /// Effective reflectance of a surface at that range that would return as much, apart from incidence.
     pub reflectance: f32,
     /// Cosine of the incidence angle, 1 where it does not matter.
     pub cos_incidence: f32,
@@ -140,36 +141,36 @@ pub(crate) struct PathEcho {
     pub bounces: u8,
     /// Lane of its hit.
     pub hit: usize,
-    /// How it is seen to move: a row of [`Follower::image`].
+    /// Its apparent motion: a row of [`Follower::image`].
     pub image: u32,
 }
 
-/// Memory of a block for following paths.
+/// Buffers for tracing the paths of a block.
 pub(crate) struct Follower {
-    paths: Next,
-    next: Next,
-    /// What paths are inside; the first row is nothing.
+    paths: NextPaths,
+    next: NextPaths,
+    /// The bodies that paths are inside; the first row: none.
     insides: Vec<Inside>,
-    /// How what paths lead to is seen to move; the first row is as it does.
-    images: Vec<Image>,
+    /// Apparent motion of what paths lead to; the first row: seen directly.
+    images: Vec<MirrorImage>,
     rays: RayBatch,
     hits: HitBatch,
     surfaces: Contribution,
     at: Meetings,
-    /// What goes on from there.
+    /// The paths that continue from there.
     mirrored: Onward,
     refracted: Onward,
 }
 
-/// The next generation of paths. Those of neighbours stay side by side if reflected and refracted ones do not
+/// The next generation of paths. Paths of neighbouring beams stay side by side if reflected and refracted ones do not
 /// alternate.
 #[derive(Default)]
-struct Next {
-    reflected: Vec<Path>,
-    refracted: Vec<Path>,
+struct NextPaths {
+    reflected: Vec<LightPath>,
+    refracted: Vec<LightPath>,
 }
 
-/// A path at a surface that it meets.
+/// A path at a surface that it hits.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Meeting {
     pub surface: u32,
@@ -179,7 +180,7 @@ pub(crate) struct Meeting {
     pub cos_incidence: f32,
     /// Range so far as the instrument measures it, m.
     pub range: f32,
-    /// Part of the light that is left, one way.
+    /// Fraction of the light that is left, one way.
     pub part: f32,
     /// Optical depth of weather so far, one way.
     pub depth: f32,
@@ -193,21 +194,21 @@ pub(crate) trait PathEchoes {
     /// Takes `echo`, whose surface is among `hits` and `surfaces`.
     fn take(&mut self, echo: &PathEcho, hits: &HitBatch, surfaces: &Contribution);
 
-    /// Called with where paths lead.
+    /// Called for each surface that a path hits.
     fn meet(&mut self, _: Meeting) {}
 }
 
 /// Keeps only the preferred echo of each beam, in place of the beam's own surface.
 pub(crate) struct Preferred<'a, F> {
-    /// Preference of the echo so far; the rule is the caller's.
+    /// Preference of the echo so far; the caller defines the rule.
     pub strength: &'a mut [f32; LANES],
     pub hits: &'a mut HitBatch,
     pub surfaces: &'a mut Contribution,
     pub cause: &'a mut [u8; LANES],
     pub bounces: &'a mut [u8; LANES],
-    /// How it is seen to move.
+    /// Its apparent motion.
     pub image: &'a mut [u32; LANES],
-    /// Preference of an echo, if it is wanted at all.
+    /// Preference of an echo, if it is accepted at all.
     pub prefer: F,
     /// Least `rho_eff / R^2` detected anywhere, 1/m^2.
     pub least_power: f32,
@@ -236,17 +237,17 @@ impl<F: Fn(&PathEcho) -> Option<f32>> PathEchoes for Preferred<'_, F> {
     }
 }
 
-/// What paths are followed through.
+/// What paths are traced through.
 pub(crate) struct Surroundings<'a> {
     pub scene: &'a Tables,
     pub reflectances: &'a Reflectances,
     pub sight: Sight,
     pub smooth: bool,
-    pub wanted: Wanted,
-    /// Whether it matters how what is seen moves.
+    pub requested: RequestedQuantities,
+    /// Whether apparent motion is required.
     pub motion: bool,
     pub limits: PathLimits,
-    /// The beams: their farthest ranges and their times.
+    /// The beams: their maximum ranges and their times.
     pub beams: &'a RayBatch,
     /// Weather along the path.
     pub air: Option<&'a Air>,
@@ -255,10 +256,10 @@ pub(crate) struct Surroundings<'a> {
 impl Default for Follower {
     fn default() -> Self {
         Follower {
-            paths: Next::default(),
-            next: Next::default(),
+            paths: NextPaths::default(),
+            next: NextPaths::default(),
             insides: vec![Inside::default()],
-            images: vec![Image::DIRECT],
+            images: vec![MirrorImage::DIRECT],
             rays: RayBatch::default(),
             hits: HitBatch::new(),
             surfaces: Contribution::new(),
@@ -270,29 +271,29 @@ impl Default for Follower {
 }
 
 impl Follower {
-    /// Starts with the rays of `lanes`, whose surfaces do not stop their light. `rays`, `hits` and `surfaces` are the
-    /// rays' own, normals on their side.
+    /// Starts with the rays of `lanes`, whose surfaces do not stop their light. `rays`, `hits` and `surfaces` are those
+    /// of the beams, with normals on the sensor's side.
     pub(crate) fn begin(&mut self, rays: &RayBatch, hits: &HitBatch, surfaces: &Contribution, lanes: &[u8]) {
         for (to, lane) in lanes.iter().map(|&lane| usize::from(lane)).enumerate() {
             self.rays.take(to, rays, lane);
             self.hits.take(to, hits, lane);
             self.surfaces.take(to, surfaces, lane);
             let (origin, direction) = (rays.origin(lane), rays.direction(lane));
-            self.paths.reflected.push(Path { origin, direction, way: Way::start(lane) });
+            self.paths.reflected.push(LightPath { origin, direction, way: Way::start(lane) });
         }
     }
 
-    /// Forgets the images of the beams before.
+    /// Discards the images of previous beams.
     pub(crate) fn forget_images(&mut self) {
         self.images.truncate(1);
     }
 
-    /// How an echo is seen to move, by [`PathEcho::image`].
-    pub(crate) fn image(&self, row: u32) -> &Image {
+    /// Apparent motion of an echo, by [`PathEcho::image`].
+    pub(crate) fn image(&self, row: u32) -> &MirrorImage {
         &self.images[row as usize]
     }
 
-    /// Follows the light; `echoes` takes what comes back, including from the first surfaces.
+    /// Traces the light; `echoes` receives what returns, including from the first surfaces.
     pub(crate) fn follow(&mut self, around: &Surroundings, echoes: &mut impl PathEchoes) {
         self.insides.truncate(1);
         let mut first = std::mem::take(&mut self.paths.reflected);
@@ -302,10 +303,10 @@ impl Follower {
         let limits = &around.limits;
         while !(self.next.reflected.is_empty() && self.next.refracted.is_empty()) {
             std::mem::swap(&mut self.paths, &mut self.next);
-            // Refracted paths first: the strongest echo is mostly behind.
-            let Next { reflected, refracted } = std::mem::take(&mut self.paths);
+            // Refracted paths first: the strongest echo is mostly behind the surface.
+            let NextPaths { reflected, refracted } = std::mem::take(&mut self.paths);
             let [refracted, reflected] = [refracted, reflected].map(|mut paths| {
-                paths.retain(|Path { way, .. }| {
+                paths.retain(|LightPath { way, .. }| {
                     // The most that a surface right there could return.
                     let square = way.spread * way.spread;
                     let (light, least) = (way.part * way.part, echoes.least(way.lane.into()) * square);
@@ -317,12 +318,12 @@ impl Follower {
                 paths
             });
             // Their memory is reused.
-            self.paths = Next { reflected, refracted };
+            self.paths = NextPaths { reflected, refracted };
         }
     }
 
     /// Traces up to [`LANES`] paths.
-    fn step(&mut self, around: &Surroundings, paths: &[Path], echoes: &mut impl PathEchoes) {
+    fn step(&mut self, around: &Surroundings, paths: &[LightPath], echoes: &mut impl PathEchoes) {
         for (lane, path) in paths.iter().enumerate() {
             (self.rays.org_x[lane], self.rays.org_y[lane], self.rays.org_z[lane]) = path.origin.into();
             (self.rays.dir_x[lane], self.rays.dir_y[lane], self.rays.dir_z[lane]) = path.direction.into();
@@ -331,16 +332,17 @@ impl Follower {
             self.rays.time[lane] = around.beams.time[beam];
             self.rays.beam[lane] = around.beams.beam[beam];
         }
-        // Neighbours mostly come from neighbours on the same surface: packets as for beams take two thirds of the time.
+        // Neighbours mostly come from neighbours on the same surface: coherent packets as for beams take two thirds of
+        // the time.
         self.hits.trace(around.scene, &self.rays, paths.len(), true, around.sight);
         self.surfaces.face(around.scene, &self.rays, &mut self.hits, paths.len(), around.smooth);
         let (surfaces, reflectances) = (&around.scene.surfaces, around.reflectances);
-        self.surfaces.look_up(surfaces, reflectances, &self.hits, 0..paths.len(), around.wanted);
+        self.surfaces.look_up(surfaces, reflectances, &self.hits, 0..paths.len(), around.requested);
         self.arrive(around, paths, echoes);
     }
 
-    /// `paths` meet the surfaces of the first lanes: their echoes, and the paths that go on.
-    fn arrive(&mut self, around: &Surroundings, paths: &[Path], echoes: &mut impl PathEchoes) {
+    /// Processes `paths` at the surfaces of the first lanes: their echoes, and the paths that continue.
+    fn arrive(&mut self, around: &Surroundings, paths: &[LightPath], echoes: &mut impl PathEchoes) {
         let limits = &around.limits;
         let mut inside = [OUTSIDE; LANES];
         self.read_surfaces(around, paths, &mut inside);
@@ -350,14 +352,14 @@ impl Follower {
         let (cos, simple) = (&surfaces.cos_incidence, limits.glass_of_the_program);
         boundary::divide(at, rays.directions(), normals, facets, cos, simple, paths.len(), mirrored, refracted);
         let (mut surface, mut met) = (MISS, None);
-        for (lane, Path { origin, direction, mut way }) in paths.iter().copied().enumerate() {
+        for (lane, LightPath { origin, direction, mut way }) in paths.iter().copied().enumerate() {
             if hits.surface[lane] != surface {
                 surface = hits.surface[lane];
                 met = optics(around, surface);
             }
             let Some(optics) = met else { continue };
             if let Some(air) = around.air.filter(|_| way.inside == OUTSIDE) {
-                // Weather is outside.
+                // Weather is only outside of bodies.
                 way.depth += air.depth(origin, direction, way.length, hits.range[lane]);
             }
             let (range, spread, part, cos) = (at.range[lane], at.spread[lane], at.part[lane], cos[lane]);
@@ -402,11 +404,11 @@ impl Follower {
                 }
             }
             let onward = Way { bounces: way.bounces + 1, ..way };
-            let go = |list: &mut Vec<Path>, on: &Onward, way: Way| {
+            let go = |list: &mut Vec<LightPath>, on: &Onward, way: Way| {
                 let part = on.part[lane];
                 if part * part >= limits.least {
                     let (range, spread, length) = (on.range[lane], on.spread[lane], on.length[lane]);
-                    list.push(Path {
+                    list.push(LightPath {
                         origin: Vec3::from(on.origin.each_ref().map(|axis| axis[lane])),
                         direction: Vec3::from(on.direction.each_ref().map(|axis| axis[lane])),
                         way: Way { range, spread, length, part, ..way },
@@ -433,9 +435,9 @@ impl Follower {
         }
     }
 
-    /// Fills `self.at` with the state of `paths` before the surfaces of the first lanes, and with those surfaces: by
-    /// runs, as neighbours mostly meet the same. `inside`: what they are inside behind them.
-    fn read_surfaces(&mut self, around: &Surroundings, paths: &[Path], inside: &mut [u32; LANES]) {
+    /// Fills `self.at` with the state of `paths` before the surfaces of the first lanes, and with those surfaces: in
+    /// runs, as neighbours mostly hit the same. `inside`: the bodies that they are inside of behind these surfaces.
+    fn read_surfaces(&mut self, around: &Surroundings, paths: &[LightPath], inside: &mut [u32; LANES]) {
         let limits = &around.limits;
         let Follower { insides, hits, surfaces, at, .. } = self;
         let of = |material: u32| &around.reflectances.optics[material as usize];
@@ -505,7 +507,7 @@ fn optics<'a>(around: &Surroundings<'a>, surface: u32) -> Option<&'a Optics> {
     around.scene.surfaces.optics(around.reflectances, surface)
 }
 
-/// Whether only what is met head-on is seen: glass of the paper's program.
+/// Whether glass is itself detected, near normal incidence, as in the paper's program.
 fn sees_itself(limits: &PathLimits, optics: &Optics, way: &Way, cos: f32) -> bool {
     limits.glass_of_the_program && optics.clear > 0.0 && way.inside == OUTSIDE && cos >= PROGRAM_COS
 }

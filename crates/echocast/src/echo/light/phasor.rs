@@ -1,7 +1,7 @@
-//! Light of modulated power: from the echoes at a pixel to the one range that its phases give.
+//! Light of modulated power: from the echoes at a pixel to the single range that its phases give.
 //!
-//! The light of an echo from `R` m comes back with the phase `4 pi f R / c`, and the phasors of all echoes at a pixel
-//! add: at an edge the range lies between those of the two surfaces, or beyond either. Phases are counted in turns.
+//! The light of an echo from `R` m returns with the phase `4 pi f R / c`, and the phasors of all echoes at a pixel add:
+//! at an edge the range is between those of the two surfaces, or beyond either. Phases are counted in turns.
 
 use crate::ground::units::SPEED_OF_LIGHT;
 use echocast_kernels::camera::Frequencies;
@@ -22,7 +22,7 @@ pub(crate) fn sum(wrap: f64, ranges: &[f32], powers: &[f32]) -> [f64; 2] {
     })
 }
 
-/// What the phases of a pixel yield.
+/// Result of the phases of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Formed {
     /// One-way range, m, from 0 to the ambiguity range of all frequencies together.
@@ -38,8 +38,8 @@ pub(crate) struct Formed {
 pub(crate) struct Modulation(pub Frequencies);
 
 impl Modulation {
-    /// `frequencies_khz`: 1 to [`MOST_FREQUENCIES`] of them, each above 0. `residual`: part of the error of four taps
-    /// that calibration leaves, 0 to 1.
+    /// `frequencies_khz`: 1 to [`MOST_FREQUENCIES`] of them, each above 0. `residual`: fraction of the error of four
+    /// taps that calibration leaves, 0 to 1.
     pub(crate) fn new(frequencies_khz: &[u32], residual: f64) -> Modulation {
         let mut wraps: Vec<f64> = frequencies_khz.iter().map(|&khz| ambiguity_range(1e3 * f64::from(khz))).collect();
         wraps.sort_unstable_by(f64::total_cmp);
@@ -53,8 +53,8 @@ impl Modulation {
         TAU * sigma * weights.sqrt()
     }
 
-    /// What the echoes from `ranges` m with `powers`, `rho_eff / R^2` in 1/m^2, yield at one pixel. `noise` gives the
-    /// error of the phase, rad, by frequency (the highest is 0), amplitude and sum of the powers.
+    /// Result at one pixel for echoes from `ranges` m with `powers`, `rho_eff / R^2` in 1/m^2. `noise` gives the error
+    /// of the phase, rad, for the index of the frequency (0 is the highest), the amplitude and the sum of the powers.
     pub(crate) fn form(&self, ranges: &[f32], powers: &[f32], noise: impl Fn(usize, f64, f64) -> f64) -> Formed {
         let offset = powers.iter().map(|&power| f64::from(power)).sum();
         let (mut phases, mut amplitudes) = ([[0.0]; MOST_FREQUENCIES], 0.0);
@@ -76,8 +76,7 @@ impl Modulation {
     }
 }
 
-/// Turns of the highest of `frequencies` until all are back where they began: that frequency over the greatest common
-/// divisor.
+/// Turns of the highest of `frequencies` until all are in phase again: that frequency over the greatest common divisor.
 pub(crate) fn turns(frequencies: &[u32]) -> u32 {
     fn divisor(a: u32, b: u32) -> u32 {
         if b == 0 { a } else { divisor(b, a % b) }
@@ -86,7 +85,7 @@ pub(crate) fn turns(frequencies: &[u32]) -> u32 {
     highest / frequencies.iter().copied().fold(0, divisor).max(1)
 }
 
-/// Cosine to the fourth: how a lens dims the image `cos` off its axis.
+/// Cosine to the fourth: how a lens dims the image at an angle with the cosine `cos` from its axis.
 pub(crate) fn natural_vignetting(cos: f32) -> f32 {
     let square = cos * cos;
     square * square
@@ -107,12 +106,12 @@ mod tests {
         Modulation::new(&[khz], 0.0)
     }
 
-    fn quiet(_: usize, _: f64, _: f64) -> f64 {
+    fn noiseless(_: usize, _: f64, _: f64) -> f64 {
         0.0
     }
 
     fn range(modulation: Modulation, ranges: &[f32], powers: &[f32]) -> f64 {
-        modulation.form(ranges, powers, quiet).range.into()
+        modulation.form(ranges, powers, noiseless).range.into()
     }
 
     /// c / (2 f), computed with numpy; three frequencies together reach as far as their greatest common divisor, 8 MHz.
@@ -139,7 +138,7 @@ mod tests {
         let kinect = Modulation::new(&[16_000, 80_000, 120_000], 0.0);
         for step in 0..1800 {
             let truth = 0.005 + 0.0104 * step as f32;
-            let formed = kinect.form(&[truth], &[0.3], quiet);
+            let formed = kinect.form(&[truth], &[0.3], noiseless);
             assert_near(formed.range.into(), truth.into(), 2e-6);
             assert_eq!(formed.power, 0.3);
             assert!(formed.disagreement < 1e-9);
@@ -149,7 +148,7 @@ mod tests {
         assert_near(range(kinect, &[20.0], &[1.0]), 20.0 - kinect.0.ambiguity_range(), 2e-6);
     }
 
-    /// Phase errors below about a fifteenth of a turn never select the wrong turn; then the range errs as their
+    /// Phase errors below about a fifteenth of a turn never select the wrong turn; then the range error is their
     /// weighted mean.
     #[test]
     fn noisy_phases_choose_the_same_turn() {
@@ -173,24 +172,24 @@ mod tests {
         assert!(errors.iter().all(|error| error.abs() < 6.0 * expected));
     }
 
-    /// Sums of phasors, computed with numpy: light that also came a longer path, and pixels on an edge.
+    /// Sums of phasors, computed with numpy: light that also took a longer path, and pixels on an edge.
     #[test]
     fn phasors_of_echoes_add() {
         assert_near(range(one(20_000), &[2.0, 3.0], &[1.0, 0.2]), 2.155_570, 1e-6);
-        assert_near(one(20_000).form(&[2.0, 3.0], &[1.0, 0.2], quiet).power.into(), 1.143_451, 1e-6);
+        assert_near(one(20_000).form(&[2.0, 3.0], &[1.0, 0.2], noiseless).power.into(), 1.143_451, 1e-6);
         assert_near(range(one(16_000), &[2.0, 3.0], &[1.0, 0.2]), 2.159_622, 1e-6);
         assert_near(range(one(16_000), &[1.0, 4.0], &[0.5, 0.5]), 2.5, 1e-6);
         assert_near(range(one(16_000), &[1.0, 4.0], &[0.5, 0.5 / 16.0]), 1.086_479, 1e-6);
         assert_near(range(one(16_000), &[1.0, 4.0], &[0.05, 0.95 / 16.0]), 2.700_480, 1e-6);
-        // Several echoes at one place are one.
+        // Several echoes at one range are one.
         assert_near(range(one(16_000), &[3.0; 4], &[0.1, 0.2, 0.3, 0.4]), 3.0, 1e-6);
     }
 
     #[test]
     fn frequencies_disagree_on_edges() {
         let kinect = Modulation::new(&[16_000, 80_000, 120_000], 0.0);
-        assert!(kinect.form(&[1.0, 4.0], &[0.3, 0.7], quiet).disagreement > 0.05);
-        assert_eq!(one(16_000).form(&[1.0, 4.0], &[0.5, 0.5], quiet).disagreement, 0.0);
+        assert!(kinect.form(&[1.0, 4.0], &[0.3, 0.7], noiseless).disagreement > 0.05);
+        assert_eq!(one(16_000).form(&[1.0, 4.0], &[0.5, 0.5], noiseless).disagreement, 0.0);
     }
 
     /// Four taps of a triangle's harmonics, computed with numpy: greatest error, and at two ranges of 20 MHz light.
@@ -205,7 +204,7 @@ mod tests {
         let raw = Modulation::new(&[20_000], 1.0);
         assert_near(range(raw, &[0.5], &[1.0]) - 0.5, -0.085_570_6, 1e-6);
         assert_near(range(raw, &[3.3], &[1.0]) - f64::from(3.3f32), 0.083_584_8, 1e-6);
-        // The error recurs every quarter of the ambiguity range, and calibration leaves a part of it.
+        // The error recurs every quarter of the ambiguity range, and calibration leaves a fraction of it.
         let error = |turns: f64| raw.0.phases(&[turns], &[0.0])[0] - turns;
         assert_near(error(0.07), error(0.32), 1e-12);
         let calibrated = Modulation::new(&[20_000], 0.1);

@@ -1,4 +1,4 @@
-//! The pulse of light that a beam sends, and what a medium makes of it.
+//! The light pulse of a beam, and the echo of a medium.
 
 use crate::ground::math::erf;
 use crate::ground::units::SPEED_OF_LIGHT;
@@ -12,7 +12,7 @@ pub enum PulseShape {
     /// A Gaussian.
     #[default]
     Gaussian,
-    /// One hump of a squared sine, as in LiDAR_fog_sim (Hahner et al. 2021).
+    /// One lobe of a squared sine, as in LiDAR_fog_sim (Hahner et al. 2021).
     Sin2,
     /// On and off.
     Rectangular,
@@ -32,7 +32,7 @@ impl Pulse {
         Pulse { shape, width: fwhm_ns * 1e-9 * SPEED_OF_LIGHT / 2.0 }
     }
 
-    /// Power `distance` m from its middle, where it is 1.
+    /// Power at `distance` m from its centre, where it is 1.
     fn power(self, distance: f64) -> f64 {
         let x = distance.abs() / self.width;
         match self.shape {
@@ -58,7 +58,7 @@ impl Pulse {
         self.width / (2.0 * SQRT_2 * LN_2.sqrt())
     }
 
-    /// Echoes closer together than this have one peak, m: two equal Gaussians do up to 2 sigma.
+    /// Distance below which echoes have one peak, m: 2 sigma, as for two equal Gaussians.
     pub(crate) fn merging_distance(self) -> f64 {
         2.0 * self.sigma()
     }
@@ -93,7 +93,7 @@ impl Pulse {
             let bend = falls_from.max(low).min(high);
             integral(range, [low, bend], points) + integral(range, [bend, high], points)
         };
-        // The peak is within a pulse of where the density falls: first in steps, then by golden section.
+        // The peak is within a pulse of where the density falls: search first in steps, then by golden section.
         const COARSE: usize = 41;
         const FINE: usize = 161;
         let (mut low, mut high) = (from, to.min(falls_from.max(from) + 3.0 * self.width));
@@ -125,7 +125,7 @@ impl Pulse {
         }
         let range = (low + high) / 2.0;
         let height = received(range, FINE);
-        // From what it is a sigma to either side, as of a parabola.
+        // From the values a sigma to either side, as for a parabola.
         let beside = (received(range - self.sigma(), FINE) + received(range + self.sigma(), FINE)) / 2.0;
         let width = self.sigma() / (2.0 * (1.0 - beside / height).max(1e-3)).sqrt();
         SoftPeak { range, height, width }
@@ -144,9 +144,9 @@ pub(crate) struct SoftPeak {
 }
 
 impl SoftPeak {
-    /// Standard deviation of its range, m, if each part of the echo that is as long as the pulse, `sigma` m, fluctuates by
-    /// the part `fluctuation` of the peak: the slope of that, `fluctuation J / sigma`, over the curvature `J / L^2`; no
-    /// more than the echo is wide.
+    /// Standard deviation of its range, m, if each pulse-long part of the echo, `sigma` m, fluctuates by the fraction
+    /// `fluctuation` of the peak: the slope of that, `fluctuation J / sigma`, over the curvature `J / L^2`; at most the
+    /// width of the echo.
     pub(crate) fn wandering(&self, fluctuation: f64, sigma: f64) -> f64 {
         (fluctuation * self.width * self.width / sigma).min(self.width)
     }
@@ -154,17 +154,17 @@ impl SoftPeak {
 
 /// The echo of a medium with a sharp face, far from the sensor: power falls by `e^(-kappa r)` behind its face, with
 /// `kappa` = two extinctions plus spreading. In units of the pulse's sigma, with `u = kappa sigma`: how far behind the
-/// face the peak is, and its height over the power at the face.
+/// face the peak is, and its height relative to the power at the face.
 ///
 /// `J(x) = sqrt(pi/2) exp(u^2/2 - u x) erfc((u - x) / sqrt 2)`: a Gaussian convolved with a falling exponential; the
-/// peak is found by Newton's method once for a row of `u` and interpolated from it linearly in `sqrt u`.
+/// peak is found by bisection once for a row of `u` and interpolated from it linearly in `sqrt u`.
 pub(crate) struct FaceEcho {
     rows: [[f32; 2]; FaceEcho::ROWS],
 }
 
 impl FaceEcho {
     const ROWS: usize = 65;
-    /// Greatest `u` of the rows; denser media answer like a wall.
+    /// Greatest `u` of the rows; denser media return an echo like a wall.
     const MOST: f64 = 16.0;
 
     pub(crate) fn get() -> &'static FaceEcho {
@@ -213,7 +213,7 @@ fn scaled_erfc(z: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Where the sensor starts to see: 0 at `near`, 1 at `far`.
+    /// Overlap of beam and receiver: 0 at `near`, 1 at `far`.
     fn overlap([near, far]: [f64; 2], range: f64) -> f64 {
         ((range - near) / (far - near)).clamp(0.0, 1.0)
     }
@@ -222,7 +222,7 @@ mod tests {
     /// and 149.8 m); range of the fog's echo, m, and J, 1/m; reflectances of equally strong walls at 10, 20, 30 and 50
     /// m, `pi beta J R^2 / T` with 18.8 sr.
     #[test]
-    fn fog_answers_where_the_overlap_begins() {
+    fn fog_echoes_where_the_overlap_begins() {
         for (ns, seen, extinction, range, height, walls) in [
             (20.0, [0.9, 1.0], 0.03, 1.677_07, 0.630_535, &[0.575_97, 4.198, 17.21, 158.7][..]),
             (20.0, [0.9, 1.0], 0.06, 1.643_45, 0.572_139, &[1.904_58, 25.29]),
@@ -244,9 +244,10 @@ mod tests {
     }
 
     /// The dust cloud from 5 to 17.5 m, 5 ns sin^2, 10^5 to 10^7 grains of 50 um per m^3, computed with scipy: its echo
-    /// over that of a target of reflectance 0.5 at 30 m, and of 0.05. The first is below the threshold of 0.8 at 200 m.
+    /// relative to that of a target of reflectance 0.5 at 30 m, and of 0.05. The first is below the threshold of 0.8 at
+    /// 200 m.
     #[test]
-    fn dust_answers_at_its_face() {
+    fn dust_echoes_at_its_face() {
         for (per_m3, range, ratio, of_dark) in [
             (1e5, 5.516_57, 8.674e-3, 8.674e-2),
             (1e6, 5.512_53, 0.102_77, 1.027_73),
@@ -287,7 +288,7 @@ mod tests {
 
     /// The table of faces against the integral itself.
     #[test]
-    fn faces_answer_as_the_integral_says() {
+    fn face_echoes_agree_with_the_integral() {
         let pulse = Pulse::new(PulseShape::Gaussian, 5.0);
         let sigma = pulse.sigma();
         for kappa in [0.01, 0.1, 0.5, 2.0, 8.0] {

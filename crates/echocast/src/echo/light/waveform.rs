@@ -1,29 +1,29 @@
 //! The received signal of a beam over range, and the echoes in it.
 //!
-//! Every piece of surface that a beam meets returns its pulse; `W(R) = sum P_i exp(-(R - R_i)^2 / (2 sigma^2))` is what
-//! the receiver sees, with the Gaussian pulse of the beam's width (whatever its shape), P_i = `rho_eff / R_i^2`, 1/m^2.
-//! An echo is a local maximum of W. Two equal pulses have one maximum up to a distance of 2 sigma.
+//! Every piece of surface that a beam hits returns its pulse; `W(R) = sum P_i exp(-(R - R_i)^2 / (2 sigma^2))` is the
+//! received signal, with a Gaussian of the width of the beam's pulse (whatever its shape), P_i = `rho_eff / R_i^2`,
+//! 1/m^2. An echo is a local maximum of W. Two equal pulses have one maximum up to a distance of 2 sigma.
 
 use crate::detect::Peak;
 use crate::ground::lanes::LANES;
 use crate::ground::math::floor;
 use echocast_kernels::light;
 
-/// A part of the signal: the pulse as returned by one place.
+/// A part of the signal: the pulse as returned from one point.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pulselet {
     /// Range, m.
     pub range: f32,
     /// Peak power, 1/m^2.
     pub power: f32,
-    /// Where it comes from; a number of the caller's.
+    /// Where it comes from, as numbered by the caller.
     pub source: u32,
 }
 
 /// Forms signals of pulses of one width.
 #[derive(Clone, Debug)]
 pub(crate) struct Waveform {
-    /// Standard deviation of the pulse, m of range; 0: every range is an echo of its own.
+    /// Standard deviation of the pulse, m of range; 0: every range is a separate echo.
     sigma: f32,
     bins: Vec<f32>,
 }
@@ -31,9 +31,9 @@ pub(crate) struct Waveform {
 impl Waveform {
     /// Parts farther apart than this, in sigmas, do not affect each other: `exp(-5^2/2)` = 4e-6.
     const REACH: f32 = 5.0;
-    /// Bins per sigma: 8 in the pulse's width at half its maximum are 3.4.
+    /// Bins per sigma: 8 per full width at half maximum are 3.4.
     const BINS_PER_SIGMA: f32 = 3.5;
-    /// A signal longer than this, in bins, is cut in two; grazing beams are some hundred long.
+    /// A signal longer than this, in bins, is cut in two; those of grazing beams are some hundred bins long.
     const MOST_BINS: usize = 1 << 14;
 
     pub(crate) fn new(sigma: f64) -> Waveform {
@@ -49,7 +49,7 @@ impl Waveform {
         self.sigma
     }
 
-    /// Puts the maxima of the signal of `parts` into `peaks`, and the parts in order of range, nearest first.
+    /// Writes the maxima of the signal of `parts` to `peaks`, and sorts the parts by range, nearest first.
     pub(crate) fn peaks(&mut self, parts: &mut [Pulselet], peaks: &mut Vec<Peak>) {
         parts.sort_unstable_by(|a, b| a.range.total_cmp(&b.range).then(a.source.cmp(&b.source)));
         peaks.clear();
@@ -136,7 +136,7 @@ impl Waveform {
     /// All maxima of one signal, sampled finely enough to miss none.
     fn search(&mut self, parts: &[Pulselet], peaks: &mut Vec<Peak>) {
         let step = self.sigma / Self::BINS_PER_SIGMA;
-        // Maxima lie between the first and the last part; one bin beyond each shows that the signal falls there.
+        // Maxima are between the first and the last part; one bin beyond each shows that the signal falls there.
         let start = parts[0].range - step;
         let count = ((parts[parts.len() - 1].range - start) / step) as usize + 3;
         self.bins.clear();
@@ -242,7 +242,7 @@ mod tests {
 
     /// A row of equal parts is a pulse convolved with a box: its middle, and its power by the error function.
     #[test]
-    fn a_tilted_surface_answers_from_its_middle() {
+    fn a_tilted_surface_echoes_from_its_middle() {
         let parts: Vec<[f32; 2]> = (0..41).map(|i| [30.0 + 0.02 * i as f32, 1.0 / 41.0]).collect();
         let found = peaks(&parts);
         assert!(found.len() == 1 && (found[0].range - 30.4).abs() < 1e-3, "{found:?}");

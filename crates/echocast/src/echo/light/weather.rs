@@ -1,4 +1,4 @@
-//! What weather does to the beams of one scan: it dims what lies behind it, and echoes itself.
+//! How weather affects the beams of one scan: it dims what is behind it, and returns echoes of its own.
 
 use super::particles::{Cone, Detectable};
 use super::pulse::{FaceEcho, Pulse};
@@ -15,21 +15,22 @@ use std::f64::consts::PI;
 /// Most particles drawn for one beam and medium.
 const MOST_PARTICLES: u32 = 64;
 
-/// Beyond so many standard deviations is one number of 30,000.
+/// One number in 30,000 is beyond this many standard deviations.
 const MOST_SIGMAS: f32 = 4.0;
 
-/// `<r^4> / <r^2>` of the radii of droplets, m^2: the fluctuation of an echo of many particles of random places is
-/// `sqrt(<r^4> / <r^2>^2 / N)`, N = their mean number in the pulse. That of strong and moderate advection fog (17 and 22 um
-/// squared; a gamma distribution has `(a + 4) (a + 3) r_mode^2 / a^2`), taken for all droplets and dust.
+/// `<r^4> / <r^2>` of the radii of droplets, m^2: the fluctuation of an echo of many particles at random positions is
+/// `sqrt(<r^4> / <r^2>^2 / N)`, N = their mean number in the pulse. That of strong and moderate advection fog (17 and
+/// 22 um squared; a gamma distribution has `(a + 4) (a + 3) r_mode^2 / a^2`), used for all droplets and dust.
 const GRAIN_M2: f64 = 20e-6 * 20e-6;
 
-/// What determines how weather shows in an instrument.
+/// What determines how weather affects an instrument.
 #[derive(Clone, Debug)]
 pub(crate) struct Receiver {
     pub pulse: Pulse,
     /// Range below which the receiver does not see its own beam, and range from which it sees all of it, m.
     pub overlap: [f64; 2],
-    /// Range at which half of what reaches the aperture falls onto the detector, m; 0: all of it everywhere.
+    /// Range at which half of the light that reaches the aperture falls onto the detector, m; 0: all of it at any
+    /// range.
     pub near_range: f64,
     /// Whether it mixes the echo with its own light, so that the echoes of many particles interfere.
     pub coherent: bool,
@@ -40,13 +41,14 @@ pub(crate) struct Receiver {
 }
 
 impl Receiver {
-    /// Part of the light from `range` m that the receiver makes use of, 0..1: what it sees of the beam, and what falls onto
-    /// the detector. An optical system of the aperture D that is focused far away makes of a near point a disc; seen from
-    /// the aperture it is `D / R` wide, of which the detector covers its field of view `theta`: `(theta R / D)^2` near,
-    /// all far, `1 / (1 + (R0 / R)^2)` with `R0 = D / theta` between (near-range effect: Hoefle and Pfeifer 2007;
-    /// telescope effect: Fang et al. 2014).
+    /// Fraction of the light from `range` m that the receiver uses, 0..1: what it sees of the beam, and what falls onto
+    /// the detector. Optics with the aperture D that are focused far away image a near point as a disc; seen from the
+    /// aperture it is `D / R` wide, of which the detector covers its field of view `theta`: `(theta R / D)^2` when
+    /// near, all when far, `1 / (1 + (R0 / R)^2)` with `R0 = D / theta` in between (near-range effect: Hoefle and
+    /// Pfeifer 2007; telescope effect: Fang et al. 2014).
     ///
-    /// It dims the air alone: surfaces that near are far above every threshold, and calibrated intensities undo it.
+    /// It dims only the air: surfaces that near are far above every threshold, and calibrated intensities compensate
+    /// for it.
     fn sees(&self, range: f64) -> f64 {
         let [from, to] = self.overlap;
         let overlap = if range >= to { 1.0 } else { ((range - from) / (to - from)).max(0.0) };
@@ -58,16 +60,16 @@ impl Receiver {
         (range * range + self.near_range * self.near_range).max(1e-12)
     }
 
-    /// How an echo from `range` m with the mean `power`, 1/m^2, of droplets with an `extinction`, 1/m, differs from beam to
-    /// beam: with their number and sizes, `GRAIN_M2`, where each casts a shadow of 2 pi r^2, and with the receiver's noise.
-    /// A coherent receiver has speckle besides; that of a laser diode, whose light is coherent over less than a
-    /// millimetre, averages over thousands of them in a pulse.
+    /// How an echo from `range` m with the mean `power`, 1/m^2, of droplets with an `extinction`, 1/m, varies from beam
+    /// to beam: with their number and sizes, `GRAIN_M2`, where each has an extinction cross-section of 2 pi r^2, and
+    /// with the receiver's noise. A coherent receiver has speckle in addition; with a laser diode, whose light is
+    /// coherent over less than a millimetre, it averages out over thousands of speckles in a pulse.
     fn fluctuation(&self, extinction: f64, range: f64, power: f64) -> Fluctuation {
         let volume = PI / 4.0 * self.cone.square(range) * self.pulse.width;
         let droplets = (2.0 * PI * GRAIN_M2 / (extinction * volume).max(1e-30)).min(1.0).sqrt();
         let noise = self.threshold.noise_power().map_or(0.0, |noise| noise / power.max(1e-30));
         let speckle = if self.coherent { 1.0 } else { 0.0 };
-        // Detection by chance has the noise already.
+        // Statistical detection already includes the noise.
         let seen_in_noise = matches!(self.threshold, Threshold::Statistical { .. });
         Fluctuation {
             strength: if seen_in_noise { droplets } else { (droplets * droplets + noise * noise).sqrt() } as f32,
@@ -76,25 +78,25 @@ impl Receiver {
     }
 }
 
-/// How a soft echo differs from beam to beam: standard deviations over its mean strength.
+/// How a soft echo varies from beam to beam: standard deviations relative to its mean strength.
 struct Fluctuation {
-    /// Of its strength, beside speckle and beside noise that detection has already.
+    /// Of its strength, without speckle and without noise that detection already includes.
     strength: f32,
-    /// Of everything.
+    /// Of all contributions together.
     all: f64,
 }
 
-/// A soft echo that all beams have that reach beyond it, each a little different.
+/// A soft echo of all beams that reach beyond it, slightly different for each.
 #[derive(Clone, Copy, Debug)]
 struct SoftEcho {
     /// Mean range, m.
     range: f32,
-    /// Mean light, as `rho_eff / R^2` in 1/m^2.
+    /// Mean strength, as `rho_eff / R^2` in 1/m^2.
     power: f32,
     cause: Cause,
     /// Range at which its medium begins, m.
     from: f32,
-    /// Standard deviation of its strength, over that.
+    /// Relative standard deviation of its strength.
     fluctuation: f32,
     /// Standard deviation of its range, m.
     wandering: f32,
@@ -105,7 +107,7 @@ struct SoftEcho {
 pub(crate) struct AirEcho {
     /// Range, m.
     pub range: f32,
-    /// How strong it is, as the effective reflectance of a surface there that fills the beam.
+    /// Its strength, as the effective reflectance of a surface there that fills the beam.
     pub rho_eff: f32,
 }
 
@@ -117,7 +119,7 @@ pub(crate) trait AirEchoes {
     /// Light, as `rho_eff / R^2` in 1/m^2, that an echo of `lane` must exceed to matter; infinite where none does.
     fn least(&self, lane: usize) -> f32;
 
-    /// Takes `echo`; returns whether the instrument sees it.
+    /// Takes `echo`; returns whether the instrument detects it.
     fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool;
 }
 
@@ -132,7 +134,7 @@ struct MediumInPlace {
     near: [[f32; 2]; NEAR],
 }
 
-/// Faces in a table of those near the sensor.
+/// Number of faces in a table of those near the sensor.
 const NEAR: usize = 9;
 
 /// Drops or flakes.
@@ -144,7 +146,7 @@ struct Flying {
     /// First sub-ray number of its draws.
     address: u32,
     seen: Detectable,
-    /// Probability that a beam meets one or more.
+    /// Probability that a beam hits one or more.
     some: f32,
 }
 
@@ -157,7 +159,7 @@ pub(crate) struct Air {
     flying: Vec<Flying>,
     receiver: Receiver,
     mode: ReturnMode,
-    /// Least and greatest range of faces too near for the receiver to treat as distant, m.
+    /// Least and greatest range of faces too near to be treated as distant, m.
     near: [f64; 2],
 }
 
@@ -173,9 +175,9 @@ pub(crate) struct Answer {
     pub bounces: [u8; LANES],
     /// Whether weather on the path is already accounted for.
     pub dimmed: [bool; LANES],
-    /// Part of an echo's light that the channel of each beam uses.
+    /// Fraction of an echo's light that the channel of each beam uses.
     pub efficiency: [f32; LANES],
-    /// Labels of the first surface that the beam meets.
+    /// Labels of the first surface that the beam hits.
     pub first_category: [u32; LANES],
     pub first_instance: [u32; LANES],
 }
@@ -195,13 +197,13 @@ impl Answer {
         }
     }
 
-    /// Surfaces everywhere, met directly.
+    /// Resets all lanes to surfaces that are hit directly.
     pub(crate) fn reset(&mut self) {
         self.cause = [Cause::Surface as u8; LANES];
         (self.bounces, self.dimmed) = ([0; LANES], [false; LANES]);
     }
 
-    /// Replaces the echo of `lane` by `echo`, which no surface sent, if `mode` prefers it.
+    /// Replaces the echo of `lane` by `echo`, which is not from a surface, if `mode` prefers it.
     pub(crate) fn offer(
         &mut self,
         mode: ReturnMode,
@@ -226,7 +228,7 @@ impl Answer {
 }
 
 impl Air {
-    /// None where there is nothing in the air. `answers`: whether to look for echoes of the air.
+    /// None if there is nothing in the air. `answers`: whether to find echoes of the air.
     pub(crate) fn new(weather: Weather, receiver: Receiver, mode: ReturnMode, answers: bool) -> Option<Air> {
         if weather.media.is_empty() {
             return None;
@@ -246,7 +248,7 @@ impl Air {
         let Receiver { pulse, cone, range_max, .. } = receiver;
         let transmittance = |range: f64| (-2.0 * self.weather.depth_around_the_sensor(range)).exp();
         let farthest = range_max.min(1e4);
-        // What is everywhere answers as one; its strongest part is the cause.
+        // Media that are everywhere return one echo; the strongest of them is its cause.
         let everywhere = || self.weather.media.iter().filter(|medium| matches!(medium.extent, Extent::Everywhere));
         let strongest = everywhere().max_by(|a, b| a.backscatter.total_cmp(&b.backscatter)).map(|medium| medium.cause);
         let together = everywhere()
@@ -295,7 +297,7 @@ impl Air {
                     near,
                 });
             }
-            // Without a threshold every particle would be seen, and the nearest would hide everything else.
+            // Without a threshold every particle would be detected, and the nearest would hide everything else.
             let (Some(particles), Some(k)) = (&medium.particles, receiver.threshold.least_power()) else { continue };
             let [from, to] = match medium.extent {
                 Extent::Shell { start, end } => [start.into(), f64::from(end).min(farthest)],
@@ -320,7 +322,7 @@ impl Air {
         !(self.around.is_empty() && self.placed.is_empty() && self.flying.is_empty())
     }
 
-    /// Standard deviation of ranges over range, from rain.
+    /// Standard deviation of ranges relative to range, due to rain.
     pub(crate) fn range_noise(&self) -> f32 {
         self.weather.range_noise
     }
@@ -330,7 +332,7 @@ impl Air {
         self.weather.media.iter().map(|medium| medium.depth(origin, direction, travelled, length)).sum()
     }
 
-    /// Optical depth, one way, of the first `length` m of a beam in media with a place in the world.
+    /// Optical depth, one way, of the first `length` m of a beam in media with an extent in the world.
     fn depth_in_places(&self, origin: Vec3, direction: Vec3, length: f32) -> f32 {
         let placed = self.weather.media.iter().filter(|medium| !medium.extent.is_around_the_sensor());
         placed.map(|medium| medium.depth(origin, direction, 0.0, length)).sum()
@@ -358,7 +360,7 @@ impl Air {
         }
     }
 
-    /// Gives `echoes` what the air sends back along `rays`, one for each of `beams`.
+    /// Passes the echoes of the air along `rays`, one ray for each of `beams`, to `echoes`.
     pub(crate) fn answer(&self, rays: &RayBatch, rng: &Rng, beams: &[u32], echoes: &mut impl AirEchoes) {
         let count = beams.len();
         let merging = self.receiver.pulse.merging_distance() as f32;
@@ -393,9 +395,9 @@ impl Air {
         }
     }
 
-    /// What the paper's program makes of a surface at `range` m whose reflectivity is `rho_eff` and must exceed
-    /// `limit`: the reflectivity that it tests, and the range and intensity of a dust cloud that it reports instead.
-    /// Rain adds what it should multiply, and the backscatter of dust is compared with a reflectivity.
+    /// A surface at `range` m whose reflectivity is `rho_eff` and must exceed `limit`, as computed by the paper's
+    /// program: the reflectivity that it tests, and the range and intensity of a dust cloud that it reports instead. It
+    /// adds for rain where it should multiply, and compares the backscatter of dust with a reflectivity.
     pub(crate) fn as_the_program(&self, range: f32, rho_eff: f32, limit: f32) -> (f32, Option<(f32, f32)>) {
         let depth = |medium: &Medium, length: f32| 2.0 * medium.extinction as f32 * length;
         let rain = |medium: &&Medium| medium.cause == Cause::Rain;
@@ -411,15 +413,15 @@ impl Air {
                     dry += depth(medium, range.min(end) - start);
                 }
                 Extent::Everywhere => dry += depth(medium, range),
-                // It knows no other regions.
+                // The program has no other regions.
                 _ => {}
             }
         }
         (left * exp_negative(dry), None)
     }
 
-    /// How soft echo `index` of each of `beams` differs from its mean: two standard normal numbers, for its strength and
-    /// its range, and its speckle, of mean 1.
+    /// How soft echo `index` of each of `beams` differs from its mean: two standard normal numbers, for its strength
+    /// and its range, and its speckle, with mean 1.
     fn differ(&self, rng: &Rng, beams: &[u32], index: usize) -> [[f32; LANES]; 3] {
         let count = beams.len();
         let [mut stronger, mut farther, mut speckle] = [[0.0; LANES], [0.0; LANES], [1.0; LANES]];
@@ -433,12 +435,12 @@ impl Air {
         [stronger, farther, speckle]
     }
 
-    /// As much brighter than its mean is one speckle of 30,000.
+    /// Ratio to the mean that one speckle in 30,000 exceeds.
     fn most_speckle(&self) -> f32 {
         if self.receiver.coherent { 10.3 } else { 1.0 }
     }
 
-    /// The faces of media with a place in the world.
+    /// Echoes of the faces of media with an extent in the world.
     fn answer_from_places(&self, rays: &RayBatch, rng: &Rng, beams: &[u32], echoes: &mut impl AirEchoes) {
         let count = beams.len();
         let face = FaceEcho::get();
@@ -484,13 +486,13 @@ impl Air {
             self.depths(rays, &from, count, &mut depth);
             for lane in 0..LANES {
                 let length = to[lane] - from[lane];
-                // A sheet thinner than the pulse answers from its middle, in proportion to its thickness.
+                // A layer thinner than the pulse returns an echo from its middle, in proportion to its thickness.
                 range[lane] = from[lane] + behind[lane].min(0.5 * length);
                 let full = height[lane] * range[lane] * range[lane];
                 let seen = full * (1.0 - exp_negative((length / full).max(0.0)));
                 rho_eff[lane] = PI as f32 * medium.backscatter * seen * exp_negative(2.0 * depth[lane]);
             }
-            // The face is sharp, so that an echo wanders as far as it fluctuates, in sigmas of the pulse.
+            // The face is sharp, so the range of an echo fluctuates as much as its strength, in sigmas of the pulse.
             let [stronger, farther, speckle] = self.differ(rng, beams, self.around.len() + index);
             for lane in 0..count {
                 if height[lane] <= 0.0 || range[lane] + merging > end[lane] {
@@ -511,7 +513,7 @@ impl Air {
         }
     }
 
-    /// The particles of one beam.
+    /// Echoes of the particles in one beam.
     #[inline(never)]
     #[expect(clippy::too_many_arguments, reason = "one beam's share of a block")]
     fn answer_from(
@@ -533,7 +535,7 @@ impl Air {
             if number >= flying.seen.mean() {
                 break;
             }
-            // In order of strength all that follow are weaker.
+            // In order of strength all subsequent ones are weaker.
             let strength = if by_range { f32::MAX } else { flying.seen.strongest(number) };
             if strength <= echoes.least(lane) {
                 break;
@@ -546,7 +548,7 @@ impl Air {
                 let range = flying.seen.place(strength, place);
                 AirEcho { range, rho_eff: strength * range * range }
             };
-            // Weather with a place in the world is not in the table: it removes some of the particles again.
+            // Weather with an extent in the world is not in the table: it removes some of the particles again.
             echo.rho_eff *= exp_negative(2.0 * self.depth_in_places(org, dir, echo.range));
             if by_range && echo.range >= to {
                 break;
@@ -631,9 +633,9 @@ fn exponential(uniform: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// Boxes side by side give the same as one by one: inside, beside and along their faces.
+    /// Boxes side by side give the same as one by one: inside, outside and along their faces.
     #[test]
-    fn boxes_are_met_side_by_side() {
+    fn boxes_are_intersected_side_by_side() {
         let extent = Extent::Box { min: Vec3::new(1.0, -2.0, 0.5), max: Vec3::new(4.0, 3.0, 2.0) };
         let mut rays = RayBatch::default();
         let length = std::array::from_fn(|lane| [3.0, f32::INFINITY][lane % 2]);

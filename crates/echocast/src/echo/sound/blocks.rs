@@ -1,67 +1,66 @@
-//! Arrivals that are heard alike, added up before any beam hears them.
+//! Arrivals that beams receive alike, summed before they are distributed to beams.
 //!
-//! An imaging sonar has a hundred rays at each angle to its array, and forty beams hear each of them: what comes from one
-//! angle is summed by range once, and the beams hear the sums.
+//! An imaging sonar has a hundred rays at each angle to its array, and forty beams receive each of them: arrivals from
+//! one angle are summed by range once, and the beams receive the sums.
 
 use super::ping::{Echoes, PingEcho};
 use super::tile::widen;
-use crate::emitter::{Hearing, Transducer};
-use echocast_kernels::sound::{BLOCK, Block, greater};
+use crate::emitter::{ReceivingBeams, Transducer};
+use echocast_kernels::sound::{BLOCK, BinBlock, greater};
 use std::ops::Range;
 
-/// Sums of what a chunk returns, in blocks of [`BLOCK`] range bins: by the stretch of the range that they are, then by who
-/// hears them.
+/// Sums of the echoes of a chunk, in blocks of [`BLOCK`] range bins: by stretch of range, then by [`ReceivingBeams`].
 #[derive(Clone, Default)]
 pub(crate) struct Gathered {
-    /// The [`Hearing`]s by which anything is heard.
-    pub hearings: Vec<u32>,
+    /// The [`ReceivingBeams`]s of any of these echoes.
+    pub receiving_beams: Vec<u32>,
     /// Amplitudes, and the strongest arrival by its index.
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<BinBlock>,
     /// Energies.
     pub energy: Vec<[f32; BLOCK]>,
-    /// Which of the hearings each of the blocks is of.
+    /// Index into `receiving_beams` for each block.
     pub of: Vec<u32>,
-    /// Where those of each stretch begin, from the first of the `span` on.
+    /// First block of each stretch, from the first of the `span` on.
     starts: Vec<u32>,
-    /// Stretches in which something is heard.
+    /// Stretches that contain echoes.
     span: Range<usize>,
     memory: GatherMemory,
 }
 
-/// Memory of [`Gathered::gather`].
+/// Buffers of [`Gathered::gather`].
 #[derive(Clone, Default)]
 struct GatherMemory {
     /// Arrivals in the order of their hearings.
     order: Vec<u32>,
     /// The stretch of each block and the index of its hearing, as they are found.
     found: Vec<[u32; 2]>,
-    /// Its place when they are sorted.
+    /// Index of each block after sorting.
     place: Vec<u32>,
-    /// The last block of each stretch that was found.
+    /// The last block found for each stretch.
     last: Vec<u32>,
     /// For each arrival, the blocks of the stretches that it touches.
     touched: Vec<u32>,
 }
 
 impl Gathered {
-    /// Adds up the parts of the `answers` in `bins`: `amplitudes` and energies.
+    /// Sums the parts of the `answers` in `bins`: `amplitudes` and energies.
     fn gather(&mut self, answers: &[PingEcho], amplitudes: [&[f32]; 2], energy: &[f32], bins: usize) {
         let GatherMemory { order, found, last, touched, .. } = &mut self.memory;
-        [&mut *order, touched, &mut self.hearings, &mut self.starts].into_iter().for_each(Vec::clear);
+        [&mut *order, touched, &mut self.receiving_beams, &mut self.starts].into_iter().for_each(Vec::clear);
         found.clear();
         last.resize(bins.div_ceil(BLOCK), 0);
         order.extend((0..).zip(answers).filter(|(_, answer)| answer.parts > 0).map(|(index, _)| index));
-        let hearing = |&index: &u32| (answers[index as usize].hearing, index);
-        if !order.is_sorted_by_key(hearing) {
-            order.sort_unstable_by_key(hearing);
+        let receiving = |&index: &u32| (answers[index as usize].receiving, index);
+        if !order.is_sorted_by_key(receiving) {
+            order.sort_unstable_by_key(receiving);
         }
         self.span = Range { start: usize::MAX, end: 0 };
         // First block of this hearing.
         let mut first = 0;
         for &index in &*order {
             let answer = &answers[index as usize];
-            if self.hearings.last() != Some(&answer.hearing) {
-                self.hearings.push(answer.hearing);
+            if self.receiving_beams.last() != Some(&answer.receiving) {
+                self.receiving_beams.push(answer.receiving);
                 first = found.len();
             }
             let stretches = stretches(answer);
@@ -71,7 +70,7 @@ impl Gathered {
                 let known = found.get(*block as usize).is_some_and(|known| known[0] == stretch as u32);
                 if !known || (*block as usize) < first {
                     *block = found.len() as u32;
-                    found.push([stretch as u32, self.hearings.len() as u32 - 1]);
+                    found.push([stretch as u32, self.receiving_beams.len() as u32 - 1]);
                 }
                 touched.push(*block);
             }
@@ -80,7 +79,7 @@ impl Gathered {
         self.add(answers, amplitudes, energy);
     }
 
-    /// Sorts the blocks by their stretches, by counting.
+    /// Sorts the blocks by stretch, with a counting sort.
     fn sort(&mut self) {
         let Gathered { starts, span, of, memory: GatherMemory { found, place, .. }, .. } = self;
         starts.resize(span.len() + 2, 0);
@@ -88,9 +87,9 @@ impl Gathered {
         (2..starts.len()).for_each(|index| starts[index] += starts[index - 1]);
         of.resize(found.len(), 0);
         place.clear();
-        place.extend(found.iter().map(|&[stretch, hearing]| {
+        place.extend(found.iter().map(|&[stretch, receiving]| {
             let next = &mut starts[stretch as usize - span.start + 1];
-            of[*next as usize] = hearing;
+            of[*next as usize] = receiving;
             *next += 1;
             *next - 1
         }));
@@ -100,7 +99,7 @@ impl Gathered {
     fn add(&mut self, answers: &[PingEcho], [re, im]: [&[f32]; 2], energy: &[f32]) {
         let Gathered { blocks, energy: sums, of, memory: GatherMemory { order, place, touched, .. }, .. } = self;
         blocks.clear();
-        blocks.resize(of.len(), Block::default());
+        blocks.resize(of.len(), BinBlock::default());
         sums.clear();
         sums.resize(of.len(), [0.0; BLOCK]);
         let mut touched = touched.iter();
@@ -125,8 +124,8 @@ impl Gathered {
         }
     }
 
-    /// The stretches of [`BLOCK`] bins in which something is heard, and the blocks of each. The last may go on beyond the last bin,
-    /// where all is zero.
+    /// The stretches of [`BLOCK`] bins that contain echoes, and the blocks of each. The last may extend beyond the last
+    /// bin, where all is zero.
     pub fn stretches(&self) -> impl Iterator<Item = (Range<usize>, Range<usize>)> {
         self.span.clone().zip(self.starts.windows(2)).map(move |(stretch, ends)| {
             let cells = stretch * BLOCK..(stretch + 1) * BLOCK;
@@ -134,28 +133,34 @@ impl Gathered {
         })
     }
 
-    /// Each block: who hears it, which bins it is, and its number.
-    pub fn each<'a>(&'a self, transducer: &'a Transducer) -> impl Iterator<Item = (Hearing, Range<usize>, usize)> + 'a {
-        let hearing = |block: usize| transducer.hearings[self.hearings[self.of[block] as usize] as usize];
-        self.stretches().flat_map(move |(bins, blocks)| blocks.map(move |block| (hearing(block), bins.clone(), block)))
+    /// Each block: its hearing, its bins, and its number.
+    pub fn each<'a>(
+        &'a self,
+        transducer: &'a Transducer,
+    ) -> impl Iterator<Item = (ReceivingBeams, Range<usize>, usize)> + 'a {
+        let receiving =
+            |block: usize| transducer.receiving_beams[self.receiving_beams[self.of[block] as usize] as usize];
+        self.stretches()
+            .flat_map(move |(bins, blocks)| blocks.map(move |block| (receiving(block), bins.clone(), block)))
     }
 }
 
-/// Stretches of the range in which an answer has parts.
+/// Stretches of range in which an echo has parts.
 fn stretches(answer: &PingEcho) -> Range<usize> {
     let (bin, parts) = (answer.bin as usize, answer.parts as usize);
     bin / BLOCK..(bin + parts).div_ceil(BLOCK)
 }
 
 impl Echoes {
-    /// Determines which beams hear any of it, or lose water to it, and adds up what several of them hear in `bins`.
+    /// Determines which beams receive any of it, or have water blocked by it, and sums what several of them receive in
+    /// `bins`.
     pub fn gather(&mut self, transducer: &Transducer, bins: usize) {
         let Echoes { arrivals, answers, energy, re, im, gathered, .. } = self;
         let of_rays = arrivals.iter().filter(|arrival| arrival.order == 0);
-        let of_rays = of_rays.filter_map(|arrival| transducer.hearing.get(arrival.ray as usize));
-        let all = of_rays.copied().chain(answers.iter().map(|answer| answer.hearing));
-        self.beams = all.fold((usize::MAX, 0), |(least, most), hearing| {
-            let Hearing { first, from, to, .. } = transducer.hearings[hearing as usize];
+        let of_rays = of_rays.filter_map(|arrival| transducer.receiving.get(arrival.ray as usize));
+        let all = of_rays.copied().chain(answers.iter().map(|answer| answer.receiving));
+        self.beams = all.fold((usize::MAX, 0), |(least, most), receiving| {
+            let ReceivingBeams { first, from, to, .. } = transducer.receiving_beams[receiving as usize];
             (least.min(first as usize), most.max((first + to - from) as usize))
         });
         if !transducer.beams_are_apart() {
@@ -169,26 +174,26 @@ mod tests {
     use super::*;
     use glam::Vec3;
 
-    /// Arrivals of two hearings, in no order: each bin of each has their sums, and the strongest.
+    /// Arrivals of two hearings, in no particular order: each bin of each has their sums, and the strongest.
     #[test]
-    fn blocks_hold_the_sums_of_what_is_heard_alike() {
+    fn blocks_hold_the_sums_of_arrivals_received_alike() {
         const BINS: usize = 42;
-        /// Up to whole blocks.
+        /// Rounded up to whole blocks.
         const CELLS: usize = BINS.next_multiple_of(BLOCK);
         // Hearing, first bin, parts.
         let of = [(7, 3, 6), (2, 38, 4), (7, 5, 1), (2, 0, 3), (7, 41, 1), (7, 6, 5)];
         let mut first = 0;
-        let answers = of.map(|(hearing, bin, parts)| {
+        let answers = of.map(|(receiving, bin, parts)| {
             first += parts;
             let zero = Vec3::ZERO;
-            PingEcho { first: first - parts, parts, bin, range: 0.0, reach: 0.0, slide: zero, hearing }
+            PingEcho { first: first - parts, parts, bin, range: 0.0, reach: 0.0, slide: zero, receiving }
         });
         let energy: Vec<f32> = (0..first).map(|part| 1.0 + (part * 7 % 5) as f32).collect();
         let [re, im] = [0.5, -0.25].map(|scale| energy.iter().map(|energy| scale * energy).collect::<Vec<f32>>());
         let mut gathered = Gathered::default();
         for _ in 0..2 {
             gathered.gather(&answers, [&re, &im], &energy, BINS);
-            assert_eq!(gathered.hearings, [2, 7]);
+            assert_eq!(gathered.receiving_beams, [2, 7]);
             let mut found = [[(0.0, 0.0, 0.0, 0.0, 0); CELLS]; 2];
             for (cells, blocks) in gathered.stretches() {
                 for block in blocks {
@@ -201,9 +206,9 @@ mod tests {
                     }
                 }
             }
-            for (of, hearing) in [2, 7].into_iter().enumerate() {
+            for (of, receiving) in [2, 7].into_iter().enumerate() {
                 for bin in 0..CELLS as u32 {
-                    let parts = (0..).zip(&answers).filter(|(_, it)| it.hearing == hearing);
+                    let parts = (0..).zip(&answers).filter(|(_, it)| it.receiving == receiving);
                     let parts = parts.filter(|(_, it)| (it.bin..it.bin + it.parts).contains(&bin));
                     let mut expected = (0.0, 0.0, 0.0, 0.0, 0);
                     for (index, answer) in parts {
@@ -215,7 +220,7 @@ mod tests {
                             (expected.3, expected.4) = (part, index);
                         }
                     }
-                    assert_eq!(found[of][bin as usize], expected, "hearing {hearing}, bin {bin}");
+                    assert_eq!(found[of][bin as usize], expected, "receiving {receiving}, bin {bin}");
                 }
             }
         }

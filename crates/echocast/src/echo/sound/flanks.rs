@@ -1,67 +1,69 @@
-//! What beams hear from far beside their axes: each sidelobe hears little, but the bottom below is so loud that it stands in
-//! the water column of all beams (the nadir arc of swaths), and what shines in one beam of an imaging sonar in the others.
+//! Side-lobe energy from far off the axes of beams: each side lobe receives little, but the bottom below is so strong
+//! that it appears in the water column of all beams (the nadir arc of swaths), and what is bright in one beam of an
+//! imaging sonar appears in the others.
 //!
-//! Beams hear single arrivals within their [`Hearing`]. Farther aside there are so many sidelobes, and so many scatterers
-//! in each of them, that only powers matter: they add up by range bin and part of the directions, and each beam hears each
-//! part with its mean power there. As for any sum of many scatterers the amplitude is normally distributed.
+//! Beams receive individual arrivals within their [`ReceivingBeams`]. Farther off axis there are so many side lobes, and so
+//! many scatterers in each of them, that only powers matter: they are summed by range bin and sector of directions, and
+//! each beam receives each sector with its mean power gain there. As for any sum of many scatterers, the amplitude is
+//! normally distributed.
 
 use super::ping::Echoes;
-use super::tile::{NOBODY, widen};
-use crate::emitter::{FLANK_PARTS, Hearing, Transducer};
-use echocast_kernels::sound::{self, BEAMS, BLOCK, Block};
-use echocast_kernels::tile::{self, Aside, ROWS, Rows};
+use super::tile::{NO_CONTRIBUTOR, widen};
+use crate::emitter::{FLANK_PARTS, ReceivingBeams, Transducer};
+use echocast_kernels::sound::{self, BEAMS, BLOCK, BinBlock};
+use echocast_kernels::tile::{self, ROWS, SideLobePart, TileRows};
 use std::ops::Range;
 
-/// Energies of a ping by part of the directions and range bin.
+/// Energies of a ping by sector of directions and range bin.
 #[derive(Clone, Default)]
 pub(crate) struct Flanks {
-    /// Cells of a part: all bins, up to whole [`ROWS`], and a cache line: if it were a power of two, what all parts have in one bin
-    /// would compete for the same places of the cache.
+    /// Cells per sector: all bins, up to whole [`ROWS`], and a cache line: with a power of two, the cells of all
+    /// sectors in one bin would compete for the same cache sets.
     width: usize,
-    /// Bins of each part from which something comes; empty: none.
+    /// Bins of each sector that contain energy; empty: none.
     spans: Vec<Range<usize>>,
-    /// Part by part: energies, 1 for a beam that looks there.
+    /// Energies, sector by sector, for a beam with a gain of 1 there.
     energy: Vec<f32>,
-    /// Energy of the strongest arrival, and its number: see [`Echoes::first`]. Empty: nobody asks.
+    /// Energy of the strongest arrival, and its number: see [`Echoes::first`]. Empty: not requested.
     most: Vec<f32>,
     who: Vec<u32>,
 }
 
-/// A part of the directions that beams of a tile hear.
+/// A sector of directions that beams of a tile receive.
 pub(crate) struct Audible {
     part: usize,
-    /// How loudly each beam hears it, as a factor of power.
+    /// Power gain of each beam there.
     loud: [f32; BEAMS],
 }
 
 impl Flanks {
-    /// Empties it for `bins`; without a `transducer` whose beams hear beside their axes it stays empty. `who`: whether to
-    /// find whose the strongest are.
+    /// Clears it for `bins`; it stays empty unless the beams of `transducer` receive from beside their axes. `who`:
+    /// whether to find the strongest contributors.
     pub fn clear(&mut self, transducer: &Transducer, bins: usize, who: bool) {
-        /// Numbers of a cache line.
+        /// Numbers per cache line.
         const LINE: usize = 16;
         self.width = bins.next_multiple_of(ROWS) + LINE;
         let parts = if transducer.flanks.is_empty() { 0 } else { FLANK_PARTS };
-        let (cells, asked) = (parts * self.width, if who { parts * self.width } else { 0 });
+        let (cells, requested) = (parts * self.width, if who { parts * self.width } else { 0 });
         self.spans.clear();
         self.spans.resize(parts, Range { start: bins, end: 0 });
         self.energy.clear();
         self.energy.resize(cells, 0.0);
         self.most.clear();
-        self.most.resize(asked, 0.0);
+        self.most.resize(requested, 0.0);
         self.who.clear();
-        self.who.resize(asked, NOBODY);
+        self.who.resize(requested, NO_CONTRIBUTOR);
     }
 
-    /// Adds what comes from a chunk.
+    /// Adds the echoes of a chunk.
     pub fn add(&mut self, transducer: &Transducer, echoes: &Echoes) {
         if self.spans.is_empty() {
             return;
         }
         let Echoes { gathered, first, .. } = echoes;
-        for (Hearing { part, .. }, bins, block) in gathered.each(transducer) {
+        for (ReceivingBeams { part, .. }, bins, block) in gathered.each(transducer) {
             widen(&mut self.spans[part as usize], &bins);
-            // Whole blocks: beyond the last bin nothing is heard.
+            // Whole blocks: beyond the last bin all is zero.
             let from = part as usize * self.width + bins.start;
             let cells = from..from + BLOCK;
             for (sum, energy) in self.energy[cells.clone()].iter_mut().zip(&gathered.energy[block]) {
@@ -70,15 +72,15 @@ impl Flanks {
             if self.who.is_empty() {
                 continue;
             }
-            let Block { most: parts, who: whose, .. } = &gathered.blocks[block];
+            let BinBlock { most: parts, who: strongest, .. } = &gathered.blocks[block];
             let best = self.most[cells.clone()].iter_mut().zip(&mut self.who[cells]);
-            for ((most, who), (&energy, index)) in best.zip(parts.iter().zip(whose)) {
+            for ((most, who), (&energy, index)) in best.zip(parts.iter().zip(strongest)) {
                 (*most, *who) = sound::greater(energy, first + index, *most, *who);
             }
         }
     }
 
-    /// Which parts of the directions any of the `beams` of a tile hears, and how loudly each of them.
+    /// Which sectors of directions any of the `beams` of a tile receives, with the gain of each of them.
     pub fn audible(&self, transducer: &Transducer, beams: Range<usize>, parts: &mut Vec<Audible>) {
         parts.clear();
         for (part, _) in self.spans.iter().enumerate().filter(|(_, span)| !span.is_empty()) {
@@ -92,20 +94,21 @@ impl Flanks {
         }
     }
 
-    /// Powers of what beams hear of `parts` in the rows from `start` on, a multiple of [`ROWS`]. `near` becomes those from which
-    /// there is anything.
-    pub fn hear(&self, parts: &[Audible], start: usize, near: &mut Vec<Aside>, powers: &mut Rows) {
+    /// Powers that beams receive from the sectors `parts` in the rows from `start` on, a multiple of [`ROWS`]. `near`
+    /// becomes those sectors that have energy there.
+    pub fn receive(&self, parts: &[Audible], start: usize, near: &mut Vec<SideLobePart>, powers: &mut TileRows) {
         near.clear();
         let is_near = |span: &Range<usize>| span.start < start + ROWS && start < span.end;
-        let heard = parts.iter().filter(|heard| is_near(&self.spans[heard.part]));
-        near.extend(heard.map(|&Audible { part, loud }| Aside { at: part * self.width + start, loud }));
-        tile::hear_aside(near, &self.energy, powers);
+        let received = parts.iter().filter(|received| is_near(&self.spans[received.part]));
+        near.extend(received.map(|&Audible { part, loud }| SideLobePart { at: part * self.width + start, loud }));
+        tile::side_lobe_powers(near, &self.energy, powers);
     }
 
-    /// Cells that tell of nobody, but hear more than the `noise` (powers, uPa^2) from what is `near`, tell of the strongest of that.
-    pub fn tell(&self, near: &[Aside], powers: &Rows, noise: f32, told: &mut Rows<u32>) {
+    /// Labels cells that have no contributor, but receive more than the `noise` (powers, uPa^2) from the sectors
+    /// `near`, with the strongest contributor of these.
+    pub fn label(&self, near: &[SideLobePart], powers: &TileRows, noise: f32, labels: &mut TileRows<u32>) {
         if !near.is_empty() && !self.who.is_empty() {
-            tile::tell_aside(near, &self.most, &self.who, powers, noise, NOBODY, told);
+            tile::label_side_lobes(near, &self.most, &self.who, powers, noise, NO_CONTRIBUTOR, labels);
         }
     }
 }
@@ -114,10 +117,10 @@ impl Flanks {
 mod tests {
     use super::*;
 
-    /// Beams hear the parts by their powers, and only cells that tell of nobody and hear more than the noise tell of the
-    /// strongest.
+    /// Beams receive the sectors by their power gains, and only cells that have no contributor and receive more than
+    /// the noise get the strongest.
     #[test]
-    fn beams_hear_the_sums_of_what_is_far_aside() {
+    fn beams_receive_the_sums_of_side_lobe_energy() {
         const BINS: usize = 150;
         let value = |seed: usize| (seed * 7919 % 101) as f32;
         let mut transducer = Transducer::default();
@@ -136,24 +139,24 @@ mod tests {
         flanks.audible(&transducer, 0..2, &mut parts);
         let noise = 9000.0;
         for start in (0..BINS).step_by(ROWS) {
-            let before: Rows<u32> =
-                std::array::from_fn(|cell| if (cell / BEAMS).is_multiple_of(3) { 1_000_000 } else { NOBODY });
-            let (mut powers, mut told) = ([0.0; ROWS * BEAMS], before);
-            flanks.hear(&parts, start, &mut near, &mut powers);
-            flanks.tell(&near, &powers, noise, &mut told);
+            let before: TileRows<u32> =
+                std::array::from_fn(|cell| if (cell / BEAMS).is_multiple_of(3) { 1_000_000 } else { NO_CONTRIBUTOR });
+            let (mut powers, mut labels) = ([0.0; ROWS * BEAMS], before);
+            flanks.receive(&parts, start, &mut near, &mut powers);
+            flanks.label(&near, &powers, noise, &mut labels);
             for (beam, row) in (0..2).flat_map(|beam| (0..ROWS.min(BINS - start)).map(move |row| (beam, row))) {
                 let scale = |part: usize| transducer.flanks[beam * FLANK_PARTS + part];
                 let parts = [3, 17, 20].map(|part| (part * width + start + row, scale(part)));
                 let expected: f32 = parts.iter().map(|&(cell, scale)| scale * flanks.energy[cell]).sum();
                 let found = powers[row * BEAMS + beam];
                 assert!((found - expected).abs() <= 1e-6 * expected, "beam {beam}, bin {}", start + row);
-                let (mut most, mut who) = (0.0, NOBODY);
+                let (mut most, mut who) = (0.0, NO_CONTRIBUTOR);
                 for (cell, scale) in parts {
                     (most, who) = sound::greater(scale * flanks.most[cell], flanks.who[cell], most, who);
                 }
-                let known = before[row * BEAMS + beam] != NOBODY || found <= noise;
+                let known = before[row * BEAMS + beam] != NO_CONTRIBUTOR || found <= noise;
                 let expected = if known { before[row * BEAMS + beam] } else { who };
-                assert_eq!(told[row * BEAMS + beam], expected, "beam {beam}, bin {}", start + row);
+                assert_eq!(labels[row * BEAMS + beam], expected, "beam {beam}, bin {}", start + row);
             }
         }
     }

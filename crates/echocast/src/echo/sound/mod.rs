@@ -1,4 +1,4 @@
-//! Echoes of sound: what surfaces and water send back to the beams of a sonar, and the resulting levels.
+//! Echoes of sound: what surfaces and water return to the beams of a sonar, and the resulting levels.
 
 mod blocks;
 mod bodies;
@@ -11,7 +11,7 @@ mod ping;
 mod response;
 mod tile;
 
-pub(crate) use bodies::{Share, answers_in_phase, grid};
+pub(crate) use bodies::{TubeShare, grid, has_coherent_echo};
 pub(crate) use coupling::Coupling;
 pub(crate) use flanks::Flanks;
 pub(crate) use levels::{Background, LevelMemory};
@@ -19,4 +19,4 @@ pub(crate) use parts::{Scatterers, texture};
 pub(crate) use ping::{Drift, Echoes, Insonification, NO_RAY, PingEcho};
 pub(crate) use response::Response;
 pub use response::Taper;
-pub(crate) use tile::{NOBODY, Tile, Wants};
+pub(crate) use tile::{NO_CONTRIBUTOR, Tile, TileQuantities};

@@ -5,30 +5,31 @@ use echocast_kernels::echo::{self, PARTS, RUN};
 use glam::Vec3;
 use std::sync::Arc;
 
-/// Where the lattice of the texture begins, in its cells: flat surfaces at round heights, 0 above all, lie inside its cells,
-/// not between two of them, where rounding would decide.
+/// Offset of the texture lattice, in cells: flat surfaces at round heights, 0 above all, are inside its cells, not
+/// between two of them, where rounding would decide.
 const OFF_LATTICE: f32 = 0.34;
 
 /// The scatterers of the surfaces.
 #[derive(Clone)]
 pub(crate) struct Scatterers {
     pub rng: Rng,
-    /// Where the sonar is, as a number: with another it hears others.
+    /// Position of the sonar, as a number: at another position it receives other scatterers.
     pub station: u32,
-    /// Along the array, world, 1/m: its product with a place counts the lengths over which the same are heard.
+    /// Along the array, world, 1/m: its product with a position counts the lengths over which the same scatterers are
+    /// received.
     pub along: Vec3,
-    /// Side of the places of one texture, m.
+    /// Side of a cell of the texture, m.
     pub patch: f32,
-    /// Quantiles of the texture, rising, of mean 1; empty: no texture.
+    /// Quantiles of the texture, ascending, with mean 1; empty: no texture.
     pub texture: Arc<[f32]>,
 }
 
 /// Parts of echoes, and those waiting for random amplitudes.
-pub(super) struct Parts<'a> {
+pub(super) struct WaitingParts<'a> {
     energy: &'a mut Vec<f32>,
     re: &'a mut Vec<f32>,
     im: &'a mut Vec<f32>,
-    /// Those that wait, `count` of them.
+    /// The waiting ones, `count` of them.
     waiting: echo::Parts,
     count: usize,
 }
@@ -42,41 +43,42 @@ pub(super) struct Scatter {
     /// Energy in a bin that it fills, and the least of each part.
     pub share: f32,
     pub least: f32,
-    /// Place of its middle along the array, how much of that a bin is (see [`Scatterers::along`]), and in which bin the middle
-    /// is.
+    /// Position of its middle along the array, the change of that per bin (see [`Scatterers::along`]), and the bin of
+    /// the middle.
     pub along: f32,
     pub slope: f32,
     pub middle: f32,
-    /// Whose scatterers they are.
+    /// Number that identifies its scatterers.
     pub object: u32,
 }
 
-impl<'a> Parts<'a> {
-    /// None yet, into empty columns.
-    pub fn new(energy: &'a mut Vec<f32>, re: &'a mut Vec<f32>, im: &'a mut Vec<f32>) -> Parts<'a> {
-        Parts { energy, re, im, waiting: echo::Parts::default(), count: 0 }
+impl<'a> WaitingParts<'a> {
+    /// No parts yet, with empty columns.
+    pub fn new(energy: &'a mut Vec<f32>, re: &'a mut Vec<f32>, im: &'a mut Vec<f32>) -> WaitingParts<'a> {
+        WaitingParts { energy, re, im, waiting: echo::Parts::default(), count: 0 }
     }
 
-    /// How many there are.
+    /// Number of parts.
     pub fn len(&self) -> u32 {
         (self.energy.len() + self.count) as u32
     }
 
-    /// Adds one of a known amplitude, or again its energy; none may wait.
+    /// Adds a part with a known amplitude, or its energy again; none may be waiting.
     pub fn add(&mut self, energy: f32, [re, im]: [f32; 2]) {
         self.energy.push(energy);
         self.re.push(re);
         self.im.push(im);
     }
 
-    /// Adds those of an echo with random amplitudes; `rough`: what the texture leaves of the energy in a bin, if there is one.
+    /// Adds the parts of an echo with random amplitudes; `rough`: what the texture leaves of the energy in a bin, if
+    /// there is a texture.
     #[inline(always)]
     pub fn scatter(&mut self, scatterers: &Scatterers, echo: &Scatter, rough: Option<&dyn Fn(u32) -> f32>) {
         let [first, last] = echo.bins;
         for bin in (first..=last).step_by(RUN) {
             let (begin, count) = (self.count, RUN.min((last - bin + 1) as usize));
             let waiting = &mut self.waiting;
-            // Runs of a fixed length are vectors; what is too many the next one overwrites.
+            // Runs of a fixed length are vectors; the next one overwrites the excess.
             let fill = |row: &mut echo::PartRow, value: f32| row[begin..begin + RUN].fill(value);
             fill(&mut waiting.low, echo.ends[0]);
             fill(&mut waiting.high, echo.ends[1]);
@@ -98,14 +100,14 @@ impl<'a> Parts<'a> {
         }
     }
 
-    /// Gives those that wait their amplitudes.
+    /// Gives the waiting parts their amplitudes.
     pub fn finish(&mut self, scatterers: Option<&Scatterers>) {
         if let Some(scatterers) = scatterers.filter(|_| self.count > 0) {
             self.give_amplitudes(scatterers, self.count);
         }
     }
 
-    /// Gives the first `count` of those that wait random amplitudes, and adds them to the others.
+    /// Gives the first `count` waiting parts random amplitudes, and appends them to the others.
     fn give_amplitudes(&mut self, scatterers: &Scatterers, count: usize) {
         let [mut energy, mut amplitude, mut x, mut y] = [[0.0; PARTS]; 4];
         let mut place = [0; PARTS];
@@ -129,7 +131,7 @@ impl<'a> Parts<'a> {
 }
 
 impl Scatterers {
-    /// Part of the mean energy that a place sends back, by its texture, or all of it.
+    /// Energy that a position returns relative to the mean, by its texture; 1 without one.
     #[inline(never)]
     pub(super) fn roughness(&self, place: Vec3) -> f32 {
         if self.texture.is_empty() {
@@ -140,7 +142,7 @@ impl Scatterers {
     }
 }
 
-/// A gamma distribution of mean 1 and this shape, cut into equally probable parts: the mean of each, rising.
+/// A gamma distribution of mean 1 and this shape, cut into equally probable parts: the mean of each, ascending.
 pub(crate) fn texture(shape: f64) -> Arc<[f32]> {
     const PARTS: usize = 4096;
     const STEPS: usize = 400_000;
@@ -168,8 +170,8 @@ pub(crate) fn texture(shape: f64) -> Arc<[f32]> {
 mod tests {
     use super::*;
 
-    /// Echoes of any length, one by one and all together: their parts are the same, and their energies those of what lies
-    /// in each bin.
+    /// Echoes of any length, one by one and all together: their parts are the same, and their energies are those of the
+    /// part of the echo in each bin.
     #[test]
     fn parts_do_not_depend_on_what_waits_with_them() {
         let rng = Rng::new(3, 0);
@@ -197,7 +199,7 @@ mod tests {
             .collect();
         let columns = |echoes: &[Scatter], rough: Option<&dyn Fn(u32) -> f32>| {
             let [mut energy, mut re, mut im] = [const { Vec::new() }; 3];
-            let mut parts = Parts::new(&mut energy, &mut re, &mut im);
+            let mut parts = WaitingParts::new(&mut energy, &mut re, &mut im);
             for echo in echoes {
                 let before = parts.len();
                 parts.scatter(&scatterers, echo, rough);

@@ -1,12 +1,12 @@
-//! From what rays of sound meet to what the beams of a sonar hear in each range bin.
+//! From the hits of sound rays to what the beams of a sonar receive in each range bin.
 //!
 //! Each ray represents a cell of directions; the patch of surface that it covers returns energy over a stretch of
-//! range, which is divided among bins as it lies. So a bin's energy depends neither on the mesh nor on the number of
-//! rays.
+//! range, which is divided among the bins that it overlaps. So a bin's energy depends neither on the mesh nor on the
+//! number of rays.
 
 use super::blocks::Gathered;
 use super::coupling::Coupling;
-use super::parts::{Parts, Scatter, Scatterers};
+use super::parts::{Scatter, Scatterers, WaitingParts};
 use super::response::Response;
 use crate::emitter::{FAINT, Transducer};
 use crate::ground::lanes::MEDIUM;
@@ -45,17 +45,17 @@ pub(crate) struct Insonification<'a> {
     pub turns: f32,
     /// Random scatterers; `None`: the mean level.
     pub speckle: Option<Scatterers>,
-    /// How the sonar moves while sound travels.
+    /// Motion of the sonar during the travel time.
     pub drift: Option<Drift>,
-    /// What pulse and receiver make of an echo.
+    /// Response of pulse and receiver to an echo.
     pub response: &'a Response,
     /// Which objects have tubes of their own; empty: none.
     pub covered: &'a [bool],
-    /// What motion does to ranges; `None`: nothing, as nothing moves, or no frequency is swept.
+    /// Effect of motion on ranges; `None`: none, as nothing moves, or no frequency is swept.
     pub coupling: Option<Coupling<'a>>,
 }
 
-/// How the sonar moves while sound travels, per metre of one-way range.
+/// Motion of the sonar during the travel time, per metre of one-way range.
 #[derive(Clone, Copy)]
 pub(crate) struct Drift {
     /// Displacement, world, m/m.
@@ -70,33 +70,34 @@ impl Drift {
         range - range * self.moved.dot(direction)
     }
 
-    /// The unit `direction` (sensor frame, as it was) from which an echo of a one-way range comes.
+    /// Direction from which an echo of a one-way range returns, given its unit `direction` in the sensor frame at
+    /// transmission.
     fn seen(&self, range: f32, direction: Vec3) -> Vec3 {
         // Seen from the sonar, the world turns the other way.
         Quat::from_scaled_axis(-range * self.turned) * direction
     }
 }
 
-/// What a chunk of rays returns: arrivals in order, and their parts in bins.
+/// Echoes of a chunk of rays: arrivals in order, and their parts in bins.
 #[derive(Clone, Default)]
 pub(crate) struct Echoes {
     pub arrivals: Vec<Arrival>,
     /// Number of the first of them among those of the ping, from 1.
     pub first: u32,
-    /// Direct paths to the places of arrivals, for each of which two more arrivals come with the answers; or to targets.
+    /// Direct paths to the positions of arrivals, each of which adds two more arrivals with the echoes; or to targets.
     pub direct: Vec<Direct>,
-    /// Directions (unit, world) in which arrivals left that did not leave, or do not come back, along their ray: each with
-    /// the index of its arrival, rising.
+    /// Directions (unit, world) in which arrivals left that did not leave, or do not return, along their ray: each with
+    /// the index of its arrival, ascending.
     pub launches: Vec<(u32, Vec3)>,
-    /// For each arrival, in order.
+    /// The echo of each arrival, in order.
     pub answers: Vec<PingEcho>,
-    /// Beams that hear any of it: from the first to before the second.
+    /// Beams that receive any of it: from the first to before the second.
     pub beams: (usize, usize),
     /// Parts: energies, and amplitudes with random phases, or energies again.
     pub energy: Vec<f32>,
     pub re: Vec<f32>,
     pub im: Vec<f32>,
-    /// What of it is heard alike, added up.
+    /// Sums of what beams receive alike.
     pub gathered: Gathered,
 }
 
@@ -112,78 +113,78 @@ pub(crate) struct PingEcho {
     pub range: f32,
     /// Range covered by its surface, m.
     pub reach: f32,
-    /// How far along the surface a metre of range is.
+    /// Displacement along the surface per metre of range.
     pub slide: Vec3,
-    /// Who hears it: index of the [`Hearing`].
-    pub hearing: u32,
+    /// Which beams receive it: index of the [`Hearing`].
+    pub receiving: u32,
 }
 
-/// How and when an echo is heard.
+/// How and when an echo is received.
 #[derive(Clone, Copy)]
-pub(super) struct Heard {
+pub(super) struct Received {
     /// Reported range, m.
     pub at: f32,
-    /// log2 of how much louder than in the direction of the ray that found it.
-    pub louder: f32,
+    /// log2 of the power relative to the direction of the ray that found it.
+    pub gain_log2: f32,
     /// Index of the [`Hearing`].
-    pub hearing: u32,
+    pub receiving: u32,
 }
 
 /// An echo to be divided among bins.
 pub(super) struct Echo {
-    /// Energy; `None`: not heard.
+    /// Energy; `None`: not received.
     pub power: Option<f32>,
-    pub heard: Heard,
-    /// Stretch of range, m, and how far along the surface a metre of it is.
+    pub received: Received,
+    /// Stretch of range, m, and displacement along the surface per metre of it.
     pub reach: f32,
     pub slide: Vec3,
-    /// 0: back the way it went; others: other ways.
+    /// 0: back along the path out; others: other paths.
     pub way: u32,
 }
 
 impl Insonification<'_> {
-    /// Finds what `echoes.arrivals` send back, also straight back where `echoes.direct` says so.
+    /// Computes the echoes of `echoes.arrivals`, also those along the paths of `echoes.direct`.
     pub fn answer(&self, echoes: &mut Echoes) {
         let Echoes { arrivals, direct, launches, answers, energy, re, im, .. } = echoes;
         answers.clear();
         launches.clear();
         [&mut *energy, re, im].into_iter().for_each(Vec::clear);
-        let mut parts = Parts::new(energy, re, im);
+        let mut parts = WaitingParts::new(energy, re, im);
         let mut ways = Ways::default();
         for block in arrivals.chunks(WAYS) {
             for (lane, arrival) in block.iter().enumerate() {
                 self.take(&mut ways, lane, [arrival, arrival], arrival.loss);
             }
             self.weigh(&mut ways, block.iter().all(|arrival| arrival.order == 0), true);
-            let mut heard = [Heard { at: 0.0, louder: 0.0, hearing: 0 }; WAYS];
-            for (lane, (arrival, heard)) in block.iter().zip(&mut heard).enumerate() {
+            let mut received = [Received { at: 0.0, gain_log2: 0.0, receiving: 0 }; WAYS];
+            for (lane, (arrival, received)) in block.iter().zip(&mut received).enumerate() {
                 let ray = arrival.ray as usize;
-                *heard = Heard { at: arrival.range, louder: 0.0, hearing: self.transducer.hearing[ray] };
+                *received = Received { at: arrival.range, gain_log2: 0.0, receiving: self.transducer.receiving[ray] };
                 if let Some(drift) = &self.drift {
-                    *heard = self.heard_later(drift, ray, arrival.range, self.launch(ray));
+                    *received = self.received_later(drift, ray, arrival.range, self.launch(ray));
                 }
                 if let Some(coupling) = &self.coupling {
-                    heard.at += coupling.shift(arrival, self.launch(ray));
+                    received.at += coupling.shift(arrival, self.launch(ray));
                 }
-                ways.loudness[lane] += heard.louder + self.backscatter.besides(self.surfaces, arrival);
+                ways.beam_gain[lane] += received.gain_log2 + self.backscatter.constant_log2(self.surfaces, arrival);
             }
-            let mut powers = ways.loudness;
+            let mut powers = ways.beam_gain;
             echo::powers(&mut powers);
-            for (lane, (arrival, &heard)) in block.iter().zip(&heard).enumerate() {
-                // After reflections also what is only heard straight back has arrived.
+            for (lane, (arrival, &received)) in block.iter().zip(&received).enumerate() {
+                // After reflections the arrivals include those that are in range only along the direct path back.
                 let in_reach = arrival.order == 0 || arrival.range <= self.farthest;
-                let is_heard = in_reach && !self.is_heard_otherwise(arrival);
-                let power = is_heard.then_some(powers[lane]);
+                let is_received = in_reach && !self.is_traced_separately(arrival);
+                let power = is_received.then_some(powers[lane]);
                 let (reach, slide) = reach(&ways, lane);
-                answers.push(self.divide(arrival, Echo { power, heard, reach, slide, way: 0 }, &mut parts));
+                answers.push(self.divide(arrival, Echo { power, received, reach, slide, way: 0 }, &mut parts));
             }
         }
         self.answer_mixed(arrivals, direct, launches, answers, (&mut ways, &mut parts));
         parts.finish(self.speckle.as_ref());
     }
 
-    /// Puts an arrival by the way `out`, whose echo comes `back` with a `loss` each way, dB, into a lane. Its loudness is that
-    /// without the law of the surface and spreading.
+    /// Writes an arrival along the path `out`, whose echo returns along `back`, with a `loss` each way, dB, into a
+    /// lane. Its `beam_gain` does not yet include the law of the surface and spreading.
     pub(super) fn take(&self, ways: &mut Ways, lane: usize, [out, back]: [&Arrival; 2], loss: f32) {
         let Transducer { direction, tangent, cell, aside, weight, .. } = self.transducer;
         let ray = out.ray as usize;
@@ -203,11 +204,11 @@ impl Insonification<'_> {
         (ways.path[0][lane], ways.path[1][lane]) = (out.path, back.path);
         ways.speed[lane] = out.speed * back.speed;
         ways.law[lane] = self.backscatter.law(self.surfaces, out.surface);
-        ways.loudness[lane] = self.source_level * LOG2_PER_DB + weight[ray] - 2.0 * LOG2_PER_DB * loss;
+        ways.beam_gain[lane] = self.source_level * LOG2_PER_DB + weight[ray] - 2.0 * LOG2_PER_DB * loss;
     }
 
-    /// Adds the laws of the surfaces and spreading to the loudness of `ways`, and finds how far their cells reach. `first`:
-    /// none is reflected; `same`: all come back the way they went.
+    /// Adds the laws of the surfaces and spreading to the `beam_gain` of `ways`, and finds how far their cells reach.
+    /// `first`: none is reflected; `same`: all return along the path out.
     pub(super) fn weigh(&self, ways: &mut Ways, first: bool, same: bool) {
         echo::weigh(&self.backscatter.laws, same, ways);
         match self.spreading.law(self.spreading_from) {
@@ -218,15 +219,15 @@ impl Insonification<'_> {
         echo::reaches(rotation, !(self.straight && first), !self.transducer.aside.is_empty(), ways);
     }
 
-    /// Finds what the targets send back to which `echoes.direct` leads, each as a point of its target strength (sonar
-    /// equation for point targets, Urick 1983, section 2.1): no ray has to meet it.
+    /// Computes the echoes of the targets that `echoes.direct` leads to, each as a point with its target strength
+    /// (sonar equation for point targets, Urick 1983, section 2.1): no ray has to hit it.
     pub fn answer_targets(&self, echoes: &mut Echoes) {
         echoes.clear();
         let Echoes { arrivals, direct, launches, answers, energy, re, im, .. } = echoes;
         let sensor_from_world = self.rotation.transpose();
         for Direct { way, launch, .. } in &*direct {
             let sent = sensor_from_world * *launch;
-            let (mut at, heard) = self.seen(way.range, *launch);
+            let (mut at, received) = self.seen(way.range, *launch);
             if let Some(coupling) = &self.coupling {
                 at += coupling.shift(way, *launch);
             }
@@ -234,7 +235,7 @@ impl Insonification<'_> {
                 + self.backscatter.target_strength(self.surfaces, way.surface)
                 + self.spread_twice(way)
                 - 2.0 * LOG2_PER_DB * way.loss;
-            for (loud, hearing) in self.transducer.towards(sent, heard) {
+            for (loud, receiving) in self.transducer.towards(sent, received) {
                 if loud <= FAINT {
                     continue;
                 }
@@ -242,18 +243,18 @@ impl Insonification<'_> {
                 arrivals.push(Arrival { ray: NO_RAY, ..*way });
                 let range = self.folded(at);
                 let bin = range.max(0.0) / self.bin_m;
-                let is_heard = bin < self.bins as f32;
+                let is_received = bin < self.bins as f32;
                 let first = energy.len() as u32;
                 answers.push(PingEcho {
                     first,
-                    parts: is_heard.into(),
+                    parts: is_received.into(),
                     bin: bin as u32,
                     range,
                     reach: 0.0,
                     slide: Vec3::ZERO,
-                    hearing,
+                    receiving,
                 });
-                if is_heard {
+                if is_received {
                     let power = exp2(unaimed + loud);
                     energy.push(power);
                     if self.speckle.is_some() {
@@ -269,9 +270,9 @@ impl Insonification<'_> {
         }
     }
 
-    /// Whether what a ray meets is a target, or has tubes of its own: see [`Insonification::answer_targets`] and
+    /// Whether a ray has hit a target, or a body with tubes of its own: see [`Insonification::answer_targets`] and
     /// [`Insonification::answer_body`].
-    fn is_heard_otherwise(&self, arrival: &Arrival) -> bool {
+    fn is_traced_separately(&self, arrival: &Arrival) -> bool {
         let Some(row) = self.surfaces.rows.get(arrival.surface as usize).filter(|_| arrival.order == 0) else {
             return false;
         };
@@ -279,37 +280,38 @@ impl Insonification<'_> {
             || self.covered.get(row.object as usize).is_some_and(|&covered| covered)
     }
 
-    /// How the echo that came back along its ray is heard, given `drift`.
-    pub(super) fn heard_later(&self, drift: &Drift, ray: usize, range: f32, direction: Vec3) -> Heard {
+    /// How an echo back along its ray is received, given `drift`.
+    pub(super) fn received_later(&self, drift: &Drift, ray: usize, range: f32, direction: Vec3) -> Received {
         if drift.turned == Vec3::ZERO {
-            let hearing = self.transducer.hearing[ray];
-            return Heard { at: drift.range(range, direction), louder: 0.0, hearing };
+            let receiving = self.transducer.receiving[ray];
+            return Received { at: drift.range(range, direction), gain_log2: 0.0, receiving };
         }
-        self.heard_from(ray, range, direction)
+        self.received_from(ray, range, direction)
     }
 
-    /// How an echo of a one-way range from the unit `direction` (world), found by a ray, is heard.
-    pub(super) fn heard_from(&self, ray: usize, range: f32, direction: Vec3) -> Heard {
+    /// How an echo of a one-way range from the unit `direction` (world), found by a ray, is received.
+    pub(super) fn received_from(&self, ray: usize, range: f32, direction: Vec3) -> Received {
         let (at, seen) = self.seen(range, direction);
-        let (louder, hearing) = self.transducer.heard_beside(ray, seen);
-        Heard { at, louder, hearing }
+        let (gain_log2, receiving) = self.transducer.received_beside(ray, seen);
+        Received { at, gain_log2, receiving }
     }
 
-    /// Where an echo of a one-way range from the unit `direction` (world) appears: its range, m, and direction, sensor frame.
+    /// Where an echo of a one-way range from the unit `direction` (world) appears: its range, m, and direction, sensor
+    /// frame.
     pub(super) fn seen(&self, range: f32, direction: Vec3) -> (f32, Vec3) {
         let own = self.rotation.transpose() * direction;
         self.drift.map_or((range, own), |drift| (drift.range(range, direction), drift.seen(range, own)))
     }
 
-    /// The range at which what is heard after the next ping appears, m.
+    /// The range at which an echo received after the next ping appears, m.
     pub(super) fn folded(&self, at: f32) -> f32 {
         if at >= self.fold { at - self.fold } else { at }
     }
 
     /// Divides an echo among bins.
     #[inline(always)]
-    pub(super) fn divide(&self, arrival: &Arrival, echo: Echo, parts: &mut Parts) -> PingEcho {
-        let Echo { power, heard: Heard { at, hearing, .. }, reach, slide, way } = echo;
+    pub(super) fn divide(&self, arrival: &Arrival, echo: Echo, parts: &mut WaitingParts) -> PingEcho {
+        let Echo { power, received: Received { at, receiving, .. }, reach, slide, way } = echo;
         let first = parts.len();
         let at = self.folded(at);
         let per_bin = 1.0 / self.bin_m;
@@ -317,10 +319,10 @@ impl Insonification<'_> {
         let low = (at - 0.5 * reach) * per_bin;
         let high = (at + 0.5 * reach) * per_bin;
         let from = low.max(0.0) as usize;
-        let silent = PingEcho { first, parts: 0, bin: 0, range: at, reach, slide, hearing };
-        let Some(power) = power.filter(|_| from < self.bins && high > 0.0) else { return silent };
+        let without_parts = PingEcho { first, parts: 0, bin: 0, range: at, reach, slide, receiving };
+        let Some(power) = power.filter(|_| from < self.bins && high > 0.0) else { return without_parts };
         let to = (high as usize).min(self.bins - 1);
-        let answer = PingEcho { parts: (to - from + 1) as u32, bin: from as u32, ..silent };
+        let answer = PingEcho { parts: (to - from + 1) as u32, bin: from as u32, ..without_parts };
         let share = power / (high - low).max(1e-3);
         let whole = from == to && low >= from as f32 && high <= to as f32 + 1.0;
         let Some(scatterers) = &self.speckle else {
@@ -351,9 +353,9 @@ impl Insonification<'_> {
         answer
     }
 
-    /// Whose scatterers a ray meets on a surface, after reflections, by one of the ways back: each ray and each path has its
-    /// own in each bin. If several shared those of one place, their echoes would be in phase where the surface is met
-    /// head-on, and the more rays, the louder.
+    /// Identifies the scatterers that a ray hits on a surface, after `order` reflections, for one of the paths back:
+    /// each ray and each path has its own in each bin. If several shared those of one position, their echoes would be
+    /// in phase where the surface is hit at normal incidence, and the level would rise with the number of rays.
     pub(super) fn scatterer(&self, surface: u32, ray: u32, order: u8, way: u32) -> u32 {
         let instance = self.surfaces.rows.get(surface as usize).map_or(MEDIUM, |row| row.instance_id);
         let ray = ray.wrapping_mul(0x85EB_CA6B).rotate_left(16);
@@ -367,7 +369,7 @@ impl Insonification<'_> {
         self.rotation * Vec3::new(x[ray], y[ray], z[ray])
     }
 
-    /// log2 of what spreading leaves of an echo of a point that returns the way it went: of both ways.
+    /// log2 of what two-way spreading leaves of the echo of a point that returns along the path out.
     pub(super) fn spread_twice(&self, way: &Arrival) -> f32 {
         match self.spreading.law(self.spreading_from) {
             None => 2.0 * echo::tube_spread(way.tube, way.path, way.speed, self.turns),
@@ -377,7 +379,7 @@ impl Insonification<'_> {
 }
 
 impl Echoes {
-    /// Empties all but the direct paths.
+    /// Clears all but the direct paths.
     pub fn clear(&mut self) {
         let Echoes { arrivals, launches, answers, energy, re, im, .. } = self;
         arrivals.clear();
@@ -387,10 +389,10 @@ impl Echoes {
     }
 }
 
-/// How much the range of an echo changes over its ray's cell, m, and how far along the surface a metre of that is.
+/// Change of the range of an echo over its ray's cell, m, and displacement along the surface per metre of that.
 pub(super) fn reach(ways: &Ways, lane: usize) -> (f32, Vec3) {
     (ways.reach[lane], ways.slide.each_ref().map(|axis| axis[lane]).into())
 }
 
-/// In place of a ray's number: what was not found by any, and takes no water from view.
+/// In place of a ray's number: an arrival that was not found by any ray, and blocks no water from view.
 pub(crate) const NO_RAY: u32 = u32::MAX;

@@ -1,27 +1,27 @@
-//! What pulse and receiver make of an echo.
+//! Response of pulse and receiver to an echo.
 
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// Weighting of the matched filter: what a point-like echo looks like over range.
+/// Weighting of the matched filter: the shape of a point-like echo over range.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Taper {
-    /// None: `sinc^2` with first sidelobes at -13.3 dB; an unmodulated pulse keeps its length.
+    /// None: `sinc^2` with first side lobes at -13.3 dB; an unmodulated pulse keeps its length.
     #[default]
     None,
-    /// Hamming: sidelobes below -42 dB, 1.47 times as wide; areas, noise and volume backscatter are 1.34 dB louder
+    /// Hamming: side lobes below -42 dB, 1.47 times as wide; areas, noise and volume backscatter are 1.34 dB stronger
     /// relative to a point. For a pulse with a `bandwidth_khz`.
     Hamming,
 }
 
 impl Taper {
-    /// The spectrum `0.54 + 0.46 cos` of a Hamming window (Harris 1978) is one line and two of half the cosine: the
-    /// latter over the former.
+    /// The spectrum `0.54 + 0.46 cos` of a Hamming window (Harris 1978) is one line and two of half the cosine: ratio
+    /// of the latter to the former.
     pub(crate) const HAMMING: f64 = 0.23 / 0.54;
 
-    /// Energy over range of a point-like echo that is 1 in its middle, resolutions: 1 if untapered. Equivalent noise
-    /// bandwidth of the window (Harris 1978, table I: 1.36).
+    /// Energy over range of a point-like echo with a peak of 1, resolutions: 1 if untapered. Equivalent noise bandwidth
+    /// of the window (Harris 1978, table I: 1.36).
     pub(crate) fn resolutions(self) -> f64 {
         match self {
             Taper::None => 1.0,
@@ -30,14 +30,14 @@ impl Taper {
     }
 }
 
-/// What a point-like echo looks like over range bins: amplitudes, 1 in the middle within 0.06 dB (less where a bin is longer
+/// Shape of a point-like echo over range bins: amplitudes, 1 in the middle within 0.06 dB (less where a bin is longer
 /// than the resolution and holds the mean over its length), symmetric.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Response {
     /// From the middle outwards.
     taps: Vec<f32>,
-    /// Those that are not zero, as a line with [`Response::reach`] bins on each side is convolved with them: from which bin of
-    /// it on each counts.
+    /// The taps that are not zero, for the convolution of a line with [`Response::reach`] bins of padding on each side:
+    /// the bin of that line from which on each applies, and the tap.
     pub shifted: Vec<(u32, f32)>,
     /// Sum of the squares of all taps.
     pub power: f32,
@@ -49,11 +49,11 @@ impl Response {
     /// # Errors
     /// The least possible `bin`: shorter ones would need more taps than that.
     pub fn new(bin: f64, modulated: bool, taper: Taper) -> Result<Response, f64> {
-        /// Resolutions on each side: eight sidelobes, the ninth is 29 dB down.
+        /// Resolutions on each side: eight side lobes, the ninth is 29 dB down.
         const REACH: f64 = 8.5;
         /// Limits the work for bins much shorter than the pulse.
         const MOST_TAPS: f64 = 1024.0;
-        // Exactly zero where it is: with bins of half a resolution every second tap, which costs nothing then.
+        // Exactly zero at the zeros: with bins of half a resolution that is every second tap, which then costs nothing.
         let sinc = |x: f64| match x {
             0.0 => 1.0,
             _ if x.fract() == 0.0 => 0.0,
@@ -77,8 +77,8 @@ impl Response {
         taps[0] = 1.0;
         let sum = |taps: &[f32]| taps[0] * taps[0] + 2.0 * taps[1..].iter().map(|tap| tap * tap).sum::<f32>();
         if modulated || bin > 1.0 {
-            // Areas have the same level in bins of any length: long ones hold the mean over their length, and what the
-            // sidelobes that are left out have, 0.05 dB, is given to the others.
+            // Areas have the same level in bins of any length: long ones hold the mean over their length, and the
+            // energy of the omitted side lobes, 0.05 dB, is given to the others.
             let scale = (taper.resolutions() as f32 / (bin as f32 * sum(&taps))).sqrt();
             taps.iter_mut().for_each(|tap| *tap *= scale);
         }
@@ -98,7 +98,7 @@ impl Response {
         self.taps.get(bins).map_or(0.0, |&tap| tap / self.taps[0])
     }
 
-    /// Bins on each side in which a point is heard.
+    /// Bins on each side over which the echo of a point extends.
     pub fn reach(&self) -> usize {
         self.taps.len() - 1
     }
@@ -138,7 +138,7 @@ mod tests {
         let sinc = Response::new(0.05, true, Taper::None).unwrap();
         let sidelobe = sinc.taps[20..40].iter().fold(0f32, |most, tap| most.max(tap.abs()));
         assert!((20.0 * sidelobe.log10() + 13.26).abs() < 0.1, "{sidelobe}");
-        // As many taps as there may be, and one more.
+        // The greatest number of taps, and one more.
         assert!(Response::new(8.5 / 1024.0, true, Taper::None).is_ok());
         assert_eq!(Response::new(4e-3, true, Taper::None), Err(8.5 / 1024.0));
         assert_eq!(Response::new(4e-4, false, Taper::None), Err(0.5 / 1024.0));

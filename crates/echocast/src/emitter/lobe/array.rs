@@ -1,9 +1,9 @@
-//! Elements in a row.
+//! The array factor of elements in a row.
 
 use super::{Array, Shading};
 use std::f64::consts::PI;
 
-/// The factor of an array, `sum of w_n e^(i k d n u) / sum of w_n` about its middle, in closed form.
+/// The array factor, `sum of w_n e^(i k d n u) / sum of w_n` about its middle, in closed form.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Factor {
     elements: f64,
@@ -15,11 +15,11 @@ pub(super) struct Factor {
 #[derive(Clone, Debug, PartialEq)]
 enum Weights {
     Uniform,
-    /// With the sum of the weights for N.
+    /// `share`: the sum of the weights over N.
     Hamming {
         share: f64,
     },
-    /// With `x0`, where the polynomial reaches the height 1 / `lowest`.
+    /// `x0`: where the polynomial reaches the height 1 / `lowest`.
     Chebyshev {
         x0: f64,
         lowest: f64,
@@ -66,13 +66,13 @@ impl Factor {
 fn dirichlet(elements: f64, phase: f64) -> f64 {
     let turns = (phase / (2.0 * PI)).round();
     let half = 0.5 * phase - PI * turns;
-    // Whole turns change the sign if the middle lies between two elements.
+    // Whole turns change the sign if the middle is between two elements.
     let sign = if (turns * (elements - 1.0)) % 2.0 == 0.0 { 1.0 } else { -1.0 };
     if half.abs() < 1e-10 { sign } else { sign * (elements * half).sin() / (elements * half.sin()) }
 }
 
-/// The sum of elements with weights `0.54 - 0.46 cos(2 pi n / (N - 1))`, of N: three of uniform weights, as the cosine
-/// is two waves.
+/// The sum of elements with weights `0.54 - 0.46 cos(2 pi n / (N - 1))`, over N: three sums with uniform weights, as
+/// the cosine is two waves.
 fn hamming(elements: f64, phase: f64) -> f64 {
     let step = 2.0 * PI / (elements - 1.0);
     0.54 * dirichlet(elements, phase) + 0.23 * (dirichlet(elements, phase - step) + dirichlet(elements, phase + step))

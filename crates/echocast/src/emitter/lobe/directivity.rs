@@ -1,4 +1,4 @@
-//! Directivity indices: how much less isotropic noise an aperture hears.
+//! Directivity indices: by how much an aperture rejects isotropic noise.
 
 use super::BeamPattern;
 use super::bessel::jinc;
@@ -8,7 +8,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 /// Above this many wavelengths (or ka) the first terms of the asymptotic expansion are accurate to 1e-4 dB.
 const LONG: f64 = 1000.0;
 
-/// Directivity index of a uniform line, dB, that hears all round itself: `10 log(4 pi / integral of b over the
+/// Directivity index of a uniform line, dB, that receives from all round itself: `10 log(4 pi / integral of b over the
 /// sphere)`, `10 log(2 L / lambda)` if it is long. `length_in_wavelengths` is above 0.
 pub fn line_directivity(length_in_wavelengths: f64) -> f64 {
     let length = length_in_wavelengths;
@@ -22,15 +22,15 @@ pub fn line_directivity(length_in_wavelengths: f64) -> f64 {
     10.0 * (length / area).log10()
 }
 
-/// Directivity index of a rectangular face of `length` x `height` wavelengths in a wall, dB: `10 log(4 pi L H /
+/// Directivity index of a rectangular face of `length` x `height` wavelengths in a baffle, dB: `10 log(4 pi L H /
 /// lambda^2)`, valid where both are several wavelengths (to 0.01 dB for 180 x 6); [`directivity`] of two lines is valid
 /// for all.
 pub fn rectangle_directivity(length: f64, height: f64) -> f64 {
     10.0 * (4.0 * PI * length * height).log10()
 }
 
-/// Directivity index of a round piston in a wall, dB, `ka` (its circumference in wavelengths) above 0: the half sphere
-/// behind the wall is silent; `20 log(ka)` if it is wide.
+/// Directivity index of a round piston in a baffle, dB, `ka` (its circumference in wavelengths) above 0: nothing is
+/// received from the half sphere behind the baffle; `20 log(ka)` if it is wide.
 pub fn piston_directivity(ka: f64) -> f64 {
     if ka > LONG {
         return 20.0 * ka.log10();
@@ -40,16 +40,16 @@ pub fn piston_directivity(ka: f64) -> f64 {
     10.0 * (2.0 / half).log10()
 }
 
-/// Directivity index of a round aperture in a wall with the pattern `lobe` all round its axis, dB: `10 log(4 pi /
-/// integral of b over the half sphere before it)`.
+/// Directivity index of a round aperture in a baffle with the pattern `lobe` all round its axis, dB: `10 log(4 pi /
+/// integral of b over the half sphere in front of it)`.
 pub(crate) fn round_directivity(lobe: &BeamPattern) -> f64 {
     let power = |theta: f64| lobe.amplitude(theta.sin()).powi(2) * theta.sin();
     let edges = lobe.panels().into_iter().filter(|&u| u >= 0.0).map(f64::asin);
     10.0 * (2.0 / integral_over(&power, edges, 1e-9 * lobe.detail().powi(2))).log10()
 }
 
-/// Directivity index of a line array in a wall that hears all round itself, dB: `10 log(4 / integral of b over u)`, as
-/// `d(solid angle) = pi d(u)` before the wall.
+/// Directivity index of a line array in a baffle that receives from all round itself, dB: `10 log(4 / integral of b
+/// over u)`, as `d(solid angle) = pi d(u)` in front of the baffle.
 pub(crate) fn wall_directivity(lobe: &BeamPattern) -> f64 {
     10.0 * (4.0 / over_sines(lobe)).log10()
 }
@@ -59,10 +59,10 @@ fn over_sines(lobe: &BeamPattern) -> f64 {
     integral_over(&|u| lobe.amplitude(u).powi(2), lobe.panels(), 1e-6 * lobe.detail())
 }
 
-/// Directivity index of an aperture in a wall with the pattern `across` in one plane and `up` in the other, dB: `10
-/// log(4 pi / integral of b over the half sphere before it)`; the half sphere behind is silent. The patterns multiply,
-/// each at the direction cosine along its edge. Accurate to 0.01 dB, even for lobes of a thousandth of a degree; to 2
-/// dB for arrays with so many grating lobes that nobody builds them (a pitch of more than 8 wavelengths).
+/// Directivity index of an aperture in a baffle with the pattern `across` in one plane and `up` in the other, dB: `10
+/// log(4 pi / integral of b over the half sphere in front of it)`; nothing is received from the half sphere behind. The
+/// patterns multiply, each at the direction cosine along its edge. Accurate to 0.01 dB, even for lobes of a thousandth
+/// of a degree; to 2 dB for arrays with impractically many grating lobes (a pitch of more than 8 wavelengths).
 pub fn directivity(across: &BeamPattern, up: &BeamPattern) -> f64 {
     const PRECISION: f64 = 1e-6;
     let (fine_across, fine_up) = (across.detail(), up.detail());

@@ -1,4 +1,4 @@
-//! Beam patterns: how loud a sonar aperture is in directions off its axis, in one plane.
+//! Beam patterns: the response of a sonar aperture in directions off its axis, in one plane.
 //!
 //! Amplitudes are signed and 1 on the axis; powers are their squares (one way). An aperture of two planes, such as a
 //! rectangular face, has the product of two patterns, each at the direction cosine along its own edge.
@@ -28,7 +28,7 @@ use std::fmt;
 pub enum Lobe {
     /// A uniform line of this full width at -3 dB, degrees, 0.001 to 180.
     Width(f64),
-    /// What `shape` says.
+    /// The pattern that `shape` selects.
     Shape(Shape),
 }
 
@@ -36,7 +36,7 @@ pub enum Lobe {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "shape", rename_all = "snake_case")]
 pub enum Shape {
-    /// A line that sends and hears uniformly along its length: `sin(x) / x`.
+    /// A line that transmits and receives uniformly along its length: `sin(x) / x`.
     Line(Line),
     /// Without sidelobes: the power in dB falls with the square of the angle.
     Gaussian {
@@ -48,11 +48,11 @@ pub enum Shape {
         /// Full width, degrees.
         width_deg: f64,
     },
-    /// A round face that moves as one, in a wall: `2 J1(x) / x`.
+    /// A round face that moves as one, in a baffle: `2 J1(x) / x`.
     Piston(Piston),
     /// Equal elements in a row.
     Array(Array),
-    /// Measured.
+    /// A measured pattern.
     Table {
         /// 2 to 1000 rows in rising order, linear in dB between them, nothing (-200 dB) outside; mirrored if all angles
         /// are at least 0.
@@ -63,7 +63,7 @@ pub enum Shape {
 /// Size of a uniform line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub enum Line {
-    /// Full width of its lobe, degrees: the line has the length that this takes at its wavelength.
+    /// Full width of its lobe, degrees: the line has the length that gives this width at its wavelength.
     #[serde(rename = "width_deg")]
     Width(f64),
     /// Length, m, 1e-6 to 1000.
@@ -74,7 +74,7 @@ pub enum Line {
 /// Size of a round piston.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub enum Piston {
-    /// Full width of its lobe, degrees: the piston has the width that this takes at its wavelength.
+    /// Full width of its lobe, degrees: the piston has the diameter that gives this width at its wavelength.
     #[serde(rename = "width_deg")]
     Width(f64),
     /// Diameter, m, 1e-6 to 1000.
@@ -105,7 +105,7 @@ pub enum Shading {
     Uniform,
     /// `0.54 - 0.46 cos(2 pi n / (N - 1))`: sidelobes of -42.7 dB.
     Hamming,
-    /// Dolph and Chebyshev's: all sidelobes equal, with the narrowest main lobe for that level.
+    /// Dolph-Chebyshev: all sidelobes equal, with the narrowest main lobe for that level.
     Chebyshev {
         /// How far the sidelobes are below the main lobe, dB, 10 to 150.
         sidelobe_db: f64,
@@ -141,7 +141,7 @@ impl Lobe {
         Ok(lobe)
     }
 
-    /// Whether all values, which are at `key`, are allowed; shows those that have bounds to `bounds`.
+    /// Checks that all values, which are at `key`, are allowed; reports those that have bounds to `bounds`.
     pub(crate) fn check(&self, bounds: &mut Bounds, key: &str) -> Result<()> {
         let width = |bounds: &mut Bounds, key: String, deg: f64| bounds.within(key, deg, NARROWEST_DEG, 180.0);
         let size = |bounds: &mut Bounds, name: &str, m: f64| bounds.within(join(key, name), m, SIZES_M[0], SIZES_M[1]);
@@ -310,7 +310,7 @@ fn one_of<E: de::Error>(width_deg: Option<f64>, (name, size): (&str, Option<f64>
     match (width_deg, size) {
         (Some(deg), None) => Ok(Ok(deg)),
         (None, Some(m)) => Ok(Err(m)),
-        (Some(_), Some(m)) => Err(E::custom(format!("{name}: is {m}; allowed: none beside width_deg"))),
+        (Some(_), Some(m)) => Err(E::custom(format!("{name}: is {m}; allowed: none together with width_deg"))),
         (None, None) => Err(E::custom(format!("is without width_deg and {name}; allowed: one of them"))),
     }
 }
@@ -326,14 +326,14 @@ impl<'de> Deserialize<'de> for Array {
         }
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Keys {
+        struct ArrayKeys {
             elements: u32,
             pitch_m: f64,
             shading: Option<Word>,
             sidelobe_db: Option<f64>,
             element_m: Option<f64>,
         }
-        let Keys { elements, pitch_m, shading, sidelobe_db, element_m } = Keys::deserialize(deserializer)?;
+        let ArrayKeys { elements, pitch_m, shading, sidelobe_db, element_m } = ArrayKeys::deserialize(deserializer)?;
         let shading = match (shading.unwrap_or(Word::Uniform), sidelobe_db) {
             (Word::Chebyshev, Some(sidelobe_db)) => Shading::Chebyshev { sidelobe_db },
             (Word::Chebyshev, None) => return Err(de::Error::missing_field("sidelobe_db")),
@@ -377,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_wrong_is_said_with_its_key() {
+    fn errors_name_their_key() {
         let table = |rows: &str| format!("{{shape: table, rows: [{rows}]}}");
         for (text, expected) in [
             ("0".to_owned(), "line 1: is 0; allowed: 0.001 to 180"),
@@ -393,7 +393,7 @@ mod tests {
             ("{shape: line}".into(), "line 1: is without width_deg and length_m; allowed: one of them"),
             (
                 "{shape: line, width_deg: 1, length_m: 2}".into(),
-                "line 1: length_m: is 2; allowed: none beside width_deg",
+                "line 1: length_m: is 2; allowed: none together with width_deg",
             ),
             ("{shape: piston}".into(), "line 1: is without width_deg and diameter_m; allowed: one of them"),
             ("{shape: piston, diameter_m: 0}".into(), "line 1: diameter_m: is 0; allowed: 0.000001 to 1000"),
@@ -436,7 +436,7 @@ mod tests {
     }
 
     #[test]
-    fn bounds_of_keys_are_told() {
+    fn bounds_of_keys_are_reported() {
         let bounds = |text: &str, key: &str| {
             let mut bounds = Bounds::of(key);
             Lobe::from_yaml(text).unwrap().check(&mut bounds, "send.along").unwrap();

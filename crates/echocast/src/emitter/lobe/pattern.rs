@@ -10,14 +10,14 @@ use std::f64::consts::{FRAC_PI_2, PI};
 ///
 /// It is a function of `u = sin(psi) - sin(psi0)`, where psi is the angle off the axis in that plane and psi0 the
 /// steering angle; sines may be direction cosines along the aperture. Shapes given by angles (Gaussian, box, table)
-/// take `asin(u)` as their angle, 90 degrees beyond 1, so that they widen when steered as apertures do. What is behind
-/// the aperture (psi beyond 90 degrees) mirrors what is in front of it: the caller knows whether there is a wall
+/// take `asin(u)` as their angle, 90 degrees beyond 1, so that they widen when steered as apertures do. Directions
+/// behind the aperture (psi beyond 90 degrees) mirror those in front of it: the caller knows whether there is a baffle
 /// between them.
 #[derive(Clone, Debug, PartialEq)]
-pub struct BeamPattern(Kind);
+pub struct BeamPattern(PatternShape);
 
 #[derive(Clone, Debug, PartialEq)]
-enum Kind {
+enum PatternShape {
     /// Length, wavelengths.
     Line { length: f64 },
     /// Half of the full width, rad.
@@ -44,7 +44,7 @@ const SEEN: f64 = 0.999;
 impl BeamPattern {
     /// A uniform line of `length` wavelengths.
     pub(super) fn line(length: f64) -> BeamPattern {
-        BeamPattern(Kind::Line { length })
+        BeamPattern(PatternShape::Line { length })
     }
 
     /// A uniform line whose full width at half the power is `width`, rad.
@@ -53,26 +53,26 @@ impl BeamPattern {
     }
 
     pub(super) fn gaussian(width: f64) -> BeamPattern {
-        BeamPattern(Kind::Gaussian { half: 0.5 * width })
+        BeamPattern(PatternShape::Gaussian { half: 0.5 * width })
     }
 
     pub(super) fn boxed(width: f64) -> BeamPattern {
-        BeamPattern(Kind::Box { half: 0.5 * width })
+        BeamPattern(PatternShape::Box { half: 0.5 * width })
     }
 
     /// A piston of `diameter` wavelengths.
     pub(super) fn piston(diameter: f64) -> BeamPattern {
-        BeamPattern(Kind::Piston { ka: PI * diameter })
+        BeamPattern(PatternShape::Piston { ka: PI * diameter })
     }
 
     /// A piston whose full width at half the power is `width`, rad.
     pub(super) fn piston_of_width(width: f64) -> BeamPattern {
-        BeamPattern(Kind::Piston { ka: HALF_JINC / (0.5 * width).sin() })
+        BeamPattern(PatternShape::Piston { ka: HALF_JINC / (0.5 * width).sin() })
     }
 
     pub(super) fn array(array: &Array, wavelength_m: f64) -> BeamPattern {
         let element = array.element_m.unwrap_or(0.0) / wavelength_m;
-        BeamPattern(Kind::Array { factor: Factor::new(array, wavelength_m), element })
+        BeamPattern(PatternShape::Array { factor: Factor::new(array, wavelength_m), element })
     }
 
     pub(super) fn table(rows: &[Row]) -> BeamPattern {
@@ -81,46 +81,46 @@ impl BeamPattern {
             let mirrored = own.iter().rev().filter(|&&[angle, _]| angle > 0.0).map(|&[angle, db]| [-angle, db]);
             own = mirrored.chain(own.iter().copied()).collect();
         }
-        BeamPattern(Kind::Table { rows: own })
+        BeamPattern(PatternShape::Table { rows: own })
     }
 
     /// Signed amplitude at `u`, the sine of the angle off the axis, of an unsteered beam; 1 on the axis (for a table:
-    /// in its loudest direction).
+    /// in its strongest direction).
     pub fn amplitude(&self, u: f64) -> f64 {
         self.amplitude_steered(u, 0.0)
     }
 
-    /// Signed amplitude in the direction whose sine is `sin`, of a beam steered to that of `sin0`: a function of their
-    /// difference, except that the elements of an array do not turn with the beam, so that it is only as loud on its
-    /// axis as they are there.
+    /// Signed amplitude in the direction whose sine is `sin`, of a beam steered to the direction whose sine is `sin0`:
+    /// a function of their difference, except that the elements of an array do not turn with the beam, so that its
+    /// amplitude on its axis is that of the elements there.
     pub fn amplitude_steered(&self, sin: f64, sin0: f64) -> f64 {
         let u = sin - sin0;
         match &self.0 {
-            Kind::Line { length } => sinc(length * u),
+            PatternShape::Line { length } => sinc(length * u),
             // Half the power at half the width.
-            Kind::Gaussian { half } => (-0.5 * (angle(u) / half).powi(2)).exp2(),
-            Kind::Box { half } => {
+            PatternShape::Gaussian { half } => (-0.5 * (angle(u) / half).powi(2)).exp2(),
+            PatternShape::Box { half } => {
                 if angle(u).abs() <= *half {
                     1.0
                 } else {
                     amplitude_from_db(NOTHING_DB)
                 }
             }
-            Kind::Piston { ka } => jinc(ka * u),
-            Kind::Array { factor, element } => factor.amplitude(u) * sinc(element * sin),
-            Kind::Table { rows } => amplitude_from_db(level(rows, angle(u))),
+            PatternShape::Piston { ka } => jinc(ka * u),
+            PatternShape::Array { factor, element } => factor.amplitude(u) * sinc(element * sin),
+            PatternShape::Table { rows } => amplitude_from_db(level(rows, angle(u))),
         }
     }
 
     /// Full width at half the power of an unsteered beam, rad; pi if its power is above that everywhere. For a table
-    /// the width about its loudest row.
+    /// the width about its strongest row.
     pub fn width(&self) -> f64 {
         let both_sides = |sin: f64| if sin < 1.0 { 2.0 * sin.asin() } else { PI };
         match &self.0 {
-            Kind::Line { length } => both_sides(HALF_SINC / length),
-            Kind::Piston { ka } => both_sides(HALF_JINC / ka),
-            Kind::Gaussian { half } | Kind::Box { half } => 2.0 * half,
-            Kind::Array { factor, .. } => {
+            PatternShape::Line { length } => both_sides(HALF_SINC / length),
+            PatternShape::Piston { ka } => both_sides(HALF_JINC / ka),
+            PatternShape::Gaussian { half } | PatternShape::Box { half } => 2.0 * half,
+            PatternShape::Array { factor, .. } => {
                 let power = |u: f64| self.amplitude(u).powi(2) - 0.5;
                 let step = 1.0 / (STEPS * factor.length());
                 let mut outside = step;
@@ -129,7 +129,7 @@ impl BeamPattern {
                 }
                 if power(outside.min(1.0)) < 0.0 { both_sides(crossing(power, 0.0, outside.min(1.0))) } else { PI }
             }
-            Kind::Table { rows } => {
+            PatternShape::Table { rows } => {
                 let peak = rows.iter().enumerate().max_by(|(_, a), (_, b)| a[1].total_cmp(&b[1])).map_or(0, |(i, _)| i);
                 let half = 10.0 * 0.5f64.log10();
                 let right = rows[peak..].iter().copied();
@@ -158,23 +158,23 @@ impl BeamPattern {
         let level_db = 10.0 * power.log10();
         let sine = |angle: f64| if angle < FRAC_PI_2 { angle.sin().min(reach) } else { reach };
         match &self.0 {
-            Kind::Line { length } => line_extent(*length, power, reach),
-            Kind::Piston { ka } => {
+            PatternShape::Line { length } => line_extent(*length, power, reach),
+            PatternShape::Piston { ka } => {
                 // |J1(x)|^2 < 1.3 * 2 / (pi x) where x > 1, which is less than one lobe off.
                 let envelope = (8.0 * 1.3 / (PI * power)).cbrt().max(4.0);
                 outermost(|x| jinc(x).powi(2), envelope.min(reach * ka), PI, power) / ka
             }
-            Kind::Array { factor, element } => {
+            PatternShape::Array { factor, element } => {
                 // Every period has a main lobe.
                 let found = outermost(|u| factor.amplitude(u).powi(2), reach, factor.length().recip(), power);
                 found.min(line_extent(*element, power, reach))
             }
-            Kind::Gaussian { half } => sine(half * (-power.log2()).sqrt()),
+            PatternShape::Gaussian { half } => sine(half * (-power.log2()).sqrt()),
             _ if level_db <= NOTHING_DB => reach,
-            Kind::Box { half } => sine(*half),
-            Kind::Table { rows } => {
-                let loud = |i: &usize| rows[*i][1] >= level_db;
-                let (Some(first), Some(last)) = ((0..rows.len()).find(loud), (0..rows.len()).rfind(loud)) else {
+            PatternShape::Box { half } => sine(*half),
+            PatternShape::Table { rows } => {
+                let strong = |i: &usize| rows[*i][1] >= level_db;
+                let (Some(first), Some(last)) = ((0..rows.len()).find(strong), (0..rows.len()).rfind(strong)) else {
                     return 0.0;
                 };
                 let left = first_below(rows[..=first].iter().rev().copied(), level_db);
@@ -187,24 +187,24 @@ impl BeamPattern {
     /// Width of its finest structure in u, 1e-7 to 1.
     pub(super) fn detail(&self) -> f64 {
         let detail = match &self.0 {
-            Kind::Line { length } => length.recip(),
-            Kind::Gaussian { half } | Kind::Box { half } => *half,
-            Kind::Piston { ka } => PI / ka,
-            Kind::Array { factor, element } => factor.length().max(*element).recip(),
-            Kind::Table { rows } => rows.windows(2).map(|pair| pair[1][0] - pair[0][0]).fold(1.0, f64::min),
+            PatternShape::Line { length } => length.recip(),
+            PatternShape::Gaussian { half } | PatternShape::Box { half } => *half,
+            PatternShape::Piston { ka } => PI / ka,
+            PatternShape::Array { factor, element } => factor.length().max(*element).recip(),
+            PatternShape::Table { rows } => rows.windows(2).map(|pair| pair[1][0] - pair[0][0]).fold(1.0, f64::min),
         };
         // Returns a number even for values that no check has seen.
         if detail.is_nan() { 1.0 } else { detail.clamp(1e-7, 1.0) }
     }
 
-    /// Whether it is that of an array with so many grating lobes that little lies between them.
+    /// Whether it is that of an array with so many grating lobes that there is little between them.
     pub(super) fn is_sparse(&self) -> bool {
         const LEAST: f64 = 1.0 / 8.0;
-        matches!(&self.0, Kind::Array { factor, .. } if factor.spacing() < LEAST)
+        matches!(&self.0, PatternShape::Array { factor, .. } if factor.spacing() < LEAST)
     }
 
     /// Edges in u, rising from -1 to 1, of panels to integrate over: one for each lobe about the main one and, for
-    /// arrays, about each grating lobe; wider and wider away from these.
+    /// arrays, about each grating lobe; increasingly wide away from these.
     pub(super) fn panels(&self) -> Vec<f64> {
         /// Panels of one lobe each on either side of a main lobe.
         const NARROW: u32 = 64;
@@ -213,8 +213,8 @@ impl BeamPattern {
         const WIDEST: f64 = 0.125;
         const EVEN: u32 = 2048;
         let spacing = match &self.0 {
-            Kind::Array { factor, .. } => factor.spacing(),
-            Kind::Table { rows } => {
+            PatternShape::Array { factor, .. } => factor.spacing(),
+            PatternShape::Table { rows } => {
                 let rows = rows.iter().map(|row| row[0].clamp(-FRAC_PI_2, FRAC_PI_2).sin());
                 let mut edges: Vec<f64> = rows.chain([-1.0, 0.0, 1.0]).collect();
                 edges.sort_by(f64::total_cmp);
@@ -265,8 +265,8 @@ fn level(rows: &[[f64; 2]], angle: f64) -> f64 {
     }
 }
 
-/// Angle at which the level, along rows that start at least that loud, first falls below `db`; that of the last row if
-/// it does not.
+/// Angle at which the level, along rows that start at `db` or above, first falls below it; that of the last row if it
+/// does not.
 fn first_below(rows: impl Iterator<Item = [f64; 2]>, db: f64) -> f64 {
     let mut last: Option<[f64; 2]> = None;
     for row in rows {

@@ -41,7 +41,7 @@ impl Fan {
         bounds.within(format_args!("{key}.centre_deg"), self.centre_deg, -360.0, 360.0)
     }
 
-    /// Checks that all elevations lie between straight down and straight up.
+    /// Checks that all elevations are between straight down and straight up.
     pub(super) fn check_elevations(&self, bounds: &mut Bounds, key: &str) -> Result<()> {
         self.check(bounds, key, 180.0)?;
         let (low, high) = (self.angle_deg(0), self.angle_deg(self.len() as usize - 1));

@@ -8,21 +8,21 @@ use crate::ground::error::{Error, Result};
 use crate::read::bounds::Bounds;
 use serde::{Deserialize, Serialize};
 
-/// Beams of a Janus configuration: one more than a velocity has parts, so that they check each other.
+/// Beams of a Janus configuration: one more than a velocity has components, so that they check each other.
 pub const JANUS_BEAMS: usize = 4;
 
-/// Four round beams, each as far from straight down, to all sides. x is forward, y to port, z up.
+/// Four round beams at the same angle from straight down, towards all sides. x is forward, y to port, z up.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Janus {
     /// Angle of each beam from straight down, degrees, 5 to 60.
     #[serde(default = "thirty_degrees")]
     pub janus_deg: f64,
-    /// Azimuths of the beams, degrees, counter-clockwise from ahead, each at least 10 from the others; the corners of an
-    /// X when not given.
+    /// Azimuths of the beams, degrees, counter-clockwise from ahead, each at least 10 from the others; by default the
+    /// corners of an X.
     #[serde(default = "corners")]
     pub azimuths_deg: [f64; JANUS_BEAMS],
-    /// Width of each beam, sent and heard alike.
+    /// Width of each beam, the same for transmission and reception.
     pub beam_deg: Lobe,
     /// Rays of each beam, 8 to 1000000.
     #[serde(default = "beam_rays")]
@@ -49,7 +49,7 @@ impl Janus {
         bounds.within("pattern.janus_deg", self.janus_deg, 5.0, 60.0)?;
         for (index, &azimuth) in self.azimuths_deg.iter().enumerate() {
             bounds.within(format_args!("pattern.azimuths_deg[{index}]"), azimuth, -360.0, 360.0)?;
-            /// Nearer to each other, three beams hardly determine a velocity.
+            /// Closer together, three beams hardly determine a velocity.
             const LEAST: f64 = 10.0;
             let apart = |other: f64| (azimuth - other + 180.0).rem_euclid(360.0) - 180.0;
             if let Some(near) = self.azimuths_deg[..index].iter().find(|other| apart(**other).abs() < LEAST) {
@@ -86,7 +86,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn beams_lean_outwards_to_all_sides() {
+    fn beams_point_down_and_outwards() {
         let janus =
             Janus { janus_deg: 30.0, azimuths_deg: corners(), beam_deg: Lobe::Width(2.0), rays: 8, rate_hz: 5.0 };
         let table = janus.beams().unwrap();

@@ -87,7 +87,7 @@ impl Pattern {
         self.check_with(&mut Bounds::none())
     }
 
-    /// [`Pattern::check`] that shows all bounded numbers to `bounds`.
+    /// [`Pattern::check`] that reports all bounded numbers to `bounds`.
     pub(crate) fn check_with(&self, bounds: &mut Bounds) -> Result<()> {
         match self {
             Pattern::Spinning(spinning) => spinning.check(bounds),
@@ -104,8 +104,8 @@ impl Pattern {
         }
     }
 
-    /// Makes file names absolute, relative to `folder`, so that the pattern means the same everywhere. Those of the
-    /// pattern `before` from which this one was made stay, however they are written.
+    /// Makes file names absolute, relative to `folder`, so that the pattern means the same everywhere. Those kept from
+    /// the pattern `before`, from which this one was made, stay the same, however they are written.
     pub(crate) fn resolve(&mut self, folder: &Path, before: Option<&Pattern>) {
         if let (Pattern::Table(table), Some(Pattern::Table(before))) = (&mut *self, before) {
             table.keep_file(before);
@@ -116,7 +116,7 @@ impl Pattern {
         }
     }
 
-    /// Whether it is that of a sonar.
+    /// Whether it is the pattern of a sonar.
     pub fn is_of_sound(&self) -> bool {
         matches!(
             self,
@@ -175,7 +175,7 @@ impl Pattern {
     }
 }
 
-/// Scans per second of patterns that give none.
+/// Scans per second of patterns that specify none.
 fn ten() -> f64 {
     10.0
 }

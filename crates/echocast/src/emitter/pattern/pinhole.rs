@@ -8,7 +8,7 @@ use crate::ground::error::Result;
 use crate::read::bounds::{ABOVE_ZERO, Bounds};
 use serde::{Deserialize, Serialize};
 
-/// Where its ray passes through a pixel.
+/// Where a pixel's ray passes through it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Rays {
@@ -31,7 +31,7 @@ pub struct Pinhole {
     /// Frames per second, above 0.
     #[serde(default = "thirty")]
     pub rate_hz: f64,
-    /// Where its ray passes through a pixel.
+    /// Where a pixel's ray passes through it.
     #[serde(default)]
     pub rays: Rays,
 }
@@ -51,7 +51,7 @@ impl Pinhole {
         }
         check_above_zero(bounds, "pattern.rate_hz", self.rate_hz)?;
         check_count("pattern.resolution", self.resolution[1].into(), self.resolution[0].into())?;
-        // What each axis leaves for the other.
+        // The number of pixels that each axis leaves for the other.
         for axis in 0..2 {
             let (key, count) = pixels(axis);
             bounds.within(key, count, 1.0, (MAX_BEAMS / u64::from(self.resolution[1 - axis])) as f64)?;

@@ -155,7 +155,7 @@ impl Prism {
     }
 }
 
-/// A prism at a moment.
+/// A prism at one moment.
 #[derive(Clone, Copy)]
 struct Spin {
     /// Cosine and sine of the wedge.
@@ -226,9 +226,9 @@ mod tests {
         assert!((is - expected).length() <= tolerance, "{is} is not {expected}");
     }
 
-    /// Snell in one plane: from the flat face on, the beam leaves the tilted one at asin(n sin a) from its normal; the
-    /// other way round it is bent at both. Where the normal of the entry turns the beam to +y, that of the exit turns
-    /// it to -y.
+    /// Snell in one plane: entering through the flat face, the beam leaves the tilted one at asin(n sin a) from its
+    /// normal; the other way round, it is bent at both. Where the normal of the entry turns the beam to +y, that of the
+    /// exit turns it to -y.
     #[test]
     fn a_prism_bends_by_snells_law() {
         let (wedge, n) = (18f64.to_radians(), 1.5089);
@@ -256,7 +256,7 @@ mod tests {
 
     /// A wedge of index 1 is air; equal wedges face to face are a plate.
     #[test]
-    fn what_does_not_bend_lets_pass() {
+    fn prisms_without_refraction_leave_beams_straight() {
         let air = pattern(vec![prism(30.0, 1.0, 7294.0, Face::Tilted)]).beams(0.3).unwrap();
         let plate = pattern(vec![prism(20.0, 1.6, 900.0, Face::Flat), prism(20.0, 1.6, 900.0, Face::Tilted)]);
         let plate = plate.beams(0.3).unwrap();
@@ -283,7 +283,7 @@ mod tests {
         assert_eq!(risley.beams(12.3).unwrap(), risley.beams(12.3).unwrap());
     }
 
-    /// Nanoseconds since 1970 are a start too: 1.8e9 s leave 2e-7 s, in which the faster prism turns by 0.01 deg.
+    /// A start may count from 1970: at 1.8e9 s the resolution is 2e-7 s, in which the faster prism turns by 0.01 deg.
     #[test]
     fn late_starts_are_as_good_as_early_ones() {
         let (risley, start) = (mid40(), 1.8e9);

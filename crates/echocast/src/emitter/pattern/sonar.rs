@@ -1,7 +1,7 @@
-//! Transducers of sonars: where they send and from where they hear.
+//! Transducers of sonars: where they transmit to and receive from.
 //!
 //! For all of them x is forward, y to port, z up; a tilt is below the horizontal. A width is a number, the full width
-//! of a uniform line at -3 dB in degrees, or a section that says what aperture forms the beam ([`Lobe`]).
+//! of a uniform line at -3 dB in degrees, or a section that specifies the aperture that forms the beam ([`Lobe`]).
 
 use super::fan::{check_above_zero, check_fov};
 use super::{Fan, check_count};
@@ -25,23 +25,24 @@ pub struct Sidescan {
     /// Width of each fan across the track.
     #[serde(default = "fan_width")]
     pub vertical_deg: Lobe,
-    /// Width along the track, of sending.
+    /// Width along the track, for transmission.
     #[serde(default = "along_width")]
     pub along_deg: Lobe,
-    /// Likewise of hearing; that of sending when not given.
+    /// Likewise for reception; defaults to that for transmission.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub heard_along_deg: Option<Lobe>,
     /// Rays of each side, 8 to 1000000.
     #[serde(default = "side_rays")]
     pub rays: u32,
-    /// Two fans from straight down, each half this angle to its side, degrees, as in the paper's system; instead of
-    /// tilt, width and rays.
+    /// Two fans from straight down, each extending half this angle to its side, degrees, as in the paper's system;
+    /// replaces tilt, width and rays.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub down_fov_deg: Option<f64>,
     /// Angle from ray to ray of such fans, degrees.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub step_deg: Option<f64>,
-    /// Points of the profile of the paper's program as in its 2D modes; otherwise they lie where surfaces are.
+    /// Lays out the points of the profile of the paper's program as in its 2D modes; otherwise they are on the
+    /// surfaces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flat: Option<Flat>,
     /// Pings per second.
@@ -49,14 +50,14 @@ pub struct Sidescan {
     pub rate_hz: f64,
 }
 
-/// How points of a side-scan sonar lie in one plane, as pictures of it do: at the length of their path (Reitmann, Neumann,
-/// Jung, Sensors 2021, 21, 2144, Figure 15).
+/// How points of a side-scan sonar are laid out in one plane, as in its images: at the length of their path (Reitmann,
+/// Neumann, Jung, Sensors 2021, 21, 2144, Figure 15).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Flat {
     /// A straight line for each ping, all of them parallel, whatever the course.
     Waterfall,
-    /// Lines in plan, from where the sonar is to where it looks.
+    /// Lines in plan view, from the position of the sonar in the direction in which it looks.
     Plan,
 }
 
@@ -73,7 +74,8 @@ pub enum Sides {
     Starboard,
 }
 
-/// A Mills cross that looks down: sends a fan that is thin along the track, hears with beams side by side across it.
+/// A Mills cross that looks down: transmits a fan that is thin along the track, receives with beams side by side across
+/// it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Multibeam {
@@ -84,13 +86,13 @@ pub struct Multibeam {
     /// How the beams are spaced.
     #[serde(default)]
     pub spacing: Spacing,
-    /// Width along the track, of sending.
+    /// Width along the track, for transmission.
     #[serde(default = "one_degree")]
     pub along_deg: Lobe,
-    /// Width across the track, of hearing, straight down.
+    /// Width across the track, for reception, straight down.
     #[serde(default = "one_degree")]
     pub across_deg: Lobe,
-    /// Rays of each beam, 2 to 10000, of all beams 4 million at most.
+    /// Rays of each beam, 2 to 10000, at most 4 million for all beams.
     #[serde(default = "swath_rays")]
     pub rays: u32,
     /// Pings per second.
@@ -109,7 +111,8 @@ pub enum Spacing {
     Equidistant,
 }
 
-/// Looks ahead: beams side by side from port to starboard, each as high as the transducer's vertical pattern.
+/// A forward-looking sonar: beams side by side from port to starboard, each as high as the transducer's vertical
+/// pattern.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Imaging {
@@ -117,16 +120,16 @@ pub struct Imaging {
     pub beams: u32,
     /// Angle between the outermost beams, degrees, above 0, at most 180.
     pub fov_deg: f64,
-    /// Width of a beam straight ahead, of hearing.
+    /// Width of a beam straight ahead, for reception.
     #[serde(default = "one_degree")]
     pub beam_deg: Lobe,
-    /// Height of the beams, of sending and hearing alike.
+    /// Vertical width of the beams, for both transmission and reception.
     #[serde(default = "twenty_degrees")]
     pub vertical_deg: Lobe,
     /// Axis below the horizontal, degrees, -90 to 90.
     #[serde(default)]
     pub tilt_deg: f64,
-    /// Rays of each beam, 8 to 100000, of all beams 4 million at most.
+    /// Rays of each beam, 8 to 100000, at most 4 million for all beams.
     #[serde(default = "imaging_rays")]
     pub rays: u32,
     /// Pings per second.
@@ -140,10 +143,10 @@ pub struct Imaging {
 pub struct SingleBeam {
     /// Width of the beam.
     pub beam_deg: Lobe,
-    /// Width with which it is heard; the same when not given.
+    /// Width for reception; defaults to the same.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub heard_deg: Option<Lobe>,
-    /// Height of the beam, sent and heard; without it the beam is round.
+    /// Vertical width of the beam, for both transmission and reception; without it the beam is round.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vertical_deg: Option<Lobe>,
     /// Axis below the horizontal, degrees, -90 to 90: 90 is straight down.
@@ -205,8 +208,8 @@ impl Sidescan {
         bounds.within("pattern.tilt_deg", self.tilt_deg, 0.0, 90.0)?;
         self.vertical_deg.check(bounds, "pattern.vertical_deg")?;
         self.along_deg.check(bounds, "pattern.along_deg")?;
-        if let Some(heard) = &self.heard_along_deg {
-            heard.check(bounds, "pattern.heard_along_deg")?;
+        if let Some(received) = &self.heard_along_deg {
+            received.check(bounds, "pattern.heard_along_deg")?;
         }
         bounds.within("pattern.rays", f64::from(self.rays), 8.0, 1e6)?;
         check_above_zero(bounds, "pattern.rate_hz", self.rate_hz)?;
@@ -223,10 +226,10 @@ impl Sidescan {
         }
     }
 
-    /// Checks that nothing else says where a fan with `down_fov_deg` looks, which would have no effect.
+    /// Checks that no other key specifies where a fan with `down_fov_deg` looks, as it would have no effect.
     fn check_no_other_fan(&self) -> Result<()> {
         let check = |name: &str, same: bool, found: String| {
-            let allowed = "none beside pattern.down_fov_deg";
+            let allowed = "none together with pattern.down_fov_deg";
             if same { Ok(()) } else { Err(Error::invalid(format!("pattern.{name}"), found, allowed)) }
         };
         check("tilt_deg", self.tilt_deg == side_tilt(), self.tilt_deg.to_string())?;
@@ -234,7 +237,7 @@ impl Sidescan {
         check("rays", self.rays == side_rays(), self.rays.to_string())
     }
 
-    /// Elevation of each side's axis and height of its fan, degrees.
+    /// Elevation of each side's axis, degrees.
     pub(crate) fn axis_deg(&self) -> f64 {
         self.down_fov_deg.map_or(-self.tilt_deg, |fov| -90.0 + 0.25 * fov)
     }
@@ -316,8 +319,8 @@ impl Imaging {
 impl SingleBeam {
     pub(super) fn check(&self, bounds: &mut Bounds) -> Result<()> {
         self.beam_deg.check(bounds, "pattern.beam_deg")?;
-        if let Some(heard) = &self.heard_deg {
-            heard.check(bounds, "pattern.heard_deg")?;
+        if let Some(received) = &self.heard_deg {
+            received.check(bounds, "pattern.heard_deg")?;
         }
         if let Some(vertical) = &self.vertical_deg {
             vertical.check(bounds, "pattern.vertical_deg")?;
@@ -330,10 +333,10 @@ impl SingleBeam {
         check_above_zero(bounds, "pattern.rate_hz", self.rate_hz)
     }
 
-    /// The lobes with which it sends and hears. Of a round beam a number is the width of a piston.
+    /// The lobes for transmission and reception. For a round beam, a number is the width of a piston.
     pub(crate) fn lobes(&self) -> [Lobe; 2] {
-        let heard = self.heard_deg.as_ref().unwrap_or(&self.beam_deg);
-        [&self.beam_deg, heard].map(|lobe| if self.vertical_deg.is_none() { round(lobe) } else { lobe.clone() })
+        let received = self.heard_deg.as_ref().unwrap_or(&self.beam_deg);
+        [&self.beam_deg, received].map(|lobe| if self.vertical_deg.is_none() { round(lobe) } else { lobe.clone() })
     }
 
     /// Azimuth of ping `number`, degrees.

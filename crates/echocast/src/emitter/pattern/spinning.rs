@@ -63,16 +63,16 @@ pub struct SpinningAzimuth {
 pub struct Channels {
     /// Elevation, degrees, -90 to 90.
     pub elevation_deg: Vec<f64>,
-    /// Azimuth relative to the rotor, degrees, counter-clockwise positive; a shorter list repeats, none is 0.
+    /// Azimuth relative to the rotor, degrees, counter-clockwise positive; a shorter list repeats, an empty one is 0.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub azimuth_offset_deg: Vec<f64>,
-    /// Time of firing in the cycle, us; may be negative; none is 0.
+    /// Time of firing in the cycle, us; may be negative; empty: 0.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub fire_time_us: Vec<f64>,
-    /// Nearest reported range, m; none is the sensor's.
+    /// Nearest reported range, m; empty: the sensor's.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub range_min_m: Vec<f64>,
-    /// Farthest reported range, m; none is the sensor's.
+    /// Farthest reported range, m; empty: the sensor's.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub range_max_m: Vec<f64>,
 }
@@ -110,13 +110,13 @@ impl Spinning {
         check_above_zero(bounds, "pattern.cycle_us", self.cycle_us)?;
         match (azimuth.step_deg, self.cycle_us) {
             (None, None) => {
-                return Err(Error::invalid("pattern.azimuth.step_deg", "missing", "it, or pattern.cycle_us"));
+                return Err(Error::invalid("pattern.azimuth.step_deg", "missing", "a value here or pattern.cycle_us"));
             }
             (Some(step), Some(cycle)) if (step - self.step_deg()).abs() > 1e-6 * step => {
                 return Err(Error::invalid(
                     "pattern.azimuth.step_deg",
                     step,
-                    format!("one of it and pattern.cycle_us ({cycle} us make steps of {} deg)", self.step_deg()),
+                    format!("one of this key and pattern.cycle_us ({cycle} us make steps of {} deg)", self.step_deg()),
                 ));
             }
             _ => {}
@@ -125,10 +125,10 @@ impl Spinning {
             (Some(channels), None) => channels.check(bounds)?,
             (None, Some(fan)) => fan.check_elevations(bounds, "pattern.elevation")?,
             (Some(_), Some(_)) => {
-                return Err(Error::invalid("pattern.elevation", "given beside channels", "one of the two"));
+                return Err(Error::invalid("pattern.elevation", "given together with channels", "one of the two"));
             }
             (None, None) => {
-                return Err(Error::invalid("pattern.channels", "missing", "it, or pattern.elevation"));
+                return Err(Error::invalid("pattern.channels", "missing", "a section here or pattern.elevation"));
             }
         }
         let most = u64::from(u16::MAX) + 1;
@@ -166,7 +166,7 @@ impl Spinning {
             let elevation = channels.elevation_deg[channel].to_radians().sin_cos();
             for column in 0..columns {
                 let turned = column as f64 * step;
-                // The rotor keeps turning while a channel waits for its turn.
+                // The rotor keeps turning while a channel waits to fire.
                 let rotor = azimuth.centre_deg + sense * (turned - 0.5 * azimuth.fov_deg + speed * fire_time);
                 let time = turned / speed + fire_time;
                 table.push(direction(rotor + offset, elevation), time, channel as u16);
@@ -201,7 +201,7 @@ impl Channels {
                 format!("at most as many as elevation_deg ({count})"),
             ));
         }
-        // A firing more than a second from its cycle is a unit mistake.
+        // A firing more than a second from its cycle is a mistake of units.
         let lists = [
             ("elevation_deg", &self.elevation_deg, -90.0, 90.0),
             ("azimuth_offset_deg", &self.azimuth_offset_deg, -360.0, 360.0),

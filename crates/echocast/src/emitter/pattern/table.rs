@@ -7,7 +7,7 @@ use crate::ground::error::Result;
 use crate::ground::shown;
 use crate::ground::units::seconds_from_us;
 use crate::read::bounds::Bounds;
-use crate::read::csv::Csv;
+use crate::read::csv::CsvReader;
 use serde::{Deserialize, Serialize, Serializer};
 use std::path::{Path, PathBuf};
 
@@ -48,7 +48,7 @@ impl Table {
         const REQUIRED: [&str; 2] = ["azimuth_deg", "elevation_deg"];
         const ORIGIN: [&str; 3] = ["origin_x_m", "origin_y_m", "origin_z_m"];
         const OPTIONAL: [&str; 4] = ["time_us", "channel", "range_min_m", "range_max_m"];
-        let mut csv = Csv::open(&self.file)?;
+        let mut csv = CsvReader::open(&self.file)?;
         let [azimuth, elevation] = csv.required(REQUIRED)?;
         let [time, channel, range_min, range_max] = csv.optional(OPTIONAL);
         let origin = csv.optional(ORIGIN);

@@ -1,6 +1,6 @@
-//! Furniture of simple shape, and where it stands.
+//! Furniture of simple shape, and its placement.
 //!
-//! A piece is made with the middle of its foot at the origin and its back to y.
+//! A piece is modelled with the centre of its base at the origin and its back towards y.
 
 use super::plan::{Room, Zone};
 use crate::generate::glb::Placement;
@@ -13,7 +13,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Kinds of pieces.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Piece {
+enum FurnitureKind {
     Table,
     Desk,
     LowTable,
@@ -28,22 +28,22 @@ enum Piece {
     Plant,
 }
 
-impl Piece {
-    /// Name of objects, category, and size: wide, deep, high.
+impl FurnitureKind {
+    /// Name of objects, category, and size: width, depth, height.
     fn facts(self) -> (&'static str, &'static str, [f64; 3]) {
         match self {
-            Piece::Table => ("Table", "table", [1.6, 0.9, 0.75]),
-            Piece::Desk => ("Desk", "table", [1.4, 0.7, 0.73]),
-            Piece::LowTable => ("LowTable", "table", [1.0, 0.55, 0.42]),
-            Piece::Chair => ("Chair", "chair", [0.44, 0.48, 0.88]),
-            Piece::Sofa => ("Sofa", "sofa", [1.9, 0.88, 0.8]),
-            Piece::Bed => ("Bed", "bed", [1.5, 2.08, 0.9]),
-            Piece::Shelf => ("Shelf", "shelf", [0.9, 0.3, 1.9]),
-            Piece::Cupboard => ("Cupboard", "cupboard", [1.2, 0.58, 2.0]),
-            Piece::Board => ("Board", "cupboard", [1.5, 0.42, 0.5]),
-            Piece::Tv => ("TV", "tv", [1.2, 0.2, 0.74]),
-            Piece::Lamp => ("Lamp", "lamp", [0.4, 0.4, 1.6]),
-            Piece::Plant => ("Plant", "plant", [0.6, 0.6, 1.1]),
+            FurnitureKind::Table => ("Table", "table", [1.6, 0.9, 0.75]),
+            FurnitureKind::Desk => ("Desk", "table", [1.4, 0.7, 0.73]),
+            FurnitureKind::LowTable => ("LowTable", "table", [1.0, 0.55, 0.42]),
+            FurnitureKind::Chair => ("Chair", "chair", [0.44, 0.48, 0.88]),
+            FurnitureKind::Sofa => ("Sofa", "sofa", [1.9, 0.88, 0.8]),
+            FurnitureKind::Bed => ("Bed", "bed", [1.5, 2.08, 0.9]),
+            FurnitureKind::Shelf => ("Shelf", "shelf", [0.9, 0.3, 1.9]),
+            FurnitureKind::Cupboard => ("Cupboard", "cupboard", [1.2, 0.58, 2.0]),
+            FurnitureKind::Board => ("Board", "cupboard", [1.5, 0.42, 0.5]),
+            FurnitureKind::Tv => ("TV", "tv", [1.2, 0.2, 0.74]),
+            FurnitureKind::Lamp => ("Lamp", "lamp", [0.4, 0.4, 1.6]),
+            FurnitureKind::Plant => ("Plant", "plant", [0.6, 0.6, 1.1]),
         }
     }
 
@@ -55,17 +55,17 @@ impl Piece {
         let mut model = Model::default();
         let DVec3 { x: wide, y: deep, z: high } = self.size();
         let (x, y) = (wide / 2.0, deep / 2.0);
-        // A box that is inset from the sides of the whole.
+        // Adds a box in the coordinates of the whole piece.
         let mut bar = |material, low: [f64; 3], high: [f64; 3]| model.add_box(material, low, high);
         match self {
-            Piece::Table | Piece::Desk | Piece::LowTable => {
+            FurnitureKind::Table | FurnitureKind::Desk | FurnitureKind::LowTable => {
                 bar("table_top", [-x, -y, high - 0.04], [x, y, high]);
                 for (right, back) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
                     let (u, v) = (right * (x - 0.06), back * (y - 0.06));
                     bar("leg", [u - 0.03, v - 0.03, 0.0], [u + 0.03, v + 0.03, high - 0.04]);
                 }
             }
-            Piece::Chair => {
+            FurnitureKind::Chair => {
                 bar("seat", [-x, -y, 0.42], [x, y, 0.46]);
                 bar("back", [-x + 0.02, y - 0.04, 0.56], [x - 0.02, y, high]);
                 for (right, back) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
@@ -77,7 +77,7 @@ impl Piece {
                     bar("leg", [u - 0.02, y - 0.035, 0.46], [u + 0.02, y - 0.005, 0.56]);
                 }
             }
-            Piece::Sofa => {
+            FurnitureKind::Sofa => {
                 bar("seat", [-x + 0.16, -y, 0.12], [0.0, y - 0.22, 0.44]);
                 bar("seat", [0.005, -y, 0.12], [x - 0.16, y - 0.22, 0.44]);
                 bar("back", [-x + 0.16, y - 0.22, 0.12], [x - 0.16, y, high]);
@@ -88,7 +88,7 @@ impl Piece {
                     bar("leg", [u - 0.025, v - 0.025, 0.0], [u + 0.025, v + 0.025, 0.08]);
                 }
             }
-            Piece::Bed => {
+            FurnitureKind::Bed => {
                 bar("bed_frame", [-x, -y, 0.12], [x, y - 0.05, 0.3]);
                 bar("bed_frame", [-x, y - 0.05, 0.0], [x, y, high]);
                 bar("mattress", [-x + 0.03, -y + 0.03, 0.3], [x - 0.03, y - 0.06, 0.48]);
@@ -100,7 +100,7 @@ impl Piece {
                     bar("leg", [u - 0.04, -y + 0.02, 0.0], [u + 0.04, -y + 0.1, 0.12]);
                 }
             }
-            Piece::Shelf => {
+            FurnitureKind::Shelf => {
                 for side in [-x, x - 0.02] {
                     bar("board", [side, -y, 0.0], [side + 0.02, y, high]);
                 }
@@ -118,7 +118,7 @@ impl Piece {
                     }
                 }
             }
-            Piece::Cupboard | Piece::Board => {
+            FurnitureKind::Cupboard | FurnitureKind::Board => {
                 bar("cupboard_body", [-x, -y + 0.02, 0.0], [x, y, high]);
                 for (left, right, handle) in [(-x + 0.005, -0.003, -0.05), (0.003, x - 0.005, 0.05)] {
                     bar("cupboard_door", [left, -y + 0.002, 0.06], [right, -y + 0.02, high - 0.01]);
@@ -130,17 +130,17 @@ impl Piece {
                     );
                 }
             }
-            Piece::Tv => {
+            FurnitureKind::Tv => {
                 bar("casing", [-x, -0.02, 0.06], [x, 0.03, high]);
                 bar("screen", [-x + 0.012, -0.0215, 0.075], [x - 0.012, -0.02, high - 0.012]);
                 bar("stand", [-0.3, -y, 0.0], [0.3, y, 0.012]);
                 bar("stand", [-0.05, 0.03, 0.012], [0.05, 0.05, 0.3]);
             }
-            Piece::Lamp => {
+            FurnitureKind::Lamp => {
                 let at = |z: f64, radius: f64| (DVec3::Z * z, radius);
                 model.tube("stand", &[at(0.0, 0.15), at(0.02, 0.15)], 20);
                 model.tube("stand", &[at(0.02, 0.012), at(high - 0.1, 0.012)], 8);
-                // An open shade about the upright axis.
+                // An open shade about the vertical axis.
                 let ring = |z: f64, radius: f64| -> Vec<DVec3> {
                     (0..20)
                         .map(|side| {
@@ -151,7 +151,7 @@ impl Piece {
                 };
                 model.loft(&[ring(high - 0.3, x), ring(high, 0.6 * x)], [None; 2], |_, _| "shade");
             }
-            Piece::Plant => {
+            FurnitureKind::Plant => {
                 let at = |z: f64, radius: f64| (DVec3::Z * z, radius);
                 model.tube("pot", &[at(0.0, 0.13), at(0.28, 0.17)], 16);
                 model.tube("leg", &[at(0.28, 0.015), at(0.7, 0.01)], 6);
@@ -169,62 +169,68 @@ impl Piece {
     }
 }
 
-/// Pieces that stand together: each with its place and by how many quarter turns it is turned. The whole is `wide`
-/// and `deep` about its middle, its back to y.
-struct Group {
-    pieces: &'static [(Piece, [f64; 3], u32)],
+/// Pieces that belong together, each with its position and its rotation in quarter turns. The whole is `wide` and
+/// `deep` about its centre, its back towards y.
+struct FurnitureGroup {
+    pieces: &'static [(FurnitureKind, [f64; 3], u32)],
     wide: f64,
     deep: f64,
-    /// Room in front of it.
+    /// Depth of free space in front of it.
     free: f64,
-    /// Stands in the middle of the room, not at a wall.
+    /// Whether it is in the middle of the room, not at a wall.
     in_middle: bool,
 }
 
-const fn alone(pieces: &'static [(Piece, [f64; 3], u32)], wide: f64, deep: f64, free: f64) -> Group {
-    Group { pieces, wide, deep, free, in_middle: false }
+const fn alone(pieces: &'static [(FurnitureKind, [f64; 3], u32)], wide: f64, deep: f64, free: f64) -> FurnitureGroup {
+    FurnitureGroup { pieces, wide, deep, free, in_middle: false }
 }
 
-const DINING: Group = Group {
+const DINING: FurnitureGroup = FurnitureGroup {
     pieces: &[
-        (Piece::Table, [0.0, 0.0, 0.0], 0),
-        (Piece::Chair, [-0.38, 0.72, 0.0], 0),
-        (Piece::Chair, [0.38, 0.72, 0.0], 0),
-        (Piece::Chair, [-0.38, -0.72, 0.0], 2),
-        (Piece::Chair, [0.38, -0.72, 0.0], 2),
+        (FurnitureKind::Table, [0.0, 0.0, 0.0], 0),
+        (FurnitureKind::Chair, [-0.38, 0.72, 0.0], 0),
+        (FurnitureKind::Chair, [0.38, 0.72, 0.0], 0),
+        (FurnitureKind::Chair, [-0.38, -0.72, 0.0], 2),
+        (FurnitureKind::Chair, [0.38, -0.72, 0.0], 2),
     ],
     wide: 1.6,
     deep: 1.92,
     free: 0.0,
     in_middle: true,
 };
-const DESK: Group = alone(&[(Piece::Desk, [0.0, 0.27, 0.0], 0), (Piece::Chair, [0.0, -0.36, 0.0], 2)], 1.4, 1.24, 0.2);
-const SOFA: Group =
-    alone(&[(Piece::Sofa, [0.0, 0.49, 0.0], 0), (Piece::LowTable, [0.0, -0.655, 0.0], 0)], 1.9, 1.86, 0.3);
-const TV: Group = alone(&[(Piece::Board, [0.0, 0.0, 0.0], 0), (Piece::Tv, [0.0, 0.0, 0.5], 0)], 1.5, 0.46, 0.8);
-const BED: Group = alone(&[(Piece::Bed, [0.0; 3], 0)], 1.5, 2.08, 0.4);
-const CHAIR: Group = alone(&[(Piece::Chair, [0.0; 3], 0)], 0.44, 0.48, 0.3);
-const SHELF: Group = alone(&[(Piece::Shelf, [0.0; 3], 0)], 0.9, 0.3, 0.5);
-const CUPBOARD: Group = alone(&[(Piece::Cupboard, [0.0; 3], 0)], 1.2, 0.62, 0.6);
-const LAMP: Group = alone(&[(Piece::Lamp, [0.0; 3], 0)], 0.4, 0.4, 0.0);
-const PLANT: Group = alone(&[(Piece::Plant, [0.0; 3], 0)], 0.6, 0.6, 0.0);
+const DESK: FurnitureGroup =
+    alone(&[(FurnitureKind::Desk, [0.0, 0.27, 0.0], 0), (FurnitureKind::Chair, [0.0, -0.36, 0.0], 2)], 1.4, 1.24, 0.2);
+const SOFA: FurnitureGroup = alone(
+    &[(FurnitureKind::Sofa, [0.0, 0.49, 0.0], 0), (FurnitureKind::LowTable, [0.0, -0.655, 0.0], 0)],
+    1.9,
+    1.86,
+    0.3,
+);
+const TV: FurnitureGroup =
+    alone(&[(FurnitureKind::Board, [0.0, 0.0, 0.0], 0), (FurnitureKind::Tv, [0.0, 0.0, 0.5], 0)], 1.5, 0.46, 0.8);
+const BED: FurnitureGroup = alone(&[(FurnitureKind::Bed, [0.0; 3], 0)], 1.5, 2.08, 0.4);
+const CHAIR: FurnitureGroup = alone(&[(FurnitureKind::Chair, [0.0; 3], 0)], 0.44, 0.48, 0.3);
+const SHELF: FurnitureGroup = alone(&[(FurnitureKind::Shelf, [0.0; 3], 0)], 0.9, 0.3, 0.5);
+const CUPBOARD: FurnitureGroup = alone(&[(FurnitureKind::Cupboard, [0.0; 3], 0)], 1.2, 0.62, 0.6);
+const LAMP: FurnitureGroup = alone(&[(FurnitureKind::Lamp, [0.0; 3], 0)], 0.4, 0.4, 0.0);
+const PLANT: FurnitureGroup = alone(&[(FurnitureKind::Plant, [0.0; 3], 0)], 0.6, 0.6, 0.0);
 
-/// What is in rooms of several kinds, the most important first.
-const ROOMS: [&[&Group]; 4] = [
+/// Furniture of several kinds of rooms, the most important first.
+const ROOMS: [&[&FurnitureGroup]; 4] = [
     &[&SOFA, &TV, &SHELF, &PLANT, &LAMP, &CUPBOARD],
     &[&DINING, &CUPBOARD, &PLANT, &SHELF, &LAMP],
     &[&BED, &CUPBOARD, &LAMP, &CHAIR, &PLANT, &SHELF],
     &[&DESK, &SHELF, &PLANT, &SHELF, &LAMP, &SOFA],
 ];
 
-/// Furniture in the file, and how many there are of each kind so far.
+/// Furniture in the file, and the number of each kind so far.
 #[derive(Default)]
 pub(super) struct Furniture {
-    known: Vec<(Piece, usize, u32)>,
+    known: Vec<(FurnitureKind, usize, u32)>,
 }
 
 impl Furniture {
-    /// Furnishes a room: `amount` of what there usually is. What finds no place is left out.
+    /// Furnishes a room: `amount` of its usual furniture. Pieces for which there is no room are left out.
     pub fn furnish(&mut self, made: &mut Made, room: &mut Room, number: u32, amount: f64, seed: u64) {
         /// Area for which a room's list of furniture is meant, m^2.
         const USUAL: f64 = 20.0;
@@ -246,11 +252,11 @@ impl Furniture {
         }
     }
 
-    fn put(&mut self, made: &mut Made, piece: Piece, place: Placement, seed: u64) {
+    fn put(&mut self, made: &mut Made, piece: FurnitureKind, place: Placement, seed: u64) {
         let (name, category, _) = piece.facts();
         let place_of = self.known.iter().position(|(known, ..)| *known == piece);
         let index = place_of.unwrap_or_else(|| {
-            // Dice of the shapes, separate from those of the rooms.
+            // Random stream of the shapes, separate from those of the rooms.
             let model = piece.model(&mut Dice::new(seed, Draw::Furniture, 1 << 31 | piece as u32));
             self.known.push((piece, made.mesh(name, &model), 0));
             self.known.len() - 1
@@ -265,14 +271,14 @@ fn quarter_turns(quarters: u32) -> DQuat {
     DQuat::from_rotation_z(f64::from(quarters) * FRAC_PI_2)
 }
 
-impl Group {
+impl FurnitureGroup {
     fn height(&self) -> f64 {
         self.pieces.iter().map(|(piece, at, _)| at[2] + piece.size().z).fold(0.0, f64::max)
     }
 
-    /// A place in a room, if it is free: the middle, quarter turns, and what it takes up.
+    /// A random place in a room, if it is free: the centre, quarter turns, and the zone that it takes up.
     fn place(&self, room: &Room, dice: &mut Dice) -> Option<(DVec2, u32, Zone)> {
-        /// From a wall and from other things.
+        /// Distance from a wall and from other objects.
         const GAP: f64 = 0.03;
         let quarters = dice.below(4) as u32;
         let size = room.high - room.low;
@@ -301,7 +307,7 @@ impl Group {
     }
 }
 
-/// Turns what is made with its back to y so that its back is to a side: x, y, -x, -y.
+/// Rotation of an object modelled with its back towards y so that its back is to a side: x, y, -x, -y.
 pub(super) fn back_to(side: usize) -> DQuat {
     DQuat::from_rotation_z([-FRAC_PI_2, 0.0, FRAC_PI_2, PI][side])
 }

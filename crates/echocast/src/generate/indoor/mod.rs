@@ -13,26 +13,26 @@ use crate::ground::error::{Error, Result};
 use crate::ground::rng::Draw;
 use furniture::{Furniture, back_to};
 use glam::{DQuat, DVec2, DVec3};
-use plan::{DOOR, EYE, Opening, Plan, Room, WALL, Wall, Zone};
+use plan::{DOOR, EYE, FloorPlan, Opening, Room, WALL, Wall, Zone};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_PI_2;
 
 /// Parameters of a floor of rooms side by side, centred on the z axis, the floor at z = 0. All rooms can be reached
 /// through doors, which stand open; outer walls have windows, and one of them a closed door.
 ///
-/// Objects have the categories `wall`, `floor`, `ceiling`, `door`, `window`, `mirror`, `partition` (a pane of glass that
-/// reaches into the room), `table`, `chair`, `sofa`, `bed`, `shelf`, `cupboard`, `lamp`, `plant` and `tv`. Their parts
-/// are named after their materials, as `leg`, `seat` and `back` of a chair. Furniture stands apart, clear of doors, and
-/// what is high not before a window; where a room is too small for a piece, the piece is left out.
+/// Objects have the categories `wall`, `floor`, `ceiling`, `door`, `window`, `mirror`, `partition` (a pane of glass
+/// that reaches into the room), `table`, `chair`, `sofa`, `bed`, `shelf`, `cupboard`, `lamp`, `plant` and `tv`. Their
+/// parts are named after their materials, as `leg`, `seat` and `back` of a chair. Pieces of furniture keep apart and
+/// clear of doors, and high ones are not in front of windows; a piece for which a room is too small is left out.
 ///
-/// The camera nodes `Camera_1` and so on stand in a corner of each room, 1.5 m high, and look at its middle; `Scanner`
-/// stands in the first room, as high, and looks along x.
+/// The camera nodes `Camera_1` and so on are in a corner of each room, 1.5 m high, and look at its middle; `Scanner` is
+/// in the first room, equally high, and looks along x.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Indoor {
     /// Rooms along x and y, 1 to 10 each.
     pub rooms: [u32; 2],
-    /// Usual extent of a room along x and y, from the middle of a wall to that of the next, 3 to 20 m.
+    /// Usual extent of a room along x and y, from the middle of one wall to that of the next, 3 to 20 m.
     pub room_m: [f64; 2],
     /// Height of the rooms, 2.3 to 6 m.
     pub height_m: f64,
@@ -58,7 +58,7 @@ impl Indoor {
     /// # Errors
     /// A parameter outside its range; the message names the field.
     pub fn scene(&self, seed: u64) -> Result<GeneratedScene> {
-        let mut plan = Plan::new(self, seed)?;
+        let mut plan = FloorPlan::new(self, seed)?;
         let mut made = Made::default();
         for (number, wall) in plan.walls.iter().enumerate() {
             add_wall(&mut made, &plan, wall, number + 1, seed);
@@ -83,19 +83,19 @@ impl Indoor {
         made.glb.finish(details).map_err(|size| Error::invalid("rooms", size, "fewer rooms"))
     }
 
-    /// Mirrors and partitions, and how many of them found a place.
-    fn add_glass(&self, made: &mut Made, plan: &mut Plan, seed: u64) -> [u32; 2] {
+    /// Adds mirrors and partitions; returns how many of each there was room for.
+    fn add_glass(&self, made: &mut Made, plan: &mut FloorPlan, seed: u64) -> [u32; 2] {
         const ATTEMPTS: usize = 200;
         let mut dice = Dice::new(seed, Draw::Glass, 0);
         let mut order: Vec<usize> = (0..plan.rooms.len()).collect();
         let mut counts = [0; 2];
-        for (kind, wanted) in [self.mirrors, self.panes].into_iter().enumerate() {
+        for (kind, requested) in [self.mirrors, self.panes].into_iter().enumerate() {
             for place in 0..order.len() {
                 let other = place + dice.below(order.len() - place);
                 order.swap(place, other);
             }
             for &number in &order {
-                if counts[kind] == wanted {
+                if counts[kind] == requested {
                     break;
                 }
                 let room = &mut plan.rooms[number];
@@ -122,11 +122,11 @@ impl Indoor {
 /// Size of a mirror with its frame, and its lower edge.
 const MIRROR: [f64; 2] = [0.9, 1.3];
 const MIRROR_FROM: f64 = 0.55;
-/// Of the frame, and how thick it is.
+/// Width of the frame, and its thickness.
 const FRAME: f64 = 0.05;
 const MIRROR_THICK: f64 = 0.03;
 
-/// A mirror in a frame, its back on y = 0, seen from -y.
+/// A mirror in a frame, its back on y = 0, facing -y.
 fn mirror() -> Model {
     let mut mirror = Model::default();
     let [half, low, high] = [MIRROR[0] / 2.0, MIRROR_FROM, MIRROR_FROM + MIRROR[1]];
@@ -145,7 +145,7 @@ fn mirror() -> Model {
 
 /// A pane from a wall on y = 0 towards -y, with a frame around it.
 fn partition(length: f64, height: f64) -> Model {
-    /// Half the thickness of the frame, how wide it is, and from the pane to the ceiling.
+    /// Half the thickness of the frame, its width, and its distance from the ceiling.
     const HALF: f64 = 0.02;
     const WIDE: f64 = 0.05;
     const BELOW_CEILING: f64 = 0.05;
@@ -162,13 +162,13 @@ fn partition(length: f64, height: f64) -> Model {
     partition
 }
 
-/// Half the extent of a room towards a side, where its middle is, and the direction of the side: x, y, -x, -y.
+/// Half the extent of a room towards a side, and the direction of the side: x, y, -x, -y.
 fn side_of(room: &Room, side: usize) -> (f64, DVec2) {
     let out = [DVec2::X, DVec2::Y, DVec2::NEG_X, DVec2::NEG_Y][side];
     (((room.high - room.low) / 2.0).dot(out.abs()), out)
 }
 
-/// A place on a wall where nothing hides the mirror.
+/// A position on a wall where nothing hides the mirror.
 fn place_mirror(room: &Room, dice: &mut Dice) -> Option<(Placement, Zone, f64)> {
     const FREE: f64 = 0.7;
     let side = dice.below(4);
@@ -179,11 +179,11 @@ fn place_mirror(room: &Room, dice: &mut Dice) -> Option<(Placement, Zone, f64)> 
     let size = (along * MIRROR[0]).abs() + (out * FREE).abs();
     let zone = Zone { below: 0.0, ..Zone::about(at - out * FREE / 2.0, size, 0.0) };
     let place = Placement { at: at.extend(0.0), turned: back_to(side), ..Placement::HERE };
-    // Higher than a window's edge.
+    // Its upper edge is above the lower edge of windows.
     room.fits(&zone, MIRROR_FROM + MIRROR[1]).then_some((place, zone, 0.0))
 }
 
-/// A place for a partition that leaves a way around it, and its length.
+/// A position for a partition that leaves a way around it, and its length.
 fn place_partition(room: &Room, height: f64, dice: &mut Dice) -> Option<(Placement, Zone, f64)> {
     const FREE: f64 = 0.5;
     let side = dice.below(4);
@@ -197,8 +197,8 @@ fn place_partition(room: &Room, height: f64, dice: &mut Dice) -> Option<(Placeme
     room.fits(&zone, height).then_some((place, zone, length))
 }
 
-/// A wall, with what is in its opening.
-fn add_wall(made: &mut Made, plan: &Plan, wall: &Wall, number: usize, seed: u64) {
+/// Adds a wall, with the door or window in its opening.
+fn add_wall(made: &mut Made, plan: &FloorPlan, wall: &Wall, number: usize, seed: u64) {
     let mut model = Model::default();
     let mut block = |along: [f64; 2], up: [f64; 2]| {
         let [a, b] = [(0, -WALL / 2.0), (1, WALL / 2.0)].map(|(end, aside)| wall.place(along[end], aside, up[end]));
@@ -243,7 +243,7 @@ fn add_wall(made: &mut Made, plan: &Plan, wall: &Wall, number: usize, seed: u64)
     }
 }
 
-/// Width of the frame of doors and windows, and where leaves are hinged.
+/// Width of the frame of doors and windows, and the position of the hinges of leaves.
 const EDGE: f64 = 0.05;
 const HINGE: f64 = EDGE + 0.005;
 
@@ -291,8 +291,8 @@ fn window(width: f64, [low, high]: [f64; 2]) -> Model {
     window
 }
 
-/// Floors, as far as the middle of the walls, and ceilings.
-fn add_floors(made: &mut Made, plan: &Plan, ceiling: bool, seed: u64) {
+/// Adds floors, as far as the middle of the walls, and ceilings.
+fn add_floors(made: &mut Made, plan: &FloorPlan, ceiling: bool, seed: u64) {
     const FLOORS: [&str; 3] = ["parquet", "carpet", "tiles"];
     let half = DVec2::splat(WALL / 2.0);
     let low = plan.rooms.iter().map(|room| room.outer[0]).fold(DVec2::INFINITY, DVec2::min);
@@ -322,9 +322,9 @@ fn add_floors(made: &mut Made, plan: &Plan, ceiling: bool, seed: u64) {
     }
 }
 
-/// A camera in a corner, and the scanner in the first room. Nothing that is as high may stand there.
+/// Adds a camera in a corner, and the scanner in the first room. Objects as high as these are kept away from them.
 fn add_cameras(made: &mut Made, room: &mut Room, number: usize) {
-    /// From the walls, and from what is high.
+    /// Distances from the walls, and from high objects.
     const ASIDE: f64 = 0.4;
     const FREE: f64 = 0.35;
     const BELOW: f64 = EYE - 0.1;

@@ -1,4 +1,4 @@
-//! The rooms of a floor, the walls between them, and what must stay free in them.
+//! The rooms of a floor, the walls between them, and the zones that must stay free.
 
 use super::Indoor;
 use crate::generate::noise::Dice;
@@ -13,10 +13,10 @@ pub(super) const WALL: f64 = 0.14;
 pub(super) const DOOR: [f64; 2] = [0.9, 2.05];
 /// Lower and upper edge of windows.
 const WINDOW: [f64; 2] = [0.9, 2.1];
-/// Height of the eyes of whoever looks.
+/// Height of the cameras.
 pub(super) const EYE: f64 = 1.5;
 
-pub(super) struct Plan {
+pub(super) struct FloorPlan {
     pub height: f64,
     pub walls: Vec<Wall>,
     pub rooms: Vec<Room>,
@@ -27,7 +27,7 @@ pub(super) struct Wall {
     /// The axis along which it runs, and its ends there.
     pub axis: usize,
     pub ends: [f64; 2],
-    /// Where its middle is on the other axis.
+    /// Position of its middle on the other axis.
     pub at: f64,
     pub opening: Option<Opening>,
 }
@@ -47,7 +47,7 @@ impl Opening {
 }
 
 impl Wall {
-    /// A place: along the wall, to the side of higher coordinates, above the floor.
+    /// A position: along the wall, to the side of higher coordinates, and above the floor.
     pub fn place(&self, along: f64, aside: f64, up: f64) -> DVec3 {
         let across = self.at + aside;
         if self.axis == 0 { DVec3::new(along, across, up) } else { DVec3::new(across, along, up) }
@@ -55,14 +55,14 @@ impl Wall {
 }
 
 pub(super) struct Room {
-    /// Between the faces of its walls, and between their middles.
+    /// Corners between the faces of its walls; `outer`: between the centre lines of its walls.
     pub low: DVec2,
     pub high: DVec2,
     pub outer: [DVec2; 2],
     pub zones: Vec<Zone>,
 }
 
-/// A rectangle where nothing may stand that is higher than `below`.
+/// A rectangle in which no object may be higher than `below`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Zone {
     pub low: DVec2,
@@ -71,7 +71,7 @@ pub(super) struct Zone {
 }
 
 impl Zone {
-    /// With its middle and size.
+    /// A zone with this centre and size.
     pub fn about(middle: DVec2, size: DVec2, below: f64) -> Self {
         Zone { low: middle - size / 2.0, high: middle + size / 2.0, below }
     }
@@ -82,7 +82,7 @@ impl Zone {
 }
 
 impl Room {
-    /// Whether something so high fits there.
+    /// Whether an object of this height fits there.
     pub fn fits(&self, there: &Zone, height: f64) -> bool {
         let inside = there.low.cmpge(self.low).all() && there.high.cmple(self.high).all();
         inside && !self.zones.iter().any(|zone| height > zone.below && zone.meets(there))
@@ -93,7 +93,7 @@ impl Room {
     }
 }
 
-impl Plan {
+impl FloorPlan {
     pub fn new(indoor: &Indoor, seed: u64) -> Result<Self> {
         let Indoor { rooms, room_m, height_m, furniture, mirrors, panes, .. } = *indoor;
         for axis in 0..2 {
@@ -106,7 +106,7 @@ impl Plan {
         within("panes", panes.into(), 0.0, 100.0)?;
 
         let mut dice = Dice::new(seed, Draw::Room, 0);
-        // Lines in the middle of walls.
+        // Centre lines of the walls.
         let lines = [0, 1].map(|axis| {
             let shares: Vec<f64> = (0..rooms[axis]).map(|_| dice.between(0.9, 1.1)).collect();
             let total = room_m[axis] * f64::from(rooms[axis]);
@@ -118,7 +118,7 @@ impl Plan {
             }));
             lines
         });
-        let mut plan = Plan { height: height_m, walls: Vec::new(), rooms: Vec::new() };
+        let mut plan = FloorPlan { height: height_m, walls: Vec::new(), rooms: Vec::new() };
         for y in lines[1].windows(2) {
             for x in lines[0].windows(2) {
                 let outer = [DVec2::new(x[0], y[0]), DVec2::new(x[1], y[1])];
@@ -133,14 +133,14 @@ impl Plan {
                 for place in 0..along.len() - 1 {
                     let is_outer = line == 0 || line + 1 == across.len();
                     let inner = [along[place] + WALL / 2.0, along[place + 1] - WALL / 2.0];
-                    // Walls along y reach through the corners, those along x stand between them.
+                    // Walls along y reach through the corners, those along x end between them.
                     let mut ends = inner;
                     if axis == 1 {
                         ends = [along[place], along[place + 1]];
                         ends[0] -= if place == 0 { WALL / 2.0 } else { 0.0 };
                         ends[1] += if place + 2 == along.len() { WALL / 2.0 } else { 0.0 };
                     }
-                    // All rooms of a row have doors between them, and all rows in the first column.
+                    // There are doors between all rooms of a row, and between all rows in the first column.
                     let dark = dice.unit() < 0.4;
                     let has_door =
                         if is_outer { axis == 0 && line == 0 && place == 0 } else { axis == 1 || place == 0 || !dark };
@@ -170,9 +170,9 @@ impl Plan {
 }
 
 impl Wall {
-    /// What an opening needs on one side: a door all, a window what is above its lower edge.
+    /// The zone that an opening needs on one side: a door at all heights, a window above its lower edge.
     fn zone(&self, opening: &Opening, side: f64) -> Zone {
-        /// How far one comes through a door, or sees out of a window.
+        /// Depth of the free zone at a door, and at a window.
         const THROUGH: f64 = 1.0;
         const BEFORE: f64 = 0.6;
         let deep = WALL / 2.0 + if opening.is_door() { THROUGH } else { BEFORE };

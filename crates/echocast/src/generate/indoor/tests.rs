@@ -1,4 +1,4 @@
-//! Laws of rooms, and what a scan sees in them.
+//! Properties of rooms, and what a scan sees in them.
 
 use super::Indoor;
 use crate::generate::tests::of_category;
@@ -83,7 +83,7 @@ fn furniture_stands_on_the_floor_and_apart() {
                     continue;
                 }
                 let gap = (*low - *other_high).max(*other_low - *high).max_element();
-                // Walls with openings have boxes that reach across; what is in a room is beside them anyhow.
+                // Boxes of walls reach across their openings; objects in a room are beside them in any case.
                 assert!(gap > -1e-6, "seed {seed}: {name} {other} {gap}");
             }
         }
@@ -99,7 +99,7 @@ fn furniture_stands_on_the_floor_and_apart() {
 
 #[test]
 fn every_room_can_be_reached() {
-    // From the middle of each door, someone 1.2 m high can go through: nothing but frame and leaf is near.
+    // A person 1.2 m tall can pass through the middle of each door: nothing but frame and leaf is near.
     for seed in 0..6 {
         let scene = load(&Indoor { rooms: [3, 3], mirrors: 9, panes: 9, ..Indoor::default() }, seed);
         let frames: Vec<&Object> =
@@ -133,7 +133,7 @@ fn mirrors_show_what_is_before_them_and_panes_let_light_through() {
     let columns = built.scan(&sensor, &Trajectory::fixed(pose), &options).unwrap().columns;
     let seen = |cause: u8, first: u32| {
         let rows = columns.cause.iter().zip(&columns.first_category_id).zip(&columns.category_id);
-        // In the mirror and behind the pane are other things.
+        // There are other objects in the mirror and behind the pane.
         rows.filter(|((c, f), id)| (**c, **f) == (cause, first) && ![0, first].contains(*id)).count()
     };
     assert!(seen(1, mirror) > 500, "{}", seen(1, mirror));

@@ -1,19 +1,19 @@
-//! Ways over the land: a stream and a path, as lines of stations.
+//! Courses over the land: a stream and a path, as lines of stations.
 
-use super::drainage::{Field, rank};
+use super::drainage::{HeightField, rank};
 use super::terrain::Terrain;
-use crate::generate::noise::Noise;
+use crate::generate::noise::GradientNoise;
 use glam::DVec2;
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
 
-/// How far from its middle line a course is known, m.
+/// Distance from its centre line up to which a course is indexed, m.
 const REACH: f64 = 12.0;
-/// Width of the squares in which the line is looked up, m.
+/// Width of the squares by which the line is indexed, m.
 const BUCKET: f64 = 16.0;
-/// From station to station, m.
+/// Distance from station to station, m.
 const STATION: f64 = 1.0;
-/// Noise of where the path likes to go.
+/// Noise field by which the path wanders.
 const WANDER: u32 = 35;
 
 /// A line over the land with a width and a height.
@@ -46,7 +46,7 @@ impl Course {
         Course { stations, near }
     }
 
-    /// The nearest place of the line, and how far away it is; `None`: it may be farther than [`REACH`].
+    /// The nearest point of the line, and its distance; `None` if that may be more than [`REACH`].
     pub fn nearest(&self, at: DVec2) -> Option<(Station, f64)> {
         let segments = self.near.get(&bucket(at))?;
         let place = |&number: &u32| {
@@ -64,7 +64,7 @@ impl Course {
         segments.iter().map(place).min_by(|a, b| a.1.total_cmp(&b.1))
     }
 
-    /// How far a place is from the edge, negative on it; infinite where that is far.
+    /// Distance of a point from the edge of the course, negative on the course; infinite if it is far away.
     pub fn clearance(&self, at: DVec2) -> f64 {
         self.nearest(at).map_or(f64::INFINITY, |(station, distance)| distance - station.half_width)
     }
@@ -79,7 +79,7 @@ fn bucket(at: DVec2) -> [i64; 2] {
 }
 
 /// The terrain on a grid of about `points` points along the longer side, no finer than its own.
-fn coarse(terrain: &Terrain, points: f64) -> Field {
+fn coarse(terrain: &Terrain, points: f64) -> HeightField {
     let step = (terrain.size[0].max(terrain.size[1]) / points).max(terrain.widest());
     let counts = terrain.size.map(|length| (length / step).round().max(2.0) as usize);
     let step = std::array::from_fn(|axis| terrain.size[axis] / counts[axis] as f64);
@@ -90,11 +90,11 @@ fn coarse(terrain: &Terrain, points: f64) -> Field {
             std::array::from_fn(|axis| place(point)[axis] as f64 * step[axis] - terrain.size[axis] / 2.0);
         terrain.height(at[0], at[1])
     });
-    Field { columns, step, heights: heights.collect() }
+    HeightField { columns, step, heights: heights.collect() }
 }
 
-/// Where points of a field are, as a smooth line of stations on the ground.
-fn line(terrain: &Terrain, field: &Field, points: &[u32], passes: usize) -> Vec<DVec2> {
+/// A smooth line of stations along points of a field.
+fn line(terrain: &Terrain, field: &HeightField, points: &[u32], passes: usize) -> Vec<DVec2> {
     let [x, y] = terrain.size;
     let place = |&point: &u32| {
         let (column, row) = (point as usize % field.columns, point as usize / field.columns);
@@ -104,7 +104,7 @@ fn line(terrain: &Terrain, field: &Field, points: &[u32], passes: usize) -> Vec<
     for _ in 0..passes {
         smooth(&mut line, |a, b, c| (a + 2.0 * b + c) / 4.0);
     }
-    // Stations that are evenly apart.
+    // Evenly spaced stations.
     let mut stations = vec![line[0]];
     let mut left = STATION;
     for pair in line.windows(2) {
@@ -124,7 +124,7 @@ fn line(terrain: &Terrain, field: &Field, points: &[u32], passes: usize) -> Vec<
     stations
 }
 
-/// Replaces each value but the ends by what `mean` makes of it and its neighbours.
+/// Replaces each value but the ends by `mean` of the value before it, itself and the value after it.
 fn smooth<T: Copy>(values: &mut [T], mean: impl Fn(T, T, T) -> T) {
     let before = values.to_vec();
     for i in 1..values.len().saturating_sub(1) {
@@ -132,13 +132,13 @@ fn smooth<T: Copy>(values: &mut [T], mean: impl Fn(T, T, T) -> T) {
     }
 }
 
-/// The stream along which most water leaves the land, from its spring down; `None`: there is none of any length.
+/// The stream that drains most of the land, from its spring down; `None` if there is none of sufficient length.
 pub(super) fn stream(terrain: &Terrain) -> Option<Course> {
-    /// Part of the land that must drain through its spring.
+    /// Fraction of the land that must drain through its spring.
     const SPRING: f64 = 0.003;
     /// Half its width at the spring and where it leaves, m.
     const HALF_WIDTHS: [f64; 2] = [0.6, 1.4];
-    /// How far the water is below the lowest ground beside it, m.
+    /// Depth of the water surface below the lowest ground beside it, m.
     const BELOW: f64 = 0.12;
     let field = coarse(terrain, 256.0);
     let drainage = field.drainage((0..field.heights.len()).filter(|&point| field.is_edge(point)));
@@ -167,16 +167,16 @@ pub(super) fn stream(terrain: &Terrain) -> Option<Course> {
 
 /// A path from one end of x to the other that avoids slopes, and the stream where it can.
 pub(super) fn path(terrain: &Terrain, stream: Option<&Course>, seed: u64) -> Course {
-    /// Slope at which a metre costs as much as two level ones.
+    /// Slope at which a metre costs as much as two metres of level ground.
     const STEEP: f64 = 0.1;
-    /// How much more it costs to wade.
+    /// Additional cost of wading.
     const WADING: f64 = 30.0;
     const HALF_WIDTH: f64 = 1.2;
-    /// Over how many stations on each side heights are averaged.
+    /// Number of stations on each side over which heights are averaged.
     const EVEN: usize = 5;
     let field = coarse(terrain, 160.0);
     let [x, y] = terrain.size;
-    let wander = Noise::new(seed, WANDER, terrain.size, [0.25 * x.min(y), 4.0 * terrain.widest()], 2, 0.5);
+    let wander = GradientNoise::new(seed, WANDER, terrain.size, [0.25 * x.min(y), 4.0 * terrain.widest()], 2, 0.5);
     let place = |point: usize| {
         DVec2::new((point % field.columns) as f64 * field.step[0], (point / field.columns) as f64 * field.step[1])
     };
@@ -232,7 +232,7 @@ pub(super) fn path(terrain: &Terrain, stream: Option<&Course>, seed: u64) -> Cou
     Course::new(stations.collect())
 }
 
-/// Makes the ground level across the path, and leads it back to what it was beside it.
+/// Levels the ground across the path, and blends it into the original ground beside it.
 pub(super) fn level(terrain: &mut Terrain, path: &Course) {
     /// How far beside the path the ground is changed, m.
     const SHOULDER: f64 = 3.0;

@@ -1,16 +1,16 @@
-//! Where water runs over a grid of heights, and what it wears away.
+//! Drainage of a grid of heights, and its erosion.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-/// Heights on a grid, without places: `heights` row by row, `step` m from point to point along rows and columns.
-pub(super) struct Field {
+/// Heights on a grid without a position: `heights` row by row, `step` m from point to point along rows and columns.
+pub(super) struct HeightField {
     pub columns: usize,
     pub step: [f64; 2],
     pub heights: Vec<f64>,
 }
 
-/// How water leaves every point of a field.
+/// How water drains from every point of a field.
 pub(super) struct Drainage {
     /// All points, each after the one it flows to.
     pub order: Vec<u32>,
@@ -20,12 +20,12 @@ pub(super) struct Drainage {
     pub area: Vec<u32>,
 }
 
-impl Field {
+impl HeightField {
     pub fn rows(&self) -> usize {
         self.heights.len() / self.columns
     }
 
-    /// The points around one, and how far away they are.
+    /// The neighbours of a point, and their distances.
     pub fn around(&self, point: usize) -> impl Iterator<Item = (usize, f64)> + use<> {
         let (columns, rows, [width, height]) = (self.columns, self.rows(), self.step);
         let (column, row) = (point % columns, point / columns);
@@ -43,7 +43,7 @@ impl Field {
     }
 
     /// Routes water to `outlets` by flooding upwards from them, always from the lowest shore (priority flood: Barnes,
-    /// Lehman & Mulla 2014, Computers & Geosciences 62): also what is in a hollow finds its way out of it.
+    /// Lehman & Mulla 2014, Computers & Geosciences 62): water in a hollow also finds its way out.
     pub fn drainage(&self, outlets: impl Iterator<Item = usize>) -> Drainage {
         let points = self.heights.len();
         let mut to = vec![u32::MAX; points];
@@ -72,15 +72,15 @@ impl Field {
         Drainage { order, to, area }
     }
 
-    /// Wears the land down `rounds` times: streams cut in as the power of their water allows, and soil creeps downhill.
+    /// Erodes the land in `rounds` rounds: streams incise according to their stream power, and soil creeps downhill.
     ///
     /// Stream power: dh/dt = -K A^(1/2) S, A the area that drains through a point, S the slope to the next, solved
-    /// implicitly from the outlet upwards (Braun & Willett 2013, Geomorphology 180-181). Creep is diffusion (Culling 1960,
-    /// J. Geol. 68). Hollows are filled to the level at which they overflow.
+    /// implicitly from the outlet upwards (Braun & Willett 2013, Geomorphology 180-181). Creep is diffusion (Culling
+    /// 1960, J. Geol. 68). Hollows are filled to the level at which they overflow.
     pub fn erode(&mut self, rounds: usize, outlet: usize) {
-        /// K dt of a round, for areas as parts of the whole and lengths as parts of the field's.
+        /// K dt of a round, for areas as fractions of the whole and lengths as fractions of the field's.
         const POWER: f64 = 0.02;
-        /// Slope of filled hollows, so that water runs on.
+        /// Slope of filled hollows, so that water flows on.
         const LEAST_SLOPE: f64 = 1e-3;
         let whole = self.heights.len() as f64;
         let length = (self.columns as f64 * self.step[0]).max(self.rows() as f64 * self.step[1]);
@@ -99,13 +99,13 @@ impl Field {
             }
             self.creep(outlet);
         }
-        // Gullies as narrow as the grid would be jagged.
+        // Gullies as narrow as a grid cell would be jagged.
         self.creep(outlet);
         self.creep(outlet);
     }
 
     fn creep(&mut self, outlet: usize) {
-        /// Part of the height above its neighbours' mean that a point loses.
+        /// Fraction of its height above its neighbours' mean that a point loses.
         const CREEP: f64 = 0.3;
         let before = self.heights.clone();
         for point in (0..before.len()).filter(|&point| point != outlet) {
@@ -124,8 +124,8 @@ impl Field {
 }
 
 impl Drainage {
-    /// The points of the longest water, from its spring to its outlet: upwards from where most water leaves, always
-    /// along the larger arm, as long as `least` points drain through it.
+    /// The points of the main stream, from its spring to its outlet: upstream from the outlet that drains most, always
+    /// along the larger tributary, as long as at least `least` points drain through it.
     pub fn main_stream(&self, least: u32) -> Vec<u32> {
         let mut largest = vec![u32::MAX; self.to.len()];
         for &point in &self.order {
@@ -151,10 +151,10 @@ impl Drainage {
     }
 }
 
-/// A number that is ordered as `height` is.
+/// An integer with the same order as `height`.
 pub(super) fn rank(height: f64) -> i64 {
     let bits = height.to_bits() as i64;
-    // As f64::total_cmp does: of negative numbers all bits but the sign are flipped.
+    // As f64::total_cmp does: all bits of negative numbers but the sign are flipped.
     bits ^ (((bits >> 63) as u64) >> 1) as i64
 }
 
@@ -162,13 +162,13 @@ pub(super) fn rank(height: f64) -> i64 {
 mod tests {
     use super::*;
 
-    fn field() -> Field {
+    fn field() -> HeightField {
         // A slope down to the left with a pit in it.
         let (columns, rows) = (12, 9);
         let height = |point: usize| (point % columns) as f64 + ((point / columns) as f64 - 4.0).abs() * 0.3;
         let mut heights: Vec<f64> = (0..columns * rows).map(height).collect();
         heights[4 * columns + 6] = -2.0;
-        Field { columns, step: [1.0, 2.0], heights }
+        HeightField { columns, step: [1.0, 2.0], heights }
     }
 
     #[test]

@@ -1,26 +1,25 @@
-//! The meshes of ground, path and water, and what covers the ground where.
+//! The meshes of ground, path and water, and the cover of the ground.
 
 use super::course::Course;
 use super::{Land, material};
 use crate::generate::glb::{Glb, Look, Placement, Primitive};
-use crate::generate::noise::Noise;
+use crate::generate::noise::GradientNoise;
 use crate::ground::parallel;
 use glam::{DVec2, Vec3};
 use std::collections::HashMap;
 
-/// Noise of where soil is bare.
+/// Noise field of where soil is bare.
 const BARE: u32 = 36;
-/// Above which the ground is bare soil, and how far from the stream it is sand, m.
+/// Noise above which the ground is bare soil, and distance from the stream up to which it is sand, m.
 const SOIL: f64 = 0.3;
 const SAND: f64 = 0.5;
-/// Kinds of ground besides turf.
+/// Number of kinds of ground other than turf.
 const LEVELS: usize = 4;
-/// Slopes from which the ground is rock, and rough soil.
+/// Slopes above which the ground is rock, and rough soil.
 const ROCK_SLOPE: f64 = 0.75;
 const SOIL_SLOPE: f64 = 0.58;
 
-/// Parts of the terrain: name, linear colour and reflectance at 905 nm, our choice as such
-/// ground looks.
+/// Parts of the terrain: name, linear colour and reflectance at 905 nm, which are our own plausible choices.
 const GROUND: [(&str, [f32; 3], f64); 4] = [
     ("turf", [0.1, 0.14, 0.035], 0.4),
     ("soil", [0.13, 0.085, 0.05], 0.25),
@@ -29,15 +28,16 @@ const GROUND: [(&str, [f32; 3], f64); 4] = [
 ];
 
 /// Noise of where the soil is bare, for land of this size and cells.
-pub(super) fn cover(size: [f64; 2], cell: f64, seed: u64) -> Noise {
+pub(super) fn cover(size: [f64; 2], cell: f64, seed: u64) -> GradientNoise {
     let wavelength = 14.0_f64.min(size[0].min(size[1]) / 2.0);
-    Noise::new(seed, BARE, size, [wavelength, 2.0 * cell], 4, 0.5)
+    GradientNoise::new(seed, BARE, size, [wavelength, 2.0 * cell], 4, 0.5)
 }
 
 impl Land {
-    /// By how much the ground at a place, with its slope, is sand, path, rock and soil; the first that is positive counts.
+    /// Levels of sand, path, rock and soil at a position with this slope: the ground is the first kind whose level is
+    /// positive.
     fn levels(&self, at: DVec2, slope: f64) -> [f64; LEVELS] {
-        // Far away is far enough.
+        // Beyond 100 m the distance does not matter.
         let clearance =
             |course: &Option<Course>| course.as_ref().map_or(100.0, |course| course.clearance(at).min(100.0));
         let [x, y] = self.terrain.size;
@@ -50,7 +50,7 @@ impl Land {
         self.levels(at, self.terrain.slope(at.x, at.y)).iter().all(|&level| level <= 0.0)
     }
 
-    /// How far a place is from the edges of path and stream, negative on them.
+    /// Distance of a point from the edges of path and stream, negative on them.
     pub fn clearance(&self, at: DVec2) -> f64 {
         let courses = [&self.path, &self.stream].into_iter().flatten();
         courses.map(|course| course.clearance(at)).fold(f64::INFINITY, f64::min)
@@ -94,11 +94,11 @@ pub(super) fn add(glb: &mut Glb, land: &Land) {
     add_water(glb, land);
 }
 
-/// The vertices of the ground, more of them where its triangles are cut.
+/// The vertices of the ground, including those added where its triangles are cut.
 struct Sheet {
     positions: Vec<[f32; 3]>,
     normals: Vec<[f32; 3]>,
-    /// By how much the ground at each vertex is sand, path, rock and soil: positive where it is.
+    /// Levels of sand, path, rock and soil at each vertex, positive where the ground is of that kind.
     levels: Vec<[f32; LEVELS]>,
 }
 
@@ -147,7 +147,7 @@ impl Sheet {
         (0..LEVELS).find(|level| sum(level) > 0.0).unwrap_or(LEVELS)
     }
 
-    /// A vertex on an edge, where a level is 0; not so near the ends that a triangle vanishes.
+    /// Adds a vertex on an edge where a level is 0, but not so near the ends that a triangle degenerates.
     fn between(&mut self, a: u32, b: u32, level: usize) -> u32 {
         let [from, to] = [a, b].map(|end| self.levels[end as usize][level]);
         let part = (from / (from - to)).clamp(0.05, 0.95);
@@ -164,7 +164,7 @@ impl Sheet {
         self.positions.len() as u32 - 1
     }
 
-    /// Positions and normals of the vertices that triangles use, which are numbered anew.
+    /// Positions and normals of the vertices that triangles use, which are renumbered.
     fn vertices_of(&self, parts: &mut [Vec<[u32; 3]>]) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
         let mut numbers = vec![u32::MAX; self.positions.len()];
         let (mut positions, mut normals) = (Vec::new(), Vec::new());
@@ -203,7 +203,7 @@ fn add_water(glb: &mut Glb, land: &Land) {
         [[a, b, c], [a, c, d]]
     });
     let triangles: Vec<[u32; 3]> = quads.collect();
-    // Of the light of a near infrared laser water reflects 2 % and takes most of the rest.
+    // Water reflects 2 % of the light of a near-infrared laser and absorbs most of the rest.
     let water = material(glb, "water", Look::Sheet, [0.02, 0.05, 0.055], 0.02);
     let mesh = glb.mesh("Stream", &positions, None, &[Primitive { triangles: &triangles, material: water }]);
     let node = glb.object("Stream", "water", mesh, Placement::HERE);

@@ -11,29 +11,29 @@ use tiff::decoder::{Decoder, DecodingResult, Limits};
 use tiff::tags::Tag;
 use tiff::{ColorType, TiffError};
 
-/// Most samples of a height map.
+/// Maximum number of samples of a height map.
 pub(super) const MOST_SAMPLES: usize = 25_000_000;
-/// Heights beyond this are no heights, m.
+/// Heights beyond this are invalid, m.
 const HIGHEST: f32 = 100_000.0;
 
-/// Heights as a file has them.
+/// Heights as read from a file.
 #[derive(Debug)]
-pub(super) struct Raster {
+pub(super) struct HeightRaster {
     pub columns: usize,
     /// From south to north, each from west to east, m.
     pub heights: Vec<f32>,
-    /// From sample to sample along x and y, m, if the file says so.
+    /// Spacing of samples along x and y, m, if the file gives it.
     pub step: Option<[f64; 2]>,
-    /// How many samples had no height and took that of their neighbours.
+    /// Number of samples that had no height and took that of a neighbour.
     pub filled: usize,
 }
 
-impl Raster {
+impl HeightRaster {
     /// Reads a height map.
     ///
     /// # Errors
     /// A file that cannot be read, is of another kind or damaged, too large or without heights; a missing range.
-    pub fn read(map: &HeightMap) -> Result<Raster> {
+    pub fn read(map: &HeightMap) -> Result<HeightRaster> {
         let path = map.file.as_path();
         let bytes = read::bytes(path, Limit::IMAGE)?;
         let fault = |message: String| Error::parse(path, "", message);
@@ -42,7 +42,7 @@ impl Raster {
                 return Err(Error::invalid(
                     "height_map.range_m",
                     "missing",
-                    "the heights of black and white, since a PNG does not say them",
+                    "the heights of black and white, since a PNG does not contain them",
                 ));
             };
             if !(low.is_finite() && high.is_finite() && low.abs().max(high.abs()) <= HIGHEST.into() && low < high) {
@@ -68,8 +68,8 @@ impl Raster {
         self.heights.len() / self.columns
     }
 
-    /// Fills what has no height (NaN), and checks all others.
-    fn checked(mut self) -> Result<Raster, String> {
+    /// Fills samples without a height (NaN), and checks all others.
+    fn checked(mut self) -> Result<HeightRaster, String> {
         let (columns, rows) = (self.columns, self.rows());
         if columns < 2 || rows < 2 {
             return Err(format!("{columns} x {rows} samples; allowed: 2 x 2 or more"));
@@ -109,12 +109,12 @@ impl Raster {
         Ok(self)
     }
 
-    /// The height at a place, 0 to 1 along each side, linear between the samples.
+    /// The height at a position, 0 to 1 along each side, linear between the samples.
     pub fn at(&self, along: [f64; 2]) -> f64 {
         let last = [self.columns - 1, self.rows() - 1];
         let split = |axis: usize| {
             let place = (along[axis] * last[axis] as f64).clamp(0.0, last[axis] as f64);
-            // Grid points that rounding has moved off their sample by a hair still have its height.
+            // Grid points that rounding has moved slightly off their sample still have its height.
             let place = if (place - place.round()).abs() < 1e-6 { place.round() } else { place };
             let first = (place as usize).min(last[axis] - 1);
             (first, place - first as f64)
@@ -134,12 +134,12 @@ fn counted(columns: u64, rows: u64) -> Result<usize, String> {
     }
 }
 
-/// Rows in the order of [`Raster`], from those of a file, which begin in the north.
+/// Rows in the order of [`HeightRaster`], from those of a file, which begin in the north.
 fn from_north(columns: usize, heights: &[f32]) -> Vec<f32> {
     heights.chunks(columns).rev().flatten().copied().collect()
 }
 
-fn of_png(bytes: &[u8], [low, high]: [f64; 2]) -> Result<Raster, String> {
+fn of_png(bytes: &[u8], [low, high]: [f64; 2]) -> Result<HeightRaster, String> {
     let damaged = |_| "it is damaged or cut off".to_owned();
     let reader = png::Decoder::new_with_limits(Cursor::new(bytes), png::Limits { bytes: 64 << 20 });
     let mut reader = reader.read_info().map_err(damaged)?;
@@ -158,10 +158,10 @@ fn of_png(bytes: &[u8], [low, high]: [f64; 2]) -> Result<Raster, String> {
     };
     let heights: Vec<f32> = pixels.chunks_exact(2).map(height).collect();
     let columns = columns as usize;
-    Ok(Raster { columns, heights: from_north(columns, &heights), step: None, filled: 0 })
+    Ok(HeightRaster { columns, heights: from_north(columns, &heights), step: None, filled: 0 })
 }
 
-fn of_tiff(bytes: &[u8]) -> Result<Raster, String> {
+fn of_tiff(bytes: &[u8]) -> Result<HeightRaster, String> {
     /// Keys of the directory of a GeoTIFF (OGC 19-008r4): kind of coordinates, and the value for degrees.
     const MODEL_TYPE: u16 = 1024;
     const GEOGRAPHIC: u16 = 2;
@@ -192,7 +192,7 @@ fn of_tiff(bytes: &[u8]) -> Result<Raster, String> {
     let keys = decoder.find_tag(Tag::GeoKeyDirectoryTag).map_err(broken)?;
     let keys = keys.map(|value| value.into_u16_vec()).transpose().map_err(broken)?.unwrap_or_default();
     if keys.chunks_exact(4).skip(1).any(|key| key[0] == MODEL_TYPE && key[1] == 0 && key[3] == GEOGRAPHIC) {
-        return Err("its places are in degrees; allowed: metres (gdalwarp can project it)".into());
+        return Err("its coordinates are in degrees; allowed: metres (gdalwarp can project it)".into());
     }
     let nothing = decoder.find_tag(Tag::GdalNodata).map_err(broken)?.and_then(|value| value.into_string().ok());
     let nothing = nothing.and_then(|text| text.trim_end_matches('\0').trim().parse::<f64>().ok());
@@ -216,7 +216,7 @@ fn of_tiff(bytes: &[u8]) -> Result<Raster, String> {
     let height = |value: f64| if Some(value) == nothing || !value.is_finite() { f32::NAN } else { value as f32 };
     let heights: Vec<f32> = heights.into_iter().map(height).collect();
     let columns = columns as usize;
-    Ok(Raster { columns, heights: from_north(columns, &heights), step, filled: 0 })
+    Ok(HeightRaster { columns, heights: from_north(columns, &heights), step, filled: 0 })
 }
 
 fn single<T: Copy + Into<f64>>(values: &[T]) -> Vec<f64> {
@@ -228,22 +228,22 @@ fn is_grid(bytes: &[u8]) -> bool {
     bytes.get(start..start + 5).is_some_and(|word| word.eq_ignore_ascii_case(b"ncols"))
 }
 
-/// An ESRI ASCII grid: lines of a key and a number, then the heights from the north-west on.
-fn of_grid(bytes: &[u8], path: &Path) -> Result<Raster> {
+/// An ESRI ASCII grid: lines of a key and a number, then the heights from the north-west corner on.
+fn of_grid(bytes: &[u8], path: &Path) -> Result<HeightRaster> {
     let fault = |place: &str, message: String| Error::parse(path, place, message);
     let word = |word: &[u8]| shown::name(&String::from_utf8_lossy(word)).into_owned();
     let mut words = bytes.split(|byte| byte.is_ascii_whitespace()).filter(|word| !word.is_empty()).peekable();
     let (mut columns, mut rows, mut cell, mut nothing) = (None, None, [None; 2], -9999.0);
     while let Some(key) = words.next_if(|word| word[0].is_ascii_alphabetic()) {
         let key = word(key).to_ascii_lowercase();
-        let said = words.next().map(word).unwrap_or_default();
-        let number = said.parse::<f64>().ok().filter(|number| number.is_finite());
+        let token = words.next().map(word).unwrap_or_default();
+        let number = token.parse::<f64>().ok().filter(|number| number.is_finite());
         let Some(number) = number else {
-            return Err(fault(&key, format!("{said:?}; allowed: a number")));
+            return Err(fault(&key, format!("{token:?}; allowed: a number")));
         };
         let whole = || {
-            let allowed = || fault(&key, format!("{said}; allowed: 2 to {MOST_SAMPLES}"));
-            said.parse::<u64>().ok().filter(|count| (2..=MOST_SAMPLES as u64).contains(count)).ok_or_else(allowed)
+            let allowed = || fault(&key, format!("{token}; allowed: 2 to {MOST_SAMPLES}"));
+            token.parse::<u64>().ok().filter(|count| (2..=MOST_SAMPLES as u64).contains(count)).ok_or_else(allowed)
         };
         match key.as_str() {
             "ncols" => columns = Some(whole()?),
@@ -263,7 +263,7 @@ fn of_grid(bytes: &[u8], path: &Path) -> Result<Raster> {
     let (columns, rows) = (columns.ok_or_else(|| needed("ncols"))?, rows.ok_or_else(|| needed("nrows"))?);
     let [Some(x), Some(y)] = cell else { return Err(needed("cellsize")) };
     let samples = counted(columns, rows).map_err(|message| fault("", message))?;
-    // Two bytes each at least: a header alone makes no large allocation.
+    // At least two bytes each: a header alone causes no large allocation.
     let mut heights: Vec<f32> = Vec::with_capacity(samples.min(bytes.len() / 2 + 1));
     for text in words {
         let number = std::str::from_utf8(text).ok().and_then(|text| text.parse::<f64>().ok());
@@ -281,5 +281,5 @@ fn of_grid(bytes: &[u8], path: &Path) -> Result<Raster> {
         return Err(fault("", format!("{} heights; allowed: {samples}, {columns} x {rows}", heights.len())));
     }
     let columns = columns as usize;
-    Ok(Raster { columns, heights: from_north(columns, &heights), step: Some([x, y]), filled: 0 })
+    Ok(HeightRaster { columns, heights: from_north(columns, &heights), step: Some([x, y]), filled: 0 })
 }

@@ -1,4 +1,4 @@
-//! A landscape: hills worn by water, trees, bushes, grass and rocks, a path and a stream.
+//! A landscape: hills eroded by water, trees, bushes, grass and rocks, a path and a stream.
 
 mod course;
 mod drainage;
@@ -14,45 +14,48 @@ mod tests;
 mod tree;
 
 use super::glb::{Glb, Look, Placement};
-use super::noise::Noise;
+use super::noise::GradientNoise;
 use super::{GeneratedScene, within};
 use crate::ground::error::{Error, Result};
 use course::Course;
 use glam::{DQuat, DVec2, DVec3, EulerRot};
-use heights::Raster;
+use heights::HeightRaster;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::PathBuf;
 use terrain::Terrain;
 
-/// Most triangles of the ground.
+/// Maximum number of triangles of the ground.
 const MOST_TRIANGLES: f64 = 10e6;
-/// Triangles of the ground unless asked for more.
+/// Default maximum number of triangles of the ground.
 const USUAL_TRIANGLES: f64 = 1e6;
-/// Finest cells unless asked for others, m.
+/// Finest cells by default, m.
 const USUAL_CELL: f64 = 0.5;
-/// Most of each kind of plant or rock.
+/// Maximum number of each kind of plant or rock.
 const MOST_OBJECTS: f64 = 1e6;
 
 /// Parameters of a landscape about the z axis: woodland on hills, or on a height map.
 ///
-/// The land is ridged multifractal noise along a valley that leads down against x, worn by streams and creep. Objects
-/// have the categories `terrain` (parts `turf`, `soil`, `rock` where it is steep, `sand` beside the stream), `path`,
-/// `water`, `tree` and `bush` (parts `trunk`, `branch` and `leaf`), `grass` and `rock`. Trees are oaks, birches, spruces
-/// and dead trees, three of each kind, grown after Weber & Penn (1995). Every tree, bush and rock is an instance; grass is
-/// one for each patch of [`Landscape::TUFTS`] tufts. Plants and rocks are off the path and out of the stream.
+/// The land is ridged multifractal noise along a valley that descends towards -x, eroded by streams and soil creep.
+/// Objects have the categories `terrain` (parts `turf`, `soil`, `rock` where it is steep, `sand` beside the stream),
+/// `path`, `water`, `tree` and `bush` (parts `trunk`, `branch` and `leaf`), `grass` and `rock`. Trees are oaks,
+/// birches, spruces and dead trees, three of each kind, grown after Weber & Penn (1995). Every tree, bush and rock is
+/// an instance, as is each patch of [`Landscape::TUFTS`] tufts of grass. Plants and rocks keep off the path and out of
+/// the stream.
 ///
-/// The path winds from the low end of x to the high one, the stream runs where most water leaves the land. The camera
-/// node `Lidar` is 1.8 m above the path, without one above the ground, near the middle where most room is, and looks along it or along x; `Overview`
-/// looks down on everything from the low corner of x and y.
+/// The path winds from the low end of x to the high one; the stream runs where most water drains from the land. The
+/// camera node `Lidar` is 1.8 m above the path (without one, above the ground), near the middle where trees are
+/// farthest away, and looks along the path or along x; `Overview` looks down on everything from the low corner of x and
+/// y.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Landscape {
-    /// Extent along x and y, 10 to 10 000 m; that of the height map if its file says how far apart its samples are.
+    /// Extent along x and y, 10 to 10 000 m; that of the height map if its file gives the spacing of its samples.
     pub size_m: [f64; 2],
     /// Spacing of the grid. `None`: 0.5 m or as fine as a million triangles allow; with a height map, its samples.
     pub cell_m: Option<f64>,
-    /// From the lowest to the highest place, 0 to 5000 m, before the stream is cut in; not used with a height map.
+    /// Height of the highest point above the lowest, 0 to 5000 m, before the stream is carved; not used with a height
+    /// map.
     pub relief_m: f64,
     /// Trees per hectare, 0 to 5000.
     pub trees_per_ha: f64,
@@ -74,7 +77,7 @@ pub struct Landscape {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HeightMap {
-    /// The file; its contents say which kind it is.
+    /// The file; its kind is recognised by its contents.
     pub file: PathBuf,
     /// Heights of black and white in a PNG, m; not for files that hold metres.
     #[serde(default)]
@@ -98,22 +101,22 @@ impl Default for Landscape {
     }
 }
 
-/// The land with its courses.
+/// The land with its path and stream.
 struct Land {
     terrain: Terrain,
     path: Option<Course>,
     stream: Option<Course>,
     /// Where the soil is bare.
-    cover: Noise,
+    cover: GradientNoise,
 }
 
 impl Landscape {
-    /// Tufts of a patch of grass.
+    /// Number of tufts of a patch of grass.
     pub const TUFTS: usize = plants::TUFTS;
 
     /// The landscape of the paper that this library builds on (Reitmann, Neumann & Jung 2021, Sensors 21, 2144, section
-    /// 3.1 and figure 4a): hills with grass, trees, rocks and stones, without path or water. Its trees are of the same
-    /// model, Weber & Penn's.
+    /// 3.1 and figure 4a): hills with grass, trees, rocks and stones, without path or water. Its trees follow the same
+    /// model, that of Weber & Penn.
     pub fn paper() -> Self {
         Landscape {
             relief_m: 15.0,
@@ -149,9 +152,9 @@ impl Landscape {
             ("bushes", self.bushes_per_ha, &sites.bushes),
             ("rocks", self.rocks_per_ha, &sites.rocks),
         ] {
-            let (found, asked) = (sites.len(), land.count(density));
-            if found < asked {
-                details.push(format!("room for {found} of {asked} {what}"));
+            let (found, requested) = (sites.len(), land.count(density));
+            if found < requested {
+                details.push(format!("room for {found} of {requested} {what}"));
             }
         }
         details.push("cameras Lidar, Overview".to_owned());
@@ -161,7 +164,7 @@ impl Landscape {
         })
     }
 
-    /// The ground with path and stream, and what there is to say about it.
+    /// The ground with path and stream; adds its description to `details`.
     fn land(&self, seed: u64, details: &mut Vec<String>) -> Result<Land> {
         within("relief_m", self.relief_m, 0.0, 5000.0)?;
         let mut terrain = match &self.height_map {
@@ -184,7 +187,7 @@ impl Landscape {
             course::carve(&mut terrain, stream);
             details.push(format!("stream of {:.0} m", stream.length()));
         } else if self.stream {
-            details.push("no stream: too little water comes together".to_owned());
+            details.push("no stream: too little water converges".to_owned());
         }
         let cover = ground::cover(terrain.size, terrain.widest(), seed);
         Ok(Land { terrain, path, stream, cover })
@@ -192,7 +195,7 @@ impl Landscape {
 
     /// The ground of a height map.
     fn mapped(&self, map: &HeightMap, details: &mut Vec<String>) -> Result<Terrain> {
-        let raster = Raster::read(map)?;
+        let raster = HeightRaster::read(map)?;
         let spaces = [raster.columns - 1, raster.rows() - 1];
         let size = raster.step.map_or(self.size_m, |step| std::array::from_fn(|axis| step[axis] * spaces[axis] as f64));
         let cells = match self.cell_m {
@@ -210,7 +213,7 @@ impl Landscape {
         let [columns, rows] = [raster.columns, raster.rows()];
         let filled = match raster.filled {
             0 => String::new(),
-            filled => format!(", {filled} without a height filled from beside"),
+            filled => format!(", {filled} without a height filled from neighbours"),
         };
         details.push(format!("heights of {columns} x {rows} samples{filled}"));
         Ok(Terrain::from_heights(size, cells, |x, y| raster.at([x / size[0] + 0.5, y / size[1] + 0.5])))
@@ -249,7 +252,7 @@ impl Landscape {
 }
 
 impl Land {
-    /// How many there are of what has this density per hectare.
+    /// Number of objects at this density per hectare.
     fn count(&self, per_ha: f64) -> usize {
         let [x, y] = self.terrain.size;
         (per_ha * x * y / 1e4).round() as usize
@@ -260,7 +263,7 @@ impl Land {
         let apart = |at: DVec2| trees.iter().map(|tree| tree.at.distance(at)).fold(f64::INFINITY, f64::min);
         let stations = self.path.as_ref().map(|path| path.stations.as_slice()).unwrap_or_default();
         let middle = stations.get(stations.len() / 3..stations.len() * 2 / 3).unwrap_or_default();
-        // Where no branch is near.
+        // Where trees are farthest away.
         let clearest = middle.windows(2).max_by(|a, b| apart(a[0].at).total_cmp(&apart(b[0].at)));
         let along = clearest.map(|pair| (pair[0].at, pair[1].at - pair[0].at));
         let (at, ahead) = along.unwrap_or_else(|| {
@@ -287,13 +290,13 @@ fn checked_size(size: [f64; 2]) -> Result<()> {
     size.into_iter().try_for_each(|length| within("size_m", length, 10.0, 10_000.0))
 }
 
-/// Cells of this width or more make at most [`MOST_TRIANGLES`] of `x` times `y` m: the root c of 2 (x / c + 1) (y / c + 1)
-/// = most, as up to one cell per side is only partly there.
+/// Smallest cell with which `x` times `y` m have at most [`MOST_TRIANGLES`]: the root c of 2 (x / c + 1) (y / c + 1) =
+/// most, as one cell per side may be partial.
 fn finest_cell(x: f64, y: f64) -> f64 {
     ((x + y) + ((x + y).powi(2) + 2.0 * (MOST_TRIANGLES - 2.0) * x * y).sqrt()) / (MOST_TRIANGLES - 2.0)
 }
 
-/// A material that reflects this part of light at 905 nm. Several may have one name, which is that of the part.
+/// A material with this reflectance at 905 nm. Several may share a name, which is that of the part.
 fn material(glb: &mut Glb, name: &str, look: Look, color: [f32; 3], reflectance: f64) -> usize {
     glb.material(name, look, color, json!({ "reflectance": reflectance }))
 }

@@ -6,7 +6,7 @@ use super::tree::{self, Plant};
 use super::{Land, material};
 use crate::generate::glb::{Glb, Look, Placement, Primitive};
 use crate::generate::noise::Dice;
-use crate::generate::shapes::Shape;
+use crate::generate::shapes::ClosedShape;
 use crate::ground::rng::Draw;
 use glam::{DQuat, DVec3};
 use std::f64::consts::TAU;
@@ -19,7 +19,7 @@ pub(super) const ROCKS: usize = 8;
 pub(super) const TUFTS: usize = 24;
 pub(super) const PATCH: f64 = 0.75;
 
-/// What stands where.
+/// Positions of all plants and rocks.
 pub(super) struct Sites {
     pub trees: Vec<Site>,
     pub bushes: Vec<Site>,
@@ -61,7 +61,7 @@ pub(super) fn add(glb: &mut Glb, land: &Land, sites: &Sites, seed: u64) {
 
     let mut stone = None;
     for variant in 0..ROCKS {
-        let rock = Shape::rock(&mut Dice::new(seed, Draw::Stone, 1 + variant as u32));
+        let rock = ClosedShape::rock(&mut Dice::new(seed, Draw::Stone, 1 + variant as u32));
         let flat = 0.6 + 0.05 * variant as f64;
         let lying = |site: &Site| {
             let normal = land.terrain.normal(site.at.x, site.at.y, site.size);
@@ -91,7 +91,7 @@ pub(super) fn shape(species: &Species, kind: usize, variant: usize, seed: u64) -
     tree::grow(species, &mut dice(seed, kind, variant))
 }
 
-/// The places of what has one mesh; `None`: there are none.
+/// The placements of the objects that share a mesh; `None` if there are none.
 fn places(sites: &[Site], variant: usize, place: impl Fn(&Site) -> Placement) -> Option<Vec<Placement>> {
     let places: Vec<Placement> = sites.iter().filter(|site| site.variant == variant).map(place).collect();
     (!places.is_empty()).then_some(places)
@@ -131,10 +131,10 @@ fn single(vectors: &[DVec3]) -> Vec<[f32; 3]> {
     vectors.iter().map(|vector| vector.as_vec3().to_array()).collect()
 }
 
-/// A patch of grass about the origin: tufts of blades, each three triangles.
+/// A patch of grass about the origin: tufts of blades with three triangles each.
 fn patch(dice: &mut Dice) -> (Vec<DVec3>, Vec<[u32; 3]>) {
     const BLADES: usize = 7;
-    /// How deep blades reach into the ground, which is not as flat as the patch, m.
+    /// Depth to which blades reach into the ground, which is not as flat as the patch, m.
     const ROOT: f64 = 0.06;
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     for _ in 0..TUFTS {

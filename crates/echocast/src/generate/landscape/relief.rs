@@ -1,22 +1,22 @@
-//! The shape of generated land: a valley between ridges, worn by water.
+//! The shape of generated land: a valley between ridges, eroded by water.
 
-use super::drainage::{Field, rank};
+use super::drainage::{HeightField, rank};
 use super::terrain::Terrain;
-use crate::generate::noise::Noise;
+use crate::generate::noise::GradientNoise;
 
-/// Points along the longer side of the field that water wears.
+/// Points along the longer side of the field that water erodes.
 const WORN_POINTS: f64 = 200.0;
 /// Rounds of erosion.
 const ROUNDS: usize = 12;
 /// Octaves of the ridges.
 const OCTAVES: usize = 7;
-/// Noises of the landscape, after those of the bed of a lake.
+/// Noise fields of the landscape, numbered after those of a lake bed.
 const RIDGES: u32 = 16;
 const HILLS: u32 = 32;
 const VALLEY: u32 = 33;
 const DETAIL: u32 = 34;
 
-/// A grid of `cells` over `size`, its heights from 0 to `relief`; the valley leads down against x.
+/// A grid of `cells` over `size`, its heights from 0 to `relief`; the valley descends towards -x.
 pub(super) fn terrain(size: [f64; 2], cells: [usize; 2], relief: f64, seed: u64) -> Terrain {
     let field = worn(size, cells, seed);
     let [low, high] = field
@@ -24,11 +24,11 @@ pub(super) fn terrain(size: [f64; 2], cells: [usize; 2], relief: f64, seed: u64)
         .iter()
         .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &height| [low.min(height), high.max(height)]);
     let scale = relief / (high - low).max(f64::MIN_POSITIVE);
-    // What is smaller than the worn field can show.
+    // Detail too fine for the eroded field.
     let step: [f64; 2] = std::array::from_fn(|axis| size[axis] / cells[axis] as f64);
     let finest = 2.5 * step[0].max(step[1]);
     let wavelength = (4.0 * field.step[0].max(field.step[1])).max(finest).min(12.0_f64.max(finest));
-    let detail = Noise::new(seed, DETAIL, size, [wavelength, finest], 6, 0.5);
+    let detail = GradientNoise::new(seed, DETAIL, size, [wavelength, finest], 6, 0.5);
     let rough = (0.012 * wavelength).min(0.02 * relief);
     let mut terrain = Terrain::from_heights(size, cells, |x, y| {
         let at = [x + size[0] / 2.0, y + size[1] / 2.0];
@@ -40,19 +40,19 @@ pub(super) fn terrain(size: [f64; 2], cells: [usize; 2], relief: f64, seed: u64)
     terrain
 }
 
-/// The land in units of its own, worn.
-fn worn(size: [f64; 2], cells: [usize; 2], seed: u64) -> Field {
+/// The eroded land, in arbitrary units of height.
+fn worn(size: [f64; 2], cells: [usize; 2], seed: u64) -> HeightField {
     let (longer, shorter) = (size[0].max(size[1]), size[0].min(size[1]));
     let points: [usize; 2] = std::array::from_fn(|axis| {
-        let wanted = (WORN_POINTS * size[axis] / longer).ceil().max(8.0) as usize;
-        wanted.min(cells[axis].max(2)) + 1
+        let target = (WORN_POINTS * size[axis] / longer).ceil().max(8.0) as usize;
+        target.min(cells[axis].max(2)) + 1
     });
     let step = std::array::from_fn(|axis| size[axis] / (points[axis] - 1) as f64);
     let noise = |field: u32, wavelength: f64, most: usize| {
-        Noise::new(seed, field, size, [wavelength, 2.0 * f64::max(step[0], step[1])], most, 0.5)
+        GradientNoise::new(seed, field, size, [wavelength, 2.0 * f64::max(step[0], step[1])], most, 0.5)
     };
     let wavelength = 0.6 * shorter;
-    let ridges: Vec<Noise> = (0..OCTAVES)
+    let ridges: Vec<GradientNoise> = (0..OCTAVES)
         .map(|octave| noise(RIDGES + octave as u32, wavelength / f64::powi(2.0, octave as i32), 1))
         .collect();
     let (hills, valley) = (noise(HILLS, 0.8 * shorter, 5), noise(VALLEY, 0.7 * shorter, 2));
@@ -64,7 +64,7 @@ fn worn(size: [f64; 2], cells: [usize; 2], seed: u64) -> Field {
         // Ridges belong to the sides of the valley.
         0.25 * x / size[0] + 0.45 * side + 0.3 * hills.at(x, y) + (0.1 + 0.5 * side) * ridged(&ridges, x, y)
     });
-    let mut field = Field { columns: points[0], step, heights: heights.collect() };
+    let mut field = HeightField { columns: points[0], step, heights: heights.collect() };
     let low_end = (0..points[1]).map(|row| row * points[0]);
     let outlet = low_end.min_by_key(|&point| rank(field.heights[point])).unwrap_or(0);
     field.erode(ROUNDS, outlet);
@@ -73,7 +73,7 @@ fn worn(size: [f64; 2], cells: [usize; 2], seed: u64) -> Field {
 
 /// Ridged multifractal noise (Musgrave, in Ebert et al., "Texturing and Modeling: A Procedural Approach", 1994): each
 /// octave is folded into ridges and has more weight where those before it are high. About 0 to 1.
-fn ridged(octaves: &[Noise], x: f64, y: f64) -> f64 {
+fn ridged(octaves: &[GradientNoise], x: f64, y: f64) -> f64 {
     const GAIN: f64 = 2.0;
     let (mut sum, mut weight, mut height) = (0.0, 1.0, 1.0);
     for octave in octaves {
@@ -85,8 +85,8 @@ fn ridged(octaves: &[Noise], x: f64, y: f64) -> f64 {
     sum / 2.0
 }
 
-impl Field {
-    /// Its height at a place, m from its first point, by cubic curves through the points (Catmull & Rom 1974).
+impl HeightField {
+    /// Its height at a position, m from its first point, by cubic splines through the points (Catmull & Rom 1974).
     fn smooth(&self, at: [f64; 2]) -> f64 {
         let last = [self.columns - 1, self.rows() - 1];
         let split = |axis: usize| {
@@ -106,7 +106,7 @@ impl Field {
     }
 }
 
-/// How much the four points around count, `t` of the way from the second to the third.
+/// Weights of the four points around a position `t` of the way from the second to the third.
 fn weights(t: f64) -> [f64; 4] {
     let (square, cube) = (t * t, t * t * t);
     [

@@ -1,27 +1,27 @@
-//! Where plants and rocks are.
+//! Positions of plants and rocks.
 
 use super::plants::Sites;
 use super::species::TREES;
 use super::{Land, Landscape, plants};
-use crate::generate::noise::{Dice, Noise};
+use crate::generate::noise::{Dice, GradientNoise};
 use crate::ground::rng::Draw;
 use glam::DVec2;
 use std::collections::HashMap;
 use std::f64::consts::TAU;
 
-/// Steepest ground on which plants stand.
+/// Slope of the steepest ground on which plants grow.
 const STEEPEST: f64 = 0.7;
-/// Noise of where woods are thick, and where which trees prefer to grow.
+/// Noise fields of the density of the woods, and of the kinds of trees.
 const WOODS: u32 = 37;
 const KINDS: u32 = 38;
 
-/// A place that something has found.
+/// The place of a plant or rock.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Site {
     pub at: DVec2,
     /// About the z axis.
     pub turn: f64,
-    /// Over the size of its mesh, or the size of a rock, m.
+    /// Scale of its mesh, or the size of a rock, m.
     pub size: f64,
     /// Kind of tree, or 0.
     pub kind: usize,
@@ -29,7 +29,7 @@ pub(super) struct Site {
     pub variant: usize,
 }
 
-/// Places that keep a distance from each other, found by throwing darts (Cook 1986, ACM Trans. Graph. 5).
+/// Positions with a minimum distance from each other, found by dart throwing (Cook 1986, ACM Trans. Graph. 5).
 struct Spaced {
     spacing: f64,
     squares: HashMap<[i64; 2], Vec<DVec2>>,
@@ -37,7 +37,7 @@ struct Spaced {
 
 impl Spaced {
     fn new(spacing: f64) -> Self {
-        // Squares of no size would be too many to number.
+        // Squares of zero size would be too many to number.
         Spaced { spacing: spacing.max(1e-3), squares: HashMap::new() }
     }
 
@@ -62,10 +62,10 @@ impl Spaced {
     }
 }
 
-/// `count` places at least `spacing` m apart that `likes` accepts with the probability that it returns; fewer if there
-/// is no room.
+/// `count` positions at least `spacing` m apart, each accepted with the probability that `likes` returns; fewer if
+/// there is no room.
 fn darts(land: &Land, dice: &mut Dice, count: usize, spacing: f64, likes: impl Fn(DVec2) -> f64) -> Vec<DVec2> {
-    /// Darts for each place, at most.
+    /// Maximum number of darts per position.
     const TRIES: usize = 40;
     let [x, y] = land.terrain.size;
     let mut spaced = Spaced::new(spacing);
@@ -84,13 +84,13 @@ fn darts(land: &Land, dice: &mut Dice, count: usize, spacing: f64, likes: impl F
     places
 }
 
-/// The distance that `count` things on the land keep, m: over `part` of the mean one, as more leaves no room.
+/// Minimum distance between `count` objects on the land, m: `part` of the mean distance, as more would leave no room.
 fn spacing(land: &Land, count: usize, part: f64, most: f64) -> f64 {
     let [x, y] = land.terrain.size;
     (part * (x * y / count.max(1) as f64).sqrt()).min(most)
 }
 
-/// Finds a place for everything.
+/// Finds positions for all plants and rocks.
 pub(super) fn sites(landscape: &Landscape, land: &Land, seed: u64) -> Sites {
     let trees = trees(landscape, land, seed);
     let bushes = bushes(landscape, land, &trees, seed);
@@ -102,14 +102,15 @@ pub(super) fn sites(landscape: &Landscape, land: &Land, seed: u64) -> Sites {
 fn noise(land: &Land, field: u32, wavelength: f64, seed: u64) -> impl Fn(DVec2) -> f64 + use<> {
     let size = land.terrain.size;
     let wavelength = wavelength.min(size[0].min(size[1]));
-    let noise = Noise::new(seed, field, size, [wavelength, wavelength / 4.0], 3, 0.5);
+    let noise = GradientNoise::new(seed, field, size, [wavelength, wavelength / 4.0], 3, 0.5);
     move |at: DVec2| noise.at(at.x + size[0] / 2.0, at.y + size[1] / 2.0)
 }
 
 fn trees(landscape: &Landscape, land: &Land, seed: u64) -> Vec<Site> {
-    /// How far trunks are from path and stream, m.
+    /// Minimum distance of trunks from path and stream, m.
     const CLEAR: f64 = 1.2;
-    /// Parts of the noise for each kind of tree: oaks, birches and spruces in groups, and how many are dead anywhere.
+    /// Shares of the kinds of trees: oaks, birches and spruces, which grow in groups, and dead trees, which are
+    /// anywhere.
     const SHARES: [f64; TREES.len()] = [0.4, 0.3, 0.27, 0.03];
     let mut dice = Dice::new(seed, Draw::Forest, 0);
     let (woods, kinds) = (noise(land, WOODS, 50.0, seed), noise(land, KINDS, 60.0, seed));
@@ -124,7 +125,7 @@ fn trees(landscape: &Landscape, land: &Land, seed: u64) -> Vec<Site> {
     let places = darts(land, &mut dice, count, spacing(land, count, 0.5, 4.0), likes);
     let mut dice = Dice::new(seed, Draw::Forest, 1);
     let site = |at: DVec2| {
-        // From 0 to 1, its parts for oaks, birches and spruces one after the other.
+        // From 0 to 1, divided into the shares of oaks, birches and spruces one after the other.
         let mut chance = (0.5 + 0.9 * kinds(at) + dice.between(-0.3, 0.3)).clamp(0.0, 1.0 - 1e-9);
         if dice.unit() < SHARES[3] {
             chance = 1.0 - 1e-9;
@@ -143,7 +144,7 @@ fn trees(landscape: &Landscape, land: &Land, seed: u64) -> Vec<Site> {
 }
 
 fn bushes(landscape: &Landscape, land: &Land, trees: &[Site], seed: u64) -> Vec<Site> {
-    /// How far they are from path and stream, and from trunks, m.
+    /// Minimum distances from path and stream, and from trunks, m.
     const CLEAR: f64 = 1.2;
     const FROM_TRUNK: f64 = 1.0;
     let mut dice = Dice::new(seed, Draw::Bush, 0);
@@ -165,7 +166,7 @@ fn bushes(landscape: &Landscape, land: &Land, trees: &[Site], seed: u64) -> Vec<
 }
 
 fn rocks(landscape: &Landscape, land: &Land, trees: &[Site], seed: u64) -> Vec<Site> {
-    /// How far they are from path and stream and from trunks, over their size; and the size of the largest, m.
+    /// Minimum distance from path, stream and trunks over the size of a rock; and the size of the largest, m.
     const CLEAR: f64 = 0.6;
     const LARGEST: f64 = 2.0;
     let mut dice = Dice::new(seed, Draw::Stone, 0);
@@ -188,12 +189,12 @@ fn rocks(landscape: &Landscape, land: &Land, trees: &[Site], seed: u64) -> Vec<S
     sites
 }
 
-/// Middles of patches of grass.
+/// Centres of patches of grass.
 fn grass(landscape: &Landscape, land: &Land, trees: &[Site], seed: u64) -> Vec<Site> {
     let mut dice = Dice::new(seed, Draw::Grass, 0);
     let trunks = Spaced::of(0.5, trees);
     let [x, y] = land.terrain.size;
-    // Patches fall anywhere, and stay where they lie on turf: the density is that of turf.
+    // Patches are drawn anywhere, and kept if they are on turf: the density is that on turf.
     let count = (landscape.grass_per_m2 * x * y / plants::TUFTS as f64).round() as usize;
     let mut sites = Vec::new();
     for _ in 0..count {

@@ -1,9 +1,9 @@
 //! Kinds of woody plants: the parameters of Weber & Penn for each.
 
-/// How long branches are, by where they leave the trunk (Weber & Penn 1995, section 4.3 and appendix): the part of the
-/// crown above them goes in.
+/// Length of branches by where they leave the trunk (Weber & Penn 1995, section 4.3 and appendix), as a function of the
+/// fraction of the crown above them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Outline {
+pub(super) enum CrownShape {
     Conical,
     Spherical,
     Hemispherical,
@@ -11,16 +11,16 @@ pub(super) enum Outline {
     TendFlame,
 }
 
-impl Outline {
+impl CrownShape {
     pub fn ratio(self, above: f64) -> f64 {
         use std::f64::consts::{FRAC_PI_2, PI};
         match self {
-            Outline::Conical => 0.2 + 0.8 * above,
-            Outline::Spherical => 0.2 + 0.8 * (PI * above).sin(),
-            Outline::Hemispherical => 0.2 + 0.8 * (FRAC_PI_2 * above).sin(),
-            Outline::TaperedCylindrical => 0.5 + 0.5 * above,
-            Outline::TendFlame if above <= 0.7 => 0.5 + 0.5 * above / 0.7,
-            Outline::TendFlame => 0.5 + 0.5 * (1.0 - above) / 0.3,
+            CrownShape::Conical => 0.2 + 0.8 * above,
+            CrownShape::Spherical => 0.2 + 0.8 * (PI * above).sin(),
+            CrownShape::Hemispherical => 0.2 + 0.8 * (FRAC_PI_2 * above).sin(),
+            CrownShape::TaperedCylindrical => 0.5 + 0.5 * above,
+            CrownShape::TendFlame if above <= 0.7 => 0.5 + 0.5 * above / 0.7,
+            CrownShape::TendFlame => 0.5 + 0.5 * (1.0 - above) / 0.3,
         }
     }
 }
@@ -30,27 +30,28 @@ pub(super) type Varied = [f64; 2];
 
 /// Stems of one order: the trunk, its branches, their twigs. Angles in degrees.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Order {
-    /// Over that of the parent, at most; of the trunk, over the height.
+pub(super) struct StemOrder {
+    /// Maximum length over that of the parent; of the trunk, over the height.
     pub length: Varied,
-    /// How much the radius decreases to the end, 0 to 1.
+    /// Decrease of the radius towards the end, 0 to 1.
     pub taper: f64,
-    /// Straight pieces.
+    /// Number of straight pieces.
     pub pieces: usize,
-    /// How far it bends in its first half, and in its second.
+    /// Bend in its first half, and in its second.
     pub bend: [f64; 2],
-    /// How much it wavers along its length.
+    /// Random bend along its length.
     pub waver: f64,
-    /// How many forks it has from piece to piece, and the angle of its arms.
+    /// Number of forks per piece, and the angle of the arms.
     pub forks: f64,
     pub fork_angle: Varied,
-    /// Away from the parent. A negative variation: by so much more at the lower end of the crown, less at the upper.
+    /// Angle away from the parent. With a negative variation, it is that much more at the lower end of the crown and
+    /// less at the upper.
     pub down: Varied,
-    /// About the parent, from one to the next.
+    /// Angle about the parent, from one stem to the next.
     pub around: Varied,
-    /// How many one stem has; of the trunk, how many grow from one root.
+    /// Number of these per parent stem; of trunks, per root.
     pub count: u32,
-    /// Sides of the tube that it is.
+    /// Number of sides of its tube.
     pub sides: usize,
 }
 
@@ -60,18 +61,19 @@ pub(super) struct Species {
     pub name: &'static str,
     /// Height, m.
     pub height: Varied,
-    pub outline: Outline,
-    /// Part of the trunk below the crown.
+    pub outline: CrownShape,
+    /// Fraction of the trunk below the crown.
     pub bare: f64,
-    /// Radius of the trunk over its length, and the power of lengths by which radii decrease from order to order.
+    /// Radius of the trunk over its length, and the exponent of the ratio of lengths by which radii decrease from order
+    /// to order.
     pub ratio: f64,
     pub ratio_power: f64,
     /// How much wider the trunk is at its foot.
     pub flare: f64,
     /// How much thin stems turn to the light; negative: they hang.
     pub upwards: f64,
-    pub orders: [Order; 3],
-    /// Leaves of a twig; of a dead tree none.
+    pub orders: [StemOrder; 3],
+    /// Leaves per twig; none for a dead tree.
     pub leaves: u32,
     /// Length of a leaf, m, and its width over its length.
     pub leaf: [f64; 2],
@@ -82,7 +84,7 @@ pub(super) struct Species {
 const BARK: ([f32; 3], f64) = ([0.09, 0.065, 0.045], 0.3);
 const GREEN: f64 = 0.5;
 
-const TRUNK: Order = Order {
+const TRUNK: StemOrder = StemOrder {
     length: [1.0, 0.0],
     taper: 1.0,
     pieces: 8,
@@ -95,25 +97,25 @@ const TRUNK: Order = Order {
     count: 1,
     sides: 9,
 };
-const BRANCH: Order = Order { pieces: 5, sides: 5, around: [140.0, 0.0], ..TRUNK };
-const TWIG: Order = Order { pieces: 2, sides: 3, around: [140.0, 0.0], down: [45.0, 10.0], ..TRUNK };
+const BRANCH: StemOrder = StemOrder { pieces: 5, sides: 5, around: [140.0, 0.0], ..TRUNK };
+const TWIG: StemOrder = StemOrder { pieces: 2, sides: 3, around: [140.0, 0.0], down: [45.0, 10.0], ..TRUNK };
 
 /// After the parameters that Weber & Penn (1995, "Creation and Rendering of Realistic Trees", SIGGRAPH '95) give for a
-/// black oak and a quaking aspen, with fewer and larger leaves, as they do for trees that are far away; the spruce, the
-/// dead tree and the bush are our own. Colours and reflectances are our choice, as such things look.
+/// black oak and a quaking aspen, with fewer and larger leaves, as they do for distant trees; the spruce, the dead tree
+/// and the bush are our own. Colours and reflectances are our own plausible choices.
 pub(super) const TREES: [Species; 4] = [
     Species {
         name: "Oak",
         height: [11.0, 2.0],
-        outline: Outline::Hemispherical,
+        outline: CrownShape::Hemispherical,
         bare: 0.18,
         ratio: 0.022,
         ratio_power: 1.3,
         flare: 1.0,
         upwards: 0.6,
         orders: [
-            Order { taper: 0.95, waver: 40.0, forks: 0.15, fork_angle: [18.0, 6.0], ..TRUNK },
-            Order {
+            StemOrder { taper: 0.95, waver: 40.0, forks: 0.15, fork_angle: [18.0, 6.0], ..TRUNK },
+            StemOrder {
                 length: [0.62, 0.08],
                 pieces: 6,
                 bend: [30.0, -45.0],
@@ -125,7 +127,7 @@ pub(super) const TREES: [Species; 4] = [
                 count: 34,
                 ..BRANCH
             },
-            Order { length: [0.26, 0.06], waver: 30.0, count: 30, ..TWIG },
+            StemOrder { length: [0.26, 0.06], waver: 30.0, count: 30, ..TWIG },
         ],
         leaves: 13,
         leaf: [0.26, 0.62],
@@ -134,15 +136,15 @@ pub(super) const TREES: [Species; 4] = [
     Species {
         name: "Birch",
         height: [12.0, 2.0],
-        outline: Outline::TendFlame,
+        outline: CrownShape::TendFlame,
         bare: 0.3,
         ratio: 0.012,
         ratio_power: 1.2,
         flare: 0.6,
         upwards: -0.4,
         orders: [
-            Order { waver: 25.0, ..TRUNK },
-            Order {
+            StemOrder { waver: 25.0, ..TRUNK },
+            StemOrder {
                 length: [0.28, 0.04],
                 bend: [-30.0, 40.0],
                 waver: 50.0,
@@ -151,7 +153,7 @@ pub(super) const TREES: [Species; 4] = [
                 count: 42,
                 ..BRANCH
             },
-            Order { length: [0.5, 0.1], bend: [-20.0, -20.0], waver: 40.0, count: 18, ..TWIG },
+            StemOrder { length: [0.5, 0.1], bend: [-20.0, -20.0], waver: 40.0, count: 18, ..TWIG },
         ],
         leaves: 11,
         leaf: [0.15, 0.8],
@@ -160,15 +162,15 @@ pub(super) const TREES: [Species; 4] = [
     Species {
         name: "Spruce",
         height: [15.0, 3.0],
-        outline: Outline::Conical,
+        outline: CrownShape::Conical,
         bare: 0.05,
         ratio: 0.011,
         ratio_power: 1.3,
         flare: 0.5,
         upwards: 0.25,
         orders: [
-            Order { waver: 4.0, pieces: 10, ..TRUNK },
-            Order {
+            StemOrder { waver: 4.0, pieces: 10, ..TRUNK },
+            StemOrder {
                 length: [0.26, 0.03],
                 bend: [-14.0, 24.0],
                 waver: 12.0,
@@ -179,7 +181,7 @@ pub(super) const TREES: [Species; 4] = [
                 pieces: 4,
                 ..BRANCH
             },
-            Order { length: [0.4, 0.05], down: [55.0, 8.0], around: [180.0, 25.0], count: 14, ..TWIG },
+            StemOrder { length: [0.4, 0.05], down: [55.0, 8.0], around: [180.0, 25.0], count: 14, ..TWIG },
         ],
         leaves: 14,
         leaf: [0.36, 0.3],
@@ -188,15 +190,15 @@ pub(super) const TREES: [Species; 4] = [
     Species {
         name: "Dead",
         height: [9.0, 2.0],
-        outline: Outline::Spherical,
+        outline: CrownShape::Spherical,
         bare: 0.25,
         ratio: 0.02,
         ratio_power: 1.5,
         flare: 0.8,
         upwards: 0.3,
         orders: [
-            Order { taper: 0.8, waver: 45.0, forks: 0.1, fork_angle: [16.0, 6.0], ..TRUNK },
-            Order {
+            StemOrder { taper: 0.8, waver: 45.0, forks: 0.1, fork_angle: [16.0, 6.0], ..TRUNK },
+            StemOrder {
                 length: [0.42, 0.12],
                 pieces: 6,
                 bend: [20.0, -40.0],
@@ -208,7 +210,7 @@ pub(super) const TREES: [Species; 4] = [
                 count: 18,
                 ..BRANCH
             },
-            Order { length: [0.3, 0.1], waver: 60.0, pieces: 3, count: 12, ..TWIG },
+            StemOrder { length: [0.3, 0.1], waver: 60.0, pieces: 3, count: 12, ..TWIG },
         ],
         leaves: 0,
         leaf: [0.0, 0.0],
@@ -219,15 +221,15 @@ pub(super) const TREES: [Species; 4] = [
 pub(super) const BUSH: Species = Species {
     name: "Bush",
     height: [1.4, 0.3],
-    outline: Outline::TaperedCylindrical,
+    outline: CrownShape::TaperedCylindrical,
     bare: 0.1,
     ratio: 0.014,
     ratio_power: 1.1,
     flare: 0.2,
     upwards: 0.5,
     orders: [
-        Order { pieces: 5, waver: 40.0, down: [28.0, 14.0], around: [137.5, 25.0], count: 7, sides: 5, ..TRUNK },
-        Order {
+        StemOrder { pieces: 5, waver: 40.0, down: [28.0, 14.0], around: [137.5, 25.0], count: 7, sides: 5, ..TRUNK },
+        StemOrder {
             length: [0.5, 0.08],
             pieces: 3,
             sides: 3,
@@ -237,7 +239,7 @@ pub(super) const BUSH: Species = Species {
             count: 9,
             ..BRANCH
         },
-        Order { length: [0.45, 0.1], waver: 30.0, count: 4, ..TWIG },
+        StemOrder { length: [0.45, 0.1], waver: 30.0, count: 4, ..TWIG },
     ],
     leaves: 9,
     leaf: [0.08, 0.6],

@@ -14,7 +14,7 @@ pub(super) struct Terrain {
 }
 
 impl Terrain {
-    /// A grid on which the height of each point is a function of its place.
+    /// A grid on which the height of each point is a function of its position.
     pub fn from_heights(size: [f64; 2], cells: [usize; 2], height: impl Fn(f64, f64) -> f64 + Sync) -> Self {
         let mut terrain = Terrain { size, cells, heights: Vec::new() };
         let mut heights = vec![0.0; (cells[0] + 1) * (cells[1] + 1)];
@@ -42,7 +42,7 @@ impl Terrain {
         self.cells[0] + 1
     }
 
-    /// Where a grid point is.
+    /// Position of a grid point.
     pub fn place(&self, column: usize, row: usize) -> [f64; 2] {
         let along = |axis: usize, index: usize| self.size[axis] * (index as f64 / self.cells[axis] as f64 - 0.5);
         [along(0, column), along(1, row)]
@@ -81,7 +81,7 @@ impl Terrain {
         if falls(column, row) { [[a, b, d], [b, c, d]] } else { [[a, b, c], [a, c, d]] }
     }
 
-    /// Height of the triangle above or below a place; outside, of the nearest edge.
+    /// Height of the ground at a position; outside, that of the nearest edge.
     pub fn height(&self, x: f64, y: f64) -> f64 {
         let split = |axis: usize, at: f64| {
             let cells = self.cells[axis];
@@ -100,7 +100,7 @@ impl Terrain {
         }
     }
 
-    /// Rise along x and y over `reach` m.
+    /// Rise per metre along x and y, over `reach` m.
     fn rise(&self, x: f64, y: f64, reach: f64) -> [f64; 2] {
         let half = reach / 2.0;
         let rise_x = self.height(x + half, y) - self.height(x - half, y);
@@ -108,7 +108,7 @@ impl Terrain {
         [rise_x / reach, rise_y / reach]
     }
 
-    /// Unit normal of the ground as something `reach` m long would lie on it.
+    /// Unit normal of the ground averaged over `reach` m, as for an object of that length resting on it.
     pub fn normal(&self, x: f64, y: f64, reach: f64) -> DVec3 {
         let [rise_x, rise_y] = self.rise(x, y, reach);
         DVec3::new(-rise_x, -rise_y, 1.0).normalize()

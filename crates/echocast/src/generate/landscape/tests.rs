@@ -1,4 +1,4 @@
-//! Laws of landscapes.
+//! Properties of landscapes.
 
 use super::plants::{self, PATCH, TUFTS, VARIANTS};
 use super::species::{BUSH, TREES};
@@ -45,7 +45,7 @@ fn double_area([a, b, c]: [DVec2; 3]) -> f64 {
     (b - a).perp_dot(c - a)
 }
 
-/// Height of a triangle above or below a place, if it is there.
+/// Height of a triangle at a position, if it covers it.
 fn height_in(triangle: &[DVec3; 3], at: DVec2) -> Option<f64> {
     let [a, b, c] = triangle.map(DVec3::truncate);
     let whole = double_area([a, b, c]);
@@ -58,7 +58,7 @@ fn height(ground: &[[DVec3; 3]], at: DVec2) -> f64 {
     ground.iter().find_map(|triangle| height_in(triangle, at)).unwrap_or_else(|| panic!("a hole at {at}"))
 }
 
-/// How far a place is from triangles, seen from above; 0 on them.
+/// Distance of a point from triangles, seen from above; 0 on them.
 fn distance(triangles: &[[DVec3; 3]], at: DVec2) -> f64 {
     let edge = |a: DVec2, b: DVec2| {
         let part = ((at - a).dot(b - a) / (b - a).length_squared().max(1e-12)).clamp(0.0, 1.0);
@@ -119,7 +119,7 @@ fn ground_and_path_cover_the_land_once() {
         let areas: Vec<f64> = all.iter().map(|triangle| double_area(triangle.map(DVec3::truncate)) / 2.0).collect();
         assert!(areas.iter().all(|&area| area > 0.0));
         assert!((areas.iter().sum::<f64>() - 48.0 * 40.0).abs() < 1e-2);
-        // Where one ends the other begins: each edge inside is that of two triangles.
+        // They join without gaps: each inner edge belongs to two triangles.
         let bits = |at: DVec3| at.to_array().map(f64::to_bits);
         let mut edges = HashSet::new();
         for [a, b, c] in all {
@@ -166,7 +166,7 @@ fn plants_stand_upright_on_the_ground_off_path_and_water() {
 }
 
 #[test]
-fn plants_keep_their_distance_and_are_as_many_as_asked() {
+fn plants_keep_their_distance_and_are_as_many_as_requested() {
     let landscape = Landscape { trees_per_ha: 1250.0, ..small() };
     let scene = load(&landscape, 4);
     let trees: Vec<DVec2> = of_category(&scene, "tree").iter().map(|tree| place(tree).truncate()).collect();
@@ -187,7 +187,7 @@ fn plants_keep_their_distance_and_are_as_many_as_asked() {
 }
 
 #[test]
-fn grass_is_as_dense_on_turf_as_asked() {
+fn grass_on_turf_has_the_requested_density() {
     let size_m = [100.0, 80.0];
     let bare = Landscape { path: false, stream: false, trees_per_ha: 0.0, bushes_per_ha: 0.0, ..Landscape::default() };
     let scene = load(&Landscape { size_m, grass_per_m2: 6.0, ..bare }, 2);
@@ -215,7 +215,7 @@ fn same_seed_same_bytes() {
 }
 
 #[test]
-fn land_has_the_relief_that_was_asked_for() {
+fn land_has_the_requested_relief() {
     for (relief_m, seed) in [(0.0, 1), (5.0, 2), (12.0, 3)] {
         let landscape = Landscape { relief_m, path: false, stream: false, grass_per_m2: 0.0, ..small() };
         let land = landscape.land(seed, &mut Vec::new()).unwrap();
@@ -256,7 +256,7 @@ fn water_runs_downhill_in_its_bed_and_the_path_is_level_across() {
 }
 
 #[test]
-fn courses_are_as_far_as_they_seem() {
+fn distances_to_courses_are_exact() {
     let land = small().land(3, &mut Vec::new()).unwrap();
     let path = land.path.unwrap();
     for step in 0..200 {
@@ -399,7 +399,7 @@ fn height_maps_are_reproduced_at_their_samples() {
 }
 
 #[test]
-fn what_has_no_height_takes_that_beside_it() {
+fn samples_without_a_height_take_that_of_a_neighbour() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("a.asc");
     fs::write(&file, "NCOLS 3\nNROWS 2\nCELLSIZE 20\nNODATA_VALUE -1\n1 -1 -1\n-1 -1 5\n").unwrap();
@@ -415,10 +415,10 @@ fn what_has_no_height_takes_that_beside_it() {
 fn bad_height_maps_are_refused_in_one_sentence() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
-    let said = |landscape: &Landscape| {
-        let said = landscape.scene(0).unwrap_err().to_string();
-        assert!(said.len() < 500 && !said.contains('\n'), "{said}");
-        said
+    let message = |landscape: &Landscape| {
+        let message = landscape.scene(0).unwrap_err().to_string();
+        assert!(message.len() < 500 && !message.contains('\n'), "{message}");
+        message
     };
     write_png(&at("8.png"), png::BitDepth::Eight);
     let mut encoder = tiff::encoder::TiffEncoder::new(fs::File::create(at("rgb.tif")).unwrap()).unwrap();
@@ -442,8 +442,8 @@ fn bad_height_maps_are_refused_in_one_sentence() {
     for (number, (text, says)) in grids.iter().enumerate() {
         let file = at(&format!("{number}.asc"));
         fs::write(&file, text).unwrap();
-        let said = said(&bare(&file));
-        assert!(said.contains(says) && said.contains(".asc"), "{said}");
+        let message = message(&bare(&file));
+        assert!(message.contains(says) && message.contains(".asc"), "{message}");
     }
     for (file, range_m, says) in [
         ("8.png", Some([0.0, 1.0]), "a PNG of 1 x 8 bits a pixel; allowed: 1 x 16 bits, grey"),
@@ -451,16 +451,16 @@ fn bad_height_maps_are_refused_in_one_sentence() {
         ("a.png", None, "height_map.range_m is missing"),
         ("a.png", Some([4.0, 4.0]), "height_map.range_m is 4,4; allowed: two numbers that rise"),
         ("a.png", Some([f64::NAN, 4.0]), "height_map.range_m is NaN,4"),
-        ("degrees.tif", None, "its places are in degrees"),
+        ("degrees.tif", None, "its coordinates are in degrees"),
         ("degrees.tif", Some([0.0, 1.0]), "degrees"),
         ("text", None, "not a height map; allowed: a PNG of 16 bits"),
         ("none.tif", None, "none.tif: No such file"),
     ] {
         let landscape = Landscape { height_map: Some(HeightMap { file: at(file), range_m }), ..bare(&at(file)) };
-        let said = said(&landscape);
-        assert!(said.contains(says), "{said}");
+        let message = message(&landscape);
+        assert!(message.contains(says), "{message}");
     }
-    // Files that are cut off, or with other bytes, are read or refused.
+    // Truncated or corrupted files are read or refused.
     write_tiff(&at("a.tif"), &[]);
     for (name, range_m) in [("a.tif", None), ("a.png", Some([0.0, 1.0]))] {
         let whole = fs::read(at(name)).unwrap();
@@ -521,7 +521,7 @@ fn the_landscape_of_the_paper_has_trees_rocks_and_grass() {
     let mut found: Vec<&str> = made.categories.iter().map(|(name, _)| *name).collect();
     found.sort_unstable();
     assert_eq!(found, ["grass", "rock", "terrain", "tree"]);
-    // Without a path too its sensor does not stand in a tree.
+    // Its sensor is not inside a tree, even without a path.
     let scene = made.load(&LoadOptions::default()).unwrap();
     let lidar = scene.camera("Lidar").unwrap().pose.position;
     assert!(of_category(&scene, "tree").iter().all(|tree| place(tree).distance(lidar) > 2.0));

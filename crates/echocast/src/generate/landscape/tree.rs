@@ -1,8 +1,8 @@
 //! Trees after Weber & Penn, "Creation and Rendering of Realistic Trees" (SIGGRAPH '95): stems that curve, fork and
-//! taper, each with stems of the next order around it, the last with leaves. Without what few kinds need: lobes of the
-//! trunk, stems that coil, and pruning.
+//! taper, each with stems of the next order around it, the last with leaves. Features that few kinds need are left out:
+//! lobes of the trunk, stems that coil, and pruning.
 
-use super::species::{Order, Outline, Species, Varied};
+use super::species::{CrownShape, Species, StemOrder, Varied};
 use crate::generate::noise::Dice;
 use glam::{DQuat, DVec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
@@ -16,7 +16,7 @@ pub(super) struct Plant {
     pub parts: [Vec<[u32; 3]>; 3],
 }
 
-/// How deep a trunk reaches into the ground, over its height: on slopes no gap is below it.
+/// Depth of a trunk in the ground over its height, so that there is no gap below it on slopes.
 const ROOT: f64 = 0.03;
 
 pub(super) fn grow(species: &Species, dice: &mut Dice) -> Plant {
@@ -30,7 +30,7 @@ pub(super) fn grow(species: &Species, dice: &mut Dice) -> Plant {
         around += varied(order.around, growth.dice).to_radians();
         let length = varied(order.length, growth.dice) * height;
         let stem = Stem { order: 0, length, radius: length * species.ratio };
-        growth.stem(&stem, 0, Frame { at: DVec3::ZERO, turned }, 1.0);
+        growth.stem(&stem, 0, StemFrame { at: DVec3::ZERO, turned }, 1.0);
     }
     growth.plant
 }
@@ -39,9 +39,9 @@ fn varied([mean, by]: Varied, dice: &mut Dice) -> f64 {
     mean + by.abs() * dice.between(-1.0, 1.0)
 }
 
-/// A place and a direction: z along the stem.
+/// A position and an orientation: z along the stem.
 #[derive(Clone, Copy)]
-struct Frame {
+struct StemFrame {
     at: DVec3,
     turned: DQuat,
 }
@@ -57,24 +57,24 @@ struct Stem {
 struct Growth<'a, 'd> {
     species: &'a Species,
     dice: &'d mut Dice,
-    /// Of the tree.
+    /// Height of the tree.
     height: f64,
     plant: Plant,
-    /// Forks that are due, by order: of 0.3 forks from piece to piece every third or so is made.
+    /// Forks that are due, by order: with 0.3 forks per piece, about every third piece forks.
     fork_debts: [f64; 3],
 }
 
 impl Growth<'_, '_> {
-    /// Grows a stem from the piece `first` on, and what is on it: `share` of what a stem without forks would have.
-    fn stem(&mut self, stem: &Stem, first: usize, mut frame: Frame, mut share: f64) {
+    /// Grows a stem from the piece `first` on, with its outgrowths: `share` of those of a stem without forks.
+    fn stem(&mut self, stem: &Stem, first: usize, mut frame: StemFrame, mut share: f64) {
         let order = self.species.orders[stem.order];
         let piece = stem.length / order.pieces as f64;
-        // Places along it, with radii and the share of what grows there.
+        // Positions along it, with radii and the share of what grows there.
         let mut rings = Vec::with_capacity(order.pieces + 2);
         let part = |piece: usize| piece as f64 / order.pieces as f64;
         if stem.order == 0 && first == 0 {
             let below = frame.at - frame.turned * DVec3::Z * (ROOT * stem.length).max(0.1);
-            rings.push((Frame { at: below, ..frame }, self.radius(stem, 0.0)));
+            rings.push((StemFrame { at: below, ..frame }, self.radius(stem, 0.0)));
         }
         let start = rings.len();
         rings.push((frame, self.radius(stem, part(first))));
@@ -85,7 +85,7 @@ impl Growth<'_, '_> {
                 // The flare of the foot needs rings of its own.
                 for along in [0.15, 0.4] {
                     let at = frame.at + frame.turned * DVec3::Z * piece * along;
-                    rings.push((Frame { at, ..frame }, self.radius(stem, part(0) + along * part(1))));
+                    rings.push((StemFrame { at, ..frame }, self.radius(stem, part(0) + along * part(1))));
                 }
             }
             frame.at += frame.turned * DVec3::Z * piece;
@@ -104,14 +104,14 @@ impl Growth<'_, '_> {
                 let to = DQuat::from_rotation_z(self.dice.between(0.0, TAU));
                 let leaning = |angle: f64| to * DQuat::from_rotation_x(angle) * to.inverse();
                 share /= 2.0;
-                let arm = Frame { turned: frame.turned * leaning(-other.to_radians()), ..frame };
+                let arm = StemFrame { turned: frame.turned * leaning(-other.to_radians()), ..frame };
                 frame.turned *= leaning(angle);
                 self.stem(stem, number + 1, arm, share);
             }
         }
         self.tube(stem.order, &rings, order.sides);
         // The rings at the ends of pieces, without those of the foot.
-        let joints: Vec<Frame> = if start > 0 {
+        let joints: Vec<StemFrame> = if start > 0 {
             [rings[start].0].into_iter().chain(rings[start + 3..].iter().map(|ring| ring.0)).collect()
         } else {
             rings.iter().map(|ring| ring.0).collect()
@@ -119,7 +119,7 @@ impl Growth<'_, '_> {
         self.outgrowths(stem, first, &joints, &shares);
     }
 
-    /// Radius at a part of the length.
+    /// Radius at a fraction of the length.
     fn radius(&self, stem: &Stem, part: f64) -> f64 {
         let taper = self.species.orders[stem.order].taper;
         let radius = stem.radius * (1.0 - taper * part).max(0.06);
@@ -131,7 +131,7 @@ impl Growth<'_, '_> {
     }
 
     /// The direction after a piece.
-    fn bent(&mut self, stem: &Stem, order: &Order, number: usize, turned: DQuat) -> DQuat {
+    fn bent(&mut self, stem: &Stem, order: &StemOrder, number: usize, turned: DQuat) -> DQuat {
         let pieces = order.pieces as f64;
         let bend = order.bend[usize::from(2 * number >= order.pieces)] / (pieces / 2.0);
         let waver = order.waver / pieces;
@@ -139,7 +139,7 @@ impl Growth<'_, '_> {
         let bend = (bend + self.dice.between(-waver, waver)).to_radians();
         let mut turned = turned * DQuat::from_rotation_x(bend) * DQuat::from_rotation_y(side.to_radians());
         if stem.order > 0 {
-            // Towards the light by the shortest way, more the more it leans.
+            // Turns towards the light by the shortest way, the more the more it leans.
             let ahead = turned * DVec3::Z;
             let lean = ahead.z.clamp(-1.0, 1.0).acos();
             if let Some(axis) = ahead.cross(DVec3::Z).try_normalize() {
@@ -151,18 +151,18 @@ impl Growth<'_, '_> {
     }
 
     /// Stems of the next order, or leaves, along the pieces of a stem from the piece `first` on.
-    fn outgrowths(&mut self, stem: &Stem, first: usize, joints: &[Frame], shares: &[f64]) {
+    fn outgrowths(&mut self, stem: &Stem, first: usize, joints: &[StemFrame], shares: &[f64]) {
         let species = self.species;
         let pieces = species.orders[stem.order].pieces as f64;
         let bare = if stem.order == 0 { species.bare } else { 0.0 };
         let next = species.orders.get(stem.order + 1);
-        let wanted = match next {
+        let expected = match next {
             // Shorter stems have fewer.
             Some(next) if stem.order == 0 => f64::from(next.count),
             Some(next) => f64::from(next.count) * (0.2 + 0.8 * self.fullness(stem)),
             None => f64::from(species.leaves) * (0.4 + 0.6 * self.fullness(stem)),
         };
-        if wanted <= 0.0 {
+        if expected <= 0.0 {
             return;
         }
         let mut around = self.dice.between(0.0, TAU);
@@ -170,7 +170,7 @@ impl Growth<'_, '_> {
         for (number, pair) in joints.windows(2).enumerate() {
             let (low, high) = ((first + number) as f64 / pieces, (first + number + 1) as f64 / pieces);
             let (low, high) = (low.max(bare), high.max(bare));
-            let here = wanted * shares[number] * (high - low) / (1.0 - bare);
+            let here = expected * shares[number] * (high - low) / (1.0 - bare);
             due += here;
             let count = due.floor();
             due -= count;
@@ -178,7 +178,7 @@ impl Growth<'_, '_> {
                 let part = low + (high - low) * (one as f64 + self.dice.between(0.1, 0.9)) / count;
                 let along = part * pieces - (first + number) as f64;
                 let at = pair[0].at.lerp(pair[1].at, along.clamp(0.0, 1.0));
-                let frame = Frame { at, turned: pair[0].turned };
+                let frame = StemFrame { at, turned: pair[0].turned };
                 match next {
                     Some(next) => {
                         around += varied(next.around, self.dice).to_radians();
@@ -199,7 +199,7 @@ impl Growth<'_, '_> {
         (stem.length / (self.height * of_order)).min(1.0)
     }
 
-    fn branch(&mut self, parent: &Stem, order: &Order, part: f64, frame: Frame, around: f64) {
+    fn branch(&mut self, parent: &Stem, order: &StemOrder, part: f64, frame: StemFrame, around: f64) {
         let species = self.species;
         let bare = if parent.order == 0 { species.bare } else { 0.0 };
         let above = ((1.0 - part) / (1.0 - bare)).clamp(0.0, 1.0);
@@ -213,16 +213,16 @@ impl Growth<'_, '_> {
             .max(0.002);
         let [down, by] = order.down;
         let down = match by < 0.0 {
-            true => down + by * (1.0 - 2.0 * Outline::Conical.ratio(above)),
+            true => down + by * (1.0 - 2.0 * CrownShape::Conical.ratio(above)),
             false => varied(order.down, self.dice),
         };
         let turned = frame.turned * DQuat::from_rotation_z(around) * DQuat::from_rotation_x(down.to_radians());
         let stem = Stem { order: parent.order + 1, length, radius };
-        self.stem(&stem, 0, Frame { turned, ..frame }, 1.0);
+        self.stem(&stem, 0, StemFrame { turned, ..frame }, 1.0);
     }
 
     /// A leaf: two triangles, its foot at the stem.
-    fn leaf(&mut self, frame: Frame, around: f64) {
+    fn leaf(&mut self, frame: StemFrame, around: f64) {
         let [length, width] = self.species.leaf;
         let length = length * self.dice.between(0.75, 1.25);
         let down = self.dice.between(0.6, 1.3);
@@ -241,13 +241,13 @@ impl Growth<'_, '_> {
     }
 
     /// A skin around a stem, pointed at its end.
-    fn tube(&mut self, order: usize, rings: &[(Frame, f64)], sides: usize) {
+    fn tube(&mut self, order: usize, rings: &[(StemFrame, f64)], sides: usize) {
         let plant = &mut self.plant;
         let first = plant.vertices.len() as u32;
         let [body @ .., (tip, _)] = rings else { return };
-        // Each ring turns about the axis as little as it can, so that the skin is not twisted.
+        // Each ring turns about the axis as little as possible, so that the skin is not twisted.
         let mut across = rings[0].0.turned * DVec3::X;
-        for &(Frame { at, turned }, radius) in body {
+        for &(StemFrame { at, turned }, radius) in body {
             let ahead = turned * DVec3::Z;
             across = across.reject_from_normalized(ahead).normalize_or(turned * DVec3::X);
             let beside = ahead.cross(across);

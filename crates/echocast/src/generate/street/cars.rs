@@ -1,17 +1,17 @@
-//! Cars: their shapes, where they are parked, and those that drive.
+//! Cars: their shapes, parked cars and moving cars.
 
 use super::drive::{self, Drive, KEYS, WHEEL_KEYS};
 use super::ground::PARKING;
-use super::plan::{LANE, Plan};
+use super::plan::{LANE, StreetPlan};
 use crate::generate::glb::Placement;
 use crate::generate::model::{Made, Model};
 use crate::generate::noise::Dice;
-use crate::generate::shapes::Shape;
+use crate::generate::shapes::ClosedShape;
 use crate::ground::rng::Draw;
 use glam::{DQuat, DVec3};
 use std::f64::consts::{PI, TAU};
 
-/// Radius of a wheel, half its width, and how far its middle is from the middle of the car.
+/// Radius of a wheel, half its width, and the distance of its centre from the centre line of the car.
 pub(super) const WHEEL: f64 = 0.32;
 const HALF_WHEEL: f64 = 0.1;
 const TRACK: f64 = 0.76;
@@ -19,25 +19,25 @@ const TRACK: f64 = 0.76;
 const ARCH: f64 = 0.37;
 const HALF_WIDTH: f64 = 0.89;
 const SILL: f64 = 0.2;
-/// The camera node on the first car: in the middle of the roof, so that a sensor there that sees 25 degrees down sees
-/// the road and not the car.
+/// The camera node on the first car: above the middle of the roof, so that a sensor there with a view 25 degrees down
+/// sees the road and not the car.
 const LIDAR: DVec3 = DVec3::new(-0.55, 0.0, 1.9);
 
 const PAINTS: [&str; 5] = ["car_paint", "black_car_paint", "blue_car_paint", "silver_car_paint", "white_paint"];
 
-/// A make of cars: lengths from the middle, forward, and heights.
+/// A make of car: positions along it, forward from the middle, and heights.
 struct Make {
     name: &'static str,
     length: f64,
     axles: [f64; 2],
     /// Upper edge of the body from the tail to the nose.
     belt: &'static [[f64; 2]],
-    /// The cabin: its ends at the belt and at the roof, from behind, and the lower edge of its windows.
+    /// The cabin: its rear and front end at the belt and at the roof, and the lower edge of its windows.
     foot: [f64; 2],
     top: [f64; 2],
     waist: f64,
     roof: f64,
-    /// Posts between the side windows, as parts of the way from behind.
+    /// Pillars between the side windows, as fractions of the length from the rear.
     posts: [f64; 2],
 }
 
@@ -87,13 +87,13 @@ const MAKES: [Make; 3] = [
 ];
 
 /// A make in the file: its body in each paint.
-struct Kind {
+struct CarModel {
     make: &'static Make,
     bodies: Vec<usize>,
 }
 
-/// Adds all cars; says how many are parked.
-pub(super) fn add(made: &mut Made, plan: &Plan, drives: &[Drive], seed: u64) -> usize {
+/// Adds all cars; returns how many are parked.
+pub(super) fn add(made: &mut Made, plan: &StreetPlan, drives: &[Drive], seed: u64) -> usize {
     let first = made.material(PAINTS[0]);
     let mut kinds = Vec::new();
     for make in &MAKES {
@@ -102,7 +102,7 @@ pub(super) fn add(made: &mut Made, plan: &Plan, drives: &[Drive], seed: u64) -> 
             let material = made.material(paint);
             bodies.push(made.glb.repainted(bodies[0], &format!("{}_{paint}", make.name), first, material));
         }
-        kinds.push(Kind { make, bodies });
+        kinds.push(CarModel { make, bodies });
     }
     let wheel = made.rounded_mesh("Wheel", &wheel());
     let driver = made.rounded_mesh("Driver", &driver());
@@ -110,7 +110,7 @@ pub(super) fn add(made: &mut Made, plan: &Plan, drives: &[Drive], seed: u64) -> 
     let [times, wheel_times] = [&keys, &wheel_keys].map(|keys| made.glb.times(keys));
     for (number, drive) in drives.iter().enumerate() {
         let name = format!("Car_{}", number + 1);
-        // Its first random number is the speed.
+        // The first random number of a car is its speed.
         let mut dice = Dice::new(seed, Draw::Car, number as u32);
         dice.unit();
         let carries_lidar = number == 0;
@@ -164,12 +164,12 @@ pub(super) fn add(made: &mut Made, plan: &Plan, drives: &[Drive], seed: u64) -> 
     park(made, plan, &kinds, wheel, seed)
 }
 
-/// Cars at the kerbs, away from the crossing.
-fn park(made: &mut Made, plan: &Plan, kinds: &[Kind], wheel: usize, seed: u64) -> usize {
-    /// Part of the places that are taken, and the length of one.
+/// Adds cars parked at the kerbs, away from the crossing.
+fn park(made: &mut Made, plan: &StreetPlan, kinds: &[CarModel], wheel: usize, seed: u64) -> usize {
+    /// Fraction of the parking spaces that are taken, and the length of a space.
     const TAKEN: f64 = 0.55;
     const PLACE: f64 = 6.2;
-    /// Part of these that trucks take.
+    /// Fraction of these taken by trucks.
     const TRUCKS: f64 = 0.08;
     let truck = made.rounded_mesh("Truck", &truck());
     let mut trucks = 0;
@@ -186,7 +186,7 @@ fn park(made: &mut Made, plan: &Plan, kinds: &[Kind], wheel: usize, seed: u64) -
                 }
                 if dice.unit() < TRUCKS {
                     trucks += 1;
-                    // It fills its place.
+                    // A truck fills its space.
                     let x = end * (PARKING + PLACE * (f64::from(place) + 0.5)) + 0.2 * shift;
                     let at = crossing.place(x, side * (LANE + 1.12) + 0.2 * aside, 0.0);
                     let turned = DQuat::from_rotation_z(if side > 0.0 { PI } else { 0.0 });
@@ -218,7 +218,7 @@ fn park(made: &mut Made, plan: &Plan, kinds: &[Kind], wheel: usize, seed: u64) -
     parked
 }
 
-/// A value at `x` of a line through points.
+/// Value at `x` of a polyline.
 fn between(line: &[[f64; 2]], x: f64) -> f64 {
     for pair in line.windows(2) {
         let [[x0, y0], [x1, y1]] = [pair[0], pair[1]];
@@ -230,7 +230,7 @@ fn between(line: &[[f64; 2]], x: f64) -> f64 {
 }
 
 impl Make {
-    /// Names and places of the wheels.
+    /// Names and positions of the wheels.
     fn wheels(&self) -> [(&'static str, DVec3); 4] {
         let [rear, front] = self.axles;
         [("FL", front, TRACK), ("FR", front, -TRACK), ("RL", rear, TRACK), ("RR", rear, -TRACK)]
@@ -246,7 +246,7 @@ impl Make {
         let tail_light = between(self.belt, tail + 0.1) - 0.16;
         let mut ball = |material, at: [f64; 3], scale: [f64; 3]| {
             let place = Placement { at: at.into(), scale: scale.into(), ..Placement::HERE };
-            model.add_placed(material, &Shape::ball(1), &place);
+            model.add_placed(material, &ClosedShape::ball(1), &place);
         };
         for side in [-1.0, 1.0] {
             ball("headlight", [nose - 0.19, side * 0.6, 0.57], [0.17, 0.17, 0.085]);
@@ -266,7 +266,7 @@ impl Make {
 
     /// Everything below the windows, with arches for the wheels.
     fn hull(&self, model: &mut Model) {
-        /// Corners of the outline of a section: parts of the width, and of the height from its bottom.
+        /// Corners of the outline of a section: fractions of the width, and of the height from its bottom.
         const OUTLINE: [[f64; 2]; 5] = [[0.84, 0.0], [0.97, 0.08], [1.0, 0.4], [0.985, 0.8], [0.93, 0.97]];
         let half = self.length / 2.0;
         let mut stations: Vec<f64> = self.belt.iter().map(|[x, _]| *x).collect();
@@ -301,9 +301,10 @@ impl Make {
         });
     }
 
-    /// Windows, posts and roof.
+    /// Windows, pillars and roof.
     fn cabin(&self, model: &mut Model) {
-        /// Half the width of a post, and the first and last end of the side windows, as parts of the way from behind.
+        /// Half the width of a pillar, and the rear and front end of the side windows, as fractions of the length from
+        /// the rear.
         const POST: f64 = 0.02;
         const ENDS: [f64; 2] = [0.07, 0.955];
         /// Half the width at the belt and at the roof.
@@ -334,7 +335,7 @@ impl Make {
         ];
         let rings: Vec<Vec<DVec3>> = levels.iter().map(|&(z, inset)| ring(z, inset)).collect();
         let is_van = self.roof > 1.7;
-        // From behind along the right side, the windscreen, back along the left side, the rear window.
+        // From the rear along the right side, the windscreen, back along the left side, the rear window.
         model.loft(&rings, [None, Some(PAINTS[0])], |level, side| {
             let glass = match side {
                 3 | 5 | 7 | 8 | 10 | 12 => true,
@@ -366,7 +367,7 @@ fn wheel() -> Model {
     wheel.turned("rubber", &outline, 28);
     wheel.tube("rim", &[-0.05, 0.06].map(|y| (DVec3::Y * y, 0.055)), 10);
     for spoke in 0..SPOKES {
-        let mut shape = Shape::default();
+        let mut shape = ClosedShape::default();
         shape.add_box(DVec3::new(-0.03, -0.03, 0.04), DVec3::new(0.03, 0.04, RIM - 0.005));
         let turned = DQuat::from_rotation_y(f64::from(spoke) / f64::from(SPOKES) * TAU);
         wheel.add_placed("rim", &shape, &Placement { turned, ..Placement::HERE });
@@ -374,16 +375,16 @@ fn wheel() -> Model {
     wheel
 }
 
-/// How much larger than those of cars the wheels of a truck are.
+/// Size of the wheels of a truck over those of a car.
 const TRUCK_WHEEL: f64 = 1.25;
 
-/// A truck of 5.8 m with a box: the cab in front, wheels apart.
+/// A truck of 5.8 m with a box: the cab in front, the wheels separate.
 fn truck() -> Model {
     let mut truck = Model::default();
     truck.add_box("plastic", [-2.85, -0.55, 0.5], [2.6, 0.55, 0.75]);
     truck.add_box("white_paint", [-2.9, -1.02, 0.85], [1.2, 1.02, 2.75]);
     truck.add_box("plastic", [-2.88, -1.0, 0.5], [-2.8, 1.0, 0.62]);
-    // From behind along the right side, the windscreen, and back along the left side.
+    // From the rear along the right side, the windscreen, and back along the left side.
     let ring = |z: f64, front: f64, half: f64| {
         [[1.3, -half], [front, -half], [front, half], [1.3, half]].map(|[x, y]| DVec3::new(x, y, z)).to_vec()
     };
@@ -391,7 +392,7 @@ fn truck() -> Model {
     truck.loft(&rings, [Some("plastic"), Some("blue_car_paint")], |level, side| {
         if level == 1 && side < 3 { "window" } else { "blue_car_paint" }
     });
-    // Posts beside the windows.
+    // Pillars beside the windows.
     for corner in 0..4 {
         truck.tube("blue_car_paint", &[(rings[1][corner], 0.035), (rings[2][corner], 0.035)], 6);
     }
@@ -409,7 +410,7 @@ fn driver() -> Model {
     let mut driver = Model::default();
     let mut ball = |material, at: [f64; 3], scale: [f64; 3]| {
         let place = Placement { at: at.into(), scale: scale.into(), ..Placement::HERE };
-        driver.add_placed(material, &Shape::ball(2), &place);
+        driver.add_placed(material, &ClosedShape::ball(2), &place);
     };
     ball("skin", [0.0, 0.0, 0.0], [0.1, 0.08, 0.12]);
     ball("hair", [-0.02, 0.0, 0.035], [0.095, 0.085, 0.1]);
@@ -417,7 +418,7 @@ fn driver() -> Model {
     driver
 }
 
-/// Two bars on the roof and what holds the sensor, which ends a little below it.
+/// Two bars on the roof and the mount of the sensor, which ends a little below it.
 fn rack(make: &Make) -> Model {
     let mut rack = Model::default();
     for x in [LIDAR.x - 0.28, LIDAR.x + 0.28] {

@@ -1,16 +1,16 @@
-//! How cars drive: their ways, and traffic that follows, brakes, stops and turns.
+//! Moving cars: their routes, and traffic that follows, brakes, stops and turns.
 
-use super::plan::{Crossing, LANE_MIDDLE, Plan, SIDE_STOP, STOP};
+use super::plan::{Crossing, LANE_MIDDLE, SIDE_STOP, STOP, StreetPlan};
 use crate::generate::noise::Dice;
 use crate::ground::rng::Draw;
 use glam::{DQuat, DVec2, DVec3};
 use std::cmp::Ordering;
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Keys per second of cars, and of their wheels.
+/// Keyframes per second of cars, and of their wheels.
 pub(super) const KEYS: f64 = 10.0;
 pub(super) const WHEEL_KEYS: f64 = 30.0;
-/// The fastest that cars drive, m/s.
+/// Maximum speed of cars, m/s.
 const FASTEST: f64 = 14.0;
 /// Step of the simulation, s.
 const STEP: f64 = 0.01;
@@ -21,19 +21,19 @@ const ACCELERATION: f64 = 1.9;
 const BRAKING: f64 = 2.4;
 const HEADWAY: f64 = 1.0;
 const GAP: f64 = 2.0;
-/// Nobody brakes harder than this, nor stops at a light if that would need more than the second.
+/// Maximum deceleration, and the maximum that a driver accepts in order to stop at a light.
 const HARDEST: f64 = 7.0;
 const WILLING: f64 = 3.5;
-/// Length that every car is assumed to have.
+/// Length assumed for every car.
 const LENGTH: f64 = 4.6;
 /// Radius of the turn at the crossing, and the speed there.
 const RADIUS: f64 = 6.5;
 const TURNING: f64 = 4.5;
 
-/// There is room for so many cars at a single crossing.
+/// Maximum number of cars at a single crossing.
 const MOST_CARS: usize = 10;
 
-/// Where lanes lead.
+/// Directions of lanes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Lane {
     East,
@@ -47,7 +47,7 @@ impl Lane {
         matches!(self, Lane::South | Lane::North)
     }
 
-    /// The axis along which it leads, and whether it leads along or against it.
+    /// The axis along which the lane leads, and its sign along that axis.
     fn axis(self) -> (usize, f64) {
         match self {
             Lane::East => (0, 1.0),
@@ -58,9 +58,9 @@ impl Lane {
     }
 }
 
-/// A car at a single crossing: where it starts, m before the crossing, the speeds that its driver may want, and whether it turns: the carrier
-/// of the sensor, one that stops in the side street, one that turns to the right, and others. On the street they do not
-/// leave it before the end, and the first meets no red light.
+/// Cars at a single crossing: lane, start in m relative to the crossing, range of desired speeds, and whether the car
+/// turns. First comes the carrier of the sensor, then one that stops in the side street, one that turns to the right,
+/// and others. None leaves the street before the end of the animation, and the first meets no red light.
 const STARTS: [(Lane, f64, [f64; 2], bool); MOST_CARS] = [
     (Lane::East, -60.0, [12.0, 12.8], false),
     (Lane::South, -44.0, [9.0, 10.0], false),
@@ -74,18 +74,18 @@ const STARTS: [(Lane, f64, [f64; 2], bool); MOST_CARS] = [
     (Lane::West, -86.0, [10.0, 14.0], false),
 ];
 
-/// A way: straight, with an arc to the right at one place or not. Lengths along it are 0 at the coordinate 0 of its
-/// axis, if it leads straight there: in the middle of the crossing at the origin.
+/// A route: straight, or with one arc to the right. Lengths along it are 0 where its straight part, extended if it
+/// turns, has coordinate 0 along its axis: in the middle of the crossing at the origin.
 #[derive(Clone, Copy, Debug)]
-struct Way {
+struct CarRoute {
     middle: DVec2,
     heading: f64,
-    /// Where the arc begins.
+    /// Length at which the arc begins.
     turn: Option<f64>,
 }
 
-impl Way {
-    /// In the street whose middle is at `street`, a y, or an x of side streets.
+impl CarRoute {
+    /// A route in the street whose centre line is at `street`: a y, or an x for side streets.
     fn new(lane: Lane, street: f64, turns: bool) -> Self {
         let (x, y, heading) = match lane {
             Lane::East => (0.0, street - LANE_MIDDLE, 0.0),
@@ -93,10 +93,10 @@ impl Way {
             Lane::South => (street - LANE_MIDDLE, 0.0, -FRAC_PI_2),
             Lane::North => (street + LANE_MIDDLE, 0.0, FRAC_PI_2),
         };
-        Way { middle: DVec2::new(x, y), heading, turn: turns.then_some(-LANE_MIDDLE - RADIUS) }
+        CarRoute { middle: DVec2::new(x, y), heading, turn: turns.then_some(-LANE_MIDDLE - RADIUS) }
     }
 
-    /// Place and heading after `length`.
+    /// Position and heading at `length`.
     fn at(&self, length: f64) -> (DVec2, f64) {
         let ahead = DVec2::from_angle(self.heading);
         let Some(turn) = self.turn.filter(|turn| length > *turn) else {
@@ -109,30 +109,30 @@ impl Way {
         (center + DVec2::from_angle(heading).perp() * RADIUS + DVec2::from_angle(heading) * after, heading)
     }
 
-    /// One over the radius, to the left, on average over 3 m.
+    /// Curvature (one over the radius), positive to the left, averaged over 3 m.
     fn curvature(&self, length: f64) -> f64 {
         const HALF: f64 = 1.5;
         (self.at(length + HALF).1 - self.at(length - HALF).1) / (2.0 * HALF)
     }
 }
 
-/// A car's drive: how far it has come, and how fast it is, at every step.
+/// A car's drive: its distance along the route and its speed at every step.
 pub(super) struct Drive {
-    way: Way,
+    way: CarRoute,
     lane: Lane,
     street: f64,
-    wanted: f64,
+    desired: f64,
     states: Vec<[f64; 2]>,
-    /// The crossings on its way.
+    /// The crossings on its route.
     crossings: Vec<Ahead>,
     /// Where its street ends, if it has to stop there.
     end: f64,
-    /// What it does at a crossing, by its place in the list, whose light is no longer green: drives on, since it cannot
-    /// stop any more, or not.
+    /// Index in the list of a crossing whose light is no longer green, and whether the car drives on there because it
+    /// can no longer stop.
     hurries: Option<(usize, bool)>,
 }
 
-/// A crossing on the way of a car: the length at its middle, and whether its lights are the other way round.
+/// A crossing on the route of a car: the length at its middle, and whether its lights are in opposite phase.
 #[derive(Clone, Copy, Debug)]
 struct Ahead {
     middle: f64,
@@ -140,7 +140,7 @@ struct Ahead {
 }
 
 impl Drive {
-    /// How far it is, and how fast.
+    /// Distance along the route, and speed.
     fn state(&self, time: f64) -> [f64; 2] {
         let last = self.states.len() - 1;
         let step = ((time / STEP) as usize).min(last.saturating_sub(1));
@@ -149,7 +149,7 @@ impl Drive {
         [length + (next - length) * part, speed + (next_speed - speed) * part]
     }
 
-    /// Place and velocity.
+    /// Position and velocity.
     pub fn place(&self, time: f64) -> [DVec3; 2] {
         let [length, speed] = self.state(time);
         let (at, heading) = self.way.at(length);
@@ -160,7 +160,7 @@ impl Drive {
         DQuat::from_rotation_z(self.way.at(self.state(time)[0]).1)
     }
 
-    /// How far its wheels have turned.
+    /// Angle by which its wheels have turned.
     pub fn rolled(&self, time: f64, radius: f64) -> f64 {
         (self.state(time)[0] - self.states[0][0]) / radius
     }
@@ -170,12 +170,12 @@ impl Drive {
         self.way.turn.is_some()
     }
 
-    /// Where the turn is over.
+    /// Length at which the turn is over.
     fn turned_at(&self) -> f64 {
         self.way.turn.map_or(f64::INFINITY, |turn| turn + RADIUS * FRAC_PI_2)
     }
 
-    /// Angle of the front wheels to the left.
+    /// Steering angle of the front wheels, positive to the left.
     pub fn steered(&self, time: f64, wheelbase: f64) -> f64 {
         (wheelbase * self.way.curvature(self.state(time)[0])).atan()
     }
@@ -187,55 +187,57 @@ impl Drive {
         [speeds().fold(f64::INFINITY, f64::min), speeds().fold(0.0, f64::max)]
     }
 
-    /// The acceleration to be behind something, `gap` m ahead and approached at `closing` m/s, or on a free road.
+    /// The acceleration behind an obstacle `gap` m ahead that is approached at `closing` m/s; on a free road, the gap
+    /// is infinite.
     fn follow(&self, gap: f64, closing: f64) -> f64 {
         let speed = self.now()[1];
-        let wish = GAP + (speed * HEADWAY + speed * closing / (2.0 * (ACCELERATION * BRAKING).sqrt())).max(0.0);
+        let desired_gap = GAP + (speed * HEADWAY + speed * closing / (2.0 * (ACCELERATION * BRAKING).sqrt())).max(0.0);
         let free = 1.0 - (speed / self.limit()).powi(4);
-        ACCELERATION * (free - (wish / gap.max(0.1)).powi(2))
+        ACCELERATION * (free - (desired_gap / gap.max(0.1)).powi(2))
     }
 
     fn now(&self) -> [f64; 2] {
         self.states.last().copied().unwrap_or_default()
     }
 
-    /// The speed it wants: less before a turn.
+    /// The desired speed: reduced near a turn.
     fn limit(&self) -> f64 {
-        let Some(turn) = self.way.turn else { return self.wanted };
+        let Some(turn) = self.way.turn else { return self.desired };
         let length = self.now()[0];
         let (before, after) = (turn - length, length - turn - RADIUS * FRAC_PI_2);
-        (TURNING.powi(2) + 2.0 * 1.5 * before.max(after).max(0.0)).sqrt().min(self.wanted)
+        (TURNING.powi(2) + 2.0 * 1.5 * before.max(after).max(0.0)).sqrt().min(self.desired)
     }
 }
 
-/// Times of keys, about `rate` a second, from 0 to exactly `seconds`.
+/// Times of keyframes, about `rate` per second, from 0 to exactly `seconds`.
 pub(super) fn key_times(seconds: f64, rate: f64) -> Vec<f64> {
     let last = (seconds * rate).ceil() as u32;
     (0..=last).map(|key| seconds * f64::from(key) / f64::from(last)).collect()
 }
 
-/// Where a car may start: its lane and street, how far along it, the speeds that its driver may want, whether it turns.
-struct Start {
+/// A possible start of a car: its lane and street, the length along its route, the range of desired speeds, and whether
+/// it turns.
+struct CarStart {
     lane: Lane,
     street: f64,
     length: f64,
-    wanted: [f64; 2],
+    desired: [f64; 2],
     turns: bool,
 }
 
-/// Where cars may start, the carrier of the sensor first.
-fn starts(plan: &Plan, seed: u64) -> Vec<Start> {
-    /// In a town: from the first car before a crossing to its middle, at least from a car to the middle of the crossing
-    /// behind it, and from car to car.
+/// Possible starts of cars, that of the carrier of the sensor first.
+fn starts(plan: &StreetPlan, seed: u64) -> Vec<CarStart> {
+    /// In a town: distance of the first car before a crossing from its middle, least distance of a car from the middle
+    /// of the crossing behind it, and distance from car to car.
     const FIRST: f64 = 42.0;
     const LAST: f64 = 24.0;
     const APART: f64 = 17.0;
     if !plan.is_town {
-        let start = |&(lane, start, wanted, turns): &(Lane, f64, [f64; 2], bool)| Start {
+        let start = |&(lane, start, desired, turns): &(Lane, f64, [f64; 2], bool)| CarStart {
             lane,
             street: 0.0,
             length: start * plan.pace,
-            wanted,
+            desired,
             turns,
         };
         return STARTS.iter().map(start).collect();
@@ -249,14 +251,14 @@ fn starts(plan: &Plan, seed: u64) -> Vec<Start> {
                 let cars = ((middle - FIRST - behind - LAST) / APART + 1.0).max(0.0) as u32;
                 starts.extend((0..cars).map(|car| {
                     let length = middle - FIRST - APART * f64::from(car);
-                    Start { lane, street, length, wanted: [9.0, 12.5], turns: false }
+                    CarStart { lane, street, length, desired: [9.0, 12.5], turns: false }
                 }));
                 behind = middle;
             }
         }
     }
     // The first drives along the middle street, from its beginning.
-    let far = |start: &Start| (start.lane != Lane::East, start.street.abs(), start.length);
+    let far = |start: &CarStart| (start.lane != Lane::East, start.street.abs(), start.length);
     let order = |a: &usize, b: &usize| far(&starts[*a]).partial_cmp(&far(&starts[*b])).unwrap_or(Ordering::Equal);
     let first = (0..starts.len()).min_by(order).unwrap_or(0);
     starts.swap(0, first);
@@ -268,8 +270,8 @@ fn starts(plan: &Plan, seed: u64) -> Vec<Start> {
     starts
 }
 
-/// The crossings on a lane of a street, in the order in which it passes them.
-fn ahead(plan: &Plan, lane: Lane, street: f64) -> Vec<Ahead> {
+/// The crossings on a lane of a street, in the order in which the lane passes them.
+fn ahead(plan: &StreetPlan, lane: Lane, street: f64) -> Vec<Ahead> {
     let (axis, sign) = lane.axis();
     let on = |crossing: &&Crossing| crossing.at[1 - axis] == street;
     let ahead = |crossing: &Crossing| Ahead { middle: sign * crossing.at[axis], is_odd: crossing.is_odd };
@@ -278,27 +280,27 @@ fn ahead(plan: &Plan, lane: Lane, street: f64) -> Vec<Ahead> {
     all
 }
 
-/// How many cars there is room for.
-pub(super) fn most_cars(plan: &Plan) -> u32 {
+/// Maximum number of cars.
+pub(super) fn most_cars(plan: &StreetPlan) -> u32 {
     starts(plan, 0).len() as u32
 }
 
 /// The drives of the cars.
-pub(super) fn drives(plan: &Plan, cars: u32, seed: u64) -> Vec<Drive> {
+pub(super) fn drives(plan: &StreetPlan, cars: u32, seed: u64) -> Vec<Drive> {
     let starts = starts(plan, seed).into_iter().take(cars as usize).enumerate();
     let mut drives: Vec<Drive> = starts
-        .map(|(number, Start { lane, street, length, wanted: [low, high], turns })| {
-            let wanted = Dice::new(seed, Draw::Car, number as u32).between(low, high);
+        .map(|(number, CarStart { lane, street, length, desired: [low, high], turns })| {
+            let desired = Dice::new(seed, Draw::Car, number as u32).between(low, high);
             let (axis, sign) = lane.axis();
             let end = plan.ends()[axis][usize::from(sign > 0.0)] * sign;
             Drive {
-                way: Way::new(lane, street, turns),
+                way: CarRoute::new(lane, street, turns),
                 lane,
                 street,
-                wanted,
-                states: vec![[length, wanted]],
+                desired,
+                states: vec![[length, desired]],
                 crossings: ahead(plan, lane, street),
-                // At a single crossing nobody gets there.
+                // At a single crossing no car gets there.
                 end: if plan.is_town { end - 1.0 } else { f64::INFINITY },
                 hurries: None,
             }
@@ -317,8 +319,8 @@ pub(super) fn drives(plan: &Plan, cars: u32, seed: u64) -> Vec<Drive> {
     drives
 }
 
-fn acceleration(drives: &mut [Drive], car: usize, plan: &Plan, time: f64) -> f64 {
-    /// Whoever is this far past a stop line has crossed it.
+fn acceleration(drives: &mut [Drive], car: usize, plan: &StreetPlan, time: f64) -> f64 {
+    /// A car this far past a stop line has crossed it.
     const PAST: f64 = 1.0;
     let drive = &mut drives[car];
     let in_side_street = drive.lane.is_in_side_street();
@@ -339,7 +341,7 @@ fn acceleration(drives: &mut [Drive], car: usize, plan: &Plan, time: f64) -> f64
     let drive = &drives[car];
     let mut acceleration = drive.follow(f64::INFINITY, 0.0);
     if let (Some((_, false)), Some(to_line)) = (drive.hurries, to_line) {
-        // A car at rest would be its gap before the line, or rather closer.
+        // Behind an obstacle, cars stop at the gap at rest; at a stop line they stop closer.
         acceleration = acceleration.min(drive.follow(to_line + 0.6 * GAP, speed));
     }
     if drive.end.is_finite() {
@@ -348,7 +350,7 @@ fn acceleration(drives: &mut [Drive], car: usize, plan: &Plan, time: f64) -> f64
     let in_lane = |other: &&Drive| other.lane == drive.lane && other.street == drive.street;
     for other in drives.iter().filter(in_lane) {
         let [ahead, other_speed] = other.now();
-        // A car that has turned is no longer in the way of those that drive straight on, nor they in its.
+        // Cars that have turned and cars that drive straight on no longer obstruct each other.
         let gone = |turning: &Drive| turning.turns() && turning.now()[0] > turning.turned_at();
         let left = drive.turns() != other.turns() && (gone(drive) || gone(other));
         if ahead > length && !left {

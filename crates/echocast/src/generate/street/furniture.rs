@@ -1,27 +1,29 @@
-//! What stands on the sidewalks and in gardens: lamps, trees, traffic lights, benches, bollards, bicycles and a flag.
+//! Objects on the sidewalks and in gardens: lamps, trees, traffic lights, benches, bollards, bicycles and a flag.
 
 use super::houses::DEPTH;
-use super::plan::{CORNER, Crossing, FRONT, HALF_ROAD, KERB, POSTS, Plan, SIDE_FRONT, SIDE_HALF_ROAD, SIDE_STOP, STOP};
+use super::plan::{
+    CORNER, Crossing, FRONT, HALF_ROAD, KERB, POSTS, SIDE_FRONT, SIDE_HALF_ROAD, SIDE_STOP, STOP, StreetPlan,
+};
 use super::signs;
 use crate::generate::glb::{Placement, Primitive};
 use crate::generate::model::{Made, Model, ring, single};
 use crate::generate::noise::Dice;
-use crate::generate::shapes::{Shape, direction};
+use crate::generate::shapes::{ClosedShape, direction};
 use crate::ground::rng::Draw;
 use glam::{DQuat, DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// From one lamp or tree to the next.
+/// Distance from one lamp or tree to the next.
 const SPACING: f64 = 10.0;
-/// Different trees.
+/// Number of different trees.
 const TREES: u32 = 3;
-/// Part of the lamps at which a bicycle stands.
+/// Fraction of the lamps with a bicycle beside them.
 const BICYCLES: f64 = 0.5;
-/// Area for a tree behind the houses, m^2.
+/// Area per tree behind the houses, m^2.
 const ROOM: f64 = 180.0;
 
-/// Adds all of it; `gardens` are places for trees between houses.
-pub(super) fn add(made: &mut Made, plan: &Plan, gardens: &[DVec3], seed: u64) {
+/// Adds all of these; `gardens` are positions for trees between houses.
+pub(super) fn add(made: &mut Made, plan: &StreetPlan, gardens: &[DVec3], seed: u64) {
     let mut trees = Trees::new(made, seed);
     let mut things = Things::new(made, seed);
     let lights = Lights::new(made, plan);
@@ -35,16 +37,16 @@ pub(super) fn add(made: &mut Made, plan: &Plan, gardens: &[DVec3], seed: u64) {
                     |x: f64| Placement { at: crossing.place(x, side * POSTS, KERB), turned: facing, ..Placement::HERE };
                 // Lamps on one side stand opposite trees on the other.
                 if (step % 2 == 0) == (side > 0.0) {
-                    things.put(made, Thing::Lamp, place(x));
+                    things.put(made, StreetFurniture::Lamp, place(x));
                     if things.dice.unit() < BICYCLES {
-                        things.put(made, Thing::Bicycle, place(x + 1.2));
+                        things.put(made, StreetFurniture::Bicycle, place(x + 1.2));
                     }
                     continue;
                 }
                 trees.plant(made, place(x).at);
                 if step % 2 == 0 {
-                    things.put(made, Thing::Bench, place(x + 2.4));
-                    things.put(made, Thing::Bin, place(x + 4.0));
+                    things.put(made, StreetFurniture::Bench, place(x + 2.4));
+                    things.put(made, StreetFurniture::Bin, place(x + 4.0));
                 }
             }
             let middle = DVec2::new(SIDE_HALF_ROAD, HALF_ROAD) + CORNER;
@@ -52,7 +54,7 @@ pub(super) fn add(made: &mut Made, plan: &Plan, gardens: &[DVec3], seed: u64) {
                 let (sin, cos) = (f64::from(i) / 4.0 * FRAC_PI_2).sin_cos();
                 let at = middle - DVec2::new(sin, cos) * (CORNER - 0.4);
                 let at = crossing.place(end * at.x, side * at.y, KERB);
-                things.put(made, Thing::Bollard, Placement { at, ..Placement::HERE });
+                things.put(made, StreetFurniture::Bollard, Placement { at, ..Placement::HERE });
             }
             // Behind the houses.
             let from = DVec2::new(SIDE_FRONT, FRONT) + DEPTH + 4.0;
@@ -72,9 +74,9 @@ pub(super) fn add(made: &mut Made, plan: &Plan, gardens: &[DVec3], seed: u64) {
     flag(made, plan);
 }
 
-/// What stands along the streets in many places.
+/// Kinds of objects that are repeated along the streets.
 #[derive(Clone, Copy)]
-enum Thing {
+enum StreetFurniture {
     Lamp,
     Bench,
     Bin,
@@ -82,7 +84,7 @@ enum Thing {
     Bicycle,
 }
 
-/// Meshes of these, and how many there are of each name so far.
+/// Their meshes, and the number of each kind so far.
 struct Things {
     meshes: [usize; 5],
     counts: [u32; 5],
@@ -98,17 +100,17 @@ impl Things {
             made.rounded_mesh("Bollard", &bollard()),
             made.rounded_mesh("Bicycle", &bicycle()),
         ];
-        // After the dice of the trees' places.
+        // The random stream after that of the positions of trees.
         Things { meshes, counts: [0; 5], dice: Dice::new(seed, Draw::Tree, TREES + 1) }
     }
 
-    fn put(&mut self, made: &mut Made, thing: Thing, place: Placement) {
+    fn put(&mut self, made: &mut Made, thing: StreetFurniture, place: Placement) {
         let (name, category) = match thing {
-            Thing::Lamp => ("Lamp", "pole"),
-            Thing::Bench => ("Bench", "other-object"),
-            Thing::Bin => ("Bin", "other-object"),
-            Thing::Bollard => ("Bollard", "pole"),
-            Thing::Bicycle => ("Bicycle", "bicycle"),
+            StreetFurniture::Lamp => ("Lamp", "pole"),
+            StreetFurniture::Bench => ("Bench", "other-object"),
+            StreetFurniture::Bin => ("Bin", "other-object"),
+            StreetFurniture::Bollard => ("Bollard", "pole"),
+            StreetFurniture::Bicycle => ("Bicycle", "bicycle"),
         };
         self.counts[thing as usize] += 1;
         let number = self.counts[thing as usize];
@@ -146,7 +148,7 @@ impl Trees {
     }
 }
 
-/// A street lamp whose arm reaches out against y.
+/// A street lamp whose arm extends along -y.
 fn lamp() -> Model {
     let mut lamp = Model::default();
     let up = DVec3::Z;
@@ -158,7 +160,7 @@ fn lamp() -> Model {
     lamp
 }
 
-/// Leaves, and the trunk with the branches around whose ends they are.
+/// The crown of leaves around the ends of branches, and the trunk with these branches.
 fn tree(dice: &mut Dice) -> [Model; 2] {
     const BRANCHES: usize = 7;
     const LEAVES: usize = 2000;
@@ -171,7 +173,7 @@ fn tree(dice: &mut Dice) -> [Model; 2] {
         (lean + DVec3::Z * 4.4, 0.07),
     ];
     tree.tube("bark", &trunk, 9);
-    // Balls of leaves: middle and radius.
+    // Balls of leaves: centre and radius.
     let mut balls = vec![(lean + DVec3::Z * 5.0, 1.3)];
     for branch in 0..BRANCHES {
         let from = lean + DVec3::Z * dice.between(2.3, 3.6);
@@ -183,7 +185,7 @@ fn tree(dice: &mut Dice) -> [Model; 2] {
     for leaf in 0..LEAVES {
         // The first ball is larger than the others, and gets more leaves.
         let (middle, radius) = balls[if leaf % 4 == 0 { 0 } else { leaf % balls.len() }];
-        // Most leaves are near the light.
+        // Most leaves are near the surface, where the light is.
         let at = middle + direction(dice) * radius * dice.between(0.15, 1.0).sqrt();
         let (normal, size) = (direction(dice), dice.between(0.13, 0.24));
         let side = normal.any_orthonormal_vector();
@@ -194,7 +196,7 @@ fn tree(dice: &mut Dice) -> [Model; 2] {
     [crown, tree]
 }
 
-/// A bench that looks against y.
+/// A bench that faces -y.
 fn bench() -> Model {
     let mut bench = Model::default();
     for i in 0..4 {
@@ -271,27 +273,27 @@ fn bicycle() -> Model {
     bicycle
 }
 
-/// Colours of the lamps of traffic lights from above, and their heights.
+/// Colours of the lamps of traffic lights from top to bottom, and their heights.
 const LAMPS: [(&str, &str, f64); 3] =
     [("red", "lamp_red", 3.2), ("yellow", "lamp_yellow", 2.9), ("green", "lamp_green", 2.6)];
 /// Front of their housing.
 const FACE: f64 = 0.2;
 
-/// Traffic lights, whose lamps come and go.
+/// Traffic lights, whose lamps are switched on and off.
 struct Lights {
     post: usize,
     lamps: [usize; 3],
-    /// What switches the lamps, and which shine at first: of the street, of the side street.
+    /// Samplers that switch the lamps, and which lamps are lit at first: of the street, of the side street.
     switches: [([usize; 3], [bool; 3]); 2],
 }
 
 impl Lights {
-    fn new(made: &mut Made, plan: &Plan) -> Self {
+    fn new(made: &mut Made, plan: &StreetPlan) -> Self {
         let mut post = Model::default();
         post.tube("steel", &[(DVec3::ZERO, 0.07), (DVec3::Z * 3.45, 0.06)], 10);
         post.add_box("plastic", [0.06, -0.16, 2.42], [FACE, 0.16, 3.38]);
         for (.., z) in LAMPS {
-            // Half a tube is the hood above the lamp.
+            // The hood above a lamp is half a tube.
             let hood = |i: u32, x: f64| {
                 let (sin, cos) = (PI * f64::from(i) / 8.0).sin_cos();
                 DVec3::new(x, 0.13 * cos, z + 0.13 * sin)
@@ -321,7 +323,7 @@ impl Lights {
         Lights { post, lamps, switches }
     }
 
-    /// One for each of the four ways into a crossing.
+    /// Adds one for each of the four approaches to a crossing.
     fn put(&self, made: &mut Made, crossing: &Crossing) {
         let (beside, aside) = (STOP - 0.6, SIDE_STOP - 0.6);
         let edge = SIDE_HALF_ROAD + 0.6;
@@ -352,13 +354,13 @@ impl Lights {
     }
 }
 
-/// A flag on a mast. Two shapes, a quarter of a wave apart, make a wave that runs along it: A sin(k x) cos(w t) -
-/// A cos(k x) sin(w t) = A sin(k x - w t).
-fn flag(made: &mut Made, plan: &Plan) {
+/// A flag on a mast. Two morph targets, a quarter of a wave apart, make a wave that runs along it: A sin(k x) cos(w
+/// t) - A cos(k x) sin(w t) = A sin(k x - w t).
+fn flag(made: &mut Made, plan: &StreetPlan) {
     const MAST: f64 = 7.6;
     const SIZE: [f64; 2] = [2.1, 1.3];
     const CELLS: [usize; 2] = [24, 9];
-    /// Waves on the flag, how high they are at its end, and how many pass in a second.
+    /// Waves on the flag, their height at its end, and waves per second.
     const WAVES: f64 = 1.4;
     const HEIGHT: f64 = 0.2;
     const RATE: f64 = 1.1;
@@ -367,7 +369,7 @@ fn flag(made: &mut Made, plan: &Plan) {
     mast.tube("steel", &[(DVec3::ZERO, 0.06), (DVec3::Z * MAST, 0.035)], 10);
     mast.add_placed(
         "steel",
-        &Shape::ball(1),
+        &ClosedShape::ball(1),
         &Placement { at: DVec3::Z * MAST, scale: DVec3::splat(0.07), ..Placement::HERE },
     );
     let mast = made.rounded_mesh("Mast", &mast);
@@ -383,7 +385,7 @@ fn flag(made: &mut Made, plan: &Plan) {
             flat.push(DVec3::new(0.06 + x, 0.0, MAST - 0.12 - row as f64 / rows as f64 * SIZE[1]));
             let (wave, height) = (WAVES * TAU / SIZE[0], HEIGHT * part);
             let (sin, cos) = (wave * x).sin_cos();
-            // How far the cloth is from y = 0, and the slope of that.
+            // Displacement of the cloth from y = 0, and its slope.
             let steepness = HEIGHT / SIZE[0];
             let slopes = [steepness * sin + height * wave * cos, -steepness * cos + height * wave * sin];
             for ([moves, turns], (out, slope)) in

@@ -1,6 +1,8 @@
-//! Roads, places to park, kerbs, sidewalks, markings, and the gardens behind the houses.
+//! Roads, parking strips, kerbs, sidewalks, markings, and the gardens behind the houses.
 
-use super::plan::{CORNER, Crossing, FRONT, HALF_ROAD, KERB, LANE, Plan, SIDE_FRONT, SIDE_HALF_ROAD, SIDE_STOP, STOP};
+use super::plan::{
+    CORNER, Crossing, FRONT, HALF_ROAD, KERB, LANE, SIDE_FRONT, SIDE_HALF_ROAD, SIDE_STOP, STOP, StreetPlan,
+};
 use crate::generate::glb::Placement;
 use crate::generate::model::{Made, Model};
 use glam::{DVec2, DVec3};
@@ -9,12 +11,12 @@ use std::f64::consts::FRAC_PI_2;
 /// Width of a kerbstone, and how far sidewalks reach below the houses.
 const KERBSTONE: f64 = 0.15;
 const BELOW: f64 = 0.2;
-/// Of the paint of markings.
+/// Thickness of the paint of markings.
 const THICKNESS: f64 = 0.003;
-/// From where on cars are parked, behind the stop line.
+/// Distance from the crossing at which parking begins, behind the stop line.
 pub(super) const PARKING: f64 = STOP + 10.0;
 
-pub(super) fn add(made: &mut Made, plan: &Plan) {
+pub(super) fn add(made: &mut Made, plan: &StreetPlan) {
     for (number, crossing) in plan.crossings.iter().enumerate() {
         let place = Placement { at: crossing.place(0.0, 0.0, 0.0), ..Placement::HERE };
         for (kind, category, model) in [
@@ -42,7 +44,7 @@ pub(super) fn add(made: &mut Made, plan: &Plan) {
     }
 }
 
-/// The carriageways, without the places to park beside them.
+/// The carriageways, without the parking strips beside them.
 fn road(crossing: &Crossing) -> Model {
     let mut road = Model::default();
     let mut piece = |low, high| flat(&mut road, "asphalt_dry", low, high, 0.0);
@@ -66,16 +68,16 @@ fn parking(crossing: &Crossing) -> Model {
     parking
 }
 
-/// The kerb and sidewalk of the quarter in which x and y are positive, as far as the crossing reaches, for `place` to
-/// move to another; a mirror image has its triangles the other way round.
+/// The kerb and sidewalk of the quadrant in which x and y are positive, as far as the crossing reaches; `place` maps it
+/// to another quadrant. A mirror image has its triangles the other way round.
 fn corner(model: &mut Model, reach: [f64; 2], place: impl Fn(f64, f64, f64) -> DVec3, mirrored: bool) {
-    /// Pieces of the rounded corner.
+    /// Segments of the rounded corner.
     const PIECES: usize = 12;
     let [end, side_end] = reach;
     let middle = DVec2::new(SIDE_HALF_ROAD, HALF_ROAD) + CORNER;
     let house = DVec2::new(SIDE_FRONT + BELOW, FRONT + BELOW);
-    // Along the main street towards the crossing and round the corner: places of the kerb, of its inner edge, and of
-    // the end of the sidewalk.
+    // Along the main street towards the crossing and round the corner: points of the kerb, of its inner edge, and of
+    // the far edge of the sidewalk.
     let mut line = vec![[DVec2::new(end, HALF_ROAD), DVec2::new(end, HALF_ROAD + KERBSTONE), DVec2::new(end, house.y)]];
     for piece in 0..=PIECES {
         let (sin, cos) = (piece as f64 / PIECES as f64 * FRAC_PI_2).sin_cos();
@@ -101,7 +103,7 @@ fn corner(model: &mut Model, reach: [f64; 2], place: impl Fn(f64, f64, f64) -> D
         face("granite", [(next_kerb, KERB), (kerb, KERB), (stone, KERB), (next_stone, KERB)]);
         face("concrete", [(next_stone, KERB), (stone, KERB), (inner, KERB), (next_inner, KERB)]);
     }
-    // The end faces, so that one cannot look under a sidewalk.
+    // The end faces, so that no ray passes under a sidewalk.
     face("concrete", [(line[0][0], 0.0), (line[0][2], 0.0), (line[0][2], KERB), (line[0][0], KERB)]);
     let [kerb, _, inner] = line[line.len() - 1];
     face("concrete", [(inner, 0.0), (kerb, 0.0), (kerb, KERB), (inner, KERB)]);
@@ -111,9 +113,9 @@ fn flat(model: &mut Model, material: &'static str, [x0, y0]: [f64; 2], [x1, y1]:
     model.polygon(material, &[[x0, y0], [x1, y0], [x1, y1], [x0, y1]].map(|[x, y]| DVec3::new(x, y, z)));
 }
 
-/// Middle lines, the edges of parking bays, zebra crossings and stop lines.
+/// Centre lines, the edges of the parking strips, zebra crossings and stop lines.
 fn markings(crossing: &Crossing) -> Model {
-    /// Half the width of a line, the length of a dash and from one to the next.
+    /// Half the width of a line, the length of a dash, and the distance from one dash to the next.
     const LINE: f64 = 0.06;
     const DASH: f64 = 3.0;
     const PERIOD: f64 = 6.0;
@@ -135,7 +137,7 @@ fn markings(crossing: &Crossing) -> Model {
         for edge in [-LANE, LANE] {
             paint(far(STOP + 2.0, end - 1.0), [edge - LINE, edge + LINE]);
         }
-        // Stop lines are before the crossing and on the right, seen from those who come to it.
+        // Stop lines are before the crossing and on the right, as seen by approaching traffic.
         paint(far(STOP, STOP + 0.4), far(0.15, LANE));
         paint([-side * 0.15, -side * (SIDE_HALF_ROAD - 0.2)], far(SIDE_STOP, SIDE_STOP + 0.4));
         for stripe in -5..5 {

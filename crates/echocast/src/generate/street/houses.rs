@@ -1,6 +1,6 @@
 //! Rows of houses with shops, windows, doors, balconies and roofs, and fences between them.
 
-use super::plan::{Crossing, FRONT, KERB, Plan, SIDE_FRONT};
+use super::plan::{Crossing, FRONT, KERB, SIDE_FRONT, StreetPlan};
 use crate::generate::glb::Placement;
 use crate::generate::model::{Made, Model};
 use crate::generate::noise::Dice;
@@ -15,28 +15,28 @@ const STOREY: f64 = 3.1;
 const TOP: f64 = 0.5;
 /// Usual width.
 const WIDTH: f64 = 11.0;
-/// How far windows lie behind the front, and the back wall of rooms.
+/// Distance behind the front of windows, and of the back wall of rooms.
 const RECESS: f64 = 0.2;
 const ROOM: f64 = 4.0;
-/// Where the side walls of neighbours are, so that they do not coincide.
+/// Inset of side walls, so that those of neighbours do not coincide.
 const INSET: f64 = 0.05;
 const WALLS: [&str; 6] = ["brick", "plaster_white", "sandstone", "plaster_ochre", "brick_yellow", "plaster_blue"];
 
-/// Adds the houses, and fences before the gardens between them; says where these gardens are.
-pub(super) fn add(made: &mut Made, plan: &Plan, seed: u64) -> Vec<DVec3> {
+/// Adds the houses, and fences in front of the gardens between them; returns the positions of these gardens.
+pub(super) fn add(made: &mut Made, plan: &StreetPlan, seed: u64) -> Vec<DVec3> {
     let stock = Stock::new(made, seed);
-    let mut built = Rows { stock, seed, houses: 0, rows: 0, fences: 0, gardens: Vec::new() };
+    let mut built = HouseRows { stock, seed, houses: 0, rows: 0, fences: 0, gardens: Vec::new() };
     for crossing in &plan.crossings {
         for side in [1.0, -1.0] {
             for right in [true, false] {
                 let across = DQuat::from_rotation_z(if side > 0.0 { 0.0 } else { PI });
                 let along = DQuat::from_rotation_z(-side * FRAC_PI_2);
-                // On the right for those who look at the fronts, which is east of the crossing in the north.
+                // On the right when facing the fronts: east of the crossing on the north side.
                 let beside = if right { side } else { -side };
-                // And for those in the side street who look to the east or west: to the south or north.
+                // In the side street, when facing east or west: to the south or north.
                 let behind = if right { -side } else { side };
                 for row in [
-                    Row {
+                    HouseRow {
                         turned: across,
                         front: FRONT,
                         from: SIDE_FRONT,
@@ -44,7 +44,7 @@ pub(super) fn add(made: &mut Made, plan: &Plan, seed: u64) -> Vec<DVec3> {
                         right,
                         at_corner: true,
                     },
-                    Row {
+                    HouseRow {
                         turned: along,
                         front: SIDE_FRONT,
                         from: FRONT + DEPTH,
@@ -61,22 +61,22 @@ pub(super) fn add(made: &mut Made, plan: &Plan, seed: u64) -> Vec<DVec3> {
     built.gardens
 }
 
-/// Houses side by side. A house is made with its front on y = 0, looking against y, from x = 0 to its width.
-struct Row {
-    /// Turns the houses to their place.
+/// Houses side by side. A house is modelled with its front on y = 0, facing -y, from x = 0 to its width.
+struct HouseRow {
+    /// Rotation of the houses.
     turned: DQuat,
     /// Distance of the fronts from the middle of their street.
     front: f64,
     /// Distances of the ends from the crossing.
     from: f64,
     to: f64,
-    /// On the right of the crossing, for those who look at the fronts.
+    /// On the right of the crossing, when facing the fronts.
     right: bool,
     /// Whether the first house is at the crossing and has a second front.
     at_corner: bool,
 }
 
-/// Houses in the file, of which rows are made.
+/// Houses in the file, from which rows are made.
 struct Stock {
     plain: Vec<Built>,
     /// With a second front on the left, and on the right.
@@ -95,7 +95,7 @@ struct Built {
 
 impl Stock {
     fn new(made: &mut Made, seed: u64) -> Self {
-        /// How many different houses there are, and of those at a corner, for each side.
+        /// Number of different houses, and of different corner houses for each side.
         const PLAIN: u32 = 24;
         const CORNERS: u32 = 4;
         let balcony = made.mesh("Balcony", &balcony());
@@ -117,8 +117,8 @@ impl Stock {
     }
 }
 
-/// The rows as they are built, and how many things there are in them so far.
-struct Rows {
+/// The rows under construction, and the number of objects in them so far.
+struct HouseRows {
     stock: Stock,
     seed: u64,
     rows: u32,
@@ -127,16 +127,16 @@ struct Rows {
     gardens: Vec<DVec3>,
 }
 
-impl Rows {
-    fn add(&mut self, made: &mut Made, crossing: &Crossing, row: &Row) {
-        /// Choices for a row, of which the one is taken whose widths fit best.
+impl HouseRows {
+    fn add(&mut self, made: &mut Made, crossing: &Crossing, row: &HouseRow) {
+        /// Random choices for a row, of which the one whose widths fit best is used.
         const CHOICES: usize = 8;
-        /// Part of the places between houses that are gardens, and the width of one.
+        /// Fraction of the places between houses that are gardens, and the width of a garden.
         const GARDENS: f64 = 0.12;
         const GARDEN: f64 = 9.0;
         let length = row.to - row.from;
         let count = (length / WIDTH).round().max(1.0) as usize;
-        // Draws of the stock come first.
+        // The lower numbers are those of the stock.
         let mut dice = Dice::new(self.seed, Draw::House, 1 << 16 | self.rows);
         self.rows += 1;
         let mut chosen: Vec<Option<Built>> = Vec::new();
@@ -187,7 +187,7 @@ impl Rows {
         }
     }
 
-    /// A fence of several panels along x, from a place on.
+    /// A fence of several panels along x, beginning at `from`.
     fn fence(&mut self, made: &mut Made, from: DVec3, turned: DQuat, length: f64) {
         let panels = (length / PANEL).round().max(1.0);
         let width = length / panels;
@@ -228,10 +228,10 @@ struct House {
 /// What a house's windows have in common.
 #[derive(Clone, Copy)]
 struct Windows {
-    /// About this far from one to the next.
+    /// Approximate distance from one to the next.
     pitch: f64,
     width: f64,
-    /// Of the sill and the lintel above the floor.
+    /// Heights of the sill and the lintel above the floor.
     sill: f64,
     lintel: f64,
 }
@@ -241,7 +241,7 @@ impl House {
         GROUND + STOREY * self.storeys as f64 + TOP
     }
 
-    /// The house, and where it has balconies.
+    /// The house, and the positions of its balconies.
     fn model(&self, dice: &mut Dice) -> (Model, Vec<DVec3>) {
         let (mut model, width, height) = (Model::default(), self.width, self.height());
         let model = &mut model;
@@ -249,11 +249,11 @@ impl House {
         let lintel = sill + dice.between(1.45, 1.8);
         let windows = Windows { pitch: dice.between(2.4, 3.0), width: dice.between(1.0, 1.3), sill, lintel };
         let shop = self.corner.is_some() || dice.unit() < 0.45;
-        let front = Wall { from: DVec3::ZERO, along: DVec3::X, out: DVec3::NEG_Y, length: width };
+        let front = HouseWall { from: DVec3::ZERO, along: DVec3::X, out: DVec3::NEG_Y, length: width };
         let balconies = if dice.unit() < 0.4 { 1 + dice.below(2) } else { 0 };
         let balconies = self.front(model, &front, windows, shop, balconies, dice);
-        let left = Wall { from: DVec3::Y * DEPTH, along: DVec3::NEG_Y, out: DVec3::NEG_X, length: DEPTH };
-        let right = Wall { from: DVec3::X * width, along: DVec3::Y, out: DVec3::X, length: DEPTH };
+        let left = HouseWall { from: DVec3::Y * DEPTH, along: DVec3::NEG_Y, out: DVec3::NEG_X, length: DEPTH };
+        let right = HouseWall { from: DVec3::X * width, along: DVec3::Y, out: DVec3::X, length: DEPTH };
         for (wall, is_left) in [(left, true), (right, false)] {
             if self.corner == Some(is_left) {
                 self.front(model, &wall, windows, false, 0, dice);
@@ -261,7 +261,7 @@ impl House {
                 wall.rectangle(model, self.wall, [0.0, 0.0], [DEPTH, height], -INSET);
             }
         }
-        let back = Wall { from: DVec3::new(width, DEPTH, 0.0), along: DVec3::NEG_X, out: DVec3::Y, length: width };
+        let back = HouseWall { from: DVec3::new(width, DEPTH, 0.0), along: DVec3::NEG_X, out: DVec3::Y, length: width };
         back.rectangle(model, self.wall, [0.0, 0.0], [width, height], 0.0);
         let columns = (width / windows.pitch).round().max(2.0);
         for (storey, column) in (0..self.storeys).flat_map(|storey| (0..columns as usize).map(move |c| (storey, c))) {
@@ -283,11 +283,11 @@ impl House {
         (std::mem::take(model), balconies)
     }
 
-    /// A wall with windows and perhaps a shop, and where balconies hang.
+    /// Adds a wall with windows and perhaps a shop; returns the positions of its balconies.
     fn front(
         &self,
         model: &mut Model,
-        wall: &Wall,
+        wall: &HouseWall,
         windows: Windows,
         shop: bool,
         balconies: usize,
@@ -306,9 +306,9 @@ impl House {
             let of_column = |column: usize| match column == door && wall.out == DVec3::NEG_Y {
                 true => {
                     let middle = pitch * (column as f64 + 0.5);
-                    Opening { from: [middle - 0.55, 0.3], to: [middle + 0.55, 2.6], filling: Filling::Door }
+                    WallOpening { from: [middle - 0.55, 0.3], to: [middle + 0.55, 2.6], filling: Filling::Door }
                 }
-                false => Opening {
+                false => WallOpening {
                     from: [left(column), 0.3 + windows.sill],
                     to: [right(column), 0.3 + windows.lintel],
                     filling: Filling::window(dice),
@@ -325,7 +325,7 @@ impl House {
             for column in 0..columns {
                 let sill = if with_balcony(column) { 0.15 } else { windows.sill };
                 let filling = Filling::window(dice);
-                openings.push(Opening {
+                openings.push(WallOpening {
                     from: [left(column), low + sill],
                     to: [right(column), low + windows.lintel],
                     filling,
@@ -382,14 +382,14 @@ impl House {
         let (face, top) = (middle * 0.3, height + rise * 0.3 + 1.3);
         model.add_box(self.wall, [x - 0.8, face, height], [x + 0.8, middle, top]);
         model.add_box(material, [x - 0.95, face - 0.15, top], [x + 0.95, middle, top + 0.12]);
-        let dormer = Wall { from: at(x - 0.8, face, top - 1.2), along: DVec3::X, out: DVec3::NEG_Y, length: 1.6 };
+        let dormer = HouseWall { from: at(x - 0.8, face, top - 1.2), along: DVec3::X, out: DVec3::NEG_Y, length: 1.6 };
         dormer.rectangle(model, "white_paint", [0.25, 0.1], [1.35, 1.15], 0.02);
         dormer.rectangle(model, "window", [0.33, 0.18], [1.27, 1.07], 0.03);
     }
 }
 
 /// Large windows and a door somewhere between them.
-fn shop_front(length: f64, dice: &mut Dice) -> Vec<Opening> {
+fn shop_front(length: f64, dice: &mut Dice) -> Vec<WallOpening> {
     const DOOR: f64 = 1.2;
     const PILLAR: f64 = 0.45;
     let windows = ((length - 2.0) / 3.2).round().max(1.0);
@@ -402,14 +402,14 @@ fn shop_front(length: f64, dice: &mut Dice) -> Vec<Opening> {
         let is_door = place == door;
         let right = left + if is_door { DOOR } else { width };
         let (sill, filling) = if is_door { (0.15, Filling::Door) } else { (0.5, Filling::Shop) };
-        openings.push(Opening { from: [left, sill], to: [right, 2.9], filling });
+        openings.push(WallOpening { from: [left, sill], to: [right, 2.9], filling });
         left = right + PILLAR;
     }
     openings
 }
 
 /// A wall, from the left end of its foot, seen from outside.
-struct Wall {
+struct HouseWall {
     from: DVec3,
     along: DVec3,
     out: DVec3,
@@ -419,7 +419,7 @@ struct Wall {
 /// What is in an opening.
 #[derive(Clone, Copy, PartialEq)]
 enum Filling {
-    /// With curtains over this part of it.
+    /// With curtains over this fraction of it.
     Window(f64),
     Shop,
     Door,
@@ -432,13 +432,13 @@ impl Filling {
 }
 
 /// A hole in a wall: corners along the wall and above its foot.
-struct Opening {
+struct WallOpening {
     from: [f64; 2],
     to: [f64; 2],
     filling: Filling,
 }
 
-impl Wall {
+impl HouseWall {
     fn at(&self, along: f64, up: f64, out: f64) -> DVec3 {
         self.from + self.along * along + DVec3::Z * up + self.out * out
     }
@@ -458,7 +458,7 @@ impl Wall {
     }
 
     /// A strip of the wall between two heights, with openings from left to right.
-    fn storey(&self, model: &mut Model, material: &'static str, [low, high]: [f64; 2], openings: &[Opening]) {
+    fn storey(&self, model: &mut Model, material: &'static str, [low, high]: [f64; 2], openings: &[WallOpening]) {
         let mut left = 0.0;
         for opening in openings {
             let ([u0, v0], [u1, v1]) = (opening.from, opening.to);
@@ -471,7 +471,7 @@ impl Wall {
         self.rectangle(model, material, [left, low], [self.length, high], 0.0);
     }
 
-    fn fill(&self, model: &mut Model, material: &'static str, opening: &Opening) {
+    fn fill(&self, model: &mut Model, material: &'static str, opening: &WallOpening) {
         let ([u0, v0], [u1, v1]) = (opening.from, opening.to);
         let corners = [[u0, v0], [u1, v0], [u1, v1], [u0, v1]];
         for side in 0..4 {

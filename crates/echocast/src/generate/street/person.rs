@@ -1,6 +1,6 @@
-//! People who walk: a body with a skeleton in it.
+//! Walking people: a body with a skeleton.
 
-use super::plan::{FRONT, HALF_ROAD, KERB, Plan, SIDE_FRONT, SIDE_HALF_ROAD, SIDE_STOP};
+use super::plan::{FRONT, HALF_ROAD, KERB, SIDE_FRONT, SIDE_HALF_ROAD, SIDE_STOP, StreetPlan};
 use super::walk::{self, Gait};
 use crate::generate::glb::Placement;
 use crate::generate::model::{Made, Model};
@@ -9,7 +9,7 @@ use crate::ground::rng::Draw;
 use glam::{DQuat, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Joints of the skeleton: name, parent, and place in the body as it was made, looking along x, arms spread.
+/// Joints of the skeleton: name, parent, and position in the bind pose, facing x, arms spread.
 pub(super) const JOINTS: [(&str, Option<usize>, [f64; 3]); 17] = [
     ("Hips", None, [0.0, 0.0, 0.95]),
     ("Spine", Some(0), [0.0, 0.0, 1.06]),
@@ -30,8 +30,8 @@ pub(super) const JOINTS: [(&str, Option<usize>, [f64; 3]); 17] = [
     ("Foot_R", Some(15), [0.0, -0.095, 0.08]),
 ];
 
-/// A piece of the body: a line with a radius at each end, how much flatter it is from front to back than wide, and the
-/// joint that moves it.
+/// A piece of the body: a line with a radius at each end, its depth from front to back over its width, and the joint
+/// that moves it.
 struct Limb {
     joint: usize,
     from: [f64; 3],
@@ -44,7 +44,7 @@ const fn limb(joint: usize, from: [f64; 3], to: [f64; 3], radii: [f64; 2], depth
     Limb { joint, from, to, radii, depth }
 }
 
-/// Limbs on the middle line and on the left; those on the right are their images.
+/// Limbs on the middle line and on the left; those on the right are their mirror images.
 const LIMBS: [Limb; 17] = [
     limb(0, [0.0, 0.0, 0.95], [0.0, 0.06, 0.93], [0.12, 0.12], 0.95),
     limb(1, [0.0, 0.0, 1.03], [0.0, 0.05, 1.12], [0.115, 0.115], 0.9),
@@ -65,18 +65,18 @@ const LIMBS: [Limb; 17] = [
     limb(13, [0.12, 0.1, 0.04], [0.155, 0.1, 0.035], [0.042, 0.034], 1.0),
 ];
 
-/// Where someone walks: from where, along which angle.
+/// A walk: where it begins, and its heading.
 pub(super) struct Walk {
     pub from: DVec3,
     pub heading: f64,
 }
 
-/// Walks without other people in the way: between the houses and the trees, up to a crossing or away from it.
-pub(super) fn walks(plan: &Plan, seed: u64) -> Vec<Walk> {
-    /// Distance of the first place from the crossing, and from someone's way to the next.
+/// Walks that do not obstruct each other: between the houses and the trees, towards a crossing or away from it.
+pub(super) fn walks(plan: &StreetPlan, seed: u64) -> Vec<Walk> {
+    /// Distance of the first walk from the crossing, and from one walk to the next.
     const FIRST: f64 = 13.0;
     const APART: f64 = 2.0;
-    /// Lanes of sidewalks, from the middle of the street and of the side street.
+    /// Distances of the walking lanes from the middle of the street and of the side street.
     const LANES: [f64; 2] = [(HALF_ROAD + FRONT) / 2.0 + 0.6, (HALF_ROAD + FRONT) / 2.0 - 0.1];
     const SIDE_LANE: f64 = (SIDE_HALF_ROAD + SIDE_FRONT) / 2.0 + 0.35;
     let way = walk::SPEED * plan.seconds;
@@ -97,9 +97,9 @@ pub(super) fn walks(plan: &Plan, seed: u64) -> Vec<Walk> {
                 {
                     for place in 0..count {
                         let along = (way + APART) * f64::from(place);
-                        // The way nearest to the crossing comes first.
+                        // The walk nearest to the crossing comes first.
                         let start = if is_first { to - way - along } else { from + along };
-                        // One lane in either direction, to the east in the south and to the north in the east.
+                        // One lane in each direction: to the east in the south and to the north in the east.
                         let ahead = ((side < 0.0) == (lane == 0)) != (axis == 1);
                         let at = if ahead { start } else { start + way };
                         let across = street + side * aside;
@@ -111,7 +111,7 @@ pub(super) fn walks(plan: &Plan, seed: u64) -> Vec<Walk> {
             }
         }
     }
-    // In any order, but at a single crossing two come first who can be seen from its corner.
+    // In random order, but at a single crossing two that are visible from its corner come first.
     let first = if plan.is_town { 0 } else { 2 };
     if !plan.is_town {
         let second = walks.iter().position(|walk| walk.from.y > 0.0).unwrap_or(1);
@@ -125,16 +125,16 @@ pub(super) fn walks(plan: &Plan, seed: u64) -> Vec<Walk> {
     walks
 }
 
-pub(super) fn add(made: &mut Made, plan: &Plan, walks: &[Walk]) {
-    /// Parts of a step by which people are ahead of each other.
+pub(super) fn add(made: &mut Made, plan: &StreetPlan, walks: &[Walk]) {
+    /// Fractions of a cycle of the gait by which people are ahead of each other.
     const PHASES: [f64; 4] = [0.0, 0.37, 0.62, 0.85];
-    let meshes = Body::new().meshes(made);
+    let meshes = PersonBody::new().meshes(made);
     let bound = JOINTS.map(|(.., at)| DVec3::from(at));
     let times = walk::times(plan.seconds);
     let keys = made.glb.times(&times);
     let ends = made.glb.times(&[0.0, plan.seconds]);
     let way = walk::SPEED * plan.seconds;
-    // Who walks in the same phase moves by the same keys.
+    // People in the same phase share their keyframes.
     let steps: Vec<Steps> =
         PHASES[..walks.len().min(PHASES.len())].iter().map(|&phase| Steps::new(made, &times, keys, phase)).collect();
     for (number, &Walk { from, heading }) in walks.iter().enumerate() {
@@ -171,7 +171,7 @@ pub(super) fn add(made: &mut Made, plan: &Plan, walks: &[Walk]) {
     }
 }
 
-/// Keys of the joints: samplers of the place of the hips and of how joints are turned.
+/// Keyframes of the joints: samplers of the position of the hips and of the rotations of the joints.
 struct Steps {
     first: Gait,
     hips: usize,
@@ -191,12 +191,12 @@ impl Steps {
 }
 
 /// The surface of the body.
-pub(super) struct Body {
+pub(super) struct PersonBody {
     limbs: Vec<Limb>,
 }
 
 impl Limb {
-    /// Distance of a place from the surface, negative inside; nearly, as the limb may be flat.
+    /// Distance of a point from the surface, negative inside; approximate, as the limb may be flat.
     fn distance(&self, at: DVec3) -> f64 {
         let flat = DVec3::new(1.0 / self.depth, 1.0, 1.0);
         let [from, to] = [self.from, self.to].map(|end| DVec3::from(end) * flat);
@@ -206,7 +206,7 @@ impl Limb {
     }
 }
 
-impl Body {
+impl PersonBody {
     pub fn new() -> Self {
         let mut limbs = Vec::new();
         for Limb { joint, from, to, radii, depth } in LIMBS {
@@ -218,7 +218,7 @@ impl Body {
                 limbs.push(Limb { joint, from, to, radii, depth });
             }
         }
-        Body { limbs }
+        PersonBody { limbs }
     }
 
     /// Distance from the skin: that of the nearest limb, less where limbs meet, which rounds the corner. The smooth
@@ -229,8 +229,8 @@ impl Body {
         (-ROUNDING * sum.max(f64::MIN_POSITIVE).ln()).max(-at.z)
     }
 
-    /// The skin as a net over a grid ("surface nets", Gibson 1998): one vertex in each cell that the skin passes, in
-    /// the middle of where it cuts the edges, one face around each edge that it cuts.
+    /// The skin as a net over a grid ("surface nets", Gibson 1998): one vertex in each cell that the skin passes
+    /// through, at the mean of the points where it cuts the edges, and one face around each edge that it cuts.
     pub fn skin(&self) -> (Vec<DVec3>, Vec<[u32; 3]>) {
         const CELL: f64 = 0.031;
         const LOW: DVec3 = DVec3::new(-0.2, -0.72, -0.06);
@@ -290,7 +290,7 @@ impl Body {
         (vertices, triangles)
     }
 
-    /// Joints that move a place, and how much: that of the nearest limb, and its neighbours where they are near.
+    /// Joints that move a point, and their weights: that of the nearest limb, and its neighbours where they are near.
     pub fn weights(&self, at: DVec3) -> ([u8; 4], [f32; 4]) {
         const REACH: f64 = 0.035;
         let mut near = [f64::INFINITY; JOINTS.len()];
@@ -310,7 +310,7 @@ impl Body {
         let (mut numbers, mut weights) = ([0; 4], [0.0; 4]);
         for (slot, &joint) in joints.iter().enumerate() {
             let weight = (share(joint) / sum) as f32;
-            // A joint that hardly moves the place is left out, and the nearest gets what is left.
+            // A joint that hardly moves the point is left out, and the nearest gets the remaining weight.
             if slot > 0 && weight > 0.005 {
                 (numbers[slot], weights[slot]) = (joint as u8, weight);
             }
@@ -320,7 +320,7 @@ impl Body {
         (numbers, weights)
     }
 
-    /// The meshes: clothed, in jackets of several colours.
+    /// The meshes: clothed, with jackets of several colours.
     fn meshes(&self, made: &mut Made) -> [usize; 3] {
         let (vertices, triangles) = self.skin();
         let mut model = Model { vertices, parts: Vec::new() };
@@ -341,7 +341,7 @@ impl Body {
         [mesh, other("red_jacket"), other("grey_jacket")]
     }
 
-    /// Direction in which the distance grows.
+    /// Direction in which the distance increases most.
     fn normal(&self, at: DVec3) -> DVec3 {
         const STEP: f64 = 0.004;
         let along = |axis: DVec3| self.distance(at + axis * STEP) - self.distance(at - axis * STEP);

@@ -1,4 +1,4 @@
-//! What is where in the street, or in a town of several, and when the traffic lights change.
+//! Layout of a street or a town of streets, and the timing of the traffic lights.
 //!
 //! Streets run along x, side streets cross them along y, traffic keeps to the right. One crossing is at the origin.
 
@@ -7,69 +7,69 @@ use crate::generate::within;
 use crate::ground::error::Result;
 use glam::{DVec2, DVec3};
 
-/// Distances from the middle of the street: of the edge of a lane, of the kerb (cars are parked in between), and of the
+/// Distances from the middle of the street to the edge of a lane, to the kerb (cars are parked in between), and to the
 /// houses.
 pub(super) const LANE: f64 = 3.3;
 pub(super) const HALF_ROAD: f64 = 5.5;
 pub(super) const FRONT: f64 = 9.0;
-/// Of the kerb and the houses from the middle of a side street.
+/// Distances from the middle of a side street to the kerb and to the houses.
 pub(super) const SIDE_HALF_ROAD: f64 = 3.5;
 pub(super) const SIDE_FRONT: f64 = 6.0;
-/// Radius of the kerbs at the crossing, and how high they are.
+/// Radius of the kerbs at the crossing, and their height.
 pub(super) const CORNER: f64 = 4.0;
 pub(super) const KERB: f64 = 0.12;
-/// Where the trees and posts are.
+/// Distance of trees and posts from the middle of the street.
 pub(super) const POSTS: f64 = HALF_ROAD + 0.75;
-/// Middle of a lane of either street.
+/// Distance of the middle of a lane from the middle of either street.
 pub(super) const LANE_MIDDLE: f64 = LANE / 2.0;
-/// Of the stop lines from the crossing, in the street and in a side street.
+/// Distances of the stop lines from the crossing, in the street and in a side street.
 pub(super) const STOP: f64 = 11.0;
 pub(super) const SIDE_STOP: f64 = 13.0;
 
-/// Length of the street and of the usual animation. Longer ones need a longer street for the same drives.
+/// Default length of the street and of the animation. A longer animation needs a longer street for the same drives.
 const USUAL_LENGTH: f64 = 200.0;
 const USUAL_SECONDS: f64 = 10.0;
 
-/// With blocks: from one crossing to the next along x and y, and how far the streets go on beyond the last.
+/// With blocks: distance between crossings along x and y, and how far the streets continue beyond the last.
 const PITCH: [f64; 2] = [100.0, 84.0];
 const BEYOND: f64 = 45.0;
 const MOST_BLOCKS: f64 = 10.0;
 
-pub(super) struct Plan {
+pub(super) struct StreetPlan {
     pub seconds: f64,
-    /// How much longer than usual the animation is: what happens later happens as much later.
+    /// Length of the animation over the default one, by which the start distances of cars are scaled.
     pub pace: f64,
     /// Whether there are blocks of houses with streets around them, not just one crossing.
     pub is_town: bool,
-    /// Middles of the side streets, x, and of the streets, y.
+    /// Centre lines of the side streets (x) and of the streets (y).
     pub middles: [Vec<f64>; 2],
     /// Row by row along x.
     pub crossings: Vec<Crossing>,
 }
 
-/// A crossing, with the streets up to halfway to its neighbours, or to their ends.
+/// A crossing, with its streets up to halfway to the neighbouring crossings, or to the end of a street.
 pub(super) struct Crossing {
     pub at: DVec2,
-    /// How far that is: to the west and east, to the south and north.
+    /// How far its streets reach: to the west and east, to the south and north.
     pub reach: [[f64; 2]; 2],
-    /// Its lights are the other way round than those at the origin.
+    /// Whether its lights are in opposite phase to those at the origin.
     pub is_odd: bool,
-    /// From 1; `None` for that at the origin.
+    /// From 1; `None` for the crossing at the origin.
     number: Option<usize>,
 }
 
 impl Crossing {
-    /// Where a place of the crossing is in the world.
+    /// World position of a point relative to the crossing.
     pub fn place(&self, x: f64, y: f64, z: f64) -> DVec3 {
         (self.at + DVec2::new(x, y)).extend(z)
     }
 
-    /// The reach along x (0) or y (1) against the axis, where `side` is negative, or along it.
+    /// The reach along x (0) or y (1): in the negative direction if `side` is negative, else in the positive one.
     pub fn reach(&self, axis: usize, side: f64) -> f64 {
         self.reach[axis][usize::from(side > 0.0)]
     }
 
-    /// The name of something that every crossing has; the one at the origin has no number in it.
+    /// Name of an object that every crossing has; at the origin it has no number.
     pub fn name(&self, kind: &str, which: impl std::fmt::Display) -> String {
         match self.number {
             None => format!("{kind}_{which}"),
@@ -78,7 +78,7 @@ impl Crossing {
     }
 }
 
-impl Plan {
+impl StreetPlan {
     pub fn new(street: &Street) -> Result<Self> {
         within("seconds", street.seconds, 8.0, 30.0)?;
         for blocks in street.blocks.into_iter().flatten() {
@@ -109,10 +109,10 @@ impl Plan {
                 crossings.push(Crossing { at, reach: [reach(0, column), reach(1, row)], is_odd, number });
             }
         }
-        Ok(Plan { seconds: street.seconds, pace, is_town, middles, crossings })
+        Ok(StreetPlan { seconds: street.seconds, pace, is_town, middles, crossings })
     }
 
-    /// Lowest and highest place of the streets along x and y.
+    /// Lowest and highest coordinate of the streets along x and y.
     pub fn ends(&self) -> [[f64; 2]; 2] {
         [0, 1].map(|axis| {
             let at =
@@ -123,8 +123,8 @@ impl Plan {
         })
     }
 
-    /// When the lights of a crossing change, and which lamps shine then, red, yellow, green: of the street, of the side
-    /// street; at odd crossings, of the side street, of the street.
+    /// Times at which the lights of a crossing change, and the lamps (red, yellow, green) that are lit from then on:
+    /// those of the street, then of the side street; at odd crossings, of the side street, then of the street.
     pub fn lights(&self) -> [(f64, [[bool; 3]; 2]); 5] {
         const RED: [bool; 3] = [true, false, false];
         const READY: [bool; 3] = [true, true, false];

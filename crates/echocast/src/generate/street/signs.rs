@@ -1,6 +1,6 @@
-//! Traffic signs: posts with plates whose sheeting reflects light to where it comes from.
+//! Traffic signs: posts with plates of retro-reflecting sheeting.
 
-use super::plan::{Crossing, KERB, POSTS, Plan, SIDE_HALF_ROAD, SIDE_STOP, STOP};
+use super::plan::{Crossing, KERB, POSTS, SIDE_HALF_ROAD, SIDE_STOP, STOP, StreetPlan};
 use crate::generate::glb::Placement;
 use crate::generate::model::{Made, Model, ring};
 use crate::generate::noise::Dice;
@@ -12,11 +12,10 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, FRAC_PI_8, PI};
 const HEIGHT: f64 = 2.4;
 const HALF: f64 = 0.32;
 const THICKNESS: f64 = 0.004;
-/// From one layer of sheeting to the next: enough for single precision.
+/// Distance from one layer of sheeting to the next, sufficient for single precision.
 const LAYER: f64 = 0.001;
 
-/// A sign: how many corners its plate has, by how much it is turned, and its layers from below: how large they are, and
-/// of what.
+/// A sign: the number of corners of its plate, its rotation, and its layers from the back: size and material.
 struct Sign {
     name: &'static str,
     corners: usize,
@@ -35,7 +34,7 @@ const PARKING: Sign =
     Sign { name: "Parking", corners: 4, turn: FRAC_PI_4, layers: &[(1.2, "sign_white"), (1.1, "sign_blue")] };
 
 impl Sign {
-    /// The plate about the origin, seen along x against its front.
+    /// The plate about the origin, its front towards x.
     fn plate(&self) -> Model {
         let mut plate = Model::default();
         let outline = |x: f64, size: f64| {
@@ -59,7 +58,7 @@ fn post() -> Model {
     post
 }
 
-pub(super) fn add(made: &mut Made, plan: &Plan, seed: u64) {
+pub(super) fn add(made: &mut Made, plan: &StreetPlan, seed: u64) {
     let post = made.rounded_mesh("SignPost", &post());
     let signs = [STOP_SIGN, GIVE_WAY, LIMIT, PRIORITY, PARKING];
     let [stop, give_way, limit, priority, parking] = signs.map(|sign| made.mesh(sign.name, &sign.plate()));
@@ -77,7 +76,8 @@ pub(super) fn add(made: &mut Made, plan: &Plan, seed: u64) {
     };
     for crossing in &plan.crossings {
         for side in [-1.0, 1.0] {
-            // On the right of those who come to the crossing from the west and the south, or the east and the north.
+            // On the right of traffic that approaches the crossing from the west and the south, or the east and the
+            // north.
             let facing = if side < 0.0 { PI } else { 0.0 };
             put(
                 crossing,
@@ -87,7 +87,7 @@ pub(super) fn add(made: &mut Made, plan: &Plan, seed: u64) {
             );
             let minor = if dice.unit() < 0.7 { give_way } else { stop };
             put(crossing, [-side * (SIDE_HALF_ROAD + 0.5), side * (SIDE_STOP + 1.5)], facing + FRAC_PI_2, minor);
-            // And of those who leave it.
+            // And of traffic that leaves it.
             if crossing.reach(0, -side) > STOP + 25.0 {
                 put(crossing, [-side * (STOP + 20.5), side * POSTS], facing, parking);
             }

@@ -1,9 +1,9 @@
-//! Laws of the street, and what other readers find in its file.
+//! Properties of the street, and what other readers find in its file.
 
 use super::cars::WHEEL;
 use super::drive::{self, WHEEL_KEYS};
-use super::person::{self, Body, JOINTS};
-use super::plan::{FRONT, HALF_ROAD, LANE_MIDDLE, Plan, SIDE_FRONT, SIDE_HALF_ROAD};
+use super::person::{self, JOINTS, PersonBody};
+use super::plan::{FRONT, HALF_ROAD, LANE_MIDDLE, SIDE_FRONT, SIDE_HALF_ROAD, StreetPlan};
 use super::{Street, walk};
 use crate::generate::tests::{chunks, of_category};
 use crate::scene::{LoadOptions, Object};
@@ -18,11 +18,12 @@ fn town(blocks: [u32; 2]) -> Street {
     Street { blocks: Some(blocks), ..Street::default() }
 }
 
-fn plan(street: &Street) -> Plan {
-    Plan::new(street).unwrap()
+fn plan(street: &Street) -> StreetPlan {
+    StreetPlan::new(street).unwrap()
 }
 
-/// The file by the specification alone: JSON and numbers. The `gltf` crate does not know channels without a node.
+/// The file parsed by the specification alone: JSON and numbers. The `gltf` crate does not support channels without a
+/// node.
 struct File<'a> {
     json: Value,
     binary: &'a [u8],
@@ -73,7 +74,7 @@ impl<'a> File<'a> {
         self.list("nodes").iter().position(|node| node["name"] == name).unwrap()
     }
 
-    /// Times and values of what animates a property of a node.
+    /// Times and values of the keyframes that animate a property of a node.
     fn keys(&self, node: &str, path: &str) -> (Vec<f32>, Vec<Vec<f32>>) {
         let animation = &self.list("animations")[0];
         let node = self.node(node);
@@ -234,7 +235,7 @@ fn files_are_valid_gltf() {
 }
 
 #[test]
-fn what_moves_starts_where_it_stands() {
+fn animations_start_at_the_static_transforms() {
     let made = Street::default().scene(5).unwrap();
     let file = File::new(made.bytes());
     let animation = &file.list("animations")[0];
@@ -255,7 +256,7 @@ fn what_moves_starts_where_it_stands() {
         let difference = first.iter().zip(&still).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
         assert!(difference < 1e-5, "{} {path}: {first:?} {still:?}", node["name"]);
     }
-    // The red lamps of the street are dark, those of the side street shine.
+    // The red lamps of the street are off, those of the side street are on.
     let lit = |name: &str| file.list("nodes")[file.node(name)]["extensions"]["KHR_node_visibility"]["visible"] == true;
     assert!(lit("TrafficLight_East_green") && !lit("TrafficLight_East_red") && lit("TrafficLight_South_red"));
 }
@@ -273,7 +274,8 @@ fn wheels_turn_as_far_as_their_car_drives() {
         let angle = |pair: &[Vec<f32>]| {
             let turn = Quat::from_slice(&pair[0]).inverse() * Quat::from_slice(&pair[1]);
             let turn = if turn.w < 0.0 { -turn } else { turn };
-            // The axle is the z axis of the file, and cars drive along its x axis: forward is against z.
+            // The axle is the z axis of the file, and cars drive along its x axis: forward is a negative rotation about
+            // z.
             assert!(turn.x.abs() < 1e-5 && turn.y.abs() < 1e-5 && turn.z <= 1e-6);
             -2.0 * turn.z.asin()
         };
@@ -289,41 +291,41 @@ fn traffic_is_orderly() {
             let plan = plan(&Street { seconds, ..Street::default() });
             let [[_, end], [_, side_end]] = plan.ends();
             let drives = drive::drives(&plan, cars, seed);
-            let told = |car: usize| format!("seed {seed}, {seconds} s, car {}: {:?}", car + 1, drives[car].speeds());
+            let context = |car: usize| format!("seed {seed}, {seconds} s, car {}: {:?}", car + 1, drives[car].speeds());
             let steps = (seconds * WHEEL_KEYS) as u32;
             for step in 0..=steps {
                 let time = f64::from(step) / WHEEL_KEYS;
                 let places: Vec<DVec3> = drives.iter().map(|drive| drive.place(time)[0]).collect();
                 for (a, at) in places.iter().enumerate() {
-                    assert!(at.x.abs() < end - 1.0 && at.y.abs() < side_end - 1.0, "{} at {at}", told(a));
+                    assert!(at.x.abs() < end - 1.0 && at.y.abs() < side_end - 1.0, "{} at {at}", context(a));
                     for (b, other) in places.iter().enumerate().skip(a + 1) {
                         let apart = (*at - *other).abs();
                         let beside = apart.y >= 1.9 && at.y.abs() < 3.0 && other.y.abs() < 3.0;
                         let aside = apart.x >= 1.9 && at.x.abs() < 3.0 && other.x.abs() < 3.0;
-                        assert!(apart.length() > 4.9 || beside || aside, "{} and {} at {time}", told(a), told(b));
+                        assert!(apart.length() > 4.9 || beside || aside, "{} and {} at {time}", context(a), context(b));
                     }
                 }
             }
             for (car, drive) in drives.iter().enumerate() {
                 let [slowest, fastest] = drive.speeds();
-                assert!(slowest >= 0.0 && (8.0..=14.0).contains(&fastest), "{}", told(car));
+                assert!(slowest >= 0.0 && (8.0..=14.0).contains(&fastest), "{}", context(car));
                 let step = drive.rolled(5.0, WHEEL) - drive.rolled(5.0 - 1.0 / WHEEL_KEYS, WHEEL);
                 assert!(step < FRAC_PI_2);
             }
             // The first meets no red light, the second stops and drives on, the third turns to the right.
-            assert!(drives[0].speeds()[0] > 8.0, "{}", told(0));
+            assert!(drives[0].speeds()[0] > 8.0, "{}", context(0));
             if cars > 1 {
                 let [slowest, _] = drives[1].speeds();
                 let [[at, _], [_, velocity]] = [drives[1].place(plan.lights()[4].0), drives[1].place(seconds)];
-                assert!(slowest < 0.3 && velocity.y < -1.5 && (15.0..19.0).contains(&at.y), "{} {at}", told(1));
+                assert!(slowest < 0.3 && velocity.y < -1.5 && (15.0..19.0).contains(&at.y), "{} {at}", context(1));
                 let [at, velocity] = drives[2].place(seconds);
-                assert!((at.x - LANE_MIDDLE).abs() < 1e-9 && at.y > 12.0 && velocity.y > 5.0, "{} {at}", told(2));
+                assert!((at.x - LANE_MIDDLE).abs() < 1e-9 && at.y > 12.0 && velocity.y > 5.0, "{} {at}", context(2));
             }
         }
     }
 }
 
-/// Places of the joints in front of the person's feet, from the hips on, and of a point of one of them.
+/// Position, relative to the person, of a point that is attached to a joint.
 fn place(gait: &walk::Gait, joint: usize, point: DVec3) -> DVec3 {
     let bound = |joint: usize| DVec3::from(JOINTS[joint].2);
     let (mut at, mut joint) = (point - bound(joint), joint);
@@ -368,7 +370,7 @@ fn feet_stand_still_on_the_ground() {
 
 #[test]
 fn a_body_is_closed_and_its_joints_move_what_is_near() {
-    let body = Body::new();
+    let body = PersonBody::new();
     let (vertices, triangles) = body.skin();
     assert!((2000..7000).contains(&triangles.len()), "{}", triangles.len());
     let mut edges = HashMap::new();
@@ -455,21 +457,21 @@ fn things_stand_apart() {
             let whole = |name: &str| name.starts_with(prefix) && name.matches('_').count() == 1;
             let named = scene.objects.iter().filter(|object| whole(&object.name));
             boxes.extend(named.map(|object| {
-                // Arms of lamps and plates of signs are above what stands below.
+                // Arms of lamps and plates of signs are above other objects.
                 let at = object.world_from_object.translation.truncate();
                 let is_post = ["Sign_", "Lamp_"].contains(&prefix);
                 (prefix, object.name.as_str(), if is_post { [at - 0.12, at + 0.12] } else { extent(object) })
             }));
         }
         boxes.extend(of_category(&scene, "trunk").into_iter().map(|object| {
-            // Branches reach out above.
+            // Branches are above other objects.
             let at = object.world_from_object.translation.truncate();
             ("Trunk", object.name.as_str(), [at - 0.2, at + 0.2])
         }));
         assert!(boxes.len() > 100);
         for (index, (kind, name, [low, high])) in boxes.iter().enumerate() {
             for (other_kind, other, [other_low, other_high]) in &boxes[index + 1..] {
-                // Houses touch, their cornices, awnings and eaves reach over the neighbour and the sidewalk.
+                // Houses touch; their cornices, awnings and eaves overhang the neighbour and the sidewalk.
                 let margin = if kind == other_kind && *kind == "House_" { 0.4 } else { 0.0 };
                 let gap = (*low - *other_high).max(*other_low - *high) + margin;
                 assert!(gap.max_element() > -1e-3, "{name} {other}: {gap}");
@@ -494,7 +496,7 @@ fn traffic_in_a_town_is_orderly() {
                 let time = f64::from(step) / 10.0;
                 let places: Vec<[DVec3; 2]> = drives.iter().map(|drive| drive.place(time)).collect();
                 for (a, [at, _]) in places.iter().enumerate() {
-                    let told = || format!("seed {seed}, {seconds} s, car {} of {cars} at {at}, {time} s", a + 1);
+                    let context = || format!("seed {seed}, {seconds} s, car {} of {cars} at {at}, {time} s", a + 1);
                     // On the right half of a street or a side street, and not past its end.
                     let right = |axis: usize| {
                         let heading = drives[a].turned(time) * DVec3::X;
@@ -504,16 +506,16 @@ fn traffic_in_a_town_is_orderly() {
                                 .iter()
                                 .any(|middle| (at[1 - axis] - middle - aside[1 - axis]).abs() < 1e-9)
                     };
-                    assert!(right(0) || right(1), "{}", told());
-                    assert!((ends[0][0] + 2.0..=ends[0][1] - 2.0).contains(&at.x), "{}", told());
-                    assert!((ends[1][0] + 2.0..=ends[1][1] - 2.0).contains(&at.y), "{}", told());
+                    assert!(right(0) || right(1), "{}", context());
+                    assert!((ends[0][0] + 2.0..=ends[0][1] - 2.0).contains(&at.x), "{}", context());
+                    assert!((ends[1][0] + 2.0..=ends[1][1] - 2.0).contains(&at.y), "{}", context());
                     for (b, [other, _]) in places.iter().enumerate().skip(a + 1) {
                         let apart = (*at - *other).abs();
                         let beside = apart.x >= 1.9 && apart.y >= 1.9 || apart.x.min(apart.y) >= 1.9;
                         let one_lane = apart.x.min(apart.y) < 1e-6;
                         let opposite = right(0) && apart.y > 3.0 || right(1) && apart.x > 3.0;
                         let fine = if one_lane { apart.length() > 4.9 } else { apart.length() > 3.3 };
-                        assert!(fine || beside || opposite, "{} and car {} at {other}", told(), b + 1);
+                        assert!(fine || beside || opposite, "{} and car {} at {other}", context(), b + 1);
                     }
                 }
             }
@@ -571,9 +573,9 @@ fn signs_send_light_back_and_panes_let_it_through() {
         built.scan(&sensor, &Trajectory::fixed(pose), &options).unwrap()
     };
     let cloud = scan(from, yaw);
-    let brightest = |wanted: bool| {
+    let brightest = |on_signs: bool| {
         let rows = cloud.columns.intensity.iter().zip(&cloud.columns.category_id);
-        rows.filter(|(_, id)| (**id == category) == wanted).fold(0.0_f32, |most, (value, _)| most.max(*value))
+        rows.filter(|(_, id)| (**id == category) == on_signs).fold(0.0_f32, |most, (value, _)| most.max(*value))
     };
     // White sheeting of 250 cd/(lx m^2) is 785 times as bright as a white surface, red 141 times.
     assert!(brightest(true) > 30.0 && brightest(false) <= 1.0, "{} {}", brightest(true), brightest(false));

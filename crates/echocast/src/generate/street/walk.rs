@@ -1,4 +1,4 @@
-//! How people walk: the feet stand still on the ground, and the joints follow from that.
+//! Human gait: feet are at rest while they are on the ground, which determines the angles of the joints.
 
 use super::person::JOINTS;
 use glam::{DQuat, DVec2, DVec3};
@@ -7,32 +7,34 @@ use std::f64::consts::{FRAC_PI_2, TAU};
 /// Speed, m/s, and duration of two steps, s.
 pub(super) const SPEED: f64 = 1.4;
 const CYCLE: f64 = 1.0;
-/// Keys of the joints in two steps.
+/// Keyframes of the joints in two steps.
 const KEYS: f64 = 24.0;
-/// Part of a cycle in which a foot is on the ground; until when it rolls off its heel, and from when the heel rises.
+/// Fractions of a cycle: the time a foot is on the ground, the time until it has rolled off its heel, and the time from
+/// which the heel rises.
 const STANCE: f64 = 0.6;
 const FLAT: f64 = 0.1;
 const RISING: f64 = 0.36;
 /// Pitch of the foot, toes down, when the heel touches the ground and when the toes leave it.
 const STRIKE: f64 = -0.33;
 const PUSH: f64 = 0.85;
-/// Ankle from the heel and from the toes, along the foot and up.
+/// Position of the ankle relative to the heel and to the toes, along the foot and up.
 const FROM_HEEL: DVec2 = DVec2::new(0.05, 0.08);
 const FROM_TOES: DVec2 = DVec2::new(-0.16, 0.08);
-/// Where the heel touches the ground, before the hips.
+/// Distance ahead of the hips at which the heel touches the ground.
 const REACH: f64 = 0.27;
-/// How high the foot is lifted, and the hips, which are lowest when both feet are on the ground.
+/// Lift of the foot, height of the hips, and amplitude of their bobbing; they are lowest when both feet are on the
+/// ground.
 const LIFT: f64 = 0.05;
 const HIPS: f64 = 0.918;
 const BOB: f64 = 0.019;
 
-/// The joints at a time: the place of the hips, and how every joint is turned in its parent.
+/// The pose of the joints at a time: the position of the hips, and the rotation of every joint relative to its parent.
 pub(super) struct Gait {
     pub hips: DVec3,
     pub turns: [DQuat; JOINTS.len()],
 }
 
-/// Times of the keys.
+/// Times of the keyframes.
 pub(super) fn times(seconds: f64) -> Vec<f64> {
     let last = (seconds * KEYS / CYCLE).ceil() as u32;
     (0..=last).map(|key| seconds * f64::from(key) / f64::from(last)).collect()
@@ -44,7 +46,8 @@ fn smooth(part: f64) -> f64 {
     part * part * (3.0 - 2.0 * part)
 }
 
-/// Ankle before the hips and above the ground, and pitch of the foot, at a part of the foot's own cycle.
+/// Position of the ankle ahead of the hips and above the ground, and pitch of the foot, at a fraction of the foot's own
+/// cycle.
 fn foot(part: f64) -> (DVec2, f64) {
     let turned = |v: DVec2, pitch: f64| {
         let (sin, cos) = pitch.sin_cos();
@@ -64,7 +67,8 @@ fn foot(part: f64) -> (DVec2, f64) {
     }
     let part = (part - STANCE) / (1.0 - STANCE);
     let (from, to) = (on_toes(STANCE, PUSH), on_heel(0.0, STRIKE));
-    // The foot leaves the ground and comes back to it at about the speed that it has there, backwards.
+    // The foot leaves the ground and returns to it at about the speed that it has on it, backwards relative to the
+    // hips.
     let back = -SPEED * CYCLE * (1.0 - STANCE) * 0.9;
     let (t, u) = (part, 1.0 - part);
     let x = from.x * u * u * (1.0 + 2.0 * t) + to.x * t * t * (1.0 + 2.0 * u) + back * t * u * (u - t);
@@ -72,18 +76,19 @@ fn foot(part: f64) -> (DVec2, f64) {
     (DVec2::new(x, z), PUSH + (STRIKE - PUSH) * smooth(part / 0.85))
 }
 
-/// Hip and knee, as angles about y, that bring the ankle to a place from the hip; both lengths are the leg's.
+/// Hip and knee angles about y that bring the ankle to the position `to` relative to the hip, for these lengths of the
+/// leg.
 fn leg(to: DVec2, [thigh, shank]: [f64; 2]) -> [f64; 2] {
     let reach = to.length().min(0.9995 * (thigh + shank));
     let bend =
         |opposite: f64, a: f64, b: f64| ((a * a + b * b - opposite * opposite) / (2.0 * a * b)).clamp(-1.0, 1.0).acos();
-    // A turn by an angle about y moves what points down to -sin, against x.
+    // A rotation about y turns a vector that points down towards -x, by the sine of the angle.
     let straight = (-to.x).atan2(-to.y);
     let hip = straight - bend(shank, thigh, reach);
     [hip, std::f64::consts::PI - bend(reach, thigh, shank)]
 }
 
-/// The gait at a time; `phase` is the part of a cycle by which it is ahead.
+/// The gait at a time; `phase` is the fraction of a cycle by which it is ahead.
 pub(super) fn gait(time: f64, phase: f64) -> Gait {
     let bound = |joint: usize| DVec3::from(JOINTS[joint].2);
     let part = time / CYCLE + phase;
@@ -100,7 +105,7 @@ pub(super) fn gait(time: f64, phase: f64) -> Gait {
     turns[3] = DQuat::from_rotation_z(0.5 * yaw) * DQuat::from_rotation_y(0.05);
     turns[4] = DQuat::from_rotation_z(0.3 * yaw) * DQuat::from_rotation_y(-0.07 + 0.015 * (part * 2.0 * TAU).cos());
     for (side, arm, upper) in [(1.0, 5, 11), (-1.0, 8, 14)] {
-        // Arms hang down from where they were spread, and swing against the leg of their side.
+        // Arms, which are spread in the bind pose, hang down and swing opposite to the leg on the same side.
         let forward = -side * swing;
         let down = DQuat::from_rotation_x(-side * 0.6);
         turns[arm] = DQuat::from_rotation_y(0.04 - 0.42 * forward) * down;

@@ -1,4 +1,4 @@
-//! Droplets of water too many to count: fog and spray.
+//! Water droplets as a continuous medium: fog and spray.
 
 use super::mie;
 use super::visibility::{self, VisibilityModel};
@@ -11,7 +11,8 @@ use std::sync::{Arc, Mutex};
 
 /// A modified gamma distribution of droplet radii, `N(r) ~ r^a exp(-b r^g)` with its maximum at the mode radius.
 ///
-/// The named ones are those of Rasshofer et al. 2011 and Chu and Hogg 1968, as listed by LISA (Kilic et al. 2021).
+/// The named distributions are those of Rasshofer et al. 2011 and Chu and Hogg 1968, as listed by LISA (Kilic et al.
+/// 2021).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Spectrum {
@@ -25,7 +26,7 @@ pub enum Spectrum {
     StrongSpray,
     /// 100 droplets per cm^3, mode radius 2 um.
     ModerateSpray,
-    /// A custom one.
+    /// A custom distribution.
     Gamma {
         /// Droplets per cm^3, above 0.
         per_cm3: f64,
@@ -61,11 +62,12 @@ impl Spectrum {
         [per_cm3 * 1e6, a, g, mode_radius_um * 1e-6]
     }
 
-    /// Extinction, 1/m, `int pi r^2 Q_ext(r) N(r) dr`, and backscatter, 1/(m sr), `int pi r^2 Q_back(r) / (4 pi) N(r) dr`,
-    /// with Mie's efficiencies of spheres of water, the distribution normalised to its number of droplets.
+    /// Extinction, 1/m, `int pi r^2 Q_ext(r) N(r) dr`, and backscatter, 1/(m sr),
+    /// `int pi r^2 Q_back(r) / (4 pi) N(r) dr`, with Mie's efficiencies of spheres of water, the distribution
+    /// normalised to its number of droplets.
     pub fn coefficients(self, wavelength_nm: f64) -> [f64; 2] {
         type Sum = ([f64; 5], [f64; 2]);
-        /// The frames of a sequence need not sum again.
+        /// Kept, so that the frames of a sequence need not sum again.
         static KNOWN: Mutex<Vec<Arc<Sum>>> = Mutex::new(Vec::new());
         let [number, a, g, mode] = self.numbers();
         let key = [number, a, g, mode, wavelength_nm];
@@ -78,8 +80,8 @@ fn summed([number, a, g, mode, wavelength_nm]: [f64; 5]) -> [f64; 2] {
     // In units of the mode radius N ~ x^a exp(-(a/g) x^g); x = e^s resolves all scales equally. In logarithms: either
     // factor alone may overflow f64.
     let weight = |s: f64| (a + 1.0) * s - (a / g) * (g * s).exp();
-    // Around the droplets that intercept most light, as far as they take more than 1e-9 of that; small exponents spread
-    // far.
+    // Around the droplet size that intercepts most light, out to where droplets intercept 1e-9 of that; small exponents
+    // spread far.
     let middle = ((a + 3.0) / a).ln() / g;
     let light = |s: f64| weight(s) + 2.0 * s - weight(middle) - 2.0 * middle;
     let edge = |step: f64| {
@@ -90,8 +92,8 @@ fn summed([number, a, g, mode, wavelength_nm]: [f64; 5]) -> [f64; 2] {
         s
     };
     let (from, to) = (edge(-0.05), edge(0.05));
-    // Backscatter ripples with every size, so that many are averaged: enough for 1 %, and no more terms of Mie's series
-    // than a second has time for.
+    // Backscatter ripples with size, so many sizes are averaged: enough for 1 %, and no more terms of Mie's series than
+    // can be summed in a second.
     let largest = mie::size(mode * to.exp(), wavelength_nm);
     let steps = (2e7 / largest).clamp(400.0, 6000.0) as u32;
     let water = mie::water(wavelength_nm);
@@ -100,12 +102,12 @@ fn summed([number, a, g, mode, wavelength_nm]: [f64; 5]) -> [f64; 2] {
         let s = from + (to - from) * (f64::from(step) + 0.5) / f64::from(steps);
         let radius = mode * s.exp();
         let light = weight(s).exp() * radius * radius;
-        // Droplets beyond the size of rain are not spheres any more.
+        // Drops larger than rain are no longer spheres.
         let of = mie::sphere(mie::size(radius.min(0.5e-3), wavelength_nm), water, &mut logs);
         extinction += light * PI * of.extinction;
         backscatter += light * of.backscatter / 4.0;
     }
-    // All droplets, those that take no light too: int x^a exp(-(a/g) x^g) dx.
+    // All droplets, including those that intercept no light: int x^a exp(-(a/g) x^g) dx.
     let all = (0..4000).map(|step| weight(-40.0 + 60.0 * (f64::from(step) + 0.5) / 4000.0).exp());
     let droplets = all.sum::<f64>() * 60.0 / 4000.0;
     let scale = number / droplets * (to - from) / f64::from(steps);
@@ -122,20 +124,21 @@ pub struct Fog {
     /// Meteorological optical range instead, at 5 % contrast, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mor_m: Option<f64>,
-    /// Droplets instead.
+    /// Droplet size distribution instead.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spectrum: Option<Spectrum>,
-    /// How extinction by visibility depends on the wavelength; default Kim.
+    /// How extinction by visibility depends on the wavelength; defaults to Kim.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<VisibilityModel>,
-    /// Extinction over backscatter, sr, 1 to 1000; by default that of the droplets, or 18.8 up to 905 nm, rising to 21.3 at
-    /// 1550 nm.
+    /// Extinction over backscatter, sr, 1 to 1000; by default that of the droplets, or 18.8 up to 905 nm, rising to
+    /// 21.3 at 1550 nm.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lidar_ratio_sr: Option<f64>,
 }
 
-/// Lidar ratio of fog whose droplets are not given, sr: 18.8 at 905 nm and below (O'Connor, Illingworth, Hogan 2004: 18.8
-/// +- 0.8 in clouds of water), 21.3 at 1550 nm, where water absorbs (Mie's theory of advection fogs), linear between.
+/// Lidar ratio of fog whose droplets are not given, sr: 18.8 at 905 nm and below (O'Connor, Illingworth, Hogan 2004:
+/// 18.8 +- 0.8 in water clouds), 21.3 at 1550 nm, where water absorbs (Mie theory for advection fogs), linear in
+/// between.
 fn lidar_ratio_sr(wavelength_nm: f64) -> f64 {
     18.8 + (21.3 - 18.8) * ((wavelength_nm - 905.0) / (1550.0 - 905.0)).clamp(0.0, 1.0)
 }
@@ -147,7 +150,7 @@ impl Fog {
         match (&self.spectrum, self.visibility_m.or(self.mor_m)) {
             (None, None) => Err(Error::invalid(key, "without visibility_m, mor_m and spectrum", "one of them")),
             (Some(_), Some(_)) => {
-                Err(Error::invalid(format!("{key}.spectrum"), "beside visibility_m or mor_m", "one of them"))
+                Err(Error::invalid(format!("{key}.spectrum"), "together with visibility_m or mor_m", "one of them"))
             }
             (Some(spectrum), None) => spectrum.check(&format!("{key}.spectrum"), bounds),
             (None, Some(_)) => Ok(()),
@@ -204,9 +207,9 @@ impl Spray {
 mod tests {
     use super::*;
 
-    /// Against Mie series summed with miepython 3.3 over the same spectra, haze of small droplets among them.
+    /// Against Mie series summed with miepython 3.3 over the same spectra, including a haze of small droplets.
     #[test]
-    fn spectra_are_as_mie_theory_says() {
+    fn spectra_agree_with_mie_theory() {
         let haze = Spectrum::Gamma { per_cm3: 100.0, a: 2.0, g: 0.5, mode_radius_um: 0.07 };
         for (spectrum, wavelength_nm, extinction, backscatter) in [
             (Spectrum::StrongAdvectionFog, 905.0, 2.906_61e-2, 1.619_12e-3),
@@ -228,7 +231,7 @@ mod tests {
         }
         let own = Spectrum::Gamma { per_cm3: 20.0, a: 3.0, g: 1.0, mode_radius_um: 10.0 };
         assert_eq!(own.coefficients(905.0), Spectrum::StrongAdvectionFog.coefficients(905.0));
-        // The extremes of what is allowed are summed in reasonable time, to finite numbers.
+        // The extremes of the allowed ranges are summed in reasonable time, to finite numbers.
         for a in [0.1, 20.0] {
             for (g, mode_radius_um) in [(0.1, 0.01), (0.1, 1000.0), (10.0, 0.01), (10.0, 1000.0)] {
                 let spectrum = Spectrum::Gamma { per_cm3: 1.0, a, g, mode_radius_um };
@@ -243,7 +246,7 @@ mod tests {
     /// Lidar ratios: 18.8 sr of droplets give a backscatter of 0.15935 over the optical range, 65.1 sr the 0.046 used
     /// by LiDAR_fog_sim (Hahner et al. 2021).
     #[test]
-    fn fog_sends_back_by_its_lidar_ratio() {
+    fn fog_backscatter_has_its_lidar_ratio() {
         for (lidar_ratio_sr, expected, within) in [(None, 0.159_35, 5e-6), (Some(65.1), 0.046, 5e-5)] {
             let fog = Fog { mor_m: Some(50.0), lidar_ratio_sr, ..Fog::default() };
             let [extinction, backscatter] = fog.coefficients(905.0);

@@ -14,12 +14,12 @@ pub struct Dust {
     pub radius_um: f64,
     /// Grains per m^3, at least 0.
     pub per_m3: f64,
-    /// What a grain removes from the light over its area: 1, as in the paper (whose 2 is the way there and back), or 2,
-    /// including what it diffracts; 0.1 to 4.
+    /// Extinction efficiency of a grain: 1, as in the paper (whose 2 accounts for the two-way path), or 2, including
+    /// diffraction; 0.1 to 4.
     #[serde(default = "one")]
     pub q_ext: f64,
-    /// Extinction over backscatter, sr, 1 to 1000: 40 to 60 of mineral dust. Without it all that a grain's area intercepts
-    /// is scattered evenly to all sides, as in the paper: `4 pi q_ext`.
+    /// Extinction over backscatter, sr, 1 to 1000: 40 to 60 for mineral dust. Without it all the light that a grain's
+    /// area intercepts is scattered isotropically, as in the paper: `4 pi q_ext`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lidar_ratio_sr: Option<f64>,
 }
@@ -41,8 +41,8 @@ impl Dust {
         self.q_ext * PI * (self.radius_um * 1e-6).powi(2) * self.per_m3
     }
 
-    /// Backscatter, 1/(m sr): by the lidar ratio, or `r^2 n / 4`, the paper's eq. 17, all that a grain's area intercepts
-    /// scattered evenly into 4 pi sr.
+    /// Backscatter, 1/(m sr): by the lidar ratio, or `r^2 n / 4`, the paper's eq. 17, with all the light that a grain's
+    /// area intercepts scattered evenly into 4 pi sr.
     pub fn backscatter(&self) -> f64 {
         let even = (self.radius_um * 1e-6).powi(2) * self.per_m3 / 4.0;
         self.lidar_ratio_sr.map_or(even, |ratio| self.extinction() / ratio)

@@ -1,10 +1,10 @@
-//! Light and single spheres of water: Mie's theory.
+//! Scattering of light by single water spheres: Mie theory.
 
 use num_complex::Complex64;
 use std::f64::consts::PI;
 
-/// Wavelength, nm, and the real and imaginary part of the refractive index of water at 20 to 25 degrees C (Hale and Querry
-/// 1973, Applied Optics 12, 555).
+/// Wavelength, nm, and the real and imaginary part of the refractive index of water at 20 to 25 degrees C (Hale and
+/// Querry 1973, Applied Optics 12, 555).
 const WATER: [[f64; 3]; 5] = [
     [400.0, 1.339, 1.9e-9],
     [532.0, 1.334, 1.5e-9],
@@ -13,8 +13,8 @@ const WATER: [[f64; 3]; 5] = [
     [1550.0, 1.318, 1.0e-4],
 ];
 
-/// Refractive index of water: linear between the wavelengths of the table, its imaginary part in the logarithm, constant
-/// outside them.
+/// Refractive index of water: linear between the wavelengths of the table, its imaginary part in the logarithm,
+/// constant outside them.
 pub(super) fn water(wavelength_nm: f64) -> Complex64 {
     let above = WATER.partition_point(|row| row[0] < wavelength_nm).clamp(1, WATER.len() - 1);
     let [[low, n, k], [high, m, l]] = [WATER[above - 1], WATER[above]];
@@ -22,19 +22,19 @@ pub(super) fn water(wavelength_nm: f64) -> Complex64 {
     Complex64::new(n + (m - n) * part, (k.ln() + (l.ln() - k.ln()) * part).exp())
 }
 
-/// What a sphere does to light, over its area `pi r^2`.
+/// Cross-sections of a sphere over its area `pi r^2`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Efficiencies {
-    /// What it takes out of a beam.
+    /// Extinction.
     pub extinction: f64,
-    /// What it would send back if it scattered to all sides as it does straight back: `4 pi` times the differential
-    /// cross-section at 180 degrees.
+    /// Backscatter, as if the sphere scattered in all directions as it does straight back: `4 pi` times the
+    /// differential cross-section at 180 degrees.
     pub backscatter: f64,
 }
 
-/// Efficiencies of a sphere of the size parameter `x = 2 pi r / lambda` and the refractive index `m` in air: the series of
-/// Bohren and Huffman 1983, eq. 4.53, 4.61, 4.88 and 4.89, with `x + 4 x^(1/3) + 2` terms (Wiscombe 1980). `logs` is
-/// memory.
+/// Efficiencies of a sphere of the size parameter `x = 2 pi r / lambda` and the refractive index `m` in air: the series
+/// of Bohren and Huffman 1983, eq. 4.53, 4.61, 4.88 and 4.89, with `x + 4 x^(1/3) + 2` terms (Wiscombe 1980). `logs` is
+/// scratch memory.
 pub(super) fn sphere(x: f64, m: Complex64, logs: &mut Vec<Complex64>) -> Efficiencies {
     let terms = (x + 4.0 * x.cbrt() + 2.0) as usize;
     let inside = m * x;
@@ -75,8 +75,8 @@ pub(super) fn size(radius: f64, wavelength_nm: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Bohren and Huffman 1983, appendix A: x = 3, m = 1.33 + 1e-8 i; and the examples of BHMIE: radius 0.525 um, 632.8 nm,
-    /// m = 1.55: Q_ext 3.10543, Q_back 2.92534.
+    /// Bohren and Huffman 1983, appendix A: x = 3, m = 1.33 + 1e-8 i; and the examples of BHMIE: radius 0.525 um, 632.8
+    /// nm, m = 1.55: Q_ext 3.10543, Q_back 2.92534.
     #[test]
     fn spheres_scatter_as_published() {
         let mut logs = Vec::new();
@@ -91,7 +91,7 @@ mod tests {
         let expected = 8.0 / 3.0 * x.powi(4) * polarity;
         assert!((found.extinction / expected - 1.0).abs() < 1e-3, "{found:?} {expected}");
         assert!((found.backscatter / (1.5 * expected) - 1.0).abs() < 1e-3, "{found:?} {expected}");
-        // Large ones take twice their area, and the edge term of Nussenzveig and Wiscombe 1980.
+        // Large spheres remove twice their area, plus the edge term of Nussenzveig and Wiscombe 1980.
         let mean = |first: f64| {
             let all = (0..400).map(|k| sphere(first + 0.25 * f64::from(k), m, &mut Vec::new()).extinction);
             all.sum::<f64>() / 400.0

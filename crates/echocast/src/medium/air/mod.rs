@@ -1,4 +1,4 @@
-//! What is in the air: how much it dims a beam and how much it sends back. Weather is a medium, not a filter.
+//! What is in the air: how much it attenuates a beam and how much it returns. Weather is a medium, not a filter.
 
 mod droplets;
 mod dust;

@@ -1,4 +1,4 @@
-//! Drops and flakes one by one: the few that a sensor sees.
+//! Individual drops and flakes: the few that a sensor detects.
 
 /// Particles with exponentially distributed diameters, `n(D) = N0 e^(-L D)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -7,7 +7,7 @@ pub(crate) struct Particles {
     pub per_m3_mm: f64,
     /// L, 1/mm.
     pub slope_per_mm: f64,
-    /// Smaller ones only dim the beam, mm.
+    /// Diameter below which particles only attenuate the beam, mm.
     pub least_mm: f64,
     /// Reflectance of a Lambert disc of the same size that would return as much.
     pub reflectance: f64,

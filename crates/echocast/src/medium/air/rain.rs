@@ -1,4 +1,4 @@
-//! Rain: many drops dim the beam, single ones echo.
+//! Rain and snow: many drops attenuate the beam, single ones return echoes.
 
 use super::particles::Particles;
 use crate::ground::error::Result;
@@ -47,21 +47,21 @@ pub enum PerLength {
 pub struct Rain {
     /// Rate, mm/h, 0 to 500.
     pub rate_mm_h: f64,
-    /// How extinction follows from it; default `itu`, in profiles `paper` and `blainder` `paper`.
+    /// How extinction follows from it; defaults to `itu`, in the profiles `paper` and `blainder` to `paper`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<RainModel>,
-    /// Shape of the drops' distribution in `itu`, -2 to 2.
+    /// Shape of the drop size distribution in `itu`, -2 to 2.
     #[serde(default)]
     pub mu: i32,
-    /// Part of the light that a drop removes but bends so little that the receiver still sees it, 0 to 0.5.
+    /// Part of the light that drops remove but deflect so little that the receiver still picks it up, 0 to 0.5.
     #[serde(default)]
     pub forward_recovery: f64,
-    /// Whether drops show as points; default true, in profiles `paper` and `blainder` false. Only instruments with
-    /// `detection.model: radar_equation` distinguish drops that they see from others.
+    /// Whether drops appear as points; defaults to true, in the profiles `paper` and `blainder` to false. Only
+    /// instruments with `detection.model: radar_equation` distinguish drops that they detect from others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub drops: Option<bool>,
     /// Whether ranges scatter according to the paper's eq. 15, `sigma = 0.02 R (1 - e^-rate)^2`, where the rain is
-    /// everywhere; default false, in profiles `paper` and `blainder` true.
+    /// everywhere; defaults to false, in the profiles `paper` and `blainder` to true.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range_noise: Option<bool>,
 }
@@ -69,7 +69,7 @@ pub struct Rain {
 /// `k` and `a` of `k R^a` dB/km in ITU-R P.1814-1, for mu from -2 to 2.
 const ITU: [[f64; 2]; 5] = [[2.2838, 0.4050], [1.5921, 0.5506], [1.2924, 0.6436], [1.1394, 0.7057], [1.0505, 0.7497]];
 
-/// dB/km in 1/m.
+/// One dB/km in 1/m.
 const DB_PER_KM: f64 = 1.0 / 4_342.944_819_032_518;
 
 impl Rain {
@@ -89,7 +89,7 @@ impl Rain {
         Ok(())
     }
 
-    /// Extinction, 1/m; `model` where none is given.
+    /// Extinction, 1/m; `model` is used where none is given.
     pub fn extinction(&self, model: RainModel) -> f64 {
         let rate = self.rate_mm_h;
         let all = match self.model.unwrap_or(model) {
@@ -121,7 +121,8 @@ impl Rain {
         })
     }
 
-    /// Standard deviation of ranges over the range: the paper's eq. 15 (Goodin et al. 2019), read as a deviation.
+    /// Standard deviation of ranges relative to the range: the paper's eq. 15 (Goodin et al. 2019), read as a
+    /// deviation.
     pub fn range_noise(&self) -> f64 {
         0.02 * (1.0 - (-self.rate_mm_h).exp()).powi(2)
     }
@@ -133,14 +134,14 @@ impl Rain {
 pub struct Snow {
     /// Rate as melted water, mm/h, 0 to 100.
     pub rate_mm_h: f64,
-    /// Sizes of the flakes.
+    /// Size distribution of the flakes.
     #[serde(default)]
     pub model: SnowModel,
     /// Density of a flake, kg/m^3, 10 to 917.
     #[serde(default = "flake_density")]
     pub density_kg_m3: f64,
-    /// Whether flakes show as points; default true, in profiles `paper` and `blainder` false. Only instruments with
-    /// `detection.model: radar_equation` distinguish flakes that they see from others.
+    /// Whether flakes appear as points; defaults to true, in the profiles `paper` and `blainder` to false. Only
+    /// instruments with `detection.model: radar_equation` distinguish flakes that they detect from others.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flakes: Option<bool>,
 }

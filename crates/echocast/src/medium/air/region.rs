@@ -36,7 +36,7 @@ pub enum Region {
         /// Its radius, m, above 0.
         radius_m: f64,
     },
-    /// What lies behind a plane, such as ground fog below a height: `{point_m: [0, 0, 2], normal: [0, 0, 1]}`.
+    /// The space behind a plane, such as that of ground fog below a height: `{point_m: [0, 0, 2], normal: [0, 0, 1]}`.
     HalfSpace {
         /// A point of the plane, m.
         point_m: [f64; 3],
@@ -101,7 +101,7 @@ pub struct Placed<T> {
 }
 
 impl<T> From<T> for Placed<T> {
-    /// Everywhere.
+    /// The weather everywhere.
     fn from(what: T) -> Self {
         Placed { what, region: Region::Everywhere }
     }
@@ -137,7 +137,8 @@ impl<'de, T: DeserializeOwned> Deserialize<'de> for Placed<T> {
                 Region::Shell { start_m, length_m }
             }
             [first, second, ..] => {
-                let message = format!("{second}: is beside {first}; allowed: one region, or none for everywhere");
+                let message =
+                    format!("{second}: is given together with {first}; allowed: one region, or none for everywhere");
                 return Err(serde::de::Error::custom(message));
             }
             [_] => unreachable!("only keys of regions are taken"),
@@ -182,8 +183,8 @@ impl Extent {
         matches!(self, Extent::Everywhere | Extent::Shell { .. })
     }
 
-    /// The interval of a ray inside, as distances from its origin between 0 and `length`, m; `from > to` means nowhere.
-    /// `travelled`: the beam's path up to the origin of the ray, m.
+    /// The interval of a ray inside the region, as distances from its origin between 0 and `length`, m; `from > to`
+    /// means nowhere. `travelled`: the beam's path up to the origin of the ray, m.
     pub(crate) fn interval(&self, org: Vec3, dir: Vec3, travelled: f32, length: f32) -> (f32, f32) {
         let (from, to) = match *self {
             Extent::Everywhere => (0.0, length),

@@ -1,4 +1,4 @@
-//! Visibility, and what it means for a beam.
+//! Visibility, and the extinction that follows from it.
 
 use crate::ground::error::{Error, Result};
 use crate::read::bounds::Bounds;
@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 pub enum VisibilityModel {
     /// Kruse et al. 1962, for haze.
     Kruse,
-    /// Kim et al. 2001, for fog: below 500 m all wavelengths are dimmed equally.
+    /// Kim et al. 2001, for fog: below 500 m all wavelengths are attenuated equally.
     Kim,
 }
 
@@ -24,7 +24,7 @@ pub struct ClearAir {
     /// Meteorological optical range instead, at 5 % contrast, m: extinction is 2.996/MOR.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mor_m: Option<f64>,
-    /// How it depends on the wavelength; default Kruse.
+    /// How extinction depends on the wavelength; defaults to Kruse.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub model: Option<VisibilityModel>,
 }
@@ -56,22 +56,22 @@ pub(in crate::medium) fn check_sight(
         bounds.number(format_args!("{key}.{name}"), value, [0.1, 1e9], "0.1 or more")?;
     }
     match (visibility_m, mor_m) {
-        (Some(_), Some(mor)) => Err(Error::invalid(format!("{key}.mor_m"), mor, "none beside visibility_m")),
+        (Some(_), Some(mor)) => Err(Error::invalid(format!("{key}.mor_m"), mor, "none together with visibility_m")),
         _ => Ok(()),
     }
 }
 
-/// Distance, m, at which 2 % contrast remains (visibility, ITU-R P.1814), where that of 5 % may be given instead
-/// (meteorological optical range, WMO): by Koschmieder's law contrast is `e^(-extinction distance)`.
+/// Distance, m, at which 2 % contrast remains (visibility, ITU-R P.1814), where the distance for 5 % may be given
+/// instead (meteorological optical range, WMO): by Koschmieder's law contrast is `e^(-extinction distance)`.
 pub(in crate::medium) fn sight(visibility_m: Option<f64>, mor_m: Option<f64>) -> Option<f64> {
     visibility_m.or_else(|| mor_m.map(|mor| mor * 0.02f64.ln() / 0.05f64.ln()))
 }
 
-/// Extinction, 1/m, for a sight of `sight` m: Koschmieder's `-ln(0.02) / sight` at 550 nm, times `(lambda / 550
-/// nm)^-q`.
+/// Extinction, 1/m, for a visibility of `sight` m: Koschmieder's `-ln(0.02) / sight` at 550 nm, times
+/// `(lambda / 550 nm)^-q`.
 ///
 /// Kruse: q = 1.6 above 50 km, 1.3 above 6 km, else 0.585 V^(1/3). Kim: 1.6, 1.3, 0.16 V + 0.34 (1 to 6 km), V - 0.5
-/// (0.5 to 1 km), 0 below; V is the sight in km.
+/// (0.5 to 1 km), 0 below; V is the visibility in km.
 pub(in crate::medium) fn extinction(sight: f64, wavelength_nm: f64, model: VisibilityModel) -> f64 {
     let km = sight / 1e3;
     let q = match model {

@@ -1,4 +1,4 @@
-//! How much sound water absorbs.
+//! Absorption of sound by water.
 
 use super::validity::{Outside, outside};
 use serde::{Deserialize, Serialize};
@@ -20,7 +20,7 @@ pub enum Absorption {
 }
 
 impl Absorption {
-    /// Its word in YAML.
+    /// Its name in YAML.
     pub(super) fn word(self) -> &'static str {
         match self {
             Absorption::FrancoisGarrison => "francois_garrison",
@@ -43,7 +43,7 @@ impl Absorption {
             return 0.0;
         }
         let (f2, t, s, z) = ((frequency_hz * 1e-3).powi(2), temperature_c, salinity.max(0.0), depth_m);
-        // What a process with the relaxation frequency `at`, kHz, makes of f^2; nothing if the process is absent.
+        // Frequency dependence of a process with the relaxation frequency `at`, kHz; zero if the process is absent.
         let relaxed = |at: f64| at * f2 / (at * at + f2);
         match self {
             Absorption::FrancoisGarrison => {
@@ -77,10 +77,10 @@ impl Absorption {
         }
     }
 
-    /// Which of these are outside the range of the law.
+    /// Which of these are outside the validity range of the law.
     pub fn outside(self, frequency_hz: f64, temperature_c: f64, salinity: f64, ph: f64, depth_m: f64) -> Vec<Outside> {
         let (frequency, temperature, salt, acid, depth) = match self {
-            // Their 5 % hold in oceans; above 500 kHz, where only the water itself matters, in most waters.
+            // Their 5 % hold in oceans; above 500 kHz, where only the water itself absorbs, in most waters.
             Absorption::FrancoisGarrison if frequency_hz <= 500e3 => {
                 ([200.0, 1e6], [-2.0, 22.0], [30.0, 35.0], [7.7, 8.3], [0.0, 3500.0])
             }
@@ -111,7 +111,7 @@ mod tests {
         }
     }
 
-    /// Fresh water has no relaxing salts: the rest grows with the square of the frequency.
+    /// Fresh water has no relaxing salts: what remains grows with the square of the frequency.
     #[test]
     fn fresh_water_only_is_viscous() {
         for law in [Absorption::FrancoisGarrison, Absorption::AinslieMccolm] {
@@ -123,7 +123,7 @@ mod tests {
     }
 
     #[test]
-    fn more_is_swallowed_at_higher_frequencies_and_less_in_the_deep() {
+    fn absorption_rises_with_frequency_and_falls_with_depth() {
         for law in [Absorption::FrancoisGarrison, Absorption::AinslieMccolm] {
             for t in [-1.0, 10.0, 30.0] {
                 let mut before = 0.0;
@@ -139,16 +139,16 @@ mod tests {
     }
 
     #[test]
-    fn ranges_are_told() {
-        let told = |law: Absorption, frequency, salinity| {
+    fn values_outside_the_validity_range_are_reported() {
+        let names_outside = |law: Absorption, frequency, salinity| {
             law.outside(frequency, 10.0, salinity, 8.0, 0.0).iter().map(|it| it.quantity).collect::<Vec<_>>()
         };
-        assert!(told(Absorption::FrancoisGarrison, 400e3, 35.0).is_empty());
-        assert_eq!(told(Absorption::FrancoisGarrison, 400e3, 5.0), ["salinity"]);
-        assert!(told(Absorption::FrancoisGarrison, 900e3, 5.0).is_empty());
-        assert_eq!(told(Absorption::FrancoisGarrison, 1.2e6, 35.0), ["frequency"]);
-        assert_eq!(told(Absorption::FrancoisGarrison, 100.0, 35.0), ["frequency"]);
-        assert_eq!(told(Absorption::Thorp, 400e3, 0.0), ["frequency"]);
-        assert!(told(Absorption::None, 1e9, 0.0).is_empty());
+        assert!(names_outside(Absorption::FrancoisGarrison, 400e3, 35.0).is_empty());
+        assert_eq!(names_outside(Absorption::FrancoisGarrison, 400e3, 5.0), ["salinity"]);
+        assert!(names_outside(Absorption::FrancoisGarrison, 900e3, 5.0).is_empty());
+        assert_eq!(names_outside(Absorption::FrancoisGarrison, 1.2e6, 35.0), ["frequency"]);
+        assert_eq!(names_outside(Absorption::FrancoisGarrison, 100.0, 35.0), ["frequency"]);
+        assert_eq!(names_outside(Absorption::Thorp, 400e3, 0.0), ["frequency"]);
+        assert!(names_outside(Absorption::None, 1e9, 0.0).is_empty());
     }
 }

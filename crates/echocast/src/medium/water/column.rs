@@ -11,14 +11,14 @@ const THICKEST: f64 = 500.0;
 const CONSTANT_FROM: f64 = 12_000.0;
 /// Largest error, m/s, of the lines through the speeds of a formula.
 const SPEED_ERROR: f64 = 0.01;
-/// Casts of more rows are joined where they run straight: a ray takes time in each slab.
+/// Casts of more rows are simplified where they are straight: a ray takes computing time in each slab.
 const MANY: usize = 1000;
-/// How far the line through rows that are joined may be from one of them, m/s: the resolution of good probes.
+/// Largest distance of joined rows from the line through their ends, m/s: the resolution of good probes.
 const ROW_ERROR: f64 = 0.001;
 
 /// All the water, from the surface down.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Column {
+pub(crate) struct WaterColumn {
     /// Height of the surface in the world, m.
     pub surface_z: f64,
     /// From depth 0 to infinity; each begins where the one before ends.
@@ -38,13 +38,13 @@ struct Stretch {
 }
 
 impl Stretch {
-    /// Interpolates `between`, top and bottom, at the part `t` of the thickness.
+    /// Interpolates between `top` and `bottom` at the fraction `t` of the thickness.
     fn at([top, bottom]: [f64; 2], t: f64) -> f64 {
         // Not top + (bottom - top) t: both ends must be exact.
         top * (1.0 - t) + bottom * t
     }
 
-    /// From `top` to `bottom`, both within it. A stretch without an end does not change.
+    /// The part from `top` to `bottom`, both within it. A stretch without an end is uniform.
     fn part(&self, top: f64, bottom: f64) -> Stretch {
         if self.bottom == f64::INFINITY {
             return Stretch { top, bottom, ..*self };
@@ -62,33 +62,33 @@ impl Stretch {
     }
 }
 
-impl Column {
-    /// The `water`, which is valid, for a sonar of `frequency_hz` (above 0) at `sonar_depth_m` below the surface; and
-    /// what users should know about it.
+impl WaterColumn {
+    /// The column of `water`, which is valid, for a sonar of `frequency_hz` (above 0) at `sonar_depth_m` below the
+    /// surface; and warnings for the user.
     ///
     /// # Errors
-    /// A sonar above the water, or where the profile says nothing; a profile whose file has not been read.
-    pub fn new(water: &Water, frequency_hz: f64, sonar_depth_m: f64) -> Result<(Column, Vec<String>)> {
-        Column::of(water, ("profile", water.profile.as_ref()), frequency_hz, sonar_depth_m)
+    /// A sonar above the water, or at a depth that the profile does not cover; a profile whose file has not been read.
+    pub fn new(water: &Water, frequency_hz: f64, sonar_depth_m: f64) -> Result<(WaterColumn, Vec<String>)> {
+        WaterColumn::of(water, ("profile", water.profile.as_ref()), frequency_hz, sonar_depth_m)
     }
 
-    /// The water that depths are corrected with, if that is another than the true one.
+    /// The column that depths are corrected with, if it differs from the true one.
     ///
     /// # Errors
-    /// As of [`Column::new`].
-    pub fn assumed(water: &Water, frequency_hz: f64, sonar_depth_m: f64) -> Result<Option<Column>> {
+    /// As for [`WaterColumn::new`].
+    pub fn assumed(water: &Water, frequency_hz: f64, sonar_depth_m: f64) -> Result<Option<WaterColumn>> {
         let Some(assumed) = &water.assumed_profile else { return Ok(None) };
-        let (column, _) = Column::of(water, ("assumed_profile", Some(assumed)), frequency_hz, sonar_depth_m)?;
+        let (column, _) = WaterColumn::of(water, ("assumed_profile", Some(assumed)), frequency_hz, sonar_depth_m)?;
         Ok(Some(column))
     }
 
-    /// `water` of the profile of a key.
+    /// The column of `water` with the `profile` at a key.
     fn of(
         water: &Water,
         (key, profile): (&str, Option<&SoundSpeedProfile>),
         frequency_hz: f64,
         sonar_depth_m: f64,
-    ) -> Result<(Column, Vec<String>)> {
+    ) -> Result<(WaterColumn, Vec<String>)> {
         check_depth(water, (key, profile), sonar_depth_m)?;
         let whole = |speed: f64| Stretch {
             top: 0.0,
@@ -182,13 +182,13 @@ impl Column {
         if let Some(speed) = odd {
             warnings.push(format!("a speed of sound is {speed} m/s; that of water is from {least} to {most} m/s"));
         }
-        Ok((Column { surface_z: water.surface_z_m, slabs: slabs(water, frequency_hz, &stretches) }, warnings))
+        Ok((WaterColumn { surface_z: water.surface_z_m, slabs: slabs(water, frequency_hz, &stretches) }, warnings))
     }
 
-    /// Checks that `water` is known, and assumed to be so, at `sonar_depth_m`, m below its surface.
+    /// Checks that the true and the assumed profile of `water` cover `sonar_depth_m`, m below its surface.
     ///
     /// # Errors
-    /// A sonar above the water, or where a profile says nothing.
+    /// A sonar above the water, or at a depth that a profile does not cover.
     pub fn check_depth(water: &Water, sonar_depth_m: f64) -> Result<()> {
         check_depth(water, ("profile", water.profile.as_ref()), sonar_depth_m)?;
         match &water.assumed_profile {
@@ -216,7 +216,7 @@ impl Column {
         self.slabs[self.slab_at(depth)].speed_at(depth)
     }
 
-    /// Whether sound travels straight: speed and density are the same everywhere.
+    /// Whether sound travels in straight lines: speed and density are the same everywhere.
     pub fn is_uniform(&self) -> bool {
         let first = &self.slabs[0];
         self.slabs.iter().all(|slab| slab.gradient == 0.0 && slab.speed == first.speed && slab.density == first.density)
@@ -237,13 +237,14 @@ impl Column {
     }
 }
 
-/// Index of that of `slabs`, which touch, at `depth`, m; at a boundary the lower one. Above all it is the first.
+/// Index of the one of adjoining `slabs` that is at `depth`, m; at a boundary the lower one. Above all slabs it is the
+/// first.
 #[inline]
 pub(crate) fn slab_at(slabs: &[Slab], depth: f64) -> usize {
     slabs.partition_point(|slab| slab.top <= depth).saturating_sub(1)
 }
 
-/// Checks that `water` of the profile of a key is known at `sonar_depth_m`, m below its surface.
+/// Checks that the `profile` at a key of `water` covers `sonar_depth_m`, m below its surface.
 fn check_depth(water: &Water, (key, profile): (&str, Option<&SoundSpeedProfile>), sonar_depth_m: f64) -> Result<()> {
     let (from, to, table) = match profile {
         // Formulas contain powers of the depth.
@@ -260,7 +261,7 @@ fn check_depth(water: &Water, (key, profile): (&str, Option<&SoundSpeedProfile>)
             (depth(rows.first()), depth(rows.last()), "ts")
         }
         Some(SoundSpeedProfile::Constant { .. }) => (0.0, f64::INFINITY, ""),
-        // Nothing is known of it: [`Column::new`] refuses it.
+        // Its rows are unknown: [`WaterColumn::new`] refuses it.
         Some(SoundSpeedProfile::File(_)) => return Ok(()),
     };
     // Written so that NaN fails too.
@@ -279,10 +280,10 @@ fn check_depth(water: &Water, (key, profile): (&str, Option<&SoundSpeedProfile>)
     Err(Error::invalid("the depth of the sonar", format!("{sonar_depth_m} m"), allowed))
 }
 
-/// Neighbours of a long cast as one, as long as its rows lie within [`ROW_ERROR`] of the line through its ends.
+/// Joins neighbouring stretches of a long cast while all rows are within [`ROW_ERROR`] of the line through the ends.
 fn joined(stretches: &[Stretch]) -> Vec<Stretch> {
     let mut all: Vec<Stretch> = Vec::new();
-    // Slopes of the lines from the start of the last that pass all its rows.
+    // Least and greatest slope of the lines from the start of the last stretch that pass all its rows.
     let mut slopes = [f64::NEG_INFINITY, f64::INFINITY];
     for next in stretches {
         if let Some(last) = all.last_mut() {
@@ -308,11 +309,11 @@ fn joined(stretches: &[Stretch]) -> Vec<Stretch> {
     all
 }
 
-/// Divides `stretch` into as many equal parts as it takes for their lines of speeds to be near those of the `formula`.
+/// Divides `stretch` into as many equal parts as needed for speeds linear in each part to be close to the `formula`.
 fn divide_until_straight(stretch: Stretch, formula: &impl Fn(&WaterRow) -> f64, into: &mut Vec<Stretch>) {
     /// Most parts; the widest temperature steps allowed take 60.
     const MOST: usize = 4096;
-    /// Formulas are nearly parabolic between rows: a little is reserved for what lies between the depths that are looked at.
+    /// Formulas are nearly parabolic between rows: a margin is left for depths between those that are checked.
     const NEAR: f64 = 0.9 * SPEED_ERROR;
     let depth_at = |t: f64| Stretch::at([stretch.top, stretch.bottom], t);
     let speed_at = |t: f64| {
@@ -329,7 +330,7 @@ fn divide_until_straight(stretch: Stretch, formula: &impl Fn(&WaterRow) -> f64, 
         [0.25, 0.5, 0.75].map(beside).into_iter().fold(0.0, f64::max)
     };
     let part = |index: usize, parts: usize| [index, index + 1].map(|end| end as f64 / parts as f64);
-    // A parabola is nearer to its chords by the square of how many they are.
+    // The distance of a parabola from its chords falls with the square of their number.
     let mut parts = ((off([0.0, 1.0]) / NEAR).sqrt().ceil() as usize).clamp(1, MOST);
     while parts < MOST && (0..parts).any(|index| off(part(index, parts)) > NEAR) {
         parts = (parts + parts / 8 + 1).min(MOST);
@@ -379,7 +380,7 @@ fn slabs(water: &Water, frequency_hz: f64, stretches: &[Stretch]) -> Vec<Slab> {
     for stretch in above.iter().chain(stretches).chain(&below) {
         let mut rest = *stretch;
         while cuts && rest.top < CONSTANT_FROM && rest.bottom - rest.top > THICKEST {
-            // Slabs of equal thickness where possible, so at round depths.
+            // Slabs are of equal thickness where possible, and so end at round depths.
             let cut = ((rest.top / THICKEST).floor() + 1.0) * THICKEST;
             add(rest.part(rest.top, cut));
             rest = rest.part(cut, rest.bottom);
@@ -401,8 +402,8 @@ mod tests {
         Environment::from_yaml(&format!("water: {{{keys}}}")).unwrap().water.unwrap()
     }
 
-    fn column(keys: &str, depth: f64) -> (Column, Vec<String>) {
-        let (column, warnings) = Column::new(&water(keys), FREQUENCY, depth).unwrap();
+    fn column(keys: &str, depth: f64) -> (WaterColumn, Vec<String>) {
+        let (column, warnings) = WaterColumn::new(&water(keys), FREQUENCY, depth).unwrap();
         // From the surface to infinity without gaps, and nothing negative or infinite in between.
         assert_eq!((column.slabs[0].top, column.slabs.last().unwrap().bottom), (0.0, f64::INFINITY));
         assert!(column.slabs.iter().all(|slab| slab.top < slab.bottom));
@@ -417,7 +418,7 @@ mod tests {
         (column, warnings)
     }
 
-    fn absorption_at(column: &Column, depth: f64) -> f64 {
+    fn absorption_at(column: &WaterColumn, depth: f64) -> f64 {
         let slab = column.slabs[column.slab_at(depth)];
         slab.absorption + slab.absorption_slope * (depth - slab.top)
     }
@@ -466,10 +467,10 @@ mod tests {
     }
 
     #[test]
-    fn laws_that_do_not_know_the_depth_need_one_slab() {
+    fn laws_that_ignore_depth_need_one_slab() {
         for law in ["thorp", "none"] {
             let keys = format!("absorption: {law}, profile: {{constant: {{speed_m_s: 1490}}}}");
-            let (column, _) = Column::new(&water(&keys), 20e3, 5.0).unwrap();
+            let (column, _) = WaterColumn::new(&water(&keys), 20e3, 5.0).unwrap();
             assert_eq!(column.slabs.len(), 1);
             assert_eq!((column.slabs[0].speed, column.slabs[0].absorption_slope), (1490.0, 0.0));
         }
@@ -485,8 +486,8 @@ mod tests {
         assert_eq!(found, [(0.0, 1500.0, 0.0, 1020.0), (30.0, 1480.0, 0.0, 1025.0), (900.0, 1510.0, 0.0, 1025.0)]);
         // At a boundary the lower slab.
         assert_eq!([0.0, 29.9, 30.0, 1e5, -3.0, f64::NAN].map(|depth| column.slab_at(depth)), [0, 0, 1, 2, 0, 0]);
-        assert!(Column::new(&water(keys), FREQUENCY, 1e4).is_ok());
-        let error = Column::new(&water(keys), FREQUENCY, 1.0).unwrap_err().to_string();
+        assert!(WaterColumn::new(&water(keys), FREQUENCY, 1e4).is_ok());
+        let error = WaterColumn::new(&water(keys), FREQUENCY, 1.0).unwrap_err().to_string();
         assert_eq!(
             error,
             "the depth of the sonar is 1 m; allowed: 2 m or more, where the rows of water.profile.layers begin"
@@ -517,11 +518,11 @@ mod tests {
         let tops: Vec<f64> = column.slabs.iter().map(|slab| slab.top).take(6).collect();
         assert_eq!(tops, [0.0, 10.0, 20.0, 500.0, 1000.0, 1020.0]);
         for (depth, found) in [(5.0, "5"), (2000.0, "2000")] {
-            let error = Column::new(&water(keys), FREQUENCY, depth).unwrap_err().to_string();
+            let error = WaterColumn::new(&water(keys), FREQUENCY, depth).unwrap_err().to_string();
             let expected = "m; allowed: 10 to 1020 m, which the rows of water.profile.cast cover";
             assert_eq!(error, format!("the depth of the sonar is {found} {expected}"));
         }
-        let error = Column::new(&water(keys), FREQUENCY, -2.0).unwrap_err().to_string();
+        let error = WaterColumn::new(&water(keys), FREQUENCY, -2.0).unwrap_err().to_string();
         assert!(
             error.starts_with("the depth of the sonar is -2 m; allowed: 0 to 1020 m, below the surface of the water")
         );
@@ -564,7 +565,7 @@ mod tests {
             salinity_psu: [0.0, 50.0][i as usize % 2],
         };
         let wild = Water { profile: Some(SoundSpeedProfile::Ts((0..1000).map(row).collect())), ..Water::default() };
-        let (column, warnings) = Column::new(&wild, FREQUENCY, 5.0).unwrap();
+        let (column, warnings) = WaterColumn::new(&wild, FREQUENCY, 5.0).unwrap();
         assert!(column.slabs.len() < 200_000, "{}", column.slabs.len());
         assert!(
             warnings[0].starts_with("the speed of sound is that of mackenzie, for temperature -4 C"),
@@ -573,38 +574,44 @@ mod tests {
     }
 
     #[test]
-    fn what_one_should_know_is_told() {
-        let told = |keys: &str, frequency: f64| Column::new(&water(keys), frequency, 20.0).unwrap().1.join("; ");
-        assert_eq!(told("", 450e3), "");
+    fn doubtful_water_causes_warnings() {
+        let warnings_of =
+            |keys: &str, frequency: f64| WaterColumn::new(&water(keys), frequency, 20.0).unwrap().1.join("; ");
+        assert_eq!(warnings_of("", 450e3), "");
         assert_eq!(
-            told("salinity_psu: 5, absorption: ainslie_mccolm", 450e3),
-            "the speed of sound is that of mackenzie, for salinity 5 PSU (it is good for 30 to 40 PSU)"
+            warnings_of("salinity_psu: 5, absorption: ainslie_mccolm", 450e3),
+            "the speed of sound is that of mackenzie, for salinity 5 PSU (valid for 30 to 40 PSU)"
         );
-        let absorption =
-            "the absorption is that of francois_garrison, for salinity 5 PSU (it is good for 30 to 35 PSU)";
-        assert_eq!(told("salinity_psu: 5, sound_speed: leroy", 450e3), absorption);
+        let absorption = "the absorption is that of francois_garrison, for salinity 5 PSU (valid for 30 to 35 PSU)";
+        assert_eq!(warnings_of("salinity_psu: 5, sound_speed: leroy", 450e3), absorption);
         // Where the salts hardly matter.
-        assert_eq!(told("salinity_psu: 5, sound_speed: leroy", 600e3), "");
+        assert_eq!(warnings_of("salinity_psu: 5, sound_speed: leroy", 600e3), "");
         // A cast of speeds needs no formula for them.
-        assert_eq!(told("salinity_psu: 5, profile: {constant: {speed_m_s: 1490}}", 450e3), absorption);
+        assert_eq!(warnings_of("salinity_psu: 5, profile: {constant: {speed_m_s: 1490}}", 450e3), absorption);
         let cast = "profile: {ts: [{depth_m: 0, temperature_c: 24, salinity_psu: 34}, {depth_m: 50, temperature_c: 9, \
                     salinity_psu: 34}]}";
-        assert!(told(cast, 450e3).starts_with("the absorption is that of francois_garrison, for temperature 24 C"));
-        assert_eq!(
-            told("", 1.2e6),
-            "the absorption is that of francois_garrison, for frequency 1200000 Hz (it is good for 200 to 1000000 Hz)"
-        );
-        assert!(told("", 100.0).starts_with("the absorption is that of francois_garrison, for frequency 100 Hz"));
         assert!(
-            told("absorption: thorp", 450e3).starts_with("the absorption is that of thorp, for frequency 450000 Hz")
+            warnings_of(cast, 450e3).starts_with("the absorption is that of francois_garrison, for temperature 24 C")
+        );
+        assert_eq!(
+            warnings_of("", 1.2e6),
+            "the absorption is that of francois_garrison, for frequency 1200000 Hz (valid for 200 to 1000000 Hz)"
+        );
+        assert!(
+            warnings_of("", 100.0).starts_with("the absorption is that of francois_garrison, for frequency 100 Hz")
+        );
+        assert!(
+            warnings_of("absorption: thorp", 450e3)
+                .starts_with("the absorption is that of thorp, for frequency 450000 Hz")
         );
         let odd = "absorption: none, allow_unphysical: true, profile: {constant: {speed_m_s: 1.333}}";
-        assert_eq!(told(odd, 1e5), "a speed of sound is 1.333 m/s; that of water is from 1300 to 1700 m/s");
+        assert_eq!(warnings_of(odd, 1e5), "a speed of sound is 1.333 m/s; that of water is from 1300 to 1700 m/s");
     }
 
     #[test]
-    fn a_sonar_in_the_air_hears_nothing_of_it() {
-        let refused = |keys: &str, depth: f64| Column::new(&water(keys), FREQUENCY, depth).unwrap_err().to_string();
+    fn a_sonar_in_the_air_is_refused() {
+        let refused =
+            |keys: &str, depth: f64| WaterColumn::new(&water(keys), FREQUENCY, depth).unwrap_err().to_string();
         let expected = |allowed: &str| {
             format!(
                 "the depth of the sonar is -1.5 m; allowed: {allowed}, below the surface of the water at z = 10 m \
@@ -615,8 +622,8 @@ mod tests {
         let constant = "surface_z_m: 10, profile: {constant: {speed_m_s: 1500}}";
         assert_eq!(refused(constant, -1.5), expected("0 m or more"));
         assert!(refused("", f64::NAN).starts_with("the depth of the sonar is NaN m; allowed: 0 to 12000 m"));
-        // There formulas yield negative values; one speed for all depths does not use them.
+        // At that depth formulas yield negative values; one speed for all depths does not use them.
         assert!(refused("", 1e5).starts_with("the depth of the sonar is 100000 m; allowed: 0 to 12000 m, below"));
-        assert!(Column::new(&water("profile: {constant: {speed_m_s: 1500}}"), FREQUENCY, 1e5).is_ok());
+        assert!(WaterColumn::new(&water("profile: {constant: {speed_m_s: 1500}}"), FREQUENCY, 1e5).is_ok());
     }
 }

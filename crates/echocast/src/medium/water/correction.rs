@@ -1,25 +1,25 @@
-//! Where an echo comes from that was heard along a beam after some time, by the cast that somebody believes in: what survey
-//! software makes of a sounding (Lurton 2010, "An introduction to underwater acoustics", section 8.5; Beaudoin, Hughes
-//! Clarke and Bartlett 2004, Lighthouse 70).
+//! Position of an echo received along a beam after a given time, by an assumed cast: how survey software computes a
+//! sounding (Lurton 2010, "An introduction to underwater acoustics", section 8.5; Beaudoin, Hughes Clarke and Bartlett
+//! 2004, Lighthouse 70).
 
-use super::{Column, Ray};
+use super::{RefractedRay, WaterColumn};
 
-impl Column {
-    /// How far away horizontally, m, and how deep, m, sound is `time` s after it left `depth` m at this sine and cosine of
-    /// the grazing angle, down, in water of the speed `here`, m/s: what the instrument measures of the water about itself,
-    /// which the column need not share. `None`: it does not get into the column, or comes to the surface.
+impl WaterColumn {
+    /// Horizontal distance, m, and depth, m, of sound `time` s after it left `depth` m at this sine and cosine of the
+    /// grazing angle (positive down), in water of the sound speed `here`, m/s: that measured at the instrument, which
+    /// may differ from the column's. `None`: the ray does not enter the column, or reaches the surface.
     pub fn place_after(&self, time: f64, depth: f64, [sine, cosine]: [f64; 2], here: f64) -> Option<[f64; 2]> {
-        // Slabs that a ray passes at most; those that are caught in a duct come to no end.
+        // Most slabs that a ray passes; rays caught in a duct would go on for ever.
         let most = 1000 + 8 * self.slabs.len();
         let slab = self.slab_at(depth);
-        // The law of Snell from the instrument's water into the column.
+        // Snell's law from the instrument's water into the column.
         let cosine = cosine * self.slabs[slab].speed_at(depth) / here;
         if cosine > 1.0 + 1e-9 {
             return None;
         }
         let cosine = cosine.min(1.0);
         let sine = (1.0 - cosine * cosine).sqrt().copysign(sine);
-        let mut ray = Ray::launch(depth, [sine, cosine], &self.slabs, slab);
+        let mut ray = RefractedRay::launch(depth, [sine, cosine], &self.slabs, slab);
         for _ in 0..most {
             let slab = &self.slabs[ray.slab];
             let (length, end) = ray.exit(slab);
@@ -34,7 +34,7 @@ impl Column {
                     continue;
                 }
             }
-            // Within this slab: speeds hardly differ, so that each pass gains several digits.
+            // The end is within this slab: speeds hardly differ, so each iteration gains several digits.
             let (mut length, mut near) = (0.0, ray);
             for _ in 0..20 {
                 let rest = (time - near.time) * near.speed;
@@ -55,9 +55,9 @@ mod tests {
     use super::*;
     use crate::Environment;
 
-    fn column(profile: &str) -> Column {
+    fn column(profile: &str) -> WaterColumn {
         let water = Environment::from_yaml(&format!("water: {{profile: {profile}}}")).unwrap().water.unwrap();
-        Column::new(&water, 100e3, 2.0).unwrap().0
+        WaterColumn::new(&water, 100e3, 2.0).unwrap().0
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::f64::consts::{LOG10_E, PI};
 use std::ops::{Add, Div, Mul, Sub};
 
-/// A fluid, acoustically: water, or a sediment treated as one.
+/// An acoustic fluid: water, or a sediment treated as one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fluid {
     /// Density, kg/m^3, above 0.
@@ -21,8 +21,8 @@ impl Fluid {
         Fluid { density_kg_m3, speed_m_s, loss_db_per_wavelength: 0.0 }
     }
 
-    /// Pressure reflected from a plane wave that meets `other` from here, over the incident pressure: real and
-    /// imaginary part, for waves `e^(-i w t)`. `sin_grazing`: sine of the angle between wave and interface, 0 to 1.
+    /// Pressure reflection coefficient of a plane wave in this fluid that meets `other`: real and imaginary part, for
+    /// waves `e^(-i w t)`. `sin_grazing`: sine of the angle between wave and interface, 0 to 1.
     ///
     /// Rayleigh's `V = (r2 c2 cos t1 - r1 c1 cos t2) / (r2 c2 cos t1 + r1 c1 cos t2)`, angles from the normal; beyond
     /// the critical angle `cos t2` is imaginary, and a loss makes `c2` complex (Brekhovskikh and Lysanov, Fundamentals
@@ -31,16 +31,16 @@ impl Fluid {
         let [here, there] = self.impedances(other, sin_grazing);
         let sum = there + here;
         if sum.norm() == 0.0 {
-            // Along an interface without contrast.
+            // A wave along an interface without contrast.
             return [0.0, 0.0];
         }
         let Complex { re, im } = (there - here) / sum;
         [re, im]
     }
 
-    /// Part of the power transmitted to `other`, 0 to 1; together with the square of [`Fluid::reflection`] it is 1.
-    /// Without losses it is `4 r1 c1 r2 c2 cos t1 cos t2 / (r2 c2 cos t1 + r1 c1 cos t2)^2`, and 0 beyond the critical
-    /// angle: the paper's eq. 13.
+    /// Part of the power transmitted to `other`, 0 to 1; it and the squared magnitude of [`Fluid::reflection`] add up
+    /// to 1. Without losses it is `4 r1 c1 r2 c2 cos t1 cos t2 / (r2 c2 cos t1 + r1 c1 cos t2)^2`, and 0 beyond the
+    /// critical angle: the paper's eq. 13.
     pub fn transmittance(&self, other: &Fluid, sin_grazing: f64) -> f64 {
         let [here, there] = self.impedances(other, sin_grazing);
         let sum = (there + here).norm();
@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_reflected_goes_over() {
+    fn what_is_not_reflected_is_transmitted() {
         let air = Fluid::new(1.2, 340.0);
         for other in [WATER, SAND, MUD, air, Fluid { loss_db_per_wavelength: 0.0, ..SAND }] {
             for step in 0..=1000 {
@@ -177,7 +177,7 @@ mod tests {
     }
 
     #[test]
-    fn beyond_the_critical_angle_all_is_reflected_unless_the_sediment_swallows_it() {
+    fn beyond_the_critical_angle_all_is_reflected_unless_the_sediment_absorbs_it() {
         let hard = Fluid { loss_db_per_wavelength: 0.0, ..SAND };
         // Critical at a grazing angle of acos(1500 / 1650) = 24.6 degrees.
         for degrees in [1.0f64, 10.0, 24.0] {

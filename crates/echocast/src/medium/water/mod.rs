@@ -13,11 +13,11 @@ mod speed;
 mod validity;
 
 pub use absorption::Absorption;
-pub(crate) use column::{Column, Slab, slab_at};
+pub(crate) use column::{Slab, WaterColumn, slab_at};
 pub use fluid::Fluid;
 pub use noise::AmbientNoise;
 pub use profile::{Layer, SoundSpeedProfile, SpeedRow, WaterRow};
-pub(crate) use ray::{End, Ray};
+pub(crate) use ray::{End, RefractedRay};
 pub use sea::Sea;
 pub use sound_ray::{RayEvent, RayPoint, SoundRay};
 pub use speed::{SoundSpeed, pressure_bar, unesco_speed};
@@ -35,7 +35,7 @@ use std::path::Path;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Spreading {
-    /// As the rays of the profile spread; without one like a sphere.
+    /// By the ray tubes of the profile; spherical without one.
     #[default]
     RayTube,
     /// `20 log r` dB one way.
@@ -49,13 +49,13 @@ pub enum Spreading {
 }
 
 impl Spreading {
-    /// log2 of the energy loss on a path of `2^path` m: nothing within a metre. `from`: where hybrid spreading becomes
+    /// log2 of the energy loss on a path of `2^path` m: none within a metre. `from`: where hybrid spreading becomes
     /// cylindrical, m; ray tubes are treated as those of straight rays.
     pub(crate) fn one_way(self, path: f32, from: f32) -> f32 {
         one_way(path, self.law(from).unwrap_or([2.0, 0.0, f32::INFINITY]))
     }
 
-    /// What it is in the terms of [`one_way`]; `None`: ray tubes.
+    /// The law in the terms of [`one_way`]; `None`: ray tubes.
     pub(crate) fn law(self, from: f32) -> Option<[f32; 3]> {
         let everywhere = |power: f32| Some([power, 0.0, f32::INFINITY]);
         match self {
@@ -68,19 +68,19 @@ impl Spreading {
     }
 }
 
-/// The water below a level of the world: the section `environment.water`. Only sonar meets it.
+/// The water below a level of the world: the section `environment.water`. It affects sonars only.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Water {
-    /// Height of the mean surface in the world, m; depths count down from it. 0.
+    /// Height of the mean surface in the world, m; depths count down from it; defaults to 0.
     pub surface_z_m: f64,
-    /// Temperature where `profile` does not give it, degrees Celsius; 10.
+    /// Temperature where `profile` does not give it, degrees Celsius; defaults to 10.
     pub temperature_c: f64,
-    /// Practical salinity where `profile` does not give it, PSU; 35.
+    /// Practical salinity where `profile` does not give it, PSU; defaults to 35.
     pub salinity_psu: f64,
-    /// Acidity; 8.
+    /// Acidity; defaults to 8.
     pub ph: f64,
-    /// Latitude, degrees, on which pressure at depth depends; 45.
+    /// Latitude, degrees, on which pressure at depth depends; defaults to 45.
     pub latitude_deg: f64,
     /// The formula that derives speeds from temperature and salinity.
     pub sound_speed: SoundSpeed,
@@ -95,24 +95,24 @@ pub struct Water {
     /// sonar, at most 12 km.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub profile: Option<SoundSpeedProfile>,
-    /// Speed of sound that the instrument assumes, m/s; that at its own depth when not given.
+    /// Speed of sound that the instrument assumes, m/s; defaults to that at its own depth.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub assumed_speed_m_s: Option<f64>,
-    /// How speeds change with depth in the cast that depths are corrected with: `corrected_x` to `corrected_z`. When not
-    /// given they are corrected with the true one.
+    /// How speeds change with depth in the cast that depths are corrected with: `corrected_x` to `corrected_z`.
+    /// Defaults to the true one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub assumed_profile: Option<SoundSpeedProfile>,
     /// Whether speeds and densities may be anything from 1e-6 to 1e6, as in files with other units.
     pub allow_unphysical: bool,
-    /// Wind over the water, m/s: it makes waves and noise; 5.
+    /// Wind speed over the water, m/s: it causes waves and noise; defaults to 5.
     pub wind_m_s: f64,
-    /// Velocity of the water, everywhere the same, in the world, m/s, at most 10 fast; 0. It moves what scatters in the
-    /// water, and nothing else.
+    /// Velocity of the water, the same everywhere, in the world, m/s, at most 10 m/s fast; defaults to 0. It moves the
+    /// scatterers in the water, and nothing else.
     #[serde(skip_serializing_if = "is_still")]
     pub current_m_s: [f64; 3],
-    /// Amount of shipping noise, 0 to 1; 0.5.
+    /// Amount of shipping noise, 0 to 1; defaults to 0.5.
     pub shipping: f64,
-    /// Volume backscatter of the water, dB re 1/m; none when not given. Open sea has -95 to -70.
+    /// Volume backscatter of the water, dB re 1/m; none by default. The open sea has -95 to -70.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub volume_backscatter_db: Option<f64>,
 }
@@ -167,10 +167,14 @@ impl Water {
         let from = format!("{key}.spreading_from_m");
         match (self.spreading, self.spreading_from_m) {
             (Spreading::Hybrid, None) => {
-                return Err(Error::invalid(format!("{key}.spreading"), "hybrid", "it with spreading_from_m beside it"));
+                return Err(Error::invalid(
+                    format!("{key}.spreading"),
+                    "hybrid",
+                    "hybrid together with spreading_from_m",
+                ));
             }
             (Spreading::Hybrid, Some(_)) => {}
-            (_, Some(found)) => return Err(Error::invalid(from, found, "none but with spreading: hybrid")),
+            (_, Some(found)) => return Err(Error::invalid(from, found, "none, except with spreading: hybrid")),
             (_, None) => {}
         }
         bounds.number(from, self.spreading_from_m, [ABOVE_ZERO, 1e7], "above 0, to 1e7")?;
@@ -195,7 +199,7 @@ impl Water {
         Err(Error::invalid(format!("{key}.current_m_s"), found, format!("[x, y, z], at most {FASTEST} m/s fast")))
     }
 
-    /// Reads the files that the profiles may name; relative names start at `folder`.
+    /// Reads the files that the profiles may name; relative names are resolved against `folder`.
     pub(super) fn read_files(&mut self, folder: &Path) -> Result<()> {
         let profiles = [&mut self.profile, &mut self.assumed_profile].into_iter().flatten();
         profiles.into_iter().try_for_each(|profile| profile.read_file(folder, self.allow_unphysical))
@@ -316,8 +320,11 @@ water:
             ("volume_backscatter_db: 3", "line 2: water.volume_backscatter_db: is 3; allowed: -200 to 0"),
             ("sound_speed: makenzie", "line 2: water.sound_speed: unknown value \"makenzie\"; near: mackenzie"),
             ("absorption: torp", "line 2: water.absorption: unknown value \"torp\"; near: thorp; allowed: francois_"),
-            ("spreading: hybrid", "line 2: water.spreading: is hybrid; allowed: it with spreading_from_m beside it"),
-            ("spreading_from_m: 9", "line 2: water.spreading_from_m: is 9; allowed: none but with spreading: hybrid"),
+            ("spreading: hybrid", "line 2: water.spreading: is hybrid; allowed: hybrid together with spreading_from_m"),
+            (
+                "spreading_from_m: 9",
+                "line 2: water.spreading_from_m: is 9; allowed: none, except with spreading: hybrid",
+            ),
             (
                 "spreading: hybrid\n  spreading_from_m: 0",
                 "line 3: water.spreading_from_m: is 0; allowed: above 0, to 1e7",

@@ -1,9 +1,9 @@
-//! What an instrument hears in the sea without an echo.
+//! Noise that an instrument receives in the sea.
 
 /// Ambient noise of the sea: Coates 1990 (Underwater Acoustic Systems), his fit to the curves of Wenz 1962.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AmbientNoise {
-    /// Wind, m/s.
+    /// Wind speed, m/s.
     pub wind_m_s: f64,
     /// Amount of shipping, 0 to 1.
     pub shipping: f64,

@@ -2,11 +2,11 @@
 
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
-use crate::read::csv::Csv;
+use crate::read::csv::CsvReader;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// Most rows of a profile: of a probe that measures each centimetre down to the deepest sea.
+/// Most rows of a profile: those of a probe that measures every centimetre down to the deepest sea.
 const MOST_ROWS: usize = 1_000_000;
 /// Deepest row, m; the deepest trench is 11 km deep.
 pub(super) const DEEPEST: f64 = 12_000.0;
@@ -25,8 +25,8 @@ pub(super) const SALINITIES: [f64; 2] = [0.0, 50.0];
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum SoundSpeedProfile {
-    /// Layers of one speed each, from their depth down to the next one's, the last without end. Nothing is known above
-    /// the first.
+    /// Layers of one speed each, from their depth down to the next one's, the last without end. The water above the
+    /// first is unknown.
     Layers(Vec<Layer>),
     /// A cast of speeds, linear in between.
     Cast(Vec<SpeedRow>),
@@ -50,7 +50,7 @@ pub struct Layer {
     pub depth_m: f64,
     /// Speed of sound, m/s.
     pub speed_m_s: f64,
-    /// Density, kg/m^3; 1025 when not given.
+    /// Density, kg/m^3; defaults to 1025.
     #[serde(default = "sea_water")]
     pub density_kg_m3: f64,
 }
@@ -85,49 +85,49 @@ fn sea_water() -> f64 {
 }
 
 /// A number that is not allowed: its key, the number, and what would be allowed.
-struct Fault(&'static str, f64, String);
+struct CastFault(&'static str, f64, String);
 
 /// A row of any of the tables.
-trait Row {
+trait ProfileRow {
     fn depth(&self) -> f64;
-    fn fault(&self, allow_unphysical: bool) -> Option<Fault>;
+    fn fault(&self, allow_unphysical: bool) -> Option<CastFault>;
 }
 
-impl Row for Layer {
+impl ProfileRow for Layer {
     fn depth(&self) -> f64 {
         self.depth_m
     }
-    fn fault(&self, allow_unphysical: bool) -> Option<Fault> {
+    fn fault(&self, allow_unphysical: bool) -> Option<CastFault> {
         let density = || physical("density_kg_m3", self.density_kg_m3, PHYSICAL_DENSITIES, "kg/m^3", allow_unphysical);
         speed_fault(self.speed_m_s, allow_unphysical).or_else(density)
     }
 }
 
-impl Row for SpeedRow {
+impl ProfileRow for SpeedRow {
     fn depth(&self) -> f64 {
         self.depth_m
     }
-    fn fault(&self, allow_unphysical: bool) -> Option<Fault> {
+    fn fault(&self, allow_unphysical: bool) -> Option<CastFault> {
         speed_fault(self.speed_m_s, allow_unphysical)
     }
 }
 
-impl Row for WaterRow {
+impl ProfileRow for WaterRow {
     fn depth(&self) -> f64 {
         self.depth_m
     }
-    fn fault(&self, _: bool) -> Option<Fault> {
+    fn fault(&self, _: bool) -> Option<CastFault> {
         within("temperature_c", self.temperature_c, TEMPERATURES)
             .or_else(|| within("salinity_psu", self.salinity_psu, SALINITIES))
     }
 }
 
-fn within(key: &'static str, value: f64, [least, most]: [f64; 2]) -> Option<Fault> {
-    (!(least..=most).contains(&value)).then(|| Fault(key, value, format!("{least} to {most}")))
+fn within(key: &'static str, value: f64, [least, most]: [f64; 2]) -> Option<CastFault> {
+    (!(least..=most).contains(&value)).then(|| CastFault(key, value, format!("{least} to {most}")))
 }
 
 /// A speed in km/s, or an index of refraction, is a common mistake.
-fn speed_fault(speed: f64, allow_unphysical: bool) -> Option<Fault> {
+fn speed_fault(speed: f64, allow_unphysical: bool) -> Option<CastFault> {
     physical("speed_m_s", speed, PHYSICAL_SPEEDS, "m/s", allow_unphysical)
 }
 
@@ -137,43 +137,43 @@ fn physical(
     [least, most]: [f64; 2],
     unit: &str,
     allow_unphysical: bool,
-) -> Option<Fault> {
+) -> Option<CastFault> {
     if allow_unphysical {
         return within(key, value, UNPHYSICAL);
     }
     let [tiny, huge] = UNPHYSICAL;
     let allowed = format!("{least} to {most}, in {unit}; with allow_unphysical: true {tiny} to {huge}");
-    if (least..=most).contains(&value) { None } else { Some(Fault(key, value, allowed)) }
+    if (least..=most).contains(&value) { None } else { Some(CastFault(key, value, allowed)) }
 }
 
 /// Checks that a speed outside a table is plausible.
 pub(super) fn check_speed(key: &str, speed: f64, allow_unphysical: bool) -> Result<()> {
     match speed_fault(speed, allow_unphysical) {
         None => Ok(()),
-        Some(Fault(_, value, allowed)) => Err(Error::invalid(key, value, allowed)),
+        Some(CastFault(_, value, allowed)) => Err(Error::invalid(key, value, allowed)),
     }
 }
 
-/// What is wrong with a row that follows one at the depth `above`.
-fn row_fault(row: &impl Row, above: Option<f64>, allow_unphysical: bool) -> Option<Fault> {
+/// The fault of a row below one at the depth `above`, if any.
+fn row_fault(row: &impl ProfileRow, above: Option<f64>, allow_unphysical: bool) -> Option<CastFault> {
     let depth = row.depth();
     match above {
         Some(above) if !(depth > above && depth <= DEEPEST) => {
-            Some(Fault("depth_m", depth, format!("above {above}, in rising order, to {DEEPEST}")))
+            Some(CastFault("depth_m", depth, format!("above {above}, in rising order, to {DEEPEST}")))
         }
-        None if !(0.0..=DEEPEST).contains(&depth) => Some(Fault("depth_m", depth, format!("0 to {DEEPEST}"))),
+        None if !(0.0..=DEEPEST).contains(&depth) => Some(CastFault("depth_m", depth, format!("0 to {DEEPEST}"))),
         _ => row.fault(allow_unphysical),
     }
 }
 
-fn check_rows(key: &str, rows: &[impl Row], least: usize, allow_unphysical: bool) -> Result<()> {
+fn check_rows(key: &str, rows: &[impl ProfileRow], least: usize, allow_unphysical: bool) -> Result<()> {
     let count = rows.len();
     if !(least..=MOST_ROWS).contains(&count) {
         return Err(Error::invalid(key, format!("a list of {count}"), format!("{least} to {MOST_ROWS} rows")));
     }
     let mut above = None;
     for (index, row) in rows.iter().enumerate() {
-        if let Some(Fault(name, value, allowed)) = row_fault(row, above, allow_unphysical) {
+        if let Some(CastFault(name, value, allowed)) = row_fault(row, above, allow_unphysical) {
             return Err(Error::invalid(format!("{key}[{index}].{name}"), value, allowed));
         }
         above = Some(row.depth());
@@ -182,7 +182,7 @@ fn check_rows(key: &str, rows: &[impl Row], least: usize, allow_unphysical: bool
 }
 
 impl SoundSpeedProfile {
-    /// Checks that all values are within what is allowed, for errors below the key `key`.
+    /// Checks that all values are within their allowed ranges; errors name keys below `key`.
     pub(super) fn check(&self, key: &str, allow_unphysical: bool) -> Result<()> {
         match self {
             SoundSpeedProfile::Layers(rows) => check_rows(&format!("{key}.layers"), rows, 1, allow_unphysical),
@@ -196,7 +196,7 @@ impl SoundSpeedProfile {
         }
     }
 
-    /// Reads the file that it may name; a relative name starts at `folder`.
+    /// Reads the file that it may name; a relative name is resolved against `folder`.
     pub(super) fn read_file(&mut self, folder: &Path, allow_unphysical: bool) -> Result<()> {
         if let SoundSpeedProfile::File(file) = self {
             *self = read(&folder.join(file), allow_unphysical)?;
@@ -205,14 +205,14 @@ impl SoundSpeedProfile {
     }
 }
 
-/// The error that the rows of `file` have not been read.
+/// The error for a `file` whose rows have not been read.
 pub(super) fn unread(key: &str, file: &Path) -> Error {
     let allowed = "a file whose rows are known, as after Environment::load or Environment::from_yaml";
     Error::invalid(format!("{key}.file"), shown::path(file), allowed)
 }
 
 fn read(path: &Path, allow_unphysical: bool) -> Result<SoundSpeedProfile> {
-    let csv = Csv::open(path)?;
+    let csv = CsvReader::open(path)?;
     if csv.optional(["density_kg_m3"])[0].is_some() {
         let names = ["depth_m", "speed_m_s", "density_kg_m3"];
         csv.only(&names)?;
@@ -238,9 +238,9 @@ fn read(path: &Path, allow_unphysical: bool) -> Result<SoundSpeedProfile> {
     Ok(SoundSpeedProfile::Ts(read_rows(path, csv, 2, allow_unphysical, row)?))
 }
 
-fn read_rows<R: Row>(
+fn read_rows<R: ProfileRow>(
     path: &Path,
-    mut csv: Csv,
+    mut csv: CsvReader,
     least: usize,
     allow_unphysical: bool,
     to_row: impl Fn(&[f64]) -> R,
@@ -251,7 +251,9 @@ fn read_rows<R: Row>(
         if rows.len() == MOST_ROWS {
             return Err(csv.error(format!("is row {}; allowed: {least} to {MOST_ROWS} rows", MOST_ROWS + 1)));
         }
-        if let Some(Fault(name, value, allowed)) = row_fault(&row, rows.last().map(Row::depth), allow_unphysical) {
+        if let Some(CastFault(name, value, allowed)) =
+            row_fault(&row, rows.last().map(ProfileRow::depth), allow_unphysical)
+        {
             return Err(csv.error(format!("{name} is {value}; allowed: {allowed}")));
         }
         rows.push(row);

@@ -1,11 +1,11 @@
 //! A ray of sound in layered water, in its vertical plane.
 //!
 //! The ocean is stratified: in a slab sound speed is linear in depth, so a ray is a circular arc, or a straight line
-//! without gradient, and `cos(grazing angle) / speed` stays the same from slab to slab (Snell). Slabs, arcs and the
-//! equations below: Jensen, Kuperman, Porter, Schmidt, "Computational Ocean Acoustics", 2nd ed., chapter 3.
+//! without gradient, and `cos(grazing angle) / speed` is the same in all slabs (Snell). Slabs, arcs and the equations
+//! below: Jensen, Kuperman, Porter, Schmidt, "Computational Ocean Acoustics", 2nd ed., chapter 3.
 
 use super::Slab;
-use echocast_kernels::water::{Arc, Course, SHORT, Turn, differ, short_way, steep, transmittance};
+use echocast_kernels::water::{Arc, RayCourse, SHORT, Turn, differ, short_way, steep, transmittance};
 
 /// A ray that rises above and falls below the axis of a duct by no more than this, m, is treated as running along it:
 /// otherwise one that is level there would pass from slab to slab without progress.
@@ -13,10 +13,10 @@ const NARROW: f64 = 1e-6;
 
 /// A ray in progress.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Ray {
+pub(crate) struct RefractedRay {
     /// Horizontal distance, m.
     pub distance: f64,
-    /// m below the sea surface.
+    /// Depth below the sea surface, m.
     pub depth: f64,
     /// Sine of the grazing angle, positive downwards.
     pub sine: f64,
@@ -26,18 +26,18 @@ pub(crate) struct Ray {
     pub slab: usize,
     /// Sound speed here, m/s.
     pub speed: f64,
-    /// s since the start.
+    /// Time since the start, s.
     pub time: f64,
-    /// m since the start.
+    /// Path length since the start, m.
     pub path: f64,
-    /// Whether it runs straight along the depth between two slabs where sound is slowest: both bend it back.
+    /// Whether it runs straight along the boundary of two slabs, where sound is slowest: both bend it back.
     pub level: bool,
-    /// Loss by absorption and mirrors since the start, dB; without that at boundaries between slabs.
+    /// Loss by absorption and mirrors since the start, dB; excludes that at boundaries between slabs.
     pub absorbed: f64,
     /// Part of the energy transmitted by boundaries between slabs, 0 to 1.
     pub transmitted: f64,
-    /// Integral of speed over the path, m^2/s: divided by the speed at the start it is the width of the tube across the
-    /// plane.
+    /// Integral of speed over the path, m^2/s: divided by the speed at the start it is the width of the tube
+    /// perpendicular to the plane.
     pub speed_path: f64,
     /// Width of the tube within the vertical plane per radian at the start, m; negative beyond a caustic.
     pub tube: f64,
@@ -58,11 +58,11 @@ pub(crate) enum End {
     Bottom,
 }
 
-impl Ray {
-    /// A ray that starts at `depth` in `slabs[slab]`, with the sine and the cosine of its grazing angle, down.
-    pub fn launch(depth: f64, [sine, cosine]: [f64; 2], slabs: &[Slab], slab: usize) -> Ray {
+impl RefractedRay {
+    /// A ray that starts at `depth` in `slabs[slab]`, with the sine and the cosine of its grazing angle, positive down.
+    pub fn launch(depth: f64, [sine, cosine]: [f64; 2], slabs: &[Slab], slab: usize) -> RefractedRay {
         let speed = slabs[slab].speed_at(depth);
-        Ray {
+        RefractedRay {
             distance: 0.0,
             depth,
             sine,
@@ -86,22 +86,22 @@ impl Ray {
         self.absorbed - 10.0 * self.transmitted.max(1e-30).log10()
     }
 
-    /// Adds a loss of `db`, as mirrors do; negative values give back.
+    /// Adds a loss of `db`, as of mirrors; a negative value is a gain.
     pub fn lose(&mut self, db: f64) {
         self.absorbed += db;
     }
 
-    /// Increase of speed on the path through `slab`, 1/s downwards.
+    /// Gradient of the speed on the path through `slab`, 1/s, positive down.
     pub fn gradient(&self, slab: &Slab) -> f64 {
         if self.level { 0.0 } else { slab.gradient }
     }
 
-    /// The ray `length` m further along the arc within `slab`. Inlined, it is not copied.
+    /// The ray `length` m further along the arc within `slab`. Inlined to avoid the copy.
     #[inline(always)]
-    pub fn advanced(&self, slab: &Slab, length: f64) -> Ray {
+    pub fn advanced(&self, slab: &Slab, length: f64) -> RefractedRay {
         let mut next = *self;
-        let Ray { depth, sine, snell, speed, .. } = *self;
-        let (from, gradient) = (Course { depth, sine, snell, speed }, self.gradient(slab));
+        let RefractedRay { depth, sine, snell, speed, .. } = *self;
+        let (from, gradient) = (RayCourse { depth, sine, snell, speed }, self.gradient(slab));
         let half = 0.5 * gradient * snell * length;
         let arc = Arc::bent(&from, gradient, length, Turn::of(half), Turn::of(0.5 * half));
         let is_short = half.abs() <= 0.02;
@@ -125,7 +125,7 @@ impl Ray {
         next
     }
 
-    /// Length of the arc to where it leaves `slab`, and where that is.
+    /// Length of the arc to where it leaves `slab`, and at which boundary.
     #[inline(always)]
     pub fn exit(&self, slab: &Slab) -> (f64, End) {
         let to = |end: End| match end {
@@ -193,7 +193,7 @@ impl Ray {
             self.sine = down * sine_on;
             transmitted = Some(part);
         } else if down * next.gradient > 0.0 && down * here.gradient < 0.0 {
-            // Sound is slowest here. How far a ray gets until it is level, and comes back: sine^2 / (2 curvature).
+            // Sound is slowest here. A ray gets this far before it is level and turns back: sine^2 / (2 curvature).
             let bend = next.gradient.abs().min(here.gradient.abs()) * self.snell;
             let reach = self.sine * self.sine / (2.0 * bend);
             if reach < NARROW {
@@ -205,7 +205,7 @@ impl Ray {
         if transmitted.is_some() {
             self.widen(next);
         } else if !self.level {
-            // As in `widen`, but exact for level rays too, for which `turn` gives nothing.
+            // As in `widen`, but exact for level rays too, for which `turn` is zero.
             self.widening += (here.gradient - next.gradient) * self.snell * self.snell * self.tube / steep(self.sine);
         }
         transmitted
@@ -218,7 +218,7 @@ impl Ray {
         self.widen(slab);
     }
 
-    /// How the tube widens from here on: within a slab its width over the sine of the ray is the derivative of the
+    /// Sets how the tube widens from here on: within a slab its width over the sine of the ray is the derivative of the
     /// horizontal distance by `snell` at this depth, times `turn`; across slabs that derivative is continuous.
     fn widen(&mut self, slab: &Slab) {
         self.widening = (self.turn - slab.gradient * self.snell * self.snell * self.tube) / steep(self.sine);
@@ -233,18 +233,18 @@ mod tests {
         Slab { top, bottom, speed, gradient, density: 1025.0, absorption: 0.0, absorption_slope: 0.0 }
     }
 
-    /// A ray that comes level, through rounding even from the wrong side, stays on its own side.
+    /// A ray that arrives level, by rounding even from the wrong side, stays on its own side.
     #[test]
-    fn total_reflection_sends_back() {
+    fn total_reflection_returns_rays() {
         let slabs = [slab(0.0, 10.0, 1490.0, 1.0), slab(10.0, 20.0, 1600.0, 1.0)];
         for sine in [1e-18, -1e-18] {
-            let mut ray = Ray::launch(10.0, [sine, 1.0], &slabs, 0);
+            let mut ray = RefractedRay::launch(10.0, [sine, 1.0], &slabs, 0);
             assert_eq!(ray.cross(&slabs, End::Bottom), Some(0.0));
             assert_eq!((ray.slab, ray.sine.signum(), ray.speed), (0, -1.0, 1500.0));
         }
         let slabs = [slab(0.0, 10.0, 1600.0, 0.0), slab(10.0, 20.0, 1500.0, -1.0)];
         for sine in [1e-18, -1e-18] {
-            let mut ray = Ray::launch(10.0, [sine, 1.0], &slabs, 1);
+            let mut ray = RefractedRay::launch(10.0, [sine, 1.0], &slabs, 1);
             assert_eq!(ray.cross(&slabs, End::Top), Some(0.0));
             assert_eq!((ray.slab, ray.sine.signum(), ray.speed), (1, 1.0, 1500.0));
         }
@@ -255,7 +255,7 @@ mod tests {
     fn a_duct_holds_rays_on_its_axis() {
         let slabs = [slab(0.0, 100.0, 1500.0, -0.2), slab(100.0, 200.0, 1480.0, 0.1)];
         for (sine, depth) in [(0.0, 100.0), (1e-9, 100.0), (-1e-9, 100.0), (0.0, 100.0 - 1e-9), (0.0, 100.0 + 1e-9)] {
-            let mut ray = Ray::launch(depth, [sine, 1.0], &slabs, usize::from(depth >= 100.0));
+            let mut ray = RefractedRay::launch(depth, [sine, 1.0], &slabs, usize::from(depth >= 100.0));
             for _ in 0..4 {
                 let here = &slabs[ray.slab];
                 let (length, end) = ray.exit(here);
@@ -269,7 +269,7 @@ mod tests {
             let far = ray.advanced(&slabs[ray.slab], 1e5);
             assert!((far.depth - 100.0).abs() < 2e-9 && (far.time - far.path / 1480.0).abs() < 1e-9);
         }
-        let mut ray = Ray::launch(100.0, [0.01, (1f64 - 1e-4).sqrt()], &slabs, 1);
+        let mut ray = RefractedRay::launch(100.0, [0.01, (1f64 - 1e-4).sqrt()], &slabs, 1);
         for _ in 0..10 {
             let here = &slabs[ray.slab];
             let (length, end) = ray.exit(here);

@@ -1,11 +1,11 @@
-//! What sound does at the surface of the sea.
+//! Reflection and scattering of sound at the sea surface.
 
 use std::f64::consts::{LOG10_E, PI, TAU};
 
-/// The surface of a sea after a long-lasting wind.
+/// The surface of a fully developed sea.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sea {
-    /// Wind, m/s.
+    /// Wind speed, m/s.
     pub wind_m_s: f64,
 }
 
@@ -16,11 +16,11 @@ impl Sea {
         0.0214 * self.wind_m_s.powi(2) / 4.0
     }
 
-    /// Loss of the mirror image of a wave of `frequency_hz`, dB, at a grazing angle of sine `sin_grazing` in water of
-    /// the speed of sound `speed_m_s`.
+    /// Loss of the specular reflection of a wave of `frequency_hz`, dB, at a grazing angle of sine `sin_grazing` in
+    /// water of the speed of sound `speed_m_s`.
     ///
     /// Amplitudes are `-exp(-2 k^2 s^2 sin^2 g)`, with the wavenumber `k` and the height `s` (Eckart 1953, normally
-    /// distributed heights). What is lost is scattered.
+    /// distributed heights). The lost energy is scattered.
     pub fn mirror_loss_db(&self, sin_grazing: f64, frequency_hz: f64, speed_m_s: f64) -> f64 {
         let rayleigh = TAU * frequency_hz / speed_m_s * self.rms_height_m() * sin_grazing;
         20.0 * LOG10_E * 2.0 * rayleigh * rayleigh
@@ -29,14 +29,14 @@ impl Sea {
     /// Backscattering cross-section of the surface, m^2 per m^2 and sr, at a grazing angle of sine `sin_grazing`.
     ///
     /// Up to 10 kHz: Chapman and Harris 1962 (J. Acoust. Soc. Am. 34, 1592), `3.3 b log(g / 30 deg) - 42.4 log b + 2.6`
-    /// dB with `b = 158 (v f^(1/3))^-0.58`, wind `v` in knots and `f` in Hz. They measured from 400 Hz to 6.4 kHz; outside,
-    /// the value at the nearer limit is used, and above 30 degrees, where their law diverges in calm seas, the value at 30
-    /// (assumptions of ours).
+    /// dB with `b = 158 (v f^(1/3))^-0.58`, wind `v` in knots and `f` in Hz. They measured from 400 Hz to 6.4 kHz;
+    /// outside, the value at the nearer limit is used, and above 30 degrees, where their law diverges in calm seas, the
+    /// value at 30 (our assumptions).
     ///
-    /// Above 10 kHz: the bubbles below the surface, and facets that mirror the wave back, seen through them, with the
-    /// slopes of Cox and Munk 1954 (mean square slope `m = 0.003 + 0.00512 U`, both axes together):
-    /// `exp(-tan^2(i) / m) / (4 pi m cos^4(i))` at the angle `i` from the normal. That the facets reflect everything is an
-    /// assumption of ours.
+    /// Above 10 kHz: the bubbles below the surface and, seen through them, facets that reflect the wave straight back,
+    /// with the slopes of Cox and Munk 1954 (mean square slope `m = 0.003 + 0.00512 U`, both axes together):
+    /// `exp(-tan^2(i) / m) / (4 pi m cos^4(i))` at the angle `i` from the normal. That the facets reflect everything is
+    /// our assumption.
     pub fn backscatter(&self, sin_grazing: f64, frequency_hz: f64) -> f64 {
         if sin_grazing <= 0.0 {
             return 0.0;
@@ -61,8 +61,8 @@ impl Sea {
         10f64.powf(db / 10.0)
     }
 
-    /// How much the bubbles take of a wave's amplitude straight through them, nepers: APL-UW 1994 (TR 9407, section II),
-    /// `10^(-5.2577 + 0.4701 U) (f / 25 kHz)^0.85`, and above 11 m/s as `U^3.5`.
+    /// Attenuation of a wave's amplitude on a vertical path through the bubbles, nepers: APL-UW 1994 (TR 9407, section
+    /// II), `10^(-5.2577 + 0.4701 U) (f / 25 kHz)^0.85`, and above 11 m/s as `U^3.5`.
     fn bubble_depth(&self, frequency_hz: f64) -> f64 {
         /// Wind above which bubbles increase more slowly, m/s.
         const STRONG: f64 = 11.0;
@@ -71,10 +71,10 @@ impl Sea {
     }
 }
 
-/// What bubbles in front of a surface that mirrors send back, 1/sr, at the sine of a grazing angle along which their
-/// `depth` is so many nepers: directly, by the mirror, and both (APL-UW 1994, TR 9407, section II), `sin(g) / (8 pi) d_r /
-/// d (1 + 8 b exp(-2 b) - exp(-4 b))`. `d` is the damping of bubbles that resonate at `frequency_hz`, of which `d_r` is by
-/// radiation.
+/// Backscatter of bubbles below a specular surface, 1/sr, at the sine of a grazing angle along which they attenuate by
+/// `depth` nepers: directly, by the specular surface, and both (APL-UW 1994, TR 9407, section II),
+/// `sin(g) / (8 pi) d_r / d (1 + 8 b exp(-2 b) - exp(-4 b))`. `d` is the damping of bubbles that resonate at
+/// `frequency_hz`, of which `d_r` is by radiation.
 fn bubbles(depth: f64, sin: f64, frequency_hz: f64) -> f64 {
     const BY_RADIATION: f64 = 0.0136;
     let damping = 2.55e-2 * (frequency_hz / 1e3).cbrt();
@@ -111,7 +111,7 @@ mod tests {
         assert_eq!(db(10.0, 10.0, 9e3), db(10.0, 10.0, 6.4e3));
     }
 
-    /// Bubbles alone, as another program has them from the same report.
+    /// Bubbles alone, as computed by another program from the same report.
     #[test]
     fn bubbles_are_those_of_a_table() {
         let table = include_str!("../../../../../tests/data/sonar/surface_scatter.csv");
@@ -123,7 +123,7 @@ mod tests {
             let depth = Sea { wind_m_s }.bubble_depth(frequency) / sin;
             let found = 10.0 * bubbles(depth, sin, frequency).log10();
             assert!((found - expected).abs() < 1e-3, "{line}: {found}");
-            // Where facets do not shine the whole is nothing else.
+            // Where facets do not glint, only bubbles remain.
             if degrees < 20.0 {
                 assert!((db(wind_m_s, degrees, frequency) - expected).abs() < 0.1, "{line}");
             }
@@ -140,14 +140,14 @@ mod tests {
             }
             assert!(db(5.0, 20.0, frequency) > db(5.0, 5.0, frequency));
         }
-        // Of bubbles, until the surface cannot be seen through them.
+        // This holds for bubbles until they hide the surface.
         for degrees in [1.0, 5.0, 10.0] {
             assert!(db(8.0, degrees, 30e3) > db(4.0, degrees, 30e3));
             assert!(db(4.0, 2.0 * degrees, 30e3) > db(4.0, degrees, 30e3));
         }
     }
 
-    /// A non-negative number at every angle, frequency and wind; the facets shine when seen from below.
+    /// A non-negative number at every angle, frequency and wind; the facets glint when seen from straight below.
     #[test]
     fn nothing_is_negative_or_infinite() {
         for wind_m_s in [0.0, 0.1, 1.0, 10.0, 50.0] {

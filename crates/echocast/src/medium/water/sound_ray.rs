@@ -1,6 +1,6 @@
-//! A single ray of sound through water, event by event: what a surveyor compares with other programs.
+//! A single sound ray through water, event by event, for comparison with other programs.
 
-use super::{Column, End, Ray, Slab, Water, slab_at};
+use super::{End, RefractedRay, Slab, Water, WaterColumn, slab_at};
 use crate::ground::error::Result;
 use crate::read::bounds::{ABOVE_ZERO, Bounds};
 
@@ -10,7 +10,7 @@ pub struct SoundRay {
     /// The column down to the bottom.
     slabs: Vec<Slab>,
     bottom: f64,
-    ray: Ray,
+    ray: RefractedRay,
     start_speed: f64,
     wavelength: f64,
 }
@@ -33,7 +33,7 @@ pub struct RayPoint {
     /// Loss by absorption and at boundaries since the start, dB.
     pub loss_db: f64,
     /// Transmission loss by spreading since the start, dB re 1 m, 0 or more, from the tube between this ray and its
-    /// neighbours; where they cross, the tube is as wide as diffraction leaves it, `sqrt(wavelength x way)`.
+    /// neighbours; where they cross, diffraction limits the width of the tube to `sqrt(wavelength x path)`.
     pub spreading_db: f64,
 }
 
@@ -51,8 +51,8 @@ pub enum RayEvent {
 }
 
 impl SoundRay {
-    /// Through `water`, for sound of `frequency_hz`, from `depth_m` in the direction `grazing_deg` from the horizontal
-    /// (positive down), over a bottom at `bottom_m`.
+    /// A ray through `water`, for sound of `frequency_hz`, from `depth_m` in the direction `grazing_deg` from the
+    /// horizontal (positive down), over a bottom at `bottom_m`.
     ///
     /// # Errors
     /// A start above the water, below the bottom or outside the profile; an angle beyond 90 degrees.
@@ -63,40 +63,40 @@ impl SoundRay {
         bounds.within("frequency_hz", frequency_hz, 1.0, 1e8)?;
         bounds.number("bottom_m", bottom_m, [ABOVE_ZERO, 1e6], "above 0, at most 1000000")?;
         bounds.within("depth_m", depth_m, 0.0, bottom_m)?;
-        let (column, _) = Column::new(water, frequency_hz, depth_m)?;
+        let (column, _) = WaterColumn::new(water, frequency_hz, depth_m)?;
         let mut slabs: Vec<Slab> = column.slabs.into_iter().filter(|slab| slab.top < bottom_m).collect();
         if let Some(last) = slabs.last_mut() {
             last.bottom = last.bottom.min(bottom_m);
         }
         let slab = slab_at(&slabs, depth_m);
         let (sine, cosine) = grazing_deg.to_radians().sin_cos();
-        let ray = Ray::launch(depth_m, [sine, cosine], &slabs, slab);
+        let ray = RefractedRay::launch(depth_m, [sine, cosine], &slabs, slab);
         let wavelength = ray.speed / frequency_hz;
         Ok(SoundRay { bottom: bottom_m, start_speed: ray.speed, wavelength, slabs, ray })
     }
 
-    /// Where it is: at its start, or at its last event, before its effect.
+    /// Its state at its start, or at its last event, before the event takes effect.
     pub fn point(&self) -> RayPoint {
-        self.tell(&self.ray)
+        self.point_of(&self.ray)
     }
 
-    /// Follows it to the next event; where it was just before, and what happened. `None`: it goes on for ever, or so
-    /// flat that it makes no progress.
+    /// Follows the ray to the next event; returns its state just before and the event. `None`: the ray goes on for
+    /// ever, or so flat that it makes no progress.
     pub fn next_event(&mut self) -> Option<(RayPoint, RayEvent)> {
         /// Most slabs passed without an event.
         const MOST: usize = 100_000;
         for _ in 0..MOST {
             let (before, event) = self.pass()?;
             if let Some(event) = event {
-                return Some((self.tell(&before), event));
+                return Some((self.point_of(&before), event));
             }
         }
         None
     }
 
-    /// Follows it to the end of its slab and beyond; where it was just before, and what happened. `None`: it goes on
-    /// for ever, or along the surface or the bottom.
-    fn pass(&mut self) -> Option<(Ray, Option<RayEvent>)> {
+    /// Follows the ray to the end of its slab and beyond; returns its state just before and the event, if any. `None`:
+    /// the ray goes on for ever, or along the surface or the bottom.
+    fn pass(&mut self) -> Option<(RefractedRay, Option<RayEvent>)> {
         let slab = &self.slabs[self.ray.slab];
         let (length, end) = self.ray.exit(slab);
         if !length.is_finite() || end == End::Inside {
@@ -117,7 +117,7 @@ impl SoundRay {
         }
         let before = self.ray;
         let event = match self.ray.cross(&self.slabs, end) {
-            // The gradient changes, or nothing does.
+            // At most the gradient changes.
             None => None,
             Some(_) if self.ray.slab == before.slab => Some(RayEvent::TotalReflection),
             Some(part) => Some(RayEvent::Boundary(part)),
@@ -125,7 +125,7 @@ impl SoundRay {
         Some((before, event))
     }
 
-    /// Where it will be at the horizontal `distance_m`, before the next change of slab; `None`: not before that.
+    /// Its state at the horizontal `distance_m`; `None`: it does not get there before the next change of slab.
     pub fn point_at(&self, distance_m: f64) -> Option<RayPoint> {
         let slab = &self.slabs[self.ray.slab];
         let (length, _) = self.ray.exit(slab);
@@ -141,7 +141,7 @@ impl SoundRay {
             let middle = 0.5 * (low + high);
             if at(middle).distance < distance_m { low = middle } else { high = middle }
         }
-        Some(self.tell(&at(0.5 * (low + high))))
+        Some(self.point_of(&at(0.5 * (low + high))))
     }
 
     /// Moves on to the next slab or event, whichever comes first.
@@ -149,7 +149,7 @@ impl SoundRay {
         self.pass().map(|_| ())
     }
 
-    fn tell(&self, ray: &Ray) -> RayPoint {
+    fn point_of(&self, ray: &RefractedRay) -> RayPoint {
         // Pressure: intensity by the tube's cross-section, and the impedance there over that at the start.
         let across = ray.speed_path / self.start_speed;
         let tube = ray.tube.abs().max((self.wavelength * ray.path).sqrt().min(ray.path));

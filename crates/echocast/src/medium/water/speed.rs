@@ -14,16 +14,16 @@ pub enum SoundSpeed {
     /// Medwin 1975, J. Acoust. Soc. Am. 58, 1318: to 1000 m, to 0.2 m/s.
     #[serde(alias = "medwin1975")]
     Medwin,
-    /// Leroy, Robinson and Goldsmith 2008, J. Acoust. Soc. Am. 124, 2774: all oceans and seas, the Baltic too, to 0.2
-    /// m/s.
+    /// Leroy, Robinson and Goldsmith 2008, J. Acoust. Soc. Am. 124, 2774: all oceans and seas, including the Baltic, to
+    /// 0.2 m/s.
     #[serde(alias = "leroy2008")]
     Leroy,
-    /// Chen and Millero 1977, J. Acoust. Soc. Am. 62, 1129, the algorithm of UNESCO.
+    /// Chen and Millero 1977, J. Acoust. Soc. Am. 62, 1129, the UNESCO algorithm.
     Unesco,
 }
 
 impl SoundSpeed {
-    /// Its word in YAML.
+    /// Its name in YAML.
     pub(super) fn word(self) -> &'static str {
         match self {
             SoundSpeed::Mackenzie => "mackenzie",
@@ -36,8 +36,8 @@ impl SoundSpeed {
     /// Speed of sound, m/s, at a temperature in degrees Celsius (ITS-90), a practical salinity (PSU), a depth below the
     /// surface in metres and a latitude in degrees; only `Leroy` and `Unesco` use the latitude.
     ///
-    /// The temperature scale of its time is corrected for in `Unesco` only; in the others that would be 0.02 m/s at 30
-    /// C.
+    /// Only `Unesco` corrects for the temperature scale of its time; in the others the correction would be 0.02 m/s at
+    /// 30 C.
     pub fn speed(self, temperature_c: f64, salinity: f64, depth_m: f64, latitude_deg: f64) -> f64 {
         let (t, s, z) = (temperature_c, salinity, depth_m);
         match self {
@@ -67,7 +67,7 @@ impl SoundSpeed {
         }
     }
 
-    /// Which of these are outside the range of the formula.
+    /// Which of these are outside the validity range of the formula.
     pub fn outside(self, temperature_c: f64, salinity: f64, depth_m: f64) -> Vec<Outside> {
         let (temperature, salt, depth) = match self {
             SoundSpeed::Mackenzie => ([-2.0, 30.0], [30.0, 40.0], [0.0, 8000.0]),
@@ -132,7 +132,7 @@ mod tests {
         assert!((unesco_speed(40.0 / 1.000_24, 40.0, 1000.0) - 1731.995).abs() < 1e-3);
     }
 
-    /// Where all of them hold they agree within their stated accuracy.
+    /// Where all formulas are valid, they agree within their stated accuracy.
     #[test]
     fn formulas_agree_where_they_hold() {
         for (t, z) in [(0.0, 0.0), (5.0, 500.0), (10.0, 1000.0), (20.0, 100.0), (30.0, 0.0)] {
@@ -158,16 +158,16 @@ mod tests {
     }
 
     #[test]
-    fn ranges_are_told() {
+    fn values_outside_the_validity_range_are_reported() {
         assert!(SoundSpeed::Mackenzie.outside(10.0, 35.0, 100.0).is_empty());
-        let told: Vec<String> =
+        let messages: Vec<String> =
             SoundSpeed::Mackenzie.outside(35.0, 5.0, 9000.0).iter().map(ToString::to_string).collect();
         assert_eq!(
-            told,
+            messages,
             [
-                "temperature 35 C (it is good for -2 to 30 C)",
-                "salinity 5 PSU (it is good for 30 to 40 PSU)",
-                "depth 9000 m (it is good for 0 to 8000 m)",
+                "temperature 35 C (valid for -2 to 30 C)",
+                "salinity 5 PSU (valid for 30 to 40 PSU)",
+                "depth 9000 m (valid for 0 to 8000 m)",
             ]
         );
         assert_eq!(SoundSpeed::Medwin.outside(10.0, 35.0, 5000.0)[0].range, [0.0, 1000.0]);

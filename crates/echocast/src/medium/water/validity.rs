@@ -2,12 +2,13 @@
 
 use std::fmt;
 
-/// A quantity outside the range that a formula was made for; the formula still gives a number there, but no accuracy.
+/// A quantity outside the range that a formula was fitted to; the formula still yields a number there, but of unknown
+/// accuracy.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outside {
-    /// Which: `temperature`, `salinity`, `pH`, `depth` or `frequency`.
+    /// Its name: `temperature`, `salinity`, `pH`, `depth` or `frequency`.
     pub quantity: &'static str,
-    /// What was given, in `unit`.
+    /// Its value, in `unit`.
     pub value: f64,
     /// Range in which the formula holds, in `unit`.
     pub range: [f64; 2],
@@ -19,7 +20,7 @@ impl fmt::Display for Outside {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let Outside { quantity, value, range: [least, most], unit } = self;
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-        write!(f, "{quantity} {value}{unit} (it is good for {least} to {most}{unit})")
+        write!(f, "{quantity} {value}{unit} (valid for {least} to {most}{unit})")
     }
 }
 

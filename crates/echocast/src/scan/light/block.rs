@@ -1,12 +1,14 @@
 //! One block of beams with one ray and one return each, step by step.
 
-use super::camera::Looks;
+use super::camera::LookMemory;
 use super::returns::Gatherer;
-use super::run::{Measuring, Scan};
+use super::run::{Measuring, ScanPlan};
 use super::split::{Axes, Splitter};
 use crate::cloud::{Kept, Slices};
 use crate::detect::{ReturnMode, Returns, Threshold};
-use crate::echo::{Air, AirEcho, Answer, Contribution, Follower, Foremost, Image, PathEcho, PathLimits, Preferred};
+use crate::echo::{
+    Air, AirEcho, Answer, Contribution, Follower, Foremost, MirrorImage, PathEcho, PathLimits, Preferred,
+};
 use crate::emitter;
 use crate::ground::cause::Cause;
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
@@ -19,7 +21,7 @@ use std::sync::atomic::Ordering;
 
 /// Beams `first .. first + count` and the rows they may fill.
 pub(super) struct Task<'a> {
-    pub scan: &'a Scan<'a>,
+    pub scan: &'a ScanPlan<'a>,
     pub first: usize,
     pub count: usize,
     pub rows: Slices<'a>,
@@ -41,24 +43,30 @@ impl Task<'_> {
     }
 }
 
-/// Which beam, and which of its returns, each lane of a block is.
+/// The beam, and which of its returns, of each lane of a block.
 #[repr(C, align(64))]
-pub(super) struct Lanes {
+pub(super) struct BeamLanes {
     pub beam: [u32; LANES],
     /// Counted from 0; random draws of a return depend on it.
     pub number: [u32; LANES],
     pub return_number: [u8; LANES],
     pub return_count: [u8; LANES],
-    /// The first beam, where lane after lane is beam after beam with one return each.
+    /// The first beam, where lanes are consecutive beams with one return each.
     pub first: Option<usize>,
 }
 
-impl Lanes {
+impl BeamLanes {
     fn new() -> Self {
-        Lanes { beam: [0; LANES], number: [0; LANES], return_number: [1; LANES], return_count: [1; LANES], first: None }
+        BeamLanes {
+            beam: [0; LANES],
+            number: [0; LANES],
+            return_number: [1; LANES],
+            return_count: [1; LANES],
+            first: None,
+        }
     }
 
-    /// Beams from `first` on, one return each.
+    /// Sets the lanes to the beams from `first` on, one return each.
     pub fn start_at(&mut self, first: usize) {
         self.first = Some(first);
         for lane in 0..LANES {
@@ -82,13 +90,13 @@ impl Lanes {
 }
 
 thread_local! {
-    /// Working memory of this thread, from chunk to chunk and scan to scan.
+    /// Working memory of this thread, kept from chunk to chunk and from scan to scan.
     static BLOCK: Cell<Option<Box<Block>>> = const { Cell::new(None) };
 }
 
-/// Does `work`, a chunk of `scan`, in the memory of this thread.
-pub(super) fn with_block<R>(scan: &Scan, work: impl FnOnce(&mut Block) -> R) -> R {
-    // A thread at its end has none any more.
+/// Runs `work`, a chunk of `scan`, in the working memory of this thread.
+pub(super) fn with_block<R>(scan: &ScanPlan, work: impl FnOnce(&mut Block) -> R) -> R {
+    // A thread that is ending has none any more.
     let mut block = BLOCK.try_with(Cell::take).ok().flatten().unwrap_or_else(boxed);
     block.renew();
     let before = traced();
@@ -98,18 +106,19 @@ pub(super) fn with_block<R>(scan: &Scan, work: impl FnOnce(&mut Block) -> R) -> 
     result
 }
 
-/// Memory for what is too large for the stacks of hosts, made here so that the stack it is made on is free again.
+/// Heap memory for what is too large for the stacks of host programs, made here so that the stack used to make it is
+/// free again.
 #[cold]
 #[inline(never)]
 pub(super) fn boxed<T: Default>() -> Box<T> {
     Box::default()
 }
 
-/// As boxed, for what is seen directly.
+/// As `boxed`, for what is seen directly.
 #[cold]
 #[inline(never)]
-pub(super) fn no_images() -> Box<[Image; LANES]> {
-    Box::new([Image::DIRECT; LANES])
+pub(super) fn no_images() -> Box<[MirrorImage; LANES]> {
+    Box::new([MirrorImage::DIRECT; LANES])
 }
 
 /// The intermediate results of one block of beams: the table in the crate's documentation, column by column.
@@ -120,34 +129,34 @@ pub(super) struct Block {
     pub surfaces: Contribution,
     pub answer: Answer,
     pub rho_eff: [f32; LANES],
-    /// Ranges that a depth camera makes of its light, before errors, m.
+    /// Ranges that a depth camera forms from its light, before errors, m.
     pub formed: [f32; LANES],
     pub measured: [f32; LANES],
     pub intensity: [f32; LANES],
-    /// Angle by which a beam is reported turned to the left, rad.
+    /// Angle by which a beam is reported rotated counter-clockwise, rad.
     pub turn: [f32; LANES],
     pub scratch: [f32; LANES],
-    pub lanes: Lanes,
+    pub lanes: BeamLanes,
     pub kept: Kept,
-    /// The rays that beams are reported to be, where those are not `rays`.
+    /// The rays of the beams as reported, where they differ from `rays`.
     pub reported: Option<Box<RayBatch>>,
-    /// How what lanes see is seen to move, where mirrors or glass are on the way and that is asked for.
-    pub images: Option<Box<[Image; LANES]>>,
-    /// Memory to follow light in, where a scene has mirrors or glass.
+    /// Apparent motion of what lanes see, where mirrors or glass are on the path, if requested.
+    pub images: Option<Box<[MirrorImage; LANES]>>,
+    /// Buffers to trace light, where a scene has mirrors or glass.
     pub paths: Option<Box<Follower>>,
-    /// Memory for beams of several rays or returns.
+    /// Buffers for beams of several rays or returns.
     pub gatherer: Option<Box<Gatherer>>,
-    /// Memory for beams that are several rays where others are one.
+    /// Buffers for beams that are several rays where others are one.
     pub parts: Option<Box<Gatherer>>,
     pub splitter: Option<Box<Splitter>>,
-    /// Memory of a depth camera to look from elsewhere in.
-    pub looks: Option<Box<Looks>>,
+    /// Buffers of a depth camera for rays from other points.
+    pub looks: Option<Box<LookMemory>>,
 }
 
 impl Default for Block {
     fn default() -> Self {
         Block {
-            lanes: Lanes::new(),
+            lanes: BeamLanes::new(),
             rays: RayBatch::default(),
             hits: HitBatch::new(),
             surfaces: Contribution::new(),
@@ -171,18 +180,25 @@ impl Default for Block {
 }
 
 impl Block {
-    /// Whatever scan it was used for, the next one finds all that it does not set itself as in a new one.
+    /// Resets all that a scan does not set itself, whatever scan the block was used for.
     #[inline(never)]
     fn renew(&mut self) {
-        self.lanes = Lanes::new();
+        self.lanes = BeamLanes::new();
         self.surfaces = Contribution::new();
         self.turn = [0.0; LANES];
         self.answer = Answer::new();
     }
 
-    /// Scans beams `first .. first + count` (at most [`LANES`]) and fills the first of `rows`; returns how many. `splits`:
-    /// how those beams are made that meet more than one place, if these are several rays.
-    fn scan(&mut self, scan: &Scan, splits: Option<&Arc<Signals>>, first: usize, count: usize, rows: Slices) -> usize {
+    /// Scans beams `first .. first + count` (at most [`LANES`]) and fills the first of `rows`; returns how many.
+    /// `splits`: how beams that hit more than one place are formed, if these are several rays.
+    fn scan(
+        &mut self,
+        scan: &ScanPlan,
+        splits: Option<&Arc<Signals>>,
+        first: usize,
+        count: usize,
+        rows: Slices,
+    ) -> usize {
         self.lanes.start_at(first);
         self.aim(scan, first, count);
         self.trace(scan, count);
@@ -228,7 +244,7 @@ impl Block {
     }
 
     /// Finds the beams that are several rays, and dims the light of oblique surfaces for all others.
-    fn split(&mut self, scan: &Scan, signals: &Signals, splitter: &mut Splitter, first: usize, count: usize) {
+    fn split(&mut self, scan: &ScanPlan, signals: &Signals, splitter: &mut Splitter, first: usize, count: usize) {
         let Block { rays, hits, surfaces, scratch: power, .. } = self;
         power.fill(1.0);
         light::contribute(
@@ -245,7 +261,7 @@ impl Block {
     }
 
     /// Steps 4 and 5: every beam at the pose of its own time.
-    pub fn aim(&mut self, scan: &Scan, first: usize, count: usize) {
+    pub fn aim(&mut self, scan: &ScanPlan, first: usize, count: usize) {
         let nominal = scan.aim.beams.directions(first, count);
         let rays = |directions, rays: &mut RayBatch| {
             scan.aim.pose.rays(scan.aim.beams, first, directions, scan.aim.reach, rays);
@@ -259,28 +275,34 @@ impl Block {
         rays(nominal, self.reported.get_or_insert_with(boxed));
         let (mut pointed, beams) = ([[0.0; LANES]; 3], &self.lanes.beam[..count]);
         match scan.camera.filter(|camera| camera.aside.is_some()) {
-            Some(camera) => camera.look_aside(&scan.rng, beams, nominal, &mut pointed),
+            Some(camera) => camera.jitter_directions(&scan.rng, beams, nominal, &mut pointed),
             None => emitter::scatter(&scan.rng, beams, scan.measure.errors.pointing_sigma, nominal, &mut pointed),
         }
         rays(pointed.each_ref().map(|axis| &axis[..count]), &mut self.rays);
     }
 
     /// Steps 6 and 8: what the rays hit, and its properties.
-    pub fn trace(&mut self, scan: &Scan, count: usize) {
+    pub fn trace(&mut self, scan: &ScanPlan, count: usize) {
         let Block { rays, hits, surfaces, .. } = self;
         hits.trace(scan.world.scene, rays, count, scan.aim.coherent, scan.world.sight);
-        if scan.world.wants_normals {
+        if scan.world.needs_normals {
             surfaces.face(scan.world.scene, rays, hits, count, scan.world.smooth);
         }
-        if scan.world.wants_surfaces {
-            surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, hits, 0..count, scan.world.wanted);
+        if scan.world.needs_lookup {
+            surfaces.look_up(
+                &scan.world.scene.surfaces,
+                &scan.world.reflectances,
+                hits,
+                0..count,
+                scan.world.requested,
+            );
         }
     }
 
-    /// Step 7: beams that meet a mirror or glass see what is behind it. Of all echoes of a beam the one that the return
-    /// mode prefers takes the place of the surface.
+    /// Step 7: beams that hit a mirror or glass see what is behind it. Of all echoes of a beam the one that the return
+    /// mode prefers replaces that of the surface.
     #[inline(never)]
-    fn follow(&mut self, scan: &Scan, limits: PathLimits, first: usize, count: usize) {
+    fn follow(&mut self, scan: &ScanPlan, limits: PathLimits, first: usize, count: usize) {
         let Block { rays, hits, surfaces, answer, paths, images, .. } = self;
         (answer.first_category, answer.first_instance) = (surfaces.category_id, surfaces.instance_id);
         let mut lanes = [0; LANES];
@@ -292,9 +314,9 @@ impl Block {
         let follower = paths.get_or_insert_with(boxed);
         follower.forget_images();
         follower.begin(rays, hits, surfaces, lanes);
-        // The paper's program knows weather on the whole of the way alone.
+        // The paper's program applies weather only to the whole path.
         let air = scan.world.air.filter(|_| !scan.detect.keeps_undetected);
-        let around = scan.surroundings(air, limits, scan.world.wanted, rays);
+        let around = scan.surroundings(air, limits, scan.world.requested, rays);
         let Answer { efficiency, cause, bounces, dimmed, .. } = answer;
         let (mut strength, mut image) = ([f32::NEG_INFINITY; LANES], [0; LANES]);
         let prefer = |echo: &PathEcho| {
@@ -307,7 +329,7 @@ impl Block {
             let [least, _] = scan.limits_of(first + echo.lane);
             let within = echo.range >= least && echo.range <= rays.range_max[echo.lane];
             (seen && within).then(|| match scan.detect.mode {
-                // The brighter one, whatever its range.
+                // The stronger one, whatever its range.
                 _ if scan.detect.keeps_undetected => rho_eff,
                 ReturnMode::First => -echo.range,
                 ReturnMode::Last => echo.range,
@@ -341,7 +363,7 @@ impl Block {
     }
 
     /// Steps 9 and 10: which echo the instrument reports.
-    fn detect(&mut self, scan: &Scan, count: usize) {
+    fn detect(&mut self, scan: &ScanPlan, count: usize) {
         if let Some(air) = scan.world.air.filter(|_| !scan.detect.keeps_undetected) {
             air.dim(&self.rays, &self.hits.range, count, &mut self.scratch);
             for lane in 0..LANES {
@@ -373,7 +395,7 @@ impl Block {
             let mut noise = [0.0; LANES];
             scan.detect.threshold.noises(&scan.rng, &self.lanes.beam[..count], &mut noise[..count]);
             if scan.world.paths.is_some() {
-                // What is seen in mirrors and through glass is detected already.
+                // What is seen in mirrors and through glass has been detected already.
                 for lane in 0..LANES {
                     if self.answer.dimmed[lane] {
                         noise[lane] = f32::INFINITY;
@@ -401,8 +423,8 @@ impl Block {
         }
     }
 
-    /// Step 10: errors of what is measured.
-    pub fn measure(&mut self, scan: &Scan, count: usize) {
+    /// Step 10: measurement errors.
+    pub fn measure(&mut self, scan: &ScanPlan, count: usize) {
         let Block { lanes, hits, rho_eff, formed, measured, intensity, turn, scratch, .. } = self;
         let Measuring { errors, saturation, limited, flickers, intensity: model } = &scan.measure;
         let channels = lanes.take(&scan.aim.beams.channel, count);
@@ -446,9 +468,9 @@ impl Block {
         }
     }
 
-    /// Rain and dust as the paper's program has them: intensity is as without, or 0 where nothing is seen.
+    /// Rain and dust as computed by the paper's program: intensity is as without them, or 0 where nothing is detected.
     #[inline(never)]
-    fn weather_of_the_program(&mut self, scan: &Scan, air: &Air, count: usize) {
+    fn weather_of_the_program(&mut self, scan: &ScanPlan, air: &Air, count: usize) {
         let Block { hits, rho_eff, intensity, answer, .. } = self;
         for lane in 0..count {
             let limit = scan.detect.threshold.limit_of_the_program(hits.range[lane]);
@@ -464,7 +486,7 @@ impl Block {
     }
 
     /// Echoes of the air and noise in place of surfaces, where the instrument prefers them.
-    fn answer(&mut self, scan: &Scan, count: usize) {
+    fn answer(&mut self, scan: &ScanPlan, count: usize) {
         let Block { lanes, rays, hits, surfaces, rho_eff, intensity, answer, .. } = self;
         (answer.range, answer.rho_eff) = (hits.range, *rho_eff);
         let beams = &lanes.beam[..count];

@@ -1,8 +1,8 @@
 //! A block of beams of a depth camera: pixels.
 
 use super::block::{Block, boxed};
-use super::run::Scan;
-use crate::echo::{Contribution, Wanted};
+use super::run::ScanPlan;
+use crate::echo::{Contribution, RequestedQuantities};
 use crate::emitter::Aim;
 use crate::ground::cause::Cause;
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
@@ -14,17 +14,17 @@ use echocast_kernels::{camera as kernels, light};
 use glam::{Mat3, Vec3};
 use std::f32::consts::TAU;
 
-/// Part of the way to a surface that must be free for it to be seen. The rest hides no shadow that a pixel shows, and
-/// single precision does not let a slanted surface hide itself.
+/// Fraction of the way to a surface that must be free for it to be visible. The rest is too short for a shadow that a
+/// pixel would show, and keeps a slanted surface from hiding itself in single precision.
 const FREE: f32 = 0.999;
 
-/// Light that came over another surface is why a point is there if it moves it by more than this, m.
+/// Light by way of another surface is the cause of a point if it moves the point by more than this, m.
 const MOVED: f32 = 0.005;
 
-/// Memory of a block for looking from elsewhere: from a second eye, or for light that comes via other surfaces.
-pub(super) struct Looks {
+/// Buffers of a block for rays from other points: from a second viewpoint, or for light that comes via other surfaces.
+pub(super) struct LookMemory {
     rays: RayBatch,
-    /// What light comes over.
+    /// The surfaces that light comes via.
     first: HitBatch,
     surfaces: Contribution,
     /// Ranges, m, and powers, 1/m^2, of the echoes of each lane, the direct one first.
@@ -32,9 +32,9 @@ pub(super) struct Looks {
     powers: Vec<f32>,
 }
 
-impl Default for Looks {
+impl Default for LookMemory {
     fn default() -> Self {
-        Looks {
+        LookMemory {
             rays: RayBatch::default(),
             first: HitBatch::new(),
             surfaces: Contribution::new(),
@@ -44,10 +44,10 @@ impl Default for Looks {
     }
 }
 
-impl Looks {
-    /// Lets a lane look from `from` towards `to`; without, it sees nothing.
+impl LookMemory {
+    /// Aims the ray of a lane from `from` towards `to`; without `to`, it hits nothing.
     fn look(&mut self, lane: usize, from: Vec3, to: Option<Vec3>) {
-        // Rays that nobody asked for end where they begin.
+        // Rays that are not needed end where they begin.
         let (direction, length) = to.map_or((Vec3::X, 0.0), |to| (to - from).normalize_and_length());
         self.set(lane, from, direction, length * FREE);
     }
@@ -61,8 +61,8 @@ impl Looks {
 }
 
 impl Block {
-    /// Cosines of the angles between the rays, wherever they look, and the optical axis.
-    fn off_axes(&self, scan: &Scan, count: usize, to: &mut [f32; LANES]) {
+    /// Cosines of the angles between the rays, wherever they point, and the optical axis.
+    fn off_axes(&self, scan: &ScanPlan, count: usize, to: &mut [f32; LANES]) {
         if let Aim::Fixed { rotation, .. } = &scan.aim.pose {
             return kernels::off_axis(rotation.x_axis.to_array(), self.rays.directions(), to);
         }
@@ -71,31 +71,31 @@ impl Block {
         }
     }
 
-    /// Rotation to the world and place of the camera when a lane is exposed.
-    fn pose(&self, scan: &Scan, lane: usize) -> (Mat3, Vec3) {
+    /// Rotation to the world and position of the camera when a lane is exposed.
+    fn pose(&self, scan: &ScanPlan, lane: usize) -> (Mat3, Vec3) {
         scan.aim.pose.pose(scan.aim.beams, self.lanes.beam[lane] as usize)
     }
 
-    /// Cosine of the angle between the ray of a lane, wherever it looks, and the optical axis.
-    fn off_axis(&self, scan: &Scan, lane: usize) -> f32 {
+    /// Cosine of the angle between the ray of a lane, wherever it points, and the optical axis.
+    fn off_axis(&self, scan: &ScanPlan, lane: usize) -> f32 {
         let (rotation, _) = self.pose(scan, lane);
         rotation.x_axis.dot(self.rays.direction(lane))
     }
 
-    /// Where the ray of a lane meets its surface.
+    /// Where the ray of a lane hits its surface.
     fn place(&self, lane: usize) -> Vec3 {
         self.rays.origin(lane) + self.rays.direction(lane) * self.hits.range[lane]
     }
 
-    /// Whether a lane meets a surface without mirrors and glass in between.
+    /// Whether a lane hits a surface without mirrors and glass in between.
     fn is_direct(&self, lane: usize) -> bool {
         self.hits.surface[lane] < MEDIUM && self.answer.bounces[lane] == 0
     }
 
-    /// Step 6: takes away what the `eye`, a place in the sensor frame, m, does not see. What is seen in a mirror or
-    /// through glass stays.
+    /// Step 6: removes what is not visible from the `eye`, a point in the sensor frame, m. What is seen in a mirror or
+    /// through glass is kept.
     #[inline(never)]
-    pub fn shadow(&mut self, scan: &Scan, eye: Vec3, count: usize) {
+    pub fn shadow(&mut self, scan: &ScanPlan, eye: Vec3, count: usize) {
         let mut looks = self.looks.take().unwrap_or_else(boxed);
         let rays = &mut looks.rays;
         (rays.time, rays.beam) = (self.rays.time, self.rays.beam);
@@ -134,15 +134,15 @@ impl Block {
         self.looks = Some(looks);
     }
 
-    /// Step 8: light that a wide projector sends to other surfaces, and these to those that the pixels see, as echoes
-    /// in `looks`; light over more surfaces is left out.
+    /// Step 8: light of a wide projector that reaches the surfaces seen by the pixels via other surfaces, as echoes in
+    /// `looks`; light via more than one other surface is neglected.
     ///
-    /// With the light `I` that goes out, the surface M sends `rho_M I cos_M / (pi R_M^2)` 1/sr to T, and T that light
-    /// times `rho_T cos_T / pi` over all directions to the pixel, which gets `rho_T I cos_T / (pi R_T^2)` straight. So
-    /// each of N directions drawn with the density `cos_T / pi` is an echo of power `rho_T rho_M cos_M / (N R_M^2)`
-    /// where that of T is `rho_T cos_T / R_T^2`, from half of the way `|SM| + |MT| + |TS|`.
+    /// With the emitted light `I`, the surface M scatters `rho_M I cos_M / (pi R_M^2)` 1/sr to T, and T scatters that
+    /// light times `rho_T cos_T / pi`, over all directions, to the pixel, which receives `rho_T I cos_T / (pi R_T^2)`
+    /// directly. So each of N directions drawn with the density `cos_T / pi` is an echo of power `rho_T rho_M cos_M /
+    /// (N R_M^2)` where that of T is `rho_T cos_T / R_T^2`, at half of the path length `|SM| + |MT| + |TS|`.
     #[inline(never)]
-    fn bounce(&mut self, scan: &Scan, camera: &DepthCamera, looks: &mut Looks, count: usize) {
+    fn bounce(&mut self, scan: &ScanPlan, camera: &DepthCamera, looks: &mut LookMemory, count: usize) {
         let rays = camera.multipath_rays;
         let each = rays as usize + 1;
         (looks.rays.time, looks.rays.beam) = (self.rays.time, self.rays.beam);
@@ -163,7 +163,8 @@ impl Block {
                     continue;
                 }
                 let [u, turn, ..] = scan.rng.four(self.lanes.beam[lane], Draw::SecondBounce, ray);
-                // Evenly over the disk, one in each ring of equal area, is with the cosine over the hemisphere.
+                // Uniform over the disk, one in each ring of equal area, is weighted with the cosine over the
+                // hemisphere.
                 let square = (ray as f32 + u) / rays as f32;
                 let (sin, cos) = (TAU * turn).sin_cos();
                 let (across, up) = normal.any_orthonormal_pair();
@@ -177,12 +178,12 @@ impl Block {
                 let [back, up] = clearance(1e-4 * self.hits.range[lane], -facet.dot(along));
                 looks.set(lane, self.place(lane) + facet * up - along * back, direction, f32::INFINITY);
             }
-            let Looks { rays: way, first: met, surfaces, .. } = &mut *looks;
+            let LookMemory { rays: way, first: met, surfaces, .. } = &mut *looks;
             met.trace(scan.world.scene, way, count, false, scan.world.sight);
             surfaces.face(scan.world.scene, way, met, count, scan.world.smooth);
-            let wanted = Wanted { colors: false, reflectance: true };
-            surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, met, 0..count, wanted);
-            // Whether the projector sees it.
+            let requested = RequestedQuantities { colors: false, reflectance: true };
+            surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, met, 0..count, requested);
+            // Whether the projector illuminates it.
             for lane in 0..count {
                 let (rotation, origin) = self.pose(scan, lane);
                 let (surface, length) = (looks.first.surface[lane], looks.first.range[lane]);
@@ -195,7 +196,7 @@ impl Block {
                 let met = &looks.first;
                 let normal = met.normal(lane);
                 let light = camera.light_along(rotation.transpose() * out);
-                // The light on T itself is in its reflectance, as the lens is.
+                // The illumination of T itself is included in its reflectance, as is the lens.
                 let straight = camera.light(self.off_axis(scan, lane));
                 let cos = -normal.dot(out);
                 if cos > 0.0 && light > 0.0 && straight > 0.0 {
@@ -218,14 +219,14 @@ impl Block {
     }
 
     /// Step 8: lens and projector dim pixels off the axis.
-    pub fn dim(&mut self, scan: &Scan, camera: &DepthCamera, count: usize) {
+    pub fn dim(&mut self, scan: &ScanPlan, camera: &DepthCamera, count: usize) {
         let mut off_axes = [1.0; LANES];
         self.off_axes(scan, count, &mut off_axes);
         camera.dim(&off_axes, &mut self.surfaces.reflectance);
     }
 
-    /// Step 9: the ranges that the pixels make of their light, before other errors, into `formed`.
-    pub fn form(&mut self, scan: &Scan, camera: &DepthCamera, count: usize) {
+    /// Step 9: the ranges that the pixels form from their light, before other errors, into `formed`.
+    pub fn form(&mut self, scan: &ScanPlan, camera: &DepthCamera, count: usize) {
         let (mut powers, mut valid) = ([0.0; LANES], [false; LANES]);
         light::over_squares(&self.rho_eff, &self.hits.range, &mut powers);
         let beams = &self.lanes.beam[..count];
@@ -238,7 +239,8 @@ impl Block {
         if camera.aside.is_some() {
             let mut off_axes = [1.0; LANES];
             self.off_axes(scan, count, &mut off_axes);
-            // A depth image holds depths: the depth of the place it looks at goes where it should look.
+            // A depth image holds depths: the depth of the point that a pixel really sees is reported in its nominal
+            // direction.
             for lane in 0..count {
                 self.formed[lane] *= off_axes[lane] / axis[lane];
             }
@@ -247,9 +249,9 @@ impl Block {
         camera.err_all(&scan.rng, beams, &axis, &self.surfaces.cos_incidence, &mut self.formed);
     }
 
-    /// [`Block::form`] with the light that comes over other surfaces; `formed` and `valid` are those without.
+    /// [`Block::form`] with the light that comes via other surfaces; `formed` and `valid` are those without it.
     #[inline(never)]
-    fn form_multipath(&mut self, scan: &Scan, camera: &DepthCamera, count: usize, valid: &mut [bool; LANES]) {
+    fn form_multipath(&mut self, scan: &ScanPlan, camera: &DepthCamera, count: usize, valid: &mut [bool; LANES]) {
         let mut looks = self.looks.take().unwrap_or_else(boxed);
         self.bounce(scan, camera, &mut looks, count);
         let each = camera.multipath_rays as usize + 1;

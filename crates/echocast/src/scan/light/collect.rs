@@ -1,7 +1,7 @@
 //! The columns of a block's returns.
 
-use super::block::{Block, Lanes};
-use super::run::Scan;
+use super::block::{BeamLanes, Block};
+use super::run::ScanPlan;
 use crate::cloud::{BOTTOM_TRACK, Field, Frame, Kept, MOVING, SOUNDING, Slices, WATER_TRACK};
 use crate::ground::angle::azimuth_elevation;
 use crate::ground::lanes::LANES;
@@ -10,8 +10,8 @@ use glam::Vec3;
 use std::f32::consts::PI;
 
 impl Block {
-    /// Step 11: the columns that were asked for, row by row.
-    pub fn collect(&mut self, scan: &Scan, count: usize, mut rows: Slices) -> usize {
+    /// Step 11: the requested columns, row by row.
+    pub fn collect(&mut self, scan: &ScanPlan, count: usize, mut rows: Slices) -> usize {
         let Block { lanes, rays, hits, surfaces, measured, intensity, turn, kept, scratch, reported, .. } = self;
         let surface = &hits.surface;
         let filled = kept.choose(surface, count, scan.options.organised);
@@ -19,7 +19,8 @@ impl Block {
         // Positions along the beam, from where it starts.
         let world = scan.options.coordinates == Frame::World;
         let beams = scan.aim.beams;
-        let nominal = |lanes: &Lanes| [&beams.dir_x, &beams.dir_y, &beams.dir_z].map(|axis| lanes.take(axis, count));
+        let nominal =
+            |lanes: &BeamLanes| [&beams.dir_x, &beams.dir_y, &beams.dir_z].map(|axis| lanes.take(axis, count));
         let starts = beams.has_origins().then(|| beams.origin.each_ref().map(|axis| lanes.take(axis, count)));
         let starts = starts.as_ref().map_or([&ZERO; 3], |starts| starts.each_ref());
         let reported = reported.as_deref().filter(|_| scan.points_elsewhere());
@@ -29,7 +30,7 @@ impl Block {
                 put_positions(kept, surface, rays.origins(), rays.directions(), &hits.range, scratch, to);
             } else {
                 let mut directions = nominal(lanes);
-                // Where beams really go.
+                // The true directions of the beams.
                 for lane in (0..count).filter(|_| reported.is_some()) {
                     let (rotation, _) = scan.aim.pose.pose(beams, lanes.beam[lane] as usize);
                     let direction = rotation.transpose() * rays.direction(lane);
@@ -38,7 +39,7 @@ impl Block {
                 put_positions(kept, surface, starts, directions.each_ref(), &hits.range, scratch, to);
             }
         }
-        // What is reported knows nothing of it.
+        // Reported values do not reflect that.
         let reported = reported.unwrap_or(rays);
         let mut directions;
         let (from, mut along) = if world {
@@ -120,7 +121,7 @@ impl Block {
             kept.put(surface, &surfaces.instance_id, rows.track_id);
         }
         if scan.options.fields.contains_any(&MOVING) {
-            self.tell_motion(scan, count, rows.rows_after(0));
+            self.fill_motion(scan, count, rows.rows_after(0));
         }
         let Block { lanes, kept, turn, .. } = self;
 
@@ -140,7 +141,7 @@ impl Block {
             scan.measure.errors.delay(&scan.rng, firings, &mut time);
             kept.put_beam(&time, rows.time);
         }
-        // Of sonars.
+        // Columns of sonars.
         if scan.options.fields.contains_any(&SOUNDING) {
             for column in [rows.quality, rows.corrected_x, rows.corrected_y, rows.corrected_z] {
                 kept.put_beam(&[f32::NAN; LANES], column);
@@ -188,7 +189,7 @@ impl Block {
 /// Origin of rays in the sensor frame, where the table gives none.
 static ZERO: [f32; LANES] = [0.0; LANES];
 
-/// Writes the places at `ranges` along rays from `from` in the directions `along`.
+/// Writes the positions at `ranges` along rays from `from` in the directions `along`.
 fn put_positions(
     kept: &Kept,
     surface: &[u32; LANES],

@@ -1,23 +1,23 @@
-//! Points where they were when the scan started, whenever they were met.
+//! Deskew: points where they were when the scan started, whenever they were hit.
 
 use super::block::Block;
-use super::run::Scan;
+use super::run::ScanPlan;
 use crate::cloud::Frame;
 use crate::ground::lanes::LANES;
 use crate::trace::Return;
 use glam::{Mat3, Vec3};
 
-/// What brings points back to the start of a scan.
+/// What transforms points to the start of a scan.
 pub(super) struct Deskew {
-    /// Time of the start, 0 to 1 of the scene's, and s of the scan per length of the scene's time, where anything moves.
+    /// Time of the start, 0 to 1 of the scene's time span, and the length of that span, s, where anything moves.
     start: Option<(f32, f32)>,
-    /// Rotation and place of the sensor then, as of a beam, where points are in its frame.
+    /// Rotation and position of the sensor at the start, as for a beam, where points are in its frame.
     sensor: Option<(Mat3, Vec3)>,
 }
 
 impl Deskew {
-    /// What a scan along `scan.aim` that asks for it needs.
-    pub fn new(scan: &Scan) -> Option<Deskew> {
+    /// For a scan along `scan.aim`, if deskew is requested.
+    pub fn new(scan: &ScanPlan) -> Option<Deskew> {
         if !scan.options.deskew {
             return None;
         }
@@ -30,10 +30,11 @@ impl Deskew {
 }
 
 impl Block {
-    /// Brings the `places` of the first `count` lanes, and the normals, from the times of their beams to the start of the
-    /// scan: points stay where they are on their surfaces, in the world or in the frame that the sensor had then.
+    /// Transforms the `places` of the first `count` lanes, and the normals, from the times of their beams to the start
+    /// of the scan: points stay where they are on their surfaces, in the world or in the frame that the sensor had at
+    /// the start.
     #[inline(never)]
-    pub fn deskew(&mut self, scan: &Scan, deskew: &Deskew, count: usize, places: &mut [[f32; LANES]; 3]) {
+    pub fn deskew(&mut self, scan: &ScanPlan, deskew: &Deskew, count: usize, places: &mut [[f32; LANES]; 3]) {
         let Block { lanes, rays, hits, answer, images, .. } = self;
         for lane in 0..count {
             let mut place = Vec3::from(places.each_ref().map(|axis| axis[lane]));
@@ -45,7 +46,7 @@ impl Block {
                     scan.world.scene.return_to(hits.surface[lane], hits.triangle[lane], uv, rays.time[lane], start);
                 match (back, seen) {
                     (back, None) => back,
-                    // What is seen in a mirror stands where that shows it.
+                    // What is seen in a mirror is where the mirror shows it.
                     (back, Some(image)) => {
                         let way = back.map_or(Vec3::ZERO, |back| back.way);
                         let way = image.way(way, (start - rays.time[lane]) * length);

@@ -1,8 +1,8 @@
-//! What happens to one beam, for people to read.
+//! What happens to one beam, as readable text.
 
 use super::block::{Block, boxed};
 use super::returns::{ALARM, Gatherer, Other};
-use super::run::Scan;
+use super::run::ScanPlan;
 use super::split::Splitter;
 use crate::cloud::{Columns, FieldSet};
 use crate::ground::angle::azimuth_elevation;
@@ -19,10 +19,10 @@ use std::sync::Arc;
 /// Most surfaces and echoes of one kind that are listed.
 const MOST: usize = 12;
 
-impl Scan<'_> {
+impl ScanPlan<'_> {
     /// Explains beam `beam` step by step. `signals`: how echoes become returns.
     pub fn explain(&self, signals: &Arc<Signals>, beam: usize) -> Result<String> {
-        // With the beams that it is scanned with: these have a part in whether it is several rays.
+        // With the beams of its block: these affect whether it is split into several rays.
         let first = beam - beam % LANES;
         let count = LANES.min(self.aim.beams.len() - first);
         let mut block: Box<Block> = boxed();
@@ -59,11 +59,11 @@ impl Scan<'_> {
         let rows = from..from + columns.beam[from..all].iter().take_while(|other| of_beam(other)).count();
         let mut text = String::new();
         // Writing to a string cannot fail.
-        let _ = self.tell(&mut text, signals, &mut gatherer, beam, &columns, rows);
+        let _ = self.write_beam(&mut text, signals, &mut gatherer, beam, &columns, rows);
         Ok(text)
     }
 
-    fn tell(
+    fn write_beam(
         &self,
         text: &mut String,
         signals: &Signals,
@@ -98,21 +98,21 @@ impl Scan<'_> {
         )?;
         let [low, high] = self.limits_of(beam);
         writeln!(text, "  ranges from {low} to {high} m are reported")?;
-        self.tell_rays(text, signals, gatherer)?;
-        self.tell_paths(text, gatherer)?;
-        self.tell_air(text, gatherer)?;
-        self.tell_halos(text, gatherer)?;
-        self.tell_echoes(text, signals, gatherer, beam, &columns.true_range[rows.clone()])?;
-        self.tell_returns(text, columns, rows)
+        self.write_rays(text, signals, gatherer)?;
+        self.write_paths(text, gatherer)?;
+        self.write_air(text, gatherer)?;
+        self.write_halos(text, gatherer)?;
+        self.write_echoes(text, signals, gatherer, beam, &columns.true_range[rows.clone()])?;
+        self.write_returns(text, columns, rows)
     }
 
-    /// What the rays meet, surface by surface.
-    fn tell_rays(&self, text: &mut String, signals: &Signals, gatherer: &Gatherer) -> fmt::Result {
+    /// What the rays hit, surface by surface.
+    fn write_rays(&self, text: &mut String, signals: &Signals, gatherer: &Gatherer) -> fmt::Result {
         match &signals.footprint {
             None => writeln!(text, "ray: one, along the beam")?,
             Some(footprint) => writeln!(text, "rays: {} over the footprint", footprint.len())?,
         }
-        // Surface, number of rays, their ranges, their power; of the first the rest.
+        // Surface, number of rays, their ranges, their power, and the index of the first.
         let mut met: Vec<(u32, usize, [f32; 2], f32, u32)> = Vec::new();
         for (index, ray) in (0..).zip(gatherer.rays.of_beam(0)) {
             let (surface, range, power) = (ray.surface(), ray.range(), ray.power());
@@ -125,7 +125,7 @@ impl Scan<'_> {
             }
         }
         for &(surface, count, [low, high], power, first) in met.iter().take(MOST) {
-            let meet = if count == 1 { "meets" } else { "meet" };
+            let meet = if count == 1 { "hits" } else { "hit" };
             if surface == MISS {
                 writeln!(text, "  {count} {meet} nothing")?;
                 continue;
@@ -155,27 +155,27 @@ impl Scan<'_> {
             if depth > 0.0 {
                 let two_way = (-2.0 * depth).exp();
                 let depth = number(depth);
-                writeln!(text, "    weather: optical depth {depth}, transmittance there and back {two_way:.6}")?;
+                writeln!(text, "    weather: optical depth {depth}, two-way transmittance {two_way:.6}")?;
             }
-            let send = if count == 1 { "sends" } else { "send" };
+            let send = if count == 1 { "returns" } else { "return" };
             if self.world.paths.is_some() && self.goes_on(surface) {
-                writeln!(text, "    light goes on from there, along the paths below, and comes back along them")?;
+                writeln!(text, "    light continues from there along the paths below, and returns along them")?;
             } else if power > 0.0 {
-                writeln!(text, "    {send} back rho_eff T / R^2 = {power:.4e} /m^2 in all")?;
+                writeln!(text, "    {send} rho_eff T / R^2 = {power:.4e} /m^2 in all")?;
             } else {
-                writeln!(text, "    {send} nothing straight back")?;
+                writeln!(text, "    {send} nothing directly")?;
             }
         }
         Ok(())
     }
 
-    /// Where light leads over mirrors and through glass.
-    fn tell_paths(&self, text: &mut String, gatherer: &Gatherer) -> fmt::Result {
+    /// Where light goes by mirrors and through glass.
+    fn write_paths(&self, text: &mut String, gatherer: &Gatherer) -> fmt::Result {
         let log = gatherer.log.as_deref().unwrap_or_default();
         if log.is_empty() {
             return Ok(());
         }
-        writeln!(text, "paths over mirrors and through glass, one generation after the other:")?;
+        writeln!(text, "paths by mirrors and through glass, generation by generation:")?;
         for meeting in log.iter().take(4 * MOST) {
             let way = match meeting.cause {
                 Cause::Mirror => " in a mirror",
@@ -202,8 +202,8 @@ impl Scan<'_> {
         Ok(())
     }
 
-    /// What the air sends back.
-    fn tell_air(&self, text: &mut String, gatherer: &Gatherer) -> fmt::Result {
+    /// Echoes of the air.
+    fn write_air(&self, text: &mut String, gatherer: &Gatherer) -> fmt::Result {
         let mut echoes: Vec<&Other> = gatherer.others.list.iter().filter(|echo| echo.surface == MEDIUM).collect();
         if echoes.is_empty() {
             return Ok(());
@@ -212,7 +212,7 @@ impl Scan<'_> {
         writeln!(text, "air:")?;
         for echo in echoes.iter().take(MOST) {
             let cause = echo.cause.name();
-            writeln!(text, "  {cause} at {:.4} m sends back {:.4e} /m^2", echo.range, echo.power)?;
+            writeln!(text, "  {cause} at {:.4} m returns {:.4e} /m^2", echo.range, echo.power)?;
         }
         if echoes.len() > MOST {
             writeln!(text, "  and {} more", echoes.len() - MOST)?;
@@ -221,7 +221,7 @@ impl Scan<'_> {
     }
 
     /// Light of bright surfaces beside the beam.
-    fn tell_halos(&self, text: &mut String, gatherer: &Gatherer) -> fmt::Result {
+    fn write_halos(&self, text: &mut String, gatherer: &Gatherer) -> fmt::Result {
         let is_halo = |echo: &&Other| echo.cause == Cause::Multipath;
         let echoes = || gatherer.others.list.iter().filter(is_halo);
         if echoes().next().is_some() {
@@ -234,7 +234,7 @@ impl Scan<'_> {
     }
 
     /// The maxima of the signal, and which of them are reported: those at the ranges `returns`.
-    fn tell_echoes(
+    fn write_echoes(
         &self,
         text: &mut String,
         signals: &Signals,
@@ -244,7 +244,7 @@ impl Scan<'_> {
     ) -> fmt::Result {
         let [low, high] = self.limits_of(beam);
         match self.detect.threshold.least_power() {
-            Some(k) => writeln!(text, "echoes, of which those of {k:.4e} /m^2 and more are seen:")?,
+            Some(k) => writeln!(text, "echoes, of which those of {k:.4e} /m^2 and more are detected:")?,
             None => writeln!(text, "echoes:")?,
         }
         let chosen = gatherer.forming.chosen.clone();
@@ -270,9 +270,9 @@ impl Scan<'_> {
             };
             let mixed = if found.mixed { ", mixed with others" } else { "" };
             let reported = match chosen.contains(&place) {
-                false => "seen, not asked for",
+                false => "detected, not selected",
                 true if returns.contains(&found.peak.range) => "reported",
-                true => "lost: by chance, or measured out of range",
+                true => "lost: at random, or measured out of range",
             };
             writeln!(
                 text,
@@ -287,19 +287,19 @@ impl Scan<'_> {
         writeln!(text, "  returns.mode: {}", mode.as_str().unwrap_or_default())
     }
 
-    /// A place of Embree's in the world, m.
+    /// A position in Embree's coordinates, in the world, m.
     fn place(&self, local: Vec3) -> String {
-        // A negative 0 has no meaning to people.
+        // A negative 0 has no meaning to readers.
         let DVec3 { x, y, z } = ((self.world.scene.origin + local.as_dvec3()) * 1e4).round() / 1e4 + DVec3::ZERO;
         format!("{x:.4} {y:.4} {z:.4}")
     }
 
-    /// What a surface is called.
+    /// Name of a surface.
     fn name(&self, surface: u32) -> String {
         let surfaces = &self.world.scene.surfaces;
         let Some(row) = surfaces.rows.get(surface as usize) else { return "nothing".into() };
         let labels = &surfaces.labels;
-        let category = shown::text(labels.category.name(row.category_id).unwrap_or("something unlabelled"));
+        let category = shown::text(labels.category.name(row.category_id).unwrap_or("an unlabelled object"));
         let material = shown::text(&surfaces.materials[row.material as usize].name);
         match &*material {
             "" => format!("{category} (instance {})", row.instance_id),
@@ -308,7 +308,7 @@ impl Scan<'_> {
     }
 
     /// What the instrument reports.
-    fn tell_returns(&self, text: &mut String, columns: &Columns, rows: Range<usize>) -> fmt::Result {
+    fn write_returns(&self, text: &mut String, columns: &Columns, rows: Range<usize>) -> fmt::Result {
         writeln!(text, "returns:")?;
         if columns.range[rows.clone()].iter().all(|range| range.is_nan()) {
             return writeln!(text, "  none");
@@ -329,7 +329,7 @@ impl Scan<'_> {
                 columns.y[row],
                 columns.z[row]
             )?;
-            if self.measure.errors.tells_doppler() {
+            if self.measure.errors.measures_doppler() {
                 writeln!(
                     text,
                     "    doppler {:.4} m/s, true radial velocity {:.4} m/s",

@@ -1,7 +1,7 @@
-//! Step 8 of instruments that bloom: the light of bright surfaces in the beams around them.
+//! Step 8 for instruments with blooming: the light of bright surfaces in the beams around them.
 
 use super::block::{Block, with_block};
-use super::run::Scan;
+use super::run::ScanPlan;
 use crate::detect::Blooming;
 use crate::emitter::BeamTable;
 use crate::ground::lanes::{CHUNK, LANES, MISS};
@@ -11,28 +11,28 @@ use std::cell::Cell;
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
-/// Reflectance of what is called bright: whiter than white.
+/// Effective reflectance above which a surface is bright: brighter than white.
 const BRIGHT: f32 = 1.0;
 
-/// Part of what is just seen that adds nothing.
+/// Light below this fraction of what is just detected is negligible.
 const FAINT: f32 = 1e-3;
 
-/// Bright places are seen as one while their ranges differ by less, in sigmas of the pulse.
+/// Bright points are merged while their ranges differ by less, in sigmas of the pulse.
 const TOGETHER: f32 = 0.1;
 
-/// The bright surfaces that the beams of a scan meet.
+/// The bright surfaces that the beams of a scan hit.
 pub(super) struct Halos {
     blooming: Blooming,
     /// Light below which nothing is added, as `rho_eff / R^2` in 1/m^2.
     least: f32,
-    /// How far apart in range they are seen as one, m.
+    /// Difference in range up to which they are merged, m.
     together: f32,
-    /// By range.
+    /// In order of range.
     bright: Vec<Bright>,
 }
 
 thread_local! {
-    /// Memory for the bright surfaces of scans that this thread asks for.
+    /// Buffer for the bright surfaces of scans that this thread starts.
     static FOUND: Cell<Vec<Bright>> = const { Cell::new(Vec::new()) };
 }
 
@@ -43,14 +43,14 @@ impl Drop for Halos {
     }
 }
 
-/// A bright surface where the middle of a beam meets it.
+/// A bright surface where the centre of a beam hits it.
 #[derive(Clone, Copy)]
 pub(super) struct Bright {
     beam: u32,
-    /// The beam's, in the sensor frame.
+    /// Direction of the beam, sensor frame.
     direction: Vec3,
     pub range: f32,
-    /// What comes back, `rho_eff T / R^2` in 1/m^2.
+    /// Returned light, `rho_eff T / R^2` in 1/m^2.
     pub power: f32,
     pub cos_incidence: f32,
     pub surface: u32,
@@ -59,27 +59,27 @@ pub(super) struct Bright {
     pub normal: Vec3,
 }
 
-/// Light of neighbouring bright places in one beam.
+/// Light of neighbouring bright points in one beam.
 #[derive(Clone, Copy)]
-struct Group {
+struct HaloCluster {
     /// Range of the nearest of them, m.
     from: f32,
     power: f32,
     /// Sum of range times power.
     moment: f32,
-    /// Which sends most, and how much that is.
+    /// Index of the strongest, and its power.
     strongest: usize,
     most: f32,
 }
 
-impl Group {
-    const NONE: Group = Group { from: f32::NEG_INFINITY, power: 0.0, moment: 0.0, strongest: 0, most: 0.0 };
+impl HaloCluster {
+    const NONE: HaloCluster = HaloCluster { from: f32::NEG_INFINITY, power: 0.0, moment: 0.0, strongest: 0, most: 0.0 };
 }
 
 impl Halos {
-    /// Looks along the middle of all beams of `scan`, whose pulse has the standard deviation `sigma` m of range. What
-    /// is bright in a mirror or through glass alone does not bloom.
-    pub fn new(scan: &Scan, blooming: Blooming, sigma: f64) -> Halos {
+    /// Traces the centres of all beams of `scan`, whose pulse has the standard deviation `sigma` m of range. What is
+    /// bright only in a mirror or through glass does not bloom.
+    pub fn new(scan: &ScanPlan, blooming: Blooming, sigma: f64) -> Halos {
         let least = FAINT * scan.detect.threshold.faintest();
         let mut bright = FOUND.try_with(Cell::take).unwrap_or_default();
         bright.clear();
@@ -94,20 +94,20 @@ impl Halos {
         Halos { blooming, least, together: TOGETHER * sigma as f32, bright }
     }
 
-    /// Tells of the light of bright surfaces in `beams` of `table`: lane, and the surface that sends most of it, with
-    /// the range and the light, `rho_eff T / R^2` in 1/m^2, of all that are near it in range.
-    pub fn shine(&self, table: &BeamTable, beams: &[u32], mut tell: impl FnMut(usize, Bright)) {
+    /// Reports the light of bright surfaces in `beams` of `table`: lane, and the surface that contributes most of it,
+    /// with the range and the light, `rho_eff T / R^2` in 1/m^2, of all that are near it in range.
+    pub fn shine(&self, table: &BeamTable, beams: &[u32], mut report: impl FnMut(usize, Bright)) {
         let direction = |lane: usize| table.direction(beams[lane] as usize);
         let middle = (0..beams.len()).map(direction).sum::<Vec3>().normalize_or(Vec3::X);
         let widest = (0..beams.len()).map(|lane| angle(direction(lane), middle)).fold(0.0, f32::max);
-        let mut groups = [Group::NONE; LANES];
-        let mut finish = |lane: usize, group: &Group| {
+        let mut groups = [HaloCluster::NONE; LANES];
+        let mut finish = |lane: usize, group: &HaloCluster| {
             if group.power > self.least {
                 let range = group.moment / group.power;
-                tell(lane, Bright { range, power: group.power, ..self.bright[group.strongest] });
+                report(lane, Bright { range, power: group.power, ..self.bright[group.strongest] });
             }
         };
-        // So many may come together.
+        // The light of all of them may add up.
         let least = self.least / self.bright.len() as f32;
         for (index, bright) in self.bright.iter().enumerate() {
             if angle(bright.direction, middle) > widest + self.blooming.reach(least / bright.power) {
@@ -116,7 +116,7 @@ impl Halos {
             for (lane, group) in groups[..beams.len()].iter_mut().enumerate() {
                 if bright.range - group.from > self.together {
                     finish(lane, group);
-                    *group = Group { from: bright.range, ..Group::NONE };
+                    *group = HaloCluster { from: bright.range, ..HaloCluster::NONE };
                 }
                 if beams[lane] != bright.beam {
                     let power = bright.power * self.blooming.part(angle(direction(lane), bright.direction));
@@ -132,15 +132,15 @@ impl Halos {
     }
 }
 
-/// Angle between two directions, rad, from its chord by the series of the arcsine: to 1e-7 up to 10 degrees, 0.3 % at
-/// 90.
+/// Angle between two directions, rad, from its chord by the series of the arcsine: accurate to 1e-7 up to 10 degrees,
+/// 0.3 % at 90.
 fn angle(a: Vec3, b: Vec3) -> f32 {
     let square = (a - b).length_squared();
     square.sqrt() * (1.0 + square * (1.0 / 24.0 + square * (3.0 / 640.0 + square * (5.0 / 7168.0))))
 }
 
-/// Adds the bright surfaces that `beams` meet to `all`.
-fn find(scan: &Scan, block: &mut Block, beams: Range<usize>, all: &Mutex<Vec<Bright>>) {
+/// Adds the bright surfaces that `beams` hit to `all`.
+fn find(scan: &ScanPlan, block: &mut Block, beams: Range<usize>, all: &Mutex<Vec<Bright>>) {
     for first in beams.clone().step_by(LANES) {
         let count = LANES.min(beams.end - first);
         block.lanes.start_at(first);

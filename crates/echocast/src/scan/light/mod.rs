@@ -18,10 +18,10 @@ use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
 use crate::sensor::Sensor;
 use crate::trace::BuiltScene;
-use run::Scan;
+use run::ScanPlan;
 
 impl BuiltScene {
-    /// [`BuiltScene::scan_with_progress`] of light.
+    /// [`BuiltScene::scan_with_progress`] for light.
     pub(super) fn scan_light(
         &self,
         sensor: &Sensor,
@@ -34,13 +34,13 @@ impl BuiltScene {
         let beams = sensor.beams_at(options.start_time)?;
         self.0.check_time(options.start_time, beams.last_time())?;
         let reception = run::reception(&self.0, sensor, options)?;
-        let mut scan = Scan::new(&self.0, sensor, &beams, &reception, trajectory, options)?;
+        let mut scan = ScanPlan::new(&self.0, sensor, &beams, &reception, trajectory, options)?;
         if options.organised && scan.most_returns() > 1 {
-            let found = format!("{} returns a beam", scan.most_returns());
+            let found = format!("{} returns per beam", scan.most_returns());
             return Err(Error::invalid(
                 "organised",
                 found,
-                "one return a beam (returns.mode: strongest, first, last or second)",
+                "one return per beam (returns.mode: strongest, first, last or second)",
             ));
         }
         scan.find_halos(sensor);
@@ -51,7 +51,7 @@ impl BuiltScene {
         scanned
     }
 
-    /// [`BuiltScene::explain`] of light.
+    /// [`BuiltScene::explain`] for light.
     pub(super) fn explain_light(
         &self,
         sensor: &Sensor,
@@ -65,7 +65,7 @@ impl BuiltScene {
         }
         self.0.check_time(options.start_time, beams.last_time())?;
         let reception = run::reception(&self.0, sensor, options)?;
-        let mut scan = Scan::new(&self.0, sensor, &beams, &reception, trajectory, options)?;
+        let mut scan = ScanPlan::new(&self.0, sensor, &beams, &reception, trajectory, options)?;
         scan.find_halos(sensor);
         scan.explain(&sensor.signals, beam as usize)
     }

@@ -1,33 +1,33 @@
-//! What the rays of a block's beams meet, and which of them are which beam's.
+//! Hits of the rays of a block's beams, and which rays belong to which beam.
 
 use crate::ground::lanes::{LANES, MISS};
 use crate::trace::HitBatch;
 
-/// What [`LANES`] rays meet.
+/// Hits of [`LANES`] rays.
 pub(super) struct Batch {
     pub hits: HitBatch,
     pub cos_incidence: [f32; LANES],
-    /// What each adds to the signal, `rho_eff / R^2` in 1/m^2, its share of the beam taken into account; 0 is nothing.
+    /// What each adds to the signal, `rho_eff / R^2` in 1/m^2, including its share of the beam; 0 for nothing.
     pub power: [f32; LANES],
-    /// Where its plane is, along its normal, m; where beam follows beam.
+    /// Offset of its plane along its normal, m; only if beams are packed.
     pub offset: [f32; LANES],
 }
 
 /// The rays of a block's beams.
 ///
-/// If all beams of a block are several rays, batch `i` has ray `i` of every beam, in the beam's lane: it is met in one go
-/// on all lanes. If some are, ray follows ray and beam follows beam: batches are full, and the rays of a beam, which
-/// mostly meet the same, are traced together.
+/// If all beams of a block are several rays, batch `i` has ray `i` of every beam, in the beam's lane: all lanes are
+/// processed at once. If only some are, beams are packed, ray after ray and beam after beam: batches are full, and the
+/// rays of a beam, which mostly hit the same surface, are traced together.
 #[derive(Default)]
-pub(super) struct Rays {
+pub(super) struct BeamRays {
     pub batches: Vec<Batch>,
-    /// Rays of a beam.
+    /// Rays per beam.
     pub each: usize,
-    /// Whether beam follows beam.
+    /// Whether beams are packed, ray after ray and beam after beam.
     pub packed: bool,
 }
 
-/// What one ray meets.
+/// Hit of one ray.
 #[derive(Clone, Copy)]
 pub(super) struct Met<'a> {
     pub batch: &'a Batch,
@@ -41,7 +41,7 @@ impl Batch {
 }
 
 impl Met<'_> {
-    /// Whether `other` is met on the same plane of the same surface, to within `off` m.
+    /// Whether `other` is on the same plane of the same surface, to within `off` m.
     pub fn is_beside(&self, other: &Met, off: f32) -> bool {
         /// Cosine of an angle of 0.06 degrees, within which all of a footprint is on one plane.
         const PARALLEL: f32 = 1.0 - 5e-7;
@@ -67,14 +67,14 @@ impl Met<'_> {
         self.batch.cos_incidence[self.lane]
     }
 
-    /// Where the first surface is, m.
+    /// Range of the first surface, m.
     pub fn end(&self) -> f32 {
         if self.surface() == MISS { f32::INFINITY } else { self.range() }
     }
 }
 
-impl Rays {
-    /// Makes room for those of `count` beams of `each` rays.
+impl BeamRays {
+    /// Makes room for `count` beams of `each` rays.
     pub fn fit(&mut self, each: usize, packed: bool, count: usize) {
         (self.each, self.packed) = (each, packed);
         let batches = if packed { count.div_ceil(self.beams_of_batch()) } else { each };
@@ -83,12 +83,12 @@ impl Rays {
         }
     }
 
-    /// Beams of a batch where beam follows beam.
+    /// Beams per batch if beams are packed.
     pub fn beams_of_batch(&self) -> usize {
         LANES / self.each
     }
 
-    /// Batch and lane of the first ray of the beam at `lane`, and how far it is to the next ones.
+    /// Batch and lane of the first ray of the beam at `lane`, and the steps to the next ones.
     fn start(&self, lane: usize) -> ([usize; 2], [usize; 2]) {
         if self.packed {
             let beams = self.beams_of_batch();
@@ -98,7 +98,7 @@ impl Rays {
         }
     }
 
-    /// Ray `index` of the beam at `lane`, if there are so many.
+    /// Ray `index` of the beam at `lane`, if it exists.
     pub fn get(&self, index: u32, lane: usize) -> Option<Met<'_>> {
         let index = index as usize;
         let ([batch, lane], [batches, lanes]) = self.start(lane);

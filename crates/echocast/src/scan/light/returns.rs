@@ -1,14 +1,14 @@
-//! One block of beams that are several rays each, or have several returns: what comes back of every ray makes a signal,
-//! and the echoes in it make returns.
+//! One block of beams with several rays or several returns each: the light returned along all rays forms a signal, and
+//! the echoes in it become returns.
 
 use super::block::{Block, boxed, no_images};
-use super::rays::{Batch, Rays};
-use super::run::{Scan, World};
+use super::rays::{Batch, BeamRays};
+use super::run::{ScanPlan, World};
 use super::split::{Axes, OFF_SURFACE, OFF_SURFACE_M, Splitter};
 use crate::cloud::Slices;
 use crate::detect::Peak;
 use crate::echo::{
-    AirEcho, AirEchoes, Contribution, Follower, Meeting, PathEcho, PathEchoes, Pulselet, Wanted, Waveform,
+    AirEcho, AirEchoes, Contribution, Follower, Meeting, PathEcho, PathEchoes, Pulselet, RequestedQuantities, Waveform,
 };
 use crate::emitter::{Across, Footprint};
 use crate::ground::cause::Cause;
@@ -16,40 +16,40 @@ use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
 use crate::ground::rng::Draw;
 use crate::sensor::{Adaptive, Signals};
 use crate::trace::HitBatch;
-use echocast_kernels::signal::Plain;
+use echocast_kernels::signal::PlainSignal;
 use echocast_kernels::{light, signal};
 use glam::Vec3;
 use std::ops::Range;
 use std::sync::Arc;
 
-/// Rays that meet one surface closer together than this, in sigmas of the pulse, are one part of the signal: it changes by
-/// less than `0.1^2 / 2`, 0.5 percent.
+/// Rays that hit one surface closer together in range than this, in sigmas of the pulse, are one part of the signal: it
+/// changes by less than `0.1^2 / 2`, 0.5 percent.
 const BUNDLE: f32 = 0.1;
 
-/// Part of an echo's light that must come from another surface for the echo to be mixed.
+/// Fraction of an echo's light that must come from another surface for the echo to be mixed.
 const MIXED: f32 = 0.1;
 
-/// The same of a pixel, where all light counts, however far apart it comes from.
+/// The same for a pixel, where all light counts, however far apart its sources are.
 const MIXED_PIXEL: f32 = 0.02;
 
-/// An echo that no ray's own surface sends: of what is seen in mirrors and through glass, or of the air.
+/// An echo that is not from a ray's own surface: from what is seen in mirrors and through glass, or from the air.
 #[derive(Clone, Copy)]
 pub(super) struct Other {
     pub range: f32,
     pub power: f32,
-    /// The one of the same beam that was noted before it, or [`NONE`].
+    /// The previous one of the same beam, or [`NONE`].
     pub before: u32,
     pub cause: Cause,
     pub bounces: u8,
     pub cos_incidence: f32,
     /// [`MEDIUM`] for the air.
     pub surface: u32,
-    /// First surface on the way.
+    /// First surface on the path.
     pub first: u32,
     pub triangle: u32,
     pub uv: [f32; 2],
     pub normal: Vec3,
-    /// How it is seen to move: a row of [`Follower::image`], 0 of what is seen directly.
+    /// Its apparent motion: a row of [`Follower::image`], 0 for what is seen directly.
     pub image: u32,
 }
 
@@ -58,7 +58,7 @@ pub(super) const NONE: u32 = u32::MAX;
 /// Source of an echo that is noise.
 pub(super) const ALARM: u32 = u32::MAX;
 
-/// All echoes that no ray's own surface sends, chained beam by beam.
+/// All echoes that are not from a ray's own surface, chained beam by beam.
 pub(super) struct Others {
     pub list: Vec<Other>,
     pub last: [u32; LANES],
@@ -71,13 +71,13 @@ impl Others {
     }
 }
 
-/// The echo of a beam all of whose rays meet one place of one surface.
-fn plain_peak(plain: &Plain, lane: usize) -> Peak {
+/// The echo of a beam all of whose rays hit one place of one surface.
+fn plain_peak(plain: &PlainSignal, lane: usize) -> Peak {
     Peak { range: plain.range[lane], power: plain.power[lane] }
 }
 
-/// Makes `parts` of the rays of the beam at `lane`, one of all that meet a surface within `width` m of range.
-fn bundle(rays: &Rays, lane: usize, width: f32, parts: &mut Vec<Pulselet>, bundles: &mut Vec<(u32, [f32; 3])>) {
+/// Merges the rays of the beam at `lane` into `parts`, one for all that hit a surface within `width` m of range.
+fn bundle(rays: &BeamRays, lane: usize, width: f32, parts: &mut Vec<Pulselet>, bundles: &mut Vec<(u32, [f32; 3])>) {
     bundles.clear();
     for (source, met) in (0..).zip(rays.of_beam(lane)) {
         let (surface, range, power) = (met.surface(), met.range(), met.power());
@@ -105,20 +105,20 @@ fn bundle(rays: &Rays, lane: usize, width: f32, parts: &mut Vec<Pulselet>, bundl
     }
 }
 
-/// Ranges that span less than this, in sigmas of the pulse, are one.
+/// Ranges that span less than this, in sigmas of the pulse, count as one.
 const FINE: f32 = 1e-2;
 
-/// Peak of an echo of the power `power` whose ranges have a `variance`, m^2, beside the pulse's `sigma`, m.
+/// Peak of an echo of the power `power` whose ranges have a `variance`, m^2, in addition to the pulse's `sigma`, m.
 fn widened(power: f32, sigma: f32, variance: f32) -> f32 {
     power * sigma / (sigma * sigma + variance).sqrt()
 }
 
-/// Finds the echoes of such beams, whose `rays` have all been met.
+/// Finds the echoes of such beams, whose `rays` have all been traced.
 ///
-/// Rays that span more than the pulse stand for a surface that is met all over its span: a few of them, pulse by pulse,
-/// would look like a row of echoes. With a spread `sigma_R` of the ranges the echo has the width
-/// `hypot(sigma, sigma_R)`, and its peak falls as much as it widens.
-fn finish(plain: &mut Plain, rays: &[Batch], waveform: &Waveform) {
+/// Rays that span more than the pulse sample a surface that is hit all over its span: a few of them, pulse by pulse,
+/// would look like a row of echoes. With a spread `sigma_R` of the ranges the echo has the width `hypot(sigma,
+/// sigma_R)`, and its peak falls as much as it widens.
+fn finish(plain: &mut PlainSignal, rays: &[Batch], waveform: &Waveform) {
     let sigma = waveform.sigma();
     let mut wide = [false; LANES];
     let narrow = signal::middle(plain, Waveform::NARROW * sigma, FINE * sigma, &mut wide);
@@ -137,37 +137,37 @@ fn finish(plain: &mut Plain, rays: &[Batch], waveform: &Waveform) {
     }
 }
 
-/// Memory to make signals and returns of a block of beams in.
+/// Buffers to form the signals and returns of a block of beams.
 pub(super) struct Gatherer {
     /// How beams become signals, and these returns.
     signals: Arc<Signals>,
-    plain: Plain,
+    plain: PlainSignal,
     across: Across,
     /// The beams themselves.
     pub beams: RayBatch,
-    /// The beams as they are reported to be, where those are others.
+    /// The beams as reported, where these differ.
     reported: Option<Box<RayBatch>>,
-    /// Part of the light that the channel of each beam makes use of.
+    /// Fraction of the light that the channel of each beam uses.
     efficiency: [f32; LANES],
-    pub rays: Rays,
-    /// Memory for the axes of rays where beam follows beam.
+    pub rays: BeamRays,
+    /// Buffers for the axes of rays if beams are packed.
     axes_of_rays: Option<Box<PackedAxes>>,
     pub others: Others,
     surfaces: Contribution,
-    /// Memory to follow light in, where a scene has mirrors or glass.
+    /// Buffers to trace light, where a scene has mirrors or glass.
     follower: Option<Box<Follower>>,
     pub forming: Forming,
-    /// Noise that looks like echoes: lane, and what it looks like, lane after lane.
+    /// Noise that looks like echoes: lane and apparent echo, in order of lanes.
     alarms: Vec<(usize, Peak)>,
-    /// Where paths lead, for those who want to know.
+    /// The surfaces that paths hit, if requested.
     pub log: Option<Vec<Meeting>>,
 }
 
-/// The beams of the rays of a batch where beam follows beam, ray by ray.
+/// The beams of the rays of a batch if beams are packed, ray by ray.
 struct PackedAxes {
     rays: RayBatch,
     across: Across,
-    /// What each ray stands for of the light of its beam.
+    /// Fraction of its beam's light that each ray represents.
     parts: [f32; LANES],
     /// The lane of its beam.
     lanes: [u8; LANES],
@@ -179,27 +179,27 @@ impl Default for PackedAxes {
     }
 }
 
-/// Memory to form the signal of one beam.
+/// Buffers to form the signal of one beam.
 pub(super) struct Forming {
     waveform: Waveform,
     parts: Vec<Pulselet>,
-    /// Of parts that stand for several rays: surface, range of the first ray, sum of power times range beyond that, power of the
-    /// strongest ray.
+    /// For parts that represent several rays: surface, range of the first ray, sum of power times range beyond that,
+    /// power of the strongest ray.
     bundles: Vec<(u32, [f32; 3])>,
     pub peaks: Vec<Peak>,
     order: Vec<usize>,
-    /// Of the parts, as a depth camera takes them.
+    /// Ranges and powers of the parts, as a depth camera takes them.
     ranges: Vec<f32>,
     powers: Vec<f32>,
     pub chosen: Vec<usize>,
     shares: Vec<Share>,
 }
 
-/// What a plane of a surface sends of an echo.
+/// What a plane of a surface contributes to an echo.
 struct Share {
     /// Row of the surface, and the cause.
     kind: [u32; 2],
-    /// A place on it and its normal; none of what no ray meets straight away.
+    /// A point on it and its normal; none for what no ray hits directly.
     plane: Option<(Vec3, Vec3)>,
     light: f32,
     /// Light of its strongest part, and the source of that.
@@ -210,9 +210,9 @@ struct Share {
 /// An echo and where it comes from.
 #[derive(Clone, Copy)]
 pub(super) struct Found {
-    /// With its range before errors, m.
+    /// The echo, with its range before errors, m.
     pub peak: Peak,
-    /// Range that a depth camera makes of it, m.
+    /// Range that a depth camera forms from it, m.
     pub formed: f32,
     pub source: u32,
     pub mixed: bool,
@@ -221,7 +221,8 @@ pub(super) struct Found {
 /// Echoes of what one ray sees in mirrors and through glass.
 struct OfPaths<'a> {
     others: &'a mut Others,
-    /// Of the light that a ray of nominal strength sends, what each ray's does, with all that its channel makes of it.
+    /// Fraction of the light of a ray of nominal strength that each ray contributes, including the efficiency of its
+    /// channel.
     parts: &'a [f32; LANES],
     /// The lanes of the rays' beams.
     beams: &'a [u8; LANES],
@@ -263,10 +264,10 @@ impl PathEchoes for OfPaths<'_> {
     }
 }
 
-/// Echoes of the air in front of what the rays of a beam meet.
+/// Echoes of the air in front of what the rays of a beam hit.
 struct OfAir<'a> {
     others: &'a mut Others,
-    rays: &'a Rays,
+    rays: &'a BeamRays,
     efficiency: &'a [f32; LANES],
 }
 
@@ -280,7 +281,7 @@ impl AirEchoes for OfAir<'_> {
     }
 
     fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool {
-        // What surfaces stop before does not get there.
+        // Rays that surfaces stop before do not get there.
         let on = self.rays.of_beam(lane).filter(|met| met.end() > echo.range).count();
         let share = on as f32 / self.rays.each as f32;
         let other = Other {
@@ -305,7 +306,7 @@ impl AirEchoes for OfAir<'_> {
 }
 
 impl Gatherer {
-    /// Makes it one for `signals`, whatever it was for.
+    /// Sets it up for `signals`, whatever it was used for.
     pub fn fit(&mut self, signals: &Arc<Signals>) {
         if !Arc::ptr_eq(&self.signals, signals) {
             self.signals = signals.clone();
@@ -319,12 +320,12 @@ impl Default for Gatherer {
     fn default() -> Self {
         Gatherer {
             signals: Arc::default(),
-            plain: Plain::default(),
+            plain: PlainSignal::default(),
             across: Across::new(),
             beams: RayBatch::default(),
             reported: None,
             efficiency: [1.0; LANES],
-            rays: Rays::default(),
+            rays: BeamRays::default(),
             axes_of_rays: None,
             others: Others { list: Vec::new(), last: [NONE; LANES] },
             surfaces: Contribution::new(),
@@ -350,7 +351,7 @@ impl Block {
     /// [`Block::scan`] for beams of several rays or returns.
     pub fn scan_signals(
         &mut self,
-        scan: &Scan,
+        scan: &ScanPlan,
         signals: &Arc<Signals>,
         first: usize,
         count: usize,
@@ -385,7 +386,7 @@ impl Block {
     }
 
     /// Replaces what the beams that `splitter` found would report as one ray by what they report as several.
-    pub fn replace(&mut self, scan: &Scan, signals: &Arc<Signals>, splitter: &mut Splitter, first: usize) {
+    pub fn replace(&mut self, scan: &ScanPlan, signals: &Arc<Signals>, splitter: &mut Splitter, first: usize) {
         let mut parts = self.parts.take().unwrap_or_else(boxed);
         let reported = self.reported.as_deref().unwrap_or(&self.rays);
         parts.split_up(scan, signals, splitter, first, [&self.rays, reported]);
@@ -404,10 +405,10 @@ impl Block {
         self.parts = Some(parts);
     }
 
-    /// Steps 9 and 10: signal, echoes and returns of beam after beam. Of the lanes of `split`, what its gatherer has.
+    /// Steps 9 and 10: signal, echoes and returns of beam after beam. For the lanes of `split`, those of its gatherer.
     fn report(
         &mut self,
-        scan: &Scan,
+        scan: &ScanPlan,
         gatherer: &mut Gatherer,
         mut split: Option<(&mut Gatherer, &[u8])>,
         first: usize,
@@ -427,7 +428,7 @@ impl Block {
                 _ => (&mut *gatherer, lane),
             };
             gatherer.form(scan, lane, beam);
-            // A beam is in one piece, so that its returns can be counted.
+            // A beam is kept in one piece, so that its returns can be counted.
             if lanes + gatherer.forming.chosen.len().max(1) > LANES {
                 filled += self.flush(scan, lanes, rows.rows_after(filled));
                 lanes = 0;
@@ -450,8 +451,8 @@ impl Block {
         filled + self.flush(scan, lanes, rows.rows_after(filled))
     }
 
-    /// Makes lane `to` the return that `found` of the beam at `lane` is.
-    fn put(&mut self, scan: &Scan, gatherer: &Gatherer, lane: usize, to: usize, found: Found) {
+    /// Writes `found`, an echo of the beam at `lane`, to lane `to` as a return.
+    fn put(&mut self, scan: &ScanPlan, gatherer: &Gatherer, lane: usize, to: usize, found: Found) {
         let Block { rays, reported, hits, surfaces, rho_eff, formed, answer, images, .. } = self;
         let Found { peak, source, mixed, .. } = found;
         formed[to] = found.formed;
@@ -491,7 +492,7 @@ impl Block {
     }
 
     /// Step 11 of the first `count` lanes, and the errors before it.
-    fn flush(&mut self, scan: &Scan, count: usize, rows: Slices) -> usize {
+    fn flush(&mut self, scan: &ScanPlan, count: usize, rows: Slices) -> usize {
         self.name(scan, 0..count);
         self.measure(scan, count);
         self.number_returns(count);
@@ -499,7 +500,7 @@ impl Block {
     }
 
     /// Labels and intensity of what has been put in `lanes`.
-    fn name(&mut self, scan: &Scan, lanes: Range<usize>) {
+    fn name(&mut self, scan: &ScanPlan, lanes: Range<usize>) {
         let Block { lanes: numbers, hits, surfaces, rho_eff, intensity, .. } = self;
         // The air has no labels to look up.
         let mut air = [false; LANES];
@@ -509,10 +510,10 @@ impl Block {
                 hits.surface[lane] = MISS;
             }
         }
-        let World { scene, reflectances, wanted, .. } = &scan.world;
-        surfaces.look_up(&scene.surfaces, reflectances, hits, lanes.clone(), *wanted);
+        let World { scene, reflectances, requested, .. } = &scan.world;
+        surfaces.look_up(&scene.surfaces, reflectances, hits, lanes.clone(), *requested);
         for lane in lanes {
-            // What the surface would have to be to send back as much.
+            // The reflectance that the surface would need to return as much.
             let cos = surfaces.cos_incidence[lane];
             let shown = rho_eff[lane] / cos / scan.shown_of(numbers.beam[lane]);
             intensity[lane] = scan.measure.intensity.of(shown, cos, hits.range[lane]);
@@ -523,7 +524,7 @@ impl Block {
         }
     }
 
-    /// Counts the returns of each beam that are left.
+    /// Numbers and counts the returns of each beam that are left.
     fn number_returns(&mut self, count: usize) {
         let Block { lanes, hits, .. } = self;
         let mut start = 0;
@@ -542,11 +543,11 @@ impl Block {
 }
 
 impl Gatherer {
-    /// Gathers what comes back of the beams that `splitter` found among those that go, and are reported to go, along
-    /// `beams`; the first has the number `first`.
+    /// Gathers what returns along the beams that `splitter` found among `beams`, which are reported as `reported`; the
+    /// first has the number `first`.
     fn split_up(
         &mut self,
-        scan: &Scan,
+        scan: &ScanPlan,
         signals: &Arc<Signals>,
         splitter: &mut Splitter,
         first: usize,
@@ -566,25 +567,25 @@ impl Gatherer {
         }
     }
 
-    /// Where beams are reported to go.
+    /// The beams as reported.
     fn reported_beams(&self) -> &RayBatch {
         self.reported.as_deref().unwrap_or(&self.beams)
     }
 
-    /// What the axes of `count` beams from `first` on meet, where beams are one ray.
+    /// Hits of the axes of `count` beams from `first` on, where beams are one ray.
     pub fn axes(&self, first: usize, count: usize) -> Axes<'_> {
         let Batch { hits, cos_incidence, power, .. } = &self.rays.batches[0];
         Axes { first, count, rays: &self.beams, hits, cos_incidence, power }
     }
 
-    /// Lowers what comes straight back by `factors`, where beams are one ray.
+    /// Reduces the directly returned light by `factors`, where beams are one ray.
     pub fn lower(&mut self, factors: &[f32; LANES]) {
         light::dim(&mut self.plain.power, factors);
         light::dim(&mut self.rays.batches[0].power, factors);
     }
 
-    /// Steps 5 to 8: what every ray of `beams` sends back. `rays` is memory for them.
-    pub fn gather(&mut self, scan: &Scan, rays: &mut RayBatch, beams: &[u32]) {
+    /// Steps 5 to 8: what returns along every ray of `beams`. `rays` is a buffer for them.
+    pub fn gather(&mut self, scan: &ScanPlan, rays: &mut RayBatch, beams: &[u32]) {
         let signals = &*self.signals.clone();
         let count = beams.len();
         if let Some(follower) = &mut self.follower {
@@ -632,8 +633,8 @@ impl Gatherer {
         }
     }
 
-    /// Meets ray `i` of all beams, for one `i` after the other.
-    fn meet_ray_after_ray(&mut self, scan: &Scan, signals: &Signals, rays: &mut RayBatch, count: usize) {
+    /// Traces ray `i` of all beams, for one `i` after the other.
+    fn meet_ray_after_ray(&mut self, scan: &ScanPlan, signals: &Signals, rays: &mut RayBatch, count: usize) {
         let own = std::array::from_fn(|lane| lane as u8);
         let weight = 1.0 / self.rays.each as f32;
         let parts = self.efficiency.map(|efficiency| weight * efficiency);
@@ -660,8 +661,8 @@ impl Gatherer {
         finish(&mut self.plain, &self.rays.batches[..self.rays.each], &self.forming.waveform);
     }
 
-    /// Meets all rays of some beams, for one beam after the other: as many as fit into a batch at a time.
-    fn meet_beam_after_beam(&mut self, scan: &Scan, signals: &Signals, rays: &mut RayBatch, count: usize) {
+    /// Traces all rays of some beams, one beam after the other: as many as fit into a batch at a time.
+    fn meet_beam_after_beam(&mut self, scan: &ScanPlan, signals: &Signals, rays: &mut RayBatch, count: usize) {
         let Some(footprint) = &signals.footprint else { return };
         self.plain.is = [false; LANES];
         let each = self.rays.each;
@@ -689,7 +690,7 @@ impl Gatherer {
         self.axes_of_rays = Some(axes);
     }
 
-    /// Makes the beam at `lane`, whose rays follow each other, one echo if they all meet one place of one surface.
+    /// Merges the beam at `lane`, whose rays are packed, into one echo if they all hit one place of one surface.
     fn join(&mut self, lane: usize) {
         let sigma = self.forming.waveform.sigma();
         let mut rays = self.rays.of_beam(lane);
@@ -717,23 +718,23 @@ impl Gatherer {
         }
     }
 
-    /// Fills batch `index` with what the first `count` of `rays` send back. `parts`: what each stands for of the light of
-    /// its beam, which is at the lane that `beams` says.
+    /// Fills batch `index` with what returns along the first `count` of `rays`. `parts`: fraction of its beam's light
+    /// that each represents; `beams`: the lane of its beam.
     fn meet(
         &mut self,
-        scan: &Scan,
+        scan: &ScanPlan,
         rays: &RayBatch,
         index: usize,
         count: usize,
         parts: &[f32; LANES],
         beams: &[u8; LANES],
     ) {
-        let wanted = Wanted { colors: false, reflectance: true };
+        let requested = RequestedQuantities { colors: false, reflectance: true };
         let Gatherer { rays: met, others, surfaces, follower, log, .. } = self;
         let Batch { hits, cos_incidence, power, .. } = &mut met.batches[index];
         hits.trace(scan.world.scene, rays, count, scan.aim.coherent, scan.world.sight);
         surfaces.face(scan.world.scene, rays, hits, count, scan.world.smooth);
-        surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, hits, 0..count, wanted);
+        surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, hits, 0..count, requested);
         *cos_incidence = surfaces.cos_incidence;
         match &scan.world.air {
             Some(air) => air.dim(rays, &hits.range, count, power),
@@ -744,8 +745,8 @@ impl Gatherer {
         let going_on = scan.world.paths.map(|limits| (limits, scan.going_on(&hits.surface, count, &mut lanes)));
         if let Some((limits, found @ 1..)) = going_on {
             let lanes = &lanes[..found];
-            let around = scan.surroundings(scan.world.air, limits, wanted, rays);
-            // A hundredth of what is seen adds nothing to what is seen.
+            let around = scan.surroundings(scan.world.air, limits, requested, rays);
+            // A hundredth of what is just detected adds nothing to what is detected.
             let least_power = 0.01 * scan.detect.threshold.faintest();
             let first = &hits.surface;
             let mut echoes = OfPaths { others, parts, beams, least_power, first, log: log.as_mut() };
@@ -757,7 +758,7 @@ impl Gatherer {
     }
 
     /// Draws the noise that looks like echoes.
-    fn alarm(&mut self, scan: &Scan, beams: &[u32]) {
+    fn alarm(&mut self, scan: &ScanPlan, beams: &[u32]) {
         self.alarms.clear();
         if let Some(alarms) = &scan.detect.alarms {
             let limits = |beam| scan.limits_of(beam as usize);
@@ -767,8 +768,8 @@ impl Gatherer {
         }
     }
 
-    /// Turns the footprint of each beam.
-    fn turn(&mut self, scan: &Scan, footprint: &Footprint, beams: &[u32]) {
+    /// Rotates the footprint of each beam.
+    fn turn(&mut self, scan: &ScanPlan, footprint: &Footprint, beams: &[u32]) {
         let mut turns = [0.0; LANES];
         if footprint.turns {
             scan.rng.uniforms(beams, &[0; LANES][..beams.len()], Draw::Footprint, &mut turns[..beams.len()]);
@@ -779,9 +780,9 @@ impl Gatherer {
         }
     }
 
-    /// Forms the signal of the beam at `lane`: `forming.peaks` has its detected echoes, `forming.chosen` says which are
-    /// reported.
-    pub fn form(&mut self, scan: &Scan, lane: usize, beam: usize) {
+    /// Forms the signal of the beam at `lane`: `forming.peaks` has its detected echoes, `forming.chosen` the indices of
+    /// those that are reported.
+    pub fn form(&mut self, scan: &ScanPlan, lane: usize, beam: usize) {
         let Gatherer { signals, plain, rays, others, forming, alarms, .. } = self;
         let rule = &signals.rule;
         let Forming { waveform, parts, bundles, peaks, order, chosen, ranges, powers, .. } = forming;
@@ -822,7 +823,7 @@ impl Gatherer {
             other = before;
         }
         if let Some(camera) = scan.camera {
-            // All light of a pixel becomes one range, and range limits hold for that.
+            // All light of a pixel becomes one range, and range limits apply to that.
             peaks.clear();
             chosen.clear();
             ranges.clear();
@@ -844,8 +845,8 @@ impl Gatherer {
             return;
         }
         waveform.peaks(parts, peaks);
-        // The nearest that rays meet straight away is echo 0, others are told apart by their range: so echoes of the
-        // air do not move the chances of surfaces.
+        // The nearest that rays hit directly is echo 0, others are distinguished by their range: so echoes of the air
+        // do not change the draws of surfaces.
         let straight =
             rays.of_beam(lane).filter(|met| met.power() > 0.0).map(|met| met.range()).fold(f32::INFINITY, f32::min);
         let surface = peaks.iter().map(|peak| peak.range).find(|&range| range >= straight - waveform.sigma());
@@ -855,7 +856,7 @@ impl Gatherer {
         rule.choose(peaks, order, chosen);
     }
 
-    /// All echoes of the beam at `lane`, after it was formed, seen or not.
+    /// All echoes of the beam at `lane`, after it was formed, detected or not.
     pub fn all_peaks(&mut self, lane: usize) -> Vec<Peak> {
         let Forming { waveform, parts, .. } = &mut self.forming;
         let mut peaks = Vec::new();
@@ -868,8 +869,8 @@ impl Gatherer {
         peaks
     }
 
-    /// Which surface sends most of the echo at `peak` of the beam at `lane`, and whether others send much.
-    pub fn found(&mut self, scan: &Scan, lane: usize, beam: usize, peak: Peak) -> Found {
+    /// Which surface contributes most to the echo at `peak` of the beam at `lane`, and whether others contribute much.
+    pub fn found(&mut self, scan: &ScanPlan, lane: usize, beam: usize, peak: Peak) -> Found {
         if self.alarms.iter().any(|&(other, alarm)| other == lane && alarm == peak) {
             return Found { peak, formed: peak.range, source: ALARM, mixed: false };
         }
@@ -879,7 +880,7 @@ impl Gatherer {
         }
         let Gatherer { signals, rays, others, forming, across, beams, .. } = self;
         let Forming { waveform, parts, shares, .. } = forming;
-        // All light of a pixel is one, however far apart.
+        // All light of a pixel counts together, however far apart its sources are.
         let sigma = if scan.camera.is_some() { 0.0 } else { waveform.sigma() };
         let rays_count = rays.each;
         let other_of = |source: u32| &others.list[source as usize - rays_count];
@@ -888,7 +889,7 @@ impl Gatherer {
             None => [other_of(source).surface, other_of(source).cause as u32],
         };
         shares.clear();
-        // All light of a pixel is one echo; without a pulse only what is at the very range.
+        // All light of a pixel is one echo; without a pulse only what is at exactly this range.
         let reach = if scan.camera.is_some() { f32::INFINITY } else { (3.0 * sigma).max(1e-6 * peak.range) };
         let apart = if scan.camera.is_some() { OFF_SURFACE_M } else { OFF_SURFACE * sigma };
         let light = |part: &Pulselet| {
@@ -896,7 +897,8 @@ impl Gatherer {
             part.power * (-0.5 * x * x).exp()
         };
         let near = || parts.iter().filter(|part| (part.range - peak.range).abs() <= reach);
-        // Where a ray meets its surface, and the normal of the triangle there; of one ray along the beam it does not matter.
+        // Where a ray hits its surface, and the normal of the triangle there; for one ray along the beam it does not
+        // matter.
         let plane = |part: &Pulselet| match (rays.get(part.source, lane), &signals.footprint) {
             (Some(met), Some(footprint)) => {
                 let place = footprint.crossing(part.source as usize, across, beams, lane, part.range);
@@ -922,7 +924,7 @@ impl Gatherer {
                 None => shares.push(Share { kind, plane, light, most: light, source: part.source }),
             }
         }
-        // The first of those that send as much.
+        // The first of those that contribute equally.
         let mut greatest: Option<&Share> = None;
         for share in shares.iter() {
             if greatest.is_none_or(|greatest| share.light > greatest.light) {
@@ -936,7 +938,7 @@ impl Gatherer {
             mixed = elsewhere > if scan.camera.is_some() { MIXED_PIXEL } else { MIXED } * all;
         }
         let Some(camera) = scan.camera else { return Found { peak, formed: peak.range, source, mixed } };
-        // What is true is the surface that most light is from.
+        // The true range is that of the surface that most light comes from.
         let truth = parts.iter().find(|part| part.source == source).map_or(peak.range, |part| part.range);
         let axis = scan.aim.beams.direction(beam).x;
         let cos = match rays.get(source, lane) {
@@ -945,7 +947,8 @@ impl Gatherer {
         };
         let mut range = peak.range;
         if camera.aside.is_some() {
-            // As in a pixel of one ray: the depth of the place it looks at goes where it should look.
+            // As in a pixel of one ray: the depth of the point that it really sees is reported in its nominal
+            // direction.
             let (rotation, _) = scan.aim.pose.pose(scan.aim.beams, beam);
             range *= rotation.x_axis.dot(beams.direction(lane)) / axis;
         }

@@ -1,11 +1,11 @@
 //! One scan: what is the same for all its beams, and their chunks, side by side on threads.
 
-use super::block::{Lanes, Task, with_block};
+use super::block::{BeamLanes, Task, with_block};
 use super::deskew::Deskew;
 use super::halo::Halos;
 use crate::cloud::{Columns, Driver, FLOW, Field, Frame, MOVING, PointCloud, Slices};
 use crate::detect::{Errors, FalseAlarms, ReturnMode, Threshold};
-use crate::echo::{Air, IntensityModel, PathLimits, Surroundings, Wanted};
+use crate::echo::{Air, IntensityModel, PathLimits, RequestedQuantities, Surroundings};
 use crate::emitter::{Across, Aim, BeamTable, Footprint, Trajectory};
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::{CHUNK, LANES, MISS, RayBatch};
@@ -40,44 +40,45 @@ const CHUNKS_PER_THREAD: usize = 8;
 const MOST_CHUNKS: usize = 512;
 
 /// The plan of one scan: everything that is the same for all its beams, a part for each step.
-pub(super) struct Scan<'a> {
+pub(super) struct ScanPlan<'a> {
     pub options: &'a ScanOptions,
     pub rng: Rng,
     pub aim: Aiming<'a>,
     pub world: World<'a>,
     pub detect: Detecting<'a>,
     pub measure: Measuring<'a>,
-    /// Whose driver publishes such clouds, if that is known.
+    /// The driver that publishes such clouds, if known.
     pub driver: Option<Driver>,
-    /// What a depth camera makes of light, if the sensor is one.
+    /// How a depth camera forms ranges from light, if the sensor is one.
     pub camera: Option<&'a DepthCamera>,
     /// Time from one frame to the next, s.
     pub frame_period: f64,
-    /// What brings points back to the start, if that is asked for.
+    /// What transforms points to the start, if requested.
     pub deskew: Option<Deskew>,
-    /// How beams of several rays or returns are made; `None` where beams are a ray and a return each.
+    /// How beams of several rays or returns are formed; `None` where beams have one ray and one return each.
     pub signals: Option<&'a Arc<Signals>>,
-    /// Whether all beams are, or just those that meet more than one place, of which each has a return too.
+    /// Whether this applies to all beams, or only to those that hit more than one place, which also have one return
+    /// each.
     pub has_signals: bool,
     /// Rays that have been traced.
     pub rays: AtomicU64,
 }
 
-/// Where beams go.
+/// The beams and their poses.
 pub(super) struct Aiming<'a> {
     pub beams: &'a BeamTable,
     /// The ring of each channel.
     pub rings: &'a [u16],
     pub trajectory: &'a Trajectory,
     pub pose: Aim<'a>,
-    /// How far rays go, m: beyond the greatest range where what is measured wraps.
+    /// Length of rays, m: beyond the maximum range where measured ranges wrap.
     pub reach: f32,
     pub coherent: bool,
-    /// Where the scene moves, beam by beam.
+    /// In a moving scene, the scene time for each beam.
     pub clock: Option<Clock>,
 }
 
-/// What light goes through and meets, and what of it is looked up.
+/// What light passes through and hits, and which of its properties are looked up.
 pub(super) struct World<'a> {
     pub scene: &'a Tables,
     /// What rays see of it.
@@ -85,22 +86,22 @@ pub(super) struct World<'a> {
     pub reflectances: Arc<Reflectances>,
     /// What is in the air, if anything.
     pub air: Option<&'a Air>,
-    /// How far light is followed over mirrors and through glass; `None` where nothing depends on it.
+    /// How far light is traced by mirrors and through glass; `None` where nothing depends on it.
     pub paths: Option<PathLimits>,
     /// Whether incidence follows the interpolated shading normal rather than the triangle's.
     pub smooth: bool,
-    /// Whether normals or what depends on them are asked for.
-    pub wants_normals: bool,
-    /// Whether labels, colours or reflectances are asked for.
-    pub wants_surfaces: bool,
-    pub wanted: Wanted,
-    /// Where things are one frame later, if they move and that is asked for.
+    /// Whether normals or what depends on them are requested.
+    pub needs_normals: bool,
+    /// Whether labels, colours or reflectances are requested.
+    pub needs_lookup: bool,
+    pub requested: RequestedQuantities,
+    /// Poses of objects one frame later, if they move and flow is requested.
     pub later: Option<Later>,
-    /// Whether anything moves and that is asked for.
+    /// Whether anything moves and motion is requested.
     pub motion: bool,
 }
 
-/// Which echoes are seen.
+/// Which echoes are detected.
 pub(super) struct Detecting<'a> {
     pub threshold: &'a Threshold,
     /// Noise that looks like echoes, if there is any.
@@ -110,32 +111,34 @@ pub(super) struct Detecting<'a> {
     pub mode: ReturnMode,
     /// Nearest and farthest range that is reported, m.
     pub range: [f32; 2],
-    /// Undetected echoes stay, with intensity 0.
+    /// Undetected echoes are kept, with intensity 0.
     pub keeps_undetected: bool,
-    /// Bright surfaces whose light gets into beams beside them; see [`Scan::find_halos`].
+    /// Bright surfaces whose light leaks into neighbouring beams; see [`ScanPlan::find_halos`].
     pub halos: Option<Halos>,
 }
 
-/// What is measured of them.
+/// What is measured of these echoes.
 pub(super) struct Measuring<'a> {
     pub errors: &'a Errors,
     pub intensity: IntensityModel,
     /// `rho_eff / R^2` beyond which intensity does not rise, 1/m^2.
     pub saturation: Option<f32>,
-    /// Whether the range limits hold for what is measured too; the paper's program adds its errors afterwards.
+    /// Whether the range limits also apply to measured ranges; the paper's program adds its errors afterwards.
     pub limited: bool,
-    /// Whether intensities err, somebody wants them, and none of them means that an echo is not detected.
+    /// Whether intensities have errors, are requested, and none of them marks an echo as not detected.
     pub flickers: bool,
 }
 
-/// What the profiles differ in.
+/// Differences between the profiles.
 struct Rules {
-    /// Where reflectance comes from when neither the material nor the caller says.
+    /// Source of reflectances that neither the material nor the caller specifies.
     source: ReflectanceSource,
     mirrors: Mirrors,
-    /// The paper's equations in place of ours: rain, glass by lengths, no instrument that sees itself, no camera.
+    /// As printed (paper profile), in place of our equations: rain, glass by lengths, no instrument that sees its own
+    /// reflection, no camera.
     as_printed: bool,
-    /// The paper's program: its limits, one ray and one return a beam, no echoes of the air, undetected echoes stay.
+    /// As computed by the paper's program: its limits, one ray and one return per beam, no echoes of the air,
+    /// undetected echoes are kept.
     as_computed: bool,
 }
 
@@ -151,14 +154,14 @@ impl Profile {
             mirrors: match self {
                 Profile::Physical => Mirrors::Real,
                 Profile::Paper => Mirrors::Lossless,
-                Profile::Blainder => Mirrors::OfTheProgram,
+                Profile::Blainder => Mirrors::PaperProgram,
             },
             as_printed: !physical,
             as_computed: blainder,
         }
     }
 
-    /// How a scan computes intensity where the instrument's own is `own`.
+    /// How a scan computes intensity for an instrument with the intensity `own`.
     fn intensity(self, own: IntensitySpec) -> IntensityModel {
         match self {
             Profile::Physical => IntensityModel::Encoded(own.encoding, own.white_count.into()),
@@ -169,33 +172,33 @@ impl Profile {
 }
 
 impl ScanOptions {
-    /// Where reflectances come from that materials do not give.
+    /// Source of reflectances that materials do not specify.
     fn light_from(&self) -> ReflectanceSource {
         self.reflectance_source.unwrap_or(self.profile.rules().source)
     }
 
-    /// What light meets.
+    /// What light sees of a scene.
     pub(in crate::scan) fn sight(&self) -> Sight {
         let rng = Rng::new(self.seed, self.frame);
         Sight { mask: self.mask, cover: Cover::of_light(self.light_from(), rng) }
     }
 }
 
-/// Whether beams are one ray and one return each, whatever the sensor says.
+/// Whether beams have one ray and one return each, whatever the sensor specifies.
 fn one_ray(sensor: &Sensor, profile: Profile) -> bool {
     let Rules { as_printed, as_computed, .. } = profile.rules();
-    // Without what makes it a camera, a pixel of several rays is none.
+    // Without the camera model, a pixel of several rays is meaningless.
     as_computed || as_printed && sensor.camera.is_some()
 }
 
-/// Whether all beams are signals.
+/// Whether all beams are formed as signals.
 fn has_signals(sensor: &Sensor, profile: Profile) -> bool {
     !one_ray(sensor, profile) && (sensor.detection.blooming.is_some() || !sensor.signals.are_simple())
 }
 
-/// Which echoes are sought.
+/// Which echoes are searched for.
 fn mode(sensor: &Sensor, profile: Profile) -> ReturnMode {
-    // Signals are made of all echoes.
+    // Signals are formed from all echoes.
     if has_signals(sensor, profile) { ReturnMode::All } else { sensor.return_mode() }
 }
 
@@ -208,7 +211,7 @@ pub(super) fn reception(scene: &Tables, sensor: &Sensor, options: &ScanOptions) 
     sensor.reception(&options.environment, scene.origin, [as_printed, as_computed], mode(sensor, options.profile))
 }
 
-impl<'a> Scan<'a> {
+impl<'a> ScanPlan<'a> {
     /// With the `beams` that `sensor` has when the scan starts, and its [`reception`] there.
     ///
     /// # Errors
@@ -241,14 +244,14 @@ impl<'a> Scan<'a> {
         let fields = options.fields;
         let frame_period = options.frame_period.unwrap_or(beams.period);
         let depends = *threshold != Threshold::Open || errors.depend_on_light() || camera.is_some();
-        let wants_echo =
+        let needs_echo =
             signals.is_some() || air.is_some() || paths.is_some() || depends || fields.contains(Field::Intensity);
         let normals = [Field::NormalX, Field::NormalY, Field::NormalZ, Field::CosIncidence];
         let colors = fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
         let range_max = sensor.range_max_m as f32;
         let errs = errors.any || camera.is_some() || air.as_ref().is_some_and(|air| air.range_noise() > 0.0);
         let moves = fields.contains_any(&MOVING) || options.deskew;
-        let scan = Scan {
+        let scan = ScanPlan {
             options,
             rng: Rng::new(options.seed, options.frame),
             aim: Aiming {
@@ -267,9 +270,9 @@ impl<'a> Scan<'a> {
                 air: air.as_ref(),
                 paths,
                 smooth: !as_computed && scene.surfaces.has_shading_normals,
-                wants_normals: wants_echo || fields.contains_any(&normals),
-                wants_surfaces: wants_echo || fields.contains_any(&LABELS) || colors,
-                wanted: Wanted { colors, reflectance: wants_echo },
+                needs_normals: needs_echo || fields.contains_any(&normals),
+                needs_lookup: needs_echo || fields.contains_any(&LABELS) || colors,
+                requested: RequestedQuantities { colors, reflectance: needs_echo },
                 later: if fields.contains_any(&FLOW) { scene.later(frame_period)? } else { None },
                 motion: scene.span.is_some() && moves,
             },
@@ -297,12 +300,12 @@ impl<'a> Scan<'a> {
             has_signals,
             rays: AtomicU64::new(0),
         };
-        Ok(Scan { deskew: Deskew::new(&scan), ..scan })
+        Ok(ScanPlan { deskew: Deskew::new(&scan), ..scan })
     }
 
-    /// Finds what blooms, if `sensor` does; before anything is scanned.
+    /// Finds the surfaces that bloom, if `sensor` has blooming; before anything is scanned.
     pub fn find_halos(&mut self, sensor: &Sensor) {
-        // Where the profile has one ray a beam there are no signals, and nothing blooms.
+        // Where the profile has one ray per beam there are no signals, and nothing blooms.
         if let (Some(blooming), Some(signals)) = (sensor.detection.blooming, &self.signals) {
             self.detect.halos = Some(Halos::new(self, blooming, signals.sigma));
         }
@@ -323,14 +326,14 @@ impl<'a> Scan<'a> {
         let columns = &mut cloud.columns;
         columns.make_room(computed, beams * self.most_returns())?;
         let engine = &self.world.scene.engine;
-        // A caller who wants to know how far the scan is, is told often.
+        // Progress is reported often to a caller that requests it.
         let chunks_per_thread = if progress.is_some() { 1 } else { CHUNKS_PER_THREAD };
         let size = (beams * self.most_returns()) as u64;
         let window = CHUNK * (chunks_per_thread * engine.threads()).min(MOST_CHUNKS);
         let windows = (0..beams).step_by(window).map(|first| first..(first + window).min(beams));
         let mut next = |beams: Range<usize>, rows: usize| {
-            // No further than this window may fill: memory of an earlier scan is not cleared beyond the rows there will
-            // be.
+            // No further than this window may fill: memory of an earlier scan is not cleared beyond the rows that will
+            // exist.
             columns.lengthen(computed, rows + beams.len() * self.most_returns());
             self.window(beams, rows, columns)
         };
@@ -341,7 +344,7 @@ impl<'a> Scan<'a> {
                 for window in windows {
                     let done = window.end;
                     rows = engine.install_sized(size, || next(window, rows));
-                    // What is finished is not thrown away.
+                    // A finished scan is not discarded.
                     if progress(done as f64 / beams as f64).is_break() && done < beams {
                         return Err(Error::Cancelled);
                     }
@@ -373,7 +376,7 @@ impl<'a> Scan<'a> {
 
     /// Scans some beams into the rows after the first `rows`; returns how many rows there are then.
     pub fn window(&self, beams: Range<usize>, mut rows: usize, columns: &mut Columns) -> usize {
-        // Right after the rows there are: memory beyond the last return is never touched.
+        // Right after the existing rows: memory beyond the last return is never touched.
         let free = columns.slices(rows, rows + beams.len() * self.most_returns());
         let mut found = [0; MOST_CHUNKS];
         let found = &mut found[..beams.len().div_ceil(CHUNK)];
@@ -400,14 +403,14 @@ impl<'a> Scan<'a> {
     }
 }
 
-impl Scan<'_> {
-    /// Nearest and farthest range that is reported of `beam`, m.
+impl ScanPlan<'_> {
+    /// Nearest and farthest range that is reported for `beam`, m.
     pub fn limits_of(&self, beam: usize) -> [f32; 2] {
         let low = self.aim.beams.range_min.get(beam).copied().unwrap_or(self.detect.range[0]);
         [low, self.aim.beams.range_max.get(beam).copied().unwrap_or(self.detect.range[1])]
     }
 
-    /// Whether rays go elsewhere than their beams are reported to.
+    /// Whether the directions of rays differ from those reported for their beams.
     pub fn points_elsewhere(&self) -> bool {
         self.measure.errors.pointing_sigma > 0.0 || self.camera.is_some_and(|camera| camera.aside.is_some())
     }
@@ -418,8 +421,8 @@ impl Scan<'_> {
         self.detect.efficiency.get(channel).copied().unwrap_or(1.0)
     }
 
-    /// Sets the vectors across the beam with the number `beam`, which goes in `direction`, and the rotation of its
-    /// `footprint`, as a part of a circle.
+    /// Sets the vectors across the beam with the number `beam`, which points in `direction`, and the rotation of its
+    /// `footprint`, as a fraction of a circle.
     pub fn set_across(
         &self,
         across: &mut Across,
@@ -439,17 +442,18 @@ impl Scan<'_> {
         }
     }
 
-    /// Part of an echo's light in `beam` that its intensity lacks: a calibrated one lacks none.
+    /// Fraction of an echo's light in `beam` that is divided out of its intensity: the channel's efficiency if it is
+    /// calibrated.
     pub fn shown_of(&self, beam: u32) -> f32 {
         if self.measure.intensity.is_calibrated() { self.efficiency_of(beam).max(1e-6) } else { 1.0 }
     }
 
-    /// Whether light goes on from `surface`, a row or [`MISS`]: mirrors and glass.
+    /// Whether light continues from `surface`, a row or [`MISS`]: mirrors and glass.
     pub fn goes_on(&self, surface: u32) -> bool {
         self.world.scene.surfaces.optics(&self.world.reflectances, surface).is_some_and(Optics::goes_on)
     }
 
-    /// Of the first `count` lanes, those on whose `surface` light goes on; returns how many.
+    /// Finds those of the first `count` lanes from whose `surface` light continues; returns how many.
     pub fn going_on(&self, surface: &[u32; LANES], count: usize, lanes: &mut [u8; LANES]) -> usize {
         let (mut known, mut goes_on, mut found) = (MISS, false, 0);
         for lane in 0..count {
@@ -465,12 +469,12 @@ impl Scan<'_> {
         found
     }
 
-    /// What the light of `beams` is followed through, with the weather of `air` on its way.
+    /// What the light of `beams` is traced through, with the weather of `air` along its path.
     pub fn surroundings<'b>(
         &'b self,
         air: Option<&'b Air>,
         limits: PathLimits,
-        wanted: Wanted,
+        requested: RequestedQuantities,
         beams: &'b RayBatch,
     ) -> Surroundings<'b> {
         Surroundings {
@@ -478,7 +482,7 @@ impl Scan<'_> {
             reflectances: &self.world.reflectances,
             sight: self.world.sight,
             smooth: self.world.smooth,
-            wanted,
+            requested,
             motion: self.world.motion,
             limits,
             beams,
@@ -487,7 +491,7 @@ impl Scan<'_> {
     }
 
     /// Removes the hits at ranges that the instrument does not report.
-    pub fn limit(&self, surface: &mut [u32; LANES], ranges: &[f32; LANES], lanes: &Lanes, count: usize) {
+    pub fn limit(&self, surface: &mut [u32; LANES], ranges: &[f32; LANES], lanes: &BeamLanes, count: usize) {
         let (low, high) = (&self.aim.beams.range_min, &self.aim.beams.range_max);
         if low.is_empty() && high.is_empty() {
             return measure::limit(ranges, self.detect.range[0], self.detect.range[1], surface);

@@ -1,14 +1,14 @@
-//! Which beams of a block are several rays where that is decided beam by beam: those whose footprint meets more than one
+//! Which beams of a block are several rays where that is decided beam by beam: those whose footprint hits more than one
 //! place.
 //!
-//! A beam is suspect where the axis meets another surface, or another plane, than what lies around it: one ray at the rim
-//! of its own footprint (above the axis in even columns, below it in odd ones) and the axes and rim rays of its
-//! neighbours in the row. Suspects are split if what lies around them can make a second echo, or share one, or is all that
-//! can be seen; and so is, in any case, a beam on whose axis a draw decided whether a surface stopped it.
+//! A beam is suspect if its axis hits another surface, or another plane, than the rays around it: one ray at the rim of
+//! its own footprint (above the axis in even columns, below it in odd ones) and the axes and rim rays of its neighbours
+//! in the row. Suspects are split if what is around them can cause a second echo, or share one, or is all that can be
+//! detected; a beam on whose axis a draw decided whether a surface stopped it is split in any case.
 
-use super::run::Scan;
+use super::run::ScanPlan;
 use crate::detect::ReturnMode;
-use crate::echo::{Contribution, Wanted};
+use crate::echo::{Contribution, RequestedQuantities};
 use crate::emitter::{Across, Footprint};
 use crate::ground::lanes::{LANES, MISS, RayBatch};
 use crate::sensor::{Adaptive, Signals};
@@ -17,7 +17,7 @@ use echocast_kernels::{measure, rim};
 use glam::Vec3;
 use std::array;
 
-/// What is off the plane of an axis, in sigmas of the pulse; and for depth cameras, m.
+/// Distance from the plane of an axis that counts as off it, in sigmas of the pulse; and for depth cameras, m.
 pub(super) const OFF_SURFACE: f32 = 0.1;
 pub(super) const OFF_SURFACE_M: f32 = 0.01;
 
@@ -27,10 +27,10 @@ const SHARING: f32 = 3.5;
 /// Echoes closer together than this, in sigmas of the pulse, are never two.
 const MERGED: f32 = 1.5;
 
-/// Part of the light of a beam that another surface than that on its axis takes at most.
+/// Greatest fraction of the light of a beam that a surface other than that on its axis takes.
 const MOST: f32 = 0.5;
 
-/// Part of what the axis' surface would send that another must send to share its echo.
+/// Fraction of what the surface on the axis would return that another must return to share its echo.
 const SHARE: f32 = 0.1;
 
 /// What an axis is compared with: the bits of its mark.
@@ -39,28 +39,28 @@ const BEFORE: usize = 1;
 const BEHIND: usize = 2;
 const RIM_BEFORE: usize = 3;
 const RIM_BEHIND: usize = 4;
-/// Nothing is compared: a draw decided on the axis, and decides otherwise for some of the other rays.
+/// Nothing is compared: a draw decided on the axis, and decides differently for some of the other rays.
 const DRAWN: usize = 5;
 
-/// Memory to find such beams in, and what is found.
+/// Buffers to find such beams, and what is found.
 pub(super) struct Splitter {
     /// Vectors across the beams.
     across: Across,
-    /// Memory for rays.
+    /// Buffer for rays.
     pub rays: RayBatch,
-    /// What the rays at the rims meet; where none was sent, what the axes meet.
+    /// Hits of the rays at the rims; where none was traced, those of the axes.
     rim: HitBatch,
-    /// What some of those rays meet, one after the other.
+    /// Hits of some of those rays, packed.
     met: HitBatch,
     surfaces: Contribution,
     /// `rho_eff / R^2` of what is at the rims, 1/m^2, where it is known.
     rim_power: [f32; LANES],
     centres: [[f32; LANES]; 3],
     rims: [[f32; LANES]; 3],
-    /// How much lower echoes of oblique surfaces are.
+    /// Factors by which echoes of oblique surfaces are reduced.
     pub oblique: [f32; LANES],
     marks: [u8; LANES],
-    /// The lanes of the beams to split, rising.
+    /// The lanes of the beams to split, ascending.
     pub found: Vec<u8>,
     lanes: Vec<u8>,
 }
@@ -84,7 +84,7 @@ impl Default for Splitter {
     }
 }
 
-/// What the axes of a block's beams meet.
+/// Hits of the axes of a block's beams.
 #[derive(Clone, Copy)]
 pub(super) struct Axes<'a> {
     /// Number of the first beam.
@@ -93,7 +93,7 @@ pub(super) struct Axes<'a> {
     pub rays: &'a RayBatch,
     pub hits: &'a HitBatch,
     pub cos_incidence: &'a [f32; LANES],
-    /// What they send back, `rho_eff / R^2` in 1/m^2.
+    /// What they return, `rho_eff / R^2` in 1/m^2.
     pub power: &'a [f32; LANES],
 }
 
@@ -101,16 +101,16 @@ pub(super) struct Axes<'a> {
 #[derive(Clone, Copy)]
 struct Around<'a> {
     hits: &'a HitBatch,
-    /// What it sends back, `rho_eff / R^2` in 1/m^2.
+    /// What it returns, `rho_eff / R^2` in 1/m^2.
     power: f32,
     places: &'a [[f32; LANES]; 3],
 }
 
 impl Splitter {
-    /// Finds the beams to split among those whose `axes` have been met, and how much oblique surfaces lower the echoes of
-    /// all others.
+    /// Finds the beams to split among those whose `axes` have been traced, and how much oblique surfaces reduce the
+    /// echoes of all others.
     #[inline(never)]
-    pub fn find(&mut self, scan: &Scan, signals: &Signals, axes: Axes) {
+    pub fn find(&mut self, scan: &ScanPlan, signals: &Signals, axes: Axes) {
         self.found.clear();
         self.oblique = [1.0; LANES];
         let (Some(footprint), Some(Adaptive { rim: around, .. })) = (&signals.footprint, &signals.adaptive) else {
@@ -133,8 +133,8 @@ impl Splitter {
         }
     }
 
-    /// Sets the vectors across, upside down in odd columns.
-    fn turn(&mut self, scan: &Scan, footprint: &Footprint, axes: Axes) {
+    /// Sets the vectors across the beams, upside down in odd columns.
+    fn turn(&mut self, scan: &ScanPlan, footprint: &Footprint, axes: Axes) {
         if footprint.turns && !scan.aim.pose.moves() {
             let (rotation, _) = scan.aim.pose.pose(scan.aim.beams, axes.first);
             self.across.set_all(axes.rays, rotation.z_axis);
@@ -150,22 +150,22 @@ impl Splitter {
         }
     }
 
-    /// Sends the rays at the rims, but where neither the beam nor its neighbours see anything.
-    fn send(&mut self, scan: &Scan, around: &Footprint, axes: Axes) {
+    /// Traces the rays at the rims, except where neither the beam nor its neighbours detect anything.
+    fn send(&mut self, scan: &ScanPlan, around: &Footprint, axes: Axes) {
         let Axes { count, rays: beams, hits, power, .. } = axes;
         let least = scan.detect.threshold.faintest();
-        let mut quiet = [true; LANES];
+        let mut undetected = [true; LANES];
         for lane in 0..count {
-            quiet[lane] = power[lane] <= 0.0 || power[lane] < least;
+            undetected[lane] = power[lane] <= 0.0 || power[lane] < least;
         }
         if scan.world.paths.is_some() {
             let mut lanes = [0; LANES];
             let found = scan.going_on(&hits.surface, count, &mut lanes);
-            lanes[..found].iter().for_each(|&lane| quiet[usize::from(lane)] = false);
+            lanes[..found].iter().for_each(|&lane| undetected[usize::from(lane)] = false);
         }
         self.lanes.clear();
         for lane in 0..count {
-            if !(quiet[lane] && quiet[lane.saturating_sub(1)] && quiet[(lane + 1).min(count - 1)]) {
+            if !(undetected[lane] && undetected[lane.saturating_sub(1)] && undetected[(lane + 1).min(count - 1)]) {
                 self.lanes.push(lane as u8);
             }
         }
@@ -176,7 +176,7 @@ impl Splitter {
         self.rims = self.centres;
         let Splitter { across, rays, met, lanes, rim, rims, .. } = self;
         around.rays(0, across, beams, rays);
-        // One after the other.
+        // Packed, one after the other.
         for (to, from) in lanes.iter().map(|&lane| usize::from(lane)).enumerate() {
             if to != from {
                 rays.move_lane(to, from);
@@ -193,8 +193,8 @@ impl Splitter {
         }
     }
 
-    /// Marks beams that meet another place than what is around them.
-    fn compare(&mut self, scan: &Scan, axes: Axes, off: f32) {
+    /// Marks beams that hit another place than the rays around them.
+    fn compare(&mut self, scan: &ScanPlan, axes: Axes, off: f32) {
         let Axes { first, count, hits, .. } = axes;
         self.marks = [0; LANES];
         let Splitter { rim, centres, rims, marks, .. } = self;
@@ -220,7 +220,7 @@ impl Splitter {
         for (bit, shift) in [(OWN_RIM, 0), (BEFORE, -1), (BEHIND, 1), (RIM_BEFORE, -1), (RIM_BEHIND, 1)] {
             compare(bit, shift);
         }
-        // Where one row of the table ends and the next begins are no neighbours.
+        // The end of one row of the table and the start of the next are not neighbours.
         let columns = scan.aim.beams.columns.max(1) as usize;
         let mut start = columns - first % columns;
         while start < count {
@@ -235,23 +235,23 @@ impl Splitter {
         }
     }
 
-    /// What is sent back from the rims that differ from some axis.
-    fn weigh(&mut self, scan: &Scan, axes: Axes) {
+    /// Computes what returns from the rims that differ from some axis.
+    fn weigh(&mut self, scan: &ScanPlan, axes: Axes) {
         let Splitter { rays, rim, met, surfaces, rim_power, marks, lanes, .. } = self;
         *rim_power = *axes.power;
         let (own, before, behind) = (1u8 << OWN_RIM, 1u8 << RIM_BEFORE, 1u8 << RIM_BEHIND);
         let mut kept = 0;
         for from in 0..lanes.len() {
             let lane = usize::from(lanes[from]);
-            let wanted = marks[lane] & own != 0
+            let requested = marks[lane] & own != 0
                 || lane > 0 && marks[lane - 1] & behind != 0
                 || lane + 1 < axes.count && marks[lane + 1] & before != 0;
-            if wanted && met.surface[from] != MISS {
+            if requested && met.surface[from] != MISS {
                 met.move_lane(kept, from);
                 rays.move_lane(kept, from);
                 lanes[kept] = lane as u8;
                 kept += 1;
-            } else if wanted {
+            } else if requested {
                 rim_power[lane] = 0.0;
             }
         }
@@ -259,9 +259,9 @@ impl Splitter {
         if kept == 0 {
             return;
         }
-        let wanted = Wanted { colors: false, reflectance: true };
+        let requested = RequestedQuantities { colors: false, reflectance: true };
         surfaces.face(scan.world.scene, rays, met, kept, scan.world.smooth);
-        surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, met, 0..kept, wanted);
+        surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, met, 0..kept, requested);
         for (from, lane) in lanes.iter().map(|&lane| usize::from(lane)).enumerate() {
             let range = met.range[from];
             rim_power[lane] = surfaces.reflectance[from] * surfaces.cos_incidence[from] / (range * range);
@@ -270,7 +270,7 @@ impl Splitter {
     }
 
     /// Whether anything around the suspect at `lane` can change what it reports.
-    fn matters(&self, scan: &Scan, axes: Axes, (mode, sigma): (ReturnMode, f32), lane: usize) -> bool {
+    fn matters(&self, scan: &ScanPlan, axes: Axes, (mode, sigma): (ReturnMode, f32), lane: usize) -> bool {
         let Axes { first, hits, power, .. } = axes;
         let efficiency = scan.efficiency_of((first + lane) as u32);
         let least = scan.detect.threshold.faintest() / efficiency;
@@ -321,7 +321,8 @@ impl Splitter {
         }
     }
 
-    /// Whether what the axis at `lane` meets and what is `around` it, at the lane `other`, are two planes within one pulse.
+    /// Whether what the axis at `lane` hits and what is `around` it, at the lane `other`, are two planes within one
+    /// pulse.
     fn share(&self, axes: Axes, around: Around, [lane, other]: [usize; 2], sigma: f32) -> bool {
         let Around { hits, places, .. } = around;
         let way = Vec3::from_array(array::from_fn(|axis| places[axis][other] - self.centres[axis][lane]));
@@ -330,7 +331,7 @@ impl Splitter {
     }
 }
 
-/// Places at `range` along `rays`.
+/// Positions at `range` along `rays`.
 fn measure_places(rays: &RayBatch, range: &[f32; LANES], places: &mut [[f32; LANES]; 3]) {
     for ((from, along), to) in rays.origins().into_iter().zip(rays.directions()).zip(places) {
         measure::place(from, along, range, to);

@@ -1,7 +1,7 @@
-//! How what was hit moves, and how fast it seems to.
+//! Motion of what was hit, true and as measured by Doppler.
 
 use super::block::Block;
-use super::run::Scan;
+use super::run::ScanPlan;
 use crate::cloud::Slices;
 use crate::detect::Returns;
 use crate::ground::cause::Cause;
@@ -10,9 +10,9 @@ use crate::trace::Movement;
 use glam::Vec3;
 
 impl Block {
-    /// Step 11, of motion: the columns that were asked for, row by row.
+    /// Step 11 for motion: the requested columns, row by row.
     #[inline(never)]
-    pub fn tell_motion(&mut self, scan: &Scan, count: usize, rows: Slices) {
+    pub fn fill_motion(&mut self, scan: &ScanPlan, count: usize, rows: Slices) {
         let Block { lanes, rays, hits, rho_eff, kept, answer, images, .. } = self;
         let (scene, surface) = (scan.world.scene, &hits.surface);
         let mut velocity = [[0.0; LANES]; 3];

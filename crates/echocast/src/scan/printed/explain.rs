@@ -1,4 +1,5 @@
-//! One ray of a sonar as the paper or its program has it, explained: what it meets, and the sonar equation term by term.
+//! Explanation of one ray of a sonar in the profiles of the paper and its program: what it hits, and the sonar equation
+//! term by term.
 
 use super::{Printed, PrintedChunk, PrintedPoint, Profile, SoundTracer, Terms};
 use crate::emitter::Trajectory;
@@ -24,14 +25,14 @@ impl BuiltScene {
             return Err(Error::invalid("beam", ray, format!("0 to {}, a ray of the profile's fan", rays - 1)));
         }
         let mut text = String::new();
-        let told = self.0.engine.install(|| printed.tell(&mut text, sensor, ray as usize));
-        told.map_err(|error| Error::Internal(error.to_string()))?;
+        let written = self.0.engine.install(|| printed.write_ray(&mut text, sensor, ray as usize));
+        written.map_err(|error| Error::Internal(error.to_string()))?;
         Ok(text)
     }
 }
 
 impl Printed<'_> {
-    fn tell(&self, text: &mut String, sensor: &Sensor, ray: usize) -> std::fmt::Result {
+    fn write_ray(&self, text: &mut String, sensor: &Sensor, ray: usize) -> std::fmt::Result {
         let (profile, name) = (self.options.profile, self.options.profile.name());
         let launch = self.fan.direction(ray);
         let [azimuth, elevation] = azimuth_elevation(launch.to_array()).map(f32::to_degrees);
@@ -43,10 +44,10 @@ impl Printed<'_> {
             self.fan.len(),
             sensor.name()
         )?;
-        writeln!(text, "  leaves to azimuth {azimuth:.2} deg, elevation {elevation:.2} deg (sensor frame)")?;
+        writeln!(text, "  leaves towards azimuth {azimuth:.2} deg, elevation {elevation:.2} deg (sensor frame)")?;
         writeln!(
             text,
-            "  the sonar is {depth:.2} m below the surface; sound goes {:.2} m/s there, {} layers of water",
+            "  the sonar is {depth:.2} m below the surface; sound speed {:.2} m/s there, {} layers of water",
             self.column.speed_at(depth),
             self.column.slabs.len()
         )?;
@@ -64,12 +65,12 @@ impl Printed<'_> {
         }
         if met.is_empty() {
             let [near, far] = self.limits;
-            return writeln!(text, "echo\n  it meets nothing from {near} to {far} m");
+            return writeln!(text, "echo\n  it hits nothing from {near} to {far} m");
         }
-        met.iter().try_for_each(|(terms, point)| self.tell_echo(text, terms, point))
+        met.iter().try_for_each(|(terms, point)| self.write_echo(text, terms, point))
     }
 
-    fn tell_echo(&self, text: &mut String, terms: &Terms, point: &PrintedPoint) -> std::fmt::Result {
+    fn write_echo(&self, text: &mut String, terms: &Terms, point: &PrintedPoint) -> std::fmt::Result {
         let Terms { source, spreading, interfaces, reflectance, level } = *terms;
         let [noise, directivity, gain] = self.own_terms();
         let surfaces = &self.scene.surfaces;
@@ -80,10 +81,10 @@ impl Printed<'_> {
         let cosine = (point.direction.dot(point.normal) / point.normal.length().max(f32::MIN_POSITIVE)).abs();
         writeln!(
             text,
-            "met: {category} of the material {material:?} at {x:.3},{y:.3},{z:.3}, after {:.3} m",
+            "hit: {category} of the material {material:?} at {x:.3},{y:.3},{z:.3}, after {:.3} m",
             point.range
         )?;
-        writeln!(text, "  cosine of incidence {cosine:.3}, which changes nothing in this profile")?;
+        writeln!(text, "  cosine of incidence {cosine:.3}, which has no effect in this profile")?;
         let program = self.options.profile == Profile::Blainder;
         let how = if program { "as the program computes it" } else { "eq. 6 of the paper" };
         writeln!(text, "sonar equation, {how}, dB")?;
@@ -92,7 +93,7 @@ impl Printed<'_> {
             "  source level          {source:>9.2}{}",
             if program { "   after the interfaces" } else { "" }
         )?;
-        let way = if program { "20 log of the way in the last layer" } else { "40 log of the way" };
+        let way = if program { "20 log of the path in the last layer" } else { "40 log of the path" };
         writeln!(text, "  spreading             {:>9.2}   {way}", -spreading)?;
         if !program {
             writeln!(text, "  interfaces (eq. 13)   {:>9.2}", -interfaces)?;

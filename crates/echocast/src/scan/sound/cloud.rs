@@ -1,6 +1,7 @@
 //! From pings to points.
 
-use crate::cloud::{CELL_FIELDS, Columns, Field, FieldSet, Frame, Layout, Ping, PointCloud, SonarView, put};
+use crate::cells::{Layout, SonarView};
+use crate::cloud::{CELL_FIELDS, Columns, Field, FieldSet, Frame, Ping, PointCloud, put};
 use crate::ground::angle::direction;
 use crate::ground::error::{Error, Result};
 use crate::scan::ScanOptions;
@@ -8,22 +9,22 @@ use glam::{DVec3, Vec3};
 
 /// Whether an azimuth is so far from that of an imaging sonar's beam that several beams are in between.
 fn far_aside(layout: &Layout, beam: usize, azimuth: f32) -> bool {
-    /// Beams, about as many as hear a single echo.
+    /// Beams, about as many as receive a single echo.
     const FAR: f32 = 8.0;
     let axis = |beam: usize| layout.axes[beam][0];
     let next = if beam + 1 < layout.beams() { beam + 1 } else { beam.saturating_sub(1) };
     layout.view == SonarView::Fan && (azimuth - axis(beam)).abs() > FAR * (axis(next) - axis(beam)).abs()
 }
 
-/// A point of a ping: its cell, and what the sonar reports of it.
+/// A point of a ping: its cell, and what the sonar reports for it.
 struct PingPoint {
     cell: usize,
     beam: usize,
-    /// NaN: there is none, in an organised cloud.
+    /// NaN: a miss, in an organised cloud.
     range: f32,
     /// Azimuth and elevation in the sensor's frame, rad.
     aim: [f32; 2],
-    /// Of a sounding; NaN: it is none.
+    /// Quality and corrected position of a sounding; NaN: it is not one.
     quality: f32,
     corrected: Vec3,
 }
@@ -45,13 +46,14 @@ impl Ping {
         cells.chain(aim).chain(truth).chain(first).chain(normals).collect()
     }
 
-    /// Its echoes as labelled points, as `options` ask for: for swaths and single beams the depth of each beam, along
-    /// the beam's axis; for side-scan and imaging sonars every cell above the threshold, in the direction in which the
-    /// sound of its strongest scatterer left, or, where nothing scatters (cause 7) or what does is far beside an imaging
-    /// sonar's beam, which hears it in its sidelobes, along the beam's axis. Points lie at the range that the sonar reports; where the sound really was is in `true_x` to `true_range`.
+    /// Its echoes as labelled points, as requested by `options`: for swaths and single beams the sounding of each beam,
+    /// along the beam's axis; for side-scan and imaging sonars every cell above the threshold, in the direction in
+    /// which the sound of its strongest contributor left, or along the beam's axis where nothing scatters (cause 7) or
+    /// the contributor is far beside an imaging sonar's beam, which receives it through its side lobes. Points are at
+    /// the range that the sonar reports; where the sound really was is in `true_x` to `true_range`.
     ///
-    /// `intensity` is the echo level, dB re 1 uPa; `firing` the number of the ping; `channel` and `ring` the beam; `beam` the beam
-    /// for a depth, and the cell, `beam * bins + bin`, for other points.
+    /// `intensity` is the echo level, dB re 1 uPa; `firing` the number of the ping; `channel` and `ring` the beam;
+    /// `beam` the beam for a sounding, and the cell, `beam * bins + bin`, for other points.
     ///
     /// # Errors
     /// A ping without [`Ping::cloud_fields`], or with columns that do not fit its layout; no memory.
@@ -61,7 +63,8 @@ impl Ping {
         Ok(cloud)
     }
 
-    /// [`Ping::cloud`] into the memory of `cloud`, which is unchanged if the ping is wrong, and empty if there is no memory.
+    /// [`Ping::cloud`] into the memory of `cloud`, which is unchanged if the ping is invalid, and empty if there is no
+    /// memory.
     pub(super) fn cloud_into(&self, options: &ScanOptions, cloud: &mut PointCloud) -> Result<()> {
         let needed = Ping::cloud_fields(options.fields);
         if let Some(missing) = needed.iter().find(|info| !self.fields.contains(info.field)) {

@@ -1,13 +1,14 @@
 //! One beam of a ping, explained step by step: the ray of its echo layer by layer, and the sonar equation term by term.
 
-use super::ping::{PingMemory, Pinging, Told};
-use crate::cloud::{FieldSet, Ping, Track};
+use super::ping::{LabelledCells, PingMemory, PingPlan};
+use crate::cells::Track;
+use crate::cloud::{FieldSet, Ping};
 use crate::echo::{NO_RAY, PingEcho};
-use crate::emitter::{Hearing, Trajectory};
+use crate::emitter::{ReceivingBeams, Trajectory};
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::MEDIUM;
 use crate::ground::math::{LOG2_PER_DB, log2};
-use crate::medium::{End, Ray, Spreading};
+use crate::medium::{End, RefractedRay, Spreading};
 use crate::scan::ScanOptions;
 use crate::sensor::Sensor;
 use crate::trace::{Arrival, BuiltScene};
@@ -29,22 +30,22 @@ impl BuiltScene {
         let options = ScanOptions { fields: FieldSet::all(), ..options.clone() };
         let mut memory = PingMemory::default();
         let mut ping = Ping::default();
-        let pinging = Pinging::new(&self.0, sensor, trajectory, &options, &mut memory)?;
-        let beams = pinging.transducer.beams();
+        let plan = PingPlan::new(&self.0, sensor, trajectory, &options, &mut memory)?;
+        let beams = plan.transducer.beams();
         if beam as usize >= beams {
             return Err(Error::invalid("beam", beam, format!("0 to {}", beams - 1)));
         }
-        self.0.engine.install(|| pinging.run(&options, Told::All, &mut memory, &mut ping))?;
+        self.0.engine.install(|| plan.run(&options, LabelledCells::All, &mut memory, &mut ping))?;
         let beam = beam as usize;
         let mut text = String::new();
-        let told = pinging.tell_beam(&mut text, sensor, &ping, &memory, beam);
-        told.map_err(|error| Error::Internal(error.to_string()))?;
+        let written = plan.write_beam(&mut text, sensor, &ping, &memory, beam);
+        written.map_err(|error| Error::Internal(error.to_string()))?;
         Ok(text)
     }
 }
 
-impl Pinging<'_> {
-    fn tell_beam(
+impl PingPlan<'_> {
+    fn write_beam(
         &self,
         text: &mut String,
         sensor: &Sensor,
@@ -59,14 +60,14 @@ impl Pinging<'_> {
         let beams = layout.beams();
         writeln!(
             text,
-            "ping {} of {}, sent at {:.4} s: beam {beam} of {beams}",
+            "ping {} of {}, transmitted at {:.4} s: beam {beam} of {beams}",
             ping.number,
             sensor.name(),
             ping.time
         )?;
         writeln!(
             text,
-            "  looks to azimuth {azimuth:.2} deg, elevation {elevation:.2} deg (sensor frame), from {x:.3},{y:.3},{z:.3}"
+            "  points to azimuth {azimuth:.2} deg, elevation {elevation:.2} deg (sensor frame), from {x:.3},{y:.3},{z:.3}"
         )?;
         let (frequency, bandwidth) = (self.acoustics.frequency(), self.acoustics.bandwidth());
         let speed = self.column.speed_at(depth);
@@ -74,7 +75,7 @@ impl Pinging<'_> {
         writeln!(text, "water")?;
         writeln!(
             text,
-            "  the sonar is {depth:.2} m below the surface; sound goes {speed:.2} m/s there, it believes {:.2} m/s",
+            "  the sonar is {depth:.2} m below the surface; sound speed {speed:.2} m/s there, assumed {:.2} m/s",
             layout.believed_speed
         )?;
         writeln!(
@@ -94,56 +95,56 @@ impl Pinging<'_> {
         let [length, far] = self.transducer.far_field(speed / frequency);
         writeln!(
             text,
-            "  a transducer of {length:.3} m: beams are those of its far field, from {far:.2} m on; nearer, of one that focuses"
+            "  a transducer of {length:.3} m: far-field beams, valid from {far:.2} m on; nearer, modelled as focused"
         )?;
 
-        let found = self.loudest(ping, memory, beam);
+        let found = self.strongest_cell(ping, memory, beam);
         let Some(((cell, bin), (echoes, index))) =
             found.and_then(|found| memory.strongest(found.0).map(|who| (found, who)))
         else {
-            return writeln!(text, "echo\n  no ray of this beam meets anything within {:.1} m", layout.reach());
+            return writeln!(text, "echo\n  no ray of this beam hits anything within {:.1} m", layout.reach());
         };
         let (arrival, answer) = (&echoes.arrivals[index], &echoes.answers[index]);
-        self.tell_ray(text, arrival, self.rotation() * self.launched(echoes, index))?;
-        self.tell_echo(text, ping, arrival, answer, cell, bin)?;
-        self.tell_equation(text, ping, memory, arrival, beam, bin)?;
+        self.write_ray(text, arrival, self.rotation() * self.launched(echoes, index))?;
+        self.write_echo(text, ping, arrival, answer, cell, bin)?;
+        self.write_equation(text, ping, memory, arrival, beam, bin)?;
         let Some(Track { radial, velocity: Vec3 { x, y, z }, error }) = ping.bottom_track else { return Ok(()) };
         writeln!(text, "velocity over ground")?;
         writeln!(text, "  the range of this beam grows by {:.4} m/s", radial[beam])?;
-        writeln!(text, "  the sonar goes {x:.4},{y:.4},{z:.4} m/s in its own frame, error velocity {error:.4} m/s")
+        writeln!(text, "  the sonar moves at {x:.4},{y:.4},{z:.4} m/s in its own frame, error velocity {error:.4} m/s")
     }
 
-    /// Cell and bin of what the beam reports, or else of its loudest echo.
-    fn loudest(&self, ping: &Ping, memory: &PingMemory, beam: usize) -> Option<(usize, usize)> {
+    /// Cell and bin of what the beam reports, or else of its strongest echo.
+    fn strongest_cell(&self, ping: &Ping, memory: &PingMemory, beam: usize) -> Option<(usize, usize)> {
         let bins = self.layout.bins;
         if let Some(sounding) = ping.soundings.iter().find(|sounding| sounding.beam as usize == beam) {
             let cell = sounding.cell as usize;
             let near = (0..8).flat_map(|step| [cell + step, cell.saturating_sub(step)]);
-            // The echo's middle may lie between two rays.
+            // The echo's middle may be between two rays.
             let found = near.into_iter().find(|&cell| cell / bins == beam && memory.strongest(cell).is_some());
             if let Some(cell) = found {
                 return Some((cell, cell % bins));
             }
         }
         let levels = ping.levels(beam);
-        let heard = (self.layout.first_bin..bins).filter(|&bin| memory.strongest(beam * bins + bin).is_some());
-        let bin = heard.max_by(|&a, &b| levels[a].total_cmp(&levels[b]))?;
+        let received = (self.layout.first_bin..bins).filter(|&bin| memory.strongest(beam * bins + bin).is_some());
+        let bin = received.max_by(|&a, &b| levels[a].total_cmp(&levels[b]))?;
         Some((beam * bins + bin, bin))
     }
 
-    /// Whether what an arrival meets answers as a whole, along a ray of its own.
+    /// Whether an arrival is that of a target that scatters as a whole, along a ray of its own.
     fn is_target(&self, arrival: &Arrival) -> bool {
         arrival.order == 0
             && arrival.surface != MEDIUM
             && self.backscatter.is_whole(&self.scene.surfaces, arrival.surface)
     }
 
-    fn tell_ray(&self, text: &mut String, arrival: &Arrival, world: Vec3) -> std::fmt::Result {
+    fn write_ray(&self, text: &mut String, arrival: &Arrival, world: Vec3) -> std::fmt::Result {
         let grazing = (-world.z).asin().to_degrees();
         let heading = world.y.atan2(world.x).to_degrees();
         let name = match arrival.ray {
             NO_RAY if self.is_target(arrival) => "ray to a target".to_owned(),
-            NO_RAY => "ray of a body's own".to_owned(),
+            NO_RAY => "a separate ray to a body".to_owned(),
             ray => format!("ray {ray} of {}", self.transducer.rays()),
         };
         writeln!(
@@ -154,14 +155,14 @@ impl Pinging<'_> {
         let slabs = &self.column.slabs;
         let direction = world.as_dvec3().normalize();
         let start = [-direction.z, direction.x.hypot(direction.y)];
-        let mut ray = Ray::launch(depth, start, slabs, self.column.slab_at(depth));
+        let mut ray = RefractedRay::launch(depth, start, slabs, self.column.slab_at(depth));
         let total = f64::from(arrival.path);
         writeln!(
             text,
             "  {:>8} {:>8} {:>10} {:>9} {:>9} {:>10} {:>10} {:>9}",
             "from m", "to m", "speed m/s", "angle deg", "to deg", "length m", "time ms", "loss dB"
         )?;
-        let angle = |ray: &Ray| ray.sine.atan2(ray.snell * ray.speed).to_degrees();
+        let angle = |ray: &RefractedRay| ray.sine.atan2(ray.snell * ray.speed).to_degrees();
         for layer in 0.. {
             let slab = &slabs[ray.slab];
             let (length, end) = ray.exit(slab);
@@ -210,18 +211,22 @@ impl Pinging<'_> {
                     }
                 }
             }
-            // Reflections by the scene turn it where this does not follow.
+            // Reflections by the scene turn the ray, which is not followed here.
             if arrival.order > 0 && ray.depth > depth.max(0.0) + total {
                 break;
             }
         }
         if arrival.order > 0 {
-            writeln!(text, "  {} reflections on the way; layers are told up to the first by the scene", arrival.order)?;
+            writeln!(
+                text,
+                "  {} reflections on the path; layers are listed up to the first by the scene",
+                arrival.order
+            )?;
         }
         Ok(())
     }
 
-    fn tell_echo(
+    fn write_echo(
         &self,
         text: &mut String,
         ping: &Ping,
@@ -247,25 +252,25 @@ impl Pinging<'_> {
         writeln!(text, "echo")?;
         writeln!(
             text,
-            "  met: {name} at {x:.3},{y:.3},{z:.3}, after {:.3} m and {:.4} ms one way",
+            "  hit: {name} at {x:.3},{y:.3},{z:.3}, after {:.3} m and {:.4} ms one way",
             arrival.path,
             1e3 * one_way
         )?;
         let grazing = f64::from(cells.cos_incidence[cell]).asin().to_degrees();
         writeln!(
             text,
-            "  grazing angle {grazing:.2} deg, sound speed there {:.5} of that at the sonar",
+            "  grazing angle {grazing:.2} deg, sound speed there {:.5} times that at the sonar",
             arrival.speed
         )?;
         let reported = self.layout.range(bin);
         writeln!(
             text,
-            "  reported range {reported:.3} m (bin {bin}), of this ray {:.3} m: time by the speed that is believed",
+            "  reported range {reported:.3} m (bin {bin}), of this ray {:.3} m: travel time times the assumed sound speed",
             answer.range
         )
     }
 
-    fn tell_equation(
+    fn write_equation(
         &self,
         text: &mut String,
         ping: &Ping,
@@ -301,7 +306,7 @@ impl Pinging<'_> {
         )?;
         if is_target {
             term("TS", strength, "target strength, re 1 m2".into())?;
-            term("B", area, "pattern of sending and hearing in its direction, and what else is heard with it".into())?;
+            term("B", area, "transmit and receive patterns in its direction, and echoes received with it".into())?;
             term("EL", mean, "mean echo level: SL - 2TL + TS + B".into())?;
         } else if in_phase {
             let words = "target strength of smooth facets in phase, and the beam's pattern in their direction";
@@ -312,12 +317,15 @@ impl Pinging<'_> {
             term(
                 "A",
                 area,
-                format!("{:.2e} m2 that the beam hears in a resolution cell, by its pattern", 10f64.powf(area / 10.0)),
+                format!(
+                    "{:.2e} m2 that the beam receives in a resolution cell, weighted by its pattern",
+                    10f64.powf(area / 10.0)
+                ),
             )?;
             term("EL", mean, "mean echo level: SL - 2TL + S + A".into())?;
         }
-        let heard = f64::from(ping.levels(beam)[bin]);
-        term("", heard, "level of the cell, with speckle and noise".into())?;
+        let received = f64::from(ping.levels(beam)[bin]);
+        term("", received, "level of the cell, with speckle and noise".into())?;
         let directivity = acoustics.directivity_index_db.unwrap_or(self.transducer.directivity_db);
         let gain = acoustics.processing_gain();
         let noise = f64::from(layout.noise_db);
@@ -326,22 +334,22 @@ impl Pinging<'_> {
         term("-DI", -directivity, "directivity index".into())?;
         term("-PG", -gain, "processing gain".into())?;
         if window > 0.0 {
-            term("W", window, "what more of it the tapered filter lets through".into())?;
+            term("W", window, "additional noise passed by the tapered filter".into())?;
         }
         term("N", noise, "noise in the cell: all of these".into())?;
         if let Some(&volume) = self.volume.get(bin) {
             let level = 10.0 * f64::from(volume * self.transducer.solid_angles[beam]).log10();
-            term("RL", level, "what floats in open water, of the beam's whole solid angle".into())?;
+            term("RL", level, "volume reverberation of open water, over the beam's whole solid angle".into())?;
         }
         let threshold = f64::from(layout.threshold_db[bin]);
         term("DT", acoustics.detection_threshold_db, format!("detection threshold: reported above {threshold:.2}"))?;
-        let excess = heard - threshold;
+        let excess = received - threshold;
         let words = if excess > 0.0 { "signal excess: it is reported" } else { "signal excess: it is not reported" };
         term("SE", excess, words.into())
     }
 }
 
-impl Pinging<'_> {
+impl PingPlan<'_> {
     /// One-way spreading loss of an arrival, dB.
     fn spreading_db(&self, arrival: &Arrival, tube: f64) -> f64 {
         if self.water.spreading == Spreading::RayTube {
@@ -350,16 +358,16 @@ impl Pinging<'_> {
         f64::from(self.water.spreading.one_way(log2(arrival.path), self.water.spreading_from()) / LOG2_PER_DB)
     }
 
-    /// Mean power that a beam receives in a bin, uPa^2: all parts of all rays, by the response.
+    /// Mean power that a beam receives in a bin, uPa^2: all parts of all rays, weighted by the response.
     fn mean_power(&self, memory: &PingMemory, beam: usize, bin: usize) -> f64 {
         let mut sum = 0.0;
         for echoes in memory.all_echoes() {
             for answer in &echoes.answers {
-                let Hearing { first, from, to, .. } = self.transducer.hearings[answer.hearing as usize];
+                let ReceivingBeams { first, from, to, .. } = self.transducer.receiving_beams[answer.receiving as usize];
                 let Some(place) = beam.checked_sub(first as usize).filter(|&place| place < (to - from) as usize) else {
                     continue;
                 };
-                let loud = f64::from(self.transducer.loudness[from as usize + place]);
+                let loud = f64::from(self.transducer.beam_gain[from as usize + place]);
                 for part in 0..answer.parts {
                     let tap = self.response.power_at(bin.abs_diff((answer.bin + part) as usize));
                     sum += loud * loud * f64::from(echoes.energy[(answer.first + part) as usize]) * tap;

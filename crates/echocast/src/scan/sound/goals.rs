@@ -1,12 +1,13 @@
-//! What a ping looks at with rays of its own: targets that answer as a whole, and bodies that its rays are too few for.
+//! What a ping samples with dedicated rays: targets that scatter as a whole, and bodies that its rays sample too
+//! coarsely.
 
-use super::ping::Pinging;
-use crate::echo::answers_in_phase;
+use super::ping::PingPlan;
+use crate::echo::has_coherent_echo;
 use crate::ground::error::{Error, Result};
 use crate::trace::{Body, Goal, Stand};
 use glam::{DVec3, Vec3};
 
-/// Where sound meets them.
+/// Targets and bodies, where sound reaches them.
 #[derive(Default)]
 pub(super) struct Goals {
     pub targets: Vec<Goal>,
@@ -15,24 +16,24 @@ pub(super) struct Goals {
     pub covered: Vec<bool>,
 }
 
-/// How fast sound gets anywhere, and how far.
+/// Limits on how fast and how far sound travels.
 struct Reach {
     /// Greatest speed in the water, m/s.
     fastest: f64,
-    /// Farthest distance from which echoes come, m: in a duct sound may be on its way longer than straight ahead, never
+    /// Farthest distance from which echoes come, m: in a duct sound may travel longer than straight ahead, never
     /// shorter.
     farthest: f64,
 }
 
 impl Reach {
-    fn new(pinging: &Pinging) -> Reach {
-        let fastest = pinging.column.end_speeds().fold(0.0, f64::max);
-        Reach { fastest, farthest: pinging.reach * fastest / pinging.layout.believed_speed }
+    fn new(plan: &PingPlan) -> Reach {
+        let fastest = plan.column.end_speeds().fold(0.0, f64::max);
+        Reach { fastest, farthest: plan.reach * fastest / plan.layout.believed_speed }
     }
 }
 
-impl Pinging<'_> {
-    /// Those from which echoes may come.
+impl PingPlan<'_> {
+    /// Finds those from which echoes may come.
     ///
     /// # Errors
     /// A target that is larger than its distance.
@@ -54,9 +55,10 @@ impl Pinging<'_> {
         Ok(())
     }
 
-    /// What `place` has at a time, when sound gets to the middle that it says; and how far that is from the sonar, m.
-    fn when_met<T>(&self, reach: &Reach, place: impl Fn(f64) -> Option<(T, DVec3)>) -> Option<(T, f64)> {
-        /// Things are at most a hundredth as fast as sound.
+    /// The result of `place` for the time at which sound reaches the middle that it returns, and the distance of that
+    /// from the sonar, m.
+    fn when_reached<T>(&self, reach: &Reach, place: impl Fn(f64) -> Option<(T, DVec3)>) -> Option<(T, f64)> {
+        /// Objects move at no more than a hundredth of the speed of sound.
         const PASSES: usize = 3;
         let moves = self.clock.as_ref().is_some_and(|clock| clock.of(1.0) != clock.of(0.0));
         let (mut time, mut found) = (self.time, None);
@@ -74,11 +76,11 @@ impl Pinging<'_> {
         for target in &surfaces.targets {
             let row = &surfaces.rows[target.row as usize];
             let place = |time: f64| {
-                let (place, _) = self.scene.stance(row.object, time, self.mask)?;
+                let (place, _) = self.scene.transform_at(row.object, time, self.mask)?;
                 let middle = place.transform_point3(target.middle) - self.scene.origin;
                 Some(((middle, place.matrix3), middle))
             };
-            let Some(((middle, turned), distance)) = self.when_met(reach, place) else { continue };
+            let Some(((middle, turned), distance)) = self.when_reached(reach, place) else { continue };
             let radius = target.radius * turned.determinant().abs().cbrt();
             if distance - radius > reach.farthest {
                 continue;
@@ -88,45 +90,46 @@ impl Pinging<'_> {
                 let found = format!(
                     "target, of a mesh of the material {name:?} with a radius of {radius:.3} m, {distance:.3} m away"
                 );
-                return Err(Error::invalid("sound.law", found, "for what is farther away than it is large"));
+                return Err(Error::invalid("sound.law", found, "for targets farther away than their radius"));
             }
             targets.push(Goal { row: target.row, middle });
         }
         Ok(())
     }
 
-    /// A body where sound meets it, if it needs tubes: it is smooth and answers in phase, or few rays would meet it.
+    /// A body where sound reaches it, if it needs tubes: it is smooth and has a coherent echo, or few rays would hit
+    /// it.
     fn find_body(&self, reach: &Reach, body: Body) -> Option<Stand> {
         let place = |time: f64| {
             let stand = self.scene.stand(body, time, self.mask)?;
             Some((stand, stand.middle))
         };
-        let (stand, distance) = self.when_met(reach, place)?;
+        let (stand, distance) = self.when_reached(reach, place)?;
         let radius = stand.radius();
-        // What is about the sonar is no body before it.
+        // A body that surrounds the sonar is not in front of it.
         if distance < 2.0 * radius || distance - radius > reach.farthest {
             return None;
         }
         let towards = (stand.middle - self.place()) / distance;
         let aim = self.rotation().transpose() * towards.as_vec3();
         let size = (radius / distance) as f32;
-        let in_phase = body.mirrors && answers_in_phase(radius, self.wavelength());
-        // What is wider than the beam the rays of the ping meet where it is heard, as they lie in the beam.
+        let in_phase = body.mirrors && has_coherent_echo(radius, self.wavelength());
+        // A body wider than the beam is hit by the rays of the ping where it is received, as they are in the beam.
         let narrow = size < self.transducer.narrowest as f32;
-        if !(in_phase || narrow) || narrow && !self.is_heard(aim) {
+        if !(in_phase || narrow) || narrow && !self.is_received(aim) {
             return None;
         }
         let [along, aside] = stand.outline(towards).map(DVec3::length);
         let part = 4.0 * along * aside / (std::f64::consts::PI * radius * radius);
-        /// Of rays that meet it: their echo is within 2 dB in 99 of 100 pings.
+        /// Number of rays that hit it: their echo is within 2 dB in 99 of 100 pings.
         const ENOUGH: f32 = 64.0;
         (in_phase || self.transducer.has_fewer_rays(ENOUGH / part as f32, aim, size)).then_some(stand)
     }
 
-    /// Whether the sonar sends to a direction (unit, sensor frame) and hears from there.
-    fn is_heard(&self, aim: Vec3) -> bool {
-        /// log2 of the power there and back below which the rays of the ping are enough: -27 dB, the first sidelobe of
-        /// a line array, there and back.
+    /// Whether the sonar transmits in a direction (unit, sensor frame) and receives from there.
+    fn is_received(&self, aim: Vec3) -> bool {
+        /// log2 of the two-way power below which the rays of the ping are enough: -27 dB, the first side lobe of a line
+        /// array, two-way.
         const LEAST: f32 = -9.0;
         self.transducer.towards(aim, aim).any(|(loud, _)| loud > LEAST)
     }

@@ -1,10 +1,10 @@
 //! A scan of a sonar: one ping.
 
 mod cloud;
+mod contributors;
 mod explain;
 mod goals;
 mod ping;
-mod tell;
 mod track;
 
 use crate::cloud::{Ping, PointCloud};
@@ -13,11 +13,11 @@ use crate::ground::error::Result;
 use crate::scan::ScanOptions;
 use crate::sensor::Sensor;
 use crate::trace::BuiltScene;
-use ping::Told;
+use ping::LabelledCells;
 use std::cell::Cell;
 
 thread_local! {
-    /// The last ping that this thread made points of: memory for the next one.
+    /// The last ping that this thread converted to points: buffers for the next one.
     static PING: Cell<Option<Box<Ping>>> = const { Cell::new(None) };
 }
 
@@ -31,11 +31,11 @@ impl BuiltScene {
         cloud: &mut PointCloud,
     ) -> Result<()> {
         let with_cells = ScanOptions { fields: Ping::cloud_fields(options.fields), ..options.clone() };
-        // Of sonars that report depths, points are made from few cells.
-        let told = if sensor.sonar_view().reports_depths() { Told::Soundings } else { Told::All };
-        // A thread at its end has none any more.
+        // For sonars that report depths, points are made from few cells.
+        let labelled = if sensor.sonar_view().reports_depths() { LabelledCells::Soundings } else { LabelledCells::All };
+        // A thread that is ending has none any more.
         let mut ping = PING.try_with(Cell::take).ok().flatten().unwrap_or_default();
-        self.ping_told(sensor, trajectory, &with_cells, &mut ping, told)?;
+        self.ping_labelled(sensor, trajectory, &with_cells, &mut ping, labelled)?;
         let done = ping.cloud_into(options, cloud);
         let _ = PING.try_with(|own| own.set(Some(ping)));
         done

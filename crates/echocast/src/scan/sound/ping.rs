@@ -1,14 +1,15 @@
-//! One ping of a sonar, step by step: rays through the water, what they meet, what the beams receive of it, levels,
-//! depths.
+//! One ping of a sonar, step by step: rays through the water, what they hit, what the beams receive of it, levels,
+//! soundings.
 
+use super::contributors::{Accounts, CellRun, strongest};
 use super::goals::Goals;
-use super::tell::{Accounts, Run, strongest};
 use super::track::Log;
-use crate::cloud::{CELL_FIELDS, FLOW, Field, FieldSet, Layout, MOVING, Ping, Slices, SonarView, Sounding};
-use crate::detect::{BeamLevels, Beside, Stretch, sounding};
+use crate::cells::{Layout, SonarView, Sounding};
+use crate::cloud::{CELL_FIELDS, FLOW, Field, FieldSet, MOVING, Ping, Slices};
+use crate::detect::{BeamLevels, Beside, SoundingMemory, sounding};
 use crate::echo::{
-    Background, Coupling, Drift, Echoes, Flanks, Insonification, LevelMemory, NOBODY, Response, Scatterers, Share,
-    Tile, Wants, grid,
+    Background, Coupling, Drift, Echoes, Flanks, Insonification, LevelMemory, NO_CONTRIBUTOR, Response, Scatterers,
+    Tile, TileQuantities, TubeShare, grid,
 };
 use crate::emitter::{Pattern, Trajectory, Transducer};
 use crate::ground::error::{Error, Result};
@@ -18,7 +19,7 @@ use crate::ground::pose::Pose;
 use crate::ground::report::Report;
 use crate::ground::rng::Rng;
 use crate::material::Mirrors;
-use crate::medium::{Column, Spreading, Water};
+use crate::medium::{Spreading, Water, WaterColumn};
 use crate::scan::printed::printed_water;
 use crate::scan::{Profile, ScanOptions};
 use crate::sensor::{AcousticsSpec, Sensor, Speckle};
@@ -33,27 +34,27 @@ use std::sync::Arc;
 /// Rays per task: a constant, so that results cannot depend on the number of threads.
 const CHUNK: usize = 2048;
 
-/// Arrivals have numbers of 32 bits: each ray has 25 at most, with eight reflections and two mixed ways for each.
+/// Arrivals have numbers of 32 bits: each ray has 25 at most, with eight reflections and two mixed paths for each.
 const MOST_RAYS: usize = 1 << 27;
 
-/// Side of a place of one texture, in resolutions: several range cells.
+/// Side of a cell of the texture, in resolutions: several range cells.
 const TEXTURE: f64 = 16.0 / 3.0;
 
 /// Targets per task, each with an arrival for each face.
 const GOALS: usize = 4096;
 
-/// Memory of a ping, kept from one to the next.
+/// Buffers of a ping, kept from one to the next.
 #[derive(Default)]
 pub(crate) struct PingMemory {
     chunks: Vec<RayChunk>,
-    /// One for each thread that works at once, as are `ears`.
+    /// One for each thread that works at the same time, like `receivers`.
     tracers: Vec<TracerMemory>,
-    ears: Vec<Ear>,
+    receivers: Vec<TileReceiver>,
     flanks: Flanks,
     accounts: Accounts,
-    /// Whom each cell tells of.
-    whom: Vec<u32>,
-    /// What each beam reports, of sonars that report depths.
+    /// The strongest contributor of each cell.
+    contributors: Vec<u32>,
+    /// What each beam reports, for sonars that report depths.
     soundings: Vec<Option<Sounding>>,
     /// The layout of the last ping, and what it was made from.
     layout: Option<(LayoutInputs, Arc<Layout>)>,
@@ -64,10 +65,10 @@ pub(crate) struct PingMemory {
 impl PingMemory {
     /// The strongest arrival in a cell: see [`strongest`].
     pub(super) fn strongest(&self, cell: usize) -> Option<(&Echoes, usize)> {
-        strongest(&self.chunks, self.whom[cell])
+        strongest(&self.chunks, self.contributors[cell])
     }
 
-    /// What all rays send back.
+    /// Echoes of all rays.
     pub(super) fn all_echoes(&self) -> impl Iterator<Item = &Echoes> {
         self.chunks.iter().map(|chunk| &chunk.echoes)
     }
@@ -77,30 +78,30 @@ impl PingMemory {
 pub(super) struct RayChunk {
     pub echoes: Echoes,
     hits: Vec<TubeHit>,
-    shares: Vec<Share>,
+    shares: Vec<TubeShare>,
 }
 
-/// Memory to listen to one tile after the other.
+/// Buffers to receive one tile after the other.
 #[derive(Default)]
-struct Ear {
+struct TileReceiver {
     tile: Tile,
     levels: LevelMemory,
-    /// Of the echo of the beam at hand.
-    stretch: Stretch,
-    runs: Vec<Run>,
+    /// For the echo of the current beam.
+    stretch: SoundingMemory,
+    runs: Vec<CellRun>,
 }
 
 /// The water of the last ping, prepared for a frequency and a depth.
 struct Prepared {
     of: (Water, f64, f64),
-    column: Arc<Column>,
-    assumed: Arc<Column>,
+    column: Arc<WaterColumn>,
+    assumed: Arc<WaterColumn>,
 }
 
 impl Prepared {
     fn new(water: &Water, frequency: f64, depth: f64) -> Result<Prepared> {
-        let column = Arc::new(Column::new(water, frequency, depth)?.0);
-        let assumed = Column::assumed(water, frequency, depth)?.map_or_else(|| column.clone(), Arc::new);
+        let column = Arc::new(WaterColumn::new(water, frequency, depth)?.0);
+        let assumed = WaterColumn::assumed(water, frequency, depth)?.map_or_else(|| column.clone(), Arc::new);
         Ok(Prepared { of: (water.clone(), frequency, depth), column, assumed })
     }
 
@@ -130,29 +131,29 @@ struct LayoutInputs {
     spreading_from: f32,
 }
 
-/// Of which cells the columns of a ping say what they are.
+/// Cells of a ping that are labelled: those for which all columns are filled.
 #[derive(Clone, Copy, PartialEq)]
-pub(super) enum Told {
+pub(super) enum LabelledCells {
     All,
-    /// Those of soundings; the others hold nothing.
+    /// Those of soundings; the others are not filled.
     Soundings,
 }
 
 /// What is the same for all rays of a ping.
-pub(super) struct Pinging<'a> {
+pub(super) struct PingPlan<'a> {
     pub scene: &'a Tables,
     pub acoustics: &'a AcousticsSpec,
     pub transducer: Arc<Transducer>,
     pub backscatter: Arc<Backscatter>,
     pub water: &'a Water,
-    pub column: Arc<Column>,
+    pub column: Arc<WaterColumn>,
     pub layout: Arc<Layout>,
-    /// Power that a steradian of open water sends back from each bin; empty: none.
+    /// Power that a steradian of open water returns from each bin; empty: none.
     pub volume: Vec<f32>,
     pub response: Response,
     pub pose: Pose,
     drift: Option<Drift>,
-    /// How fast the sonar moves, world, m/s.
+    /// Velocity of the sonar, world, m/s.
     pub own: Vec3,
     speckle: Option<Scatterers>,
     pub rng: Rng,
@@ -161,19 +162,19 @@ pub(super) struct Pinging<'a> {
     pub fold: f64,
     pub mask: u32,
     pub time: f64,
-    /// Where the scene moves, when sound is where.
+    /// In a moving scene, the scene time for each travel time.
     pub clock: Option<Clock>,
-    /// What is told of motion, if it is asked for.
-    pub motion: Option<Motion>,
-    /// The water that depths are corrected with, of sonars that report some.
-    assumed: Option<Arc<Column>>,
+    /// Source of the motion columns, if requested.
+    pub motion: Option<MotionSource>,
+    /// The water that depths are corrected with, for sonars that report depths.
+    assumed: Option<Arc<WaterColumn>>,
     /// What a Doppler velocity log adds.
     log: Option<Log>,
 }
 
 /// What the columns of motion are made from.
-pub(super) struct Motion {
-    /// Where things are one frame later, if they move and that is asked for.
+pub(super) struct MotionSource {
+    /// Poses of objects one frame later, if they move and flow is requested.
     pub later: Option<Later>,
 }
 
@@ -182,8 +183,8 @@ impl BuiltScene {
     /// holds those of `options.fields` that are [`CELL_FIELDS`], and always the level (`intensity`).
     ///
     /// # Errors
-    /// A sensor that is not a sonar; a sonar above the water or outside its profile; another profile than
-    /// [`Profile::Physical`], as the others give clouds only; as [`BuiltScene::scan`].
+    /// A sensor that is not a sonar; a sonar above the water or outside its profile; a profile other than
+    /// [`Profile::Physical`], as the others produce only clouds; as [`BuiltScene::scan`].
     pub fn ping(&self, sensor: &Sensor, trajectory: &Trajectory, options: &ScanOptions) -> Result<Ping> {
         let mut ping = Ping::default();
         self.ping_into(sensor, trajectory, options, &mut ping)?;
@@ -193,8 +194,8 @@ impl BuiltScene {
     /// [`BuiltScene::ping`] into the memory of `ping`.
     ///
     /// # Errors
-    /// As [`BuiltScene::ping`]. `ping` shows what it did if sensor, pose or options are wrong; if there is no memory, it
-    /// is empty.
+    /// As [`BuiltScene::ping`]. `ping` is unchanged if sensor, pose or options are wrong; if there is no memory, it is
+    /// empty.
     pub fn ping_into(
         &self,
         sensor: &Sensor,
@@ -202,25 +203,27 @@ impl BuiltScene {
         options: &ScanOptions,
         ping: &mut Ping,
     ) -> Result<()> {
-        self.ping_told(sensor, trajectory, options, ping, Told::All)
+        self.ping_labelled(sensor, trajectory, options, ping, LabelledCells::All)
     }
 
-    /// [`BuiltScene::ping_into`] whose columns say only of `told` cells what they are.
-    pub(super) fn ping_told(
+    /// [`BuiltScene::ping_into`] that fills columns other than the level only for the `labelled` cells.
+    pub(super) fn ping_labelled(
         &self,
         sensor: &Sensor,
         trajectory: &Trajectory,
         options: &ScanOptions,
         ping: &mut Ping,
-        told: Told,
+        labelled: LabelledCells,
     ) -> Result<()> {
         options.check(trajectory)?;
         options.environment.check()?;
-        options.profile.check_physical("physical; the paper and its program know points only, which a scan returns")?;
+        options
+            .profile
+            .check_physical("physical; the paper and its program produce only points, which a scan returns")?;
         let mut memory = ping.memory.take::<PingMemory>();
-        let pinging = Pinging::new(&self.0, sensor, trajectory, options, &mut memory)?;
-        let size = pinging.transducer.rays() as u64;
-        let done = self.0.engine.install_sized(size, || pinging.run(options, told, &mut memory, ping));
+        let plan = PingPlan::new(&self.0, sensor, trajectory, options, &mut memory)?;
+        let size = plan.transducer.rays() as u64;
+        let done = self.0.engine.install_sized(size, || plan.run(options, labelled, &mut memory, ping));
         if done.is_err() {
             *ping = Ping::default();
         }
@@ -228,9 +231,9 @@ impl BuiltScene {
         done
     }
 
-    /// Warnings about the water of `options` for a sonar at `trajectory`: formulas outside the ranges that they were
-    /// made for, speeds that no water has, sediments at frequencies at which nobody has measured them; in the profiles
-    /// of the paper and its program, about the water that these make of it.
+    /// Warnings about the water of `options` for a sonar at `trajectory`: formulas outside their ranges of validity,
+    /// speeds that no water has, sediments at frequencies without measurements; in the profiles of the paper and its
+    /// program, about the water as these use it.
     ///
     /// # Errors
     /// As [`BuiltScene::ping`].
@@ -240,17 +243,17 @@ impl BuiltScene {
         let water = options.environment.water.clone().unwrap_or_default();
         let physical = options.profile == Profile::Physical;
         let water = if physical { water } else { printed_water(water) };
-        let (_, warnings) = Column::new(&water, acoustics.frequency(), water.surface_z_m - start.position.z)?;
+        let (_, warnings) = WaterColumn::new(&water, acoustics.frequency(), water.surface_z_m - start.position.z)?;
         let mut report = Report::default();
         warnings.into_iter().for_each(|warning| report.warn(warning));
         if sensor.spec().dvl.is_some_and(|log| log.water.is_some()) && water.volume_backscatter_db.is_none() {
             report.warn(
                 "dvl.water: nothing scatters in the layer, so that no velocity through water is measured; \
-                 environment.water.volume_backscatter_db makes something drift in it, such as -80",
+                 environment.water.volume_backscatter_db, such as -80, adds scatterers that drift in it",
             );
         }
         if !physical {
-            // Paper and program know reflectances in place of laws.
+            // Paper and program use reflectances in place of laws.
             return Ok(report);
         }
         let laws = self.0.surfaces.materials.iter().filter_map(|material| material.sound_law());
@@ -262,14 +265,14 @@ impl BuiltScene {
     }
 }
 
-impl<'a> Pinging<'a> {
+impl<'a> PingPlan<'a> {
     pub fn new(
         scene: &'a Tables,
         sensor: &'a Sensor,
         trajectory: &Trajectory,
         options: &'a ScanOptions,
         memory: &mut PingMemory,
-    ) -> Result<Pinging<'a>> {
+    ) -> Result<PingPlan<'a>> {
         static WATER: std::sync::LazyLock<Water> = std::sync::LazyLock::new(Water::default);
         let acoustics = sensor.acoustics()?;
         options.profile.check_flat(sensor)?;
@@ -278,7 +281,8 @@ impl<'a> Pinging<'a> {
         let water = options.environment.water.as_ref().unwrap_or(&WATER);
         let frequency = acoustics.frequency();
         let depth = water.surface_z_m - pose.position.z;
-        // What the instrument believes is set when it starts: pings of one way have one layout, however deep it goes.
+        // The sound speed that the instrument assumes is set when it starts: all pings along a trajectory have one
+        // layout, however deep it goes.
         let start_depth = water.surface_z_m - trajectory.at(trajectory.span().0).position.z;
         let prepared = match memory.water.take().filter(|known| known.is_of(water, frequency, start_depth)) {
             Some(known) => known,
@@ -286,7 +290,7 @@ impl<'a> Pinging<'a> {
         };
         let (column, assumed) = (prepared.column.clone(), prepared.assumed.clone());
         memory.water = Some(prepared);
-        Column::check_depth(water, depth)?;
+        WaterColumn::check_depth(water, depth)?;
         let assumed = sensor.sonar_view().reports_depths().then_some(assumed);
         let speed = column.speed_at(depth);
         let (start_speed, absorption) =
@@ -311,7 +315,7 @@ impl<'a> Pinging<'a> {
         scene.check_time(options.start_time, reach / believed)?;
         let allowed = |most: f64, how: &str| {
             let found =
-                format!("{reach} m, beyond the {interval:.2} m that sound goes and comes back between two pings");
+                format!("{reach} m, beyond the {interval:.2} m that sound travels out and back between two pings");
             Error::invalid("range.max_m", found, format!("up to {most:.2} m, a lower pattern.rate_hz{how}"))
         };
         match acoustics.allow_ambiguity {
@@ -362,8 +366,8 @@ impl<'a> Pinging<'a> {
 
         let drift = match (acoustics.stop_and_hop, trajectory.constant()) {
             (false, None) => {
-                // While the farthest echo is on its way; at the end of the trajectory, whatever it was on the way
-                // there.
+                // The motion during the travel time of the farthest echo; at the end of the trajectory, that shortly
+                // before.
                 let wait = 2.0 * reach / believed;
                 let (start, end) = trajectory.span();
                 let before = time.min(end - wait).max(start);
@@ -371,10 +375,10 @@ impl<'a> Pinging<'a> {
                 let [first, last] = [before, after].map(|time| sensor.turned(trajectory.at(time), options.frame));
                 let moved = last.position - first.position;
                 let turn = first.orientation.inverse() * last.orientation;
-                // The shorter way round; twice the one-way range is on the way.
+                // The shorter rotation; the path is twice the one-way range.
                 let turned = if turn.w < 0.0 { -turn } else { turn }.to_scaled_axis();
                 let way = (after - before) * believed;
-                // Before and after the trajectory it stands.
+                // Before and after the trajectory it is at rest.
                 let moves = (start..=end).contains(&time) && way > 0.0;
                 moves.then(|| Drift { moved: (moved / way).as_vec3(), turned: (2.0 * turned / way).as_vec3() })
             }
@@ -386,7 +390,7 @@ impl<'a> Pinging<'a> {
             true => {
                 let period = options.frame_period.unwrap_or(sensor.beams.period);
                 let later = if options.fields.contains_any(&FLOW) { scene.later(period)? } else { None };
-                Some(Motion { later })
+                Some(MotionSource { later })
             }
         };
         let log = matches!(sensor.spec().pattern, Pattern::Dvl(_)).then(|| Log {
@@ -396,11 +400,11 @@ impl<'a> Pinging<'a> {
         let rng = Rng::new(options.seed, options.frame);
         let speckle = (acoustics.speckle == Speckle::Frozen).then(|| {
             let (station, along) = station(&transducer, &pose, start_speed / frequency, resolution);
-            // Of the seed alone: a surface looks the same in every ping.
+            // From the seed alone: a surface looks the same in every ping.
             let rng = Rng::new(options.seed, 0);
             Scatterers { rng, station, along, patch: (TEXTURE * resolution) as f32, texture: sensor.texture.clone() }
         });
-        let pinging = Pinging {
+        let plan = PingPlan {
             scene,
             acoustics,
             backscatter,
@@ -424,14 +428,20 @@ impl<'a> Pinging<'a> {
             log,
             transducer,
         };
-        pinging.find_goals(&mut memory.goals)?;
-        Ok(pinging)
+        plan.find_goals(&mut memory.goals)?;
+        Ok(plan)
     }
 
     /// Fills `ping`.
-    pub fn run(&self, options: &ScanOptions, told: Told, memory: &mut PingMemory, ping: &mut Ping) -> Result<()> {
-        let asked: FieldSet = CELL_FIELDS.into_iter().filter(|&field| options.fields.contains(field)).collect();
-        let fields = asked.with(Field::Intensity);
+    pub fn run(
+        &self,
+        options: &ScanOptions,
+        labelled: LabelledCells,
+        memory: &mut PingMemory,
+        ping: &mut Ping,
+    ) -> Result<()> {
+        let requested: FieldSet = CELL_FIELDS.into_iter().filter(|&field| options.fields.contains(field)).collect();
+        let fields = requested.with(Field::Intensity);
         let Layout { bins, view, .. } = *self.layout;
         let beams = self.transducer.beams();
         ping.number = options.frame;
@@ -444,7 +454,7 @@ impl<'a> Pinging<'a> {
         ping.cells.resize(fields, beams * bins)?;
 
         let of_rays = self.transducer.rays().div_ceil(CHUNK);
-        let PingMemory { chunks, tracers, goals, flanks, ears, accounts, whom, soundings, .. } = memory;
+        let PingMemory { chunks, tracers, goals, flanks, receivers, accounts, contributors, soundings, .. } = memory;
         let of_targets = goals.targets.chunks(GOALS);
         chunks.resize_with(of_rays + of_targets.len() + goals.bodies.len(), RayChunk::default);
         let (sound, surfaces) = (&self.backscatter, &self.scene.surfaces);
@@ -461,7 +471,7 @@ impl<'a> Pinging<'a> {
         let insonification = self.insonification(&goals.covered);
         parallel::for_each_with(tracers, chunks.iter_mut().enumerate(), |memory, (number, chunk)| {
             let insonification = &insonification;
-            let task = RayTask { pinging: self, tracer: &tracer, insonification, number, chunk, memory };
+            let task = RayTask { plan: self, tracer: &tracer, insonification, number, chunk, memory };
             match number.checked_sub(of_rays).map(|part| (part, part.checked_sub(of_targets.len()))) {
                 None => task.run(),
                 Some((part, None)) => task.look_at(of_targets.clone().nth(part).unwrap_or_default()),
@@ -469,28 +479,31 @@ impl<'a> Pinging<'a> {
             }
         });
 
-        let mut first = NOBODY + 1;
+        let mut first = NO_CONTRIBUTOR + 1;
         for RayChunk { echoes, .. } in &mut *chunks {
             echoes.first = first;
             first += echoes.arrivals.len() as u32;
         }
-        let told = (fields.without(Field::Intensity) != FieldSet::EMPTY).then_some(told);
-        let wants =
-            Wants { lean: view == SonarView::Swath, open: !self.volume.is_empty(), speckle: self.speckle.is_some() };
-        flanks.clear(&self.transducer, bins, told == Some(Told::All));
+        let labelled = (fields.without(Field::Intensity) != FieldSet::EMPTY).then_some(labelled);
+        let quantities = TileQuantities {
+            moment: view == SonarView::Swath,
+            open: !self.volume.is_empty(),
+            speckle: self.speckle.is_some(),
+        };
+        flanks.clear(&self.transducer, bins, labelled == Some(LabelledCells::All));
         for chunk in &*chunks {
             flanks.add(&self.transducer, &chunk.echoes);
         }
-        if told == Some(Told::All) {
+        if labelled == Some(LabelledCells::All) {
             self.account(chunks, fields, accounts)?;
         }
         let width = if self.transducer.beams_are_apart() { 1 } else { BEAMS };
-        whom.resize(beams * bins, NOBODY);
+        contributors.resize(beams * bins, NO_CONTRIBUTOR);
         soundings.clear();
         soundings.resize(beams, None);
         let rows = ping.cells.slices(0, beams * bins);
-        let task = Listening { pinging: self, chunks, flanks, accounts, wants, told, width };
-        task.tiles(ears, rows, whom, soundings);
+        let task = TileInput { plan: self, chunks, flanks, accounts, quantities, labelled, width };
+        task.tiles(receivers, rows, contributors, soundings);
         ping.soundings.clear();
         ping.soundings.extend(soundings.iter().flatten());
         let tracks = self.log.as_ref().map(|log| self.tracks(log, memory, &ping.soundings));
@@ -521,8 +534,8 @@ impl<'a> Pinging<'a> {
         }
     }
 
-    /// What motion does to ranges, if anything moves and the pulse sweeps its frequency: that of a Doppler velocity log is
-    /// coded.
+    /// Effect of motion on ranges, if anything moves and the pulse sweeps its frequency: that of a Doppler velocity log
+    /// is coded.
     fn coupling(&self) -> Option<Coupling<'_>> {
         let lead = self.acoustics.lead() as f32;
         let own = if self.acoustics.stop_and_hop { Vec3::ZERO } else { self.own };
@@ -541,38 +554,38 @@ impl<'a> Pinging<'a> {
         self.column.speed_at(self.column.surface_z - self.pose.position.z) / self.acoustics.frequency()
     }
 
-    /// Place of the sonar, relative to the scene's origin, m.
+    /// Position of the sonar, relative to the scene's origin, m.
     pub fn place(&self) -> DVec3 {
         self.pose.position - self.scene.origin
     }
 }
 
-impl Ear {
-    /// The `soundings` of beams, of sonars that report them, from the levels of all cells.
-    fn sound_out(&mut self, pinging: &Pinging, levels: &[f32], soundings: &mut [Option<Sounding>]) {
-        let Ear { tile, stretch, .. } = self;
-        let Layout { bins, bin_m, believed_speed, .. } = *pinging.layout;
-        let resolution = (pinging.acoustics.resolution(believed_speed) / bin_m) as f32;
-        if pinging.assumed.is_none() {
+impl TileReceiver {
+    /// Computes the `soundings` of beams from the levels of all cells, for sonars that report them.
+    fn sound_out(&mut self, plan: &PingPlan, levels: &[f32], soundings: &mut [Option<Sounding>]) {
+        let TileReceiver { tile, stretch, .. } = self;
+        let Layout { bins, bin_m, believed_speed, .. } = *plan.layout;
+        let resolution = (plan.acoustics.resolution(believed_speed) / bin_m) as f32;
+        if plan.assumed.is_none() {
             return;
         }
         for ((beam, levels), to) in (tile.beams.0..).zip(levels.chunks_exact(bins)).zip(soundings) {
-            let (lean, total) = (&tile.lean[..], &tile.total[..]);
-            let heard = (tile.heard.start, tile.heard.end);
-            let beside = Beside { lean, total, width: tile.width, beam: beam - tile.beams.0, heard };
-            let width = pinging.transducer.widths[beam];
-            let heard = BeamLevels { beam, levels, beside, width, resolution, rng: &pinging.rng };
-            *to = sounding(&pinging.layout, &heard, stretch).map(|found| Sounding {
-                cell: (beam * bins + pinging.loud_bin(tile, beam, found.cell as usize - beam * bins)) as u32,
-                corrected: pinging.corrected(beam, found.range),
+            let (moment, total) = (&tile.moment[..], &tile.total[..]);
+            let received = (tile.received.start, tile.received.end);
+            let beside = Beside { moment, total, width: tile.width, beam: beam - tile.beams.0, received };
+            let width = plan.transducer.widths[beam];
+            let received = BeamLevels { beam, levels, beside, width, resolution, rng: &plan.rng };
+            *to = sounding(&plan.layout, &received, stretch).map(|found| Sounding {
+                cell: (beam * bins + plan.source_bin(tile, beam, found.cell as usize - beam * bins)) as u32,
+                corrected: plan.corrected(beam, found.range),
                 ..found
             });
         }
     }
 }
 
-impl Pinging<'_> {
-    /// Where a sounding of a beam lies, which is reported at `range`, m, by the water that the survey assumes.
+impl PingPlan<'_> {
+    /// Position of a sounding that a beam reports at `range`, m, corrected with the water that the survey assumes.
     fn corrected(&self, beam: usize, range: f32) -> Vec3 {
         let place = self.place();
         let axis = self.pose.rotation() * self.layout.axis(beam);
@@ -587,22 +600,24 @@ impl Pinging<'_> {
         })
     }
 
-    /// The bin nearest to `bin` from which something comes that the response spreads to there; itself if there is none.
-    fn loud_bin(&self, tile: &Tile, beam: usize, bin: usize) -> usize {
-        let loud = |bin: usize| {
+    /// The bin nearest to `bin` that has energy which the response spreads to there; itself if there is none.
+    fn source_bin(&self, tile: &Tile, beam: usize, bin: usize) -> usize {
+        let has_energy = |bin: usize| {
             let cell = bin * tile.width + beam - tile.beams.0;
             tile.re.get(cell).is_some_and(|&re| re != 0.0) || tile.im.get(cell).is_some_and(|&im| im != 0.0)
         };
         let beside = |step: usize| [bin.checked_sub(step), Some(bin + step)].into_iter().flatten();
-        (0..=self.response.reach()).flat_map(beside).find(|&bin| loud(bin)).unwrap_or(bin)
+        (0..=self.response.reach()).flat_map(beside).find(|&bin| has_energy(bin)).unwrap_or(bin)
     }
 }
 
-/// Which scatterers a sonar at `pose` hears, as a number, and its array in the world, 1/m, whose product with a place counts
-/// coherence lengths (see [`Transducer::coherence`]) along it. The number stays the same while the sonar moves along its array
-/// only, and changes when it turns by about the width of its beam, or moves aside by about its `resolution`, m.
+/// The scatterers that a sonar at `pose` receives, as a number, and its array in the world, 1/m, whose product with a
+/// position counts coherence lengths (see [`Transducer::coherence`]) along it. The number stays the same while the
+/// sonar moves only along its array, and changes when it turns by about its beam width, or moves sideways by about its
+/// `resolution`, m.
 fn station(transducer: &Transducer, pose: &Pose, wavelength: f64, resolution: f64) -> (u32, Vec3) {
-    /// Where the steps of places begin, as a fraction of one: round places are not between two, where rounding would decide.
+    /// Offset of the steps of positions, as a fraction of a step: round positions are not between two, where rounding
+    /// would decide.
     const OFF: f64 = 0.37;
     let step = transducer.array_width;
     let (yaw, pitch, roll) = pose.orientation.to_euler(EulerRot::ZYX);
@@ -618,8 +633,8 @@ fn station(transducer: &Transducer, pose: &Pose, wavelength: f64, resolution: f6
     (number, (array / transducer.coherence(wavelength)).as_vec3())
 }
 
-/// What a steradian of open water sends back from each bin, uPa^2: volume backscatter from a resolution cell, spreading
-/// along straight rays and absorption as at the sonar (sonar equation, Urick 1983, section 8.3).
+/// Power that a steradian of open water returns from each bin, uPa^2: volume backscatter from a resolution cell,
+/// spreading along straight rays and absorption as at the sonar (sonar equation, Urick 1983, section 8.3).
 fn volume(inputs: &LayoutInputs, bin_m: f64, resolution: f64) -> Vec<f32> {
     let Some(strength) = inputs.volume else { return Vec::new() };
     let of_bin = |bin: usize| {
@@ -634,7 +649,7 @@ fn volume(inputs: &LayoutInputs, bin_m: f64, resolution: f64) -> Vec<f32> {
 
 fn layout(inputs: &LayoutInputs, transducer: &Transducer, bin_m: f64, volume: &[f32]) -> Layout {
     let acoustics = &inputs.sensor;
-    // A filter that is tapered lets more noise through.
+    // A tapered filter passes more noise.
     let taper = 10.0 * acoustics.taper.resolutions().log10();
     let noise_db = inputs.ambient - inputs.directivity - acoustics.processing_gain() + taper;
     let noise = 10f64.powf(noise_db / 10.0);
@@ -662,9 +677,9 @@ fn layout(inputs: &LayoutInputs, transducer: &Transducer, bin_m: f64, volume: &[
     }
 }
 
-/// Rays of one chunk and what they send back, compiled for the vector instructions of this machine.
+/// Rays of one chunk and their echoes, compiled for the vector instructions of this machine.
 struct RayTask<'a, 'p> {
-    pinging: &'a Pinging<'p>,
+    plan: &'a PingPlan<'p>,
     tracer: &'a SoundTracer<'a>,
     insonification: &'a Insonification<'a>,
     number: usize,
@@ -674,120 +689,127 @@ struct RayTask<'a, 'p> {
 
 impl RayTask<'_, '_> {
     fn run(self) {
-        let RayTask { pinging, tracer, insonification, number, chunk, memory } = self;
-        let transducer = &*pinging.transducer;
+        let RayTask { plan, tracer, insonification, number, chunk, memory } = self;
+        let transducer = &*plan.transducer;
         let launch = Launch {
             directions: transducer.direction.each_ref().map(|axis| &axis[..]),
-            rotation: pinging.rotation(),
-            place: pinging.place(),
+            rotation: plan.rotation(),
+            place: plan.place(),
         };
         let rays = number * CHUNK..((number + 1) * CHUNK).min(transducer.rays());
         chunk.echoes.arrivals.clear();
         let Echoes { arrivals, direct, .. } = &mut chunk.echoes;
         tracer.trace(&launch, rays, memory, arrivals);
         direct.clear();
-        if pinging.acoustics.bounces > 0 {
-            let (sound, surfaces) = (&pinging.backscatter, &pinging.scene.surfaces);
+        if plan.acoustics.bounces > 0 {
+            let (sound, surfaces) = (&plan.backscatter, &plan.scene.surfaces);
             let whole = |row: u32| sound.is_whole(surfaces, row);
             tracer.direct(&launch, whole, memory, arrivals, direct);
         }
         insonification.answer(&mut chunk.echoes);
-        chunk.echoes.gather(transducer, pinging.layout.bins);
+        chunk.echoes.gather(transducer, plan.layout.bins);
     }
 }
 
 impl RayTask<'_, '_> {
-    /// Hears `goals` rather than rays.
+    /// Computes the echoes of `goals` rather than rays.
     fn look_at(self, goals: &[Goal]) {
-        let RayTask { pinging, tracer, insonification, chunk, memory, .. } = self;
-        let (sound, surfaces) = (&pinging.backscatter, &pinging.scene.surfaces);
+        let RayTask { plan, tracer, insonification, chunk, memory, .. } = self;
+        let (sound, surfaces) = (&plan.backscatter, &plan.scene.surfaces);
         let direct = &mut chunk.echoes.direct;
         direct.clear();
-        tracer.sight(pinging.place(), goals, |row| sound.is_whole(surfaces, row), memory, direct);
+        tracer.sight(plan.place(), goals, |row| sound.is_whole(surfaces, row), memory, direct);
         insonification.answer_targets(&mut chunk.echoes);
-        chunk.echoes.gather(&pinging.transducer, pinging.layout.bins);
+        chunk.echoes.gather(&plan.transducer, plan.layout.bins);
     }
 
-    /// Hears a body by tubes of its own.
+    /// Computes the echo of a body by tubes of its own.
     fn cover(self, stand: &Stand) {
-        let RayTask { pinging, tracer, insonification, chunk, memory, .. } = self;
+        let RayTask { plan, tracer, insonification, chunk, memory, .. } = self;
         let RayChunk { echoes, hits, shares } = chunk;
-        let grid = |sides| grid(stand, pinging.wavelength(), sides);
-        let smooth = |row| pinging.backscatter.smooth(&pinging.scene.surfaces, row).is_some();
-        match tracer.cover(pinging.place(), stand, grid, &smooth, memory, hits) {
+        let grid = |sides| grid(stand, plan.wavelength(), sides);
+        let smooth = |row| plan.backscatter.smooth(&plan.scene.surfaces, row).is_some();
+        match tracer.cover(plan.place(), stand, grid, &smooth, memory, hits) {
             Some(way) => insonification.answer_body(&way, hits, shares, echoes),
             None => echoes.clear(),
         }
-        echoes.gather(&pinging.transducer, pinging.layout.bins);
+        echoes.gather(&plan.transducer, plan.layout.bins);
     }
 }
 
-/// What all tiles listen to.
+/// What all tiles receive.
 #[derive(Clone, Copy)]
-struct Listening<'a, 'p> {
-    pinging: &'a Pinging<'p>,
+struct TileInput<'a, 'p> {
+    plan: &'a PingPlan<'p>,
     chunks: &'a [RayChunk],
     flanks: &'a Flanks,
     accounts: &'a Accounts,
-    wants: Wants,
-    told: Option<Told>,
-    /// Beams of a tile.
+    quantities: TileQuantities,
+    labelled: Option<LabelledCells>,
+    /// Beams per tile.
     width: usize,
 }
 
-/// One tile: its columns, whom its cells tell of, and what its beams report.
-struct Listen<'a, 'p> {
-    listening: Listening<'a, 'p>,
+/// One tile: its columns, the strongest contributors of its cells, and what its beams report.
+struct TileTask<'a, 'p> {
+    input: TileInput<'a, 'p>,
     first: usize,
     rows: Slices<'a>,
-    whom: &'a mut [u32],
+    contributors: &'a mut [u32],
     soundings: &'a mut [Option<Sounding>],
 }
 
-impl Listening<'_, '_> {
-    /// Fills the `rows` of all cells, `whom` they tell of, and the `soundings` of beams, tile by tile.
-    fn tiles(self, ears: &mut Vec<Ear>, rows: Slices, whom: &mut [u32], soundings: &mut [Option<Sounding>]) {
-        let Listening { width, pinging, .. } = self;
-        let (bins, beams) = (pinging.layout.bins, soundings.len());
+impl TileInput<'_, '_> {
+    /// Fills the `rows` of all cells, their strongest `contributors`, and the `soundings` of beams, tile by tile.
+    fn tiles(
+        self,
+        receivers: &mut Vec<TileReceiver>,
+        rows: Slices,
+        contributors: &mut [u32],
+        soundings: &mut [Option<Sounding>],
+    ) {
+        let TileInput { width, plan, .. } = self;
+        let (bins, beams) = (plan.layout.bins, soundings.len());
         let firsts = (0..beams).step_by(width);
         let rows = rows.parts(firsts.clone().map(|first| width.min(beams - first) * bins));
-        let cells = whom.chunks_mut(width * bins).zip(rows);
+        let cells = contributors.chunks_mut(width * bins).zip(rows);
         let tasks = firsts.zip(soundings.chunks_mut(width)).zip(cells);
-        parallel::for_each_with(ears, tasks, |ear, ((first, soundings), (whom, rows))| {
-            Listen { listening: self, first, rows, whom, soundings }.run(ear);
+        parallel::for_each_with(receivers, tasks, |receiver, ((first, soundings), (contributors, rows))| {
+            TileTask { input: self, first, rows, contributors, soundings }.run(receiver);
         });
     }
 }
 
-impl Listen<'_, '_> {
-    fn run(self, ear: &mut Ear) {
-        let Listen { listening, first, rows, whom, soundings } = self;
-        let Listening { pinging, chunks, flanks, accounts, wants, told, width } = listening;
-        let Ear { tile, levels, .. } = ear;
-        let Layout { bins, bin_m, .. } = *pinging.layout;
-        tile.clear((first, first + soundings.len()), width, bins, wants);
+impl TileTask<'_, '_> {
+    fn run(self, receiver: &mut TileReceiver) {
+        let TileTask { input, first, rows, contributors, soundings } = self;
+        let TileInput { plan, chunks, flanks, accounts, quantities, labelled, width } = input;
+        let TileReceiver { tile, levels, .. } = receiver;
+        let Layout { bins, bin_m, .. } = *plan.layout;
+        tile.clear((first, first + soundings.len()), width, bins, quantities);
         for chunk in chunks {
-            tile.hear(&pinging.transducer, &chunk.echoes, bin_m as f32);
+            tile.receive(&plan.transducer, &chunk.echoes, bin_m as f32);
         }
         let background = Background {
-            rng: pinging.rng,
-            noise: (pinging.layout.noise_db * LOG2_PER_DB).exp2(),
-            volume: &pinging.volume,
+            rng: plan.rng,
+            noise: (plan.layout.noise_db * LOG2_PER_DB).exp2(),
+            volume: &plan.volume,
             flanks,
-            transducer: &pinging.transducer,
+            transducer: &plan.transducer,
         };
-        tile.levels(&pinging.response, &background, levels, rows.intensity, whom);
-        ear.sound_out(pinging, rows.intensity, soundings);
-        match told {
+        tile.levels(&plan.response, &background, levels, rows.intensity, contributors);
+        receiver.sound_out(plan, rows.intensity, soundings);
+        match labelled {
             None => {}
-            Some(Told::All) => pinging.tell(whom, accounts, &mut ear.runs, rows),
-            Some(Told::Soundings) => pinging.tell_soundings(first, whom, chunks, rows, soundings),
+            Some(LabelledCells::All) => plan.label_cells(contributors, accounts, &mut receiver.runs, rows),
+            Some(LabelledCells::Soundings) => plan.label_soundings(first, contributors, chunks, rows, soundings),
         }
     }
 }
 
-impl Pinging<'_> {
-    /// Direction in which the sound of arrival `index` left or, where that is another, from which it came back; sensor frame.
+impl PingPlan<'_> {
+    /// Direction in which the sound of arrival `index` left or, where that differs, from which it returned; sensor
+    /// frame.
     pub fn launched(&self, echoes: &Echoes, index: usize) -> Vec3 {
         match echoes.launch(index) {
             Some(launch) => self.rotation().transpose() * launch,
@@ -795,7 +817,7 @@ impl Pinging<'_> {
         }
     }
 
-    /// How what an arrival meets moves when sound is there.
+    /// Motion of what an arrival hits, when sound is there.
     pub(super) fn movement(&self, arrival: &Arrival, later: Option<&Later>) -> Movement {
         let met = f64::from(arrival.range) / self.layout.believed_speed;
         let time = self.clock.as_ref().map_or(0.0, |clock| clock.of(met));

@@ -1,37 +1,38 @@
-//! COCO: images, and what they show in one file for each part of the set.
+//! COCO: images, and their annotations in one file for each split of the set.
 
-use super::imaging::{Imaging, scans};
+use super::imaging::{ImagingSensors, scans};
 use super::manifest::FileEntry;
 use super::style::{Scanned, Style, Writer as Write, numbered};
 use super::whole::{Whole, damaged};
 use crate::cloud::FieldSet;
 use crate::export::annotations::{Shown, categories, image_keys, info, instances, line, segments};
 use crate::export::images::write_segments;
-use crate::export::{self, AnnotationStyle, ImageLayer, ImageOptions};
+use crate::export::{AnnotationStyle, ImageLayer, ImageOptions};
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
 use crate::image::masks;
 use crate::scenario::Sample;
-use crate::scenario::sample::Boxes;
+use crate::scenario::sample::BoxScope;
 use crate::scene::Labels;
+use crate::write;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// `coco/images/000017.png` and other layers in folders of their names, `coco/annotations/instances_train.json`
+/// `coco/images/000017.png` and other layers in folders of the same names, `coco/annotations/instances_train.json`
 /// (cocodataset.org, data format).
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Coco {
-    /// Name of the sensor; without it, all that have images.
+    /// Name of the sensor; defaults to all that have images.
     pub sensor: Option<String>,
-    /// What is written of each image; the first is in `images`.
+    /// Layers that are written of each image; the first is in `images`.
     pub layers: Vec<ImageLayer>,
-    /// Distances, m, between which depths are linear; without them, millimetres.
+    /// Distances, m, between which depths are linear; by default, depths are in millimetres.
     pub depth_range_m: Option<[f64; 2]>,
-    /// Whether there are segments of all pixels too.
+    /// Whether panoptic segments of all pixels are written, too.
     pub panoptic: bool,
 }
 
@@ -43,13 +44,13 @@ impl Default for Coco {
 
 const ROOT: &str = "coco";
 
-/// The folder of what was written of each sample for the tables, a line for each row after the name of its table.
+/// The folder of the rows that each sample adds to the tables, one per line after the name of its table.
 const PIECES: &str = "annotations/pieces";
 
-struct Writer<'w> {
+struct CocoWriter<'w> {
     style: &'w Coco,
     options: ImageOptions,
-    imaging: Imaging<'w>,
+    imaging: ImagingSensors<'w>,
     folder: &'w Path,
     number: u64,
     piece: String,
@@ -91,8 +92,8 @@ impl Style for Coco {
         self.options().fields()
     }
 
-    fn boxes(&self, _sample: &Sample, _scan: usize, _frame: usize) -> Boxes {
-        Boxes::InImage
+    fn boxes(&self, _sample: &Sample, _scan: usize, _frame: usize) -> BoxScope {
+        BoxScope::InImage
     }
 
     fn fits(&self, sample: &Sample) -> Result<()> {
@@ -104,14 +105,14 @@ impl Style for Coco {
         let mut names: Vec<&str> = self.layers.iter().map(|&layer| self.folder_of(layer)).collect();
         names.push(PIECES);
         names.extend(self.panoptic.then_some("panoptic"));
-        let imaging = Imaging::begin(folder, &names, number, grids)?;
+        let imaging = ImagingSensors::begin(folder, &names, number, grids)?;
         let (options, piece, categories) = (self.options(), String::new(), BTreeSet::new());
-        Ok(Box::new(Writer { style: self, options, imaging, folder, number, piece, categories }))
+        Ok(Box::new(CocoWriter { style: self, options, imaging, folder, number, piece, categories }))
     }
 
     fn join(&self, whole: &mut Whole) -> Result<()> {
         let samples = whole.samples();
-        let categories = Categories::read(whole.root, &whole.pieces(&samples, piece)?)?;
+        let categories = CocoCategories::read(whole.root, &whole.pieces(&samples, piece)?)?;
         let licences: Vec<Value> =
             whole.licence.iter().map(|name| json!({ "id": 1, "name": name, "url": "" })).collect();
         let licensed = !licences.is_empty();
@@ -157,9 +158,9 @@ impl Style for Coco {
 
     fn readme(&self) -> String {
         "`coco` is laid out as COCO: images in `coco/images`, and what they show of each instance in \
-         `coco/annotations/instances_train.json` and so on: boxes around what is seen (`bbox`) and around the whole \
-         object (`amodal_bbox`, which may reach out of the image), masks, how much is outside of the image \
-         (`truncation`) and hidden by what is before it (`occlusion`), both 0 to 1. `color` shows the surfaces' own \
+         `coco/annotations/instances_train.json` and so on: boxes around the visible part (`bbox`) and around the \
+         whole object (`amodal_bbox`, which may extend beyond the image), masks, the fractions outside of the image \
+         (`truncation`) and hidden by other objects (`occlusion`), both 0 to 1. `color` shows the surfaces' own \
          colours, without light and shadow; what has no return is black, and in no mask.\n\n\
          ```python\n\
          from pycocotools.coco import COCO\n\
@@ -172,7 +173,7 @@ impl Style for Coco {
     }
 }
 
-impl Write for Writer<'_> {
+impl Write for CocoWriter<'_> {
     fn add(&mut self, &Scanned { sample, scan, frame, cloud, boxes }: &Scanned) -> Result<Report> {
         let mut report = Report::default();
         let Some(taken) = self.imaging.take(sample, [scan, frame], cloud, boxes)? else { return Ok(report) };
@@ -208,17 +209,17 @@ impl Write for Writer<'_> {
             self.piece += &format!("category {}\n", line(&[], keys.into_iter().collect()));
         }
         let path = self.folder.join(PIECES).join(format!("{}.txt", numbered(self.number)));
-        export::write_whole(&path, self.piece.as_bytes())?;
+        write::whole(&path, self.piece.as_bytes())?;
         Ok(Report::default())
     }
 }
 
-/// What was written of a sample, relative to the set's folder.
+/// The file with the rows of a sample, relative to the set's folder.
 fn piece(sample: u64) -> PathBuf {
     Path::new(ROOT).join(PIECES).join(format!("{}.txt", numbered(sample)))
 }
 
-/// Passes the rows of `tables` of `samples`, as they follow each other, to `row`.
+/// Passes the rows of `tables` in `pieces`, in order, to `row`.
 fn each_row(
     root: &Path,
     pieces: &[FileEntry],
@@ -237,11 +238,11 @@ fn each_row(
 }
 
 /// Numbers of the categories of a set, by their names.
-struct Categories(BTreeMap<String, u32>);
+struct CocoCategories(BTreeMap<String, u32>);
 
-impl Categories {
-    /// Those of the samples; where these differ, names are numbered anew.
-    fn read(root: &Path, pieces: &[FileEntry]) -> Result<Categories> {
+impl CocoCategories {
+    /// The numbers of the samples; if these contradict each other, names are renumbered.
+    fn read(root: &Path, pieces: &[FileEntry]) -> Result<CocoCategories> {
         let mut known: BTreeSet<(u32, String)> = BTreeSet::new();
         each_row(root, pieces, &["category"], |_, keys| {
             let id = keys.get("id").and_then(Value::as_u64).unwrap_or(0);
@@ -253,13 +254,13 @@ impl Categories {
         let ids: BTreeSet<u32> = known.iter().map(|(id, _)| *id).collect();
         let names: BTreeSet<String> = known.iter().map(|(_, name)| name.clone()).collect();
         let same = ids.len() == known.len() && names.len() == known.len();
-        Ok(Categories(match same {
+        Ok(CocoCategories(match same {
             true => known.into_iter().map(|(id, name)| (name, id)).collect(),
             false => names.into_iter().zip(1..).collect(),
         }))
     }
 
-    /// Gives what says the name of its category the number of that.
+    /// Replaces the name of the category of a row, and of its segments, by the number.
     fn renumber(&self, keys: &mut Map<String, Value>) {
         if let Some(name) = keys.shift_remove("category") {
             let number = name.as_str().and_then(|name| self.0.get(name));
@@ -269,7 +270,7 @@ impl Categories {
         segments.into_iter().flatten().filter_map(Value::as_object_mut).for_each(|keys| self.renumber(keys));
     }
 
-    /// As COCO lists them.
+    /// The rows of COCO's list of categories.
     fn rows(&self, panoptic: bool) -> Vec<String> {
         let mut all: Vec<(u32, &str)> = self.0.iter().map(|(name, id)| (*id, name.as_str())).collect();
         all.sort_unstable();
@@ -277,7 +278,7 @@ impl Categories {
     }
 }
 
-/// Says the name of the category of a row, which may have another number in other samples.
+/// Adds the name of its category to a row, since its number may be another in other samples.
 fn name_category(keys: &mut Map<String, Value>, labels: &Labels) {
     if let Some(id) = keys.get("category_id").and_then(Value::as_u64) {
         keys.insert("category".to_owned(), labels.category.name(id as u32).unwrap_or_default().into());

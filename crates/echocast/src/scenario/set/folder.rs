@@ -4,13 +4,13 @@ use super::lock;
 use super::manifest::{self, Entry};
 use super::style::{Style, numbered, sample_folder};
 use super::whole;
-use crate::export;
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::read::yaml::Document;
 use crate::read::{self, Limit};
 use crate::scenario::Scenario;
 use crate::scenario::spec::Spec;
+use crate::write;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
@@ -18,7 +18,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-/// `scenario.json`: what made a set.
+/// `scenario.json`: the origin of a set.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Origin {
     /// Version of the program.
@@ -30,10 +30,10 @@ pub(super) struct Origin {
     /// Its sensors.
     #[serde(default)]
     pub sensors: Vec<SensorNote>,
-    /// SHA-256 of the scenario, whatever its number of samples.
+    /// SHA-256 of the scenario, independent of its number of samples.
     pub digest: String,
-    /// SHA-256 of each file that the scenario names and of each model of a folder, by name; what such files name in their
-    /// turn is left out.
+    /// SHA-256 of each file that the scenario names and of each model of a folder, by name; files that these name in
+    /// turn are not included.
     pub inputs: BTreeMap<String, String>,
     /// The scenario, as it was written.
     pub scenario: Value,
@@ -44,7 +44,7 @@ pub(super) struct Origin {
 pub(super) struct SensorNote {
     /// Its name in the rig.
     pub name: String,
-    /// What it is.
+    /// Its title.
     pub title: String,
     /// Columns of its clouds.
     pub columns: Vec<String>,
@@ -54,9 +54,9 @@ const ORIGIN: &str = "scenario.json";
 
 impl Origin {
     /// # Errors
-    /// The system's.
+    /// I/O errors.
     pub fn of(scenario: &Scenario, roots: Vec<String>) -> Result<Origin> {
-        // A set may grow, and lie elsewhere.
+        // A set may grow, and may be moved.
         let mut same = scenario.value().clone();
         if let Some(keys) = same.as_object_mut() {
             keys.retain(|key, _| !["samples", "set"].contains(&key.as_str()));
@@ -90,10 +90,10 @@ impl Origin {
         })
     }
 
-    /// That of the set in `root`; `None`: there is no set.
+    /// The origin of the set in `root`; `None` if there is no set.
     ///
     /// # Errors
-    /// A file that is not ours.
+    /// An invalid `scenario.json`.
     pub fn read(root: &Path) -> Result<Option<Origin>> {
         let path = root.join(ORIGIN);
         if !path.exists() {
@@ -104,10 +104,10 @@ impl Origin {
         Ok(Some(origin))
     }
 
-    /// That of the set in `root`, which is this one; `None`: there is none yet.
+    /// The origin of the set in `root`, which must be this set; `None` if there is none yet.
     ///
     /// # Errors
-    /// The folder is that of another, or holds something else; the system's.
+    /// The folder belongs to another set, or holds other files; I/O errors.
     pub fn known(&self, root: &Path) -> Result<Option<Origin>> {
         match Origin::read(root)? {
             Some(known) if known.digest != self.digest => {
@@ -127,7 +127,7 @@ impl Origin {
                     Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
                     entries => entries.map_err(|source| Error::Io { path: root.to_owned(), source })?,
                 };
-                // Another shard may have begun at this moment.
+                // Another shard may have started at this moment.
                 let others = entries.filter_map(Result::ok).any(|entry| {
                     let name = entry.file_name();
                     name != ORIGIN && !name.to_string_lossy().starts_with('.')
@@ -141,10 +141,10 @@ impl Origin {
         }
     }
 
-    /// Makes `root`, in which [`Origin::known`] has found `known`, the folder of this set.
+    /// Makes `root` the folder of this set; `known` is what [`Origin::known`] found there.
     ///
     /// # Errors
-    /// The system's.
+    /// I/O errors.
     pub fn claim(&self, root: &Path, known: Option<Origin>) -> Result<()> {
         match known {
             Some(known) if known.samples >= self.samples && known.set() == self.set() => {}
@@ -158,7 +158,7 @@ impl Origin {
         Ok(())
     }
 
-    /// What it says of the set, apart from its samples.
+    /// The section `set` of the scenario.
     fn set(&self) -> Option<&Value> {
         self.scenario.get("set")
     }
@@ -166,7 +166,7 @@ impl Origin {
     /// The sections of the scenario.
     ///
     /// # Errors
-    /// Those of a file that somebody has changed.
+    /// An invalid `scenario.json`, which has been edited.
     pub fn spec(&self) -> Result<(Spec, Document)> {
         let document = Document::from_value(ORIGIN, self.scenario.clone());
         Ok((Spec::read(&document)?, document))
@@ -191,38 +191,38 @@ fn named_files(value: &Value, folder: &Path, files: &mut BTreeSet<PathBuf>) {
 /// Writes a file that appears under its name only when it is complete.
 ///
 /// # Errors
-/// The system's.
+/// I/O errors.
 pub(super) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
-    let pending = export::Pending::create(path)?;
-    export::write_bytes(pending.path(), bytes).map_err(|source| export::failed(path, source))?;
+    let pending = write::Pending::create(path)?;
+    write::bytes(pending.path(), bytes).map_err(|source| write::failed(path, source))?;
     pending.commit()
 }
 
-/// How the names of the folders end in which samples are made.
+/// Suffix of the names of folders in which samples are made.
 const UNFINISHED: &str = ".unfinished";
 
-/// A folder for the files of a sample while it is made, under a name that no other process uses; removed with what is left in
-/// it.
+/// A folder for the files of a sample while it is made, with a name that no other process uses; it is removed with any
+/// remaining files.
 #[derive(Debug)]
 pub(super) struct Making(PathBuf);
 
 impl Making {
-    /// Of `sample`, in the folder `name` of a style.
+    /// Creates the folder for `sample`, in the folder `name` of a style.
     ///
     /// # Errors
-    /// The system's.
+    /// I/O errors.
     pub fn begin(root: &Path, name: &str, sample: u64) -> Result<Making> {
         let folder = root.join(name);
         let prefix = format!(".{}-", numbered(sample));
         let mut builder = tempfile::Builder::new();
         builder.prefix(&prefix).suffix(UNFINISHED).rand_bytes(12);
-        // Not tempfile's own way of making folders, which only their owner may read.
+        // Not with tempfile's own function, which creates folders that only their owner may read.
         let made = builder.make_in(&folder, |path| fs::create_dir(path));
         let kept = made.and_then(|made| made.into_temp_path().keep().map_err(|error| error.error));
         kept.map(Making).map_err(|source| Error::Io { path: folder, source })
     }
 
-    /// Where it is.
+    /// Its path.
     pub fn path(&self) -> &Path {
         &self.0
     }
@@ -230,15 +230,15 @@ impl Making {
 
 impl Drop for Making {
     fn drop(&mut self) {
-        // What cannot be removed now is when the set is completed.
+        // What cannot be removed now is removed when the set is completed.
         let _ = fs::remove_dir_all(&self.0);
     }
 }
 
-/// Puts what has been made of `sample` in its place in the folder of `style`; gives its files, relative to `root`.
+/// Moves the files made for `sample` to their place in the folder of `style`; returns them, relative to `root`.
 ///
 /// # Errors
-/// The system's.
+/// I/O errors.
 pub(super) fn settle(root: &Path, style: &dyn Style, sample: u64, made: Making) -> Result<Vec<PathBuf>> {
     let name = style.root();
     let unfinished = made.path();
@@ -262,10 +262,10 @@ pub(super) fn settle(root: &Path, style: &dyn Style, sample: u64, made: Making) 
     Ok(files)
 }
 
-/// Removes what runs that were killed have left half written in a set to which no other run writes.
+/// Removes what killed runs have left half written, in a set that no other run writes to.
 ///
 /// # Errors
-/// The system's.
+/// I/O errors.
 pub(super) fn sweep(root: &Path, origin: &Origin) -> Result<()> {
     lock::sweep(root);
     let mut open: Vec<PathBuf> = origin.roots.iter().map(|name| root.join(name)).collect();
@@ -279,12 +279,12 @@ pub(super) fn sweep(root: &Path, origin: &Origin) -> Result<()> {
         for entry in entries {
             let path = entry.map_err(failed)?.path();
             let name = path.file_name().unwrap_or_default().to_string_lossy();
-            if name.starts_with(export::UNFINISHED) {
+            if name.starts_with(write::PREFIX) {
                 fs::remove_file(&path).map_err(failed)?;
             } else if name.starts_with('.') && name.ends_with(UNFINISHED) {
                 fs::remove_dir_all(&path).map_err(failed)?;
             } else if folder != root && !name.bytes().all(|byte| byte.is_ascii_digit()) && path.is_dir() {
-                // Folders of samples appear as a whole.
+                // Folders of samples appear only when complete.
                 open.push(path);
             }
         }
@@ -292,10 +292,10 @@ pub(super) fn sweep(root: &Path, origin: &Origin) -> Result<()> {
     Ok(())
 }
 
-/// All files below `folder`, by name, relative to `root`.
+/// All files below `folder`, sorted by name, relative to `root`.
 ///
 /// # Errors
-/// The system's.
+/// I/O errors.
 pub(super) fn files_below(root: &Path, folder: &Path) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     let mut open = vec![folder.to_owned()];
@@ -314,11 +314,11 @@ pub(super) fn files_below(root: &Path, folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// What is wrong in the set in `root`, in sentences: files that are missing or changed, samples that have failed or are
-/// not there.
+/// Faults of the set in `root`, one sentence each: files that are missing or changed, samples that have failed or are
+/// missing.
 ///
 /// # Errors
-/// There is no set; a manifest that names files elsewhere.
+/// There is no set; a manifest that names files outside the set.
 pub fn check_folder(root: &Path) -> Result<Vec<String>> {
     let origin = need_origin(root)?;
     let entries = manifest::read(root)?;
@@ -333,7 +333,7 @@ pub fn check_folder(root: &Path) -> Result<Vec<String>> {
     Ok(faults)
 }
 
-/// What is wrong with the files of a sample, in sentences: those that are missing or changed, styles that have none.
+/// Faults of the files of a sample, one sentence each: files that are missing or changed, styles without files.
 pub(super) fn damages(root: &Path, origin: &Origin, entry: &Entry) -> impl Iterator<Item = String> {
     let is_of = |file: &str, name: &str| file.strip_prefix(name).is_some_and(|rest| rest.starts_with('/'));
     let has = move |name: &str| entry.files.iter().any(|file| is_of(&file.path, name));
@@ -342,7 +342,7 @@ pub(super) fn damages(root: &Path, origin: &Origin, entry: &Entry) -> impl Itera
     entry.files.iter().filter_map(move |file| file.fault(root)).chain(bare)
 }
 
-/// The origin of a set that must be there.
+/// The origin of a set that must exist.
 pub(super) fn need_origin(root: &Path) -> Result<Origin> {
     Origin::read(root)?.ok_or_else(|| {
         let found = format!("{}, in which there is no {ORIGIN}", shown::path(root));
@@ -350,7 +350,7 @@ pub(super) fn need_origin(root: &Path) -> Result<Origin> {
     })
 }
 
-/// A sentence about samples that are not there, if any are.
+/// A sentence about missing samples, if there are any.
 pub(super) fn missing(origin: &Origin, entries: &BTreeMap<u64, Entry>) -> Option<String> {
     let count = origin.samples - entries.range(..origin.samples).count() as u64;
     let first = (0..origin.samples).find(|sample| !entries.contains_key(sample))?;

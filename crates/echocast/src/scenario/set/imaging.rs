@@ -1,4 +1,4 @@
-//! Images of the sensors of a sample: what the styles of sets of images have in common.
+//! Images of the sensors of a sample: common code of the styles of image sets.
 
 use crate::cloud::{InstanceBox, PointCloud};
 use crate::emitter::ImageGrid;
@@ -11,29 +11,29 @@ use crate::scenario::Sample;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The sensors of a sample that have images, and what their files are called.
-pub(super) struct Imaging<'w> {
+/// The sensors of a sample that have images, and the names of their files.
+pub(super) struct ImagingSensors<'w> {
     folder: &'w Path,
     /// Number of the sample.
     number: u64,
-    /// Scans with images, and how these are made.
+    /// Indices of the scans with images, and their image grids.
     grids: Vec<(usize, ImageGrid)>,
 }
 
-/// An image, what it shows, and what its files are called.
+/// An image, its annotations, and the stem of its file names.
 pub(super) struct Taken {
     pub image: RangeImage,
     pub found: Vec<Annotation>,
     pub stem: String,
 }
 
-/// Numbers of the scans of `sample` that have images, or of that of the sensor called `asked`.
+/// Indices of the scans of `sample` that have images, or that of the sensor with the requested name.
 ///
 /// # Errors
-/// There is none, or no such sensor; `key` says where it was asked for.
-pub(super) fn scans(sample: &Sample, key: &str, asked: Option<&str>) -> Result<Vec<(usize, ImageGrid)>> {
+/// No scan has images; no such sensor, which `key` names.
+pub(super) fn scans(sample: &Sample, key: &str, sensor_name: Option<&str>) -> Result<Vec<(usize, ImageGrid)>> {
     let scans = sample.scans();
-    if let Some(name) = asked {
+    if let Some(name) = sensor_name {
         let Some(scan) = scans.iter().position(|scan| scan.name() == name) else {
             let names: Vec<&str> = scans.iter().map(|scan| scan.name()).collect();
             return Err(Error::invalid(key, format!("{name:?}"), names.join(", ")));
@@ -48,20 +48,25 @@ pub(super) fn scans(sample: &Sample, key: &str, asked: Option<&str>) -> Result<V
     }
 }
 
-impl<'w> Imaging<'w> {
-    /// Of the sample with this `number`, to `folder`, in which the folders `names` are made.
+impl<'w> ImagingSensors<'w> {
+    /// Starts the images of the sample with this `number` in `folder`, in which it creates the folders `names`.
     ///
     /// # Errors
-    /// The system's.
-    pub fn begin(folder: &'w Path, names: &[&str], number: u64, grids: Vec<(usize, ImageGrid)>) -> Result<Imaging<'w>> {
+    /// I/O errors.
+    pub fn begin(
+        folder: &'w Path,
+        names: &[&str],
+        number: u64,
+        grids: Vec<(usize, ImageGrid)>,
+    ) -> Result<ImagingSensors<'w>> {
         for name in names {
             let folder = folder.join(name);
             fs::create_dir_all(&folder).map_err(|source| Error::Io { path: folder, source })?;
         }
-        Ok(Imaging { folder, number, grids })
+        Ok(ImagingSensors { folder, number, grids })
     }
 
-    /// The image of a scan; `None`: it has none, or another sensor's was asked for.
+    /// The image of a scan; `None` if it has none, or if another sensor was requested.
     ///
     /// # Errors
     /// As [`RangeImage::new`].
@@ -86,7 +91,7 @@ impl<'w> Imaging<'w> {
         Ok(Some(Taken { image, found, stem }))
     }
 
-    /// Where the file of `taken` in the folder `name` is.
+    /// Path of the file of `taken` in the folder `name`.
     pub fn path(&self, name: &str, taken: &Taken, ending: &str) -> PathBuf {
         self.folder.join(name).join(format!("{}.{ending}", taken.stem))
     }

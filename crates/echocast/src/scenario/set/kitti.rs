@@ -3,28 +3,29 @@
 mod masks;
 
 use super::points::{in_sensor, inverse, is_word, local, remission};
-use super::rig::{self, Kind, find};
+use super::rig::{self, SensorClass, find};
 use super::style::{Scanned, Style, Writer as Write, numbered};
 use super::whole::Whole;
 use crate::cloud::{Field, FieldSet, InstanceBox, PointCloud};
 use crate::emitter::{ImageGrid, Intrinsics, Outline};
+use crate::export::ImageLayer;
 use crate::export::images::write_layer;
-use crate::export::{self, ImageLayer};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::{Pose, on};
 use crate::ground::report::Report;
 use crate::image::RangeImage;
 use crate::scenario::Sample;
-use crate::scenario::sample::Boxes;
+use crate::scenario::sample::BoxScope;
+use crate::write;
 use glam::{DMat3, DVec3};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// `kitti/training/velodyne/000017.bin`, `label_2`, `calib`, `image_2`, and `ImageSets` (Geiger et al. 2012, Are we ready
-/// for autonomous driving?; formats as in its object development kit), with the masks `semantic` and `instance` of its
-/// semantic benchmark.
+/// `kitti/training/velodyne/000017.bin`, `label_2`, `calib`, `image_2`, and `ImageSets` (Geiger et al. 2012, Are we
+/// ready for autonomous driving?; formats as in its object development kit), with the masks `semantic` and `instance`
+/// of its semantic benchmark.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Kitti {
@@ -32,13 +33,13 @@ pub(super) struct Kitti {
     pub velodyne: Option<String>,
     /// Name of the camera, where there are several.
     pub camera: Option<String>,
-    /// Most frames of a sample: frame k of sample i is number i * frames + k.
+    /// Maximum number of frames of a sample: frame k of sample i is number i * frames + k.
     pub frames: u64,
-    /// Whether objects that neither of them sees have boxes, too.
+    /// Whether objects that neither of them sees get boxes, too.
     pub unseen: bool,
-    /// Types of categories that are not known by their names.
+    /// Types of categories with names that are not known.
     pub types: BTreeMap<String, String>,
-    /// Classes in masks of categories that are not known by their names.
+    /// Classes in masks of categories with names that are not known.
     pub classes: BTreeMap<String, String>,
 }
 
@@ -49,7 +50,7 @@ impl Default for Kitti {
     }
 }
 
-/// Types of KITTI by the names of categories that scenes use.
+/// KITTI's types by the names of categories that scenes use.
 const TYPES: [(&str, &str); 15] = [
     ("car", "Car"),
     ("van", "Van"),
@@ -68,23 +69,23 @@ const TYPES: [(&str, &str); 15] = [
     ("misc", "Misc"),
 ];
 
-/// What of an object is seen at least where it counts as fully visible, and where as partly.
+/// Smallest visible fraction of an object that counts as fully visible, and as partly occluded.
 const VISIBLE: f64 = 0.9;
 const PARTLY: f64 = 0.5;
 
-/// Boxes that lean more than this lose something, degrees.
+/// Boxes tilted by more than this, degrees, cause a warning: labels have no tilt.
 const UPRIGHT_DEG: f64 = 5.0;
 
-struct Writer<'w> {
+struct KittiWriter<'w> {
     style: &'w Kitti,
     number: u64,
     folder: &'w Path,
-    /// Numbers of the two scans.
+    /// Indices of the two scans.
     lidar: usize,
     camera: usize,
     grid: ImageGrid,
     calibration: String,
-    /// Of each frame, the boxes of the LiDAR, in its frame, and of the camera, until both are there.
+    /// For each frame, the boxes of the LiDAR, in its frame, and of the camera, until both are known.
     frames: Vec<[Option<Vec<InstanceBox>>; 2]>,
     /// Categories of objects that have no type.
     untyped: BTreeSet<String>,
@@ -93,21 +94,21 @@ struct Writer<'w> {
 }
 
 impl Kitti {
-    /// Numbers of the scans that are written: of the LiDAR and of the camera.
+    /// Indices of the scans that are written: of the LiDAR and of the camera.
     fn scans(&self, sample: &Sample) -> Result<[usize; 2]> {
         Ok([
-            find(sample, "kitti: velodyne", self.velodyne.as_deref(), Kind::Lidar)?,
-            find(sample, "kitti: camera", self.camera.as_deref(), Kind::Camera)?,
+            find(sample, "kitti: velodyne", self.velodyne.as_deref(), SensorClass::Lidar)?,
+            find(sample, "kitti: camera", self.camera.as_deref(), SensorClass::Camera)?,
         ])
     }
 
-    /// Type of what is of a category.
+    /// Type of a category.
     fn of(&self, category: &str) -> Option<&str> {
         let known = || TYPES.iter().find(|(name, _)| is_word(name, category)).map(|(_, of)| *of);
         self.types.get(category).map(String::as_str).or_else(known)
     }
 
-    /// Class of what is of a category.
+    /// Class of a category.
     fn class(&self, category: &str) -> Option<u32> {
         self.classes.get(category).map_or_else(|| masks::number_of(category), |class| masks::number(class))
     }
@@ -139,8 +140,8 @@ impl Style for Kitti {
         [X, Y, Z, Intensity, CategoryId, InstanceId, Beam, Range, Red, Green, Blue].into_iter().collect()
     }
 
-    fn boxes(&self, sample: &Sample, scan: usize, _frame: usize) -> Boxes {
-        if self.scans(sample).is_ok_and(|both| both.contains(&scan)) { Boxes::InSpace } else { Boxes::None }
+    fn boxes(&self, sample: &Sample, scan: usize, _frame: usize) -> BoxScope {
+        if self.scans(sample).is_ok_and(|both| both.contains(&scan)) { BoxScope::InSpace } else { BoxScope::None }
     }
 
     fn fits(&self, sample: &Sample) -> Result<()> {
@@ -172,7 +173,18 @@ impl Style for Kitti {
         let [untyped, unclassed] = [const { BTreeSet::new() }; 2];
         let frames = vec![[None, None]; scans[lidar].frames().len()];
         let style = self;
-        Ok(Box::new(Writer { style, number, folder, lidar, camera, grid, calibration, frames, untyped, unclassed }))
+        Ok(Box::new(KittiWriter {
+            style,
+            number,
+            folder,
+            lidar,
+            camera,
+            grid,
+            calibration,
+            frames,
+            untyped,
+            unclassed,
+        }))
     }
 
     fn join(&self, whole: &mut Whole) -> Result<()> {
@@ -194,14 +206,14 @@ impl Style for Kitti {
         "`kitti` is laid out as KITTI's object set. Points are in the LiDAR's frame (x ahead, y left, z up), boxes in the \
          camera's (x right, y down, z ahead), which is rectified: `R0_rect` is the identity, and `P0` to `P3` are the \
          same. Boxes are where objects are when the LiDAR scans them; objects that neither sensor sees have none, unless \
-         the scenario asks for them (`unseen: true`). \
-         Boxes in the image are around the whole object, cut at the image's edges. `occluded` is 0 where 90 % of \
-         what a camera alone with the object would see of it are seen, 1 from 50 % on, 2 below, and 3 (unknown) where \
+         the scenario requests them (`unseen: true`). \
+         Boxes in the image are around the whole object, clipped at the image's edges. `occluded` is 0 where 90 % of \
+         what the camera would see of the object alone is visible, 1 from 50 % on, 2 below, and 3 (unknown) where \
          the camera sees nothing of it. `image_2` shows the \
          surfaces' own colours, without light and shadow. `semantic` and `instance` are masks as of KITTI's semantic \
          benchmark: the class of each pixel with the numbers of Cityscapes (road 7, building 11, person 24, car 26), and \
          256 times that plus the number of its instance, which counts those of a class in an image from 1; what has no \
-         return, as the sky, is 0. All frames are in `training`; `ImageSets` divides them.\n\n\
+         return, such as the sky, is 0. All frames are in `training`; `ImageSets` divides them.\n\n\
          ```python\n\
          import numpy as np\n\
          from PIL import Image\n\
@@ -219,11 +231,11 @@ impl Style for Kitti {
     }
 }
 
-impl Write for Writer<'_> {
+impl Write for KittiWriter<'_> {
     fn add(&mut self, &Scanned { sample, scan, frame, cloud, boxes }: &Scanned) -> Result<Report> {
         let mut report = Report::default();
         if ![self.lidar, self.camera].contains(&scan) {
-            // It may have more frames than these.
+            // Another sensor may have more frames than these.
             report.warn(format!("kitti: holds a LiDAR and a camera, left out: {}", sample.scans()[scan].name()));
             return Ok(report);
         }
@@ -232,8 +244,8 @@ impl Write for Writer<'_> {
         if scan == self.lidar {
             let points = local(cloud).map(|(row, point)| [point.x, point.y, point.z, remission(cloud, row)]);
             let bytes: Vec<u8> = points.flatten().flat_map(f32::to_le_bytes).collect();
-            export::write_whole(&path("velodyne", "bin"), &bytes)?;
-            export::write_whole(&path("calib", "txt"), self.calibration.as_bytes())?;
+            write::whole(&path("velodyne", "bin"), &bytes)?;
+            write::whole(&path("calib", "txt"), self.calibration.as_bytes())?;
         }
         if scan == self.camera {
             let image = RangeImage::new(cloud, &self.grid)?;
@@ -247,13 +259,13 @@ impl Write for Writer<'_> {
             };
             masks::write(&image, class, [&semantic, &instance], &mut report)?;
         }
-        for (place, whose) in [self.lidar, self.camera].into_iter().enumerate() {
-            if scan == whose {
+        for (place, own_scan) in [self.lidar, self.camera].into_iter().enumerate() {
+            if scan == own_scan {
                 let own = boxes.iter().map(|found| InstanceBox { pose: in_sensor(cloud, found), ..*found });
                 self.frames[frame][place] = Some(own.collect());
             }
         }
-        // Sensors come in any order.
+        // Sensors arrive in any order.
         if let [Some(met), Some(seen)] = &mut self.frames[frame] {
             let (met, seen) = (std::mem::take(met), std::mem::take(seen));
             self.frames[frame] = [None, None];
@@ -261,7 +273,7 @@ impl Write for Writer<'_> {
             let to_camera = on(&inverse(between[1]), between[0]);
             let file = path("label_2", "txt");
             let lines = self.labels(&met, &seen, &to_camera, cloud, &mut report);
-            export::write_whole(&file, lines.as_bytes())?;
+            write::whole(&file, lines.as_bytes())?;
         }
         Ok(report)
     }
@@ -269,7 +281,7 @@ impl Write for Writer<'_> {
     fn finish(self: Box<Self>) -> Result<Report> {
         let mut report = Report::default();
         for (names, what) in [
-            (self.untyped, "objects that it has no type for have no box"),
+            (self.untyped, "objects without a type have no box"),
             (self.unclassed, "categories that its masks do not have are unlabeled there"),
         ] {
             if !names.is_empty() {
@@ -280,9 +292,9 @@ impl Write for Writer<'_> {
     }
 }
 
-impl Writer<'_> {
-    /// The lines of a frame: of what the camera has `seen`, with the places where the LiDAR has `met` it, whose points are
-    /// to lie in the boxes. `to_camera` from the LiDAR.
+impl KittiWriter<'_> {
+    /// The lines of a frame: objects that the camera has `seen`, at the poses where the LiDAR has `met` them, so that
+    /// its points are in the boxes. `to_camera` is from the LiDAR.
     fn labels(
         &mut self,
         met: &[InstanceBox],
@@ -311,15 +323,15 @@ impl Writer<'_> {
                 lines += &line;
             }
             if (place.pose.orientation * DVec3::Z).z < UPRIGHT_DEG.to_radians().cos() {
-                report.warn("kitti: boxes that lean in the camera's frame stand upright");
+                report.warn("kitti: boxes tilted in the camera's frame are written upright");
             }
         }
         lines
     }
 }
 
-/// The line of an object in the camera's frame as a sensor: where it is in the image as the camera has `seen` it, and in
-/// space as it was `met`; `None`: it is not in the image.
+/// The line of an object, in the camera's frame as a sensor: its place in the image as the camera has `seen` it, and in
+/// space as it was `met`; `None` if it is not in the image.
 fn label(grid: &ImageGrid, of: &str, seen: &InstanceBox, met: &InstanceBox) -> Option<String> {
     let to_optical = Intrinsics::FROM_OPTICAL.inverse();
     let whole = around(grid, seen)?;
@@ -334,12 +346,12 @@ fn label(grid: &ImageGrid, of: &str, seen: &InstanceBox, met: &InstanceBox) -> O
         visible if visible >= VISIBLE => 0,
         visible if visible >= PARTLY => 1,
         visible if visible > 0.0 => 2,
-        // The camera does not know.
+        // Unknown to the camera.
         _ => 3,
     };
     let InstanceBox { pose, size, .. } = met;
     let (ahead, up) = (to_optical * (pose.orientation * DVec3::X), pose.orientation * DVec3::Z);
-    // The place is the middle of the lower face.
+    // KITTI's location is the centre of the bottom face.
     let place = to_optical * (pose.position - up * (0.5 * size.z));
     let turned = (-ahead.z).atan2(ahead.x);
     let angle = |angle: f64| {
@@ -353,8 +365,8 @@ fn label(grid: &ImageGrid, of: &str, seen: &InstanceBox, met: &InstanceBox) -> O
     Some(format!("{of} {:.4} {occluded} {:.4} {}\n", truncated + 0.0, alpha + 0.0, numbers.join(" ")))
 }
 
-/// Least and greatest coordinates in the image of a box in the camera's frame as a sensor, from the middle of the first
-/// pixel; `None`: it is behind it.
+/// Smallest and largest image coordinates of a box in the camera's frame as a sensor, from the centre of the first
+/// pixel; `None` if it is behind the camera.
 fn around(grid: &ImageGrid, shown: &InstanceBox) -> Option<[[f64; 2]; 2]> {
     let mut outline = Outline::new(grid, shown.pose.position);
     let corners = shown.corners();
@@ -363,13 +375,13 @@ fn around(grid: &ImageGrid, shown: &InstanceBox) -> Option<[[f64; 2]; 2]> {
     Some([[left, top], [right, bottom]])
 }
 
-/// `calib/000017.txt` of sensors that are mounted so.
+/// `calib/000017.txt` of sensors with these mounts.
 fn calibration(intrinsics: &Intrinsics, lidar: &Pose, camera: &Pose) -> String {
     let projection = intrinsics.matrix().map(|[x, y, z]| [x, y, z, 0.0]);
     let mut text = String::new();
     let mut line = |name: &str, numbers: &[f64]| {
         let numbers: Vec<String> = numbers.iter().map(|number| format!("{:.12e}", number + 0.0)).collect();
-        // Writing to a text does not fail.
+        // Writing to a string does not fail.
         let _ = writeln!(text, "{name}: {}", numbers.join(" "));
     };
     ["P0", "P1", "P2", "P3"].into_iter().for_each(|name| line(name, projection.as_flattened()));

@@ -1,12 +1,12 @@
-//! Who writes to a set: one run, or the shards of one run side by side.
+//! Locks of a set, to which one run writes, or the shards of one run side by side.
 //!
-//! | file | who has its lock |
+//! | file | holder of its lock |
 //! |---|---|
-//! | `.lock` | whoever writes to the set: a run or `--finish` alone, shards together |
+//! | `.lock` | any writer of the set: a run or `--finish` exclusively, shards jointly |
 //! | `.lock.3_of_16` | the run of that shard |
 //!
-//! The system gives locks back when a process ends, however it does. The files say which process has them and are removed
-//! with the locks; those of processes that were killed mean nothing.
+//! The system releases locks when a process ends, however it ends. The files state which process holds the locks, and
+//! are removed with them; files that killed processes leave mean nothing.
 
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
@@ -15,22 +15,22 @@ use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// How the names of lock files begin; that of the whole set has no more.
+/// Prefix of the names of lock files, and the whole name of that of the set.
 const NAME: &str = ".lock";
 
-/// How long others may have a lock only to see whether somebody else has it, or to give theirs back.
+/// How long others may hold a lock just to find out whether it is taken, or to release their own.
 const PATIENCE: Duration = Duration::from_millis(50);
 
 /// The exclusive right to write to a set, or to a shard of it, for as long as this lives.
 #[derive(Debug)]
 pub(super) struct Lock {
-    /// The last is given back first.
+    /// The last is released first.
     held: Vec<Held>,
     /// Whether the file system has no locks.
     pub unlocked: bool,
 }
 
-/// A lock of a file.
+/// A lock on a file.
 #[derive(Debug)]
 struct Held {
     file: File,
@@ -38,20 +38,20 @@ struct Held {
     shared: bool,
 }
 
-/// What became of asking for a lock.
-enum Asked {
+/// Result of an attempt to lock.
+enum LockAttempt {
     Given(Held),
-    /// Another process has it.
+    /// Another process holds it.
     Taken,
-    /// The file system has none.
+    /// The file system has no locks.
     Unknown,
 }
 
 impl Lock {
-    /// Of the set in the folder `root`.
+    /// Locks the set in the folder `root`.
     ///
     /// # Errors
-    /// Another process writes to it; the system's.
+    /// Another process writes to it; I/O errors.
     pub fn of_set(root: &Path) -> Result<Lock> {
         let mut lock = Lock { held: Vec::new(), unlocked: false };
         if !lock.take(&root.join(NAME), false)? {
@@ -60,10 +60,10 @@ impl Lock {
         Ok(lock)
     }
 
-    /// Of a part of the samples, counted from 0, beside other parts of as many.
+    /// Locks one shard, counted from 0; others of the same number of shards may be locked as well.
     ///
     /// # Errors
-    /// Another process makes it, or the set in other parts or as a whole; the system's.
+    /// Another process makes this shard, or the set in another number of shards or as a whole; I/O errors.
     pub fn of_shard(root: &Path, [part, parts]: [u64; 2]) -> Result<Lock> {
         let mut lock = Lock { held: Vec::new(), unlocked: false };
         let set = root.join(NAME);
@@ -74,27 +74,27 @@ impl Lock {
         if !lock.take(&own, false)? {
             return Err(taken(root, &format!("{}, which makes this shard", holder(&own))));
         }
-        // The same samples are in other parts where these are more or fewer.
+        // With another number of shards, the same samples are in other shards.
         let ending = format!("_of_{parts}");
         let foreign = |path: &PathBuf| !path.to_string_lossy().ends_with(&ending);
         match shards(root).into_iter().find(|path| foreign(path) && is_kept(path)) {
-            Some(other) => Err(taken(root, &format!("{} in another number of shards", holder(&other)))),
+            Some(other) => Err(taken(root, &format!("{} with another number of shards", holder(&other)))),
             None => Ok(lock),
         }
     }
 
-    /// Whether the lock of `path` could be had.
+    /// Takes the lock of the file at `path`; returns whether that was possible.
     fn take(&mut self, path: &Path, shared: bool) -> Result<bool> {
         let started = Instant::now();
         loop {
-            match ask(path, shared).map_err(|source| Error::io(path, source))? {
-                Asked::Given(held) => self.held.push(held),
-                Asked::Taken if started.elapsed() < PATIENCE => {
+            match try_lock_at(path, shared).map_err(|source| Error::io(path, source))? {
+                LockAttempt::Given(held) => self.held.push(held),
+                LockAttempt::Taken if started.elapsed() < PATIENCE => {
                     std::thread::sleep(PATIENCE / 10);
                     continue;
                 }
-                Asked::Taken => return Ok(false),
-                Asked::Unknown => {
+                LockAttempt::Taken => return Ok(false),
+                LockAttempt::Unknown => {
                     let _ = fs::remove_file(path);
                     self.unlocked = true;
                 }
@@ -107,7 +107,7 @@ impl Lock {
 impl Drop for Lock {
     fn drop(&mut self) {
         while let Some(Held { file, path, shared }) = self.held.pop() {
-            // The last of those who share it can have it alone.
+            // The last holder of a shared lock can take it exclusively.
             let alone = !shared || file.unlock().is_ok() && file.try_lock().is_ok();
             if alone && is_at(&file, &path) {
                 let _ = fs::remove_file(path);
@@ -116,34 +116,34 @@ impl Drop for Lock {
     }
 }
 
-/// Asks for the lock of the file at `path`, which then says whose it is.
-fn ask(path: &Path, shared: bool) -> io::Result<Asked> {
+/// Tries to lock the file at `path`, which then names the holder.
+fn try_lock_at(path: &Path, shared: bool) -> io::Result<LockAttempt> {
     loop {
         let mut file = File::options().read(true).write(true).create(true).truncate(false).open(path)?;
         match if shared { file.try_lock_shared() } else { file.try_lock() } {
-            Err(TryLockError::WouldBlock) => return Ok(Asked::Taken),
-            Err(TryLockError::Error(_)) => return Ok(Asked::Unknown),
-            // Who had it removed the file after it was opened here.
+            Err(TryLockError::WouldBlock) => return Ok(LockAttempt::Taken),
+            Err(TryLockError::Error(_)) => return Ok(LockAttempt::Unknown),
+            // The previous holder removed the file after it was opened here.
             Ok(()) if !is_at(&file, path) => {}
             Ok(()) => {
                 if !shared {
-                    // On a full disk it is a lock all the same.
+                    // On a full disk the lock is valid all the same.
                     let name = format!("{} {}\n", std::process::id(), host());
                     let _ = file.set_len(0).and_then(|()| file.write_all(name.as_bytes()));
                 }
-                return Ok(Asked::Given(Held { file, path: path.to_owned(), shared }));
+                return Ok(LockAttempt::Given(Held { file, path: path.to_owned(), shared }));
             }
         }
     }
 }
 
-/// Whether a process has the lock of the file at `path`.
+/// Whether a process holds the lock of the file at `path`.
 fn is_taken(path: &Path) -> bool {
     let Ok(file) = File::open(path) else { return false };
     matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock))
 }
 
-/// Whether a process has the lock of the file at `path`, and does not give it back in a moment.
+/// Whether a process holds the lock of the file at `path` for longer than [`PATIENCE`].
 fn is_kept(path: &Path) -> bool {
     let started = Instant::now();
     while is_taken(path) {
@@ -163,14 +163,14 @@ fn is_at(file: &File, path: &Path) -> bool {
         use std::os::unix::fs::MetadataExt as _;
         (open.dev(), open.ino()) == (there.dev(), there.ino())
     }
-    // Where what is open cannot be removed.
+    // On systems where open files cannot be removed.
     #[cfg(not(unix))]
     {
         open.is_file() && there.is_file()
     }
 }
 
-/// Who keeps a run from the whole set in `root`: shards, or another such run.
+/// The process that keeps a run from the whole set in `root`: that of a shard, or another such run.
 fn writer(root: &Path) -> String {
     holder(&shards(root).into_iter().find(|path| is_taken(path)).unwrap_or_else(|| root.join(NAME)))
 }
@@ -185,7 +185,7 @@ fn shards(root: &Path) -> Vec<PathBuf> {
     all
 }
 
-/// The process that has the lock of the file at `path`, as that says.
+/// The process that holds the lock of the file at `path`, as named there.
 fn holder(path: &Path) -> String {
     let mut text = String::new();
     let read = File::open(path).and_then(|file| file.take(1 << 10).read_to_string(&mut text));
@@ -199,7 +199,7 @@ fn holder(path: &Path) -> String {
     }
 }
 
-/// Name of this machine, which tells processes of several apart that share a file system.
+/// Name of this machine, which distinguishes processes of several machines that share a file system.
 fn host() -> String {
     #[cfg(unix)]
     let name = rustix::system::uname().nodename().to_string_lossy().into_owned();
@@ -209,12 +209,12 @@ fn host() -> String {
     if word.is_empty() { "unknown".to_owned() } else { word }
 }
 
-fn taken(root: &Path, who: &str) -> Error {
-    let found = format!("{}, which is being written by {who}", shown::path(root));
-    Error::invalid("set.folder", found, "another folder, or to wait until that has ended")
+fn taken(root: &Path, process_name: &str) -> Error {
+    let found = format!("{}, which is being written by {process_name}", shown::path(root));
+    Error::invalid("set.folder", found, "another folder, or another try when that has ended")
 }
 
-/// Removes what killed runs have left of the locks of shards, for who has the whole set.
+/// Removes the lock files of shards that killed runs have left, for the holder of the lock of the whole set.
 pub(super) fn sweep(root: &Path) {
     shards(root).into_iter().for_each(|path| drop(fs::remove_file(path)));
 }
@@ -223,8 +223,8 @@ pub(super) fn sweep(root: &Path) {
 mod tests {
     use super::*;
 
-    /// What keeps the first from its lock.
-    fn told(lock: Result<Lock>) -> String {
+    /// Why a lock was refused; empty if it was not.
+    fn refusal(lock: Result<Lock>) -> String {
         lock.err().map_or_else(String::new, |error| error.to_string())
     }
 
@@ -235,18 +235,18 @@ mod tests {
         let own = format!("which is being written by process {}", std::process::id());
         let whole = Lock::of_set(root).unwrap();
         for other in [Lock::of_set(root), Lock::of_shard(root, [0, 2])] {
-            assert!(told(other).contains(&format!("{own}; allowed: another folder, or to wait")));
+            assert!(refusal(other).contains(&format!("{own}; allowed: another folder, or another try")));
         }
         drop(whole);
-        // The file of one that was killed means nothing.
+        // The files of killed processes mean nothing.
         fs::write(root.join(".lock"), "1 elsewhere\n").unwrap();
         fs::write(root.join(".lock.1_of_2"), "1 elsewhere\n").unwrap();
         let [first, second] = [0, 1].map(|part| Lock::of_shard(root, [part, 2]).unwrap());
-        assert!(told(Lock::of_shard(root, [1, 2])).contains(&format!("{own}, which makes this shard")));
-        assert!(told(Lock::of_shard(root, [2, 3])).contains(&format!("{own} in another number of shards")));
-        assert!(told(Lock::of_set(root)).contains(&own));
+        assert!(refusal(Lock::of_shard(root, [1, 2])).contains(&format!("{own}, which makes this shard")));
+        assert!(refusal(Lock::of_shard(root, [2, 3])).contains(&format!("{own} with another number of shards")));
+        assert!(refusal(Lock::of_set(root)).contains(&own));
         drop(first);
-        assert!(told(Lock::of_set(root)).contains(&own));
+        assert!(refusal(Lock::of_set(root)).contains(&own));
         drop(second);
         assert!(!Lock::of_set(root).unwrap().unlocked);
         assert_eq!(fs::read_dir(root).unwrap().count(), 0);
@@ -254,7 +254,7 @@ mod tests {
 
     /// A lock that is released within a moment does not make others fail.
     #[test]
-    fn a_moment_is_waited_for() {
+    fn locks_are_awaited_for_a_moment() {
         let folder = tempfile::tempdir().unwrap();
         let root = folder.path();
         for _ in 0..10 {
@@ -264,7 +264,7 @@ mod tests {
                     std::thread::sleep(PATIENCE / 5);
                     drop(whole);
                 });
-                assert_eq!(told(Lock::of_shard(root, [0, 2])), "");
+                assert_eq!(refusal(Lock::of_shard(root, [0, 2])), "");
             });
             let shard = Lock::of_shard(root, [0, 2]).unwrap();
             std::thread::scope(|scope| {
@@ -272,14 +272,14 @@ mod tests {
                     std::thread::sleep(PATIENCE / 5);
                     drop(shard);
                 });
-                assert_eq!(told(Lock::of_shard(root, [0, 3])), "");
+                assert_eq!(refusal(Lock::of_shard(root, [0, 3])), "");
             });
         }
     }
 
-    /// Whoever waits between opening a lock file and locking it must not have that of a file that is gone.
+    /// A process that waits between opening a lock file and locking it must not get the lock of a removed file.
     #[test]
-    fn one_of_many_has_a_lock() {
+    fn only_one_of_many_holds_a_lock() {
         let folder = tempfile::tempdir().unwrap();
         let (inside, most) = (std::sync::atomic::AtomicUsize::new(0), std::sync::atomic::AtomicUsize::new(0));
         let count = |number: &std::sync::atomic::AtomicUsize| number.load(std::sync::atomic::Ordering::SeqCst);

@@ -1,4 +1,4 @@
-//! What there is in a set, sample by sample.
+//! Contents of a set, sample by sample.
 
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
@@ -20,16 +20,16 @@ pub struct Entry {
     /// Why it has failed.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub error: Option<String>,
-    /// Points of all its clouds.
+    /// Number of points of all its clouds.
     pub points: u64,
-    /// How many of them are of each category.
+    /// Number of points of each category.
     pub categories: BTreeMap<String, u64>,
-    /// Clouds and images in which nothing is seen, by sensor.
+    /// Number of empty clouds and images, by sensor.
     #[serde(skip_serializing_if = "BTreeMap::is_empty", default)]
     pub empty: BTreeMap<String, u64>,
-    /// How many points are how far away, in steps of 10 m; the last counts all from 500 m on.
+    /// Number of points by range, in steps of 10 m; the last counts all from 500 m on.
     pub ranges: Vec<u64>,
-    /// What was noticed.
+    /// Warnings.
     #[serde(skip_serializing_if = "Vec::is_empty", default)]
     pub warnings: Vec<String>,
 }
@@ -37,12 +37,12 @@ pub struct Entry {
 /// A file of a sample.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct FileEntry {
-    /// Its name in the set's folder.
+    /// Its path in the set's folder.
     pub path: String,
-    /// Where it begins, if it is a part of that file.
+    /// Its offset in that file, bytes, if it is only a part of it.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub offset: Option<u64>,
-    /// Its length.
+    /// Its length, bytes.
     pub bytes: u64,
     /// SHA-256 of its contents, in hexadecimal digits.
     pub sha256: String,
@@ -74,7 +74,7 @@ impl FileEntry {
     /// The file at `path` in the set's folder `root`.
     ///
     /// # Errors
-    /// The system's.
+    /// I/O errors.
     pub(super) fn of(root: &Path, path: &Path) -> Result<FileEntry> {
         let (bytes, sha256) = digest(&root.join(path))?;
         Ok(FileEntry { path: shown::path(path), offset: None, bytes, sha256 })
@@ -95,7 +95,7 @@ impl FileEntry {
     /// Copies its contents from the folder `root` to `out`.
     ///
     /// # Errors
-    /// Those of `out`; they are not as they were written, in a sentence.
+    /// Those of `out`; contents that have changed since they were written, as a sentence.
     pub(super) fn copy(&self, root: &Path, out: &mut dyn io::Write) -> io::Result<()> {
         let wrong = |message: String| io::Error::other(message);
         let path = root.join(&self.path);
@@ -130,7 +130,7 @@ pub(super) fn digest(path: &Path) -> Result<(u64, String)> {
     found.map_err(|source| Error::Io { path: path.to_owned(), source })
 }
 
-/// Length and SHA-256 of what is left in `file`, which is copied to `out`.
+/// Length and SHA-256 of the rest of `file`, which is copied to `out`.
 fn digest_all(mut file: impl io::Read, out: &mut dyn io::Write) -> io::Result<(u64, String)> {
     let (mut hash, mut bytes, mut block) = (Sha256::new(), 0, vec![0; 1 << 16]);
     loop {
@@ -153,22 +153,22 @@ fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// Adds lines to the manifest of a run or shard.
-pub(super) struct Log(File);
+/// The manifest of a run or shard, to which lines are added.
+pub(super) struct ManifestLog(File);
 
-impl Log {
+impl ManifestLog {
     /// # Errors
-    /// The system's.
-    pub fn open(path: &Path) -> Result<Log> {
+    /// I/O errors.
+    pub fn open(path: &Path) -> Result<ManifestLog> {
         let failed = |source| Error::Io { path: path.to_owned(), source };
         let mut file = File::options().create(true).append(true).read(true).open(path).map_err(failed)?;
         // What a killed run left half written gets a line of its own.
         file.write_all(b"\n").map_err(failed)?;
-        Ok(Log(file))
+        Ok(ManifestLog(file))
     }
 
     /// # Errors
-    /// The system's.
+    /// I/O errors.
     pub fn add(&mut self, entry: &Entry, path: &Path) -> Result<()> {
         let line = serde_json::to_string(entry).map_err(|error| Error::Internal(error.to_string()))? + "\n";
         self.0.write_all(line.as_bytes()).map_err(|source| Error::Io { path: path.to_owned(), source })
@@ -178,7 +178,7 @@ impl Log {
 /// Writes the manifest of the whole set.
 ///
 /// # Errors
-/// The system's.
+/// I/O errors.
 pub(super) fn write(root: &Path, entries: &BTreeMap<u64, Entry>) -> Result<()> {
     let all: Vec<&Entry> = entries.values().collect();
     let text = serde_json::to_string(&all).map_err(|error| Error::Internal(error.to_string()))?;
@@ -190,10 +190,11 @@ pub(super) fn write(root: &Path, entries: &BTreeMap<u64, Entry>) -> Result<()> {
 /// The manifest of a whole set.
 const WHOLE: &str = "manifest.json";
 
-/// All samples in the manifests of `root`, the newest entry of each. Lines that are not whole are those of killed runs.
+/// All samples in the manifests of `root`, the newest entry of each. Incomplete lines, which killed runs leave, are
+/// skipped.
 ///
 /// # Errors
-/// The system's; a manifest that is not ours, or names files elsewhere.
+/// I/O errors; an invalid manifest, or one that names files outside the set.
 pub(super) fn read(root: &Path) -> Result<BTreeMap<u64, Entry>> {
     let mut all: BTreeMap<u64, Entry> = BTreeMap::new();
     let whole = root.join(WHOLE);
@@ -207,9 +208,9 @@ pub(super) fn read(root: &Path) -> Result<BTreeMap<u64, Entry>> {
     let mut made: BTreeMap<u64, Entry> = BTreeMap::new();
     for path in logs(root)? {
         let file = File::open(&path).map_err(|source| Error::Io { path: path.clone(), source })?;
-        // A sample that is made again was damaged: what is noted last holds, whatever becomes of it.
+        // A sample that is made again was damaged: its last entry counts, whatever the outcome.
         let mut own: BTreeMap<u64, Entry> = BTreeMap::new();
-        // A line that is cut off may end within a letter.
+        // A truncated line may end within a character.
         for line in BufReader::new(file).split(b'\n') {
             let line = line.map_err(|source| Error::Io { path: path.clone(), source })?;
             if let Ok(entry) = serde_json::from_slice::<Entry>(&line) {
@@ -218,7 +219,7 @@ pub(super) fn read(root: &Path) -> Result<BTreeMap<u64, Entry>> {
             }
         }
         for (sample, entry) in own {
-            // What one shard has made stays, whatever fails in another.
+            // What one shard has made remains, even if it fails in another.
             let worse = |known: &Entry| known.error.is_none() && entry.error.is_some();
             if !made.get(&sample).is_some_and(worse) {
                 made.insert(sample, entry);
@@ -237,7 +238,7 @@ fn inside(path: &Path, entry: &Entry) -> Result<()> {
     }
 }
 
-/// What is wrong with the list at `path` of a file that is elsewhere.
+/// The error for a list at `path` that names a file outside the set.
 pub(super) fn elsewhere(path: &Path, file: &FileEntry) -> Error {
     Error::parse(path, "", format!("names {:?}, which is not in the set", shown::text(&file.path)))
 }
@@ -257,7 +258,7 @@ pub(super) fn logs(root: &Path) -> Result<Vec<std::path::PathBuf>> {
     Ok(logs)
 }
 
-/// Name of the file of what was drawn for a sample.
+/// Name of the file with what was drawn for a sample.
 pub(super) fn drawn_file(sample: u64) -> String {
     format!("samples/{}.json", numbered(sample))
 }
@@ -275,7 +276,7 @@ mod tests {
 
     /// A run that makes a sample again has found it damaged; another shard that fails at it has not.
     #[test]
-    fn what_a_run_notes_last_holds() {
+    fn the_last_entry_of_a_run_counts() {
         let folder = tempfile::tempdir().unwrap();
         let write = |name: &str, lines: &[String]| fs::write(folder.path().join(name), lines.concat()).unwrap();
         write("manifest.json", &["[".into(), line(0, "old", None), ",".into(), line(1, "old", None), "]".into()]);

@@ -1,17 +1,17 @@
 //! Sets: samples written to a folder, by any number of threads and runs.
 //!
-//! | in the folder | what |
+//! | file | contents |
 //! |---|---|
 //! | `scenario.json` | the scenario that made it |
-//! | what the styles write | files of each sample, which appear when it is complete |
+//! | files of the styles | the files of each sample, which appear when it is complete |
 //! | `samples/000017.json` | what was drawn for the sample |
-//! | `pictures/000000.png` | some samples, for people |
-//! | `.lock*` | who writes to it, while somebody does |
+//! | `pictures/000000.png` | previews of some samples |
+//! | `.lock*` | the processes that are writing to the set |
 //! | `manifest*.jsonl` | a line for each sample: its files with sizes and digests, its counts; one file for each shard |
-//! | `README.md` | what it is, for people |
-//! | `splits/train.txt` | the samples of each part |
-//! | `files.json` | what was made of all samples together: its files with sizes and digests |
-//! | `manifest.json`, `report.json`, `report.html`, `contact_sheet.png` | the whole set, once all samples are there |
+//! | `README.md` | a description of the set, for people |
+//! | `splits/train.txt` | the samples of each split |
+//! | `files.json` | the files made from all samples together, with sizes and digests |
+//! | `manifest.json`, `report.json`, `report.html`, `contact_sheet.png` | the whole set, once all samples are present |
 
 mod coco;
 mod folder;

@@ -1,22 +1,23 @@
-//! nuScenes: tables that refer to each other by tokens, each sample a scene.
+//! nuScenes: tables that refer to each other by tokens; each sample is a scene.
 
 mod categories;
 
-use super::points::{Known, in_sensor, in_world, inverse, local, remission, runs};
-use super::rig::{Kind, camera, find, kind};
+use super::points::{LabelCache, in_sensor, in_world, inverse, local, remission, runs};
+use super::rig::{SensorClass, camera, find, kind};
 use super::style::{Scanned, Style, Writer as Write, numbered};
 use super::whole::{Whole, damaged};
 use crate::cloud::{Field, FieldSet, InstanceBox};
 use crate::emitter::{ImageGrid, Intrinsics};
+use crate::export::ImageLayer;
 use crate::export::images::write_layer;
-use crate::export::{self, ImageLayer};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::{Pose, on};
 use crate::ground::report::Report;
 use crate::ground::shown;
 use crate::image::RangeImage;
 use crate::scenario::Sample;
-use crate::scenario::sample::Boxes;
+use crate::scenario::sample::BoxScope;
+use crate::write;
 use categories::Categories;
 use glam::{DQuat, DVec3, Vec3};
 use serde::Deserialize;
@@ -35,9 +36,9 @@ pub(super) struct NuScenes {
     pub version: String,
     /// Name of the LiDAR that is `LIDAR_TOP`, where there are several.
     pub top: Option<String>,
-    /// Whether objects that no sensor has a point of have boxes, too.
+    /// Whether objects of which no sensor has a point get boxes, too.
     pub unseen: bool,
-    /// Names in nuScenes, or new ones, of categories that it does not know by theirs.
+    /// Names in nuScenes, or new ones, for categories whose own names it does not know.
     pub categories: BTreeMap<String, String>,
 }
 
@@ -49,7 +50,7 @@ impl Default for NuScenes {
 
 const ROOT: &str = "nuscenes";
 
-/// Tables whose rows each sample has.
+/// Tables to which each sample adds rows.
 const TABLES: [&str; 9] = [
     "instance",
     "calibrated_sensor",
@@ -65,11 +66,11 @@ const TABLES: [&str; 9] = [
 /// Time between frames that have annotations, s.
 const KEY_PERIOD_S: f64 = 0.5;
 
-/// When scenes start, in microseconds since 1970, and how far they are apart.
+/// Start of the first scene, in microseconds since 1970, and the time between scenes.
 const FIRST_US: u64 = 1_500_000_000_000_000;
 const APART_US: u64 = 3_600_000_000;
 
-/// What moves slower than this stands, m/s.
+/// Objects slower than this are stationary, m/s.
 const STANDING_M_S: f64 = 0.1;
 
 /// Attributes (nuScenes, instructions for annotators).
@@ -84,23 +85,23 @@ const ATTRIBUTES: [&str; 8] = [
     "pedestrian.moving",
 ];
 
-/// Levels of visibility, from which on they hold.
+/// Levels of visibility, each with its lower bound.
 const VISIBILITY: [(&str, &str, f64); 4] =
     [("1", "v0-40", 0.0), ("2", "v40-60", 0.4), ("3", "v60-80", 0.6), ("4", "v80-100", 0.8)];
 
-/// A name of a row that nothing else has: the same wherever the set is made.
+/// A unique name of a row: the same wherever the set is made.
 fn token(words: &[&str]) -> String {
     let digest = Sha256::digest(words.join("\n").as_bytes());
     digest[..16].iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-/// What a sensor is in the tables.
-struct Channel {
-    /// Number of its scan.
+/// A sensor in the tables.
+struct SensorChannel {
+    /// Index of its scan.
     scan: usize,
     name: String,
     camera: Option<(ImageGrid, Intrinsics)>,
-    /// Of its calibration.
+    /// Token of its calibration.
     token: String,
     shots: Vec<Shot>,
 }
@@ -109,16 +110,16 @@ struct Channel {
 struct Shot {
     token: String,
     timestamp: u64,
-    /// Whether it is that of the key frame, or on the way to it.
+    /// Whether it belongs to the key frame itself, or is a sweep before it.
     is_key: bool,
-    /// Number of the key frame, from 0.
+    /// Index of the key frame, from 0.
     key: usize,
     /// Its file, relative to the folder of the style.
     file: String,
 }
 
 /// An object in a key frame.
-struct Annotation {
+struct SampleAnnotation {
     key: usize,
     track: u32,
     category: String,
@@ -129,23 +130,23 @@ struct Annotation {
     attribute: Option<&'static str>,
 }
 
-struct Writer<'w> {
+struct NuScenesWriter<'w> {
     style: &'w NuScenes,
     categories: Categories<'w>,
     folder: &'w Path,
     number: u64,
-    /// What tokens of this sample begin with.
+    /// Name of this sample, from which all its tokens are derived.
     name: String,
     /// The first is the LiDAR whose frames are key frames.
-    channels: Vec<Channel>,
+    channels: Vec<SensorChannel>,
     /// Number of key frames.
     keys: usize,
-    annotations: Vec<Annotation>,
-    /// Key frames and objects of which a sensor has points there.
+    annotations: Vec<SampleAnnotation>,
+    /// Pairs of a key frame and an object of which a sensor has points in it.
     seen: BTreeSet<(usize, u32)>,
-    /// Lines of a table's name and a row.
+    /// Lines, each of a table's name and a row.
     rows: String,
-    /// Categories that it does not have.
+    /// Categories that nuScenes does not have.
     unknown: BTreeSet<String>,
 }
 
@@ -154,13 +155,13 @@ impl NuScenes {
         Categories::new(&self.categories)
     }
 
-    /// Number of the scan whose frames are key frames.
+    /// Index of the scan whose frames are key frames.
     fn top(&self, sample: &Sample) -> Result<usize> {
-        let lidars = || sample.scans().iter().enumerate().filter(|(_, scan)| kind(scan) == Kind::Lidar);
+        let lidars = || sample.scans().iter().enumerate().filter(|(_, scan)| kind(scan) == SensorClass::Lidar);
         match (&self.top, lidars().next()) {
             // The first of several.
             (None, Some((scan, _))) => Ok(scan),
-            (asked, _) => find(sample, "nuscenes: top", asked.as_deref(), Kind::Lidar),
+            (top_name, _) => find(sample, "nuscenes: top", top_name.as_deref(), SensorClass::Lidar),
         }
     }
 }
@@ -180,7 +181,7 @@ impl Style for NuScenes {
         let own = self.categories().own().len();
         if own > categories::MOST_OWN {
             let allowed = format!("{} at most", categories::MOST_OWN);
-            return Err(Error::invalid("categories", format!("{own} names that are not of nuScenes"), allowed));
+            return Err(Error::invalid("categories", format!("{own} names that nuScenes does not have"), allowed));
         }
         Ok(())
     }
@@ -194,10 +195,10 @@ impl Style for NuScenes {
         [X, Y, Z, Intensity, CategoryId, InstanceId, Ring, Beam, Range, Red, Green, Blue].into_iter().collect()
     }
 
-    fn boxes(&self, sample: &Sample, scan: usize, frame: usize) -> Boxes {
+    fn boxes(&self, sample: &Sample, scan: usize, frame: usize) -> BoxScope {
         let starts = || sample.scans()[scan].frames().iter().map(|frame| frame.start);
         let key = || starts().nth(frame).is_some_and(|start| key_times(starts()).contains(&start));
-        if self.top(sample).is_ok_and(|top| scan == top) && key() { Boxes::InSpace } else { Boxes::None }
+        if self.top(sample).is_ok_and(|top| scan == top) && key() { BoxScope::InSpace } else { BoxScope::None }
     }
 
     fn fits(&self, sample: &Sample) -> Result<()> {
@@ -215,7 +216,7 @@ impl Style for NuScenes {
         let keys = key_times(sample.scans()[top].frames().iter().map(|frame| frame.start));
         let mut channels = Vec::new();
         let scans = sample.scans();
-        let others = (0..scans.len()).filter(|&scan| scan != top && kind(&scans[scan]) != Kind::Sonar);
+        let others = (0..scans.len()).filter(|&scan| scan != top && kind(&scans[scan]) != SensorClass::Sonar);
         for scan in [top].into_iter().chain(others) {
             let camera = camera(&scans[scan]);
             let own: String = scans[scan].name().to_uppercase();
@@ -225,7 +226,7 @@ impl Style for NuScenes {
                 Some(_) => format!("CAM_{}", own.trim_start_matches("CAM_")),
                 None => format!("LIDAR_{}", own.trim_start_matches("LIDAR_")),
             };
-            if channels.iter().any(|known: &Channel| known.name == channel) {
+            if channels.iter().any(|known: &SensorChannel| known.name == channel) {
                 let found = format!("{channel} of two sensors, of which one is {}", scans[scan].name());
                 return Err(Error::invalid(
                     "nuscenes: channel",
@@ -236,7 +237,7 @@ impl Style for NuScenes {
             let times: Vec<f64> = scans[scan].frames().iter().map(|frame| frame.start).collect();
             let shots = shots(&name, number, &channel, camera.is_some(), &times, &keys);
             let token = token(&["calibrated_sensor", &name, &channel]);
-            channels.push(Channel { scan, name: channel, camera, token, shots });
+            channels.push(SensorChannel { scan, name: channel, camera, token, shots });
         }
         for channel in &channels {
             for kind in ["samples", "sweeps"] {
@@ -245,7 +246,7 @@ impl Style for NuScenes {
         }
         make_folder(&folder.join("lidarseg").join(&self.version))?;
         make_folder(&folder.join(PIECES))?;
-        let mut writer = Writer {
+        let mut writer = NuScenesWriter {
             style: self,
             categories: self.categories(),
             folder,
@@ -278,7 +279,7 @@ impl Style for NuScenes {
                         between = ",\n";
                     }
                 }
-                // Of an empty table, the beginning is missing.
+                // An empty table lacks its opening bracket so far.
                 write!(out, "{}\n]\n", if between == "[\n" { "[" } else { "" })
             })?;
         }
@@ -350,7 +351,7 @@ impl Style for NuScenes {
             FIRST_US / 1_000_000,
             self.version,
             if !self.categories().own().is_empty() {
-                "\nSome categories are not of nuScenes; its kit then needs colours for them: `NuScenes(…, colormap={…})`.\n"
+                "\nSome categories are not in nuScenes; its devkit needs colours for them: `NuScenes(…, colormap={…})`.\n"
             } else {
                 ""
             }
@@ -358,10 +359,10 @@ impl Style for NuScenes {
     }
 }
 
-/// Folders beside the tables.
+/// Folders next to that of the tables.
 const FOLDERS: [&str; 4] = ["samples", "sweeps", "lidarseg", "maps"];
 
-/// Where the rows of samples are.
+/// Folder of the rows of samples.
 const PIECES: &str = ".pieces";
 
 fn piece(sample: u64) -> PathBuf {
@@ -376,7 +377,7 @@ fn make_folder(path: &Path) -> Result<()> {
     fs::create_dir_all(path).map_err(|source| Error::Io { path: path.to_owned(), source })
 }
 
-/// Times of key frames among `times`: the first, and each that is the first after another period.
+/// Times of key frames among `times`: the first, and the first after each further period.
 fn key_times(times: impl Iterator<Item = f64>) -> Vec<f64> {
     let mut keys: Vec<f64> = Vec::new();
     let mut next = f64::NEG_INFINITY;
@@ -394,7 +395,7 @@ fn timestamp(number: u64, time: f64) -> u64 {
     (FIRST_US + number * APART_US).saturating_add_signed((time * 1e6).round() as i64)
 }
 
-/// The frames of a sensor: the nearest to each key time is a key frame, those between go with the next.
+/// The frames of a sensor: the nearest to each key time is a key frame, those between belong to the next.
 fn shots(name: &str, number: u64, channel: &str, camera: bool, times: &[f64], keys: &[f64]) -> Vec<Shot> {
     let mut key_of: BTreeMap<usize, usize> = BTreeMap::new();
     for (key, &at) in keys.iter().enumerate() {
@@ -422,7 +423,7 @@ fn turned(orientation: DQuat) -> [f64; 4] {
     [orientation.w, orientation.x, orientation.y, orientation.z]
 }
 
-impl Writer<'_> {
+impl NuScenesWriter<'_> {
     fn row(&mut self, table: &str, row: &Value) {
         self.rows += &format!("{table} {row}\n");
     }
@@ -431,12 +432,12 @@ impl Writer<'_> {
         token(&[table, &self.name, of])
     }
 
-    /// The token of a key frame; empty where there is none.
+    /// The token of a key frame; empty if there is none.
     fn sample_token(&self, key: Option<usize>) -> String {
         key.filter(|key| *key < self.keys).map_or_else(String::new, |key| self.token("sample", &key.to_string()))
     }
 
-    /// What is known before anything is scanned.
+    /// Adds the rows that are known before anything is scanned.
     fn begin(&mut self, sample: &Sample, keys: &[f64]) {
         let (log, scene) = (self.token("log", ""), self.token("scene", ""));
         let scene_name = scene_name(self.number);
@@ -466,7 +467,7 @@ impl Writer<'_> {
             self.row("sample", &row);
         }
         for index in 0..self.channels.len() {
-            let Channel { scan, name, camera, token: calibrated, .. } = &self.channels[index];
+            let SensorChannel { scan, name, camera, token: calibrated, .. } = &self.channels[index];
             let modality = if camera.is_some() { "camera" } else { "lidar" };
             let sensor = token(&["sensor", name]);
             let mount = sample.scans()[*scan].mount();
@@ -486,13 +487,13 @@ impl Writer<'_> {
         }
     }
 
-    /// The rows of objects, once all of them are known.
+    /// Adds the rows of objects, once all of them are known.
     fn link(&mut self) {
         self.annotations.sort_by_key(|found| (found.track, found.key));
         let mut annotations = std::mem::take(&mut self.annotations);
         annotations.retain(|found| self.style.unseen || self.seen.contains(&(found.key, found.track)));
         for track in annotations.chunk_by(|a, b| a.track == b.track) {
-            let of = |found: Option<&Annotation>| {
+            let of = |found: Option<&SampleAnnotation>| {
                 found.map_or_else(String::new, |found| {
                     self.token("sample_annotation", &format!("{} {}", found.track, found.key))
                 })
@@ -522,7 +523,7 @@ impl Writer<'_> {
     }
 }
 
-/// How many of `places` are in a box in their frame, as the development kit counts them.
+/// Number of `places` in a box, both in the same frame, as the development kit counts them.
 fn inside(found: &InstanceBox, places: &[Vec3]) -> u32 {
     let (middle, half) = (found.pose.position, 0.5 * found.size);
     let (near, reach) = (middle.as_vec3(), 1.001 * half.length() as f32);
@@ -531,7 +532,7 @@ fn inside(found: &InstanceBox, places: &[Vec3]) -> u32 {
     places.iter().filter(|place| place.distance_squared(near) <= reach * reach).filter(is_inside).count() as u32
 }
 
-/// What an object of a category does at a speed, m/s.
+/// The attribute of an object of a category at a speed, m/s.
 fn attribute(category: &str, ours: &str, speed: f64) -> Option<&'static str> {
     let moves = speed > STANDING_M_S;
     match category {
@@ -547,7 +548,7 @@ fn attribute(category: &str, ours: &str, speed: f64) -> Option<&'static str> {
     }
 }
 
-impl Write for Writer<'_> {
+impl Write for NuScenesWriter<'_> {
     fn add(&mut self, &Scanned { sample, scan, frame, cloud, boxes, .. }: &Scanned) -> Result<Report> {
         let mut report = Report::default();
         let Some(index) = self.channels.iter().position(|channel| channel.scan == scan) else {
@@ -570,7 +571,7 @@ impl Write for Writer<'_> {
         } else {
             let columns = &cloud.columns;
             let [mut points, mut classes] = [20, 1].map(|bytes| Vec::with_capacity(bytes * cloud.len));
-            let mut known = Known::new();
+            let mut known = LabelCache::new();
             for (row, point) in local(cloud) {
                 let ring = f32::from(columns.ring[row]);
                 let numbers = [point.x, point.y, point.z, 255.0 * remission(cloud, row), ring];
@@ -585,10 +586,10 @@ impl Write for Writer<'_> {
                     }),
                 }));
             }
-            export::write_whole(&path, &points)?;
+            write::whole(&path, &points)?;
             if shot.is_key {
                 let file = format!("lidarseg/{}/{}_lidarseg.bin", self.style.version, shot.token);
-                export::write_whole(&self.folder.join(&file), &classes)?;
+                write::whole(&self.folder.join(&file), &classes)?;
                 labels = Some(json!({"token": shot.token, "sample_data_token": shot.token, "filename": file}));
             }
         }
@@ -612,7 +613,7 @@ impl Write for Writer<'_> {
             for found in boxes {
                 let ours = cloud.labels.category.name(found.category_id).unwrap_or_default();
                 let Some(category) = self.categories.of_boxes(ours) else { continue };
-                self.annotations.push(Annotation {
+                self.annotations.push(SampleAnnotation {
                     key,
                     track: found.track_id,
                     category: category.to_owned(),
@@ -635,7 +636,7 @@ impl Write for Writer<'_> {
     fn finish(mut self: Box<Self>) -> Result<Report> {
         self.link();
         let path = self.folder.join(PIECES).join(format!("{}.txt", numbered(self.number)));
-        export::write_whole(&path, self.rows.as_bytes())?;
+        write::whole(&path, self.rows.as_bytes())?;
         let mut report = Report::default();
         if !self.unknown.is_empty() {
             let names = self.unknown.into_iter().collect::<Vec<_>>().join(", ");
@@ -655,7 +656,7 @@ mod tests {
         assert_eq!(every(0.05, 21), [0.0, 0.5, 1.0]);
         assert_eq!(every(0.1, 11), [0.0, 0.5, 1.0]);
         assert_eq!(every(1.0, 3), [0.0, 1.0, 2.0]);
-        // 3 and 7 are the first after half a second and a whole one.
+        // Frames 4 and 7 are the first after half a second and after a whole one.
         let found = every(0.15, 8);
         assert!(found.len() == 3 && (found[1] - 0.6).abs() < 1e-9 && (found[2] - 1.05).abs() < 1e-9, "{found:?}");
         let sweeps = shots("a", 2, "LIDAR_TOP", false, &[0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6], &[0.0, 0.5]);

@@ -1,4 +1,4 @@
-//! One folder a sample, in any format of clouds.
+//! One folder per sample, in any cloud format.
 
 use super::style::{Scanned, Style, Writer as Write};
 use crate::cloud::FieldSet;
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 pub(super) struct Plain {
     /// Name of the format, as `echocast formats` lists them.
     pub format: String,
-    /// A picture of each cloud beside it.
+    /// Options of a picture next to each cloud.
     pub preview: Option<PreviewOptions>,
 }
 
@@ -26,7 +26,7 @@ impl Default for Plain {
     }
 }
 
-struct Writer<'w> {
+struct PlainWriter<'w> {
     style: &'w Plain,
     folder: &'w Path,
 }
@@ -75,11 +75,11 @@ impl Style for Plain {
     }
 
     fn writer<'w>(&'w self, _number: u64, _sample: &Sample, folder: &'w Path) -> Result<Box<dyn Write + 'w>> {
-        Ok(Box::new(Writer { style: self, folder }))
+        Ok(Box::new(PlainWriter { style: self, folder }))
     }
 }
 
-impl Write for Writer<'_> {
+impl Write for PlainWriter<'_> {
     fn add(&mut self, &Scanned { sample, scan, frame, cloud, .. }: &Scanned) -> Result<Report> {
         let scan = &sample.scans()[scan];
         let format = export::format_for(Path::new(""), Some(&self.style.format))?;
@@ -97,7 +97,7 @@ impl Write for Writer<'_> {
     }
 }
 
-/// `name` as a name of a file: letters that could mean something else in one become `_`.
+/// `name` as a file name: characters that could have a special meaning there become `_`.
 pub(super) fn file_name(name: &str) -> String {
     name.chars().map(|letter| if letter.is_alphanumeric() || "-_.".contains(letter) { letter } else { '_' }).collect()
 }

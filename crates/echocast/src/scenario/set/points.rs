@@ -1,4 +1,4 @@
-//! Points of a cloud as the files of data sets have them.
+//! Points of a cloud as the files of data sets hold them.
 
 use crate::cloud::{Frame, InstanceBox, PointCloud};
 use crate::ground::pose::{Pose, on};
@@ -7,7 +7,7 @@ use std::collections::HashMap;
 use std::hash::Hash;
 use std::ops::Range;
 
-/// The rows of `cloud` that are somewhere, and where, in the sensor's frame at the start of the scan.
+/// The rows of `cloud` that have a position, and the position in the sensor's frame at the start of the scan.
 pub(super) fn local(cloud: &PointCloud) -> impl Iterator<Item = (usize, Vec3)> {
     let columns = &cloud.columns;
     let pose = cloud.sensor_pose;
@@ -22,7 +22,7 @@ pub(super) fn local(cloud: &PointCloud) -> impl Iterator<Item = (usize, Vec3)> {
     (0..cloud.len).map(move |row| (row, place(row))).filter(|(_, point)| point.is_finite())
 }
 
-/// Stretches of rows that have the same number, which is that of what neighbours in a scan have hit.
+/// Runs of rows with the same number, such as that of an instance: neighbours in a scan often hit the same one.
 pub(super) fn runs(numbers: &[u32]) -> impl Iterator<Item = (u32, Range<usize>)> {
     let mut end = 0;
     numbers.chunk_by(|a, b| a == b).map(move |run| {
@@ -32,8 +32,8 @@ pub(super) fn runs(numbers: &[u32]) -> impl Iterator<Item = (u32, Range<usize>)>
     })
 }
 
-/// Whether `found`, a name in a scene, is the `known` word of a data set, in any case, with `-`, `_` or blanks between its
-/// parts.
+/// Whether `found`, a name in a scene, is the `known` word of a data set, ignoring case and with `-`, `_` or blanks
+/// between its parts.
 pub(super) fn is_word(known: &str, found: &str) -> bool {
     let plain = |word: &str| {
         let letters = word.chars().map(|letter| if matches!(letter, '_' | ' ') { '-' } else { letter });
@@ -42,18 +42,18 @@ pub(super) fn is_word(known: &str, found: &str) -> bool {
     known == found || known.len() == found.len() && plain(known) == plain(found)
 }
 
-/// What belongs to the labels of rows, each made once; the last is at hand, since neighbours have the same.
-pub(super) struct Known<K, V> {
+/// Values for the labels of rows, each computed once; the last one is kept at hand, since neighbours often share it.
+pub(super) struct LabelCache<K, V> {
     all: HashMap<K, V>,
     last: Option<(K, V)>,
 }
 
-impl<K: Copy + Eq + Hash, V: Copy> Known<K, V> {
-    pub fn new() -> Known<K, V> {
-        Known { all: HashMap::new(), last: None }
+impl<K: Copy + Eq + Hash, V: Copy> LabelCache<K, V> {
+    pub fn new() -> LabelCache<K, V> {
+        LabelCache { all: HashMap::new(), last: None }
     }
 
-    /// What belongs to `key`, which is made if it is not known.
+    /// The value for `key`, which is computed if it is not known.
     pub fn of(&mut self, key: K, make: impl FnOnce() -> V) -> V {
         match self.last {
             Some((last, value)) if last == key => value,
@@ -69,7 +69,7 @@ pub(super) fn remission(cloud: &PointCloud, row: usize) -> f32 {
     if remission.is_finite() { remission } else { 0.0 }
 }
 
-/// Where a box around an instance of `cloud` is in the world.
+/// Pose of a box around an instance of `cloud` in the world.
 pub(super) fn in_world(cloud: &PointCloud, found: &InstanceBox) -> Pose {
     match cloud.frame {
         Frame::World => found.pose,
@@ -77,7 +77,7 @@ pub(super) fn in_world(cloud: &PointCloud, found: &InstanceBox) -> Pose {
     }
 }
 
-/// Where a box around an instance of `cloud` is in the sensor's frame at the start of the scan.
+/// Pose of a box around an instance of `cloud` in the sensor's frame at the start of the scan.
 pub(super) fn in_sensor(cloud: &PointCloud, found: &InstanceBox) -> Pose {
     match cloud.frame {
         Frame::World => on(&inverse(&cloud.sensor_pose), &found.pose),
@@ -85,7 +85,7 @@ pub(super) fn in_sensor(cloud: &PointCloud, found: &InstanceBox) -> Pose {
     }
 }
 
-/// The pose that undoes `pose`.
+/// The inverse of `pose`.
 pub(super) fn inverse(pose: &Pose) -> Pose {
     let back = pose.orientation.inverse();
     Pose { position: -(back * pose.position), orientation: back }

@@ -1,4 +1,4 @@
-//! What a set is, for people who come upon it.
+//! Description of a set for its readers: `README.md`.
 
 use super::folder::Origin;
 use super::style::Style;
@@ -8,10 +8,10 @@ use crate::preview::thousands;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
-/// Longer scenarios are in their own file alone, bytes.
+/// Scenarios longer than this, bytes, are only in their own file.
 const LONGEST_SCENARIO: usize = 20_000;
 
-/// `README.md`.
+/// The text of `README.md`.
 pub(super) fn text(origin: &Origin, whole: &Whole, styles: &[Box<dyn Style>], licence: Option<&str>) -> String {
     let entries = || whole.entries.values().filter(|entry| entry.error.is_none());
     let points: u64 = entries().map(|entry| entry.points).sum();
@@ -30,13 +30,13 @@ pub(super) fn text(origin: &Origin, whole: &Whole, styles: &[Box<dyn Style>], li
     text += "\n## Licence\n\n";
     match licence {
         Some(licence) => text += &format!("{}\n", plain(licence)),
-        None => text += "None is said.\n",
+        None => text += "None specified.\n",
     }
     text += "\n## Sensors\n\n| name | |\n|---|---|\n";
     for sensor in &origin.sensors {
         let _ = writeln!(text, "| {} | {} |", plain(&sensor.name), plain(&sensor.title));
     }
-    text += "\n## Columns of clouds\n\nOf files that can hold them.\n\n| column | unit | |\n|---|---|---|\n";
+    text += "\n## Columns of clouds\n\nIn files whose format can hold them.\n\n| column | unit | |\n|---|---|---|\n";
     let columns: BTreeSet<Field> = origin
         .sensors
         .iter()
@@ -79,7 +79,7 @@ fn counted(count: u64, what: &str) -> String {
     format!("{} {what}{}", thousands(count as usize), if count == 1 { "" } else { "s" })
 }
 
-/// A name in Markdown, in which letters that mean something there have no meaning.
+/// A name in Markdown, with the special characters escaped.
 fn plain(name: &str) -> String {
     let mut text = String::new();
     for letter in name.chars() {

@@ -1,13 +1,13 @@
-//! What a set is like, for programs and for people.
+//! Statistics of a set, for programs and for people.
 
 use super::folder::{self, Origin};
 use super::manifest::{Entry, FileEntry, RANGE_STEP_M, drawn_file};
 use super::noticed::Kinds;
 use super::style::numbered;
-use crate::export;
 use crate::ground::error::{Error, Result};
 use crate::preview;
 use crate::read::{self, Limit};
+use crate::write;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -15,26 +15,26 @@ use std::path::Path;
 
 /// Values of one parameter over all samples.
 #[derive(Debug)]
-enum Drawn {
+enum DrawnValues {
     Numbers(Vec<f64>),
     /// How often each was drawn.
     Others(BTreeMap<String, u64>),
 }
 
-/// Most different values that are counted one by one.
+/// Maximum number of different values that are counted one by one.
 const MOST_OTHERS: usize = 1000;
 
-/// Writes `report.json`, `report.html`, and the pictures as one, `contact_sheet.png`.
+/// Writes `report.json`, `report.html`, and the pictures combined in `contact_sheet.png`.
 ///
 /// # Errors
-/// The system's.
+/// I/O errors.
 pub(super) fn write(root: &Path, origin: &Origin, entries: &BTreeMap<u64, Entry>) -> Result<()> {
     let entries = || entries.range(..origin.samples).map(|(_, entry)| entry);
     let mut categories: BTreeMap<&str, u64> = BTreeMap::new();
     let mut ranges: Vec<u64> = Vec::new();
     let mut empty: BTreeMap<&str, u64> = BTreeMap::new();
     let mut noticed = Kinds::default();
-    let mut drawn: BTreeMap<String, Drawn> = BTreeMap::new();
+    let mut drawn: BTreeMap<String, DrawnValues> = BTreeMap::new();
     for entry in entries() {
         for (name, count) in &entry.categories {
             *categories.entry(name).or_default() += count;
@@ -63,7 +63,7 @@ pub(super) fn write(root: &Path, origin: &Origin, entries: &BTreeMap<u64, Entry>
         "empty": empty,
         "ranges": {"step_m": RANGE_STEP_M, "points": ranges},
         "drawn": drawn,
-        "warnings": noticed.told(),
+        "warnings": noticed.notices(),
         "echocast": origin.echocast,
     });
     let text = serde_json::to_string_pretty(&report).map_err(|error| Error::Internal(error.to_string()))? + "\n";
@@ -73,14 +73,14 @@ pub(super) fn write(root: &Path, origin: &Origin, entries: &BTreeMap<u64, Entry>
         let path = root.join("contact_sheet.png");
         let sheet = preview::sheet(pictures.iter().map(|(_, file)| file))
             .to_png()
-            .map_err(|source| export::failed(&path, source))?;
+            .map_err(|source| write::failed(&path, source))?;
         folder::replace(&path, &sheet)?;
     }
     folder::replace(&root.join("report.html"), page(&report, &pictures).as_bytes())
 }
 
-/// Adds the values of a sample to those of others.
-fn collect(path: &Path, drawn: &mut BTreeMap<String, Drawn>) -> Result<()> {
+/// Adds the values drawn for a sample to those of others.
+fn collect(path: &Path, drawn: &mut BTreeMap<String, DrawnValues>) -> Result<()> {
     let bytes = read::bytes(path, Limit::YAML)?;
     let sample: Value = serde_json::from_slice(&bytes).map_err(|error| Error::parse(path, "", error.to_string()))?;
     for entry in sample["drawn"].as_array().into_iter().flatten() {
@@ -102,16 +102,16 @@ fn collect(path: &Path, drawn: &mut BTreeMap<String, Drawn>) -> Result<()> {
     Ok(())
 }
 
-fn add(drawn: &mut BTreeMap<String, Drawn>, name: String, value: &Value) {
+fn add(drawn: &mut BTreeMap<String, DrawnValues>, name: String, value: &Value) {
     let numeric = value.as_f64();
     let known = drawn.entry(name).or_insert_with(|| match numeric {
-        Some(_) => Drawn::Numbers(Vec::new()),
-        None => Drawn::Others(BTreeMap::new()),
+        Some(_) => DrawnValues::Numbers(Vec::new()),
+        None => DrawnValues::Others(BTreeMap::new()),
     });
     match (known, numeric) {
-        (Drawn::Numbers(all), Some(number)) => all.push(number),
-        (Drawn::Numbers(_), None) => {}
-        (Drawn::Others(all), _) => {
+        (DrawnValues::Numbers(all), Some(number)) => all.push(number),
+        (DrawnValues::Numbers(_), None) => {}
+        (DrawnValues::Others(all), _) => {
             let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
             if all.len() < MOST_OTHERS || all.contains_key(&text) {
                 *all.entry(text).or_default() += 1;
@@ -120,12 +120,12 @@ fn add(drawn: &mut BTreeMap<String, Drawn>, name: String, value: &Value) {
     }
 }
 
-impl Drawn {
+impl DrawnValues {
     fn to_json(&self) -> Value {
-        /// Steps of a histogram.
+        /// Number of bins of a histogram.
         const STEPS: usize = 20;
         match self {
-            Drawn::Numbers(all) => {
+            DrawnValues::Numbers(all) => {
                 let low = all.iter().copied().fold(f64::INFINITY, f64::min);
                 let high = all.iter().copied().fold(f64::NEG_INFINITY, f64::max);
                 let mut counts = vec![0_u64; STEPS];
@@ -136,7 +136,7 @@ impl Drawn {
                 let mean = all.iter().sum::<f64>() / all.len() as f64;
                 json!({"count": all.len(), "min": low, "mean": mean, "max": high, "histogram": counts})
             }
-            Drawn::Others(all) => json!({ "count": all.values().sum::<u64>(), "values": all }),
+            DrawnValues::Others(all) => json!({ "count": all.values().sum::<u64>(), "values": all }),
         }
     }
 }
@@ -152,7 +152,7 @@ fn pictures<'e>(root: &Path, entries: impl Iterator<Item = &'e Entry>) -> Result
     names.map(picture).collect()
 }
 
-/// The page: everything in it, nothing from elsewhere.
+/// The page, self-contained.
 fn page(report: &Value, pictures: &[(String, Vec<u8>)]) -> String {
     const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2rem auto;max-width:75rem;padding:0 1rem;\
         background:#16171b;color:#e6e6e6}h1{font-weight:500}h2{font-weight:500;margin-top:2.2rem}\
@@ -291,7 +291,7 @@ fn histogram(counts: &Value) -> String {
     svg + "</svg>"
 }
 
-/// A number of a report.
+/// A number of a report, with grouped digits.
 fn grouped(number: &Value) -> String {
     preview::thousands(number.as_u64().unwrap_or(0) as usize)
 }
@@ -300,7 +300,7 @@ fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// RFC 4648, section 4.
+/// Base64 (RFC 4648, section 4).
 fn base64(bytes: &[u8]) -> String {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);

@@ -1,4 +1,4 @@
-//! Which sensors of a rig a style takes, and pinhole sensors as cameras.
+//! The sensors of a rig that a style uses, and pinhole sensors as cameras.
 
 use crate::emitter::pattern::Pattern;
 use crate::emitter::{ImageGrid, Intrinsics};
@@ -6,45 +6,46 @@ use crate::ground::error::{Error, Result};
 use crate::scenario::{Sample, Scan};
 use crate::sensor::SensorKind;
 
-/// The kinds of sensors that styles take.
+/// The kinds of sensors that styles distinguish.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kind {
+pub(super) enum SensorClass {
     Lidar,
-    /// Pinhole sensors, whatever they measure ranges with.
+    /// Pinhole sensors, however they measure ranges.
     Camera,
     Sonar,
 }
 
-/// What `scan` is made with.
-pub(super) fn kind(scan: &Scan) -> Kind {
+/// The kind of sensor of `scan`.
+pub(super) fn kind(scan: &Scan) -> SensorClass {
     match (scan.sensor().kind(), &scan.sensor().spec().pattern) {
-        (SensorKind::Sonar, _) => Kind::Sonar,
-        (_, Pattern::Pinhole(_)) => Kind::Camera,
-        _ => Kind::Lidar,
+        (SensorKind::Sonar, _) => SensorClass::Sonar,
+        (_, Pattern::Pinhole(_)) => SensorClass::Camera,
+        _ => SensorClass::Lidar,
     }
 }
 
-/// Number of the scan of `sample` with the sensor called `asked`, which is of this kind; without a name, of the only one.
+/// Index of the scan of `sample` whose sensor has this kind and the requested name; without a name, of the only one of
+/// this kind.
 ///
 /// # Errors
-/// There is none, with what could be added; several.
-pub(super) fn find(sample: &Sample, key: &str, asked: Option<&str>, wanted: Kind) -> Result<usize> {
+/// No such sensor, with what could be added; several.
+pub(super) fn find(sample: &Sample, key: &str, sensor_name: Option<&str>, class_needed: SensorClass) -> Result<usize> {
     let scans = sample.scans();
-    let fitting: Vec<usize> = (0..scans.len()).filter(|&scan| kind(&scans[scan]) == wanted).collect();
+    let fitting: Vec<usize> = (0..scans.len()).filter(|&scan| kind(&scans[scan]) == class_needed).collect();
     let names = |which: &[usize]| which.iter().map(|&scan| scans[scan].name()).collect::<Vec<_>>().join(", ");
-    let add = match wanted {
-        Kind::Lidar => {
+    let add = match class_needed {
+        SensorClass::Lidar => {
             "a LiDAR in `sensors`, such as {sensor: velodyne_hdl64e}; sonars are written by plain, webdataset"
         }
-        Kind::Camera => {
+        SensorClass::Camera => {
             "a camera in `sensors`, such as {name: camera, sensor: {name: camera, kind: lidar, pattern: {type: pinhole, \
              resolution: [1242, 375], fov_deg: [81, 29]}}}"
         }
-        Kind::Sonar => "a sonar in `sensors`",
+        SensorClass::Sonar => "a sonar in `sensors`",
     };
     let allowed = || if fitting.is_empty() { add.to_owned() } else { names(&fitting) };
     let all: Vec<usize> = (0..scans.len()).collect();
-    match (asked, fitting.as_slice()) {
+    match (sensor_name, fitting.as_slice()) {
         (Some(name), _) => {
             let found = fitting.iter().find(|&&scan| scans[scan].name() == name);
             found.copied().ok_or_else(|| Error::invalid(key, format!("{name:?}"), allowed()))
@@ -58,7 +59,7 @@ pub(super) fn find(sample: &Sample, key: &str, asked: Option<&str>, wanted: Kind
     }
 }
 
-/// The image of `scan` and its intrinsics, if it is of a camera.
+/// The image grid and intrinsics of `scan`, if its sensor is a camera.
 pub(super) fn camera(scan: &Scan) -> Option<(ImageGrid, Intrinsics)> {
     let grid = scan.sensor().image_grid().ok()?;
     let intrinsics = grid.intrinsics?;

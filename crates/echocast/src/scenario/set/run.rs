@@ -1,22 +1,22 @@
-//! Making samples, side by side, and completing a set.
+//! Makes samples in parallel, and completes a set.
 
 use super::folder::{self, Making, Origin, settle};
 use super::lock::Lock;
-use super::manifest::{self, Entry, FARTHEST_M, FileEntry, Log, RANGE_STEP_M, drawn_file};
+use super::manifest::{self, Entry, FARTHEST_M, FileEntry, ManifestLog, RANGE_STEP_M, drawn_file};
 use super::noticed::{Kinds, Noticed};
 use super::points::runs;
-use super::rig::{Kind, kind};
+use super::rig::{SensorClass, kind};
 use super::style::{self, Scanned, Style, numbered};
 use super::whole::{Whole, damaged};
 use super::{readme, report};
 use crate::cloud::{Field, FieldSet, PointCloud};
-use crate::export::{self, cancel_flag};
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
 use crate::preview::{self, PreviewOptions, View};
-use crate::scenario::sample::Boxes;
+use crate::scenario::sample::BoxScope;
 use crate::scenario::{Sample, Scenario, lock};
 use crate::trace::Engine;
+use crate::write::{self, cancel_flag};
 use glam::Vec3;
 use std::collections::BTreeMap;
 use std::fs;
@@ -29,63 +29,63 @@ use std::time::Instant;
 /// Which samples are made, and how.
 #[derive(Clone, Debug)]
 pub struct RunOptions {
-    /// Folder of the set; `None`: as the scenario says.
+    /// Folder of the set; `None`: as the scenario specifies.
     pub folder: Option<PathBuf>,
-    /// First and last sample, and every how many; `None`: all.
+    /// First sample, last sample and step; `None`: all.
     pub samples: Option<[u64; 3]>,
-    /// Number and count of the parts that the samples are divided into, of which one is made; the first is 0.
+    /// Index, from 0, and number of the shards that the samples are divided into; only this shard is made.
     pub shard: Option<[u64; 2]>,
-    /// Goes on where a run has stopped, instead of refusing a set that has samples.
+    /// Resumes where a run has stopped, instead of refusing a set that has samples.
     pub resume: bool,
     /// Threads; 0: all cores.
     pub threads: usize,
 }
 
-/// What happens during a run.
+/// Progress of a run.
 #[derive(Debug)]
 pub enum Event<'e> {
-    /// It begins, with so many samples.
+    /// The run begins, with this many samples.
     Begins(u64),
     /// A sample is complete, or has failed.
     Made(&'e Entry),
-    /// A sample that was there already.
+    /// A sample existed already.
     Found(u64),
 }
 
-/// What a run has done.
+/// Result of a run.
 #[derive(Debug, Default)]
 pub struct RunSummary {
     /// Folder of the set.
     pub folder: PathBuf,
-    /// Samples made.
+    /// Number of samples made.
     pub made: u64,
-    /// Samples that were there.
+    /// Number of samples that existed already.
     pub found: u64,
     /// Samples that have failed, and why.
     pub failed: Vec<(u64, String)>,
-    /// Points of those that were made.
+    /// Number of points of the samples made.
     pub points: u64,
-    /// s.
+    /// Duration, s.
     pub seconds: f64,
-    /// What was noticed, each kind once.
+    /// Warnings, each kind once.
     pub warnings: Vec<Noticed>,
     /// Whether the set is complete: with manifest and report.
     pub complete: bool,
-    /// Threads that made samples.
+    /// Number of threads that made samples.
     pub threads: usize,
 }
 
-/// The first samples of a set are shown in its report.
+/// Number of samples, the first ones of a set, that are shown in its report.
 const PICTURES: u64 = 12;
 
-/// Makes samples of `scenario` and writes them. One that fails is noted, and the others go on.
+/// Makes samples of `scenario` and writes them. A failed sample is recorded, and the others continue.
 ///
-/// `watch` is told what happens, on the thread where it happens.
+/// `watch` is called for each event, on the thread where it occurs.
 ///
 /// # Errors
-/// A folder that holds something else; one that another process writes to, unless both make shards, another one each of
-/// as many; samples that are there without `resume`; a full disk; [`Error::Cancelled`] once the samples under way are
-/// complete, if [`cancel_flag`] is set.
+/// A folder that holds other files; one that another process writes to, unless both make different shards of the same
+/// number of shards; existing samples without `resume`; a full disk; [`Error::Cancelled`] once the samples in progress
+/// are complete, if [`cancel_flag`] is set.
 pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sync)) -> Result<RunSummary> {
     let start = Instant::now();
     let styles = super::styles(&scenario)?;
@@ -93,16 +93,16 @@ pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sy
     let root = root.filter(|root| !root.as_os_str().is_empty());
     let root =
         root.ok_or_else(|| Error::invalid("set.folder", "missing", "a folder, for a scenario that is no file"))?;
-    let wanted = wanted(&scenario, options)?;
+    let selected = selected(&scenario, options)?;
     let cores = Engine::with_threads(options.threads)?.threads();
-    // Samples side by side need no two threads each; few samples do.
-    let side_by_side = wanted.len() >= cores && cores > 1;
+    // Many samples are made in parallel, with one thread each; few one by one, with all threads.
+    let side_by_side = selected.len() >= cores && cores > 1;
     let (workers, threads) = if side_by_side { (cores, 1) } else { (1, cores) };
     let scenario = scenario.with_engine(&Engine::with_threads(threads)?);
 
     let origin = Origin::of(&scenario, styles.iter().map(|style| style.root().to_owned()).collect())?;
-    // What cannot be written is told before anything is.
-    if let Some(&first) = wanted.first() {
+    // What cannot be written is reported before anything is written.
+    if let Some(&first) = selected.first() {
         let sample = scenario.sample(first)?;
         styles.iter().try_for_each(|style| style.fits(&sample))?;
     }
@@ -112,13 +112,13 @@ pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sy
         Some(shard) => Lock::of_shard(&root, shard)?,
         None => Lock::of_set(&root)?,
     };
-    // What another run has written meanwhile is there now.
+    // Another run may have written to it in the meantime.
     let claimed = origin.known(&root)?;
     let known = manifest::read(&root)?;
-    let there = wanted.iter().filter(|sample| known.get(sample).is_some_and(|entry| entry.error.is_none())).count();
+    let there = selected.iter().filter(|sample| known.get(sample).is_some_and(|entry| entry.error.is_none())).count();
     if there > 0 && !options.resume {
-        let found = format!("{}, in which {there} of these samples are", crate::ground::shown::path(&root));
-        return Err(Error::invalid("set.folder", found, "another folder, or to go on with it (--resume)"));
+        let found = format!("{}, which already holds {there} of these samples", crate::ground::shown::path(&root));
+        return Err(Error::invalid("set.folder", found, "another folder, or --resume to continue the set"));
     }
     origin.claim(&root, claimed)?;
     if options.shard.is_none() {
@@ -126,11 +126,11 @@ pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sy
     }
     let log_name = options.shard.map_or("manifest.jsonl".to_owned(), |[k, n]| format!("manifest.{k}_of_{n}.jsonl"));
     let log_path = root.join(log_name);
-    let log = Mutex::new(Log::open(&log_path)?);
-    watch(Event::Begins(wanted.len() as u64));
+    let log = Mutex::new(ManifestLog::open(&log_path)?);
+    watch(Event::Begins(selected.len() as u64));
 
     let maker = Maker { scenario: &scenario, styles: &styles, root: &root };
-    let queue = Mutex::new(wanted.iter().copied());
+    let queue = Mutex::new(selected.iter().copied());
     let summary = Mutex::new(RunSummary { folder: root.clone(), threads: workers * threads, ..RunSummary::default() });
     let noticed = Mutex::new(Kinds::default());
     let lost = Mutex::new(None);
@@ -172,9 +172,9 @@ pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sy
     }
     let mut summary = summary.into_inner().unwrap_or_else(PoisonError::into_inner);
     summary.failed.sort();
-    summary.warnings = noticed.into_inner().unwrap_or_else(PoisonError::into_inner).told();
-    let told = unlocked(&lock_files, &root).warnings.into_iter();
-    summary.warnings.extend(told.map(|warning| Noticed { warning, samples: 0, first: 0 }));
+    summary.warnings = noticed.into_inner().unwrap_or_else(PoisonError::into_inner).notices();
+    let notices = unlocked(&lock_files, &root).warnings.into_iter();
+    summary.warnings.extend(notices.map(|warning| Noticed { warning, samples: 0, first: 0 }));
     if options.shard.is_none() {
         let (origin, entries) = (folder::need_origin(&root)?, manifest::read(&root)?);
         if folder::missing(&origin, &entries).is_none() {
@@ -187,19 +187,18 @@ pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sy
     Ok(summary)
 }
 
-/// What is told where a file system has no locks.
+/// Warning about a file system without locks.
 const UNLOCKED: &str = "its file system has no locks: nothing keeps another run from writing there at the same time";
 
-/// Completes the set in `root`, whose samples are all there, as their manifests say: writes what they have together, its
-/// manifest and its report. Returns what was noticed.
+/// Completes the set in `root`, whose samples are all present according to their manifests: writes the files of all
+/// samples together, its manifest and its report. Returns the warnings.
 ///
 /// # Errors
-/// There is no set, or another process writes to it; samples are missing, or their files are not as they were written;
-/// the system's.
+/// There is no set, or another process writes to it; samples are missing, or their files have changed; I/O errors.
 pub fn finish(root: &Path) -> Result<Report> {
     folder::need_origin(root)?;
     let lock = Lock::of_set(root)?;
-    // What another process has written meanwhile is there now.
+    // Another process may have written to it in the meantime.
     let origin = folder::need_origin(root)?;
     let entries = all_entries(root, &origin)?;
     for entry in entries.values() {
@@ -211,11 +210,11 @@ pub fn finish(root: &Path) -> Result<Report> {
     Ok(unlocked(&lock, root))
 }
 
-/// [`finish`] of a set of which only those files need to be in `root` that something is joined of, as where the others
-/// are in an object store.
+/// [`finish`] of a set of which only the files that are joined need to be in `root`, as where the others are in an
+/// object store.
 ///
 /// # Errors
-/// As there.
+/// As [`finish`].
 pub fn complete(root: &Path) -> Result<Report> {
     folder::need_origin(root)?;
     let lock = Lock::of_set(root)?;
@@ -224,7 +223,7 @@ pub fn complete(root: &Path) -> Result<Report> {
     Ok(unlocked(&lock, root))
 }
 
-/// Tells where nothing keeps others from the set in `root`.
+/// Warns if nothing keeps other runs from the set in `root`.
 fn unlocked(lock: &Lock, root: &Path) -> Report {
     let mut report = Report::default();
     if lock.unlocked {
@@ -255,7 +254,7 @@ fn write_whole(root: &Path, origin: &Origin, entries: BTreeMap<u64, Entry>) -> R
     whole.clear()
 }
 
-/// The samples of the set in `root`, which are all there.
+/// The samples of the set in `root`, which must all be present.
 fn all_entries(root: &Path, origin: &Origin) -> Result<BTreeMap<u64, Entry>> {
     let entries = manifest::read(root)?;
     match folder::missing(origin, &entries) {
@@ -268,7 +267,7 @@ fn all_entries(root: &Path, origin: &Origin) -> Result<BTreeMap<u64, Entry>> {
 }
 
 /// The samples of a run, in order.
-fn wanted(scenario: &Scenario, options: &RunOptions) -> Result<Vec<u64>> {
+fn selected(scenario: &Scenario, options: &RunOptions) -> Result<Vec<u64>> {
     let last = scenario.samples() - 1;
     let [first, end, step] = options.samples.unwrap_or([0, last, 1]);
     if end > last || first > end || step == 0 {
@@ -300,10 +299,10 @@ struct Maker<'m> {
 }
 
 impl Maker<'_> {
-    /// Makes a sample and writes it; whatever is wrong with it is in the entry.
+    /// Makes a sample and writes it; any error of the sample is in the entry.
     ///
     /// # Errors
-    /// It is not the sample that is wrong: the folder of the set cannot be written to, or the run is cancelled.
+    /// Errors other than those of the sample: the folder of the set cannot be written to, or the run is cancelled.
     fn entry(&self, sample: u64, cloud: &mut PointCloud) -> Result<Entry> {
         let made = catch_unwind(AssertUnwindSafe(|| self.make(sample, cloud)));
         let made = made.unwrap_or_else(|_| Err(Error::Internal("a defect of the program stopped it".into())));
@@ -320,7 +319,7 @@ impl Maker<'_> {
                 }
             }
         };
-        // The same wherever the scenario lies.
+        // Independent of where the scenario is.
         let folder = format!("{}/", crate::ground::shown::path(self.scenario.folder()));
         if folder != "/" {
             let texts = entry.warnings.iter_mut().chain(&mut entry.error);
@@ -356,12 +355,18 @@ impl Maker<'_> {
         let mut pictures = Vec::new();
         for scan in 0..sample.scans().len() {
             for frame in 0..sample.scans()[scan].frames().len() {
-                let asked = sample.scans()[scan].options(frame).fields;
+                let requested_fields = sample.scans()[scan].options(frame).fields;
                 let boxes = self.styles.iter().map(|style| style.boxes(sample, scan, frame)).max();
-                sample.cloud_with(scan, frame, asked.union(needed), boxes.unwrap_or(Boxes::None), cloud)?;
+                sample.cloud_with(
+                    scan,
+                    frame,
+                    requested_fields.union(needed),
+                    boxes.unwrap_or(BoxScope::None),
+                    cloud,
+                )?;
                 if counts.add(cloud) == 0 {
                     let scan = &sample.scans()[scan];
-                    let what = if kind(scan) == Kind::Camera {
+                    let what = if kind(scan) == SensorClass::Camera {
                         "an image in which nothing is seen"
                     } else {
                         "a cloud without points"
@@ -374,8 +379,8 @@ impl Maker<'_> {
                     preview::write_new(cloud, &self.root.join(&path), &picture())?;
                     pictures.push(path);
                 }
-                // Files hold what was asked for.
-                cloud.fields = asked;
+                // Files hold the requested columns.
+                cloud.fields = requested_fields;
                 let boxes = cloud.boxes.take().unwrap_or_default();
                 let scanned = Scanned { sample, scan, frame, cloud, boxes: &boxes };
                 for writer in &mut writers {
@@ -390,7 +395,7 @@ impl Maker<'_> {
         let drawn = Path::new(&drawn_file(number)).to_owned();
         let text = serde_json::json!({ "sample": number, "drawn": sample.drawn() });
         let text = serde_json::to_string_pretty(&text).map_err(|error| Error::Internal(error.to_string()))? + "\n";
-        export::write_whole(&self.root.join(&drawn), text.as_bytes())?;
+        write::whole(&self.root.join(&drawn), text.as_bytes())?;
         let mut files = vec![FileEntry::of(self.root, &drawn)?];
         files.extend(pictures.iter().map(|path| FileEntry::of(self.root, path)).collect::<Result<Vec<_>>>()?);
         for (style, folder) in self.styles.iter().zip(folders) {
@@ -431,7 +436,7 @@ struct Counts {
 }
 
 impl Counts {
-    /// Returns how many points there are in `cloud`.
+    /// Adds the points of `cloud`; returns how many there are.
     fn add(&mut self, cloud: &PointCloud) -> u64 {
         let all = self.points;
         let columns = &cloud.columns;

@@ -1,13 +1,13 @@
-//! SemanticKITTI: each sample a sequence.
+//! SemanticKITTI: each sample is a sequence.
 
-use super::points::{Known, is_word, local, remission, runs};
+use super::points::{LabelCache, is_word, local, remission, runs};
 use super::style::{Scanned, Style, Writer as Write, numbered};
 use crate::cloud::{Field, FieldSet, PointCloud, VELOCITY};
-use crate::export;
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
 use crate::scenario::{Sample, Scan};
+use crate::write;
 use glam::{DAffine3, Vec3};
 use serde::Deserialize;
 use std::collections::{BTreeSet, HashMap, HashSet};
@@ -51,28 +51,28 @@ const CLASSES: [(&str, u16); 30] = [
     ("pole", 80),
     ("traffic-sign", 81),
     ("other-object", 99),
-    // What generated landscapes have.
+    // Categories of generated landscapes.
     ("path", 49),
     ("tree", 70),
     ("bush", 70),
     ("grass", 72),
 ];
 
-/// Numbers of the classes for what moves, by those for what stands (as above).
+/// Numbers of the classes of moving objects, by those of stationary ones (as above).
 const MOVING: [(u16, u16); 8] =
     [(10, 252), (31, 253), (30, 254), (32, 255), (16, 256), (13, 257), (18, 258), (20, 259)];
 
-/// What is slower stands, m/s.
+/// Objects slower than this are stationary, m/s.
 const STANDING_M_S: f32 = 0.1;
 
-struct Writer<'w> {
+struct SemanticKittiWriter<'w> {
     folder: &'w Path,
-    /// Number of the scan that is written.
+    /// Index of the scan that is written.
     scan: usize,
     poses: String,
     times: String,
     frames: usize,
-    /// Where the first frame was scanned from.
+    /// Sensor pose of the first frame.
     first: Option<Pose>,
 }
 
@@ -93,7 +93,7 @@ impl Style for SemanticKitti {
     fn readme(&self) -> String {
         "`sequences` is laid out as SemanticKITTI, a sequence for each sample. Points are in the sensor's frame (x ahead, y \
          left, z up), and so are poses, relative to the first: `Tr` of `calib.txt` is the identity. Labels have \
-         SemanticKITTI's numbers, instances are numbered anew in each scan.\n\n\
+         SemanticKITTI's numbers, instance numbers start anew in each scan.\n\n\
          ```python\n\
          import numpy as np\n\
          points = np.fromfile('sequences/000000/velodyne/000000.bin', np.float32).reshape(-1, 4)  # x, y, z, remission\n\
@@ -113,12 +113,19 @@ impl Style for SemanticKitti {
             std::fs::create_dir(&folder).map_err(|source| Error::Io { path: folder, source })?;
         }
         let scan = self.scan(sample)?;
-        Ok(Box::new(Writer { folder, scan, poses: String::new(), times: String::new(), frames: 0, first: None }))
+        Ok(Box::new(SemanticKittiWriter {
+            folder,
+            scan,
+            poses: String::new(),
+            times: String::new(),
+            frames: 0,
+            first: None,
+        }))
     }
 }
 
 impl SemanticKitti {
-    /// Number of the scan in `sample` that is written.
+    /// Index of the scan of `sample` that is written.
     fn scan(&self, sample: &Sample) -> Result<usize> {
         let names = || sample.scans().iter().map(Scan::name).collect::<Vec<_>>().join(", ");
         match (&self.sensor, sample.scans()) {
@@ -135,7 +142,7 @@ impl SemanticKitti {
     }
 }
 
-impl Write for Writer<'_> {
+impl Write for SemanticKittiWriter<'_> {
     fn add(&mut self, &Scanned { sample, scan, frame, cloud, .. }: &Scanned) -> Result<Report> {
         let mut report = Report::default();
         if scan != self.scan {
@@ -165,7 +172,7 @@ impl Write for Writer<'_> {
             let instance = if instance == 0 { 0 } else { *instances.entry(instance).or_insert(next) };
             u32::from(class) | u32::from(instance) << 16
         };
-        let mut known = Known::new();
+        let mut known = LabelCache::new();
         let [mut points, mut labels] = [16, 4].map(|bytes| Vec::with_capacity(bytes * cloud.len));
         for (row, Vec3 { x, y, z }) in local(cloud) {
             points.extend([x, y, z, remission(cloud, row)].map(f32::to_le_bytes).as_flattened());
@@ -177,8 +184,8 @@ impl Write for Writer<'_> {
             report.warn(format!("semantic_kitti: categories that it does not have are unlabeled: {names}"));
         }
         let number = numbered(self.frames as u64);
-        export::write_whole(&self.folder.join(format!("velodyne/{number}.bin")), &points)?;
-        export::write_whole(&self.folder.join(format!("labels/{number}.label")), &labels)?;
+        write::whole(&self.folder.join(format!("velodyne/{number}.bin")), &points)?;
+        write::whole(&self.folder.join(format!("labels/{number}.label")), &labels)?;
         // Relative to the first, as in KITTI's odometry; the calibration is the identity.
         let first = *self.first.get_or_insert(pose);
         let place = |pose: &Pose| DAffine3::from_rotation_translation(pose.orientation, pose.position);
@@ -188,7 +195,7 @@ impl Write for Writer<'_> {
         let numbers = (0..12).map(|k| if k % 4 < 3 { rows[k / 4 * 3 + k % 4] } else { translation[k / 4] });
         let line: Vec<String> = numbers.map(|number| format!("{:e}", number + 0.0)).collect();
         let start = sample.scans()[scan].frames()[frame].start;
-        // Writing to a text does not fail.
+        // Writing to a string does not fail.
         let _ = writeln!(self.poses, "{}", line.join(" "));
         let _ = writeln!(self.times, "{start:e}");
         self.frames += 1;
@@ -201,13 +208,13 @@ impl Write for Writer<'_> {
                                    Tr: 1 0 0 0 0 1 0 0 0 0 1 0\n";
         for (name, text) in [("poses.txt", self.poses.as_str()), ("times.txt", &self.times), ("calib.txt", CALIBRATION)]
         {
-            export::write_whole(&self.folder.join(name), text.as_bytes())?;
+            write::whole(&self.folder.join(name), text.as_bytes())?;
         }
         Ok(Report::default())
     }
 }
 
-/// The instances that move. Legs that stand go with those that swing, so each is asked for the mean speed of its points.
+/// The moving instances, by the mean speed of their points: one leg of a walker stands while the other swings.
 fn moving(cloud: &PointCloud) -> HashSet<u32> {
     let columns = &cloud.columns;
     let mut speeds: HashMap<u32, (f32, u32)> = HashMap::new();

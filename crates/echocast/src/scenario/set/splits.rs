@@ -1,22 +1,22 @@
-//! Parts of a set to train, to validate and to test with.
+//! Splits of a set for training, validation and testing.
 
 use crate::scenario::draw::Draws;
 use rand_core::Rng as _;
 use serde::de::{Deserialize, Deserializer, Error};
 use serde_json::Value;
 
-/// Names of the parts, with their shares: numbers of any sum.
+/// Names of the splits, with their shares: numbers of any sum.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Splits(Vec<(String, f64)>);
 
-/// Of shares without names.
+/// Names of shares given without names.
 const NAMES: [&str; 3] = ["train", "val", "test"];
 
-/// What can be written.
+/// Allowed values, for messages.
 const ALLOWED: &str = "shares such as 80/10/10 (train, val, test), or with names such as {train: 80, test: 20}";
 
 impl<'de> Deserialize<'de> for Splits {
-    /// `80/10/10` or `{train: 80, val: 10, test: 10}`; nothing for one part.
+    /// `80/10/10` or `{train: 80, val: 10, test: 10}`; empty for a set that is not split.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let value = Value::deserialize(deserializer)?;
         let wrong = || D::Error::custom(format!("is {value}; allowed: {ALLOWED}"));
@@ -34,7 +34,7 @@ impl<'de> Deserialize<'de> for Splits {
             }
             _ => return Err(wrong()),
         };
-        // Names become names of files.
+        // Names become file names.
         let named =
             |name: &str| !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || "_-".contains(c));
         let sum: f64 = all.iter().map(|(_, share)| share).sum();
@@ -46,21 +46,21 @@ impl<'de> Deserialize<'de> for Splits {
 }
 
 impl Splits {
-    /// Whether the set is in parts at all.
+    /// Whether the set is not split.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Names of the parts; of a set in one part, `train`.
+    /// Names of the splits; `train` for a set that is not split.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         let one = self.0.is_empty().then_some(NAMES[0]);
         self.0.iter().map(|(name, _)| name.as_str()).chain(one)
     }
 
-    /// The part of a sample of a scenario with this `seed`: drawn for each by itself, so that it stays in its part when
-    /// others come.
+    /// The split of a sample of a scenario with this `seed`: drawn for each sample by itself, so that it stays in its
+    /// split when others are added.
     pub fn of(&self, seed: u64, sample: u64) -> &str {
-        // Samples have numbers of 32 bits.
+        // Sample numbers have 32 bits.
         let drawn = Draws::new(seed, sample as u32).of("set.splits").stream().next_u64();
         let sum: f64 = self.0.iter().map(|(_, share)| share).sum();
         let mut left = (drawn >> 11) as f64 / (1_u64 << 53) as f64 * sum;
@@ -90,7 +90,7 @@ mod tests {
         for seed in [0, 7, 1 << 40] {
             let count = |name: &str| (0..20_000).filter(|&sample| all.of(seed, sample) == name).count() as f64;
             for (name, share) in [("train", 0.8), ("val", 0.15), ("test", 0.05)] {
-                // Four deviations of a binomial distribution.
+                // Four standard deviations of a binomial distribution.
                 let allowed = 4.0 * f64::sqrt(20_000.0 * share * (1.0 - share));
                 assert!((count(name) - 20_000.0 * share).abs() < allowed, "{seed} {name}: {}", count(name));
             }
@@ -99,11 +99,11 @@ mod tests {
 
     #[test]
     fn samples_stay_where_they_are() {
-        // These are in sets that people have: they must never change.
+        // Existing sets have these splits: they must never change.
         let all = splits(json!("80/10/10"));
         let first: String = (0..40).map(|sample| &all.of(1, sample)[..2]).collect::<Vec<_>>().concat();
         assert_eq!(first, "trvatrtetrvatrtrtrtrtetrtrtrtrtrtrtrtrtrtrtrvatrtrtrtrtrtrtrtetrvatrtrtrtrtrvatr");
-        // A part that gets more takes from those after it.
+        // A split that grows takes from those after it.
         let more = splits(json!("90/10"));
         assert!((0..1000).all(|sample| all.of(1, sample) != "train" || more.of(1, sample) == "train"));
         assert_eq!(Splits::default().of(1, 3), "train");

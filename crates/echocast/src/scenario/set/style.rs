@@ -1,4 +1,4 @@
-//! How samples are written: one file for each style, one table of styles.
+//! Styles in which samples are written: one source file for each, and one table of all.
 
 use super::coco::Coco;
 use super::kitti::Kitti;
@@ -13,7 +13,7 @@ use crate::ground::error::{Error, Result, nearest};
 use crate::ground::report::Report;
 use crate::read::yaml::Document;
 use crate::scenario::Sample;
-use crate::scenario::sample::Boxes;
+use crate::scenario::sample::BoxScope;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::fmt;
@@ -32,57 +32,57 @@ pub(super) trait Style: fmt::Debug + Send + Sync {
     /// The folder in the set that it writes to.
     fn root(&self) -> &'static str;
 
-    /// Whether each sample has a folder there; else samples share the folders in it, and each file must be called after
-    /// its sample.
+    /// Whether each sample has a folder there; otherwise samples share the folders in it, and each file must be named
+    /// after its sample.
     fn folder_per_sample(&self) -> bool {
         false
     }
 
-    /// Columns that it needs of `sample`.
+    /// Columns that it needs for `sample`.
     fn fields(&self, sample: &Sample) -> FieldSet;
 
-    /// The boxes that it needs around instances of this frame of a scan of `sample`, both counted from 0.
-    fn boxes(&self, _sample: &Sample, _scan: usize, _frame: usize) -> Boxes {
-        Boxes::None
+    /// The boxes around instances that it needs for this frame of a scan of `sample`, both counted from 0.
+    fn boxes(&self, _sample: &Sample, _scan: usize, _frame: usize) -> BoxScope {
+        BoxScope::None
     }
 
     /// Checks that it can hold the scans of `sample`.
     ///
     /// # Errors
-    /// A sensor that is not there, or not such as it needs; several where one is written.
+    /// A missing or unsuitable sensor; several where one is written.
     fn fits(&self, sample: &Sample) -> Result<()>;
 
     /// Begins to write `sample`, which has this `number`, to `folder`, which is empty.
     ///
     /// # Errors
-    /// The system's.
+    /// I/O errors.
     fn writer<'w>(&'w self, number: u64, sample: &Sample, folder: &'w Path) -> Result<Box<dyn Writer + 'w>>;
 
-    /// What the set's `README.md` says of it: what is where, and how it is read. Markdown.
+    /// Its section of the set's `README.md`, in Markdown: what is where, and how it is read.
     fn readme(&self) -> String;
 
-    /// Makes what all samples have together, of what was written of each: the same for the same samples, whatever is
-    /// there already.
+    /// Makes the files of all samples together from what was written of each: the same for the same samples, whatever
+    /// exists already.
     ///
     /// # Errors
-    /// The system's; a file that is not as it was written.
+    /// I/O errors; a file that has changed since it was written.
     fn join(&self, _whole: &mut Whole) -> Result<()> {
         Ok(())
     }
 }
 
-/// What a style writes of one sample.
+/// Writes one sample in a style.
 pub(super) trait Writer {
-    /// Writes a frame of a scan. Scans come one after the other, frames as they follow each other.
+    /// Writes a frame of a scan. Scans arrive one after the other, the frames of each in order.
     ///
     /// # Errors
-    /// The system's.
+    /// I/O errors.
     fn add(&mut self, scanned: &Scanned) -> Result<Report>;
 
-    /// Writes what is known once all frames are there.
+    /// Writes what is only known after the last frame.
     ///
     /// # Errors
-    /// The system's.
+    /// I/O errors.
     fn finish(self: Box<Self>) -> Result<Report> {
         Ok(Report::default())
     }
@@ -91,19 +91,19 @@ pub(super) trait Writer {
 /// A frame of a scan of a sample.
 pub(super) struct Scanned<'s> {
     pub sample: &'s Sample,
-    /// Number of the scan, from 0.
+    /// Index of the scan, from 0.
     pub scan: usize,
-    /// Number of the frame among those of the scan, from 0.
+    /// Index of the frame in the scan, from 0.
     pub frame: usize,
-    /// With the columns that all styles need; `fields` are those that were asked for.
+    /// With the columns that all styles need; `fields` are the requested ones.
     pub cloud: &'s PointCloud,
-    /// Around its instances, if a style needs boxes.
+    /// Boxes around its instances, if a style needs them.
     pub boxes: &'s [InstanceBox],
 }
 
 type ReadKeys = fn(&Document, &str, &Value) -> Result<Box<dyn Style>>;
 
-/// Every style.
+/// All styles.
 const STYLES: &[(&str, ReadKeys)] = &[
     ("plain", keys::<Plain>),
     ("semantic_kitti", keys::<SemanticKitti>),
@@ -114,12 +114,12 @@ const STYLES: &[(&str, ReadKeys)] = &[
     ("voc", keys::<Voc>),
 ];
 
-/// Names of all of them.
+/// Names of all styles.
 pub(super) fn names() -> impl Iterator<Item = &'static str> + Clone {
     STYLES.iter().map(|(name, _)| *name)
 }
 
-/// That which `echocast scan` reports.
+/// The style of the files that `echocast scan` reports.
 const FILES: &str = "files";
 
 fn keys<S: Style + DeserializeOwned + 'static>(document: &Document, key: &str, keys: &Value) -> Result<Box<dyn Style>> {
@@ -169,7 +169,7 @@ pub(super) fn all(outputs: &[Value], document: &Document) -> Result<Vec<Box<dyn 
     Ok(all)
 }
 
-/// `000017`: numbers of samples sort as text does.
+/// `000017`: the text of sample numbers sorts like the numbers.
 pub(super) fn numbered(sample: u64) -> String {
     format!("{sample:06}")
 }

@@ -1,16 +1,17 @@
 //! Pascal VOC: images, objects and masks of each.
 
-use super::imaging::{Imaging, scans};
+use super::imaging::{ImagingSensors, scans};
 use super::style::{Scanned, Style, Writer as Write};
 use super::whole::Whole;
 use crate::cloud::FieldSet;
 use crate::export::annotations::{Shown, voc};
-use crate::export::images::{Samples, write_numbers};
-use crate::export::{self, AnnotationStyle, ImageLayer, ImageOptions};
+use crate::export::images::{PixelFormat, write_numbers};
+use crate::export::{AnnotationStyle, ImageLayer, ImageOptions};
 use crate::ground::error::Result;
 use crate::ground::report::Report;
 use crate::scenario::Sample;
-use crate::scenario::sample::Boxes;
+use crate::scenario::sample::BoxScope;
+use crate::write;
 use serde::Deserialize;
 use std::collections::HashMap;
 use std::path::Path;
@@ -20,18 +21,18 @@ use std::path::Path;
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Voc {
-    /// Name of the sensor; without it, all that have images.
+    /// Name of the sensor; defaults to all that have images.
     pub sensor: Option<String>,
 }
 
 const ROOT: &str = "voc";
 
-/// Folders of pictures, of what is said of them, and of masks.
+/// Folders of pictures, annotations and masks.
 const FOLDERS: [&str; 4] = ["JPEGImages", "Annotations", "SegmentationClass", "SegmentationObject"];
 
-struct Writer<'w> {
+struct VocWriter<'w> {
     options: ImageOptions,
-    imaging: Imaging<'w>,
+    imaging: ImagingSensors<'w>,
 }
 
 impl Voc {
@@ -53,8 +54,8 @@ impl Style for Voc {
         Voc::options().fields()
     }
 
-    fn boxes(&self, _sample: &Sample, _scan: usize, _frame: usize) -> Boxes {
-        Boxes::InImage
+    fn boxes(&self, _sample: &Sample, _scan: usize, _frame: usize) -> BoxScope {
+        BoxScope::InImage
     }
 
     fn fits(&self, sample: &Sample) -> Result<()> {
@@ -63,8 +64,8 @@ impl Style for Voc {
 
     fn writer<'w>(&'w self, number: u64, sample: &Sample, folder: &'w Path) -> Result<Box<dyn Write + 'w>> {
         let grids = scans(sample, "voc: sensor", self.sensor.as_deref())?;
-        let imaging = Imaging::begin(folder, &FOLDERS, number, grids)?;
-        Ok(Box::new(Writer { options: Voc::options(), imaging }))
+        let imaging = ImagingSensors::begin(folder, &FOLDERS, number, grids)?;
+        Ok(Box::new(VocWriter { options: Voc::options(), imaging }))
     }
 
     fn join(&self, whole: &mut Whole) -> Result<()> {
@@ -85,7 +86,7 @@ impl Style for Voc {
     }
 
     fn readme(&self) -> String {
-        "`voc` is laid out as Pascal VOC. Pictures are PNG, in `JPEGImages` all the same, and show the surfaces' own \
+        "`voc` is laid out as Pascal VOC. Pictures are PNG, although in `JPEGImages`, and show the surfaces' own \
          colours, without light and shadow. In `Annotations`, pixels count from 1; `truncated` is 1 where more than \
          15 % of the box around the whole object (`amodal`) are outside of the picture, `occluded` where more than 5 \
          % of the object are hidden. Numbers in `SegmentationClass` are those of the categories of the scene, named \
@@ -104,7 +105,7 @@ impl Style for Voc {
     }
 }
 
-impl Write for Writer<'_> {
+impl Write for VocWriter<'_> {
     fn add(&mut self, &Scanned { sample, scan, frame, cloud, boxes }: &Scanned) -> Result<Report> {
         let mut report = Report::default();
         let Some(taken) = self.imaging.take(sample, [scan, frame], cloud, boxes)? else { return Ok(report) };
@@ -115,9 +116,9 @@ impl Write for Writer<'_> {
         let known: Vec<_> = taken.found.iter().copied().filter(|found| found.category_id != 0).collect();
         let of: HashMap<u32, u32> = known.iter().map(|found| found.instance_id).zip(1..).collect();
         let numbers = taken.image.instance_id.iter().map(|id| of.get(id).copied().unwrap_or(0));
-        let mut samples = Samples::Indexed;
+        let mut samples = PixelFormat::Indexed;
         if known.len() > usize::from(u8::MAX) {
-            samples = Samples::Grey16;
+            samples = PixelFormat::Grey16;
             report.warn("voc: pictures of more than 255 objects have SegmentationObject in 16 bits");
         }
         let texts = vec![("quantity".to_owned(), "object, by its place in the annotation".to_owned())];
@@ -126,7 +127,7 @@ impl Write for Writer<'_> {
         let picture = format!("{}.png", taken.stem);
         let shown = Shown { image: &taken.image, found: &known, picture: &picture, frame: at.number, time: at.start };
         let text = voc(&shown, "JPEGImages", 3);
-        export::write_whole(&self.imaging.path("Annotations", &taken, "xml"), text.as_bytes())?;
+        write::whole(&self.imaging.path("Annotations", &taken, "xml"), text.as_bytes())?;
         Ok(report)
     }
 }

@@ -5,10 +5,11 @@ use super::plain::file_name;
 use super::style::{Scanned, Style, Writer as Write, numbered};
 use super::whole::{Whole, damaged};
 use crate::cloud::{FieldSet, Frame};
-use crate::export::{self, Sink};
+use crate::export;
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
 use crate::scenario::Sample;
+use crate::write::{self, Sink};
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use std::fs::File;
@@ -21,7 +22,7 @@ use std::path::{Path, PathBuf};
 pub(super) struct WebDataset {
     /// Name of the format of clouds, as `echocast formats` lists them.
     pub format: String,
-    /// Samples of an archive.
+    /// Number of samples per archive.
     pub samples: usize,
 }
 
@@ -33,16 +34,16 @@ impl Default for WebDataset {
 
 const ROOT: &str = "webdataset";
 
-/// Where samples are until they are joined.
+/// Folder of the samples until they are joined.
 const PIECES: &str = ".pieces";
 
-/// Blocks of archives, bytes (POSIX.1-1988, ustar).
+/// Block size of archives, bytes (POSIX.1-1988, ustar).
 const BLOCK: u64 = 512;
 
-/// What ends an archive: two blocks of zeros.
+/// Length of the end of an archive: two blocks of zeros.
 const END: u64 = 2 * BLOCK;
 
-struct Writer<'w> {
+struct WebDatasetWriter<'w> {
     style: &'w WebDataset,
     number: u64,
     folder: &'w Path,
@@ -84,8 +85,8 @@ impl Style for WebDataset {
         let pieces = folder.join(PIECES);
         std::fs::create_dir(&pieces).map_err(|source| Error::Io { path: pieces.clone(), source })?;
         let path = pieces.join(format!("{}.tar", numbered(number)));
-        let archive = Sink::create(&path).map_err(|source| export::failed(&path, source))?;
-        Ok(Box::new(Writer {
+        let archive = Sink::create(&path).map_err(|source| write::failed(&path, source))?;
+        Ok(Box::new(WebDatasetWriter {
             style: self,
             number,
             folder,
@@ -100,7 +101,7 @@ impl Style for WebDataset {
     fn join(&self, whole: &mut Whole) -> Result<()> {
         let mut pending = Vec::new();
         for (part, _) in whole.parts() {
-            // Those that have failed keep their places, so that the others need not move when they are made.
+            // Failed samples keep their places, so that the others need not move when these are made.
             let numbers = whole.numbers_in(&part);
             for (index, numbers) in numbers.chunks(self.samples).enumerate() {
                 let path = Path::new(ROOT).join(format!("{part}-{index:06}.tar"));
@@ -138,8 +139,8 @@ impl Style for WebDataset {
                 }
             }
         }
-        // Archives that are made anew may have been read for others.
-        pending.into_iter().try_for_each(export::Pending::commit)?;
+        // Only now: archives that are rewritten may have been read for others.
+        pending.into_iter().try_for_each(write::Pending::commit)?;
         whole.drop_unlisted(&Path::new(ROOT).join(PIECES))
     }
 
@@ -166,13 +167,13 @@ fn is_piece(file: &FileEntry) -> bool {
     file.path.strip_prefix(ROOT).is_some_and(|rest| rest.starts_with('/'))
 }
 
-/// Where a sample is, among its files.
+/// The file of a sample in the folder of this style.
 fn piece(entry: &Entry) -> Result<&FileEntry> {
     let found = entry.files.iter().find(|file| is_piece(file));
     found.ok_or_else(|| damaged(format!("sample {} has no file in {ROOT}", entry.sample)))
 }
 
-impl Write for Writer<'_> {
+impl Write for WebDatasetWriter<'_> {
     fn add(&mut self, &Scanned { sample, scan, frame, cloud, .. }: &Scanned) -> Result<Report> {
         let scan = &sample.scans()[scan];
         let mut stem = member(scan.name());
@@ -185,7 +186,7 @@ impl Write for Writer<'_> {
         let report = export::write_new(cloud, &path, format)?;
         let key = numbered(self.number);
         let written = self.put(&format!("{key}.{stem}.{ending}"), &path);
-        written.map_err(|source| export::failed(&self.path, source))?;
+        written.map_err(|source| write::failed(&self.path, source))?;
         if !format.info().holds_label_names {
             let _ = std::fs::remove_file(export::labels_path(&path));
         }
@@ -214,20 +215,20 @@ impl Write for Writer<'_> {
             "labels": std::mem::take(&mut self.labels),
         });
         let text = text.to_string();
-        let Writer { path, mut archive, number, .. } = *self;
+        let WebDatasetWriter { path, mut archive, number, .. } = *self;
         let mut write = || -> io::Result<()> {
             archive.write_all(&header(&format!("{}.json", numbered(number)), text.len() as u64)?)?;
             archive.write_all(text.as_bytes())?;
             archive.write_all(&padding(text.len() as u64))
         };
-        write().map_err(|source| export::failed(&path, source))?;
-        let archive = archive.into_inner().map_err(|error| export::failed(&path, error.into_error()))?;
-        archive.finish().map_err(|source| export::failed(&path, source))?;
+        write().map_err(|source| write::failed(&path, source))?;
+        let archive = archive.into_inner().map_err(|error| write::failed(&path, error.into_error()))?;
+        archive.finish().map_err(|source| write::failed(&path, source))?;
         Ok(Report::default())
     }
 }
 
-impl Writer<'_> {
+impl WebDatasetWriter<'_> {
     /// Moves the file at `path` into the archive as `name`.
     fn put(&mut self, name: &str, path: &Path) -> io::Result<()> {
         let mut file = File::open(path)?;
@@ -239,13 +240,13 @@ impl Writer<'_> {
     }
 }
 
-/// What fills the last block of a file.
+/// Padding of the last block of a file.
 fn padding(length: u64) -> Vec<u8> {
     vec![0; (length.next_multiple_of(BLOCK) - length) as usize]
 }
 
-/// The block before a file in an archive (POSIX.1-1988, ustar): of nobody, as old as can be, so that the same files make
-/// the same archive.
+/// The header block of a file in an archive (POSIX.1-1988, ustar), with owner, group and time 0, so that the same files
+/// make the same archive.
 fn header(name: &str, length: u64) -> io::Result<[u8; BLOCK as usize]> {
     let mut block = [0; BLOCK as usize];
     // Eleven octal digits.
@@ -259,7 +260,7 @@ fn header(name: &str, length: u64) -> io::Result<[u8; BLOCK as usize]> {
     put(116, b"0000000\0");
     put(124, format!("{length:011o}\0").as_bytes());
     put(136, b"00000000000\0");
-    // The sum is made with blanks in its place.
+    // The checksum is computed with blanks in its place.
     put(148, b"        ");
     put(156, b"0");
     put(257, b"ustar\x0000");

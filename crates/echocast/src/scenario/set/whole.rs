@@ -1,31 +1,31 @@
-//! What is made of all samples of a set together.
+//! Files made from all samples of a set together.
 
 use super::folder::Origin;
 use super::manifest::{self, Entry, FileEntry};
 use super::splits::Splits;
 use super::style::numbered;
-use crate::export::{self, Pending, Sink};
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
+use crate::write::{self, Pending, Sink};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// A set whose samples are all there.
+/// A set whose samples are all present.
 pub(super) struct Whole<'w> {
     /// Its folder.
     pub root: &'w Path,
-    /// Its samples by number, those that have failed among them.
+    /// Its samples by number, including failed ones.
     pub entries: BTreeMap<u64, Entry>,
-    /// The parts that it is in.
+    /// Its splits.
     pub splits: Splits,
-    /// What the scenario says of it.
+    /// Its licence, as given in the scenario.
     pub licence: Option<String>,
     seed: u64,
     /// Files of the whole set, relative to `root`.
     files: BTreeSet<PathBuf>,
-    /// Files that nothing needs once the set is complete.
+    /// Files that are not needed once the set is complete.
     unneeded: Vec<PathBuf>,
 }
 
@@ -41,18 +41,18 @@ impl<'w> Whole<'w> {
         Whole { root, entries, splits, licence: None, seed, files: BTreeSet::new(), unneeded: Vec::new() }
     }
 
-    /// The samples that were made, rising.
+    /// The samples that were made, in ascending order.
     pub fn samples(&self) -> Vec<u64> {
         self.entries.values().filter(|entry| entry.error.is_none()).map(|entry| entry.sample).collect()
     }
 
-    /// The parts of the set by name, each with the samples in it that were made, rising. A set that is not divided is all
-    /// `train`.
+    /// The splits of the set by name, each with its samples that were made, in ascending order. A set that is not split
+    /// is all `train`.
     pub fn parts(&self) -> Vec<(String, Vec<u64>)> {
         self.splits.names().map(|name| (name.to_owned(), self.of_part(name, self.samples()))).collect()
     }
 
-    /// All samples of a part, rising: those that have failed among them.
+    /// All samples of a split in ascending order, including failed ones.
     pub fn numbers_in(&self, part: &str) -> Vec<u64> {
         self.of_part(part, self.entries.keys().copied().collect())
     }
@@ -62,10 +62,10 @@ impl<'w> Whole<'w> {
         samples
     }
 
-    /// What `samples`, which were made, have at the places `of`: what is joined of them.
+    /// The files that are joined: those of `samples`, which were made, at the paths `of`.
     ///
     /// # Errors
-    /// A sample without it.
+    /// A sample without that file.
     pub fn pieces(&self, samples: &[u64], of: impl Fn(u64) -> PathBuf) -> Result<Vec<FileEntry>> {
         let piece = |&sample: &u64| {
             let path = shown::path(&of(sample));
@@ -78,17 +78,17 @@ impl<'w> Whole<'w> {
     /// The text of a piece.
     ///
     /// # Errors
-    /// It is not as it was written, in a sentence.
+    /// A piece that is missing or changed, as a sentence.
     pub fn text(root: &Path, piece: &FileEntry) -> io::Result<String> {
         let mut bytes = Vec::new();
         piece.copy(root, &mut bytes)?;
         String::from_utf8(bytes).map_err(|_| io::Error::other(format!("{} is not UTF-8", piece.path)))
     }
 
-    /// Writes which samples are in which part, a file for each: `splits/train.txt`.
+    /// Writes the lists of samples, one file for each split: `splits/train.txt`.
     ///
     /// # Errors
-    /// The system's.
+    /// I/O errors.
     pub fn write_splits(&mut self) -> Result<()> {
         if self.splits.is_empty() {
             return Ok(());
@@ -103,21 +103,21 @@ impl<'w> Whole<'w> {
     /// Writes a file of the whole set: `path`, relative to the set's folder, appears when it is complete.
     ///
     /// # Errors
-    /// The system's.
+    /// I/O errors.
     pub fn write(&mut self, path: impl AsRef<Path>, write: WriteAll) -> Result<()> {
         self.prepare(path.as_ref(), write)?.commit()
     }
 
-    /// [`Whole::write`] of a file that does not appear yet.
+    /// [`Whole::write`], but the file does not appear yet.
     ///
     /// # Errors
-    /// The system's.
+    /// I/O errors.
     pub fn prepare(&mut self, path: &Path, write: WriteAll) -> Result<Pending> {
         let whole = self.root.join(path);
         if let Some(folder) = whole.parent() {
             fs::create_dir_all(folder).map_err(|source| Error::Io { path: folder.to_owned(), source })?;
         }
-        let failed = |source| export::failed(&whole, source);
+        let failed = |source| write::failed(&whole, source);
         let pending = Pending::create(&whole)?;
         let mut out = BufWriter::with_capacity(1 << 16, Sink::create(pending.path()).map_err(failed)?);
         write(&mut out).map_err(failed)?;
@@ -126,15 +126,15 @@ impl<'w> Whole<'w> {
         Ok(pending)
     }
 
-    /// A file of the whole set is as it should be.
+    /// Notes that a file of the whole set is up to date.
     pub fn keep(&mut self, path: &Path) {
         self.files.insert(path.to_owned());
     }
 
-    /// The files in `folder`, relative to the set's, that no sample has are removed in the end.
+    /// Marks the files in `folder`, relative to the set's, that belong to no sample, to be removed in the end.
     ///
     /// # Errors
-    /// The system's.
+    /// I/O errors.
     pub fn drop_unlisted(&mut self, folder: &Path) -> Result<()> {
         let listed: BTreeSet<&str> =
             self.entries.values().flat_map(|entry| &entry.files).map(|file| file.path.as_str()).collect();
@@ -143,18 +143,19 @@ impl<'w> Whole<'w> {
         Ok(())
     }
 
-    /// Removes what nothing needs, now that all else is written.
+    /// Removes the files that are not needed, now that all else is written.
     ///
     /// # Errors
-    /// The system's.
+    /// I/O errors.
     pub fn clear(&self) -> Result<()> {
         self.unneeded.iter().try_for_each(|file| remove(&self.root.join(file)))
     }
 
-    /// Lists the files that were written, with their digests; those of an older whole that are no more are removed.
+    /// Writes the list of files of the whole set, with their digests; files of an older list that are not in it are
+    /// removed.
     ///
     /// # Errors
-    /// The system's.
+    /// I/O errors.
     pub fn finish(&self) -> Result<()> {
         let files = self.files.iter().map(|path| FileEntry::of(self.root, path)).collect::<Result<Vec<_>>>()?;
         for old in read(self.root)?.iter().filter(|old| !self.files.contains(Path::new(&old.path))) {
@@ -167,13 +168,13 @@ impl<'w> Whole<'w> {
 
 /// The error for a set with a file that has changed since it was written.
 pub(super) fn damaged(fault: String) -> Error {
-    Error::invalid("the set", format!("damaged: {fault}"), "a set as it was written; `echocast run --resume` mends it")
+    Error::invalid("the set", format!("damaged: {fault}"), "a set as written; `echocast run --resume` repairs it")
 }
 
 /// Writes the contents of a file.
 type WriteAll<'f> = &'f mut dyn FnMut(&mut dyn Write) -> io::Result<()>;
 
-/// Removes a file, if it is there.
+/// Removes a file, if it exists.
 fn remove(path: &Path) -> Result<()> {
     match fs::remove_file(path) {
         Err(source) if source.kind() != io::ErrorKind::NotFound => Err(Error::Io { path: path.to_owned(), source }),
@@ -184,10 +185,10 @@ fn remove(path: &Path) -> Result<()> {
 /// The files of the whole set, with sizes and digests.
 const FILES: &str = "files.json";
 
-/// Those files of the set in `root`; none before it was complete.
+/// The listed files of the set in `root`; none before it was complete.
 ///
 /// # Errors
-/// A file that is not ours, or names one elsewhere.
+/// An invalid list, or one that names a file outside the set.
 pub(super) fn read(root: &Path) -> Result<Vec<FileEntry>> {
     let path = root.join(FILES);
     if !path.exists() {

@@ -1,15 +1,16 @@
-//! Rules at work on the scene of a sample.
+//! Applies rules to the scene of a sample.
 
 use super::room::Solid;
 use super::spot::{Patches, Point};
 use super::{
-    Align, MOST_PLACED, MoveRule, Otherwise, Place, PlaceRule, RemoveRule, Rule, SCALES, Spot, SwapRule, Target, What,
+    Align, MOST_PLACED, MoveRule, Otherwise, PlaceRule, PlaceSpec, RemoveRule, Rule, RuleTarget, SCALES, Spot,
+    SwapRule, What,
 };
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use crate::ground::shown;
 use crate::material::Material;
-use crate::scenario::assets::{Assets, Model};
+use crate::scenario::assets::{Assets, ModelFile};
 use crate::scenario::draw::{Address, Draws};
 use crate::scenario::lock;
 use crate::scenario::random::{Random, choose};
@@ -30,19 +31,19 @@ struct Thing {
     category: Arc<str>,
     /// Its instance number; 0: none.
     number: u32,
-    /// The nodes of the scene's file that it hangs on; none of what a rule has placed.
+    /// Its ancestor nodes in the scene's file; none for what a rule has placed.
     ancestors: Arc<[Ancestor]>,
     mesh: Arc<Mesh>,
     world_from_object: DAffine3,
     solid: Solid,
 }
 
-/// What makes objects one: they hang on a node, or were placed as an instance.
+/// What groups objects: they are below the same node, or were placed as one instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Bond {
     Node(u32),
     Instance(u32),
-    /// It is alone.
+    /// An object by itself.
     Object(ObjectId),
 }
 
@@ -53,20 +54,20 @@ struct Group {
     category: Arc<str>,
     /// Instance number of the first of them.
     number: u32,
-    /// Their places in the list of all things.
+    /// Their indices in the list of all things.
     members: Vec<usize>,
     solid: Solid,
 }
 
-/// The objects of a scene, and the surfaces that things are placed on.
+/// The objects of a scene, and the surfaces that objects are placed on.
 #[derive(Debug)]
 pub(in crate::scenario) struct Units {
     things: Vec<Arc<Thing>>,
-    patches: Mutex<HashMap<(Target, u64), Arc<Patches>>>,
+    patches: Mutex<HashMap<(RuleTarget, u64), Arc<Patches>>>,
 }
 
 impl Units {
-    /// Those of `live`.
+    /// The objects of `live`.
     pub fn new(live: &LiveScene) -> Units {
         let labels = live.labels();
         let categories: HashMap<u32, Arc<str>> =
@@ -87,12 +88,12 @@ impl Units {
         Units { things: things.collect(), patches: Mutex::default() }
     }
 
-    /// The objects that `target` names.
-    pub fn ids<'u>(&'u self, target: &'u Target) -> impl Iterator<Item = ObjectId> + 'u {
+    /// The objects that `target` matches.
+    pub fn ids<'u>(&'u self, target: &'u RuleTarget) -> impl Iterator<Item = ObjectId> + 'u {
         self.things.iter().filter(|thing| thing.bond(target).is_some()).map(|thing| thing.id)
     }
 
-    /// What objects are called, for messages.
+    /// Names of the objects, for messages.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.things.iter().map(|thing| &*thing.name)
     }
@@ -101,7 +102,7 @@ impl Units {
     ///
     /// # Errors
     /// As [`Patches::new`].
-    pub fn patches(&self, live: &LiveScene, target: &Target, steepest_deg: f64, key: &str) -> Result<Arc<Patches>> {
+    pub fn patches(&self, live: &LiveScene, target: &RuleTarget, steepest_deg: f64, key: &str) -> Result<Arc<Patches>> {
         let name = (target.clone(), steepest_deg.to_bits());
         if let Some(known) = lock(&self.patches).get(&name) {
             return Ok(known.clone());
@@ -111,14 +112,14 @@ impl Units {
     }
 }
 
-/// A box around a mesh, upright and turned as it is.
+/// An upright box around a mesh, with its heading.
 fn solid_of(mesh: &Mesh, world_from_object: &DAffine3) -> Option<Solid> {
     let place = &world_from_object.matrix3;
     let axes = DMat3::from_rotation_z(heading(place));
-    // Of what stands upright the mesh's own box has the same sides.
+    // If the mesh is upright, its own box has the same sides.
     let tilt = place.z_axis.truncate().length() + place.row(2).truncate().length();
     if tilt <= 1e-9 * place.z_axis.length() {
-        return Solid::around(axes, crate::scene::corners(mesh.bounds()?, world_from_object).into_iter());
+        return Solid::around(axes, crate::model::corners(mesh.bounds()?, world_from_object).into_iter());
     }
     Solid::around(axes, mesh.world_points(world_from_object))
 }
@@ -130,9 +131,9 @@ fn heading(turned: &DMat3) -> f64 {
 }
 
 impl Thing {
-    /// What makes it one with others for `target`; `None`: that does not name it. An object pattern takes all that hangs
-    /// on the outermost node with such a name; a category all that hangs on the outermost node that gives it.
-    fn bond(&self, target: &Target) -> Option<(Bond, Arc<str>)> {
+    /// What groups it with others for `target`; `None` if that does not match it. An object pattern selects everything
+    /// below the outermost node with a matching name; a category, everything below the outermost node that assigns it.
+    fn bond(&self, target: &RuleTarget) -> Option<(Bond, Arc<str>)> {
         let fits = |pattern: &Option<String>, name: &str| pattern.as_ref().is_none_or(|it| matches(it, name));
         if !fits(&target.category, &self.category) {
             return None;
@@ -145,7 +146,7 @@ impl Thing {
             let name = if node.name.is_empty() { &self.name } else { &node.name };
             return Some((Bond::Node(node.node), name.clone()));
         }
-        // What is named piece by piece is changed piece by piece.
+        // Objects that are named individually are changed individually.
         let whole = self.ancestors.is_empty() || target.object.is_none();
         let bond = if whole && self.number != 0 { Bond::Instance(self.number) } else { Bond::Object(self.id) };
         fits(&target.object, &self.name).then(|| (bond, self.name.clone()))
@@ -153,39 +154,39 @@ impl Thing {
 }
 
 /// The scene of a sample while rules are applied to it.
-pub(in crate::scenario) struct Stand<'s> {
+pub(in crate::scenario) struct SampleScene<'s> {
     pub live: LiveScene,
     things: Vec<Arc<Thing>>,
-    /// Instances that are no longer where they were, with their surfaces.
+    /// Instances that are no longer where they were; neither are their surfaces.
     gone: HashSet<u32>,
     /// What was drawn.
     pub drawn: Vec<Value>,
-    /// What found no room.
+    /// Warnings about objects that found no room.
     pub notes: Vec<String>,
     /// The scene that the sample starts from.
     base: (&'s LiveScene, &'s Units),
     assets: &'s Assets,
     labels: &'s LabelRules,
-    /// Where relative names of files start.
+    /// Base folder of relative file names.
     folder: &'s Path,
 }
 
-impl<'s> Stand<'s> {
+impl<'s> SampleScene<'s> {
     pub fn new(
         base: (&'s LiveScene, &'s Units),
         assets: &'s Assets,
         labels: &'s LabelRules,
         folder: &'s Path,
-    ) -> Stand<'s> {
+    ) -> SampleScene<'s> {
         let (live, things) = (base.0.clone(), base.1.things.clone());
         let (gone, drawn, notes) = (HashSet::new(), Vec::new(), Vec::new());
-        Stand { live, things, gone, drawn, notes, base, assets, labels, folder }
+        SampleScene { live, things, gone, drawn, notes, base, assets, labels, folder }
     }
 
-    /// Applies `rule`, the one at `key` of the file; `models` are the files it names.
+    /// Applies `rule`, which is at `key` of the file; `models` are the files it names.
     ///
     /// # Errors
-    /// A file that cannot be read, no room where that is to fail.
+    /// A file that cannot be read; no room, if the rule is to fail then.
     pub fn apply(&mut self, rule: &Rule, key: &str, models: &[(PathBuf, f64)], draws: &Draws) -> Result<()> {
         let address = draws.of(&rule.name);
         match &rule.what {
@@ -198,8 +199,8 @@ impl<'s> Stand<'s> {
         }
     }
 
-    /// What `target` names, each with its address.
-    fn groups(&self, target: &Target, address: &Address) -> Vec<(Group, Address)> {
+    /// The groups that `target` matches, each with its address.
+    fn groups(&self, target: &RuleTarget, address: &Address) -> Vec<(Group, Address)> {
         let mut groups: Vec<Group> = Vec::new();
         let mut known: HashMap<Bond, usize> = HashMap::new();
         for (index, thing) in self.things.iter().enumerate() {
@@ -235,7 +236,7 @@ impl<'s> Stand<'s> {
         self.take_away(&left)
     }
 
-    /// Takes the things at these places away.
+    /// Removes the things at these indices.
     fn take_away(&mut self, places: &HashSet<usize>) -> Result<()> {
         for &index in places {
             let thing = self.things[index].clone();
@@ -306,7 +307,7 @@ impl<'s> Stand<'s> {
                 };
                 let mut target = Point { at: point.at + by, ..point };
                 if rule.to.is_none() && (rule.clearance_m.is_some() || rule.align == Align::Slope) {
-                    // It stands where it is now: on what slopes there.
+                    // It stays where it is now, on the ground there, which may slope.
                     let from = target.at + DVec3::Z * (2.0 * group.solid.half.z);
                     if let Some(below) = self.below(from, &group.members) {
                         target = Point { at: target.at, heading: target.heading, ..below };
@@ -325,7 +326,7 @@ impl<'s> Stand<'s> {
                 if rule.clearance_m.is_none_or(|free| self.has_room(&solid, free, rule.align, &point, members)) {
                     let position = moved.transform_point3(foot);
                     values.insert("moved_m".into(), json!((position - foot).to_array()));
-                    tell(&mut values, position, &moved, (turned, turn), factor);
+                    record_placement(&mut values, position, &moved, (turned, turn), factor);
                     found = Some(moved);
                     break;
                 }
@@ -382,7 +383,7 @@ impl<'s> Stand<'s> {
                 if point.instance.is_some_and(|number| self.gone.contains(&number)) {
                     continue;
                 }
-                // Its own origin, but as low as its lowest corner.
+                // Its own origin, but at the height of its lowest corner.
                 let foot = DVec3::Z * model.solid.foot().z;
                 let stands = rule.drop || rule.at.on.is_some();
                 let about = |at: &Point| {
@@ -393,7 +394,7 @@ impl<'s> Stand<'s> {
                 let Some((placed, point)) = settled else { continue };
                 let solid = model.solid.moved(&placed);
                 if rule.overlap || self.has_room(&solid, rule.clearance_m, rule.align, &point, &[]) {
-                    tell(&mut values, placed.transform_point3(foot), &placed, (turned, turn), factor);
+                    record_placement(&mut values, placed.transform_point3(foot), &placed, (turned, turn), factor);
                     found = Some(placed);
                     break;
                 }
@@ -439,12 +440,12 @@ impl<'s> Stand<'s> {
                 return Ok(Pose { position, orientation: aligned(spot.align, point.normal) * turned });
             }
         }
-        let found = format!("no free place {:.3} m around in {} tries", spot.clearance_m, spot.tries);
+        let found = format!("no place with {:.3} m of clearance in {} tries", spot.clearance_m, spot.tries);
         Err(Error::invalid(KEY, found, "a smaller clearance_m, more tries, other surfaces, a larger box"))
     }
 
     fn look(&mut self, rule: &super::LookRule, name: &str, address: &Address) -> Result<()> {
-        // By the name of the material; each once.
+        // By name of the material, each material once.
         let mut used: BTreeMap<&str, Vec<&Arc<Material>>> = BTreeMap::new();
         let parts = self.things.iter().flat_map(|thing| &thing.mesh.parts);
         for material in parts.filter_map(|part| part.material.as_ref()).filter(|it| matches(&rule.look, &it.name)) {
@@ -465,7 +466,7 @@ impl<'s> Stand<'s> {
                         let mut values = Vec::new();
                         let look = rule.of_material(material, &address.of(known), open, &mut values)?;
                         looks.push((None, (*material).clone(), Arc::new(look)));
-                        // Those of one name look the same.
+                        // Materials of one name look the same.
                         drawn.extend((k == 0).then(|| ((*known).to_owned(), values)));
                     }
                 }
@@ -497,7 +498,7 @@ impl<'s> Stand<'s> {
     /// Adds a model as an instance.
     fn add(
         &mut self,
-        model: &Model,
+        model: &ModelFile,
         world_from_model: &DAffine3,
         (name, number): (&str, u32),
         category: Option<&str>,
@@ -521,23 +522,23 @@ impl<'s> Stand<'s> {
         Ok(())
     }
 
-    /// One of the models, by their weights.
-    fn model(&self, models: &[(PathBuf, f64)], address: &Address) -> Result<Arc<Model>> {
+    /// One of the models, drawn by weight.
+    fn model(&self, models: &[(PathBuf, f64)], address: &Address) -> Result<Arc<ModelFile>> {
         self.assets.model(choose::<PathBuf>(models, &address.of("model")), self.labels)
     }
 
-    /// Name of a model in the scenario's folder, wherever that is.
-    fn named(&self, model: &Model) -> String {
+    /// Path of a model relative to the scenario's folder, wherever that is.
+    fn named(&self, model: &ModelFile) -> String {
         shown::path(model.path.strip_prefix(self.folder).unwrap_or(&model.path))
     }
 
-    fn surfaces(&self, place: Option<&Place>, key: &str) -> Result<Option<Arc<Patches>>> {
-        let Some(Place { on: Some(target), steepest_deg, .. }) = place else { return Ok(None) };
+    fn surfaces(&self, place: Option<&PlaceSpec>, key: &str) -> Result<Option<Arc<Patches>>> {
+        let Some(PlaceSpec { on: Some(target), steepest_deg, .. }) = place else { return Ok(None) };
         self.base.1.patches(self.base.0, target, *steepest_deg, key).map(Some)
     }
 
-    /// How something with the box `solid` is moved to `point` by `about`; if it drops, to what is below that; and where
-    /// it stands then. `None`: there is nothing below.
+    /// How an object with the box `solid` is moved by `about` to `point` or, if it drops, onto what is below; and where
+    /// it then stands. `None` if there is nothing below.
     fn settled(
         &self,
         solid: &Solid,
@@ -554,7 +555,7 @@ impl<'s> Stand<'s> {
         Some((about(&point), point))
     }
 
-    /// The place on the highest surface below `from`, except of the things at `except`.
+    /// The place on the highest surface below `from`, ignoring the things at `except`.
     fn below(&self, from: DVec3, except: &[usize]) -> Option<Point> {
         let near = |thing: &Thing| {
             let reach = thing.solid.half.length();
@@ -568,14 +569,15 @@ impl<'s> Stand<'s> {
         found.max_by(|a, b| a.at.z.total_cmp(&b.at.z))
     }
 
-    /// Whether there are `free` m around something with the box `solid` that stands at `point`, except of the things at
-    /// `except`. Only into what it stands on may it reach as much as an upright box on a slope must.
+    /// Whether an object with the box `solid` that stands at `point` has a clearance of `free` m, ignoring the things
+    /// at `except`. It may reach only into what it stands on, and only as far as an upright box on a slope must.
     fn has_room(&self, solid: &Solid, free: f64, align: Align, point: &Point, except: &[usize]) -> bool {
         let [level, sloping] = [Align::Slope, align].map(|align| solid.widened(free, lift(solid, align, point.normal)));
         self.is_free(&level, point.instance.map(|ground| (ground, &sloping)), except)
     }
 
-    /// Whether nothing reaches into `solid`, except the things at `except`; for the instance `ground` another box counts.
+    /// Whether nothing reaches into `solid`, ignoring the things at `except`; the instance `ground` is tested with a
+    /// box of its own.
     fn is_free(&self, solid: &Solid, ground: Option<(u32, &Solid)>, except: &[usize]) -> bool {
         !self.things.iter().enumerate().any(|(index, thing)| {
             let solid = ground.filter(|(number, _)| *number == thing.number).map_or(solid, |(_, own)| own);
@@ -613,7 +615,7 @@ fn happens(chance: &Random, address: &Address) -> bool {
     unit < chance.number(&address.of("chance"))
 }
 
-/// A drawn turn: about z, or roll, pitch and yaw; and what was drawn.
+/// A drawn rotation: about z, or roll, pitch and yaw; and the drawn value.
 fn turn(random: Option<&Random>, address: &Address) -> (DQuat, Option<Value>) {
     let Some(random) = random else { return (DQuat::IDENTITY, None) };
     let value = random.draw(&address.of("turn_deg"));
@@ -625,8 +627,8 @@ fn turn(random: Option<&Random>, address: &Address) -> (DQuat, Option<Value>) {
     (turned, Some(value))
 }
 
-/// How something is placed that stands on its `foot` at `point`, with its `heading` and as it is `turned`. If its
-/// `points` are given, what is turned over is raised until the lowest of them stands there.
+/// Placement of an object that stands on its `foot` at `point`, with its `heading` and the rotation `turned`. If its
+/// `points` are given and it is tipped over, it is raised until the lowest of them is level with `point`.
 fn stood(
     point: &Point,
     align: Align,
@@ -650,9 +652,9 @@ fn stood(
     }
 }
 
-/// Writes down where and how something is `placed`; the whole orientation where it is not as drawn: by a slope or a
-/// line, too.
-fn tell(
+/// Records where and how an object is `placed`; the whole orientation only if a slope or a line has changed it from the
+/// drawn one.
+fn record_placement(
     values: &mut Map<String, Value>,
     position: DVec3,
     placed: &DAffine3,
@@ -667,10 +669,10 @@ fn tell(
     values.extend(factor.map(|factor| ("scale".to_owned(), factor)));
 }
 
-/// A drawn size: one factor, or one for each axis; and what was drawn.
+/// A drawn scale: one factor, or one for each axis; and the drawn value.
 ///
 /// # Errors
-/// A factor that no object may have: some distributions have no ends.
+/// A factor out of range: some distributions are unbounded.
 fn scale(random: Option<&Random>, key: &str, address: &Address) -> Result<(DVec3, Option<Value>)> {
     let Some(random) = random else { return Ok((DVec3::ONE, None)) };
     let value = random.draw(&address.of("scale"));
@@ -683,7 +685,7 @@ fn scale(random: Option<&Random>, key: &str, address: &Address) -> Result<(DVec3
     Ok((factors, Some(value)))
 }
 
-/// Turns z to where things stand up.
+/// Rotates z to the upright direction of an object.
 fn aligned(align: Align, normal: DVec3) -> DQuat {
     match align {
         Align::Up => DQuat::IDENTITY,
@@ -691,10 +693,10 @@ fn aligned(align: Align, normal: DVec3) -> DQuat {
     }
 }
 
-/// How much of the lowest part of a box may reach into the ground that it stands on: what is upright on a slope does so
-/// by its lower edges.
+/// How far the lowest part of a box may reach into the ground that it stands on: the lower edges of an upright box on a
+/// slope do so.
 fn lift(solid: &Solid, align: Align, normal: DVec3) -> f64 {
-    /// Even on even ground.
+    /// Even on level ground.
     const LEAST_M: f64 = 0.02;
     let slope = match align {
         Align::Slope => 0.0,

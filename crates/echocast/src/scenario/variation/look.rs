@@ -1,6 +1,6 @@
-//! What surfaces are made of, from sample to sample.
+//! Variation of surface materials from sample to sample.
 
-use super::Target;
+use super::RuleTarget;
 use crate::material::{Material, Reflectance, ReflectanceSample, TextureRef};
 use crate::scenario::draw::Address;
 use crate::scenario::random::Random;
@@ -9,28 +9,28 @@ use serde::Deserialize;
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scenario) struct LookRule {
-    /// Pattern of names of materials.
+    /// Material name pattern.
     pub look: String,
-    /// Each of these objects by itself; without it, one draw is for all that is of a material.
+    /// Objects that each get a draw of their own; without them, all surfaces of a material share one draw.
     #[serde(default)]
-    pub of: Option<Target>,
+    pub of: Option<RuleTarget>,
     #[serde(default)]
     pub reflectance: Option<Random>,
     /// Linear, red, green and blue.
     #[serde(default)]
     pub color: Option<Random>,
-    /// Image files that take the place of the image of the base colour.
+    /// Image files that replace the image of the base colour.
     #[serde(default)]
     pub texture: Option<Random>,
-    /// Part of the surface that is covered by a film of water.
+    /// Fraction of the surface that is covered by a film of water.
     #[serde(default)]
     pub wetness: Option<Random>,
-    /// Part of the surface that is covered by dust.
+    /// Fraction of the surface that is covered by dust.
     #[serde(default)]
     pub dirt: Option<Random>,
 }
 
-/// Reflectance of the dust that covers things: assumed to be that of light dry soil.
+/// Reflectance of the dust on surfaces: assumed to be that of light dry soil.
 const DUST: f32 = 0.4;
 
 impl LookRule {
@@ -45,7 +45,7 @@ impl LookRule {
         all.into_iter().filter_map(|(key, random)| Some((key, random.as_mut()?))).collect()
     }
 
-    /// `material` as it looks at `address`, and what was drawn for it. `open` gives the image of a file.
+    /// `material` as it is drawn at `address`; what was drawn is added to `drawn`. `open` returns the image of a file.
     pub fn of_material<E>(
         &self,
         material: &Material,
@@ -79,10 +79,10 @@ impl LookRule {
             let value = draw("texture", random);
             look.base_color_texture = value.as_str().map(open).transpose()?;
         }
-        // Water lies on dust.
+        // Water is on top of the dust.
         if let Some(dirt) = dirt {
             look.change(|reflectance| reflectance + dirt * (DUST - reflectance));
-            // On what light passes or is mirrored by, it is seen by itself.
+            // On surfaces that transmit or mirror light, dust is visible by itself.
             look.dirt += dirt * (DUST - look.dirt).max(0.0);
         }
         if let Some(wetness) = wetness {
@@ -93,7 +93,7 @@ impl LookRule {
 }
 
 impl Material {
-    /// Changes all reflectances, also that for its name, and the colours that stand for them.
+    /// Changes all reflectances, including the one known for its name, and the colours that stand in for them.
     fn change(&mut self, changed: impl Fn(f32) -> f32) {
         self.reflectance = self.known_reflectance().cloned();
         self.base_color[..3].iter_mut().for_each(|channel| *channel = changed(*channel));
@@ -106,13 +106,13 @@ impl Material {
     }
 }
 
-/// Diffuse reflectance under a film of water of a rough surface whose own is `dry`: light is reflected at the film's
-/// surface from within and meets the surface again (Ångström 1925, Geografiska Annaler 7; Lekner and Dorf 1988, Applied
-/// Optics 27, 1278). That its absorption is another one within water is neglected.
+/// Diffuse reflectance under a film of water of a rough surface whose reflectance is `dry` without it: light is
+/// reflected internally at the film's surface and hits the rough surface again (Ångström 1925, Geografiska Annaler 7;
+/// Lekner and Dorf 1988, Applied Optics 27, 1278). That the rough surface absorbs differently in water is neglected.
 fn wet(dry: f32) -> f32 {
     /// Index of refraction of water; it is 1.33 to 1.32 from 532 to 1550 nm.
     const INDEX: f32 = 1.33;
-    /// Reflectance of its surface for diffuse light from outside: the mean of Fresnel's over a half-space.
+    /// Reflectance of its surface for diffuse light from outside: the mean Fresnel reflectance over the hemisphere.
     const DIFFUSE: f32 = 0.066;
     let normal = ((INDEX - 1.0) / (INDEX + 1.0)).powi(2);
     let within = 1.0 - (1.0 - DIFFUSE) / (INDEX * INDEX);
@@ -128,14 +128,14 @@ mod tests {
 
     fn look(rule: &str, material: &Material) -> Material {
         let rule: LookRule = yaml::from_str("rule", rule).unwrap();
-        let none = |_: &str| -> Result<TextureRef, Infallible> { unreachable!("no image is asked for") };
+        let none = |_: &str| -> Result<TextureRef, Infallible> { unreachable!("no image is requested") };
         rule.of_material(material, &Draws::new(1, 1).of("rule"), none, &mut Vec::new()).unwrap()
     }
 
-    /// White stays nearly white, black black, and in between wet things are darker.
+    /// White stays nearly white, black stays black, and in between wet surfaces are darker.
     #[test]
     fn wet_surfaces_are_darker() {
-        // What is taken for the mean of Fresnel's reflectance.
+        // The constant that is used for the mean Fresnel reflectance.
         let fresnel = |cosine: f64| {
             let refracted = (1.0 - (1.0 - cosine * cosine) / (1.33 * 1.33)).sqrt();
             let across = (cosine - 1.33 * refracted) / (cosine + 1.33 * refracted);

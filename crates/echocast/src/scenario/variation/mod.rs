@@ -1,13 +1,13 @@
-//! What differs from sample to sample: rules, applied one after the other.
+//! What varies from sample to sample: rules, applied one after the other.
 
 mod apply;
 mod look;
 mod room;
 mod spot;
 
-pub(super) use apply::{Stand, Units};
+pub(super) use apply::{SampleScene, Units};
 pub(super) use look::LookRule;
-pub(super) use room::{Room, Solid};
+pub(super) use room::{MeshTrees, Solid};
 
 use super::random::{Random, check_range};
 use crate::ground::error::{Error, Result};
@@ -23,7 +23,7 @@ use std::path::PathBuf;
 /// A rule of the section `variation`.
 #[derive(Clone, Debug)]
 pub(in crate::scenario) struct Rule {
-    /// Its name, part of the address of all that it draws.
+    /// Its name, part of the address of everything it draws.
     pub name: String,
     pub what: What,
 }
@@ -31,11 +31,11 @@ pub(in crate::scenario) struct Rule {
 /// What a rule does.
 #[derive(Clone, Debug)]
 pub(in crate::scenario) enum What {
-    /// Gives a key of the scenario another value.
+    /// Sets a key of the scenario to another value.
     Set(SetRule),
-    /// Takes objects away.
+    /// Removes objects.
     Remove(RemoveRule),
-    /// Puts models in the place of objects.
+    /// Replaces objects with models.
     Swap(SwapRule),
     /// Moves, turns and scales objects.
     Move(MoveRule),
@@ -48,10 +48,10 @@ pub(in crate::scenario) enum What {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scenario) struct SetRule {
-    /// Path of the key, such as `environment.rain.rate_mm_h`; entries of lists by number or, of sensors, by name.
+    /// Path of the key, such as `environment.rain.rate_mm_h`; list entries by number or, for sensors, by name.
     pub set: String,
     pub to: Random,
-    /// Whether it takes whole numbers.
+    /// Whether the key takes whole numbers.
     #[serde(skip)]
     pub whole: bool,
 }
@@ -59,8 +59,8 @@ pub(in crate::scenario) struct SetRule {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scenario) struct RemoveRule {
-    pub remove: Target,
-    /// Of each object.
+    pub remove: RuleTarget,
+    /// Probability for each object.
     #[serde(default = "certain")]
     pub chance: Random,
 }
@@ -68,11 +68,11 @@ pub(in crate::scenario) struct RemoveRule {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scenario) struct SwapRule {
-    pub swap: Target,
+    pub swap: RuleTarget,
     pub with: Models,
     #[serde(default = "certain")]
     pub chance: Random,
-    /// Makes the model as high as the object was.
+    /// Scales the model to the height of the object.
     #[serde(default)]
     pub fit: bool,
 }
@@ -81,25 +81,25 @@ pub(in crate::scenario) struct SwapRule {
 #[serde(deny_unknown_fields)]
 pub(in crate::scenario) struct MoveRule {
     #[serde(rename = "move")]
-    pub moved: Target,
-    /// By so much along the world's axes, m.
+    pub moved: RuleTarget,
+    /// Displacement along the world's axes, m.
     #[serde(default)]
     pub by_m: Option<Random>,
     #[serde(default)]
     pub chance: Option<Random>,
-    /// To another place.
+    /// New place.
     #[serde(default)]
-    pub to: Option<Place>,
+    pub to: Option<PlaceSpec>,
     #[serde(default)]
     pub turn_deg: Option<Random>,
     #[serde(default)]
     pub scale: Option<Random>,
-    /// Whether it then stands on what is below it.
+    /// Whether it is then dropped onto what is below it.
     #[serde(default)]
     pub drop: bool,
     #[serde(default)]
     pub align: Align,
-    /// Free space around it, m; without it, it may go through others.
+    /// Clearance around it, m; if `None`, it may intersect other objects.
     #[serde(default)]
     pub clearance_m: Option<f64>,
     #[serde(default = "tries")]
@@ -114,13 +114,13 @@ pub(in crate::scenario) struct PlaceRule {
     pub place: Models,
     #[serde(default = "certain")]
     pub count: Random,
-    /// Name of the instances, with a number added.
+    /// Name of the instances, to which a number is appended.
     #[serde(default)]
     pub call: Option<String>,
-    /// Without it, those of the model's file.
+    /// Defaults to the categories of the model's file.
     #[serde(default)]
     pub category: Option<String>,
-    pub at: Place,
+    pub at: PlaceSpec,
     #[serde(default)]
     pub turn_deg: Option<Random>,
     #[serde(default)]
@@ -129,10 +129,10 @@ pub(in crate::scenario) struct PlaceRule {
     pub drop: bool,
     #[serde(default)]
     pub align: Align,
-    /// Free space around it, m.
+    /// Clearance around it, m.
     #[serde(default)]
     pub clearance_m: f64,
-    /// Whether it may go through others.
+    /// Whether it may intersect other objects.
     #[serde(default)]
     pub overlap: bool,
     #[serde(default = "tries")]
@@ -141,32 +141,32 @@ pub(in crate::scenario) struct PlaceRule {
     pub otherwise: Otherwise,
 }
 
-/// Where something stands: on surfaces, in a box, on surfaces in a box, or along a line.
+/// Where an object is placed: on surfaces, in a box, on surfaces in a box, or along a line.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(in crate::scenario) struct Place {
+pub(in crate::scenario) struct PlaceSpec {
     /// Surfaces of the scene that face up.
     #[serde(default)]
-    pub on: Option<Target>,
-    /// Steepest of them.
+    pub on: Option<RuleTarget>,
+    /// Steepest slope of these surfaces.
     #[serde(default = "steepest")]
     pub steepest_deg: f64,
     /// A box in the world.
     #[serde(default)]
     pub within: Option<Space>,
-    /// A line through points in the world, along which its x axis lies.
+    /// A line through points in the world; the object's x axis points along it.
     #[serde(default)]
     pub along: Option<Vec<[f64; 3]>>,
-    /// Height above that, m.
+    /// Height above the drawn point, m.
     #[serde(default)]
     pub height_m: Option<Random>,
 }
 
-/// Where the carrier of the sensors stands.
+/// Where the carrier of the sensors is placed.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(in crate::scenario) struct Spot {
-    pub on: Target,
+    pub on: RuleTarget,
     /// A box in the world.
     #[serde(default)]
     pub within: Option<Space>,
@@ -178,7 +178,7 @@ pub(in crate::scenario) struct Spot {
     pub turn_deg: Option<Random>,
     #[serde(default)]
     pub align: Align,
-    /// Free space around it, m.
+    /// Clearance around it, m.
     #[serde(default)]
     pub clearance_m: f64,
     #[serde(default = "tries")]
@@ -193,35 +193,35 @@ pub(in crate::scenario) struct Space {
     pub max_m: [f64; 3],
 }
 
-/// How something stands on a slope.
+/// How an object is oriented on a slope.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::scenario) enum Align {
     /// Upright.
     #[default]
     Up,
-    /// With the slope.
+    /// Along the slope's normal.
     Slope,
 }
 
-/// What happens where there is no room.
+/// What happens if there is no room.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::scenario) enum Otherwise {
-    /// The sample goes on without, and says so.
+    /// The sample continues without the object, with a warning.
     #[default]
     Skip,
     /// The sample fails.
     Fail,
 }
 
-/// Model files, or folders with such files.
+/// Model files, or folders of model files, with their weights.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::scenario) struct Models(pub Vec<(PathBuf, f64)>);
 
-/// Objects of the scene, or surfaces of them.
+/// Objects of the scene, or their surfaces.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
-pub(in crate::scenario) struct Target {
+pub(in crate::scenario) struct RuleTarget {
     /// Pattern of their names.
     pub object: Option<String>,
     /// Pattern of their categories.
@@ -230,14 +230,14 @@ pub(in crate::scenario) struct Target {
     pub part: Option<String>,
 }
 
-impl Target {
-    /// Whether it names objects called so.
+impl RuleTarget {
+    /// Whether it matches an object with these names and this category.
     pub fn takes<'n>(&self, mut names: impl Iterator<Item = &'n str>, category: &str) -> bool {
         let fits = |pattern: &Option<String>, name: &str| pattern.as_ref().is_none_or(|it| matches(it, name));
         fits(&self.category, category) && (self.object.is_none() || names.any(|name| fits(&self.object, name)))
     }
 
-    /// For messages.
+    /// Its description, for messages.
     pub fn shown(&self) -> String {
         let keys = [("object", &self.object), ("category", &self.category), ("part", &self.part)];
         let keys = keys.iter().filter_map(|(key, pattern)| Some((key, pattern.as_ref()?)));
@@ -245,34 +245,34 @@ impl Target {
     }
 }
 
-impl<'de> Deserialize<'de> for Target {
-    /// A pattern of names of objects, or a section of keys.
+impl<'de> Deserialize<'de> for RuleTarget {
+    /// An object name pattern, or a section of keys.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Keys {
+        struct TargetKeys {
             object: Option<String>,
             category: Option<String>,
             part: Option<String>,
         }
         let value = Value::deserialize(deserializer)?;
         if let Value::String(object) = value {
-            return Ok(Target { object: Some(object), ..Target::default() });
+            return Ok(RuleTarget { object: Some(object), ..RuleTarget::default() });
         }
-        let Keys { object, category, part } = inner(&value)?;
+        let TargetKeys { object, category, part } = inner(&value)?;
         if object.is_none() && category.is_none() && part.is_none() {
             return Err(D::Error::custom("names nothing; allowed: object, category, part"));
         }
-        Ok(Target { object, category, part })
+        Ok(RuleTarget { object, category, part })
     }
 }
 
 impl<'de> Deserialize<'de> for Models {
-    /// A file or folder, or a list of them, each with a weight if wanted.
+    /// A file or folder, or a list of them, each with an optional weight.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Weighted {
+        struct WeightedFile {
             value: PathBuf,
             weight: f64,
         }
@@ -284,7 +284,7 @@ impl<'de> Deserialize<'de> for Models {
         let model = |item: &Value| match item {
             Value::String(file) => Ok((file.into(), 1.0)),
             item => {
-                let Weighted { value, weight } = inner(item)?;
+                let WeightedFile { value, weight } = inner(item)?;
                 if !(weight > 0.0 && weight <= 1e12) {
                     return Err(D::Error::custom(format!("weight: is {weight}; allowed: above 0, up to 1e12")));
                 }
@@ -315,7 +315,7 @@ impl<'de> Deserialize<'de> for Rule {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         const KINDS: &[&str] = &["set", "remove", "swap", "move", "place", "look"];
         let mut value = Value::deserialize(deserializer)?;
-        let Some(keys) = value.as_object_mut() else { return Err(D::Error::custom("is no section of keys")) };
+        let Some(keys) = value.as_object_mut() else { return Err(D::Error::custom("is not a section of keys")) };
         let name = match keys.shift_remove("name") {
             None => None,
             Some(Value::String(name)) => Some(name),
@@ -325,7 +325,7 @@ impl<'de> Deserialize<'de> for Rule {
             let found = keys.keys().next().cloned().unwrap_or_default();
             D::Error::unknown_field(&found, KINDS)
         })?;
-        // Rules are told apart by what they are about.
+        // By default, rules are named after what they apply to.
         let called = if kind == "place" { keys.get("call") } else { None };
         let name = name.unwrap_or_else(|| match called.unwrap_or(&keys[kind]) {
             Value::String(about) => format!("{kind} {about}"),
@@ -344,8 +344,8 @@ impl<'de> Deserialize<'de> for Rule {
 }
 
 impl Rule {
-    /// The objects that it changes, which are not built together with others then.
-    pub fn target(&self) -> Option<&Target> {
+    /// The objects that it changes; these are then not built together with others.
+    pub fn target(&self) -> Option<&RuleTarget> {
         match &self.what {
             What::Set(_) | What::Place(_) | What::Look(_) => None,
             What::Remove(rule) => Some(&rule.remove),
@@ -354,7 +354,7 @@ impl Rule {
         }
     }
 
-    /// All that it draws, with the keys.
+    /// All random values of the rule, with their keys.
     fn randoms(&mut self) -> Vec<(&'static str, &mut Random)> {
         fn given<'r>(key: &'static str, random: &'r mut Option<Random>) -> Option<(&'static str, &'r mut Random)> {
             random.as_mut().map(|random| (key, random))
@@ -386,7 +386,7 @@ impl Rule {
         }
     }
 
-    /// Checks what its type does not.
+    /// Checks what its type does not ensure.
     fn check(&self, key: &str) -> Result<()> {
         for (name, random) in self.clone().randoms() {
             let key = format!("{key}.{name}");
@@ -417,7 +417,7 @@ impl Rule {
     }
 }
 
-/// Checks how room is searched.
+/// Checks the parameters of the search for room.
 fn check_room(key: &str, clearance_m: f64, tries: u32) -> Result<()> {
     if !(0.0..=1e6).contains(&clearance_m) {
         return Err(Error::invalid(format!("{key}.clearance_m"), clearance_m, "0 to 1e6"));
@@ -444,7 +444,7 @@ fn check_number(key: String, random: &Random, low: f64, high: f64) -> Result<()>
 }
 
 impl Spot {
-    /// Checks what its type does not.
+    /// Checks what its type does not ensure.
     pub fn check(&self, key: &str) -> Result<()> {
         check_steepest(key, self.steepest_deg)?;
         self.within.map_or(Ok(()), |space| space.check(key))?;
@@ -457,17 +457,17 @@ impl Spot {
     }
 }
 
-/// Most models that one rule places.
+/// Maximum number of models that one rule places.
 const MOST_PLACED: f64 = 100_000.0;
 
-/// Least and greatest factor that objects are scaled by.
+/// Smallest and largest factor that objects are scaled by.
 pub(in crate::scenario) const SCALES: [f64; 2] = [1e-6, 1e6];
 
 /// Largest angle or height.
 const LARGEST: f64 = 1e9;
 
 impl Space {
-    /// `key`: what it is a part of.
+    /// `key` is that of the section it belongs to.
     fn check(&self, key: &str) -> Result<()> {
         let Space { min_m, max_m } = self;
         let wrong = (0..3).find(|&k| !(min_m[k] <= max_m[k] && (max_m[k] - min_m[k]).is_finite()));
@@ -482,7 +482,7 @@ impl Space {
     }
 }
 
-impl Place {
+impl PlaceSpec {
     fn check(&self, key: &str) -> Result<()> {
         let places = [self.on.is_some() || self.within.is_some(), self.along.is_some()];
         if places[0] == places[1] {
@@ -501,13 +501,13 @@ impl Place {
     }
 }
 
-/// Checks all rules, and that they can be told apart.
+/// Checks all rules, and that their names are distinct.
 pub(in crate::scenario) fn check(rules: &[Rule]) -> Result<()> {
     let mut names = HashSet::new();
     for (index, rule) in rules.iter().enumerate() {
         let key = format!("variation[{index}]");
         if !names.insert(&rule.name) {
-            let found = format!("called {:?}, as a rule before it", rule.name);
+            let found = format!("called {:?}, like an earlier rule", rule.name);
             return Err(Error::invalid(key, found, "a `name` of its own, by which its draws are addressed"));
         }
         rule.check(&key)?;
@@ -515,7 +515,7 @@ pub(in crate::scenario) fn check(rules: &[Rule]) -> Result<()> {
     Ok(())
 }
 
-/// Gives the grids of all rules their strides; returns how many combinations there are.
+/// Gives the grids of all rules their strides; returns the number of combinations.
 pub(in crate::scenario) fn number_grids(rules: &mut [Rule]) -> u64 {
     let mut next = 1;
     rules.iter_mut().flat_map(Rule::randoms).for_each(|(_, random)| random.number_grids(&mut next));

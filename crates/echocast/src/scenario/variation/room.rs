@@ -1,4 +1,4 @@
-//! Where there is room: boxes of what is placed, against the boxes and the triangles of what is there.
+//! Tests for room: boxes of what is placed, against the boxes and the triangles of what is there.
 
 use crate::scenario::lock;
 use crate::scene::Mesh;
@@ -6,18 +6,18 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 
-/// A box in the world, turned in any way.
+/// A box in the world, in any orientation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::scenario) struct Solid {
     pub centre: DVec3,
-    /// Its axes, of length 1, in the world.
+    /// Its axes, unit vectors in the world.
     pub axes: DMat3,
     /// From its centre to its faces, m.
     pub half: DVec3,
 }
 
 impl Solid {
-    /// The least box with these axes around `points`; `None` without any.
+    /// The smallest box with these axes around `points`; `None` without points.
     pub fn around(axes: DMat3, points: impl Iterator<Item = DVec3>) -> Option<Solid> {
         let own = axes.transpose();
         let (low, high) =
@@ -38,7 +38,7 @@ impl Solid {
         })
     }
 
-    /// The least box with turned axes around this one after `moved`, which may scale it.
+    /// The smallest box, with its axes rotated accordingly, around this one after `moved`, which may scale it.
     pub fn moved(&self, moved: &DAffine3) -> Solid {
         let axis = |k: usize| (moved.matrix3 * self.axes.col(k)).normalize_or(DVec3::AXES[k]);
         let x = axis(0);
@@ -48,7 +48,7 @@ impl Solid {
         Solid::around(axes, corners).unwrap_or(*self)
     }
 
-    /// Where its lowest face, or edge, or corner is in the middle.
+    /// The point below its centre at the height of its lowest corner.
     pub fn foot(&self) -> DVec3 {
         let corners = self.corners();
         self.centre.with_z(corners.iter().map(|corner| corner.z).fold(f64::INFINITY, f64::min))
@@ -58,7 +58,7 @@ impl Solid {
         self.corners().iter().map(|corner| corner.z).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Larger by `by` m on all sides but below, where it is smaller by `lifted` m.
+    /// This box, larger by `by` m on all sides except below, where it is smaller by `lifted` m.
     pub fn widened(&self, by: f64, lifted: f64) -> Solid {
         let lifted = lifted.min(1.9 * self.half.z + by);
         Solid {
@@ -72,8 +72,8 @@ impl Solid {
         self.half.length()
     }
 
-    /// Whether it and `other` have more than a point in common, by separating axes (Gottschalk, Lin and Manocha 1996,
-    /// OBBTree).
+    /// Whether it and `other` have more than a point in common, by the separating axis test (Gottschalk, Lin and
+    /// Manocha 1996, OBBTree).
     pub fn meets(&self, other: &Solid) -> bool {
         let between = other.centre - self.centre;
         if between.length() >= self.radius() + other.radius() {
@@ -83,46 +83,46 @@ impl Solid {
             (0..3).map(|k| (solid.axes.col(k).dot(along) * solid.half[k]).abs()).sum::<f64>()
         };
         let apart = |along: DVec3| {
-            // Parallel edges have no axis of their own.
+            // Parallel edges give no axis.
             along.length_squared() > 1e-12 && between.dot(along).abs() >= reach(self, along) + reach(other, along)
         };
         let faces = (0..3).any(|k| apart(self.axes.col(k)) || apart(other.axes.col(k)));
         !faces && !(0..9).any(|k| apart(self.axes.col(k / 3).cross(other.axes.col(k % 3))))
     }
 
-    /// From the world to a frame in which it is around the origin, along the axes.
+    /// From the world to the frame in which it is centred at the origin, along the axes.
     fn own_from_world(&self) -> DAffine3 {
         let turned = self.axes.transpose();
         DAffine3 { matrix3: turned, translation: -(turned * self.centre) }
     }
 }
 
-/// Triangles of a mesh, in boxes within boxes.
+/// Bounding volume hierarchy of the triangles of a mesh.
 #[derive(Debug)]
-pub(super) struct Tree {
-    nodes: Vec<Node>,
+pub(super) struct TriangleTree {
+    nodes: Vec<TriangleNode>,
     triangles: Vec<[Vec3; 3]>,
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Node {
+struct TriangleNode {
     low: Vec3,
     high: Vec3,
-    /// Of its triangles; of other nodes, where the second of the two in it is: the first is the next one.
+    /// First of a leaf's triangles; of an inner node, the index of its second child: its first child is the next node.
     first: u32,
-    /// Number of triangles; 0: it has two nodes in it.
+    /// Number of triangles; 0 for an inner node.
     count: u32,
 }
 
-/// Most triangles of a node without others in it.
+/// Maximum number of triangles of a leaf.
 const LEAF: usize = 4;
 
-impl Tree {
-    fn new(mesh: &Mesh) -> Tree {
+impl TriangleTree {
+    fn new(mesh: &Mesh) -> TriangleTree {
         let triangles = mesh.parts.iter().flat_map(|part| {
             part.triangles.iter().map(|triangle| triangle.map(|corner| Vec3::from(part.positions[corner as usize])))
         });
-        let mut tree = Tree { nodes: Vec::new(), triangles: triangles.collect() };
+        let mut tree = TriangleTree { nodes: Vec::new(), triangles: triangles.collect() };
         let count = tree.triangles.len();
         if count > 0 {
             tree.divide(0, count);
@@ -130,14 +130,14 @@ impl Tree {
         tree
     }
 
-    /// Adds the node of the triangles from `first` to `end`, and what is in it.
+    /// Adds the node of the triangles from `first` to `end`, and its children.
     fn divide(&mut self, first: usize, end: usize) {
         let own = &mut self.triangles[first..end];
         let corners = || own.iter().flatten();
         let (low, high) =
             (corners().fold(Vec3::INFINITY, |a, b| a.min(*b)), corners().fold(Vec3::NEG_INFINITY, |a, b| a.max(*b)));
         let node = self.nodes.len();
-        self.nodes.push(Node { low, high, first: first as u32, count: (end - first) as u32 });
+        self.nodes.push(TriangleNode { low, high, first: first as u32, count: (end - first) as u32 });
         if end - first <= LEAF {
             return;
         }
@@ -160,8 +160,8 @@ impl Tree {
         (self.nodes[node].first, self.nodes[node].count) = (second, 0);
     }
 
-    /// Passes triangles to `found` whose nodes `enters` lets through, until one of them says so.
-    fn walk(&self, mut enters: impl FnMut(&Node) -> bool, mut found: impl FnMut(&[Vec3; 3]) -> bool) -> bool {
+    /// Passes the triangles of all nodes that `enters` accepts to `found`, until it returns true.
+    fn walk(&self, mut enters: impl FnMut(&TriangleNode) -> bool, mut found: impl FnMut(&[Vec3; 3]) -> bool) -> bool {
         let mut open = Vec::new();
         open.extend((!self.nodes.is_empty()).then_some(0));
         while let Some(index) = open.pop() {
@@ -182,7 +182,7 @@ impl Tree {
     fn meets(&self, world_from_object: &DAffine3, solid: &Solid) -> bool {
         let own_from_object = solid.own_from_world() * *world_from_object;
         let half = solid.half;
-        let enters = |node: &Node| {
+        let enters = |node: &TriangleNode| {
             let centre = own_from_object.transform_point3((0.5 * (node.low + node.high)).as_dvec3());
             let size = (0.5 * (node.high - node.low)).as_dvec3();
             let m = &own_from_object.matrix3;
@@ -195,13 +195,13 @@ impl Tree {
         self.walk(enters, inside)
     }
 
-    /// The highest point below `from`, with the normal there, of length 1 and upward.
+    /// Height of the highest point below `from`, with the upward unit normal there.
     fn below(&self, world_from_object: &DAffine3, from: DVec3) -> Option<(f64, DVec3)> {
         let object_from_world = world_from_object.inverse();
         let start = object_from_world.transform_point3(from).as_vec3();
         let ahead = (object_from_world.matrix3 * DVec3::NEG_Z).as_vec3();
         let mut nearest: Option<(f64, DVec3)> = None;
-        let enters = |node: &Node| {
+        let enters = |node: &TriangleNode| {
             let (mut enter, mut leave) = (0.0_f32, f32::INFINITY);
             for axis in 0..3 {
                 let [a, b] =
@@ -230,7 +230,7 @@ impl Tree {
     }
 }
 
-/// Height of a triangle at the place of `from`, and its normal, upward.
+/// Height of a triangle at the horizontal position of `from`, and its upward unit normal.
 fn height(a: DVec3, b: DVec3, c: DVec3, from: DVec3) -> Option<(f64, DVec3)> {
     let normal = (b - a).cross(c - a);
     let normal = if normal.z < 0.0 { -normal } else { normal };
@@ -244,7 +244,7 @@ fn height(a: DVec3, b: DVec3, c: DVec3, from: DVec3) -> Option<(f64, DVec3)> {
     Some((a.z - (normal.x * flat.x + normal.y * flat.y) / normal.z, normal.normalize()))
 }
 
-/// Whether a triangle has more than a point in common with the box from `-half` to `half`, by separating axes
+/// Whether a triangle has more than a point in common with the box from `-half` to `half`, by the separating axis test
 /// (Akenine-Möller 2001, Fast 3D triangle-box overlap testing).
 fn reaches_into(half: DVec3, [a, b, c]: [DVec3; 3]) -> bool {
     let apart = |along: DVec3| {
@@ -260,29 +260,29 @@ fn reaches_into(half: DVec3, [a, b, c]: [DVec3; 3]) -> bool {
     !faces && !edges.into_iter().any(|edge| DVec3::AXES.into_iter().any(|axis| apart(edge.cross(axis))))
 }
 
-/// The meshes of a scene and its models, prepared when first needed.
+/// Hierarchies of the meshes of a scene and its models, built when first needed.
 #[derive(Debug, Default)]
-pub(in crate::scenario) struct Room {
+pub(in crate::scenario) struct MeshTrees {
     /// By the address of the mesh.
-    trees: Mutex<HashMap<usize, Known>>,
+    trees: Mutex<HashMap<usize, CachedTree>>,
 }
 
-/// A mesh, kept so that nothing else gets its address, and its tree.
-type Known = (Arc<Mesh>, Arc<Tree>);
+/// A mesh, kept so that its address is not reused, and its tree.
+type CachedTree = (Arc<Mesh>, Arc<TriangleTree>);
 
-impl Room {
-    pub(super) fn tree(&self, mesh: &Arc<Mesh>) -> Arc<Tree> {
+impl MeshTrees {
+    pub(super) fn tree(&self, mesh: &Arc<Mesh>) -> Arc<TriangleTree> {
         let key = Arc::as_ptr(mesh) as usize;
         let known = || lock(&self.trees);
         if let Some((_, tree)) = known().get(&key) {
             return tree.clone();
         }
-        // Made without the lock: others need other meshes meanwhile.
-        let tree = Arc::new(Tree::new(mesh));
+        // Built without holding the lock: other threads need other meshes meanwhile.
+        let tree = Arc::new(TriangleTree::new(mesh));
         known().entry(key).or_insert((mesh.clone(), tree)).1.clone()
     }
 
-    /// Forgets meshes that nothing else uses any more.
+    /// Drops meshes that nothing else uses any more.
     pub fn forget_unused(&self) {
         lock(&self.trees).retain(|_, (mesh, _)| Arc::strong_count(mesh) > 1);
     }
@@ -309,7 +309,7 @@ mod tests {
         Arc::new(Mesh::new("", vec![part]).unwrap())
     }
 
-    /// Numbers in [0, 1) without pattern.
+    /// Pseudo-random numbers in [0, 1).
     fn numbers() -> impl FnMut() -> f64 {
         let mut state = 1_u64;
         move || {
@@ -322,7 +322,7 @@ mod tests {
         DMat3::from_quat(DQuat::from_xyzw(next() - 0.5, next() - 0.5, next() - 0.5, next() - 0.5).normalize())
     }
 
-    /// Whether points in both are found by many tries.
+    /// Whether random sampling finds a point in both.
     fn both(a: &Solid, b: &Solid, next: &mut impl FnMut() -> f64) -> bool {
         (0..4000).any(|_| {
             let within = DVec3::new(next(), next(), next()) * 2.0 - 1.0;
@@ -349,7 +349,7 @@ mod tests {
                 clear += 1;
                 assert!(!both(&a, &b, &mut next) && !both(&b, &a, &mut next));
             }
-            // Smaller ones that share points do meet.
+            // Boxes that share points do meet.
             if both(&a, &b, &mut next) {
                 assert!(a.meets(&b));
             }
@@ -373,7 +373,7 @@ mod tests {
             let reaches = reaches_into(half, triangle);
             assert!(reaches || !found);
             met += usize::from(reaches);
-            // A little larger, what reaches in shows points.
+            // A triangle that reaches in without a sampled point inside does not reach into a smaller box.
             if !found && reaches {
                 assert!(!reaches_into(half * 0.6, triangle) || half.min_element() < 0.4, "{triangle:?} {half}");
             }
@@ -381,7 +381,8 @@ mod tests {
         assert!((200..1800).contains(&met), "{met}");
     }
 
-    /// A bumpy sheet: what is below a point, and what reaches into a box, against all triangles one by one.
+    /// On a bumpy sheet: what is below a point, and what reaches into a box, compared with testing all triangles one by
+    /// one.
     #[test]
     fn a_tree_finds_what_a_list_finds() {
         let (side, mut next) = (30_u32, numbers());
@@ -397,7 +398,7 @@ mod tests {
             DQuat::from_rotation_z(0.4) * DQuat::from_rotation_x(0.1),
             DVec3::new(5.0, -3.0, 2.0),
         );
-        let room = Room::default();
+        let room = MeshTrees::default();
         let world: Vec<[DVec3; 3]> = triangles
             .iter()
             .map(|t| t.map(|k| placed.transform_point3(Vec3::from(positions[k as usize]).as_dvec3())))
@@ -420,7 +421,7 @@ mod tests {
     }
 
     #[test]
-    fn boxes_follow_what_they_are_around() {
+    fn boxes_move_with_their_contents() {
         let solid = Solid::upright(DVec3::new(-1.0, -2.0, 0.0), DVec3::new(1.0, 2.0, 3.0));
         assert_eq!(solid.foot(), DVec3::ZERO);
         let moved = DAffine3::from_scale_rotation_translation(

@@ -1,6 +1,6 @@
 //! Places: on surfaces, in boxes, along lines.
 
-use super::{Place, Space, Target};
+use super::{PlaceSpec, RuleTarget, Space};
 use crate::ground::error::{Error, Result};
 use crate::scenario::draw::Address;
 use crate::scene::matches;
@@ -12,30 +12,30 @@ use rand_distr::{Distribution as _, StandardUniform};
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::scenario) struct Point {
     pub at: DVec3,
-    /// Of the surface, of length 1 and upward.
+    /// Upward unit normal of the surface.
     pub normal: DVec3,
-    /// Direction that things there look in, about z, rad.
+    /// Heading of objects there, about z, rad.
     pub heading: f64,
     /// The instance whose surface it is, if it is on one.
     pub instance: Option<u32>,
 }
 
-/// Surfaces that face up, to be drawn from by their area.
+/// Surfaces that face up, from which points are drawn uniformly by area.
 #[derive(Debug, Default)]
 pub(in crate::scenario) struct Patches {
     triangles: Vec<[DVec3; 3]>,
-    /// Instance of each of them.
+    /// Instance of each triangle.
     instances: Vec<u32>,
-    /// Area of each and all before it, m^2.
+    /// Cumulative area: of each triangle and all before it, m^2.
     areas: Vec<f64>,
 }
 
 impl Patches {
-    /// Those of `target` in `live` that are not steeper than `steepest_deg`.
+    /// The surfaces of `target` in `live` that are not steeper than `steepest_deg`.
     ///
     /// # Errors
-    /// Nothing is called so, or nothing of it faces up. `key` names the rule.
-    pub fn new(live: &LiveScene, target: &Target, steepest_deg: f64, key: &str) -> Result<Patches> {
+    /// Nothing matches, or nothing that matches faces up. `key` names the rule.
+    pub fn new(live: &LiveScene, target: &RuleTarget, steepest_deg: f64, key: &str) -> Result<Patches> {
         let least = steepest_deg.to_radians().cos();
         let mut patches = Patches::default();
         let (mut area, mut known) = (0.0, false);
@@ -55,7 +55,7 @@ impl Patches {
                 let corner = |index: u32| {
                     object.world_from_object.transform_point3(Vec3::from(part.positions[index as usize]).as_dvec3())
                 };
-                // Mirrored objects have their triangles the other way round.
+                // Mirrored objects have reversed winding.
                 let mirrored = object.world_from_object.matrix3.determinant() < 0.0;
                 for triangle in part.triangles.iter() {
                     let [a, b, c] = triangle.map(corner);
@@ -73,7 +73,7 @@ impl Patches {
             let what = if target.part.is_some() { &labels.part } else { &labels.category };
             let known: Vec<&str> = what.names.iter().map(String::as_str).take(20).collect();
             let known = if target.object.is_some() { "names of objects".to_owned() } else { known.join(", ") };
-            return Err(Error::invalid(key, format!("{}, which nothing in the scene is", target.shown()), known));
+            return Err(Error::invalid(key, format!("{}, which matches nothing in the scene", target.shown()), known));
         }
         if patches.triangles.is_empty() {
             let found = format!("{}, of which nothing faces up", target.shown());
@@ -82,15 +82,15 @@ impl Patches {
         Ok(patches)
     }
 
-    /// A place on them, as likely everywhere; of those in `within`, if that is given. `None`: none was found there.
+    /// A place drawn uniformly from these surfaces, inside `within` if given; `None` if none was found there.
     pub fn draw(&self, within: Option<&Space>, address: &Address) -> Option<Point> {
-        /// Most places that are drawn until one is in the box.
+        /// Maximum number of places that are drawn until one is in the box.
         const MOST_DRAWS: u32 = 1000;
         let mut stream = address.stream();
         let mut unit = || -> f64 { StandardUniform.sample(&mut stream) };
         let mut draw = || {
-            let wanted = unit() * self.areas.last().copied().unwrap_or(0.0);
-            let index = self.areas.partition_point(|area| *area <= wanted).min(self.triangles.len() - 1);
+            let drawn_area = unit() * self.areas.last().copied().unwrap_or(0.0);
+            let index = self.areas.partition_point(|area| *area <= drawn_area).min(self.triangles.len() - 1);
             let [a, b, c] = self.triangles[index];
             // Uniform in a parallelogram, whose other half is folded over.
             let (u, v) = (unit(), unit());
@@ -104,8 +104,8 @@ impl Patches {
     }
 }
 
-impl Place {
-    /// A place of this kind; `patches` are its surfaces, where it is on such. `None`: none was found.
+impl PlaceSpec {
+    /// A place of this kind; `patches` are its surfaces, if it is on any. `None` if none was found.
     pub fn draw(&self, patches: Option<&Patches>, address: &Address) -> Option<Point> {
         let mut stream = address.stream();
         let mut unit = || -> f64 { StandardUniform.sample(&mut stream) };

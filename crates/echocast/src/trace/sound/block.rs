@@ -1,27 +1,27 @@
-//! The rays of one block side by side: led on chord by chord, traced together, and taken up one by one where they meet
+//! The rays of one block side by side: advanced chord by chord, traced together, and handled one by one where they hit
 //! something or do what few of them do.
 
 use super::{Arrival, Chord, MOST_STEPS, SAGITTA, SoundTracer, Start, State, TracerMemory, rounding};
 use crate::ground::lanes::{LANES, MISS, RayBatch};
-use crate::medium::{End, Ray};
+use crate::medium::{End, RefractedRay};
 use crate::trace::HitBatch;
-use echocast_kernels::water::{Chords, Eight, Rays, Stop, Through, WIDTH, lead};
+use echocast_kernels::water::{Chords, Eight, Stop, Through, WIDTH, WaterRays, lead};
 use glam::Vec3;
 
 const GROUPS: usize = LANES / WIDTH;
 
-/// Memory for the rays of one block.
-pub(super) struct Block {
-    /// How many rays there are.
+/// Buffers for the rays of one block.
+pub(super) struct RayBlock {
+    /// Number of rays.
     count: usize,
-    rays: [Rays; GROUPS],
+    rays: [WaterRays; GROUPS],
     /// The rays where their chords start.
-    starts: [Rays; GROUPS],
+    starts: [WaterRays; GROUPS],
     chords: [Chords; GROUPS],
     stops: [Eight<Stop>; GROUPS],
     /// When they end, s.
     latest: [Eight; GROUPS],
-    /// As of [`State`] and [`Ray`].
+    /// As in [`State`] and [`RefractedRay`].
     numbers: [u32; LANES],
     orders: [u8; LANES],
     levels: [bool; LANES],
@@ -29,12 +29,12 @@ pub(super) struct Block {
     traced: Vec<u32>,
 }
 
-impl Block {
-    pub fn new() -> Block {
-        Block {
+impl RayBlock {
+    pub fn new() -> RayBlock {
+        RayBlock {
             count: 0,
-            rays: [Rays::default(); GROUPS],
-            starts: [Rays::default(); GROUPS],
+            rays: [WaterRays::default(); GROUPS],
+            starts: [WaterRays::default(); GROUPS],
             chords: [Chords::default(); GROUPS],
             stops: [[Stop::Ended; WIDTH]; GROUPS],
             latest: [[0.0; WIDTH]; GROUPS],
@@ -45,14 +45,14 @@ impl Block {
         }
     }
 
-    /// A ray as it is in `rays`.
-    fn state(&self, rays: &[Rays; GROUPS], ray: usize) -> State {
+    /// The state of a ray in `rays`.
+    fn state(&self, rays: &[WaterRays; GROUPS], ray: usize) -> State {
         let (group, i) = (&rays[ray / WIDTH], ray % WIDTH);
         State {
             number: self.numbers[ray],
             start: group.start.map(|axis| axis[i]),
             heading: group.heading.map(|axis| axis[i]),
-            ray: Ray {
+            ray: RefractedRay {
                 distance: group.distance[i],
                 depth: group.depth[i],
                 sine: group.sine[i],
@@ -105,7 +105,7 @@ impl Block {
 }
 
 impl SoundTracer<'_> {
-    /// Follows all states until they have met something without being reflected, or are out of reach.
+    /// Traces all states until they have hit something without being reflected, or are out of range.
     pub(super) fn follow(&self, memory: &mut TracerMemory, start: &Start, arrivals: &mut Vec<Arrival>) {
         let TracerMemory { rays, hits, states, block, .. } = memory;
         block.count = states.len();
@@ -131,7 +131,7 @@ impl SoundTracer<'_> {
                 &mut block.stops[groups],
             );
             let Some(coherent) = self.gather(block, rays) else { return };
-            let Block { traced, starts, .. } = &**block;
+            let RayBlock { traced, starts, .. } = &**block;
             self.meet(rays, hits, traced.len(), coherent, |lane| {
                 let (group, i) = (&starts[traced[lane] as usize / WIDTH], traced[lane] as usize % WIDTH);
                 [group.time[i], 1.0 / group.speed[i]]
@@ -152,16 +152,17 @@ impl SoundTracer<'_> {
         }
     }
 
-    /// Where a ray goes on from `state`, if anything is heard of what it meets there.
-    fn put(&self, block: &mut Block, ray: usize, state: &State, start: &Start) {
+    /// Continues a ray from `state`, provided that echoes from beyond can still be received.
+    fn put(&self, block: &mut RayBlock, ray: usize, state: &State, start: &Start) {
         let latest = self.latest(state);
         block.set(ray, state, latest);
-        let is_heard = state.ray.time < latest && self.is_in_reach(state, start);
-        *block.stop(ray) = if is_heard { Stop::Onward } else { Stop::Ended };
+        let is_receivable = state.ray.time < latest && self.is_in_reach(state, start);
+        *block.stop(ray) = if is_receivable { Stop::Onward } else { Stop::Ended };
     }
 
-    /// Collects the chords to be traced, and whether their rays are still neighbours; `None`: no ray goes on.
-    fn gather(&self, block: &mut Block, rays: &mut RayBatch) -> Option<bool> {
+    /// Collects the chords to be traced; returns whether their rays are still neighbours, or `None` if no ray
+    /// continues.
+    fn gather(&self, block: &mut RayBlock, rays: &mut RayBatch) -> Option<bool> {
         let (mut any, mut coherent) = (false, true);
         block.traced.clear();
         for group in 0..block.count.div_ceil(WIDTH) {
@@ -183,7 +184,7 @@ impl SoundTracer<'_> {
                 (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = (along[0][i], along[1][i], along[2][i]);
                 rays.range_max[lane] = length[i] + self.overlap(length[i]);
                 block.traced.push(ray as u32);
-                // Rays that nothing has turned are still neighbours.
+                // Rays that have not been reflected are still neighbours.
                 coherent &= block.orders[ray] == 0;
             }
         }
@@ -196,8 +197,8 @@ impl SoundTracer<'_> {
         1e-6 * length + rounding(low.abs().max(high.abs())).max(1e-5)
     }
 
-    /// Takes a ray that is level, or turns over, on by one step.
-    fn step_alone(&self, block: &mut Block, ray: usize) {
+    /// Advances a ray that is level, or at its turning point, by one step.
+    fn step_alone(&self, block: &mut RayBlock, ray: usize) {
         let mut state = block.state(&block.rays, ray);
         let latest = self.latest(&state);
         let step = self.step(&state, latest);
@@ -211,8 +212,8 @@ impl SoundTracer<'_> {
         };
     }
 
-    /// What becomes of a ray that has met nothing on its chord.
-    fn missed(&self, block: &mut Block, ray: usize, start: &Start, arrivals: &mut Vec<Arrival>) {
+    /// Continues or ends a ray whose chord has hit nothing.
+    fn missed(&self, block: &mut RayBlock, ray: usize, start: &Start, arrivals: &mut Vec<Arrival>) {
         let end = match *block.stop(ray) {
             Stop::Ended => return,
             Stop::Top => End::Top,
@@ -234,10 +235,10 @@ impl SoundTracer<'_> {
         }
     }
 
-    /// What becomes of a ray whose chord has met what a `lane` says.
+    /// Records what the chord of a ray has hit, in a `lane`, and reflects the ray there.
     fn met(
         &self,
-        block: &mut Block,
+        block: &mut RayBlock,
         ray: usize,
         (rays, hits): (&RayBatch, &HitBatch),
         lane: usize,
@@ -262,8 +263,9 @@ impl SoundTracer<'_> {
         }
     }
 
-    /// A ray at the facet with a `normal` that its chord, up to where it is at the `end`, meets after `range` m.
-    pub(super) fn at_facet(&self, state: &State, end: &Ray, range: f64, normal: Vec3) -> Ray {
+    /// A ray at the facet with a `normal` that its chord hits after `range` m; `end` is the ray at the end of the
+    /// chord.
+    pub(super) fn at_facet(&self, state: &State, end: &RefractedRay, range: f64, normal: Vec3) -> RefractedRay {
         let mut ray = state.ray;
         let from = [ray.distance, ray.depth];
         let chord = [end.distance - from[0], end.depth - from[1]];
@@ -274,7 +276,7 @@ impl SoundTracer<'_> {
         let along = chord.map(|it| it / whole);
         let mut slab = &self.slabs[ray.slab];
         let mut rest = range;
-        // What lies at a boundary, but for rounding, is met before it.
+        // A facet that is at a boundary, but for rounding, is hit before it.
         let close = f64::from(self.overlap(range as f32));
         for _ in 0..MOST_STEPS {
             let (length, end) = ray.exit(slab);
@@ -308,7 +310,7 @@ mod tests {
         Slab { top, bottom, speed, gradient, density: 1025.0, absorption: 0.02, absorption_slope: 1e-4 }
     }
 
-    /// Slabs whose speeds join: a thermocline, a duct, and gradients that grow.
+    /// Slabs with continuous sound speed: a thermocline, a duct, and increasing gradients.
     fn cast() -> Vec<Slab> {
         let rows = [
             (0.0, 1500.0),
@@ -333,11 +335,11 @@ mod tests {
         (0..6).map(|i| Slab { density: 1025.0 + i as f64, ..slab(tops[i], tops[i + 1], speeds[i], 0.0) }).collect()
     }
 
-    /// `ray` when it is `path` m long, passing from slab to slab; `None`: it comes to the surface before.
-    fn alone(mut ray: Ray, slabs: &[Slab], path: f64) -> Option<Ray> {
+    /// `ray` when it is `path` m long, passed from slab to slab; `None`: it reaches the surface before.
+    fn alone(mut ray: RefractedRay, slabs: &[Slab], path: f64) -> Option<RefractedRay> {
         loop {
             let (length, end) = ray.exit(&slabs[ray.slab]);
-            // At a boundary it is beyond it.
+            // A ray at a boundary counts as beyond it.
             if length > path - ray.path + 1e-9 {
                 return Some(ray.advanced(&slabs[ray.slab], path - ray.path));
             }
@@ -349,7 +351,7 @@ mod tests {
         }
     }
 
-    /// Side by side rays get where one gets by itself, and chords are as near as they should be.
+    /// Rays traced side by side get where a single ray does, and chords are within the sagitta of their arcs.
     #[test]
     fn rays_side_by_side_are_rays() {
         for (slabs, depth) in [(cast(), 2.0), (cast(), 9.0), (cast(), 40.0), (layers(), 2.0), (layers(), 8.0)] {
@@ -357,19 +359,19 @@ mod tests {
             let bounds = [[-1e3; 3], [1e3; 3]];
             let water = Through { slabs: &slabs, limits: &limits, sagitta: SAGITTA, surface_z: 0.0, bounds };
             let first = crate::medium::slab_at(&slabs, depth);
-            let mut block = Block::new();
+            let mut block = RayBlock::new();
             block.count = LANES;
             for ray in 0..LANES {
                 let angle = (ray as f64 + 0.5) / LANES as f64 * std::f64::consts::PI - std::f64::consts::FRAC_PI_2;
-                let it = Ray::launch(depth, [angle.sin(), angle.cos()], &slabs, first);
+                let it = RefractedRay::launch(depth, [angle.sin(), angle.cos()], &slabs, first);
                 let state = State { number: ray as u32, start: [0.0; 2], heading: [0.6, 0.8], ray: it, order: 0 };
                 block.set(ray, &state, 0.1);
                 *block.stop(ray) = Stop::Onward;
             }
-            let starts: Vec<Ray> = (0..LANES).map(|ray| block.state(&block.rays, ray).ray).collect();
+            let starts: Vec<RefractedRay> = (0..LANES).map(|ray| block.state(&block.rays, ray).ray).collect();
             let mut compared = 0;
             for _ in 0..60 {
-                let Block { latest, rays, starts: from, chords, stops, .. } = &mut block;
+                let RayBlock { latest, rays, starts: from, chords, stops, .. } = &mut block;
                 lead(&water, latest, rays, from, chords, stops);
                 for ray in 0..LANES {
                     let found = block.state(&block.rays, ray).ray;
@@ -392,7 +394,7 @@ mod tests {
                         assert!((found - expected).abs() < tolerance, "{ray} from {depth}: {found} {expected}");
                     }
                     compared += 1;
-                    // The middle of the arc and that of its chord.
+                    // The middle of the arc, and its distance from the chord.
                     let middle = alone(starts[ray], &slabs, 0.5 * (before.path + found.path)).unwrap();
                     let [level, fall] = [found.distance - before.distance, found.depth - before.depth];
                     let [right, below] = [middle.distance - before.distance, middle.depth - before.depth];

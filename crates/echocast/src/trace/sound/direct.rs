@@ -1,58 +1,58 @@
-//! Direct paths from the sonar: to what rays have met over reflections, and to what answers as a whole.
+//! Direct paths from the sonar: to what rays have hit after reflections, and to targets that scatter as a whole.
 
 use super::{
     Arrival, Chord, End, HitBatch, Launch, MOST_STEPS, SAGITTA, SoundTracer, Start, State, Step, TracerMemory, rounding,
 };
 use crate::ground::lanes::{LANES, MISS, RayBatch};
-use crate::medium::Ray;
+use crate::medium::RefractedRay;
 use glam::{DVec3, Vec3};
 
-/// A direct path to the place of an arrival, or to a [`Goal`].
+/// A direct path to the position of an arrival, or to a [`Goal`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Direct {
     /// Index of the arrival or goal.
     pub index: u32,
-    /// What a ray would meet that had taken this path.
+    /// The arrival of a ray along this path.
     pub way: Arrival,
     /// Unit vector along the path where it leaves the sonar, world.
     pub launch: Vec3,
 }
 
-/// What answers as a whole: its row, and its middle, m, relative to the scene's origin.
+/// A target that scatters as a whole: its row, and its middle, m, relative to the scene's origin.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Goal {
     pub row: u32,
     pub middle: DVec3,
 }
 
-/// A direct path that something may block.
-pub(super) struct Candidate {
+/// A direct path that may be blocked.
+pub(super) struct CandidatePath {
     direct: Direct,
-    /// Whether it ends at the body that it leads into.
+    /// Whether it ends where it hits the body that it leads into.
     inside: bool,
-    /// The ray on its way, and how far it has to get, m.
+    /// The ray so far, and the length that it has to reach, m.
     state: State,
     length: f64,
-    /// When it arrives at the place, s.
+    /// When it arrives at its end, s.
     time: f64,
-    /// Its next step, once it is followed.
+    /// Its next step, once tracing has begun.
     step: Step,
 }
 
-impl Candidate {
+impl CandidatePath {
     /// A path along the ray of `state` as far as `length` m, which takes at most `time` s.
-    pub fn new(direct: Direct, state: State, length: f64, time: f64) -> Candidate {
+    pub fn new(direct: Direct, state: State, length: f64, time: f64) -> CandidatePath {
         let step = Step { length: 0.0, end: End::Inside, chord: None };
-        Candidate { direct, inside: false, state, length, time, step }
+        CandidatePath { direct, inside: false, state, length, time, step }
     }
 }
 
-/// How near to a place a ray must pass, m.
+/// How near to its target a ray must pass, m.
 const NEAR: f64 = 1e-3;
 
 impl SoundTracer<'_> {
-    /// Adds to `ways` the direct paths to those of `arrivals` that came over reflections, where there is one that
-    /// nothing blocks and echoes are within reach. What answers as a `whole` (by row) is seen from all sides.
+    /// Adds to `ways` the direct paths to those of `arrivals` that came by reflections, where such a path is
+    /// unobstructed and echoes are within range. What scatters as a `whole` (by row) is visible from all sides.
     pub fn direct(
         &self,
         launch: &Launch,
@@ -76,8 +76,8 @@ impl SoundTracer<'_> {
         self.look(&start, &whole, rays, hits, direct, ways);
     }
 
-    /// Adds to `ways` the direct paths to those of `goals` that nothing but their own bodies blocks, where echoes are within
-    /// reach: up to where they meet these.
+    /// Adds to `ways` the direct paths to those of `goals` that are blocked by nothing but their own bodies and whose
+    /// echoes are within range: up to where they hit these bodies.
     pub fn sight(
         &self,
         place: DVec3,
@@ -97,7 +97,7 @@ impl SoundTracer<'_> {
                         let met = self.arrival(&State { ray: end, ..state }, goal.row, Vec3::ZERO, &start);
                         let way = Arrival { normal: -met.direction, ..met };
                         let direct = Direct { index, way, launch: state.direction().as_vec3() };
-                        Candidate { inside: true, ..Candidate::new(direct, state, end.path, end.time) }
+                        CandidatePath { inside: true, ..CandidatePath::new(direct, state, end.path, end.time) }
                     },
                 ),
             );
@@ -108,8 +108,8 @@ impl SoundTracer<'_> {
         self.look(&start, &whole, rays, hits, direct, ways);
     }
 
-    /// The ray from the start to a place, there and where it arrives.
-    pub(super) fn way_to(&self, start: &Start, place: DVec3) -> Option<(State, Ray)> {
+    /// The ray from the source to a position, at its start and at its end.
+    pub(super) fn way_to(&self, start: &Start, place: DVec3) -> Option<(State, RefractedRay)> {
         let to = place - start.place;
         if to.length() < NEAR {
             return None;
@@ -117,8 +117,8 @@ impl SoundTracer<'_> {
         if self.uniform { Some(self.straight_way(start, to)) } else { self.bent_way(start, to) }
     }
 
-    /// The direct path to an arrival's place, if it leads to the side of the surface that the arrival meets.
-    fn candidate(&self, start: &Start, index: u32, arrival: &Arrival, whole: bool) -> Option<Candidate> {
+    /// The direct path to an arrival's position, if it leads to the side of the surface that the arrival hits.
+    fn candidate(&self, start: &Start, index: u32, arrival: &Arrival, whole: bool) -> Option<CandidatePath> {
         let straight = (arrival.place.as_dvec3() - start.place).length();
         if f64::from(arrival.range) + self.least_range * straight > 2.0 * self.reach {
             return None;
@@ -138,11 +138,11 @@ impl SoundTracer<'_> {
         let clear = SAGITTA.max(rounding(arrival.place).into());
         let length = end.path - (clear / sine).min(0.1 * end.path);
         let direct = Direct { index, way, launch: state.direction().as_vec3() };
-        Some(Candidate::new(direct, state, length, end.time))
+        Some(CandidatePath::new(direct, state, length, end.time))
     }
 
     /// The ray along `to`, at its start and at its end, in uniform water.
-    fn straight_way(&self, start: &Start, to: DVec3) -> (State, Ray) {
+    fn straight_way(&self, start: &Start, to: DVec3) -> (State, RefractedRay) {
         let depth = self.surface_z - start.place.z;
         let path = to.length();
         let state = State::launch(0, start.place, to / path, depth, &self.slabs, self.slab_at(depth));
@@ -151,8 +151,9 @@ impl SoundTracer<'_> {
         (state, end)
     }
 
-    /// The ray that passes `to`, at its start and there: its tube gives the angle at the start, then secants refine it.
-    fn bent_way(&self, start: &Start, to: DVec3) -> Option<(State, Ray)> {
+    /// The ray that passes through `to`, at its start and there: its tube gives the first correction of the launch
+    /// angle, then secants refine it.
+    fn bent_way(&self, start: &Start, to: DVec3) -> Option<(State, RefractedRay)> {
         const MOST: usize = 12;
         let depth = self.surface_z - start.place.z;
         let slab = self.slab_at(depth);
@@ -166,7 +167,7 @@ impl SoundTracer<'_> {
             let state = State::launch(0, start.place, direction, depth, &self.slabs, slab);
             let end = self.nearest(state.ray, target)?;
             let cosine = (end.snell * end.speed).min(1.0);
-            // How far the place is beside the ray, downwards.
+            // Offset of the target from the ray, downwards.
             let miss = (target[1] - end.depth) * cosine - (target[0] - end.distance) * end.sine;
             if miss.abs() < NEAR {
                 return Some((state, end));
@@ -184,19 +185,19 @@ impl SoundTracer<'_> {
         None
     }
 
-    /// A ray where it passes a place (its horizontal distance and depth) along its path.
-    fn nearest(&self, mut ray: Ray, target: [f64; 2]) -> Option<Ray> {
-        // Down and up again several times.
+    /// A ray where it passes a target (horizontal distance and depth) along its path.
+    fn nearest(&self, mut ray: RefractedRay, target: [f64; 2]) -> Option<RefractedRay> {
+        // Enough to go down and up again several times.
         let most = 10_000 + 8 * self.slabs.len();
-        let ahead = |ray: &Ray| {
+        let ahead = |ray: &RefractedRay| {
             let cosine = (ray.snell * ray.speed).min(1.0);
             (target[0] - ray.distance) * cosine + (target[1] - ray.depth) * ray.sine
         };
         for _ in 0..most {
             let slab = &self.slabs[ray.slab];
             let (length, end) = ray.exit(slab);
-            // The slab goes on up to the surface and beyond it: a ray that gets there is not the one sought, but leads
-            // to it.
+            // The slab is extended up to the surface and beyond it: a ray that gets there is not the one sought, but
+            // leads to it.
             let is_last = !length.is_finite() || end == End::Inside || end == End::Top && ray.slab == 0;
             if !is_last {
                 let next = ray.advanced(slab, length);
@@ -221,21 +222,21 @@ impl SoundTracer<'_> {
         None
     }
 
-    /// Moves those of `candidates` that nothing blocks to `ways`.
+    /// Moves the unobstructed `candidates` to `ways`.
     pub(super) fn look(
         &self,
         start: &Start,
         whole: impl Fn(u32) -> bool,
         rays: &mut RayBatch,
         hits: &mut HitBatch,
-        candidates: &mut Vec<Candidate>,
+        candidates: &mut Vec<CandidatePath>,
         ways: &mut Vec<Direct>,
     ) {
         for _ in 0..MOST_STEPS {
             if candidates.is_empty() {
                 return;
             }
-            // Every ray goes on to where something could block it, or has arrived.
+            // Every ray advances to where something could block it, or arrives.
             candidates.retain_mut(|it| match self.clear_way(it) {
                 Some(arrived) => {
                     if arrived {
@@ -262,7 +263,7 @@ impl SoundTracer<'_> {
                 if surface == MISS {
                     return self.go_on(it);
                 }
-                // What answers as a whole is not hidden by its own body.
+                // What scatters as a whole is not hidden by its own body.
                 if whole(surface) && self.scene.is_of_one_object(surface, it.direct.way.surface) {
                     if it.inside {
                         let met = self.at_body(it, (rays, hits), lane - 1, start);
@@ -276,8 +277,8 @@ impl SoundTracer<'_> {
         candidates.clear();
     }
 
-    /// The arrival of a ray at the body that it leads into, which a `lane` has met.
-    fn at_body(&self, it: &Candidate, (rays, hits): (&RayBatch, &HitBatch), lane: usize, start: &Start) -> Arrival {
+    /// The arrival of a ray at the body that it leads into, hit in a `lane`.
+    fn at_body(&self, it: &CandidatePath, (rays, hits): (&RayBatch, &HitBatch), lane: usize, start: &Start) -> Arrival {
         let mut state = it.state;
         let normal = self.scene.world_normal(hits.surface[lane], hits.normal(lane), rays.time[lane]);
         let end = state.ray.advanced(&self.slabs[state.ray.slab], it.step.length);
@@ -286,8 +287,8 @@ impl SoundTracer<'_> {
         Arrival { triangle: hits.triangle[lane], corner: [hits.u[lane], hits.v[lane]], ..met }
     }
 
-    /// Advances a ray through empty water; whether it has arrived, `None`: it has to be traced.
-    fn clear_way(&self, it: &mut Candidate) -> Option<bool> {
+    /// Advances a ray through empty water; returns whether it has arrived, or `None` if it has to be traced.
+    fn clear_way(&self, it: &mut CandidatePath) -> Option<bool> {
         for _ in 0..MOST_STEPS {
             if it.length - it.state.ray.path <= 1e-6 {
                 return Some(true);
@@ -303,8 +304,8 @@ impl SoundTracer<'_> {
         Some(false)
     }
 
-    /// The next step of a direct path, which ends at the place at the latest.
-    fn direct_step(&self, it: &Candidate) -> Step {
+    /// The next step of a direct path, which ends at the target at the latest.
+    fn direct_step(&self, it: &CandidatePath) -> Step {
         let step = self.step(&it.state, it.time);
         let rest = it.length - it.state.ray.path;
         if step.length < rest {
@@ -313,9 +314,9 @@ impl SoundTracer<'_> {
         Step { length: rest, end: End::Inside, chord: step.chord.map(|_| self.chord(&it.state, rest)) }
     }
 
-    /// Advances a ray to the end of its step; whether it goes on from there.
-    fn go_on(&self, it: &mut Candidate) -> bool {
-        let Candidate { state: State { ray, .. }, step, .. } = it;
+    /// Advances a ray to the end of its step; returns whether it continues from there.
+    fn go_on(&self, it: &mut CandidatePath) -> bool {
+        let CandidatePath { state: State { ray, .. }, step, .. } = it;
         *ray = ray.advanced(&self.slabs[ray.slab], step.length);
         match step.end {
             End::Inside => {}

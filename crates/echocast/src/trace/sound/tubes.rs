@@ -1,7 +1,7 @@
-//! Tubes: rays of its own for a body that those of a ping are too few for, side by side over what is seen of its box, and
-//! from facet to facet where it mirrors sound.
+//! Tubes: dedicated rays for a body that the rays of a ping sample too coarsely, side by side over the visible outline
+//! of its box, and from facet to facet where it reflects sound specularly.
 
-use super::direct::Candidate;
+use super::direct::CandidatePath;
 use super::{Direct, SoundTracer, Start, State, TracerMemory, rounding};
 use crate::ground::lanes::{LANES, MISS, RayBatch};
 use crate::ground::math::cofactors;
@@ -9,10 +9,10 @@ use crate::trace::{HitBatch, Stand};
 use echocast_kernels::boundary;
 use glam::{DVec3, Mat3, Quat, Vec3};
 
-/// Facets that a tube meets, at most: a corner of three sends everything back.
+/// Most facets that a tube hits: a corner of three returns everything.
 const MOST_FACETS: usize = 3;
 
-/// What a tube meets of a body.
+/// Where a tube hits a body.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TubeHit {
     /// As in [`Arrival`].
@@ -21,57 +21,58 @@ pub(crate) struct TubeHit {
     pub corner: [f32; 2],
     pub place: Vec3,
     pub normal: Vec3,
-    /// Unit vectors along the tube where it arrives, and from the sonar straight to where it does.
+    /// Unit vectors along the tube where it arrives, and along the direct path from the sonar to there.
     pub along: Vec3,
     pub straight: Vec3,
-    /// The directions in which sound left for it and comes straight back, unit vectors at the sonar, world.
+    /// Directions in which sound leaves along the tube and returns along the direct path, unit vectors at the sonar,
+    /// world.
     pub launch: Vec3,
     pub back: Vec3,
-    /// Mean length of the way there and the straight way back, m.
+    /// Mean length of the path there and the direct path back, m.
     pub path: f64,
     /// Sides of the tube, across it, m.
     pub sides: [Vec3; 2],
-    /// Loss of the reflections on the way, dB.
+    /// Loss of the reflections along the path, dB.
     pub loss: f32,
-    /// How many they are.
+    /// Number of these reflections.
     pub order: u8,
 }
 
-/// A tube on its way.
+/// A tube while it is traced.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tube {
     from: Vec3,
     along: Vec3,
     launch: Vec3,
-    /// Length of the way so far and of what is looked along, m.
+    /// Length of the path so far and of the part to be traced, m.
     path: f64,
     reach: f32,
     sides: [Vec3; 2],
     loss: f32,
 }
 
-/// Where the tubes to a body come from: as straight lines they would start at `place`, of which the last part, from
-/// `from` m on, is looked along.
-struct Fan<'s> {
+/// The origin of the tubes to a body: as straight lines they would start at `place`; only their last part, from `from`
+/// m on, is traced.
+struct TubeFan<'s> {
     stand: &'s Stand,
-    /// Whether a row is of smooth facets.
+    /// Whether a row has smooth facets.
     smooth: &'s dyn Fn(u32) -> bool,
     place: DVec3,
     from: f64,
-    /// From directions at the body to those at the sonar.
+    /// Rotation from directions at the body to those at the sonar.
     turn: Quat,
-    /// Of the scan, when sound is there, 0 to 1.
+    /// Scan time when the sound is there, 0 to 1.
     time: f32,
-    /// Of normals in the body's frame to the world's.
+    /// Matrix from normals in the body's frame to the world frame.
     normals: Mat3,
 }
 
 impl SoundTracer<'_> {
-    /// Finds what tubes meet of a body into `found`; the straight way to its middle, unless something blocks it or it is out
-    /// of reach. `grid` says how many columns and rows of them there are by half the sides of what is seen, m; `smooth`,
-    /// which rows mirror sound.
+    /// Collects the hits of tubes on a body in `found`; returns the direct path to its middle, unless something blocks
+    /// it or it is out of range. `grid` gives the numbers of columns and rows of tubes for the half sides of the
+    /// visible outline, m; `smooth`, which rows reflect specularly.
     ///
-    /// Water bends tubes together: over the size of the body they are straight.
+    /// Water refracts all tubes alike: over the extent of the body they are straight.
     pub fn cover(
         &self,
         place: DVec3,
@@ -92,11 +93,11 @@ impl SoundTracer<'_> {
         let from = if self.uniform { 0.0 } else { (end.path - 2.0 * radius).max(0.0) };
         let way = self.arrival(&State { ray: end, ..state }, stand.body.row, Vec3::ZERO, &start);
         let direct = Direct { index: 0, way, launch: state.direction().as_vec3() };
-        if !self.is_clear(&start, Candidate::new(direct, state, from, end.time), memory) {
+        if !self.is_clear(&start, CandidatePath::new(direct, state, from, end.time), memory) {
             return None;
         }
         let along = State { ray: end, ..state }.direction();
-        let fan = Fan {
+        let fan = TubeFan {
             stand,
             smooth,
             place: stand.middle - along * end.path,
@@ -120,8 +121,8 @@ impl SoundTracer<'_> {
         Some(direct)
     }
 
-    /// Whether nothing is met along a path.
-    fn is_clear(&self, start: &Start, candidate: Candidate, memory: &mut TracerMemory) -> bool {
+    /// Whether nothing blocks a path.
+    fn is_clear(&self, start: &Start, candidate: CandidatePath, memory: &mut TracerMemory) -> bool {
         let TracerMemory { rays, hits, direct, ways, .. } = memory;
         direct.clear();
         ways.clear();
@@ -130,8 +131,8 @@ impl SoundTracer<'_> {
         !ways.is_empty()
     }
 
-    /// Follows the tubes of one block until they have met nothing more of the body.
-    fn follow_tubes(&self, fan: &Fan, memory: &mut TracerMemory, found: &mut Vec<TubeHit>) {
+    /// Traces the tubes of one block until they hit no more of the body.
+    fn follow_tubes(&self, fan: &TubeFan, memory: &mut TracerMemory, found: &mut Vec<TubeHit>) {
         let TracerMemory { rays, hits, tubes, .. } = memory;
         for order in 0..MOST_FACETS {
             if tubes.is_empty() {
@@ -161,10 +162,10 @@ impl SoundTracer<'_> {
         tubes.clear();
     }
 
-    /// What a tube has met, if that is the body, and the tube that leaves it as from a mirror.
+    /// The hit of a tube, if it is on the body, and the tube that is reflected specularly there.
     fn tube_hit(
         &self,
-        fan: &Fan,
+        fan: &TubeFan,
         tube: &Tube,
         (rays, hits): (&RayBatch, &HitBatch),
         lane: usize,
@@ -204,13 +205,13 @@ impl SoundTracer<'_> {
             loss: tube.loss,
             order: order as u8,
         };
-        // A mirror that is curved sends sound apart: what it sends to others is left out.
+        // A curved mirror makes sound diverge: what it reflects onto other facets is neglected.
         let mirrors = fan.stand.body.mirrors && bulge.is_none() && order + 1 < MOST_FACETS;
         Some((hit, if mirrors { self.mirrored(fan, tube, &hit, path) } else { None }))
     }
 
-    /// The tube that leaves a facet met after `path` m.
-    fn mirrored(&self, fan: &Fan, tube: &Tube, hit: &TubeHit, path: f64) -> Option<Tube> {
+    /// The tube reflected by a facet that was hit after `path` m.
+    fn mirrored(&self, fan: &TubeFan, tube: &Tube, hit: &TubeHit, path: f64) -> Option<Tube> {
         let normal = hit.normal.normalize_or_zero();
         let sine = tube.along.dot(normal).abs();
         if sine == 0.0 || !(fan.smooth)(hit.surface) {
@@ -232,10 +233,10 @@ impl SoundTracer<'_> {
         })
     }
 
-    /// Keeps of `found`, from `first` on, what is seen from the sonar.
+    /// Of `found`, from `first` on, keeps what is visible from the sonar.
     fn keep_seen(
         &self,
-        fan: &Fan,
+        fan: &TubeFan,
         (rays, hits): (&mut RayBatch, &mut HitBatch),
         first: usize,
         found: &mut Vec<TubeHit>,
@@ -257,8 +258,9 @@ impl SoundTracer<'_> {
     }
 }
 
-impl Fan<'_> {
-    /// The tube through what is `aside` of the body's middle, one of `columns` and `rows` in the rectangle of half `sides`.
+impl TubeFan<'_> {
+    /// The tube through the point at the offset `aside` from the body's middle, one of `columns` and `rows` in the
+    /// rectangle with these half `sides`.
     fn tube(&self, aside: DVec3, sides: [Vec3; 2], [columns, rows]: [usize; 2]) -> Tube {
         let to = self.stand.middle + aside - self.place;
         let along = to.normalize();

@@ -1,10 +1,10 @@
 //! Masks of KITTI's semantic benchmark: the class of each pixel, and the number of its instance.
 
-use crate::export::images::{Samples, write_numbers};
+use crate::export::images::{PixelFormat, write_numbers};
 use crate::ground::error::Result;
 use crate::ground::report::Report;
 use crate::image::RangeImage;
-use crate::scenario::set::points::{Known, is_word};
+use crate::scenario::set::points::{LabelCache, is_word};
 use std::collections::{BTreeSet, HashMap};
 use std::path::Path;
 
@@ -84,14 +84,14 @@ pub(super) fn classes() -> String {
 /// Writes the two masks of an image, given the class of each category by its name.
 ///
 /// # Errors
-/// The system's.
+/// I/O errors.
 pub(super) fn write(
     image: &RangeImage,
     mut class: impl FnMut(&str) -> u32,
     [semantic, instance]: [&Path; 2],
     report: &mut Report,
 ) -> Result<()> {
-    let mut known = Known::new();
+    let mut known = LabelCache::new();
     let mut of = |category: u32| known.of(category, || image.labels.category.name(category).map_or(0, &mut class));
     let classes: Vec<u32> = image.category_id.iter().map(|&category| of(category)).collect();
     let (instances, all) = instances(&classes, &image.instance_id);
@@ -99,15 +99,15 @@ pub(super) fn write(
         report.warn(format!("kitti: masks number {MOST} instances of a class in an image, others have no number"));
     }
     let texts = |quantity: &str| vec![("quantity".to_owned(), quantity.to_owned())];
-    write_numbers(image, classes.into_iter(), Samples::Grey8, texts("class"), semantic)?;
-    write_numbers(image, instances.into_iter(), Samples::Grey16, texts("256 class + instance"), instance)
+    write_numbers(image, classes.into_iter(), PixelFormat::Grey8, texts("class"), semantic)?;
+    write_numbers(image, instances.into_iter(), PixelFormat::Grey16, texts("256 class + instance"), instance)
 }
 
-/// Most instances of a class: 8 bits count them, and 0 is none.
+/// Maximum number of instances of a class: they have 8 bits, and 0 is none.
 const MOST: u32 = 255;
 
-/// What the instance mask has for pixels of such classes and instances: 256 times the class, and the number of the
-/// instance, counted from 1 in each class; and whether all have one.
+/// Values of the instance mask for pixels of these classes and instances: 256 times the class plus the number of the
+/// instance, counted from 1 in each class; and whether all instances have a number.
 fn instances(classes: &[u32], ids: &[u32]) -> (Vec<u32>, bool) {
     let pixels: Vec<[u32; 2]> = classes.iter().zip(ids).map(|(&class, &id)| [class, id]).collect();
     let runs = || pixels.chunk_by(|a, b| a == b);
@@ -126,7 +126,7 @@ mod tests {
 
     #[test]
     fn instances_are_counted_in_their_class() {
-        // Nothing, a car, the road, a person, two cars, the first again, what has no class.
+        // Nothing, a car, the road, a person, two cars, the first again, an instance without a class.
         let (classes, ids) = ([0, 26, 7, 24, 26, 26, 26, 0], [0, 70_000, 0, 9, 5, 6, 70_000, 8]);
         let car = 26 * 256;
         assert_eq!(

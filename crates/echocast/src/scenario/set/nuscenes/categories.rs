@@ -41,19 +41,19 @@ const NAMES: [&str; 32] = [
     "vehicle.ego",
 ];
 
-/// Number of the points of nothing.
+/// Number that stands for points without a category.
 pub(super) const NOISE: u8 = 0;
 
-/// Number of what it has no category for.
+/// Number that stands for categories that nuScenes does not have.
 pub(super) const OTHER: u8 = 29;
 
-/// The first number of what it has no boxes for.
+/// The first number of the categories without boxes.
 const STUFF: usize = 24;
 
-/// How many others there can be: numbers have 8 bits.
+/// Maximum number of added categories: numbers have 8 bits.
 pub(super) const MOST_OWN: usize = 256 - NAMES.len();
 
-/// Its names for those that scenes use.
+/// Names in nuScenes of those that scenes use.
 const KNOWN: [(&str, &str); 35] = [
     ("person", "human.pedestrian.adult"),
     ("pedestrian", "human.pedestrian.adult"),
@@ -95,23 +95,23 @@ const KNOWN: [(&str, &str); 35] = [
 /// The categories of a set: those of nuScenes, and those that a scenario adds.
 pub(super) struct Categories<'c> {
     given: &'c BTreeMap<String, String>,
-    /// Those that are not of nuScenes, sorted.
+    /// The added ones, sorted.
     own: Vec<&'c str>,
 }
 
 impl<'c> Categories<'c> {
-    /// With the names that a scenario gives its categories.
+    /// With the names that a scenario gives to its categories.
     pub fn new(given: &'c BTreeMap<String, String>) -> Self {
         let own: BTreeSet<&str> = given.values().map(String::as_str).filter(|name| !NAMES.contains(name)).collect();
         Categories { given, own: own.into_iter().collect() }
     }
 
-    /// Those that are not of nuScenes.
+    /// The added categories.
     pub fn own(&self) -> &[&'c str] {
         &self.own
     }
 
-    /// Its name for the category called `ours` in the scene.
+    /// Name in the set of the scene's category `ours`.
     fn name<'n>(&self, ours: &'n str) -> Option<&'n str>
     where
         'c: 'n,
@@ -121,14 +121,14 @@ impl<'c> Categories<'c> {
         self.given.get(ours).map(String::as_str).or_else(known).or_else(same)
     }
 
-    /// Number of the category called `ours` in the scene.
+    /// Number of the scene's category `ours`.
     pub fn index(&self, ours: &str) -> Option<u8> {
         let name = self.name(ours)?;
         let found = NAMES.iter().chain(&self.own).position(|known| *known == name)?;
         u8::try_from(found).ok()
     }
 
-    /// Its name for the category called `ours` in the scene, if it has boxes.
+    /// Name in the set of the scene's category `ours`, if it has boxes.
     pub fn of_boxes<'n>(&self, ours: &'n str) -> Option<&'n str>
     where
         'c: 'n,
@@ -167,7 +167,7 @@ mod tests {
         assert_eq!(numbers, [Some(17), Some(17), Some(12), None]);
         assert_eq!(known.of_boxes("bus"), Some("vehicle.bus.rigid"));
         assert_eq!((known.of_boxes("road"), known.of_boxes("kiosk"), known.of_boxes("noise")), (None, None, None));
-        // New names are numbered in their order, whatever they are given to.
+        // New names are numbered in sorted order, whichever categories they are given to.
         let given = given(&[
             ("kiosk", "static.kiosk"),
             ("bench", "static.bench"),

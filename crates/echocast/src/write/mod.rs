@@ -1,0 +1,29 @@
+//! Writing files: they appear under their names only when they are complete, and this process removes unfinished ones
+//! when it is stopped.
+
+mod atomic;
+pub(crate) mod sink;
+mod unfinished;
+
+use crate::ground::error::Result;
+pub(crate) use atomic::{Pending, commit_all};
+pub(crate) use sink::Sink;
+use std::io::{self, Write as _};
+use std::path::Path;
+pub(crate) use unfinished::{PREFIX, check, failed};
+pub use unfinished::{cancel_flag, remove_unfinished};
+
+/// Writes `bytes` as the file at `path`.
+pub(crate) fn bytes(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = Sink::create(path)?;
+    file.write_all(bytes)?;
+    file.finish()
+}
+
+/// [`bytes`] whose error names the file.
+///
+/// # Errors
+/// The system's errors.
+pub(crate) fn whole(path: &Path, content: &[u8]) -> Result<()> {
+    bytes(path, content).map_err(|source| failed(path, source))
+}
