@@ -359,6 +359,44 @@ ECHOCAST_API echocast_status echocast_mesh_prepare(const echocast_mesh *mesh);
 /** Releases a mesh; instances keep it. NULL is allowed. Any thread may call this. */
 ECHOCAST_API void echocast_mesh_release(echocast_mesh *mesh);
 
+/* -- Poses ----------------------------------------------------------------------------------------------------------- */
+
+/** Points are in the world frame. */
+#define ECHOCAST_COORDINATES_WORLD 0
+
+/** Points are in the sensor frame at the time of their own firing, as a driver reports them. */
+#define ECHOCAST_COORDINATES_SENSOR 1
+
+/**
+ * A placement: the upper three rows of the 4x4 matrix, row after row, that takes points of the child (an instance, a
+ * sensor) to the parent (the world); the fourth column is the position in metres. Instances may be scaled, sheared and
+ * mirrored; sensors are only rotated and translated.
+ */
+typedef struct echocast_pose {
+    /** Row after row. */
+    double m[12];
+} echocast_pose;
+
+/** A pose at a time. */
+typedef struct echocast_pose_key {
+    /** Time, ns. */
+    int64_t t_ns;
+    /** Where the sensor or instance is at that time, in the world. */
+    echocast_pose pose;
+} echocast_pose_key;
+
+/**
+ * Makes a pose from a position, metres, and a unit quaternion x, y, z, w: the real part last, as in ROS. The
+ * quaternion is normalised.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (numbers that are not finite, a quaternion whose length is not near 1). Any thread may
+ * call this.
+ */
+ECHOCAST_API
+echocast_status echocast_pose_from_quaternion(const double *position,
+                                              const double *xyzw,
+                                              echocast_pose *pose);
+
 /* -- Scenes and snapshots -------------------------------------------------------------------------------------------- */
 
 /** Instances that are added, removed and moved. One thread at a time may edit it; another gets ECHOCAST_E_BUSY. */
@@ -379,15 +417,140 @@ typedef struct echocast_scene_desc {
     const double *origin;
 } echocast_scene_desc;
 
+/** The contents of a scene; ECHOCAST_SCENE_INFO_INIT is empty. */
+typedef struct echocast_scene_info {
+    /** sizeof(echocast_scene_info). */
+    size_t struct_size;
+    /** Number of instances. */
+    size_t instances;
+    /** Number of triangles, each mesh counted as often as it is placed. */
+    size_t triangles;
+    /** Lowest corner of the box around all instances, in the world, metres; all 0 without instances. */
+    double low[3];
+    /** Highest corner of that box. */
+    double high[3];
+    /** Number of camera nodes of the loaded files. */
+    size_t cameras;
+} echocast_scene_info;
+
 /**
- * A placement: the upper three rows of the 4x4 matrix, row after row, that takes points of the child (an instance, a
- * sensor) to the parent (the world); the fourth column is the position in metres. Instances may be scaled, sheared and
- * mirrored; sensors are only rotated and translated.
+ * Creates a scene without instances. `desc`: NULL for the defaults.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE. Any thread may call this.
  */
-typedef struct echocast_pose {
-    /** Row after row. */
-    double m[12];
-} echocast_pose;
+ECHOCAST_API
+echocast_status echocast_scene_create(const echocast_context *context,
+                                      const echocast_scene_desc *desc,
+                                      echocast_scene **out);
+
+/** Releases a scene; its snapshots stay. NULL is allowed. Any thread may call this. */
+ECHOCAST_API void echocast_scene_release(echocast_scene *scene);
+
+/**
+ * Adds the contents of a scene file (glTF, GLB, OBJ, FBX): its objects as fixed instances with their labels, and its
+ * cameras. `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not define
+ * them; `labels`, a label file, its contents or the name of built-in rules (`street`); `texture_limit_mib` (1024), the
+ * most memory for all images; `animation`, the name of the only one to play instead of all; `loop` (false), whether
+ * animations start again at their ends; and `allow_outside_paths` (false), whether the scene may refer to files
+ * outside of its own folder. Categories and parts whose name is already in the scene get its number there; instances
+ * are numbered on from the greatest number that has a name, from 1 if there is none.
+ *
+ * Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT,
+ * ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; the scene is then unchanged.
+ *
+ * ```c
+ * echocast_scene_load(scene, "street.glb", "labels: {numbers: {car: 10, road: 40}}");
+ * ```
+ */
+ECHOCAST_API echocast_status echocast_scene_load(echocast_scene *scene, const char *path, const char *options);
+
+/** Like echocast_scene_load, from the bytes of a GLB file, or of a glTF file with embedded buffers and images. */
+ECHOCAST_API
+echocast_status echocast_scene_load_memory(echocast_scene *scene,
+                                           const void *data,
+                                           size_t size,
+                                           const char *options);
+
+/**
+ * Gets the pose of a camera node of a loaded file by its name, as the pose of a sensor: x along its view, z up.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_camera(const echocast_scene *scene,
+                                      const char *name,
+                                      echocast_pose *out);
+
+/**
+ * Gets the name of camera node `number` of the loaded files, counted from 0, and its pose at time 0, as the pose of a
+ * sensor; echocast_scene_get_info gives their number. `name` has room for `capacity` bytes, a longer name is cut off;
+ * `*needed`: bytes of the whole name, including the 0 at its end. One of `name` and `needed` may be NULL, and so may
+ * `pose`.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_get_camera(const echocast_scene *scene,
+                                          size_t number,
+                                          char *name,
+                                          size_t capacity,
+                                          size_t *needed,
+                                          echocast_pose *pose);
+
+/**
+ * Gets the number of a label by its name. `table`: "category", "part", "material" or "instance", of which the first
+ * with the name counts.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_label_number(const echocast_scene *scene,
+                                            const char *table,
+                                            const char *name,
+                                            uint32_t *number);
+
+/**
+ * Gets the contents of a scene. The caller sets struct_size of `*info`.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_get_info(const echocast_scene *scene,
+                                        echocast_scene_info *info);
+
+/**
+ * Sets the time span of the next snapshots: in them, everything that moves by itself, by the animations of files,
+ * echocast_scene_set_motion or echocast_scene_set_vertex_motion, has its motion from `start_ns` to
+ * `start_ns + length_ns`. A scan of such a snapshot must be within that span. With a length of 0 everything stands
+ * still where it is at `start_ns`, whatever the time of a scan; a new scene stands still at time 0.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (a negative length), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API echocast_status echocast_scene_set_time(echocast_scene *scene, int64_t start_ns, int64_t length_ns);
+
+/**
+ * Names a number in a label column; files contain the names. `table`: "category", "part" or "instance".
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API
+echocast_status echocast_scene_name_label(echocast_scene *scene,
+                                          const char *table,
+                                          uint32_t number,
+                                          const char *name);
+
+/**
+ * Builds what has changed. `*out` is a snapshot of the scene as it is now, which can be scanned while the scene is
+ * edited further; release it with echocast_snapshot_release.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY.
+ */
+ECHOCAST_API echocast_status echocast_scene_commit(echocast_scene *scene, echocast_snapshot **out);
+
+/** Releases a snapshot. NULL is allowed. Any thread may call this. */
+ECHOCAST_API void echocast_snapshot_release(echocast_snapshot *snapshot);
+
+/* -- Instances ------------------------------------------------------------------------------------------------------- */
 
 /** A new instance; ECHOCAST_INSTANCE_DESC_INIT has the defaults. */
 typedef struct echocast_instance_desc {
@@ -443,68 +606,6 @@ typedef struct echocast_instance_info {
     size_t name_capacity;
 } echocast_instance_info;
 
-/** The contents of a scene; ECHOCAST_SCENE_INFO_INIT is empty. */
-typedef struct echocast_scene_info {
-    /** sizeof(echocast_scene_info). */
-    size_t struct_size;
-    /** Number of instances. */
-    size_t instances;
-    /** Number of triangles, each mesh counted as often as it is placed. */
-    size_t triangles;
-    /** Lowest corner of the box around all instances, in the world, metres; all 0 without instances. */
-    double low[3];
-    /** Highest corner of that box. */
-    double high[3];
-    /** Number of camera nodes of the loaded files. */
-    size_t cameras;
-} echocast_scene_info;
-
-/** A pose at a time. */
-typedef struct echocast_pose_key {
-    /** Time, ns. */
-    int64_t t_ns;
-    /** Where the sensor or instance is at that time, in the world. */
-    echocast_pose pose;
-} echocast_pose_key;
-
-/**
- * Creates a scene without instances. `desc`: NULL for the defaults.
- *
- * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE. Any thread may call this.
- */
-ECHOCAST_API
-echocast_status echocast_scene_create(const echocast_context *context,
-                                      const echocast_scene_desc *desc,
-                                      echocast_scene **out);
-
-/** Releases a scene; its snapshots stay. NULL is allowed. Any thread may call this. */
-ECHOCAST_API void echocast_scene_release(echocast_scene *scene);
-
-/**
- * Adds the contents of a scene file (glTF, GLB, OBJ, FBX): its objects as fixed instances with their labels, and its
- * cameras. `options`: NULL, or YAML with `up` (y or z) and `scale` (metres per unit) for formats that do not define
- * them; `labels`, a label file, its contents or the name of built-in rules (`street`); `texture_limit_mib` (1024), the
- * most memory for all images; `animation`, the name of the only one to play instead of all; `loop` (false), whether
- * animations start again at their ends; and `allow_outside_paths` (false), whether the scene may refer to files
- * outside of its own folder. Categories and parts whose name is already in the scene get its number there; instances
- * are numbered on from the greatest number that has a name, from 1 if there is none.
- *
- * Errors: ECHOCAST_E_IO, ECHOCAST_E_PARSE (file and place), ECHOCAST_E_UNSUPPORTED, ECHOCAST_E_ARGUMENT,
- * ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY; the scene is then unchanged.
- *
- * ```c
- * echocast_scene_load(scene, "street.glb", "labels: {numbers: {car: 10, road: 40}}");
- * ```
- */
-ECHOCAST_API echocast_status echocast_scene_load(echocast_scene *scene, const char *path, const char *options);
-
-/** Like echocast_scene_load, from the bytes of a GLB file, or of a glTF file with embedded buffers and images. */
-ECHOCAST_API
-echocast_status echocast_scene_load_memory(echocast_scene *scene,
-                                           const void *data,
-                                           size_t size,
-                                           const char *options);
-
 /**
  * Adds an instance of a mesh. `*out` is its number; `out` may be NULL.
  *
@@ -537,10 +638,7 @@ ECHOCAST_API echocast_status echocast_scene_remove(echocast_scene *scene, echoca
  *
  * Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
  */
-ECHOCAST_API
-echocast_status echocast_scene_find(const echocast_scene *scene,
-                                    const char *name,
-                                    echocast_instance *out);
+ECHOCAST_API echocast_status echocast_scene_find(const echocast_scene *scene, const char *name, echocast_instance *out);
 
 /**
  * Writes the numbers of instances to `ids`, which has room for `capacity` of them, in a fixed order, starting at index
@@ -564,65 +662,6 @@ ECHOCAST_API
 echocast_status echocast_scene_get_instance(const echocast_scene *scene,
                                             echocast_instance id,
                                             echocast_instance_info *info);
-
-/**
- * Gets the pose of a camera node of a loaded file by its name, as the pose of a sensor: x along its view, z up.
- *
- * Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
- */
-ECHOCAST_API
-echocast_status echocast_scene_camera(const echocast_scene *scene,
-                                      const char *name,
-                                      echocast_pose *out);
-
-/**
- * Gets the name of camera node `number` of the loaded files, counted from 0, and its pose at time 0, as the pose of a
- * sensor; echocast_scene_get_info gives their number. `name` has room for `capacity` bytes, a longer name is cut off;
- * `*needed`: bytes of the whole name, including the 0 at its end. One of `name` and `needed` may be NULL, and so may
- * `pose`.
- *
- * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
- */
-ECHOCAST_API
-echocast_status echocast_scene_get_camera(const echocast_scene *scene,
-                                          size_t number,
-                                          char *name,
-                                          size_t capacity,
-                                          size_t *needed,
-                                          echocast_pose *pose);
-
-/**
- * Gets the number of a label by its name. `table`: "category", "part", "material" or "instance", of which the first
- * with the name counts.
- *
- * Errors: ECHOCAST_E_ARGUMENT (no such name; similar ones are listed), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
- */
-ECHOCAST_API
-echocast_status echocast_scene_label_number(const echocast_scene *scene,
-                                            const char *table,
-                                            const char *name,
-                                            uint32_t *number);
-
-/**
- * Makes a pose from a position, metres, and a unit quaternion x, y, z, w: the real part last, as in ROS. The
- * quaternion is normalised.
- *
- * Errors: ECHOCAST_E_ARGUMENT (numbers that are not finite, a quaternion whose length is not near 1). Any thread may
- * call this.
- */
-ECHOCAST_API
-echocast_status echocast_pose_from_quaternion(const double *position,
-                                              const double *xyzw,
-                                              echocast_pose *pose);
-
-/**
- * Gets the contents of a scene. The caller sets struct_size of `*info`.
- *
- * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
- */
-ECHOCAST_API
-echocast_status echocast_scene_get_info(const echocast_scene *scene,
-                                        echocast_scene_info *info);
 
 /**
  * Moves instances: `ids[i]` to `poses[i]`, all or, on an error, none. Fixed instances become movable.
@@ -649,16 +688,6 @@ echocast_status echocast_scene_set_motion(echocast_scene *scene,
                                           echocast_instance id,
                                           const echocast_pose_key *keys,
                                           size_t count);
-
-/**
- * Sets the time span of the next snapshots: in them, everything that moves by itself, by the animations of files,
- * echocast_scene_set_motion or echocast_scene_set_vertex_motion, has its motion from `start_ns` to
- * `start_ns + length_ns`. A scan of such a snapshot must be within that span. With a length of 0 everything stands
- * still where it is at `start_ns`, whatever the time of a scan; a new scene stands still at time 0.
- *
- * Errors: ECHOCAST_E_ARGUMENT (a negative length), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
- */
-ECHOCAST_API echocast_status echocast_scene_set_time(echocast_scene *scene, int64_t start_ns, int64_t length_ns);
 
 /**
  * Gives the vertices of an instance new positions: `count` times x, y, z, as many as its mesh has, and shading
@@ -723,28 +752,6 @@ ECHOCAST_API
 echocast_status echocast_scene_set_material(echocast_scene *scene,
                                             echocast_instance id,
                                             const echocast_material *material);
-
-/**
- * Names a number in a label column; files contain the names. `table`: "category", "part" or "instance".
- *
- * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
- */
-ECHOCAST_API
-echocast_status echocast_scene_name_label(echocast_scene *scene,
-                                          const char *table,
-                                          uint32_t number,
-                                          const char *name);
-
-/**
- * Builds what has changed. `*out` is a snapshot of the scene as it is now, which can be scanned while the scene is
- * edited further; release it with echocast_snapshot_release.
- *
- * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY.
- */
-ECHOCAST_API echocast_status echocast_scene_commit(echocast_scene *scene, echocast_snapshot **out);
-
-/** Releases a snapshot. NULL is allowed. Any thread may call this. */
-ECHOCAST_API void echocast_snapshot_release(echocast_snapshot *snapshot);
 
 /* -- Sensors --------------------------------------------------------------------------------------------------------- */
 
@@ -921,7 +928,7 @@ echocast_status echocast_sensor_get_beams(const echocast_sensor *sensor,
 /** Releases a sensor. NULL is allowed. Any thread may call this. */
 ECHOCAST_API void echocast_sensor_release(echocast_sensor *sensor);
 
-/* -- Results --------------------------------------------------------------------------------------------------------- */
+/* -- Columns --------------------------------------------------------------------------------------------------------- */
 
 /** 32-bit IEEE float. */
 #define ECHOCAST_TYPE_F32 1
@@ -953,6 +960,148 @@ ECHOCAST_API void echocast_sensor_release(echocast_sensor *sensor);
 /** Unsigned 64-bit number; for packing only. */
 #define ECHOCAST_TYPE_U64 10
 
+/** A column of a result or a ping, in place. */
+typedef struct echocast_view {
+    /** The first element; NULL if there are none. */
+    const void *data;
+    /** Number of elements: as many as the result has points, or the ping has cells. */
+    size_t count;
+    /** Bytes from element to element. */
+    size_t stride;
+    /** Type: ECHOCAST_TYPE_F32 to ECHOCAST_TYPE_U32. */
+    int32_t kind;
+    /** 0. */
+    int32_t reserved;
+} echocast_view;
+
+/** A column in packed points. */
+typedef struct echocast_pack_item {
+    /** Name of the column. */
+    const char *column;
+    /** Type in the packed point: an ECHOCAST_TYPE_ number. */
+    int32_t kind;
+    /** Offset in the packed point, bytes. */
+    uint32_t offset;
+    /** Subtracted from the column's number first, in its unit: 0, or the start of the scan for times. */
+    double shift;
+    /** Factor for the rest: 1 (0 also means 1), or 1e9 for nanoseconds, 255 for an intensity in bytes. */
+    double scale;
+} echocast_pack_item;
+
+/* -- Boxes ----------------------------------------------------------------------------------------------------------- */
+
+/**
+ * The box around a labelled instance. Position, orientation and velocity are in the frame of the points; in sensor
+ * coordinates that is the sensor frame at the time of the box, or at the start of the scan if its points are deskewed.
+ */
+typedef struct echocast_box {
+    /** Time for which the box is valid (scan_desc.box_time), ns. Times since 1970 are rounded to 0.2 microseconds. */
+    int64_t t_ns;
+    /** Number of the frame, as in the column `frame`. */
+    uint32_t frame;
+    /** The object across all frames, as in the column `track_id`. */
+    uint32_t track_id;
+    /** The instance, as in the column `instance_id`; never 0. */
+    uint32_t instance_id;
+    /** The category, as in the column `category_id`; 0 = unlabelled. */
+    uint32_t category_id;
+    /** Number of returns of the scan on it. */
+    uint32_t points;
+    /** 0. */
+    uint32_t reserved;
+    /** Centre of the box, x, y, z, metres; absolute, not relative to the result's origin. */
+    double position[3];
+    /** Size along its axes, metres. */
+    double size[3];
+    /** Rotation from its axes, a unit quaternion x, y, z, w. */
+    double orientation_xyzw[4];
+    /** Velocity of its centre over the ground, m/s. */
+    double velocity[3];
+    /** Visible fraction, 0 to 1: of the beams that would hit it if it were alone, the share that does. */
+    double visible;
+    /**
+     * Left, top, right and bottom of the whole object in the image of the sensor, pixels, including what is hidden or
+     * outside of the image; NaN if not requested (scan_desc.image_boxes), or if no part of it is in front of the
+     * camera.
+     */
+    double image[4];
+} echocast_box;
+
+/**
+ * The boxes of a result, in place. Those of a newer library may be longer than those of this header: ECHOCAST_AT steps
+ * by the stride.
+ */
+typedef struct echocast_box_view {
+    /** The first; NULL if there are none. */
+    const echocast_box *data;
+    /** Number of boxes. */
+    size_t count;
+    /** Bytes from one to the next. */
+    size_t stride;
+} echocast_box_view;
+
+/* -- Images ---------------------------------------------------------------------------------------------------------- */
+
+/** A layer of the image of a result or of pings, in place: rows from top to bottom, pixels from left to right. */
+typedef struct echocast_image_view {
+    /** The top left pixel; the channels of a pixel are contiguous, and so are the pixels of a row. */
+    const void *data;
+    /** Bytes from row to row. */
+    size_t row_stride;
+    /** Pixels per row. */
+    uint32_t width;
+    /** Rows. */
+    uint32_t height;
+    /** Numbers per pixel: 1, or 3 for colours and normals. */
+    uint32_t channels;
+    /** Type of the numbers: ECHOCAST_TYPE_F32, ECHOCAST_TYPE_U8 or ECHOCAST_TYPE_U32. */
+    int32_t kind;
+} echocast_image_view;
+
+/** An instance as an image shows it. */
+typedef struct echocast_image_box {
+    /** The instance; never 0. */
+    uint32_t instance_id;
+    /** Category of most of its pixels; 0 = unlabelled. */
+    uint32_t category_id;
+    /** First column of its pixels. */
+    uint32_t left;
+    /** First row of its pixels. */
+    uint32_t top;
+    /** Columns from the first to the last that have pixels of it. */
+    uint32_t width;
+    /** Rows from the first to the last. */
+    uint32_t height;
+    /** Number of its pixels. */
+    uint32_t area;
+    /** 0. */
+    uint32_t reserved;
+    /**
+     * Left, top, right and bottom of the whole object, pixels, including what is hidden or outside of the image;
+     * column c reaches from c to c + 1. NaN if unknown, as without scan_desc.image_boxes.
+     */
+    double amodal[4];
+    /** Fraction of the area of the amodal box that is outside of the image, 0 to 1; NaN if unknown. */
+    double truncation;
+    /** Fraction of it that is hidden by what is in front of it, 0 to 1; NaN if unknown, as without scan_desc.boxes. */
+    double occlusion;
+} echocast_image_box;
+
+/**
+ * The boxes in the image of a result, in place. Those of a newer library may be longer than those of this header:
+ * ECHOCAST_AT steps by the stride.
+ */
+typedef struct echocast_image_box_view {
+    /** The first; NULL if there are none. */
+    const echocast_image_box *data;
+    /** Number of boxes. */
+    size_t count;
+    /** Bytes from one to the next. */
+    size_t stride;
+} echocast_image_box_view;
+
+/* -- Results --------------------------------------------------------------------------------------------------------- */
+
 /** Points, column by column. Any number of threads may read a result; only one at a time may change it. */
 typedef struct echocast_result echocast_result;
 
@@ -981,34 +1130,6 @@ typedef struct echocast_result_info {
     /** Pose of the sensor at the start of the scan. */
     echocast_pose sensor_pose;
 } echocast_result_info;
-
-/** A column of a result or a ping, in place. */
-typedef struct echocast_view {
-    /** The first element; NULL if there are none. */
-    const void *data;
-    /** Number of elements: as many as the result has points, or the ping has cells. */
-    size_t count;
-    /** Bytes from element to element. */
-    size_t stride;
-    /** Type: ECHOCAST_TYPE_F32 to ECHOCAST_TYPE_U32. */
-    int32_t kind;
-    /** 0. */
-    int32_t reserved;
-} echocast_view;
-
-/** A column in packed points. */
-typedef struct echocast_pack_item {
-    /** Name of the column. */
-    const char *column;
-    /** Type in the packed point: an ECHOCAST_TYPE_ number. */
-    int32_t kind;
-    /** Offset in the packed point, bytes. */
-    uint32_t offset;
-    /** Subtracted from the column's number first, in its unit: 0, or the start of the scan for times. */
-    double shift;
-    /** Factor for the rest: 1 (0 also means 1), or 1e9 for nanoseconds, 255 for an intensity in bytes. */
-    double scale;
-} echocast_pack_item;
 
 /**
  * Gets information on a result. The caller sets struct_size of `*info`.
@@ -1086,6 +1207,82 @@ echocast_status echocast_result_label_number(const echocast_result *result,
                                              const char *table,
                                              const char *name,
                                              uint32_t *number);
+
+/**
+ * Gives access to the boxes around the labelled instances that a scan with `boxes` sees, in place, sorted by
+ * instance_id; those of appended results follow in order. Objects with the same instance_id share a box.
+ * echocast_result_label_name returns the names of categories and instances. The view is valid until the result is used
+ * for another scan, appended to or released.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (a scan without boxes), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ *
+ * ```c
+ * scan.boxes = ECHOCAST_BOXES_OBJECT;
+ * echocast_scan(snapshot, &scan, &result);
+ * echocast_box_view boxes;
+ * echocast_result_boxes(result, &boxes);
+ * for (size_t i = 0; i < boxes.count; ++i)
+ *     printf("%u points\n", (unsigned)ECHOCAST_AT(echocast_box, boxes, i)->points);
+ * ```
+ */
+ECHOCAST_API echocast_status echocast_result_boxes(const echocast_result *result, echocast_box_view *out);
+
+/**
+ * Gives access to a layer of the image that a camera, a spinning or a sweeping sensor sees; of several returns of a
+ * beam, the nearest is shown. Beams without a return are NaN, 0 or black. Layers and the columns that they show:
+ *
+ * - "depth": distance along the axis of a camera (`depth`), for other sensors the slant range (`range`), metres; F32
+ * - "range": slant range, metres (`range`); F32
+ * - "category", "part", "instance": label numbers (`category_id`, `part_id`, `instance_id`); U32
+ * - "color": base colour, sRGB (`red`, `green`, `blue`); 3 of U8
+ * - "intensity": what the instrument reports (`intensity`); F32
+ * - "normal": unit normals to the right, up and towards the sensor (`normal_x`, `normal_y`, `normal_z`); 3 of F32
+ *
+ * If the result is organised, it needs no other columns, and a layer of one column is not copied where the column of a
+ * camera already is the image; if not, it also needs the columns `beam` and `range`. Other layers are made when they
+ * are first requested, in memory that the result keeps for those of later scans. echocast_sensor_get_info gives the
+ * size and the lens. The view is valid until the result is used for another scan, appended to or released.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no such layer; a column that was not computed; scans of several sensors),
+ * ECHOCAST_E_UNSUPPORTED (a sensor whose beams form no rows and columns; a sonar), ECHOCAST_E_MEMORY,
+ * ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ *
+ * ```c
+ * scan.columns = "depth";
+ * scan.organised = 1;
+ * echocast_scan(snapshot, &scan, &result);
+ * echocast_image_view depth;
+ * echocast_result_image(result, "depth", &depth);
+ * const float *metres = depth.data;
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_result_image(const echocast_result *result,
+                                      const char *layer,
+                                      echocast_image_view *out);
+
+/**
+ * Gives access to the instances that the image of a result shows, in place, sorted by instance_id. They are found in
+ * the layers "category" and "instance"; what is hidden comes from the boxes of the scan. The view is valid until the
+ * result is used for another scan, appended to or released.
+ *
+ * Errors: as echocast_result_image.
+ *
+ * ```c
+ * scan.columns = "category_id,instance_id";
+ * scan.organised = 1;
+ * scan.boxes = ECHOCAST_BOXES_OBJECT;
+ * scan.image_boxes = 1;
+ * echocast_scan(snapshot, &scan, &result);
+ * echocast_image_box_view seen;
+ * echocast_result_image_boxes(result, &seen);
+ * for (size_t i = 0; i < seen.count; ++i)
+ *     printf("%.0f %% hidden\n", 100 * ECHOCAST_AT(echocast_image_box, seen, i)->occlusion);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_result_image_boxes(const echocast_result *result,
+                                            echocast_image_box_view *out);
 
 /**
  * Appends the points of another scan of the same scene with the same columns, to be written to one file.
@@ -1194,12 +1391,6 @@ echocast_status echocast_result_pack_driver(const echocast_result *result,
                                             size_t *needed);
 
 /* -- Scans ----------------------------------------------------------------------------------------------------------- */
-
-/** Points are in the world frame. */
-#define ECHOCAST_COORDINATES_WORLD 0
-
-/** Points are in the sensor frame at the time of their own firing, as a driver reports them. */
-#define ECHOCAST_COORDINATES_SENSOR 1
 
 /** Points are in order of rising beam. */
 #define ECHOCAST_ORDER_BEAM 0
@@ -1378,194 +1569,6 @@ ECHOCAST_API
 echocast_status echocast_scan(const echocast_snapshot *snapshot,
                               const echocast_scan_desc *desc,
                               echocast_result **io);
-
-/* -- Boxes ----------------------------------------------------------------------------------------------------------- */
-
-/**
- * The box around a labelled instance. Position, orientation and velocity are in the frame of the points; in sensor
- * coordinates that is the sensor frame at the time of the box, or at the start of the scan if its points are deskewed.
- */
-typedef struct echocast_box {
-    /** Time for which the box is valid (scan_desc.box_time), ns. Times since 1970 are rounded to 0.2 microseconds. */
-    int64_t t_ns;
-    /** Number of the frame, as in the column `frame`. */
-    uint32_t frame;
-    /** The object across all frames, as in the column `track_id`. */
-    uint32_t track_id;
-    /** The instance, as in the column `instance_id`; never 0. */
-    uint32_t instance_id;
-    /** The category, as in the column `category_id`; 0 = unlabelled. */
-    uint32_t category_id;
-    /** Number of returns of the scan on it. */
-    uint32_t points;
-    /** 0. */
-    uint32_t reserved;
-    /** Centre of the box, x, y, z, metres; absolute, not relative to the result's origin. */
-    double position[3];
-    /** Size along its axes, metres. */
-    double size[3];
-    /** Rotation from its axes, a unit quaternion x, y, z, w. */
-    double orientation_xyzw[4];
-    /** Velocity of its centre over the ground, m/s. */
-    double velocity[3];
-    /** Visible fraction, 0 to 1: of the beams that would hit it if it were alone, the share that does. */
-    double visible;
-    /**
-     * Left, top, right and bottom of the whole object in the image of the sensor, pixels, including what is hidden or
-     * outside of the image; NaN if not requested (scan_desc.image_boxes), or if no part of it is in front of the
-     * camera.
-     */
-    double image[4];
-} echocast_box;
-
-/**
- * The boxes of a result, in place. Those of a newer library may be longer than those of this header: ECHOCAST_AT steps
- * by the stride.
- */
-typedef struct echocast_box_view {
-    /** The first; NULL if there are none. */
-    const echocast_box *data;
-    /** Number of boxes. */
-    size_t count;
-    /** Bytes from one to the next. */
-    size_t stride;
-} echocast_box_view;
-
-/**
- * Gives access to the boxes around the labelled instances that a scan with `boxes` sees, in place, sorted by
- * instance_id; those of appended results follow in order. Objects with the same instance_id share a box.
- * echocast_result_label_name returns the names of categories and instances. The view is valid until the result is used
- * for another scan, appended to or released.
- *
- * Errors: ECHOCAST_E_ARGUMENT (a scan without boxes), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
- *
- * ```c
- * scan.boxes = ECHOCAST_BOXES_OBJECT;
- * echocast_scan(snapshot, &scan, &result);
- * echocast_box_view boxes;
- * echocast_result_boxes(result, &boxes);
- * for (size_t i = 0; i < boxes.count; ++i)
- *     printf("%u points\n", (unsigned)ECHOCAST_AT(echocast_box, boxes, i)->points);
- * ```
- */
-ECHOCAST_API echocast_status echocast_result_boxes(const echocast_result *result, echocast_box_view *out);
-
-/* -- Images ---------------------------------------------------------------------------------------------------------- */
-
-/** A layer of the image of a result or of pings, in place: rows from top to bottom, pixels from left to right. */
-typedef struct echocast_image_view {
-    /** The top left pixel; the channels of a pixel are contiguous, and so are the pixels of a row. */
-    const void *data;
-    /** Bytes from row to row. */
-    size_t row_stride;
-    /** Pixels per row. */
-    uint32_t width;
-    /** Rows. */
-    uint32_t height;
-    /** Numbers per pixel: 1, or 3 for colours and normals. */
-    uint32_t channels;
-    /** Type of the numbers: ECHOCAST_TYPE_F32, ECHOCAST_TYPE_U8 or ECHOCAST_TYPE_U32. */
-    int32_t kind;
-} echocast_image_view;
-
-/** An instance as an image shows it. */
-typedef struct echocast_image_box {
-    /** The instance; never 0. */
-    uint32_t instance_id;
-    /** Category of most of its pixels; 0 = unlabelled. */
-    uint32_t category_id;
-    /** First column of its pixels. */
-    uint32_t left;
-    /** First row of its pixels. */
-    uint32_t top;
-    /** Columns from the first to the last that have pixels of it. */
-    uint32_t width;
-    /** Rows from the first to the last. */
-    uint32_t height;
-    /** Number of its pixels. */
-    uint32_t area;
-    /** 0. */
-    uint32_t reserved;
-    /**
-     * Left, top, right and bottom of the whole object, pixels, including what is hidden or outside of the image;
-     * column c reaches from c to c + 1. NaN if unknown, as without scan_desc.image_boxes.
-     */
-    double amodal[4];
-    /** Fraction of the area of the amodal box that is outside of the image, 0 to 1; NaN if unknown. */
-    double truncation;
-    /** Fraction of it that is hidden by what is in front of it, 0 to 1; NaN if unknown, as without scan_desc.boxes. */
-    double occlusion;
-} echocast_image_box;
-
-/**
- * The boxes in the image of a result, in place. Those of a newer library may be longer than those of this header:
- * ECHOCAST_AT steps by the stride.
- */
-typedef struct echocast_image_box_view {
-    /** The first; NULL if there are none. */
-    const echocast_image_box *data;
-    /** Number of boxes. */
-    size_t count;
-    /** Bytes from one to the next. */
-    size_t stride;
-} echocast_image_box_view;
-
-/**
- * Gives access to a layer of the image that a camera, a spinning or a sweeping sensor sees; of several returns of a
- * beam, the nearest is shown. Beams without a return are NaN, 0 or black. Layers and the columns that they show:
- *
- * - "depth": distance along the axis of a camera (`depth`), for other sensors the slant range (`range`), metres; F32
- * - "range": slant range, metres (`range`); F32
- * - "category", "part", "instance": label numbers (`category_id`, `part_id`, `instance_id`); U32
- * - "color": base colour, sRGB (`red`, `green`, `blue`); 3 of U8
- * - "intensity": what the instrument reports (`intensity`); F32
- * - "normal": unit normals to the right, up and towards the sensor (`normal_x`, `normal_y`, `normal_z`); 3 of F32
- *
- * If the result is organised, it needs no other columns, and a layer of one column is not copied where the column of a
- * camera already is the image; if not, it also needs the columns `beam` and `range`. Other layers are made when they
- * are first requested, in memory that the result keeps for those of later scans. echocast_sensor_get_info gives the
- * size and the lens. The view is valid until the result is used for another scan, appended to or released.
- *
- * Errors: ECHOCAST_E_ARGUMENT (no such layer; a column that was not computed; scans of several sensors),
- * ECHOCAST_E_UNSUPPORTED (a sensor whose beams form no rows and columns; a sonar), ECHOCAST_E_MEMORY,
- * ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
- *
- * ```c
- * scan.columns = "depth";
- * scan.organised = 1;
- * echocast_scan(snapshot, &scan, &result);
- * echocast_image_view depth;
- * echocast_result_image(result, "depth", &depth);
- * const float *metres = depth.data;
- * ```
- */
-ECHOCAST_API
-echocast_status echocast_result_image(const echocast_result *result,
-                                      const char *layer,
-                                      echocast_image_view *out);
-
-/**
- * Gives access to the instances that the image of a result shows, in place, sorted by instance_id. They are found in
- * the layers "category" and "instance"; what is hidden comes from the boxes of the scan. The view is valid until the
- * result is used for another scan, appended to or released.
- *
- * Errors: as echocast_result_image.
- *
- * ```c
- * scan.columns = "category_id,instance_id";
- * scan.organised = 1;
- * scan.boxes = ECHOCAST_BOXES_OBJECT;
- * scan.image_boxes = 1;
- * echocast_scan(snapshot, &scan, &result);
- * echocast_image_box_view seen;
- * echocast_result_image_boxes(result, &seen);
- * for (size_t i = 0; i < seen.count; ++i)
- *     printf("%.0f %% hidden\n", 100 * ECHOCAST_AT(echocast_image_box, seen, i)->occlusion);
- * ```
- */
-ECHOCAST_API
-echocast_status echocast_result_image_boxes(const echocast_result *result,
-                                            echocast_image_box_view *out);
 
 /* -- Pings ----------------------------------------------------------------------------------------------------------- */
 

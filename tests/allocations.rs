@@ -2,7 +2,7 @@
 //! counted.
 #![allow(unsafe_code)] // a global allocator is unsafe by nature; this one only counts
 
-use echocast::emitter::Pattern;
+use echocast::emitter::pattern::Pattern;
 use echocast::scene::{Mesh, Object, Part};
 use echocast::{
     Engine, Environment, FieldSet, LiveScene, Ping, PointCloud, Pose, ScanOptions, Scene, Sensor, SensorKind,
@@ -77,7 +77,7 @@ impl Cost {
 
 fn scans() {
     let shape = Shape::cuboid(-DVec3::ONE, DVec3::ONE);
-    let part = Part { positions: shape.positions.into(), triangles: shape.triangles.into(), ..Part::default() };
+    let part = Part::default().positions(shape.positions.into()).triangles(shape.triangles.into());
     let mesh = Arc::new(Mesh::new("car", vec![part]).unwrap());
     let sensor = Sensor::preset("velodyne_vlp16").unwrap();
     let trajectory = Trajectory::new(vec![(0.0, Pose::at(0.0, 0.0, 1.0)), (0.1, Pose::at(1.0, 0.0, 1.0))]).unwrap();
@@ -91,11 +91,11 @@ fn scans() {
             let pose = DAffine3::from_translation(DVec3::new(6.0, f64::from(frame) / 10.0 - 3.0, 0.0));
             live.set_pose(car, pose).unwrap();
             let built = live.commit().unwrap();
-            let options = ScanOptions { frame, fields: FieldSet::all(), ..ScanOptions::default() };
+            let options = ScanOptions::default().frame(frame).fields(FieldSet::all());
             let before = COUNT.load(Ordering::Relaxed);
             built.scan_into(&sensor, &trajectory, &options, &mut cloud).unwrap();
             let count = COUNT.load(Ordering::Relaxed) - before;
-            assert!(cloud.len > 100);
+            assert!(cloud.len() > 100);
             // The first scan makes the columns.
             if frame > 0 {
                 most = most.max(count);
@@ -159,7 +159,7 @@ fn sensors() {
             for frame in (0..rounds).chain(0..rounds) {
                 let start_time = 0.1 * f64::from(frame);
                 let options =
-                    ScanOptions { frame, start_time, environment: environment.clone(), ..ScanOptions::default() };
+                    ScanOptions::default().frame(frame).start_time(start_time).environment(environment.clone());
                 let before = COUNT.load(Ordering::Relaxed);
                 built.scan_into(&sensor, &place, &options, &mut cloud).unwrap();
                 counts.push(COUNT.load(Ordering::Relaxed) - before);
@@ -228,13 +228,13 @@ fn frames() {
         for frame in 0..30 {
             let start_time = 0.1 * f64::from(frame);
             let fields = FieldSet::parse("default,velocity,normal_x,track_id").unwrap();
-            let options = ScanOptions { frame, start_time, fields, ..ScanOptions::default() };
+            let options = ScanOptions::default().frame(frame).start_time(start_time).fields(fields);
             let (cost, built) = Cost::of(|| {
                 live.set_time(start_time, 0.1).unwrap();
                 live.commit().unwrap()
             });
             let (scan, ()) = Cost::of(|| built.scan_into(&sensor, &place, &options, &mut cloud).unwrap());
-            assert!(cloud.columns.velocity_x.iter().filter(|speed| **speed > 0.5).count() > 50);
+            assert!(cloud.columns().velocity_x().iter().filter(|speed| **speed > 0.5).count() > 50);
             if frame >= 10 {
                 (set, scanned) = (set.most(cost), scanned.most(scan));
             }
@@ -246,7 +246,7 @@ fn frames() {
 
 fn pings() {
     let shape = Shape::plate(DVec3::ZERO, DVec3::Z, 100.0);
-    let part = Part { positions: shape.positions.into(), triangles: shape.triangles.into(), ..Part::default() };
+    let part = Part::default().positions(shape.positions.into()).triangles(shape.triangles.into());
     let mesh = Arc::new(Mesh::new("bottom", vec![part]).unwrap());
     let layers = "profile: {layers: [{depth_m: 0, speed_m_s: 1500}, {depth_m: 15, speed_m_s: 1480}]}";
     for (threads, allowed) in [(1, 20), (2, 40)] {
@@ -267,12 +267,8 @@ fn pings() {
             let mut ping = Ping::default();
             let mut counts = Vec::new();
             for frame in 0..4 {
-                let options = ScanOptions {
-                    frame,
-                    fields: FieldSet::all(),
-                    environment: environment.clone(),
-                    ..ScanOptions::default()
-                };
+                let options =
+                    ScanOptions::default().frame(frame).fields(FieldSet::all()).environment(environment.clone());
                 let trajectory = Trajectory::fixed(Pose::at(0.1 * f64::from(frame), 0.0, 10.0));
                 let before = COUNT.load(Ordering::Relaxed);
                 built.ping_into(&sensor, &trajectory, &options, &mut ping).unwrap();

@@ -47,7 +47,7 @@ fn an_engine_with_more_starts_no_others_later() {
         let built = commits.into_iter().map(|commit| commit.join().unwrap()).next_back().unwrap();
         let sensor = Sensor::preset("velodyne_vlp16").unwrap();
         let cloud = built.scan(&sensor, &Trajectory::fixed(Pose::at(1.0, 2.0, 3.0)), &ScanOptions::default()).unwrap();
-        assert!(cloud.len > 10_000);
+        assert!(cloud.len() > 10_000);
     });
     are_left(before + own);
     drop(engine);
@@ -61,19 +61,19 @@ fn an_engine_with_one_thread_starts_none() {
     scene.stand(Shape::sphere(20.0, 30), None);
     let scene = scene.finish().build_with(&engine).unwrap();
     let sensor = Sensor::preset("velodyne_vls128").unwrap();
-    let options = ScanOptions { fields: FieldSet::all(), ..ScanOptions::default() };
+    let options = ScanOptions::default().fields(FieldSet::all());
     let cloud = scene.scan(&sensor, &Trajectory::fixed(Pose::at(1.0, 2.0, 3.0)), &options).unwrap();
-    assert!(cloud.len > 200_000, "{} points", cloud.len);
+    assert!(cloud.len() > 200_000, "{} points", cloud.len());
     engine.install(|| {
         let item = PackItem::new(Field::Range, PackType::F32, 0);
-        cloud.pack(&[item], 4, &mut vec![0; 4 * cloud.len]).unwrap();
+        cloud.pack(&[item], 4, &mut vec![0; 4 * cloud.len()]).unwrap();
         let folder = tempfile::tempdir().unwrap();
         for format in FORMATS {
             export::write(&cloud, &folder.path().join("cloud"), Some(format.name())).unwrap();
         }
         for view in [View::Top, View::Perspective, View::Range] {
             for color in [ColorBy::Label, ColorBy::Height] {
-                let options = PreviewOptions { view, color, ..PreviewOptions::default() };
+                let options = PreviewOptions::default().view(view).color(color);
                 preview::render(&cloud, &options, &mut Report::default()).unwrap();
             }
         }

@@ -2,7 +2,7 @@
 //! not affect a column leave it unchanged.
 
 use echocast::cloud::FIELDS;
-use echocast::emitter::Pattern;
+use echocast::emitter::pattern::Pattern;
 use echocast::material::{Alpha, RetroSample, Scattering};
 use echocast::scene::Material;
 use echocast::{
@@ -30,12 +30,12 @@ fn scene_of(engine: &Engine, has_veils: bool) -> BuiltScene {
     let mut scene = SceneBuilder::new();
     let paints = [0.2, 0.5, 0.9].map(|reflectance| scene.reflector(reflectance));
     scene.stand(Shape::plate(-2.0 * DVec3::Z, DVec3::Z, 200.0), Some(paints[0]));
-    let smooth = |name: &str| Material { name: name.into(), roughness: 0.0, ..Material::default() };
-    let mirror = scene.material(Material { metallic: 0.8, base_color: [0.9; 4], ..smooth("mirror") });
-    let pane = scene.material(Material { transmission: 1.0, pane_m: Some(0.004), dirt: 0.02, ..smooth("pane") });
-    let glass = scene.material(Material { transmission: 1.0, thickness_m: 1.0, ..smooth("glass") });
+    let smooth = |name: &str| Material::default().name(name).roughness(0.0);
+    let mirror = scene.material(smooth("mirror").metallic(0.8).base_color([0.9; 4]));
+    let pane = scene.material(smooth("pane").transmission(1.0).pane_m(0.004).dirt(0.02));
+    let glass = scene.material(smooth("glass").transmission(1.0).thickness_m(1.0));
     let samples = vec![RetroSample { angle_deg: 70.0, cd_lx_m2: 250.0 }];
-    let sign = scene.material(Material { scattering: Scattering::RetroReflector { samples }, ..smooth("sign") });
+    let sign = scene.material(smooth("sign").scattering(Scattering::RetroReflector { samples }));
     for (shape, material) in [
         (Shape::plate(DVec3::ZERO, DVec3::X, 1.0), mirror),
         (Shape::plate(DVec3::ZERO, DVec3::X, 1.0), pane),
@@ -58,7 +58,7 @@ fn scene_of(engine: &Engine, has_veils: bool) -> BuiltScene {
         scene.stand(Shape::plate(DVec3::new(4.5, y, 0.0), DVec3::new(-1.0, -0.5 * y, 0.0), 0.05), Some(sign));
     }
     if has_veils {
-        let veil = Material { alpha: Alpha::Coverage, base_color: [0.4, 0.4, 0.4, 0.5], ..smooth("veil") };
+        let veil = smooth("veil").alpha(Alpha::Coverage).base_color([0.4, 0.4, 0.4, 0.5]);
         let veil = scene.material(veil);
         let mesh = scene.mesh([(Shape::plate(DVec3::ZERO, DVec3::X, 1.0), Some(veil))]);
         for _ in 0..6 {
@@ -138,19 +138,19 @@ fn drive() -> Trajectory {
 }
 
 fn all() -> ScanOptions {
-    ScanOptions { fields: FieldSet::all(), seed: 11, frame: 3, ..ScanOptions::default() }
+    ScanOptions::default().fields(FieldSet::all()).seed(11).frame(3)
 }
 
 /// In all kinds of weather.
 fn wet() -> ScanOptions {
     let weather = "{rain: {rate_mm_h: 30, range_noise: true}, snow: {rate_mm_h: 3}, fog: {visibility_m: 90}, dust: \
                    {radius_um: 50, per_m3: 1e7, box: {min_m: [1, -9, -2], max_m: [9, 9, 9]}}}";
-    ScanOptions { environment: Environment::from_yaml(weather).unwrap(), ..all() }
+    all().environment(Environment::from_yaml(weather).unwrap())
 }
 
 /// The names of the columns that differ in any bit.
 fn differences(a: &PointCloud, b: &PointCloud) -> Vec<&'static str> {
-    assert_eq!((a.len, a.fields, a.organised, a.origin), (b.len, b.fields, b.organised, b.origin));
+    assert_eq!((a.len(), a.fields(), a.organised(), a.origin), (b.len(), b.fields(), b.organised(), b.origin));
     let differ = |field: Field| a.column(field).bytes() != b.column(field).bytes();
     FIELDS.iter().filter(|info| differ(info.field)).map(|info| info.name).collect()
 }
@@ -177,7 +177,7 @@ fn what_a_thread_did_before_does_not_change_a_bit() {
     }
     let mut cases = Vec::new();
     for sensor in &sensors {
-        for options in [all(), wet(), ScanOptions { fields: few, ..all() }, ScanOptions { organised: true, ..all() }] {
+        for options in [all(), wet(), all().fields(few), all().organised(true)] {
             if !(options.organised && sensor.spec().returns.mode == ReturnMode::All) {
                 cases.push((sensor, options));
             }
@@ -200,10 +200,10 @@ fn threads_do_not_change_a_bit() {
     for sensor in [lidar(), camera(), noisy(), many(), adaptive("{mode: strongest}"), depth_camera()] {
         for path in [Trajectory::fixed(Pose::IDENTITY), drive()] {
             let single = sensor.spec().returns.mode != ReturnMode::All;
-            for options in [all(), ScanOptions { organised: single, ..all() }, wet()] {
+            for options in [all(), all().organised(single), wet()] {
                 let alone = one.scan(&sensor, &path, &options).unwrap();
-                causes.extend(&alone.columns.cause);
-                assert!(alone.len > 10_000, "{} points", alone.len);
+                causes.extend(alone.columns().cause());
+                assert!(alone.len() > 10_000, "{} points", alone.len());
                 for (scene, threads) in [(&two, "2 threads"), (&seven, "7 threads"), (&scene(), "rayon's threads")] {
                     let cloud = scene.scan(&sensor, &path, &options).unwrap();
                     assert_eq!(differences(&alone, &cloud), [""; 0], "{threads}");
@@ -238,7 +238,7 @@ fn moving_clouds(scenes: &[Scene], engine: &Engine) -> Vec<PointCloud> {
     for (frame, sensor) in [lidar(), many(), camera].into_iter().enumerate() {
         let start_time = 0.09 * frame as f64;
         live.set_time(start_time, 0.1).unwrap();
-        let options = ScanOptions { start_time, boxes: Some(BoxAxes::Object), ..all() };
+        let options = all().start_time(start_time).boxes(BoxAxes::Object);
         clouds.push(live.commit().unwrap().scan(&sensor, &drive(), &options).unwrap());
     }
     clouds
@@ -260,7 +260,7 @@ fn threads_do_not_change_a_bit_of_what_moves() {
     let clouds = |threads: usize| moving_clouds(&scenes, &Engine::with_threads(threads).unwrap());
     let alone = clouds(1);
     for cloud in &alone {
-        let flows = cloud.columns.flow_x.iter().filter(|flow| **flow != 0.0 && !flow.is_nan()).count();
+        let flows = cloud.columns().flow_x().iter().filter(|flow| **flow != 0.0 && !flow.is_nan()).count();
         let boxes = cloud.boxes.as_ref().unwrap();
         assert!(
             flows > 1000 && boxes.len() == 20 && boxes.iter().any(|found| found.velocity != DVec3::ZERO),
@@ -327,9 +327,9 @@ fn two_runs_give_the_same_bits() {
 fn reused_memory_gives_the_same_bits() {
     let (scene, path) = (scene(), drive());
     let mut reused = PointCloud::default();
-    let few = ScanOptions { fields: FieldSet::default(), coordinates: Frame::Sensor, ..all() };
-    let kept = ScanOptions { organised: true, ..all() };
-    let sorted = ScanOptions { order: Order::Time, ..all() };
+    let few = all().fields(FieldSet::default()).coordinates(Frame::Sensor);
+    let kept = all().organised(true);
+    let sorted = all().order(Order::Time);
     for (sensor, options) in [
         (camera(), all()),
         (lidar(), all()),
@@ -347,7 +347,7 @@ fn reused_memory_gives_the_same_bits() {
         let fresh = scene.scan(&sensor, &path, &options).unwrap();
         assert_eq!(differences(&fresh, &reused), [""; 0]);
         for info in FIELDS {
-            let length = if options.fields.contains(info.field) { fresh.len } else { 0 };
+            let length = if options.fields.contains(info.field) { fresh.len() } else { 0 };
             assert_eq!(reused.column(info.field).len(), length, "{}", info.name);
         }
     }
@@ -363,13 +363,13 @@ fn columns_do_not_depend_on_which_are_asked_for() {
         sensor.set("pattern.resolution", "[160, 120]").unwrap();
         for (&profile, coordinates) in profiles.iter().flat_map(|p| [(p, Frame::World), (p, Frame::Sensor)]) {
             let scan = |fields| {
-                let options = ScanOptions { fields, profile, coordinates, ..all() };
+                let options = all().fields(fields).profile(profile).coordinates(coordinates);
                 scene.scan(&sensor, &path, &options).unwrap()
             };
             let together = scan(FieldSet::all());
             for info in FIELDS {
                 let alone = scan(FieldSet::EMPTY.with(info.field));
-                assert_eq!(alone.len, together.len, "{} alone", info.name);
+                assert_eq!(alone.len(), together.len(), "{} alone", info.name);
                 let bytes = together.column(info.field).bytes();
                 assert!(alone.column(info.field).bytes() == bytes, "{} alone, {profile:?}, {coordinates:?}", info.name);
             }
@@ -384,7 +384,7 @@ fn seeds_and_frames_change_only_what_has_noise() {
     let mut sensor = lidar();
     // Several rays are turned at random about their beam.
     sensor.set("beam.sub_rays", "1").unwrap();
-    let scan = |seed, frame| scene.scan(&sensor, &path, &ScanOptions { seed, frame, ..all() }).unwrap();
+    let scan = |seed, frame| scene.scan(&sensor, &path, &all().seed(seed).frame(frame)).unwrap();
     let first = scan(11, 3);
     let noisy = ["x", "y", "z", "range", "intensity", "depth"];
     assert_eq!(differences(&first, &scan(12, 3)), noisy);
@@ -394,17 +394,17 @@ fn seeds_and_frames_change_only_what_has_noise() {
 /// Bits of each row by its beam.
 fn rows_by_beam(cloud: &PointCloud) -> BTreeMap<u32, Vec<u64>> {
     let row = |index: usize| FIELDS.iter().map(|info| cloud.column(info.field).get_f64(index).to_bits()).collect();
-    (0..cloud.len).map(|index| (cloud.columns.beam[index], row(index))).collect()
+    (0..cloud.len()).map(|index| (cloud.columns().beam()[index], row(index))).collect()
 }
 
 #[test]
 fn order_by_time_is_the_same_set_of_points() {
     let (scene, path) = (scene(), drive());
     let by_beam = scene.scan(&lidar(), &path, &all()).unwrap();
-    let by_time = scene.scan(&lidar(), &path, &ScanOptions { order: Order::Time, ..all() }).unwrap();
-    assert!(by_beam.columns.beam.is_sorted() && !by_beam.columns.time.is_sorted());
-    assert!(by_time.columns.time.is_sorted() && !by_time.columns.beam.is_sorted());
-    assert_eq!(by_beam.len, by_time.len);
+    let by_time = scene.scan(&lidar(), &path, &all().order(Order::Time)).unwrap();
+    assert!(by_beam.columns().beam().is_sorted() && !by_beam.columns().time().is_sorted());
+    assert!(by_time.columns().time().is_sorted() && !by_time.columns().beam().is_sorted());
+    assert_eq!(by_beam.len(), by_time.len());
     assert!(rows_by_beam(&by_beam) == rows_by_beam(&by_time));
 }
 
@@ -414,22 +414,22 @@ fn organised_clouds_hold_the_same_points() {
     let (scene, path) = (scene(), drive());
     for sensor in [lidar(), camera(), depth_camera()] {
         let loose = scene.scan(&sensor, &path, &all()).unwrap();
-        let organised = scene.scan(&sensor, &path, &ScanOptions { organised: true, ..all() }).unwrap();
+        let organised = scene.scan(&sensor, &path, &all().organised(true)).unwrap();
         let beams = sensor.beams();
-        assert_eq!(organised.organised, Some([beams.rows, beams.columns]));
-        assert_eq!((organised.len, loose.organised), (beams.len(), None));
-        let c = &organised.columns;
-        assert!(c.beam.iter().copied().eq(0..beams.len() as u32));
-        assert!(loose.len < organised.len, "some beams miss");
+        assert_eq!(organised.organised(), Some([beams.rows, beams.columns]));
+        assert_eq!((organised.len(), loose.organised()), (beams.len(), None));
+        let c = organised.columns();
+        assert!(c.beam().iter().copied().eq(0..beams.len() as u32));
+        assert!(loose.len() < organised.len(), "some beams miss");
         let found = rows_by_beam(&loose);
         for (beam, row) in rows_by_beam(&organised) {
             if let Some(expected) = found.get(&beam) {
                 assert_eq!(&row, expected);
             } else {
                 let beam = beam as usize;
-                assert!(c.range[beam].is_nan() && c.x[beam].is_nan() && c.return_number[beam] == 0);
-                assert_eq!(c.channel[beam], beams.channel[beam]);
-                assert_eq!(c.time[beam], beams.time[beam]);
+                assert!(c.range()[beam].is_nan() && c.x()[beam].is_nan() && c.return_number()[beam] == 0);
+                assert_eq!(c.channel()[beam], beams.channel[beam]);
+                assert_eq!(c.time()[beam], beams.time[beam]);
             }
         }
     }
@@ -473,22 +473,22 @@ fn sea() -> ScanOptions {
     let rows: Vec<String> = (0..10).map(row).collect();
     let yaml =
         format!("water: {{surface_z_m: 12, volume_backscatter_db: -70, profile: {{layers: [{}]}}}}", rows.join(", "));
-    ScanOptions { environment: Environment::from_yaml(&yaml).unwrap(), ..all() }
+    all().environment(Environment::from_yaml(&yaml).unwrap())
 }
 
 /// The names of what differs in any bit between two pings.
 fn ping_differences(a: &Ping, b: &Ping) -> Vec<&'static str> {
-    assert_eq!((a.fields, &a.layout, a.origin), (b.fields, &b.layout, b.origin));
+    assert_eq!((a.fields(), &a.layout(), a.origin), (b.fields(), &b.layout(), b.origin));
     let bits = |ping: &Ping| -> Vec<[u32; 5]> {
         let bits =
             |s: &echocast::Sounding| [s.beam, s.range.to_bits(), s.cell, s.level_db.to_bits(), s.quality.to_bits()];
-        ping.soundings.iter().map(bits).collect()
+        ping.soundings().iter().map(bits).collect()
     };
     let differ = |field: Field| a.column(field).bytes() != b.column(field).bytes();
     let columns = FIELDS.iter().filter(|info| differ(info.field)).map(|info| info.name);
     let tracks = |ping: &Ping| {
         let bits = |track: Track| {
-            let Track { radial, velocity, error } = track;
+            let Track { radial, velocity, error, .. } = track;
             [radial[0], radial[1], radial[2], radial[3], velocity.x, velocity.y, velocity.z, error].map(f32::to_bits)
         };
         [ping.bottom_track, ping.water_track].map(|track| track.map(bits))
@@ -508,16 +508,16 @@ fn threads_do_not_change_a_bit_of_a_ping() {
     let mut reused = Ping::default();
     for sensor in sensors {
         for path in [Trajectory::fixed(Pose::at(0.0, 0.0, 8.0)), drive()] {
-            for options in [sea(), ScanOptions { environment: Environment::default(), ..sea() }] {
+            for options in [sea(), sea().environment(Environment::default())] {
                 // The second has its surface above everything.
                 let environment = if options.environment.is_empty() {
                     Environment::from_yaml("water: {surface_z_m: 20}").unwrap()
                 } else {
                     options.environment.clone()
                 };
-                let options = ScanOptions { environment, ..options };
+                let options = options.environment(environment);
                 let alone = one.ping(&sensor, &path, &options).unwrap();
-                causes.extend(&alone.cells.cause);
+                causes.extend(alone.cells().cause());
                 for (scene, threads) in [(&two, "2 threads"), (&seven, "7 threads"), (&one, "the same again")] {
                     let ping = scene.ping(&sensor, &path, &options).unwrap();
                     assert_eq!(ping_differences(&alone, &ping), [""; 0], "{threads}");
@@ -525,9 +525,9 @@ fn threads_do_not_change_a_bit_of_a_ping() {
                 // Memory from another sensor or pose, and other water.
                 two.ping_into(&sensor, &path, &options, &mut reused).unwrap();
                 assert_eq!(ping_differences(&alone, &reused), [""; 0], "reused");
-                let few = ScanOptions { fields: FieldSet::default(), ..options.clone() };
+                let few = options.clone().fields(FieldSet::default());
                 let level = two.ping(&sensor, &path, &few).unwrap();
-                assert!(level.cells.intensity == alone.cells.intensity, "levels depend on the columns");
+                assert!(level.cells().intensity() == alone.cells().intensity(), "levels depend on the columns");
             }
         }
     }

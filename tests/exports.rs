@@ -19,20 +19,20 @@ fn scan(scene: &Scene, start_time: f64) -> PointCloud {
     let sensor = Sensor::from_yaml(SENSOR, "").unwrap();
     let pose = Trajectory::fixed(Pose::at(0.3, -0.4, 1.3));
     let fields = [Field::Range, Field::CategoryId, Field::PartId, Field::Beam].into_iter().collect();
-    let options = ScanOptions { start_time, fields, ..ScanOptions::default() };
+    let options = ScanOptions::default().start_time(start_time).fields(fields);
     scene.build().unwrap().scan(&sensor, &pose, &options).unwrap()
 }
 
 /// For every beam its range, category and part, by names.
 fn found(scene: &Scene, cloud: &PointCloud) -> BTreeMap<u32, (f32, String, String)> {
-    let columns = &cloud.columns;
+    let columns = cloud.columns();
     let name = |table: &echocast::scene::NameTable, id: u32| table.name(id).unwrap_or_default().to_owned();
     let row = |row: usize| {
-        let category = name(&scene.labels.category, columns.category_id[row]);
-        let part = name(&scene.labels.part, columns.part_id[row]);
-        (columns.beam[row], (columns.range[row], category, part))
+        let category = name(&scene.labels.category, columns.category_id()[row]);
+        let part = name(&scene.labels.part, columns.part_id()[row]);
+        (columns.beam()[row], (columns.range()[row], category, part))
     };
-    (0..columns.range.len()).map(row).collect()
+    (0..columns.range().len()).map(row).collect()
 }
 
 /// Checks that nearly all beams see the same in both: a few meet edges, where the last digit decides.

@@ -22,7 +22,7 @@ fn scan(built: &BuiltScene, sensor: &Sensor, seed: u64, cloud: &mut PointCloud) 
 /// Everything that tells two clouds apart.
 fn bits(cloud: &PointCloud) -> (Vec<u32>, Vec<u32>, Vec<u32>) {
     let of = |column: &[f32]| column.iter().map(|value| value.to_bits()).collect();
-    (of(&cloud.columns.x), of(&cloud.columns.intensity), cloud.columns.category_id.clone())
+    (of(cloud.columns().x()), of(cloud.columns().intensity()), cloud.columns().category_id().to_vec())
 }
 
 /// Runs `work` while another thread scans with `sensor` without end.

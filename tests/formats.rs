@@ -1,9 +1,12 @@
 //! Every format, read back by third-party readers.
 
-use echocast::cloud::{ColumnType, Columns, Driver, FIELDS, Field, FieldSet, Frame};
+use echocast::cloud::{ColumnType, FIELDS};
 use echocast::export::{self, FORMATS, FramesFile, GrowingFile};
-use echocast::scene::{Labels, NameTable};
-use echocast::{Error, InstanceBox, PointCloud, Pose, Report, ScanOptions, Scene, Sensor, Trajectory};
+use echocast::scene::Labels;
+use echocast::{
+    Driver, Error, Field, FieldSet, Frame, InstanceBox, PointCloud, Pose, Report, ScanOptions, Scene, Sensor,
+    Trajectory,
+};
 use echocast_tests::python;
 use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
@@ -25,11 +28,12 @@ fn cloud(len: usize, fields: FieldSet) -> PointCloud {
         random = random.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
         (random >> 40) as u32 // 24 bits
     };
-    let mut columns = Columns::default();
+    let mut cloud = PointCloud::new(fields, len).unwrap();
+    let columns = cloud.columns_mut();
     macro_rules! fill {
         ($($name:ident: $value:expr;)*) => {$(
-            if fields.contains(Field::from_name(stringify!($name)).unwrap()) {
-                columns.$name = (0..len).map($value).collect();
+            for (value, new) in columns.$name.iter_mut().zip((0..len).map($value)) {
+                *value = new;
             }
         )*};
     }
@@ -94,30 +98,18 @@ fn cloud(len: usize, fields: FieldSet) -> PointCloud {
         water_track_z: |_| metres(0.5);
         water_track_error: |_| metres(0.01);
     }
-    let table = |rows: &[(u32, &str)]| NameTable {
-        ids: rows.iter().map(|row| row.0).collect(),
-        names: rows.iter().map(|row| row.1.into()).collect(),
-    };
-    let labels = Labels {
-        category: table(&[(1, "chair"), (2, "Tür, \"groß\""), (70_000, "木の 🌲")]),
-        part: table(&[(7, "a\nb\\c")]),
-        material: table(&[]),
-        instance: table(&[(1, "Desk"), (2, "Desk"), (100_000_000, "")]),
-        ..Labels::default()
-    };
-    PointCloud {
-        origin: [500_000.0, 5_600_000.0, 100.25].into(),
-        columns,
-        fields,
-        len,
-        sensor_pose: Pose {
-            orientation: DQuat::from_xyzw(0.1, -0.7, 0.1, 0.7),
-            ..Pose::at(500_001.1, 5_600_002.2, -3.3)
-        },
-        labels: Arc::new(labels),
-        boxes: Some(boxes(len.min(20))),
-        ..PointCloud::default()
-    }
+    let table = |rows: &[(u32, &str)]| rows.iter().copied().collect();
+    let labels = Labels::default()
+        .category(table(&[(1, "chair"), (2, "Tür, \"groß\""), (70_000, "木の 🌲")]))
+        .part(table(&[(7, "a\nb\\c")]))
+        .material(table(&[]))
+        .instance(table(&[(1, "Desk"), (2, "Desk"), (100_000_000, "")]));
+    cloud.origin = [500_000.0, 5_600_000.0, 100.25].into();
+    cloud.sensor_pose =
+        Pose { orientation: DQuat::from_xyzw(0.1, -0.7, 0.1, 0.7), ..Pose::at(500_001.1, 5_600_002.2, -3.3) };
+    cloud.labels = Arc::new(labels);
+    cloud.boxes = Some(boxes(len.min(20)));
+    cloud
 }
 
 /// As many boxes, of several frames, with numbers that serde_json reads exactly.
@@ -125,22 +117,19 @@ fn boxes(count: usize) -> Vec<InstanceBox> {
     (0..count as u32)
         .map(|k| {
             let some = |scale: f64| scale * f64::from(k + 1) / 1024.0;
-            InstanceBox {
-                frame: k / 3,
-                time: some(2.0),
-                track_id: 4_000_000_000 + k,
-                instance_id: if k == 1 { 1 } else { 4_000_000_000 + k },
-                category_id: k % 3,
-                pose: Pose {
-                    position: DVec3::new(5e5, 5.6e6, some(-1.0)),
-                    orientation: DQuat::from_xyzw(0.0, 0.6, 0.0, [0.8, -0.8][k as usize % 2]),
-                },
-                size: DVec3::new(some(1.0), 1e-9, 12.0),
-                velocity: DVec3::new(some(-3.0), 0.0, -0.0),
-                points: k * 1000,
-                visible: some(1.0),
-                image: None,
-            }
+            let mut found = InstanceBox::default();
+            (found.frame, found.time) = (k / 3, some(2.0));
+            found.track_id = 4_000_000_000 + k;
+            found.instance_id = if k == 1 { 1 } else { 4_000_000_000 + k };
+            found.category_id = k % 3;
+            found.pose = Pose {
+                position: DVec3::new(5e5, 5.6e6, some(-1.0)),
+                orientation: DQuat::from_xyzw(0.0, 0.6, 0.0, [0.8, -0.8][k as usize % 2]),
+            };
+            found.size = DVec3::new(some(1.0), 1e-9, 12.0);
+            found.velocity = DVec3::new(some(-3.0), 0.0, -0.0);
+            (found.points, found.visible) = (k * 1000, some(1.0));
+            found
         })
         .collect()
 }
@@ -186,18 +175,17 @@ fn detections(cloud: &PointCloud) -> Value {
 fn many_names() -> PointCloud {
     let mut cloud = cloud(3, FieldSet::default());
     let labels = Arc::make_mut(&mut cloud.labels);
-    labels.instance.ids = (1..=5000).collect();
-    labels.instance.names = (1..=5000).map(|id| format!("object number {id}")).collect();
+    labels.instance = (1..=5000).map(|id| (id, format!("object number {id}"))).collect();
     cloud
 }
 
 /// A grid of 4 by 5 beams, some without a return.
 fn organised() -> PointCloud {
     let mut cloud = cloud(20, FieldSet::all());
-    cloud.organised = Some([4, 5]);
+    cloud.set_organised(Some([4, 5])).unwrap();
+    let c = cloud.columns_mut();
     for miss in [0, 7, 8, 19] {
-        let c = &mut cloud.columns;
-        for column in [&mut c.x, &mut c.y, &mut c.z, &mut c.range, &mut c.true_x, &mut c.normal_z, &mut c.intensity] {
+        for column in [&mut *c.x, c.y, c.z, c.range, c.true_x, c.normal_z, c.intensity] {
             column[miss] = f32::NAN;
         }
         c.return_number[miss] = 0;
@@ -295,7 +283,7 @@ fn made_of_positions(format: &str, field: Field) -> bool {
 }
 
 fn points(cloud: &PointCloud) -> Vec<usize> {
-    (0..cloud.len).filter(|&row| !cloud.columns.x[row].is_nan()).collect()
+    (0..cloud.len()).filter(|&row| !cloud.columns().x()[row].is_nan()).collect()
 }
 
 fn said(report: &Report, words: &str) -> bool {
@@ -326,7 +314,7 @@ fn every_format_is_read_back() {
         for (i, cloud) in clouds.iter().enumerate() {
             let path = folder.path().join(format!("{name} {i}.file"));
             let report = export::write(cloud, &path, Some(name)).unwrap();
-            for info in cloud.fields.iter() {
+            for info in cloud.fields().iter() {
                 let lost = !format.holds(info);
                 let words = report.warnings.iter().find(|w| w.contains("cannot hold"));
                 let between = info.name.strip_suffix("_y").map(|stem| format!("{stem}_x to {stem}_z"));
@@ -338,9 +326,9 @@ fn every_format_is_read_back() {
             }
             assert_eq!(format.info().holds_label_names, !export::labels_path(&path).exists());
             if name.starts_with("la") {
-                assert_eq!(said(&report, "rows without a position"), cloud.organised.is_some(), "{report:?}");
+                assert_eq!(said(&report, "rows without a position"), cloud.organised().is_some(), "{report:?}");
             }
-            assert_eq!(said(&report, "category ids above 65535"), name == "las2" && i != 5 && cloud.len > 1);
+            assert_eq!(said(&report, "category ids above 65535"), name == "las2" && i != 5 && cloud.len() > 1);
             let reader = if name.starts_with("mcap") { "mcap" } else { name };
             written.entry(reader).or_default().push((format, cloud, path));
         }
@@ -349,11 +337,11 @@ fn every_format_is_read_back() {
         let files: Vec<PathBuf> = written.iter().map(|(.., path)| path.clone()).collect();
         for ((format, cloud, _), found) in written.iter().zip(read(reader, &files)) {
             let keeps_misses = !reader.starts_with("la");
-            let rows = if keeps_misses { (0..cloud.len).collect() } else { points(cloud) };
-            let held = cloud.fields.iter().filter(|info| format.holds(info)).map(|info| info.field).collect();
+            let rows = if keeps_misses { (0..cloud.len()).collect() } else { points(cloud) };
+            let held = cloud.fields().iter().filter(|info| format.holds(info)).map(|info| info.field).collect();
             compare(cloud, format.name(), &found, &rows, held);
             if let Some(shape) = found.get("shape") {
-                assert_eq!(*shape, json!(cloud.organised), "{}", format.name());
+                assert_eq!(*shape, json!(cloud.organised()), "{}", format.name());
             }
         }
     }
@@ -383,8 +371,8 @@ fn formats_that_need_no_positions_hold_any_columns() {
             assert!(!path.exists());
         } else {
             result.unwrap();
-            let rows: Vec<usize> = (0..cloud.len).collect();
-            compare(&cloud, format.name(), &read(format.name(), &[path])[0], &rows, cloud.fields);
+            let rows: Vec<usize> = (0..cloud.len()).collect();
+            compare(&cloud, format.name(), &read(format.name(), &[path])[0], &rows, cloud.fields());
         }
     }
 }
@@ -398,11 +386,11 @@ fn frames_of_a_sequence_warn_alike() {
         for frame in 1..4 {
             let mut cloud = organised();
             cloud.intensity_full_scale = None;
-            cloud.columns.x[frame] = f32::NAN;
-            cloud.columns.y[1 + 2 * frame] = f32::NAN;
-            cloud.columns.intensity[10..10 + frame].fill(-1.0);
-            cloud.columns.return_count[10..10 + frame].fill(16);
-            cloud.columns.category_id[10..10 + frame].fill(u32::MAX);
+            cloud.columns_mut().x[frame] = f32::NAN;
+            cloud.columns_mut().y[1 + 2 * frame] = f32::NAN;
+            cloud.columns_mut().intensity[10..10 + frame].fill(-1.0);
+            cloud.columns_mut().return_count[10..10 + frame].fill(16);
+            cloud.columns_mut().category_id[10..10 + frame].fill(u32::MAX);
             report.absorb(export::write(&cloud, &folder.path().join(format.name()), Some(format.name())).unwrap());
             assert_eq!(*seen.get_or_insert(report.warnings.len()), report.warnings.len(), "{report:?}");
         }
@@ -412,44 +400,43 @@ fn frames_of_a_sequence_warn_alike() {
 #[test]
 fn las_says_what_it_rounds_and_clamps() {
     let mut cloud = cloud(100, FieldSet::all());
-    cloud.columns.x[3] = 300_000.0;
-    cloud.columns.return_count[4] = 16;
-    cloud.columns.intensity[5] = 1.5;
-    cloud.columns.intensity[6] = f32::NAN;
+    cloud.columns_mut().x[3] = 300_000.0;
+    cloud.columns_mut().return_count[4] = 16;
+    cloud.columns_mut().intensity[5] = 1.5;
+    cloud.columns_mut().intensity[6] = f32::NAN;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("far.las");
     let report = cloud.write(&path).unwrap();
     assert!(said(&report, "rounded to 0.001 m") && said(&report, "intensities below 0"), "{report:?}");
     assert!(said(&report, "return numbers clamped to 1 to 15"), "{report:?}");
-    cloud.columns.return_count[4] = 15;
-    cloud.columns.intensity[5] = 1.0;
-    cloud.columns.intensity[6] = 0.0;
+    cloud.columns_mut().return_count[4] = 15;
+    cloud.columns_mut().intensity[5] = 1.0;
+    cloud.columns_mut().intensity[6] = 0.0;
     let found = read("las", &[path]);
     assert_eq!(found[0]["scale"], 0.001);
-    compare(&cloud, "las", &found[0], &points(&cloud), cloud.fields);
+    compare(&cloud, "las", &found[0], &points(&cloud), cloud.fields());
 }
 
 #[test]
 fn one_long_name_does_not_make_an_npz_file_huge() {
     let mut cloud = cloud(1, FieldSet::default());
     let instances = &mut Arc::make_mut(&mut cloud.labels).instance;
-    instances.ids = (1..=1000).collect();
-    instances.names = (1..=1000).map(|id| format!("object {id}")).collect();
-    instances.names[500] = "木".repeat(100_000);
+    *instances = (1..=1000).map(|id| (id, format!("object {id}"))).collect();
+    instances.set(501, &"木".repeat(100_000));
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.npz");
     let report = cloud.write(&path).unwrap();
     assert!(said(&report, "longer than 1024 characters cut"), "{report:?}");
     assert!(fs::metadata(&path).unwrap().len() < 1000 * 4 * 1024 + 100_000);
-    Arc::make_mut(&mut cloud.labels).instance.names[500] = "木".repeat(1024);
-    compare(&cloud, "npz", &read("npz", &[path])[0], &[0], cloud.fields);
+    Arc::make_mut(&mut cloud.labels).instance.set(501, &"木".repeat(1024));
+    compare(&cloud, "npz", &read("npz", &[path])[0], &[0], cloud.fields());
 }
 
 #[test]
 fn eight_bit_intensities_fill_the_range_of_las() {
     let mut cloud = cloud(256, FieldSet::default());
     cloud.intensity_full_scale = Some(255.0);
-    cloud.columns.intensity = (0..256u16).map(f32::from).collect();
+    cloud.columns_mut().intensity.iter_mut().zip(0u16..).for_each(|(to, value)| *to = value.into());
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.las");
     cloud.write(&path).unwrap();
@@ -462,15 +449,15 @@ fn eight_bit_intensities_fill_the_range_of_las() {
 fn relative_energy_fills_the_range_of_las() {
     let mut cloud = cloud(4, FieldSet::default());
     cloud.intensity_full_scale = None;
-    cloud.columns.intensity = vec![1e-5, 4e-5, 0.0, 3e-5];
+    cloud.columns_mut().intensity.copy_from_slice(&[1e-5, 4e-5, 0.0, 3e-5]);
     let folder = tempfile::tempdir().unwrap();
     for (format, strongest) in [("las", 4e-5), ("las2", 3.0)] {
-        cloud.columns.intensity[1] = strongest;
+        cloud.columns_mut().intensity[1] = strongest;
         let path = folder.path().join(format);
         let report = export::write(&cloud, &path, Some(format)).unwrap();
         assert!(said(&report, "has no full scale"), "{report:?}");
         let stored = |i: f32| format!("{}.0", (f64::from(i) / f64::from(strongest) * 65535.0).round());
-        let wanted: Vec<String> = cloud.columns.intensity.iter().map(|&i| stored(i)).collect();
+        let wanted: Vec<String> = cloud.columns().intensity().iter().map(|&i| stored(i)).collect();
         assert_eq!(wanted[1], "65535.0");
         let found = read(format, &[path]);
         assert_eq!(found[0]["columns"]["intensity"], json!(wanted));
@@ -479,12 +466,12 @@ fn relative_energy_fills_the_range_of_las() {
         match found[0]["columns"]["raw_intensity"].as_array() {
             Some(raw) => {
                 let raw = raw.iter().map(|value| value.as_str().unwrap().parse::<f64>().unwrap());
-                assert!(raw.eq(cloud.columns.intensity.iter().map(|&i| f64::from(i))));
+                assert!(raw.eq(cloud.columns().intensity().iter().map(|&i| f64::from(i))));
             }
             None => assert_eq!(format, "las2"),
         }
     }
-    cloud.columns.intensity = vec![0.0; 4];
+    cloud.columns_mut().intensity.fill(0.0);
     let dark = folder.path().join("dark.las");
     cloud.write(&dark).unwrap();
     assert_eq!(read("las", &[dark])[0]["columns"]["intensity"], json!(vec!["0.0"; 4]));
@@ -494,9 +481,11 @@ fn relative_energy_fills_the_range_of_las() {
 fn levels_of_sonars_are_kept_in_las() {
     let mut cloud = cloud(4, FieldSet::default().with(Field::Cause));
     cloud.intensity_full_scale = None;
-    cloud.columns.intensity = vec![-12.5, 88.25, 0.0, 131.5];
-    cloud.columns.cause = vec![7, 0, 9, 10];
-    (cloud.columns.return_number, cloud.columns.return_count) = (vec![1; 4], vec![1; 4]);
+    let c = cloud.columns_mut();
+    c.intensity.copy_from_slice(&[-12.5, 88.25, 0.0, 131.5]);
+    c.cause.copy_from_slice(&[7, 0, 9, 10]);
+    c.return_number.fill(1);
+    c.return_count.fill(1);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("ping.las");
     let report = cloud.write(&path).unwrap();
@@ -531,7 +520,7 @@ fn frames_are_rows_of_one_hdf5_file() {
     let boxes: Vec<_> = clouds.iter().cycle().take(603).flat_map(|cloud| cloud.boxes.clone().unwrap()).collect();
     assert_eq!(found[0]["boxes"], all_told(&boxes));
     for (cloud, frame) in clouds.iter().cycle().zip(frames) {
-        compare(cloud, "frames", frame, &points(cloud), cloud.fields);
+        compare(cloud, "frames", frame, &points(cloud), cloud.fields());
     }
     drop(FramesFile::create(folder.path().join("dropped.h5")).unwrap());
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
@@ -547,7 +536,7 @@ fn frames_are_messages_of_one_bag() {
         for (frame, cloud) in clouds.iter_mut().enumerate() {
             cloud.sensor_pose.position.x += 0.5 * frame as f64;
             cloud.start_time = Some(1_700_000_000.0 + 0.1 * frame as f64);
-            cloud.columns.time.iter_mut().for_each(|time| *time += 0.1 * frame as f64);
+            cloud.columns_mut().time.iter_mut().for_each(|time| *time += 0.1 * frame as f64);
         }
         let path = folder.path().join(format);
         let mut file = GrowingFile::begin(&path, Some(format), &clouds[0]).unwrap().unwrap();
@@ -563,7 +552,7 @@ fn frames_are_messages_of_one_bag() {
         let stamps = [1_700_000_000_000_000_000u64, 1_700_000_000_099_999_905, 1_700_000_000_200_000_048];
         let read: Vec<u64> = serde_json::from_value(found["stamps"].clone()).unwrap();
         assert!(read.iter().zip(stamps).all(|(read, stamp)| read.abs_diff(stamp) < 300), "{read:?}");
-        compare(all, format, &found, &points(all), all.fields);
+        compare(all, format, &found, &points(all), all.fields());
     }
 }
 
@@ -610,7 +599,7 @@ fn bags_are_those_of_the_makers_driver() {
             sensor.set("pattern.azimuth.fov_deg", "20").unwrap();
         }
         for organised in [false, true] {
-            let options = ScanOptions { organised, start_time: 2.0, ..ScanOptions::default() };
+            let options = ScanOptions::default().organised(organised).start_time(2.0);
             let cloud = built.scan(&sensor, &trajectory, &options).unwrap();
             assert_eq!(cloud.driver, sensor.driver());
             let path = folder.path().join(format!("{preset} {organised}.mcap"));
@@ -647,13 +636,13 @@ fn bags_are_those_of_the_makers_driver() {
         let shape = [&message["height"], &message["width"]].map(|count| count.as_u64().unwrap() as usize);
         let finite = number("x").iter().all(|x| x.is_finite());
         assert_eq!(message["dense"], finite && driver != Driver::Hesai, "{preset}");
-        let wanted = match cloud.organised {
-            None => [1, cloud.len],
+        let wanted = match cloud.organised() {
+            None => [1, cloud.len()],
             Some([rows, columns]) if *turned => [columns as usize, rows as usize],
             Some(shape) => shape.map(|count| count as usize),
         };
         assert_eq!(shape, wanted, "{preset}");
-        if cloud.organised.is_some() {
+        if cloud.organised().is_some() {
             for (at, ring) in rings.iter().enumerate() {
                 assert_eq!(*ring, place(at / shape[1], at % shape[1], *lasers) as f64, "{preset} {at}");
             }
@@ -675,21 +664,21 @@ fn bags_are_those_of_the_makers_driver() {
     for ((preset, _, _, turned, cloud), file) in scans.iter().zip(&files) {
         let back = PointCloud::read(file).unwrap();
         // One row is no image.
-        let organised = cloud.organised.filter(|[rows, _]| *rows > 1);
-        assert_eq!((back.driver, back.len, back.organised), (cloud.driver, cloud.len, organised), "{preset}");
+        let organised = cloud.organised().filter(|[rows, _]| *rows > 1);
+        assert_eq!((back.driver, back.len(), back.organised()), (cloud.driver, cloud.len(), organised), "{preset}");
         // By beam again, where the driver has other rows.
-        let mut rows: Vec<usize> = (0..cloud.len).collect();
-        if cloud.organised.is_some() && *turned && cloud.driver == Some(Driver::Velodyne) {
-            rows.sort_by_key(|&row| cloud.columns.ring[row]);
+        let mut rows: Vec<usize> = (0..cloud.len()).collect();
+        if cloud.organised().is_some() && *turned && cloud.driver == Some(Driver::Velodyne) {
+            rows.sort_by_key(|&row| cloud.columns().ring()[row]);
         }
         for (row, &from) in rows.iter().enumerate() {
             let [a, b] = [(&back, row), (cloud, from)].map(|(cloud, row)| {
-                let c = &cloud.columns;
-                (c.ring[row], c.channel[row], c.category_id[row], c.return_number[row])
+                let c = cloud.columns();
+                (c.ring()[row], c.channel()[row], c.category_id()[row], c.return_number()[row])
             });
             assert_eq!(a, b, "{preset} {row}");
-            assert!((back.columns.time[row] - cloud.columns.time[from]).abs() < 1e-7, "{preset} {row}");
-            let [a, b] = [back.columns.range[row], cloud.columns.range[from]];
+            assert!((back.columns().time()[row] - cloud.columns().time()[from]).abs() < 1e-7, "{preset} {row}");
+            let [a, b] = [back.columns().range()[row], cloud.columns().range()[from]];
             assert!((a - b).abs() < 6e-4 || b.is_nan() && (a.is_nan() || a == 0.0), "{preset} {row}: {a} {b}");
         }
     }
@@ -705,9 +694,9 @@ fn bags_hold_the_images_of_a_camera() {
     let trajectory = Trajectory::fixed(Pose::at(-6.0, 6.0, 1.2).with_rpy_deg(3.0, 10.0, -40.0));
     for fields in ["default,azimuth,elevation", "default,azimuth,elevation,depth", "x,y,z,azimuth,elevation"] {
         let fields = FieldSet::parse(fields).unwrap();
-        let options = ScanOptions { fields, organised: true, ..ScanOptions::default() };
+        let options = ScanOptions::default().fields(fields).organised(true);
         let cloud = built.scan(&sensor, &trajectory, &options).unwrap();
-        let inside = ScanOptions { coordinates: Frame::Sensor, ..options };
+        let inside = options.coordinates(Frame::Sensor);
         let inside = built.scan(&sensor, &trajectory, &inside).unwrap();
         let path = folder.path().join("a.mcap");
         cloud.write(&path).unwrap();
@@ -715,7 +704,7 @@ fn bags_hold_the_images_of_a_camera() {
         let axis = |value: &Value| -> Vec<f64> {
             value.as_array().unwrap().iter().map(|text| text.as_str().unwrap().parse().unwrap()).collect()
         };
-        let seen = [&inside.columns.x, &inside.columns.y, &inside.columns.z];
+        let seen = [inside.columns().x(), inside.columns().y(), inside.columns().z()];
         for (index, column) in seen.into_iter().enumerate() {
             let read = axis(&found["unprojected"][index]);
             assert_eq!(read.len(), 1200);
@@ -727,19 +716,20 @@ fn bags_hold_the_images_of_a_camera() {
             }
         }
         let labels: Vec<u32> = serde_json::from_value(found["labels"].clone()).unwrap_or_default();
-        assert_eq!(labels, cloud.columns.category_id);
+        assert_eq!(labels, cloud.columns().category_id());
     }
 }
 
 #[test]
 fn boxes_of_all_frames_have_files_of_their_own() {
     let mut all = cloud(12, FieldSet::default());
-    let more = cloud(5, FieldSet::default());
+    let mut more = cloud(5, FieldSet::default());
     all.append(&more).unwrap();
     let boxes = all.boxes.clone().unwrap();
     assert_eq!(boxes[..12], cloud(12, FieldSet::default()).boxes.unwrap());
     assert_eq!(boxes[12..], more.boxes.clone().unwrap());
-    assert!(all.append(&PointCloud { boxes: None, ..more }).unwrap_err().to_string().contains("as to boxes"));
+    more.boxes = None;
+    assert!(all.append(&more).unwrap_err().to_string().contains("as to boxes"));
 
     let folder = tempfile::tempdir().unwrap();
     let files = ["all.json", "all.CSV", "none.json", "none.csv"].map(|name| folder.path().join(name));
@@ -776,7 +766,8 @@ fn boxes_of_all_frames_have_files_of_their_own() {
     let error = export::check_boxes(&folder.path().join("boxes.txt")).unwrap_err().to_string();
     assert!(error.contains("boxes are written as .json, .csv"), "{error}");
     assert!(export::check_boxes(&folder.path().join("missing/boxes.json")).is_err());
-    let without = PointCloud { boxes: None, ..cloud(3, FieldSet::default()) };
+    let mut without = cloud(3, FieldSet::default());
+    without.boxes = None;
     for format in ["npz", "hdf5"] {
         let path = folder.path().join(format);
         export::write(&without, &path, Some(format)).unwrap();

@@ -15,11 +15,9 @@ use std::path::Path;
 
 /// Every layer and every kind of annotation.
 fn everything() -> ImageOptions {
-    ImageOptions {
-        layers: ImageLayer::NAMES.iter().map(|(_, layer)| *layer).collect(),
-        annotations: AnnotationStyle::NAMES.iter().map(|(_, style)| *style).collect(),
-        ..ImageOptions::default()
-    }
+    ImageOptions::default()
+        .layers(ImageLayer::NAMES.iter().map(|(_, layer)| *layer).collect())
+        .annotations(AnnotationStyle::NAMES.iter().map(|(_, style)| *style).collect())
 }
 
 fn camera(max_m: f64) -> Sensor {
@@ -28,20 +26,18 @@ fn camera(max_m: f64) -> Sensor {
 }
 
 fn room() -> BuiltScene {
-    let generated = Indoor { rooms: [1, 1], ..Indoor::default() }.scene(3).unwrap();
+    let generated = Indoor::default().rooms([1, 1]).scene(3).unwrap();
     generated.load(&LoadOptions::default()).unwrap().build().unwrap()
 }
 
 /// A scan with all that images show.
 fn scan(scene: &BuiltScene, sensor: &Sensor, pose: Pose, options: &ImageOptions) -> PointCloud {
     let own = [Field::X, Field::Y, Field::Z, Field::Azimuth, Field::Elevation, Field::Channel];
-    let scan = ScanOptions {
-        fields: own.into_iter().collect::<FieldSet>().union(options.fields()),
-        boxes: Some(BoxAxes::Object),
-        image_boxes: true,
-        coordinates: Frame::Sensor,
-        ..ScanOptions::default()
-    };
+    let scan = ScanOptions::default()
+        .fields(own.into_iter().collect::<FieldSet>().union(options.fields()))
+        .boxes(BoxAxes::Object)
+        .image_boxes(true)
+        .coordinates(Frame::Sensor);
     scene.scan(sensor, &Trajectory::fixed(pose), &scan).unwrap()
 }
 
@@ -74,7 +70,7 @@ fn every_pixel_of_a_camera_is_read_back() {
     let options = everything();
     let cloud = scan(&scene, &sensor, Pose::at(-1.0, -1.0, 1.4).with_rpy_deg(0.0, 15.0, 40.0), &options);
     let pixels = 96 * 72;
-    assert!(cloud.len > pixels / 4 && cloud.len < pixels, "{}", cloud.len);
+    assert!(cloud.len() > pixels / 4 && cloud.len() < pixels, "{}", cloud.len());
     let mut images = ImageFolder::create(folder.path(), &sensor, &options).unwrap();
     let report = images.add(&cloud, 7, 0.25).unwrap();
     assert!(report.warnings.is_empty(), "{:?}", report.warnings);
@@ -90,17 +86,17 @@ fn every_pixel_of_a_camera_is_read_back() {
     let layers = &frame["layers"];
     // The row of the cloud that each pixel shows.
     let mut rows = vec![None; pixels];
-    cloud.columns.beam.iter().enumerate().for_each(|(row, &beam)| rows[beam as usize] = Some(row));
+    cloud.columns().beam().iter().enumerate().for_each(|(row, &beam)| rows[beam as usize] = Some(row));
     let of = |column: &dyn Fn(usize) -> f64, nothing: f64| -> Vec<f64> {
         rows.iter().map(|row| row.map_or(nothing, column)).collect()
     };
-    let columns = &cloud.columns;
-    let depth = |row: usize| f64::from(columns.depth[row]);
+    let columns = cloud.columns();
+    let depth = |row: usize| f64::from(columns.depth()[row]);
     same(&values(&layers["depth"]), of(&|row| (1000.0 * depth(row)).round(), 0.0), "depth");
     same(&values(&layers["depth32"]), of(&depth, f64::NAN), "depth32");
     assert_eq!((&layers["depth"]["mode"], &layers["depth32"]["type"]), (&"I;16".into(), &"f4".into()));
     for (layer, column) in
-        [("category", &columns.category_id), ("part", &columns.part_id), ("instance", &columns.instance_id)]
+        [("category", columns.category_id()), ("part", columns.part_id()), ("instance", columns.instance_id())]
     {
         let ids = of(&|row| f64::from(column[row]), 0.0);
         same(&values(&layers[layer]), ids.clone(), layer);
@@ -120,14 +116,15 @@ fn every_pixel_of_a_camera_is_read_back() {
             assert_eq!(table.name(id.parse().unwrap()), Some(name.as_str()));
         }
     }
-    let color = |row: usize| [columns.red[row], columns.green[row], columns.blue[row]].map(f64::from);
+    let color = |row: usize| [columns.red()[row], columns.green()[row], columns.blue()[row]].map(f64::from);
     let expected = rows.iter().flat_map(|row| row.map_or([0.0; 3], color));
     same(&values(&layers["color"]), expected, "color");
     // A reflectivity of 1 is the full scale.
     assert_eq!(cloud.intensity_full_scale, Some(1.0));
-    let intensity = |row: usize| (columns.intensity[row] * 65535.0).round().min(65535.0).into();
+    let intensity = |row: usize| (columns.intensity()[row] * 65535.0).round().min(65535.0).into();
     same(&values(&layers["intensity"]), of(&intensity, 0.0), "intensity");
-    let normal = |row: usize| [-columns.normal_y[row], columns.normal_z[row], -columns.normal_x[row]].map(f64::from);
+    let normal =
+        |row: usize| [-columns.normal_y()[row], columns.normal_z()[row], -columns.normal_x()[row]].map(f64::from);
     let expected = rows.iter().flat_map(|row| row.map_or([f64::NAN; 3], normal));
     same(&values(&layers["arrays"]["normal"]), expected, "normals");
     let bytes = |row: usize| normal(row).map(|part| (127.5 * (part + 1.0)).round());
@@ -135,7 +132,7 @@ fn every_pixel_of_a_camera_is_read_back() {
         let expected = row.map_or([0.0; 3], bytes);
         assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 1.0), "{found:?} {expected:?}");
         // Surfaces face who sees them: blue is more than half where they are ahead.
-        assert!(row.is_none() || columns.normal_x[row.unwrap()] > 0.0 || found[2] >= 127.0);
+        assert!(row.is_none() || columns.normal_x()[row.unwrap()] > 0.0 || found[2] >= 127.0);
     }
 
     // Depth and camera give the points.
@@ -149,7 +146,7 @@ fn every_pixel_of_a_camera_is_read_back() {
     }
 
     // COCO's masks are the image of instances, and so are its segments.
-    let instances = of(&|row| f64::from(columns.instance_id[row]), 0.0);
+    let instances = of(&|row| f64::from(columns.instance_id()[row]), 0.0);
     same(&values(&frame["coco"]["instances"]), instances.clone(), "coco");
     same(&values(&frame["panoptic"]["ids"]), instances.clone(), "panoptic");
     let annotations = frame["coco"]["annotations"].as_array().unwrap();
@@ -180,8 +177,7 @@ fn every_pixel_of_a_camera_is_read_back() {
 fn depths_between_two_distances_and_beyond() {
     let (sensor, scene) = (camera(3.0), room());
     let folder = tempfile::tempdir().unwrap();
-    let options =
-        ImageOptions { layers: vec![ImageLayer::Depth], depth_range_m: Some([1.0, 2.5]), ..ImageOptions::default() };
+    let options = ImageOptions::default().layers(vec![ImageLayer::Depth]).depth_range_m([1.0, 2.5]);
     let cloud = scan(&scene, &sensor, Pose::at(-1.0, -1.0, 1.4), &options);
     let mut images = ImageFolder::create(folder.path(), &sensor, &options).unwrap();
     let report = images.add(&cloud, 0, 0.0).unwrap();
@@ -190,8 +186,8 @@ fn depths_between_two_distances_and_beyond() {
     let found = read(folder.path());
     assert_eq!(found["depth"], serde_json::json!({"nothing": 0, "1": 1.0, "65535": 2.5, "unit": "m"}));
     let pixels = values(&found["frames"][0]["layers"]["depth"]);
-    assert_eq!(pixels.iter().filter(|value| **value > 0.0).count(), cloud.len);
-    for (&beam, &depth) in cloud.columns.beam.iter().zip(&cloud.columns.depth) {
+    assert_eq!(pixels.iter().filter(|value| **value > 0.0).count(), cloud.len());
+    for (&beam, &depth) in cloud.columns().beam().iter().zip(cloud.columns().depth()) {
         let value = pixels[beam as usize];
         let back = 1.0 + (value - 1.0) / 65534.0 * 1.5;
         assert!((back - f64::from(depth).clamp(1.0, 2.5)).abs() <= 0.75 / 65534.0 + 1e-9, "{depth}: {value}");
@@ -205,7 +201,7 @@ fn a_spinning_sensor_has_an_image_all_around() {
     for name in ["velodyne_vlp16", "velodyne_vlp32c"] {
         let sensor = Sensor::preset(name).unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let options = ImageOptions { layers: vec![ImageLayer::Arrays], ..everything() };
+        let options = everything().layers(vec![ImageLayer::Arrays]);
         let cloud = scan(&scene, &sensor, Pose::at(0.3, 0.0, 1.4), &options);
         let mut images = ImageFolder::create(folder.path(), &sensor, &options).unwrap();
         images.add(&cloud, 0, 0.0).unwrap();
@@ -214,23 +210,23 @@ fn a_spinning_sensor_has_an_image_all_around() {
         let [width, height] = ["width", "height"].map(|key| found[key].as_u64().unwrap() as usize);
         let arrays = &found["frames"][0]["layers"]["arrays"];
         let ranges = values(&arrays["range"]);
-        let columns = &cloud.columns;
-        let mut elevations: Vec<f32> = columns.elevation.clone();
+        let columns = cloud.columns();
+        let mut elevations: Vec<f32> = columns.elevation().to_vec();
         elevations.sort_by(f32::total_cmp);
         elevations.dedup_by(|a, b| (*a - *b).abs() < 1e-5);
         assert_eq!(elevations.len(), height, "{name}");
         let mut shown = 0;
-        for row in 0..cloud.len {
-            let line = elevations.iter().rev().position(|e| (e - columns.elevation[row]).abs() < 2e-5).unwrap();
+        for row in 0..cloud.len() {
+            let line = elevations.iter().rev().position(|e| (e - columns.elevation()[row]).abs() < 2e-5).unwrap();
             let step = std::f32::consts::TAU / width as f32;
-            let column = (std::f32::consts::PI - columns.azimuth[row]) / step;
+            let column = (std::f32::consts::PI - columns.azimuth()[row]) / step;
             // In its row, near its azimuth: a turn is not a whole number of steps, and channels fire one after the other.
             let near = (-2..=2).map(|off| (column as i64 + off).rem_euclid(width as i64) as usize);
             let holds = near.map(|column| ranges[line * width + column]);
-            shown += usize::from({ holds }.any(|range| range as f32 == columns.range[row]));
+            shown += usize::from({ holds }.any(|range| range as f32 == columns.range()[row]));
         }
         // Of two returns of a beam, the nearest is shown.
-        let beams: BTreeSet<u32> = columns.beam.iter().copied().collect();
+        let beams: BTreeSet<u32> = columns.beam().iter().copied().collect();
         assert_eq!(ranges.iter().filter(|range| !range.is_nan()).count(), beams.len(), "{name}");
         assert!(shown >= beams.len(), "{name}: {shown} of {}", beams.len());
     }
@@ -252,9 +248,9 @@ fn what_is_hidden_and_outside_is_told() {
     let file = folder.path().join("boxes.obj");
     fs::write(&file, BOXES).unwrap();
     let sensor = camera(20.0);
-    let options = ImageOptions { annotations: vec![AnnotationStyle::Coco], ..ImageOptions::default() };
+    let options = ImageOptions::default().annotations(vec![AnnotationStyle::Coco]);
     let found = |hide: &[&str], name: &str| -> Value {
-        let load = LoadOptions { hide: hide.iter().map(|&name| name.to_owned()).collect(), ..LoadOptions::default() };
+        let load = LoadOptions::default().hide(hide.iter().map(|&name| name.to_owned()).collect());
         let scene = Scene::load_with(&file, &load).unwrap().build().unwrap();
         let cloud = scan(&scene, &sensor, Pose::IDENTITY, &options);
         let to = folder.path().join(hide.concat());
@@ -292,19 +288,18 @@ fn what_is_hidden_and_outside_is_told() {
 #[test]
 fn numbers_beyond_16_bits_are_renumbered_and_told() {
     let sensor = camera(20.0);
-    let options = ImageOptions {
-        layers: vec![ImageLayer::Instance, ImageLayer::Category],
-        annotations: vec![AnnotationStyle::Panoptic, AnnotationStyle::Voc, AnnotationStyle::Coco],
-        ..ImageOptions::default()
-    };
+    let options = ImageOptions::default().layers(vec![ImageLayer::Instance, ImageLayer::Category]).annotations(vec![
+        AnnotationStyle::Panoptic,
+        AnnotationStyle::Voc,
+        AnnotationStyle::Coco,
+    ]);
     let mut cloud = scan(&room(), &sensor, Pose::at(-1.0, -1.0, 1.4), &options);
     let mut labels = (*cloud.labels).clone();
     let shift = 17_000_000;
-    cloud.columns.instance_id.iter_mut().for_each(|id| *id += shift);
-    labels.instance.ids.iter_mut().for_each(|id| *id += shift);
-    labels.category.names.iter_mut().for_each(|name| name.push_str(" <&> Ü"));
-    labels.category.ids.iter_mut().for_each(|id| *id += 300);
-    cloud.columns.category_id.iter_mut().for_each(|id| *id += 300);
+    cloud.columns_mut().instance_id.iter_mut().for_each(|id| *id += shift);
+    labels.instance = labels.instance.iter().map(|(id, name)| (id + shift, name.to_owned())).collect();
+    labels.category = labels.category.iter().map(|(id, name)| (id + 300, format!("{name} <&> Ü"))).collect();
+    cloud.columns_mut().category_id.iter_mut().for_each(|id| *id += 300);
     cloud.labels = labels.clone().into();
     let folder = tempfile::tempdir().unwrap();
     let mut images = ImageFolder::create(folder.path(), &sensor, &options).unwrap();
@@ -323,7 +318,7 @@ fn numbers_beyond_16_bits_are_renumbered_and_told() {
         .iter()
         .map(|one| (one["id"].as_u64().unwrap(), one["instance_id"].as_u64().unwrap()))
         .collect();
-    for (&beam, &id) in cloud.columns.beam.iter().zip(&cloud.columns.instance_id) {
+    for (&beam, &id) in cloud.columns().beam().iter().zip(cloud.columns().instance_id()) {
         let beam = beam as usize;
         assert_eq!(numbers[&pixels[beam].to_string()], id);
         assert_eq!(ids[beam], f64::from(id));
@@ -359,7 +354,7 @@ fn sets_of_images_are_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let scenario = Scenario::from_yaml(SET, folder.path()).unwrap();
     let to = folder.path().join("set");
-    let options = RunOptions { folder: Some(to.clone()), samples: None, shard: None, resume: false, threads: 0 };
+    let options = RunOptions::default().folder(to.clone()).samples(None).shard(None).resume(false).threads(0);
     let summary = set::run(scenario, &options, &|_| ()).unwrap();
     assert!(summary.complete && summary.failed.is_empty(), "{:?}", summary.failed);
     assert_eq!(set::check_folder(&to).unwrap(), Vec::<String>::new());
@@ -397,13 +392,8 @@ fn sets_without_images_are_refused() {
              outputs: [{{style: {style}}}]}}"
         );
         let scenario = Scenario::from_yaml(&text, folder.path()).unwrap();
-        let options = RunOptions {
-            folder: Some(folder.path().join("set")),
-            samples: None,
-            shard: None,
-            resume: false,
-            threads: 0,
-        };
+        let options =
+            RunOptions::default().folder(folder.path().join("set")).samples(None).shard(None).resume(false).threads(0);
         let error = set::run(scenario, &options, &|_| ()).unwrap_err().to_string();
         assert!(error.contains("no rows and columns"), "{error}");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0, "{style}");

@@ -12,7 +12,7 @@ fn file(name: &str) -> PathBuf {
 
 /// The scene called `name` with `labels`.
 fn load(name: &str, labels: LabelRules) -> Scene {
-    Scene::load_with(file(&format!("{name}.gltf")), &LoadOptions { labels, ..LoadOptions::default() }).unwrap()
+    Scene::load_with(file(&format!("{name}.gltf")), &LoadOptions::default().labels(labels)).unwrap()
 }
 
 fn rules(yaml: &str) -> LabelRules {
@@ -63,7 +63,7 @@ fn the_same_tree_is_an_instance_though_its_meshes_share_no_number() {
 
 #[test]
 fn rules_say_which_objects_are_one() {
-    let with = |instances| load("empties", LabelRules { instances: Some(instances), ..LabelRules::default() });
+    let with = |instances| load("empties", LabelRules::default().instances(instances));
     let trees = ["Cylinder.004", "Icosphere.001", "Cylinder.005", "Icosphere.002"];
     let named = |patterns: &[&str]| InstanceRule::Named(patterns.iter().map(|it| (*it).to_owned()).collect());
     assert_eq!(instances(&with(InstanceRule::Node)).len(), 6);
@@ -103,7 +103,7 @@ fn nearer_names_count_and_contradictions_are_told() {
 fn hidden_objects_are_not_there() {
     let hide = |patterns: &[&str]| {
         let hide = patterns.iter().map(|it| (*it).to_owned()).collect();
-        Scene::load_with(file("sky.gltf"), &LoadOptions { hide, ..LoadOptions::default() })
+        Scene::load_with(file("sky.gltf"), &LoadOptions::default().hide(hide))
     };
     let scene = hide(&["SkyBox", "Hause"]).unwrap();
     assert_eq!(scene.objects.len(), 2);
@@ -153,7 +153,7 @@ fn las_files_have_the_classes_that_rules_give() {
     let mut live = LiveScene::new(&Engine::new().unwrap());
     live.add_scene(&scene).unwrap();
     let built = live.commit().unwrap();
-    let options = ScanOptions { environment: Environment::default(), ..ScanOptions::default() };
+    let options = ScanOptions::default().environment(Environment::default());
     let place = Trajectory::fixed(Pose::at(0.0, 0.0, 1.8));
     let cloud = built.scan(&Sensor::preset("velodyne_vlp16").unwrap(), &place, &options).unwrap();
     let folder = tempfile::tempdir().unwrap();

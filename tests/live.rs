@@ -13,20 +13,17 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 fn mesh(shape: Shape, material: Option<Arc<Material>>) -> Arc<Mesh> {
-    let part = Part {
-        positions: shape.positions.into(),
-        normals: shape.normals.map(Into::into),
-        uvs: None,
-        alphas: None,
-        triangles: shape.triangles.into(),
-        material,
-    };
+    let part = Part::default()
+        .positions(shape.positions.into())
+        .normals(shape.normals.map(Into::into))
+        .triangles(shape.triangles.into())
+        .material(material);
     Arc::new(Mesh::new("shape", vec![part]).unwrap())
 }
 
 fn paint(reflectance: f32) -> Arc<Material> {
     let reflectance = Some(Reflectance::Constant(reflectance));
-    Arc::new(Material { name: format!("paint {reflectance:?}"), reflectance, ..Material::default() })
+    Arc::new(Material::default().name(format!("paint {reflectance:?}")).reflectance(reflectance))
 }
 
 fn at(x: f64, y: f64, z: f64) -> DAffine3 {
@@ -48,12 +45,12 @@ pattern: {type: raster, azimuth: {fov_deg: 360, step_deg: 1}, elevation: {fov_de
 }
 
 fn scan(scene: &BuiltScene) -> PointCloud {
-    let options = ScanOptions { fields: FieldSet::all(), ..ScanOptions::default() };
+    let options = ScanOptions::default().fields(FieldSet::all());
     scene.scan(&sensor(), &Trajectory::fixed(Pose::IDENTITY), &options).unwrap()
 }
 
 fn assert_same(a: &PointCloud, b: &PointCloud) {
-    assert_eq!((a.len, a.origin), (b.len, b.origin));
+    assert_eq!((a.len(), a.origin), (b.len(), b.origin));
     for info in FIELDS {
         assert!(a.column(info.field).bytes() == b.column(info.field).bytes(), "{}", info.name);
     }
@@ -67,7 +64,7 @@ fn ahead(scene: &BuiltScene) -> Option<f32> {
     one.set("pattern.azimuth", "{fov_deg: 0.002, step_deg: 0.001}").unwrap();
     one.set("pattern.elevation", "{fov_deg: 0.002, step_deg: 0.001}").unwrap();
     let cloud = scene.scan(&one, &Trajectory::fixed(Pose::IDENTITY), &ScanOptions::default()).unwrap();
-    (cloud.len > 0).then(|| cloud.columns.range[cloud.len / 2])
+    (!cloud.is_empty()).then(|| cloud.columns().range()[cloud.len() / 2])
 }
 
 fn close(found: Option<f32>, expected: f32) -> bool {
@@ -110,13 +107,11 @@ fn edits_lead_to_the_scene_that_has_no_past() {
                 let name = format!("object {number}");
                 let stays = random.below(3) == 0;
                 let shape = if stays && random.below(2) == 0 { ball() } else { shared[random.below(2)].clone() };
-                let object = Object {
-                    world_from_object: place(random),
-                    category_id: random.below(5) as u32,
-                    instance_id: number,
-                    mask: if random.below(5) == 0 { 2 } else { u32::MAX },
-                    ..Object::new(name, shape)
-                };
+                let object = Object::new(name, shape)
+                    .world_from_object(place(random))
+                    .category_id(random.below(5) as u32)
+                    .instance_id(number)
+                    .mask(if random.below(5) == 0 { 2 } else { u32::MAX });
                 let id = if stays { live.add_fixed(object).unwrap() } else { live.add(object).unwrap() };
                 ids.push(id);
                 if stays {
@@ -155,25 +150,24 @@ fn edits_lead_to_the_scene_that_has_no_past() {
             }
             let (edited, fresh) = (live.commit().unwrap(), anew(&live, &fixed).commit().unwrap());
             for mask in [u32::MAX, 1, 2] {
-                let options = ScanOptions { fields: FieldSet::all(), mask, ..ScanOptions::default() };
+                let options = ScanOptions::default().fields(FieldSet::all()).mask(mask);
                 let scan = |scene: &BuiltScene| scene.scan(&sensor(), &Trajectory::fixed(Pose::IDENTITY), &options);
                 let (a, b) = (scan(&edited).unwrap(), scan(&fresh).unwrap());
-                assert_eq!((a.len, &a.labels.instance), (b.len, &b.labels.instance));
+                assert_eq!((a.len(), &a.labels.instance), (b.len(), &b.labels.instance));
                 for info in FIELDS.iter().filter(|info| info.name != "material_id") {
                     assert!(a.column(info.field).bytes() == b.column(info.field).bytes(), "{}, seed {seed}", info.name);
                 }
             }
         }
-        assert!(scan(&live.commit().unwrap()).len > 100);
+        assert!(scan(&live.commit().unwrap()).len() > 100);
     }
 }
 
 #[test]
 fn a_built_scene_never_changes() {
     let mut live = LiveScene::new(&Engine::new().unwrap());
-    let car = live.add(Object { world_from_object: at(5.0, 0.0, 0.0), ..Object::new("car", ball()) }).unwrap();
-    let house =
-        live.add_fixed(Object { world_from_object: at(9.0, 4.0, 0.0), ..Object::new("house", ball()) }).unwrap();
+    let car = live.add(Object::new("car", ball()).world_from_object(at(5.0, 0.0, 0.0))).unwrap();
+    let house = live.add_fixed(Object::new("house", ball()).world_from_object(at(9.0, 4.0, 0.0))).unwrap();
     let first = live.commit().unwrap();
     let before = scan(&first);
     live.set_pose(car, at(7.0, 0.0, 0.0)).unwrap();
@@ -189,7 +183,7 @@ fn a_built_scene_never_changes() {
     assert_same(&before, &scan(&first));
     assert_same(&moved, &scan(&second));
     assert!(close(ahead(&first), 4.0) && close(ahead(&second), 6.0) && close(ahead(&third), 5.0));
-    assert_eq!(before.labels.instance.names, [""; 0], "an object without a number has no row in the table of names");
+    assert_eq!(before.labels.instance.names(), [""; 0], "an object without a number has no row in the table of names");
     assert_eq!(moved.labels.instance.name(9), Some("car"));
 }
 
@@ -227,11 +221,11 @@ fn ids_of_objects_that_are_gone_are_found_out() {
 #[test]
 fn what_is_wrong_is_refused_and_changes_nothing() {
     let mut live = LiveScene::new(&Engine::new().unwrap());
-    let car = live.add(Object { world_from_object: at(5.0, 0.0, 0.0), ..Object::new("car", ball()) }).unwrap();
+    let car = live.add(Object::new("car", ball()).world_from_object(at(5.0, 0.0, 0.0))).unwrap();
     let text = |error: echocast::Error| error.to_string();
     for pose in [at(f64::NAN, 0.0, 0.0), at(f64::INFINITY, 0.0, 0.0), at(2e18, 0.0, 0.0)] {
         assert!(text(live.set_pose(car, pose).unwrap_err()).starts_with("pose of object \"car\" is "));
-        assert!(live.add(Object { world_from_object: pose, ..Object::new("far", ball()) }).is_err());
+        assert!(live.add(Object::new("far", ball()).world_from_object(pose)).is_err());
     }
     let error = live.set_labels(car, 1, 1, &[]).unwrap_err();
     assert_eq!(text(error), "part numbers is 0; allowed: one for each part of the mesh, 1");
@@ -252,10 +246,8 @@ fn what_is_wrong_is_refused_and_changes_nothing() {
     );
     assert!(close(ahead(&live.commit().unwrap()), 4.0));
 
-    let part = |positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>| Part {
-        positions: positions.into(),
-        triangles: triangles.into(),
-        ..Part::default()
+    let part = |positions: Vec<[f32; 3]>, triangles: Vec<[u32; 3]>| {
+        Part::default().positions(positions.into()).triangles(triangles.into())
     };
     let corners = || vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     for (parts, expected) in [
@@ -266,7 +258,7 @@ fn what_is_wrong_is_refused_and_changes_nothing() {
             "part 1: index is 3; allowed: below the number of vertices, 3",
         ),
         (
-            vec![Part { normals: Some(vec![[0.0; 3]].into()), ..part(corners(), vec![[0, 1, 2]]) }],
+            vec![part(corners(), vec![[0, 1, 2]]).normals(Some(vec![[0.0; 3]].into()))],
             "part 0: normals is 1 elements long; allowed: as many as vertices, 3",
         ),
     ] {
@@ -278,14 +270,14 @@ fn what_is_wrong_is_refused_and_changes_nothing() {
 fn masks_and_materials_belong_to_objects() {
     let mut live = LiveScene::new(&Engine::new().unwrap());
     let shape = ball();
-    let near = Object { world_from_object: at(3.0, 0.0, 0.0), mask: 0b01, ..Object::new("near", shape.clone()) };
-    let far = Object { world_from_object: at(9.0, 0.0, 0.0), mask: 0b10, ..Object::new("far", shape) };
+    let near = Object::new("near", shape.clone()).world_from_object(at(3.0, 0.0, 0.0)).mask(0b01);
+    let far = Object::new("far", shape).world_from_object(at(9.0, 0.0, 0.0)).mask(0b10);
     let (near, _) = (live.add(near).unwrap(), live.add_fixed(far).unwrap());
     let built = live.commit().unwrap();
     let seen = |scene: &BuiltScene, mask: u32| {
-        let options = ScanOptions { mask, ..ScanOptions::default() };
+        let options = ScanOptions::default().mask(mask);
         let cloud = scene.scan(&sensor(), &Trajectory::fixed(Pose::IDENTITY), &options).unwrap();
-        cloud.columns.range.iter().copied().fold(f32::INFINITY, f32::min).round()
+        cloud.columns().range().iter().copied().fold(f32::INFINITY, f32::min).round()
     };
     assert_eq!([0b01, 0b10, 0b11, u32::MAX, 0b100].map(|mask| seen(&built, mask)), [2.0, 8.0, 2.0, 2.0, f32::INFINITY]);
     live.set_mask(near, 0b100).unwrap();
@@ -294,20 +286,13 @@ fn masks_and_materials_belong_to_objects() {
     live.set_mask(near, u32::MAX).unwrap();
     let brightest = |live: &mut LiveScene| {
         let cloud = scan(&live.commit().unwrap());
-        let names = cloud.columns.material_id.iter().map(|&id| cloud.labels.material.name(id).unwrap().to_owned());
-        (cloud.columns.intensity.iter().copied().fold(0.0, f32::max), names.max().unwrap())
+        let names = cloud.columns().material_id().iter().map(|&id| cloud.labels.material.name(id).unwrap().to_owned());
+        (cloud.columns().intensity().iter().copied().fold(0.0, f32::max), names.max().unwrap())
     };
     let (before, _) = brightest(&mut live);
     assert!((before - 0.5).abs() < 0.01, "{before}");
-    live.set_material(
-        near,
-        Some(Arc::new(Material {
-            name: "zinc".into(),
-            reflectance: Some(Reflectance::Constant(0.9)),
-            ..Material::default()
-        })),
-    )
-    .unwrap();
+    live.set_material(near, Some(Arc::new(Material::default().name("zinc").reflectance(Reflectance::Constant(0.9)))))
+        .unwrap();
     let (after, name) = brightest(&mut live);
     assert!((after - 0.9).abs() < 0.01, "{after}");
     assert_eq!(name, "zinc");
@@ -359,7 +344,7 @@ fn numbers_of_instances_are_not_given_twice() {
     let file = Scene::load(path).unwrap();
     let mut live = LiveScene::new(&Engine::new().unwrap());
     live.name_label("instance", 5, "my car").unwrap();
-    let numbered = |name: &str, instance_id| Object { instance_id, ..Object::new(name, ball()) };
+    let numbered = |name: &str, instance_id| Object::new(name, ball()).instance_id(instance_id);
     let car = live.add(numbered("", 5)).unwrap();
     let other = live.add(numbered("other", 5)).unwrap();
     let wall = live.add_scene(&file).unwrap()[0];
@@ -386,7 +371,7 @@ fn numbers_of_instances_are_not_given_twice() {
 fn the_origin_is_chosen_once_there_is_something() {
     let mut live = LiveScene::new(&Engine::new().unwrap());
     live.commit().unwrap();
-    live.add(Object { world_from_object: at(7000.0, 0.0, 0.0), ..Object::new("ball", ball()) }).unwrap();
+    live.add(Object::new("ball", ball()).world_from_object(at(7000.0, 0.0, 0.0))).unwrap();
     assert_eq!(live.commit().unwrap().origin().x, 7000.0);
 }
 
@@ -395,12 +380,12 @@ fn far_scenes_are_relative_to_an_origin_near_them() {
     let (x, y) = (500_000.0, 5_600_000.0);
     let mut live = LiveScene::new(&Engine::new().unwrap());
     let wall = Shape::cuboid(DVec3::new(0.0, -2.0, -2.0), DVec3::new(1.0, 2.0, 2.0));
-    let wall = Object { world_from_object: at(x + 5.0, y, 0.0), ..Object::new("wall", mesh(wall, None)) };
+    let wall = Object::new("wall", mesh(wall, None)).world_from_object(at(x + 5.0, y, 0.0));
     let wall = live.add(wall).unwrap();
     let from = |scene: &BuiltScene, x: f64| {
         let pose = Trajectory::fixed(Pose::at(x, y, 0.0));
         let cloud = scene.scan(&sensor(), &pose, &ScanOptions::default()).unwrap();
-        (0..cloud.len).map(|row| cloud.position(row).x).fold(f64::INFINITY, f64::min)
+        (0..cloud.len()).map(|row| cloud.position(row).x).fold(f64::INFINITY, f64::min)
     };
     let built = live.commit().unwrap();
     assert_eq!(built.origin().y, y);
@@ -428,7 +413,7 @@ fn absurd_numbers_of_threads_are_refused() {
 fn scans_of_many_threads_follow_each_other() {
     for engine in [Engine::new().unwrap(), Engine::with_threads(2).unwrap(), Engine::with_threads(1).unwrap()] {
         let mut live = LiveScene::new(&engine);
-        live.add(Object { world_from_object: at(5.0, 0.0, 0.0), ..Object::new("ball", ball()) }).unwrap();
+        live.add(Object::new("ball", ball()).world_from_object(at(5.0, 0.0, 0.0))).unwrap();
         let built = live.commit().unwrap();
         let expected = scan(&built);
         engine.install(|| engine.install(|| assert_same(&expected, &scan(&built))));
@@ -456,7 +441,7 @@ fn scans_and_edits_run_beside_each_other() {
                 DQuat::from_rotation_z(angle),
                 DVec3::new(6.0 * angle.cos(), 6.0 * angle.sin(), 0.0),
             );
-            live.add(Object { world_from_object: pose, ..Object::new(format!("ball {i}"), shape.clone()) }).unwrap()
+            live.add(Object::new(format!("ball {i}"), shape.clone()).world_from_object(pose)).unwrap()
         })
         .collect();
     let built = live.commit().unwrap();
@@ -479,7 +464,7 @@ fn scans_and_edits_run_beside_each_other() {
                 for (i, &id) in ids.iter().enumerate() {
                     live.set_pose(id, at(5.0 + (turn % 7) as f64, i as f64 - 10.0, 0.0)).unwrap();
                 }
-                assert!(scan(&live.commit().unwrap()).len > 100);
+                assert!(scan(&live.commit().unwrap()).len() > 100);
             }
         });
         for scanner in scanners {
@@ -504,11 +489,11 @@ fn ends(column: &[f32]) -> [f32; 2] {
 fn vertices_move_while_they_are_scanned() {
     let mut live = LiveScene::new(&Engine::new().unwrap());
     let object = live.add(Object::new("ball", ball())).unwrap();
-    let options = ScanOptions { frame_period: Some(0.5), ..ScanOptions::default() };
+    let options = ScanOptions::default().frame_period(0.5);
     let motion = |live: &mut LiveScene, start: f64| {
         live.set_time(start, 0.1).unwrap();
-        let options = ScanOptions { start_time: start, fields: FieldSet::all(), ..options.clone() };
-        live.commit().unwrap().scan(&sensor(), &Trajectory::fixed(Pose::IDENTITY), &options).unwrap().columns
+        let options = options.clone().start_time(start).fields(FieldSet::all());
+        live.commit().unwrap().scan(&sensor(), &Trajectory::fixed(Pose::IDENTITY), &options).unwrap().into_columns()
     };
     // Twice: the second time begins where the first ended, with other vertices.
     for (start, speed) in [(0.0, 2.0), (1.0, -3.0)] {
@@ -517,13 +502,13 @@ fn vertices_move_while_they_are_scanned() {
         live.set_time(start + 0.25, 0.0).unwrap();
         assert!(close(ahead(&live.commit().unwrap()), (4.0 + 0.25 * speed) as f32));
         let columns = motion(&mut live, start + 0.25);
-        for (column, expected) in [(&columns.velocity_x, speed), (&columns.flow_x, 0.5 * speed)] {
+        for (column, expected) in [(columns.velocity_x(), speed), (columns.flow_x(), 0.5 * speed)] {
             assert!(ends(column).iter().all(|value| (value - expected as f32).abs() < 1e-4), "{:?}", ends(column));
         }
-        assert!(ends(&columns.velocity_y).iter().all(|value| value.abs() < 1e-4));
+        assert!(ends(columns.velocity_y()).iter().all(|value| value.abs() < 1e-4));
         // It has stopped, at its last key.
         let columns = motion(&mut live, start + 2.0);
-        assert_eq!((ends(&columns.velocity_x), ends(&columns.flow_x)), ([0.0; 2], [0.0; 2]));
+        assert_eq!((ends(columns.velocity_x()), ends(columns.flow_x())), ([0.0; 2], [0.0; 2]));
     }
     // Elsewhere its vertices go on to move, and on its way too.
     live.set_pose(object, at(10.0, 0.0, 0.0)).unwrap();
@@ -531,8 +516,8 @@ fn vertices_move_while_they_are_scanned() {
     assert!(close(ahead(&live.commit().unwrap()), 14.0 - 0.75));
     live.set_motion(object, &[(0.0, at(0.0, 0.0, 0.0)), (2.0, at(0.0, 2.0, 0.0))]).unwrap();
     let columns = motion(&mut live, 1.25);
-    assert!(ends(&columns.velocity_x).iter().all(|value| (value + 3.0).abs() < 1e-4));
-    assert!(ends(&columns.velocity_y).iter().all(|value| (value - 1.0).abs() < 1e-4));
+    assert!(ends(columns.velocity_x()).iter().all(|value| (value + 3.0).abs() < 1e-4));
+    assert!(ends(columns.velocity_y()).iter().all(|value| (value - 1.0).abs() < 1e-4));
     // What is wrong changes nothing.
     let keys = |times: &[f64]| times.iter().map(|&time| (time, ball_at(9.0))).collect::<Vec<_>>();
     let mut other = keys(&[0.0, 1.0]);
@@ -549,7 +534,7 @@ fn vertices_move_while_they_are_scanned() {
         let error = live.set_vertex_motion(object, &wrong).unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
     }
-    assert_eq!(motion(&mut live, 1.25).velocity_x, columns.velocity_x);
+    assert_eq!(motion(&mut live, 1.25).velocity_x(), columns.velocity_x());
 }
 
 #[test]
@@ -565,14 +550,14 @@ fn what_stands_now_may_flow() {
         live.set_motion(object, &keys).unwrap();
     }
     live.set_time(0.85, 0.1).unwrap();
-    let options =
-        ScanOptions { start_time: 0.85, frame_period: Some(0.1), fields: FieldSet::all(), ..ScanOptions::default() };
+    let options = ScanOptions::default().start_time(0.85).frame_period(0.1).fields(FieldSet::all());
     let built = live.commit().unwrap();
-    let columns = built.scan(&sensor(), &Trajectory::fixed(Pose::IDENTITY), &options).unwrap().columns;
-    for row in 0..columns.x.len() {
-        let flow = [columns.flow_x[row], columns.flow_y[row], columns.flow_z[row]];
-        let expected = if columns.x[row] > 0.0 { 10.0 * (columns.time[row] + 0.1 - 1.0).max(0.0) as f32 } else { 0.0 };
+    let columns = built.scan(&sensor(), &Trajectory::fixed(Pose::IDENTITY), &options).unwrap().into_columns();
+    for row in 0..columns.x().len() {
+        let flow = [columns.flow_x()[row], columns.flow_y()[row], columns.flow_z()[row]];
+        let expected =
+            if columns.x()[row] > 0.0 { 10.0 * (columns.time()[row] + 0.1 - 1.0).max(0.0) as f32 } else { 0.0 };
         assert!((flow[1] - expected).abs() < 1e-4 && flow[0].abs() < 1e-5 && flow[2] == 0.0, "{flow:?} {expected}");
-        assert_eq!(columns.velocity_y[row], 0.0);
+        assert_eq!(columns.velocity_y()[row], 0.0);
     }
 }

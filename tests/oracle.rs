@@ -1,9 +1,9 @@
 //! The library compared with the oracle of `reference/`: random scenes, random rays, every column of every hit.
 
 use echocast::material::{Alpha, Reflectance};
-use echocast::scene::{Material, Scene};
+use echocast::scene::Material;
 use echocast::{
-    BuiltScene, Engine, FieldSet, Frame, LiveScene, PointCloud, Pose, ReflectanceSource, ScanOptions, Sensor,
+    BuiltScene, Engine, FieldSet, Frame, LiveScene, PointCloud, Pose, ReflectanceSource, ScanOptions, Scene, Sensor,
     Trajectory,
 };
 use echocast_tests::reference::{Hit, Moving, Random, SceneBuilder, Shape, Tracer, beams, philox, raster, sensor};
@@ -39,7 +39,11 @@ impl Tally {
 fn options(coordinates: Frame) -> ScanOptions {
     // The oracle knows nothing of names and of the infrared.
     let reflectance_source = Some(ReflectanceSource::Luminance);
-    ScanOptions { fields: FieldSet::all(), organised: true, coordinates, reflectance_source, ..ScanOptions::default() }
+    ScanOptions::default()
+        .fields(FieldSet::all())
+        .organised(true)
+        .coordinates(coordinates)
+        .reflectance_source(reflectance_source)
 }
 
 /// Scans `scene` from `pose` along `directions` (sensor frame) and asks the oracle about each ray.
@@ -75,7 +79,7 @@ fn compare_over_time(
     let path = Trajectory::fixed(pose);
     let world = built.scan(&sensor, &path, &options(Frame::World)).unwrap();
     let own = built.scan(&sensor, &path, &options(Frame::Sensor)).unwrap();
-    assert_eq!((world.len, own.len), (directions.len(), directions.len()));
+    assert_eq!((world.len(), own.len()), (directions.len(), directions.len()));
 
     let stills: Vec<[Scene; 3]> =
         times.iter().map(|time| [0.0, -0.5, 0.5].map(|steps| scene_at(time + steps * STEP_S))).collect();
@@ -89,8 +93,8 @@ fn compare_over_time(
         let [tracer, before, after] = &tracers[beam % tracers.len()];
         let answer = tracer.trace(pose.position, along, f64::INFINITY);
         tally.doubtful += usize::from(!answer.is_sure());
-        let range = f64::from(world.columns.true_range[beam]);
-        let labels = (world.columns.instance_id[beam], world.columns.part_id[beam]);
+        let range = f64::from(world.columns().true_range()[beam]);
+        let labels = (world.columns().instance_id()[beam], world.columns().part_id()[beam]);
         let verdict = if range.is_nan() {
             let missed = answer.nearest.is_none() || slack.place > 0.0 && !answer.is_sure();
             if missed { check_miss(&world, beam) } else { Err("misses".into()) }
@@ -122,8 +126,8 @@ fn compare_over_time(
 
 /// The columns of how a hit moves, in front of a sensor that stands.
 fn check_velocity(cloud: &PointCloud, row: usize, velocity: DVec3, [least, part]: [f64; 2]) -> Result<(), String> {
-    let c = &cloud.columns;
-    let found = DVec3::new(c.velocity_x[row].into(), c.velocity_y[row].into(), c.velocity_z[row].into());
+    let c = cloud.columns();
+    let found = DVec3::new(c.velocity_x()[row].into(), c.velocity_y()[row].into(), c.velocity_z()[row].into());
     let tolerance = least + part * velocity.length();
     // Written so that NaN fails too.
     if (found - velocity).length() <= tolerance {
@@ -134,17 +138,18 @@ fn check_velocity(cloud: &PointCloud, row: usize, velocity: DVec3, [least, part]
 
 /// What the columns hold for a beam without a return.
 fn check_miss(cloud: &PointCloud, row: usize) -> Result<(), String> {
-    let c = &cloud.columns;
-    let floats = [&c.x, &c.y, &c.z, &c.range, &c.intensity, &c.normal_x, &c.normal_y, &c.normal_z, &c.cos_incidence]
-        .into_iter()
-        .chain([&c.depth, &c.true_x, &c.true_y, &c.true_z, &c.true_range]);
+    let c = cloud.columns();
+    let floats =
+        [c.x(), c.y(), c.z(), c.range(), c.intensity(), c.normal_x(), c.normal_y(), c.normal_z(), c.cos_incidence()]
+            .into_iter()
+            .chain([c.depth(), c.true_x(), c.true_y(), c.true_z(), c.true_range()]);
     if let Some(number) = floats.map(|column| column[row]).find(|value| !value.is_nan()) {
         return Err(format!("is a miss that holds {number}"));
     }
-    let labels = [c.category_id[row], c.part_id[row], c.instance_id[row], c.material_id[row]];
-    let bytes = [c.return_number[row], c.return_count[row], c.red[row], c.green[row], c.blue[row]];
-    if labels != [0; 4] || bytes != [0; 5] || c.beam[row] != row as u32 {
-        return Err(format!("is a miss with labels {labels:?}, bytes {bytes:?}, beam {}", c.beam[row]));
+    let labels = [c.category_id()[row], c.part_id()[row], c.instance_id()[row], c.material_id()[row]];
+    let bytes = [c.return_number()[row], c.return_count()[row], c.red()[row], c.green()[row], c.blue()[row]];
+    if labels != [0; 4] || bytes != [0; 5] || c.beam()[row] != row as u32 {
+        return Err(format!("is a miss with labels {labels:?}, bytes {bytes:?}, beam {}", c.beam()[row]));
     }
     Ok(())
 }
@@ -171,23 +176,23 @@ fn check_hit(
         if off <= tolerance { Ok(()) } else { Err(format!("{what} is {is}, not {expected} +- {tolerance:.1e}")) }
     };
     let vector = |x: &[f32], y: &[f32], z: &[f32]| DVec3::new(x[row].into(), y[row].into(), z[row].into());
-    let (c, s) = (&world.columns, &own.columns);
+    let (c, s) = (world.columns(), own.columns());
     let surface = tracer.surface(hit);
     let along = pose.orientation * direction;
 
     let tolerance = hit.range_tolerance;
-    near("range", c.range[row].into(), hit.range, tolerance)?;
+    near("range", c.range()[row].into(), hit.range, tolerance)?;
     near3("position", world.position(row), pose.position + hit.range * along, 2.0 * tolerance)?;
-    near3("true position", world.origin + vector(&c.true_x, &c.true_y, &c.true_z), world.position(row), 0.0)?;
+    near3("true position", world.origin + vector(c.true_x(), c.true_y(), c.true_z()), world.position(row), 0.0)?;
     near3("position in the sensor frame", own.position(row), hit.range * direction, tolerance)?;
-    near("depth", c.depth[row].into(), hit.range * direction.x, tolerance)?;
-    near("azimuth", c.azimuth[row].into(), direction.y.atan2(direction.x), 5e-7)?;
-    near("elevation", c.elevation[row].into(), direction.z.asin(), 5e-7)?;
+    near("depth", c.depth()[row].into(), hit.range * direction.x, tolerance)?;
+    near("azimuth", c.azimuth()[row].into(), direction.y.atan2(direction.x), 5e-7)?;
+    near("elevation", c.elevation()[row].into(), direction.z.asin(), 5e-7)?;
 
     // The triangle determines on which side of the surface the sensor is.
     let facing = surface.geometric_normal * -surface.geometric_normal.dot(along).signum();
     let tolerance = surface.normal_tolerance + 1e-6;
-    let is = vector(&c.normal_x, &c.normal_y, &c.normal_z);
+    let is = vector(c.normal_x(), c.normal_y(), c.normal_z());
     near("length of the normal", is.length(), 1.0, 1e-6)?;
     // Seen edge-on, either side may be the sensor's.
     let either = facing.dot(along).abs().min(surface.normal.dot(facing).abs()) <= tolerance;
@@ -204,26 +209,28 @@ fn check_hit(
         (turned, cos)
     };
     near3("normal", is, turned, tolerance)?;
-    near3("normal in the sensor frame", pose.orientation * vector(&s.normal_x, &s.normal_y, &s.normal_z), is, 1e-6)?;
-    near("cosine", c.cos_incidence[row].into(), cos, tolerance)?;
+    near3("normal in the sensor frame", pose.orientation * vector(s.normal_x(), s.normal_y(), s.normal_z()), is, 1e-6)?;
+    near("cosine", c.cos_incidence()[row].into(), cos, tolerance)?;
 
     let white = Material::default();
     let material = surface.material.unwrap_or(&white);
     let [red, green, blue, _] = material.base_color.map(f64::from);
     let luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue;
     let reflectance = material.reflectance.as_ref().map_or(luminance, |own| own.at(905.0).into());
-    near("intensity", c.intensity[row].into(), reflectance * cos, reflectance * tolerance + 1e-6)?;
-    for (what, is, linear) in [("red", c.red[row], red), ("green", c.green[row], green), ("blue", c.blue[row], blue)] {
+    near("intensity", c.intensity()[row].into(), reflectance * cos, reflectance * tolerance + 1e-6)?;
+    for (what, is, linear) in
+        [("red", c.red()[row], red), ("green", c.green()[row], green), ("blue", c.blue()[row], blue)]
+    {
         let encoded = if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
         near(what, is.into(), 255.0 * encoded, 0.5001)?;
     }
 
     let material_id = surface.material.map_or(0, |material| world.labels.material.id(&material.name));
-    let labels = [c.category_id[row], c.part_id[row], c.instance_id[row], c.material_id[row]];
+    let labels = [c.category_id()[row], c.part_id()[row], c.instance_id()[row], c.material_id()[row]];
     let expected = [surface.category_id, surface.part_id, surface.instance_id, material_id];
-    let bytes = [c.return_number[row], c.return_count[row], c.cause[row], c.bounces[row]];
-    if labels != expected || bytes != [1, 1, 0, 0] || c.beam[row] != row as u32 {
-        return Err(format!("labels {labels:?} are not {expected:?}, or bytes {bytes:?} or beam {}", c.beam[row]));
+    let bytes = [c.return_number()[row], c.return_count()[row], c.cause()[row], c.bounces()[row]];
+    if labels != expected || bytes != [1, 1, 0, 0] || c.beam()[row] != row as u32 {
+        return Err(format!("labels {labels:?} are not {expected:?}, or bytes {bytes:?} or beam {}", c.beam()[row]));
     }
     Ok(())
 }
@@ -256,7 +263,7 @@ fn random_pose(random: &mut Random, scene: &Scene, centre: DVec3, half: f64) -> 
 fn random_material(random: &mut Random, name: &str) -> Material {
     let reflectance = (random.unit() < 0.5).then(|| Reflectance::Constant(random.unit() as f32));
     let base_color = std::array::from_fn(|_| random.unit() as f32);
-    Material { name: name.to_owned(), reflectance, base_color, ..Material::default() }
+    Material::default().name(name.to_owned()).reflectance(reflectance).base_color(base_color)
 }
 
 /// `count` triangles with corners within `size` of places within `half` of 0.
@@ -456,8 +463,7 @@ fn sheets_are_passed_by_the_rays_that_the_oracle_draws() {
     let opacities = [0.3f32, 0.7, 0.05, 0.9, 1.0];
     for (number, &opacity) in opacities.iter().enumerate() {
         let base_color = [0.5, 0.5, 0.5, opacity];
-        let paint =
-            Material { name: format!("veil {number}"), base_color, alpha: Alpha::Coverage, ..Material::default() };
+        let paint = Material::default().name(format!("veil {number}")).base_color(base_color).alpha(Alpha::Coverage);
         let paint = scene.material(paint);
         let centre = DVec3::X * (4.0 + 2.0 * number as f64);
         scene.stand(Shape::plate(centre, -DVec3::X + random.in_cube(0.2), 30.0), Some(paint));
@@ -467,7 +473,7 @@ fn sheets_are_passed_by_the_rays_that_the_oracle_draws() {
         (0..6_000).map(|_| DVec3::new(1.0, random.between(-0.6, 0.6), random.between(-0.6, 0.6)).normalize()).collect();
     let sensor = sensor(&directions);
     let built = scene.build().unwrap();
-    let options = ScanOptions { seed: SEED, frame: FRAME, ..options(Frame::World) };
+    let options = options(Frame::World).seed(SEED).frame(FRAME);
     let cloud = built.scan(&sensor, &Trajectory::fixed(Pose::IDENTITY), &options).unwrap();
     let tracer = Tracer::new(&scene, built.origin());
     let (beams, mut met, mut wrong) = (sensor.beams(), [0; 5], 0);
@@ -487,7 +493,7 @@ fn sheets_are_passed_by_the_rays_that_the_oracle_draws() {
         };
         let along = DVec3::from_array(own.map(f64::from));
         let answer = tracer.trace_past(DVec3::ZERO, along, f64::INFINITY, &passes);
-        let range = f64::from(cloud.columns.true_range[beam]);
+        let range = f64::from(cloud.columns().true_range()[beam]);
         let agrees = answer.candidates().any(|hit| (hit.range - range).abs() <= hit.range_tolerance);
         wrong += usize::from(!agrees && answer.is_sure());
         if let Some(hit) = answer.nearest {

@@ -1,12 +1,11 @@
 //! Files of sonar pings and of their images, read back by third-party readers.
 
-use echocast::cloud::{Columns, Field, FieldSet};
 use echocast::generate::Seabed;
 use echocast::image::{self, ImageRange, Overlap};
-use echocast::scene::{Labels, NameTable};
+use echocast::scene::Labels;
 use echocast::units::amplitude_from_db;
 use echocast::{
-    Environment, Layout, LoadOptions, Ping, Pings, Pose, ScanOptions, Sensor, SonarView, Sounding, Trajectory,
+    Environment, Field, Layout, LoadOptions, Ping, Pings, Pose, ScanOptions, Sensor, SonarView, Sounding, Trajectory,
 };
 use echocast_tests::python;
 use glam::{DQuat, DVec3, Vec3};
@@ -19,54 +18,44 @@ const BINS: usize = 40;
 
 /// Three pings of a side-scan sonar that moves along x, with every kind of column.
 fn pings() -> Pings {
-    let layout = Arc::new(Layout {
-        view: SonarView::Sidescan,
-        axes: [90f32, -90.0].map(|degrees| [degrees.to_radians(), -0.5]).to_vec(),
-        bins: BINS,
-        bin_m: 0.5,
-        first_bin: 0,
-        believed_speed: 1480.0,
-        frequency: 450e3,
-        surface_z: 0.25,
-        noise_db: 31.5,
-        threshold_db: vec![40.0; BINS],
-        tvg_db: (0..BINS).map(|bin| 0.5 * bin as f32).collect(),
-    });
+    let layout = Arc::new(
+        Layout::default()
+            .view(SonarView::Sidescan)
+            .axes([90f32, -90.0].map(|degrees| [degrees.to_radians(), -0.5]).to_vec())
+            .bins(BINS)
+            .bin_m(0.5)
+            .first_bin(0)
+            .believed_speed(1480.0)
+            .frequency(450e3)
+            .surface_z(0.25)
+            .noise_db(31.5)
+            .threshold_db(vec![40.0; BINS])
+            .tvg_db((0..BINS).map(|bin| 0.5 * bin as f32).collect()),
+    );
     let fields = [Field::Intensity, Field::CategoryId, Field::Red, Field::Time, Field::TrueX];
-    let labels = Labels {
-        category: NameTable { ids: vec![1, 70_000], names: vec!["seabed".into(), "Fisch Ü".into()] },
-        ..Labels::default()
-    };
+    let labels = Labels::default().category([(1, "seabed"), (70_000, "Fisch Ü")].into_iter().collect());
     let labels = Arc::new(labels);
     let cells = |number: usize, of: &dyn Fn(usize) -> f64| (0..2 * BINS).map(|cell| of(cell) + number as f64).collect();
     let ping = |number: usize| {
         let column: Vec<f64> = cells(number, &|cell| 60.0 + cell as f64 / 3.0);
-        let mut ping = Ping::default();
+        let mut ping = Ping::new(Arc::clone(&layout), fields.into_iter().collect()).unwrap();
         ping.number = 10 + number as u32;
         ping.time = 0.25 * number as f64;
         ping.pose = Pose::at(0.5 * number as f64, 2.0, -1.0).with_rpy_deg(1.0, 2.0, 0.0);
-        ping.layout = Arc::clone(&layout);
         ping.origin = DVec3::new(500_000.0, 0.0, -7.0);
-        ping.cells = Columns {
-            intensity: column.iter().map(|&value| value as f32).collect(),
-            category_id: (0..2 * BINS).map(|cell| [0, 1, 70_000][cell % 3]).collect(),
-            red: (0..2 * BINS).map(|cell| (cell + number) as u8).collect(),
-            time: column.clone(),
-            true_x: column.iter().map(|&value| if value > 80.0 { value as f32 } else { f32::NAN }).collect(),
-            ..Columns::default()
-        };
-        ping.fields = fields.into_iter().collect::<FieldSet>();
-        ping.soundings = vec![
-            Sounding {
-                beam: 1,
-                range: 7.25,
-                cell: 54,
-                level_db: 78.5,
-                quality: 0.75,
-                corrected: Vec3::new(1.0, 2.0, -7.0)
-            };
-            number
-        ];
+        let cells = ping.cells_mut();
+        for (cell, &value) in column.iter().enumerate() {
+            cells.intensity[cell] = value as f32;
+            cells.category_id[cell] = [0, 1, 70_000][cell % 3];
+            cells.red[cell] = (cell + number) as u8;
+            cells.time[cell] = value;
+            cells.true_x[cell] = if value > 80.0 { value as f32 } else { f32::NAN };
+        }
+        let mut sounding = Sounding::default();
+        (sounding.beam, sounding.range, sounding.cell) = (1, 7.25, 54);
+        (sounding.level_db, sounding.quality) = (78.5, 0.75);
+        sounding.corrected = Vec3::new(1.0, 2.0, -7.0);
+        ping.set_soundings(vec![sounding; number]).unwrap();
         ping.labels = Arc::clone(&labels);
         ping
     };
@@ -84,7 +73,7 @@ const ANGLES: [f64; 3] = [60.0, 2.0, 3.0];
 
 /// Five pings over a lake of a sonar with these sections of its file.
 fn survey(sections: &str) -> Pings {
-    let lake = Seabed { size_m: [30.0, 30.0], cell_m: Some(0.5), ..Seabed::default() }.scene(1).unwrap();
+    let lake = Seabed::default().size_m([30.0, 30.0]).cell_m(0.5).scene(1).unwrap();
     let lake = lake.load(&LoadOptions::default()).unwrap().build().unwrap();
     let sonar = format!("name: survey\nkind: sonar\n{sections}");
     let sonar = Sensor::from_yaml(&sonar, ".").unwrap();
@@ -95,7 +84,7 @@ fn survey(sections: &str) -> Pings {
     let mut pings = Pings::default();
     for frame in 0..5 {
         let start_time = 0.2 * f64::from(frame);
-        let options = ScanOptions { frame, start_time, environment: environment.clone(), ..ScanOptions::default() };
+        let options = ScanOptions::default().frame(frame).start_time(start_time).environment(environment.clone());
         pings.push(lake.ping(&sonar, &track, &options).unwrap()).unwrap();
     }
     pings
@@ -133,10 +122,10 @@ fn pings_are_read_back() {
     for file in &files {
         assert!(pings.write(file).unwrap().warnings.is_empty());
     }
-    let all = &pings.pings;
+    let all = pings.all();
     let cells = [3, 2, BINS];
     for found in &read(&files) {
-        let levels = || all.iter().flat_map(|ping| &ping.cells.intensity).copied();
+        let levels = || all.iter().flat_map(|ping| ping.cells().intensity()).copied();
         compare(found, "level", "f4", &cells, levels().map(f64::from));
         compare(
             found,
@@ -145,12 +134,12 @@ fn pings_are_read_back() {
             &cells,
             levels().map(|level| f64::from(amplitude_from_db(level.into()) as f32)),
         );
-        let ids = all.iter().flat_map(|ping| &ping.cells.category_id);
+        let ids = all.iter().flat_map(|ping| ping.cells().category_id());
         compare(found, "category_id", "u4", &cells, ids.map(|&id| f64::from(id)));
-        let red = all.iter().flat_map(|ping| &ping.cells.red);
+        let red = all.iter().flat_map(|ping| ping.cells().red());
         compare(found, "red", "u1", &cells, red.map(|&red| f64::from(red)));
-        compare(found, "time", "f8", &cells, all.iter().flat_map(|ping| ping.cells.time.clone()));
-        let true_x = all.iter().flat_map(|ping| &ping.cells.true_x);
+        compare(found, "time", "f8", &cells, all.iter().flat_map(|ping| ping.cells().time().to_vec()));
+        let true_x = all.iter().flat_map(|ping| ping.cells().true_x());
         compare(found, "true_x", "f4", &cells, true_x.map(|&x| f64::from(x)));
         compare(found, "origin", "f8", &[3], [500_000.0, 0.0, -7.0]);
         compare(found, "ping_number", "u4", &[3], [10.0, 11.0, 12.0]);
@@ -211,7 +200,7 @@ fn sides_are_read_by_a_reader_of_xtf() {
         assert!(report.warnings.is_empty(), "{report:?}");
     }
     let [xtf, npz]: [Value; 2] = read(&files).try_into().unwrap();
-    let (all, layout) = (&pings.pings, pings.layout().unwrap());
+    let (all, layout) = (pings.all(), pings.layout().unwrap());
     let (bins, count) = (layout.bins, all.len());
 
     assert_eq!(texts(&xtf, "program"), ["echocast"]);
@@ -269,22 +258,26 @@ fn poses(xtf: &Value, npz: &Value, count: usize) {
 #[test]
 fn soundings_and_water_columns_are_read_by_readers_of_xtf_and_kmall() {
     let folder = tempfile::tempdir().unwrap();
-    let mut pings = survey(
+    let pings = survey(
         "pattern: {type: multibeam, beams: 32, swath_deg: 120, along_deg: 2, across_deg: 2, rays: 16, rate_hz: 5}\n\
          acoustics: {frequency_khz: 400, source_level_db: 220, bandwidth_khz: 30, bin_m: 0.1}\n\
          range: {min_m: 0.5, max_m: 25}\n",
     );
     // Some beams hear nothing.
-    for (index, ping) in pings.pings.iter_mut().enumerate() {
-        ping.soundings.retain(|sounding| sounding.beam as usize % 5 != index);
+    let mut fewer = Pings::default();
+    for (index, mut ping) in pings.into_iter().enumerate() {
+        let heard = ping.soundings().iter().filter(|sounding| sounding.beam as usize % 5 != index);
+        ping.set_soundings(heard.copied().collect()).unwrap();
+        fewer.push(ping).unwrap();
     }
+    let pings = fewer;
     let files = ["a.xtf", "a.kmall", "a.npz"].map(|name| folder.path().join(name));
     for file in &files {
         let report = pings.write(file).unwrap();
         assert!(report.warnings.is_empty(), "{report:?}");
     }
     let [xtf, kmall, npz]: [Value; 3] = read(&files).try_into().unwrap();
-    let (all, layout) = (&pings.pings, pings.layout().unwrap());
+    let (all, layout) = (pings.all(), pings.layout().unwrap());
     let (count, beams, bins) = (all.len(), layout.beams(), layout.bins);
 
     // Where soundings are, from the arrays.
@@ -314,7 +307,7 @@ fn soundings_and_water_columns_are_read_by_readers_of_xtf_and_kmall() {
     poses(&xtf, &npz, count);
     assert_eq!(texts(&xtf, "channels"), ["Bathymetry"]);
     near(&xtf, "channel_TypeOfChannel", 0.0, [3.0]);
-    near(&xtf, "soundings", 0.0, all.iter().map(|ping| ping.soundings.len() as f64));
+    near(&xtf, "soundings", 0.0, all.iter().map(|ping| ping.soundings().len() as f64));
     near(&xtf, "dPosOffsetTrX", 1e-6, from_sonar.iter().map(|from| from.x));
     near(&xtf, "dPosOffsetTrY", 1e-6, from_sonar.iter().map(|from| from.y));
     near(&xtf, "fDepth", 1e-5, each().map(depth));
@@ -362,7 +355,7 @@ fn soundings_and_water_columns_are_read_by_readers_of_xtf_and_kmall() {
     ] {
         names.split(' ').for_each(|name| near(&kmall, name, 1e-6 * value, vec![value; count]));
     }
-    near(&kmall, "numSoundingsValidMain", 0.0, all.iter().map(|ping| ping.soundings.len() as f64));
+    near(&kmall, "numSoundingsValidMain", 0.0, all.iter().map(|ping| ping.soundings().len() as f64));
     near(&kmall, "detectionType", 0.0, of_found(&|_| 0.0, 2.0));
     near(&kmall, "detectionMethod", 0.0, of_found(&|_| 1.0, 0.0));
     near(&kmall, "detectionConfidenceLevel", 0.501, of_found(&|i| 100.0 * quality[i], 0.0));

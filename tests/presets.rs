@@ -2,8 +2,9 @@
 //! worked out by hand.
 
 use echocast::detect::{Detection, Statistical};
+use echocast::emitter::lobe::Lobe;
 use echocast::emitter::pattern::{Imaging, Janus, Multibeam, Pattern, Sidescan, SingleBeam, Spinning};
-use echocast::emitter::{BeamTable, FiringOrder, Lobe};
+use echocast::emitter::{BeamTable, FiringOrder};
 use echocast::scene::Material;
 use echocast::{Environment, Ping, Pose, PresetInfo, ReturnsSpec, ScanOptions, Sensor, SensorKind, Trajectory};
 use echocast_tests::assert_in_document;
@@ -439,7 +440,7 @@ fn sonars_hear_a_flat_bottom() {
     let scene = scene.finish().build().unwrap();
     let ping = |sensor: &Sensor, height: f64| -> echocast::Result<Ping> {
         let environment = Environment::from_yaml(&format!("water: {{surface_z_m: {}}}", height + 5.0))?;
-        let options = ScanOptions { environment, ..ScanOptions::default() };
+        let options = ScanOptions::default().environment(environment);
         scene.ping(sensor, &Trajectory::fixed(Pose::at(0.0, 0.0, height)), &options)
     };
     for (PresetInfo { name, .. }, mut sensor, _) in sonars() {
@@ -459,7 +460,7 @@ fn sonars_hear_a_flat_bottom() {
         sensor.set("pattern.rays", &rays.to_string()).unwrap();
         sensor.set("range.max_m", &(1.2 * range).to_string()).unwrap();
         let ping = ping(&sensor, range * below.to_radians().sin()).unwrap();
-        let layout = &ping.layout;
+        let layout = &ping.layout();
         let beam = layout.beams() / 2;
         let from_to = [0.97, 1.03].map(|part| (part * range / layout.bin_m) as usize);
         let power = |level: f32| 10f64.powf(f64::from(level) / 10.0);
@@ -473,7 +474,7 @@ fn sonars_hear_a_flat_bottom() {
         let (level, least) = (10.0 * level.log10(), f64::from(layout.threshold_db[from_to[1]]));
         assert!(level > least, "{name}: {level} dB at {range} m, but {least} dB is needed");
         if below == 90.0 {
-            let found = ping.soundings.iter().find(|sounding| sounding.beam as usize == beam);
+            let found = ping.soundings().iter().find(|sounding| sounding.beam as usize == beam);
             let found = found.unwrap_or_else(|| panic!("{name} finds no depth"));
             assert_near(&format!("{name}: depth"), found.range.into(), range, 0.02 * range);
         }

@@ -4,8 +4,7 @@
 //! The recordings are searched in `reference/scans` of the folder named by the environment variable `ECHOCAST_SHARED`,
 //! else of `../shared` beside the repository; without them these tests are listed as ignored.
 
-use echocast::scene::Scene;
-use echocast::{Cause, Field, FieldSet, PointCloud, Pose, Profile, ScanOptions, Sensor, Trajectory};
+use echocast::{Cause, Field, FieldSet, PointCloud, Pose, Profile, ScanOptions, Scene, Sensor, Trajectory};
 use echocast_tests::reference::{Table, sensor};
 use flate2::read::GzDecoder;
 use glam::DVec3;
@@ -85,12 +84,7 @@ impl Recording {
     }
 
     fn scan(&self, sensor: &Sensor) -> PointCloud {
-        let options = ScanOptions {
-            fields: FieldSet::all(),
-            organised: true,
-            profile: Profile::Blainder,
-            ..ScanOptions::default()
-        };
+        let options = ScanOptions::default().fields(FieldSet::all()).organised(true).profile(Profile::Blainder);
         self.scene.build().unwrap().scan(sensor, &Trajectory::fixed(self.pose), &options).unwrap()
     }
 }
@@ -103,7 +97,7 @@ fn linear(byte: u8) -> f64 {
 
 /// How many of `rows` differ from their points, by quantity; `column` is what the recording calls distance.
 fn differences(cloud: &PointCloud, points: &[Point], rows: &[usize], column: Field) -> HashMap<&'static str, usize> {
-    let c = &cloud.columns;
+    let c = cloud.columns();
     let mut wrong = HashMap::new();
     let name = |table: &echocast::scene::NameTable, id: u32| table.name(id).unwrap_or("").to_owned();
     for &row in rows {
@@ -112,10 +106,10 @@ fn differences(cloud: &PointCloud, points: &[Point], rows: &[usize], column: Fie
         // Written so that NaN, a miss, fails too.
         count("distance", (cloud.column(column).get_f64(row) - point.distance).abs() <= 1e-3);
         count("position", (cloud.position(row) - point.position).length() <= 1e-3);
-        count("category", name(&cloud.labels.category, c.category_id[row]) == point.category);
-        count("part", name(&cloud.labels.part, c.part_id[row]) == point.part);
-        count("intensity", (f64::from(c.intensity[row]) - point.intensity).abs() <= 1e-4);
-        let rgb = [c.red[row], c.green[row], c.blue[row]].map(linear);
+        count("category", name(&cloud.labels.category, c.category_id()[row]) == point.category);
+        count("part", name(&cloud.labels.part, c.part_id()[row]) == point.part);
+        count("intensity", (f64::from(c.intensity()[row]) - point.intensity).abs() <= 1e-4);
+        let rgb = [c.red()[row], c.green()[row], c.blue()[row]].map(linear);
         // A step of 8 bits in sRGB is at most 0.009 in linear light.
         count("colour", rgb.iter().zip(point.rgb).all(|(is, expected)| (is - expected).abs() <= 0.005));
     }
@@ -163,7 +157,8 @@ fn a_mirror_is_scanned_as_recorded() {
     assert_eq!(recording.points.len(), 3683);
     let directions = recording.directions();
     let cloud = recording.scan(&sensor(&directions));
-    let (direct, mirrored): (Vec<usize>, Vec<usize>) = (0..cloud.len).partition(|&row| cloud.columns.bounces[row] == 0);
+    let (direct, mirrored): (Vec<usize>, Vec<usize>) =
+        (0..cloud.len()).partition(|&row| cloud.columns().bounces()[row] == 0);
     assert!(direct.len() > 1000 && mirrored.len() > 1000, "{} direct, {} mirrored", direct.len(), mirrored.len());
     check("f_mirror_rotating, direct", &differences(&cloud, &recording.points, &direct, Field::Range), direct.len());
 
@@ -171,9 +166,9 @@ fn a_mirror_is_scanned_as_recorded() {
         let (point, beam) = (&mut recording.points[row], directions[row]);
         point.distance += 1e-3;
         point.position += recording.pose.orientation * beam * 1e-3;
-        let first = cloud.columns.first_category_id[row];
+        let first = cloud.columns().first_category_id()[row];
         assert_eq!(cloud.labels.category.name(first), Some("mirror"));
-        assert_eq!(cloud.columns.cause[row], Cause::Mirror as u8);
+        assert_eq!(cloud.columns().cause()[row], Cause::Mirror as u8);
     }
     let wrong = differences(&cloud, &recording.points, &mirrored, Field::Range);
     eprintln!("mirrored: {wrong:?}");
@@ -233,7 +228,7 @@ fn the_kinect_pattern_of_the_paper_is_the_recorded_one() {
 
     // The preset then sees exactly the recorded points.
     let cloud = recording.scan(&kinect);
-    let returns = cloud.columns.range.iter().filter(|range| range.is_finite()).count();
+    let returns = cloud.columns().range().iter().filter(|range| range.is_finite()).count();
     let share = returns as f64 / recording.points.len() as f64;
     assert!((share - 1.0).abs() < 1e-3, "{returns} returns of {} points", recording.points.len());
 }

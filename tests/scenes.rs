@@ -15,12 +15,12 @@ fn ranges(scene: &Scene) -> BTreeMap<u32, [f32; 2]> {
         elevation: {fov_deg: 60, step_deg: 2}}}";
     let sensor = Sensor::from_yaml(SENSOR, "").unwrap();
     let fields = [Field::Beam, Field::Range, Field::CosIncidence].into_iter().collect();
-    let options = ScanOptions { fields, ..ScanOptions::default() };
+    let options = ScanOptions::default().fields(fields);
     let pose = Trajectory::fixed(Pose::at(0.3, 0.2, 1.0));
     let cloud = scene.build().unwrap().scan(&sensor, &pose, &options).unwrap();
-    let c = &cloud.columns;
-    let found = c.range.iter().zip(&c.cos_incidence).map(|(&range, &cosine)| [range, cosine]);
-    c.beam.iter().copied().zip(found).collect()
+    let c = cloud.columns();
+    let found = c.range().iter().zip(c.cos_incidence()).map(|(&range, &cosine)| [range, cosine]);
+    c.beam().iter().copied().zip(found).collect()
 }
 
 /// Asserts that `scene` gives the scan of the plain file to `tolerance`, m, across the surfaces.
@@ -77,7 +77,7 @@ fn ply_stl_and_obj_files_of_another_program_give_the_scan_of_the_gltf_file() {
     converted(&file("plain.glb"), folder.path());
     for name in ["text.ply", "binary.ply", "big.ply", "text.stl", "binary.stl", "scene.obj"] {
         let scale = if name == "binary.stl" { 0.001 } else { 1.0 };
-        let options = LoadOptions { up: echocast::scene::UpAxis::Y, scale, ..LoadOptions::default() };
+        let options = LoadOptions::default().up(echocast::scene::UpAxis::Y).scale(scale);
         let scene = Scene::load_with(folder.path().join(name), &options).unwrap();
         same_scan(&scene, &expected, 1e-3, name);
         let vertices: usize = scene.meshes().iter().flat_map(|mesh| &mesh.parts).map(|part| part.positions.len()).sum();

@@ -16,7 +16,7 @@ use std::process::{Command, Stdio};
 fn make(folder: &Path, text: &str) -> PathBuf {
     let scenario = Scenario::from_yaml(text, folder).unwrap();
     let set = folder.join("set");
-    let options = RunOptions { folder: Some(set.clone()), samples: None, shard: None, resume: false, threads: 0 };
+    let options = RunOptions::default().folder(set.clone()).samples(None).shard(None).resume(false).threads(0);
     let summary = set::run(scenario, &options, &|_| ()).unwrap();
     assert!(summary.complete && summary.failed.is_empty(), "{:?}", summary.failed);
     set
@@ -434,10 +434,10 @@ fn the_schema_refuses_what_cannot_be_read() {
 fn generated_scenes_are_read_by_others() {
     let folder = tempfile::tempdir().unwrap();
     let made: Vec<GeneratedScene> = vec![
-        Landscape { size_m: [30.0, 20.0], cell_m: Some(1.0), ..Landscape::default() }.scene(3).unwrap(),
-        Street { people: Some(2), ..Street::default() }.scene(3).unwrap(),
+        Landscape::default().size_m([30.0, 20.0]).cell_m(1.0).scene(3).unwrap(),
+        Street::default().people(2).scene(3).unwrap(),
         Indoor::default().scene(3).unwrap(),
-        Seabed { cell_m: Some(0.5), pipes: 1, mines: 3, seagrass: 2, ..Seabed::default() }.scene(3).unwrap(),
+        Seabed::default().cell_m(0.5).pipes(1).mines(3).seagrass(2).scene(3).unwrap(),
     ];
     let files: Vec<PathBuf> = (0..made.len()).map(|k| folder.path().join(format!("{k}.glb"))).collect();
     made.iter().zip(&files).for_each(|(scene, file)| scene.write(file).unwrap());

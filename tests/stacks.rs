@@ -3,13 +3,13 @@
 
 #![cfg(target_os = "linux")]
 
-use echocast::emitter::Lobe;
+use echocast::emitter::lobe::Lobe;
 use echocast::generate::Generate;
 use echocast::preview::PreviewOptions;
-use echocast::scene::{LoadOptions, Material, MaterialRules};
+use echocast::scene::{Material, MaterialRules};
 use echocast::{
-    Engine, Environment, FieldSet, LabelRules, PointCloud, Pose, ScanOptions, Scenario, Scene, Sensor, SensorKind,
-    Trajectory,
+    Engine, Environment, FieldSet, LabelRules, LoadOptions, PointCloud, Pose, ScanOptions, Scenario, Scene, Sensor,
+    SensorKind, Trajectory,
 };
 use rustix::thread::disable_transparent_huge_pages;
 use std::fmt::Write as _;
@@ -115,7 +115,7 @@ fn use_sensor(engine: &Engine, sensor: &Sensor) {
         _ => "{rain: {rate_mm_h: 20}, fog: {visibility_m: 60}}",
     };
     let environment = Environment::from_yaml(environment).unwrap();
-    let options = ScanOptions { fields: FieldSet::all(), environment, ..ScanOptions::default() };
+    let options = ScanOptions::default().fields(FieldSet::all()).environment(environment);
     let mut cloud = PointCloud::default();
     for _ in 0..engine.threads().min(2) {
         built.scan_into(sensor, &Trajectory::fixed(Pose::at(0.0, 0.0, 1.0)), &options, &mut cloud).unwrap();

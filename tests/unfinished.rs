@@ -12,9 +12,10 @@ fn unfinished_files_go_and_no_others_are_made() {
     let at = |name: &str| folder.path().join(name);
     let names = || fs::read_dir(folder.path()).unwrap().count();
     let fields = [Field::X, Field::Y, Field::Z].into_iter().collect();
-    let mut cloud = PointCloud { len: 3, fields, ..PointCloud::default() };
-    for column in [&mut cloud.columns.x, &mut cloud.columns.y, &mut cloud.columns.z] {
-        column.extend([1.0, 2.0, 3.0]);
+    let mut cloud = PointCloud::new(fields, 3).unwrap();
+    let columns = cloud.columns_mut();
+    for column in [columns.x, columns.y, columns.z] {
+        column.copy_from_slice(&[1.0, 2.0, 3.0]);
     }
     cloud.write(at("old.csv")).unwrap();
     let old = fs::read(at("old.csv")).unwrap();
@@ -33,7 +34,7 @@ fn unfinished_files_go_and_no_others_are_made() {
     }
     assert!(matches!(frames.add(&cloud), Err(Error::Cancelled)));
     assert!(matches!(frames.finish(), Err(Error::Cancelled)));
-    let lake = Seabed { size_m: [10.0, 10.0], ..Seabed::default() }.scene(1).unwrap();
+    let lake = Seabed::default().size_m([10.0, 10.0]).scene(1).unwrap();
     assert!(matches!(lake.write(at("lake.glb")), Err(Error::Cancelled)));
     assert_eq!(names(), 3);
     assert_eq!(fs::read(at("old.csv")).unwrap(), old);

@@ -76,9 +76,9 @@ fn python(target: &Path) -> Result<Value> {
     let rust = || -> Result<f64> {
         let start = cpu_seconds();
         for frame in 0..SCANS {
-            let options = ScanOptions { seed: 7, frame, ..ScanOptions::default() };
+            let options = ScanOptions::default().seed(7).frame(frame);
             let cloud = built.scan(&sensor, &place, &options)?;
-            assert!(cloud.len > 0, "the street is seen");
+            assert!(!cloud.is_empty(), "the street is seen");
         }
         Ok(1000.0 * (cpu_seconds() - start) / f64::from(SCANS))
     };

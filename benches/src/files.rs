@@ -25,10 +25,10 @@ fn write(folder: &Path) -> Result<Value> {
     let sensor = Sensor::preset("velodyne_vls128")?;
     let mut cloud = built.scan(&sensor, &trajectory, &ScanOptions::default())?;
     let scan = cloud.clone();
-    while cloud.len < 2_000_000 {
+    while cloud.len() < 2_000_000 {
         cloud.append(&scan)?;
     }
-    println!("\nWriting {} points of the default columns, one core, best of {ROUNDS}", cloud.len);
+    println!("\nWriting {} points of the default columns, one core, best of {ROUNDS}", cloud.len());
     println!("{:<10}{:>16}{:>16}{:>10}", "format", "M points/CPU s", "M points/s", "MB");
     let mut rows = Vec::new();
     for format in export::FORMATS {
@@ -41,7 +41,7 @@ fn write(folder: &Path) -> Result<Value> {
             wall = wall.min(clock.elapsed().as_secs_f64());
         }
         let size = std::fs::metadata(&path)?.len() as f64 / 1e6;
-        let points = cloud.len as f64 / 1e6;
+        let points = cloud.len() as f64 / 1e6;
         println!("{:<10}{:>16.2}{:>16.2}{size:>10.1}", format.name(), points / cpu, points / wall);
         rows.push(json!({"format": format.name(), "points_per_cpu_s": points / cpu * 1e6, "points_per_s": points / wall * 1e6}));
     }
@@ -52,21 +52,23 @@ fn write(folder: &Path) -> Result<Value> {
 fn images(folder: &Path) -> Result<Value> {
     let eye = "{name: eye, kind: tof, pattern: {type: pinhole, resolution: [1250, 800], fov_deg: [90, 65]}}";
     let sensor = Sensor::from_yaml(eye, "")?;
-    let layers = |names: &[ImageLayer]| ImageOptions { layers: names.to_vec(), ..ImageOptions::default() };
+    let layers = |names: &[ImageLayer]| ImageOptions::default().layers(names.to_vec());
     let masks = layers(&[ImageLayer::Category, ImageLayer::Part, ImageLayer::Instance, ImageLayer::Instance16]);
     let depth = layers(&[ImageLayer::Depth]);
-    let coco = ImageOptions { annotations: vec![AnnotationStyle::Coco], ..depth.clone() };
+    let coco = depth.clone().annotations(vec![AnnotationStyle::Coco]);
     let fields = masks.fields().union(coco.fields());
     let trajectory = Trajectory::fixed(Pose::at(0.0, 0.0, 2.0));
     let scene = scenes::city().build()?;
-    let mut cloud = scene.scan(&sensor, &trajectory, &ScanOptions { fields, ..ScanOptions::default() })?;
+    let mut cloud = scene.scan(&sensor, &trajectory, &ScanOptions::default().fields(fields))?;
     println!("\nImages of 1 Mpixel, one core, best of {ROUNDS}: processor ms");
     let mut rows = Vec::new();
     for (name, options) in [("four masks", masks), ("depth", depth), ("depth, COCO of 1000", coco)] {
         if !options.annotations.is_empty() {
-            let tiles = cloud.columns.beam.iter().map(|beam| 1 + beam % 1250 / 32 + 40 * (beam / 1250 / 32));
-            cloud.columns.instance_id = tiles.collect();
-            cloud.columns.category_id.fill(1);
+            let columns = cloud.columns_mut();
+            for (tile, beam) in columns.instance_id.iter_mut().zip(columns.beam) {
+                *tile = 1 + *beam % 1250 / 32 + 40 * (*beam / 1250 / 32);
+            }
+            columns.category_id.fill(1);
         }
         let mut cpu = f64::INFINITY;
         for _ in 0..ROUNDS {

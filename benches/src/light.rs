@@ -32,7 +32,7 @@ pub fn run() -> Result<Value> {
             ("dust in a box", "{dust: {radius_um: 50, per_m3: 1e6, box: {min_m: [5, -20, 0], max_m: [17, 20, 9]}}}"),
         ];
         let options: Vec<ScanOptions> = (cases.iter())
-            .map(|(_, yaml)| Ok(ScanOptions { environment: Environment::from_yaml(yaml)?, ..ScanOptions::default() }))
+            .map(|(_, yaml)| Ok(ScanOptions::default().environment(Environment::from_yaml(yaml)?)))
             .collect::<Result<_>>()?;
         let scans: Vec<_> = options.iter().map(|options| (&built, options)).collect();
         let times = interleaved(&scans, &sensor)?;
@@ -80,7 +80,7 @@ fn sub_rays() -> Result<Value> {
             }
             let ratio = median(theirs.iter().zip(&ours).map(|(bare, scan)| bare / scan).collect());
             let [rate, bare_rate] = [&ours, &theirs].map(|times| pulses / median(times.clone()) / 1e6);
-            let returns = cloud.len as f64 / pulses;
+            let returns = cloud.len() as f64 / pulses;
             println!("{name:<18}{scene:<12}{rate:>12.3}{bare_rate:>12.3}{ratio:>10.2}{returns:>10.3}");
             rows.push(json!({"sensor": name, "scene": scene, "mega_pulses_per_s": rate, "bare": bare_rate,
                 "ratio": ratio, "returns_per_pulse": returns}));
@@ -116,11 +116,11 @@ fn interleaved(scans: &[(&BuiltScene, &ScanOptions)], sensor: &Sensor) -> Result
 fn paths() -> Result<Value> {
     println!("\nMirrors and glass around the sensor in the city, one thread: time of a scan over that without");
     println!("{:<18}{:<24}{:>10}{:>14}", "sensor", "case", "ratio", "plain ns");
-    let smooth = |material| Arc::new(Material { roughness: 0.0, ..material });
+    let smooth = |material: Material| Arc::new(material.roughness(0.0));
     let cases = [
-        ("mirror", smooth(Material { metallic: 1.0, ..Material::default() })),
-        ("pane", smooth(Material { transmission: 1.0, pane_m: Some(0.004), ..Material::default() })),
-        ("wall of glass", smooth(Material { transmission: 1.0, thickness_m: 0.01, ..Material::default() })),
+        ("mirror", smooth(Material::default().metallic(1.0))),
+        ("pane", smooth(Material::default().transmission(1.0).pane_m(0.004))),
+        ("wall of glass", smooth(Material::default().transmission(1.0).thickness_m(0.01))),
     ];
     let mut rows = Vec::new();
     for name in ["velodyne_vlp32c", "velodyne_vls128"] {

@@ -55,7 +55,7 @@ pub fn child(name: &str) -> Result<()> {
     let sensor = Sensor::preset("velodyne_vls128")?;
     let options = ScanOptions::default().fields(FieldSet::all());
     let cloud = built.scan(&sensor, &Trajectory::fixed(Pose::at(0.0, 0.0, 2.0)), &options)?;
-    let columns: usize = cloud.fields.iter().map(|info| info.kind.size() * cloud.len).sum();
+    let columns: usize = cloud.fields().iter().map(|info| info.kind.size() * cloud.len()).sum();
     let peak = status("VmHWM")?;
     let needed = scene_bytes + embree + columns;
     let ratio = (peak - base) as f64 / needed as f64;

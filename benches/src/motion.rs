@@ -4,8 +4,8 @@ use crate::Result;
 use crate::clock::{cpu_per_call, cpu_seconds, median};
 use crate::presets;
 use crate::scenes::{self, Builder, Shapes};
-use echocast::scene::{CacheFile, Mesh, Object, Scene};
-use echocast::{BareLoop, Engine, FieldSet, LiveScene, LoadOptions, PointCloud, Pose, ScanOptions, Trajectory};
+use echocast::scene::{CacheFile, Mesh, Object};
+use echocast::{BareLoop, Engine, FieldSet, LiveScene, LoadOptions, PointCloud, Pose, ScanOptions, Scene, Trajectory};
 use echocast_kernels::skin::{Influences, JointMatrix, skin};
 use glam::{DAffine3, DQuat, DVec3};
 use rayon::ThreadPoolBuilder;
@@ -74,8 +74,7 @@ fn cars() -> Result<Value> {
     let ids: Vec<_> = streets
         .iter()
         .map(|street| {
-            let object =
-                Object { world_from_object: pose(street, 0.0), category_id: 9, ..Object::new("car", car.clone()) };
+            let object = Object::new("car", car.clone()).world_from_object(pose(street, 0.0)).category_id(9);
             live.add(object)
         })
         .collect::<echocast::Result<_>>()?;
@@ -121,7 +120,7 @@ fn cars() -> Result<Value> {
         }
     }
     let ratio = |under: usize| median(times[0].iter().zip(&times[under]).map(|(a, b)| a / b).collect());
-    let points = clouds[1].len as f64;
+    let points = clouds[1].len() as f64;
     // The difference of two times is useless if one is disturbed: take the minimum of each.
     let [without, with] = [2, 3].map(|under| times[under].iter().copied().fold(f64::INFINITY, f64::min));
     let added = (with - without) / points * 1e9;
@@ -138,7 +137,7 @@ fn cars() -> Result<Value> {
 
 /// 20 people of 20,000 vertices and 50 joints, walking.
 fn people() -> Result<Value> {
-    let scene = Scene::from_glb_bytes(&walkers()?, &LoadOptions { looped: true, ..LoadOptions::default() })?;
+    let scene = Scene::from_glb_bytes(&walkers()?, &LoadOptions::default().looped(true))?;
     let vertices: usize = scene.objects.iter().map(|object| object.mesh.parts[0].positions.len()).sum();
     let mut live = LiveScene::new(&Engine::with_threads(1)?);
     live.add_scene(&scene)?;
@@ -311,8 +310,8 @@ fn cloth() -> Result<Value> {
     let (scene, baked) = (folder.path().join("cloth.obj"), folder.path().join("cloth.pc2"));
     std::fs::write(&scene, obj)?;
     std::fs::write(&baked, cache)?;
-    let file = CacheFile { file: baked.clone(), fps: Some(10.0) };
-    let options = LoadOptions { caches: BTreeMap::from([("Cloth".to_owned(), file)]), ..LoadOptions::default() };
+    let file = CacheFile::new(baked.clone()).fps(10.0);
+    let options = LoadOptions::default().caches(BTreeMap::from([("Cloth".to_owned(), file)]));
     let scene = Scene::load_with(&scene, &options)?;
     let mesh = scene.objects[0].mesh.clone();
     let mut live = LiveScene::new(&Engine::with_threads(1)?);

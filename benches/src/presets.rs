@@ -78,11 +78,12 @@ fn row(one: &ThreadPool, built: &BuiltScene, height: f64, scene: &str, sensor: &
     let (ratio, ratio_all) = (ratio(1, 0), ratio(3, 2));
     let [plain, adaptive] = [0, 1].map(|case: usize| median(times[case].clone()));
     let mut found = |sub_rays: &str| -> Result<[HashSet<u32>; 2]> {
-        let options = ScanOptions { fields: FieldSet::all(), ..ScanOptions::default() };
+        let options = ScanOptions::default().fields(FieldSet::all());
         built.scan_into(&with(sub_rays, true)?, &trajectory, &options, &mut cloud)?;
-        let c = &cloud.columns;
-        let beams = |is: &dyn Fn(usize) -> bool| (0..cloud.len).filter(|&row| is(row)).map(|row| c.beam[row]).collect();
-        Ok([beams(&|row| c.return_count[row] > 1), beams(&|row| c.cause[row] == Cause::Mixed as u8)])
+        let c = cloud.columns();
+        let beams =
+            |is: &dyn Fn(usize) -> bool| (0..cloud.len()).filter(|&row| is(row)).map(|row| c.beam()[row]).collect();
+        Ok([beams(&|row| c.return_count()[row] > 1), beams(&|row| c.cause()[row] == Cause::Mixed as u8)])
     };
     // One along the axis, most often one at the rim; 64 more where the explanation has them.
     let sampled = (0..SAMPLED).map(|part| (part * sensor.beams().len() / SAMPLED) as u32);

@@ -100,7 +100,7 @@ pub fn run() -> Result<Value> {
                 sensor.name()
             );
             rows.push(json!({
-                "scene": name, "sensor": sensor.name(), "rays": rays, "points": clouds[1].len,
+                "scene": name, "sensor": sensor.name(), "rays": rays, "points": clouds[1].len(),
                 "bare_mrays_per_cpu_s": bare_rate, "geometry_ratio": geometry, "default_ratio": default,
                 "cpu_per_ray_all_threads_over_one": scaling, "bare_cpu_per_ray_all_threads_over_one": bare_scaling, "threads": threads,
             }));

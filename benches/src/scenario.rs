@@ -21,7 +21,7 @@ const STREET: &str = "scene: {files: street.glb}\nsensors: [{sensor: velodyne_vl
 /// A folder with the scene.
 pub fn street() -> Result<TempDir> {
     let folder = tempfile::tempdir()?;
-    Street { cars: Some(5), ..Street::default() }.scene(7)?.write(folder.path().join("street.glb"))?;
+    Street::default().cars(5).scene(7)?.write(folder.path().join("street.glb"))?;
     Ok(folder)
 }
 
@@ -53,7 +53,7 @@ pub fn run() -> Result<Value> {
         // Two shards at once, each on one core, beside all samples by one.
         let start = Instant::now();
         let parts = folder.path().join(format!("shards_{round}"));
-        let shard = |part: u64| RunOptions { shard: Some([part, 2]), ..options(parts.clone(), 1) };
+        let shard = |part: u64| options(parts.clone(), 1).shard([part, 2]);
         let work = |part: u64| made(folder.path(), &varied, shard(part));
         std::thread::scope(|scope| -> Result<()> {
             let other = scope.spawn(|| work(1));
@@ -112,7 +112,7 @@ pub fn styles() -> Result<Value> {
         for round in 0..ROUNDS {
             let scan = scanned(folder, &text)? / count;
             let options = options(folder.join(format!("{style}_{round}")), 1);
-            let [_, cpu, all] = made(folder, &text, RunOptions { samples: Some([first, last, 1]), ..options })?;
+            let [_, cpu, all] = made(folder, &text, options.samples([first, last, 1]))?;
             scans.push(scan);
             others.push(cpu / count - scan);
             points = all / count;
@@ -143,7 +143,7 @@ fn scanned(folder: &Path, text: &str) -> Result<f64> {
 
 /// All samples, to the folder `to`.
 fn options(to: PathBuf, threads: usize) -> RunOptions {
-    RunOptions { folder: Some(to), samples: None, shard: None, resume: false, threads }
+    RunOptions::default().folder(to).samples(None).shard(None).resume(false).threads(threads)
 }
 
 /// Makes a set; wall and processor seconds, and points.

@@ -69,19 +69,19 @@ fn mission(scene: &BuiltScene) -> Result<Value> {
     let trajectory = Trajectory::new(way)?;
     let folder = tempfile::tempdir()?;
     let pictures = [("waterfall.png", View::Waterfall), ("track.png", View::Track)];
-    let options = PreviewOptions { view: View::Waterfall, color: ColorBy::Intensity, ..PreviewOptions::default() };
+    let options = PreviewOptions::default().view(View::Waterfall).color(ColorBy::Intensity);
     let (start, wall) = (cpu_seconds(), Instant::now());
     let mut pings = Pings::default();
     let mut ping = Ping::default();
     for frame in 0..PINGS {
         let start_time = f64::from(frame) * period;
-        let scan = ScanOptions { frame, start_time, ..ScanOptions::default().fields(options.fields()) };
+        let scan = ScanOptions::default().fields(options.fields()).frame(frame).start_time(start_time);
         scene.ping_into(&sensor, &trajectory, &scan, &mut ping)?;
         pings.push(ping.with(options.fields()))?;
     }
     let scanned = cpu_seconds() - start;
     for (name, view) in pictures {
-        preview::write_pings(&pings, &folder.path().join(name), &PreviewOptions { view, ..options })?;
+        preview::write_pings(&pings, &folder.path().join(name), &options.view(view))?;
     }
     let (cpu, wall) = (cpu_seconds() - start, wall.elapsed().as_secs_f64());
     println!(
@@ -96,7 +96,7 @@ fn one(scene: &BuiltScene, name: &str, sensor: &Sensor, water: &str) -> Result<V
     let trajectory = Trajectory::fixed(pose);
     let environment = Environment::from_yaml(&format!("water: {water}"))?;
     let fields = FieldSet::parse("intensity,category_id,instance_id,true_x,true_y,true_z")?;
-    let options = ScanOptions { environment, ..ScanOptions::default().fields(fields) };
+    let options = ScanOptions::default().fields(fields).environment(environment);
     let mut ping = Ping::default();
     let mut bare = BareLoop::new(scene, sensor, pose);
     let rays = bare.len() as f64;
@@ -116,7 +116,7 @@ fn one(scene: &BuiltScene, name: &str, sensor: &Sensor, water: &str) -> Result<V
     let ratio = median(theirs.iter().zip(&ours).map(|(bare, ping)| bare / ping).collect());
     let (time, bare_time) = (median(ours), median(theirs));
     let [rate, bare_rate] = [time, bare_time].map(|time| rays / time / 1e6);
-    let cells = ping.layout.cells();
+    let cells = ping.layout().cells();
     let ms = time * 1e3;
     println!("{name:<28}{rays:>10}{cells:>10}{ms:>10.3}{rate:>10.2}{bare_rate:>10.2}{ratio:>10.3}");
     Ok(json!({"sonar": name, "rays": rays, "cells": cells, "ms": ms, "mega_rays_per_s": rate, "bare": bare_rate,

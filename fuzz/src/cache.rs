@@ -27,9 +27,9 @@ pub fn run(data: &[u8]) {
             let file = folder.path().join(name);
             fs::write(&file, data).expect("the file can be written");
             for object in ["three", "four"] {
-                let cache = CacheFile { file: file.clone(), fps: None };
+                let cache = CacheFile::new(file.clone());
                 let caches = [(object.to_owned(), cache)].into();
-                let options = LoadOptions { caches, ..LoadOptions::default() };
+                let options = LoadOptions::default().caches(caches);
                 if let Ok(scene) = Scene::load_with(folder.path().join("scene.obj"), &options) {
                     check(&scene);
                 }

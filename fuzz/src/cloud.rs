@@ -3,8 +3,7 @@
 //! The first byte says which format the rest is shown as: that its reader is reached, it begins as such a file does.
 //! `cargo fuzz run -s none cloud fuzz/corpus/cloud fuzz/seeds/cloud`
 
-use echocast::cloud::Field;
-use echocast::{PointCloud, Report, import};
+use echocast::{Field, PointCloud, Report, import};
 use std::cell::OnceCell;
 use std::fs;
 use std::sync::Once;
@@ -66,15 +65,15 @@ fn check_pages(file: &mut [u8]) {
 
 /// Its columns are as long as it is, and positions are within reach or empty.
 fn check(cloud: &PointCloud) {
-    for info in cloud.fields.iter() {
-        assert_eq!(cloud.column(info.field).len(), cloud.len, "{}", info.name);
+    for info in cloud.fields().iter() {
+        assert_eq!(cloud.column(info.field).len(), cloud.len(), "{}", info.name);
     }
     let places = [Field::X, Field::Y, Field::Z].map(|field| cloud.column(field));
     for place in places {
         assert!((0..place.len()).all(|row| place.get_f64(row).is_nan() || place.get_f64(row).abs() <= 1e18));
     }
     assert!(cloud.origin.abs().max_element() <= 1.1e18 && cloud.sensor_pose.orientation.is_normalized());
-    if let Some([rows, columns]) = cloud.organised {
-        assert_eq!(u64::from(rows) * u64::from(columns), cloud.len as u64);
+    if let Some([rows, columns]) = cloud.organised() {
+        assert_eq!(u64::from(rows) * u64::from(columns), cloud.len() as u64);
     }
 }

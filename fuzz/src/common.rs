@@ -59,9 +59,9 @@ fn play(scene: &Scene) {
         if length < sensor.scan_time() {
             continue;
         }
-        let options = ScanOptions { start_time, fields: FieldSet::all(), ..ScanOptions::default() };
+        let options = ScanOptions::default().start_time(start_time).fields(FieldSet::all());
         let cloud = built.scan(&sensor, &Trajectory::fixed(Pose::IDENTITY), &options).expect("it can be scanned");
-        assert!(cloud.columns.x.iter().all(|x| !x.is_nan()));
+        assert!(cloud.columns().x().iter().all(|x| !x.is_nan()));
     }
 }
 

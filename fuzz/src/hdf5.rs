@@ -42,8 +42,8 @@ pub fn run(data: &[u8]) {
         let path = folder.join("a.h5");
         fs::write(&path, &file).expect("the file can be written");
         if let Ok(cloud) = import::read(&path, &mut Report::default()) {
-            assert_eq!(cloud.len, 121);
-            let names = cloud.labels.category.names.iter().chain(&cloud.labels.material.names);
+            assert_eq!(cloud.len(), 121);
+            let names = cloud.labels.category.names().iter().chain(cloud.labels.material.names());
             assert!(names.map(String::len).sum::<usize>() <= 3 * file.len());
         }
     });

@@ -10,15 +10,7 @@ use std::sync::LazyLock;
 
 /// A bed of 18 triangles with a boulder, 4 m deep, for one thread.
 static LAKE: LazyLock<BuiltScene> = LazyLock::new(|| {
-    let bed = Seabed {
-        size_m: [9.0; 2],
-        depth_m: 4.0,
-        cell_m: Some(3.0),
-        boulders: 1,
-        wrecks: 0,
-        fish: 0,
-        ..Seabed::default()
-    };
+    let bed = Seabed::default().size_m([9.0; 2]).depth_m(4.0).cell_m(3.0).boulders(1).wrecks(0).fish(0);
     let lake = bed.scene(1).expect("the bed can be made");
     let scene = Scene::from_glb_bytes(lake.bytes(), &LoadOptions::default()).expect("it can be read");
     scene.build_with(&Engine::with_threads(1).expect("Embree starts")).expect("it can be built")
@@ -47,12 +39,14 @@ fn ping(sonar: &Sensor, environment: Environment) {
     let surface = environment.water.as_ref().map_or(0.0, |water| water.surface_z_m);
     // The bed stays where it is: above, below and within it are sonars too.
     let way = Trajectory::fixed(Pose::at(0.0, 0.0, surface - 2.0));
-    let options = ScanOptions { environment, fields: FieldSet::all(), ..ScanOptions::default() };
+    let options = ScanOptions::default().environment(environment).fields(FieldSet::all());
     if let Ok(ping) = LAKE.ping(sonar, &way, &options) {
-        let cells = ping.layout.cells();
-        assert!(ping.cells.intensity.len() == cells && !ping.cells.intensity.iter().any(|level| level.is_nan()));
+        let cells = ping.layout().cells();
+        assert!(
+            ping.cells().intensity().len() == cells && !ping.cells().intensity().iter().any(|level| level.is_nan())
+        );
         let cloud = ping.cloud(&options).expect("all columns are there");
-        assert!(cloud.columns.range.iter().all(|range| (0.0..=8.5).contains(range)));
+        assert!(cloud.columns().range().iter().all(|range| (0.0..=8.5).contains(range)));
     }
 }
 

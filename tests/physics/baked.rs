@@ -33,8 +33,8 @@ fn obj(distance: f64, triangles: usize) -> String {
 }
 
 fn load(scene: &Path, cache: &Path, fps: Option<f64>, looped: bool) -> LiveScene {
-    let mut options = LoadOptions { looped, ..LoadOptions::default() };
-    options.caches.insert("Plate".into(), CacheFile { file: cache.to_owned(), fps });
+    let mut options = LoadOptions::default().looped(looped);
+    options.caches.insert("Plate".into(), CacheFile::new(cache).fps(fps));
     let mut live = LiveScene::new(&Engine::new().unwrap());
     live.add_scene(&Scene::load_with(scene, &options).unwrap()).unwrap();
     live
@@ -42,17 +42,17 @@ fn load(scene: &Path, cache: &Path, fps: Option<f64>, looped: bool) -> LiveScene
 
 fn scan(live: &mut LiveScene, start_time: f64) -> PointCloud {
     live.set_time(start_time, 0.1).unwrap();
-    let options = ScanOptions { start_time, fields: FieldSet::all(), ..ScanOptions::default() };
+    let options = ScanOptions::default().start_time(start_time).fields(FieldSet::all());
     live.commit().unwrap().scan(&ahead(), &Trajectory::fixed(Pose::IDENTITY), &options).unwrap()
 }
 
 /// Every beam meets the plate where that is at its own time.
 fn check(cloud: &PointCloud, distance: impl Fn(f64) -> f64) {
-    assert_eq!(cloud.len, ahead().beams().len());
-    let c = &cloud.columns;
-    for row in 0..cloud.len {
-        assert_near("x", f64::from(c.x[row]) + cloud.origin.x, distance(c.time[row]), 2e-4);
-        assert_eq!((c.instance_id[row], c.normal_x[row]), (1, -1.0));
+    assert_eq!(cloud.len(), ahead().beams().len());
+    let c = cloud.columns();
+    for row in 0..cloud.len() {
+        assert_near("x", f64::from(c.x()[row]) + cloud.origin.x, distance(c.time()[row]), 2e-4);
+        assert_eq!((c.instance_id()[row], c.normal_x()[row]), (1, -1.0));
     }
 }
 
@@ -85,7 +85,10 @@ fn numbered_files_are_hit_while_they_are_there() {
                     let last = FILES as f64 - 1.0;
                     5.0 + if looped { number.rem_euclid(FILES as f64) } else { number.clamp(0.0, last) }
                 });
-                assert!(cloud.columns.velocity_x.iter().all(|speed| *speed == 0.0), "one takes the place of another");
+                assert!(
+                    cloud.columns().velocity_x().iter().all(|speed| *speed == 0.0),
+                    "one takes the place of another"
+                );
             }
         }
     }
@@ -114,7 +117,7 @@ fn caches_are_played_between_their_samples() {
                 let cloud = scan(&mut live, start_time);
                 let own = |time: f64| if looped { time.rem_euclid(0.2) } else { time };
                 check(&cloud, |time| between(own(time)).0);
-                for (&speed, &time) in cloud.columns.velocity_x.iter().zip(&cloud.columns.time) {
+                for (&speed, &time) in cloud.columns().velocity_x().iter().zip(cloud.columns().time()) {
                     // Where the speed jumps either is right.
                     if (time / 0.025 - (time / 0.025).round()).abs() > 1e-3 {
                         assert_near("velocity", speed.into(), between(own(time)).1, 2e-3);

@@ -1,9 +1,8 @@
 //! Beam patterns of apertures: tables made elsewhere, and known widths, sidelobes and directivities.
 
 use super::assert_near;
-use echocast::emitter::Lobe;
 use echocast::emitter::lobe::{
-    BeamPattern, directivity, equivalent_width, line_directivity, piston_directivity, rectangle_directivity,
+    BeamPattern, Lobe, directivity, equivalent_width, line_directivity, piston_directivity, rectangle_directivity,
 };
 use echocast_tests::reference::Table;
 use std::f64::consts::{FRAC_1_SQRT_2, PI};

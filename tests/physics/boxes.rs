@@ -28,14 +28,7 @@ fn mesh(shape: Shape) -> Arc<Mesh> {
 }
 
 fn of_material(shape: Shape, material: Option<Arc<Material>>) -> Arc<Mesh> {
-    let part = Part {
-        positions: shape.positions.into(),
-        normals: None,
-        uvs: None,
-        alphas: None,
-        triangles: shape.triangles.into(),
-        material,
-    };
+    let part = Part::default().positions(shape.positions.into()).triangles(shape.triangles.into()).material(material);
     Arc::new(Mesh::new("shape", vec![part]).unwrap())
 }
 
@@ -44,13 +37,13 @@ fn scene(objects: impl IntoIterator<Item = Object>) -> LiveScene {
     let mut scene = LiveScene::new(&Engine::with_threads(2).unwrap());
     for (index, object) in (0..).zip(objects) {
         let instance_id = if object.instance_id == 0 { index + 1 } else { object.instance_id };
-        scene.add(Object { instance_id, category_id: 10 + index, ..object }).unwrap();
+        scene.add(object.instance_id(instance_id).category_id(10 + index)).unwrap();
     }
     scene
 }
 
 fn thing(mesh: &Arc<Mesh>, world_from_object: DAffine3) -> Object {
-    Object { world_from_object, ..Object::new("thing", mesh.clone()) }
+    Object::new("thing", mesh.clone()).world_from_object(world_from_object)
 }
 
 fn at(x: f64, y: f64, z: f64) -> DAffine3 {
@@ -58,7 +51,7 @@ fn at(x: f64, y: f64, z: f64) -> DAffine3 {
 }
 
 fn options(axes: BoxAxes) -> ScanOptions {
-    ScanOptions { boxes: Some(axes), frame: 3, ..ScanOptions::default() }
+    ScanOptions::default().boxes(axes).frame(3)
 }
 
 fn scan(scene: &BuiltScene, options: &ScanOptions) -> PointCloud {
@@ -99,7 +92,7 @@ fn a_box_is_where_its_object_is() {
         let corner = |k: usize| DVec3::from_array(std::array::from_fn(|axis| [low, high][k >> axis & 1][axis]));
         let corners = (0..8).map(|k| pose.transform_point3(corner(k)));
         for coordinates in [Frame::World, Frame::Sensor] {
-            let options = ScanOptions { coordinates, ..options(BoxAxes::Object) };
+            let options = options(BoxAxes::Object).coordinates(coordinates);
             let cloud = built.scan(&sensor(), &Trajectory::fixed(sensor_pose), &options).unwrap();
             let cloud_end = sensor().beams().period;
             let [found] = cloud.boxes.as_deref().unwrap() else { panic!("one box") };
@@ -116,9 +109,9 @@ fn a_box_is_where_its_object_is() {
             assert!((0.0..cloud_end).contains(&found.time), "{}", found.time);
             assert_eq!((found.instance_id, found.track_id, found.category_id), (1, 1, 10));
             // Every point lies in its box, up to single precision.
-            assert!(found.points > 50 && found.points as usize == cloud.len && found.visible == 1.0);
+            assert!(found.points > 50 && found.points as usize == cloud.len() && found.visible == 1.0);
             let back = found.pose.orientation.inverse();
-            for row in 0..cloud.len {
+            for row in 0..cloud.len() {
                 let inside = (back * (cloud.position(row) - found.pose.position)).abs() - 0.5 * found.size;
                 assert!(inside.max_element() < 0.05, "{inside}");
             }
@@ -132,7 +125,7 @@ fn boxes_of_files_with_y_up_stand_upright() {
     let upright = DAffine3::from_quat(DQuat::from_rotation_x(std::f64::consts::FRAC_PI_2));
     let heading = DAffine3::from_rotation_z(0.5);
     let body = mesh(Shape::cuboid(DVec3::ZERO, DVec3::new(4.0, 1.5, 2.0)));
-    let object = Object { up: UpAxis::Y, ..thing(&body, at(10.0, 0.0, 0.0) * heading * upright) };
+    let object = thing(&body, at(10.0, 0.0, 0.0) * heading * upright).up(UpAxis::Y);
     let [found] = *boxes(&scene([object]).commit().unwrap(), BoxAxes::Object) else { panic!("one box") };
     assert_close("size", found.size, DVec3::new(4.0, 2.0, 1.5), 1e-6);
     assert_close("x", found.pose.orientation * DVec3::X, heading.transform_vector3(DVec3::X), 1e-9);
@@ -153,7 +146,7 @@ fn axes_of_the_frame_touch_the_mesh() {
     let body = mesh(Shape::cuboid(DVec3::ZERO, DVec3::new(2.0, 1.0, 1.0)));
     let built = scene([thing(&body, at(5.0, 0.0, 0.0))]).commit().unwrap();
     let sensor_pose = Pose::IDENTITY.with_rpy_deg(0.0, 0.0, 30.0);
-    let options = ScanOptions { coordinates: Frame::Sensor, ..options(BoxAxes::Frame) };
+    let options = options(BoxAxes::Frame).coordinates(Frame::Sensor);
     let cloud = built.scan(&sensor(), &Trajectory::fixed(sensor_pose), &options).unwrap();
     let [found] = cloud.boxes.as_deref().unwrap() else { panic!("one box") };
     assert!(found.pose.orientation.abs_diff_eq(DQuat::IDENTITY, 1e-9));
@@ -178,9 +171,9 @@ fn points_are_those_of_the_cloud() {
         for (index, object) in (1..).zip(&made) {
             // Some are not labelled.
             let instance_id = if index % 5 == 0 { 0 } else { 7 * index };
-            live.add(Object { instance_id, category_id: index % 3, ..object.clone() }).unwrap();
+            live.add(object.clone().instance_id(instance_id).category_id(index % 3)).unwrap();
         }
-        let options = ScanOptions { fields, environment: environment.clone(), ..options(BoxAxes::Object) };
+        let options = options(BoxAxes::Object).fields(fields).environment(environment.clone());
         scan(&live.commit().unwrap(), &options)
     };
     let cloud = scanned(1, FieldSet::default());
@@ -188,7 +181,7 @@ fn points_are_those_of_the_cloud() {
     assert_eq!(found.len(), 32);
     assert!(found.is_sorted_by_key(|found| found.instance_id));
     for InstanceBox { instance_id, points, visible, .. } in found {
-        let count = cloud.columns.instance_id.iter().filter(|id| *id == instance_id).count();
+        let count = cloud.columns().instance_id().iter().filter(|id| *id == instance_id).count();
         assert_eq!((*points as usize, *instance_id > 0), (count, true));
         assert!((0.0..=1.0).contains(visible));
     }
@@ -199,14 +192,14 @@ fn points_are_those_of_the_cloud() {
     // Without the columns that say it.
     let few = scanned(2, FieldSet::EMPTY.with(Field::Range));
     assert_eq!(few.boxes, cloud.boxes);
-    assert_eq!((few.columns.instance_id.len(), few.fields), (0, FieldSet::EMPTY.with(Field::Range)));
-    assert_eq!(few.columns.range, cloud.columns.range);
+    assert_eq!((few.columns().instance_id().len(), few.fields()), (0, FieldSet::EMPTY.with(Field::Range)));
+    assert_eq!(few.columns().range(), cloud.columns().range());
     // They change nothing.
     let mut live = scene(made.clone());
     let built = live.commit().unwrap();
     let with = scan(&built, &options(BoxAxes::Object));
-    let without = scan(&built, &ScanOptions { boxes: None, ..options(BoxAxes::Object) });
-    assert_eq!((without.boxes, &without.columns.x), (None, &with.columns.x));
+    let without = scan(&built, &options(BoxAxes::Object).boxes(None));
+    assert_eq!((&without.boxes, without.columns().x()), (&None, with.columns().x()));
 }
 
 /// What moves has its box where it is when it is asked for, and the velocity of the box's middle.
@@ -225,7 +218,7 @@ fn boxes_move_with_their_objects() {
             live.set_time(begin, 0.9).unwrap();
             let built = live.commit().unwrap();
             for freeze in [false, true] {
-                let options = ScanOptions { start_time, freeze, box_time: BoxTime::Start, ..options(BoxAxes::Object) };
+                let options = options(BoxAxes::Object).start_time(start_time).freeze(freeze).box_time(BoxTime::Start);
                 let cloud = scan(&built, &options);
                 let [found, still] = cloud.boxes.as_deref().unwrap() else { panic!("two boxes") };
                 let middle = pose(start_time).transform_point3(2.0 * DVec3::X);
@@ -248,13 +241,11 @@ fn boxes_move_with_their_objects() {
     assert_eq!(found.velocity, DVec3::ZERO);
     // In the sensor's frame velocities are over the ground all the same.
     live.set_time(0.3, 0.2).unwrap();
-    let options = ScanOptions {
-        start_time: 0.3,
-        trajectory_time: Some(0.0),
-        coordinates: Frame::Sensor,
-        box_time: BoxTime::Start,
-        ..options(BoxAxes::Object)
-    };
+    let options = options(BoxAxes::Object)
+        .start_time(0.3)
+        .trajectory_time(0.0)
+        .coordinates(Frame::Sensor)
+        .box_time(BoxTime::Start);
     let drive = |time: f64| Pose::at(3.0 * time, 0.0, 0.0).with_rpy_deg(0.0, 0.0, 90.0);
     let path = Trajectory::new(vec![(0.0, drive(0.0)), (1.0, drive(1.0))]).unwrap();
     let cloud = live.commit().unwrap().scan(&sensor(), &path, &options).unwrap();
@@ -300,7 +291,7 @@ fn share_inside(cloud: &PointCloud, ids: std::ops::RangeInclusive<u32>) -> f64 {
     let (mut all, mut inside) = (0, 0);
     for found in cloud.boxes.as_deref().unwrap().iter().filter(|found| ids.contains(&found.instance_id)) {
         let back = found.pose.orientation.inverse();
-        for row in (0..cloud.len).filter(|&row| cloud.columns.instance_id[row] == found.instance_id) {
+        for row in (0..cloud.len()).filter(|&row| cloud.columns().instance_id()[row] == found.instance_id) {
             let out = (back * (cloud.position(row) - found.pose.position)).abs() - 0.5 * found.size;
             (all, inside) = (all + 1, inside + u32::from(out.max_element() < 0.05));
         }
@@ -317,7 +308,7 @@ fn points_of_what_moves_lie_in_its_box() {
     live.set_time(0.3, 0.2).unwrap();
     let built = live.commit().unwrap();
     let scanned = |coordinates: Frame, box_time: BoxTime| {
-        let options = ScanOptions { start_time: 0.3, coordinates, box_time, ..options(BoxAxes::Object) };
+        let options = options(BoxAxes::Object).start_time(0.3).coordinates(coordinates).box_time(box_time);
         built.scan(&spinning(), &path, &options).unwrap()
     };
     for coordinates in [Frame::World, Frame::Sensor] {
@@ -326,8 +317,8 @@ fn points_of_what_moves_lie_in_its_box() {
         assert!(share_inside(&cloud, 1..=4) >= 0.99, "{}", share_inside(&cloud, 1..=4));
         assert!(share_inside(&cloud, 5..=5) >= 0.999, "{}", share_inside(&cloud, 5..=5));
         for found in cloud.boxes.as_deref().unwrap().iter().filter(|found| found.points > 0) {
-            let rows = (0..cloud.len).filter(|&row| cloud.columns.instance_id[row] == found.instance_id);
-            let times: Vec<f64> = rows.map(|row| cloud.columns.time[row]).collect();
+            let rows = (0..cloud.len()).filter(|&row| cloud.columns().instance_id()[row] == found.instance_id);
+            let times: Vec<f64> = rows.map(|row| cloud.columns().time()[row]).collect();
             assert_near("time", found.time, times.iter().sum::<f64>() / times.len() as f64, 1e-9);
         }
         for box_time in [BoxTime::Start, BoxTime::End] {
@@ -338,9 +329,9 @@ fn points_of_what_moves_lie_in_its_box() {
         }
     }
     // Without a point: in the middle of the scan.
-    let far = ScanOptions { mask: 2, start_time: 0.3, ..options(BoxAxes::Object) };
+    let far = options(BoxAxes::Object).mask(2).start_time(0.3);
     let hidden = thing(&mesh(Shape::cuboid(-DVec3::ONE, DVec3::ONE)), at(0.0, 0.0, 60.0));
-    let mut live = scene([Object { mask: 2, ..hidden }]);
+    let mut live = scene([hidden.mask(2)]);
     let cloud = live.commit().unwrap().scan(&spinning(), &Trajectory::fixed(Pose::IDENTITY), &far).unwrap();
     assert_near("time", cloud.boxes.unwrap()[0].time, 0.3 + 0.5 * spinning().beams().last_time(), 1e-12);
 }
@@ -357,9 +348,9 @@ fn boxes_at_the_seam_of_a_turn_hold_points() {
     let built = live.commit().unwrap();
     let cloud = built.scan(&spinning(), &Trajectory::fixed(Pose::IDENTITY), &options(BoxAxes::Object)).unwrap();
     let [found] = cloud.boxes.as_deref().unwrap() else { panic!("one box") };
-    let early = cloud.columns.time.iter().filter(|&&time| time < 0.05).count();
-    let larger = early.max(cloud.len - early) as f64 / cloud.len as f64;
-    assert!(early > 20 && cloud.len - early > 20 && larger < 0.8, "{early} of {}", cloud.len);
+    let early = cloud.columns().time().iter().filter(|&&time| time < 0.05).count();
+    let larger = early.max(cloud.len() - early) as f64 / cloud.len() as f64;
+    assert!(early > 20 && cloud.len() - early > 20 && larger < 0.8, "{early} of {}", cloud.len());
     assert!(found.time < 0.01 || found.time > 0.09, "{}", found.time);
     assert!(share_inside(&cloud, 1..=1) >= 0.99 * larger, "{}", share_inside(&cloud, 1..=1));
 }
@@ -373,42 +364,42 @@ fn points_come_back_to_the_start() {
     let built = live.commit().unwrap();
     let scanned = |coordinates: Frame, deskew: bool| {
         let fields = FieldSet::parse("default,normal_x,normal_y,normal_z,true_x,true_y,true_z").unwrap();
-        let options = ScanOptions { start_time: 0.3, coordinates, deskew, fields, ..options(BoxAxes::Object) };
+        let options = options(BoxAxes::Object).start_time(0.3).coordinates(coordinates).deskew(deskew).fields(fields);
         built.scan(&spinning(), &path, &options).unwrap()
     };
     for coordinates in [Frame::World, Frame::Sensor] {
         let [raw, cloud] = [false, true].map(|deskew| scanned(coordinates, deskew));
         let boxes = cloud.boxes.as_deref().unwrap();
-        assert_eq!((boxes.len(), cloud.len), (5, raw.len));
+        assert_eq!((boxes.len(), cloud.len()), (5, raw.len()));
         for found in boxes {
             assert_eq!(found.time, 0.3);
             let back = found.pose.orientation.inverse();
-            for row in (0..cloud.len).filter(|&row| cloud.columns.instance_id[row] == found.instance_id) {
+            for row in (0..cloud.len()).filter(|&row| cloud.columns().instance_id()[row] == found.instance_id) {
                 let own = back * (cloud.position(row) - found.pose.position);
                 let out = own.abs() - 0.5 * found.size;
                 assert!(out.max_element().abs() < 5e-4, "{}: {out}", found.instance_id);
                 // The normal is that of the face.
-                let [x, y, z] = [&cloud.columns.normal_x, &cloud.columns.normal_y, &cloud.columns.normal_z];
+                let [x, y, z] = [cloud.columns().normal_x(), cloud.columns().normal_y(), cloud.columns().normal_z()];
                 let normal = back * DVec3::new(x[row].into(), y[row].into(), z[row].into());
                 let face = own / (0.5 * found.size);
                 assert!((normal * face).max_element() > 0.999, "{}: {normal}, {face}", found.instance_id);
             }
         }
-        let (a, b) = (&raw.columns, &cloud.columns);
-        assert_eq!((&a.time, &a.range, &a.true_x, &a.true_y), (&b.time, &b.range, &b.true_x, &b.true_y));
-        assert_eq!((&a.instance_id, &a.intensity), (&b.instance_id, &b.intensity));
+        let (a, b) = (raw.columns(), cloud.columns());
+        assert_eq!((a.time(), a.range(), a.true_x(), a.true_y()), (b.time(), b.range(), b.true_x(), b.true_y()));
+        assert_eq!((a.instance_id(), a.intensity()), (b.instance_id(), b.intensity()));
         let moved = |row: usize| (raw.position(row) - cloud.position(row)).length();
-        assert!((0..cloud.len).any(|row| moved(row) > 0.5));
+        assert!((0..cloud.len()).any(|row| moved(row) > 0.5));
     }
     // In the sensor's frame at the start they are those of the world.
     let [world, sensor] = [Frame::World, Frame::Sensor].map(|coordinates| scanned(coordinates, true));
     let pose = sensor.sensor_pose;
-    for row in 0..world.len {
+    for row in 0..world.len() {
         let place = pose.position + pose.orientation * sensor.position(row);
         assert!((place - world.position(row)).length() < 1e-4);
     }
     let sonar = Sensor::preset("mbes_400").unwrap();
-    let asked = ScanOptions { deskew: true, ..ScanOptions::default() };
+    let asked = ScanOptions::default().deskew(true);
     let error = built.scan(&sonar, &Trajectory::fixed(Pose::at(0.0, 0.0, -2.0)), &asked).unwrap_err().to_string();
     assert!(error.starts_with("deskew is true; allowed: false for sonars"), "{error}");
 }
@@ -419,8 +410,8 @@ fn what_hides_half_of_a_plate_leaves_half() {
     let plate = mesh(Shape::plate(DVec3::ZERO, DVec3::X, 2.0));
     let hide =
         |material: Option<Material>| of_material(Shape::plate(DVec3::ZERO, DVec3::X, 3.0), material.map(Arc::new));
-    let glass = Material { transmission: 1.0, roughness: 0.0, ..Material::default() };
-    let mirror = Material { metallic: 1.0, roughness: 0.0, ..Material::default() };
+    let glass = Material::default().transmission(1.0).roughness(0.0);
+    let mirror = Material::default().metallic(1.0).roughness(0.0);
     // From the sensor, its right edge is where the plate's middle is.
     let before = at(5.0, 3.0, 0.0);
     let (wall, pane, mirror) = (hide(None), hide(Some(glass)), hide(Some(mirror)));
@@ -444,7 +435,7 @@ fn what_hides_half_of_a_plate_leaves_half() {
     unlabelled.add(thing(&wall, before)).unwrap();
     assert_eq!(boxes(&unlabelled.commit().unwrap(), BoxAxes::Object)[0].visible, half[0].1);
 
-    let fog = ScanOptions { environment: Environment::from_yaml("fog: {visibility_m: 5}").unwrap(), ..asked.clone() };
+    let fog = asked.clone().environment(Environment::from_yaml("fog: {visibility_m: 5}").unwrap());
     let mut noisy = sensor();
     noisy.set("noise.dropout", "0.9").unwrap();
     noisy.set("noise.pointing_sigma_deg", "1").unwrap();
@@ -465,10 +456,10 @@ fn boxes_are_of_what_the_scan_can_see() {
     let near = thing(&cube, at(10.0, 0.0, 0.0));
     let behind = thing(&cube, at(-100.5, 0.0, 0.0));
     let beyond = thing(&cube, at(-101.5, 0.0, 0.0));
-    let hidden = Object { mask: 2, ..thing(&cube, at(0.0, 20.0, 0.0)) };
+    let hidden = thing(&cube, at(0.0, 20.0, 0.0)).mask(2);
     let built = scene([near, behind, beyond, hidden]).commit().unwrap();
     let seen = |mask: u32| {
-        let options = ScanOptions { mask, ..options(BoxAxes::Object) };
+        let options = options(BoxAxes::Object).mask(mask);
         scan(&built, &options).boxes.unwrap().iter().map(|found| found.instance_id).collect::<Vec<_>>()
     };
     assert_eq!(seen(u32::MAX), [1, 2, 4]);
@@ -477,7 +468,7 @@ fn boxes_are_of_what_the_scan_can_see() {
     assert_eq!((found.points, found.visible), (0, 0.0));
 
     let turned = DAffine3::from_rotation_translation(DQuat::from_rotation_z(0.3), DVec3::new(10.0, 0.0, 0.0));
-    let numbered = |pose: DAffine3| Object { instance_id: 9, ..thing(&cube, pose) };
+    let numbered = |pose: DAffine3| thing(&cube, pose).instance_id(9);
     let built = scene([numbered(turned), numbered(turned * at(3.0, 0.0, 1.0))]).commit().unwrap();
     let [found] = *boxes(&built, BoxAxes::Object) else { panic!("one box") };
     assert_close("size", found.size, DVec3::new(5.0, 2.0, 3.0), 1e-6);
@@ -497,7 +488,7 @@ fn boxes_are_of_what_the_scan_can_see() {
 /// A sonar's points have boxes too; glass hides from sound.
 #[test]
 fn boxes_of_sonars_count_their_points() {
-    let pane = Material { transmission: 1.0, roughness: 0.0, ..Material::default() };
+    let pane = Material::default().transmission(1.0).roughness(0.0);
     let cube = mesh(Shape::cuboid(-DVec3::ONE, DVec3::ONE));
     let bed = mesh(Shape::plate(DVec3::ZERO, DVec3::Z, 40.0));
     let cover = of_material(Shape::plate(DVec3::ZERO, DVec3::Z, 2.0), Some(Arc::new(pane)));
@@ -509,7 +500,7 @@ fn boxes_of_sonars_count_their_points() {
     let found = cloud.boxes.as_deref().unwrap();
     assert_eq!(found.len(), 3);
     for found in found {
-        let count = cloud.columns.instance_id.iter().filter(|id| **id == found.instance_id).count();
+        let count = cloud.columns().instance_id().iter().filter(|id| **id == found.instance_id).count();
         assert_eq!(found.points as usize, count);
     }
     assert!(found[0].points > 50 && found[0].visible > 0.8);

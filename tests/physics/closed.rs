@@ -2,8 +2,8 @@
 //! inside and from outside, all of them where the library finds hits itself. Embree misses a few in a million of them,
 //! and of those at corners a few in a thousand (its issues 174 and 181).
 
-use echocast::scene::{Array, Scene};
-use echocast::{BuiltScene, Engine, Field, LiveScene, Pose, ScanOptions, Sensor, Trajectory};
+use echocast::scene::Array;
+use echocast::{BuiltScene, Engine, Field, LiveScene, Pose, ScanOptions, Scene, Sensor, Trajectory};
 use echocast_tests::reference::{Random, SceneBuilder, Shape, beams};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use std::ops::Range;
@@ -140,10 +140,10 @@ impl Body {
         beams.time = times;
         let sensor = Sensor::from_beams("test", beams).unwrap();
         let fields = [Field::TrueRange].into_iter().collect();
-        let options = ScanOptions { fields, organised: true, ..ScanOptions::default() };
+        let options = ScanOptions::default().fields(fields).organised(true);
         let path = Trajectory::fixed(Pose::at(eye.x, eye.y, eye.z));
         let cloud = self.built.scan(&sensor, &path, &options).unwrap();
-        for (&range, (distance, kind)) in cloud.columns.true_range.iter().zip(aims) {
+        for (&range, (distance, kind)) in cloud.columns().true_range().iter().zip(aims) {
             // Nothing is behind it that is as near.
             let is_met = f64::from(range) <= distance * (1.0 + 1e-3) + 1e-3;
             sums[kind] = [sums[kind][0] + usize::from(!is_met), sums[kind][1] + 1];

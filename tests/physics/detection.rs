@@ -9,8 +9,8 @@ use std::collections::BTreeMap;
 
 /// How many points a target gives.
 fn seen(sections: &str, [reflectance, range, angle]: [f64; 3], profile: Profile) -> usize {
-    let options = ScanOptions { profile, ..ScanOptions::default() };
-    scan(&target(reflectance, range, angle), &one_beam(sections), options).len
+    let options = ScanOptions::default().profile(profile);
+    scan(&target(reflectance, range, angle), &one_beam(sections), options).len()
 }
 
 #[test]
@@ -45,7 +45,7 @@ fn the_data_sheet_line_is_the_least_power() {
     let line = "detection: {model: radar_equation, reflectance: 0.9, at_m: 200}\nintensity: {encoding: power}";
     for [rho, range] in [[0.9, 199.99], [0.1, 66.66], [0.05, 47.137]] {
         let cloud = scan(&target(rho, range, 0.0), &one_beam(line), ScanOptions::default());
-        assert_near("least power", f64::from(cloud.columns.intensity[0]) / 7.162_0e-6, 1.0, 3e-4);
+        assert_near("least power", f64::from(cloud.columns().intensity()[0]) / 7.162_0e-6, 1.0, 3e-4);
         assert_eq!(seen(line, [rho, range * 1.0005, 0.0], Profile::Physical), 0);
     }
 }
@@ -76,10 +76,10 @@ fn the_linear_limit_is_that_of_its_table() {
             let limit = table.number(row, column);
             // The intensity of undetected points is 0 where they are kept at all.
             let detected = |rho: f64| {
-                let options = ScanOptions { profile, ..ScanOptions::default() };
+                let options = ScanOptions::default().profile(profile);
                 let cloud = scan(&target(rho, range, 0.0), &one_beam(&sections), options);
-                assert!(profile == Profile::Physical || cloud.len == 1, "the program keeps undetected points");
-                cloud.columns.intensity.iter().any(|&intensity| intensity > 0.0)
+                assert!(profile == Profile::Physical || cloud.len() == 1, "the program keeps undetected points");
+                cloud.columns().intensity().iter().any(|&intensity| intensity > 0.0)
             };
             assert!(limit + 1e-5 > 1.0 || detected(limit + 1e-5), "row {row}: {limit} at {range} m");
             assert!(limit == 0.0 || !detected((limit - 1e-5).min(1.0)), "row {row}: {limit} at {range} m");
@@ -118,8 +118,8 @@ fn weather_shortens_the_range_of_the_radar_equation() {
         let environment = Environment::from_yaml(yaml).unwrap();
         let (rho, limit) = (table.number(row, "rho"), table.number(row, "R_max_m"));
         for (range, expected) in [(limit * (1.0 - 1e-4), 1), (limit * (1.0 + 1e-4), 0)] {
-            let options = ScanOptions { environment: environment.clone(), ..ScanOptions::default() };
-            assert_eq!(scan(&target(rho, range, 0.0), &sensor, options).len, expected, "{rho} {yaml} at {range} m");
+            let options = ScanOptions::default().environment(environment.clone());
+            assert_eq!(scan(&target(rho, range, 0.0), &sensor, options).len(), expected, "{rho} {yaml} at {range} m");
         }
     }
 }
@@ -130,16 +130,15 @@ fn profile_blainder_gives_what_the_program_gives() {
     assert_eq!(table.len(), 13);
     for row in 0..table.len() {
         let environment = program_weather(&table, row);
-        let options =
-            ScanOptions { profile: Profile::Blainder, environment: environment.clone(), ..ScanOptions::default() };
+        let options = ScanOptions::default().profile(Profile::Blainder).environment(environment.clone());
         let number = |column| table.number(row, column);
         let scene = target(number("pixel_alpha"), number("distance_m"), number("theta_deg"));
         let cloud = scan(&scene, &one_beam(&limit_section(&table, row)), options);
-        assert_eq!(cloud.len, 1, "undetected points are kept");
-        assert_near("intensity", cloud.columns.intensity[0].into(), number("stored_intensity"), 1e-6);
+        assert_eq!(cloud.len(), 1, "undetected points are kept");
+        assert_near("intensity", cloud.columns().intensity()[0].into(), number("stored_intensity"), 1e-6);
         let range = number("reported_distance_m_no_noise");
-        assert_near("range", cloud.columns.range[0].into(), range, 1e-6 * range);
-        let noise = environment.rain.first().map_or(0.0, |rain| rain.what.range_noise() * number("distance_m"));
+        assert_near("range", cloud.columns().range()[0].into(), range, 1e-6 * range);
+        let noise = environment.rain.first().map_or(0.0, |rain| rain.what.range_sigma() * number("distance_m"));
         assert_near("sigma of rain", noise, number("rain_noise_sigma_m"), 1e-6 * noise);
     }
 }
@@ -150,10 +149,10 @@ fn program_weather(table: &Table, row: usize) -> Environment {
     let number = |column| table.number(row, column);
     let mut environment = Environment::default();
     if there("rain_mm_h") {
-        environment.rain = vec![Rain { range_noise: Some(false), ..Rain::new(number("rain_mm_h")) }.into()];
+        environment.rain = vec![Rain::new(number("rain_mm_h")).range_noise(false).into()];
     }
     if there("dust_n") {
-        let what = Dust { radius_um: number("dust_r_um"), per_m3: number("dust_n"), q_ext: 1.0, lidar_ratio_sr: None };
+        let what = Dust::new(number("dust_r_um"), number("dust_n"));
         let region = Region::Shell { start_m: number("dust_start_m"), length_m: number("dust_L_m") };
         environment.dust = vec![Placed { what, region }];
     }
@@ -177,8 +176,8 @@ fn ranges_outside_the_limits_are_not_reported_and_still_block() {
         ("detection: {model: radar_equation, reflectance: 1, at_m: 4}", false),
     ] {
         let cloud = scan(&built, &one_beam(sections), ScanOptions::default());
-        assert_eq!(cloud.len, usize::from(reported), "{sections}");
-        for &range in &cloud.columns.range {
+        assert_eq!(cloud.len(), usize::from(reported), "{sections}");
+        for &range in cloud.columns().range() {
             assert_near("range", range.into(), 5.0, 1e-6);
         }
     }
@@ -229,27 +228,27 @@ fn noise_decides_what_is_seen() {
     let sections = format!("detection: {{model: statistical, reflectance: {rho}, at_m: {at_m}, tnr: {tnr}}}");
     let all = scan(&wall(), &camera(""), ScanOptions::default());
     let cloud = scan(&wall(), &camera(&sections), ScanOptions::default().seed(3));
-    let c = &all.columns;
+    let c = all.columns();
     let chance = |row: usize| {
-        let strength = 0.5 * f64::from(c.cos_incidence[row]) / f64::from(c.true_range[row]).powi(2);
+        let strength = 0.5 * f64::from(c.cos_incidence()[row]) / f64::from(c.true_range()[row]).powi(2);
         normal_distribution((tnr + 1.281_551_566) * strength / (rho / (at_m * at_m)) - tnr)
     };
-    assert!(cloud.len > 20_000 && cloud.len < 80_000, "{}", cloud.len);
-    assert_count("echoes", cloud.len, (0..all.len).map(chance));
+    assert!(cloud.len() > 20_000 && cloud.len() < 80_000, "{}", cloud.len());
+    assert_count("echoes", cloud.len(), (0..all.len()).map(chance));
     // Not only in total: those seen with one chance in ten to nine in ten.
-    let between: Vec<usize> = (0..all.len).filter(|&row| (0.1..0.9).contains(&chance(row))).collect();
-    let seen: BTreeMap<u32, usize> = (0..cloud.len).map(|row| (cloud.columns.beam[row], row)).collect();
-    let found = between.iter().filter(|&&row| seen.contains_key(&c.beam[row])).count();
+    let between: Vec<usize> = (0..all.len()).filter(|&row| (0.1..0.9).contains(&chance(row))).collect();
+    let seen: BTreeMap<u32, usize> = (0..cloud.len()).map(|row| (cloud.columns().beam()[row], row)).collect();
+    let found = between.iter().filter(|&&row| seen.contains_key(&c.beam()[row])).count();
     assert!(between.len() > 5000);
     assert_count("uncertain echoes", found, between.iter().map(|&row| chance(row)));
     for (beam, &row) in &seen {
-        assert_eq!(cloud.columns.range[row], c.range[*beam as usize]);
+        assert_eq!(cloud.columns().range()[row], c.range()[*beam as usize]);
     }
     // The paper's program uses the line alone.
-    let program = ScanOptions { profile: Profile::Blainder, ..ScanOptions::default() };
+    let program = ScanOptions::default().profile(Profile::Blainder);
     let seen = |sections: &str| {
         let cloud = scan(&wall(), &camera(sections), program.clone());
-        cloud.columns.intensity.iter().filter(|&&intensity| intensity > 0.0).count()
+        cloud.columns().intensity().iter().filter(|&&intensity| intensity > 0.0).count()
     };
     assert_eq!(
         seen(&sections),
@@ -261,12 +260,7 @@ fn noise_decides_what_is_seen() {
 #[test]
 fn noise_decides_what_is_seen_of_mirrors_and_dust() {
     let mut scene = SceneBuilder::new();
-    let metal = Material {
-        reflectance: Some(Reflectance::Constant(0.9)),
-        metallic: 1.0,
-        roughness: 0.0,
-        ..Material::default()
-    };
+    let metal = Material::default().reflectance(Reflectance::Constant(0.9)).metallic(1.0).roughness(0.0);
     let (mirror, paint) = (scene.material(metal), scene.reflector(0.5));
     scene.stand(Shape::plate(5.0 * DVec3::X, DVec3::new(-1.0, 0.1, 0.0).normalize(), 50.0), Some(mirror));
     scene.stand(Shape::plate(-3.0 * DVec3::X, DVec3::X, 100.0), Some(paint));
@@ -278,17 +272,17 @@ fn noise_decides_what_is_seen_of_mirrors_and_dust() {
     for (scene, cause, weather, line) in cases {
         let seen = |detection: &str| {
             let environment = Environment::from_yaml(weather).unwrap();
-            let options = ScanOptions { environment, ..ScanOptions::default().seed(7) };
+            let options = ScanOptions::default().seed(7).environment(environment);
             scan(&scene, &camera(&format!("beam: {{pulse_ns: 5}}\ndetection: {{model: {detection}}}")), options)
         };
         let (all, cloud) = (seen("none"), seen(&format!("statistical, {line}, tnr: 5")));
-        assert!(cloud.columns.cause.iter().all(|&found| found == cause as u8));
+        assert!(cloud.columns().cause().iter().all(|&found| found == cause as u8));
         let numbers: Vec<f64> = line.split([' ', ',']).filter_map(|word| word.parse().ok()).collect();
         let strength =
-            |row: usize| f64::from(all.columns.intensity[row]) / f64::from(all.columns.true_range[row]).powi(2);
+            |row: usize| f64::from(all.columns().intensity()[row]) / f64::from(all.columns().true_range()[row]).powi(2);
         let snr = |row: usize| 6.281_551_566 * strength(row) / (numbers[0] / numbers[1].powi(2));
-        assert!(cloud.len > 5000 && cloud.len + 5000 < all.len, "{cause:?} {} of {}", cloud.len, all.len);
-        assert_count(line, cloud.len, (0..all.len).map(|row| normal_distribution(snr(row) - 5.0)));
+        assert!(cloud.len() > 5000 && cloud.len() + 5000 < all.len(), "{cause:?} {} of {}", cloud.len(), all.len());
+        assert_count(line, cloud.len(), (0..all.len()).map(|row| normal_distribution(snr(row) - 5.0)));
     }
 }
 
@@ -303,19 +297,21 @@ fn false_alarms_come_evenly() {
     };
     let cloud = scan(&nothing_ahead(), &receiver(200.0, "last"), ScanOptions::default().seed(3));
     let per_m = 0.025_841_8 / 200.0;
-    assert_count("alarms", cloud.len, (0..90_000).map(|_| 1.0 - (-0.025_841_8f64).exp()));
-    let c = &cloud.columns;
-    assert!(c.cause.iter().all(|&cause| cause == Cause::FalseAlarm as u8));
-    assert!(c.category_id.iter().chain(&c.instance_id).all(|&id| id == 0) && c.normal_x.iter().all(|x| x.is_nan()));
-    assert!(c.range == c.true_range && c.range.iter().all(|range| (0.0..200.0).contains(range)));
+    assert_count("alarms", cloud.len(), (0..90_000).map(|_| 1.0 - (-0.025_841_8f64).exp()));
+    let c = cloud.columns();
+    assert!(c.cause().iter().all(|&cause| cause == Cause::FalseAlarm as u8));
+    assert!(
+        c.category_id().iter().chain(c.instance_id()).all(|&id| id == 0) && c.normal_x().iter().all(|x| x.is_nan())
+    );
+    assert!(c.range() == c.true_range() && c.range().iter().all(|range| (0.0..200.0).contains(range)));
     // The last of one or more: slightly beyond the middle. Three standard errors of a uniform distribution.
-    let mean = c.range.iter().map(|&range| f64::from(range)).sum::<f64>() / cloud.len as f64;
+    let mean = c.range().iter().map(|&range| f64::from(range)).sum::<f64>() / cloud.len() as f64;
     let expected = 100.0 * (1.0 + per_m * 200.0 / 6.0);
-    assert_near("mean range", mean, expected, 3.0 * 200.0 / (12.0 * cloud.len as f64).sqrt());
+    assert_near("mean range", mean, expected, 3.0 * 200.0 / (12.0 * cloud.len() as f64).sqrt());
     // At least as strong as the threshold.
     let unit = 0.8 / 1e4 / (4.0 + 1.281_551_566);
     let strengths =
-        c.intensity.iter().zip(&c.range).map(|(&rho, &range)| f64::from(rho) / f64::from(range).powi(2) / unit);
+        c.intensity().iter().zip(c.range()).map(|(&rho, &range)| f64::from(rho) / f64::from(range).powi(2) / unit);
     assert!(strengths.into_iter().all(|strength| strength > 4.0 - 1e-4));
 
     // In front of a wall: in mode first each beam up to the wall; in mode strongest never, the wall's echo being
@@ -323,13 +319,13 @@ fn false_alarms_come_evenly() {
     let plain = scan(&wall(), &camera(""), ScanOptions::default());
     for (mode, before) in [("first", true), ("strongest", false)] {
         let cloud = scan(&wall(), &receiver(40.0, mode), ScanOptions::default().seed(2));
-        assert_eq!(cloud.len, 90_000);
-        let c = &cloud.columns;
-        let alarms = c.cause.iter().filter(|&&cause| cause == Cause::FalseAlarm as u8).count();
-        let ranges = plain.columns.range.iter().map(|&range| f64::from(range));
+        assert_eq!(cloud.len(), 90_000);
+        let c = cloud.columns();
+        let alarms = c.cause().iter().filter(|&&cause| cause == Cause::FalseAlarm as u8).count();
+        let ranges = plain.columns().range().iter().map(|&range| f64::from(range));
         assert_count(mode, alarms, ranges.map(|range| if before { 1.0 - (-per_m * range).exp() } else { 0.0 }));
-        for row in (0..cloud.len).filter(|&row| c.cause[row] == Cause::Surface as u8) {
-            assert_eq!(c.range[row], plain.columns.range[row], "surfaces stay where they are");
+        for row in (0..cloud.len()).filter(|&row| c.cause()[row] == Cause::Surface as u8) {
+            assert_eq!(c.range()[row], plain.columns().range()[row], "surfaces stay where they are");
         }
     }
 }
@@ -340,9 +336,9 @@ fn false_alarms_come_evenly() {
 #[test]
 fn sunlight_costs_range_or_adds_alarms() {
     let (noise, plain) = (1.3973, scan(&wall(), &camera(""), ScanOptions::default()));
-    let c = &plain.columns;
+    let c = plain.columns();
     let snr = |row: usize| {
-        let strength = 0.5 * f64::from(c.cos_incidence[row]) / f64::from(c.true_range[row]).powi(2);
+        let strength = 0.5 * f64::from(c.cos_incidence()[row]) / f64::from(c.true_range()[row]).powi(2);
         6.281_551_566 * strength / (0.1 / 64.0)
     };
     let sections = |bandwidth: f64, sun: &str| {
@@ -359,12 +355,12 @@ fn sunlight_costs_range_or_adds_alarms() {
         }];
     for (sun, chance) in ["", &follows, &fixed].into_iter().zip(chances) {
         let cloud = scan(&wall(), &camera(&sections(0.0, sun)), ScanOptions::default().seed(6));
-        assert_count(sun, cloud.len, (0..plain.len).map(|row| chance(snr(row))));
+        assert_count(sun, cloud.len(), (0..plain.len()).map(|row| chance(snr(row))));
     }
     for (sun, tnr) in [("", 5.0), (&follows, 5.0), (&fixed, 5.0 / noise)] {
         let cloud = scan(&nothing_ahead(), &camera(&sections(100.0, sun)), ScanOptions::default().seed(6));
         let mean = 1e8 / 3f64.sqrt() * f64::exp(-tnr * tnr / 2.0) * 2.0 * 40.0 / 299_792_458.0;
-        assert_count(sun, cloud.len, (0..90_000).map(|_| 1.0 - (-mean).exp()));
+        assert_count(sun, cloud.len(), (0..90_000).map(|_| 1.0 - (-mean).exp()));
     }
 }
 
@@ -379,7 +375,7 @@ fn weak_channels_see_less_far() {
     let per_channel = |sections: &str| {
         let cloud = scan(&wall(), &sensor(sections), ScanOptions::default());
         let mut sums = [(0, 0.0); 3];
-        for (&channel, &intensity) in cloud.columns.channel.iter().zip(&cloud.columns.intensity) {
+        for (&channel, &intensity) in cloud.columns().channel().iter().zip(cloud.columns().intensity()) {
             let (count, sum) = &mut sums[usize::from(channel)];
             (*count, *sum) = (*count + 1, *sum + f64::from(intensity));
         }
@@ -417,8 +413,8 @@ fn strong_echoes_saturate() {
             let sensor = one_beam(&format!("{line}\nintensity: {{encoding: {encoding}}}"));
             let cloud = scan(&target(0.5, range, 0.0), &sensor, ScanOptions::default());
             let expected = if encoding == "reflectivity8" { (scale * expected).round() } else { scale * expected };
-            assert_near(encoding, cloud.columns.intensity[0].into(), expected, 1e-5 * expected);
-            assert_near("range", cloud.columns.range[0].into(), range, 1e-5 * range);
+            assert_near(encoding, cloud.columns().intensity()[0].into(), expected, 1e-5 * expected);
+            assert_near("range", cloud.columns().range()[0].into(), range, 1e-5 * range);
         }
     }
 }
@@ -434,8 +430,8 @@ fn the_leading_edge_of_strong_echoes_comes_early() {
             "beam: {{pulse_ns: 5}}\ndetection: {{model: radar_equation, reflectance: 0.8, at_m: {at_m}, timing: leading_edge}}"
         );
         let cloud = scan(&built, &one_beam(&sections), ScanOptions::default());
-        assert_near("range", cloud.columns.range[0].into(), 20.0 - walk, 1e-3);
-        assert_near("true range", cloud.columns.true_range[0].into(), 20.0, 1e-4);
+        assert_near("range", cloud.columns().range()[0].into(), 20.0 - walk, 1e-3);
+        assert_near("true range", cloud.columns().true_range()[0].into(), 20.0, 1e-4);
     }
 }
 
@@ -449,13 +445,13 @@ fn bright_surfaces_bloom() {
     let sensor = Sensor::from_yaml(&format!("{pattern}\n{sections}\n"), "").unwrap();
     let look = |scattering: Scattering| {
         let mut scene = SceneBuilder::new();
-        let paint = Material { reflectance: Some(Reflectance::Constant(1.0)), scattering, ..Material::default() };
+        let paint = Material::default().reflectance(Reflectance::Constant(1.0)).scattering(scattering);
         let paint = scene.material(paint);
         scene.stand(Shape::plate(DVec3::X * 20.0, -DVec3::X, 0.5), Some(paint));
-        scan(&scene.finish().build().unwrap(), &sensor, ScanOptions { organised: true, ..ScanOptions::default() })
+        scan(&scene.finish().build().unwrap(), &sensor, ScanOptions::default().organised(true))
     };
     let white = look(Scattering::Lambert);
-    let met = |beam: usize| white.columns.range[beam].is_finite();
+    let met = |beam: usize| white.columns().range()[beam].is_finite();
     let plate: Vec<usize> = (0..401).filter(|&beam| met(beam)).collect();
     assert!((50..60).contains(&plate.len()), "{}", plate.len());
     let cloud = look(Scattering::RetroReflector { samples: vec![RetroSample { angle_deg: 70.0, cd_lx_m2: 250.0 }] });
@@ -469,15 +465,15 @@ fn bright_surfaces_bloom() {
         for &other in plate.iter().filter(|&&other| other != beam) {
             expected += 785.4 * 1e-3 * (-direction(beam).angle_between(direction(other)).to_degrees() / 0.3).exp();
         }
-        let seen = cloud.columns.range[beam].is_finite();
+        let seen = cloud.columns().range()[beam].is_finite();
         if (expected / 400.0 / threshold - 1.0).abs() > 0.02 {
             assert_eq!(seen, expected / 400.0 > threshold, "{beam}");
         }
         if seen {
-            assert_near("intensity", cloud.columns.intensity[beam].into(), expected, 0.02 * expected);
-            assert_near("range", cloud.columns.range[beam].into(), 20.0, 0.01);
+            assert_near("intensity", cloud.columns().intensity()[beam].into(), expected, 0.02 * expected);
+            assert_near("range", cloud.columns().range()[beam].into(), 20.0, 0.01);
             let cause = if met(beam) { Cause::Surface } else { Cause::Multipath };
-            assert_eq!((cloud.columns.cause[beam], cloud.columns.category_id[beam]), (cause as u8, 1));
+            assert_eq!((cloud.columns().cause()[beam], cloud.columns().category_id()[beam]), (cause as u8, 1));
             halo += usize::from(!met(beam));
         }
     }

@@ -30,26 +30,26 @@ fn drive(velocity: DVec3) -> Trajectory {
 
 /// Measured minus true velocity, of every row.
 fn errors(cloud: &PointCloud) -> Vec<f64> {
-    let c = &cloud.columns;
-    c.doppler.iter().zip(&c.radial_velocity).map(|(&is, &truth)| f64::from(is) - f64::from(truth)).collect()
+    let c = cloud.columns();
+    c.doppler().iter().zip(c.radial_velocity()).map(|(&is, &truth)| f64::from(is) - f64::from(truth)).collect()
 }
 
 #[test]
 fn the_error_is_gaussian() {
     let options = || ScanOptions::default().seed(3).fields(FieldSet::all());
     let cloud = wall().scan(&fmcw("doppler: {sigma_m_s: 0.05}"), &drive(DVec3::X), &options()).unwrap();
-    assert_eq!(cloud.len, 90_000);
+    assert_eq!(cloud.len(), 90_000);
     assert_gaussian(&errors(&cloud), 0.0, 0.05);
     // The noise changes no other column, and an exact instrument measures the truth.
     let exact = wall().scan(&fmcw("doppler: {}"), &drive(DVec3::X), &options()).unwrap();
-    assert_eq!(exact.columns.doppler, cloud.columns.radial_velocity);
+    assert_eq!(exact.columns().doppler(), cloud.columns().radial_velocity());
     for info in FIELDS.iter().filter(|info| info.field != Field::Doppler) {
         assert_eq!(exact.column(info.field).bytes(), cloud.column(info.field).bytes(), "{}", info.name);
     }
     let alone = options().fields(FieldSet::EMPTY.with(Field::Doppler));
     let alone = wall().scan(&fmcw("doppler: {sigma_m_s: 0.05}"), &drive(DVec3::X), &alone).unwrap();
-    assert_eq!(alone.columns.doppler, cloud.columns.doppler);
-    assert!(alone.columns.radial_velocity.is_empty());
+    assert_eq!(alone.columns().doppler(), cloud.columns().doppler());
+    assert!(alone.columns().radial_velocity().is_empty());
 }
 
 /// The world stands still: it approaches a sensor that drives by `-v cos`, at every angle.
@@ -58,10 +58,10 @@ fn a_still_world_approaches_a_driving_sensor() {
     let velocity = DVec3::new(21.0, -4.0, 1.0);
     let options = ScanOptions::default().fields(FieldSet::all());
     let cloud = wall().scan(&fmcw("doppler: {}"), &drive(velocity), &options).unwrap();
-    let (c, beams) = (&cloud.columns, fmcw("").beams().clone());
-    for row in 0..cloud.len {
-        let along = vector(&beams.dir_x, &beams.dir_y, &beams.dir_z, c.beam[row] as usize);
-        assert_near("doppler", c.doppler[row].into(), -velocity.dot(along), 1e-5);
+    let (c, beams) = (cloud.columns(), fmcw("").beams().clone());
+    for row in 0..cloud.len() {
+        let along = vector(&beams.dir_x, &beams.dir_y, &beams.dir_z, c.beam()[row] as usize);
+        assert_near("doppler", c.doppler()[row].into(), -velocity.dot(along), 1e-5);
     }
 }
 
@@ -75,14 +75,14 @@ fn velocities_wrap_after_the_noise() {
     let wrapped = scan("{sigma_m_s: 0.5, ambiguity_m_s: 10}");
     let endless = scan("{sigma_m_s: 0.5}");
     let mut turns = 0;
-    for (&is, &whole) in wrapped.columns.doppler.iter().zip(&endless.columns.doppler) {
+    for (&is, &whole) in wrapped.columns().doppler().iter().zip(endless.columns().doppler()) {
         assert!((-5.0..5.0).contains(&is), "{is}");
         let turn = f64::from(whole - is) / 10.0;
         assert_near("turns", turn, turn.round(), 1e-6);
         turns = turns.min(turn.round() as i32);
     }
     assert_eq!(turns, -2);
-    assert_eq!(wrapped.columns.radial_velocity, endless.columns.radial_velocity);
+    assert_eq!(wrapped.columns().radial_velocity(), endless.columns().radial_velocity());
 }
 
 /// A wall that comes nearer at 30 m/s.
@@ -104,11 +104,11 @@ fn presets_see_a_wall_approach() {
         assert!(fields.contains(Field::Doppler) && !fields.contains(Field::RadialVelocity), "{name}");
         let options = ScanOptions::default().fields(fields.with(Field::Beam));
         let cloud = built.scan(&sensor, &Trajectory::fixed(Pose::IDENTITY), &options).unwrap();
-        assert!(cloud.len > 10_000, "{name}: {}", cloud.len);
-        let c = &cloud.columns;
+        assert!(cloud.len() > 10_000, "{name}: {}", cloud.len());
+        let c = cloud.columns();
         let beams = sensor.beams();
-        let errors =
-            (0..cloud.len).map(|row| f64::from(c.doppler[row]) + 30.0 * f64::from(beams.dir_x[c.beam[row] as usize]));
+        let errors = (0..cloud.len())
+            .map(|row| f64::from(c.doppler()[row]) + 30.0 * f64::from(beams.dir_x[c.beam()[row] as usize]));
         assert_gaussian(&errors.collect::<Vec<_>>(), 0.0, sigma);
     }
 }
@@ -116,27 +116,25 @@ fn presets_see_a_wall_approach() {
 /// What is in the air stands still, and approaches a driving sensor as the world does; noise is anywhere.
 #[test]
 fn drops_stand_still_and_false_alarms_do_anything() {
-    let rain = ScanOptions {
-        environment: Environment::from_yaml("{rain: {rate_mm_h: 50}}").unwrap(),
-        fields: FieldSet::all(),
-        ..ScanOptions::default()
-    };
+    let rain = ScanOptions::default()
+        .environment(Environment::from_yaml("{rain: {rate_mm_h: 50}}").unwrap())
+        .fields(FieldSet::all());
     let receiver = "range: {max_m: 150}\nbeam: {pulse_ns: 5, divergence_mrad: 3}\ndetection: {model: statistical, \
                     reflectance: 0.1, at_m: 100, tnr: 3.5, bandwidth_mhz: 300}\n";
     for (ambiguity, mode) in [("ambiguity_m_s: 40", "strongest"), ("ambiguity_m_s: 40", "all"), ("", "strongest")] {
         let sensor = fmcw(&format!("{receiver}returns: {{mode: {mode}}}\ndoppler: {{{ambiguity}}}"));
         let empty = SceneBuilder::new().finish().build().unwrap();
         let cloud = empty.scan(&sensor, &drive(7.0 * DVec3::X), &rain).unwrap();
-        let (c, beams) = (&cloud.columns, sensor.beams());
+        let (c, beams) = (cloud.columns(), sensor.beams());
         let (mut drops, mut alarms) = (0, Vec::new());
-        for row in 0..cloud.len {
-            let ahead = f64::from(beams.dir_x[c.beam[row] as usize]);
-            assert_near("true velocity", c.radial_velocity[row].into(), -7.0 * ahead, 1e-5);
-            if c.cause[row] == Cause::FalseAlarm as u8 {
-                alarms.push(f64::from(c.doppler[row]));
+        for row in 0..cloud.len() {
+            let ahead = f64::from(beams.dir_x[c.beam()[row] as usize]);
+            assert_near("true velocity", c.radial_velocity()[row].into(), -7.0 * ahead, 1e-5);
+            if c.cause()[row] == Cause::FalseAlarm as u8 {
+                alarms.push(f64::from(c.doppler()[row]));
             } else {
                 drops += 1;
-                assert_eq!(c.doppler[row], c.radial_velocity[row]);
+                assert_eq!(c.doppler()[row], c.radial_velocity()[row]);
             }
         }
         let n = alarms.len() as f64;
@@ -158,7 +156,7 @@ fn drops_stand_still_and_false_alarms_do_anything() {
 fn instruments_without_doppler_say_so() {
     let mut sensor = fmcw("");
     let cloud = scan(&wall(), &sensor, ScanOptions::default());
-    assert!(cloud.len == 90_000 && cloud.columns.doppler.iter().all(|velocity| velocity.is_nan()));
+    assert!(cloud.len() == 90_000 && cloud.columns().doppler().iter().all(|velocity| velocity.is_nan()));
     assert_eq!(sensor.default_fields(), FieldSet::default());
     assert!(!FieldSet::default().contains(Field::Doppler));
     let explain = |sensor: &Sensor| {

@@ -125,18 +125,18 @@ struct Made {
 
 /// What is wrong with a scan; an error is nothing wrong.
 fn fault(scene: &BuiltScene, sensor: &Sensor, environment: &Environment, made: &mut Made) -> Option<String> {
-    let options = ScanOptions { fields: FieldSet::all(), environment: environment.clone(), ..ScanOptions::default() };
+    let options = ScanOptions::default().fields(FieldSet::all()).environment(environment.clone());
     let place = Trajectory::fixed(Pose::at(0.0, 0.0, 0.0));
     let scanned = catch_unwind(AssertUnwindSafe(|| scene.scan(sensor, &place, &options)));
     let Ok(scanned) = scanned else { return Some("panics".into()) };
     let cloud = scanned.ok()?;
-    (made.scans, made.points) = (made.scans + 1, made.points + cloud.len);
+    (made.scans, made.points) = (made.scans + 1, made.points + cloud.len());
     // Some columns say of themselves when they are no numbers.
-    let sure = FIELDS.iter().filter(|info| cloud.fields.contains(info.field) && !info.meaning.contains("NaN"));
-    for (info, row) in sure.flat_map(|info| (0..cloud.len).map(move |row| (info, row))) {
+    let sure = FIELDS.iter().filter(|info| cloud.fields().contains(info.field) && !info.meaning.contains("NaN"));
+    for (info, row) in sure.flat_map(|info| (0..cloud.len()).map(move |row| (info, row))) {
         let value = cloud.column(info.field).get_f64(row);
         if value.is_nan() || value.is_infinite() && info.field != Field::Intensity {
-            return Some(format!("{} of row {row} of {} is {value}", info.name, cloud.len));
+            return Some(format!("{} of row {row} of {} is {value}", info.name, cloud.len()));
         }
     }
     None

@@ -28,8 +28,8 @@ fn scan(scene: &Scene, trajectory: &Trajectory, options: ScanOptions) -> PointCl
 }
 
 fn flow(cloud: &PointCloud, row: usize) -> DVec3 {
-    let c = &cloud.columns;
-    vector(&c.flow_x, &c.flow_y, &c.flow_z, row)
+    let c = cloud.columns();
+    vector(c.flow_x(), c.flow_y(), c.flow_z(), row)
 }
 
 /// How far `point` is from the nearest of `triangles`, which that is, and the weights of its corners there.
@@ -65,13 +65,13 @@ fn points_moved_by_their_flow_stay_on_their_objects() {
         let moving = Moving::random(&mut Random::new(seed));
         let scene = moving.load(folder.path());
         let drive = Trajectory::new(vec![(0.0, Pose::IDENTITY), (1.0, Pose::at(9.0, 2.0, 1.0))]).unwrap();
-        let options = ScanOptions { start_time, frame_period: period, ..ScanOptions::default() };
+        let options = ScanOptions::default().start_time(start_time).frame_period(period);
         let cloud = scan(&scene, &drive, options.clone());
-        for row in 0..cloud.len {
-            let object = cloud.columns.instance_id[row] as usize;
+        for row in 0..cloud.len() {
+            let object = cloud.columns().instance_id()[row] as usize;
             let name = &scene.objects.iter().find(|found| found.instance_id == object as u32).unwrap().name;
             let actor = moving.actors.iter().find(|actor| actor.name == *name).unwrap();
-            let time = cloud.columns.time[row];
+            let time = cloud.columns().time()[row];
             let (off, triangle, weights) = nearest(cloud.position(row), &actor.triangles(time));
             assert!(off < 1.1e-3, "{name}: point {row} is {off} m off the object");
             let later = actor.triangles(time + period.unwrap_or(0.1));
@@ -83,8 +83,11 @@ fn points_moved_by_their_flow_stay_on_their_objects() {
             met[object] += 1;
         }
         // In the world, whatever the coordinates.
-        let own = scan(&scene, &drive, ScanOptions { coordinates: Frame::Sensor, ..options });
-        assert!(own.columns.flow_x == cloud.columns.flow_x && own.columns.velocity_z == cloud.columns.velocity_z);
+        let own = scan(&scene, &drive, options.coordinates(Frame::Sensor));
+        assert!(
+            own.columns().flow_x() == cloud.columns().flow_x()
+                && own.columns().velocity_z() == cloud.columns().velocity_z()
+        );
     }
     assert!(met[1..].iter().all(|points| *points > 150), "{met:?}");
 }
@@ -109,18 +112,18 @@ fn what_is_about_to_move_flows() {
     for frame in [3, 0, 1, 2, 3, 4, 14] {
         let start_time = 0.1 * f64::from(frame);
         live.set_time(start_time, 0.1).unwrap();
-        let options = ScanOptions { start_time, fields: FieldSet::all(), ..ScanOptions::default() };
+        let options = ScanOptions::default().start_time(start_time).fields(FieldSet::all());
         let cloud = live.commit().unwrap().scan(&around(), &Trajectory::fixed(Pose::IDENTITY), &options).unwrap();
-        assert!(cloud.len > 100);
-        let c = &cloud.columns;
-        for row in 0..cloud.len {
+        assert!(cloud.len() > 100);
+        let c = cloud.columns();
+        for row in 0..cloud.len() {
             let actor = usize::from(cloud.position(row).y < 0.0);
             let way = |time: f64| moving.actors[actor].track.at(time).translation;
-            let expected = way(c.time[row] + 0.1) - way(c.time[row]);
+            let expected = way(c.time()[row] + 0.1) - way(c.time()[row]);
             assert!((flow(&cloud, row) - expected).length() < 1e-3, "frame {frame}: {}", flow(&cloud, row));
-            met[actor] += usize::from(expected.x > 0.1 && c.velocity_x[row] == 0.0);
+            met[actor] += usize::from(expected.x > 0.1 && c.velocity_x()[row] == 0.0);
             if frame == 14 {
-                assert_eq!((flow(&cloud, row), c.velocity_x[row]), (DVec3::ZERO, 0.0), "both stand");
+                assert_eq!((flow(&cloud, row), c.velocity_x()[row]), (DVec3::ZERO, 0.0), "both stand");
             }
         }
     }
@@ -139,13 +142,13 @@ fn uniform_motion_flows_at_its_velocity() {
     let actor = Actor { name: "ball".into(), parts: vec![(ball, 0)], track, change };
     let moving = Moving { actors: vec![actor], materials: vec![(0.5, [0.5; 3])] };
     let folder = tempfile::tempdir().unwrap();
-    let options = ScanOptions { start_time: 0.35, ..ScanOptions::default() };
+    let options = ScanOptions::default().start_time(0.35);
     let cloud = scan(&moving.load(folder.path()), &Trajectory::fixed(Pose::IDENTITY), options);
-    assert!(cloud.len > 100, "{}", cloud.len);
-    let c = &cloud.columns;
+    assert!(cloud.len() > 100, "{}", cloud.len());
+    let c = cloud.columns();
     let mut speeds = Vec::new();
-    for row in 0..cloud.len {
-        let velocity = vector(&c.velocity_x, &c.velocity_y, &c.velocity_z, row);
+    for row in 0..cloud.len() {
+        let velocity = vector(c.velocity_x(), c.velocity_y(), c.velocity_z(), row);
         assert!((flow(&cloud, row) - 0.1 * velocity).length() < 1e-5, "{velocity} {}", flow(&cloud, row));
         speeds.push(velocity.length());
     }
@@ -158,7 +161,7 @@ fn uniform_motion_flows_at_its_velocity() {
 #[test]
 fn images_flow_to_where_the_image_is() {
     let mut builder = SceneBuilder::new();
-    let glass = builder.material(Material { metallic: 1.0, roughness: 0.0, ..Material::default() });
+    let glass = builder.material(Material::default().metallic(1.0).roughness(0.0));
     let normal = DVec3::new(-1.0, 1.0, 0.2).normalize();
     builder.stand(Shape::plate(DVec3::ZERO, normal, 6.0), Some(glass));
     let half = DVec3::new(1.0, 1.5, 1.2);
@@ -175,13 +178,15 @@ fn images_flow_to_where_the_image_is() {
     scene.set_motion(objects[1], &keys).unwrap();
     let start_time = 0.3;
     scene.set_time(start_time, 0.1).unwrap();
-    let options = ScanOptions { start_time, fields: FieldSet::all(), ..ScanOptions::default() };
+    let options = ScanOptions::default().start_time(start_time).fields(FieldSet::all());
     let cloud = scene.commit().unwrap().scan(&around(), &Trajectory::fixed(Pose::IDENTITY), &options).unwrap();
     let image = |point: DVec3, time: f64| point - 2.0 * (point - mirror(time)).dot(normal) * normal;
     let mut images = 0;
-    for row in (0..cloud.len).filter(|&row| cloud.columns.bounces[row] == 1 && cloud.columns.instance_id[row] == 2) {
+    for row in
+        (0..cloud.len()).filter(|&row| cloud.columns().bounces()[row] == 1 && cloud.columns().instance_id()[row] == 2)
+    {
         images += 1;
-        let time = cloud.columns.time[row];
+        let time = cloud.columns().time()[row];
         // An image's image is the thing itself.
         let own = place(time).inverse().transform_point3(image(cloud.position(row), time));
         let outside = (own.abs() - half).max_element();

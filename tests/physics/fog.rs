@@ -12,7 +12,7 @@ fn preset(name: &str) -> Sensor {
 
 /// Ranges of the points of `cause`, m.
 fn ranges(cloud: &PointCloud, cause: Cause) -> Vec<f64> {
-    let points = cloud.columns.range.iter().zip(&cloud.columns.cause);
+    let points = cloud.columns().range().iter().zip(cloud.columns().cause());
     points.filter(|&(_, &found)| found == cause as u8).map(|(&range, _)| range.into()).collect()
 }
 
@@ -214,9 +214,9 @@ fn light_from_nearby_is_out_of_focus() {
             let sum: f64 = (0..400)
                 .map(|seed| {
                     let environment = Environment::from_yaml(&fog).unwrap();
-                    let cloud = scan(&scene, &sensor, ScanOptions { environment, seed, ..ScanOptions::default() });
-                    assert_eq!(cloud.columns.cause[0], Cause::Fog as u8);
-                    f64::from(cloud.columns.intensity[0])
+                    let cloud = scan(&scene, &sensor, ScanOptions::default().environment(environment).seed(seed));
+                    assert_eq!(cloud.columns().cause()[0], Cause::Fog as u8);
+                    f64::from(cloud.columns().intensity()[0])
                 })
                 .sum();
             sum / 400.0
@@ -245,7 +245,7 @@ fn soft_echoes_fluctuate() {
     let fog = "{fog: {mor_m: 50}}";
     let open = sensor("detection: {model: none}");
     let cloud = in_weather(&scene, &open, fog);
-    let power: Vec<f64> = cloud.columns.intensity.iter().map(|&power| power.into()).collect();
+    let power: Vec<f64> = cloud.columns().intensity().iter().map(|&power| power.into()).collect();
     let (power, droplets) = mean_and_sigma(&power);
     assert!((0.005..0.05).contains(&(droplets / power)), "{}", droplets / power);
     // rho / R^2 at the threshold; the intensity is over pi.

@@ -14,24 +14,24 @@ fn check(
     (reflectance, tolerance): (f64, f64),
     expected: impl Fn(DVec3) -> Option<(f64, DVec3, u32)>,
 ) {
-    let (c, beams) = (&cloud.columns, sensor.beams());
+    let (c, beams) = (cloud.columns(), sensor.beams());
     let mut row = 0;
     for beam in 0..beams.len() {
         let along = pose.orientation * vector(&beams.dir_x, &beams.dir_y, &beams.dir_z, beam).normalize();
         let Some((range, normal, part)) = expected(along) else { continue };
-        assert_eq!(c.beam[row], beam as u32, "each beam that meets a surface has its row");
-        assert_near("range", c.range[row].into(), range, 1e-5 * range);
+        assert_eq!(c.beam()[row], beam as u32, "each beam that meets a surface has its row");
+        assert_near("range", c.range()[row].into(), range, 1e-5 * range);
         let place = pose.position + range * along;
         assert!((cloud.position(row) - place).length() <= 1e-5 * range, "{} is not {place}", cloud.position(row));
-        let is = vector(&c.normal_x, &c.normal_y, &c.normal_z, row);
+        let is = vector(c.normal_x(), c.normal_y(), c.normal_z(), row);
         assert!((is - normal).length() <= tolerance, "normal {is} is not {normal}");
         let cos = -normal.dot(along);
-        assert_near("cosine", c.cos_incidence[row].into(), cos, tolerance);
-        assert_near("intensity", c.intensity[row].into(), reflectance * cos, tolerance);
-        assert_eq!(c.part_id[row], part);
+        assert_near("cosine", c.cos_incidence()[row].into(), cos, tolerance);
+        assert_near("intensity", c.intensity()[row].into(), reflectance * cos, tolerance);
+        assert_eq!(c.part_id()[row], part);
         row += 1;
     }
-    assert_eq!(row, cloud.len);
+    assert_eq!(row, cloud.len());
     assert!(row > beams.len() / 20, "{row} of {} beams meet a surface", beams.len());
 }
 
@@ -50,8 +50,8 @@ fn a_wall_is_met_at_its_distance_over_the_cosine() {
     let sensor = sensor(&raster(64, 64, 1.5));
     let cloud = scan(&built, &sensor, ScanOptions::default());
     check(&cloud, &sensor, Pose::IDENTITY, (0.6, 1e-5), |along| Some((10.0 / along.x, -DVec3::X, 1)));
-    for row in 0..cloud.len {
-        assert_near("depth", cloud.columns.depth[row].into(), 10.0, 1e-4);
+    for row in 0..cloud.len() {
+        assert_near("depth", cloud.columns().depth()[row].into(), 10.0, 1e-4);
     }
 }
 
@@ -167,12 +167,12 @@ fn copies_of_a_square_are_met_where_their_transforms_put_them() {
             .map(|(range, normal)| (range, normal, 1))
     });
     // The instance number tells the copies apart.
-    let (c, beams) = (&cloud.columns, sensor.beams());
-    for row in 0..cloud.len {
-        let along = vector(&beams.dir_x, &beams.dir_y, &beams.dir_z, c.beam[row] as usize);
-        let (origin, x, y) = places[c.instance_id[row] as usize - 1];
+    let (c, beams) = (cloud.columns(), sensor.beams());
+    for row in 0..cloud.len() {
+        let along = vector(&beams.dir_x, &beams.dir_y, &beams.dir_z, c.beam()[row] as usize);
+        let (origin, x, y) = places[c.instance_id()[row] as usize - 1];
         let (range, _) = plane(origin, x.cross(y).normalize(), DVec3::ZERO, along).unwrap();
-        assert_near("range of the copy", c.range[row].into(), range, 1e-5 * range);
+        assert_near("range of the copy", c.range()[row].into(), range, 1e-5 * range);
     }
 }
 
@@ -192,10 +192,10 @@ fn survey_coordinates_keep_a_tenth_of_a_millimetre() {
         let pose = Pose { position: survey - 20.0 * DVec3::X + 0.333 * DVec3::Y, ..Pose::IDENTITY };
         let sensor = sensor(&raster(50, 50, 0.8));
         let cloud = scan_at(&built, &sensor, pose, ScanOptions::default());
-        assert_eq!(cloud.len, 2500);
+        assert_eq!(cloud.len(), 2500);
         assert_eq!(cloud.sensor_pose, pose);
         let beams = sensor.beams();
-        for row in 0..cloud.len {
+        for row in 0..cloud.len() {
             let along = vector(&beams.dir_x, &beams.dir_y, &beams.dir_z, row);
             let (range, _) = plane(survey, normal, pose.position, along).unwrap();
             let off = (cloud.position(row) - (pose.position + range * along)).length();
@@ -211,16 +211,16 @@ fn in_the_sensor_frame_points_lie_along_the_beams() {
     let built = scene.finish().build().unwrap();
     let pose = Pose::at(1.0, -0.5, 0.7).with_rpy_deg(25.0, 40.0, 130.0);
     let sensor = sensor(&raster(40, 40, 3.0));
-    let options = || ScanOptions { coordinates: Frame::Sensor, ..ScanOptions::default() };
+    let options = || ScanOptions::default().coordinates(Frame::Sensor);
     let (world, own) =
         (scan_at(&built, &sensor, pose, ScanOptions::default()), scan_at(&built, &sensor, pose, options()));
-    assert_eq!((own.frame, own.origin, own.len), (Frame::Sensor, DVec3::ZERO, world.len));
-    for row in 0..own.len {
+    assert_eq!((own.frame, own.origin, own.len()), (Frame::Sensor, DVec3::ZERO, world.len()));
+    for row in 0..own.len() {
         let moved = pose.position + pose.orientation * own.position(row);
         assert!((moved - world.position(row)).length() < 1e-5);
         let normal = |cloud: &PointCloud| {
-            let c = &cloud.columns;
-            vector(&c.normal_x, &c.normal_y, &c.normal_z, row)
+            let c = cloud.columns();
+            vector(c.normal_x(), c.normal_y(), c.normal_z(), row)
         };
         assert!((pose.orientation * normal(&own) - normal(&world)).length() < 1e-6);
     }
@@ -233,12 +233,12 @@ fn reported_directions_are_those_of_the_beams() {
     scene.stand(Shape::sphere(5.0, 8).flat(), None);
     let built = scene.finish().build().unwrap();
     let axes = [DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, DVec3::new(-1.0, 0.0, 0.0), DVec3::new(1.0, 1.0, -1.0)];
-    let options = ScanOptions { organised: true, ..ScanOptions::default() };
+    let options = ScanOptions::default().organised(true);
     let cloud = scan_at(&built, &sensor(&axes), Pose::at(0.1, 0.2, 0.3), options);
     let expected = [(0.0, 0.0), (90.0, 0.0), (-90.0, 0.0), (0.0, 90.0), (-180.0, 0.0), (45.0, -35.264_389_7)];
     for (row, (azimuth, elevation)) in expected.into_iter().enumerate() {
-        assert_near("azimuth", f64::from(cloud.columns.azimuth[row]).to_degrees(), azimuth, 1e-5);
-        assert_near("elevation", f64::from(cloud.columns.elevation[row]).to_degrees(), elevation, 1e-5);
+        assert_near("azimuth", f64::from(cloud.columns().azimuth()[row]).to_degrees(), azimuth, 1e-5);
+        assert_near("elevation", f64::from(cloud.columns().elevation()[row]).to_degrees(), elevation, 1e-5);
     }
 }
 

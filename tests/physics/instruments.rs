@@ -11,9 +11,9 @@ use echocast_tests::reference::one_beam;
 fn seen(cloud: &PointCloud, sensor: &Sensor) -> (Vec<f64>, usize) {
     let beams = sensor.beams();
     let counts = |beam: usize| sensor.kind() == SensorKind::Lidar || beams.dir_x[beam] > 5f32.to_radians().cos();
-    let c = &cloud.columns;
-    let rows = (0..cloud.len).filter(|&row| c.cause[row] == Cause::Surface as u8 && counts(c.beam[row] as usize));
-    (rows.map(|row| c.range[row].into()).collect(), (0..beams.len()).filter(|&beam| counts(beam)).count())
+    let c = cloud.columns();
+    let rows = (0..cloud.len()).filter(|&row| c.cause()[row] == Cause::Surface as u8 && counts(c.beam()[row] as usize));
+    (rows.map(|row| c.range()[row].into()).collect(), (0..beams.len()).filter(|&beam| counts(beam)).count())
 }
 
 /// Reflectance and range of the line of the sheet; of a table, its last.
@@ -23,7 +23,7 @@ fn rated(sensor: &Sensor) -> [f64; 2] {
         | Detection::Statistical(Statistical { reflectance, at_m, .. }) => [reflectance, at_m],
         Detection::Table { ref points } => points.last().map(|point| [point.reflectance, point.at_m]).unwrap(),
         Detection::ReflectivityLimit { upper, .. } => [upper.reflectance, upper.at_m],
-        Detection::None => panic!("{} has no detection model", sensor.name()),
+        _ => panic!("{} has no detection model of a rated range", sensor.name()),
     }
 }
 
@@ -46,11 +46,11 @@ fn sigma(sensor: &Sensor, range: f64) -> f64 {
 
 /// A landscape with trees, and a place 2 m above its middle.
 fn landscape() -> (BuiltScene, Pose) {
-    let trees = Landscape { trees_per_ha: 800.0, ..Landscape::default() };
+    let trees = Landscape::default().trees_per_ha(800.0);
     let scene = trees.scene(7).unwrap().load(&Default::default()).unwrap().build_with(&Engine::new().unwrap()).unwrap();
     let above = Pose::at(0.0, 0.0, 500.0).with_rpy_deg(0.0, 90.0, 0.0);
     let ground = scan_at(&scene, &one_beam(""), above, ScanOptions::default());
-    let place = Pose::at(0.0, 0.0, 502.0 - f64::from(ground.columns.range[0]));
+    let place = Pose::at(0.0, 0.0, 502.0 - f64::from(ground.columns().range()[0]));
     (scene, place)
 }
 
@@ -59,8 +59,8 @@ fn several(sensor: &Sensor, (scene, place): &(BuiltScene, Pose)) -> f64 {
     let mut sensor = sensor.clone();
     sensor.set("returns", "{mode: all, max: 3}").unwrap();
     let cloud = scan_at(scene, &sensor, *place, ScanOptions::default());
-    let first = cloud.columns.return_number.iter().filter(|&&number| number == 1).count();
-    let second = cloud.columns.return_number.iter().filter(|&&number| number == 2).count();
+    let first = cloud.columns().return_number().iter().filter(|&&number| number == 1).count();
+    let second = cloud.columns().return_number().iter().filter(|&&number| number == 2).count();
     second as f64 / first.max(1) as f64
 }
 
@@ -69,9 +69,9 @@ fn false_alarms(sensor: &Sensor) -> f64 {
     const FRAMES: u32 = 20;
     let scene = nothing();
     let points = (0..FRAMES).map(|frame| {
-        let cloud = scan(&scene, sensor, ScanOptions { frame, ..ScanOptions::default() });
-        assert!(cloud.columns.cause.iter().all(|&cause| cause == Cause::FalseAlarm as u8));
-        cloud.len
+        let cloud = scan(&scene, sensor, ScanOptions::default().frame(frame));
+        assert!(cloud.columns().cause().iter().all(|&cause| cause == Cause::FalseAlarm as u8));
+        cloud.len()
     });
     let each = points.sum::<usize>() as f64 / f64::from(FRAMES) / sensor.beams().len() as f64;
     (1e5 * each).round() / 10.0

@@ -57,7 +57,7 @@ fn target(reflectance: f64, range: f64, angle_deg: f64) -> BuiltScene {
 /// Scans with `sensor` in the environment of the text `yaml`.
 fn in_weather(scene: &BuiltScene, sensor: &Sensor, yaml: &str) -> PointCloud {
     let environment = Environment::from_yaml(yaml).unwrap();
-    scan(scene, sensor, ScanOptions { environment, ..ScanOptions::default() })
+    scan(scene, sensor, ScanOptions::default().environment(environment))
 }
 
 /// Something far behind the sensor: a scene must not be empty.

@@ -57,24 +57,24 @@ fn a_wall_that_comes_nearer_is_slanted_by_the_turning_sensor() {
             let keys =
                 [start_time, start_time + 1.0].map(|time| (time, Pose { position: place(time), ..Pose::IDENTITY }));
             let path = Trajectory::new(keys.to_vec()).unwrap();
-            let cloud = scan(&mut scene, &path, ScanOptions { start_time, ..ScanOptions::default() });
-            let c = &cloud.columns;
-            assert!(cloud.len > 5_000, "{}", cloud.len);
-            for row in 0..cloud.len {
-                let along = vector(&c.x, &c.y, &c.z, row) - place(c.time[row]);
-                let distance = wall_at(c.time[row]) - place(c.time[row]).x;
+            let cloud = scan(&mut scene, &path, ScanOptions::default().start_time(start_time));
+            let c = cloud.columns();
+            assert!(cloud.len() > 5_000, "{}", cloud.len());
+            for row in 0..cloud.len() {
+                let along = vector(c.x(), c.y(), c.z(), row) - place(c.time()[row]);
+                let distance = wall_at(c.time()[row]) - place(c.time()[row]).x;
                 assert_near("x", along.x, distance, 1e-4);
-                let velocity = vector(&c.velocity_x, &c.velocity_y, &c.velocity_z, row);
+                let velocity = vector(c.velocity_x(), c.velocity_y(), c.velocity_z(), row);
                 assert!((velocity - DVec3::X * speed).length() < 1e-3, "{velocity}");
                 let radial = (speed - own_speed) * along.x / along.length();
-                assert_near("radial velocity", c.radial_velocity[row].into(), radial, 1e-3);
-                let flow = vector(&c.flow_x, &c.flow_y, &c.flow_z, row);
+                assert_near("radial velocity", c.radial_velocity()[row].into(), radial, 1e-3);
+                let flow = vector(c.flow_x(), c.flow_y(), c.flow_z(), row);
                 assert!((flow - DVec3::X * speed * 0.1).length() < 1e-4, "{flow}");
-                assert_near("normal", c.normal_x[row].into(), -1.0, 1e-6);
+                assert_near("normal", c.normal_x()[row].into(), -1.0, 1e-6);
             }
         }
     }
-    let outside = ScanOptions { start_time: 0.9, ..ScanOptions::default() };
+    let outside = ScanOptions::default().start_time(0.9);
     let error = scene.commit().unwrap().scan(&spinner(), &Trajectory::fixed(Pose::IDENTITY), &outside).unwrap_err();
     assert!(error.to_string().contains("0.7 to 0.79"), "{error}");
 }
@@ -91,16 +91,15 @@ fn a_rotor_draws_its_true_spiral() {
     scene.set_motion(objects[0], &keys).unwrap();
     for start_time in [0.0, 0.1] {
         scene.set_time(start_time, 0.1).unwrap();
-        let cloud =
-            scan(&mut scene, &Trajectory::fixed(Pose::IDENTITY), ScanOptions { start_time, ..ScanOptions::default() });
-        assert!(cloud.len > 20, "{}", cloud.len);
-        let c = &cloud.columns;
-        for row in 0..cloud.len {
+        let cloud = scan(&mut scene, &Trajectory::fixed(Pose::IDENTITY), ScanOptions::default().start_time(start_time));
+        assert!(cloud.len() > 20, "{}", cloud.len());
+        let c = cloud.columns();
+        for row in 0..cloud.len() {
             let point = cloud.position(row);
-            let own = pose(c.time[row]).inverse().transform_point3(point);
+            let own = pose(c.time()[row]).inverse().transform_point3(point);
             let outside = (own.abs() - DVec3::new(0.02, 0.15, 4.0)).max_element();
             assert!(outside.abs() < 3e-4, "row {row}: {own} is {outside} m off the blade");
-            let velocity = vector(&c.velocity_x, &c.velocity_y, &c.velocity_z, row);
+            let velocity = vector(c.velocity_x(), c.velocity_y(), c.velocity_z(), row);
             let should = (rate * DVec3::X).cross(point - hub);
             assert!((velocity - should).length() < 2e-3 * should.length(), "{velocity} {should}");
         }
@@ -124,21 +123,20 @@ fn a_pendulum_is_where_it_swings() {
     for frame in 0..30 {
         let start_time = 0.1 * f64::from(frame);
         scene.set_time(start_time, 0.1).unwrap();
-        let cloud =
-            scan(&mut scene, &Trajectory::fixed(Pose::IDENTITY), ScanOptions { start_time, ..ScanOptions::default() });
-        assert!(cloud.len > 50, "frame {frame}: {}", cloud.len);
-        let c = &cloud.columns;
-        for row in 0..cloud.len {
+        let cloud = scan(&mut scene, &Trajectory::fixed(Pose::IDENTITY), ScanOptions::default().start_time(start_time));
+        assert!(cloud.len() > 50, "frame {frame}: {}", cloud.len());
+        let c = cloud.columns();
+        for row in 0..cloud.len() {
             let along = cloud.position(row).normalize();
-            let normal = turned(c.time[row]) * DVec3::X;
-            assert_near("range", c.range[row].into(), pivot.dot(normal) / along.dot(normal), 2e-4);
-            let turning = -widest * rate * (rate * c.time[row]).sin() * DVec3::Y;
+            let normal = turned(c.time()[row]) * DVec3::X;
+            assert_near("range", c.range()[row].into(), pivot.dot(normal) / along.dot(normal), 2e-4);
+            let turning = -widest * rate * (rate * c.time()[row]).sin() * DVec3::Y;
             let should = turning.cross(cloud.position(row) - pivot);
-            let velocity = vector(&c.velocity_x, &c.velocity_y, &c.velocity_z, row);
+            let velocity = vector(c.velocity_x(), c.velocity_y(), c.velocity_z(), row);
             // The motion between two keys is uniform.
             let tolerance = 0.0025 * widest * rate * rate * 6.0 + 1e-3;
             assert!((velocity - should).length() < tolerance, "{velocity} {should}");
-            assert_near("radial velocity", c.radial_velocity[row].into(), velocity.dot(along), 1e-4);
+            assert_near("radial velocity", c.radial_velocity()[row].into(), velocity.dot(along), 1e-4);
         }
     }
 }
@@ -173,30 +171,30 @@ fn a_car_that_overtakes_is_hidden_as_long_as_it_is_behind_the_other() {
     for frame in 0..8 {
         let start_time = 0.1 * f64::from(frame);
         scene.set_time(start_time, 0.1).unwrap();
-        let options = ScanOptions { start_time, organised: true, ..ScanOptions::default() };
+        let options = ScanOptions::default().start_time(start_time).organised(true);
         let cloud = scan(&mut scene, &Trajectory::fixed(Pose::IDENTITY), options);
-        let c = &cloud.columns;
-        for row in 0..cloud.len {
+        let c = cloud.columns();
+        for row in 0..cloud.len() {
             let along = vector(&beams.dir_x, &beams.dir_y, &beams.dir_z, row).normalize();
-            let expected = hit(along, c.time[row]);
-            let found = (c.instance_id[row] > 0).then_some((c.instance_id[row], f64::from(c.range[row])));
+            let expected = hit(along, c.time()[row]);
+            let found = (c.instance_id()[row] > 0).then_some((c.instance_id()[row], f64::from(c.range()[row])));
             match (found, expected) {
                 (None, None) => continue,
                 (Some((car, range)), Some((should, at))) if car == should && (range - at).abs() < 2e-4 => {}
                 _ => {
                     // At an edge, a moment earlier or later it is right.
-                    let near = [-1e-5, 1e-5].map(|step| hit(along, c.time[row] + step).map(|(car, _)| car));
+                    let near = [-1e-5, 1e-5].map(|step| hit(along, c.time()[row] + step).map(|(car, _)| car));
                     assert!(near.contains(&found.map(|(car, _)| car)), "beam {row}: {found:?}, not {expected:?}");
                     edges += 1;
                     continue;
                 }
             }
-            let car = c.instance_id[row] as usize - 1;
+            let car = c.instance_id()[row] as usize - 1;
             seen[car] += 1;
             changed += usize::from(hit(along, start_time).map(|(car, _)| car) != Some(car as u32 + 1));
-            let velocity = vector(&c.velocity_x, &c.velocity_y, &c.velocity_z, row);
+            let velocity = vector(c.velocity_x(), c.velocity_y(), c.velocity_z(), row);
             assert!((velocity - DVec3::X * cars[car].1).length() < 1e-3, "{velocity}");
-            assert_eq!(c.track_id[row], c.instance_id[row], "in every frame the same");
+            assert_eq!(c.track_id()[row], c.instance_id()[row], "in every frame the same");
         }
     }
     assert!(seen[0] > 1000 && seen[1] > 500 && changed > 200 && edges < 10, "{seen:?} {changed} {edges}");
@@ -216,7 +214,7 @@ fn a_frozen_frame_is_the_still_scene_at_its_start() {
     let start_time = 0.25;
     moving.set_time(start_time, 0.1).unwrap();
     let still_sensor = Trajectory::fixed(Pose::IDENTITY);
-    let options = ScanOptions { start_time, freeze: true, organised: true, ..ScanOptions::default() };
+    let options = ScanOptions::default().start_time(start_time).freeze(true).organised(true);
     let frozen = scan(&mut moving, &still_sensor, options.clone());
     let (mut still, objects) = live(shapes());
     still.set_pose(objects[0], pose(start_time)).unwrap();
@@ -224,16 +222,16 @@ fn a_frozen_frame_is_the_still_scene_at_its_start() {
     // The same by setting a time without length.
     moving.set_time(start_time, 0.0).unwrap();
     let held = scan(&mut moving, &still_sensor, options);
-    let moves = frozen.columns.velocity_x.iter().filter(|speed| **speed != 0.0 && !speed.is_nan()).count();
+    let moves = frozen.columns().velocity_x().iter().filter(|speed| **speed != 0.0 && !speed.is_nan()).count();
     assert!(moves > 100);
     for cloud in [frozen, held] {
-        assert_eq!(cloud.len, expected.len);
+        assert_eq!(cloud.len(), expected.len());
         let mut other = 0;
-        for row in 0..cloud.len {
-            if cloud.columns.instance_id[row] != expected.columns.instance_id[row] {
+        for row in 0..cloud.len() {
+            if cloud.columns().instance_id()[row] != expected.columns().instance_id()[row] {
                 other += 1;
-            } else if !cloud.columns.range[row].is_nan() {
-                let (is, should) = (cloud.columns.range[row].into(), expected.columns.range[row].into());
+            } else if !cloud.columns().range()[row].is_nan() {
+                let (is, should) = (cloud.columns().range()[row].into(), expected.columns().range()[row].into());
                 assert_near("range", is, should, 1e-4 + 2e-5 * should);
             }
         }
@@ -255,10 +253,10 @@ fn what_changes_its_shape_is_frozen_too() {
     live.add_scene(&scene).unwrap();
     let standing = Trajectory::fixed(Pose::IDENTITY);
     for start_time in [0.0, 0.13] {
-        let options = ScanOptions { start_time, freeze: true, organised: true, ..ScanOptions::default() };
+        let options = ScanOptions::default().start_time(start_time).freeze(true).organised(true);
         live.set_time(start_time, 0.1).unwrap();
         let frozen = scan(&mut live, &standing, options.clone());
-        let moves = scan(&mut live, &standing, ScanOptions { freeze: false, ..options.clone() });
+        let moves = scan(&mut live, &standing, options.clone().freeze(false));
         live.set_time(start_time, 0.0).unwrap();
         let held = scan(&mut live, &standing, options.clone());
         let mut still = LiveScene::new(&Engine::new().unwrap());
@@ -266,10 +264,10 @@ fn what_changes_its_shape_is_frozen_too() {
         let expected = scan(&mut still, &standing, options);
         let ground = scene.objects.iter().find(|object| object.name == "ground").unwrap().instance_id;
         let (mut same, mut other, mut apart) = (0, [0; 2], 0);
-        for row in 0..frozen.len {
+        for row in 0..frozen.len() {
             let [f, h, e, m] = [&frozen, &held, &expected, &moves].map(|cloud| {
-                let c = &cloud.columns;
-                (c.instance_id[row], c.part_id[row], c.range[row])
+                let c = cloud.columns();
+                (c.instance_id()[row], c.part_id()[row], c.range()[row])
             });
             for (other, known) in other.iter_mut().zip([h, e]) {
                 if (f.0, f.1) != (known.0, known.1) {
@@ -282,10 +280,11 @@ fn what_changes_its_shape_is_frozen_too() {
             // What stands is hit at the same bits, whatever moves beside it.
             if f.0 == ground && m.0 == ground {
                 same += 1;
-                for column in [&frozen.columns, &held.columns] {
-                    let of =
-                        |c: &echocast::cloud::Columns| [c.x[row], c.y[row], c.z[row], c.range[row], c.intensity[row]];
-                    assert_eq!(of(column), of(&moves.columns), "beam {row}");
+                for column in [frozen.columns(), held.columns()] {
+                    let of = |c: &echocast::cloud::Columns| {
+                        [c.x()[row], c.y()[row], c.z()[row], c.range()[row], c.intensity()[row]]
+                    };
+                    assert_eq!(of(column), of(moves.columns()), "beam {row}");
                 }
             }
         }
@@ -296,10 +295,10 @@ fn what_changes_its_shape_is_frozen_too() {
     let start_time = 0.5;
     live.set_time(start_time, 0.1).unwrap();
     let [frozen, free] = [true, false]
-        .map(|freeze| scan(&mut live, &standing, ScanOptions { start_time, freeze, ..ScanOptions::default() }));
-    assert_eq!(frozen.len, free.len);
+        .map(|freeze| scan(&mut live, &standing, ScanOptions::default().start_time(start_time).freeze(freeze)));
+    assert_eq!(frozen.len(), free.len());
     for info in echocast::cloud::FIELDS {
-        for row in 0..frozen.len {
+        for row in 0..frozen.len() {
             // Up to the rounding of speeds; NaN is as good as NaN.
             let [a, b] = [&frozen, &free].map(|cloud| cloud.column(info.field).get_f64(row));
             assert!((a - b).abs() < 1e-9 || a.is_nan() && b.is_nan(), "{}: {a} {b}", info.name);
@@ -311,7 +310,7 @@ fn what_changes_its_shape_is_frozen_too() {
 #[test]
 fn images_move_as_the_range_to_them_changes() {
     let mut builder = SceneBuilder::new();
-    let glass = builder.material(Material { metallic: 1.0, roughness: 0.0, ..Material::default() });
+    let glass = builder.material(Material::default().metallic(1.0).roughness(0.0));
     builder.stand(Shape::plate(DVec3::ZERO, DVec3::new(-1.0, 1.0, 0.0).normalize(), 2.0), Some(glass));
     builder.stand(Shape::plate(DVec3::ZERO, -DVec3::Y, 60.0), None);
     let mut scene = LiveScene::new(&Engine::new().unwrap());
@@ -321,20 +320,20 @@ fn images_move_as_the_range_to_them_changes() {
     scene.set_motion(objects[1], &[at(0.0, DVec3::Y * 20.0), at(1.0, DVec3::Y * 20.0 + wall)]).unwrap();
     let scans = [0.3, 0.301].map(|start_time| {
         scene.set_time(start_time, 0.1).unwrap();
-        let options = ScanOptions { start_time, freeze: true, organised: true, ..ScanOptions::default() };
+        let options = ScanOptions::default().start_time(start_time).freeze(true).organised(true);
         scan(&mut scene, &Trajectory::fixed(Pose::IDENTITY), options)
     });
-    let [a, b] = scans.each_ref().map(|cloud| &cloud.columns);
+    let [a, b] = scans.each_ref().map(|cloud| cloud.columns());
     let mut seen = 0;
-    for row in 0..scans[0].len {
-        if a.bounces[row] == 1 && b.bounces[row] == 1 {
+    for row in 0..scans[0].len() {
+        if a.bounces()[row] == 1 && b.bounces()[row] == 1 {
             seen += 1;
             // The point of the wall that a beam meets moves on the wall: only across it does its speed count.
-            let image_normal = vector(&a.normal_x, &a.normal_y, &a.normal_z, row);
+            let image_normal = vector(a.normal_x(), a.normal_y(), a.normal_z(), row);
             let normal = DVec3::new(image_normal.y, image_normal.x, image_normal.z);
-            let along = vector(&a.x, &a.y, &a.z, row).normalize();
-            let velocity = vector(&a.velocity_x, &a.velocity_y, &a.velocity_z, row);
-            let rate = (f64::from(b.range[row]) - f64::from(a.range[row])) / 1e-3;
+            let along = vector(a.x(), a.y(), a.z(), row).normalize();
+            let velocity = vector(a.velocity_x(), a.velocity_y(), a.velocity_z(), row);
+            let rate = (f64::from(b.range()[row]) - f64::from(a.range()[row])) / 1e-3;
             assert_near("rate", velocity.dot(normal) / along.dot(normal), rate, 0.03);
         }
     }
@@ -352,24 +351,24 @@ fn sonars_tell_how_what_they_hear_moves() {
     let path = [0.0, 10.0].map(|time| (time, Pose { position: boat * time - 2.0 * DVec3::Z, ..Pose::IDENTITY }));
     let path = Trajectory::new(path.to_vec()).unwrap();
     let sonar = Sensor::preset("mbes_400").unwrap();
-    let options = ScanOptions { start_time: 2.0, frame_period: Some(0.1), ..ScanOptions::default() };
+    let options = ScanOptions::default().start_time(2.0).frame_period(0.1);
     let options = options.fields(FieldSet::all());
     let cloud = scene.commit().unwrap().scan(&sonar, &path, &options).unwrap();
-    let columns = &cloud.columns;
-    assert!(cloud.len > 100);
+    let columns = cloud.columns();
+    assert!(cloud.len() > 100);
     let here = path.at(2.0).position;
-    for row in 0..cloud.len {
-        let velocity = vector(&columns.velocity_x, &columns.velocity_y, &columns.velocity_z, row);
-        let flow = vector(&columns.flow_x, &columns.flow_y, &columns.flow_z, row);
+    for row in 0..cloud.len() {
+        let velocity = vector(columns.velocity_x(), columns.velocity_y(), columns.velocity_z(), row);
+        let flow = vector(columns.flow_x(), columns.flow_y(), columns.flow_z(), row);
         assert!((velocity - bed).length() < 1e-3 && (flow - 0.1 * bed).length() < 1e-4, "{velocity} {flow}");
-        let place = vector(&columns.true_x, &columns.true_y, &columns.true_z, row) + cloud.origin;
+        let place = vector(columns.true_x(), columns.true_y(), columns.true_z(), row) + cloud.origin;
         let along = (place - here).normalize();
         // Water without a profile: sound goes straight. The place within a cell is rounded along the bed, and what is heard in
         // sidelobes along the track comes from a long one.
         let expected = (bed - boat).dot(along);
-        assert!((f64::from(columns.radial_velocity[row]) - expected).abs() < 0.1, "{row}: {expected}");
+        assert!((f64::from(columns.radial_velocity()[row]) - expected).abs() < 0.1, "{row}: {expected}");
         // It has risen when the sound gets there.
-        let met = columns.true_range[row] as f64 / 1500.0;
+        let met = columns.true_range()[row] as f64 / 1500.0;
         assert!((place.z - (-18.0 + met)).abs() < 2e-3, "{place} {met}");
     }
 }

@@ -28,14 +28,14 @@ fn wall() -> BuiltScene {
 
 /// Checks that each point lies where the beam from the pose at its own time meets the wall; returns how many points.
 fn check(cloud: &PointCloud, sensor: &Sensor, start_time: f64, pose_at: impl Fn(f64) -> Pose) -> usize {
-    let (c, beams) = (&cloud.columns, sensor.beams());
-    for row in 0..cloud.len {
-        let beam = c.beam[row] as usize;
+    let (c, beams) = (cloud.columns(), sensor.beams());
+    for row in 0..cloud.len() {
+        let beam = c.beam()[row] as usize;
         // A column every 200 us, its channels 2 us apart.
         let (channel, column) = (beam as u32 / beams.columns, beam as u32 % beams.columns);
         let fired = f64::from(column) * 200e-6 + f64::from(channel) * 2e-6;
-        assert_near("time", c.time[row], start_time + fired, 1e-12);
-        let pose = pose_at(c.time[row]);
+        assert_near("time", c.time()[row], start_time + fired, 1e-12);
+        let pose = pose_at(c.time()[row]);
         let own = vector(&beams.dir_x, &beams.dir_y, &beams.dir_z, beam);
         let along = pose.orientation * own;
         let range = (5.0 - pose.position.y) / along.y;
@@ -45,20 +45,20 @@ fn check(cloud: &PointCloud, sensor: &Sensor, start_time: f64, pose_at: impl Fn(
         }
         // Single precision, and its error where the wall is met at a low angle.
         let tolerance = 1e-5 * range / along.y;
-        assert_near("range", c.range[row].into(), range, tolerance);
+        assert_near("range", c.range()[row].into(), range, tolerance);
         let expected = match cloud.frame {
             Frame::World => pose.position + range * along,
             Frame::Sensor => range * own,
         };
         let off = (cloud.position(row) - expected).length();
-        assert!(off <= tolerance, "point {row} at {} s is {off} m off", c.time[row]);
+        assert!(off <= tolerance, "point {row} at {} s is {off} m off", c.time()[row]);
         // The sensor at that time lies backwards along the beam from the point.
         if cloud.frame == Frame::World {
-            let origin = cloud.position(row) - f64::from(c.range[row]) * along;
+            let origin = cloud.position(row) - f64::from(c.range()[row]) * along;
             assert!((origin - pose.position).length() < 1e-4, "beam {beam} starts at {origin}, not {}", pose.position);
         }
     }
-    cloud.len
+    cloud.len()
 }
 
 #[test]
@@ -69,7 +69,8 @@ fn a_sensor_that_drives_draws_a_spiral() {
     let path = Trajectory::new(vec![(0.0, pose_at(0.0)), (0.7, pose_at(0.7)), (1.0, pose_at(1.0))]).unwrap();
     for coordinates in [Frame::World, Frame::Sensor] {
         for start_time in [0.0, 0.65] {
-            let options = ScanOptions { fields: FieldSet::all(), start_time, coordinates, ..ScanOptions::default() };
+            let options =
+                ScanOptions::default().fields(FieldSet::all()).start_time(start_time).coordinates(coordinates);
             let cloud = wall.scan(&sensor, &path, &options).unwrap();
             let points = check(&cloud, &sensor, start_time, pose_at);
             assert!(points > sensor.beams().len() / 3);
@@ -96,13 +97,14 @@ fn a_sensor_that_turns_is_taken_at_each_beams_own_orientation() {
     end.orientation = -end.orientation;
     let path = Trajectory::new(vec![(0.0, pose_at(0.0)), (0.2, end)]).unwrap();
     for coordinates in [Frame::World, Frame::Sensor] {
-        let options = ScanOptions { fields: FieldSet::all(), coordinates, ..ScanOptions::default() };
+        let options = ScanOptions::default().fields(FieldSet::all()).coordinates(coordinates);
         let cloud = wall.scan(&sensor, &path, &options).unwrap();
         assert!(check(&cloud, &sensor, 0.0, pose_at) > sensor.beams().len() / 4);
-        let c = &cloud.columns;
-        for row in 0..cloud.len {
-            let normal = vector(&c.normal_x, &c.normal_y, &c.normal_z, row);
-            let in_world = if coordinates == Frame::World { normal } else { pose_at(c.time[row]).orientation * normal };
+        let c = cloud.columns();
+        for row in 0..cloud.len() {
+            let normal = vector(c.normal_x(), c.normal_y(), c.normal_z(), row);
+            let in_world =
+                if coordinates == Frame::World { normal } else { pose_at(c.time()[row]).orientation * normal };
             assert!((in_world + DVec3::Y).length() < 1e-5, "normal {in_world}");
         }
     }
@@ -118,9 +120,9 @@ fn before_and_after_its_path_a_sensor_stands() {
         let of_sonars = ["doppler", "quality", "corrected_", "bottom_track_", "water_track_"];
         let known = FieldSet::all().iter().filter(|info| !of_sonars.iter().any(|none| info.name.starts_with(none)));
         let fields = known.map(|info| info.field).collect();
-        let options = ScanOptions { fields, start_time, ..ScanOptions::default() };
+        let options = ScanOptions::default().fields(fields).start_time(start_time);
         let moving = wall.scan(&sensor, &path, &options).unwrap();
         let standing = wall.scan(&sensor, &Trajectory::fixed(pose), &options).unwrap();
-        assert_eq!(moving.columns, standing.columns);
+        assert_eq!(moving.columns(), standing.columns());
     }
 }

@@ -47,7 +47,7 @@ fn water(more: &str) -> ScanOptions {
 fn water_that_swallows(law: &str, more: &str) -> ScanOptions {
     let yaml = format!("water: {{absorption: {law}, wind_m_s: 0{more}}}");
     let environment = Environment::from_yaml(&yaml).unwrap();
-    ScanOptions { environment, ..ScanOptions::default().fields(FieldSet::all()) }
+    ScanOptions::default().fields(FieldSet::all()).environment(environment)
 }
 
 const STRAIGHT: &str = ", profile: {constant: {speed_m_s: 1500}}";
@@ -74,7 +74,7 @@ fn fan(bounces: u32) -> Sensor {
 
 /// Energy of the bins about `range`, dB, of which one within a bin of `range` must be the strongest.
 fn level_at(ping: &Ping, beam: usize, range: f64) -> f64 {
-    let bin_m = ping.layout.bin_m;
+    let bin_m = ping.layout().bin_m;
     let at = (range / bin_m) as usize;
     let power = |bin: usize| 10f64.powf(f64::from(ping.levels(beam)[bin]) / 10.0);
     let near = at - 3..=at + 3;
@@ -111,15 +111,15 @@ fn first_order_echoes_are_those_of_the_images() {
                     // The near side of the ball.
                     let found = level_at(&ping, 0, range - 0.06);
                     assert_near(&format!("{out} and {back}, {range} m"), found, expected, 0.3);
-                    let cell = ((range - 0.06) / ping.layout.bin_m) as usize;
-                    let orders: Vec<u8> = (cell - 1..=cell + 1).map(|cell| ping.cells.bounces[cell]).collect();
+                    let cell = ((range - 0.06) / ping.layout().bin_m) as usize;
+                    let orders: Vec<u8> = (cell - 1..=cell + 1).map(|cell| ping.cells().bounces()[cell]).collect();
                     assert!(orders.contains(&u8::from(out > 0)), "{orders:?}");
                 }
             }
         }
         // Without bounces only the first.
         assert!(level_at(&alone, 0, ways[0] - 0.06) > 120.0);
-        let second = (0.5 * (ways[0] + ways[1]) / alone.layout.bin_m) as usize;
+        let second = (0.5 * (ways[0] + ways[1]) / alone.layout().bin_m) as usize;
         let loudest = alone.levels(0)[second - 3..].iter().copied().fold(f32::MIN, f32::max);
         // That far above the sonar a calm sea has few bubbles.
         assert!(loudest < 70.0, "{loudest} dB");
@@ -189,7 +189,7 @@ fn a_wall_takes_mixed_ways_away_that_it_stands_in() {
         let scene = behind_a_wall(&[DVec3::new(level, 0.0, -target)], 0.09, false, Some(wall(top)));
         let ping = scene.ping(&fan(1), &pose, &water(STRAIGHT)).unwrap();
         [2.0 * ways[0], ways[0] + ways[1], 2.0 * ways[1]].map(|way| {
-            let bin = ((0.5 * way - 0.06) / ping.layout.bin_m) as usize;
+            let bin = ((0.5 * way - 0.06) / ping.layout().bin_m) as usize;
             ping.levels(0)[bin - 1..=bin + 1].iter().any(|&level| level > 100.0)
         })
     };
@@ -212,7 +212,7 @@ fn beams_hear_mixed_echoes_from_where_they_come() {
     let ping = scene.ping(&sensor(pattern, ", bounces: 1"), &pose, &water(STRAIGHT)).unwrap();
     let ranges = [ways[0], 0.5 * (ways[0] + ways[1]), ways[1]].map(|range| range - 0.06);
     let lines = [(sonar - target).atan2(level), (sonar + target).atan2(level)].map(|angle| {
-        let beside = |beam: &usize| (f64::from(ping.layout.axes[*beam][0]) - angle).abs();
+        let beside = |beam: &usize| (f64::from(ping.layout().axes[*beam][0]) - angle).abs();
         (0..4001).min_by(|a, b| beside(a).total_cmp(&beside(b))).unwrap()
     });
     for (line, own) in [(lines[0], 0), (lines[1], 2)] {
@@ -221,7 +221,7 @@ fn beams_hear_mixed_echoes_from_where_they_come() {
         assert_near(&format!("beam {line}: mixed echo"), difference, expected, 0.3);
     }
     // In between nobody does.
-    let bin = (ranges[1] / ping.layout.bin_m) as usize;
+    let bin = (ranges[1] / ping.layout().bin_m) as usize;
     let (between, direct) = ((lines[0] + lines[1]) / 2, level_at(&ping, lines[0], ranges[1]));
     assert!(f64::from(ping.levels(between)[bin]) < direct - 20.0);
 }
@@ -290,8 +290,10 @@ fn mixed_echoes_do_not_depend_on_threads() {
             let engine = Engine::with_threads(threads).unwrap();
             scene.clone().build_with(&engine).unwrap().ping(&sensor, &path, &water).unwrap()
         });
-        assert!(pings.iter().all(|ping| bits(ping) == bits(&pings[0]) && ping.cells.cause == pings[0].cells.cause));
-        assert!(pings[0].cells.cause.contains(&(Cause::Multipath as u8)));
+        assert!(
+            pings.iter().all(|ping| bits(ping) == bits(&pings[0]) && ping.cells().cause() == pings[0].cells().cause())
+        );
+        assert!(pings[0].cells().cause().contains(&(Cause::Multipath as u8)));
     }
 }
 
@@ -302,7 +304,7 @@ fn turning(yaw: f64) -> Trajectory {
 }
 
 fn bits(ping: &Ping) -> Vec<u32> {
-    ping.cells.intensity.iter().map(|level| level.to_bits()).collect()
+    ping.cells().intensity().iter().map(|level| level.to_bits()).collect()
 }
 
 #[test]
@@ -314,7 +316,7 @@ fn a_sonar_that_turns_hears_targets_where_it_looks_by_then() {
     let heard = |sensor: &Sensor, yaw: f64, place: DVec3| {
         let ping = scene.ping(sensor, &turning(yaw), &water(STRAIGHT)).unwrap();
         let range = place.with_z(0.0).length() - 0.4;
-        let bins = ((range - 0.5) / ping.layout.bin_m) as usize..((range + 0.5) / ping.layout.bin_m) as usize;
+        let bins = ((range - 0.5) / ping.layout().bin_m) as usize..((range + 0.5) / ping.layout().bin_m) as usize;
         let power = |beam: usize| {
             let levels = ping.levels(beam)[bins.clone()].iter();
             levels.map(|&level| 10f64.powf(f64::from(level) / 10.0)).sum::<f64>()
@@ -323,7 +325,7 @@ fn a_sonar_that_turns_hears_targets_where_it_looks_by_then() {
         let (mut sum, mut lean) = (0.0, 0.0);
         for beam in peak.saturating_sub(2)..(peak + 3).min(121) {
             sum += power(beam);
-            lean += power(beam) * f64::from(ping.layout.axes[beam][0]).to_degrees();
+            lean += power(beam) * f64::from(ping.layout().axes[beam][0]).to_degrees();
         }
         lean / sum
     };
@@ -409,7 +411,7 @@ fn mixed_echoes_of_a_bottom_have_the_level_of_the_sonar_equation() {
     let (depth, height) = (10.0, BOTTOM - 10.0);
     let pose = Trajectory::fixed(Pose::at(0.0, 0.0, -depth));
     let [one, none] = [1, 0].map(|bounces| scene.ping(&fan(bounces), &pose, &water(STRAIGHT)).unwrap());
-    let bin_m = one.layout.bin_m;
+    let bin_m = one.layout().bin_m;
     let (half, around) = (0.3f64.to_radians().sin(), 0.5);
     for range in [42.0, 55.0, 80.0, 120.0] {
         let near = |way: f64| (way - range).abs() < around;

@@ -19,8 +19,8 @@ fn camera(sections: &str) -> Sensor {
 
 /// Error of each measured range.
 fn errors(cloud: &PointCloud) -> Vec<f64> {
-    assert_eq!(cloud.len, 90_000);
-    let pairs = cloud.columns.range.iter().zip(&cloud.columns.true_range);
+    assert_eq!(cloud.len(), 90_000);
+    let pairs = cloud.columns().range().iter().zip(cloud.columns().true_range());
     pairs.map(|(&measured, &truth)| f64::from(measured) - f64::from(truth)).collect()
 }
 
@@ -60,11 +60,11 @@ fn timing_noise_grows_as_the_signal_falls() {
     let sections = "detection: {model: radar_equation, reflectance: 0.8, at_m: 80}\n\
                     noise: {range_sigma_m: 0.02, range_snr_sigma_m: 0.5}";
     let cloud = scan(&wall(), &camera(sections), ScanOptions::default().seed(2));
-    let c = &cloud.columns;
-    let expected: Vec<f64> = (0..cloud.len)
+    let c = cloud.columns();
+    let expected: Vec<f64> = (0..cloud.len())
         .map(|row| {
-            let rho_eff = 0.5 * f64::from(c.cos_incidence[row]);
-            let relative_snr = rho_eff / f64::from(c.true_range[row]).powi(2) / (0.8 / 80f64.powi(2));
+            let rho_eff = 0.5 * f64::from(c.cos_incidence()[row]);
+            let relative_snr = rho_eff / f64::from(c.true_range()[row]).powi(2) / (0.8 / 80f64.powi(2));
             0.02f64.hypot(0.5 / relative_snr)
         })
         .collect();
@@ -78,7 +78,7 @@ fn timing_noise_grows_as_the_signal_falls() {
 fn offsets_are_constant_or_a_share_of_the_range() {
     let cloud =
         scan(&wall(), &camera("noise: {range_offset_m: -0.25, range_offset_percent: 2}"), ScanOptions::default());
-    for (&measured, &truth) in cloud.columns.range.iter().zip(&cloud.columns.true_range) {
+    for (&measured, &truth) in cloud.columns().range().iter().zip(cloud.columns().true_range()) {
         assert_near("range", measured.into(), 1.02 * f64::from(truth) - 0.25, 1e-5);
     }
 }
@@ -87,7 +87,7 @@ fn offsets_are_constant_or_a_share_of_the_range() {
 fn ranges_are_whole_steps_and_the_nearest_of_them() {
     let step = 0.004;
     let cloud = scan(&wall(), &camera("range: {resolution_m: 0.004}"), ScanOptions::default());
-    for &range in &cloud.columns.range {
+    for &range in cloud.columns().range() {
         assert_near("steps", f64::from(range) / step, (f64::from(range) / step).round(), 1e-3);
     }
     let errors = errors(&cloud);
@@ -98,7 +98,7 @@ fn ranges_are_whole_steps_and_the_nearest_of_them() {
     // Noise comes before rounding.
     let noisy = "range: {resolution_m: 0.004}\nnoise: {range_sigma_m: 0.03}";
     let cloud = scan(&wall(), &camera(noisy), ScanOptions::default());
-    for &range in &cloud.columns.range {
+    for &range in cloud.columns().range() {
         assert_near("steps", f64::from(range) / step, (f64::from(range) / step).round(), 1e-3);
     }
 }
@@ -107,14 +107,14 @@ fn ranges_are_whole_steps_and_the_nearest_of_them() {
 fn noise_moves_points_along_their_beams() {
     let camera = camera("noise: {range_sigma_m: 0.2}");
     let cloud = scan(&wall(), &camera, ScanOptions::default().seed(3));
-    let (c, beams) = (&cloud.columns, camera.beams());
-    for row in 0..cloud.len {
+    let (c, beams) = (cloud.columns(), camera.beams());
+    for row in 0..cloud.len() {
         let along = vector(&beams.dir_x, &beams.dir_y, &beams.dir_z, row);
-        let measured = f64::from(c.range[row]) * along;
+        let measured = f64::from(c.range()[row]) * along;
         assert!((cloud.position(row) - measured).length() < 1e-5);
-        let truth = f64::from(c.true_range[row]) * along;
-        assert!((vector(&c.true_x, &c.true_y, &c.true_z, row) - truth).length() < 1e-5);
-        assert_near("depth", c.depth[row].into(), measured.x, 1e-5);
+        let truth = f64::from(c.true_range()[row]) * along;
+        assert!((vector(c.true_x(), c.true_y(), c.true_z(), row) - truth).length() < 1e-5);
+        assert_near("depth", c.depth()[row].into(), measured.x, 1e-5);
     }
 }
 
@@ -125,13 +125,14 @@ fn truth_and_labels_do_not_feel_noise() {
     let quiet = scan(&wall(), &camera(radar), ScanOptions::default());
     let noise = "range: {resolution_m: 0.01}\nnoise: {range_sigma_m: 0.05, range_offset_m: 1, range_snr_sigma_m: 0.1}";
     let noisy = scan(&wall(), &camera(&format!("{radar}{noise}")), ScanOptions::default());
-    assert!(quiet.len > 50_000);
+    assert!(quiet.len() > 50_000);
     let measured = [Field::X, Field::Y, Field::Z, Field::Range, Field::Depth];
     for info in FIELDS {
         let equal = quiet.column(info.field).bytes() == noisy.column(info.field).bytes();
         assert_eq!(equal, !measured.contains(&info.field), "{}", info.name);
     }
-    for (truth, range) in [(&quiet.columns.true_range, &quiet.columns.range), (&quiet.columns.true_x, &quiet.columns.x)]
+    for (truth, range) in
+        [(quiet.columns().true_range(), quiet.columns().range()), (quiet.columns().true_x(), quiet.columns().x())]
     {
         assert_eq!(truth, range, "without noise the truth is measured");
     }
@@ -142,7 +143,7 @@ fn truth_and_labels_do_not_feel_noise() {
 fn draws_of_other_seeds_frames_and_beams_are_uncorrelated() {
     let camera = camera("noise: {range_sigma_m: 0.05}");
     let draw = |seed, frame| {
-        let options = ScanOptions { seed, frame, ..ScanOptions::default() };
+        let options = ScanOptions::default().seed(seed).frame(frame);
         errors(&scan(&wall(), &camera, options)).iter().map(|error| error / 0.05).collect::<Vec<_>>()
     };
     let first = draw(7, 0);
@@ -163,20 +164,20 @@ fn azimuth_noise_turns_points_about_the_sensors_axis() {
     let mut sensor = camera("noise: {azimuth_sigma_deg: 0.2}");
     for frame in [Frame::World, Frame::Sensor] {
         let pose = Pose::at(1.0, 2.0, 3.0).with_rpy_deg(10.0, -20.0, 30.0);
-        let options = ScanOptions { coordinates: frame, ..ScanOptions::default().seed(3) };
+        let options = ScanOptions::default().seed(3).coordinates(frame);
         let cloud = scan_at(&wall(), &sensor, pose, options);
-        let c = &cloud.columns;
+        let c = cloud.columns();
         let to_sensor = |point: DVec3| match frame {
             Frame::World => pose.orientation.inverse() * (point - pose.position),
             Frame::Sensor => point,
         };
-        let angles: Vec<f64> = (0..cloud.len)
+        let angles: Vec<f64> = (0..cloud.len())
             .map(|row| {
                 let measured = to_sensor(cloud.position(row));
-                let truth = to_sensor(cloud.origin + vector(&c.true_x, &c.true_y, &c.true_z, row));
+                let truth = to_sensor(cloud.origin + vector(c.true_x(), c.true_y(), c.true_z(), row));
                 assert_near("range", measured.length(), truth.length(), 1e-4);
                 assert_near("height", measured.z, truth.z, 1e-4);
-                assert_near("azimuth", c.azimuth[row].into(), measured.y.atan2(measured.x), 1e-5);
+                assert_near("azimuth", c.azimuth()[row].into(), measured.y.atan2(measured.x), 1e-5);
                 (measured.y.atan2(measured.x) - truth.y.atan2(truth.x)).to_degrees()
             })
             .collect();
@@ -188,9 +189,9 @@ fn azimuth_noise_turns_points_about_the_sensors_axis() {
 #[test]
 fn dropout_loses_its_part_of_the_returns() {
     let cloud = scan(&wall(), &camera("noise: {dropout: 0.3}"), ScanOptions::default().seed(4));
-    let kept = cloud.len as f64 / 90_000.0;
+    let kept = cloud.len() as f64 / 90_000.0;
     assert_near("part that is kept", kept, 0.7, 3.0 * (0.3f64 * 0.7 / 90_000.0).sqrt());
-    assert_eq!(scan(&wall(), &camera("noise: {dropout: 1}"), ScanOptions::default()).len, 0);
+    assert_eq!(scan(&wall(), &camera("noise: {dropout: 1}"), ScanOptions::default()).len(), 0);
 }
 
 /// An instrument reports no range outside its limits, whatever the truth.
@@ -198,11 +199,11 @@ fn dropout_loses_its_part_of_the_returns() {
 fn measured_ranges_keep_to_the_limits() {
     let sections = "range: {min_m: 8, max_m: 20}\nnoise: {range_sigma_m: 0.5, range_offset_m: -1}";
     let cloud = scan(&wall(), &camera(sections), ScanOptions::default());
-    let c = &cloud.columns;
-    assert!(c.range.iter().all(|range| (8.0..=20.0).contains(range)));
-    assert!(c.true_range.iter().any(|range| *range > 19.9), "the truth reaches as far as the beam");
+    let c = cloud.columns();
+    assert!(c.range().iter().all(|range| (8.0..=20.0).contains(range)));
+    assert!(c.true_range().iter().any(|range| *range > 19.9), "the truth reaches as far as the beam");
     let near = scan(&wall(), &camera("noise: {range_offset_m: -15}"), ScanOptions::default());
-    assert!(near.columns.range.iter().all(|range| *range > 0.0) && near.len < 90_000);
+    assert!(near.columns().range().iter().all(|range| *range > 0.0) && near.len() < 90_000);
 }
 
 /// Echoes below the threshold, which the paper's program keeps, have no signal to time: their error is that at the
@@ -210,9 +211,9 @@ fn measured_ranges_keep_to_the_limits() {
 #[test]
 fn errors_of_undetected_echoes_stay_finite() {
     let sections = "detection: {model: radar_equation, reflectance: 0.9, at_m: 2}\nnoise: {range_snr_sigma_m: 0.02}";
-    let options = ScanOptions { profile: Profile::Blainder, ..ScanOptions::default() };
+    let options = ScanOptions::default().profile(Profile::Blainder);
     let cloud = scan(&wall(), &camera(sections), options);
-    assert!(cloud.columns.intensity.iter().all(|intensity| *intensity == 0.0));
+    assert!(cloud.columns().intensity().iter().all(|intensity| *intensity == 0.0));
     assert_gaussian(&errors(&cloud), 0.0, 0.02);
 }
 
@@ -222,7 +223,7 @@ fn errors_follow_a_table() {
     let table = "noise: {range_table: [{at_m: 2, mean_m: 0.0114, sigma_m: 0.00933}, {at_m: 10.5, mean_m: 0.00735, \
                  sigma_m: 0.0175}, {at_m: 30, mean_m: 0.0009, sigma_m: 0.065}]}";
     let cloud = scan(&wall(), &camera(table), ScanOptions::default().seed(5));
-    let scaled: Vec<f64> = (errors(&cloud).iter().zip(&cloud.columns.true_range))
+    let scaled: Vec<f64> = (errors(&cloud).iter().zip(cloud.columns().true_range()))
         .map(|(error, &range)| {
             let range = f64::from(range);
             let (part, from, to) = if range < 10.5 {
@@ -241,7 +242,7 @@ fn errors_follow_a_table() {
 fn errors_may_grow_with_range() {
     let sensor = camera("noise: {range_sigma_m: 0.01, range_sigma_per_m: 0.002}");
     let cloud = scan(&wall(), &sensor, ScanOptions::default().seed(6));
-    let scaled = errors(&cloud).into_iter().zip(&cloud.columns.true_range);
+    let scaled = errors(&cloud).into_iter().zip(cloud.columns().true_range());
     let scaled: Vec<f64> = scaled.map(|(error, &range)| error / (0.01 + 0.002 * f64::from(range))).collect();
     assert_gaussian(&scaled, 0.0, 1.0);
 }
@@ -257,15 +258,15 @@ fn channels_are_off_by_amounts_of_their_own() {
              noise: {{channel_bias_sigma_m: 0.04, channel_gain_sigma: 0.002, instrument: {instrument}}}\n",
             elevations.join(", ")
         );
-        let options = ScanOptions { frame: seed as u32, ..ScanOptions::default().seed(seed) };
+        let options = ScanOptions::default().seed(seed).frame(seed as u32);
         scan(&wall(), &Sensor::from_yaml(&yaml, "").unwrap(), options)
     };
     let of = |cloud: &PointCloud| -> Vec<(u16, f64, f64)> {
-        let c = &cloud.columns;
+        let c = cloud.columns();
         let row = |row: usize| {
-            (c.channel[row], c.true_range[row].into(), f64::from(c.range[row]) - f64::from(c.true_range[row]))
+            (c.channel()[row], c.true_range()[row].into(), f64::from(c.range()[row]) - f64::from(c.true_range()[row]))
         };
-        (0..cloud.len).map(row).collect()
+        (0..cloud.len()).map(row).collect()
     };
     let rows = of(&scan(1, 1));
     // From the nearest and the farthest point of each channel, its gain and bias.
@@ -298,14 +299,14 @@ fn channels_are_off_by_amounts_of_their_own() {
 fn an_encoder_has_steps() {
     let (step, sensor) = (0.36, camera("noise: {azimuth_step_deg: 0.36}"));
     let cloud = scan(&wall(), &sensor, ScanOptions::default());
-    let (c, beams) = (&cloud.columns, sensor.beams());
+    let (c, beams) = (cloud.columns(), sensor.beams());
     let mut errors = Vec::new();
-    for row in 0..cloud.len {
-        let reported = f64::from(c.azimuth[row]).to_degrees();
+    for row in 0..cloud.len() {
+        let reported = f64::from(c.azimuth()[row]).to_degrees();
         assert_near("steps", reported / step, (reported / step).round(), 1e-4);
         let point = cloud.position(row);
         assert_near("azimuth", point.y.atan2(point.x).to_degrees(), reported, 1e-4);
-        assert_near("height", point.z, f64::from(c.true_z[row]), 1e-4);
+        assert_near("height", point.z, f64::from(c.true_z()[row]), 1e-4);
         let nominal = f64::from(beams.dir_y[row]).atan2(beams.dir_x[row].into()).to_degrees();
         errors.push(reported - nominal);
     }
@@ -320,20 +321,21 @@ fn pointing_noise_moves_rays_and_not_what_is_reported() {
     let beams = sensor.beams();
     for frame in [Frame::World, Frame::Sensor] {
         let pose = Pose::at(0.5, 0.2, 0.3).with_rpy_deg(4.0, -5.0, 6.0);
-        let options = ScanOptions { coordinates: frame, ..ScanOptions::default().seed(9) };
+        let options = ScanOptions::default().seed(9).coordinates(frame);
         let cloud = scan_at(&wall(), &sensor, pose, options);
-        assert_eq!(cloud.len, 90_000);
-        let c = &cloud.columns;
+        assert_eq!(cloud.len(), 90_000);
+        let c = cloud.columns();
         let [to_sensor, to_world]: [&dyn Fn(DVec3) -> DVec3; 2] = match frame {
             Frame::World => [&|point| pose.orientation.inverse() * (point - pose.position), &|point| point],
             Frame::Sensor => [&|point| point, &|point| pose.orientation * point + pose.position],
         };
         let (mut left, mut up) = (Vec::new(), Vec::new());
-        for row in 0..cloud.len {
+        for row in 0..cloud.len() {
             let nominal = vector(&beams.dir_x, &beams.dir_y, &beams.dir_z, row);
-            let (measured, truth) = (cloud.position(row), cloud.origin + vector(&c.true_x, &c.true_y, &c.true_z, row));
-            assert!((to_sensor(measured) - f64::from(c.range[row]) * nominal).length() < 1e-4);
-            assert_near("azimuth", c.azimuth[row].into(), nominal.y.atan2(nominal.x), 1e-6);
+            let (measured, truth) =
+                (cloud.position(row), cloud.origin + vector(c.true_x(), c.true_y(), c.true_z(), row));
+            assert!((to_sensor(measured) - f64::from(c.range()[row]) * nominal).length() < 1e-4);
+            assert_near("azimuth", c.azimuth()[row].into(), nominal.y.atan2(nominal.x), 1e-6);
             let wall = (to_world(truth) - 12.0 * DVec3::X).dot(DVec3::new(-1.0, 0.5, 0.3).normalize());
             assert_near("distance of the true point from the wall", wall, 0.0, 1e-4);
             let across = DVec3::Z.cross(nominal).normalize();
@@ -358,9 +360,10 @@ fn times_are_reported_with_an_error() {
     };
     let cloud = scan(&wall(), &yaml("noise: {time_sigma_us: 5}"), ScanOptions::default().seed(4));
     let plain = scan(&wall(), &yaml(""), ScanOptions::default().seed(4));
-    assert!(cloud.len > 20_000 && cloud.columns.x == plain.columns.x);
-    let late = cloud.columns.time.iter().zip(&plain.columns.time).map(|(a, b)| (a - b) * 1e6).collect::<Vec<_>>();
-    let (first, second) = late.split_at(cloud.len / 2);
+    assert!(cloud.len() > 20_000 && cloud.columns().x() == plain.columns().x());
+    let late =
+        cloud.columns().time().iter().zip(plain.columns().time()).map(|(a, b)| (a - b) * 1e6).collect::<Vec<_>>();
+    let (first, second) = late.split_at(cloud.len() / 2);
     assert_gaussian(first, 0.0, 5.0);
     for (a, b) in first.iter().zip(second) {
         assert_near("of one firing", *a, *b, 1e-9);
@@ -374,12 +377,12 @@ fn weak_returns_get_lost_more_often() {
     let cloud =
         scan(&wall(), &camera("noise: {dropout_weak: {below: 0.3, at_zero: 0.4}}"), ScanOptions::default().seed(8));
     let chance = |intensity: f32| 0.4 * (1.0 - f64::from(intensity) / 0.3).max(0.0);
-    let weak = |cloud: &PointCloud| cloud.columns.intensity.iter().filter(|&&intensity| intensity < 0.3).count();
-    let (lost, variance) = (all.columns.intensity.iter().map(|&intensity| chance(intensity)))
+    let weak = |cloud: &PointCloud| cloud.columns().intensity().iter().filter(|&&intensity| intensity < 0.3).count();
+    let (lost, variance) = (all.columns().intensity().iter().map(|&intensity| chance(intensity)))
         .fold((0.0, 0.0), |(sum, variance), p| (sum + p, variance + p * (1.0 - p)));
     assert!(lost > 500.0, "{lost}");
-    assert_near("lost", (all.len - cloud.len) as f64, lost, 3.0 * f64::sqrt(variance));
-    assert_eq!(weak(&all) - weak(&cloud), all.len - cloud.len, "strong ones stay");
+    assert_near("lost", (all.len() - cloud.len()) as f64, lost, 3.0 * f64::sqrt(variance));
+    assert_eq!(weak(&all) - weak(&cloud), all.len() - cloud.len(), "strong ones stay");
 }
 
 /// What one kind of noise draws does not depend on the others.
@@ -391,7 +394,7 @@ fn switching_a_noise_on_does_not_move_the_others() {
         scan(&wall(), &sensor, ScanOptions::default().seed(12))
     };
     let plain = scan("dropout: 0", radar);
-    assert_eq!(plain.len, 90_000);
+    assert_eq!(plain.len(), 90_000);
     let chance = "range: {max_m: 60}\n\
                   detection: {model: statistical, reflectance: 0.1, at_m: 15, tnr: 4, bandwidth_mhz: 100}";
     let cases = [
@@ -402,14 +405,15 @@ fn switching_a_noise_on_does_not_move_the_others() {
     ];
     for (noise, sections) in cases {
         let cloud = scan(noise, sections);
-        let (c, p) = (&cloud.columns, &plain.columns);
-        let surfaces = (0..cloud.len).filter(|&row| c.cause[row] == 0);
+        let (c, p) = (cloud.columns(), plain.columns());
+        let surfaces = (0..cloud.len()).filter(|&row| c.cause()[row] == 0);
         for row in surfaces {
-            let beam = c.beam[row] as usize;
-            let of = |c: &echocast::cloud::Columns, row: usize| (c.x[row], c.y[row], c.range[row], c.azimuth[row]);
+            let beam = c.beam()[row] as usize;
+            let of =
+                |c: &echocast::cloud::Columns, row: usize| (c.x()[row], c.y()[row], c.range()[row], c.azimuth()[row]);
             assert_eq!(of(c, row), of(p, beam), "{noise} {sections}");
         }
-        assert!(noise.starts_with("time") || cloud.len < plain.len);
+        assert!(noise.starts_with("time") || cloud.len() < plain.len());
     }
     // Pointing noise changes what is hit; the range error stays the same.
     let pointed = scan("pointing_sigma_deg: 0.05", radar);
@@ -418,5 +422,5 @@ fn switching_a_noise_on_does_not_move_the_others() {
     }
     // A hundred-thousandth of a pointing error hits the same place: random decisions stay the same.
     let quiet = scan("dropout: 0", chance);
-    assert_eq!(scan("pointing_sigma_deg: 1.0e-9", chance).columns.beam, quiet.columns.beam);
+    assert_eq!(scan("pointing_sigma_deg: 1.0e-9", chance).columns().beam(), quiet.columns().beam());
 }

@@ -38,7 +38,8 @@ fn rays() -> Rays {
 
 fn sensor(rays: &Rays) -> Sensor {
     let Rays { origin, direction, time, channel } = rays;
-    Sensor::from_rays("rays", &RayColumns { origin, direction, time, channel, ..RayColumns::default() }).unwrap()
+    Sensor::from_rays("rays", &RayColumns::default().origin(origin).direction(direction).time(time).channel(channel))
+        .unwrap()
 }
 
 fn scan(sensor: &Sensor, path: &Trajectory, coordinates: Frame, start_time: f64) -> PointCloud {
@@ -46,7 +47,7 @@ fn scan(sensor: &Sensor, path: &Trajectory, coordinates: Frame, start_time: f64)
     let paint = scene.reflector(0.5);
     scene.stand(Shape::plate(DVec3::X * WALL, -DVec3::X, 1e3), Some(paint));
     let fields = FieldSet::all();
-    let options = ScanOptions { fields, organised: true, coordinates, start_time, ..ScanOptions::default() };
+    let options = ScanOptions::default().fields(fields).organised(true).coordinates(coordinates).start_time(start_time);
     scene.finish().build().unwrap().scan(sensor, path, &options).unwrap()
 }
 
@@ -56,8 +57,8 @@ fn compare(rays: &Rays, path: &Trajectory, start_time: f64) -> usize {
     let [world, own] = [Frame::World, Frame::Sensor].map(|frame| scan(&sensor, path, frame, start_time));
     let mut met = 0;
     for ray in 0..COUNT {
-        let (columns, time) = (&world.columns, start_time + rays.time[ray]);
-        assert_eq!((columns.channel[ray], columns.time[ray]), (rays.channel[ray], time));
+        let (columns, time) = (world.columns(), start_time + rays.time[ray]);
+        assert_eq!((columns.channel()[ray], columns.time()[ray]), (rays.channel[ray], time));
         let start = |time: f64| {
             let pose = path.at(time);
             pose.position + pose.orientation * Vec3::from(rays.origin[ray]).as_dvec3()
@@ -66,24 +67,24 @@ fn compare(rays: &Rays, path: &Trajectory, start_time: f64) -> usize {
         let range = (WALL - start(time).x) / direction.x;
         // Shallow rays meet it far away, or beside it.
         if !(0.0..100.0).contains(&range) {
-            assert!(columns.range[ray].is_nan() || columns.range[ray] > 99.0, "ray {ray} of range {range}");
+            assert!(columns.range()[ray].is_nan() || columns.range()[ray] > 99.0, "ray {ray} of range {range}");
             continue;
         }
         met += 1;
         // Single precision of directions and places counts more at a slant.
         let slack = 4e-6 * (10.0 + range) / direction.x;
-        assert!((f64::from(columns.range[ray]) - range).abs() < slack, "ray {ray}: {} {range}", columns.range[ray]);
+        assert!((f64::from(columns.range()[ray]) - range).abs() < slack, "ray {ray}: {} {range}", columns.range()[ray]);
         let point = |cloud: &PointCloud| {
-            let columns = &cloud.columns;
-            cloud.origin + Vec3::new(columns.x[ray], columns.y[ray], columns.z[ray]).as_dvec3()
+            let columns = cloud.columns();
+            cloud.origin + Vec3::new(columns.x()[ray], columns.y()[ray], columns.z()[ray]).as_dvec3()
         };
         assert!((point(&world) - (start(time) + range * direction)).length() < slack);
         let expected = Vec3::from(rays.origin[ray]).as_dvec3() + range * Vec3::from(rays.direction[ray]).as_dvec3();
         assert!((point(&own) - expected).length() < slack, "ray {ray}: {} {expected}", point(&own));
-        assert!((f64::from(own.columns.depth[ray]) - expected.x).abs() < slack);
+        assert!((f64::from(own.columns().depth()[ray]) - expected.x).abs() < slack);
         // The wall stands, so what changes is where the ray starts: a difference of places over a short time.
         let speed = (start(time + 1e-6) - start(time - 1e-6)).dot(direction) / 2e-6;
-        let found = f64::from(columns.radial_velocity[ray]);
+        let found = f64::from(columns.radial_velocity()[ray]);
         assert!((found + speed).abs() < 1e-4, "ray {ray}: {found} {speed}");
     }
     met
@@ -116,10 +117,10 @@ fn origins_are_read_from_tables() {
     let table = Sensor::from_yaml(text, folder.path()).unwrap();
     let direction = [[1.0, 0.0, 0.0]; 2];
     let origin = [[0.0, 0.25, 0.0], [0.0, -0.5, 1.0]];
-    let rays = RayColumns { origin: &origin, direction: &direction, time: &[0.0, 1e-4], ..RayColumns::default() };
+    let rays = RayColumns::default().origin(&origin).direction(&direction).time(&[0.0, 1e-4]);
     assert_eq!(table.beams(), Sensor::from_rays("rays", &rays).unwrap().beams());
     let cloud = scan(&table, &Trajectory::fixed(Pose::IDENTITY), Frame::Sensor, 0.0);
-    assert_eq!((&cloud.columns.y[..], &cloud.columns.z[..]), (&[0.25, -0.5][..], &[0.0, 1.0][..]));
+    assert_eq!((cloud.columns().y(), cloud.columns().z()), (&[0.25, -0.5][..], &[0.0, 1.0][..]));
     std::fs::write(folder.path().join("rays.csv"), csv.replace("-0.5", "-2e6")).unwrap();
     let error = Sensor::from_yaml(text, folder.path()).unwrap_err().to_string();
     assert!(error.ends_with("rays.csv: line 3: origin_y_m is -2000000; allowed: -1e6 to 1e6"), "{error}");
@@ -129,12 +130,12 @@ fn origins_are_read_from_tables() {
 fn columns_of_rays_are_checked() {
     let direction = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let fault = |rays: RayColumns| Sensor::from_rays("rays", &rays).unwrap_err().to_string();
-    let rays = RayColumns { direction: &direction, ..RayColumns::default() };
-    assert_eq!(fault(RayColumns { time: &[0.0], ..rays }), "time is 1 rays long; allowed: 2 rays, or none");
-    assert_eq!(fault(RayColumns { origin: &[[0.0; 3]; 3], ..rays }), "origin is 3 rays long; allowed: 2 rays, or none");
-    let found = fault(RayColumns { origin: &[[0.0; 3], [0.0, f32::NAN, 0.0]], ..rays });
+    let rays = RayColumns::default().direction(&direction);
+    assert_eq!(fault(rays.time(&[0.0])), "time is 1 rays long; allowed: 2 rays, or none");
+    assert_eq!(fault(rays.origin(&[[0.0; 3]; 3])), "origin is 3 rays long; allowed: 2 rays, or none");
+    let found = fault(rays.origin(&[[0.0; 3], [0.0, f32::NAN, 0.0]]));
     assert_eq!(found, "origin of beam 1 is (0, NaN, 0) m; allowed: -1000000 to 1000000 m");
-    assert!(fault(RayColumns { direction: &[], ..rays }).starts_with("rows x columns is 1 x 0; allowed: 1 to "));
-    assert!(fault(RayColumns { period: 0.0, ..rays }).starts_with("period is 0; allowed: "));
+    assert!(fault(rays.direction(&[])).starts_with("rows x columns is 1 x 0; allowed: 1 to "));
+    assert!(fault(rays.period(0.0)).starts_with("period is 0; allowed: "));
     assert!(Sensor::from_rays("rays", &rays).is_ok());
 }

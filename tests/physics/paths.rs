@@ -7,11 +7,11 @@ use glam::{DAffine3, DVec3};
 
 fn mirror(reflectance: f32) -> Material {
     let reflectance = Some(Reflectance::Constant(reflectance));
-    Material { name: "mirror".into(), reflectance, metallic: 1.0, roughness: 0.0, ..Material::default() }
+    Material::default().name("mirror").reflectance(reflectance).metallic(1.0).roughness(0.0)
 }
 
 fn glass(ior: f32) -> Material {
-    Material { name: "glass".into(), transmission: 1.0, roughness: 0.0, ior, ..Material::default() }
+    Material::default().name("glass").transmission(1.0).roughness(0.0).ior(ior)
 }
 
 /// How far from their line, m, rays go on that start slightly off a surface 4 m away, which they must not meet again;
@@ -48,19 +48,19 @@ fn a_mirror_shows_what_it_faces() {
     let wall = (plate([5.0, 7.0, 0.0], [0.0, -1.0, 0.0], 2.0), 0.5);
     let built = scene(Some(wall), vec![(plate([5.0, 0.0, 0.0], [-half, half, 0.0], 1.0), mirror(0.9))]);
     let cloud = look(&built, "intensity: {encoding: power}");
-    let c = &cloud.columns;
-    assert_eq!((cloud.len, c.cause[0], c.bounces[0]), (1, Cause::Mirror as u8, 1));
-    assert_near("x", c.x[0].into(), 12.0, 2e-4);
-    assert_near("y", c.y[0].into(), 0.0, 1e-6);
-    assert_near("range", c.range[0].into(), 12.0, 2e-4);
-    assert_near("P_n", c.intensity[0].into(), 8.952_47e-4, 5e-8);
+    let c = cloud.columns();
+    assert_eq!((cloud.len(), c.cause()[0], c.bounces()[0]), (1, Cause::Mirror as u8, 1));
+    assert_near("x", c.x()[0].into(), 12.0, 2e-4);
+    assert_near("y", c.y()[0].into(), 0.0, 1e-6);
+    assert_near("range", c.range()[0].into(), 12.0, 2e-4);
+    assert_near("P_n", c.intensity()[0].into(), 8.952_47e-4, 5e-8);
     // The label is the wall's, the first surface is the mirror.
-    assert_eq!(cloud.labels.category.name(c.category_id[0]), cloud.labels.category.name(1));
-    assert_ne!(c.first_category_id[0], c.category_id[0]);
-    assert_near("normal", c.normal_y[0].into(), -1.0, 1e-6);
+    assert_eq!(cloud.labels.category.name(c.category_id()[0]), cloud.labels.category.name(1));
+    assert_ne!(c.first_category_id()[0], c.category_id()[0]);
+    assert_near("normal", c.normal_y()[0].into(), -1.0, 1e-6);
     // Where the mirror faces nothing, nothing is seen.
     let empty = scene(None, vec![(plate([5.0, 0.0, 0.0], [-half, half, 0.0], 1.0), mirror(0.9))]);
-    assert_eq!(look(&empty, "").len, 0);
+    assert_eq!(look(&empty, "").len(), 0);
 }
 
 /// What is seen in a mirror is the mirror image of where the light goes, for any mirror and wall.
@@ -78,7 +78,7 @@ fn points_in_a_mirror_are_virtual_images() {
         let turned = DVec3::X - 2.0 * normal.x * normal;
         let length = facing.dot(place - at) / facing.dot(turned);
         // Distant walls are met at a low angle; a wall in front of the mirror hides it.
-        if cloud.len == 0 || cloud.columns.cause[0] != Cause::Mirror as u8 || length > 100.0 {
+        if cloud.is_empty() || cloud.columns().cause()[0] != Cause::Mirror as u8 || length > 100.0 {
             continue;
         }
         let met = at + length * turned;
@@ -94,15 +94,15 @@ fn points_in_a_mirror_are_virtual_images() {
 /// A metal by its index: 89.0411 % for 2 + 8i head-on, there and back.
 #[test]
 fn metals_reflect_by_their_index() {
-    let metal = Material { ior: 2.0, extinction_index: 8.0, ..mirror(1.0) };
+    let metal = mirror(1.0).ior(2.0).extinction_index(8.0);
     // Head-on the mirror shows what is behind the sensor.
     let built = scene(
         Some((plate([-3.0, 0.0, 0.0], [1.0, 0.0, 0.0], 2.0), 0.5)),
         vec![(plate([5.0, 0.0, 0.0], [-1.0, 0.0, 0.0], 1.0), metal)],
     );
     let cloud = look(&built, "");
-    assert_near("intensity", cloud.columns.intensity[0].into(), 0.5 * 0.890_411f64.powi(2), 1e-6);
-    assert_near("range", cloud.columns.range[0].into(), 13.0, 2e-4);
+    assert_near("intensity", cloud.columns().intensity()[0].into(), 0.5 * 0.890_411f64.powi(2), 1e-6);
+    assert_near("range", cloud.columns().range()[0].into(), 13.0, 2e-4);
 }
 
 /// Metals at every angle, gold and copper among them, whose index is below 1: the target behind the sensor, or beside the
@@ -129,7 +129,7 @@ fn metals_follow_their_table() {
         let wall = Shape::plate(5.0 * DVec3::X + 8.0 * mirrored, -mirrored, 0.5);
         let cloud = look(&scene(Some((wall, 0.5)), vec![(Shape::plate(5.0 * DVec3::X, normal, 20.0), metal)]), "");
         let expected = 0.5 * number("R_unpolarised").powi(2);
-        assert_near(&format!("row {row}"), cloud.columns.intensity[0].into(), expected, 2e-6);
+        assert_near(&format!("row {row}"), cloud.columns().intensity()[0].into(), expected, 2e-6);
     }
     assert!(below_one > 5);
 }
@@ -141,14 +141,12 @@ fn the_program_knows_no_panes() {
     let (sin, cos) = 45f64.to_radians().sin_cos();
     let bent = 45.0 - (sin / 1.5).asin().to_degrees();
     let wall = || Some((plate([10.0, 0.0, 0.0], [-1.0, 0.0, 0.0], 5.0), 0.5));
-    for material in
-        [glass(1.5), Material { thickness_m: 0.01, ..glass(1.5) }, Material { pane_m: Some(0.004), ..glass(1.5) }]
-    {
+    for material in [glass(1.5), glass(1.5).thickness_m(0.01), glass(1.5).pane_m(0.004)] {
         let sheet = (plate([4.0, 0.0, 0.0], [-cos, sin, 0.0], 3.0), material);
-        let options = ScanOptions { profile: Profile::Blainder, ..ScanOptions::default() };
-        let c = scan(&scene(wall(), vec![sheet]), &one_beam(""), options).columns;
-        assert_near("range", c.range[0].into(), 4.0 + 6.0 / bent.to_radians().cos(), 1e-4);
-        assert_eq!(c.cause[0], Cause::Glass as u8);
+        let options = ScanOptions::default().profile(Profile::Blainder);
+        let c = scan(&scene(wall(), vec![sheet]), &one_beam(""), options).into_columns();
+        assert_near("range", c.range()[0].into(), 4.0 + 6.0 / bent.to_radians().cos(), 1e-4);
+        assert_eq!(c.cause()[0], Cause::Glass as u8);
     }
 }
 
@@ -161,33 +159,31 @@ fn panes_follow_their_table() {
         let number = |column| table.number(row, column);
         let (n, thickness, theta) = (number("n"), number("thickness_m"), number("theta_i_deg").to_radians());
         let absorption = number("absorption_1_per_m");
-        let material = Material {
-            pane_m: Some(thickness as f32),
-            attenuation_distance_m: if absorption > 0.0 { 1.0 / absorption as f32 } else { f32::INFINITY },
-            attenuation_color: if absorption > 0.0 { [(-1f32).exp(); 3] } else { [1.0; 3] },
-            ..glass(n as f32)
-        };
+        let material = (glass(n as f32))
+            .pane_m(thickness as f32)
+            .attenuation_distance_m(if absorption > 0.0 { 1.0 / absorption as f32 } else { f32::INFINITY })
+            .attenuation_color(if absorption > 0.0 { [(-1f32).exp(); 3] } else { [1.0; 3] });
         let pane = plate([4.0, 0.0, 0.0], [-theta.cos(), theta.sin(), 0.0], 3.0);
         let built = scene(Some((plate([10.0, 0.0, 0.0], [-1.0, 0.0, 0.0], 0.5), 0.5)), vec![(pane, material.clone())]);
         let cloud = look(&built, "returns: {mode: strongest}");
-        let c = &cloud.columns;
-        assert_eq!((cloud.len, c.cause[0]), (1, Cause::Glass as u8), "row {row}");
+        let c = cloud.columns();
+        assert_eq!((cloud.len(), c.cause()[0]), (1, Cause::Glass as u8), "row {row}");
         let factor = number("two_way_incoherent_s_p_mean");
         // Energy falls with the paraxial distance, in which the path through glass counts 1/n; ranges with n.
         let way = thickness / (theta.sin() / n).asin().cos();
         let spread = 10.0 + number("range_extra_geometric_m") - way + way / n;
         let expected = factor * ((10.0 + number("range_extra_optical_m")) / spread).powi(2);
-        assert_near("intensity", f64::from(c.intensity[0]) / 0.5, expected, 2e-5);
-        assert_near("range", c.range[0].into(), 10.0 + number("range_extra_optical_m"), 2e-5);
-        let paper = ScanOptions { profile: Profile::Paper, ..ScanOptions::default() };
+        assert_near("intensity", f64::from(c.intensity()[0]) / 0.5, expected, 2e-5);
+        assert_near("range", c.range()[0].into(), 10.0 + number("range_extra_optical_m"), 2e-5);
+        let paper = ScanOptions::default().profile(Profile::Paper);
         let paper = scan(&built, &one_beam(""), paper);
-        assert_near("length", paper.columns.range[0].into(), 10.0 + number("range_extra_geometric_m"), 2e-5);
+        assert_near("length", paper.columns().range()[0].into(), 10.0 + number("range_extra_geometric_m"), 2e-5);
         // The beam continues beside its line: a wall that leans by 45 degrees is met that much earlier.
         let leaning = (plate([10.0, 0.0, 0.0], [-1.0, 1.0, 0.0], 0.5), 0.5);
         let pane = plate([4.0, 0.0, 0.0], [-theta.cos(), theta.sin(), 0.0], 3.0);
-        let beside = look(&scene(Some(leaning), vec![(pane, material)]), "").columns.range[0];
+        let beside = look(&scene(Some(leaning), vec![(pane, material)]), "").columns().range()[0];
         let shift = number("lateral_shift_m");
-        assert_near("shift", f64::from(c.range[0] - beside), shift, BESIDE);
+        assert_near("shift", f64::from(c.range()[0] - beside), shift, BESIDE);
     }
 }
 
@@ -205,7 +201,7 @@ fn panes_that_are_bodies_pass_light_face_by_face() {
     ] {
         let sin = degrees.to_radians().sin();
         let look_at = |wall: Shape| {
-            let material = Material { thickness_m: 0.004, group_index: Some(1.5), ..glass(1.5) };
+            let material = glass(1.5).thickness_m(0.004).group_index(1.5);
             let mut scene = SceneBuilder::new();
             let paint = scene.reflector(0.5);
             scene.stand(wall, Some(paint));
@@ -214,19 +210,19 @@ fn panes_that_are_bodies_pass_light_face_by_face() {
             let mesh = scene.mesh([(pane, Some(material))]);
             let turn = DAffine3::from_rotation_z(-degrees.to_radians());
             scene.place(mesh, DAffine3::from_translation(4.0 * DVec3::X) * turn);
-            look(&scene.finish().build().unwrap(), "returns: {mode: strongest}").columns
+            look(&scene.finish().build().unwrap(), "returns: {mode: strongest}").into_columns()
         };
         let c = look_at(plate([10.0, 0.0, 0.0], [-1.0, 0.0, 0.0], 0.5));
-        assert_eq!((c.cause[0], c.bounces[0]), (Cause::Glass as u8, 2));
+        assert_eq!((c.cause()[0], c.bounces()[0]), (Cause::Glass as u8, 2));
         let range = 10.0 + 1e-3 * surplus_mm;
-        assert_near("range", c.range[0].into(), range, 2e-5);
+        assert_near("range", c.range()[0].into(), range, 2e-5);
         // Light spreads over the path in air, and over 1/n of that in glass.
         let way = 0.004 / (1.0 - (sin / 1.5).powi(2)).sqrt();
         let spread = range - 1.5 * way + way / 1.5;
         let expected = 0.5 * passed * passed * (range / spread).powi(2);
-        assert_near("intensity", c.intensity[0].into(), expected, 2e-5 * expected);
+        assert_near("intensity", c.intensity()[0].into(), expected, 2e-5 * expected);
         let leaning = look_at(plate([10.0, 0.0, 0.0], [-1.0, 1.0, 0.0], 0.5));
-        assert_near("shift", f64::from(c.range[0] - leaning.range[0]), 1e-3 * shift_mm, 2.0 * BESIDE);
+        assert_near("shift", f64::from(c.range()[0] - leaning.range()[0]), 1e-3 * shift_mm, 2.0 * BESIDE);
     }
 }
 
@@ -253,21 +249,21 @@ fn boundaries_follow_their_table() {
         let part = |direction: DVec3, length: f64, index: f64, outside: f64| {
             let across = DVec3::Z.cross(direction);
             let wall = (Shape::plate(at + length * direction, (across - direction).normalize(), 0.1), 0.5);
-            let body = |ior: f64| Material { thickness_m: 1.0, group_index: Some(1.0), ..glass(ior as f32) };
+            let body = |ior: f64| (glass(ior as f32)).thickness_m(1.0).group_index(1.0);
             let mut others = vec![(Shape::plate(at, normal, 40.0), body(n2))];
             if n1 > 1.0 {
-                others.push((Shape::plate(DVec3::X, -DVec3::X, 0.01), Material { name: "bath".into(), ..body(n1) }));
+                others.push((Shape::plate(DVec3::X, -DVec3::X, 0.01), body(n1).name("bath")));
             }
             // Not what the boundary of the bath reflects, and nothing after a second pass to and fro.
             let [low, high] = [4.9 + length, 5.1 + length];
             let sections = format!("intensity: {{encoding: power}}\nrange: {{min_m: {low}, max_m: {high}}}");
             let cloud = look(&scene(Some(wall), others), &sections);
-            if cloud.len == 0 {
+            if cloud.is_empty() {
                 return 0.0;
             }
-            assert_near(&format!("range of row {row}"), cloud.columns.range[0].into(), 5.0 + length, 4e-5);
+            assert_near(&format!("range of row {row}"), cloud.columns().range()[0].into(), 5.0 + length, 4e-5);
             let spread = 1.0 + 4.0 / n1 + (length - outside) / index + outside;
-            let two_way = f64::from(cloud.columns.intensity[0]) * std::f64::consts::PI * spread * spread;
+            let two_way = f64::from(cloud.columns().intensity()[0]) * std::f64::consts::PI * spread * spread;
             (two_way / (0.5 * 0.5f64.sqrt())).sqrt() / entered
         };
         // Near the critical angle single precision does not determine the refracted direction.
@@ -304,19 +300,13 @@ fn light_goes_back_as_it_came() {
     };
     let [a, b, c] = [[4.0, -1.0], [6.0, -1.0], [5.0, 2.0]];
     let prism = side(a, b).and(side(b, c)).and(side(c, a));
-    let tint = Material {
-        thickness_m: 1.0,
-        group_index: Some(1.53),
-        attenuation_distance_m: 3.0,
-        attenuation_color: [0.7; 3],
-        ..glass(1.51)
-    };
+    let tint = glass(1.51).thickness_m(1.0).group_index(1.53).attenuation_distance_m(3.0).attenuation_color([0.7; 3]);
     let through = |wall: Shape, pose: Pose| {
         let built = scene(Some((wall, 0.5)), vec![(prism.clone(), tint.clone())]);
         let sections = "intensity: {encoding: power}\nreturns: {mode: strongest}";
         let cloud = super::scan_at(&built, &one_beam(sections), pose, ScanOptions::default());
-        assert_eq!((cloud.len, cloud.columns.cause[0], cloud.columns.bounces[0]), (1, Cause::Glass as u8, 2));
-        (f64::from(cloud.columns.range[0]), f64::from(cloud.columns.intensity[0]))
+        assert_eq!((cloud.len(), cloud.columns().cause()[0], cloud.columns().bounces()[0]), (1, Cause::Glass as u8, 2));
+        (f64::from(cloud.columns().range()[0]), f64::from(cloud.columns().intensity()[0]))
     };
     // The path of the beam along x, by Snell's law at both sides.
     let refract = |d: DVec3, n: DVec3, q: f64| {
@@ -349,18 +339,18 @@ fn light_never_becomes_more() {
     for _ in 0..12 {
         let mut builder = SceneBuilder::new();
         for kind in 0..10 {
-            let base = Material { name: format!("kind {kind}"), dirt: 0.02 * random.unit() as f32, ..glass(1.5) };
+            let base = glass(1.5).name(format!("kind {kind}")).dirt(0.02 * random.unit() as f32);
             let material = match kind {
                 0 => mirror(random.unit() as f32),
                 1 => mirror(1.0),
-                2 => Material { metallic: 0.5, roughness: 0.1, transmission: 0.0, ..base },
-                3 => Material { ior: 2.0, extinction_index: 8.0, ..mirror(1.0) },
-                4 => Material { pane_m: Some(0.01), ..base },
-                5 => Material { pane_m: Some(0.0), metallic: 0.3, ..base },
-                6 => Material { thickness_m: 1.0, ior: random.between(1.0, 2.5) as f32, ..base },
-                7 => Material { thickness_m: 1.0, ior: 1.33, dirt: 0.0, ..base },
-                8 => Material { thickness_m: 1.0, attenuation_distance_m: 1.0, attenuation_color: [0.5; 3], ..base },
-                _ => Material { thickness_m: 1.0, transmission: 0.6, metallic: 0.2, roughness: 0.05, ..base },
+                2 => base.metallic(0.5).roughness(0.1).transmission(0.0),
+                3 => mirror(1.0).ior(2.0).extinction_index(8.0),
+                4 => base.pane_m(0.01),
+                5 => base.pane_m(0.0).metallic(0.3),
+                6 => base.thickness_m(1.0).ior(random.between(1.0, 2.5) as f32),
+                7 => base.thickness_m(1.0).ior(1.33).dirt(0.0),
+                8 => base.thickness_m(1.0).attenuation_distance_m(1.0).attenuation_color([0.5; 3]),
+                _ => base.thickness_m(1.0).transmission(0.6).metallic(0.2).roughness(0.05),
             };
             let material = builder.material(material);
             let shape = if kind < 6 { Shape::plate(DVec3::ZERO, DVec3::X, 2.0) } else { Shape::sphere(1.0, 12) };
@@ -405,11 +395,11 @@ fn an_endlessly_thin_pane_only_dims() {
     let (sin, cos) = 45f64.to_radians().sin_cos();
     for (ior, passed) in [(1.5, 0.823_274), (1.0, 1.0)] {
         for pane_m in [None, Some(0.0)] {
-            let pane = (plate([4.0, 0.0, 0.0], [-cos, sin, 0.0], 3.0), Material { pane_m, ..glass(ior) });
+            let pane = (plate([4.0, 0.0, 0.0], [-cos, sin, 0.0], 3.0), glass(ior).pane_m(pane_m));
             let wall = Some((plate([10.0, 0.0, 0.0], [-0.8, 0.6, 0.0], 5.0), 0.5));
-            let c = look(&scene(wall, vec![pane]), "").columns;
-            assert_near("range", c.range[0].into(), 10.0, BESIDE);
-            assert_near("intensity", c.intensity[0].into(), 0.5 * 0.8 * passed, 1e-6);
+            let c = look(&scene(wall, vec![pane]), "").into_columns();
+            assert_near("range", c.range()[0].into(), 10.0, BESIDE);
+            assert_near("intensity", c.intensity()[0].into(), 0.5 * 0.8 * passed, 1e-6);
         }
     }
 }
@@ -419,35 +409,35 @@ fn an_endlessly_thin_pane_only_dims() {
 fn bodies_of_glass_delay_and_dim() {
     for (ior, group) in [(1.5f32, None), (1.5, Some(1.52f32))] {
         let body = Shape::cuboid(DVec3::new(3.0, -1.0, -1.0), DVec3::new(5.0, 1.0, 1.0));
-        let material = Material { thickness_m: 1.0, group_index: group, ..glass(ior) };
+        let material = glass(ior).thickness_m(1.0).group_index(group);
         let built = scene(Some((plate([10.0, 0.0, 0.0], [-1.0, 0.0, 0.0], 5.0), 0.5)), vec![(body, material)]);
-        let c = look(&built, "").columns;
+        let c = look(&built, "").into_columns();
         let range = 10.0 + 2.0 * (f64::from(group.unwrap_or(ior)) - 1.0);
-        assert_near("range", c.range[0].into(), range, 2e-4);
-        assert_eq!((c.cause[0], c.bounces[0]), (Cause::Glass as u8, 2));
+        assert_near("range", c.range()[0].into(), range, 2e-4);
+        assert_eq!((c.cause()[0], c.bounces()[0]), (Cause::Glass as u8, 2));
         // Twice through two faces; light spreads over 8 m + 2 m / n.
         let spread = 8.0 + 2.0 / f64::from(ior);
         let expected = 0.5 * 0.96f64.powi(4) * (range / spread).powi(2);
-        assert_near("intensity", c.intensity[0].into(), expected, 1e-4);
+        assert_near("intensity", c.intensity()[0].into(), expected, 1e-4);
     }
 }
 
 /// Water shows its bed a third deeper than it is; bodies in bodies are left in any order.
 #[test]
 fn water_shows_its_bed_deeper() {
-    let water = Material { thickness_m: 1.0, ..glass(1.33) };
+    let water = glass(1.33).thickness_m(1.0);
     let basin = Shape::cuboid(DVec3::new(4.0, -9.0, -9.0), DVec3::new(8.0, 9.0, 9.0));
     let built = scene(Some((plate([7.0, 0.0, 0.0], [-1.0, 0.0, 0.0], 5.0), 0.5)), vec![(basin, water.clone())]);
-    assert_near("range", look(&built, "").columns.range[0].into(), 4.0 + 3.0 * 1.33, 2e-4);
+    assert_near("range", look(&built, "").columns().range()[0].into(), 4.0 + 3.0 * 1.33, 2e-4);
 
-    let ice = Material { name: "ice".into(), thickness_m: 1.0, ..glass(1.31) };
+    let ice = glass(1.31).name("ice").thickness_m(1.0);
     let cube = Shape::cuboid(DVec3::new(5.0, -0.5, -0.5), DVec3::new(6.0, 0.5, 0.5));
     let basin = Shape::cuboid(DVec3::new(4.0, -9.0, -9.0), DVec3::new(8.0, 9.0, 9.0));
     let wall = (plate([7.0, 0.0, 0.0], [-1.0, 0.0, 0.0], 5.0), 0.5);
     let built = scene(Some(wall), vec![(basin, water), (cube, ice)]);
-    let c = look(&built, "").columns;
-    assert_near("range", c.range[0].into(), 4.0 + 2.0 * 1.33 + 1.31, 3e-4);
-    assert_eq!(c.bounces[0], 3);
+    let c = look(&built, "").into_columns();
+    assert_near("range", c.range()[0].into(), 4.0 + 2.0 * 1.33 + 1.31, 3e-4);
+    assert_eq!(c.bounces()[0], 3);
 }
 
 /// A right-angled prism turns the beam by total reflection and takes light from it only at its legs.
@@ -458,15 +448,15 @@ fn a_prism_turns_the_beam_by_total_reflection() {
     let side =
         |p: [f64; 2], q: [f64; 2]| Shape::quad(at(p, -1.0), at(q, -1.0) - at(p, -1.0), DVec3::new(0.0, 0.0, 2.0));
     let prism = side(a, b).and(side(b, c)).and(side(c, a));
-    let material = Material { thickness_m: 1.0, ..glass(1.5) };
+    let material = glass(1.5).thickness_m(1.0);
     // From the leg x = 5 to the long side x - y = 6, and up through the leg y = 1 to the wall y = 4.
     let wall = (plate([6.0, 4.0, 0.0], [0.0, -1.0, 0.0], 2.0), 0.5);
     let built = scene(Some(wall), vec![(prism, material)]);
-    let c = look(&built, "").columns;
-    assert_eq!((c.bounces[0], c.cause[0]), (3, Cause::Mirror as u8));
-    assert_near("range", c.range[0].into(), 5.0 + 1.5 * 2.0 + 3.0, 3e-4);
+    let c = look(&built, "").into_columns();
+    assert_eq!((c.bounces()[0], c.cause()[0]), (3, Cause::Mirror as u8));
+    assert_near("range", c.range()[0].into(), 5.0 + 1.5 * 2.0 + 3.0, 3e-4);
     let spread: f64 = 5.0 + 2.0 / 1.5 + 3.0;
-    assert_near("intensity", c.intensity[0].into(), 0.5 * 0.96f64.powi(4) * (11.0 / spread).powi(2), 1e-4);
+    assert_near("intensity", c.intensity()[0].into(), 0.5 * 0.96f64.powi(4) * (11.0 / spread).powi(2), 1e-4);
 }
 
 /// Light between two mirrors comes to an end.
@@ -478,23 +468,23 @@ fn mirrors_that_face_each_other_end() {
             (plate([-5.0, 0.0, 0.0], [1.0, 0.0, 0.0], 1.0), mirror(1.0)),
         ]
     };
-    assert_eq!(look(&scene(None, mirrors()), "").len, 0);
+    assert_eq!(look(&scene(None, mirrors()), "").len(), 0);
     // A wall beside the second mirror is met after as many bounces as the depth allows, and no more.
     let tilted = |depth| {
         let mut mirrors = mirrors();
         mirrors[0].0 = plate([5.0, 0.0, 0.0], [-1.0, 0.01, 0.0], 3.0);
         let built = scene(Some((plate([-6.0, 0.0, 0.0], [1.0, 0.0, 0.0], 9.0), 0.5)), mirrors);
-        scan(&built, &one_beam(""), ScanOptions { specular_depth: depth, ..ScanOptions::default() })
+        scan(&built, &one_beam(""), ScanOptions::default().specular_depth(depth))
     };
     let deep = tilted(10);
-    assert_eq!((deep.len, deep.columns.bounces[0]), (1, 5));
-    assert!(tilted(deep.columns.bounces[0] - 1).len == 0 && tilted(deep.columns.bounces[0]).len == 1);
+    assert_eq!((deep.len(), deep.columns().bounces()[0]), (1, 5));
+    assert!(tilted(deep.columns().bounces()[0] - 1).is_empty() && tilted(deep.columns().bounces()[0]).len() == 1);
     assert_eq!(ScanOptions::default().specular_depth, 10);
     // So does light of which less than a millionth is left, there and back.
     for (leaves, seen) in [(1.01e-3, 1), (0.99e-3, 0)] {
         let behind = (plate([-3.0, 0.0, 0.0], [1.0, 0.0, 0.0], 2.0), 0.5);
         let built = scene(Some(behind), vec![(plate([5.0, 0.0, 0.0], [-1.0, 0.0, 0.0], 1.0), mirror(leaves))]);
-        assert_eq!(look(&built, "").len, seen, "{leaves}");
+        assert_eq!(look(&built, "").len(), seen, "{leaves}");
     }
 }
 
@@ -502,11 +492,11 @@ fn mirrors_that_face_each_other_end() {
 #[test]
 fn between_mirror_and_diffuse() {
     let wall = || Some((plate([-3.0, 0.0, 0.0], [1.0, 0.0, 0.0], 2.0), 0.8));
-    let rough = |roughness| Material { roughness, ..mirror(0.5) };
+    let rough = |roughness| mirror(0.5).roughness(roughness);
     let intensity = |material, mode: &str| {
         let built = scene(wall(), vec![(plate([5.0, 0.0, 0.0], [-1.0, 0.0, 0.0], 1.0), material)]);
-        let c = look(&built, &format!("returns: {{mode: {mode}}}")).columns;
-        (f64::from(c.intensity[0]), c.cause[0])
+        let c = look(&built, &format!("returns: {{mode: {mode}}}")).into_columns();
+        (f64::from(c.intensity()[0]), c.cause()[0])
     };
     let part = 0.75f64.powi(4);
     let (own, cause) = intensity(rough(0.25), "first");
@@ -531,8 +521,8 @@ fn weather_dims_the_folded_way() {
     ] {
         let environment = Environment::from_yaml(yaml).unwrap();
         let alpha = environment.rain[0].what.extinction(Default::default());
-        let cloud = scan(&built, &one_beam(""), ScanOptions { environment, ..ScanOptions::default() });
-        assert_near(yaml, cloud.columns.intensity[0].into(), 0.5 * (-2.0 * alpha * length).exp(), 1e-5);
+        let cloud = scan(&built, &one_beam(""), ScanOptions::default().environment(environment));
+        assert_near(yaml, cloud.columns().intensity()[0].into(), 0.5 * (-2.0 * alpha * length).exp(), 1e-5);
     }
 }
 
@@ -543,7 +533,7 @@ fn the_threshold_holds_behind_mirrors() {
     let seen = |leaves: f32| {
         let wall = (plate([5.0, 7.0, 0.0], [0.0, -1.0, 0.0], 2.0), 0.5);
         let built = scene(Some(wall), vec![(plate([5.0, 0.0, 0.0], [-half, half, 0.0], 1.0), mirror(leaves))]);
-        look(&built, "detection: {model: radar_equation, reflectance: 0.5, at_m: 15}").len
+        look(&built, "detection: {model: radar_equation, reflectance: 0.5, at_m: 15}").len()
     };
     // (12 / 15)^2 = 0.64 = 0.8^2.
     assert_eq!((seen(0.801), seen(0.799)), (1, 0));

@@ -37,7 +37,7 @@ fn after(line: &str, key: &str) -> f64 {
 fn plates(plates: &[(f64, f32)]) -> BuiltScene {
     let mut scene = SceneBuilder::new();
     for &(height, alpha) in plates {
-        let material = Material { base_color: [1.0, 1.0, 1.0, alpha], ..Material::default() };
+        let material = Material::default().base_color([1.0, 1.0, 1.0, alpha]);
         let paint = scene.material(material);
         scene.stand(Shape::plate(DVec3::Z * height, DVec3::Z, 1000.0), Some(paint));
     }
@@ -80,7 +80,7 @@ fn layers(layers: &[[f64; 3]]) -> Environment {
 }
 
 fn options(profile: Profile, environment: Environment) -> ScanOptions {
-    ScanOptions { profile, environment, ..ScanOptions::default().fields(FieldSet::all()) }
+    ScanOptions::default().fields(FieldSet::all()).profile(profile).environment(environment)
 }
 
 /// A sonar below the water's surface at z = 0 that drives along y: starboard is x.
@@ -98,7 +98,7 @@ fn as_program(scene: &BuiltScene, sensor: &Sensor, depth: f64, environment: Envi
 
 /// Rows of a side: the program starts with starboard.
 fn side(cloud: &PointCloud, channel: u16) -> Vec<usize> {
-    (0..cloud.len).filter(|&row| cloud.columns.channel[row] == channel).collect()
+    (0..cloud.len()).filter(|&row| cloud.columns().channel()[row] == channel).collect()
 }
 
 const PORT: u16 = 0;
@@ -110,11 +110,11 @@ fn both_sides(cloud: &PointCloud) -> Vec<usize> {
 
 /// What the program prints as the level: its ratio times the source level of the sonar.
 fn printed_level(cloud: &PointCloud, row: usize, source_level: f64) -> f64 {
-    f64::from(cloud.columns.intensity[row]) * source_level
+    f64::from(cloud.columns().intensity()[row]) * source_level
 }
 
 fn range(cloud: &PointCloud, row: usize) -> f64 {
-    cloud.columns.range[row].into()
+    cloud.columns().range()[row].into()
 }
 
 #[track_caller]
@@ -183,10 +183,10 @@ fn the_programs_run_c_six_layers() {
     let rows = side(&program, STARBOARD);
     assert_eq!(rows.len() as f64, after(last, "hits on this side:"));
     // 19 rays per side, port first; the others are lost.
-    assert_eq!(program.columns.beam[rows[0]], 19);
+    assert_eq!(program.columns().beam()[rows[0]], 19);
     let find = |cloud: &PointCloud, ray: u32| {
-        let row = (0..cloud.len).find(|&row| cloud.columns.beam[row] == 19 + ray).unwrap();
-        let [x, z] = [cloud.columns.true_x[row], cloud.columns.true_z[row]].map(f64::from);
+        let row = (0..cloud.len()).find(|&row| cloud.columns().beam()[row] == 19 + ray).unwrap();
+        let [x, z] = [cloud.columns().true_x()[row], cloud.columns().true_z()[row]].map(f64::from);
         DVec3::new(x, 0.0, z) + DVec3::new(cloud.origin.x, 0.0, cloud.origin.z)
     };
     for line in lines {
@@ -225,7 +225,7 @@ fn the_programs_run_e_weak_targets() {
     let scene = plates(&[(-30.0, 0.02), (-100.0, 1.0)]);
     let of = |environment| as_program(&scene, &fans(50.0, 25.0), 10.0, environment);
     let lines = section("E");
-    assert_eq!(of(Environment::default()).len as f64, after(lines[0], "n hits"));
+    assert_eq!(of(Environment::default()).len() as f64, after(lines[0], "n hits"));
     let cloud = of(layers(&[[0.0, 1500.0, 1000.0], [50.0, 1500.0, 1000.0]]));
     let rows = side(&cloud, STARBOARD);
     assert_eq!(rows.len(), lines.len() - 1);
@@ -259,7 +259,7 @@ fn the_programs_run_g_places() {
     let (lines, rows) = (section("G"), side(&cloud, PORT));
     assert_eq!(rows.len(), lines.len());
     for (line, row) in lines.into_iter().zip(rows) {
-        let (path, cos) = (range(&cloud, row), f64::from(cloud.columns.cos_incidence[row]));
+        let (path, cos) = (range(&cloud, row), f64::from(cloud.columns().cos_incidence()[row]));
         assert_near(line, path, after(line, "path"), NEAR_M);
         let pair = |key| {
             let rest = line.split_once(key).unwrap().1;
@@ -293,25 +293,25 @@ fn the_paper_has_the_sonar_equation() {
         scan(&bottom(reflectance), sensor, 0.0, &options(Profile::Paper, Environment::default()))
     };
     let cloud = of(&sensor, 0.1);
-    assert_eq!((cloud.len, cloud.intensity_full_scale), (12, None));
-    for row in 0..cloud.len {
-        let angle = (f64::from(cloud.columns.beam[row] % 6) * 15.0).to_radians();
+    assert_eq!((cloud.len(), cloud.intensity_full_scale), (12, None));
+    for row in 0..cloud.len() {
+        let angle = (f64::from(cloud.columns().beam()[row] % 6) * 15.0).to_radians();
         let path = 100.0 / angle.cos();
         assert_near("range", range(&cloud, row), path, 1e-3);
         let level = 200.0 - 40.0 * path.log10() - 10.0 - 50.0 + 20.0 + 10.0;
-        assert_near("level", cloud.columns.intensity[row].into(), level, 1e-4);
-        assert_near("incidence", cloud.columns.cos_incidence[row].into(), angle.cos(), 1e-5);
+        assert_near("level", cloud.columns().intensity()[row].into(), level, 1e-4);
+        assert_near("incidence", cloud.columns().cos_incidence()[row].into(), angle.cos(), 1e-5);
     }
     // Straight down 90 dB arrive, at 45 degrees 6 dB less.
     let sensor = set(sensor, "acoustics.detection_threshold_db", "83.9");
     assert_eq!(side(&of(&sensor, 0.1), PORT).len(), 4);
-    assert_eq!(of(&sensor, 0.0).len, 0);
+    assert_eq!(of(&sensor, 0.0).len(), 0);
     // What the sonar does not specify is 0.
     let keys = ["noise_level_db", "directivity_index_db", "processing_gain_db"];
     let text = sensor.to_yaml().unwrap();
     let text: Vec<_> = text.lines().filter(|line| !keys.iter().any(|key| line.contains(key))).collect();
     let cloud = of(&Sensor::from_yaml(&text.join("\n"), "").unwrap(), 1.0);
-    assert_near("level", cloud.columns.intensity[0].into(), 120.0, 1e-4);
+    assert_near("level", cloud.columns().intensity()[0].into(), 120.0, 1e-4);
 }
 
 /// For the paper, unlike its program (run D), a layer like the one above changes nothing.
@@ -321,8 +321,8 @@ fn in_the_paper_a_layer_without_contrast_changes_nothing() {
     let water = layers(&[[0.0, 1500.0, 1000.0]]);
     let parted = layers(&[[0.0, 1500.0, 1000.0], [50.0, 1500.0, 1000.0]]);
     let [whole, parted] = [water, parted].map(|it| scan(&scene, &sensor, 10.0, &options(Profile::Paper, it)));
-    assert_eq!(whole.len, 32);
-    assert_eq!(format!("{:?}", whole.columns), format!("{:?}", parted.columns));
+    assert_eq!(whole.len(), 32);
+    assert_eq!(format!("{:?}", whole.columns()), format!("{:?}", parted.columns()));
 }
 
 /// Straight down `-10 log` of eq. 13, once.
@@ -335,7 +335,7 @@ fn the_paper_loses_at_interfaces_on_one_way() {
     let (here, there): (f64, f64) = (1500.0 * 1000.0, 1650.0 * 1300.0);
     let loss = -10.0 * (4.0 * here * there / (here + there).powi(2)).log10();
     assert_near("range", range(&interface, 0), 90.0, 1e-4);
-    let [water, interface] = [water, interface].map(|cloud| f64::from(cloud.columns.intensity[0]));
+    let [water, interface] = [water, interface].map(|cloud| f64::from(cloud.columns().intensity()[0]));
     assert!(loss > 0.1);
     assert_near("loss", water - interface, loss, 5e-5);
 }
@@ -346,17 +346,17 @@ fn the_papers_points_lie_along_the_beams_that_were_sent() {
     let (scene, sensor) = (bottom(1.0), fans(150.0, 25.0));
     let environment = layers(&[[0.0, 1500.0, 1000.0], [50.0, 1400.0, 1000.0]]);
     for coordinates in [Frame::World, Frame::Sensor] {
-        let options = ScanOptions { coordinates, ..options(Profile::Paper, environment.clone()) };
+        let options = options(Profile::Paper, environment.clone()).coordinates(coordinates);
         let cloud = scan(&scene, &sensor, 10.0, &options);
         for row in side(&cloud, STARBOARD) {
-            let angle = (f64::from(cloud.columns.beam[row] % 4) * 25.0).to_radians();
+            let angle = (f64::from(cloud.columns().beam()[row] % 4) * 25.0).to_radians();
             let refracted = (angle.sin() * 1400.0 / 1500.0).asin();
             let path = 40.0 / angle.cos() + 50.0 / refracted.cos();
             let aside = 40.0 * angle.tan() + 50.0 * refracted.tan();
             assert_near("path", range(&cloud, row), path, 1e-3);
-            assert_near("true path", cloud.columns.true_range[row].into(), path, 1e-3);
-            let truth =
-                [&cloud.columns.true_x, &cloud.columns.true_y, &cloud.columns.true_z].map(|it| f64::from(it[row]));
+            assert_near("true path", cloud.columns().true_range()[row].into(), path, 1e-3);
+            let truth = [cloud.columns().true_x(), cloud.columns().true_y(), cloud.columns().true_z()]
+                .map(|it| f64::from(it[row]));
             let truth = DVec3::from(truth) + cloud.origin;
             let [found, truth] = [cloud.position(row), truth].map(|it| match coordinates {
                 Frame::World => DVec3::new(it.x, it.z + 10.0, it.y),
@@ -364,7 +364,7 @@ fn the_papers_points_lie_along_the_beams_that_were_sent() {
             });
             assert!((found - path * DVec3::new(angle.sin(), -angle.cos(), 0.0)).length() < 1e-2, "{found}");
             assert!((truth - DVec3::new(aside, -90.0, 0.0)).length() < 1e-2, "{truth}");
-            assert_near("elevation", cloud.columns.elevation[row].into(), angle - 90f64.to_radians(), 1e-5);
+            assert_near("elevation", cloud.columns().elevation()[row].into(), angle - 90f64.to_radians(), 1e-5);
         }
     }
 }
@@ -388,11 +388,16 @@ range: {max_m: 400}
     let pose = Trajectory::fixed(Pose::at(0.0, 0.0, -55.0));
     let of = |profile| scene.scan(&sensor, &pose, &options(profile, six_layers())).unwrap();
     let (paper, program) = (of(Profile::Paper), of(Profile::Blainder));
-    assert_eq!((paper.len, program.len), (1, 0));
+    assert_eq!((paper.len(), program.len()), (1, 0));
     let tan = 5f64.to_radians().tan();
-    assert_near("depth", -f64::from(paper.columns.true_z[0]) - paper.origin.z, 70.0 - (300.0 - 15.0 / tan) * tan, 1e-3);
+    assert_near(
+        "depth",
+        -f64::from(paper.columns().true_z()[0]) - paper.origin.z,
+        70.0 - (300.0 - 15.0 / tan) * tan,
+        1e-3,
+    );
     assert_near("path", range(&paper, 0), 300.0 * (1.0 + tan * tan).sqrt(), 1e-3);
-    assert_near("level", paper.columns.intensity[0].into(), 210.0 - 40.0 * range(&paper, 0).log10(), 1e-3);
+    assert_near("level", paper.columns().intensity()[0].into(), 210.0 - 40.0 * range(&paper, 0).log10(), 1e-3);
 }
 
 /// Rays that find nothing within the ranges keep their rows.
@@ -400,15 +405,15 @@ range: {max_m: 400}
 fn clouds_can_be_organised() {
     let sensor = set(set(fans(150.0, 15.0), "range.max_m", "142"), "range.min_m", "103");
     for profile in [Profile::Paper, Profile::Blainder] {
-        let options = ScanOptions { organised: true, ..options(profile, Environment::default()) };
+        let options = options(profile, Environment::default()).organised(true);
         let cloud = scan(&bottom(0.5), &sensor, 0.0, &options);
-        assert_eq!((cloud.len, cloud.organised), (12, Some([2, 6])));
-        let found: Vec<_> = cloud.columns.range.iter().map(|range| !range.is_nan()).collect();
+        assert_eq!((cloud.len(), cloud.organised()), (12, Some([2, 6])));
+        let found: Vec<_> = cloud.columns().range().iter().map(|range| !range.is_nan()).collect();
         let one_side = [false, true, true, true, false, false];
         assert_eq!(found, [one_side, one_side].concat());
-        assert_eq!(cloud.columns.beam, (0..12).collect::<Vec<_>>());
-        assert_eq!(cloud.columns.category_id[..3], [0, 1, 1]);
-        assert!(cloud.columns.x[0].is_nan() && cloud.columns.intensity[5].is_nan());
+        assert_eq!(cloud.columns().beam(), (0..12).collect::<Vec<_>>());
+        assert_eq!(cloud.columns().category_id()[..3], [0, 1, 1]);
+        assert!(cloud.columns().x()[0].is_nan() && cloud.columns().intensity()[5].is_nan());
     }
 }
 
@@ -428,14 +433,14 @@ fn the_programs_points_lie_in_one_plane() {
     let track = Trajectory::new((0..4).map(f64::from).zip(keys).collect()).unwrap();
     let scan = |flat: Option<&str>, start_time: f64| {
         let sensor = flat.map_or(fans(120.0, 15.0), |flat| set(fans(120.0, 15.0), "pattern.flat", flat));
-        let options = ScanOptions { start_time, ..options(Profile::Blainder, water.clone()) };
+        let options = options(Profile::Blainder, water.clone()).start_time(start_time);
         scene.scan(&sensor, &track, &options).unwrap()
     };
     for (time, (pose, way)) in (0..).map(f64::from).zip(keys.into_iter().zip(ways)) {
         let [space, waterfall, plan] = [None, Some("waterfall"), Some("plan")].map(|flat| scan(flat, time));
-        assert_eq!(space.len, 10);
-        for row in 0..space.len {
-            let ray = space.columns.beam[row];
+        assert_eq!(space.len(), 10);
+        for row in 0..space.len() {
+            let ray = space.columns().beam()[row];
             let side = if ray < 5 { 1.0 } else { -1.0 };
             let tilt = (1e-3 + f64::from(ray % 5) * 59.999 / 4.0).to_radians();
             let sent = pose.orientation * DVec3::new(0.0, side * tilt.sin(), -tilt.cos());
@@ -449,9 +454,9 @@ fn the_programs_points_lie_in_one_plane() {
                 assert!((found - expected).length() < 2e-3, "ray {ray} at {time} s: {found}, not {expected}");
                 // All else is as in space.
                 assert_near("range", range(cloud, row), path, 1e-3);
-                let truth = |cloud: &PointCloud| [cloud.columns.true_x[row], cloud.columns.true_z[row]];
+                let truth = |cloud: &PointCloud| [cloud.columns().true_x()[row], cloud.columns().true_z()[row]];
                 assert_eq!(truth(cloud), truth(&space));
-                assert_eq!(cloud.columns.intensity[row], space.columns.intensity[row]);
+                assert_eq!(cloud.columns().intensity()[row], space.columns().intensity()[row]);
             }
             assert_near("z", space.position(row).z, -120.0, NEAR_M);
         }
@@ -469,8 +474,8 @@ fn threads_change_nothing() {
         [Profile::Paper, Profile::Blainder].map(|profile| scan(&scene, &sensor, 55.0, &options(profile, six_layers())))
     });
     for (one, three) in clouds[0].iter().zip(&clouds[1]) {
-        assert!(one.len > 10_000);
-        assert_eq!(format!("{:?}", one.columns), format!("{:?}", three.columns));
+        assert!(one.len() > 10_000);
+        assert_eq!(format!("{:?}", one.columns()), format!("{:?}", three.columns()));
     }
 }
 
@@ -480,8 +485,8 @@ fn other_sonars_send_a_ray_along_each_beam() {
     for (name, beams) in [("mbes_400", 256), ("sbes_200", 1)] {
         let sensor = Sensor::preset(name).unwrap();
         let cloud = scan(&bottom(0.5), &sensor, 80.0, &options(Profile::Paper, Environment::default()));
-        assert_eq!(cloud.len, beams);
-        assert_eq!(cloud.columns.channel[cloud.len - 1] as usize, beams - 1);
+        assert_eq!(cloud.len(), beams);
+        assert_eq!(cloud.columns().channel()[cloud.len() - 1] as usize, beams - 1);
         assert_near("depth", cloud.position(0).z, -100.0, 1e-3);
     }
 }
@@ -494,14 +499,14 @@ fn the_papers_sonar_works_in_every_profile() {
     let water = || Environment::from_yaml("water: {surface_z_m: -40}").unwrap();
     let of = |profile| scan(&scene, &sensor, 60.0, &options(profile, water()));
     let (physical, paper, program) = (of(Profile::Physical), of(Profile::Paper), of(Profile::Blainder));
-    assert_eq!((paper.len, program.len), (46, 46));
-    assert!(physical.len > 10, "{}", physical.len);
+    assert_eq!((paper.len(), program.len()), (46, 46));
+    assert!(physical.len() > 10, "{}", physical.len());
     for cloud in [&physical, &paper, &program] {
-        assert!(cloud.columns.category_id.iter().all(|&category| category <= 1));
-        assert!((0..cloud.len).any(|row| (cloud.position(row).z + 100.0).abs() < 0.5));
+        assert!(cloud.columns().category_id().iter().all(|&category| category <= 1));
+        assert!((0..cloud.len()).any(|row| (cloud.position(row).z + 100.0).abs() < 0.5));
     }
     // The alpha of a surface without one is 1, but its own reflectance counts.
-    assert_near("ratio", program.columns.intensity[0].into(), 0.5 * (180.0 - 20.0 * 40f64.log10()) / 200.0, 1e-5);
+    assert_near("ratio", program.columns().intensity()[0].into(), 0.5 * (180.0 - 20.0 * 40f64.log10()) / 200.0, 1e-5);
     let ping = scene.ping(&sensor, &at_depth(60.0), &options(Profile::Paper, water()));
     assert!(ping.unwrap_err().to_string().starts_with("profile is paper"));
 }
@@ -532,7 +537,7 @@ fn points_in_one_plane_are_the_programs_alone() {
         let expected = format!("pattern.flat is given; allowed: with profile blainder only, not {}", profile.name());
         assert_eq!(message(options(profile, Environment::default())), expected);
     }
-    let turned = ScanOptions { coordinates: Frame::Sensor, ..options(Profile::Blainder, Environment::default()) };
+    let turned = options(Profile::Blainder, Environment::default()).coordinates(Frame::Sensor);
     assert!(message(turned).starts_with("coordinates is sensor; allowed: world with pattern.flat"));
 }
 
@@ -561,13 +566,13 @@ fn rays_are_explained_term_by_term() {
     let environment = layers(&[[0.0, 1480.0, 1000.0], [30.0, 1520.0, 1030.0]]);
     let sensor = set(fans(100.0, 5.0), "acoustics.detection_threshold_db", "-100");
     for profile in [Profile::Paper, Profile::Blainder] {
-        let options = ScanOptions { organised: true, ..options(profile, environment.clone()) };
+        let options = options(profile, environment.clone()).organised(true);
         let cloud = scene.scan(&sensor, &at_depth(5.0), &options).unwrap();
         let mut seen = 0;
-        for ray in 0..cloud.len {
+        for ray in 0..cloud.len() {
             let text = scene.explain(&sensor, &at_depth(5.0), &options, ray as u32).unwrap();
-            assert!(text.starts_with(&format!("ray {ray} of {} of fans in the profile ", cloud.len)), "{text}");
-            let level = f64::from(cloud.columns.intensity[ray]);
+            assert!(text.starts_with(&format!("ray {ray} of {} of fans in the profile ", cloud.len())), "{text}");
+            let level = f64::from(cloud.columns().intensity()[ray]);
             if level.is_nan() {
                 continue;
             }
@@ -585,7 +590,7 @@ fn rays_are_explained_term_by_term() {
             };
             assert_near(&text, sum, found, 0.05);
             assert_near(&text, term("echo level"), found, 0.02);
-            assert_near("way", after(&text, ", after "), cloud.columns.range[ray].into(), 1e-3);
+            assert_near("way", after(&text, ", after "), cloud.columns().range()[ray].into(), 1e-3);
         }
         assert!(seen > 10, "{seen}");
         let beyond = scene.explain(&sensor, &at_depth(5.0), &options, 10_000).unwrap_err().to_string();

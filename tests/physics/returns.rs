@@ -21,7 +21,7 @@ fn edge_of(near: f64, edge: f64, far: f64, reflectance: f64) -> BuiltScene {
 }
 
 fn look(scene: &BuiltScene, sections: &str, frame: u32) -> PointCloud {
-    scan(scene, &one_beam(sections), ScanOptions { frame, ..ScanOptions::default() })
+    scan(scene, &one_beam(sections), ScanOptions::default().frame(frame))
 }
 
 fn sections(sub_rays: u32, returns: &str) -> String {
@@ -41,10 +41,10 @@ fn an_edge_divides_the_beam() {
         for (x0, expected) in [(0.25, 0.691_462), (0.5, 0.841_345), (-0.5, 1.0 - 0.841_345), (1.0, 0.977_250)] {
             let built = edge(10.0, -x0 * w, 30.0);
             for frame in 0..20 {
-                let c = &look(&built, &sections, frame).columns;
-                let near = if c.range[0] < 20.0 { c.intensity[0] } else { 0.0 };
+                let c = look(&built, &sections, frame).into_columns();
+                let near = if c.range()[0] < 20.0 { c.intensity()[0] } else { 0.0 };
                 assert_near("share of the board", f64::from(near) / 0.5, expected, most);
-                let all: f32 = c.intensity.iter().sum();
+                let all: f32 = c.intensity().iter().sum();
                 // Where a few rays get past, their echo counts too; nothing is lost or gained.
                 assert_near("light", all.into(), 0.5, 2e-6);
             }
@@ -59,20 +59,20 @@ fn echoes_join_within_the_pulse() {
     for frame in 0..10 {
         let equal = |far: f64| edge_of(10.0, 0.0, far, 0.5 * (far / 10.0).powi(2));
         let joined = look(&equal(10.6), &sections, frame);
-        let c = &joined.columns;
-        assert_eq!((joined.len, c.cause[0]), (1, Cause::Mixed as u8));
-        assert!((10.1..10.5).contains(&c.range[0]), "{}", c.range[0]);
-        assert_eq!(c.true_range[0], c.range[0]);
+        let c = joined.columns();
+        assert_eq!((joined.len(), c.cause()[0]), (1, Cause::Mixed as u8));
+        assert!((10.1..10.5).contains(&c.range()[0]), "{}", c.range()[0]);
+        assert_eq!(c.true_range()[0], c.range()[0]);
         let apart = look(&equal(10.7), &sections, frame);
-        let c = &apart.columns;
-        assert_eq!((apart.len, &c.return_number[..], &c.return_count[..]), (2, &[1, 2][..], &[2, 2][..]));
-        assert_eq!(c.beam, [0, 0]);
-        assert!((c.range[0] - 10.0).abs() < 0.25 && (c.range[1] - 10.7).abs() < 0.25, "{:?}", c.range);
+        let c = apart.columns();
+        assert_eq!((apart.len(), c.return_number(), c.return_count()), (2, &[1, 2][..], &[2, 2][..]));
+        assert_eq!(c.beam(), [0, 0]);
+        assert!((c.range()[0] - 10.0).abs() < 0.25 && (c.range()[1] - 10.7).abs() < 0.25, "{:?}", c.range());
     }
     let far = look(&edge(10.0, 0.0, 13.0), &sections, 0);
-    assert_eq!(far.columns.cause, [Cause::Surface as u8; 2]);
-    assert_near("near", far.columns.range[0].into(), 10.0, 1e-4);
-    assert_near("far", far.columns.range[1].into(), 13.0, 1e-4);
+    assert_eq!(far.columns().cause(), [Cause::Surface as u8; 2]);
+    assert_near("near", far.columns().range()[0].into(), 10.0, 1e-4);
+    assert_near("far", far.columns().range()[1].into(), 13.0, 1e-4);
 }
 
 /// A fan over posts before a wall, and a floor: adaptive beams have nearly all the second returns and mixed points that 64
@@ -104,14 +104,14 @@ fn adaptive_beams_find_what_many_rays_do() {
     let [one, all, ours] =
         ["1", "64", "adaptive"].map(|sub_rays| scan(&built, &sensor(sub_rays), ScanOptions::default()));
     let beams = |cloud: &PointCloud, is: &dyn Fn(usize) -> bool| -> std::collections::BTreeSet<u32> {
-        (0..cloud.len).filter(|&row| is(row)).map(|row| cloud.columns.beam[row]).collect()
+        (0..cloud.len()).filter(|&row| is(row)).map(|row| cloud.columns().beam()[row]).collect()
     };
     for what in ["second returns", "mixed points"] {
         let [one, all, ours] = [&one, &all, &ours].map(|cloud| {
-            let c = &cloud.columns;
+            let c = cloud.columns();
             beams(cloud, &|row| match what {
-                "second returns" => c.return_count[row] > 1,
-                _ => c.cause[row] == Cause::Mixed as u8,
+                "second returns" => c.return_count()[row] > 1,
+                _ => c.cause()[row] == Cause::Mixed as u8,
             })
         });
         let found = all.intersection(&ours).count() as f64 / all.len() as f64;
@@ -120,10 +120,12 @@ fn adaptive_beams_find_what_many_rays_do() {
     }
     // Where both see the floor alone: it is oblique, and its echo lower than that of one ray.
     let floor = |cloud: &PointCloud| -> std::collections::BTreeMap<u32, f64> {
-        let c = &cloud.columns;
-        (0..cloud.len)
-            .filter(|&row| c.return_count[row] == 1 && c.cause[row] == Cause::Surface as u8 && c.normal_z[row] > 0.9)
-            .map(|row| (c.beam[row], f64::from(c.intensity[row])))
+        let c = cloud.columns();
+        (0..cloud.len())
+            .filter(|&row| {
+                c.return_count()[row] == 1 && c.cause()[row] == Cause::Surface as u8 && c.normal_z()[row] > 0.9
+            })
+            .map(|row| (c.beam()[row], f64::from(c.intensity()[row])))
             .collect()
     };
     let [one, all, ours] = [&one, &all, &ours].map(floor);
@@ -145,12 +147,12 @@ fn adaptive_beams_find_what_many_rays_do() {
 fn a_wall_across_the_beam_is_one_echo() {
     let built = super::target(0.5, 40.0, 0.0);
     for sub_rays in [1, 2, 19, 64] {
-        let c = &look(&built, &sections(sub_rays, "{mode: strongest}"), 3).columns;
-        assert_near("range", c.range[0].into(), 40.0, 2e-4);
-        assert_near("intensity", c.intensity[0].into(), 0.5, 2e-5);
-        assert_eq!((c.cause[0], c.return_count[0]), (Cause::Surface as u8, 1));
-        assert_near("x", c.x[0].into(), 40.0, 2e-4);
-        assert_near("y", c.y[0].into(), 0.0, 1e-6);
+        let c = look(&built, &sections(sub_rays, "{mode: strongest}"), 3).into_columns();
+        assert_near("range", c.range()[0].into(), 40.0, 2e-4);
+        assert_near("intensity", c.intensity()[0].into(), 0.5, 2e-5);
+        assert_eq!((c.cause()[0], c.return_count()[0]), (Cause::Surface as u8, 1));
+        assert_near("x", c.x()[0].into(), 40.0, 2e-4);
+        assert_near("y", c.y()[0].into(), 0.0, 1e-6);
     }
 }
 
@@ -163,10 +165,10 @@ fn tilted_surfaces_stretch_the_echo() {
     let cos = 75f64.to_radians().cos();
     for frame in 0..5 {
         let cloud = look(&built, sections, frame);
-        let c = &cloud.columns;
-        assert_eq!((cloud.len, c.cause[0]), (1, Cause::Surface as u8));
-        assert_near("range", c.range[0].into(), 100.0, 5e-3);
-        assert_near("peak", f64::from(c.intensity[0]) / (0.5 * cos), 2.123_30 / 2.827_60, 0.01);
+        let c = cloud.columns();
+        assert_eq!((cloud.len(), c.cause()[0]), (1, Cause::Surface as u8));
+        assert_near("range", c.range()[0].into(), 100.0, 5e-3);
+        assert_near("peak", f64::from(c.intensity()[0]) / (0.5 * cos), 2.123_30 / 2.827_60, 0.01);
     }
 }
 
@@ -188,11 +190,11 @@ fn grazed_ground_is_one_echo() {
         );
         for frame in 0..8 {
             let cloud = look(&built, &sections, frame);
-            let c = &cloud.columns;
-            assert_eq!((cloud.len, c.cause[0]), (1, Cause::Surface as u8), "{sub_rays}");
+            let c = cloud.columns();
+            assert_eq!((cloud.len(), c.cause()[0]), (1, Cause::Surface as u8), "{sub_rays}");
             // Nearer parts return more: the echo comes 0.06 m early.
-            assert_near("range", c.range[0].into(), range, range_error);
-            assert_near("peak", f64::from(c.intensity[0]) / expected, 1.0, peak_error);
+            assert_near("range", c.range()[0].into(), range, range_error);
+            assert_near("peak", f64::from(c.intensity()[0]) / expected, 1.0, peak_error);
         }
     }
 }
@@ -205,15 +207,15 @@ fn dust_and_what_is_behind_it_are_two_returns() {
     for sub_rays in [1, 19] {
         let sections =
             sections(sub_rays, "{mode: dual}") + "\ndetection: {model: radar_equation, reflectance: 0.1, at_m: 100}";
-        let options = ScanOptions { environment: Environment::from_yaml(dust).unwrap(), ..ScanOptions::default() };
+        let options = ScanOptions::default().environment(Environment::from_yaml(dust).unwrap());
         let cloud = scan(&built, &one_beam(&sections), options);
-        let c = &cloud.columns;
+        let c = cloud.columns();
         // The wall is the strongest and the last, so the first of the two is the dust.
-        assert_eq!(c.cause, [Cause::Dust as u8, Cause::Surface as u8]);
-        assert_eq!((c.category_id[0], c.return_count[0]), (0, 2));
-        assert_near("dust", c.range[0].into(), 5.5, 0.1);
-        assert_near("wall", c.range[1].into(), 30.0, 2e-4);
-        assert_near("intensity", c.intensity[1].into(), 0.5 * (-2.0f64 * 7.853_98e-3 * 12.5).exp(), 1e-5);
+        assert_eq!(c.cause(), [Cause::Dust as u8, Cause::Surface as u8]);
+        assert_eq!((c.category_id()[0], c.return_count()[0]), (0, 2));
+        assert_near("dust", c.range()[0].into(), 5.5, 0.1);
+        assert_near("wall", c.range()[1].into(), 30.0, 2e-4);
+        assert_near("intensity", c.intensity()[1].into(), 0.5 * (-2.0f64 * 7.853_98e-3 * 12.5).exp(), 1e-5);
     }
 }
 
@@ -224,19 +226,19 @@ fn half_a_mirror_gives_two_returns() {
     let mut scene = SceneBuilder::new();
     let wall = scene.reflector(0.5);
     scene.stand(Shape::plate([5.0, 7.0, 0.0].into(), -DVec3::Y, 2.0), Some(wall));
-    let mirror = scene.material(Material { metallic: 0.5, roughness: 0.0, ..Material::default() });
+    let mirror = scene.material(Material::default().metallic(0.5).roughness(0.0));
     scene.stand(Shape::plate([5.0, 0.0, 0.0].into(), DVec3::new(-half, half, 0.0), 1.0), Some(mirror));
     let built = scene.finish().build().unwrap();
     for sub_rays in [1, 19] {
         let cloud = look(&built, &sections(sub_rays, "{mode: all}"), 0);
-        let c = &cloud.columns;
-        assert_eq!(c.cause, [Cause::Surface as u8, Cause::Mirror as u8]);
-        assert_eq!((&c.bounces[..], &c.return_number[..]), (&[0, 1][..], &[1, 2][..]));
+        let c = cloud.columns();
+        assert_eq!(c.cause(), [Cause::Surface as u8, Cause::Mirror as u8]);
+        assert_eq!((c.bounces(), c.return_number()), (&[0, 1][..], &[1, 2][..]));
         // A few rays lie on a tilted surface slightly to one side.
-        assert_near("near", c.range[0].into(), 5.0, 2e-3);
-        assert_near("far", c.range[1].into(), 12.0, 2e-3);
-        assert_ne!(c.instance_id[0], c.instance_id[1]);
-        assert_eq!(c.first_instance_id, [c.instance_id[0]; 2]);
+        assert_near("near", c.range()[0].into(), 5.0, 2e-3);
+        assert_near("far", c.range()[1].into(), 12.0, 2e-3);
+        assert_ne!(c.instance_id()[0], c.instance_id()[1]);
+        assert_eq!(c.first_instance_id(), [c.instance_id()[0]; 2]);
     }
 }
 
@@ -245,12 +247,12 @@ fn half_a_mirror_gives_two_returns() {
 fn errors_belong_to_the_echo() {
     let built = super::target(0.5, 20.0, 0.0);
     let noise = "\nnoise: {range_sigma_m: 0.1, azimuth_sigma_deg: 0.1}";
-    let of = |mode: &str| look(&built, &(sections(1, &format!("{{mode: {mode}}}")) + noise), 5).columns;
+    let of = |mode: &str| look(&built, &(sections(1, &format!("{{mode: {mode}}}")) + noise), 5).into_columns();
     let (alone, twice, all) = (of("strongest"), of("dual"), of("all"));
-    assert_eq!((&twice.return_number[..], &twice.return_count[..]), (&[1, 2][..], &[2, 2][..]));
-    assert_eq!(twice.range, [alone.range[0]; 2]);
-    assert_eq!((&all.range, &all.x, &all.azimuth), (&alone.range, &alone.x, &alone.azimuth));
-    assert!((alone.range[0] - 20.0).abs() > 1e-3);
+    assert_eq!((twice.return_number(), twice.return_count()), (&[1, 2][..], &[2, 2][..]));
+    assert_eq!(twice.range(), [alone.range()[0]; 2]);
+    assert_eq!((all.range(), all.x(), all.azimuth()), (alone.range(), alone.x(), alone.azimuth()));
+    assert!((alone.range()[0] - 20.0).abs() > 1e-3);
 }
 
 /// Many returns of many beams: in order, counted, and none but those of the hits.
@@ -262,17 +264,17 @@ fn returns_come_beam_by_beam() {
                 returns: {mode: all, max: 3}, noise: {dropout: 0.1}, range: {max_m: 20}}";
     let mut sensor = echocast::Sensor::from_yaml(yaml, "").unwrap();
     let cloud = scan(&built, &sensor, ScanOptions::default());
-    let c = &cloud.columns;
-    assert!(c.beam.windows(2).all(|pair| pair[0] <= pair[1]));
+    let c = cloud.columns();
+    assert!(c.beam().windows(2).all(|pair| pair[0] <= pair[1]));
     let mut doubles = 0;
     let mut row = 0;
-    while row < cloud.len {
-        let count = usize::from(c.return_count[row]);
-        let beam = c.beam[row];
-        let same = c.beam[row..].iter().take_while(|&&other| other == beam).count();
+    while row < cloud.len() {
+        let count = usize::from(c.return_count()[row]);
+        let beam = c.beam()[row];
+        let same = c.beam()[row..].iter().take_while(|&&other| other == beam).count();
         assert_eq!((same, count), (count, same));
         for number in 0..count {
-            assert_eq!(usize::from(c.return_number[row + number]), number + 1);
+            assert_eq!(usize::from(c.return_number()[row + number]), number + 1);
         }
         doubles += usize::from(count > 1);
         row += count;
@@ -280,7 +282,7 @@ fn returns_come_beam_by_beam() {
     // Five lines of beams pass the edge, a few of each with rays on both sides.
     assert!((5..200).contains(&doubles), "{doubles}");
     // Every beam has its row in an organised cloud, so it has one return.
-    let organised = ScanOptions { organised: true, ..ScanOptions::default() };
+    let organised = ScanOptions::default().organised(true);
     let error = built.scan(&sensor, &Trajectory::fixed(Pose::IDENTITY), &organised).unwrap_err().to_string();
     assert_eq!(
         error,
@@ -288,8 +290,8 @@ fn returns_come_beam_by_beam() {
     );
     sensor.set("returns.mode", "last").unwrap();
     let cloud = scan(&built, &sensor, organised);
-    assert_eq!(cloud.len, sensor.beams().len());
-    assert!(cloud.columns.range.iter().any(|range| range.is_nan()));
+    assert_eq!(cloud.len(), sensor.beams().len());
+    assert!(cloud.columns().range().iter().any(|range| range.is_nan()));
 }
 
 /// The explanation of a beam: the path over the mirror, the weather on it, and the reported echo.
@@ -299,15 +301,13 @@ fn a_beam_is_explained_step_by_step() {
     let mut scene = SceneBuilder::new();
     let wall = scene.reflector(0.5);
     scene.stand(Shape::plate([5.0, 7.0, 0.0].into(), -DVec3::Y, 2.0), Some(wall));
-    let mirror = Material { name: "silver".into(), metallic: 1.0, roughness: 0.0, ..Material::default() };
+    let mirror = Material::default().name("silver").metallic(1.0).roughness(0.0);
     let mirror = scene.material(mirror);
     scene.stand(Shape::plate([5.0, 0.0, 0.0].into(), DVec3::new(-half, half, 0.0), 1.0), Some(mirror));
     let built = scene.finish().build().unwrap();
     let sensor = one_beam("beam: {pulse_ns: 5}\ndetection: {model: radar_equation, reflectance: 0.1, at_m: 100}");
-    let options = ScanOptions {
-        environment: Environment::from_yaml("{clear_air: {visibility_m: 2000}}").unwrap(),
-        ..ScanOptions::default()
-    };
+    let options =
+        ScanOptions::default().environment(Environment::from_yaml("{clear_air: {visibility_m: 2000}}").unwrap());
     let trajectory = Trajectory::fixed(Pose::IDENTITY);
     let text = built.explain(&sensor, &trajectory, &options, 0).unwrap();
     for expected in [

@@ -13,8 +13,9 @@ mod speckle;
 mod targets;
 
 use super::assert_near;
-use echocast::emitter::Lobe;
-use echocast::material::{Material, Sound};
+use echocast::emitter::lobe::Lobe;
+use echocast::material::Sound;
+use echocast::scene::Material;
 use echocast::{BuiltScene, Environment, FieldSet, Ping, Pose, ScanOptions, Sensor, Trajectory};
 use echocast_tests::reference::{SceneBuilder, Shape};
 use glam::DVec3;
@@ -45,7 +46,7 @@ fn square(cell: f64) -> Shape {
 }
 
 fn sounding_material(sound: Sound) -> Material {
-    Material { name: format!("{sound:?}"), sound: Some(sound), ..Material::default() }
+    Material::default().name(format!("{sound:?}")).sound(sound)
 }
 
 /// A flat bottom at z = 0.
@@ -113,7 +114,7 @@ fn set(mut sensor: Sensor, more: &str) -> Sensor {
 }
 
 fn options(environment: Environment) -> ScanOptions {
-    ScanOptions { environment, ..ScanOptions::default().fields(FieldSet::all()) }
+    ScanOptions::default().fields(FieldSet::all()).environment(environment)
 }
 
 fn ping(scene: &BuiltScene, sensor: &Sensor, pose: Pose, options: &ScanOptions) -> Ping {
@@ -130,7 +131,7 @@ fn db(power: f64) -> f64 {
 
 /// Mean level of the bins around `range`, dB.
 fn level(ping: &Ping, beam: usize, range: f64, around: f64) -> f64 {
-    let layout = &ping.layout;
+    let layout = &ping.layout();
     let bins = ((range - around) / layout.bin_m) as usize..((range + around) / layout.bin_m) as usize;
     db(ping.levels(beam)[bins.clone()].iter().map(|&level| power(level.into())).sum::<f64>() / bins.len() as f64)
 }
@@ -153,7 +154,7 @@ fn flat_level(height: f64, range: f64) -> f64 {
 fn a_flat_bottom_has_the_level_of_the_sonar_equation() {
     let scene = flat(100.0);
     let ping = ping(&scene, &sidescan(""), Pose::at(0.0, 0.0, 20.0), &options(water("")));
-    assert_eq!((ping.layout.beams(), ping.layout.bin_m), (1, 0.025));
+    assert_eq!((ping.layout().beams(), ping.layout().bin_m), (1, 0.025));
     for range in [22.0, 25.0, 30.0, 40.0, 50.0, 60.0, 75.0, 90.0] {
         assert_near(&format!("level at {range} m"), level(&ping, 0, range, 0.25), flat_level(20.0, range), 0.1);
     }

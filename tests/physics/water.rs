@@ -1,8 +1,9 @@
 //! Water and its boundaries, as computed by other programs.
 
 use super::assert_near;
-use echocast::material::{Material, Sediment, Sound};
+use echocast::material::{Sediment, Sound};
 use echocast::medium::{Absorption, AmbientNoise, Fluid, Sea, SoundSpeed, pressure_bar, unesco_speed};
+use echocast::scene::Material;
 use echocast_tests::reference::Table;
 
 /// One of the programs converts temperatures to the scale of 1968 for formulas of that time; we, like the others, do so

@@ -22,7 +22,7 @@ fn lidar(sections: &str) -> Sensor {
 }
 
 fn is(cloud: &PointCloud, cause: Cause) -> usize {
-    cloud.columns.cause.iter().filter(|&&value| value == cause as u8).count()
+    cloud.columns().cause().iter().filter(|&&value| value == cause as u8).count()
 }
 
 /// Beer and Lambert, there and back: everywhere, and on part of the path.
@@ -45,9 +45,9 @@ fn what_is_left_behind_weather_falls_exponentially() {
         ("{environment: {rain: {rate_mm_h: 0}}}", 0.0),
     ] {
         let cloud = in_weather(&scene, &one_beam(""), yaml);
-        assert_near(yaml, cloud.columns.intensity[0].into(), 0.5 * (-2.0 * depth).exp(), 2e-6);
-        assert_near("range", cloud.columns.range[0].into(), 30.0, 1e-5);
-        assert_eq!(cloud.columns.cause[0], 0);
+        assert_near(yaml, cloud.columns().intensity()[0].into(), 0.5 * (-2.0 * depth).exp(), 2e-6);
+        assert_near("range", cloud.columns().range()[0].into(), 30.0, 1e-5);
+        assert_eq!(cloud.columns().cause()[0], 0);
     }
 }
 
@@ -69,23 +69,23 @@ fn rain_dims_as_its_table_says() {
             (Itu, 0, "alpha_ITU_mu0_1/m"),
             (Itu, 2, "alpha_ITU_mu2_1/m"),
         ] {
-            let found = Rain { mu, ..rain }.extinction(model);
+            let found = rain.mu(mu).extinction(model);
             assert_near(column, found / number(column), 1.0, 1e-6);
         }
         // Drops of twice their area are up to 0.8 % brighter than Mie series at 905 nm.
         let twice = rain.extinction(MarshallPalmer);
         assert_near("Mie", twice / number("alpha_MP_Mie_905_1/m"), 1.0, 0.008);
-        let lewandowski = Rain { model: Some(PaperLewandowski), ..rain };
+        let lewandowski = rain.model(PaperLewandowski);
         for (rain, profile, column) in [
             (rain, Profile::Physical, "T2way_100m_ITU_mu0"),
             (rain, Profile::Paper, "T2way_100m_goodin"),
             (lewandowski, Profile::Physical, "T2way_100m_lewand_1/km"),
         ] {
-            let rain = Rain { drops: Some(false), range_noise: Some(false), ..rain };
-            let environment = Environment { rain: vec![rain.into()], ..Environment::default() };
-            let cloud = scan(&wall, &one_beam(""), ScanOptions { profile, environment, ..ScanOptions::default() });
+            let rain = rain.drops(false).range_noise(false);
+            let environment = Environment::default().rain(vec![rain.into()]);
+            let cloud = scan(&wall, &one_beam(""), ScanOptions::default().profile(profile).environment(environment));
             let clear = if profile == Profile::Paper { 0.5 / (PI * 1e4) } else { 0.5 };
-            assert_near(column, f64::from(cloud.columns.intensity[0]) / clear / number(column), 1.0, 1e-5);
+            assert_near(column, f64::from(cloud.columns().intensity()[0]) / clear / number(column), 1.0, 1e-5);
         }
     }
 }
@@ -97,7 +97,7 @@ fn rain_scatters_as_its_table_says() {
     assert_eq!(table.len(), 40);
     for row in 0..table.len() {
         let expected = table.number(row, "sigma_m_eq15_as_std(correct_reading)");
-        let found = Rain::new(table.number(row, "R_f_mm_per_h")).range_noise() * table.number(row, "R_m");
+        let found = Rain::new(table.number(row, "R_f_mm_per_h")).range_sigma() * table.number(row, "R_m");
         assert_near("sigma", found / expected, 1.0, 1e-6);
     }
 }
@@ -110,16 +110,16 @@ fn fog_dims_as_its_table_says() {
     for row in 0..table.len() {
         let number = |column| table.number(row, column);
         let (sight, wavelength) = (Some(1e3 * number("V_km")), number("lambda_nm"));
-        let air = ClearAir { visibility_m: sight, ..ClearAir::default() };
-        let fog = Fog { visibility_m: sight, ..Fog::default() };
-        let other = |model| ClearAir { model: Some(model), ..air }.extinction(wavelength);
+        let air = ClearAir::default().visibility_m(sight);
+        let fog = Fog::default().visibility_m(sight);
+        let other = |model| air.model(model).extinction(wavelength);
         for (found, column) in [
             (air.extinction(550.0), "alpha_550_koschmieder_2pct_1/m"),
             (air.extinction(wavelength), "alpha_kruse_1/m"),
             (other(VisibilityModel::Kruse), "alpha_kruse_1/m"),
             (other(VisibilityModel::Kim), "alpha_kim_1/m"),
             (fog.extinction(wavelength), "alpha_kim_1/m"),
-            (Fog { visibility_m: None, mor_m: sight, ..fog }.extinction(550.0), "alpha_MOR_5pct_1/m"),
+            (fog.visibility_m(None).mor_m(sight).extinction(550.0), "alpha_MOR_5pct_1/m"),
         ] {
             assert_near(&format!("{column} of row {row}"), found / number(column), 1.0, 1e-6);
         }
@@ -135,26 +135,26 @@ fn dust_dims_and_answers_as_its_table_says() {
     let far = one_beam("beam: {pulse_ns: 5, pulse_shape: rectangular, exit_diameter_mm: 1000}\nreturns: {mode: first}");
     for row in 0..table.len() {
         let number = |column| table.number(row, column);
-        let dust = Dust { radius_um: number("r_um"), per_m3: number("n_per_m3"), q_ext: 1.0, lidar_ratio_sr: None };
+        let dust = Dust::new(number("r_um"), number("n_per_m3"));
         assert_near("extinction", dust.extinction() / number("alpha_Qext1_1/m"), 1.0, 1e-8);
         assert_near("backscatter", dust.backscatter() / number("beta_eq17_1/(m sr)"), 1.0, 1e-8);
         let lidar_ratio = dust.extinction() / dust.backscatter();
         assert_near("lidar ratio", lidar_ratio, number("lidar_ratio_sr"), 1e-7);
         let cloud = |q_ext, start_m| {
             let region = Region::Shell { start_m, length_m: number("L_d_m") };
-            let dust = vec![Placed { what: Dust { q_ext, ..dust }, region }];
-            ScanOptions { environment: Environment { dust, ..Environment::default() }, ..ScanOptions::default() }
+            let dust = vec![Placed { what: dust.q_ext(q_ext), region }];
+            ScanOptions::default().environment(Environment::default().dust(dust))
         };
         for (q_ext, column) in [(1.0, "T_eq16(two_way_Qext1)"), (2.0, "T_two_way_Qext2")] {
-            let left = scan(&wall, &one_beam(""), cloud(q_ext, 5.0)).columns.intensity[0];
+            let left = scan(&wall, &one_beam(""), cloud(q_ext, 5.0)).columns().intensity()[0];
             assert_near(column, f64::from(left) / 0.5 / number(column), 1.0, 1e-5);
         }
         // A pulse 0.749 m long fills with dust, slightly hidden by its own front part.
-        let c = scan(&nothing(), &far, cloud(1.0, 1000.0)).columns;
-        assert_eq!(c.cause, [Cause::Dust as u8]);
+        let c = scan(&nothing(), &far, cloud(1.0, 1000.0)).into_columns();
+        assert_eq!(c.cause(), [Cause::Dust as u8]);
         let depth = 2.0 * dust.extinction() * 0.749_481;
         let expected = number("equivalent_lambert_reflectance_5ns_rect_pulse") * -f64::exp_m1(-depth) / depth;
-        assert_near("as a wall", f64::from(c.intensity[0]) / expected, 1.0, 5e-4);
+        assert_near("as a wall", f64::from(c.intensity()[0]) / expected, 1.0, 5e-4);
     }
 }
 
@@ -167,10 +167,10 @@ fn fog_hides_dark_walls() {
     let fog = "{fog: {mor_m: 99.86, model: kim}}";
     for (rho, seen) in [(0.57597 * 1.003, Cause::Surface), (0.57597 * 0.997, Cause::Fog)] {
         let cloud = in_weather(&target(rho, 10.0, 0.0), &sensor, fog);
-        assert_eq!(cloud.columns.cause, [seen as u8], "{rho}");
+        assert_eq!(cloud.columns().cause(), [seen as u8], "{rho}");
         let expected = if seen == Cause::Fog { 1.67707 } else { 10.0 };
-        assert_near("range", cloud.columns.range[0].into(), expected, 0.02);
-        assert_eq!(cloud.columns.category_id[0] == 0, seen == Cause::Fog);
+        assert_near("range", cloud.columns().range()[0].into(), expected, 0.02);
+        assert_eq!(cloud.columns().category_id()[0] == 0, seen == Cause::Fog);
     }
     let mut last = sensor.clone();
     last.set("returns.mode", "last").unwrap();
@@ -203,12 +203,12 @@ fn dust_has_four_regimes() {
             ));
             let yaml = format!("{{dust: {{radius_um: 50, per_m3: {per_m3:e}, {place}}}}}");
             let cloud = in_weather(&target(rho, 30.0, 0.0), &sensor, &yaml);
-            let found = cloud.columns.cause.first().copied();
+            let found = cloud.columns().cause().first().copied();
             assert_eq!(found, seen.map(|cause| cause as u8), "{per_m3} {rho} {mode} {place}");
             if found == Some(Cause::Dust as u8) {
                 let expected = if per_m3 == 1e6 { 5.51253 } else { 5.47695 };
                 let within = if place == places[0] { 0.1 } else { 0.06 };
-                assert_near("range", cloud.columns.range[0].into(), expected, within);
+                assert_near("range", cloud.columns().range()[0].into(), expected, within);
             }
         }
     }
@@ -221,10 +221,8 @@ fn dust_is_as_bright_as_its_backscatter_says() {
     let beam = "{pulse_ns: 5, pulse_shape: sin2, overlap_m: [0, 0.1], exit_diameter_mm: 1000}";
     let sensor = one_beam(&format!("beam: {beam}\nintensity: {{encoding: power}}"));
     let dust = "{dust: {radius_um: 50, per_m3: 1e7, start_m: 5, length_m: 12.5}}";
-    let cloud = in_weather(&target(0.5, 30.0, 0.0), &sensor, dust).columns.intensity[0];
-    let wall = 0.5
-        * (-2.0 * Dust { radius_um: 50.0, per_m3: 1e7, q_ext: 1.0, lidar_ratio_sr: None }.extinction() * 12.5).exp()
-        / (PI * 900.0);
+    let cloud = in_weather(&target(0.5, 30.0, 0.0), &sensor, dust).columns().intensity()[0];
+    let wall = 0.5 * (-2.0 * Dust::new(50.0, 1e7).extinction() * 12.5).exp() / (PI * 900.0);
     assert_near("ratio", f64::from(cloud) / wall, 5.61957, 2e-3);
 }
 
@@ -263,10 +261,10 @@ fn drops_and_flakes_show_as_often_as_they_should() {
         let found = is(&cloud, cause) as f64 / beams;
         let error = (expected * (1.0 - expected) / beams).sqrt();
         assert!((found - expected).abs() < 3.0 * error + 0.01 * expected, "{yaml}: {found} {expected}");
-        let mean_range = cloud.columns.range.iter().map(|&r| f64::from(r)).sum::<f64>() / cloud.len as f64;
+        let mean_range = cloud.columns().range().iter().map(|&r| f64::from(r)).sum::<f64>() / cloud.len() as f64;
         assert_near("mean range of the nearest", mean_range, nearest / expected, 0.05);
         // The mean is measured, no noise is requested.
-        assert_eq!(cloud.columns.range, cloud.columns.true_range);
+        assert_eq!(cloud.columns().range(), cloud.columns().true_range());
     }
 }
 
@@ -278,10 +276,10 @@ fn rain_scatters_ranges_if_asked() {
     let scene = scene.finish().build().unwrap();
     let sensor = lidar("");
     let spread = |yaml: &str, profile| {
-        let options = ScanOptions { environment: env(yaml), profile, ..ScanOptions::default() };
+        let options = ScanOptions::default().environment(env(yaml)).profile(profile);
         let cloud = scan(&scene, &sensor, options);
-        let errors: Vec<f64> = (cloud.columns.range.iter())
-            .zip(&cloud.columns.true_range)
+        let errors: Vec<f64> = (cloud.columns().range().iter())
+            .zip(cloud.columns().true_range())
             .map(|(measured, truth)| f64::from(measured - truth) / f64::from(*truth))
             .collect();
         (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt()
@@ -311,8 +309,8 @@ fn rain_leaves_the_noise_of_others_alone() {
     );
     let [dry, wet] = ["{}", "{rain: {rate_mm_h: 20}}"].map(|yaml| in_weather(&scene, &sensor, yaml));
     let mut same = 0;
-    let mut dry_rows = dry.columns.beam.iter().zip(&dry.columns.range).peekable();
-    for ((beam, range), cause) in wet.columns.beam.iter().zip(&wet.columns.range).zip(&wet.columns.cause) {
+    let mut dry_rows = dry.columns().beam().iter().zip(dry.columns().range()).peekable();
+    for ((beam, range), cause) in wet.columns().beam().iter().zip(wet.columns().range()).zip(wet.columns().cause()) {
         while dry_rows.next_if(|(dry_beam, _)| *dry_beam < beam).is_some() {}
         if *cause == Cause::Surface as u8 {
             assert_eq!(dry_rows.next(), Some((beam, range)));
@@ -329,13 +327,13 @@ fn surfaces_end_what_is_seen_of_the_air() {
     let beam = "beam: {pulse_ns: 5, overlap_m: [0, 0.1]}";
     let sensor = one_beam(&format!("{RADAR}\n{beam}\nrange: {{min_m: 2}}"));
     assert_eq!(is(&in_weather(&nothing(), &sensor, dust), Cause::Dust), 1);
-    assert_eq!(in_weather(&target(0.0, 10.0, 0.0), &sensor, dust).len, 0);
-    assert_eq!(in_weather(&target(0.5, 1.0, 0.0), &sensor, dust).len, 0);
+    assert_eq!(in_weather(&target(0.0, 10.0, 0.0), &sensor, dust).len(), 0);
+    assert_eq!(in_weather(&target(0.5, 1.0, 0.0), &sensor, dust).len(), 0);
     let mut scene = SceneBuilder::new();
-    let mirror = Material { name: "mirror".into(), metallic: 1.0, roughness: 0.0, ..Material::default() };
+    let mirror = Material::default().name("mirror").metallic(1.0).roughness(0.0);
     let mirror = scene.material(mirror);
     scene.stand(Shape::plate(DVec3::new(5.0, 0.0, 0.0), DVec3::new(-1.0, 1.0, 0.0).normalize(), 1.0), Some(mirror));
-    assert_eq!(in_weather(&scene.finish().build().unwrap(), &sensor, dust).len, 0);
+    assert_eq!(in_weather(&scene.finish().build().unwrap(), &sensor, dust).len(), 0);
 }
 
 /// Fog up to a height answers a sensor inside it like fog everywhere; a thin sheet answers from its middle.
@@ -345,7 +343,7 @@ fn fog_in_places_answers_as_fog_everywhere() {
     let fog = |place: &str| {
         let yaml = format!("{{fog: {{mor_m: 99.86, model: kim{place}}}}}");
         let cloud = in_weather(&nothing(), &sensor, &yaml);
-        (f64::from(cloud.columns.range[0]), f64::from(cloud.columns.intensity[0]))
+        (f64::from(cloud.columns().range()[0]), f64::from(cloud.columns().intensity()[0]))
     };
     let (range, power) = fog("");
     for place in
@@ -369,8 +367,8 @@ fn the_last_echo_of_the_air_may_be_a_drop() {
     // Other weather leaves the flakes unchanged.
     let more = in_weather(&nothing(), &sensor, "{clear_air: {visibility_m: 1e9}, snow: {rate_mm_h: 2}}");
     let less = in_weather(&nothing(), &sensor, "{snow: {rate_mm_h: 2}}");
-    let same = more.columns.beam.iter().zip(&less.columns.beam).filter(|(a, b)| a == b).count();
-    assert!(same * 1000 > less.len * 999, "{same} of {}", less.len);
+    let same = more.columns().beam().iter().zip(less.columns().beam()).filter(|(a, b)| a == b).count();
+    assert!(same * 1000 > less.len() * 999, "{same} of {}", less.len());
 }
 
 /// The unlabelled points of the air have no surface: no label, no side, no colour.
@@ -379,30 +377,28 @@ fn echoes_of_the_air_have_no_surface() {
     let sensor = lidar("beam: {divergence_mrad: 3, pulse_ns: 5}");
     let cloud = in_weather(&target(0.02, 60.0, 0.0), &sensor, "{fog: {visibility_m: 60}}");
     assert!(is(&cloud, Cause::Fog) > 100_000);
-    for (row, &cause) in cloud.columns.cause.iter().enumerate() {
+    for (row, &cause) in cloud.columns().cause().iter().enumerate() {
         if cause == Cause::Fog as u8 {
-            assert!(cloud.columns.normal_x[row].is_nan() && cloud.columns.cos_incidence[row].is_nan());
-            assert_eq!(cloud.columns.material_id[row] + u32::from(cloud.columns.red[row]), 0);
-            assert!(cloud.columns.intensity[row] > 0.0);
+            assert!(cloud.columns().normal_x()[row].is_nan() && cloud.columns().cos_incidence()[row].is_nan());
+            assert_eq!(cloud.columns().material_id()[row] + u32::from(cloud.columns().red()[row]), 0);
+            assert!(cloud.columns().intensity()[row] > 0.0);
         }
     }
-    assert!(cloud.fields.contains(Field::Cause));
+    assert!(cloud.fields().contains(Field::Cause));
 }
 
 #[test]
 fn weather_is_read_as_it_is_written() {
-    let environment = Environment {
-        rain: vec![
+    let environment = Environment::default()
+        .rain(vec![
             Rain::new(10.0).into(),
             Placed { what: Rain::new(2.0), region: Region::Shell { start_m: 1.0, length_m: 2.0 } },
-        ],
-        fog: vec![Placed {
-            what: Fog { visibility_m: Some(200.0), ..Fog::default() },
+        ])
+        .fog(vec![Placed {
+            what: Fog::default().visibility_m(200.0),
             region: Region::HalfSpace { point_m: [0.0, 0.0, 2.0], normal: [0.0, 0.0, 1.0] },
-        }],
-        snow: vec![Snow::new(1.0).into()],
-        ..Environment::default()
-    };
+        }])
+        .snow(vec![Snow::new(1.0).into()]);
     assert_eq!(env(&environment.to_yaml().unwrap()), environment);
     assert!(env("{}").is_empty() && env("").is_empty());
     assert_eq!(env(&Environment::default().to_yaml().unwrap()), Environment::default());

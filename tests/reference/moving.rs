@@ -1,8 +1,8 @@
 //! Scenes that move and change their shape: as files to be read, and, computed plainly, as they are at any time.
 
 use super::{Random, Shape};
-use echocast::LoadOptions;
-use echocast::scene::{CacheFile, Mesh, Part, Scene};
+use echocast::scene::{CacheFile, Mesh, Part};
+use echocast::{LoadOptions, Scene};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -275,7 +275,7 @@ impl Moving {
             };
             let file = folder.join(format!("cache{number}.{ending}"));
             std::fs::write(&file, bytes).expect("a folder to write to");
-            options.caches.insert(actor.name.clone(), CacheFile { file, fps: *fps });
+            options.caches.insert(actor.name.clone(), CacheFile::new(file).fps(*fps));
         }
         let path = folder.join("moving.glb");
         std::fs::write(&path, self.glb()).expect("a folder to write to");
@@ -292,13 +292,12 @@ impl Moving {
             let actor = self.actors.iter().find(|actor| actor.name == object.name).expect("an object of this scene");
             let parts = actor.parts.iter().zip(actor.posed(time)).zip(&object.mesh.parts);
             let single = |vectors: &[DVec3]| vectors.iter().map(|v| v.as_vec3().to_array()).collect::<Vec<_>>();
-            let parts = parts.map(|(((shape, _), posed), known)| Part {
-                positions: single(&posed.positions).into(),
-                normals: posed.normals.as_deref().map(|normals| single(normals).into()),
-                uvs: None,
-                alphas: None,
-                triangles: shape.triangles.clone().into(),
-                material: known.material.clone(),
+            let parts = parts.map(|(((shape, _), posed), known)| {
+                Part::default()
+                    .positions(single(&posed.positions).into())
+                    .normals(posed.normals.as_deref().map(|normals| single(normals).into()))
+                    .triangles(shape.triangles.clone().into())
+                    .material(known.material.clone())
             });
             object.mesh = Arc::new(Mesh::new("posed", parts.collect()).expect("sound parts"));
             object.world_from_object = DAffine3::IDENTITY;

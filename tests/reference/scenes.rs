@@ -1,7 +1,8 @@
 //! Scenes put together by hand.
 
+use echocast::Scene;
 use echocast::material::Reflectance;
-use echocast::scene::{Array, Labels, Material, Mesh, NameTable, Object, Part, Scene};
+use echocast::scene::{Array, Labels, Material, Mesh, Object, Part};
 use glam::{DAffine3, DVec3};
 use std::sync::Arc;
 
@@ -102,14 +103,12 @@ impl Shape {
     }
 
     fn part(self, material: Option<Arc<Material>>) -> Part {
-        Part {
-            positions: self.positions.into(),
-            normals: self.normals.map(Array::from),
-            uvs: self.uvs.map(Array::from),
-            alphas: None,
-            triangles: self.triangles.into(),
-            material,
-        }
+        Part::default()
+            .positions(self.positions.into())
+            .normals(self.normals.map(Array::from))
+            .uvs(self.uvs.map(Array::from))
+            .triangles(self.triangles.into())
+            .material(material)
     }
 }
 
@@ -139,7 +138,7 @@ impl SceneBuilder {
     pub fn reflector(&mut self, reflectance: f32) -> usize {
         let name = format!("reflector {}", self.scene.materials.len());
         let reflectance = Some(Reflectance::Constant(reflectance));
-        self.material(Material { name, reflectance, ..Material::default() })
+        self.material(Material::default().name(name).reflectance(reflectance))
     }
 
     /// Adds a mesh of parts with their materials and returns its index.
@@ -158,13 +157,13 @@ impl SceneBuilder {
     /// Places a mesh in the world.
     pub fn place(&mut self, mesh: usize, world_from_object: DAffine3) -> &mut Self {
         let instance_id = self.scene.objects.len() as u32 + 1;
-        self.scene.objects.push(Object {
-            world_from_object,
-            category_id: mesh as u32 + 1,
-            part_ids: self.part_ids[mesh].clone(),
-            instance_id,
-            ..Object::new(format!("object {instance_id}"), self.meshes[mesh].clone())
-        });
+        self.scene.objects.push(
+            Object::new(format!("object {instance_id}"), self.meshes[mesh].clone())
+                .world_from_object(world_from_object)
+                .category_id(mesh as u32 + 1)
+                .part_ids(self.part_ids[mesh].clone())
+                .instance_id(instance_id),
+        );
         self
     }
 
@@ -176,20 +175,13 @@ impl SceneBuilder {
 
     /// The scene.
     pub fn finish(mut self) -> Scene {
-        let table = |stem: &str, count: usize| NameTable {
-            ids: (1..=count as u32).collect(),
-            names: (1..=count).map(|number| format!("{stem} {number}")).collect(),
-        };
-        self.scene.labels = Labels {
-            category: table("category", self.meshes.len()),
-            part: table("part", self.parts as usize),
-            material: NameTable {
-                ids: (1..=self.scene.materials.len() as u32).collect(),
-                names: self.scene.materials.iter().map(|material| material.name.clone()).collect(),
-            },
-            instance: table("object", self.scene.objects.len()),
-            ..Labels::default()
-        };
+        let table =
+            |stem: &str, count: usize| (1..=count as u32).map(|number| (number, format!("{stem} {number}"))).collect();
+        self.scene.labels = Labels::default()
+            .category(table("category", self.meshes.len()))
+            .part(table("part", self.parts as usize))
+            .material((1..).zip(self.scene.materials.iter().map(|material| &material.name)).collect())
+            .instance(table("object", self.scene.objects.len()));
         self.scene
     }
 }

@@ -7,20 +7,13 @@ use glam::DVec3;
 /// One row of beams along `directions` (sensor frame), all at time 0.
 pub fn beams(directions: &[DVec3]) -> BeamTable {
     let column = |axis: usize| directions.iter().map(|d| d.normalize()[axis] as f32).collect::<Vec<f32>>();
-    BeamTable {
-        rows: 1,
-        columns: directions.len() as u32,
-        dir_x: column(0),
-        dir_y: column(1),
-        dir_z: column(2),
-        time: vec![0.0; directions.len()],
-        channel: vec![0; directions.len()],
-        range_min: Vec::new(),
-        range_max: Vec::new(),
-        origin: Default::default(),
-        firing_order: FiringOrder::Beams,
-        period: 1.0,
-    }
+    let mut table = BeamTable::default();
+    (table.rows, table.columns) = (1, directions.len() as u32);
+    (table.firing_order, table.period) = (FiringOrder::Beams, 1.0);
+    [table.dir_x, table.dir_y, table.dir_z] = [0, 1, 2].map(column);
+    table.time = vec![0.0; directions.len()];
+    table.channel = vec![0; directions.len()];
+    table
 }
 
 /// An ideal sensor with beams along `directions` (sensor frame).

@@ -4,7 +4,8 @@
 //! lies inside it. The same projection says how near the ray passes the edges, so the oracle knows itself which answers
 //! single precision may turn over.
 
-use echocast::scene::{Material, Scene};
+use echocast::Scene;
+use echocast::scene::Material;
 use glam::{DMat3, DVec2, DVec3};
 
 /// Rounding that single precision may add up to, relative to the coordinates that enter: 16 half steps of f32.

@@ -64,7 +64,7 @@ def records(cloud: PointCloud) -> "np.recarray[Any, Any]":
 def structured(cloud: PointCloud, dtype: Any = None, copy: bool | None = None) -> "Array":
     """A structured array with a member for each column; a copy."""
     if copy is False:
-        raise ValueError("an array of all columns is always a copy; a single column needs none: cloud.range")
+        raise ValueError("an array of all columns is a copy; for one without, take a column: cloud.range")
     array = np.empty(len(cloud), [(name, cloud[name].dtype) for name in cloud.fields])
     for name in cloud.fields:
         array[name] = cloud[name]

@@ -238,7 +238,7 @@ def open_picture(thing: Any, color: str | None) -> None:
     """Opens the picture of a cloud or of pings, inside the notebook if there is one."""
     if not isinstance(thing, (PointCloud, Pings)):
         kind = type(thing).__name__
-        raise UnsupportedError(f"there is no picture of a {kind}; pip install rerun-sdk to see it in Rerun")
+        raise UnsupportedError(f"of a {kind} there is no picture; pip install rerun-sdk to see it in Rerun")
     names = {None: {}, "category": {"color": "label"}}
     png = thing.png(**names.get(color, {"color": color}))
     if in_notebook():

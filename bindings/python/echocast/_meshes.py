@@ -57,7 +57,7 @@ def scene(thing: Any, up: str = "z", scale: float = 1.0, category: str | int | N
             "category": label(metadata, category or re.sub(r"[ ._-]*\d+$", "", name) or name),
         })
     if not objects:
-        raise ArgumentError("the source of the scene has no mesh; allowed: at least one")
+        raise ArgumentError("what a scene is to be made of has no mesh; allowed: at least one")
     return Scene.from_objects(objects)
 
 
@@ -86,7 +86,7 @@ def meshes(thing: Any) -> Iterator[tuple[str, Array, Triangles, Matrix, Mapping[
         yield "mesh", *arrays(vertices, triangles), np.eye(4), {}
     else:
         allowed = "a trimesh.Trimesh or trimesh.Scene, an Open3D TriangleMesh, or a list of them"
-        raise ArgumentError(f"the source of the scene is of the type {type(thing).__name__}; allowed: {allowed}")
+        raise ArgumentError(f"what a scene is to be made of is of the type {type(thing).__name__}; allowed: {allowed}")
 
 
 def arrays(vertices: Any, triangles: Any) -> tuple[Array, Triangles]:

@@ -47,7 +47,7 @@ impl ColumnOwner {
     pub fn column(&self) -> cloud::Column<'_> {
         match self {
             ColumnOwner::Cloud(cloud, field) => cloud.column(*field),
-            ColumnOwner::Ping(pings, ping, field) => pings.pings[*ping].column(*field),
+            ColumnOwner::Ping(pings, ping, field) => pings.all()[*ping].column(*field),
         }
     }
 }

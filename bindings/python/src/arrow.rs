@@ -30,9 +30,9 @@ pub fn stream<'py>(py: Python<'py>, cloud: &Arc<PointCloud>) -> BindingResult<Bo
 fn table(cloud: &Arc<PointCloud>) -> Result<RecordBatch, arrow_schema::ArrowError> {
     let mut columns = Vec::new();
     let mut fields = Vec::new();
-    for info in cloud.fields.iter() {
+    for info in cloud.fields().iter() {
         let held = ColumnOwner::Cloud(cloud.clone(), info.field);
-        let (kind, count) = (held.column().kind(), cloud.len);
+        let (kind, count) = (held.column().kind(), cloud.len());
         let buffer = Buffer::from(Bytes::from_owner(held));
         let (kind, column): (DataType, ArrayRef) = match kind {
             ColumnType::F32 => {

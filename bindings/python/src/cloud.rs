@@ -8,11 +8,10 @@ use crate::options::ColumnNames;
 use crate::place::Pose;
 use crate::sensor::Instrument;
 use crate::sequence;
-use echocast::cloud::{Driver, FIELDS, PackType};
-use echocast::error::nearest;
+use echocast::cloud::FIELDS;
 use echocast::preview::{ColorBy, PreviewOptions, View};
 use echocast::scene::NameTable;
-use echocast::{Field, Frame, Report, export, import, preview};
+use echocast::{Driver, Field, Frame, PackType, Report, export, import, nearest, preview};
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::{PyAttributeError, PyKeyError, PyOverflowError};
 use pyo3::prelude::*;
@@ -98,7 +97,7 @@ impl PointCloud {
 
     /// The column `field` as an array.
     fn array<'py>(&self, py: Python<'py>, field: Field) -> PyResult<Bound<'py, PyAny>> {
-        shared(py, ColumnOwner::Cloud(self.0.clone(), field), &[self.0.len])
+        shared(py, ColumnOwner::Cloud(self.0.clone(), field), &[self.0.len()])
     }
 }
 
@@ -139,19 +138,19 @@ impl PointCloud {
     }
 
     fn __len__(&self) -> usize {
-        self.0.len
+        self.0.len()
     }
 
     /// Names of its columns.
     #[getter]
     fn fields(&self) -> Vec<&'static str> {
-        self.0.fields.iter().map(|info| info.name).collect()
+        self.0.fields().iter().map(|info| info.name).collect()
     }
 
     fn __getitem__<'py>(&self, py: Python<'py>, key: &Bound<'py, PyAny>) -> BindingResult<Bound<'py, PyAny>> {
         if let Ok(name) = key.extract::<String>() {
             return match Field::from_name(&name) {
-                Ok(field) if self.0.fields.contains(field) => Ok(self.array(py, field)?),
+                Ok(field) if self.0.fields().contains(field) => Ok(self.array(py, field)?),
                 Ok(_) => Err(PyKeyError::new_err(not_computed(&name)).into()),
                 Err(error) => {
                     Err(PyKeyError::new_err(format!("{error}; there are {}", self.fields().join(", "))).into())
@@ -162,11 +161,11 @@ impl PointCloud {
             // True and False are integers in Python, but not rows.
             _ if key.is_instance_of::<PyBool>() => {}
             Ok(index) => {
-                let point = PointCloud::of(self.0.select(&[sequence::place("point", index, self.0.len)?])?);
+                let point = PointCloud::of(self.0.select(&[sequence::place("point", index, self.0.len())?])?);
                 return Ok(records(py, point)?.get_item(0)?);
             }
             Err(error) if error.is_instance_of::<PyOverflowError>(py) => {
-                return Err(sequence::missing("point", key, self.0.len).into());
+                return Err(sequence::missing("point", key, self.0.len()).into());
             }
             Err(_) => {}
         }
@@ -182,7 +181,7 @@ impl PointCloud {
     fn __getattr__<'py>(slf: &Bound<'py, Self>, name: &str) -> PyResult<Bound<'py, PyAny>> {
         let cloud = slf.get();
         let message = match Field::from_name(name) {
-            Ok(field) if cloud.0.fields.contains(field) => return cloud.array(slf.py(), field),
+            Ok(field) if cloud.0.fields().contains(field) => return cloud.array(slf.py(), field),
             Ok(_) => not_computed(name),
             // What Python and notebooks look for.
             Err(_) if name.starts_with('_') => format!("a PointCloud has no {name:?}"),
@@ -214,7 +213,7 @@ impl PointCloud {
     /// Positions relative to `origin`: n x 3 float32, m; a copy.
     #[getter]
     fn xyz<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let column = |field: Field| match self.0.fields.contains(field) {
+        let column = |field: Field| match self.0.fields().contains(field) {
             true => self.array(py, field),
             false => Err(PyAttributeError::new_err(not_computed(field.info().name))),
         };
@@ -231,7 +230,7 @@ impl PointCloud {
     /// Rows and columns of the sensor, if every beam has its point; else None.
     #[getter]
     fn organised(&self) -> Option<[u32; 2]> {
-        self.0.organised
+        self.0.organised()
     }
 
     /// "world" or "sensor": the axes of positions, normals and boxes.
@@ -293,7 +292,7 @@ impl PointCloud {
         let driver = driver.map(|name| crate::sensor::named("driver", name)).transpose()?;
         let driver: Driver = driver.or(self.0.driver).unwrap_or(Driver::Velodyne);
         let step = driver.point_step();
-        let mut bytes = vec![0; self.0.len * step];
+        let mut bytes = vec![0; self.0.len() * step];
         let stamp = stamp.unwrap_or_else(|| self.0.begins());
         py.detach(|| self.0.pack_points(driver, stamp, &mut bytes))?;
         let fields = driver.point_fields();
@@ -303,8 +302,8 @@ impl PointCloud {
         kind.set_item("offsets", fields.iter().map(|field| field.offset).collect::<Vec<_>>())?;
         kind.set_item("itemsize", step)?;
         let kind = py.import("numpy")?.call_method1("dtype", (kind,))?;
-        let points = owned(py, bytes, &[self.0.len * step])?.call_method1("view", (kind,))?;
-        Ok(if self.0.organised.is_some() {
+        let points = owned(py, bytes, &[self.0.len() * step])?.call_method1("view", (kind,))?;
+        Ok(if self.0.organised().is_some() {
             points.call_method1("reshape", (self.0.driver_shape(driver),))?
         } else {
             points
@@ -406,7 +405,7 @@ impl PointCloud {
     ) -> BindingResult<Bound<'py, pyo3::types::PyBytes>> {
         let view: View = crate::sensor::named("view", view)?;
         let color: ColorBy = color.map(|color| crate::sensor::named("color", color)).transpose()?.unwrap_or_default();
-        let mut options = PreviewOptions { view, color, ..PreviewOptions::default() };
+        let mut options = PreviewOptions::default().view(view).color(color);
         if let Some(width) = width {
             options.width = width;
         }
@@ -522,14 +521,14 @@ impl PointCloud {
     }
 
     fn __repr__(&self) -> String {
-        format!("<PointCloud: {} points; {}>", self.0.len, self.fields().join(", "))
+        format!("<PointCloud: {} points; {}>", self.0.len(), self.fields().join(", "))
     }
 }
 
 impl PointCloud {
     /// Numbers of the rows that `key` selects: a slice, a mask or numbers.
     fn rows(&self, py: Python<'_>, key: &Bound<'_, PyAny>) -> BindingResult<Vec<usize>> {
-        let count = self.0.len;
+        let count = self.0.len();
         if let Ok(slice) = key.cast::<PySlice>() {
             let found = slice.indices(count as isize)?;
             return Ok((0..found.slicelength).map(|n| (found.start + n as isize * found.step) as usize).collect());
@@ -555,7 +554,7 @@ impl PointCloud {
 
 /// The message for the column `name`, which a cloud may have.
 fn not_computed(name: &str) -> String {
-    format!("there is no column {name:?}: it was not computed; request it with fields=\"default,{name}\"")
+    format!("there is no column {name:?}: it was not computed; ask for it with fields=\"default,{name}\"")
 }
 
 /// Names of all columns that clouds may have, with their types, units ("1" for ratios, "" for counts and numbers) and

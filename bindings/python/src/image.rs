@@ -110,7 +110,7 @@ pub fn layer<'py>(
     let shape = [grid.height, grid.width];
     // If the rows of the cloud are the pixels, the layer is a column.
     let own = |field: &Field| cloud.column(*field).bytes().as_ptr() == column.bytes().as_ptr();
-    if let Some(field) = cloud.fields.iter().map(|info| info.field).find(own) {
+    if let Some(field) = cloud.fields().iter().map(|info| info.field).find(own) {
         return Ok(shared(py, ColumnOwner::Cloud(cloud.clone(), field), &shape)?);
     }
     let pixels = shape[0] * shape[1];

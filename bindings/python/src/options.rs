@@ -12,9 +12,9 @@ use std::ffi::CString;
 use std::ops::ControlFlow;
 
 /// Names of the arguments.
-const NAMES: &str = "at, fields, seed, frame, start_time, trajectory_time, freeze, frame_period, organised, coordinates, \
-                     order, deskew, boxes, box_time, image_boxes, profile, reflectance_source, mask, specular_depth, \
-                     environment, progress";
+fn names() -> impl Iterator<Item = &'static str> {
+    ["at"].into_iter().chain(ScanOptions::OPTIONS.iter().map(|option| option.name)).chain(["progress"])
+}
 
 /// The arguments of a method that scans.
 pub struct ScanRequest {
@@ -60,7 +60,7 @@ impl ScanRequest {
         cameras: impl FnOnce() -> Vec<String>,
     ) -> BindingResult<ScanRequest> {
         let sensor = sensor.sensor()?;
-        let mut options = ScanOptions { fields: sensor.default_fields(), ..ScanOptions::default() };
+        let mut options = ScanOptions::default().fields(sensor.default_fields());
         let (mut path, mut progress) = (None, ProgressListener::default());
         for (key, value) in keywords.into_iter().flatten() {
             let key: String = key.extract()?;
@@ -137,7 +137,7 @@ fn nowhere(py: Python<'_>, cameras: impl FnOnce() -> Vec<String>) -> PyResult<Tr
     warn(
         py,
         &format!(
-            "the sensor is at 0, 0, 0, since `at` is not given; allowed: a Pose, a Trajectory, x, y and z, or a matrix \
+            "the sensor is at 0, 0, 0, as at is not given; allowed: a Pose, a Trajectory, x, y and z, or a matrix \
              of 4 x 4{}",
             camera.unwrap_or_default()
         ),
@@ -194,8 +194,9 @@ pub fn warn(py: Python<'_>, message: &str) -> PyResult<()> {
 
 /// Fails unless `key` is the name of an argument.
 fn known(key: &str) -> BindingResult<()> {
-    if NAMES.split(", ").any(|name| name == key) {
+    if names().any(|name| name == key) {
         return Ok(());
     }
-    Err(PyTypeError::new_err(format!("there is no argument {key:?}; allowed: {NAMES}")).into())
+    let allowed = names().collect::<Vec<_>>().join(", ");
+    Err(PyTypeError::new_err(format!("there is no argument {key:?}; allowed: {allowed}")).into())
 }

@@ -43,11 +43,11 @@ impl Pings {
 #[pymethods]
 impl Pings {
     fn __len__(&self) -> usize {
-        self.0.pings.len()
+        self.0.all().len()
     }
 
     fn __getitem__(&self, index: isize) -> PyResult<Ping> {
-        let index = sequence::place("ping", index, self.0.pings.len())?;
+        let index = sequence::place("ping", index, self.0.all().len())?;
         Ok(Ping { pings: self.0.clone(), index })
     }
 
@@ -123,7 +123,7 @@ impl Pings {
         #[pyo3(from_py_with = argument::width)] width: Option<u32>,
     ) -> BindingResult<Bound<'py, PyBytes>> {
         let view: View = named("view", view)?;
-        let mut options = PreviewOptions { view, color: named("color", color)?, ..PreviewOptions::default() };
+        let mut options = PreviewOptions::default().view(view).color(named("color", color)?);
         if let Some(width) = width {
             options.width = width;
         }
@@ -145,7 +145,7 @@ impl Pings {
     fn __repr__(&self) -> String {
         match self.0.layout() {
             Some(layout) => {
-                format!("<Pings: {} pings of {} beams x {} bins>", self.0.pings.len(), layout.beams(), layout.bins)
+                format!("<Pings: {} pings of {} beams x {} bins>", self.0.all().len(), layout.beams(), layout.bins)
             }
             None => "<Pings: none>".into(),
         }
@@ -178,11 +178,11 @@ pub struct Ping {
 
 impl Ping {
     fn ping(&self) -> &echocast::Ping {
-        &self.pings.pings[self.index]
+        &self.pings.all()[self.index]
     }
 
     fn array<'py>(&self, py: Python<'py>, field: Field) -> PyResult<Bound<'py, PyAny>> {
-        let layout = &self.ping().layout;
+        let layout = &self.ping().layout();
         let held = ColumnOwner::Ping(self.pings.clone(), self.index, field);
         shared(py, held, &[layout.beams(), layout.bins])
     }
@@ -223,7 +223,7 @@ impl Ping {
     /// Names of its columns.
     #[getter]
     fn fields(&self) -> Vec<&'static str> {
-        self.ping().fields.iter().map(|info| info.name).collect()
+        self.ping().fields().iter().map(|info| info.name).collect()
     }
 
     /// A column: beams x bins.
@@ -232,7 +232,7 @@ impl Ping {
         py: Python<'py>,
         #[pyo3(from_py_with = argument::name)] name: &str,
     ) -> BindingResult<Bound<'py, PyAny>> {
-        match Field::from_name(name).ok().filter(|&field| self.ping().fields.contains(field)) {
+        match Field::from_name(name).ok().filter(|&field| self.ping().fields().contains(field)) {
             Some(field) => Ok(self.array(py, field)?),
             None => {
                 let (near, has) = (Error::missing("column", name, self.fields()), self.fields().join(", "));
@@ -244,45 +244,45 @@ impl Ping {
     /// Arrangement of its beams: "sidescan", "swath", "fan", "single" or "janus".
     #[getter]
     fn view(&self) -> &'static str {
-        self.ping().layout.view.name()
+        self.ping().layout().view.name()
     }
 
     /// Slant range of the middle of each bin, m: float64.
     #[getter]
     fn ranges<'py>(&self, py: Python<'py>) -> BindingResult<Bound<'py, PyAny>> {
-        ranges(py, &self.ping().layout)
+        ranges(py, self.ping().layout())
     }
 
     /// Length of a bin, m.
     #[getter]
     fn bin_m(&self) -> f64 {
-        self.ping().layout.bin_m
+        self.ping().layout().bin_m
     }
 
     /// Azimuth and elevation of the axis of each beam, sensor frame, rad: beams x 2 float32.
     #[getter]
     fn axes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let axes = &self.ping().layout.axes;
+        let axes = &self.ping().layout().axes;
         owned(py, axes.as_flattened().to_vec(), &[axes.len(), 2])
     }
 
     /// Noise level in a cell, dB re 1 uPa.
     #[getter]
     fn noise_db(&self) -> f32 {
-        self.ping().layout.noise_db
+        self.ping().layout().noise_db
     }
 
     /// Lowest level that is reported as an echo, dB re 1 uPa: float32, one for each bin.
     #[getter]
     fn threshold_db<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let levels = &self.ping().layout.threshold_db;
+        let levels = &self.ping().layout().threshold_db;
         owned(py, levels.clone(), &[levels.len()])
     }
 
     /// Sound speed that reported ranges assume, m/s.
     #[getter]
     fn sound_speed(&self) -> f64 {
-        self.ping().layout.believed_speed
+        self.ping().layout().believed_speed
     }
 
     /// The soundings, a dict of arrays: `beam`, uint32; `range`, float32, m; `bin`, uint32; `level_db`, float32, dB re
@@ -290,7 +290,7 @@ impl Ping {
     /// sound speed cast, m, relative to `origin`. The arrays are empty for side-scan and imaging sonars.
     #[getter]
     fn soundings<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let (found, bins) = (&self.ping().soundings, self.ping().layout.bins.max(1) as u32);
+        let (found, bins) = (self.ping().soundings(), self.ping().layout().bins.max(1) as u32);
         let by_name = PyDict::new(py);
         let count = [found.len()];
         by_name.set_item("beam", owned(py, found.iter().map(|sounding| sounding.beam).collect(), &count)?)?;
@@ -321,7 +321,7 @@ impl Ping {
     }
 
     fn __repr__(&self) -> String {
-        let layout = &self.ping().layout;
+        let layout = &self.ping().layout();
         format!("<Ping {}: {} beams x {} bins>", self.ping().number, layout.beams(), layout.bins)
     }
 }
@@ -356,7 +356,7 @@ pub fn pings(py: Python<'_>, built: &BuiltScene, request: &ScanRequest, count: u
 
 /// Fails unless the memory of this machine, or the share of a container, holds `count` pings like this.
 fn check_room(ping: &echocast::Ping, count: u32) -> echocast::Result<()> {
-    let bytes = ping.layout.cells() * ping.fields.iter().map(|info| info.kind.size()).sum::<usize>();
+    let bytes = ping.layout().cells() * ping.fields().iter().map(|info| info.kind.size()).sum::<usize>();
     let machine = rustix::system::sysinfo();
     // The limit of a container, which sees its own control group as the root; "max" is not a number.
     let limit = std::fs::read_to_string("/sys/fs/cgroup/memory.max").ok().and_then(|text| text.trim().parse().ok());

@@ -49,11 +49,7 @@ impl Pose {
             whole => match given {
                 (_, false, _, false) => return whole.rigid("position").map(Pose),
                 (name, true, ..) | (_, _, name, _) => {
-                    return Err(BindingError::argument(
-                        name,
-                        "given in addition to a pose or matrix",
-                        "one of the two",
-                    ));
+                    return Err(BindingError::argument(name, "there beside a pose or matrix", "one of the two"));
                 }
             },
         };

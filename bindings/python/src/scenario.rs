@@ -321,7 +321,8 @@ pub fn run<'py>(
             return Err(BindingError::argument("shard", format!("{} numbers", other.len()), "part and parts"));
         }
     };
-    let options = RunOptions { folder, samples, shard, resume, threads: threads.unwrap_or(0) };
+    let options =
+        RunOptions::default().folder(folder).samples(samples).shard(shard).resume(resume).threads(threads.unwrap_or(0));
     let scenario = scenario.scenario(py, PathBuf::new())?;
     let progress = progress
         .map_or_else(|| Ok(ProgressListener::default()), |progress| ProgressListener::of(&progress, "samples"))?;
@@ -332,6 +333,7 @@ pub fn run<'py>(
             match event {
                 Event::Begins(all) => *done = (0, all),
                 Event::Made(_) | Event::Found(_) => done.0 += 1,
+                _ => {}
             }
             *done
         };

@@ -50,7 +50,7 @@ impl Scene {
     /// whose objects have their vertices relative to `middles`.
     fn numbered(mut scene: echocast::Scene, middles: Vec<DVec3>) -> Scene {
         let objects = scene.objects.iter().rev();
-        scene.labels.instance = table(objects.map(|object| (object.instance_id, object.name.clone())).collect());
+        scene.labels.instance = objects.map(|object| (object.instance_id, object.name.clone())).collect();
         let materials =
             scene.objects.iter().flat_map(|object| &object.mesh.parts).filter_map(|part| part.material.as_ref());
         scene.labels.material = NameTable::number(materials.map(|material| material.name.clone()), &BTreeMap::new());
@@ -65,13 +65,6 @@ impl Scene {
         let built = py.detach(|| self.scene.build())?;
         Ok(self.built.get_or_init(|| built).clone())
     }
-}
-
-/// Names of label numbers; 0 has none.
-fn table(mut names: BTreeMap<u32, String>) -> NameTable {
-    names.remove(&0);
-    let (ids, names) = names.into_iter().unzip();
-    NameTable { ids, names }
 }
 
 /// A file, or several that form one scene.
@@ -172,7 +165,7 @@ pub fn mesh(
 ) -> BindingResult<Arc<Mesh>> {
     let triangles = rows::<_, 3>("triangles", &numbers::<u32, Ix2>("triangles", triangles, "n x 3")?)?;
     let material = material.map(|matter| matter.material().map(Arc::new)).transpose()?;
-    let part = Part { positions: positions.into(), triangles: triangles.into(), material, ..Part::default() };
+    let part = Part::default().positions(positions.into()).triangles(triangles.into()).material(material);
     Ok(Arc::new(Mesh::new(name, vec![part])?))
 }
 
@@ -322,14 +315,14 @@ impl Scene {
     ) -> BindingResult<Scene> {
         let mut scene = echocast::Scene::default();
         let names = names.unwrap_or_default();
-        scene.labels.category = table(names.clone());
+        scene.labels.category = names.iter().map(|(&id, name)| (id, name)).collect();
         let material = material.as_ref().map(Matter::of).transpose()?;
         let vertices = VertexArray::of(vertices)?;
         let middle = vertices.middle(DVec3::ZERO);
         let world_from_object = DAffine3::from_translation(middle);
         let whole = mesh(name, vertices.about(middle), triangles, material.as_ref())?;
         let Some(categories) = categories else {
-            scene.objects.push(Object { instance_id: 1, world_from_object, ..Object::new(name, whole) });
+            scene.objects.push(Object::new(name, whole).instance_id(1).world_from_object(world_from_object));
             return Ok(Scene::numbered(scene, vec![middle]));
         };
         let categories = numbers::<u32, Ix1>("categories", categories, "one for each triangle:")?;
@@ -345,11 +338,12 @@ impl Scene {
         for (place, &category_id) in kinds.iter().enumerate() {
             let mine = part.triangles.iter().zip(categories.iter()).filter(|(_, kind)| **kind == category_id);
             let triangles: Vec<[u32; 3]> = mine.map(|(triangle, _)| *triangle).collect();
-            let part = Part { triangles: triangles.into(), ..part.clone() };
+            let part = part.clone().triangles(triangles.into());
             let name = names.get(&category_id).cloned().unwrap_or_else(|| format!("{name} {category_id}"));
             let mesh = Arc::new(Mesh::new(name.clone(), vec![part])?);
             let object = Object::new(name, mesh);
-            let object = Object { category_id, instance_id: place as u32 + 1, world_from_object, ..object };
+            let object =
+                object.category_id(category_id).instance_id(place as u32 + 1).world_from_object(world_from_object);
             scene.objects.push(object);
         }
         let middles = vec![middle; scene.objects.len()];
@@ -626,7 +620,7 @@ impl Scene {
     fn __reduce__(&self) -> PyResult<()> {
         no_pickle(
             "a Scene",
-            "let each process load the file, or make the scene from its arrays; a Scenario can, as it only names files",
+            "let each process load its file, or make the scene from its arrays; a Scenario can, as it only names files",
         )
     }
 

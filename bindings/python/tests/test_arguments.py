@@ -30,7 +30,7 @@ NOTHING = object()
 WRONG = [NOTHING, -1, 2**70, 2.5, "nothing", "\udcff", b"bytes", [NOTHING], {"a": NOTHING}, {}, (0, 1), float("nan"), True]
 
 #: Arguments whose messages call them something else.
-CALLED = {"mesh": "the source of the scene", "value": "a value", "thing": "a object", "index": "integer"}
+CALLED = {"mesh": "what a scene is to be made of", "value": "a value", "thing": "a object", "index": "integer"}
 
 #: Those of scans.
 SCANS: "dict[str, Any]" = {

@@ -65,7 +65,7 @@ def test_lists_of_bools_are_masks(cloud: ec.PointCloud) -> None:
 
 
 def test_what_is_not_there_is_told(cloud: ec.PointCloud) -> None:
-    with pytest.raises(AttributeError, match="was not computed; request it with fields"):
+    with pytest.raises(AttributeError, match="was not computed; ask for it with fields"):
         cloud.doppler
     with pytest.raises(AttributeError, match="no \"foo\""):
         cloud.foo  # type: ignore[attr-defined]

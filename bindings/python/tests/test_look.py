@@ -107,7 +107,7 @@ def test_without_rerun_the_picture_is_opened(cloud: ec.PointCloud, no_rerun: Non
         with open(file, "rb") as picture:
             assert picture.read(4) == b"\x89PNG"
     assert len(opened) == 2
-    with pytest.raises(ec.UnsupportedError, match="there is no picture of a Trajectory"):
+    with pytest.raises(ec.UnsupportedError, match="of a Trajectory there is no picture"):
         _look.show(ec.Trajectory([0.0], np.zeros((1, 3))))
 
 

@@ -72,7 +72,7 @@ MISTAKES: "list[tuple[Callable[..., Any], tuple[Any, ...], type[Exception], str]
     (lambda width: CLOUD.png(width=width), (-1,), ec.ArgumentError, "width is -1; allowed: 0 to 4294967295"),
     (ec.Pose, ((0, 1),), ec.ArgumentError, "position is 2 numbers; allowed: a Pose, x, y and z, or a matrix of 4 x 4"),
     (ec.Pose, (MIRROR,), ec.ArgumentError, "position is a matrix that scales, shears or mirrors; allowed: one that turns"),
-    (lambda rpy: ec.Pose(np.eye(4), rpy_deg=rpy), ((0, 0, 9),), ec.ArgumentError, "rpy_deg is given in addition to a pose or matrix; allowed: one"),
+    (lambda rpy: ec.Pose(np.eye(4), rpy_deg=rpy), ((0, 0, 9),), ec.ArgumentError, "rpy_deg is there beside a pose or matrix; allowed: one"),
     (lambda rpy: ec.Pose(rpy_deg=rpy), ((0, 0),), ec.ArgumentError, "rpy_deg is 2 numbers; allowed: 3"),
     (CLOUD.to_ros, (3,), TypeError, "driver is of the type int; allowed: a text"),
     (lambda boxes: scan(boxes=boxes), (3,), TypeError, "boxes is of the type int; allowed: True, False, object or frame"),
@@ -102,7 +102,7 @@ MISTAKES: "list[tuple[Callable[..., Any], tuple[Any, ...], type[Exception], str]
     (CLOUD.__getitem__, ([2**63],), ec.ArgumentError, "row is 9223372036854775807; allowed: -"),
     (CLOUD.__getitem__, ("rnage",), KeyError, 'there is no column named "rnage"; near: range'),
     (CLOUD.to_torch, (3,), TypeError, "columns is of the type int; allowed: names of columns in a list"),
-    (pickle.dumps, (SCENE,), TypeError, "a Scene cannot be pickled or copied: let each process load the file"),
+    (pickle.dumps, (SCENE,), TypeError, "a Scene cannot be pickled or copied: let each process load its file"),
     (copy.deepcopy, (LIVE,), TypeError, "a LiveScene cannot be pickled or copied: let each process make one"),
 ]
 
@@ -286,7 +286,7 @@ def test_what_says_where_and_when_pickles(thing: Any) -> None:
 
 
 def test_a_scan_without_a_place_says_so() -> None:
-    with pytest.warns(UserWarning, match="the sensor is at 0, 0, 0, since `at` is not given; allowed: a Pose") as told:
+    with pytest.warns(UserWarning, match="the sensor is at 0, 0, 0, as at is not given; allowed: a Pose") as told:
         SCENE.pings("sbes_200", 1)
     assert Path(told[0].filename) == Path(__file__)
     flat = ec.Scene.generate("indoor", rooms=[1, 1])

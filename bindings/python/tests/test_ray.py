@@ -161,7 +161,7 @@ def test_what_is_there_is_not_made_again(cluster: Any, file: Path, tmp_path: Pat
     root = tmp_path / "set"
     first = echocast.ray.run(file, root, samples=(1, 9, 2), chunk=1)
     assert (first["made"], first["complete"]) == (5, False)
-    with pytest.raises(ec.ArgumentError, match="which already holds 5 of these samples; allowed: another folder, or --resume"):
+    with pytest.raises(ec.ArgumentError, match="5 of these samples are; allowed: another folder, or to go on"):
         echocast.ray.run(file, root)
     # One file is gone, one is too short, and a worker has left something unfinished.
     (root / "data/000003/top.npz").unlink()
@@ -189,7 +189,7 @@ def test_what_does_not_belong_together_is_refused(cluster: Any, file: Path, tmp_
         echocast.ray.run(file, root, samples=(0, 12))
     with pytest.raises(ec.NotFoundError, match="absent.yaml"):
         echocast.ray.run(tmp_path / "absent.yaml", root)
-    with pytest.raises(ec.NotFoundError, match="worker on .*absent.obj.*shared by all machines"):
+    with pytest.raises(ec.NotFoundError, match="worker on .*absent.obj.*all machines share"):
         echocast.ray.run(file, tmp_path / "other", settings={"scene.files": "absent.obj"})
     with pytest.raises(ec.Error, match="nonsense"):
         echocast.ray.run(file, tmp_path / "other", settings={"nonsense": 1})
@@ -199,7 +199,7 @@ def test_what_does_not_belong_together_is_refused(cluster: Any, file: Path, tmp_
 def test_workers_that_see_other_files_are_refused(cluster: Any, file: Path, tent: Path, tmp_path: Path) -> None:
     echocast.ray.run(file, tmp_path / "set", samples=(0, 0))
     origin = (tmp_path / "set/scenario.json").read_bytes()
-    with pytest.raises(ec.FileError, match="does not hold the set being made; allowed: a folder shared by all machines"):
+    with pytest.raises(ec.FileError, match="does not hold the set that is made; allowed: a folder that all machines share"):
         Worker(Source(file, "", {}), Store(tmp_path / "own")).make(origin, 0, range(1))
     tent.write_text(tent.read_text().replace("0 0 2", "0 0 3"))
     with pytest.raises(ec.ArgumentError, match="worker on .* for which tent.obj had other contents"):
@@ -236,7 +236,7 @@ def test_the_driver_is_killed(cluster: Any, file: Path, tmp_path: Path) -> None:
     assert not (root / "manifest.json").exists()
     again = command(*arguments, "--resume")
     assert again.returncode == 0, again.stderr
-    assert "already existed" in again.stdout and "complete, see report.html" in again.stdout
+    assert "were there" in again.stdout and "complete, see report.html" in again.stdout
     same(files(root), expected)
 
 
@@ -249,7 +249,7 @@ def test_a_sample_that_kills_its_workers_is_told(
 
     with monkeypatch.context() as patch:
         patch.setattr(_run, "Worker", Deadly)
-        with pytest.raises(ec.Error, match="^1 of these samples was not made, the first is 3: 4 workers died while making them.*--resume"):
+        with pytest.raises(ec.Error, match="^1 of these samples is not made, the first is 3: 4 workers have died of them.*--resume"):
             echocast.ray.run(file, tmp_path / "set", samples=(0, 5), chunk=1)
     assert echocast.ray.run(file, tmp_path / "set", samples=(0, 5), resume=True)["made"] == 1
 

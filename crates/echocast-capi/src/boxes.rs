@@ -1,11 +1,7 @@
 //! Boxes around the labelled instances of a scan.
 
-use crate::guard::{Failure, echocast_status, guard};
-use crate::result::{echocast_result, look};
-use crate::sensor::nanoseconds;
-use crate::text;
+use crate::time::nanoseconds;
 use echocast::InstanceBox;
-use std::ptr;
 
 /// The box around a labelled instance. Position, orientation and velocity are in the frame of the points; in sensor
 /// coordinates that is the sensor frame at the time of the box, or at the start of the scan if its points are deskewed.
@@ -73,40 +69,4 @@ pub struct echocast_box_view {
     pub count: usize,
     /// Bytes from one to the next.
     pub stride: usize,
-}
-
-/// Gives access to the boxes around the labelled instances that a scan with `boxes` sees, in place, sorted by
-/// instance_id; those of appended results follow in order. Objects with the same instance_id share a box.
-/// echocast_result_label_name returns the names of categories and instances. The view is valid until the result is used
-/// for another scan, appended to or released.
-///
-/// Errors: ECHOCAST_E_ARGUMENT (a scan without boxes), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
-///
-/// ```c
-/// scan.boxes = ECHOCAST_BOXES_OBJECT;
-/// echocast_scan(snapshot, &scan, &result);
-/// echocast_box_view boxes;
-/// echocast_result_boxes(result, &boxes);
-/// for (size_t i = 0; i < boxes.count; ++i)
-///     printf("%u points\n", (unsigned)ECHOCAST_AT(echocast_box, boxes, i)->points);
-/// ```
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn echocast_result_boxes(
-    result: *const echocast_result,
-    out: *mut echocast_box_view,
-) -> echocast_status {
-    guard(|| {
-        let none = echocast_box_view { data: ptr::null(), count: 0, stride: size_of::<echocast_box>() };
-        // SAFETY: `out` is an output (see `text`).
-        let out = unsafe { text::output(out, "out") }?.write(none);
-        look(result, |points| {
-            if points.cloud.boxes.is_none() {
-                return Err(Failure::argument("result", "of a scan without boxes", "one of scans with them"));
-            }
-            if let Some(first) = points.boxes.first() {
-                *out = echocast_box_view { data: first, count: points.boxes.len(), ..none };
-            }
-            Ok(())
-        })
-    })
 }

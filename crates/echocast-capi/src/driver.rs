@@ -1,11 +1,11 @@
 //! Points as ROS 2 drivers publish them.
 
 use crate::guard::{Failure, Outcome, echocast_status, guard};
-use crate::result::{CallerBuffer, echocast_result, look, number_of_packed};
-use crate::sensor::seconds;
+use crate::pack::{CallerBuffer, number_of_packed};
+use crate::result::{echocast_result, look};
 use crate::text;
-use echocast::Named as _;
-use echocast::cloud::Driver;
+use crate::time::seconds;
+use echocast::{Driver, Named as _};
 use std::ffi::{CString, c_char, c_void};
 use std::ptr;
 use std::sync::OnceLock;

@@ -11,34 +11,43 @@
 #![allow(clippy::missing_safety_doc)] // the header says what each function requires of its pointers
 
 mod boxes;
+mod column;
 mod context;
 mod driver;
 mod file;
 mod guard;
 mod handle;
 mod image;
+mod instance;
+mod label;
 mod library;
 mod material;
 mod mesh;
+mod pack;
 mod ping;
+mod pose;
 mod result;
+mod reuse;
 mod scan;
 mod scenario;
 mod scene;
 mod sensor;
 mod text;
-mod weather;
+mod time;
 
 pub use boxes::*;
+pub use column::*;
 pub use context::*;
 pub use driver::*;
 pub use file::*;
 pub use guard::*;
 pub use image::*;
+pub use instance::*;
 pub use library::*;
 pub use material::*;
 pub use mesh::*;
 pub use ping::*;
+pub use pose::*;
 pub use result::*;
 pub use scan::*;
 pub use scenario::*;

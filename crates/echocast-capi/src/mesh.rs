@@ -332,14 +332,14 @@ unsafe fn read_mesh(desc: &echocast_mesh_desc, context: &Arc<Context>) -> Outcom
             context.check(&material.0, &name("material"))?;
             Some(material.1.clone())
         };
-        parts.push(Part {
-            positions: positions.clone(),
-            normals: normals.clone(),
-            uvs: uvs.clone(),
-            alphas: None,
-            triangles: triangles.range(part.first_triangle as usize..next as usize),
-            material,
-        });
+        parts.push(
+            Part::default()
+                .positions(positions.clone())
+                .normals(normals.clone())
+                .uvs(uvs.clone())
+                .triangles(triangles.range(part.first_triangle as usize..next as usize))
+                .material(material),
+        );
     }
     if next != desc.triangle_count {
         let allowed = format!("{}: parts cover all triangles", desc.triangle_count);

@@ -1,20 +1,21 @@
 //! Pings of sonars: cells of beams and range bins, soundings, images.
 
+use crate::column::{ECHOCAST_TYPE_F32, ECHOCAST_TYPE_U32, computed, echocast_pack_item, echocast_view};
 use crate::context::Context;
 use crate::guard::{Failure, Outcome, echocast_status, guard, guard_or, numbered};
 use crate::handle::{self, handles};
 use crate::image::echocast_image_view;
-use crate::result::{
-    ECHOCAST_TYPE_F32, ECHOCAST_TYPE_U32, LabelStrings, Packing, computed, echocast_pack_item, echocast_view,
-};
-use crate::scan::{Inputs, Reused, echocast_scan_desc, fill};
-use crate::scene::{echocast_pose, echocast_snapshot, put_label_number};
-use crate::sensor::nanoseconds;
+use crate::label::{LabelStrings, put_label_number};
+use crate::pack::Packing;
+use crate::pose::echocast_pose;
+use crate::reuse::{Inputs, Reused, fill};
+use crate::scan::echocast_scan_desc;
+use crate::scene::echocast_snapshot;
 use crate::text;
-use echocast::cloud::PackItem;
+use crate::time::nanoseconds;
 use echocast::image::{Image, Place};
 use echocast::preview::{self, PreviewOptions};
-use echocast::{Field, Ping, SonarView, Sounding};
+use echocast::{Field, PackItem, Ping, SonarView, Sounding};
 use std::ffi::{c_char, c_void};
 use std::ptr;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
@@ -24,11 +25,11 @@ use std::sync::{Arc, Mutex, PoisonError, RwLock};
 pub struct echocast_pings(());
 
 handles! {
-    echocast_pings: RwLock<Pings>, "list of pings", 11;
+    echocast_pings: RwLock<PingList>, "list of pings", 11;
 }
 
 /// Pings, and memory that the next one reuses.
-pub struct Pings {
+pub struct PingList {
     pub(crate) context: Arc<Context>,
     pub(crate) pings: echocast::Pings,
     inputs: Inputs,
@@ -39,10 +40,10 @@ pub struct Pings {
     names: Mutex<LabelStrings>,
 }
 
-impl Reused for Pings {
-    fn new(context: &Arc<Context>) -> Pings {
+impl Reused for PingList {
+    fn new(context: &Arc<Context>) -> PingList {
         let (pings, inputs, soundings, images, names) = Default::default();
-        Pings { context: context.clone(), pings, inputs, soundings, images, names }
+        PingList { context: context.clone(), pings, inputs, soundings, images, names }
     }
 
     fn context(&self) -> &Arc<Context> {
@@ -50,32 +51,24 @@ impl Reused for Pings {
     }
 }
 
-impl Pings {
+impl PingList {
     /// Runs `send`, which fills the one ping that remains. On an error the list is unchanged or empty.
     pub(crate) fn sent(&mut self, send: impl FnOnce(&mut Inputs, &mut Ping) -> Outcome) -> Outcome {
-        let all = &mut self.pings.pings;
-        if all.is_empty() {
-            all.push(Ping::default());
+        let inputs = &mut self.inputs;
+        let done = self.pings.refill(|ping| send(inputs, ping));
+        if done.is_ok() || self.pings.all().is_empty() {
+            self.changed();
         }
-        let done = send(&mut self.inputs, &mut all[0]);
-        if done.is_ok() {
-            all.truncate(1);
-        } else if all[0].layout.cells() == 0 {
-            all.clear();
-        } else {
-            return done;
-        }
-        self.changed();
         done
     }
 
     /// Updates what is derived from the pings.
     fn changed(&mut self) {
         self.images.get_mut().unwrap_or_else(PoisonError::into_inner).clear();
-        self.soundings.resize_with(self.pings.pings.len(), Vec::new);
-        for (list, ping) in self.soundings.iter_mut().zip(&self.pings.pings) {
+        self.soundings.resize_with(self.pings.all().len(), Vec::new);
+        for (list, ping) in self.soundings.iter_mut().zip(self.pings.all()) {
             list.clear();
-            list.extend(ping.soundings.iter().map(echocast_sounding::of));
+            list.extend(ping.soundings().iter().map(echocast_sounding::of));
         }
     }
 }
@@ -121,7 +114,7 @@ pub unsafe extern "C" fn echocast_ping(
         let sensor = handle::get(desc.sensor, "desc->sensor")?;
         snapshot.0.check(&sensor.0, "desc->sensor")?;
         let sensor = handle::read(&sensor.1, "desc->sensor")?;
-        let made = |pings: &mut Pings| {
+        let made = |pings: &mut PingList| {
             pings.sent(|inputs, ping| {
                 // SAFETY: the arrays and strings of `desc` are as `text` describes.
                 unsafe {
@@ -137,7 +130,7 @@ pub unsafe extern "C" fn echocast_ping(
 }
 
 /// Runs `look` on the pings while no thread changes them.
-pub(crate) fn look<T>(pings: *const echocast_pings, look: impl FnOnce(&Pings) -> Outcome<T>) -> Outcome<T> {
+pub(crate) fn look<T>(pings: *const echocast_pings, look: impl FnOnce(&PingList) -> Outcome<T>) -> Outcome<T> {
     let pings = handle::get(pings, "pings")?;
     look(&*handle::read(&pings, "pings")?)
 }
@@ -145,7 +138,7 @@ pub(crate) fn look<T>(pings: *const echocast_pings, look: impl FnOnce(&Pings) ->
 /// The number of pings: 1, or more after echocast_pings_append; 0 for an invalid handle.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_pings_count(pings: *const echocast_pings) -> usize {
-    guard_or(0, || look(pings, |pings| Ok(pings.pings.pings.len())))
+    guard_or(0, || look(pings, |pings| Ok(pings.pings.all().len())))
 }
 
 /// Beams to the sides: waterfall and mosaic.
@@ -255,8 +248,8 @@ pub unsafe extern "C" fn echocast_pings_get_info(
 ) -> echocast_status {
     guard(|| {
         look(pings, |pings| {
-            let ping = numbered(&pings.pings.pings, ping, "ping")?;
-            let layout = &*ping.layout;
+            let ping = numbered(pings.pings.all(), ping, "ping")?;
+            let layout = ping.layout();
             let found = echocast_ping_info {
                 number: ping.number,
                 view: match layout.view {
@@ -311,8 +304,8 @@ pub unsafe extern "C" fn echocast_pings_view(
         // SAFETY: `column` is a string (see `text`).
         let name = unsafe { text::required(column, "column") }?;
         look(pings, |pings| {
-            let ping = numbered(&pings.pings.pings, ping, "ping")?;
-            *out = echocast_view::of(&ping.column(computed(ping.fields, name)?));
+            let ping = numbered(pings.pings.all(), ping, "ping")?;
+            *out = echocast_view::of(&ping.column(computed(ping.fields(), name)?));
             Ok(())
         })
     })
@@ -339,7 +332,7 @@ pub struct echocast_sounding {
 
 impl echocast_sounding {
     fn of(found: &Sounding) -> echocast_sounding {
-        let &Sounding { beam, cell, range, level_db, quality, corrected } = found;
+        let &Sounding { beam, cell, range, level_db, quality, corrected, .. } = found;
         echocast_sounding { beam, cell, range, level_db, quality, corrected: corrected.to_array() }
     }
 }
@@ -416,11 +409,11 @@ pub unsafe extern "C" fn echocast_pings_pack(
     guard(|| {
         let to = Packing { items, item_count, stride, to, capacity, needed };
         look(pings, |pings| {
-            let ping = numbered(&pings.pings.pings, ping, "ping")?;
+            let ping = numbered(pings.pings.all(), ping, "ping")?;
             let pack =
                 |items: &[PackItem], to: &mut [u8]| pings.context.engine.install(|| ping.pack(items, stride, to));
             // SAFETY: `items` is an array, `to` a buffer and `needed` an output (see `text`).
-            unsafe { to.fill(ping.fields, ping.packed_len(stride), pack) }
+            unsafe { to.fill(ping.fields(), ping.packed_len(stride), pack) }
         })
     })
 }
@@ -439,7 +432,7 @@ pub unsafe extern "C" fn echocast_pings_label_name(
         let table = unsafe { text::required(table, "table") }?;
         look(pings, |pings| {
             let mut names = pings.names.lock().unwrap_or_else(PoisonError::into_inner);
-            names.get(&numbered(&pings.pings.pings, 0, "ping")?.labels, table, number)
+            names.get(&numbered(pings.pings.all(), 0, "ping")?.labels, table, number)
         })
     })
 }
@@ -456,7 +449,7 @@ pub unsafe extern "C" fn echocast_pings_label_number(
     number: *mut u32,
 ) -> echocast_status {
     let with_labels = |put: &mut dyn FnMut(&echocast::scene::Labels) -> Outcome| {
-        look(pings, |pings| put(&numbered(&pings.pings.pings, 0, "ping")?.labels))
+        look(pings, |pings| put(&numbered(pings.pings.all(), 0, "ping")?.labels))
     };
     // SAFETY: `table` and `name` are strings and `number` an output (see `text`).
     unsafe { put_label_number(table, name, number, with_labels) }
@@ -478,7 +471,7 @@ pub unsafe extern "C" fn echocast_pings_append(
         }
         let mut pings = handle::write(&pings, "pings")?;
         // Those of one list fit together: if the first one fits, all do.
-        for ping in &handle::read(&other, "other")?.pings.pings {
+        for ping in handle::read(&other, "other")?.pings.all() {
             pings.pings.push(ping.clone())?;
         }
         pings.changed();

@@ -1,19 +1,21 @@
 //! Results: the points of scans, column by column.
 
-use crate::boxes::echocast_box;
+use crate::boxes::{echocast_box, echocast_box_view};
+use crate::column::{computed, echocast_pack_item, echocast_view, number_of};
 use crate::context::Context;
 use crate::guard::{Failure, Outcome, echocast_status, guard, guard_or};
 use crate::handle::{self, handles};
-use crate::image::Images;
-use crate::scan::{Inputs, Reused};
-use crate::scene::{echocast_pose, label_table, put_label_number};
+use crate::image::{Images, echocast_image_box, echocast_image_box_view, echocast_image_view};
+use crate::label::{LabelStrings, put_label_number};
+use crate::pack::Packing;
+use crate::pose::{ECHOCAST_COORDINATES_SENSOR, ECHOCAST_COORDINATES_WORLD, echocast_pose};
+use crate::reuse::{Inputs, Reused};
 use crate::text;
-use echocast::cloud::{Column, ColumnType, PackItem, PackType};
-use echocast::scene::Labels;
-use echocast::{Field, FieldSet, Frame, PointCloud, Sensor};
-use std::collections::HashMap;
-use std::ffi::{CString, c_char, c_void};
-use std::fmt::Display;
+use echocast::PackItem;
+use echocast::emitter::ImageGrid;
+use echocast::image::Layer;
+use echocast::{FieldSet, Frame, PointCloud, Sensor};
+use std::ffi::{c_char, c_void};
 use std::ptr;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 
@@ -35,30 +37,6 @@ pub struct ResultPoints {
     pub(crate) boxes: Vec<echocast_box>,
     pub(crate) images: Mutex<Images>,
     names: Mutex<LabelStrings>,
-}
-
-/// Label names that were requested, as C strings.
-#[derive(Default)]
-pub(crate) struct LabelStrings {
-    /// The labels that they belong to.
-    labels: Arc<Labels>,
-    /// By table and number.
-    texts: HashMap<(&'static str, u32), CString>,
-}
-
-impl LabelStrings {
-    /// Name of a number in a table of `labels`, valid as long as these names belong to the same labels; NULL if there
-    /// is none.
-    pub fn get(&mut self, labels: &Arc<Labels>, table: &str, number: u32) -> Outcome<*const c_char> {
-        let (stem, names) = label_table(labels, table)?;
-        let Some(name) = names.name(number) else { return Ok(ptr::null()) };
-        if !Arc::ptr_eq(&self.labels, labels) {
-            // The names of earlier scenes are no longer valid.
-            *self = LabelStrings { labels: labels.clone(), ..LabelStrings::default() };
-        }
-        let made = || CString::new(name.replace('\0', "?")).unwrap_or_default();
-        Ok(self.texts.entry((stem, number)).or_insert_with(made).as_ptr())
-    }
 }
 
 impl Reused for ResultPoints {
@@ -95,75 +73,6 @@ impl ResultPoints {
         self.boxes.clear();
         self.boxes.extend(self.cloud.boxes.iter().flatten().map(echocast_box::of));
     }
-}
-
-/// 32-bit IEEE float.
-pub const ECHOCAST_TYPE_F32: i32 = 1;
-/// 64-bit IEEE float.
-pub const ECHOCAST_TYPE_F64: i32 = 2;
-/// Unsigned 8-bit number.
-pub const ECHOCAST_TYPE_U8: i32 = 3;
-/// Unsigned 16-bit number.
-pub const ECHOCAST_TYPE_U16: i32 = 4;
-/// Unsigned 32-bit number.
-pub const ECHOCAST_TYPE_U32: i32 = 5;
-/// Signed 8-bit number; for packing only.
-pub const ECHOCAST_TYPE_I8: i32 = 6;
-/// Signed 16-bit number; for packing only.
-pub const ECHOCAST_TYPE_I16: i32 = 7;
-/// Signed 32-bit number; for packing only.
-pub const ECHOCAST_TYPE_I32: i32 = 8;
-/// Signed 64-bit number; for packing only.
-pub const ECHOCAST_TYPE_I64: i32 = 9;
-/// Unsigned 64-bit number; for packing only.
-pub const ECHOCAST_TYPE_U64: i32 = 10;
-
-/// A column of a result or a ping, in place.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct echocast_view {
-    /// The first element; NULL if there are none.
-    pub data: *const c_void,
-    /// Number of elements: as many as the result has points, or the ping has cells.
-    pub count: usize,
-    /// Bytes from element to element.
-    pub stride: usize,
-    /// Type: ECHOCAST_TYPE_F32 to ECHOCAST_TYPE_U32.
-    pub kind: i32,
-    /// 0.
-    pub reserved: i32,
-}
-
-impl echocast_view {
-    /// An empty view.
-    pub(crate) const NONE: Self = echocast_view { data: ptr::null(), count: 0, stride: 0, kind: 0, reserved: 0 };
-
-    pub(crate) fn of(column: &Column) -> echocast_view {
-        let (bytes, kind) = (column.bytes(), column.kind());
-        echocast_view {
-            data: if bytes.is_empty() { ptr::null() } else { bytes.as_ptr().cast() },
-            count: column.len(),
-            stride: kind.size(),
-            kind: number_of(kind),
-            reserved: 0,
-        }
-    }
-}
-
-/// A column in packed points.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct echocast_pack_item {
-    /// Name of the column.
-    pub column: *const c_char,
-    /// Type in the packed point: an ECHOCAST_TYPE_ number.
-    pub kind: i32,
-    /// Offset in the packed point, bytes.
-    pub offset: u32,
-    /// Subtracted from the column's number first, in its unit: 0, or the start of the scan for times.
-    pub shift: f64,
-    /// Factor for the rest: 1 (0 also means 1), or 1e9 for nanoseconds, 255 for an intensity in bytes.
-    pub scale: f64,
 }
 
 /// Information on a result; ECHOCAST_RESULT_INFO_INIT is empty.
@@ -222,6 +131,23 @@ pub(crate) fn look<T>(result: *const echocast_result, look: impl FnOnce(&ResultP
     look(&*handle::read(&result, "result")?)
 }
 
+/// Runs `make` on the images of the points and the grid of their sensor.
+fn with_images<T>(points: &ResultPoints, make: impl FnOnce(&mut Images, &ImageGrid) -> Outcome<T>) -> Outcome<T> {
+    let Some(sensor) = &points.sensor else {
+        let found = "of scans of several sensors, or of one that was changed between them";
+        return Err(Failure::argument("result", found, "scans of one sensor, of which images are made"));
+    };
+    // What a panic left half made is not marked as made.
+    let mut images = points.images.lock().unwrap_or_else(PoisonError::into_inner);
+    let grid = match images.grid.take() {
+        Some(grid) => grid,
+        None => sensor.image_grid()?,
+    };
+    let made = make(&mut images, &grid);
+    images.grid = Some(grid);
+    made
+}
+
 /// Gets information on a result. The caller sets struct_size of `*info`.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
@@ -233,15 +159,15 @@ pub unsafe extern "C" fn echocast_result_get_info(
     guard(|| {
         look(result, |points| {
             let cloud = &points.cloud;
-            let [rows, columns] = cloud.organised.unwrap_or_default();
+            let [rows, columns] = cloud.organised().unwrap_or_default();
             let found = echocast_result_info {
                 struct_size: size_of::<echocast_result_info>(),
-                count: cloud.len,
+                count: cloud.len(),
                 rows,
                 columns,
                 coordinates: match cloud.frame {
-                    Frame::World => crate::ECHOCAST_COORDINATES_WORLD,
-                    Frame::Sensor => crate::ECHOCAST_COORDINATES_SENSOR,
+                    Frame::World => ECHOCAST_COORDINATES_WORLD,
+                    Frame::Sensor => ECHOCAST_COORDINATES_SENSOR,
                 },
                 intensity_full_scale: cloud.intensity_full_scale.unwrap_or(0.0),
                 origin: cloud.origin.to_array(),
@@ -256,7 +182,7 @@ pub unsafe extern "C" fn echocast_result_get_info(
 /// The number of points; 0 for an invalid handle.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_result_count(result: *const echocast_result) -> usize {
-    guard_or(0, || look(result, |points| Ok(points.cloud.len)))
+    guard_or(0, || look(result, |points| Ok(points.cloud.len())))
 }
 
 /// Gives access to a column without copying it. The view is valid until the result is used for another scan, appended
@@ -281,35 +207,12 @@ pub unsafe extern "C" fn echocast_result_view(
         // SAFETY: `column` is a string (see `text`).
         let name = unsafe { text::required(column, "column") }?;
         look(result, |points| {
-            let field = computed(points.cloud.fields, name)?;
+            let field = computed(points.cloud.fields(), name)?;
             *out = echocast_view::of(&points.cloud.column(field));
             Ok(())
         })
     })
 }
-
-pub(crate) fn number_of(kind: ColumnType) -> i32 {
-    match kind {
-        ColumnType::F32 => ECHOCAST_TYPE_F32,
-        ColumnType::F64 => ECHOCAST_TYPE_F64,
-        ColumnType::U8 => ECHOCAST_TYPE_U8,
-        ColumnType::U16 => ECHOCAST_TYPE_U16,
-        ColumnType::U32 => ECHOCAST_TYPE_U32,
-    }
-}
-
-/// A column that is among those computed.
-pub(crate) fn computed(fields: FieldSet, name: &str) -> Outcome<Field> {
-    let field = Field::from_name(name)?;
-    if fields.contains(field) {
-        return Ok(field);
-    }
-    let has: Vec<&str> = fields.iter().map(|info| info.name).collect();
-    Err(Failure::argument("column", format!("{name:?}, which was not computed"), &has.join(", ")))
-}
-
-/// Most columns of a packed point.
-const MOST_ITEMS: usize = 64;
 
 /// Writes the points in the host's layout, all at once: point i at `to + i * stride`, each column converted to its type
 /// at its offset; bytes that no item covers stay unchanged. Numbers are rounded to the nearest value of the type;
@@ -343,129 +246,8 @@ pub unsafe extern "C" fn echocast_result_pack(
             let pack =
                 |items: &[PackItem], to: &mut [u8]| points.context.engine.install(|| cloud.pack(items, stride, to));
             // SAFETY: `items` is an array, `to` a buffer and `needed` an output (see `text`).
-            unsafe { to.fill(cloud.fields, cloud.packed_len(stride), pack) }
+            unsafe { to.fill(cloud.fields(), cloud.packed_len(stride), pack) }
         })
-    })
-}
-
-/// The arguments of a C function that packs columns.
-pub(crate) struct Packing {
-    pub items: *const echocast_pack_item,
-    pub item_count: usize,
-    pub stride: usize,
-    pub to: *mut c_void,
-    pub capacity: usize,
-    pub needed: *mut usize,
-}
-
-impl Packing {
-    /// Runs `pack` on the items, whose columns are among `fields`, and on `room` bytes of `to`; if that is NULL, only
-    /// reports the number of bytes.
-    ///
-    /// # Safety
-    /// `items` is an array, `to` a buffer of `capacity` bytes and `needed` an output, as [`text`] describes.
-    pub unsafe fn fill(
-        &self,
-        fields: FieldSet,
-        room: Option<usize>,
-        pack: impl FnOnce(&[PackItem], &mut [u8]) -> echocast::Result<()>,
-    ) -> Outcome {
-        // SAFETY: as the caller promises.
-        let items = unsafe { text::array(self.items, self.item_count, "items") }?;
-        if !(1..=MOST_ITEMS).contains(&items.len()) {
-            return Err(Failure::argument("item_count", items.len(), &format!("1 to {MOST_ITEMS}")));
-        }
-        let mut packed = [PackItem::new(Field::X, PackType::F32, 0); MOST_ITEMS];
-        for (number, (item, to)) in items.iter().zip(&mut packed).enumerate() {
-            let at = |failure: Failure| Failure { text: format!("items[{number}]: {}", failure.text), ..failure };
-            // SAFETY: as the caller promises.
-            let name = unsafe { text::required(item.column, "column") }.map_err(at)?;
-            *to = PackItem {
-                field: computed(fields, name).map_err(at)?,
-                kind: pack_type(item.kind).map_err(at)?,
-                offset: item.offset as usize,
-                shift: item.shift,
-                scale: if item.scale == 0.0 { 1.0 } else { item.scale },
-            };
-        }
-        let to = CallerBuffer { to: self.to, capacity: self.capacity, needed: self.needed };
-        // SAFETY: as the caller promises.
-        let Some(to) = unsafe { to.bytes("stride", self.stride, room) }? else { return Ok(()) };
-        Ok(pack(&packed[..items.len()], to)?)
-    }
-}
-
-/// Memory provided by the caller.
-pub(crate) struct CallerBuffer {
-    pub to: *mut c_void,
-    pub capacity: usize,
-    pub needed: *mut usize,
-}
-
-impl CallerBuffer {
-    /// The first `room` bytes of it; `None` if `to` is NULL and the caller only requested their number. `name` and
-    /// `value`: the argument that `room` depends on.
-    ///
-    /// # Safety
-    /// `to` is a buffer of `capacity` bytes and `needed` an output, as [`text`] describes.
-    pub unsafe fn bytes<'a>(
-        self,
-        name: &str,
-        value: impl Display,
-        room: Option<usize>,
-    ) -> Outcome<Option<&'a mut [u8]>> {
-        let Some(room) = room.filter(|&room| room <= isize::MAX as usize) else {
-            return Err(Failure::argument(name, value, "such that all of it fits into memory"));
-        };
-        if !self.needed.is_null() {
-            // SAFETY: as the caller promises.
-            unsafe { text::output(self.needed, "needed") }?.write(room);
-        }
-        if self.to.is_null() && !self.needed.is_null() {
-            return Ok(None);
-        }
-        if self.capacity < room {
-            return Err(Failure::argument("capacity", self.capacity, &format!("{room} bytes or more")));
-        }
-        if room == 0 {
-            return Ok(Some(&mut []));
-        }
-        let to = self.to.cast();
-        text::check_array(to, room, "to")?;
-        // SAFETY: by the caller's promise `to` is valid for `capacity` bytes and not used elsewhere; `room` is no more
-        // than that. The bytes are only written, and any value is valid.
-        Ok(Some(unsafe { std::slice::from_raw_parts_mut(to, room) }))
-    }
-}
-
-pub(crate) fn number_of_packed(kind: PackType) -> i32 {
-    match kind {
-        PackType::F32 => ECHOCAST_TYPE_F32,
-        PackType::F64 => ECHOCAST_TYPE_F64,
-        PackType::U8 => ECHOCAST_TYPE_U8,
-        PackType::U16 => ECHOCAST_TYPE_U16,
-        PackType::U32 => ECHOCAST_TYPE_U32,
-        PackType::I8 => ECHOCAST_TYPE_I8,
-        PackType::I16 => ECHOCAST_TYPE_I16,
-        PackType::I32 => ECHOCAST_TYPE_I32,
-        PackType::I64 => ECHOCAST_TYPE_I64,
-        PackType::U64 => ECHOCAST_TYPE_U64,
-    }
-}
-
-fn pack_type(number: i32) -> Outcome<PackType> {
-    Ok(match number {
-        ECHOCAST_TYPE_F32 => PackType::F32,
-        ECHOCAST_TYPE_F64 => PackType::F64,
-        ECHOCAST_TYPE_U8 => PackType::U8,
-        ECHOCAST_TYPE_U16 => PackType::U16,
-        ECHOCAST_TYPE_U32 => PackType::U32,
-        ECHOCAST_TYPE_I8 => PackType::I8,
-        ECHOCAST_TYPE_I16 => PackType::I16,
-        ECHOCAST_TYPE_I32 => PackType::I32,
-        ECHOCAST_TYPE_I64 => PackType::I64,
-        ECHOCAST_TYPE_U64 => PackType::U64,
-        other => return Err(Failure::argument("kind", other, "1 to 10, an ECHOCAST_TYPE_ number")),
     })
 }
 
@@ -503,6 +285,142 @@ pub unsafe extern "C" fn echocast_result_label_number(
     unsafe { put_label_number(table, name, number, |put| look(result, |points| put(&points.cloud.labels))) }
 }
 
+/// Gives access to the boxes around the labelled instances that a scan with `boxes` sees, in place, sorted by
+/// instance_id; those of appended results follow in order. Objects with the same instance_id share a box.
+/// echocast_result_label_name returns the names of categories and instances. The view is valid until the result is used
+/// for another scan, appended to or released.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (a scan without boxes), ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+///
+/// ```c
+/// scan.boxes = ECHOCAST_BOXES_OBJECT;
+/// echocast_scan(snapshot, &scan, &result);
+/// echocast_box_view boxes;
+/// echocast_result_boxes(result, &boxes);
+/// for (size_t i = 0; i < boxes.count; ++i)
+///     printf("%u points\n", (unsigned)ECHOCAST_AT(echocast_box, boxes, i)->points);
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_result_boxes(
+    result: *const echocast_result,
+    out: *mut echocast_box_view,
+) -> echocast_status {
+    guard(|| {
+        let none = echocast_box_view { data: ptr::null(), count: 0, stride: size_of::<echocast_box>() };
+        // SAFETY: `out` is an output (see `text`).
+        let out = unsafe { text::output(out, "out") }?.write(none);
+        look(result, |points| {
+            if points.cloud.boxes.is_none() {
+                return Err(Failure::argument("result", "of a scan without boxes", "one of scans with them"));
+            }
+            if let Some(first) = points.boxes.first() {
+                *out = echocast_box_view { data: first, count: points.boxes.len(), ..none };
+            }
+            Ok(())
+        })
+    })
+}
+
+/// Gives access to a layer of the image that a camera, a spinning or a sweeping sensor sees; of several returns of a
+/// beam, the nearest is shown. Beams without a return are NaN, 0 or black. Layers and the columns that they show:
+///
+/// - "depth": distance along the axis of a camera (`depth`), for other sensors the slant range (`range`), metres; F32
+/// - "range": slant range, metres (`range`); F32
+/// - "category", "part", "instance": label numbers (`category_id`, `part_id`, `instance_id`); U32
+/// - "color": base colour, sRGB (`red`, `green`, `blue`); 3 of U8
+/// - "intensity": what the instrument reports (`intensity`); F32
+/// - "normal": unit normals to the right, up and towards the sensor (`normal_x`, `normal_y`, `normal_z`); 3 of F32
+///
+/// If the result is organised, it needs no other columns, and a layer of one column is not copied where the column of a
+/// camera already is the image; if not, it also needs the columns `beam` and `range`. Other layers are made when they
+/// are first requested, in memory that the result keeps for those of later scans. echocast_sensor_get_info gives the
+/// size and the lens. The view is valid until the result is used for another scan, appended to or released.
+///
+/// Errors: ECHOCAST_E_ARGUMENT (no such layer; a column that was not computed; scans of several sensors),
+/// ECHOCAST_E_UNSUPPORTED (a sensor whose beams form no rows and columns; a sonar), ECHOCAST_E_MEMORY,
+/// ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+///
+/// ```c
+/// scan.columns = "depth";
+/// scan.organised = 1;
+/// echocast_scan(snapshot, &scan, &result);
+/// echocast_image_view depth;
+/// echocast_result_image(result, "depth", &depth);
+/// const float *metres = depth.data;
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_result_image(
+    result: *const echocast_result,
+    layer: *const c_char,
+    out: *mut echocast_image_view,
+) -> echocast_status {
+    guard(|| {
+        // SAFETY: `out` is an output (see `text`).
+        let out = unsafe { text::output(out, "out") }?.write(echocast_image_view::NONE);
+        // SAFETY: `layer` is a string (see `text`).
+        let layer = unsafe { text::required(layer, "layer") }?;
+        let layer = Layer::from_name(layer)?;
+        look(result, |points| {
+            with_images(points, |images, grid| {
+                let pixels = images.layers.get(&points.cloud, grid, layer)?;
+                let channels = pixels.len() / grid.len().max(1);
+                *out = echocast_image_view {
+                    data: pixels.bytes().as_ptr().cast(),
+                    row_stride: grid.width * channels * pixels.kind().size(),
+                    width: grid.width as u32,
+                    height: grid.height as u32,
+                    channels: channels as u32,
+                    kind: number_of(pixels.kind()),
+                };
+                Ok(())
+            })
+        })
+    })
+}
+
+/// Gives access to the instances that the image of a result shows, in place, sorted by instance_id. They are found in
+/// the layers "category" and "instance"; what is hidden comes from the boxes of the scan. The view is valid until the
+/// result is used for another scan, appended to or released.
+///
+/// Errors: as echocast_result_image.
+///
+/// ```c
+/// scan.columns = "category_id,instance_id";
+/// scan.organised = 1;
+/// scan.boxes = ECHOCAST_BOXES_OBJECT;
+/// scan.image_boxes = 1;
+/// echocast_scan(snapshot, &scan, &result);
+/// echocast_image_box_view seen;
+/// echocast_result_image_boxes(result, &seen);
+/// for (size_t i = 0; i < seen.count; ++i)
+///     printf("%.0f %% hidden\n", 100 * ECHOCAST_AT(echocast_image_box, seen, i)->occlusion);
+/// ```
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn echocast_result_image_boxes(
+    result: *const echocast_result,
+    out: *mut echocast_image_box_view,
+) -> echocast_status {
+    guard(|| {
+        let none = echocast_image_box_view { data: ptr::null(), count: 0, stride: size_of::<echocast_image_box>() };
+        // SAFETY: `out` is an output (see `text`).
+        let out = unsafe { text::output(out, "out") }?.write(none);
+        look(result, |points| {
+            with_images(points, |images, grid| {
+                if !images.boxed {
+                    let found = images.layers.annotations(&points.cloud, grid)?;
+                    images.boxes.clear();
+                    images.boxes.extend(found.iter().map(echocast_image_box::of));
+                    images.boxed = true;
+                }
+                if let Some(first) = images.boxes.first() {
+                    *out = echocast_image_box_view { data: first, count: images.boxes.len(), ..none };
+                }
+                Ok(())
+            })
+        })
+    })
+}
+
 /// Appends the points of another scan of the same scene with the same columns, to be written to one file.
 ///
 /// Errors: ECHOCAST_E_ARGUMENT (a scan that does not fit), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY;
@@ -520,7 +438,7 @@ pub unsafe extern "C" fn echocast_result_append(
         let mut result = handle::write(&result, "result")?;
         let other = handle::read(&other, "other")?;
         // An empty result takes the sensor of what is appended.
-        let sensor = if result.cloud.fields == FieldSet::EMPTY {
+        let sensor = if result.cloud.fields() == FieldSet::EMPTY {
             other.sensor.clone()
         } else {
             let same = |sensor: &Arc<Sensor>| other.sensor.as_ref().is_some_and(|more| Arc::ptr_eq(sensor, more));

@@ -1,23 +1,18 @@
 //! Scans.
 
-use crate::context::Context;
 use crate::guard::{Failure, Outcome, echocast_status, guard};
-use crate::handle::{self, Handle};
+use crate::handle;
+use crate::pose::{ECHOCAST_COORDINATES_WORLD, echocast_pose_key};
 use crate::result::{ResultPoints, echocast_result};
-use crate::scene::{echocast_pose_key, echocast_snapshot};
-use crate::sensor::{echocast_sensor, seconds};
+use crate::reuse::{Inputs, fill};
+use crate::scene::echocast_snapshot;
+use crate::sensor::echocast_sensor;
 use crate::text;
-use crate::weather::ResultWeather;
-use echocast::{BoxAxes, BoxTime, BuiltScene, FieldSet, Named, Pose, ScanOptions, Sensor, Trajectory};
+use crate::time::seconds;
+use echocast::{BoxAxes, BoxTime, BuiltScene, FieldSet, Named, ScanOptions, Sensor, Trajectory};
 use std::ffi::{c_char, c_void};
 use std::ops::ControlFlow;
-use std::sync::{Arc, RwLock};
 use std::{mem, ptr};
-
-/// Points are in the world frame.
-pub const ECHOCAST_COORDINATES_WORLD: i32 = 0;
-/// Points are in the sensor frame at the time of their own firing, as a driver reports them.
-pub const ECHOCAST_COORDINATES_SENSOR: i32 = 1;
 
 /// Points are in order of rising beam.
 pub const ECHOCAST_ORDER_BEAM: i32 = 0;
@@ -238,43 +233,6 @@ pub unsafe extern "C" fn echocast_scan(
     })
 }
 
-/// An object that calls fill again and again, reusing its memory.
-pub(crate) trait Reused {
-    /// An empty one that belongs to a context.
-    fn new(context: &Arc<Context>) -> Self;
-    fn context(&self) -> &Arc<Context>;
-}
-
-/// Runs `fill` on the object whose handle is at `io`, or on a new one if that is NULL, and then writes its handle
-/// there.
-///
-/// # Safety
-/// `io` is a handle slot, as [`text`] describes.
-pub(crate) unsafe fn fill<T: Reused, H: Handle<Object = RwLock<T>>>(
-    io: *mut *mut H,
-    context: &Arc<Context>,
-    fill: impl FnOnce(&mut T) -> Outcome,
-) -> Outcome {
-    if io.is_null() || !io.is_aligned() {
-        return Err(Failure::argument("io", format!("{io:p}"), &format!("the address of a pointer to a {}", H::NAME)));
-    }
-    // SAFETY: as the caller promises.
-    let old = unsafe { io.read() };
-    if old.is_null() {
-        let mut object = T::new(context);
-        fill(&mut object)?;
-        let new = handle::create(RwLock::new(object))?;
-        // SAFETY: as the caller promises.
-        unsafe { io.write(new) };
-        Ok(())
-    } else {
-        let object = handle::get(old, "*io")?;
-        let mut object = handle::write(&object, "*io")?;
-        context.check(object.context(), "*io")?;
-        fill(&mut object)
-    }
-}
-
 /// # Safety
 /// The arrays and strings of `desc` are as [`text`] describes.
 unsafe fn scan(scene: &BuiltScene, sensor: &Sensor, desc: &echocast_scan_desc, points: &mut ResultPoints) -> Outcome {
@@ -297,13 +255,6 @@ unsafe fn scan(scene: &BuiltScene, sensor: &Sensor, desc: &echocast_scan_desc, p
     };
     // SAFETY: as the caller promises.
     unsafe { points.inputs.with(desc, sensor, scan) }
-}
-
-/// The inputs of the last scan, and memory for those of the next one.
-#[derive(Default)]
-pub(crate) struct Inputs {
-    keys: Vec<(f64, Pose)>,
-    weather: ResultWeather,
 }
 
 impl Inputs {
@@ -370,35 +321,33 @@ unsafe fn scan_options(desc: &echocast_scan_desc, sensor: &Sensor) -> Outcome<Sc
         }
     }
     let (boxes, image_boxes) = boxes((desc.boxes, "desc->boxes"), (desc.image_boxes, "desc->image_boxes"))?;
-    Ok(ScanOptions {
-        fields,
-        seed: desc.seed,
-        frame: desc.frame,
-        start_time: seconds(desc.t0_ns),
-        trajectory_time: Some(0.0),
-        freeze: flag(desc.freeze, "desc->freeze")?,
-        frame_period: match desc.frame_period_ns {
+    Ok(ScanOptions::default()
+        .fields(fields)
+        .seed(desc.seed)
+        .frame(desc.frame)
+        .start_time(seconds(desc.t0_ns))
+        .trajectory_time(0.0)
+        .freeze(flag(desc.freeze, "desc->freeze")?)
+        .frame_period(match desc.frame_period_ns {
             0 => None,
             1.. => Some(seconds(desc.frame_period_ns)),
             other => return Err(Failure::argument("desc->frame_period_ns", other, "0 or more")),
-        },
-        organised: flag(desc.organised, "desc->organised")?,
-        coordinates: named(desc.coordinates, "desc->coordinates")?,
-        order: named(desc.order, "desc->order")?,
-        profile: named(desc.profile, "desc->profile")?,
+        })
+        .organised(flag(desc.organised, "desc->organised")?)
+        .coordinates(named(desc.coordinates, "desc->coordinates")?)
+        .order(named(desc.order, "desc->order")?)
+        .profile(named(desc.profile, "desc->profile")?)
         // 0 leaves it to the profile.
-        reflectance_source: optional(desc.reflectance, "desc->reflectance")?,
-        boxes,
-        image_boxes,
-        box_time: if desc.struct_size > mem::offset_of!(echocast_scan_desc, box_time) {
+        .reflectance_source(optional(desc.reflectance, "desc->reflectance")?)
+        .boxes(boxes)
+        .image_boxes(image_boxes)
+        .box_time(if desc.struct_size > mem::offset_of!(echocast_scan_desc, box_time) {
             named(desc.box_time, "desc->box_time")?
         } else {
             BoxTime::Start
-        },
-        deskew: flag(desc.deskew, "desc->deskew")?,
-        mask: desc.mask,
-        ..ScanOptions::default()
-    })
+        })
+        .deskew(flag(desc.deskew, "desc->deskew")?)
+        .mask(desc.mask))
 }
 
 /// The argument as a boolean.

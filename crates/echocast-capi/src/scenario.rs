@@ -3,11 +3,13 @@
 use crate::context::{Context, echocast_context};
 use crate::guard::{Outcome, echocast_status, guard, numbered};
 use crate::handle::{self, handles};
-use crate::ping::{Pings, echocast_pings};
+use crate::ping::{PingList, echocast_pings};
 use crate::result::{ResultPoints, echocast_result};
-use crate::scan::{self, fill};
-use crate::sensor::{echocast_sensor, nanoseconds};
+use crate::reuse::fill;
+use crate::scan;
+use crate::sensor::echocast_sensor;
 use crate::text;
+use crate::time::nanoseconds;
 use echocast::scenario::{FrameTime, Sample, Scan};
 use echocast::{BoxAxes, FieldSet, ScanOptions, Scenario};
 use std::ffi::c_char;
@@ -439,7 +441,7 @@ pub unsafe extern "C" fn echocast_sample_ping(
         let (context, mut drawn) = (&sample.0, handle::write(&sample.1, "sample")?);
         let sample = &mut drawn.sample;
         let options = options(sample, scan, frame, columns)?;
-        let sent = |pings: &mut Pings| {
+        let sent = |pings: &mut PingList| {
             pings.sent(|_, ping| {
                 let built = sample.built(scan, frame)?;
                 context.warn(built.report());

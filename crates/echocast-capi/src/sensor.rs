@@ -4,6 +4,7 @@ use crate::context::{Context, echocast_context};
 use crate::guard::{Failure, Outcome, echocast_status, guard};
 use crate::handle::{self, handles};
 use crate::text;
+use crate::time::{nanoseconds, seconds};
 use echocast::Sensor;
 use echocast::emitter::{BeamTable, FiringOrder};
 use std::ffi::c_char;
@@ -234,39 +235,30 @@ fn table(desc: &echocast_beams_desc, beams: &[echocast_beam]) -> Outcome<BeamTab
     }
     let limited = |limit: fn(&echocast_beam) -> f32| beams.iter().any(|beam| limit(beam) != 0.0);
     let far = |beam: &echocast_beam| if beam.range_max_m == 0.0 { f32::INFINITY } else { beam.range_max_m };
-    let mut origin = [Vec::new(), Vec::new(), Vec::new()];
+    let mut table = BeamTable::default();
+    (table.rows, table.columns) = (desc.rows, desc.columns);
+    (table.firing_order, table.period) = (firing_order, seconds(desc.period_ns));
+    table.dir_x = column(beams, |beam| beam.direction[0])?;
+    table.dir_y = column(beams, |beam| beam.direction[1])?;
+    table.dir_z = column(beams, |beam| beam.direction[2])?;
+    table.time = column(beams, |beam| seconds(beam.t_ns))?;
+    table.channel = column(beams, |beam| beam.channel as u16)?;
+    if limited(|beam| beam.range_min_m) {
+        table.range_min = column(beams, |beam| beam.range_min_m)?;
+    }
+    if limited(|beam| beam.range_max_m) {
+        table.range_max = column(beams, far)?;
+    }
     if beams.iter().any(|beam| beam.origin != [0.0; 3]) {
-        for (axis, values) in origin.iter_mut().enumerate() {
+        for (axis, values) in table.origin.iter_mut().enumerate() {
             *values = column(beams, |beam| beam.origin[axis])?;
         }
     }
-    Ok(BeamTable {
-        rows: desc.rows,
-        columns: desc.columns,
-        dir_x: column(beams, |beam| beam.direction[0])?,
-        dir_y: column(beams, |beam| beam.direction[1])?,
-        dir_z: column(beams, |beam| beam.direction[2])?,
-        time: column(beams, |beam| seconds(beam.t_ns))?,
-        channel: column(beams, |beam| beam.channel as u16)?,
-        range_min: if limited(|beam| beam.range_min_m) { column(beams, |beam| beam.range_min_m)? } else { Vec::new() },
-        range_max: if limited(|beam| beam.range_max_m) { column(beams, far)? } else { Vec::new() },
-        origin,
-        firing_order,
-        period: seconds(desc.period_ns),
-    })
+    Ok(table)
 }
 
 fn column<T>(beams: &[echocast_beam], of: impl Fn(&echocast_beam) -> T) -> Outcome<Vec<T>> {
     text::collect(beams.iter().map(of), beams.len(), "desc->beams")
-}
-
-pub(crate) fn seconds(ns: i64) -> f64 {
-    // Whole seconds separately, so that a time in 2026 is rounded only once; divided, because 1e-9 itself is rounded.
-    (ns / 1_000_000_000) as f64 + (ns % 1_000_000_000) as f64 / 1e9
-}
-
-pub(crate) fn nanoseconds(seconds: f64) -> i64 {
-    (seconds * 1e9).round() as i64
 }
 
 fn look<T>(sensor: *const echocast_sensor, look: impl FnOnce(&Sensor) -> Outcome<T>) -> Outcome<T> {

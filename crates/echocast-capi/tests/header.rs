@@ -9,19 +9,22 @@ use std::path::Path;
 use std::process::Command;
 
 /// The files of the crate in the order of the header, and the titles of their sections.
-const SECTIONS: [(&str, &str); 15] = [
+const SECTIONS: [(&str, &str); 18] = [
     ("guard", "Errors"),
     ("library", "The library"),
     ("context", "Contexts"),
     ("material", "Materials"),
     ("mesh", "Meshes"),
+    ("pose", "Poses"),
     ("scene", "Scenes and snapshots"),
+    ("instance", "Instances"),
     ("sensor", "Sensors"),
+    ("column", "Columns"),
+    ("boxes", "Boxes"),
+    ("image", "Images"),
     ("result", "Results"),
     ("driver", "Messages of drivers"),
     ("scan", "Scans"),
-    ("boxes", "Boxes"),
-    ("image", "Images"),
     ("ping", "Pings"),
     ("scenario", "Scenarios"),
     ("file", "Files"),

@@ -151,15 +151,13 @@ impl Drop for Host {
 fn by_rust(live: &mut LiveScene, preset: &str, frame: u32) -> Ping {
     let (t0_ns, course) = course(frame);
     let keys = course.map(|(t_ns, pose)| ((t_ns - t0_ns) as f64 / 1e9, pose));
-    let options = ScanOptions {
-        fields: FieldSet::all(),
-        seed: 5,
-        frame,
-        start_time: t0_ns as f64 / 1e9,
-        trajectory_time: Some(0.0),
-        environment: Environment::from_yaml(WATER.to_str().unwrap()).unwrap(),
-        ..ScanOptions::default()
-    };
+    let options = ScanOptions::default()
+        .fields(FieldSet::all())
+        .seed(5)
+        .frame(frame)
+        .start_time(t0_ns as f64 / 1e9)
+        .trajectory_time(0.0)
+        .environment(Environment::from_yaml(WATER.to_str().unwrap()).unwrap());
     let mut sensor = Sensor::preset(preset).unwrap();
     sensor.set("range.max_m", REACH).unwrap();
     live.commit().unwrap().ping(&sensor, &Trajectory::new(keys.to_vec()).unwrap(), &options).unwrap()
@@ -173,7 +171,7 @@ unsafe fn numbers<'a, T>(data: *const T, count: usize) -> &'a [T] {
 
 /// Compares ping `index` with that of Rust, bit by bit.
 fn compare(pings: *mut echocast_pings, index: usize, expected: &Ping) {
-    let layout = &*expected.layout;
+    let layout = expected.layout();
     let mut info = echocast_ping_info::default();
     // SAFETY: all pointers refer to live variables, and views to as many elements as they state.
     unsafe {
@@ -189,7 +187,7 @@ fn compare(pings: *mut echocast_pings, index: usize, expected: &Ping) {
         assert_eq!(numbers(info.threshold_db, layout.bins), layout.threshold_db);
         assert_eq!(numbers(info.tvg_db, layout.bins), layout.tvg_db);
 
-        for about in expected.fields.iter() {
+        for about in expected.fields().iter() {
             let mut view = std::mem::zeroed();
             ok(echocast_pings_view(pings, index, c(about.name).as_ptr(), &mut view));
             assert_eq!(view.count, layout.cells());
@@ -199,8 +197,8 @@ fn compare(pings: *mut echocast_pings, index: usize, expected: &Ping) {
 
         let mut depths = std::mem::zeroed();
         ok(echocast_pings_soundings(pings, index, &mut depths));
-        assert_eq!((depths.count, depths.stride), (expected.soundings.len(), size_of::<echocast_sounding>()));
-        for (found, reference) in numbers(depths.data, depths.count).iter().zip(&expected.soundings) {
+        assert_eq!((depths.count, depths.stride), (expected.soundings().len(), size_of::<echocast_sounding>()));
+        for (found, reference) in numbers(depths.data, depths.count).iter().zip(expected.soundings()) {
             assert_eq!((found.beam, found.cell, found.range), (reference.beam, reference.cell, reference.range));
             assert_eq!((found.level_db, found.quality), (reference.level_db, reference.quality));
             assert_eq!(found.corrected.map(f32::to_bits), reference.corrected.to_array().map(f32::to_bits));
@@ -218,7 +216,7 @@ fn compare(pings: *mut echocast_pings, index: usize, expected: &Ping) {
             let (bin, beam) = (at / layout.beams(), at % layout.beams());
             beam * layout.bins + bin
         })) {
-            let exact = (f64::from(expected.cells.intensity[cell]) - shift) * scale;
+            let exact = (f64::from(expected.cells().intensity()[cell]) - shift) * scale;
             assert!((f64::from(*pixel) - exact.clamp(0.0, 255.0)).abs() <= 0.5, "{pixel} {exact}");
         }
     }
@@ -234,9 +232,9 @@ fn pings_are_those_of_rust() {
     for (preset, view) in SONARS {
         let expected = frames.map(|frame| by_rust(&mut live, preset, frame));
         for ping in &expected {
-            assert_eq!(ping.fields.iter().count(), CELL_FIELDS.len());
-            assert_eq!(ping.layout.view, view);
-            assert!(ping.soundings.is_empty() != matches!(view, SonarView::Swath | SonarView::Single), "{preset}");
+            assert_eq!(ping.fields().iter().count(), CELL_FIELDS.len());
+            assert_eq!(ping.layout().view, view);
+            assert!(ping.soundings().is_empty() != matches!(view, SonarView::Swath | SonarView::Single), "{preset}");
         }
         for host in &hosts {
             let sensor = host.sensor(preset);

@@ -41,7 +41,7 @@ variation:
 
 /// The bytes of all columns, one after the other.
 fn bytes(cloud: &PointCloud) -> Vec<u8> {
-    cloud.fields.iter().flat_map(|info| cloud.column(info.field).bytes().iter().copied()).collect()
+    cloud.fields().iter().flat_map(|info| cloud.column(info.field).bytes().iter().copied()).collect()
 }
 
 /// Compares what a program has written to `made` with the samples of Rust; drawn values are compared as text, or by
@@ -62,7 +62,7 @@ fn compare(scenario: &Scenario, written: &Path, made: &Path, other_numbers: bool
             let frames = sample.scans()[scan].frames().to_vec();
             for (frame, time) in frames.iter().enumerate() {
                 let cloud = sample.cloud(scan, frame).unwrap();
-                points += cloud.len;
+                points += cloud.len();
                 let stem = format!("{number}_{name}_{frame}");
                 assert!(fs::read(made.join(format!("{stem}.columns"))).unwrap() == bytes(&cloud), "{stem}");
                 let by_run = written.join(format!("data/{number:06}/{name}_{:04}.las", time.number));
@@ -85,8 +85,7 @@ fn samples_are_those_of_rust_and_of_the_program() {
         fs::write(&file, text).unwrap();
         let load = || Scenario::load(&file).unwrap();
         let written = folder.join(format!("{name}-run"));
-        let options =
-            RunOptions { folder: Some(written.clone()), samples: None, shard: None, resume: false, threads: 2 };
+        let options = RunOptions::default().folder(written.clone()).samples(None).shard(None).resume(false).threads(2);
         assert!(set::run(load(), &options, &|_| ()).unwrap().failed.is_empty());
         let scenario = load().with_engine(&Engine::with_threads(2).unwrap());
         let compiled = [(&in_c, "1"), (&in_c, "3"), (&in_cpp, "1"), (&in_cpp, "2")];

@@ -6,7 +6,7 @@ use crate::text::{self, counted, duration};
 use crate::usage;
 use crate::weather::WeatherArgs;
 use anyhow::Result;
-use echocast::{BareLoop, PointCloud, ScanOptions, Sensor, SensorKind, SubRays, Trajectory};
+use echocast::{BareLoop, PointCloud, ScanOptions, Sensor, SubRays, Trajectory};
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
@@ -49,13 +49,13 @@ pub fn run(args: &BenchArgs) -> Result<()> {
     let scene = args.scene.load(&args.scene.labels()?, &args.scene.materials()?)?;
     let pose = args.place.path(&scene, 0.0, 0.0).map_err(usage::wrong)?.at(0.0);
     let trajectory = Trajectory::fixed(pose);
-    if sensor.kind() == SensorKind::Sonar {
+    if sensor.kind().is_under_water() {
         place::check_submerged(&trajectory, &environment, [0.0].into_iter())?;
     }
     let built = scene.build()?;
 
     let mut bare = BareLoop::new(&built, &sensor, pose);
-    let options = ScanOptions { environment, ..ScanOptions::default() };
+    let options = ScanOptions::default().environment(environment);
     let mut cloud = PointCloud::default();
     let mut scan = |sensor: &Sensor| {
         built.scan_into(sensor, &trajectory, &options, &mut cloud)?;
@@ -83,10 +83,10 @@ pub fn run(args: &BenchArgs) -> Result<()> {
             plains.push(round(|| scan(one_ray).map(drop))?);
         }
     }
-    let is_sonar = sensor.kind() == SensorKind::Sonar;
+    let makes_pings = sensor.kind().makes_pings();
     let beams = sensor.beams().len();
     // For a sonar those that are sent; the bare loop has as many.
-    let rays = if is_sonar { bare.len() } else { traced as usize };
+    let rays = if makes_pings { bare.len() } else { traced as usize };
     let wall = Figures::of(scans.iter().map(|time| time.wall));
     let cpu = Figures::of(scans.iter().map(|time| time.cpu));
     let bare_cpu = Figures::of(bares.iter().map(|time| time.cpu));
@@ -125,13 +125,13 @@ pub fn run(args: &BenchArgs) -> Result<()> {
         counted(threads, "thread"),
         duration(wall.best),
         duration(wall.median),
-        if is_sonar { rays } else { beams } as f64 / wall.median / 1e6,
-        if is_sonar { "rays" } else { "beams" },
+        if makes_pings { rays } else { beams } as f64 / wall.median / 1e6,
+        if makes_pings { "rays" } else { "beams" },
         duration(cpu.best),
         duration(cpu.median),
         duration(bare_cpu.best),
         duration(bare_cpu.median),
-        if is_sonar { "these rays" } else { "one ray a beam" },
+        if makes_pings { "these rays" } else { "one ray a beam" },
     ))
 }
 

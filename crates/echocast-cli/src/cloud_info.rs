@@ -91,7 +91,7 @@ impl Histogram {
     /// That of the ranges of `cloud`, or else of its intensities or heights.
     fn of(cloud: &PointCloud) -> Option<Histogram> {
         let fields = [Field::Range, Field::Intensity, Field::Z].into_iter();
-        let field = fields.into_iter().find(|&field| cloud.fields.contains(field))?;
+        let field = fields.into_iter().find(|&field| cloud.fields().contains(field))?;
         let (column, offset) = (cloud.column(field), offset(cloud, field));
         let ColumnSpan { low, high, .. } =
             ColumnSpan::of(column).some().filter(|span| (span.high - span.low).is_finite())?;
@@ -116,9 +116,9 @@ fn unit(info: &FieldInfo) -> &'static str {
 
 fn describe(file: &Path, cloud: &PointCloud, report: &Report) -> Result<String> {
     let mut text = format!("{}\n", shown::path(file));
-    writeln!(text, "points      {}", thousands(cloud.len))?;
-    if let Some([rows, columns]) = cloud.organised {
-        let misses = cloud.columns.x.iter().filter(|x| x.is_nan()).count();
+    writeln!(text, "points      {}", thousands(cloud.len()))?;
+    if let Some([rows, columns]) = cloud.organised() {
+        let misses = cloud.columns().x().iter().filter(|x| x.is_nan()).count();
         writeln!(text, "shape       {rows} rows of {columns}, {} without a return", thousands(misses))?;
     }
     if let Some([low, high]) = bounds(cloud) {
@@ -147,8 +147,8 @@ fn describe(file: &Path, cloud: &PointCloud, report: &Report) -> Result<String> 
     if !others.is_empty() {
         writeln!(text, "records     {}", others.join(", "))?;
     }
-    writeln!(text, "columns     {}", cloud.fields.iter().count())?;
-    for info in cloud.fields.iter() {
+    writeln!(text, "columns     {}", cloud.fields().iter().count())?;
+    for info in cloud.fields().iter() {
         let span = ColumnSpan::of(cloud.column(info.field));
         let empty = match span.empty {
             0 => String::new(),
@@ -161,13 +161,14 @@ fn describe(file: &Path, cloud: &PointCloud, report: &Report) -> Result<String> 
         };
         writeln!(text, "  {:<18} {values} {}{empty}", info.name, unit(info))?;
     }
-    let c = &cloud.columns;
+    let c = cloud.columns();
     let labels = &cloud.labels;
-    for (title, ids, names) in [("categories", &c.category_id, &labels.category), ("parts", &c.part_id, &labels.part)] {
+    for (title, ids, names) in [("categories", c.category_id(), &labels.category), ("parts", c.part_id(), &labels.part)]
+    {
         write_labels(&mut text, title, &counts(ids), names)?;
     }
-    if !c.instance_id.is_empty() {
-        let count = counts(&c.instance_id).keys().filter(|&&id| id != 0).count();
+    if !c.instance_id().is_empty() {
+        let count = counts(c.instance_id()).keys().filter(|&&id| id != 0).count();
         writeln!(text, "instances   {}", thousands(count))?;
     }
     if let Some(boxes) = &cloud.boxes {
@@ -229,12 +230,12 @@ fn write_labels(text: &mut String, title: &str, counts: &BTreeMap<u32, usize>, n
 
 /// The content of [`describe`] as JSON.
 fn to_json(file: &Path, cloud: &PointCloud, report: &Report) -> Value {
-    let c = &cloud.columns;
+    let c = cloud.columns();
     let labels = |ids: &[u32], names: &NameTable| -> Value {
         let label = |(&id, &points): (&u32, &usize)| json!({ "id": id, "name": names.name(id), "points": points });
         counts(ids).iter().map(label).collect()
     };
-    let columns = cloud.fields.iter().map(|info| {
+    let columns = cloud.fields().iter().map(|info| {
         let span = ColumnSpan::of(cloud.column(info.field));
         let offset = offset(cloud, info.field);
         let empty = span.empty;
@@ -247,8 +248,8 @@ fn to_json(file: &Path, cloud: &PointCloud, report: &Report) -> Value {
     );
     json!({
         "file": shown::path(file),
-        "points": cloud.len,
-        "shape": cloud.organised,
+        "points": cloud.len(),
+        "shape": cloud.organised(),
         "bounds": bounds(cloud).map(|[low, high]| json!({ "low": low, "high": high })),
         "coordinates": cloud.frame.name(),
         "origin": cloud.origin.to_array(),
@@ -259,9 +260,9 @@ fn to_json(file: &Path, cloud: &PointCloud, report: &Report) -> Value {
         "wkt": cloud.records.wkt(),
         "records": others(cloud),
         "columns": columns.collect::<Vec<_>>(),
-        "categories": labels(&c.category_id, &cloud.labels.category),
-        "parts": labels(&c.part_id, &cloud.labels.part),
-        "instances": counts(&c.instance_id).keys().filter(|&&id| id != 0).count(),
+        "categories": labels(c.category_id(), &cloud.labels.category),
+        "parts": labels(c.part_id(), &cloud.labels.part),
+        "instances": counts(c.instance_id()).keys().filter(|&&id| id != 0).count(),
         "boxes": cloud.boxes.as_ref().map(Vec::len),
         "histogram": histogram,
         "warnings": report.warnings,

@@ -43,18 +43,18 @@ pub fn run(args: &ConvertArgs) -> Result<()> {
     let file = stdout.as_ref().map_or_else(|| args.output.clone(), Outgoing::place);
     // Names of labels beside the input may be those beside the output: they are the same.
     inputs.iter().try_for_each(|input| output::check_kept(&file, input)).map_err(usage::wrong)?;
-    export::check(&file, name, cloud.fields)?;
+    export::check(&file, name, cloud.fields())?;
     interrupt::check()?;
     report.absorb(export::write(&cloud, &file, name)?);
     if cloud.boxes.is_some() && !matches!(format.name(), "npz" | "hdf5") {
         report.warn(format!("{}: cannot hold the boxes around instances; npz and hdf5 do", format.name()));
     }
-    if cloud.organised.is_some() && format.name().starts_with("la") {
+    if cloud.organised().is_some() && format.name().starts_with("la") {
         report.warn(format!("{}: cannot hold the rows and columns of the sensor", format.name()));
     }
     let poured = stdout.map(|cloud| cloud.pour(format.name(), &mut report)).transpose()?;
     report.warnings.iter().for_each(|warning| text::note(&format!("warning: {warning}")));
-    let points = text::counted(cloud.len, "point");
+    let points = text::counted(cloud.len(), "point");
     let message =
         format!("{}: {points} as {}\n  {}\n", shown::path(&args.input), format.name(), shown::path(&args.output));
     if poured.is_some() {

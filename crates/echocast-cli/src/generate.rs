@@ -245,36 +245,34 @@ pub fn run(args: &GenerateArgs) -> Result<()> {
 }
 
 fn seabed(args: &SeabedArgs) -> Result<()> {
-    let seabed = Seabed {
-        size_m: args.size,
-        depth_m: args.depth,
-        cell_m: args.cell,
-        ripples: args.ripples,
-        boulders: args.boulders,
-        wrecks: args.wrecks,
-        fish: args.fish,
-        pipes: args.pipes,
-        mines: args.mines,
-        seagrass: args.seagrass,
-    };
+    let seabed = Seabed::default()
+        .size_m(args.size)
+        .depth_m(args.depth)
+        .cell_m(args.cell)
+        .ripples(args.ripples)
+        .boulders(args.boulders)
+        .wrecks(args.wrecks)
+        .fish(args.fish)
+        .pipes(args.pipes)
+        .mines(args.mines)
+        .seagrass(args.seagrass);
     make(|seed| seabed.scene(seed), &args.made)
 }
 
 fn indoor(args: &IndoorArgs) -> Result<()> {
-    let indoor = Indoor {
-        rooms: args.rooms,
-        room_m: args.room_size,
-        height_m: args.height,
-        furniture: args.furniture,
-        mirrors: args.mirrors,
-        panes: args.panes,
-        ceiling: !args.no_ceiling,
-    };
+    let indoor = Indoor::default()
+        .rooms(args.rooms)
+        .room_m(args.room_size)
+        .height_m(args.height)
+        .furniture(args.furniture)
+        .mirrors(args.mirrors)
+        .panes(args.panes)
+        .ceiling(!args.no_ceiling);
     make(|seed| indoor.scene(seed), &args.made)
 }
 
 fn street(args: &StreetArgs) -> Result<()> {
-    let street = Street { blocks: args.blocks, cars: args.cars, people: args.people, seconds: args.seconds };
+    let street = Street::default().blocks(args.blocks).cars(args.cars).people(args.people).seconds(args.seconds);
     make(|seed| street.scene(seed), &args.made)
 }
 
@@ -284,18 +282,17 @@ fn landscape(args: &LandscapeArgs) -> Result<()> {
         Some(Preset::Paper) => Landscape::paper(),
     };
     let range_m = args.height_range;
-    let landscape = Landscape {
-        size_m: args.size.unwrap_or(usual.size_m),
-        cell_m: args.cell.or(usual.cell_m),
-        relief_m: args.relief.unwrap_or(usual.relief_m),
-        trees_per_ha: args.trees_per_ha.unwrap_or(usual.trees_per_ha),
-        bushes_per_ha: args.bushes_per_ha.unwrap_or(usual.bushes_per_ha),
-        rocks_per_ha: args.rocks_per_ha.unwrap_or(usual.rocks_per_ha),
-        grass_per_m2: args.grass_per_m2.unwrap_or(usual.grass_per_m2),
-        path: usual.path && !args.no_path,
-        stream: usual.stream && !args.no_stream,
-        height_map: args.height_map.clone().map(|file| HeightMap { file, range_m }),
-    };
+    let landscape = Landscape::default()
+        .size_m(args.size.unwrap_or(usual.size_m))
+        .cell_m(args.cell.or(usual.cell_m))
+        .relief_m(args.relief.unwrap_or(usual.relief_m))
+        .trees_per_ha(args.trees_per_ha.unwrap_or(usual.trees_per_ha))
+        .bushes_per_ha(args.bushes_per_ha.unwrap_or(usual.bushes_per_ha))
+        .rocks_per_ha(args.rocks_per_ha.unwrap_or(usual.rocks_per_ha))
+        .grass_per_m2(args.grass_per_m2.unwrap_or(usual.grass_per_m2))
+        .path(usual.path && !args.no_path)
+        .stream(usual.stream && !args.no_stream)
+        .height_map(args.height_map.clone().map(|file| HeightMap::new(file).range_m(range_m)));
     make(|seed| landscape.scene(seed), &args.made)
 }
 
@@ -359,9 +356,11 @@ fn two_counts(text: &str) -> Result<[u32; 2], String> {
 fn ripples(text: &str) -> Result<Ripples, String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     match numbers.as_deref() {
-        Some(&[wavelength_m, height_m]) => Ok(Ripples { wavelength_m, height_m, direction_deg: None }),
+        Some(&[wavelength_m, height_m]) => {
+            Ok(Ripples::default().wavelength_m(wavelength_m).height_m(height_m).direction_deg(None))
+        }
         Some(&[wavelength_m, height_m, direction]) => {
-            Ok(Ripples { wavelength_m, height_m, direction_deg: Some(direction) })
+            Ok(Ripples::default().wavelength_m(wavelength_m).height_m(height_m).direction_deg(direction))
         }
         _ => Err("expected two or three numbers, such as 0.6,0.05 or 0.6,0.05,30".into()),
     }

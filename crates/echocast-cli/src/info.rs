@@ -73,7 +73,8 @@ pub fn run(args: &InfoArgs) -> Result<()> {
 fn write_materials(text: &mut String, scene: &Scene, wavelength_nm: f64) -> Result<()> {
     writeln!(text, "materials   {}, reflectance at {wavelength_nm} nm", scene.materials.len())?;
     for material in &scene.materials {
-        let Returned { value, spread, by_image, why } = material.returned(wavelength_nm, ReflectanceSource::Library);
+        let Returned { value, spread, by_image, why, .. } =
+            material.returned(wavelength_nm, ReflectanceSource::Library);
         let spread = spread.map_or(String::new(), |spread| format!(" +- {spread:.2}"));
         let value = if by_image { "by image" } else { &format!("{value:.3}") };
         let source = match (why, &*material.source) {
@@ -116,12 +117,12 @@ fn describe(files: &SceneArgs, scene: &Scene, wavelength_nm: f64) -> Result<Stri
     write_materials(&mut text, scene, wavelength_nm)?;
 
     let objects_of = objects_of(scene);
-    writeln!(text, "categories  {}", scene.labels.category.ids.len())?;
+    writeln!(text, "categories  {}", scene.labels.category.ids().len())?;
     for (id, name) in scene.labels.category.iter() {
         let objects = text::counted(objects_of.get(&id).copied().unwrap_or(0), "object");
         writeln!(text, "  {id:>4} {:<23} {objects}", shown::text(name))?;
     }
-    writeln!(text, "parts       {}", scene.labels.part.ids.len())?;
+    writeln!(text, "parts       {}", scene.labels.part.ids().len())?;
     for (id, name) in scene.labels.part.iter() {
         writeln!(text, "  {id:>4} {}", shown::text(name))?;
     }
@@ -164,7 +165,8 @@ fn objects_of(scene: &Scene) -> BTreeMap<u32, usize> {
 fn to_json(files: &[PathBuf], scene: &Scene, wavelength_nm: f64) -> Value {
     let objects_of = objects_of(scene);
     let materials = scene.materials.iter().map(|material| {
-        let Returned { value, spread, by_image, why } = material.returned(wavelength_nm, ReflectanceSource::Library);
+        let Returned { value, spread, by_image, why, .. } =
+            material.returned(wavelength_nm, ReflectanceSource::Library);
         json!({
             "name": material.name,
             "reflectance": value,

@@ -5,7 +5,7 @@ use anyhow::{Context as _, Result, anyhow, ensure};
 use clap::Args;
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
 use echocast::scene::{CacheFile, FORMATS, Material, MaterialRule, MaterialRules, UpAxis};
-use echocast::{Error, LabelRules, LoadOptions, ReturnMode, Scene, Sensor, SensorKind, Trajectory, shown};
+use echocast::{Error, LabelRules, LoadOptions, ReturnMode, Scene, Sensor, Trajectory, shown};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
@@ -118,18 +118,17 @@ impl SceneArgs {
     /// Reads all files into one scene, labelled by `labels` and made of `materials`.
     pub fn load(&self, labels: &LabelRules, materials: &MaterialRules) -> Result<Scene> {
         self.check_units().map_err(usage::wrong)?;
-        let options = LoadOptions {
-            up: self.up,
-            scale: self.scale,
-            labels: labels.clone(),
-            texture_limit_mib: self.texture_limit,
-            animation: self.animation.clone(),
-            looped: self.looped,
-            allow_outside_paths: self.allow_outside_paths,
-            caches: self.caches().map_err(usage::wrong)?,
-            materials: materials.clone(),
-            hide: self.hide.clone(),
-        };
+        let options = LoadOptions::default()
+            .up(self.up)
+            .scale(self.scale)
+            .labels(labels.clone())
+            .texture_limit_mib(self.texture_limit)
+            .animation(self.animation.clone())
+            .looped(self.looped)
+            .allow_outside_paths(self.allow_outside_paths)
+            .caches(self.caches().map_err(usage::wrong)?)
+            .materials(materials.clone())
+            .hide(self.hide.clone());
         let readable = |file: &PathBuf| FORMATS.iter().any(|format| has_ending(file, format.extensions));
         Scene::load_all(&self.files, &options).map_err(|error| match error {
             // It is about the content of a file, not its ending.
@@ -156,7 +155,7 @@ impl SceneArgs {
         let caches: serde_json::Map<String, Value> = self
             .cache
             .iter()
-            .map(|(name, CacheFile { file, fps })| (name.clone(), json!({"file": shown::path(file), "fps": fps})))
+            .map(|(name, CacheFile { file, fps, .. })| (name.clone(), json!({"file": shown::path(file), "fps": fps})))
             .collect();
         Ok(json!({
             "files": text::paths(&self.files),
@@ -210,7 +209,7 @@ impl SensorArgs {
 /// Sets which echoes `sensor` reports.
 fn set_returns(sensor: &mut Sensor, mode: ReturnMode) -> Result<()> {
     ensure!(
-        sensor.kind() != SensorKind::Sonar,
+        sensor.kind().is_optical(),
         "--returns: the sensor is a sonar, which reports the depth of each beam, or all range bins above its threshold; \
          allowed: with other sensors"
     );
@@ -303,7 +302,7 @@ fn cache(text: OsString) -> Result<(String, CacheFile), String> {
     if name.is_empty() || file.is_empty() {
         return Err(expected.into());
     }
-    Ok((name.to_owned(), CacheFile { file: OsStr::from_bytes(file).into(), fps }))
+    Ok((name.to_owned(), CacheFile::new(OsStr::from_bytes(file)).fps(fps)))
 }
 
 pub fn key_value(text: &str) -> Result<(String, String), String> {

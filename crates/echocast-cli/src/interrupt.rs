@@ -1,7 +1,7 @@
 //! Ctrl-C, termination, a terminal that closes: the work is cancelled; unfinished files are removed, older ones stay.
 //! Out of memory, the program ends at once.
 
-use crate::usage;
+use crate::usage::{self, INTERRUPTED};
 use echocast::{Error, export};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator::Signals;
@@ -10,9 +10,6 @@ use std::io::{self, Cursor, IsTerminal as _, Write as _, stderr};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use std::{fs, thread};
-
-/// The exit code: what shells report for a program ended by SIGINT, 128 + 2.
-pub const INTERRUPTED: u8 = 130;
 
 /// How long the work may continue before it checks for a signal.
 const PATIENCE: Duration = Duration::from_secs(1);

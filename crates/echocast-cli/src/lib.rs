@@ -108,7 +108,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Ok(()) => 0,
         Err(error) => {
             let code = usage::exit_code(&error);
-            if code == interrupt::INTERRUPTED {
+            if code == usage::INTERRUPTED {
                 interrupt::report_interruption();
             } else {
                 // If stderr is closed, the message is lost.

@@ -5,14 +5,12 @@ use crate::pipe::{self, Outgoing};
 use crate::{choice, text};
 use anyhow::{Context as _, Result, ensure};
 use clap::{ArgGroup, Args};
-use echocast::emitter::Pattern;
+use echocast::emitter::pattern::Pattern;
 use echocast::export::{self, AnnotationStyle, FramesFile, GrowingFile, ImageFolder, ImageLayer, ImageOptions};
 use echocast::image::LAYERS;
 use echocast::preview::{self, ColorBy, PreviewOptions, View};
 use echocast::scene::Labels;
-use echocast::{
-    BoxAxes, FieldSet, InstanceBox, Named as _, Pings, PointCloud, Profile, Report, Sensor, SensorKind, shown,
-};
+use echocast::{BoxAxes, FieldSet, InstanceBox, Named as _, Pings, PointCloud, Profile, Report, Sensor, shown};
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeSet, HashSet};
@@ -205,7 +203,12 @@ impl OutputArgs {
         self.images.as_ref()?;
         let layers =
             if self.image_layers.is_empty() { ImageOptions::default().layers } else { self.image_layers.clone() };
-        Some(ImageOptions { layers, depth_range_m: self.depth_range, annotations: self.annotations.clone() })
+        Some(
+            ImageOptions::default()
+                .layers(layers)
+                .depth_range_m(self.depth_range)
+                .annotations(self.annotations.clone()),
+        )
     }
 
     /// Whether images are annotated, for which boxes are needed.
@@ -250,7 +253,7 @@ impl OutputArgs {
     /// Checks the options, to fail before a long scan rather than after it.
     pub fn check(&self, fields: FieldSet, sensor: &Sensor, profile: Profile) -> Result<()> {
         let kind = sensor.kind();
-        if kind != SensorKind::Sonar {
+        if !kind.makes_pings() {
             for (option, given) in [("--pings", self.pings.is_some()), ("--image", self.image.is_some())] {
                 ensure!(!given, "{option}: the sensor is a {kind}; allowed: with sonars only");
             }
@@ -260,7 +263,7 @@ impl OutputArgs {
                 self.view.name()
             );
         }
-        if kind == SensorKind::Sonar && profile != Profile::Physical {
+        if kind.makes_pings() && profile != Profile::Physical {
             let view = format!("--view {}", self.view.name());
             for (option, given) in
                 [("--pings", self.pings.is_some()), ("--image", self.image.is_some()), (&view, self.view.shows_pings())]
@@ -302,7 +305,7 @@ impl OutputArgs {
         );
         if let Some((folder, options)) = self.images.as_ref().zip(self.imaged()) {
             ensure!(
-                kind != SensorKind::Sonar,
+                kind.is_optical(),
                 "--images: the sensor is a sonar; allowed: with sensors of light; --image and --pings are for sonars"
             );
             export::check_images(folder, sensor, &options).context("--images")?;
@@ -414,11 +417,8 @@ impl OutputArgs {
     fn check_color(&self, sensor: &Sensor) -> Result<()> {
         let named = format!("--color {}", self.color.name());
         let measured = self.color != ColorBy::Doppler || sensor.spec().doppler.is_some();
-        let way = if sensor.kind() == SensorKind::Sonar {
-            ""
-        } else {
-            "with a section doppler (--set doppler.sigma_m_s=0.05), or "
-        };
+        let way =
+            if sensor.kind().is_optical() { "with a section doppler (--set doppler.sigma_m_s=0.05), or " } else { "" };
         ensure!(measured, "{named}: the sensor does not measure velocities; allowed: {way}--color radial_velocity");
         Ok(())
     }
@@ -479,13 +479,7 @@ impl OutputArgs {
     }
 
     fn picture(&self) -> PreviewOptions {
-        PreviewOptions {
-            view: self.view,
-            color: self.color,
-            ground: self.ground,
-            boxes: self.show.is_some(),
-            ..PreviewOptions::default()
-        }
+        PreviewOptions::default().view(self.view).color(self.color).ground(self.ground).boxes(self.show.is_some())
     }
 
     /// The columns that picture and images show, whatever the files hold.

@@ -36,7 +36,7 @@ impl ColumnArgs {
     }
 
     fn options(&self) -> Result<ReadOptions> {
-        let options = ReadOptions { columns: self.columns.clone() };
+        let options = ReadOptions::default().columns(self.columns.clone());
         options.check().context("--columns").map_err(usage::wrong)?;
         Ok(options)
     }

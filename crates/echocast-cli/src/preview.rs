@@ -40,35 +40,34 @@ pub struct PreviewArgs {
 }
 
 pub fn run(args: &PreviewArgs) -> Result<()> {
-    let options =
-        PreviewOptions { view: args.view, width: args.width, boxes: args.show.is_some(), ..PreviewOptions::default() };
+    let options = PreviewOptions::default().view(args.view).width(args.width).boxes(args.show.is_some());
     let file = &args.output;
     output::check_picture("-o", file, &options).map_err(usage::wrong)?;
     output::check_kept(file, &args.input).map_err(usage::wrong)?;
     let mut report = Report::default();
     let (cloud, inputs) = pipe::read_cloud(&args.input, &args.columns, &mut report)?;
     inputs.iter().try_for_each(|input| output::check_kept(file, input)).map_err(usage::wrong)?;
-    let options = PreviewOptions { color: args.color.unwrap_or_else(|| default_color(&cloud)), ..options };
+    let options = options.color(args.color.unwrap_or_else(|| default_color(&cloud)));
     report.absorb(preview::write(&cloud, file, &options).map_err(usage::wrong).context("-o")?);
     report.warnings.iter().for_each(|warning| text::note(&format!("warning: {warning}")));
-    let points = text::counted(cloud.len, "point");
+    let points = text::counted(cloud.len(), "point");
     text::print(&format!("{}: {points}\n  {}\n", shown::path(&args.input), shown::path(file)))
 }
 
 /// The most informative colours for `cloud`.
 fn default_color(cloud: &PointCloud) -> ColorBy {
-    let c = &cloud.columns;
-    let [first, ..] = c.intensity[..] else {
+    let c = cloud.columns();
+    let [first, ..] = c.intensity()[..] else {
         return if labelled(cloud) { ColorBy::Label } else { ColorBy::Height };
     };
     match labelled(cloud) {
         true => ColorBy::Label,
-        false if c.intensity.iter().any(|&intensity| intensity != first) => ColorBy::Intensity,
+        false if c.intensity().iter().any(|&intensity| intensity != first) => ColorBy::Intensity,
         false => ColorBy::Height,
     }
 }
 
 fn labelled(cloud: &PointCloud) -> bool {
-    let c = &cloud.columns;
-    c.category_id.iter().chain(&c.part_id).any(|&id| id != 0)
+    let c = cloud.columns();
+    c.category_id().iter().chain(c.part_id()).any(|&id| id != 0)
 }

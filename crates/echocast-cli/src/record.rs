@@ -5,11 +5,11 @@ use crate::output::{CloudWriter, OutputArgs};
 use crate::progress::ProgressLine;
 use crate::report::{Seconds, timed};
 use anyhow::Result;
-use echocast::emitter::Pattern;
+use echocast::emitter::pattern::Pattern;
 use echocast::scenario::FrameTime;
 use echocast::{
     BoxAxes, BuiltScene, Cause, Enclosure, Field, FieldSet, Ping, Pings, PointCloud, Profile, Report, ScanOptions,
-    Sensor, SensorKind, Trajectory, shown,
+    Sensor, Trajectory, shown,
 };
 use std::path::PathBuf;
 
@@ -57,7 +57,7 @@ pub type Build<'b> = &'b mut dyn FnMut(f64) -> echocast::Result<BuiltScene>;
 
 /// What a frame of `sensor` is called.
 pub fn frame_word(sensor: &Sensor) -> &'static str {
-    if sensor.kind() == SensorKind::Sonar { "ping" } else { "frame" }
+    if sensor.kind().makes_pings() { "ping" } else { "frame" }
 }
 
 impl Take<'_> {
@@ -66,28 +66,27 @@ impl Take<'_> {
         let fields = self.options.fields.union(self.output.pictured()).union(self.reported());
         let annotates = self.output.annotates();
         let boxes = self.options.boxes.or_else(|| annotates.then(BoxAxes::default));
-        ScanOptions {
-            fields,
-            frame: frame.number,
-            start_time: frame.start,
-            boxes,
-            image_boxes: annotates,
-            ..self.options.clone()
-        }
+        self.options
+            .clone()
+            .fields(fields)
+            .frame(frame.number)
+            .start_time(frame.start)
+            .boxes(boxes)
+            .image_boxes(annotates)
     }
 
     /// Columns for the report, which counts a sonar's points by cause, and those on a sky and in boxes by instance,
     /// whatever the files hold.
     fn reported(&self) -> FieldSet {
-        let cause = if self.is_sonar() { FieldSet::EMPTY.with(Field::Cause) } else { FieldSet::EMPTY };
+        let cause = if self.makes_pings() { FieldSet::EMPTY.with(Field::Cause) } else { FieldSet::EMPTY };
         // Boxes of pings need the times of their points.
-        let cause = if self.is_sonar() && self.output.boxes().is_some() { cause.with(Field::Time) } else { cause };
+        let cause = if self.makes_pings() && self.output.boxes().is_some() { cause.with(Field::Time) } else { cause };
         if self.output.boxes().is_some() || !self.skies.is_empty() { cause.with(Field::InstanceId) } else { cause }
     }
 
     /// Number of points on what seems to be a sky.
     fn on_sky(&self, cloud: &PointCloud) -> usize {
-        let instances = &cloud.columns.instance_id;
+        let instances = cloud.columns().instance_id();
         if self.skies.is_empty() || instances.is_empty() {
             return 0;
         }
@@ -98,9 +97,9 @@ impl Take<'_> {
     fn warn_of_enclosure(&self, built: &BuiltScene, report: &mut Report) {
         /// Nothing that encloses a sensor by mistake is larger, m; a sky may be.
         const REACH: f64 = 100.0;
-        let Some(first) = self.frames.first().filter(|_| !self.is_sonar()) else { return };
+        let Some(first) = self.frames.first().filter(|_| !self.makes_pings()) else { return };
         let place = self.trajectory.at(first.start).position;
-        let Some(Enclosure { name, part, within_m }) = built.enclosure(place, REACH) else { return };
+        let Some(Enclosure { name, part, within_m, .. }) = built.enclosure(place, REACH) else { return };
         let what = if name.is_empty() { "something".to_owned() } else { format!("{:?}", shown::text(&name)) };
         report.warn(format!(
             "the sensor at {:.2},{:.2},{:.2} seems to be inside of {what}: {:.0} % of the directions from the horizon up \
@@ -128,8 +127,8 @@ impl Take<'_> {
         ));
     }
 
-    fn is_sonar(&self) -> bool {
-        self.sensor.kind() == SensorKind::Sonar
+    fn makes_pings(&self) -> bool {
+        self.sensor.kind().makes_pings()
     }
 
     /// Scans all frames and writes what was requested. `built` is the scene as the first frame sees it; `build`
@@ -143,7 +142,7 @@ impl Take<'_> {
     ) -> Result<Recorded> {
         let (sensor, trajectory, output) = (self.sensor, self.trajectory, self.output);
         let mut report = Report::default();
-        if let Some(&first) = self.frames.first().filter(|_| self.is_sonar()) {
+        if let Some(&first) = self.frames.first().filter(|_| self.makes_pings()) {
             report.absorb(built.check_water(sensor, trajectory, &self.options_of(first))?);
         }
         self.warn_of_enclosure(&built, &mut report);
@@ -154,7 +153,7 @@ impl Take<'_> {
         let mut all = PointCloud::default();
         let mut cloud = PointCloud::default();
         let (mut points, mut sky_points, mut causes) = (0, 0, Causes::default());
-        let sent = if self.is_sonar() { sensor.ray_count() as u64 } else { 0 };
+        let sent = if self.makes_pings() { sensor.ray_count() as u64 } else { 0 };
         let mut rays = 0;
         // Pings of a Doppler velocity log without a velocity, and the most beams that met the bottom in any.
         let (mut lost, mut most_locked) = (0, 0);
@@ -163,7 +162,7 @@ impl Take<'_> {
         let mut boxes = Vec::new();
         let mut pings = Pings::default();
         let mut ping = Ping::default();
-        let pinged = output.pinged(self.options.fields).filter(|_| self.is_sonar());
+        let pinged = output.pinged(self.options.fields).filter(|_| self.makes_pings());
         for &frame in &self.frames {
             interrupt::check()?;
             let options = self.options_of(frame);
@@ -177,9 +176,9 @@ impl Take<'_> {
                 let Some(kept) = pinged else { return Ok(built.scan_into(sensor, trajectory, &options, &mut cloud)?) };
                 let requests_clouds = output.requests_clouds();
                 let cells = if requests_clouds { Ping::cloud_fields(options.fields) } else { self.reported() };
-                let cells = ScanOptions { fields: kept.union(cells), ..options.clone() };
+                let cells = options.clone().fields(kept.union(cells));
                 built.ping_into(sensor, trajectory, &cells, &mut ping)?;
-                received |= ping.cells.cause.iter().any(|&cause| cause != Cause::FalseAlarm as u8);
+                received |= ping.cells().cause().iter().any(|&cause| cause != Cause::FalseAlarm as u8);
                 if requests_clouds {
                     cloud = ping.cloud(&options)?;
                     cloud.time_zero = trajectory.time_zero();
@@ -198,7 +197,7 @@ impl Take<'_> {
                 cloud.boxes = None;
             }
             // Files have the requested columns; the other ones that the picture shows are computed as well.
-            cloud.fields = self.options.fields;
+            cloud.set_fields(self.options.fields)?;
             points += cloud.return_rows().count();
             rays += sent + cloud.rays;
             let locked = if pinged.is_some() { locked(&ping) } else { received_rows(&cloud).count() };
@@ -235,14 +234,14 @@ impl Take<'_> {
         if tracks && lost > 0 {
             self.warn_of_lost_bottom(lost, most_locked, &mut report);
         }
-        let with_points = output.requests_clouds() || !self.is_sonar();
-        let noise = self.is_sonar() && if with_points { causes.only(Cause::FalseAlarm) } else { !received };
+        let with_points = output.requests_clouds() || !self.makes_pings();
+        let noise = self.makes_pings() && if with_points { causes.only(Cause::FalseAlarm) } else { !received };
         let nothing = match () {
             () if points == 0 && with_points => Some(Nothing::Seen),
             () if noise => Some(Nothing::ButNoise),
             () => None,
         };
-        let reported = self.is_sonar() && self.options.profile == Profile::Physical;
+        let reported = self.makes_pings() && self.options.profile == Profile::Physical;
         let causes = if reported { causes.reported() } else { Vec::new() };
         let beams = sensor.beams().len() * self.frames.len();
         Ok(Recorded { beams, rays, points, sky_points, causes, report, files: writer.files, nothing })
@@ -251,13 +250,13 @@ impl Take<'_> {
 
 /// Rows of a sonar's `cloud` that are more than noise.
 fn received_rows(cloud: &PointCloud) -> impl Iterator<Item = usize> {
-    cloud.return_rows().filter(|&row| cloud.columns.cause.get(row) != Some(&(Cause::FalseAlarm as u8)))
+    cloud.return_rows().filter(|&row| cloud.columns().cause().get(row) != Some(&(Cause::FalseAlarm as u8)))
 }
 
 /// Beams of a ping with a sounding that is more than noise.
 fn locked(ping: &Ping) -> usize {
-    let cause = |cell: u32| ping.cells.cause.get(cell as usize);
-    ping.soundings.iter().filter(|sounding| cause(sounding.cell) != Some(&(Cause::FalseAlarm as u8))).count()
+    let cause = |cell: u32| ping.cells().cause().get(cell as usize);
+    ping.soundings().iter().filter(|sounding| cause(sounding.cell) != Some(&(Cause::FalseAlarm as u8))).count()
 }
 
 /// Number of points for each cause.
@@ -267,7 +266,7 @@ struct Causes([usize; Cause::ALL.len()]);
 impl Causes {
     /// Adds the points of `cloud`, if it has the column.
     fn count(&mut self, cloud: &PointCloud) {
-        let causes = &cloud.columns.cause;
+        let causes = cloud.columns().cause();
         cloud.return_rows().filter_map(|row| causes.get(row)).for_each(|&cause| {
             if let Some(count) = self.0.get_mut(usize::from(cause)) {
                 *count += 1;

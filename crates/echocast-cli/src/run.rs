@@ -183,7 +183,7 @@ fn record(args: &RunArgs, scenario: Scenario, output: &OutputArgs) -> Result<()>
         if args.picture.preview.is_some() { usage::wrong(error) } else { error }
     })?;
     let first = timed(&mut seconds.build, || sample.built(0, 0))?;
-    let options = echocast::ScanOptions { boxes: output.boxes(), ..scan.options(0) };
+    let options = scan.options(0).boxes(output.boxes());
     let take = Take {
         sensor: scan.sensor(),
         trajectory: scan.trajectory(),
@@ -240,13 +240,12 @@ fn make_set(args: &RunArgs, scenario: Scenario) -> Result<()> {
     interrupt::listen_patiently().context("cannot listen for signals")?;
     let progress = ProgressLine::new(args.quiet || args.json);
     progress.phase("loading".into());
-    let options = RunOptions {
-        folder: args.output.clone(),
-        samples: args.samples.map(|Range(range)| range).or(args.sample.map(|sample| [sample, sample, 1])),
-        shard: args.shard.map(|Shard(shard)| shard),
-        resume: args.resume,
-        threads: args.threads.map_or(0, usize::from),
-    };
+    let options = RunOptions::default()
+        .folder(args.output.clone())
+        .samples(args.samples.map(|Range(range)| range).or(args.sample.map(|sample| [sample, sample, 1])))
+        .shard(args.shard.map(|Shard(shard)| shard))
+        .resume(args.resume)
+        .threads(args.threads.map_or(0, usize::from));
     let failed = Mutex::new(0_u64);
     let watch = |event: Event| match event {
         Event::Begins(count) => {
@@ -270,6 +269,7 @@ fn make_set(args: &RunArgs, scenario: Scenario) -> Result<()> {
             progress.frame_done();
         }
         Event::Found(_) => progress.frame_done(),
+        _ => {}
     };
     let summary = set::run(scenario, &options, &watch).map_err(|error| match &error {
         // Options of this command; the other names are keys of the scenario.
@@ -280,7 +280,7 @@ fn make_set(args: &RunArgs, scenario: Scenario) -> Result<()> {
     if args.json {
         text::print(&format!("{}\n", summary_json(&summary)))?;
     } else if !args.quiet {
-        for Noticed { warning, samples, first } in &summary.warnings {
+        for Noticed { warning, samples, first, .. } in &summary.warnings {
             let whose = match samples {
                 0 => String::new(),
                 1 => format!(" (sample {first})"),
@@ -309,7 +309,7 @@ fn summarised(summary: &RunSummary) -> Result<String> {
         thousands(summary.points as usize),
     );
     if summary.found > 0 {
-        writeln!(text, "  {} already existed", counted(summary.found as usize, "sample"))?;
+        writeln!(text, "  {} were there", counted(summary.found as usize, "sample"))?;
     }
     for (sample, error) in summary.failed.iter().take(10) {
         writeln!(text, "  sample {sample} has failed: {error}")?;

@@ -16,7 +16,7 @@ use echocast::scenario::FrameTime;
 use echocast::scene::MaterialRules;
 use echocast::{
     BoxTime, Engine, Environment, FieldSet, Frame, LabelRules, LiveScene, Order, Pose, Profile, ReflectanceSource,
-    Report, ScanOptions, Scene, Sensor, SensorKind, Trajectory, read, shown, why_nothing,
+    Report, ScanOptions, Scene, Sensor, Trajectory, read, shown, why_nothing,
 };
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -143,7 +143,7 @@ pub fn run(args: &ScanArgs) -> Result<()> {
     let (loaded, read) = read::noting(|| timed(&mut seconds.load, || load(args)));
     let Loaded { sensor, environment, labels, materials, scene, path } = loaded?;
     read.iter().try_for_each(|input| args.output.check_input(input)).map_err(usage::wrong)?;
-    let sonar = sensor.kind() == SensorKind::Sonar;
+    let sonar = sensor.kind().makes_pings();
     if sonar && args.deskew {
         return Err(usage::wrong(anyhow!(
             "--deskew: a ping of a sonar has one pose; allowed: LiDARs and depth cameras"
@@ -152,30 +152,7 @@ pub fn run(args: &ScanArgs) -> Result<()> {
     let fields = args.fields.unwrap_or_default().of(&sensor);
     interrupt::check()?;
     warnings.absorb(scene.report.clone());
-    let fps = frame_rate(args.fps, &sensor).map_err(usage::wrong)?;
-    let frames = match (args.frames, &path) {
-        (Some(frames), _) => frames,
-        // A sonar pings from the last pose, too; a sweep that begins there would not move.
-        (None, Some(path)) => FrameRange::until(path.span().1, fps, sonar),
-        (None, None) => FrameRange::ONE,
-    };
-    match &path {
-        Some(path) => warn_of_end(path, frames, fps, &mut warnings),
-        None => warn_of_other_animation(&scene, args.frames, fps, &mut warnings),
-    }
-    let [from, to] = [frames.first, frames.last].map(|frame| f64::from(frame) / fps);
-    let trajectory = match path {
-        Some(path) => path,
-        None => args.place.path(&scene, from, to + sensor.scan_time()).map_err(usage::wrong)?,
-    };
-    if sonar {
-        let moves = args.trajectory.is_some();
-        let pings = frames.iter().take(if moves { usize::MAX } else { 1 });
-        place::check_submerged(&trajectory, &environment, pings.map(|ping| f64::from(ping) / fps))?;
-    }
-    if args.output.piles_frames() && args.coordinates == Frame::Sensor && frames.len() > 1 {
-        warn_of_piled_frames(&trajectory, [from, to], &mut warnings);
-    }
+    let ScanCourse { trajectory, frames, fps } = course(args, &sensor, &environment, &scene, path, &mut warnings)?;
     args.output.check_room(fields, &sensor, frames.len()).map_err(usage::wrong)?;
 
     progress.phase("building".into());
@@ -190,32 +167,16 @@ pub fn run(args: &ScanArgs) -> Result<()> {
         }
         live.commit()
     };
-    let built = timed(&mut seconds.build, || build(from))?;
+    let built = timed(&mut seconds.build, || build(f64::from(frames.first) / fps))?;
     interrupt::check()?;
     warnings.absorb(built.report().clone());
 
-    let options = ScanOptions {
-        fields,
-        seed: args.seed,
-        freeze: args.freeze,
-        deskew: args.deskew,
-        box_time: args.box_time,
-        frame_period: Some(f64::from(frames.step) / fps),
-        organised: args.organised,
-        coordinates: args.coordinates,
-        order: args.order,
-        boxes: args.output.boxes(),
-        profile: args.profile,
-        reflectance_source: args.reflectance_source,
-        environment: environment.clone(),
-        ..ScanOptions::default()
-    };
     let times = frames.iter().map(|number| FrameTime { number, start: f64::from(number) / fps }).collect();
     let take = Take {
         sensor: &sensor,
         trajectory: &trajectory,
         frames: times,
-        options,
+        options: scan_options(args, fields, f64::from(frames.step) / fps, &environment),
         output: &args.output,
         skies: scene.skies(),
     };
@@ -268,6 +229,69 @@ pub fn run(args: &ScanArgs) -> Result<()> {
         args.output.print(&report.summary(&format!("{} in {}", shown::text(sensor.name()), args.scene.names())))?;
     }
     Ok(())
+}
+
+/// Where the sensor is while it scans, and when its frames start.
+struct ScanCourse {
+    trajectory: Trajectory,
+    frames: FrameRange,
+    /// Frames per second.
+    fps: f64,
+}
+
+/// The course of a run; `path`: the poses over time, if they are given.
+fn course(
+    args: &ScanArgs,
+    sensor: &Sensor,
+    environment: &Environment,
+    scene: &Scene,
+    path: Option<Trajectory>,
+    warnings: &mut Report,
+) -> Result<ScanCourse> {
+    let sonar = sensor.kind().makes_pings();
+    let fps = frame_rate(args.fps, sensor).map_err(usage::wrong)?;
+    let frames = match (args.frames, &path) {
+        (Some(frames), _) => frames,
+        // A sonar pings from the last pose, too; a sweep that begins there would not move.
+        (None, Some(path)) => FrameRange::until(path.span().1, fps, sonar),
+        (None, None) => FrameRange::ONE,
+    };
+    match &path {
+        Some(path) => warn_of_end(path, frames, fps, warnings),
+        None => warn_of_other_animation(scene, args.frames, fps, warnings),
+    }
+    let [from, to] = [frames.first, frames.last].map(|frame| f64::from(frame) / fps);
+    let trajectory = match path {
+        Some(path) => path,
+        None => args.place.path(scene, from, to + sensor.scan_time()).map_err(usage::wrong)?,
+    };
+    if sonar {
+        let moves = args.trajectory.is_some();
+        let pings = frames.iter().take(if moves { usize::MAX } else { 1 });
+        place::check_submerged(&trajectory, environment, pings.map(|ping| f64::from(ping) / fps))?;
+    }
+    if args.output.piles_frames() && args.coordinates == Frame::Sensor && frames.len() > 1 {
+        warn_of_piled_frames(&trajectory, [from, to], warnings);
+    }
+    Ok(ScanCourse { trajectory, frames, fps })
+}
+
+/// The options of every frame, one of which starts every `period` s.
+fn scan_options(args: &ScanArgs, fields: FieldSet, period: f64, environment: &Environment) -> ScanOptions {
+    ScanOptions::default()
+        .fields(fields)
+        .seed(args.seed)
+        .freeze(args.freeze)
+        .deskew(args.deskew)
+        .box_time(args.box_time)
+        .frame_period(period)
+        .organised(args.organised)
+        .coordinates(args.coordinates)
+        .order(args.order)
+        .boxes(args.output.boxes())
+        .profile(args.profile)
+        .reflectance_source(args.reflectance_source)
+        .environment(environment.clone())
 }
 
 /// The inputs of a run.

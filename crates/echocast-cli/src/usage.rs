@@ -5,7 +5,6 @@
 //! be read or written, or its content is wrong; the system provides no memory or threads; the simulation refuses, as it
 //! does a sonar above the water.
 
-use crate::interrupt;
 use crate::text;
 use echocast::Error;
 use std::fmt;
@@ -15,6 +14,9 @@ pub const FAILED: u8 = 1;
 
 /// Exit code of wrong usage; also that of clap.
 pub const WRONG: u8 = 2;
+
+/// Exit code of a cancelled program: what shells report for one ended by SIGINT, 128 + 2.
+pub const INTERRUPTED: u8 = 130;
 
 /// Why the usage is wrong.
 #[derive(Debug)]
@@ -42,7 +44,7 @@ pub fn wrong(error: impl Into<anyhow::Error>) -> anyhow::Error {
 /// The exit code for `error`.
 pub fn exit_code(error: &anyhow::Error) -> u8 {
     if matches!(error.downcast_ref(), Some(Error::Cancelled)) {
-        interrupt::INTERRUPTED
+        INTERRUPTED
     } else if error.is::<WrongUsage>() {
         WRONG
     } else {

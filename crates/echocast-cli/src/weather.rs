@@ -1,7 +1,7 @@
 //! Weather and water from flags or a file.
 
 use crate::{input, usage};
-use anyhow::{Result, ensure};
+use anyhow::{Result, bail, ensure};
 use clap::Args;
 use echocast::medium::{Dust, Fog, Placed, Rain, Region, Snow};
 use echocast::{Environment, Error, SensorKind, shown};
@@ -43,17 +43,15 @@ impl WeatherArgs {
             Some(file) => input::file_or_stdin("--env", file, read, Environment::from_yaml)?,
             None => Environment::default(),
         };
-        if kind == SensorKind::Sonar {
+        if kind.is_under_water() {
             self.check_for_sonar(&environment).map_err(usage::wrong)?;
         }
-        let fog = |visibility| Fog { visibility_m: Some(visibility), ..Fog::default() };
-        let flags = Environment {
-            rain: self.rain.map(|rate| Rain::new(rate).into()).into_iter().collect(),
-            snow: self.snow.map(|rate| Snow::new(rate).into()).into_iter().collect(),
-            fog: self.fog.map(|visibility| fog(visibility).into()).into_iter().collect(),
-            dust: self.dust.clone(),
-            ..Environment::default()
-        };
+        let fog = |visibility| Fog::default().visibility_m(visibility);
+        let flags = Environment::default()
+            .rain(self.rain.map(|rate| Rain::new(rate).into()).into_iter().collect())
+            .snow(self.snow.map(|rate| Snow::new(rate).into()).into_iter().collect())
+            .fog(self.fog.map(|visibility| fog(visibility).into()).into_iter().collect())
+            .dust(self.dust.clone());
         flags.check().map_err(|error| usage::wrong(name_flag(error)))?;
         replace(&mut environment.rain, flags.rain);
         replace(&mut environment.snow, flags.snow);
@@ -77,23 +75,9 @@ impl WeatherArgs {
                 "{option}: the sensor is a sonar, and in water there is no weather; allowed: with other sensors"
             );
         }
-        let Environment { clear_air, rain, fog, snow, dust, spray, water: _ } = environment;
-        let sections = [
-            ("clear_air", clear_air.is_some()),
-            ("rain", !rain.is_empty()),
-            ("fog", !fog.is_empty()),
-            ("snow", !snow.is_empty()),
-            ("dust", !dust.is_empty()),
-            ("spray", !spray.is_empty()),
-        ];
-        for (key, given) in sections {
-            let file = shown::path(self.env.as_deref().unwrap_or(Path::new("")));
-            ensure!(
-                !given,
-                "--env {file}: {key}: the sensor is a sonar, and in water there is no weather; allowed: water"
-            );
-        }
-        Ok(())
+        let Some(key) = environment.weather().next() else { return Ok(()) };
+        let file = shown::path(self.env.as_deref().unwrap_or(Path::new("")));
+        bail!("--env {file}: {key}: the sensor is a sonar, and in water there is no weather; allowed: water");
     }
 }
 
@@ -136,10 +120,9 @@ fn name_flag(error: Error) -> Error {
 fn dust(text: &str) -> Result<Placed<Dust>, String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
     match numbers.as_deref() {
-        Some(&[radius_um, per_m3, start_m, length_m]) => Ok(Placed {
-            what: Dust { radius_um, per_m3, q_ext: 1.0, lidar_ratio_sr: None },
-            region: Region::Shell { start_m, length_m },
-        }),
+        Some(&[radius_um, per_m3, start_m, length_m]) => {
+            Ok(Placed { what: Dust::new(radius_um, per_m3), region: Region::Shell { start_m, length_m } })
+        }
         _ => Err("expected four numbers: RADIUS_UM,PER_M3,START_M,LENGTH_M".into()),
     }
 }

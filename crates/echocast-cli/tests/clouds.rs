@@ -25,23 +25,26 @@ fn clouds_go_from_format_to_format() {
     }
     let read = |name: &str| PointCloud::read(folder.path().join(name)).unwrap();
     let (first, last) = (read("z.npz"), read("h.las"));
-    assert_eq!((first.len, first.fields, &first.labels), (last.len, last.fields, &last.labels));
+    assert_eq!((first.len(), first.fields(), &first.labels), (last.len(), last.fields(), &last.labels));
     for (a, b) in [
-        (&first.columns.category_id, &last.columns.category_id),
-        (&first.columns.part_id, &last.columns.part_id),
-        (&first.columns.instance_id, &last.columns.instance_id),
+        (first.columns().category_id(), last.columns().category_id()),
+        (first.columns().part_id(), last.columns().part_id()),
+        (first.columns().instance_id(), last.columns().instance_id()),
     ] {
         assert!(a == b);
     }
-    assert!(first.columns.true_range == last.columns.true_range && first.columns.cause == last.columns.cause);
-    assert!((0..first.len).all(|row| (first.position(row) - last.position(row)).abs().max_element() < 5e-4));
+    assert!(
+        first.columns().true_range() == last.columns().true_range()
+            && first.columns().cause() == last.columns().cause()
+    );
+    assert!((0..first.len()).all(|row| (first.position(row) - last.position(row)).abs().max_element() < 5e-4));
 
     // What the simplest LAS cannot hold is reported.
     let said = run(folder.path(), "convert DIR/h.las -o DIR/i.las --format las2");
     assert!(stderr(&said).contains("las2: cannot hold the columns range, part_id"), "{}", stderr(&said));
     let plain = read("i.las");
     let held = FieldSet::parse("x,y,z,intensity,category_id,return_number,return_count,red,green,blue").unwrap();
-    assert_eq!((plain.fields, &plain.columns.category_id), (held, &last.columns.category_id));
+    assert_eq!((plain.fields(), plain.columns().category_id()), (held, last.columns().category_id()));
     assert_eq!(plain.labels.category, last.labels.category);
 }
 
@@ -94,7 +97,10 @@ fn columns_of_text_are_named_or_guessed_with_a_warning() {
     let named = run(folder.path(), "convert DIR/a.xyz -o DIR/b.npz --columns x,y,z,range");
     assert!(named.status.success() && stderr(&named).is_empty(), "{}", stderr(&named));
     let read = |name: &str| PointCloud::read(folder.path().join(name)).unwrap();
-    assert_eq!((read("a.npz").columns.intensity, read("b.npz").columns.range), (vec![0.5, 0.25], vec![0.5, 0.25]));
+    assert_eq!(
+        (read("a.npz").columns().intensity(), read("b.npz").columns().range()),
+        (&[0.5, 0.25][..], &[0.5, 0.25][..])
+    );
     assert!(stdout(folder.path(), "info DIR/a.xyz --columns x,y,z").contains("columns     3"));
     fs::write(folder.path().join("scene.obj"), "v 0 0 0\n").unwrap();
     for (args, code, message) in [
@@ -121,7 +127,7 @@ fn coordinate_systems_are_named() {
     fs::write(folder.path().join("a.csv"), "x,y,z\n1,2,3\n").unwrap();
     let mut cloud = PointCloud::read(folder.path().join("a.csv")).unwrap();
     let all = vec![record("LASF_Projection", 2112, system), record("liblas", 5, "abc")];
-    cloud.records = Arc::new(Records { all, ..Records::default() });
+    cloud.records = Arc::new(Records::default().all(all));
     cloud.write(folder.path().join("a.las")).unwrap();
     stdout(folder.path(), "convert DIR/a.las -o DIR/b.laz");
     let message = stdout(folder.path(), "info DIR/b.laz");
@@ -210,10 +216,10 @@ fn info_describes_a_cloud() {
     let json = report(folder.path(), "info DIR/a.npz");
     assert_eq!((&json["points"], &json["shape"]), (&28928.into(), &serde_json::json!([16, 1808])));
     let chairs = cloud.labels.category.id("chair");
-    let expected = cloud.columns.category_id.iter().filter(|&&id| id == chairs).count();
+    let expected = cloud.columns().category_id().iter().filter(|&&id| id == chairs).count();
     let found = json["categories"].as_array().unwrap().iter().find(|row| row["name"] == "chair").unwrap();
     assert_eq!(found["points"], expected);
-    let hits = cloud.columns.range.iter().filter(|range| !range.is_nan()).count();
+    let hits = cloud.columns().range().iter().filter(|range| !range.is_nan()).count();
     let bars: u64 = json["histogram"]["points"].as_array().unwrap().iter().filter_map(|bar| bar.as_u64()).sum();
     assert_eq!((json["histogram"]["column"].as_str(), bars), (Some("range"), hits as u64));
     // A mesh is a scene, points are a cloud.

@@ -410,7 +410,7 @@ fn what_is_wrong_is_one_sentence() {
         (
             "run DIR/street.yaml",
             1,
-            "which already holds 1 of these samples; allowed: another folder, or --resume to continue the set",
+            "in which 1 of these samples are; allowed: another folder, or to go on with the set (--resume)",
         ),
         ("run DIR/street.yaml --set seed=4 --resume", 1, "which holds a set of another scenario"),
         ("run DIR/street.yaml --set sensor=3", 2, "sensor=3: sensor: unknown key \"sensor\"; near: sensors"),

@@ -288,7 +288,7 @@ fn frames_follow_the_trajectory() {
     // LAS has the time of the clock.
     for file in ["a.las", "a.laz"] {
         let cloud = import::read(&folder.path().join(file), &mut Report::default()).unwrap();
-        close(cloud.columns.time, &[1700000000.0, 1700000000.4, 1700000000.8]);
+        close(cloud.columns().time().to_vec(), &[1700000000.0, 1700000000.4, 1700000000.8]);
     }
 
     let single = report(folder.path(), &format!("{scan} --frames 1:2 --fps 4 --single -o DIR/b.csv -o DIR/b.h5"));
@@ -476,11 +476,11 @@ fn what_moves_leaves_a_trail_in_pictures() {
         let start_time = f64::from(frame) / fps;
         live.set_time(start_time, length).unwrap();
         let fields = FieldSet::parse("default,velocity,cause").unwrap();
-        let options = ScanOptions { frame, start_time, fields, ..ScanOptions::default() };
+        let options = ScanOptions::default().frame(frame).start_time(start_time).fields(fields);
         all.append(&live.commit().unwrap().scan(&sensor, &path, &options).unwrap()).unwrap();
     }
     for view in [View::Top, View::Perspective] {
-        let options = PreviewOptions { view, color: ColorBy::Velocity, ..PreviewOptions::default() };
+        let options = PreviewOptions::default().view(view).color(ColorBy::Velocity);
         let report = preview::write(&all, &folder.path().join("mine.png"), &options).unwrap();
         assert!(report.warnings.is_empty(), "{report:?}");
         assert!(bytes("mine.png") == bytes(&format!("{}_all.png", view.name())), "{view:?}");

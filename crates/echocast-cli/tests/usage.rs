@@ -1,6 +1,8 @@
 //! Help, exit codes and error lines.
 
 mod common;
+#[path = "usage/options.rs"]
+mod options;
 
 use common::{command, report, run, stderr, stdout, write_room};
 use serde_json::{Value, json};

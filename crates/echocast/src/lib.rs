@@ -24,7 +24,7 @@
 //! let mut cloud = PointCloud::default();
 //! for frame in 0..100 {
 //!     scene.set_pose(car, glam::DAffine3::from_translation(glam::DVec3::X * f64::from(frame)))?;
-//!     let options = ScanOptions { frame, start_time: f64::from(frame) * 0.1, ..ScanOptions::default() };
+//!     let options = ScanOptions::default().frame(frame).start_time(f64::from(frame) * 0.1);
 //!     scene.commit()?.scan_into(&sensor, &drive, &options, &mut cloud)?;
 //! }
 //! # Ok::<(), echocast::Error>(())
@@ -40,12 +40,12 @@
 //! let sonar = Sensor::preset("sss_450")?;
 //! let survey = Trajectory::load("survey.csv")?;
 //! let environment = Environment::from_yaml("water: {temperature_c: 12, salinity_psu: 0.3, sound_speed: medwin}")?;
+//! let fields = [Field::CategoryId].into_iter().collect();
+//! let options = ScanOptions::default().fields(fields).environment(environment);
 //! let mut pings = Pings::default();
 //! for frame in 0..200 {
 //!     let start_time = f64::from(frame) * sonar.beams().period;
-//!     let fields = [Field::CategoryId].into_iter().collect();
-//!     let options =
-//!         ScanOptions { frame, start_time, fields, environment: environment.clone(), ..ScanOptions::default() };
+//!     let options = options.clone().frame(frame).start_time(start_time);
 //!     pings.push(lake.ping(&sonar, &survey, &options)?)?;
 //! }
 //! pings.write("survey.npz")?;
@@ -82,7 +82,9 @@
 //!
 //! # Floors
 //!
-//! A module imports only from modules below it in this list; a test enforces this.
+//! A module imports only from modules below it in this list, and within a module no files import each other in a circle;
+//! tests enforce both. Light and sound flow upwards, from `emitter` by `trace`, `echo` and `detect` to `cloud`. Folders
+//! have no numbers that would list them in this order: paths in code are read far more often than the list of folders.
 //!
 //! | module | contents |
 //! |---|---|
@@ -94,9 +96,9 @@
 //! | `image` | images of pings: waterfall, mosaic, fan, depth map; images of optical scans, and what they show of each instance |
 //! | `scan` | the driver: an optical scan, a ping, the profiles of the paper |
 //! | `sensor` | sensor files, presets, and what they set up in the modules below |
-//! | `echo` | what comes back: contributions, paths, weather, signals; sound levels |
-//! | `detect` | which echoes are detected, with which errors |
 //! | `cloud` | columns of points, pings |
+//! | `detect` | receivers: which echoes are detected, and with which errors |
+//! | `echo` | what arrives: contributions, paths, weather, signals; sound levels |
 //! | `trace` | rays to hits: Embree, and what its ids mean |
 //! | `scene` | objects, meshes and labels, with label rules applied |
 //! | `scene_files` | scenes from files: a module for each format |
@@ -175,27 +177,30 @@ mod write;
 mod page_of_motion {}
 
 pub use cells::{Layout, SonarView, Sounding, Track};
-pub use cloud::{
-    BoxAxes, BoxTime, CELL_FIELDS, Driver, Field, FieldSet, Frame, InstanceBox, PackItem, PackType, Ping, Pings,
-    PointCloud,
-};
-pub use detect::ReturnMode;
-pub use echo::Taper;
-pub use emitter::Trajectory;
+pub use cloud::boxes::{BoxAxes, BoxTime, InstanceBox};
+pub use cloud::driver::Driver;
+pub use cloud::fields::{Field, FieldSet};
+pub use cloud::pack::{PackItem, PackType};
+pub use cloud::ping::{CELL_FIELDS, Ping, Pings};
+pub use cloud::points::{Frame, PointCloud};
+pub use detect::returns::ReturnMode;
+pub use echo::sound::Taper;
+pub use emitter::trajectory::Trajectory;
 pub use glam;
 pub use ground::cause::Cause;
-pub use ground::error::{Error, Result};
+pub use ground::error::{Error, Result, nearest};
 pub use ground::named::Named;
 pub use ground::pose::Pose;
 pub use ground::report::Report;
-pub use ground::{error, report, shown, units};
-pub use material::ReflectanceSource;
-pub use medium::Environment;
+pub use ground::{shown, units};
+pub use material::surface::ReflectanceSource;
+pub use medium::environment::Environment;
 pub use motion::{Motion, Timeline};
 pub use read::bounds::Parameter;
 pub use scan::{Order, Profile, Progress, ScanOptions, why_nothing};
-pub use scenario::Scenario;
-pub use scene::{LabelRules, LoadOptions, Scene};
+pub use scenario::file::Scenario;
+pub use scene::label::LabelRules;
+pub use scene::load::{LoadOptions, Scene};
 pub use sensor::{
     AcousticsSpec, BeamSpec, Expectations, Illumination, IntensitySpec, PresetInfo, RangeSpec, ReturnsSpec, Sensor,
     SensorKind, SensorSpec, ShotNoiseSpec, Speckle, SubRays, Sweep, Target, TofSpec, Tvg, Vignetting,

@@ -4,10 +4,7 @@ use std::{fmt, thread};
 
 use embree4_sys as sys;
 
-use crate::error::{Error, check};
-
-/// First minor version of Embree 4 with the memory layout of 4.3.3, whose header the bindings come from.
-pub(crate) const OLDEST_MINOR: u32 = 3;
+use crate::error::{Error, OLDEST_MINOR, OUT_OF_MEMORY};
 
 /// An Embree device: the factory of meshes and scenes. Clones are handles of the same device; what it created keeps it
 /// alive.
@@ -171,6 +168,24 @@ impl BuilderSlots {
         let _leave = Leave(self);
         work()
     }
+}
+
+/// Reads and clears the calling thread's error, the first since the last read. `device` is `None` if there is no device
+/// because its creation failed.
+pub(crate) fn check(device: Option<&Device>, call: &'static str) -> Result<(), Error> {
+    let raw = device.map_or(std::ptr::null_mut(), Device::raw);
+    // SAFETY: `raw` is null, which Embree allows here, or a live device.
+    let code = unsafe { sys::rtcGetDeviceError(raw) };
+    let reason = match code {
+        sys::RTC_ERROR_NONE => return Ok(()),
+        sys::RTC_ERROR_INVALID_ARGUMENT => "invalid argument",
+        sys::RTC_ERROR_INVALID_OPERATION => "invalid operation",
+        sys::RTC_ERROR_OUT_OF_MEMORY => OUT_OF_MEMORY,
+        sys::RTC_ERROR_UNSUPPORTED_CPU => "this CPU is not supported",
+        sys::RTC_ERROR_CANCELLED => "cancelled",
+        _ => "unknown error",
+    };
+    Err(Error::Embree { call, reason })
 }
 
 /// 4.2 has smaller hits (80 bytes instead of 96 for one ray); 5.0 is unknown.

@@ -1,6 +1,5 @@
-use embree4_sys as sys;
-
-use crate::Device;
+/// First minor version of Embree 4 with the memory layout of 4.3.3, whose header the bindings come from.
+pub(crate) const OLDEST_MINOR: u32 = 3;
 
 /// What can go wrong while a scene is set up. Each variant's text is one sentence.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -9,7 +8,7 @@ pub enum Error {
     /// The loaded library has a version whose memory layout may differ from the one compiled in.
     #[error(
         "the Embree library loaded is version {}.{}.{}, but 4.{} or a later 4.x is needed",
-        .found.0, .found.1, .found.2, crate::device::OLDEST_MINOR
+        .found.0, .found.1, .found.2, OLDEST_MINOR
     )]
     Version {
         /// Major, minor and patch number of the library.
@@ -71,21 +70,3 @@ pub enum Error {
 
 /// The `reason` of [`Error::Embree`] when memory runs out.
 pub const OUT_OF_MEMORY: &str = "out of memory";
-
-/// Reads and clears the calling thread's error, the first since the last read. `device` is `None` if there is no device
-/// because its creation failed.
-pub(crate) fn check(device: Option<&Device>, call: &'static str) -> Result<(), Error> {
-    let raw = device.map_or(std::ptr::null_mut(), Device::raw);
-    // SAFETY: `raw` is null, which Embree allows here, or a live device.
-    let code = unsafe { sys::rtcGetDeviceError(raw) };
-    let reason = match code {
-        sys::RTC_ERROR_NONE => return Ok(()),
-        sys::RTC_ERROR_INVALID_ARGUMENT => "invalid argument",
-        sys::RTC_ERROR_INVALID_OPERATION => "invalid operation",
-        sys::RTC_ERROR_OUT_OF_MEMORY => OUT_OF_MEMORY,
-        sys::RTC_ERROR_UNSUPPORTED_CPU => "this CPU is not supported",
-        sys::RTC_ERROR_CANCELLED => "cancelled",
-        _ => "unknown error",
-    };
-    Err(Error::Embree { call, reason })
-}

@@ -33,6 +33,8 @@
 
 mod device;
 mod error;
+mod filter;
+mod forward;
 mod mesh;
 mod ray;
 mod scene;
@@ -40,7 +42,8 @@ mod shape;
 
 pub use device::Device;
 pub use error::{Error, OUT_OF_MEMORY};
+pub use filter::Candidate;
 pub use mesh::Mesh;
 pub use ray::{Coherence, INVALID, Packet, Ray};
-pub use scene::{Candidate, CommittedScene, Instance, Joint, Pace, Quality, Scene, is_invertible};
+pub use scene::{CommittedScene, Instance, Joint, Pace, Quality, Scene, is_invertible};
 pub use shape::{Custom, CustomShape, Hit, LocalRays, Query};

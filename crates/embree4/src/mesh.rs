@@ -4,7 +4,8 @@ use std::sync::Arc;
 use embree4_sys as sys;
 
 use crate::Device;
-use crate::error::{Error, check};
+use crate::device::check;
+use crate::error::Error;
 
 /// A triangle mesh, ready to be attached to any number of scenes. Clones are handles of the same mesh.
 #[derive(Clone, Debug)]

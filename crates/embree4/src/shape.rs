@@ -3,13 +3,14 @@ use std::sync::Arc;
 
 use embree4_sys as sys;
 
-use crate::error::{Error, check};
+use crate::Device;
+use crate::device::check;
+use crate::error::Error;
+use crate::filter::{Candidate, QueryFilter};
 use crate::mesh::Geometry;
-use crate::scene::{Candidate, QueryFilter};
-use crate::{CommittedScene, Device};
 
 /// Most lanes of a packet.
-const MOST: usize = 16;
+pub(crate) const MOST: usize = 16;
 
 /// A shape that finds the hits of rays on itself, such as a moving mesh.
 pub trait CustomShape: Any + Send + Sync {
@@ -40,26 +41,26 @@ struct UserData {
 
 /// Rays that come near a [`CustomShape`], lane by lane, with their hits so far.
 pub struct Query<'a> {
-    call: Call,
+    pub(crate) call: Call,
     /// Lanes of the packet: 1, 4, 8 or 16.
-    lanes: usize,
-    active: &'a [i32],
+    pub(crate) lanes: usize,
+    pub(crate) active: &'a [i32],
     /// The packet, as rows of `lanes` numbers in the order of [`crate::Ray`]'s fields.
     rows: *mut f32,
     context: *mut sys::RTCRayQueryContext,
-    geometry: u32,
+    pub(crate) geometry: u32,
 }
 
 /// The callback of Embree that a query answers.
 #[derive(Clone, Copy)]
-enum Call {
+pub(crate) enum Call {
     Intersect(*const sys::RTCIntersectFunctionNArguments),
     Occluded(*const sys::RTCOccludedFunctionNArguments),
 }
 
 /// Rays in a frame of their own, for [`Query::forward`]: rows of as many lanes as the query has.
 #[repr(C, align(64))]
-pub struct LocalRays([f32; 12 * MOST]);
+pub struct LocalRays(pub(crate) [f32; 12 * MOST]);
 
 /// The hit of a lane, see [`crate::Ray`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -233,48 +234,18 @@ impl Query<'_> {
         self.row(PacketRow::Far as usize)
     }
 
-    /// Traces the lanes of `active` (-1, else 0; those that are not active in the query stay out) through `scene`, with
-    /// the origins and directions of `rays`, up to their far ends.
-    pub fn forward(&mut self, scene: &CommittedScene, rays: &mut LocalRays, active: &[i32; MOST]) {
-        #[repr(align(64))]
-        struct AlignedMask([i32; MOST]);
-        let mut valid = AlignedMask(*active);
-        for (lane, lane_mask) in valid.0.iter_mut().enumerate() {
-            *lane_mask &= self.active.get(lane).copied().unwrap_or(0);
-        }
-        if valid.0 == [0; MOST] {
-            return;
-        }
-        let (valid, scene, to, instance) = (valid.0.as_ptr(), scene.raw(), rays.0.as_mut_ptr(), self.geometry);
-        // SAFETY: the call is the one being answered; the scene is alive, committed and without instances of its own;
-        // `to` has twelve rows of 16 lanes, of which Embree reads those of the query's width, and is aligned to 64
-        // bytes like `valid`.
-        unsafe {
-            match (self.call, self.lanes) {
-                (Call::Intersect(call), 1) => sys::rtcForwardIntersect1(call, scene, to.cast(), instance),
-                (Call::Intersect(call), 4) => sys::rtcForwardIntersect4(valid, call, scene, to.cast(), instance),
-                (Call::Intersect(call), 8) => sys::rtcForwardIntersect8(valid, call, scene, to.cast(), instance),
-                (Call::Intersect(call), _) => sys::rtcForwardIntersect16(valid, call, scene, to.cast(), instance),
-                (Call::Occluded(call), 1) => sys::rtcForwardOccluded1(call, scene, to.cast(), instance),
-                (Call::Occluded(call), 4) => sys::rtcForwardOccluded4(valid, call, scene, to.cast(), instance),
-                (Call::Occluded(call), 8) => sys::rtcForwardOccluded8(valid, call, scene, to.cast(), instance),
-                (Call::Occluded(call), _) => sys::rtcForwardOccluded16(valid, call, scene, to.cast(), instance),
-            }
-        }
-    }
-
     /// Whether some hits may not count, see [`Query::counts`].
     pub fn refuses(&self) -> bool {
-        // SAFETY: every query of this crate carries an `QueryFilter` that outlives it.
+        // SAFETY: every query of this crate carries a `QueryFilter` that outlives it.
         unsafe { (*self.context.cast::<QueryFilter>()).refuses() }
     }
 
     /// Whether a hit of `lane` at `far` counts, for queries that pass through some hits
-    /// ([`CommittedScene::intersect_where`]).
+    /// ([`intersect_where`](crate::CommittedScene::intersect_where)).
     pub fn counts(&self, lane: usize, far: f32, mesh: u32, triangle: u32, [u, v]: [f32; 2]) -> bool {
         let ray = self.row(PacketRow::Id as usize)[lane].to_bits();
         let candidate = Candidate { ray, far, u, v, prim_id: triangle, geom_id: mesh, inst_id: self.geometry };
-        // SAFETY: every query of this crate carries an `QueryFilter` that outlives it.
+        // SAFETY: every query of this crate carries a `QueryFilter` that outlives it.
         unsafe { (*self.context.cast::<QueryFilter>()).counts(&candidate) }
     }
 

@@ -545,54 +545,11 @@ fn lead_group(
             }
         }
         let (mut held, mut refracts) = ([false; WIDTH], [false; WIDTH]);
-        let mut any = false;
-        for i in 0..WIDTH {
-            let (slab, next) = (here.get(i), there.get(i));
-            let depth = pick(down[i], slab.bottom, slab.top);
-            let (from, to) = (slab.speed_at(depth), next.speed_at(depth));
-            let bends = differ(from, to) | differ(slab.density, next.density);
-            let side = pick(down[i], 1.0, -1.0);
-            let axis = !bends & (side * next.gradient > 0.0) & (side * slab.gradient < 0.0);
-            let stays = (bends & (rays.snell[i] * to >= 1.0)) | axis;
-            let passes = crosses[i] & !stays;
-            let sine = side * rays.sine[i].abs();
-            // Without refraction, the widening of the tube changes only with the gradient.
-            let change = (slab.gradient - next.gradient) * rays.snell[i] * rays.snell[i] * rays.tube[i] / steep(sine);
-            rays.depth[i] = pick(passes, depth, rays.depth[i]);
-            rays.sine[i] = pick(passes, sine, rays.sine[i]);
-            rays.speed[i] = pick(passes, to, rays.speed[i]);
-            rays.widening[i] += pick(passes & !bends, change, 0.0);
-            held[i] = crosses[i] & stays;
-            crosses[i] = passes;
-            refracts[i] = passes & bends;
-            any |= refracts[i];
-        }
-        if any {
-            for i in 0..WIDTH {
-                let (slab, next) = (here.get(i), there.get(i));
-                let from = slab.speed_at(rays.depth[i]);
-                let cosine_on = rays.snell[i] * rays.speed[i];
-                let sine = rays.sine[i].abs().max(1e-9);
-                let sine_on = (1.0 - cosine_on * cosine_on).sqrt().max(1e-9);
-                let on = pick(down[i], sine_on, -sine_on);
-                let part = transmittance([slab.density * from, next.density * rays.speed[i]], [sine, sine_on]);
-                let tube = rays.tube[i] * (sine_on / sine);
-                let widening = (rays.turn[i] - next.gradient * rays.snell[i] * rays.snell[i] * tube) / steep(on);
-                rays.sine[i] = pick(refracts[i], on, rays.sine[i]);
-                rays.transmitted[i] *= pick(refracts[i], part, 1.0);
-                rays.tube[i] = pick(refracts[i], tube, rays.tube[i]);
-                rays.widening[i] = pick(refracts[i], widening, rays.widening[i]);
-            }
+        if cross([&here, &there], rays, &down, &mut crosses, [&mut held, &mut refracts]) {
+            refract([&here, &there], rays, &down, &refracts);
         }
         let mut fits = [false; WIDTH];
-        for i in 0..WIDTH {
-            // Whether the path through the next slab will fit, too.
-            let slab = there.get(i);
-            let length = ((slab.bottom - slab.top) / rays.sine[i].abs()).min(there.chord[i] * root[i]);
-            let turn = turned[i] + slab.gradient.abs() * rays.snell[i] * length;
-            // NaN where a straight path does not end.
-            fits[i] = ((way[i] + length) * turn).max(0.0) <= 4.0 * water.sagitta;
-        }
+        look_ahead(water, &there, rays, [&root, &way, &turned], &mut fits);
         let mut goes_on = false;
         for i in 0..WIDTH {
             if held[i] {
@@ -612,6 +569,86 @@ fn lead_group(
             break;
         }
     }
+    write_chords(water, rays, start, &empty, chords);
+}
+
+/// Passes rays through the boundaries between their slabs, without refraction; those that are held there turn over, or
+/// are reflected. Returns whether any are refracted.
+#[inline(always)]
+fn cross(
+    [here, there]: [&Slabs; 2],
+    rays: &mut WaterRays,
+    down: &[bool; WIDTH],
+    crosses: &mut [bool; WIDTH],
+    [held, refracts]: [&mut [bool; WIDTH]; 2],
+) -> bool {
+    let mut any = false;
+    for i in 0..WIDTH {
+        let (slab, next) = (here.get(i), there.get(i));
+        let depth = pick(down[i], slab.bottom, slab.top);
+        let (from, to) = (slab.speed_at(depth), next.speed_at(depth));
+        let bends = differ(from, to) | differ(slab.density, next.density);
+        let side = pick(down[i], 1.0, -1.0);
+        let axis = !bends & (side * next.gradient > 0.0) & (side * slab.gradient < 0.0);
+        let stays = (bends & (rays.snell[i] * to >= 1.0)) | axis;
+        let passes = crosses[i] & !stays;
+        let sine = side * rays.sine[i].abs();
+        // Without refraction, the widening of the tube changes only with the gradient.
+        let change = (slab.gradient - next.gradient) * rays.snell[i] * rays.snell[i] * rays.tube[i] / steep(sine);
+        rays.depth[i] = pick(passes, depth, rays.depth[i]);
+        rays.sine[i] = pick(passes, sine, rays.sine[i]);
+        rays.speed[i] = pick(passes, to, rays.speed[i]);
+        rays.widening[i] += pick(passes & !bends, change, 0.0);
+        held[i] = crosses[i] & stays;
+        crosses[i] = passes;
+        refracts[i] = passes & bends;
+        any |= refracts[i];
+    }
+    any
+}
+
+/// Refracts rays at the boundaries between their slabs.
+#[inline(always)]
+fn refract([here, there]: [&Slabs; 2], rays: &mut WaterRays, down: &[bool; WIDTH], refracts: &[bool; WIDTH]) {
+    for i in 0..WIDTH {
+        let (slab, next) = (here.get(i), there.get(i));
+        let from = slab.speed_at(rays.depth[i]);
+        let cosine_on = rays.snell[i] * rays.speed[i];
+        let sine = rays.sine[i].abs().max(1e-9);
+        let sine_on = (1.0 - cosine_on * cosine_on).sqrt().max(1e-9);
+        let on = pick(down[i], sine_on, -sine_on);
+        let part = transmittance([slab.density * from, next.density * rays.speed[i]], [sine, sine_on]);
+        let tube = rays.tube[i] * (sine_on / sine);
+        let widening = (rays.turn[i] - next.gradient * rays.snell[i] * rays.snell[i] * tube) / steep(on);
+        rays.sine[i] = pick(refracts[i], on, rays.sine[i]);
+        rays.transmitted[i] *= pick(refracts[i], part, 1.0);
+        rays.tube[i] = pick(refracts[i], tube, rays.tube[i]);
+        rays.widening[i] = pick(refracts[i], widening, rays.widening[i]);
+    }
+}
+
+/// Whether the path of each ray through the slab that it comes to fits into its chord, too. `way` and `turned`: length
+/// and turn of the chord's arcs so far; `root`: 1 / sqrt(snell).
+#[inline(always)]
+fn look_ahead(
+    water: &Through<'_>,
+    there: &Slabs,
+    rays: &WaterRays,
+    [root, way, turned]: [&Eight; 3],
+    fits: &mut [bool; WIDTH],
+) {
+    for i in 0..WIDTH {
+        let slab = there.get(i);
+        let length = ((slab.bottom - slab.top) / rays.sine[i].abs()).min(there.chord[i] * root[i]);
+        let turn = turned[i] + slab.gradient.abs() * rays.snell[i] * length;
+        // NaN where a straight path does not end.
+        fits[i] = ((way[i] + length) * turn).max(0.0) <= 4.0 * water.sagitta;
+    }
+}
+
+/// Writes the chords from `start` to where `rays` are now, and whether they come near what can be hit.
+#[inline(always)]
+fn write_chords(water: &Through<'_>, rays: &WaterRays, start: &WaterRays, empty: &[bool; WIDTH], chords: &mut Chords) {
     // A hit on the box itself is one on its contents.
     let margin = 2.0 * water.sagitta;
     for i in 0..WIDTH {

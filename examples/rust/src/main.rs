@@ -15,12 +15,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let cloud = scene.scan(&sensor, &Trajectory::fixed(pose), &ScanOptions::default().seed(7))?;
     cloud.write(&path)?;
 
-    println!("{path}: {} points, digest {:016x}", cloud.len, digest(&cloud));
+    println!("{path}: {} points, digest {:016x}", cloud.len(), digest(&cloud));
     Ok(())
 }
 
 /// 64-bit FNV-1a of the bytes of all columns, one after the other in the order of the table of columns.
 fn digest(cloud: &PointCloud) -> u64 {
-    let bytes = cloud.fields.iter().flat_map(|info| cloud.column(info.field).bytes());
+    let bytes = cloud.fields().iter().flat_map(|info| cloud.column(info.field).bytes());
     bytes.fold(0xcbf2_9ce4_8422_2325, |hash, &byte| (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3))
 }

@@ -2,7 +2,8 @@
 
 use super::{ping, power, set, sonar, water};
 use crate::assert_near;
-use echocast::material::{Material, Sound};
+use echocast::material::Sound;
+use echocast::scene::Material;
 use echocast::{BuiltScene, FieldSet, Ping, Pose, ScanOptions, Sensor};
 use echocast_tests::reference::{SceneBuilder, Shape};
 use glam::{DAffine3, DQuat, DVec3};
@@ -11,14 +12,14 @@ use std::f64::consts::{PI, TAU};
 /// A shape of one material where `place` puts it.
 fn alone(shape: Shape, sound: Sound, place: DAffine3) -> BuiltScene {
     let mut scene = SceneBuilder::new();
-    let made_of = scene.material(Material { name: "thing".into(), sound: Some(sound), ..Material::default() });
+    let made_of = scene.material(Material::default().name("thing").sound(sound));
     let mesh = scene.mesh([(shape, Some(made_of))]);
     scene.place(mesh, place);
     scene.finish().build().unwrap()
 }
 
 fn options(frame: u32) -> ScanOptions {
-    ScanOptions { environment: water(""), frame, ..ScanOptions::default().fields(FieldSet::all()) }
+    ScanOptions::default().fields(FieldSet::all()).environment(water("")).frame(frame)
 }
 
 /// All that a beam hears, dB.
@@ -27,7 +28,7 @@ fn heard(ping: &Ping, beam: usize) -> f64 {
 }
 
 fn loudest(ping: &Ping) -> f64 {
-    ping.cells.intensity.iter().fold(f64::MIN, |most, &level| most.max(level.into()))
+    ping.cells().intensity().iter().fold(f64::MIN, |most, &level| most.max(level.into()))
 }
 
 /// Unit vector along a beam.
@@ -35,7 +36,7 @@ fn axis(sensor: &Sensor, beam: usize) -> DVec3 {
     let far =
         alone(Shape::sphere(0.05, 6), Sound::Target { strength_db: 0.0 }, DAffine3::from_translation(DVec3::X * 1e4));
     let [azimuth, elevation] =
-        ping(&far, sensor, Pose::at(0.0, 0.0, 0.0), &options(0)).layout.axes[beam].map(f64::from);
+        ping(&far, sensor, Pose::at(0.0, 0.0, 0.0), &options(0)).layout().axes[beam].map(f64::from);
     DVec3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin())
 }
 
@@ -77,7 +78,7 @@ fn small_meshes_have_speckle_of_the_same_mean() {
     let place = DAffine3::from_translation(along * 12.0);
     let scene = alone(Shape::sphere(0.05, 12), Sound::Lambert { mu_db: -10.0 }, place);
     let hear = |sensor: &Sensor, seed: u64| {
-        let options = ScanOptions { seed, ..options(0) };
+        let options = options(0).seed(seed);
         heard(&ping(&scene, sensor, Pose::at(0.0, 0.0, 0.0), &options), 16)
     };
     let smooth = hear(&sensor("acoustics.speckle=off"), 0);
@@ -93,14 +94,14 @@ fn bodies_hide_each_other() {
     let along = axis(&sensor, 0);
     let mut scene = SceneBuilder::new();
     let law = Some(Sound::Lambert { mu_db: -10.0 });
-    let stone = scene.material(Material { name: "stone".into(), sound: law, ..Material::default() });
+    let stone = scene.material(Material::default().name("stone").sound(law));
     let mesh = scene.mesh([(Shape::sphere(0.06, 12), Some(stone))]);
     for range in [20.0, 20.6] {
         scene.place(mesh, DAffine3::from_translation(along * range));
     }
     let found = ping(&scene.finish().build().unwrap(), &sensor, Pose::at(0.0, 0.0, 0.0), &options(0));
     let near = |range: f64| {
-        let bins = (0..found.layout.bins).filter(|&bin| (found.layout.range(bin) - range).abs() < 0.1);
+        let bins = (0..found.layout().bins).filter(|&bin| (found.layout().range(bin) - range).abs() < 0.1);
         bins.map(|bin| f64::from(found.levels(0)[bin])).fold(f64::MIN, f64::max)
     };
     // What is left behind are sidelobes of the pulse.

@@ -37,8 +37,8 @@ fn ping(scene: &BuiltScene, sensor: &Sensor, velocity: DVec3, yaw: f64) -> Ping 
 }
 
 fn range(ping: &Ping) -> f64 {
-    assert_eq!(ping.soundings.len(), 1);
-    ping.soundings[0].range.into()
+    assert_eq!(ping.soundings().len(), 1);
+    ping.soundings()[0].range.into()
 }
 
 #[test]
@@ -80,7 +80,7 @@ fn walls_that_move_appear_elsewhere_too() {
 #[test]
 fn where_nothing_moves_or_sweeps_nothing_changes() {
     let wall = still_wall();
-    let level = |sensor: &Sensor, velocity: DVec3| ping(&wall, sensor, velocity, 0.0).cells.intensity;
+    let level = |sensor: &Sensor, velocity: DVec3| ping(&wall, sensor, velocity, 0.0).cells().intensity().to_vec();
     let [up, down] = ["up", "down"].map(|sweep| ahead(&format!("acoustics.pulse_ms=10 acoustics.sweep={sweep}")));
     assert_eq!(level(&up, DVec3::ZERO), level(&down, DVec3::ZERO));
     assert_ne!(level(&up, DVec3::X), level(&down, DVec3::X));

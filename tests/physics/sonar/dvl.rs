@@ -20,7 +20,7 @@ fn log(more: &str) -> Sensor {
 /// Unit vectors along the axes of its beams.
 fn axes(ping: &Ping) -> [DVec3; 4] {
     std::array::from_fn(|beam| {
-        let [azimuth, elevation] = ping.layout.axes[beam].map(f64::from);
+        let [azimuth, elevation] = ping.layout().axes[beam].map(f64::from);
         DVec3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin())
     })
 }
@@ -32,7 +32,7 @@ fn under_way(pose: Pose, velocity: DVec3) -> Trajectory {
 }
 
 fn options(more: &str) -> ScanOptions {
-    ScanOptions { environment: water(more), ..ScanOptions::default() }
+    ScanOptions::default().environment(water(more))
 }
 
 fn ping(scene: &BuiltScene, sensor: &Sensor, velocity: DVec3, options: &ScanOptions) -> Ping {
@@ -78,7 +78,7 @@ fn beams_measure_the_velocity_along_the_sound_that_they_hear() {
         let sensor = log(&format!("pattern.beam_deg={width} pattern.rays=16384"));
         for velocity in [DVec3::new(2.0, 0.0, 0.0), DVec3::new(-1.0, 3.0, 0.4)] {
             let ping = ping(&bed, &sensor, velocity, &options(""));
-            assert_eq!(ping.soundings.len(), 4, "{width}");
+            assert_eq!(ping.soundings().len(), 4, "{width}");
             let track = ping.bottom_track.unwrap();
             for (axis, measured) in axes(&ping).into_iter().zip(radial(&track)) {
                 let expected = -velocity.dot(mean_direction(axis, width));
@@ -114,7 +114,7 @@ fn errors_of_many_pings_have_the_sigma_that_was_asked_for() {
     let velocity = DVec3::new(1.0, 0.5, 0.0);
     let mut errors = vec![Vec::new(); 6];
     for frame in 0..600 {
-        let options = ScanOptions { frame, ..options("") };
+        let options = options("").frame(frame);
         let [found, truth] =
             [&sensor, &exact].map(|sensor| ping(&bed, sensor, velocity, &options).bottom_track.unwrap());
         let beyond = (found.velocity - truth.velocity).as_dvec3();
@@ -161,7 +161,7 @@ fn an_instrument_has_a_scale_and_biases_of_its_own() {
     // Pings do not change it.
     let biased = log("pattern.rays=256 dvl.bias_sigma_m_s=0.02");
     let tracks = [0, 1].map(|frame| {
-        let options = ScanOptions { frame, ..options("") };
+        let options = options("").frame(frame);
         ping(&bed, &biased, velocity, &options).bottom_track.unwrap()
     });
     assert_eq!(tracks[0], tracks[1]);
@@ -246,15 +246,15 @@ fn water_is_tracked_where_it_scatters_and_is_free_of_the_bottom() {
 fn without_a_bottom_in_range_there_is_no_velocity() {
     let sensor = log("");
     let lost = ping(&nothing(), &sensor, DVec3::X, &options(""));
-    assert!(lost.soundings.is_empty());
+    assert!(lost.soundings().is_empty());
     let track = lost.bottom_track.unwrap();
     assert!(track.velocity.is_nan() && track.error.is_nan() && track.radial.iter().all(|rate| rate.is_nan()));
     // Rows of an organised cloud say so, too.
-    let options = ScanOptions { organised: true, fields: sensor.default_fields(), ..options("") };
+    let options = options("").organised(true).fields(sensor.default_fields());
     let cloud = nothing().scan(&sensor, &under_way(Pose::at(0.0, 0.0, HEIGHT), DVec3::X), &options).unwrap();
-    assert_eq!(cloud.len, 4);
-    assert!(cloud.columns.bottom_track_x.iter().chain(&cloud.columns.doppler).all(|value| value.is_nan()));
-    assert!(cloud.columns.water_track_x.is_empty(), "it tracks none");
+    assert_eq!(cloud.len(), 4);
+    assert!(cloud.columns().bottom_track_x().iter().chain(cloud.columns().doppler()).all(|value| value.is_nan()));
+    assert!(cloud.columns().water_track_x().is_empty(), "it tracks none");
 }
 
 #[test]
@@ -275,7 +275,7 @@ fn three_beams_are_enough_and_two_are_not() {
     let velocity = DVec3::new(1.0, 0.2, 0.0);
     let three = ping(&scene(vec![port(), astern()]), &sensor, velocity, &options(""));
     let track = three.bottom_track.unwrap();
-    let beams: Vec<u32> = three.soundings.iter().map(|sounding| sounding.beam).collect();
+    let beams: Vec<u32> = three.soundings().iter().map(|sounding| sounding.beam).collect();
     assert_eq!(beams, [0, 1, 2]);
     assert!((track.velocity.as_dvec3() - velocity).length() < 2e-3 && track.error.is_nan(), "{track:?}");
     let two = ping(&scene(vec![port()]), &sensor, velocity, &options("")).bottom_track.unwrap();
@@ -287,18 +287,18 @@ fn three_beams_are_enough_and_two_are_not() {
 fn points_carry_the_velocities_of_their_ping() {
     let sensor = log("");
     let path = under_way(Pose::at(0.0, 0.0, HEIGHT), DVec3::X);
-    let options = ScanOptions { fields: sensor.default_fields(), ..options("") };
+    let options = options("").fields(sensor.default_fields());
     let bed = flat(400.0);
     let (cloud, ping) = (bed.scan(&sensor, &path, &options).unwrap(), bed.ping(&sensor, &path, &options).unwrap());
     let track = ping.bottom_track.unwrap();
-    let columns = &cloud.columns;
-    assert!(cloud.fields.contains(Field::Doppler) && cloud.fields.contains(Field::BottomTrackError));
-    assert_eq!(columns.doppler, track.radial);
-    assert_eq!(columns.bottom_track_x, [track.velocity.x; 4]);
-    assert_eq!(columns.bottom_track_y, [track.velocity.y; 4]);
-    assert_eq!(columns.bottom_track_z, [track.velocity.z; 4]);
-    assert_eq!(columns.bottom_track_error, [track.error; 4]);
-    assert!(columns.doppler[0] < -0.3, "ahead, the bed comes nearer: {}", columns.doppler[0]);
+    let columns = cloud.columns();
+    assert!(cloud.fields().contains(Field::Doppler) && cloud.fields().contains(Field::BottomTrackError));
+    assert_eq!(columns.doppler(), track.radial);
+    assert_eq!(columns.bottom_track_x(), [track.velocity.x; 4]);
+    assert_eq!(columns.bottom_track_y(), [track.velocity.y; 4]);
+    assert_eq!(columns.bottom_track_z(), [track.velocity.z; 4]);
+    assert_eq!(columns.bottom_track_error(), [track.error; 4]);
+    assert!(columns.doppler()[0] < -0.3, "ahead, the bed comes nearer: {}", columns.doppler()[0]);
 }
 
 #[test]

@@ -41,7 +41,7 @@ fn bottom_energy(sines: [f64; 2], angles: [f64; 2], power: impl Fn(f64, f64) -> 
 /// The same, from a ping.
 fn heard_energy(ping: &Ping, beam: usize, resolution: f64) -> f64 {
     let sum: f64 = ping.levels(beam).iter().map(|&level| power(level.into())).sum();
-    db(sum * ping.layout.bin_m / resolution)
+    db(sum * ping.layout().bin_m / resolution)
 }
 
 /// For all patterns: side-scan, multibeam, imaging, and single beams, round and high.
@@ -192,8 +192,8 @@ fn single_beams_leave_no_gaps_on_slopes() {
                     }
                     _ => line(3.0).amplitude(sine).powi(4) * line(30.0).amplitude(angle.sin()).powi(4),
                 };
-                let bin = found.layout.bin_m;
-                let expected = bin_levels(bin, found.layout.bins, &frame, extents, power);
+                let bin = found.layout().bin_m;
+                let expected = bin_levels(bin, found.layout().bins, &frame, extents, power);
                 let most = expected.iter().copied().fold(f64::MIN, f64::max);
                 let mut worst = [0f64; 2];
                 for (&level, expected) in found.levels(0).iter().zip(expected) {
@@ -360,7 +360,7 @@ fn a_boundary_without_contrast_changes_no_level() {
         let with = hear(&profile);
         for (bin, (a, b)) in without.levels(0).iter().zip(with.levels(0)).enumerate() {
             // A ray at the edge of a bin may fall to either side.
-            let range = without.layout.range(bin);
+            let range = without.layout().range(bin);
             assert!((a - b).abs() < 2e-2 || a.max(*b) < 0.0, "{profile}: {a} {b} at {range} m");
         }
         for range in [25.0, 50.0, 75.0, 95.0] {
@@ -431,19 +431,19 @@ fn the_sea_surface_is_heard_at_the_depth_of_the_sonar() {
     let up = sonar("type: single_beam, beam_deg: 1, tilt_deg: -90, rays: 512", "acoustics.source_level_db=220");
     for wind in [2.0, 10.0] {
         let found = ping(&nothing(), &up, Pose::at(0.0, 0.0, 30.0), &options(environment(wind)));
-        let depth = found.soundings[0].range;
+        let depth = found.soundings()[0].range;
         assert_near("depth of the sonar", depth.into(), 20.0, 0.03);
-        let cell = found.soundings[0].cell as usize;
-        let c = &found.cells;
-        assert_eq!((c.cause[cell], c.category_id[cell], c.instance_id[cell], c.bounces[cell]), (10, 0, 0, 0));
-        assert_near("height of what is heard", (f64::from(c.true_z[cell])) + found.origin.z, 50.0, 1e-3);
-        assert_near("normal", c.normal_z[cell].into(), -1.0, 1e-6);
+        let cell = found.soundings()[0].cell as usize;
+        let c = found.cells();
+        assert_eq!((c.cause()[cell], c.category_id()[cell], c.instance_id()[cell], c.bounces()[cell]), (10, 0, 0, 0));
+        assert_near("height of what is heard", (f64::from(c.true_z()[cell])) + found.origin.z, 50.0, 1e-3);
+        assert_near("normal", c.normal_z()[cell].into(), -1.0, 1e-6);
         // Like a bottom of the same strength straight up: 1 degree changes nothing.
         let (law, lambert) = (Sea { wind_m_s: wind }.backscatter(1.0, 450e3), 0.1);
         let down = set(up.clone(), "pattern.tilt_deg=90");
         let below = ping(&flat(100.0), &down, Pose::at(0.0, 0.0, 20.0), &options(water("")));
         let found = heard_energy(&found, 0, 0.05);
         assert_near(&format!("{wind} m/s"), found - heard_energy(&below, 0, 0.05), db(law / lambert), 0.1);
-        assert!(below.cells.cause.iter().all(|&cause| cause != 10));
+        assert!(below.cells().cause().iter().all(|&cause| cause != 10));
     }
 }

@@ -6,7 +6,7 @@ use echocast::medium::AmbientNoise;
 const SIDES: &str = "pattern.sides=both acoustics.noise_level_db=80 acoustics.pulse_ms=2";
 
 fn empty(sensor: &Sensor, frame: u32, more: &str) -> Ping {
-    let options = ScanOptions { frame, ..options(water(more)) };
+    let options = options(water(more)).frame(frame);
     // No surface either: the sonar is deeper than its range.
     ping(&nothing(), sensor, Pose::at(0.0, 0.0, -300.0), &options)
 }
@@ -32,11 +32,11 @@ fn an_empty_sea_is_as_loud_as_its_noise() {
             ("acoustics.directivity_index_db=0 acoustics.taper=hamming", 80.0 - db(30.0) + db(1.3628)),
         ] {
             let found = empty(&sidescan(&format!("{SIDES} {more} acoustics.speckle={speckle}")), 0, "");
-            assert_near("what the layout says", found.layout.noise_db.into(), level, 1e-3);
+            assert_near("what the layout says", found.layout().noise_db.into(), level, 1e-3);
             for beam in [0, 1] {
                 // Neighbouring short bins are heard together: fewer than all of them are independent.
                 let powers = powers(&found, beam);
-                let error = 4.343 / (100.0 / 0.05f64.max(found.layout.bin_m)).sqrt();
+                let error = 4.343 / (100.0 / 0.05f64.max(found.layout().bin_m)).sqrt();
                 assert_near(&format!("{more} {speckle}"), db(mean(&powers)), level, 4.0 * error);
             }
         }
@@ -46,7 +46,7 @@ fn an_empty_sea_is_as_loud_as_its_noise() {
     let found = empty(&sidescan(SIDES), 0, "");
     let length = |degrees: f64| 0.442_946_47 / (0.5 * degrees).to_radians().sin();
     let face = db(4.0 * std::f64::consts::PI * length(0.5) * length(50.0));
-    assert_near("directivity", 80.0 - db(30.0) - f64::from(found.layout.noise_db), face, 0.6);
+    assert_near("directivity", 80.0 - db(30.0) - f64::from(found.layout().noise_db), face, 0.6);
 }
 
 #[test]
@@ -74,15 +74,16 @@ fn false_alarms_are_as_many_as_the_threshold_lets() {
         let (mut count, mut cells) = (0, 0);
         for frame in 0..20 {
             let found = empty(&sensor, frame, "");
-            let cloud = found.cloud(&ScanOptions { frame, ..options(water("")) }.fields(fields)).unwrap();
-            assert!(cloud.columns.cause.iter().all(|&cause| cause == 7));
-            assert!(cloud.columns.category_id.iter().all(|&id| id == 0));
-            assert!(cloud.columns.true_range.iter().all(|range| range.is_nan()));
-            let above = (0..found.layout.cells())
-                .filter(|&cell| found.cells.intensity[cell] > found.layout.threshold_db[cell % found.layout.bins]);
-            assert_eq!(cloud.len, above.count());
-            count += cloud.len;
-            cells += found.layout.cells();
+            let cloud = found.cloud(&options(water("")).frame(frame).fields(fields)).unwrap();
+            assert!(cloud.columns().cause().iter().all(|&cause| cause == 7));
+            assert!(cloud.columns().category_id().iter().all(|&id| id == 0));
+            assert!(cloud.columns().true_range().iter().all(|range| range.is_nan()));
+            let above = (0..found.layout().cells()).filter(|&cell| {
+                found.cells().intensity()[cell] > found.layout().threshold_db[cell % found.layout().bins]
+            });
+            assert_eq!(cloud.len(), above.count());
+            count += cloud.len();
+            cells += found.layout().cells();
         }
         let expected = cells as f64 * (-power(threshold)).exp();
         // Neighbours come together.
@@ -102,7 +103,7 @@ fn the_sea_is_heard_where_no_noise_is_given() {
         let options = options(Environment::from_yaml(&yaml).unwrap());
         let found = ping(&nothing(), &sensor, Pose::at(0.0, 0.0, -300.0), &options);
         let level = AmbientNoise { wind_m_s: wind, shipping: 0.5 }.level_db(1e3 * frequency) + db(15e3) - 10.0;
-        assert_near("noise of the sea", found.layout.noise_db.into(), level, 1e-3);
+        assert_near("noise of the sea", found.layout().noise_db.into(), level, 1e-3);
         assert_near("what is heard", db(mean(&powers(&found, 0))), level, 0.4);
     }
 }
@@ -130,7 +131,7 @@ fn what_floats_in_the_water_is_heard_before_the_bottom() {
         let hear = |scene: &BuiltScene, z: f64| -> Vec<f64> {
             let mut sums = vec![0.0; 4000];
             for frame in 0..20 {
-                let options = ScanOptions { frame, ..options(water(&more)) };
+                let options = options(water(&more)).frame(frame);
                 let found = ping(scene, &sounder, Pose::at(0.0, 0.0, z), &options);
                 sums.iter_mut().zip(found.levels(0)).for_each(|(sum, &level)| *sum += power(level.into()) / 20.0);
             }
@@ -162,5 +163,5 @@ fn what_floats_in_the_water_is_heard_before_the_bottom() {
     let sounder = sonar("type: single_beam, beam_deg: 6, rays: 1024", "acoustics.noise_level_db=-100");
     let found = ping(&nothing(), &sounder, Pose::at(0.0, 0.0, -300.0), &options(water(&more)));
     let level = 220.0 + strength + db(solid * 0.05) - 40.0;
-    assert_near("threshold at 100 m", found.layout.threshold_db[3999].into(), level + 10.0, 0.05);
+    assert_near("threshold at 100 m", found.layout().threshold_db[3999].into(), level + 10.0, 0.05);
 }

@@ -14,8 +14,8 @@ fn echo_sounder(more: &str) -> Sensor {
 }
 
 fn first(ping: &Ping) -> Sounding {
-    assert_eq!(ping.soundings.len(), 1);
-    ping.soundings[0]
+    assert_eq!(ping.soundings().len(), 1);
+    ping.soundings()[0]
 }
 
 #[test]
@@ -25,15 +25,15 @@ fn ranges_are_times_at_the_speed_that_is_believed() {
         let found = ping(&scene, &echo_sounder(""), Pose::at(0.0, 0.0, 30.0), &options(believing(believed)));
         let sounding = first(&found);
         let range = 30.0 * believed / 1500.0;
-        assert_eq!(found.layout.believed_speed, believed);
+        assert_eq!(found.layout().believed_speed, believed);
         // The echo of a round footprint comes a centimetre later in its middle than at its start.
         assert_near(&format!("range at {believed} m/s"), sounding.range.into(), range, 0.02);
         let cell = sounding.cell as usize;
-        let c = &found.cells;
+        let c = found.cells();
         // Times are true, whatever is assumed; so is the position, within a cell.
-        assert_near("time", c.time[cell], 2.0 * 30.0 / 1500.0, 0.05 / 1500.0);
-        assert_near("the way there", c.true_range[cell].into(), 30.0, 0.03);
-        assert_near("height", f64::from(c.true_z[cell]) + found.origin.z, 0.0, 0.03);
+        assert_near("time", c.time()[cell], 2.0 * 30.0 / 1500.0, 0.05 / 1500.0);
+        assert_near("the way there", c.true_range()[cell].into(), 30.0, 0.03);
+        assert_near("height", f64::from(c.true_z()[cell]) + found.origin.z, 0.0, 0.03);
     }
     // Through layers: time is the sum of times.
     let layers =
@@ -61,10 +61,10 @@ fn a_moving_sonar_hears_from_where_it_is_by_then() {
         let found = hear("");
         let cell = first(&found).cell as usize;
         let arrives = 2.0 * f64::from(first(&found).range) / 1500.0;
-        assert_near("time of the echo", found.cells.time[cell], arrives, 0.05 / 1500.0);
+        assert_near("time of the echo", found.cells().time()[cell], arrives, 0.05 / 1500.0);
         // Where the sonar goes after the last ping is unknown: it continues as before.
         let hear_last = |more: &str| {
-            let last = ScanOptions { start_time: 1.0, ..options(water("")) };
+            let last = options(water("")).start_time(1.0);
             scene.ping(&echo_sounder(more), &trajectory, &last).unwrap()
         };
         let moved = first(&hear_last("")).range - first(&hear_last("acoustics.stop_and_hop=true")).range;
@@ -80,7 +80,7 @@ fn a_sonar_moves_as_long_as_its_trajectory_says() {
     let start = Pose::at(0.0, 0.0, 30.0);
     let hear = |seconds: f64, time: f64, more: &str| {
         let trajectory = Trajectory::new(vec![(0.0, start), (seconds, Pose::at(0.0, 0.0, 30.0 - 10.0 * seconds))]);
-        let options = ScanOptions { start_time: time, ..options(water("")) };
+        let options = options(water("")).start_time(time);
         first(&scene.ping(&echo_sounder(more), &trajectory.unwrap(), &options).unwrap()).range
     };
     let moved = |seconds: f64, time: f64| hear(seconds, time, "") - hear(seconds, time, "acoustics.stop_and_hop=true");
@@ -95,7 +95,7 @@ fn a_sonar_moves_as_long_as_its_trajectory_says() {
 fn gain_over_range_follows_its_law() {
     let scene = flat(100.0);
     let sensor = sidescan("acoustics.tvg.spreading=40 acoustics.tvg.absorption_db_m=0.07 acoustics.tvg.gain_db=-3");
-    let layout = ping(&scene, &sensor, Pose::at(0.0, 0.0, 20.0), &options(water(""))).layout;
+    let layout = ping(&scene, &sensor, Pose::at(0.0, 0.0, 20.0), &options(water(""))).layout().clone();
     for bin in [0, 10, 100, 3000] {
         let range = (bin as f64 + 0.5) * layout.bin_m;
         let expected = 40.0 * range.max(1.0).log10() + 0.14 * range - 3.0;
@@ -103,7 +103,7 @@ fn gain_over_range_follows_its_law() {
     }
     // Without its own absorption it uses that of the water at the sonar.
     let salty = Environment::from_yaml("water: {surface_z_m: 50, profile: {constant: {speed_m_s: 1500}}}").unwrap();
-    let layout = ping(&scene, &sidescan(""), Pose::at(0.0, 0.0, 20.0), &options(salty)).layout;
+    let layout = ping(&scene, &sidescan(""), Pose::at(0.0, 0.0, 20.0), &options(salty)).layout().clone();
     let swallowed = Absorption::FrancoisGarrison.db_per_km(450e3, 10.0, 35.0, 8.0, 30.0) * 1e-3;
     let expected = 30.0 * 80.0125f64.log10() + 2.0 * swallowed * 80.0125;
     assert_near("gain of the water", layout.tvg_db[3200].into(), expected, 0.01);
@@ -127,7 +127,7 @@ fn needle_beams_hear_what_is_below_them() {
     let length = 0.442_946_47 / 0.005f64.to_radians().sin();
     let directivity = |pattern: &str| {
         let noisy = sonar(pattern, "acoustics.noise_level_db=0");
-        -f64::from(ping(&scene, &noisy, Pose::at(0.0, 0.0, 30.0), &options(water(""))).layout.noise_db)
+        -f64::from(ping(&scene, &noisy, Pose::at(0.0, 0.0, 30.0), &options(water(""))).layout().noise_db)
     };
     let line = directivity("type: multibeam, beams: 2, swath_deg: 10, across_deg: 0.01");
     assert_near("a line", line, db(4.0 * length), 0.01);
@@ -154,10 +154,10 @@ fn echoes_after_the_next_ping_are_refused_or_folded() {
     let folding = set(sensor, "acoustics.allow_ambiguity=true");
     let found = ask(&folding).unwrap();
     assert_near("folded range", first(&found).range.into(), 15.0, 0.02);
-    assert_near("reach of the bins", found.layout.reach(), 30.0, 0.03);
+    assert_near("reach of the bins", found.layout().reach(), 30.0, 0.03);
     let cell = first(&found).cell as usize;
-    assert_near("the way there", found.cells.true_range[cell].into(), 45.0, 0.03);
-    assert_near("when it arrives", found.cells.time[cell], 2.0 * 45.0 / 1500.0, 0.05 / 1500.0);
+    assert_near("the way there", found.cells().true_range()[cell].into(), 45.0, 0.03);
+    assert_near("when it arrives", found.cells().time()[cell], 2.0 * 45.0 / 1500.0, 0.05 / 1500.0);
     let error = ask(&set(folding, "range.max_m=61")).unwrap_err().to_string();
     assert!(error.contains("range.max_m") && error.contains("60"), "{error}");
     assert!(ask(&echo_sounder("pattern.rate_hz=12.5 range.max_m=60")).is_ok());
@@ -177,7 +177,7 @@ fn a_beamformer_that_believes_another_speed_turns_its_beams() {
     for array in [1440.0, 1560.0] {
         let sensor = swath(&format!("acoustics.array_speed_m_s={array}"));
         let found = ping(&scene, &sensor, Pose::at(0.0, 0.0, 20.0), &options(water("")));
-        for sounding in &found.soundings {
+        for sounding in found.soundings() {
             let set_to = (60.0 - f64::from(sounding.beam)).to_radians();
             let truly = set_to.sin() * 1500.0 / array;
             // An edge beam may look where its sidelobes do.
@@ -187,14 +187,14 @@ fn a_beamformer_that_believes_another_speed_turns_its_beams() {
                 assert_near(&what, sounding.range.into(), expected, 0.05 + 2e-3 * expected);
             }
         }
-        assert_eq!(found.soundings.len(), 121);
+        assert_eq!(found.soundings().len(), 121);
     }
 }
 
 /// Depth errors, m: mean and standard deviation of the beams `which`, by where their axes meet the truth.
 fn depth_errors(ping: &Ping, which: impl Fn(f64) -> bool, truth: impl Fn(f64) -> f64, height: f64) -> [f64; 2] {
     let errors: Vec<f64> = ping
-        .soundings
+        .soundings()
         .iter()
         .filter_map(|sounding| {
             let angle = (60.0 - f64::from(sounding.beam)).to_radians();
@@ -212,7 +212,7 @@ fn depth_errors(ping: &Ping, which: impl Fn(f64) -> bool, truth: impl Fn(f64) ->
 fn soundings_lie_on_the_bottom() {
     let height = 20.0;
     let hear = |scene: &BuiltScene, more: &str, frame: u32| {
-        let options = ScanOptions { frame, ..options(water("")) };
+        let options = options(water("")).frame(frame);
         ping(scene, &swath(more), Pose::at(f64::from(frame), 0.0, height), &options)
     };
     let inner = |angle: f64| angle.abs() < 34.0;
@@ -227,7 +227,7 @@ fn soundings_lie_on_the_bottom() {
     // Without speckle; with it single depths scatter, but not their mean.
     for (name, scene, truth) in [("flat", &level, 0.0), ("tilted", &tilted, slope)] {
         let found = hear(scene, "", 0);
-        assert_eq!(found.soundings.len(), 121, "{name}");
+        assert_eq!(found.soundings().len(), 121, "{name}");
         for (which, tolerance) in [(&inner as &dyn Fn(f64) -> bool, [0.03, 0.04]), (&outer, [0.04, 0.08])] {
             let [mean, sigma] = depth_errors(&found, which, |y| truth * y, height);
             assert_near(&format!("{name}: mean error"), mean, 0.0, tolerance[0]);
@@ -261,8 +261,8 @@ fn soundings_lie_on_the_bottom() {
         assert_near(&format!("step to {side}"), mean, 0.0, 0.05);
         assert!(sigma < 0.1, "{sigma}");
     }
-    let cell = |beam: usize| found.soundings.iter().find(|s| s.beam as usize == beam).unwrap().cell as usize;
-    assert_eq!([30, 90].map(|beam| found.cells.category_id[cell(beam)]), [2, 1]);
+    let cell = |beam: usize| found.soundings().iter().find(|s| s.beam as usize == beam).unwrap().cell as usize;
+    assert_eq!([30, 90].map(|beam| found.cells().category_id()[cell(beam)]), [2, 1]);
 }
 
 /// Behind a wall of height `a` at a horizontal distance `x`, seen from `h`, there is nothing up to `x h / (h - a)`.
@@ -280,15 +280,15 @@ fn walls_throw_shadows() {
     let end = at * height / (height - wall);
     let (top, foot, back) = (slant(at, wall), slant(at, 0.0), slant(end, 0.0));
     assert!(top < foot && foot < back);
-    let c = &found.cells;
-    let layout = &found.layout;
+    let c = found.cells();
+    let layout = &found.layout().clone();
     let mut seen = [0; 4];
     for bin in 0..layout.bins {
         let (range, level) = (layout.range(bin), found.levels(0)[bin]);
-        let what = (c.cause[bin], c.category_id[bin]);
+        let what = (c.cause()[bin], c.category_id()[bin]);
         if range < height - 0.5 {
             assert_eq!(what, (7, 0), "water at {range} m");
-            assert!(level < 60.0 && c.true_range[bin].is_nan() && c.azimuth[bin].is_nan());
+            assert!(level < 60.0 && c.true_range()[bin].is_nan() && c.azimuth()[bin].is_nan());
             seen[0] += 1;
         } else if range > height + 0.3 && range < top - 0.3 {
             assert_eq!(what, (0, 1), "bottom at {range} m");
@@ -296,7 +296,7 @@ fn walls_throw_shadows() {
         } else if range > top + 0.1 && range < foot - 0.1 {
             // The wall faces the sonar, the bottom in front of it hardly.
             assert_eq!(what, (0, 2), "wall at {range} m");
-            assert_near("normal of the wall", c.normal_y[bin].into(), 1.0, 1e-4);
+            assert_near("normal of the wall", c.normal_y()[bin].into(), 1.0, 1e-4);
             seen[2] += 1;
         } else if range > foot + 0.5 && range < back - 0.5 {
             assert_eq!(what, (7, 0), "shadow at {range} m");
@@ -307,14 +307,15 @@ fn walls_throw_shadows() {
             assert_eq!(what, (0, 1), "bottom behind the shadow at {range} m");
         }
         if what.0 == 0 {
-            let place = DVec3::new(c.true_x[bin].into(), c.true_y[bin].into(), c.true_z[bin].into()) + found.origin;
+            let place =
+                DVec3::new(c.true_x()[bin].into(), c.true_y()[bin].into(), c.true_z()[bin].into()) + found.origin;
             let far = place.distance(DVec3::new(0.0, 0.0, height));
             assert_near("cell of a place", far, range, 0.03);
             let expected = if what.1 == 1 { place.z } else { place.y + at };
             assert_near("distance from the surface", expected, 0.0, 0.03);
             assert_near(
                 "grazing",
-                c.cos_incidence[bin].into(),
+                c.cos_incidence()[bin].into(),
                 if what.1 == 1 { height / far } else { at / far },
                 0.01,
             );
@@ -333,8 +334,8 @@ fn pings_of_a_dive_have_one_layout() {
     let options = options(Environment::from_yaml(water).unwrap());
     let mut pings = Pings::default();
     for frame in 0..3 {
-        let options = ScanOptions { frame, start_time: 5.0 * f64::from(frame), ..options.clone() };
+        let options = options.clone().frame(frame).start_time(5.0 * f64::from(frame));
         pings.push(flat(100.0).ping(&sidescan(""), &dive, &options).unwrap()).unwrap();
     }
-    assert_near("speed", pings.pings[2].layout.believed_speed, 1500.0 - 10.0 * 40.0 / 60.0, 1e-9);
+    assert_near("speed", pings.all()[2].layout().believed_speed, 1500.0 - 10.0 * 40.0 / 60.0, 1e-9);
 }

@@ -17,13 +17,13 @@ fn fan() -> Sensor {
 }
 
 fn place(cloud: &PointCloud, row: usize) -> DVec3 {
-    let c = &cloud.columns;
-    super::super::vector(&c.x, &c.y, &c.z, row)
+    let c = cloud.columns();
+    super::super::vector(c.x(), c.y(), c.z(), row)
 }
 
 fn truth(cloud: &PointCloud, row: usize) -> DVec3 {
-    let c = &cloud.columns;
-    super::super::vector(&c.true_x, &c.true_y, &c.true_z, row)
+    let c = cloud.columns();
+    super::super::vector(c.true_x(), c.true_y(), c.true_z(), row)
 }
 
 /// A pose with no component 0.
@@ -39,58 +39,62 @@ fn points_lie_along_their_direction_at_the_range_that_is_believed() {
     for sensor in [sidescan("acoustics.noise_level_db=60"), swath(), fan(), sonar("type: single_beam, beam_deg: 5", "")]
     {
         let world = scene.scan(&sensor, &trajectory, &believed).unwrap();
-        let own = ScanOptions { coordinates: Frame::Sensor, ..believed.clone() };
+        let own = believed.clone().coordinates(Frame::Sensor);
         let own = scene.scan(&sensor, &trajectory, &own).unwrap();
         let found = scene.ping(&sensor, &trajectory, &believed).unwrap();
-        assert!(world.len == own.len && world.len > 0);
+        assert!(world.len() == own.len() && !world.is_empty());
         if sensor.spec().pattern_is_depths() {
-            assert_eq!(world.len, found.soundings.len());
+            assert_eq!(world.len(), found.soundings().len());
         }
         let rotation = pose().rotation();
         let mut surfaces = 0;
-        for row in 0..world.len {
-            let c = &world.columns;
-            let (azimuth, elevation) = (f64::from(c.azimuth[row]), f64::from(c.elevation[row]));
+        for row in 0..world.len() {
+            let c = world.columns();
+            let (azimuth, elevation) = (f64::from(c.azimuth()[row]), f64::from(c.elevation()[row]));
             let direction =
                 DVec3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin());
-            let range = f64::from(c.range[row]);
+            let range = f64::from(c.range()[row]);
             assert!((place(&own, row) - direction * range).length() < 1e-4 * range);
             let apparent = pose().position + rotation * direction * range;
             assert!((place(&world, row) + world.origin - apparent).length() < 1e-3);
             assert!(
                 (rotation * truth(&own, row) + pose().position - truth(&world, row) - world.origin).length() < 1e-3
-                    || c.cause[row] == 7
+                    || c.cause()[row] == 7
             );
-            assert_near("depth", c.depth[row].into(), place(&own, row).x, 1e-4);
-            if c.cause[row] == 0 {
+            assert_near("depth", c.depth()[row].into(), place(&own, row).x, 1e-4);
+            if c.cause()[row] == 0 {
                 surfaces += 1;
                 // The truth is on the bottom, at the true range, and the report nearer by the assumed speed.
                 let there = truth(&world, row) + world.origin;
                 let far = there.distance(pose().position);
                 assert_near("truth", there.z, 0.0, 0.1);
-                assert_near("true range", c.true_range[row].into(), far, 0.1);
+                assert_near("true range", c.true_range()[row].into(), far, 0.1);
                 assert_near("a cell of it", range / far, 1450.0 / 1500.0, 5e-3);
-                let normal = super::super::vector(&c.normal_x, &c.normal_y, &c.normal_z, row);
+                let normal = super::super::vector(c.normal_x(), c.normal_y(), c.normal_z(), row);
                 assert!((normal - DVec3::Z).length() < 1e-5, "{normal}");
-                let turned =
-                    super::super::vector(&own.columns.normal_x, &own.columns.normal_y, &own.columns.normal_z, row);
+                let turned = super::super::vector(
+                    own.columns().normal_x(),
+                    own.columns().normal_y(),
+                    own.columns().normal_z(),
+                    row,
+                );
                 assert!((rotation * turned - DVec3::Z).length() < 1e-5, "{turned}");
-                assert_eq!([c.category_id[row], c.instance_id[row], c.first_category_id[row]], [1; 3]);
+                assert_eq!([c.category_id()[row], c.instance_id()[row], c.first_category_id()[row]], [1; 3]);
             }
-            assert_eq!((c.frame[row], c.firing[row], c.time[row]), (0, 0, 0.0));
+            assert_eq!((c.frame()[row], c.firing()[row], c.time()[row]), (0, 0, 0.0));
         }
-        assert!(surfaces * 2 > world.len, "{surfaces} of {}", world.len);
+        assert!(surfaces * 2 > world.len(), "{surfaces} of {}", world.len());
         // All columns are there.
         for info in FIELDS {
-            assert_eq!(world.column(info.field).len(), world.len, "{}", info.name);
+            assert_eq!(world.column(info.field).len(), world.len(), "{}", info.name);
         }
         // A cell's level is its point's.
-        for row in 0..world.len {
-            let cell = match found.soundings.iter().find(|s| s.beam == world.columns.beam[row]) {
+        for row in 0..world.len() {
+            let cell = match found.soundings().iter().find(|s| s.beam == world.columns().beam()[row]) {
                 Some(sounding) => sounding.cell,
-                None => world.columns.beam[row],
+                None => world.columns().beam()[row],
             };
-            assert_eq!(world.columns.intensity[row], found.cells.intensity[cell as usize]);
+            assert_eq!(world.columns().intensity()[row], found.cells().intensity()[cell as usize]);
         }
     }
 }
@@ -101,7 +105,7 @@ trait Depths {
 
 impl Depths for echocast::SensorSpec {
     fn pattern_is_depths(&self) -> bool {
-        use echocast::emitter::Pattern;
+        use echocast::emitter::pattern::Pattern;
         matches!(self.pattern, Pattern::Multibeam(_) | Pattern::SingleBeam(_))
     }
 }
@@ -113,12 +117,12 @@ fn organised_clouds_have_the_shape_of_the_sonar() {
     for (sensor, depths) in [(sidescan("acoustics.noise_level_db=60"), false), (swath(), true), (fan(), false)] {
         let options = options(water(""));
         let loose = scene.scan(&sensor, &trajectory, &options).unwrap();
-        let organised = scene.scan(&sensor, &trajectory, &ScanOptions { organised: true, ..options.clone() }).unwrap();
-        let layout = scene.ping(&sensor, &trajectory, &options).unwrap().layout;
+        let organised = scene.scan(&sensor, &trajectory, &options.clone().organised(true)).unwrap();
+        let layout = scene.ping(&sensor, &trajectory, &options).unwrap().layout().clone();
         let (beams, bins) = (layout.beams() as u32, layout.bins as u32);
-        assert_eq!(organised.organised, Some(if depths { [1, beams] } else { [beams, bins] }));
-        let rows: Vec<usize> = (0..organised.len).filter(|&row| !organised.columns.range[row].is_nan()).collect();
-        assert_eq!(rows.len(), loose.len);
+        assert_eq!(organised.organised(), Some(if depths { [1, beams] } else { [beams, bins] }));
+        let rows: Vec<usize> = (0..organised.len()).filter(|&row| !organised.columns().range()[row].is_nan()).collect();
+        assert_eq!(rows.len(), loose.len());
         for (at, &row) in rows.iter().enumerate() {
             for info in FIELDS {
                 let [a, b] =
@@ -126,14 +130,14 @@ fn organised_clouds_have_the_shape_of_the_sonar() {
                 assert!(a.to_bits() == b.to_bits(), "{}: {a} {b}", info.name);
             }
         }
-        let c = &organised.columns;
-        for row in (0..organised.len).filter(|row| !rows.contains(row)) {
-            assert!(c.x[row].is_nan() && c.intensity[row].is_nan() && c.true_x[row].is_nan());
-            assert_eq!((c.return_number[row], c.category_id[row], c.frame[row]), (0, 0, 0));
+        let c = organised.columns();
+        for row in (0..organised.len()).filter(|row| !rows.contains(row)) {
+            assert!(c.x()[row].is_nan() && c.intensity()[row].is_nan() && c.true_x()[row].is_nan());
+            assert_eq!((c.return_number()[row], c.category_id()[row], c.frame()[row]), (0, 0, 0));
         }
         // A depth is the only one of its beam, and a range bin is a separate beam.
-        let c = &loose.columns;
-        assert!(c.return_number.iter().chain(&c.return_count).all(|&number| number == 1));
+        let c = loose.columns();
+        assert!(c.return_number().iter().chain(c.return_count()).all(|&number| number == 1));
     }
 }
 
@@ -143,7 +147,7 @@ fn pings_are_heard_of_and_called_off() {
     let trajectory = Trajectory::fixed(Pose::at(0.0, 0.0, 20.0));
     let (sensor, options) = (swath(), options(water("")));
     for profile in [Profile::Physical, Profile::Paper] {
-        let options = ScanOptions { profile, ..options.clone() };
+        let options = options.clone().profile(profile);
         let mut cloud = PointCloud::default();
         let mut heard = Vec::new();
         // What is finished is kept.
@@ -152,10 +156,10 @@ fn pings_are_heard_of_and_called_off() {
             if part < 1.0 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
         };
         scene.scan_with_progress(&sensor, &trajectory, &options, &mut cloud, &mut hear).unwrap();
-        assert!(heard == [0.0, 1.0] && cloud.len > 0, "{heard:?} {}", cloud.len);
+        assert!(heard == [0.0, 1.0] && !cloud.is_empty(), "{heard:?} {}", cloud.len());
         let mut stop = |_: f64| ControlFlow::Break(());
         let error = scene.scan_with_progress(&sensor, &trajectory, &options, &mut cloud, &mut stop).unwrap_err();
-        assert!(matches!(error, Error::Cancelled) && cloud.len == 0);
+        assert!(matches!(error, Error::Cancelled) && cloud.is_empty());
     }
 }
 
@@ -166,13 +170,13 @@ fn columns_do_not_depend_on_which_are_asked_for() {
     for sensor in [swath(), sidescan("acoustics.noise_level_db=60")] {
         for coordinates in [Frame::World, Frame::Sensor] {
             let scan = |fields| {
-                let options = ScanOptions { fields, coordinates, ..options(water("")) };
+                let options = options(water("")).fields(fields).coordinates(coordinates);
                 scene.scan(&sensor, &trajectory, &options).unwrap()
             };
             let all = scan(FieldSet::all());
             for info in FIELDS {
                 let alone = scan(FieldSet::EMPTY.with(info.field));
-                assert_eq!(alone.len, all.len, "{}", info.name);
+                assert_eq!(alone.len(), all.len(), "{}", info.name);
                 assert!(alone.column(info.field).bytes() == all.column(info.field).bytes(), "{}", info.name);
             }
         }
@@ -218,7 +222,7 @@ fn what_makes_no_sense_is_refused() {
     let light = refused(&Sensor::preset("velodyne_vlp16").unwrap(), 20.0, &fine);
     assert!(light.contains("lidar") && light.contains("sonar"), "{light}");
     for profile in [Profile::Paper, Profile::Blainder] {
-        let paper = refused(&sidescan(""), 20.0, &ScanOptions { profile, ..fine.clone() });
+        let paper = refused(&sidescan(""), 20.0, &fine.clone().profile(profile));
         assert!(paper.starts_with("profile is ") && paper.contains("allowed: physical"), "{paper}");
     }
     let pose = refused(&sidescan(""), f64::NAN, &fine);
@@ -229,9 +233,4 @@ fn what_makes_no_sense_is_refused() {
     let fine_bins = sonar("type: single_beam, beam_deg: 2", "acoustics.bandwidth_khz=1 acoustics.bin_m=0.006");
     let fine_bins = refused(&fine_bins, 20.0, &fine);
     assert!(fine_bins.starts_with("acoustics.bin_m is 0.006 m; allowed: at least 0.0062"), "{fine_bins}");
-    // Columns are public; a cloud is not made from mismatched ones.
-    let mut short = ping(&scene, &sidescan(""), Pose::at(0.0, 0.0, 20.0), &fine);
-    short.cells.azimuth.pop();
-    let error = short.cloud(&fine).unwrap_err().to_string();
-    assert!(error.starts_with("ping is with ") && error.contains("rows of azimuth"), "{error}");
 }

@@ -44,13 +44,13 @@ struct Found {
 fn sound_out(sensor: &Sensor, bed: &Bed, pings: u32) -> Found {
     let mut found = Found::default();
     for frame in 0..pings {
-        let options = ScanOptions { frame, environment: water(""), ..ScanOptions::default().fields(FieldSet::all()) };
+        let options = ScanOptions::default().fields(FieldSet::all()).frame(frame).environment(water(""));
         let ping = ping(&bed.scene, sensor, Pose::at(1.7 * f64::from(frame), 0.0, HEIGHT), &options);
-        let mut depths = vec![None; ping.layout.beams()];
-        for sounding in &ping.soundings {
+        let mut depths = vec![None; ping.layout().beams()];
+        for sounding in ping.soundings() {
             depths[sounding.beam as usize] = Some(sounding);
         }
-        for (beam, ([azimuth, elevation], sounding)) in ping.layout.axes.iter().zip(depths).enumerate() {
+        for (beam, ([azimuth, elevation], sounding)) in ping.layout().axes.iter().zip(depths).enumerate() {
             let (azimuth, elevation) = (f64::from(*azimuth), f64::from(*elevation));
             let axis = DVec3::new(elevation.cos() * azimuth.cos(), elevation.cos() * azimuth.sin(), elevation.sin());
             let angle = axis.y.asin().to_degrees();
@@ -58,7 +58,7 @@ fn sound_out(sensor: &Sensor, bed: &Bed, pings: u32) -> Found {
                 continue;
             }
             let truth = bed.range(axis);
-            if truth > ping.layout.reach() {
+            if truth > ping.layout().reach() {
                 found.out_of_reach += 1;
                 if let Some(sounding) = sounding {
                     found.invented.push(format!("{angle:.1} deg: {:.2} m, beyond {truth:.2}", sounding.range));
@@ -71,7 +71,7 @@ fn sound_out(sensor: &Sensor, bed: &Bed, pings: u32) -> Found {
                 continue;
             };
             let error = (f64::from(sounding.range) - truth) * (axis.dot(bed.normal) / bed.normal.z);
-            let allowed = (0.005 * HEIGHT).max(3.0 * ping.layout.bin_m);
+            let allowed = (0.005 * HEIGHT).max(3.0 * ping.layout().bin_m);
             if error.abs() > allowed {
                 found.wrong.push(format!("beam {beam}, {angle:.1} deg: {error:.3} m, quality {:.2}", sounding.quality));
             }
@@ -126,33 +126,33 @@ fn depths_are_corrected_by_the_assumed_cast() {
                     {depth_m: 60, speed_m_s: 1488}]";
         let water = format!("water: {{surface_z_m: 50, absorption: none, wind_m_s: 0, profile: {{{cast}}}{assumed}}}");
         let environment = Environment::from_yaml(&water).unwrap();
-        let options = ScanOptions { environment, ..ScanOptions::default() }.fields(FieldSet::all());
+        let options = ScanOptions::default().environment(environment).fields(FieldSet::all());
         bed.scene.scan(&sensor, &Trajectory::fixed(Pose::at(3.0, -2.0, HEIGHT)), &options).unwrap()
     };
     let place = |cloud: &PointCloud, row: usize| {
-        let columns = &cloud.columns;
-        let corrected = [columns.corrected_x[row], columns.corrected_y[row], columns.corrected_z[row]];
+        let columns = cloud.columns();
+        let corrected = [columns.corrected_x()[row], columns.corrected_y()[row], columns.corrected_z()[row]];
         DVec3::from(corrected.map(f64::from)) + cloud.origin
     };
     let cloud = hear("");
     let mut straight: f64 = 0.0;
-    for row in 0..cloud.len {
+    for row in 0..cloud.len() {
         let corrected = place(&cloud, row);
         assert!(corrected.z.abs() < 0.1, "{row}: {corrected}");
-        assert!(cloud.columns.quality[row] > 0.0 && cloud.columns.quality[row] <= 1.0);
-        straight = straight.max((f64::from(cloud.columns.z[row]) + cloud.origin.z).abs());
+        assert!(cloud.columns().quality()[row] > 0.0 && cloud.columns().quality()[row] <= 1.0);
+        straight = straight.max((f64::from(cloud.columns().z()[row]) + cloud.origin.z).abs());
     }
     assert!(straight > 0.3, "{straight}");
     // In water of one speed: along the axis, as far as sound gets there.
     let cloud = hear(", assumed_profile: {constant: {speed_m_s: 1500}}");
     let speed = 1540.0 - 5.0 / 35.0 * 30.0;
-    for row in 0..cloud.len {
-        let columns = &cloud.columns;
-        let [azimuth, elevation] = [columns.azimuth[row], columns.elevation[row]].map(f64::from);
+    for row in 0..cloud.len() {
+        let columns = cloud.columns();
+        let [azimuth, elevation] = [columns.azimuth()[row], columns.elevation()[row]].map(f64::from);
         // By Snell's law from the water about the sonar, whose speed it knows.
         let level = elevation.cos() * 1500.0 / speed;
         let axis = DVec3::new(level * azimuth.cos(), level * azimuth.sin(), -(1.0 - level * level).sqrt());
-        let expected = DVec3::new(3.0, -2.0, HEIGHT) + axis * f64::from(columns.range[row]) * 1500.0 / speed;
+        let expected = DVec3::new(3.0, -2.0, HEIGHT) + axis * f64::from(columns.range()[row]) * 1500.0 / speed;
         assert!(place(&cloud, row).distance(expected) < 1e-3, "{row}: {} {expected}", place(&cloud, row));
     }
 }

@@ -16,7 +16,7 @@ fn powers(scene: &BuiltScene, sensor: &Sensor, count: u32) -> Vec<f64> {
     for number in 0..count {
         let found = ping(scene, sensor, Pose::at(0.8 * f64::from(number) - 40.0, 0.0, 20.0), &options);
         // From 25 m on: the bottom.
-        let cells = (1000..found.layout.bins - 40).step_by(8);
+        let cells = (1000..found.layout().bins - 40).step_by(8);
         powers.extend(cells.map(|bin| power(f64::from(found.levels(0)[bin]) - f64::from(means.levels(0)[bin]))));
     }
     powers
@@ -140,7 +140,7 @@ fn correlation(scene: &BuiltScene, sensor: &Sensor, poses: impl IntoIterator<Ite
         let means = means.get_or_insert_with(|| ping(scene, &plain, poses[0], &options));
         let [here, there] = poses.map(|pose| ping(scene, sensor, pose, &options));
         let over = |ping: &Ping, bin: usize| power(f64::from(ping.levels(0)[bin]) - f64::from(means.levels(0)[bin]));
-        let cells = (1000..here.layout.bins - 40).step_by(4);
+        let cells = (1000..here.layout().bins - 40).step_by(4);
         pairs.extend(cells.map(|bin| [over(&here, bin), over(&there, bin)]));
     }
     let means = [0, 1].map(|of| mean(pairs.iter().map(|pair| pair[of])));
@@ -257,7 +257,7 @@ fn speckle_is_frozen_to_the_bottom() {
     let scene = flat(100.0);
     let pose = Pose::at(3.0, 1.0, 20.0).with_rpy_deg(1.0, 2.0, 33.0);
     let hear = |sensor: &Sensor, seed: u64, frame: u32| {
-        ping(&scene, sensor, pose, &ScanOptions { seed, frame, ..options(water("")) })
+        ping(&scene, sensor, pose, &options(water("")).seed(seed).frame(frame))
     };
     let bits = |ping: &Ping| -> Vec<u32> { ping.levels(0).iter().map(|level| level.to_bits()).collect() };
     // With and without audible noise.

@@ -127,7 +127,7 @@ def summarised(done: dict[str, Any]) -> str:
         f"{done['points']:,} points"
     ]
     if done["found"]:
-        lines.append(f"  {done['found']} already existed")
+        lines.append(f"  {done['found']} were there")
     lines += [f"  sample {sample} has failed: {error}" for sample, error in done["failed"][:10]]
     lines.append(f"  {done['folder']}: {'complete, see report.html' if done['complete'] else 'not complete yet'}")
     return "\n".join(lines)

@@ -75,8 +75,8 @@ def run(
         known = _plan.noted(store, sizes)
         there = {sample for sample in wanted if sample in known and _plan.complete(known[sample], sizes)}
         if there and not resume:
-            found = f"{store.name}, which already holds {len(there)} of these samples"
-            raise ec.ArgumentError(f"set.folder is {found}; allowed: another folder, or --resume to continue the set")
+            found = f"{store.name}, in which {len(there)} of these samples are"
+            raise ec.ArgumentError(f"set.folder is {found}; allowed: another folder, or to go on with the set (--resume)")
         _write(store, ORIGIN, origin)
         missing = [sample for sample in wanted if sample not in there]
         tasks = _plan.tasks(missing, workers, chunk)
@@ -177,9 +177,9 @@ class Crew:
                     lost += task
                     reason = error
         if lost:
-            one, several = "1 of these samples was not made", f"{len(lost)} of these samples were not made"
+            one, several = "1 of these samples is not made", f"{len(lost)} of these samples are not made"
             raise ec.Error(
-                f"{one if len(lost) == 1 else several}, the first is {min(lost)}: {TRIES} workers died while making them, the "
+                f"{one if len(lost) == 1 else several}, the first is {min(lost)}: {TRIES} workers have died of them, the "
                 f"last one: {_line(reason)}; allowed: another try (--resume), with more memory or smaller scenes"
             )
 

@@ -52,8 +52,8 @@ class Worker:
         """Makes the samples of a range, `task`, of the set that `origin` identifies and that begins with `first`. Returns
         `task`, the number of samples made, the failures, the number of points, and warnings with their number of samples."""
         if not self.sees and self.store.find(ORIGIN) != origin:
-            allowed = "allowed: a folder shared by all machines, or a bucket"
-            raise self._told(ec.FileError(f"{self.store.name} does not hold the set being made; {allowed}"))
+            allowed = "allowed: a folder that all machines share, or a bucket"
+            raise self._told(ec.FileError(f"{self.store.name} does not hold the set that is made; {allowed}"))
         self.sees = True
         with tempfile.TemporaryDirectory(prefix="echocast-") as folder:
             try:
@@ -109,7 +109,7 @@ class Worker:
         """`error` with the name of this machine, for users of another one."""
         text = f"worker on {platform.node()}: {error}"
         if isinstance(error, FileNotFoundError):
-            text += "; allowed: files on a file system shared by all machines, or in the folder that Ray ships"
+            text += "; allowed: files on a file system that all machines share, or in the folder that Ray ships"
         return type(error)(text)
 
 

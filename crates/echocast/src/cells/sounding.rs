@@ -3,7 +3,8 @@
 use glam::Vec3;
 
 /// An echo that a sonar reports as the depth of a beam.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Sounding {
     /// Beam that received it.
     pub beam: u32,

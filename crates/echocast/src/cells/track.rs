@@ -5,6 +5,7 @@ use glam::Vec3;
 
 /// The velocity of a Doppler velocity log relative to the bottom, or to a layer of water, from one ping.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Track {
     /// Measured rate of the range along each beam, m/s: negative where sonar and scatterers approach each other; NaN:
     /// the beam has none.

@@ -5,7 +5,8 @@ use crate::ground::pose::Pose;
 use glam::DVec3;
 
 /// The box around a labelled instance as it is during a scan, see [`BoxTime`].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct InstanceBox {
     /// Frame index of the scan.
     pub frame: u32,
@@ -40,6 +41,7 @@ pub struct InstanceBox {
 
 /// The time for which boxes are valid.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum BoxTime {
     /// Each when its object is scanned: the mean time of the points on it; if a revolution meets the object both at its
     /// beginning and at its end, the mean time of the points at the end that has more of them; without points, the
@@ -56,6 +58,7 @@ named! { BoxTime: Scan "scan", Start "start", End "end" }
 
 /// The axes with which boxes are aligned.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum BoxAxes {
     /// Those of each object, z up as modelled: its x axis, and the component of its z axis perpendicular to that. For a
     /// mesh with a skeleton, they rotate with the root of the skeleton.

@@ -128,8 +128,31 @@ macro_rules! element {
 }
 element! { f32, F32, f32::NAN; f64, F64, f64::NAN; u8, U8, 0; u16, U16, 0; u32, U32, 0; }
 
+/// What the values of a column come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum FieldSource {
+    /// The beam, whether it has a return or not.
+    Beam,
+    /// A return: what the instrument measures, and how it came about.
+    Return,
+    /// The surface that returned it: the truth.
+    Surface,
+    /// The motion of that surface and of the sensor.
+    Motion,
+    /// An instrument that measures radial velocities.
+    Doppler,
+    /// A sonar that measures depths.
+    Sounding,
+    /// A Doppler velocity log: its velocity over ground.
+    BottomTrack,
+    /// A Doppler velocity log: its velocity through a layer of water.
+    WaterTrack,
+}
+
 /// One row of the table of columns.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct FieldInfo {
     /// The column it describes.
     pub field: Field,
@@ -137,6 +160,8 @@ pub struct FieldInfo {
     pub name: &'static str,
     /// Element type.
     pub kind: ColumnType,
+    /// What its values come from; where that is absent, they are NaN, or 0 for integers.
+    pub source: FieldSource,
     /// SI unit, `1` for ratios, empty for counts and ids.
     pub unit: &'static str,
     /// Whether it is computed and written by default.
@@ -148,10 +173,11 @@ pub struct FieldInfo {
 }
 
 macro_rules! columns {
-    ($( $name:ident, $variant:ident, $t:ty, $unit:literal, $default:literal, $las:expr, $meaning:literal; )*) => {
+    ($( $name:ident, $variant:ident, $t:ty, $source:ident, $unit:literal, $default:literal, $las:expr, $meaning:literal; )*) => {
         /// A point-cloud column.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
         #[repr(u8)]
+        #[non_exhaustive]
         pub enum Field { $( #[doc = $meaning] $variant ),* }
 
         /// The table of columns, in the order formats write them.
@@ -159,6 +185,7 @@ macro_rules! columns {
             field: Field::$variant,
             name: stringify!($name),
             kind: <$t as Element>::TYPE,
+            source: FieldSource::$source,
             unit: $unit,
             default: $default,
             las: $las,
@@ -167,9 +194,16 @@ macro_rules! columns {
 
         /// The columns of a cloud; one that was not requested is empty.
         #[derive(Clone, Debug, Default, PartialEq)]
-        pub struct Columns { $( #[doc = $meaning] pub $name: Vec<$t> ),* }
+        pub struct Columns { $( pub(crate) $name: Vec<$t> ),* }
 
         impl Columns {
+            $(
+                #[doc = $meaning]
+                pub fn $name(&self) -> &[$t] {
+                    &self.$name
+                }
+            )*
+
             /// Column `field`; empty when it was not computed.
             pub fn get(&self, field: Field) -> Column<'_> {
                 match field { $( Field::$variant => <$t as Element>::column(&self.$name) ),* }
@@ -234,6 +268,13 @@ macro_rules! columns {
                 Ok(())
             }
 
+            /// Starts row `row`, in which nothing is known yet.
+            pub(crate) fn start_row(&mut self, row: usize) {
+                $( if let Some(place) = self.$name.get_mut(row) {
+                    *place = <$t as Element>::MISS;
+                } )*
+            }
+
             /// Appends the rows of `other`, which must hold the same columns.
             pub(crate) fn append(&mut self, other: &Columns) {
                 $( self.$name.extend_from_slice(&other.$name); )*
@@ -263,8 +304,9 @@ macro_rules! columns {
         }
 
         /// Mutable rows of a cloud's columns; a column that was not requested is empty.
-        #[derive(Default)]
-        pub(crate) struct Slices<'a> { $( pub $name: &'a mut [$t] ),* }
+        #[derive(Debug, Default)]
+        #[non_exhaustive]
+        pub struct Slices<'a> { $( #[doc = $meaning] pub $name: &'a mut [$t] ),* }
 
         impl<'a> Slices<'a> {
             /// The first `count` rows, and the rest.
@@ -284,6 +326,13 @@ macro_rules! columns {
                     (part, rest) = std::mem::take(&mut rest).split_at(count);
                     part
                 })
+            }
+
+            /// Fills the first `count` rows of the columns that come from `sources`, which are absent.
+            pub(crate) fn fill_absent(&mut self, sources: &[FieldSource], count: usize) {
+                $( if !self.$name.is_empty() && sources.contains(&FieldSource::$source) {
+                    self.$name[..count].fill(<$t as Element>::MISS);
+                } )*
             }
 
             /// Whether any of these columns is present.
@@ -320,64 +369,64 @@ macro_rules! put {
 pub(crate) use put;
 
 columns! {
-    // name, variant, type, unit, default, LAS dimension, meaning: up to a comma, colon or parenthesis it is, with the
+    // name, variant, type, source, unit, default, LAS dimension, meaning: up to a comma, colon or parenthesis it is, with the
     // unit, the description of an extra dimension in LAS, 31 bytes
-    x, X, f32, "m", true, Some("X"), "measured position, relative to the cloud's origin";
-    y, Y, f32, "m", true, Some("Y"), "measured position, relative to the cloud's origin";
-    z, Z, f32, "m", true, Some("Z"), "measured position, relative to the cloud's origin";
-    range, Range, f32, "m", true, None, "measured slant range";
-    intensity, Intensity, f32, "1", true, Some("intensity"), "reported intensity: 0..1, or 0..255 for 8-bit encodings; for sonars the echo level in dB";
-    category_id, CategoryId, u32, "", true, None, "semantic class, 0 = unlabelled";
-    part_id, PartId, u32, "", true, None, "part of the object, 0 = unlabelled";
-    instance_id, InstanceId, u32, "", true, None, "individual object, 0 = unlabelled";
-    material_id, MaterialId, u32, "", false, None, "material of the surface, 0 = none";
-    return_number, ReturnNumber, u8, "", true, Some("return_number"), "which return of its beam, from 1";
-    return_count, ReturnCount, u8, "", true, Some("number_of_returns"), "how many returns the beam has";
-    channel, Channel, u16, "", true, None, "emitter index, the id of the laser; for sonars the beam";
-    ring, Ring, u16, "", true, None, "ring number, as the manufacturer's driver counts: by rising elevation (Velodyne, RoboSense, and unknown manufacturers), from the top (Ouster), by channel (Hesai, Livox); for sonars the beam, not a default column";
-    time, Time, f64, "s", true, Some("gps_time"), "time of the firing since the start of the run";
-    frame, Frame, u32, "", false, None, "frame index";
-    beam, Beam, u32, "", false, None, "index of the beam in its frame: row * columns + column; for side-scan and imaging sonars, whose range bins are points, beam * bins + bin";
-    firing, Firing, u32, "", false, None, "index of the emission event: column of a spinning sensor, ping of a sonar";
-    azimuth, Azimuth, f32, "rad", false, None, "reported azimuth, in the sensor frame, counter-clockwise from x";
-    elevation, Elevation, f32, "rad", false, None, "reported elevation, in the sensor frame, up from the xy plane";
-    red, Red, u8, "", true, Some("red"), "base colour of the surface, sRGB";
-    green, Green, u8, "", true, Some("green"), "base colour of the surface, sRGB";
-    blue, Blue, u8, "", true, Some("blue"), "base colour of the surface, sRGB";
-    normal_x, NormalX, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame; NaN where there is no surface";
-    normal_y, NormalY, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame; NaN where there is no surface";
-    normal_z, NormalZ, f32, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame; NaN where there is no surface";
-    cos_incidence, CosIncidence, f32, "1", false, None, "cosine of incidence angle, 1 = head-on; NaN where there is no surface";
-    depth, Depth, f32, "m", false, None, "distance along x, measured, in the sensor frame";
-    true_x, TrueX, f32, "m", false, None, "position without errors, relative to the cloud's origin; for sonars NaN where nothing scatters";
-    true_y, TrueY, f32, "m", false, None, "position without errors, relative to the cloud's origin; for sonars NaN where nothing scatters";
-    true_z, TrueZ, f32, "m", false, None, "position without errors, relative to the cloud's origin; for sonars NaN where nothing scatters";
-    true_range, TrueRange, f32, "m", false, None, "slant range without errors; for sonars NaN where nothing scatters";
-    cause, Cause, u8, "", false, None, "why the point is there: 0 surface, 1 seen in a mirror, 2 seen through glass, 3 rain, 4 fog, 5 snow, 6 dust, 7 noise (false alarm), 8 mixed (edge), 9 multipath, 10 sea surface";
-    bounces, Bounces, u8, "", false, None, "specular events on the path";
-    first_category_id, FirstCategoryId, u32, "", false, None, "category of the first surface: the mirror or pane that the beam meets, if any";
-    first_instance_id, FirstInstanceId, u32, "", false, None, "instance of the first surface: as for first_category_id";
-    velocity_x, VelocityX, f32, "m/s", false, None, "velocity of the point: of the surface there, in world coordinates; of its image where it is seen in a mirror; for sonars that of the strongest scatterer, NaN where there is none";
-    velocity_y, VelocityY, f32, "m/s", false, None, "velocity of the point: of the surface there, in world coordinates; of its image where it is seen in a mirror; for sonars that of the strongest scatterer, NaN where there is none";
-    velocity_z, VelocityZ, f32, "m/s", false, None, "velocity of the point: of the surface there, in world coordinates; of its image where it is seen in a mirror; for sonars that of the strongest scatterer, NaN where there is none";
-    radial_velocity, RadialVelocity, f32, "m/s", false, None, "rate of the true range: negative where point and sensor approach each other; for sonars that of the strongest scatterer, NaN where there is none";
-    flow_x, FlowX, f32, "m", false, None, "scene flow: position of the surface point one frame later minus its position now, in world coordinates; for sonars that of the strongest scatterer, NaN where there is none";
-    flow_y, FlowY, f32, "m", false, None, "scene flow: position of the surface point one frame later minus its position now, in world coordinates; for sonars that of the strongest scatterer, NaN where there is none";
-    flow_z, FlowZ, f32, "m", false, None, "scene flow: position of the surface point one frame later minus its position now, in world coordinates; for sonars that of the strongest scatterer, NaN where there is none";
-    track_id, TrackId, u32, "", false, None, "object over all frames, 0 = unlabelled";
-    doppler, Doppler, f32, "m/s", false, None, "measured radial velocity: negative where point and sensor approach each other, NaN where the instrument measures none; for Doppler velocity logs that of the bottom along the beam; a default column of sensors that measure it";
-    quality, Quality, f32, "1", false, None, "confidence in a sounding: 0 to 1, 0.5 for a standard error of the range of 0.25 %; NaN for other points; a default column of swath and single-beam sonars";
-    corrected_x, CorrectedX, f32, "m", false, None, "ray-traced sounding: position by the refracted ray through the assumed sound-speed profile, relative to the cloud's origin; NaN for other points; a default column of swath and single-beam sonars";
-    corrected_y, CorrectedY, f32, "m", false, None, "ray-traced sounding: position by the refracted ray through the assumed sound-speed profile, relative to the cloud's origin; NaN for other points; a default column of swath and single-beam sonars";
-    corrected_z, CorrectedZ, f32, "m", false, None, "ray-traced sounding: position by the refracted ray through the assumed sound-speed profile, relative to the cloud's origin; NaN for other points; a default column of swath and single-beam sonars";
-    bottom_track_x, BottomTrackX, f32, "m/s", false, None, "velocity over ground: of the sonar relative to the bottom, in its own frame, as a Doppler velocity log measures it with the ping; NaN with fewer than three beams that meet the bottom, and for other sensors; a default column of Doppler velocity logs";
-    bottom_track_y, BottomTrackY, f32, "m/s", false, None, "velocity over ground: of the sonar relative to the bottom, in its own frame, as a Doppler velocity log measures it with the ping; NaN with fewer than three beams that meet the bottom, and for other sensors; a default column of Doppler velocity logs";
-    bottom_track_z, BottomTrackZ, f32, "m/s", false, None, "velocity over ground: of the sonar relative to the bottom, in its own frame, as a Doppler velocity log measures it with the ping; NaN with fewer than three beams that meet the bottom, and for other sensors; a default column of Doppler velocity logs";
-    bottom_track_error, BottomTrackError, f32, "m/s", false, None, "ground error velocity: disagreement of the four beams; NaN with three, and for other sensors; a default column of Doppler velocity logs";
-    water_track_x, WaterTrackX, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, in its own frame, NaN where none is tracked; a default column of logs that track one";
-    water_track_y, WaterTrackY, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, in its own frame, NaN where none is tracked; a default column of logs that track one";
-    water_track_z, WaterTrackZ, f32, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, in its own frame, NaN where none is tracked; a default column of logs that track one";
-    water_track_error, WaterTrackError, f32, "m/s", false, None, "water error velocity: disagreement of the four beams, NaN with three or none; a default column of logs that track one";
+    x, X, f32, Return, "m", true, Some("X"), "measured position, relative to the cloud's origin";
+    y, Y, f32, Return, "m", true, Some("Y"), "measured position, relative to the cloud's origin";
+    z, Z, f32, Return, "m", true, Some("Z"), "measured position, relative to the cloud's origin";
+    range, Range, f32, Return, "m", true, None, "measured slant range";
+    intensity, Intensity, f32, Return, "1", true, Some("intensity"), "reported intensity: 0..1, or 0..255 for 8-bit encodings; for sonars the echo level in dB";
+    category_id, CategoryId, u32, Surface, "", true, None, "semantic class, 0 = unlabelled";
+    part_id, PartId, u32, Surface, "", true, None, "part of the object, 0 = unlabelled";
+    instance_id, InstanceId, u32, Surface, "", true, None, "individual object, 0 = unlabelled";
+    material_id, MaterialId, u32, Surface, "", false, None, "material of the surface, 0 = none";
+    return_number, ReturnNumber, u8, Return, "", true, Some("return_number"), "which return of its beam, from 1";
+    return_count, ReturnCount, u8, Return, "", true, Some("number_of_returns"), "how many returns the beam has";
+    channel, Channel, u16, Beam, "", true, None, "emitter index, the id of the laser; for sonars the beam";
+    ring, Ring, u16, Beam, "", true, None, "ring number, as the manufacturer's driver counts: by rising elevation (Velodyne, RoboSense, and unknown manufacturers), from the top (Ouster), by channel (Hesai, Livox); for sonars the beam, not a default column";
+    time, Time, f64, Beam, "s", true, Some("gps_time"), "time of the firing since the start of the run";
+    frame, Frame, u32, Beam, "", false, None, "frame index";
+    beam, Beam, u32, Beam, "", false, None, "index of the beam in its frame: row * columns + column; for side-scan and imaging sonars, whose range bins are points, beam * bins + bin";
+    firing, Firing, u32, Beam, "", false, None, "index of the emission event: column of a spinning sensor, ping of a sonar";
+    azimuth, Azimuth, f32, Beam, "rad", false, None, "reported azimuth, in the sensor frame, counter-clockwise from x";
+    elevation, Elevation, f32, Beam, "rad", false, None, "reported elevation, in the sensor frame, up from the xy plane";
+    red, Red, u8, Surface, "", true, Some("red"), "base colour of the surface, sRGB";
+    green, Green, u8, Surface, "", true, Some("green"), "base colour of the surface, sRGB";
+    blue, Blue, u8, Surface, "", true, Some("blue"), "base colour of the surface, sRGB";
+    normal_x, NormalX, f32, Surface, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame; NaN where there is no surface";
+    normal_y, NormalY, f32, Surface, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame; NaN where there is no surface";
+    normal_z, NormalZ, f32, Surface, "1", false, None, "unit surface normal, on the sensor's side, in the cloud's frame; NaN where there is no surface";
+    cos_incidence, CosIncidence, f32, Surface, "1", false, None, "cosine of incidence angle, 1 = head-on; NaN where there is no surface";
+    depth, Depth, f32, Return, "m", false, None, "distance along x, measured, in the sensor frame";
+    true_x, TrueX, f32, Surface, "m", false, None, "position without errors, relative to the cloud's origin; for sonars NaN where nothing scatters";
+    true_y, TrueY, f32, Surface, "m", false, None, "position without errors, relative to the cloud's origin; for sonars NaN where nothing scatters";
+    true_z, TrueZ, f32, Surface, "m", false, None, "position without errors, relative to the cloud's origin; for sonars NaN where nothing scatters";
+    true_range, TrueRange, f32, Surface, "m", false, None, "slant range without errors; for sonars NaN where nothing scatters";
+    cause, Cause, u8, Return, "", false, None, "why the point is there: 0 surface, 1 seen in a mirror, 2 seen through glass, 3 rain, 4 fog, 5 snow, 6 dust, 7 noise (false alarm), 8 mixed (edge), 9 multipath, 10 sea surface";
+    bounces, Bounces, u8, Return, "", false, None, "specular events on the path";
+    first_category_id, FirstCategoryId, u32, Surface, "", false, None, "category of the first surface: the mirror or pane that the beam meets, if any";
+    first_instance_id, FirstInstanceId, u32, Surface, "", false, None, "instance of the first surface: as for first_category_id";
+    velocity_x, VelocityX, f32, Motion, "m/s", false, None, "velocity of the point: of the surface there, in world coordinates; of its image where it is seen in a mirror; for sonars that of the strongest scatterer, NaN where there is none";
+    velocity_y, VelocityY, f32, Motion, "m/s", false, None, "velocity of the point: of the surface there, in world coordinates; of its image where it is seen in a mirror; for sonars that of the strongest scatterer, NaN where there is none";
+    velocity_z, VelocityZ, f32, Motion, "m/s", false, None, "velocity of the point: of the surface there, in world coordinates; of its image where it is seen in a mirror; for sonars that of the strongest scatterer, NaN where there is none";
+    radial_velocity, RadialVelocity, f32, Motion, "m/s", false, None, "rate of the true range: negative where point and sensor approach each other; for sonars that of the strongest scatterer, NaN where there is none";
+    flow_x, FlowX, f32, Motion, "m", false, None, "scene flow: position of the surface point one frame later minus its position now, in world coordinates; for sonars that of the strongest scatterer, NaN where there is none";
+    flow_y, FlowY, f32, Motion, "m", false, None, "scene flow: position of the surface point one frame later minus its position now, in world coordinates; for sonars that of the strongest scatterer, NaN where there is none";
+    flow_z, FlowZ, f32, Motion, "m", false, None, "scene flow: position of the surface point one frame later minus its position now, in world coordinates; for sonars that of the strongest scatterer, NaN where there is none";
+    track_id, TrackId, u32, Surface, "", false, None, "object over all frames, 0 = unlabelled";
+    doppler, Doppler, f32, Doppler, "m/s", false, None, "measured radial velocity: negative where point and sensor approach each other, NaN where the instrument measures none; for Doppler velocity logs that of the bottom along the beam; a default column of sensors that measure it";
+    quality, Quality, f32, Sounding, "1", false, None, "confidence in a sounding: 0 to 1, 0.5 for a standard error of the range of 0.25 %; NaN for other points; a default column of swath and single-beam sonars";
+    corrected_x, CorrectedX, f32, Sounding, "m", false, None, "ray-traced sounding: position by the refracted ray through the assumed sound-speed profile, relative to the cloud's origin; NaN for other points; a default column of swath and single-beam sonars";
+    corrected_y, CorrectedY, f32, Sounding, "m", false, None, "ray-traced sounding: position by the refracted ray through the assumed sound-speed profile, relative to the cloud's origin; NaN for other points; a default column of swath and single-beam sonars";
+    corrected_z, CorrectedZ, f32, Sounding, "m", false, None, "ray-traced sounding: position by the refracted ray through the assumed sound-speed profile, relative to the cloud's origin; NaN for other points; a default column of swath and single-beam sonars";
+    bottom_track_x, BottomTrackX, f32, BottomTrack, "m/s", false, None, "velocity over ground: of the sonar relative to the bottom, in its own frame, as a Doppler velocity log measures it with the ping; NaN with fewer than three beams that meet the bottom, and for other sensors; a default column of Doppler velocity logs";
+    bottom_track_y, BottomTrackY, f32, BottomTrack, "m/s", false, None, "velocity over ground: of the sonar relative to the bottom, in its own frame, as a Doppler velocity log measures it with the ping; NaN with fewer than three beams that meet the bottom, and for other sensors; a default column of Doppler velocity logs";
+    bottom_track_z, BottomTrackZ, f32, BottomTrack, "m/s", false, None, "velocity over ground: of the sonar relative to the bottom, in its own frame, as a Doppler velocity log measures it with the ping; NaN with fewer than three beams that meet the bottom, and for other sensors; a default column of Doppler velocity logs";
+    bottom_track_error, BottomTrackError, f32, BottomTrack, "m/s", false, None, "ground error velocity: disagreement of the four beams; NaN with three, and for other sensors; a default column of Doppler velocity logs";
+    water_track_x, WaterTrackX, f32, WaterTrack, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, in its own frame, NaN where none is tracked; a default column of logs that track one";
+    water_track_y, WaterTrackY, f32, WaterTrack, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, in its own frame, NaN where none is tracked; a default column of logs that track one";
+    water_track_z, WaterTrackZ, f32, WaterTrack, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, in its own frame, NaN where none is tracked; a default column of logs that track one";
+    water_track_error, WaterTrackError, f32, WaterTrack, "m/s", false, None, "water error velocity: disagreement of the four beams, NaN with three or none; a default column of logs that track one";
 }
 
 impl Field {
@@ -404,27 +453,6 @@ pub(crate) const VELOCITY: [Field; 3] = [Field::VelocityX, Field::VelocityY, Fie
 
 /// The columns that `flow` stands for.
 pub(crate) const FLOW: [Field; 3] = [Field::FlowX, Field::FlowY, Field::FlowZ];
-
-/// Columns that only soundings have.
-pub(crate) const SOUNDING: [Field; 4] = [Field::Quality, Field::CorrectedX, Field::CorrectedY, Field::CorrectedZ];
-
-/// Columns that only Doppler velocity logs have: of the bottom, and of a layer of water.
-pub(crate) const BOTTOM_TRACK: [Field; 4] =
-    [Field::BottomTrackX, Field::BottomTrackY, Field::BottomTrackZ, Field::BottomTrackError];
-pub(crate) const WATER_TRACK: [Field; 4] =
-    [Field::WaterTrackX, Field::WaterTrackY, Field::WaterTrackZ, Field::WaterTrackError];
-
-/// Columns that depend on motion.
-pub(crate) const MOVING: [Field; 8] = [
-    Field::VelocityX,
-    Field::VelocityY,
-    Field::VelocityZ,
-    Field::RadialVelocity,
-    Field::FlowX,
-    Field::FlowY,
-    Field::FlowZ,
-    Field::Doppler,
-];
 
 /// A set of columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -471,6 +499,16 @@ impl FieldSet {
             ));
         }
         Ok(set)
+    }
+
+    /// The columns whose values come from `source`.
+    pub(crate) fn from_source(source: FieldSource) -> FieldSet {
+        FIELDS.iter().filter(|info| info.source == source).map(|info| info.field).collect()
+    }
+
+    /// Whether any column depends on motion.
+    pub(crate) fn has_motion(self) -> bool {
+        self.iter().any(|info| matches!(info.source, FieldSource::Motion | FieldSource::Doppler))
     }
 
     /// This set and `field`.

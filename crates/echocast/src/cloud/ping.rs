@@ -1,7 +1,7 @@
 //! What a sonar records: pings of beams and range bins.
 
 use crate::cells::{Layout, Sounding, Track};
-use crate::cloud::{Column, Columns, Field, FieldSet};
+use crate::cloud::{Column, Columns, Field, FieldSet, Slices};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use crate::scene::Labels;
@@ -81,7 +81,7 @@ impl fmt::Debug for Spare {
     }
 }
 
-/// One ping: beams x bins cells, row `beam * bins + bin`.
+/// One ping: beams x bins cells, row [`Layout::cell`]; a cube with one more axis where these are resolved by Doppler.
 #[derive(Clone, Debug, Default)]
 pub struct Ping {
     /// Number of the ping.
@@ -90,16 +90,14 @@ pub struct Ping {
     pub time: f64,
     /// Where the sonar was then: `world_from_sensor`.
     pub pose: Pose,
-    /// What it has in common with other pings of its sonar.
-    pub layout: Arc<Layout>,
+    pub(crate) layout: Arc<Layout>,
     /// World position of `true_x`, `true_y`, `true_z` 0, metres.
     pub origin: DVec3,
-    /// One row per cell; columns that were not requested are empty.
-    pub cells: Columns,
-    /// Which columns are present.
-    pub fields: FieldSet,
-    /// The depths that beams report; empty for side-scan and imaging sonars, whose points are their cells.
-    pub soundings: Vec<Sounding>,
+    /// Each is empty or has a row for each cell of the layout.
+    pub(crate) cells: Columns,
+    pub(crate) fields: FieldSet,
+    /// Of beams and cells of the layout.
+    pub(crate) soundings: Vec<Sounding>,
     /// Its velocity relative to the bottom; `None`: the sonar is not a Doppler velocity log.
     pub bottom_track: Option<Track>,
     /// Its velocity relative to a layer of water; `None`: it tracks none.
@@ -110,13 +108,63 @@ pub struct Ping {
 }
 
 impl Ping {
+    /// A ping of zeros with this layout and the columns `fields`, for pings from elsewhere: [`Ping::cells_mut`] fills it.
+    ///
+    /// # Errors
+    /// A layout without cells, with numbers that are not finite, or columns that are not as long as it has bins; no
+    /// memory.
+    pub fn new(layout: Arc<Layout>, fields: FieldSet) -> Result<Ping> {
+        layout.check()?;
+        let mut ping = Ping { layout, fields, ..Ping::default() };
+        ping.cells.resize(fields, ping.layout.cells())?;
+        Ok(ping)
+    }
+
+    /// What it has in common with other pings of its sonar.
+    pub fn layout(&self) -> &Arc<Layout> {
+        &self.layout
+    }
+
+    /// One row per cell; columns that were not requested are empty.
+    pub fn cells(&self) -> &Columns {
+        &self.cells
+    }
+
+    /// Which columns are present.
+    pub fn fields(&self) -> FieldSet {
+        self.fields
+    }
+
+    /// The depths that beams report; empty for side-scan and imaging sonars, whose points are their cells.
+    pub fn soundings(&self) -> &[Sounding] {
+        &self.soundings
+    }
+
+    /// The cells, to change values in place.
+    pub fn cells_mut(&mut self) -> Slices<'_> {
+        self.cells.slices(0, self.layout.cells())
+    }
+
+    /// Replaces the soundings.
+    ///
+    /// # Errors
+    /// A sounding of a beam or cell that the ping does not have.
+    pub fn set_soundings(&mut self, soundings: Vec<Sounding>) -> Result<()> {
+        let (beams, cells) = (self.layout.beams(), self.layout.cells());
+        if soundings.iter().any(|sounding| sounding.beam as usize >= beams || sounding.cell as usize >= cells) {
+            let found = "with a sounding of a beam or cell that it does not have";
+            return Err(Error::invalid("ping", found, format!("{beams} beams and {cells} cells")));
+        }
+        self.soundings = soundings;
+        Ok(())
+    }
+
     /// Levels of a beam, dB re 1 uPa, bin by bin.
     ///
     /// # Panics
     /// If there is no such beam.
     pub fn levels(&self, beam: usize) -> &[f32] {
-        let bins = self.layout.bins;
-        &self.cells.intensity[beam * bins..(beam + 1) * bins]
+        &self.cells.intensity[self.layout.cell(beam, 0, 0)..self.layout.cell(beam + 1, 0, 0)]
     }
 
     /// Where a sounding is in the world, m: along a straight beam at its reported range.
@@ -157,46 +205,17 @@ impl Ping {
         }
     }
 
-    /// Checks that it is consistent: every column has the right length, every number is valid. They are all public, so
-    /// they may disagree. `name` is that of the ping, for errors.
+    /// Checks that it has levels, and a pose. `name` is that of the ping, for errors.
     pub(crate) fn check(&self, name: &str) -> Result<()> {
-        let wrong = |found: String, allowed: &str| Err(Error::invalid(name, found, allowed));
-        let layout = &*self.layout;
-        let cells = layout.axes.len().checked_mul(layout.bins).filter(|&cells| 0 < cells && cells < u32::MAX as usize);
-        let Some(cells) = cells else {
-            let found = format!("made of {} beams with {} bins", layout.axes.len(), layout.bins);
-            return wrong(found, "1 to 4294967294 cells");
-        };
-        if !(layout.bin_m.is_finite() && layout.bin_m > 0.0) {
-            return Err(Error::invalid("bin_m", layout.bin_m, "a length above 0"));
-        }
-        for (name, value) in [("believed_speed", layout.believed_speed), ("surface_z", layout.surface_z)] {
-            if !value.is_finite() {
-                return Err(Error::invalid(name, value, "a number"));
-            }
-        }
-        if !layout.axes.iter().flatten().all(|angle| angle.is_finite()) {
-            return Err(Error::invalid("axes", "not a number", "azimuth and elevation of each beam, rad"));
-        }
-        for (name, values) in [("threshold_db", &layout.threshold_db), ("tvg_db", &layout.tvg_db)] {
-            if values.len() != layout.bins {
-                let allowed = format!("the {} bins of a beam", layout.bins);
-                return Err(Error::invalid(name, format!("{} numbers long", values.len()), allowed));
-            }
+        if self.layout.cells() == 0 {
+            let found = format!("made of {} beams with {} bins", self.layout.beams(), self.layout.bins);
+            return Err(Error::invalid(name, found, "1 to 4294967294 cells"));
         }
         if !self.fields.contains(Field::Intensity) {
             return Err(Error::invalid("columns of a ping", "a set without intensity", "a set with intensity"));
         }
-        if let Some(info) = self.fields.iter().find(|info| self.column(info.field).len() != cells) {
-            let found = format!("with {} rows of {}", self.column(info.field).len(), info.name);
-            return wrong(found, &format!("its {cells} cells"));
-        }
         if !(self.pose.position.is_finite() && self.pose.orientation.is_finite()) {
-            return wrong("sent from a pose that is not a number".to_owned(), "finite poses");
-        }
-        if self.soundings.iter().any(|s| s.beam as usize >= layout.axes.len() || s.cell as usize >= cells) {
-            let found = "with a sounding of a beam or cell that it does not have".to_owned();
-            return wrong(found, &format!("{} beams and {cells} cells", layout.axes.len()));
+            return Err(Error::invalid(name, "sent from a pose that is not a number", "finite poses"));
         }
         Ok(())
     }
@@ -217,11 +236,46 @@ impl Ping {
 /// Pings of one sonar, one after the other.
 #[derive(Clone, Debug, Default)]
 pub struct Pings {
-    /// In the order in which they were sent.
-    pub pings: Vec<Ping>,
+    /// Of one layout, origin, set of columns and labels.
+    pub(crate) pings: Vec<Ping>,
+}
+
+impl IntoIterator for Pings {
+    type Item = Ping;
+    type IntoIter = std::vec::IntoIter<Ping>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.pings.into_iter()
+    }
 }
 
 impl Pings {
+    /// All of them, in the order in which they were sent.
+    pub fn all(&self) -> &[Ping] {
+        &self.pings
+    }
+
+    /// Makes the first ping anew with `make`, in its memory, and removes the others. If that fails they remain, unless
+    /// the first has lost its cells: then all are removed.
+    ///
+    /// # Errors
+    /// Those of `make`.
+    pub fn refill<E>(
+        &mut self,
+        make: impl FnOnce(&mut Ping) -> std::result::Result<(), E>,
+    ) -> std::result::Result<(), E> {
+        if self.pings.is_empty() {
+            self.pings.push(Ping::default());
+        }
+        let made = make(&mut self.pings[0]);
+        if made.is_ok() {
+            self.pings.truncate(1);
+        } else if self.pings[0].layout.cells() == 0 {
+            self.pings.clear();
+        }
+        made
+    }
+
     /// Adds a ping, without the memory that it keeps for the next one made in its place.
     ///
     /// # Errors
@@ -260,5 +314,36 @@ impl Pings {
     /// What all pings have in common; `None` if there are none.
     pub fn layout(&self) -> Option<&Layout> {
         self.pings.first().map(|ping| &*ping.layout)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_and_soundings_are_those_of_the_layout() {
+        let fields = FieldSet::EMPTY.with(Field::Intensity);
+        let layout = Layout::default().axes(vec![[0.0; 2]; 2]).bins(3).threshold_db(vec![0.0; 3]);
+        let error = Ping::new(layout.clone().into(), fields).unwrap_err().to_string();
+        assert_eq!(error, "tvg_db is 0 numbers long; allowed: the 3 bins of a beam");
+        let mut ping = Ping::new(layout.tvg_db(vec![0.0; 3]).into(), fields).unwrap();
+        ping.cells_mut().intensity[5] = 7.0;
+        assert_eq!(ping.levels(1), [0.0, 0.0, 7.0]);
+        let sounding = Sounding { beam: 1, cell: 6, ..Sounding::default() };
+        let error = ping.set_soundings(vec![sounding]).unwrap_err().to_string();
+        assert!(error.ends_with("allowed: 2 beams and 6 cells") && ping.soundings().is_empty(), "{error}");
+        let mut pings = Pings::default();
+        assert!(pings.refill(|_| Err("no cells")).is_err() && pings.all().is_empty());
+        pings.push(ping.clone()).unwrap();
+        pings.push(ping.clone()).unwrap();
+        assert!(pings.refill(|_| Err("as before")).is_err() && pings.all().len() == 2);
+        pings
+            .refill(|first| {
+                first.number = 9;
+                Ok::<(), ()>(())
+            })
+            .unwrap();
+        assert_eq!(pings.into_iter().map(|ping| ping.number).collect::<Vec<_>>(), [9]);
     }
 }

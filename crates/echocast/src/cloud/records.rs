@@ -3,6 +3,8 @@
 //! Coordinate systems are records of LAS (ASPRS LAS Specification 1.4 R15, 2.5 and 3): OGC well-known text, or the keys
 //! of GeoTIFF 1.0 (2.4 and 6.3).
 
+use crate::ground::builder::builder;
+
 /// A LAS record.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Record {
@@ -16,13 +18,15 @@ pub struct Record {
     pub data: Vec<u8>,
 }
 
-/// All records of a cloud, and the reference of its times.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Records {
-    /// In the order of the file, except those that describe the layout of the file.
-    pub all: Vec<Record>,
-    /// Whether times count from the GPS epoch, less a billion seconds; otherwise from the start of a week.
-    pub standard_time: bool,
+builder! {
+    /// All records of a cloud, and the reference of its times.
+    #[derive(Clone, Debug, Default, PartialEq, Eq)]
+    pub struct Records {
+        /// In the order of the file, except those that describe the layout of the file.
+        pub all: Vec<Record>,
+        /// Whether times count from the GPS epoch, less a billion seconds; otherwise from the start of a week.
+        pub standard_time: bool,
+    }
 }
 
 /// Owner of the records of coordinate systems.

@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 /// range.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Blooming {
     /// Fraction of the light right next to the bright return, above `floor`, 0 to 1.
     pub weight: f64,

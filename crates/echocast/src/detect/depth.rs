@@ -8,6 +8,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 /// rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 #[serde(tag = "model", rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum DepthNoise {
     /// None.
     #[default]

@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 /// do; without any key it measures them exactly.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct Doppler {
     /// Standard deviation of the Gaussian error, m/s, 0 to 1000.
     pub sigma_m_s: f64,

@@ -1,21 +1,10 @@
 //! All measurement errors of an instrument: each step of a scan gets those of its quantity from here.
 
-use super::{AzimuthError, Doppler, IntensityError, Noise, RangeError, Threshold, WeakDropout};
+use super::{AzimuthError, Doppler, IntensityError, Noise, RangeError, Returns, Threshold, WeakDropout};
 use crate::ground::lanes::{LANES, MISS};
 use crate::ground::rng::{Draw, Rng};
 use crate::ground::units::seconds_from_us;
 use echocast_kernels::measure;
-
-/// Returns, side by side.
-pub(crate) struct Returns<'a> {
-    /// The beam of each, and which of the beam's returns it is, from 0: the address of random numbers.
-    pub beams: &'a [u32],
-    pub numbers: &'a [u32],
-    pub channels: &'a [u16],
-    pub rho_eff: &'a [f32; LANES],
-    /// True ranges, m.
-    pub range: &'a [f32; LANES],
-}
 
 /// The errors of one scan.
 #[derive(Debug)]

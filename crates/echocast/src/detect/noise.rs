@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 /// and of the table.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct Noise {
     /// Constant offset, m.
     pub range_offset_m: f64,
@@ -83,6 +84,7 @@ pub struct RangePoint {
 /// the range-corrected reflectivity `rho cos(theta)` after weather and the channel, 1 = a white surface head-on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct WeakDropout {
     /// Reflectivity from which on no return is lost, above 0, at most 1000.
     pub below: f64,

@@ -1,20 +1,13 @@
 //! Which of its echoes a beam reports.
 
+use crate::echo::Peak;
 use crate::ground::named::named;
 use serde::{Deserialize, Serialize};
-
-/// An echo: a maximum of the signal of a beam.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Peak {
-    /// Range, m.
-    pub range: f32,
-    /// Power, 1/m^2.
-    pub power: f32,
-}
 
 /// Which echoes of a beam are reported.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum ReturnMode {
     /// The strongest echo.
     #[default]
@@ -33,6 +26,28 @@ pub enum ReturnMode {
 }
 
 named! { ReturnMode: Strongest "strongest", First "first", Last "last", Second "second", Dual "dual", All "all" }
+
+impl ReturnMode {
+    /// How much it prefers an echo of `power`, 1/m^2, from `range` m, where only one is reported: the one that it
+    /// prefers most.
+    pub(crate) fn merit(self, range: f32, power: f32) -> f32 {
+        match self {
+            ReturnMode::First => -range,
+            ReturnMode::Last => range,
+            _ => power,
+        }
+    }
+
+    /// Whether only the strongest echo can be reported.
+    pub(crate) fn is_by_power(self) -> bool {
+        !matches!(self, ReturnMode::First | ReturnMode::Last)
+    }
+
+    /// Whether echoes other than the one it prefers most may be reported.
+    pub(crate) fn reports_others(self) -> bool {
+        matches!(self, ReturnMode::Second | ReturnMode::Dual | ReturnMode::All)
+    }
+}
 
 /// Which echoes of a beam an instrument reports.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -15,6 +15,7 @@ const PLANCK: f64 = 6.626_070_15e-34;
 /// light itself) and calibrated by one data-sheet line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Statistical {
     /// Reflectance of the data-sheet target, above 0, at most 1: head-on, Lambert, filling the beam, in clear air.
     pub reflectance: f64,
@@ -38,6 +39,7 @@ pub struct Statistical {
 /// line.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Sunlight {
     /// Energy of a pulse, uJ, above 0.
     pub pulse_uj: f64,

@@ -11,6 +11,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 /// `detection`: which echoes an instrument detects. Its keys are on the same level as those of the model.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct DetectionSpec {
     /// The model.
     #[serde(flatten)]
@@ -33,6 +34,7 @@ pub struct DetectionSpec {
 /// What part of an echo an instrument times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Timing {
     /// Its peak, or a constant fraction of it: its strength does not matter.
     #[default]
@@ -72,6 +74,7 @@ pub struct LimitPoint {
 /// Detection model of an instrument.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 #[serde(tag = "model", rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Detection {
     /// Every echo is reported.
     #[default]

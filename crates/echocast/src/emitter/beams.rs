@@ -1,15 +1,18 @@
 //! The beams of one scan, direction by direction: what every pattern compiles to.
 
+use crate::ground::builder::builder;
 use crate::ground::error::{Error, Result};
 use echocast_memory::tried;
 use glam::{DVec3, Vec3};
 
 /// How beams share firings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum FiringOrder {
     /// All beams of a column belong to one firing (spinning sensors).
     Columns,
     /// Every beam is a firing of its own (raster, table).
+    #[default]
     Beams,
     /// The whole frame is one exposure (pinhole).
     Frame,
@@ -27,7 +30,8 @@ pub(crate) const FARTHEST_ORIGIN_M: f64 = 1e6;
 ///
 /// Beam `row * columns + column`; neighbours in a row are neighbours in angle, so that packets are
 /// coherent.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct BeamTable {
     /// Rows of the range image: channels of a spinning sensor, pixel rows of a camera.
     pub rows: u32,
@@ -56,26 +60,21 @@ pub struct BeamTable {
     pub period: f64,
 }
 
-/// Rays of your own for [`crate::Sensor::from_rays`]: columns with an element for each ray. Neighbours in order should
-/// be neighbours in angle: this is several times as fast.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RayColumns<'a> {
-    /// Their origins, m in the sensor frame, from which their ranges count; empty: all at the origin of the frame.
-    pub origin: &'a [[f32; 3]],
-    /// Their directions in the sensor frame (x forward, y left, z up): unit vectors.
-    pub direction: &'a [[f32; 3]],
-    /// When they fire, s since the start of the scan; empty: all at its start.
-    pub time: &'a [f64],
-    /// Emitter indices; empty: all 0.
-    pub channel: &'a [u16],
-    /// Time from the start of one scan to the start of the next, s.
-    pub period: f64,
-}
-
-impl Default for RayColumns<'_> {
-    /// No rays, 10 scans per second.
-    fn default() -> Self {
-        RayColumns { origin: &[], direction: &[], time: &[], channel: &[], period: 0.1 }
+builder! {
+    /// Rays of your own for [`crate::Sensor::from_rays`]: columns with an element for each ray. Neighbours in order
+    /// should be neighbours in angle: this is several times as fast. The default: no rays, 10 scans per second.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct RayColumns<'a> {
+        /// Their origins, m in the sensor frame, from which their ranges count; empty: all at the origin of the frame.
+        pub origin: &'a [[f32; 3]] = &[],
+        /// Their directions in the sensor frame (x forward, y left, z up): unit vectors.
+        pub direction: &'a [[f32; 3]] = &[],
+        /// When they fire, s since the start of the scan; empty: all at its start.
+        pub time: &'a [f64] = &[],
+        /// Emitter indices; empty: all 0.
+        pub channel: &'a [u16] = &[],
+        /// Time from the start of one scan to the start of the next, s.
+        pub period: f64 = 0.1,
     }
 }
 

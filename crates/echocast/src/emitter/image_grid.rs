@@ -29,6 +29,7 @@ pub struct ImageGrid {
 /// Where a camera sees a point of the sensor frame (x forward, y left, z up): at column `centre[0] - focal[0] y / x`
 /// and row `centre[1] - focal[1] z / x`, with whole numbers at the centres of pixels, as in OpenCV.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Intrinsics {
     /// Focal lengths along columns and rows, pixels.
     pub focal: [f64; 2],

@@ -75,7 +75,6 @@ impl FramesFile {
     /// disk; a set [`cancel_flag`](crate::write::cancel_flag).
     pub fn add(&mut self, cloud: &PointCloud) -> Result<()> {
         write::check().map_err(|source| failed(self.pending.target(), source))?;
-        cloud.check()?;
         let common = Common {
             fields: cloud.fields,
             frame: cloud.frame,

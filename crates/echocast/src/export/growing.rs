@@ -33,7 +33,6 @@ impl GrowingFile {
     pub fn begin(path: &Path, format: Option<&str>, first: &PointCloud) -> Result<Option<GrowingFile>> {
         let format = format_for(path, format)?;
         check_fields(format, first.fields)?;
-        first.check()?;
         let output = Output::create(path, format)?;
         let Some(file) = format.begin(first, output.file.path()) else { return Ok(None) };
         let file = file.map_err(|source| failed(path, source))?;
@@ -46,7 +45,6 @@ impl GrowingFile {
     /// A cloud with other columns or labels, another frame, origin or intensity scale than the first; a full disk; a
     /// set [`cancel_flag`](crate::write::cancel_flag).
     pub fn add(&mut self, cloud: &PointCloud) -> Result<()> {
-        cloud.check()?;
         self.head.lengthen(cloud)?;
         let added = self.file.add(cloud);
         self.broken |= added.is_err();

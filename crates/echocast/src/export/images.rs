@@ -6,6 +6,7 @@ use super::npz::Archive;
 use super::pixels::{Png, palette, write_tiff};
 use crate::cloud::{Column, Field, FieldSet, PointCloud};
 use crate::emitter::{ImageGrid, Intrinsics};
+use crate::ground::builder::builder;
 use crate::ground::error::{Error, Result};
 use crate::ground::named::named;
 use crate::ground::report::Report;
@@ -24,6 +25,7 @@ use std::sync::Arc;
 /// A layer of images that files hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum ImageLayer {
     /// Distance along the axis of a camera, for other sensors the slant range: PNG of 16 bits, 0 where there is no
     /// return, else millimetres or as specified by [`ImageOptions::depth_range_m`].
@@ -64,6 +66,7 @@ named! {
 /// The format in which files describe what images show of each instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum AnnotationStyle {
     /// COCO's instances, `coco.json`: boxes, masks, areas.
     Coco,
@@ -75,25 +78,18 @@ pub enum AnnotationStyle {
 
 named! { AnnotationStyle: Coco "coco", Panoptic "panoptic", Voc "voc" }
 
-/// What a folder of images holds.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ImageOptions {
-    /// The layers written for every image; depth, category, instance and color by default.
-    pub layers: Vec<ImageLayer>,
-    /// Distances, m, between which `depth` is linear, 1 to 65535; `None`: it is in millimetres.
-    pub depth_range_m: Option<[f64; 2]>,
-    /// Formats of the annotations; none by default.
-    pub annotations: Vec<AnnotationStyle>,
-}
-
-impl Default for ImageOptions {
-    fn default() -> Self {
-        ImageOptions {
-            layers: vec![ImageLayer::Depth, ImageLayer::Category, ImageLayer::Instance, ImageLayer::Color],
-            depth_range_m: None,
-            annotations: Vec::new(),
-        }
+builder! {
+    /// What a folder of images holds.
+    #[derive(Clone, Debug, PartialEq, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct ImageOptions {
+        /// The layers written for every image; depth, category, instance and color by default.
+        pub layers: Vec<ImageLayer> =
+            vec![ImageLayer::Depth, ImageLayer::Category, ImageLayer::Instance, ImageLayer::Color],
+        /// Distances, m, between which `depth` is linear, 1 to 65535; `None`: it is in millimetres.
+        pub depth_range_m: Option<[f64; 2]> = None,
+        /// Formats of the annotations; none by default.
+        pub annotations: Vec<AnnotationStyle> = Vec::new(),
     }
 }
 

@@ -4,7 +4,7 @@
 //! of the format: version 1 of `#SKM`, 3 of `#MRZ` and 2 of `#MWC`. Members that are not set here are 0. The reference
 //! point of the vessel is the sonar.
 
-use super::pings::{is_lost, length};
+use super::survey::{is_lost, record_length};
 use crate::cells::{Layout, Sounding};
 use crate::cloud::{Ping, Pings};
 use crate::ground::error::{Error, Result};
@@ -156,7 +156,7 @@ impl Datagram<'_> {
     fn end(mut self) -> io::Result<()> {
         let odd = (self.bytes.len() - self.start) % 4;
         self.zeros((4 - odd) % 4);
-        let length = length(self.bytes.len() - self.start + 4)?;
+        let length = record_length(self.bytes.len() - self.start + 4)?;
         self.put(&[length]);
         self.bytes[self.start..self.start + 4].copy_from_slice(&length.to_le_bytes());
         Ok(())

@@ -4,7 +4,7 @@
 //! samples and the structure of soundings, which came later, are those that pyxtf 1.5.0 reads; the order of samples to
 //! port follows from how it arranges them. Members that are not set here are 0.
 
-use super::pings::{is_lost, length};
+use super::survey::{is_lost, record_length};
 use crate::cells::{Layout, SonarView};
 use crate::cloud::{Ping, Pings};
 use crate::ground::error::{Error, Result};
@@ -65,7 +65,7 @@ pub(super) fn write(pings: &Pings, layout: &Layout, path: &Path, report: &mut Re
         } else {
             add_soundings(&mut packet, ping);
         }
-        let length = length(packet.len())?;
+        let length = record_length(packet.len())?;
         put(&mut packet, 10, length); // NumBytesThisRecord
         file.write_all(&packet)?;
     }

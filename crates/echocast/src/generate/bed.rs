@@ -1,10 +1,11 @@
 //! The ground of a lake: a grid of heights, and the kind of ground at each point.
 
 use super::noise::{Dice, GradientNoise};
-use super::seabed::Ripples;
+use crate::ground::builder::builder;
 use crate::ground::parallel;
 use crate::ground::rng::Draw;
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
 /// Kinds of ground, in the order of [`Bed::triangles`].
@@ -17,6 +18,20 @@ const HILLS: f64 = 0.15;
 const SLOPE: f64 = 0.1;
 /// Noise fields of the hills, gravel, mud, and the meandering of ripples.
 const FIELDS: [u32; 4] = [0, 1, 2, 3];
+
+builder! {
+    /// Sand ripples: waves with parallel crests that wander a little.
+    #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Ripples {
+        /// From crest to crest, 0.01 to 100 m and at least three cells.
+        pub wavelength_m: f64 = 0.6,
+        /// From trough to crest, 0 (none) to half the wavelength and a twentieth of the depth.
+        pub height_m: f64 = 0.05,
+        /// Direction across the crests, counter-clockwise from x, -360 to 360 degrees. `None`: random, by the seed.
+        pub direction_deg: Option<f64> = None,
+    }
+}
 
 /// What the bed is generated from.
 pub(super) struct Ground {

@@ -3,10 +3,10 @@
 //! ```no_run
 //! use echocast::generate::{Indoor, Landscape, Seabed, Street};
 //!
-//! Seabed { boulders: 50, ..Seabed::default() }.scene(7)?.write("lake.glb")?;
-//! Landscape { trees_per_ha: 800.0, ..Landscape::default() }.scene(7)?.write("forest.glb")?;
-//! Street { blocks: Some([3, 2]), ..Street::default() }.scene(7)?.write("street.glb")?;
-//! Indoor { rooms: [3, 2], ..Indoor::default() }.scene(7)?.write("flat.glb")?;
+//! Seabed::default().boulders(50).scene(7)?.write("lake.glb")?;
+//! Landscape::default().trees_per_ha(800.0).scene(7)?.write("forest.glb")?;
+//! Street::default().blocks([3, 2]).scene(7)?.write("street.glb")?;
+//! Indoor::default().rooms([3, 2]).scene(7)?.write("flat.glb")?;
 //! # Ok::<(), echocast::Error>(())
 //! ```
 
@@ -22,9 +22,10 @@ mod street;
 #[cfg(test)]
 mod tests;
 
+pub use bed::Ripples;
 pub use indoor::Indoor;
 pub use landscape::{HeightMap, Landscape};
-pub use seabed::{Ripples, Seabed};
+pub use seabed::Seabed;
 pub use street::Street;
 
 use crate::ground::error::{Error, Result};
@@ -40,6 +41,7 @@ use std::path::Path;
 /// What to generate, and its seed, as in the section `scene.generate` of a scenario.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(remote = "Self", deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Generate {
     /// A street, or several blocks of a town.
     #[serde(default)]

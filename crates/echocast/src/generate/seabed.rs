@@ -1,12 +1,13 @@
 //! A lake bed for sonar: sand, gravel and mud with boulders, wrecks, pipes, mines and sea grass on it, and a swarm of
 //! fish above.
 
-use super::bed::{Bed, Ground, SOILS};
+use super::bed::{Bed, Ground, Ripples, SOILS};
 use super::glb::{Glb, Look, Placement, Primitive};
 use super::model::{Model, ring, single};
 use super::noise::Dice;
 use super::shapes::{ClosedShape, direction};
 use super::{GeneratedScene, within};
+use crate::ground::builder::builder;
 use crate::ground::error::{Error, Result};
 use crate::ground::rng::Draw;
 use glam::{DQuat, DVec2, DVec3, EulerRot};
@@ -20,73 +21,41 @@ const MOST_TRIANGLES: f64 = 10e6;
 /// Least number of cells per ripple: with fewer, the ripples alias.
 const CELLS_PER_RIPPLE: f64 = 3.0;
 
-/// Parameters of a lake bed. The water surface is at z = 0, the bed around z = -`depth_m`, centred on the z axis.
-///
-/// Objects have the categories `seabed`, `boulder`, `wreck`, `pipe`, `mine`, `seagrass` and `fish`. The bed has the
-/// parts `sand`, `gravel` and `mud`, a boulder has `rock`, a wreck `hull`, `cabin` and `mast`, a pipe `pipe` and
-/// `joint`, a mine `mine` and `horn`. The fish are children of the node `Swarm`, which an animation moves along -x. The
-/// camera node `Sonar` is at the low end of x, 1 m below the surface (less in less than 4 m of water), and looks along
-/// x.
-///
-/// Objects are smaller than usual if the water is shallow or the bed small, so that they stay below the surface and on
-/// the bed.
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Seabed {
-    /// Extent along x and y, 1 to 10 000 m.
-    pub size_m: [f64; 2],
-    /// Mean depth of the bed below the surface, 0.5 to 11 000 m.
-    pub depth_m: f64,
-    /// Spacing of the grid. `None`: as fine as about 30 000 triangles allow, or as the requested `ripples` need.
-    pub cell_m: Option<f64>,
-    /// Ripples of the sand. `None`: those of [`Ripples::default`] if the cells are fine enough to show them, else none.
-    pub ripples: Option<Ripples>,
-    /// Boulders of 0.3 to 1.5 m, up to 10 000.
-    pub boulders: u32,
-    /// Sunken boats of 7 to 9 m, up to 100.
-    pub wrecks: u32,
-    /// Fish of about 0.4 m, up to 10 000.
-    pub fish: u32,
-    /// Pipes 0.3 to 0.8 m in diameter across the bed, up to 20.
-    pub pipes: u32,
-    /// Mines on the bed, up to 1000: in turn a cylinder of 2 m, a ball of 1 m with horns and a blunt cone of 1 m.
-    pub mines: u32,
-    /// Patches of sea grass of 2 to 5 m, up to 200; blades of 0.3 to 0.6 m.
-    pub seagrass: u32,
-}
-
-impl Default for Seabed {
-    fn default() -> Self {
-        Seabed {
-            size_m: [60.0, 40.0],
-            depth_m: 12.0,
-            cell_m: None,
-            ripples: None,
-            boulders: 20,
-            wrecks: 1,
-            fish: 60,
-            pipes: 0,
-            mines: 0,
-            seagrass: 0,
-        }
-    }
-}
-
-/// Sand ripples: waves with parallel crests that wander a little.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Ripples {
-    /// From crest to crest, 0.01 to 100 m and at least three cells.
-    pub wavelength_m: f64,
-    /// From trough to crest, 0 (none) to half the wavelength and a twentieth of the depth.
-    pub height_m: f64,
-    /// Direction across the crests, counter-clockwise from x, -360 to 360 degrees. `None`: random, by the seed.
-    pub direction_deg: Option<f64>,
-}
-
-impl Default for Ripples {
-    fn default() -> Self {
-        Ripples { wavelength_m: 0.6, height_m: 0.05, direction_deg: None }
+builder! {
+    /// Parameters of a lake bed. The water surface is at z = 0, the bed around z = -`depth_m`, centred on the z axis.
+    ///
+    /// Objects have the categories `seabed`, `boulder`, `wreck`, `pipe`, `mine`, `seagrass` and `fish`. The bed has the
+    /// parts `sand`, `gravel` and `mud`, a boulder has `rock`, a wreck `hull`, `cabin` and `mast`, a pipe `pipe` and
+    /// `joint`, a mine `mine` and `horn`. The fish are children of the node `Swarm`, which an animation moves along -x.
+    /// The camera node `Sonar` is at the low end of x, 1 m below the surface (less in less than 4 m of water), and
+    /// looks along x.
+    ///
+    /// Objects are smaller than usual if the water is shallow or the bed small, so that they stay below the surface and
+    /// on the bed.
+    #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Seabed {
+        /// Extent along x and y, 1 to 10 000 m.
+        pub size_m: [f64; 2] = [60.0, 40.0],
+        /// Mean depth of the bed below the surface, 0.5 to 11 000 m.
+        pub depth_m: f64 = 12.0,
+        /// Spacing of the grid. `None`: as fine as about 30 000 triangles allow, or as the requested `ripples` need.
+        pub cell_m: Option<f64> = None,
+        /// Ripples of the sand. `None`: those of [`Ripples::default`] if the cells are fine enough to show them, else
+        /// none.
+        pub ripples: Option<Ripples> = None,
+        /// Boulders of 0.3 to 1.5 m, up to 10 000.
+        pub boulders: u32 = 20,
+        /// Sunken boats of 7 to 9 m, up to 100.
+        pub wrecks: u32 = 1,
+        /// Fish of about 0.4 m, up to 10 000.
+        pub fish: u32 = 60,
+        /// Pipes 0.3 to 0.8 m in diameter across the bed, up to 20.
+        pub pipes: u32 = 0,
+        /// Mines on the bed, up to 1000: in turn a cylinder of 2 m, a ball of 1 m with horns and a blunt cone of 1 m.
+        pub mines: u32 = 0,
+        /// Patches of sea grass of 2 to 5 m, up to 200; blades of 0.3 to 0.6 m.
+        pub seagrass: u32 = 0,
     }
 }
 

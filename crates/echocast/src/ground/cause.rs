@@ -3,6 +3,7 @@
 /// Why a point is there: the values of the column `cause`. Numbers are explicit and never reused.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[repr(u8)]
+#[non_exhaustive]
 pub enum Cause {
     /// A surface that the beam meets.
     #[default]

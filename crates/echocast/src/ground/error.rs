@@ -64,21 +64,10 @@ pub enum Error {
         /// The error that the system reported.
         reason: String,
     },
-    /// Embree failed.
-    Embree(#[source] embree4::Error),
+    /// Embree failed: why, in its words.
+    Embree(String),
     /// A defect in this library.
     Internal(String),
-}
-
-impl From<embree4::Error> for Error {
-    fn from(error: embree4::Error) -> Error {
-        match error {
-            embree4::Error::Embree { call, reason: embree4::OUT_OF_MEMORY } => {
-                Error::Memory(format!("Embree's {call}"))
-            }
-            other => Error::Embree(other),
-        }
-    }
 }
 
 impl fmt::Display for Error {
@@ -108,7 +97,7 @@ impl fmt::Display for Error {
                     "the system cannot start {wanted} threads ({reason}); allowed: fewer, or a higher limit of processes"
                 )
             }
-            Error::Embree(error) => format!("Embree: {error}"),
+            Error::Embree(why) => format!("Embree: {why}"),
             Error::Internal(what) => format!("internal error (please report): {what}"),
         };
         f.write_str(&shown::message(&sentence))
@@ -124,6 +113,16 @@ impl Error {
     /// An [`Error::Parse`] in the file at `path`.
     pub fn parse(path: impl AsRef<Path>, place: impl Into<String>, message: impl Into<String>) -> Self {
         Error::Parse { origin: shown::path(path.as_ref()), place: place.into(), message: message.into() }
+    }
+
+    /// An error of Embree: [`Error::Memory`] if there is none left, otherwise [`Error::Embree`].
+    pub(crate) fn embree(error: embree4::Error) -> Self {
+        match error {
+            embree4::Error::Embree { call, reason: embree4::OUT_OF_MEMORY } => {
+                Error::Memory(format!("Embree's {call}"))
+            }
+            other => Error::Embree(other.to_string()),
+        }
     }
 
     /// An [`Error::InvalidParameter`].

@@ -11,6 +11,14 @@ pub(crate) const CHUNK: usize = 2048;
 /// noise, the sea surface.
 pub(crate) const MEDIUM: u32 = MISS - 1;
 
+/// Heap memory for what is too large for the stacks of host programs, made here so that the stack used to make it is
+/// free again.
+#[cold]
+#[inline(never)]
+pub(crate) fn boxed<T: Default>() -> Box<T> {
+    Box::default()
+}
+
 /// Rays of one block, relative to the scene's local origin; directions have unit length.
 ///
 /// Columns of blocks start at a cache line: the widest vectors fill one, and straddling two costs up to a tenth of a

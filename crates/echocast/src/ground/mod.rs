@@ -3,15 +3,17 @@
 
 pub(crate) mod angle;
 pub(crate) mod array;
+pub(crate) mod builder;
 pub(crate) mod cause;
-pub mod error;
+pub(crate) mod error;
 pub(crate) mod kept;
 pub(crate) mod lanes;
 pub(crate) mod math;
 pub(crate) mod named;
 pub(crate) mod parallel;
 pub(crate) mod pose;
-pub mod report;
+pub(crate) mod profile;
+pub(crate) mod report;
 pub(crate) mod rng;
 pub mod shown;
 pub mod units;

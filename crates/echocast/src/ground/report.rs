@@ -4,6 +4,7 @@ use crate::ground::shown;
 
 /// Warnings and counts of one piece of work.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Report {
     /// One sentence each, in the order they arose; duplicates are kept once.
     pub warnings: Vec<String>,

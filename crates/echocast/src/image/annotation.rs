@@ -6,6 +6,7 @@ use std::collections::HashMap;
 
 /// What an image shows of an instance.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Annotation {
     /// Object; never 0.
     pub instance_id: u32,

@@ -154,7 +154,7 @@ fn draw(pings: &Pings, sectors: &[Sector], pixels: usize) -> Result<Image> {
                 && let Some(sector) = looks[direction.min(DIRECTIONS - 1)]
             {
                 let Sector { ping, beam, .. } = sectors[sector];
-                *source = PixelSource { ping: ping as u32, cell: (beam * layout.bins + bin) as u32 };
+                *source = PixelSource { ping: ping as u32, cell: layout.cell(beam, 0, bin) as u32 };
             }
         }
     }

@@ -1,77 +1,12 @@
 //! The layers of images of scans, one by one, for callers that use some of them in a loop.
 
 use super::annotation::of_pixels;
-use super::range_image::{PixelRows, has_every_beam};
-use super::{Annotation, RangeImage};
+use super::pixels::{PixelRows, has_every_beam};
+use super::{Annotation, Layer, RangeImage};
 use crate::cloud::{Column, Field, PointCloud};
 use crate::emitter::ImageGrid;
 use crate::ground::error::{Error, Result};
-use crate::ground::named::{Named as _, by_name, named};
-
-/// A quantity that an image holds for each pixel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Layer {
-    /// Measured distance along the axis of a camera, for other sensors the slant range, m; NaN where there is no
-    /// return.
-    Depth,
-    /// Measured slant range, m; NaN where there is no return.
-    Range,
-    /// Semantic class; 0 = unlabelled, or no return.
-    Category,
-    /// Part of the object; 0 = unlabelled, or no return.
-    Part,
-    /// Object; 0 = unlabelled, or no return.
-    Instance,
-    /// Base colour of the surface, sRGB: red, green, blue; black where there is no return.
-    Color,
-    /// What the instrument reports; NaN where there is no return.
-    Intensity,
-    /// Unit normal of the surface: right, up and back ([`RangeImage::normal`]); NaN where there is no return.
-    Normal,
-}
-
-named! {
-    Layer:
-        Depth "depth", Range "range", Category "category", Part "part", Instance "instance", Color "color",
-        Intensity "intensity", Normal "normal",
-}
-
-impl Layer {
-    /// The layer called `name`.
-    ///
-    /// # Errors
-    /// [`Error::Missing`], which lists all of them.
-    pub fn from_name(name: &str) -> Result<Layer> {
-        by_name("image layer", name)
-    }
-
-    /// The layer that it stands for in images like `grid`.
-    fn of(self, grid: &ImageGrid) -> Layer {
-        if self == Layer::Depth && grid.intrinsics.is_none() { Layer::Range } else { self }
-    }
-
-    /// The columns that it shows.
-    fn fields(self) -> &'static [Field] {
-        match self {
-            Layer::Depth => &[Field::Depth],
-            Layer::Range => &[Field::Range],
-            Layer::Category => &[Field::CategoryId],
-            Layer::Part => &[Field::PartId],
-            Layer::Instance => &[Field::InstanceId],
-            Layer::Color => &[Field::Red, Field::Green, Field::Blue],
-            Layer::Intensity => &[Field::Intensity],
-            Layer::Normal => &[Field::NormalX, Field::NormalY, Field::NormalZ],
-        }
-    }
-
-    /// The columns that it is made from and that `cloud` lacks.
-    fn missing(self, cloud: &PointCloud, grid: &ImageGrid) -> Vec<&'static str> {
-        let places: &[Field] = if has_every_beam(cloud, grid) { &[] } else { &[Field::Beam, Field::Range] };
-        let has = |field: Field| cloud.fields.contains(field) && cloud.column(field).len() == cloud.len;
-        let more = self.of(grid).fields().iter().filter(|field| !places.contains(field));
-        places.iter().chain(more).filter(|field| !has(**field)).map(|field| field.info().name).collect()
-    }
-}
+use crate::ground::named::Named as _;
 
 /// Layers of the image of a cloud, each made when it is first requested. Where the rows of the cloud are the pixels, as
 /// in organised clouds of cameras, a layer of one column is that column. Memory is reused for the next cloud.

@@ -8,8 +8,10 @@ mod altitude;
 mod annotation;
 mod fan;
 mod grid;
+mod layer;
 mod layers;
 mod mosaic;
+mod pixels;
 pub(crate) mod range_image;
 mod soundings;
 #[cfg(test)]
@@ -19,7 +21,8 @@ mod waterfall;
 pub use altitude::altitudes;
 pub use annotation::{Annotation, Runs, annotations, masks, runs_text};
 pub use fan::{fan, turning_fan};
-pub use layers::{Layer, Layers};
+pub use layer::Layer;
+pub use layers::Layers;
 pub use mosaic::{Overlap, mosaic};
 pub(crate) use mosaic::{fitting as fitting_mosaic, heading};
 pub use range_image::RangeImage;
@@ -38,6 +41,7 @@ use std::sync::Arc;
 
 /// Kind of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ImageKind {
     /// A row for each ping, the first at the top.
     Waterfall,
@@ -76,6 +80,7 @@ named! { ImageRange: Slant "slant", Ground "ground" }
 
 /// Pixels, their labels, and their positions.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Image {
     /// What it is.
     pub kind: ImageKind,
@@ -96,6 +101,7 @@ pub struct Image {
 
 /// Label numbers of an image.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct LabelLayer {
     /// Which label.
     pub field: Field,

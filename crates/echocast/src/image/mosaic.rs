@@ -22,6 +22,7 @@ const TURN: f64 = 0.035;
 
 /// What a mosaic pixel shows when several cells fall into it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Overlap {
     /// Mean of the power; its label is that of the strongest cell.
     #[default]
@@ -88,7 +89,7 @@ fn draw(pings: &Pings, strips: &[Strip], cell_m: f64, overlap: Overlap) -> Resul
             let distance = (i as f64 + 0.5) * step;
             let slant = (distance * distance + strip.altitude * strip.altitude).sqrt();
             let bin = ((slant / layout.bin_m) as usize).min(layout.bins - 1);
-            let cell = strip.beam * layout.bins + bin;
+            let cell = layout.cell(strip.beam, 0, bin);
             let level = level(ping, cell);
             if !level.is_finite() {
                 continue;

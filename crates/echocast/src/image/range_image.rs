@@ -1,9 +1,10 @@
 //! What a depth camera, or a sensor that spins or sweeps, sees: a scan as an image.
 
-use super::{Layer, refill};
+use super::Layer;
+use super::pixels::PixelRows;
 use crate::cloud::{Field, FieldSet, Frame, PointCloud};
 use crate::emitter::{ImageGrid, Intrinsics};
-use crate::ground::error::{Error, Result};
+use crate::ground::error::Result;
 use crate::ground::named::Named as _;
 use crate::ground::pose::Pose;
 use crate::scene::Labels;
@@ -13,6 +14,7 @@ use std::sync::Arc;
 /// A scan as an image: row by row from the top left, each pixel with the return of its beam, the nearest if there are
 /// several. Values for which the cloud has no columns are empty.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct RangeImage {
     /// Columns.
     pub width: usize,
@@ -124,78 +126,6 @@ impl RangeImage {
     /// Distance of each pixel, m, and what it is: along the axis of a camera, else the slant range.
     pub fn distance(&self) -> (&[f32], &'static str) {
         if self.depth.is_empty() { (&self.range, "slant range") } else { (&self.depth, "distance along the axis") }
-    }
-}
-
-/// Whether row k of `cloud` is that of beam k of a sensor that makes images like `grid`.
-pub(super) fn has_every_beam(cloud: &PointCloud, grid: &ImageGrid) -> bool {
-    cloud.organised == Some(grid.beams())
-}
-
-/// The row of a cloud that each pixel shows.
-#[derive(Clone, Debug, Default)]
-pub(super) struct PixelRows(Vec<u32>);
-
-/// Stands for no row.
-const NONE: u32 = u32::MAX;
-
-impl PixelRows {
-    /// Finds the rows, of several returns the nearest, as for [`RangeImage::new`].
-    pub fn find(&mut self, cloud: &PointCloud, grid: &ImageGrid) -> Result<()> {
-        let PixelRows(rows) = self;
-        refill(rows, grid.len(), NONE)?;
-        if has_every_beam(cloud, grid) {
-            for beam in 0..grid.beams().iter().product() {
-                if let Some(pixel) = grid.pixel(beam) {
-                    rows[pixel] = beam;
-                }
-            }
-            return Ok(());
-        }
-        let (beams, ranges) = (&cloud.columns.beam, &cloud.columns.range);
-        if [beams.len(), ranges.len()] != [cloud.len; 2] || cloud.len >= NONE as usize {
-            let allowed = "a scan with the columns beam and range, from which images are made";
-            return Err(Error::invalid("cloud", format!("{} points without them", cloud.len), allowed));
-        }
-        for (row, (&beam, &range)) in beams.iter().zip(ranges).enumerate() {
-            if range.is_nan() {
-                continue;
-            }
-            let Some(pixel) = grid.pixel(beam) else {
-                let found = format!("with beam {beam}, of another sensor");
-                return Err(Error::invalid("cloud", found, format!("beams of {} pixels", grid.len())));
-            };
-            let known = &mut rows[pixel];
-            if *known == NONE || range < ranges[*known as usize] {
-                *known = row as u32;
-            }
-        }
-        Ok(())
-    }
-
-    /// Sets each pixel to `value` of the values of `columns` in its row, or to `nothing`; `to` becomes empty unless
-    /// each column has `len` rows.
-    fn take<T: Copy, U: Copy, const N: usize>(
-        &self,
-        len: usize,
-        columns: [&[T]; N],
-        value: impl Fn([T; N]) -> U,
-        nothing: U,
-        to: &mut Vec<U>,
-    ) -> Result<()> {
-        to.clear();
-        if columns.iter().any(|column| column.len() != len) {
-            return Ok(());
-        }
-        refill(to, self.0.len(), nothing)?;
-        for (pixel, &row) in to.iter_mut().zip(&self.0) {
-            // No column has a row NONE.
-            let row = row as usize;
-            if row < len {
-                *pixel = value(columns.map(|column| column[row]));
-            }
-        }
-        Ok(())
     }
 }
 

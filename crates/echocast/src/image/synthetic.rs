@@ -70,7 +70,7 @@ fn ping(number: usize, layout: &Arc<Layout>, pose: Pose, mut cell: impl FnMut(us
     cells.resize(fields(), layout.cells()).unwrap();
     for beam in 0..layout.beams() {
         for bin in 0..layout.bins {
-            let row = beam * layout.bins + bin;
+            let row = layout.cell(beam, 0, bin);
             let (level, label) = cell(beam, layout.range(bin));
             cells.intensity[row] = level;
             cells.category_id[row] = label;
@@ -206,7 +206,7 @@ pub(crate) fn swath(pings: usize) -> Pings {
         made.soundings = (0..angles.len())
             .map(|beam| {
                 let range = echo(beam).0;
-                let cell = (beam * layout.bins + (range / layout.bin_m) as usize) as u32;
+                let cell = layout.cell(beam, 0, (range / layout.bin_m) as usize) as u32;
                 Sounding {
                     beam: beam as u32,
                     range: range as f32,

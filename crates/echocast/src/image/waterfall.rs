@@ -55,7 +55,7 @@ pub fn waterfall(pings: &Pings, range: ImageRange, beam: Option<usize>) -> Resul
             if let Some(beam) = beam
                 && slant < bins as f64
             {
-                *source = PixelSource { ping: ping as u32, cell: (beam * bins + slant as usize) as u32 };
+                *source = PixelSource { ping: ping as u32, cell: layout.cell(beam, 0, slant as usize) as u32 };
             }
         }
     }

@@ -1,7 +1,7 @@
 //! What files of echocast contain about a cloud in addition to its columns.
 
 use super::Source;
-use super::rows::axis;
+use super::target::{FARTHEST, axis};
 use crate::cloud::{Driver, Field, Frame, InstanceBox, Records};
 use crate::export::labels_path;
 use crate::ground::error::{Error, Result};
@@ -200,7 +200,7 @@ fn named<T: Named>(key: &str, name: &str) -> Result<T, String> {
 
 /// Whether `place` is within reach.
 fn is_place(place: [f64; 3]) -> bool {
-    place.iter().all(|metres| metres.abs() <= super::rows::FARTHEST)
+    place.iter().all(|metres| metres.abs() <= FARTHEST)
 }
 
 /// A pose from an orientation that need not be exactly of unit length.

@@ -7,7 +7,8 @@
 use super::Source;
 use super::about::About;
 use super::names::{self, NamedColumn};
-use super::rows::{self, Rows};
+use super::rows::Rows;
+use super::target;
 use super::text::{self, TextLines, TextStyle, WordTarget, is_comment};
 use crate::cloud::{Field, PointCloud};
 use crate::ground::error::{Error, Result};
@@ -476,14 +477,14 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     let columns = &layout.columns;
     let about = About::beside(source.path)?;
     // Integers have their own unit of time in other formats; here all are seconds.
-    let goals = rows::goals(columns, "csv", report);
+    let goals = names::goals(columns, "csv", report);
     let listed = about.as_ref().and_then(|about| about.columns.as_deref()).unwrap_or_default();
     let listed = listed.iter().filter(|_| source.columns.is_none());
     if let Some(missing) = listed.into_iter().find(|name| !columns.iter().any(|column| column.name == **name)) {
         let missing = shown::name(missing);
         return Err(source.error(format!("has no column {missing}, which its label names list: it is cut off")));
     }
-    let mut rows = Rows::new(rows::fields(&goals), 0, about.as_ref())?.with_any_colours();
+    let mut rows = Rows::new(target::fields(&goals), 0, about.as_ref())?.with_any_colours();
     let places: Vec<Option<WordTarget>> = goals.into_iter().map(|goal| goal.map(WordTarget::Goal)).collect();
     text::read(layout.lines(source)?, layout.style, &places, None, &mut rows)?;
     rows.finish(source.path, "csv", about.unwrap_or_default(), report)

@@ -1,8 +1,9 @@
 //! E57, by the crate `e57`: all scans of a file, in world coordinates.
 
 use super::about::{About, pose};
-use super::names::NamedColumn;
-use super::rows::{self, FieldTarget, Rows};
+use super::names::{self, NamedColumn};
+use super::rows::Rows;
+use super::target::FieldTarget;
 use super::{Source, contained};
 use crate::cloud::{self, Field, FieldSet, Frame, PointCloud};
 use crate::ground::error::Result;
@@ -62,7 +63,7 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     if let Some(text) = reader.coordinate_metadata().filter(|text| !text.trim().is_empty()) {
         match cloud::Record::of_text(text) {
             Some(system) => about.records.all.push(system),
-            None => rows::lost(std::iter::once(text), "e57", report),
+            None => names::lost(std::iter::once(text), "e57", report),
         }
     }
     about.sensor_pose = about.sensor_pose.or(first);
@@ -138,7 +139,7 @@ impl E57Prototype {
             places.push(place);
         }
         // Attributes of extensions are matched by their names.
-        let goals = rows::goals(&names, "e57", report);
+        let goals = names::goals(&names, "e57", report);
         for (place, goal) in places.iter_mut().zip(goals) {
             if let (RecordTarget::Nowhere, Some(goal)) = (*place, goal)
                 && !matches!(goal.field, Field::X | Field::Y | Field::Z)

@@ -3,8 +3,10 @@
 
 use super::about::{ABOUT, About, Arrays};
 use super::heap::{ELEMENT, Heaps};
-use super::rows::{FieldTarget, Rows};
-use super::{MOST_OF_ONE, Source, boxes, rows};
+use super::names;
+use super::rows::Rows;
+use super::target::FieldTarget;
+use super::{MOST_OF_ONE, Source, boxes};
 use crate::cloud::{FIELDS, FieldSet, PointCloud};
 use crate::export::HDF5_WIDEST as WIDEST;
 use crate::ground::error::{Error, Result};
@@ -179,7 +181,7 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     }
     let names = datasets.file.names().map_err(|error| datasets.failed(error, "its structure"))?;
     let known = |name: &str| FIELDS.iter().any(|info| info.name == name) || ABOUT.contains(&name) || name == "boxes";
-    rows::lost(names.iter().map(String::as_str).filter(|name| !known(name)), "hdf5", report);
+    names::lost(names.iter().map(String::as_str).filter(|name| !known(name)), "hdf5", report);
     if datasets.garbled {
         report.warn("hdf5: names that are not UTF-8 text have \u{fffd} where it is not");
     }

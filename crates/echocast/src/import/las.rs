@@ -2,9 +2,10 @@
 //! code.
 
 use super::about::About;
-use super::names::NamedColumn;
+use super::names::{self, NamedColumn};
 use super::number::{Member, blocks};
-use super::rows::{self, FieldTarget, Rows};
+use super::rows::Rows;
+use super::target::{self, FieldTarget};
 use super::{Source, laz};
 use crate::cloud::{Field, FieldSet, PointCloud, Record, Records};
 use crate::export::RAW_INTENSITY;
@@ -166,7 +167,7 @@ impl LasPoints {
         let count = header.large_file.map_or(old, |large| large.number_of_point_records.max(old));
         let scale = [header.x_scale_factor, header.y_scale_factor, header.z_scale_factor];
         let offset = [header.x_offset, header.y_offset, header.z_offset];
-        let sane = |x: &f64| x.is_finite() && x.abs() <= rows::FARTHEST;
+        let sane = |x: &f64| x.is_finite() && x.abs() <= target::FARTHEST;
         if !scale.iter().chain(&offset).all(sane) || scale.contains(&0.0) {
             let found = format!("scales coordinates by {scale:?} from {offset:?}");
             return Err(source.error(format!("{found}; allowed: finite numbers, scales that are not 0")));
@@ -217,7 +218,7 @@ enum Ours {
 
 pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     let (header, mut records) = header(source)?;
-    rows::lost(records.lost.iter().map(String::as_str), "las", report);
+    names::lost(records.lost.iter().map(String::as_str), "las", report);
     let points = LasPoints::of(&header, source)?;
     let mut ours = records.about.as_ref().map(|_| Ours::Whole);
     if header.generating_software.starts_with(b"echocast ") && points.format == 2 && ours.is_none() {
@@ -359,7 +360,7 @@ impl Pass {
                 seen.into_iter().for_each(|(_, class)| name_class(&mut about, class));
             }
         }
-        rows::lost(lost.into_iter(), "las", report);
+        names::lost(lost.into_iter(), "las", report);
         rows.finish(source.path, "las", about, report)
     }
 }
@@ -487,8 +488,8 @@ fn extra(descriptions: &[u8], mut at: usize, size: usize, report: &mut Report) -
         }
         at += bytes;
     }
-    rows::lost(left.iter().map(String::as_str), "las", report);
-    let goals = rows::goals(&columns, "las", report);
+    names::lost(left.iter().map(String::as_str), "las", report);
+    let goals = names::goals(&columns, "las", report);
     let member = |(goal, column): (FieldTarget, &NamedColumn), (at, scale, offset): (usize, f64, f64)| Member {
         goal: FieldTarget { factor: goal.factor * scale, shift: offset, ..goal },
         number: column.number,

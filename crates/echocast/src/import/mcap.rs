@@ -2,7 +2,8 @@
 
 use super::about::About;
 use super::ros::{CdrReader, CloudMessage, Transform, transforms};
-use super::rows::{FieldTarget, Rows};
+use super::rows::Rows;
+use super::target::FieldTarget;
 use super::{MOST_OF_ONE, Source, contained};
 use crate::cloud::{Field, Frame, PointCloud};
 use crate::emitter::Trajectory;

@@ -20,9 +20,11 @@ mod ply;
 #[cfg(feature = "mcap")]
 mod ros;
 mod rows;
+mod target;
 mod text;
 
 use crate::cloud::PointCloud;
+use crate::ground::builder::builder;
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
 use crate::ground::shown;
@@ -142,13 +144,15 @@ pub fn read(path: &Path, report: &mut Report) -> Result<PointCloud> {
     read_with(path, &ReadOptions::default(), report)
 }
 
-/// What files do not state themselves.
-#[derive(Clone, Debug, Default)]
-pub struct ReadOptions {
-    /// The columns of text, from the first on, by the names of [`Field`](crate::Field)s or those that other programs
-    /// use; `_` is left out, and so are columns after the last. `None`: as in the header, or, if there is none, as
-    /// guessed, which is reported.
-    pub columns: Option<Vec<String>>,
+builder! {
+    /// What files do not state themselves.
+    #[derive(Clone, Debug, Default)]
+    pub struct ReadOptions {
+        /// The columns of text, from the first on, by the names of [`Field`](crate::Field)s or those that other
+        /// programs use; `_` is left out, and so are columns after the last. `None`: as in the header, or, if there is
+        /// none, as guessed, which is reported.
+        pub columns: Option<Vec<String>>,
+    }
 }
 
 impl ReadOptions {

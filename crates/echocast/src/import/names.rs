@@ -1,7 +1,9 @@
-//! Names of the columns of a cloud in other programs.
+//! Names of columns in files, and the columns of a cloud that they stand for.
 
-use super::rows::FieldTarget;
-use crate::cloud::Field;
+use super::target::FieldTarget;
+use crate::cloud::{Field, FieldSet};
+use crate::ground::report::Report;
+use crate::ground::shown;
 use crate::read::number::Number;
 
 /// A column of a file.
@@ -152,9 +154,57 @@ fn to(field: Field, number: Number) -> FieldTarget {
     FieldTarget::scaled(field, factor)
 }
 
+/// The target of each named column of a file, if a cloud can hold it. The names of the others are added to `report`.
+pub(super) fn goals(columns: &[NamedColumn], name: &str, report: &mut Report) -> Vec<Option<FieldTarget>> {
+    let mut goals: Vec<Option<FieldTarget>> = vec![None; columns.len()];
+    let mut taken = FieldSet::EMPTY;
+    // Our own names take precedence over synonyms.
+    for find in [own as fn(&NamedColumn) -> Option<FieldTarget>, foreign] {
+        for (goal, column) in goals.iter_mut().zip(columns) {
+            if goal.is_none()
+                && let Some(found) = find(column)
+                && !taken.contains(found.field)
+            {
+                taken = taken.with(found.field);
+                *goal = Some(found);
+            }
+        }
+    }
+    let left = columns.iter().zip(&goals).filter(|(column, goal)| goal.is_none() && !matches!(&*column.name, "_" | ""));
+    lost(left.map(|(column, _)| column.name.as_str()), name, report);
+    goals
+}
+
+/// Maximum number of column names that a warning lists.
+const LISTED: usize = 12;
+
+/// Reports the columns that a cloud cannot hold.
+pub(super) fn lost<'a>(left: impl Iterator<Item = &'a str>, name: &str, report: &mut Report) {
+    let left: Vec<&str> = left.collect();
+    let more = left.len().saturating_sub(LISTED);
+    let listed: Vec<_> = left.iter().take(LISTED).map(|column| shown::name(column)).collect();
+    if !listed.is_empty() {
+        let more = if more == 0 { String::new() } else { format!(" and {more} more") };
+        report.warn(format!("{name}: a cloud cannot hold {}{more}", listed.join(", ")));
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn warnings_list_a_dozen_columns() {
+        let warned = |count: usize| {
+            let names: Vec<String> = (0..count).map(|k| format!("n{k}")).collect();
+            let mut report = Report::default();
+            lost(names.iter().map(String::as_str), "csv", &mut report);
+            report.warnings.concat()
+        };
+        assert_eq!(warned(0), "");
+        assert_eq!(warned(2), "csv: a cloud cannot hold n0, n1");
+        assert!(warned(12).ends_with("n10, n11") && warned(20_000).ends_with("n10, n11 and 19988 more"));
+    }
 
     #[test]
     fn names_of_other_programs_are_known() {

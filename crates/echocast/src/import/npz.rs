@@ -1,9 +1,11 @@
 //! NPZ: a zip of NumPy arrays, one for each column.
 
 use super::about::{ABOUT, About, Arrays};
+use super::names;
 use super::number::{Member, blocks};
-use super::rows::{FieldTarget, Rows};
-use super::{MOST_OF_ONE, Source, boxes, rows};
+use super::rows::Rows;
+use super::target::FieldTarget;
+use super::{MOST_OF_ONE, Source, boxes};
 use crate::cloud::{FIELDS, Field, FieldSet, PointCloud};
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
@@ -180,6 +182,6 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
             names.push(name.to_owned());
         }
     }
-    rows::lost(names.iter().map(String::as_str), "npz", report);
+    names::lost(names.iter().map(String::as_str), "npz", report);
     rows.finish(source.path, "npz", about, report)
 }

@@ -1,7 +1,8 @@
 //! Numbers in records of bytes.
 
 use super::Source;
-use super::rows::{FieldTarget, Rows};
+use super::rows::Rows;
+use super::target::FieldTarget;
 use crate::cloud::record::BLOCK_BYTES;
 use crate::ground::error::Result;
 use crate::read::number::Number;

@@ -1,9 +1,10 @@
 //! PCD, the format of the Point Cloud Library.
 
 use super::about::{self, About};
-use super::names::NamedColumn;
+use super::names::{self, NamedColumn};
 use super::number::{Member, blocks};
-use super::rows::{self, FieldTarget, Rows};
+use super::rows::Rows;
+use super::target::FieldTarget;
 use super::text::{self, TextLines, TextStyle, WordTarget};
 use super::{Source, contained};
 use crate::cloud::{Field, Frame, PointCloud};
@@ -203,7 +204,7 @@ fn places(fields: &[PcdField], source: &Source, report: &mut Report) -> Result<V
         let name = if entry.is_packed() { Field::Red.info().name.to_owned() } else { name };
         columns.push(NamedColumn { name, number: if entry.is_packed() { Number::U8 } else { number } });
     }
-    let mut goals = rows::goals(&columns, "pcd", report);
+    let mut goals = names::goals(&columns, "pcd", report);
     if fields.iter().any(PcdField::is_packed) {
         let twice = |goal: &FieldTarget| matches!(goal.field, Field::Green | Field::Blue);
         goals.iter_mut().for_each(|goal| *goal = goal.filter(|goal| !twice(goal)));

@@ -2,9 +2,10 @@
 
 use super::Source;
 use super::about::About;
-use super::names::NamedColumn;
+use super::names::{self, NamedColumn};
 use super::number::{Member, blocks};
-use super::rows::{self, FieldTarget, Rows};
+use super::rows::Rows;
+use super::target::{self, FieldTarget};
 use super::text::{self, TextLines, TextStyle, WordTarget};
 use crate::cloud::PointCloud;
 use crate::ground::error::{Error, Result};
@@ -47,8 +48,8 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     let vertex = &header.elements[at];
     let columns: Vec<NamedColumn> = vertex.properties.iter().map(column).collect();
     let others = header.elements.iter().enumerate().filter(|&(index, element)| index != at && element.count > 0);
-    rows::lost(others.map(|(_, element)| element.name.as_str()), "ply", report);
-    let goals = rows::goals(&columns, "ply", report);
+    names::lost(others.map(|(_, element)| element.name.as_str()), "ply", report);
+    let goals = names::goals(&columns, "ply", report);
     let mut about = About::beside(source.path)?.unwrap_or_default();
     if let [Some(rows), Some(columns)] = header.grid {
         about.shape = Some([rows, columns]);
@@ -60,7 +61,7 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
             skip_lines(&mut lines, element, source)?;
         }
         let count = usize::try_from(vertex.count).unwrap_or(usize::MAX);
-        let mut rows = Rows::new(rows::fields(&goals), 0, Some(&about))?;
+        let mut rows = Rows::new(target::fields(&goals), 0, Some(&about))?;
         let place = |(goal, property): (Option<FieldTarget>, &PlyProperty)| match property.length {
             Some(_) => Some(WordTarget::List),
             None => goal.map(WordTarget::Goal),

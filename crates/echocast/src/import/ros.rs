@@ -1,8 +1,7 @@
 //! Messages of ROS 2, as bags hold them: numbers in CDR, at multiples of their size after a header.
 
-use super::names::NamedColumn;
+use super::names::{self, NamedColumn};
 use super::number::Member;
-use super::rows;
 use crate::cloud::{self, Driver, Field};
 use crate::ground::named::Named as _;
 use crate::ground::pose::Pose;
@@ -215,7 +214,7 @@ impl<'a> CloudMessage<'a> {
                 places.push(field.at);
             }
         }
-        let goals = rows::goals(&columns, "mcap", report);
+        let goals = names::goals(&columns, "mcap", report);
         let mut members = Vec::new();
         for ((goal, column), at) in goals.into_iter().zip(&columns).zip(places) {
             let Some(mut goal) = goal else { continue };

@@ -1,20 +1,16 @@
 //! The rows of a cloud while they are read from a file.
 
 use super::about::About;
-use super::names;
+use super::target::{FARTHEST, FieldTarget, axis};
 use crate::cloud::{ColumnMut, Columns, Field, FieldSet, Frame, PointCloud};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;
 use crate::ground::report::Report;
-use crate::ground::shown;
 use crate::scene::Labels;
 use echocast_memory::tried;
 use glam::DVec3;
 use std::path::Path;
 use std::sync::Arc;
-
-/// Farthest position, metres: as in scenes.
-pub(super) const FARTHEST: f64 = 1e18;
 
 /// Positions that are farther from the origin get another one, metres: f32 resolves 0.06 mm there.
 const NEAR: f64 = 1000.0;
@@ -25,28 +21,6 @@ const COARSE: f64 = 4096.0;
 const LOSS: f64 = 1e-4;
 /// Number of first positions that determine the origin.
 const FIRST: usize = 4096;
-
-/// The target of a number of a file: the number times `factor` plus `shift` is a value of the column, or a coordinate
-/// of positions.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct FieldTarget {
-    pub field: Field,
-    pub factor: f64,
-    pub shift: f64,
-}
-
-impl FieldTarget {
-    pub(super) fn scaled(field: Field, factor: f64) -> FieldTarget {
-        FieldTarget { factor, ..field.into() }
-    }
-}
-
-impl From<Field> for FieldTarget {
-    fn from(field: Field) -> FieldTarget {
-        // Adding -0 changes no number, not even -0.
-        FieldTarget { field, factor: 1.0, shift: -0.0 }
-    }
-}
 
 /// Columns that grow.
 pub(super) struct Rows {
@@ -308,72 +282,9 @@ impl Rows {
     }
 }
 
-/// The axis along which `field` is a position, if it is one.
-pub(super) fn axis(field: Field) -> Option<usize> {
-    match field {
-        Field::X | Field::TrueX | Field::CorrectedX => Some(0),
-        Field::Y | Field::TrueY | Field::CorrectedY => Some(1),
-        Field::Z | Field::TrueZ | Field::CorrectedZ => Some(2),
-        _ => None,
-    }
-}
-
-/// The target of each named column of a file, if a cloud can hold it. The names of the others are added to `report`.
-pub(super) fn goals(columns: &[names::NamedColumn], name: &str, report: &mut Report) -> Vec<Option<FieldTarget>> {
-    let mut goals: Vec<Option<FieldTarget>> = vec![None; columns.len()];
-    let mut taken = FieldSet::EMPTY;
-    // Our own names take precedence over synonyms.
-    for find in [names::own as fn(&names::NamedColumn) -> Option<FieldTarget>, names::foreign] {
-        for (goal, column) in goals.iter_mut().zip(columns) {
-            if goal.is_none()
-                && let Some(found) = find(column)
-                && !taken.contains(found.field)
-            {
-                taken = taken.with(found.field);
-                *goal = Some(found);
-            }
-        }
-    }
-    let left = columns.iter().zip(&goals).filter(|(column, goal)| goal.is_none() && !matches!(&*column.name, "_" | ""));
-    lost(left.map(|(column, _)| column.name.as_str()), name, report);
-    goals
-}
-
-/// Maximum number of column names that a warning lists.
-const LISTED: usize = 12;
-
-/// Reports the columns that a cloud cannot hold.
-pub(super) fn lost<'a>(left: impl Iterator<Item = &'a str>, name: &str, report: &mut Report) {
-    let left: Vec<&str> = left.collect();
-    let more = left.len().saturating_sub(LISTED);
-    let listed: Vec<_> = left.iter().take(LISTED).map(|column| shown::name(column)).collect();
-    if !listed.is_empty() {
-        let more = if more == 0 { String::new() } else { format!(" and {more} more") };
-        report.warn(format!("{name}: a cloud cannot hold {}{more}", listed.join(", ")));
-    }
-}
-
-/// Columns that `goals` fill.
-pub(super) fn fields(goals: &[Option<FieldTarget>]) -> FieldSet {
-    goals.iter().flatten().map(|goal| goal.field).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn warnings_list_a_dozen_columns() {
-        let warned = |count: usize| {
-            let names: Vec<String> = (0..count).map(|k| format!("n{k}")).collect();
-            let mut report = Report::default();
-            lost(names.iter().map(String::as_str), "csv", &mut report);
-            report.warnings.concat()
-        };
-        assert_eq!(warned(0), "");
-        assert_eq!(warned(2), "csv: a cloud cannot hold n0, n1");
-        assert!(warned(12).ends_with("n10, n11") && warned(20_000).ends_with("n10, n11 and 19988 more"));
-    }
 
     /// Rows without a position, however many, do not prevent the choice of an origin.
     #[test]

@@ -1,7 +1,8 @@
 //! Rows of numbers as text.
 
 use super::Source;
-use super::rows::{FieldTarget, Rows};
+use super::rows::Rows;
+use super::target::FieldTarget;
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use std::fs::File;

@@ -1,6 +1,6 @@
 //! Reflectance in the near infrared estimated from the visible colour, for surfaces whose name indicates no material.
 
-use super::luminance;
+use super::surface::luminance;
 
 /// Coefficients at one wavelength, and the standard deviation of the residuals.
 struct InfraredRow {

@@ -1,6 +1,8 @@
 //! What smooth surfaces do with light, by material.
 
-use super::{Material, ReflectanceSource, fresnel, luminance};
+use super::surface::luminance;
+use super::{Material, ReflectanceSource, fresnel};
+use crate::ground::profile::Profile;
 
 /// How a material divides incident light, at one wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +36,16 @@ pub(crate) enum Mirrors {
     Lossless,
     /// Nothing, and a metallic factor of exactly 1 makes a mirror, however rough, as computed by the paper's program.
     PaperProgram,
+}
+
+impl Mirrors {
+    pub(crate) fn of(profile: Profile) -> Mirrors {
+        match profile {
+            Profile::Physical => Mirrors::Real,
+            Profile::Paper => Mirrors::Lossless,
+            Profile::Blainder => Mirrors::PaperProgram,
+        }
+    }
 }
 
 impl Optics {

@@ -13,6 +13,7 @@ use std::f32::consts::PI;
 /// How a surface scatters. Its reflectance is that of the diffuse part; together with what `phong` and `ggx` add it may
 /// not exceed 1, and where it would, the diffuse part is reduced.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub enum Scattering {
     /// Equally bright from all directions: `rho cos(theta)`.
     #[default]

@@ -11,6 +11,7 @@ use std::sync::LazyLock;
 /// Backscatter is a cross-section per area and solid angle, 1/sr; in decibels that is the surface's scattering
 /// strength. Angles are grazing angles, between wave and surface.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Sound {
     /// Lambert's law, `mu sin^2(g)`: a rough surface without layers below.
     Lambert {
@@ -65,6 +66,7 @@ pub enum Sound {
 /// Types of seabed for which the library has a table: Jackson's small-slope model at 20, 100, 300 and 450 kHz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Sediment {
     /// Rough rock.
     RoughRock,

@@ -1,6 +1,7 @@
 //! Images on surfaces: decoding happens in the readers, sampling here.
 
 use super::decode::ImageHeader;
+use crate::ground::builder::builder;
 use crate::ground::error::{Error, Result};
 use crate::ground::math::floor;
 use echocast_memory::tried;
@@ -188,19 +189,21 @@ fn rounded(bits: [u8; 2]) -> u8 {
     ((u32::from(u16::from_be_bytes(bits)) + 128) / 257) as u8
 }
 
-/// A use of an image by a material.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TextureRef {
-    /// The image.
-    pub texture: Arc<Texture>,
-    /// How the image continues beyond its left and right edges.
-    pub wrap_u: Wrap,
-    /// How the image continues beyond its top and bottom edges.
-    pub wrap_v: Wrap,
-    /// How colours between pixel centres are determined.
-    pub filter: Filter,
-    /// Rows of the 2x3 matrix from a vertex's (u, v, 1) to the image's (u, v), v downwards.
-    pub transform: [[f32; 3]; 2],
+builder! {
+    /// A use of an image by a material.
+    #[derive(Clone, Debug, PartialEq)]
+    pub struct TextureRef {
+        /// The image.
+        pub texture: Arc<Texture>,
+        /// How the image continues beyond its left and right edges.
+        pub wrap_u: Wrap,
+        /// How the image continues beyond its top and bottom edges.
+        pub wrap_v: Wrap,
+        /// How colours between pixel centres are determined.
+        pub filter: Filter,
+        /// Rows of the 2x3 matrix from a vertex's (u, v, 1) to the image's (u, v), v downwards.
+        pub transform: [[f32; 3]; 2],
+    }
 }
 
 impl TextureRef {

@@ -1,6 +1,7 @@
 //! Weather and water as YAML: the section `environment` of a scenario, or a file of its own.
 
 use super::{ClearAir, Dust, Fog, Placed, Rain, Snow, Spray, Water};
+use crate::ground::builder::builder;
 use crate::ground::error::{Error, Result};
 use crate::read::bounds::Bounds;
 use crate::read::yaml;
@@ -9,36 +10,52 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::path::Path;
 
-/// What is between sensor and surfaces. The default is nothing: no air, no weather.
-///
-/// Each kind is one section of keys or a list of them, and each section may give a region, see [`super::Region`].
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Environment {
-    /// Air and haze.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub clear_air: Option<ClearAir>,
-    /// Rain.
-    #[serde(deserialize_with = "yaml::one_or_more", skip_serializing_if = "Vec::is_empty")]
-    pub rain: Vec<Placed<Rain>>,
-    /// Fog.
-    #[serde(deserialize_with = "yaml::one_or_more", skip_serializing_if = "Vec::is_empty")]
-    pub fog: Vec<Placed<Fog>>,
-    /// Snow.
-    #[serde(deserialize_with = "yaml::one_or_more", skip_serializing_if = "Vec::is_empty")]
-    pub snow: Vec<Placed<Snow>>,
-    /// Dust.
-    #[serde(deserialize_with = "yaml::one_or_more", skip_serializing_if = "Vec::is_empty")]
-    pub dust: Vec<Placed<Dust>>,
-    /// Spray.
-    #[serde(deserialize_with = "yaml::one_or_more", skip_serializing_if = "Vec::is_empty")]
-    pub spray: Vec<Placed<Spray>>,
-    /// Water, for sonar; it has no effect on light.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub water: Option<Water>,
+builder! {
+    /// What is between sensor and surfaces. The default is nothing: no air, no weather.
+    ///
+    /// Each kind is one section of keys or a list of them, and each section may give a region, see [`super::Region`].
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Environment {
+        /// Air and haze.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub clear_air: Option<ClearAir>,
+        /// Rain.
+        #[serde(deserialize_with = "yaml::one_or_more", skip_serializing_if = "Vec::is_empty")]
+        pub rain: Vec<Placed<Rain>>,
+        /// Fog.
+        #[serde(deserialize_with = "yaml::one_or_more", skip_serializing_if = "Vec::is_empty")]
+        pub fog: Vec<Placed<Fog>>,
+        /// Snow.
+        #[serde(deserialize_with = "yaml::one_or_more", skip_serializing_if = "Vec::is_empty")]
+        pub snow: Vec<Placed<Snow>>,
+        /// Dust.
+        #[serde(deserialize_with = "yaml::one_or_more", skip_serializing_if = "Vec::is_empty")]
+        pub dust: Vec<Placed<Dust>>,
+        /// Spray.
+        #[serde(deserialize_with = "yaml::one_or_more", skip_serializing_if = "Vec::is_empty")]
+        pub spray: Vec<Placed<Spray>>,
+        /// Water, for sonar; it has no effect on light.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub water: Option<Water>,
+    }
 }
 
 impl Environment {
+    /// Keys of the weather that it has: of all its sections but water.
+    pub fn weather(&self) -> impl Iterator<Item = &'static str> {
+        let Environment { clear_air, rain, fog, snow, dust, spray, water: _ } = self;
+        let sections = [
+            ("clear_air", clear_air.is_some()),
+            ("rain", !rain.is_empty()),
+            ("fog", !fog.is_empty()),
+            ("snow", !snow.is_empty()),
+            ("dust", !dust.is_empty()),
+            ("spray", !spray.is_empty()),
+        ];
+        sections.into_iter().filter_map(|(key, present)| present.then_some(key))
+    }
+
     /// Reads the file at `path`: these keys, or a section `environment` that holds them; an empty file means no
     /// weather.
     ///

@@ -1,7 +1,7 @@
 //! What is between a sensor and the surfaces: air with its weather, for light, and water, for sound.
 
 mod air;
-mod environment;
+pub(crate) mod environment;
 mod water;
 mod weather;
 
@@ -9,7 +9,7 @@ pub use air::{
     ClearAir, Dust, Fog, PerLength, Placed, Rain, RainModel, Region, Snow, SnowModel, Spectrum, Spray, VisibilityModel,
 };
 pub(crate) use air::{Extent, Particles};
-pub use environment::Environment;
+pub(crate) use environment::Environment;
 pub use water::{
     Absorption, AmbientNoise, Fluid, Layer, Outside, RayEvent, RayPoint, Sea, SoundRay, SoundSpeed, SoundSpeedProfile,
     SpeedRow, Spreading, Water, WaterRow, pressure_bar, unesco_speed,

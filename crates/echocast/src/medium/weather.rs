@@ -50,17 +50,17 @@ impl Weather {
         let mut range_noise = 0.0f64;
         for Placed { what: rain, region } in &environment.rain {
             let model = if as_the_paper { RainModel::Paper } else { RainModel::Itu };
-            let drops = rain.drops().filter(|_| rain.drops.unwrap_or(!as_the_paper));
+            let drops = rain.drop_sizes().filter(|_| rain.drops.unwrap_or(!as_the_paper));
             add(*region, [rain.extinction(model), 0.0], Cause::Rain, drops);
             if rain.range_noise.unwrap_or(as_the_paper) && *region == Region::Everywhere {
-                range_noise = range_noise.hypot(rain.range_noise());
+                range_noise = range_noise.hypot(rain.range_sigma());
             }
         }
         for Placed { what: fog, region } in &environment.fog {
             add(*region, fog.coefficients(wavelength_nm), Cause::Fog, None);
         }
         for Placed { what: snow, region } in &environment.snow {
-            let flakes = snow.flakes().filter(|_| snow.flakes.unwrap_or(!as_the_paper));
+            let flakes = snow.flake_sizes().filter(|_| snow.flakes.unwrap_or(!as_the_paper));
             add(*region, [snow.extinction(), 0.0], Cause::Snow, flakes);
         }
         for Placed { what: dust, region } in &environment.dust {

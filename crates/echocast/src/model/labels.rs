@@ -1,15 +1,25 @@
 //! Numbers of labels and their names.
 
+use crate::ground::builder::builder;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 /// Numbers and names of one label column, sorted by number.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct NameTable {
-    /// Numbers, rising, each once; never 0 (which means unlabelled).
-    pub ids: Vec<u32>,
-    /// Names, one for each number.
-    pub names: Vec<String>,
+    /// Rising, each once; never 0.
+    pub(crate) ids: Vec<u32>,
+    /// One for each number.
+    pub(crate) names: Vec<String>,
+}
+
+impl<S: AsRef<str>> FromIterator<(u32, S)> for NameTable {
+    /// A table of these numbers and names, in any order; of equal numbers the last one counts, 0 has no name.
+    fn from_iter<I: IntoIterator<Item = (u32, S)>>(rows: I) -> Self {
+        let mut table = NameTable::default();
+        rows.into_iter().for_each(|(id, name)| table.set(id, name.as_ref()));
+        table
+    }
 }
 
 impl NameTable {
@@ -31,7 +41,7 @@ impl NameTable {
     }
 
     /// Names the number `id`, replacing any earlier name; 0 has none.
-    pub(crate) fn set(&mut self, id: u32, name: &str) {
+    pub fn set(&mut self, id: u32, name: &str) {
         match self.ids.binary_search(&id) {
             _ if id == 0 => {}
             Ok(row) => name.clone_into(&mut self.names[row]),
@@ -90,6 +100,16 @@ impl NameTable {
         next.or_else(|| (1..).find(is_free)).unwrap_or(preferred)
     }
 
+    /// The numbers, rising, each once; never 0 (which means unlabelled).
+    pub fn ids(&self) -> &[u32] {
+        &self.ids
+    }
+
+    /// The names, one for each number.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
     /// Number of `name`; 0 when it has none.
     pub fn id(&self, name: &str) -> u32 {
         self.names.iter().position(|n| n == name).map_or(0, |row| self.ids[row])
@@ -111,20 +131,22 @@ impl NameTable {
     }
 }
 
-/// The name tables of a scene; they accompany every output.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Labels {
-    /// Names of `category_id`.
-    pub category: NameTable,
-    /// Names of `part_id`.
-    pub part: NameTable,
-    /// Names of `material_id`.
-    pub material: NameTable,
-    /// Names of `instance_id`: the objects. Names may repeat here, numbers do not.
-    pub instance: NameTable,
-    /// ASPRS class, as in LAS, of a `category_id`; that of others is 0, never classified.
-    #[serde(skip)]
-    pub las_class: BTreeMap<u32, u8>,
+builder! {
+    /// The name tables of a scene; they accompany every output.
+    #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+    pub struct Labels {
+        /// Names of `category_id`.
+        pub category: NameTable,
+        /// Names of `part_id`.
+        pub part: NameTable,
+        /// Names of `material_id`.
+        pub material: NameTable,
+        /// Names of `instance_id`: the objects. Names may repeat here, numbers do not.
+        pub instance: NameTable,
+        /// ASPRS class, as in LAS, of a `category_id`; that of others is 0, never classified.
+        #[serde(skip)]
+        pub las_class: BTreeMap<u32, u8>,
+    }
 }
 
 impl Labels {

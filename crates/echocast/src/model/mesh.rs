@@ -2,6 +2,7 @@
 
 use super::LARGEST;
 use crate::ground::array::Array;
+use crate::ground::builder::builder;
 use crate::ground::error::{Error, Result};
 use crate::material::Material;
 use embree4::CommittedScene;
@@ -10,21 +11,23 @@ use std::collections::HashMap;
 use std::fmt;
 use std::sync::{Arc, Mutex};
 
-/// Triangles with one material.
-#[derive(Clone, Debug, Default)]
-pub struct Part {
-    /// Vertex positions, metres, mesh frame. Shared where several parts use the same vertices.
-    pub positions: Array<[f32; 3]>,
-    /// Unit shading normals per vertex; `None`: the surface is flat-shaded.
-    pub normals: Option<Array<[f32; 3]>>,
-    /// Texture coordinates per vertex, of the set that the material's base colour texture uses.
-    pub uvs: Option<Array<[f32; 2]>>,
-    /// Alpha per vertex, which multiplies that of the material where that has an effect; `None`: 1.
-    pub alphas: Option<Array<f32>>,
-    /// Vertex indices, three per triangle, all in range.
-    pub triangles: Array<[u32; 3]>,
-    /// What it is made of; `None`: the default material.
-    pub material: Option<Arc<Material>>,
+builder! {
+    /// Triangles with one material.
+    #[derive(Clone, Debug, Default)]
+    pub struct Part {
+        /// Vertex positions, metres, mesh frame. Shared where several parts use the same vertices.
+        pub positions: Array<[f32; 3]>,
+        /// Unit shading normals per vertex; `None`: the surface is flat-shaded.
+        pub normals: Option<Array<[f32; 3]>>,
+        /// Texture coordinates per vertex, of the set that the material's base colour texture uses.
+        pub uvs: Option<Array<[f32; 2]>>,
+        /// Alpha per vertex, which multiplies that of the material where that has an effect; `None`: 1.
+        pub alphas: Option<Array<f32>>,
+        /// Vertex indices, three per triangle, all in range.
+        pub triangles: Array<[u32; 3]>,
+        /// What it is made of; `None`: the default material.
+        pub material: Option<Arc<Material>>,
+    }
 }
 
 impl Part {

@@ -77,6 +77,7 @@ impl UpAxis {
 
 /// A node of a file.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Ancestor {
     /// Its number in the file.
     pub node: u32,

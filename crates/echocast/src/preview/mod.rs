@@ -23,6 +23,7 @@ pub(crate) use legend::thousands;
 pub(crate) use sheet::sheet;
 
 use crate::cloud::{Field, FieldSet, Pings, PointCloud, VELOCITY};
+use crate::ground::builder::builder;
 use crate::ground::error::{Error, Result};
 use crate::ground::named::{by_name, named};
 use crate::ground::report::Report;
@@ -46,6 +47,7 @@ const WIDTHS: std::ops::RangeInclusive<u32> = 320..=4096;
 /// What a preview shows: the viewpoint for a cloud, or the image made of pings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum View {
     /// Straight down without perspective: +x to the right, +y up.
     #[default]
@@ -83,6 +85,7 @@ impl FromStr for View {
 /// What the colours of a preview show.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum ColorBy {
     /// Category, or part if there is only one category; backscatter from the air has its own colours if the cloud has
     /// the column `cause`.
@@ -117,25 +120,21 @@ impl FromStr for ColorBy {
     }
 }
 
-/// How a preview looks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct PreviewOptions {
-    /// Viewpoint; default top.
-    pub view: View,
-    /// What the colours show; default label.
-    pub color: ColorBy,
-    /// Width of the picture in pixels, 320 to 4096, default 1600; the height follows the content.
-    pub width: u32,
-    /// Whether a waterfall shows ground range, along the bed, instead of slant range; default false.
-    pub ground: bool,
-    /// Whether the boxes of a cloud that have points are drawn, coloured by category; default false.
-    pub boxes: bool,
-}
-
-impl Default for PreviewOptions {
-    fn default() -> Self {
-        PreviewOptions { view: View::default(), color: ColorBy::default(), width: 1600, ground: false, boxes: false }
+builder! {
+    /// How a preview looks.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct PreviewOptions {
+        /// Viewpoint; default top.
+        pub view: View = View::default(),
+        /// What the colours show; default label.
+        pub color: ColorBy = ColorBy::default(),
+        /// Width of the picture in pixels, 320 to 4096, default 1600; the height follows the content.
+        pub width: u32 = 1600,
+        /// Whether a waterfall shows ground range, along the bed, instead of slant range; default false.
+        pub ground: bool = false,
+        /// Whether the boxes of a cloud that have points are drawn, coloured by category; default false.
+        pub boxes: bool = false,
     }
 }
 

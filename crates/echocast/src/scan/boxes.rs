@@ -2,12 +2,13 @@
 
 use super::ScanOptions;
 use crate::cloud::{BoxAxes, BoxTime, Field, Frame, InstanceBox, PointCloud};
+use crate::detect::DepthCamera;
 use crate::emitter::{Aim, BeamTable, ImageGrid, Outline, Trajectory};
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::{CHUNK, LANES, RayBatch};
 use crate::ground::parallel;
 use crate::ground::pose::Pose;
-use crate::sensor::{DepthCamera, Sensor, SensorKind};
+use crate::sensor::Sensor;
 use crate::trace::{BuiltScene, Crossings, LabelledInstance, Sight, Tables};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
 use std::sync::Arc;
@@ -43,17 +44,15 @@ impl BuiltScene {
                 "one with it, or boxes at the start or the end of a scan",
             ));
         }
-        let sonar = sensor.kind() == SensorKind::Sonar;
+        let sonar = sensor.kind().makes_pings();
         let beams = if sonar { Arc::new(sensor.rays().into_owned()) } else { sensor.beams_at(options.start_time)? };
         self.0.check_time(options.start_time, beams.last_time())?;
-        let start = trajectory.at(options.trajectory_time());
+        let start = trajectory.at(options.start_on_trajectory());
         let turned = sonar.then(|| Trajectory::fixed(sensor.turned(start, options.frame)));
-        let aim = Aim::new(turned.as_ref().unwrap_or(trajectory), options.trajectory_time(), self.0.origin);
+        let aim = Aim::new(turned.as_ref().unwrap_or(trajectory), options.start_on_trajectory(), self.0.origin);
         let instances = self.0.instances();
-        let reach = match &sensor.camera {
-            Some(camera) if DepthCamera::wraps(camera) => f64::INFINITY,
-            _ => sensor.range_max_m,
-        };
+        let wraps = sensor.camera.as_ref().is_some_and(DepthCamera::wraps);
+        let reach = if wraps { f64::INFINITY } else { sensor.range_max_m };
         let last = beams.last_time();
         let met = met(ids, if timed { times } else { &[] }, [options.start_time, last], instances);
         let frame = match cloud.frame {
@@ -203,7 +202,7 @@ impl Boxes<'_> {
         let (start, mask) = (self.options.start_time, self.options.mask);
         let time = start + after;
         let moment = self.scene.clock(start, self.options.freeze).map_or(0.0, |clock| clock.of(after));
-        let sensor = self.path.at(self.options.trajectory_time() + after);
+        let sensor = self.path.at(self.options.start_on_trajectory() + after);
         let frame = if self.rides { sensor } else { self.frame };
         let stances = instance.objects.iter().filter_map(|&object| {
             let (place, turned) =

@@ -4,34 +4,21 @@ mod bare;
 mod boxes;
 mod light;
 mod nothing;
+mod options;
 mod printed;
 mod sound;
 
+pub use crate::ground::profile::Profile;
 pub use nothing::why_nothing;
+pub use options::ScanOptions;
 
-use crate::cloud::{BoxAxes, BoxTime, Field, FieldSet, Frame, PointCloud};
+use crate::cloud::{Field, FieldSet, PointCloud};
 use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
 use crate::ground::named::named;
-use crate::material::ReflectanceSource;
-use crate::medium::Environment;
-use crate::sensor::{Sensor, SensorKind};
+use crate::sensor::Sensor;
 use crate::trace::BuiltScene;
 use std::ops::ControlFlow;
-
-/// The set of models that a scan uses.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Profile {
-    /// Physical models.
-    #[default]
-    Physical,
-    /// The equations of the paper as printed; glass is physical. Sonars produce clouds, and no pings.
-    Paper,
-    /// As computed by the paper's program; total internal reflection in glass is physical. Sonars as with `Paper`.
-    Blainder,
-}
-
-named! { Profile: Physical "physical", Paper "paper", Blainder "blainder" }
 
 impl Profile {
     /// Checks that it is the physical one; `allowed` states why no other is.
@@ -55,6 +42,7 @@ impl Profile {
 
 /// Order of the points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Order {
     /// By ascending frame, beam and return.
     #[default]
@@ -64,120 +52,6 @@ pub enum Order {
 }
 
 named! { Order: Beam "beam", Time "time" }
-
-/// How to scan; every setting has a working default.
-#[derive(Clone, Debug)]
-pub struct ScanOptions {
-    /// Columns to compute.
-    pub fields: FieldSet,
-    /// Seed of all random draws.
-    pub seed: u64,
-    /// Frame index; it changes the random draws and fills the `frame` column.
-    pub frame: u32,
-    /// Time at which the scan starts, s since the start of the run; patterns that do not repeat continue with it.
-    pub start_time: f64,
-    /// Time of the trajectory at which the scan starts, s; `None`: `start_time`.
-    pub trajectory_time: Option<f64>,
-    /// Freeze the scene during the scan, as it is at the start: for comparison with simulators that do so.
-    pub freeze: bool,
-    /// Time from one frame to the next, s, over which scene flow is measured; `None`: the sensor's period.
-    pub frame_period: Option<f64>,
-    /// Keep misses, so that every beam has a row.
-    pub organised: bool,
-    /// Transform points to one time, the start of the scan: moving objects are where they were then, with all points on
-    /// them, however late these were hit, and [`Frame::Sensor`] is the sensor's frame at that time. This applies to
-    /// positions and normals; the other columns, including `true_x`, `true_y` and `true_z`, give the state when the
-    /// beam fired. Not for sonars.
-    pub deskew: bool,
-    /// Coordinates of the output points.
-    pub coordinates: Frame,
-    /// Order of the points.
-    pub order: Order,
-    /// Axes of the boxes around labelled instances; `None`: no boxes. For boxes all beams are traced once more.
-    pub boxes: Option<BoxAxes>,
-    /// Time at which boxes hold.
-    pub box_time: BoxTime,
-    /// Whether boxes also give their extent in the sensor's image ([`InstanceBox::image`](crate::InstanceBox::image)),
-    /// for which every triangle is processed.
-    pub image_boxes: bool,
-    /// Model set.
-    pub profile: Profile,
-    /// Source of the reflectance if the material does not give it; `None`: as the profile defines
-    /// (`physical`: library, `paper`: luminance, `blainder`: alpha).
-    pub reflectance_source: Option<ReflectanceSource>,
-    /// Objects whose mask shares a bit with this are seen.
-    pub mask: u32,
-    /// Greatest number of mirrors and glass faces on a path of light.
-    pub specular_depth: u8,
-    /// What is between sensor and surfaces; it must be valid, see [`Environment::check`].
-    pub environment: Environment,
-}
-
-impl Default for ScanOptions {
-    fn default() -> Self {
-        ScanOptions {
-            fields: FieldSet::default(),
-            seed: 0,
-            frame: 0,
-            start_time: 0.0,
-            trajectory_time: None,
-            freeze: false,
-            frame_period: None,
-            organised: false,
-            deskew: false,
-            coordinates: Frame::World,
-            order: Order::Beam,
-            boxes: None,
-            box_time: BoxTime::default(),
-            image_boxes: false,
-            profile: Profile::Physical,
-            reflectance_source: None,
-            mask: u32::MAX,
-            specular_depth: 10,
-            environment: Environment::default(),
-        }
-    }
-}
-
-impl ScanOptions {
-    /// The same with `seed`.
-    #[must_use]
-    pub fn seed(self, seed: u64) -> Self {
-        ScanOptions { seed, ..self }
-    }
-
-    pub(crate) fn trajectory_time(&self) -> f64 {
-        self.trajectory_time.unwrap_or(self.start_time)
-    }
-
-    /// Checks that a scan along `trajectory` is possible, in an environment that is checked elsewhere: for light once,
-    /// when it is prepared.
-    fn check(&self, trajectory: &Trajectory) -> Result<()> {
-        let start = trajectory.at(self.trajectory_time());
-        if !(start.position.is_finite() && start.orientation.is_finite()) {
-            let (place, turned) = (start.position.to_array(), start.orientation.to_array());
-            let found = format!("at {place:?} with the quaternion {turned:?}");
-            return Err(Error::invalid("pose", found, "finite numbers, a quaternion that is not 0"));
-        }
-        if let Some(period) = self.frame_period.filter(|period| !(*period > 0.0 && *period <= 1e9)) {
-            return Err(Error::invalid("frame_period", period, "above 0, up to 1e9 s"));
-        }
-        if self.organised && self.order == Order::Time {
-            return Err(Error::invalid(
-                "order",
-                "time",
-                "beam for an organised cloud, whose rows and columns are beams",
-            ));
-        }
-        Ok(())
-    }
-
-    /// The same with `fields`.
-    #[must_use]
-    pub fn fields(self, fields: FieldSet) -> Self {
-        ScanOptions { fields, ..self }
-    }
-}
 
 /// A callback that gets the fraction of the work that is done, 0 to 1, and returns whether to continue.
 pub type Progress<'a> = &'a mut dyn FnMut(f64) -> ControlFlow<()>;
@@ -270,7 +144,7 @@ impl BuiltScene {
         cloud: &mut PointCloud,
         mut progress: Option<Progress>,
     ) -> Result<()> {
-        if sensor.kind() == SensorKind::Sonar {
+        if sensor.kind().makes_pings() {
             if options.deskew {
                 return Err(Error::invalid("deskew", true, "false for sonars, whose pings have one pose each"));
             }
@@ -306,7 +180,7 @@ impl BuiltScene {
         let options = ScanOptions { organised: false, order: Order::Beam, fields: FieldSet::all(), ..options.clone() };
         options.check(trajectory)?;
         options.environment.check()?;
-        if sensor.kind() == SensorKind::Sonar {
+        if sensor.kind().makes_pings() {
             return match options.profile {
                 Profile::Physical => self.explain_ping(sensor, trajectory, &options, beam),
                 _ => self.explain_printed(sensor, trajectory, &options, beam),

@@ -2,7 +2,7 @@
 
 use crate::detect::Detection;
 use crate::medium::Environment;
-use crate::sensor::{Sensor, SensorKind};
+use crate::sensor::Sensor;
 use glam::DVec3;
 
 /// Possible reasons why no beam of `sensor` has a return, as a sentence: the scene extends from its lowest to its
@@ -28,11 +28,10 @@ pub fn why_nothing(bounds: Option<(DVec3, DVec3)>, sensor: &Sensor, start: DVec3
     }
     // Reasons that cannot be distinguished here are listed, as far as they apply to this sensor and this weather.
     let mut causes = vec!["its beams miss the scene"];
-    let sonar = sensor.kind() == SensorKind::Sonar;
-    if sonar || spec.detection.model != Detection::None {
+    if sensor.kind().makes_pings() || spec.detection.model != Detection::None {
         causes.push("echoes are below its detection limit");
     }
-    if !sonar && !environment.is_empty() {
+    if sensor.kind().is_optical() && !environment.is_empty() {
         causes.push("the weather attenuates their light");
     }
     if spec.tof.is_some() {

@@ -10,7 +10,6 @@ use crate::cloud::{Columns, Frame, PointCloud, put};
 use crate::emitter::pattern::{Flat, Pattern, Sidescan};
 use crate::emitter::{BeamTable, FiringOrder, Trajectory};
 use crate::ground::angle::azimuth_elevation;
-use crate::ground::cause::Cause;
 use crate::ground::error::{Error, Result};
 use crate::ground::lanes::{CHUNK, LANES, MEDIUM, MISS, RayBatch};
 use crate::ground::parallel;
@@ -131,7 +130,7 @@ impl<'a> Printed<'a> {
         if program {
             check_for_program(acoustics, options.environment.water.as_ref())?;
         }
-        let pose = sensor.turned(trajectory.at(options.trajectory_time()), options.frame);
+        let pose = sensor.turned(trajectory.at(options.start_on_trajectory()), options.frame);
         let water = printed_water(options.environment.water.clone().unwrap_or_default());
         let depth = water.surface_z_m - pose.position.z;
         // Warnings about it are reported by `BuiltScene::check_water`.
@@ -388,6 +387,7 @@ impl<'a> Printed<'a> {
     fn fill(&self, columns: &mut Columns, row: usize, ray: usize, point: Option<&PrintedPoint>) {
         let launch = self.fan.direction(ray);
         let [azimuth, elevation] = azimuth_elevation(launch.to_array());
+        columns.start_row(row);
         put!(columns, row,
             azimuth: azimuth,
             elevation: elevation,
@@ -399,41 +399,8 @@ impl<'a> Printed<'a> {
             firing: self.options.frame,
             return_number: u8::from(point.is_some()),
             return_count: u8::from(point.is_some()),
-            cause: Cause::Surface as u8,
-            bounces: 0,
-            doppler: f32::NAN,
-            quality: f32::NAN,
-            corrected_x: f32::NAN,
-            corrected_y: f32::NAN,
-            corrected_z: f32::NAN,
-            bottom_track_x: f32::NAN,
-            bottom_track_y: f32::NAN,
-            bottom_track_z: f32::NAN,
-            bottom_track_error: f32::NAN,
-            water_track_x: f32::NAN,
-            water_track_y: f32::NAN,
-            water_track_z: f32::NAN,
-            water_track_error: f32::NAN,
-            velocity_x: f32::NAN,
-            velocity_y: f32::NAN,
-            velocity_z: f32::NAN,
-            radial_velocity: f32::NAN,
-            flow_x: f32::NAN,
-            flow_y: f32::NAN,
-            flow_z: f32::NAN,
-            track_id: 0,
         );
-        let Some(point) = point else {
-            let none = f32::NAN;
-            put!(columns, row,
-                x: none, y: none, z: none, range: none, depth: none, intensity: none, cos_incidence: none,
-                true_x: none, true_y: none, true_z: none, true_range: none,
-                normal_x: none, normal_y: none, normal_z: none,
-                category_id: 0, part_id: 0, instance_id: 0, material_id: 0, red: 0, green: 0, blue: 0,
-                first_category_id: 0, first_instance_id: 0,
-            );
-            return;
-        };
+        let Some(point) = point else { return };
         let rotation = self.pose.rotation();
         let met = rotation.transpose() * (point.place.as_dvec3() - self.place());
         // The paper's point is in the direction in which the ray left, the program's where the surface is.

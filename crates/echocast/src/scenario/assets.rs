@@ -1,7 +1,7 @@
 //! Files that samples share: models and images.
 
 use super::lock;
-use super::variation::{MeshTrees, Models, Solid};
+use super::room::{MeshTrees, Solid};
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::material::{Texture, TextureBudget, TextureRef};
@@ -83,9 +83,9 @@ impl Assets {
 ///
 /// # Errors
 /// A missing file, a folder without models. `key` names the rule.
-pub(super) fn files(models: &Models, folder: &Path, key: &str) -> Result<Vec<(PathBuf, f64)>> {
+pub(super) fn files(models: &[(PathBuf, f64)], folder: &Path, key: &str) -> Result<Vec<(PathBuf, f64)>> {
     let mut all = Vec::new();
-    for (name, weight) in &models.0 {
+    for (name, weight) in models {
         let path = folder.join(name);
         let failed = |source| Error::Io { path: path.clone(), source };
         if !fs::metadata(&path).map_err(failed)?.is_dir() {

@@ -11,7 +11,7 @@ use crate::ground::pose::{Pose, on};
 use crate::ground::report::Report;
 use crate::ground::shown;
 use crate::scan::ScanOptions;
-use crate::sensor::{Sensor, SensorKind};
+use crate::sensor::Sensor;
 use crate::trace::{BuiltScene, LiveScene};
 use glam::DQuat;
 use serde_json::Value;
@@ -245,7 +245,7 @@ fn scans(
     let [from, to, step] = match &spec.frames {
         Some(frames) => [frames.first, frames.last, frames.step],
         // A sonar pings along its whole trajectory.
-        None if first.kind() == SensorKind::Sonar && file.is_some() => {
+        None if first.kind().makes_pings() && file.is_some() => {
             let end = file.as_ref().map_or(0.0, |file| file.span().1);
             [0, (end * fps + 1e-6).min(MOST_FRAMES) as u32, 1]
         }
@@ -299,7 +299,7 @@ fn scans(
                 seed: draws.scan_seed(spec.seed, index as u32),
                 freeze: spec.freeze,
                 // Pings have one pose each.
-                deskew: spec.deskew && sensor.kind() != SensorKind::Sonar,
+                deskew: spec.deskew && !sensor.kind().makes_pings(),
                 box_time: spec.boxes,
                 frame_period: Some(entry.rate_hz.map_or(f64::from(step) / fps, f64::recip)),
                 organised: spec.organised,

@@ -1,6 +1,6 @@
 //! Contents of a scenario file, section by section.
 
-use super::set::Splits;
+use super::splits::Splits;
 use super::variation::Rule;
 use crate::cloud::{BoxTime, Field, FieldSet, Frame};
 use crate::generate::Generate;

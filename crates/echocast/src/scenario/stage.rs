@@ -65,8 +65,8 @@ impl Stage {
             }
         };
         let files = |(index, rule): (usize, &super::variation::Rule)| match &rule.what {
-            What::Swap(rule) => assets::files(&rule.with, folder, &format!("variation[{index}].with")),
-            What::Place(rule) => assets::files(&rule.place, folder, &format!("variation[{index}].place")),
+            What::Swap(rule) => assets::files(&rule.with.0, folder, &format!("variation[{index}].with")),
+            What::Place(rule) => assets::files(&rule.place.0, folder, &format!("variation[{index}].place")),
             _ => Ok(Vec::new()),
         };
         let models = spec.variation.iter().enumerate().map(files).collect::<Result<_>>()?;

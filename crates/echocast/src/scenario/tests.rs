@@ -1,8 +1,12 @@
 use super::*;
-use crate::trace::LiveScene;
+use crate::ground::error::Result;
+use crate::ground::shown;
+use crate::trace::{Engine, LiveScene};
 use glam::{DQuat, DVec3};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use tempfile::TempDir;
 
 /// A box in OBJ, from `low` to `high`.
@@ -876,7 +880,7 @@ fn foreign_folders_are_left_alone() {
     run(&folder, "", &ten).unwrap();
     let before = contents(&folder.path().join("made"));
     let error = run(&folder, "", &ten).unwrap_err().to_string();
-    assert!(error.contains("which already holds 2 of these samples; allowed: another folder, or --resume"), "{error}");
+    assert!(error.contains("in which 2 of these samples are; allowed: another folder, or to go on"), "{error}");
     let error = run(&folder, "organised: true\n", &ten).unwrap_err().to_string();
     assert!(error.contains("which holds a set of another scenario"), "{error}");
     fs::create_dir(folder.path().join("mine")).unwrap();

@@ -6,9 +6,10 @@
 //! export is in world coordinates: it needs PC2 with "Export into Worldspace", and with "Convert to Y-up" if the OBJ
 //! file is y up; or MDD, which is always in world coordinates and z up.
 
-use super::label::{best_of, matches};
+use super::pattern::{best_of, matches};
 use super::{LoadOptions, Scene, Sequence};
 use crate::ground::array::Array;
+use crate::ground::builder::builder;
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::model::{Mesh, Part, Structure};
@@ -27,14 +28,23 @@ use std::sync::Arc;
 /// Maximum number of vertices; those that parts share exist once for each part when the object is traced.
 const MOST_VERTICES: usize = 200_000_000;
 
-/// The file that describes how the shape of an object changes over time.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct CacheFile {
-    /// A vertex cache (`.mdd`, `.pc2`), or the first of numbered scene files (`water_0001.obj`), each a shape of its
-    /// own.
-    pub file: PathBuf,
-    /// Frames per second of PC2 and of numbered files; defaults to 24. MDD files hold seconds.
-    pub fps: Option<f64>,
+builder! {
+    /// The file that describes how the shape of an object changes over time.
+    #[derive(Clone, Debug, PartialEq, Serialize)]
+    pub struct CacheFile {
+        /// A vertex cache (`.mdd`, `.pc2`), or the first of numbered scene files (`water_0001.obj`), each a shape of
+        /// its own.
+        pub file: PathBuf,
+        /// Frames per second of PC2 and of numbered files; defaults to 24. MDD files hold seconds.
+        pub fps: Option<f64>,
+    }
+}
+
+impl CacheFile {
+    /// `file`, at its own frame rate.
+    pub fn new(file: impl Into<PathBuf>) -> CacheFile {
+        CacheFile { file: file.into(), fps: None }
+    }
 }
 
 impl<'de> Deserialize<'de> for CacheFile {
@@ -68,7 +78,7 @@ impl<'de> Deserialize<'de> for CacheFile {
 
 impl LoadOptions {
     /// The caches of these options and of the label file, by pattern; those of the options win.
-    pub(super) fn caches(&self) -> impl Iterator<Item = (&str, &CacheFile)> {
+    pub(super) fn all_caches(&self) -> impl Iterator<Item = (&str, &CacheFile)> {
         let labels = self.labels.caches.iter().filter(|(pattern, _)| !self.caches.contains_key(*pattern));
         self.caches.iter().chain(labels).map(|(pattern, cache)| (pattern.as_str(), cache))
     }
@@ -94,7 +104,7 @@ impl Scene {
     /// # Errors
     /// A pattern that no object's name matches; a file that cannot be read or does not fit.
     pub(super) fn with_caches(mut self, options: &LoadOptions) -> Result<Scene> {
-        let caches: BTreeMap<&str, &CacheFile> = options.caches().collect();
+        let caches: BTreeMap<&str, &CacheFile> = options.all_caches().collect();
         for pattern in caches.keys() {
             let names = || self.objects.iter().map(|object| object.name.as_str());
             if !names().any(|name| matches(pattern, name)) {

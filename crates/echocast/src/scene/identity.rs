@@ -4,7 +4,7 @@
 //! node that gives an object its category also makes one instance of everything that it gives a category to. Where
 //! there is none, everything below the outermost node that is not a mere group is one.
 
-use super::label::{best_of, is_lettered, matches};
+use super::pattern::{best_of, is_lettered, matches};
 use super::{InstanceRule, LabelRules};
 use crate::ground::shown;
 use crate::model::{Ancestor, RawObject};

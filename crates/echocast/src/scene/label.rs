@@ -1,7 +1,9 @@
 //! Names to numbers: categories, parts, materials and instances.
 
+use super::pattern::{best_of, matches};
 use super::{CacheFile, MaterialRules, Scene};
-use crate::ground::error::{Result, nearest};
+use crate::ground::builder::builder;
+use crate::ground::error::Result;
 use crate::ground::shown;
 use crate::model::{Labels, Part};
 use crate::read::presets;
@@ -77,41 +79,44 @@ impl<'r> Given<'r> {
     }
 }
 
-/// A label file: fixed numbers, and patterns that assign names.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct LabelRules {
-    /// Category or part name to number, from 1, no number twice.
-    pub numbers: BTreeMap<String, u32>,
-    /// Pattern (`*` and `?`) of the names of objects, or of their ancestor nodes, to category. The nearest name that a
-    /// pattern matches counts, and of several patterns the one with the most letters; a pattern without letters counts
-    /// only where nothing else gives a category.
-    pub objects: BTreeMap<String, String>,
-    /// Patterns of the names of objects, or of their ancestor nodes, to leave out, such as sky boxes.
-    #[serde(deserialize_with = "one_or_more_words")]
-    pub hide: Vec<String>,
-    /// Which objects are one instance; `None`: everything below the node that gives the category, otherwise below the
-    /// outermost node that is not a mere group.
-    pub instances: Option<InstanceRule>,
-    /// Category to ASPRS class (LAS 1.4, table 17), for LAS files.
-    pub las_class: BTreeMap<String, u8>,
-    /// Material name pattern (`*` and `?`) to part; the longest matching pattern wins.
-    pub materials: BTreeMap<String, String>,
-    /// Object name pattern (`*` and `?`) to the file that describes how the object's shape changes; added to those of
-    /// the load options.
-    pub caches: BTreeMap<String, CacheFile>,
-    /// What surfaces are made of, by material name pattern.
-    #[serde(skip_serializing_if = "MaterialRules::is_empty")]
-    pub surfaces: MaterialRules,
-    /// Whether they are for a kind of scene, not for one scene: it is then no mistake if a scene lacks what some of
-    /// them name.
-    #[serde(skip)]
-    pub general: bool,
+builder! {
+    /// A label file: fixed numbers, and patterns that assign names.
+    #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct LabelRules {
+        /// Category or part name to number, from 1, no number twice.
+        pub numbers: BTreeMap<String, u32>,
+        /// Pattern (`*` and `?`) of the names of objects, or of their ancestor nodes, to category. The nearest name
+        /// that a pattern matches counts, and of several patterns the one with the most letters; a pattern without
+        /// letters counts only where nothing else gives a category.
+        pub objects: BTreeMap<String, String>,
+        /// Patterns of the names of objects, or of their ancestor nodes, to leave out, such as sky boxes.
+        #[serde(deserialize_with = "one_or_more_words")]
+        pub hide: Vec<String>,
+        /// Which objects are one instance; `None`: everything below the node that gives the category, otherwise below
+        /// the outermost node that is not a mere group.
+        pub instances: Option<InstanceRule>,
+        /// Category to ASPRS class (LAS 1.4, table 17), for LAS files.
+        pub las_class: BTreeMap<String, u8>,
+        /// Material name pattern (`*` and `?`) to part; the longest matching pattern wins.
+        pub materials: BTreeMap<String, String>,
+        /// Object name pattern (`*` and `?`) to the file that describes how the object's shape changes; added to those
+        /// of the load options.
+        pub caches: BTreeMap<String, CacheFile>,
+        /// What surfaces are made of, by material name pattern.
+        #[serde(skip_serializing_if = "MaterialRules::is_empty")]
+        pub surfaces: MaterialRules,
+        /// Whether they are for a kind of scene, not for one scene: it is then no mistake if a scene lacks what some of
+        /// them name.
+        #[serde(skip)]
+        pub general: bool,
+    }
 }
 
 /// Which objects are one instance.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(from = "Words", into = "Words")]
+#[non_exhaustive]
 pub enum InstanceRule {
     /// Each placed mesh.
     Node,
@@ -276,79 +281,9 @@ impl LabelRules {
     }
 }
 
-/// Whether `pattern` contains more than wildcards.
-pub(super) fn is_lettered(pattern: &str) -> bool {
-    pattern.chars().any(|c| !"*?".contains(c))
-}
-
 fn best_match<'a>(patterns: &'a BTreeMap<String, String>, name: &str) -> Option<&'a str> {
     let patterns = patterns.iter().map(|(pattern, value)| (pattern.as_str(), value.as_str()));
     best_of(patterns, name).map(|(_, value)| value)
-}
-
-/// Of `patterns` and their values, the one with the most letters that matches `name`.
-pub(super) fn best_of<'a, T>(patterns: impl Iterator<Item = (&'a str, T)>, name: &str) -> Option<(&'a str, T)> {
-    patterns
-        .filter(|(pattern, _)| matches(pattern, name))
-        .max_by_key(|(pattern, _)| (pattern.chars().filter(|c| !"*?".contains(*c)).count(), has_capitals(pattern)))
-}
-
-fn has_capitals(pattern: &str) -> bool {
-    pattern.chars().any(char::is_uppercase)
-}
-
-/// Those of `names` that are most similar to `pattern`, as the end of a message; empty if none is.
-pub(super) fn near(pattern: &str, names: &[&str]) -> String {
-    let plain: String = pattern.chars().filter(|letter| !"*?".contains(*letter)).collect();
-    let length = plain.chars().count();
-    // What a `*` stands for is not compared.
-    let wording = |name: &&str| -> String {
-        match (pattern.starts_with('*'), pattern.ends_with('*')) {
-            (false, true) => name.chars().take(length).collect(),
-            (true, false) => name.chars().skip(name.chars().count().saturating_sub(length)).collect(),
-            _ => (*name).to_owned(),
-        }
-    };
-    let like = nearest(&plain, names.iter().map(wording));
-    let found: BTreeSet<&str> = names.iter().copied().filter(|name| like.contains(&wording(name))).collect();
-    match found.into_iter().take(3).collect::<Vec<_>>().join(", ") {
-        none if none.is_empty() => none,
-        near => format!("; near: {near}"),
-    }
-}
-
-/// Shell-style match: `*` any run of characters, `?` any one; a pattern without capitals matches capitals, too.
-pub(crate) fn matches(pattern: &str, name: &str) -> bool {
-    let any_case = !has_capitals(pattern);
-    let letters = name.chars().flat_map(|c| {
-        let same = [c].into_iter().filter(move |_| !any_case);
-        same.chain(c.to_lowercase().filter(move |_| any_case))
-    });
-    let (pattern, name): (Vec<char>, Vec<char>) = (pattern.chars().collect(), letters.collect());
-    let (mut p, mut n) = (0, 0);
-    // Where to continue when the text after the last `*` does not match: (pattern after it, next start).
-    let mut retry: Option<(usize, usize)> = None;
-    while n < name.len() {
-        match pattern.get(p) {
-            Some('*') => {
-                retry = Some((p + 1, n + 1));
-                p += 1;
-            }
-            Some(&c) if c == '?' || c == name[n] => {
-                p += 1;
-                n += 1;
-            }
-            _ => match retry {
-                Some((after, start)) => {
-                    p = after;
-                    n = start;
-                    retry = Some((after, start + 1));
-                }
-                None => return false,
-            },
-        }
-    }
-    pattern[p..].iter().all(|&c| c == '*')
 }
 
 #[cfg(test)]
@@ -382,10 +317,6 @@ mod tests {
         assert_eq!(category("Desk_12"), Some("big"));
         assert_eq!(category("Lamp"), Some("thing"));
         assert_eq!(rules.part("leg_metal"), None);
-        assert!(matches("car_*", "Car_1") && !matches("Car_*", "car_1") && matches("straße", "STRAßE"));
-        let shade = [("Car*", 1), ("car*", 2)].into_iter();
-        assert_eq!(best_of(shade, "Car").map(|(_, found)| found), Some(1));
-        assert!(matches("a*b*c", "axxbyybc") && !matches("a*b*c", "axxbyyb") && matches("*", "") && !matches("?", ""));
     }
 
     #[test]

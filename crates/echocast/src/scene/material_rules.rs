@@ -1,6 +1,7 @@
 //! What surfaces are made of, by material name pattern.
 
-use super::{Scene, matches};
+use super::Scene;
+use super::pattern::matches;
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::material::Material;
@@ -21,6 +22,7 @@ pub struct MaterialRules(BTreeMap<String, MaterialRule>);
 /// What a rule does to a material.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged)]
+#[non_exhaustive]
 pub enum MaterialRule {
     /// It reflects light and sound like the library material of this name.
     Library(String),

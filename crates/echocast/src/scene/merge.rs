@@ -1,6 +1,8 @@
 //! Several scene files as one scene.
 
-use super::{InstanceKey, LabelRules, NamedObject, Scene};
+use super::identity::InstanceKey;
+use super::load::NamedObject;
+use super::{LabelRules, Scene};
 use crate::model::Camera;
 use crate::motion::Timeline;
 use std::sync::Arc;
@@ -54,9 +56,9 @@ impl Scene {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Material, Mesh, Part, RawObject, UpAxis};
+    use super::super::{Material, Mesh, Part, UpAxis};
     use super::*;
-    use crate::model::RawScene;
+    use crate::model::{RawObject, RawScene};
     use glam::DAffine3;
     use std::collections::BTreeMap;
 

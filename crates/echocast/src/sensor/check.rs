@@ -26,7 +26,7 @@ impl SensorSpec {
             return Err(Error::invalid("name", "empty", "a word"));
         }
         self.pattern.check_with(bounds)?;
-        let SensorSpec { beam, range, returns, noise, .. } = self;
+        let range = &self.range;
         bounds.within("range.min_m", range.min_m, 0.0, FARTHEST_M)?;
         bounds.number(
             "range.max_m",
@@ -38,6 +38,26 @@ impl SensorSpec {
         if self.kind == SensorKind::Sonar {
             return self.check_sonar(bounds);
         }
+        self.check_kind()?;
+        self.check_beam(bounds)?;
+        self.check_ranges(bounds)?;
+        self.check_detection(bounds)?;
+        self.check_pulse(bounds)?;
+        if let Some(doppler) = &self.doppler {
+            if self.kind != SensorKind::Lidar {
+                return Err(Error::invalid("doppler", "given", "with kind: lidar only"));
+            }
+            doppler.check(bounds)?;
+        }
+        match &self.tof {
+            Some(_) if self.kind != SensorKind::Tof => Err(Error::invalid("tof", "given", "with kind: tof only")),
+            Some(tof) => tof.check(&self.pattern, bounds),
+            None => Ok(()),
+        }
+    }
+
+    /// Keys that go with other kinds of sensors.
+    fn check_kind(&self) -> Result<()> {
         if self.pattern.is_of_sound() {
             return Err(Error::invalid("pattern.type", "that of a sonar", "with kind: sonar only"));
         }
@@ -49,6 +69,12 @@ impl SensorSpec {
         if self.driver.is_some() && self.kind != SensorKind::Lidar {
             return Err(Error::invalid("driver", "given", "with kind: lidar only"));
         }
+        Ok(())
+    }
+
+    /// The beam, its sub-rays and its pulse.
+    fn check_beam(&self, bounds: &mut Bounds) -> Result<()> {
+        let beam = &self.beam;
         bounds.within("beam.wavelength_nm", beam.wavelength_nm, 200.0, 20_000.0)?;
         bounds.within("beam.divergence_mrad[0]", beam.divergence_mrad[0], 0.0, 1000.0)?;
         bounds.within("beam.divergence_mrad[1]", beam.divergence_mrad[1], 0.0, 1000.0)?;
@@ -81,17 +107,27 @@ impl SensorSpec {
             let allowed = format!("above 0 with {because}: without a pulse echoes of one beam do not join");
             return Err(Error::invalid("beam.pulse_ns", beam.pulse_ns, allowed));
         }
+        Ok(())
+    }
+
+    /// Resolution of ranges, scale of intensities, and returns.
+    fn check_ranges(&self, bounds: &mut Bounds) -> Result<()> {
+        let SensorSpec { range, returns, intensity, .. } = self;
         // Finer than a micrometre, single precision overflows.
         let steps = format!("0, or {FINEST_M} to {FARTHEST_M}");
         bounds.number("range.resolution_m", range.resolution_m, [0.0, FARTHEST_M], &steps)?;
         if range.resolution_m > 0.0 && range.resolution_m < FINEST_M {
             return Err(Error::invalid("range.resolution_m", range.resolution_m, steps));
         }
-        bounds.within("intensity.white_count", f64::from(self.intensity.white_count), 1.0, 250.0)?;
+        bounds.within("intensity.white_count", f64::from(intensity.white_count), 1.0, 250.0)?;
         bounds.within("returns.max", f64::from(returns.max), 1.0, u8::MAX.into())?;
-        bounds.within("returns.separation_m", returns.separation_m, 0.0, FARTHEST_M)?;
+        bounds.within("returns.separation_m", returns.separation_m, 0.0, FARTHEST_M)
+    }
+
+    /// How echoes are detected, and with which noise.
+    fn check_detection(&self, bounds: &mut Bounds) -> Result<()> {
         self.detection.model.check(bounds)?;
-        noise.check(bounds)?;
+        self.noise.check(bounds)?;
         let saturation = self.detection.saturation;
         bounds.within("detection.saturation", saturation, 1.0, 1e12)?;
         let blooming = &self.detection.blooming;
@@ -121,19 +157,25 @@ impl SensorSpec {
                 return Err(Error::invalid("detection.timing", "leading_edge", allowed));
             }
             let allowed = "0, or above with detection.model: radar_equation or statistical";
-            bounds.number("noise.range_snr_sigma_m", noise.range_snr_sigma_m, [0.0; 2], allowed)?;
+            bounds.number("noise.range_snr_sigma_m", self.noise.range_snr_sigma_m, [0.0; 2], allowed)?;
         }
+        Ok(())
+    }
+
+    /// Keys that need a pulse, or a greatest range.
+    fn check_pulse(&self, bounds: &mut Bounds) -> Result<()> {
+        let SensorSpec { beam, range, detection, .. } = self;
         let needs_pulse = |bounds: &mut Bounds, because: &str| {
             bounds.number("beam.pulse_ns", beam.pulse_ns, [ABOVE_ZERO, 1e9], format_args!("above 0 with {because}"))
         };
-        if blooming.is_some() {
+        if detection.blooming.is_some() {
             // Light from many bright surfaces merges into one echo only within a pulse.
             needs_pulse(bounds, "detection.blooming")?;
         }
-        if self.detection.timing != Timing::Peak {
+        if detection.timing != Timing::Peak {
             needs_pulse(bounds, "detection.timing: leading_edge")?;
         }
-        if let Detection::Statistical(Statistical { bandwidth_mhz, sunlight, .. }) = self.detection.model {
+        if let Detection::Statistical(Statistical { bandwidth_mhz, sunlight, .. }) = detection.model {
             if range.max_m.is_none() {
                 // False alarms occur anywhere up to there.
                 let allowed = "0, or above with range.max_m";
@@ -143,17 +185,7 @@ impl SensorSpec {
                 needs_pulse(bounds, "detection.sunlight")?;
             }
         }
-        if let Some(doppler) = &self.doppler {
-            if self.kind != SensorKind::Lidar {
-                return Err(Error::invalid("doppler", "given", "with kind: lidar only"));
-            }
-            doppler.check(bounds)?;
-        }
-        match &self.tof {
-            Some(_) if self.kind != SensorKind::Tof => Err(Error::invalid("tof", "given", "with kind: tof only")),
-            Some(tof) => tof.check(&self.pattern, bounds),
-            None => Ok(()),
-        }
+        Ok(())
     }
 
     /// The part of [`SensorSpec::check_with`] for sonars.

@@ -17,13 +17,12 @@ pub(crate) use reception::Reception;
 pub(crate) use signals::{Adaptive, Signals};
 pub use sonar::{AcousticsSpec, Speckle, Sweep, Tvg};
 pub use spec::{BeamSpec, Expectations, IntensitySpec, RangeSpec, ReturnsSpec, SensorKind, SensorSpec, SubRays};
-pub(crate) use tof::DepthCamera;
 pub use tof::{Illumination, ShotNoiseSpec, Target, TofSpec, Vignetting};
 
 use crate::cells::SonarView;
-use crate::cloud::{BOTTOM_TRACK, Driver, Field, FieldSet, SOUNDING, WATER_TRACK};
-use crate::detect::{DetectionSpec, Doppler, Noise, RangeError, ReturnMode, Threshold, Timing};
-use crate::echo::{Cone, Glint, Pulse, Receiver, texture};
+use crate::cloud::{Driver, Field, FieldSet, FieldSource};
+use crate::detect::{DepthCamera, DetectionSpec, Doppler, Noise, RangeError, Threshold, Timing};
+use crate::echo::{Glint, Pulse, texture};
 use crate::emitter::pattern::Pattern;
 use crate::emitter::{BeamTable, ImageGrid, RayColumns, Transducer};
 use crate::ground::error::{Error, Result};
@@ -89,11 +88,11 @@ impl Sensor {
     /// A sensor described in code; relative paths in it are resolved against the working directory.
     ///
     /// ```
-    /// use echocast::emitter::pattern::{Pattern, Pinhole, Rays};
+    /// use echocast::emitter::pattern::Pattern;
     /// use echocast::{Sensor, SensorKind, SensorSpec};
     ///
-    /// let pixels = Pinhole { resolution: [64, 48], fov_deg: [70.0, 55.0], rate_hz: 30.0, rays: Rays::Centres };
-    /// let mut spec = SensorSpec::new("mine", SensorKind::Tof, Pattern::Pinhole(pixels));
+    /// let pixels = Pattern::from_yaml("{type: pinhole, resolution: [64, 48], fov_deg: [70, 55]}")?;
+    /// let mut spec = SensorSpec::new("mine", SensorKind::Tof, pixels);
     /// spec.noise.range_sigma_m = 0.01;
     /// let sensor = Sensor::from_spec(spec)?;
     /// assert_eq!(sensor.beams().len(), 64 * 48);
@@ -141,7 +140,7 @@ impl Sensor {
             noise: spec.noise.clone(),
             intensity: spec.intensity,
             doppler: spec.doppler,
-            camera: spec.tof.as_ref().map(|tof| DepthCamera::new(tof, &spec.pattern)),
+            camera: spec.tof.as_ref().map(|tof| tof.camera(&spec.pattern)),
             rings: rings::of_channels(&spec, &beams, channels),
             signals: Arc::new(Signals::new(&spec)),
             texture: spec.acoustics.as_ref().and_then(|it| it.texture_shape).map_or_else(|| Arc::from([]), texture),
@@ -167,32 +166,6 @@ impl Sensor {
         (last + if sound.is_finite() { sound } else { 0.0 }).max(LEAST)
     }
 
-    /// Its detection model, ready to use; `blainder`: as computed by the paper's program.
-    pub(crate) fn threshold(&self, blainder: bool) -> Threshold {
-        Threshold::new(&self.detection.model, (self.wavelength_nm, self.spec.beam.pulse_ns), blainder)
-    }
-
-    /// Its receiver, with `threshold` instead of its detection model.
-    pub(crate) fn receiver(&self, threshold: Threshold) -> Receiver {
-        let beam = &self.spec.beam;
-        Receiver {
-            pulse: Pulse::new(beam.pulse_shape, beam.pulse_ns),
-            overlap: beam.overlap_m,
-            near_range: beam.near_range_m,
-            coherent: self.doppler.is_some(),
-            cone: Cone {
-                start: beam.exit_diameter_mm * 1e-3,
-                divergence: beam.divergence_mrad.map(|mrad| mrad * 1e-3),
-            },
-            threshold,
-            range_min: self.range_min_m,
-            range_max: match &*self.beams.range_max {
-                [] => self.range_max_m,
-                limits => limits.iter().copied().fold(0.0, f32::max).into(),
-            },
-        }
-    }
-
     /// The errors of its ranges.
     pub(crate) fn range_error(&self, threshold: Threshold) -> RangeError {
         let BeamSpec { pulse_shape, pulse_ns, .. } = self.spec.beam;
@@ -216,11 +189,6 @@ impl Sensor {
         })
     }
 
-    /// Which echoes of a beam it reports.
-    pub(crate) fn return_mode(&self) -> ReturnMode {
-        self.spec.returns.mode
-    }
-
     /// An ideal lidar with custom beams: no noise, no threshold, no range limit other than the table's.
     ///
     /// # Errors
@@ -239,12 +207,9 @@ impl Sensor {
     /// use echocast::{Sensor, emitter::RayColumns};
     ///
     /// // Two diodes, 4 cm apart, that look ahead; the second fires 10 us after the first.
-    /// let mut sensor = Sensor::from_rays("pair", &RayColumns {
-    ///     origin: &[[0.0, 0.02, 0.0], [0.0, -0.02, 0.0]],
-    ///     direction: &[[1.0, 0.0, 0.0]; 2],
-    ///     time: &[0.0, 10e-6],
-    ///     ..RayColumns::default()
-    /// })?;
+    /// let ahead = RayColumns::default().direction(&[[1.0, 0.0, 0.0]; 2]);
+    /// let rays = ahead.origin(&[[0.0, 0.02, 0.0], [0.0, -0.02, 0.0]]).time(&[0.0, 10e-6]);
+    /// let mut sensor = Sensor::from_rays("pair", &rays)?;
     /// sensor.set("noise.range_sigma_m", "0.02")?;
     /// # Ok::<(), echocast::Error>(())
     /// ```
@@ -296,13 +261,13 @@ impl Sensor {
         if self.kind() == SensorKind::Sonar {
             fields = fields.without(Field::Ring).with(Field::Cause);
             if self.sonar_view().reports_depths() {
-                fields = fields.union(SOUNDING.into_iter().collect());
+                fields = fields.union(FieldSet::from_source(FieldSource::Sounding));
             }
             if self.sonar_view() == SonarView::Janus {
-                fields = fields.with(Field::Doppler).union(BOTTOM_TRACK.into_iter().collect());
+                fields = fields.with(Field::Doppler).union(FieldSet::from_source(FieldSource::BottomTrack));
             }
             if self.spec.dvl.is_some_and(|log| log.water.is_some()) {
-                fields = fields.union(WATER_TRACK.into_iter().collect());
+                fields = fields.union(FieldSet::from_source(FieldSource::WaterTrack));
             }
         }
         fields

@@ -11,6 +11,7 @@ use std::path::Path;
 
 /// A preset that ships with the library.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct PresetInfo {
     /// Name for [`Sensor::preset`].
     pub name: String,

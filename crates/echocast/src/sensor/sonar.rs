@@ -15,6 +15,7 @@ use std::sync::{Arc, PoisonError};
 /// `acoustics`: sound, transmitter and receiver. Levels are dB re 1 uPa; the source level at 1 m.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct AcousticsSpec {
     /// Centre frequency, kHz, 1 to 5000.
     pub frequency_khz: f64,
@@ -95,6 +96,7 @@ pub enum Sweep {
 /// How the random scatterers of a surface modulate its echo.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Speckle {
     /// Rayleigh-distributed amplitude: each ray, on each return path, has its own random scatterer in every patch of a
     /// surface, a third of the range resolution wide, the same in all pings of a seed. If nothing moves, echoes repeat;
@@ -108,6 +110,7 @@ pub enum Speckle {
 /// `acoustics.tvg`: time-varied gain, `spreading log10(r) + 2 absorption r + gain_db` dB.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct Tvg {
     /// Factor of the logarithm, 0 to 60: 40 for point targets, 30 for areas, 20 for volumes.
     pub spreading: f64,

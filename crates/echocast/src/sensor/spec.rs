@@ -16,6 +16,7 @@ use std::fmt;
 /// contain.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct SensorSpec {
     /// Name; for a preset also the name of its file.
     pub name: String,
@@ -160,6 +161,7 @@ impl Serialize for SensorSpec {
 /// What a sensor measures with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum SensorKind {
     /// Pulses of light, beam by beam.
     Lidar,
@@ -167,6 +169,23 @@ pub enum SensorKind {
     Tof,
     /// Pings of sound.
     Sonar,
+}
+
+impl SensorKind {
+    /// Whether it measures with light: weather in the air, mirrors and glass affect it.
+    pub fn is_optical(self) -> bool {
+        matches!(self, SensorKind::Lidar | SensorKind::Tof)
+    }
+
+    /// Whether a scan is a ping: levels of cells, which its points are made from.
+    pub fn makes_pings(self) -> bool {
+        self == SensorKind::Sonar
+    }
+
+    /// Whether it works under water only.
+    pub fn is_under_water(self) -> bool {
+        self == SensorKind::Sonar
+    }
 }
 
 impl fmt::Display for SensorKind {
@@ -182,6 +201,7 @@ impl fmt::Display for SensorKind {
 /// `beam`: light and shape of a single beam.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct BeamSpec {
     /// Wavelength, nm, 200 to 20000.
     pub wavelength_nm: f64,
@@ -228,6 +248,7 @@ impl Default for BeamSpec {
 /// How many sub-rays sample a beam: one along its axis, or several over its footprint (of a depth camera: over the
 /// pixel), which resolve edges and slopes as the beam does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum SubRays {
     /// This many for every beam, 1 to 1024.
     Count(u32),
@@ -243,6 +264,7 @@ impl SubRays {
 /// `range`: ranges that are reported.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct RangeSpec {
     /// Nearest, m, at least 0.
     pub min_m: f64,
@@ -256,6 +278,7 @@ pub struct RangeSpec {
 /// `returns`: which echoes of a beam are reported.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct ReturnsSpec {
     /// Which echoes.
     pub mode: ReturnMode,
@@ -274,6 +297,7 @@ impl Default for ReturnsSpec {
 /// `intensity`: what is reported as intensity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct IntensitySpec {
     /// How received energy becomes a number.
     pub encoding: IntensityEncoding,
@@ -290,6 +314,7 @@ impl Default for IntensitySpec {
 /// `expect`: figures that a test compares the pattern with. They do not change a scan.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct Expectations {
     /// Beams of a scan.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -1,21 +1,18 @@
 //! Depth cameras: the section `tof` of a sensor file, and how the light at a pixel becomes a range.
 
-use crate::detect::{DepthError, DepthNoise};
-use crate::echo::{MOST_FREQUENCIES, Modulation, ShotNoise, natural_vignetting, turns};
+use crate::detect::{DepthCamera, DepthError, DepthNoise};
+use crate::echo::{MOST_FREQUENCIES, Modulation, ShotNoise, turns};
 use crate::emitter::Pattern;
 use crate::emitter::pattern::Pinhole;
 use crate::ground::error::{Error, Result};
-use crate::ground::lanes::LANES;
-use crate::ground::rng::{Draw, Rng};
 use crate::read::bounds::{ABOVE_ZERO, Bounds};
-use echocast_kernels::camera as kernels;
-use glam::Vec3;
 use serde::{Deserialize, Serialize};
 
 /// `tof`: keys for depth cameras; only sensors of kind `tof` have it. An omitted key means the ideal case. Only the
 /// physical profile has these effects.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct TofSpec {
     /// Frequencies that its light is modulated at, MHz, up to 3, whole kHz: the range follows from their phases
     /// together. Without any, ranges do not wrap.
@@ -88,6 +85,7 @@ impl Target {
 /// and with that light itself where background light is stronger.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct ShotNoiseSpec {
     /// Standard deviation of its range, m, above 0.
     pub sigma_m: f64,
@@ -103,6 +101,7 @@ pub struct ShotNoiseSpec {
 /// How a lens dims the image off its axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Vignetting {
     /// Not at all.
     #[default]
@@ -213,6 +212,37 @@ impl TofSpec {
         Ok(())
     }
 
+    /// The camera of an image with `pattern`, which this has been checked with.
+    pub(crate) fn camera(&self, pattern: &Pattern) -> DepthCamera {
+        let frequencies = self.frequencies_khz();
+        let modulation = (!frequencies.is_empty()).then(|| Modulation::new(&frequencies, self.wiggle_residual));
+        let shot_noise = self.shot_noise.zip(modulation).map(|(noise, modulation)| {
+            let ShotNoiseSpec { sigma_m, reflectance, at_m, ambient } = noise;
+            ShotNoise::new(modulation.phase_sigma(sigma_m), Target { reflectance, at_m }.power(), ambient)
+        });
+        let (pixel, half) = match pattern {
+            Pattern::Pinhole(pinhole) => (pinhole.pixel(), pinhole.half()),
+            _ => ([0.0; 2], [f64::INFINITY; 2]),
+        };
+        let baseline = self.second_eye_m.map_or(1.0, |eye| glam::DVec3::from(eye).length());
+        let aside = pixel.map(|size| (size * self.lateral_sigma_px) as f32);
+        DepthCamera {
+            modulation,
+            shot_noise,
+            inconsistency: self.inconsistency_m.map_or(f32::INFINITY, |limit| limit as f32),
+            saturation: self.saturation.map_or(f32::INFINITY, |target| target.power() as f32),
+            vignetting: self.vignetting == Vignetting::Cos4,
+            illumination: (self.illumination.iter())
+                .map(|light| [light.angle_deg.to_radians() as f32, light.value as f32])
+                .collect(),
+            depth: DepthError::new(self.depth_noise, pixel[0] / baseline),
+            aside: (self.lateral_sigma_px > 0.0).then_some(aside),
+            second_eye: self.second_eye_m.map(|eye| glam::DVec3::from(eye).as_vec3()),
+            multipath_rays: self.multipath_rays,
+            half: half.map(|size| size as f32),
+        }
+    }
+
     /// The frequencies, which are in bounds, kHz.
     fn frequencies_khz(&self) -> Vec<u32> {
         self.frequencies_mhz.iter().map(|mhz| (mhz * 1e3).round() as u32).collect()
@@ -221,199 +251,6 @@ impl TofSpec {
 
 /// Greatest ratio of a frequency to the common divisor: this many wraps are tried for every pixel.
 const MOST_TURNS: u32 = 1000;
-
-/// A depth camera prepared to scan.
-#[derive(Clone, Debug)]
-pub(crate) struct DepthCamera {
-    modulation: Option<Modulation>,
-    shot_noise: Option<ShotNoise>,
-    /// Greatest difference between the ranges of the frequencies, m.
-    inconsistency: f32,
-    /// Power above which a pixel is invalid, 1/m^2.
-    saturation: f32,
-    vignetting: Vignetting,
-    /// Angle off the axis, rad, and light there.
-    illumination: Vec<[f32; 2]>,
-    depth: Option<DepthError>,
-    /// Standard deviation of the point that a pixel samples, in units of the focal length, across and down; `None`: 0.
-    pub aside: Option<[f32; 2]>,
-    /// Position of the second eye in the sensor frame, m.
-    pub second_eye: Option<Vec3>,
-    /// Rays per pixel that sample light arriving via another surface.
-    pub multipath_rays: u32,
-    /// Half of the width and height of the image in units of the focal length; infinite without an image.
-    half: [f32; 2],
-}
-
-impl DepthCamera {
-    /// `spec` has been checked with `pattern`.
-    pub(crate) fn new(spec: &TofSpec, pattern: &Pattern) -> DepthCamera {
-        let frequencies = spec.frequencies_khz();
-        let modulation = (!frequencies.is_empty()).then(|| Modulation::new(&frequencies, spec.wiggle_residual));
-        let shot_noise = spec.shot_noise.zip(modulation).map(|(noise, modulation)| {
-            let ShotNoiseSpec { sigma_m, reflectance, at_m, ambient } = noise;
-            ShotNoise::new(modulation.phase_sigma(sigma_m), Target { reflectance, at_m }.power(), ambient)
-        });
-        let (pixel, half) = match pattern {
-            Pattern::Pinhole(pinhole) => (pinhole.pixel(), pinhole.half()),
-            _ => ([0.0; 2], [f64::INFINITY; 2]),
-        };
-        let baseline = spec.second_eye_m.map_or(1.0, |eye| glam::DVec3::from(eye).length());
-        let aside = pixel.map(|size| (size * spec.lateral_sigma_px) as f32);
-        DepthCamera {
-            modulation,
-            shot_noise,
-            inconsistency: spec.inconsistency_m.map_or(f32::INFINITY, |limit| limit as f32),
-            saturation: spec.saturation.map_or(f32::INFINITY, |target| target.power() as f32),
-            vignetting: spec.vignetting,
-            illumination: (spec.illumination.iter())
-                .map(|light| [light.angle_deg.to_radians() as f32, light.value as f32])
-                .collect(),
-            depth: DepthError::new(spec.depth_noise, pixel[0] / baseline),
-            aside: (spec.lateral_sigma_px > 0.0).then_some(aside),
-            second_eye: spec.second_eye_m.map(|eye| glam::DVec3::from(eye).as_vec3()),
-            multipath_rays: spec.multipath_rays,
-            half: half.map(|size| size as f32),
-        }
-    }
-
-    /// Whether its ranges wrap, so that surfaces beyond its greatest range count.
-    pub(crate) fn wraps(&self) -> bool {
-        self.modulation.is_some()
-    }
-
-    /// Whether pixels off the axis receive more or less light than others.
-    pub(crate) fn dims(&self) -> bool {
-        self.vignetting != Vignetting::None || !self.illumination.is_empty()
-    }
-
-    /// Light at a pixel whose ray is `cos` (the cosine) off the axis, relative to that without lens and projector.
-    pub(crate) fn gain(&self, cos: f32) -> f32 {
-        let lens = match self.vignetting {
-            Vignetting::None => 1.0,
-            Vignetting::Cos4 => natural_vignetting(cos.max(0.0)),
-        };
-        lens * self.light(cos)
-    }
-
-    /// Light emitted in `direction` (of length 1, in the sensor frame), relative to that on the axis; none outside the
-    /// image.
-    pub(crate) fn light_along(&self, direction: Vec3) -> f32 {
-        let [across, down] = self.half;
-        let within = direction.y.abs() <= across * direction.x && direction.z.abs() <= down * direction.x;
-        if within || across.is_infinite() { self.light(direction.x) } else { 0.0 }
-    }
-
-    /// Light emitted `cos` (the cosine) off the axis, relative to that on it.
-    pub(crate) fn light(&self, cos: f32) -> f32 {
-        let [light] = kernels::light(&self.illumination, &[cos]);
-        light
-    }
-
-    /// Range, m, and power, 1/m^2, that pixel `beam` derives from its echoes at `ranges`, m, with the `powers`
-    /// `rho_eff / R^2`, 1/m^2, attenuated by [`DepthCamera::gain`] and weighted by their part of the pixel; `None`
-    /// where it is invalid.
-    pub(crate) fn form(&self, rng: &Rng, beam: u32, ranges: &[f32], powers: &[f32]) -> Option<(f32, f32)> {
-        let light: f32 = powers.iter().sum();
-        if light > self.saturation {
-            return None;
-        }
-        let Some(modulation) = &self.modulation else {
-            // Patterns are matched, not summed: the strongest echo wins.
-            let echoes = ranges.iter().copied().zip(powers.iter().copied());
-            return echoes.max_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(range, _)| (range, light));
-        };
-        if self.shot_noise.is_some() && light <= 0.0 {
-            return None;
-        }
-        let formed = modulation.form(ranges, powers, |index, amplitude, offset| match &self.shot_noise {
-            Some(noise) => {
-                let [normal, _] = rng.normal_pair(beam, Draw::Phase, index as u32);
-                noise.sigma(amplitude, offset) * f64::from(normal)
-            }
-            None => 0.0,
-        });
-        (formed.disagreement <= self.inconsistency).then_some((formed.range, formed.power))
-    }
-
-    /// [`DepthCamera::form`] of pixels with one echo each: `formed` receives ranges, m, `valid` whether there is one.
-    pub(crate) fn form_all(
-        &self,
-        rng: &Rng,
-        beams: &[u32],
-        [ranges, powers]: [&[f32; LANES]; 2],
-        formed: &mut [f32; LANES],
-        valid: &mut [bool; LANES],
-    ) {
-        for lane in 0..LANES {
-            let dark = self.shot_noise.is_some() && powers[lane] <= 0.0 && self.modulation.is_some();
-            valid[lane] = (powers[lane] <= self.saturation || powers[lane].is_nan()) && !dark;
-        }
-        let Some(modulation) = &self.modulation else {
-            *formed = *ranges;
-            return;
-        };
-        let mut normals;
-        let noise = if let Some(noise) = self.shot_noise {
-            normals = [[0.0; LANES]; MOST_FREQUENCIES];
-            for (index, normals) in (0..).zip(&mut normals[..modulation.0.wraps().len()]) {
-                rng.normals(beams, &[index; LANES][..beams.len()], Draw::Phase, &mut normals[..beams.len()]);
-            }
-            Some((noise, &normals))
-        } else {
-            None
-        };
-        let mut disagreement = [0.0; LANES];
-        kernels::form(&modulation.0, noise, ranges, powers, formed, &mut disagreement);
-        for lane in 0..LANES {
-            valid[lane] &= disagreement[lane] <= self.inconsistency;
-        }
-    }
-
-    /// [`DepthCamera::err`] of each lane; `axis`: cosines of the pixels' angles off the optical axis.
-    pub(crate) fn err_all(
-        &self,
-        rng: &Rng,
-        beams: &[u32],
-        axis: &[f32; LANES],
-        cos: &[f32; LANES],
-        ranges: &mut [f32; LANES],
-    ) {
-        if let Some(depth) = &self.depth {
-            let mut normal = [0.0; LANES];
-            rng.normals(beams, &[0; LANES][..beams.len()], Draw::DepthJitter, &mut normal[..beams.len()]);
-            depth.measure_all(axis, cos, &normal, ranges);
-        }
-    }
-
-    /// Multiplies `values` by [`DepthCamera::gain`] of pixels whose rays are `cos` off the axis.
-    pub(crate) fn dim(&self, cos: &[f32; LANES], values: &mut [f32; LANES]) {
-        if self.vignetting == Vignetting::Cos4 {
-            kernels::vignette(cos, values);
-        }
-        kernels::illuminate(&self.illumination, cos, values);
-    }
-
-    /// Actual directions of pixels with the nominal directions `from`; both are unit vectors in the sensor frame.
-    ///
-    /// Published lateral noise grows with the incidence angle, which is not known before the ray is traced: the number
-    /// is that at normal incidence.
-    pub(crate) fn jitter_directions(&self, rng: &Rng, beams: &[u32], from: [&[f32]; 3], to: &mut [[f32; LANES]; 3]) {
-        let [across, down] = self.aside.unwrap_or_default();
-        let (mut y, mut z) = ([0.0; LANES], [0.0; LANES]);
-        let count = beams.len();
-        rng.normal_pairs(beams, &[0; LANES][..count], Draw::PixelDirection, &mut y[..count], &mut z[..count]);
-        kernels::jitter_directions(from, across, down, [&y, &z], to);
-    }
-
-    /// The measured range, m, of pixel `beam`, whose ray is `axis` (the cosine) off the optical axis and meets its
-    /// surface at an incidence angle of cosine `cos`, where the range would be `range` without depth errors.
-    pub(crate) fn err(&self, rng: &Rng, beam: u32, axis: f32, cos: f32, range: f32) -> f32 {
-        let Some(depth) = &self.depth else { return range };
-        let [normal, _] = rng.normal_pair(beam, Draw::DepthJitter, 0);
-        depth.measure(range * axis, cos, normal) / axis
-    }
-}
 
 impl Pinhole {
     /// Half of the width and height of the image in units of the focal length.
@@ -431,7 +268,9 @@ impl Pinhole {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ground::rng::Rng;
     use crate::read::yaml;
+    use glam::Vec3;
 
     /// A camera of 64 x 48 pixels and 90 x 60 degrees.
     fn camera(tof: &str) -> DepthCamera {
@@ -439,7 +278,7 @@ mod tests {
         let (spec, pattern): (TofSpec, Pattern) =
             (yaml::from_str("tof", tof).unwrap(), yaml::from_str("pattern", pattern).unwrap());
         spec.check(&pattern, &mut Bounds::none()).unwrap();
-        DepthCamera::new(&spec, &pattern)
+        spec.camera(&pattern)
     }
 
     fn form(camera: &DepthCamera, ranges: &[f32], powers: &[f32]) -> Option<(f32, f32)> {
@@ -451,7 +290,7 @@ mod tests {
         let ideal = camera("{}");
         assert_eq!(form(&ideal, &[3.5], &[0.2]), Some((3.5, 0.2)));
         assert!(!ideal.wraps() && !ideal.dims());
-        assert_eq!((ideal.gain(0.5), ideal.err(&Rng::new(1, 0), 5, 0.8, 0.9, 3.0)), (1.0, 3.0));
+        assert_eq!((ideal.gain(0.5), ideal.measure(&Rng::new(1, 0), 5, 0.8, None, 0.9, 3.0)), (1.0, 3.0));
     }
 
     /// Modulated light adds up, a matched pattern is that of the strongest echo.

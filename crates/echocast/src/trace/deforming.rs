@@ -1,6 +1,6 @@
 //! Meshes that deform during a scan.
 
-use super::mover::DrivingMotion;
+use super::driving::DrivingMotion;
 use crate::ground::array::Array;
 use crate::ground::error::Result;
 use crate::motion::{Deformation, MeshLayout, Pull, Span, Timeline, Vertices};

@@ -11,6 +11,7 @@ use std::f32::consts::TAU;
 
 /// What a position is inside of, see [`BuiltScene::enclosure`].
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Enclosure {
     /// The object that most of the surfaces around belong to; empty if it has no name.
     pub name: String,

@@ -133,7 +133,9 @@ impl Engine {
     /// Builds `scene`, which has this many triangles or instances.
     pub(crate) fn commit(&self, scene: embree4::Scene, primitives: usize, pace: Pace) -> Result<CommittedScene> {
         let builders = self.0.builders.as_ref().filter(|_| primitives >= WORTH_HELP);
-        Ok(scene.commit_with(pace, |joint| builders.into_iter().for_each(|builders| builders.call(joint)))?)
+        scene
+            .commit_with(pace, |joint| builders.into_iter().for_each(|builders| builders.call(joint)))
+            .map_err(Error::embree)
     }
 }
 
@@ -150,7 +152,7 @@ fn device() -> Result<Device> {
         // Available on any processor of the last fifteen years.
         Some(Level::Plain) => "isa=sse4.2",
     };
-    Ok(Device::with_config(isa)?)
+    Device::with_config(isa).map_err(Error::embree)
 }
 
 /// Starts the threads that, with the calling one, make `count`; `None`: the calling one alone.

@@ -1,8 +1,7 @@
 //! The labelled instances of a scene: their poses and extents, and which rays would hit them.
 
 use super::hits::{Sight, load};
-use super::mover::Mover;
-use super::{Surfaces, Tables};
+use super::{Mover, Surfaces, Tables};
 use crate::ground::lanes::RayBatch;
 use crate::scene::{Object, UpAxis};
 use embree4::{Candidate, Coherence, Packet};
@@ -68,7 +67,7 @@ impl ObjectExtent {
 }
 
 impl Instances {
-    fn new(surfaces: &Surfaces) -> Instances {
+    pub(super) fn new(surfaces: &Surfaces) -> Instances {
         let mut by_id: BTreeMap<u32, LabelledInstance> = BTreeMap::new();
         for row in surfaces.rows.iter().filter(|row| row.instance_id != 0) {
             let new = || LabelledInstance { id: row.instance_id, category_id: row.category_id, objects: Vec::new() };
@@ -85,13 +84,9 @@ impl Instances {
 }
 
 impl Tables {
-    fn known_instances(&self) -> &Instances {
-        self.surfaces.instances.get_or_init(|| Instances::new(&self.surfaces))
-    }
-
     /// The labelled instances, by ascending number.
     pub(crate) fn instances(&self) -> &[LabelledInstance] {
-        &self.known_instances().all
+        &self.surfaces.instances().all
     }
 
     /// Pose of an object at `time`, s, and its orientation with z up; `None` if scans with this mask do not see it
@@ -191,7 +186,7 @@ impl Tables {
         crossings: &Crossings,
     ) {
         let surfaces = &*self.surfaces;
-        let instances = self.known_instances();
+        let instances = self.surfaces.instances();
         let mut packet = Packet { mask: [sight.mask; W], ..Packet::<W>::new() };
         let mut valid = [-1; W];
         let met = RefCell::new([const { PiercedInstances::NOTHING }; W]);

@@ -4,26 +4,34 @@ mod backscatter;
 mod bare;
 mod below;
 mod bodies;
+mod clock;
 mod deforming;
+mod driving;
 mod enclosure;
 mod engine;
 mod hits;
 mod instances;
 mod live;
+mod movement;
 mod mover;
+mod shared_surfaces;
 mod sound;
+mod structure;
 mod surface;
 
 pub(crate) use backscatter::Backscatter;
 pub use bare::BareLoop;
 pub(crate) use below::{Below, MapRaster};
 pub(crate) use bodies::{Body, Stand};
+pub(crate) use clock::Clock;
 pub use enclosure::Enclosure;
 pub use engine::Engine;
 pub(crate) use hits::{Cover, HitBatch, Sight, traced};
 pub(crate) use instances::{Crossings, LabelledInstance};
 pub use live::{LiveScene, ObjectId};
-pub(crate) use mover::{Clock, DrivingMotion, Later, Movement, Mover, Return};
+pub(crate) use movement::{Later, Movement, Return};
+pub(crate) use mover::Mover;
+pub(crate) use shared_surfaces::SharedSurfaces;
 pub(crate) use sound::{
     Arrival, Direct, Goal, Launch, ReflectionLoss, SoundLimits, SoundTracer, TracerMemory, TubeHit,
 };
@@ -32,6 +40,7 @@ pub(crate) use surface::{Surface, Surfaces, seen_normal};
 use crate::ground::report::Report;
 use crate::motion::Span;
 use crate::scene::Labels;
+use driving::DrivingMotion;
 use embree4::CommittedScene;
 use glam::{DVec3, Mat3};
 use instances::ObjectExtent;
@@ -60,7 +69,7 @@ pub(crate) struct Tables {
     pub resting: Vec<Option<Arc<DrivingMotion>>>,
     /// The time span that those are prepared for; `None`: nothing ever moves, or time is frozen.
     pub span: Option<Span>,
-    pub surfaces: Arc<Surfaces>,
+    pub surfaces: Arc<SharedSurfaces>,
     pub report: Report,
     /// Computed on first use.
     bodies: OnceLock<Vec<Body>>,

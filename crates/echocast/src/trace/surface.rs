@@ -1,18 +1,15 @@
 //! What the ids of Embree's hits mean.
 
+use super::Tables;
 use super::hits::Cover;
-use super::instances::Instances;
-use super::{Backscatter, Tables};
-use crate::ground::kept::kept;
 use crate::ground::lanes::{LANES, RayBatch};
 use crate::ground::rng::Draw;
-use crate::material::{Alpha, Material, Mirrors, Optics, ReflectanceSource, Reflectances, Sound, srgb_byte};
-use crate::medium::Sea;
+use crate::material::{Alpha, Material, Optics, Reflectances, Sound, srgb_byte};
 use crate::scene::{Labels, Mesh, Object, Part};
 use embree4::{Candidate, INVALID};
 use glam::{DVec3, Mat3, Vec3};
 use std::collections::HashMap;
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::Arc;
 
 /// Where rays pass through a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,12 +111,6 @@ pub(crate) struct Surfaces {
     pub has_holes: bool,
     /// The parts that scatter sound as a whole.
     pub targets: Vec<SoundTarget>,
-    /// Computed once for each wavelength: a scan in a loop allocates nothing.
-    reflectances: Mutex<Vec<Arc<Reflectances>>>,
-    /// Computed once for each frequency and sea.
-    backscatter: Mutex<Vec<Arc<Backscatter>>>,
-    /// Computed on first use.
-    pub(super) instances: OnceLock<Instances>,
 }
 
 /// The material that replaces another on the object in a slot, if any.
@@ -305,40 +296,6 @@ impl Surfaces {
     pub(crate) fn optics<'a>(&self, reflectances: &'a Reflectances, surface: u32) -> Option<&'a Optics> {
         let row = self.rows.get(surface as usize)?;
         Some(&reflectances.optics[row.material as usize])
-    }
-
-    /// Reflectance of every material at `wavelength_nm`.
-    pub(crate) fn reflectances(
-        &self,
-        wavelength_nm: f64,
-        source: ReflectanceSource,
-        mirrors: Mirrors,
-    ) -> Arc<Reflectances> {
-        kept(
-            &self.reflectances,
-            |known| known.are_for(wavelength_nm, source, mirrors),
-            || Reflectances::new(&self.materials, wavelength_nm, source, mirrors),
-        )
-    }
-
-    /// Acoustic backscatter of every material and the `sea` at `frequency` Hz in water with a sound speed of `speed`
-    /// m/s; `reflectances` stand in for materials without acoustic properties.
-    pub(crate) fn backscatter(
-        &self,
-        reflectances: &Reflectances,
-        frequency: f64,
-        sea: Sea,
-        speed: f64,
-    ) -> Arc<Backscatter> {
-        // The dependence on the speed is weak, so one value serves those near it; which one must not depend on earlier
-        // calls.
-        const STEP: f64 = 1e-3;
-        let speed = ((speed.ln() / STEP).round() * STEP).exp();
-        kept(
-            &self.backscatter,
-            |known| known.is_for(reflectances.source, frequency, sea, speed),
-            || Backscatter::new(&self.materials, reflectances, frequency, sea, speed),
-        )
     }
 }
 

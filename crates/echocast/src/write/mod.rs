@@ -10,7 +10,9 @@ pub(crate) use atomic::{Pending, commit_all};
 pub(crate) use sink::Sink;
 use std::io::{self, Write as _};
 use std::path::Path;
-pub(crate) use unfinished::{PREFIX, check, failed};
+#[cfg(feature = "hdf5")]
+pub(crate) use unfinished::check;
+pub(crate) use unfinished::{PREFIX, failed};
 pub use unfinished::{cancel_flag, remove_unfinished};
 
 /// Writes `bytes` as the file at `path`.

@@ -51,10 +51,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         // The sensor moves during the scan.
         let [before, after] = [frame, frame + 1]
             .map(|frame| (seconds(i64::from(frame) * period_ns), Pose::at(0.125 * f64::from(frame), 0.0, 1.75)));
-        let options = ScanOptions { fields, seed: 7, frame, start_time: before.0, ..ScanOptions::default() };
+        let options = ScanOptions::default().fields(fields).seed(7).frame(frame).start_time(before.0);
         built.scan_into(&sensor, &Trajectory::new(vec![before, after])?, &options, &mut points)?;
 
-        total += points.len;
+        total += points.len();
         for field in [Field::Range, Field::InstanceId] {
             hash = points
                 .column(field)
@@ -75,23 +75,19 @@ fn cuboid(x: f32, y: f32, z: f32, material: Option<Arc<Material>>) -> echocast::
         |i: u32| [if i & 1 == 1 { x } else { -x }, if i & 2 == 2 { y } else { -y }, if i & 4 == 4 { z } else { 0.0 }];
     let triangles = [[0, 4, 6], [0, 6, 2], [1, 3, 7], [1, 7, 5], [0, 1, 5], [0, 5, 4]];
     let more = [[2, 6, 7], [2, 7, 3], [0, 2, 3], [0, 3, 1], [4, 5, 7], [4, 7, 6]];
-    let part = Part {
-        positions: (0..8).map(corner).collect::<Vec<_>>().into(),
-        triangles: [triangles, more].concat().into(),
-        material,
-        ..Part::default()
-    };
+    let part = Part::default()
+        .positions((0..8).map(corner).collect::<Vec<_>>().into())
+        .triangles([triangles, more].concat().into())
+        .material(material);
     Ok(Arc::new(Mesh::new("box", vec![part])?))
 }
 
 fn object(name: &str, mesh: &Arc<Mesh>, place: [f64; 3], category_id: u32, instance_id: u32) -> Object {
-    Object {
-        world_from_object: DAffine3::from_translation(place.into()),
-        category_id,
-        part_ids: vec![1],
-        instance_id,
-        ..Object::new(name, mesh.clone())
-    }
+    Object::new(name, mesh.clone())
+        .world_from_object(DAffine3::from_translation(place.into()))
+        .category_id(category_id)
+        .part_ids(vec![1])
+        .instance_id(instance_id)
 }
 
 /// Of all threads of this process.

@@ -1,12 +1,14 @@
 //! What an instrument reports as intensity.
 
 use crate::ground::lanes::LANES;
+use crate::ground::profile::Profile;
 use echocast_kernels::light;
 use serde::{Deserialize, Serialize};
 
 /// How received energy is encoded in the `intensity` column.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum IntensityEncoding {
     /// Range-corrected reflectivity: the effective reflectance `rho cos(theta)`, 0..1 for diffuse surfaces, above 1 for
     /// retro-reflectors and gloss.
@@ -45,6 +47,15 @@ pub(crate) enum IntensityModel {
 }
 
 impl IntensityModel {
+    /// That of a scan in `profile` with an instrument that encodes it so; the count of a white surface in 8 bits.
+    pub(crate) fn new(profile: Profile, encoding: IntensityEncoding, white_count: f32) -> IntensityModel {
+        match profile {
+            Profile::Physical => IntensityModel::Encoded(encoding, white_count),
+            Profile::Paper => IntensityModel::PaperEq5,
+            Profile::Blainder => IntensityModel::Blainder,
+        }
+    }
+
     /// As [`IntensityEncoding::full_scale`].
     pub(crate) fn full_scale(self) -> Option<f32> {
         match self {

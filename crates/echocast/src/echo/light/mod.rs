@@ -1,5 +1,6 @@
 //! Echoes of light: what surfaces, mirrors, glass and the air return, and the resulting signal.
 
+mod arrivals;
 mod contribution;
 mod glint;
 mod images;
@@ -7,19 +8,26 @@ mod intensity;
 mod particles;
 mod path;
 mod phasor;
+mod plain;
 mod pulse;
+mod rays;
+mod strongest;
 mod waveform;
 mod weather;
 
+pub(crate) use arrivals::{AirArrivals, Arrivals, PathArrivals, Provenance};
 pub(crate) use contribution::{Contribution, RequestedQuantities};
 pub(crate) use glint::Glint;
 pub(crate) use images::MirrorImage;
 pub use intensity::IntensityEncoding;
 pub(crate) use intensity::IntensityModel;
 pub(crate) use particles::Cone;
-pub(crate) use path::{Follower, Meeting, PathEcho, PathEchoes, PathLimits, Preferred, Surroundings};
+pub(crate) use path::{Follower, Meeting, PathEcho, PathEchoes, PathLimits, Surroundings};
 pub(crate) use phasor::{MOST_FREQUENCIES, Modulation, ShotNoise, natural_vignetting, turns};
+pub(crate) use plain::PlainEchoes;
 pub(crate) use pulse::Pulse;
 pub use pulse::PulseShape;
-pub(crate) use waveform::{Pulselet, Waveform};
-pub(crate) use weather::{Air, AirEcho, AirEchoes, Answer, Foremost, Receiver};
+pub(crate) use rays::{Batch, BeamRays, OFF_SURFACE};
+pub(crate) use strongest::{Share, strongest_contributor};
+pub(crate) use waveform::{Peak, Pulselet, Waveform};
+pub(crate) use weather::{Air, AirEcho, AirEchoes, ParticleOrder, ReceiverOptics};

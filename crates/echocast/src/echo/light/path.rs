@@ -8,6 +8,7 @@
 use super::{Air, Contribution, Glint, MirrorImage, RequestedQuantities};
 use crate::ground::cause::Cause;
 use crate::ground::lanes::{LANES, MISS, RayBatch};
+use crate::ground::profile::Profile;
 use crate::material::{Optics, Reflectances};
 use crate::trace::{HitBatch, Sight, Tables};
 use echocast_kernels::boundary::{self, Meetings, Onward};
@@ -30,6 +31,20 @@ pub(crate) struct PathLimits {
     /// elsewhere only its first face reflects, and the other faces transmit everything. Total internal reflection, for
     /// which the program has no value, is kept.
     pub glass_of_the_program: bool,
+}
+
+impl PathLimits {
+    /// For a scan in `profile` of paths with up to `depth` specular events.
+    pub(crate) fn new(profile: Profile, depth: u8, glint: Option<Glint>) -> PathLimits {
+        PathLimits {
+            depth,
+            least: 1e-6,
+            geometric: profile.is_paper(),
+            cosine_after: !profile.is_program(),
+            glint: glint.filter(|_| !profile.is_paper()),
+            glass_of_the_program: profile.is_program(),
+        }
+    }
 }
 
 /// Cosine of the 2 degrees within which the paper's program detects glass itself.
@@ -196,45 +211,6 @@ pub(crate) trait PathEchoes {
 
     /// Called for each surface that a path hits.
     fn meet(&mut self, _: Meeting) {}
-}
-
-/// Keeps only the preferred echo of each beam, in place of the beam's own surface.
-pub(crate) struct Preferred<'a, F> {
-    /// Preference of the echo so far; the caller defines the rule.
-    pub strength: &'a mut [f32; LANES],
-    pub hits: &'a mut HitBatch,
-    pub surfaces: &'a mut Contribution,
-    pub cause: &'a mut [u8; LANES],
-    pub bounces: &'a mut [u8; LANES],
-    /// Its apparent motion.
-    pub image: &'a mut [u32; LANES],
-    /// Preference of an echo, if it is accepted at all.
-    pub prefer: F,
-    /// Least `rho_eff / R^2` detected anywhere, 1/m^2.
-    pub least_power: f32,
-    /// Whether the strongest is preferred, with `rho_eff / R^2` as its strength.
-    pub strongest: bool,
-}
-
-impl<F: Fn(&PathEcho) -> Option<f32>> PathEchoes for Preferred<'_, F> {
-    fn least(&self, lane: usize) -> f32 {
-        if self.strongest { self.least_power.max(self.strength[lane]) } else { self.least_power }
-    }
-
-    fn take(&mut self, echo: &PathEcho, hits: &HitBatch, surfaces: &Contribution) {
-        let lane = echo.lane;
-        if let Some(strength) = (self.prefer)(echo)
-            && strength > self.strength[lane]
-        {
-            self.strength[lane] = strength;
-            self.hits.take(lane, hits, echo.hit);
-            self.surfaces.take(lane, surfaces, echo.hit);
-            self.hits.range[lane] = echo.range;
-            self.surfaces.reflectance[lane] = echo.reflectance;
-            self.surfaces.cos_incidence[lane] = echo.cos_incidence;
-            (self.cause[lane], self.bounces[lane], self.image[lane]) = (echo.cause as u8, echo.bounces, echo.image);
-        }
-    }
 }
 
 /// What paths are traced through.

@@ -8,6 +8,7 @@ use std::f64::consts::{FRAC_PI_2, LN_2, PI, SQRT_2};
 /// Power of a pulse over time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum PulseShape {
     /// A Gaussian.
     #[default]

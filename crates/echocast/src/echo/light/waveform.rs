@@ -4,10 +4,18 @@
 //! received signal, with a Gaussian of the width of the beam's pulse (whatever its shape), P_i = `rho_eff / R_i^2`,
 //! 1/m^2. An echo is a local maximum of W. Two equal pulses have one maximum up to a distance of 2 sigma.
 
-use crate::detect::Peak;
 use crate::ground::lanes::LANES;
 use crate::ground::math::floor;
 use echocast_kernels::light;
+
+/// An echo: a maximum of the signal of a beam.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Peak {
+    /// Range, m.
+    pub range: f32,
+    /// Power, 1/m^2.
+    pub power: f32,
+}
 
 /// A part of the signal: the pulse as returned from one point.
 #[derive(Clone, Copy, Debug)]
@@ -21,7 +29,7 @@ pub(crate) struct Pulselet {
 }
 
 /// Forms signals of pulses of one width.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Waveform {
     /// Standard deviation of the pulse, m of range; 0: every range is a separate echo.
     sigma: f32,
@@ -35,10 +43,6 @@ impl Waveform {
     const BINS_PER_SIGMA: f32 = 3.5;
     /// A signal longer than this, in bins, is cut in two; those of grazing beams are some hundred bins long.
     const MOST_BINS: usize = 1 << 14;
-
-    pub(crate) fn new(sigma: f64) -> Waveform {
-        Waveform { sigma: sigma as f32, bins: Vec::new() }
-    }
 
     pub(crate) fn set_sigma(&mut self, sigma: f64) {
         self.sigma = sigma as f32;
@@ -190,11 +194,15 @@ mod tests {
         5e-9 / (8.0 * 2f64.ln()).sqrt() * SPEED_OF_LIGHT / 2.0
     }
 
+    fn waveform(sigma: f64) -> Waveform {
+        Waveform { sigma: sigma as f32, bins: Vec::new() }
+    }
+
     fn peaks(parts: &[[f32; 2]]) -> Vec<Peak> {
         let mut parts: Vec<Pulselet> =
             (parts.iter().zip(0..)).map(|(&[range, power], source)| Pulselet { range, power, source }).collect();
         let mut peaks = Vec::new();
-        Waveform::new(sigma()).peaks(&mut parts, &mut peaks);
+        waveform(sigma()).peaks(&mut parts, &mut peaks);
         peaks
     }
 
@@ -208,7 +216,7 @@ mod tests {
     fn without_a_pulse_every_range_is_an_echo() {
         let mut parts = [(3.0, 1), (3.0, 2), (3.5, 0)].map(|(range, source)| Pulselet { range, power: 0.5, source });
         let mut found = Vec::new();
-        Waveform::new(0.0).peaks(&mut parts, &mut found);
+        waveform(0.0).peaks(&mut parts, &mut found);
         assert_eq!(found, [Peak { range: 3.0, power: 1.0 }, Peak { range: 3.5, power: 0.5 }]);
     }
 
@@ -259,7 +267,7 @@ mod tests {
             power,
             source: 0,
         });
-        let mut waveform = Waveform::new(sigma());
+        let mut waveform = waveform(sigma());
         let mut sampled = Vec::new();
         waveform.search(&parts, &mut sampled);
         assert_eq!(sampled.len(), 1);
@@ -270,7 +278,7 @@ mod tests {
     /// Narrow signals side by side give the same as one by one.
     #[test]
     fn lanes_find_what_one_signal_finds() {
-        let waveform = Waveform::new(sigma());
+        let waveform = waveform(sigma());
         let count = 19;
         let part = |lane: usize, i: usize| {
             let turn = (lane * 31 + i * 17) as f32;

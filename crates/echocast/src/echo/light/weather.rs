@@ -2,9 +2,8 @@
 
 use super::particles::{Cone, Detectable};
 use super::pulse::{FaceEcho, Pulse};
-use crate::detect::{ReturnMode, Threshold};
 use crate::ground::cause::Cause;
-use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
+use crate::ground::lanes::{LANES, RayBatch};
 use crate::ground::rng::{Draw, Rng};
 use crate::medium::{Extent, Medium, Weather};
 use echocast_kernels::light;
@@ -25,7 +24,7 @@ const GRAIN_M2: f64 = 20e-6 * 20e-6;
 
 /// What determines how weather affects an instrument.
 #[derive(Clone, Debug)]
-pub(crate) struct Receiver {
+pub(crate) struct ReceiverOptics {
     pub pulse: Pulse,
     /// Range below which the receiver does not see its own beam, and range from which it sees all of it, m.
     pub overlap: [f64; 2],
@@ -35,12 +34,16 @@ pub(crate) struct Receiver {
     /// Whether it mixes the echo with its own light, so that the echoes of many particles interfere.
     pub coherent: bool,
     pub cone: Cone,
-    pub threshold: Threshold,
+    /// Least light that it ever detects, and its noise, where they are known, as `rho_eff / R^2` in 1/m^2.
+    pub least_power: Option<f64>,
+    pub noise_power: Option<f64>,
+    /// Whether detection itself draws the noise, so that echoes do not vary with it.
+    pub detects_in_noise: bool,
     pub range_min: f64,
     pub range_max: f64,
 }
 
-impl Receiver {
+impl ReceiverOptics {
     /// Fraction of the light from `range` m that the receiver uses, 0..1: what it sees of the beam, and what falls onto
     /// the detector. Optics with the aperture D that are focused far away image a near point as a disc; seen from the
     /// aperture it is `D / R` wide, of which the detector covers its field of view `theta`: `(theta R / D)^2` when
@@ -67,12 +70,11 @@ impl Receiver {
     fn fluctuation(&self, extinction: f64, range: f64, power: f64) -> Fluctuation {
         let volume = PI / 4.0 * self.cone.square(range) * self.pulse.width;
         let droplets = (2.0 * PI * GRAIN_M2 / (extinction * volume).max(1e-30)).min(1.0).sqrt();
-        let noise = self.threshold.noise_power().map_or(0.0, |noise| noise / power.max(1e-30));
+        let noise = self.noise_power.map_or(0.0, |noise| noise / power.max(1e-30));
         let speckle = if self.coherent { 1.0 } else { 0.0 };
-        // Statistical detection already includes the noise.
-        let seen_in_noise = matches!(self.threshold, Threshold::Statistical { .. });
         Fluctuation {
-            strength: if seen_in_noise { droplets } else { (droplets * droplets + noise * noise).sqrt() } as f32,
+            strength: if self.detects_in_noise { droplets } else { (droplets * droplets + noise * noise).sqrt() }
+                as f32,
             all: (droplets * droplets + noise * noise + speckle).sqrt(),
         }
     }
@@ -123,6 +125,17 @@ pub(crate) trait AirEchoes {
     fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool;
 }
 
+/// In which order the particles in a beam are drawn, so that those that do not matter need not be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ParticleOrder {
+    /// The strongest first.
+    Strength,
+    /// The nearest first.
+    Range,
+    /// The nearest first, until one is detected.
+    FirstOnly,
+}
+
 /// A medium with an extent in the world.
 #[derive(Debug)]
 struct MediumInPlace {
@@ -157,87 +170,28 @@ pub(crate) struct Air {
     around: Vec<SoftEcho>,
     placed: Vec<MediumInPlace>,
     flying: Vec<Flying>,
-    receiver: Receiver,
-    mode: ReturnMode,
+    receiver: ReceiverOptics,
+    order: ParticleOrder,
     /// Least and greatest range of faces too near to be treated as distant, m.
     near: [f64; 2],
 }
 
-/// The reported echo of each beam.
-#[repr(align(64))]
-pub(crate) struct Answer {
-    pub range: [f32; LANES],
-    pub rho_eff: [f32; LANES],
-    pub cause: [u8; LANES],
-    /// Range at which the first surface ends a beam's view of the air, m, whether it is detected or not.
-    pub end: [f32; LANES],
-    /// Mirrors and faces of glass on the path.
-    pub bounces: [u8; LANES],
-    /// Whether weather on the path is already accounted for.
-    pub dimmed: [bool; LANES],
-    /// Fraction of an echo's light that the channel of each beam uses.
-    pub efficiency: [f32; LANES],
-    /// Labels of the first surface that the beam hits.
-    pub first_category: [u32; LANES],
-    pub first_instance: [u32; LANES],
-}
-
-impl Answer {
-    pub(crate) fn new() -> Self {
-        Answer {
-            range: [0.0; LANES],
-            rho_eff: [0.0; LANES],
-            end: [0.0; LANES],
-            cause: [Cause::Surface as u8; LANES],
-            bounces: [0; LANES],
-            dimmed: [false; LANES],
-            efficiency: [1.0; LANES],
-            first_category: [0; LANES],
-            first_instance: [0; LANES],
-        }
-    }
-
-    /// Resets all lanes to surfaces that are hit directly.
-    pub(crate) fn reset(&mut self) {
-        self.cause = [Cause::Surface as u8; LANES];
-        (self.bounces, self.dimmed) = ([0; LANES], [false; LANES]);
-    }
-
-    /// Replaces the echo of `lane` by `echo`, which is not from a surface, if `mode` prefers it.
-    pub(crate) fn offer(
-        &mut self,
-        mode: ReturnMode,
-        surface: &mut [u32; LANES],
-        lane: usize,
-        echo: AirEcho,
-        cause: Cause,
-    ) {
-        let (range, rho_eff) = (self.range[lane], self.rho_eff[lane]);
-        let better = surface[lane] == MISS
-            || match mode {
-                ReturnMode::First => echo.range < range,
-                ReturnMode::Last => echo.range > range,
-                _ => echo.rho_eff * range * range > rho_eff * echo.range * echo.range,
-            };
-        if better {
-            surface[lane] = MEDIUM;
-            (self.range[lane], self.rho_eff[lane]) = (echo.range, echo.rho_eff);
-            self.cause[lane] = cause as u8;
-        }
-    }
-}
-
 impl Air {
-    /// None if there is nothing in the air. `answers`: whether to find echoes of the air.
-    pub(crate) fn new(weather: Weather, receiver: Receiver, mode: ReturnMode, answers: bool) -> Option<Air> {
+    /// None if there is nothing in the air. `has_echoes`: whether to find echoes of the air.
+    pub(crate) fn new(
+        weather: Weather,
+        receiver: ReceiverOptics,
+        order: ParticleOrder,
+        has_echoes: bool,
+    ) -> Option<Air> {
         if weather.media.is_empty() {
             return None;
         }
         let [from, to] = receiver.overlap;
         let near = [from.max(1e-2), to + 4.0 * receiver.pulse.width];
         let (around, placed, flying) = Default::default();
-        let mut air = Air { weather, around, placed, flying, receiver, mode, near };
-        if answers {
+        let mut air = Air { weather, around, placed, flying, receiver, order, near };
+        if has_echoes {
             air.find_echoes();
         }
         Some(air)
@@ -245,7 +199,7 @@ impl Air {
 
     fn find_echoes(&mut self) {
         let receiver = self.receiver.clone();
-        let Receiver { pulse, cone, range_max, .. } = receiver;
+        let ReceiverOptics { pulse, cone, range_max, .. } = receiver;
         let transmittance = |range: f64| (-2.0 * self.weather.depth_around_the_sensor(range)).exp();
         let farthest = range_max.min(1e4);
         // Media that are everywhere return one echo; the strongest of them is its cause.
@@ -298,7 +252,7 @@ impl Air {
                 });
             }
             // Without a threshold every particle would be detected, and the nearest would hide everything else.
-            let (Some(particles), Some(k)) = (&medium.particles, receiver.threshold.least_power()) else { continue };
+            let (Some(particles), Some(k)) = (&medium.particles, receiver.least_power) else { continue };
             let [from, to] = match medium.extent {
                 Extent::Shell { start, end } => [start.into(), f64::from(end).min(farthest)],
                 _ => [0.0, farthest],
@@ -318,7 +272,7 @@ impl Air {
     }
 
     /// Whether beams may have echoes where there is no surface.
-    pub(crate) fn answers(&self) -> bool {
+    pub(crate) fn has_echoes(&self) -> bool {
         !(self.around.is_empty() && self.placed.is_empty() && self.flying.is_empty())
     }
 
@@ -361,10 +315,10 @@ impl Air {
     }
 
     /// Passes the echoes of the air along `rays`, one ray for each of `beams`, to `echoes`.
-    pub(crate) fn answer(&self, rays: &RayBatch, rng: &Rng, beams: &[u32], echoes: &mut impl AirEchoes) {
+    pub(crate) fn echoes(&self, rays: &RayBatch, rng: &Rng, beams: &[u32], echoes: &mut impl AirEchoes) {
         let count = beams.len();
         let merging = self.receiver.pulse.merging_distance() as f32;
-        let least_power = self.receiver.threshold.faintest();
+        let least_power = self.receiver.least_power.unwrap_or(0.0) as f32;
         for (index, soft) in self.around.iter().enumerate() {
             if soft.power * (1.0 + MOST_SIGMAS * soft.fluctuation) * self.most_speckle() < least_power {
                 continue;
@@ -382,14 +336,14 @@ impl Air {
             }
         }
         if !self.placed.is_empty() {
-            self.answer_from_places(rays, rng, beams, echoes);
+            self.echoes_of_places(rays, rng, beams, echoes);
         }
         for flying in &self.flying {
             let mut chance = [0.0; LANES];
             rng.uniforms(beams, &[flying.address; LANES][..count], flying.draw, &mut chance[..count]);
             for lane in 0..count {
                 if chance[lane] < flying.some {
-                    self.answer_from(flying, rays, rng, beams[lane], lane, chance[lane], echoes);
+                    self.echoes_of_particles(flying, rays, rng, beams[lane], lane, chance[lane], echoes);
                 }
             }
         }
@@ -441,7 +395,7 @@ impl Air {
     }
 
     /// Echoes of the faces of media with an extent in the world.
-    fn answer_from_places(&self, rays: &RayBatch, rng: &Rng, beams: &[u32], echoes: &mut impl AirEchoes) {
+    fn echoes_of_places(&self, rays: &RayBatch, rng: &Rng, beams: &[u32], echoes: &mut impl AirEchoes) {
         let count = beams.len();
         let face = FaceEcho::get();
         let sigma = self.receiver.pulse.sigma() as f32;
@@ -516,7 +470,7 @@ impl Air {
     /// Echoes of the particles in one beam.
     #[inline(never)]
     #[expect(clippy::too_many_arguments, reason = "one beam's share of a block")]
-    fn answer_from(
+    fn echoes_of_particles(
         &self,
         flying: &Flying,
         rays: &RayBatch,
@@ -528,7 +482,7 @@ impl Air {
     ) {
         let (org, dir) = (rays.origin(lane), rays.direction(lane));
         let (from, to) = flying.extent.interval(org, dir, 0.0, echoes.end(lane));
-        let by_range = matches!(self.mode, ReturnMode::First | ReturnMode::Last);
+        let by_range = self.order != ParticleOrder::Strength;
         // Mean number up to this particle.
         let mut number = exponential(chance);
         for particle in 1..MOST_PARTICLES {
@@ -555,57 +509,12 @@ impl Air {
             }
             if (from..to).contains(&echo.range)
                 && echoes.take(lane, echo, flying.cause)
-                && self.mode == ReturnMode::First
+                && self.order == ParticleOrder::FirstOnly
             {
                 break;
             }
             number += exponential(next);
         }
-    }
-}
-
-/// The echo of each beam preferred by the return mode, when every beam has one return.
-pub(crate) struct Foremost<'a> {
-    /// Starts with the surfaces' range and dimmed effective reflectance.
-    pub answer: &'a mut Answer,
-    /// [`MISS`] where no surface is detected; becomes [`MEDIUM`] where the air's echo is taken.
-    pub surface: &'a mut [u32; LANES],
-    pub mode: ReturnMode,
-    pub threshold: &'a Threshold,
-    /// Reported ranges of a lane, m.
-    pub limits: &'a dyn Fn(usize) -> [f32; 2],
-    pub rng: &'a Rng,
-    pub beams: &'a [u32],
-}
-
-impl AirEchoes for Foremost<'_> {
-    fn end(&self, lane: usize) -> f32 {
-        self.answer.end[lane]
-    }
-
-    fn least(&self, lane: usize) -> f32 {
-        match self.mode {
-            ReturnMode::Last if self.surface[lane] < MEDIUM => f32::INFINITY,
-            ReturnMode::First | ReturnMode::Last => 0.0,
-            _ if self.surface[lane] == MISS => 0.0,
-            _ => {
-                let answer = &*self.answer;
-                answer.rho_eff[lane] / (answer.range[lane] * answer.range[lane] * answer.efficiency[lane])
-            }
-        }
-    }
-
-    fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool {
-        let echo = AirEcho { rho_eff: echo.rho_eff * self.answer.efficiency[lane], ..echo };
-        let noise = self.threshold.noise(self.rng, self.beams[lane], echo.range.to_bits());
-        let seen = echo.rho_eff > 0.0 && self.threshold.detects(echo.rho_eff, echo.range, noise) && {
-            let [low, high] = (self.limits)(lane);
-            (low..=high).contains(&echo.range)
-        };
-        if seen {
-            self.answer.offer(self.mode, self.surface, lane, echo, cause);
-        }
-        seen
     }
 }
 

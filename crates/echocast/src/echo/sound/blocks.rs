@@ -3,8 +3,7 @@
 //! An imaging sonar has a hundred rays at each angle to its array, and forty beams receive each of them: arrivals from
 //! one angle are summed by range once, and the beams receive the sums.
 
-use super::ping::{Echoes, PingEcho};
-use super::tile::widen;
+use super::echo::PingEcho;
 use crate::emitter::{ReceivingBeams, Transducer};
 use echocast_kernels::sound::{BLOCK, BinBlock, greater};
 use std::ops::Range;
@@ -44,7 +43,7 @@ struct GatherMemory {
 
 impl Gathered {
     /// Sums the parts of the `answers` in `bins`: `amplitudes` and energies.
-    fn gather(&mut self, answers: &[PingEcho], amplitudes: [&[f32]; 2], energy: &[f32], bins: usize) {
+    pub fn gather(&mut self, answers: &[PingEcho], amplitudes: [&[f32]; 2], energy: &[f32], bins: usize) {
         let GatherMemory { order, found, last, touched, .. } = &mut self.memory;
         [&mut *order, touched, &mut self.receiving_beams, &mut self.starts].into_iter().for_each(Vec::clear);
         found.clear();
@@ -151,22 +150,9 @@ fn stretches(answer: &PingEcho) -> Range<usize> {
     bin / BLOCK..(bin + parts).div_ceil(BLOCK)
 }
 
-impl Echoes {
-    /// Determines which beams receive any of it, or have water blocked by it, and sums what several of them receive in
-    /// `bins`.
-    pub fn gather(&mut self, transducer: &Transducer, bins: usize) {
-        let Echoes { arrivals, answers, energy, re, im, gathered, .. } = self;
-        let of_rays = arrivals.iter().filter(|arrival| arrival.order == 0);
-        let of_rays = of_rays.filter_map(|arrival| transducer.receiving.get(arrival.ray as usize));
-        let all = of_rays.copied().chain(answers.iter().map(|answer| answer.receiving));
-        self.beams = all.fold((usize::MAX, 0), |(least, most), receiving| {
-            let ReceivingBeams { first, from, to, .. } = transducer.receiving_beams[receiving as usize];
-            (least.min(first as usize), most.max((first + to - from) as usize))
-        });
-        if !transducer.beams_are_apart() {
-            gathered.gather(answers, [re, im], energy, bins);
-        }
-    }
+/// Extends a range to include another, and what is between them.
+pub(super) fn widen(range: &mut Range<usize>, by: &Range<usize>) {
+    *range = range.start.min(by.start)..range.end.max(by.end);
 }
 
 #[cfg(test)]

@@ -1,7 +1,9 @@
 //! Echoes of bodies with tubes of their own: coherent for smooth facets, as energies for everything else.
 
+use super::echo::{NO_RAY, PingEcho};
+use super::echoes::Echoes;
 use super::parts::{Scatter, WaitingParts};
-use super::ping::{Echoes, Insonification, MOST_BINS, NO_RAY, PingEcho};
+use super::ping::{Insonification, MOST_BINS};
 use crate::emitter::FAINT;
 use crate::ground::math::{LOG2_PER_DB, exp2};
 use crate::trace::{Arrival, Direct, Stand, TubeHit};

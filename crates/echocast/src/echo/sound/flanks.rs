@@ -2,13 +2,14 @@
 //! that it appears in the water column of all beams (the nadir arc of swaths), and what is bright in one beam of an
 //! imaging sonar appears in the others.
 //!
-//! Beams receive individual arrivals within their [`ReceivingBeams`]. Farther off axis there are so many side lobes, and so
-//! many scatterers in each of them, that only powers matter: they are summed by range bin and sector of directions, and
-//! each beam receives each sector with its mean power gain there. As for any sum of many scatterers, the amplitude is
-//! normally distributed.
+//! Beams receive individual arrivals within their [`ReceivingBeams`]. Farther off axis there are so many side lobes, and
+//! so many scatterers in each of them, that only powers matter: they are summed by range bin and sector of directions,
+//! and each beam receives each sector with its mean power gain there. As for any sum of many scatterers, the amplitude
+//! is normally distributed.
 
-use super::ping::Echoes;
-use super::tile::{NO_CONTRIBUTOR, widen};
+use super::blocks::widen;
+use super::echoes::Echoes;
+use super::tile::NO_CONTRIBUTOR;
 use crate::emitter::{FLANK_PARTS, ReceivingBeams, Transducer};
 use echocast_kernels::sound::{self, BEAMS, BLOCK, BinBlock};
 use echocast_kernels::tile::{self, ROWS, SideLobePart, TileRows};

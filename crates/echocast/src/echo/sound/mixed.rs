@@ -1,7 +1,8 @@
 //! Echoes that return along a different path: out directly and back by reflections, or vice versa.
 
+use super::echo::{Echo, PingEcho, Received};
 use super::parts::WaitingParts;
-use super::ping::{Echo, Echoes, Insonification, PingEcho, Received, reach};
+use super::ping::{Insonification, reach};
 use crate::ground::math::{exp2, log2};
 use crate::trace::{Arrival, Direct};
 use echocast_kernels::echo::{WAYS, Ways};
@@ -94,13 +95,5 @@ impl Insonification<'_> {
             arrivals.push(mixed);
             answers.push(self.divide(&mixed, Echo { power, received, reach, slide, way }, parts));
         }
-    }
-}
-
-impl Echoes {
-    /// Direction (unit, world) in which arrival `index` left or returns, if that is not along its ray.
-    pub fn launch(&self, index: usize) -> Option<Vec3> {
-        let place = self.launches.binary_search_by_key(&(index as u32), |(arrival, _)| *arrival);
-        Some(self.launches[place.ok()?].1)
     }
 }

@@ -72,7 +72,7 @@ impl<'a> WaitingParts<'a> {
 
     /// Adds the parts of an echo with random amplitudes; `rough`: what the texture leaves of the energy in a bin, if
     /// there is a texture.
-    #[inline(always)]
+    #[inline]
     pub fn scatter(&mut self, scatterers: &Scatterers, echo: &Scatter, rough: Option<&dyn Fn(u32) -> f32>) {
         let [first, last] = echo.bins;
         for bin in (first..=last).step_by(RUN) {

@@ -4,8 +4,9 @@
 //! range, which is divided among the bins that it overlaps. So a bin's energy depends neither on the mesh nor on the
 //! number of rays.
 
-use super::blocks::Gathered;
 use super::coupling::Coupling;
+use super::echo::{Echo, NO_RAY, PingEcho, Received};
+use super::echoes::Echoes;
 use super::parts::{Scatter, Scatterers, WaitingParts};
 use super::response::Response;
 use crate::emitter::{FAINT, Transducer};
@@ -76,70 +77,6 @@ impl Drift {
         // Seen from the sonar, the world turns the other way.
         Quat::from_scaled_axis(-range * self.turned) * direction
     }
-}
-
-/// Echoes of a chunk of rays: arrivals in order, and their parts in bins.
-#[derive(Clone, Default)]
-pub(crate) struct Echoes {
-    pub arrivals: Vec<Arrival>,
-    /// Number of the first of them among those of the ping, from 1.
-    pub first: u32,
-    /// Direct paths to the positions of arrivals, each of which adds two more arrivals with the echoes; or to targets.
-    pub direct: Vec<Direct>,
-    /// Directions (unit, world) in which arrivals left that did not leave, or do not return, along their ray: each with
-    /// the index of its arrival, ascending.
-    pub launches: Vec<(u32, Vec3)>,
-    /// The echo of each arrival, in order.
-    pub answers: Vec<PingEcho>,
-    /// Beams that receive any of it: from the first to before the second.
-    pub beams: (usize, usize),
-    /// Parts: energies, and amplitudes with random phases, or energies again.
-    pub energy: Vec<f32>,
-    pub re: Vec<f32>,
-    pub im: Vec<f32>,
-    /// Sums of what beams receive alike.
-    pub gathered: Gathered,
-}
-
-/// What returns from an arrival.
-#[derive(Clone, Copy)]
-pub(crate) struct PingEcho {
-    /// Its parts: from this one on, `parts` of them.
-    pub first: u32,
-    pub parts: u32,
-    /// Bin of the first.
-    pub bin: u32,
-    /// Reported range, m, folded.
-    pub range: f32,
-    /// Range covered by its surface, m.
-    pub reach: f32,
-    /// Displacement along the surface per metre of range.
-    pub slide: Vec3,
-    /// Which beams receive it: index of the [`Hearing`].
-    pub receiving: u32,
-}
-
-/// How and when an echo is received.
-#[derive(Clone, Copy)]
-pub(super) struct Received {
-    /// Reported range, m.
-    pub at: f32,
-    /// log2 of the power relative to the direction of the ray that found it.
-    pub gain_log2: f32,
-    /// Index of the [`Hearing`].
-    pub receiving: u32,
-}
-
-/// An echo to be divided among bins.
-pub(super) struct Echo {
-    /// Energy; `None`: not received.
-    pub power: Option<f32>,
-    pub received: Received,
-    /// Stretch of range, m, and displacement along the surface per metre of it.
-    pub reach: f32,
-    pub slide: Vec3,
-    /// 0: back along the path out; others: other paths.
-    pub way: u32,
 }
 
 impl Insonification<'_> {
@@ -309,7 +246,7 @@ impl Insonification<'_> {
     }
 
     /// Divides an echo among bins.
-    #[inline(always)]
+    #[inline]
     pub(super) fn divide(&self, arrival: &Arrival, echo: Echo, parts: &mut WaitingParts) -> PingEcho {
         let Echo { power, received: Received { at, receiving, .. }, reach, slide, way } = echo;
         let first = parts.len();
@@ -378,21 +315,7 @@ impl Insonification<'_> {
     }
 }
 
-impl Echoes {
-    /// Clears all but the direct paths.
-    pub fn clear(&mut self) {
-        let Echoes { arrivals, launches, answers, energy, re, im, .. } = self;
-        arrivals.clear();
-        launches.clear();
-        answers.clear();
-        [energy, re, im].into_iter().for_each(Vec::clear);
-    }
-}
-
 /// Change of the range of an echo over its ray's cell, m, and displacement along the surface per metre of that.
 pub(super) fn reach(ways: &Ways, lane: usize) -> (f32, Vec3) {
     (ways.reach[lane], ways.slide.each_ref().map(|axis| axis[lane]).into())
 }
-
-/// In place of a ray's number: an arrival that was not found by any ray, and blocks no water from view.
-pub(crate) const NO_RAY: u32 = u32::MAX;

@@ -6,6 +6,7 @@ use std::f64::consts::PI;
 /// Weighting of the matched filter: the shape of a point-like echo over range.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Taper {
     /// None: `sinc^2` with first side lobes at -13.3 dB; an unmodulated pulse keeps its length.
     #[default]

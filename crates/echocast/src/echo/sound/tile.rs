@@ -1,6 +1,8 @@
 //! What adjacent beams receive: sums by range bin.
 
-use super::ping::{Echoes, NO_RAY};
+use super::blocks::widen;
+use super::echo::NO_RAY;
+use super::echoes::Echoes;
 use crate::emitter::{ReceivingBeams, Transducer};
 use crate::ground::math::exp2;
 use echocast_kernels::sound::{self, BEAMS, BLOCK, ReceivedBlock};
@@ -162,13 +164,8 @@ impl Tile {
     }
 }
 
-/// Extends a range to include another, and what is between them.
-pub(super) fn widen(range: &mut Range<usize>, by: &Range<usize>) {
-    *range = range.start.min(by.start)..range.end.max(by.end);
-}
-
-/// Makes a column of `cells` zeros, each of which is [`NO_CONTRIBUTOR`]. If it has that size already, only the cells `received`
-/// can differ from 0; `None`: any can.
+/// Makes a column of `cells` zeros, each of which is [`NO_CONTRIBUTOR`]. If it has that size already, only the cells
+/// `received` can differ from 0; `None`: any can.
 fn reset<T: Copy + Default>(column: &mut Vec<T>, cells: usize, received: &Option<Range<usize>>) {
     match received {
         Some(received) if column.len() == cells => {

@@ -25,6 +25,7 @@ use std::fmt;
 /// The pattern of an aperture in one plane, as written in a file: a number, or a section with a `shape`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
+#[non_exhaustive]
 pub enum Lobe {
     /// A uniform line of this full width at -3 dB, degrees, 0.001 to 180.
     Width(f64),
@@ -35,6 +36,7 @@ pub enum Lobe {
 /// Shapes of patterns. All widths are full widths at -3 dB (half the power), degrees, 0.001 to 180.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "shape", rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Shape {
     /// A line that transmits and receives uniformly along its length: `sin(x) / x`.
     Line(Line),
@@ -84,6 +86,7 @@ pub enum Piston {
 
 /// Equal elements in a row.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
 pub struct Array {
     /// Number of elements, 2 to 4096.
     pub elements: u32,
@@ -100,6 +103,7 @@ pub struct Array {
 /// Weights of the elements of an array: lower sidelobes for a wider main lobe.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "shading", rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Shading {
     /// All equal: sidelobes of -13.3 dB.
     Uniform,

@@ -9,6 +9,7 @@ use std::fmt::Display;
 /// its seam.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Fan {
     /// Angle covered, degrees, above 0, at most 360.
     pub fov_deg: f64,

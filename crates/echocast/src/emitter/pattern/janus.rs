@@ -14,6 +14,7 @@ pub const JANUS_BEAMS: usize = 4;
 /// Four round beams at the same angle from straight down, towards all sides. x is forward, y to port, z up.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Janus {
     /// Angle of each beam from straight down, degrees, 5 to 60.
     #[serde(default = "thirty_degrees")]

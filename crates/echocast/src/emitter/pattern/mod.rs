@@ -22,13 +22,14 @@ use super::BeamTable;
 use super::beams::MAX_BEAMS;
 use crate::ground::error::{Error, Result};
 use crate::read::bounds::Bounds;
-use crate::read::yaml;
+use crate::read::yaml::{self, Document};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::path::Path;
 
 /// A scan pattern, as written in the `pattern` section of a sensor file.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Pattern {
     /// Emitters that rotate about the z axis.
     Spinning(Spinning),
@@ -79,6 +80,16 @@ impl<'de> Deserialize<'de> for Pattern {
 }
 
 impl Pattern {
+    /// Reads a pattern from YAML: the section `pattern` of a sensor file.
+    ///
+    /// # Errors
+    /// The key of what is wrong, and what is allowed.
+    pub fn from_yaml(text: &str) -> Result<Pattern> {
+        let pattern: Pattern = Document::parse("YAML text", text)?.read()?;
+        pattern.check()?;
+        Ok(pattern)
+    }
+
     /// Checks that all values are within what is allowed.
     ///
     /// # Errors

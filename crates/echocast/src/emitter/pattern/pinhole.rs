@@ -23,6 +23,7 @@ pub enum Rays {
 /// exposed at time 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Pinhole {
     /// Pixels: columns, rows.
     pub resolution: [u32; 2],

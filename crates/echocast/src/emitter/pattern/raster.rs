@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 /// evenly spaced over the period.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Raster {
     /// Azimuths of the columns.
     pub azimuth: Fan,

@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 /// pulses.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Risley {
     /// Pulses per second of each line, above 0; all lines fire together.
     pub pulse_rate_hz: f64,
@@ -29,6 +30,7 @@ pub struct Risley {
 /// A wedge prism that rotates about the x axis.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Prism {
     /// Angle between its faces, degrees, -60 to 60. A positive one tilts the normal of the tilted face, along the
     /// light, to +y at phase 0.

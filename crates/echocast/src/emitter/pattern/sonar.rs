@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 /// Two fans across the track, thin along it: port is beam 0, starboard beam 1; a single side is beam 0.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Sidescan {
     /// Which sides.
     #[serde(default)]
@@ -54,6 +55,7 @@ pub struct Sidescan {
 /// Neumann, Jung, Sensors 2021, 21, 2144, Figure 15).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Flat {
     /// A straight line for each ping, all of them parallel, whatever the course.
     Waterfall,
@@ -78,6 +80,7 @@ pub enum Sides {
 /// it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Multibeam {
     /// Number of beams, 2 to 4096, from port to starboard.
     pub beams: u32,
@@ -103,6 +106,7 @@ pub struct Multibeam {
 /// How the beams of a swath are spaced.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Spacing {
     /// Even angles.
     #[default]
@@ -115,6 +119,7 @@ pub enum Spacing {
 /// pattern.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Imaging {
     /// Number of beams, 2 to 4096.
     pub beams: u32,
@@ -140,6 +145,7 @@ pub struct Imaging {
 /// One beam: an echo sounder, or one that turns from ping to ping.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct SingleBeam {
     /// Width of the beam.
     pub beam_deg: Lobe,

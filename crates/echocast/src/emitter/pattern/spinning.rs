@@ -23,6 +23,7 @@ pub enum Direction {
 /// A column of emitters that rotates about the z axis. Rows of the table are channels, columns azimuth steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Spinning {
     /// How it rotates.
     pub azimuth: SpinningAzimuth,
@@ -40,6 +41,7 @@ pub struct Spinning {
 /// How a spinning sensor rotates.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct SpinningAzimuth {
     /// Angle over which it measures, degrees, above 0, at most 360.
     pub fov_deg: f64,
@@ -60,6 +62,7 @@ pub struct SpinningAzimuth {
 /// The emitters of a spinning sensor; the lists are as long as `elevation_deg`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct Channels {
     /// Elevation, degrees, -90 to 90.
     pub elevation_deg: Vec<f64>,

@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 /// `time_us,channel,range_min_m,range_max_m,origin_x_m,origin_y_m,origin_z_m`, in any order; one row per beam.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct Table {
     /// The file; a relative name is relative to the folder of the sensor file. A name that is not UTF-8 is written
     /// escaped.

@@ -9,6 +9,7 @@ use super::GeneratedScene;
 use super::glb::Placement;
 use super::model::{Made, Model};
 use super::noise::Dice;
+use crate::ground::builder::builder;
 use crate::ground::error::{Error, Result};
 use crate::ground::rng::Draw;
 use furniture::{Furniture, back_to};
@@ -17,38 +18,35 @@ use plan::{DOOR, EYE, FloorPlan, Opening, Room, WALL, Wall, Zone};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::FRAC_PI_2;
 
-/// Parameters of a floor of rooms side by side, centred on the z axis, the floor at z = 0. All rooms can be reached
-/// through doors, which stand open; outer walls have windows, and one of them a closed door.
-///
-/// Objects have the categories `wall`, `floor`, `ceiling`, `door`, `window`, `mirror`, `partition` (a pane of glass
-/// that reaches into the room), `table`, `chair`, `sofa`, `bed`, `shelf`, `cupboard`, `lamp`, `plant` and `tv`. Their
-/// parts are named after their materials, as `leg`, `seat` and `back` of a chair. Pieces of furniture keep apart and
-/// clear of doors, and high ones are not in front of windows; a piece for which a room is too small is left out.
-///
-/// The camera nodes `Camera_1` and so on are in a corner of each room, 1.5 m high, and look at its middle; `Scanner` is
-/// in the first room, equally high, and looks along x.
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Indoor {
-    /// Rooms along x and y, 1 to 10 each.
-    pub rooms: [u32; 2],
-    /// Usual extent of a room along x and y, from the middle of one wall to that of the next, 3 to 20 m.
-    pub room_m: [f64; 2],
-    /// Height of the rooms, 2.3 to 6 m.
-    pub height_m: f64,
-    /// How much furniture there is: 0 (none) to 1.
-    pub furniture: f64,
-    /// Mirrors on walls, 0 to 100, but at most one in a room.
-    pub mirrors: u32,
-    /// Partitions of glass, likewise.
-    pub panes: u32,
-    /// Whether rooms have a ceiling.
-    pub ceiling: bool,
-}
-
-impl Default for Indoor {
-    fn default() -> Self {
-        Indoor { rooms: [2, 2], room_m: [5.0, 4.5], height_m: 2.6, furniture: 1.0, mirrors: 2, panes: 1, ceiling: true }
+builder! {
+    /// Parameters of a floor of rooms side by side, centred on the z axis, the floor at z = 0. All rooms can be reached
+    /// through doors, which stand open; outer walls have windows, and one of them a closed door.
+    ///
+    /// Objects have the categories `wall`, `floor`, `ceiling`, `door`, `window`, `mirror`, `partition` (a pane of glass
+    /// that reaches into the room), `table`, `chair`, `sofa`, `bed`, `shelf`, `cupboard`, `lamp`, `plant` and `tv`.
+    /// Their parts are named after their materials, as `leg`, `seat` and `back` of a chair. Pieces of furniture keep
+    /// apart and clear of doors, and high ones are not in front of windows; a piece for which a room is too small is
+    /// left out.
+    ///
+    /// The camera nodes `Camera_1` and so on are in a corner of each room, 1.5 m high, and look at its middle;
+    /// `Scanner` is in the first room, equally high, and looks along x.
+    #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Indoor {
+        /// Rooms along x and y, 1 to 10 each.
+        pub rooms: [u32; 2] = [2, 2],
+        /// Usual extent of a room along x and y, from the middle of one wall to that of the next, 3 to 20 m.
+        pub room_m: [f64; 2] = [5.0, 4.5],
+        /// Height of the rooms, 2.3 to 6 m.
+        pub height_m: f64 = 2.6,
+        /// How much furniture there is: 0 (none) to 1.
+        pub furniture: f64 = 1.0,
+        /// Mirrors on walls, 0 to 100, but at most one in a room.
+        pub mirrors: u32 = 2,
+        /// Partitions of glass, likewise.
+        pub panes: u32 = 1,
+        /// Whether rooms have a ceiling.
+        pub ceiling: bool = true,
     }
 }
 

@@ -7,6 +7,7 @@ mod heights;
 mod plants;
 mod relief;
 mod scatter;
+mod sites;
 mod species;
 mod terrain;
 #[cfg(test)]
@@ -16,6 +17,7 @@ mod tree;
 use super::glb::{Glb, Look, Placement};
 use super::noise::GradientNoise;
 use super::{GeneratedScene, within};
+use crate::ground::builder::builder;
 use crate::ground::error::{Error, Result};
 use course::Course;
 use glam::{DQuat, DVec2, DVec3, EulerRot};
@@ -34,70 +36,57 @@ const USUAL_CELL: f64 = 0.5;
 /// Maximum number of each kind of plant or rock.
 const MOST_OBJECTS: f64 = 1e6;
 
-/// Parameters of a landscape about the z axis: woodland on hills, or on a height map.
-///
-/// The land is ridged multifractal noise along a valley that descends towards -x, eroded by streams and soil creep.
-/// Objects have the categories `terrain` (parts `turf`, `soil`, `rock` where it is steep, `sand` beside the stream),
-/// `path`, `water`, `tree` and `bush` (parts `trunk`, `branch` and `leaf`), `grass` and `rock`. Trees are oaks,
-/// birches, spruces and dead trees, three of each kind, grown after Weber & Penn (1995). Every tree, bush and rock is
-/// an instance, as is each patch of [`Landscape::TUFTS`] tufts of grass. Plants and rocks keep off the path and out of
-/// the stream.
-///
-/// The path winds from the low end of x to the high one; the stream runs where most water drains from the land. The
-/// camera node `Lidar` is 1.8 m above the path (without one, above the ground), near the middle where trees are
-/// farthest away, and looks along the path or along x; `Overview` looks down on everything from the low corner of x and
-/// y.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Landscape {
-    /// Extent along x and y, 10 to 10 000 m; that of the height map if its file gives the spacing of its samples.
-    pub size_m: [f64; 2],
-    /// Spacing of the grid. `None`: 0.5 m or as fine as a million triangles allow; with a height map, its samples.
-    pub cell_m: Option<f64>,
-    /// Height of the highest point above the lowest, 0 to 5000 m, before the stream is carved; not used with a height
-    /// map.
-    pub relief_m: f64,
-    /// Trees per hectare, 0 to 5000.
-    pub trees_per_ha: f64,
-    /// Bushes per hectare, 0 to 5000.
-    pub bushes_per_ha: f64,
-    /// Rocks of 0.2 to 2 m per hectare, 0 to 5000.
-    pub rocks_per_ha: f64,
-    /// Tufts of grass per square metre of turf, 0 to 30.
-    pub grass_per_m2: f64,
-    /// Whether there is a path.
-    pub path: bool,
-    /// Whether there is a stream, if the land has room for one.
-    pub stream: bool,
-    /// Heights from a file.
-    pub height_map: Option<HeightMap>,
+builder! {
+    /// Parameters of a landscape about the z axis: woodland on hills, or on a height map.
+    ///
+    /// The land is ridged multifractal noise along a valley that descends towards -x, eroded by streams and soil creep.
+    /// Objects have the categories `terrain` (parts `turf`, `soil`, `rock` where it is steep, `sand` beside the
+    /// stream), `path`, `water`, `tree` and `bush` (parts `trunk`, `branch` and `leaf`), `grass` and `rock`. Trees are
+    /// oaks, birches, spruces and dead trees, three of each kind, grown after Weber & Penn (1995). Every tree, bush and
+    /// rock is an instance, as is each patch of [`Landscape::TUFTS`] tufts of grass. Plants and rocks keep off the path
+    /// and out of the stream.
+    ///
+    /// The path winds from the low end of x to the high one; the stream runs where most water drains from the land. The
+    /// camera node `Lidar` is 1.8 m above the path (without one, above the ground), near the middle where trees are
+    /// farthest away, and looks along the path or along x; `Overview` looks down on everything from the low corner of x
+    /// and y.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Landscape {
+        /// Extent along x and y, 10 to 10 000 m; that of the height map if its file gives the spacing of its samples.
+        pub size_m: [f64; 2] = [100.0, 100.0],
+        /// Spacing of the grid. `None`: 0.5 m or as fine as a million triangles allow; with a height map, its samples.
+        pub cell_m: Option<f64> = None,
+        /// Height of the highest point above the lowest, 0 to 5000 m, before the stream is carved; not used with a
+        /// height map.
+        pub relief_m: f64 = 12.0,
+        /// Trees per hectare, 0 to 5000.
+        pub trees_per_ha: f64 = 300.0,
+        /// Bushes per hectare, 0 to 5000.
+        pub bushes_per_ha: f64 = 200.0,
+        /// Rocks of 0.2 to 2 m per hectare, 0 to 5000.
+        pub rocks_per_ha: f64 = 100.0,
+        /// Tufts of grass per square metre of turf, 0 to 30.
+        pub grass_per_m2: f64 = 10.0,
+        /// Whether there is a path.
+        pub path: bool = true,
+        /// Whether there is a stream, if the land has room for one.
+        pub stream: bool = true,
+        /// Heights from a file.
+        pub height_map: Option<HeightMap> = None,
+    }
 }
 
-/// A file of heights: a PNG of 16 bits, a GeoTIFF in metres or an ESRI ASCII grid, up to 25 million samples.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct HeightMap {
-    /// The file; its kind is recognised by its contents.
-    pub file: PathBuf,
-    /// Heights of black and white in a PNG, m; not for files that hold metres.
-    #[serde(default)]
-    pub range_m: Option<[f64; 2]>,
-}
-
-impl Default for Landscape {
-    fn default() -> Self {
-        Landscape {
-            size_m: [100.0, 100.0],
-            cell_m: None,
-            relief_m: 12.0,
-            trees_per_ha: 300.0,
-            bushes_per_ha: 200.0,
-            rocks_per_ha: 100.0,
-            grass_per_m2: 10.0,
-            path: true,
-            stream: true,
-            height_map: None,
-        }
+builder! {
+    /// A file of heights: a PNG of 16 bits, a GeoTIFF in metres or an ESRI ASCII grid, up to 25 million samples.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct HeightMap {
+        /// The file; its kind is recognised by its contents.
+        pub file: PathBuf,
+        /// Heights of black and white in a PNG, m; not for files that hold metres.
+        #[serde(default)]
+        pub range_m: Option<[f64; 2]>,
     }
 }
 
@@ -110,9 +99,16 @@ struct Land {
     cover: GradientNoise,
 }
 
+impl HeightMap {
+    /// The heights in `file`.
+    pub fn new(file: impl Into<PathBuf>) -> HeightMap {
+        HeightMap { file: file.into(), range_m: None }
+    }
+}
+
 impl Landscape {
     /// Number of tufts of a patch of grass.
-    pub const TUFTS: usize = plants::TUFTS;
+    pub const TUFTS: usize = sites::TUFTS;
 
     /// The landscape of the paper that this library builds on (Reitmann, Neumann & Jung 2021, Sensors 21, 2144, section
     /// 3.1 and figure 4a): hills with grass, trees, rocks and stones, without path or water. Its trees follow the same
@@ -233,7 +229,7 @@ impl Landscape {
     }
 
     fn check_counts(&self, [x, y]: [f64; 2]) -> Result<()> {
-        let (area, tufts) = (x * y, plants::TUFTS as f64);
+        let (area, tufts) = (x * y, sites::TUFTS as f64);
         for (name, density, most, unit) in [
             ("trees_per_ha", self.trees_per_ha, 5000.0, 1e4),
             ("bushes_per_ha", self.bushes_per_ha, 5000.0, 1e4),
@@ -258,7 +254,7 @@ impl Land {
         (per_ha * x * y / 1e4).round() as usize
     }
 
-    fn cameras(&self, trees: &[scatter::Site]) -> [(&'static str, Placement); 2] {
+    fn cameras(&self, trees: &[sites::Site]) -> [(&'static str, Placement); 2] {
         let terrain = &self.terrain;
         let apart = |at: DVec2| trees.iter().map(|tree| tree.at.distance(at)).fold(f64::INFINITY, f64::min);
         let stations = self.path.as_ref().map(|path| path.stations.as_slice()).unwrap_or_default();

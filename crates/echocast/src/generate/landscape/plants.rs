@@ -1,6 +1,6 @@
 //! The meshes of trees, bushes, grass and rocks, and their instances.
 
-use super::scatter::Site;
+use super::sites::{PATCH, ROCKS, Site, Sites, TUFTS, VARIANTS};
 use super::species::{BUSH, Species, TREES};
 use super::tree::{self, Plant};
 use super::{Land, material};
@@ -10,22 +10,6 @@ use crate::generate::shapes::ClosedShape;
 use crate::ground::rng::Draw;
 use glam::{DQuat, DVec3};
 use std::f64::consts::TAU;
-
-/// Meshes of each kind of plant.
-pub(super) const VARIANTS: usize = 3;
-/// Meshes of rocks.
-pub(super) const ROCKS: usize = 8;
-/// Tufts of a patch of grass, and its radius, m.
-pub(super) const TUFTS: usize = 24;
-pub(super) const PATCH: f64 = 0.75;
-
-/// Positions of all plants and rocks.
-pub(super) struct Sites {
-    pub trees: Vec<Site>,
-    pub bushes: Vec<Site>,
-    pub rocks: Vec<Site>,
-    pub grass: Vec<Site>,
-}
 
 pub(super) fn add(glb: &mut Glb, land: &Land, sites: &Sites, seed: u64) {
     let ground = |site: &Site| site.at.extend(land.terrain.height(site.at.x, site.at.y));

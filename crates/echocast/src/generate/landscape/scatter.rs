@@ -1,8 +1,8 @@
 //! Positions of plants and rocks.
 
-use super::plants::Sites;
+use super::sites::{PATCH, ROCKS, Site, Sites, TUFTS, VARIANTS};
 use super::species::TREES;
-use super::{Land, Landscape, plants};
+use super::{Land, Landscape};
 use crate::generate::noise::{Dice, GradientNoise};
 use crate::ground::rng::Draw;
 use glam::DVec2;
@@ -14,20 +14,6 @@ const STEEPEST: f64 = 0.7;
 /// Noise fields of the density of the woods, and of the kinds of trees.
 const WOODS: u32 = 37;
 const KINDS: u32 = 38;
-
-/// The place of a plant or rock.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Site {
-    pub at: DVec2,
-    /// About the z axis.
-    pub turn: f64,
-    /// Scale of its mesh, or the size of a rock, m.
-    pub size: f64,
-    /// Kind of tree, or 0.
-    pub kind: usize,
-    /// Number among the meshes of its kind.
-    pub variant: usize,
-}
 
 /// Positions with a minimum distance from each other, found by dart throwing (Cook 1986, ACM Trans. Graph. 5).
 struct Spaced {
@@ -138,7 +124,7 @@ fn trees(landscape: &Landscape, land: &Land, seed: u64) -> Vec<Site> {
             kind += 1;
         }
         let (turn, size) = (dice.between(0.0, TAU), dice.between(0.7, 1.15));
-        Site { at, turn, size, kind, variant: dice.below(plants::VARIANTS) }
+        Site { at, turn, size, kind, variant: dice.below(VARIANTS) }
     };
     places.into_iter().map(site).collect()
 }
@@ -160,7 +146,7 @@ fn bushes(landscape: &Landscape, land: &Land, trees: &[Site], seed: u64) -> Vec<
     let mut dice = Dice::new(seed, Draw::Bush, 1);
     let site = |at: DVec2| {
         let (turn, size) = (dice.between(0.0, TAU), dice.between(0.6, 1.2));
-        Site { at, turn, size, kind: 0, variant: dice.below(plants::VARIANTS) }
+        Site { at, turn, size, kind: 0, variant: dice.below(VARIANTS) }
     };
     places.into_iter().map(site).collect()
 }
@@ -181,7 +167,7 @@ fn rocks(landscape: &Landscape, land: &Land, trees: &[Site], seed: u64) -> Vec<S
         // Many small ones, few large ones.
         let size = 0.2 * f64::powf(LARGEST / 0.2, dice.unit().powi(2));
         let at = DVec2::new(dice.between(-0.5, 0.5) * (x - size), dice.between(-0.5, 0.5) * (y - size));
-        let (turn, variant) = (dice.between(0.0, TAU), dice.below(plants::ROCKS));
+        let (turn, variant) = (dice.between(0.0, TAU), dice.below(ROCKS));
         if land.clearance(at) >= CLEAR * size + 0.3 && trunks.is_free(at) {
             sites.push(Site { at, turn, size, kind: 0, variant });
         }
@@ -195,14 +181,14 @@ fn grass(landscape: &Landscape, land: &Land, trees: &[Site], seed: u64) -> Vec<S
     let trunks = Spaced::of(0.5, trees);
     let [x, y] = land.terrain.size;
     // Patches are drawn anywhere, and kept if they are on turf: the density is that on turf.
-    let count = (landscape.grass_per_m2 * x * y / plants::TUFTS as f64).round() as usize;
+    let count = (landscape.grass_per_m2 * x * y / TUFTS as f64).round() as usize;
     let mut sites = Vec::new();
     for _ in 0..count {
-        let margin = 2.0 * plants::PATCH;
+        let margin = 2.0 * PATCH;
         let at = DVec2::new(dice.between(-0.5, 0.5) * (x - margin), dice.between(-0.5, 0.5) * (y - margin));
         let (turn, size) = (dice.between(0.0, TAU), dice.between(0.8, 1.0));
-        let variant = dice.below(plants::VARIANTS);
-        if land.clearance(at) >= plants::PATCH && land.is_turf(at) && trunks.is_free(at) {
+        let variant = dice.below(VARIANTS);
+        if land.clearance(at) >= PATCH && land.is_turf(at) && trunks.is_free(at) {
             sites.push(Site { at, turn, size, kind: 0, variant });
         }
     }

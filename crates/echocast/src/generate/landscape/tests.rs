@@ -1,6 +1,7 @@
 //! Properties of landscapes.
 
-use super::plants::{self, PATCH, TUFTS, VARIANTS};
+use super::plants;
+use super::sites::{PATCH, ROCKS, TUFTS, VARIANTS};
 use super::species::{BUSH, TREES};
 use super::{HeightMap, Landscape, course};
 use crate::generate::Seabed;
@@ -100,7 +101,7 @@ fn a_landscape_reads_back_with_every_triangle_labelled() {
         assert!(!object.name.starts_with("Dead") || !part("leaf"));
     }
     // Trees of one kind and variant share their mesh.
-    assert!(scene.meshes().len() <= 3 + (TREES.len() + 2) * VARIANTS + plants::ROCKS);
+    assert!(scene.meshes().len() <= 3 + (TREES.len() + 2) * VARIANTS + ROCKS);
     let lidar = scene.camera("Lidar").unwrap().pose;
     let under = height(&triangles(&scene, "path"), lidar.position.truncate());
     assert!((lidar.position.z - under - 1.8).abs() < 0.01 && (lidar.orientation * DVec3::Z).z > 0.999_999);

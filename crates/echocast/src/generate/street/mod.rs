@@ -8,6 +8,7 @@ mod houses;
 mod person;
 mod plan;
 mod signs;
+mod skeleton;
 #[cfg(test)]
 mod tests;
 mod walk;
@@ -15,46 +16,44 @@ mod walk;
 use super::glb::Placement;
 use super::model::Made;
 use super::{GeneratedScene, within};
+use crate::ground::builder::builder;
 use crate::ground::error::{Error, Result};
 use glam::{DQuat, DVec3, EulerRot};
 use plan::{KERB, StreetPlan};
 use serde::{Deserialize, Serialize};
 
-/// Parameters of a street, or of a town of streets. Without `blocks`, a street runs along x and is 200 m long (longer
-/// if the animation is longer than 10 s), and a side street crosses it at the origin. With `blocks`, that many blocks
-/// of houses have streets around them, with a crossing every 100 m along x and every 84 m along y, one of them at the
-/// origin. Traffic keeps to the right.
-///
-/// Objects have the categories of SemanticKITTI: `road`, `lane-marking`, `parking`, `sidewalk`, `terrain`, `building`,
-/// `fence`, `vegetation` (the crowns of trees), `trunk`, `pole`, `traffic-sign` (retro-reflecting plates), `car`,
-/// `truck`, `bicycle`, `person` and, for benches, bins, traffic lights and a flag, `other-object`. The parts of each
-/// are named after their materials. The animation `Street` moves
-///
-/// * the cars `Car_1` and so on, with their wheels. At a single crossing the second brakes, stops at a red light and
-///   drives on, the third turns right; in a town they drive straight on and stop at red lights and where streets end;
-/// * `Person_1` and so on, who walk along the sidewalks: a mesh with a skeleton of 17 joints each;
-/// * the flag, whose mesh has two morph targets;
-/// * the lamps of the traffic lights, which are shown and hidden (`KHR_node_visibility`, `KHR_animation_pointer`).
-///
-/// The camera node `Lidar` is on the roof of `Car_1`, 1.9 m above the road, and looks ahead; `Corner` is at the
-/// crossing at the origin, 3 m high, and looks along the street.
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Street {
-    /// Blocks of houses along x and y, 1 to 10 each. `None`: a single crossing.
-    pub blocks: Option<[u32; 2]>,
-    /// Moving cars, 1 to 10, or with `blocks` as many as there is room for. `None`: 6, with `blocks` two per crossing.
-    /// Other cars are parked.
-    pub cars: Option<u32>,
-    /// People who walk, at most as many as there is room for. `None`: 2, with `blocks` two per crossing.
-    pub people: Option<u32>,
-    /// Length of the animation, 8 to 30 s.
-    pub seconds: f64,
-}
-
-impl Default for Street {
-    fn default() -> Self {
-        Street { blocks: None, cars: None, people: None, seconds: 10.0 }
+builder! {
+    /// Parameters of a street, or of a town of streets. Without `blocks`, a street runs along x and is 200 m long
+    /// (longer if the animation is longer than 10 s), and a side street crosses it at the origin. With `blocks`, that
+    /// many blocks of houses have streets around them, with a crossing every 100 m along x and every 84 m along y, one
+    /// of them at the origin. Traffic keeps to the right.
+    ///
+    /// Objects have the categories of SemanticKITTI: `road`, `lane-marking`, `parking`, `sidewalk`, `terrain`,
+    /// `building`, `fence`, `vegetation` (the crowns of trees), `trunk`, `pole`, `traffic-sign` (retro-reflecting
+    /// plates), `car`, `truck`, `bicycle`, `person` and, for benches, bins, traffic lights and a flag, `other-object`.
+    /// The parts of each are named after their materials. The animation `Street` moves
+    ///
+    /// * the cars `Car_1` and so on, with their wheels. At a single crossing the second brakes, stops at a red light
+    ///   and drives on, the third turns right; in a town they drive straight on and stop at red lights and where
+    ///   streets end;
+    /// * `Person_1` and so on, who walk along the sidewalks: a mesh with a skeleton of 17 joints each;
+    /// * the flag, whose mesh has two morph targets;
+    /// * the lamps of the traffic lights, which are shown and hidden (`KHR_node_visibility`, `KHR_animation_pointer`).
+    ///
+    /// The camera node `Lidar` is on the roof of `Car_1`, 1.9 m above the road, and looks ahead; `Corner` is at the
+    /// crossing at the origin, 3 m high, and looks along the street.
+    #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Street {
+        /// Blocks of houses along x and y, 1 to 10 each. `None`: a single crossing.
+        pub blocks: Option<[u32; 2]> = None,
+        /// Moving cars, 1 to 10, or with `blocks` as many as there is room for. `None`: 6, with `blocks` two per
+        /// crossing. Other cars are parked.
+        pub cars: Option<u32> = None,
+        /// People who walk, at most as many as there is room for. `None`: 2, with `blocks` two per crossing.
+        pub people: Option<u32> = None,
+        /// Length of the animation, 8 to 30 s.
+        pub seconds: f64 = 10.0,
     }
 }
 

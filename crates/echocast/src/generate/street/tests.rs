@@ -2,8 +2,9 @@
 
 use super::cars::WHEEL;
 use super::drive::{self, WHEEL_KEYS};
-use super::person::{self, JOINTS, PersonBody};
+use super::person::{self, PersonBody};
 use super::plan::{FRONT, HALF_ROAD, LANE_MIDDLE, SIDE_FRONT, SIDE_HALF_ROAD, StreetPlan};
+use super::skeleton::JOINTS;
 use super::{Street, walk};
 use crate::generate::tests::{chunks, of_category};
 use crate::scene::{LoadOptions, Object};

@@ -1,6 +1,6 @@
 //! Human gait: feet are at rest while they are on the ground, which determines the angles of the joints.
 
-use super::person::JOINTS;
+use super::skeleton::JOINTS;
 use glam::{DQuat, DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, TAU};
 

@@ -2,6 +2,7 @@
 
 use super::mie;
 use super::visibility::{self, VisibilityModel};
+use crate::ground::builder::builder;
 use crate::ground::error::{Error, Result};
 use crate::ground::kept::kept;
 use crate::read::bounds::{ABOVE_ZERO, Bounds};
@@ -15,6 +16,7 @@ use std::sync::{Arc, Mutex};
 /// 2021).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Spectrum {
     /// 20 droplets per cm^3, mode radius 10 um.
     StrongAdvectionFog,
@@ -114,26 +116,28 @@ fn summed([number, a, g, mode, wavelength_nm]: [f64; 5]) -> [f64; 2] {
     [extinction * scale, backscatter * scale]
 }
 
-/// Fog, given by visibility or by its droplets.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Fog {
-    /// Visibility at 550 nm and 2 % contrast, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub visibility_m: Option<f64>,
-    /// Meteorological optical range instead, at 5 % contrast, m.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub mor_m: Option<f64>,
-    /// Droplet size distribution instead.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub spectrum: Option<Spectrum>,
-    /// How extinction by visibility depends on the wavelength; defaults to Kim.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub model: Option<VisibilityModel>,
-    /// Extinction over backscatter, sr, 1 to 1000; by default that of the droplets, or 18.8 up to 905 nm, rising to
-    /// 21.3 at 1550 nm.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub lidar_ratio_sr: Option<f64>,
+builder! {
+    /// Fog, given by visibility or by its droplets.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Fog {
+        /// Visibility at 550 nm and 2 % contrast, m.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub visibility_m: Option<f64>,
+        /// Meteorological optical range instead, at 5 % contrast, m.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub mor_m: Option<f64>,
+        /// Droplet size distribution instead.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub spectrum: Option<Spectrum>,
+        /// How extinction by visibility depends on the wavelength; defaults to Kim.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub model: Option<VisibilityModel>,
+        /// Extinction over backscatter, sr, 1 to 1000; by default that of the droplets, or 18.8 up to 905 nm, rising to
+        /// 21.3 at 1550 nm.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub lidar_ratio_sr: Option<f64>,
+    }
 }
 
 /// Lidar ratio of fog whose droplets are not given, sr: 18.8 at 905 nm and below (O'Connor, Illingworth, Hogan 2004:
@@ -179,18 +183,25 @@ impl Fog {
     }
 }
 
-/// Spray behind wheels: droplets in a region that the host moves with the vehicle.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Spray {
-    /// Its droplets.
-    pub spectrum: Spectrum,
-    /// Extinction over backscatter, sr, 1 to 1000; by default that of the droplets.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub lidar_ratio_sr: Option<f64>,
+builder! {
+    /// Spray behind wheels: droplets in a region that the host moves with the vehicle.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Spray {
+        /// Its droplets.
+        pub spectrum: Spectrum,
+        /// Extinction over backscatter, sr, 1 to 1000; by default that of the droplets.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub lidar_ratio_sr: Option<f64>,
+    }
 }
 
 impl Spray {
+    /// Spray of drops of the sizes of `spectrum`.
+    pub fn new(spectrum: Spectrum) -> Spray {
+        Spray { spectrum, lidar_ratio_sr: None }
+    }
+
     pub(in crate::medium) fn check(&self, key: &str, bounds: &mut Bounds) -> Result<()> {
         bounds.within(format_args!("{key}.lidar_ratio_sr"), self.lidar_ratio_sr, 1.0, 1000.0)?;
         self.spectrum.check(&format!("{key}.spectrum"), bounds)

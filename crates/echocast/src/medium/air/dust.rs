@@ -1,27 +1,30 @@
 //! Dust: the paper's clouds of equal spheres.
 
+use crate::ground::builder::builder;
 use crate::ground::error::Result;
 use crate::read::bounds::{ABOVE_ZERO, Bounds};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
 
-/// A cloud of equal spheres that scatter isotropically (Phillips et al. 2017, the paper's eq. 16 and 17): `{radius_um:
-/// 50, per_m3: 1.0e5, start_m: 5, length_m: 12.5}`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Dust {
-    /// Radius of a grain, um, above 0.
-    pub radius_um: f64,
-    /// Grains per m^3, at least 0.
-    pub per_m3: f64,
-    /// Extinction efficiency of a grain: 1, as in the paper (whose 2 accounts for the two-way path), or 2, including
-    /// diffraction; 0.1 to 4.
-    #[serde(default = "one")]
-    pub q_ext: f64,
-    /// Extinction over backscatter, sr, 1 to 1000: 40 to 60 for mineral dust. Without it all the light that a grain's
-    /// area intercepts is scattered isotropically, as in the paper: `4 pi q_ext`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub lidar_ratio_sr: Option<f64>,
+builder! {
+    /// A cloud of equal spheres that scatter isotropically (Phillips et al. 2017, the paper's eq. 16 and 17):
+    /// `{radius_um: 50, per_m3: 1.0e5, start_m: 5, length_m: 12.5}`.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Dust {
+        /// Radius of a grain, um, above 0.
+        pub radius_um: f64,
+        /// Grains per m^3, at least 0.
+        pub per_m3: f64,
+        /// Extinction efficiency of a grain: 1, as in the paper (whose 2 accounts for the two-way path), or 2,
+        /// including diffraction; 0.1 to 4.
+        #[serde(default = "one")]
+        pub q_ext: f64,
+        /// Extinction over backscatter, sr, 1 to 1000: 40 to 60 for mineral dust. Without it all the light that a
+        /// grain's area intercepts is scattered isotropically, as in the paper: `4 pi q_ext`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub lidar_ratio_sr: Option<f64>,
+    }
 }
 
 fn one() -> f64 {
@@ -29,6 +32,11 @@ fn one() -> f64 {
 }
 
 impl Dust {
+    /// Grains of `radius_um`, `per_m3` of them, with defaults for everything else.
+    pub fn new(radius_um: f64, per_m3: f64) -> Dust {
+        Dust { radius_um, per_m3, q_ext: one(), lidar_ratio_sr: None }
+    }
+
     pub(in crate::medium) fn check(&self, key: &str, bounds: &mut Bounds) -> Result<()> {
         bounds.number(format_args!("{key}.radius_um"), self.radius_um, [ABOVE_ZERO, 1e5], "above 0, at most 1e5")?;
         bounds.within(format_args!("{key}.per_m3"), self.per_m3, 0.0, 1e15)?;

@@ -1,6 +1,7 @@
 //! Rain and snow: many drops attenuate the beam, single ones return echoes.
 
 use super::particles::Particles;
+use crate::ground::builder::builder;
 use crate::ground::error::Result;
 use crate::read::bounds::Bounds;
 use serde::{Deserialize, Serialize};
@@ -9,6 +10,7 @@ use std::f64::consts::PI;
 /// How extinction follows from the rain rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum RainModel {
     /// ITU-R P.1814-1 (2025), for drops of a gamma distribution of shape `mu`.
     #[default]
@@ -41,29 +43,31 @@ pub enum PerLength {
     PerKm,
 }
 
-/// Rain: `{rate_mm_h: 10}`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Rain {
-    /// Rate, mm/h, 0 to 500.
-    pub rate_mm_h: f64,
-    /// How extinction follows from it; defaults to `itu`, in the profiles `paper` and `blainder` to `paper`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub model: Option<RainModel>,
-    /// Shape of the drop size distribution in `itu`, -2 to 2.
-    #[serde(default)]
-    pub mu: i32,
-    /// Part of the light that drops remove but deflect so little that the receiver still picks it up, 0 to 0.5.
-    #[serde(default)]
-    pub forward_recovery: f64,
-    /// Whether drops appear as points; defaults to true, in the profiles `paper` and `blainder` to false. Only
-    /// instruments with `detection.model: radar_equation` distinguish drops that they detect from others.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub drops: Option<bool>,
-    /// Whether ranges scatter according to the paper's eq. 15, `sigma = 0.02 R (1 - e^-rate)^2`, where the rain is
-    /// everywhere; defaults to false, in the profiles `paper` and `blainder` to true.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub range_noise: Option<bool>,
+builder! {
+    /// Rain: `{rate_mm_h: 10}`.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Rain {
+        /// Rate, mm/h, 0 to 500.
+        pub rate_mm_h: f64,
+        /// How extinction follows from it; defaults to `itu`, in the profiles `paper` and `blainder` to `paper`.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub model: Option<RainModel>,
+        /// Shape of the drop size distribution in `itu`, -2 to 2.
+        #[serde(default)]
+        pub mu: i32,
+        /// Part of the light that drops remove but deflect so little that the receiver still picks it up, 0 to 0.5.
+        #[serde(default)]
+        pub forward_recovery: f64,
+        /// Whether drops appear as points; defaults to true, in the profiles `paper` and `blainder` to false. Only
+        /// instruments with `detection.model: radar_equation` distinguish drops that they detect from others.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub drops: Option<bool>,
+        /// Whether ranges scatter according to the paper's eq. 15, `sigma = 0.02 R (1 - e^-rate)^2`, where the rain is
+        /// everywhere; defaults to false, in the profiles `paper` and `blainder` to true.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub range_noise: Option<bool>,
+    }
 }
 
 /// `k` and `a` of `k R^a` dB/km in ITU-R P.1814-1, for mu from -2 to 2.
@@ -98,7 +102,7 @@ impl Rain {
                 k * rate.powf(a) * DB_PER_KM
             }
             // int (pi/4 D^2) 2 N0 e^(-L D) dD with D in mm.
-            RainModel::MarshallPalmer => match self.drops() {
+            RainModel::MarshallPalmer => match self.drop_sizes() {
                 Some(drops) => PI * drops.per_m3_mm / drops.slope_per_mm.powi(3) * 1e-6,
                 None => 0.0,
             },
@@ -112,7 +116,7 @@ impl Rain {
     /// The drops of Marshall and Palmer 1948: N0 = 8000 /(m^3 mm), Lambda = 4.1 R^-0.21 /mm. Drops above a millimetre
     /// flatten as they fall and lose their glory: Q_back 0.09, so they return 0.0225 of what a white disc of their size
     /// would.
-    pub(crate) fn drops(&self) -> Option<Particles> {
+    pub(crate) fn drop_sizes(&self) -> Option<Particles> {
         (self.rate_mm_h > 0.0).then(|| Particles {
             per_m3_mm: 8000.0,
             slope_per_mm: 4.1 * self.rate_mm_h.powf(-0.21),
@@ -123,27 +127,29 @@ impl Rain {
 
     /// Standard deviation of ranges relative to the range: the paper's eq. 15 (Goodin et al. 2019), read as a
     /// deviation.
-    pub fn range_noise(&self) -> f64 {
+    pub fn range_sigma(&self) -> f64 {
         0.02 * (1.0 - (-self.rate_mm_h).exp()).powi(2)
     }
 }
 
-/// Snow: `{rate_mm_h: 2}`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Snow {
-    /// Rate as melted water, mm/h, 0 to 100.
-    pub rate_mm_h: f64,
-    /// Size distribution of the flakes.
-    #[serde(default)]
-    pub model: SnowModel,
-    /// Density of a flake, kg/m^3, 10 to 917.
-    #[serde(default = "flake_density")]
-    pub density_kg_m3: f64,
-    /// Whether flakes appear as points; defaults to true, in the profiles `paper` and `blainder` to false. Only
-    /// instruments with `detection.model: radar_equation` distinguish flakes that they detect from others.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub flakes: Option<bool>,
+builder! {
+    /// Snow: `{rate_mm_h: 2}`.
+    #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    pub struct Snow {
+        /// Rate as melted water, mm/h, 0 to 100.
+        pub rate_mm_h: f64,
+        /// Size distribution of the flakes.
+        #[serde(default)]
+        pub model: SnowModel,
+        /// Density of a flake, kg/m^3, 10 to 917.
+        #[serde(default = "flake_density")]
+        pub density_kg_m3: f64,
+        /// Whether flakes appear as points; defaults to true, in the profiles `paper` and `blainder` to false. Only
+        /// instruments with `detection.model: radar_equation` distinguish flakes that they detect from others.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pub flakes: Option<bool>,
+    }
 }
 
 fn flake_density() -> f64 {
@@ -153,6 +159,7 @@ fn flake_density() -> f64 {
 /// Distribution of melted diameters.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum SnowModel {
     /// Sekhon and Srivastava 1970.
     #[default]
@@ -196,7 +203,7 @@ impl Snow {
     }
 
     /// Flakes of a millimetre and more, white (0.9).
-    pub(crate) fn flakes(&self) -> Option<Particles> {
+    pub(crate) fn flake_sizes(&self) -> Option<Particles> {
         let [number, slope] = self.melted();
         (self.rate_mm_h > 0.0).then(|| Particles {
             per_m3_mm: number / self.growth(),
@@ -259,7 +266,7 @@ mod tests {
         for (rate, range, expected) in
             [(0.1, 1.0, 0.000_181_118_34), (1.0, 50.0, 0.399_576_4), (10.0, 50.0, 0.999_909_2)]
         {
-            assert!((Rain::new(rate).range_noise() * range / expected - 1.0).abs() < 1e-6);
+            assert!((Rain::new(rate).range_sigma() * range / expected - 1.0).abs() < 1e-6);
         }
     }
 
@@ -280,11 +287,11 @@ mod tests {
     /// N(D > 0.05 mm) and N(> 1 mm) of 10 mm/h, per m^3.
     #[test]
     fn drops_are_counted() {
-        let drops = Rain::new(10.0).drops().unwrap();
+        let drops = Rain::new(10.0).drop_sizes().unwrap();
         for (least_mm, expected) in [(0.05, 2788.76), (1.0, 252.576)] {
             let found = drops.count_above(least_mm);
             assert!((found / expected - 1.0).abs() < 3e-6, "{found}");
         }
-        assert!(Rain::new(0.0).drops().is_none());
+        assert!(Rain::new(0.0).drop_sizes().is_none());
     }
 }

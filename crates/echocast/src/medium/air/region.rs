@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 /// A part of space. World coordinates, metres.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Region {
     /// All of space.
     #[default]

@@ -1,5 +1,6 @@
 //! Visibility, and the extinction that follows from it.
 
+use crate::ground::builder::builder;
 use crate::ground::error::{Error, Result};
 use crate::read::bounds::Bounds;
 use serde::{Deserialize, Serialize};
@@ -7,6 +8,7 @@ use serde::{Deserialize, Serialize};
 /// How extinction depends on the wavelength.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum VisibilityModel {
     /// Kruse et al. 1962, for haze.
     Kruse,
@@ -14,19 +16,21 @@ pub enum VisibilityModel {
     Kim,
 }
 
-/// Clear air or haze, given by visibility: `{visibility_m: 23000}`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct ClearAir {
-    /// Visibility at 550 nm and 2 % contrast, m: extinction is 3.912/V there.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub visibility_m: Option<f64>,
-    /// Meteorological optical range instead, at 5 % contrast, m: extinction is 2.996/MOR.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub mor_m: Option<f64>,
-    /// How extinction depends on the wavelength; defaults to Kruse.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub model: Option<VisibilityModel>,
+builder! {
+    /// Clear air or haze, given by visibility: `{visibility_m: 23000}`.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct ClearAir {
+        /// Visibility at 550 nm and 2 % contrast, m: extinction is 3.912/V there.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub visibility_m: Option<f64>,
+        /// Meteorological optical range instead, at 5 % contrast, m: extinction is 2.996/MOR.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub mor_m: Option<f64>,
+        /// How extinction depends on the wavelength; defaults to Kruse.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub model: Option<VisibilityModel>,
+    }
 }
 
 impl ClearAir {

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 /// How absorption depends on the frequency and the water.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Absorption {
     /// Francois and Garrison 1982, J. Acoust. Soc. Am. 72, 896 and 1879: 200 Hz to 1 MHz, to 5 %.
     #[default]

@@ -23,6 +23,7 @@ pub use sound_ray::{RayEvent, RayPoint, SoundRay};
 pub use speed::{SoundSpeed, pressure_bar, unesco_speed};
 pub use validity::Outside;
 
+use crate::ground::builder::builder;
 use crate::ground::error::{Error, Result};
 use crate::ground::math::log2;
 use crate::read::bounds::{ABOVE_ZERO, Bounds};
@@ -34,6 +35,7 @@ use std::path::Path;
 /// How sound weakens as it spreads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Spreading {
     /// By the ray tubes of the profile; spherical without one.
     #[default]
@@ -68,76 +70,54 @@ impl Spreading {
     }
 }
 
-/// The water below a level of the world: the section `environment.water`. It affects sonars only.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct Water {
-    /// Height of the mean surface in the world, m; depths count down from it; defaults to 0.
-    pub surface_z_m: f64,
-    /// Temperature where `profile` does not give it, degrees Celsius; defaults to 10.
-    pub temperature_c: f64,
-    /// Practical salinity where `profile` does not give it, PSU; defaults to 35.
-    pub salinity_psu: f64,
-    /// Acidity; defaults to 8.
-    pub ph: f64,
-    /// Latitude, degrees, on which pressure at depth depends; defaults to 45.
-    pub latitude_deg: f64,
-    /// The formula that derives speeds from temperature and salinity.
-    pub sound_speed: SoundSpeed,
-    /// The law of absorption.
-    pub absorption: Absorption,
-    /// The law of spreading.
-    pub spreading: Spreading,
-    /// Distance from which `hybrid` spreading is cylindrical, m, above 0; only for hybrid.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub spreading_from_m: Option<f64>,
-    /// How speeds change with depth; without it there is one speed, by temperature, salinity and the depth of the
-    /// sonar, at most 12 km.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub profile: Option<SoundSpeedProfile>,
-    /// Speed of sound that the instrument assumes, m/s; defaults to that at its own depth.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub assumed_speed_m_s: Option<f64>,
-    /// How speeds change with depth in the cast that depths are corrected with: `corrected_x` to `corrected_z`.
-    /// Defaults to the true one.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub assumed_profile: Option<SoundSpeedProfile>,
-    /// Whether speeds and densities may be anything from 1e-6 to 1e6, as in files with other units.
-    pub allow_unphysical: bool,
-    /// Wind speed over the water, m/s: it causes waves and noise; defaults to 5.
-    pub wind_m_s: f64,
-    /// Velocity of the water, the same everywhere, in the world, m/s, at most 10 m/s fast; defaults to 0. It moves the
-    /// scatterers in the water, and nothing else.
-    #[serde(skip_serializing_if = "is_still")]
-    pub current_m_s: [f64; 3],
-    /// Amount of shipping noise, 0 to 1; defaults to 0.5.
-    pub shipping: f64,
-    /// Volume backscatter of the water, dB re 1/m; none by default. The open sea has -95 to -70.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub volume_backscatter_db: Option<f64>,
-}
-
-impl Default for Water {
-    fn default() -> Self {
-        Water {
-            surface_z_m: 0.0,
-            temperature_c: 10.0,
-            salinity_psu: 35.0,
-            ph: 8.0,
-            latitude_deg: 45.0,
-            sound_speed: SoundSpeed::default(),
-            absorption: Absorption::default(),
-            spreading: Spreading::default(),
-            spreading_from_m: None,
-            profile: None,
-            assumed_speed_m_s: None,
-            assumed_profile: None,
-            allow_unphysical: false,
-            wind_m_s: 5.0,
-            current_m_s: [0.0; 3],
-            shipping: 0.5,
-            volume_backscatter_db: None,
-        }
+builder! {
+    /// The water below a level of the world: the section `environment.water`. It affects sonars only.
+    #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+    #[serde(deny_unknown_fields, default)]
+    pub struct Water {
+        /// Height of the mean surface in the world, m; depths count down from it; defaults to 0.
+        pub surface_z_m: f64 = 0.0,
+        /// Temperature where `profile` does not give it, degrees Celsius; defaults to 10.
+        pub temperature_c: f64 = 10.0,
+        /// Practical salinity where `profile` does not give it, PSU; defaults to 35.
+        pub salinity_psu: f64 = 35.0,
+        /// Acidity; defaults to 8.
+        pub ph: f64 = 8.0,
+        /// Latitude, degrees, on which pressure at depth depends; defaults to 45.
+        pub latitude_deg: f64 = 45.0,
+        /// The formula that derives speeds from temperature and salinity.
+        pub sound_speed: SoundSpeed = SoundSpeed::default(),
+        /// The law of absorption.
+        pub absorption: Absorption = Absorption::default(),
+        /// The law of spreading.
+        pub spreading: Spreading = Spreading::default(),
+        /// Distance from which `hybrid` spreading is cylindrical, m, above 0; only for hybrid.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub spreading_from_m: Option<f64> = None,
+        /// How speeds change with depth; without it there is one speed, by temperature, salinity and the depth of the
+        /// sonar, at most 12 km.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub profile: Option<SoundSpeedProfile> = None,
+        /// Speed of sound that the instrument assumes, m/s; defaults to that at its own depth.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub assumed_speed_m_s: Option<f64> = None,
+        /// How speeds change with depth in the cast that depths are corrected with: `corrected_x` to `corrected_z`.
+        /// Defaults to the true one.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub assumed_profile: Option<SoundSpeedProfile> = None,
+        /// Whether speeds and densities may be anything from 1e-6 to 1e6, as in files with other units.
+        pub allow_unphysical: bool = false,
+        /// Wind speed over the water, m/s: it causes waves and noise; defaults to 5.
+        pub wind_m_s: f64 = 5.0,
+        /// Velocity of the water, the same everywhere, in the world, m/s, at most 10 m/s fast; defaults to 0. It moves
+        /// the scatterers in the water, and nothing else.
+        #[serde(skip_serializing_if = "is_still")]
+        pub current_m_s: [f64; 3] = [0.0; 3],
+        /// Amount of shipping noise, 0 to 1; defaults to 0.5.
+        pub shipping: f64 = 0.5,
+        /// Volume backscatter of the water, dB re 1/m; none by default. The open sea has -95 to -70.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        pub volume_backscatter_db: Option<f64> = None,
     }
 }
 

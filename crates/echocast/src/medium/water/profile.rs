@@ -24,6 +24,7 @@ pub(super) const SALINITIES: [f64; 2] = [0.0, 50.0];
 /// How the speed of sound, or temperature and salinity, changes with depth, counted down from the surface.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
+#[non_exhaustive]
 pub enum SoundSpeedProfile {
     /// Layers of one speed each, from their depth down to the next one's, the last without end. The water above the
     /// first is unknown.

@@ -97,7 +97,7 @@ impl RefractedRay {
     }
 
     /// The ray `length` m further along the arc within `slab`. Inlined to avoid the copy.
-    #[inline(always)]
+    #[inline]
     pub fn advanced(&self, slab: &Slab, length: f64) -> RefractedRay {
         let mut next = *self;
         let RefractedRay { depth, sine, snell, speed, .. } = *self;
@@ -126,7 +126,7 @@ impl RefractedRay {
     }
 
     /// Length of the arc to where it leaves `slab`, and at which boundary.
-    #[inline(always)]
+    #[inline]
     pub fn exit(&self, slab: &Slab) -> (f64, End) {
         let to = |end: End| match end {
             End::Bottom => slab.bottom - self.depth,

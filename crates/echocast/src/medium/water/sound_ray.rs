@@ -17,6 +17,7 @@ pub struct SoundRay {
 
 /// Position and state of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct RayPoint {
     /// Horizontal distance from the start, m.
     pub distance_m: f64,
@@ -39,6 +40,7 @@ pub struct RayPoint {
 
 /// What happens to a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum RayEvent {
     /// It passes into another layer of water; with the part of the energy transmitted, 0 to 1 (the paper's eq. 13).
     Boundary(f64),

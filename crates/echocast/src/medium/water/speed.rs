@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 /// How the speed of sound depends on temperature, salinity and depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum SoundSpeed {
     /// Mackenzie 1981, J. Acoust. Soc. Am. 70, 807: oceans to 8000 m, to 0.07 m/s.
     #[default]

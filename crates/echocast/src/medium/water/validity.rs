@@ -5,6 +5,7 @@ use std::fmt;
 /// A quantity outside the range that a formula was fitted to; the formula still yields a number there, but of unknown
 /// accuracy.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct Outside {
     /// Its name: `temperature`, `salinity`, `pH`, `depth` or `frequency`.
     pub quantity: &'static str,

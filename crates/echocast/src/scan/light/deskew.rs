@@ -1,33 +1,10 @@
 //! Deskew: points where they were when the scan started, whenever they were hit.
 
 use super::block::Block;
-use super::run::ScanPlan;
-use crate::cloud::Frame;
+use super::plan::{Deskew, ScanPlan};
 use crate::ground::lanes::LANES;
 use crate::trace::Return;
 use glam::{Mat3, Vec3};
-
-/// What transforms points to the start of a scan.
-pub(super) struct Deskew {
-    /// Time of the start, 0 to 1 of the scene's time span, and the length of that span, s, where anything moves.
-    start: Option<(f32, f32)>,
-    /// Rotation and position of the sensor at the start, as for a beam, where points are in its frame.
-    sensor: Option<(Mat3, Vec3)>,
-}
-
-impl Deskew {
-    /// For a scan along `scan.aim`, if deskew is requested.
-    pub fn new(scan: &ScanPlan) -> Option<Deskew> {
-        if !scan.options.deskew {
-            return None;
-        }
-        let start = scan.aim.clock.zip(scan.world.scene.span).filter(|_| !scan.options.freeze);
-        Some(Deskew {
-            start: start.map(|(clock, span)| (clock.of(0.0), span.length as f32)),
-            sensor: (scan.options.coordinates == Frame::Sensor).then(|| scan.aim.pose.start()),
-        })
-    }
-}
 
 impl Block {
     /// Transforms the `places` of the first `count` lanes, and the normals, from the times of their beams to the start
@@ -35,12 +12,12 @@ impl Block {
     /// the start.
     #[inline(never)]
     pub fn deskew(&mut self, scan: &ScanPlan, deskew: &Deskew, count: usize, places: &mut [[f32; LANES]; 3]) {
-        let Block { lanes, rays, hits, answer, images, .. } = self;
+        let Block { lanes, rays, hits, bounces, images, .. } = self;
         for lane in 0..count {
             let mut place = Vec3::from(places.each_ref().map(|axis| axis[lane]));
             let mut normal = hits.normal(lane);
             let back = deskew.start.and_then(|(start, length)| {
-                let seen = images.as_ref().filter(|_| answer.bounces[lane] > 0).map(|images| &images[lane]);
+                let seen = images.as_ref().filter(|_| bounces[lane] > 0).map(|images| &images[lane]);
                 let uv = [hits.u[lane], hits.v[lane]];
                 let back =
                     scan.world.scene.return_to(hits.surface[lane], hits.triangle[lane], uv, rays.time[lane], start);

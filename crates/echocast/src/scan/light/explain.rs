@@ -1,14 +1,14 @@
 //! What happens to one beam, as readable text.
 
-use super::block::{Block, boxed};
-use super::returns::{ALARM, Gatherer, Other};
-use super::run::ScanPlan;
+use super::block::Block;
+use super::gather::Gatherer;
+use super::plan::ScanPlan;
 use super::split::Splitter;
 use crate::cloud::{Columns, FieldSet};
 use crate::ground::angle::azimuth_elevation;
 use crate::ground::cause::Cause;
 use crate::ground::error::Result;
-use crate::ground::lanes::{LANES, MEDIUM, MISS};
+use crate::ground::lanes::{LANES, MEDIUM, MISS, boxed};
 use crate::ground::shown;
 use crate::sensor::{Adaptive, Signals};
 use glam::{DVec3, Vec3};
@@ -96,7 +96,7 @@ impl ScanPlan<'_> {
             along.y,
             along.z
         )?;
-        let [low, high] = self.limits_of(beam);
+        let [low, high] = self.receiver.gate.limits(beam as u32);
         writeln!(text, "  ranges from {low} to {high} m are reported")?;
         self.write_rays(text, signals, gatherer)?;
         self.write_paths(text, gatherer)?;
@@ -204,15 +204,19 @@ impl ScanPlan<'_> {
 
     /// Echoes of the air.
     fn write_air(&self, text: &mut String, gatherer: &Gatherer) -> fmt::Result {
-        let mut echoes: Vec<&Other> = gatherer.others.list.iter().filter(|echo| echo.surface == MEDIUM).collect();
+        let arrivals = &gatherer.arrivals;
+        let mut echoes: Vec<(f32, f32, Cause)> = arrivals
+            .others()
+            .filter(|(.., from)| from.surface == MEDIUM)
+            .map(|(range, power, from)| (range, power, from.cause))
+            .collect();
         if echoes.is_empty() {
             return Ok(());
         }
-        echoes.sort_by(|a, b| a.range.total_cmp(&b.range));
+        echoes.sort_by(|(a, ..), (b, ..)| a.total_cmp(b));
         writeln!(text, "air:")?;
-        for echo in echoes.iter().take(MOST) {
-            let cause = echo.cause.name();
-            writeln!(text, "  {cause} at {:.4} m returns {:.4e} /m^2", echo.range, echo.power)?;
+        for (range, power, cause) in echoes.iter().take(MOST) {
+            writeln!(text, "  {} at {range:.4} m returns {power:.4e} /m^2", cause.name())?;
         }
         if echoes.len() > MOST {
             writeln!(text, "  and {} more", echoes.len() - MOST)?;
@@ -222,13 +226,12 @@ impl ScanPlan<'_> {
 
     /// Light of bright surfaces beside the beam.
     fn write_halos(&self, text: &mut String, gatherer: &Gatherer) -> fmt::Result {
-        let is_halo = |echo: &&Other| echo.cause == Cause::Multipath;
-        let echoes = || gatherer.others.list.iter().filter(is_halo);
+        let echoes = || gatherer.arrivals.others().filter(|(.., from)| from.cause == Cause::Multipath);
         if echoes().next().is_some() {
             writeln!(text, "blooming:")?;
         }
-        for echo in echoes() {
-            writeln!(text, "  {} at {:.4} m adds {:.4e} /m^2", self.name(echo.surface), echo.range, echo.power)?;
+        for (range, power, from) in echoes() {
+            writeln!(text, "  {} at {range:.4} m adds {power:.4e} /m^2", self.name(from.surface))?;
         }
         Ok(())
     }
@@ -242,14 +245,14 @@ impl ScanPlan<'_> {
         beam: usize,
         returns: &[f32],
     ) -> fmt::Result {
-        let [low, high] = self.limits_of(beam);
-        match self.detect.threshold.least_power() {
+        let [low, high] = self.receiver.gate.limits(beam as u32);
+        match self.receiver.gate.threshold.least_power() {
             Some(k) => writeln!(text, "echoes, of which those of {k:.4e} /m^2 and more are detected:")?,
             None => writeln!(text, "echoes:")?,
         }
-        let chosen = gatherer.forming.chosen.clone();
-        let seen = gatherer.forming.peaks.clone();
-        let all = if self.camera.is_some() { seen.clone() } else { gatherer.all_peaks(0) };
+        let chosen = gatherer.found.chosen.clone();
+        let seen = gatherer.found.peaks.clone();
+        let all = if self.receiver.camera().is_some() { seen.clone() } else { gatherer.all_peaks(0) };
         if all.is_empty() {
             writeln!(text, "  none")?;
         }
@@ -259,15 +262,9 @@ impl ScanPlan<'_> {
                 writeln!(text, "  {:.4} m, {:.4e} /m^2: {because}", peak.range, peak.power)?;
                 continue;
             };
-            let found = gatherer.found(self, 0, beam, peak);
-            let source = match gatherer.rays.get(found.source, 0) {
-                _ if found.source == ALARM => Cause::FalseAlarm.name().into(),
-                Some(ray) => self.name(ray.surface()),
-                None => {
-                    let other = &gatherer.others.list[found.source as usize - gatherer.rays.each];
-                    if other.surface == MEDIUM { other.cause.name().into() } else { self.name(other.surface) }
-                }
-            };
+            let found = gatherer.trace_back(self, 0, beam, peak);
+            let from = &found.provenance;
+            let source = if from.surface == MEDIUM { from.cause.name().into() } else { self.name(from.surface) };
             let mixed = if found.mixed { ", mixed with others" } else { "" };
             let reported = match chosen.contains(&place) {
                 false => "detected, not selected",

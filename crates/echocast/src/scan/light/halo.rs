@@ -1,18 +1,11 @@
 //! Step 8 for instruments with blooming: the light of bright surfaces in the beams around them.
 
-use super::block::{Block, with_block};
-use super::run::ScanPlan;
 use crate::detect::Blooming;
+use crate::echo::Provenance;
 use crate::emitter::BeamTable;
-use crate::ground::lanes::{CHUNK, LANES, MISS};
-use crate::ground::parallel;
+use crate::ground::lanes::LANES;
 use glam::Vec3;
 use std::cell::Cell;
-use std::ops::Range;
-use std::sync::{Mutex, PoisonError};
-
-/// Effective reflectance above which a surface is bright: brighter than white.
-const BRIGHT: f32 = 1.0;
 
 /// Light below this fraction of what is just detected is negligible.
 const FAINT: f32 = 1e-3;
@@ -46,17 +39,13 @@ impl Drop for Halos {
 /// A bright surface where the centre of a beam hits it.
 #[derive(Clone, Copy)]
 pub(super) struct Bright {
-    beam: u32,
+    pub beam: u32,
     /// Direction of the beam, sensor frame.
-    direction: Vec3,
+    pub direction: Vec3,
     pub range: f32,
     /// Returned light, `rho_eff T / R^2` in 1/m^2.
     pub power: f32,
-    pub cos_incidence: f32,
-    pub surface: u32,
-    pub triangle: u32,
-    pub uv: [f32; 2],
-    pub normal: Vec3,
+    pub provenance: Provenance,
 }
 
 /// Light of neighbouring bright points in one beam.
@@ -77,21 +66,18 @@ impl HaloCluster {
 }
 
 impl Halos {
-    /// Traces the centres of all beams of `scan`, whose pulse has the standard deviation `sigma` m of range. What is
-    /// bright only in a mirror or through glass does not bloom.
-    pub fn new(scan: &ScanPlan, blooming: Blooming, sigma: f64) -> Halos {
-        let least = FAINT * scan.detect.threshold.faintest();
+    /// No bright surfaces, in the memory that an earlier scan of this thread left.
+    pub fn none() -> Vec<Bright> {
         let mut bright = FOUND.try_with(Cell::take).unwrap_or_default();
         bright.clear();
-        let all = Mutex::new(bright);
-        scan.world.scene.engine.install(|| {
-            parallel::for_each_range(scan.aim.beams.len(), CHUNK, |beams| {
-                with_block(scan, |block| find(scan, block, beams, &all));
-            });
-        });
-        let mut bright = all.into_inner().unwrap_or_else(PoisonError::into_inner);
+        bright
+    }
+
+    /// The halos of `bright` surfaces. `just_detected`: light that is just detected, `rho_eff / R^2` in 1/m^2; `sigma`:
+    /// standard deviation of the pulse, m.
+    pub fn new(mut bright: Vec<Bright>, blooming: Blooming, just_detected: f32, sigma: f64) -> Halos {
         bright.sort_unstable_by(|a, b| a.range.total_cmp(&b.range).then(a.beam.cmp(&b.beam)));
-        Halos { blooming, least, together: TOGETHER * sigma as f32, bright }
+        Halos { blooming, least: FAINT * just_detected, together: TOGETHER * sigma as f32, bright }
     }
 
     /// Reports the light of bright surfaces in `beams` of `table`: lane, and the surface that contributes most of it,
@@ -137,40 +123,4 @@ impl Halos {
 fn angle(a: Vec3, b: Vec3) -> f32 {
     let square = (a - b).length_squared();
     square.sqrt() * (1.0 + square * (1.0 / 24.0 + square * (3.0 / 640.0 + square * (5.0 / 7168.0))))
-}
-
-/// Adds the bright surfaces that `beams` hit to `all`.
-fn find(scan: &ScanPlan, block: &mut Block, beams: Range<usize>, all: &Mutex<Vec<Bright>>) {
-    for first in beams.clone().step_by(LANES) {
-        let count = LANES.min(beams.end - first);
-        block.lanes.start_at(first);
-        block.aim(scan, first, count);
-        block.trace(scan, count);
-        let Block { rays, hits, surfaces, scratch, .. } = &mut *block;
-        scratch.fill(1.0);
-        if let Some(air) = scan.world.air {
-            air.dim(rays, &hits.range, count, scratch);
-        }
-        let mut found = None;
-        for lane in 0..count {
-            let (surface, range) = (hits.surface[lane], hits.range[lane]);
-            let rho_eff = surfaces.reflectance[lane] * surfaces.cos_incidence[lane];
-            let power = rho_eff * scratch[lane] / (range * range);
-            if surface != MISS && rho_eff > BRIGHT && power.is_finite() && !scan.goes_on(surface) {
-                // One thread at a time, for the rest of the block.
-                let all = found.get_or_insert_with(|| all.lock().unwrap_or_else(PoisonError::into_inner));
-                all.push(Bright {
-                    beam: (first + lane) as u32,
-                    direction: scan.aim.beams.direction(first + lane),
-                    range,
-                    power,
-                    cos_incidence: surfaces.cos_incidence[lane],
-                    surface,
-                    triangle: hits.triangle[lane],
-                    uv: [hits.u[lane], hits.v[lane]],
-                    normal: hits.normal(lane),
-                });
-            }
-        }
-    }
 }

@@ -1,16 +1,19 @@
 //! A scan of a LiDAR or a depth camera: blocks of beams, side by side on threads.
 
 mod block;
-mod camera;
+mod bloom;
 mod collect;
 mod deskew;
 mod explain;
+mod gather;
 mod halo;
-mod rays;
+mod looks;
+mod motion;
+mod one_ray;
+mod plan;
 mod returns;
 mod run;
 mod split;
-mod truth;
 
 use super::{Progress, ScanOptions};
 use crate::cloud::PointCloud;
@@ -18,7 +21,7 @@ use crate::emitter::Trajectory;
 use crate::ground::error::{Error, Result};
 use crate::sensor::Sensor;
 use crate::trace::BuiltScene;
-use run::ScanPlan;
+use plan::ScanPlan;
 
 impl BuiltScene {
     /// [`BuiltScene::scan_with_progress`] for light.
@@ -33,7 +36,7 @@ impl BuiltScene {
         options.check(trajectory)?;
         let beams = sensor.beams_at(options.start_time)?;
         self.0.check_time(options.start_time, beams.last_time())?;
-        let reception = run::reception(&self.0, sensor, options)?;
+        let reception = sensor.reception(&options.environment, self.0.origin, options.profile)?;
         let mut scan = ScanPlan::new(&self.0, sensor, &beams, &reception, trajectory, options)?;
         if options.organised && scan.most_returns() > 1 {
             let found = format!("{} returns per beam", scan.most_returns());
@@ -64,7 +67,7 @@ impl BuiltScene {
             return Err(Error::invalid("beam", beam, format!("0 to {}", beams.len() - 1)));
         }
         self.0.check_time(options.start_time, beams.last_time())?;
-        let reception = run::reception(&self.0, sensor, options)?;
+        let reception = sensor.reception(&options.environment, self.0.origin, options.profile)?;
         let mut scan = ScanPlan::new(&self.0, sensor, &beams, &reception, trajectory, options)?;
         scan.find_halos(sensor);
         scan.explain(&sensor.signals, beam as usize)

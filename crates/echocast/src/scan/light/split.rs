@@ -6,9 +6,9 @@
 //! in the row. Suspects are split if what is around them can cause a second echo, or share one, or is all that can be
 //! detected; a beam on whose axis a draw decided whether a surface stopped it is split in any case.
 
-use super::run::ScanPlan;
+use super::plan::ScanPlan;
 use crate::detect::ReturnMode;
-use crate::echo::{Contribution, RequestedQuantities};
+use crate::echo::{Contribution, OFF_SURFACE, RequestedQuantities};
 use crate::emitter::{Across, Footprint};
 use crate::ground::lanes::{LANES, MISS, RayBatch};
 use crate::sensor::{Adaptive, Signals};
@@ -16,10 +16,6 @@ use crate::trace::HitBatch;
 use echocast_kernels::{measure, rim};
 use glam::Vec3;
 use std::array;
-
-/// Distance from the plane of an axis that counts as off it, in sigmas of the pulse; and for depth cameras, m.
-pub(super) const OFF_SURFACE: f32 = 0.1;
-pub(super) const OFF_SURFACE_M: f32 = 0.01;
 
 /// Echoes closer together than this, in sigmas of the pulse, share a peak.
 const SHARING: f32 = 3.5;
@@ -118,13 +114,13 @@ impl Splitter {
         };
         self.turn(scan, footprint, axes);
         let sigma = signals.sigma as f32;
-        if scan.camera.is_none() {
+        if scan.receiver.camera().is_none() {
             let normals = [&axes.hits.normal_x, &axes.hits.normal_y, &axes.hits.normal_z];
             let met = (normals, [axes.cos_incidence, &axes.hits.range]);
             footprint.obliqueness(&self.across, sigma, met, &mut self.oblique);
         }
         self.send(scan, around, axes);
-        self.compare(scan, axes, if scan.camera.is_some() { OFF_SURFACE_M } else { OFF_SURFACE * sigma });
+        self.compare(scan, axes, scan.receiver.off_surface(sigma));
         self.weigh(scan, axes);
         for lane in 0..axes.count {
             if self.marks[lane] != 0 && self.matters(scan, axes, (signals.rule.mode, sigma), lane) {
@@ -153,7 +149,7 @@ impl Splitter {
     /// Traces the rays at the rims, except where neither the beam nor its neighbours detect anything.
     fn send(&mut self, scan: &ScanPlan, around: &Footprint, axes: Axes) {
         let Axes { count, rays: beams, hits, power, .. } = axes;
-        let least = scan.detect.threshold.faintest();
+        let least = scan.receiver.gate.least_power();
         let mut undetected = [true; LANES];
         for lane in 0..count {
             undetected[lane] = power[lane] <= 0.0 || power[lane] < least;
@@ -272,8 +268,8 @@ impl Splitter {
     /// Whether anything around the suspect at `lane` can change what it reports.
     fn matters(&self, scan: &ScanPlan, axes: Axes, (mode, sigma): (ReturnMode, f32), lane: usize) -> bool {
         let Axes { first, hits, power, .. } = axes;
-        let efficiency = scan.efficiency_of((first + lane) as u32);
-        let least = scan.detect.threshold.faintest() / efficiency;
+        let efficiency = scan.receiver.efficiency_of((first + lane) as u32);
+        let least = scan.receiver.gate.least_power() / efficiency;
         let hit = hits.surface[lane] != MISS;
         if self.marks[lane] & 1 << DRAWN != 0 {
             return true;
@@ -297,17 +293,12 @@ impl Splitter {
             if !hit || MOST * light < least || light <= 0.0 {
                 return hit && light > SHARE * power[lane] && self.share(axes, around, [lane, other], sigma);
             }
-            if scan.camera.is_some() || power[lane] < least {
+            if scan.receiver.camera().is_some() || power[lane] < least {
                 return true;
             }
             let beyond = range - hits.range[lane];
             let is_second = beyond.abs() > MERGED * sigma
-                && match mode {
-                    ReturnMode::Strongest => light > power[lane],
-                    ReturnMode::First => beyond < 0.0,
-                    ReturnMode::Last => beyond > 0.0,
-                    _ => true,
-                };
+                && (mode.reports_others() || mode.merit(range, light) > mode.merit(hits.range[lane], power[lane]));
             is_second || light > SHARE * power[lane] && self.share(axes, around, [lane, other], sigma)
         })
     }

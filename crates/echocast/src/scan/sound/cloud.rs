@@ -108,7 +108,7 @@ impl Ping {
         let layout = &*self.layout;
         if self.reports_depths() {
             let none = |beam: usize| PingPoint {
-                cell: beam * layout.bins,
+                cell: layout.cell(beam, 0, 0),
                 beam,
                 range: f32::NAN,
                 aim: layout.axes[beam],
@@ -136,7 +136,7 @@ impl Ping {
         let cells = &self.cells;
         for beam in 0..layout.beams() {
             for bin in 0..layout.bins {
-                let cell = beam * layout.bins + bin;
+                let cell = layout.cell(beam, 0, bin);
                 let seen = bin >= layout.first_bin && cells.intensity[cell] > layout.threshold_db[bin];
                 if !(seen || organised) {
                     continue;
@@ -182,6 +182,7 @@ impl Ping {
         let own =
             |place: Vec3| (rotation.transpose() * (place.as_dvec3() + self.origin - self.pose.position)).as_vec3();
         let corrected = if options.coordinates == Frame::World { corrected } else { own(corrected) };
+        columns.start_row(row);
         put!(columns, row,
             quality: quality,
             corrected_x: corrected.x,
@@ -203,16 +204,10 @@ impl Ping {
             beam: if self.reports_depths() { beam as u32 } else { cell as u32 },
             firing: self.number,
             doppler: self.bottom_track.map_or(f32::NAN, |track| track.radial[beam]),
-            track_id: 0,
         );
         self.fill_tracks(columns, row);
         if range.is_nan() {
             // A miss of an organised cloud.
-            put!(columns, row, intensity: f32::NAN, cos_incidence: f32::NAN, true_range: f32::NAN);
-            put!(columns, row, true_x: f32::NAN, true_y: f32::NAN, true_z: f32::NAN);
-            put!(columns, row, normal_x: f32::NAN, normal_y: f32::NAN, normal_z: f32::NAN);
-            put!(columns, row, velocity_x: f32::NAN, velocity_y: f32::NAN, velocity_z: f32::NAN);
-            put!(columns, row, flow_x: f32::NAN, flow_y: f32::NAN, flow_z: f32::NAN, radial_velocity: f32::NAN);
             return;
         }
         copy!(intensity, category_id, part_id, instance_id, material_id, red, green, blue, cos_incidence);

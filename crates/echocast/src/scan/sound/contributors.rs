@@ -1,8 +1,9 @@
 //! Labels of cells: each arrival's row is computed once, then each cell gets that of its strongest contributor.
 
-use super::ping::{MotionSource, PingPlan, RayChunk};
+use super::plan::{MotionSource, PingPlan};
+use super::rays::RayChunk;
 use crate::cells::Sounding;
-use crate::cloud::{Columns, Field, FieldSet, Slices, put};
+use crate::cloud::{Columns, Field, FieldSet, FieldSource, Slices, put};
 use crate::echo::{Echoes, NO_CONTRIBUTOR, PingEcho};
 use crate::ground::angle::azimuth_elevation;
 use crate::ground::cause::Cause;
@@ -17,6 +18,14 @@ const PLACES: [Field; 5] = [Field::TrueX, Field::TrueY, Field::TrueZ, Field::Tru
 
 /// Columns that do not belong to arrivals.
 const OF_CELLS: [Field; 4] = [Field::Intensity, Field::TrueX, Field::TrueY, Field::TrueZ];
+
+/// Cells of a ping that are labelled: those for which all columns are filled.
+#[derive(Clone, Copy, PartialEq)]
+pub(super) enum LabelledCells {
+    All,
+    /// Those of soundings; the others are not filled.
+    Soundings,
+}
 
 /// Rows of all arrivals of a ping, by their numbers; that of [`NO_CONTRIBUTOR`] states that nothing scatters.
 #[derive(Default)]
@@ -178,8 +187,8 @@ impl PingPlan<'_> {
         }
     }
 
-    /// [`PingPlan::label_cells`] only for the cells of the `soundings`, of a tile from beam `first` on: all that their points
-    /// are made from.
+    /// [`PingPlan::label_cells`] only for the cells of the `soundings`, of a tile from beam `first` on: all that their
+    /// points are made from.
     pub fn label_soundings(
         &self,
         first: usize,
@@ -313,15 +322,9 @@ pub(super) fn strongest(chunks: &[RayChunk], contributor: u32) -> Option<(&Echoe
     Some((echoes, (contributor - echoes.first) as usize))
 }
 
-/// Marks a cell as one in which nothing scatters.
+/// Marks a cell, whose level is known, as one in which nothing scatters.
 fn mark_empty(rows: &mut Slices, row: usize) {
-    put!(rows, row,
-        category_id: 0, part_id: 0, instance_id: 0, material_id: 0, red: 0, green: 0, blue: 0, bounces: 0,
-        cause: Cause::FalseAlarm as u8,
-        true_x: f32::NAN, true_y: f32::NAN, true_z: f32::NAN, true_range: f32::NAN, time: f64::NAN,
-        cos_incidence: f32::NAN, normal_x: f32::NAN, normal_y: f32::NAN, normal_z: f32::NAN,
-        azimuth: f32::NAN, elevation: f32::NAN,
-        velocity_x: f32::NAN, velocity_y: f32::NAN, velocity_z: f32::NAN, radial_velocity: f32::NAN,
-        flow_x: f32::NAN, flow_y: f32::NAN, flow_z: f32::NAN,
-    );
+    let unknown = [FieldSource::Beam, FieldSource::Surface, FieldSource::Motion];
+    rows.rows_after(row).fill_absent(&unknown, 1);
+    put!(rows, row, bounces: 0, cause: Cause::FalseAlarm as u8);
 }

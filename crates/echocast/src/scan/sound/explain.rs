@@ -1,6 +1,8 @@
 //! One beam of a ping, explained step by step: the ray of its echo layer by layer, and the sonar equation term by term.
 
-use super::ping::{LabelledCells, PingMemory, PingPlan};
+use super::contributors::LabelledCells;
+use super::ping::PingMemory;
+use super::plan::PingPlan;
 use crate::cells::Track;
 use crate::cloud::{FieldSet, Ping};
 use crate::echo::{NO_RAY, PingEcho};
@@ -30,7 +32,7 @@ impl BuiltScene {
         let options = ScanOptions { fields: FieldSet::all(), ..options.clone() };
         let mut memory = PingMemory::default();
         let mut ping = Ping::default();
-        let plan = PingPlan::new(&self.0, sensor, trajectory, &options, &mut memory)?;
+        let plan = memory.plan(&self.0, sensor, trajectory, &options)?;
         let beams = plan.transducer.beams();
         if beam as usize >= beams {
             return Err(Error::invalid("beam", beam, format!("0 to {}", beams - 1)));
@@ -127,9 +129,10 @@ impl PingPlan<'_> {
             }
         }
         let levels = ping.levels(beam);
-        let received = (self.layout.first_bin..bins).filter(|&bin| memory.strongest(beam * bins + bin).is_some());
+        let received =
+            (self.layout.first_bin..bins).filter(|&bin| memory.strongest(self.layout.cell(beam, 0, bin)).is_some());
         let bin = received.max_by(|&a, &b| levels[a].total_cmp(&levels[b]))?;
-        Some((beam * bins + bin, bin))
+        Some((self.layout.cell(beam, 0, bin), bin))
     }
 
     /// Whether an arrival is that of a target that scatters as a whole, along a ray of its own.

@@ -1,7 +1,7 @@
 //! What a ping samples with dedicated rays: targets that scatter as a whole, and bodies that its rays sample too
 //! coarsely.
 
-use super::ping::PingPlan;
+use super::plan::PingPlan;
 use crate::echo::has_coherent_echo;
 use crate::ground::error::{Error, Result};
 use crate::trace::{Body, Goal, Stand};

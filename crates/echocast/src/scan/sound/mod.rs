@@ -4,7 +4,11 @@ mod cloud;
 mod contributors;
 mod explain;
 mod goals;
+mod layout;
 mod ping;
+mod plan;
+mod rays;
+mod tiles;
 mod track;
 
 use crate::cloud::{Ping, PointCloud};
@@ -13,7 +17,7 @@ use crate::ground::error::Result;
 use crate::scan::ScanOptions;
 use crate::sensor::Sensor;
 use crate::trace::BuiltScene;
-use ping::LabelledCells;
+use contributors::LabelledCells;
 use std::cell::Cell;
 
 thread_local! {

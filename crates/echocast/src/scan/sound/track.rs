@@ -7,21 +7,14 @@
 //! motion of the water in between cancels: what it adds on the way out it takes away on the way back. A bed across the
 //! whole width of a beam has many shifts; the instrument measures their mean, weighted by the energy of the echoes.
 
-use super::ping::{PingMemory, PingPlan};
+use super::plan::{Log, PingPlan};
 use crate::cells::{Layout, Sounding, Track};
-use crate::detect::{BeamRate, Tracked, VelocityLog, WaterLayer, bins_about};
+use crate::detect::{BeamRate, Tracked, WaterLayer, bins_about};
 use crate::echo::{Echoes, PingEcho};
 use crate::emitter::pattern::JANUS_BEAMS;
 use crate::ground::math::{LOG2_PER_DB, exp2};
 use crate::trace::{Arrival, Movement};
 use glam::{DVec3, Vec3};
-
-/// A Doppler velocity log in moving water.
-pub(super) struct Log {
-    pub spec: VelocityLog,
-    /// Velocity of the water, world, m/s.
-    pub current: Vec3,
-}
 
 /// Weighted sums over what a beam receives.
 #[derive(Clone, Copy, Default)]
@@ -50,11 +43,16 @@ impl Sums {
 
 impl PingPlan<'_> {
     /// Velocities relative to the bottom, where beams have `soundings`, and to a layer of water, if it is tracked.
-    pub(super) fn tracks(&self, log: &Log, memory: &PingMemory, soundings: &[Sounding]) -> (Track, Option<Track>) {
+    pub(super) fn tracks<'e>(
+        &self,
+        log: &Log,
+        echoes: impl Iterator<Item = &'e Echoes>,
+        soundings: &[Sounding],
+    ) -> (Track, Option<Track>) {
         let locks: [Option<&Sounding>; JANUS_BEAMS] =
             std::array::from_fn(|beam| soundings.iter().find(|sounding| sounding.beam as usize == beam));
         let axes = std::array::from_fn(|beam| self.layout.axis(beam));
-        let received = self.receive_bottom(memory, &locks);
+        let received = self.receive_bottom(echoes, &locks);
         let bottom = log.spec.track(&self.rng, Tracked::Bottom, &axes, &received);
         let water = log.spec.water.map(|layer| {
             // Noise that looks like an echo has no velocity, and hides no water.
@@ -66,9 +64,9 @@ impl PingPlan<'_> {
     }
 
     /// What each beam receives from the bottom, around its sounding.
-    fn receive_bottom(
+    fn receive_bottom<'e>(
         &self,
-        memory: &PingMemory,
+        all: impl Iterator<Item = &'e Echoes>,
         locks: &[Option<&Sounding>; JANUS_BEAMS],
     ) -> [Option<BeamRate>; JANUS_BEAMS] {
         let gates = locks.map(|lock| {
@@ -77,7 +75,7 @@ impl PingPlan<'_> {
             Some((range, (about as f64 * self.layout.bin_m) as f32))
         });
         let mut sums = [Sums::default(); JANUS_BEAMS];
-        for echoes in memory.all_echoes() {
+        for echoes in all {
             for (index, (arrival, answer)) in echoes.arrivals.iter().zip(&echoes.answers).enumerate() {
                 let beam = self.transducer.receiving_beams[answer.receiving as usize].first as usize;
                 if gates[beam].is_some_and(|(range, about)| (answer.range - range).abs() <= about) {

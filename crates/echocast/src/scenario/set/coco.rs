@@ -2,7 +2,8 @@
 
 use super::imaging::{ImagingSensors, scans};
 use super::manifest::FileEntry;
-use super::style::{Scanned, Style, Writer as Write, numbered};
+use super::names::numbered;
+use super::style::{Scanned, Style, Writer as Write};
 use super::whole::{Whole, damaged};
 use crate::cloud::FieldSet;
 use crate::export::annotations::{Shown, categories, image_keys, info, instances, line, segments};

@@ -1,5 +1,6 @@
 //! Images of the sensors of a sample: common code of the styles of image sets.
 
+use super::names::{file_name, numbered};
 use crate::cloud::{InstanceBox, PointCloud};
 use crate::emitter::ImageGrid;
 use crate::export::images::write_layer;
@@ -79,9 +80,9 @@ impl<'w> ImagingSensors<'w> {
     ) -> Result<Option<Taken>> {
         let Some((_, grid)) = self.grids.iter().find(|(known, _)| *known == scan) else { return Ok(None) };
         let scan = &sample.scans()[scan];
-        let mut stem = super::style::numbered(self.number);
+        let mut stem = numbered(self.number);
         if self.grids.len() > 1 {
-            stem += &format!("_{}", super::plain::file_name(scan.name()));
+            stem += &format!("_{}", file_name(scan.name()));
         }
         if scan.frames().len() > 1 {
             stem += &format!("_{:04}", scan.frames()[frame].number);

@@ -2,9 +2,10 @@
 
 mod masks;
 
+use super::names::numbered;
 use super::points::{in_sensor, inverse, is_word, local, remission};
 use super::rig::{self, SensorClass, find};
-use super::style::{Scanned, Style, Writer as Write, numbered};
+use super::style::{Scanned, Style, Writer as Write};
 use super::whole::Whole;
 use crate::cloud::{Field, FieldSet, InstanceBox, PointCloud};
 use crate::emitter::{ImageGrid, Intrinsics, Outline};

@@ -1,8 +1,9 @@
 //! Contents of a set, sample by sample.
 
+use super::files::replace;
+use super::names::numbered;
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
-use crate::scenario::set::style::numbered;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest as _, Sha256};
 use std::collections::BTreeMap;
@@ -12,6 +13,7 @@ use std::path::Path;
 
 /// A sample of a set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Entry {
     /// Its number.
     pub sample: u64,
@@ -36,6 +38,7 @@ pub struct Entry {
 
 /// A file of a sample.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct FileEntry {
     /// Its path in the set's folder.
     pub path: String,
@@ -184,7 +187,7 @@ pub(super) fn write(root: &Path, entries: &BTreeMap<u64, Entry>) -> Result<()> {
     let text = serde_json::to_string(&all).map_err(|error| Error::Internal(error.to_string()))?;
     // A line for each sample.
     let text = text.replace("},{\"sample\":", "},\n{\"sample\":") + "\n";
-    super::folder::replace(&root.join(WHOLE), text.as_bytes())
+    replace(&root.join(WHOLE), text.as_bytes())
 }
 
 /// The manifest of a whole set.

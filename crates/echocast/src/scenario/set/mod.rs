@@ -13,14 +13,18 @@
 //! | `files.json` | the files made from all samples together, with sizes and digests |
 //! | `manifest.json`, `report.json`, `report.html`, `contact_sheet.png` | the whole set, once all samples are present |
 
+mod check;
 mod coco;
-mod folder;
+mod files;
 mod imaging;
 mod kitti;
 mod lock;
+mod making;
 mod manifest;
+mod names;
 mod noticed;
 mod nuscenes;
+mod origin;
 mod plain;
 mod points;
 mod readme;
@@ -28,17 +32,16 @@ mod report;
 mod rig;
 mod run;
 mod semantic_kitti;
-mod splits;
 mod style;
+mod styles;
 mod voc;
 mod webdataset;
 mod whole;
 
-pub use folder::check_folder;
+pub use check::check_folder;
 pub use manifest::{Entry, FileEntry};
 pub use noticed::Noticed;
 pub use run::{Event, RunOptions, RunSummary, complete, finish, run};
-pub(super) use splits::Splits;
 
 use super::{Sample, Scenario};
 use crate::ground::error::Result;
@@ -47,10 +50,15 @@ use style::Style;
 
 /// The styles of `scenario`.
 fn styles(scenario: &Scenario) -> Result<Vec<Box<dyn Style>>> {
-    style::all(&scenario.spec.outputs, &Document::from_value(&scenario.origin, scenario.value.clone()))
+    styles::all(&scenario.spec.outputs, &Document::from_value(&scenario.origin, scenario.value.clone()))
 }
 
-/// Checks that the styles of `scenario` can hold the scans of `sample`.
-pub(super) fn check_outputs(scenario: &Scenario, sample: &Sample) -> Result<()> {
-    styles(scenario)?.iter().try_for_each(|style| style.fits(sample))
+impl Scenario {
+    /// Checks that its outputs can hold the scans of `sample`.
+    ///
+    /// # Errors
+    /// An unknown style or key; a sensor that a style does not support.
+    pub fn check_outputs(&self, sample: &Sample) -> Result<()> {
+        styles(self)?.iter().try_for_each(|style| style.fits(sample))
+    }
 }

@@ -1,11 +1,12 @@
 //! Warnings about samples, one sentence for each kind.
 
-use super::style;
+use super::styles;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A warning about samples.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[non_exhaustive]
 pub struct Noticed {
     /// The warning about the first of them, a sentence; if it ends in a list of names, with those of all samples.
     pub warning: String,
@@ -56,7 +57,7 @@ impl Kinds {
 
 /// A warning without the list of names in which warnings of styles may end, and that list.
 fn parted(warning: &str) -> (&str, Option<&str>) {
-    let of_style = warning.split_once(": ").filter(|(name, _)| style::names().any(|style| style == *name));
+    let of_style = warning.split_once(": ").filter(|(name, _)| styles::names().any(|style| style == *name));
     match (of_style, warning.rsplit_once(": ")) {
         (Some((_, rest)), Some((sentence, list))) if rest.contains(": ") => (sentence, Some(list)),
         _ => (warning, None),

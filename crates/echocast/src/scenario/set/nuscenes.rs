@@ -2,9 +2,10 @@
 
 mod categories;
 
+use super::names::numbered;
 use super::points::{LabelCache, in_sensor, in_world, inverse, local, remission, runs};
 use super::rig::{SensorClass, camera, find, kind};
-use super::style::{Scanned, Style, Writer as Write, numbered};
+use super::style::{Scanned, Style, Writer as Write};
 use super::whole::{Whole, damaged};
 use crate::cloud::{Field, FieldSet, InstanceBox};
 use crate::emitter::{ImageGrid, Intrinsics};

@@ -1,5 +1,6 @@
 //! One folder per sample, in any cloud format.
 
+use super::names::file_name;
 use super::style::{Scanned, Style, Writer as Write};
 use crate::cloud::FieldSet;
 use crate::export;
@@ -95,9 +96,4 @@ impl Write for PlainWriter<'_> {
         }
         Ok(report)
     }
-}
-
-/// `name` as a file name: characters that could have a special meaning there become `_`.
-pub(super) fn file_name(name: &str) -> String {
-    name.chars().map(|letter| if letter.is_alphanumeric() || "-_.".contains(letter) { letter } else { '_' }).collect()
 }

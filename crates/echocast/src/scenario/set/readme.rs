@@ -1,6 +1,6 @@
 //! Description of a set for its readers: `README.md`.
 
-use super::folder::Origin;
+use super::origin::Origin;
 use super::style::Style;
 use super::whole::Whole;
 use crate::cloud::Field;

@@ -1,9 +1,10 @@
 //! Statistics of a set, for programs and for people.
 
-use super::folder::{self, Origin};
+use super::files::replace;
 use super::manifest::{Entry, FileEntry, RANGE_STEP_M, drawn_file};
+use super::names::numbered;
 use super::noticed::Kinds;
-use super::style::numbered;
+use super::origin::Origin;
 use crate::ground::error::{Error, Result};
 use crate::preview;
 use crate::read::{self, Limit};
@@ -67,16 +68,16 @@ pub(super) fn write(root: &Path, origin: &Origin, entries: &BTreeMap<u64, Entry>
         "echocast": origin.echocast,
     });
     let text = serde_json::to_string_pretty(&report).map_err(|error| Error::Internal(error.to_string()))? + "\n";
-    folder::replace(&root.join("report.json"), text.as_bytes())?;
+    replace(&root.join("report.json"), text.as_bytes())?;
     let pictures = pictures(root, entries())?;
     if !pictures.is_empty() {
         let path = root.join("contact_sheet.png");
         let sheet = preview::sheet(pictures.iter().map(|(_, file)| file))
             .to_png()
             .map_err(|source| write::failed(&path, source))?;
-        folder::replace(&path, &sheet)?;
+        replace(&path, &sheet)?;
     }
-    folder::replace(&root.join("report.html"), page(&report, &pictures).as_bytes())
+    replace(&root.join("report.html"), page(&report, &pictures).as_bytes())
 }
 
 /// Adds the values drawn for a sample to those of others.

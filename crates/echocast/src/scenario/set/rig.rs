@@ -4,7 +4,6 @@ use crate::emitter::pattern::Pattern;
 use crate::emitter::{ImageGrid, Intrinsics};
 use crate::ground::error::{Error, Result};
 use crate::scenario::{Sample, Scan};
-use crate::sensor::SensorKind;
 
 /// The kinds of sensors that styles distinguish.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,9 +16,9 @@ pub(super) enum SensorClass {
 
 /// The kind of sensor of `scan`.
 pub(super) fn kind(scan: &Scan) -> SensorClass {
-    match (scan.sensor().kind(), &scan.sensor().spec().pattern) {
-        (SensorKind::Sonar, _) => SensorClass::Sonar,
-        (_, Pattern::Pinhole(_)) => SensorClass::Camera,
+    match scan.sensor().spec().pattern {
+        _ if scan.sensor().kind().makes_pings() => SensorClass::Sonar,
+        Pattern::Pinhole(_) => SensorClass::Camera,
         _ => SensorClass::Lidar,
     }
 }

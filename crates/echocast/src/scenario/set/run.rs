@@ -1,15 +1,19 @@
 //! Makes samples in parallel, and completes a set.
 
-use super::folder::{self, Making, Origin, settle};
+use super::check::{damages, missing};
 use super::lock::Lock;
+use super::making::{Making, settle, sweep};
 use super::manifest::{self, Entry, FARTHEST_M, FileEntry, ManifestLog, RANGE_STEP_M, drawn_file};
+use super::names::numbered;
 use super::noticed::{Kinds, Noticed};
+use super::origin::{Origin, need_origin};
 use super::points::runs;
 use super::rig::{SensorClass, kind};
-use super::style::{self, Scanned, Style, numbered};
+use super::style::{Scanned, Style};
 use super::whole::{Whole, damaged};
-use super::{readme, report};
+use super::{readme, report, styles};
 use crate::cloud::{Field, FieldSet, PointCloud};
+use crate::ground::builder::builder;
 use crate::ground::error::{Error, Result};
 use crate::ground::report::Report;
 use crate::preview::{self, PreviewOptions, View};
@@ -26,23 +30,26 @@ use std::sync::atomic::Ordering;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-/// Which samples are made, and how.
-#[derive(Clone, Debug)]
-pub struct RunOptions {
-    /// Folder of the set; `None`: as the scenario specifies.
-    pub folder: Option<PathBuf>,
-    /// First sample, last sample and step; `None`: all.
-    pub samples: Option<[u64; 3]>,
-    /// Index, from 0, and number of the shards that the samples are divided into; only this shard is made.
-    pub shard: Option<[u64; 2]>,
-    /// Resumes where a run has stopped, instead of refusing a set that has samples.
-    pub resume: bool,
-    /// Threads; 0: all cores.
-    pub threads: usize,
+builder! {
+    /// Which samples are made, and how.
+    #[derive(Clone, Debug, Default)]
+    pub struct RunOptions {
+        /// Folder of the set; `None`: as the scenario specifies.
+        pub folder: Option<PathBuf>,
+        /// First sample, last sample and step; `None`: all.
+        pub samples: Option<[u64; 3]>,
+        /// Index, from 0, and number of the shards that the samples are divided into; only this shard is made.
+        pub shard: Option<[u64; 2]>,
+        /// Resumes where a run has stopped, instead of refusing a set that has samples.
+        pub resume: bool,
+        /// Threads; 0: all cores.
+        pub threads: usize,
+    }
 }
 
 /// Progress of a run.
 #[derive(Debug)]
+#[non_exhaustive]
 pub enum Event<'e> {
     /// The run begins, with this many samples.
     Begins(u64),
@@ -54,6 +61,7 @@ pub enum Event<'e> {
 
 /// Result of a run.
 #[derive(Debug, Default)]
+#[non_exhaustive]
 pub struct RunSummary {
     /// Folder of the set.
     pub folder: PathBuf,
@@ -117,12 +125,12 @@ pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sy
     let known = manifest::read(&root)?;
     let there = selected.iter().filter(|sample| known.get(sample).is_some_and(|entry| entry.error.is_none())).count();
     if there > 0 && !options.resume {
-        let found = format!("{}, which already holds {there} of these samples", crate::ground::shown::path(&root));
-        return Err(Error::invalid("set.folder", found, "another folder, or --resume to continue the set"));
+        let found = format!("{}, in which {there} of these samples are", crate::ground::shown::path(&root));
+        return Err(Error::invalid("set.folder", found, "another folder, or to go on with the set (--resume)"));
     }
     origin.claim(&root, claimed)?;
     if options.shard.is_none() {
-        folder::sweep(&root, &origin)?;
+        sweep(&root, &origin)?;
     }
     let log_name = options.shard.map_or("manifest.jsonl".to_owned(), |[k, n]| format!("manifest.{k}_of_{n}.jsonl"));
     let log_path = root.join(log_name);
@@ -176,8 +184,8 @@ pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sy
     let notices = unlocked(&lock_files, &root).warnings.into_iter();
     summary.warnings.extend(notices.map(|warning| Noticed { warning, samples: 0, first: 0 }));
     if options.shard.is_none() {
-        let (origin, entries) = (folder::need_origin(&root)?, manifest::read(&root)?);
-        if folder::missing(&origin, &entries).is_none() {
+        let (origin, entries) = (need_origin(&root)?, manifest::read(&root)?);
+        if missing(&origin, &entries).is_none() {
             write_whole(&root, &origin, entries)?;
             summary.complete = true;
         }
@@ -196,13 +204,13 @@ const UNLOCKED: &str = "its file system has no locks: nothing keeps another run 
 /// # Errors
 /// There is no set, or another process writes to it; samples are missing, or their files have changed; I/O errors.
 pub fn finish(root: &Path) -> Result<Report> {
-    folder::need_origin(root)?;
+    need_origin(root)?;
     let lock = Lock::of_set(root)?;
     // Another process may have written to it in the meantime.
-    let origin = folder::need_origin(root)?;
+    let origin = need_origin(root)?;
     let entries = all_entries(root, &origin)?;
     for entry in entries.values() {
-        if let Some(fault) = folder::damages(root, &origin, entry).next() {
+        if let Some(fault) = damages(root, &origin, entry).next() {
             return Err(damaged(fault));
         }
     }
@@ -216,9 +224,9 @@ pub fn finish(root: &Path) -> Result<Report> {
 /// # Errors
 /// As [`finish`].
 pub fn complete(root: &Path) -> Result<Report> {
-    folder::need_origin(root)?;
+    need_origin(root)?;
     let lock = Lock::of_set(root)?;
-    let origin = folder::need_origin(root)?;
+    let origin = need_origin(root)?;
     write_whole(root, &origin, all_entries(root, &origin)?)?;
     Ok(unlocked(&lock, root))
 }
@@ -234,10 +242,10 @@ fn unlocked(lock: &Lock, root: &Path) -> Report {
 
 /// [`complete`] for the holder of the set's lock, with all `entries` of its manifests.
 fn write_whole(root: &Path, origin: &Origin, entries: BTreeMap<u64, Entry>) -> Result<()> {
-    folder::sweep(root, origin)?;
+    sweep(root, origin)?;
     let logs = manifest::logs(root)?;
     let (spec, document) = origin.spec()?;
-    let styles = style::all(&spec.outputs, &document)?;
+    let styles = styles::all(&spec.outputs, &document)?;
     let licence = spec.set.licence;
     let mut whole = Whole::new(root, origin, entries, spec.set.splits, spec.seed);
     whole.licence.clone_from(&licence);
@@ -257,7 +265,7 @@ fn write_whole(root: &Path, origin: &Origin, entries: BTreeMap<u64, Entry>) -> R
 /// The samples of the set in `root`, which must all be present.
 fn all_entries(root: &Path, origin: &Origin) -> Result<BTreeMap<u64, Entry>> {
     let entries = manifest::read(root)?;
-    match folder::missing(origin, &entries) {
+    match missing(origin, &entries) {
         Some(missing) => {
             let allowed = "a set whose samples are all there; `echocast run --resume` makes them";
             Err(Error::invalid("the set", format!("not complete: {missing}"), allowed))

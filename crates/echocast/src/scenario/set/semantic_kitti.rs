@@ -1,7 +1,8 @@
 //! SemanticKITTI: each sample is a sequence.
 
+use super::names::numbered;
 use super::points::{LabelCache, is_word, local, remission, runs};
-use super::style::{Scanned, Style, Writer as Write, numbered};
+use super::style::{Scanned, Style, Writer as Write};
 use crate::cloud::{Field, FieldSet, PointCloud, VELOCITY};
 use crate::ground::error::{Error, Result};
 use crate::ground::pose::Pose;

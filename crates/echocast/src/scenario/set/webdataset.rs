@@ -1,8 +1,8 @@
 //! WebDataset: samples in archives, one after the other.
 
 use super::manifest::{Entry, FileEntry};
-use super::plain::file_name;
-use super::style::{Scanned, Style, Writer as Write, numbered};
+use super::names::{file_name, numbered};
+use super::style::{Scanned, Style, Writer as Write};
 use super::whole::{Whole, damaged};
 use crate::cloud::{FieldSet, Frame};
 use crate::export;

@@ -1,11 +1,12 @@
 //! Files made from all samples of a set together.
 
-use super::folder::Origin;
+use super::files::{files_below, replace};
 use super::manifest::{self, Entry, FileEntry};
-use super::splits::Splits;
-use super::style::numbered;
+use super::names::numbered;
+use super::origin::Origin;
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
+use crate::scenario::splits::Splits;
 use crate::write::{self, Pending, Sink};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -138,7 +139,7 @@ impl<'w> Whole<'w> {
     pub fn drop_unlisted(&mut self, folder: &Path) -> Result<()> {
         let listed: BTreeSet<&str> =
             self.entries.values().flat_map(|entry| &entry.files).map(|file| file.path.as_str()).collect();
-        let there = super::folder::files_below(self.root, &self.root.join(folder))?;
+        let there = files_below(self.root, &self.root.join(folder))?;
         self.unneeded.extend(there.into_iter().filter(|file| !listed.contains(shown::path(file).as_str())));
         Ok(())
     }
@@ -162,7 +163,7 @@ impl<'w> Whole<'w> {
             remove(&self.root.join(&old.path))?;
         }
         let text = serde_json::to_string_pretty(&files).map_err(|error| Error::Internal(error.to_string()))? + "\n";
-        super::folder::replace(&self.root.join(FILES), text.as_bytes())
+        replace(&self.root.join(FILES), text.as_bytes())
     }
 }
 

@@ -1,6 +1,5 @@
 //! Applies rules to the scene of a sample.
 
-use super::room::Solid;
 use super::spot::{Patches, Point};
 use super::{
     Align, MOST_PLACED, MoveRule, Otherwise, PlaceRule, PlaceSpec, RemoveRule, Rule, RuleTarget, SCALES, Spot,
@@ -14,6 +13,7 @@ use crate::scenario::assets::{Assets, ModelFile};
 use crate::scenario::draw::{Address, Draws};
 use crate::scenario::lock;
 use crate::scenario::random::{Random, choose};
+use crate::scenario::room::Solid;
 use crate::scene::{Ancestor, LabelRules, Mesh, matches};
 use crate::trace::{LiveScene, ObjectId};
 use glam::{DAffine3, DMat3, DQuat, DVec3, EulerRot};

@@ -2,12 +2,10 @@
 
 mod apply;
 mod look;
-mod room;
 mod spot;
 
 pub(super) use apply::{SampleScene, Units};
 pub(super) use look::LookRule;
-pub(super) use room::{MeshTrees, Solid};
 
 use super::random::{Random, check_range};
 use crate::ground::error::{Error, Result};

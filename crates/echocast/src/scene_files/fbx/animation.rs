@@ -1,7 +1,7 @@
 //! Animation stacks: which properties of nodes and blend shapes change over time, and how.
 
 use super::bake::{Baker, FbxCourse};
-use super::hierarchy::place;
+use super::names::place;
 use super::{FbxDocument, affine, deform};
 use crate::ground::error::Result;
 use crate::ground::shown;

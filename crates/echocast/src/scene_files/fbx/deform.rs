@@ -1,21 +1,12 @@
 //! Deformation of meshes: the bones of their vertices, and blend shapes.
 
-use super::affine;
 use super::budget::Budget;
-use super::hierarchy::FbxTree;
-use super::mesh::FbxPart;
-use super::nodes::FbxNodes;
 use crate::model::beyond_reach;
-use crate::motion::{MorphTarget, PartVertices, Skin};
-use glam::{DAffine3, DVec3};
-use std::sync::Arc;
-use ufbx::{BlendChannel, BlendShape, Mesh, Node, SkinDeformer};
+use crate::motion::{MorphTarget, PartVertices};
+use ufbx::{BlendChannel, BlendShape, Mesh, SkinDeformer};
 
 /// Most bones that move one vertex; of more, the strongest are used.
 const MOST_INFLUENCES: usize = 8;
-
-/// Bone numbers have 16 bits, and there may be one additional bone, see [`FbxSkeleton`].
-const MOST_BONES: usize = 65534;
 
 /// What changes the shape of a mesh.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -65,28 +56,28 @@ fn effective(channel: &BlendChannel, weight: f64) -> Vec<f64> {
     found
 }
 
-/// Adds morph targets and bone influences to the vertices of a part.
+/// Adds morph targets and bone influences to the vertices of a part, which come from these vertices of the file.
 pub(super) fn deforming(
     mesh: &Mesh,
     form: FbxForm,
-    made: &FbxPart,
+    sources: &[u32],
     budget: &Budget,
     part: &mut PartVertices,
 ) -> Result<(), String> {
     if form.morphed {
         for shape in channels(mesh).flat_map(|channel| &channel.keyframes).map(|key| &*key.shape) {
-            part.targets.push(target(shape, made, budget, part.normals.is_some())?);
+            part.targets.push(target(shape, sources, budget, part.normals.is_some())?);
         }
     }
     if let Some(skin) = skin(mesh).filter(|_| form.skinned) {
-        influences(skin, made, budget, part)?;
+        influences(skin, sources, budget, part)?;
     }
     Ok(())
 }
 
 /// The offsets by which a shape moves the vertices of a part.
-fn target(shape: &BlendShape, made: &FbxPart, budget: &Budget, smooth: bool) -> Result<MorphTarget, String> {
-    budget.charge(made.sources.len().saturating_mul(2 * size_of::<[f32; 3]>()))?;
+fn target(shape: &BlendShape, sources: &[u32], budget: &Budget, smooth: bool) -> Result<MorphTarget, String> {
+    budget.charge(sources.len().saturating_mul(2 * size_of::<[f32; 3]>()))?;
     let spread = |offsets: &[ufbx::Vec3]| {
         let of = |source: &u32| {
             // They are in ascending order.
@@ -94,9 +85,9 @@ fn target(shape: &BlendShape, made: &FbxPart, budget: &Budget, smooth: bool) -> 
             let weight = shape.offset_weights.get(place).copied().unwrap_or(1.0);
             Some((super::vector(*offsets.get(place)?) * weight).as_vec3().to_array())
         };
-        let all: Vec<[f32; 3]> = made.sources.iter().map(|source| of(source).unwrap_or_default()).collect();
+        let all: Vec<[f32; 3]> = sources.iter().map(|source| of(source).unwrap_or_default()).collect();
         if let Some(bad) = beyond_reach(&all) {
-            let (vertex, found) = (made.sources[bad], all[bad]);
+            let (vertex, found) = (sources[bad], all[bad]);
             return Err(format!("a blend shape moves vertex {vertex} by {found:?}; allowed: -1e18 to 1e18"));
         }
         Ok(all.iter().any(|offset| *offset != [0.0; 3]).then(|| all.into()))
@@ -106,20 +97,21 @@ fn target(shape: &BlendShape, made: &FbxPart, budget: &Budget, smooth: bool) -> 
     Ok(MorphTarget { positions, normals })
 }
 
-/// The bones of each vertex of a part; vertices that no bone moves follow the last bone, see [`FbxSkeleton`].
-fn influences(skin: &SkinDeformer, made: &FbxPart, budget: &Budget, part: &mut PartVertices) -> Result<(), String> {
+/// The bones of each vertex of a part; vertices that no bone moves follow the last bone, see
+/// [`FbxSkeleton`](super::skeleton::FbxSkeleton).
+fn influences(skin: &SkinDeformer, sources: &[u32], budget: &Budget, part: &mut PartVertices) -> Result<(), String> {
     let bones_of = |source: u32| {
         let Some(vertex) = skin.vertices.get(source as usize) else { return &[][..] };
         let first = vertex.weight_begin as usize;
         let count = (vertex.num_weights as usize).min(MOST_INFLUENCES);
         skin.weights.get(first..first + count).unwrap_or_default()
     };
-    let most = made.sources.iter().map(|&source| bones_of(source).len()).max().unwrap_or(0);
+    let most = sources.iter().map(|&source| bones_of(source).len()).max().unwrap_or(0);
     let sets = most.div_ceil(4).max(1);
-    budget.charge(made.sources.len().saturating_mul(sets * (size_of::<[f32; 4]>() + size_of::<[u16; 4]>())))?;
-    let mut joints = vec![Vec::with_capacity(made.sources.len()); sets];
-    let mut weights = vec![Vec::with_capacity(made.sources.len()); sets];
-    for &source in &made.sources {
+    budget.charge(sources.len().saturating_mul(sets * (size_of::<[f32; 4]>() + size_of::<[u16; 4]>())))?;
+    let mut joints = vec![Vec::with_capacity(sources.len()); sets];
+    let mut weights = vec![Vec::with_capacity(sources.len()); sets];
+    for &source in sources {
         let bones = bones_of(source);
         let sum: f64 = bones.iter().map(|bone| bone.weight).sum();
         let mut all: Vec<(u16, f32)> = if sum > 0.0 && sum.is_finite() {
@@ -136,53 +128,4 @@ fn influences(skin: &SkinDeformer, made: &FbxPart, budget: &Budget, part: &mut P
     part.joints = joints.into_iter().map(Into::into).collect();
     part.weights = weights.into_iter().map(Into::into).collect();
     Ok(())
-}
-
-/// The bones of a mesh at a node: those of its skin, and as an additional bone the node itself.
-pub(super) struct FbxSkeleton {
-    pub skin: Arc<Skin>,
-    /// World transforms of its bones at time 0.
-    pub world_from_bones: Vec<DAffine3>,
-    /// Whether any of them moves.
-    pub moves: bool,
-}
-
-impl FbxSkeleton {
-    /// The bones of `skin` for the mesh of `node`, whose origin is `middle`. They are nodes of the timeline if any of
-    /// them moves, or if the mesh `morphs`.
-    pub fn read(
-        skin: &SkinDeformer,
-        node: &Node,
-        middle: DVec3,
-        morphs: bool,
-        nodes: &mut FbxNodes<'_>,
-        budget: &Budget,
-    ) -> Result<FbxSkeleton, String> {
-        let count = skin.clusters.len();
-        if count > MOST_BONES {
-            return Err(format!("its skin has {count} bones; allowed: {MOST_BONES}"));
-        }
-        budget.charge(count * (3 * size_of::<DAffine3>()))?;
-        let origin = DAffine3::from_translation(middle);
-        let of_skin = skin.clusters.into_iter().filter_map(|cluster| {
-            let bone: &Node = cluster.bone_node.as_deref()?;
-            Some((bone, affine(&cluster.geometry_to_bone) * origin))
-        });
-        let (bones, joint_from_mesh): (Vec<&Node>, Vec<DAffine3>) =
-            of_skin.chain([(node, affine(&node.geometry_to_node) * origin)]).unzip();
-        if bones.len() != count + 1 {
-            return Err("its skin has a bone that is not a node".into());
-        }
-        if let Some(bad) = joint_from_mesh.iter().position(|matrix| !matrix.is_finite()) {
-            return Err(format!("bone {bad} of its skin is bound by a matrix that is not finite"));
-        }
-        let tree: &FbxTree<'_> = nodes.tree;
-        let moves = bones.iter().any(|bone| tree.get(bone).moves);
-        let world_from_bones = bones.iter().map(|bone| tree.get(bone).world_from_node).collect();
-        let mut read = Skin::new(Vec::new(), joint_from_mesh);
-        if moves || morphs {
-            read.joints = bones.into_iter().map(|bone| nodes.number(bone)).collect::<Result<_, _>>()?;
-        }
-        Ok(FbxSkeleton { skin: Arc::new(read), world_from_bones, moves })
-    }
 }

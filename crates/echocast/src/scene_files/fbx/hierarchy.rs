@@ -1,9 +1,9 @@
 //! The nodes, flattened: every node with its world transform.
 
 use super::animation::FbxTracks;
+use super::names::{named, place};
 use super::{FbxDocument, affine, user, vector};
 use crate::ground::error::Result;
-use crate::ground::shown;
 use crate::model::{Ancestor, MOST_ANCESTORS};
 use crate::motion::{Node, Rest};
 use crate::scene_files::notes::Notes;
@@ -48,22 +48,9 @@ pub(super) struct FbxTree<'a> {
     pub world_from_file: DAffine3,
 }
 
-/// The node of the file that `node` belongs to: the parent of a node that `ufbx` adds for its scale.
-pub(super) fn named(node: &ufbx::Node) -> &ufbx::Node {
-    match &node.parent {
-        Some(parent) if node.is_scale_helper => parent,
-        _ => node,
-    }
-}
-
 /// The file's parent of a node of the file; `None` if it has none.
 fn above(node: &ufbx::Node) -> Option<&ufbx::Node> {
     node.parent.as_deref().map(named).filter(|parent| !parent.is_root)
-}
-
-/// `node "Chair"`.
-pub(super) fn place(node: &ufbx::Node) -> String {
-    format!("node {:?}", shown::name(&named(node).element.name))
 }
 
 /// The labels of every node.

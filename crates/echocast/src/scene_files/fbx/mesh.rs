@@ -108,7 +108,7 @@ impl<'a> FbxMeshes<'a> {
                     normals: made.part.normals.clone(),
                     ..PartVertices::default()
                 };
-                deforming(mesh, form, &made, self.document.budget, &mut vertices_of_part).map_err(fault)?;
+                deforming(mesh, form, &made.sources, self.document.budget, &mut vertices_of_part).map_err(fault)?;
                 vertices.parts.push(vertices_of_part);
             }
             parts.push(made.part);

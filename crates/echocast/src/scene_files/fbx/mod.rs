@@ -10,8 +10,10 @@ mod deform;
 mod hierarchy;
 mod material;
 mod mesh;
+mod names;
 mod nodes;
 mod object;
+mod skeleton;
 #[cfg(test)]
 mod tests;
 mod user;
@@ -153,9 +155,9 @@ fn camera_of(placed: &FbxPlaced<'_>, document: &FbxDocument<'_>, nodes: &mut Fbx
     // FBX cameras look along x, y up; those at glTF nodes along -z, y up.
     let turned = DAffine3::from_mat3(DMat3::from_cols(DVec3::Z, DVec3::Y, DVec3::NEG_X));
     let node_from_camera = affine(&placed.node.geometry_to_node) * turned;
-    let name = [&hierarchy::named(placed.node).element.name, &camera.element.name];
+    let name = [&names::named(placed.node).element.name, &camera.element.name];
     let name = name.into_iter().find(|name| !name.is_empty()).map(|name| name.to_string());
-    let fault = |message| document.error(hierarchy::place(placed.node), message);
+    let fault = |message| document.error(names::place(placed.node), message);
     Ok(Some(Camera {
         name: name.unwrap_or_else(|| format!("camera_{}", camera.element.typed_id)),
         pose: Pose::from_camera_node(&(placed.world_from_node * node_from_camera)),

@@ -3,10 +3,12 @@
 use super::affine;
 use super::animation::FbxTracks;
 use super::bake::FbxCourse;
-use super::deform::{self, FbxForm, FbxSkeleton};
-use super::hierarchy::{FbxAncestry, FbxPlaced, named, place};
+use super::deform::{self, FbxForm};
+use super::hierarchy::{FbxAncestry, FbxPlaced};
 use super::mesh::{FbxMeshes, FbxModelled};
+use super::names::{named, place};
 use super::nodes::FbxNodes;
+use super::skeleton::FbxSkeleton;
 use crate::ground::error::Result;
 use crate::ground::math::cofactors;
 use crate::model::{Ancestor, Mesh, RawObject, UpAxis, pose};

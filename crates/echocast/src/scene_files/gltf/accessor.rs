@@ -1,6 +1,8 @@
 //! Accessors to numbers; every bound is checked before anything is allocated.
 
+use crate::ground::array::Array;
 use gltf::json::accessor::{ComponentType, Type};
+use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::{Checked, USize64};
 use gltf::json::{Accessor, Index, Root, buffer};
 use std::cell::Cell;
@@ -17,6 +19,9 @@ pub(super) struct Accessors<'a> {
     /// Bytes that may still be used, see [`Accessors::charge`].
     budget: Cell<usize>,
 }
+
+/// Vectors that several parts may use.
+pub(super) type SharedVectors<const N: usize> = Array<[f32; N]>;
 
 /// Decoded bytes allowed per byte of the file. Legitimate files stay below 20 (a strip with 8-bit indices); files whose
 /// accessors overlap a thousandfold would fill the memory.
@@ -220,6 +225,17 @@ impl<'a> Accessors<'a> {
         Ok(Elements { bytes, stride, kind, normalized })
     }
 
+    /// The elements of `all` that are `used`; `None`: all.
+    pub fn pick<T: Copy + Send + Sync + 'static>(
+        &self,
+        all: &Array<T>,
+        used: Option<&Vec<u32>>,
+    ) -> Result<Array<T>, String> {
+        let Some(used) = used else { return Ok(all.clone()) };
+        self.charge(used.len() * size_of::<T>())?;
+        Ok(used.iter().map(|&vertex| all[vertex as usize]).collect::<Vec<_>>().into())
+    }
+
     /// Bytes of a buffer view.
     pub fn view(&self, index: Index<buffer::View>) -> Result<&'a [u8], String> {
         let known = &self.json.buffer_views;
@@ -244,6 +260,17 @@ impl<'a> Accessors<'a> {
             )
         })
     }
+}
+
+/// The accessor of an attribute.
+pub(super) fn attribute(primitive: &Primitive, semantic: Semantic) -> Option<Index<Accessor>> {
+    primitive.attributes.get(&Checked::Valid(semantic)).copied()
+}
+
+/// Checks that an accessor called `what` has an element for each of the `vertices`.
+pub(super) fn same_count(what: &str, accessor: &Accessor, vertices: usize) -> Result<(), String> {
+    let found = accessor.count.0;
+    if found == vertices as u64 { Ok(()) } else { Err(format!("{what} has {found} elements for {vertices} vertices")) }
 }
 
 impl Elements<'_> {

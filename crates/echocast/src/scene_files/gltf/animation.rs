@@ -2,7 +2,8 @@
 
 use super::accessor::Accessors;
 use super::sampler::{Quantity, SampledCurve, Sampler, Samplers};
-use super::{GltfDocument, Notes, morph, place};
+use super::targets::targets_of_node;
+use super::{GltfDocument, Notes, place};
 use crate::ground::error::Result;
 use crate::ground::report::Report;
 use crate::ground::shown;
@@ -283,9 +284,7 @@ impl GltfProperty {
         Ok(match self {
             GltfProperty::Translation(_) | GltfProperty::Scale(_) => Quantity::of(3),
             GltfProperty::Rotation(_) => Quantity { turns: true, ..Quantity::of(4) },
-            GltfProperty::Weights(node) => {
-                Quantity { elements: morph::targets_of_node(document, node)?, ..Quantity::of(1) }
-            }
+            GltfProperty::Weights(node) => Quantity { elements: targets_of_node(document, node)?, ..Quantity::of(1) },
             GltfProperty::Visible(_) => Quantity { jumps: true, ..Quantity::of(1) },
             GltfProperty::BaseColor(_) => Quantity::of(4),
             GltfProperty::Metallic(_) | GltfProperty::Roughness(_) => Quantity::of(1),

@@ -21,6 +21,7 @@ mod object;
 mod primitive;
 mod sampler;
 mod skin;
+mod targets;
 #[cfg(test)]
 mod tests;
 mod uri;
@@ -122,14 +123,7 @@ pub(crate) fn read_bytes(
     let materials = GltfMaterials::read(&document, &accessors, &tracks, images, &mut notes)?;
     let labels = hierarchy::label_extras(&document);
     let tree = GltfTree::read(&document, &labels, &tracks)?;
-    let meshes = GltfMeshes {
-        document: &document,
-        accessors: &accessors,
-        materials,
-        notes,
-        degenerate_triangles: 0,
-        cache: primitive::AccessorCache::default(),
-    };
+    let meshes = GltfMeshes::new(&document, &accessors, materials, notes);
     let nodes = GltfNodes::new(&document, &accessors, &tracks, &tree);
     let mut objects = GltfObjects::new(meshes, nodes, GltfAncestry::new(&document, &labels, &tree), &tracks);
     let mut cameras = Vec::new();
@@ -195,7 +189,7 @@ struct GltfDocument<'a> {
     transforms: Vec<GltfTransform>,
     /// `json` is parsed without them: the `gltf` crate does not know what extensions animate.
     animations: Vec<Animation>,
-    /// Numbers of morph targets, for every mesh of `json`, see [`morph::target_counts`].
+    /// Numbers of morph targets, for every mesh of `json`, see [`targets::target_counts`].
     targets: Vec<[usize; 2]>,
     /// Extensions that the file requires, although what they add is not read.
     without_effect: Vec<String>,
@@ -259,7 +253,7 @@ impl<'a> GltfDocument<'a> {
         };
         // Compiled once, in the crate of the type; calling `serde_json` here would compile it again.
         let json = Root::from_slice(&without(json, header.animations)).map_err(broken)?;
-        let targets = json.meshes.iter().map(morph::target_counts).collect();
+        let targets = json.meshes.iter().map(targets::target_counts).collect();
         Ok(GltfDocument { origin, files, json, transforms, animations, targets, without_effect })
     }
 

@@ -1,10 +1,10 @@
-//! Morph targets: their weights and numbers (glTF 2.0, 3.7.2.2).
+//! Weights of morph targets (glTF 2.0, 3.7.2.2).
 
 use super::GltfDocument;
 use super::accessor::Accessors;
 use super::animation::{GltfCourse, GltfProperty, GltfTracks};
+use super::targets::targets;
 use crate::motion::AnimationTrack;
-use gltf::json::mesh::Mesh;
 
 /// Weights of the morph targets of a node's mesh.
 pub(super) struct MorphWeights {
@@ -56,34 +56,5 @@ impl MorphWeights {
     /// Whether they ever change the mesh.
     pub fn have_effect(&self) -> bool {
         self.track.is_some() || self.now.iter().any(|&weight| weight != 0.0)
-    }
-}
-
-/// How many morph targets the primitives of a mesh have: the number of the first, and another primitive's that differs,
-/// if any.
-pub(super) fn target_counts(mesh: &Mesh) -> [usize; 2] {
-    let mut counts = mesh.primitives.iter().map(|primitive| primitive.targets.as_ref().map_or(0, Vec::len));
-    let first = counts.next().unwrap_or(0);
-    [first, counts.find(|&count| count != first).unwrap_or(first)]
-}
-
-/// How many morph targets mesh `index` has.
-fn targets(document: &GltfDocument<'_>, index: usize) -> Result<usize, String> {
-    let [first, other] = document.targets[index];
-    if first == other {
-        return Ok(first);
-    }
-    Err(format!("its mesh {index} has primitives with {first} and {other} morph targets; allowed: one number"))
-}
-
-/// How many morph targets the mesh of a node has, at least one.
-pub(super) fn targets_of_node(document: &GltfDocument<'_>, node: usize) -> Result<usize, String> {
-    let mesh = document.json.nodes[node].mesh.map(|mesh| mesh.value()).filter(|&mesh| mesh < document.targets.len());
-    match mesh.map(|mesh| targets(document, mesh)) {
-        Some(Ok(0)) | None => {
-            let node = document.node_place(node);
-            Err(format!("{node} has no mesh with morph targets, so it cannot have animated weights"))
-        }
-        Some(count) => count,
     }
 }

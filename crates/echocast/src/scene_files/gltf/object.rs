@@ -1,12 +1,12 @@
 //! Objects made from the meshes of nodes: still, moving or deforming.
 
 use super::animation::GltfTracks;
-use super::deform::{GltfForm, GltfModelled};
+use super::deform::GltfForm;
 use super::hierarchy::{GltfAncestry, GltfPlaced};
 use super::instancing;
 use super::morph::MorphWeights;
 use super::nodes::GltfNodes;
-use super::primitive::GltfMeshes;
+use super::primitive::{GltfMeshes, GltfModelled};
 use super::skin::{GltfSkeleton, Skins, check_joints};
 use crate::ground::error::Result;
 use crate::ground::math::cofactors;

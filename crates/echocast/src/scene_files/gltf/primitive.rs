@@ -1,9 +1,8 @@
 //! Meshes: primitives to parts.
 
-use super::accessor::Accessors;
-use super::deform::{GltfForm, GltfModelled};
+use super::accessor::{Accessors, SharedVectors, attribute, same_count};
+use super::deform::{GltfDeformations, GltfForm};
 use super::material::GltfMaterials;
-use super::skin::{InfluenceKey, JointInfluences};
 use super::{GltfDocument, Notes, place};
 use crate::ground::array::Array;
 use crate::ground::error::Result;
@@ -24,15 +23,21 @@ pub(super) struct GltfMeshes<'a> {
     pub notes: Notes,
     /// Triangles without area that were left out.
     pub degenerate_triangles: usize,
-    pub cache: AccessorCache,
+    deformations: GltfDeformations<'a>,
+    cache: AccessorCache,
 }
 
-/// Vectors that several parts may use.
-pub(super) type SharedVectors<const N: usize> = Array<[f32; N]>;
+/// A mesh as modelled.
+#[derive(Clone)]
+pub(super) struct GltfModelled {
+    pub mesh: Arc<Mesh>,
+    /// The deforming vertices, part by part; empty for a mesh that does not deform.
+    pub vertices: Arc<Vertices>,
+}
 
 /// Decoded data, by accessor.
 #[derive(Default)]
-pub(super) struct AccessorCache {
+struct AccessorCache {
     /// `None`: nothing to scan in it.
     meshes: HashMap<(usize, GltfForm), Option<GltfModelled>>,
     positions: HashMap<usize, SharedVectors<3>>,
@@ -46,23 +51,20 @@ pub(super) struct AccessorCache {
     colors: HashMap<usize, VertexColors>,
     /// Alpha of vertex colours in the parts' form.
     part_alphas: HashMap<(usize, TriangleKey), Array<f32>>,
-    /// Deltas of morph targets; `None`: all are zero.
-    pub deltas: HashMap<usize, Option<SharedVectors<3>>>,
-    pub influences: HashMap<InfluenceKey, JointInfluences>,
 }
 
 /// What a triangle list is made from: accessors of positions and indices, the mode, and whether the part deforms.
 type TriangleKey = (usize, Option<usize>, u32, bool);
 
 #[derive(Clone)]
-pub(super) struct Triangles {
+struct Triangles {
     kept: Array<[u32; 3]>,
     /// The vertices that `kept` indexes.
     positions: SharedVectors<3>,
     /// Which of the accessor's vertices those are; `None`: all, in order.
-    pub used: Option<Arc<Vec<u32>>>,
+    used: Option<Arc<Vec<u32>>>,
     /// How many vertices the accessor has.
-    pub vertices: usize,
+    vertices: usize,
     /// How many triangles were left out because they have no area.
     degenerate: usize,
 }
@@ -82,7 +84,17 @@ enum VertexAlpha {
     Varying(Array<f32>),
 }
 
-impl GltfMeshes<'_> {
+impl<'a> GltfMeshes<'a> {
+    pub fn new(
+        document: &'a GltfDocument<'a>,
+        accessors: &'a Accessors<'a>,
+        materials: GltfMaterials<'a>,
+        notes: Notes,
+    ) -> Self {
+        let (deformations, cache) = (GltfDeformations::new(accessors), AccessorCache::default());
+        GltfMeshes { document, accessors, materials, notes, degenerate_triangles: 0, deformations, cache }
+    }
+
     /// The file's mesh `index`; `None` if it has nothing to scan.
     pub fn get(&mut self, index: usize, form: GltfForm) -> Result<Option<GltfModelled>> {
         if let Some(known) = self.cache.meshes.get(&(index, form)) {
@@ -180,7 +192,8 @@ impl GltfMeshes<'_> {
                 normals: normals.clone(),
                 ..PartVertices::default()
             };
-            self.deforming(&mut vertices, primitive, form, &triangles, here).map_err(fault)?;
+            let used = (triangles.used.as_deref(), triangles.vertices);
+            self.deformations.add_to(&mut vertices, primitive, form, used, &mut self.notes, here).map_err(fault)?;
             deforming = Some(vertices);
         }
         let part = Part { positions: triangles.positions, normals, uvs, alphas, triangles: triangles.kept, material };
@@ -244,21 +257,10 @@ impl GltfMeshes<'_> {
         let degenerate = all - triangles.len();
         let used = used_vertices(&mut triangles, count).map(Arc::new);
         self.accessors.charge(used.as_ref().map_or(0, |used| used.len() * size_of::<u32>()))?;
-        let positions = self.pick(positions, used.as_deref())?;
+        let positions = self.accessors.pick(positions, used.as_deref())?;
         let read = Triangles { kept: triangles.into(), positions, used, vertices: count, degenerate };
         self.cache.triangles.insert(key, read.clone());
         Ok(read)
-    }
-
-    /// The elements of `all` that a part uses.
-    pub fn pick<T: Copy + Send + Sync + 'static>(
-        &self,
-        all: &Array<T>,
-        used: Option<&Vec<u32>>,
-    ) -> Result<Array<T>, String> {
-        let Some(used) = used else { return Ok(all.clone()) };
-        self.accessors.charge(used.len() * size_of::<T>())?;
-        Ok(used.iter().map(|&vertex| all[vertex as usize]).collect::<Vec<_>>().into())
     }
 
     /// Unit normals of a part; `None` if they are flat or unusable. `vertices` is the length of the accessors.
@@ -292,7 +294,7 @@ impl GltfMeshes<'_> {
         if all.is_none() {
             self.notes.add("normals of zero length are not used, the surface is flat-shaded", || here.to_owned());
         }
-        let picked = all.map(|all| self.pick(&all, triangles.used.as_deref())).transpose()?;
+        let picked = all.map(|all| self.accessors.pick(&all, triangles.used.as_deref())).transpose()?;
         let normals = picked.filter(|normals| {
             // Deforming parts are flat-shaded only where neighbours share no normals: a flat sheet may roll up.
             let (.., deforms) = triangle_key;
@@ -327,7 +329,7 @@ impl GltfMeshes<'_> {
             None => self.accessors.vectors::<2>(index).map_err(fault)?.into(),
         };
         self.cache.uvs.insert(index.value(), all.clone());
-        let uvs = self.pick(&all, triangles.used.as_deref())?;
+        let uvs = self.accessors.pick(&all, triangles.used.as_deref())?;
         self.cache.part_uvs.insert(key, uvs.clone());
         Ok(Some(uvs))
     }
@@ -371,15 +373,10 @@ impl GltfMeshes<'_> {
         if let Some(known) = self.cache.part_alphas.get(&key) {
             return Ok(known.clone());
         }
-        let alphas = self.pick(all, triangles.used.as_deref())?;
+        let alphas = self.accessors.pick(all, triangles.used.as_deref())?;
         self.cache.part_alphas.insert(key, alphas.clone());
         Ok(alphas)
     }
-}
-
-/// The accessor of an attribute.
-pub(super) fn attribute(primitive: &Primitive, semantic: Semantic) -> Option<Index<Accessor>> {
-    primitive.attributes.get(&Checked::Valid(semantic)).copied()
 }
 
 /// Corners to triangles (glTF 2.0, 3.7.2.1).
@@ -415,11 +412,6 @@ fn used_vertices(triangles: &mut [[u32; 3]], vertices: usize) -> Option<Vec<u32>
         *corner = used.partition_point(|vertex| vertex < corner) as u32;
     }
     Some(used)
-}
-
-pub(super) fn same_count(what: &str, accessor: &Accessor, vertices: usize) -> Result<(), String> {
-    let found = accessor.count.0;
-    if found == vertices as u64 { Ok(()) } else { Err(format!("{what} has {found} elements for {vertices} vertices")) }
 }
 
 /// The colour shared by all vertices, clamped to 0..1.

@@ -2,21 +2,16 @@
 
 use super::accessor::Accessors;
 use super::nodes::GltfNodes;
-use super::{GltfDocument, Notes, place};
-use crate::ground::array::Array;
+use super::{GltfDocument, place};
 use crate::ground::error::Result;
 use crate::motion::{PartVertices, Skin};
 use glam::{DAffine3, DMat4};
-use gltf::json::mesh::{Primitive, Semantic};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
 /// Joint numbers have 16 bits.
 const MOST_JOINTS: usize = 65535;
-
-/// How far from 1 the sum of weights may be without a warning: they are stored in 8 bits or more.
-const SUM_TOLERANCE: f32 = 0.005;
 
 /// A skeleton of the file.
 #[derive(Clone)]
@@ -116,90 +111,6 @@ fn affine(joint: usize, matrix: &[f32; 16]) -> Result<DAffine3, String> {
         return Err(format!("the last row of that of joint {joint} is {last_row}; allowed: [0, 0, 0, 1]"));
     }
     Ok(DAffine3::from_mat4(matrix))
-}
-
-/// The joints that move the vertices of an accessor, and their weights: one or two sets of four.
-#[derive(Clone)]
-pub(super) struct JointInfluences {
-    pub joints: Vec<Array<[u16; 4]>>,
-    pub weights: Vec<Array<[f32; 4]>>,
-}
-
-/// The accessors from which a primitive takes its influences.
-pub(super) type InfluenceKey = [[Option<usize>; 2]; 2];
-
-/// The accessors that [`influences`] reads.
-pub(super) fn influence_key(primitive: &Primitive) -> InfluenceKey {
-    let index = |semantic| super::primitive::attribute(primitive, semantic).map(|accessor| accessor.value());
-    [0, 1].map(|set| [index(Semantic::Joints(set)), index(Semantic::Weights(set))])
-}
-
-/// The influences of `vertices` vertices.
-pub(super) fn influences(
-    accessors: &Accessors<'_>,
-    primitive: &Primitive,
-    vertices: usize,
-    notes: &mut Notes,
-    here: &str,
-) -> Result<JointInfluences, String> {
-    let attribute = |semantic| super::primitive::attribute(primitive, semantic);
-    let (mut joints, mut weights) = (Vec::new(), Vec::new());
-    for set in 0..2 {
-        let names = [format!("JOINTS_{set}"), format!("WEIGHTS_{set}")];
-        let found = [Semantic::Joints(set), Semantic::Weights(set)].map(attribute);
-        let [Some(of_joints), Some(of_weights)] = found else {
-            if found == [None; 2] && set > 0 {
-                break;
-            }
-            let missing = &names[usize::from(found[0].is_some())];
-            return Err(format!("it has no {missing}, which a mesh with a skin needs"));
-        };
-        for (name, index) in names.iter().zip([of_joints, of_weights]) {
-            let described = accessors.describe(index).map_err(|message| format!("{name}: {message}"))?;
-            super::primitive::same_count(name, described, vertices)?;
-        }
-        joints.push(accessors.quadruples(of_joints).map_err(|message| format!("{}: {message}", names[0]))?);
-        let read = accessors.vectors::<4>(of_weights).map_err(|message| format!("{}: {message}", names[1]))?;
-        // NaN fails this comparison too.
-        let bad = |weights: &[f32; 4]| !weights.iter().all(|&weight| (0.0..=f32::MAX).contains(&weight));
-        if let Some(bad) = read.iter().position(bad) {
-            return Err(format!("{}: vertex {bad} has {:?}; allowed: 0 and more", names[1], read[bad]));
-        }
-        weights.push(read);
-    }
-    if attribute(Semantic::Joints(2)).is_some() {
-        notes.add("of the joints that move a vertex, only the first eight are used", || here.to_owned());
-    }
-    normalize(&mut joints, &mut weights, notes, here);
-    // A set in which all weights are zero.
-    if weights.last().is_some_and(|last| joints.len() > 1 && last.iter().all(|weights| *weights == [0.0; 4])) {
-        joints.pop();
-        weights.pop();
-    }
-    let (joints, weights) = (joints.into_iter().map(Array::from), weights.into_iter().map(Array::from));
-    Ok(JointInfluences { joints: joints.collect(), weights: weights.collect() })
-}
-
-/// Scales the weights of each vertex to add up to 1, and sets the numbers of joints without weight to 0.
-fn normalize(joints: &mut [Vec<[u16; 4]>], weights: &mut [Vec<[f32; 4]>], notes: &mut Notes, here: &str) {
-    let place = |vertex: usize| format!("{here} vertex {vertex}");
-    for vertex in 0..weights.first().map_or(0, Vec::len) {
-        let sum: f64 = weights.iter().flat_map(|set| set[vertex]).map(f64::from).sum();
-        for (joints, weights) in joints.iter_mut().zip(weights.iter_mut()) {
-            for (joint, weight) in joints[vertex].iter_mut().zip(&mut weights[vertex]) {
-                *weight = if sum > 0.0 { (f64::from(*weight) / sum) as f32 } else { 0.0 };
-                if *weight == 0.0 {
-                    *joint = 0;
-                }
-            }
-        }
-        if sum == 0.0 {
-            notes.add("vertices without a joint are moved by the first", || place(vertex));
-            weights[0][vertex][0] = 1.0;
-        } else if (sum as f32 - 1.0).abs() > SUM_TOLERANCE {
-            notes.add("weights of joints that do not add up to 1 are scaled", || place(vertex));
-        }
-    }
 }
 
 /// Checks that all joint numbers of a part are below `count`.

@@ -1,13 +1,13 @@
 //! A block of beams of a depth camera: pixels.
 
-use super::block::{Block, boxed};
-use super::run::ScanPlan;
-use crate::echo::{Contribution, RequestedQuantities};
+use super::block::{Block, LookMemory};
+use super::plan::ScanPlan;
+use crate::detect::DepthCamera;
+use crate::echo::RequestedQuantities;
 use crate::emitter::Aim;
 use crate::ground::cause::Cause;
-use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
+use crate::ground::lanes::{LANES, MEDIUM, MISS, boxed};
 use crate::ground::rng::Draw;
-use crate::sensor::DepthCamera;
 use crate::trace::HitBatch;
 use echocast_kernels::boundary::clearance;
 use echocast_kernels::{camera as kernels, light};
@@ -20,29 +20,6 @@ const FREE: f32 = 0.999;
 
 /// Light by way of another surface is the cause of a point if it moves the point by more than this, m.
 const MOVED: f32 = 0.005;
-
-/// Buffers of a block for rays from other points: from a second viewpoint, or for light that comes via other surfaces.
-pub(super) struct LookMemory {
-    rays: RayBatch,
-    /// The surfaces that light comes via.
-    first: HitBatch,
-    surfaces: Contribution,
-    /// Ranges, m, and powers, 1/m^2, of the echoes of each lane, the direct one first.
-    ranges: Vec<f32>,
-    powers: Vec<f32>,
-}
-
-impl Default for LookMemory {
-    fn default() -> Self {
-        LookMemory {
-            rays: RayBatch::default(),
-            first: HitBatch::new(),
-            surfaces: Contribution::new(),
-            ranges: Vec::new(),
-            powers: Vec::new(),
-        }
-    }
-}
 
 impl LookMemory {
     /// Aims the ray of a lane from `from` towards `to`; without `to`, it hits nothing.
@@ -89,7 +66,7 @@ impl Block {
 
     /// Whether a lane hits a surface without mirrors and glass in between.
     fn is_direct(&self, lane: usize) -> bool {
-        self.hits.surface[lane] < MEDIUM && self.answer.bounces[lane] == 0
+        self.hits.surface[lane] < MEDIUM && self.bounces[lane] == 0
     }
 
     /// Step 6: removes what is not visible from the `eye`, a point in the sensor frame, m. What is seen in a mirror or
@@ -219,7 +196,7 @@ impl Block {
     }
 
     /// Step 8: lens and projector dim pixels off the axis.
-    pub fn dim(&mut self, scan: &ScanPlan, camera: &DepthCamera, count: usize) {
+    pub fn dim_by_lens(&mut self, scan: &ScanPlan, camera: &DepthCamera, count: usize) {
         let mut off_axes = [1.0; LANES];
         self.off_axes(scan, count, &mut off_axes);
         camera.dim(&off_axes, &mut self.surfaces.reflectance);
@@ -236,17 +213,13 @@ impl Block {
         }
         light::keep(&valid, &mut self.hits.surface);
         let axis = self.lanes.take(&scan.aim.beams.dir_x, count);
-        if camera.aside.is_some() {
-            let mut off_axes = [1.0; LANES];
+        let mut off_axes = [1.0; LANES];
+        let seen = camera.aside.is_some().then(|| {
             self.off_axes(scan, count, &mut off_axes);
-            // A depth image holds depths: the depth of the point that a pixel really sees is reported in its nominal
-            // direction.
-            for lane in 0..count {
-                self.formed[lane] *= off_axes[lane] / axis[lane];
-            }
-        }
+            &off_axes
+        });
         let beams = &self.lanes.beam[..count];
-        camera.err_all(&scan.rng, beams, &axis, &self.surfaces.cos_incidence, &mut self.formed);
+        camera.measure_all(&scan.rng, beams, &axis, seen, &self.surfaces.cos_incidence, &mut self.formed);
     }
 
     /// [`Block::form`] with the light that comes via other surfaces; `formed` and `valid` are those without it.
@@ -265,7 +238,7 @@ impl Block {
             if let Some((range, _)) = all
                 && (!valid[lane] || (range - self.formed[lane]).abs() > MOVED)
             {
-                self.answer.cause[lane] = Cause::Multipath as u8;
+                self.cause[lane] = Cause::Multipath as u8;
             }
             valid[lane] = all.is_some();
             self.formed[lane] = all.map_or(self.formed[lane], |(range, _)| range);

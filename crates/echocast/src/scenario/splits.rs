@@ -1,13 +1,13 @@
 //! Splits of a set for training, validation and testing.
 
-use crate::scenario::draw::Draws;
+use super::draw::Draws;
 use rand_core::Rng as _;
 use serde::de::{Deserialize, Deserializer, Error};
 use serde_json::Value;
 
 /// Names of the splits, with their shares: numbers of any sum.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Splits(Vec<(String, f64)>);
+pub(super) struct Splits(Vec<(String, f64)>);
 
 /// Names of shares given without names.
 const NAMES: [&str; 3] = ["train", "val", "test"];

@@ -1,7 +1,7 @@
 //! Motion of what was hit, true and as measured by Doppler.
 
 use super::block::Block;
-use super::run::ScanPlan;
+use super::plan::ScanPlan;
 use crate::cloud::Slices;
 use crate::detect::Returns;
 use crate::ground::cause::Cause;
@@ -12,15 +12,15 @@ use glam::Vec3;
 impl Block {
     /// Step 11 for motion: the requested columns, row by row.
     #[inline(never)]
-    pub fn fill_motion(&mut self, scan: &ScanPlan, count: usize, rows: Slices) {
-        let Block { lanes, rays, hits, rho_eff, kept, answer, images, .. } = self;
+    pub fn put_motion(&mut self, scan: &ScanPlan, count: usize, rows: &mut Slices) {
+        let Block { lanes, rays, hits, rho_eff, kept, bounces, cause, images, .. } = self;
         let (scene, surface) = (scan.world.scene, &hits.surface);
         let mut velocity = [[0.0; LANES]; 3];
         let mut flow = [[0.0; LANES]; 3];
         if scan.world.motion {
             let (later, period) = (scan.world.later.as_ref(), scan.frame_period as f32);
             for lane in 0..count {
-                let seen = images.as_ref().filter(|_| answer.bounces[lane] > 0).map(|images| &images[lane]);
+                let seen = images.as_ref().filter(|_| bounces[lane] > 0).map(|images| &images[lane]);
                 let uv = [hits.u[lane], hits.v[lane]];
                 let own = scene.movement(later, surface[lane], hits.triangle[lane], uv, rays.time[lane]);
                 let Some(own) = own.or(seen.map(|_| Movement::default())) else { continue };
@@ -56,7 +56,7 @@ impl Block {
                     rho_eff,
                     range: &hits.range,
                 };
-                let false_alarm = |lane: usize| answer.cause[lane] == Cause::FalseAlarm as u8;
+                let false_alarm = |lane: usize| cause[lane] == Cause::FalseAlarm as u8;
                 scan.measure.errors.shift(&scan.rng, &returns, false_alarm, &mut radial);
                 kept.put(surface, &radial, rows.doppler);
             }

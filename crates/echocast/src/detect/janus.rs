@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 /// `dvl`: how a Doppler velocity log measures; without any key it measures the bottom exactly, and no water.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[non_exhaustive]
 pub struct VelocityLog {
     /// Standard deviation of the velocity along a beam, from one ping with a clear echo, m/s, 0 to 10. For the velocity
     /// along x or y it is `1 / (sqrt(2) sin(janus_deg))` times that.
@@ -37,6 +38,7 @@ pub struct VelocityLog {
 /// water.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
+#[non_exhaustive]
 pub struct WaterLayer {
     /// Where it begins, m straight down from the sonar, along its -z.
     pub from_m: f64,

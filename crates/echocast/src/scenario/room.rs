@@ -8,7 +8,7 @@ use std::sync::{Arc, Mutex};
 
 /// A box in the world, in any orientation.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::scenario) struct Solid {
+pub(super) struct Solid {
     pub centre: DVec3,
     /// Its axes, unit vectors in the world.
     pub axes: DMat3,
@@ -262,7 +262,7 @@ fn reaches_into(half: DVec3, [a, b, c]: [DVec3; 3]) -> bool {
 
 /// Hierarchies of the meshes of a scene and its models, built when first needed.
 #[derive(Debug, Default)]
-pub(in crate::scenario) struct MeshTrees {
+pub(super) struct MeshTrees {
     /// By the address of the mesh.
     trees: Mutex<HashMap<usize, CachedTree>>,
 }

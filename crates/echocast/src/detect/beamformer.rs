@@ -103,7 +103,7 @@ pub(crate) fn sounding(layout: &Layout, received: &BeamLevels, stretch: &mut Sou
     Some(Sounding {
         beam: beam as u32,
         range: found.at * layout.bin_m as f32,
-        cell: (beam * bins + cell) as u32,
+        cell: layout.cell(beam, 0, cell) as u32,
         level_db: strongest,
         quality: quality(found.error / found.at),
         corrected: Vec3::NAN,

@@ -1,16 +1,13 @@
-//! The folder of a set, and which scenario it belongs to.
+//! Which scenario the folder of a set belongs to.
 
-use super::lock;
-use super::manifest::{self, Entry};
-use super::style::{Style, numbered, sample_folder};
-use super::whole;
+use super::files::replace;
+use super::manifest;
 use crate::ground::error::{Error, Result};
 use crate::ground::shown;
 use crate::read::yaml::Document;
 use crate::read::{self, Limit};
 use crate::scenario::Scenario;
 use crate::scenario::spec::Spec;
-use crate::write;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
@@ -188,174 +185,10 @@ fn named_files(value: &Value, folder: &Path, files: &mut BTreeSet<PathBuf>) {
     }
 }
 
-/// Writes a file that appears under its name only when it is complete.
-///
-/// # Errors
-/// I/O errors.
-pub(super) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
-    let pending = write::Pending::create(path)?;
-    write::bytes(pending.path(), bytes).map_err(|source| write::failed(path, source))?;
-    pending.commit()
-}
-
-/// Suffix of the names of folders in which samples are made.
-const UNFINISHED: &str = ".unfinished";
-
-/// A folder for the files of a sample while it is made, with a name that no other process uses; it is removed with any
-/// remaining files.
-#[derive(Debug)]
-pub(super) struct Making(PathBuf);
-
-impl Making {
-    /// Creates the folder for `sample`, in the folder `name` of a style.
-    ///
-    /// # Errors
-    /// I/O errors.
-    pub fn begin(root: &Path, name: &str, sample: u64) -> Result<Making> {
-        let folder = root.join(name);
-        let prefix = format!(".{}-", numbered(sample));
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(&prefix).suffix(UNFINISHED).rand_bytes(12);
-        // Not with tempfile's own function, which creates folders that only their owner may read.
-        let made = builder.make_in(&folder, |path| fs::create_dir(path));
-        let kept = made.and_then(|made| made.into_temp_path().keep().map_err(|error| error.error));
-        kept.map(Making).map_err(|source| Error::Io { path: folder, source })
-    }
-
-    /// Its path.
-    pub fn path(&self) -> &Path {
-        &self.0
-    }
-}
-
-impl Drop for Making {
-    fn drop(&mut self) {
-        // What cannot be removed now is removed when the set is completed.
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
-
-/// Moves the files made for `sample` to their place in the folder of `style`; returns them, relative to `root`.
-///
-/// # Errors
-/// I/O errors.
-pub(super) fn settle(root: &Path, style: &dyn Style, sample: u64, made: Making) -> Result<Vec<PathBuf>> {
-    let name = style.root();
-    let unfinished = made.path();
-    let rename =
-        |from: &Path, to: &Path| fs::rename(from, to).map_err(|source| Error::Io { path: to.to_owned(), source });
-    if style.folder_per_sample() {
-        let place = root.join(sample_folder(name, sample));
-        let _ = fs::remove_dir_all(&place);
-        rename(unfinished, &place)?;
-        return files_below(root, &place);
-    }
-    let mut files = files_below(unfinished, unfinished)?;
-    for file in &mut files {
-        let place = root.join(name).join(&*file);
-        if let Some(folder) = place.parent() {
-            fs::create_dir_all(folder).map_err(|source| Error::Io { path: folder.to_owned(), source })?;
-        }
-        rename(&unfinished.join(&*file), &place)?;
-        *file = Path::new(name).join(&*file);
-    }
-    Ok(files)
-}
-
-/// Removes what killed runs have left half written, in a set that no other run writes to.
-///
-/// # Errors
-/// I/O errors.
-pub(super) fn sweep(root: &Path, origin: &Origin) -> Result<()> {
-    lock::sweep(root);
-    let mut open: Vec<PathBuf> = origin.roots.iter().map(|name| root.join(name)).collect();
-    open.extend([root.to_owned(), root.join("splits")]);
-    while let Some(folder) = open.pop() {
-        let failed = |source| Error::Io { path: folder.clone(), source };
-        let entries = match fs::read_dir(&folder) {
-            Err(error) if error.kind() == ErrorKind::NotFound => continue,
-            entries => entries.map_err(failed)?,
-        };
-        for entry in entries {
-            let path = entry.map_err(failed)?.path();
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            if name.starts_with(write::PREFIX) {
-                fs::remove_file(&path).map_err(failed)?;
-            } else if name.starts_with('.') && name.ends_with(UNFINISHED) {
-                fs::remove_dir_all(&path).map_err(failed)?;
-            } else if folder != root && !name.bytes().all(|byte| byte.is_ascii_digit()) && path.is_dir() {
-                // Folders of samples appear only when complete.
-                open.push(path);
-            }
-        }
-    }
-    Ok(())
-}
-
-/// All files below `folder`, sorted by name, relative to `root`.
-///
-/// # Errors
-/// I/O errors.
-pub(super) fn files_below(root: &Path, folder: &Path) -> Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    let mut open = vec![folder.to_owned()];
-    while let Some(folder) = open.pop() {
-        let failed = |source| Error::Io { path: folder.clone(), source };
-        for entry in fs::read_dir(&folder).map_err(failed)? {
-            let path = entry.map_err(failed)?.path();
-            if path.is_dir() {
-                open.push(path);
-            } else if let Ok(relative) = path.strip_prefix(root) {
-                files.push(relative.to_owned());
-            }
-        }
-    }
-    files.sort();
-    Ok(files)
-}
-
-/// Faults of the set in `root`, one sentence each: files that are missing or changed, samples that have failed or are
-/// missing.
-///
-/// # Errors
-/// There is no set; a manifest that names files outside the set.
-pub fn check_folder(root: &Path) -> Result<Vec<String>> {
-    let origin = need_origin(root)?;
-    let entries = manifest::read(root)?;
-    let mut faults = missing(&origin, &entries).into_iter().collect::<Vec<_>>();
-    for entry in entries.values() {
-        if let Some(error) = &entry.error {
-            faults.push(format!("sample {} has failed: {error}", entry.sample));
-        }
-        faults.extend(damages(root, &origin, entry));
-    }
-    faults.extend(whole::read(root)?.iter().filter_map(|file| file.fault(root)));
-    Ok(faults)
-}
-
-/// Faults of the files of a sample, one sentence each: files that are missing or changed, styles without files.
-pub(super) fn damages(root: &Path, origin: &Origin, entry: &Entry) -> impl Iterator<Item = String> {
-    let is_of = |file: &str, name: &str| file.strip_prefix(name).is_some_and(|rest| rest.starts_with('/'));
-    let has = move |name: &str| entry.files.iter().any(|file| is_of(&file.path, name));
-    let bare = origin.roots.iter().filter(move |name| entry.error.is_none() && !has(name));
-    let bare = bare.map(|name| format!("sample {} has no file in {name}", entry.sample));
-    entry.files.iter().filter_map(move |file| file.fault(root)).chain(bare)
-}
-
 /// The origin of a set that must exist.
 pub(super) fn need_origin(root: &Path) -> Result<Origin> {
     Origin::read(root)?.ok_or_else(|| {
         let found = format!("{}, in which there is no {ORIGIN}", shown::path(root));
         Error::invalid("the set's folder", found, "a folder that `echocast run` has written")
-    })
-}
-
-/// A sentence about missing samples, if there are any.
-pub(super) fn missing(origin: &Origin, entries: &BTreeMap<u64, Entry>) -> Option<String> {
-    let count = origin.samples - entries.range(..origin.samples).count() as u64;
-    let first = (0..origin.samples).find(|sample| !entries.contains_key(sample))?;
-    Some(match count {
-        1 => format!("sample {first} is missing"),
-        _ => format!("{count} of {} samples are missing, the first is {first}", origin.samples),
     })
 }

@@ -1,22 +1,28 @@
 //! A scene that is edited while it is scanned: from objects to Embree's structure and the tables behind its ids.
 
-use super::deforming::Known;
-use super::instances::ObjectExtent;
-use super::mover::{DrivingMotion, MOST_BYTES, Mover};
-use super::{BuiltScene, Engine, Surfaces, Tables};
+mod commit;
+mod labels;
+mod object;
+mod origin;
+mod placed;
+
+pub use object::ObjectId;
+
+use super::{BuiltScene, Engine, SharedSurfaces};
 use crate::ground::array::Array;
 use crate::ground::error::{Error, Result};
-use crate::ground::math::cofactors;
 use crate::ground::pose::Pose;
-use crate::ground::report::Report;
 use crate::material::Material;
-use crate::model::{Camera, Labels, Mesh, NameTable, beyond_reach, corners, surrounding, within_reach};
-use crate::motion::{Cache, Deformation, Motion, Span, Timeline};
+use crate::model::{Camera, Labels, NameTable, beyond_reach, surrounding, within_reach};
+use crate::motion::{Cache, Deformation, Span, Timeline};
 use crate::scene::{Object, Scene};
-use embree4::{CommittedScene, Custom, Instance, Pace, Quality};
-use glam::{DAffine3, DVec3, Mat3};
+use commit::FixedObjects;
+use glam::{DAffine3, DVec3};
+use labels::{Renumbered, name_instance, name_material};
+use object::{Attachment, Live, Slot, boxes, check_parts, check_pose, gone, lives, staged};
+use placed::PlacedObject;
 use std::collections::HashMap;
-use std::sync::{Arc, OnceLock, PoisonError};
+use std::sync::Arc;
 use std::{fmt, mem};
 
 /// A scene that changes. [`LiveScene::commit`] produces what is scanned, a [`BuiltScene`] that never changes: any
@@ -42,145 +48,16 @@ pub struct LiveScene {
     /// Tolerance on the position of deforming surfaces, m.
     tolerance: f64,
     /// `None`: fixed objects have changed.
-    fixed: Option<Arc<Fixed>>,
+    fixed: Option<Arc<FixedObjects>>,
     /// Objects placed by themselves, by slot, unless they have moved.
     placed: HashMap<u32, PlacedObject>,
     /// Materials that replace others, on one object (by slot) or on all; keyed by the address of the replaced material,
     /// which nothing else can have as long as it is kept here.
     looks: HashMap<(Option<u32>, usize), [Arc<Material>; 2]>,
     /// `None`: objects have been added, removed or relabelled.
-    surfaces: Option<Arc<Surfaces>>,
+    surfaces: Option<Arc<SharedSurfaces>>,
     /// `None`: something has changed.
     built: Option<BuiltScene>,
-}
-
-/// Identifies an object of a [`LiveScene`]; never reused, even after the object has been removed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct ObjectId {
-    slot: u32,
-    generation: u32,
-}
-
-impl ObjectId {
-    /// As one number, never 0.
-    pub fn to_u64(self) -> u64 {
-        u64::from(self.generation) << 32 | u64::from(self.slot)
-    }
-
-    /// The id that [`ObjectId::to_u64`] turned into this number; a number that belongs to no object is detected on use.
-    pub fn from_u64(number: u64) -> ObjectId {
-        ObjectId { slot: number as u32, generation: (number >> 32) as u32 }
-    }
-}
-
-#[derive(Clone, Default)]
-struct Slot {
-    /// Counted from 1, incremented with every object.
-    generation: u32,
-    live: Option<Arc<Live>>,
-}
-
-#[derive(Clone)]
-struct Live {
-    object: Object,
-    /// The timeline that moves it, if it moves by itself.
-    timeline: Option<Arc<Timeline>>,
-    /// Bounding box of its mesh.
-    bounds: Option<[[f32; 3]; 2]>,
-    place: Attachment,
-    /// Whether it has been placed or moved since the last commit.
-    moved: bool,
-    /// Its shape in the last scans.
-    known: Known,
-}
-
-/// How an object appears in Embree's structure.
-#[derive(Clone)]
-enum Attachment {
-    /// Together with the other fixed objects, if possible; known once those are built.
-    Fixed { together: bool },
-    /// By itself.
-    Free,
-}
-
-/// The fixed objects, built.
-struct Fixed {
-    /// Slots of those built together, in the order of their geometries.
-    together: Vec<u32>,
-    scene: CommittedScene,
-    /// That scene as an untransformed instance, so that other instances can be placed alongside it.
-    instance: Instance,
-}
-
-#[derive(Clone)]
-struct PlacedObject {
-    thing: EmbreeObject,
-    /// Whether its normals come in the mesh's frame.
-    turned: bool,
-}
-
-impl PlacedObject {
-    /// Memory used by its motion.
-    fn bytes(&self) -> usize {
-        match &self.thing {
-            EmbreeObject::Still(_) | EmbreeObject::Resting(..) => 0,
-            EmbreeObject::Moving(_, mover) => mover.bytes(),
-        }
-    }
-}
-
-/// An object in Embree's structure.
-#[derive(Clone)]
-enum EmbreeObject {
-    Still(Instance),
-    /// At rest during the current time span.
-    Resting(Instance, Arc<DrivingMotion>),
-    /// Moving, or hidden.
-    Moving(Custom, Arc<Mover>),
-}
-
-impl Mesh {
-    /// Builds what objects with this mesh need to be traced, which otherwise happens when the first of them is
-    /// committed. This can be done on any thread while scenes are edited, and leaves a core free for committing them.
-    ///
-    /// # Errors
-    /// Embree's: out of memory.
-    pub fn prepare(&self, engine: &Engine) -> Result<()> {
-        self.structure_by(engine, Pace::Aside).map(drop)
-    }
-
-    /// Its ray-tracing structure, built now if the engine does not have it yet.
-    pub(super) fn structure_by(&self, engine: &Engine, pace: Pace) -> Result<CommittedScene> {
-        let mut built = self.structure.built.lock().unwrap_or_else(PoisonError::into_inner);
-        match &*built {
-            Some(scene) if scene.is_of(engine.device()) => Ok(scene.clone()),
-            _ => {
-                let quality = if self.structure.changing { Quality::Low } else { Quality::Medium };
-                let scene = mesh_scene(engine, self, quality, None, pace)?;
-                Ok(built.insert(scene).clone())
-            }
-        }
-    }
-}
-
-impl Scene {
-    /// Builds the ray-tracing structure with all cores.
-    ///
-    /// # Errors
-    /// Embree's: out of memory, library too old or too new.
-    pub fn build(&self) -> Result<BuiltScene> {
-        self.build_with(&Engine::new()?)
-    }
-
-    /// [`Scene::build`] with the threads of `engine`, which also scan the scene.
-    ///
-    /// # Errors
-    /// As [`Scene::build`].
-    pub fn build_with(&self, engine: &Engine) -> Result<BuiltScene> {
-        let mut live = LiveScene::new(engine);
-        live.add_scene(self)?;
-        live.commit()
-    }
 }
 
 impl fmt::Debug for LiveScene {
@@ -317,7 +194,7 @@ impl LiveScene {
         });
         let entry = &mut self.slots[slot as usize];
         entry.generation += 1;
-        entry.live = Some(Arc::new(Live { object, timeline, bounds, place, moved: true, known: Known::default() }));
+        entry.live = Some(Arc::new(Live { object, timeline, bounds, place, moved: true, known: Default::default() }));
         ObjectId { slot, generation: entry.generation }
     }
 
@@ -506,7 +383,7 @@ impl LiveScene {
     /// optimised for build speed, with the same triangles.
     ///
     /// # Errors
-    /// As [`LiveScene::object`] and [`Mesh::new`]; a number of vertices that differs from the number before; a mesh
+    /// As [`LiveScene::object`] and [`Mesh::new`](crate::scene::Mesh::new); a number of vertices that differs from the number before; a mesh
     /// whose parts do not share their vertices. In that case the object stays as it is.
     pub fn set_vertices(
         &mut self,
@@ -740,167 +617,6 @@ impl LiveScene {
         surrounding(boxes(&self.slots).flat_map(|(_, corners)| corners))
     }
 
-    /// Builds what has changed and returns the current scene, to be scanned.
-    ///
-    /// # Errors
-    /// Embree's: out of memory.
-    pub fn commit(&mut self) -> Result<BuiltScene> {
-        if let Some(built) = &self.built {
-            return Ok(built.clone());
-        }
-        let built = self.build()?;
-        self.built = Some(built.clone());
-        Ok(built)
-    }
-
-    fn build(&mut self) -> Result<BuiltScene> {
-        let origin = match self.origin {
-            Some(origin) => origin,
-            // Without objects there is nothing to choose from.
-            None if self.lives().next().is_none() => DVec3::ZERO,
-            None => *self.origin.insert(local_origin(&self.slots)),
-        };
-        let fixed = match self.fixed.take() {
-            Some(fixed) => fixed,
-            None => {
-                // The order of objects may depend on which are built together.
-                self.surfaces = None;
-                Arc::new(self.build_fixed(origin)?)
-            }
-        };
-        let fixed = self.fixed.insert(fixed).clone();
-        for live in self.slots.iter_mut().filter_map(|slot| slot.live.as_mut()).filter(|live| live.moved) {
-            Arc::make_mut(live).follow(self.time.start);
-        }
-        let mut left = MOST_BYTES.saturating_sub(self.placed.values().map(PlacedObject::bytes).sum());
-        for (slot, entry) in (0..).zip(&mut self.slots) {
-            let Some(live) = &mut entry.live else { continue };
-            if !live.place.is_together() && !self.placed.contains_key(&slot) {
-                let placed = Arc::make_mut(live).place(&self.engine, origin, self.time, self.tolerance, left)?;
-                left = left.saturating_sub(placed.bytes());
-                if !placed.turned {
-                    self.surfaces = None;
-                }
-                self.placed.insert(slot, placed);
-            }
-        }
-
-        let order = || {
-            let apart = lives(&self.slots).filter(|(_, live)| !live.place.is_together());
-            let together =
-                fixed.together.iter().filter_map(|&slot| Some((slot, self.slots[slot as usize].live.as_deref()?)));
-            together.chain(apart)
-        };
-        let committed = if self.placed.is_empty() {
-            fixed.scene.clone()
-        } else {
-            let mut top = embree4::Scene::new(self.engine.device(), Quality::Medium)?;
-            top.attach_instance(&fixed.instance)?;
-            for (slot, _) in order().skip(fixed.together.len()) {
-                match &self.placed[&slot].thing {
-                    EmbreeObject::Still(instance) | EmbreeObject::Resting(instance, _) => {
-                        top.attach_instance(instance)?
-                    }
-                    EmbreeObject::Moving(custom, _) => top.attach_shape(custom)?,
-                };
-            }
-            self.engine.commit(top, self.placed.len(), Pace::Now)?
-        };
-        let surfaces = match &self.surfaces {
-            Some(surfaces) => surfaces.clone(),
-            None => {
-                let turned = |slot| self.placed.get(&slot).is_some_and(|placed| placed.turned);
-                let look = |slot: u32, material: &Arc<Material>| {
-                    let of = |slot| self.looks.get(&(slot, Arc::as_ptr(material) as usize));
-                    of(Some(slot)).or_else(|| of(None)).map(|[_, look]| look.clone())
-                };
-                let looks = (!self.looks.is_empty()).then_some(&look as &dyn Fn(u32, &Arc<Material>) -> _);
-                let objects = order().map(|(slot, live)| (slot, &live.object, turned(slot)));
-                // Materials are those at the middle of a scan.
-                let time = self.time.start + 0.5 * self.time.length;
-                let mut surfaces = Surfaces::new(objects, looks, self.labels.clone(), time);
-                let rows = |live: &Live| live.object.mesh.parts.len() as u32;
-                let mut row = order().take(fixed.together.len()).map(|(_, live)| rows(live)).sum();
-                surfaces.first_row.push(0);
-                for (_, live) in order().skip(fixed.together.len()) {
-                    surfaces.first_row.push(row);
-                    row += rows(live);
-                }
-                Arc::new(surfaces)
-            }
-        };
-        let (mut movers, mut resting) = (Vec::new(), Vec::new());
-        for (slot, _) in order() {
-            let (mover, rests) = match self.placed.get(&slot).map(|placed| &placed.thing) {
-                None | Some(EmbreeObject::Still(_)) => (None, None),
-                Some(EmbreeObject::Resting(_, driving)) => (None, Some(driving.clone())),
-                Some(EmbreeObject::Moving(_, mover)) => (Some(mover.clone()), None),
-            };
-            movers.push(mover);
-            resting.push(rests);
-        }
-        let moves = movers.iter().any(Option::is_some);
-        let rests = resting.iter().any(Option::is_some);
-        let normal_matrices = order().map(|(_, live)| normal_matrix(&live.object)).collect();
-        let extents = order().map(|(_, live)| ObjectExtent::new(&live.object, live.bounds)).collect();
-        let mut report = Report::default();
-        warn_of_far_objects(&self.slots, origin, &mut report);
-        let device = self.engine.device();
-        let tables = Tables {
-            engine: self.engine.clone(),
-            committed,
-            packet_width: device.packet_width(),
-            origin,
-            normal_matrices,
-            extents,
-            movers: if moves { movers } else { Vec::new() },
-            resting: if rests { resting } else { Vec::new() },
-            span: ((moves || rests) && self.time.length > 0.0).then_some(self.time),
-            surfaces: surfaces.clone(),
-            report,
-            bodies: OnceLock::new(),
-        };
-        self.surfaces = Some(surfaces);
-        for slot in &mut self.slots {
-            if let Some(live) = slot.live.as_mut().filter(|live| live.moved) {
-                Arc::make_mut(live).moved = false;
-            }
-        }
-        Ok(BuiltScene(Arc::new(tables)))
-    }
-
-    /// Builds the fixed objects whose mesh is not shared in one scene; the others are placed like free ones.
-    fn build_fixed(&mut self, origin: DVec3) -> Result<Fixed> {
-        let mut uses: HashMap<*const Mesh, usize> = HashMap::new();
-        for (_, live) in self.lives().filter(|(_, live)| !matches!(live.place, Attachment::Free)) {
-            *uses.entry(Arc::as_ptr(&live.object.mesh)).or_default() += 1;
-        }
-        let mut scene = embree4::Scene::new(self.engine.device(), Quality::Medium)?;
-        let (mut together, mut triangles) = (Vec::new(), 0);
-        for (slot, live) in
-            self.slots.iter_mut().enumerate().filter_map(|(slot, entry)| Some((slot, entry.live.as_mut()?)))
-        {
-            if matches!(live.place, Attachment::Free) {
-                continue;
-            }
-            let live = Arc::make_mut(live);
-            let Attachment::Fixed { together: is_together } = &mut live.place else { continue };
-            let local_from_object = DAffine3::from_translation(-origin) * live.object.world_from_object;
-            // An object scaled flat cannot be an instance: rays could not be transformed to its frame.
-            *is_together =
-                uses[&Arc::as_ptr(&live.object.mesh)] == 1 || !embree4::is_invertible(&columns(&local_from_object));
-            if *is_together {
-                self.placed.remove(&(slot as u32));
-                together.push(slot as u32);
-                triangles += live.object.mesh.triangle_count();
-                attach(&mut scene, &self.engine, &live.object.mesh, live.object.mask, Some(&local_from_object))?;
-            }
-        }
-        let scene = self.engine.commit(scene, triangles, Pace::Now)?;
-        let instance = Instance::new(&scene, columns(&DAffine3::IDENTITY), u32::MAX)?;
-        Ok(Fixed { together, scene, instance })
-    }
-
     /// Makes an object movable, because it has been moved.
     fn detach(&mut self, id: ObjectId) {
         self.discard_built(id);
@@ -939,267 +655,4 @@ impl LiveScene {
     fn lives(&self) -> impl Iterator<Item = (u32, &Live)> {
         lives(&self.slots)
     }
-}
-
-/// Attaches an object whose mesh is one of a sequence to a node, even if that does not move.
-fn staged(object: Object, timeline: Option<Arc<Timeline>>) -> (Object, Option<Arc<Timeline>>) {
-    if object.sequence.is_none() || timeline.is_some() {
-        return (object, timeline);
-    }
-    let timeline = Timeline::standing(object.world_from_object);
-    let motion = Motion { node: 0, node_from_object: DAffine3::IDENTITY, shape: None };
-    (Object { motion: Some(motion), ..object }, Some(Arc::new(timeline)))
-}
-
-impl Attachment {
-    fn is_together(&self) -> bool {
-        matches!(self, Attachment::Fixed { together: true })
-    }
-}
-
-fn lives(slots: &[Slot]) -> impl Iterator<Item = (u32, &Live)> {
-    (0..).zip(slots).filter_map(|(slot, entry)| Some((slot, entry.live.as_deref()?)))
-}
-
-fn gone(id: ObjectId) -> Error {
-    Error::invalid("object", format!("{:#x}", id.to_u64()), "objects of this scene that have not been removed")
-}
-
-fn check_pose(name: &str, bounds: Option<[[f32; 3]; 2]>, world_from_object: &DAffine3) -> Result<()> {
-    let corners = corners(bounds.unwrap_or_default(), world_from_object);
-    match corners.iter().find(|corner| !within_reach(corner)) {
-        None if world_from_object.is_finite() => Ok(()),
-        corner => Err(Error::invalid(
-            format!("pose of object {name:?}"),
-            corner.map_or("not finite".into(), |corner| format!("such that it reaches to {:?} m", corner.to_array())),
-            "finite numbers, positions from -1e18 to 1e18 m",
-        )),
-    }
-}
-
-/// Label numbers that differ from those in the scene that the objects come from.
-struct Renumbered {
-    categories: HashMap<u32, u32>,
-    parts: HashMap<u32, u32>,
-}
-
-impl Renumbered {
-    /// Merges the names of categories, parts and materials from `other` into `labels`.
-    fn absorbing(labels: &mut Labels, other: &Labels) -> Renumbered {
-        labels.material.absorb(&other.material);
-        let (categories, parts) = (labels.category.absorb(&other.category), labels.part.absorb(&other.part));
-        let numbers = Renumbered { categories, parts };
-        labels.las_class.extend(other.las_class.iter().map(|(&id, &class)| (numbers.category_of(id), class)));
-        numbers
-    }
-
-    fn category(&self, object: &Object) -> u32 {
-        self.category_of(object.category_id)
-    }
-
-    fn category_of(&self, id: u32) -> u32 {
-        self.categories.get(&id).copied().unwrap_or(id)
-    }
-
-    fn parts(&self, object: &Object) -> Vec<u32> {
-        object.part_ids.iter().map(|id| self.parts.get(id).copied().unwrap_or(*id)).collect()
-    }
-}
-
-fn check_parts(mesh: &Mesh, part_ids: &[u32]) -> Result<()> {
-    match mesh.parts.len() {
-        parts if parts == part_ids.len() => Ok(()),
-        parts => Err(Error::invalid("part numbers", part_ids.len(), format!("one for each part of the mesh, {parts}"))),
-    }
-}
-
-/// Names an instance number, if both are given and it has no name yet.
-fn name_instance(labels: &mut Labels, number: u32, name: &str) {
-    if !name.is_empty() && labels.instance.name(number).is_none() {
-        labels.instance.set(number, name);
-    }
-}
-
-/// Gives the name of a material a number, if it has none yet.
-fn name_material(labels: &mut Labels, material: &Material) {
-    labels.material.numbered(&material.name);
-}
-
-impl Live {
-    /// The deformation that it keeps at any pose: all but a skin, whose joints are in the world.
-    fn own_shape(&self) -> Option<Arc<Deformation>> {
-        self.object.motion.as_ref()?.shape.clone().filter(|shape| shape.skin.is_none())
-    }
-
-    /// Attaches it to the only node of `timeline`.
-    fn hang(&mut self, timeline: Timeline, shape: Option<Arc<Deformation>>) {
-        self.object.motion = Some(Motion { node: 0, node_from_object: DAffine3::IDENTITY, shape });
-        self.timeline = Some(Arc::new(timeline));
-    }
-
-    /// Keeps the shapes known from `placed`, which is being replaced.
-    fn remember(&mut self, placed: &PlacedObject) {
-        if let EmbreeObject::Moving(_, mover) = &placed.thing {
-            self.known.moments.extend_from_slice(mover.moments());
-        }
-    }
-
-    /// Sets the pose at `time`, s, of an object that moves by itself.
-    fn follow(&mut self, time: f64) {
-        if let (Some(timeline), Some(motion)) = (&self.timeline, &self.object.motion) {
-            self.object.world_from_object = timeline.world_from_node(motion.node, time) * motion.node_from_object;
-        }
-    }
-
-    /// Places it individually for the span `time`, with its motion in at most `most_bytes`.
-    fn place(
-        &mut self,
-        engine: &Engine,
-        origin: DVec3,
-        time: Span,
-        tolerance: f64,
-        most_bytes: usize,
-    ) -> Result<PlacedObject> {
-        let object = &self.object;
-        let [start, end] = [time.start, time.start + time.length];
-        let mut resting = None;
-        if let (Some(timeline), Some(motion)) = (&self.timeline, &object.motion) {
-            let rests = motion.shape.is_none()
-                && object.sequence.is_none()
-                && timeline.stays(motion.node, start, end)
-                && timeline.is_visible(motion.node, start);
-            let (timeline, motion, mesh) = (timeline.clone(), motion.clone(), object.mesh.clone());
-            let (name, sequence) = (object.name.clone(), object.sequence.clone());
-            let driving = DrivingMotion { name, timeline, motion, mesh, sequence, tolerance, origin };
-            if !rests {
-                let mover = Arc::new(Mover::new(engine, driving, time, &mut self.known, most_bytes)?);
-                let custom = Custom::new(engine.device(), mover.clone(), object.mask)?;
-                return Ok(PlacedObject { thing: EmbreeObject::Moving(custom, mover), turned: true });
-            }
-            resting = Some(Arc::new(driving));
-        }
-        let thing = |instance| match resting {
-            Some(driving) => EmbreeObject::Resting(instance, driving),
-            None => EmbreeObject::Still(instance),
-        };
-        let local_from_object = DAffine3::from_translation(-origin) * object.world_from_object;
-        let matrix = columns(&local_from_object);
-        if embree4::is_invertible(&matrix) {
-            let of = object.mesh.structure_by(engine, Pace::Now)?;
-            return Ok(PlacedObject { thing: thing(Instance::new(&of, matrix, object.mask)?), turned: true });
-        }
-        // Scaled flat, it gets a mesh of its own in world coordinates.
-        let of = mesh_scene(engine, &object.mesh, Quality::Low, Some(&local_from_object), Pace::Now)?;
-        let instance = Instance::new(&of, columns(&DAffine3::IDENTITY), object.mask)?;
-        Ok(PlacedObject { thing: thing(instance), turned: false })
-    }
-}
-
-fn mesh_scene(
-    engine: &Engine,
-    mesh: &Mesh,
-    quality: Quality,
-    transform: Option<&DAffine3>,
-    pace: Pace,
-) -> Result<CommittedScene> {
-    let mut scene = embree4::Scene::new(engine.device(), quality)?;
-    attach(&mut scene, engine, mesh, u32::MAX, transform)?;
-    engine.commit(scene, mesh.triangle_count(), pace)
-}
-
-/// Adds the parts of `mesh` to `scene`, one geometry each.
-fn attach(
-    scene: &mut embree4::Scene,
-    engine: &Engine,
-    mesh: &Mesh,
-    mask: u32,
-    transform: Option<&DAffine3>,
-) -> Result<()> {
-    for part in &mesh.parts {
-        let device = engine.device();
-        let triangles = &part.triangles;
-        let mesh = match transform {
-            None => embree4::Mesh::new(device, part.positions.iter().copied(), triangles, mask)?,
-            Some(transform) => {
-                let positions = part
-                    .positions
-                    .iter()
-                    .map(|p| transform.transform_point3(DVec3::from(p.map(f64::from))).as_vec3().to_array());
-                embree4::Mesh::new(device, positions, triangles, mask)?
-            }
-        };
-        scene.attach_mesh(&mesh)?;
-    }
-    Ok(())
-}
-
-/// Scenes within this distance of the world's origin keep it as their own, so that coordinates stay as in the file: an
-/// f32 step there is 0.06 mm.
-const NEAR_ORIGIN_M: f64 = 1000.0;
-
-/// Farther from the scene's origin than this, coordinates lose more than half a millimetre.
-const FAR_M: f64 = 8192.0;
-
-/// Objects that have a box, and its corners in the world.
-fn boxes(slots: &[Slot]) -> impl Iterator<Item = (&Live, [DVec3; 8])> {
-    lives(slots).filter_map(|(_, live)| Some((live, corners(live.bounds?, &live.object.world_from_object))))
-}
-
-/// The world's origin where the scene is near it, else the place of the middle triangle, in whole metres: a stray
-/// object far from all others does not pull it away.
-fn local_origin(slots: &[Slot]) -> DVec3 {
-    if boxes(slots).all(|(_, corners)| reach(&corners, DVec3::ZERO) <= NEAR_ORIGIN_M) {
-        return DVec3::ZERO;
-    }
-    let weight = |live: &Live| live.object.mesh.triangle_count();
-    let half = boxes(slots).map(|(live, _)| weight(live)).sum::<usize>() / 2;
-    let middle = |axis: usize| {
-        // The first and the last corner of a box are opposite.
-        let centre = |corners: [DVec3; 8]| corners[0].midpoint(corners[7])[axis];
-        let mut centres: Vec<_> = boxes(slots).map(|(live, corners)| (centre(corners), weight(live))).collect();
-        centres.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut before = 0;
-        let found = centres.iter().find(|(_, weight)| {
-            before += weight;
-            before > half
-        });
-        found.map_or(0.0, |(centre, _)| centre.round())
-    };
-    DVec3::new(middle(0), middle(1), middle(2))
-}
-
-/// Greatest coordinate of `corners` relative to `origin`, m.
-fn reach(corners: &[DVec3; 8], origin: DVec3) -> f64 {
-    corners.iter().map(|corner| (*corner - origin).abs().max_element()).fold(0.0, f64::max)
-}
-
-fn warn_of_far_objects(slots: &[Slot], origin: DVec3, report: &mut Report) {
-    let moved = boxes(slots).filter(|(live, _)| live.moved);
-    let far = moved.map(|(live, corners)| (live, reach(&corners, origin)));
-    let farthest = far.filter(|(_, reach)| *reach > FAR_M).max_by(|a, b| a.1.total_cmp(&b.1));
-    if let Some((live, reach)) = farthest {
-        let km = reach / 1000.0;
-        // Spacing of f32 numbers of this size.
-        let step_mm = 1000.0 * 2f64.powi(reach.log2().floor() as i32 - 23);
-        report.warn(format!(
-            "object {:?} reaches {km:.0} km from the scene's origin at {:.0},{:.0},{:.0}: coordinates there are rounded to \
-             {step_mm:.1} mm",
-            live.object.name, origin.x, origin.y, origin.z,
-        ));
-    }
-}
-
-/// A transform in Embree's form: column by column, single precision.
-fn columns(m: &DAffine3) -> [f32; 12] {
-    let columns = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis, m.translation];
-    std::array::from_fn(|k| columns[k / 3][k % 3] as f32)
-}
-
-/// The matrix from an object's normals to the world's, up to length (scaled to unit size against underflow).
-fn normal_matrix(object: &Object) -> Mat3 {
-    let cofactors = cofactors(&object.world_from_object.matrix3);
-    let size = cofactors.x_axis.abs().max(cofactors.y_axis.abs()).max(cofactors.z_axis.abs()).max_element();
-    let scale = if size > 0.0 { 1.0 / size } else { 0.0 };
-    // A mirrored object's cofactors point its normals inwards; surfaces are two-sided, so this does not matter.
-    (cofactors * scale).as_mat3()
 }
