@@ -112,11 +112,8 @@ impl Receiver<'_> {
             let mut foremost = ForemostOfAir { receiver: self, echoes, efficiency, view_end };
             air.echoes(rays, &self.gate.rng, beams, &mut foremost);
         }
-        if let Some(alarms) = &self.alarms {
-            let limits = |beam| self.gate.limits(beam);
-            alarms.of_beams(&self.gate.rng, beams, self.gate.range[1], limits, |lane, range, rho_eff| {
-                self.offer(echoes, lane, AirEcho { range, rho_eff }, Cause::FalseAlarm);
-            });
-        }
+        self.raise_alarms(beams, |lane, range, rho_eff| {
+            self.offer(echoes, lane, AirEcho { range, rho_eff }, Cause::FalseAlarm);
+        });
     }
 }

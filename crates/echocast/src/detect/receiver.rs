@@ -94,6 +94,19 @@ impl Receiver<'_> {
         self.efficiency_of(beam) * lens
     }
 
+    /// Reports its false alarms in `beams`: index into `beams`, range, m, and effective reflectance.
+    pub(crate) fn raise_alarms(&self, beams: &[u32], report: impl FnMut(usize, f32, f32)) {
+        let Gate { rng, range: [_, farthest], .. } = &self.gate;
+        if let Some(alarms) = &self.alarms {
+            alarms.of_beams(rng, beams, *farthest, |beam| self.gate.limits(beam), report);
+        }
+    }
+
+    /// Whether beams through `air` may report echoes other than those of surfaces.
+    pub(crate) fn may_prefer_others(&self, air: Option<&Air>) -> bool {
+        self.alarms.is_some() || air.is_some_and(Air::has_echoes)
+    }
+
     /// How much it prefers an echo, where it reports one of several.
     pub(crate) fn merit(&self, range: f32, rho_eff: f32) -> f32 {
         match self.method {

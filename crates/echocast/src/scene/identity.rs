@@ -134,7 +134,7 @@ fn levels(object: &RawObject) -> Vec<NameLevel<'_>> {
         Some((own, above)) if object.has_node => (Some(own), above),
         _ => (None, &*object.ancestors),
     };
-    let itself = NameLevel {
+    let own_level = NameLevel {
         name: &object.name,
         category: match own {
             Some(own) => own.category.as_deref(),
@@ -150,7 +150,7 @@ fn levels(object: &RawObject) -> Vec<NameLevel<'_>> {
         node: Some(node.node),
         is_group: node.is_group,
     });
-    std::iter::once(itself).chain(nodes).collect()
+    std::iter::once(own_level).chain(nodes).collect()
 }
 
 /// The outermost level that is not a mere group.

@@ -4,9 +4,12 @@ mod faces;
 #[cfg(feature = "fbx")]
 mod fbx;
 pub(crate) mod gltf;
+mod hierarchy;
 mod notes;
 mod number;
 pub(crate) mod obj;
+#[cfg(test)]
+mod pictures;
 mod ply;
 mod properties;
 mod stl;

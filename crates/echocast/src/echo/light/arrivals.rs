@@ -44,22 +44,27 @@ impl Provenance {
         }
     }
 
+    /// That of the surface hit at `lane` of `hits`.
+    pub(crate) fn of_hit(hits: &HitBatch, lane: usize, cos_incidence: f32) -> Provenance {
+        Provenance {
+            cause: Cause::Surface,
+            bounces: 0,
+            cos_incidence,
+            surface: hits.surface[lane],
+            first: hits.surface[lane],
+            triangle: hits.triangle[lane],
+            uv: [hits.u[lane], hits.v[lane]],
+            normal: hits.normal(lane),
+            ray: None,
+            image: 0,
+        }
+    }
+
     /// That of what ray `ray` of the beam at `lane` hits.
     pub(crate) fn of_ray(rays: &BeamRays, lane: usize, ray: u32) -> Option<Provenance> {
         let met = rays.get(ray, lane)?;
-        let (hits, at) = (&met.batch.hits, met.lane);
-        Some(Provenance {
-            cause: Cause::Surface,
-            bounces: 0,
-            cos_incidence: met.cos_incidence(),
-            surface: met.surface(),
-            first: met.surface(),
-            triangle: hits.triangle[at],
-            uv: [hits.u[at], hits.v[at]],
-            normal: hits.normal(at),
-            ray: Some(ray),
-            image: 0,
-        })
+        let hit = Provenance::of_hit(&met.batch.hits, met.lane, met.cos_incidence());
+        Some(Provenance { ray: Some(ray), ..hit })
     }
 }
 
@@ -208,20 +213,14 @@ impl PathEchoes for PathArrivals<'_> {
     }
 
     fn take(&mut self, echo: &PathEcho, hits: &HitBatch, _: &Contribution) {
-        let hit = echo.hit;
         let power = echo.reflectance * echo.cos_incidence * self.parts[echo.lane] / (echo.range * echo.range);
         if power > 0.0 {
             let provenance = Provenance {
                 cause: echo.cause,
                 bounces: echo.bounces,
-                cos_incidence: echo.cos_incidence,
-                surface: hits.surface[hit],
                 first: self.first[echo.lane],
-                triangle: hits.triangle[hit],
-                uv: [hits.u[hit], hits.v[hit]],
-                normal: hits.normal(hit),
-                ray: None,
                 image: echo.image,
+                ..Provenance::of_hit(hits, echo.hit, echo.cos_incidence)
             };
             self.arrivals.add(usize::from(self.beams[echo.lane]), echo.range, power, provenance);
         }

@@ -5,6 +5,7 @@ use super::plan::ScanPlan;
 use super::split::Splitter;
 use crate::cloud::Kept;
 use crate::echo::{Contribution, Follower, MirrorImage};
+use crate::emitter::BeamTable;
 use crate::ground::cause::Cause;
 use crate::ground::lanes::{LANES, RayBatch, boxed};
 use crate::trace::{HitBatch, traced};
@@ -40,6 +41,16 @@ impl BeamLanes {
         for lane in 0..LANES {
             self.beam[lane] = (first + lane) as u32;
         }
+    }
+
+    /// Nominal directions of the first `count` lanes, sensor frame.
+    pub fn directions(&self, beams: &BeamTable, count: usize) -> [[f32; LANES]; 3] {
+        [&beams.dir_x, &beams.dir_y, &beams.dir_z].map(|axis| self.take(axis, count))
+    }
+
+    /// Where the beams of the first `count` lanes start, sensor frame, m; `None`: all at its origin.
+    pub fn starts(&self, beams: &BeamTable, count: usize) -> Option<[[f32; LANES]; 3]> {
+        beams.has_origins().then(|| beams.origin.each_ref().map(|axis| self.take(axis, count)))
     }
 
     /// The values that the first `count` lanes have in a `column` of the table of beams.

@@ -58,15 +58,7 @@ fn find(scan: &ScanPlan, block: &mut Block, beams: Range<usize>, all: &Mutex<Vec
                     power,
                     provenance: Provenance {
                         cause: Cause::Multipath,
-                        bounces: 0,
-                        cos_incidence: surfaces.cos_incidence[lane],
-                        surface,
-                        first: surface,
-                        triangle: hits.triangle[lane],
-                        uv: [hits.u[lane], hits.v[lane]],
-                        normal: hits.normal(lane),
-                        ray: None,
-                        image: 0,
+                        ..Provenance::of_hit(hits, lane, surfaces.cos_incidence[lane])
                     },
                 });
             }

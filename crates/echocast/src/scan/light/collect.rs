@@ -27,28 +27,16 @@ impl Block {
         filled
     }
 
-    /// Nominal directions of the beams, sensor frame.
-    fn nominal(&self, scan: &ScanPlan, count: usize) -> [[f32; LANES]; 3] {
-        let beams = scan.aim.beams;
-        [&beams.dir_x, &beams.dir_y, &beams.dir_z].map(|axis| self.lanes.take(axis, count))
-    }
-
-    /// Where the beams start, sensor frame, m; `None`: all at its origin.
-    fn starts(&self, scan: &ScanPlan, count: usize) -> Option<[[f32; LANES]; 3]> {
-        let beams = scan.aim.beams;
-        beams.has_origins().then(|| beams.origin.each_ref().map(|axis| self.lanes.take(axis, count)))
-    }
-
     /// Positions without errors.
     fn put_truth(&mut self, scan: &ScanPlan, count: usize, rows: &mut Slices) {
         let to = [&mut *rows.true_x, &mut *rows.true_y, &mut *rows.true_z];
         if to.iter().all(|column| column.is_empty()) {
             return;
         }
-        let (starts, mut along) = (self.starts(scan, count), [[0.0; LANES]; 3]);
+        let (starts, mut along) = (self.lanes.starts(scan.aim.beams, count), [[0.0; LANES]; 3]);
         let is_in_world = scan.options.coordinates == Frame::World;
         if !is_in_world {
-            along = self.nominal(scan, count);
+            along = self.lanes.directions(scan.aim.beams, count);
             // The true directions of the beams.
             for lane in (0..count).filter(|_| scan.points_elsewhere()) {
                 let (rotation, _) = scan.aim.pose.pose(scan.aim.beams, self.lanes.beam[lane] as usize);
@@ -68,14 +56,18 @@ impl Block {
     /// Measured ranges, positions and intensities, and the normals there.
     fn put_measured(&mut self, scan: &ScanPlan, count: usize, rows: &mut Slices) {
         let is_in_world = scan.options.coordinates == Frame::World;
-        let starts = self.starts(scan, count);
+        let starts = self.lanes.starts(scan.aim.beams, count);
         let starts = starts.as_ref().map_or([&ZERO; 3], |starts| starts.each_ref());
-        let mut directions = if is_in_world { [[0.0; LANES]; 3] } else { self.nominal(scan, count) };
         let Block { lanes, rays, hits, measured, intensity, surfaces, turn, kept, scratch, reported, .. } = self;
         let surface = &hits.surface;
         let reported = reported.as_deref().filter(|_| scan.points_elsewhere()).unwrap_or(rays);
-        let (from, mut along) =
-            if is_in_world { (reported.origins(), reported.directions()) } else { (starts, directions.each_ref()) };
+        let mut directions;
+        let (from, mut along) = if is_in_world {
+            (reported.origins(), reported.directions())
+        } else {
+            directions = lanes.directions(scan.aim.beams, count);
+            (starts, directions.each_ref())
+        };
         if scan.measure.errors.turn_beams() {
             let mut up = Vec3::Z.to_array().map(|axis| [axis; LANES]);
             for lane in (0..count).filter(|_| is_in_world) {
@@ -180,7 +172,7 @@ impl Block {
             kept.put_beam(&firing, rows.firing);
         }
         if !rows.azimuth.is_empty() || !rows.elevation.is_empty() {
-            let [x, y, z] = [&beams.dir_x, &beams.dir_y, &beams.dir_z].map(|axis| lanes.take(axis, count));
+            let [x, y, z] = lanes.directions(beams, count);
             let (mut azimuth, mut elevation) = ([0.0; LANES], [0.0; LANES]);
             for lane in 0..count {
                 let [nominal, up] = azimuth_elevation([x[lane], y[lane], z[lane]]);

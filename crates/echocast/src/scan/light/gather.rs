@@ -270,18 +270,9 @@ impl Gatherer {
     /// Draws the noise that looks like echoes.
     fn alarm(&mut self, scan: &ScanPlan, beams: &[u32]) {
         self.alarms.clear();
-        let gate = &scan.receiver.gate;
-        if let Some(alarms) = &scan.receiver.alarms {
-            alarms.of_beams(
-                &scan.rng,
-                beams,
-                gate.range[1],
-                |beam| gate.limits(beam),
-                |lane, range, rho_eff| {
-                    self.alarms.push((lane, Peak { range, power: rho_eff / (range * range) }));
-                },
-            );
-        }
+        scan.receiver.raise_alarms(beams, |lane, range, rho_eff| {
+            self.alarms.push((lane, Peak { range, power: rho_eff / (range * range) }));
+        });
     }
 
     /// Rotates the footprint of each beam.

@@ -5,7 +5,7 @@ use super::plan::{Measuring, ScanPlan};
 use super::split::{Axes, Splitter};
 use crate::cloud::Slices;
 use crate::detect::{ForemostPaths, LaneEchoes, Returns};
-use crate::echo::{Air, PathLimits};
+use crate::echo::PathLimits;
 use crate::emitter;
 use crate::ground::lanes::{LANES, MEDIUM, MISS, RayBatch, boxed};
 use crate::sensor::Signals;
@@ -47,7 +47,7 @@ impl Block {
         if let Some(eye) = scan.receiver.camera().and_then(|camera| camera.second_eye) {
             self.shadow(scan, eye, count);
         }
-        let has_others = scan.world.air.is_some_and(Air::has_echoes) || scan.receiver.alarms.is_some();
+        let has_others = scan.receiver.may_prefer_others(scan.world.air);
         let is_split = splitter.as_ref().is_some_and(|splitter| !splitter.found.is_empty());
         let needs_surfaces = !scan.options.organised && !has_others && !is_split;
         if needs_surfaces && self.hits.surface[..count].iter().all(|&surface| surface == MISS) {
@@ -135,7 +135,7 @@ impl Block {
         let follower = paths.get_or_insert_with(boxed);
         follower.forget_images();
         follower.begin(rays, hits, surfaces, lanes);
-        let around = scan.surroundings(scan.world.air_on_the_way, limits, scan.world.requested, rays);
+        let around = scan.surroundings(scan.air_on_the_way(), limits, scan.world.requested, rays);
         let (mut merit, mut image) = ([f32::NEG_INFINITY; LANES], [0; LANES]);
         let mut foremost = ForemostPaths {
             receiver: &scan.receiver,
@@ -180,7 +180,7 @@ impl Block {
         let HitBatch { range, surface, .. } = hits;
         let mut echoes = LaneEchoes { beams: &lanes.beam[..count], range, rho_eff, surface, cause };
         scan.receiver.detect_lanes(settled, intensity, &mut echoes);
-        if scan.receiver.alarms.is_some() || scan.world.air.is_some_and(Air::has_echoes) {
+        if scan.receiver.may_prefer_others(scan.world.air) {
             scan.receiver.prefer_others(&self.rays, scan.world.air, &self.efficiency, &self.view_end, &mut echoes);
             self.clear_others(scan, count);
         }
@@ -191,7 +191,7 @@ impl Block {
 
     /// Dims the surfaces: by weather on the way, by the efficiency of channels, and by lenses.
     fn dim(&mut self, scan: &ScanPlan, count: usize) {
-        if let Some(air) = scan.world.air_on_the_way {
+        if let Some(air) = scan.air_on_the_way() {
             air.dim(&self.rays, &self.hits.range, count, &mut self.scratch);
             for lane in 0..LANES {
                 if self.settled[lane] {

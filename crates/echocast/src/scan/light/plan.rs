@@ -76,9 +76,6 @@ pub(super) struct World<'a> {
     pub reflectances: Arc<Reflectances>,
     /// What is in the air, if anything.
     pub air: Option<&'a Air>,
-    /// The same where it changes echoes one by one: not for the paper's program, which applies it only to the whole
-    /// path.
-    pub air_on_the_way: Option<&'a Air>,
     /// How far light is traced by mirrors and through glass; `None` where nothing depends on it.
     pub paths: Option<PathLimits>,
     /// Whether incidence follows the interpolated shading normal rather than the triangle's.
@@ -195,7 +192,6 @@ impl<'a> ScanPlan<'a> {
                 sight: options.sight(),
                 reflectances,
                 air: air.as_ref(),
-                air_on_the_way: air.as_ref().filter(|_| !receiver.reports_undetected()),
                 paths,
                 smooth: !profile.is_program() && scene.surfaces.has_shading_normals,
                 needs_normals: needs_echo || fields.contains_any(&normals),
@@ -239,6 +235,12 @@ impl<'a> ScanPlan<'a> {
 }
 
 impl ScanPlan<'_> {
+    /// What is in the air where it changes echoes one by one: not for the paper's program, which applies it only to the
+    /// whole path.
+    pub fn air_on_the_way(&self) -> Option<&Air> {
+        self.world.air.filter(|_| !self.receiver.reports_undetected())
+    }
+
     /// Whether the directions of rays differ from those reported for their beams.
     pub fn points_elsewhere(&self) -> bool {
         self.measure.errors.pointing_sigma > 0.0 || self.receiver.jittering().is_some()

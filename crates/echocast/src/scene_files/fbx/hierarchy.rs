@@ -6,6 +6,7 @@ use super::{FbxDocument, affine, user, vector};
 use crate::ground::error::Result;
 use crate::model::{Ancestor, MOST_ANCESTORS};
 use crate::motion::{Node, Rest};
+use crate::scene_files::hierarchy::PlacedNode;
 use crate::scene_files::notes::Notes;
 use crate::scene_files::properties;
 use glam::{DAffine3, DQuat, DVec3};
@@ -17,26 +18,7 @@ use ufbx::ElementType;
 pub(super) type Label = [Option<String>; 2];
 
 /// A node with its world transform.
-#[derive(Clone, Copy)]
-pub(super) struct FbxPlaced<'a> {
-    pub node: &'a ufbx::Node,
-    /// At time 0.
-    pub world_from_node: DAffine3,
-    /// Whether it or a node above it is animated.
-    pub moves: bool,
-    /// Whether the scale of one of them is animated.
-    pub scales: bool,
-    /// Whether the visibility of one of them is animated.
-    pub visibility_changes: bool,
-    /// Whether it is never visible.
-    pub hidden: bool,
-    /// Whether it stays at the origin of its parent.
-    at_origin: bool,
-    /// `categoryID` of the node or its nearest ancestor.
-    pub category: Option<&'a str>,
-    /// `partID` of the node or its nearest ancestor.
-    pub part: Option<&'a str>,
-}
+pub(super) type FbxPlaced<'a> = PlacedNode<'a, &'a ufbx::Node>;
 
 /// The nodes of a file.
 pub(super) struct FbxTree<'a> {
@@ -103,36 +85,23 @@ impl<'a> FbxTree<'a> {
         let world_from_file = affine(&root.node_to_world);
         let numbers = vec![usize::MAX; file.nodes.len()];
         let mut tree = FbxTree { placed: Vec::new(), numbers, world_from_file };
-        let top = |node| FbxPlaced {
-            node,
-            world_from_node: world_from_file,
-            moves: false,
-            scales: false,
-            visibility_changes: false,
-            hidden: false,
-            at_origin: true,
-            category: None,
-            part: None,
-        };
-        let mut stack: Vec<FbxPlaced<'a>> = root.children.as_ref().iter().rev().map(|node| top(node)).collect();
+        let mut stack: Vec<FbxPlaced<'a>> = root
+            .children
+            .as_ref()
+            .iter()
+            .rev()
+            .map(|node| {
+                let node: &'a ufbx::Node = node;
+                PlacedNode::top(node, world_from_file)
+            })
+            .collect();
         // On the stack a node still has the values of its parent.
         while let Some(mut placed) = stack.pop() {
             let node = placed.node;
-            let local = local(tracks, node);
-            let parent_from_node = local.parent_from_node(0.0);
-            placed.at_origin = local.translation.is_none() && parent_from_node.translation == DVec3::ZERO;
-            placed.world_from_node *= parent_from_node;
-            if !placed.world_from_node.is_finite() {
-                return Err(document.error(place(node), "its world transform is not finite"));
-            }
-            placed.scales |= local.scale.is_some();
-            placed.moves |= placed.scales || local.translation.is_some() || local.rotation.is_some();
-            placed.visibility_changes |= local.visible.is_some();
-            placed.hidden |= is_hidden(tracks, node);
             let number = node.element.typed_id as usize;
-            let [own_category, own_part] = &labels[number];
-            placed.category = own_category.as_deref().or(placed.category);
-            placed.part = own_part.as_deref().or(placed.part);
+            placed
+                .add_own(&local(tracks, node), is_hidden(tracks, node), &labels[number])
+                .map_err(|message| document.error(place(node), message))?;
             let levels = node.attrib_type == ElementType::LodGroup;
             if levels && node.children.len() > 1 {
                 notes.add("of several levels of detail the first is read", || place(node));
@@ -146,9 +115,9 @@ impl<'a> FbxTree<'a> {
         Ok(tree)
     }
 
-    /// A node of the file.
-    pub fn get(&self, node: &ufbx::Node) -> &FbxPlaced<'a> {
-        &self.placed[self.numbers[node.element.typed_id as usize]]
+    /// Node `number` of the file.
+    pub fn get(&self, number: usize) -> &FbxPlaced<'a> {
+        &self.placed[self.numbers[number]]
     }
 }
 

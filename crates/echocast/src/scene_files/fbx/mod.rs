@@ -26,7 +26,9 @@ use crate::ground::report::Report;
 use crate::ground::shown;
 use crate::material::TextureBudget;
 use crate::model::{Camera, RawScene};
+use crate::motion::{Node, Rest};
 use crate::read::{self, Limit};
+use crate::scene_files::hierarchy::TimelineNodes;
 use animation::FbxTracks;
 use budget::Budget;
 use glam::{DAffine3, DMat3, DVec3};
@@ -55,7 +57,7 @@ pub(super) fn read(path: &Path, options: &FileOptions, images: &mut TextureBudge
     let tree = FbxTree::read(&document, &labels, &tracks, &mut notes)?;
     let materials = FbxMaterials::new(&document, options, images);
     let meshes = FbxMeshes::new(&document, materials, notes);
-    let nodes = FbxNodes::new(&document, &tracks, &tree);
+    let nodes = TimelineNodes::new(FbxNodes { document: &document, tracks: &tracks, tree: &tree });
     let mut objects = FbxObjects::new(meshes, nodes, FbxAncestry::new(&labels, &tree), &tracks);
     let mut cameras = Vec::new();
     for placed in &tree.placed {
@@ -63,7 +65,7 @@ pub(super) fn read(path: &Path, options: &FileOptions, images: &mut TextureBudge
         cameras.extend(camera_of(placed, &document, &mut objects.nodes)?);
     }
 
-    let FbxObjects { meshes, nodes: FbxNodes { timeline, .. }, list, .. } = objects;
+    let FbxObjects { meshes, nodes: TimelineNodes { timeline, .. }, list, .. } = objects;
     let FbxMeshes { materials, notes, degenerate_triangles, .. } = meshes;
     let mut report = Report::default();
     notes.report_to(path, &mut report);
@@ -150,7 +152,11 @@ impl FbxDocument<'_> {
 }
 
 /// The camera at a node, if there is one.
-fn camera_of(placed: &FbxPlaced<'_>, document: &FbxDocument<'_>, nodes: &mut FbxNodes<'_>) -> Result<Option<Camera>> {
+fn camera_of(
+    placed: &FbxPlaced<'_>,
+    document: &FbxDocument<'_>,
+    nodes: &mut TimelineNodes<FbxNodes<'_>>,
+) -> Result<Option<Camera>> {
     let Some(camera) = &placed.node.camera else { return Ok(None) };
     // FBX cameras look along x, y up; those at glTF nodes along -z, y up.
     let turned = DAffine3::from_mat3(DMat3::from_cols(DVec3::Z, DVec3::Y, DVec3::NEG_X));
@@ -158,10 +164,14 @@ fn camera_of(placed: &FbxPlaced<'_>, document: &FbxDocument<'_>, nodes: &mut Fbx
     let name = [&names::named(placed.node).element.name, &camera.element.name];
     let name = name.into_iter().find(|name| !name.is_empty()).map(|name| name.to_string());
     let fault = |message| document.error(names::place(placed.node), message);
+    let mut fixed = || {
+        let parent = Some(nodes.number(nodes::number(placed.node))?);
+        nodes.add(Node { parent, rest: Rest::Whole(node_from_camera), ..Node::default() })
+    };
     Ok(Some(Camera {
         name: name.unwrap_or_else(|| format!("camera_{}", camera.element.typed_id)),
         pose: Pose::from_camera_node(&(placed.world_from_node * node_from_camera)),
-        node: if placed.moves { Some(nodes.fixed(placed.node, node_from_camera).map_err(fault)?) } else { None },
+        node: if placed.moves { Some(fixed().map_err(fault)?) } else { None },
     }))
 }
 

@@ -7,19 +7,20 @@ use super::deform::{self, FbxForm};
 use super::hierarchy::{FbxAncestry, FbxPlaced};
 use super::mesh::{FbxMeshes, FbxModelled};
 use super::names::{named, place};
-use super::nodes::FbxNodes;
+use super::nodes::{FbxNodes, number};
 use super::skeleton::FbxSkeleton;
 use crate::ground::error::Result;
 use crate::ground::math::cofactors;
 use crate::model::{Ancestor, Mesh, RawObject, UpAxis, pose};
 use crate::motion::{AnimationTrack, Deformation, Motion};
+use crate::scene_files::hierarchy::TimelineNodes;
 use glam::{DAffine3, DMat3};
 use std::sync::Arc;
 
 /// Turns nodes into objects.
 pub(super) struct FbxObjects<'a> {
     pub meshes: FbxMeshes<'a>,
-    pub nodes: FbxNodes<'a>,
+    pub nodes: TimelineNodes<FbxNodes<'a>>,
     pub list: Vec<RawObject>,
     ancestry: FbxAncestry<'a>,
     tracks: &'a FbxTracks,
@@ -37,7 +38,12 @@ struct FbxPosed {
 }
 
 impl<'a> FbxObjects<'a> {
-    pub fn new(meshes: FbxMeshes<'a>, nodes: FbxNodes<'a>, ancestry: FbxAncestry<'a>, tracks: &'a FbxTracks) -> Self {
+    pub fn new(
+        meshes: FbxMeshes<'a>,
+        nodes: TimelineNodes<FbxNodes<'a>>,
+        ancestry: FbxAncestry<'a>,
+        tracks: &'a FbxTracks,
+    ) -> Self {
         FbxObjects { meshes, nodes, list: Vec::new(), ancestry, tracks }
     }
 
@@ -97,10 +103,10 @@ impl<'a> FbxObjects<'a> {
         }
         let shape = posed.shape.clone();
         if skinned {
-            let node = self.nodes.frame(*world_from_object, placed.node)?;
+            let node = self.nodes.frame(*world_from_object, placed.node.element.typed_id as usize)?;
             return Ok(Some(Motion { node, node_from_object: DAffine3::IDENTITY, shape }));
         }
-        let node = self.nodes.number(placed.node)?;
+        let node = self.nodes.number(number(placed.node))?;
         Ok(Some(Motion { node, node_from_object: posed.node_from_object, shape }))
     }
 

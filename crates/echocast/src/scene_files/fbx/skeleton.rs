@@ -2,9 +2,9 @@
 
 use super::affine;
 use super::budget::Budget;
-use super::hierarchy::FbxTree;
-use super::nodes::FbxNodes;
+use super::nodes::{FbxNodes, number};
 use crate::motion::Skin;
+use crate::scene_files::hierarchy::TimelineNodes;
 use glam::{DAffine3, DVec3};
 use std::sync::Arc;
 use ufbx::{Node, SkinDeformer};
@@ -29,7 +29,7 @@ impl FbxSkeleton {
         node: &Node,
         middle: DVec3,
         morphs: bool,
-        nodes: &mut FbxNodes<'_>,
+        nodes: &mut TimelineNodes<FbxNodes<'_>>,
         budget: &Budget,
     ) -> Result<FbxSkeleton, String> {
         let count = skin.clusters.len();
@@ -50,12 +50,12 @@ impl FbxSkeleton {
         if let Some(bad) = joint_from_mesh.iter().position(|matrix| !matrix.is_finite()) {
             return Err(format!("bone {bad} of its skin is bound by a matrix that is not finite"));
         }
-        let tree: &FbxTree<'_> = nodes.tree;
-        let moves = bones.iter().any(|bone| tree.get(bone).moves);
-        let world_from_bones = bones.iter().map(|bone| tree.get(bone).world_from_node).collect();
+        let placed = |bone: &&Node| nodes.file.tree.get(bone.element.typed_id as usize);
+        let moves = bones.iter().any(|bone| placed(bone).moves);
+        let world_from_bones = bones.iter().map(|bone| placed(bone).world_from_node).collect();
         let mut read = Skin::new(Vec::new(), joint_from_mesh);
         if moves || morphs {
-            read.joints = bones.into_iter().map(|bone| nodes.number(bone)).collect::<Result<_, _>>()?;
+            read.joints = bones.into_iter().map(|bone| nodes.number(number(bone))).collect::<Result<_, _>>()?;
         }
         Ok(FbxSkeleton { skin: Arc::new(read), world_from_bones, moves })
     }

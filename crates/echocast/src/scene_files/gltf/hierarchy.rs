@@ -6,6 +6,7 @@ use super::{GltfDocument, instancing};
 use crate::ground::error::Result;
 use crate::model::{Ancestor, MOST_ANCESTORS};
 use crate::motion::{Node, Rest};
+use crate::scene_files::hierarchy::PlacedNode;
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use gltf::json;
 use serde::Deserialize;
@@ -55,27 +56,8 @@ impl GltfTransform {
     }
 }
 
-/// A node with its world transform.
-pub(super) struct GltfPlaced<'a> {
-    /// Index of the node.
-    pub node: usize,
-    /// At time 0.
-    pub world_from_node: DAffine3,
-    /// Whether it or a node above it is animated.
-    pub moves: bool,
-    /// Whether the scale of one of them is animated.
-    pub scales: bool,
-    /// Whether the visibility of one of them is animated.
-    pub visibility_changes: bool,
-    /// Whether it is never visible.
-    pub hidden: bool,
-    /// Whether it stays at the origin of its parent.
-    at_origin: bool,
-    /// `categoryID` of the node or its nearest ancestor.
-    pub category: Option<&'a str>,
-    /// `partID` of the node or its nearest ancestor.
-    pub part: Option<&'a str>,
-}
+/// The index of a node, with its world transform.
+pub(super) type GltfPlaced<'a> = PlacedNode<'a, usize>;
 
 /// The nodes of a file that are used.
 pub(super) struct GltfTree<'a> {
@@ -130,36 +112,14 @@ impl<'a> GltfTree<'a> {
         tracks: &GltfTracks,
     ) -> Result<()> {
         let nodes = &document.json.nodes;
-        let root = |node| GltfPlaced {
-            node,
-            world_from_node: Z_UP_FROM_Y_UP,
-            moves: false,
-            scales: false,
-            visibility_changes: false,
-            hidden: false,
-            at_origin: true,
-            category: None,
-            part: None,
-        };
+        let root = |node| PlacedNode::top(node, Z_UP_FROM_Y_UP);
         let mut stack: Vec<GltfPlaced<'a>> = roots.into_iter().rev().map(root).collect();
         // On the stack a node still has the values of its parent.
         while let Some(mut placed) = stack.pop() {
             let node = placed.node;
             let fault = |message| document.error(document.node_place(node), message);
             let Local { node: local, hidden } = Local::read(document, tracks, node).map_err(fault)?;
-            let parent_from_node = local.parent_from_node(0.0);
-            placed.at_origin = local.translation.is_none() && parent_from_node.translation == DVec3::ZERO;
-            placed.world_from_node *= parent_from_node;
-            if !placed.world_from_node.is_finite() {
-                return Err(fault("its world transform is not finite".into()));
-            }
-            placed.scales |= local.scale.is_some();
-            placed.moves |= placed.scales || local.translation.is_some() || local.rotation.is_some();
-            placed.visibility_changes |= local.visible.is_some();
-            placed.hidden |= hidden;
-            let [own_category, own_part] = &labels[node];
-            placed.category = own_category.as_deref().or(placed.category);
-            placed.part = own_part.as_deref().or(placed.part);
+            placed.add_own(&local, hidden, &labels[node]).map_err(fault)?;
             for child in nodes[node].children.iter().flatten().rev() {
                 stack.push(GltfPlaced { node: child.value(), ..placed });
             }

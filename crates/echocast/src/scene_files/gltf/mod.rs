@@ -35,6 +35,7 @@ use crate::ground::shown;
 use crate::material::TextureBudget;
 use crate::model::{Camera, RawScene};
 use crate::read::{self, Limit, yaml};
+use crate::scene_files::hierarchy::TimelineNodes;
 use accessor::Accessors;
 use animation::Animation;
 use gltf::json::Root;
@@ -124,7 +125,8 @@ pub(crate) fn read_bytes(
     let labels = hierarchy::label_extras(&document);
     let tree = GltfTree::read(&document, &labels, &tracks)?;
     let meshes = GltfMeshes::new(&document, &accessors, materials, notes);
-    let nodes = GltfNodes::new(&document, &accessors, &tracks, &tree);
+    let nodes = GltfNodes { document: &document, accessors: &accessors, tracks: &tracks, tree: &tree };
+    let nodes = TimelineNodes::new(nodes);
     let mut objects = GltfObjects::new(meshes, nodes, GltfAncestry::new(&document, &labels, &tree), &tracks);
     let mut cameras = Vec::new();
     for placed in tree.scene() {
@@ -161,7 +163,7 @@ pub(crate) fn read_bytes(
 fn camera_of(
     placed: &GltfPlaced<'_>,
     document: &GltfDocument<'_>,
-    nodes: &mut GltfNodes<'_>,
+    nodes: &mut TimelineNodes<GltfNodes<'_>>,
 ) -> Result<Option<Camera>> {
     let node = &document.json.nodes[placed.node];
     let Some(index) = node.camera.map(|camera| camera.value()) else { return Ok(None) };
@@ -174,7 +176,7 @@ fn camera_of(
     Ok(Some(Camera {
         name: name.cloned().unwrap_or_else(|| format!("camera_{index}")),
         pose: Pose::from_camera_node(&placed.world_from_node),
-        node: if placed.moves { Some(nodes.number(placed.node).map_err(fault)?) } else { None },
+        node: if placed.moves { Some(nodes.number(Some(placed.node)).map_err(fault)?) } else { None },
     }))
 }
 

@@ -12,6 +12,7 @@ use crate::ground::error::Result;
 use crate::ground::math::cofactors;
 use crate::model::{Ancestor, Mesh, RawObject, UpAxis, pose};
 use crate::motion::{Deformation, Motion};
+use crate::scene_files::hierarchy::TimelineNodes;
 use glam::{DAffine3, DMat3};
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -19,7 +20,7 @@ use std::sync::Arc;
 /// Turns nodes into objects.
 pub(super) struct GltfObjects<'a> {
     pub meshes: GltfMeshes<'a>,
-    pub nodes: GltfNodes<'a>,
+    pub nodes: TimelineNodes<GltfNodes<'a>>,
     pub list: Vec<RawObject>,
     ancestry: GltfAncestry<'a>,
     tracks: &'a GltfTracks,
@@ -40,7 +41,7 @@ struct GltfPosed {
 impl<'a> GltfObjects<'a> {
     pub fn new(
         meshes: GltfMeshes<'a>,
-        nodes: GltfNodes<'a>,
+        nodes: TimelineNodes<GltfNodes<'a>>,
         ancestry: GltfAncestry<'a>,
         tracks: &'a GltfTracks,
     ) -> Self {
@@ -116,7 +117,7 @@ impl<'a> GltfObjects<'a> {
             let node = self.nodes.frame(*world_from_object, placed.node)?;
             return Ok(Some(Motion { node, node_from_object: DAffine3::IDENTITY, shape }));
         }
-        Ok(Some(Motion { node: self.nodes.number(placed.node)?, node_from_object, shape }))
+        Ok(Some(Motion { node: self.nodes.number(Some(placed.node))?, node_from_object, shape }))
     }
 
     /// The mesh of a node, which is the file's mesh `index`; `None` if it has nothing to scan.

@@ -5,6 +5,7 @@ use super::nodes::GltfNodes;
 use super::{GltfDocument, place};
 use crate::ground::error::Result;
 use crate::motion::{PartVertices, Skin};
+use crate::scene_files::hierarchy::TimelineNodes;
 use glam::{DAffine3, DMat4};
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -39,7 +40,12 @@ impl<'a> Skins<'a> {
     }
 
     /// The file's skin `index`, which exists. `morphs`: its mesh changes even if its joints do not.
-    pub fn get(&mut self, index: usize, morphs: bool, nodes: &mut GltfNodes<'_>) -> Result<GltfSkeleton> {
+    pub fn get(
+        &mut self,
+        index: usize,
+        morphs: bool,
+        nodes: &mut TimelineNodes<GltfNodes<'_>>,
+    ) -> Result<GltfSkeleton> {
         let document = self.document;
         let here = || place("skin", index, document.json.skins[index].name.as_deref());
         let fault = |message: String| document.error(here(), message);
@@ -50,7 +56,7 @@ impl<'a> Skins<'a> {
             }
         };
         if (morphs || skeleton.moves) && skeleton.skin.joints.is_empty() {
-            let numbers = skeleton.joints.iter().map(|&joint| nodes.number(joint));
+            let numbers = skeleton.joints.iter().map(|&joint| nodes.number(Some(joint)));
             Arc::make_mut(&mut skeleton.skin).joints = numbers.collect::<Result<_, _>>().map_err(fault)?;
         }
         Ok(skeleton.clone())
@@ -67,7 +73,7 @@ impl GltfSkeleton {
         document: &GltfDocument<'_>,
         accessors: &Accessors<'_>,
         index: usize,
-        nodes: &GltfNodes<'_>,
+        nodes: &TimelineNodes<GltfNodes<'_>>,
     ) -> Result<GltfSkeleton, String> {
         let json = &document.json;
         let source = &json.skins[index];
@@ -93,8 +99,9 @@ impl GltfSkeleton {
                 read.map(|(joint, matrix)| affine(joint, matrix).map_err(fault)).collect::<Result<_, _>>()?
             }
         };
-        let moves = joints.iter().any(|&joint| nodes.tree.get(joint).moves);
-        let world_from_joints = Arc::new(joints.iter().map(|&joint| nodes.tree.get(joint).world_from_node).collect());
+        let moves = joints.iter().any(|&joint| nodes.file.tree.get(joint).moves);
+        let world_from_joints =
+            Arc::new(joints.iter().map(|&joint| nodes.file.tree.get(joint).world_from_node).collect());
         let skin = Arc::new(Skin::new(Vec::new(), joint_from_mesh));
         Ok(GltfSkeleton { skin, joints: Arc::new(joints), world_from_joints, moves })
     }

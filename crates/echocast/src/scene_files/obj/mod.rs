@@ -286,6 +286,7 @@ mod tests {
     use super::*;
     use crate::material::Reflectance;
     use crate::scene::{LabelRules, LoadOptions, Scene, UpAxis};
+    use crate::scene_files::pictures::red_above_blue;
     use glam::DVec3;
     use std::collections::BTreeMap;
 
@@ -438,15 +439,6 @@ mod tests {
         assert_eq!(of(1), [[0.0, half, half], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0]]);
         assert_eq!(part.triangles[0][..2], part.triangles[2][..2]);
         assert_eq!(part.triangles[1][2], part.triangles[2][2]);
-    }
-
-    /// A PNG of 1 x 2 pixels: red above, blue below.
-    fn red_above_blue() -> Vec<u8> {
-        let mut bytes = Vec::new();
-        let mut encoder = png::Encoder::new(&mut bytes, 1, 2);
-        encoder.set_color(png::ColorType::Rgba);
-        encoder.write_header().unwrap().write_image_data(&[255, 0, 0, 255, 0, 0, 255, 255]).unwrap();
-        bytes
     }
 
     #[test]

@@ -1,5 +1,6 @@
 use super::*;
 use crate::scene::{LabelRules, LoadOptions, Scene, Wrap};
+use crate::scene_files::pictures::red_above_blue;
 use glam::DVec3;
 use std::fs;
 
@@ -177,15 +178,6 @@ fn normals_are_kept_where_they_differ_from_the_faces() {
     let half = 0.5f32.sqrt();
     assert_eq!(with("0 1 1").unwrap()[..], [[0.0, half, half], [0.0, 0.0, 1.0], [0.0, 0.0, 1.0]]);
     assert_eq!(with("nan 0 0").map(|normals| normals.len()), None);
-}
-
-/// A PNG of 1 x 2 pixels: red above, blue below.
-fn red_above_blue() -> Vec<u8> {
-    let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, 1, 2);
-    encoder.set_color(png::ColorType::Rgba);
-    encoder.write_header().unwrap().write_image_data(&[255, 0, 0, 255, 0, 0, 255, 255]).unwrap();
-    bytes
 }
 
 #[test]
