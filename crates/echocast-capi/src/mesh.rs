@@ -166,7 +166,7 @@ pub unsafe extern "C" fn echocast_mesh_create(
 pub unsafe extern "C" fn echocast_mesh_prepare(mesh: *const echocast_mesh) -> echocast_status {
     guard(|| {
         let mesh = handle::get(mesh, "mesh")?;
-        Ok(mesh.mesh.prepare(&mesh.context.engine)?)
+        Ok(mesh.context.engine.prepare(&mesh.mesh)?)
     })
 }
 

@@ -82,35 +82,37 @@
 //!
 //! # Floors
 //!
-//! A module imports only from modules below it in this list, and within a module no files import each other in a circle;
-//! tests enforce both. Light and sound flow upwards, from `emitter` by `trace`, `echo` and `detect` to `cloud`. Folders
-//! have no numbers that would list them in this order: paths in code are read far more often than the list of folders.
+//! The library is nine crates behind this one, which only names what users need. A module imports only from modules
+//! below it in this list, and within a module no files import each other in a circle; Cargo and tests enforce both.
+//! Light and sound flow upwards, from `emitter` by `trace`, `echo` and `detect` to the clouds and pings that `scan`
+//! fills. Folders have no numbers that would list them in this order: paths in code are read far more often than the
+//! list of folders.
 //!
-//! | module | contents |
-//! |---|---|
-//! | `scenario` | scenes, rigs and what varies, from one file; samples, sets |
-//! | `generate` | generated scenes: a lake bed, streets, rooms, a landscape |
-//! | `preview` | pictures of clouds and pings, for people |
-//! | `import` | clouds from files |
-//! | `export` | files of clouds, pings and images |
-//! | `image` | images of pings: waterfall, mosaic, fan, depth map; images of optical scans, and what they show of each instance |
-//! | `scan` | the driver: an optical scan, a ping, the profiles of the paper |
-//! | `sensor` | sensor files, presets, and what they set up in the modules below |
-//! | `cloud` | columns of points, pings |
-//! | `detect` | receivers: which echoes are detected, and with which errors |
-//! | `echo` | what arrives: contributions, paths, weather, signals; sound levels |
-//! | `trace` | rays to hits: Embree, and what its ids mean |
-//! | `scene` | objects, meshes and labels, with label rules applied |
-//! | `scene_files` | scenes from files: a module for each format |
-//! | `model` | meshes, and objects and cameras as files place them |
-//! | `material` | how surfaces reflect light and sound |
-//! | `medium` | air and water |
-//! | `cells` | the levels of a ping by beam and range bin, and what is read from them |
-//! | `emitter` | beams, trajectories, lobes |
-//! | `motion` | how objects move: keyframes, nodes, deformation |
-//! | `read` | files, YAML and tables, with errors that say where |
-//! | `write` | files that appear only once complete |
-//! | `ground` | errors, units, poses, blocks of rays, random numbers, threads |
+//! | crate | module | contents |
+//! |---|---|---|
+//! | `sets` | `scenario` | scenes, rigs and what varies, from one file; samples, sets |
+//! | `worlds` | `generate` | generated scenes: a lake bed, streets, rooms, a landscape |
+//! | `pictures` | `preview` | pictures of clouds and pings, for people |
+//! | `engine` | `scan` | the driver: an optical scan, a ping, the profiles of the paper |
+//! | `engine` | `sensor` | sensor files, presets, and what they set up in the modules below |
+//! | `engine` | `detect` | receivers: which echoes are detected, and with which errors |
+//! | `engine` | `echo` | what arrives: contributions, paths, weather, signals; sound levels |
+//! | `engine` | `trace` | rays to hits: Embree, and what its ids mean |
+//! | `engine` | `scene` | objects, meshes and labels, with label rules applied |
+//! | `engine` | `medium` | air and water |
+//! | `cloud` | `import` | clouds from files |
+//! | `cloud` | `export` | files of clouds, pings and images |
+//! | `cloud` | `image` | images of pings: waterfall, mosaic, fan, depth map; images of optical scans, and what they show of each instance |
+//! | `cloud` | `cloud` | columns of points, pings |
+//! | `cloud` | `cells` | the levels of a ping by beam and range bin, and what is read from them |
+//! | `scene-files` | `scene_files` | scenes from files: a module for each format |
+//! | `model` | `model` | meshes, and objects and cameras as files place them |
+//! | `model` | `material` | how surfaces reflect light and sound |
+//! | `model` | `motion` | how objects move: keyframes, nodes, deformation |
+//! | `emitter` | `emitter` | beams, trajectories, lobes |
+//! | `ground` | `read` | files, YAML and tables, with errors that say where |
+//! | `ground` | `write` | files that appear only once complete |
+//! | `ground` | `ground` | errors, units, poses, blocks of rays, random numbers, threads |
 //!
 //! # Conventions
 //!
@@ -145,7 +147,6 @@
 //! * No input causes a panic, output to the console or a hang; errors say what was found and what is allowed.
 #![forbid(unsafe_code)]
 
-mod cells;
 pub mod cloud;
 pub mod detect;
 pub mod echo;
@@ -154,55 +155,66 @@ pub mod export;
 #[cfg(test)]
 mod floors;
 pub mod generate;
-mod ground;
 pub mod image;
 pub mod import;
 pub mod material;
 pub mod medium;
-mod model;
-mod motion;
 pub mod preview;
 pub mod read;
-mod scan;
 pub mod scenario;
 pub mod scene;
-mod scene_files;
-mod sensor;
-mod trace;
-mod write;
 
 /// Compiles the examples of that page.
 #[cfg(doctest)]
 #[doc = include_str!("../../../docs/motion.md")]
 mod page_of_motion {}
 
-pub use cells::{Layout, SonarView, Sounding, Track};
-pub use cloud::boxes::{BoxAxes, BoxTime, InstanceBox};
-pub use cloud::driver::Driver;
-pub use cloud::fields::{Field, FieldSet};
-pub use cloud::pack::{PackItem, PackType};
-pub use cloud::ping::{CELL_FIELDS, Ping, Pings};
-pub use cloud::points::{Frame, PointCloud};
-pub use detect::returns::ReturnMode;
-pub use echo::sound::Taper;
-pub use emitter::trajectory::Trajectory;
-pub use glam;
-pub use ground::cause::Cause;
-pub use ground::error::{Error, Result, nearest};
-pub use ground::named::Named;
-pub use ground::pose::Pose;
-pub use ground::report::Report;
-pub use ground::{shown, units};
-pub use material::surface::ReflectanceSource;
-pub use medium::environment::Environment;
-pub use motion::{Motion, Timeline};
-pub use read::bounds::Parameter;
-pub use scan::{Order, Profile, Progress, ScanOptions, why_nothing};
-pub use scenario::file::Scenario;
-pub use scene::label::LabelRules;
-pub use scene::load::{LoadOptions, Scene};
-pub use sensor::{
+#[doc(inline)]
+pub use ::cloud::cells::{Layout, SonarView, Sounding, Track};
+#[doc(inline)]
+pub use ::cloud::{
+    BoxAxes, BoxTime, CELL_FIELDS, Driver, Field, FieldSet, Frame, InstanceBox, PackItem, PackType, Ping, Pings,
+    PointCloud,
+};
+#[doc(inline)]
+pub use ::emitter::Trajectory;
+#[doc(inline)]
+pub use engine::detect::ReturnMode;
+#[doc(inline)]
+pub use engine::echo::Taper;
+#[doc(inline)]
+pub use engine::medium::Environment;
+#[doc(inline)]
+pub use engine::scan::{Order, Progress, ScanOptions, why_nothing};
+#[doc(inline)]
+pub use engine::scene::{LabelRules, LoadOptions, Scene};
+#[doc(inline)]
+pub use engine::sensor::{
     AcousticsSpec, BeamSpec, Expectations, Illumination, IntensitySpec, PresetInfo, RangeSpec, ReturnsSpec, Sensor,
     SensorKind, SensorSpec, ShotNoiseSpec, Speckle, SubRays, Sweep, Target, TofSpec, Tvg, Vignetting,
 };
-pub use trace::{BareLoop, BuiltScene, Enclosure, Engine, LiveScene, ObjectId};
+#[doc(inline)]
+pub use engine::trace::{BareLoop, BuiltScene, Enclosure, Engine, LiveScene, ObjectId};
+pub use glam;
+#[doc(inline)]
+pub use ground::cause::Cause;
+#[doc(inline)]
+pub use ground::error::{Error, Result, nearest};
+#[doc(inline)]
+pub use ground::named::Named;
+#[doc(inline)]
+pub use ground::pose::Pose;
+#[doc(inline)]
+pub use ground::profile::Profile;
+#[doc(inline)]
+pub use ground::read::bounds::Parameter;
+#[doc(inline)]
+pub use ground::report::Report;
+#[doc(inline)]
+pub use ground::{shown, units};
+#[doc(inline)]
+pub use model::material::ReflectanceSource;
+#[doc(inline)]
+pub use model::motion::{Motion, Timeline};
+#[doc(inline)]
+pub use sets::Scenario;

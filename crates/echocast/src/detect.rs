@@ -1,0 +1,7 @@
+//! From signals to returns: thresholds first, then measurement noise.
+
+#[doc(inline)]
+pub use engine::detect::{
+    Blooming, DepthNoise, Detection, DetectionSpec, Doppler, LimitPoint, Noise, RangePoint, Statistical, Sunlight,
+    Timing, VelocityLog, WaterLayer, WeakDropout,
+};

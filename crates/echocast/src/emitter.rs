@@ -1,0 +1,25 @@
+//! What is emitted, when and from where.
+
+#[doc(inline)]
+pub use emitter::{BeamTable, FiringOrder, ImageGrid, Intrinsics, RayColumns};
+
+/// Beam patterns: the response of a sonar aperture in directions off its axis, in one plane.
+///
+/// Amplitudes are signed and 1 on the axis; powers are their squares (one way). An aperture of two planes, such as a
+/// rectangular face, has the product of two patterns, each at the direction cosine along its own edge.
+pub mod lobe {
+    #[doc(inline)]
+    pub use emitter::lobe::{
+        Array, BeamPattern, Line, Lobe, Piston, Row, Shading, Shape, directivity, equivalent_width, line_directivity,
+        piston_directivity, rectangle_directivity,
+    };
+}
+
+/// Scan patterns: where each beam points and when it fires.
+pub mod pattern {
+    #[doc(inline)]
+    pub use emitter::pattern::{
+        Channels, Direction, Face, Fan, Flat, Imaging, JANUS_BEAMS, Janus, Multibeam, Pattern, Pinhole, Prism, Raster,
+        Rays, Risley, Sides, Sidescan, SingleBeam, Spacing, Spinning, SpinningAzimuth, Table,
+    };
+}

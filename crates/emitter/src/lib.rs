@@ -1,0 +1,26 @@
+//! What is emitted, when and from where.
+#![forbid(unsafe_code)]
+
+mod aim;
+mod aperture;
+mod beams;
+mod footprint;
+mod image_grid;
+pub mod lobe;
+mod motion;
+pub mod pattern;
+pub mod trajectory;
+mod transducer;
+
+pub use aim::{Aim, scatter};
+pub use aperture::FAINT;
+pub use beams::{BeamTable, FiringOrder, RayColumns};
+pub use footprint::{Across, Footprint};
+pub use ground::pose::Pose;
+pub use image_grid::Outline;
+pub use image_grid::{ImageGrid, Intrinsics};
+pub use lobe::Lobe;
+use motion::PlatformMotion;
+pub use pattern::Pattern;
+pub use trajectory::Trajectory;
+pub use transducer::{FLANK_PARTS, ReceivingBeams, Transducer};

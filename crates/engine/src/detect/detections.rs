@@ -1,0 +1,53 @@
+//! What receivers detect: echoes side by side, one per beam, or beam by beam, and the returns that they become.
+
+use crate::echo::{Peak, Pulselet, Share, Waveform};
+use ground::lanes::LANES;
+
+/// The echoes of beams of one ray each, one per lane.
+pub(crate) struct LaneEchoes<'a> {
+    pub beams: &'a [u32],
+    pub range: &'a mut [f32; LANES],
+    pub rho_eff: &'a mut [f32; LANES],
+    /// [`MISS`] where none is detected, [`MEDIUM`] where it is not that of a surface.
+    pub surface: &'a mut [u32; LANES],
+    pub cause: &'a mut [u8; LANES],
+}
+
+/// What a beam receives, apart from the parts of its signal.
+pub(crate) struct ReceivedBeam<'a> {
+    pub beam: u32,
+    /// The only echo of a beam whose rays hit one plane and nothing else.
+    pub plain: Option<Peak>,
+    /// Range of the nearest surface that a ray hits directly, m; infinite if there is none.
+    pub straight: f32,
+    /// Noise that looks like echoes, nearest first.
+    pub alarms: &'a [(usize, Peak)],
+}
+
+/// The detections of one beam, with the working memory to find them.
+#[derive(Default)]
+pub(crate) struct Detections {
+    pub waveform: Waveform,
+    /// The parts of its signal, whose sources are its arrivals; none if it is plain.
+    pub parts: Vec<Pulselet>,
+    /// Its echoes that are detected, nearest first.
+    pub peaks: Vec<Peak>,
+    /// Indices of those that are reported, in the order of reporting.
+    pub chosen: Vec<usize>,
+    pub(super) order: Vec<usize>,
+    /// Ranges and powers of the parts, as a depth camera takes them.
+    pub(super) ranges: Vec<f32>,
+    pub(super) powers: Vec<f32>,
+    pub shares: Vec<Share>,
+}
+
+/// Returns, side by side.
+pub struct Returns<'a> {
+    /// The beam of each, and which of the beam's returns it is, from 0: the address of random numbers.
+    pub beams: &'a [u32],
+    pub numbers: &'a [u32],
+    pub channels: &'a [u16],
+    pub rho_eff: &'a [f32; LANES],
+    /// True ranges, m.
+    pub range: &'a [f32; LANES],
+}

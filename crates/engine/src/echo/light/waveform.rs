@@ -1,0 +1,314 @@
+//! The received signal of a beam over range, and the echoes in it.
+//!
+//! Every piece of surface that a beam hits returns its pulse; `W(R) = sum P_i exp(-(R - R_i)^2 / (2 sigma^2))` is the
+//! received signal, with a Gaussian of the width of the beam's pulse (whatever its shape), P_i = `rho_eff / R_i^2`,
+//! 1/m^2. An echo is a local maximum of W. Two equal pulses have one maximum up to a distance of 2 sigma.
+
+use echocast_kernels::light;
+use ground::lanes::LANES;
+use ground::math::floor;
+
+/// An echo: a maximum of the signal of a beam.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Peak {
+    /// Range, m.
+    pub range: f32,
+    /// Power, 1/m^2.
+    pub power: f32,
+}
+
+/// A part of the signal: the pulse as returned from one point.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pulselet {
+    /// Range, m.
+    pub range: f32,
+    /// Peak power, 1/m^2.
+    pub power: f32,
+    /// Where it comes from, as numbered by the caller.
+    pub source: u32,
+}
+
+/// Forms signals of pulses of one width.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Waveform {
+    /// Standard deviation of the pulse, m of range; 0: every range is a separate echo.
+    sigma: f32,
+    bins: Vec<f32>,
+}
+
+impl Waveform {
+    /// Parts farther apart than this, in sigmas, do not affect each other: `exp(-5^2/2)` = 4e-6.
+    const REACH: f32 = 5.0;
+    /// Bins per sigma: 8 per full width at half maximum are 3.4.
+    const BINS_PER_SIGMA: f32 = 3.5;
+    /// A signal longer than this, in bins, is cut in two; those of grazing beams are some hundred bins long.
+    const MOST_BINS: usize = 1 << 14;
+
+    pub(crate) fn set_sigma(&mut self, sigma: f64) {
+        self.sigma = sigma as f32;
+    }
+
+    /// Standard deviation of the pulse, m of range.
+    pub fn sigma(&self) -> f32 {
+        self.sigma
+    }
+
+    /// Writes the maxima of the signal of `parts` to `peaks`, and sorts the parts by range, nearest first.
+    pub(crate) fn peaks(&mut self, parts: &mut [Pulselet], peaks: &mut Vec<Peak>) {
+        parts.sort_unstable_by(|a, b| a.range.total_cmp(&b.range).then(a.source.cmp(&b.source)));
+        peaks.clear();
+        let mut rest = &*parts;
+        while let [first, ..] = rest {
+            // Parts so close together that they form one signal.
+            let length = self.sigma * Self::MOST_BINS as f32 / Self::BINS_PER_SIGMA;
+            let mut end = 1;
+            while end < rest.len()
+                && rest[end].range - rest[end - 1].range <= 2.0 * Self::REACH * self.sigma
+                && rest[end].range - first.range <= length
+            {
+                end += 1;
+            }
+            let (group, behind) = rest.split_at(end);
+            let last = group[group.len() - 1];
+            if let [part] = group {
+                peaks.push(Peak { range: part.range, power: part.power });
+            } else if last.range - first.range <= 2.0 * self.sigma {
+                // One maximum: log W is concave where the centres span no more than 2 sigma, since the variance of
+                // centres within a span L is at most L^2/4.
+                let (sum, moment) = group
+                    .iter()
+                    .fold((0.0, 0.0), |(sum, moment), part| (sum + part.power, moment + part.power * part.range));
+                peaks.push(self.refine(group, moment / sum));
+            } else {
+                self.search(group, peaks);
+            }
+            rest = behind;
+        }
+    }
+
+    /// The maximum nearest to `range` by Newton's method on log W.
+    fn refine(&self, parts: &[Pulselet], mut range: f32) -> Peak {
+        let mut power = 0.0;
+        if self.sigma == 0.0 {
+            return Peak { range, power: parts.iter().map(|part| part.power).sum() };
+        }
+        let scale = 1.0 / self.sigma;
+        for _ in 0..8 {
+            let (mut sum, mut first, mut second) = (0.0, 0.0, 0.0);
+            for part in parts {
+                let x = (part.range - range) * scale;
+                let weight = part.power * (-0.5 * x * x).exp();
+                sum += weight;
+                first += weight * x;
+                second += weight * x * x;
+            }
+            power = sum;
+            // In sigmas: (log W)' = E[x], (log W)'' = Var[x] - 1.
+            let mean = first / sum;
+            let bend = (1.0 - (second / sum - mean * mean)).max(0.1);
+            let step = (mean / bend).clamp(-0.5, 0.5);
+            range += step * self.sigma;
+            if step.abs() < 1e-4 {
+                break;
+            }
+        }
+        Peak { range, power }
+    }
+
+    /// [`Waveform::refine`] for signals side by side, each of parts that span no more than [`Waveform::NARROW`]:
+    /// `signals` holds range and power of the parts. `peaks` starts as their mean range and the sum of their power.
+    pub(crate) fn refine_narrow<'a>(
+        &self,
+        signals: impl Iterator<Item = [&'a [f32; LANES]; 2]> + Clone,
+        [range, power]: [&mut [f32; LANES]; 2],
+    ) {
+        let scale = 1.0 / self.sigma;
+        // With centres within one sigma two steps are accurate to 1e-4 of it.
+        for _ in 0..2 {
+            let (mut sum, mut first, mut second) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+            for [ranges, powers] in signals.clone() {
+                light::add_terms(scale, ranges, powers, range, &mut sum, &mut first, &mut second);
+            }
+            light::step(self.sigma, &sum, &first, &second, range);
+            *power = sum;
+        }
+    }
+
+    /// Greatest span of the parts of a signal, in sigmas, that [`Waveform::refine_narrow`] accepts.
+    pub(crate) const NARROW: f32 = 1.0;
+
+    /// All maxima of one signal, sampled finely enough to miss none.
+    fn search(&mut self, parts: &[Pulselet], peaks: &mut Vec<Peak>) {
+        let step = self.sigma / Self::BINS_PER_SIGMA;
+        // Maxima are between the first and the last part; one bin beyond each shows that the signal falls there.
+        let start = parts[0].range - step;
+        let count = ((parts[parts.len() - 1].range - start) / step) as usize + 3;
+        self.bins.clear();
+        self.bins.resize(count, 0.0);
+        // exp(-(x + h)^2/2) over exp(-x^2/2) is exp(-x h - h^2/2), which falls by exp(-h^2) from bin to bin.
+        let h = 1.0 / Self::BINS_PER_SIGMA;
+        let fall = (-h * h).exp();
+        let reach = Self::REACH * Self::BINS_PER_SIGMA;
+        for part in parts {
+            let place = (part.range - start) / step;
+            let low = -floor(-f64::from((place - reach).max(0.0)));
+            let high = ((place + reach) as usize).min(count - 1);
+            let x = (low as f32 - place) * h;
+            let mut value = part.power * (-0.5 * x * x).exp();
+            let mut ratio = (-x * h - 0.5 * h * h).exp();
+            for bin in &mut self.bins[low as usize..=high] {
+                *bin += value;
+                value *= ratio;
+                ratio *= fall;
+            }
+        }
+        let mut near = 0;
+        for bin in 1..count - 1 {
+            let [left, here, right] = [self.bins[bin - 1], self.bins[bin], self.bins[bin + 1]];
+            if !(here > left && here >= right) {
+                continue;
+            }
+            let range = start + bin as f32 * step;
+            // Only parts that reach there.
+            let reach = (Self::REACH + 1.0) * self.sigma;
+            while parts[near].range < range - reach {
+                near += 1;
+            }
+            let behind = parts[near..].partition_point(|part| part.range <= range + reach);
+            let peak = self.refine(&parts[near..near + behind], range);
+            // Two bins of a flat top lead to the same maximum.
+            if peaks.last().is_none_or(|last| peak.range - last.range > 0.01 * self.sigma) {
+                peaks.push(peak);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ground::units::SPEED_OF_LIGHT;
+
+    /// Sigma, m, of a pulse of 5 ns: 2.12330 ns are 0.318275 m.
+    fn sigma() -> f64 {
+        5e-9 / (8.0 * 2f64.ln()).sqrt() * SPEED_OF_LIGHT / 2.0
+    }
+
+    fn waveform(sigma: f64) -> Waveform {
+        Waveform { sigma: sigma as f32, bins: Vec::new() }
+    }
+
+    fn peaks(parts: &[[f32; 2]]) -> Vec<Peak> {
+        let mut parts: Vec<Pulselet> =
+            (parts.iter().zip(0..)).map(|(&[range, power], source)| Pulselet { range, power, source }).collect();
+        let mut peaks = Vec::new();
+        waveform(sigma()).peaks(&mut parts, &mut peaks);
+        peaks
+    }
+
+    #[test]
+    fn a_lone_part_is_its_echo() {
+        assert_eq!(peaks(&[[7.0, 0.25]]), [Peak { range: 7.0, power: 0.25 }]);
+        assert_eq!(peaks(&[]), []);
+    }
+
+    #[test]
+    fn without_a_pulse_every_range_is_an_echo() {
+        let mut parts = [(3.0, 1), (3.0, 2), (3.5, 0)].map(|(range, source)| Pulselet { range, power: 0.5, source });
+        let mut found = Vec::new();
+        waveform(0.0).peaks(&mut parts, &mut found);
+        assert_eq!(found, [Peak { range: 3.0, power: 1.0 }, Peak { range: 3.5, power: 0.5 }]);
+    }
+
+    /// Amplitudes 1 and 0.5 at 0 and dR: position and height of the maxima; values computed with scipy.
+    #[test]
+    fn two_echoes_of_different_strength() {
+        let at = 20.0;
+        let found = |apart: f32| peaks(&[[at, 1.0], [at + apart, 0.5]]);
+        for (apart, range, power) in [(0.6, 0.067_057, Some(1.101_11)), (0.65, 0.051_824, None)] {
+            let found = found(apart);
+            assert_eq!(found.len(), 1, "{found:?}");
+            assert!((found[0].range - at - range).abs() < 3e-5, "{found:?}");
+            assert!(power.is_none_or(|power: f32| (found[0].power - power).abs() < 2e-5), "{found:?}");
+        }
+        let [near, far] = found(1.0)[..] else { panic!("two echoes 1 m apart") };
+        assert!((near.range - at - 0.003_718_6).abs() < 1e-5 && (near.power - 1.003_658).abs() < 1e-5, "{near:?}");
+        assert!((far.range - at - 0.983_349).abs() < 2e-5 && (far.power - 0.507_772).abs() < 1e-5, "{far:?}");
+        let [near, far] = found(2.0)[..] else { panic!("two echoes 2 m apart") };
+        assert!((near.range - at).abs() < 6e-6 && (far.range - at - 2.0).abs() < 6e-6, "{near:?} {far:?}");
+    }
+
+    /// Two equal Gaussians have two maxima beyond 2 sigma = 0.636551 m.
+    #[test]
+    fn equal_echoes_separate_beyond_two_sigmas() {
+        assert!((2.0 * sigma() - 0.636_551).abs() < 1e-6);
+        for (apart, echoes) in [(0.6, 1), (0.63, 1), (0.65, 2), (0.7, 2)] {
+            let found = peaks(&[[5.0, 0.3], [5.0 + apart, 0.3]]);
+            assert_eq!(found.len(), echoes, "{apart}: {found:?}");
+        }
+    }
+
+    /// A row of equal parts is a pulse convolved with a box: its middle, and its power by the error function.
+    #[test]
+    fn a_tilted_surface_echoes_from_its_middle() {
+        let parts: Vec<[f32; 2]> = (0..41).map(|i| [30.0 + 0.02 * i as f32, 1.0 / 41.0]).collect();
+        let found = peaks(&parts);
+        assert!(found.len() == 1 && (found[0].range - 30.4).abs() < 1e-3, "{found:?}");
+        let half = 0.41 / (sigma() * 2f64.sqrt());
+        let expected = (std::f64::consts::PI).sqrt() / 2.0 * ground::math::erf(half) / half;
+        assert!((f64::from(found[0].power) / expected - 1.0).abs() < 1e-3, "{found:?} {expected}");
+    }
+
+    /// The search and Newton's method alone find the same in a signal of one maximum.
+    #[test]
+    fn sampling_finds_what_newton_finds() {
+        let parts = [(10.0, 0.3), (10.2, 0.9), (10.35, 0.2), (10.6, 0.4)].map(|(range, power)| Pulselet {
+            range,
+            power,
+            source: 0,
+        });
+        let mut waveform = waveform(sigma());
+        let mut sampled = Vec::new();
+        waveform.search(&parts, &mut sampled);
+        assert_eq!(sampled.len(), 1);
+        let peak = waveform.refine(&parts, 10.3);
+        assert!((sampled[0].range - peak.range).abs() < 3e-5 && (sampled[0].power / peak.power - 1.0).abs() < 1e-5);
+    }
+
+    /// Narrow signals side by side give the same as one by one.
+    #[test]
+    fn lanes_find_what_one_signal_finds() {
+        let waveform = waveform(sigma());
+        let count = 19;
+        let part = |lane: usize, i: usize| {
+            let turn = (lane * 31 + i * 17) as f32;
+            let span = Waveform::NARROW * waveform.sigma() * lane as f32 / LANES as f32;
+            [20.0 + span * (0.5 + 0.5 * turn.sin()), 1.0 + 0.9 * (turn * 1.7).cos()]
+        };
+        let column = |which: usize| -> Vec<[f32; LANES]> {
+            (0..count).map(|i| std::array::from_fn(|lane| part(lane, i)[which])).collect()
+        };
+        let (ranges, powers) = (column(0), column(1));
+        let all = |lane: usize| (0..count).map(move |i| part(lane, i));
+        let mut power: [f32; LANES] = std::array::from_fn(|lane| all(lane).map(|[_, power]| power).sum());
+        let mut range =
+            std::array::from_fn(|lane| all(lane).map(|[range, power]| range * power).sum::<f32>() / power[lane]);
+        let signals = ranges.iter().zip(&powers).map(|(ranges, powers)| [ranges, powers]);
+        waveform.refine_narrow(signals, [&mut range, &mut power]);
+        for lane in 0..LANES {
+            let parts: Vec<[f32; 2]> = all(lane).collect();
+            let expected = peaks(&parts)[0];
+            assert!((range[lane] - expected.range).abs() < 2e-4 * waveform.sigma(), "{lane}: {}", range[lane]);
+            assert!((power[lane] / expected.power - 1.0).abs() < 1e-5, "{lane}");
+        }
+    }
+
+    /// A thousand parts over a kilometre: no more echoes than parts, in order.
+    #[test]
+    fn long_signals_are_searched_in_pieces() {
+        let parts: Vec<[f32; 2]> = (0..1000).map(|i| [1.0 + i as f32 * 1.7, 1.0]).collect();
+        let found = peaks(&parts);
+        assert_eq!(found.len(), 1000);
+        assert!(found.windows(2).all(|pair| pair[0].range < pair[1].range));
+    }
+}

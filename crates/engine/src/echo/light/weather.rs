@@ -1,0 +1,581 @@
+//! How weather affects the beams of one scan: it dims what is behind it, and returns echoes of its own.
+
+use super::particles::{Cone, Detectable};
+use super::pulse::{FaceEcho, Pulse};
+use crate::medium::{Extent, Medium, Weather};
+use echocast_kernels::light;
+use echocast_kernels::math::exp_negative;
+use glam::Vec3;
+use ground::cause::Cause;
+use ground::lanes::{LANES, RayBatch};
+use ground::rng::{Draw, Rng};
+use std::f64::consts::PI;
+
+/// Most particles drawn for one beam and medium.
+const MOST_PARTICLES: u32 = 64;
+
+/// One number in 30,000 is beyond this many standard deviations.
+const MOST_SIGMAS: f32 = 4.0;
+
+/// `<r^4> / <r^2>` of the radii of droplets, m^2: the fluctuation of an echo of many particles at random positions is
+/// `sqrt(<r^4> / <r^2>^2 / N)`, N = their mean number in the pulse. That of strong and moderate advection fog (17 and
+/// 22 um squared; a gamma distribution has `(a + 4) (a + 3) r_mode^2 / a^2`), used for all droplets and dust.
+const GRAIN_M2: f64 = 20e-6 * 20e-6;
+
+/// What determines how weather affects an instrument.
+#[derive(Clone, Debug)]
+pub(crate) struct ReceiverOptics {
+    pub pulse: Pulse,
+    /// Range below which the receiver does not see its own beam, and range from which it sees all of it, m.
+    pub overlap: [f64; 2],
+    /// Range at which half of the light that reaches the aperture falls onto the detector, m; 0: all of it at any
+    /// range.
+    pub near_range: f64,
+    /// Whether it mixes the echo with its own light, so that the echoes of many particles interfere.
+    pub coherent: bool,
+    pub cone: Cone,
+    /// Least light that it ever detects, and its noise, where they are known, as `rho_eff / R^2` in 1/m^2.
+    pub least_power: Option<f64>,
+    pub noise_power: Option<f64>,
+    /// Whether detection itself draws the noise, so that echoes do not vary with it.
+    pub detects_in_noise: bool,
+    pub range_min: f64,
+    pub range_max: f64,
+}
+
+impl ReceiverOptics {
+    /// Fraction of the light from `range` m that the receiver uses, 0..1: what it sees of the beam, and what falls onto
+    /// the detector. Optics with the aperture D that are focused far away image a near point as a disc; seen from the
+    /// aperture it is `D / R` wide, of which the detector covers its field of view `theta`: `(theta R / D)^2` when
+    /// near, all when far, `1 / (1 + (R0 / R)^2)` with `R0 = D / theta` in between (near-range effect: Hoefle and
+    /// Pfeifer 2007; telescope effect: Fang et al. 2014).
+    ///
+    /// It dims only the air: surfaces that near are far above every threshold, and calibrated intensities compensate
+    /// for it.
+    fn sees(&self, range: f64) -> f64 {
+        let [from, to] = self.overlap;
+        let overlap = if range >= to { 1.0 } else { ((range - from) / (to - from)).max(0.0) };
+        overlap * range * range / self.spread(range)
+    }
+
+    /// Light falls with range as one over this, m^2, where the receiver sees all of its beam.
+    fn spread(&self, range: f64) -> f64 {
+        (range * range + self.near_range * self.near_range).max(1e-12)
+    }
+
+    /// How an echo from `range` m with the mean `power`, 1/m^2, of droplets with an `extinction`, 1/m, varies from beam
+    /// to beam: with their number and sizes, `GRAIN_M2`, where each has an extinction cross-section of 2 pi r^2, and
+    /// with the receiver's noise. A coherent receiver has speckle in addition; with a laser diode, whose light is
+    /// coherent over less than a millimetre, it averages out over thousands of speckles in a pulse.
+    fn fluctuation(&self, extinction: f64, range: f64, power: f64) -> Fluctuation {
+        let volume = PI / 4.0 * self.cone.square(range) * self.pulse.width;
+        let droplets = (2.0 * PI * GRAIN_M2 / (extinction * volume).max(1e-30)).min(1.0).sqrt();
+        let noise = self.noise_power.map_or(0.0, |noise| noise / power.max(1e-30));
+        let speckle = if self.coherent { 1.0 } else { 0.0 };
+        Fluctuation {
+            strength: if self.detects_in_noise { droplets } else { (droplets * droplets + noise * noise).sqrt() }
+                as f32,
+            all: (droplets * droplets + noise * noise + speckle).sqrt(),
+        }
+    }
+}
+
+/// How a soft echo varies from beam to beam: standard deviations relative to its mean strength.
+struct Fluctuation {
+    /// Of its strength, without speckle and without noise that detection already includes.
+    strength: f32,
+    /// Of all contributions together.
+    all: f64,
+}
+
+/// A soft echo of all beams that reach beyond it, slightly different for each.
+#[derive(Clone, Copy, Debug)]
+struct SoftEcho {
+    /// Mean range, m.
+    range: f32,
+    /// Mean strength, as `rho_eff / R^2` in 1/m^2.
+    power: f32,
+    cause: Cause,
+    /// Range at which its medium begins, m.
+    from: f32,
+    /// Relative standard deviation of its strength.
+    fluctuation: f32,
+    /// Standard deviation of its range, m.
+    wandering: f32,
+}
+
+/// An echo of the air.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AirEcho {
+    /// Range, m.
+    pub range: f32,
+    /// Its strength, as the effective reflectance of a surface there that fills the beam.
+    pub rho_eff: f32,
+}
+
+/// A sink for the echoes of the air.
+pub(crate) trait AirEchoes {
+    /// Range at which surfaces end `lane`'s view of the air, m.
+    fn end(&self, lane: usize) -> f32;
+
+    /// Light, as `rho_eff / R^2` in 1/m^2, that an echo of `lane` must exceed to matter; infinite where none does.
+    fn least(&self, lane: usize) -> f32;
+
+    /// Takes `echo`; returns whether the instrument detects it.
+    fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool;
+}
+
+/// In which order the particles in a beam are drawn, so that those that do not matter need not be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum ParticleOrder {
+    /// The strongest first.
+    Strength,
+    /// The nearest first.
+    Range,
+    /// The nearest first, until one is detected.
+    FirstOnly,
+}
+
+/// A medium with an extent in the world.
+#[derive(Debug)]
+struct MediumInPlace {
+    extent: Extent,
+    extinction: f32,
+    backscatter: f32,
+    cause: Cause,
+    /// Distance of the peak behind a face in [`Air::near`], m, and its height `J`, 1/m.
+    near: [[f32; 2]; NEAR],
+}
+
+/// Number of faces in a table of those near the sensor.
+const NEAR: usize = 9;
+
+/// Drops or flakes.
+#[derive(Debug)]
+struct Flying {
+    extent: Extent,
+    cause: Cause,
+    draw: Draw,
+    /// First sub-ray number of its draws.
+    address: u32,
+    seen: Detectable,
+    /// Probability that a beam hits one or more.
+    some: f32,
+}
+
+/// Weather prepared for scans.
+#[derive(Debug)]
+pub(crate) struct Air {
+    weather: Weather,
+    around: Vec<SoftEcho>,
+    placed: Vec<MediumInPlace>,
+    flying: Vec<Flying>,
+    receiver: ReceiverOptics,
+    order: ParticleOrder,
+    /// Least and greatest range of faces too near to be treated as distant, m.
+    near: [f64; 2],
+}
+
+impl Air {
+    /// None if there is nothing in the air. `has_echoes`: whether to find echoes of the air.
+    pub fn new(weather: Weather, receiver: ReceiverOptics, order: ParticleOrder, has_echoes: bool) -> Option<Air> {
+        if weather.media.is_empty() {
+            return None;
+        }
+        let [from, to] = receiver.overlap;
+        let near = [from.max(1e-2), to + 4.0 * receiver.pulse.width];
+        let (around, placed, flying) = Default::default();
+        let mut air = Air { weather, around, placed, flying, receiver, order, near };
+        if has_echoes {
+            air.find_echoes();
+        }
+        Some(air)
+    }
+
+    fn find_echoes(&mut self) {
+        let receiver = self.receiver.clone();
+        let ReceiverOptics { pulse, cone, range_max, .. } = receiver;
+        let transmittance = |range: f64| (-2.0 * self.weather.depth_around_the_sensor(range)).exp();
+        let farthest = range_max.min(1e4);
+        // Media that are everywhere return one echo; the strongest of them is its cause.
+        let everywhere = || self.weather.media.iter().filter(|medium| matches!(medium.extent, Extent::Everywhere));
+        let strongest = everywhere().max_by(|a, b| a.backscatter.total_cmp(&b.backscatter)).map(|medium| medium.cause);
+        let together = everywhere()
+            .filter(|medium| medium.backscatter > 0.0)
+            .fold([0.0; 2], |sum, medium| [sum[0] + medium.extinction, sum[1] + medium.backscatter]);
+        let around = (strongest.map(|cause| ([receiver.overlap[0], farthest], together, cause)).into_iter()).chain(
+            self.weather.media.iter().filter_map(|medium| match medium.extent {
+                Extent::Shell { start, end } => {
+                    let both = [medium.extinction, medium.backscatter];
+                    Some(([start.into(), f64::from(end).min(farthest)], both, medium.cause))
+                }
+                _ => None,
+            }),
+        );
+        for ([from, to], [extinction, backscatter], cause) in around {
+            if backscatter > 0.0 && pulse.width > 0.0 && from < to {
+                let density = |r: f64| receiver.sees(r) * transmittance(r) / (r * r).max(1e-12);
+                let falls_from = from.max(receiver.overlap[1]);
+                let peak = pulse.peak([from, to], falls_from, density);
+                let power = PI * backscatter * peak.height;
+                let Fluctuation { strength, all } = receiver.fluctuation(extinction, peak.range, power);
+                self.around.push(SoftEcho {
+                    range: peak.range as f32,
+                    power: power as f32,
+                    cause,
+                    from: from as f32,
+                    fluctuation: strength,
+                    wandering: peak.wandering(all, pulse.sigma()) as f32,
+                });
+            }
+        }
+        for medium in &self.weather.media {
+            if medium.backscatter > 0.0 && pulse.width > 0.0 && !medium.extent.is_around_the_sensor() {
+                let [first, last] = self.near;
+                let near = std::array::from_fn(|row| {
+                    let from = first + (last - first) * row as f64 / (NEAR - 1) as f64;
+                    let density = |r: f64| receiver.sees(r) * (-2.0 * medium.extinction * (r - from)).exp() / (r * r);
+                    let peak = pulse.peak([from, from + 1e3], from.max(receiver.overlap[1]), density);
+                    [(peak.range - from) as f32, peak.height as f32]
+                });
+                self.placed.push(MediumInPlace {
+                    extent: medium.extent,
+                    extinction: medium.extinction as f32,
+                    backscatter: medium.backscatter as f32,
+                    cause: medium.cause,
+                    near,
+                });
+            }
+            // Without a threshold every particle would be detected, and the nearest would hide everything else.
+            let (Some(particles), Some(k)) = (&medium.particles, receiver.least_power) else { continue };
+            let [from, to] = match medium.extent {
+                Extent::Shell { start, end } => [start.into(), f64::from(end).min(farthest)],
+                _ => [0.0, farthest],
+            };
+            let from = from.max(receiver.overlap[0]).max(receiver.range_min);
+            if from < to {
+                let gain = |range: f64| receiver.sees(range) * transmittance(range);
+                let seen = Detectable::new(particles, cone, [from, to], gain, k);
+                let draw = if medium.cause == Cause::Snow { Draw::Flakes } else { Draw::Drops };
+                // Counted within the kind, so that other weather does not shift it.
+                let before = self.flying.iter().filter(|flying| flying.draw == draw).count();
+                let address = before as u32 * MOST_PARTICLES;
+                let some = 1.0 - (-seen.mean()).exp();
+                self.flying.push(Flying { extent: medium.extent, cause: medium.cause, draw, address, seen, some });
+            }
+        }
+    }
+
+    /// Whether beams may have echoes where there is no surface.
+    pub(crate) fn has_echoes(&self) -> bool {
+        !(self.around.is_empty() && self.placed.is_empty() && self.flying.is_empty())
+    }
+
+    /// Standard deviation of ranges relative to range, due to rain.
+    pub(crate) fn range_noise(&self) -> f32 {
+        self.weather.range_noise
+    }
+
+    /// Optical depth, one way, of `length` m from `origin` on; `travelled`: the beam's path up to there, m.
+    pub fn depth(&self, origin: Vec3, direction: Vec3, travelled: f32, length: f32) -> f32 {
+        self.weather.media.iter().map(|medium| medium.depth(origin, direction, travelled, length)).sum()
+    }
+
+    /// Optical depth, one way, of the first `length` m of a beam in media with an extent in the world.
+    fn depth_in_places(&self, origin: Vec3, direction: Vec3, length: f32) -> f32 {
+        let placed = self.weather.media.iter().filter(|medium| !medium.extent.is_around_the_sensor());
+        placed.map(|medium| medium.depth(origin, direction, 0.0, length)).sum()
+    }
+
+    /// Two-way transmittance of the first `length` m of the first `count` rays, which start at the sensor.
+    pub fn dim(&self, rays: &RayBatch, length: &[f32; LANES], count: usize, two_way: &mut [f32; LANES]) {
+        self.depths(rays, length, count, two_way);
+        light::transmit(two_way);
+    }
+
+    /// Optical depth, one way, of the first `length` m of the first `count` rays, which start at the sensor.
+    fn depths(&self, rays: &RayBatch, length: &[f32; LANES], count: usize, depth: &mut [f32; LANES]) {
+        depth.fill(0.0);
+        for medium in &self.weather.media {
+            let extinction = medium.extinction as f32;
+            match medium.extent {
+                Extent::Everywhere => light::add_depth_all_over(extinction, length, depth),
+                Extent::Shell { start, end } => light::add_depth(extinction, start, end, length, depth),
+                _ => {
+                    let [from, to] = intervals(&medium.extent, rays, length, count);
+                    light::add_depth_between(extinction, &from, &to, depth);
+                }
+            }
+        }
+    }
+
+    /// Passes the echoes of the air along `rays`, one ray for each of `beams`, to `echoes`.
+    pub fn echoes(&self, rays: &RayBatch, rng: &Rng, beams: &[u32], echoes: &mut impl AirEchoes) {
+        let count = beams.len();
+        let merging = self.receiver.pulse.merging_distance() as f32;
+        let least_power = self.receiver.least_power.unwrap_or(0.0) as f32;
+        for (index, soft) in self.around.iter().enumerate() {
+            if soft.power * (1.0 + MOST_SIGMAS * soft.fluctuation) * self.most_speckle() < least_power {
+                continue;
+            }
+            let [stronger, farther, speckle] = self.differ(rng, beams, index);
+            for lane in 0..count {
+                // Never from in front of the medium.
+                let range = soft.from + (soft.range + soft.wandering * farther[lane] - soft.from).abs();
+                let strength = speckle[lane] * (1.0 + soft.fluctuation * stronger[lane]);
+                let rho_eff = soft.power * strength * range * range;
+                // A surface within the pulse hides it, and nothing is seen behind a surface.
+                if rho_eff > 0.0 && range + merging <= echoes.end(lane) {
+                    echoes.take(lane, AirEcho { range, rho_eff }, soft.cause);
+                }
+            }
+        }
+        if !self.placed.is_empty() {
+            self.echoes_of_places(rays, rng, beams, echoes);
+        }
+        for flying in &self.flying {
+            let mut chance = [0.0; LANES];
+            rng.uniforms(beams, &[flying.address; LANES][..count], flying.draw, &mut chance[..count]);
+            for lane in 0..count {
+                if chance[lane] < flying.some {
+                    self.echoes_of_particles(flying, rays, rng, beams[lane], lane, chance[lane], echoes);
+                }
+            }
+        }
+    }
+
+    /// A surface at `range` m whose reflectivity is `rho_eff` and must exceed `limit`, as computed by the paper's
+    /// program: the reflectivity that it tests, and the range and intensity of a dust cloud that it reports instead. It
+    /// adds for rain where it should multiply, and compares the backscatter of dust with a reflectivity.
+    pub(crate) fn as_the_program(&self, range: f32, rho_eff: f32, limit: f32) -> (f32, Option<(f32, f32)>) {
+        let depth = |medium: &Medium, length: f32| 2.0 * medium.extinction as f32 * length;
+        let rain = |medium: &&Medium| medium.cause == Cause::Rain;
+        let wet: f32 = self.weather.media.iter().filter(rain).map(|medium| depth(medium, range)).sum();
+        let left = rho_eff + exp_negative(wet) - 1.0;
+        let mut dry = 0.0;
+        for medium in self.weather.media.iter().filter(|medium| !rain(medium)) {
+            match medium.extent {
+                Extent::Shell { start, end } if range >= start => {
+                    if medium.cause == Cause::Dust && medium.backscatter as f32 > limit {
+                        return (left, Some((start, medium.backscatter as f32)));
+                    }
+                    dry += depth(medium, range.min(end) - start);
+                }
+                Extent::Everywhere => dry += depth(medium, range),
+                // The program has no other regions.
+                _ => {}
+            }
+        }
+        (left * exp_negative(dry), None)
+    }
+
+    /// How soft echo `index` of each of `beams` differs from its mean: two standard normal numbers, for its strength
+    /// and its range, and its speckle, with mean 1.
+    fn differ(&self, rng: &Rng, beams: &[u32], index: usize) -> [[f32; LANES]; 3] {
+        let count = beams.len();
+        let [mut stronger, mut farther, mut speckle] = [[0.0; LANES], [0.0; LANES], [1.0; LANES]];
+        let address = |number: u32| [2 * index as u32 + number; LANES];
+        rng.normal_pairs(beams, &address(0)[..count], Draw::SoftEcho, &mut stronger[..count], &mut farther[..count]);
+        if self.receiver.coherent {
+            // The sum of many echoes of random phases.
+            rng.uniforms(beams, &address(1)[..count], Draw::SoftEcho, &mut speckle[..count]);
+            speckle[..count].iter_mut().for_each(|chance| *chance = exponential(*chance));
+        }
+        [stronger, farther, speckle]
+    }
+
+    /// Ratio to the mean that one speckle in 30,000 exceeds.
+    fn most_speckle(&self) -> f32 {
+        if self.receiver.coherent { 10.3 } else { 1.0 }
+    }
+
+    /// Echoes of the faces of media with an extent in the world.
+    fn echoes_of_places(&self, rays: &RayBatch, rng: &Rng, beams: &[u32], echoes: &mut impl AirEchoes) {
+        let count = beams.len();
+        let face = FaceEcho::get();
+        let sigma = self.receiver.pulse.sigma() as f32;
+        let merging = self.receiver.pulse.merging_distance() as f32;
+        let [first, last] = self.near.map(|range| range as f32);
+        let near_range_2 = (self.receiver.near_range * self.receiver.near_range) as f32;
+        let mut end = [0.0; LANES];
+        for lane in 0..count {
+            end[lane] = echoes.end(lane);
+        }
+        for (index, medium) in self.placed.iter().enumerate() {
+            let [mut from, to] = intervals(&medium.extent, rays, &end, count);
+            let mut enter = false;
+            for lane in 0..LANES {
+                from[lane] = from[lane].max(first);
+                enter |= from[lane] < to[lane];
+            }
+            if !enter {
+                continue;
+            }
+            // How far behind the face the peak is, and its height.
+            let (mut behind, mut height) = ([0.0; LANES], [0.0; LANES]);
+            for lane in 0..count {
+                let from = from[lane];
+                if from >= to[lane] {
+                    continue;
+                }
+                [behind[lane], height[lane]] = if from < last {
+                    let place = (from - first) / (last - first) * (NEAR - 1) as f32;
+                    let row = (place as usize).min(NEAR - 2);
+                    let part = place - row as f32;
+                    std::array::from_fn(|k| {
+                        medium.near[row][k] + (medium.near[row + 1][k] - medium.near[row][k]) * part
+                    })
+                } else {
+                    let spread = from * from + near_range_2;
+                    let [behind, height] = face.peak((2.0 * medium.extinction + 2.0 * from / spread) * sigma);
+                    [behind * sigma, height * sigma / spread]
+                };
+            }
+            let (mut range, mut rho_eff, mut depth) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+            self.depths(rays, &from, count, &mut depth);
+            for lane in 0..LANES {
+                let length = to[lane] - from[lane];
+                // A layer thinner than the pulse returns an echo from its middle, in proportion to its thickness.
+                range[lane] = from[lane] + behind[lane].min(0.5 * length);
+                let full = height[lane] * range[lane] * range[lane];
+                let seen = full * (1.0 - exp_negative((length / full).max(0.0)));
+                rho_eff[lane] = PI as f32 * medium.backscatter * seen * exp_negative(2.0 * depth[lane]);
+            }
+            // The face is sharp, so the range of an echo fluctuates as much as its strength, in sigmas of the pulse.
+            let [stronger, farther, speckle] = self.differ(rng, beams, self.around.len() + index);
+            for lane in 0..count {
+                if height[lane] <= 0.0 || range[lane] + merging > end[lane] {
+                    continue;
+                }
+                let power = f64::from(rho_eff[lane] / (range[lane] * range[lane]));
+                let Fluctuation { strength, all } =
+                    self.receiver.fluctuation(medium.extinction.into(), range[lane].into(), power);
+                // Not far in front of the face.
+                let most = behind[lane].abs();
+                let wandering = ((all as f32).min(1.0) * sigma * farther[lane]).max(-most).min(most);
+                let rho_eff = rho_eff[lane] * speckle[lane] * (1.0 + strength * stronger[lane]);
+                let range = range[lane] + wandering;
+                if rho_eff > 0.0 && range + merging <= end[lane] {
+                    echoes.take(lane, AirEcho { range, rho_eff }, medium.cause);
+                }
+            }
+        }
+    }
+
+    /// Echoes of the particles in one beam.
+    #[inline(never)]
+    #[expect(clippy::too_many_arguments, reason = "one beam's share of a block")]
+    fn echoes_of_particles(
+        &self,
+        flying: &Flying,
+        rays: &RayBatch,
+        rng: &Rng,
+        beam: u32,
+        lane: usize,
+        chance: f32,
+        echoes: &mut impl AirEchoes,
+    ) {
+        let (org, dir) = (rays.origin(lane), rays.direction(lane));
+        let (from, to) = flying.extent.interval(org, dir, 0.0, echoes.end(lane));
+        let by_range = self.order != ParticleOrder::Strength;
+        // Mean number up to this particle.
+        let mut number = exponential(chance);
+        for particle in 1..MOST_PARTICLES {
+            if number >= flying.seen.mean() {
+                break;
+            }
+            // In order of strength all subsequent ones are weaker.
+            let strength = if by_range { f32::MAX } else { flying.seen.strongest(number) };
+            if strength <= echoes.least(lane) {
+                break;
+            }
+            let [place, next, ..] = rng.four(beam, flying.draw, flying.address + particle);
+            let mut echo = if by_range {
+                let range = flying.seen.nearest(number);
+                AirEcho { range, rho_eff: flying.seen.brightness(range, place) }
+            } else {
+                let range = flying.seen.place(strength, place);
+                AirEcho { range, rho_eff: strength * range * range }
+            };
+            // Weather with an extent in the world is not in the table: it removes some of the particles again.
+            echo.rho_eff *= exp_negative(2.0 * self.depth_in_places(org, dir, echo.range));
+            if by_range && echo.range >= to {
+                break;
+            }
+            if (from..to).contains(&echo.range)
+                && echoes.take(lane, echo, flying.cause)
+                && self.order == ParticleOrder::FirstOnly
+            {
+                break;
+            }
+            number += exponential(next);
+        }
+    }
+}
+
+/// [`Extent::interval`] of each of the first `count` rays, which start at the sensor, up to its `length` m; boxes side
+/// by side.
+fn intervals(extent: &Extent, rays: &RayBatch, length: &[f32; LANES], count: usize) -> [[f32; LANES]; 2] {
+    let (mut from, mut to) = ([0.0f32; LANES], *length);
+    if let Extent::Box { min, max } = extent {
+        let (org, dir) = ([&rays.org_x, &rays.org_y, &rays.org_z], [&rays.dir_x, &rays.dir_y, &rays.dir_z]);
+        light::cross_box(min.to_array(), max.to_array(), org, dir, &mut from, &mut to);
+    } else {
+        for lane in 0..count {
+            (from[lane], to[lane]) = extent.interval(rays.origin(lane), rays.direction(lane), 0.0, length[lane]);
+        }
+    }
+    [from, to]
+}
+
+/// An exponential number of mean 1 from one in [0, 1).
+fn exponential(uniform: f32) -> f32 {
+    -(1.0 - uniform).ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Boxes side by side give the same as one by one: inside, outside and along their faces.
+    #[test]
+    fn boxes_are_intersected_side_by_side() {
+        let extent = Extent::Box { min: Vec3::new(1.0, -2.0, 0.5), max: Vec3::new(4.0, 3.0, 2.0) };
+        let mut rays = RayBatch::default();
+        let length = std::array::from_fn(|lane| [3.0, f32::INFINITY][lane % 2]);
+        for lane in 0..LANES {
+            let turn = lane as f32 * 0.77;
+            rays.org_x[lane] = if lane % 16 == 1 { 4.0 } else { 5.0 * turn.sin() };
+            (rays.org_y[lane], rays.org_z[lane]) = (4.0 * (1.3 * turn).cos(), 1.0 + (2.1 * turn).sin());
+            let direction = match lane % 8 {
+                0 => Vec3::X,
+                1 => -Vec3::Y,
+                2 => Vec3::new(0.6, 0.0, -0.8),
+                _ => Vec3::new(turn.cos(), (3.0 * turn).sin(), (0.7 * turn).cos()).normalize(),
+            };
+            (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = direction.into();
+        }
+        let [from, to] = intervals(&extent, &rays, &length, LANES);
+        let mut within = 0;
+        for lane in 0..LANES {
+            let (near, far) = extent.interval(rays.origin(lane), rays.direction(lane), 0.0, length[lane]);
+            assert_eq!(from[lane] < to[lane], near < far, "{lane}");
+            if near < far {
+                within += 1;
+                assert!((from[lane] - near).abs() < 1e-5 && (to[lane] - far).abs() < 1e-5, "{lane}");
+            }
+        }
+        assert!((20..236).contains(&within), "{within}");
+    }
+
+    #[test]
+    fn the_exponential_follows_its_function() {
+        for i in 0..100_000 {
+            let x = i as f32 * 1e-3;
+            let (found, expected) = (f64::from(exp_negative(x)), (-f64::from(x)).exp());
+            let close = (found / expected - 1.0).abs() < 3e-7 || (x >= 87.0 && found == 0.0);
+            assert!(close, "{x}: {found} {expected}");
+        }
+        assert_eq!(exp_negative(f32::INFINITY), 0.0);
+    }
+}

@@ -1,0 +1,17 @@
+//! From hits to echoes: how much light or sound returns.
+
+mod light;
+pub mod sound;
+
+pub(crate) use light::{
+    Air, AirArrivals, AirEcho, AirEchoes, Arrivals, Batch, BeamRays, Cone, Contribution, Follower, Glint,
+    IntensityModel, MOST_FREQUENCIES, Meeting, MirrorImage, Modulation, OFF_SURFACE, ParticleOrder, PathArrivals,
+    PathEcho, PathEchoes, PathLimits, Peak, PlainEchoes, Provenance, Pulse, Pulselet, ReceiverOptics,
+    RequestedQuantities, Share, ShotNoise, Surroundings, Waveform, natural_vignetting, strongest_contributor, turns,
+};
+pub use light::{IntensityEncoding, PulseShape};
+pub use sound::Taper;
+pub(crate) use sound::{
+    Background, Coupling, Drift, Echoes, Flanks, Insonification, LevelMemory, NO_CONTRIBUTOR, NO_RAY, PingEcho,
+    Response, Scatterers, Tile, TileQuantities, TubeShare, grid, has_coherent_echo, texture,
+};
