@@ -18,6 +18,17 @@ pub enum Profile {
 named! { Profile: Physical "physical", Paper "paper", Blainder "blainder" }
 
 impl Profile {
+    /// The one of three values that is for this profile: `physical`, that of the equations as `printed`, and that of the
+    /// `program`.
+    #[doc(hidden)]
+    pub fn choose<T>(self, physical: T, printed: T, program: T) -> T {
+        match self {
+            Profile::Physical => physical,
+            Profile::Paper => printed,
+            Profile::Blainder => program,
+        }
+    }
+
     /// Whether the paper's equations replace ours: rain, glass by lengths, no instrument that sees its own reflection,
     /// no depth camera.
     #[doc(hidden)]

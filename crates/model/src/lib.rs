@@ -19,7 +19,6 @@ use ground::named;
 use ground::pose::Pose;
 use ground::report::Report;
 use serde::Deserialize;
-use std::path::Path;
 use std::sync::Arc;
 
 /// Largest magnitude of an accepted coordinate, in files and in the world: well inside `f32`, so that no later step
@@ -28,12 +27,6 @@ pub const LARGEST: f64 = 1e18;
 
 /// The file name extensions of scenes, lower case, without the dot.
 pub const ENDINGS: &[&str] = &["glb", "gltf", "obj", "ply", "stl", "fbx"];
-
-/// Whether `path` has the extension of a scene file, whether or not this build reads it.
-pub fn is_scene(path: &Path) -> bool {
-    let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase();
-    ENDINGS.contains(&&*ending)
-}
 
 /// Which axis of a file points up, for formats that do not specify it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]

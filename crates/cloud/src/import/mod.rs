@@ -29,7 +29,6 @@ use ground::error::{Error, Result};
 use ground::read::{self, Limit};
 use ground::report::Report;
 use ground::shown;
-use model::is_scene;
 use std::fs::File;
 use std::io::{self, BufReader, ErrorKind, Read as _, Seek as _, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -201,7 +200,7 @@ pub fn is_cloud(path: &Path) -> Result<bool> {
     match open(path) {
         Ok((source, Some(reader))) if reader.name == "ply" => ply::has_faces(&source).map(|faces| !faces),
         // Comments of scenes may look like a header.
-        Ok((_, Some(reader))) if reader.name == "csv" => Ok(!is_scene(path)),
+        Ok((_, Some(reader))) if reader.name == "csv" => Ok(!model::ENDINGS.contains(&&*ending)),
         Ok((_, reader)) => Ok(named || reader.is_some()),
         Err(error) if named => Err(error),
         // The reader of scenes reports it.

@@ -41,11 +41,7 @@ pub enum Mirrors {
 impl Mirrors {
     /// What mirrors absorb in scans of `profile`.
     pub fn of(profile: Profile) -> Mirrors {
-        match (profile.is_paper(), profile.is_program()) {
-            (false, _) => Mirrors::Real,
-            (true, false) => Mirrors::Lossless,
-            (true, true) => Mirrors::PaperProgram,
-        }
+        profile.choose(Mirrors::Real, Mirrors::Lossless, Mirrors::PaperProgram)
     }
 }
 

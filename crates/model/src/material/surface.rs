@@ -25,11 +25,7 @@ impl ReflectanceSource {
     /// What a scan in `profile` uses by default.
     #[doc(hidden)]
     pub fn of(profile: Profile) -> ReflectanceSource {
-        match (profile.is_paper(), profile.is_program()) {
-            (false, _) => ReflectanceSource::Library,
-            (true, false) => ReflectanceSource::Luminance,
-            (true, true) => ReflectanceSource::Alpha,
-        }
+        profile.choose(ReflectanceSource::Library, ReflectanceSource::Luminance, ReflectanceSource::Alpha)
     }
 }
 

@@ -49,11 +49,11 @@ pub(crate) enum IntensityModel {
 impl IntensityModel {
     /// That of a scan in `profile` with an instrument that encodes it so; the count of a white surface in 8 bits.
     pub fn new(profile: Profile, encoding: IntensityEncoding, white_count: f32) -> IntensityModel {
-        match (profile.is_paper(), profile.is_program()) {
-            (false, _) => IntensityModel::Encoded(encoding, white_count),
-            (true, false) => IntensityModel::PaperEq5,
-            (true, true) => IntensityModel::Blainder,
-        }
+        profile.choose(
+            IntensityModel::Encoded(encoding, white_count),
+            IntensityModel::PaperEq5,
+            IntensityModel::Blainder,
+        )
     }
 
     /// As [`IntensityEncoding::full_scale`].

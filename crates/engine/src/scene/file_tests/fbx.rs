@@ -1,8 +1,7 @@
 use super::*;
-use crate::scene::{LoadOptions, Object, Scene, UpAxis};
+use crate::scene::{LoadOptions, UpAxis};
 use glam::{DAffine3, Vec3};
 use model::material::{Alpha, Reflectance, Wrap};
-use model::motion::Pull;
 use std::fs;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -157,21 +156,7 @@ fn corners(scene: &Scene, object: usize) -> Vec<[f64; 3]> {
 
 /// World positions of the vertices of `object` at `time`.
 fn at(scene: &Scene, object: &Object, time: f64) -> Vec<DVec3> {
-    let motion = object.motion.as_ref();
-    let place = motion.map_or(object.world_from_object, |motion| {
-        scene.timeline.world_from_node(motion.node, time) * motion.node_from_object
-    });
-    let shape = motion.and_then(|motion| motion.shape.as_ref());
-    let mut all = Vec::new();
-    for (number, part) in object.mesh.parts.iter().enumerate() {
-        let mut positions = part.positions.to_vec();
-        if let Some(shape) = shape {
-            let Pull { weights, palette } = shape.pull(&scene.timeline, time, &place);
-            shape.vertices.parts[number].pose(&weights, &palette, &mut positions);
-        }
-        all.extend(positions.iter().map(|&p| place.transform_point3(Vec3::from(p).as_dvec3())));
-    }
-    all
+    (0..object.mesh.parts.len()).flat_map(|part| vertices_at(scene, object, part, time)).collect()
 }
 
 /// World positions of the vertices of every mesh at `time` as the library itself evaluates them, by node, depth first.

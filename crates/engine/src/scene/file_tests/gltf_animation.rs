@@ -1,7 +1,8 @@
 //! Tests with animated files.
 
 use super::gltf::{Edit, F32, File, close, load_with, only_warning, push, world_vertex};
-use crate::scene::{LoadOptions, Object, Scene};
+use super::vertices_at;
+use crate::scene::{LoadOptions, Scene};
 use glam::{DAffine3, DQuat, DVec3};
 use model::material::Reflectance;
 use model::motion::{Deformation, Pull};
@@ -106,20 +107,6 @@ impl File {
     fn with(&self, options: &LoadOptions) -> Scene {
         load_with(&self.bytes(), options).unwrap()
     }
-}
-
-/// World positions of the vertices of a part of an object at `time`.
-fn vertices_at(scene: &Scene, object: &Object, part: usize, time: f64) -> Vec<DVec3> {
-    let mut positions = object.mesh.parts[part].positions.to_vec();
-    let mut world_from_object = object.world_from_object;
-    if let Some(motion) = &object.motion {
-        world_from_object = scene.timeline.world_from_node(motion.node, time) * motion.node_from_object;
-        if let Some(shape) = &motion.shape {
-            let Pull { weights, palette } = shape.pull(&scene.timeline, time, &world_from_object);
-            shape.vertices.parts[part].pose(&weights, &palette, &mut positions);
-        }
-    }
-    positions.iter().map(|p| world_from_object.transform_point3(DVec3::from(p.map(f64::from)))).collect()
 }
 
 fn vertex_at(scene: &Scene, vertex: usize, time: f64) -> DVec3 {
