@@ -15,6 +15,7 @@ mod stl;
 
 use glam::{DAffine3, DVec3};
 use ground::error::{Error, Result};
+use ground::read;
 use ground::shown;
 use model::material::TextureBudget;
 use model::{RawScene, UpAxis};
@@ -68,9 +69,7 @@ impl SceneFormat {
     /// Whether the name of `path` has one of its extensions, in upper or lower case.
     #[doc(hidden)]
     pub fn reads(&self, path: &Path) -> bool {
-        path.extension()
-            .and_then(|e| e.to_str())
-            .is_some_and(|e| self.extensions.contains(&e.to_ascii_lowercase().as_str()))
+        self.extensions.contains(&&*read::ending(path))
     }
 }
 

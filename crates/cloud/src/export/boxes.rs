@@ -1,8 +1,8 @@
 //! Boxes around instances: as separate JSON and CSV files, and as columns of files of arrays.
 
-use super::ending;
 use crate::{Column, InstanceBox};
 use ground::error::{Error, Result};
+use ground::read::ending;
 use ground::shown;
 use ground::write::{self, Pending, failed};
 use model::Labels;

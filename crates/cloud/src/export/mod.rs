@@ -42,6 +42,7 @@ use crate::{Field, FieldInfo, FieldSet, PointCloud, Record};
 use emitter::ImageGrid;
 use ground::error::{Error, Result};
 use ground::pose::Pose;
+use ground::read::ending;
 use ground::report::Report;
 use ground::shown;
 use ground::write::{self, Pending, failed};
@@ -215,11 +216,6 @@ pub fn format_for(path: &Path, name: Option<&str>) -> Result<&'static dyn Format
             FORMATS.iter().flat_map(|f| f.info().extensions).map(|e| format!(".{e}")).collect::<Vec<_>>().join(", ")
         ),
     })
-}
-
-/// Ending of the file name `path`, lower case, without the dot.
-fn ending(path: &Path) -> String {
-    path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase()
 }
 
 /// The format that owns `ending`.

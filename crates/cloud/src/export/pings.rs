@@ -1,7 +1,6 @@
 //! Sonar pings and their images to files.
 
 use super::Instrument;
-use super::ending;
 use super::npz::Archive;
 use super::pixels::Png;
 use super::{kmall, xtf};
@@ -11,6 +10,7 @@ use crate::{Column, Field, FieldSet, Ping, Pings};
 use echocast_memory::tried;
 use emitter::pattern::JANUS_BEAMS;
 use ground::error::{Error, Result};
+use ground::read::ending;
 use ground::report::Report;
 use ground::shown;
 use ground::units::amplitude_from_db;

@@ -195,7 +195,7 @@ pub fn read_with(path: &Path, options: &ReadOptions, report: &mut Report) -> Res
 /// # Errors
 /// A missing file that should be a cloud; a PLY file with an invalid header.
 pub fn is_cloud(path: &Path) -> Result<bool> {
-    let ending = ending_of(path);
+    let ending = read::ending(path);
     let named = ending != "ply" && READERS.iter().any(|reader| reader.extensions.contains(&&*ending));
     match open(path) {
         Ok((source, Some(reader))) if reader.name == "ply" => ply::has_faces(&source).map(|faces| !faces),
@@ -206,11 +206,6 @@ pub fn is_cloud(path: &Path) -> Result<bool> {
         // The reader of scenes reports it.
         Err(_) => Ok(false),
     }
-}
-
-/// The ending of the file name `path`, lower case.
-fn ending_of(path: &Path) -> String {
-    path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase()
 }
 
 /// Opens the file at `path` and finds its reader.
@@ -230,7 +225,7 @@ fn open(path: &Path) -> Result<(Source<'_>, Option<&'static CloudReader>)> {
         return Ok((source, READERS.iter().find(|reader| reader.name == "hdf5")));
     }
     // Text may begin with anything.
-    let named = |reader: &&CloudReader| reader.extensions.contains(&&*ending_of(path));
+    let named = |reader: &&CloudReader| reader.extensions.contains(&&*read::ending(path));
     Ok((source, reader.or_else(|| text().filter(named))))
 }
 

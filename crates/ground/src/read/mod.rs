@@ -28,6 +28,11 @@ pub fn noting<R>(work: impl FnOnce() -> R) -> (R, Vec<PathBuf>) {
     (result, NOTED.replace(before).unwrap_or_default())
 }
 
+/// Ending of the file name `path`, lower case, without the dot; empty if it has none.
+pub fn ending(path: &Path) -> String {
+    path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_ascii_lowercase()
+}
+
 /// Largest size of a kind of file, bytes.
 #[derive(Clone, Copy)]
 pub struct Limit(u64);
