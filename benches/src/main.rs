@@ -1,11 +1,13 @@
-//! `make bench`: rays per second compared with the bare Embree loop, what weather adds, what adaptive beams cost and
-//! find, motion, sonar, samples of sets and the cost of their styles, the paper's two experiments, how fast files are
-//! read and written, the C library and the Python package compared with the Rust crate, and scans side by side. Prints
-//! tables and writes `target/bench.json`.
+//! `make bench`: rays per second compared with the bare Embree loop, what weather adds, what adaptive beams cost, and
+//! how exact they are, motion, sonar, samples of sets and the cost of their styles, the paper's two experiments, how
+//! fast files are read and written, the C library and the Python package compared with the Rust crate, and scans side
+//! by side. Prints tables and writes `target/bench.json`.
 //!
 //! All ratios come from interleaved rounds in one process; times are processor time, medians.
 #![forbid(unsafe_code)]
 
+mod accuracy;
+mod adaptive;
 mod clock;
 mod embedding;
 mod fair;
@@ -30,7 +32,8 @@ type Section = (&'static str, fn() -> Result<Value>);
 const SECTIONS: &[Section] = &[
     ("rays", rays::run),
     ("light", light::run),
-    ("presets", presets::run),
+    ("adaptive", adaptive::run),
+    ("accuracy", accuracy::run),
     ("motion", motion::run),
     ("sound", sound::run),
     ("scenario", scenario::run),
