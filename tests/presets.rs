@@ -377,6 +377,27 @@ fn the_table_of_instruments_is_up_to_date() {
     assert_in_document("docs/instruments.md", &table);
 }
 
+/// `bench instruments` has measured all of them.
+#[test]
+fn every_instrument_has_a_speed() {
+    let file = std::fs::read_to_string(echocast_tests::root().join("docs/instruments.md")).unwrap();
+    let (_, speeds) = file.split_once("\n## Speed\n").expect("a section of that name");
+    let rows = speeds.lines().filter_map(|line| line.strip_prefix("| `")?.split_once("` | "));
+    let mut measured: Vec<&str> = rows
+        .map(|(name, cells)| {
+            let speeds = cells.split('|').filter_map(|cell| cell.trim().parse::<f64>().ok());
+            assert!(speeds.clone().count() > 0 && speeds.into_iter().all(|speed| speed > 0.0), "{name}: {cells}");
+            name
+        })
+        .collect();
+    let presets = Sensor::presets();
+    let mut expected: Vec<&str> =
+        presets.iter().filter(|preset| preset.folder != "paper").map(|preset| &*preset.name).collect();
+    measured.sort_unstable();
+    expected.sort_unstable();
+    assert_eq!(measured, expected, "`bench instruments` updates the tables");
+}
+
 /// Speed of sound for which widths and resolutions are stated, m/s.
 const WATER: f64 = 1500.0;
 

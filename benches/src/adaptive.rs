@@ -2,7 +2,7 @@
 //! instrument they are.
 
 use crate::Result;
-use crate::clock::{cpu_per_call, median};
+use crate::clock::{cpu_per_call, median, two_digits};
 use crate::presets::lidars;
 use crate::scenes::{Site, sites};
 use echocast::{PointCloud, ScanOptions, Sensor, Trajectory};
@@ -69,9 +69,10 @@ fn row(one: &ThreadPool, site: &Site, sensor: &Sensor) -> Result<Value> {
     let [plain, adaptive] = [0, 1].map(|case: usize| median(times[case].clone()));
     let (rays, real_time) = (rays[1], sensor.beams().period / (adaptive * beams * 1e-9));
     println!(
-        "{:<22}{:<11}{plain:>9.1}{adaptive:>10.1}{ratio:>8.2}{ratio_all:>8.2}{rays:>8.2}{real_time:>9.1} x",
+        "{:<22}{:<11}{plain:>9.1}{adaptive:>10.1}{ratio:>8.2}{ratio_all:>8.2}{rays:>8.2}{:>9} x",
         sensor.name(),
         site.name,
+        two_digits(real_time),
     );
     Ok(json!({"sensor": sensor.name(), "scene": site.name, "one_ns": plain, "adaptive_ns": adaptive, "ratio": ratio,
         "ratio_all": ratio_all, "rays": rays, "real_time": real_time}))

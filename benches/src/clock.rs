@@ -30,3 +30,12 @@ pub fn median(mut values: Vec<f64>) -> f64 {
 pub fn quantile(values: &[f64], part: f64) -> f64 {
     values[((values.len() - 1) as f64 * part).round() as usize]
 }
+
+/// A number above 0, rounded to two digits.
+pub fn two_digits(value: f64) -> String {
+    let scientific = format!("{value:.1e}");
+    let (_, exponent) = scientific.split_once('e').expect("written so");
+    let exponent: i32 = exponent.parse().expect("a whole number");
+    let rounded: f64 = scientific.parse().expect("a number");
+    format!("{rounded:.*}", (1 - exponent).max(0) as usize)
+}

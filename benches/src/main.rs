@@ -3,6 +3,8 @@
 //! fast files are read and written, the C library and the Python package compared with the Rust crate, and scans side
 //! by side. Prints tables and writes `target/bench.json`.
 //!
+//! `bench instruments` measures every preset and writes the speeds into docs/instruments.md.
+//!
 //! All ratios come from interleaved rounds in one process; times are processor time, medians.
 #![forbid(unsafe_code)]
 
@@ -12,6 +14,7 @@ mod clock;
 mod embedding;
 mod fair;
 mod files;
+mod instruments;
 mod light;
 mod memory;
 mod motion;
@@ -51,6 +54,9 @@ fn main() -> Result<()> {
         && first == memory::CHILD
     {
         return memory::child(scene);
+    }
+    if selected == [instruments::COMMAND] {
+        return instruments::write();
     }
     if let Some(unknown) = selected.iter().find(|name| SECTIONS.iter().all(|(known, _)| known != name)) {
         let known: Vec<&str> = SECTIONS.iter().map(|(name, _)| *name).collect();

@@ -2,7 +2,7 @@
 
 use crate::Result;
 use crate::presets::listed;
-use echocast::generate::{Landscape, Street};
+use echocast::generate::{Landscape, Seabed, Street};
 use echocast::scene::{Labels, Material, Mesh, Object, Part};
 use echocast::{BuiltScene, LoadOptions, Pose, Scene};
 use glam::{DAffine3, DVec3, Vec3};
@@ -32,7 +32,7 @@ pub fn sites() -> Result<impl Iterator<Item = Result<Site>>> {
     Ok(SITES.into_iter().filter(move |name| is_chosen(name)).map(site))
 }
 
-/// The scene called `name`, one of [`SITES`].
+/// The scene called `name`: one of [`SITES`], or `flat` for depth cameras, or `lake` for sonars.
 pub fn site(name: &'static str) -> Result<Site> {
     const SEED: u64 = 7;
     let outside = Pose::at(0.0, 0.0, 2.0);
@@ -48,6 +48,8 @@ pub fn site(name: &'static str) -> Result<Site> {
             let pose = scene.camera("Lidar")?.pose;
             (scene, pose)
         }
+        "flat" => (flat()?, Pose::at(-2.2, 0.3, 1.4)),
+        "lake" => (Seabed::default().scene(SEED)?.load(&LoadOptions::default())?, Pose::at(-20.0, 0.0, -2.0)),
         _ => unreachable!("{name} is not a site"),
     };
     Ok(Site { name, built: scene.build()?, pose })
