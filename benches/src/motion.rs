@@ -4,6 +4,7 @@ use crate::Result;
 use crate::clock::{cpu_per_call, cpu_seconds, median};
 use crate::presets;
 use crate::scenes::{self, Builder, Shapes};
+use echocast::generate::Street;
 use echocast::scene::{CacheFile, Mesh, Object};
 use echocast::{BareLoop, Engine, FieldSet, LiveScene, LoadOptions, PointCloud, Pose, ScanOptions, Scene, Trajectory};
 use echocast_kernels::skin::{Influences, JointMatrix, skin};
@@ -17,6 +18,8 @@ use std::time::Duration;
 
 const ROUNDS: usize = 9;
 const LEAST: Duration = Duration::from_millis(40);
+/// Frames of the street and of boxes.
+const FRAMES: u32 = 40;
 const CARS: usize = 200;
 const PEOPLE: usize = 20;
 const JOINTS: usize = 50;
@@ -24,7 +27,10 @@ const JOINTS: usize = 50;
 pub fn run() -> Result<Value> {
     println!("\nMotion, one core");
     let one = ThreadPoolBuilder::new().num_threads(1).build()?;
-    one.install(|| Ok(json!({ "cars": cars()?, "people": people()?, "cloth": cloth()? })))
+    one.install(|| {
+        let (cars, street, turning) = (cars()?, street()?, turning()?);
+        Ok(json!({"cars": cars, "street": street, "turning": turning, "people": people()?, "cloth": cloth()?}))
+    })
 }
 
 /// A closed, bumpy body of `rows` rings of `columns` quads.
@@ -133,6 +139,78 @@ fn cars() -> Result<Value> {
         ratio(1),
     );
     Ok(json!({"default_ratio": ratio(2), "still_ratio": ratio(1), "set_ms": setting, "truth_ns_per_point": added}))
+}
+
+/// The generated street: ten cars that drive with wheels that roll, two people who walk, a flag. Setting a frame of it, as
+/// it moves and frozen, and scans of the moving frame beside those of the frozen one.
+fn street() -> Result<Value> {
+    let street = Street::default().cars(10).scene(7)?;
+    let scene = Scene::from_glb_bytes(street.bytes(), &LoadOptions::default())?;
+    let mut live = LiveScene::new(&Engine::with_threads(1)?);
+    live.add_scene(&scene)?;
+    let sensor = presets::of_one_ray("velodyne_vlp16")?;
+    let trajectory = Trajectory::fixed(scene.camera("Corner")?.pose);
+    let mut clouds = [PointCloud::default(), PointCloud::default()];
+    let (mut setting, mut scanning) = ([const { Vec::new() }; 2], [const { Vec::new() }; 2]);
+    for frame in 0..=FRAMES {
+        for (kind, length) in [sensor.scan_time(), 0.0].into_iter().enumerate() {
+            let start = cpu_seconds();
+            let time = 0.1 * f64::from(frame);
+            live.set_time(time, length)?;
+            let built = live.commit()?;
+            let set = cpu_seconds() - start;
+            let options = ScanOptions::default().start_time(time);
+            let scan = cpu_per_call(LEAST / 2, || {
+                let cloud = &mut clouds[kind];
+                built.scan_into(&sensor, &trajectory, &options, cloud).expect("a scan of a built scene succeeds");
+            });
+            // Memory of the first frames is allocated.
+            if frame > 1 {
+                setting[kind].push(set);
+                scanning[kind].push(scan);
+            }
+        }
+    }
+    let speed = median(scanning[1].iter().zip(&scanning[0]).map(|(still, moving)| still / moving).collect());
+    let [set, frozen] = setting.map(|times| median(times) * 1e3);
+    let [moving, still] = scanning.map(|times| median(times) * 1e3);
+    println!(
+        "generated street, ten cars and two people: setting a frame {set:.2} ms ({frozen:.2} frozen), a scan of one ray \
+         a beam {moving:.2} ms ({still:.2} frozen), {speed:.2} of the speed of the frozen one"
+    );
+    Ok(json!({"set_ms": set, "set_frozen_ms": frozen, "scan_ms": moving, "scan_frozen_ms": still, "speed": speed}))
+}
+
+/// 1000 boxes that drive and turn.
+fn turning() -> Result<Value> {
+    const BOXES: u32 = 1000;
+    let mut corners = Builder::default();
+    corners.cuboid([-2.0, -0.9, 0.0], [2.0, 0.9, 1.5]);
+    let mesh = Arc::new(corners.mesh("box"));
+    let mut live = LiveScene::new(&Engine::with_threads(1)?);
+    for number in 0..BOXES {
+        let place = DVec3::new(f64::from(number % 40) * 6.0, f64::from(number / 40) * 6.0, 0.0);
+        // A quarter of a turn in a second, in a key for each frame.
+        let key = |key: u32| {
+            let time = f64::from(key) * 0.1;
+            let turn = DQuat::from_rotation_z(0.25 * f64::from(TAU) * time);
+            (time, DAffine3::from_rotation_translation(turn, place + DVec3::X * time))
+        };
+        let id = live.add(Object::new("box", mesh.clone()).world_from_object(key(0).1))?;
+        live.set_motion(id, &(0..FRAMES + 2).map(key).collect::<Vec<_>>())?;
+    }
+    let mut times = Vec::new();
+    for frame in 0..=FRAMES {
+        let start = cpu_seconds();
+        live.set_time(0.05 + 0.1 * f64::from(frame), 0.1)?;
+        live.commit()?;
+        if frame > 0 {
+            times.push(cpu_seconds() - start);
+        }
+    }
+    let setting = median(times) * 1e3;
+    println!("{BOXES} boxes that drive and turn: setting a frame {setting:.2} ms");
+    Ok(json!({"set_ms": setting}))
 }
 
 /// 20 people of 20,000 vertices and 50 joints, walking.
