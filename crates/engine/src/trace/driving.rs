@@ -34,10 +34,11 @@ impl DrivingMotion {
             return Ok(Path::standing(&place, timeline.is_visible(motion.node, span.start)));
         }
         let end = span.start + span.length;
-        if timeline.most_bends(motion.node, span.start, end) > MOST_BENDS {
+        let most = timeline.most_bends(motion.node, span.start, end);
+        if most > MOST_BENDS {
             return Err(self.too_much(span));
         }
-        let mut bends = Vec::new();
+        let mut bends = Vec::with_capacity(most as usize + 2);
         timeline.bends(motion.node, span.start, end, &mut bends);
         let visible = |time: f64| timeline.is_visible(motion.node, time);
         let path = Path::new(span, bends, bounds, *origin, |time| self.world_from_object(time), visible, most_bytes);

@@ -230,11 +230,11 @@ impl CustomShape for Mover {
     fn bounds(&self) -> Vec<[[f32; 3]; 2]> {
         /// Two boxes fit linear motion; rotation gains from more.
         const STEPS: usize = 3;
-        let times: &[f32] = match &self.body {
-            MoverMesh::Rigid(_) | MoverMesh::Changing(_) => &[],
-            MoverMesh::Deforming(deforming) => deforming.times(),
-        };
-        self.path.boxes(STEPS, times, |time| self.body.bounds(time))
+        if let MoverMesh::Deforming(deforming) = &self.body {
+            return self.path.boxes(STEPS, deforming.times(), |time| deforming.bounds(time));
+        }
+        let always = self.body.bounds(0.0);
+        self.path.boxes(STEPS, &[], |_| always)
     }
 
     fn intersect(&self, query: &mut Query) {

@@ -49,7 +49,7 @@ impl Curve {
 
     /// The value at `time`; before the first key that of the first, after the last that of the last.
     pub fn at(&self, time: f64, value: &mut [f64]) {
-        let after = self.times.partition_point(|key| *key <= time);
+        let after = passed(&self.times, time, |key| key <= time);
         let before = after.saturating_sub(1);
         let from = self.key(before);
         if after == 0 || after == self.times.len() || self.interpolation == Interpolation::Step {
@@ -86,8 +86,8 @@ impl Curve {
 
     /// Whether it has one value at all times from `from` to `to`.
     fn is_still(&self, from: f64, to: f64) -> bool {
-        let first = self.times.partition_point(|key| *key <= from).saturating_sub(1);
-        let last = self.times.partition_point(|key| *key < to).min(self.times.len() - 1);
+        let first = passed(&self.times, from, |key| key <= from).saturating_sub(1);
+        let last = passed(&self.times, to, |key| key < to).min(self.times.len() - 1);
         let slopes = |index: usize| match self.interpolation {
             Interpolation::Cubic => self.tangents(index),
             _ => [&[][..]; 2],
@@ -95,6 +95,17 @@ impl Curve {
         let flat = |index: usize| slopes(index).into_iter().flatten().all(|slope| *slope == 0.0);
         first == last || (first..=last).all(|index| self.key(index) == self.key(first) && flat(index))
     }
+}
+
+/// How many of the `times`, which never fall, have `passed`; the first that has not is about `near`. Keys are mostly
+/// evenly spaced, which tells where to look: a search among all of them would have to wait for memory time and again.
+fn passed(times: &[f64], near: f64, passed: impl Fn(f64) -> bool) -> usize {
+    let [first, .., last] = times else { return times.partition_point(|key| passed(*key)) };
+    let guess = ((near - first) / (last - first) * (times.len() - 1) as f64) as usize;
+    let (low, high) = (guess.min(times.len()).saturating_sub(1), guess.saturating_add(3).min(times.len()));
+    let is_within = (low == 0 || passed(times[low - 1])) && (high == times.len() || !passed(times[high]));
+    let (low, high) = if is_within { (low, high) } else { (0, times.len()) };
+    low + times[low..high].partition_point(|key| passed(*key))
 }
 
 /// Most times at which something may bend during one scan.
@@ -159,15 +170,15 @@ pub(super) fn most_bends_of(times: &[f64], period: Option<f64>, from: f64, to: f
     if period.is_some() {
         return rounds(period, from, to) * (times.len() + 1) as f64;
     }
-    let first = times.partition_point(|key| *key <= from);
-    times.partition_point(|key| *key < to).saturating_sub(first) as f64
+    let first = passed(times, from, |key| key <= from);
+    passed(times, to, |key| key < to).saturating_sub(first) as f64
 }
 
 /// Adds those of `times` that are between `from` and `to`, s, repeated with the `period`, in no particular order.
 pub(super) fn bends_of(times: &[f64], period: Option<f64>, from: f64, to: f64, bends: &mut Vec<f64>) {
     let mut round = |start: f64| {
-        let first = times.partition_point(|key| start + key <= from);
-        let last = times.partition_point(|key| start + key < to);
+        let first = passed(times, from - start, |key| start + key <= from);
+        let last = passed(times, to - start, |key| start + key < to);
         bends.extend(times[first..last.max(first)].iter().map(|key| start + key));
         if period.is_some() && start > from && start < to {
             bends.push(start);
@@ -217,6 +228,20 @@ mod tests {
             assert!((at(&curve, t) - f(t)).abs() < 1e-12, "{t}");
         }
         assert_eq!(at(&curve, 9.0), f(3.0));
+    }
+
+    /// Evenly spaced keys, bunched ones, jumps, and one key alone; before all keys, between them, at them and after.
+    #[test]
+    fn every_key_is_found() {
+        let even: Vec<f64> = (0..50).map(|key| 0.3 + f64::from(key) / 24.0).collect();
+        let bunched: Vec<f64> = (0..50).map(|key| 1.0 - 0.7_f64.powi(key)).collect();
+        for times in [&even[..], &bunched, &[0.0, 0.1, 0.1, 0.1, 2.0], &[1.0, 1.0, 1.0], &[0.5, 1.5], &[0.5], &[]] {
+            let near = times.iter().flat_map(|key| [key.next_down(), *key, key.next_up()]);
+            for time in near.chain((-40..400).map(|k| f64::from(k) * 0.01)).chain([-1e300, 1e300]) {
+                assert_eq!(passed(times, time, |key| key <= time), times.iter().filter(|key| **key <= time).count());
+                assert_eq!(passed(times, time, |key| key < time), times.iter().filter(|key| **key < time).count());
+            }
+        }
     }
 
     #[test]

@@ -135,7 +135,7 @@ impl Path {
         }
         let local_from_object = |time: f64| DAffine3::from_translation(-origin) * world_from_object(time);
         let (marks, slopes) = (marks(bounds), slopes());
-        let mut pieces = Vec::new();
+        let mut pieces = Vec::with_capacity(bends.len());
         let most = MOST_PIECES.min(most_bytes / Path::PIECE_BYTES);
         let mut jumps = 0;
         // Pieces yet to be made, the first on top: time and pose at both ends.
@@ -154,7 +154,7 @@ impl Path {
                     *probe = local_from_object(from + place * (to - from));
                 }
                 let piece = Piece::through(span, [from, to], visible, &probes, &slopes);
-                let off = piece.farthest(&probes, &marks);
+                let off = if piece.surely_fits(&probes, bounds) { 0.0 } else { piece.farthest(&probes, &marks) };
                 let fits = off <= TOLERANCE_M;
                 if fits || to - from <= SHORTEST * whole {
                     jumps += usize::from(!fits);
@@ -238,7 +238,7 @@ impl Path {
             let [low, high] = surround(&piece.at_part(part), bounds(time));
             (time, [low - stray, high + stray])
         };
-        let mut samples = Vec::new();
+        let mut samples = Vec::with_capacity(PARTS.len() * self.pieces.len() + bends.len());
         for (index, piece) in self.pieces.iter().enumerate().filter(|(_, piece)| piece.visible) {
             let end = self.pieces.get(index + 1).map_or(1.0, |next| next.frame.start);
             let time = |part: f32| piece.frame.start + part * (end - piece.frame.start);
@@ -261,24 +261,25 @@ impl Path {
                 (time, sample(piece, piece.part(time), time).1, piece.visible)
             });
             let within = samples.iter().filter(|(time, _)| (from..=to).contains(time)).copied();
-            let all: Vec<_> =
-                within.chain(ends.into_iter().filter(|end| end.2).map(|(time, bounds, _)| (time, bounds))).collect();
+            let all = within.chain(ends.into_iter().filter(|end| end.2).map(|(time, bounds, _)| (time, bounds)));
             // Linear between the boxes at both ends, if it is visible there, widened by what sticks out.
             let [a, b] = match ends {
                 [(_, a, true), (_, b, true)] => [a, b],
                 _ => {
-                    let whole = all.iter().fold(NOTHING, |sum, (_, next)| unite(sum, *next));
+                    let whole = all.clone().fold(NOTHING, |sum, (_, next)| unite(sum, next));
                     [whole; 2]
                 }
             };
             let mut out = [Vec3::ZERO; 2];
-            for (time, [low, high]) in &all {
+            let mut is_seen = false;
+            for (time, [low, high]) in all {
                 let part = (time - from) / (to - from);
-                out[0] = out[0].max(a[0].lerp(b[0], part) - *low);
-                out[1] = out[1].max(*high - a[1].lerp(b[1], part));
+                out[0] = out[0].max(a[0].lerp(b[0], part) - low);
+                out[1] = out[1].max(high - a[1].lerp(b[1], part));
+                is_seen = true;
             }
             let widened = |[low, high]: [Vec3; 2]| {
-                if all.is_empty() { NOTHING } else { [low - out[0], high + out[1]] }
+                if is_seen { [low - out[0], high + out[1]] } else { NOTHING }
             };
             boxes[step] = unite(boxes[step], widened(a));
             boxes[step + 1] = unite(boxes[step + 1], widened(b));
@@ -349,11 +350,21 @@ impl Piece {
         Piece { frame, visible, velocity, turning }
     }
 
+    /// What the piece says where it is checked, and the pose there.
+    fn checked<'a>(&'a self, probes: &'a [DAffine3; PROBES.len()]) -> impl Iterator<Item = (PathPose, &'a DAffine3)> {
+        let checked = PROBES.iter().zip(probes).enumerate().filter(|(k, _)| !THROUGH.contains(k));
+        checked.map(|(_, (part, exact))| (self.at_part(*part as f32), exact))
+    }
+
     /// Greatest distance of any of `marks` (object frame) from where it should be, m, where the piece is checked.
     fn farthest(&self, probes: &[DAffine3; PROBES.len()], marks: &[DVec3; 11]) -> f64 {
-        let checked = PROBES.iter().zip(probes).enumerate().filter(|(k, _)| !THROUGH.contains(k));
-        let off = checked.map(|(_, (part, exact))| self.at_part(*part as f32).farthest(exact, marks));
-        off.fold(0.0, f64::max)
+        self.checked(probes).map(|(is, exact)| is.farthest(exact, marks)).fold(0.0, f64::max)
+    }
+
+    /// Whether [`Piece::farthest`] of the [`marks`] of `bounds` is certainly within the tolerance, as that of most pieces
+    /// is: found sooner than the distance of every mark.
+    fn surely_fits(&self, probes: &[DAffine3; PROBES.len()], bounds: [[f32; 3]; 2]) -> bool {
+        self.checked(probes).all(|(is, exact)| is.surely_fits(exact, bounds))
     }
 
     /// Whether `time`, 0 to 1, is in it.
@@ -421,6 +432,22 @@ impl PathPose {
         self.inverse.transpose() * place.inverse.inverse().transpose()
     }
 
+    /// Whether each of the [`marks`] of `bounds` (object frame) is certainly within the tolerance of where `exact` places
+    /// it.
+    fn surely_fits(&self, exact: &DAffine3, bounds: [[f32; 3]; 2]) -> bool {
+        let inverse = self.inverse.as_dmat3();
+        // How far a point is off is affine in where it is, and of all points of a box most at a corner.
+        let linear = exact.matrix3 * (inverse * exact.matrix3 - DMat3::IDENTITY);
+        let [x, y, z] = [linear.x_axis, linear.y_axis, linear.z_axis];
+        let offset = exact.matrix3 * (inverse * (exact.translation - self.place.as_dvec3()));
+        let [low, high] = bounds.map(|end| DVec3::from(end.map(f64::from)));
+        let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
+        let centre = x * middle.x + y * middle.y + z * middle.z + offset;
+        let spread = x.abs() * half.x + y.abs() * half.y + z.abs() * half.z;
+        let most = [centre.abs() + spread, x + offset, y + offset, z + offset];
+        most.iter().all(|off| off.length_squared() <= TOLERANCE_M * TOLERANCE_M)
+    }
+
     /// Greatest distance of any of `marks` (object frame) from where `exact` places it, m.
     fn farthest(&self, exact: &DAffine3, marks: &[DVec3; 11]) -> f64 {
         let inverse = self.inverse.as_dmat3();
@@ -484,6 +511,40 @@ mod tests {
             }
         }
         path.pieces.len()
+    }
+
+    /// A pose that is off by a little, of boxes large and small, up to 500 m away: what surely fits does, and much of what
+    /// fits does so surely.
+    #[test]
+    fn what_surely_fits_fits() {
+        let mut state = 1_u64;
+        let mut random = move || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64 * 2.0 - 1.0
+        };
+        let (mut fits, mut surely) = (0, 0);
+        for _ in 0..10_000 {
+            let mut vector = || DVec3::new(random(), random(), random());
+            let place = DAffine3::from_scale_rotation_translation(
+                vector() + 1.5,
+                DQuat::from_scaled_axis(3.0 * vector()),
+                300.0 * vector(),
+            );
+            let off = 2e-5 * vector().x.exp2().powi(8);
+            let moved = DAffine3::from_rotation_translation(DQuat::from_scaled_axis(off * vector()), off * vector());
+            let (low, size) = (3.0 * vector(), 2.0 * vector().abs());
+            let bounds = [low, low + size].map(|end| end.as_vec3().to_array());
+            let is = PathPose { place: place.translation.as_vec3(), inverse: inverse(&place.matrix3).as_mat3() };
+            let farthest = is.farthest(&(moved * place), &marks(bounds));
+            if is.surely_fits(&(moved * place), bounds) {
+                assert!(farthest <= TOLERANCE_M, "{farthest} {place}");
+                surely += 1;
+            }
+            fits += u32::from(farthest <= 0.3 * TOLERANCE_M);
+        }
+        assert!(fits > 1000 && surely > fits / 4, "{fits} {surely}");
+        let broken = PathPose { place: Vec3::NAN, inverse: Mat3::IDENTITY };
+        assert!(!broken.surely_fits(&DAffine3::IDENTITY, CUBE));
     }
 
     #[test]
