@@ -9,7 +9,6 @@ mod level;
 pub mod aim;
 pub mod boundary;
 pub mod camera;
-pub mod cover;
 pub mod echo;
 pub mod light;
 pub mod math;

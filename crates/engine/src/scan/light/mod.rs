@@ -12,7 +12,6 @@ mod motion;
 mod one_ray;
 mod plan;
 mod returns;
-mod rounds;
 mod run;
 mod split;
 
