@@ -7,7 +7,6 @@
 mod level;
 
 pub mod aim;
-pub mod air;
 pub mod boundary;
 pub mod camera;
 pub mod echo;

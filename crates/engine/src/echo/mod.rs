@@ -5,8 +5,8 @@ pub mod sound;
 
 pub(crate) use light::{
     Air, AirArrivals, AirEcho, AirEchoes, Arrivals, Batch, BeamRays, Cone, Contribution, Follower, Glint,
-    IntensityModel, LIGHT_ROUNDING, MOST_FREQUENCIES, Meeting, MirrorImage, Modulation, OFF_SURFACE, ParticleOrder,
-    PathArrivals, PathEcho, PathEchoes, PathLimits, Peak, PlainEchoes, Provenance, Pulse, Pulselet, ReceiverOptics,
+    IntensityModel, MOST_FREQUENCIES, Meeting, MirrorImage, Modulation, OFF_SURFACE, ParticleOrder, PathArrivals,
+    PathEcho, PathEchoes, PathLimits, Peak, PlainEchoes, Provenance, Pulse, Pulselet, ReceiverOptics,
     RequestedQuantities, Share, ShotNoise, Surroundings, Waveform, natural_vignetting, strongest_contributor, turns,
 };
 pub use light::{IntensityEncoding, PulseShape};

@@ -235,37 +235,19 @@ impl PathEchoes for PathArrivals<'_> {
 
 /// Arrivals from the air in front of what the rays of a beam hit.
 pub(crate) struct AirArrivals<'a> {
-    arrivals: &'a mut Arrivals,
-    rays: &'a BeamRays,
+    pub arrivals: &'a mut Arrivals,
+    pub rays: &'a BeamRays,
     /// Fraction of the light that the channel of each beam uses.
-    efficiency: &'a [f32; LANES],
-    /// Range of the farthest place that a ray of each beam gets to, m.
-    end: [f32; LANES],
-}
-
-impl<'a> AirArrivals<'a> {
-    /// Of the first `count` beams.
-    pub fn new(
-        arrivals: &'a mut Arrivals,
-        rays: &'a BeamRays,
-        efficiency: &'a [f32; LANES],
-        count: usize,
-    ) -> AirArrivals<'a> {
-        let mut end = [0.0; LANES];
-        for lane in 0..count {
-            end[lane] = rays.of_beam(lane).map(|met| met.end()).fold(0.0, f32::max);
-        }
-        AirArrivals { arrivals, rays, efficiency, end }
-    }
+    pub efficiency: &'a [f32; LANES],
 }
 
 impl AirEchoes for AirArrivals<'_> {
-    fn end(&self) -> &[f32; LANES] {
-        &self.end
+    fn end(&self, lane: usize) -> f32 {
+        self.rays.of_beam(lane).map(|met| met.end()).fold(0.0, f32::max)
     }
 
-    fn least(&self) -> &[f32; LANES] {
-        &[0.0; LANES]
+    fn least(&self, _: usize) -> f32 {
+        0.0
     }
 
     fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool {
