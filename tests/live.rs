@@ -561,3 +561,52 @@ fn what_stands_now_may_flow() {
         assert_eq!(columns.velocity_y()[row], 0.0);
     }
 }
+
+/// Cubes ahead: a wall, one that drives away, through others and at last behind the wall, and some that come and go. The
+/// nearest is seen, whatever moves and whatever is new.
+#[test]
+fn what_stands_and_what_moves_hide_each_other() {
+    const WALL: u32 = 1;
+    const MOVER: u32 = 2;
+    let cube = || mesh(Shape::cuboid(-DVec3::ONE, DVec3::ONE), None);
+    let shared = cube();
+    let mut live = LiveScene::new(&Engine::with_threads(1).unwrap());
+    live.add_fixed(Object::new("wall", cube()).world_from_object(at(30.0, 0.0, 0.0)).category_id(WALL)).unwrap();
+    let mover = live.add(Object::new("mover", shared.clone()).category_id(MOVER)).unwrap();
+    live.set_motion(mover, &[0.0, 10.0].map(|time| (time, at(4.1 + 4.0 * time, 0.0, 0.0)))).unwrap();
+    let mut standing: Vec<(ObjectId, f64, u32)> = Vec::new();
+    let mut seen = [0; 3];
+    for step in 0..40 {
+        let time = 0.25 * f64::from(step);
+        match step % 4 {
+            1 => {
+                let (place, category) = (40.3 - f64::from(step), 10 + step as u32);
+                let object = Object::new("cube", shared.clone()).category_id(category);
+                let id = live.add(object.world_from_object(at(place, 0.0, 0.0))).unwrap();
+                standing.push((id, place, category));
+            }
+            3 => {
+                let (id, ..) = standing.remove(0);
+                live.remove(id).unwrap();
+            }
+            _ => {}
+        }
+        for length in [0.0, 0.1] {
+            live.set_time(time, length).unwrap();
+            let options = ScanOptions::default().start_time(time).fields(FieldSet::all());
+            let cloud = live.commit().unwrap().scan(&sensor(), &Trajectory::fixed(Pose::IDENTITY), &options).unwrap();
+            let columns = cloud.columns();
+            // The beam that is the most nearly straight ahead.
+            let off = |row: &usize| columns.y()[*row].hypot(columns.z()[*row]);
+            let row = (0..cloud.len()).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap();
+            let then = if length > 0.0 { columns.time()[row] } else { time };
+            let all = standing.iter().map(|&(_, place, category)| (place, category));
+            let all = all.chain([(30.0, WALL), (4.1 + 4.0 * then, MOVER)]);
+            let (place, category) = all.min_by(|a, b| a.0.total_cmp(&b.0)).unwrap();
+            assert!((f64::from(columns.x()[row]) - (place - 1.0)).abs() < 1e-3, "{} {place}", columns.x()[row]);
+            assert_eq!(columns.category_id()[row], category, "{time} s");
+            seen[category.min(3) as usize - 1] += 1;
+        }
+    }
+    assert!(seen.iter().all(|count| *count >= 10), "{seen:?}");
+}

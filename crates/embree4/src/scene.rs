@@ -85,42 +85,47 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Adds a mesh and returns its geometry id: 0, 1, 2 ... over meshes and instances in the order of attachment.
+    /// Adds a mesh and returns its geometry id, the least that is free: 0, 1, 2 ... in the order of attachment.
     ///
     /// # Errors
     /// [`Error::OtherDevice`]; [`Error::Embree`] when memory runs out.
     pub fn attach_mesh(&mut self, mesh: &Mesh) -> Result<u32, Error> {
-        self.attach(mesh.geometry())
+        if !mesh.geometry().device().is(&self.0.device) {
+            return Err(Error::OtherDevice);
+        }
+        // SAFETY: both handles are alive and of one device; the scene takes a reference of its own.
+        let id = unsafe { sys::rtcAttachGeometry(self.0.raw, mesh.geometry().raw()) };
+        check(Some(&self.0.device), "rtcAttachGeometry")?;
+        Ok(id)
     }
 
-    /// Adds an instance and returns its geometry id, which hits report as `inst_id`.
+    /// Adds an instance with the geometry id `id`, which hits report as `inst_id`. Ids should rise and leave few out.
     ///
     /// # Errors
-    /// [`Error::OtherDevice`]; [`Error::Embree`] when memory runs out.
-    pub fn attach_instance(&mut self, instance: &Instance) -> Result<u32, Error> {
+    /// [`Error::OtherDevice`]; [`Error::Embree`] when memory runs out, or if something has this id already.
+    pub fn attach_instance(&mut self, instance: &Instance, id: u32) -> Result<(), Error> {
         // First, so that Embree never holds an instance of a scene that we do not.
         self.0.instances.push(instance.clone());
-        self.attach(&instance.0.geometry)
+        self.attach(&instance.0.geometry, id)
     }
 
-    /// Adds a shape and returns its geometry id, which hits report as `inst_id`.
+    /// Adds a shape with the geometry id `id`, as [`Scene::attach_instance`].
     ///
     /// # Errors
-    /// [`Error::OtherDevice`]; [`Error::Embree`] when memory runs out.
-    pub fn attach_shape(&mut self, shape: &Custom) -> Result<u32, Error> {
+    /// As [`Scene::attach_instance`].
+    pub fn attach_shape(&mut self, shape: &Custom, id: u32) -> Result<(), Error> {
         // First, so that Embree never holds a shape that we do not.
         self.0.customs.push(shape.clone());
-        self.attach(shape.geometry())
+        self.attach(shape.geometry(), id)
     }
 
-    fn attach(&mut self, geometry: &Geometry) -> Result<u32, Error> {
+    fn attach(&mut self, geometry: &Geometry, id: u32) -> Result<(), Error> {
         if !geometry.device().is(&self.0.device) {
             return Err(Error::OtherDevice);
         }
         // SAFETY: both handles are alive and of one device; the scene takes a reference of its own.
-        let id = unsafe { sys::rtcAttachGeometry(self.0.raw, geometry.raw()) };
-        check(Some(&self.0.device), "rtcAttachGeometry")?;
-        Ok(id)
+        unsafe { sys::rtcAttachGeometryByID(self.0.raw, geometry.raw(), id) };
+        check(Some(&self.0.device), "rtcAttachGeometryByID")
     }
 
     /// Builds what is needed to trace the scene, on the calling thread.
@@ -266,6 +271,13 @@ impl Instance {
     /// The scene that is placed.
     pub fn of(&self) -> &CommittedScene {
         &self.0.of
+    }
+}
+
+/// Handles of the same instance are equal.
+impl PartialEq for Instance {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
     }
 }
 

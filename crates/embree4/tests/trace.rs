@@ -257,8 +257,8 @@ fn rays_pass_through_what_does_not_count() {
         scene(&device, &[mesh])
     };
     let mut whole = Scene::new(&device, Quality::Medium).unwrap();
-    for _ in 0..2 {
-        whole.attach_instance(&placed(&of(&triangles), IDENTITY)).unwrap();
+    for id in 0..2 {
+        whole.attach_instance(&placed(&of(&triangles), IDENTITY), id).unwrap();
     }
     let whole = whole.commit().unwrap();
     for coherence in [Coherence::Coherent, Coherence::Incoherent] {
@@ -312,8 +312,8 @@ fn a_filter_that_rejects_every_hit_is_called_for_every_hit() {
     let device = Device::new().unwrap();
     let [near, far] = [[1.0, 2.0], [3.0, 4.0]].map(|z| scene(&device, &z.map(|z| triangle(&device, z))));
     let mut world = Scene::new(&device, Quality::Medium).unwrap();
-    world.attach_instance(&placed(&near, IDENTITY)).unwrap();
-    world.attach_shape(&Custom::new(&device, Arc::new(Forwards(far)), u32::MAX).unwrap()).unwrap();
+    world.attach_instance(&placed(&near, IDENTITY), 0).unwrap();
+    world.attach_shape(&Custom::new(&device, Arc::new(Forwards(far)), u32::MAX).unwrap(), 1).unwrap();
     let world = world.commit().unwrap();
     for coherence in [Coherence::Coherent, Coherence::Incoherent] {
         check::<4>(&world, coherence);
@@ -362,12 +362,12 @@ impl CustomShape for Floors {
     }
 }
 
-/// A scene with a triangle below everything, and `shape` in the third place.
+/// A scene with a triangle below everything, and `shape` with the id 2.
 fn with_shape(device: &Device, shape: impl CustomShape, mask: u32) -> CommittedScene {
     let mut world = Scene::new(device, Quality::Medium).unwrap();
-    world.attach_instance(&placed(&scene(device, &[triangle(device, -9.0)]), IDENTITY)).unwrap();
+    world.attach_instance(&placed(&scene(device, &[triangle(device, -9.0)]), IDENTITY), 0).unwrap();
     world.attach_mesh(&triangle(device, -8.0)).unwrap();
-    assert_eq!(world.attach_shape(&Custom::new(device, Arc::new(shape), mask).unwrap()).unwrap(), 2);
+    world.attach_shape(&Custom::new(device, Arc::new(shape), mask).unwrap(), 2).unwrap();
     world.commit().unwrap()
 }
 
@@ -597,8 +597,10 @@ fn instances_scale_mirror_and_keep_the_mesh_and_scene_alive() {
         let object = scene(&device, &[triangle(&device, 1.0)]);
         // x twice as long and mirrored, y three times, z half and turned over; then moved by (10, 0, 5).
         let matrix = [-2.0, 0.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0, -0.5, 10.0, 0.0, 5.0];
-        assert_eq!(world.attach_instance(&placed(&object, IDENTITY)).unwrap(), 0);
-        assert_eq!(world.attach_instance(&placed(&object, matrix)).unwrap(), 1);
+        world.attach_instance(&placed(&object, IDENTITY), 0).unwrap();
+        world.attach_instance(&placed(&object, matrix), 1).unwrap();
+        // An id is given once.
+        assert!(matches!(world.attach_instance(&placed(&object, matrix), 1), Err(Error::Embree { .. })));
     }
     drop(device);
     let world = world.commit().unwrap();
@@ -625,7 +627,7 @@ fn masks_hide_meshes_and_instances() {
     let inner = scene(&device, &[triangle(&device, 2.0)]);
     let mut world = Scene::new(&device, Quality::Low).unwrap();
     world.attach_mesh(&Mesh::new(&device, corners(1.0), &[[0, 1, 2]], 0b01).unwrap()).unwrap();
-    world.attach_instance(&Instance::new(&inner, IDENTITY, 0b10).unwrap()).unwrap();
+    world.attach_instance(&Instance::new(&inner, IDENTITY, 0b10).unwrap(), 1).unwrap();
     world.attach_mesh(&Mesh::new(&device, corners(3.0), &[[0, 1, 2]], 1 << 31).unwrap()).unwrap();
     let world = world.commit().unwrap();
     for (mask, range) in [(0b01, 1.0), (0b10, 2.0), (0b11, 1.0), (1 << 31, 3.0), (0b100, f32::INFINITY)] {
@@ -644,7 +646,7 @@ fn instances_of_instances_are_refused() {
     let device = Device::new().unwrap();
     let object = scene(&device, &[triangle(&device, 1.0)]);
     let mut middle = Scene::new(&device, Quality::Medium).unwrap();
-    middle.attach_instance(&placed(&object, IDENTITY)).unwrap();
+    middle.attach_instance(&placed(&object, IDENTITY), 0).unwrap();
     let middle = middle.commit().unwrap();
     assert_eq!(Instance::new(&middle, IDENTITY, u32::MAX).unwrap_err(), Error::NestedInstance);
 }
@@ -667,7 +669,7 @@ fn devices_do_not_mix() {
     let mut scene_of_one = Scene::new(&one, Quality::Medium).unwrap();
     assert_eq!(scene_of_one.attach_mesh(&triangle(&two, 1.0)), Err(Error::OtherDevice));
     let object = scene(&two, &[triangle(&two, 1.0)]);
-    assert_eq!(scene_of_one.attach_instance(&placed(&object, IDENTITY)), Err(Error::OtherDevice));
+    assert_eq!(scene_of_one.attach_instance(&placed(&object, IDENTITY), 0), Err(Error::OtherDevice));
     assert_eq!(scene_of_one.attach_mesh(&triangle(&one.clone(), 1.0)), Ok(0));
 }
 
@@ -749,11 +751,11 @@ fn build_threads_do_not_change_a_bit() {
         let mut world = Scene::new(&device, Quality::Medium).unwrap();
         let object = scene(&device, &[clutter(&device)]);
         world.attach_mesh(&clutter(&device)).unwrap();
-        for i in 0..50 {
+        for i in 0..50_u32 {
             let mut transform = IDENTITY.map(|x| 0.7 * x);
             transform[9] = 2.0 * i as f32 - 50.0;
             transform[10] = 30.0;
-            world.attach_instance(&placed(&object, transform)).unwrap();
+            world.attach_instance(&placed(&object, transform), i + 1).unwrap();
         }
         let mut threads = Vec::new();
         let world = world.commit_with(Pace::Now, |joint| {

@@ -124,7 +124,7 @@ impl BareChunk<'_> {
                 if first + W > count {
                     valid[count - first..].fill(0);
                 }
-                self.scene.committed.intersect(&valid, &mut packet, coherence);
+                self.scene.structure.intersect(&valid, &mut packet, coherence);
                 out.range[lanes.clone()].copy_from_slice(&packet.tfar);
                 out.normal_x[lanes.clone()].copy_from_slice(&packet.ng_x);
                 out.normal_y[lanes.clone()].copy_from_slice(&packet.ng_y);

@@ -109,7 +109,7 @@ impl Tables {
             Some(corners(self.extents[object as usize].bounds?, &place))
         });
         let Some((low, high)) = surrounding(corners.flatten()) else { return false };
-        let [least, most] = self.committed.bounds().map(|end| Vec3::from(end).as_dvec3() + self.origin);
+        let [least, most] = self.structure.bounds().map(|end| Vec3::from(end).as_dvec3() + self.origin);
         let slack = PART * (high - low).max_element();
         (low - least).max_element() > slack || (most - high).max_element() > slack
     }
@@ -123,7 +123,7 @@ impl Tables {
             load(&mut packet, rays, first);
             let mut near = packet;
             let stops = |hit: &Candidate| self.surfaces.stops(hit, Cover::Solid, rays);
-            self.committed.intersect_where(&[-1; WIDTH], &mut near, Coherence::Incoherent, &stops);
+            self.structure.intersect_where(&[-1; WIDTH], &mut near, Coherence::Incoherent, &stops);
             // A second triangle in the same place is the other side.
             packet.tnear = near.tfar.map(|range| range * (1.0 - SHEET));
             packet.tfar = near.tfar.map(|range| range * (1.0 + SHEET));
@@ -133,7 +133,7 @@ impl Tables {
                 let same = [near.geom_id[lane], near.inst_id[lane], near.prim_id[lane]];
                 [hit.geom_id, hit.inst_id, hit.prim_id] != same && stops(hit)
             };
-            self.committed.intersect_where(&valid, &mut packet, Coherence::Incoherent, &others);
+            self.structure.intersect_where(&valid, &mut packet, Coherence::Incoherent, &others);
             met.extend((0..WIDTH).filter(|&lane| valid[lane] != 0).map(|lane| {
                 let back = self.back(&near, lane)?;
                 let front = packet.geom_id[lane] != INVALID && self.back(&packet, lane).is_none();

@@ -142,9 +142,9 @@ impl HitBatch {
                     }
                     scene.surfaces.covers(row, hit, sight.cover, rays)
                 };
-                scene.committed.intersect_where(&valid, &mut packet, coherence, &stops);
+                scene.structure.intersect_where(&valid, &mut packet, coherence, &stops);
             } else {
-                scene.committed.intersect(&valid, &mut packet, coherence);
+                scene.structure.intersect(&valid, &mut packet, coherence);
             }
             self.range[lanes.clone()].copy_from_slice(&packet.tfar);
             self.normal_x[lanes.clone()].copy_from_slice(&packet.ng_x);
@@ -198,9 +198,9 @@ impl HitBatch {
             if scene.surfaces.has_holes {
                 packet.id = std::array::from_fn(|lane| (first + lane) as u32);
                 let stops = |hit: &Candidate| scene.surfaces.stops(hit, sight.cover, rays);
-                scene.committed.occlude_where(&valid, &mut packet, coherence, &stops);
+                scene.structure.occlude_where(&valid, &mut packet, coherence, &stops);
             } else {
-                scene.committed.occlude(&valid, &mut packet, coherence);
+                scene.structure.occlude(&valid, &mut packet, coherence);
             }
             for lane in 0..W {
                 blocked[first + lane] = packet.tfar[lane] == f32::NEG_INFINITY;

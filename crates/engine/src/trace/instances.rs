@@ -200,7 +200,7 @@ impl Tables {
                 valid[count - first..].fill(0);
             }
             // A rejected hit does not end its ray.
-            self.committed.intersect_where(&valid, &mut packet, coherence, &|hit: &Candidate| {
+            self.structure.intersect_where(&valid, &mut packet, coherence, &|hit: &Candidate| {
                 let row = surfaces.row(hit.geom_id, hit.inst_id) as usize;
                 if surfaces.stops(hit, sight.cover, rays) {
                     let lets_through = light && surfaces.is_glass(&surfaces.rows[row]);

@@ -39,12 +39,12 @@ pub(crate) use surface::{Surface, Surfaces, seen_normal};
 
 use crate::scene::Labels;
 use driving::DrivingMotion;
-use embree4::CommittedScene;
 use glam::{DVec3, Mat3};
 use ground::report::Report;
 use instances::ObjectExtent;
 use model::motion::Span;
 use std::sync::{Arc, OnceLock};
+use structure::TracedScenes;
 
 /// A scene with its ray-tracing structure, immutable and shared by threads and clones.
 #[derive(Clone)]
@@ -55,7 +55,7 @@ pub struct Tables {
     /// The device and the worker threads that it was built with.
     pub engine: Engine,
     /// Embree's structure of all objects, ready to be traced.
-    pub committed: CommittedScene,
+    pub structure: TracedScenes,
     /// Widest ray packet that runs natively here: 16, 8 or 4.
     pub packet_width: usize,
     /// World position of Embree's (0, 0, 0).

@@ -203,7 +203,7 @@ pub(crate) struct SoundLimits<'a> {
 
 impl<'a> SoundTracer<'a> {
     pub fn new(scene: &'a Tables, column: &'a WaterColumn, sound: SoundLimits<'a>) -> SoundTracer<'a> {
-        let bounds = scene.committed.bounds();
+        let bounds = scene.structure.bounds();
         let surface_z = column.surface_z - scene.origin.z;
         let [top, bottom] = [bounds[1][2], bounds[0][2]].map(|z| surface_z - f64::from(z));
         let mut slabs = Vec::with_capacity(column.slabs.len() + 2);

@@ -2,7 +2,7 @@
 
 use super::Engine;
 use crate::trace::engine::embree_error;
-use embree4::{CommittedScene, Pace, Quality};
+use embree4::{Candidate, Coherence, CommittedScene, Pace, Packet, Quality};
 use glam::{DAffine3, DVec3};
 use ground::error::Result;
 use model::Mesh;
@@ -17,6 +17,113 @@ impl Engine {
     pub fn prepare(&self, mesh: &Mesh) -> Result<()> {
         structure_of(mesh, self, Pace::Aside).map(drop)
     }
+}
+
+/// What rays are traced through: what stands, then what moves, each in a scene of its own, whose geometry ids do not
+/// overlap. In one scene Embree would search what moves first, and rays would look for it behind walls.
+pub struct TracedScenes {
+    standing: CommittedScene,
+    /// `None`: nothing moves.
+    moving: Option<CommittedScene>,
+    /// Box at all times around what moves, if that is a single shape: Embree would not test its box, but call it for
+    /// every ray.
+    lone: Option<[[f32; 3]; 2]>,
+}
+
+impl TracedScenes {
+    /// `moving` is a scene and how many shapes it has.
+    pub fn new(standing: CommittedScene, moving: Option<(CommittedScene, usize)>) -> TracedScenes {
+        let lone = moving.as_ref().and_then(|(scene, shapes)| (*shapes == 1).then(|| scene.bounds()));
+        TracedScenes { standing, moving: moving.map(|(scene, _)| scene), lone }
+    }
+
+    /// What moves, and the lanes of `valid` whose rays may meet it; `None`: no ray does.
+    #[inline]
+    fn moving<const W: usize>(&self, valid: &[i32; W], rays: &Packet<W>) -> Option<(&CommittedScene, [i32; W])> {
+        let moving = self.moving.as_ref()?;
+        let lanes = match &self.lone {
+            Some(around) => passing(valid, rays, around),
+            // Rays that were blocked have ended.
+            None => std::array::from_fn(|lane| if rays.tfar[lane] < 0.0 { 0 } else { valid[lane] }),
+        };
+        (lanes != [0; W]).then_some((moving, lanes))
+    }
+
+    /// As [`CommittedScene::intersect`].
+    #[inline]
+    pub fn intersect<const W: usize>(&self, valid: &[i32; W], rays: &mut Packet<W>, coherence: Coherence) {
+        self.standing.intersect(valid, rays, coherence);
+        if let Some((moving, lanes)) = self.moving(valid, rays) {
+            moving.intersect(&lanes, rays, coherence);
+        }
+    }
+
+    /// As [`CommittedScene::intersect_where`].
+    #[inline]
+    pub fn intersect_where<const W: usize, F: Fn(&Candidate) -> bool>(
+        &self,
+        valid: &[i32; W],
+        rays: &mut Packet<W>,
+        coherence: Coherence,
+        counts: &F,
+    ) {
+        self.standing.intersect_where(valid, rays, coherence, counts);
+        if let Some((moving, lanes)) = self.moving(valid, rays) {
+            moving.intersect_where(&lanes, rays, coherence, counts);
+        }
+    }
+
+    /// As [`CommittedScene::occlude`].
+    #[inline]
+    pub fn occlude<const W: usize>(&self, valid: &[i32; W], rays: &mut Packet<W>, coherence: Coherence) {
+        self.standing.occlude(valid, rays, coherence);
+        if let Some((moving, lanes)) = self.moving(valid, rays) {
+            moving.occlude(&lanes, rays, coherence);
+        }
+    }
+
+    /// As [`CommittedScene::occlude_where`].
+    #[inline]
+    pub fn occlude_where<const W: usize, F: Fn(&Candidate) -> bool>(
+        &self,
+        valid: &[i32; W],
+        rays: &mut Packet<W>,
+        coherence: Coherence,
+        counts: &F,
+    ) {
+        self.standing.occlude_where(valid, rays, coherence, counts);
+        if let Some((moving, lanes)) = self.moving(valid, rays) {
+            moving.occlude_where(&lanes, rays, coherence, counts);
+        }
+    }
+
+    /// As [`CommittedScene::bounds`].
+    pub fn bounds(&self) -> [[f32; 3]; 2] {
+        let [low, high] = self.standing.bounds();
+        let Some([least, most]) = self.moving.as_ref().map(CommittedScene::bounds) else { return [low, high] };
+        let ends = |of: fn(f32, f32) -> f32, a: [f32; 3], b: [f32; 3]| std::array::from_fn(|axis| of(a[axis], b[axis]));
+        [ends(f32::min, low, least), ends(f32::max, high, most)]
+    }
+}
+
+/// The lanes of `valid` whose rays pass through a box before they end.
+#[inline]
+fn passing<const W: usize>(valid: &[i32; W], rays: &Packet<W>, [low, high]: &[[f32; 3]; 2]) -> [i32; W] {
+    /// More than the rounding of a way to the box.
+    const WIDER: f32 = 1.0 + 8.0 * f32::EPSILON;
+    let (mut near, mut far) = (rays.tnear, rays.tfar);
+    let axes = [(&rays.org_x, &rays.dir_x), (&rays.org_y, &rays.dir_y), (&rays.org_z, &rays.dir_z)];
+    for (axis, (org, dir)) in axes.into_iter().enumerate() {
+        for lane in 0..W {
+            let per = 1.0 / dir[lane];
+            let (a, b) = ((low[axis] - org[lane]) * per, (high[axis] - org[lane]) * per);
+            // Comparisons are single instructions, `f32::min` is not.
+            let (first, last) = (if a < b { a } else { b }, if a > b { a } else { b });
+            near[lane] = if first > near[lane] { first } else { near[lane] };
+            far[lane] = if last < far[lane] { last } else { far[lane] };
+        }
+    }
+    std::array::from_fn(|lane| if near[lane] <= far[lane] * WIDER { valid[lane] } else { 0 })
 }
 
 /// The ray-tracing structure of `mesh`, built now if the engine does not have it yet.

@@ -8,7 +8,7 @@ use crate::scene::{Object, Scene};
 use crate::trace::driving::MOST_BYTES;
 use crate::trace::engine::embree_error;
 use crate::trace::instances::ObjectExtent;
-use crate::trace::structure::{attach, columns};
+use crate::trace::structure::{TracedScenes, attach, columns};
 use crate::trace::{BuiltScene, Engine, SharedSurfaces, Surfaces, Tables};
 use embree4::{CommittedScene, Instance, Pace, Quality};
 use glam::{DAffine3, DVec3, Mat3};
@@ -49,6 +49,13 @@ pub(super) struct FixedObjects {
     instance: Instance,
 }
 
+/// What stands, built: the fixed objects and others beside them.
+pub(super) struct StandingObjects {
+    /// With their geometry ids.
+    instances: Vec<(u32, Instance)>,
+    scene: CommittedScene,
+}
+
 impl LiveScene {
     /// Builds what has changed and returns the current scene, to be scanned.
     ///
@@ -67,7 +74,7 @@ impl LiveScene {
         let origin = self.choose_origin();
         let fixed = self.fixed_objects(origin)?;
         self.place_others(origin)?;
-        let committed = self.top_level(&fixed)?;
+        let structure = self.structure(&fixed)?;
         let surfaces = match self.surfaces.take() {
             Some(surfaces) => surfaces,
             None => Arc::new(SharedSurfaces::new(self.new_surfaces(&fixed))),
@@ -86,7 +93,7 @@ impl LiveScene {
         let order = || in_order(&self.slots, &fixed);
         let tables = Tables {
             engine: self.engine.clone(),
-            committed,
+            structure,
             packet_width: self.engine.device().packet_width(),
             origin,
             normal_matrices: order().map(|(_, live)| normal_matrix(&live.object)).collect(),
@@ -181,22 +188,39 @@ impl LiveScene {
         Ok(())
     }
 
-    /// The scene that is traced: the fixed objects alone, or together with the others.
-    fn top_level(&self, fixed: &FixedObjects) -> Result<CommittedScene> {
-        if self.placed.is_empty() {
-            return Ok(fixed.scene.clone());
-        }
-        let mut top = embree4::Scene::new(self.engine.device(), Quality::Medium).map_err(embree_error)?;
-        top.attach_instance(&fixed.instance).map_err(embree_error)?;
-        for (slot, _) in in_order(&self.slots, fixed).skip(fixed.together.len()) {
+    /// What is traced. Geometry 0 is the fixed objects together, the others have the numbers of their order.
+    fn structure(&mut self, fixed: &FixedObjects) -> Result<TracedScenes> {
+        let (mut standing, mut moving) = (vec![(0, fixed.instance.clone())], Vec::new());
+        for (id, (slot, _)) in (1..).zip(in_order(&self.slots, fixed).skip(fixed.together.len())) {
             match &self.placed[&slot].thing {
                 EmbreeObject::Still(instance) | EmbreeObject::Resting(instance, _) => {
-                    top.attach_instance(instance).map_err(embree_error)?
+                    standing.push((id, instance.clone()));
                 }
-                EmbreeObject::Moving(custom, _) => top.attach_shape(custom).map_err(embree_error)?,
-            };
+                EmbreeObject::Moving(custom, _) => moving.push((id, custom.clone())),
+            }
         }
-        self.engine.commit(top, self.placed.len(), Pace::Now)
+        let of_moving = (!moving.is_empty()).then(|| {
+            let mut scene = embree4::Scene::new(self.engine.device(), Quality::Medium).map_err(embree_error)?;
+            moving.iter().try_for_each(|(id, custom)| scene.attach_shape(custom, *id)).map_err(embree_error)?;
+            self.engine.commit(scene, moving.len(), Pace::Now).map(|scene| (scene, moving.len()))
+        });
+        Ok(TracedScenes::new(self.standing(fixed, standing)?, of_moving.transpose()?))
+    }
+
+    /// The fixed objects alone, or together with others: that of the last commit, if they are the same.
+    fn standing(&mut self, fixed: &FixedObjects, instances: Vec<(u32, Instance)>) -> Result<CommittedScene> {
+        if instances.len() == 1 {
+            self.standing = None;
+            return Ok(fixed.scene.clone());
+        }
+        if let Some(known) = self.standing.as_ref().filter(|known| known.instances == instances) {
+            return Ok(known.scene.clone());
+        }
+        let mut scene = embree4::Scene::new(self.engine.device(), Quality::Medium).map_err(embree_error)?;
+        instances.iter().try_for_each(|(id, instance)| scene.attach_instance(instance, *id)).map_err(embree_error)?;
+        let scene = self.engine.commit(scene, instances.len(), Pace::Now)?;
+        self.standing = Some(Arc::new(StandingObjects { instances, scene: scene.clone() }));
+        Ok(scene)
     }
 
     /// What the ids of hits mean.

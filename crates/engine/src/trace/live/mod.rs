@@ -10,7 +10,7 @@ pub use object::ObjectId;
 
 use super::{BuiltScene, Engine, SharedSurfaces};
 use crate::scene::{Object, Scene};
-use commit::FixedObjects;
+use commit::{FixedObjects, StandingObjects};
 use glam::{DAffine3, DVec3};
 use ground::array::Array;
 use ground::error::{Error, Result};
@@ -49,6 +49,8 @@ pub struct LiveScene {
     tolerance: f64,
     /// `None`: fixed objects have changed.
     fixed: Option<Arc<FixedObjects>>,
+    /// What stood at the last commit.
+    standing: Option<Arc<StandingObjects>>,
     /// Objects placed by themselves, by slot, unless they have moved.
     placed: HashMap<u32, PlacedObject>,
     /// Materials that replace others, on one object (by slot) or on all; keyed by the address of the replaced material,
@@ -79,6 +81,7 @@ impl LiveScene {
             time: Span { start: 0.0, length: 0.0 },
             tolerance: 1e-3,
             fixed: None,
+            standing: None,
             placed: HashMap::new(),
             looks: HashMap::new(),
             surfaces: None,
