@@ -174,6 +174,40 @@ kernels! {
             (dir_x[lane], dir_y[lane], dir_z[lane]) = (x * scale, y * scale, z * scale);
         }
     }
+
+    /// Sub-rays of one beam from `axis_origin` along `axis`, one for each of `places` in it; otherwise as for
+    /// [`spread`].
+    pub fn fan(
+        places: [&[f32]; 2],
+        start: f32,
+        half_angles: [f32; 2],
+        left_up: [[f32; 3]; 2],
+        turn: [f32; 2],
+        axis_origin: [f32; 3],
+        axis: [f32; 3],
+        origin: [&mut [f32]; 3],
+        to: [&mut [f32]; 3],
+    ) {
+        let (count, [left, up]) = (places[0].len(), left_up);
+        let [cos, sin] = places.map(|places| &places[..count]);
+        let [horizontal, vertical] = half_angles;
+        let [org_x, org_y, org_z] = origin.map(|axis| &mut axis[..count]);
+        let [dir_x, dir_y, dir_z] = to.map(|axis| &mut axis[..count]);
+        for ray in 0..count {
+            let c = cos[ray] * turn[0] - sin[ray] * turn[1];
+            let s = sin[ray] * turn[0] + cos[ray] * turn[1];
+            let (a, b) = (start * c, start * s);
+            let (u, v) = (-horizontal * s, vertical * c);
+            org_x[ray] = axis_origin[0] + a * left[0] + b * up[0];
+            org_y[ray] = axis_origin[1] + a * left[1] + b * up[1];
+            org_z[ray] = axis_origin[2] + a * left[2] + b * up[2];
+            let x = axis[0] + u * left[0] + v * up[0];
+            let y = axis[1] + u * left[1] + v * up[1];
+            let z = axis[2] + u * left[2] + v * up[2];
+            let scale = 1.0 / (x * x + y * y + z * z).sqrt();
+            (dir_x[ray], dir_y[ray], dir_z[ray]) = (x * scale, y * scale, z * scale);
+        }
+    }
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ mod level;
 pub mod aim;
 pub mod boundary;
 pub mod camera;
+pub mod cover;
 pub mod echo;
 pub mod light;
 pub mod math;

@@ -1,7 +1,11 @@
 //! Signals of beams whose sub-rays all hit one place of one surface.
 
 use crate::level::kernels;
+use crate::math::exp_negative;
 use crate::{LANES, Lanes};
+
+/// Sums are formed in this many rows.
+const ROWS: usize = 16;
 
 /// Hits of the sub-rays of each beam, accumulated ray by ray.
 #[derive(Clone, Debug)]
@@ -121,5 +125,43 @@ kernels! {
             }
         }
         any
+    }
+
+    /// Sum over the pulses at `ranges`, with the peak `powers`, of what they contribute at the range `at`, and of that
+    /// times `x` and `x^2`, where `x` is how far behind it a pulse is, times `scale`, one over the pulse's standard
+    /// deviation. Both slices have the same length.
+    pub fn pull(ranges: &[f32], powers: &[f32], at: f32, scale: f32) -> [f32; 3] {
+        let count = ranges.len();
+        let powers = &powers[..count];
+        // Sums in as many rows at every level: the order of additions does not depend on it.
+        let mut sums = [[0.0; ROWS]; 3];
+        let mut start = 0;
+        while start + ROWS <= count {
+            for row in 0..ROWS {
+                let x = (ranges[start + row] - at) * scale;
+                let weight = powers[start + row] * exp_negative(0.5 * x * x);
+                sums[0][row] += weight;
+                sums[1][row] += weight * x;
+                sums[2][row] += weight * x * x;
+            }
+            start += ROWS;
+        }
+        for (row, pulse) in (start..count).enumerate() {
+            let x = (ranges[pulse] - at) * scale;
+            let weight = powers[pulse] * exp_negative(0.5 * x * x);
+            sums[0][row] += weight;
+            sums[1][row] += weight * x;
+            sums[2][row] += weight * x * x;
+        }
+        sums.map(|rows| rows.iter().sum::<f32>())
+    }
+
+    /// Adds to `bins`, at every `step` standard deviations, the pulse of `power` whose peak is `place` bins after the
+    /// first of them.
+    pub fn add_pulse(power: f32, place: f32, step: f32, bins: &mut [f32]) {
+        for (bin, value) in bins.iter_mut().enumerate() {
+            let x = (bin as f32 - place) * step;
+            *value += power * exp_negative(0.5 * x * x);
+        }
     }
 }

@@ -7,9 +7,6 @@ use emitter::Footprint;
 use emitter::pattern::Pattern;
 use std::sync::Arc;
 
-/// Sub-rays of a beam whose footprint covers more than one surface.
-const RAYS_OF_A_BEAM: usize = 64;
-
 /// Sub-rays of a pixel that covers more than one surface.
 const RAYS_OF_A_PIXEL: usize = 25;
 
@@ -33,6 +30,8 @@ pub(crate) struct Adaptive {
     pub rim: Footprint,
     /// How all other beams are simulated.
     pub one_ray: Arc<Signals>,
+    /// For each sub-ray all of them, the nearest first.
+    pub near: Vec<Vec<u8>>,
 }
 
 impl Signals {
@@ -50,11 +49,12 @@ impl Signals {
                 Some(Footprint::of_pixel(count, camera.pixel()))
             }
             (SubRays::Count(count), _) => Some(Footprint::new(count as usize, diameter, divergence)),
-            (SubRays::Adaptive, _) => Some(Footprint::new(RAYS_OF_A_BEAM, diameter, divergence)),
+            (SubRays::Adaptive, _) => Some(Footprint::in_rounds(diameter, divergence)),
         };
         let sigma = Pulse::new(beam.pulse_shape, beam.pulse_ns).sigma();
         let adaptive = footprint.as_ref().filter(|_| beam.sub_rays == SubRays::Adaptive).map(|footprint| Adaptive {
             rim: footprint.rim(),
+            near: footprint.neighbours(),
             one_ray: Arc::new(Signals { footprint: None, adaptive: None, sigma, rule }),
         });
         Signals { footprint, adaptive, sigma, rule }

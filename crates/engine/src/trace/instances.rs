@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 /// Pose and extent of an object.
 #[derive(Clone, Copy, Debug)]
 pub struct ObjectExtent {
-    world_from_object: DAffine3,
+    pub(super) world_from_object: DAffine3,
     /// Box of its mesh, object frame; `None`: it has no triangles.
     pub(super) bounds: Option<[[f32; 3]; 2]>,
     /// Which of its axes pointed up as modelled.

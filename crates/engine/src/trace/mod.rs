@@ -35,7 +35,7 @@ pub(crate) use shared_surfaces::SharedSurfaces;
 pub(crate) use sound::{
     Arrival, Direct, Goal, Launch, ReflectionLoss, SoundLimits, SoundTracer, TracerMemory, TubeHit,
 };
-pub(crate) use surface::{Surface, Surfaces, seen_normal};
+pub(crate) use surface::{Holes, Surface, Surfaces, seen_normal};
 
 use crate::scene::Labels;
 use driving::DrivingMotion;

@@ -3,7 +3,7 @@
 use super::deforming::Deforming;
 use super::driving::{DrivingMotion, MOST_BYTES};
 use super::{Mover, Surface, Tables};
-use glam::{Mat3, Vec3};
+use glam::{DVec3, Mat3, Vec3};
 use ground::error::Result;
 use model::motion::{Path, Span};
 use std::sync::OnceLock;
@@ -91,6 +91,25 @@ impl Tables {
     /// [`Mover::point`] of a surface.
     fn point(&self, mover: &Mover, surface: &Surface, triangle: u32, uv: [f32; 2], time: f32) -> (Vec3, Vec3) {
         mover.point((surface.number, &self.surfaces.parts[surface.part as usize]), triangle, uv, time)
+    }
+
+    /// The corners of a `triangle` of a surface, a row, at `time`, 0 to 1, in Embree's frame.
+    pub(crate) fn corners(&self, surface: u32, triangle: u32, time: f32) -> [Vec3; 3] {
+        let row = &self.surfaces.rows[surface as usize];
+        match self.mover(row.object) {
+            Some(mover) => {
+                let at = mover.path.at(time);
+                [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]].map(|uv| at.to_local(self.point(mover, row, triangle, uv, time).0))
+            }
+            None => {
+                let part = &self.surfaces.parts[row.part as usize];
+                let place = &self.extents[row.object as usize].world_from_object;
+                part.triangles[triangle as usize].map(|corner| {
+                    let [x, y, z] = part.positions[corner as usize].map(f64::from);
+                    (place.transform_point3(DVec3::new(x, y, z)) - self.origin).as_vec3()
+                })
+            }
+        }
     }
 
     /// What takes a point of a surface (a row, or [`super::MISS`]) at `time` back to `start`, both 0 to 1; `None`: it

@@ -21,8 +21,6 @@ pub(crate) struct Provenance {
     pub triangle: u32,
     pub uv: [f32; 2],
     pub normal: Vec3,
-    /// Which ray of the beam hits its surface directly; `None` if none does.
-    pub ray: Option<u32>,
     /// Its apparent motion: a row of [`Follower::image`](super::Follower::image), 0 for what is seen directly.
     pub image: u32,
 }
@@ -39,7 +37,6 @@ impl Provenance {
             triangle: 0,
             uv: [0.0; 2],
             normal: Vec3::NAN,
-            ray: None,
             image: 0,
         }
     }
@@ -55,7 +52,6 @@ impl Provenance {
             triangle: hits.triangle[lane],
             uv: [hits.u[lane], hits.v[lane]],
             normal: hits.normal(lane),
-            ray: None,
             image: 0,
         }
     }
@@ -63,17 +59,19 @@ impl Provenance {
     /// That of what ray `ray` of the beam at `lane` hits.
     pub(crate) fn of_ray(rays: &BeamRays, lane: usize, ray: u32) -> Option<Provenance> {
         let met = rays.get(ray, lane)?;
-        let hit = Provenance::of_hit(&met.batch.hits, met.lane, met.cos_incidence());
-        Some(Provenance { ray: Some(ray), ..hit })
+        Some(Provenance::of_hit(&met.batch.hits, met.lane, met.cos_incidence()))
     }
 }
 
 /// End of the chain of a beam's arrivals.
 const NONE: u32 = u32::MAX;
 
-/// The arrivals of a block of beams, in columns. Those from mirrors, glass, the air and beside a beam are chained beam
-/// by beam as they are found; those from the surfaces that rays hit directly are added beam by beam, by
-/// [`Arrivals::receive`], only where a beam is more than one plain echo.
+/// Bit of the source of a part of a signal that comes from what a ray of the beam hits directly; the other bits are the
+/// number of the ray, as in [`BeamRays::get`].
+const DIRECT: u32 = 1 << 31;
+
+/// The arrivals of a block of beams from elsewhere than the surfaces that their rays hit, in columns: from mirrors,
+/// glass, the air and beside a beam. They are chained beam by beam as they are found.
 pub(crate) struct Arrivals {
     /// Range as the instrument measures it, m.
     pub range: Vec<f32>,
@@ -84,9 +82,29 @@ pub(crate) struct Arrivals {
     before: Vec<u32>,
     /// Last of the chain of each beam.
     last: [u32; LANES],
-    /// For arrivals that represent several rays of the beam that is received: range of the first ray, sum of power
-    /// times range beyond that, power of the strongest ray.
-    bundles: Vec<[f32; 3]>,
+    /// Parts of the signal of the beam that is received.
+    bundles: Vec<Bundle>,
+}
+
+/// A part of a signal from one surface.
+struct Bundle {
+    surface: u32,
+    /// Range of what was added first, m; all is close to it.
+    first: f32,
+    power: f32,
+    /// Sum of power times range beyond the first.
+    moment: f32,
+    /// Power of the strongest ray, and its number.
+    most: f32,
+    ray: u32,
+}
+
+/// Where a part of a signal comes from.
+#[derive(Clone, Copy)]
+pub(crate) enum Source<'a> {
+    /// What this ray of the beam hits.
+    Ray(u32),
+    Other(&'a Provenance),
 }
 
 impl Default for Arrivals {
@@ -111,18 +129,13 @@ impl Arrivals {
         self.last = [NONE; LANES];
     }
 
-    fn push(&mut self, range: f32, power: f32, provenance: Provenance, before: u32) {
+    /// Adds what arrives along the beam at `lane` from elsewhere than the surfaces that its rays hit.
+    pub fn add(&mut self, lane: usize, range: f32, power: f32, provenance: Provenance) {
+        self.before.push(self.last[lane]);
+        self.last[lane] = self.range.len() as u32;
         self.range.push(range);
         self.power.push(power);
         self.provenance.push(provenance);
-        self.before.push(before);
-    }
-
-    /// Adds what arrives along the beam at `lane` from elsewhere than the surfaces that its rays hit.
-    pub fn add(&mut self, lane: usize, range: f32, power: f32, provenance: Provenance) {
-        let before = self.last[lane];
-        self.last[lane] = self.range.len() as u32;
-        self.push(range, power, provenance, before);
     }
 
     /// Whether the beam at `lane` has arrivals other than from the surfaces that its rays hit.
@@ -130,66 +143,92 @@ impl Arrivals {
         self.last[lane] != NONE
     }
 
-    /// All that arrives along the beam at `lane`, as the parts of its signal, whose sources are rows of these columns:
-    /// first from the surfaces that its `rays` hit, in the order of the rays. Rays that hit one surface within `width`
-    /// m of range are merged; with a negative width every ray is an arrival of its own.
+    /// All that arrives along the beam at `lane`, as the parts of its signal: first from the surfaces that its `rays`
+    /// hit, in the order of the rays. Rays that hit one surface within `width` m of range are merged; with a negative
+    /// width every ray is a part of its own.
     pub(crate) fn receive(&mut self, rays: &BeamRays, lane: usize, width: f32, parts: &mut Vec<Pulselet>) {
         parts.clear();
         self.bundles.clear();
-        let start = self.range.len();
-        for (ray, met) in (0..).zip(rays.of_beam(lane)) {
-            let (surface, range, power) = (met.surface(), met.range(), met.power());
+        for (ray, met) in rays.of_beam(lane) {
+            let (surface, power) = (met.surface(), met.power());
             if power <= 0.0 {
                 continue;
             }
-            let near = |(provenance, [first, ..]): (&Provenance, &[f32; 3])| {
-                provenance.surface == surface && (range - first).abs() <= width
-            };
-            let known = self.provenance[start..].iter().zip(&self.bundles).position(near);
-            let strongest = match known {
-                Some(index) => {
-                    let [first, moment, most] = &mut self.bundles[index];
-                    self.power[start + index] += power;
-                    *moment += power * (range - *first);
-                    let is_strongest = power > *most;
-                    *most = most.max(power);
-                    is_strongest.then_some(start + index)
+            match met.ranges(2.0 * width) {
+                None => self.bundle(surface, ray, [met.range(), power], width),
+                Some(ranges) if width > 0.0 => {
+                    let each = power / met.points() as f32;
+                    self.slice(surface, ray, ranges, each, (met.ends(), 2.0 * width));
                 }
-                None => {
-                    self.push(range, power, Provenance::of_no_surface(Cause::Surface), NONE);
-                    self.bundles.push([range, 0.0, power]);
-                    Some(self.range.len() - 1)
+                Some(ranges) => {
+                    let each = power / met.points() as f32;
+                    ranges.for_each(|range| self.bundle(surface, ray, [range, each], width));
                 }
-            };
-            if let (Some(row), Some(provenance)) = (strongest, Provenance::of_ray(rays, lane, ray)) {
-                self.provenance[row] = provenance;
             }
         }
-        for (row, [first, moment, _]) in (start..).zip(&self.bundles) {
-            self.range[row] = first + moment / self.power[row];
-        }
-        parts.extend((start..self.range.len()).map(|row| self.part(row as u32)));
+        parts.extend(self.bundles.iter().map(|bundle| Pulselet {
+            range: bundle.first + bundle.moment / bundle.power,
+            power: bundle.power,
+            source: bundle.ray | DIRECT,
+        }));
         let mut row = self.last[lane];
         while row != NONE {
-            parts.push(self.part(row));
+            parts.push(Pulselet { range: self.range[row as usize], power: self.power[row as usize], source: row });
             row = self.before[row as usize];
         }
     }
 
-    /// Range, power and provenance of what arrives from elsewhere than the surfaces that rays hit, of a block that is
-    /// one beam.
-    pub fn others(&self) -> impl Iterator<Item = (f32, f32, &Provenance)> {
-        let rows = (0..).zip(&self.provenance).filter(|(_, from)| from.ray.is_none());
-        rows.map(|(row, from): (usize, _)| (self.range[row], self.power[row], from))
+    /// Adds a patch that spans more than a bundle: the parts of it in slices of `thickness` m from `low` m on.
+    fn slice(
+        &mut self,
+        surface: u32,
+        ray: u32,
+        ranges: impl Iterator<Item = f32>,
+        each: f32,
+        ([low, high], thickness): ([f32; 2], f32),
+    ) {
+        const MOST: usize = 64;
+        let scale = 1.0 / thickness.max((high - low) / MOST as f32);
+        let (mut power, mut moment) = ([0.0; MOST], [0.0; MOST]);
+        let mut last = 0;
+        for range in ranges {
+            let slice = (((range - low) * scale) as usize).min(MOST - 1);
+            power[slice] += each;
+            moment[slice] += each * (range - low);
+            last = last.max(slice);
+        }
+        for slice in (0..=last).filter(|&slice| power[slice] > 0.0) {
+            let power = power[slice];
+            self.bundles.push(Bundle { surface, first: low, power, moment: moment[slice], most: each, ray });
+        }
     }
 
-    fn part(&self, row: u32) -> Pulselet {
-        Pulselet { range: self.range[row as usize], power: self.power[row as usize], source: row }
+    /// Adds what a ray hits.
+    fn bundle(&mut self, surface: u32, ray: u32, [range, power]: [f32; 2], width: f32) {
+        let near = |bundle: &&mut Bundle| bundle.surface == surface && (range - bundle.first).abs() <= width;
+        match self.bundles.iter_mut().find(near) {
+            Some(bundle) => {
+                bundle.power += power;
+                bundle.moment += power * (range - bundle.first);
+                if power > bundle.most {
+                    (bundle.most, bundle.ray) = (power, ray);
+                }
+            }
+            None => self.bundles.push(Bundle { surface, first: range, power, moment: 0.0, most: power, ray }),
+        }
     }
 
-    /// Provenance of a part of a signal.
-    pub(crate) fn provenance(&self, source: u32) -> &Provenance {
-        &self.provenance[source as usize]
+    /// Range, power and provenance of all of a block.
+    pub fn all(&self) -> impl Iterator<Item = (f32, f32, &Provenance)> {
+        (self.range.iter().zip(&self.power).zip(&self.provenance)).map(|((&range, &power), from)| (range, power, from))
+    }
+
+    /// Where a part of a signal comes from.
+    pub(crate) fn source(&self, part: &Pulselet) -> Source<'_> {
+        match part.source & DIRECT {
+            0 => Source::Other(&self.provenance[part.source as usize]),
+            _ => Source::Ray(part.source & !DIRECT),
+        }
     }
 }
 
@@ -243,7 +282,7 @@ pub(crate) struct AirArrivals<'a> {
 
 impl AirEchoes for AirArrivals<'_> {
     fn end(&self, lane: usize) -> f32 {
-        self.rays.of_beam(lane).map(|met| met.end()).fold(0.0, f32::max)
+        self.rays.of_beam(lane).map(|(_, met)| met.end()).fold(0.0, f32::max)
     }
 
     fn least(&self, _: usize) -> f32 {
@@ -252,7 +291,8 @@ impl AirEchoes for AirArrivals<'_> {
 
     fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool {
         // Rays that surfaces stop before do not get there.
-        let on = self.rays.of_beam(lane).filter(|met| met.end() > echo.range).count();
+        let beyond = self.rays.of_beam(lane).filter(|(_, met)| met.end() > echo.range);
+        let on: u32 = beyond.map(|(_, met)| met.points()).sum();
         let share = on as f32 / self.rays.each as f32;
         let power = echo.rho_eff * share * self.efficiency[lane] / (echo.range * echo.range);
         if power > 0.0 {

@@ -5,6 +5,7 @@
 //! would look like a row of echoes. With a spread `sigma_R` of the ranges the echo has the width `hypot(sigma,
 //! sigma_R)`, and its peak falls as much as it widens.
 
+use super::patchwork::Light;
 use super::{Batch, BeamRays, OFF_SURFACE, Peak, Waveform};
 use echocast_kernels::signal::{self, PlainSignal};
 use ground::lanes::LANES;
@@ -73,30 +74,24 @@ impl PlainEchoes {
         }
     }
 
-    /// Merges the beam at `lane`, whose `rays` are packed, into one echo if they all hit one place of one surface.
+    /// Merges the beam at `lane`, a patchwork of `rays`, into one echo if that is all it can be: on one plane of one
+    /// surface, or within a pulse.
+    ///
+    /// Where ranges span no more than a pulse the signal has one maximum. With the central moments `v`, `m3`, `m4` of
+    /// its light over range in sigmas, it is `m3 / (2 - 3 v)` before the mean, where `E[(x - d) exp(-(x - d)^2/2)]` is 0
+    /// to third order, and its height is `1 - v/2 + m4/8`, to fourth; the errors are below 2e-3 sigma and 1e-3.
     pub fn join(&mut self, rays: &BeamRays, lane: usize, sigma: f32) {
-        let mut rays = rays.of_beam(lane);
-        let Some(first) = rays.next().filter(|first| first.power() > 0.0) else { return };
-        let (mut power, mut moments, mut span) = (first.power(), [0.0; 2], [0.0f32; 2]);
-        for met in rays {
-            if met.power() <= 0.0 || !met.is_beside(&first, OFF_SURFACE * sigma) {
-                return;
-            }
-            let beyond = met.range() - first.range();
-            power += met.power();
-            moments[0] += met.power() * beyond;
-            moments[1] += met.power() * beyond * beyond;
-            span = [span[0].min(beyond), span[1].max(beyond)];
-        }
-        let mean = moments[0] / power;
-        let variance = (moments[1] / power - mean * mean).max(0.0);
-        // As in `finish`; between the two the signal is searched.
-        let span = span[1] - span[0];
-        let wide = span > Waveform::NARROW * sigma;
-        if wide || span <= FINE * sigma {
+        let patchwork = &rays.patchworks[lane];
+        let Some(Light { power, mean, moments: [square, cube, fourth], span }) = patchwork.light() else { return };
+        if span <= Waveform::NARROW * sigma {
+            let scale = if sigma > 0.0 { 1.0 / (sigma * sigma) } else { 0.0 };
+            let v = square * scale;
             self.0.is[lane] = true;
-            self.0.range[lane] = first.range() + mean;
-            self.0.power[lane] = if wide { widened(power, sigma, variance) } else { power };
+            self.0.range[lane] = mean - cube * scale / (2.0 - 3.0 * v);
+            self.0.power[lane] = power * (1.0 - 0.5 * v + 0.125 * fourth * scale * scale);
+        } else if patchwork.is_one_plane(OFF_SURFACE * sigma) {
+            self.0.is[lane] = true;
+            (self.0.range[lane], self.0.power[lane]) = (mean, widened(power, sigma, square));
         }
     }
 }

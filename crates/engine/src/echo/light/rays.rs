@@ -1,6 +1,8 @@
 //! Hits of the rays of a block's beams, and which rays belong to which beam.
 
+use super::patchwork::{Patch, Patchwork};
 use crate::trace::HitBatch;
+use glam::Vec3;
 use ground::lanes::{LANES, MISS};
 
 /// Distance from a plane that counts as off it, in sigmas of the pulse.
@@ -12,45 +14,39 @@ pub(crate) struct Batch {
     pub cos_incidence: [f32; LANES],
     /// What each adds to the signal, `rho_eff / R^2` in 1/m^2, including its share of the beam; 0 for nothing.
     pub power: [f32; LANES],
-    /// Offset of its plane along its normal, m; only if beams are packed.
-    pub offset: [f32; LANES],
 }
 
 /// The rays of a block's beams.
 ///
-/// If all beams of a block are several rays, batch `i` has ray `i` of every beam, in the beam's lane: all lanes are
-/// processed at once. If only some are, beams are packed, ray after ray and beam after beam: batches are full, and the
-/// rays of a beam, which mostly hit the same surface, are traced together.
+/// If all beams of a block are as many rays, batch `i` has ray `i` of every beam, in the beam's lane: all lanes are
+/// processed at once. If only some beams are several rays, and those as many as it takes, each beam is a patchwork.
 #[derive(Default)]
 pub(crate) struct BeamRays {
     pub batches: Vec<Batch>,
-    /// Rays per beam.
+    /// Rays per beam, or points of its footprint.
     pub each: usize,
-    /// Whether beams are packed, ray after ray and beam after beam.
-    pub packed: bool,
+    /// One for each beam, if they are patchworks.
+    pub patchworks: Vec<Patchwork>,
+    pub is_patched: bool,
 }
 
-/// Hit of one ray.
+/// Hit of one ray; the patch that it stands for, if its beam is a patchwork.
 #[derive(Clone, Copy)]
 pub(crate) struct Met<'a> {
     pub batch: &'a Batch,
     pub lane: usize,
+    patch: Option<(u32, &'a Patchwork)>,
 }
 
 impl Batch {
     pub fn new() -> Self {
-        Batch { hits: HitBatch::new(), cos_incidence: [0.0; LANES], power: [0.0; LANES], offset: [0.0; LANES] }
+        Batch { hits: HitBatch::new(), cos_incidence: [0.0; LANES], power: [0.0; LANES] }
     }
 }
 
-impl Met<'_> {
-    /// Whether `other` is on the same plane of the same surface, to within `off` m.
-    pub(crate) fn is_beside(&self, other: &Met, off: f32) -> bool {
-        /// Cosine of an angle of 0.06 degrees, within which all of a footprint is on one plane.
-        const PARALLEL: f32 = 1.0 - 5e-7;
-        self.surface() == other.surface()
-            && (self.batch.offset[self.lane] - other.batch.offset[other.lane]).abs() <= off
-            && self.batch.hits.normal(self.lane).dot(other.batch.hits.normal(other.lane)) >= PARALLEL
+impl<'a> Met<'a> {
+    fn patch(&self) -> Option<&'a Patch> {
+        self.patch.map(|(number, patchwork)| &patchwork.patches[number as usize])
     }
 
     /// Row of the surface, or [`MISS`].
@@ -58,12 +54,14 @@ impl Met<'_> {
         self.batch.hits.surface[self.lane]
     }
 
+    /// Its mean range, m.
     pub fn range(&self) -> f32 {
-        self.batch.hits.range[self.lane]
+        self.patch().map_or(self.batch.hits.range[self.lane], |patch| patch.range)
     }
 
+    /// What it adds to the signal, `rho_eff / R^2` in 1/m^2.
     pub fn power(&self) -> f32 {
-        self.batch.power[self.lane]
+        self.patch().map_or(self.batch.power[self.lane], |patch| patch.power() * patch.points as f32)
     }
 
     pub(crate) fn cos_incidence(&self) -> f32 {
@@ -74,44 +72,80 @@ impl Met<'_> {
     pub fn end(&self) -> f32 {
         if self.surface() == MISS { f32::INFINITY } else { self.range() }
     }
+
+    /// Of how many rays, or points of the footprint, it stands.
+    pub fn points(&self) -> u32 {
+        self.patch().map_or(1, |patch| patch.points)
+    }
+
+    /// The place where it was hit, if it stands for a patch.
+    pub fn place(&self) -> Option<Vec3> {
+        self.patch().map(|patch| patch.place)
+    }
+
+    /// Its least and greatest range, m.
+    pub fn ends(&self) -> [f32; 2] {
+        self.patch().map_or([self.batch.hits.range[self.lane]; 2], |patch| patch.ends)
+    }
+
+    /// The ranges that it consists of, m, where they span more than `width` m.
+    pub fn ranges(&self, width: f32) -> Option<impl Iterator<Item = f32> + use<'a>> {
+        let (number, patchwork) = self.patch?;
+        let [low, high] = patchwork.patches[number as usize].ends;
+        (high - low > width).then(|| patchwork.ranges_of(number))
+    }
 }
 
 impl BeamRays {
-    /// Makes room for `count` beams of `each` rays.
-    pub fn fit(&mut self, each: usize, packed: bool, count: usize) {
-        (self.each, self.packed) = (each, packed);
-        let batches = if packed { count.div_ceil(self.beams_of_batch()) } else { each };
+    /// Makes room for beams of `each` rays.
+    pub fn fit(&mut self, each: usize) {
+        (self.each, self.is_patched) = (each, false);
+        self.make_room(each);
+    }
+
+    /// Starts patchworks of `count` beams, of `each` points.
+    pub fn patch_up(&mut self, each: usize, count: usize) {
+        (self.each, self.is_patched) = (each, true);
+        if self.patchworks.len() < count {
+            self.patchworks.resize_with(count, Patchwork::default);
+        }
+        self.patchworks[..count].iter_mut().for_each(|patchwork| patchwork.start(each));
+    }
+
+    /// Makes room for as many batches.
+    pub fn make_room(&mut self, batches: usize) {
         if self.batches.len() < batches {
             self.batches.resize_with(batches, Batch::new);
         }
     }
 
-    /// Beams per batch if beams are packed.
-    pub(crate) fn beams_of_batch(&self) -> usize {
-        LANES / self.each
-    }
-
-    /// Batch and lane of the first ray of the beam at `lane`, and the steps to the next ones.
-    fn start(&self, lane: usize) -> ([usize; 2], [usize; 2]) {
-        if self.packed {
-            let beams = self.beams_of_batch();
-            ([lane / beams, lane % beams * self.each], [0, 1])
-        } else {
-            ([0, lane], [1, 0])
-        }
-    }
-
-    /// Ray `index` of the beam at `lane`, if it exists.
+    /// Ray `index` of the beam at `lane`, or the ray that stands for its patch `index`.
     pub fn get(&self, index: u32, lane: usize) -> Option<Met<'_>> {
-        let index = index as usize;
-        let ([batch, lane], [batches, lanes]) = self.start(lane);
-        (index < self.each).then(|| Met { batch: &self.batches[batch + index * batches], lane: lane + index * lanes })
+        if !self.is_patched {
+            let batch = self.batches[..self.each].get(index as usize)?;
+            return Some(Met { batch, lane, patch: None });
+        }
+        let patchwork = &self.patchworks[lane];
+        let patch = patchwork.patches.get(index as usize)?;
+        let (batch, lane) = patch.ray?;
+        Some(Met { batch: &self.batches[batch as usize], lane: lane as usize, patch: Some((index, patchwork)) })
     }
 
-    /// All rays of the beam at `lane`, in order.
-    pub(crate) fn of_beam(&self, lane: usize) -> impl Iterator<Item = Met<'_>> {
-        let ([batch, lane], [batches, lanes]) = self.start(lane);
-        (0..self.each)
-            .map(move |index| Met { batch: &self.batches[batch + index * batches], lane: lane + index * lanes })
+    /// Whether the beam at `lane` is a patchwork of several planes, more than `off` m apart, or surfaces.
+    pub fn is_mixed(&self, lane: usize, off: f32) -> bool {
+        self.is_patched && !self.patchworks[lane].is_one_plane(off)
+    }
+
+    /// The number of the first ray of the beam at `lane`.
+    pub fn first_of(&self, lane: usize) -> u32 {
+        self.of_beam(lane).next().map_or(0, |(ray, _)| ray)
+    }
+
+    /// All rays of the beam at `lane`, in order, or those that stand for its patches, and their numbers.
+    pub(crate) fn of_beam(&self, lane: usize) -> impl Iterator<Item = (u32, Met<'_>)> {
+        let count = if self.is_patched { self.patchworks[lane].patches.len() } else { self.each };
+        (0..count as u32)
+            .filter_map(move |index| Some((index, self.get(index, lane)?)))
+            .filter(|(_, met)| met.points() > 0)
     }
 }

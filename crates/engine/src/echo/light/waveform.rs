@@ -4,9 +4,10 @@
 //! received signal, with a Gaussian of the width of the beam's pulse (whatever its shape), P_i = `rho_eff / R_i^2`,
 //! 1/m^2. An echo is a local maximum of W. Two equal pulses have one maximum up to a distance of 2 sigma.
 
-use echocast_kernels::light;
+use echocast_kernels::{light, signal};
 use ground::lanes::LANES;
 use ground::math::floor;
+use std::ops::Range;
 
 /// An echo: a maximum of the signal of a beam.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +35,9 @@ pub(crate) struct Waveform {
     /// Standard deviation of the pulse, m of range; 0: every range is a separate echo.
     sigma: f32,
     bins: Vec<f32>,
+    /// Ranges, m, and powers, 1/m^2, of the parts.
+    ranges: Vec<f32>,
+    powers: Vec<f32>,
 }
 
 impl Waveform {
@@ -57,8 +61,14 @@ impl Waveform {
     pub(crate) fn peaks(&mut self, parts: &mut [Pulselet], peaks: &mut Vec<Peak>) {
         parts.sort_unstable_by(|a, b| a.range.total_cmp(&b.range).then(a.source.cmp(&b.source)));
         peaks.clear();
+        let Waveform { ranges, powers, .. } = self;
+        ranges.clear();
+        powers.clear();
+        ranges.extend(parts.iter().map(|part| part.range));
+        powers.extend(parts.iter().map(|part| part.power));
         let mut rest = &*parts;
         while let [first, ..] = rest {
+            let from = parts.len() - rest.len();
             // Parts so close together that they form one signal.
             let length = self.sigma * Self::MOST_BINS as f32 / Self::BINS_PER_SIGMA;
             let mut end = 1;
@@ -78,37 +88,31 @@ impl Waveform {
                 let (sum, moment) = group
                     .iter()
                     .fold((0.0, 0.0), |(sum, moment), part| (sum + part.power, moment + part.power * part.range));
-                peaks.push(self.refine(group, moment / sum));
+                peaks.push(self.refine(from..from + end, moment / sum));
             } else {
-                self.search(group, peaks);
+                self.search(from..from + end, peaks);
             }
             rest = behind;
         }
     }
 
-    /// The maximum nearest to `range` by Newton's method on log W.
-    fn refine(&self, parts: &[Pulselet], mut range: f32) -> Peak {
-        let mut power = 0.0;
+    /// The maximum of the signal of some parts nearest to `range`, by Newton's method on log W.
+    fn refine(&self, parts: Range<usize>, mut range: f32) -> Peak {
+        let (ranges, powers) = (&self.ranges[parts.clone()], &self.powers[parts]);
         if self.sigma == 0.0 {
-            return Peak { range, power: parts.iter().map(|part| part.power).sum() };
+            return Peak { range, power: powers.iter().sum() };
         }
-        let scale = 1.0 / self.sigma;
+        let (mut power, scale) = (0.0, 1.0 / self.sigma);
         for _ in 0..8 {
-            let (mut sum, mut first, mut second) = (0.0, 0.0, 0.0);
-            for part in parts {
-                let x = (part.range - range) * scale;
-                let weight = part.power * (-0.5 * x * x).exp();
-                sum += weight;
-                first += weight * x;
-                second += weight * x * x;
-            }
+            let [sum, first, second] = signal::pull(ranges, powers, range, scale);
             power = sum;
             // In sigmas: (log W)' = E[x], (log W)'' = Var[x] - 1.
             let mean = first / sum;
             let bend = (1.0 - (second / sum - mean * mean)).max(0.1);
             let step = (mean / bend).clamp(-0.5, 0.5);
             range += step * self.sigma;
-            if step.abs() < 1e-4 {
+            // The next step would be its square.
+            if step.abs() < 1e-3 {
                 break;
             }
         }
@@ -137,45 +141,39 @@ impl Waveform {
     /// Greatest span of the parts of a signal, in sigmas, that [`Waveform::refine_narrow`] accepts.
     pub(crate) const NARROW: f32 = 1.0;
 
-    /// All maxima of one signal, sampled finely enough to miss none.
-    fn search(&mut self, parts: &[Pulselet], peaks: &mut Vec<Peak>) {
+    /// All maxima of the signal of some parts, sampled finely enough to miss none.
+    fn search(&mut self, parts: Range<usize>, peaks: &mut Vec<Peak>) {
         let step = self.sigma / Self::BINS_PER_SIGMA;
         // Maxima are between the first and the last part; one bin beyond each shows that the signal falls there.
-        let start = parts[0].range - step;
-        let count = ((parts[parts.len() - 1].range - start) / step) as usize + 3;
+        let start = self.ranges[parts.start] - step;
+        let count = ((self.ranges[parts.end - 1] - start) / step) as usize + 3;
         self.bins.clear();
         self.bins.resize(count, 0.0);
-        // exp(-(x + h)^2/2) over exp(-x^2/2) is exp(-x h - h^2/2), which falls by exp(-h^2) from bin to bin.
-        let h = 1.0 / Self::BINS_PER_SIGMA;
-        let fall = (-h * h).exp();
         let reach = Self::REACH * Self::BINS_PER_SIGMA;
-        for part in parts {
-            let place = (part.range - start) / step;
-            let low = -floor(-f64::from((place - reach).max(0.0)));
+        for part in parts.clone() {
+            let place = (self.ranges[part] - start) / step;
+            let low = -floor(-f64::from((place - reach).max(0.0))) as usize;
             let high = ((place + reach) as usize).min(count - 1);
-            let x = (low as f32 - place) * h;
-            let mut value = part.power * (-0.5 * x * x).exp();
-            let mut ratio = (-x * h - 0.5 * h * h).exp();
-            for bin in &mut self.bins[low as usize..=high] {
-                *bin += value;
-                value *= ratio;
-                ratio *= fall;
-            }
+            let bins = &mut self.bins[low..=high];
+            signal::add_pulse(self.powers[part], place - low as f32, 1.0 / Self::BINS_PER_SIGMA, bins);
         }
-        let mut near = 0;
+        let mut near = parts.start;
         for bin in 1..count - 1 {
             let [left, here, right] = [self.bins[bin - 1], self.bins[bin], self.bins[bin + 1]];
             if !(here > left && here >= right) {
                 continue;
             }
-            let range = start + bin as f32 * step;
+            // Where the Gaussian through the three is highest.
+            let [left, here, right] = [left, here, right].map(|value| value.max(f32::MIN_POSITIVE).ln());
+            let top = 0.5 * (left - right) / (left - 2.0 * here + right);
+            let range = start + (bin as f32 + top.clamp(-0.5, 0.5)) * step;
             // Only parts that reach there.
             let reach = (Self::REACH + 1.0) * self.sigma;
-            while parts[near].range < range - reach {
+            while self.ranges[near] < range - reach {
                 near += 1;
             }
-            let behind = parts[near..].partition_point(|part| part.range <= range + reach);
-            let peak = self.refine(&parts[near..near + behind], range);
+            let behind = self.ranges[near..parts.end].partition_point(|&other| other <= range + reach);
+            let peak = self.refine(near..near + behind, range);
             // Two bins of a flat top lead to the same maximum.
             if peaks.last().is_none_or(|last| peak.range - last.range > 0.01 * self.sigma) {
                 peaks.push(peak);
@@ -195,7 +193,7 @@ mod tests {
     }
 
     fn waveform(sigma: f64) -> Waveform {
-        Waveform { sigma: sigma as f32, bins: Vec::new() }
+        Waveform { sigma: sigma as f32, ..Waveform::default() }
     }
 
     fn peaks(parts: &[[f32; 2]]) -> Vec<Peak> {

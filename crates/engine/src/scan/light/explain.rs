@@ -3,6 +3,7 @@
 use super::block::Block;
 use super::gather::Gatherer;
 use super::plan::ScanPlan;
+use super::rounds::Evidence;
 use super::split::Splitter;
 use crate::sensor::{Adaptive, Signals};
 use cloud::{Columns, FieldSet};
@@ -30,23 +31,24 @@ impl ScanPlan<'_> {
         block.aim(self, first, count);
         let mut gatherer: Box<Gatherer> = boxed();
         gatherer.beams = block.rays.clone();
-        let (mut signals, mut factors) = (signals, [1.0; LANES]);
+        let (mut signals, mut factors, mut evidence) = (signals, [1.0; LANES], vec![Evidence::default()]);
         if let Some(Adaptive { one_ray, .. }) = &signals.adaptive {
             let mut splitter: Box<Splitter> = boxed();
             if self.signals.is_some() {
                 gatherer.fit(one_ray);
-                gatherer.gather(self, &mut block.rays, &block.lanes.beam[..count]);
+                gatherer.gather(self, &mut block.rays, &block.lanes.beam[..count], &[]);
                 splitter.find(self, signals, gatherer.axes(first, count));
             }
-            if !splitter.found.contains(&((beam - first) as u8)) {
-                (signals, factors) = (one_ray, [splitter.oblique[beam - first]; LANES]);
+            match splitter.found.iter().position(|&lane| usize::from(lane) == beam - first) {
+                Some(found) => evidence = vec![splitter.evidence[found]],
+                None => (signals, factors) = (one_ray, [splitter.oblique[beam - first]; LANES]),
             }
         }
         gatherer.fit(signals);
         gatherer.log = Some(Vec::new());
         block.aim(self, beam, 1);
         gatherer.beams = block.rays.clone();
-        gatherer.gather(self, &mut block.rays, &[beam as u32]);
+        gatherer.gather(self, &mut block.rays, &[beam as u32], &evidence);
         if signals.footprint.is_none() {
             gatherer.lower(&factors);
         }
@@ -114,7 +116,7 @@ impl ScanPlan<'_> {
         }
         // Surface, number of rays, their ranges, their power, and the index of the first.
         let mut met: Vec<(u32, usize, [f32; 2], f32, u32)> = Vec::new();
-        for (index, ray) in (0..).zip(gatherer.rays.of_beam(0)) {
+        for (index, ray) in gatherer.rays.of_beam(0) {
             let (surface, range, power) = (ray.surface(), ray.range(), ray.power());
             match met.iter_mut().find(|(known, ..)| *known == surface) {
                 Some((_, count, [low, high], sum, _)) => {
@@ -206,7 +208,7 @@ impl ScanPlan<'_> {
     fn write_air(&self, text: &mut String, gatherer: &Gatherer) -> fmt::Result {
         let arrivals = &gatherer.arrivals;
         let mut echoes: Vec<(f32, f32, Cause)> = arrivals
-            .others()
+            .all()
             .filter(|(.., from)| from.surface == MEDIUM)
             .map(|(range, power, from)| (range, power, from.cause))
             .collect();
@@ -226,7 +228,7 @@ impl ScanPlan<'_> {
 
     /// Light of bright surfaces beside the beam.
     fn write_halos(&self, text: &mut String, gatherer: &Gatherer) -> fmt::Result {
-        let echoes = || gatherer.arrivals.others().filter(|(.., from)| from.cause == Cause::Multipath);
+        let echoes = || gatherer.arrivals.all().filter(|(.., from)| from.cause == Cause::Multipath);
         if echoes().next().is_some() {
             writeln!(text, "blooming:")?;
         }

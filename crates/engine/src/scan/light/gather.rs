@@ -2,18 +2,20 @@
 //! beam, and its echoes.
 
 use super::plan::ScanPlan;
+use super::rounds::{Evidence, Rounds};
 use super::split::{Axes, Splitter};
 use crate::detect::{Detections, ReceivedBeam};
 use crate::echo::{
-    AirArrivals, Arrivals, Batch, BeamRays, Contribution, Follower, Meeting, MirrorImage, PathArrivals, Peak,
-    PlainEchoes, Provenance, Pulselet, RequestedQuantities, strongest_contributor,
+    AirArrivals, Arrivals, Batch, BeamRays, Contribution, Follower, Meeting, MirrorImage, OFF_SURFACE, Origin,
+    PathArrivals, Peak, PlainEchoes, Provenance, Pulselet, RequestedQuantities, Source, strongest_contributor,
 };
 use crate::sensor::Signals;
-use echocast_kernels::{light, signal};
+use echocast_kernels::light;
 use emitter::{Across, Footprint};
 use ground::cause::Cause;
 use ground::lanes::{LANES, RayBatch, boxed};
 use ground::rng::Draw;
+use std::array;
 use std::sync::Arc;
 
 /// Rays that hit one surface closer together in range than this, in sigmas of the pulse, are one part of the signal: it
@@ -24,43 +26,27 @@ const BUNDLE: f32 = 0.1;
 pub(super) struct Gatherer {
     /// How beams become signals, and these returns.
     signals: Arc<Signals>,
-    plain: PlainEchoes,
-    across: Across,
+    pub(super) plain: PlainEchoes,
+    pub(super) across: Across,
     /// The beams themselves.
     pub beams: RayBatch,
     /// The beams as reported, where these differ.
     pub reported: Option<Box<RayBatch>>,
     /// Fraction of the light that the channel of each beam uses.
-    efficiency: [f32; LANES],
+    pub(super) efficiency: [f32; LANES],
     pub rays: BeamRays,
-    /// Buffers for the axes of rays if beams are packed.
-    axes_of_rays: Option<Box<PackedAxes>>,
+    /// Buffers for beams of as many rays as it takes.
+    pub(super) rounds: Option<Box<Rounds>>,
     pub arrivals: Arrivals,
-    surfaces: Contribution,
+    pub(super) surfaces: Contribution,
     /// Buffers to trace light, where a scene has mirrors or glass.
-    follower: Option<Box<Follower>>,
+    pub(super) follower: Option<Box<Follower>>,
     /// The detections of one beam.
     pub found: Detections,
     /// Noise that looks like echoes: lane and apparent echo, in order of lanes.
     alarms: Vec<(usize, Peak)>,
     /// The surfaces that paths hit, if requested.
     pub log: Option<Vec<Meeting>>,
-}
-
-/// The beams of the rays of a batch if beams are packed, ray by ray.
-struct PackedAxes {
-    rays: RayBatch,
-    across: Across,
-    /// Fraction of its beam's light that each ray represents.
-    parts: [f32; LANES],
-    /// The lane of its beam.
-    lanes: [u8; LANES],
-}
-
-impl Default for PackedAxes {
-    fn default() -> Self {
-        PackedAxes { rays: RayBatch::default(), across: Across::default(), parts: [0.0; LANES], lanes: [0; LANES] }
-    }
 }
 
 /// An echo and where it comes from.
@@ -95,7 +81,7 @@ impl Default for Gatherer {
             reported: None,
             efficiency: [1.0; LANES],
             rays: BeamRays::default(),
-            axes_of_rays: None,
+            rounds: None,
             arrivals: Arrivals::default(),
             surfaces: Contribution::new(),
             follower: None,
@@ -127,7 +113,8 @@ impl Gatherer {
             numbers[to] = (first + lane) as u32;
         }
         if !splitter.found.is_empty() {
-            self.gather(scan, &mut splitter.rays, &numbers[..splitter.found.len()]);
+            let numbers = &numbers[..splitter.found.len()];
+            self.gather(scan, &mut splitter.rays, numbers, &splitter.evidence);
         }
     }
 
@@ -148,8 +135,9 @@ impl Gatherer {
         light::dim(&mut self.rays.batches[0].power, factors);
     }
 
-    /// Steps 5 to 8: what returns along every ray of `beams`. `rays` is a buffer for them.
-    pub fn gather(&mut self, scan: &ScanPlan, rays: &mut RayBatch, beams: &[u32]) {
+    /// Steps 5 to 8: what returns along every ray of `beams`. `rays` is a buffer for them; `evidence`, for beams of as
+    /// many rays as it takes, what is known of each.
+    pub fn gather(&mut self, scan: &ScanPlan, rays: &mut RayBatch, beams: &[u32], evidence: &[Evidence]) {
         let signals = &*self.signals.clone();
         let count = beams.len();
         if let Some(follower) = &mut self.follower {
@@ -165,11 +153,9 @@ impl Gatherer {
                 self.efficiency[lane] = scan.receiver.gain_of(beam);
             }
         }
-        self.rays.fit(signals.rays(), signals.adaptive.is_some(), count);
-        if self.rays.packed {
-            self.meet_beam_after_beam(scan, signals, rays, count);
-        } else {
-            self.meet_ray_after_ray(scan, signals, rays, count);
+        match &signals.adaptive {
+            Some(adaptive) => self.meet_in_rounds(scan, (signals, adaptive), rays, evidence),
+            None => self.meet_ray_after_ray(scan, signals, rays, count),
         }
         if let Some(air) = scan.world.air.filter(|air| air.has_echoes()) {
             let Gatherer { arrivals, rays, efficiency, .. } = self;
@@ -185,62 +171,26 @@ impl Gatherer {
 
     /// Traces ray `i` of all beams, for one `i` after the other.
     fn meet_ray_after_ray(&mut self, scan: &ScanPlan, signals: &Signals, rays: &mut RayBatch, count: usize) {
-        let own = std::array::from_fn(|lane| lane as u8);
+        self.rays.fit(signals.rays());
         let weight = 1.0 / self.rays.each as f32;
         let parts = self.efficiency.map(|efficiency| weight * efficiency);
         for index in 0..self.rays.each {
             if let Some(footprint) = &signals.footprint {
                 footprint.rays(index, &self.across, &self.beams, rays);
             }
-            self.meet(scan, rays, index, count, &parts, &own);
+            self.meet(scan, rays, index, count, &parts);
+            self.go_on_from(scan, rays, index, count, &parts);
             let (origin, direction) = (rays.origins(), rays.directions());
             self.plain.add(&self.rays.batches[..=index], origin, direction, self.found.waveform.sigma());
         }
         self.plain.finish(&self.rays.batches[..self.rays.each], &self.found.waveform);
     }
 
-    /// Traces all rays of some beams, one beam after the other: as many as fit into a batch at a time.
-    fn meet_beam_after_beam(&mut self, scan: &ScanPlan, signals: &Signals, rays: &mut RayBatch, count: usize) {
-        let Some(footprint) = &signals.footprint else { return };
-        self.plain.clear();
-        let each = self.rays.each;
-        let mut axes = self.axes_of_rays.take().unwrap_or_else(boxed);
-        let PackedAxes { rays: beams, across, parts, lanes } = &mut *axes;
-        let in_batch = self.rays.beams_of_batch();
-        for (index, first) in (0..count).step_by(in_batch).enumerate() {
-            let end = count.min(first + in_batch);
-            for lane in first..end {
-                let of_beam = (lane - first) * each..(lane - first + 1) * each;
-                beams.fill(of_beam.clone(), &self.beams, lane);
-                footprint.lay_out(across, of_beam.start, &self.across, lane);
-                lanes[of_beam.clone()].fill(lane as u8);
-                parts[of_beam].fill(self.efficiency[lane] / each as f32);
-            }
-            footprint.laid_out_rays(across, beams, rays);
-            self.meet(scan, rays, index, (end - first) * each, parts, lanes);
-            let Batch { hits, offset, .. } = &mut self.rays.batches[index];
-            let normals = [&hits.normal_x, &hits.normal_y, &hits.normal_z];
-            signal::offsets(normals, rays.origins(), rays.directions(), &hits.range, offset);
-        }
-        for lane in 0..count {
-            self.plain.join(&self.rays, lane, self.found.waveform.sigma());
-        }
-        self.axes_of_rays = Some(axes);
-    }
-
     /// Fills batch `index` with what returns along the first `count` of `rays`. `parts`: fraction of its beam's light
-    /// that each represents; `beams`: the lane of its beam.
-    fn meet(
-        &mut self,
-        scan: &ScanPlan,
-        rays: &RayBatch,
-        index: usize,
-        count: usize,
-        parts: &[f32; LANES],
-        beams: &[u8; LANES],
-    ) {
+    /// that each represents.
+    pub(super) fn meet(&mut self, scan: &ScanPlan, rays: &RayBatch, index: usize, count: usize, parts: &[f32; LANES]) {
         let requested = RequestedQuantities { colors: false, reflectance: true };
-        let Gatherer { rays: met, arrivals, surfaces, follower, log, .. } = self;
+        let Gatherer { rays: met, surfaces, .. } = self;
         let Batch { hits, cos_incidence, power, .. } = &mut met.batches[index];
         hits.trace(scan.world.scene, rays, count, scan.aim.coherent, scan.world.sight);
         surfaces.face(scan.world.scene, rays, hits, count, scan.world.smooth);
@@ -251,14 +201,21 @@ impl Gatherer {
             None => power.fill(1.0),
         }
         light::contribute(&hits.surface, &hits.range, &surfaces.reflectance, cos_incidence, parts, power);
+    }
+
+    /// Follows light that continues from the surfaces that the rays of batch `index` hit, one ray of each beam in its
+    /// lane.
+    fn go_on_from(&mut self, scan: &ScanPlan, rays: &RayBatch, index: usize, count: usize, parts: &[f32; LANES]) {
+        let Some(limits) = scan.world.paths else { return };
+        let requested = RequestedQuantities { colors: false, reflectance: true };
+        let Gatherer { rays: met, arrivals, surfaces, follower, log, .. } = self;
+        let Batch { hits, power, .. } = &mut met.batches[index];
         let mut lanes = [0; LANES];
-        let going_on = scan.world.paths.map(|limits| (limits, scan.going_on(&hits.surface, count, &mut lanes)));
-        if let Some((limits, found @ 1..)) = going_on {
-            let lanes = &lanes[..found];
+        let found = scan.going_on(&hits.surface, count, &mut lanes);
+        if found > 0 {
+            let (lanes, beams) = (&lanes[..found], &array::from_fn(|lane| lane as u8));
             let around = scan.surroundings(scan.world.air, limits, requested, rays);
-            // A hundredth of what is just detected adds nothing to what is detected.
-            let least_power = 0.01 * scan.receiver.gate.least_power();
-            let first = &hits.surface;
+            let (least_power, first) = (scan.least_power_of_paths(), &hits.surface);
             let mut echoes = PathArrivals { arrivals, parts, beams, least_power, first, log: log.as_mut() };
             let follower = follower.get_or_insert_with(boxed);
             follower.begin(rays, hits, surfaces, lanes);
@@ -295,15 +252,13 @@ impl Gatherer {
         let is_plain = !is_camera && !arrivals.has_others(lane) && alarms.is_empty();
         let mut received = ReceivedBeam { beam: beam as u32, plain: None, straight: f32::INFINITY, alarms };
         found.parts.clear();
-        match plain.of(lane).filter(|_| is_plain) {
-            Some(peak) => received.plain = Some(peak),
-            None => {
-                // What a pixel sees is not merged.
-                let width = if is_camera { -1.0 } else { BUNDLE * found.waveform.sigma() };
-                arrivals.receive(rays, lane, width, &mut found.parts);
-                let direct = rays.of_beam(lane).filter(|met| met.power() > 0.0).map(|met| met.range());
-                received.straight = direct.fold(f32::INFINITY, f32::min);
-            }
+        received.plain = plain.of(lane).filter(|_| is_plain);
+        if received.plain.is_none() || rays.is_mixed(lane, OFF_SURFACE * found.waveform.sigma()) {
+            // What a pixel sees is not merged.
+            let width = if is_camera { -1.0 } else { BUNDLE * found.waveform.sigma() };
+            arrivals.receive(rays, lane, width, &mut found.parts);
+            let direct = rays.of_beam(lane).filter(|(_, met)| met.power() > 0.0).map(|(_, met)| met.range());
+            received.straight = direct.fold(f32::INFINITY, f32::min);
         }
         scan.receiver.detect(&received, &signals.rule, found);
     }
@@ -339,24 +294,35 @@ impl Gatherer {
             let x = if sigma > 0.0 { (part.range - peak.range) / sigma } else { 0.0 };
             part.power * (-0.5 * x * x).exp()
         };
-        // Where a ray hits its surface, and the normal of the triangle there; for one ray along the beam it does not
-        // matter.
-        let plane = |part: &Pulselet| {
-            let (ray, footprint) = arrivals.provenance(part.source).ray.zip(signals.footprint.as_ref())?;
-            let met = rays.get(ray, lane)?;
-            let place = footprint.crossing(ray as usize, across, beams, lane, part.range);
-            Some((place, met.batch.hits.facet(met.lane)))
+        let origin = |part: &Pulselet| match arrivals.source(part) {
+            Source::Other(from) => Origin { surface: from.surface, cause: from.cause, plane: None },
+            Source::Ray(ray) => {
+                let Some(met) = rays.get(ray, lane) else { return Origin::NOWHERE };
+                // Where a ray hits its surface, and the normal of the triangle there; for one ray along the beam it does
+                // not matter.
+                let plane = signals.footprint.as_ref().map(|footprint| {
+                    let place = met.place();
+                    let crossing = || footprint.crossing(ray as usize, across, beams, lane, part.range);
+                    (place.unwrap_or_else(crossing), met.batch.hits.facet(met.lane))
+                });
+                Origin { surface: met.surface(), cause: Cause::Surface, plane }
+            }
         };
         let apart = receiver.off_surface(sigma);
-        let Some(strongest) = strongest_contributor(arrivals, near, light, plane, apart, shares) else {
+        let of_ray =
+            |ray: u32| Provenance::of_ray(rays, lane, ray).unwrap_or(Provenance::of_no_surface(Cause::Surface));
+        let Some(strongest) = strongest_contributor(near, light, origin, apart, shares) else {
             // A plain beam.
-            return found(Provenance::of_ray(rays, lane, 0).unwrap_or(Provenance::of_no_surface(Cause::Surface)));
+            return found(of_ray(rays.first_of(lane)));
         };
-        let provenance = *arrivals.provenance(strongest.source);
+        let provenance = match arrivals.source(&strongest.part) {
+            Source::Ray(ray) => of_ray(ray),
+            Source::Other(from) => *from,
+        };
         let mixed = strongest.elsewhere > receiver.mixed_part() * strongest.light;
         let Some(camera) = receiver.camera() else { return Found { mixed, ..found(provenance) } };
         // The true range is that of the surface that most light comes from.
-        let truth = arrivals.range[strongest.source as usize];
+        let truth = strongest.part.range;
         let axis = scan.aim.beams.direction(beam).x;
         let seen = camera.aside.is_some().then(|| {
             let (rotation, _) = scan.aim.pose.pose(scan.aim.beams, beam);

@@ -12,6 +12,7 @@ mod motion;
 mod one_ray;
 mod plan;
 mod returns;
+mod rounds;
 mod run;
 mod split;
 

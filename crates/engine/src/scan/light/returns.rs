@@ -31,7 +31,7 @@ impl Block {
         let beams = &self.lanes.beam[..count];
         let filled = if let Some(Adaptive { one_ray, .. }) = &signals.adaptive {
             gatherer.fit(one_ray);
-            gatherer.gather(scan, &mut self.rays, beams);
+            gatherer.gather(scan, &mut self.rays, beams, &[]);
             let mut splitter = self.splitter.take().unwrap_or_else(boxed);
             splitter.find(scan, signals, gatherer.axes(first, count));
             gatherer.lower(&splitter.oblique);
@@ -42,7 +42,7 @@ impl Block {
             filled
         } else {
             gatherer.fit(signals);
-            gatherer.gather(scan, &mut self.rays, beams);
+            gatherer.gather(scan, &mut self.rays, beams, &[]);
             self.report(scan, &mut gatherer, None, first, count, &mut rows)
         };
         self.gatherer = Some(gatherer);

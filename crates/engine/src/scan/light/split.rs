@@ -7,6 +7,7 @@
 //! detected; a beam on whose axis a draw decided whether a surface stopped it is split in any case.
 
 use super::plan::ScanPlan;
+use super::rounds::Evidence;
 use crate::detect::ReturnMode;
 use crate::echo::{Contribution, OFF_SURFACE, RequestedQuantities};
 use crate::sensor::{Adaptive, Signals};
@@ -58,6 +59,8 @@ pub(super) struct Splitter {
     marks: [u8; LANES],
     /// The lanes of the beams to split, ascending.
     pub found: Vec<u8>,
+    /// What is known of each of them.
+    pub evidence: Vec<Evidence>,
     lanes: Vec<u8>,
 }
 
@@ -75,6 +78,7 @@ impl Default for Splitter {
             oblique: [1.0; LANES],
             marks: [0; LANES],
             found: Vec::with_capacity(LANES),
+            evidence: Vec::with_capacity(LANES),
             lanes: Vec::with_capacity(LANES),
         }
     }
@@ -108,6 +112,7 @@ impl Splitter {
     #[inline(never)]
     pub fn find(&mut self, scan: &ScanPlan, signals: &Signals, axes: Axes) {
         self.found.clear();
+        self.evidence.clear();
         self.oblique = [1.0; LANES];
         let (Some(footprint), Some(Adaptive { rim: around, .. })) = (&signals.footprint, &signals.adaptive) else {
             return;
@@ -125,6 +130,8 @@ impl Splitter {
         for lane in 0..axes.count {
             if self.marks[lane] != 0 && self.matters(scan, axes, (signals.rule.mode, sigma), lane) {
                 self.found.push(lane as u8);
+                let evidence = self.gather_evidence(axes, lane);
+                self.evidence.push(evidence);
             }
         }
     }
@@ -168,6 +175,7 @@ impl Splitter {
         self.rim.range = hits.range;
         self.rim.surface = hits.surface;
         self.rim.facet = hits.facet;
+        self.rim.triangle = hits.triangle;
         measure_places(beams, &hits.range, &mut self.centres);
         self.rims = self.centres;
         let Splitter { across, rays, met, lanes, rim, rims, .. } = self;
@@ -182,6 +190,7 @@ impl Splitter {
         for (from, lane) in lanes.iter().map(|&lane| usize::from(lane)).enumerate() {
             rim.range[lane] = met.range[from];
             rim.surface[lane] = met.surface[from];
+            rim.triangle[lane] = met.triangle[from];
             if met.surface[from] != MISS {
                 let place = rays.origin(from) + rays.direction(from) * met.range[from];
                 (rims[0][lane], rims[1][lane], rims[2][lane]) = place.into();
@@ -275,11 +284,7 @@ impl Splitter {
             return true;
         }
         (OWN_RIM..=RIM_BEHIND).filter(|bit| self.marks[lane] & 1 << bit != 0).any(|bit| {
-            let other = match bit {
-                OWN_RIM => lane,
-                BEFORE | RIM_BEFORE => lane - 1,
-                _ => lane + 1,
-            };
+            let other = other_lane(bit, lane);
             let around = self.around(axes, bit, other);
             let Around { hits: met, power: light, .. } = around;
             let (surface, range) = (met.surface[other], met.range[other]);
@@ -303,6 +308,18 @@ impl Splitter {
         })
     }
 
+    /// What the suspect at `lane` and the rays around it hit.
+    fn gather_evidence(&self, axes: Axes, lane: usize) -> Evidence {
+        let mut evidence = Evidence::default();
+        evidence.add(axes.hits.surface[lane], axes.hits.triangle[lane]);
+        for bit in (OWN_RIM..=RIM_BEHIND).filter(|bit| self.marks[lane] & 1 << bit != 0) {
+            let other = other_lane(bit, lane);
+            let Around { hits, .. } = self.around(axes, bit, other);
+            evidence.add(hits.surface[other], hits.triangle[other]);
+        }
+        evidence
+    }
+
     /// What `bit` compares the axes with.
     fn around<'a>(&'a self, axes: Axes<'a>, bit: usize, other: usize) -> Around<'a> {
         if bit == BEFORE || bit == BEHIND {
@@ -319,6 +336,15 @@ impl Splitter {
         let way = Vec3::from_array(array::from_fn(|axis| places[axis][other] - self.centres[axis][lane]));
         let off = way.dot(axes.hits.facet(lane)).abs().max(way.dot(hits.facet(other)).abs());
         (hits.range[other] - axes.hits.range[lane]).abs() < SHARING * sigma && off > OFF_SURFACE * sigma
+    }
+}
+
+/// The lane that `bit` compares the axis at `lane` with.
+fn other_lane(bit: usize, lane: usize) -> usize {
+    match bit {
+        OWN_RIM => lane,
+        BEFORE | RIM_BEFORE => lane - 1,
+        _ => lane + 1,
     }
 }
 

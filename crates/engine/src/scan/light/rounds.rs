@@ -1,0 +1,251 @@
+//! Beams of as many rays as it takes: in rounds, until the rays of a round show nothing new.
+
+use super::gather::Gatherer;
+use super::plan::ScanPlan;
+use crate::echo::{Batch, Contribution, Follower, PathArrivals, RequestedQuantities, Seen, TracedRay};
+use crate::sensor::{Adaptive, Signals};
+use crate::trace::{HitBatch, Holes};
+use emitter::{Fan, ROUND};
+use ground::lanes::{LANES, MISS, RayBatch, boxed};
+
+/// Least rays of a beam part of whose light continues from a surface: what is behind a mirror or glass is not known to
+/// be the same for all rays that meet it.
+const LEAST_GOING_ON: u32 = 32;
+
+/// Least rays of a beam that has several patches.
+const LEAST_OF_SEVERAL: u32 = 16;
+
+/// What hits around the axis of a beam show: surfaces and their triangles.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Evidence {
+    seen: [(u32, u32); Evidence::MOST],
+    count: usize,
+}
+
+/// Buffers to send rays in rounds.
+#[derive(Default)]
+pub(super) struct Rounds {
+    /// The rays of all points of each beam.
+    fans: Vec<Fan>,
+    /// The lanes of the beams that go on.
+    active: Vec<u8>,
+    /// Those rays from whose surfaces light continues.
+    going_on: Vec<Box<GoingOn>>,
+}
+
+/// Rays from whose surfaces light continues.
+struct GoingOn {
+    rays: RayBatch,
+    hits: HitBatch,
+    surfaces: Contribution,
+    /// Lane of the beam, and number of the patch.
+    beams: [u8; LANES],
+    patches: [u32; LANES],
+    count: usize,
+}
+
+impl Default for GoingOn {
+    fn default() -> Self {
+        GoingOn {
+            rays: RayBatch::default(),
+            hits: HitBatch::new(),
+            surfaces: Contribution::new(),
+            beams: [0; LANES],
+            patches: [0; LANES],
+            count: 0,
+        }
+    }
+}
+
+impl Evidence {
+    const MOST: usize = 6;
+
+    /// Adds a `triangle` of a `surface`.
+    pub fn add(&mut self, surface: u32, triangle: u32) {
+        let known = &self.seen[..self.count];
+        if surface != MISS && self.count < Evidence::MOST && !known.contains(&(surface, triangle)) {
+            self.seen[self.count] = (surface, triangle);
+            self.count += 1;
+        }
+    }
+}
+
+impl Rounds {
+    /// Keeps the ray at `lane`, of the `beam` at that lane, in the first `used` blocks; returns block and lane.
+    fn keep(
+        &mut self,
+        rays: &RayBatch,
+        hits: &HitBatch,
+        surfaces: &Contribution,
+        lane: usize,
+        beam: u8,
+        used: &mut usize,
+    ) -> (usize, usize) {
+        if *used == 0 || self.going_on[*used - 1].count == LANES {
+            if self.going_on.len() == *used {
+                self.going_on.push(boxed());
+            }
+            self.going_on[*used].count = 0;
+            *used += 1;
+        }
+        let kept = &mut self.going_on[*used - 1];
+        let to = kept.count;
+        kept.rays.fill(to..to + 1, rays, lane);
+        kept.hits.take(to, hits, lane);
+        kept.surfaces.take(to, surfaces, lane);
+        kept.beams[to] = beam;
+        kept.count += 1;
+        (*used - 1, to)
+    }
+}
+
+impl Gatherer {
+    /// Traces rays of `count` beams, each until they show nothing new. `rays` is a buffer for them.
+    pub(super) fn meet_in_rounds(
+        &mut self,
+        scan: &ScanPlan,
+        (signals, adaptive): (&Signals, &Adaptive),
+        rays: &mut RayBatch,
+        evidence: &[Evidence],
+    ) {
+        let Some(footprint) = &signals.footprint else { return };
+        let (count, each) = (evidence.len(), footprint.count());
+        let mut rounds = self.rounds.take().unwrap_or_else(boxed);
+        let off = scan.receiver.off_surface(self.found.waveform.sigma());
+        self.rays.patch_up(each, count);
+        if rounds.fans.len() < count {
+            rounds.fans.resize_with(count, Fan::default);
+        }
+        let scene = scan.world.scene;
+        for (lane, evidence) in evidence.iter().enumerate() {
+            footprint.fan(&self.across, &self.beams, lane, &mut rounds.fans[lane]);
+            for &(surface, triangle) in &evidence.seen[..evidence.count] {
+                let seen = Seen { surface, triangle, is_solid: scan.is_solid(surface) };
+                self.rays.patchworks[lane].know(scene, seen, &rounds.fans[lane], self.beams.time[lane]);
+            }
+        }
+        rounds.active.clear();
+        rounds.active.extend((0..count).map(|lane| lane as u8));
+        let (mut batch, mut kept) = (0, 0);
+        let mut news = [false; LANES];
+        while !rounds.active.is_empty() {
+            let mut active = std::mem::take(&mut rounds.active);
+            let mut rest = &active[..];
+            while !rest.is_empty() {
+                let sent = self.send_round(scan, &mut rounds, rays, rest, (batch, off), &mut kept, &mut news);
+                rest = &rest[sent..];
+                batch += 1;
+            }
+            active.retain(|&lane| {
+                let lane = usize::from(lane);
+                let traced = self.rays.patchworks[lane].traced();
+                let is_unsure = traced < LEAST_OF_SEVERAL && self.rays.patchworks[lane].patches.len() > 1;
+                (std::mem::take(&mut news[lane]) || is_unsure) && traced < each as u32
+            });
+            rounds.active = active;
+        }
+        self.plain.clear();
+        for lane in 0..count {
+            self.rays.patchworks[lane].settle(&rounds.fans[lane], &adaptive.near);
+            self.plain.join(&self.rays, lane, self.found.waveform.sigma());
+        }
+        for going_on in &rounds.going_on[..kept] {
+            self.go_on(scan, going_on);
+        }
+        self.rounds = Some(rounds);
+    }
+
+    /// Traces the next round of rays of the beams in `lanes`, with the number `batch`; sets `news` of those that show
+    /// something new, more than `off` m off what is known.
+    fn send_round(
+        &mut self,
+        scan: &ScanPlan,
+        rounds: &mut Rounds,
+        rays: &mut RayBatch,
+        lanes: &[u8],
+        (batch, off): (usize, f32),
+        kept: &mut usize,
+        news: &mut [bool; LANES],
+    ) -> usize {
+        let each = self.rays.each;
+        let (mut beams, mut chosen, mut parts, mut count) = ([0; LANES], [0; LANES], [0.0; LANES], 0);
+        let mut sent = 0;
+        for &lane in lanes {
+            if count + ROUND > LANES {
+                break;
+            }
+            sent += 1;
+            let mut next = [0; ROUND];
+            let found = self.rays.patchworks[usize::from(lane)].choose(&mut next);
+            let Fan { origin: [ox, oy, oz], direction: [dx, dy, dz] } = &rounds.fans[usize::from(lane)];
+            for &point in &next[..found] {
+                let from = usize::from(point);
+                (rays.org_x[count], rays.org_y[count], rays.org_z[count]) = (ox[from], oy[from], oz[from]);
+                (rays.dir_x[count], rays.dir_y[count], rays.dir_z[count]) = (dx[from], dy[from], dz[from]);
+                let lane = usize::from(lane);
+                (rays.range_max[count], rays.time[count]) = (self.beams.range_max[lane], self.beams.time[lane]);
+                rays.beam[count] = self.beams.beam[lane];
+                (beams[count], chosen[count]) = (lane as u8, point);
+                parts[count] = self.efficiency[lane] / each as f32;
+                count += 1;
+            }
+        }
+        self.rays.make_room(batch + 1);
+        self.meet(scan, rays, batch, count, &parts);
+        for lane in 0..count {
+            let (beam, point) = (beams[lane], usize::from(chosen[lane]));
+            let Batch { hits, power, .. } = &self.rays.batches[batch];
+            let (surface, goes_on) =
+                (hits.surface[lane], scan.world.paths.is_some() && scan.goes_on(hits.surface[lane]));
+            let traced = TracedRay {
+                seen: Seen { surface, triangle: hits.triangle[lane], is_solid: scan.is_solid(surface) },
+                ray: (batch as u32, lane as u32),
+                range: hits.range[lane],
+                time: rays.time[lane],
+                place: rays.origin(lane) + rays.direction(lane) * hits.range[lane],
+                facet: hits.facet(lane),
+                power: if goes_on { 0.0 } else { power[lane] },
+            };
+            let patchwork = &mut self.rays.patchworks[usize::from(beam)];
+            let fan = &rounds.fans[usize::from(beam)];
+            let is_new = patchwork.take(scan.world.scene, point, &traced, fan, off);
+            news[usize::from(beam)] |= is_new || goes_on && patchwork.traced() < LEAST_GOING_ON;
+            if goes_on {
+                let patch = patchwork.patch_of(point);
+                let (store, to) = rounds.keep(rays, hits, &self.surfaces, lane, beam, kept);
+                rounds.going_on[store].patches[to] = patch;
+            }
+        }
+        sent
+    }
+
+    /// Follows light that continues from surfaces, each ray as the part of its patch.
+    fn go_on(&mut self, scan: &ScanPlan, from: &GoingOn) {
+        let Some(limits) = scan.world.paths else { return };
+        let GoingOn { rays, hits, surfaces, beams, patches, count } = from;
+        let mut parts = [0.0; LANES];
+        for lane in 0..*count {
+            let beam = usize::from(beams[lane]);
+            let patch = &self.rays.patchworks[beam].patches[patches[lane] as usize];
+            parts[lane] = self.efficiency[beam] * patch.points_per_ray() / self.rays.each as f32;
+        }
+        let lanes: [u8; LANES] = std::array::from_fn(|lane| lane as u8);
+        let Gatherer { arrivals, follower, log, .. } = self;
+        let requested = RequestedQuantities { colors: false, reflectance: true };
+        let around = scan.surroundings(scan.world.air, limits, requested, rays);
+        let least_power = scan.least_power_of_paths();
+        let first = &hits.surface;
+        let mut echoes = PathArrivals { arrivals, parts: &parts, beams, least_power, first, log: log.as_mut() };
+        let follower: &mut Follower = follower.get_or_insert_with(boxed);
+        follower.begin(rays, hits, surfaces, &lanes[..*count]);
+        follower.follow(&around, &mut echoes);
+    }
+}
+
+impl ScanPlan<'_> {
+    /// Whether every ray that meets a `surface`, a row or [`MISS`], ends there.
+    fn is_solid(&self, surface: u32) -> bool {
+        let row = self.world.scene.surfaces.rows.get(surface as usize);
+        row.is_some_and(|row| row.holes == Holes::Nowhere) && !(self.world.paths.is_some() && self.goes_on(surface))
+    }
+}
