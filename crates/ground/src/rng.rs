@@ -161,6 +161,11 @@ impl Rng {
         random::uniforms(self.key, beams, self.frame, sub_rays, draw as u32, out);
     }
 
+    /// Two numbers in [0, 1) of `beams` at their `sub_rays`, the first two of [`Rng::four`].
+    pub fn uniform_pairs(&self, beams: &[u32], sub_rays: &[u32], draw: Draw, a: &mut [f32], b: &mut [f32]) {
+        random::uniform_pairs(self.key, beams, self.frame, sub_rays, draw as u32, a, b);
+    }
+
     /// Complex numbers whose squared magnitude is exponentially distributed with mean 1 and whose phase is uniform: the
     /// sum of many small echoes. Each at its own address of four words.
     pub fn phasors(&self, address: [&[u32]; 4], re: &mut [f32], im: &mut [f32]) {
@@ -217,6 +222,11 @@ mod tests {
             assert_eq!(short, long[start..start + 21]);
         }
         assert_eq!(rng.normal(1042, Draw::RangeJitter, 0), long[42]);
+        let (mut a, mut b) = ([0.0; 100], [0.0; 100]);
+        rng.uniform_pairs(&beams, &[5; 100], Draw::Drops, &mut a, &mut b);
+        for lane in 0..100 {
+            assert_eq!([a[lane], b[lane]], rng.four(beams[lane], Draw::Drops, 5)[..2]);
+        }
         for (rng, sub_ray) in [(Rng::new(7, 4), 0), (rng, 1)] {
             let mut other = [0.0; 100];
             rng.normals(&beams, &[sub_ray; 100], Draw::RangeJitter, &mut other);

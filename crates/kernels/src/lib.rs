@@ -7,6 +7,7 @@
 mod level;
 
 pub mod aim;
+pub mod air;
 pub mod boundary;
 pub mod camera;
 pub mod cover;

@@ -100,6 +100,22 @@ kernels! {
         }
     }
 
+    /// What an echo must exceed to be stronger than a surface, of which a channel uses the fraction `efficiency` of the
+    /// light, and than `faintest`: `rho_eff / R^2`, 1/m^2.
+    pub fn least(
+        surface: &Lanes<u32>,
+        rho_eff: &Lanes,
+        range: &Lanes,
+        efficiency: &Lanes,
+        faintest: f32,
+        least: &mut Lanes,
+    ) {
+        for lane in 0..LANES {
+            let own = rho_eff[lane] / (range[lane] * range[lane] * efficiency[lane]);
+            least[lane] = if (surface[lane] != MISS) & (own > faintest) { own } else { faintest };
+        }
+    }
+
     /// Whether an effective reflectance reaches `k R^2`.
     pub fn over_square(k: f32, rho_eff: &Lanes, range: &Lanes, seen: &mut Lanes<bool>) {
         for lane in 0..LANES {

@@ -51,6 +51,18 @@ fn whole(x: f32) -> (f32, f32) {
     (sum - UNIT, f32::from_bits(exponent << 23))
 }
 
+/// The cell of a table that holds `x`, 0 to `last`, and the part of it before `x`: cells are 1 wide and begin at 0.
+#[inline(always)]
+pub fn cell(x: f32, last: usize) -> (usize, f32) {
+    const UNIT: f32 = 1.5 * (1 << 23) as f32;
+    let nearest = (x + UNIT) - UNIT;
+    let below = if nearest > x { nearest - 1.0 } else { nearest };
+    let first = below.max(0.0).min(last as f32);
+    // The lower bits of the sum hold it, as in [`whole`]; the limit tells the compiler that no index needs a check.
+    let index = (first + UNIT).to_bits().wrapping_sub(UNIT.to_bits()) as usize;
+    (index.min(last), x - first)
+}
+
 /// sin(pi t) for |t| <= 1/2 by its power series, to 2e-7.
 #[inline(always)]
 pub fn sin_pi(t: f32) -> f32 {
@@ -157,6 +169,25 @@ mod tests {
         }
         assert_eq!((exp2(-200.0), exp2(0.0), log2(1.0)), (0.0, 1.0, 0.0));
         assert!(exp2(300.0).is_finite());
+    }
+
+    #[test]
+    fn numbers_are_in_the_cell_that_begins_at_or_below_them() {
+        for (x, expected) in [
+            (0.0, (0, 0.0)),
+            (0.499_999_97, (0, 0.499_999_97)),
+            (0.75, (0, 0.75)),
+            (1.0, (1, 0.0)),
+            (1.999_999_9, (1, 0.999_999_9)),
+            (2.0, (2, 0.0)),
+            (62.999_996, (62, 0.999_996)),
+            (63.0, (63, 0.0)),
+            (64.0, (63, 1.0)),
+        ] {
+            assert_eq!(cell(x, 63).0, expected.0, "{x}");
+            assert!((cell(x, 63).1 - expected.1).abs() < 4e-6, "{x}");
+        }
+        assert!(cell(f32::NAN, 63).0 <= 63);
     }
 
     #[test]

@@ -130,6 +130,30 @@ kernels! {
         }
     }
 
+    /// Two numbers in [0, 1) with the counters `first[i], second, third[i], fourth` for each element of `a` and `b`;
+    /// those of `a` are the same as from [`uniforms`].
+    pub fn uniform_pairs(
+        key: [u32; 2],
+        first: &[u32],
+        second: u32,
+        third: &[u32],
+        fourth: u32,
+        a: &mut [f32],
+        b: &mut [f32],
+    ) {
+        let counters = first.chunks(N).zip(third.chunks(N));
+        for ((a, b), (first, third)) in a.chunks_mut(N).zip(b.chunks_mut(N)).zip(counters) {
+            let [x, y, ..] = words::<N>(key, [first, third], [second, fourth]);
+            let (mut values, mut others) = ([0.0; N], [0.0; N]);
+            for lane in 0..N {
+                values[lane] = unit(x[lane]);
+                others[lane] = unit(y[lane]);
+            }
+            a.copy_from_slice(&values[..a.len()]);
+            b.copy_from_slice(&others[..b.len()]);
+        }
+    }
+
     /// Complex numbers whose squared magnitude is exponentially distributed with mean 1 and whose phase is uniform: the
     /// sum of many small echoes. Each has its own counter.
     pub fn phasors(key: [u32; 2], counter: [&[u32]; 4], re: &mut [f32], im: &mut [f32]) {
@@ -199,8 +223,10 @@ pub fn unit(word: u32) -> f32 {
     (word >> 8) as i32 as f32 / (1 << 24) as f32
 }
 
-/// A standard normal number from 48 random bits (Box and Muller 1958); its greatest value is
-/// sqrt(2 ln 2^24) = 5.77.
+/// What no number from [`normal`] exceeds: sqrt(2 ln 2^24) = 5.7681.
+pub const GREATEST_NORMAL: f32 = 5.7682;
+
+/// A standard normal number from 48 random bits (Box and Muller 1958), at most [`GREATEST_NORMAL`].
 #[inline(always)]
 pub fn normal(a: u32, b: u32) -> f32 {
     const UNIT: f32 = 1.0 / (1 << 24) as f32;
@@ -245,6 +271,12 @@ mod tests {
             assert_eq!(philox(counter.map(|word| [word]), key).map(|[word]| word), expected);
             assert_eq!(philox(counter.map(|word| [word; 16]), key).map(|lanes| lanes[15]), expected);
         }
+    }
+
+    #[test]
+    fn no_normal_number_exceeds_the_greatest() {
+        let greatest = normal(0, 0).max(normal(0, 1 << 31));
+        assert!(greatest <= GREATEST_NORMAL && greatest > GREATEST_NORMAL - 1e-3, "{greatest}");
     }
 
     #[test]

@@ -14,6 +14,26 @@ kernels! {
         }
         hits
     }
+
+    /// Lists those of the first `count` lanes that have the surface `which`; returns how many there are.
+    pub fn of_surface(surface: &Lanes<u32>, which: u32, count: usize, lanes: &mut Lanes<u8>) -> usize {
+        let mut found = 0;
+        for lane in 0..count.min(surface.len()) {
+            lanes[found & 0xff] = lane as u8;
+            found += usize::from(surface[lane] == which);
+        }
+        found
+    }
+
+    /// Lists those of the first `count` lanes in which `a` exceeds `b`; returns how many there are.
+    pub fn exceeding(a: &Lanes, b: &Lanes, count: usize, lanes: &mut Lanes<u8>) -> usize {
+        let mut found = 0;
+        for lane in 0..count.min(a.len()) {
+            lanes[found & 0xff] = lane as u8;
+            found += usize::from(a[lane] > b[lane]);
+        }
+        found
+    }
 }
 
 /// First and end of each run of consecutive `lanes`; returns how many there are, 0 if there are more than `runs` has

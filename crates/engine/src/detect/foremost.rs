@@ -1,8 +1,9 @@
 //! Beams of one ray and one return: of all echoes of a beam the one that the return mode prefers.
 
 use super::{LaneEchoes, Receiver, ReturnMode, gate};
-use crate::echo::{Air, AirEcho, AirEchoes, Contribution, PathEcho, PathEchoes};
+use crate::echo::{Air, AirEcho, AirEchoes, Contribution, LIGHT_ROUNDING, PathEcho, PathEchoes};
 use crate::trace::HitBatch;
+use echocast_kernels::light;
 use ground::cause::Cause;
 use ground::lanes::{LANES, MEDIUM, MISS, RayBatch};
 
@@ -56,22 +57,41 @@ struct ForemostOfAir<'a, 'b> {
     efficiency: &'a [f32; LANES],
     /// Range at which surfaces end each beam's view of the air, m.
     view_end: &'a [f32; LANES],
+    /// Light, `rho_eff / R^2` in 1/m^2, that an echo of the air must exceed in each lane.
+    least: [f32; LANES],
+}
+
+impl<'a, 'b> ForemostOfAir<'a, 'b> {
+    fn new(
+        receiver: &'a Receiver<'a>,
+        echoes: &'a mut LaneEchoes<'b>,
+        efficiency: &'a [f32; LANES],
+        view_end: &'a [f32; LANES],
+    ) -> Self {
+        // Weaker ones are not detected, whatever part of their light the channel uses.
+        let faintest = receiver.gate.least_power() * (1.0 - LIGHT_ROUNDING);
+        let mut least = [faintest; LANES];
+        if receiver.mode.is_by_power() {
+            light::least(echoes.surface, echoes.rho_eff, echoes.range, efficiency, faintest, &mut least);
+        } else if receiver.mode == ReturnMode::Last {
+            for lane in 0..LANES {
+                // Nothing in front of a surface is farther.
+                if echoes.surface[lane] < MEDIUM {
+                    least[lane] = f32::INFINITY;
+                }
+            }
+        }
+        ForemostOfAir { receiver, echoes, efficiency, view_end, least }
+    }
 }
 
 impl AirEchoes for ForemostOfAir<'_, '_> {
-    fn end(&self, lane: usize) -> f32 {
-        self.view_end[lane]
+    fn end(&self) -> &[f32; LANES] {
+        self.view_end
     }
 
-    fn least(&self, lane: usize) -> f32 {
-        let LaneEchoes { range, rho_eff, surface, .. } = &*self.echoes;
-        match self.receiver.mode {
-            _ if surface[lane] == MISS => 0.0,
-            // Nothing in front of a surface is farther.
-            ReturnMode::Last if surface[lane] < MEDIUM => f32::INFINITY,
-            ReturnMode::First | ReturnMode::Last => 0.0,
-            _ => rho_eff[lane] / (range[lane] * range[lane] * self.efficiency[lane]),
-        }
+    fn least(&self) -> &[f32; LANES] {
+        &self.least
     }
 
     fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool {
@@ -80,6 +100,10 @@ impl AirEchoes for ForemostOfAir<'_, '_> {
         let passes = echo.rho_eff > 0.0 && self.receiver.gate.passes(beam, number, echo.rho_eff, echo.range);
         if passes {
             self.receiver.offer(self.echoes, lane, echo, cause);
+            if self.receiver.mode.is_by_power() {
+                let LaneEchoes { range, rho_eff, .. } = &*self.echoes;
+                self.least[lane] = rho_eff[lane] / (range[lane] * range[lane] * self.efficiency[lane]);
+            }
         }
         passes
     }
@@ -109,7 +133,7 @@ impl Receiver<'_> {
     ) {
         let beams = echoes.beams;
         if let Some(air) = air.filter(|air| air.has_echoes()) {
-            let mut foremost = ForemostOfAir { receiver: self, echoes, efficiency, view_end };
+            let mut foremost = ForemostOfAir::new(self, echoes, efficiency, view_end);
             air.echoes(rays, &self.gate.rng, beams, &mut foremost);
         }
         self.raise_alarms(beams, |lane, range, rho_eff| {

@@ -274,19 +274,37 @@ impl PathEchoes for PathArrivals<'_> {
 
 /// Arrivals from the air in front of what the rays of a beam hit.
 pub(crate) struct AirArrivals<'a> {
-    pub arrivals: &'a mut Arrivals,
-    pub rays: &'a BeamRays,
+    arrivals: &'a mut Arrivals,
+    rays: &'a BeamRays,
     /// Fraction of the light that the channel of each beam uses.
-    pub efficiency: &'a [f32; LANES],
+    efficiency: &'a [f32; LANES],
+    /// Range of the farthest place that a ray of each beam gets to, m.
+    end: [f32; LANES],
+}
+
+impl<'a> AirArrivals<'a> {
+    /// Of the first `count` beams.
+    pub fn new(
+        arrivals: &'a mut Arrivals,
+        rays: &'a BeamRays,
+        efficiency: &'a [f32; LANES],
+        count: usize,
+    ) -> AirArrivals<'a> {
+        let mut end = [0.0; LANES];
+        for lane in 0..count {
+            end[lane] = rays.of_beam(lane).map(|(_, met)| met.end()).fold(0.0, f32::max);
+        }
+        AirArrivals { arrivals, rays, efficiency, end }
+    }
 }
 
 impl AirEchoes for AirArrivals<'_> {
-    fn end(&self, lane: usize) -> f32 {
-        self.rays.of_beam(lane).map(|(_, met)| met.end()).fold(0.0, f32::max)
+    fn end(&self) -> &[f32; LANES] {
+        &self.end
     }
 
-    fn least(&self, _: usize) -> f32 {
-        0.0
+    fn least(&self) -> &[f32; LANES] {
+        &[0.0; LANES]
     }
 
     fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool {

@@ -1,7 +1,8 @@
 //! Individual drops and flakes: the few that a sensor detects.
 
 use crate::medium::Particles;
-use ground::math::floor;
+use echocast_kernels::air::{self, CELLS, LEVELS};
+use ground::lanes::LANES;
 use std::f64::consts::PI;
 
 /// Shape of a beam, as needed for particles.
@@ -40,16 +41,13 @@ pub(crate) struct Detectable {
     square_mm2: [f32; CELLS],
     slope_per_mm: f32,
     k: f32,
-    /// Mean number at least as strong as each level, descending.
-    stronger: [f32; LEVELS],
+    /// Mean number at least as strong as each level, descending; 0 beyond the last.
+    stronger: [f32; CELLS],
     /// Fraction of the particles of exactly a level's strength that is nearer than the end of each cell, 0..1.
     shares: Box<[[f32; CELLS]; LEVELS]>,
 }
 
-const CELLS: usize = 64;
-
-/// Levels of strength, half an octave apart.
-const LEVELS: usize = 48;
+/// Levels of strength for each factor of 2.
 const LEVELS_PER_OCTAVE: f32 = 2.0;
 
 impl Detectable {
@@ -85,7 +83,7 @@ impl Detectable {
             square_mm2: std::array::from_fn(|index| cone.square(middle(index)) as f32 * 1e6),
             slope_per_mm: particles.slope_per_mm as f32,
             k: k as f32,
-            stronger: [0.0; LEVELS],
+            stronger: [0.0; CELLS],
             shares: Box::new([[0.0; CELLS]; LEVELS]),
         };
         // Particles in each cell larger than 0.
@@ -134,14 +132,10 @@ impl Detectable {
 
     /// Range, m, of the particle up to which there are `number` on average; `number` is less than [`Detectable::mean`].
     pub fn nearest(&self, number: f32) -> f32 {
-        self.range_of(&self.nearer, number)
-    }
-
-    /// Range, m, at which the sum over cells reaches `target`; `sums` holds the sum at the end of each.
-    fn range_of(&self, sums: &[f32; CELLS], target: f32) -> f32 {
-        let cell = sums.partition_point(|&sum| sum <= target).min(CELLS - 1);
+        let sums = &self.nearer;
+        let cell = sums.partition_point(|&sum| sum <= number).min(CELLS - 1);
         let before = if cell == 0 { 0.0 } else { sums[cell - 1] };
-        let part = (target - before) / (sums[cell] - before).max(f32::MIN_POSITIVE);
+        let part = (number - before) / (sums[cell] - before).max(f32::MIN_POSITIVE);
         self.from + self.cell * (cell as f32 + part.clamp(0.0, 1.0))
     }
 
@@ -152,19 +146,34 @@ impl Detectable {
         (diameter * diameter / self.square_mm2[cell]).min(1.0) * self.whole[cell] * range * range
     }
 
-    /// Strength, 1/m^2, of the particle down to which there are `number` on average; `number` is less than
-    /// [`Detectable::mean`].
-    pub fn strongest(&self, number: f32) -> f32 {
-        let above = self.stronger.partition_point(|&stronger| stronger > number).clamp(1, LEVELS - 1);
-        let [more, less] = [self.stronger[above - 1], self.stronger[above]];
-        let part = ((more - number) / (more - less).max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
-        self.k * ((above as f32 - 1.0 + part) / LEVELS_PER_OCTAVE).exp2()
+    /// Strengths, 1/m^2, of the particles down to which there are the first `count` of `number` on average; meaningless
+    /// where that is [`Detectable::mean`] or more.
+    pub fn strongest(&self, number: &[f32; LANES], count: usize, strength: &mut [f32; LANES]) {
+        air::levels(&self.stronger, number, count, strength);
+        for strength in &mut strength[..count] {
+            *strength = self.k * (*strength / LEVELS_PER_OCTAVE).exp2();
+        }
     }
 
-    /// Range, m, of a particle of `strength`, from a number in [0, 1).
-    pub fn place(&self, strength: f32, place: f32) -> f32 {
-        let level = floor(f64::from((strength / self.k).log2() * LEVELS_PER_OCTAVE) + 0.5).max(0) as usize;
-        self.range_of(&self.shares[level.min(LEVELS - 1)], place)
+    /// For the first `count` of `least`, 1/m^2, the mean number of particles from which on [`Detectable::strongest`] is
+    /// certainly not above it, not more than rounding beyond the number at which it is.
+    pub fn stronger(&self, least: &[f32; LANES], count: usize, number: &mut [f32; LANES]) {
+        // As if they were a little weaker, for the rounding of logarithms.
+        let k = self.k * (1.0 + 1e-4);
+        air::stronger(&self.stronger, LEVELS_PER_OCTAVE, k, least, count, number);
+    }
+
+    /// Ranges, m, of the first `count` particles, of `strength`, from numbers in [0, 1), `place`.
+    pub fn places(&self, strength: &[f32; LANES], place: &[f32; LANES], count: usize, range: &mut [f32; LANES]) {
+        let mut level = [0; LANES];
+        for (level, strength) in level.iter_mut().zip(&strength[..count]) {
+            // The nearest one.
+            *level = (f64::from((strength / self.k).log2() * LEVELS_PER_OCTAVE) + 0.5) as u32;
+        }
+        air::cells(&self.shares, &level, place, count, range);
+        for range in &mut range[..count] {
+            *range = self.from + self.cell * *range;
+        }
     }
 }
 
@@ -202,6 +211,44 @@ mod tests {
         }
     }
 
+    /// Those that are left out undrawn are too weak, and those drawn are stronger but for rounding.
+    #[test]
+    fn the_number_of_stronger_particles_is_where_they_end() {
+        for least_mm in [0.05, 1.0, 4.0] {
+            let seen = Detectable::new(
+                &Particles { least_mm, ..RAIN_10 },
+                Cone { start: 0.012, divergence: [3e-3, 1.5e-3] },
+                [0.5, 200.0],
+                |_| 1.0,
+                1e-6,
+            );
+            let mut least = [0.0; LANES];
+            for lane in 2..LANES {
+                least[lane] = 1e-7 * 1.1f32.powi(lane as i32);
+            }
+            least[1] = f32::INFINITY;
+            let mut number = [0.0; LANES];
+            seen.stronger(&least, LANES, &mut number);
+            for factor in [1.0, 1.1, 2.0] {
+                let (weaker, mut strength) = (number.map(|number| number * factor), [0.0; LANES]);
+                seen.strongest(&weaker, LANES, &mut strength);
+                for lane in 0..LANES {
+                    let number = weaker[lane];
+                    assert!(number >= seen.mean() || strength[lane] <= least[lane], "{number} {}", least[lane]);
+                }
+            }
+            let (inside, mut strength, mut between) = (number.map(|number| number * 0.999), [0.0; LANES], 0);
+            seen.strongest(&inside, LANES, &mut strength);
+            for lane in 0..LANES {
+                if 1e-6 < inside[lane] && inside[lane] < 0.99 * seen.mean() {
+                    between += 1;
+                    assert!(strength[lane] > least[lane] * 0.999, "{} {}", inside[lane], least[lane]);
+                }
+            }
+            assert!(between > 20, "{between}");
+        }
+    }
+
     /// Drawn in order of range and in order of strength: the same particles.
     #[test]
     fn both_orders_sample_the_same_particles() {
@@ -216,8 +263,10 @@ mod tests {
             for j in 0..steps {
                 let u = (j as f32 + 0.5) / steps as f32;
                 let range = seen.nearest(number);
-                let (a, b) = ((range, seen.brightness(range, u) / (range * range)), seen.strongest(number));
-                let b = (seen.place(b, u), b);
+                let (mut strength, mut place) = ([0.0; LANES], [0.0; LANES]);
+                seen.strongest(&[number; LANES], 1, &mut strength);
+                seen.places(&strength, &[u; LANES], 1, &mut place);
+                let (a, b) = ((range, seen.brightness(range, u) / (range * range)), (place[0], strength[0]));
                 for ((range, strength), sums) in [a, b].into_iter().zip(&mut sums) {
                     assert!(strength > 0.98 * k && range > 0.5 && range < 40.0, "{strength} at {range}");
                     let values = [range, strength.ln(), range * strength.ln()];

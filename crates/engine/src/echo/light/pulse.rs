@@ -1,5 +1,7 @@
 //! The light pulse of a beam, and the echo of a medium.
 
+use echocast_kernels::air;
+use ground::lanes::LANES;
 use ground::math::erf;
 use ground::units::SPEED_OF_LIGHT;
 use serde::{Deserialize, Serialize};
@@ -160,11 +162,10 @@ impl SoftPeak {
 /// `J(x) = sqrt(pi/2) exp(u^2/2 - u x) erfc((u - x) / sqrt 2)`: a Gaussian convolved with a falling exponential; the
 /// peak is found by bisection once for a row of `u` and interpolated from it linearly in `sqrt u`.
 pub(crate) struct FaceEcho {
-    rows: [[f32; 2]; FaceEcho::ROWS],
+    rows: [[f32; 2]; air::FACES],
 }
 
 impl FaceEcho {
-    const ROWS: usize = 65;
     /// Greatest `u` of the rows; denser media return an echo like a wall.
     const MOST: f64 = 16.0;
 
@@ -173,7 +174,7 @@ impl FaceEcho {
         FACE.get_or_init(|| {
             let rows = std::array::from_fn(|row| {
                 // Without decay there is no peak: it recedes, ever more slowly.
-                let u = (Self::MOST * (row as f64 / (Self::ROWS - 1) as f64).powi(2)).max(1e-3);
+                let u = (Self::MOST * (row as f64 / (air::FACES - 1) as f64).powi(2)).max(1e-3);
                 let height = |x: f64| (PI / 2.0).sqrt() * scaled_erfc((u - x) / SQRT_2) * (-x * x / 2.0).exp();
                 // J'(x) = 0 where u J = exp(-x^2/2): the height is exp(-x^2/2) / u there. Bisection: u J - exp(-x^2/2)
                 // rises from below 0.
@@ -188,12 +189,17 @@ impl FaceEcho {
         })
     }
 
-    /// Distance of the peak behind the face and its height, for `u`.
-    pub(crate) fn peak(&self, u: f32) -> [f32; 2] {
-        let place = (u / Self::MOST as f32).sqrt().min(1.0) * (Self::ROWS - 1) as f32;
-        let row = (place as usize).min(Self::ROWS - 2);
-        let part = place - row as f32;
-        std::array::from_fn(|k| self.rows[row][k] + (self.rows[row + 1][k] - self.rows[row][k]) * part)
+    /// Distances of the peaks behind the first `count` faces, which are at `from` m, and their heights, 1/m: of pulses
+    /// of `sigma` m in a medium with an `extinction`, 1/m, where light spreads by the square of range and
+    /// `near_range_2`, m^2.
+    pub fn peaks(
+        &self,
+        [sigma, extinction, near_range_2]: [f32; 3],
+        from: &[f32; LANES],
+        count: usize,
+        [behind, height]: [&mut [f32; LANES]; 2],
+    ) {
+        air::peaks(&self.rows, Self::MOST as f32, sigma, extinction, near_range_2, from, count, behind, height);
     }
 }
 
@@ -295,9 +301,16 @@ mod tests {
         for kappa in [0.01, 0.1, 0.5, 2.0, 8.0] {
             let SoftPeak { range, height: j, .. } =
                 pulse.peak([1000.0, 4000.0], 1000.0, |r| (-kappa * (r - 1000.0)).exp());
-            let [place, height] = FaceEcho::get().peak((kappa * sigma) as f32);
-            assert!((f64::from(height) * sigma / j - 1.0).abs() < 0.01, "{kappa}: {height} {}", j / sigma);
-            assert!((f64::from(place) - (range - 1000.0) / sigma).abs() < 0.05, "{kappa}: {place}");
+            // Where spreading adds nothing to the decay; the light that arrives falls by its square.
+            let from = 1e6;
+            let (mut behind, mut height) = ([0.0; LANES], [0.0; LANES]);
+            let medium = [sigma, kappa / 2.0, 0.0].map(|value| value as f32);
+            FaceEcho::get().peaks(medium, &[from; LANES], LANES, [&mut behind, &mut height]);
+            for lane in [0, LANES - 1] {
+                let [behind, height] = [behind[lane], height[lane] * from * from].map(f64::from);
+                assert!((height / j - 1.0).abs() < 0.01, "{kappa}: {height} {j}");
+                assert!((behind - (range - 1000.0)).abs() < 0.05 * sigma, "{kappa}: {behind}");
+            }
         }
     }
 

@@ -1,10 +1,12 @@
 //! How weather affects the beams of one scan: it dims what is behind it, and returns echoes of its own.
 
 use super::particles::{Cone, Detectable};
+use super::picked::Picked;
 use super::pulse::{FaceEcho, Pulse};
 use crate::medium::{Extent, Medium, Weather};
-use echocast_kernels::light;
 use echocast_kernels::math::exp_negative;
+use echocast_kernels::random::GREATEST_NORMAL;
+use echocast_kernels::{air, light};
 use glam::Vec3;
 use ground::cause::Cause;
 use ground::lanes::{LANES, RayBatch};
@@ -16,6 +18,9 @@ const MOST_PARTICLES: u32 = 64;
 
 /// One number in 30,000 is beyond this many standard deviations.
 const MOST_SIGMAS: f32 = 4.0;
+
+/// What rounding may add to the light of an echo, relative to it.
+pub(crate) const LIGHT_ROUNDING: f32 = 1e-5;
 
 /// `<r^4> / <r^2>` of the radii of droplets, m^2: the fluctuation of an echo of many particles at random positions is
 /// `sqrt(<r^4> / <r^2>^2 / N)`, N = their mean number in the pulse. That of strong and moderate advection fog (17 and
@@ -68,8 +73,7 @@ impl ReceiverOptics {
     /// with the receiver's noise. A coherent receiver has speckle in addition; with a laser diode, whose light is
     /// coherent over less than a millimetre, it averages out over thousands of speckles in a pulse.
     fn fluctuation(&self, extinction: f64, range: f64, power: f64) -> Fluctuation {
-        let volume = PI / 4.0 * self.cone.square(range) * self.pulse.width;
-        let droplets = (2.0 * PI * GRAIN_M2 / (extinction * volume).max(1e-30)).min(1.0).sqrt();
+        let droplets = self.graininess(extinction, range);
         let noise = self.noise_power.map_or(0.0, |noise| noise / power.max(1e-30));
         let speckle = if self.coherent { 1.0 } else { 0.0 };
         Fluctuation {
@@ -77,6 +81,12 @@ impl ReceiverOptics {
                 as f32,
             all: (droplets * droplets + noise * noise + speckle).sqrt(),
         }
+    }
+
+    /// The share of the droplets in that, relative to the mean, 1 at most; it falls with range.
+    fn graininess(&self, extinction: f64, range: f64) -> f64 {
+        let volume = PI / 4.0 * self.cone.square(range) * self.pulse.width;
+        (2.0 * PI * GRAIN_M2 / (extinction * volume).max(1e-30)).min(1.0).sqrt()
     }
 }
 
@@ -115,11 +125,11 @@ pub(crate) struct AirEcho {
 
 /// A sink for the echoes of the air.
 pub(crate) trait AirEchoes {
-    /// Range at which surfaces end `lane`'s view of the air, m.
-    fn end(&self, lane: usize) -> f32;
+    /// Range at which surfaces end the view of the air, m, lane by lane.
+    fn end(&self) -> &[f32; LANES];
 
-    /// Light, as `rho_eff / R^2` in 1/m^2, that an echo of `lane` must exceed to matter; infinite where none does.
-    fn least(&self, lane: usize) -> f32;
+    /// Light, as `rho_eff / R^2` in 1/m^2, that an echo must exceed to matter, lane by lane; infinite where none does.
+    fn least(&self) -> &[f32; LANES];
 
     /// Takes `echo`; returns whether the instrument detects it.
     fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool;
@@ -139,6 +149,8 @@ pub(crate) enum ParticleOrder {
 /// A medium with an extent in the world.
 #[derive(Debug)]
 struct MediumInPlace {
+    /// Its index among the media of the weather.
+    index: usize,
     extent: Extent,
     extinction: f32,
     backscatter: f32,
@@ -174,6 +186,8 @@ pub(crate) struct Air {
     order: ParticleOrder,
     /// Least and greatest range of faces too near to be treated as distant, m.
     near: [f64; 2],
+    /// Whether any weather has an extent in the world.
+    in_places: bool,
 }
 
 impl Air {
@@ -184,8 +198,9 @@ impl Air {
         }
         let [from, to] = receiver.overlap;
         let near = [from.max(1e-2), to + 4.0 * receiver.pulse.width];
+        let in_places = weather.media.iter().any(|medium| !medium.extent.is_around_the_sensor());
         let (around, placed, flying) = Default::default();
-        let mut air = Air { weather, around, placed, flying, receiver, order, near };
+        let mut air = Air { weather, around, placed, flying, receiver, order, near, in_places };
         if has_echoes {
             air.find_echoes();
         }
@@ -229,7 +244,7 @@ impl Air {
                 });
             }
         }
-        for medium in &self.weather.media {
+        for (index, medium) in self.weather.media.iter().enumerate() {
             if medium.backscatter > 0.0 && pulse.width > 0.0 && !medium.extent.is_around_the_sensor() {
                 let [first, last] = self.near;
                 let near = std::array::from_fn(|row| {
@@ -239,6 +254,7 @@ impl Air {
                     [(peak.range - from) as f32, peak.height as f32]
                 });
                 self.placed.push(MediumInPlace {
+                    index,
                     extent: medium.extent,
                     extinction: medium.extinction as f32,
                     backscatter: medium.backscatter as f32,
@@ -289,16 +305,30 @@ impl Air {
 
     /// Two-way transmittance of the first `length` m of the first `count` rays, which start at the sensor.
     pub fn dim(&self, rays: &RayBatch, length: &[f32; LANES], count: usize, two_way: &mut [f32; LANES]) {
-        self.depths(rays, length, count, two_way);
+        self.depths(rays, length, count, None, two_way);
         light::transmit(two_way);
     }
 
-    /// Optical depth, one way, of the first `length` m of the first `count` rays, which start at the sensor.
-    fn depths(&self, rays: &RayBatch, length: &[f32; LANES], count: usize, depth: &mut [f32; LANES]) {
+    /// Optical depth, one way, of the first `length` m of the first `count` rays, which start at the sensor. `within`:
+    /// the medium that they are in at the end of that, and where they enter it, m, if that is known; of other rays the
+    /// depth is meaningless then.
+    fn depths(
+        &self,
+        rays: &RayBatch,
+        length: &[f32; LANES],
+        count: usize,
+        within: Option<(usize, &[f32; LANES])>,
+        depth: &mut [f32; LANES],
+    ) {
         depth.fill(0.0);
-        for medium in &self.weather.media {
+        for (index, medium) in self.weather.media.iter().enumerate() {
             let extinction = medium.extinction as f32;
             match medium.extent {
+                _ if let Some((own, from)) = within
+                    && own == index =>
+                {
+                    light::add_depth_between(extinction, from, length, depth);
+                }
                 Extent::Everywhere => light::add_depth_all_over(extinction, length, depth),
                 Extent::Shell { start, end } => light::add_depth(extinction, start, end, length, depth),
                 _ => {
@@ -311,36 +341,31 @@ impl Air {
 
     /// Passes the echoes of the air along `rays`, one ray for each of `beams`, to `echoes`.
     pub fn echoes(&self, rays: &RayBatch, rng: &Rng, beams: &[u32], echoes: &mut impl AirEchoes) {
-        let count = beams.len();
         let merging = self.receiver.pulse.merging_distance() as f32;
         let least_power = self.receiver.least_power.unwrap_or(0.0) as f32;
         for (index, soft) in self.around.iter().enumerate() {
             if soft.power * (1.0 + MOST_SIGMAS * soft.fluctuation) * self.most_speckle() < least_power {
                 continue;
             }
-            let [stronger, farther, speckle] = self.differ(rng, beams, index);
-            for lane in 0..count {
+            let most = soft.power * (1.0 + GREATEST_NORMAL * soft.fluctuation) * self.greatest_speckle();
+            let picked = Picked::exceeding(&[most * (1.0 + LIGHT_ROUNDING); LANES], echoes.least(), beams.len());
+            let [stronger, farther, speckle] = self.differ(rng, picked.take(beams, &mut [0; LANES]), index);
+            for (place, lane) in picked.lanes() {
                 // Never from in front of the medium.
-                let range = soft.from + (soft.range + soft.wandering * farther[lane] - soft.from).abs();
-                let strength = speckle[lane] * (1.0 + soft.fluctuation * stronger[lane]);
+                let range = soft.from + (soft.range + soft.wandering * farther[place] - soft.from).abs();
+                let strength = speckle[place] * (1.0 + soft.fluctuation * stronger[place]);
                 let rho_eff = soft.power * strength * range * range;
                 // A surface within the pulse hides it, and nothing is seen behind a surface.
-                if rho_eff > 0.0 && range + merging <= echoes.end(lane) {
+                if rho_eff > 0.0 && range + merging <= echoes.end()[lane] {
                     echoes.take(lane, AirEcho { range, rho_eff }, soft.cause);
                 }
             }
         }
-        if !self.placed.is_empty() {
-            self.echoes_of_places(rays, rng, beams, echoes);
+        for index in 0..self.placed.len() {
+            self.echoes_of_faces(index, rays, rng, beams, echoes);
         }
         for flying in &self.flying {
-            let mut chance = [0.0; LANES];
-            rng.uniforms(beams, &[flying.address; LANES][..count], flying.draw, &mut chance[..count]);
-            for lane in 0..count {
-                if chance[lane] < flying.some {
-                    self.echoes_of_particles(flying, rays, rng, beams[lane], lane, chance[lane], echoes);
-                }
-            }
+            self.echoes_of_particles(flying, rays, rng, beams, echoes);
         }
     }
 
@@ -389,126 +414,172 @@ impl Air {
         if self.receiver.coherent { 10.3 } else { 1.0 }
     }
 
-    /// Echoes of the faces of media with an extent in the world.
-    fn echoes_of_places(&self, rays: &RayBatch, rng: &Rng, beams: &[u32], echoes: &mut impl AirEchoes) {
-        let count = beams.len();
-        let face = FaceEcho::get();
+    /// Ratio to the mean that none exceeds: an exponential number from 24 bits is at most ln 2^24 = 16.6356.
+    fn greatest_speckle(&self) -> f32 {
+        if self.receiver.coherent { 16.636 } else { 1.0 }
+    }
+
+    /// Echoes of the face of the medium with an extent in the world that is number `index` of them.
+    fn echoes_of_faces(&self, index: usize, rays: &RayBatch, rng: &Rng, beams: &[u32], echoes: &mut impl AirEchoes) {
+        let medium = &self.placed[index];
         let sigma = self.receiver.pulse.sigma() as f32;
         let merging = self.receiver.pulse.merging_distance() as f32;
-        let [first, last] = self.near.map(|range| range as f32);
-        let near_range_2 = (self.receiver.near_range * self.receiver.near_range) as f32;
-        let mut end = [0.0; LANES];
-        for lane in 0..count {
-            end[lane] = echoes.end(lane);
+        let [entered, mut to] = intervals(&medium.extent, rays, echoes.end(), beams.len());
+        let mut from = entered.map(|from| from.max(self.near[0] as f32));
+        let mut picked = Picked::exceeding(&to, &from, beams.len());
+        if picked.count == 0 {
+            return;
         }
-        for (index, medium) in self.placed.iter().enumerate() {
-            let [mut from, to] = intervals(&medium.extent, rays, &end, count);
-            let mut enter = false;
-            for lane in 0..LANES {
-                from[lane] = from[lane].max(first);
-                enter |= from[lane] < to[lane];
-            }
-            if !enter {
-                continue;
-            }
-            // How far behind the face the peak is, and its height.
-            let (mut behind, mut height) = ([0.0; LANES], [0.0; LANES]);
-            for lane in 0..count {
-                let from = from[lane];
-                if from >= to[lane] {
-                    continue;
-                }
-                [behind[lane], height[lane]] = if from < last {
-                    let place = (from - first) / (last - first) * (NEAR - 1) as f32;
-                    let row = (place as usize).min(NEAR - 2);
-                    let part = place - row as f32;
-                    std::array::from_fn(|k| {
-                        medium.near[row][k] + (medium.near[row + 1][k] - medium.near[row][k]) * part
-                    })
-                } else {
-                    let spread = from * from + near_range_2;
-                    let [behind, height] = face.peak((2.0 * medium.extinction + 2.0 * from / spread) * sigma);
-                    [behind * sigma, height * sigma / spread]
-                };
-            }
-            let (mut range, mut rho_eff, mut depth) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-            self.depths(rays, &from, count, &mut depth);
-            for lane in 0..LANES {
-                let length = to[lane] - from[lane];
-                // A layer thinner than the pulse returns an echo from its middle, in proportion to its thickness.
-                range[lane] = from[lane] + behind[lane].min(0.5 * length);
-                let full = height[lane] * range[lane] * range[lane];
-                let seen = full * (1.0 - exp_negative((length / full).max(0.0)));
-                rho_eff[lane] = PI as f32 * medium.backscatter * seen * exp_negative(2.0 * depth[lane]);
-            }
-            // The face is sharp, so the range of an echo fluctuates as much as its strength, in sigmas of the pulse.
-            let [stronger, farther, speckle] = self.differ(rng, beams, self.around.len() + index);
-            for lane in 0..count {
-                if height[lane] <= 0.0 || range[lane] + merging > end[lane] {
-                    continue;
-                }
-                let power = f64::from(rho_eff[lane] / (range[lane] * range[lane]));
-                let Fluctuation { strength, all } =
-                    self.receiver.fluctuation(medium.extinction.into(), range[lane].into(), power);
-                // Not far in front of the face.
-                let most = behind[lane].abs();
-                let wandering = ((all as f32).min(1.0) * sigma * farther[lane]).max(-most).min(most);
-                let rho_eff = rho_eff[lane] * speckle[lane] * (1.0 + strength * stronger[lane]);
-                let range = range[lane] + wandering;
-                if rho_eff > 0.0 && range + merging <= end[lane] {
-                    echoes.take(lane, AirEcho { range, rho_eff }, medium.cause);
-                }
+        let (mut depth, mut end, mut least) = ([0.0; LANES], *echoes.end(), *echoes.least());
+        self.depths(rays, &from, beams.len(), Some((medium.index, &entered)), &mut depth);
+        for column in [&mut from, &mut to, &mut depth, &mut end, &mut least] {
+            picked.compact(column);
+        }
+        let (mut behind, mut height) = ([0.0; LANES], [0.0; LANES]);
+        self.peaks(medium, &from, picked.count, [&mut behind, &mut height]);
+        let (mut range, mut rho_eff) = ([0.0; LANES], [0.0; LANES]);
+        let scale = PI as f32 * medium.backscatter;
+        air::face_echoes(scale, &from, &to, &depth, &behind, &height, picked.count, &mut range, &mut rho_eff);
+
+        // Most echoes are weaker than the surface behind them, however they vary.
+        let nearest = range[..picked.count].iter().copied().fold(f32::INFINITY, f32::min);
+        let grain = 1.0 + GREATEST_NORMAL * self.receiver.graininess(medium.extinction.into(), nearest.into()) as f32;
+        let noise = GREATEST_NORMAL * self.receiver.noise_power.unwrap_or(0.0) as f32;
+        let most_speckle = self.greatest_speckle() * (1.0 + LIGHT_ROUNDING);
+        let mut most = [0.0; LANES];
+        for place in 0..LANES {
+            let square = range[place] * range[place];
+            let foremost = (range[place] - behind[place].abs()).max(0.0);
+            let power = (rho_eff[place] * grain + noise * square) / (foremost * foremost) * most_speckle;
+            let is_seen = height[place] > 0.0 && range[place] + merging <= end[place];
+            most[place] = if is_seen { power } else { 0.0 };
+        }
+        let strong = picked.narrow(&most, &least);
+        for column in [&mut range, &mut rho_eff, &mut behind, &mut end] {
+            strong.compact(column);
+        }
+
+        // The face is sharp, so the range of an echo fluctuates as much as its strength, in sigmas of the pulse.
+        let mut numbers = [0; LANES];
+        let beams = picked.take(beams, &mut numbers);
+        let [stronger, farther, speckle] = self.differ(rng, beams, self.around.len() + index);
+        for (place, lane) in picked.lanes() {
+            let power = f64::from(rho_eff[place] / (range[place] * range[place]));
+            let Fluctuation { strength, all } =
+                self.receiver.fluctuation(medium.extinction.into(), range[place].into(), power);
+            // Not far in front of the face.
+            let most = behind[place].abs();
+            let wandering = ((all as f32).min(1.0) * sigma * farther[place]).max(-most).min(most);
+            let rho_eff = rho_eff[place] * speckle[place] * (1.0 + strength * stronger[place]);
+            let range = range[place] + wandering;
+            if rho_eff > 0.0 && range + merging <= end[place] {
+                echoes.take(lane, AirEcho { range, rho_eff }, medium.cause);
             }
         }
     }
 
-    /// Echoes of the particles in one beam.
-    #[inline(never)]
-    #[expect(clippy::too_many_arguments, reason = "one beam's share of a block")]
+    /// How far behind the first `count` faces of `medium`, which are at `from` m, the peaks of their echoes are, m, and
+    /// their height, 1/m.
+    fn peaks(
+        &self,
+        medium: &MediumInPlace,
+        from: &[f32; LANES],
+        count: usize,
+        [behind, height]: [&mut [f32; LANES]; 2],
+    ) {
+        let near_range_2 = (self.receiver.near_range * self.receiver.near_range) as f32;
+        let sigma = self.receiver.pulse.sigma() as f32;
+        FaceEcho::get().peaks([sigma, medium.extinction, near_range_2], from, count, [behind, height]);
+        let [first, last] = self.near.map(|range| range as f32);
+        for place in 0..count {
+            if from[place] < last {
+                let at = (from[place] - first) / (last - first) * (NEAR - 1) as f32;
+                let row = (at as usize).min(NEAR - 2);
+                let part = at - row as f32;
+                let [a, b] = [medium.near[row], medium.near[row + 1]];
+                [behind[place], height[place]] = std::array::from_fn(|k| a[k] + (b[k] - a[k]) * part);
+            }
+        }
+    }
+
+    /// Echoes of drops or flakes: particle after particle, side by side in all beams that more may matter to.
     fn echoes_of_particles(
         &self,
         flying: &Flying,
         rays: &RayBatch,
         rng: &Rng,
-        beam: u32,
-        lane: usize,
-        chance: f32,
+        beams: &[u32],
         echoes: &mut impl AirEchoes,
     ) {
-        let (org, dir) = (rays.origin(lane), rays.direction(lane));
-        let (from, to) = flying.extent.interval(org, dir, 0.0, echoes.end(lane));
+        let count = beams.len();
         let by_range = self.order != ParticleOrder::Strength;
-        // Mean number up to this particle.
-        let mut number = exponential(chance);
+        // In each beam, the mean number up to its last particle, and the chance of the next one, from which the number
+        // between both is drawn.
+        let (mut number, mut chance) = ([0.0; LANES], [0.0; LANES]);
+        rng.uniforms(beams, &[flying.address; LANES][..count], flying.draw, &mut chance[..count]);
+        let mut picked = Picked::exceeding(&[flying.some; LANES], &chance, count);
+        if picked.count == 0 {
+            return;
+        }
+        picked.compact(&mut chance);
+        let [from, to] = intervals(&flying.extent, rays, echoes.end(), count);
+        let mut most = [flying.seen.mean(); LANES];
+        let [mut least, mut low, mut place, mut range, mut rho_eff] = [[0.0; LANES]; 5];
+        let mut strength = [f32::MAX; LANES];
         for particle in 1..MOST_PARTICLES {
-            if number >= flying.seen.mean() {
+            if !by_range {
+                picked.take(echoes.least(), &mut least);
+                flying.seen.stronger(&least, picked.count, &mut most);
+            }
+            // An exponential number is greater than the chance that it is drawn from.
+            for index in 0..LANES {
+                low[index] = number[index] + chance[index];
+            }
+            let kept = picked.narrow(&most, &low);
+            let count = picked.count;
+            if count == 0 {
                 break;
             }
-            // In order of strength all subsequent ones are weaker.
-            let strength = if by_range { f32::MAX } else { flying.seen.strongest(number) };
-            if strength <= echoes.least(lane) {
-                break;
+            kept.compact(&mut number);
+            kept.compact(&mut chance);
+            for index in 0..count {
+                number[index] += exponential(chance[index]);
             }
-            let [place, next, ..] = rng.four(beam, flying.draw, flying.address + particle);
-            let mut echo = if by_range {
-                let range = flying.seen.nearest(number);
-                AirEcho { range, rho_eff: flying.seen.brightness(range, place) }
+            let mut numbers = [0; LANES];
+            let beams = picked.take(beams, &mut numbers);
+            let address = [flying.address + particle; LANES];
+            rng.uniform_pairs(beams, &address[..count], flying.draw, &mut place[..count], &mut chance[..count]);
+            if by_range {
+                for index in 0..count {
+                    range[index] = flying.seen.nearest(number[index]);
+                    rho_eff[index] = flying.seen.brightness(range[index], place[index]);
+                }
             } else {
-                let range = flying.seen.place(strength, place);
-                AirEcho { range, rho_eff: strength * range * range }
-            };
-            // Weather with an extent in the world is not in the table: it removes some of the particles again.
-            echo.rho_eff *= exp_negative(2.0 * self.depth_in_places(org, dir, echo.range));
-            if by_range && echo.range >= to {
-                break;
+                flying.seen.strongest(&number, count, &mut strength);
+                flying.seen.places(&strength, &place, count, &mut range);
+                for index in 0..count {
+                    rho_eff[index] = strength[index] * range[index] * range[index];
+                }
             }
-            if (from..to).contains(&echo.range)
-                && echoes.take(lane, echo, flying.cause)
-                && self.order == ParticleOrder::FirstOnly
-            {
-                break;
+            for (index, lane) in picked.lanes() {
+                let mut echo = AirEcho { range: range[index], rho_eff: rho_eff[index] };
+                // In order of strength all subsequent ones are weaker, and in order of range farther.
+                let mut ends = number[index] >= flying.seen.mean()
+                    || strength[index] <= echoes.least()[lane]
+                    || by_range && echo.range >= to[lane];
+                if !ends && (from[lane]..to[lane]).contains(&echo.range) {
+                    // Weather with an extent in the world is not in the table: it removes some of the particles again.
+                    if self.in_places {
+                        let depth = self.depth_in_places(rays.origin(lane), rays.direction(lane), echo.range);
+                        echo.rho_eff *= exp_negative(2.0 * depth);
+                    }
+                    let is_detected = echoes.take(lane, echo, flying.cause);
+                    ends = is_detected && self.order == ParticleOrder::FirstOnly;
+                }
+                if ends {
+                    number[index] = f32::INFINITY;
+                }
             }
-            number += exponential(next);
         }
     }
 }
@@ -517,12 +588,15 @@ impl Air {
 /// by side.
 fn intervals(extent: &Extent, rays: &RayBatch, length: &[f32; LANES], count: usize) -> [[f32; LANES]; 2] {
     let (mut from, mut to) = ([0.0f32; LANES], *length);
-    if let Extent::Box { min, max } = extent {
-        let (org, dir) = ([&rays.org_x, &rays.org_y, &rays.org_z], [&rays.dir_x, &rays.dir_y, &rays.dir_z]);
-        light::cross_box(min.to_array(), max.to_array(), org, dir, &mut from, &mut to);
-    } else {
-        for lane in 0..count {
-            (from[lane], to[lane]) = extent.interval(rays.origin(lane), rays.direction(lane), 0.0, length[lane]);
+    match extent {
+        Extent::Everywhere => {}
+        Extent::Box { min, max } => {
+            light::cross_box(min.to_array(), max.to_array(), rays.origins(), rays.directions(), &mut from, &mut to);
+        }
+        _ => {
+            for lane in 0..count {
+                (from[lane], to[lane]) = extent.interval(rays.origin(lane), rays.direction(lane), 0.0, length[lane]);
+            }
         }
     }
     [from, to]
@@ -535,7 +609,130 @@ fn exponential(uniform: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::PulseShape;
     use super::*;
+    use crate::medium::Environment;
+    use glam::DVec3;
+    use std::collections::BTreeSet;
+
+    /// Takes all echoes: lane, cause, and the bits of range and strength.
+    struct Log {
+        end: [f32; LANES],
+        least: [f32; LANES],
+        taken: BTreeSet<(usize, u8, [u32; 2])>,
+    }
+
+    impl AirEchoes for Log {
+        fn end(&self) -> &[f32; LANES] {
+            &self.end
+        }
+
+        fn least(&self) -> &[f32; LANES] {
+            &self.least
+        }
+
+        fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool {
+            assert!((0.0..self.end[lane]).contains(&echo.range));
+            self.taken.insert((lane, cause as u8, [echo.range, echo.rho_eff].map(f32::to_bits)));
+            true
+        }
+    }
+
+    impl Log {
+        /// The echoes that `air` returns along rays in all directions, of which all but `matters` are left out.
+        fn of(air: &Air, beams: &[u32], matters: bool) -> Log {
+            let mut rays = RayBatch::default();
+            let (mut end, mut least) = ([f32::INFINITY; LANES], [0.0; LANES]);
+            for lane in 0..beams.len() {
+                let turn = lane as f32 * 0.77;
+                let direction = Vec3::new(turn.cos(), (1.7 * turn).sin(), 0.5 * (0.3 * turn).sin()).normalize();
+                (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = direction.into();
+                if lane % 3 > 0 {
+                    end[lane] = 3.0 + 0.4 * lane as f32;
+                    least[lane] = if matters { 1e-7 * 1.06f32.powi(lane as i32) } else { 0.0 };
+                }
+            }
+            let mut log = Log { end, least, taken: BTreeSet::new() };
+            air.echoes(&rays, &Rng::new(5, 1), beams, &mut log);
+            log
+        }
+
+        fn power([range, rho_eff]: [u32; 2]) -> f32 {
+            f32::from_bits(rho_eff) / f32::from_bits(range).powi(2)
+        }
+    }
+
+    fn air(yaml: &str, order: ParticleOrder, coherent: bool) -> Air {
+        let weather = Weather::new(&Environment::from_yaml(yaml).unwrap(), 905.0, false, DVec3::ZERO);
+        let receiver = ReceiverOptics {
+            pulse: Pulse::new(PulseShape::Gaussian, 5.0),
+            overlap: [0.5, 2.0],
+            near_range: 3.0,
+            coherent,
+            cone: Cone { start: 0.012, divergence: [3e-3, 1.5e-3] },
+            least_power: Some(2e-7),
+            noise_power: Some(4e-8),
+            detects_in_noise: false,
+            range_min: 0.5,
+            range_max: 200.0,
+        };
+        Air::new(weather, receiver, order, true).unwrap()
+    }
+
+    /// What is not drawn because a surface outshines it: the echoes that matter are those of beams without surfaces, bit
+    /// for bit.
+    #[test]
+    fn what_matters_does_not_depend_on_what_is_left_out() {
+        let yaml = "{snow: [{rate_mm_h: 2}, {rate_mm_h: 5, box: {min_m: [3, -9, -9], max_m: [9, 9, 9]}}], fog: \
+                    {visibility_m: 300, half_space: {point_m: [0, 0, 1], normal: [0, 0, -1]}}, dust: [{radius_um: 50, \
+                    per_m3: 1e6, start_m: 4, length_m: 5}, {radius_um: 50, per_m3: 1e6, box: {min_m: [-9, -9, -9], \
+                    max_m: [-2, 9, 9]}}]}";
+        let beams: Vec<u32> = (1000..1250).collect();
+        for coherent in [false, true] {
+            for order in [ParticleOrder::Strength, ParticleOrder::Range, ParticleOrder::FirstOnly] {
+                let air = air(yaml, order, coherent);
+                let [all, some] = [false, true].map(|matters| Log::of(&air, &beams, matters));
+                assert!(some.taken.is_subset(&all.taken));
+                for &(lane, cause, echo) in all.taken.difference(&some.taken) {
+                    assert!(Log::power(echo) <= some.least[lane], "{order:?} {lane} {cause}");
+                }
+                for cause in [Cause::Snow, Cause::Fog, Cause::Dust].map(|cause| cause as u8) {
+                    let count = |log: &Log| log.taken.iter().filter(|echo| echo.1 == cause).count();
+                    let fewer = cause != Cause::Snow as u8 || order == ParticleOrder::Strength;
+                    assert!(count(&some) > 10 && (count(&some) < count(&all)) == fewer, "{order:?} {cause}");
+                }
+            }
+        }
+    }
+
+    /// Particles side by side, those that matter, are the ones that are drawn beam by beam and one by one.
+    #[test]
+    fn particles_are_those_drawn_one_by_one() {
+        let beams: Vec<u32> = (0..200).map(|lane| 7 * lane).collect();
+        let air = air("{snow: {rate_mm_h: 2}}", ParticleOrder::Strength, false);
+        let found = Log::of(&air, &beams, true);
+        let (seen, rng) = (&air.flying[0].seen, Rng::new(5, 1));
+        let mut expected = BTreeSet::new();
+        for (lane, &beam) in beams.iter().enumerate() {
+            let mut number = exponential(rng.four(beam, Draw::Flakes, 0)[0]);
+            for particle in 1..MOST_PARTICLES {
+                let [place, next, ..] = rng.four(beam, Draw::Flakes, particle);
+                let (mut strength, mut range) = ([0.0; LANES], [0.0; LANES]);
+                seen.strongest(&[number; LANES], 1, &mut strength);
+                seen.places(&strength, &[place; LANES], 1, &mut range);
+                if number >= seen.mean() || strength[0] <= found.least[lane] {
+                    break;
+                }
+                if range[0] < found.end[lane] {
+                    let echo = [range[0], strength[0] * range[0] * range[0]];
+                    expected.insert((lane, Cause::Snow as u8, echo.map(f32::to_bits)));
+                }
+                number += exponential(next);
+            }
+        }
+        assert!(expected.len() > 200, "{}", expected.len());
+        assert_eq!(found.taken, expected);
+    }
 
     /// Boxes side by side give the same as one by one: inside, outside and along their faces.
     #[test]

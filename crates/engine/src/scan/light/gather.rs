@@ -159,7 +159,7 @@ impl Gatherer {
         }
         if let Some(air) = scan.world.air.filter(|air| air.has_echoes()) {
             let Gatherer { arrivals, rays, efficiency, .. } = self;
-            air.echoes(&self.beams, &scan.rng, beams, &mut AirArrivals { arrivals, rays, efficiency });
+            air.echoes(&self.beams, &scan.rng, beams, &mut AirArrivals::new(arrivals, rays, efficiency, beams.len()));
         }
         if let Some(halos) = &scan.halos {
             halos.shine(scan.aim.beams, beams, |lane, bright| {

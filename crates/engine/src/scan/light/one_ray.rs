@@ -8,7 +8,7 @@ use crate::echo::PathLimits;
 use crate::sensor::Signals;
 use crate::trace::HitBatch;
 use cloud::Slices;
-use echocast_kernels::light;
+use echocast_kernels::{light, rows};
 use emitter;
 use ground::lanes::{LANES, MEDIUM, MISS, RayBatch, boxed};
 use std::sync::Arc;
@@ -254,15 +254,25 @@ impl Block {
 
     /// Clears the surfaces of the lanes whose echoes are those of the air and false alarms.
     fn clear_others(&mut self, scan: &ScanPlan, count: usize) {
-        let Block { lanes, hits, surfaces, rho_eff, intensity, bounces, .. } = self;
-        for lane in 0..count {
-            if hits.surface[lane] == MEDIUM {
-                surfaces.clear(lane);
-                (self.first_category[lane], self.first_instance[lane], bounces[lane]) = (0, 0, 0);
-                (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = (f32::NAN, f32::NAN, f32::NAN);
-                let shown = rho_eff[lane] / scan.shown_of(lanes.beam[lane]);
-                intensity[lane] = scan.measure.intensity.of(shown, 1.0, hits.range[lane]);
+        let Block { lanes: numbers, hits, surfaces, rho_eff, intensity, bounces, .. } = self;
+        let mut lanes = [0; LANES];
+        let found = rows::of_surface(&hits.surface, MEDIUM, count, &mut lanes);
+        if found == 0 {
+            return;
+        }
+        let [mut shown, mut range, mut reported] = [[0.0; LANES]; 3];
+        for (place, lane) in lanes[..found].iter().map(|&lane| usize::from(lane)).enumerate() {
+            surfaces.clear(lane);
+            (self.first_category[lane], self.first_instance[lane], bounces[lane]) = (0, 0, 0);
+            (hits.normal_x[lane], hits.normal_y[lane], hits.normal_z[lane]) = (f32::NAN, f32::NAN, f32::NAN);
+            (shown[place], range[place]) = (rho_eff[lane], hits.range[lane]);
+            if !scan.receiver.efficiency.is_empty() {
+                shown[place] /= scan.shown_of(numbers.beam[lane]);
             }
+        }
+        scan.measure.intensity.of_all(&shown, &[1.0; LANES], &range, &mut reported);
+        for (place, lane) in lanes[..found].iter().map(|&lane| usize::from(lane)).enumerate() {
+            intensity[lane] = reported[place];
         }
     }
 }
