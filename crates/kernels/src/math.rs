@@ -2,6 +2,26 @@
 
 use std::f32::consts::{FRAC_PI_2, LN_2, PI};
 
+/// Sum of `values`, as many as a power of two, in the same order at every level: see [`halves`].
+#[inline(always)]
+pub fn sum<const COUNT: usize>(values: [f32; COUNT]) -> f32 {
+    halves(values, |a, b| a + b)
+}
+
+/// What is left of `values`, as many as a power of two, if the later half is put `together` with the earlier one until
+/// one is left.
+#[inline(always)]
+pub fn halves<const COUNT: usize>(mut values: [f32; COUNT], together: impl Fn(f32, f32) -> f32) -> f32 {
+    let mut half = COUNT / 2;
+    while half > 0 {
+        for place in 0..half {
+            values[place] = together(values[place], values[place + half]);
+        }
+        half /= 2;
+    }
+    values[0]
+}
+
 /// Natural logarithm of a normal positive number, to 1e-6 absolute.
 ///
 /// x = 2^e m with m in [sqrt(1/2), sqrt(2)); ln m = 2 artanh(s), s = (m - 1)/(m + 1), by its power

@@ -1,7 +1,7 @@
 //! Signals of beams whose sub-rays all hit one place of one surface.
 
 use crate::level::kernels;
-use crate::math::exp_negative;
+use crate::math::{exp_negative, sum};
 use crate::{LANES, Lanes};
 
 /// Sums are formed in this many rows.
@@ -131,37 +131,37 @@ kernels! {
     /// times `x` and `x^2`, where `x` is how far behind it a pulse is, times `scale`, one over the pulse's standard
     /// deviation. Both slices have the same length.
     pub fn pull(ranges: &[f32], powers: &[f32], at: f32, scale: f32) -> [f32; 3] {
-        let count = ranges.len();
-        let powers = &powers[..count];
         // Sums in as many rows at every level: the order of additions does not depend on it.
         let mut sums = [[0.0; ROWS]; 3];
-        let mut start = 0;
-        while start + ROWS <= count {
+        let mut add = |ranges: &[f32; ROWS], powers: &[f32; ROWS]| {
             for row in 0..ROWS {
-                let x = (ranges[start + row] - at) * scale;
-                let weight = powers[start + row] * exp_negative(0.5 * x * x);
+                let x = (ranges[row] - at) * scale;
+                let weight = powers[row] * exp_negative(0.5 * x * x);
                 sums[0][row] += weight;
                 sums[1][row] += weight * x;
                 sums[2][row] += weight * x * x;
             }
-            start += ROWS;
+        };
+        let ((ranges, last), (powers, last_powers)) = (ranges.as_chunks(), powers.as_chunks());
+        ranges.iter().zip(powers).for_each(|(ranges, powers)| add(ranges, powers));
+        if !last.is_empty() {
+            let (mut ranges, mut powers) = ([at; ROWS], [0.0; ROWS]);
+            ranges[..last.len()].copy_from_slice(last);
+            powers[..last.len()].copy_from_slice(&last_powers[..last.len()]);
+            add(&ranges, &powers);
         }
-        for (row, pulse) in (start..count).enumerate() {
-            let x = (ranges[pulse] - at) * scale;
-            let weight = powers[pulse] * exp_negative(0.5 * x * x);
-            sums[0][row] += weight;
-            sums[1][row] += weight * x;
-            sums[2][row] += weight * x * x;
-        }
-        sums.map(|rows| rows.iter().sum::<f32>())
+        sums.map(sum)
     }
 
-    /// Adds to `bins`, at every `step` standard deviations, the pulse of `power` whose peak is `place` bins after the
-    /// first of them.
-    pub fn add_pulse(power: f32, place: f32, step: f32, bins: &mut [f32]) {
-        for (bin, value) in bins.iter_mut().enumerate() {
-            let x = (bin as f32 - place) * step;
-            *value += power * exp_negative(0.5 * x * x);
+    /// Fills `bins` with `parts` convolved with `pulse`, whose middle is that many parts before the first bin's: bin `i`
+    /// is the sum of `pulse[k] parts[i + k]`. There are as many parts as bins, and one less than the pulse is long.
+    pub fn convolve(parts: &[f32], pulse: &[f32], bins: &mut [f32]) {
+        let count = bins.len();
+        bins.fill(0.0);
+        for (shift, &height) in pulse.iter().enumerate() {
+            for (bin, part) in bins.iter_mut().zip(&parts[shift..shift + count]) {
+                *bin += height * part;
+            }
         }
     }
 }

@@ -89,20 +89,18 @@ impl DepthCamera {
         (formed.disagreement <= self.inconsistency).then_some((formed.range, formed.power))
     }
 
-    /// Detects the one echo of pixel `beam`, of all the light in `found.parts`; range limits apply to the range that it
+    /// Detects the one echo of pixel `beam`, of all the light in `found.received`; range limits apply to the range that it
     /// forms.
     pub(super) fn detect(&self, gate: &Gate, beam: u32, found: &mut Detections) {
-        let Detections { parts, ranges, powers, peaks, chosen, .. } = found;
-        if parts.is_empty() {
+        let Detections { received, peaks, chosen, .. } = found;
+        if received.is_empty() {
             return;
         }
-        ranges.clear();
-        powers.clear();
-        ranges.extend(parts.iter().map(|part| part.range));
-        powers.extend(parts.iter().map(|part| part.power));
-        let (light, moment) = parts
+        let [ranges, powers] = received.pulses();
+        let (light, moment) = received
+            .pieces
             .iter()
-            .fold((0.0, 0.0), |(light, moment), part| (light + part.power, moment + part.power * part.range));
+            .fold((0.0, 0.0), |(light, moment), piece| (light + piece.power, moment + piece.power * piece.range));
         let truth = moment / light;
         if let Some((range, power)) = self.form(&gate.rng, beam, ranges, powers)
             && gate.detects(beam, NEAREST, power * truth * truth, truth)

@@ -1,6 +1,6 @@
 //! What receivers detect: echoes side by side, one per beam, or beam by beam, and the returns that they become.
 
-use crate::echo::{Peak, Pulselet, Share, Waveform};
+use crate::echo::{BeamSignal, Peak, Share, Waveform};
 use ground::lanes::LANES;
 
 /// The echoes of beams of one ray each, one per lane.
@@ -13,7 +13,7 @@ pub(crate) struct LaneEchoes<'a> {
     pub cause: &'a mut [u8; LANES],
 }
 
-/// What a beam receives, apart from the parts of its signal.
+/// What a beam receives, apart from its signal.
 pub(crate) struct ReceivedBeam<'a> {
     pub beam: u32,
     /// The only echo of a beam whose rays hit one plane and nothing else.
@@ -28,16 +28,13 @@ pub(crate) struct ReceivedBeam<'a> {
 #[derive(Default)]
 pub(crate) struct Detections {
     pub waveform: Waveform,
-    /// The parts of its signal, whose sources are its arrivals; none if it is plain.
-    pub parts: Vec<Pulselet>,
+    /// Its signal, in pieces whose sources are its arrivals; none if it is plain.
+    pub received: BeamSignal,
     /// Its echoes that are detected, nearest first.
     pub peaks: Vec<Peak>,
     /// Indices of those that are reported, in the order of reporting.
     pub chosen: Vec<usize>,
     pub(super) order: Vec<usize>,
-    /// Ranges and powers of the parts, as a depth camera takes them.
-    pub(super) ranges: Vec<f32>,
-    pub(super) powers: Vec<f32>,
     pub shares: Vec<Share>,
 }
 

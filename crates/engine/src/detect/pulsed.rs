@@ -6,7 +6,7 @@ use crate::echo::Peak;
 
 /// Finds the echoes of a beam in its signal, and selects those to report by `rule`.
 pub(super) fn detect(gate: &Gate, received: &ReceivedBeam, rule: &ReturnRule, found: &mut Detections) {
-    let Detections { waveform, parts, peaks, order, chosen, .. } = found;
+    let Detections { waveform, received: signal, peaks, order, chosen, .. } = found;
     let passes = |peak: &Peak, number: u32| {
         peak.range > 0.0 && gate.passes(received.beam, number, peak.power * peak.range * peak.range, peak.range)
     };
@@ -17,7 +17,7 @@ pub(super) fn detect(gate: &Gate, received: &ReceivedBeam, rule: &ReturnRule, fo
         }
         return;
     }
-    waveform.peaks(parts, peaks);
+    waveform.peaks(signal, peaks);
     let nearest = peaks.iter().map(|peak| peak.range).find(|&range| range >= received.straight - waveform.sigma());
     peaks.retain(|peak| passes(peak, if Some(peak.range) == nearest { NEAREST } else { gate::numbered(peak.range) }));
     peaks.extend(received.alarms.iter().map(|&(_, peak)| peak));

@@ -141,7 +141,7 @@ impl Receiver<'_> {
         if self.camera().is_some() { MIXED_PIXEL } else { MIXED }
     }
 
-    /// Detects the echoes of a beam whose signal has the parts `found.parts`, and selects the returns by `rule`.
+    /// Detects the echoes of a beam whose signal is `found.received`, and selects the returns by `rule`.
     pub(crate) fn detect(&self, received: &ReceivedBeam, rule: &ReturnRule, found: &mut Detections) {
         found.peaks.clear();
         found.chosen.clear();

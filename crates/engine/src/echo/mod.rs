@@ -4,7 +4,7 @@ mod light;
 pub mod sound;
 
 pub(crate) use light::{
-    Air, AirArrivals, AirEcho, AirEchoes, Arrivals, Batch, BeamRays, Cone, Contribution, Follower, Glint,
+    Air, AirArrivals, AirEcho, AirEchoes, Arrivals, Batch, BeamRays, BeamSignal, Cone, Contribution, Follower, Glint,
     IntensityModel, LIGHT_ROUNDING, MOST_FREQUENCIES, Meeting, MirrorImage, Modulation, OFF_SURFACE, Origin,
     ParticleOrder, PathArrivals, PathEcho, PathEchoes, PathLimits, Peak, PlainEchoes, Provenance, Pulse, Pulselet,
     ReceiverOptics, RequestedQuantities, Seen, Share, ShotNoise, Source, Surroundings, TracedRay, Waveform,

@@ -1,6 +1,7 @@
 //! The light that arrives along the beams of a block: from what their rays hit, from what they see in mirrors and
 //! through glass, from the air, and from bright surfaces beside them.
 
+use super::signal::BeamSignal;
 use super::{AirEcho, AirEchoes, BeamRays, Contribution, Meeting, PathEcho, PathEchoes, Pulselet};
 use crate::trace::HitBatch;
 use glam::Vec3;
@@ -99,7 +100,7 @@ struct Bundle {
     ray: u32,
 }
 
-/// Where a part of a signal comes from.
+/// Where a piece of a signal comes from.
 #[derive(Clone, Copy)]
 pub(crate) enum Source<'a> {
     /// What this ray of the beam hits.
@@ -143,64 +144,36 @@ impl Arrivals {
         self.last[lane] != NONE
     }
 
-    /// All that arrives along the beam at `lane`, as the parts of its signal: first from the surfaces that its `rays`
-    /// hit, in the order of the rays. Rays that hit one surface within `width` m of range are merged; with a negative
-    /// width every ray is a part of its own.
-    pub(crate) fn receive(&mut self, rays: &BeamRays, lane: usize, width: f32, parts: &mut Vec<Pulselet>) {
-        parts.clear();
-        self.bundles.clear();
-        for (ray, met) in rays.of_beam(lane) {
-            let (surface, power) = (met.surface(), met.power());
-            if power <= 0.0 {
-                continue;
+    /// All that arrives along the beam at `lane`, as its signal, the nearest first. Rays that hit one surface within `width` m of range are merged; with a negative width every
+    /// ray is a piece of its own. `sigma`: standard deviation of the pulse, m.
+    pub(crate) fn receive(
+        &mut self,
+        rays: &BeamRays,
+        lane: usize,
+        [width, sigma]: [f32; 2],
+        received: &mut BeamSignal,
+    ) {
+        received.clear();
+        if rays.is_patched {
+            rays.patchworks[lane].receive([2.0 * width, sigma], DIRECT, received);
+        } else {
+            self.bundles.clear();
+            for (ray, met) in rays.of_beam(lane) {
+                let (surface, power) = (met.surface(), met.power());
+                if power > 0.0 {
+                    self.bundle(surface, ray, [met.range(), power], width);
+                }
             }
-            match met.ranges(2.0 * width) {
-                None => self.bundle(surface, ray, [met.range(), power], width),
-                Some(ranges) if width > 0.0 => {
-                    let each = power / met.points() as f32;
-                    self.slice(surface, ray, ranges, each, (met.ends(), 2.0 * width));
-                }
-                Some(ranges) => {
-                    let each = power / met.points() as f32;
-                    ranges.for_each(|range| self.bundle(surface, ray, [range, each], width));
-                }
+            for bundle in &self.bundles {
+                received.push(bundle.first + bundle.moment / bundle.power, bundle.power, bundle.ray | DIRECT);
             }
         }
-        parts.extend(self.bundles.iter().map(|bundle| Pulselet {
-            range: bundle.first + bundle.moment / bundle.power,
-            power: bundle.power,
-            source: bundle.ray | DIRECT,
-        }));
         let mut row = self.last[lane];
         while row != NONE {
-            parts.push(Pulselet { range: self.range[row as usize], power: self.power[row as usize], source: row });
+            received.push(self.range[row as usize], self.power[row as usize], row);
             row = self.before[row as usize];
         }
-    }
-
-    /// Adds a patch that spans more than a bundle: the parts of it in slices of `thickness` m from `low` m on.
-    fn slice(
-        &mut self,
-        surface: u32,
-        ray: u32,
-        ranges: impl Iterator<Item = f32>,
-        each: f32,
-        ([low, high], thickness): ([f32; 2], f32),
-    ) {
-        const MOST: usize = 64;
-        let scale = 1.0 / thickness.max((high - low) / MOST as f32);
-        let (mut power, mut moment) = ([0.0; MOST], [0.0; MOST]);
-        let mut last = 0;
-        for range in ranges {
-            let slice = (((range - low) * scale) as usize).min(MOST - 1);
-            power[slice] += each;
-            moment[slice] += each * (range - low);
-            last = last.max(slice);
-        }
-        for slice in (0..=last).filter(|&slice| power[slice] > 0.0) {
-            let power = power[slice];
-            self.bundles.push(Bundle { surface, first: low, power, moment: moment[slice], most: each, ray });
-        }
+        received.sort();
     }
 
     /// Adds what a ray hits.
@@ -223,11 +196,11 @@ impl Arrivals {
         (self.range.iter().zip(&self.power).zip(&self.provenance)).map(|((&range, &power), from)| (range, power, from))
     }
 
-    /// Where a part of a signal comes from.
-    pub(crate) fn source(&self, part: &Pulselet) -> Source<'_> {
-        match part.source & DIRECT {
-            0 => Source::Other(&self.provenance[part.source as usize]),
-            _ => Source::Ray(part.source & !DIRECT),
+    /// Where a piece of a signal comes from.
+    pub(crate) fn source(&self, piece: &Pulselet) -> Source<'_> {
+        match piece.source & DIRECT {
+            0 => Source::Other(&self.provenance[piece.source as usize]),
+            _ => Source::Ray(piece.source & !DIRECT),
         }
     }
 }

@@ -5,21 +5,24 @@
 //! until they show nothing new. Points on no known triangle are like the nearest point that was traced although it was
 //! on none, either.
 
+use super::Waveform;
+use super::signal::BeamSignal;
 use crate::trace::Tables;
-use echocast_kernels::cover::{cover, measure, moments};
+use echocast_kernels::cover::{add_moments, count_off, cover, measure};
 use emitter::{Fan, ROUND};
 use glam::Vec3;
 use ground::lanes::MISS;
 
-/// Most points of a footprint.
-const POINTS: usize = Fan::MOST;
-
-/// Rays of the first round: where all points fall on one triangle that is known, and elsewhere.
-const COVERED: usize = 2;
+/// Rays of the first round.
 const FIRST: usize = 8;
 
-/// No patch.
-const NONE: u32 = u32::MAX;
+/// Patches closer together in range than this, in sigmas of the pulse, return one echo.
+const WITHIN: f32 = 1.5;
+
+/// The strongest echo is known once its part of the light exceeds half by this over the square root of the number of
+/// rays, one and a half standard deviations, and its range, by the spread of its patches, to this many sigmas.
+const MAJORITY: f32 = 0.75;
+const PLACED: f32 = 0.03;
 
 /// Cosine of the greatest angle, 8 degrees, between triangles that count as one plane where they are close together.
 const PARALLEL: f32 = 0.99;
@@ -40,9 +43,9 @@ pub(crate) struct Patch {
     /// How many rays hit it, and the sum of what they return if each is one point of the footprint.
     rays: u32,
     light: f32,
-    /// Points that fall on it.
-    pub points: u32,
-    /// Mean, least and greatest of their ranges, m.
+    /// Bits of the points that fall on it.
+    on: u64,
+    /// Mean, least and greatest of their ranges, m; until it is settled, the sum of those of its rays.
     pub range: f32,
     pub ends: [f32; 2],
 }
@@ -71,19 +74,17 @@ pub(crate) struct TracedRay {
     pub power: f32,
 }
 
-/// The footprint of a beam as the patches that it consists of.
+/// The footprint of a beam as the patches that it consists of. Points are bits of a number.
 pub(crate) struct Patchwork {
     pub patches: Vec<Patch>,
-    /// Range of each point, m; infinite where nothing is hit. Only those that were traced, until it is settled.
-    range: [f32; POINTS],
-    /// Patch of each point, or [`NONE`].
-    patch: [u32; POINTS],
-    /// Range up to which a triangle could still be in front of what a point is on, m; negative where it was traced.
-    end: [f32; POINTS],
-    /// Bits of points that were traced, and of those of them that were on no known triangle before.
+    /// Range of each point, m: of what it is on, or of the nearest known triangle there; infinite where nothing is hit.
+    range: [f32; Fan::MOST],
+    all: u64,
+    /// Those on no known triangle.
+    open: u64,
+    /// Those that were traced, and those of them that were on no known triangle before.
     traced: u64,
     fair: u64,
-    count: usize,
 }
 
 /// The light of a footprint over range.
@@ -100,16 +101,17 @@ pub(crate) struct Light {
 
 impl Default for Patchwork {
     fn default() -> Self {
-        Patchwork {
-            patches: Vec::new(),
-            range: [0.0; POINTS],
-            patch: [NONE; POINTS],
-            end: [f32::INFINITY; POINTS],
-            traced: 0,
-            fair: 0,
-            count: 0,
-        }
+        Patchwork { patches: Vec::new(), range: [0.0; Fan::MOST], all: 0, open: 0, traced: 0, fair: 0 }
     }
+}
+
+/// The points among `bits`, ascending.
+fn points(mut bits: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let point = bits.trailing_zeros();
+        bits &= bits.wrapping_sub(1);
+        (point < u64::BITS).then_some(point as usize)
+    })
 }
 
 impl Patch {
@@ -123,7 +125,7 @@ impl Patch {
             place: Vec3::ZERO,
             rays: 0,
             light: 0.0,
-            points: 0,
+            on: 0,
             range: 0.0,
             ends: [f32::INFINITY, 0.0],
         }
@@ -134,14 +136,19 @@ impl Patch {
         self.light / self.rays as f32
     }
 
+    /// How many points fall on it.
+    pub fn points(&self) -> u32 {
+        self.on.count_ones()
+    }
+
     /// Whether light returns from it.
     fn is_lit(&self) -> bool {
-        self.points > 0 && self.light > 0.0
+        self.on != 0 && self.light > 0.0
     }
 
     /// How many points each of its rays stands for.
     pub fn points_per_ray(&self) -> f32 {
-        self.points as f32 / self.rays as f32
+        self.points() as f32 / self.rays as f32
     }
 
     fn is(&self, seen: Seen) -> bool {
@@ -163,62 +170,60 @@ impl Patchwork {
     /// Starts with a footprint of `count` points of which nothing is known.
     pub fn start(&mut self, count: usize) {
         self.patches.clear();
-        self.patch = [NONE; POINTS];
-        self.end = [f32::INFINITY; POINTS];
-        self.range = [0.0; POINTS];
-        (self.traced, self.fair, self.count) = (0, 0, count);
+        self.range = [f32::INFINITY; Fan::MOST];
+        self.all = u64::MAX >> (u64::BITS as usize - count);
+        (self.open, self.traced, self.fair) = (self.all, 0, 0);
     }
 
     /// Adds a triangle that may be in the footprint.
-    pub fn know(&mut self, scene: &Tables, seen: Seen, points: &Fan, time: f32) {
+    pub fn know(&mut self, scene: &Tables, seen: Seen, fan: &Fan, time: f32) {
         if seen.is_solid && !self.patches.iter().any(|patch| patch.is(seen)) {
-            self.add(scene, seen, points, time);
+            self.add(scene, seen, fan, time);
         }
     }
 
     /// Adds a patch and finds the points that fall on its triangle; returns its number.
-    fn add(&mut self, scene: &Tables, seen: Seen, points: &Fan, time: f32) -> u32 {
-        let number = self.patches.len() as u32;
+    fn add(&mut self, scene: &Tables, seen: Seen, fan: &Fan, time: f32) -> usize {
         let corners = scene.corners(seen.surface, seen.triangle, time);
         let [a, b, c] = corners;
         let normal = (b - a).cross(c - a).normalize_or_zero();
-        self.patches.push(Patch::new(seen, normal, normal.dot(a)));
-        let [origin, direction] =
-            [&points.origin, &points.direction].map(|axes| axes.each_ref().map(|axis| &axis[..self.count]));
-        let (end, patch) = (&mut self.end[..self.count], &mut self.patch[..self.count]);
-        cover(corners.map(|corner| corner.to_array()), origin, direction, number, end, patch);
-        number
+        let [origin, direction] = [fan.origin.each_ref(), fan.direction.each_ref()];
+        let free = self.all & !self.traced;
+        let on = cover(corners.map(|corner| corner.to_array()), origin, direction, free, &mut self.range);
+        self.open &= !on;
+        self.patches.iter_mut().for_each(|patch| patch.on &= !on);
+        self.patches.push(Patch { on, ..Patch::new(seen, normal, normal.dot(a)) });
+        self.patches.len() - 1
     }
 
-    /// Adds the ray of `point`. Returns whether it shows anything new: a surface, or a plane more than `off` m off those
-    /// that were known.
-    pub fn take(&mut self, scene: &Tables, point: usize, traced: &TracedRay, points: &Fan, off: f32) -> bool {
-        let bit = 1 << point;
-        let known = self.patches.iter().position(|patch| patch.is(traced.seen));
+    /// Adds the ray of `point`. Returns the number of its patch and whether it shows anything new: a surface, or a plane
+    /// more than `off` m off those that were known.
+    pub fn take(&mut self, scene: &Tables, point: usize, traced: &TracedRay, fan: &Fan, off: f32) -> (u32, bool) {
+        let (bit, seen) = (1 << point, traced.seen);
+        let known = self.patches.iter().position(|patch| patch.is(seen));
         let is_new = known.is_none() && !self.patches.iter().any(|patch| patch.holds(traced, off));
-        if self.patch[point] == NONE {
-            self.fair |= bit;
-        }
+        self.fair |= self.open & bit;
         self.traced |= bit;
-        self.end[point] = -1.0;
-        let seen = traced.seen;
         let number = match known {
-            Some(known) => known as u32,
-            None if seen.is_solid => self.add(scene, seen, points, traced.time),
+            Some(known) => known,
+            None if seen.is_solid => self.add(scene, seen, fan, traced.time),
             None => {
                 self.patches.push(Patch::new(seen, traced.facet, traced.facet.dot(traced.place)));
-                self.patches.len() as u32 - 1
+                self.patches.len() - 1
             }
         };
-        self.patch[point] = number;
+        self.open &= !bit;
+        self.patches.iter_mut().for_each(|patch| patch.on &= !bit);
         self.range[point] = if seen.surface == MISS { f32::INFINITY } else { traced.range };
-        let patch = &mut self.patches[number as usize];
+        let patch = &mut self.patches[number];
+        patch.on |= bit;
         if patch.ray.is_none() {
             (patch.ray, patch.place) = (Some(traced.ray), traced.place);
         }
         patch.rays += 1;
         patch.light += traced.power;
-        is_new
+        patch.range += traced.range;
+        (number as u32, is_new)
     }
 
     /// How many of its points were traced.
@@ -226,89 +231,86 @@ impl Patchwork {
         self.traced.count_ones()
     }
 
-    /// The points to trace next, up to [`ROUND`], in `next`; returns how many.
-    pub fn choose(&self, next: &mut [u8; ROUND]) -> usize {
-        let (mut chosen, mut found) = (self.traced, 0);
-        let most = match self.traced {
-            0 if self.is_covered_by_one() => COVERED,
-            0 => FIRST,
-            _ => ROUND,
-        };
-        let mut take = |point: usize| {
-            if found < most && chosen & 1 << point == 0 {
-                chosen |= 1 << point;
-                next[found] = point as u8;
-                found += 1;
-            }
-        };
+    /// Whether all rays hit one surface.
+    pub fn is_one_surface(&self) -> bool {
+        let mut seen = self.patches.iter().filter(|patch| patch.ray.is_some());
+        seen.next().is_some_and(|first| seen.all(|patch| patch.surface == first.surface))
+    }
+
+    /// The points to trace next, in order, up to [`ROUND`].
+    pub fn choose(&self) -> impl Iterator<Item = usize> {
+        let untraced = self.all & !self.traced;
+        let most = if self.traced == 0 { FIRST } else { ROUND };
         // What may be there is looked at.
-        for (number, _) in (0..).zip(&self.patches).filter(|(_, patch)| patch.ray.is_none()) {
-            let on = self.patch[..self.count].iter().enumerate();
-            let mut on = on.filter(|&(point, &patch)| patch == number && self.traced & 1 << point == 0);
-            on.next().into_iter().for_each(|(point, _)| take(point));
+        let unseen = self.patches.iter().filter(|patch| patch.ray.is_none()).map(|patch| patch.on);
+        let looks = unseen.fold(0, |looks, on| looks | on & on.wrapping_neg());
+        let open = if self.traced == 0 { 0 } else { self.open & !looks };
+        points(looks).chain(points(open)).chain(points(untraced & !looks & !open)).take(most)
+    }
+
+    /// Whether the strongest echo of a pulse of `sigma` m is known, and its range.
+    pub fn is_decided(&self, sigma: f32) -> bool {
+        let seen = || self.patches.iter().filter(|patch| patch.light > 0.0);
+        let range = |patch: &Patch| patch.range / patch.rays as f32;
+        let Some(first) = seen().max_by(|a, b| a.light.total_cmp(&b.light)) else { return false };
+        let (mut all, mut light, mut moment, mut square, mut rays) = (0.0, 0.0, 0.0, 0.0, 0);
+        for patch in seen() {
+            let beyond = range(patch) - range(first);
+            all += patch.light;
+            if beyond.abs() < WITHIN * sigma {
+                light += patch.light;
+                moment += patch.light * beyond;
+                square += patch.light * beyond * beyond;
+                rays += patch.rays;
+            }
         }
-        if self.traced != 0 {
-            (0..self.count).filter(|&point| self.patch[point] == NONE).for_each(&mut take);
-        }
-        (0..self.count).for_each(take);
-        found
+        let mean = moment / light;
+        let variance = square / light - mean * mean;
+        let placed = PLACED * sigma;
+        light > all * (0.5 + MAJORITY / (self.traced() as f32).sqrt()) && variance < rays as f32 * placed * placed
     }
 
-    /// The patch of a `point` that was traced.
-    pub fn patch_of(&self, point: usize) -> u32 {
-        self.patch[point]
-    }
-
-    /// Whether all points fall on one triangle, though others may be around.
-    pub fn is_covered_by_one(&self) -> bool {
-        let first = self.patch[0];
-        first != NONE && self.patch[..self.count].iter().all(|&patch| patch == first)
-    }
-
-    /// Decides what the points are on that are on no known triangle, and measures the patches.  `near`: for each point
+    /// Decides what the points are on that are on no known triangle, and measures the patches. `near`: for each point
     /// all points, the nearest first.
-    pub fn settle(&mut self, points: &Fan, near: &[Vec<u8>]) {
-        for point in 0..self.count {
-            if self.traced & 1 << point == 0 {
-                let number = self.patch[point];
-                if number == NONE || self.patches[number as usize].ray.is_none() {
-                    self.guess(point, points, &near[point]);
-                } else {
-                    self.range[point] = self.end[point];
-                }
-            }
+    pub fn settle(&mut self, fan: &Fan, near: &[Vec<u8>]) {
+        for patch in self.patches.iter_mut().filter(|patch| patch.ray.is_none()) {
+            self.open |= std::mem::take(&mut patch.on);
         }
-        let [origin, direction] = [points.origin.each_ref(), points.direction.each_ref()];
-        for (number, patch) in (0..).zip(&mut self.patches) {
-            let [count, sum, x, y, z, low, high] = measure(number, &self.patch, &self.range, origin, direction);
-            if count > 0.0 {
-                patch.points = count as u32;
-                patch.range = sum / count;
-                patch.place = Vec3::new(x, y, z) / count;
-                patch.ends = [low, high];
-            }
+        points(self.open).for_each(|point| self.guess(point, fan, &near[point]));
+        let [origin, direction] = [fan.origin.each_ref(), fan.direction.each_ref()];
+        for patch in self.patches.iter_mut().filter(|patch| patch.on != 0) {
+            let [sum, x, y, z, low, high] = measure(patch.on, &self.range, origin, direction);
+            let count = patch.points() as f32;
+            patch.range = sum / count;
+            patch.place = Vec3::new(x, y, z) / count;
+            patch.ends = [low, high];
         }
     }
 
     /// Decides what `point` is on, from those `near` it.
-    fn guess(&mut self, point: usize, points: &Fan, near: &[u8]) {
+    fn guess(&mut self, point: usize, fan: &Fan, near: &[u8]) {
         let find = |bits: u64| near.iter().copied().find(|&other| bits & 1 << other != 0);
         let Some(other) = find(self.fair).or_else(|| find(self.traced)).map(usize::from) else { return };
+        let Some(patch) = self.patches.iter_mut().find(|patch| patch.on & 1 << other != 0) else { return };
         let [origin, direction] =
-            [&points.origin, &points.direction].map(|axes| Vec3::from_array(axes.each_ref().map(|axis| axis[point])));
-        let patch = &self.patches[self.patch[other] as usize];
+            [&fan.origin, &fan.direction].map(|axes| Vec3::from_array(axes.each_ref().map(|axis| axis[point])));
         let there = self.range[other];
         // On the same plane, unless it is seen too obliquely to be continued.
         let along = (patch.offset - patch.normal.dot(origin)) / patch.normal.dot(direction);
         self.range[point] = if along > 0.5 * there && along < 2.0 * there { along } else { there };
-        self.patch[point] = self.patch[other];
+        patch.on |= 1 << point;
+    }
+
+    /// The patches that return light.
+    fn lit(&self) -> impl Iterator<Item = &Patch> {
+        self.patches.iter().filter(|patch| patch.is_lit())
     }
 
     /// The light of all its points; `None`: no light returns.
     pub fn light(&self) -> Option<Light> {
         let (mut power, mut moment, mut ends) = (0.0, 0.0, [f32::INFINITY, 0.0f32]);
-        for patch in self.patches.iter().filter(|patch| patch.is_lit()) {
-            let light = patch.power() * patch.points as f32;
+        for patch in self.lit() {
+            let light = patch.power() * patch.points() as f32;
             power += light;
             moment += light * patch.range;
             ends = [ends[0].min(patch.ends[0]), ends[1].max(patch.ends[1])];
@@ -316,26 +318,42 @@ impl Patchwork {
         if power <= 0.0 {
             return None;
         }
-        let mean = moment / power;
-        let (mut parts, mut ranges) = ([0.0; POINTS], [mean; POINTS]);
-        for (point, &number) in self.patch.iter().enumerate().take(self.count) {
-            let patch = &self.patches[number as usize];
-            if patch.is_lit() {
-                (parts[point], ranges[point]) = (patch.power() / power, self.range[point]);
-            }
+        let (mean, mut moments) = (moment / power, [0.0; 3]);
+        for patch in self.lit() {
+            add_moments(patch.on, mean, patch.power() / power, &self.range, &mut moments);
         }
-        Some(Light { power, mean, moments: moments(mean, &ranges, &parts), span: ends[1] - ends[0] })
+        Some(Light { power, mean, moments, span: ends[1] - ends[0] })
     }
 
-    /// The ranges of the points on the patch `number`, m.
-    pub fn ranges_of(&self, number: u32) -> impl Iterator<Item = f32> {
-        let of = self.patch.iter().zip(&self.range).take(self.count);
-        of.filter(move |&(&patch, _)| patch == number).map(|(_, &range)| range)
+    /// Adds what returns from its patches to `received`; the source of each is its number and the bits of `direct`.
+    /// Those that span no more than `narrow` m are one pulse.
+    pub fn receive(&self, [narrow, sigma]: [f32; 2], direct: u32, received: &mut BeamSignal) {
+        for (number, patch) in (0..).zip(&self.patches).filter(|(_, patch)| patch.is_lit()) {
+            let (each, source) = (patch.power(), number | direct);
+            let all = each * patch.points() as f32;
+            let ranges = points(patch.on).map(|point| self.range[point]);
+            let span = patch.ends[1] - patch.ends[0];
+            if span <= narrow {
+                received.push(patch.range, all, source);
+            } else if span <= Waveform::LONGEST_PIECE * sigma {
+                received.push_pulses(source, [patch.range, all], patch.ends, ranges, each);
+            } else {
+                ranges.for_each(|range| received.push(range, each, source));
+            }
+        }
+    }
+
+    /// The part of the patch `number` that is more than `off` m off the plane through `place` with a unit `normal`.
+    pub fn part_off(&self, number: u32, fan: &Fan, (place, normal): (Vec3, Vec3), off: f32) -> f32 {
+        let patch = &self.patches[number as usize];
+        let [origin, direction] = [fan.origin.each_ref(), fan.direction.each_ref()];
+        let plane = [place.to_array(), normal.to_array()];
+        count_off(patch.on, &self.range, origin, direction, plane, off) as f32 / patch.points() as f32
     }
 
     /// Whether all of it is on one plane of one surface that returns light, to within `off` m.
     pub fn is_one_plane(&self, off: f32) -> bool {
-        let mut patches = self.patches.iter().filter(|patch| patch.points > 0);
+        let mut patches = self.patches.iter().filter(|patch| patch.on != 0);
         let Some(first) = patches.next().filter(|first| first.is_lit()) else { return false };
         patches.all(|patch| {
             patch.power() > 0.0 && patch.surface == first.surface && first.meets(patch.place, patch.normal, off)

@@ -35,7 +35,7 @@ pub(crate) struct BeamRays {
 pub(crate) struct Met<'a> {
     pub batch: &'a Batch,
     pub lane: usize,
-    patch: Option<(u32, &'a Patchwork)>,
+    patch: Option<&'a Patch>,
 }
 
 impl Batch {
@@ -45,10 +45,6 @@ impl Batch {
 }
 
 impl<'a> Met<'a> {
-    fn patch(&self) -> Option<&'a Patch> {
-        self.patch.map(|(number, patchwork)| &patchwork.patches[number as usize])
-    }
-
     /// Row of the surface, or [`MISS`].
     pub fn surface(&self) -> u32 {
         self.batch.hits.surface[self.lane]
@@ -56,12 +52,12 @@ impl<'a> Met<'a> {
 
     /// Its mean range, m.
     pub fn range(&self) -> f32 {
-        self.patch().map_or(self.batch.hits.range[self.lane], |patch| patch.range)
+        self.patch.map_or(self.batch.hits.range[self.lane], |patch| patch.range)
     }
 
     /// What it adds to the signal, `rho_eff / R^2` in 1/m^2.
     pub fn power(&self) -> f32 {
-        self.patch().map_or(self.batch.power[self.lane], |patch| patch.power() * patch.points as f32)
+        self.patch.map_or(self.batch.power[self.lane], |patch| patch.power() * patch.points() as f32)
     }
 
     pub(crate) fn cos_incidence(&self) -> f32 {
@@ -75,24 +71,12 @@ impl<'a> Met<'a> {
 
     /// Of how many rays, or points of the footprint, it stands.
     pub fn points(&self) -> u32 {
-        self.patch().map_or(1, |patch| patch.points)
+        self.patch.map_or(1, Patch::points)
     }
 
     /// The place where it was hit, if it stands for a patch.
     pub fn place(&self) -> Option<Vec3> {
-        self.patch().map(|patch| patch.place)
-    }
-
-    /// Its least and greatest range, m.
-    pub fn ends(&self) -> [f32; 2] {
-        self.patch().map_or([self.batch.hits.range[self.lane]; 2], |patch| patch.ends)
-    }
-
-    /// The ranges that it consists of, m, where they span more than `width` m.
-    pub fn ranges(&self, width: f32) -> Option<impl Iterator<Item = f32> + use<'a>> {
-        let (number, patchwork) = self.patch?;
-        let [low, high] = patchwork.patches[number as usize].ends;
-        (high - low > width).then(|| patchwork.ranges_of(number))
+        self.patch.map(|patch| patch.place)
     }
 }
 
@@ -125,10 +109,9 @@ impl BeamRays {
             let batch = self.batches[..self.each].get(index as usize)?;
             return Some(Met { batch, lane, patch: None });
         }
-        let patchwork = &self.patchworks[lane];
-        let patch = patchwork.patches.get(index as usize)?;
+        let patch = self.patchworks[lane].patches.get(index as usize)?;
         let (batch, lane) = patch.ray?;
-        Some(Met { batch: &self.batches[batch as usize], lane: lane as usize, patch: Some((index, patchwork)) })
+        Some(Met { batch: &self.batches[batch as usize], lane: lane as usize, patch: Some(patch) })
     }
 
     /// Whether the beam at `lane` is a patchwork of several planes, more than `off` m apart, or surfaces.

@@ -12,21 +12,21 @@ pub(crate) struct Share {
     /// A point on it and its normal; none for what no ray hits directly.
     plane: Option<(Vec3, Vec3)>,
     light: f32,
-    /// Light of its strongest part, and that part.
+    /// Light of its strongest piece, and that piece.
     most: f32,
-    part: Pulselet,
+    piece: Pulselet,
 }
 
 /// The strongest contributor to an echo.
 pub(crate) struct StrongestContributor {
-    /// Its strongest part.
-    pub part: Pulselet,
+    /// Its strongest piece.
+    pub piece: Pulselet,
     /// Light of the echo, and how much of that comes from off the contributor's plane; none where it has no plane.
     pub light: f32,
     pub elsewhere: f32,
 }
 
-/// Where a part of a signal comes from.
+/// Where a piece of a signal comes from.
 #[derive(Clone, Copy)]
 pub(crate) struct Origin {
     pub surface: u32,
@@ -39,13 +39,14 @@ impl Origin {
     pub const NOWHERE: Origin = Origin { surface: MEDIUM, cause: Cause::Surface, plane: None };
 }
 
-/// The strongest contributor to the echo that `parts` form, each with the light that `light` gives and the origin that
-/// `origin` does; within `apart` m of a plane is on it. `shares` is working memory. Of those that contribute equally,
-/// the first.
+/// The strongest contributor to the echo that `pieces` form, each with the light that `light` gives and the origin that
+/// `origin` does; `part_off` gives the part of a piece more than a distance in m off a plane, within `apart` of which is
+/// on it. `shares` is working memory. Of those that contribute equally, the first.
 pub(crate) fn strongest_contributor<'a>(
-    parts: impl Iterator<Item = &'a Pulselet> + Clone,
+    pieces: impl Iterator<Item = &'a Pulselet> + Clone,
     light: impl Fn(&Pulselet) -> f32,
     origin: impl Fn(&Pulselet) -> Origin,
+    part_off: impl Fn(&Pulselet, (Vec3, Vec3), f32) -> f32,
     apart: f32,
     shares: &mut Vec<Share>,
 ) -> Option<StrongestContributor> {
@@ -55,18 +56,18 @@ pub(crate) fn strongest_contributor<'a>(
     };
     shares.clear();
     let mut all = 0.0;
-    for part in parts.clone() {
-        let (light, Origin { surface, cause, plane }) = (light(part), origin(part));
+    for piece in pieces.clone() {
+        let (light, Origin { surface, cause, plane }) = (light(piece), origin(piece));
         let is_same = |share: &Share| (share.surface, share.cause) == (surface, cause) && !off(share, plane);
         all += light;
         match shares.iter_mut().find(|share| is_same(share)) {
             Some(share) => {
                 share.light += light;
                 if light > share.most {
-                    (share.most, share.part) = (light, *part);
+                    (share.most, share.piece) = (light, *piece);
                 }
             }
-            None => shares.push(Share { surface, cause, plane, light, most: light, part: *part }),
+            None => shares.push(Share { surface, cause, plane, light, most: light, piece: *piece }),
         }
     }
     let mut greatest = shares.first()?;
@@ -75,9 +76,7 @@ pub(crate) fn strongest_contributor<'a>(
             greatest = share;
         }
     }
-    let mut elsewhere = 0.0;
-    if greatest.plane.is_some() {
-        elsewhere = parts.filter(|part| off(greatest, origin(part).plane)).map(light).sum();
-    }
-    Some(StrongestContributor { part: greatest.part, light: all, elsewhere })
+    let elsewhere =
+        greatest.plane.map_or(0.0, |plane| pieces.map(|piece| light(piece) * part_off(piece, plane, apart)).sum());
+    Some(StrongestContributor { piece: greatest.piece, light: all, elsewhere })
 }

@@ -4,10 +4,9 @@
 //! received signal, with a Gaussian of the width of the beam's pulse (whatever its shape), P_i = `rho_eff / R_i^2`,
 //! 1/m^2. An echo is a local maximum of W. Two equal pulses have one maximum up to a distance of 2 sigma.
 
+use super::signal::BeamSignal;
 use echocast_kernels::{light, signal};
 use ground::lanes::LANES;
-use ground::math::floor;
-use std::ops::Range;
 
 /// An echo: a maximum of the signal of a beam.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,35 +17,48 @@ pub(crate) struct Peak {
     pub power: f32,
 }
 
-/// A part of the signal: the pulse as returned from one point.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Pulselet {
-    /// Range, m.
-    pub range: f32,
-    /// Peak power, 1/m^2.
-    pub power: f32,
-    /// Where it comes from, as numbered by the caller.
-    pub source: u32,
-}
-
 /// Forms signals of pulses of one width.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct Waveform {
     /// Standard deviation of the pulse, m of range; 0: every range is a separate echo.
     sigma: f32,
-    bins: Vec<f32>,
-    /// Ranges, m, and powers, 1/m^2, of the parts.
+    /// The pulse, bin by bin.
+    pulse: [f32; 2 * Waveform::REACH_IN_BINS + 1],
+    /// Ranges, m, and powers, 1/m^2, of some pulses of the signal.
     ranges: Vec<f32>,
     powers: Vec<f32>,
+    /// The same as power bin by bin, and convolved with the pulse.
+    parts: Vec<f32>,
+    bins: Vec<f32>,
+}
+
+impl Default for Waveform {
+    fn default() -> Self {
+        let height = |bin: usize| {
+            let x = (bin as f32 - Self::REACH_IN_BINS as f32) / Self::BINS_PER_SIGMA;
+            (-0.5 * x * x).exp()
+        };
+        Waveform {
+            sigma: 0.0,
+            pulse: std::array::from_fn(height),
+            ranges: Vec::new(),
+            powers: Vec::new(),
+            parts: Vec::new(),
+            bins: Vec::new(),
+        }
+    }
 }
 
 impl Waveform {
-    /// Parts farther apart than this, in sigmas, do not affect each other: `exp(-5^2/2)` = 4e-6.
+    /// Pulses farther apart than this, in sigmas, do not affect each other: `exp(-5^2/2)` = 4e-6.
     const REACH: f32 = 5.0;
     /// Bins per sigma: 8 per full width at half maximum are 3.4.
     const BINS_PER_SIGMA: f32 = 3.5;
+    const REACH_IN_BINS: usize = (Self::REACH * Self::BINS_PER_SIGMA) as usize;
     /// A signal longer than this, in bins, is cut in two; those of grazing beams are some hundred bins long.
     const MOST_BINS: usize = 1 << 14;
+    /// Greatest span of the pulses of one piece of a signal, in sigmas.
+    pub(crate) const LONGEST_PIECE: f32 = 64.0;
 
     pub(crate) fn set_sigma(&mut self, sigma: f64) {
         self.sigma = sigma as f32;
@@ -57,54 +69,53 @@ impl Waveform {
         self.sigma
     }
 
-    /// Writes the maxima of the signal of `parts` to `peaks`, and sorts the parts by range, nearest first.
-    pub(crate) fn peaks(&mut self, parts: &mut [Pulselet], peaks: &mut Vec<Peak>) {
-        parts.sort_unstable_by(|a, b| a.range.total_cmp(&b.range).then(a.source.cmp(&b.source)));
+    /// Writes the maxima of a `received` signal, whose pieces are sorted, to `peaks`, nearest first.
+    pub(crate) fn peaks(&mut self, received: &BeamSignal, peaks: &mut Vec<Peak>) {
         peaks.clear();
-        let Waveform { ranges, powers, .. } = self;
-        ranges.clear();
-        powers.clear();
-        ranges.extend(parts.iter().map(|part| part.range));
-        powers.extend(parts.iter().map(|part| part.power));
-        let mut rest = &*parts;
-        while let [first, ..] = rest {
-            let from = parts.len() - rest.len();
-            // Parts so close together that they form one signal.
-            let length = self.sigma * Self::MOST_BINS as f32 / Self::BINS_PER_SIGMA;
-            let mut end = 1;
-            while end < rest.len()
-                && rest[end].range - rest[end - 1].range <= 2.0 * Self::REACH * self.sigma
-                && rest[end].range - first.range <= length
-            {
-                end += 1;
+        let longest = self.sigma * Self::MOST_BINS as f32 / Self::BINS_PER_SIGMA;
+        let mut rest = &received.pieces[..];
+        while let [first, others @ ..] = rest {
+            // Pieces so close together that they form one signal.
+            let ([low, mut high], mut count) = (first.ends, 1);
+            for piece in others {
+                if piece.ends[0] - high > 2.0 * Self::REACH * self.sigma || piece.ends[1] - low > longest {
+                    break;
+                }
+                high = high.max(piece.ends[1]);
+                count += 1;
             }
-            let (group, behind) = rest.split_at(end);
-            let last = group[group.len() - 1];
-            if let [part] = group {
-                peaks.push(Peak { range: part.range, power: part.power });
-            } else if last.range - first.range <= 2.0 * self.sigma {
+            let (group, behind) = rest.split_at(count);
+            rest = behind;
+            self.ranges.clear();
+            self.powers.clear();
+            for piece in group {
+                let [ranges, powers] = received.pulses_of(piece);
+                self.ranges.extend_from_slice(ranges);
+                self.powers.extend_from_slice(powers);
+            }
+            if let [range] = self.ranges[..] {
+                peaks.push(Peak { range, power: self.powers[0] });
+            } else if high - low <= 2.0 * self.sigma {
                 // One maximum: log W is concave where the centres span no more than 2 sigma, since the variance of
                 // centres within a span L is at most L^2/4.
                 let (sum, moment) = group
                     .iter()
-                    .fold((0.0, 0.0), |(sum, moment), part| (sum + part.power, moment + part.power * part.range));
-                peaks.push(self.refine(from..from + end, moment / sum));
+                    .fold((0.0, 0.0), |(sum, moment), piece| (sum + piece.power, moment + piece.power * piece.range));
+                peaks.push(self.refine(moment / sum));
             } else {
-                self.search(from..from + end, peaks);
+                self.search([low, high], peaks);
             }
-            rest = behind;
         }
     }
 
-    /// The maximum of the signal of some parts nearest to `range`, by Newton's method on log W.
-    fn refine(&self, parts: Range<usize>, mut range: f32) -> Peak {
-        let (ranges, powers) = (&self.ranges[parts.clone()], &self.powers[parts]);
+    /// The maximum of the signal of the pulses nearest to `range`, by Newton's method on log W.
+    fn refine(&self, mut range: f32) -> Peak {
         if self.sigma == 0.0 {
-            return Peak { range, power: powers.iter().sum() };
+            return Peak { range, power: self.powers.iter().sum() };
         }
         let (mut power, scale) = (0.0, 1.0 / self.sigma);
         for _ in 0..8 {
-            let [sum, first, second] = signal::pull(ranges, powers, range, scale);
+            let [sum, first, second] = signal::pull(&self.ranges, &self.powers, range, scale);
             power = sum;
             // In sigmas: (log W)' = E[x], (log W)'' = Var[x] - 1.
             let mean = first / sum;
@@ -141,39 +152,37 @@ impl Waveform {
     /// Greatest span of the parts of a signal, in sigmas, that [`Waveform::refine_narrow`] accepts.
     pub(crate) const NARROW: f32 = 1.0;
 
-    /// All maxima of the signal of some parts, sampled finely enough to miss none.
-    fn search(&mut self, parts: Range<usize>, peaks: &mut Vec<Peak>) {
+    /// All maxima of the signal of the pulses, which are between two ranges, sampled finely enough to miss none.
+    fn search(&mut self, [low, high]: [f32; 2], peaks: &mut Vec<Peak>) {
         let step = self.sigma / Self::BINS_PER_SIGMA;
-        // Maxima are between the first and the last part; one bin beyond each shows that the signal falls there.
-        let start = self.ranges[parts.start] - step;
-        let count = ((self.ranges[parts.end - 1] - start) / step) as usize + 3;
-        self.bins.clear();
+        // Maxima are between the first and the last pulse; one bin beyond each shows that the signal falls there.
+        let start = low - step;
+        let count = ((high - start) / step) as usize + 3;
+        self.parts.clear();
+        self.parts.resize(count + 2 * Self::REACH_IN_BINS, 0.0);
         self.bins.resize(count, 0.0);
-        let reach = Self::REACH * Self::BINS_PER_SIGMA;
-        for part in parts.clone() {
-            let place = (self.ranges[part] - start) / step;
-            let low = -floor(-f64::from((place - reach).max(0.0))) as usize;
-            let high = ((place + reach) as usize).min(count - 1);
-            let bins = &mut self.bins[low..=high];
-            signal::add_pulse(self.powers[part], place - low as f32, 1.0 / Self::BINS_PER_SIGMA, bins);
+        let scale = 1.0 / step;
+        for (range, power) in self.ranges.iter().zip(&self.powers) {
+            // Divided among three bins so that its power, mean and variance stay.
+            let place = (range - start) * scale + 0.5;
+            let bin = place as usize;
+            let off = place - bin as f32 - 0.5;
+            let [before, here, behind] = [0.5 * off * (off - 1.0), 1.0 - off * off, 0.5 * off * (off + 1.0)];
+            let parts = &mut self.parts[bin + Self::REACH_IN_BINS - 1..][..3];
+            parts[0] += power * before;
+            parts[1] += power * here;
+            parts[2] += power * behind;
         }
-        let mut near = parts.start;
+        signal::convolve(&self.parts, &self.pulse, &mut self.bins);
         for bin in 1..count - 1 {
             let [left, here, right] = [self.bins[bin - 1], self.bins[bin], self.bins[bin + 1]];
-            if !(here > left && here >= right) {
+            if !(here > left.max(0.0) && here >= right) {
                 continue;
             }
             // Where the Gaussian through the three is highest.
             let [left, here, right] = [left, here, right].map(|value| value.max(f32::MIN_POSITIVE).ln());
             let top = 0.5 * (left - right) / (left - 2.0 * here + right);
-            let range = start + (bin as f32 + top.clamp(-0.5, 0.5)) * step;
-            // Only parts that reach there.
-            let reach = (Self::REACH + 1.0) * self.sigma;
-            while self.ranges[near] < range - reach {
-                near += 1;
-            }
-            let behind = self.ranges[near..parts.end].partition_point(|&other| other <= range + reach);
-            let peak = self.refine(near..near + behind, range);
+            let peak = self.refine(start + (bin as f32 + top.clamp(-0.5, 0.5)) * step);
             // Two bins of a flat top lead to the same maximum.
             if peaks.last().is_none_or(|last| peak.range - last.range > 0.01 * self.sigma) {
                 peaks.push(peak);
@@ -196,11 +205,16 @@ mod tests {
         Waveform { sigma: sigma as f32, ..Waveform::default() }
     }
 
+    fn received(parts: &[[f32; 2]]) -> BeamSignal {
+        let mut received = BeamSignal::default();
+        (parts.iter().zip(0..)).for_each(|(&[range, power], source)| received.push(range, power, source));
+        received.sort();
+        received
+    }
+
     fn peaks(parts: &[[f32; 2]]) -> Vec<Peak> {
-        let mut parts: Vec<Pulselet> =
-            (parts.iter().zip(0..)).map(|(&[range, power], source)| Pulselet { range, power, source }).collect();
         let mut peaks = Vec::new();
-        waveform(sigma()).peaks(&mut parts, &mut peaks);
+        waveform(sigma()).peaks(&received(parts), &mut peaks);
         peaks
     }
 
@@ -212,9 +226,8 @@ mod tests {
 
     #[test]
     fn without_a_pulse_every_range_is_an_echo() {
-        let mut parts = [(3.0, 1), (3.0, 2), (3.5, 0)].map(|(range, source)| Pulselet { range, power: 0.5, source });
         let mut found = Vec::new();
-        waveform(0.0).peaks(&mut parts, &mut found);
+        waveform(0.0).peaks(&received(&[[3.5, 0.5], [3.0, 0.5], [3.0, 0.5]]), &mut found);
         assert_eq!(found, [Peak { range: 3.0, power: 1.0 }, Peak { range: 3.5, power: 0.5 }]);
     }
 
@@ -260,16 +273,12 @@ mod tests {
     /// The search and Newton's method alone find the same in a signal of one maximum.
     #[test]
     fn sampling_finds_what_newton_finds() {
-        let parts = [(10.0, 0.3), (10.2, 0.9), (10.35, 0.2), (10.6, 0.4)].map(|(range, power)| Pulselet {
-            range,
-            power,
-            source: 0,
-        });
         let mut waveform = waveform(sigma());
+        (waveform.ranges, waveform.powers) = (vec![10.0, 10.2, 10.35, 10.6], vec![0.3, 0.9, 0.2, 0.4]);
         let mut sampled = Vec::new();
-        waveform.search(&parts, &mut sampled);
+        waveform.search([10.0, 10.6], &mut sampled);
         assert_eq!(sampled.len(), 1);
-        let peak = waveform.refine(&parts, 10.3);
+        let peak = waveform.refine(10.3);
         assert!((sampled[0].range - peak.range).abs() < 3e-5 && (sampled[0].power / peak.power - 1.0).abs() < 1e-5);
     }
 

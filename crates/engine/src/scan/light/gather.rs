@@ -12,6 +12,7 @@ use crate::echo::{
 use crate::sensor::Signals;
 use echocast_kernels::light;
 use emitter::{Across, Footprint};
+use glam::Vec3;
 use ground::cause::Cause;
 use ground::lanes::{LANES, RayBatch, boxed};
 use ground::rng::Draw;
@@ -251,12 +252,13 @@ impl Gatherer {
         let (is_camera, alarms) = (scan.receiver.camera().is_some(), of_lane(alarms, lane));
         let is_plain = !is_camera && !arrivals.has_others(lane) && alarms.is_empty();
         let mut received = ReceivedBeam { beam: beam as u32, plain: None, straight: f32::INFINITY, alarms };
-        found.parts.clear();
+        found.received.clear();
         received.plain = plain.of(lane).filter(|_| is_plain);
         if received.plain.is_none() || rays.is_mixed(lane, OFF_SURFACE * found.waveform.sigma()) {
             // What a pixel sees is not merged.
-            let width = if is_camera { -1.0 } else { BUNDLE * found.waveform.sigma() };
-            arrivals.receive(rays, lane, width, &mut found.parts);
+            let sigma = found.waveform.sigma();
+            let width = if is_camera { -1.0 } else { BUNDLE * sigma };
+            arrivals.receive(rays, lane, [width, sigma], &mut found.received);
             let direct = rays.of_beam(lane).filter(|(_, met)| met.power() > 0.0).map(|(_, met)| met.range());
             received.straight = direct.fold(f32::INFINITY, f32::min);
         }
@@ -266,10 +268,10 @@ impl Gatherer {
     /// All echoes of the beam at `lane`, after it was formed, detected or not.
     pub fn all_peaks(&mut self, lane: usize) -> Vec<Peak> {
         let mut peaks = Vec::new();
-        if self.found.parts.is_empty() {
+        if self.found.received.is_empty() {
             peaks.extend(self.plain.of(lane));
         } else {
-            self.found.waveform.peaks(&mut self.found.parts, &mut peaks);
+            self.found.waveform.peaks(&self.found.received, &mut peaks);
         }
         peaks.extend(of_lane(&self.alarms, lane).iter().map(|&(_, peak)| peak));
         peaks
@@ -282,19 +284,27 @@ impl Gatherer {
             return found(Provenance::of_no_surface(Cause::FalseAlarm));
         }
         let Gatherer {
-            signals, rays, arrivals, found: Detections { waveform, parts, shares, .. }, across, beams, ..
+            signals,
+            rays,
+            rounds,
+            arrivals,
+            found: Detections { waveform, received, shares, .. },
+            across,
+            beams,
+            ..
         } = self;
         let receiver = &scan.receiver;
         let sigma = waveform.sigma();
         let reach = receiver.reach_of_echo(peak.range, sigma);
-        let near = parts.iter().filter(|part| (part.range - peak.range).abs() <= reach);
+        let near = received
+            .pieces
+            .iter()
+            .filter(|piece| piece.ends[0] <= peak.range + reach && piece.ends[1] >= peak.range - reach);
         // All light of a pixel counts together, however far apart its sources are.
         let sigma = if receiver.camera().is_some() { 0.0 } else { sigma };
-        let light = |part: &Pulselet| {
-            let x = if sigma > 0.0 { (part.range - peak.range) / sigma } else { 0.0 };
-            part.power * (-0.5 * x * x).exp()
-        };
-        let origin = |part: &Pulselet| match arrivals.source(part) {
+        let scale = if sigma > 0.0 { 1.0 / sigma } else { 0.0 };
+        let light = |piece: &Pulselet| received.light_at(piece, peak.range, scale);
+        let origin = |piece: &Pulselet| match arrivals.source(piece) {
             Source::Other(from) => Origin { surface: from.surface, cause: from.cause, plane: None },
             Source::Ray(ray) => {
                 let Some(met) = rays.get(ray, lane) else { return Origin::NOWHERE };
@@ -302,27 +312,37 @@ impl Gatherer {
                 // not matter.
                 let plane = signals.footprint.as_ref().map(|footprint| {
                     let place = met.place();
-                    let crossing = || footprint.crossing(ray as usize, across, beams, lane, part.range);
+                    let crossing = || footprint.crossing(ray as usize, across, beams, lane, piece.range);
                     (place.unwrap_or_else(crossing), met.batch.hits.facet(met.lane))
                 });
                 Origin { surface: met.surface(), cause: Cause::Surface, plane }
             }
         };
         let apart = receiver.off_surface(sigma);
+        let part_off = |piece: &Pulselet, plane: (Vec3, Vec3), off: f32| match arrivals.source(piece) {
+            Source::Ray(ray) if rays.is_patched => {
+                let fan = rounds.as_ref().map(|rounds| rounds.fan(lane));
+                fan.map_or(0.0, |fan| rays.patchworks[lane].part_off(ray, fan, plane, off))
+            }
+            _ => {
+                let is_off = |(place, _): (Vec3, Vec3)| (place - plane.0).dot(plane.1).abs() > off;
+                if origin(piece).plane.is_none_or(is_off) { 1.0 } else { 0.0 }
+            }
+        };
         let of_ray =
             |ray: u32| Provenance::of_ray(rays, lane, ray).unwrap_or(Provenance::of_no_surface(Cause::Surface));
-        let Some(strongest) = strongest_contributor(near, light, origin, apart, shares) else {
+        let Some(strongest) = strongest_contributor(near, light, origin, part_off, apart, shares) else {
             // A plain beam.
             return found(of_ray(rays.first_of(lane)));
         };
-        let provenance = match arrivals.source(&strongest.part) {
+        let provenance = match arrivals.source(&strongest.piece) {
             Source::Ray(ray) => of_ray(ray),
             Source::Other(from) => *from,
         };
         let mixed = strongest.elsewhere > receiver.mixed_part() * strongest.light;
         let Some(camera) = receiver.camera() else { return Found { mixed, ..found(provenance) } };
         // The true range is that of the surface that most light comes from.
-        let truth = strongest.part.range;
+        let truth = strongest.piece.range;
         let axis = scan.aim.beams.direction(beam).x;
         let seen = camera.aside.is_some().then(|| {
             let (rotation, _) = scan.aim.pose.pose(scan.aim.beams, beam);

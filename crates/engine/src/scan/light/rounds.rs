@@ -2,6 +2,7 @@
 
 use super::gather::Gatherer;
 use super::plan::ScanPlan;
+use crate::detect::ReturnMode;
 use crate::echo::{Batch, Contribution, Follower, PathArrivals, RequestedQuantities, Seen, TracedRay};
 use crate::sensor::{Adaptive, Signals};
 use crate::trace::{HitBatch, Holes};
@@ -12,7 +13,8 @@ use ground::lanes::{LANES, MISS, RayBatch, boxed};
 /// be the same for all rays that meet it.
 const LEAST_GOING_ON: u32 = 32;
 
-/// Least rays of a beam that has several patches.
+/// Least rays of a beam that has several patches; where only its strongest echo matters, of one that meets several
+/// surfaces.
 const LEAST_OF_SEVERAL: u32 = 16;
 
 /// What hits around the axis of a beam show: surfaces and their triangles.
@@ -71,6 +73,11 @@ impl Evidence {
 }
 
 impl Rounds {
+    /// The rays of all points of the beam at `lane`.
+    pub fn fan(&self, lane: usize) -> &Fan {
+        &self.fans[lane]
+    }
+
     /// Keeps the ray at `lane`, of the `beam` at that lane, in the first `used` blocks; returns block and lane.
     fn keep(
         &mut self,
@@ -117,6 +124,8 @@ impl Gatherer {
             rounds.fans.resize_with(count, Fan::default);
         }
         let scene = scan.world.scene;
+        let sigma = self.found.waveform.sigma();
+        let only_strongest = signals.rule.mode == ReturnMode::Strongest && scan.receiver.camera().is_none();
         for (lane, evidence) in evidence.iter().enumerate() {
             footprint.fan(&self.across, &self.beams, lane, &mut rounds.fans[lane]);
             for &(surface, triangle) in &evidence.seen[..evidence.count] {
@@ -139,8 +148,11 @@ impl Gatherer {
             active.retain(|&lane| {
                 let lane = usize::from(lane);
                 let traced = self.rays.patchworks[lane].traced();
-                let is_unsure = traced < LEAST_OF_SEVERAL && self.rays.patchworks[lane].patches.len() > 1;
-                (std::mem::take(&mut news[lane]) || is_unsure) && traced < each as u32
+                let least =
+                    if only_strongest && self.rays.patchworks[lane].is_one_surface() { 0 } else { LEAST_OF_SEVERAL };
+                let is_unsure = traced < least && self.rays.patchworks[lane].patches.len() > 1;
+                let is_decided = || only_strongest && self.rays.patchworks[lane].is_decided(sigma);
+                (std::mem::take(&mut news[lane]) && !is_decided() || is_unsure) && traced < each as u32
             });
             rounds.active = active;
         }
@@ -175,18 +187,15 @@ impl Gatherer {
                 break;
             }
             sent += 1;
-            let mut next = [0; ROUND];
-            let found = self.rays.patchworks[usize::from(lane)].choose(&mut next);
             let Fan { origin: [ox, oy, oz], direction: [dx, dy, dz] } = &rounds.fans[usize::from(lane)];
-            for &point in &next[..found] {
-                let from = usize::from(point);
-                (rays.org_x[count], rays.org_y[count], rays.org_z[count]) = (ox[from], oy[from], oz[from]);
-                (rays.dir_x[count], rays.dir_y[count], rays.dir_z[count]) = (dx[from], dy[from], dz[from]);
-                let lane = usize::from(lane);
-                (rays.range_max[count], rays.time[count]) = (self.beams.range_max[lane], self.beams.time[lane]);
-                rays.beam[count] = self.beams.beam[lane];
-                (beams[count], chosen[count]) = (lane as u8, point);
-                parts[count] = self.efficiency[lane] / each as f32;
+            let beam = usize::from(lane);
+            for point in self.rays.patchworks[beam].choose() {
+                (rays.org_x[count], rays.org_y[count], rays.org_z[count]) = (ox[point], oy[point], oz[point]);
+                (rays.dir_x[count], rays.dir_y[count], rays.dir_z[count]) = (dx[point], dy[point], dz[point]);
+                (rays.range_max[count], rays.time[count]) = (self.beams.range_max[beam], self.beams.time[beam]);
+                rays.beam[count] = self.beams.beam[beam];
+                (beams[count], chosen[count]) = (lane, point as u8);
+                parts[count] = self.efficiency[beam] / each as f32;
                 count += 1;
             }
         }
@@ -208,10 +217,9 @@ impl Gatherer {
             };
             let patchwork = &mut self.rays.patchworks[usize::from(beam)];
             let fan = &rounds.fans[usize::from(beam)];
-            let is_new = patchwork.take(scan.world.scene, point, &traced, fan, off);
+            let (patch, is_new) = patchwork.take(scan.world.scene, point, &traced, fan, off);
             news[usize::from(beam)] |= is_new || goes_on && patchwork.traced() < LEAST_GOING_ON;
             if goes_on {
-                let patch = patchwork.patch_of(point);
                 let (store, to) = rounds.keep(rays, hits, &self.surfaces, lane, beam, kept);
                 rounds.going_on[store].patches[to] = patch;
             }

@@ -1,0 +1,86 @@
+//! The signal that a beam receives, as the pulses that it consists of.
+
+use echocast_kernels::signal;
+
+/// A piece of the signal: the pulses that one source returns.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pulselet {
+    /// Mean range, m.
+    pub range: f32,
+    /// Sum of peak powers, 1/m^2.
+    pub power: f32,
+    /// Where it comes from, as numbered by the caller.
+    pub source: u32,
+    /// Least and greatest range of its pulses, m.
+    pub ends: [f32; 2],
+    /// The first of its pulses, and how many it has.
+    first: u32,
+    count: u32,
+}
+
+/// All pieces of a signal.
+#[derive(Debug, Default)]
+pub(crate) struct BeamSignal {
+    pub pieces: Vec<Pulselet>,
+    /// Ranges, m, and peak powers, 1/m^2, of all pulses, piece after piece.
+    ranges: Vec<f32>,
+    powers: Vec<f32>,
+}
+
+impl BeamSignal {
+    pub fn clear(&mut self) {
+        self.pieces.clear();
+        self.ranges.clear();
+        self.powers.clear();
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.pieces.is_empty()
+    }
+
+    /// Adds a piece of one pulse.
+    pub fn push(&mut self, range: f32, power: f32, source: u32) {
+        self.push_pulses(source, [range, power], [range; 2], std::iter::once(range), power);
+    }
+
+    /// Adds a piece with a mean range, m, and the power of all, 1/m^2, between `ends`, m, of pulses at `ranges` that
+    /// have the power `each`.
+    pub fn push_pulses(
+        &mut self,
+        source: u32,
+        [range, power]: [f32; 2],
+        ends: [f32; 2],
+        ranges: impl Iterator<Item = f32>,
+        each: f32,
+    ) {
+        let first = self.ranges.len();
+        self.ranges.extend(ranges);
+        self.powers.resize(self.ranges.len(), each);
+        let count = (self.ranges.len() - first) as u32;
+        self.pieces.push(Pulselet { range, power, source, ends, first: first as u32, count });
+    }
+
+    /// Sorts its pieces by where they begin, the nearest first.
+    pub fn sort(&mut self) {
+        self.pieces.sort_unstable_by(|a, b| a.ends[0].total_cmp(&b.ends[0]).then(a.source.cmp(&b.source)));
+    }
+
+    /// Ranges, m, and powers, 1/m^2, of all pulses.
+    pub fn pulses(&self) -> [&[f32]; 2] {
+        [&self.ranges, &self.powers]
+    }
+
+    /// Ranges, m, and powers, 1/m^2, of the pulses of a `piece`.
+    pub fn pulses_of(&self, piece: &Pulselet) -> [&[f32]; 2] {
+        let of = piece.first as usize..(piece.first + piece.count) as usize;
+        [&self.ranges[of.clone()], &self.powers[of]]
+    }
+
+    /// What a `piece` contributes at the range `at`, m, 1/m^2; `scale`: one over the standard deviation of the pulse,
+    /// 1/m.
+    pub fn light_at(&self, piece: &Pulselet, at: f32, scale: f32) -> f32 {
+        let [ranges, powers] = self.pulses_of(piece);
+        let [light, ..] = signal::pull(ranges, powers, at, scale);
+        light
+    }
+}
