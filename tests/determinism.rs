@@ -378,6 +378,28 @@ fn columns_do_not_depend_on_which_are_asked_for() {
 }
 
 /// Another seed or frame changes only what is measured with noise, and the frame's own number.
+/// Within a time budget a scan is that of a sensor whose beams have as many rays at most as it reports, whatever time
+/// there was.
+#[test]
+fn a_time_budget_only_limits_rays() {
+    let built = scene();
+    let mut pixels = camera();
+    pixels.set("beam.sub_rays", "adaptive").unwrap();
+    for sensor in [lidar(), adaptive("{mode: all, max: 3}"), adaptive("{mode: first}"), pixels] {
+        let unlimited = built.scan(&sensor, &drive(), &all()).unwrap();
+        let mut reused = PointCloud::default();
+        for (budget, expected) in [(1e-9, Some(1)), (1e3, Some(unlimited.most_rays)), (0.02, None), (0.1, None)] {
+            built.scan_into(&sensor, &drive(), &all().time_budget(budget), &mut reused).unwrap();
+            assert!(expected.is_none_or(|most| reused.most_rays == most), "{budget} s: {}", reused.most_rays);
+            let mut limited = sensor.clone();
+            limited.set("beam.sub_rays", &format!("{{adaptive: {}}}", reused.most_rays)).unwrap();
+            let expected = built.scan(&limited, &drive(), &all()).unwrap();
+            assert_eq!(differences(&reused, &expected), [""; 0], "{}: {budget} s", sensor.name());
+            assert_eq!((reused.rays, reused.most_rays), (expected.rays, expected.most_rays));
+        }
+    }
+}
+
 #[test]
 fn seeds_and_frames_change_only_what_has_noise() {
     let (scene, path) = (scene_of(&Engine::new().unwrap(), false), drive());

@@ -24,7 +24,7 @@ fn look(scene: &BuiltScene, sections: &str, frame: u32) -> PointCloud {
     scan(scene, &one_beam(sections), ScanOptions::default().frame(frame))
 }
 
-fn sections(sub_rays: u32, returns: &str) -> String {
+fn sections(sub_rays: impl std::fmt::Display, returns: &str) -> String {
     format!(
         "beam: {{divergence_mrad: [3.0, 1.5], exit_diameter_mm: 12, pulse_ns: 5, sub_rays: {sub_rays}}}\n\
          returns: {returns}\nintensity: {{encoding: reflectivity}}"
@@ -48,6 +48,27 @@ fn an_edge_divides_the_beam() {
                 // Where a few rays get past, their echo counts too; nothing is lost or gained.
                 assert_near("light", all.into(), 0.5, 2e-6);
             }
+        }
+    }
+}
+
+/// Beams of as many rays as it takes divide as those of 64 do, from a fraction of the rays: all else is computed from the
+/// triangles that these show.
+#[test]
+fn few_rays_divide_the_beam_as_many() {
+    // Lying on its side, so that the rim of the footprint that is looked at is beyond the edge.
+    let rolled = Trajectory::fixed(Pose::default().with_rpy_deg(90.0, 0.0, 0.0));
+    let w = f64::hypot(6e-3, 0.75e-3 * 10.0);
+    let sensor = one_beam(&sections("adaptive", "{mode: all}"));
+    for (x0, expected) in [(0.25, 0.691_462), (0.5, 0.841_345), (1.0, 0.977_250)] {
+        let built = edge(10.0, -x0 * w, 30.0);
+        for frame in 0..20 {
+            let cloud = built.scan(&sensor, &rolled, &ScanOptions::default().frame(frame)).unwrap();
+            assert!((4..32).contains(&cloud.rays), "{} rays", cloud.rays);
+            let c = cloud.into_columns();
+            let near = if c.range()[0] < 20.0 { c.intensity()[0] } else { 0.0 };
+            assert_near("share of the board", f64::from(near) / 0.5, expected, 0.06);
+            assert_near("light", c.intensity().iter().sum::<f32>().into(), 0.5, 2e-6);
         }
     }
 }

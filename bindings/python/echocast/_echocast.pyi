@@ -49,6 +49,7 @@ class ScanOptions(TypedDict, total=False):
     reflectance_source: Literal["library", "luminance", "alpha"] | None
     mask: int | None
     specular_depth: int | None
+    time_budget: float | None
     environment: Environment | Keys | None
     progress: Callable[[float], object] | bool | None
 
@@ -477,6 +478,8 @@ class PointCloud(Columns):
     def sensor_pose(self) -> Pose: ...
     @property
     def intensity_full_scale(self) -> float | None: ...
+    @property
+    def most_rays(self) -> int: ...
     @property
     def driver(self) -> Literal["velodyne", "ouster", "hesai", "robosense", "livox", "autoware"] | None: ...
     def to_ros(

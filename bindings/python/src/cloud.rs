@@ -254,6 +254,13 @@ impl PointCloud {
         self.0.intensity_full_scale
     }
 
+    /// Most rays that a beam was given, apart from those behind mirrors and glass: what `beam.sub_rays` allows, or less
+    /// with a `time_budget`; 0 for clouds that do not come from a scan, and for sonars.
+    #[getter]
+    fn most_rays(&self) -> u32 {
+        self.0.most_rays
+    }
+
     /// The maker whose ROS 2 driver publishes such clouds ("velodyne", for instance), if known; else None.
     #[getter]
     fn driver(&self) -> Option<&'static str> {

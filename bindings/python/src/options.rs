@@ -96,6 +96,7 @@ impl ScanRequest {
                 "profile" => options.profile = named(key, text()?)?,
                 "reflectance_source" => options.reflectance_source = Some(named(key, text()?)?),
                 "mask" => options.mask = Argument::of(key, &value)?,
+                "time_budget" => options.time_budget = Some(Argument::of(key, &value)?),
                 "specular_depth" => options.specular_depth = Argument::of(key, &value)?,
                 "environment" => options.environment = EnvironmentLike::of(key, &value)?.environment()?,
                 "progress" => progress = ProgressListener::of(&value, "scan")?,

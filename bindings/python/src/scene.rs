@@ -502,6 +502,9 @@ impl Scene {
     ///   "alpha". Default: "library"; for the profiles "paper" and "blainder", "luminance" and "alpha".
     /// * `mask`: 32 bits; objects whose own mask, by default all bits, shares one with it are seen. Default: all bits.
     /// * `specular_depth`: most mirrors and faces of glass along a path of light, 0 to 255. Default: 10.
+    /// * `time_budget`: wall-clock time that the scan may take, s, above 0, up to 1e9: beams of as many rays as it takes
+    ///   ("adaptive") get no more than fit into it, at least one; `most_rays` of the cloud is how many. Default: no
+    ///   limit.
     /// * `environment`: an Environment, or what `Environment` takes. Default: clear air, for sonars water.
     /// * `progress`: called with the fraction that is done, 0 to 1; if it returns False the scan ends with a
     ///   CancelledError. True shows a bar in terminals and notebooks. Default: None.

@@ -53,6 +53,7 @@ SCANS: "dict[str, Any]" = {
     "reflectance_source": "library",
     "mask": 1,
     "specular_depth": 1,
+    "time_budget": 9.0,
     "environment": {},
     "progress": False,
 }

@@ -56,6 +56,9 @@ pub struct PointCloud {
     /// glass. 0 for clouds that do not come from a scan, and for sonars, whose rays `Sensor::ray_count`
     /// counts.
     pub rays: u64,
+    /// Most rays that a beam was given, apart from those behind mirrors and glass: what `beam.sub_rays` allows, or less
+    /// if `ScanOptions::time_budget` requires it. 0 where `rays` is 0.
+    pub most_rays: u32,
     /// The ROS 2 driver that publishes such clouds, that of the sensor's maker (`SensorSpec::driver`); `None`:
     /// unknown.
     pub driver: Option<Driver>,
@@ -83,6 +86,7 @@ impl Default for PointCloud {
             time_zero: 0.0,
             intensity_full_scale: Some(1.0),
             rays: 0,
+            most_rays: 0,
             driver: None,
             boxes: None,
             labels: Arc::default(),

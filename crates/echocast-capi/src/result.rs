@@ -97,6 +97,11 @@ pub struct echocast_result_info {
     pub origin: [f64; 3],
     /// Pose of the sensor at the start of the scan.
     pub sensor_pose: echocast_pose,
+    /// Most rays that a beam was given, apart from those behind mirrors and glass: what beam.sub_rays allows, or less
+    /// if scan_desc.time_budget_ns requires it; 0 for sonars.
+    pub most_rays: u32,
+    /// 0.
+    pub reserved: u32,
 }
 
 impl Default for echocast_result_info {
@@ -110,6 +115,8 @@ impl Default for echocast_result_info {
             intensity_full_scale: 0.0,
             origin: [0.0; 3],
             sensor_pose: echocast_pose::IDENTITY,
+            most_rays: 0,
+            reserved: 0,
         }
     }
 }
@@ -123,6 +130,8 @@ text::versioned!(echocast_result_info {
     intensity_full_scale,
     origin,
     sensor_pose,
+    most_rays,
+    reserved,
 });
 
 /// Runs `look` on the points while no thread changes them.
@@ -172,6 +181,8 @@ pub unsafe extern "C" fn echocast_result_get_info(
                 intensity_full_scale: cloud.intensity_full_scale.unwrap_or(0.0),
                 origin: cloud.origin.to_array(),
                 sensor_pose: echocast_pose::of(&cloud.sensor_pose),
+                most_rays: cloud.most_rays,
+                reserved: 0,
             };
             // SAFETY: `info` is a structure (see `text`).
             unsafe { text::put_structure(found, info, "info") }

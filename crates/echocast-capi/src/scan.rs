@@ -123,6 +123,10 @@ pub struct echocast_scan_desc {
     /// ECHOCAST_COORDINATES_SENSOR is the sensor frame at that time. The other columns, including `true_x`, `true_y`
     /// and `true_z`, are as of the firing of the beam. Not for sonars.
     pub deskew: i32,
+    /// Wall-clock time that the scan may take, ns; 0: no limit. Beams of as many rays as it takes (beam.sub_rays:
+    /// adaptive) get no more than fit into it, at least one, as found by scanning a few beams first; most_rays of
+    /// echocast_result_info is how many. Other sensors take what they take.
+    pub time_budget_ns: i64,
 }
 
 impl Default for echocast_scan_desc {
@@ -153,6 +157,7 @@ impl Default for echocast_scan_desc {
             image_boxes: 0,
             box_time: ECHOCAST_BOX_TIME_SCAN,
             deskew: 0,
+            time_budget_ns: 0,
         }
     }
 }
@@ -183,6 +188,7 @@ text::versioned!(echocast_scan_desc {
     image_boxes,
     box_time,
     deskew,
+    time_budget_ns,
 });
 
 /// Scans once; a sonar sends one ping, whose echoes are the points. `*io`: NULL, which is replaced by a new result, to
@@ -332,6 +338,11 @@ unsafe fn scan_options(desc: &echocast_scan_desc, sensor: &Sensor) -> Outcome<Sc
             0 => None,
             1.. => Some(seconds(desc.frame_period_ns)),
             other => return Err(Failure::argument("desc->frame_period_ns", other, "0 or more")),
+        })
+        .time_budget(match desc.time_budget_ns {
+            0 => None,
+            1.. => Some(seconds(desc.time_budget_ns)),
+            other => return Err(Failure::argument("desc->time_budget_ns", other, "0 or more")),
         })
         .organised(flag(desc.organised, "desc->organised")?)
         .coordinates(named(desc.coordinates, "desc->coordinates")?)

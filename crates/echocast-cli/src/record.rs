@@ -33,6 +33,8 @@ pub struct Recorded {
     pub beams: usize,
     /// Rays that were traced for them; for a sonar those that were sent.
     pub rays: u64,
+    /// Most rays that a beam was given, least and greatest of all frames.
+    pub most_rays: [u32; 2],
     pub points: usize,
     /// Number of points on what seems to be a sky.
     pub sky_points: usize,
@@ -154,7 +156,7 @@ impl Take<'_> {
         let mut cloud = PointCloud::default();
         let (mut points, mut sky_points, mut causes) = (0, 0, Causes::default());
         let sent = if self.makes_pings() { sensor.ray_count() as u64 } else { 0 };
-        let mut rays = 0;
+        let (mut rays, mut most_rays) = (0, [u32::MAX, 0]);
         // Pings of a Doppler velocity log without a velocity, and the most beams that met the bottom in any.
         let (mut lost, mut most_locked) = (0, 0);
         // Whether anything but noise is received.
@@ -200,6 +202,7 @@ impl Take<'_> {
             cloud.set_fields(self.options.fields)?;
             points += cloud.return_rows().count();
             rays += sent + cloud.rays;
+            most_rays = [most_rays[0].min(cloud.most_rays), most_rays[1].max(cloud.most_rays)];
             let locked = if pinged.is_some() { locked(&ping) } else { received_rows(&cloud).count() };
             lost += usize::from(locked < LEAST_LOCKED);
             most_locked = most_locked.max(locked);
@@ -244,7 +247,7 @@ impl Take<'_> {
         let reported = self.makes_pings() && self.options.profile == Profile::Physical;
         let causes = if reported { causes.reported() } else { Vec::new() };
         let beams = sensor.beams().len() * self.frames.len();
-        Ok(Recorded { beams, rays, points, sky_points, causes, report, files: writer.files, nothing })
+        Ok(Recorded { beams, rays, most_rays, points, sky_points, causes, report, files: writer.files, nothing })
     }
 }
 

@@ -27,6 +27,9 @@ pub fn timed<T>(to: &mut f64, work: impl FnOnce() -> T) -> T {
 pub struct RunReport {
     pub beams: usize,
     pub rays: u64,
+    /// Most rays that a beam was given, least and greatest of all frames, and whether a time limit decided on them.
+    pub most_rays: [u32; 2],
+    pub is_limited: bool,
     pub points: usize,
     /// Whether points were requested: pictures of pings need none.
     pub with_points: bool,
@@ -51,6 +54,7 @@ impl RunReport {
             "version": env!("CARGO_PKG_VERSION"),
             "beams": self.beams,
             "rays": self.rays,
+            "most_rays": self.most_rays,
             "points": self.points,
             "frames": self.frames,
             "threads": self.threads,
@@ -82,6 +86,11 @@ impl RunReport {
             counted(self.threads, "thread"),
             duration(write),
         );
+        if self.is_limited {
+            let [least, most] = self.most_rays;
+            let most = if least == most { most.to_string() } else { format!("{least} to {most}, by the frame,") };
+            text.push_str(&format!("  in real time, with at most {most} rays a beam\n"));
+        }
         if !self.causes.is_empty() {
             let listed: Vec<String> =
                 self.causes.iter().map(|(name, count)| format!("{} {name}", thousands(*count))).collect();

@@ -208,6 +208,8 @@ fn record(args: &RunArgs, scenario: Scenario, output: &OutputArgs) -> Result<()>
     let report = RunReport {
         beams: recorded.beams,
         rays: recorded.rays,
+        most_rays: recorded.most_rays,
+        is_limited: false,
         points: recorded.points,
         with_points: true,
         causes: recorded.causes,

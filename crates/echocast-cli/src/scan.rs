@@ -88,6 +88,10 @@ pub struct ScanArgs {
     /// Freeze the scene during each frame, as it is when the frame starts
     #[arg(long, help_heading = "Place")]
     freeze: bool,
+    /// Scan at least as fast as the instrument: beams of as many rays as it takes get no more than fit into the time of
+    /// a frame, and the report says how many; with `--set beam.sub_rays=\"{adaptive: N}\"` a run is repeated to the bit
+    #[arg(long, help_heading = "Sensor")]
+    realtime: bool,
     /// Bring points to one time, the start of their frame: moving objects are where they were then, and
     /// `--frame sensor` is the sensor's frame at that time
     #[arg(long, help_heading = "Points")]
@@ -207,6 +211,8 @@ pub fn run(args: &ScanArgs) -> Result<()> {
     let report = RunReport {
         beams: recorded.beams,
         rays: recorded.rays,
+        most_rays: recorded.most_rays,
+        is_limited: args.realtime,
         points: recorded.points,
         with_points: args.output.requests_clouds() || !sonar,
         causes: if args.profile == Profile::Physical { recorded.causes } else { Vec::new() },
@@ -289,6 +295,7 @@ fn scan_options(args: &ScanArgs, fields: FieldSet, period: f64, environment: &En
         .coordinates(args.coordinates)
         .order(args.order)
         .boxes(args.output.boxes())
+        .time_budget(args.realtime.then_some(period))
         .profile(args.profile)
         .reflectance_source(args.reflectance_source)
         .environment(environment.clone())
@@ -471,6 +478,7 @@ fn repeatable(
         "frame": args.coordinates.name(),
         "order": args.order.name(),
         "freeze": args.freeze,
+        "realtime": args.realtime,
         "deskew": args.deskew,
         "boxes": args.box_time.name(),
         "motion_tolerance_m": args.motion_tolerance,

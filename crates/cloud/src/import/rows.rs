@@ -248,6 +248,7 @@ impl Rows {
             time_zero: 0.0,
             intensity_full_scale: about.intensity_full_scale.unwrap_or(guessed),
             rays: 0,
+            most_rays: 0,
             driver: about.driver,
             boxes: about.boxes,
             labels: Arc::new(about.labels.las_class(about.las_class)),

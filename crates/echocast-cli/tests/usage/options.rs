@@ -22,6 +22,7 @@ const UNTIL_REQUIRED: Provided = Not("no user of it has required it");
 /// Fields of `echocast_scan_desc`.
 const IN_C: &[(&str, Provided)] = &[
     ("fields", As("columns")),
+    ("time_budget", As("time_budget_ns")),
     ("start_time", As("t0_ns")),
     ("trajectory_time", Not("the poses have times of the same clock as t0_ns")),
     ("frame_period", As("frame_period_ns")),
@@ -39,6 +40,7 @@ const IN_PROGRAM: &[(&str, Provided)] = &[
     ("image_boxes", Not("--annotations requests them")),
     ("mask", Not("--hide leaves objects out by name")),
     ("specular_depth", UNTIL_REQUIRED),
+    ("time_budget", As("realtime")),
     ("environment", As("env")),
 ];
 
@@ -53,6 +55,7 @@ const IN_SCENARIO: &[(&str, Provided)] = &[
     ("box_time", As("boxes")),
     ("image_boxes", Not("the styles of `outputs` request them")),
     ("mask", Not("`scene.hide` leaves objects out by name")),
+    ("time_budget", Not("data that a machine's speed changes cannot be repeated")),
     ("specular_depth", UNTIL_REQUIRED),
 ];
 

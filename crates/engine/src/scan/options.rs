@@ -54,6 +54,14 @@ builder! {
         pub mask: u32 = u32::MAX,
         /// Greatest number of mirrors and glass faces on a path of light.
         pub specular_depth: u8 = 10,
+        /// Wall-clock time that the scan may take, s, above 0: beams of as many rays as it takes ([`SubRays::Adaptive`])
+        /// get no more than fit into it, at least one, as found by scanning a few beams first. The scan is that of a
+        /// sensor with the sub-rays [`PointCloud::most_rays`], to the bit; other sensors take what they take. `None`: no
+        /// limit.
+        ///
+        /// [`SubRays::Adaptive`]: crate::SubRays::Adaptive
+        /// [`PointCloud::most_rays`]: cloud::PointCloud::most_rays
+        pub time_budget: Option<f64> = None,
         /// What is between sensor and surfaces; it must be valid, see [`Environment::check`].
         pub environment: Environment = Environment::default(),
     }
@@ -83,6 +91,9 @@ impl ScanOptions {
         }
         if let Some(period) = self.frame_period.filter(|period| !(*period > 0.0 && *period <= 1e9)) {
             return Err(Error::invalid("frame_period", period, "above 0, up to 1e9 s"));
+        }
+        if let Some(budget) = self.time_budget.filter(|budget| !(*budget > 0.0 && *budget <= 1e9)) {
+            return Err(Error::invalid("time_budget", budget, "above 0, up to 1e9 s"));
         }
         if self.organised && self.order == Order::Time {
             return Err(Error::invalid(

@@ -92,6 +92,10 @@ impl SensorSpec {
                 (count.to_string(), count == 1)
             }
             SubRays::Adaptive => ("adaptive".into(), false),
+            SubRays::AdaptiveUpTo(most) => {
+                bounds.within("beam.sub_rays.adaptive", f64::from(most), 1.0, f64::from(SubRays::MOST))?;
+                (format!("up to {most}"), most == 1)
+            }
         };
         let tof = self.tof.as_ref();
         for (key, needs_one_ray) in [

@@ -32,6 +32,8 @@ pub(crate) struct Adaptive {
     pub one_ray: Arc<Signals>,
     /// For each sub-ray all of them, the nearest first.
     pub near: Vec<Vec<u8>>,
+    /// Most sub-rays of a beam.
+    pub most: u32,
 }
 
 impl Signals {
@@ -43,18 +45,19 @@ impl Signals {
         let rule = ReturnRule { mode, max: returns.max.into(), separation: returns.separation_m as f32 };
         let (diameter, divergence) = (beam.exit_diameter_mm * 1e-3, beam.divergence_mrad.map(|mrad| mrad * 1e-3));
         let footprint = match (beam.sub_rays, &spec.pattern) {
-            (SubRays::Count(1), _) => None,
+            (SubRays::Count(1) | SubRays::AdaptiveUpTo(1), _) => None,
             (count, Pattern::Pinhole(camera)) if spec.kind == SensorKind::Tof => {
                 let count = if let SubRays::Count(count) = count { count as usize } else { RAYS_OF_A_PIXEL };
                 Some(Footprint::of_pixel(count, camera.pixel()))
             }
             (SubRays::Count(count), _) => Some(Footprint::new(count as usize, diameter, divergence)),
-            (SubRays::Adaptive, _) => Some(Footprint::in_rounds(diameter, divergence)),
+            (SubRays::Adaptive | SubRays::AdaptiveUpTo(_), _) => Some(Footprint::in_rounds(diameter, divergence)),
         };
         let sigma = Pulse::new(beam.pulse_shape, beam.pulse_ns).sigma();
-        let adaptive = footprint.as_ref().filter(|_| beam.sub_rays == SubRays::Adaptive).map(|footprint| Adaptive {
+        let adaptive = footprint.as_ref().zip(beam.sub_rays.most_adaptive()).map(|(footprint, most)| Adaptive {
             rim: footprint.rim(),
             near: footprint.neighbours(),
+            most: most.min(footprint.count() as u32),
             one_ray: Arc::new(Signals { footprint: None, adaptive: None, sigma, rule }),
         });
         Signals { footprint, adaptive, sigma, rule }

@@ -6,8 +6,8 @@ use crate::detect::{DetectionSpec, Doppler, Noise, ReturnMode, VelocityLog};
 use crate::echo::{IntensityEncoding, PulseShape};
 use cloud::Driver;
 use emitter::pattern::Pattern;
-use serde::de::{self, Deserializer, SeqAccess, Unexpected, Visitor};
-use serde::ser::{SerializeStruct, Serializer};
+use serde::de::{self, Deserializer, MapAccess, SeqAccess, Unexpected, Visitor};
+use serde::ser::{SerializeMap, SerializeStruct, Serializer};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -255,10 +255,23 @@ pub enum SubRays {
     /// Several for beams whose footprint covers more than one surface, one for all others, which accounts for the
     /// footprint: the more oblique the surface, the wider and weaker its echo.
     Adaptive,
+    /// The same, but no more than this many for any beam, 1 to [`SubRays::MOST`]; in files `{adaptive: 16}`.
+    AdaptiveUpTo(u32),
 }
 
 impl SubRays {
     const ADAPTIVE: &str = "adaptive";
+    /// Most sub-rays of a beam that has as many as it takes.
+    pub const MOST: u32 = 64;
+
+    /// Most sub-rays of a beam, where they are as many as it takes.
+    pub fn most_adaptive(self) -> Option<u32> {
+        match self {
+            SubRays::Count(_) => None,
+            SubRays::Adaptive => Some(SubRays::MOST),
+            SubRays::AdaptiveUpTo(most) => Some(most),
+        }
+    }
 }
 
 /// `range`: ranges that are reported.
@@ -350,6 +363,11 @@ impl Serialize for SubRays {
         match *self {
             SubRays::Count(count) => serializer.serialize_u32(count),
             SubRays::Adaptive => serializer.serialize_str(SubRays::ADAPTIVE),
+            SubRays::AdaptiveUpTo(most) => {
+                let mut map = serializer.serialize_map(Some(1))?;
+                map.serialize_entry(SubRays::ADAPTIVE, &most)?;
+                map.end()
+            }
         }
     }
 }
@@ -358,11 +376,11 @@ impl<'de> Deserialize<'de> for SubRays {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         struct CountOrWord;
 
-        impl Visitor<'_> for CountOrWord {
+        impl<'de> Visitor<'de> for CountOrWord {
             type Value = SubRays;
 
             fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                f.write_str("a whole number from 1 to 1024 or `adaptive`")
+                f.write_str("a whole number from 1 to 1024, `adaptive` or `{adaptive: N}`")
             }
             fn visit_u64<E: de::Error>(self, value: u64) -> Result<SubRays, E> {
                 u32::try_from(value)
@@ -377,6 +395,18 @@ impl<'de> Deserialize<'de> for SubRays {
                     return Ok(SubRays::Adaptive);
                 }
                 Err(E::invalid_value(Unexpected::Str(value), &self))
+            }
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<SubRays, A::Error> {
+                let Some((key, most)) = map.next_entry::<String, u32>()? else {
+                    return Err(de::Error::invalid_value(Unexpected::Map, &self));
+                };
+                if key != SubRays::ADAPTIVE {
+                    return Err(de::Error::unknown_field(&key, &[SubRays::ADAPTIVE]));
+                }
+                match map.next_key::<String>()? {
+                    None => Ok(SubRays::AdaptiveUpTo(most)),
+                    Some(other) => Err(de::Error::unknown_field(&other, &[SubRays::ADAPTIVE])),
+                }
             }
         }
         deserializer.deserialize_any(CountOrWord)

@@ -237,10 +237,11 @@ impl Patchwork {
         seen.next().is_some_and(|first| seen.all(|patch| patch.surface == first.surface))
     }
 
-    /// The points to trace next, in order, up to [`ROUND`].
-    pub fn choose(&self) -> impl Iterator<Item = usize> {
+    /// The points to trace next, in order, up to [`ROUND`], and `most` with those that were traced before.
+    pub fn choose(&self, most: u32) -> impl Iterator<Item = usize> {
         let untraced = self.all & !self.traced;
-        let most = if self.traced == 0 { FIRST } else { ROUND };
+        let round = if self.traced == 0 { FIRST } else { ROUND };
+        let most = round.min((most - self.traced()) as usize);
         // What may be there is looked at.
         let unseen = self.patches.iter().filter(|patch| patch.ray.is_none()).map(|patch| patch.on);
         let looks = unseen.fold(0, |looks, on| looks | on & on.wrapping_neg());
@@ -248,8 +249,12 @@ impl Patchwork {
         points(looks).chain(points(open)).chain(points(untraced & !looks & !open)).take(most)
     }
 
-    /// Whether the strongest echo of a pulse of `sigma` m is known, and its range.
+    /// Whether the strongest echo of a pulse of `sigma` m is known, and its range; not where light goes on from surfaces.
     pub fn is_decided(&self, sigma: f32) -> bool {
+        let is_dark = |patch: &Patch| patch.rays > 0 && patch.light <= 0.0 && patch.surface != MISS;
+        if self.patches.iter().any(is_dark) {
+            return false;
+        }
         let seen = || self.patches.iter().filter(|patch| patch.light > 0.0);
         let range = |patch: &Patch| patch.range / patch.rays as f32;
         let Some(first) = seen().max_by(|a, b| a.light.total_cmp(&b.light)) else { return false };
@@ -358,5 +363,90 @@ impl Patchwork {
         patches.all(|patch| {
             patch.power() > 0.0 && patch.surface == first.surface && first.meets(patch.place, patch.normal, off)
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_are_bits() {
+        assert_eq!(points(0).next(), None);
+        assert_eq!(points(1 << 63 | 0b1010).collect::<Vec<_>>(), [1, 3, 63]);
+        assert_eq!(points(u64::MAX).count(), 64);
+    }
+
+    /// A patch of some points, seen by `rays` of them.
+    fn patch(surface: u32, on: u64, rays: u32, [range, light]: [f32; 2]) -> Patch {
+        let seen = Seen { surface, triangle: 0, is_solid: true };
+        let ray = (rays > 0).then_some((0, 0));
+        Patch { on, rays, ray, range: range * rays as f32, light, ..Patch::new(seen, Vec3::X, range) }
+    }
+
+    fn patchwork(traced: u64, patches: Vec<Patch>) -> Patchwork {
+        let known = patches.iter().fold(0, |known, patch| known | patch.on);
+        Patchwork { patches, all: u64::MAX, open: !known, traced, ..Patchwork::default() }
+    }
+
+    /// First one point of every triangle that may be there, then points on none, then all others.
+    #[test]
+    fn what_is_unknown_is_looked_at_first() {
+        let mut beam = Patchwork::default();
+        beam.start(64);
+        assert_eq!(beam.choose(64).collect::<Vec<_>>(), (0..FIRST).collect::<Vec<_>>());
+        assert_eq!(beam.choose(3).collect::<Vec<_>>(), [0, 1, 2]);
+        let (seen, unseen) = (patch(1, 0xff00_00ff, 8, [9.0, 1.0]), patch(2, 0xf000 | 1 << 60, 0, [9.0, 0.0]));
+        let beam = patchwork(0xff, vec![seen, unseen]);
+        let next: Vec<_> = beam.choose(64).collect();
+        assert_eq!(next.len(), ROUND);
+        assert_eq!(next[..6], [12, 8, 9, 10, 11, 16]);
+        assert_eq!(beam.choose(10).count(), 2, "two more than the eight");
+        beam.choose(64).for_each(|point| assert_eq!(beam.traced & 1 << point, 0));
+    }
+
+    #[test]
+    fn the_strongest_echo_is_known_by_its_majority() {
+        let is = |patches: &[(u32, f32, f32)]| {
+            let rays = patches.iter().map(|(rays, ..)| rays).sum::<u32>();
+            let of = |(number, &(rays, range, light)): (usize, &(u32, f32, f32))| {
+                patch(number as u32, 0, rays, [range, light])
+            };
+            let traced = u64::MAX.checked_shr(64 - rays).unwrap_or(0);
+            patchwork(traced, patches.iter().enumerate().map(of).collect()).is_decided(0.3)
+        };
+        assert!(is(&[(15, 10.0, 0.9), (1, 12.0, 0.05)]));
+        assert!(!is(&[(9, 10.0, 0.55), (7, 12.0, 0.45)]), "either can be stronger");
+        assert!(is(&[(9, 10.0, 0.55), (7, 10.01, 0.45)]), "one echo");
+        assert!(!is(&[(5, 10.0, 0.55), (3, 10.3, 0.45)]), "one echo, but where?");
+        assert!(!is(&[(15, 10.0, 0.9), (1, 12.0, 0.0)]), "light goes on");
+        assert!(!is(&[]));
+    }
+
+    /// Fits of two patches: power, mean and moments are those of their points one by one.
+    #[test]
+    fn light_is_that_of_all_points() {
+        let (near, far) = (patch(1, 0xffff, 2, [10.0, 0.2]), patch(2, !0xffff, 4, [10.2, 0.8]));
+        let mut beam = patchwork(u64::MAX, vec![near, far]);
+        beam.range = std::array::from_fn(|point| if point < 16 { 10.0 } else { 10.2 } + 1e-3 * (point % 8) as f32);
+        beam.settle(&Fan::default(), &[]);
+        let points: Vec<[f64; 2]> =
+            (0..64).map(|point| [f64::from(beam.range[point]), if point < 16 { 0.1 } else { 0.2 }]).collect();
+        let power = points.iter().map(|[_, power]| power).sum::<f64>();
+        let mean = points.iter().map(|[range, power]| range * power).sum::<f64>() / power;
+        let Light { power: is, mean: at, moments, span } = beam.light().unwrap();
+        assert!((f64::from(is) / power - 1.0).abs() < 1e-5 && (f64::from(at) - mean).abs() < 1e-5);
+        assert!((span - 0.207).abs() < 1e-5);
+        for (exponent, moment) in (2..).zip(moments) {
+            let expected =
+                points.iter().map(|[range, power]| power * (range - mean).powi(exponent)).sum::<f64>() / power;
+            assert!((f64::from(moment) / expected - 1.0).abs() < 1e-3, "{exponent}: {moment} {expected}");
+        }
+        let mut received = BeamSignal::default();
+        beam.receive([0.01, 0.3], 1 << 31, &mut received);
+        assert_eq!(received.pieces.iter().map(|piece| piece.source).collect::<Vec<_>>(), [1 << 31, 1 | 1 << 31]);
+        assert_eq!(received.pulses()[0].len(), 2);
+        beam.receive([0.001, 0.3], 0, &mut received);
+        assert_eq!(received.pulses()[0].len(), 2 + 64, "wide patches consist of their points");
     }
 }

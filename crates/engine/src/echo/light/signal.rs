@@ -1,5 +1,6 @@
 //! The signal that a beam receives, as the pulses that it consists of.
 
+use echocast_kernels::math::exp_negative;
 use echocast_kernels::signal;
 
 /// A piece of the signal: the pulses that one source returns.
@@ -80,6 +81,10 @@ impl BeamSignal {
     /// 1/m.
     pub fn light_at(&self, piece: &Pulselet, at: f32, scale: f32) -> f32 {
         let [ranges, powers] = self.pulses_of(piece);
+        if let ([range], [power]) = (ranges, powers) {
+            let x = (range - at) * scale;
+            return power * exp_negative(0.5 * x * x);
+        }
         let [light, ..] = signal::pull(ranges, powers, at, scale);
         light
     }

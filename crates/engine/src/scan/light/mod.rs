@@ -2,6 +2,7 @@
 
 mod block;
 mod bloom;
+mod budget;
 mod collect;
 mod deskew;
 mod explain;
@@ -23,6 +24,7 @@ use cloud::PointCloud;
 use emitter::Trajectory;
 use ground::error::{Error, Result};
 use plan::ScanPlan;
+use std::time::Instant;
 
 impl BuiltScene {
     /// [`BuiltScene::scan_with_progress`] for light.
@@ -35,6 +37,7 @@ impl BuiltScene {
         progress: Option<Progress>,
     ) -> Result<()> {
         options.check(trajectory)?;
+        let start = Instant::now();
         let beams = sensor.beams_at(options.start_time)?;
         self.0.check_time(options.start_time, beams.last_time())?;
         let reception = sensor.reception(&options.environment, self.0.origin, options.profile)?;
@@ -48,6 +51,9 @@ impl BuiltScene {
             ));
         }
         scan.find_halos(sensor);
+        if let Some(budget) = options.time_budget {
+            scan.keep_to(budget, start, &mut cloud.columns)?;
+        }
         let scanned = scan.run(cloud, progress);
         if scanned.is_err() {
             *cloud = PointCloud::default();

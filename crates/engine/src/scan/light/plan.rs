@@ -4,7 +4,7 @@ use super::halo::Halos;
 use crate::detect::{Errors, Receiver};
 use crate::echo::{Air, IntensityModel, PathLimits, RequestedQuantities, Surroundings};
 use crate::scan::ScanOptions;
-use crate::sensor::{IntensitySpec, Reception, Sensor, Signals};
+use crate::sensor::{Adaptive, IntensitySpec, Reception, Sensor, Signals};
 use crate::trace::{Clock, Cover, Later, Sight, Tables};
 use cloud::{Driver, FLOW, Field, Frame};
 use emitter::{Across, Aim, BeamTable, Footprint, Trajectory};
@@ -48,6 +48,8 @@ pub(super) struct ScanPlan<'a> {
     /// Whether this applies to all beams, or only to those that hit more than one place, which also have one return
     /// each.
     pub has_signals: bool,
+    /// Most rays of a beam that has as many as it takes.
+    pub most_adaptive: u32,
     /// Whether echoes may have causes other than the surfaces that rays hit directly.
     pub several_causes: bool,
     /// Rays that have been traced.
@@ -221,11 +223,31 @@ impl<'a> ScanPlan<'a> {
             driver: sensor.driver(),
             frame_period,
             deskew: None,
+            most_adaptive: sensor.signals.adaptive.as_ref().map_or(1, |adaptive| adaptive.most),
             signals,
             has_signals,
             rays: AtomicU64::new(0),
         };
         Ok(ScanPlan { deskew: Deskew::new(&scan), ..scan })
+    }
+
+    /// Most rays of a beam.
+    pub fn most_rays(&self) -> u32 {
+        match self.signals {
+            None => 1,
+            Some(signals) if signals.adaptive.is_some() => self.most_adaptive,
+            Some(signals) => signals.rays() as u32,
+        }
+    }
+
+    /// Gives beams of as many rays as it takes no more than `most`.
+    pub fn limit(&mut self, most: u32) {
+        self.most_adaptive = most;
+        if let Some(Adaptive { one_ray, .. }) = self.signals.and_then(|signals| signals.adaptive.as_ref())
+            && most == 1
+        {
+            self.signals = Some(one_ray).filter(|_| self.has_signals);
+        }
     }
 
     /// Greatest number of returns of a beam.

@@ -33,6 +33,10 @@ pub(super) struct Rounds {
     active: Vec<u8>,
     /// Those rays from whose surfaces light continues.
     going_on: Vec<Box<GoingOn>>,
+    /// How many of these are in use.
+    kept: usize,
+    /// Beams whose last round showed something new.
+    news: Vec<bool>,
 }
 
 /// Rays from whose surfaces light continues.
@@ -78,7 +82,7 @@ impl Rounds {
         &self.fans[lane]
     }
 
-    /// Keeps the ray at `lane`, of the `beam` at that lane, in the first `used` blocks; returns block and lane.
+    /// Keeps the ray at `lane`, of the `beam` at that lane; returns block and lane.
     fn keep(
         &mut self,
         rays: &RayBatch,
@@ -86,23 +90,22 @@ impl Rounds {
         surfaces: &Contribution,
         lane: usize,
         beam: u8,
-        used: &mut usize,
     ) -> (usize, usize) {
-        if *used == 0 || self.going_on[*used - 1].count == LANES {
-            if self.going_on.len() == *used {
+        if self.kept == 0 || self.going_on[self.kept - 1].count == LANES {
+            if self.going_on.len() == self.kept {
                 self.going_on.push(boxed());
             }
-            self.going_on[*used].count = 0;
-            *used += 1;
+            self.going_on[self.kept].count = 0;
+            self.kept += 1;
         }
-        let kept = &mut self.going_on[*used - 1];
+        let kept = &mut self.going_on[self.kept - 1];
         let to = kept.count;
         kept.rays.fill(to..to + 1, rays, lane);
         kept.hits.take(to, hits, lane);
         kept.surfaces.take(to, surfaces, lane);
         kept.beams[to] = beam;
         kept.count += 1;
-        (*used - 1, to)
+        (self.kept - 1, to)
     }
 }
 
@@ -118,13 +121,13 @@ impl Gatherer {
         let Some(footprint) = &signals.footprint else { return };
         let (count, each) = (evidence.len(), footprint.count());
         let mut rounds = self.rounds.take().unwrap_or_else(boxed);
-        let off = scan.receiver.off_surface(self.found.waveform.sigma());
+        let sigma = self.found.waveform.sigma();
+        let off = scan.receiver.off_surface(sigma);
         self.rays.patch_up(each, count);
         if rounds.fans.len() < count {
             rounds.fans.resize_with(count, Fan::default);
         }
         let scene = scan.world.scene;
-        let sigma = self.found.waveform.sigma();
         let only_strongest = signals.rule.mode == ReturnMode::Strongest && scan.receiver.camera().is_none();
         for (lane, evidence) in evidence.iter().enumerate() {
             footprint.fan(&self.across, &self.beams, lane, &mut rounds.fans[lane]);
@@ -133,42 +136,43 @@ impl Gatherer {
                 self.rays.patchworks[lane].know(scene, seen, &rounds.fans[lane], self.beams.time[lane]);
             }
         }
-        rounds.active.clear();
-        rounds.active.extend((0..count).map(|lane| lane as u8));
-        let (mut batch, mut kept) = (0, 0);
-        let mut news = [false; LANES];
+        let Rounds { active, news, kept, .. } = &mut *rounds;
+        active.clear();
+        active.extend((0..count).map(|lane| lane as u8));
+        news.resize(LANES, false);
+        *kept = 0;
+        let mut batch = 0;
         while !rounds.active.is_empty() {
             let mut active = std::mem::take(&mut rounds.active);
             let mut rest = &active[..];
             while !rest.is_empty() {
-                let sent = self.send_round(scan, &mut rounds, rays, rest, (batch, off), &mut kept, &mut news);
+                let sent = self.send_round(scan, &mut rounds, rays, rest, (batch, off));
                 rest = &rest[sent..];
                 batch += 1;
             }
             active.retain(|&lane| {
                 let lane = usize::from(lane);
-                let traced = self.rays.patchworks[lane].traced();
-                let least =
-                    if only_strongest && self.rays.patchworks[lane].is_one_surface() { 0 } else { LEAST_OF_SEVERAL };
-                let is_unsure = traced < least && self.rays.patchworks[lane].patches.len() > 1;
-                let is_decided = || only_strongest && self.rays.patchworks[lane].is_decided(sigma);
-                (std::mem::take(&mut news[lane]) && !is_decided() || is_unsure) && traced < each as u32
+                let (patchwork, shows_news) = (&self.rays.patchworks[lane], std::mem::take(&mut rounds.news[lane]));
+                let least = if only_strongest && patchwork.is_one_surface() { 0 } else { LEAST_OF_SEVERAL };
+                let is_unsure = patchwork.traced() < least && patchwork.patches.len() > 1;
+                let goes_on = is_unsure || shows_news && !(only_strongest && patchwork.is_decided(sigma));
+                goes_on && patchwork.traced() < scan.most_adaptive
             });
             rounds.active = active;
         }
         self.plain.clear();
         for lane in 0..count {
             self.rays.patchworks[lane].settle(&rounds.fans[lane], &adaptive.near);
-            self.plain.join(&self.rays, lane, self.found.waveform.sigma());
+            self.plain.join(&self.rays, lane, sigma);
         }
-        for going_on in &rounds.going_on[..kept] {
+        for going_on in &rounds.going_on[..rounds.kept] {
             self.go_on(scan, going_on);
         }
         self.rounds = Some(rounds);
     }
 
-    /// Traces the next round of rays of the beams in `lanes`, with the number `batch`; sets `news` of those that show
-    /// something new, more than `off` m off what is known.
+    /// Traces the next round of rays of the beams in `lanes`, with the number `batch`; sets the news of those that
+    /// show something new, more than `off` m off what is known. Returns to how many of the beams.
     fn send_round(
         &mut self,
         scan: &ScanPlan,
@@ -176,8 +180,6 @@ impl Gatherer {
         rays: &mut RayBatch,
         lanes: &[u8],
         (batch, off): (usize, f32),
-        kept: &mut usize,
-        news: &mut [bool; LANES],
     ) -> usize {
         let each = self.rays.each;
         let (mut beams, mut chosen, mut parts, mut count) = ([0; LANES], [0; LANES], [0.0; LANES], 0);
@@ -189,7 +191,7 @@ impl Gatherer {
             sent += 1;
             let Fan { origin: [ox, oy, oz], direction: [dx, dy, dz] } = &rounds.fans[usize::from(lane)];
             let beam = usize::from(lane);
-            for point in self.rays.patchworks[beam].choose() {
+            for point in self.rays.patchworks[beam].choose(scan.most_adaptive) {
                 (rays.org_x[count], rays.org_y[count], rays.org_z[count]) = (ox[point], oy[point], oz[point]);
                 (rays.dir_x[count], rays.dir_y[count], rays.dir_z[count]) = (dx[point], dy[point], dz[point]);
                 (rays.range_max[count], rays.time[count]) = (self.beams.range_max[beam], self.beams.time[beam]);
@@ -218,9 +220,9 @@ impl Gatherer {
             let patchwork = &mut self.rays.patchworks[usize::from(beam)];
             let fan = &rounds.fans[usize::from(beam)];
             let (patch, is_new) = patchwork.take(scan.world.scene, point, &traced, fan, off);
-            news[usize::from(beam)] |= is_new || goes_on && patchwork.traced() < LEAST_GOING_ON;
+            rounds.news[usize::from(beam)] |= is_new || goes_on && patchwork.traced() < LEAST_GOING_ON;
             if goes_on {
-                let (store, to) = rounds.keep(rays, hits, &self.surfaces, lane, beam, kept);
+                let (store, to) = rounds.keep(rays, hits, &self.surfaces, lane, beam);
                 rounds.going_on[store].patches[to] = patch;
             }
         }

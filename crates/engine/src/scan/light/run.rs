@@ -2,8 +2,8 @@
 
 use super::block::{Block, with_block};
 use super::plan::ScanPlan;
-use crate::scan::{Order, Progress};
-use cloud::{Columns, Field, Frame, PointCloud, Slices};
+use crate::scan::{Order, Progress, ScanOptions};
+use cloud::{Columns, Field, FieldSet, Frame, PointCloud, Slices};
 use ground::error::{Error, Result};
 use ground::lanes::{CHUNK, LANES};
 use ground::parallel;
@@ -24,7 +24,7 @@ impl ScanPlan<'_> {
         let options = self.options;
         let beams = self.aim.beams.len();
         let sorted = options.order == Order::Time;
-        let computed = if sorted { options.fields.with(Field::Time) } else { options.fields };
+        let computed = self.computed();
         let columns = &mut cloud.columns;
         columns.make_room(computed, beams * self.most_returns())?;
         let engine = &self.world.scene.engine;
@@ -70,10 +70,17 @@ impl ScanPlan<'_> {
         cloud.sensor_pose = self.aim.trajectory.at(options.start_on_trajectory());
         cloud.start_time = Some(options.start_time);
         cloud.rays = self.rays.load(Ordering::Relaxed);
+        cloud.most_rays = self.most_rays();
         cloud.intensity_full_scale = self.measure.intensity.full_scale();
         cloud.driver = self.driver;
         cloud.labels = self.world.scene.surfaces.labels.clone();
         Ok(())
+    }
+
+    /// The columns to compute: rows are sorted by their times.
+    pub fn computed(&self) -> FieldSet {
+        let ScanOptions { fields, order, .. } = *self.options;
+        if order == Order::Time { fields.with(Field::Time) } else { fields }
     }
 
     /// Scans some beams into the rows after the first `rows`; returns how many rows there are then.
@@ -95,6 +102,14 @@ impl ScanPlan<'_> {
             from += CHUNK * self.most_returns();
         }
         rows
+    }
+
+    /// Scans beams `first .. first + count`, at most [`LANES`], and fills the first of `rows`; returns how many.
+    pub fn scan_block(&self, block: &mut Block, first: usize, count: usize, rows: Slices) -> usize {
+        match self.signals {
+            Some(signals) if self.has_signals => block.scan_signals(self, signals, first, count, rows),
+            splits => block.scan(self, splits, first, count, rows),
+        }
     }
 
     /// Chunks of `beams`, each with the part of `rows` that it may fill.
@@ -120,10 +135,7 @@ impl Task<'_> {
         for start in (0..self.count).step_by(LANES) {
             let beam = self.first + start;
             let (count, rows) = (LANES.min(self.count - start), self.rows.rows_after(filled));
-            filled += match self.scan.signals {
-                Some(signals) if self.scan.has_signals => block.scan_signals(self.scan, signals, beam, count, rows),
-                splits => block.scan(self.scan, splits, beam, count, rows),
-            };
+            filled += self.scan.scan_block(block, beam, count, rows);
         }
         filled
     }
