@@ -60,7 +60,7 @@
 #define ECHOCAST_SCAN_DESC_INIT                                                                                        \
     { sizeof(echocast_scan_desc), 0, 0, 0, 0, 0, 0, 0xffffffffu, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
 #define ECHOCAST_RESULT_INFO_INIT                                                                                      \
-    { sizeof(echocast_result_info), 0, 0, 0, 0, 0, { 0, 0, 0 }, ECHOCAST_POSE_IDENTITY }
+    { sizeof(echocast_result_info), 0, 0, 0, 0, 0, { 0, 0, 0 }, ECHOCAST_POSE_IDENTITY, 0, 0 }
 #define ECHOCAST_DRIVER_INFO_INIT { sizeof(echocast_driver_info), 0, 0, 0, { { 0, 0, 0 } } }
 #define ECHOCAST_PING_INFO_INIT                                                                                        \
     { sizeof(echocast_ping_info), 0, 0, 0, ECHOCAST_POSE_IDENTITY, { 0, 0, 0 }, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
@@ -1129,6 +1129,13 @@ typedef struct echocast_result_info {
     double origin[3];
     /** Pose of the sensor at the start of the scan. */
     echocast_pose sensor_pose;
+    /**
+     * Most rays that a beam was given, apart from those behind mirrors and glass: what beam.sub_rays allows, or less
+     * if scan_desc.time_budget_ns requires it; 0 for sonars.
+     */
+    uint32_t most_rays;
+    /** 0. */
+    uint32_t reserved;
 } echocast_result_info;
 
 /**
@@ -1535,6 +1542,12 @@ typedef struct echocast_scan_desc {
      * and `true_z`, are as of the firing of the beam. Not for sonars.
      */
     int32_t deskew;
+    /**
+     * Wall-clock time that the scan may take, ns; 0: no limit. Beams of as many rays as it takes (beam.sub_rays:
+     * adaptive) get no more than fit into it, at least one, as found by scanning a few beams first; most_rays of
+     * echocast_result_info is how many. Other sensors take what they take.
+     */
+    int64_t time_budget_ns;
 } echocast_scan_desc;
 
 /**

@@ -1,5 +1,5 @@
-//! `bench instruments`: how many times faster than the instrument every preset is simulated, written into
-//! docs/instruments.md.
+//! `bench instruments`: how many times faster than the instrument presets are simulated, written into
+//! docs/instruments.md for every preset, and into docs/embedding.md for some with fewer rays.
 
 use crate::Result;
 use crate::clock::{cpu_per_call, cpu_seconds, median, two_digits};
@@ -26,11 +26,29 @@ const END: &str = "<!-- end -->\n";
 const TABLES: [(&str, &[&str]); 3] =
     [("lidar", &["city", "street", "landscape"]), ("tof", &["flat"]), ("sonar", &["lake"])];
 
+/// Presets, scenes and limits of rays of the table for hosts with a clock.
+const HOSTS: [&str; 5] = ["velodyne_vlp16", "velodyne_vlp32c", "ouster_os1_128", "livox_mid40", "hokuyo_utm30lx"];
+const HOSTS_SCENES: [&str; 2] = ["street", "landscape"];
+const LIMITS: [(&str, &str); 4] =
+    [("adaptive", "adaptive"), ("at most 16", "{adaptive: 16}"), ("at most 4", "{adaptive: 4}"), ("one ray", "1")];
+
 pub fn write() -> Result<()> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/instruments.md");
+    replace("docs/instruments.md", &of_presets()?)?;
+    replace("docs/embedding.md", &of_hosts()?)
+}
+
+/// Puts `tables` between the marks of a document.
+fn replace(name: &str, tables: &str) -> Result<()> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name);
     let text = std::fs::read_to_string(&path)?;
     let parts = text.split_once(BEGIN).and_then(|(before, after)| Some((before, after.split_once(END)?.1)));
-    let (before, after) = parts.ok_or("docs/instruments.md has no place for the tables")?;
+    let (before, after) = parts.ok_or_else(|| format!("{name} has no place for the tables"))?;
+    std::fs::write(&path, [before, BEGIN, tables, "\n", END, after].concat())?;
+    println!("written: {name}");
+    Ok(())
+}
+
+fn of_presets() -> Result<String> {
     let mut tables = String::new();
     for (folder, scenes) in TABLES {
         tables += &format!("\n| preset | {} |\n|---|{}\n", scenes.join(" | "), "---|".repeat(scenes.len()));
@@ -46,9 +64,28 @@ pub fn write() -> Result<()> {
         }
         tables.extend(rows.iter().map(|(preset, row)| format!("| `{preset}` |{row}\n")));
     }
-    std::fs::write(&path, [before, BEGIN, &tables, "\n", END, after].concat())?;
-    println!("written: docs/instruments.md");
-    Ok(())
+    Ok(tables)
+}
+
+fn of_hosts() -> Result<String> {
+    let heads: Vec<String> =
+        HOSTS_SCENES.iter().flat_map(|scene| LIMITS.map(|(limit, _)| format!("{scene}: {limit}"))).collect();
+    let mut rows = HOSTS.map(|preset| (preset, String::new()));
+    for scene in HOSTS_SCENES {
+        let site = site(scene)?;
+        for (preset, row) in &mut rows {
+            for (limit, value) in LIMITS {
+                let mut sensor = Sensor::preset(preset)?;
+                sensor.set("beam.sub_rays", value)?;
+                let speed = two_digits(real_time(&site, &sensor)?);
+                println!("{preset:<34}{scene:<12}{limit:<12}{speed:>8}");
+                *row += &format!(" {speed} |");
+            }
+        }
+    }
+    let mut table = format!("\n| preset | {} |\n|---|{}\n", heads.join(" | "), "---|".repeat(heads.len()));
+    table.extend(rows.iter().map(|(preset, row)| format!("| `{preset}` |{row}\n")));
+    Ok(table)
 }
 
 /// Time between two scans of the instrument over the processor time of one here, on one thread.

@@ -179,7 +179,7 @@ impl Gatherer {
             if let Some(footprint) = &signals.footprint {
                 footprint.rays(index, &self.across, &self.beams, rays);
             }
-            self.meet(scan, rays, index, count, &parts);
+            self.meet(scan, (rays, scan.aim.coherent), index, count, &parts);
             self.go_on_from(scan, rays, index, count, &parts);
             let (origin, direction) = (rays.origins(), rays.directions());
             self.plain.add(&self.rays.batches[..=index], origin, direction, self.found.waveform.sigma());
@@ -188,12 +188,19 @@ impl Gatherer {
     }
 
     /// Fills batch `index` with what returns along the first `count` of `rays`. `parts`: fraction of its beam's light
-    /// that each represents.
-    pub(super) fn meet(&mut self, scan: &ScanPlan, rays: &RayBatch, index: usize, count: usize, parts: &[f32; LANES]) {
+    /// that each represents; `coherent`: whether neighbours among them are neighbours in space.
+    pub(super) fn meet(
+        &mut self,
+        scan: &ScanPlan,
+        (rays, coherent): (&RayBatch, bool),
+        index: usize,
+        count: usize,
+        parts: &[f32; LANES],
+    ) {
         let requested = RequestedQuantities { colors: false, reflectance: true };
         let Gatherer { rays: met, surfaces, .. } = self;
         let Batch { hits, cos_incidence, power, .. } = &mut met.batches[index];
-        hits.trace(scan.world.scene, rays, count, scan.aim.coherent, scan.world.sight);
+        hits.trace(scan.world.scene, rays, count, coherent, scan.world.sight);
         surfaces.face(scan.world.scene, rays, hits, count, scan.world.smooth);
         surfaces.look_up(&scan.world.scene.surfaces, &scan.world.reflectances, hits, 0..count, requested);
         *cos_incidence = surfaces.cos_incidence;

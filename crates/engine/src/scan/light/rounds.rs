@@ -202,7 +202,8 @@ impl Gatherer {
             }
         }
         self.rays.make_room(batch + 1);
-        self.meet(scan, rays, batch, count, &parts);
+        // Those of a beam are, whatever its pattern.
+        self.meet(scan, (rays, true), batch, count, &parts);
         for lane in 0..count {
             let (beam, point) = (beams[lane], usize::from(chosen[lane]));
             let Batch { hits, power, .. } = &self.rays.batches[batch];
