@@ -377,14 +377,13 @@ fn columns_do_not_depend_on_which_are_asked_for() {
     }
 }
 
-/// Another seed or frame changes only what is measured with noise, and the frame's own number.
 /// Within a time budget a scan is that of a sensor whose beams have as many rays at most as it reports, whatever time
 /// there was.
 #[test]
 fn a_time_budget_only_limits_rays() {
     let built = scene();
     let mut pixels = camera();
-    pixels.set("beam.sub_rays", "adaptive").unwrap();
+    pixels.set("beam", "{pulse_ns: 5, sub_rays: adaptive}").unwrap();
     for sensor in [lidar(), adaptive("{mode: all, max: 3}"), adaptive("{mode: first}"), pixels] {
         let unlimited = built.scan(&sensor, &drive(), &all()).unwrap();
         let mut reused = PointCloud::default();
@@ -400,6 +399,7 @@ fn a_time_budget_only_limits_rays() {
     }
 }
 
+/// Another seed or frame changes only what is measured with noise, and the frame's own number.
 #[test]
 fn seeds_and_frames_change_only_what_has_noise() {
     let (scene, path) = (scene_of(&Engine::new().unwrap(), false), drive());

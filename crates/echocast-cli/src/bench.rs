@@ -6,7 +6,7 @@ use crate::text::{self, counted, duration};
 use crate::usage;
 use crate::weather::WeatherArgs;
 use anyhow::Result;
-use echocast::{BareLoop, PointCloud, ScanOptions, Sensor, SubRays, Trajectory};
+use echocast::{BareLoop, PointCloud, ScanOptions, Sensor, Trajectory};
 use rustix::time::{ClockId, clock_gettime};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
@@ -62,7 +62,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
         anyhow::Ok(cloud.rays)
     };
     // The bare loop has as many rays as a scan with one for each beam.
-    let one_ray = if sensor.spec().beam.sub_rays == SubRays::Adaptive {
+    let one_ray = if sensor.spec().beam.sub_rays.most_adaptive().is_some_and(|most| most > 1) {
         let mut one_ray = sensor.clone();
         one_ray.set("beam.sub_rays", "1")?;
         Some(one_ray)

@@ -46,6 +46,14 @@ pub struct Recorded {
     pub nothing: Option<Nothing>,
 }
 
+impl Recorded {
+    /// Most rays that a beam was given, if that is the same in all frames.
+    pub fn one_limit(&self) -> Option<u32> {
+        let [least, most] = self.most_rays;
+        (least == most).then_some(most)
+    }
+}
+
 /// Why a recording is useless.
 pub enum Nothing {
     /// No beam has a return.

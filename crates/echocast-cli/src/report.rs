@@ -27,9 +27,10 @@ pub fn timed<T>(to: &mut f64, work: impl FnOnce() -> T) -> T {
 pub struct RunReport {
     pub beams: usize,
     pub rays: u64,
-    /// Most rays that a beam was given, least and greatest of all frames, and whether a time limit decided on them.
+    /// Most rays that a beam was given, least and greatest of all frames.
     pub most_rays: [u32; 2],
-    pub is_limited: bool,
+    /// The time that a frame may take, s, if that decided on them.
+    pub limit: Option<f64>,
     pub points: usize,
     /// Whether points were requested: pictures of pings need none.
     pub with_points: bool,
@@ -86,10 +87,11 @@ impl RunReport {
             counted(self.threads, "thread"),
             duration(write),
         );
-        if self.is_limited {
+        if let Some(limit) = self.limit {
             let [least, most] = self.most_rays;
-            let most = if least == most { most.to_string() } else { format!("{least} to {most}, by the frame,") };
-            text.push_str(&format!("  in real time, with at most {most} rays a beam\n"));
+            let rays = if least == most { most.to_string() } else { format!("{least} to {most}") };
+            let (taken, limit) = (duration(scan / self.frames.max(1) as f64), duration(limit));
+            text.push_str(&format!("  real time: {rays} rays a beam at most, {taken} a frame that may take {limit}\n"));
         }
         if !self.causes.is_empty() {
             let listed: Vec<String> =

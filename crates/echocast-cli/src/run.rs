@@ -209,7 +209,7 @@ fn record(args: &RunArgs, scenario: Scenario, output: &OutputArgs) -> Result<()>
         beams: recorded.beams,
         rays: recorded.rays,
         most_rays: recorded.most_rays,
-        is_limited: false,
+        limit: None,
         points: recorded.points,
         with_points: true,
         causes: recorded.causes,

@@ -16,7 +16,7 @@ use echocast::scenario::FrameTime;
 use echocast::scene::MaterialRules;
 use echocast::{
     BoxTime, Engine, Environment, FieldSet, Frame, LabelRules, LiveScene, Order, Pose, Profile, ReflectanceSource,
-    Report, ScanOptions, Scene, Sensor, Trajectory, read, shown, why_nothing,
+    Report, ScanOptions, Scene, Sensor, SubRays, Trajectory, read, shown, why_nothing,
 };
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -89,7 +89,7 @@ pub struct ScanArgs {
     #[arg(long, help_heading = "Place")]
     freeze: bool,
     /// Scan at least as fast as the instrument: beams of as many rays as it takes get no more than fit into the time of
-    /// a frame, and the report says how many; with `--set beam.sub_rays=\"{adaptive: N}\"` a run is repeated to the bit
+    /// a frame, and the report says how many; `--set 'beam.sub_rays={adaptive: N}'` gives them N at most in any case
     #[arg(long, help_heading = "Sensor")]
     realtime: bool,
     /// Bring points to one time, the start of their frame: moving objects are where they were then, and
@@ -196,6 +196,7 @@ pub fn run(args: &ScanArgs) -> Result<()> {
 
     let recorded = take.record(built, moving.then_some(&mut build), &progress, &mut seconds)?;
     drop(progress);
+    let most_rays = recorded.one_limit().filter(|_| args.realtime);
     warnings.absorb(recorded.report);
     match recorded.nothing {
         Some(Nothing::Seen) => {
@@ -212,7 +213,7 @@ pub fn run(args: &ScanArgs) -> Result<()> {
         beams: recorded.beams,
         rays: recorded.rays,
         most_rays: recorded.most_rays,
-        is_limited: args.realtime,
+        limit: Some(1.0 / fps).filter(|_| args.realtime && is_adaptive(&sensor)),
         points: recorded.points,
         with_points: args.output.requests_clouds() || !sonar,
         causes: if args.profile == Profile::Physical { recorded.causes } else { Vec::new() },
@@ -222,7 +223,7 @@ pub fn run(args: &ScanArgs) -> Result<()> {
         seconds,
         warnings: warnings.warnings,
         outputs: recorded.files,
-        run: repeatable(args, (&labels, &materials), &take, frames, fps)?,
+        run: repeatable(args, (&labels, &materials), &take, (frames, fps), most_rays)?,
     };
     if args.verbose {
         print_details(&scene, &sensor, &trajectory);
@@ -235,6 +236,11 @@ pub fn run(args: &ScanArgs) -> Result<()> {
         args.output.print(&report.summary(&format!("{} in {}", shown::text(sensor.name()), args.scene.names())))?;
     }
     Ok(())
+}
+
+/// Whether beams have as many rays as it takes.
+fn is_adaptive(sensor: &Sensor) -> bool {
+    sensor.spec().beam.sub_rays.most_adaptive().is_some_and(|most| most > 1)
 }
 
 /// Where the sensor is while it scans, and when its frames start.
@@ -442,13 +448,14 @@ fn warn_of_noise(points: usize, sensor: &Sensor, warnings: &mut Report) {
     ));
 }
 
-/// The scenario that repeats this run.
+/// The scenario that repeats this run; `most_rays`: most rays of a beam, if a time limit
+/// decided on the same for all frames.
 fn repeatable(
     args: &ScanArgs,
     (labels, materials): (&LabelRules, &MaterialRules),
     take: &Take,
-    frames: FrameRange,
-    fps: f64,
+    (frames, fps): (FrameRange, f64),
+    most_rays: Option<u32>,
 ) -> Result<Value> {
     let place = match (&args.trajectory, args.place.to_json(take.trajectory)) {
         (Some(file), _) if file.as_os_str() != "-" => json!({ "file": shown::path(file) }),
@@ -461,7 +468,11 @@ fn repeatable(
         }
         (None, place) => place,
     };
-    let spec = serde_json::to_value(take.sensor.spec()).context("the sensor cannot be reported")?;
+    let mut spec = take.sensor.spec().clone();
+    if let Some(most) = most_rays.filter(|_| is_adaptive(&take.sensor)) {
+        spec.beam.sub_rays = SubRays::AdaptiveUpTo(most);
+    }
+    let spec = serde_json::to_value(spec).context("the sensor cannot be reported")?;
     let mut outputs = args.output.to_json();
     outputs.insert("style".into(), "files".into());
     Ok(json!({
@@ -478,7 +489,6 @@ fn repeatable(
         "frame": args.coordinates.name(),
         "order": args.order.name(),
         "freeze": args.freeze,
-        "realtime": args.realtime,
         "deskew": args.deskew,
         "boxes": args.box_time.name(),
         "motion_tolerance_m": args.motion_tolerance,

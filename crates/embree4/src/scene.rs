@@ -99,7 +99,7 @@ impl Scene {
         Ok(id)
     }
 
-    /// Adds an instance with the geometry id `id`, which hits report as `inst_id`. Ids should rise and leave few out.
+    /// Adds an instance with the geometry id `id`, which hits report as `inst_id`. Every id below the greatest costs a slot.
     ///
     /// # Errors
     /// [`Error::OtherDevice`]; [`Error::Embree`] when memory runs out, or if something has this id already.

@@ -15,7 +15,7 @@ mod transducer;
 pub use aim::{Aim, scatter};
 pub use aperture::FAINT;
 pub use beams::{BeamTable, FiringOrder, RayColumns};
-pub use footprint::{Across, Fan, Footprint, ROUND};
+pub use footprint::{Across, Footprint, ROUND, SubRayFan};
 pub use ground::pose::Pose;
 pub use image_grid::Outline;
 pub use image_grid::{ImageGrid, Intrinsics};

@@ -52,20 +52,6 @@ impl PlainSignal {
 }
 
 kernels! {
-    /// Offsets of the planes that rays hit: `normal . place`, m.
-    pub fn offsets(
-        normal: [&Lanes; 3],
-        origin: [&Lanes; 3],
-        direction: [&Lanes; 3],
-        range: &Lanes,
-        offset: &mut Lanes,
-    ) {
-        for lane in 0..LANES {
-            let place = [0, 1, 2].map(|axis| origin[axis][lane] + direction[axis][lane] * range[lane]);
-            offset[lane] = normal[0][lane] * place[0] + normal[1][lane] * place[1] + normal[2][lane] * place[2];
-        }
-    }
-
     /// Starts with the first ray of every beam.
     pub fn start(
         plain: &mut PlainSignal,

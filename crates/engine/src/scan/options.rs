@@ -55,8 +55,9 @@ builder! {
         /// Greatest number of mirrors and glass faces on a path of light.
         pub specular_depth: u8 = 10,
         /// Wall-clock time that the scan may take, s, above 0: beams of as many rays as it takes ([`SubRays::Adaptive`])
-        /// get no more than fit into it, at least one, as found by scanning a few beams first. The scan is that of a
-        /// sensor with the sub-rays [`PointCloud::most_rays`], to the bit; other sensors take what they take. `None`: no
+        /// get no more than fit into it, at least one, as found by scanning a few beams first. The result is,
+        /// to the bit, that of `beam.sub_rays: {adaptive: N}` with N from [`PointCloud::most_rays`]; other sensors take
+        /// what they take. `None`: no
         /// limit.
         ///
         /// [`SubRays::Adaptive`]: crate::SubRays::Adaptive

@@ -94,7 +94,7 @@ impl SensorSpec {
             SubRays::Adaptive => ("adaptive".into(), false),
             SubRays::AdaptiveUpTo(most) => {
                 bounds.within("beam.sub_rays.adaptive", f64::from(most), 1.0, f64::from(SubRays::MOST))?;
-                (format!("up to {most}"), most == 1)
+                (format!("{{adaptive: {most}}}"), most == 1)
             }
         };
         let tof = self.tof.as_ref();

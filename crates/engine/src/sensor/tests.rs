@@ -142,7 +142,7 @@ fn errors_name_line_and_key() {
         ("beam: {sub_rays: 0}", "line 8: beam.sub_rays: is 0; allowed: 1 to 1024"),
         (
             "beam: {sub_rays: some}",
-            "line 8: beam.sub_rays: invalid value: string \"some\", expected a whole number from 1 to 1024 or `adaptive`",
+            "line 8: beam.sub_rays: invalid value: string \"some\", expected a whole number from 1 to 1024, `adaptive` or `{adaptive: N}`",
         ),
         ("beam: {sub_rays: -1}", "line 8: beam.sub_rays: invalid value: integer `-1`, expected a whole number"),
         ("beam: {sub_rays: adaptive}", "line 8: beam.pulse_ns: is 0; allowed: above 0 with beam.sub_rays above 1"),

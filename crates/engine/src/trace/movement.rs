@@ -93,6 +93,12 @@ impl Tables {
         mover.point((surface.number, &self.surfaces.parts[surface.part as usize]), triangle, uv, time)
     }
 
+    /// Whether a surface, a row, has the same triangles at all times, if perhaps at other places.
+    pub(crate) fn keeps_triangles(&self, surface: u32) -> bool {
+        let row = &self.surfaces.rows[surface as usize];
+        self.mover(row.object).is_none_or(Mover::keeps_triangles)
+    }
+
     /// The corners of a `triangle` of a surface, a row, at `time`, 0 to 1, in Embree's frame.
     pub(crate) fn corners(&self, surface: u32, triangle: u32, time: f32) -> [Vec3; 3] {
         let row = &self.surfaces.rows[surface as usize];

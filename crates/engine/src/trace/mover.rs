@@ -105,6 +105,11 @@ impl Mover {
         world_from_object.matrix3 * turned.unwrap_or(DMat3::IDENTITY)
     }
 
+    /// Whether it has the same triangles at all times.
+    pub(super) fn keeps_triangles(&self) -> bool {
+        !matches!(self.body, MoverMesh::Changing(_))
+    }
+
     /// A point of a part at `time` and the weights `uv` of the second and third corner of a `triangle`, and its
     /// velocity, m per length of the time span, both in its object's frame; `as_modelled` is the part with this
     /// `number` while nothing changes it.

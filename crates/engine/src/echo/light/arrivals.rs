@@ -144,8 +144,8 @@ impl Arrivals {
         self.last[lane] != NONE
     }
 
-    /// All that arrives along the beam at `lane`, as its signal, the nearest first. Rays that hit one surface within `width` m of range are merged; with a negative width every
-    /// ray is a piece of its own. `sigma`: standard deviation of the pulse, m.
+    /// All that arrives along the beam at `lane`, as its signal, the nearest first. Rays that hit one surface within
+    /// `width` m of range are merged; with a negative width every ray is a piece of its own. `sigma`: standard deviation of the pulse, m.
     pub(crate) fn receive(
         &mut self,
         rays: &BeamRays,
@@ -265,7 +265,7 @@ impl<'a> AirArrivals<'a> {
     ) -> AirArrivals<'a> {
         let mut end = [0.0; LANES];
         for lane in 0..count {
-            end[lane] = rays.of_beam(lane).map(|(_, met)| met.end()).fold(0.0, f32::max);
+            end[lane] = rays.end(lane);
         }
         AirArrivals { arrivals, rays, efficiency, end }
     }
@@ -282,9 +282,7 @@ impl AirEchoes for AirArrivals<'_> {
 
     fn take(&mut self, lane: usize, echo: AirEcho, cause: Cause) -> bool {
         // Rays that surfaces stop before do not get there.
-        let beyond = self.rays.of_beam(lane).filter(|(_, met)| met.end() > echo.range);
-        let on: u32 = beyond.map(|(_, met)| met.points()).sum();
-        let share = on as f32 / self.rays.each as f32;
+        let share = self.rays.part_beyond(lane, echo.range);
         let power = echo.rho_eff * share * self.efficiency[lane] / (echo.range * echo.range);
         if power > 0.0 {
             self.arrivals.add(lane, echo.range, power, Provenance::of_no_surface(cause));

@@ -25,7 +25,7 @@ pub(crate) use images::MirrorImage;
 pub use intensity::IntensityEncoding;
 pub(crate) use intensity::IntensityModel;
 pub(crate) use particles::Cone;
-pub(crate) use patchwork::{Seen, TracedRay};
+pub(crate) use patchwork::{MOST_EXPECTED, Seen, TracedRay};
 pub(crate) use path::{Follower, Meeting, PathEcho, PathEchoes, PathLimits, Surroundings};
 pub(crate) use phasor::{MOST_FREQUENCIES, Modulation, ShotNoise, natural_vignetting, turns};
 pub(crate) use plain::PlainEchoes;

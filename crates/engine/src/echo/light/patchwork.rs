@@ -9,9 +9,12 @@ use super::Waveform;
 use super::signal::BeamSignal;
 use crate::trace::Tables;
 use echocast_kernels::cover::{add_moments, count_off, cover, measure};
-use emitter::{Fan, ROUND};
+use emitter::{ROUND, SubRayFan};
 use glam::Vec3;
 use ground::lanes::MISS;
+
+/// Most triangles that are known before rays are sent.
+pub(crate) const MOST_EXPECTED: usize = 6;
 
 /// Rays of the first round.
 const FIRST: usize = 8;
@@ -33,6 +36,7 @@ pub(crate) struct Patch {
     /// Row of the surface, or [`MISS`].
     pub surface: u32,
     triangle: u32,
+    is_solid: bool,
     /// Its plane: unit normal, and distance from the origin along it, m.
     normal: Vec3,
     offset: f32,
@@ -55,7 +59,7 @@ pub(crate) struct Patch {
 pub(crate) struct Seen {
     pub surface: u32,
     pub triangle: u32,
-    /// Whether other rays that meet the triangle would be stopped by it, and light does not continue from there.
+    /// Whether every ray that meets the triangle is stopped by it.
     pub is_solid: bool,
 }
 
@@ -78,13 +82,15 @@ pub(crate) struct TracedRay {
 pub(crate) struct Patchwork {
     pub patches: Vec<Patch>,
     /// Range of each point, m: of what it is on, or of the nearest known triangle there; infinite where nothing is hit.
-    range: [f32; Fan::MOST],
+    range: [f32; SubRayFan::MOST],
     all: u64,
     /// Those on no known triangle.
     open: u64,
     /// Those that were traced, and those of them that were on no known triangle before.
     traced: u64,
     fair: u64,
+    /// Range beyond which nothing is traced, m.
+    farthest: f32,
 }
 
 /// The light of a footprint over range.
@@ -101,7 +107,9 @@ pub(crate) struct Light {
 
 impl Default for Patchwork {
     fn default() -> Self {
-        Patchwork { patches: Vec::new(), range: [0.0; Fan::MOST], all: 0, open: 0, traced: 0, fair: 0 }
+        // One for each ray, and for what is known before: no beam needs more.
+        let patches = Vec::with_capacity(SubRayFan::MOST + MOST_EXPECTED);
+        Patchwork { patches, range: [0.0; SubRayFan::MOST], all: 0, open: 0, traced: 0, fair: 0, farthest: 0.0 }
     }
 }
 
@@ -115,10 +123,11 @@ fn points(mut bits: u64) -> impl Iterator<Item = usize> {
 }
 
 impl Patch {
-    fn new(Seen { surface, triangle, .. }: Seen, normal: Vec3, offset: f32) -> Patch {
+    fn new(Seen { surface, triangle, is_solid }: Seen, normal: Vec3, offset: f32) -> Patch {
         Patch {
             surface,
             triangle,
+            is_solid,
             normal,
             offset,
             ray: None,
@@ -167,23 +176,25 @@ impl Patch {
 }
 
 impl Patchwork {
-    /// Starts with a footprint of `count` points of which nothing is known.
-    pub fn start(&mut self, count: usize) {
+    /// Starts with a footprint of `count` points of which nothing is known; nothing beyond the range `farthest`, m, is
+    /// traced.
+    pub fn start(&mut self, count: usize, farthest: f32) {
         self.patches.clear();
-        self.range = [f32::INFINITY; Fan::MOST];
+        (self.range, self.farthest) = ([farthest; SubRayFan::MOST], farthest);
         self.all = u64::MAX >> (u64::BITS as usize - count);
         (self.open, self.traced, self.fair) = (self.all, 0, 0);
     }
 
     /// Adds a triangle that may be in the footprint.
-    pub fn know(&mut self, scene: &Tables, seen: Seen, fan: &Fan, time: f32) {
-        if seen.is_solid && !self.patches.iter().any(|patch| patch.is(seen)) {
+    pub fn know(&mut self, scene: &Tables, seen: Seen, fan: &SubRayFan, time: f32) {
+        let is_known = self.patches.iter().any(|patch| patch.is(seen));
+        if seen.is_solid && !is_known && scene.keeps_triangles(seen.surface) {
             self.add(scene, seen, fan, time);
         }
     }
 
     /// Adds a patch and finds the points that fall on its triangle; returns its number.
-    fn add(&mut self, scene: &Tables, seen: Seen, fan: &Fan, time: f32) -> usize {
+    fn add(&mut self, scene: &Tables, seen: Seen, fan: &SubRayFan, time: f32) -> usize {
         let corners = scene.corners(seen.surface, seen.triangle, time);
         let [a, b, c] = corners;
         let normal = (b - a).cross(c - a).normalize_or_zero();
@@ -198,7 +209,7 @@ impl Patchwork {
 
     /// Adds the ray of `point`. Returns the number of its patch and whether it shows anything new: a surface, or a plane
     /// more than `off` m off those that were known.
-    pub fn take(&mut self, scene: &Tables, point: usize, traced: &TracedRay, fan: &Fan, off: f32) -> (u32, bool) {
+    pub fn take(&mut self, scene: &Tables, point: usize, traced: &TracedRay, fan: &SubRayFan, off: f32) -> (u32, bool) {
         let (bit, seen) = (1 << point, traced.seen);
         let known = self.patches.iter().position(|patch| patch.is(seen));
         let is_new = known.is_none() && !self.patches.iter().any(|patch| patch.holds(traced, off));
@@ -277,9 +288,14 @@ impl Patchwork {
 
     /// Decides what the points are on that are on no known triangle, and measures the patches. `near`: for each point
     /// all points, the nearest first.
-    pub fn settle(&mut self, fan: &Fan, near: &[Vec<u8>]) {
+    pub fn settle(&mut self, fan: &SubRayFan, near: &[Vec<u8>]) {
         for patch in self.patches.iter_mut().filter(|patch| patch.ray.is_none()) {
             self.open |= std::mem::take(&mut patch.on);
+        }
+        // What has holes may be in front of any triangle: all points are like those that were traced.
+        if self.patches.iter().any(|patch| patch.ray.is_some() && !patch.is_solid && patch.surface != MISS) {
+            (self.open, self.fair) = (self.all & !self.traced, self.traced);
+            self.patches.iter_mut().for_each(|patch| patch.on &= self.traced);
         }
         points(self.open).for_each(|point| self.guess(point, fan, &near[point]));
         let [origin, direction] = [fan.origin.each_ref(), fan.direction.each_ref()];
@@ -293,8 +309,9 @@ impl Patchwork {
     }
 
     /// Decides what `point` is on, from those `near` it.
-    fn guess(&mut self, point: usize, fan: &Fan, near: &[u8]) {
+    fn guess(&mut self, point: usize, fan: &SubRayFan, near: &[u8]) {
         let find = |bits: u64| near.iter().copied().find(|&other| bits & 1 << other != 0);
+        self.range[point] = f32::INFINITY;
         let Some(other) = find(self.fair).or_else(|| find(self.traced)).map(usize::from) else { return };
         let Some(patch) = self.patches.iter_mut().find(|patch| patch.on & 1 << other != 0) else { return };
         let [origin, direction] =
@@ -302,8 +319,11 @@ impl Patchwork {
         let there = self.range[other];
         // On the same plane, unless it is seen too obliquely to be continued.
         let along = (patch.offset - patch.normal.dot(origin)) / patch.normal.dot(direction);
-        self.range[point] = if along > 0.5 * there && along < 2.0 * there { along } else { there };
-        patch.on |= 1 << point;
+        let range = if along > 0.5 * there && along < 2.0 * there { along } else { there };
+        if patch.surface == MISS || range < self.farthest {
+            self.range[point] = range;
+            patch.on |= 1 << point;
+        }
     }
 
     /// The patches that return light.
@@ -349,11 +369,21 @@ impl Patchwork {
     }
 
     /// The part of the patch `number` that is more than `off` m off the plane through `place` with a unit `normal`.
-    pub fn part_off(&self, number: u32, fan: &Fan, (place, normal): (Vec3, Vec3), off: f32) -> f32 {
+    pub fn part_off(&self, number: u32, fan: &SubRayFan, (place, normal): (Vec3, Vec3), off: f32) -> f32 {
         let patch = &self.patches[number as usize];
         let [origin, direction] = [fan.origin.each_ref(), fan.direction.each_ref()];
         let plane = [place.to_array(), normal.to_array()];
         count_off(patch.on, &self.range, origin, direction, plane, off) as f32 / patch.points() as f32
+    }
+
+    /// Range of the farthest place that its points get to, m.
+    pub fn end(&self) -> f32 {
+        points(self.all).map(|point| self.range[point]).fold(0.0, f32::max)
+    }
+
+    /// How many of its points get beyond `range` m.
+    pub fn points_beyond(&self, range: f32) -> u32 {
+        points(self.all).filter(|&point| self.range[point] > range).count() as u32
     }
 
     /// Whether all of it is on one plane of one surface that returns light, to within `off` m.
@@ -386,14 +416,14 @@ mod tests {
 
     fn patchwork(traced: u64, patches: Vec<Patch>) -> Patchwork {
         let known = patches.iter().fold(0, |known, patch| known | patch.on);
-        Patchwork { patches, all: u64::MAX, open: !known, traced, ..Patchwork::default() }
+        Patchwork { patches, all: u64::MAX, open: !known, traced, farthest: 100.0, ..Patchwork::default() }
     }
 
     /// First one point of every triangle that may be there, then points on none, then all others.
     #[test]
     fn what_is_unknown_is_looked_at_first() {
         let mut beam = Patchwork::default();
-        beam.start(64);
+        beam.start(64, 100.0);
         assert_eq!(beam.choose(64).collect::<Vec<_>>(), (0..FIRST).collect::<Vec<_>>());
         assert_eq!(beam.choose(3).collect::<Vec<_>>(), [0, 1, 2]);
         let (seen, unseen) = (patch(1, 0xff00_00ff, 8, [9.0, 1.0]), patch(2, 0xf000 | 1 << 60, 0, [9.0, 0.0]));
@@ -429,7 +459,7 @@ mod tests {
         let (near, far) = (patch(1, 0xffff, 2, [10.0, 0.2]), patch(2, !0xffff, 4, [10.2, 0.8]));
         let mut beam = patchwork(u64::MAX, vec![near, far]);
         beam.range = std::array::from_fn(|point| if point < 16 { 10.0 } else { 10.2 } + 1e-3 * (point % 8) as f32);
-        beam.settle(&Fan::default(), &[]);
+        beam.settle(&SubRayFan::default(), &[]);
         let points: Vec<[f64; 2]> =
             (0..64).map(|point| [f64::from(beam.range[point]), if point < 16 { 0.1 } else { 0.2 }]).collect();
         let power = points.iter().map(|[_, power]| power).sum::<f64>();

@@ -64,17 +64,22 @@ impl<'a> Met<'a> {
         self.batch.cos_incidence[self.lane]
     }
 
-    /// Range of the first surface, m.
-    pub fn end(&self) -> f32 {
+    /// Range at which it ends, m.
+    fn end(&self) -> f32 {
         if self.surface() == MISS { f32::INFINITY } else { self.range() }
     }
 
-    /// Of how many rays, or points of the footprint, it stands.
+    /// Least and greatest range, m.
+    pub fn ends(&self) -> [f32; 2] {
+        self.patch.map_or([self.range(); 2], |patch| patch.ends)
+    }
+
+    /// How many rays, or points of the footprint, it stands for.
     pub fn points(&self) -> u32 {
         self.patch.map_or(1, Patch::points)
     }
 
-    /// The place where it was hit, if it stands for a patch.
+    /// The middle of its points, if it stands for a patch.
     pub fn place(&self) -> Option<Vec3> {
         self.patch.map(|patch| patch.place)
     }
@@ -87,13 +92,14 @@ impl BeamRays {
         self.make_room(each);
     }
 
-    /// Starts patchworks of `count` beams, of `each` points.
-    pub fn patch_up(&mut self, each: usize, count: usize) {
+    /// Starts patchworks of beams of `each` points, one beam for each of the ranges `farthest`, m, beyond which nothing is
+    /// traced.
+    pub fn patch_up(&mut self, each: usize, farthest: &[f32]) {
         (self.each, self.is_patched) = (each, true);
-        if self.patchworks.len() < count {
-            self.patchworks.resize_with(count, Patchwork::default);
+        if self.patchworks.len() < farthest.len() {
+            self.patchworks.resize_with(farthest.len(), Patchwork::default);
         }
-        self.patchworks[..count].iter_mut().for_each(|patchwork| patchwork.start(each));
+        self.patchworks.iter_mut().zip(farthest).for_each(|(patchwork, &farthest)| patchwork.start(each, farthest));
     }
 
     /// Makes room for as many batches.
@@ -112,6 +118,24 @@ impl BeamRays {
         let patch = self.patchworks[lane].patches.get(index as usize)?;
         let (batch, lane) = patch.ray?;
         Some(Met { batch: &self.batches[batch as usize], lane: lane as usize, patch: Some(patch) })
+    }
+
+    /// Range of the farthest place that a ray of the beam at `lane` gets to, m.
+    pub fn end(&self, lane: usize) -> f32 {
+        if self.is_patched {
+            return self.patchworks[lane].end();
+        }
+        self.of_beam(lane).map(|(_, met)| met.end()).fold(0.0, f32::max)
+    }
+
+    /// The part of the rays of the beam at `lane` that get beyond `range` m.
+    pub fn part_beyond(&self, lane: usize, range: f32) -> f32 {
+        let on = if self.is_patched {
+            self.patchworks[lane].points_beyond(range)
+        } else {
+            self.of_beam(lane).filter(|(_, met)| met.end() > range).count() as u32
+        };
+        on as f32 / self.each as f32
     }
 
     /// Whether the beam at `lane` is a patchwork of several planes, more than `off` m apart, or surfaces.

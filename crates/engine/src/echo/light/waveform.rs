@@ -181,7 +181,8 @@ impl Waveform {
             }
             // Where the Gaussian through the three is highest.
             let [left, here, right] = [left, here, right].map(|value| value.max(f32::MIN_POSITIVE).ln());
-            let top = 0.5 * (left - right) / (left - 2.0 * here + right);
+            let bend = left - 2.0 * here + right;
+            let top = if bend < 0.0 { 0.5 * (left - right) / bend } else { 0.0 };
             let peak = self.refine(start + (bin as f32 + top.clamp(-0.5, 0.5)) * step);
             // Two bins of a flat top lead to the same maximum.
             if peaks.last().is_none_or(|last| peak.range - last.range > 0.01 * self.sigma) {

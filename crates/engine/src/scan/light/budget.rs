@@ -9,13 +9,13 @@ use ground::parallel;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// Rays of a beam whose cost is measured. The first step is the highest: from two rays on, it is looked for beams that
-/// cover more than one surface.
+/// Numbers of rays per beam that may be timed, by bisection. Cost rises most from one to two: only then are beams that
+/// cover more than one surface searched for.
 const STEPS: [u32; 7] = [1, 2, 4, 8, 16, 32, 64];
 
-/// Of this many blocks one is scanned to measure, but at least [`LEAST_BLOCKS`], if there are as many.
-const SAMPLED: usize = 32;
-const LEAST_BLOCKS: usize = 16;
+/// Of so many blocks one is scanned to measure: of more where that leaves at least [`BLOCKS`] of them.
+const SAMPLED: [usize; 2] = [16, 32];
+const BLOCKS: usize = 16;
 
 /// Part of the time that is planned with: what is measured is a sample, and machines do other things, too.
 const PLANNED: f64 = 0.85;
@@ -29,22 +29,26 @@ impl ScanPlan<'_> {
             return Ok(());
         }
         let unlimited = self.signals;
-        // Rays and the time that the whole scan takes with them, s.
-        let mut known = (1, 0.0);
-        let mut found = most;
-        for step in STEPS.into_iter().filter(|&step| step < most).chain([most]) {
+        let steps = STEPS.map(|step| step.min(most));
+        // Rays and the time that the whole scan takes with them, s: the most that fit, and the fewest that do not.
+        let (mut fits, mut fails) = ((1, 0.0), None);
+        let [mut low, mut high] = [0, 1 + STEPS.iter().take_while(|&&step| step < most).count()];
+        while low < high {
+            let middle = (low + high) / 2;
             self.signals = unlimited;
-            self.limit(step);
-            let needed = self.estimate(columns)?;
-            let left = PLANNED * budget - start.elapsed().as_secs_f64();
-            if needed > left {
-                let (fewer, time) = known;
-                let part = ((left - time) / (needed - time)).max(0.0);
-                found = fewer + (f64::from(step - fewer) * part) as u32;
-                break;
+            self.limit(steps[middle]);
+            let measured = (steps[middle], self.estimate(columns)?);
+            if measured.1 <= PLANNED * budget - start.elapsed().as_secs_f64() {
+                (fits, low) = (measured, middle + 1);
+            } else {
+                (fails, high) = (Some(measured), middle);
             }
-            known = (step, needed);
         }
+        let found = fails.map_or(fits.0, |(more, longer)| {
+            let left = PLANNED * budget - start.elapsed().as_secs_f64();
+            let part = ((left - fits.1) / (longer - fits.1)).clamp(0.0, 1.0);
+            (fits.0 + (f64::from(more - fits.0) * part) as u32).min(most)
+        });
         self.signals = unlimited;
         self.limit(found);
         self.rays.store(0, Ordering::Relaxed);
@@ -55,7 +59,7 @@ impl ScanPlan<'_> {
     fn estimate(&self, columns: &mut Columns) -> Result<f64> {
         let beams = self.aim.beams.len();
         let blocks = beams.div_ceil(LANES);
-        let step = (blocks / LEAST_BLOCKS).clamp(1, SAMPLED);
+        let step = (blocks / BLOCKS).clamp(SAMPLED[0], SAMPLED[1]).min(blocks);
         let most = LANES * self.most_returns();
         // In the middle of their strides.
         let firsts = (step / 2..blocks).step_by(step).map(|block| block * LANES);

@@ -112,18 +112,23 @@ impl ScanPlan<'_> {
     fn write_rays(&self, text: &mut String, signals: &Signals, gatherer: &Gatherer) -> fmt::Result {
         match &signals.footprint {
             None => writeln!(text, "ray: one, along the beam")?,
+            Some(footprint) if gatherer.rays.is_patched => {
+                let sent = gatherer.rays.patchworks[0].traced();
+                writeln!(text, "rays: {sent}, which show what {} points of the footprint hit", footprint.count())?;
+            }
             Some(footprint) => writeln!(text, "rays: {} over the footprint", footprint.count())?,
         }
-        // Surface, number of rays, their ranges, their power, and the index of the first.
+        // Surface, number of rays or points, their ranges, their power, and the index of the first.
         let mut met: Vec<(u32, usize, [f32; 2], f32, u32)> = Vec::new();
         for (index, ray) in gatherer.rays.of_beam(0) {
-            let (surface, range, power) = (ray.surface(), ray.range(), ray.power());
+            let (surface, power, points) = (ray.surface(), ray.power(), ray.points() as usize);
+            let [near, far] = ray.ends();
             match met.iter_mut().find(|(known, ..)| *known == surface) {
                 Some((_, count, [low, high], sum, _)) => {
-                    (*low, *high) = (low.min(range), high.max(range));
-                    (*count, *sum) = (*count + 1, *sum + power);
+                    (*low, *high) = (low.min(near), high.max(far));
+                    (*count, *sum) = (*count + points, *sum + power);
                 }
-                None => met.push((surface, 1, [range, range], power, index)),
+                None => met.push((surface, points, [near, far], power, index)),
             }
         }
         for &(surface, count, [low, high], power, first) in met.iter().take(MOST) {
@@ -254,7 +259,7 @@ impl ScanPlan<'_> {
         }
         let chosen = gatherer.found.chosen.clone();
         let seen = gatherer.found.peaks.clone();
-        let all = if self.receiver.camera().is_some() { seen.clone() } else { gatherer.all_peaks(0) };
+        let all = if self.receiver.camera().is_some() { seen.clone() } else { gatherer.all_peaks(self, 0) };
         if all.is_empty() {
             writeln!(text, "  none")?;
         }

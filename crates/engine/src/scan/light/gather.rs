@@ -255,30 +255,34 @@ impl Gatherer {
     /// Detects the echoes of the beam at `lane`: `found.peaks` has them, `found.chosen` the indices of those that are
     /// reported.
     pub fn form(&mut self, scan: &ScanPlan, lane: usize, beam: usize) {
-        let Gatherer { signals, plain, rays, arrivals, found, alarms, .. } = self;
+        let plain = self.plain_peak(scan, lane);
+        let Gatherer { signals, rays, arrivals, found, alarms, .. } = self;
         let (is_camera, alarms) = (scan.receiver.camera().is_some(), of_lane(alarms, lane));
-        let is_plain = !is_camera && !arrivals.has_others(lane) && alarms.is_empty();
-        let mut received = ReceivedBeam { beam: beam as u32, plain: None, straight: f32::INFINITY, alarms };
+        let mut received = ReceivedBeam { beam: beam as u32, plain, straight: f32::INFINITY, alarms };
         found.received.clear();
-        received.plain = plain.of(lane).filter(|_| is_plain);
         if received.plain.is_none() || rays.is_mixed(lane, OFF_SURFACE * found.waveform.sigma()) {
             // What a pixel sees is not merged.
             let sigma = found.waveform.sigma();
             let width = if is_camera { -1.0 } else { BUNDLE * sigma };
             arrivals.receive(rays, lane, [width, sigma], &mut found.received);
-            let direct = rays.of_beam(lane).filter(|(_, met)| met.power() > 0.0).map(|(_, met)| met.range());
+            let direct = rays.of_beam(lane).filter(|(_, met)| met.power() > 0.0).map(|(_, met)| met.ends()[0]);
             received.straight = direct.fold(f32::INFINITY, f32::min);
         }
         scan.receiver.detect(&received, &signals.rule, found);
     }
 
+    /// The echo of the beam at `lane` if it can have no other.
+    fn plain_peak(&self, scan: &ScanPlan, lane: usize) -> Option<Peak> {
+        let is_alone = !self.arrivals.has_others(lane) && of_lane(&self.alarms, lane).is_empty();
+        self.plain.of(lane).filter(|_| is_alone && scan.receiver.camera().is_none())
+    }
+
     /// All echoes of the beam at `lane`, after it was formed, detected or not.
-    pub fn all_peaks(&mut self, lane: usize) -> Vec<Peak> {
+    pub fn all_peaks(&mut self, scan: &ScanPlan, lane: usize) -> Vec<Peak> {
         let mut peaks = Vec::new();
-        if self.found.received.is_empty() {
-            peaks.extend(self.plain.of(lane));
-        } else {
-            self.found.waveform.peaks(&self.found.received, &mut peaks);
+        match self.plain_peak(scan, lane) {
+            Some(peak) => peaks.push(peak),
+            None => self.found.waveform.peaks(&self.found.received, &mut peaks),
         }
         peaks.extend(of_lane(&self.alarms, lane).iter().map(|&(_, peak)| peak));
         peaks

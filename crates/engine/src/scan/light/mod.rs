@@ -1,5 +1,6 @@
 //! A scan of a LiDAR or a depth camera: blocks of beams, side by side on threads.
 
+mod adaptive;
 mod block;
 mod bloom;
 mod budget;
@@ -51,10 +52,11 @@ impl BuiltScene {
             ));
         }
         scan.find_halos(sensor);
-        if let Some(budget) = options.time_budget {
-            scan.keep_to(budget, start, &mut cloud.columns)?;
-        }
-        let scanned = scan.run(cloud, progress);
+        let limited = match options.time_budget {
+            Some(budget) => scan.keep_to(budget, start, &mut cloud.columns),
+            None => Ok(()),
+        };
+        let scanned = limited.and_then(|()| scan.run(cloud, progress));
         if scanned.is_err() {
             *cloud = PointCloud::default();
         }
