@@ -10,9 +10,9 @@ use crate::trace::{Cover, Holes};
 use emitter::{ROUND, SubRayFan};
 use ground::lanes::{LANES, RayBatch, boxed};
 
-/// Least rays of a beam part of whose light continues from a surface: what is behind a mirror or glass is not known to
-/// be the same for all rays that meet it.
-const LEAST_GOING_ON: u32 = 32;
+/// Least rays of a beam that meets a mirror, glass or holes: what is behind is not known to be the same for all rays
+/// that meet it.
+const LEAST_OF_DIVIDED: u32 = 32;
 
 /// Least rays of a beam that has several patches; where only its strongest echo matters, of one that meets several
 /// surfaces.
@@ -45,12 +45,12 @@ impl Gatherer {
                 self.rays.patchworks[lane].know(scene, seen, &rounds.fans[lane], self.beams.time[lane]);
             }
         }
-        let Rounds { active, news, lights_on, kept, .. } = &mut *rounds;
+        let Rounds { active, news, divided, kept, .. } = &mut *rounds;
         active.clear();
         active.extend((0..count).map(|lane| lane as u8));
         news.resize(LANES, false);
-        lights_on.clear();
-        lights_on.resize(LANES, false);
+        divided.clear();
+        divided.resize(LANES, false);
         *kept = 0;
         let mut batch = 0;
         while !rounds.active.is_empty() {
@@ -66,7 +66,7 @@ impl Gatherer {
                 let (patchwork, shows_news) = (&self.rays.patchworks[lane], std::mem::take(&mut rounds.news[lane]));
                 let least = if only_strongest && patchwork.is_one_surface() { 0 } else { LEAST_OF_SEVERAL };
                 let is_unsure = patchwork.traced() < least && patchwork.patches.len() > 1
-                    || patchwork.traced() < LEAST_GOING_ON && rounds.lights_on[lane];
+                    || patchwork.traced() < LEAST_OF_DIVIDED && rounds.divided[lane];
                 let is_left = shows_news && !(only_strongest && patchwork.is_decided(sigma));
                 (is_unsure || is_left) && patchwork.traced() < scan.most_adaptive
             });
@@ -134,8 +134,9 @@ impl Gatherer {
             let fan = &rounds.fans[usize::from(beam)];
             let (patch, is_new) = patchwork.take(scan.world.scene, point, &traced, fan, off);
             rounds.news[usize::from(beam)] |= is_new;
+            let has_holes = scan.world.scene.surfaces.has_holes && hits.veil[lane] <= hits.range[lane];
+            rounds.divided[usize::from(beam)] |= goes_on || has_holes;
             if goes_on {
-                rounds.lights_on[usize::from(beam)] = true;
                 let (store, to) = rounds.keep(rays, hits, &self.surfaces, lane, beam);
                 rounds.going_on[store].patches[to] = patch;
             }

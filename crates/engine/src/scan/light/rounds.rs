@@ -25,8 +25,8 @@ pub(super) struct Rounds {
     pub kept: usize,
     /// Beams whose last round showed something new.
     pub news: Vec<bool>,
-    /// Beams part of whose light continues from a surface.
-    pub lights_on: Vec<bool>,
+    /// Beams for which rays that meet the same surface may differ: light continues from it, or it has holes.
+    pub divided: Vec<bool>,
 }
 
 /// Rays from whose surfaces light continues.
