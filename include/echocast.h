@@ -58,7 +58,7 @@
 #define ECHOCAST_SCENE_INFO_INIT { sizeof(echocast_scene_info), 0, 0, { 0, 0, 0 }, { 0, 0, 0 }, 0 }
 #define ECHOCAST_SENSOR_INFO_INIT { sizeof(echocast_sensor_info), 0, 0, 0, 0, 0, { 0, 0 }, { 0, 0 }, 0, 0 }
 #define ECHOCAST_SCAN_DESC_INIT                                                                                        \
-    { sizeof(echocast_scan_desc), 0, 0, 0, 0, 0, 0, 0xffffffffu, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
+    { sizeof(echocast_scan_desc), 0, 0, 0, 0, 0, 0, 0xffffffffu, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
 #define ECHOCAST_RESULT_INFO_INIT                                                                                      \
     { sizeof(echocast_result_info), 0, 0, 0, 0, 0, { 0, 0, 0 }, ECHOCAST_POSE_IDENTITY, 0, 0 }
 #define ECHOCAST_DRIVER_INFO_INIT { sizeof(echocast_driver_info), 0, 0, 0, { { 0, 0, 0 } } }

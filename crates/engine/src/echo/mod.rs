@@ -6,7 +6,7 @@ pub mod sound;
 pub(crate) use light::{
     Air, AirArrivals, AirEcho, AirEchoes, Arrivals, Batch, BeamRays, BeamSignal, Cone, Contribution, Follower, Glint,
     IntensityModel, LIGHT_ROUNDING, MOST_EXPECTED, MOST_FREQUENCIES, Meeting, MirrorImage, Modulation, OFF_SURFACE,
-    Origin, ParticleOrder, PathArrivals, PathEcho, PathEchoes, PathLimits, Peak, PlainEchoes, Provenance, Pulse,
+    ParticleOrder, PathArrivals, PathEcho, PathEchoes, PathLimits, Peak, PieceOrigin, PlainEchoes, Provenance, Pulse,
     Pulselet, ReceiverOptics, RequestedQuantities, Seen, Share, ShotNoise, Source, Surroundings, TracedRay, Waveform,
     natural_vignetting, strongest_contributor, turns,
 };

@@ -28,15 +28,15 @@ pub(crate) struct StrongestContributor {
 
 /// Where a piece of a signal comes from.
 #[derive(Clone, Copy)]
-pub(crate) struct Origin {
+pub(crate) struct PieceOrigin {
     pub surface: u32,
     pub cause: Cause,
     /// Where it meets its surface, and the normal there, if a ray hits that directly.
     pub plane: Option<(Vec3, Vec3)>,
 }
 
-impl Origin {
-    pub const NOWHERE: Origin = Origin { surface: MEDIUM, cause: Cause::Surface, plane: None };
+impl PieceOrigin {
+    pub const NOWHERE: PieceOrigin = PieceOrigin { surface: MEDIUM, cause: Cause::Surface, plane: None };
 }
 
 /// The strongest contributor to the echo that `pieces` form, each with the light that `light` gives and the origin that
@@ -45,7 +45,7 @@ impl Origin {
 pub(crate) fn strongest_contributor<'a>(
     pieces: impl Iterator<Item = &'a Pulselet> + Clone,
     light: impl Fn(&Pulselet) -> f32,
-    origin: impl Fn(&Pulselet) -> Origin,
+    origin: impl Fn(&Pulselet) -> PieceOrigin,
     part_off: impl Fn(&Pulselet, (Vec3, Vec3), f32) -> f32,
     apart: f32,
     shares: &mut Vec<Share>,
@@ -57,7 +57,7 @@ pub(crate) fn strongest_contributor<'a>(
     shares.clear();
     let mut all = 0.0;
     for piece in pieces.clone() {
-        let (light, Origin { surface, cause, plane }) = (light(piece), origin(piece));
+        let (light, PieceOrigin { surface, cause, plane }) = (light(piece), origin(piece));
         let is_same = |share: &Share| (share.surface, share.cause) == (surface, cause) && !off(share, plane);
         all += light;
         match shares.iter_mut().find(|share| is_same(share)) {

@@ -6,8 +6,8 @@ use super::rounds::{Evidence, Rounds};
 use super::split::{Axes, Splitter};
 use crate::detect::{Detections, ReceivedBeam};
 use crate::echo::{
-    AirArrivals, Arrivals, Batch, BeamRays, Contribution, Follower, Meeting, MirrorImage, OFF_SURFACE, Origin,
-    PathArrivals, Peak, PlainEchoes, Provenance, Pulselet, RequestedQuantities, Source, strongest_contributor,
+    AirArrivals, Arrivals, Batch, BeamRays, Contribution, Follower, Meeting, MirrorImage, OFF_SURFACE, PathArrivals,
+    Peak, PieceOrigin, PlainEchoes, Provenance, Pulselet, RequestedQuantities, Source, strongest_contributor,
 };
 use crate::sensor::Signals;
 use echocast_kernels::light;
@@ -316,9 +316,9 @@ impl Gatherer {
         let scale = if sigma > 0.0 { 1.0 / sigma } else { 0.0 };
         let light = |piece: &Pulselet| received.light_at(piece, peak.range, scale);
         let origin = |piece: &Pulselet| match arrivals.source(piece) {
-            Source::Other(from) => Origin { surface: from.surface, cause: from.cause, plane: None },
+            Source::Other(from) => PieceOrigin { surface: from.surface, cause: from.cause, plane: None },
             Source::Ray(ray) => {
-                let Some(met) = rays.get(ray, lane) else { return Origin::NOWHERE };
+                let Some(met) = rays.get(ray, lane) else { return PieceOrigin::NOWHERE };
                 // Where a ray hits its surface, and the normal of the triangle there; for one ray along the beam it does
                 // not matter.
                 let plane = signals.footprint.as_ref().map(|footprint| {
@@ -326,7 +326,7 @@ impl Gatherer {
                     let crossing = || footprint.crossing(ray as usize, across, beams, lane, piece.range);
                     (place.unwrap_or_else(crossing), met.batch.hits.facet(met.lane))
                 });
-                Origin { surface: met.surface(), cause: Cause::Surface, plane }
+                PieceOrigin { surface: met.surface(), cause: Cause::Surface, plane }
             }
         };
         let apart = receiver.off_surface(sigma);
