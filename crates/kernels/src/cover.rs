@@ -10,13 +10,13 @@ pub const FAN: usize = 64;
 const ROWS: usize = 16;
 
 /// The rays of one beam, axis by axis.
-pub type Rays<'a> = [&'a [f32; FAN]; 3];
+pub type RayAxes<'a> = [&'a [f32; FAN]; 3];
 
 kernels! {
     /// Shortens those rays among the bits of `free` that hit a triangle: where its range is less than that in `range`,
     /// m, this becomes it. Returns the bits of these rays. Rays start at `origin` and have unit directions; corners are
     /// in the same frame. From either side (Moeller and Trumbore 1997, without their test of the side).
-    pub fn cover(corners: [[f32; 3]; 3], origin: Rays, direction: Rays, free: u64, range: &mut [f32; FAN]) -> u64 {
+    pub fn cover(corners: [[f32; 3]; 3], origin: RayAxes, direction: RayAxes, free: u64, range: &mut [f32; FAN]) -> u64 {
         let ([ox, oy, oz], [dx, dy, dz]) = (origin, direction);
         let [a, b, c] = corners;
         let e = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
@@ -47,7 +47,7 @@ kernels! {
 
     /// Of the rays among the bits of `of`, which end at `range`: the sum of their ranges and of the places where they
     /// end, axis by axis, and the least and greatest range.
-    pub fn measure(of: u64, range: &[f32; FAN], origin: Rays, direction: Rays) -> [f32; 6] {
+    pub fn measure(of: u64, range: &[f32; FAN], origin: RayAxes, direction: RayAxes) -> [f32; 6] {
         let ([ox, oy, oz], [dx, dy, dz]) = (origin, direction);
         let (mut one, mut far) = ([0.0; FAN], [0.0; FAN]);
         for ray in 0..FAN {
@@ -73,8 +73,8 @@ kernels! {
     pub fn count_off(
         of: u64,
         range: &[f32; FAN],
-        origin: Rays,
-        direction: Rays,
+        origin: RayAxes,
+        direction: RayAxes,
         plane: [[f32; 3]; 2],
         off: f32,
     ) -> u32 {

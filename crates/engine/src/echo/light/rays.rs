@@ -2,11 +2,15 @@
 
 use super::patchwork::{Patch, Patchwork};
 use crate::trace::HitBatch;
+use emitter::{ROUND, SubRayFan};
 use glam::Vec3;
 use ground::lanes::{LANES, MISS};
 
 /// Distance from a plane that counts as off it, in sigmas of the pulse.
 pub(crate) const OFF_SURFACE: f32 = 0.1;
+
+/// Most batches of the rays of patchworks: all but the last of each of five rounds have at least `LANES - 15` rays.
+const MOST_BATCHES: usize = LANES * SubRayFan::MOST / (LANES - ROUND + 1) + 6;
 
 /// Hits of [`LANES`] rays.
 pub(crate) struct Batch {
@@ -96,9 +100,9 @@ impl BeamRays {
     /// traced.
     pub fn patch_up(&mut self, each: usize, farthest: &[f32]) {
         (self.each, self.is_patched) = (each, true);
-        if self.patchworks.len() < farthest.len() {
-            self.patchworks.resize_with(farthest.len(), Patchwork::default);
-        }
+        // For any block, so that later ones need no memory.
+        self.patchworks.resize_with(LANES, Patchwork::default);
+        self.make_room(MOST_BATCHES);
         self.patchworks.iter_mut().zip(farthest).for_each(|(patchwork, &farthest)| patchwork.start(each, farthest));
     }
 

@@ -1,7 +1,9 @@
 //! The signal that a beam receives, as the pulses that it consists of.
 
+use super::patchwork::MOST_EXPECTED;
 use echocast_kernels::math::exp_negative;
 use echocast_kernels::signal;
+use emitter::SubRayFan;
 
 /// A piece of the signal: the pulses that one source returns.
 #[derive(Clone, Copy, Debug)]
@@ -20,12 +22,24 @@ pub(crate) struct Pulselet {
 }
 
 /// All pieces of a signal.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(crate) struct BeamSignal {
     pub pieces: Vec<Pulselet>,
     /// Ranges, m, and peak powers, 1/m^2, of all pulses, piece after piece.
     ranges: Vec<f32>,
     powers: Vec<f32>,
+}
+
+impl Default for BeamSignal {
+    /// With memory for what rays hit directly, so that it grows only for what else arrives.
+    fn default() -> Self {
+        let [pieces, pulses] = [SubRayFan::MOST + MOST_EXPECTED, 2 * SubRayFan::MOST];
+        BeamSignal {
+            pieces: Vec::with_capacity(pieces),
+            ranges: Vec::with_capacity(pulses),
+            powers: Vec::with_capacity(pulses),
+        }
+    }
 }
 
 impl BeamSignal {

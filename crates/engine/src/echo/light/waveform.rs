@@ -41,10 +41,10 @@ impl Default for Waveform {
         Waveform {
             sigma: 0.0,
             pulse: std::array::from_fn(height),
-            ranges: Vec::new(),
-            powers: Vec::new(),
-            parts: Vec::new(),
-            bins: Vec::new(),
+            ranges: Vec::with_capacity(Self::USUAL),
+            powers: Vec::with_capacity(Self::USUAL),
+            parts: Vec::with_capacity(Self::USUAL),
+            bins: Vec::with_capacity(Self::USUAL),
         }
     }
 }
@@ -55,6 +55,8 @@ impl Waveform {
     /// Bins per sigma: 8 per full width at half maximum are 3.4.
     const BINS_PER_SIGMA: f32 = 3.5;
     const REACH_IN_BINS: usize = (Self::REACH * Self::BINS_PER_SIGMA) as usize;
+    /// Pulses and bins of a signal for which there is memory from the start.
+    const USUAL: usize = 1024;
     /// A signal longer than this, in bins, is cut in two; those of grazing beams are some hundred bins long.
     const MOST_BINS: usize = 1 << 14;
     /// Greatest span of the pulses of one piece of a signal, in sigmas.

@@ -14,7 +14,7 @@ use ground::lanes::{LANES, RayBatch, boxed};
 /// that meet it.
 const LEAST_OF_DIVIDED: u32 = 32;
 
-/// Least rays of a beam that has several patches; where only its strongest echo matters, of one that meets several
+/// Least rays of a beam that can have several echoes; where only the strongest matters, of one that meets several
 /// surfaces.
 const LEAST_OF_SEVERAL: u32 = 16;
 
@@ -33,9 +33,7 @@ impl Gatherer {
         let sigma = self.found.waveform.sigma();
         let off = scan.receiver.off_surface(sigma);
         self.rays.patch_up(each, &self.beams.range_max[..count]);
-        if rounds.fans.len() < count {
-            rounds.fans.resize_with(count, SubRayFan::default);
-        }
+        rounds.fans.resize_with(LANES, SubRayFan::default);
         let scene = scan.world.scene;
         let only_strongest = signals.rule.mode == ReturnMode::Strongest && scan.receiver.camera().is_none();
         for (lane, evidence) in evidence.iter().enumerate() {
@@ -64,9 +62,9 @@ impl Gatherer {
             active.retain(|&lane| {
                 let lane = usize::from(lane);
                 let (patchwork, shows_news) = (&self.rays.patchworks[lane], std::mem::take(&mut rounds.news[lane]));
-                let least = if only_strongest && patchwork.is_one_surface() { 0 } else { LEAST_OF_SEVERAL };
-                let is_unsure = patchwork.traced() < least && patchwork.patches.len() > 1
-                    || patchwork.traced() < LEAST_OF_DIVIDED && rounds.divided[lane];
+                let several = !(only_strongest && patchwork.is_one_surface());
+                let is_unsure = several && patchwork.traced() < LEAST_OF_SEVERAL
+                    || rounds.divided[lane] && patchwork.traced() < LEAST_OF_DIVIDED;
                 let is_left = shows_news && !(only_strongest && patchwork.is_decided(sigma));
                 (is_unsure || is_left) && patchwork.traced() < scan.most_adaptive
             });
@@ -113,7 +111,6 @@ impl Gatherer {
                 count += 1;
             }
         }
-        self.rays.make_room(batch + 1);
         // Rays of one beam are coherent, whatever the scan pattern.
         self.meet(scan, (rays, true), batch, count, &parts);
         for lane in 0..count {

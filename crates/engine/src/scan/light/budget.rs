@@ -28,7 +28,7 @@ impl ScanPlan<'_> {
         if most == 1 || self.signals.is_none_or(|signals| signals.adaptive.is_none()) {
             return Ok(());
         }
-        let unlimited = self.signals;
+        let (unlimited, traced) = (self.signals, self.rays.load(Ordering::Relaxed));
         let steps = STEPS.map(|step| step.min(most));
         // Rays and the time that the whole scan takes with them, s: the most that fit, and the fewest that do not.
         let (mut fits, mut fails) = ((1, 0.0), None);
@@ -51,7 +51,7 @@ impl ScanPlan<'_> {
         });
         self.signals = unlimited;
         self.limit(found);
-        self.rays.store(0, Ordering::Relaxed);
+        self.rays.store(traced, Ordering::Relaxed);
         Ok(())
     }
 
