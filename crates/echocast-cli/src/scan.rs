@@ -469,7 +469,7 @@ fn repeatable(
         (None, place) => place,
     };
     let mut spec = take.sensor.spec().clone();
-    if let Some(most) = most_rays.filter(|_| is_adaptive(&take.sensor)) {
+    if let Some(most) = most_rays.filter(|_| is_adaptive(take.sensor)) {
         spec.beam.sub_rays = SubRays::AdaptiveUpTo(most);
     }
     let spec = serde_json::to_value(spec).context("the sensor cannot be reported")?;
