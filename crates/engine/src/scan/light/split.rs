@@ -295,8 +295,13 @@ impl Splitter {
             if scan.world.paths.is_some() && (scan.goes_on(surface) || hit && scan.goes_on(hits.surface[lane])) {
                 return true;
             }
-            if !hit || MOST * light < least || light <= 0.0 {
-                return hit && light > SHARE * power[lane] && self.share(axes, around, [lane, other], sigma);
+            let is_detectable = light > 0.0 && MOST * light >= least;
+            // The rim of something before nothing, as leaves before the sky.
+            if !hit {
+                return is_detectable;
+            }
+            if !is_detectable {
+                return light > SHARE * power[lane] && self.share(axes, around, [lane, other], sigma);
             }
             if scan.receiver.camera().is_some() || power[lane] < least {
                 return true;
