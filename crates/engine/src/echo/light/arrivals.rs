@@ -102,7 +102,7 @@ struct Bundle {
 
 /// Where a piece of a signal comes from.
 #[derive(Clone, Copy)]
-pub(crate) enum Source<'a> {
+pub(crate) enum PieceSource<'a> {
     /// What this ray of the beam hits.
     Ray(u32),
     Other(&'a Provenance),
@@ -197,10 +197,10 @@ impl Arrivals {
     }
 
     /// Where a piece of a signal comes from.
-    pub(crate) fn source(&self, piece: &Pulselet) -> Source<'_> {
+    pub(crate) fn source(&self, piece: &Pulselet) -> PieceSource<'_> {
         match piece.source & DIRECT {
-            0 => Source::Other(&self.provenance[piece.source as usize]),
-            _ => Source::Ray(piece.source & !DIRECT),
+            0 => PieceSource::Other(&self.provenance[piece.source as usize]),
+            _ => PieceSource::Ray(piece.source & !DIRECT),
         }
     }
 }

@@ -18,14 +18,14 @@ mod strongest;
 mod waveform;
 mod weather;
 
-pub(crate) use arrivals::{AirArrivals, Arrivals, PathArrivals, Provenance, Source};
+pub(crate) use arrivals::{AirArrivals, Arrivals, PathArrivals, PieceSource, Provenance};
 pub(crate) use contribution::{Contribution, RequestedQuantities};
 pub(crate) use glint::Glint;
 pub(crate) use images::MirrorImage;
 pub use intensity::IntensityEncoding;
 pub(crate) use intensity::IntensityModel;
 pub(crate) use particles::Cone;
-pub(crate) use patchwork::{MOST_EXPECTED, Seen, TracedRay};
+pub(crate) use patchwork::{HitTriangle, MOST_EXPECTED, TracedRay};
 pub(crate) use path::{Follower, Meeting, PathEcho, PathEchoes, PathLimits, Surroundings};
 pub(crate) use phasor::{MOST_FREQUENCIES, Modulation, ShotNoise, natural_vignetting, turns};
 pub(crate) use plain::PlainEchoes;

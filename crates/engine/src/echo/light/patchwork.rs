@@ -56,7 +56,7 @@ pub(crate) struct Patch {
 
 /// What a ray hits.
 #[derive(Clone, Copy)]
-pub(crate) struct Seen {
+pub(crate) struct HitTriangle {
     pub surface: u32,
     pub triangle: u32,
     /// Whether every ray that meets the triangle is stopped by it.
@@ -65,7 +65,7 @@ pub(crate) struct Seen {
 
 /// One ray of a beam, traced.
 pub(crate) struct TracedRay {
-    pub seen: Seen,
+    pub seen: HitTriangle,
     /// Batch and lane.
     pub ray: (u32, u32),
     pub range: f32,
@@ -123,7 +123,7 @@ fn points(mut bits: u64) -> impl Iterator<Item = usize> {
 }
 
 impl Patch {
-    fn new(Seen { surface, triangle, is_solid }: Seen, normal: Vec3, offset: f32) -> Patch {
+    fn new(HitTriangle { surface, triangle, is_solid }: HitTriangle, normal: Vec3, offset: f32) -> Patch {
         Patch {
             surface,
             triangle,
@@ -160,7 +160,7 @@ impl Patch {
         self.points() as f32 / self.rays as f32
     }
 
-    fn is(&self, seen: Seen) -> bool {
+    fn is(&self, seen: HitTriangle) -> bool {
         self.surface == seen.surface && (self.triangle == seen.triangle || seen.surface == MISS)
     }
 
@@ -186,7 +186,7 @@ impl Patchwork {
     }
 
     /// Adds a triangle that may be in the footprint.
-    pub fn know(&mut self, scene: &Tables, seen: Seen, fan: &SubRayFan, time: f32) {
+    pub fn know(&mut self, scene: &Tables, seen: HitTriangle, fan: &SubRayFan, time: f32) {
         let is_known = self.patches.iter().any(|patch| patch.is(seen));
         if seen.is_solid && !is_known && scene.keeps_triangles(seen.surface) {
             self.add(scene, seen, fan, time);
@@ -194,7 +194,7 @@ impl Patchwork {
     }
 
     /// Adds a patch and finds the points that fall on its triangle; returns its number.
-    fn add(&mut self, scene: &Tables, seen: Seen, fan: &SubRayFan, time: f32) -> usize {
+    fn add(&mut self, scene: &Tables, seen: HitTriangle, fan: &SubRayFan, time: f32) -> usize {
         let corners = scene.corners(seen.surface, seen.triangle, time);
         let [a, b, c] = corners;
         let normal = (b - a).cross(c - a).normalize_or_zero();
@@ -409,7 +409,7 @@ mod tests {
 
     /// A patch of some points, seen by `rays` of them.
     fn patch(surface: u32, on: u64, rays: u32, [range, light]: [f32; 2]) -> Patch {
-        let seen = Seen { surface, triangle: 0, is_solid: true };
+        let seen = HitTriangle { surface, triangle: 0, is_solid: true };
         let ray = (rays > 0).then_some((0, 0));
         Patch { on, rays, ray, range: range * rays as f32, light, ..Patch::new(seen, Vec3::X, range) }
     }

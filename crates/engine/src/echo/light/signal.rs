@@ -1,6 +1,5 @@
 //! The signal that a beam receives, as the pulses that it consists of.
 
-use super::patchwork::MOST_EXPECTED;
 use echocast_kernels::math::exp_negative;
 use echocast_kernels::signal;
 use emitter::SubRayFan;
@@ -33,11 +32,11 @@ pub(crate) struct BeamSignal {
 impl Default for BeamSignal {
     /// With memory for what rays hit directly, so that it grows only for what else arrives.
     fn default() -> Self {
-        let [pieces, pulses] = [SubRayFan::MOST + MOST_EXPECTED, 2 * SubRayFan::MOST];
+        let most = 2 * SubRayFan::MOST;
         BeamSignal {
-            pieces: Vec::with_capacity(pieces),
-            ranges: Vec::with_capacity(pulses),
-            powers: Vec::with_capacity(pulses),
+            pieces: Vec::with_capacity(most),
+            ranges: Vec::with_capacity(most),
+            powers: Vec::with_capacity(most),
         }
     }
 }

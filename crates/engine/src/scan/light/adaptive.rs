@@ -4,7 +4,7 @@ use super::gather::Gatherer;
 use super::plan::ScanPlan;
 use super::rounds::{Evidence, GoingOn, Rounds};
 use crate::detect::ReturnMode;
-use crate::echo::{Batch, Follower, PathArrivals, RequestedQuantities, Seen, TracedRay};
+use crate::echo::{Batch, Follower, HitTriangle, PathArrivals, RequestedQuantities, TracedRay};
 use crate::sensor::{Adaptive, Signals};
 use crate::trace::{Cover, Holes};
 use emitter::{ROUND, SubRayFan};
@@ -39,7 +39,7 @@ impl Gatherer {
         for (lane, evidence) in evidence.iter().enumerate() {
             footprint.fan(&self.across, &self.beams, lane, &mut rounds.fans[lane]);
             for &(surface, triangle) in evidence.seen() {
-                let seen = Seen { surface, triangle, is_solid: scan.is_solid(surface) };
+                let seen = HitTriangle { surface, triangle, is_solid: scan.is_solid(surface) };
                 self.rays.patchworks[lane].know(scene, seen, &rounds.fans[lane], self.beams.time[lane]);
             }
         }
@@ -119,7 +119,7 @@ impl Gatherer {
             let (surface, goes_on) =
                 (hits.surface[lane], scan.world.paths.is_some() && scan.goes_on(hits.surface[lane]));
             let traced = TracedRay {
-                seen: Seen { surface, triangle: hits.triangle[lane], is_solid: scan.is_solid(surface) },
+                seen: HitTriangle { surface, triangle: hits.triangle[lane], is_solid: scan.is_solid(surface) },
                 ray: (batch as u32, lane as u32),
                 range: hits.range[lane],
                 time: rays.time[lane],

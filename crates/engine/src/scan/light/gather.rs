@@ -7,7 +7,7 @@ use super::split::{Axes, Splitter};
 use crate::detect::{Detections, ReceivedBeam};
 use crate::echo::{
     AirArrivals, Arrivals, Batch, BeamRays, Contribution, Follower, Meeting, MirrorImage, OFF_SURFACE, PathArrivals,
-    Peak, PieceOrigin, PlainEchoes, Provenance, Pulselet, RequestedQuantities, Source, strongest_contributor,
+    Peak, PieceOrigin, PieceSource, PlainEchoes, Provenance, Pulselet, RequestedQuantities, strongest_contributor,
 };
 use crate::sensor::Signals;
 use echocast_kernels::light;
@@ -316,8 +316,8 @@ impl Gatherer {
         let scale = if sigma > 0.0 { 1.0 / sigma } else { 0.0 };
         let light = |piece: &Pulselet| received.light_at(piece, peak.range, scale);
         let origin = |piece: &Pulselet| match arrivals.source(piece) {
-            Source::Other(from) => PieceOrigin { surface: from.surface, cause: from.cause, plane: None },
-            Source::Ray(ray) => {
+            PieceSource::Other(from) => PieceOrigin { surface: from.surface, cause: from.cause, plane: None },
+            PieceSource::Ray(ray) => {
                 let Some(met) = rays.get(ray, lane) else { return PieceOrigin::NOWHERE };
                 // Where a ray hits its surface, and the normal of the triangle there; for one ray along the beam it does
                 // not matter.
@@ -331,7 +331,7 @@ impl Gatherer {
         };
         let apart = receiver.off_surface(sigma);
         let part_off = |piece: &Pulselet, plane: (Vec3, Vec3), off: f32| match arrivals.source(piece) {
-            Source::Ray(ray) if rays.is_patched => {
+            PieceSource::Ray(ray) if rays.is_patched => {
                 let fan = rounds.as_ref().map(|rounds| rounds.fan(lane));
                 fan.map_or(0.0, |fan| rays.patchworks[lane].part_off(ray, fan, plane, off))
             }
@@ -347,8 +347,8 @@ impl Gatherer {
             return found(of_ray(rays.first_of(lane)));
         };
         let provenance = match arrivals.source(&strongest.piece) {
-            Source::Ray(ray) => of_ray(ray),
-            Source::Other(from) => *from,
+            PieceSource::Ray(ray) => of_ray(ray),
+            PieceSource::Other(from) => *from,
         };
         let mixed = strongest.elsewhere > receiver.mixed_part() * strongest.light;
         let Some(camera) = receiver.camera() else { return Found { mixed, ..found(provenance) } };
