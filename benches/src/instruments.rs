@@ -51,7 +51,6 @@ fn replace(name: &str, tables: &str) -> Result<()> {
 fn of_presets() -> Result<String> {
     let mut tables = String::new();
     for (folder, scenes) in TABLES {
-        tables += &format!("\n| preset | {} |\n|---|{}\n", scenes.join(" | "), "---|".repeat(scenes.len()));
         let presets = Sensor::presets().into_iter().filter(|preset| preset.folder == folder);
         let mut rows: Vec<(String, String)> = presets.map(|preset| (preset.name, String::new())).collect();
         for scene in scenes {
@@ -62,9 +61,17 @@ fn of_presets() -> Result<String> {
                 *row += &format!(" {speed} |");
             }
         }
-        tables.extend(rows.iter().map(|(preset, row)| format!("| `{preset}` |{row}\n")));
+        tables += &table(scenes, &rows);
     }
     Ok(tables)
+}
+
+/// A table of speeds, with a row for each preset.
+fn table(heads: &[impl AsRef<str>], rows: &[(impl AsRef<str>, String)]) -> String {
+    let names: Vec<&str> = heads.iter().map(AsRef::as_ref).collect();
+    let mut table = format!("\n| preset | {} |\n|---|{}\n", names.join(" | "), "---|".repeat(names.len()));
+    table.extend(rows.iter().map(|(preset, row)| format!("| `{}` |{row}\n", preset.as_ref())));
+    table
 }
 
 fn of_hosts() -> Result<String> {
@@ -83,9 +90,7 @@ fn of_hosts() -> Result<String> {
             }
         }
     }
-    let mut table = format!("\n| preset | {} |\n|---|{}\n", heads.join(" | "), "---|".repeat(heads.len()));
-    table.extend(rows.iter().map(|(preset, row)| format!("| `{preset}` |{row}\n")));
-    Ok(table)
+    Ok(table(&heads, &rows))
 }
 
 /// Time between two scans of the instrument over the processor time of one here, on one thread.

@@ -8,7 +8,7 @@ use crate::reuse::{Inputs, fill};
 use crate::scene::echocast_snapshot;
 use crate::sensor::echocast_sensor;
 use crate::text;
-use crate::time::seconds;
+use crate::time::{optional_seconds, seconds};
 use echocast::{BoxAxes, BoxTime, BuiltScene, FieldSet, Named, ScanOptions, Sensor, Trajectory};
 use std::ffi::{c_char, c_void};
 use std::ops::ControlFlow;
@@ -334,16 +334,8 @@ unsafe fn scan_options(desc: &echocast_scan_desc, sensor: &Sensor) -> Outcome<Sc
         .start_time(seconds(desc.t0_ns))
         .trajectory_time(0.0)
         .freeze(flag(desc.freeze, "desc->freeze")?)
-        .frame_period(match desc.frame_period_ns {
-            0 => None,
-            1.. => Some(seconds(desc.frame_period_ns)),
-            other => return Err(Failure::argument("desc->frame_period_ns", other, "0 or more")),
-        })
-        .time_budget(match desc.time_budget_ns {
-            0 => None,
-            1.. => Some(seconds(desc.time_budget_ns)),
-            other => return Err(Failure::argument("desc->time_budget_ns", other, "0 or more")),
-        })
+        .frame_period(optional_seconds(desc.frame_period_ns, "desc->frame_period_ns")?)
+        .time_budget(optional_seconds(desc.time_budget_ns, "desc->time_budget_ns")?)
         .organised(flag(desc.organised, "desc->organised")?)
         .coordinates(named(desc.coordinates, "desc->coordinates")?)
         .order(named(desc.order, "desc->order")?)

@@ -62,7 +62,7 @@ pub fn run(args: &BenchArgs) -> Result<()> {
         anyhow::Ok(cloud.rays)
     };
     // The bare loop has as many rays as a scan with one for each beam.
-    let one_ray = if sensor.spec().beam.sub_rays.most_adaptive().is_some_and(|most| most > 1) {
+    let one_ray = if sensor.spec().beam.sub_rays.is_adaptive() {
         let mut one_ray = sensor.clone();
         one_ray.set("beam.sub_rays", "1")?;
         Some(one_ray)

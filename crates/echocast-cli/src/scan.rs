@@ -213,7 +213,7 @@ pub fn run(args: &ScanArgs) -> Result<()> {
         beams: recorded.beams,
         rays: recorded.rays,
         most_rays: recorded.most_rays,
-        limit: Some(1.0 / fps).filter(|_| args.realtime && is_adaptive(&sensor)),
+        limit: Some(1.0 / fps).filter(|_| args.realtime && sensor.spec().beam.sub_rays.is_adaptive()),
         points: recorded.points,
         with_points: args.output.requests_clouds() || !sonar,
         causes: if args.profile == Profile::Physical { recorded.causes } else { Vec::new() },
@@ -236,11 +236,6 @@ pub fn run(args: &ScanArgs) -> Result<()> {
         args.output.print(&report.summary(&format!("{} in {}", shown::text(sensor.name()), args.scene.names())))?;
     }
     Ok(())
-}
-
-/// Whether beams have as many rays as it takes.
-fn is_adaptive(sensor: &Sensor) -> bool {
-    sensor.spec().beam.sub_rays.most_adaptive().is_some_and(|most| most > 1)
 }
 
 /// Where the sensor is while it scans, and when its frames start.
@@ -469,7 +464,7 @@ fn repeatable(
         (None, place) => place,
     };
     let mut spec = take.sensor.spec().clone();
-    if let Some(most) = most_rays.filter(|_| is_adaptive(take.sensor)) {
+    if let Some(most) = most_rays.filter(|_| spec.beam.sub_rays.is_adaptive()) {
         spec.beam.sub_rays = SubRays::AdaptiveUpTo(most);
     }
     let spec = serde_json::to_value(spec).context("the sensor cannot be reported")?;

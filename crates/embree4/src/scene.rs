@@ -90,16 +90,15 @@ impl Scene {
     /// # Errors
     /// [`Error::OtherDevice`]; [`Error::Embree`] when memory runs out.
     pub fn attach_mesh(&mut self, mesh: &Mesh) -> Result<u32, Error> {
-        if !mesh.geometry().device().is(&self.0.device) {
-            return Err(Error::OtherDevice);
-        }
+        self.check_device(mesh.geometry())?;
         // SAFETY: both handles are alive and of one device; the scene takes a reference of its own.
         let id = unsafe { sys::rtcAttachGeometry(self.0.raw, mesh.geometry().raw()) };
         check(Some(&self.0.device), "rtcAttachGeometry")?;
         Ok(id)
     }
 
-    /// Adds an instance with the geometry id `id`, which hits report as `inst_id`. Every id below the greatest costs a slot.
+    /// Adds an instance with the geometry id `id`, which hits report as `inst_id`. Every id below the greatest costs a
+    /// slot.
     ///
     /// # Errors
     /// [`Error::OtherDevice`]; [`Error::Embree`] when memory runs out, or if something has this id already.
@@ -119,10 +118,12 @@ impl Scene {
         self.attach(shape.geometry(), id)
     }
 
+    fn check_device(&self, geometry: &Geometry) -> Result<(), Error> {
+        if geometry.device().is(&self.0.device) { Ok(()) } else { Err(Error::OtherDevice) }
+    }
+
     fn attach(&mut self, geometry: &Geometry, id: u32) -> Result<(), Error> {
-        if !geometry.device().is(&self.0.device) {
-            return Err(Error::OtherDevice);
-        }
+        self.check_device(geometry)?;
         // SAFETY: both handles are alive and of one device; the scene takes a reference of its own.
         unsafe { sys::rtcAttachGeometryByID(self.0.raw, geometry.raw(), id) };
         check(Some(&self.0.device), "rtcAttachGeometryByID")

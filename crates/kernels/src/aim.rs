@@ -36,6 +36,28 @@ pub struct MovingFrame {
     pub into: [[[f32; 3]; 3]; 3],
 }
 
+/// Origin and unit direction of a sub-ray: what [`spread`] says of one lane.
+#[inline(always)]
+fn sub_ray(
+    [cos, sin]: [f32; 2],
+    start: f32,
+    [horizontal, vertical]: [f32; 2],
+    [left, up]: [[f32; 3]; 2],
+    turn: [f32; 2],
+    axis_origin: [f32; 3],
+    axis: [f32; 3],
+) -> [[f32; 3]; 2] {
+    let c = cos * turn[0] - sin * turn[1];
+    let s = sin * turn[0] + cos * turn[1];
+    // Skewed: the position at the exit is a quarter turn from the direction of the angle.
+    let (a, b) = (start * c, start * s);
+    let (u, v) = (-horizontal * s, vertical * c);
+    let [x, y, z] = [0, 1, 2].map(|k| axis[k] + u * left[k] + v * up[k]);
+    // Unit length: without it Embree is a third slower.
+    let scale = 1.0 / (x * x + y * y + z * z).sqrt();
+    [[0, 1, 2].map(|k| axis_origin[k] + a * left[k] + b * up[k]), [x * scale, y * scale, z * scale]]
+}
+
 kernels! {
     /// Transforms rays, origins and directions axis by axis, into a frame, each at its own time.
     pub fn enter(frame: &MovingFrame, times: &[f32], from: [&[f32]; 6], to: [&mut [f32]; 6]) {
@@ -153,25 +175,15 @@ kernels! {
         origin: [&mut Lanes; 3],
         to: [&mut Lanes; 3],
     ) {
-        let [cos, sin] = place;
-        let [horizontal, vertical] = half_angles;
         let [org_x, org_y, org_z] = origin;
         let [dir_x, dir_y, dir_z] = to;
         for lane in 0..LANES {
-            let c = cos * turn[0][lane] - sin * turn[1][lane];
-            let s = sin * turn[0][lane] + cos * turn[1][lane];
-            // Skewed: the position at the exit is a quarter turn from the direction of the angle.
-            let (a, b) = (start * c, start * s);
-            let (u, v) = (-horizontal * s, vertical * c);
-            org_x[lane] = axis_origin[0][lane] + a * left[0][lane] + b * up[0][lane];
-            org_y[lane] = axis_origin[1][lane] + a * left[1][lane] + b * up[1][lane];
-            org_z[lane] = axis_origin[2][lane] + a * left[2][lane] + b * up[2][lane];
-            let x = axis[0][lane] + u * left[0][lane] + v * up[0][lane];
-            let y = axis[1][lane] + u * left[1][lane] + v * up[1][lane];
-            let z = axis[2][lane] + u * left[2][lane] + v * up[2][lane];
-            // Unit length: without it Embree is a third slower.
-            let scale = 1.0 / (x * x + y * y + z * z).sqrt();
-            (dir_x[lane], dir_y[lane], dir_z[lane]) = (x * scale, y * scale, z * scale);
+            let at = |axes: [&Lanes; 3]| axes.map(|axis| axis[lane]);
+            let across = [at(left.each_ref()), at(up.each_ref())];
+            let turn = [turn[0][lane], turn[1][lane]];
+            let [origin, direction] = sub_ray(place, start, half_angles, across, turn, at(axis_origin), at(axis));
+            [org_x[lane], org_y[lane], org_z[lane]] = origin;
+            [dir_x[lane], dir_y[lane], dir_z[lane]] = direction;
         }
     }
 
@@ -188,24 +200,15 @@ kernels! {
         origin: [&mut [f32]; 3],
         to: [&mut [f32]; 3],
     ) {
-        let (count, [left, up]) = (places[0].len(), left_up);
+        let count = places[0].len();
         let [cos, sin] = places.map(|places| &places[..count]);
-        let [horizontal, vertical] = half_angles;
         let [org_x, org_y, org_z] = origin.map(|axis| &mut axis[..count]);
         let [dir_x, dir_y, dir_z] = to.map(|axis| &mut axis[..count]);
         for ray in 0..count {
-            let c = cos[ray] * turn[0] - sin[ray] * turn[1];
-            let s = sin[ray] * turn[0] + cos[ray] * turn[1];
-            let (a, b) = (start * c, start * s);
-            let (u, v) = (-horizontal * s, vertical * c);
-            org_x[ray] = axis_origin[0] + a * left[0] + b * up[0];
-            org_y[ray] = axis_origin[1] + a * left[1] + b * up[1];
-            org_z[ray] = axis_origin[2] + a * left[2] + b * up[2];
-            let x = axis[0] + u * left[0] + v * up[0];
-            let y = axis[1] + u * left[1] + v * up[1];
-            let z = axis[2] + u * left[2] + v * up[2];
-            let scale = 1.0 / (x * x + y * y + z * z).sqrt();
-            (dir_x[ray], dir_y[ray], dir_z[ray]) = (x * scale, y * scale, z * scale);
+            let [origin, direction] =
+                sub_ray([cos[ray], sin[ray]], start, half_angles, left_up, turn, axis_origin, axis);
+            [org_x[ray], org_y[ray], org_z[ray]] = origin;
+            [dir_x[ray], dir_y[ray], dir_z[ray]] = direction;
         }
     }
 }

@@ -18,8 +18,8 @@ pub const LEVELS: usize = 48;
 
 kernels! {
     /// How far behind the first `count` faces, at `from` m, the peaks of their echoes are, m, and their height, 1/m.
-    /// `rows`: both in sigmas, in equal steps of the root of `u`, the decay behind the face in a sigma, up to `most`. Power decays by
-    /// twice the `extinction`, 1/m, and with the spreading of light, `from^2 + near_range^2`.
+    /// `rows`: both in sigmas, in equal steps of the root of `u`, the decay behind the face in a sigma, up to `most`.
+    /// Power decays by twice the `extinction`, 1/m, and with the spreading of light, `from^2 + near_range^2`.
     pub fn peaks(
         rows: &[[f32; 2]; FACES],
         most: f32,

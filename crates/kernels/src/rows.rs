@@ -3,36 +3,32 @@
 use crate::level::kernels;
 use crate::{Lanes, MISS};
 
+/// Lists those of the first `count` lanes that `are` so; returns how many there are.
+#[inline(always)]
+fn list(count: usize, lanes: &mut Lanes<u8>, are: impl Fn(usize) -> bool) -> usize {
+    let mut found = 0;
+    for lane in 0..count.min(lanes.len()) {
+        // A byte can index every lane of a block and no other, so no index needs a check.
+        lanes[found & 0xff] = lane as u8;
+        found += usize::from(are(lane));
+    }
+    found
+}
+
 kernels! {
     /// Lists those of the first `count` lanes that have a surface; returns how many there are.
     pub fn choose(surface: &Lanes<u32>, count: usize, lanes: &mut Lanes<u8>) -> usize {
-        let mut hits = 0;
-        for lane in 0..count.min(surface.len()) {
-            // A byte can index every lane of a block and no other, so no index needs a check.
-            lanes[hits & 0xff] = lane as u8;
-            hits += usize::from(surface[lane] != MISS);
-        }
-        hits
+        list(count, lanes, |lane| surface[lane] != MISS)
     }
 
     /// Lists those of the first `count` lanes that have the surface `which`; returns how many there are.
     pub fn of_surface(surface: &Lanes<u32>, which: u32, count: usize, lanes: &mut Lanes<u8>) -> usize {
-        let mut found = 0;
-        for lane in 0..count.min(surface.len()) {
-            lanes[found & 0xff] = lane as u8;
-            found += usize::from(surface[lane] == which);
-        }
-        found
+        list(count, lanes, |lane| surface[lane] == which)
     }
 
     /// Lists those of the first `count` lanes in which `a` exceeds `b`; returns how many there are.
     pub fn exceeding(a: &Lanes, b: &Lanes, count: usize, lanes: &mut Lanes<u8>) -> usize {
-        let mut found = 0;
-        for lane in 0..count.min(a.len()) {
-            lanes[found & 0xff] = lane as u8;
-            found += usize::from(a[lane] > b[lane]);
-        }
-        found
+        list(count, lanes, |lane| a[lane] > b[lane])
     }
 }
 

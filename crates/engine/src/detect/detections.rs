@@ -1,6 +1,7 @@
 //! What receivers detect: echoes side by side, one per beam, or beam by beam, and the returns that they become.
 
 use crate::echo::{BeamSignal, Peak, Share, Waveform};
+use emitter::SubRayFan;
 use ground::lanes::LANES;
 
 /// The echoes of beams of one ray each, one per lane.
@@ -25,7 +26,6 @@ pub(crate) struct ReceivedBeam<'a> {
 }
 
 /// The detections of one beam, with the working memory to find them.
-#[derive(Default)]
 pub(crate) struct Detections {
     pub waveform: Waveform,
     /// Its signal, in pieces whose sources are its arrivals; none if it is plain.
@@ -36,6 +36,20 @@ pub(crate) struct Detections {
     pub chosen: Vec<usize>,
     pub(super) order: Vec<usize>,
     pub shares: Vec<Share>,
+}
+
+impl Default for Detections {
+    /// With memory for as many echoes as a footprint has points, so that it hardly ever grows.
+    fn default() -> Self {
+        Detections {
+            waveform: Waveform::default(),
+            received: BeamSignal::default(),
+            peaks: Vec::with_capacity(SubRayFan::MOST),
+            chosen: Vec::with_capacity(SubRayFan::MOST),
+            order: Vec::with_capacity(SubRayFan::MOST),
+            shares: Vec::with_capacity(SubRayFan::MOST),
+        }
+    }
 }
 
 /// Returns, side by side.

@@ -4,11 +4,11 @@ mod light;
 pub mod sound;
 
 pub(crate) use light::{
-    Air, AirArrivals, AirEcho, AirEchoes, Arrivals, Batch, BeamRays, BeamSignal, Cone, Contribution, Follower, Glint,
-    HitTriangle, IntensityModel, LIGHT_ROUNDING, MOST_EXPECTED, MOST_FREQUENCIES, Meeting, MirrorImage, Modulation,
-    OFF_SURFACE, ParticleOrder, PathArrivals, PathEcho, PathEchoes, PathLimits, Peak, PieceOrigin, PieceSource,
-    PlainEchoes, Provenance, Pulse, Pulselet, ReceiverOptics, RequestedQuantities, Share, ShotNoise, Surroundings,
-    TracedRay, Waveform, natural_vignetting, strongest_contributor, turns,
+    Air, AirArrivals, AirEcho, AirEchoes, Arrivals, Batch, BeamRays, BeamSignal, Cone, Contribution, Contributor,
+    Follower, Glint, HitTriangle, IntensityModel, LIGHT_ROUNDING, MOST_EXPECTED, MOST_FREQUENCIES, Meeting, Met,
+    MirrorImage, Modulation, OFF_SURFACE, ParticleOrder, PathArrivals, PathEcho, PathEchoes, PathLimits, Peak,
+    PieceOrigin, PieceSource, PlainEchoes, Provenance, Pulse, ReceiverOptics, RequestedQuantities, Share, ShotNoise,
+    Surroundings, TracedRay, Waveform, natural_vignetting, strongest_contributor, turns,
 };
 pub use light::{IntensityEncoding, PulseShape};
 pub use sound::Taper;

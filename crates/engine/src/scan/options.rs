@@ -55,10 +55,9 @@ builder! {
         /// Greatest number of mirrors and glass faces on a path of light.
         pub specular_depth: u8 = 10,
         /// Wall-clock time that the scan may take, s, above 0: beams of as many rays as it takes ([`SubRays::Adaptive`])
-        /// get no more than fit into it, at least one, as found by scanning a few beams first. The result is,
-        /// to the bit, that of `beam.sub_rays: {adaptive: N}` with N from [`PointCloud::most_rays`]; other sensors take
-        /// what they take. `None`: no
-        /// limit.
+        /// get no more than fit into it, at least one, as found by scanning a few beams first. The result is, to the bit,
+        /// that of `beam.sub_rays: {adaptive: N}` with N from [`PointCloud::most_rays`]; other sensors take what they
+        /// take. `None`: no limit.
         ///
         /// [`SubRays::Adaptive`]: crate::SubRays::Adaptive
         /// [`PointCloud::most_rays`]: cloud::PointCloud::most_rays
@@ -90,11 +89,10 @@ impl ScanOptions {
             let found = format!("at {place:?} with the quaternion {turned:?}");
             return Err(Error::invalid("pose", found, "finite numbers, a quaternion that is not 0"));
         }
-        if let Some(period) = self.frame_period.filter(|period| !(*period > 0.0 && *period <= 1e9)) {
-            return Err(Error::invalid("frame_period", period, "above 0, up to 1e9 s"));
-        }
-        if let Some(budget) = self.time_budget.filter(|budget| !(*budget > 0.0 && *budget <= 1e9)) {
-            return Err(Error::invalid("time_budget", budget, "above 0, up to 1e9 s"));
+        for (name, time) in [("frame_period", self.frame_period), ("time_budget", self.time_budget)] {
+            if let Some(time) = time.filter(|time| !(*time > 0.0 && *time <= 1e9)) {
+                return Err(Error::invalid(name, time, "above 0, up to 1e9 s"));
+            }
         }
         if self.organised && self.order == Order::Time {
             return Err(Error::invalid(

@@ -264,6 +264,11 @@ impl SubRays {
     /// Most sub-rays of a beam that has as many as it takes.
     pub const MOST: u32 = 64;
 
+    /// Whether beams have as many as it takes, and more than one if need be.
+    pub fn is_adaptive(self) -> bool {
+        self.most_adaptive().is_some_and(|most| most > 1)
+    }
+
     /// Most sub-rays of a beam, where they are as many as it takes.
     pub fn most_adaptive(self) -> Option<u32> {
         match self {

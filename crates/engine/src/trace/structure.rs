@@ -49,13 +49,24 @@ impl TracedScenes {
         (lanes != [0; W]).then_some((moving, lanes))
     }
 
+    /// Traces `rays` through what stands, and then through what moves those that may meet it.
+    #[inline]
+    fn each<const W: usize>(
+        &self,
+        valid: &[i32; W],
+        rays: &mut Packet<W>,
+        trace: impl Fn(&CommittedScene, &[i32; W], &mut Packet<W>),
+    ) {
+        trace(&self.standing, valid, rays);
+        if let Some((moving, lanes)) = self.moving(valid, rays) {
+            trace(moving, &lanes, rays);
+        }
+    }
+
     /// As [`CommittedScene::intersect`].
     #[inline]
     pub fn intersect<const W: usize>(&self, valid: &[i32; W], rays: &mut Packet<W>, coherence: Coherence) {
-        self.standing.intersect(valid, rays, coherence);
-        if let Some((moving, lanes)) = self.moving(valid, rays) {
-            moving.intersect(&lanes, rays, coherence);
-        }
+        self.each(valid, rays, |scene, valid, rays| scene.intersect(valid, rays, coherence));
     }
 
     /// As [`CommittedScene::intersect_where`].
@@ -67,19 +78,13 @@ impl TracedScenes {
         coherence: Coherence,
         counts: &F,
     ) {
-        self.standing.intersect_where(valid, rays, coherence, counts);
-        if let Some((moving, lanes)) = self.moving(valid, rays) {
-            moving.intersect_where(&lanes, rays, coherence, counts);
-        }
+        self.each(valid, rays, |scene, valid, rays| scene.intersect_where(valid, rays, coherence, counts));
     }
 
     /// As [`CommittedScene::occlude`].
     #[inline]
     pub fn occlude<const W: usize>(&self, valid: &[i32; W], rays: &mut Packet<W>, coherence: Coherence) {
-        self.standing.occlude(valid, rays, coherence);
-        if let Some((moving, lanes)) = self.moving(valid, rays) {
-            moving.occlude(&lanes, rays, coherence);
-        }
+        self.each(valid, rays, |scene, valid, rays| scene.occlude(valid, rays, coherence));
     }
 
     /// As [`CommittedScene::occlude_where`].
@@ -91,10 +96,7 @@ impl TracedScenes {
         coherence: Coherence,
         counts: &F,
     ) {
-        self.standing.occlude_where(valid, rays, coherence, counts);
-        if let Some((moving, lanes)) = self.moving(valid, rays) {
-            moving.occlude_where(&lanes, rays, coherence, counts);
-        }
+        self.each(valid, rays, |scene, valid, rays| scene.occlude_where(valid, rays, coherence, counts));
     }
 
     /// As [`CommittedScene::bounds`].

@@ -1,8 +1,8 @@
 //! The light that arrives along the beams of a block: from what their rays hit, from what they see in mirrors and
 //! through glass, from the air, and from bright surfaces beside them.
 
-use super::signal::BeamSignal;
-use super::{AirEcho, AirEchoes, BeamRays, Contribution, Meeting, PathEcho, PathEchoes, Pulselet};
+use super::signal::{BeamSignal, pulse_at};
+use super::{AirEcho, AirEchoes, BeamRays, Contribution, Contributor, Meeting, PathEcho, PathEchoes};
 use crate::trace::HitBatch;
 use glam::Vec3;
 use ground::cause::Cause;
@@ -196,12 +196,41 @@ impl Arrivals {
         (self.range.iter().zip(&self.power).zip(&self.provenance)).map(|((&range, &power), from)| (range, power, from))
     }
 
-    /// Where a piece of a signal comes from.
-    pub(crate) fn source(&self, piece: &Pulselet) -> PieceSource<'_> {
-        match piece.source & DIRECT {
-            0 => PieceSource::Other(&self.provenance[piece.source as usize]),
-            _ => PieceSource::Ray(piece.source & !DIRECT),
+    /// Where the piece of a signal with this `source` comes from.
+    pub(crate) fn source(&self, source: u32) -> PieceSource<'_> {
+        match source & DIRECT {
+            0 => PieceSource::Other(&self.provenance[source as usize]),
+            _ => PieceSource::Ray(source & !DIRECT),
         }
+    }
+
+    /// What contributes to the echo at `at` m of the beam at `lane`, whose signal is `received`: what pieces within
+    /// `reach` m, or the rays that are merged in them, contribute there. `scale`: one over the standard deviation of the
+    /// pulse, 1/m. None to a plain beam, which has no signal.
+    pub(crate) fn contributors(
+        &self,
+        rays: &BeamRays,
+        lane: usize,
+        received: &BeamSignal,
+        [at, reach, scale]: [f32; 3],
+    ) -> impl Iterator<Item = Contributor> + Clone {
+        let is_near = move |[low, high]: [f32; 2]| low <= at + reach && high >= at - reach;
+        let pieces = (received.pieces.iter())
+            .filter(move |piece| is_near(piece.ends) && (rays.is_patched || piece.source & DIRECT == 0))
+            .map(move |piece| Contributor {
+                source: piece.source,
+                range: piece.range,
+                light: received.light_at(piece, at, scale),
+            });
+        let is_merged = !rays.is_patched && !received.is_empty();
+        let alone = (rays.of_beam(lane))
+            .filter(move |(_, met)| is_merged && met.power() > 0.0 && is_near([met.range(); 2]))
+            .map(move |(ray, met)| Contributor {
+                source: ray | DIRECT,
+                range: met.range(),
+                light: pulse_at(met.range(), met.power(), at, scale),
+            });
+        pieces.chain(alone)
     }
 }
 

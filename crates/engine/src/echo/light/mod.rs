@@ -31,8 +31,8 @@ pub(crate) use phasor::{MOST_FREQUENCIES, Modulation, ShotNoise, natural_vignett
 pub(crate) use plain::PlainEchoes;
 pub(crate) use pulse::Pulse;
 pub use pulse::PulseShape;
-pub(crate) use rays::{Batch, BeamRays, OFF_SURFACE};
-pub(crate) use signal::{BeamSignal, Pulselet};
-pub(crate) use strongest::{PieceOrigin, Share, strongest_contributor};
+pub(crate) use rays::{Batch, BeamRays, Met, OFF_SURFACE};
+pub(crate) use signal::BeamSignal;
+pub(crate) use strongest::{Contributor, PieceOrigin, Share, strongest_contributor};
 pub(crate) use waveform::{Peak, Waveform};
 pub(crate) use weather::{Air, AirEcho, AirEchoes, LIGHT_ROUNDING, ParticleOrder, ReceiverOptics};

@@ -7,6 +7,7 @@
 
 use super::Waveform;
 use super::signal::BeamSignal;
+use super::strongest::PARALLEL;
 use crate::trace::Tables;
 use echocast_kernels::cover::{add_moments, count_off, cover, measure};
 use emitter::{ROUND, SubRayFan};
@@ -27,9 +28,6 @@ const WITHIN: f32 = 1.5;
 const MAJORITY: f32 = 0.75;
 const PLACED: f32 = 0.03;
 
-/// Cosine of the greatest angle, 8 degrees, between triangles that count as one plane where they are close together.
-const PARALLEL: f32 = 0.99;
-
 /// What rays of a beam see of one triangle; of everything that they do not hit.
 #[derive(Clone, Debug)]
 pub(crate) struct Patch {
@@ -42,7 +40,7 @@ pub(crate) struct Patch {
     offset: f32,
     /// Its first ray: batch and lane; `None`: it was not traced.
     pub ray: Option<(u32, u32)>,
-    /// Where that ray ends; finally the middle of its points.
+    /// The middle of its points, once it is settled.
     pub place: Vec3,
     /// How many rays hit it, and the sum of what they return if each is one point of the footprint.
     rays: u32,
@@ -228,9 +226,7 @@ impl Patchwork {
         self.range[point] = if seen.surface == MISS { f32::INFINITY } else { traced.range };
         let patch = &mut self.patches[number];
         patch.on |= bit;
-        if patch.ray.is_none() {
-            (patch.ray, patch.place) = (Some(traced.ray), traced.place);
-        }
+        patch.ray.get_or_insert(traced.ray);
         patch.rays += 1;
         patch.light += traced.power;
         patch.range += traced.range;

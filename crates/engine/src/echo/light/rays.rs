@@ -153,7 +153,7 @@ impl BeamRays {
     }
 
     /// All rays of the beam at `lane`, in order, or those that stand for its patches, and their numbers.
-    pub(crate) fn of_beam(&self, lane: usize) -> impl Iterator<Item = (u32, Met<'_>)> {
+    pub(crate) fn of_beam(&self, lane: usize) -> impl Iterator<Item = (u32, Met<'_>)> + Clone {
         let count = if self.is_patched { self.patchworks[lane].patches.len() } else { self.each };
         (0..count as u32)
             .filter_map(move |index| Some((index, self.get(index, lane)?)))

@@ -29,6 +29,13 @@ pub(crate) struct BeamSignal {
     powers: Vec<f32>,
 }
 
+/// What a pulse of a peak `power`, 1/m^2, at a `range`, m, contributes at the range `at`, m, 1/m^2; `scale`: one over its
+/// standard deviation, 1/m.
+pub(crate) fn pulse_at(range: f32, power: f32, at: f32, scale: f32) -> f32 {
+    let x = (range - at) * scale;
+    power * exp_negative(0.5 * x * x)
+}
+
 impl Default for BeamSignal {
     /// With memory for what rays hit directly, so that it grows only for what else arrives.
     fn default() -> Self {
@@ -94,9 +101,8 @@ impl BeamSignal {
     /// 1/m.
     pub fn light_at(&self, piece: &Pulselet, at: f32, scale: f32) -> f32 {
         let [ranges, powers] = self.pulses_of(piece);
-        if let ([range], [power]) = (ranges, powers) {
-            let x = (range - at) * scale;
-            return power * exp_negative(0.5 * x * x);
+        if let (&[range], &[power]) = (ranges, powers) {
+            return pulse_at(range, power, at, scale);
         }
         let [light, ..] = signal::pull(ranges, powers, at, scale);
         light

@@ -616,13 +616,13 @@ mod tests {
     use std::collections::BTreeSet;
 
     /// Takes all echoes: lane, cause, and the bits of range and strength.
-    struct Log {
+    struct TakenEchoes {
         end: [f32; LANES],
         least: [f32; LANES],
         taken: BTreeSet<(usize, u8, [u32; 2])>,
     }
 
-    impl AirEchoes for Log {
+    impl AirEchoes for TakenEchoes {
         fn end(&self) -> &[f32; LANES] {
             &self.end
         }
@@ -638,9 +638,9 @@ mod tests {
         }
     }
 
-    impl Log {
+    impl TakenEchoes {
         /// The echoes that `air` returns along rays in all directions, of which all but `matters` are left out.
-        fn of(air: &Air, beams: &[u32], matters: bool) -> Log {
+        fn of(air: &Air, beams: &[u32], matters: bool) -> TakenEchoes {
             let mut rays = RayBatch::default();
             let (mut end, mut least) = ([f32::INFINITY; LANES], [0.0; LANES]);
             for lane in 0..beams.len() {
@@ -652,7 +652,7 @@ mod tests {
                     least[lane] = if matters { 1e-7 * 1.06f32.powi(lane as i32) } else { 0.0 };
                 }
             }
-            let mut log = Log { end, least, taken: BTreeSet::new() };
+            let mut log = TakenEchoes { end, least, taken: BTreeSet::new() };
             air.echoes(&rays, &Rng::new(5, 1), beams, &mut log);
             log
         }
@@ -691,13 +691,13 @@ mod tests {
         for coherent in [false, true] {
             for order in [ParticleOrder::Strength, ParticleOrder::Range, ParticleOrder::FirstOnly] {
                 let air = air(yaml, order, coherent);
-                let [all, some] = [false, true].map(|matters| Log::of(&air, &beams, matters));
+                let [all, some] = [false, true].map(|matters| TakenEchoes::of(&air, &beams, matters));
                 assert!(some.taken.is_subset(&all.taken));
                 for &(lane, cause, echo) in all.taken.difference(&some.taken) {
-                    assert!(Log::power(echo) <= some.least[lane], "{order:?} {lane} {cause}");
+                    assert!(TakenEchoes::power(echo) <= some.least[lane], "{order:?} {lane} {cause}");
                 }
                 for cause in [Cause::Snow, Cause::Fog, Cause::Dust].map(|cause| cause as u8) {
-                    let count = |log: &Log| log.taken.iter().filter(|echo| echo.1 == cause).count();
+                    let count = |log: &TakenEchoes| log.taken.iter().filter(|echo| echo.1 == cause).count();
                     let fewer = cause != Cause::Snow as u8 || order == ParticleOrder::Strength;
                     assert!(count(&some) > 10 && (count(&some) < count(&all)) == fewer, "{order:?} {cause}");
                 }
@@ -710,7 +710,7 @@ mod tests {
     fn particles_are_those_drawn_one_by_one() {
         let beams: Vec<u32> = (0..200).map(|lane| 7 * lane).collect();
         let air = air("{snow: {rate_mm_h: 2}}", ParticleOrder::Strength, false);
-        let found = Log::of(&air, &beams, true);
+        let found = TakenEchoes::of(&air, &beams, true);
         let (seen, rng) = (&air.flying[0].seen, Rng::new(5, 1));
         let mut expected = BTreeSet::new();
         for (lane, &beam) in beams.iter().enumerate() {

@@ -6,8 +6,9 @@ use super::rounds::{Evidence, Rounds};
 use super::split::{Axes, Splitter};
 use crate::detect::{Detections, ReceivedBeam};
 use crate::echo::{
-    AirArrivals, Arrivals, Batch, BeamRays, Contribution, Follower, Meeting, MirrorImage, OFF_SURFACE, PathArrivals,
-    Peak, PieceOrigin, PieceSource, PlainEchoes, Provenance, Pulselet, RequestedQuantities, strongest_contributor,
+    AirArrivals, Arrivals, Batch, BeamRays, Contribution, Contributor, Follower, Meeting, Met, MirrorImage,
+    OFF_SURFACE, PathArrivals, Peak, PieceOrigin, PieceSource, PlainEchoes, Provenance, RequestedQuantities,
+    strongest_contributor,
 };
 use crate::sensor::Signals;
 use echocast_kernels::light;
@@ -307,53 +308,54 @@ impl Gatherer {
         let receiver = &scan.receiver;
         let sigma = waveform.sigma();
         let reach = receiver.reach_of_echo(peak.range, sigma);
-        let near = received
-            .pieces
-            .iter()
-            .filter(|piece| piece.ends[0] <= peak.range + reach && piece.ends[1] >= peak.range - reach);
         // All light of a pixel counts together, however far apart its sources are.
         let sigma = if receiver.camera().is_some() { 0.0 } else { sigma };
         let scale = if sigma > 0.0 { 1.0 / sigma } else { 0.0 };
-        let light = |piece: &Pulselet| received.light_at(piece, peak.range, scale);
-        let origin = |piece: &Pulselet| match arrivals.source(piece) {
+        let contributors = arrivals.contributors(rays, lane, received, [peak.range, reach, scale]);
+        // Where a ray hits its surface, and the normal of the triangle there; for one ray along the beam it does not
+        // matter.
+        let plane = |ray: u32, met: Met<'_>| {
+            let footprint = signals.footprint.as_ref()?;
+            let crossing = || footprint.crossing(ray as usize, across, beams, lane, met.range());
+            Some((met.place().unwrap_or_else(crossing), met.batch.hits.facet(met.lane)))
+        };
+        let origin = |from: &Contributor| match arrivals.source(from.source) {
             PieceSource::Other(from) => PieceOrigin { surface: from.surface, cause: from.cause, plane: None },
-            PieceSource::Ray(ray) => {
-                let Some(met) = rays.get(ray, lane) else { return PieceOrigin::NOWHERE };
-                // Where a ray hits its surface, and the normal of the triangle there; for one ray along the beam it does
-                // not matter.
-                let plane = signals.footprint.as_ref().map(|footprint| {
-                    let place = met.place();
-                    let crossing = || footprint.crossing(ray as usize, across, beams, lane, piece.range);
-                    (place.unwrap_or_else(crossing), met.batch.hits.facet(met.lane))
-                });
-                PieceOrigin { surface: met.surface(), cause: Cause::Surface, plane }
-            }
+            PieceSource::Ray(ray) => rays.get(ray, lane).map_or(PieceOrigin::NOWHERE, |met| PieceOrigin {
+                surface: met.surface(),
+                cause: Cause::Surface,
+                plane: plane(ray, met),
+            }),
         };
         let apart = receiver.off_surface(sigma);
-        let part_off = |piece: &Pulselet, plane: (Vec3, Vec3), off: f32| match arrivals.source(piece) {
-            PieceSource::Ray(ray) if rays.is_patched => {
-                let fan = rounds.as_ref().map(|rounds| rounds.fan(lane));
-                fan.map_or(0.0, |fan| rays.patchworks[lane].part_off(ray, fan, plane, off))
-            }
-            _ => {
-                let is_off = |(place, _): (Vec3, Vec3)| (place - plane.0).dot(plane.1).abs() > off;
-                if origin(piece).plane.is_none_or(is_off) { 1.0 } else { 0.0 }
-            }
-        };
         let of_ray =
             |ray: u32| Provenance::of_ray(rays, lane, ray).unwrap_or(Provenance::of_no_surface(Cause::Surface));
-        let Some(strongest) = strongest_contributor(near, light, origin, part_off, apart, shares) else {
+        let Some(strongest) = strongest_contributor(contributors.clone(), origin, apart, shares) else {
             // A plain beam.
             return found(of_ray(rays.first_of(lane)));
         };
-        let provenance = match arrivals.source(&strongest.piece) {
+        let provenance = match arrivals.source(strongest.contributor.source) {
             PieceSource::Ray(ray) => of_ray(ray),
             PieceSource::Other(from) => *from,
         };
-        let mixed = strongest.elsewhere > receiver.mixed_part() * strongest.light;
+        // The light from off its plane: all of what no ray hits directly.
+        let elsewhere = |to: (Vec3, Vec3)| -> f32 {
+            let off = |from: Contributor| match arrivals.source(from.source) {
+                PieceSource::Ray(ray) if rays.is_patched => {
+                    let fan = rounds.as_ref().map(|rounds| rounds.fan(lane));
+                    from.light * fan.map_or(0.0, |fan| rays.patchworks[lane].part_off(ray, fan, to, apart))
+                }
+                _ => {
+                    let is_on = |(place, _): (Vec3, Vec3)| (place - to.0).dot(to.1).abs() <= apart;
+                    if origin(&from).plane.is_some_and(is_on) { 0.0 } else { from.light }
+                }
+            };
+            contributors.map(off).sum()
+        };
+        let mixed = strongest.plane.map_or(0.0, elsewhere) > receiver.mixed_part() * strongest.light;
         let Some(camera) = receiver.camera() else { return Found { mixed, ..found(provenance) } };
         // The true range is that of the surface that most light comes from.
-        let truth = strongest.piece.range;
+        let truth = strongest.contributor.range;
         let axis = scan.aim.beams.direction(beam).x;
         let seen = camera.aside.is_some().then(|| {
             let (rotation, _) = scan.aim.pose.pose(scan.aim.beams, beam);
