@@ -3,7 +3,7 @@
 use super::deforming::Deforming;
 use super::driving::{DrivingMotion, MOST_BYTES};
 use super::{Mover, Surface, Tables};
-use glam::{DVec3, Mat3, Vec3};
+use glam::{Mat3, Vec3};
 use ground::error::Result;
 use model::motion::{Path, Span};
 use std::sync::OnceLock;
@@ -110,10 +110,12 @@ impl Tables {
             None => {
                 let part = &self.surfaces.parts[row.part as usize];
                 let place = &self.extents[row.object as usize].world_from_object;
-                part.triangles[triangle as usize].map(|corner| {
-                    let [x, y, z] = part.positions[corner as usize].map(f64::from);
-                    (place.transform_point3(DVec3::new(x, y, z)) - self.origin).as_vec3()
-                })
+                let [a, b, c] = part.triangles[triangle as usize];
+                let corner = |corner: u32| {
+                    let position = Vec3::from(part.positions[corner as usize]).as_dvec3();
+                    (place.transform_point3(position) - self.origin).as_vec3()
+                };
+                [corner(a), corner(b), corner(c)]
             }
         }
     }

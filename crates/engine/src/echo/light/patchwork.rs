@@ -14,6 +14,9 @@ use emitter::{ROUND, SubRayFan};
 use glam::Vec3;
 use ground::lanes::MISS;
 
+/// The owner of points on no known triangle.
+const NO_PATCH: u8 = u8::MAX;
+
 /// Most triangles that are known before rays are sent.
 pub(crate) const MOST_EXPECTED: usize = 6;
 
@@ -33,7 +36,6 @@ const PLACED: f32 = 0.03;
 pub(crate) struct Patch {
     /// Row of the surface, or [`MISS`].
     pub surface: u32,
-    triangle: u32,
     is_solid: bool,
     /// Its plane: unit normal, and distance from the origin along it, m.
     normal: Vec3,
@@ -45,7 +47,7 @@ pub(crate) struct Patch {
     /// How many rays hit it, and the sum of what they return if each is one point of the footprint.
     rays: u32,
     light: f32,
-    /// Bits of the points that fall on it.
+    /// Bits of the points that fall on it, once it is settled.
     on: u64,
     /// Mean, least and greatest of their ranges, m; until it is settled, the sum of those of its rays.
     pub range: f32,
@@ -59,6 +61,14 @@ pub(crate) struct HitTriangle {
     pub triangle: u32,
     /// Whether every ray that meets the triangle is stopped by it.
     pub is_solid: bool,
+}
+
+impl HitTriangle {
+    /// A number for its surface and triangle; all that hits nothing has the same.
+    fn key(&self) -> u64 {
+        let triangle = if self.surface == MISS { 0 } else { self.triangle };
+        u64::from(self.surface) << 32 | u64::from(triangle)
+    }
 }
 
 /// One ray of a beam, traced.
@@ -79,6 +89,10 @@ pub(crate) struct TracedRay {
 /// The footprint of a beam as the patches that it consists of. Points are bits of a number.
 pub(crate) struct Patchwork {
     pub patches: Vec<Patch>,
+    /// Surface and triangle of each patch: looked up for every ray.
+    keys: Vec<u64>,
+    /// The number of the patch of each point, or [`NO_PATCH`].
+    owner: [u8; SubRayFan::MOST],
     /// Range of each point, m: of what it is on, or of the nearest known triangle there; infinite where nothing is hit.
     range: [f32; SubRayFan::MOST],
     all: u64,
@@ -92,13 +106,12 @@ pub(crate) struct Patchwork {
 }
 
 /// The light of a footprint over range.
+#[derive(Clone, Copy)]
 pub(crate) struct Light {
     /// `rho_eff / R^2`, 1/m^2.
     pub power: f32,
     /// Mean range, m.
     pub mean: f32,
-    /// Second, third and fourth central moment of ranges, in powers of m.
-    pub moments: [f32; 3],
     /// Difference of the greatest and the least range, m.
     pub span: f32,
 }
@@ -106,8 +119,18 @@ pub(crate) struct Light {
 impl Default for Patchwork {
     fn default() -> Self {
         // One for each ray, and for what is known before: no beam needs more.
-        let patches = Vec::with_capacity(SubRayFan::MOST + MOST_EXPECTED);
-        Patchwork { patches, range: [0.0; SubRayFan::MOST], all: 0, open: 0, traced: 0, fair: 0, farthest: 0.0 }
+        let most = SubRayFan::MOST + MOST_EXPECTED;
+        Patchwork {
+            patches: Vec::with_capacity(most),
+            keys: Vec::with_capacity(most),
+            owner: [NO_PATCH; SubRayFan::MOST],
+            range: [0.0; SubRayFan::MOST],
+            all: 0,
+            open: 0,
+            traced: 0,
+            fair: 0,
+            farthest: 0.0,
+        }
     }
 }
 
@@ -121,10 +144,9 @@ fn points(mut bits: u64) -> impl Iterator<Item = usize> {
 }
 
 impl Patch {
-    fn new(HitTriangle { surface, triangle, is_solid }: HitTriangle, normal: Vec3, offset: f32) -> Patch {
+    fn new(HitTriangle { surface, is_solid, .. }: HitTriangle, normal: Vec3, offset: f32) -> Patch {
         Patch {
             surface,
-            triangle,
             is_solid,
             normal,
             offset,
@@ -158,10 +180,6 @@ impl Patch {
         self.points() as f32 / self.rays as f32
     }
 
-    fn is(&self, seen: HitTriangle) -> bool {
-        self.surface == seen.surface && (self.triangle == seen.triangle || seen.surface == MISS)
-    }
-
     /// Whether a triangle with this `normal` at `place` is on its plane, to within `off` m.
     fn meets(&self, place: Vec3, normal: Vec3, off: f32) -> bool {
         (self.normal.dot(place) - self.offset).abs() <= off && self.normal.dot(normal).abs() >= PARALLEL
@@ -169,7 +187,7 @@ impl Patch {
 
     /// Whether what a ray hits is on its plane, to within `off` m.
     fn holds(&self, traced: &TracedRay, off: f32) -> bool {
-        self.is(traced.seen) || self.surface == traced.seen.surface && self.meets(traced.place, traced.facet, off)
+        self.surface == traced.seen.surface && self.meets(traced.place, traced.facet, off)
     }
 }
 
@@ -178,6 +196,8 @@ impl Patchwork {
     /// traced.
     pub fn start(&mut self, count: usize, farthest: f32) {
         self.patches.clear();
+        self.keys.clear();
+        self.owner = [NO_PATCH; SubRayFan::MOST];
         (self.range, self.farthest) = ([farthest; SubRayFan::MOST], farthest);
         self.all = u64::MAX >> (u64::BITS as usize - count);
         (self.open, self.traced, self.fair) = (self.all, 0, 0);
@@ -185,7 +205,7 @@ impl Patchwork {
 
     /// Adds a triangle that may be in the footprint.
     pub fn know(&mut self, scene: &Tables, seen: HitTriangle, fan: &SubRayFan, time: f32) {
-        let is_known = self.patches.iter().any(|patch| patch.is(seen));
+        let is_known = self.keys.contains(&seen.key());
         if seen.is_solid && !is_known && scene.keeps_triangles(seen.surface) {
             self.add(scene, seen, fan, time);
         }
@@ -200,8 +220,15 @@ impl Patchwork {
         let free = self.all & !self.traced;
         let on = cover(corners.map(|corner| corner.to_array()), origin, direction, free, &mut self.range);
         self.open &= !on;
-        self.patches.iter_mut().for_each(|patch| patch.on &= !on);
-        self.patches.push(Patch { on, ..Patch::new(seen, normal, normal.dot(a)) });
+        let number = self.push(seen, normal, normal.dot(a));
+        points(on).for_each(|point| self.owner[point] = number as u8);
+        number
+    }
+
+    /// Adds a patch without points; returns its number.
+    fn push(&mut self, seen: HitTriangle, normal: Vec3, offset: f32) -> usize {
+        self.keys.push(seen.key());
+        self.patches.push(Patch::new(seen, normal, offset));
         self.patches.len() - 1
     }
 
@@ -209,23 +236,19 @@ impl Patchwork {
     /// more than `off` m off those that were known.
     pub fn take(&mut self, scene: &Tables, point: usize, traced: &TracedRay, fan: &SubRayFan, off: f32) -> (u32, bool) {
         let (bit, seen) = (1 << point, traced.seen);
-        let known = self.patches.iter().position(|patch| patch.is(seen));
+        let known = self.keys.iter().position(|&key| key == seen.key());
         let is_new = known.is_none() && !self.patches.iter().any(|patch| patch.holds(traced, off));
         self.fair |= self.open & bit;
         self.traced |= bit;
         let number = match known {
             Some(known) => known,
             None if seen.is_solid => self.add(scene, seen, fan, traced.time),
-            None => {
-                self.patches.push(Patch::new(seen, traced.facet, traced.facet.dot(traced.place)));
-                self.patches.len() - 1
-            }
+            None => self.push(seen, traced.facet, traced.facet.dot(traced.place)),
         };
         self.open &= !bit;
-        self.patches.iter_mut().for_each(|patch| patch.on &= !bit);
+        self.owner[point] = number as u8;
         self.range[point] = if seen.surface == MISS { f32::INFINITY } else { traced.range };
         let patch = &mut self.patches[number];
-        patch.on |= bit;
         patch.ray.get_or_insert(traced.ray);
         patch.rays += 1;
         patch.light += traced.power;
@@ -250,8 +273,9 @@ impl Patchwork {
         let round = if self.traced == 0 { FIRST } else { ROUND };
         let most = round.min((most - self.traced()) as usize);
         // What may be there is looked at.
-        let unseen = self.patches.iter().filter(|patch| patch.ray.is_none()).map(|patch| patch.on);
-        let looks = unseen.fold(0, |looks, on| looks | on & on.wrapping_neg());
+        let unseen = (0..).zip(&self.patches).filter(|(_, patch)| patch.ray.is_none());
+        let first = unseen.filter_map(|(number, _)| self.owner.iter().position(|&owner| owner == number));
+        let looks = first.fold(0, |looks, point| looks | 1 << point);
         let open = if self.traced == 0 { 0 } else { self.open & !looks };
         points(looks).chain(points(open)).chain(points(untraced & !looks & !open)).take(most)
     }
@@ -285,8 +309,12 @@ impl Patchwork {
     /// Decides what the points are on that are on no known triangle, and measures the patches. `near`: for each point
     /// all points, the nearest first.
     pub fn settle(&mut self, fan: &SubRayFan, near: &[Vec<u8>]) {
-        for patch in self.patches.iter_mut().filter(|patch| patch.ray.is_none()) {
-            self.open |= std::mem::take(&mut patch.on);
+        for point in points(self.all & !self.open) {
+            let patch = &mut self.patches[usize::from(self.owner[point])];
+            match patch.ray {
+                Some(_) => patch.on |= 1 << point,
+                None => self.open |= 1 << point,
+            }
         }
         // What has holes may be in front of any triangle: all points are like those that were traced.
         if self.patches.iter().any(|patch| patch.ray.is_some() && !patch.is_solid && patch.surface != MISS) {
@@ -309,7 +337,7 @@ impl Patchwork {
         let find = |bits: u64| near.iter().copied().find(|&other| bits & 1 << other != 0);
         self.range[point] = f32::INFINITY;
         let Some(other) = find(self.fair).or_else(|| find(self.traced)).map(usize::from) else { return };
-        let Some(patch) = self.patches.iter_mut().find(|patch| patch.on & 1 << other != 0) else { return };
+        let Some(patch) = self.patches.get_mut(usize::from(self.owner[other])) else { return };
         let [origin, direction] =
             [&fan.origin, &fan.direction].map(|axes| Vec3::from_array(axes.each_ref().map(|axis| axis[point])));
         let there = self.range[other];
@@ -339,11 +367,16 @@ impl Patchwork {
         if power <= 0.0 {
             return None;
         }
-        let (mean, mut moments) = (moment / power, [0.0; 3]);
+        Some(Light { power, mean: moment / power, span: ends[1] - ends[0] })
+    }
+
+    /// Second, third and fourth central moment of the ranges of its `light`, in powers of m.
+    pub fn moments(&self, light: &Light) -> [f32; 3] {
+        let mut moments = [0.0; 3];
         for patch in self.lit() {
-            add_moments(patch.on, mean, patch.power() / power, &self.range, &mut moments);
+            add_moments(patch.on, light.mean, patch.power() / light.power, &self.range, &mut moments);
         }
-        Some(Light { power, mean, moments, span: ends[1] - ends[0] })
+        moments
     }
 
     /// Adds what returns from its patches to `received`; the source of each is its number and the bits of `direct`.
@@ -410,9 +443,16 @@ mod tests {
         Patch { on, rays, ray, range: range * rays as f32, light, ..Patch::new(seen, Vec3::X, range) }
     }
 
+    /// A beam of which these patches are known, whose points are `traced`.
+
     fn patchwork(traced: u64, patches: Vec<Patch>) -> Patchwork {
-        let known = patches.iter().fold(0, |known, patch| known | patch.on);
-        Patchwork { patches, all: u64::MAX, open: !known, traced, farthest: 100.0, ..Patchwork::default() }
+        let mut beam = Patchwork { all: u64::MAX, open: u64::MAX, traced, farthest: 100.0, ..Patchwork::default() };
+        for (number, patch) in (0..).zip(patches) {
+            points(patch.on).for_each(|point| beam.owner[point] = number);
+            beam.open &= !patch.on;
+            beam.patches.push(Patch { on: 0, ..patch });
+        }
+        beam
     }
 
     /// First one point of every triangle that may be there, then points on none, then all others.
@@ -460,7 +500,8 @@ mod tests {
             (0..64).map(|point| [f64::from(beam.range[point]), if point < 16 { 0.1 } else { 0.2 }]).collect();
         let power = points.iter().map(|[_, power]| power).sum::<f64>();
         let mean = points.iter().map(|[range, power]| range * power).sum::<f64>() / power;
-        let Light { power: is, mean: at, moments, span } = beam.light().unwrap();
+        let light = beam.light().unwrap();
+        let (Light { power: is, mean: at, span }, moments) = (light, beam.moments(&light));
         assert!((f64::from(is) / power - 1.0).abs() < 1e-5 && (f64::from(at) - mean).abs() < 1e-5);
         assert!((span - 0.207).abs() < 1e-5);
         for (exponent, moment) in (2..).zip(moments) {

@@ -82,15 +82,18 @@ impl PlainEchoes {
     /// to third order, and its height is `1 - v/2 + m4/8`, to fourth; the errors are below 2e-3 sigma and 1e-3.
     pub fn join(&mut self, rays: &BeamRays, lane: usize, sigma: f32) {
         let patchwork = &rays.patchworks[lane];
-        let Some(Light { power, mean, moments: [square, cube, fourth], span }) = patchwork.light() else { return };
+        let Some(light) = patchwork.light() else { return };
+        let Light { power, mean, span } = light;
         if span <= Waveform::NARROW * sigma {
             let scale = if sigma > 0.0 { 1.0 / (sigma * sigma) } else { 0.0 };
+            let [square, cube, fourth] = patchwork.moments(&light);
             let v = square * scale;
             self.0.is[lane] = true;
             self.0.range[lane] = mean - cube * scale / (2.0 - 3.0 * v);
             self.0.power[lane] = power * (1.0 - 0.5 * v + 0.125 * fourth * scale * scale);
         } else if patchwork.is_one_plane(OFF_SURFACE * sigma) {
             self.0.is[lane] = true;
+            let [square, ..] = patchwork.moments(&light);
             (self.0.range[lane], self.0.power[lane]) = (mean, widened(power, sigma, square));
         }
     }

@@ -83,7 +83,9 @@ impl BeamSignal {
 
     /// Sorts its pieces by where they begin, the nearest first.
     pub fn sort(&mut self) {
-        self.pieces.sort_unstable_by(|a, b| a.ends[0].total_cmp(&b.ends[0]).then(a.source.cmp(&b.source)));
+        // Bits of ranges, which are not negative, have their order.
+        let key = |piece: &Pulselet| u64::from(piece.ends[0].to_bits()) << 32 | u64::from(piece.source);
+        self.pieces.sort_unstable_by_key(key);
     }
 
     /// Ranges, m, and powers, 1/m^2, of all pulses.
