@@ -444,7 +444,6 @@ mod tests {
     }
 
     /// A beam of which these patches are known, whose points are `traced`.
-
     fn patchwork(traced: u64, patches: Vec<Patch>) -> Patchwork {
         let mut beam = Patchwork { all: u64::MAX, open: u64::MAX, traced, farthest: 100.0, ..Patchwork::default() };
         for (number, patch) in (0..).zip(patches) {
