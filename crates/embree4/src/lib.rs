@@ -35,7 +35,6 @@ mod device;
 mod error;
 mod filter;
 mod forward;
-mod library;
 mod mesh;
 mod ray;
 mod scene;

@@ -1,0 +1,1 @@
+../crates/embree4-sys/rpath.rs
