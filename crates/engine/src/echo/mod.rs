@@ -8,7 +8,7 @@ pub(crate) use light::{
     Follower, Glint, HitTriangle, IntensityModel, LIGHT_ROUNDING, MOST_EXPECTED, MOST_FREQUENCIES, Meeting, Met,
     MirrorImage, Modulation, OFF_SURFACE, ParticleOrder, PathArrivals, PathEcho, PathEchoes, PathLimits, Peak,
     PieceOrigin, PieceSource, PlainEchoes, Provenance, Pulse, ReceiverOptics, RequestedQuantities, Share, ShotNoise,
-    Surroundings, TracedRay, Waveform, natural_vignetting, strongest_contributor, turns,
+    SurfacePlane, Surroundings, TracedRay, Waveform, natural_vignetting, strongest_contributor, turns,
 };
 pub use light::{IntensityEncoding, PulseShape};
 pub use sound::Taper;

@@ -33,6 +33,6 @@ pub(crate) use pulse::Pulse;
 pub use pulse::PulseShape;
 pub(crate) use rays::{Batch, BeamRays, Met, OFF_SURFACE};
 pub(crate) use signal::BeamSignal;
-pub(crate) use strongest::{Contributor, PieceOrigin, Share, strongest_contributor};
+pub(crate) use strongest::{Contributor, PieceOrigin, Share, SurfacePlane, strongest_contributor};
 pub(crate) use waveform::{Peak, Waveform};
 pub(crate) use weather::{Air, AirEcho, AirEchoes, LIGHT_ROUNDING, ParticleOrder, ReceiverOptics};

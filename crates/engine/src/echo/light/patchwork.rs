@@ -7,7 +7,7 @@
 
 use super::Waveform;
 use super::signal::BeamSignal;
-use super::strongest::PARALLEL;
+use super::strongest::{PARALLEL, SurfacePlane};
 use crate::trace::Tables;
 use echocast_kernels::cover::{add_moments, count_off, cover, measure};
 use emitter::{ROUND, SubRayFan};
@@ -397,11 +397,11 @@ impl Patchwork {
         }
     }
 
-    /// The part of the patch `number` that is more than `off` m off the plane through `place` with a unit `normal`.
-    pub fn part_off(&self, number: u32, fan: &SubRayFan, (place, normal): (Vec3, Vec3), off: f32) -> f32 {
+    /// The part of the patch `number` that is more than `off` m off the plane `of` a surface.
+    pub fn part_off(&self, number: u32, fan: &SubRayFan, of: SurfacePlane, off: f32) -> f32 {
         let patch = &self.patches[number as usize];
         let [origin, direction] = [fan.origin.each_ref(), fan.direction.each_ref()];
-        let plane = [place.to_array(), normal.to_array()];
+        let plane = [of.place.to_array(), of.normal.to_array()];
         count_off(patch.on, &self.range, origin, direction, plane, off) as f32 / patch.points() as f32
     }
 

@@ -7,6 +7,21 @@ use ground::lanes::MEDIUM;
 /// Cosine of the greatest angle, 8 degrees, between triangles that count as one plane where they are close together.
 pub(crate) const PARALLEL: f32 = 0.99;
 
+/// The plane of a surface where a ray hits it.
+#[derive(Clone, Copy)]
+pub(crate) struct SurfacePlane {
+    /// A point on it.
+    pub place: Vec3,
+    pub normal: Vec3,
+}
+
+impl SurfacePlane {
+    /// Whether `place` is on it, to within `off` m.
+    pub fn holds(&self, place: Vec3, off: f32) -> bool {
+        (place - self.place).dot(self.normal).abs() <= off
+    }
+}
+
 /// A piece of a signal, or a ray, and the light that it contributes to an echo.
 #[derive(Clone, Copy)]
 pub(crate) struct Contributor {
@@ -22,8 +37,8 @@ pub(crate) struct Contributor {
 pub(crate) struct Share {
     surface: u32,
     cause: Cause,
-    /// A point on it and its normal; none for what no ray hits directly.
-    plane: Option<(Vec3, Vec3)>,
+    /// None for what no ray hits directly.
+    plane: Option<SurfacePlane>,
     light: f32,
     /// Light of all planes of the surface, at the first of them.
     of_surface: f32,
@@ -35,8 +50,8 @@ pub(crate) struct StrongestContributor {
     pub contributor: Contributor,
     /// Light of the echo.
     pub light: f32,
-    /// A point on its plane and the normal of that; none for what no ray hits directly.
-    pub plane: Option<(Vec3, Vec3)>,
+    /// None for what no ray hits directly.
+    pub plane: Option<SurfacePlane>,
 }
 
 /// Where a piece of a signal comes from.
@@ -45,7 +60,7 @@ pub(crate) struct PieceOrigin {
     pub surface: u32,
     pub cause: Cause,
     /// Where it meets its surface, and the normal there, if a ray hits that directly.
-    pub plane: Option<(Vec3, Vec3)>,
+    pub plane: Option<SurfacePlane>,
 }
 
 impl PieceOrigin {
@@ -61,9 +76,9 @@ pub(crate) fn strongest_contributor(
     apart: f32,
     shares: &mut Vec<Share>,
 ) -> Option<StrongestContributor> {
-    let is_on = |of: &Share, plane: Option<(Vec3, Vec3)>| match (of.plane, plane) {
-        (Some((here, normal)), Some((place, other))) => {
-            (place - here).dot(normal).abs() <= apart && normal.dot(other).abs() >= PARALLEL
+    let is_on = |of: &Share, plane: Option<SurfacePlane>| match (of.plane, plane) {
+        (Some(here), Some(SurfacePlane { place, normal })) => {
+            here.holds(place, apart) && here.normal.dot(normal).abs() >= PARALLEL
         }
         (here, plane) => here.is_some() == plane.is_some(),
     };
@@ -110,11 +125,11 @@ mod tests {
         let contributors = (0..).zip(of).map(|(source, &(.., light))| Contributor { source, range: 10.0, light });
         let origin = |from: &Contributor| {
             let (surface, normal, _) = of[from.source as usize];
-            PieceOrigin { surface, cause: Cause::Surface, plane: Some((normal, normal)) }
+            PieceOrigin { surface, cause: Cause::Surface, plane: Some(SurfacePlane { place: normal, normal }) }
         };
         let found = strongest_contributor(contributors, origin, 0.03, &mut Vec::new()).unwrap();
         assert!((found.light - of.iter().map(|(.., light)| light).sum::<f32>()).abs() < 1e-6);
-        assert_eq!(found.plane.unwrap().1, of[found.contributor.source as usize].1);
+        assert_eq!(found.plane.unwrap().normal, of[found.contributor.source as usize].1);
         found.contributor.source
     }
 

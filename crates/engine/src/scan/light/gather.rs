@@ -8,12 +8,11 @@ use crate::detect::{Detections, ReceivedBeam};
 use crate::echo::{
     AirArrivals, Arrivals, Batch, BeamRays, Contribution, Contributor, Follower, Meeting, Met, MirrorImage,
     OFF_SURFACE, PathArrivals, Peak, PieceOrigin, PieceSource, PlainEchoes, Provenance, RequestedQuantities,
-    strongest_contributor,
+    SurfacePlane, strongest_contributor,
 };
 use crate::sensor::Signals;
 use echocast_kernels::light;
 use emitter::{Across, Footprint};
-use glam::Vec3;
 use ground::cause::Cause;
 use ground::lanes::{LANES, RayBatch, boxed};
 use ground::rng::Draw;
@@ -317,7 +316,8 @@ impl Gatherer {
         let plane = |ray: u32, met: Met<'_>| {
             let footprint = signals.footprint.as_ref()?;
             let crossing = || footprint.crossing(ray as usize, across, beams, lane, met.range());
-            Some((met.place().unwrap_or_else(crossing), met.batch.hits.facet(met.lane)))
+            let (place, normal) = (met.place().unwrap_or_else(crossing), met.batch.hits.facet(met.lane));
+            Some(SurfacePlane { place, normal })
         };
         let origin = |from: &Contributor| match arrivals.source(from.source) {
             PieceSource::Other(from) => PieceOrigin { surface: from.surface, cause: from.cause, plane: None },
@@ -339,14 +339,14 @@ impl Gatherer {
             PieceSource::Other(from) => *from,
         };
         // The light from off its plane: all of what no ray hits directly.
-        let elsewhere = |to: (Vec3, Vec3)| -> f32 {
+        let elsewhere = |to: SurfacePlane| -> f32 {
             let off = |from: Contributor| match arrivals.source(from.source) {
                 PieceSource::Ray(ray) if rays.is_patched => {
                     let fan = rounds.as_ref().map(|rounds| rounds.fan(lane));
                     from.light * fan.map_or(0.0, |fan| rays.patchworks[lane].part_off(ray, fan, to, apart))
                 }
                 _ => {
-                    let is_on = |(place, _): (Vec3, Vec3)| (place - to.0).dot(to.1).abs() <= apart;
+                    let is_on = |plane: SurfacePlane| to.holds(plane.place, apart);
                     if origin(&from).plane.is_some_and(is_on) { 0.0 } else { from.light }
                 }
             };
