@@ -182,7 +182,16 @@ impl BeamTable {
 
     /// Time of the last firing since the start of the scan, s.
     pub fn last_time(&self) -> f64 {
-        self.time.iter().copied().fold(0.0, f64::max)
+        let later = |a: f64, b: f64| if b > a { b } else { a };
+        // Side by side: every scan begins with this, and one after the other it takes a nanosecond a beam.
+        let (rows, rest) = self.time.as_chunks::<16>();
+        let mut last = [0.0; 16];
+        for row in rows {
+            for (last, &time) in last.iter_mut().zip(row) {
+                *last = later(*last, time);
+            }
+        }
+        last.into_iter().chain(rest.iter().copied()).fold(0.0, later)
     }
 
     /// Number of beams.

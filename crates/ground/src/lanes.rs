@@ -19,6 +19,17 @@ pub fn boxed<T: Default>() -> Box<T> {
     Box::default()
 }
 
+/// Copies the `lanes` of `from` to the first lanes of `to`.
+///
+/// Column by column: those of a block are so far apart that going through all of them lane by lane uses a few sets of
+/// the cache only.
+#[inline]
+pub fn gather<T: Copy>(to: &mut [T; LANES], from: &[T; LANES], lanes: &[u8]) {
+    for (to, &lane) in to.iter_mut().zip(lanes) {
+        *to = from[usize::from(lane)];
+    }
+}
+
 /// Rays of one block, relative to the scene's local origin; directions have unit length.
 ///
 /// Columns of blocks start at a cache line: the widest vectors fill one, and straddling two costs up to a tenth of a
@@ -69,6 +80,19 @@ impl RayBatch {
         (self.dir_x[lane], self.dir_y[lane], self.dir_z[lane]) = from.direction(other).into();
         self.time[lane] = from.time[other];
         self.beam[lane] = from.beam[other];
+    }
+
+    /// Copies `lanes` of `from`, without their greatest ranges, to the first lanes.
+    pub fn gather(&mut self, from: &RayBatch, lanes: &[u8]) {
+        let RayBatch { org_x, org_y, org_z, dir_x, dir_y, dir_z, range_max: _, time, beam } = from;
+        gather(&mut self.org_x, org_x, lanes);
+        gather(&mut self.org_y, org_y, lanes);
+        gather(&mut self.org_z, org_z, lanes);
+        gather(&mut self.dir_x, dir_x, lanes);
+        gather(&mut self.dir_y, dir_y, lanes);
+        gather(&mut self.dir_z, dir_z, lanes);
+        gather(&mut self.time, time, lanes);
+        gather(&mut self.beam, beam, lanes);
     }
 
     /// Copies all of lane `other` of `from` to `lanes`.

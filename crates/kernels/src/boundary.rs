@@ -122,6 +122,14 @@ kernels! {
         refracted: &mut Onward,
     ) {
         for chunk in (0..count.min(LANES)).step_by(N) {
+            let lanes = chunk..chunk + N;
+            // Most surfaces scatter all light.
+            if at.clear[lanes.clone()].iter().chain(&at.mirrored[lanes.clone()]).all(|&part| part <= 0.0) {
+                at.reflected[lanes.clone()].fill(0.0);
+                mirrored.part[lanes.clone()].fill(0.0);
+                refracted.part[lanes].fill(0.0);
+                continue;
+            }
             let (mut d, mut n, mut g, mut place) = ([[0.0; N]; 3], [[0.0; N]; 3], [[0.0; N]; 3], [[0.0; N]; 3]);
             for axis in 0..3 {
                 d[axis].copy_from_slice(&along[axis][chunk..chunk + N]);

@@ -3,7 +3,7 @@
 use super::Tables;
 use embree4::{Candidate, Coherence, INVALID, Packet};
 use glam::Vec3;
-use ground::lanes::{LANES, MISS, RayBatch};
+use ground::lanes::{LANES, MISS, RayBatch, gather};
 use ground::rng::Rng;
 use model::material::ReflectanceSource;
 use std::cell::Cell;
@@ -232,6 +232,21 @@ impl HitBatch {
         self.triangle[lane] = from.triangle[other];
         self.surface[lane] = from.surface[other];
         self.veil[lane] = from.veil[other];
+    }
+
+    /// Copies `lanes` of `from` to the first lanes.
+    pub(crate) fn gather(&mut self, from: &HitBatch, lanes: &[u8]) {
+        let HitBatch { range, normal_x, normal_y, normal_z, facet, u, v, triangle, surface, veil } = from;
+        gather(&mut self.range, range, lanes);
+        gather(&mut self.normal_x, normal_x, lanes);
+        gather(&mut self.normal_y, normal_y, lanes);
+        gather(&mut self.normal_z, normal_z, lanes);
+        self.facet.iter_mut().zip(facet).for_each(|(to, from)| gather(to, from, lanes));
+        gather(&mut self.u, u, lanes);
+        gather(&mut self.v, v, lanes);
+        gather(&mut self.triangle, triangle, lanes);
+        gather(&mut self.surface, surface, lanes);
+        gather(&mut self.veil, veil, lanes);
     }
 
     /// Copies lane `from` to `lane`.

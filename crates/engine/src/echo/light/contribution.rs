@@ -3,7 +3,7 @@
 use crate::trace::{HitBatch, Surface, Surfaces, Tables, seen_normal};
 use echocast_kernels::light;
 use glam::Vec3;
-use ground::lanes::{LANES, MISS, RayBatch};
+use ground::lanes::{LANES, MISS, RayBatch, gather};
 use model::material::{ByColor, Reflectances, Scattering, srgb_byte};
 use std::ops::Range;
 
@@ -149,6 +149,21 @@ impl Contribution {
         self.red[lane] = from.red[other];
         self.green[lane] = from.green[other];
         self.blue[lane] = from.blue[other];
+    }
+
+    /// Copies `lanes` of `from` to the first lanes.
+    pub fn gather(&mut self, from: &Contribution, lanes: &[u8]) {
+        let Contribution { cos_incidence, reflectance, red, green, blue, .. } = from;
+        let Contribution { category_id, part_id, instance_id, material_id, .. } = from;
+        gather(&mut self.cos_incidence, cos_incidence, lanes);
+        gather(&mut self.reflectance, reflectance, lanes);
+        gather(&mut self.category_id, category_id, lanes);
+        gather(&mut self.part_id, part_id, lanes);
+        gather(&mut self.instance_id, instance_id, lanes);
+        gather(&mut self.material_id, material_id, lanes);
+        gather(&mut self.red, red, lanes);
+        gather(&mut self.green, green, lanes);
+        gather(&mut self.blue, blue, lanes);
     }
 
     /// Clears the surface of a lane: it has no label, colour or incidence.

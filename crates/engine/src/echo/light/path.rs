@@ -250,13 +250,13 @@ impl Follower {
     /// Starts with the rays of `lanes`, whose surfaces do not stop their light. `rays`, `hits` and `surfaces` are those
     /// of the beams, with normals on the sensor's side.
     pub fn begin(&mut self, rays: &RayBatch, hits: &HitBatch, surfaces: &Contribution, lanes: &[u8]) {
-        for (to, lane) in lanes.iter().map(|&lane| usize::from(lane)).enumerate() {
-            self.rays.take(to, rays, lane);
-            self.hits.take(to, hits, lane);
-            self.surfaces.take(to, surfaces, lane);
+        self.rays.gather(rays, lanes);
+        self.hits.gather(hits, lanes);
+        self.surfaces.gather(surfaces, lanes);
+        self.paths.reflected.extend(lanes.iter().map(|&lane| usize::from(lane)).map(|lane| {
             let (origin, direction) = (rays.origin(lane), rays.direction(lane));
-            self.paths.reflected.push(LightPath { origin, direction, way: Way::start(lane) });
-        }
+            LightPath { origin, direction, way: Way::start(lane) }
+        }));
     }
 
     /// Discards the images of previous beams.
