@@ -40,6 +40,7 @@ wheel:
 bench:
 	@scripts/setup
 	cargo build --release --locked
+	[ ! -d .embree/lib ] || export ECHOCAST_EMBREE="$${ECHOCAST_EMBREE:-$$PWD/.embree/lib}"; \
 	target=$${CARGO_TARGET_DIR:-target}; $$target/release/bench
 
 install: build

@@ -1,15 +1,11 @@
-//! Where Embree is (rpath.rs, shared with the other packages), whether there are recorded scans, and the Rust of the
-//! README as functions.
+//! Whether there are recorded scans, and the Rust of the README as functions.
 
 use std::env;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::PathBuf;
 
-mod rpath;
-
 fn main() {
-    rpath::main();
     // Tests without them are listed as ignored, with the reason.
     println!("cargo::rustc-check-cfg=cfg(recorded)");
     println!("cargo::rerun-if-env-changed=ECHOCAST_SHARED");

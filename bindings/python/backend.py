@@ -1,7 +1,10 @@
-"""maturin, after scripts/setup has checked that nothing is missing: compilers report that late and less clearly."""
+"""maturin, after scripts/setup has checked that nothing is missing: compilers report that late and less clearly.
+
+Embree, where it is not the system's, is put into the wheel."""
 
 import os
 import subprocess
+from contextlib import contextmanager
 from pathlib import Path
 
 import maturin
@@ -18,3 +21,20 @@ def get_requires_for_build_wheel(config_settings=None):
 
 
 get_requires_for_build_editable = get_requires_for_build_wheel
+
+
+def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
+    with embree_inside():
+        return maturin.build_wheel(wheel_directory, config_settings, metadata_directory)
+
+
+@contextmanager
+def embree_inside():
+    """While the package contains Embree, beside the module."""
+    package = Path("echocast")
+    subprocess.run(["../../scripts/embree", package], check=True)
+    try:
+        yield
+    finally:
+        for library in package.glob("lib*.so*"):
+            library.unlink()

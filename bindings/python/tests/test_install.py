@@ -25,6 +25,6 @@ def test_where_nothing_is_missing_maturin_goes_on(tmp_path: Path) -> None:
 
 
 def test_what_is_missing_is_said(tmp_path: Path) -> None:
-    done = ask(tmp_path, EMBREE_LIB_DIR=str(tmp_path))
-    told = f"scripts/setup: EMBREE_LIB_DIR is {tmp_path}, where there is no libembree4.so\n"
+    done = ask(tmp_path, ECHOCAST_EMBREE=str(tmp_path))
+    told = f"scripts/setup: ECHOCAST_EMBREE is {tmp_path}, where there is no libembree4.so.4\n"
     assert (done.returncode, done.stdout, done.stderr) == (1, "", told)

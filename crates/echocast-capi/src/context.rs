@@ -99,8 +99,8 @@ impl Context {
 /// process forked afterwards does not have these threads: create contexts after a fork. `desc`: NULL for the defaults.
 /// `*out` is the new context; release it with echocast_context_release.
 ///
-/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_UNSUPPORTED (Embree is too old, or the processor), ECHOCAST_E_MEMORY (out of
-/// memory, or of threads). Any thread may call this.
+/// Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_UNSUPPORTED (Embree is not found, or is too old, or the processor is),
+/// ECHOCAST_E_MEMORY (out of memory, or of threads). Any thread may call this.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn echocast_context_create(
     desc: *const echocast_context_desc,

@@ -38,6 +38,7 @@ const VALGRIND: &[&str] = &[
     "--leak-check=full",
     "--errors-for-leak-kinds=definite",
     "--show-leak-kinds=definite",
+    concat!("--suppressions=", env!("CARGO_MANIFEST_DIR"), "/tests/valgrind.supp"),
 ];
 
 fn under_valgrind(name: &str) {
@@ -137,6 +138,11 @@ fn a_system_without_threads_is_an_error() {
 #[test]
 fn what_is_the_hosts_stays_the_hosts() {
     check("host", "plain", C99, &[]);
+}
+
+#[test]
+fn the_hosts_embree_stays_the_hosts() {
+    check("embree", "plain", &["-std=c99", "-rdynamic"], &[]);
 }
 
 /// Programs written for any release of the header work with the current library.

@@ -152,8 +152,6 @@ pub mod detect;
 pub mod echo;
 pub mod emitter;
 pub mod export;
-#[cfg(test)]
-mod floors;
 pub mod generate;
 pub mod image;
 pub mod import;
@@ -166,7 +164,7 @@ pub mod scene;
 
 /// Compiles the examples of that page.
 #[cfg(doctest)]
-#[doc = include_str!("../../../docs/motion.md")]
+#[doc = include_str!("../docs/motion.md")]
 mod page_of_motion {}
 
 #[doc(inline)]

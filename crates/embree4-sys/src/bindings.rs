@@ -241,11 +241,6 @@ pub const RTC_ERROR_UNSUPPORTED_CPU: RTCError = 5;
 pub const RTC_ERROR_CANCELLED: RTCError = 6;
 pub const RTC_ERROR_LEVEL_ZERO_RAYTRACING_SUPPORT_MISSING: RTCError = 7;
 pub type RTCError = ::core::ffi::c_uint;
-pub type RTCErrorFunction = ::core::option::Option<
-    unsafe extern "C" fn(userPtr: *mut ::core::ffi::c_void, code: RTCError, str_: *const ::core::ffi::c_char),
->;
-pub type RTCMemoryMonitorFunction =
-    ::core::option::Option<unsafe extern "C" fn(ptr: *mut ::core::ffi::c_void, bytes: isize, post: bool) -> bool>;
 pub const RTC_BUFFER_TYPE_INDEX: RTCBufferType = 0;
 pub const RTC_BUFFER_TYPE_VERTEX: RTCBufferType = 1;
 pub const RTC_BUFFER_TYPE_VERTEX_ATTRIBUTE: RTCBufferType = 2;
@@ -263,12 +258,6 @@ pub const RTC_BUFFER_TYPE_HOLE: RTCBufferType = 22;
 pub const RTC_BUFFER_TYPE_TRANSFORM: RTCBufferType = 23;
 pub const RTC_BUFFER_TYPE_FLAGS: RTCBufferType = 32;
 pub type RTCBufferType = ::core::ffi::c_uint;
-#[repr(C)]
-#[derive(Debug)]
-pub struct RTCBufferTy {
-    _unused: [u8; 0],
-}
-pub type RTCBuffer = *mut RTCBufferTy;
 #[repr(C)]
 #[repr(align(16))]
 #[derive(Debug, Copy, Clone)]
@@ -759,199 +748,469 @@ const _: () = {
     ["Offset of field: RTCOccludedArguments::occluded"]
         [::core::mem::offset_of!(RTCOccludedArguments, occluded) - 24usize];
 };
-pub type RTCProgressMonitorFunction =
-    ::core::option::Option<unsafe extern "C" fn(ptr: *mut ::core::ffi::c_void, n: f64) -> bool>;
-unsafe extern "C" {
-    pub fn rtcNewDevice(config: *const ::core::ffi::c_char) -> RTCDevice;
-    pub fn rtcRetainDevice(device: RTCDevice);
-    pub fn rtcReleaseDevice(device: RTCDevice);
-    pub fn rtcGetDeviceProperty(device: RTCDevice, prop: RTCDeviceProperty) -> isize;
-    pub fn rtcSetDeviceProperty(device: RTCDevice, prop: RTCDeviceProperty, value: isize);
-    pub fn rtcGetDeviceError(device: RTCDevice) -> RTCError;
-    pub fn rtcSetDeviceErrorFunction(device: RTCDevice, error: RTCErrorFunction, userPtr: *mut ::core::ffi::c_void);
-    pub fn rtcSetDeviceMemoryMonitorFunction(
-        device: RTCDevice,
-        memoryMonitor: RTCMemoryMonitorFunction,
-        userPtr: *mut ::core::ffi::c_void,
-    );
-    pub fn rtcNewBuffer(device: RTCDevice, byteSize: usize) -> RTCBuffer;
-    pub fn rtcNewSharedBuffer(device: RTCDevice, ptr: *mut ::core::ffi::c_void, byteSize: usize) -> RTCBuffer;
-    pub fn rtcGetBufferData(buffer: RTCBuffer) -> *mut ::core::ffi::c_void;
-    pub fn rtcRetainBuffer(buffer: RTCBuffer);
-    pub fn rtcReleaseBuffer(buffer: RTCBuffer);
-    pub fn rtcNewGeometry(device: RTCDevice, type_: RTCGeometryType) -> RTCGeometry;
-    pub fn rtcRetainGeometry(geometry: RTCGeometry);
-    pub fn rtcReleaseGeometry(geometry: RTCGeometry);
-    pub fn rtcCommitGeometry(geometry: RTCGeometry);
-    pub fn rtcEnableGeometry(geometry: RTCGeometry);
-    pub fn rtcDisableGeometry(geometry: RTCGeometry);
-    pub fn rtcSetGeometryTimeStepCount(geometry: RTCGeometry, timeStepCount: ::core::ffi::c_uint);
-    pub fn rtcSetGeometryTimeRange(geometry: RTCGeometry, startTime: f32, endTime: f32);
-    pub fn rtcSetGeometryMask(geometry: RTCGeometry, mask: ::core::ffi::c_uint);
-    pub fn rtcSetGeometryBuildQuality(geometry: RTCGeometry, quality: RTCBuildQuality);
-    pub fn rtcSetGeometryBuffer(
-        geometry: RTCGeometry,
-        type_: RTCBufferType,
-        slot: ::core::ffi::c_uint,
-        format: RTCFormat,
-        buffer: RTCBuffer,
-        byteOffset: usize,
-        byteStride: usize,
-        itemCount: usize,
-    );
-    pub fn rtcSetSharedGeometryBuffer(
-        geometry: RTCGeometry,
-        type_: RTCBufferType,
-        slot: ::core::ffi::c_uint,
-        format: RTCFormat,
-        ptr: *const ::core::ffi::c_void,
-        byteOffset: usize,
-        byteStride: usize,
-        itemCount: usize,
-    );
-    pub fn rtcSetNewGeometryBuffer(
+pub struct Functions {
+    __library: ::libloading::Library,
+    pub rtcNewDevice: unsafe extern "C" fn(config: *const ::core::ffi::c_char) -> RTCDevice,
+    pub rtcReleaseDevice: unsafe extern "C" fn(device: RTCDevice),
+    pub rtcGetDeviceProperty: unsafe extern "C" fn(device: RTCDevice, prop: RTCDeviceProperty) -> isize,
+    pub rtcGetDeviceError: unsafe extern "C" fn(device: RTCDevice) -> RTCError,
+    pub rtcNewGeometry: unsafe extern "C" fn(device: RTCDevice, type_: RTCGeometryType) -> RTCGeometry,
+    pub rtcReleaseGeometry: unsafe extern "C" fn(geometry: RTCGeometry),
+    pub rtcCommitGeometry: unsafe extern "C" fn(geometry: RTCGeometry),
+    pub rtcSetGeometryTimeStepCount: unsafe extern "C" fn(geometry: RTCGeometry, timeStepCount: ::core::ffi::c_uint),
+    pub rtcSetGeometryMask: unsafe extern "C" fn(geometry: RTCGeometry, mask: ::core::ffi::c_uint),
+    pub rtcSetNewGeometryBuffer: unsafe extern "C" fn(
         geometry: RTCGeometry,
         type_: RTCBufferType,
         slot: ::core::ffi::c_uint,
         format: RTCFormat,
         byteStride: usize,
         itemCount: usize,
-    ) -> *mut ::core::ffi::c_void;
-    pub fn rtcGetGeometryBufferData(
-        geometry: RTCGeometry,
-        type_: RTCBufferType,
-        slot: ::core::ffi::c_uint,
-    ) -> *mut ::core::ffi::c_void;
-    pub fn rtcUpdateGeometryBuffer(geometry: RTCGeometry, type_: RTCBufferType, slot: ::core::ffi::c_uint);
-    pub fn rtcSetGeometryIntersectFilterFunction(geometry: RTCGeometry, filter: RTCFilterFunctionN);
-    pub fn rtcSetGeometryOccludedFilterFunction(geometry: RTCGeometry, filter: RTCFilterFunctionN);
-    pub fn rtcSetGeometryEnableFilterFunctionFromArguments(geometry: RTCGeometry, enable: bool);
-    pub fn rtcSetGeometryUserData(geometry: RTCGeometry, ptr: *mut ::core::ffi::c_void);
-    pub fn rtcGetGeometryUserData(geometry: RTCGeometry) -> *mut ::core::ffi::c_void;
-    pub fn rtcSetGeometryUserPrimitiveCount(geometry: RTCGeometry, userPrimitiveCount: ::core::ffi::c_uint);
-    pub fn rtcSetGeometryBoundsFunction(
-        geometry: RTCGeometry,
-        bounds: RTCBoundsFunction,
-        userPtr: *mut ::core::ffi::c_void,
-    );
-    pub fn rtcSetGeometryIntersectFunction(geometry: RTCGeometry, intersect: RTCIntersectFunctionN);
-    pub fn rtcSetGeometryOccludedFunction(geometry: RTCGeometry, occluded: RTCOccludedFunctionN);
-    pub fn rtcSetGeometryInstancedScene(geometry: RTCGeometry, scene: RTCScene);
-    pub fn rtcSetGeometryTransform(
+    ) -> *mut ::core::ffi::c_void,
+    pub rtcSetGeometryUserData: unsafe extern "C" fn(geometry: RTCGeometry, ptr: *mut ::core::ffi::c_void),
+    pub rtcSetGeometryUserPrimitiveCount:
+        unsafe extern "C" fn(geometry: RTCGeometry, userPrimitiveCount: ::core::ffi::c_uint),
+    pub rtcSetGeometryBoundsFunction:
+        unsafe extern "C" fn(geometry: RTCGeometry, bounds: RTCBoundsFunction, userPtr: *mut ::core::ffi::c_void),
+    pub rtcSetGeometryIntersectFunction: unsafe extern "C" fn(geometry: RTCGeometry, intersect: RTCIntersectFunctionN),
+    pub rtcSetGeometryOccludedFunction: unsafe extern "C" fn(geometry: RTCGeometry, occluded: RTCOccludedFunctionN),
+    pub rtcSetGeometryInstancedScene: unsafe extern "C" fn(geometry: RTCGeometry, scene: RTCScene),
+    pub rtcSetGeometryTransform: unsafe extern "C" fn(
         geometry: RTCGeometry,
         timeStep: ::core::ffi::c_uint,
         format: RTCFormat,
         xfm: *const ::core::ffi::c_void,
-    );
-    pub fn rtcGetGeometryTransform(geometry: RTCGeometry, time: f32, format: RTCFormat, xfm: *mut ::core::ffi::c_void);
-    pub fn rtcNewScene(device: RTCDevice) -> RTCScene;
-    pub fn rtcRetainScene(scene: RTCScene);
-    pub fn rtcReleaseScene(scene: RTCScene);
-    pub fn rtcAttachGeometry(scene: RTCScene, geometry: RTCGeometry) -> ::core::ffi::c_uint;
-    pub fn rtcAttachGeometryByID(scene: RTCScene, geometry: RTCGeometry, geomID: ::core::ffi::c_uint);
-    pub fn rtcDetachGeometry(scene: RTCScene, geomID: ::core::ffi::c_uint);
-    pub fn rtcGetGeometry(scene: RTCScene, geomID: ::core::ffi::c_uint) -> RTCGeometry;
-    pub fn rtcCommitScene(scene: RTCScene);
-    pub fn rtcJoinCommitScene(scene: RTCScene);
-    pub fn rtcSetSceneProgressMonitorFunction(
-        scene: RTCScene,
-        progress: RTCProgressMonitorFunction,
-        ptr: *mut ::core::ffi::c_void,
-    );
-    pub fn rtcSetSceneBuildQuality(scene: RTCScene, quality: RTCBuildQuality);
-    pub fn rtcSetSceneFlags(scene: RTCScene, flags: RTCSceneFlags);
-    pub fn rtcGetSceneFlags(scene: RTCScene) -> RTCSceneFlags;
-    pub fn rtcGetSceneBounds(scene: RTCScene, bounds_o: *mut RTCBounds);
-    pub fn rtcIntersect1(scene: RTCScene, rayhit: *mut RTCRayHit, args: *mut RTCIntersectArguments);
-    pub fn rtcIntersect4(
+    ),
+    pub rtcNewScene: unsafe extern "C" fn(device: RTCDevice) -> RTCScene,
+    pub rtcReleaseScene: unsafe extern "C" fn(scene: RTCScene),
+    pub rtcAttachGeometry: unsafe extern "C" fn(scene: RTCScene, geometry: RTCGeometry) -> ::core::ffi::c_uint,
+    pub rtcAttachGeometryByID:
+        unsafe extern "C" fn(scene: RTCScene, geometry: RTCGeometry, geomID: ::core::ffi::c_uint),
+    pub rtcJoinCommitScene: unsafe extern "C" fn(scene: RTCScene),
+    pub rtcSetSceneBuildQuality: unsafe extern "C" fn(scene: RTCScene, quality: RTCBuildQuality),
+    pub rtcSetSceneFlags: unsafe extern "C" fn(scene: RTCScene, flags: RTCSceneFlags),
+    pub rtcGetSceneBounds: unsafe extern "C" fn(scene: RTCScene, bounds_o: *mut RTCBounds),
+    pub rtcIntersect1: unsafe extern "C" fn(scene: RTCScene, rayhit: *mut RTCRayHit, args: *mut RTCIntersectArguments),
+    pub rtcIntersect4: unsafe extern "C" fn(
         valid: *const ::core::ffi::c_int,
         scene: RTCScene,
         rayhit: *mut RTCRayHit4,
         args: *mut RTCIntersectArguments,
-    );
-    pub fn rtcIntersect8(
+    ),
+    pub rtcIntersect8: unsafe extern "C" fn(
         valid: *const ::core::ffi::c_int,
         scene: RTCScene,
         rayhit: *mut RTCRayHit8,
         args: *mut RTCIntersectArguments,
-    );
-    pub fn rtcIntersect16(
+    ),
+    pub rtcIntersect16: unsafe extern "C" fn(
         valid: *const ::core::ffi::c_int,
         scene: RTCScene,
         rayhit: *mut RTCRayHit16,
         args: *mut RTCIntersectArguments,
-    );
-    pub fn rtcForwardIntersect1(
+    ),
+    pub rtcForwardIntersect1: unsafe extern "C" fn(
         args: *const RTCIntersectFunctionNArguments,
         scene: RTCScene,
         ray: *mut RTCRay,
         instID: ::core::ffi::c_uint,
-    );
-    pub fn rtcForwardIntersect4(
+    ),
+    pub rtcForwardIntersect4: unsafe extern "C" fn(
         valid: *const ::core::ffi::c_int,
         args: *const RTCIntersectFunctionNArguments,
         scene: RTCScene,
         ray: *mut RTCRay4,
         instID: ::core::ffi::c_uint,
-    );
-    pub fn rtcForwardIntersect8(
+    ),
+    pub rtcForwardIntersect8: unsafe extern "C" fn(
         valid: *const ::core::ffi::c_int,
         args: *const RTCIntersectFunctionNArguments,
         scene: RTCScene,
         ray: *mut RTCRay8,
         instID: ::core::ffi::c_uint,
-    );
-    pub fn rtcForwardIntersect16(
+    ),
+    pub rtcForwardIntersect16: unsafe extern "C" fn(
         valid: *const ::core::ffi::c_int,
         args: *const RTCIntersectFunctionNArguments,
         scene: RTCScene,
         ray: *mut RTCRay16,
         instID: ::core::ffi::c_uint,
-    );
-    pub fn rtcOccluded1(scene: RTCScene, ray: *mut RTCRay, args: *mut RTCOccludedArguments);
-    pub fn rtcOccluded4(
+    ),
+    pub rtcOccluded4: unsafe extern "C" fn(
         valid: *const ::core::ffi::c_int,
         scene: RTCScene,
         ray: *mut RTCRay4,
         args: *mut RTCOccludedArguments,
-    );
-    pub fn rtcOccluded8(
+    ),
+    pub rtcOccluded8: unsafe extern "C" fn(
         valid: *const ::core::ffi::c_int,
         scene: RTCScene,
         ray: *mut RTCRay8,
         args: *mut RTCOccludedArguments,
-    );
-    pub fn rtcOccluded16(
+    ),
+    pub rtcOccluded16: unsafe extern "C" fn(
         valid: *const ::core::ffi::c_int,
         scene: RTCScene,
         ray: *mut RTCRay16,
         args: *mut RTCOccludedArguments,
-    );
-    pub fn rtcForwardOccluded1(
+    ),
+    pub rtcForwardOccluded1: unsafe extern "C" fn(
         args: *const RTCOccludedFunctionNArguments,
         scene: RTCScene,
         ray: *mut RTCRay,
         instID: ::core::ffi::c_uint,
-    );
-    pub fn rtcForwardOccluded4(
+    ),
+    pub rtcForwardOccluded4: unsafe extern "C" fn(
         valid: *const ::core::ffi::c_int,
         args: *const RTCOccludedFunctionNArguments,
         scene: RTCScene,
         ray: *mut RTCRay4,
         instID: ::core::ffi::c_uint,
-    );
-    pub fn rtcForwardOccluded8(
+    ),
+    pub rtcForwardOccluded8: unsafe extern "C" fn(
         valid: *const ::core::ffi::c_int,
         args: *const RTCOccludedFunctionNArguments,
         scene: RTCScene,
         ray: *mut RTCRay8,
         instID: ::core::ffi::c_uint,
-    );
-    pub fn rtcForwardOccluded16(
+    ),
+    pub rtcForwardOccluded16: unsafe extern "C" fn(
         valid: *const ::core::ffi::c_int,
         args: *const RTCOccludedFunctionNArguments,
         scene: RTCScene,
         ray: *mut RTCRay16,
         instID: ::core::ffi::c_uint,
-    );
+    ),
+}
+impl Functions {
+    pub unsafe fn new<P>(path: P) -> Result<Self, ::libloading::Error>
+    where
+        P: AsRef<::std::ffi::OsStr>,
+    {
+        let path = path.as_ref();
+        let library = ::libloading::Library::new(path)?;
+        Self::from_library(library)
+    }
+    pub unsafe fn from_library<L>(library: L) -> Result<Self, ::libloading::Error>
+    where
+        L: Into<::libloading::Library>,
+    {
+        let __library = library.into();
+        let rtcNewDevice = __library.get(b"rtcNewDevice\0").map(|sym| *sym)?;
+        let rtcReleaseDevice = __library.get(b"rtcReleaseDevice\0").map(|sym| *sym)?;
+        let rtcGetDeviceProperty = __library.get(b"rtcGetDeviceProperty\0").map(|sym| *sym)?;
+        let rtcGetDeviceError = __library.get(b"rtcGetDeviceError\0").map(|sym| *sym)?;
+        let rtcNewGeometry = __library.get(b"rtcNewGeometry\0").map(|sym| *sym)?;
+        let rtcReleaseGeometry = __library.get(b"rtcReleaseGeometry\0").map(|sym| *sym)?;
+        let rtcCommitGeometry = __library.get(b"rtcCommitGeometry\0").map(|sym| *sym)?;
+        let rtcSetGeometryTimeStepCount = __library.get(b"rtcSetGeometryTimeStepCount\0").map(|sym| *sym)?;
+        let rtcSetGeometryMask = __library.get(b"rtcSetGeometryMask\0").map(|sym| *sym)?;
+        let rtcSetNewGeometryBuffer = __library.get(b"rtcSetNewGeometryBuffer\0").map(|sym| *sym)?;
+        let rtcSetGeometryUserData = __library.get(b"rtcSetGeometryUserData\0").map(|sym| *sym)?;
+        let rtcSetGeometryUserPrimitiveCount = __library.get(b"rtcSetGeometryUserPrimitiveCount\0").map(|sym| *sym)?;
+        let rtcSetGeometryBoundsFunction = __library.get(b"rtcSetGeometryBoundsFunction\0").map(|sym| *sym)?;
+        let rtcSetGeometryIntersectFunction = __library.get(b"rtcSetGeometryIntersectFunction\0").map(|sym| *sym)?;
+        let rtcSetGeometryOccludedFunction = __library.get(b"rtcSetGeometryOccludedFunction\0").map(|sym| *sym)?;
+        let rtcSetGeometryInstancedScene = __library.get(b"rtcSetGeometryInstancedScene\0").map(|sym| *sym)?;
+        let rtcSetGeometryTransform = __library.get(b"rtcSetGeometryTransform\0").map(|sym| *sym)?;
+        let rtcNewScene = __library.get(b"rtcNewScene\0").map(|sym| *sym)?;
+        let rtcReleaseScene = __library.get(b"rtcReleaseScene\0").map(|sym| *sym)?;
+        let rtcAttachGeometry = __library.get(b"rtcAttachGeometry\0").map(|sym| *sym)?;
+        let rtcAttachGeometryByID = __library.get(b"rtcAttachGeometryByID\0").map(|sym| *sym)?;
+        let rtcJoinCommitScene = __library.get(b"rtcJoinCommitScene\0").map(|sym| *sym)?;
+        let rtcSetSceneBuildQuality = __library.get(b"rtcSetSceneBuildQuality\0").map(|sym| *sym)?;
+        let rtcSetSceneFlags = __library.get(b"rtcSetSceneFlags\0").map(|sym| *sym)?;
+        let rtcGetSceneBounds = __library.get(b"rtcGetSceneBounds\0").map(|sym| *sym)?;
+        let rtcIntersect1 = __library.get(b"rtcIntersect1\0").map(|sym| *sym)?;
+        let rtcIntersect4 = __library.get(b"rtcIntersect4\0").map(|sym| *sym)?;
+        let rtcIntersect8 = __library.get(b"rtcIntersect8\0").map(|sym| *sym)?;
+        let rtcIntersect16 = __library.get(b"rtcIntersect16\0").map(|sym| *sym)?;
+        let rtcForwardIntersect1 = __library.get(b"rtcForwardIntersect1\0").map(|sym| *sym)?;
+        let rtcForwardIntersect4 = __library.get(b"rtcForwardIntersect4\0").map(|sym| *sym)?;
+        let rtcForwardIntersect8 = __library.get(b"rtcForwardIntersect8\0").map(|sym| *sym)?;
+        let rtcForwardIntersect16 = __library.get(b"rtcForwardIntersect16\0").map(|sym| *sym)?;
+        let rtcOccluded4 = __library.get(b"rtcOccluded4\0").map(|sym| *sym)?;
+        let rtcOccluded8 = __library.get(b"rtcOccluded8\0").map(|sym| *sym)?;
+        let rtcOccluded16 = __library.get(b"rtcOccluded16\0").map(|sym| *sym)?;
+        let rtcForwardOccluded1 = __library.get(b"rtcForwardOccluded1\0").map(|sym| *sym)?;
+        let rtcForwardOccluded4 = __library.get(b"rtcForwardOccluded4\0").map(|sym| *sym)?;
+        let rtcForwardOccluded8 = __library.get(b"rtcForwardOccluded8\0").map(|sym| *sym)?;
+        let rtcForwardOccluded16 = __library.get(b"rtcForwardOccluded16\0").map(|sym| *sym)?;
+        Ok(Functions {
+            __library,
+            rtcNewDevice,
+            rtcReleaseDevice,
+            rtcGetDeviceProperty,
+            rtcGetDeviceError,
+            rtcNewGeometry,
+            rtcReleaseGeometry,
+            rtcCommitGeometry,
+            rtcSetGeometryTimeStepCount,
+            rtcSetGeometryMask,
+            rtcSetNewGeometryBuffer,
+            rtcSetGeometryUserData,
+            rtcSetGeometryUserPrimitiveCount,
+            rtcSetGeometryBoundsFunction,
+            rtcSetGeometryIntersectFunction,
+            rtcSetGeometryOccludedFunction,
+            rtcSetGeometryInstancedScene,
+            rtcSetGeometryTransform,
+            rtcNewScene,
+            rtcReleaseScene,
+            rtcAttachGeometry,
+            rtcAttachGeometryByID,
+            rtcJoinCommitScene,
+            rtcSetSceneBuildQuality,
+            rtcSetSceneFlags,
+            rtcGetSceneBounds,
+            rtcIntersect1,
+            rtcIntersect4,
+            rtcIntersect8,
+            rtcIntersect16,
+            rtcForwardIntersect1,
+            rtcForwardIntersect4,
+            rtcForwardIntersect8,
+            rtcForwardIntersect16,
+            rtcOccluded4,
+            rtcOccluded8,
+            rtcOccluded16,
+            rtcForwardOccluded1,
+            rtcForwardOccluded4,
+            rtcForwardOccluded8,
+            rtcForwardOccluded16,
+        })
+    }
+    pub unsafe fn rtcNewDevice(&self, config: *const ::core::ffi::c_char) -> RTCDevice {
+        (self.rtcNewDevice)(config)
+    }
+    pub unsafe fn rtcReleaseDevice(&self, device: RTCDevice) {
+        (self.rtcReleaseDevice)(device)
+    }
+    pub unsafe fn rtcGetDeviceProperty(&self, device: RTCDevice, prop: RTCDeviceProperty) -> isize {
+        (self.rtcGetDeviceProperty)(device, prop)
+    }
+    pub unsafe fn rtcGetDeviceError(&self, device: RTCDevice) -> RTCError {
+        (self.rtcGetDeviceError)(device)
+    }
+    pub unsafe fn rtcNewGeometry(&self, device: RTCDevice, type_: RTCGeometryType) -> RTCGeometry {
+        (self.rtcNewGeometry)(device, type_)
+    }
+    pub unsafe fn rtcReleaseGeometry(&self, geometry: RTCGeometry) {
+        (self.rtcReleaseGeometry)(geometry)
+    }
+    pub unsafe fn rtcCommitGeometry(&self, geometry: RTCGeometry) {
+        (self.rtcCommitGeometry)(geometry)
+    }
+    pub unsafe fn rtcSetGeometryTimeStepCount(&self, geometry: RTCGeometry, timeStepCount: ::core::ffi::c_uint) {
+        (self.rtcSetGeometryTimeStepCount)(geometry, timeStepCount)
+    }
+    pub unsafe fn rtcSetGeometryMask(&self, geometry: RTCGeometry, mask: ::core::ffi::c_uint) {
+        (self.rtcSetGeometryMask)(geometry, mask)
+    }
+    pub unsafe fn rtcSetNewGeometryBuffer(
+        &self,
+        geometry: RTCGeometry,
+        type_: RTCBufferType,
+        slot: ::core::ffi::c_uint,
+        format: RTCFormat,
+        byteStride: usize,
+        itemCount: usize,
+    ) -> *mut ::core::ffi::c_void {
+        (self.rtcSetNewGeometryBuffer)(geometry, type_, slot, format, byteStride, itemCount)
+    }
+    pub unsafe fn rtcSetGeometryUserData(&self, geometry: RTCGeometry, ptr: *mut ::core::ffi::c_void) {
+        (self.rtcSetGeometryUserData)(geometry, ptr)
+    }
+    pub unsafe fn rtcSetGeometryUserPrimitiveCount(
+        &self,
+        geometry: RTCGeometry,
+        userPrimitiveCount: ::core::ffi::c_uint,
+    ) {
+        (self.rtcSetGeometryUserPrimitiveCount)(geometry, userPrimitiveCount)
+    }
+    pub unsafe fn rtcSetGeometryBoundsFunction(
+        &self,
+        geometry: RTCGeometry,
+        bounds: RTCBoundsFunction,
+        userPtr: *mut ::core::ffi::c_void,
+    ) {
+        (self.rtcSetGeometryBoundsFunction)(geometry, bounds, userPtr)
+    }
+    pub unsafe fn rtcSetGeometryIntersectFunction(&self, geometry: RTCGeometry, intersect: RTCIntersectFunctionN) {
+        (self.rtcSetGeometryIntersectFunction)(geometry, intersect)
+    }
+    pub unsafe fn rtcSetGeometryOccludedFunction(&self, geometry: RTCGeometry, occluded: RTCOccludedFunctionN) {
+        (self.rtcSetGeometryOccludedFunction)(geometry, occluded)
+    }
+    pub unsafe fn rtcSetGeometryInstancedScene(&self, geometry: RTCGeometry, scene: RTCScene) {
+        (self.rtcSetGeometryInstancedScene)(geometry, scene)
+    }
+    pub unsafe fn rtcSetGeometryTransform(
+        &self,
+        geometry: RTCGeometry,
+        timeStep: ::core::ffi::c_uint,
+        format: RTCFormat,
+        xfm: *const ::core::ffi::c_void,
+    ) {
+        (self.rtcSetGeometryTransform)(geometry, timeStep, format, xfm)
+    }
+    pub unsafe fn rtcNewScene(&self, device: RTCDevice) -> RTCScene {
+        (self.rtcNewScene)(device)
+    }
+    pub unsafe fn rtcReleaseScene(&self, scene: RTCScene) {
+        (self.rtcReleaseScene)(scene)
+    }
+    pub unsafe fn rtcAttachGeometry(&self, scene: RTCScene, geometry: RTCGeometry) -> ::core::ffi::c_uint {
+        (self.rtcAttachGeometry)(scene, geometry)
+    }
+    pub unsafe fn rtcAttachGeometryByID(&self, scene: RTCScene, geometry: RTCGeometry, geomID: ::core::ffi::c_uint) {
+        (self.rtcAttachGeometryByID)(scene, geometry, geomID)
+    }
+    pub unsafe fn rtcJoinCommitScene(&self, scene: RTCScene) {
+        (self.rtcJoinCommitScene)(scene)
+    }
+    pub unsafe fn rtcSetSceneBuildQuality(&self, scene: RTCScene, quality: RTCBuildQuality) {
+        (self.rtcSetSceneBuildQuality)(scene, quality)
+    }
+    pub unsafe fn rtcSetSceneFlags(&self, scene: RTCScene, flags: RTCSceneFlags) {
+        (self.rtcSetSceneFlags)(scene, flags)
+    }
+    pub unsafe fn rtcGetSceneBounds(&self, scene: RTCScene, bounds_o: *mut RTCBounds) {
+        (self.rtcGetSceneBounds)(scene, bounds_o)
+    }
+    pub unsafe fn rtcIntersect1(&self, scene: RTCScene, rayhit: *mut RTCRayHit, args: *mut RTCIntersectArguments) {
+        (self.rtcIntersect1)(scene, rayhit, args)
+    }
+    pub unsafe fn rtcIntersect4(
+        &self,
+        valid: *const ::core::ffi::c_int,
+        scene: RTCScene,
+        rayhit: *mut RTCRayHit4,
+        args: *mut RTCIntersectArguments,
+    ) {
+        (self.rtcIntersect4)(valid, scene, rayhit, args)
+    }
+    pub unsafe fn rtcIntersect8(
+        &self,
+        valid: *const ::core::ffi::c_int,
+        scene: RTCScene,
+        rayhit: *mut RTCRayHit8,
+        args: *mut RTCIntersectArguments,
+    ) {
+        (self.rtcIntersect8)(valid, scene, rayhit, args)
+    }
+    pub unsafe fn rtcIntersect16(
+        &self,
+        valid: *const ::core::ffi::c_int,
+        scene: RTCScene,
+        rayhit: *mut RTCRayHit16,
+        args: *mut RTCIntersectArguments,
+    ) {
+        (self.rtcIntersect16)(valid, scene, rayhit, args)
+    }
+    pub unsafe fn rtcForwardIntersect1(
+        &self,
+        args: *const RTCIntersectFunctionNArguments,
+        scene: RTCScene,
+        ray: *mut RTCRay,
+        instID: ::core::ffi::c_uint,
+    ) {
+        (self.rtcForwardIntersect1)(args, scene, ray, instID)
+    }
+    pub unsafe fn rtcForwardIntersect4(
+        &self,
+        valid: *const ::core::ffi::c_int,
+        args: *const RTCIntersectFunctionNArguments,
+        scene: RTCScene,
+        ray: *mut RTCRay4,
+        instID: ::core::ffi::c_uint,
+    ) {
+        (self.rtcForwardIntersect4)(valid, args, scene, ray, instID)
+    }
+    pub unsafe fn rtcForwardIntersect8(
+        &self,
+        valid: *const ::core::ffi::c_int,
+        args: *const RTCIntersectFunctionNArguments,
+        scene: RTCScene,
+        ray: *mut RTCRay8,
+        instID: ::core::ffi::c_uint,
+    ) {
+        (self.rtcForwardIntersect8)(valid, args, scene, ray, instID)
+    }
+    pub unsafe fn rtcForwardIntersect16(
+        &self,
+        valid: *const ::core::ffi::c_int,
+        args: *const RTCIntersectFunctionNArguments,
+        scene: RTCScene,
+        ray: *mut RTCRay16,
+        instID: ::core::ffi::c_uint,
+    ) {
+        (self.rtcForwardIntersect16)(valid, args, scene, ray, instID)
+    }
+    pub unsafe fn rtcOccluded4(
+        &self,
+        valid: *const ::core::ffi::c_int,
+        scene: RTCScene,
+        ray: *mut RTCRay4,
+        args: *mut RTCOccludedArguments,
+    ) {
+        (self.rtcOccluded4)(valid, scene, ray, args)
+    }
+    pub unsafe fn rtcOccluded8(
+        &self,
+        valid: *const ::core::ffi::c_int,
+        scene: RTCScene,
+        ray: *mut RTCRay8,
+        args: *mut RTCOccludedArguments,
+    ) {
+        (self.rtcOccluded8)(valid, scene, ray, args)
+    }
+    pub unsafe fn rtcOccluded16(
+        &self,
+        valid: *const ::core::ffi::c_int,
+        scene: RTCScene,
+        ray: *mut RTCRay16,
+        args: *mut RTCOccludedArguments,
+    ) {
+        (self.rtcOccluded16)(valid, scene, ray, args)
+    }
+    pub unsafe fn rtcForwardOccluded1(
+        &self,
+        args: *const RTCOccludedFunctionNArguments,
+        scene: RTCScene,
+        ray: *mut RTCRay,
+        instID: ::core::ffi::c_uint,
+    ) {
+        (self.rtcForwardOccluded1)(args, scene, ray, instID)
+    }
+    pub unsafe fn rtcForwardOccluded4(
+        &self,
+        valid: *const ::core::ffi::c_int,
+        args: *const RTCOccludedFunctionNArguments,
+        scene: RTCScene,
+        ray: *mut RTCRay4,
+        instID: ::core::ffi::c_uint,
+    ) {
+        (self.rtcForwardOccluded4)(valid, args, scene, ray, instID)
+    }
+    pub unsafe fn rtcForwardOccluded8(
+        &self,
+        valid: *const ::core::ffi::c_int,
+        args: *const RTCOccludedFunctionNArguments,
+        scene: RTCScene,
+        ray: *mut RTCRay8,
+        instID: ::core::ffi::c_uint,
+    ) {
+        (self.rtcForwardOccluded8)(valid, args, scene, ray, instID)
+    }
+    pub unsafe fn rtcForwardOccluded16(
+        &self,
+        valid: *const ::core::ffi::c_int,
+        args: *const RTCOccludedFunctionNArguments,
+        scene: RTCScene,
+        ray: *mut RTCRay16,
+        instID: ::core::ffi::c_uint,
+    ) {
+        (self.rtcForwardOccluded16)(valid, args, scene, ray, instID)
+    }
 }

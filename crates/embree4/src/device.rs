@@ -5,6 +5,7 @@ use std::{fmt, thread};
 use embree4_sys as sys;
 
 use crate::error::{Error, OLDEST_MINOR, OUT_OF_MEMORY};
+use crate::library::{self, embree};
 
 /// An Embree device: the factory of meshes and scenes. Clones are handles of the same device; what it created keeps it
 /// alive.
@@ -29,8 +30,9 @@ impl Device {
     /// that commit them.
     ///
     /// # Errors
-    /// [`Error::Version`] if the loaded library is older than 4.3 or newer than 4.x; [`Error::Embree`] if Embree cannot
-    /// run on this CPU or is out of memory.
+    /// [`Error::Library`] and [`Error::Unusable`] if there is no library of Embree, or none that can be opened;
+    /// [`Error::Version`] if it is older than 4.3 or newer than 4.x; [`Error::Embree`] if Embree cannot run on this CPU or
+    /// is out of memory.
     pub fn new() -> Result<Device, Error> {
         Self::with_config("")
     }
@@ -45,8 +47,9 @@ impl Device {
         // would end the process if the system refused, and does not limit other users of TBB in this process.
         let places = "threads=65536,user_threads=65536";
         let text = CString::new(format!("{places},{config}")).map_err(|_| Error::Config { config: config.into() })?;
+        library::open()?;
         // SAFETY: `text` is a C string that outlives the call; Embree copies what it needs.
-        let raw = unsafe { sys::rtcNewDevice(text.as_ptr()) };
+        let raw = unsafe { embree().rtcNewDevice(text.as_ptr()) };
         if raw.is_null() {
             check(None, "rtcNewDevice")?;
             return Err(Error::Embree { call: "rtcNewDevice", reason: "no device and no error returned" });
@@ -107,14 +110,14 @@ impl fmt::Debug for Device {
 impl OwnedDevice {
     fn property(&self, property: sys::RTCDeviceProperty) -> isize {
         // SAFETY: `self.raw` is a live device; an unknown property sets an error and returns 0.
-        unsafe { sys::rtcGetDeviceProperty(self.raw, property) }
+        unsafe { embree().rtcGetDeviceProperty(self.raw, property) }
     }
 }
 
 impl Drop for OwnedDevice {
     fn drop(&mut self) {
         // SAFETY: we own one reference, given by rtcNewDevice, and give it back once.
-        unsafe { sys::rtcReleaseDevice(self.raw) }
+        unsafe { embree().rtcReleaseDevice(self.raw) }
     }
 }
 
@@ -175,7 +178,7 @@ impl BuilderSlots {
 pub(crate) fn check(device: Option<&Device>, call: &'static str) -> Result<(), Error> {
     let raw = device.map_or(std::ptr::null_mut(), Device::raw);
     // SAFETY: `raw` is null, which Embree allows here, or a live device.
-    let code = unsafe { sys::rtcGetDeviceError(raw) };
+    let code = unsafe { embree().rtcGetDeviceError(raw) };
     let reason = match code {
         sys::RTC_ERROR_NONE => return Ok(()),
         sys::RTC_ERROR_INVALID_ARGUMENT => "invalid argument",
@@ -190,7 +193,11 @@ pub(crate) fn check(device: Option<&Device>, call: &'static str) -> Result<(), E
 
 /// 4.2 has smaller hits (80 bytes instead of 96 for one ray); 5.0 is unknown.
 fn check_version(found: (u32, u32, u32)) -> Result<(), Error> {
-    if found.0 == 4 && found.1 >= OLDEST_MINOR { Ok(()) } else { Err(Error::Version { found }) }
+    if found.0 == 4 && found.1 >= OLDEST_MINOR {
+        Ok(())
+    } else {
+        Err(Error::Version { found, path: library::path().to_path_buf() })
+    }
 }
 
 #[cfg(test)]
@@ -203,11 +210,10 @@ mod tests {
             assert_eq!(check_version(fits), Ok(()));
         }
         for other in [(3, 13, 5), (4, 2, 9), (5, 0, 0), (5, 3, 0), (0, 0, 0)] {
-            assert_eq!(check_version(other), Err(Error::Version { found: other }));
+            let refused = check_version(other);
+            assert!(matches!(refused, Err(Error::Version { found, .. }) if found == other), "{refused:?}");
         }
-        assert_eq!(
-            check_version((4, 2, 1)).unwrap_err().to_string(),
-            "the Embree library loaded is version 4.2.1, but 4.3 or a later 4.x is needed"
-        );
+        let sentence = check_version((4, 2, 1)).unwrap_err().to_string();
+        assert!(sentence.ends_with("is Embree 4.2.1, but 4.3 or a later 4.x is needed"), "{sentence}");
     }
 }

@@ -1,3 +1,5 @@
+use std::path::PathBuf;
+
 /// First minor version of Embree 4 with the memory layout of 4.3.3, whose header the bindings come from.
 pub(crate) const OLDEST_MINOR: u32 = 3;
 
@@ -5,14 +7,35 @@ pub(crate) const OLDEST_MINOR: u32 = 3;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The loaded library has a version whose memory layout may differ from the one compiled in.
+    /// No library of Embree was found.
     #[error(
-        "the Embree library loaded is version {}.{}.{}, but 4.{} or a later 4.x is needed",
-        .found.0, .found.1, .found.2, OLDEST_MINOR
+        "Embree 4.{} or a later 4.x is missing: `apt install libembree4-4` (Debian 13, Ubuntu 24.04) or `pip install \
+         --no-deps --target ~/.local/share/echocast embreex` installs it, or ECHOCAST_EMBREE names its file or folder; \
+         there is no libembree4.so.4 in {searched}",
+        OLDEST_MINOR
+    )]
+    Library {
+        /// The folders that were searched.
+        searched: String,
+    },
+    /// A library of Embree that cannot be opened.
+    #[error("{}: cannot be used as Embree: {reason}", .path.display())]
+    Unusable {
+        /// Its file.
+        path: PathBuf,
+        /// The loader's reason.
+        reason: String,
+    },
+    /// The library has a version whose memory layout may differ from the one compiled in.
+    #[error(
+        "{} is Embree {}.{}.{}, but 4.{} or a later 4.x is needed",
+        .path.display(), .found.0, .found.1, .found.2, OLDEST_MINOR
     )]
     Version {
         /// Major, minor and patch number of the library.
         found: (u32, u32, u32),
+        /// Its file.
+        path: PathBuf,
     },
     /// A device configuration with a NUL character in it, which cannot be passed to C.
     #[error("the Embree configuration {config:?} contains a NUL character")]

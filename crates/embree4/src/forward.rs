@@ -1,8 +1,7 @@
 //! Shapes that contain scenes: the rays of a query, traced through one.
 
-use embree4_sys as sys;
-
 use crate::CommittedScene;
+use crate::library::embree;
 use crate::shape::{Call, LocalRays, MOST, Query};
 
 impl Query<'_> {
@@ -24,14 +23,14 @@ impl Query<'_> {
         // bytes like `valid`.
         unsafe {
             match (self.call, self.lanes) {
-                (Call::Intersect(call), 1) => sys::rtcForwardIntersect1(call, scene, to.cast(), instance),
-                (Call::Intersect(call), 4) => sys::rtcForwardIntersect4(valid, call, scene, to.cast(), instance),
-                (Call::Intersect(call), 8) => sys::rtcForwardIntersect8(valid, call, scene, to.cast(), instance),
-                (Call::Intersect(call), _) => sys::rtcForwardIntersect16(valid, call, scene, to.cast(), instance),
-                (Call::Occluded(call), 1) => sys::rtcForwardOccluded1(call, scene, to.cast(), instance),
-                (Call::Occluded(call), 4) => sys::rtcForwardOccluded4(valid, call, scene, to.cast(), instance),
-                (Call::Occluded(call), 8) => sys::rtcForwardOccluded8(valid, call, scene, to.cast(), instance),
-                (Call::Occluded(call), _) => sys::rtcForwardOccluded16(valid, call, scene, to.cast(), instance),
+                (Call::Intersect(call), 1) => embree().rtcForwardIntersect1(call, scene, to.cast(), instance),
+                (Call::Intersect(call), 4) => embree().rtcForwardIntersect4(valid, call, scene, to.cast(), instance),
+                (Call::Intersect(call), 8) => embree().rtcForwardIntersect8(valid, call, scene, to.cast(), instance),
+                (Call::Intersect(call), _) => embree().rtcForwardIntersect16(valid, call, scene, to.cast(), instance),
+                (Call::Occluded(call), 1) => embree().rtcForwardOccluded1(call, scene, to.cast(), instance),
+                (Call::Occluded(call), 4) => embree().rtcForwardOccluded4(valid, call, scene, to.cast(), instance),
+                (Call::Occluded(call), 8) => embree().rtcForwardOccluded8(valid, call, scene, to.cast(), instance),
+                (Call::Occluded(call), _) => embree().rtcForwardOccluded16(valid, call, scene, to.cast(), instance),
             }
         }
     }

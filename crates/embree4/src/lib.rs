@@ -35,6 +35,7 @@ mod device;
 mod error;
 mod filter;
 mod forward;
+mod library;
 mod mesh;
 mod ray;
 mod scene;

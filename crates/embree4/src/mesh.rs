@@ -6,6 +6,7 @@ use embree4_sys as sys;
 use crate::Device;
 use crate::device::check;
 use crate::error::Error;
+use crate::library::embree;
 
 /// A triangle mesh, ready to be attached to any number of scenes. Clones are handles of the same mesh.
 #[derive(Clone, Debug)]
@@ -72,7 +73,7 @@ unsafe impl Sync for Geometry {}
 impl Geometry {
     pub(crate) fn new(device: &Device, kind: sys::RTCGeometryType) -> Result<Geometry, Error> {
         // SAFETY: the device is alive, and `kind` is one of the header's.
-        let raw = unsafe { sys::rtcNewGeometry(device.raw(), kind) };
+        let raw = unsafe { embree().rtcNewGeometry(device.raw(), kind) };
         check(Some(device), "rtcNewGeometry")?;
         if raw.is_null() {
             return Err(Error::Embree { call: "rtcNewGeometry", reason: "no geometry and no error returned" });
@@ -88,7 +89,7 @@ impl Geometry {
         count: usize,
     ) -> Result<&mut [MaybeUninit<T>], Error> {
         // SAFETY: the geometry is alive and not shared yet; slot 0 exists in both kinds of buffer.
-        let data = unsafe { sys::rtcSetNewGeometryBuffer(self.raw, kind, 0, format, size_of::<T>(), count) };
+        let data = unsafe { embree().rtcSetNewGeometryBuffer(self.raw, kind, 0, format, size_of::<T>(), count) };
         check(Some(&self.device), "rtcSetNewGeometryBuffer")?;
         if data.is_null() {
             return Err(Error::Embree { call: "rtcSetNewGeometryBuffer", reason: "no memory and no error returned" });
@@ -102,8 +103,8 @@ impl Geometry {
     pub(crate) fn commit(&mut self, mask: u32) -> Result<(), Error> {
         // SAFETY: the geometry is alive and not shared yet; its buffers are filled.
         unsafe {
-            sys::rtcSetGeometryMask(self.raw, mask);
-            sys::rtcCommitGeometry(self.raw);
+            embree().rtcSetGeometryMask(self.raw, mask);
+            embree().rtcCommitGeometry(self.raw);
         }
         check(Some(&self.device), "rtcCommitGeometry")
     }
@@ -120,7 +121,7 @@ impl Geometry {
 impl Drop for Geometry {
     fn drop(&mut self) {
         // SAFETY: we own one reference, given by rtcNewGeometry; scenes hold their own.
-        unsafe { sys::rtcReleaseGeometry(self.raw) }
+        unsafe { embree().rtcReleaseGeometry(self.raw) }
     }
 }
 

@@ -6,6 +6,7 @@ use embree4_sys as sys;
 use crate::device::check;
 use crate::error::Error;
 use crate::filter::{Candidate, QueryFilter, call_filter};
+use crate::library::embree;
 use crate::mesh::Geometry;
 use crate::{Coherence, Custom, Device, Mesh, Packet, Ray};
 
@@ -62,7 +63,7 @@ impl Scene {
     /// [`Error::Embree`] when memory runs out.
     pub fn new(device: &Device, quality: Quality) -> Result<Scene, Error> {
         // SAFETY: the device is alive.
-        let raw = unsafe { sys::rtcNewScene(device.raw()) };
+        let raw = unsafe { embree().rtcNewScene(device.raw()) };
         check(Some(device), "rtcNewScene")?;
         if raw.is_null() {
             return Err(Error::Embree { call: "rtcNewScene", reason: "no scene and no error returned" });
@@ -73,14 +74,14 @@ impl Scene {
             Quality::Medium => sys::RTC_BUILD_QUALITY_MEDIUM,
         };
         // SAFETY: the scene is alive and ours alone.
-        unsafe { sys::rtcSetSceneBuildQuality(raw, quality) };
+        unsafe { embree().rtcSetSceneBuildQuality(raw, quality) };
         check(Some(device), "rtcSetSceneBuildQuality")?;
         // No ray passes between triangles that share an edge; one that is aimed exactly at a corner still may, if
         // rarely (Embree's issues 174 and 181). And `intersect_where` may call back, which without a filter has no
         // measurable cost.
         let flags = sys::RTC_SCENE_FLAG_ROBUST | sys::RTC_SCENE_FLAG_FILTER_FUNCTION_IN_ARGUMENTS;
         // SAFETY: as above.
-        unsafe { sys::rtcSetSceneFlags(raw, flags) };
+        unsafe { embree().rtcSetSceneFlags(raw, flags) };
         check(Some(device), "rtcSetSceneFlags")?;
         Ok(scene)
     }
@@ -92,7 +93,7 @@ impl Scene {
     pub fn attach_mesh(&mut self, mesh: &Mesh) -> Result<u32, Error> {
         self.check_device(mesh.geometry())?;
         // SAFETY: both handles are alive and of one device; the scene takes a reference of its own.
-        let id = unsafe { sys::rtcAttachGeometry(self.0.raw, mesh.geometry().raw()) };
+        let id = unsafe { embree().rtcAttachGeometry(self.0.raw, mesh.geometry().raw()) };
         check(Some(&self.0.device), "rtcAttachGeometry")?;
         Ok(id)
     }
@@ -125,7 +126,7 @@ impl Scene {
     fn attach(&mut self, geometry: &Geometry, id: u32) -> Result<(), Error> {
         self.check_device(geometry)?;
         // SAFETY: both handles are alive and of one device; the scene takes a reference of its own.
-        unsafe { sys::rtcAttachGeometryByID(self.0.raw, geometry.raw(), id) };
+        unsafe { embree().rtcAttachGeometryByID(self.0.raw, geometry.raw(), id) };
         check(Some(&self.0.device), "rtcAttachGeometryByID")
     }
 
@@ -228,7 +229,7 @@ impl OwnedScene {
     fn build(&self) -> Result<(), Error> {
         // SAFETY: the scene is alive, everything attached to it is committed, and nothing else is done with it before
         // all calls have returned. Embree lets any number of threads join; late ones find nothing to do.
-        unsafe { sys::rtcJoinCommitScene(self.raw) };
+        unsafe { embree().rtcJoinCommitScene(self.raw) };
         check(Some(&self.device), "rtcJoinCommitScene")
     }
 }
@@ -253,11 +254,11 @@ impl Instance {
         let mut geometry = Geometry::new(device, sys::RTC_GEOMETRY_TYPE_INSTANCE)?;
         // SAFETY: both handles are alive and of one device, and the geometry is ours alone. `PlacedScene` keeps the
         // scene alive as long as the geometry.
-        unsafe { sys::rtcSetGeometryInstancedScene(geometry.raw(), of.0.raw) };
+        unsafe { embree().rtcSetGeometryInstancedScene(geometry.raw(), of.0.raw) };
         check(Some(device), "rtcSetGeometryInstancedScene")?;
         // SAFETY: the format names 12 floats without padding, and Embree copies them.
         unsafe {
-            sys::rtcSetGeometryTransform(
+            embree().rtcSetGeometryTransform(
                 geometry.raw(),
                 0,
                 sys::RTC_FORMAT_FLOAT3X4_COLUMN_MAJOR,
@@ -305,7 +306,7 @@ impl CommittedScene {
             align1: 0.0,
         };
         // SAFETY: the scene is alive and committed, and Embree writes one RTCBounds, which is aligned as its type says.
-        unsafe { sys::rtcGetSceneBounds(self.0.raw, &raw mut bounds) };
+        unsafe { embree().rtcGetSceneBounds(self.0.raw, &raw mut bounds) };
         [[bounds.lower_x, bounds.lower_y, bounds.lower_z], [bounds.upper_x, bounds.upper_y, bounds.upper_z]]
     }
 
@@ -357,9 +358,9 @@ impl CommittedScene {
         // alignment and fields of RTCRayHitW (proved where Packet is defined), and Embree writes nothing else.
         unsafe {
             match W {
-                4 => sys::rtcIntersect4(valid, scene, rays.cast(), arguments),
-                8 => sys::rtcIntersect8(valid, scene, rays.cast(), arguments),
-                _ => sys::rtcIntersect16(valid, scene, rays.cast(), arguments),
+                4 => embree().rtcIntersect4(valid, scene, rays.cast(), arguments),
+                8 => embree().rtcIntersect8(valid, scene, rays.cast(), arguments),
+                _ => embree().rtcIntersect16(valid, scene, rays.cast(), arguments),
             }
         }
     }
@@ -407,9 +408,9 @@ impl CommittedScene {
         // Embree writes nothing but its tfar.
         unsafe {
             match W {
-                4 => sys::rtcOccluded4(valid, scene, rays.cast(), arguments),
-                8 => sys::rtcOccluded8(valid, scene, rays.cast(), arguments),
-                _ => sys::rtcOccluded16(valid, scene, rays.cast(), arguments),
+                4 => embree().rtcOccluded4(valid, scene, rays.cast(), arguments),
+                8 => embree().rtcOccluded8(valid, scene, rays.cast(), arguments),
+                _ => embree().rtcOccluded16(valid, scene, rays.cast(), arguments),
             }
         }
     }
@@ -421,7 +422,7 @@ impl CommittedScene {
         let mut arguments = arguments(Coherence::Incoherent.flags(), &mut query_filter);
         // SAFETY: the context outlives the call; the scene is alive and committed; `ray` has the size, alignment and
         // fields of RTCRayHit (proved where Ray is defined), and Embree writes nothing else.
-        unsafe { sys::rtcIntersect1(self.0.raw, std::ptr::from_mut(ray).cast(), &mut arguments) }
+        unsafe { embree().rtcIntersect1(self.0.raw, std::ptr::from_mut(ray).cast(), &mut arguments) }
     }
 }
 
@@ -464,6 +465,6 @@ pub fn is_invertible(m: &[f32; 12]) -> bool {
 impl Drop for OwnedScene {
     fn drop(&mut self) {
         // SAFETY: we own one reference, given by rtcNewScene. The fields dropped after this outlive it.
-        unsafe { sys::rtcReleaseScene(self.raw) }
+        unsafe { embree().rtcReleaseScene(self.raw) }
     }
 }

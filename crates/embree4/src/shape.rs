@@ -7,6 +7,7 @@ use crate::Device;
 use crate::device::check;
 use crate::error::Error;
 use crate::filter::{Candidate, QueryFilter};
+use crate::library::embree;
 use crate::mesh::Geometry;
 
 /// Most lanes of a packet.
@@ -95,12 +96,12 @@ impl Custom {
         // SAFETY: the geometry is alive and ours alone. The functions are called with `place`, which lives as long as
         // the geometry (`OwnedShape`) and is only read from now on; Embree requests as many boxes as there are steps.
         unsafe {
-            sys::rtcSetGeometryUserPrimitiveCount(geometry.raw(), 1);
-            sys::rtcSetGeometryTimeStepCount(geometry.raw(), user_data.bounds.len() as u32);
-            sys::rtcSetGeometryUserData(geometry.raw(), place.cast());
-            sys::rtcSetGeometryBoundsFunction(geometry.raw(), Some(bounds_of), place.cast());
-            sys::rtcSetGeometryIntersectFunction(geometry.raw(), Some(intersect));
-            sys::rtcSetGeometryOccludedFunction(geometry.raw(), Some(occluded));
+            embree().rtcSetGeometryUserPrimitiveCount(geometry.raw(), 1);
+            embree().rtcSetGeometryTimeStepCount(geometry.raw(), user_data.bounds.len() as u32);
+            embree().rtcSetGeometryUserData(geometry.raw(), place.cast());
+            embree().rtcSetGeometryBoundsFunction(geometry.raw(), Some(bounds_of), place.cast());
+            embree().rtcSetGeometryIntersectFunction(geometry.raw(), Some(intersect));
+            embree().rtcSetGeometryOccludedFunction(geometry.raw(), Some(occluded));
         }
         check(Some(device), "rtcSetGeometryIntersectFunction")?;
         geometry.commit(mask)?;

@@ -64,7 +64,7 @@ pub enum Error {
         /// The error that the system reported.
         reason: String,
     },
-    /// Embree failed: why, in its words.
+    /// Embree failed or is missing: a sentence.
     Embree(String),
     /// A defect in this library.
     Internal(String),
@@ -97,7 +97,7 @@ impl fmt::Display for Error {
                     "the system cannot start {wanted} threads ({reason}); allowed: fewer, or a higher limit of processes"
                 )
             }
-            Error::Embree(why) => format!("Embree: {why}"),
+            Error::Embree(why) => why.clone(),
             Error::Internal(what) => format!("internal error (please report): {what}"),
         };
         f.write_str(&shown::message(&sentence))

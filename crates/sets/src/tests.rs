@@ -991,7 +991,7 @@ fn moving_objects_have_classes_of_their_own() {
 /// The schema for editors has exactly the keys that are read.
 #[test]
 fn the_schema_has_the_keys_of_the_file() {
-    let schema: Value = serde_json::from_str(include_str!("../../../presets/scenario.schema.json")).unwrap();
+    let schema: Value = serde_json::from_str(include_str!("../tests/scenario.schema.json")).unwrap();
     let folder = folder();
     let fault = |text: &str| {
         let scenario = Scenario::from_yaml(text, folder.path());

@@ -629,8 +629,8 @@ mod tests {
         let rows: Vec<String> = rows.map(|(z, c)| format!("{{depth_m: {z}, speed_m_s: {c}}}")).collect();
         let ramps = format!("{{cast: [{}]}}", rows.join(", "));
         for (table, profile, start, bottom) in [
-            (include_str!("../../../../tests/data/sonar/grad_neg_events.csv"), gradient, 50.0, 200.0),
-            (include_str!("../../../../tests/data/sonar/layers6_events.csv"), ramps, 55.0, 120.0),
+            (include_str!("../../tests/data/sonar/grad_neg_events.csv"), gradient, 50.0, 200.0),
+            (include_str!("../../tests/data/sonar/layers6_events.csv"), ramps, 55.0, 120.0),
         ] {
             let corner = |x: f64, y: f64| DVec3::new(x, y, -bottom);
             let bed = [corner(-10.0, -50.0), corner(1500.0, -50.0), corner(1500.0, 50.0), corner(-10.0, 50.0)];

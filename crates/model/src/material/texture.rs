@@ -424,14 +424,8 @@ mod tests {
     #[test]
     fn photographs_are_those_of_another_reader() {
         let files: [(&[u8], &[u8]); 2] = [
-            (
-                include_bytes!("../../../../tests/data/images/rgb.jpg"),
-                include_bytes!("../../../../tests/data/images/rgb.raw"),
-            ),
-            (
-                include_bytes!("../../../../tests/data/images/grey.jpg"),
-                include_bytes!("../../../../tests/data/images/grey.raw"),
-            ),
+            (include_bytes!("../../tests/data/images/rgb.jpg"), include_bytes!("../../tests/data/images/rgb.raw")),
+            (include_bytes!("../../tests/data/images/grey.jpg"), include_bytes!("../../tests/data/images/grey.raw")),
         ];
         for (file, expected) in files {
             let found = Texture::decode(file, "a", &mut TextureBudget::new(1)).unwrap();

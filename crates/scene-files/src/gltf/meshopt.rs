@@ -491,7 +491,7 @@ mod tests {
     /// Streams of meshoptimizer's encoder: mode, filter, stride, count, stream, and the output of its decoder, verbatim
     /// or, without a filter, as SHA-256.
     fn streams() -> impl Iterator<Item = [&'static str; 6]> {
-        let text = include_str!("../../../../tests/data/scenes/compressed/streams.txt");
+        let text = include_str!("../../tests/data/scenes/compressed/streams.txt");
         text.lines().map(|line| line.split(' ').collect::<Vec<_>>().try_into().unwrap())
     }
 

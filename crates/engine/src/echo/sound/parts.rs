@@ -229,7 +229,7 @@ mod tests {
     /// A texture times an exponential is K-distributed: compared with quantiles and moments from another library.
     #[test]
     fn textures_make_k_distributions() {
-        let table = include_str!("../../../../../tests/data/sonar/speckle_statistics.json");
+        let table = include_str!("../../../tests/data/sonar/speckle_statistics.json");
         let table: serde_json::Value = serde_json::from_str(table).unwrap();
         for (shape, expected) in table["K_intensity_shape"].as_object().unwrap() {
             let texture = texture(shape.parse().unwrap());

@@ -114,7 +114,7 @@ mod tests {
     /// Bubbles alone, as computed by another program from the same report.
     #[test]
     fn bubbles_are_those_of_a_table() {
-        let table = include_str!("../../../../../tests/data/sonar/surface_scatter.csv");
+        let table = include_str!("../../../tests/data/sonar/surface_scatter.csv");
         let mut rows = 0;
         for line in table.lines().skip(1) {
             let [frequency, wind_m_s, degrees, expected]: [f64; 4] =

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 /// Path of a file that `scripts/blender-scene.py` makes.
 fn blender(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/scenes/blender").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/scenes/blender").join(name)
 }
 
 fn options() -> LoadOptions {

@@ -1139,9 +1139,9 @@ fn extensions_without_effect_cause_a_warning() {
 #[test]
 fn compressed_files_are_read() {
     for file in [
-        &include_bytes!("../../../../../tests/data/scenes/compressed/draco_edgebreaker.glb")[..],
-        &include_bytes!("../../../../../tests/data/scenes/compressed/draco_sequential.glb")[..],
-        &include_bytes!("../../../../../tests/data/scenes/compressed/meshopt.glb")[..],
+        &include_bytes!("../../../tests/data/scenes/compressed/draco_edgebreaker.glb")[..],
+        &include_bytes!("../../../tests/data/scenes/compressed/draco_sequential.glb")[..],
+        &include_bytes!("../../../tests/data/scenes/compressed/meshopt.glb")[..],
     ] {
         let scene = load(file).unwrap();
         assert_eq!(scene.triangle_count(), 2 * 14 * 14 + 5 * 2 * 12 * 7);
@@ -1233,7 +1233,7 @@ fn text_files_lead_to_their_buffers_and_images() {
 
 #[test]
 fn scenes_of_other_programs_are_read() {
-    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/scenes");
+    let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/examples");
     for (name, triangles) in [("apartment", 10_628), ("indoor-1", 58_951)] {
         let labels = LabelRules::load(scenes.join(format!("{name}.labels.yaml"))).unwrap();
         let options = LoadOptions { labels, ..LoadOptions::default() };
@@ -1247,7 +1247,7 @@ fn scenes_of_other_programs_are_read() {
 
 #[test]
 fn fallback_buffers_need_not_have_data() {
-    let file = include_bytes!("../../../../../tests/data/scenes/compressed/pack_khr.glb");
+    let file = include_bytes!("../../../tests/data/scenes/compressed/pack_khr.glb");
     let scene = Scene::from_glb_bytes(file, &LoadOptions::default()).unwrap();
     assert_eq!(scene.triangle_count(), 2 * 14 * 14 + 5 * 2 * 12 * 7);
     assert_eq!(scene.objects.len(), 6);

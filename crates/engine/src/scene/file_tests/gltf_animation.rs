@@ -967,7 +967,7 @@ fn a_million_keys_are_read_and_more_than_fit_are_refused() {
 /// Positions by the specification, evaluated by another program, and by Blender: tests/data/motion.
 #[test]
 fn vertices_are_where_the_specification_and_blender_put_them() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/motion");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/motion");
     let table = std::fs::read_to_string(folder.join("vertices.csv")).unwrap();
     let mut scenes: BTreeMap<(String, String), Scene> = BTreeMap::new();
     let mut compared = 0;

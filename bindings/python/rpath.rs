@@ -1,1 +1,0 @@
-../../crates/embree4-sys/rpath.rs

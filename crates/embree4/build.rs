@@ -1,1 +1,0 @@
-../embree4-sys/rpath.rs
