@@ -11,6 +11,10 @@ help:
 	@echo "make build                 release build; the program is target/release/echocast"
 	@echo "make python                build the Python package and test it; the wheel is in target/python/tested-wheels"
 	@echo "make wheel                 the same, as a wheel for distribution, in target/python/released-wheels"
+	@echo "make deb                   build packages for Debian 12 and 13 in target/debs; make test-debs installs them there"
+	@echo "make release               build all that is distributed, with checksums, in target/release-files"
+	@echo "make test-embrees          test beside other versions of Embree in one process"
+	@echo "make test-crates           test the crates as strangers use them: packaged, by path and by git"
 	@echo "make bench                 compare its speed with bare Embree; writes target/bench.json"
 	@echo "make install PREFIX=DIR    install program, C library and headers below DIR [$(PREFIX)]"
 	@echo "make clean                 remove everything that was built or written"
@@ -37,6 +41,24 @@ python:
 wheel:
 	@scripts/python --release
 
+deb:
+	@scripts/setup
+	@scripts/deb
+
+test-debs: deb
+	@scripts/test-debs
+
+test-embrees:
+	@scripts/setup --test
+	@scripts/test-embrees
+
+test-crates:
+	@scripts/setup
+	@scripts/test-crates
+
+release:
+	@scripts/release
+
 bench:
 	@scripts/setup
 	cargo build --release --locked
@@ -51,4 +73,4 @@ clean:
 	rm -rf out fuzz/target
 	rm -f bindings/python/third-party/Rust-* bindings/python/third-party/Zig.txt
 
-.PHONY: help demo test check build python wheel bench install clean
+.PHONY: help demo test check build python wheel deb test-debs test-embrees test-crates release bench install clean
