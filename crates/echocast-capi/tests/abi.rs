@@ -25,7 +25,8 @@ has_data_member_inserted_at = offset_of(reserved)
 fn defined(folder: &Path, name: &str, header: &Path) -> PathBuf {
     let text = fs::read_to_string(header).unwrap();
     let mut code = format!("#include \"{}\"\n", header.display());
-    let declarations: Vec<&str> = text.split("\nECHOCAST_API").skip(1).map(|rest| rest.split(';').next().unwrap()).collect();
+    let declarations: Vec<&str> =
+        text.split("\nECHOCAST_API").skip(1).map(|rest| rest.split(';').next().unwrap()).collect();
     assert!(declarations.len() > 40, "{}: {} functions", header.display(), declarations.len());
     for declaration in declarations {
         writeln!(code, "{declaration} {{ __builtin_unreachable(); }}").unwrap();
@@ -35,7 +36,10 @@ fn defined(folder: &Path, name: &str, header: &Path) -> PathBuf {
     // One name for all, as libabigail compares it.
     let library = folder.join(name).join("libechocast.so.1");
     fs::create_dir_all(library.parent().unwrap()).unwrap();
-    run(Command::new("cc").args(["-g", "-shared", "-fPIC", "-Wl,-soname,libechocast.so.1", "-o"]).arg(&library).arg(&source));
+    run(Command::new("cc")
+        .args(["-g", "-shared", "-fPIC", "-Wl,-soname,libechocast.so.1", "-o"])
+        .arg(&library)
+        .arg(&source));
     library
 }
 
