@@ -42,7 +42,7 @@ const CIRCLES: [(&str, &str); 2] = [
 const SAME_NAMES: [(&str, &str); 6] = [
     ("Array", "public: shared numbers of a mesh, and the elements of a transducer, as YAML calls them"),
     ("Error", "Embree's, and the library's"),
-    ("FramesFile", "the C ABI's, in builds without HDF5 in place of the library's"),
+    ("FramesFile", "of builds with HDF5, and of those without"),
     ("Layer", "public: of an image, and of water"),
     ("Mesh", "Embree's, and that of a scene"),
     ("Scene", "Embree's, and the contents of files"),

@@ -6,9 +6,7 @@ use crate::handle::{self, handles};
 use crate::ping::{self, echocast_pings};
 use crate::result::{echocast_result, look};
 use crate::text;
-use echocast::export;
-#[cfg(feature = "hdf5")]
-use echocast::export::FramesFile;
+use echocast::export::{self, FramesFile};
 use echocast::preview::{self, PreviewOptions};
 use std::ffi::c_char;
 use std::ptr;
@@ -25,26 +23,6 @@ handles! {
 pub struct Frames {
     context: Arc<Context>,
     file: Mutex<Option<FramesFile>>,
-}
-
-/// Uninhabited: without HDF5 there are no such files.
-#[cfg(not(feature = "hdf5"))]
-enum FramesFile {}
-
-#[cfg(not(feature = "hdf5"))]
-impl FramesFile {
-    fn create(path: &std::path::Path) -> echocast::Result<FramesFile> {
-        export::format_for(path, Some("hdf5"))?;
-        Err(echocast::Error::Internal("HDF5 is known, but not built in".into()))
-    }
-
-    fn add(&mut self, _: &echocast::PointCloud) -> echocast::Result<()> {
-        match *self {}
-    }
-
-    fn finish(self) -> echocast::Result<echocast::Report> {
-        match self {}
-    }
 }
 
 /// Writes the points to a file, which appears under its name only when it is complete and on the disk. `format`: a name

@@ -1,11 +1,8 @@
 //! Clouds to files: one file per format, one table of formats.
 
-#[cfg(feature = "hdf5")]
-#[doc(inline)]
-pub use cloud::export::FramesFile;
 #[doc(inline)]
 pub use cloud::export::{
-    AnnotationStyle, FORMATS, Format, FormatInfo, Growing, GrowingFile, ImageFolder, ImageLayer, ImageOptions,
-    Instrument, cancel_flag, check, check_boxes, check_image, check_images, check_pings, check_room, format_for,
-    image_label_paths, labels_path, remove_unfinished, write, write_boxes,
+    AnnotationStyle, FORMATS, Format, FormatInfo, FramesFile, Growing, GrowingFile, ImageFolder, ImageLayer,
+    ImageOptions, Instrument, cancel_flag, check, check_boxes, check_image, check_images, check_pings, check_room,
+    format_for, image_label_paths, labels_path, remove_unfinished, write, write_boxes,
 };

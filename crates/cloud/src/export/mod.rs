@@ -6,7 +6,7 @@ mod boxes;
 mod camera;
 mod csv;
 mod e57;
-#[cfg(feature = "hdf5")]
+#[cfg_attr(not(feature = "hdf5"), path = "no_frames.rs")]
 mod frames;
 mod growing;
 #[cfg(feature = "hdf5")]
@@ -29,7 +29,6 @@ mod tail;
 mod xtf;
 
 pub use boxes::{check_boxes, write_boxes};
-#[cfg(feature = "hdf5")]
 pub use frames::FramesFile;
 pub use growing::GrowingFile;
 #[cfg(feature = "hdf5")]
