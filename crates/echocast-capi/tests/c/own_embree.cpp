@@ -1,5 +1,5 @@
 // A host that opens an Embree of its own before or after its first scan, and uses it between scans; see
-// scripts/test-embrees. usage: host SCENE (none | LIBRARY) (first | last)
+// scripts/test-embrees. usage: host SCENE (none | LIBRARY) (first | last | preloaded)
 #include <echocast.hpp>
 
 #include <cstdio>
