@@ -113,6 +113,25 @@ static inline void scan_into(const echocast_snapshot *snapshot, const echocast_s
     OK(try_scan_into(snapshot, sensor, columns, result));
 }
 
+/* Scans a scene of this mesh alone, which it releases, around the origin. */
+static inline void scan_around(echocast_context *context, echocast_mesh *mesh, echocast_pose pose)
+{
+    echocast_scene *scene;
+    echocast_snapshot *snapshot;
+    echocast_result *result = NULL;
+    OK(echocast_scene_create(context, NULL, &scene));
+    place(scene, mesh, pose, 1);
+    OK(echocast_scene_commit(scene, &snapshot));
+    echocast_sensor *sensor = around(context);
+    scan_into(snapshot, sensor, NULL, &result);
+    CHECK(echocast_result_count(result) > 100);
+    echocast_result_release(result);
+    echocast_sensor_release(sensor);
+    echocast_snapshot_release(snapshot);
+    echocast_mesh_release(mesh);
+    echocast_scene_release(scene);
+}
+
 static inline echocast_view view(const echocast_result *result, const char *column)
 {
     echocast_view found;

@@ -34,22 +34,8 @@ OURS(rtcIntersect16)
 static void scan_a_box(void)
 {
     echocast_context *context;
-    echocast_scene *scene;
-    echocast_snapshot *snapshot;
-    echocast_result *result = NULL;
     OK(echocast_context_create(NULL, &context));
-    OK(echocast_scene_create(context, NULL, &scene));
-    echocast_mesh *mesh = box(context);
-    place(scene, mesh, at(5, 0, 0), 1);
-    OK(echocast_scene_commit(scene, &snapshot));
-    echocast_sensor *sensor = around(context);
-    scan_into(snapshot, sensor, NULL, &result);
-    CHECK(echocast_result_count(result) > 100);
-    echocast_result_release(result);
-    echocast_sensor_release(sensor);
-    echocast_snapshot_release(snapshot);
-    echocast_mesh_release(mesh);
-    echocast_scene_release(scene);
+    scan_around(context, box(context), at(5, 0, 0));
     echocast_context_release(context);
 }
 

@@ -51,21 +51,7 @@ static echocast_mesh *ground(echocast_context *context)
 /* Builds and scans a scene that is large enough to be shared by threads. */
 static void use(echocast_context *context)
 {
-    echocast_scene *scene;
-    OK(echocast_scene_create(context, NULL, &scene));
-    echocast_mesh *mesh = ground(context);
-    place(scene, mesh, at(0, 0, 0), 1);
-    echocast_snapshot *snapshot;
-    OK(echocast_scene_commit(scene, &snapshot));
-    echocast_sensor *sensor = around(context);
-    echocast_result *result = NULL;
-    scan_into(snapshot, sensor, NULL, &result);
-    CHECK(echocast_result_count(result) > 100);
-    echocast_result_release(result);
-    echocast_sensor_release(sensor);
-    echocast_snapshot_release(snapshot);
-    echocast_mesh_release(mesh);
-    echocast_scene_release(scene);
+    scan_around(context, ground(context), at(0, 0, 0));
 }
 
 /* Makes and scans a sample whose scene is made by threads too. */
