@@ -13,6 +13,8 @@ x; y is left and z is up. Errors are `echocast.Error`, and also the ValueError, 
 expect.
 """
 
+from typing import TYPE_CHECKING
+
 from echocast._echocast import (
     Box,
     Environment,
@@ -44,7 +46,6 @@ from echocast._errors import (
     OutOfMemoryError,
     UnsupportedError,
 )
-from echocast._look import show
 
 __all__ = [
     "ArgumentError",
@@ -76,3 +77,19 @@ __all__ = [
     "run",
     "show",
 ]
+
+if TYPE_CHECKING:
+    from echocast._look import show
+else:
+
+    def __getattr__(name):
+        # What needs NumPy is imported when it is used: it would take most of the time of `import echocast`.
+        if name != "show":
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from echocast._look import show
+
+        globals()["show"] = show
+        return show
+
+    def __dir__():
+        return sorted({*globals(), *__all__})

@@ -54,3 +54,17 @@ def test_ctrl_c_ends_it(tmp_path: Path) -> None:
     running.send_signal(signal.SIGINT)
     _, told = running.communicate(timeout=120)
     assert running.returncode == 130 and "interrupted" in told
+
+
+def test_importing_it_imports_nothing_slow() -> None:
+    # NumPy would take most of the time until the program starts.
+    code = """
+import sys, echocast
+assert "numpy" not in sys.modules, "NumPy is imported"
+assert "show" in dir(echocast) and "show" not in vars(echocast)
+from echocast import show
+assert echocast.show is show and "numpy" in sys.modules
+assert not hasattr(echocast, "shwo")
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
