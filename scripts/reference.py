@@ -33,6 +33,9 @@ def main(output: Path) -> None:
         text = text.replace("def __new__(", "def __init__(")
         (package / "__init__.pyi").write_text("from __future__ import annotations\n" + text)
         sys.path.insert(0, folder)
+        # pdoc does not find what is imported when it is used.
+        for name in echocast.__all__:
+            getattr(echocast, name)
         module = pdoc.doc.Module(echocast)
         order(module, ast.parse(text).body)
         output.parent.mkdir(parents=True, exist_ok=True)

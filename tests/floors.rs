@@ -1,9 +1,10 @@
 //! Holds the sources to what keeps them readable: the floors listed on the front page of the crate, no circles among
-//! the files of a folder, one meaning for each name of a type, files and functions that are not too long.
+//! the files of a folder, one meaning for each name of a type, files and functions that are not too long; and builds to what keeps them short.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
+use std::process::Command;
 
 /// The packages whose sources are checked.
 const PACKAGES: [&str; 20] = [
@@ -322,4 +323,23 @@ fn no_file_and_no_function_is_too_long() {
         }
     }
     assert!(long.is_empty(), "more than {MOST_OF_FILE} lines, or {MOST_OF_FUNCTION} of a function: {long:#?}");
+}
+
+/// Dependencies with their features, built for the package that `which` selects, or all.
+fn features(which: &str) -> BTreeSet<String> {
+    let what = ["tree", "--locked", "--offline", "--edges=normal,build", "--prefix=none", "--format={p} {f}", which];
+    let output =
+        Command::new(env!("CARGO")).args(what).current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).output();
+    let output = output.unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let lines = String::from_utf8(output.stdout).unwrap();
+    lines.lines().map(|line| line.trim_end_matches(" (*)").to_owned()).collect()
+}
+
+/// Else whoever runs all tests builds everything twice.
+#[test]
+fn the_python_package_is_built_with_the_features_of_the_workspace() {
+    let (python, all) = (features("--package=echocast-python"), features("--workspace"));
+    let differ: Vec<_> = python.difference(&all).collect();
+    assert!(python.len() > 100 && differ.is_empty(), "with other features: {differ:#?}");
 }
