@@ -8,6 +8,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
@@ -31,8 +32,9 @@ def run(test: dict[str, Any]) -> tuple[str, "subprocess.CompletedProcess[str]"]:
     title = f"{folder.name}: {test['target']['name']}, {Path(test['target']['src_path']).relative_to(folder)}"
     environment = {**os.environ, "CARGO_MANIFEST_DIR": str(folder)}
     streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    start = time.monotonic()
     done = subprocess.run([test["executable"]], cwd=folder, env=environment, text=True, errors="replace", **streams)
-    return title, done
+    return f"{title}: {time.monotonic() - start:.1f} s", done
 
 
 def main() -> int:
@@ -41,7 +43,7 @@ def main() -> int:
     with ThreadPoolExecutor(os.cpu_count()) as runners:
         for future in as_completed([runners.submit(run, test) for test in tests]):
             title, done = future.result()
-            print(f"\n     Running {title}\n{done.stdout}", flush=True)
+            print(f"\n         Ran {title}\n{done.stdout}", flush=True)
             if done.returncode:
                 failed.append(f"{title} (exit code {done.returncode})")
     # Last, as Cargo runs it itself.
