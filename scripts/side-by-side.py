@@ -43,7 +43,7 @@ def main() -> int:
     with ThreadPoolExecutor(os.cpu_count()) as runners:
         for future in as_completed([runners.submit(run, test) for test in tests]):
             title, done = future.result()
-            print(f"\n         Ran {title}\n{done.stdout}", flush=True)
+            print(f"\n     Running {title}\n{done.stdout}", flush=True)
             if done.returncode:
                 failed.append(f"{title} (exit code {done.returncode})")
     # Last, as Cargo runs it itself.
