@@ -175,7 +175,8 @@ fn what_a_thread_did_before_does_not_change_a_bit() {
         depth_camera(),
     ];
     for sensor in &mut sensors[2..] {
-        sensor.set("pattern.resolution", "[64, 48]").unwrap();
+        // The last lanes of the last block have no beams.
+        sensor.set("pattern.resolution", "[61, 43]").unwrap();
     }
     let mut cases = Vec::new();
     for sensor in &sensors {

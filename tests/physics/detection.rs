@@ -419,6 +419,20 @@ fn strong_echoes_saturate() {
     }
 }
 
+/// Beams are traced in blocks; the last one is not full here.
+#[test]
+fn the_last_echoes_of_a_scan_saturate_too() {
+    let yaml = "name: row\nkind: lidar\npattern: {type: pinhole, resolution: [301, 1], fov_deg: [20, 0.05]}\n\
+                detection: {model: radar_equation, reflectance: 0.8, at_m: 100, saturation: 10}\n\
+                intensity: {encoding: reflectivity}\n";
+    for sections in ["", "beam: {divergence_mrad: 1, pulse_ns: 5, sub_rays: 5}\n"] {
+        let sensor = Sensor::from_yaml(&format!("{yaml}{sections}"), "").unwrap();
+        let cloud = scan(&target(0.5, 5.0, 0.0), &sensor, ScanOptions::default());
+        assert_eq!(cloud.len(), 301);
+        assert!(cloud.columns().intensity().iter().all(|shown| *shown > 0.0 && *shown < 0.1));
+    }
+}
+
 /// Echoes of 5 ns at 2, 10 and 100 times the threshold seem nearer by 0.374741, 0.683008 and 0.965919 m where their
 /// leading edge is timed. Computed with numpy.
 #[test]

@@ -297,7 +297,7 @@ fn looks_change_what_is_seen_without_building() {
     let drawn: Vec<f64> = sample.drawn().iter().filter_map(|entry| entry["reflectance"].as_f64()).collect();
     assert_eq!(drawn.len(), 7);
     assert!((0..6).all(|k| !drawn[..k].contains(&drawn[k])));
-    let materials = &built.0.surfaces.materials;
+    let materials = built.materials();
     let of = |name: &str| -> Vec<f32> {
         let named = materials.iter().filter(|material| material.name == name);
         let value = |material: &Arc<model::material::Material>| match material.reflectance {

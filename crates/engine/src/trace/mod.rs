@@ -42,13 +42,14 @@ use driving::DrivingMotion;
 use glam::{DVec3, Mat3};
 use ground::report::Report;
 use instances::ObjectExtent;
+use model::material::Material;
 use model::motion::Span;
 use std::sync::{Arc, OnceLock};
 use structure::TracedScenes;
 
 /// A scene with its ray-tracing structure, immutable and shared by threads and clones.
 #[derive(Clone)]
-pub struct BuiltScene(pub Arc<Tables>);
+pub struct BuiltScene(pub(crate) Arc<Tables>);
 
 /// What a [`BuiltScene`] holds: Embree's structure, and what its ids mean.
 pub struct Tables {
@@ -83,6 +84,11 @@ impl BuiltScene {
     /// Names of the label numbers.
     pub fn labels(&self) -> &Labels {
         &self.0.surfaces.labels
+    }
+
+    /// Materials of its surfaces.
+    pub fn materials(&self) -> &[Arc<Material>] {
+        &self.0.surfaces.materials
     }
 
     /// What was noticed during the build.

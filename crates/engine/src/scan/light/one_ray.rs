@@ -234,7 +234,7 @@ impl Block {
             }
             model.of_all(scratch, &[1.0; LANES], &hits.range, intensity);
         } else if let Some(most) = saturation {
-            for lane in 0..LANES {
+            for lane in 0..count {
                 let most = most * hits.range[lane] * hits.range[lane];
                 if rho_eff[lane] > most {
                     let shown = most / scan.shown_of(lanes.beam[lane]);
