@@ -20,10 +20,9 @@ class Page(HTMLParser):
         super().__init__()
         self.lines: list[str] = []
         self.is_derived = False
-        # The element whose text is taken, how deep it is, and whether what is read is part of it.
+        # The element whose text is taken, and how many of its kind are open within it, itself included.
         self.taken: tuple[str, int] | None = None
         self.text = ""
-        self.hidden = 0
 
     def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
         about = dict(attributes)

@@ -88,10 +88,16 @@ noise: {range_sigma_m: 0.01, range_snr_sigma_m: 0.02}
     Sensor::from_yaml(yaml, "").unwrap()
 }
 
-/// The same with every kind of error.
-fn noisy() -> Sensor {
+/// The same with fewer beams, the last block of which is not full.
+fn small_camera() -> Sensor {
     let mut sensor = camera();
     sensor.set("pattern.resolution", "[400, 200]").unwrap();
+    sensor
+}
+
+/// The same with every kind of error.
+fn noisy() -> Sensor {
+    let mut sensor = small_camera();
     sensor.set("beam.pulse_ns", "3").unwrap();
     let detection = "{model: statistical, reflectance: 0.9, at_m: 12, tnr: 4, bandwidth_mhz: 500, saturation: 50, \
                      channel_efficiency: [0.9], blooming: {weight: 1e-3, width_deg: 2}}";
@@ -123,10 +129,9 @@ fn adaptive(returns: &str) -> Sensor {
     sensor
 }
 
-/// The same with everything specific to a depth camera.
+/// The small camera with everything specific to a depth camera.
 fn depth_camera() -> Sensor {
-    let mut sensor = camera();
-    sensor.set("pattern.resolution", "[400, 200]").unwrap();
+    let mut sensor = small_camera();
     let tof = "{frequencies_mhz: [16, 80, 120], shot_noise: {sigma_m: 0.01, reflectance: 0.5, at_m: 2}, vignetting: cos4, \
                depth_noise: {model: nguyen}, lateral_sigma_px: 0.8, second_eye_m: [0, -0.1, 0], multipath_rays: 2}";
     sensor.set("tof", tof).unwrap();

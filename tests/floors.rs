@@ -1,5 +1,6 @@
 //! Holds the sources to what keeps them readable: the floors listed on the front page of the crate, no circles among
-//! the files of a folder, one meaning for each name of a type, files and functions that are not too long; and builds to what keeps them short.
+//! the files of a folder, one meaning for each name of a type, files and functions that are not too long; and builds
+//! to what keeps them short.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
