@@ -12,7 +12,6 @@ from typing_extensions import NotRequired, TypeAliasType, Unpack
 Path: TypeAlias = str | os.PathLike[str]
 Vector: TypeAlias = Sequence[float] | npt.NDArray[np.floating[Any]] | npt.NDArray[np.integer[Any]]
 Keys: TypeAlias = Path | Mapping[str, Any]
-Material: TypeAlias = str | Mapping[str, Any]
 
 # The reference shows these names rather than their definitions.
 Array = TypeAliasType("Array", npt.NDArray[Any])
@@ -60,7 +59,7 @@ class ObjectKeys(TypedDict):
     pose: NotRequired[Placement | None]
     category: NotRequired[int | str | None]
     instance: NotRequired[int | None]
-    material: NotRequired[Material | None]
+    material: NotRequired[MaterialLike | None]
 
 class Annotation(TypedDict):
     instance_id: int
@@ -128,6 +127,11 @@ class Sensor:
     def beams(self) -> int: ...
     @property
     def period(self) -> float: ...
+    @property
+    def directions(self) -> Float32Array: ...
+    @property
+    def reach(self) -> float: ...
+    def to_dict(self) -> dict[str, Any]: ...
     def to_yaml(self) -> str: ...
     def __getitem__(self, key: str, /) -> float: ...
     def __setitem__(self, key: str, value: object, /) -> None: ...
@@ -137,7 +141,44 @@ class Sensor:
 @final
 class Environment:
     def __new__(cls, environment: Keys | None = None) -> Environment: ...
+    def to_dict(self) -> dict[str, Any]: ...
     def to_yaml(self) -> str: ...
+
+@final
+class Material:
+    def __new__(
+        cls,
+        material: Keys,
+        *,
+        image: UInt8Array | None = None,
+        alpha_image: UInt8Array | None = None,
+        image_matrix: Numbers | None = None,
+        wrap: Literal["repeat", "mirrored_repeat", "clamp_to_edge"] = "repeat",
+        filter: Literal["linear", "nearest"] = "linear",
+        blend: bool = False,
+    ) -> Material: ...
+    @property
+    def name(self) -> str: ...
+
+MaterialLike: TypeAlias = Material | Keys
+
+@final
+class Mesh:
+    def __new__(
+        cls,
+        vertices: Numbers,
+        triangles: Numbers,
+        *,
+        name: str = "mesh",
+        materials: Sequence[MaterialLike] | None = None,
+        material_index: Numbers | None = None,
+        uvs: Numbers | None = None,
+        normals: Numbers | None = None,
+    ) -> Mesh: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def triangles(self) -> int: ...
 
 @final
 class Scene:
@@ -151,7 +192,7 @@ class Scene:
         categories: Numbers | None = None,
         names: Mapping[int, str] | None = None,
         name: str = "mesh",
-        material: Material | None = None,
+        material: MaterialLike | None = None,
     ) -> Scene: ...
     @staticmethod
     def from_objects(objects: Sequence[ObjectKeys], *, names: Mapping[int, str] | None = None) -> Scene: ...
@@ -168,6 +209,7 @@ class Scene:
         kind: Literal["street", "landscape", "indoor", "seabed"], *, seed: int = 0, path: Path | None = None, **options: Any
     ) -> Scene: ...
     def scan(self, sensor: Sensor | Keys, **options: Unpack[ScanOptions]) -> PointCloud: ...
+    def explain(self, sensor: Sensor | Keys, beam: int, **options: Unpack[ScanOptions]) -> str: ...
     def ping(self, sensor: Sensor | Keys, **options: Unpack[ScanOptions]) -> Ping: ...
     def pings(self, sensor: Sensor | Keys, count: int, **options: Unpack[ScanOptions]) -> Pings: ...
     @property
@@ -201,7 +243,19 @@ class LiveScene:
         name: str = "mesh",
         category: int = 0,
         instance: int = 0,
-        material: Material | None = None,
+        material: MaterialLike | None = None,
+        mask: int = 4294967295,
+        fixed: bool = False,
+    ) -> int: ...
+    def add_mesh(
+        self,
+        mesh: Mesh,
+        *,
+        pose: Placement | None = None,
+        name: str | None = None,
+        category: int = 0,
+        instance: int = 0,
+        parts: Sequence[int] | None = None,
         mask: int = 4294967295,
         fixed: bool = False,
     ) -> int: ...
@@ -229,6 +283,7 @@ class LiveScene:
     def name_label(self, table: Literal["category", "part", "instance"], number: int, name: str) -> None: ...
     def set_time(self, time: float, length: float = 0.0) -> None: ...
     def scan(self, sensor: Sensor | Keys, **options: Unpack[ScanOptions]) -> PointCloud: ...
+    def explain(self, sensor: Sensor | Keys, beam: int, **options: Unpack[ScanOptions]) -> str: ...
     def ping(self, sensor: Sensor | Keys, **options: Unpack[ScanOptions]) -> Ping: ...
 
 @final

@@ -1,9 +1,9 @@
 //! Arguments: the error for a wrong one is a sentence that begins with its name. PyO3 puts the name in a note, which
 //! the text of an exception does not show, and which Python 3.10 does not have.
 
-use crate::array::numbers;
+use crate::array::{numbers, rows};
 use crate::error::{BindingError, BindingResult};
-use numpy::ndarray::Ix1;
+use numpy::ndarray::{Ix1, Ix2};
 use pyo3::exceptions::{PyOverflowError, PyTypeError, PyUnicodeEncodeError};
 use pyo3::prelude::*;
 use pyo3::types::{PyMapping, PyString};
@@ -26,10 +26,10 @@ macro_rules! named {
 }
 
 named! {
-    beam category cell_m check color column columns count driver environment fixed folder format frame
-    instance key kind layer length mask material name names number object objects overlap path pixels position
-    quaternion range resume row rpy_deg samples scenario scene seed sensor shard source stamp table threads time
-    view width files
+    alpha_image beam blend category cell_m check color column columns count driver environment files filter fixed folder
+    format frame image image_matrix instance key kind layer length mask material materials mesh name names number object
+    objects overlap parts path pixels position quaternion range resume row rpy_deg samples scenario scene seed sensor
+    shard source stamp table threads time view width wrap
 }
 
 /// The error for a `value` whose type is not `allowed` for `name`.
@@ -124,7 +124,10 @@ macro_rules! list {
     )+ };
 }
 
-list! { u64, "whole numbers in a list or tuple"; String, "a list of texts"; PathBuf, "a list of paths" }
+list! {
+    u64, "whole numbers in a list or tuple"; u32, "whole numbers in a list or tuple"; String, "a list of texts";
+    PathBuf, "a list of paths"
+}
 
 impl<const N: usize> Argument<'_, '_> for [f64; N] {
     fn of(name: &str, value: &Bound<'_, PyAny>) -> BindingResult<Self> {
@@ -137,6 +140,13 @@ impl<const N: usize> Argument<'_, '_> for [f64; N] {
             let plural = if found.len() == 1 { "" } else { "s" };
             BindingError::argument(name, format!("{} number{plural}", found.len()), N.to_string())
         })
+    }
+}
+
+impl Argument<'_, '_> for [[f64; 3]; 3] {
+    fn of(name: &str, value: &Bound<'_, PyAny>) -> BindingResult<Self> {
+        let rows = rows::<f64, 3>(name, &numbers::<f64, Ix2>(name, value, "3 x 3")?)?;
+        rows.try_into().map_err(|rows: Vec<_>| BindingError::argument(name, format!("{} x 3", rows.len()), "3 x 3"))
     }
 }
 

@@ -12,6 +12,8 @@ mod cloud;
 mod error;
 mod image;
 mod live;
+mod material;
+mod mesh;
 mod options;
 mod ping;
 mod place;
@@ -36,6 +38,10 @@ mod _echocast {
     use super::image::Image;
     #[pymodule_export]
     use super::live::LiveScene;
+    #[pymodule_export]
+    use super::material::Material;
+    #[pymodule_export]
+    use super::mesh::Mesh;
     #[pymodule_export]
     use super::ping::{Ping, Pings};
     #[pymodule_export]

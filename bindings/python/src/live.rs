@@ -4,11 +4,13 @@ use crate::argument;
 use crate::array::numbers;
 use crate::cloud::PointCloud;
 use crate::error::{BindingError, BindingResult, no_pickle};
+use crate::material::{MaterialLike, Matter};
+use crate::mesh::{Mesh, VertexArray, mesh};
 use crate::options::ScanRequest;
 use crate::ping::{Ping, ping};
 use crate::place::{Pose, affine, times_of, transform};
-use crate::scene::{Matter, Scene, VertexArray, mesh, scan};
-use crate::sensor::{Instrument, SpecSource};
+use crate::scene::{Scene, scan};
+use crate::sensor::Instrument;
 use echocast::scene::Object;
 use echocast::{Engine, ObjectId};
 use glam::{DAffine3, DVec3};
@@ -88,6 +90,17 @@ impl EditedScene {
         Ok(())
     }
 
+    /// `places`, in one frame or several, for each vertex of the mesh of `object`: where corners have attributes of their
+    /// own, several vertices are at one place.
+    fn of_mesh(&self, object: u64, places: Vec<[f32; 3]>) -> echocast::Result<Vec<[f32; 3]>> {
+        let mesh = &self.scene.object(ObjectId::from_u64(object))?.mesh;
+        let source = mesh.source.as_ref().filter(|_| self.given.contains_key(&object));
+        let Some(source) = source.filter(|source| places.len().is_multiple_of(source.count)) else { return Ok(places) };
+        let of_frame =
+            |frame: &[[f32; 3]]| source.vertices[0].iter().map(|&place| frame[place as usize]).collect::<Vec<_>>();
+        Ok(places.chunks_exact(source.count).flat_map(of_frame).collect())
+    }
+
     /// Gives an object `vertices` by `set`, which receives them relative to the point that its mesh should use.
     fn set_vertices(
         &mut self,
@@ -99,7 +112,8 @@ impl EditedScene {
         let before = self.middle(object);
         // Vertices that a file moves cannot be made relative to another point.
         let middle = if self.given.contains_key(&object) { vertices.middle(before) } else { before };
-        set(&mut self.scene, id, vertices.about(middle))?;
+        let places = self.of_mesh(object, vertices.about(middle))?;
+        set(&mut self.scene, id, places)?;
         let Some(given) = self.given.get_mut(&object).filter(|_| middle != before) else { return Ok(()) };
         given.middle = middle;
         if given.motion.is_empty() {
@@ -176,7 +190,7 @@ impl LiveScene {
         #[pyo3(from_py_with = argument::name)] name: &str,
         #[pyo3(from_py_with = argument::category)] category: u32,
         #[pyo3(from_py_with = argument::instance)] instance: u32,
-        #[pyo3(from_py_with = argument::material)] material: Option<SpecSource<'_>>,
+        #[pyo3(from_py_with = argument::material)] material: Option<MaterialLike<'_>>,
         #[pyo3(from_py_with = argument::mask)] mask: u32,
         #[pyo3(from_py_with = argument::fixed)] fixed: bool,
     ) -> BindingResult<u64> {
@@ -189,6 +203,40 @@ impl LiveScene {
             object.world_from_object = transform(pose)?;
         }
         Ok(self.lock(py).add(object, middle, fixed)?)
+    }
+
+    /// Adds an object with the mesh `mesh`, a Mesh, and returns its number. Objects of one Mesh share its memory.
+    ///
+    /// `parts`: label numbers of its parts, one for each material of the mesh; None: unlabelled. Other keywords as for
+    /// `add`; None as `name`: that of the mesh.
+    #[pyo3(signature = (mesh, *, pose = None, name = None, category = 0, instance = 0, parts = None, mask = 0xFFFF_FFFF, fixed = false))]
+    #[allow(clippy::too_many_arguments)]
+    fn add_mesh(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::mesh)] mesh: Bound<'_, Mesh>,
+        pose: Option<&Bound<'_, PyAny>>,
+        #[pyo3(from_py_with = argument::name)] name: Option<&str>,
+        #[pyo3(from_py_with = argument::category)] category: u32,
+        #[pyo3(from_py_with = argument::instance)] instance: u32,
+        #[pyo3(from_py_with = argument::parts)] parts: Option<Vec<u32>>,
+        #[pyo3(from_py_with = argument::mask)] mask: u32,
+        #[pyo3(from_py_with = argument::fixed)] fixed: bool,
+    ) -> BindingResult<u64> {
+        let Mesh { mesh: shape, middle, material_of, materials } = mesh.get();
+        let mut object = Object::new(name.unwrap_or(&shape.name), shape.clone());
+        (object.category_id, object.instance_id, object.mask) = (category, instance, mask);
+        if let Some(parts) = parts {
+            if parts.len() != *materials {
+                let allowed = format!("{materials}, one for each material");
+                return Err(BindingError::argument("parts", format!("{} numbers", parts.len()), allowed));
+            }
+            object.part_ids = material_of.iter().map(|&material| parts[material]).collect();
+        }
+        if let Some(pose) = pose {
+            object.world_from_object = transform(pose)?;
+        }
+        Ok(self.lock(py).add(object, *middle, fixed)?)
     }
 
     /// Adds an object that shares the mesh and material of `object`, and returns its number: for many identical
@@ -300,19 +348,20 @@ impl LiveScene {
             let allowed = || format!("{} x m x 3, vertices for each time", times.len());
             let found = || format!("{count} x {points} x {columns}");
             let fits = (count, columns) == (times.len(), 3);
-            if fits { Ok(points) } else { Err(BindingError::argument("vertices", found(), allowed())) }
+            if fits { Ok(()) } else { Err(BindingError::argument("vertices", found(), allowed())) }
         };
-        let (points, vertices) = match vertices.extract::<PyReadonlyArray3<'_, f32>>() {
-            Ok(single) => (check(single.as_array().dim())?, VertexArray::Single(all(single.as_array()))),
-            Err(_) => {
-                let double = numbers::<f64, Ix3>("vertices", vertices, "n x m x 3")?;
-                let points = check(double.as_array().dim())?;
-                (points, VertexArray::Double(all(double.as_array()).into_iter().map(DVec3::from_array).collect()))
-            }
+        let vertices = if let Ok(single) = vertices.extract::<PyReadonlyArray3<'_, f32>>() {
+            check(single.as_array().dim())?;
+            VertexArray::Single(all(single.as_array()))
+        } else {
+            let double = numbers::<f64, Ix3>("vertices", vertices, "n x m x 3")?;
+            check(double.as_array().dim())?;
+            VertexArray::Double(all(double.as_array()).into_iter().map(DVec3::from_array).collect())
         };
         let set = |live: &mut echocast::LiveScene, id, places: Vec<[f32; 3]>| {
-            let at = |(number, &time): (usize, &f64)| (time, places[number * points..][..points].to_vec().into());
-            live.set_vertex_motion(id, &times.iter().enumerate().map(at).collect::<Vec<_>>())
+            let frames = places.chunks_exact((places.len() / times.len().max(1)).max(1));
+            let keys = times.iter().zip(frames).map(|(&time, frame)| (time, frame.to_vec().into()));
+            live.set_vertex_motion(id, &keys.collect::<Vec<_>>())
         };
         Ok(self.lock(py).set_vertices(object, vertices, set)?)
     }
@@ -377,6 +426,20 @@ impl LiveScene {
         let request = ScanRequest::of(py, sensor, options, || self.cameras(py))?;
         let built = self.detached(py, |live| live.scene.commit())?;
         scan(py, &built, &request, || self.lock(py).scene.bounds())
+    }
+
+    /// Explains what happens to beam `beam` of a scan of the scene as it is now, as `Scene.explain` does.
+    #[pyo3(signature = (sensor, beam, **options))]
+    fn explain(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
+        #[pyo3(from_py_with = argument::beam)] beam: u32,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> BindingResult<String> {
+        let request = ScanRequest::of(py, sensor, options, || self.cameras(py))?;
+        let built = self.detached(py, |live| live.scene.commit())?;
+        Ok(py.detach(|| built.explain(&request.sensor, &request.path, &request.options, beam))?)
     }
 
     /// A ping of a sonar in the scene as it is now. Keywords as for `Scene.scan`.

@@ -1,18 +1,20 @@
 //! Scenes that do not change.
 
 use crate::argument::{self, Argument, class, one_of, wrong_type};
-use crate::array::{numbers, rows};
+use crate::array::numbers;
 use crate::cloud::PointCloud;
 use crate::error::{BindingError, BindingResult, no_pickle};
+use crate::material::{MaterialLike, Matter};
+use crate::mesh::{VertexArray, mesh};
 use crate::options::{ScanRequest, warn};
 use crate::ping::{Ping, Pings, ping, pings};
 use crate::place::transform;
-use crate::sensor::{Instrument, SpecSource, options_text};
+use crate::sensor::{Instrument, options_text};
 use echocast::generate::Generate;
-use echocast::scene::{Material, Mesh, NameTable, Object, Part};
+use echocast::scene::{Mesh, NameTable, Object};
 use echocast::{BuiltScene, LoadOptions, why_nothing};
 use glam::{DAffine3, DVec3};
-use numpy::ndarray::{Ix1, Ix2};
+use numpy::ndarray::Ix1;
 use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
@@ -75,27 +77,6 @@ enum ScenePaths {
 
 one_of! { ScenePaths: One | Several; "the path of a file, or a list of paths" }
 
-/// A material: YAML, or its name in the library.
-#[derive(PartialEq, Eq, Hash)]
-pub enum Matter {
-    Yaml(String),
-    Name(String),
-}
-
-impl Matter {
-    pub fn of(source: &SpecSource<'_>) -> PyResult<Matter> {
-        let name = || Matter::Name(source.path().to_string_lossy().into_owned());
-        Ok(source.yaml()?.map_or_else(name, Matter::Yaml))
-    }
-
-    fn material(&self) -> echocast::Result<Material> {
-        match self {
-            Matter::Yaml(text) => Material::from_yaml(text),
-            Matter::Name(name) => Material::library(name),
-        }
-    }
-}
-
 /// Meshes made so far, by their vertices, triangles and material: arrays that are passed twice share one mesh.
 type MeshCache = HashMap<(ArgumentIdentity, ArgumentIdentity, Option<Matter>), (Arc<Mesh>, DVec3)>;
 
@@ -118,57 +99,6 @@ impl ArgumentIdentity {
     }
 }
 
-/// Vertices as they are given, n x 3.
-pub enum VertexArray {
-    Single(Vec<[f32; 3]>),
-    Double(Vec<DVec3>),
-}
-
-impl VertexArray {
-    pub fn of(array: &Bound<'_, PyAny>) -> BindingResult<VertexArray> {
-        if let Ok(single) = array.extract() {
-            return Ok(VertexArray::Single(rows("vertices", &single)?));
-        }
-        let double = rows("vertices", &numbers::<f64, Ix2>("vertices", array, "n x 3")?)?;
-        Ok(VertexArray::Double(double.into_iter().map(DVec3::from_array).collect()))
-    }
-
-    /// The point that the vertices in their mesh should be relative to: 0, 0, 0 for float32; for float64 `before`, the
-    /// present one, unless they are so far from there that float32 would be too coarse: then a point among them.
-    pub fn middle(&self, before: DVec3) -> DVec3 {
-        /// Farther out, m, float32 is coarser than 0.06 mm.
-        const FAR: f64 = 1024.0;
-        let VertexArray::Double(places) = self else { return DVec3::ZERO };
-        let low = places.iter().copied().fold(DVec3::INFINITY, DVec3::min);
-        let high = places.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
-        let far = (low - before).abs().max((high - before).abs()).max_element() > FAR;
-        if low.is_finite() && high.is_finite() && far { (low + high) / 2.0 } else { before }
-    }
-
-    /// The vertices relative to `middle`.
-    pub fn about(self, middle: DVec3) -> Vec<[f32; 3]> {
-        match self {
-            VertexArray::Single(places) => places,
-            VertexArray::Double(places) => {
-                places.into_iter().map(|place| (place - middle).as_vec3().to_array()).collect()
-            }
-        }
-    }
-}
-
-/// A mesh of `triangles`, n x 3 indices of `positions`, m, with a material of the library or a given one.
-pub fn mesh(
-    name: &str,
-    positions: Vec<[f32; 3]>,
-    triangles: &Bound<'_, PyAny>,
-    material: Option<&Matter>,
-) -> BindingResult<Arc<Mesh>> {
-    let triangles = rows::<_, 3>("triangles", &numbers::<u32, Ix2>("triangles", triangles, "n x 3")?)?;
-    let material = material.map(|matter| matter.material().map(Arc::new)).transpose()?;
-    let part = Part::default().positions(positions.into()).triangles(triangles.into()).material(material);
-    Ok(Arc::new(Mesh::new(name, vec![part])?))
-}
-
 /// Keys of a dict that describes an object, the fields of `ObjectKeys`.
 const OBJECT_KEYS: &str = "vertices, triangles, name, pose, category, instance, material";
 
@@ -180,7 +110,7 @@ struct ObjectKeys<'py> {
     pose: Option<Bound<'py, PyAny>>,
     category: Option<Category>,
     instance: Option<u32>,
-    material: Option<SpecSource<'py>>,
+    material: Option<MaterialLike<'py>>,
 }
 
 impl<'py> ObjectKeys<'py> {
@@ -292,8 +222,8 @@ impl Scene {
     /// A scene of one mesh: `vertices`, n x 3, m; `triangles`, m x 3, indices of vertices.
     ///
     /// `categories`: m numbers from 0, one for each triangle; the triangles of a number form an object. `names`: names
-    /// of these numbers, a dict. `name`: that of the object, if there are no categories. `material`: the name of a
-    /// library material, or keys as a dict or YAML text. Arrays of any type of number and lists are copied, those of
+    /// of these numbers, a dict. `name`: that of the object, if there are no categories. `material`: a Material, or
+    /// what `Material` takes. Arrays of any type of number and lists are copied, those of
     /// float32 and uint32 fastest; vertices in float64 stay precise far from 0, 0, 0. ArgumentError for other shapes
     /// and for numbers that are not finite, TypeError for anything but numbers.
     ///
@@ -311,7 +241,7 @@ impl Scene {
         categories: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = argument::names)] names: Option<BTreeMap<u32, String>>,
         #[pyo3(from_py_with = argument::name)] name: &str,
-        #[pyo3(from_py_with = argument::material)] material: Option<SpecSource<'_>>,
+        #[pyo3(from_py_with = argument::material)] material: Option<MaterialLike<'_>>,
     ) -> BindingResult<Scene> {
         let mut scene = echocast::Scene::default();
         let names = names.unwrap_or_default();
@@ -526,6 +456,26 @@ impl Scene {
     ) -> BindingResult<PointCloud> {
         let request = ScanRequest::of(py, sensor, options, || self.cameras())?;
         scan(py, &self.built(py)?, &request, || self.scene.bounds())
+    }
+
+    /// Explains what happens to beam `beam` of a scan, step by step with numbers: where it goes, what it hits, what
+    /// returns, and which part of that is detected and reported. The column `beam` of a cloud has the number. Keywords
+    /// as for `scan`.
+    ///
+    /// >>> room = ec.Scene.generate("indoor", rooms=[1, 1])
+    /// >>> print(room.explain("velodyne_vlp16", 0, at=room.camera("Scanner")).splitlines()[0])
+    /// beam 0: row 0, column 0, channel 0, ring 0, fired 0.000000000 s after the start
+    #[pyo3(signature = (sensor, beam, **options))]
+    fn explain(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
+        #[pyo3(from_py_with = argument::beam)] beam: u32,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> BindingResult<String> {
+        let request = ScanRequest::of(py, sensor, options, || self.cameras())?;
+        let built = self.built(py)?;
+        Ok(py.detach(|| built.explain(&request.sensor, &request.path, &request.options, beam))?)
     }
 
     /// A ping of a sonar: levels in range bins for each beam. Keywords as for `Scene.scan`; ArgumentError for a sensor

@@ -1,10 +1,12 @@
 //! Sensors and environments.
 
 use crate::argument::{self, class, one_of};
+use crate::array::owned;
 use crate::error::{BindingError, BindingResult};
-use pyo3::exceptions::PyKeyError;
+use pyo3::exceptions::{PyKeyError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::{PoisonError, RwLock};
 
@@ -43,6 +45,12 @@ impl Sensor {
 /// Keys and values of Python as YAML, which includes JSON.
 pub fn options_text(value: &Bound<'_, PyAny>) -> PyResult<String> {
     value.py().import("echocast._arrays")?.call_method1("text", (value,))?.extract()
+}
+
+/// What `value` would be in YAML as keys and values of Python.
+fn dict<'py>(py: Python<'py>, value: &impl Serialize) -> BindingResult<Bound<'py, PyAny>> {
+    let text = serde_json::to_string(value).map_err(|error| PyValueError::new_err(error.to_string()))?;
+    Ok(py.import("json")?.call_method1("loads", (text,))?)
 }
 
 class! { Sensor, "a Sensor" }
@@ -131,6 +139,35 @@ impl Sensor {
         self.now().beams().period
     }
 
+    /// Where its beams point in a scan, along its axes: beams x 3, float32. A pattern that does not repeat has others
+    /// in the scans that follow.
+    ///
+    /// >>> directions = ec.Sensor("velodyne_vlp16").directions
+    /// >>> directions.shape[1], round(float(np.degrees(np.arcsin(directions[:, 2].max()))))
+    /// (3, 15)
+    #[getter]
+    fn directions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let sensor = self.now();
+        let beams = sensor.beams();
+        let axes = [&beams.dir_x, &beams.dir_y, &beams.dir_z];
+        let rows = (0..beams.len()).flat_map(|beam| axes.map(|axis| axis[beam])).collect();
+        owned(py, rows, &[beams.len(), 3])
+    }
+
+    /// The farthest of its beams reach this far, m.
+    #[getter]
+    fn reach(&self) -> f32 {
+        self.now().beams().range_max.iter().copied().fold(0.0, f32::max)
+    }
+
+    /// All its keys as a dict, from which the same sensor can be made.
+    ///
+    /// >>> ec.Sensor("velodyne_vlp16").to_dict()["noise"]["range_sigma_m"] > 0
+    /// True
+    fn to_dict<'py>(&self, py: Python<'py>) -> BindingResult<Bound<'py, PyAny>> {
+        dict(py, self.now().spec())
+    }
+
     /// All its keys as YAML, from which the same sensor can be made.
     ///
     /// >>> sensor = ec.Sensor("velodyne_vlp16")
@@ -214,6 +251,14 @@ impl Environment {
         };
         made.check()?;
         Ok(Environment(made))
+    }
+
+    /// All its keys as a dict, from which the same environment can be made.
+    ///
+    /// >>> ec.Environment({"fog": {"visibility_m": 20}}).to_dict()["fog"][0]["visibility_m"]
+    /// 20.0
+    fn to_dict<'py>(&self, py: Python<'py>) -> BindingResult<Bound<'py, PyAny>> {
+        dict(py, &self.0)
     }
 
     /// All its keys as YAML, from which the same environment can be made.

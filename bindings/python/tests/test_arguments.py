@@ -30,7 +30,7 @@ NOTHING = object()
 WRONG = [NOTHING, -1, 2**70, 2.5, "nothing", "\udcff", b"bytes", [NOTHING], {"a": NOTHING}, {}, (0, 1), float("nan"), True]
 
 #: Arguments whose messages call them something else.
-CALLED = {"mesh": "what a scene is to be made of", "value": "a value", "thing": "a object", "index": "integer"}
+CALLED = {"Scene.from_mesh.mesh": "what a scene is to be made of", "value": "a value", "thing": "a object", "index": "integer"}
 
 #: Those of scans.
 SCANS: "dict[str, Any]" = {
@@ -92,8 +92,22 @@ def calls() -> "dict[str, tuple[Callable[..., Any], dict[str, Any]]]":
             live.add_copy,
             {"object": door, "pose": (0, 0, 0), "name": "a", "category": 1, "instance": 1, "mask": 1, "fixed": True},
         ),
+        "LiveScene.add_mesh": (
+            live.add_mesh,
+            {
+                "mesh": ec.Mesh(**arrays),
+                "pose": (0, 0, 0),
+                "name": "a",
+                "category": 1,
+                "instance": 1,
+                "parts": [1],
+                "mask": 1,
+                "fixed": True,
+            },
+        ),
         "LiveScene.add_scene": (live.add_scene, {"scene": scene}),
         "LiveScene.camera": (live.camera, {"name": "a"}),
+        "LiveScene.explain": (live.explain, {**scans, "beam": 0}),
         "LiveScene.find": (live.find, {"name": "a"}),
         "LiveScene.name_label": (live.name_label, {"table": "category", "number": 1, "name": "a"}),
         "LiveScene.ping": (live.ping, scans),
@@ -105,6 +119,29 @@ def calls() -> "dict[str, tuple[Callable[..., Any], dict[str, Any]]]":
         "LiveScene.set_time": (live.set_time, {"time": 0.0, "length": 0.0}),
         "LiveScene.set_vertex_motion": (live.set_vertex_motion, {**moved, "vertices": FLOOR[None]}),
         "LiveScene.set_vertices": (live.set_vertices, {"object": door, "vertices": FLOOR}),
+        "Material": (
+            ec.Material,
+            {
+                "material": {"name": "a"},
+                "image": np.zeros((2, 2, 4), np.uint8),
+                "alpha_image": np.zeros((2, 2), np.uint8),
+                "image_matrix": np.eye(3),
+                "wrap": "repeat",
+                "filter": "nearest",
+                "blend": True,
+            },
+        ),
+        "Mesh": (
+            ec.Mesh,
+            {
+                **arrays,
+                "name": "a",
+                "materials": ["wood"],
+                "material_index": [0, 0],
+                "uvs": np.zeros((6, 2)),
+                "normals": np.tile([0.0, 0.6, 0.8], (6, 1)),
+            },
+        ),
         "Ping.fan": (pings[0].fan, {"pixels": 800}),
         "Ping.__getitem__": (pings[0].__getitem__, {"name": "intensity"}),
         "Pings.depth_map": (pings.depth_map, {"cell_m": 1.0}),
@@ -129,6 +166,7 @@ def calls() -> "dict[str, tuple[Callable[..., Any], dict[str, Any]]]":
         "Scenario": (ec.Scenario, {"scenario": ROOM, "folder": "", "threads": 1}),
         "Scenario.set": (scenario.set, {"key": "samples", "value": 1}),
         "Scene.camera": (lake.camera, {"name": "Sonar"}),
+        "Scene.explain": (scene.explain, {**scans, "beam": 0}),
         "Scene.from_arrays": (
             ec.Scene.from_arrays,
             {**arrays, "categories": [1, 2], "names": {1: "a"}, "name": "a", "material": "wood"},
@@ -199,6 +237,7 @@ def test_wrong_arguments_are_told_by_name(name: str, tmp_path: Path, monkeypatch
                 assert not mistakes.RAW.search(told), f"{name}({argument}={wrong!r}): {told}"
                 if wrong is NOTHING:
                     assert isinstance(error, (TypeError, ec.ArgumentError)), f"{name}({argument}): {error!r}"
-                    assert CALLED.get(argument, argument) in told, f"{name}({argument}): {told}"
+                    called = CALLED.get(f"{name}.{argument}", CALLED.get(argument, argument))
+                    assert called in told, f"{name}({argument}): {told}"
             else:
                 assert wrong is not NOTHING, f"{name}({argument}) takes anything"

@@ -1,12 +1,14 @@
 //! What readers of scene files produce: meshes, and objects and cameras as the file places them.
 #![forbid(unsafe_code)]
 
+mod corners;
 mod labels;
 pub mod material;
 mod mesh;
 pub mod motion;
 mod pose;
 
+pub use corners::CornerMesh;
 pub use labels::{Labels, NameTable};
 pub use mesh::{Mesh, Part, Structure, VertexSource, beyond_reach, is_degenerate, normals_are_flat, share_vertices};
 pub use pose::pose;

@@ -236,7 +236,7 @@ impl Mesh {
             normals: normals.clone(),
             ..part.clone()
         });
-        let mesh = Mesh::new(self.name.clone(), parts.collect())?;
+        let mesh = Mesh::new(self.name.clone(), parts.collect())?.with_source(self.source.clone());
         Ok(Mesh { structure: Structure::changing(), ..mesh })
     }
 

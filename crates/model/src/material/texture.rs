@@ -5,6 +5,7 @@ use echocast_memory::tried;
 use ground::builder;
 use ground::error::{Error, Result};
 use ground::math::floor;
+use ground::named;
 use std::sync::{Arc, OnceLock};
 
 /// How an image continues beyond its edges.
@@ -19,6 +20,8 @@ pub enum Wrap {
     ClampToEdge,
 }
 
+named! { Wrap: Repeat "repeat", MirroredRepeat "mirrored_repeat", ClampToEdge "clamp_to_edge" }
+
 /// How colours between pixel centres are determined.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Filter {
@@ -28,6 +31,8 @@ pub enum Filter {
     #[default]
     Linear,
 }
+
+named! { Filter: Nearest "nearest", Linear "linear" }
 
 /// An image, 8 bit RGBA, colour channels sRGB-encoded, row 0 at the top.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,0 +1,149 @@
+"""The scene as Blender evaluates it for rendering: what renders is scanned."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import bpy
+
+#: Settings of data that differ between viewport and rendering, by type of object: pairs of names.
+DATA_PAIRS = {"META": [("resolution", "render_resolution")], "CURVE": [("resolution_u", "render_resolution_u")]}
+DATA_PAIRS["FONT"] = DATA_PAIRS["SURFACE"] = DATA_PAIRS["CURVE"]
+
+
+def differs(scene: Any, view_layer: Any) -> bool:
+    """Whether rendering sees anything that the viewport does not show, or in another shape."""
+    if scene.render.use_simplify:
+        return True
+    if any(layer_differs(layer) for layer in view_layer.layer_collection.children):
+        return True
+    if any(tree.type == "GEOMETRY" and any(node.type == "IS_VIEWPORT" for node in tree.nodes) for tree in bpy.data.node_groups):
+        return True
+    return any(object_differs(thing) for thing in scene.objects if not thing.hide_render)
+
+
+def layer_differs(layer: Any) -> bool:
+    if layer.exclude or layer.collection.hide_render:
+        return False
+    hidden = layer.hide_viewport or layer.collection.hide_viewport
+    return hidden or any(layer_differs(child) for child in layer.children)
+
+
+def object_differs(thing: Any) -> bool:
+    try:
+        hidden = thing.hide_viewport or thing.hide_get()
+    except RuntimeError:
+        # It is in a collection that is excluded.
+        return False
+    if hidden:
+        return True
+    for modifier in thing.modifiers:
+        if modifier.show_viewport != modifier.show_render:
+            return True
+        if modifier.show_render and modifier.type in ("SUBSURF", "MULTIRES") and modifier.levels != modifier.render_levels:
+            return True
+    for system in thing.particle_systems:
+        settings = system.settings
+        children = settings.child_type != "NONE" and settings.child_nbr != settings.rendered_child_count
+        if settings.display_percentage != 100 or children or settings.display_step != settings.render_step:
+            return True
+    for shown, rendered in DATA_PAIRS.get(thing.type, ()):
+        # A resolution of 0 for rendering is that of the viewport.
+        if getattr(thing.data, rendered, 0) not in (0, getattr(thing.data, shown, 0)):
+            return True
+    return False
+
+
+class EchocastRenderEngine(bpy.types.RenderEngine):
+    """Reads the scene as it is evaluated for rendering; it renders nothing."""
+
+    bl_idname = "ECHOCAST_READ"
+    bl_label = "Echocast (reading)"
+    bl_use_preview = False
+    #: What is done with the depsgraph.
+    work: "Callable[[Any], None] | None" = None
+    failure: "Exception | None" = None
+
+    def render(self, depsgraph: Any) -> None:
+        engine = EchocastRenderEngine
+        if engine.work is not None:
+            try:
+                engine.work(depsgraph)
+            except Exception as error:  # Blender would only print it.
+                engine.failure = error
+
+
+def visit(context: Any, work: "Callable[[Any], None]") -> None:
+    """Calls `work` with a depsgraph that is evaluated as for rendering."""
+    scene, view_layer = context.scene, context.view_layer
+    if not differs(scene, view_layer):
+        work(context.evaluated_depsgraph_get())
+        return
+    render = scene.render
+    kept = {name: getattr(render, name) for name in ("engine", "use_compositing", "use_sequencer", "filepath")}
+    camera, made = scene.camera, None
+    if camera is None:
+        made = bpy.data.objects.new("echocast", bpy.data.cameras.new("echocast"))
+        scene.collection.objects.link(made)
+        scene.camera = made
+    engine = EchocastRenderEngine
+    engine.work, engine.failure = work, None
+    try:
+        render.engine, render.use_compositing, render.use_sequencer = engine.bl_idname, False, False
+        bpy.ops.render.render(layer=view_layer.name, scene=scene.name)
+    finally:
+        engine.work = None
+        for name, value in kept.items():
+            setattr(render, name, value)
+        if made is not None:
+            scene.camera = camera
+            data = made.data
+            bpy.data.objects.remove(made)
+            bpy.data.cameras.remove(data)
+    if engine.failure is not None:
+        raise engine.failure
+
+
+def instances(depsgraph: Any) -> "Iterator[Any]":
+    """Instances of meshes that render. Each is valid only until the next."""
+    rendered = depsgraph.mode == "RENDER"
+    shown: "dict[int, bool]" = {}
+    layers = {} if rendered else collections_shown(depsgraph.view_layer)
+    for instance in depsgraph.object_instances:
+        thing = instance.object
+        if thing.type != "MESH" or not instance.show_self:
+            continue
+        source = instance.parent if instance.is_instance and instance.parent else thing
+        if not rendered:
+            for one in (thing, source):
+                original = one.original
+                key = original.as_pointer()
+                if key not in shown:
+                    shown[key] = not original.hide_render
+                if not shown[key]:
+                    break
+            else:
+                if not in_shown_collection(source.original, layers):
+                    continue
+                yield instance
+            continue
+        yield instance
+
+
+def collections_shown(view_layer: Any) -> "dict[str, bool]":
+    """Whether the collections of a view layer render, by name."""
+    shown: "dict[str, bool]" = {}
+
+    def add(layer: Any, above: bool) -> None:
+        renders = above and not layer.collection.hide_render and not layer.exclude
+        name = layer.collection.name
+        shown[name] = shown.get(name, False) or renders
+        for child in layer.children:
+            add(child, renders)
+
+    add(view_layer.layer_collection, True)
+    return shown
+
+
+def in_shown_collection(thing: Any, layers: "dict[str, bool]") -> bool:
+    """Whether one of the collections of an object renders."""
+    return all(layers.values()) or any(layers.get(one.name, False) for one in thing.users_collection)

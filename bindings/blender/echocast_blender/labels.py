@@ -1,0 +1,84 @@
+"""Labels: categories, parts and instances, from custom properties as the paper's add-on has them, else from names."""
+
+import re
+from typing import Any
+
+from .materials import label
+
+#: `Chair.001`, as Blender names copies.
+COPY = re.compile(r"(.+)\.\d{3,}")
+
+
+def without_copy_number(name: str) -> str:
+    found = COPY.fullmatch(name)
+    return found[1] if found else name
+
+
+def ancestry(thing: Any) -> "list[Any]":
+    """An object and its parents, the nearest first."""
+    chain = []
+    while thing is not None and thing not in chain:
+        chain.append(thing)
+        thing = thing.parent
+    return chain
+
+
+def is_group(thing: Any) -> bool:
+    """Whether an object only groups others: an empty at the origin of its parent, or with another such empty in it."""
+    if thing.type != "EMPTY" or thing.instance_type == "COLLECTION" or "categoryID" in thing:
+        return False
+    place = thing.matrix_local
+    still = all(abs(place[row][column] - (row == column)) < 1e-6 for row in range(4) for column in range(4))
+    return still or any(child.type == "EMPTY" for child in thing.children)
+
+
+class Identity:
+    """Category of an object that is seen, and the object that makes one instance of it and what belongs to it."""
+
+    def __init__(self, seen: Any, instancer: Any, materials: "list[Any]") -> None:
+        """`seen`: the original object; `instancer`: that which made an instance of it, or None; `materials`: those of
+        its slots, original."""
+        chain = ancestry(seen)
+        if instancer is not None and instancer != seen:
+            chain += ancestry(instancer)
+        giver = next((one for one in chain if "categoryID" in one), None)
+        of_material = next((one["categoryID"] for one in materials if one is not None and "categoryID" in one), None)
+        #: The object whose name the instance has.
+        self.owner = giver or next((one for one in reversed(ancestry(seen)) if not is_group(one)), seen)
+        if giver is not None:
+            self.category = label(giver["categoryID"])
+        elif of_material is not None:
+            self.category = label(of_material)
+        else:
+            self.category = without_copy_number(self.owner.name)
+        parts = next((one["partID"] for one in chain if "partID" in one), None)
+        #: The part that the object is; None: its materials decide.
+        self.part = None if parts is None else label(parts)
+
+
+class Numbers:
+    """Numbers of names, from 1. A name that is a whole number is that number; it keeps it over the life of the table."""
+
+    def __init__(self) -> None:
+        self.of: "dict[str, int]" = {}
+
+    def assign(self, names: "set[str]") -> None:
+        """Gives numbers to names that have none: to numbers themselves first, then in the order of the alphabet."""
+        new = sorted(names - self.of.keys() - {""})
+        whole = [name for name in new if name.isdecimal() and 0 < int(name) < 2**32 and str(int(name)) == name]
+        taken = set(self.of.values())
+        for name in whole:
+            # Another name may have the number already: then both are the same label.
+            self.of[name] = int(name)
+            taken.add(int(name))
+        next_free = 1
+        for name in new:
+            if name in self.of or name == "0":
+                continue
+            while next_free in taken:
+                next_free += 1
+            self.of[name] = next_free
+            taken.add(next_free)
+
+    def __getitem__(self, name: str) -> int:
+        return self.of.get(name, 0)

@@ -1,0 +1,344 @@
+"""The scene of Blender in echocast, kept up to date: what has not changed is not read again."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import bpy
+import echocast as ec
+import numpy as np
+
+from . import evaluated, geometry, labels, materials
+
+#: Objects that hold results of scans have this custom property; they are not scanned.
+RESULT = "echocast_scan"
+
+
+@dataclass
+class Seen:
+    """An object of echocast, and what it was made from."""
+
+    number: int
+    mesh: ec.Mesh
+    pose: bytes
+    category: int
+    instance: int
+    parts: "tuple[int, ...]"
+
+
+@dataclass
+class Found:
+    """An instance of a mesh in a depsgraph."""
+
+    key: "tuple[Any, ...]"
+    name: str
+    mesh: ec.Mesh
+    pose: Any
+    identity: labels.Identity
+    owner: "tuple[Any, ...]"
+    #: Part names of its materials.
+    parts: "tuple[str, ...]"
+
+
+@dataclass
+class Shape:
+    """A mesh that has been read, and what it was read from."""
+
+    mesh: "ec.Mesh | None"
+    parts: "tuple[str, ...]"
+    materials: "tuple[Any, ...]"
+    #: Positions of its vertices, if they are needed to tell how it deforms.
+    places: Any = None
+
+
+@dataclass
+class Changes:
+    """What has changed in Blender since the last export: pointers of original data."""
+
+    geometry: "set[int]" = field(default_factory=set)
+    materials: "set[int]" = field(default_factory=set)
+    everything: bool = False
+
+
+class ExportedScene:
+    """A scene of Blender and a view layer, as a LiveScene."""
+
+    def __init__(self) -> None:
+        self.live = ec.LiveScene()
+        self.seen: "dict[tuple[Any, ...], Seen]" = {}
+        self.shapes: "dict[tuple[Any, ...], Shape]" = {}
+        self.read: "dict[int, materials.Read]" = {}
+        self.categories, self.parts, self.instances = labels.Numbers(), labels.Numbers(), labels.Numbers()
+        self.changes = Changes(everything=True)
+        self.notes: "list[str]" = []
+        #: Keys of objects whose vertices moved during the last scan.
+        self.deformed: "set[tuple[Any, ...]]" = set()
+        #: For each part of its labels the names that are set.
+        self.named: "set[tuple[str, int, str]]" = set()
+
+    def update(self, context: Any) -> None:
+        """Brings it to what Blender has now."""
+        changes, self.changes = self.changes, Changes()
+        if changes.everything:
+            self.read.clear()
+            self.shapes.clear()
+        for pointer in changes.materials:
+            self.read.pop(pointer, None)
+        found: "list[Found]" = []
+        self.notes = []
+        try:
+            evaluated.visit(context, lambda depsgraph: found.extend(self.find(depsgraph, changes)))
+            self.deformed.clear()
+            self.live.set_time(0.0)
+            self.apply(found)
+        except BaseException:
+            # The next update begins anew.
+            self.changes.everything = True
+            raise
+
+    # --- reading --------------------------------------------------------------------------------------------------
+
+    def find(self, depsgraph: Any, changes: Changes) -> "list[Found]":
+        scale = depsgraph.scene.unit_settings.scale_length
+        to_metres = np.diag([scale, scale, scale, 1.0])
+        rendered = depsgraph.mode == "RENDER"
+        of_pointer: "dict[tuple[Any, ...], Shape]" = {}
+        kept: "dict[tuple[Any, ...], Shape]" = {}
+        found, faults = [], {}
+        for instance in evaluated.instances(depsgraph):
+            thing = instance.object
+            original = thing.original
+            instancer = instance.parent.original if instance.is_instance and instance.parent else None
+            if RESULT in original or instancer is not None and RESULT in instancer:
+                continue
+            key = key_of(instance)
+            slots = slot_materials(thing)
+            # Meshes are shared by instances of one object, and by objects of one mesh without modifiers.
+            pointer = (thing.data.as_pointer(), tuple(slot.as_pointer() if slot else 0 for slot in slots))
+            shape = of_pointer.get(pointer)
+            if shape is None:
+                shape = self.shape(key, thing, original, instancer, slots, changes, rendered, faults)
+                of_pointer[pointer] = shape
+            kept[key] = shape
+            if shape.mesh is None:
+                continue
+            identity = labels.Identity(original, instancer, list(slots))
+            parts = (identity.part,) * max(1, len(slots)) if identity.part is not None else shape.parts
+            pose = to_metres @ np.array(instance.matrix_world, dtype=np.float64)
+            if not np.isfinite(pose).all():
+                faults[original.name] = "its matrix is not of numbers"
+                continue
+            # Each instance that is made, by particles or nodes, is one by itself.
+            made = instance.is_instance and instancer is not None and instancer != original
+            owner = (instancer.as_pointer(), *instance.persistent_id) if made else (identity.owner.as_pointer(),)
+            found.append(Found(key, original.name, shape.mesh, pose, identity, owner, parts))
+        self.shapes = kept
+        self.notes += [f"{name} is left out: {fault}" for name, fault in faults.items()]
+        for one in self.read.values():
+            self.notes += one.notes
+        return found
+
+    def shape(
+        self,
+        key: "tuple[Any, ...]",
+        thing: Any,
+        original: Any,
+        instancer: Any,
+        slots: "tuple[Any, ...]",
+        changes: Changes,
+        rendered: bool,
+        faults: "dict[str, str]",
+    ) -> Shape:
+        """The mesh of an evaluated object: as it was read before, unless it has changed."""
+        pointers = tuple(slot.as_pointer() if slot else 0 for slot in slots)
+        known = self.shapes.get(key)
+        sources = [original, instancer] if instancer is not None else [original]
+        changed = key in self.deformed or any(is_changed(one, changes) for one in sources)
+        # Changes of what the viewport does not evaluate are not reported.
+        unknown = rendered and any(is_hidden(one) for one in sources)
+        same = known is not None and known.materials == pointers and not any(p in changes.materials for p in pointers)
+        if same and not changed and not unknown:
+            return known
+        read = [self.material(slot) for slot in slots] or [self.material(None)]
+        parts = tuple(one.part if one.part is not None else name(slot) for one, slot in zip(read, slots or (None,)))
+        try:
+            mesh = geometry.mesh_of(original.name, thing.data, read)
+        except (geometry.Unusable, ec.Error) as fault:
+            faults[original.name] = str(fault)
+            mesh = None
+        return Shape(mesh, parts, pointers)
+
+    def material(self, slot: Any) -> materials.Read:
+        pointer = slot.as_pointer() if slot else 0
+        if pointer not in self.read:
+            self.read[pointer] = materials.read(slot)
+        return self.read[pointer]
+
+    def has_changed(self, instance: Any) -> bool:
+        """Whether the shape of an instance may have changed since the last update."""
+        sources = [instance.object.original]
+        if instance.is_instance and instance.parent:
+            sources.append(instance.parent.original)
+        return any(is_changed(one, self.changes) or is_hidden(one) for one in sources)
+
+    def places(self, key: "tuple[Any, ...]", context: Any) -> Any:
+        """Positions of the vertices of an object as it is evaluated now."""
+        found: "list[Any]" = []
+
+        def look(depsgraph: Any) -> None:
+            for instance in evaluated.instances(depsgraph):
+                if not found and key_of(instance) == key:
+                    found.append(geometry.vertices(instance.object.data))
+
+        evaluated.visit(context, look)
+        return found[0] if found else None
+
+    # --- to echocast ----------------------------------------------------------------------------------------------
+
+    def apply(self, found: "list[Found]") -> None:
+        self.number(found)
+        keys = {one.key for one in found}
+        for key in [key for key in self.seen if key not in keys]:
+            self.live.remove(self.seen.pop(key).number)
+        for one in found:
+            category = self.categories[one.identity.category]
+            instance = self.instance_numbers[one.owner]
+            parts = tuple(self.parts[part] for part in one.parts)
+            pose = one.pose.tobytes()
+            before = self.seen.get(one.key)
+            if before is not None and (before.mesh is not one.mesh or before.parts != parts):
+                self.live.remove(before.number)
+                before = None
+            if before is None:
+                options = dict(category=category, instance=instance, parts=parts, name=one.name)
+                number = self.live.add_mesh(one.mesh, pose=one.pose, **options)
+                self.seen[one.key] = Seen(number, one.mesh, pose, category, instance, parts)
+                continue
+            if before.pose != pose:
+                self.live.set_pose(before.number, one.pose)
+                before.pose = pose
+            if (before.category, before.instance) != (category, instance):
+                self.live.set_labels(before.number, category=category, instance=instance)
+                before.category, before.instance = category, instance
+        self.name_labels()
+
+    def number(self, found: "list[Found]") -> None:
+        self.categories.assign({one.identity.category for one in found})
+        self.parts.assign({part for one in found for part in one.parts})
+        # In the order of the depsgraph; numbers of what stays are kept.
+        known = getattr(self, "instance_numbers", {})
+        owners = dict.fromkeys(one.owner for one in found)
+        last = max(known.values(), default=0)
+        numbers = {owner: known[owner] for owner in owners if owner in known}
+        for owner in owners:
+            if owner not in numbers:
+                last += 1
+                numbers[owner] = last
+        self.instance_numbers = numbers
+        names = {numbers[one.owner]: one.identity.owner.name for one in reversed(found)}
+        self.instance_names = names
+
+    def name_labels(self) -> None:
+        tables = {
+            "category": {number: name for name, number in self.categories.of.items()},
+            "part": {number: name for name, number in self.parts.of.items()},
+            "instance": self.instance_names,
+        }
+        for table, names in tables.items():
+            for number, name in names.items():
+                if number and (table, number, name) not in self.named:
+                    self.live.name_label(table, number, name)
+                    self.named.add((table, number, name))
+
+
+def key_of(instance: Any) -> "tuple[Any, ...]":
+    """What an instance is known by from one evaluation to the next."""
+    original = instance.object.original.as_pointer()
+    if not instance.is_instance:
+        return (original,)
+    return (original, instance.parent.original.as_pointer() if instance.parent else 0, *instance.persistent_id)
+
+
+def slot_materials(thing: Any) -> "tuple[Any, ...]":
+    """The original materials of an evaluated mesh: those of its data, which nodes may add to, unless slots of the object
+    replace them."""
+    slots = [slot.original if slot else None for slot in thing.data.materials]
+    for index, slot in enumerate(thing.original.material_slots if thing.original.type == "MESH" else ()):
+        if slot.link == "OBJECT" and index < len(slots):
+            slots[index] = slot.material
+    return tuple(slots)
+
+
+def is_changed(thing: Any, changes: Changes) -> bool:
+    data = thing.data
+    return thing.as_pointer() in changes.geometry or data is not None and data.as_pointer() in changes.geometry
+
+
+def is_hidden(thing: Any) -> bool:
+    try:
+        return thing.hide_viewport or not thing.visible_get()
+    except RuntimeError:
+        return True
+
+
+def name(material: Any) -> str:
+    return material.name if material is not None else ""
+
+
+# --- the scenes of this session of Blender ------------------------------------------------------------------------
+
+EXPORTED: "dict[tuple[int, str], ExportedScene]" = {}
+
+
+def exported(context: Any) -> ExportedScene:
+    """The scene and view layer of `context` in echocast, up to date."""
+    key = (context.scene.as_pointer(), context.view_layer.name)
+    scene = EXPORTED.setdefault(key, ExportedScene())
+    scene.update(context)
+    return scene
+
+
+@bpy.app.handlers.persistent
+def note_changes(scene: Any, depsgraph: Any = None) -> None:
+    """Records what Blender has evaluated anew."""
+    # For rendering everything is evaluated anew, whether it has changed or not.
+    if depsgraph is None or depsgraph.mode == "RENDER":
+        return
+    for update in depsgraph.updates:
+        thing = update.id.original
+        pointer = thing.as_pointer()
+        for exported_scene in EXPORTED.values():
+            changes = exported_scene.changes
+            if isinstance(thing, bpy.types.Material):
+                changes.materials.add(pointer)
+            elif isinstance(thing, (bpy.types.NodeTree, bpy.types.Image)):
+                changes.materials.update(exported_scene.read)
+            elif update.is_updated_geometry:
+                changes.geometry.add(pointer)
+
+
+@bpy.app.handlers.persistent
+def forget(*_: Any) -> None:
+    """After undo, redo and loading, data may be elsewhere in memory."""
+    EXPORTED.clear()
+
+
+HANDLERS = (
+    ("depsgraph_update_post", note_changes),
+    ("frame_change_post", note_changes),
+    ("undo_post", forget),
+    ("redo_post", forget),
+    ("load_post", forget),
+)
+
+
+def register() -> None:
+    bpy.utils.register_class(evaluated.EchocastRenderEngine)
+    for name, handler in HANDLERS:
+        getattr(bpy.app.handlers, name).append(handler)
+
+
+def unregister() -> None:
+    for name, handler in HANDLERS:
+        getattr(bpy.app.handlers, name).remove(handler)
+    bpy.utils.unregister_class(evaluated.EchocastRenderEngine)
+    EXPORTED.clear()
