@@ -11,6 +11,7 @@
 use std::any::Any;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::process;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
@@ -19,6 +20,8 @@ use std::thread::{self, JoinHandle};
 pub struct Crew {
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
+    /// The process that has the threads. One that it forks has none of them, and its copy of a lock may be held forever.
+    process: u32,
 }
 
 /// Does one step of some work; `false`: none was left.
@@ -77,7 +80,7 @@ impl Crew {
             calls: AtomicUsize::new(0),
         });
         // If dropped on an error, those already started end.
-        let mut crew = Crew { shared, threads: Vec::with_capacity(count) };
+        let mut crew = Crew { shared, threads: Vec::with_capacity(count), process: process::id() };
         for number in 0..count {
             let shared = crew.shared.clone();
             crew.threads.push(start(number, Box::new(move || shared.help()))?);
@@ -95,13 +98,17 @@ impl Crew {
         self.threads.is_empty()
     }
 
+    fn is_forked(&self) -> bool {
+        self.process != process::id()
+    }
+
     /// Calls `step` until it returns that nothing is left, on this thread and on helpers, which prefer work of smaller
     /// `size`. Returns when all steps are done.
     ///
     /// # Panics
     /// When a step does.
     pub fn share(&self, size: u64, step: WorkStep<'_>) {
-        if self.threads.is_empty() {
+        if self.threads.is_empty() || self.is_forked() {
             while step() {}
             return;
         }
@@ -115,6 +122,10 @@ impl Crew {
 
 impl Drop for Crew {
     fn drop(&mut self) {
+        if self.is_forked() {
+            std::mem::forget(std::mem::take(&mut self.threads));
+            return;
+        }
         self.shared.jobs().ending = true;
         self.shared.called.notify_all();
         for thread in self.threads.drain(..) {
@@ -314,6 +325,25 @@ mod tests {
             stop.store(true, Ordering::Relaxed);
         });
         assert!(helped.into_inner());
+    }
+
+    #[test]
+    fn a_forked_process_needs_neither_its_threads_nor_its_locks() {
+        let mut crew = crew(2);
+        crew.process = 0;
+        let done = AtomicUsize::new(0);
+        // As if another thread had been sharing work when the process was forked.
+        let held = crew.shared.jobs();
+        thread::scope(|scope| {
+            scope.spawn(|| crew.share(1, &|| done.fetch_add(1, Ordering::Relaxed) < 10));
+            let since = std::time::Instant::now();
+            while done.load(Ordering::Relaxed) < 10 && since.elapsed() < Duration::from_secs(60) {
+                thread::sleep(Duration::from_millis(1));
+            }
+            let alone = done.load(Ordering::Relaxed);
+            drop(held);
+            assert!(alone >= 10);
+        });
     }
 
     #[test]
