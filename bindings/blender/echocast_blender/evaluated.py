@@ -12,13 +12,15 @@ DATA_PAIRS["FONT"] = DATA_PAIRS["SURFACE"] = DATA_PAIRS["CURVE"]
 
 def differs(scene: Any, view_layer: Any) -> bool:
     """Whether rendering sees anything that the viewport does not show, or in another shape."""
-    if scene.render.use_simplify:
-        return True
-    if any(layer_differs(layer) for layer in view_layer.layer_collection.children):
-        return True
-    if any(tree.type == "GEOMETRY" and any(node.type == "IS_VIEWPORT" for node in tree.nodes) for tree in bpy.data.node_groups):
+    if scene_differs(scene) or any(layer_differs(layer) for layer in view_layer.layer_collection.children):
         return True
     return any(object_differs(thing) for thing in scene.objects if not thing.hide_render)
+
+
+def scene_differs(scene: Any) -> bool:
+    """Whether there are settings that affect any object."""
+    trees = (tree for tree in bpy.data.node_groups if tree.type == "GEOMETRY")
+    return scene.render.use_simplify or any(node.type == "IS_VIEWPORT" for tree in trees for node in tree.nodes)
 
 
 def layer_differs(layer: Any) -> bool:

@@ -102,7 +102,8 @@ def read(material: "bpy.types.Material | None") -> Read:
         keys.update(alpha="cutout", alpha_cutoff=unit(cutoff))
         blend = False
     for key, name in [*((key, key) for key in KEYS), *PAPER_KEYS.items()]:
-        if key in material:
+        # The paper's add-on writes an index of 0 for what does not refract.
+        if key in material and not (key == "blainder_ior" and material[key] == 0):
             keys[name] = plain(material[key])
     rgba = material.get("blainder_rgba")
     if rgba is not None and "reflectance" not in material and len(rgba) == 4:

@@ -1,11 +1,15 @@
 """Panels in the sidebar of the 3D viewport, and the list of what was approximated."""
 
 import json
+import textwrap
 from typing import Any
 
 import bpy
 
-from . import operators, scene, sensors
+from . import operators, paper, scene, sensors
+
+#: Most sentences about the last scan.
+MOST_NOTES = 8
 
 
 class Panel:
@@ -26,16 +30,22 @@ class ECHOCAST_PT_scan(Panel, bpy.types.Panel):
         found = sensors.all_of(context.scene, only_enabled=False)
         if not found:
             layout.label(text="The scene has no sensor", icon="INFO")
+            if paper.stored(context.scene, paper.GROUP) is not None:
+                layout.operator(paper.EchocastTakeOver.bl_idname, text="Take Over Settings")
+        listed = layout.column(align=True)
+        listed.use_property_split = False
         for thing in found:
-            line = layout.row(align=True)
-            line.use_property_split = False
+            line = listed.row(align=True)
             line.prop(thing.echocast, "enabled", text="")
-            line.label(text=thing.name, icon="ERROR" if thing.echocast.fault else "OUTLINER_OB_LIGHTPROBE")
+            icon = "ERROR" if thing.echocast.fault else "OUTLINER_OB_LIGHTPROBE"
+            line.operator(EchocastSelect.bl_idname, text=thing.name, icon=icon, depress=thing == context.object).name = thing.name
         layout.operator(operators.EchocastAddSensor.bl_idname, text="Add Sensor", icon="ADD")
         layout.prop(wanted, "frames")
         if wanted.frames == "RANGE":
             layout.prop(wanted, "step")
-        for name in ("motion", "noise", "seed", "profile"):
+        for name in ("motion", "noise"):
+            switch(layout, wanted, name)
+        for name in ("seed", "profile"):
             layout.prop(wanted, name)
 
 
@@ -53,32 +63,49 @@ class ECHOCAST_PT_sensor(Panel, bpy.types.Panel):
     def draw(self, context: Any) -> None:
         layout, own = self.layout, context.object.echocast
         layout.use_property_split, layout.use_property_decorate = True, False
-        layout.active = own.is_sensor
-        layout.prop(own, "preset", icon="VIEWZOOM")
+        if not own.is_sensor:
+            sentence(layout, context, f"Tick the box above to scan from {context.object.name}", "INFO")
+            return
+        layout.prop(own, "preset", text="", icon="VIEWZOOM")
         if own.fault:
-            layout.label(text=own.fault, icon="ERROR")
-        layout.prop(own, "show_view")
+            sentence(layout, context, own.fault, "ERROR")
+        switch(layout, own, "show_view")
         if own.show_view:
             layout.prop(own, "view_length")
         if not own.parameters:
             return
         changed = sum(one.is_changed() for one in own.parameters)
-        row = layout.row()
-        row.label(text=f"{changed} parameters changed" if changed != 1 else "1 parameter changed")
-        row.operator(operators.EchocastResetParameters.bl_idname, text="", icon="LOOP_BACK")
+        if changed:
+            row = layout.row()
+            row.label(text=f"{changed} parameters changed" if changed > 1 else "1 parameter changed")
+            row.operator(operators.EchocastResetParameters.bl_idname, text="", icon="LOOP_BACK")
         for section in own.sections():
-            box = layout.column(align=True)
-            shown = own.section == section
-            switch = box.operator(EchocastShowSection.bl_idname, text=section.replace("_", " ").title(), emboss=False,
-                icon="DISCLOSURE_TRI_DOWN" if shown else "DISCLOSURE_TRI_RIGHT")
-            switch.section = "" if shown else section
-            if not shown:
+            self.draw_section(section, own)
+
+    def draw_section(self, section: str, own: Any) -> None:
+        box = self.layout.column(align=True)
+        shown = own.section == section
+        title = box.row()
+        title.alignment = "LEFT"
+        icon = "DISCLOSURE_TRI_DOWN" if shown else "DISCLOSURE_TRI_RIGHT"
+        button = title.operator(EchocastShowSection.bl_idname, text=readable(section).title(), emboss=False, icon=icon)
+        button.section = "" if shown else section
+        if not shown:
+            return
+        box.use_property_split = False
+        group: "list[str]" = []
+        for one in own.parameters:
+            *path, key = one.name.split(".")
+            if one.name.split(".")[0] != section:
                 continue
-            for one in own.parameters:
-                if one.name.split(".")[0] == section:
-                    line = box.row()
-                    line.alert = one.is_changed()
-                    line.prop(one, one.field(), text=one.name.partition(".")[2].replace("_", " ") or one.name)
+            if path[1:] != group:
+                group = path[1:]
+                box.separator(factor=0.5)
+                box.label(text=readable(" ".join(group)).capitalize())
+            line = box.split(factor=0.5, align=True)
+            line.alert = one.is_changed()
+            line.label(text=readable(key))
+            line.prop(one, one.field(), text="")
 
 
 class EchocastShowSection(bpy.types.Operator):
@@ -95,6 +122,31 @@ class EchocastShowSection(bpy.types.Operator):
         return {"FINISHED"}
 
 
+class EchocastSelect(bpy.types.Operator):
+    """Select this sensor"""
+
+    bl_idname = "echocast.select"
+    bl_label = "Select Sensor"
+    bl_options = {"UNDO", "INTERNAL"}
+
+    name: bpy.props.StringProperty()
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return context.mode == "OBJECT"
+
+    def execute(self, context: Any) -> "set[str]":
+        thing = context.view_layer.objects.get(self.name)
+        if thing is None:
+            self.report({"WARNING"}, f"{self.name} is in a collection that is excluded")
+            return {"CANCELLED"}
+        for one in context.selected_objects:
+            one.select_set(False)
+        thing.select_set(True)
+        context.view_layer.objects.active = thing
+        return {"FINISHED"}
+
+
 class ECHOCAST_PT_medium(Panel, bpy.types.Panel):
     bl_label = "Weather and Water"
     bl_options = {"DEFAULT_CLOSED"}
@@ -103,17 +155,18 @@ class ECHOCAST_PT_medium(Panel, bpy.types.Panel):
         layout, wanted = self.layout, context.scene.echocast
         layout.use_property_split, layout.use_property_decorate = True, False
         for name, details in (("fog", "visibility"), ("rain", "rain_rate"), ("snow", "snow_rate")):
-            layout.prop(wanted, name)
+            switch(layout, wanted, name)
             if getattr(wanted, name):
                 layout.prop(wanted, details)
-        layout.prop(wanted, "water")
+        switch(layout, wanted, "water")
         if wanted.water:
             layout.prop(wanted, "surface")
             if not wanted.layers:
                 layout.prop(wanted, "temperature")
                 layout.prop(wanted, "salinity")
+            layout.label(text="Layers")
             row = layout.row()
-            row.template_list("UI_UL_list", "echocast_layers", wanted, "layers", wanted, "layer", rows=3)
+            row.template_list("ECHOCAST_UL_layers", "", wanted, "layers", wanted, "layer", rows=3)
             edit_buttons(row, "layers")
             if wanted.layers:
                 layer = wanted.layers[min(wanted.layer, len(wanted.layers) - 1)]
@@ -128,7 +181,9 @@ class ECHOCAST_PT_results(Panel, bpy.types.Panel):
     def draw(self, context: Any) -> None:
         layout, wanted = self.layout, context.scene.echocast
         layout.use_property_split, layout.use_property_decorate = True, False
-        for name in ("clouds", "color", "radius", "columns", "images"):
+        for name in ("clouds", "images"):
+            switch(layout, wanted, name)
+        for name in ("color", "radius", "columns"):
             layout.prop(wanted, name)
         layout.label(text="Files")
         row = layout.row()
@@ -141,14 +196,44 @@ class ECHOCAST_PT_results(Panel, bpy.types.Panel):
         thing = context.object
         if thing is not None and scene.RESULT in thing:
             layout.operator(operators.EchocastExplain.bl_idname, icon="QUESTION")
-        for note in json.loads(wanted.notes or "[]")[:8]:
-            layout.label(text=note, icon="INFO")
+        notes = json.loads(wanted.notes or "[]")
+        for note in notes[:MOST_NOTES]:
+            sentence(layout, context, note, "INFO")
+        if len(notes) > MOST_NOTES:
+            layout.label(text=f"and {len(notes) - MOST_NOTES} more, in the Info editor")
 
 
 class ECHOCAST_UL_outputs(bpy.types.UIList):
     def draw_item(self, _context: Any, layout: Any, _data: Any, item: Any, _icon: Any, _active: Any, _name: Any) -> None:
         layout.prop(item, "enabled", text="")
         layout.label(text=f"{item.format.upper()}  {item.path}")
+
+
+class ECHOCAST_UL_layers(bpy.types.UIList):
+    def draw_item(self, _context: Any, layout: Any, _data: Any, item: Any, _icon: Any, _active: Any, _name: Any) -> None:
+        layout.label(text=f"{item.depth:g} m: {item.speed:g} m/s")
+
+
+def switch(layout: Any, data: Any, name: str) -> None:
+    """A box to tick, over the whole width: beside labels there is no room for its own."""
+    row = layout.row()
+    row.use_property_split = False
+    row.prop(data, name)
+
+
+def sentence(layout: Any, context: Any, text: str, icon: str) -> None:
+    """A text over as many lines as it needs: Blender cuts off what is too long for one."""
+    width = context.region.width / context.preferences.system.ui_scale
+    # A letter takes about 6 pixels, icon and margins 60.
+    lines = textwrap.wrap(text, max(16, int((width - 60) / 6)))
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    for index, line in enumerate(lines):
+        column.label(text=line, icon="BLANK1" if index else icon)
+
+
+def readable(key: str) -> str:
+    return key.replace("_", " ")
 
 
 def edit_buttons(row: Any, items: str) -> None:
@@ -160,7 +245,9 @@ def edit_buttons(row: Any, items: str) -> None:
 
 CLASSES = (
     EchocastShowSection,
+    EchocastSelect,
     ECHOCAST_UL_outputs,
+    ECHOCAST_UL_layers,
     ECHOCAST_PT_scan,
     ECHOCAST_PT_sensor,
     ECHOCAST_PT_medium,

@@ -12,6 +12,9 @@ from . import evaluated, geometry, labels, materials
 #: Objects that hold results of scans have this custom property; they are not scanned.
 RESULT = "echocast_scan"
 
+#: What a persistent id has where a level of instancing has no index: the mesh of a curve, a text or a metaball.
+NO_INDEX = 2**31 - 1
+
 
 @dataclass
 class Seen:
@@ -46,8 +49,8 @@ class Shape:
     mesh: "ec.Mesh | None"
     parts: "tuple[str, ...]"
     materials: "tuple[Any, ...]"
-    #: Positions of its vertices, if they are needed to tell how it deforms.
-    places: Any = None
+    #: Whether Blender reports when it changes: not what only rendering sees.
+    watched: bool
 
 
 @dataclass
@@ -77,6 +80,8 @@ class ExportedScene:
 
     def update(self, context: Any) -> None:
         """Brings it to what Blender has now."""
+        # Blender reports changes when it evaluates them.
+        context.evaluated_depsgraph_get()
         changes, self.changes = self.changes, Changes()
         if changes.everything:
             self.read.clear()
@@ -100,9 +105,9 @@ class ExportedScene:
     def find(self, depsgraph: Any, changes: Changes) -> "list[Found]":
         scale = depsgraph.scene.unit_settings.scale_length
         to_metres = np.diag([scale, scale, scale, 1.0])
-        rendered = depsgraph.mode == "RENDER"
         of_pointer: "dict[tuple[Any, ...], Shape]" = {}
         kept: "dict[tuple[Any, ...], Shape]" = {}
+        identities: "dict[Any, labels.Identity]" = {}
         found, faults = [], {}
         for instance in evaluated.instances(depsgraph):
             thing = instance.object
@@ -116,19 +121,22 @@ class ExportedScene:
             pointer = (thing.data.as_pointer(), tuple(slot.as_pointer() if slot else 0 for slot in slots))
             shape = of_pointer.get(pointer)
             if shape is None:
-                shape = self.shape(key, thing, original, instancer, slots, changes, rendered, faults)
+                shape = self.shape(key, thing, original, instancer, slots, changes, faults)
                 of_pointer[pointer] = shape
             kept[key] = shape
             if shape.mesh is None:
                 continue
-            identity = labels.Identity(original, instancer, list(slots))
+            identified = (key[:2], slots)
+            if identified not in identities:
+                identities[identified] = labels.Identity(original, instancer, list(slots))
+            identity = identities[identified]
             parts = (identity.part,) * max(1, len(slots)) if identity.part is not None else shape.parts
             pose = to_metres @ np.array(instance.matrix_world, dtype=np.float64)
             if not np.isfinite(pose).all():
                 faults[original.name] = "its matrix is not of numbers"
                 continue
             # Each instance that is made, by particles or nodes, is one by itself.
-            made = instance.is_instance and instancer is not None and instancer != original
+            made = instancer is not None and (instancer != original or instance.persistent_id[1] != NO_INDEX)
             owner = (instancer.as_pointer(), *instance.persistent_id) if made else (identity.owner.as_pointer(),)
             found.append(Found(key, original.name, shape.mesh, pose, identity, owner, parts))
         self.shapes = kept
@@ -145,7 +153,6 @@ class ExportedScene:
         instancer: Any,
         slots: "tuple[Any, ...]",
         changes: Changes,
-        rendered: bool,
         faults: "dict[str, str]",
     ) -> Shape:
         """The mesh of an evaluated object: as it was read before, unless it has changed."""
@@ -153,10 +160,9 @@ class ExportedScene:
         known = self.shapes.get(key)
         sources = [original, instancer] if instancer is not None else [original]
         changed = key in self.deformed or any(is_changed(one, changes) for one in sources)
-        # Changes of what the viewport does not evaluate are not reported.
-        unknown = rendered and any(is_hidden(one) for one in sources)
+        watched = not any(evaluated.object_differs(one) for one in sources) and not evaluated.scene_differs(bpy.context.scene)
         same = known is not None and known.materials == pointers and not any(p in changes.materials for p in pointers)
-        if same and not changed and not unknown:
+        if same and not changed and watched and known.watched:
             return known
         read = [self.material(slot) for slot in slots] or [self.material(None)]
         parts = tuple(one.part if one.part is not None else name(slot) for one, slot in zip(read, slots or (None,)))
@@ -165,7 +171,7 @@ class ExportedScene:
         except (geometry.Unusable, ec.Error) as fault:
             faults[original.name] = str(fault)
             mesh = None
-        return Shape(mesh, parts, pointers)
+        return Shape(mesh, parts, pointers, watched)
 
     def material(self, slot: Any) -> materials.Read:
         pointer = slot.as_pointer() if slot else 0
@@ -178,7 +184,7 @@ class ExportedScene:
         sources = [instance.object.original]
         if instance.is_instance and instance.parent:
             sources.append(instance.parent.original)
-        return any(is_changed(one, self.changes) or is_hidden(one) for one in sources)
+        return any(is_changed(one, self.changes) or evaluated.object_differs(one) for one in sources)
 
     def places(self, key: "tuple[Any, ...]", context: Any) -> Any:
         """Positions of the vertices of an object as it is evaluated now."""
@@ -271,13 +277,6 @@ def slot_materials(thing: Any) -> "tuple[Any, ...]":
 def is_changed(thing: Any, changes: Changes) -> bool:
     data = thing.data
     return thing.as_pointer() in changes.geometry or data is not None and data.as_pointer() in changes.geometry
-
-
-def is_hidden(thing: Any) -> bool:
-    try:
-        return thing.hide_viewport or not thing.visible_get()
-    except RuntimeError:
-        return True
 
 
 def name(material: Any) -> str:
