@@ -217,13 +217,13 @@ def steps():
     w = bpy.context.scene.echocast
     w.fog = w.rain = w.water = True
     w.layers.add(); w.layers.add().depth=10
-    w.outputs.add()
     bpy.context.view_layer.objects.active = bpy.data.objects["House"]
     w.notes = '["material Leaves: the node Noise Texture is not read: Base Color is that of the socket", "some"]'
     w.color = "range"
     with override():
         bpy.ops.echocast.scan("EXEC_DEFAULT")
     w.notes = '["material Leaves: the node Noise Texture is not read: Base Color is that of the socket", "some"]'
+    w.outputs.add()
     yield 3
     picture("x1.png")
     yield 1

@@ -21,11 +21,11 @@ from . import package
 package.find()
 
 from . import batch, operators, overlay, panels, paper, scene, sensors, settings  # noqa: E402
-from .batch import run  # noqa: E402
+from .batch import animated_scene, program, run  # noqa: E402
 
 MODULES = (sensors, settings, scene, paper, operators, panels, overlay)
 
-__all__ = ["batch", "register", "run", "unregister"]
+__all__ = ["animated_scene", "program", "register", "run", "unregister"]
 
 
 def register() -> None:

@@ -1,13 +1,15 @@
-"""Scans without a window."""
+"""Scans and scenarios without a window."""
 
+import os
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import bpy
 import echocast as ec
 
-from . import files, scan
+from . import files, scan, scene, sensors
 
 
 def run(
@@ -20,6 +22,7 @@ def run(
     Returns the paths that it names itself, and raises ec.Error with a sentence where something is not allowed. The scene
     itself is not changed.
     """
+    enable()
     context = bpy.context
     begun = context.scene.frame_current
     listed = any(one.enabled for one in context.scene.echocast.outputs)
@@ -50,3 +53,57 @@ def run(
     for sentence in told:
         print(f"echocast: {sentence}", file=sys.stderr)
     return written
+
+
+def enable() -> None:
+    """Registers the add-on where Blender has not: started with factory settings, or as a module."""
+    from . import register
+
+    if not hasattr(bpy.types.Scene, "echocast"):
+        register()
+
+
+def animated_scene(context: Any = None) -> ec.Scene:
+    """The open scene as an `ec.Scene`, with what moves over its range of frames, and a camera node for each sensor and
+    camera. Times are those of the animation: frame 0 is at 0 s."""
+    context = context or bpy.context
+    timeline = context.scene
+    begun = timeline.frame_current
+    scale, rate = timeline.unit_settings.scale_length, timeline.render.fps / timeline.render.fps_base
+    numbers = [float(number) for number in range(timeline.frame_start, timeline.frame_end + 1)]
+    if not scan.is_animated(timeline):
+        numbers = numbers[:1]
+    times = [number / rate for number in numbers]
+    try:
+        timeline.frame_set(int(numbers[0]))
+        exported = scene.exported(context)
+        if not exported.seen:
+            raise ec.ArgumentError("nothing in the scene can be scanned: no visible object has a face; allowed: at least one")
+        named = [one for one in timeline.objects if one.echocast.is_sensor or one.type == "CAMERA"]
+        paths = {one.name: [scan.pose(context, one, scale)] for one in named}
+        scan.follow(context, exported, paths, numbers, times)
+        for sentence in dict.fromkeys(exported.notes):
+            print(f"warning: {sentence}", file=sys.stderr)
+        return exported.live.to_scene(cameras={name: scan.trajectory(times, path) for name, path in paths.items()})
+    finally:
+        timeline.frame_set(begun)
+
+
+def program(arguments: "list[str]") -> int:
+    """Runs the command line `arguments` of the program `echocast`, such as `["run", "drive.yaml"]`, where the scene of
+    scenarios is the open one; returns its exit code."""
+    from echocast import _echocast
+
+    enable()
+    try:
+        scene_read = animated_scene()
+    except ec.Error as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    # What Blender writes is on stderr; file 3, if there is one, is what was stdout.
+    sys.stdout.flush()
+    try:
+        os.dup2(3, 1)
+    except OSError:
+        pass
+    return _echocast.program(["echocast", *arguments], scene_read)

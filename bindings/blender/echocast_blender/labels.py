@@ -38,19 +38,28 @@ class Identity:
     def __init__(self, seen: Any, instancer: Any, materials: "list[Any]") -> None:
         """`seen`: the original object; `instancer`: that which made an instance of it, or None; `materials`: those of
         its slots, original."""
-        chain = ancestry(seen)
-        if instancer is not None and instancer != seen:
-            chain += ancestry(instancer)
+        own = ancestry(seen)
+        chain = own + (ancestry(instancer) if instancer is not None and instancer != seen else [])
         giver = next((one for one in chain if "categoryID" in one), None)
         of_material = next((one["categoryID"] for one in materials if one is not None and "categoryID" in one), None)
-        #: The object whose name the instance has.
-        self.owner = giver or next((one for one in reversed(ancestry(seen)) if not is_group(one)), seen)
+        outermost = next((one for one in reversed(own) if not is_group(one)), seen)
+        #: The object that all that belongs to it is one instance with, if no instancer makes several of it.
+        self.owner = giver or outermost
+        #: Within an instance of a collection, the object that is an instance by itself; None: all of it is one.
+        self.within = giver if giver in own else None
+        whole = instancer is not None and instancer.instance_type == "COLLECTION"
+        self.name = (self.within or (instancer if whole else self.owner)).name
+        #: How many of the innermost numbers of an instance only tell the pieces of a collection apart: that of the object
+        #: in it, and for curves and the like that of their mesh.
+        self.innermost = 1 if seen.type == "MESH" else 2
+        if any(one.instance_type in ("VERTS", "FACES") for one in own[1:]):
+            self.innermost = 0
         if giver is not None:
             self.category = label(giver["categoryID"])
         elif of_material is not None:
             self.category = label(of_material)
         else:
-            self.category = without_copy_number(self.owner.name)
+            self.category = without_copy_number(outermost.name)
         parts = next((one["partID"] for one in chain if "partID" in one), None)
         #: The part that the object is; None: its materials decide.
         self.part = None if parts is None else label(parts)

@@ -1,6 +1,7 @@
 """Materials of Blender as those of echocast: what their node trees say about the surface, read as a glTF exporter would,
 and approximated where a scanner has no use for more. What is approximated is reported, once per material."""
 
+import functools
 import math
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -8,6 +9,7 @@ from typing import Any
 import bpy
 import echocast as ec
 import numpy as np
+from mathutils import Euler, Matrix
 
 #: Custom properties of materials that are keys of materials of echocast.
 KEYS = (
@@ -101,37 +103,45 @@ def read(material: "bpy.types.Material | None") -> Read:
     if blend and cutoff is not None:
         keys.update(alpha="cutout", alpha_cutoff=unit(cutoff))
         blend = False
-    for key, name in [*((key, key) for key in KEYS), *PAPER_KEYS.items()]:
-        # The paper's add-on writes an index of 0 for what does not refract.
-        if key in material and not (key == "blainder_ior" and material[key] == 0):
-            keys[name] = plain(material[key])
-    rgba = material.get("blainder_rgba")
-    if rgba is not None and "reflectance" not in material and len(rgba) == 4:
-        keys["reflectance"] = float(rgba[3])
-    # A number that is called alpha, or a sound without keys, has another purpose.
-    if not isinstance(keys.get("alpha", ""), str):
-        del keys["alpha"]
-    if not isinstance(keys.get("sound", {}), dict):
-        del keys["sound"]
-    part = material.get("partID")
+    own = own_keys(material, notes)
     options, used = images(surface, notes)
     try:
-        made = ec.Material(keys, blend=blend and "alpha" not in keys, **options)
-    except ec.Error as error:
+        made = ec.Material({**keys, **own}, blend=blend and "alpha" not in own, **options)
+    except (ec.Error, TypeError) as error:
         notes.add(f"its custom properties are not used: {error}")
-        own = {key: value for key, value in keys.items() if key not in KEYS or key in ("metallic", "ior")}
-        own.update(metallic=unit(surface.metallic), ior=max(1.0, surface.ior))
-        made = ec.Material(own, blend=blend, **options)
+        made = ec.Material(keys, blend=blend, **options)
+    part = material.get("partID")
     uv_map = used.uv_map if used else None
     return Read(made, used is not None, uv_map, None if part is None else label(part), notes.sentences())
 
 
+def own_keys(material: "bpy.types.Material", notes: "Notes") -> "dict[str, Any]":
+    """Keys of materials of echocast among the custom properties."""
+    own = {key: plain(material[key]) for key in KEYS if key in material}
+    # A number that is called alpha, or a sound without keys, has another purpose.
+    for key, kind in (("alpha", str), ("sound", dict)):
+        if not isinstance(own.get(key, kind()), kind):
+            del own[key]
+    own.update({name: plain(material[key]) for key, name in PAPER_KEYS.items() if key in material})
+    if "blainder_rgba" in material and "reflectance" not in own:
+        rgba = plain(material["blainder_rgba"])
+        if isinstance(rgba, list) and len(rgba) == 4:
+            own["reflectance"] = rgba[3]
+        else:
+            notes.add(f"blainder_rgba is {rgba!r}; allowed: four numbers")
+    return own
+
+
 class Notes:
-    """What is approximated in a material."""
+    """What is approximated in a material, and what has been read of its nodes."""
 
     def __init__(self, name: str) -> None:
         self.name = name
         self.said: "dict[str, None]" = {}
+        #: What was read, by reader, socket and the group nodes around it.
+        self.known: "dict[tuple[Any, ...], Any]" = {}
+        #: How many readers are waiting for others.
+        self.depth = 0
 
     def add(self, sentence: str) -> None:
         self.said[sentence] = None
@@ -142,6 +152,7 @@ class Notes:
 
 def label(value: Any) -> str:
     """A label as text: 7.0 is 7."""
+    value = plain(value)
     return str(int(value)) if isinstance(value, float) and value.is_integer() else str(value)
 
 
@@ -151,6 +162,8 @@ def plain(value: Any) -> Any:
         return value.to_dict()
     if hasattr(value, "to_list"):
         return value.to_list()
+    if isinstance(value, bpy.types.ID):
+        return value.name
     return [plain(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
@@ -167,50 +180,64 @@ def clip_threshold(material: "bpy.types.Material") -> "float | None":
 # --- nodes ------------------------------------------------------------------------------------------------------------
 
 
+class TooDeep(Exception):
+    """Nodes are linked in a circle, or in too long a chain."""
+
+
+def once(reader: Any) -> Any:
+    """Makes a reader of sockets read each once, however many paths lead to it."""
+
+    @functools.wraps(reader)
+    def read_once(socket: Any, groups: "tuple[Any, ...]", notes: Notes) -> Any:
+        key = (reader, socket.as_pointer(), *(group.as_pointer() for group in groups))
+        if key not in notes.known:
+            if notes.depth == DEEPEST:
+                raise TooDeep
+            notes.depth += 1
+            notes.known[key] = reader(socket, groups, notes)
+            notes.depth -= 1
+        return notes.known[key]
+
+    return read_once
+
+
 def tree_surface(tree: "bpy.types.NodeTree", notes: Notes) -> Surface:
     output = tree.get_output_node("ALL")
-    link = source(output.inputs["Surface"], ()) if output else None
-    if link is None:
-        notes.add("its node tree has no surface: grey")
+    try:
+        surface = shader(output.inputs["Surface"], (), notes) if output else None
+    except TooDeep:
+        notes.add(f"its nodes are linked in a circle, or more than {DEEPEST} in a chain: grey")
         return Surface()
-    return shader(*link, notes, 0)
+    if surface is None:
+        notes.add("its node tree has no surface: grey")
+    return surface or Surface()
 
 
-def source(socket: Any, groups: "tuple[Any, ...]") -> "tuple[Any, tuple[Any, ...]] | None":
-    """The socket that `socket` is linked to, past reroutes and into and out of `groups`, the group nodes around it; None:
-    it is not linked."""
+def source(socket: Any, groups: "tuple[Any, ...]") -> "tuple[Any, tuple[Any, ...]]":
+    """Where an input has its value from: the output of a node, or the input whose own value it is; past reroutes and what
+    is muted, and into and out of `groups`, the group nodes around it."""
     for _ in range(DEEPEST):
-        if not socket.is_linked or not socket.links:
-            # An input of a group is what is outside linked to.
-            return None
-        link = socket.links[0]
-        if link.is_muted:
-            return None
-        node, socket = link.from_node, link.from_socket
-        if node.type == "REROUTE":
-            socket = node.inputs[0]
-        elif node.type == "GROUP" and node.node_tree:
-            outputs = [inner for inner in node.node_tree.nodes if inner.type == "GROUP_OUTPUT"]
-            output = next((inner for inner in outputs if inner.is_active_output), None)
-            inner = by_identifier(output.inputs, socket.identifier) if output else None
-            if inner is None:
-                return None
-            groups, socket = (*groups, node), inner
-        elif node.type == "GROUP_INPUT" and groups:
-            outer = by_identifier(groups[-1].inputs, socket.identifier)
-            if outer is None:
-                return None
-            groups, socket = groups[:-1], outer
-            if not socket.is_linked:
-                return socket, groups
-        elif node.mute:
-            passed = next((pair.from_socket for pair in node.internal_links if pair.to_socket == socket), None)
-            if passed is None:
-                return None
-            socket = passed
-        else:
+        link = next((link for link in socket.links if not link.is_muted), None)
+        if link is None:
             return socket, groups
-    return None
+        node, linked, inside = link.from_node, link.from_socket, groups
+        if node.mute:
+            following = next((pair.from_socket for pair in node.internal_links if pair.to_socket == linked), None)
+        elif node.type == "REROUTE":
+            following = node.inputs[0]
+        elif node.type == "GROUP" and node.node_tree:
+            output = next((one for one in node.node_tree.nodes if one.type == "GROUP_OUTPUT" and one.is_active_output), None)
+            following = by_identifier(output.inputs, linked.identifier) if output else None
+            inside = (*groups, node)
+        elif node.type == "GROUP_INPUT" and groups:
+            following = by_identifier(groups[-1].inputs, linked.identifier)
+            inside = groups[:-1]
+        else:
+            return linked, groups
+        if following is None:
+            return socket, groups
+        socket, groups = following, inside
+    raise TooDeep
 
 
 def by_identifier(sockets: Any, identifier: str) -> Any:
@@ -218,66 +245,64 @@ def by_identifier(sockets: Any, identifier: str) -> Any:
 
 
 def socket_of(node: Any, *names: str) -> Any:
-    """The first of the inputs `names` that the node has in this version of Blender, in use."""
+    """The first of the inputs `names` that the node has in this version of Blender."""
     return next((node.inputs[name] for name in names if name in node.inputs), None)
 
 
-def shader(socket: Any, groups: "tuple[Any, ...]", notes: Notes, depth: int) -> Surface:
-    """What the shader that comes out of `socket` amounts to."""
-    node = socket.node
-    if depth > DEEPEST or socket.is_output is False:
-        return Surface()
+@once
+def shader(socket: Any, groups: "tuple[Any, ...]", notes: Notes) -> "Surface | None":
+    """What the shader that is linked to an input amounts to; None: there is none."""
+    linked, groups = source(socket, groups)
+    if not linked.is_output:
+        return None
+    node = linked.node
     kind = node.type
 
     def number_of(*names: str, default: float) -> float:
         found = socket_of(node, *names)
-        return default if found is None else number(found, groups, notes, depth)
+        return default if found is None else number(found, groups, notes)
 
     if kind == "BSDF_PRINCIPLED":
         surface = Surface(ior=number_of("IOR", default=1.45), roughness=number_of("Roughness", default=0.5))
         surface.metallic = number_of("Metallic", default=0.0)
         surface.transmission = number_of("Transmission Weight", "Transmission", default=0.0)
-        surface.color, surface.image = color(node.inputs["Base Color"], groups, notes, depth)
-        surface.alpha, surface.alpha_image = alpha(node.inputs["Alpha"], groups, notes, depth)
+        surface.color, surface.image = color(node.inputs["Base Color"], groups, notes)
+        surface.alpha, surface.alpha_image = alpha(node.inputs["Alpha"], groups, notes)
         return surface
     if kind in ("BSDF_DIFFUSE", "BSDF_TRANSLUCENT", "SUBSURFACE_SCATTERING", "BSDF_SHEEN", "BSDF_VELVET", "BSDF_TOON", "EMISSION"):
-        found, image = color(node.inputs["Color"], groups, notes, depth)
+        found, image = color(node.inputs["Color"], groups, notes)
         if kind == "EMISSION":
             notes.add("light that it emits is not seen: its colour is taken as that of a diffuse surface")
         return Surface(found, image, roughness=1.0)
     if kind in ("BSDF_GLOSSY", "BSDF_ANISOTROPIC", "BSDF_METALLIC"):
-        found, image = color(socket_of(node, "Color", "Base Color"), groups, notes, depth)
+        found, image = color(socket_of(node, "Color", "Base Color"), groups, notes)
         return Surface(found, image, metallic=1.0, roughness=number_of("Roughness", default=0.5))
     if kind in ("BSDF_GLASS", "BSDF_REFRACTION"):
-        found, image = color(node.inputs["Color"], groups, notes, depth)
+        found, image = color(node.inputs["Color"], groups, notes)
         rough = number_of("Roughness", default=0.0)
         return Surface(found, image, transmission=1.0, roughness=rough, ior=number_of("IOR", default=1.45))
     if kind == "BSDF_TRANSPARENT":
         return Surface((1.0, 1.0, 1.0), alpha=0.0)
     if kind == "HOLDOUT":
         return Surface((0.0, 0.0, 0.0))
-    if kind in ("MIX_SHADER", "ADD_SHADER"):
-        return mixed(node, groups, notes, depth)
+    if kind == "MIX_SHADER":
+        return mixed(node, groups, notes)
+    if kind == "ADD_SHADER":
+        return added(node, groups, notes)
     notes.add(f"the node {node.name} is not read: grey")
     return Surface()
 
 
-def mixed(node: Any, groups: "tuple[Any, ...]", notes: Notes, depth: int) -> Surface:
+def mixed(node: Any, groups: "tuple[Any, ...]", notes: Notes) -> "Surface | None":
     """A mix of two shaders. With a transparent one it is the other with an alpha."""
-    sockets = [socket for socket in node.inputs if socket.type == "SHADER"]
-    links = [source(socket, groups) for socket in sockets[:2]]
-    parts = [shader(*link, notes, depth + 1) if link else None for link in links]
-    if node.type == "ADD_SHADER":
-        kinds = [link[0].node.type if link else None for link in links]
-        first = next((part for part, kind in zip(parts, kinds) if part and kind != "EMISSION"), parts[0] or parts[1])
-        notes.add(f"of the sum at the node {node.name} one shader is used")
-        return first or Surface()
-    first, second = parts
+    first, second = (shader(socket, groups, notes) for socket in node.inputs[1:3])
     if first is None or second is None:
-        return first or second or Surface()
-    factor, image = alpha(node.inputs[0], groups, notes, depth)
+        return first or second
+    factor, image = alpha(node.inputs[0], groups, notes)
+    if image is None and factor in (0.0, 1.0):
+        return second if factor else first
     clear = [part.alpha == 0.0 and part.alpha_image is None for part in (first, second)]
-    if clear[0] and not clear[1]:
+    if clear[0] and not clear[1] and not (image and second.alpha_image):
         return replace(second, alpha=second.alpha * factor, alpha_image=second.alpha_image or image)
     if clear[1] and not clear[0] and image is None:
         return replace(first, alpha=first.alpha * (1 - factor))
@@ -297,121 +322,126 @@ def mixed(node: Any, groups: "tuple[Any, ...]", notes: Notes, depth: int) -> Sur
     )
 
 
-def number(socket: Any, groups: "tuple[Any, ...]", notes: Notes, depth: int) -> float:
+def added(node: Any, groups: "tuple[Any, ...]", notes: Notes) -> "Surface | None":
+    """A sum of two shaders: the first of them that does not only emit light."""
+    emits = lambda socket: source(socket, groups)[0].node.type == "EMISSION"
+    linked = [socket for socket in node.inputs if source(socket, groups)[0].is_output]
+    if len(linked) == 2:
+        notes.add(f"of the sum at the node {node.name} one shader is used")
+    return shader(min(linked, key=emits), groups, notes) if linked else None
+
+
+@once
+def number(socket: Any, groups: "tuple[Any, ...]", notes: Notes) -> float:
     """The value at an input: a number, or the mean of the image that is linked to it."""
-    link = source(socket, groups)
-    if link is None:
-        return float(socket.default_value)
-    found, groups = link
-    if not found.is_output:
-        return scalar(found)
-    node = found.node
-    if node.type in ("VALUE", "RGB"):
-        return scalar(found)
+    linked, groups = source(socket, groups)
+    node = linked.node
+    if not linked.is_output or node.type in ("VALUE", "RGB"):
+        return scalar(linked)
     if node.type == "TEX_IMAGE" and node.image:
         mean = mean_color(node.image)
         if mean is not None:
             notes.add(f"the mean of the image {node.image.name} is used for {socket.name}")
-            return mean[3] if found.name == "Alpha" else sum(mean[:3]) / 3
-    if node.type in ("MATH", "CLAMP", "MAP_RANGE", "SEPARATE_COLOR", "SEPRGB", "VALTORGB", "INVERT") and depth < DEEPEST:
+            return mean[3] if linked.name == "Alpha" else luminance(mean)
+    if node.type in ("MATH", "CLAMP", "MAP_RANGE", "SEPARATE_COLOR", "SEPRGB", "VALTORGB", "INVERT"):
         inner = next((inner for inner in node.inputs if inner.is_linked), None)
         if inner is not None:
             notes.add(f"the node {node.name} is passed over for {socket.name}")
-            return number(inner, groups, notes, depth + 1)
-    notes.add(f"the node {node.name} is not read: {socket.name} is {float(socket.default_value):.3g}")
-    return float(socket.default_value)
+            return number(inner, groups, notes)
+    notes.add(f"the node {node.name} is not read: {socket.name} is {scalar(socket):.3g}")
+    return scalar(socket)
 
 
 def scalar(socket: Any) -> float:
-    value = socket.default_value
-    return float(value) if isinstance(value, (int, float)) else sum(value[:3]) / 3
+    """The own value of a socket as a number, as Blender converts it."""
+    value = getattr(socket, "default_value", 0.0)
+    if isinstance(value, (bool, int, float)):
+        return float(value)
+    return luminance(value) if socket.type == "RGBA" else sum(value[:3]) / 3
 
 
-def color(socket: Any, groups: "tuple[Any, ...]", notes: Notes, depth: int) -> "tuple[tuple[float, float, float], Image | None]":
+def luminance(channels: Any) -> Any:
+    """Rec. ITU-R BT.709, of the last axis."""
+    return np.asarray(channels)[..., :3] @ np.array([0.2126, 0.7152, 0.0722])
+
+
+@once
+def color(socket: Any, groups: "tuple[Any, ...]", notes: Notes) -> "tuple[tuple[float, float, float], Image | None]":
     """The colour at an input: a factor, and the image that it multiplies."""
-    white = (1.0, 1.0, 1.0)
-    link = source(socket, groups)
-    if link is None:
-        return rgb(socket.default_value), None
-    found, groups = link
-    if not found.is_output:
-        return rgb(found.default_value), None
-    node = found.node
-    if node.type == "RGB":
-        return rgb(found.default_value), None
-    if node.type == "VALUE":
-        return (found.default_value,) * 3, None
+    linked, groups = source(socket, groups)
+    node = linked.node
+    if not linked.is_output or node.type in ("VALUE", "RGB"):
+        return rgb(linked), None
     if node.type == "TEX_IMAGE":
         return image_color(node, groups, notes)
-    if node.type == "BLACKBODY" or depth >= DEEPEST:
-        return white, None
     if node.type in ("MIX_RGB", "MIX"):
-        first, second = [inner for inner in node.inputs if inner.enabled and inner.type == "RGBA"][:2]
-        factor = next(inner for inner in node.inputs if inner.enabled and inner.type == "VALUE")
-        share = unit(number(factor, groups, notes, depth + 1)) if node_blend(node) else 0.5
-        (a, image_a), (b, image_b) = (color(inner, groups, notes, depth + 1) for inner in (first, second))
-        kind = node_blend(node)
-        if kind == "MULTIPLY" and not (image_a and image_b):
-            scaled = tuple(x * (1 - share + share * y) for x, y in zip(a, b))
-            return scaled, image_a or image_b
-        if kind == "MIX" and not (image_a or image_b):
-            return tuple(x + share * (y - x) for x, y in zip(a, b)), None
-        notes.add(f"the mix of colours at the node {node.name} is approximated by the larger share")
-        return (b, image_b) if share > 0.5 else (a, image_a)
-    passed = {"HUE_SAT": "Color", "BRIGHTCONTRAST": "Color", "GAMMA": "Color", "CURVE_RGB": "Color", "INVERT": "Color"}
-    if node.type in passed:
+        return mixed_colors(node, groups, notes)
+    if node.type in ("HUE_SAT", "BRIGHTCONTRAST", "GAMMA", "CURVE_RGB", "INVERT"):
         notes.add(f"the node {node.name} is passed over")
-        return color(node.inputs[passed[node.type]], groups, notes, depth + 1)
+        return color(node.inputs["Color"], groups, notes)
     notes.add(f"the node {node.name} is not read: {socket.name} is that of the socket")
-    return rgb(socket.default_value), None
+    return rgb(socket), None
 
 
-def node_blend(node: Any) -> str:
-    return str(getattr(node, "blend_type", "MIX"))
+def mixed_colors(node: Any, groups: "tuple[Any, ...]", notes: Notes) -> "tuple[tuple[float, float, float], Image | None]":
+    factor, *both = [inner for inner in node.inputs if inner.enabled][:3]
+    share = unit(number(factor, groups, notes))
+    (a, image_a), (b, image_b) = (color(inner, groups, notes) for inner in both)
+    kind = node.blend_type if getattr(node, "data_type", "RGBA") == "RGBA" else "MIX"
+    if share == 0:
+        return a, image_a
+    if kind == "MIX" and share == 1:
+        return b, image_b
+    if kind == "MULTIPLY" and (image_b is None or image_a is None and share == 1):
+        return tuple(x * (1 - share + share * y) for x, y in zip(a, b)), image_a or image_b
+    if kind == "MIX" and image_a is None and image_b is None:
+        return tuple(x + share * (y - x) for x, y in zip(a, b)), None
+    notes.add(f"the mix of colours at the node {node.name} is approximated by the larger share")
+    return (b, image_b) if share > 0.5 else (a, image_a)
 
 
-def rgb(value: Any) -> "tuple[float, float, float]":
+def rgb(socket: Any) -> "tuple[float, float, float]":
+    """The own value of a socket as a colour."""
+    value = getattr(socket, "default_value", 0.0)
     return tuple(float(channel) for channel in value[:3]) if hasattr(value, "__len__") else (float(value),) * 3
 
 
-def alpha(socket: Any, groups: "tuple[Any, ...]", notes: Notes, depth: int) -> "tuple[float, Image | None]":
+@once
+def alpha(socket: Any, groups: "tuple[Any, ...]", notes: Notes) -> "tuple[float, Image | None]":
     """The alpha at an input: a factor, and the image that it multiplies."""
-    link = source(socket, groups)
-    if link is None:
-        return float(socket.default_value), None
-    found, groups = link
-    node = found.node
-    if found.is_output and node.type == "TEX_IMAGE" and node.image:
-        _, image = image_color(node, groups, notes)
-        if image is None:
-            return 1.0, None
-        return 1.0, replace(image, alpha=found.name == "Alpha")
-    if found.is_output and node.type == "MATH" and node.operation in ("GREATER_THAN", "LESS_THAN", "ROUND", "MULTIPLY"):
-        inner = next((inner for inner in node.inputs if inner.is_linked), None)
-        if inner is not None and depth < DEEPEST:
-            return alpha(inner, groups, notes, depth + 1)
-    return number(socket, groups, notes, depth), None
+    linked, inside = source(socket, groups)
+    node = linked.node
+    if linked.is_output and node.type == "TEX_IMAGE" and node.image:
+        _, image = image_color(node, inside, notes)
+        if image is not None:
+            return 1.0, replace(image, alpha=linked.name == "Alpha")
+    elif linked.is_output and node.type == "MATH" and node.operation in ("GREATER_THAN", "ROUND", "MULTIPLY"):
+        found, image = alpha(node.inputs[0], inside, notes)
+        if image is not None:
+            # Where there are only two values, a threshold changes nothing.
+            return found * (number(node.inputs[1], inside, notes) if node.operation == "MULTIPLY" else 1.0), image
+    return number(socket, groups, notes), None
 
 
 def image_color(node: Any, groups: "tuple[Any, ...]", notes: Notes) -> "tuple[tuple[float, float, float], Image | None]":
+    """The colour of an image node: white times its image, or the mean of it."""
     white = (1.0, 1.0, 1.0)
     image = node.image
     if image is None:
         notes.add(f"the node {node.name} has no image: it is pink in Blender, white here")
         return white, None
-    mean = lambda why: notes.add(f"the mean of the image {image.name} is used, as {why}") or (mean_color(image) or white)[:3]
-    if image.source not in ("FILE", "GENERATED"):
-        return mean(f"it is {image.source.lower()}"), None
-    if max(image.size) > LONGEST_SIDE:
-        return mean(f"it has more than {LONGEST_SIDE} pixels a side"), None
-    if min(image.size) == 0 or not image.has_data and not len(image.pixels):
-        notes.add(f"the image {image.name} cannot be read: white")
+    if not is_readable(image):
+        notes.add(f"the image {image.name} cannot be read, or has more than {LONGEST_SIDE} pixels a side: white")
         return white, None
-    if node.projection != "FLAT":
-        return mean(f"its projection is {node.projection.lower()}"), None
     place = coordinates(node.inputs["Vector"], groups, notes)
-    if place is None:
-        return mean("its coordinates are not those of a UV map"), None
+    why = "its coordinates are not those of a UV map" if place is None else None
+    if image.source not in ("FILE", "GENERATED"):
+        why = f"it is {image.source.lower()}"
+    elif node.projection != "FLAT":
+        why = f"its projection is {node.projection.lower()}"
+    if why is not None:
+        notes.add(f"the mean of the image {image.name} is used, as {why}")
+        return mean_color(image)[:3], None
     uv_map, matrix = place
     wraps = {"REPEAT": "repeat", "EXTEND": "clamp_to_edge", "CLIP": "clamp_to_edge", "MIRROR": "mirrored_repeat"}
     nearest = node.interpolation == "Closest"
@@ -421,43 +451,45 @@ def image_color(node: Any, groups: "tuple[Any, ...]", notes: Notes) -> "tuple[tu
 def coordinates(socket: Any, groups: "tuple[Any, ...]", notes: Notes) -> "tuple[str | None, Any] | None":
     """The UV map that is linked to a vector input, None: the one that is rendered, and the 3 x 3 matrix in between; None:
     other coordinates."""
-    matrix = np.eye(3)
-    for _ in range(DEEPEST):
-        link = source(socket, groups)
-        if link is None:
-            return (None, matrix)
-        found, groups = link
-        if not found.is_output:
-            return None
-        node = found.node
+    # In three dimensions: the first of several nodes may turn u and v out of their plane, and the next one back.
+    matrix = np.eye(4)
+    while True:
+        linked, groups = source(socket, groups)
+        node = linked.node
+        if node.type == "MAPPING" and linked.is_output:
+            step = mapping(node, notes)
+            if step is None:
+                return None
+            matrix = matrix @ step
+            socket = node.inputs["Vector"]
+            continue
+        in_plane = matrix[np.ix_((0, 1, 3), (0, 1, 3))]
+        if node.type == "TEX_IMAGE" and not linked.is_output:
+            return None, in_plane
         if node.type == "UVMAP":
-            return (node.uv_map or None, matrix)
-        if node.type == "TEX_COORD":
-            return (None, matrix) if found.name == "UV" else None
+            return node.uv_map or None, in_plane
         if node.type == "ATTRIBUTE":
-            return (node.attribute_name, matrix)
-        if node.type != "MAPPING":
-            return None
-        if any(node.inputs[name].is_linked for name in ("Location", "Rotation", "Scale") if name in node.inputs):
-            notes.add(f"links into the node {node.name} are not read")
-        matrix = matrix @ mapping(node)
-        socket = node.inputs["Vector"]
-    return None
+            return node.attribute_name, in_plane
+        return (None, in_plane) if node.type == "TEX_COORD" and linked.name == "UV" else None
 
 
-def mapping(node: Any) -> Any:
-    """The 3 x 3 matrix of a Mapping node, about z only."""
-    value = lambda name: node.inputs[name].default_value if name in node.inputs else (0.0, 0.0, 0.0)
-    x, y = value("Location")[:2]
-    angle = value("Rotation")[2]
-    sx, sy = value("Scale")[:2]
-    turn = np.array([[math.cos(angle), -math.sin(angle), 0], [math.sin(angle), math.cos(angle), 0], [0, 0, 1]])
-    made = np.array([[1, 0, x], [0, 1, y], [0, 0, 1]]) @ turn @ np.diag([sx, sy, 1.0])
+def mapping(node: Any, notes: Notes) -> Any:
+    """The 4 x 4 matrix of a Mapping node; None: it has none."""
+    if node.vector_type == "NORMAL":
+        return None
+    sockets = [node.inputs.get(name) for name in ("Location", "Rotation", "Scale")]
+    if any(socket is not None and socket.is_linked for socket in sockets):
+        notes.add(f"links into the node {node.name} are not read")
+    # Some kinds of it have no location.
+    location, rotation, scale = (socket.default_value if socket is not None else (0.0, 0.0, 0.0) for socket in sockets)
+    turn = Euler(rotation).to_matrix().to_4x4()
+    shift = Matrix.Translation(location)
     if node.vector_type == "TEXTURE":
-        return np.linalg.inv(made) if sx and sy else np.eye(3)
-    if node.vector_type in ("VECTOR", "NORMAL"):
-        return turn @ np.diag([sx, sy, 1.0])
-    return made
+        # Blender divides by zero as if it were infinite.
+        shrink = Matrix.Diagonal([*(1 / size if size else 0.0 for size in scale), 1.0])
+        return np.array(shrink @ turn.transposed() @ shift.inverted())
+    stretched = turn @ Matrix.Diagonal([*scale, 1.0])
+    return np.array(shift @ stretched if node.vector_type == "POINT" else stretched)
 
 
 # --- images -----------------------------------------------------------------------------------------------------------
@@ -471,42 +503,60 @@ def images(surface: Surface, notes: Notes) -> "tuple[dict[str, Any], Image | Non
     if used is None:
         return options, None
     if base:
-        options["image"] = pixels(base.image)[:, :, :3].copy()
+        options["image"] = encoded(base.image)
     if mask:
         if base and (mask.uv_map, mask.wrap) != (base.uv_map, base.wrap):
             notes.add(f"the image {mask.image.name} of its alpha has the coordinates of that of its colour")
-        channels = pixels(mask.image)
-        options["alpha_image"] = channels[:, :, 3].copy() if mask.alpha else luminance(channels)
+        channels = light(mask.image)
+        options["alpha_image"] = to_bytes(channels[:, :, 3] if mask.alpha else luminance(channels))
     options.update(wrap=used.wrap, filter=used.filter)
-    if used.matrix is not None and not np.allclose(used.matrix, np.eye(3)):
+    if not np.allclose(used.matrix, np.eye(3)):
         options["image_matrix"] = used.matrix
     return options, used
 
 
-def pixels(image: "bpy.types.Image") -> Any:
-    """Height x width x 4, uint8, sRGB, from the top row down."""
+def is_readable(image: "bpy.types.Image") -> bool:
+    width, height = image.size
+    return 0 < min(width, height) and max(width, height) <= LONGEST_SIDE and len(image.pixels) == 4 * width * height
+
+
+def stored(image: "bpy.types.Image") -> Any:
+    """Height x width x 4, float32, from the top row down, as Blender has it."""
     width, height = image.size
     values = np.empty(width * height * 4, dtype=np.float32)
     image.pixels.foreach_get(values)
-    values = values.reshape(height, width, 4)[::-1]
-    if image.is_float:
-        # Images of whole numbers are stored as encoded, those of fractions as light.
-        light = np.clip(values[:, :, :3], 0, 1)
-        encoded = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
-        values = np.concatenate([encoded, values[:, :, 3:]], axis=2)
-    return np.rint(np.clip(np.nan_to_num(values), 0, 1) * 255).astype(np.uint8)
+    return np.clip(np.nan_to_num(values), 0, 1).reshape(height, width, 4)[::-1]
 
 
-def luminance(channels: Any) -> Any:
-    """Rec. ITU-R BT.709, of the encoded values, as masks are not light."""
-    return np.rint(channels[:, :, :3] @ np.array([0.2126, 0.7152, 0.0722])).astype(np.uint8)
+def is_light(image: "bpy.types.Image") -> bool:
+    """Whether its numbers are light, or data, rather than sRGB. Images of fractions always are."""
+    space = image.colorspace_settings
+    return image.is_float or space.is_data or space.name.startswith("Linear")
+
+
+def encoded(image: "bpy.types.Image") -> Any:
+    """Height x width x 3, uint8, sRGB."""
+    colors = stored(image)[:, :, :3]
+    if is_light(image):
+        colors = np.where(colors <= 0.0031308, 12.92 * colors, 1.055 * colors ** (1 / 2.4) - 0.055)
+    return to_bytes(colors)
+
+
+def light(image: "bpy.types.Image") -> Any:
+    """Height x width x 4, float32, linear."""
+    values = stored(image)
+    if not is_light(image):
+        colors = values[:, :, :3]
+        values[:, :, :3] = np.where(colors <= 0.04045, colors / 12.92, ((colors + 0.055) / 1.055) ** 2.4)
+    return values
+
+
+def to_bytes(values: Any) -> Any:
+    return np.rint(255 * values).astype(np.uint8)
 
 
 def mean_color(image: "bpy.types.Image") -> "tuple[float, float, float, float] | None":
     """The mean of its linear colours and its alpha; None if it cannot be read."""
-    if min(image.size) == 0 or max(image.size) > LONGEST_SIDE or not len(image.pixels):
+    if not is_readable(image):
         return None
-    encoded = pixels(image).reshape(-1, 4) / 255.0
-    light = np.where(encoded[:, :3] <= 0.04045, encoded[:, :3] / 12.92, ((encoded[:, :3] + 0.055) / 1.055) ** 2.4)
-    red, green, blue = light.mean(axis=0)
-    return float(red), float(green), float(blue), float(encoded[:, 3].mean())
+    return tuple(light(image).mean(axis=(0, 1), dtype=np.float64).tolist())

@@ -57,7 +57,9 @@ def around_cone(directions: Any, axis: Any) -> "tuple[list[Any], list[Any]]":
     side /= np.linalg.norm(side)
     # In the plane at right angles to the axis arcs of the sphere are straight.
     flat = np.stack([directions @ side, directions @ np.cross(axis, side)], axis=1) / (directions @ axis)[:, None]
-    corners = directions[hull(flat)]
+    # The farthest of each degree: more than enough for the hull.
+    farthest = [far for _, far in ends(np.arctan2(flat[:, 1], flat[:, 0]), np.linalg.norm(flat, axis=1), 360).values()]
+    corners = directions[farthest][hull(flat[farthest])]
     lines = []
     for one, other in zip(corners, np.roll(corners, -1, axis=0)):
         count = 1 + int(np.linalg.norm(other - one) / 0.1)
@@ -66,6 +68,15 @@ def around_cone(directions: Any, axis: Any) -> "tuple[list[Any], list[Any]]":
         lines += [end for pair in zip(steps[:-1], steps[1:]) for end in pair]
     # Of an outline of many corners, eight.
     return lines, list(corners[:: -(-len(corners) // 8)])
+
+
+def ends(angle: Any, value: Any, sectors: int) -> "dict[int, tuple[int, int]]":
+    """For each sector of an angle that has any: the indices of its least and of its greatest value."""
+    sector = ((angle + np.pi) / (2 * np.pi) * sectors).astype(int) % sectors
+    order = np.lexsort((value, sector))
+    first = np.flatnonzero(np.diff(sector[order], prepend=-1))
+    last = np.append(first[1:], len(order)) - 1
+    return {int(sector[order[start]]): (int(order[start]), int(order[end])) for start, end in zip(first, last)}
 
 
 def hull(places: Any) -> "list[int]":
@@ -77,7 +88,7 @@ def hull(places: Any) -> "list[int]":
         for index in indices:
             while len(found) > 1:
                 along, on = places[found[-1]] - places[found[-2]], places[index] - places[found[-2]]
-                if along[0] * on[1] - along[1] * on[0] > 1e-9:
+                if along[0] * on[1] - along[1] * on[0] > 1e-6:
                     break
                 found.pop()
             found.append(int(index))
@@ -88,24 +99,16 @@ def hull(places: Any) -> "list[int]":
 
 def around_turn(directions: Any) -> "tuple[list[Any], list[Any]]":
     """The lowest and the highest beams of a sensor that looks around."""
-    azimuth = np.arctan2(directions[:, 1], directions[:, 0])
-    sector = np.minimum(((azimuth + np.pi) / (2 * np.pi) * SECTORS).astype(int), SECTORS - 1)
-    edges: "list[tuple[Any, Any] | None]" = [None] * SECTORS
-    for index in range(SECTORS):
-        beams = directions[sector == index]
-        if len(beams):
-            edges[index] = beams[beams[:, 2].argmin()], beams[beams[:, 2].argmax()]
+    found = ends(np.arctan2(directions[:, 1], directions[:, 0]), directions[:, 2], SECTORS)
+    edges = {sector: [directions[end] for end in pair] for sector, pair in found.items()}
     lines: "list[Any]" = []
     spokes: "list[Any]" = []
-    for index, edge in enumerate(edges):
-        if edge is None:
-            continue
-        following = edges[(index + 1) % SECTORS]
+    for sector, edge in edges.items():
+        following = edges.get((sector + 1) % SECTORS)
         if following is not None:
-            for low_or_high in (0, 1):
-                lines += [edge[low_or_high], following[low_or_high]]
+            lines += [edge[0], following[0], edge[1], following[1]]
         # Every 30 degrees, and where the view ends.
-        if index % (SECTORS // 12) == 0 or following is None or edges[index - 1] is None:
+        if sector % (SECTORS // 12) == 0 or following is None or (sector - 1) % SECTORS not in edges:
             lines += edge
             spokes += edge
     return lines, spokes
@@ -211,7 +214,7 @@ def legend(thing: Any) -> "list[Row]":
     for share in (1.0, 0.75, 0.5, 0.25, 0.0):
         color = [np.interp(share, clouds.SCALE[:, 0], clouds.SCALE[:, channel]) for channel in (1, 2, 3)]
         title = f"{column.replace('_', ' ')} " if share == 1.0 else ""
-        rows.append((tuple(encoded(np.array([[*color, 1.0]]))[0]), f"{title}{low + share * (high - low):.4g}"))
+        rows.append((tuple(encoded(np.array([[*color, 1.0]]))[0]), f"{title}{low + share * (high - low):.3g}"))
     return rows
 
 

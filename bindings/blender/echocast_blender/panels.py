@@ -101,7 +101,8 @@ class ECHOCAST_PT_sensor(Panel, bpy.types.Panel):
             if path[1:] != group:
                 group = path[1:]
                 box.separator(factor=0.5)
-                box.label(text=readable(" ".join(group)).capitalize())
+                if group:
+                    box.label(text=readable(" ".join(group)).capitalize())
             line = box.split(factor=0.5, align=True)
             line.alert = one.is_changed()
             line.label(text=readable(key))
@@ -183,10 +184,12 @@ class ECHOCAST_PT_results(Panel, bpy.types.Panel):
         layout.use_property_split, layout.use_property_decorate = True, False
         for name in ("clouds", "images"):
             switch(layout, wanted, name)
-        for name in ("color", "radius", "columns"):
-            layout.prop(wanted, name)
+        layout.prop(wanted, "color")
+        layout.prop(wanted, "radius", text="Radius")
+        layout.prop(wanted, "columns")
         layout.label(text="Files")
         row = layout.row()
+        row.use_property_split = False
         row.template_list("ECHOCAST_UL_outputs", "", wanted, "outputs", wanted, "output", rows=2)
         edit_buttons(row, "outputs")
         if wanted.outputs:

@@ -154,22 +154,31 @@ def sample(
 ) -> "list[float]":
     """Evaluates the animation from frame `number` on for `period`, s, and gives what moves its motion; appends the poses
     of the sensors to `paths`. Returns the times."""
-    timeline = context.scene
     count = min(MOST_SAMPLES, max(1, math.ceil(period * rate * SAMPLES_PER_FRAME - 1e-9)))
-    times = [start]
+    parts = [index / count for index in range(count + 1)]
+    times = [start + period * part for part in parts]
+    follow(context, exported, paths, [number + period * rate * part for part in parts], times)
+    exported.live.set_time(start, period)
+    return times
+
+
+def follow(
+    context: Any, exported: scene.ExportedScene, paths: "dict[str, list[Any]]", numbers: "list[float]", times: "list[float]"
+) -> None:
+    """Gives what moves over the frames `numbers`, at `times`, its motion, and appends poses of objects to `paths`. The
+    scene is `exported` as it is at the first of them, where Blender is left."""
+    timeline = context.scene
     poses = {key: [np.frombuffer(seen.pose).reshape(4, 4)] for key, seen in exported.seen.items()}
     places: "dict[Any, dict[int, Any]]" = {}
     scale = timeline.unit_settings.scale_length
     try:
-        for index in range(1, count + 1):
-            frame = number + period * rate * index / count
+        for index, frame in enumerate(numbers[1:], 1):
             timeline.frame_set(math.floor(frame), subframe=frame - math.floor(frame))
-            times.append(start + period * index / count)
             evaluated.visit(context, lambda depsgraph: look(depsgraph, exported, index, poses, places))
             for name, path in paths.items():
                 path.append(pose(context, timeline.objects[name], scale))
     finally:
-        timeline.frame_set(number)
+        timeline.frame_set(math.floor(numbers[0]), subframe=numbers[0] - math.floor(numbers[0]))
     for key, path in poses.items():
         seen = exported.seen[key]
         # What has vanished stays where it was.
@@ -179,14 +188,17 @@ def sample(
             # The next update places it anew.
             seen.pose = b""
     for key, moved in places.items():
-        if len(moved) == count:
-            first = exported.places(key, context)
-            if first is not None and first.shape == moved[1].shape:
-                frames_ = np.stack([first, *(moved[index] for index in range(1, count + 1))])
-                exported.live.set_vertex_motion(exported.seen[key].number, times, frames_)
-                exported.deformed.add(key)
-    exported.live.set_time(start, period)
-    return times
+        first = exported.places(key, context)
+        # What is built of other vertices from frame to frame stays as it is.
+        if first is None or any(one.shape != first.shape for one in moved.values()):
+            exported.notes.append(f"{exported.name(key)} changes its vertices: within a scan it keeps the shape of the first")
+            continue
+        frames_ = [first]
+        for index in range(1, len(times)):
+            frames_.append(moved.get(index, frames_[-1]))
+        if not all(np.array_equal(one, first) for one in frames_):
+            exported.live.set_vertex_motion(exported.seen[key].number, times, np.stack(frames_))
+            exported.deformed.add(key)
 
 
 def look(depsgraph: Any, exported: scene.ExportedScene, index: int, poses: "dict[Any, list[Any]]", places: Any) -> None:

@@ -135,9 +135,14 @@ class ExportedScene:
             if not np.isfinite(pose).all():
                 faults[original.name] = "its matrix is not of numbers"
                 continue
-            # Each instance that is made, by particles or nodes, is one by itself.
-            made = instancer is not None and (instancer != original or instance.persistent_id[1] != NO_INDEX)
-            owner = (instancer.as_pointer(), *instance.persistent_id) if made else (identity.owner.as_pointer(),)
+            # Each particle and each instance that nodes make is one by itself, and so is each instance of a collection.
+            numbers = instance.persistent_id
+            if instancer is not None and (instancer != original or numbers[1] != NO_INDEX):
+                pieces = 0 if instance.particle_system else identity.innermost
+                within = identity.within.as_pointer() if identity.within else 0
+                owner = (instancer.as_pointer(), within, *(one for one in numbers[pieces:] if one != NO_INDEX))
+            else:
+                owner = (identity.owner.as_pointer(),)
             found.append(Found(key, original.name, shape.mesh, pose, identity, owner, parts))
         self.shapes = kept
         self.notes += [f"{name} is left out: {fault}" for name, fault in faults.items()]
@@ -185,6 +190,9 @@ class ExportedScene:
         if instance.is_instance and instance.parent:
             sources.append(instance.parent.original)
         return any(is_changed(one, self.changes) or evaluated.object_differs(one) for one in sources)
+
+    def name(self, key: "tuple[Any, ...]") -> str:
+        return self.live.objects[self.seen[key].number]
 
     def places(self, key: "tuple[Any, ...]", context: Any) -> Any:
         """Positions of the vertices of an object as it is evaluated now."""
@@ -240,8 +248,7 @@ class ExportedScene:
                 last += 1
                 numbers[owner] = last
         self.instance_numbers = numbers
-        names = {numbers[one.owner]: one.identity.owner.name for one in reversed(found)}
-        self.instance_names = names
+        self.instance_names = {numbers[one.owner]: one.identity.name for one in reversed(found)}
 
     def name_labels(self) -> None:
         tables = {
@@ -265,13 +272,10 @@ def key_of(instance: Any) -> "tuple[Any, ...]":
 
 
 def slot_materials(thing: Any) -> "tuple[Any, ...]":
-    """The original materials of an evaluated mesh: those of its data, which nodes may add to, unless slots of the object
-    replace them."""
-    slots = [slot.original if slot else None for slot in thing.data.materials]
-    for index, slot in enumerate(thing.original.material_slots if thing.original.type == "MESH" else ()):
-        if slot.link == "OBJECT" and index < len(slots):
-            slots[index] = slot.material
-    return tuple(slots)
+    """The original materials of an evaluated mesh, as they render: those of its data, which nodes may add to, unless slots
+    of the object replace them."""
+    materials = (slot.material for slot in thing.material_slots)
+    return tuple(one.original if one is not None else None for one in materials)
 
 
 def is_changed(thing: Any, changes: Changes) -> bool:

@@ -1,6 +1,6 @@
 //! Scenes that change from scan to scan.
 
-use crate::argument;
+use crate::argument::{self, Argument};
 use crate::array::numbers;
 use crate::cloud::PointCloud;
 use crate::error::{BindingError, BindingResult, no_pickle};
@@ -8,7 +8,7 @@ use crate::material::{MaterialLike, Matter};
 use crate::mesh::{Mesh, VertexArray, mesh};
 use crate::options::ScanRequest;
 use crate::ping::{Ping, ping};
-use crate::place::{Pose, affine, times_of, transform};
+use crate::place::{Pose, affine, path, times_of, transform};
 use crate::scene::{Scene, scan};
 use crate::sensor::Instrument;
 use echocast::scene::Object;
@@ -18,7 +18,7 @@ use numpy::PyReadonlyArray3;
 use numpy::ndarray::{ArrayView3, Ix3};
 use pyo3::prelude::*;
 use pyo3::sync::MutexExt;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyMapping};
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -264,6 +264,27 @@ impl LiveScene {
         copy.world_from_object = pose.map_or(Ok(DAffine3::IDENTITY), transform)?;
         let middle = live.middle(object);
         Ok(live.add(copy, middle, fixed)?)
+    }
+
+    /// What it is now as a Scene: objects with their motion, labels, and camera nodes. `cameras`: further ones, a dict
+    /// with the place of each by its name: as `at` of `scan`.
+    ///
+    /// >>> live = ec.LiveScene(ec.Scene.generate("indoor", rooms=[1, 1]))
+    /// >>> path = ec.Trajectory([0, 2], [[1, 1, 1], [2, 1, 1]])
+    /// >>> live.to_scene(cameras={"Rover": path}).camera("Rover").position
+    /// [1.0, 1.0, 1.0]
+    #[pyo3(signature = (*, cameras = None))]
+    fn to_scene(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::cameras)] cameras: Option<Bound<'_, PyMapping>>,
+    ) -> BindingResult<Scene> {
+        let mut paths = Vec::new();
+        for item in cameras.map(|cameras| cameras.items()).transpose()?.iter().flatten() {
+            let (name, place): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
+            paths.push((Argument::of("a name in cameras", &name)?, path(&place)?));
+        }
+        Ok(Scene::of(self.lock(py).scene.to_scene(&paths)?))
     }
 
     /// Removes an object.

@@ -1,5 +1,7 @@
 //! The program `echocast`, which the wheel includes.
 
+use crate::argument;
+use crate::scene::Scene;
 use pyo3::prelude::*;
 use std::ffi::OsString;
 
@@ -8,8 +10,14 @@ use std::ffi::OsString;
 static MEMORY: echocast_memory::Allocator = echocast_memory::Allocator;
 
 /// Runs the command line `arguments`, the first of which is the program's name; returns its exit code. For processes
-/// that do nothing else.
+/// that do nothing else. `scene`: that of scenarios whose scene is a file of Blender.
 #[pyfunction]
-pub fn program(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
-    py.detach(|| echocast_cli::run(arguments))
+#[pyo3(signature = (arguments, scene = None))]
+pub fn program(
+    py: Python<'_>,
+    arguments: Vec<OsString>,
+    #[pyo3(from_py_with = argument::scene)] scene: Option<Bound<'_, Scene>>,
+) -> u8 {
+    let scene = scene.map(|scene| scene.get().scene.clone());
+    py.detach(|| echocast_cli::run_with(arguments, scene))
 }

@@ -4,6 +4,7 @@ use crate::argument::{self, class, one_of};
 use crate::cloud::PointCloud;
 use crate::error::{BindingError, BindingResult, no_pickle};
 use crate::options::{ProgressListener, warn};
+use crate::scene::Scene;
 use crate::sensor::{SpecSource, options_text};
 use crate::sequence;
 use echocast::Engine;
@@ -20,7 +21,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError, RwLock, RwLockReadGuard};
 ///
 /// `scenario`: the path of a file, or its keys as a dict or YAML text, with file names relative to `folder`, which is
 /// allowed only for these; or a Scenario, of which it is a copy. `threads`: number of threads that build and scan;
-/// None: all cores, or those of the Scenario that is copied. NotFoundError for a missing file, FormatError and
+/// None: all cores, or those of the Scenario that is copied. `scene`: a Scene that was made from the file that its key
+/// `scene.blend` names, as only Blender reads such files; such a Scenario cannot be pickled. NotFoundError for a missing file, FormatError and
 /// ArgumentError for wrong keys, with the nearest ones. `len(scenario)` is its number of samples, `scenario[i]` makes
 /// one, always the same one, from the end if i is negative; IndexError for others. Scenarios can be pickled, also with
 /// files relative to the working folder, and use the threads of the process that unpickles them.
@@ -75,16 +77,25 @@ impl ScenarioLike<'_> {
 impl Scenario {
     #[new]
     #[pyo3(
-        signature = (scenario, *, folder = PathBuf::new(), threads = None),
-        text_signature = "(scenario, *, folder='', threads=None)"
+        signature = (scenario, *, folder = PathBuf::new(), threads = None, scene = None),
+        text_signature = "(scenario, *, folder='', threads=None, scene=None)"
     )]
     fn new(
         py: Python<'_>,
         #[pyo3(from_py_with = argument::scenario)] scenario: ScenarioLike<'_>,
         #[pyo3(from_py_with = argument::folder)] folder: PathBuf,
         #[pyo3(from_py_with = argument::threads)] threads: Option<usize>,
+        #[pyo3(from_py_with = argument::scene)] scene: Option<Bound<'_, Scene>>,
     ) -> BindingResult<Scenario> {
         let made = scenario.scenario(py, folder)?;
+        let made = match scene {
+            Some(scene) if made.blend().is_none() => {
+                let allowed = "there only if the key scene.blend is";
+                return Err(BindingError::argument("scene", scene.repr()?, allowed));
+            }
+            Some(scene) => made.with_scene(scene.get().scene.clone()),
+            None => made,
+        };
         let made = match threads {
             Some(threads) => made.with_engine(&Engine::with_threads(threads)?),
             None => made,
@@ -143,6 +154,10 @@ impl Scenario {
     /// What other processes make the same scenario from, in any working folder, with threads of their own.
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> BindingResult<(Bound<'py, PyAny>, (String,))> {
         let py = slf.py();
+        if slf.get().now(py).blend().is_some() {
+            let instead = "let each process make it with the scene that Blender has read";
+            return Err(no_pickle::<()>("a Scenario with a file of Blender", instead).unwrap_err().into());
+        }
         let here = std::env::current_dir().map_err(PyErr::from)?;
         let mut made = slf.get().now(py).clone();
         // The folder of the set may be named after the file of the scenario, which the text does not include.

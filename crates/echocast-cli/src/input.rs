@@ -330,12 +330,19 @@ pub fn positive(text: &str) -> Result<f64, String> {
 
 /// Uses `threads` threads for all parallel work, or all cores if `None`.
 pub fn set_threads(threads: Option<u16>) -> Result<usize> {
-    rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0).into()).build_global().map_err(|error| {
+    let Err(error) = rayon::ThreadPoolBuilder::new().num_threads(threads.unwrap_or(0).into()).build_global() else {
+        return Ok(rayon::current_num_threads());
+    };
+    if error.source().is_some() {
         let requested =
             threads.map_or("as many threads as there are cores".to_owned(), |threads| format!("{threads} threads"));
-        anyhow!(
-            "--threads: the system cannot start {requested} ({error}); allowed: fewer, or a higher limit of processes"
-        )
-    })?;
+        bail!("--threads: the system cannot start {requested} ({error}); allowed: fewer, or a higher limit of processes");
+    }
+    // Inside Blender the threads have been started before.
+    let started = rayon::current_num_threads();
+    ensure!(
+        threads.is_none_or(|threads| usize::from(threads) == started),
+        "--threads: Blender has started {started} threads already; allowed: without --threads"
+    );
     Ok(rayon::current_num_threads())
 }

@@ -4,6 +4,7 @@
 #![forbid(unsafe_code)]
 
 mod bench;
+mod blender;
 mod choice;
 mod cloud_info;
 mod completions;
@@ -29,7 +30,7 @@ mod usage;
 mod weather;
 
 use clap::{Parser, Subcommand};
-use echocast::Engine;
+use echocast::{Engine, Scene};
 use std::ffi::OsString;
 use std::io::Write as _;
 
@@ -82,10 +83,16 @@ enum Command {
 ///
 /// To be called once, by a process that does nothing else: it handles signals, and ends the process at the second.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
+    run_with(arguments, None)
+}
+
+/// [`run`], with `scene` as what Blender has read from the file `scene.blend` of a scenario.
+pub fn run_with(arguments: impl IntoIterator<Item = OsString>, scene: Option<Scene>) -> u8 {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
     echocast_memory::end_with(interrupt::without_memory);
     // If this fails, a file that grows too long ends the program, as usual.
     let _ = interrupt::outlive_full_files();
-    let cli = match Cli::try_parse_from(arguments) {
+    let cli = match Cli::try_parse_from(&arguments) {
         Ok(cli) => cli,
         Err(message) => {
             if !message.use_stderr()
@@ -102,6 +109,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let done = match cli.command {
         // Without a command, that is all there is to do.
         None => print_version(cli.verbose),
+        Some(Command::Run(args)) => run::run(&args, arguments.get(1..).unwrap_or_default(), scene),
         Some(command) => command.run(),
     };
     match done {
@@ -123,7 +131,7 @@ impl Command {
     fn run(self) -> anyhow::Result<()> {
         match self {
             Command::Scan(args) => scan::run(&args),
-            Command::Run(args) => run::run(&args),
+            Command::Run(args) => run::run(&args, &[], None),
             Command::Sensors(args) => sensors::run(&args),
             Command::Info(args) => info::run(&args),
             Command::Convert(args) => convert::run(&args),

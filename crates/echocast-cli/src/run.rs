@@ -5,12 +5,13 @@ use crate::progress::ProgressLine;
 use crate::record::{Nothing, Take, frame_word};
 use crate::report::{RunReport, Seconds, timed};
 use crate::text::{self, counted, duration, thousands};
-use crate::{input, interrupt, usage};
+use crate::{blender, input, interrupt, usage};
 use anyhow::{Context as _, Result, anyhow, bail, ensure};
 use echocast::scenario::Sample;
 use echocast::scenario::set::{self, Event, Noticed, RunOptions, RunSummary};
-use echocast::{Error, Report, Scenario, shown};
+use echocast::{Error, Report, Scenario, Scene, shown};
 use serde_json::{Value, json};
+use std::ffi::OsString;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::str::FromStr;
@@ -114,7 +115,8 @@ impl FromStr for Shard {
     }
 }
 
-pub fn run(args: &RunArgs) -> Result<()> {
+/// `arguments` are those of the command line, `scene` what Blender has read.
+pub fn run(args: &RunArgs, arguments: &[OsString], scene: Option<Scene>) -> Result<()> {
     if let Some(folder) = &args.check_output {
         let faults = set::check_folder(folder).context("--check-output")?;
         ensure!(faults.is_empty(), "--check-output {}: {}", shown::path(folder), some_of(&faults));
@@ -128,6 +130,12 @@ pub fn run(args: &RunArgs) -> Result<()> {
     let mut scenario = load(args)?;
     for (key, value) in &args.set {
         scenario.set(key, value).map_err(input::wrong_key).context("--set")?;
+    }
+    if let Some(file) = scenario.blend() {
+        match scene {
+            Some(scene) => scenario = scenario.with_scene(scene),
+            None => return blender::run(&file, arguments),
+        }
     }
     let of_files = scenario.output_of::<FilesKeys>("files")?;
     if args.check {

@@ -6,6 +6,7 @@ use super::shared::lock;
 use super::spec::Spec;
 use super::stage::Stage;
 use super::variation::{self, What};
+use engine::scene::Scene;
 use engine::trace::Engine;
 use ground::error::{Error, Result};
 use ground::read::yaml::{self, Document};
@@ -30,6 +31,8 @@ pub struct Scenario {
     pub(super) value: Value,
     pub(super) spec: Arc<Spec>,
     engine: Option<Engine>,
+    /// The scene that Blender has read.
+    scene: Option<Arc<Scene>>,
     /// Made with the first sample.
     stage: Mutex<Option<Arc<Stage>>>,
 }
@@ -37,7 +40,7 @@ pub struct Scenario {
 impl Clone for Scenario {
     /// A copy that shares the scene already loaded.
     fn clone(&self) -> Self {
-        let Scenario { origin, file, folder, value, spec, engine, stage } = self;
+        let Scenario { origin, file, folder, value, spec, engine, scene, stage } = self;
         Scenario {
             origin: origin.clone(),
             file: *file,
@@ -45,6 +48,7 @@ impl Clone for Scenario {
             value: value.clone(),
             spec: spec.clone(),
             engine: engine.clone(),
+            scene: scene.clone(),
             stage: Mutex::new(lock(stage).clone()),
         }
     }
@@ -99,6 +103,7 @@ impl Scenario {
             value: document.value().clone(),
             spec: Arc::new(spec),
             engine: None,
+            scene: None,
             stage: Mutex::default(),
         })
     }
@@ -117,7 +122,8 @@ impl Scenario {
             Scenario::read(&Document::from_value(yaml::assignment(key, value), tree), &self.origin, &self.folder)?;
         // Random draws depend on the seed; what samples start from contains none.
         let stage = if key == "seed" { mem::take(&mut self.stage) } else { Mutex::default() };
-        *self = Scenario { engine: self.engine.clone(), file: self.file, stage, ..changed };
+        let (engine, scene) = (self.engine.clone(), self.scene.clone());
+        *self = Scenario { engine, scene, file: self.file, stage, ..changed };
         Ok(())
     }
 
@@ -126,6 +132,17 @@ impl Scenario {
     #[must_use]
     pub fn with_engine(self, engine: &Engine) -> Scenario {
         Scenario { engine: Some(engine.clone()), stage: Mutex::default(), ..self }
+    }
+
+    /// The same scenario with `scene` as what Blender has read from [`Scenario::blend`].
+    #[must_use]
+    pub fn with_scene(self, scene: Scene) -> Scenario {
+        Scenario { scene: Some(Arc::new(scene)), stage: Mutex::default(), ..self }
+    }
+
+    /// The file of Blender that is its scene, if it has one.
+    pub fn blend(&self) -> Option<PathBuf> {
+        self.spec.scene.blend.as_ref().map(|file| self.folder.join(file))
     }
 
     /// Number of samples.
@@ -180,7 +197,7 @@ impl Scenario {
             return Ok(stage.clone());
         }
         let engine = self.engine.clone().map_or_else(Engine::new, Ok)?;
-        Ok(stage.insert(Arc::new(Stage::new(&self.spec, &self.folder, engine)?)).clone())
+        Ok(stage.insert(Arc::new(Stage::new(&self.spec, &self.folder, engine, self.scene.clone())?)).clone())
     }
 
     /// The specification of a sample after all rules that set keys, the same as a tree of values, and what was drawn.

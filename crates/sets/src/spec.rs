@@ -98,6 +98,8 @@ impl Default for Spec {
 pub(super) struct SceneSpec {
     #[serde(deserialize_with = "one_or_more_words")]
     pub files: Vec<String>,
+    /// A file of Blender, which Blender reads: [`Scenario::with_scene`](super::Scenario::with_scene).
+    pub blend: Option<PathBuf>,
     pub generate: Option<Generate>,
     pub labels: LabelSource,
     #[serde(deserialize_with = "word")]
@@ -124,6 +126,7 @@ impl Default for SceneSpec {
         let options = engine::scene::LoadOptions::default();
         SceneSpec {
             files: Vec::new(),
+            blend: None,
             generate: None,
             labels: LabelSource::default(),
             up: options.up,

@@ -20,6 +20,8 @@ use std::sync::{Arc, Mutex, TryLockError};
 #[derive(Debug)]
 pub(super) struct Stage {
     pub engine: Engine,
+    /// The scene that Blender has read.
+    given: Option<Arc<Scene>>,
     pub assets: Assets,
     pub labels: LabelRules,
     /// The files that each rule names.
@@ -53,7 +55,7 @@ const KEPT_SENSORS: usize = 64;
 impl Stage {
     /// # Errors
     /// A label file that cannot be read; a missing model.
-    pub fn new(spec: &Spec, folder: &Path, engine: Engine) -> Result<Stage> {
+    pub fn new(spec: &Spec, folder: &Path, engine: Engine, given: Option<Arc<Scene>>) -> Result<Stage> {
         let labels = match &spec.scene.labels {
             LabelSource::None => LabelRules::default(),
             LabelSource::File(file) => LabelRules::open_in(folder, file)?,
@@ -71,7 +73,8 @@ impl Stage {
         };
         let models = spec.variation.iter().enumerate().map(files).collect::<Result<_>>()?;
         let (bases, sensors) = (Mutex::default(), Mutex::default());
-        let mut stage = Stage { engine, assets: Assets::default(), labels, models, first_frame: None, bases, sensors };
+        let mut stage =
+            Stage { engine, given, assets: Assets::default(), labels, models, first_frame: None, bases, sensors };
         // A sensor that cannot be read is reported by the samples that use it.
         let sensor = spec.sensors.first().and_then(|entry| stage.sensor(entry, "sensors[0]", folder).ok());
         stage.first_frame = sensor.map(|sensor| {
@@ -176,14 +179,25 @@ impl Stage {
             .caches(caches)
             .materials(spec.materials.clone())
             .hide(spec.hide.clone());
-        match &spec.generate {
-            Some(made) if spec.files.is_empty() => made.scene(folder)?.load(&options),
-            Some(_) => Err(Error::invalid("scene", "files and generate", "one of them")),
-            None if spec.files.is_empty() => Err(Error::invalid("scene", "no files", "files or generate")),
-            None => {
-                let files: Vec<PathBuf> = spec.files.iter().map(|file| folder.join(file)).collect();
+        match (&spec.generate, &spec.blend, &spec.files[..]) {
+            (Some(made), None, []) => made.scene(folder)?.load(&options),
+            (None, Some(file), []) => match &self.given {
+                Some(scene) => Scene::clone(scene).with_options(&options),
+                None => {
+                    let found = format!("{}, which only Blender can read", shown::path(file));
+                    Err(Error::invalid(
+                        "scene.blend",
+                        found,
+                        "`echocast run`, or `echocast_blender.run_scenario` in Blender",
+                    ))
+                }
+            },
+            (None, None, []) => Err(Error::invalid("scene", "no files", "files, generate or blend")),
+            (None, None, files) => {
+                let files: Vec<PathBuf> = files.iter().map(|file| folder.join(file)).collect();
                 Scene::load_all(&files, &options)
             }
+            _ => Err(Error::invalid("scene", "more than one of files, generate and blend", "one of them")),
         }
     }
 

@@ -164,6 +164,21 @@ impl Scene {
         Scene::assemble(scene_files::read(path, &options.of_files(), images)?, options).checked(path)
     }
 
+    /// This scene, which was made in memory, without the objects that `options` hide, with other materials where they
+    /// name any: what else they say is about files. Labels are those of the objects.
+    ///
+    /// # Errors
+    /// Nothing left to scan.
+    #[doc(hidden)]
+    pub fn with_options(mut self, options: &LoadOptions) -> Result<Scene> {
+        let hidden = |name: &str| options.hide.iter().any(|pattern| matches(pattern, name));
+        let (left_out, kept) = self.objects.into_iter().partition(|object| hidden(&object.name));
+        self.objects = kept;
+        let left_out: Vec<Object> = left_out;
+        self.hidden = left_out.into_iter().map(|object| object.name).collect();
+        self.finished(options)
+    }
+
     /// This scene, as read from `origin`, if it has anything to scan.
     pub(super) fn checked(self, origin: &Path) -> Result<Scene> {
         if self.triangle_count() == 0 && self.hidden.is_empty() {

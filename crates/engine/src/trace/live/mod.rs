@@ -5,6 +5,7 @@ mod labels;
 mod object;
 mod origin;
 mod placed;
+mod to_scene;
 
 pub use object::ObjectId;
 
