@@ -11,6 +11,7 @@ help:
 	@echo "make build                 release build; the program is target/release/echocast"
 	@echo "make python                build the Python package and test it; the wheel is in target/python/tested-wheels"
 	@echo "make wheel                 the same, as a wheel for distribution, in target/python/released-wheels"
+	@echo "make blender               build the Blender add-on in target/blender and test it in several Blenders"
 	@echo "make deb                   build packages for Debian 12 and 13 in target/debs; make test-debs installs them there"
 	@echo "make release               build all that is distributed, with checksums, in target/release-files"
 	@echo "make test-embrees          test beside other versions of Embree in one process"
@@ -40,6 +41,9 @@ python:
 
 wheel:
 	@scripts/python --release
+
+blender:
+	@scripts/blender --test
 
 deb:
 	@scripts/setup
@@ -73,4 +77,4 @@ clean:
 	rm -rf out fuzz/target
 	rm -f bindings/python/third-party/Rust-* bindings/python/third-party/Zig.txt
 
-.PHONY: help demo test check build python wheel deb test-debs test-embrees test-crates release bench install clean
+.PHONY: help demo test check build python wheel blender deb test-debs test-embrees test-crates release bench install clean

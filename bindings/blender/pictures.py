@@ -1,6 +1,6 @@
 """Makes the pictures of docs/blender.md, and shows how the add-on looks.
 
-    xvfb-run -s "-screen 0 1280x800x24" blender --factory-startup --enable-event-simulate --window-geometry 0 0 1280 800 \
+    xvfb-run -s "-screen 0 1280x800x24" blender --factory-startup --enable-event-simulate --window-geometry 0 0 1060 660 \
         --python bindings/blender/pictures.py -- docs/pictures
 
 The package echocast is on PYTHONPATH (with --python-use-system-env). Made with Blender 3.4.1 (Debian).
@@ -182,12 +182,15 @@ def click_tab():
 
 def picture(name):
     with override():
-        bpy.ops.screen.screenshot(filepath=str(FOLDER / name))
+        bpy.ops.screen.screenshot_area(filepath=str(FOLDER / name))
+
+
+def clouds():
+    return [one for one in bpy.data.objects if echocast_blender.scene.RESULT in one]
 
 
 def steps():
     """What is done, one after another, with time for the window in between, s."""
-    area, space, _ = view()
     with override():
         bpy.ops.screen.screen_full_area()
     yield 1
@@ -195,11 +198,13 @@ def steps():
     space.show_region_ui = True
     space.show_region_toolbar = space.show_region_tool_header = False
     space.shading.light, space.shading.color_type, space.shading.show_cavity = "STUDIO", "MATERIAL", True
-    space.overlay.show_extras = True
+    settings = bpy.context.scene.render.image_settings
+    settings.color_mode, settings.compression = "RGB", 100
     look_at((1, 3, 1), (62, 0, 18), 26)
     yield 2
     click_tab()
     yield 1
+
     bpy.context.scene.cursor.location = (0, -4.6, 1.95)
     with override():
         bpy.ops.echocast.add_sensor(preset="velodyne_vlp16")
@@ -208,41 +213,31 @@ def steps():
     yield 2
     picture("blender-sensor.png")
     yield 1
+
+    # The panel of results is nearer to the top if no sensor is selected.
+    sensor.select_set(False)
+    bpy.context.view_layer.objects.active = None
+    sensor.echocast.show_view = False
     with override():
         bpy.ops.echocast.scan("INVOKE_DEFAULT")
-    yield 10
-    bpy.context.view_layer.objects.active = bpy.data.objects["Tree"]
+    while not clouds():
+        yield 0.5
+    yield 2
     picture("blender-scan.png")
     yield 1
-    w = bpy.context.scene.echocast
-    w.fog = w.rain = w.water = True
-    w.layers.add(); w.layers.add().depth=10
-    bpy.context.view_layer.objects.active = bpy.data.objects["House"]
-    w.notes = '["material Leaves: the node Noise Texture is not read: Base Color is that of the socket", "some"]'
-    w.color = "range"
+
+    sensor.echocast.preset = "ouster_os1_128"
+    bpy.context.scene.echocast.color, bpy.context.scene.echocast.noise = "intensity", False
     with override():
-        bpy.ops.echocast.scan("EXEC_DEFAULT")
-    w.notes = '["material Leaves: the node Noise Texture is not read: Base Color is that of the socket", "some"]'
-    w.outputs.add()
+        bpy.ops.echocast.scan()
+    for thing in bpy.data.objects:
+        thing.hide_set(thing not in clouds())
+    space.show_region_ui = space.overlay.show_floor = False
     yield 3
-    picture("x1.png")
-    yield 1
-    area = view()[0]
-    region = next(one for one in area.regions if one.type == "UI")
-    x, y = region.x + 60, region.y + 100
-    window = bpy.context.window_manager.windows[0]
-    window.event_simulate("MOUSEMOVE", "NOTHING", x=x, y=y)
-    yield 1
-    for _ in range(25):
-        window.event_simulate("WHEELDOWNMOUSE", "PRESS", x=x, y=y)
-    yield 2
-    picture("x2.png")
+    picture("blender-points.png")
     yield 1
 
 
-bpy.context.preferences.view.show_splash = False
-street()
-echocast_blender.register()
 running = steps()
 
 
@@ -259,4 +254,7 @@ def go_on():
         bpy.ops.wm.quit_blender()
 
 
+bpy.context.preferences.view.show_splash = False
+street()
+echocast_blender.register()
 bpy.app.timers.register(go_on, first_interval=2)

@@ -24,32 +24,27 @@ def run(
     """
     enable()
     context = bpy.context
-    begun = context.scene.frame_current
     listed = any(one.enabled for one in context.scene.echocast.outputs)
     folder = output if output is not None else None if listed else "//scans"
     known = {name for name, _ in ec.formats()}
     if format not in known:
         raise ec.ArgumentError(f"format is {format!r}; allowed: {', '.join(sorted(known))}")
+    files.check(context)
     written: "list[Path]" = []
     numbers = list(frames) if frames is not None else scan.frames(context)
     told: "dict[str, None]" = {}
-    try:
+    with scan.same_frame(context.scene):
         for number in numbers:
             frame = scan.prepare(context, number)
             told.update(dict.fromkeys(frame.notes))
             for result in scan.run(frame, lambda fraction: True):
-                told.update(dict.fromkeys(files.write(context, result)))
+                told.update(dict.fromkeys([*result.notes, *files.write(context, result)]))
                 if folder is not None:
-                    place = files.folder_of(folder, result.task.name)
-                    place.mkdir(parents=True, exist_ok=True)
-                    path = place / f"{files.safe(result.task.name)}_{result.task.frame:04d}{files.ending(format)}"
-                    told.update(dict.fromkeys(result.cloud.write(path, format=format)))
+                    path, notes = files.write_as(result, folder, format)
+                    told.update(dict.fromkeys(notes))
                     written.append(path)
                 if not quiet:
                     print(f"echocast: {result.task.name}, frame {number}: {len(result.cloud):,} points")
-    finally:
-        if context.scene.frame_current != begun:
-            context.scene.frame_set(begun)
     for sentence in told:
         print(f"echocast: {sentence}", file=sys.stderr)
     return written

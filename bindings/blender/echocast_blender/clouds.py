@@ -9,11 +9,13 @@ import echocast as ec
 import numpy as np
 
 from .scan import Result
-from .scene import RESULT
+from .scene import RESULT, made_by
 
 COLLECTION = "Echocast"
 MATERIAL = "Echocast points"
 COLOR = "echocast_color"
+#: Properties of images: what they show, and the numbers that are black and white.
+TITLE, RANGE = "echocast_image", "echocast_range"
 
 #: Columns whose numbers are names: each number has a colour.
 LABELS = ("category_id", "part_id", "instance_id", "material_id", "first_category_id", "first_instance_id", "cause", "track_id")
@@ -65,9 +67,9 @@ def add(context: Any, result: Result, scale: float) -> Any:
 
 def existing(scene: Any, result: Result) -> Any:
     for thing in scene.objects:
-        if RESULT in thing and thing.type == "MESH":
-            found = json.loads(thing[RESULT])
-            if (found["sensor"], found["frame"]) == (result.task.name, result.task.frame):
+        if thing.type == "MESH":
+            found = made_by(thing)
+            if (found.get("sensor"), found.get("frame")) == (result.task.name, result.task.frame):
                 return thing
     return None
 
@@ -190,29 +192,30 @@ def add_images(result: Result) -> "list[Any]":
         made.append(set_image(f"{title} levels", np.atleast_2d(levels)))
     elif result.task.sensor.kind == "tof":
         for layer in ("depth", "category"):
-            try:
-                values = result.cloud.image(layer, result.task.sensor)
-            except ec.Error:
-                continue
+            values = result.cloud.image(layer, result.task.sensor)
             made.append(set_image(f"{title} {layer}", np.asarray(values, dtype=np.float32)))
     return made
 
 
 def set_image(name: str, values: Any) -> Any:
-    """A grey image of float32, the lowest value black, the highest white; its numbers are in `echocast_range`."""
+    """A grey image of float32, the lowest value black, the highest white; its numbers are in its property RANGE."""
     height, width = values.shape[:2]
-    image = bpy.data.images.get(name)
+    # One of that name may be somebody else's.
+    image = next((one for one in bpy.data.images if one.get(TITLE) == name), None)
     if image is not None and tuple(image.size) != (width, height):
         bpy.data.images.remove(image)
         image = None
     if image is None:
         image = bpy.data.images.new(name, width, height, alpha=False, float_buffer=True)
+        # Otherwise it is not saved, as nothing uses it.
+        image.use_fake_user = True
+        image[TITLE] = name
     known = values[np.isfinite(values)]
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
     grey = np.nan_to_num((values - low) / (high - low if high > low else 1.0), nan=0.0, posinf=1.0, neginf=0.0)
     pixels = np.ones((height, width, 4), dtype=np.float32)
     pixels[:, :, :3] = grey[::-1, :, None]
     image.pixels.foreach_set(pixels.ravel())
-    image["echocast_range"] = [low, high]
+    image[RANGE] = [low, high]
     image.pack()
     return image

@@ -1,9 +1,11 @@
 """The scene as Blender evaluates it for rendering: what renders is scanned."""
 
+import contextlib
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import bpy
+import echocast as ec
 
 #: Settings of data that differ between viewport and rendering, by type of object: pairs of names.
 DATA_PAIRS = {"META": [("resolution", "render_resolution")], "CURVE": [("resolution_u", "render_resolution_u")]}
@@ -67,9 +69,11 @@ class EchocastRenderEngine(bpy.types.RenderEngine):
 
     def render(self, depsgraph: Any) -> None:
         engine = EchocastRenderEngine
-        if engine.work is not None:
+        # Once, even if there are several views.
+        work, engine.work = engine.work, None
+        if work is not None:
             try:
-                engine.work(depsgraph)
+                work(depsgraph)
             except Exception as error:  # Blender would only print it.
                 engine.failure = error
 
@@ -80,29 +84,76 @@ def visit(context: Any, work: "Callable[[Any], None]") -> None:
     if not differs(scene, view_layer):
         work(context.evaluated_depsgraph_get())
         return
-    render = scene.render
-    kept = {name: getattr(render, name) for name in ("engine", "use_compositing", "use_sequencer", "filepath")}
-    camera, made = scene.camera, None
-    if camera is None:
-        made = bpy.data.objects.new("echocast", bpy.data.cameras.new("echocast"))
-        scene.collection.objects.link(made)
-        scene.camera = made
     engine = EchocastRenderEngine
     engine.work, engine.failure = work, None
     try:
-        render.engine, render.use_compositing, render.use_sequencer = engine.bl_idname, False, False
-        bpy.ops.render.render(layer=view_layer.name, scene=scene.name)
+        with changed(view_layer, use=True), changed(scene.render, **READING), any_camera(scene), render_result_kept():
+            bpy.ops.render.render(layer=view_layer.name, scene=scene.name)
+    except RuntimeError as error:
+        raise ec.ArgumentError(f"Blender cannot evaluate the scene for rendering: {str(error).strip()}") from error
     finally:
-        engine.work = None
-        for name, value in kept.items():
-            setattr(render, name, value)
-        if made is not None:
-            scene.camera = camera
-            data = made.data
-            bpy.data.objects.remove(made)
-            bpy.data.cameras.remove(data)
+        done, engine.work = engine.work is None, None
     if engine.failure is not None:
         raise engine.failure
+    if not done:
+        raise ec.ArgumentError("Blender does not render the scene, and what only rendering shows cannot be read")
+
+
+#: Settings of rendering while the scene is read.
+READING = {
+    "engine": EchocastRenderEngine.bl_idname,
+    "use_compositing": False,
+    "use_sequencer": False,
+    "use_border": False,
+    "use_multiview": False,
+}
+
+
+@contextlib.contextmanager
+def changed(thing: Any, **values: Any) -> "Iterator[None]":
+    """Sets properties, and back."""
+    kept = {name: getattr(thing, name) for name in values}
+    try:
+        for name, value in values.items():
+            setattr(thing, name, value)
+        yield
+    finally:
+        for name, value in kept.items():
+            setattr(thing, name, value)
+
+
+@contextlib.contextmanager
+def any_camera(scene: Any) -> "Iterator[None]":
+    """Gives the scene a camera if it has none, as rendering needs one."""
+    if scene.camera is not None:
+        yield
+        return
+    data = bpy.data.cameras.new("echocast")
+    made = bpy.data.objects.new("echocast", data)
+    scene.collection.objects.link(made)
+    try:
+        with changed(scene, camera=made):
+            yield
+    finally:
+        bpy.data.objects.remove(made)
+        bpy.data.cameras.remove(data)
+
+
+@contextlib.contextmanager
+def render_result_kept() -> "Iterator[None]":
+    """Keeps the picture that was rendered last: another slot is rendered to. Without one there is none afterwards."""
+    result = next((image for image in bpy.data.images if image.type == "RENDER_RESULT"), None)
+    if result is not None:
+        shown, last = result.render_slots.active_index, len(result.render_slots) - 1
+        with changed(result.render_slots, active_index=last if shown != last else 0):
+            yield
+        return
+    try:
+        yield
+    finally:
+        for image in [image for image in bpy.data.images if image.type == "RENDER_RESULT"]:
+            image.user_clear()
+            bpy.data.images.remove(image)
 
 
 def instances(depsgraph: Any) -> "Iterator[Any]":

@@ -32,6 +32,9 @@ PAPER_KEYS = {"blainder_metallic": "metallic", "blainder_ior": "ior"}
 #: Most pixels per side.
 LONGEST_SIDE = 16384
 
+#: Shaders that are read as diffuse surfaces of their colour.
+DIFFUSE = ("BSDF_DIFFUSE", "BSDF_TRANSLUCENT", "SUBSURFACE_SCATTERING", "BSDF_SHEEN", "BSDF_VELVET", "BSDF_TOON", "EMISSION")
+
 #: The longest chain of nodes that is followed.
 DEEPEST = 64
 
@@ -122,7 +125,10 @@ def own_keys(material: "bpy.types.Material", notes: "Notes") -> "dict[str, Any]"
     for key, kind in (("alpha", str), ("sound", dict)):
         if not isinstance(own.get(key, kind()), kind):
             del own[key]
-    own.update({name: plain(material[key]) for key, name in PAPER_KEYS.items() if key in material})
+    for key, name in PAPER_KEYS.items():
+        # The paper's add-on writes an index of 0 for what does not refract.
+        if key in material and not (key == "blainder_ior" and material[key] == 0):
+            own[name] = plain(material[key])
     if "blainder_rgba" in material and "reflectance" not in own:
         rgba = plain(material["blainder_rgba"])
         if isinstance(rgba, list) and len(rgba) == 4:
@@ -269,7 +275,7 @@ def shader(socket: Any, groups: "tuple[Any, ...]", notes: Notes) -> "Surface | N
         surface.color, surface.image = color(node.inputs["Base Color"], groups, notes)
         surface.alpha, surface.alpha_image = alpha(node.inputs["Alpha"], groups, notes)
         return surface
-    if kind in ("BSDF_DIFFUSE", "BSDF_TRANSLUCENT", "SUBSURFACE_SCATTERING", "BSDF_SHEEN", "BSDF_VELVET", "BSDF_TOON", "EMISSION"):
+    if kind in DIFFUSE:
         found, image = color(node.inputs["Color"], groups, notes)
         if kind == "EMISSION":
             notes.add("light that it emits is not seen: its colour is taken as that of a diffuse surface")

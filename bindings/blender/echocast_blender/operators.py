@@ -1,12 +1,15 @@
 """What the buttons do."""
 
+import contextlib
 import json
 import queue
 import threading
 from typing import Any
 
+import bmesh
 import bpy
 import echocast as ec
+import numpy as np
 
 from . import clouds, files, scan, scene, sensors
 
@@ -18,22 +21,23 @@ def report(operator: Any, context: Any, notes: "list[str]") -> None:
         operator.report({"WARNING"}, note)
 
 
+def is_object_mode(operator: Any, context: Any) -> bool:
+    """Whether Blender is in object mode; says so where it is not."""
+    operator.poll_message_set(f"the mode is {context.mode}; allowed: OBJECT")
+    return context.mode == "OBJECT"
+
+
 def finish(context: Any, frame: scan.Frame, results: "list[scan.Result]") -> "list[str]":
-    """Puts the results of a frame into the scene and into files; returns sentences about what files do not hold."""
+    """Puts the results of a frame into files and into the scene; returns sentences about what files do not hold."""
     wanted = context.scene.echocast
-    notes = []
+    # Files may fail: then the scene is as it was.
+    notes = [sentence for result in results for sentence in (*result.notes, *files.write(context, result))]
     for result in results:
         if wanted.clouds:
             clouds.add(context, result, frame.scale)
         if wanted.images:
             clouds.add_images(result)
-        notes += files.write(context, result)
-    LAST.update({(result.task.name, result.task.frame): (frame, result.task) for result in results})
     return notes
-
-
-#: The scans of this session, by sensor and frame: what explanations repeat.
-LAST: "dict[tuple[str, int], tuple[scan.Frame, scan.Task]]" = {}
 
 
 class EchocastScan(bpy.types.Operator):
@@ -45,25 +49,25 @@ class EchocastScan(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        return context.mode == "OBJECT" and context.scene is not None
+        return is_object_mode(cls, context)
 
     def execute(self, context: Any) -> "set[str]":
         """The whole scan, as in scripts and in the background."""
-        begun = context.scene.frame_current
         notes: "dict[str, None]" = {}
-        points = 0
+        points, done = 0, 0
         try:
-            for number in scan.frames(context):
-                frame = scan.prepare(context, number)
-                results = list(scan.run(frame, lambda fraction: True))
-                notes.update(dict.fromkeys([*frame.notes, *finish(context, frame, results)]))
-                points += sum(len(result.cloud) for result in results)
+            files.check(context)
+            with scan.same_frame(context.scene):
+                for number in scan.frames(context):
+                    frame = scan.prepare(context, number)
+                    results = list(scan.run(frame, lambda fraction: True))
+                    notes.update(dict.fromkeys([*frame.notes, *finish(context, frame, results)]))
+                    points += sum(len(result.cloud) for result in results)
+                    done += 1
         except ec.Error as error:
             self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        finally:
-            if context.scene.frame_current != begun:
-                context.scene.frame_set(begun)
+            # What frames before have added is undone with one step.
+            return {"FINISHED"} if done else {"CANCELLED"}
         report(self, context, list(notes))
         self.report({"INFO"}, f"{points:,} points")
         return {"FINISHED"}
@@ -71,12 +75,18 @@ class EchocastScan(bpy.types.Operator):
     # In a window the scan runs in a thread of its own, frame by frame.
 
     def invoke(self, context: Any, _event: Any) -> "set[str]":
-        if bpy.app.background:
-            return self.execute(context)
-        self.begun = context.scene.frame_current
+        return self.execute(context) if bpy.app.background else self.begin(context)
+
+    def begin(self, context: Any) -> "set[str]":
+        try:
+            files.check(context)
+        except ec.Error as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        self.begun = (context.scene.frame_current, context.scene.frame_subframe)
         self.left = scan.frames(context)
         self.total = len(self.left)
-        self.points, self.notes = 0, {}
+        self.points, self.done, self.notes = 0, 0, {}
         self.job: "Job | None" = None
         manager = context.window_manager
         self.timer = manager.event_timer_add(0.05, window=context.window)
@@ -96,14 +106,15 @@ class EchocastScan(bpy.types.Operator):
                 if not self.left:
                     return self.end(context, None)
                 self.job = Job(scan.prepare(context, self.left.pop(0)))
-            done = self.total - len(self.left) - 1 + self.job.fraction
-            context.window_manager.progress_update(int(1000 * done / self.total))
-            context.workspace.status_text_set(f"Echocast: {100 * done / self.total:.0f} %, Esc stops")
+            part = (self.done + self.job.fraction) / self.total
+            context.window_manager.progress_update(int(1000 * part))
+            context.workspace.status_text_set(f"Echocast: {100 * part:.0f} %, Esc stops")
             if self.job.is_done():
                 job, self.job = self.job, None
                 results = job.results()
                 self.notes.update(dict.fromkeys([*job.frame.notes, *finish(context, job.frame, results)]))
                 self.points += sum(len(result.cloud) for result in results)
+                self.done += 1
         except ec.Error as error:
             return self.end(context, str(error))
         return {"RUNNING_MODAL"}
@@ -113,12 +124,13 @@ class EchocastScan(bpy.types.Operator):
         manager.event_timer_remove(self.timer)
         manager.progress_end()
         context.workspace.status_text_set(None)
-        if context.scene.frame_current != self.begun:
-            context.scene.frame_set(self.begun)
+        timeline = context.scene
+        if (timeline.frame_current, timeline.frame_subframe) != self.begun:
+            timeline.frame_set(self.begun[0], subframe=self.begun[1])
         if fault is not None:
             self.report({"ERROR"}, fault)
             # What frames before have added is undone with one step.
-            return {"FINISHED"} if self.points else {"CANCELLED"}
+            return {"FINISHED"} if self.done else {"CANCELLED"}
         report(self, context, list(self.notes))
         self.report({"INFO"}, f"{self.points:,} points")
         return {"FINISHED"}
@@ -169,22 +181,28 @@ class EchocastAddSensor(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: Any) -> bool:
-        return context.mode == "OBJECT"
+        return is_object_mode(cls, context)
 
     def execute(self, context: Any) -> "set[str]":
-        known = {name: title for name, title, _ in sensors.presets()}
-        thing = bpy.data.objects.new(known.get(self.preset, "Sensor"), None)
+        try:
+            title = sensors.instrument(bpy.path.abspath(self.preset), ()).title
+        except ec.Error as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        thing = bpy.data.objects.new(title or "Sensor", None)
         thing.empty_display_type, thing.empty_display_size = "ARROWS", 0.3
-        context.collection.objects.link(thing)
+        # One that is linked from another file cannot hold it.
+        collection = context.collection if context.collection.library is None else context.scene.collection
+        collection.objects.link(thing)
         thing.location = context.scene.cursor.location
         thing.echocast.is_sensor = True
         thing.echocast.preset = self.preset
         for one in context.selected_objects:
             one.select_set(False)
-        thing.select_set(True)
-        context.view_layer.objects.active = thing
-        if thing.echocast.fault:
-            self.report({"ERROR"}, thing.echocast.fault)
+        with contextlib.suppress(RuntimeError):
+            # The collection may be excluded.
+            thing.select_set(True)
+            context.view_layer.objects.active = thing
         return {"FINISHED"}
 
 
@@ -224,16 +242,17 @@ class EchocastEditList(bpy.types.Operator):
                 made.depth = items[-2].depth + 10.0
             setattr(wanted, index, len(items) - 1)
         elif items:
-            items.remove(getattr(wanted, index))
+            items.remove(min(getattr(wanted, index), len(items) - 1))
             setattr(wanted, index, max(0, min(getattr(wanted, index), len(items) - 1)))
         return {"FINISHED"}
 
 
 class EchocastExplain(bpy.types.Operator):
-    """Explain the selected point of a scan, step by step, in a text"""
+    """Explain the selected point of a scan, step by step, in a text: how its beam is scanned in the scene as it is now"""
 
     bl_idname = "echocast.explain"
     bl_label = "Explain Point"
+    bl_options = {"REGISTER", "UNDO"}
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -242,22 +261,17 @@ class EchocastExplain(bpy.types.Operator):
 
     def execute(self, context: Any) -> "set[str]":
         thing = context.object
-        if thing.mode == "EDIT":
-            thing.update_from_editmode()
-        made = json.loads(thing[scene.RESULT])
-        point = selected_point(thing)
-        if point is None:
-            self.report({"ERROR"}, "no point is selected; allowed: one, in edit mode")
-            return {"CANCELLED"}
-        known = LAST.get((made["sensor"], made["frame"]))
-        beams = thing.data.attributes.get("beam")
-        if known is None or beams is None:
-            self.report({"ERROR"}, "this scan is not of this session of Blender: scan again, then explain")
-            return {"CANCELLED"}
-        frame, task = known
-        beam = beams.data[point].value
         try:
-            text = frame.live.explain(task.sensor, beam, **task.options)
+            beam = selected_beam(thing)
+            made = scene.made_by(thing)
+            if "frame" not in made or "sensor" not in made:
+                raise ec.ArgumentError("the object does not say what scan it is of; allowed: the result of a scan")
+            with scan.same_frame(context.scene):
+                frame = scan.prepare(context, made["frame"])
+                task = next((task for task in frame.tasks if task.name == made["sensor"]), None)
+                if task is None:
+                    raise ec.ArgumentError(f"the sensor {made['sensor']} of this scan is not there; allowed: one that is enabled")
+                text = frame.live.explain(task.sensor, beam, **task.options)
         except ec.Error as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -271,9 +285,24 @@ class EchocastExplain(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def selected_point(thing: Any) -> "int | None":
-    """The first selected vertex of a cloud."""
-    return next((vertex.index for vertex in thing.data.vertices if vertex.select), None)
+def selected_beam(thing: Any) -> int:
+    """The beam of the first selected vertex of a cloud."""
+    if thing.mode == "EDIT":
+        # Attributes are not in the mesh then.
+        mesh = bmesh.from_edit_mesh(thing.data)
+        layer = mesh.verts.layers.int.get("beam")
+        found = (vertex[layer] for vertex in mesh.verts if vertex.select) if layer else None
+    else:
+        beams = thing.data.attributes.get("beam")
+        selected = np.zeros(len(thing.data.vertices), dtype=bool)
+        thing.data.vertices.foreach_get("select", selected)
+        found = (beams.data[int(index)].value for index in np.flatnonzero(selected)) if beams else None
+    if found is None:
+        raise ec.ArgumentError("the points have no beams; allowed: those of a scan")
+    beam = next(found, None)
+    if beam is None:
+        raise ec.ArgumentError("no point is selected; allowed: one, in edit mode")
+    return int(beam)
 
 
 CLASSES = (
@@ -299,4 +328,3 @@ def unregister() -> None:
     bpy.types.VIEW3D_MT_add.remove(add_menu)
     for one in reversed(CLASSES):
         bpy.utils.unregister_class(one)
-    LAST.clear()

@@ -132,10 +132,10 @@ def draw_view(thing: Any, scale: float, active: bool) -> None:
     if thing.type == "CAMERA":
         matrix = matrix @ sensors.CAMERA
     draw_lines(lines, matrix @ Matrix.Scale(thing.echocast.view_length, 4), ACTIVE if active else COLOR)
-    if active:
-        # How far it sees.
+    farthest = sensor["range.max_m"]
+    if active and np.isfinite(farthest):
         gpu.state.depth_test_set("LESS_EQUAL")
-        draw_lines(around, matrix @ Matrix.Scale(sensor["range.max_m"] / scale, 4), RANGE)
+        draw_lines(around, matrix @ Matrix.Scale(farthest / scale, 4), RANGE)
         gpu.state.depth_test_set("NONE")
 
 
@@ -172,7 +172,7 @@ def draw_points(thing: Any, view: Any) -> None:
     import gpu
 
     points, _ = points_of(thing)
-    # Later versions have one for points of more than a pixel.
+    # Later versions have one for points larger than a pixel.
     shader = shader_of("POINT_FLAT_COLOR" if bpy.app.version >= (4, 5) else "FLAT_COLOR")
     gpu.state.point_size_set(POINT_SIZE)
     with gpu.matrix.push_pop():

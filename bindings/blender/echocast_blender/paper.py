@@ -61,6 +61,7 @@ DEFAULTS: "dict[str, Any]" = {
     "dataFilePath": "",
 }
 STATIC, ROTATING, SIDE_SCAN = 0, 1, 2
+PRESETS = {STATIC: "kinect_v1_default", ROTATING: "generic_lidar", SIDE_SCAN: "generic_sonar"}
 
 
 def stored(scene: Any, name: str) -> Any:
@@ -80,38 +81,38 @@ def take_over(scene: Any) -> "list[str]":
     if group is None or sensors.all_of(scene, only_enabled=False):
         return []
     group = group.to_dict() if hasattr(group, "to_dict") else dict(group)
-    found = {**DEFAULTS, **{key: value for key, value in group.items() if key in DEFAULTS}}
-    camera = found["scannerObject"]
+    # Values of another type are of another version; Blender ignores them, too.
+    found = {key: group[key] if is_like(group.get(key), default) else default for key, default in DEFAULTS.items()}
+    camera, kind = found["scannerObject"], found["scannerType"]
     if camera is None or camera.name not in scene.objects:
         return ["settings of the BLAINDER range scanner are there, but no camera for them: they are not used"]
+    if kind not in PRESETS:
+        return [f"settings of the BLAINDER range scanner are not used: scannerType is {kind}; allowed: 0 to {len(PRESETS) - 1}"]
     own, wanted = camera.echocast, scene.echocast
     own.is_sensor = True
-    kind = found["scannerType"]
-    own.preset = {STATIC: "kinect_v1_default", ROTATING: "generic_lidar", SIDE_SCAN: "generic_sonar"}[kind]
-    changes = noise(found)
-    changes.update(sonar(found) if kind == SIDE_SCAN else light(found))
-    told = [f"the camera {camera.name} is a sensor with the settings of the BLAINDER range scanner; the profile is blainder"]
-    told += [f"{path} is not taken over" for path, value in changes.items() if not set_parameter(own, path, value)]
+    own.preset = PRESETS[kind]
+    changes = sonar(found) if kind == SIDE_SCAN else {**light(found), **noise(found)}
+    for path, value in changes.items():
+        own.set_parameter(path, value)
     wanted.profile = "blainder"
-    if found["simulateRain"]:
-        wanted.rain, wanted.rain_rate = True, found["rainfallRate"]
-    if found["simulateDust"]:
-        text = bpy.data.texts.new("Dust of the BLAINDER range scanner")
-        start = found["dustCloudStart"]
-        dust = {
-            "radius_um": found["particleRadius"],
-            "per_m3": found["particlesPcm"],
-            "from_m": start,
-            "to_m": start + found["dustCloudLength"],
-        }
-        text.from_string(json.dumps({"dust": dust}))
-        wanted.keys = text
+    told = [f"the camera {camera.name} is a sensor with the settings of the BLAINDER range scanner; the profile is blainder"]
+    # Keys of the environment that the panel does not have.
+    more: "dict[str, Any]" = {}
     if kind == SIDE_SCAN:
         wanted.water, wanted.surface = True, found["surfaceHeight"]
         layers = stored(scene, "custom") if found["simulateWaterProfile"] else None
-        for one in layers or ():
-            layer = wanted.layers.add()
-            layer.depth, layer.speed, layer.density = (one.get(key, 0.0) for key in ("depth", "speed", "density"))
+        more.update(water_layers(wanted, layers or ()))
+        if noise(found):
+            told.append("errors of the range are not taken over: sonars have none")
+    else:
+        if found["simulateRain"]:
+            wanted.rain, wanted.rain_rate = True, found["rainfallRate"]
+        if found["simulateDust"]:
+            cloud = {"radius_um": found["particleRadius"], "per_m3": found["particlesPcm"]}
+            more["dust"] = {**cloud, "start_m": found["dustCloudStart"], "length_m": found["dustCloudLength"]}
+    if more:
+        wanted.keys = bpy.data.texts.new("Environment of the BLAINDER range scanner")
+        wanted.keys.from_string(json.dumps(more))
     if found["enableAnimation"]:
         wanted.frames, wanted.step = "RANGE", max(1, found["frameStep"])
         told.append(f"frames {found['frameStart']} to {found['frameEnd']} were scanned: the range of the scene is used now")
@@ -121,6 +122,26 @@ def take_over(scene: Any) -> "list[str]":
             output.format, output.path = format, found["dataFilePath"] or "//"
     wanted.notes = json.dumps(told)
     return told
+
+
+def is_like(value: Any, default: Any) -> bool:
+    """Whether a stored value is of the type that the setting has."""
+    kind = bpy.types.Object if default is None else str if isinstance(default, str) else (int, float)
+    return isinstance(value, kind)
+
+
+def water_layers(wanted: Any, layers: Any) -> "dict[str, Any]":
+    """Adds the layers to the list in the panel; where they are not of water, but indices of refraction as in the paper's
+    preset, returns them as keys of an environment."""
+    names = {"depth": "depth_m", "speed": "speed_m_s", "density": "density_kg_m3"}
+    rows = sorted(([float(one.get(key, 0.0)) for key in names] for one in layers), key=lambda row: row[0])
+    if any(not 1300 <= speed <= 1700 or not 900 <= density <= 1400 for _, speed, density in rows):
+        profile = {"layers": [dict(zip(names.values(), row)) for row in rows]}
+        return {"water": {"allow_unphysical": True, "profile": profile}}
+    for row in rows:
+        layer = wanted.layers.add()
+        layer.depth, layer.speed, layer.density = row
+    return {}
 
 
 def light(found: "dict[str, Any]") -> "dict[str, Any]":
@@ -163,27 +184,14 @@ def sonar(found: "dict[str, Any]") -> "dict[str, Any]":
 
 
 def noise(found: "dict[str, Any]") -> "dict[str, Any]":
+    """Presets of the paper have no errors: only those that there are."""
     changes = {}
     if found["addNoise"]:
         changes.update({"noise.range_mean_m": found["mu"], "noise.range_sigma_m": found["sigma"]})
     if found["addConstantNoise"]:
         absolute, relative = found["noiseAbsoluteOffset"], found["noiseRelativeOffset"]
         changes.update({"noise.range_offset_m": absolute, "noise.range_offset_percent": relative})
-    return changes
-
-
-def set_parameter(own: Any, path: str, value: Any) -> bool:
-    """Sets a parameter of a sensor; False if its instrument has none at `path`."""
-    for one in own.parameters:
-        if one.name == path:
-            if one.kind == "WHOLE" and not float(value).is_integer():
-                one.kind = "NUMBER"
-            setattr(one, one.field(), json.dumps(value) if one.kind == "LIST" else int(value) if one.kind == "WHOLE" else value)
-            return True
-    # Presets without noise have no key for it.
-    if path.startswith("noise.") and not value:
-        return True
-    return False
+    return {path: value for path, value in changes.items() if value}
 
 
 @bpy.app.handlers.persistent

@@ -1,6 +1,8 @@
 """Scans: what is read from Blender for one, the scan itself, which touches nothing of Blender, and its results."""
 
+import contextlib
 import math
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -35,6 +37,8 @@ class Result:
     task: Task
     cloud: ec.PointCloud
     ping: "ec.Ping | None" = None
+    #: What deserves attention, such as that no beam meets anything.
+    notes: "list[str]" = field(default_factory=list)
 
 
 @dataclass
@@ -47,6 +51,17 @@ class Frame:
     #: Where the sensors are, by name: scale of the scene, m per unit.
     scale: float
     notes: "list[str]" = field(default_factory=list)
+
+
+@contextlib.contextmanager
+def same_frame(timeline: Any) -> "Iterator[None]":
+    """Sets a scene back to the frame that it has now."""
+    begun, part = timeline.frame_current, timeline.frame_subframe
+    try:
+        yield
+    finally:
+        if (timeline.frame_current, timeline.frame_subframe) != (begun, part):
+            timeline.frame_set(begun, subframe=part)
 
 
 def frames(context: Any) -> "list[int]":
@@ -98,26 +113,26 @@ def prepare(context: Any, number: int) -> Frame:
 def instrument(thing: Any, wanted: Any) -> ec.Sensor:
     try:
         sensor = thing.echocast.sensor()
-        if wanted.noise:
-            return sensor
-        keys = sensor.to_dict()
-        for section in ("noise", "expect"):
-            keys.pop(section, None)
-        return ec.Sensor(keys)
+        return sensor if wanted.noise else sensors.without_errors(sensor)
     except ec.Error as error:
         raise ec.ArgumentError(f"sensor {thing.name}: {error}") from error
 
 
 def columns(wanted: Any, sensor: ec.Sensor) -> str:
-    """The columns that are wanted, with those that results need."""
-    names = wanted.columns.strip() or "default"
-    needed = [wanted.color, "beam"] if wanted.color in settings.COLUMNS else ["beam"]
-    # A profile of the paper, or a sonar, has fewer columns.
-    return ",".join([names, *needed])
+    """The columns that are wanted, with those that results need: clouds places, explanations beams, images their layers."""
+    needed = ["x", "y", "z", "beam"]
+    if wanted.color in settings.COLUMNS:
+        needed.append(wanted.color)
+    if wanted.images and sensor.kind == "tof":
+        needed += ["range", "depth", "category_id"]
+    return ",".join([wanted.columns.strip() or "default", *needed])
 
 
 def pose(context: Any, thing: Any, scale: float) -> Any:
-    return sensors.pose(thing.evaluated_get(context.evaluated_depsgraph_get()), scale)
+    found = sensors.pose(thing.evaluated_get(context.evaluated_depsgraph_get()), scale)
+    if not np.isfinite(found).all():
+        raise ec.ArgumentError(f"{thing.name} is at a place that is not of numbers; allowed: finite numbers")
+    return found
 
 
 def trajectory(times: "list[float]", poses: "list[Any]") -> "ec.Pose | ec.Trajectory":
@@ -222,8 +237,10 @@ def run(frame: Frame, progress: "Callable[[float], bool]") -> "Iterator[Result]"
     """Makes the scans of a frame; ec.CancelledError if `progress` returns False."""
     for index, task in enumerate(frame.tasks):
         told = lambda fraction, index=index: progress((index + fraction) / len(frame.tasks))
-        cloud = frame.live.scan(task.sensor, progress=told, **task.options)
-        ping = None
-        if task.sensor.kind == "sonar" and task.options["profile"] == "physical":
-            ping = frame.live.ping(task.sensor, **{**task.options, "fields": None})
-        yield Result(task, cloud, ping)
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            cloud = frame.live.scan(task.sensor, progress=told, **task.options)
+            ping = None
+            if task.sensor.kind == "sonar" and task.options["profile"] == "physical":
+                ping = frame.live.ping(task.sensor, **{**task.options, "fields": None})
+        yield Result(task, cloud, ping, [f"{task.name}: {one.message}" for one in warned])

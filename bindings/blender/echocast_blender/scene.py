@@ -1,6 +1,8 @@
 """The scene of Blender in echocast, kept up to date: what has not changed is not read again."""
 
+import json
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -11,6 +13,9 @@ from . import evaluated, geometry, labels, materials
 
 #: Objects that hold results of scans have this custom property; they are not scanned.
 RESULT = "echocast_scan"
+
+#: Positions and scales beyond this, m, are mistakes.
+FARTHEST = 1e12
 
 #: What a persistent id has where a level of instancing has no index: the mesh of a curve, a text or a metaball.
 NO_INDEX = 2**31 - 1
@@ -51,6 +56,8 @@ class Shape:
     materials: "tuple[Any, ...]"
     #: Whether Blender reports when it changes: not what only rendering sees.
     watched: bool
+    #: Why it cannot be scanned.
+    fault: "str | None" = None
 
 
 @dataclass
@@ -121,9 +128,11 @@ class ExportedScene:
             pointer = (thing.data.as_pointer(), tuple(slot.as_pointer() if slot else 0 for slot in slots))
             shape = of_pointer.get(pointer)
             if shape is None:
-                shape = self.shape(key, thing, original, instancer, slots, changes, faults)
+                shape = self.shape(key, thing, original, instancer, slots, changes)
                 of_pointer[pointer] = shape
             kept[key] = shape
+            if shape.fault:
+                faults[original.name] = shape.fault
             if shape.mesh is None:
                 continue
             identified = (key[:2], slots)
@@ -132,8 +141,8 @@ class ExportedScene:
             identity = identities[identified]
             parts = (identity.part,) * max(1, len(slots)) if identity.part is not None else shape.parts
             pose = to_metres @ np.array(instance.matrix_world, dtype=np.float64)
-            if not np.isfinite(pose).all():
-                faults[original.name] = "its matrix is not of numbers"
+            if not (np.abs(pose) < FARTHEST).all():
+                faults[original.name] = f"its matrix has numbers that are not finite, or above {FARTHEST:g}"
                 continue
             # Each particle and each instance that nodes make is one by itself, and so is each instance of a collection.
             numbers = instance.persistent_id
@@ -146,8 +155,9 @@ class ExportedScene:
             found.append(Found(key, original.name, shape.mesh, pose, identity, owner, parts))
         self.shapes = kept
         self.notes += [f"{name} is left out: {fault}" for name, fault in faults.items()]
-        for one in self.read.values():
-            self.notes += one.notes
+        self.notes += [f"the library {path} is missing: what it holds is not seen" for path in missing_libraries()]
+        used = dict.fromkeys(one for shape in of_pointer.values() for one in shape.materials)
+        self.notes += [sentence for one in used for sentence in self.read[one].notes]
         return found
 
     def shape(
@@ -158,7 +168,6 @@ class ExportedScene:
         instancer: Any,
         slots: "tuple[Any, ...]",
         changes: Changes,
-        faults: "dict[str, str]",
     ) -> Shape:
         """The mesh of an evaluated object: as it was read before, unless it has changed."""
         pointers = tuple(slot.as_pointer() if slot else 0 for slot in slots)
@@ -173,10 +182,9 @@ class ExportedScene:
         parts = tuple(one.part if one.part is not None else name(slot) for one, slot in zip(read, slots or (None,)))
         try:
             mesh = geometry.mesh_of(original.name, thing.data, read)
+            return Shape(mesh, parts, pointers, watched)
         except (geometry.Unusable, ec.Error) as fault:
-            faults[original.name] = str(fault)
-            mesh = None
-        return Shape(mesh, parts, pointers, watched)
+            return Shape(None, parts, pointers, watched, str(fault))
 
     def material(self, slot: Any) -> materials.Read:
         pointer = slot.as_pointer() if slot else 0
@@ -263,6 +271,15 @@ class ExportedScene:
                     self.named.add((table, number, name))
 
 
+def made_by(thing: Any) -> "dict[str, Any]":
+    """What a cloud says of its scan: `sensor`, `frame`, `color`; nothing if somebody has changed that."""
+    try:
+        found = json.loads(thing[RESULT])
+    except (KeyError, TypeError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
 def key_of(instance: Any) -> "tuple[Any, ...]":
     """What an instance is known by from one evaluation to the next."""
     original = instance.object.original.as_pointer()
@@ -276,6 +293,11 @@ def slot_materials(thing: Any) -> "tuple[Any, ...]":
     of the object replace them."""
     materials = (slot.material for slot in thing.material_slots)
     return tuple(one.original if one is not None else None for one in materials)
+
+
+def missing_libraries() -> "list[str]":
+    paths = [bpy.path.abspath(library.filepath) for library in bpy.data.libraries if library.packed_file is None]
+    return [path for path in paths if not Path(path).exists()]
 
 
 def is_changed(thing: Any, changes: Changes) -> bool:

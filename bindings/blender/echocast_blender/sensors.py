@@ -1,5 +1,6 @@
 """Sensors as objects: properties of empties and cameras, which are saved in the .blend file."""
 
+import functools
 import json
 from collections.abc import Iterator
 from typing import Any
@@ -35,16 +36,13 @@ def set_path(keys: "dict[str, Any]", path: str, value: Any) -> None:
 class EchocastParameter(bpy.types.PropertyGroup):
     """A parameter of a sensor: `name` is its path, such as noise.range_sigma_m."""
 
-    def changed(self, _context: Any) -> None:
-        forget_sensor(self.id_data)
-
     kind: bpy.props.EnumProperty(
         items=[(name, name.title(), "") for name in ("NUMBER", "WHOLE", "SWITCH", "TEXT", "LIST")], name="Kind"
     )
-    number: bpy.props.FloatProperty(name="Value", precision=6, update=changed)
-    whole: bpy.props.IntProperty(name="Value", update=changed)
-    switch: bpy.props.BoolProperty(name="Value", update=changed)
-    text: bpy.props.StringProperty(name="Value", update=changed)
+    number: bpy.props.FloatProperty(name="Value", precision=6)
+    whole: bpy.props.IntProperty(name="Value")
+    switch: bpy.props.BoolProperty(name="Value")
+    text: bpy.props.StringProperty(name="Value")
     #: As the preset has it, JSON: what is changed can be told, and set back.
     original: bpy.props.StringProperty()
 
@@ -65,15 +63,17 @@ class EchocastParameter(bpy.types.PropertyGroup):
             self.kind, self.text = "LIST", json.dumps(value)
 
     def value(self) -> Any:
-        original = json.loads(self.original)
+        value = getattr(self, self.field())
         if self.kind == "LIST":
             try:
-                return json.loads(self.text)
+                return json.loads(value)
             except ValueError:
-                raise ec.ArgumentError(f"{self.name} is {self.text!r}; allowed: JSON, such as {self.original}") from None
-        value = getattr(self, self.field())
-        # Blender keeps numbers in single precision.
-        return original if self.kind == "NUMBER" and np.float32(original) == np.float32(value) else value
+                raise ec.ArgumentError(f"{self.name} is {value!r}; allowed: JSON, such as {self.original}") from None
+        if self.kind == "NUMBER":
+            original = json.loads(self.original)
+            # Blender keeps numbers in single precision: this is the shortest of those that it may stand for.
+            return original if np.float32(value) == np.float32(original) else float(str(np.float32(value)))
+        return value
 
     def is_changed(self) -> bool:
         try:
@@ -131,7 +131,8 @@ class EchocastSensor(bpy.types.PropertyGroup):
 
     def load_preset(self) -> None:
         """Fills the parameters with those of the preset."""
-        forget_sensor(self.id_data)
+        # A file may have changed.
+        instrument.cache_clear()
         self.parameters.clear()
         self.fault = ""
         if not self.preset:
@@ -148,6 +149,10 @@ class EchocastSensor(bpy.types.PropertyGroup):
         if self.section not in sections:
             self.section = sections[0] if sections else ""
 
+    def set_parameter(self, path: str, value: Any) -> None:
+        one = next(one for one in self.parameters if one.name == path)
+        setattr(one, one.field(), json.dumps(value) if one.kind == "LIST" else value)
+
     def sections(self) -> "list[str]":
         return list(dict.fromkeys(one.name.split(".")[0] for one in self.parameters))
 
@@ -155,32 +160,50 @@ class EchocastSensor(bpy.types.PropertyGroup):
         """The instrument; ec.Error if a parameter is not allowed."""
         if not self.preset:
             raise ec.ArgumentError(f"the sensor {self.id_data.name} has no preset; allowed: one of {len(presets())}")
-        key = self.id_data.as_pointer()
-        if key not in MADE:
-            sensor = ec.Sensor(bpy.path.abspath(self.preset))
-            changed = [one for one in self.parameters if one.is_changed()]
-            if changed:
-                keys = sensor.to_dict()
-                # It says what the preset as it is should amount to.
-                keys.pop("expect", None)
-                for one in changed:
-                    set_path(keys, one.name, one.value())
-                sensor = ec.Sensor(keys)
-            MADE[key] = sensor
-        return MADE[key]
+        changes = tuple((one.name, json.dumps(one.value())) for one in self.parameters if one.is_changed())
+        return instrument(bpy.path.abspath(self.preset), changes)
 
 
-#: Instruments by pointers of their objects, until a parameter changes.
-MADE: "dict[int, ec.Sensor]" = {}
+@functools.lru_cache(maxsize=64)
+def instrument(preset: str, changes: "tuple[tuple[str, str], ...]") -> ec.Sensor:
+    """A preset with changes: paths of keys, and their values as JSON."""
+    sensor = ec.Sensor(preset)
+    if not changes:
+        return sensor
+    keys = sensor.to_dict()
+    # It says what the preset as it is should amount to.
+    keys.pop("expect", None)
+    for path, value in changes:
+        set_path(keys, path, json.loads(value))
+    return ec.Sensor(keys)
 
 
-def forget_sensor(thing: Any) -> None:
-    MADE.pop(thing.as_pointer(), None)
+#: Errors of measurement, by their paths in sensor files: sections, and numbers.
+ERROR_SECTIONS = ("noise", "tof.shot_noise", "tof.depth_noise")
+ERROR_NUMBERS = (
+    "tof.lateral_sigma_px",
+    "tof.wiggle_residual",
+    "doppler.sigma_m_s",
+    "dvl.sigma_m_s",
+    "dvl.sigma_per_m_s",
+    "dvl.scale_sigma",
+    "dvl.bias_sigma_m_s",
+    "dvl.water.sigma_m_s",
+)
 
 
-@bpy.app.handlers.persistent
-def forget_all(*_: Any) -> None:
-    MADE.clear()
+def without_errors(sensor: ec.Sensor) -> ec.Sensor:
+    """The instrument, but ideal."""
+    keys = sensor.to_dict()
+    keys.pop("expect", None)
+    for path in (*ERROR_SECTIONS, *ERROR_NUMBERS):
+        *sections, last = path.split(".")
+        holder = functools.reduce(lambda one, section: one.get(section, {}), sections, keys)
+        if last in holder and path in ERROR_SECTIONS:
+            del holder[last]
+        elif last in holder:
+            holder[last] = 0.0
+    return ec.Sensor(keys)
 
 
 def all_of(scene: Any, only_enabled: bool = True) -> "list[Any]":
@@ -203,14 +226,10 @@ def register() -> None:
     for one in CLASSES:
         bpy.utils.register_class(one)
     bpy.types.Object.echocast = bpy.props.PointerProperty(type=EchocastSensor)
-    for name in ("undo_post", "redo_post", "load_post"):
-        getattr(bpy.app.handlers, name).append(forget_all)
 
 
 def unregister() -> None:
-    for name in ("undo_post", "redo_post", "load_post"):
-        getattr(bpy.app.handlers, name).remove(forget_all)
     del bpy.types.Object.echocast
     for one in reversed(CLASSES):
         bpy.utils.unregister_class(one)
-    MADE.clear()
+    instrument.cache_clear()

@@ -19,7 +19,12 @@ class EchocastOutput(bpy.types.PropertyGroup):
     enabled: bpy.props.BoolProperty(name="Enabled", default=True, options=set())
     format: bpy.props.EnumProperty(name="Format", items=formats)
     path: bpy.props.StringProperty(
-        name="Folder", description="Folder of the files; {sensor} stands for the name of the sensor", default="//scans", subtype="DIR_PATH"
+        name="Folder",
+        description="Folder of the files; {sensor} stands for the name of the sensor",
+        default="//scans",
+        subtype="DIR_PATH",
+        # Otherwise 4.5 and later warn.
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (4, 5) else set(),
     )
 
 
@@ -106,8 +111,12 @@ class EchocastScene(bpy.types.PropertyGroup):
     def environment(self, scale: float) -> ec.Environment:
         """Weather and water; ec.Error for values that are not allowed. `scale`: metres per unit."""
         keys: "dict[str, Any]" = {}
-        if self.keys is not None:
-            keys.update(ec.Environment(self.keys.as_string()).to_dict())
+        if self.keys is not None and self.keys.as_string().strip():
+            try:
+                # The line break says that it is YAML, not the name of a file.
+                keys.update(ec.Environment(self.keys.as_string() + "\n").to_dict())
+            except ec.Error as error:
+                raise ec.ArgumentError(f"the text {self.keys.name}: {error}") from error
         if self.fog:
             keys["fog"] = {"visibility_m": self.visibility}
         if self.rain:

@@ -20,8 +20,18 @@ echocast_blender.register()
 ENDED: "list[int]" = []
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--slow", action="store_true", help="also run tests that take long or much memory")
+
+
 def pytest_configure(config: pytest.Config) -> None:
-    config.addinivalue_line("markers", "slow: takes more than ten seconds")
+    config.addinivalue_line("markers", "slow: takes more than ten seconds, or several GB; only with --slow")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: "list[pytest.Item]") -> None:
+    for item in items:
+        if "slow" in item.keywords and not config.getoption("--slow"):
+            item.add_marker(pytest.mark.skip(reason="only with --slow"))
 
 
 @pytest.fixture(autouse=True)
@@ -37,7 +47,7 @@ def pytest_sessionfinish(exitstatus: int) -> None:
 
 @pytest.hookimpl(trylast=True)
 def pytest_unconfigure() -> None:
-    # As a module, Blender 4.2 crashes when Python ends after a property group was registered, whosever it is.
+    # As a module, Blender 4.2 crashes when Python ends: it frees panels after that.
     if ENDED and not bpy.app.binary_path and bpy.app.version < (4, 3):
         sys.stdout.flush()
         sys.stderr.flush()

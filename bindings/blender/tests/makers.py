@@ -147,3 +147,58 @@ def cloud(columns: "str | None" = None) -> ec.PointCloud:
 def notes() -> "list[str]":
     """What reading the scene reports."""
     return scan.prepare(bpy.context, bpy.context.scene.frame_current).notes
+
+
+#: Properties that are evaluated, or of this session, or that Blender is about to remove.
+PASSING = ("rna_type", "original", "session_uid", "is_evaluated", "is_updated", "is_updated_data", "tag", "preview", "asset_data")
+PASSING += ("use_nodes", "depsgraph")
+#: Parts of data-blocks that are looked into.
+PARTS = ("nodes", "links", "inputs", "modifiers", "constraints", "material_slots", "view_layers", "parameters", "outputs", "layers")
+GROUPS = ("render", "unit_settings", "echocast")
+
+
+def fingerprint() -> "dict[str, Any]":
+    """All data-blocks of the file but windows: their properties by paths, and the vertices of meshes."""
+    bpy.context.view_layer.update()
+    found: "dict[str, Any]" = {}
+    for kind in (prop.identifier for prop in bpy.data.bl_rna.properties if prop.type == "COLLECTION"):
+        for one in getattr(bpy.data, kind) if kind not in ("window_managers", "workspaces", "screens") else ():
+            path = f"{kind}/{one.name_full}"
+            add_properties(one, path, found)
+            found.update({f"{path}[{key}]": repr(one[key]) for key in one.keys()})
+            if isinstance(one, bpy.types.Mesh):
+                places = np.empty(3 * len(one.vertices), dtype=np.float32)
+                one.vertices.foreach_get("co", places)
+                found[f"{path}/co"] = places.tobytes()
+    return found
+
+
+def add_properties(of: Any, path: str, found: "dict[str, Any]") -> None:
+    for prop in of.bl_rna.properties:
+        name = prop.identifier
+        if name in PASSING:
+            continue
+        value = getattr(of, name)
+        if prop.type == "COLLECTION":
+            found[f"{path}/{name}"] = len(value)
+            if name in PARTS:
+                for index, one in enumerate(value):
+                    add_properties(one, f"{path}/{name}[{index}]", found)
+        elif isinstance(value, bpy.types.ID):
+            found[f"{path}/{name}"] = value.name_full
+            # Node trees of materials belong to them.
+            if name == "node_tree":
+                add_properties(value, f"{path}/{name}", found)
+        elif prop.type == "POINTER":
+            found[f"{path}/{name}"] = value is not None
+            if name in GROUPS:
+                add_properties(value, f"{path}/{name}", found)
+        else:
+            found[f"{path}/{name}"] = repr(value[:] if getattr(prop, "is_array", False) and len(value) < 1000 else value)
+
+
+def differences(before: "dict[str, Any]") -> "list[str]":
+    """What has changed in the file since that fingerprint."""
+    after = fingerprint()
+    paths = [path for path in {**before, **after} if before.get(path) != after.get(path)]
+    return [f"{path}: {str(before.get(path))[:80]} -> {str(after.get(path))[:80]}" for path in paths]

@@ -101,16 +101,16 @@ def shader(made: Any, kind: str, **inputs: Any) -> Any:
 
 
 RED, GREEN = (0.8, 0.1, 0.1, 1), (0.1, 0.7, 0.1, 1)
+CLEAR = {"Color": (1, 1, 1, 1), "Roughness": 0.0, "IOR": 1.6}
 
 
 @pytest.mark.parametrize(
     ("kind", "inputs", "keys", "told"),
     [
         ("ShaderNodeBsdfDiffuse", {"Color": RED}, {"base_color": [0.8, 0.1, 0.1]}, ""),
-        ("ShaderNodeBsdfGlass", {"Color": (1, 1, 1, 1), "Roughness": 0.0, "IOR": 1.6}, {"transmission": 1, "roughness": 0, "ior": 1.6}, ""),
-        ("ShaderNodeBsdfRefraction", {"Color": (1, 1, 1, 1), "Roughness": 0.0, "IOR": 1.6}, {"transmission": 1, "roughness": 0, "ior": 1.6}, ""),
-        ("ShaderNodeBsdfGlossy" if bpy.app.version >= (4, 0) else "ShaderNodeBsdfGlossy", {"Color": RED, "Roughness": 0.3},
-            {"base_color": [0.8, 0.1, 0.1], "metallic": 1, "roughness": 0.3}, ""),
+        ("ShaderNodeBsdfGlass", CLEAR, {"transmission": 1, "roughness": 0, "ior": 1.6}, ""),
+        ("ShaderNodeBsdfRefraction", CLEAR, {"transmission": 1, "roughness": 0, "ior": 1.6}, ""),
+        ("ShaderNodeBsdfGlossy", {"Color": RED, "Roughness": 0.3}, {"base_color": RED[:3], "metallic": 1, "roughness": 0.3}, ""),
         ("ShaderNodeBsdfTranslucent", {"Color": GREEN}, {"base_color": [0.1, 0.7, 0.1]}, ""),
         ("ShaderNodeSubsurfaceScattering", {"Color": GREEN}, {"base_color": [0.1, 0.7, 0.1]}, ""),
         ("ShaderNodeEmission", {"Color": RED}, {"base_color": [0.8, 0.1, 0.1]}, "emits is not seen"),
@@ -800,7 +800,8 @@ def test_beyond_the_edges_of_an_image(camera: Any, extension: str) -> None:
     made, picture = makers.material(), checks()
     node = textured(made, makers.image("Checks", picture))
     node.extension = extension
-    makers.wall("Wall", 2, (3, 0, 0), made).data.uv_layers[0].data.foreach_set("uv", [-0.5, -0.5, 2.5, -0.5, 2.5, 2.5, -0.5, 2.5])
+    wall = makers.wall("Wall", 2, (3, 0, 0), made)
+    wall.data.uv_layers[0].data.foreach_set("uv", [-0.5, -0.5, 2.5, -0.5, 2.5, 2.5, -0.5, 2.5])
 
     def place(u: Any, v: Any) -> "tuple[Any, Any]":
         def fold(x: Any) -> Any:
@@ -828,7 +829,8 @@ def test_beyond_the_edges_of_an_image(camera: Any, extension: str) -> None:
         ({"alpha": 0.5}, {}),
         ({"sound": "loud"}, {}),
         ({"metallic": 1.0}, {"metallic": 1}),
-        ({"blainder_metallic": 1}, {"metallic": 1}),
+        ({"blainder_metallic": 1, "blainder_ior": 1.7}, {"metallic": 1, "ior": 1.7}),
+        ({"blainder_metallic": 0, "blainder_ior": 0.0}, {}),
     ],
     ids=lambda value: "-".join(value),
 )
@@ -967,3 +969,18 @@ def test_a_changed_material_is_read_again(camera: Any) -> None:
     after = makers.cloud(COLUMNS)
     seen = [one[one.range < 4] for one in (before, after)]
     assert (seen[0]["red"] > seen[0]["green"]).all() and (seen[1]["red"] < seen[1]["green"]).all()
+
+
+def test_a_material_in_the_place_of_another(camera: Any) -> None:
+    """One that is made after another was removed may be where that was in memory."""
+    wall = tilted(makers.material("First", Base_Color=RED))
+    for index in range(4):
+        color = (GREEN, RED)[index % 2]
+        bpy.data.materials.remove(wall.data.materials[0])
+        wall.data.materials.clear()
+        wall.data.materials.append(makers.material(f"Next{index}", Base_Color=color))
+        seen = makers.cloud(COLUMNS)
+        seen = seen[seen.range < 4]
+        assert (seen["green"] > seen["red"]).all() == (color == GREEN)
+        assert seen.materials[int(seen["material_id"][0])] == f"Next{index}"
+        makers.cloud(COLUMNS)

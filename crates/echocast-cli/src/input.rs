@@ -1,13 +1,14 @@
 //! The inputs of a scan: scene and sensor.
 
 use crate::{choice, text, usage};
-use anyhow::{Context as _, Result, anyhow, ensure};
+use anyhow::{Context as _, Result, anyhow, bail, ensure};
 use clap::Args;
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
 use echocast::scene::{CacheFile, FORMATS, Material, MaterialRule, MaterialRules, UpAxis};
 use echocast::{Error, LabelRules, LoadOptions, ReturnMode, Scene, Sensor, Trajectory, shown};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::error::Error as _;
 use std::ffi::{OsStr, OsString};
 use std::io::{ErrorKind, Read as _, stdin};
 use std::os::unix::ffi::OsStrExt as _;
@@ -336,7 +337,9 @@ pub fn set_threads(threads: Option<u16>) -> Result<usize> {
     if error.source().is_some() {
         let requested =
             threads.map_or("as many threads as there are cores".to_owned(), |threads| format!("{threads} threads"));
-        bail!("--threads: the system cannot start {requested} ({error}); allowed: fewer, or a higher limit of processes");
+        bail!(
+            "--threads: the system cannot start {requested} ({error}); allowed: fewer, or a higher limit of processes"
+        );
     }
     // Inside Blender the threads have been started before.
     let started = rayon::current_num_threads();

@@ -181,6 +181,10 @@ impl Stage {
             .hide(spec.hide.clone());
         match (&spec.generate, &spec.blend, &spec.files[..]) {
             (Some(made), None, []) => made.scene(folder)?.load(&options),
+            (None, Some(_), []) if spec.labels != LabelSource::None => {
+                let allowed = "without: custom properties categoryID and partID in the file of Blender are its labels";
+                Err(Error::invalid("scene.labels", "there beside blend", allowed))
+            }
             (None, Some(file), []) => match &self.given {
                 Some(scene) => Scene::clone(scene).with_options(&options),
                 None => {

@@ -1054,3 +1054,36 @@ fn another_seed_has_the_same_scene_and_other_draws() {
     changed.set("scene.scale", "2").unwrap();
     assert!(!Arc::ptr_eq(&stage, &changed.stage().unwrap()));
 }
+
+/// Blender reads it, elsewhere: here the scene is given.
+#[test]
+fn a_scene_of_blender_is_given() {
+    let text = "scene: {blend: street.blend, hide: Ground}\nsensors: [{sensor: velodyne_vlp16}]\n\
+                trajectory: {position_m: [0, 0, 1]}\n";
+    let scenario = Scenario::from_yaml(text, "folder").unwrap();
+    assert_eq!(scenario.blend(), Some("folder/street.blend".into()));
+    let fault = scenario.sample(0).err().unwrap().to_string();
+    assert!(fault.starts_with("scene.blend is folder/street.blend, which only Blender can read; allowed: "), "{fault}");
+
+    let part = |z: f32| {
+        let positions = vec![[-9.0, -9.0, z], [9.0, -9.0, z], [0.0, 9.0, z]];
+        let part = engine::scene::Part::default().positions(positions.into()).triangles(vec![[0, 1, 2]].into());
+        std::sync::Arc::new(engine::scene::Mesh::new("mesh", vec![part]).unwrap())
+    };
+    let scene = engine::scene::Scene {
+        objects: [("Ground", 0.0), ("Roof", 3.0)].map(|(name, z)| engine::scene::Object::new(name, part(z))).into(),
+        ..engine::scene::Scene::default()
+    };
+    let mut sample = scenario.with_scene(scene.clone()).sample(0).unwrap();
+    let cloud = sample.cloud(0, 0).unwrap();
+    // The ground is hidden.
+    assert!(!cloud.is_empty() && cloud.columns().z().iter().all(|z| (*z - 3.0).abs() < 0.2));
+    for (text, allowed) in [
+        ("scene: {blend: a.blend, files: b.glb}", "one of them"),
+        ("scene: {blend: a.blend, labels: {numbers: {car: 1}}}", "categoryID"),
+    ] {
+        let scenario = Scenario::from_yaml(&format!("{text}\nsensors: [{{sensor: velodyne_vlp16}}]\n"), "").unwrap();
+        let fault = scenario.with_scene(scene.clone()).sample(0).err().unwrap().to_string();
+        assert!(fault.contains(allowed), "{fault}");
+    }
+}
