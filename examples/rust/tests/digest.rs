@@ -8,7 +8,7 @@ const EXAMPLES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
 
 /// A folder for programs and what they write.
 fn folder(name: &str) -> PathBuf {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(env!("CARGO_CRATE_NAME")).join(name);
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(&folder).unwrap();
     folder
