@@ -61,6 +61,6 @@ for operator in (bpy.ops.preferences.addon_disable, bpy.ops.preferences.addon_en
     assert operator(module=module) == {"FINISHED"}
 assert bpy.ops.echocast.scan() == {"FINISHED"}
 print("installed", flush=True)
-if not bpy.app.binary_path:
+if not bpy.app.binary_path and bpy.app.version < (4, 3):
     # The module of Blender 4.2 crashes when Python ends after functions of properties were registered, whosever they are.
     os._exit(0)

@@ -110,7 +110,8 @@ def around_turn(directions: Any) -> "tuple[list[Any], list[Any]]":
         # Every 30 degrees, and where the view ends.
         if sector % (SECTORS // 12) == 0 or following is None or (sector - 1) % SECTORS not in edges:
             lines += edge
-            spokes += edge
+            flat = abs(edge[1][2] - edge[0][2]) < 1e-3
+            spokes += edge[:1] if flat else edge
     return lines, spokes
 
 
@@ -142,6 +143,8 @@ def draw_view(thing: Any, scale: float, active: bool) -> None:
 def draw_lines(lines: Any, matrix: Any, color: "tuple[float, ...]") -> None:
     import gpu
 
+    if lines is None:
+        return
     shader = shader_of("UNIFORM_COLOR")
     shader.bind()
     shader.uniform_float("color", color)
@@ -172,6 +175,8 @@ def draw_points(thing: Any, view: Any) -> None:
     import gpu
 
     points, _ = points_of(thing)
+    if points is None:
+        return
     # Later versions have one for points larger than a pixel.
     shader = shader_of("POINT_FLAT_COLOR" if bpy.app.version >= (4, 5) else "FLAT_COLOR")
     gpu.state.point_size_set(POINT_SIZE)
@@ -209,11 +214,14 @@ def legend(thing: Any) -> "list[Row]":
         shown = np.array([clouds.label_color(number) for number in order], dtype=np.float32)
         return [(tuple(color), names.get(str(number), str(number))) for color, number in zip(encoded(shown), order)]
     # As clouds.colors spreads them.
-    low, high = np.percentile(values[np.isfinite(values)], [1, 99])
+    known = values[np.isfinite(values)]
+    if not len(known):
+        return []
+    low, high = np.percentile(known, [1, 99])
     rows = []
-    for share in (1.0, 0.75, 0.5, 0.25, 0.0):
+    for share in (1.0, 0.75, 0.5, 0.25, 0.0) if high > low else (0.0,):
         color = [np.interp(share, clouds.SCALE[:, 0], clouds.SCALE[:, channel]) for channel in (1, 2, 3)]
-        title = f"{column.replace('_', ' ')} " if share == 1.0 else ""
+        title = "" if rows else f"{column.replace('_', ' ')} "
         rows.append((tuple(encoded(np.array([[*color, 1.0]]))[0]), f"{title}{low + share * (high - low):.3g}"))
     return rows
 
@@ -233,8 +241,11 @@ TABLES = {
 
 
 def batch(kind: str, places: Any, colors: Any = None) -> Any:
+    """Points, lines or triangles to draw; None: there are none, which Blender does not take."""
     from gpu_extras.batch import batch_for_shader
 
+    if not len(places):
+        return None
     values = {"pos": places} if colors is None else {"pos": places, "color": colors}
     return batch_for_shader(shader_of("UNIFORM_COLOR" if colors is None else "FLAT_COLOR"), kind, values)
 

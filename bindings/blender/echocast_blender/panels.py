@@ -155,24 +155,29 @@ class ECHOCAST_PT_medium(Panel, bpy.types.Panel):
     def draw(self, context: Any) -> None:
         layout, wanted = self.layout, context.scene.echocast
         layout.use_property_split, layout.use_property_decorate = True, False
-        for name, details in (("fog", "visibility"), ("rain", "rain_rate"), ("snow", "snow_rate")):
+        # Short labels: there is no room for more, and their units matter.
+        for name, details, label in (
+            ("fog", "visibility", "Visibility, m"),
+            ("rain", "rain_rate", "Rate, mm/h"),
+            ("snow", "snow_rate", "Rate, mm/h"),
+        ):
             switch(layout, wanted, name)
             if getattr(wanted, name):
-                layout.prop(wanted, details)
+                layout.prop(wanted, details, text=label)
         switch(layout, wanted, "water")
         if wanted.water:
             layout.prop(wanted, "surface")
             if not wanted.layers:
-                layout.prop(wanted, "temperature")
-                layout.prop(wanted, "salinity")
+                layout.prop(wanted, "temperature", text="Water, °C")
+                layout.prop(wanted, "salinity", text="Salt, PSU")
             layout.label(text="Layers")
             row = layout.row()
             row.template_list("ECHOCAST_UL_layers", "", wanted, "layers", wanted, "layer", rows=3)
             edit_buttons(row, "layers")
             if wanted.layers:
                 layer = wanted.layers[min(wanted.layer, len(wanted.layers) - 1)]
-                for name in ("depth", "speed", "density"):
-                    layout.prop(layer, name)
+                for name, label in (("depth", "Depth, m"), ("speed", "Sound, m/s"), ("density", "kg/m³")):
+                    layout.prop(layer, name, text=label)
         layout.prop(wanted, "keys")
 
 

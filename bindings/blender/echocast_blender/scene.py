@@ -77,12 +77,15 @@ class ExportedScene:
         self.seen: "dict[tuple[Any, ...], Seen]" = {}
         self.shapes: "dict[tuple[Any, ...], Shape]" = {}
         self.read: "dict[int, materials.Read]" = {}
-        self.categories, self.parts, self.instances = labels.Numbers(), labels.Numbers(), labels.Numbers()
+        self.categories, self.parts = labels.Numbers(), labels.Numbers()
+        #: Numbers of instances by what makes them one, and their names.
+        self.instance_numbers: "dict[tuple[Any, ...], int]" = {}
+        self.instance_names: "dict[int, str]" = {}
         self.changes = Changes(everything=True)
         self.notes: "list[str]" = []
         #: Keys of objects whose vertices moved during the last scan.
         self.deformed: "set[tuple[Any, ...]]" = set()
-        #: For each part of its labels the names that are set.
+        #: Names of labels that are set, with their table and number.
         self.named: "set[tuple[str, int, str]]" = set()
 
     def update(self, context: Any) -> None:
@@ -112,6 +115,7 @@ class ExportedScene:
     def find(self, depsgraph: Any, changes: Changes) -> "list[Found]":
         scale = depsgraph.scene.unit_settings.scale_length
         to_metres = np.diag([scale, scale, scale, 1.0])
+        all_differ = evaluated.scene_differs(depsgraph.scene)
         of_pointer: "dict[tuple[Any, ...], Shape]" = {}
         kept: "dict[tuple[Any, ...], Shape]" = {}
         identities: "dict[Any, labels.Identity]" = {}
@@ -128,7 +132,7 @@ class ExportedScene:
             pointer = (thing.data.as_pointer(), tuple(slot.as_pointer() if slot else 0 for slot in slots))
             shape = of_pointer.get(pointer)
             if shape is None:
-                shape = self.shape(key, thing, original, instancer, slots, changes)
+                shape = self.shape(key, thing, original, instancer, slots, changes, all_differ)
                 of_pointer[pointer] = shape
             kept[key] = shape
             if shape.fault:
@@ -168,13 +172,15 @@ class ExportedScene:
         instancer: Any,
         slots: "tuple[Any, ...]",
         changes: Changes,
+        all_differ: bool,
     ) -> Shape:
-        """The mesh of an evaluated object: as it was read before, unless it has changed."""
+        """The mesh of an evaluated object: as it was read before, unless it has changed. `all_differ`: whether rendering
+        may see any object in another shape than the viewport."""
         pointers = tuple(slot.as_pointer() if slot else 0 for slot in slots)
         known = self.shapes.get(key)
         sources = [original, instancer] if instancer is not None else [original]
         changed = key in self.deformed or any(is_changed(one, changes) for one in sources)
-        watched = not any(evaluated.object_differs(one) for one in sources) and not evaluated.scene_differs(bpy.context.scene)
+        watched = not all_differ and not any(evaluated.object_differs(one) for one in sources)
         same = known is not None and known.materials == pointers and not any(p in changes.materials for p in pointers)
         if same and not changed and watched and known.watched:
             return known
@@ -247,7 +253,7 @@ class ExportedScene:
         self.categories.assign({one.identity.category for one in found})
         self.parts.assign({part for one in found for part in one.parts})
         # In the order of the depsgraph; numbers of what stays are kept.
-        known = getattr(self, "instance_numbers", {})
+        known = self.instance_numbers
         owners = dict.fromkeys(one.owner for one in found)
         last = max(known.values(), default=0)
         numbers = {owner: known[owner] for owner in owners if owner in known}

@@ -29,6 +29,9 @@ def load(case: str, scene: str) -> "tuple[dict[str, Any], Any, Any]":
     with gzip.open(SCANS / f"{case}.csv.gz", "rt") as file:
         rows = list(csv.DictReader(file, delimiter=";"))
     columns = {name: np.array([float(row[name]) for row in rows]) for name in rows[0]}
+    if not hasattr(np, "bool"):
+        # What the importer of Blender 3.4 uses is gone from later NumPys of 1.x.
+        np.bool = np.bool_
     bpy.ops.import_scene.gltf(filepath=str(SCANS / scene))
     timeline = bpy.context.scene
     # Their materials have the reflectance in a property, where the add-on read the alpha of the colour.

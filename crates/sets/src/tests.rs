@@ -1070,10 +1070,8 @@ fn a_scene_of_blender_is_given() {
         let part = engine::scene::Part::default().positions(positions.into()).triangles(vec![[0, 1, 2]].into());
         std::sync::Arc::new(engine::scene::Mesh::new("mesh", vec![part]).unwrap())
     };
-    let scene = engine::scene::Scene {
-        objects: [("Ground", 0.0), ("Roof", 3.0)].map(|(name, z)| engine::scene::Object::new(name, part(z))).into(),
-        ..engine::scene::Scene::default()
-    };
+    let mut scene = engine::scene::Scene::default();
+    scene.objects = [("Ground", 0.0), ("Roof", 3.0)].map(|(name, z)| engine::scene::Object::new(name, part(z))).into();
     let mut sample = scenario.with_scene(scene.clone()).sample(0).unwrap();
     let cloud = sample.cloud(0, 0).unwrap();
     // The ground is hidden.
