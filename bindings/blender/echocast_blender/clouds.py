@@ -152,6 +152,8 @@ def show_points(thing: Any, radius: float) -> None:
     """Vertices are not rendered: nodes make points of them, with the material."""
     modifier = thing.modifiers.get(COLLECTION) or thing.modifiers.new(COLLECTION, "NODES")
     modifier.node_group = point_nodes(radius)
+    # In the viewport the overlay draws them.
+    modifier.show_viewport = False
 
 
 def point_nodes(radius: float) -> Any:

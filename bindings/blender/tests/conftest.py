@@ -48,7 +48,7 @@ def pytest_sessionfinish(exitstatus: int) -> None:
 @pytest.hookimpl(trylast=True)
 def pytest_unconfigure() -> None:
     # As a module, Blender 4.2 crashes when Python ends: it frees panels after that.
-    if ENDED and not bpy.app.binary_path and bpy.app.version < (4, 3):
+    if ENDED and not bpy.app.binary_path and bpy.app.version < (5, 0):
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(ENDED[0])

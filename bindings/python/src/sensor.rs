@@ -154,10 +154,13 @@ impl Sensor {
         owned(py, rows, &[beams.len(), 3])
     }
 
-    /// The farthest of its beams reach this far, m.
+    /// The largest range that it reports, m; infinite if it has no limit.
+    ///
+    /// >>> ec.Sensor("velodyne_vlp16").reach
+    /// 100.0
     #[getter]
-    fn reach(&self) -> f32 {
-        self.now().beams().range_max.iter().copied().fold(0.0, f32::max)
+    fn reach(&self) -> f64 {
+        self.now().parameter("range.max_m").map_or(f64::INFINITY, |found| found.value)
     }
 
     /// All its keys as a dict, from which the same sensor can be made.
