@@ -188,12 +188,9 @@ impl Stage {
             (None, Some(file), []) => match &self.given {
                 Some(scene) => Scene::clone(scene).with_options(&options),
                 None => {
-                    let found = format!("{}, which only Blender can read", shown::path(file));
-                    Err(Error::invalid(
-                        "scene.blend",
-                        found,
-                        "`echocast run`, or `echocast_blender.run_scenario` in Blender",
-                    ))
+                    let found = format!("{}, which only Blender can read", shown::path(&folder.join(file)));
+                    let allowed = "`echocast run`, which starts Blender, or the scene that Blender has read";
+                    Err(Error::invalid("scene.blend", found, allowed))
                 }
             },
             (None, None, []) => Err(Error::invalid("scene", "no files", "files, generate or blend")),
