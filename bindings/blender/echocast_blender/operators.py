@@ -128,8 +128,7 @@ class EchocastScan(bpy.types.Operator):
         if (timeline.frame_current, timeline.frame_subframe) != self.begun:
             timeline.frame_set(self.begun[0], subframe=self.begun[1])
         if fault is not None:
-            stopped = self.job is not None and self.job.stopped
-            self.report({"WARNING"} if stopped else {"ERROR"}, fault)
+            self.report({"ERROR"}, fault)
             # What frames before have added is undone with one step.
             return {"FINISHED"} if self.done else {"CANCELLED"}
         report(self, context, list(self.notes))
