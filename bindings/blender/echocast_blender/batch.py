@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 import echocast as ec
 
-from . import files, scan, scene, sensors
+from . import files, scan
 
 
 def run(
@@ -63,25 +63,20 @@ def animated_scene(context: Any = None) -> ec.Scene:
     camera. Times are those of the animation: frame 0 is at 0 s."""
     context = context or bpy.context
     timeline = context.scene
-    begun = timeline.frame_current
-    scale, rate = timeline.unit_settings.scale_length, timeline.render.fps / timeline.render.fps_base
+    scale, rate = timeline.unit_settings.scale_length, scan.frame_rate(timeline)
     numbers = [float(number) for number in range(timeline.frame_start, timeline.frame_end + 1)]
     if not scan.is_animated(timeline):
         numbers = numbers[:1]
     times = [number / rate for number in numbers]
-    try:
+    with scan.same_frame(timeline):
         timeline.frame_set(int(numbers[0]))
-        exported = scene.exported(context)
-        if not exported.seen:
-            raise ec.ArgumentError("nothing in the scene can be scanned: no visible object has a face; allowed: at least one")
+        exported = scan.read(context)
         named = [one for one in timeline.objects if one.echocast.is_sensor or one.type == "CAMERA"]
         paths = {one.name: [scan.pose(context, one, scale)] for one in named}
         scan.follow(context, exported, paths, numbers, times)
         for sentence in dict.fromkeys(exported.notes):
             print(f"warning: {sentence}", file=sys.stderr)
         return exported.live.to_scene(cameras={name: scan.trajectory(times, path) for name, path in paths.items()})
-    finally:
-        timeline.frame_set(begun)
 
 
 def program(arguments: "list[str]") -> int:

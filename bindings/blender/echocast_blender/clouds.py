@@ -156,11 +156,8 @@ def show_points(thing: Any, radius: float) -> None:
     modifier.show_viewport = False
 
 
-def point_nodes(radius: float) -> Any:
-    name = f"{COLLECTION} points {radius:.4g}"
-    found = bpy.data.node_groups.get(name)
-    if found is not None:
-        return found
+def geometry_tree(name: str) -> "tuple[Any, Any, Any]":
+    """A new node tree from geometry to geometry, with the nodes of its input and output."""
     tree = bpy.data.node_groups.new(name, "GeometryNodeTree")
     if hasattr(tree, "interface"):
         for way in ("INPUT", "OUTPUT"):
@@ -168,8 +165,16 @@ def point_nodes(radius: float) -> Any:
     else:
         tree.inputs.new("NodeSocketGeometry", "Geometry")
         tree.outputs.new("NodeSocketGeometry", "Geometry")
+    return tree, tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+
+
+def point_nodes(radius: float) -> Any:
+    name = f"{COLLECTION} points {radius:.4g}"
+    found = bpy.data.node_groups.get(name)
+    if found is not None:
+        return found
+    tree, start, end = geometry_tree(name)
     nodes = tree.nodes
-    start, end = nodes.new("NodeGroupInput"), nodes.new("NodeGroupOutput")
     paint = nodes.new("GeometryNodeSetMaterial")
     paint.inputs["Material"].default_value = material()
     points = nodes.new("GeometryNodeMeshToPoints")

@@ -72,6 +72,20 @@ def frames(context: Any) -> "list[int]":
     return list(range(timeline.frame_start, timeline.frame_end + 1, wanted.step))
 
 
+def frame_rate(timeline: Any) -> float:
+    """Frames per second."""
+    return timeline.render.fps / timeline.render.fps_base
+
+
+def read(context: Any) -> scene.ExportedScene:
+    """The scene as it is now; ec.Error if there is nothing to scan."""
+    exported = scene.exported(context)
+    if not exported.seen:
+        why = f" ({exported.notes[0]})" if exported.notes else ""
+        raise ec.ArgumentError(f"nothing in the scene can be scanned: no visible object has a face{why}; allowed: at least one")
+    return exported
+
+
 def prepare(context: Any, number: int) -> Frame:
     """Reads what the scans of a frame need; ec.Error if that cannot be scanned. Leaves Blender at that frame."""
     timeline = context.scene
@@ -82,11 +96,7 @@ def prepare(context: Any, number: int) -> Frame:
         timeline.frame_set(number)
     wanted, scale = timeline.echocast, timeline.unit_settings.scale_length
     instruments = {thing.name: instrument(thing, wanted) for thing in things}
-    exported = scene.exported(context)
-    if not exported.seen:
-        why = f" ({exported.notes[0]})" if exported.notes else ""
-        raise ec.ArgumentError(f"nothing in the scene can be scanned: no visible object has a face{why}; allowed: at least one")
-    rate = timeline.render.fps / timeline.render.fps_base
+    exported, rate = read(context), frame_rate(timeline)
     start = number / rate
     paths = {thing.name: [pose(context, thing, scale)] for thing in things}
     times = [start]
@@ -202,8 +212,9 @@ def follow(
             exported.live.set_motion(seen.number, times, np.stack(path))
             # The next update places it anew.
             seen.pose = b""
+    first_places = exported.places(set(places), context) if places else {}
     for key, moved in places.items():
-        first = exported.places(key, context)
+        first = first_places.get(key)
         # What is built of other vertices from frame to frame stays as it is.
         if first is None or any(one.shape != first.shape for one in moved.values()):
             exported.notes.append(f"{exported.name(key)} changes its vertices: within a scan it keeps the shape of the first")
@@ -218,8 +229,7 @@ def follow(
 
 def look(depsgraph: Any, exported: scene.ExportedScene, index: int, poses: "dict[Any, list[Any]]", places: Any) -> None:
     """Records poses of all that is seen, and vertices of what has changed its shape."""
-    scale = depsgraph.scene.unit_settings.scale_length
-    to_metres = np.diag([scale, scale, scale, 1.0])
+    to_metres = scene.to_metres(depsgraph)
     for instance in evaluated.instances(depsgraph):
         key = scene.key_of(instance)
         path = poses.get(key)

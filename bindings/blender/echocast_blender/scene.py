@@ -113,8 +113,7 @@ class ExportedScene:
     # --- reading --------------------------------------------------------------------------------------------------
 
     def find(self, depsgraph: Any, changes: Changes) -> "list[Found]":
-        scale = depsgraph.scene.unit_settings.scale_length
-        to_metres = np.diag([scale, scale, scale, 1.0])
+        metres = to_metres(depsgraph)
         all_differ = evaluated.scene_differs(depsgraph.scene)
         of_pointer: "dict[tuple[Any, ...], Shape]" = {}
         kept: "dict[tuple[Any, ...], Shape]" = {}
@@ -144,7 +143,7 @@ class ExportedScene:
                 identities[identified] = labels.Identity(original, instancer, list(slots))
             identity = identities[identified]
             parts = (identity.part,) * max(1, len(slots)) if identity.part is not None else shape.parts
-            pose = to_metres @ np.array(instance.matrix_world, dtype=np.float64)
+            pose = metres @ np.array(instance.matrix_world, dtype=np.float64)
             if not (np.abs(pose) < FARTHEST).all():
                 faults[original.name] = f"its matrix has numbers that are not finite, or above {FARTHEST:g}"
                 continue
@@ -208,17 +207,18 @@ class ExportedScene:
     def name(self, key: "tuple[Any, ...]") -> str:
         return self.live.objects[self.seen[key].number]
 
-    def places(self, key: "tuple[Any, ...]", context: Any) -> Any:
-        """Positions of the vertices of an object as it is evaluated now."""
-        found: "list[Any]" = []
+    def places(self, keys: "set[tuple[Any, ...]]", context: Any) -> "dict[tuple[Any, ...], Any]":
+        """Positions of the vertices of objects as they are evaluated now."""
+        found: "dict[tuple[Any, ...], Any]" = {}
 
         def look(depsgraph: Any) -> None:
             for instance in evaluated.instances(depsgraph):
-                if not found and key_of(instance) == key:
-                    found.append(geometry.vertices(instance.object.data))
+                key = key_of(instance)
+                if key in keys:
+                    found[key] = geometry.vertices(instance.object.data)
 
         evaluated.visit(context, look)
-        return found[0] if found else None
+        return found
 
     # --- to echocast ----------------------------------------------------------------------------------------------
 
@@ -284,6 +284,12 @@ def made_by(thing: Any) -> "dict[str, Any]":
     except (KeyError, TypeError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}
+
+
+def to_metres(depsgraph: Any) -> Any:
+    """4 x 4, from units of the scene."""
+    scale = depsgraph.scene.unit_settings.scale_length
+    return np.diag([scale, scale, scale, 1.0])
 
 
 def key_of(instance: Any) -> "tuple[Any, ...]":

@@ -9,6 +9,7 @@ import echocast as ec
 import makers
 import numpy as np
 import pytest
+from echocast_blender import clouds
 
 COLUMNS = "x,y,z,category_id,part_id,instance_id"
 
@@ -317,14 +318,7 @@ def test_each_particle_is_one(what: str) -> None:
 
 
 def test_each_instance_of_geometry_nodes_is_one() -> None:
-    tree = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
-    if hasattr(tree, "interface"):
-        for way in ("INPUT", "OUTPUT"):
-            tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
-    else:
-        tree.inputs.new("NodeSocketGeometry", "Geometry")
-        tree.outputs.new("NodeSocketGeometry", "Geometry")
-    start, end = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    tree, start, end = clouds.geometry_tree("Scatter")
     scatter, what = tree.nodes.new("GeometryNodeInstanceOnPoints"), tree.nodes.new("GeometryNodeObjectInfo")
     what.inputs["Object"].default_value = makers.cube("Stone", 0.4, (0, 0, -50))
     what.inputs["As Instance"].default_value = True

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from mathutils import Vector
 
-from echocast_blender import evaluated, scene
+from echocast_blender import clouds, evaluated, scene
+from makers import material
 
 #: As many beams in all directions (Fibonacci's sphere).
 BEAMS = 4000
@@ -69,13 +70,6 @@ def names(exported: scene.ExportedScene) -> "list[str]":
     return sorted(exported.live.objects.values())
 
 
-def material(name: str) -> Any:
-    made = bpy.data.materials.new(name)
-    if bpy.app.version < (5, 0):
-        made.use_nodes = True
-    return made
-
-
 def test_meshes_with_modifiers(tmp_path: Any) -> None:
     bpy.ops.mesh.primitive_monkey_add(location=(3, 0, 0), rotation=(0.3, 0.2, -1), scale=(1.5, 1, 0.7))
     bpy.context.object.modifiers.new("smooth", "SUBSURF").levels = 2
@@ -105,14 +99,7 @@ def test_curves_texts_and_metaballs_once_each(tmp_path: Any) -> None:
 
 def test_hulls_of_geometry_nodes_and_their_instances(tmp_path: Any) -> None:
     bpy.ops.mesh.primitive_grid_add(size=8, location=(0, 0, -1))
-    tree = bpy.data.node_groups.new("stones", "GeometryNodeTree")
-    if hasattr(tree, "interface"):
-        for way in ("INPUT", "OUTPUT"):
-            tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
-    else:
-        tree.inputs.new("NodeSocketGeometry", "Geometry")
-        tree.outputs.new("NodeSocketGeometry", "Geometry")
-    start, end = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    tree, start, end = clouds.geometry_tree("stones")
     points = tree.nodes.new("GeometryNodeDistributePointsOnFaces")
     stone = tree.nodes.new("GeometryNodeMeshCube")
     stone.inputs["Size"].default_value = (0.3, 0.2, 0.4)

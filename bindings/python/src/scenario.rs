@@ -156,7 +156,7 @@ impl Scenario {
         let py = slf.py();
         if slf.get().now(py).blend().is_some() {
             let instead = "let each process make it with the scene that Blender has read";
-            return Err(no_pickle::<()>("a Scenario with a file of Blender", instead).unwrap_err().into());
+            return Ok(no_pickle("a Scenario with a file of Blender", instead)?);
         }
         let here = std::env::current_dir().map_err(PyErr::from)?;
         let mut made = slf.get().now(py).clone();

@@ -109,8 +109,7 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, scene: Option<Sce
     let done = match cli.command {
         // Without a command, that is all there is to do.
         None => print_version(cli.verbose),
-        Some(Command::Run(args)) => run::run(&args, arguments.get(1..).unwrap_or_default(), scene),
-        Some(command) => command.run(),
+        Some(command) => command.run(arguments.get(1..).unwrap_or_default(), scene),
     };
     match done {
         Ok(()) => 0,
@@ -128,10 +127,11 @@ pub fn run_with(arguments: impl IntoIterator<Item = OsString>, scene: Option<Sce
 }
 
 impl Command {
-    fn run(self) -> anyhow::Result<()> {
+    /// `arguments` are those of the command line, `scene` what Blender has read.
+    fn run(self, arguments: &[OsString], scene: Option<Scene>) -> anyhow::Result<()> {
         match self {
             Command::Scan(args) => scan::run(&args),
-            Command::Run(args) => run::run(&args, &[], None),
+            Command::Run(args) => run::run(&args, arguments, scene),
             Command::Sensors(args) => sensors::run(&args),
             Command::Info(args) => info::run(&args),
             Command::Convert(args) => convert::run(&args),
