@@ -1,5 +1,6 @@
 """Scans and scenarios without a window."""
 
+import atexit
 import os
 import sys
 from collections.abc import Iterable
@@ -9,7 +10,7 @@ from typing import Any
 import bpy
 import echocast as ec
 
-from . import files, scan
+from . import files, operators, scan
 
 
 def run(
@@ -23,6 +24,7 @@ def run(
     itself is not changed.
     """
     enable()
+    check_idle()
     context = bpy.context
     listed = any(one.enabled for one in context.scene.echocast.outputs)
     folder = output if output is not None else None if listed else "//scans"
@@ -56,11 +58,26 @@ def enable() -> None:
 
     if not hasattr(bpy.types.Scene, "echocast"):
         register()
+        # As a module, Blender 4.5 does not end otherwise.
+        atexit.register(disable)
+
+
+def disable() -> None:
+    from . import unregister
+
+    if hasattr(bpy.types.Scene, "echocast"):
+        unregister()
+
+
+def check_idle() -> None:
+    if operators.EchocastScan.running:
+        raise ec.ArgumentError(operators.BUSY)
 
 
 def animated_scene(context: Any = None) -> ec.Scene:
     """The open scene as an `ec.Scene`, with what moves over its range of frames, and a camera node for each sensor and
     camera. Times are those of the animation: frame 0 is at 0 s."""
+    check_idle()
     context = context or bpy.context
     timeline = context.scene
     scale, rate = timeline.unit_settings.scale_length, scan.frame_rate(timeline)

@@ -5,9 +5,9 @@ import json
 from typing import Any
 
 import bpy
-import echocast as ec
 import numpy as np
 
+from . import geometry, srgb
 from .scan import Result
 from .scene import RESULT, made_by
 
@@ -19,6 +19,11 @@ TITLE, RANGE = "echocast_image", "echocast_range"
 
 #: Columns whose numbers are names: each number has a colour.
 LABELS = ("category_id", "part_id", "instance_id", "material_id", "first_category_id", "first_instance_id", "cause", "track_id")
+
+#: Columns that are the positions of vertices.
+PLACE = ("x", "y", "z")
+#: Types of attributes that columns have, and those of their numbers.
+KINDS = {"INT": np.int32, "FLOAT": np.float32}
 
 #: Positions in a table of colours from blue over green to red, and red, green, blue there, linear.
 SCALE = np.array(
@@ -38,16 +43,11 @@ def add(context: Any, result: Result, scale: float) -> Any:
     name = f"{result.task.name} {result.task.frame}"
     mesh = bpy.data.meshes.new(name)
     mesh.vertices.add(len(cloud))
-    if len(cloud):
-        mesh.vertices.foreach_set("co", np.ascontiguousarray(cloud.xyz / scale, dtype=np.float32).ravel())
+    geometry.set_vertices(mesh, np.ascontiguousarray(cloud.xyz / scale, dtype=np.float32))
     for field in cloud.fields:
-        if field not in ("x", "y", "z"):
-            set_attribute(mesh, field, cloud[field], cloud)
-    values = colors(cloud, wanted.color)
-    attribute = mesh.attributes.new(COLOR, "FLOAT_COLOR", "POINT")
-    if len(cloud):
-        attribute.data.foreach_set("color", values.ravel())
-    mesh.update()
+        if field not in PLACE:
+            set_attribute(mesh, field, cloud[field])
+    paint(mesh, wanted.color)
     thing = existing(context.scene, result)
     if thing is None:
         thing = bpy.data.objects.new(name, mesh)
@@ -83,7 +83,7 @@ def collection(scene: Any) -> Any:
     return found
 
 
-def set_attribute(mesh: Any, name: str, values: Any, cloud: ec.PointCloud) -> None:
+def set_attribute(mesh: Any, name: str, values: Any) -> None:
     if values.dtype.kind in "iu":
         kind, values = "INT", np.minimum(values.astype(np.int64), 2**31 - 1).astype(np.int32)
     else:
@@ -95,16 +95,47 @@ def set_attribute(mesh: Any, name: str, values: Any, cloud: ec.PointCloud) -> No
         attribute.data.foreach_set("value", np.ascontiguousarray(values))
 
 
-def colors(cloud: ec.PointCloud, column: str) -> Any:
+def column(mesh: Any, name: str) -> Any:
+    """A column of the points; None: they do not have it."""
+    attribute = mesh.attributes.get(name)
+    if attribute is None or attribute.domain != "POINT" or attribute.data_type not in KINDS:
+        return None
+    return geometry.get(attribute.data, "value", len(attribute.data), KINDS[attribute.data_type])
+
+
+def paint(mesh: Any, name: str) -> None:
+    """Colours points by a column."""
+    values = colors(mesh, name)
+    before = mesh.attributes.get(COLOR)
+    if before is not None:
+        mesh.attributes.remove(before)
+    mesh.attributes.new(COLOR, "FLOAT_COLOR", "POINT").data.foreach_set("color", values.ravel())
+    mesh.update()
+
+
+def paint_again(scene: Any) -> None:
+    """Colours the points that a scene has by the column that it wants now."""
+    for thing in scene.objects:
+        # What is linked from other files stays as it is, and in edit mode attributes are not in the mesh.
+        if thing.type != "MESH" or thing.library or thing.data.library or thing.data.is_editmode:
+            continue
+        made = made_by(thing)
+        if made:
+            thing[RESULT] = json.dumps({**made, "color": scene.echocast.color})
+            paint(thing.data, scene.echocast.color)
+
+
+def colors(mesh: Any, name: str) -> Any:
     """Red, green, blue, alpha of each point, linear, float32."""
-    if column == "color" and {"red", "green", "blue"} <= set(cloud.fields):
-        encoded = np.stack([cloud[name] for name in ("red", "green", "blue")], axis=1) / 255.0
-        linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-        return np.concatenate([linear, np.ones((len(cloud), 1))], axis=1).astype(np.float32)
-    if column not in cloud.fields:
-        return np.tile(np.array([0.8, 0.8, 0.8, 1.0], dtype=np.float32), (len(cloud), 1))
-    values = np.asarray(cloud[column])
-    if column in LABELS:
+    count = len(mesh.vertices)
+    channels = [column(mesh, channel) for channel in ("red", "green", "blue")]
+    if name == "color" and all(channel is not None for channel in channels):
+        light = srgb.light(np.stack(channels, axis=1) / 255.0)
+        return np.concatenate([light, np.ones((count, 1))], axis=1).astype(np.float32)
+    values = geometry.vertices(mesh)[:, PLACE.index(name)] if name in PLACE else column(mesh, name)
+    if values is None:
+        return np.tile(np.array([0.8, 0.8, 0.8, 1.0], dtype=np.float32), (count, 1))
+    if name in LABELS:
         numbers, place = np.unique(values, return_inverse=True)
         table = np.array([label_color(int(number)) for number in numbers], dtype=np.float32).reshape(-1, 4)
         return table[place.ravel()]
@@ -114,15 +145,17 @@ def colors(cloud: ec.PointCloud, column: str) -> Any:
     low, high = np.percentile(known, [1, 99]) if len(known) else (0.0, 1.0)
     part = np.clip((np.nan_to_num(values, nan=low) - low) / (high - low if high > low else 1.0), 0, 1)
     channels = [np.interp(part, SCALE[:, 0], SCALE[:, channel]) for channel in (1, 2, 3)]
-    return np.stack([*channels, np.ones(len(values))], axis=1).astype(np.float32)
+    return np.stack([*channels, np.ones(count)], axis=1).astype(np.float32)
 
 
 def label_color(number: int) -> "tuple[float, float, float, float]":
-    """A colour for a label: grey for none, else steps of the golden ratio around the circle of hues."""
+    """A colour for a label, linear: grey for none, else steps of the golden ratio around the circle of hues."""
     if number == 0:
         return (0.3, 0.3, 0.3, 1.0)
     hue = number * 0.6180339887498949 % 1.0
-    return (*colorsys.hsv_to_rgb(hue, 0.75 if number % 2 else 0.55, 0.8), 1.0)
+    # Hues and saturations are of colours as they are shown.
+    red, green, blue = srgb.light(np.array(colorsys.hsv_to_rgb(hue, 0.75 if number % 2 else 0.55, 0.8))).tolist()
+    return (red, green, blue, 1.0)
 
 
 # --- how points look ----------------------------------------------------------------------------------------------

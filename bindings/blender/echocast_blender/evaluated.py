@@ -11,6 +11,10 @@ import echocast as ec
 DATA_PAIRS = {"META": [("resolution", "render_resolution")], "CURVE": [("resolution_u", "render_resolution_u")]}
 DATA_PAIRS["FONT"] = DATA_PAIRS["SURFACE"] = DATA_PAIRS["CURVE"]
 
+#: Types of objects that render, and what of them Blender makes no mesh of.
+RENDERED = {"MESH": "hairs", "CURVES": "curves", "POINTCLOUD": "points", "VOLUME": "volumes"}
+RENDERED["GPENCIL"] = RENDERED["GREASEPENCIL"] = "strokes"
+
 
 def differs(scene: Any, view_layer: Any) -> bool:
     """Whether rendering sees anything that the viewport does not show, or in another shape."""
@@ -157,13 +161,14 @@ def render_result_kept() -> "Iterator[None]":
 
 
 def instances(depsgraph: Any) -> "Iterator[Any]":
-    """Instances of meshes that render. Each is valid only until the next."""
+    """Instances of what renders and has a mesh, or something that Blender makes none of, such as the hair of an emitter that
+    does not show itself. Each is valid only until the next."""
     rendered = depsgraph.mode == "RENDER"
     shown: "dict[int, bool]" = {}
     layers = {} if rendered else collections_shown(depsgraph.view_layer)
     for instance in depsgraph.object_instances:
         thing = instance.object
-        if thing.type != "MESH" or not instance.show_self:
+        if thing.type not in RENDERED or not (instance.show_self or instance.show_particles):
             continue
         source = instance.parent if instance.is_instance and instance.parent else thing
         if not rendered:
@@ -180,6 +185,18 @@ def instances(depsgraph: Any) -> "Iterator[Any]":
                 yield instance
             continue
         yield instance
+
+
+def without_mesh(thing: Any) -> "str | None":
+    """What of an evaluated object renders, though Blender makes no mesh of it."""
+    what = RENDERED[thing.type]
+    if thing.type == "MESH":
+        systems = (one.particle_system for one in thing.modifiers if one.type == "PARTICLE_SYSTEM" and one.show_render)
+        held = [one for one in systems if one.settings.type == "HAIR" and one.settings.render_type == "PATH"]
+    else:
+        # Where these can be counted, there may be none: nodes have made a mesh of them.
+        held = getattr(thing.data, what, [thing])
+    return what if len(held) else None
 
 
 def collections_shown(view_layer: Any) -> "dict[str, bool]":

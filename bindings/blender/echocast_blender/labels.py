@@ -3,7 +3,14 @@
 import re
 from typing import Any
 
+import bpy
+
 from .materials import label
+
+#: Types of objects that have no mesh.
+BARE = ("EMPTY", "ARMATURE", "LATTICE", "CAMERA", "LIGHT", "LIGHT_PROBE", "SPEAKER")
+#: An object with more pieces is taken for a group of things.
+MOST_PIECES = 64
 
 #: `Chair.001`, as Blender names copies.
 COPY = re.compile(r"(.+)\.\d{3,}")
@@ -23,26 +30,70 @@ def ancestry(thing: Any) -> "list[Any]":
     return chain
 
 
-def is_group(thing: Any) -> bool:
-    """Whether an object only groups others: an empty at the origin of its parent, or with another such empty in it."""
-    if thing.type != "EMPTY" or thing.instance_type == "COLLECTION" or "categoryID" in thing:
-        return False
-    place = thing.matrix_local
-    still = all(abs(place[row][column] - (row == column)) < 1e-6 for row in range(4) for column in range(4))
-    return still or any(child.type == "EMPTY" for child in thing.children)
+class Groups:
+    """Which objects only group others, as in files (docs/files.md, Labels)."""
+
+    def __init__(self) -> None:
+        self.known: "dict[Any, bool]" = {}
+        self.pieces: "dict[Any, dict[Any, None]] | None" = None
+
+    def __contains__(self, thing: Any) -> bool:
+        if thing not in self.known:
+            bare = thing.type in BARE and thing.instance_type != "COLLECTION" and "categoryID" not in thing
+            self.known[thing] = bare and (is_at_origin(thing) or self.holds_a_group(thing))
+        return self.known[thing]
+
+    def holds_a_group(self, thing: Any) -> bool:
+        """Whether an object contains one other group, and nothing else, or very many pieces."""
+        if self.pieces is None:
+            self.pieces = pieces()
+        held = self.pieces.get(thing, {})
+        return len(held) > MOST_PIECES or len(held) == 1 and next(iter(held)) in self
+
+
+def is_at_origin(thing: Any) -> bool:
+    """Whether an object has the same origin as its parent, and stays there."""
+    return max(map(abs, thing.matrix_local.translation)) < 1e-6 and not thing.constraints and "location" not in animated(thing)
+
+
+def animated(thing: Any) -> "set[str]":
+    """Paths of the properties of an object that its animation changes."""
+    data = thing.animation_data
+    if data is None:
+        return set()
+    action, curves = data.action, list(data.drivers)
+    if hasattr(action, "layers"):
+        strips = [strip for layer in action.layers for strip in layer.strips]
+        bags = [bag for strip in strips for bag in strip.channelbags if bag.slot_handle == data.action_slot_handle]
+        curves += [curve for bag in bags for curve in bag.fcurves]
+    elif action is not None:
+        curves += action.fcurves
+    return {curve.data_path for curve in curves}
+
+
+def pieces() -> "dict[Any, dict[Any, None]]":
+    """The children of objects that have a mesh, or something with a mesh below them."""
+    found: "dict[Any, dict[Any, None]]" = {}
+    for thing in bpy.data.objects:
+        if thing.type in BARE and thing.instance_type != "COLLECTION":
+            continue
+        while thing.parent is not None and thing not in found.setdefault(thing.parent, {}):
+            found[thing.parent][thing] = None
+            thing = thing.parent
+    return found
 
 
 class Identity:
     """Category of an object that is seen, and the object that makes one instance of it and what belongs to it."""
 
-    def __init__(self, seen: Any, instancer: Any, materials: "list[Any]") -> None:
+    def __init__(self, seen: Any, instancer: Any, materials: "list[Any]", groups: Groups) -> None:
         """`seen`: the original object; `instancer`: that which made an instance of it, or None; `materials`: those of
         its slots, original."""
         own = ancestry(seen)
         chain = own + (ancestry(instancer) if instancer is not None and instancer != seen else [])
         giver = next((one for one in chain if "categoryID" in one), None)
         of_material = next((one["categoryID"] for one in materials if one is not None and "categoryID" in one), None)
-        outermost = next((one for one in reversed(own) if not is_group(one)), seen)
+        outermost = next((one for one in reversed(own) if one not in groups), seen)
         #: The object that all that belongs to it is one instance with, if no instancer makes several of it.
         self.owner = giver or outermost
         #: Within an instance of a collection, the object that is an instance by itself; None: all of it is one.

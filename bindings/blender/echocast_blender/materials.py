@@ -11,6 +11,8 @@ import echocast as ec
 import numpy as np
 from mathutils import Euler, Matrix
 
+from . import srgb
+
 #: Custom properties of materials that are keys of materials of echocast.
 KEYS = (
     "reflectance",
@@ -48,6 +50,7 @@ class Image:
     uv_map: "str | None" = None
     #: 3 x 3, from texture coordinates to those of the image.
     matrix: Any = None
+    #: As echocast has it, or "clip": beyond its edges there is nothing.
     wrap: str = "repeat"
     filter: str = "linear"
     #: Whether its alpha is used, or its colours.
@@ -314,7 +317,7 @@ def mixed(node: Any, groups: "tuple[Any, ...]", notes: Notes) -> "Surface | None
         return replace(first, alpha=first.alpha * (1 - factor))
     share = factor if image is None else 0.5
     notes.add(f"the mix at the node {node.name} is approximated by one surface in between")
-    between = lambda a, b: a + share * (b - a)
+    between: Any = lambda a, b: a + share * (b - a)
     larger = first if share < 0.5 else second
     return Surface(
         color=tuple(between(a, b) for a, b in zip(first.color, second.color)),
@@ -344,11 +347,10 @@ def number(socket: Any, groups: "tuple[Any, ...]", notes: Notes) -> float:
     node = linked.node
     if not linked.is_output or node.type in ("VALUE", "RGB"):
         return scalar(linked)
-    if node.type == "TEX_IMAGE" and node.image:
+    if node.type == "TEX_IMAGE" and node.image and is_readable(node.image):
         mean = mean_color(node.image)
-        if mean is not None:
-            notes.add(f"the mean of the image {node.image.name} is used for {socket.name}")
-            return mean[3] if linked.name == "Alpha" else luminance(mean)
+        notes.add(f"the mean of the image {node.image.name} is used for {socket.name}")
+        return mean[3] if linked.name == "Alpha" else luminance(mean)
     if node.type in ("MATH", "CLAMP", "MAP_RANGE", "SEPARATE_COLOR", "SEPRGB", "VALTORGB", "INVERT"):
         inner = next((inner for inner in node.inputs if inner.is_linked), None)
         if inner is not None:
@@ -408,8 +410,9 @@ def mixed_colors(node: Any, groups: "tuple[Any, ...]", notes: Notes) -> "tuple[t
 
 def rgb(socket: Any) -> "tuple[float, float, float]":
     """The own value of a socket as a colour."""
-    value = getattr(socket, "default_value", 0.0)
-    return tuple(float(channel) for channel in value[:3]) if hasattr(value, "__len__") else (float(value),) * 3
+    value: Any = getattr(socket, "default_value", 0.0)
+    red, green, blue = value[:3] if hasattr(value, "__len__") else (value,) * 3
+    return float(red), float(green), float(blue)
 
 
 @once
@@ -445,11 +448,13 @@ def image_color(node: Any, groups: "tuple[Any, ...]", notes: Notes) -> "tuple[tu
         why = f"it is {image.source.lower()}"
     elif node.projection != "FLAT":
         why = f"its projection is {node.projection.lower()}"
-    if why is not None:
+    if place is None or why is not None:
         notes.add(f"the mean of the image {image.name} is used, as {why}")
         return mean_color(image)[:3], None
     uv_map, matrix = place
-    wraps = {"REPEAT": "repeat", "EXTEND": "clamp_to_edge", "CLIP": "clamp_to_edge", "MIRROR": "mirrored_repeat"}
+    # There is no room for an edge around the largest images.
+    clips = max(image.size) + 2 <= LONGEST_SIDE
+    wraps = {"EXTEND": "clamp_to_edge", "CLIP": "clip" if clips else "clamp_to_edge", "MIRROR": "mirrored_repeat"}
     nearest = node.interpolation == "Closest"
     return white, Image(image, uv_map, matrix, wraps.get(node.extension, "repeat"), "nearest" if nearest else "linear")
 
@@ -508,16 +513,23 @@ def images(surface: Surface, notes: Notes) -> "tuple[dict[str, Any], Image | Non
     options: "dict[str, Any]" = {}
     if used is None:
         return options, None
+    # Beyond what is clipped, an edge of nothing goes on.
+    edge = int(used.wrap == "clip")
+    around = ((edge, edge), (edge, edge), (0, 0))
     if base:
-        options["image"] = encoded(base.image)
+        options["image"] = np.pad(encoded(base.image), around)
     if mask:
         if base and (mask.uv_map, mask.wrap) != (base.uv_map, base.wrap):
             notes.add(f"the image {mask.image.name} of its alpha has the coordinates of that of its colour")
-        channels = light(mask.image)
+        channels = np.pad(light(mask.image), around)
         options["alpha_image"] = to_bytes(channels[:, :, 3] if mask.alpha else luminance(channels))
-    options.update(wrap=used.wrap, filter=used.filter)
-    if not np.allclose(used.matrix, np.eye(3)):
-        options["image_matrix"] = used.matrix
+    options.update(wrap="clamp_to_edge" if edge else used.wrap, filter=used.filter)
+    size = np.array(used.image.size)
+    within = np.diag([*(size / (size + 2 * edge)), 1.0])
+    within[:2, 2] = edge / (size + 2 * edge)
+    matrix = within @ used.matrix
+    if not np.allclose(matrix, np.eye(3)):
+        options["image_matrix"] = matrix
     return options, used
 
 
@@ -544,7 +556,7 @@ def encoded(image: "bpy.types.Image") -> Any:
     """Height x width x 3, uint8, sRGB."""
     colors = stored(image)[:, :, :3]
     if is_light(image):
-        colors = np.where(colors <= 0.0031308, 12.92 * colors, 1.055 * colors ** (1 / 2.4) - 0.055)
+        colors = srgb.encoded(colors)
     return to_bytes(colors)
 
 
@@ -552,8 +564,7 @@ def light(image: "bpy.types.Image") -> Any:
     """Height x width x 4, float32, linear."""
     values = stored(image)
     if not is_light(image):
-        colors = values[:, :, :3]
-        values[:, :, :3] = np.where(colors <= 0.04045, colors / 12.92, ((colors + 0.055) / 1.055) ** 2.4)
+        values[:, :, :3] = srgb.light(values[:, :, :3])
     return values
 
 
@@ -561,8 +572,6 @@ def to_bytes(values: Any) -> Any:
     return np.rint(255 * values).astype(np.uint8)
 
 
-def mean_color(image: "bpy.types.Image") -> "tuple[float, float, float, float] | None":
-    """The mean of its linear colours and its alpha; None if it cannot be read."""
-    if not is_readable(image):
-        return None
+def mean_color(image: "bpy.types.Image") -> "tuple[Any, ...]":
+    """The mean of its linear colours and its alpha."""
     return tuple(light(image).mean(axis=(0, 1), dtype=np.float64).tolist())

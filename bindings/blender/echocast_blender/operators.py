@@ -13,6 +13,9 @@ import numpy as np
 
 from . import clouds, files, scan, scene, sensors
 
+#: Why nothing else is scanned while a scan runs in a window, which sees the scene as it was read.
+BUSY = "a scan is running; allowed: one at a time, once it has ended or Esc has stopped it"
+
 
 def report(operator: Any, context: Any, notes: "list[str]") -> None:
     """Says what was approximated, each once, and keeps it for the panel."""
@@ -24,7 +27,13 @@ def report(operator: Any, context: Any, notes: "list[str]") -> None:
 def is_object_mode(operator: Any, context: Any) -> bool:
     """Whether Blender is in object mode; says so where it is not."""
     operator.poll_message_set(f"the mode is {context.mode}; allowed: OBJECT")
-    return context.mode == "OBJECT"
+    return bool(context.mode == "OBJECT")
+
+
+def is_idle(operator: Any) -> bool:
+    """Whether no scan runs in a window; says so where one does."""
+    operator.poll_message_set(BUSY)
+    return not EchocastScan.running
 
 
 def finish(context: Any, frame: scan.Frame, results: "list[scan.Result]") -> "list[str]":
@@ -47,9 +56,12 @@ class EchocastScan(bpy.types.Operator):
     bl_label = "Scan"
     bl_options = {"REGISTER", "UNDO"}
 
+    #: Whether one runs in a window, and whether undo has gone back behind what it has added.
+    running = undone = False
+
     @classmethod
     def poll(cls, context: Any) -> bool:
-        return is_object_mode(cls, context)
+        return is_idle(cls) and is_object_mode(cls, context)
 
     def execute(self, context: Any) -> "set[str]":
         """The whole scan, as in scripts and in the background."""
@@ -60,7 +72,7 @@ class EchocastScan(bpy.types.Operator):
             with scan.same_frame(context.scene):
                 for number in scan.frames(context):
                     frame = scan.prepare(context, number)
-                    results = list(scan.run(frame, lambda fraction: True))
+                    results = list(scan.run(frame, lambda fraction: True, context.scene.echocast.images))
                     notes.update(dict.fromkeys([*frame.notes, *finish(context, frame, results)]))
                     points += sum(len(result.cloud) for result in results)
                     done += 1
@@ -72,7 +84,8 @@ class EchocastScan(bpy.types.Operator):
         self.report({"INFO"}, f"{points:,} points")
         return {"FINISHED"}
 
-    # In a window the scan runs in a thread of its own, frame by frame.
+    # In a window the scan runs in a thread of its own, frame by frame. Meanwhile Blender is the user's: what they change
+    # counts from the next frame on.
 
     def invoke(self, context: Any, _event: Any) -> "set[str]":
         return self.execute(context) if bpy.app.background else self.begin(context)
@@ -83,49 +96,87 @@ class EchocastScan(bpy.types.Operator):
         except ec.Error as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        self.begun = (context.scene.frame_current, context.scene.frame_subframe)
+        # By name: undo gives all data another place in memory.
+        self.scene = context.scene.name
+        # The frame that there was, and the one that the scan has left Blender at.
+        self.begun = self.reached = frame_of(context.scene)
         self.left = scan.frames(context)
         self.total = len(self.left)
-        self.points, self.done, self.notes = 0, 0, {}
+        self.points, self.done = 0, 0
+        self.notes: "dict[str, None]" = {}
         self.job: "Job | None" = None
         manager = context.window_manager
         self.timer = manager.event_timer_add(0.05, window=context.window)
         manager.progress_begin(0, 1000)
         manager.modal_handler_add(self)
+        EchocastScan.running, EchocastScan.undone = True, False
         return {"RUNNING_MODAL"}
 
     def modal(self, context: Any, event: Any) -> "set[str]":
         if event.type == "ESC" and event.value == "PRESS":
-            if self.job is not None:
-                self.job.stop()
             return self.end(context, "stopped: what was scanned before remains")
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"} if event.type in ("MOUSEMOVE", "INBETWEEN_MOUSEMOVE") else {"RUNNING_MODAL"}
-        try:
-            if self.job is None:
-                if not self.left:
+        if event.type == "TIMER":
+            try:
+                if self.step(context):
                     return self.end(context, None)
-                self.job = Job(scan.prepare(context, self.left.pop(0)))
-            part = (self.done + self.job.fraction) / self.total
-            context.window_manager.progress_update(int(1000 * part))
-            context.workspace.status_text_set(f"Echocast: {100 * part:.0f} %, Esc stops")
-            if self.job.is_done():
-                job, self.job = self.job, None
-                results = job.results()
-                self.notes.update(dict.fromkeys([*job.frame.notes, *finish(context, job.frame, results)]))
-                self.points += sum(len(result.cloud) for result in results)
-                self.done += 1
-        except ec.Error as error:
-            return self.end(context, str(error))
-        return {"RUNNING_MODAL"}
+            except ec.Error as error:
+                return self.end(context, str(error))
+            except BaseException:
+                self.cancel(context)
+                raise
+        return {"PASS_THROUGH"}
+
+    def step(self, context: Any) -> bool:
+        """Does what there is to do in Blender; returns whether the scan is complete."""
+        if self.scene not in bpy.data.scenes:
+            raise ec.ArgumentError(f"the scene {self.scene} is no longer there: what was scanned before remains")
+        if self.done and self.undone:
+            raise ec.CancelledError("stopped by undo, which takes away what was scanned since the step before")
+        EchocastScan.undone = False
+        part = (self.done + (self.job.fraction if self.job else 0.0)) / self.total
+        context.window_manager.progress_update(int(1000 * part))
+        waiting = self.obstacle(context)
+        status = f"waiting for {waiting}" if waiting else f"{100 * part:.0f} %"
+        context.workspace.status_text_set(f"Echocast: {status}, Esc stops")
+        if waiting:
+            return False
+        if self.job is None:
+            try:
+                frame = scan.prepare(context, self.left.pop(0))
+            finally:
+                self.reached = frame_of(context.scene)
+            self.job = Job(frame, context.scene.echocast.images)
+        elif self.job.is_done():
+            job, self.job = self.job, None
+            results = job.results()
+            self.notes.update(dict.fromkeys([*job.frame.notes, *finish(context, job.frame, results)]))
+            self.points += sum(len(result.cloud) for result in results)
+            self.done += 1
+        return self.done == self.total
+
+    def obstacle(self, context: Any) -> "str | None":
+        """What the user does that keeps the scene from being read, and results from being added."""
+        if context.scene.name != self.scene:
+            return f"the scene {self.scene} to be shown"
+        if context.mode != "OBJECT":
+            return "object mode"
+        return "the end of rendering" if bpy.app.is_job_running("RENDER") else None
+
+    def cancel(self, context: Any) -> None:
+        """Ends it without results, as when another file is opened."""
+        EchocastScan.running = False
+        if self.job is not None:
+            self.job.stop()
+        context.window_manager.event_timer_remove(self.timer)
+        context.window_manager.progress_end()
+        if context.workspace is not None:
+            context.workspace.status_text_set(None)
 
     def end(self, context: Any, fault: "str | None") -> "set[str]":
-        manager = context.window_manager
-        manager.event_timer_remove(self.timer)
-        manager.progress_end()
-        context.workspace.status_text_set(None)
-        timeline = context.scene
-        if (timeline.frame_current, timeline.frame_subframe) != self.begun:
+        self.cancel(context)
+        timeline = bpy.data.scenes.get(self.scene)
+        # A frame that the user has gone to stays.
+        if timeline is not None and frame_of(timeline) == self.reached != self.begun:
             timeline.frame_set(self.begun[0], subframe=self.begun[1])
         if fault is not None:
             self.report({"ERROR"}, fault)
@@ -136,11 +187,15 @@ class EchocastScan(bpy.types.Operator):
         return {"FINISHED"}
 
 
+def frame_of(timeline: Any) -> "tuple[int, float]":
+    return (timeline.frame_current, timeline.frame_subframe)
+
+
 class Job:
     """The scans of a frame in a thread, which touches nothing of Blender."""
 
-    def __init__(self, frame: scan.Frame) -> None:
-        self.frame, self.fraction = frame, 0.0
+    def __init__(self, frame: scan.Frame, images: bool) -> None:
+        self.frame, self.images, self.fraction = frame, images, 0.0
         self.stopped = False
         self.outcome: "queue.Queue[Any]" = queue.Queue()
         self.thread = threading.Thread(target=self.work, daemon=True)
@@ -148,7 +203,7 @@ class Job:
 
     def work(self) -> None:
         try:
-            self.outcome.put(list(scan.run(self.frame, self.tell)))
+            self.outcome.put(list(scan.run(self.frame, self.tell, self.images)))
         except BaseException as error:
             self.outcome.put(error)
 
@@ -257,7 +312,7 @@ class EchocastExplain(bpy.types.Operator):
     @classmethod
     def poll(cls, context: Any) -> bool:
         thing = context.object
-        return thing is not None and scene.RESULT in thing and thing.type == "MESH"
+        return thing is not None and scene.RESULT in thing and thing.type == "MESH" and is_idle(cls)
 
     def execute(self, context: Any) -> "set[str]":
         thing = context.object
@@ -314,6 +369,11 @@ CLASSES = (
 )
 
 
+@bpy.app.handlers.persistent
+def note_undo(*_: Any) -> None:
+    EchocastScan.undone = True
+
+
 def add_menu(menu: Any, _context: Any) -> None:
     menu.layout.operator(EchocastAddSensor.bl_idname, text="Depth Sensor", icon="OUTLINER_OB_LIGHTPROBE")
 
@@ -322,9 +382,11 @@ def register() -> None:
     for one in CLASSES:
         bpy.utils.register_class(one)
     bpy.types.VIEW3D_MT_add.append(add_menu)
+    bpy.app.handlers.undo_post.append(note_undo)
 
 
 def unregister() -> None:
+    bpy.app.handlers.undo_post.remove(note_undo)
     bpy.types.VIEW3D_MT_add.remove(add_menu)
     for one in reversed(CLASSES):
         bpy.utils.unregister_class(one)

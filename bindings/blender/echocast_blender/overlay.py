@@ -1,6 +1,5 @@
 """What is drawn in the viewport: fields of view of sensors, points of scans, and what their colours mean."""
 
-import json
 from typing import Any
 
 import bpy
@@ -8,7 +7,7 @@ import echocast as ec
 import numpy as np
 from mathutils import Matrix, Vector
 
-from . import clouds, scene, sensors
+from . import clouds, scene, sensors, srgb
 
 #: Sectors of azimuth whose lowest and highest beams are drawn.
 SECTORS = 72
@@ -24,6 +23,9 @@ CLOSER = 0.003
 #: Most rows of the legend.
 ROWS = 12
 
+#: A colour as it is shown, and what it means.
+Row = tuple[tuple[float, ...], str]
+
 DRAWN: "list[Any]" = []
 #: Sensors, and what is drawn of them: ends of lines around what the beams cover, and of lines from the sensor, by pointers
 #: of their objects.
@@ -31,24 +33,22 @@ VIEWS: "dict[int, tuple[ec.Sensor, Any, Any]]" = {}
 #: Points in their colours, and rows of the legend, by pointers of objects.
 POINTS: "dict[int, tuple[Any, list[Row]]]" = {}
 
-#: A colour as it is shown, and what it means.
-Row = "tuple[tuple[float, ...], str]"
-
 
 # --- fields of view ---------------------------------------------------------------------------------------------------
 
 
 def outline(directions: Any) -> "tuple[Any, Any]":
     """Ends of lines around `directions`, on the unit sphere, and of those from its centre: each 2n x 3, float32."""
-    if len(directions) <= FEW:
-        around, spokes = [], list(directions)
-    else:
+    around: "list[Any]" = []
+    spokes = list(directions)
+    if len(directions) > FEW:
         axis = directions.mean(axis=0)
         axis /= max(np.linalg.norm(axis), 1e-9)
         cone = np.arccos(np.clip(directions @ axis, -1, 1)).max() < WIDEST
         around, spokes = around_cone(directions, axis) if cone else around_turn(directions)
     from_centre = [end for spoke in spokes for end in (np.zeros(3), spoke)]
-    return tuple(np.array(lines, dtype=np.float32).reshape(-1, 3) for lines in (around, from_centre))
+    first, second = (np.array(lines, dtype=np.float32).reshape(-1, 3) for lines in (around, from_centre))
+    return first, second
 
 
 def around_cone(directions: Any, axis: Any) -> "tuple[list[Any], list[Any]]":
@@ -193,20 +193,17 @@ def draw_points(thing: Any, view: Any) -> None:
 
 def encoded(colors: Any) -> Any:
     """Linear colours as the shaders take them, sRGB."""
-    light = np.clip(colors, 0, 1)
-    light[:, :3] = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)[:, :3]
-    return light
+    shown = np.clip(colors, 0, 1)
+    shown[:, :3] = srgb.encoded(shown[:, :3])
+    return shown
 
 
 def legend(thing: Any) -> "list[Row]":
     """Colours of a cloud, and what they mean: names, those of most points first, or values."""
-    column = json.loads(thing[scene.RESULT])["color"]
-    attribute = thing.data.attributes.get(column)
-    if attribute is None or not len(attribute.data):
+    column = scene.made_by(thing).get("color", "")
+    values = clouds.column(thing.data, column)
+    if values is None or not len(values):
         return []
-    whole = attribute.data_type == "INT"
-    values = np.empty(len(attribute.data), dtype=np.int32 if whole else np.float32)
-    attribute.data.foreach_get("value", values)
     if column in clouds.LABELS:
         numbers, counts = np.unique(values, return_counts=True)
         names = thing.get(TABLES.get(column, ""), {})
@@ -218,7 +215,7 @@ def legend(thing: Any) -> "list[Row]":
     if not len(known):
         return []
     low, high = np.percentile(known, [1, 99])
-    rows = []
+    rows: "list[Row]" = []
     for share in (1.0, 0.75, 0.5, 0.25, 0.0) if high > low else (0.0,):
         color = [np.interp(share, clouds.SCALE[:, 0], clouds.SCALE[:, channel]) for channel in (1, 2, 3)]
         title = "" if rows else f"{column.replace('_', ' ')} "
@@ -265,7 +262,7 @@ def shown(context: Any) -> "list[Any]":
 
 
 def shown_clouds(context: Any) -> "list[Any]":
-    return [one for one in shown(context) if scene.RESULT in one and one.type == "MESH" and one.mode == "OBJECT"]
+    return [one for one in shown(context) if one.type == "MESH" and one.mode == "OBJECT" and scene.made_by(one)]
 
 
 def draw() -> None:

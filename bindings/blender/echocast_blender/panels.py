@@ -118,6 +118,10 @@ class EchocastShowSection(bpy.types.Operator):
 
     section: bpy.props.StringProperty()
 
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return context.object is not None
+
     def execute(self, context: Any) -> "set[str]":
         context.object.echocast.section = self.section
         return {"FINISHED"}

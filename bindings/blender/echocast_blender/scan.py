@@ -91,7 +91,7 @@ def prepare(context: Any, number: int) -> Frame:
     timeline = context.scene
     things = sensors.all_of(timeline)
     if not things:
-        raise ec.ArgumentError("the scene has no sensor; allowed: at least one enabled (Object > Echocast > Add Sensor)")
+        raise ec.ArgumentError("the scene has no sensor; allowed: at least one enabled (Add Sensor in the tab Echocast of the sidebar)")
     if timeline.frame_current != number or timeline.frame_subframe:
         timeline.frame_set(number)
     wanted, scale = timeline.echocast, timeline.unit_settings.scale_length
@@ -243,14 +243,15 @@ def look(depsgraph: Any, exported: scene.ExportedScene, index: int, poses: "dict
                 places.setdefault(key, {})[index] = found
 
 
-def run(frame: Frame, progress: "Callable[[float], bool]") -> "Iterator[Result]":
-    """Makes the scans of a frame; ec.CancelledError if `progress` returns False."""
+def run(frame: Frame, progress: "Callable[[float], bool]", images: bool = False) -> "Iterator[Result]":
+    """Makes the scans of a frame, and the pings that images of sonars show; ec.CancelledError if `progress` returns False."""
     for index, task in enumerate(frame.tasks):
         told = lambda fraction, index=index: progress((index + fraction) / len(frame.tasks))
         with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
             cloud = frame.live.scan(task.sensor, progress=told, **task.options)
             ping = None
-            if task.sensor.kind == "sonar" and task.options["profile"] == "physical":
+            # A scan pings, too, but gives only the points.
+            if images and task.sensor.kind == "sonar" and task.options["profile"] == "physical":
                 ping = frame.live.ping(task.sensor, **{**task.options, "fields": None})
         yield Result(task, cloud, ping, [f"{task.name}: {one.message}" for one in warned])

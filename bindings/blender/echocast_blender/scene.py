@@ -1,6 +1,7 @@
 """The scene of Blender in echocast, kept up to date: what has not changed is not read again."""
 
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -56,6 +57,9 @@ class Shape:
     materials: "tuple[Any, ...]"
     #: Whether Blender reports when it changes: not what only rendering sees.
     watched: bool
+    #: The name of its object, and those of materials with an image on a UV map that it does not have.
+    name: str = ""
+    unmapped: "tuple[str, ...]" = ()
     #: Why it cannot be scanned.
     fault: "str | None" = None
 
@@ -118,12 +122,19 @@ class ExportedScene:
         of_pointer: "dict[tuple[Any, ...], Shape]" = {}
         kept: "dict[tuple[Any, ...], Shape]" = {}
         identities: "dict[Any, labels.Identity]" = {}
+        groups = labels.Groups()
         found, faults = [], {}
+        # What Blender makes no mesh of, by names of objects.
+        unseen: "dict[tuple[str, str], None]" = {}
         for instance in evaluated.instances(depsgraph):
             thing = instance.object
             original = thing.original
             instancer = instance.parent.original if instance.is_instance and instance.parent else None
             if RESULT in original or instancer is not None and RESULT in instancer:
+                continue
+            if (what := evaluated.without_mesh(thing)) is not None:
+                unseen[original.name, what] = None
+            if thing.type != "MESH" or not instance.show_self:
                 continue
             key = key_of(instance)
             slots = slot_materials(thing)
@@ -140,7 +151,7 @@ class ExportedScene:
                 continue
             identified = (key[:2], slots)
             if identified not in identities:
-                identities[identified] = labels.Identity(original, instancer, list(slots))
+                identities[identified] = labels.Identity(original, instancer, list(slots), groups)
             identity = identities[identified]
             parts = (identity.part,) * max(1, len(slots)) if identity.part is not None else shape.parts
             pose = metres @ np.array(instance.matrix_world, dtype=np.float64)
@@ -158,6 +169,8 @@ class ExportedScene:
             found.append(Found(key, original.name, shape.mesh, pose, identity, owner, parts))
         self.shapes = kept
         self.notes += [f"{name} is left out: {fault}" for name, fault in faults.items()]
+        self.notes += [f"the {what} of {name} are not scanned: Blender makes no mesh of them" for name, what in unseen]
+        self.notes += without_maps(of_pointer.values())
         self.notes += [f"the library {path} is missing: what it holds is not seen" for path in missing_libraries()]
         used = dict.fromkeys(one for shape in of_pointer.values() for one in shape.materials)
         self.notes += [sentence for one in used for sentence in self.read[one].notes]
@@ -180,16 +193,17 @@ class ExportedScene:
         sources = [original, instancer] if instancer is not None else [original]
         changed = key in self.deformed or any(is_changed(one, changes) for one in sources)
         watched = not all_differ and not any(evaluated.object_differs(one) for one in sources)
-        same = known is not None and known.materials == pointers and not any(p in changes.materials for p in pointers)
-        if same and not changed and watched and known.watched:
-            return known
+        if known is not None and known.watched and watched and not changed:
+            if known.materials == pointers and not any(pointer in changes.materials for pointer in pointers):
+                return known
         read = [self.material(slot) for slot in slots] or [self.material(None)]
         parts = tuple(one.part if one.part is not None else name(slot) for one, slot in zip(read, slots or (None,)))
         try:
             mesh = geometry.mesh_of(original.name, thing.data, read)
-            return Shape(mesh, parts, pointers, watched)
+            unmapped = (name(slot) for one, slot in zip(read, slots) if not geometry.has_map(thing.data, one))
+            return Shape(mesh, parts, pointers, watched, original.name, tuple(unmapped) if mesh is not None else ())
         except (geometry.Unusable, ec.Error) as fault:
-            return Shape(None, parts, pointers, watched, str(fault))
+            return Shape(None, parts, pointers, watched, fault=str(fault))
 
     def material(self, slot: Any) -> materials.Read:
         pointer = slot.as_pointer() if slot else 0
@@ -237,8 +251,9 @@ class ExportedScene:
                 self.live.remove(before.number)
                 before = None
             if before is None:
-                options = dict(category=category, instance=instance, parts=parts, name=one.name)
-                number = self.live.add_mesh(one.mesh, pose=one.pose, **options)
+                number = self.live.add_mesh(
+                    one.mesh, pose=one.pose, category=category, instance=instance, parts=parts, name=one.name
+                )
                 self.seen[one.key] = Seen(number, one.mesh, pose, category, instance, parts)
                 continue
             if before.pose != pose:
@@ -265,7 +280,7 @@ class ExportedScene:
         self.instance_names = {numbers[one.owner]: one.identity.name for one in reversed(found)}
 
     def name_labels(self) -> None:
-        tables = {
+        tables: "dict[Any, dict[int, str]]" = {
             "category": {number: name for name, number in self.categories.of.items()},
             "part": {number: name for name, number in self.parts.of.items()},
             "instance": self.instance_names,
@@ -284,6 +299,21 @@ def made_by(thing: Any) -> "dict[str, Any]":
     except (KeyError, TypeError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}
+
+
+def without_maps(shapes: "Iterable[Shape]") -> "list[str]":
+    """Sentences about materials with an image on a UV map that meshes do not have."""
+    objects: "dict[str, dict[str, None]]" = {}
+    for shape in shapes:
+        for material in shape.unmapped:
+            objects.setdefault(material, {})[shape.name] = None
+    told = []
+    for material, names in objects.items():
+        first, *more = names
+        others = f" and {len(more)} more" if more else ""
+        what = f"the UV map of its image is missing in {first}{others}: it is white there, or on the map that is rendered"
+        told.append(f"material {material}: {what}")
+    return told
 
 
 def to_metres(depsgraph: Any) -> Any:

@@ -43,6 +43,12 @@ class EchocastLayer(bpy.types.PropertyGroup):
 class EchocastScene(bpy.types.PropertyGroup):
     """How the scene is scanned."""
 
+    def color_changed(self, _context: Any) -> None:
+        # It imports this module.
+        from . import clouds
+
+        clouds.paint_again(self.id_data)
+
     frames: bpy.props.EnumProperty(
         name="Frames",
         items=[
@@ -76,6 +82,7 @@ class EchocastScene(bpy.types.PropertyGroup):
         name="Colour By",
         description="The column that colours points",
         default="category_id",
+        update=color_changed,
         search=lambda _self, _context, _text: list(COLUMNS),
         search_options={"SUGGESTION"},
         options=set(),
@@ -83,7 +90,7 @@ class EchocastScene(bpy.types.PropertyGroup):
     clouds: bpy.props.BoolProperty(name="Point Clouds", description="Add an object for each scan", default=True, options=set())
     images: bpy.props.BoolProperty(name="Images", description="Add images of cameras and sonars", default=True, options=set())
     radius: bpy.props.FloatProperty(
-        name="Point Radius", default=0.02, min=0.0001, subtype="DISTANCE", options=set()
+        name="Point Radius", default=0.02, min=0.0001, precision=4, subtype="DISTANCE", options=set()
     )
     outputs: bpy.props.CollectionProperty(type=EchocastOutput)
     output: bpy.props.IntProperty()

@@ -15,7 +15,7 @@ import bpy  # noqa: E402
 import echocast_blender  # noqa: E402
 
 # What is registered stays so while files are loaded.
-echocast_blender.register()
+echocast_blender.batch.enable()
 
 ENDED: "list[int]" = []
 
@@ -48,7 +48,7 @@ def pytest_sessionfinish(exitstatus: int) -> None:
 @pytest.hookimpl(trylast=True)
 def pytest_unconfigure() -> None:
     # As a module, Blender 4.2 crashes when Python ends: it frees panels after that.
-    if ENDED and not bpy.app.binary_path and bpy.app.version < (5, 0):
+    if ENDED and not bpy.app.binary_path and bpy.app.version < (4, 3):
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(ENDED[0])

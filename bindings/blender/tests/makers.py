@@ -135,7 +135,8 @@ def scans(columns: "str | None" = None, going: "Callable[[float], bool]" = lambd
     """The results of all sensors at this frame, without adding them to the scene."""
     if columns is not None:
         bpy.context.scene.echocast.columns = columns
-    return list(scan.run(scan.prepare(bpy.context, bpy.context.scene.frame_current), going))
+    wanted = bpy.context.scene
+    return list(scan.run(scan.prepare(bpy.context, wanted.frame_current), going, wanted.echocast.images))
 
 
 def cloud(columns: "str | None" = None) -> ec.PointCloud:

@@ -214,9 +214,11 @@ def test_node_trees_that_cannot_be_read(camera: Any, why: str) -> None:
         tree.links.new(second.outputs[0], first.inputs["Color"])
         tree.links.new(second.outputs[0], paint)
     makers.wall("Wall", 2, (3, 0, 0), made)
+    # Blender 5.3 removes the links of a group that is gone.
+    linked = paint.is_linked
     notes = scanned()
     assert all(note.startswith("material Odd: ") for note in notes)
-    assert bool(notes) == (why != "itself")
+    assert bool(notes) == linked
 
 
 def test_libraries_that_are_missing(camera: Any, tmp_path: Path) -> None:

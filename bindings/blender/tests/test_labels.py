@@ -1,5 +1,6 @@
 """Labels: categories, parts and instances by custom properties and by names."""
 
+import json
 import math
 from pathlib import Path
 from typing import Any
@@ -113,6 +114,60 @@ def test_pieces_have_the_name_of_their_outermost_parent() -> None:
     seen = makers.cloud(COLUMNS)
     assert at(seen, -1) == at(seen, 1) == {(1, "Car")}
     assert at(seen, -1, "instance") == at(seen, 1, "instance")
+
+
+def grouped(**changes: Any) -> Any:
+    """A box in an object called Room."""
+    room = makers.empty("Room")
+    thing = box("Thing")
+    thing.parent = room
+    for name, value in changes.items():
+        setattr(room, name, value)
+    return room
+
+
+@pytest.mark.parametrize(
+    ("changes", "name"),
+    [
+        ({}, "Thing"),
+        ({"rotation_euler": (0.02, 0, 0), "scale": (1.01, 1, 1)}, "Thing"),
+        ({"location": (0.1, 0, 0)}, "Room"),
+    ],
+    ids=json.dumps,
+)
+def test_groups_are_at_the_origin_of_their_parents(changes: "dict[str, Any]", name: str) -> None:
+    room = grouped(**changes)
+    assert names(makers.cloud(COLUMNS), 0) == {name}
+    # So is what holds only such a group.
+    house = makers.empty("House", (0.1, 0, 0))
+    room.parent = house
+    assert names(makers.cloud(COLUMNS), 0) == ({"Thing"} if name == "Thing" else {"House"})
+    # An empty is no piece of it, another thing is.
+    makers.empty("Mark", (5, 0, 0), house)
+    assert names(makers.cloud(COLUMNS), 0) == ({"Thing"} if name == "Thing" else {"House"})
+    box("Other", 2).parent = house
+    assert names(makers.cloud(COLUMNS), 0) == {"House"}
+
+
+@pytest.mark.parametrize(("path", "name"), [("location", "Room"), ("rotation_euler", "Thing")])
+def test_a_group_that_moves_is_none(path: str, name: str) -> None:
+    room = grouped()
+    room.keyframe_insert(path, frame=1)
+    assert names(makers.cloud(COLUMNS), 0) == {name}
+
+
+def test_many_pieces_are_a_group_and_armatures_may_be() -> None:
+    heap = makers.empty("Heap", (0.1, 0, 0))
+    box("Thing").parent = heap
+    for index in range(63):
+        makers.cube(f"Stone{index}", 0.1, (0, 0, -50 - index)).parent = heap
+    assert names(makers.cloud(COLUMNS), 0) == {"Heap"}
+    makers.cube("Last", 0.1, (0, 0, -40)).parent = heap
+    assert names(makers.cloud(COLUMNS), 0) == {"Thing"}
+    rig = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+    bpy.context.scene.collection.objects.link(rig)
+    bpy.data.objects["Thing"].parent = rig
+    assert names(makers.cloud(COLUMNS), 0) == {"Thing"}
 
 
 def test_numbers_are_free_of_those_that_are_given() -> None:

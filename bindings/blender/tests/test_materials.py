@@ -789,8 +789,43 @@ def test_image_on_a_mesh_without_a_uv_map(camera: Any) -> None:
     textured(made, makers.image("Checks", checks()))
     wall = makers.wall("Wall", 2, (3, 0, 0), made)
     wall.data.uv_layers.remove(wall.data.uv_layers[0])
+    makers.wall("Side", 1, (3, 5, 0), made).data.uv_layers.remove(bpy.data.objects["Side"].data.uv_layers[0])
     _, _, found = on_wall(makers.cloud(COLUMNS))
     assert (found == 255).all()
+    (note,) = makers.notes()
+    assert note.startswith("material Sample: the UV map of its image is missing in Wall and 1 more: it is white there")
+
+
+def test_uv_map_of_a_name_that_a_mesh_does_not_have(camera: Any) -> None:
+    made, picture = makers.material(), checks()
+    named = made.node_tree.nodes.new("ShaderNodeUVMap")
+    named.uv_map = "Other"
+    made.node_tree.links.new(named.outputs[0], textured(made, makers.image("Checks", picture)).inputs["Vector"])
+    makers.wall("Wall", 2, (3, 0, 0), made)
+    assert_shows(makers.cloud(COLUMNS), picture * 255)
+    (note,) = makers.notes()
+    assert note.endswith("is missing in Wall: it is white there, or on the map that is rendered")
+
+
+@pytest.mark.parametrize("interpolation", ["Closest", "Linear"])
+def test_beyond_the_edges_of_an_image_that_is_clipped_there_is_nothing(camera: Any, interpolation: str) -> None:
+    made, picture = makers.material(), checks()
+    node = textured(made, makers.image("Checks", picture))
+    node.extension, node.interpolation = "CLIP", interpolation
+    made.node_tree.links.new(node.outputs["Alpha"], makers.principled(made).inputs["Alpha"])
+    wall = makers.wall("Wall", 2, (3, 0, 0), made)
+    # The image is in the middle, a third as wide and high.
+    wall.data.uv_layers[0].data.foreach_set("uv", [-1, -1, 2, -1, 2, 2, -1, 2])
+    margin = 1 / 6 if interpolation == "Closest" else 1 / 3
+    u, v, _ = on_wall(makers.cloud(COLUMNS))
+    assert len(u) > 20 and (np.abs(np.stack([u, v]) - 0.5) < margin).all()
+    made.node_tree.links.remove(makers.principled(made).inputs["Alpha"].links[0])
+    seen = makers.cloud(COLUMNS)
+    u, v, found = on_wall(seen)
+    outside = np.abs(np.stack([u, v]) - 0.5).max(axis=0) > margin
+    assert outside.sum() > 100 and (found[outside] == 0).all()
+    if interpolation == "Closest":
+        assert_shows(seen, np.pad(picture * 255, ((3, 3), (5, 5), (0, 0))))
 
 
 @pytest.mark.parametrize("extension", ["REPEAT", "EXTEND", "MIRROR"])

@@ -2,7 +2,10 @@
 
 import json
 import math
+import subprocess
+import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,7 +16,7 @@ import echocast_blender
 import makers
 import numpy as np
 import pytest
-from echocast_blender import clouds, operators, paper, scan, scene
+from echocast_blender import clouds, operators, paper, scan, scene, srgb
 
 FORMATS = [name for name, _ in ec.formats()]
 
@@ -195,6 +198,42 @@ def test_colors_of_the_surface_and_of_nothing(camera: Any, name: str, expected: 
     assert np.allclose(column(result(), clouds.COLOR)[:, :3], expected, atol=0.01)
 
 
+def test_colors_change_at_once(camera: Any) -> None:
+    """Of the scans that are there, also without any, and not of those that are not the scene's to change."""
+    wanted = bpy.context.scene.echocast
+    wanted.color = "range"
+    bpy.ops.echocast.scan()
+    before = column(result(), clouds.COLOR)
+    for name in ("intensity", "category_id", "z", "no_such_column", "beam", "range"):
+        wanted.color = name
+        assert scene.made_by(result())["color"] == name
+        assert np.array_equal(column(result(), clouds.COLOR), before) == (name == "range")
+        if name == "category_id":
+            numbers = column(result(), name)
+            assert all(tuple(color) == pytest.approx(clouds.label_color(number), abs=1e-6)
+                for number, color in zip(numbers[::50], column(result(), clouds.COLOR)[::50]))
+    colors = bpy.data.objects["Wall"].data.attributes
+    assert clouds.COLOR not in colors
+    # In edit mode, and where somebody has replaced them.
+    bpy.context.view_layer.objects.active = result()
+    bpy.ops.object.mode_set(mode="EDIT")
+    wanted.color = "intensity"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert scene.made_by(result())["color"] == "range"
+    result().data.attributes.remove(result().data.attributes[clouds.COLOR])
+    wanted.color = "category_id"
+    assert len(column(result(), clouds.COLOR)) == len(before)
+
+
+def test_colors_of_labels_are_as_they_are_shown() -> None:
+    """In sRGB all are as bright, and their saturation is one of two."""
+    for number in range(1, 50):
+        light = np.array(clouds.label_color(number)[:3])
+        shown = srgb.encoded(light)
+        assert shown.max() == pytest.approx(0.8) and 1 - shown.min() / shown.max() == pytest.approx(0.75 if number % 2 else 0.55)
+        assert srgb.light(shown) == pytest.approx(light)
+
+
 def test_points_are_shown_with_their_material(camera: Any) -> None:
     bpy.context.scene.echocast.radius = 0.125
     bpy.ops.echocast.scan()
@@ -248,6 +287,15 @@ def test_images_of_sonars(preset: str) -> None:
     low, high = bpy.data.images["Sonar 1 levels"]["echocast_range"]
     assert high > low
     assert len(result("Sonar 1").data.vertices) > 0
+
+
+def test_sonars_ping_for_images_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    makers.plane("Bed", 60, (0, 0, -6))
+    makers.sensor("sbes_200", "Sonar", (0, 0, -1))
+    bpy.context.scene.echocast.water, bpy.context.scene.echocast.images = True, False
+    assert [one.ping for one in makers.scans()] == [None]
+    bpy.ops.echocast.scan()
+    assert len(result("Sonar 1").data.vertices) > 0 and not bpy.data.images
 
 
 def test_images_are_saved_with_the_file(camera: Any, tmp_path: Path) -> None:
@@ -356,7 +404,11 @@ class Manager:
 class Running:
     """An operator in a window, driven by hand."""
 
-    begin, modal, end = (getattr(operators.EchocastScan, name) for name in ("begin", "modal", "end"))
+    undone = property(lambda self: operators.EchocastScan.undone)
+
+    begin, modal, step, obstacle, cancel, end = (
+        getattr(operators.EchocastScan, name) for name in ("begin", "modal", "step", "obstacle", "cancel", "end")
+    )
 
     def __init__(self) -> None:
         self.reports: "list[tuple[set[str], str]]" = []
@@ -369,13 +421,27 @@ class Running:
             window_manager=self.manager,
             workspace=self.manager,
             window=None,
+            mode="OBJECT",
         )
+        self.begin(self.context)
 
     def report(self, kind: "set[str]", text: str) -> None:
         self.reports.append((kind, text))
 
-    def step(self, kind: str = "TIMER") -> "set[str]":
+    def event(self, kind: str = "TIMER") -> "set[str]":
         return self.modal(self.context, SimpleNamespace(type=kind, value="PRESS"))
+
+    def to_the_end(self) -> "set[str]":
+        deadline = time.monotonic() + 20
+        while (outcome := self.event()) == {"PASS_THROUGH"} and time.monotonic() < deadline:
+            time.sleep(0.005)
+        return outcome
+
+
+@pytest.fixture(autouse=True)
+def no_scan_is_left() -> Iterator[None]:
+    yield
+    assert not operators.EchocastScan.running
 
 
 def test_scan_in_a_window(camera: Any) -> None:
@@ -384,12 +450,10 @@ def test_scan_in_a_window(camera: Any) -> None:
     timeline.echocast.frames = "RANGE"
     timeline.frame_set(7)
     running = Running()
-    assert running.begin(running.context) == {"RUNNING_MODAL"}
-    deadline = time.monotonic() + 20
-    while (outcome := running.step()) == {"RUNNING_MODAL"} and time.monotonic() < deadline:
-        assert running.step("MOUSEMOVE") == {"PASS_THROUGH"}
-        time.sleep(0.005)
-    assert outcome == {"FINISHED"} and running.reports[-1][0] == {"INFO"}
+    # The viewport can be turned, and all else be done.
+    for kind in ("MOUSEMOVE", "MIDDLEMOUSE", "LEFTMOUSE", "TRACKPADPAN", "G", "TIMER"):
+        assert running.event(kind) == {"PASS_THROUGH"}
+    assert running.to_the_end() == {"FINISHED"} and running.reports[-1][0] == {"INFO"}
     assert [one.name for one in bpy.data.objects if scene.RESULT in one] == ["Camera 1", "Camera 2", "Camera 3"]
     assert running.manager.timers == 0 and running.manager.status is None and timeline.frame_current == 7
     assert running.manager.parts == sorted(running.manager.parts)
@@ -399,9 +463,8 @@ def test_escape_leaves_nothing_half_made(camera: Any) -> None:
     bpy.data.objects["Camera"].echocast.preset = "velodyne_vls128"
     before = makers.fingerprint()
     running = Running()
-    running.begin(running.context)
-    running.step()
-    assert running.step("ESC") == {"CANCELLED"}
+    running.event()
+    assert running.event("ESC") == {"CANCELLED"}
     assert running.reports == [({"ERROR"}, "stopped: what was scanned before remains")]
     assert running.manager.timers == 0 and not makers.differences(before)
 
@@ -409,13 +472,134 @@ def test_escape_leaves_nothing_half_made(camera: Any) -> None:
 def test_fault_in_a_window(camera: Any) -> None:
     bpy.data.objects["Camera"].echocast.preset = "no_such"
     running = Running()
-    running.begin(running.context)
-    assert running.step() == {"CANCELLED"}
+    assert running.event() == {"CANCELLED"}
     assert running.reports[0][0] == {"ERROR"} and running.manager.timers == 0
 
 
+def test_nothing_else_is_scanned_while_a_scan_runs(camera: Any, tmp_path: Path) -> None:
+    bpy.ops.echocast.scan()
+    select(result(), 7)
+    running = Running()
+    running.event()
+    for operator in (bpy.ops.echocast.scan, bpy.ops.echocast.explain):
+        assert not operator.poll()
+        with pytest.raises(RuntimeError, match="a scan is running; allowed: one at a time"):
+            operator()
+    for function in (lambda: echocast_blender.run(str(tmp_path)), echocast_blender.animated_scene):
+        with pytest.raises(ec.ArgumentError, match="a scan is running; allowed: one at a time"):
+            function()
+    assert running.to_the_end() == {"FINISHED"}
+    assert bpy.ops.echocast.scan() == {"FINISHED"}
+
+
+@pytest.mark.parametrize("what", ["sensor", "seen", "result", "collection", "all"])
+def test_things_that_are_deleted_during_a_scan(camera: Any, what: str) -> None:
+    """What is scanned was read before: its points come all the same."""
+    bpy.ops.echocast.scan()
+    points = len(result().data.vertices)
+    running = Running()
+    running.event()
+    things = {
+        "sensor": [camera],
+        "seen": [bpy.data.objects["Wall"]],
+        "result": [result()],
+        "collection": [],
+        "all": list(bpy.data.objects),
+    }
+    for thing in things[what]:
+        bpy.data.objects.remove(thing)
+    if what in ("collection", "all"):
+        bpy.data.collections.remove(bpy.data.collections[clouds.COLLECTION])
+    if what == "all":
+        for kind in (bpy.data.meshes, bpy.data.materials, bpy.data.node_groups, bpy.data.images):
+            for one in list(kind):
+                kind.remove(one)
+    assert running.to_the_end() == {"FINISHED"}
+    assert len(result().data.vertices) == points
+
+
+def test_changes_during_a_scan_count_from_the_next_frame_on(camera: Any) -> None:
+    timeline = bpy.context.scene
+    timeline.frame_start, timeline.frame_end, timeline.echocast.frames = 1, 2, "RANGE"
+    running = Running()
+    running.event()
+    bpy.data.objects["Wall"].location.x = 4.0
+    timeline.frame_set(9)
+    assert running.to_the_end() == {"FINISHED"}
+    nearest = [column(result(f"Camera {frame}"), "range").min() for frame in (1, 2)]
+    assert nearest == pytest.approx([3.0, 4.0], abs=0.02)
+    running = Running()
+    running.event()
+    bpy.data.objects.remove(camera)
+    assert running.to_the_end() == {"FINISHED"}
+    ((kind, text),) = running.reports
+    assert kind == {"ERROR"} and text.startswith("the scene has no sensor")
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_undo_during_a_scan_stops_it_where_it_takes_results_away(camera: Any, begun: bool) -> None:
+    """Blender then calls `note_undo`."""
+    timeline = bpy.context.scene
+    timeline.frame_start, timeline.frame_end, timeline.echocast.frames = 1, 2, "RANGE"
+    running = Running()
+    while running.done < begun:
+        running.event()
+    operators.note_undo()
+    assert running.to_the_end() == {"FINISHED"}
+    assert ("Camera 2" in bpy.data.objects) == (not begun)
+    (report,) = running.reports
+    assert ("stopped by undo" in report[1]) == begun
+
+
+def test_a_frame_that_the_user_goes_to_stays(camera: Any) -> None:
+    timeline = bpy.context.scene
+    running = Running()
+    running.event()
+    timeline.frame_set(9)
+    assert running.to_the_end() == {"FINISHED"}
+    assert timeline.frame_current == 9 and "Camera 1" in bpy.data.objects
+
+
+@pytest.mark.parametrize("why", ["mode", "scene"])
+def test_a_scan_waits_where_nothing_can_be_read_or_added(camera: Any, why: str) -> None:
+    other = bpy.data.scenes.new("Other")
+    running = Running()
+    running.event()
+    if why == "mode":
+        running.context.mode = "EDIT_MESH"
+    else:
+        running.context.scene = other
+    running.job.thread.join()
+    for _ in range(3):
+        assert running.event() == {"PASS_THROUGH"}
+    assert "Camera 1" not in bpy.data.objects
+    what = "object mode" if why == "mode" else "the scene Scene to be shown"
+    assert running.manager.status == f"Echocast: waiting for {what}, Esc stops"
+    running.context.mode, running.context.scene = "OBJECT", bpy.data.scenes["Scene"]
+    assert running.to_the_end() == {"FINISHED"}
+    assert "Camera 1" in bpy.data.objects and not other.objects
+
+
+def test_scene_that_is_deleted_during_a_scan(camera: Any) -> None:
+    running = Running()
+    running.event()
+    name = bpy.context.scene.name
+    running.context.scene = bpy.data.scenes.new("Other")
+    bpy.data.scenes.remove(bpy.data.scenes[name])
+    assert running.to_the_end() == {"CANCELLED"}
+    assert running.reports == [({"ERROR"}, f"the scene {name} is no longer there: what was scanned before remains")]
+
+
+def test_another_file_that_is_opened_during_a_scan(camera: Any) -> None:
+    """Blender then calls `cancel`."""
+    running = Running()
+    running.event()
+    running.cancel(running.context)
+    assert running.manager.timers == 0 and running.job.is_done() and not operators.EchocastScan.running
+
+
 def test_job_that_is_stopped(camera: Any) -> None:
-    job = operators.Job(scan.prepare(bpy.context, 1))
+    job = operators.Job(scan.prepare(bpy.context, 1), images=True)
     job.stop()
     try:
         assert job.is_done() and len(job.results()) == 1
@@ -478,6 +662,8 @@ def test_show_section() -> None:
     for section in ("noise", ""):
         assert bpy.ops.echocast.show_section(section=section) == {"FINISHED"}
         assert thing.echocast.section == section
+    bpy.context.view_layer.objects.active = None
+    assert not bpy.ops.echocast.show_section.poll()
 
 
 def select(thing: Any, index: "int | None") -> None:
@@ -716,6 +902,13 @@ def test_take_over_when_a_file_is_loaded(tmp_path: Path, capsys: Any) -> None:
 
 
 # --- the add-on itself ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.skipif(bool(bpy.app.binary_path) or bpy.app.version < (4, 3), reason="4.2 crashes when Python ends")
+def test_scripts_with_the_module_end() -> None:
+    folders = [str(Path(module.__file__).parents[1]) for module in (echocast_blender, ec)]
+    script = f"import sys; sys.path[:0] = {folders}; import bpy, echocast_blender; echocast_blender.batch.enable()"
+    assert subprocess.run([sys.executable, "-c", script], timeout=60).returncode == 0
 
 
 def test_select_sensor(camera: Any) -> None:

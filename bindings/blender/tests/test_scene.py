@@ -5,12 +5,12 @@ from typing import Any
 
 import bpy
 import echocast as ec
+import makers
 import numpy as np
 import pytest
-from mathutils import Vector
-
 from echocast_blender import clouds, evaluated, scene
 from makers import material
+from mathutils import Vector
 
 #: As many beams in all directions (Fibonacci's sphere).
 BEAMS = 4000
@@ -120,6 +120,54 @@ def test_hulls_of_geometry_nodes_and_their_instances(tmp_path: Any) -> None:
     # Each of them is one instance, of one mesh.
     assert len({one.instance for one in exported.seen.values()}) == len(exported.seen)
     assert len({id(one.mesh) for one in exported.seen.values()}) == 2
+
+
+def curve_to_mesh(thing: Any) -> None:
+    """Nodes that make a tube of a curve along z."""
+    tree, _, end = clouds.geometry_tree("Tube")
+    line, circle = tree.nodes.new("GeometryNodeCurvePrimitiveLine"), tree.nodes.new("GeometryNodeCurvePrimitiveCircle")
+    circle.inputs["Radius"].default_value = 0.1
+    tube = tree.nodes.new("GeometryNodeCurveToMesh")
+    for output, target in ((line, tube.inputs[0]), (circle, tube.inputs["Profile Curve"]), (tube, end.inputs[0])):
+        tree.links.new(output.outputs[0], target)
+    thing.modifiers.new("Tube", "NODES").node_group = tree
+
+
+def test_hair_is_scanned_as_far_as_there_are_meshes_of_it() -> None:
+    """The rest is told, once for each object, unless it does not render."""
+    cube = makers.cube("Head", 1, (3, 0, 0))
+    hair = cube.modifiers.new("Hair", "PARTICLE_SYSTEM")
+    hair.particle_system.settings.type, hair.particle_system.settings.render_type = "HAIR", "PATH"
+    copy = bpy.data.objects.new("Head", cube.data)
+    for name, nodes in (("Bare", False), ("Tubes", True)):
+        curves = bpy.data.objects.new(name, bpy.data.hair_curves.new(name))
+        bpy.context.scene.collection.objects.link(curves)
+        if hasattr(curves.data, "add_curves"):
+            curves.data.add_curves([2])
+        if nodes:
+            curve_to_mesh(curves)
+    for thing in (copy, bpy.data.objects.new("Fog", bpy.data.volumes.new("Fog"))):
+        bpy.context.scene.collection.objects.link(thing)
+    points = makers.plane("Dots")
+    tree, start, end = clouds.geometry_tree("Dots")
+    node = tree.nodes.new("GeometryNodeMeshToPoints")
+    tree.links.new(start.outputs[0], node.inputs[0])
+    tree.links.new(node.outputs[0], end.inputs[0])
+    points.modifiers.new("Dots", "NODES").node_group = tree
+    exported = scene.exported(bpy.context)
+    assert names(exported) == ["Head", "Head.001", "Tubes"]
+    told = {"hairs of Head", "volumes of Fog", "points of Dots"}
+    # Blender 3.4 cannot make curves without a window.
+    told |= {"curves of Bare"} if hasattr(bpy.data.objects["Bare"].data, "add_curves") else set()
+    assert sorted(exported.notes) == sorted(f"the {one} are not scanned: Blender makes no mesh of them" for one in told)
+    cube.show_instancer_for_render = False
+    exported = scene.exported(bpy.context)
+    assert names(exported) == ["Head.001", "Tubes"] and "the hairs of Head are not scanned" in exported.notes[0]
+    cube.show_instancer_for_render = True
+    hair.show_render = False
+    for name in ("Bare", "Fog", "Dots"):
+        bpy.data.objects[name].hide_render = True
+    assert not scene.exported(bpy.context).notes
 
 
 def test_collection_instances_and_particles(tmp_path: Any) -> None:

@@ -53,6 +53,7 @@ def test_parameters_of_presets_give_back_the_instrument(name: str) -> None:
     [
         ("velodyne_vlp16", "range.max_m", "NUMBER", 55.5, 55.5),
         ("velodyne_vlp16", "noise.range_sigma_m", "NUMBER", 0.1, 0.1),
+        ("velodyne_vlp16", "noise.range_sigma_m", "NUMBER", 0.0003, 0.0003),
         ("velodyne_vlp16", "returns.max", "WHOLE", 3, 3),
         ("velodyne_vlp16", "returns.mode", "TEXT", "dual", "dual"),
         ("velodyne_vlp16", "beam.sub_rays", "TEXT", "adaptive", "adaptive"),
@@ -71,6 +72,8 @@ def test_changed_parameter_reaches_the_instrument(preset: str, path: str, kind: 
         keys = keys[key]
     assert keys == expected
     assert one.is_changed() == (expected != json.loads(one.original))
+    # Its digits are shown.
+    assert one.bl_rna.properties["number"].precision == 6
 
 
 def test_changed_switch_reaches_the_instrument(tmp_path: Path) -> None:

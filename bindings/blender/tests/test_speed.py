@@ -27,7 +27,11 @@ def test_a_million_triangles(smooth: bool) -> None:
     grid.data.update()
     bpy.ops.mesh.primitive_cube_add(location=(0, 0, 5))
     cube = bpy.context.object
-    first = seconds()
+    anew = []
+    for _ in range(3):
+        scene.EXPORTED.clear()
+        anew.append(seconds())
+    first = min(anew)
     exported = scene.exported(bpy.context)
     exported.live.scan("velodyne_vlp16", at=(0, 0, 4))
     again = []
