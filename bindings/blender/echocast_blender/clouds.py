@@ -128,10 +128,11 @@ def paint_again(scene: Any) -> None:
 def colors(mesh: Any, name: str) -> Any:
     """Red, green, blue, alpha of each point, linear, float32."""
     count = len(mesh.vertices)
-    channels = [column(mesh, channel) for channel in ("red", "green", "blue")]
-    if name == "color" and all(channel is not None for channel in channels):
-        light = srgb.light(np.stack(channels, axis=1) / 255.0)
-        return np.concatenate([light, np.ones((count, 1))], axis=1).astype(np.float32)
+    if name == "color":
+        channels = [column(mesh, channel) for channel in ("red", "green", "blue")]
+        if all(channel is not None for channel in channels):
+            light = srgb.light(np.stack(channels, axis=1) / 255.0)
+            return np.concatenate([light, np.ones((count, 1))], axis=1).astype(np.float32)
     values = geometry.vertices(mesh)[:, PLACE.index(name)] if name in PLACE else column(mesh, name)
     if values is None:
         return np.tile(np.array([0.8, 0.8, 0.8, 1.0], dtype=np.float32), (count, 1))
