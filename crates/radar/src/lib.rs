@@ -2,6 +2,7 @@
 //! detection. Independent of scenes.
 
 mod cube;
+pub mod optics;
 mod paths;
 
 pub use cube::{Axis, CubeAxes, RadarCube};
