@@ -21,10 +21,10 @@ pub struct Ends {
 }
 
 /// Greatest deviation of the phase over a facet from a linear one for [`facet`] to hold, rad.
-const STRAIGHT: f64 = 0.15;
+const STRAIGHT: f64 = 0.05;
 
 /// Likewise along a piece of an edge, where it decides on the accuracy of mirror images close to an edge.
-const STRAIGHT_PIECE: f64 = 0.1;
+const STRAIGHT_PIECE: f64 = 0.02;
 
 impl Ends {
     /// Length of the path by way of `place`, m.
