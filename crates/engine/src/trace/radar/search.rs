@@ -1,0 +1,287 @@
+//! Which surfaces a radar sees, directly and in which mirrors: rays over its field of view and to the planes of small
+//! objects, reflected wherever they meet a plane that mirrors waves.
+
+use super::facets::RadarRow;
+use super::images::{MOST_MIRRORS, Mirror};
+use crate::trace::Tables;
+use crate::trace::hits::{HitBatch, Sight};
+use glam::{DVec3, Vec3};
+use ground::lanes::{LANES, MISS, RayBatch};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
+/// Numbers of mirrors in order; unused ones are [`NO_MIRROR`].
+type Chain = [u16; MOST_MIRRORS];
+
+const NO_MIRROR: u16 = u16::MAX;
+
+/// Most different mirrors of a frame.
+const MOST_PLANES: usize = 4096;
+
+/// Most surfaces seen in mirrors.
+const MOST_IMAGES: usize = 16_384;
+
+/// Rays to each plane of a small object: to the middles of the four triangles that its largest one divides into.
+const RAYS_PER_PLANE: usize = 4;
+
+/// Planes of a small object that get such rays.
+const PLANES_PER_OBJECT: usize = 8;
+
+/// A surface as seen in mirrors.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct ImageTarget {
+    /// Index of the row in [`Search::rows`].
+    pub target: usize,
+    /// Indices of mirrors in [`Search::mirrors`]; empty: it is seen directly.
+    pub mirrors: Vec<usize>,
+}
+
+/// What is searched, and how.
+pub(crate) struct SearchLimits<'a> {
+    /// Place of the radar relative to the scene's origin, m.
+    pub start: DVec3,
+    /// Directions over the field of view, unit vectors, world.
+    pub directions: &'a [Vec3],
+    /// Angle between neighbours, rad.
+    pub step: f64,
+    pub reach: f64,
+    pub wavelength: f64,
+    /// Most mirrors on a path, up to [`MOST_MIRRORS`].
+    pub most_mirrors: usize,
+    /// Whether a surface (a row) mirrors waves.
+    pub mirrors: &'a dyn Fn(u32) -> bool,
+    pub sight: Sight,
+    /// Part of the time span, 0 to 1.
+    pub time: f32,
+}
+
+/// The surfaces in view, and those in mirrors.
+#[derive(Debug, Default)]
+pub(crate) struct Search {
+    /// Rows that are or may be visible directly.
+    pub rows: Vec<RadarRow>,
+    pub mirrors: Vec<Mirror>,
+    /// In a fixed order: direct ones first.
+    pub targets: Vec<ImageTarget>,
+    /// Distances between mirrors that rays went from one to the other of, m.
+    legs: BTreeMap<[u16; 2], f64>,
+    by_plane: HashMap<(u32, usize), u16>,
+}
+
+/// A ray on its way.
+#[derive(Clone, Copy)]
+struct SearchRay {
+    from: Vec3,
+    along: Vec3,
+    left: f32,
+    chain: Chain,
+}
+
+impl Search {
+    /// Finds what is seen of `rows`.
+    pub fn new(scene: &Tables, mut rows: Vec<RadarRow>, limits: &SearchLimits) -> Search {
+        let near = |row: &RadarRow| (row.middle - limits.start).length() - row.radius < limits.reach;
+        rows.retain(near);
+        let mut of_row = vec![u32::MAX; scene.surfaces.rows.len()];
+        (0..).zip(&rows).for_each(|(index, row): (u32, &RadarRow)| of_row[row.row as usize] = index);
+        let mut search = Search { rows, ..Search::default() };
+        let mut seen: BTreeSet<(Chain, u32)> = BTreeSet::new();
+        let mut rays: Vec<SearchRay> = Vec::new();
+        let ray = |along: Vec3| SearchRay {
+            from: limits.start.as_vec3(),
+            along,
+            left: limits.reach as f32,
+            chain: [NO_MIRROR; MOST_MIRRORS],
+        };
+        rays.extend(limits.directions.iter().map(|&along| ray(along)));
+        let small: Vec<usize> = (0..search.rows.len()).filter(|&index| search.is_small(index, limits)).collect();
+        for &index in &small {
+            // What falls between rays may be visible.
+            seen.insert(([NO_MIRROR; MOST_MIRRORS], index as u32));
+            search.add_rays_to_planes(scene, index, limits, &mut |along| rays.push(ray(along)));
+        }
+        for _ in 0..=limits.most_mirrors {
+            rays = search.follow(scene, &rays, &of_row, limits, &mut seen);
+        }
+        search.list(seen, limits);
+        search
+    }
+
+    /// Whether a row may be missed by the rays over the field of view.
+    fn is_small(&self, index: usize, limits: &SearchLimits) -> bool {
+        /// Rays across it.
+        const RAYS: f64 = 4.0;
+        let row = &self.rows[index];
+        let distance = (row.middle - limits.start).length().max(1e-6);
+        2.0 * row.radius < RAYS * limits.step * distance
+    }
+
+    fn add_rays_to_planes(
+        &self,
+        scene: &Tables,
+        index: usize,
+        limits: &SearchLimits,
+        add: &mut dyn FnMut(Vec3),
+    ) {
+        let row = &self.rows[index];
+        if limits.most_mirrors == 0 || !(limits.mirrors)(row.row) {
+            return;
+        }
+        let facets = scene.row_facets(*row, limits.time);
+        let planes = scene.surfaces.planes(scene.surfaces.rows[row.row as usize].part);
+        for plane in planes.all().iter().take(PLANES_PER_OBJECT) {
+            let [a, b, c] = facets.corners(plane.largest);
+            let middle = (a + b + c) / 3.0;
+            let parts: [DVec3; RAYS_PER_PLANE] = [middle, 0.5 * (a + middle), 0.5 * (b + middle), 0.5 * (c + middle)];
+            parts.map(|place| add((place - limits.start).normalize_or_zero().as_vec3()));
+        }
+    }
+
+    /// Traces `rays`, notes what they hit, and returns those that are mirrored.
+    fn follow(
+        &mut self,
+        scene: &Tables,
+        rays: &[SearchRay],
+        of_row: &[u32],
+        limits: &SearchLimits,
+        seen: &mut BTreeSet<(Chain, u32)>,
+    ) -> Vec<SearchRay> {
+        let (mut batch, mut hits) = (Box::<RayBatch>::default(), Box::new(HitBatch::new()));
+        let mut next = Vec::new();
+        for block in rays.chunks(LANES) {
+            for (lane, ray) in block.iter().enumerate() {
+                (batch.org_x[lane], batch.org_y[lane], batch.org_z[lane]) = ray.from.into();
+                (batch.dir_x[lane], batch.dir_y[lane], batch.dir_z[lane]) = ray.along.into();
+                (batch.range_max[lane], batch.time[lane]) = (ray.left, limits.time);
+            }
+            hits.trace(scene, &batch, block.len(), block[0].chain[0] == NO_MIRROR, limits.sight);
+            for (lane, ray) in block.iter().enumerate() {
+                let Some(&index) = of_row.get(hits.surface[lane] as usize) else { continue };
+                if hits.surface[lane] == MISS || index == u32::MAX {
+                    continue;
+                }
+                let depth = ray.chain.iter().take_while(|&&mirror| mirror != NO_MIRROR).count();
+                let leg = f64::from(hits.range[lane]);
+                // A mirror that is smaller than its first Fresnel zone scatters instead.
+                if depth > 0 && self.mirrors[usize::from(ray.chain[depth - 1])].area < limits.wavelength * leg {
+                    continue;
+                }
+                let row = self.rows[index as usize];
+                let mirror = self.mirror(scene, &row, hits.triangle[lane], limits);
+                if let (Some(before), Some(mirror)) = (depth.checked_sub(1).map(|at| ray.chain[at]), mirror) {
+                    let pair = [before.min(mirror), before.max(mirror)];
+                    let shortest = self.legs.entry(pair).or_insert(leg);
+                    *shortest = shortest.min(leg);
+                }
+                seen.insert((ray.chain, index));
+                let (Some(mirror), true) = (mirror, depth < limits.most_mirrors) else { continue };
+                let plane = &self.mirrors[usize::from(mirror)];
+                let along = plane.turned(ray.along.as_dvec3()).normalize().as_vec3();
+                let side = plane.normal.dot(along.as_dvec3()).signum();
+                let place = ray.from + ray.along * hits.range[lane];
+                let mut chain = ray.chain;
+                chain[depth] = mirror;
+                next.push(SearchRay {
+                    from: place + (plane.normal * side * 1e-4).as_vec3(),
+                    along,
+                    left: ray.left - hits.range[lane],
+                    chain,
+                });
+            }
+        }
+        next
+    }
+
+    /// The number of the mirror that a triangle is part of.
+    fn mirror(&mut self, scene: &Tables, row: &RadarRow, triangle: u32, limits: &SearchLimits) -> Option<u16> {
+        /// Side of the least square that mirrors anything, wavelengths.
+        const LEAST: f64 = 5.0;
+        if !(limits.mirrors)(row.row) {
+            return None;
+        }
+        let (number, normal, point, area) = scene.plane_of(row, triangle)?;
+        if area < (LEAST * limits.wavelength).powi(2) {
+            return None;
+        }
+        if let Some(&known) = self.by_plane.get(&(row.row, number)) {
+            return Some(known);
+        }
+        let same = self.mirrors.iter().position(|mirror| mirror.is_plane(normal, point));
+        let mirror = match same {
+            Some(mirror) => {
+                self.mirrors[mirror].area += area;
+                mirror
+            }
+            None if self.mirrors.len() < MOST_PLANES => {
+                let object = scene.surfaces.rows[row.row as usize].object;
+                self.mirrors.push(Mirror { normal, point, area, object });
+                self.mirrors.len() - 1
+            }
+            None => return None,
+        };
+        self.by_plane.insert((row.row, number), mirror as u16);
+        Some(mirror as u16)
+    }
+
+    /// Lists what was `seen`. Waves go both ways: a target seen in a mirror is a mirror in which that one is seen.
+    fn list(&mut self, seen: BTreeSet<(Chain, u32)>, limits: &SearchLimits) {
+        let mut all = seen.clone();
+        let rows_of: HashMap<u16, Vec<u32>> = {
+            let mut rows: HashMap<u16, Vec<u32>> = HashMap::new();
+            let index_of: HashMap<u32, u32> = (0..).zip(&self.rows).map(|(index, row)| (row.row, index)).collect();
+            let mut known: Vec<_> = self.by_plane.iter().collect();
+            known.sort_unstable();
+            for ((row, _), mirror) in known {
+                rows.entry(*mirror).or_default().extend(index_of.get(row));
+            }
+            rows
+        };
+        let corners: Vec<[u16; 2]> = self.legs.keys().copied().collect();
+        let together = |a: u16, b: u16| self.legs.contains_key(&[a.min(b), a.max(b)]);
+        let rows = |mirror: u16| rows_of.get(&mirror).into_iter().flatten().copied();
+        for [a, b] in corners {
+            for (first, second) in [(a, b), (b, a)] {
+                all.extend(rows(second).map(|row| ([first, NO_MIRROR, NO_MIRROR], row)));
+            }
+        }
+        if limits.most_mirrors > 1 {
+            let triples: Vec<[u16; 2]> = seen
+                .iter()
+                .filter(|(chain, _)| chain[1] != NO_MIRROR)
+                .map(|(chain, _)| [chain[0], chain[1]])
+                .collect();
+            for [a, b] in triples {
+                let thirds = self.legs.keys().flat_map(|&[x, y]| if x == b { Some(y) } else { (y == b).then_some(x) });
+                for c in thirds.filter(|&c| c != a && together(a, c)).collect::<Vec<_>>() {
+                    for [x, y, z] in [[a, b, c], [a, c, b], [b, a, c], [b, c, a], [c, a, b], [c, b, a]] {
+                        all.extend(rows(z).map(|row| ([x, y, NO_MIRROR], row)));
+                    }
+                }
+            }
+        }
+        let depth = |chain: &Chain| chain.iter().take_while(|&&mirror| mirror != NO_MIRROR).count();
+        let mut targets: Vec<(usize, Chain, u32)> =
+            all.into_iter().map(|(chain, row)| (depth(&chain), chain, row)).collect();
+        targets.sort_unstable();
+        targets.truncate(MOST_IMAGES);
+        self.targets = targets
+            .into_iter()
+            .map(|(depth, chain, row)| ImageTarget {
+                target: row as usize,
+                mirrors: chain[..depth].iter().map(|&mirror| usize::from(mirror)).collect(),
+            })
+            .collect();
+    }
+
+    /// Number of the mirror that a triangle of a row is part of, if rays found that.
+    pub fn mirror_of(&self, scene: &Tables, row: &RadarRow, triangle: u32) -> Option<usize> {
+        let (number, ..) = scene.plane_of(row, triangle)?;
+        self.by_plane.get(&(row.row, number)).map(|&mirror| usize::from(mirror))
+    }
+
+    /// Whether waves from mirror `from` are mirrored by mirror `to` rather than scattered: its facets fill the first Fresnel
+    /// zone of the way between them.
+    pub fn is_mirrored(&self, from: usize, to: usize, wavelength: f64) -> bool {
+        let (a, b) = (from.min(to) as u16, from.max(to) as u16);
+        self.legs.get(&[a, b]).is_some_and(|leg| self.mirrors[to].area >= wavelength * leg)
+    }
+}
