@@ -1,8 +1,8 @@
-//! The material library: reflectance by material name and wavelength, and how surfaces scatter sound, one YAML file per
-//! material in `presets/material`.
+//! The material library: reflectance by material name and wavelength, and how surfaces scatter sound and radar waves, one
+//! YAML file per material in `presets/material`.
 
 use super::words::words;
-use super::{Alpha, Material, Reflectance, Sound};
+use super::{Alpha, Material, Radio, RadioSource, Reflectance, Sound};
 use ground::error::{Error, Result};
 use ground::read::presets;
 use ground::read::yaml::Document;
@@ -64,6 +64,24 @@ pub(super) fn reflectance(material: &Material) -> Option<(&'static Reflectance, 
 /// How a material scatters and reflects sound, by itself or by the library.
 pub(super) fn sound(material: &Material) -> Option<&Sound> {
     material.sound.as_ref().or_else(|| find(&material.name)?.entry.material.sound.as_ref())
+}
+
+/// How a material reflects the waves of radars, by itself, by the library or by its other properties.
+pub(super) fn radar(material: &Material) -> (Radio, RadioSource) {
+    if let Some(own) = &material.radar {
+        return (own.clone(), RadioSource::Given);
+    }
+    let found = find(&material.name).and_then(|found| Some((found.entry, found.entry.material.radar.clone()?)));
+    let (mut law, source) = match found {
+        Some((entry, law)) => (law, RadioSource::Library(&entry.material.name)),
+        None if material.metallic > 0.5 => (Radio::metal(), RadioSource::Properties),
+        None if material.is_glass() => (Radio::pane(), RadioSource::Properties),
+        None => (Radio::unknown(), RadioSource::Assumed),
+    };
+    if let Some(pane_m) = material.pane_m {
+        law.make_pane(pane_m);
+    }
+    (law, source)
 }
 
 /// Whether `name` indicates glass.
