@@ -1,12 +1,20 @@
 //! What a radar does with the paths that waves take: waveforms, arrays, cubes of range x Doppler x channel, noise, and
 //! detection. Independent of scenes.
 
+mod array;
 mod cube;
 pub mod optics;
 mod paths;
+mod pattern;
+mod waveform;
+pub mod window;
 
+pub use array::{ArrayRow, ArraySpec, ElementGrid, Elements, Polarisation, VirtualArray};
 pub use cube::{Axis, CubeAxes, RadarCube};
 pub use paths::Paths;
+pub use pattern::{ElementPattern, LobeShape};
+pub use waveform::{Fmcw, MOST_CELLS, Multiplex, RadarPulse, RadarWaveform};
+pub use window::Window;
 
 /// Speed of light, m/s.
 pub const LIGHT_SPEED: f64 = 299_792_458.0;
