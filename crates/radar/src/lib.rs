@@ -12,7 +12,7 @@ pub mod window;
 pub use array::{ArrayRow, ArraySpec, ElementGrid, Elements, Polarisation, VirtualArray};
 pub use cube::{Axis, CubeAxes, RadarCube};
 pub use paths::Paths;
-pub use pattern::{ElementPattern, LobeShape};
+pub use pattern::{ElementPattern, LobeShape, PatternTable};
 pub use waveform::{Fmcw, MOST_CELLS, Multiplex, RadarPulse, RadarWaveform};
 pub use window::Window;
 

@@ -117,7 +117,7 @@ impl ElementPattern {
     }
 
     /// As a table, for many directions.
-    pub(crate) fn table(&self) -> PatternTable {
+    pub fn table(&self) -> PatternTable {
         let amplitude = |level: f64| 10f64.powf(0.05 * level) as f32;
         let azimuth = |step: usize| {
             let diamond = step as f64 / QUARTER as f64 - 2.0;
@@ -145,7 +145,7 @@ fn angle_of_diamond(diamond: f64) -> f64 {
 
 /// Amplitudes of a pattern over numbers that increase with the azimuth and the elevation but need no arctangents.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct PatternTable {
+pub struct PatternTable {
     azimuth: Vec<f32>,
     elevation: Vec<f32>,
 }

@@ -6,6 +6,7 @@ mod light;
 mod nothing;
 mod options;
 mod printed;
+mod radar;
 mod sound;
 
 pub use ground::profile::Profile;

@@ -1,5 +1,6 @@
 //! The facets of a row of surfaces at one moment.
 
+use super::images::Mirror;
 use crate::trace::Tables;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use ground::math::cofactors;
@@ -79,22 +80,25 @@ impl Tables {
         RowFacets { scene: self, of, time }
     }
 
-    /// Unit normal and a point of the plane that a triangle lies in, with the plane's area, m^2, if it is one of the large
-    /// planes of a row that keeps its shape; and its number.
-    pub(crate) fn plane_of(&self, of: &RadarRow, triangle: u32) -> Option<(usize, DVec3, DVec3, f64)> {
-        let planes = self.surfaces.planes(self.surfaces.rows[of.row as usize].part);
+    /// The plane that a triangle lies in, with its number among those of the row, if it is one of the large planes of a
+    /// row that keeps its shape.
+    pub(super) fn plane_of(&self, of: &RadarRow, triangle: u32) -> Option<(usize, Mirror)> {
+        let row = &self.surfaces.rows[of.row as usize];
+        let (place, planes) = (of.place?, self.surfaces.planes(row.part));
         let number = planes.of(triangle)?;
-        let (normal, point, area) = self.plane(of, number)?;
-        Some((number, normal, point, area))
-    }
-
-    /// [`Tables::plane_of`] by number: normal, point and area.
-    pub(crate) fn plane(&self, of: &RadarRow, number: usize) -> Option<(DVec3, DVec3, f64)> {
-        let place = of.place?;
-        let plane = self.surfaces.planes(self.surfaces.rows[of.row as usize].part).all().get(number)?;
+        let plane = planes.all()[number];
         let across = cofactors(&place.matrix3) * plane.normal;
         let scale = across.length();
-        (scale > 0.0).then(|| (across / scale, place.transform_point3(plane.point), plane.area * scale))
+        let DMat3 { x_axis, y_axis, z_axis } = place.matrix3;
+        let stretch = x_axis.length().max(y_axis.length()).max(z_axis.length());
+        let mirror = Mirror {
+            normal: across / scale,
+            point: place.transform_point3(plane.point),
+            area: plane.area * scale,
+            radius: plane.radius * stretch,
+            object: row.object,
+        };
+        (scale > 0.0).then_some((number, mirror))
     }
 }
 

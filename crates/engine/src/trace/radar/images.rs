@@ -5,6 +5,9 @@ use glam::{DVec3, Vec3};
 /// Most mirrors on a path, besides the facet that scatters.
 pub(crate) const MOST_MIRRORS: usize = 3;
 
+/// Heights, m, at which a place is in the plane of a mirror: rounding moves facets by less.
+const IN_PLANE: f64 = 1e-5;
+
 /// A plane that mirrors waves.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Mirror {
@@ -14,6 +17,8 @@ pub(crate) struct Mirror {
     pub point: DVec3,
     /// Area of the facets in it, m^2.
     pub area: f64,
+    /// Greatest distance of a facet from the point, m.
+    pub radius: f64,
     /// The object that it was found on.
     pub object: u32,
 }
@@ -54,7 +59,7 @@ pub(crate) struct Mirrors {
 impl Mirrors {
     /// The path from `start` that meets `mirrors`, at most [`MOST_MIRRORS`].
     pub fn new(start: DVec3, mirrors: impl Iterator<Item = Mirror>) -> Mirrors {
-        let nowhere = Mirror { normal: DVec3::Z, point: DVec3::ZERO, area: 0.0, object: 0 };
+        let nowhere = Mirror { normal: DVec3::Z, point: DVec3::ZERO, area: 0.0, radius: 0.0, object: 0 };
         let mut all = Mirrors { count: 0, mirrors: [nowhere; MOST_MIRRORS], images: [start; MOST_MIRRORS + 1] };
         for mirror in mirrors.take(MOST_MIRRORS) {
             all.mirrors[all.count] = mirror;
@@ -87,8 +92,8 @@ impl Mirrors {
             let mirror = &self.mirrors[number];
             let from = self.images[number + 1];
             let [below, above] = [mirror.height(from), mirror.height(to)];
-            // The image is behind the mirror, the target before it.
-            if below * above >= 0.0 {
+            // The image is behind the mirror, the target before it, not in it.
+            if below * above >= 0.0 || above.abs() < IN_PLANE {
                 return None;
             }
             to = from + (to - from) * (below / (below - above));
@@ -118,8 +123,8 @@ mod tests {
     /// Lengths are those to the image, and every bend is a reflection.
     #[test]
     fn paths_unfold() {
-        let floor = Mirror { normal: DVec3::Z, point: DVec3::ZERO, area: 1.0, object: 0 };
-        let wall = Mirror { normal: DVec3::NEG_Y, point: DVec3::new(0.0, 4.0, 0.0), area: 1.0, object: 1 };
+        let floor = Mirror { normal: DVec3::Z, point: DVec3::ZERO, area: 1.0, radius: 1.0, object: 0 };
+        let wall = Mirror { normal: DVec3::NEG_Y, point: DVec3::new(0.0, 4.0, 0.0), area: 1.0, radius: 1.0, object: 1 };
         let start = DVec3::new(0.0, 0.0, 0.5);
         let mirrors = Mirrors::new(start, [floor, wall].into_iter());
         let target = DVec3::new(20.0, 1.0, 1.5);

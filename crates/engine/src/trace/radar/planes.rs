@@ -21,6 +21,8 @@ pub struct MeshPlane {
     pub point: DVec3,
     /// Total area of its triangles.
     pub area: f64,
+    /// Greatest distance of a corner from the point.
+    pub radius: f64,
     /// The largest triangle.
     pub largest: u32,
 }
@@ -50,7 +52,7 @@ impl PartPlanes {
             let key = [x, y, z, round(normal.dot(middle), step)];
             let number = *known.entry(key).or_insert(planes.len() as u32);
             if number as usize == planes.len() {
-                planes.push((MeshPlane { normal, point: middle, area: 0.0, largest: index as u32 }, 0.0));
+                planes.push((MeshPlane { normal, point: middle, area: 0.0, radius: 0.0, largest: index as u32 }, 0.0));
             }
             let (plane, largest) = &mut planes[number as usize];
             plane.area += area;
@@ -60,6 +62,13 @@ impl PartPlanes {
             number
         };
         let numbers: Vec<u32> = part.triangles.iter().enumerate().map(number).collect();
+        for (corners, &number) in part.triangles.iter().zip(&numbers) {
+            let Some((plane, _)) = planes.get_mut(number as usize) else { continue };
+            for corner in corners {
+                let place = DVec3::from_array(part.positions[*corner as usize].map(f64::from));
+                plane.radius = plane.radius.max((place - plane.point).length());
+            }
+        }
         let mut order: Vec<u32> = (0..planes.len() as u32).collect();
         let area = |number: u32| planes[number as usize].0.area;
         order.sort_by(|&a, &b| area(b).total_cmp(&area(a)).then(a.cmp(&b)));

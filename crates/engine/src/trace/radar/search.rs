@@ -2,7 +2,7 @@
 //! objects, reflected wherever they meet a plane that mirrors waves.
 
 use super::facets::RadarRow;
-use super::images::{MOST_MIRRORS, Mirror};
+use super::images::{MOST_MIRRORS, Mirror, Mirrors};
 use crate::trace::Tables;
 use crate::trace::hits::{HitBatch, Sight};
 use glam::{DVec3, Vec3};
@@ -99,8 +99,11 @@ impl Search {
             seen.insert(([NO_MIRROR; MOST_MIRRORS], index as u32));
             search.add_rays_to_planes(scene, index, limits, &mut |along| rays.push(ray(along)));
         }
-        for _ in 0..=limits.most_mirrors {
+        for depth in 0..=limits.most_mirrors {
             rays = search.follow(scene, &rays, &of_row, limits, &mut seen);
+            if depth == 0 && limits.most_mirrors > 0 {
+                search.look_in_mirrors(scene, &small, &of_row, limits, &mut seen);
+            }
         }
         search.list(seen, limits);
         search
@@ -191,6 +194,54 @@ impl Search {
         next
     }
 
+    /// Notes in which mirrors the middles of the `small` rows are seen.
+    fn look_in_mirrors(
+        &mut self,
+        scene: &Tables,
+        small: &[usize],
+        of_row: &[u32],
+        limits: &SearchLimits,
+        seen: &mut BTreeSet<(Chain, u32)>,
+    ) {
+        let mut aimed: Vec<(u16, u32, DVec3)> = Vec::new();
+        for (number, mirror) in self.mirrors.iter().enumerate() {
+            let path = Mirrors::new(limits.start, std::iter::once(*mirror));
+            for &index in small {
+                let row = &self.rows[index];
+                let leg = mirror.height(row.middle).abs();
+                if mirror.area < limits.wavelength * leg || leg > limits.reach {
+                    continue;
+                }
+                if let Some([bend, ..]) = path.bends(row.middle)
+                    && (bend - mirror.point).length() < mirror.radius
+                    && mirror.area >= limits.wavelength * (bend - row.middle).length()
+                {
+                    aimed.push((number as u16, index as u32, bend));
+                }
+            }
+        }
+        let (mut batch, mut hits) = (Box::<RayBatch>::default(), Box::new(HitBatch::new()));
+        for block in aimed.chunks(LANES) {
+            for (lane, (_, _, bend)) in block.iter().enumerate() {
+                let way = *bend - limits.start;
+                (batch.org_x[lane], batch.org_y[lane], batch.org_z[lane]) = limits.start.as_vec3().into();
+                (batch.dir_x[lane], batch.dir_y[lane], batch.dir_z[lane]) = way.normalize().as_vec3().into();
+                (batch.range_max[lane], batch.time[lane]) = (f32::INFINITY, limits.time);
+            }
+            hits.trace(scene, &batch, block.len(), false, limits.sight);
+            for (lane, &(number, index, bend)) in block.iter().enumerate() {
+                let Some(&hit) = of_row.get(hits.surface[lane] as usize).filter(|&&hit| hit != u32::MAX) else {
+                    continue;
+                };
+                let row = self.rows[hit as usize];
+                let near = f64::from(hits.range[lane]) - (bend - limits.start).length();
+                if near.abs() < 0.1 && self.mirror(scene, &row, hits.triangle[lane], limits) == Some(number) {
+                    seen.insert(([number, NO_MIRROR, NO_MIRROR], index));
+                }
+            }
+        }
+    }
+
     /// The number of the mirror that a triangle is part of.
     fn mirror(&mut self, scene: &Tables, row: &RadarRow, triangle: u32, limits: &SearchLimits) -> Option<u16> {
         /// Side of the least square that mirrors anything, wavelengths.
@@ -198,22 +249,23 @@ impl Search {
         if !(limits.mirrors)(row.row) {
             return None;
         }
-        let (number, normal, point, area) = scene.plane_of(row, triangle)?;
-        if area < (LEAST * limits.wavelength).powi(2) {
+        let (number, plane) = scene.plane_of(row, triangle)?;
+        if plane.area < (LEAST * limits.wavelength).powi(2) {
             return None;
         }
         if let Some(&known) = self.by_plane.get(&(row.row, number)) {
             return Some(known);
         }
-        let same = self.mirrors.iter().position(|mirror| mirror.is_plane(normal, point));
+        let same = self.mirrors.iter().position(|mirror| mirror.is_plane(plane.normal, plane.point));
         let mirror = match same {
-            Some(mirror) => {
-                self.mirrors[mirror].area += area;
-                mirror
+            Some(number) => {
+                let mirror = &mut self.mirrors[number];
+                mirror.area += plane.area;
+                mirror.radius = mirror.radius.max((plane.point - mirror.point).length() + plane.radius);
+                number
             }
             None if self.mirrors.len() < MOST_PLANES => {
-                let object = scene.surfaces.rows[row.row as usize].object;
-                self.mirrors.push(Mirror { normal, point, area, object });
+                self.mirrors.push(plane);
                 self.mirrors.len() - 1
             }
             None => return None,
@@ -274,7 +326,7 @@ impl Search {
 
     /// Number of the mirror that a triangle of a row is part of, if rays found that.
     pub fn mirror_of(&self, scene: &Tables, row: &RadarRow, triangle: u32) -> Option<usize> {
-        let (number, ..) = scene.plane_of(row, triangle)?;
+        let (number, _) = scene.plane_of(row, triangle)?;
         self.by_plane.get(&(row.row, number)).map(|&mirror| usize::from(mirror))
     }
 

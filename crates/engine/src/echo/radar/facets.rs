@@ -1,0 +1,313 @@
+//! Echoes of smooth facets by physical optics, directly and by way of mirrors.
+//!
+//! Facets up to several Fresnel zones wide are integrated as a whole where all of them is in sight, and divided where
+//! something hides a part, until the parts are small against the Fresnel zone. Of larger ones only the places count whose
+//! echoes do not cancel: the mirror image and the edges.
+
+use super::echoes::{RadarEcho, RadarEchoes, RadarRoute};
+use super::wave::{Scattering, WaveField};
+use crate::trace::{ImageTarget, Mirrors, Search, SightMemory, Sighted, Sightlines};
+use glam::DVec3;
+use num_complex::Complex64;
+use radar::optics::{Ends, OutlinePart};
+
+/// Widest facets that are divided, in radii of the first Fresnel zone.
+const WIDE: f64 = 8.0;
+/// Parts at which all are looked at, even if their corners are in sight.
+const LOOKED_AT: f64 = 2.0;
+/// Below this width a facet is in sight if its middle is.
+const NARROW: f64 = 0.25;
+/// Width of the parts of facets that are partly hidden.
+const PARTS: f64 = 0.1;
+/// Most divisions of a facet by two.
+const MOST_DIVISIONS: u8 = 8;
+/// Divisions of a facet that mirrors of its size illuminate in part, as in corners: always, and where it is partly in the
+/// dark.
+const CORNER_DIVISIONS: [u8; 2] = [3, 6];
+
+/// A facet or a part of it.
+#[derive(Clone, Copy)]
+struct Element {
+    triangle: u32,
+    corners: [DVec3; 3],
+    divisions: u8,
+    /// Width in Fresnel radii.
+    width: f64,
+    /// Whether the mirrors are small against the facet.
+    in_corner: bool,
+    /// Where its visibility is tested: first place and number.
+    first: u32,
+    places: u8,
+}
+
+/// Echo of a place on a large facet.
+struct CriticalPlace {
+    triangle: u32,
+    value: Complex64,
+    place: DVec3,
+    first: u32,
+    places: u8,
+}
+
+/// Buffers of [`scatter_from_facets`].
+#[derive(Default)]
+pub(crate) struct FacetMemory {
+    sight: SightMemory,
+    queue: Vec<Element>,
+    next: Vec<Element>,
+    critical: Vec<CriticalPlace>,
+    places: Vec<DVec3>,
+    there: Vec<Sighted>,
+    back: Vec<Sighted>,
+}
+
+/// Adds the coherent echoes of one target to `echoes`; `spread` is the range resolution, m, within which the echoes of an
+/// edge are joined.
+pub(crate) fn scatter_from_facets(
+    field: &WaveField,
+    sightlines: &Sightlines,
+    search: &Search,
+    number: u32,
+    spread: f64,
+    memory: &mut FacetMemory,
+    echoes: &mut RadarEchoes,
+) {
+    let target = &search.targets[number as usize];
+    let mirrors = Mirrors::new(field.place, target.mirrors.iter().map(|&mirror| search.mirrors[mirror]));
+    let image = mirrors.image();
+    let routes: &[(RadarRoute, Ends)] = &match mirrors.all().len() {
+        0 => vec![(RadarRoute::Direct, Ends { source: field.place, observer: field.place })],
+        1 => vec![
+            (RadarRoute::Out, Ends { source: image, observer: field.place }),
+            (RadarRoute::Both, Ends { source: image, observer: image }),
+        ],
+        _ => vec![(RadarRoute::Out, Ends { source: image, observer: field.place })],
+    };
+    for &(route, ends) in routes {
+        FacetTask { field, sightlines, search, target, number, spread, mirrors, route, ends }.run(memory, echoes);
+    }
+}
+
+/// The facets of one target along one route.
+struct FacetTask<'a> {
+    field: &'a WaveField<'a>,
+    sightlines: &'a Sightlines<'a>,
+    search: &'a Search,
+    target: &'a ImageTarget,
+    number: u32,
+    spread: f64,
+    mirrors: Mirrors,
+    route: RadarRoute,
+    ends: Ends,
+}
+
+impl FacetTask<'_> {
+    fn run(&self, memory: &mut FacetMemory, echoes: &mut RadarEchoes) {
+        let row = self.search.rows[self.target.target];
+        let facets = self.field.scene.row_facets(row, self.field.time);
+        let surface = self.field.surfaces.of(&self.field.scene.surfaces, row.row);
+        let floor = self.field.floor / (row.triangles as f64).sqrt();
+        memory.queue.clear();
+        memory.critical.clear();
+        memory.places.clear();
+        for triangle in facets.triangles() {
+            let corners = facets.corners(triangle);
+            let Some((middle, cos)) = self.facing(&corners) else { continue };
+            if surface.coherent(cos) < 0.01 || !self.counts(&corners, middle, floor) {
+                continue;
+            }
+            if self.route == RadarRoute::Both && self.is_mirrored(triangle) {
+                // Found as a target behind two mirrors.
+                continue;
+            }
+            let width = longest(&corners) / self.ends.fresnel(middle, self.field.k());
+            if width <= WIDE {
+                let most = 4.0 * longest(&corners);
+                let in_corner = self.mirrors.all().iter().any(|mirror| mirror.radius < most);
+                memory.queue.push(Element { triangle, corners, divisions: 0, width, in_corner, first: 0, places: 0 });
+            } else {
+                self.add_critical(triangle, &corners, floor, memory);
+            }
+        }
+        self.emit_critical(memory, echoes);
+        while !memory.queue.is_empty() {
+            self.sweep(floor, memory, echoes);
+        }
+    }
+
+    /// The middle of a facet, and the cosine of incidence as of a mirror that turns the wave there; `None`: source and
+    /// observer are on different sides.
+    fn facing(&self, [a, b, c]: &[DVec3; 3]) -> Option<(DVec3, f32)> {
+        let middle = (a + b + c) / 3.0;
+        let normal = (b - a).cross(c - a);
+        let [to_source, to_observer] = [self.ends.source - middle, self.ends.observer - middle];
+        let [up, down] = [normal.dot(to_source), normal.dot(to_observer)];
+        if up * down <= 0.0 {
+            return None;
+        }
+        let half = to_source.normalize() + to_observer.normalize();
+        Some((middle, (0.5 * half.length()) as f32))
+    }
+
+    /// Whether the echo of a facet could matter, if it were all in phase.
+    fn counts(&self, corners: &[DVec3; 3], middle: DVec3, floor: f64) -> bool {
+        let [a, b, c] = corners;
+        let area = 0.5 * (b - a).cross(c - a).length();
+        let [r, s] = [(middle - self.ends.source).length(), (middle - self.ends.observer).length()];
+        // Large ones are seen no stronger than as mirrors.
+        let strength = (area / (self.field.wavelength * r * s)).min(2.0 / (r + s));
+        let nearest = 0.5 * (r + s) - longest(corners);
+        if nearest > self.field.reach {
+            return false;
+        }
+        let out = (self.mirrors.target_image(middle) - self.field.place).normalize_or_zero().as_vec3();
+        let back = if self.route == RadarRoute::Both {
+            out
+        } else {
+            (middle - self.field.place).normalize_or_zero().as_vec3()
+        };
+        // A facet that is large for its distance is where the elements have gain, even if its middle is not.
+        let wide = longest(corners) > 0.3 * r.min(s);
+        wide || strength * self.field.scale() * self.field.gain(out, back) > floor
+    }
+
+    /// Whether the last mirror's waves are mirrored by the plane of a triangle, too.
+    fn is_mirrored(&self, triangle: u32) -> bool {
+        let Some(&last) = self.target.mirrors.last() else { return false };
+        let row = &self.search.rows[self.target.target];
+        let own = self.search.mirror_of(self.field.scene, row, triangle);
+        own.is_some_and(|own| self.search.is_mirrored(last, own, self.field.wavelength))
+    }
+
+    /// Adds the places of a large facet that count.
+    fn add_critical(&self, triangle: u32, corners: &[DVec3; 3], floor: f64, memory: &mut FacetMemory) {
+        let FacetMemory { critical, places, .. } = memory;
+        let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
+        let scale = self.field.scale();
+        self.ends.each_piece(*corners, self.field.k(), self.spread, &mut |part| {
+            let first = places.len() as u32;
+            let (OutlinePart::Mirror(value, place) | OutlinePart::Edge(value, place)) = part;
+            let direction = (place - self.field.place).normalize_or_zero().as_vec3();
+            if 0.5 * self.ends.length(place) > self.field.reach
+                || value.norm() * scale * self.field.gain(direction, direction).max(1.0) < floor
+            {
+                return;
+            }
+            match part {
+                OutlinePart::Mirror(..) => {
+                    // All of the Fresnel zone contributes.
+                    let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
+                    let across = normal.any_orthonormal_vector() * (0.5 * self.ends.fresnel(place, self.field.k()));
+                    let aside = normal.cross(across);
+                    places.extend([place, place + across, place - across, place + aside, place - aside]);
+                }
+                // A little inside.
+                OutlinePart::Edge(..) => places.push(place + 1e-3 * (middle - place).normalize_or_zero()),
+            }
+            critical.push(CriticalPlace { triangle, value, place, first, places: (places.len() as u32 - first) as u8 });
+        });
+    }
+
+    fn emit_critical(&self, memory: &mut FacetMemory, echoes: &mut RadarEchoes) {
+        if memory.critical.is_empty() {
+            return;
+        }
+        self.look(memory);
+        let FacetMemory { critical, there, .. } = memory;
+        for it in critical.drain(..) {
+            let sighted = &there[it.first as usize..][..usize::from(it.places)];
+            if let Some(seen) = mean(sighted) {
+                self.emit(it.triangle, it.place, it.value, &seen, echoes);
+            }
+        }
+    }
+
+    /// Takes all elements of the queue: in sight, they are integrated, partly hidden, divided.
+    fn sweep(&self, floor: f64, memory: &mut FacetMemory, echoes: &mut RadarEchoes) {
+        memory.places.clear();
+        for element in &mut memory.queue {
+            let [a, b, c] = element.corners;
+            let middle = (a + b + c) / 3.0;
+            element.first = memory.places.len() as u32;
+            memory.places.push(middle);
+            if element.width > NARROW || element.in_corner {
+                memory.places.extend([a, b, c].map(|corner| corner.lerp(middle, 0.04)));
+            }
+            element.places = (memory.places.len() as u32 - element.first) as u8;
+        }
+        self.look(memory);
+        let FacetMemory { queue, next, there, .. } = memory;
+        next.clear();
+        for element in queue.drain(..) {
+            let sighted = &there[element.first as usize..][..usize::from(element.places)];
+            let seen = sighted.iter().filter(|sighted| sighted.through > 0.0).count();
+            let [always, most] = if element.in_corner { CORNER_DIVISIONS } else { [0, MOST_DIVISIONS] };
+            let wide = element.in_corner || (element.width > PARTS && sighted.len() > 1);
+            let mixed = seen > 0 && seen < sighted.len();
+            if element.width > LOOKED_AT || element.divisions < always || (mixed && wide && element.divisions < most) {
+                divide(&element, next);
+                continue;
+            }
+            let Some(seen) = mean(sighted) else { continue };
+            let value = self.ends.facet(element.corners, self.field.k());
+            if value.norm() * self.field.scale() * f64::from(seen.through) * self.greatest_gain() < floor {
+                continue;
+            }
+            let middle = (element.corners[0] + element.corners[1] + element.corners[2]) / 3.0;
+            self.emit(element.triangle, middle, value, &seen, echoes);
+        }
+        std::mem::swap(queue, next);
+    }
+
+    fn greatest_gain(&self) -> f64 {
+        f64::from(self.field.tx.amplitude([1.0, 0.0, 0.0])) * f64::from(self.field.rx.amplitude([1.0, 0.0, 0.0]))
+    }
+
+    /// Looks at `memory.places` along the route; `memory.there` gets what is in sight both ways.
+    fn look(&self, memory: &mut FacetMemory) {
+        let FacetMemory { sight, places, there, back, .. } = memory;
+        self.sightlines.look(self.field.place, &self.mirrors, places, sight, there);
+        if self.route == RadarRoute::Out {
+            let direct = Mirrors::new(self.field.place, std::iter::empty());
+            self.sightlines.look(self.field.place, &direct, places, sight, back);
+            there.iter_mut().zip(&*back).for_each(|(there, back)| there.through *= back.through);
+        } else {
+            there.iter_mut().for_each(|there| there.through *= there.through);
+        }
+    }
+
+    /// Adds the echo of a place, and its reverse.
+    fn emit(&self, triangle: u32, place: DVec3, strength: Complex64, seen: &Sighted, echoes: &mut RadarEchoes) {
+        let row = self.search.rows[self.target.target];
+        let velocity = self.field.scene.row_facets(row, self.field.time).velocity(triangle);
+        let scattering = Scattering { row: row.row, triangle, velocity, place, strength, incoherent: false };
+        let echo = self.field.echo(&scattering, &self.mirrors, seen, self.route, self.number);
+        let Some(echo) = echo.filter(|echo| echo.amplitude.norm_sqr() > 0.0) else { return };
+        echoes.push(echo);
+        // Waves to a mirror and back are found from its side.
+        if self.route == RadarRoute::Out && !self.is_mirrored(triangle) {
+            echoes.push(RadarEcho { tx: echo.rx, rx: echo.tx, route: RadarRoute::Back, ..echo });
+        }
+    }
+}
+
+/// The mean of what was `sighted`, with the mirrors of the first that was.
+fn mean(sighted: &[Sighted]) -> Option<Sighted> {
+    let first = sighted.iter().find(|sighted| sighted.through > 0.0)?;
+    let sum: f32 = sighted.iter().map(|sighted| sighted.through).sum();
+    Some(Sighted { through: sum / sighted.len() as f32, ..*first })
+}
+
+fn longest([a, b, c]: &[DVec3; 3]) -> f64 {
+    (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared()).sqrt()
+}
+
+/// Divides an element into four of half its width.
+fn divide(element: &Element, parts: &mut Vec<Element>) {
+    let [a, b, c] = element.corners;
+    let [x, y, z] = [0.5 * (b + c), 0.5 * (a + c), 0.5 * (a + b)];
+    let divisions = element.divisions + 1;
+    let part = |corners| Element { corners, divisions, width: 0.5 * element.width, ..*element };
+    parts.extend([[a, z, y], [z, b, x], [y, x, c], [x, y, z]].map(part));
+}
+

@@ -1,0 +1,13 @@
+//! Echoes of radar waves: what surfaces return along which paths.
+
+mod clutter;
+mod echoes;
+mod facets;
+mod surfaces;
+mod wave;
+
+pub(crate) use clutter::{ClutterGrid, ClutterMemory, scatter_from_rough};
+pub(crate) use echoes::{RadarEchoes, RadarRoute};
+pub(crate) use facets::{FacetMemory, scatter_from_facets};
+pub(crate) use surfaces::RadarSurfaces;
+pub(crate) use wave::WaveField;
