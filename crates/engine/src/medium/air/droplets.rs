@@ -1,6 +1,7 @@
 //! Water droplets as a continuous medium: fog and spray.
 
 use super::mie;
+use super::radio;
 use super::visibility::{self, VisibilityModel};
 use ground::builder;
 use ground::error::{Error, Result};
@@ -62,6 +63,21 @@ impl Spectrum {
             Spectrum::Gamma { per_cm3, a, g, mode_radius_um } => [per_cm3, a, g, mode_radius_um],
         };
         [per_cm3 * 1e6, a, g, mode_radius_um * 1e-6]
+    }
+
+    /// Sum of the cubes of the radii in a cubic metre of air, m^3/m^3: `n int r^3 N(r) dr`, the distribution normalised.
+    pub(super) fn cubed_radii_m3(self) -> f64 {
+        let [number, a, g, mode] = self.numbers();
+        // In s = ln(r / mode), around the maximum of each integrand, which may overflow f64 by itself.
+        let sum = |power: f64| {
+            let weight = |s: f64| power * s - (a / g) * (g * s).exp();
+            let middle = (power / a).ln() / g;
+            let at = |step: u32| middle - 20.0 + 0.01 * f64::from(step);
+            let sum: f64 = (0..4000).map(|step| (weight(at(step)) - weight(middle)).exp()).sum();
+            (weight(middle), sum)
+        };
+        let ((all, count), (cubed, volume)) = (sum(a + 1.0), sum(a + 4.0));
+        number * mode.powi(3) * (cubed - all).exp() * volume / count
     }
 
     /// Extinction, 1/m, `int pi r^2 Q_ext(r) N(r) dr`, and backscatter, 1/(m sr),
@@ -167,6 +183,15 @@ impl Fog {
         match (self.spectrum, visibility::sight(self.visibility_m, self.mor_m)) {
             (Some(spectrum), _) => spectrum.coefficients(wavelength_nm)[0],
             (None, Some(sight)) => visibility::extinction(sight, wavelength_nm, model),
+            (None, None) => 0.0,
+        }
+    }
+
+    /// Liquid water, g/m^3, that radar waves meet.
+    pub(in crate::medium) fn liquid_water_g_m3(&self) -> f64 {
+        match (self.spectrum, visibility::sight(self.visibility_m, self.mor_m)) {
+            (Some(spectrum), _) => radio::droplet_water_g_m3(spectrum),
+            (None, Some(sight)) => radio::fog_water_g_m3(sight),
             (None, None) => 0.0,
         }
     }
