@@ -58,7 +58,7 @@ impl RadioAir {
             add(*region, db_km, Cause::Snow, found.map(|found| found.echoes));
         }
         for Placed { what: spray, region } in &environment.spray {
-            let water = radio::droplet_water_g_m3(spray.spectrum);
+            let water = spray.spectrum.liquid_water_g_m3();
             add(*region, water * radio::droplets_db_km(ghz), Cause::Fog, None);
         }
         air

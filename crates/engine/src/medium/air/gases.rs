@@ -3,12 +3,12 @@
 use std::sync::LazyLock;
 
 /// Lines of the recommendation's tables: frequency, GHz, and six coefficients.
-struct Lines {
+struct GasLines {
     oxygen: Vec<[f64; 7]>,
     vapour: Vec<[f64; 7]>,
 }
 
-static LINES: LazyLock<Lines> = LazyLock::new(|| Lines {
+static LINES: LazyLock<GasLines> = LazyLock::new(|| GasLines {
     oxygen: read(include_str!("oxygen.csv")),
     vapour: read(include_str!("water_vapour.csv")),
 });
