@@ -13,7 +13,7 @@ use std::fmt;
 
 /// How a surface reflects, transmits and scatters the waves of a radar: the section `radar` of a material.
 ///
-/// What reflects is told by `law`; roughness divides it into a mirror image and scattering.
+/// `law` says what reflects; roughness divides it into a mirror image and scattering.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Radio {

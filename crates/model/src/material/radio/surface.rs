@@ -7,8 +7,8 @@ use std::f32::consts::LN_10;
 
 /// Amplitudes for the two polarisations.
 ///
-/// At normal incidence, where nothing distinguishes them, `s = -p` for reflection: `s` is told by the electric field, `p`
-/// by the magnetic one. A perfect conductor has `s = -1` and `p = 1` at every angle.
+/// At normal incidence, where nothing distinguishes them, `s = -p` for reflection: `s` is that of the electric field, `p`
+/// that of the magnetic one. A perfect conductor has `s = -1` and `p = 1` at every angle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Polarised {
     /// Electric field at right angles to the plane of incidence.
