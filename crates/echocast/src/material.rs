@@ -2,6 +2,6 @@
 
 #[doc(inline)]
 pub use model::material::{
-    Alpha, Changes, Clutter, Dielectric, ItuMaterial, Polarised, Radio, RadioLaw, RadioLayer, RadioSurface, Reflectance,
-    ReflectanceSample, RetroSample, Returned, Scattering, Sediment, Sound, Why,
+    Alpha, Changes, Clutter, Dielectric, ItuMaterial, Polarised, Radio, RadioLaw, RadioLayer, RadioSurface,
+    Reflectance, ReflectanceSample, RetroSample, Returned, Scattering, Sediment, Sound, Why,
 };

@@ -282,7 +282,11 @@ mod tests {
                     assert!(back + through <= 1.001, "{} {frequency} {cos}: {back} {through}", material.name);
                 }
                 let [road, wall] = [0.1, 1.0].map(|cos| surface.clutter(cos));
-                assert!((0.0..10.0).contains(&road) && (0.0..3000.0).contains(&wall), "{} {road} {wall}", material.name);
+                assert!(
+                    (0.0..10.0).contains(&road) && (0.0..3000.0).contains(&wall),
+                    "{} {road} {wall}",
+                    material.name
+                );
             }
             // Clutter is what the file says, where nothing limits it: at 30 degrees from grazing.
             if let Some(clutter) = law.clutter {

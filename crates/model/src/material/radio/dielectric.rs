@@ -138,7 +138,7 @@ impl Dielectric {
         }
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Numbers {
+        struct ConstantPermittivity {
             eps: f64,
             #[serde(default)]
             loss: f64,
@@ -186,7 +186,7 @@ impl Dielectric {
                 Dielectric::Itu { material, extrapolate }
             }
             "permittivity" => {
-                let Numbers { eps, loss, conductivity_s_m } = section.read()?;
+                let ConstantPermittivity { eps, loss, conductivity_s_m } = section.read()?;
                 Dielectric::Permittivity { eps, loss, conductivity_s_m }
             }
             "metal" => {

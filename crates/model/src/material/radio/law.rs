@@ -3,7 +3,7 @@
 use super::dielectric::{Dielectric, LAWS};
 use super::itu::ItuMaterial;
 use super::stack::{Film, Stack, wavenumber};
-use super::surface::RadioSurface;
+use super::surface::{Clutter, RadioSurface};
 use ground::error::{Error, Result};
 use ground::read::bounds::Bounds;
 use ground::read::yaml;
@@ -13,7 +13,7 @@ use std::fmt;
 
 /// How a surface reflects, transmits and scatters the waves of a radar: the section `radar` of a material.
 ///
-/// What reflects is told by `law`; roughness divides it into a mirror image and scattering.
+/// `law` says what reflects; roughness divides it into a mirror image and scattering.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Radio {
@@ -61,22 +61,6 @@ pub struct RadioLayer {
     pub of: Dielectric,
     /// Thickness, mm, 0 to 1000.
     pub thickness_mm: f64,
-}
-
-/// Backscatter of a surface besides the glint that its roughness gives: `gamma sin^p(g)` m^2/m^2 at the grazing angle
-/// `g`, at the radar's frequency.
-#[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Clutter {
-    /// `10 log gamma`, dB, -100 to 10.
-    pub gamma_db: f64,
-    /// Exponent `p`, 0 to 10: 1, the default, is the constant-gamma law, 2 Lambert's.
-    #[serde(default = "constant_gamma")]
-    pub exponent: f64,
-}
-
-fn constant_gamma() -> f64 {
-    1.0
 }
 
 /// Most layers of a surface: more are a mistake.
@@ -247,7 +231,7 @@ impl<'de> Deserialize<'de> for RadioLaw {
         }
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
-        struct Scatterers {
+        struct ScatteringVolume {
             attenuation_db_m: f64,
             depth_m: f64,
             #[serde(default = "air")]
@@ -267,7 +251,7 @@ impl<'de> Deserialize<'de> for RadioLaw {
                 RadioLaw::Layers { layers, over }
             }
             "volume" => {
-                let Scatterers { attenuation_db_m, depth_m, eps } = section.read()?;
+                let ScatteringVolume { attenuation_db_m, depth_m, eps } = section.read()?;
                 RadioLaw::Volume { attenuation_db_m, depth_m, eps }
             }
             known if LAWS.contains(&known) => match Dielectric::read(known, section)? {

@@ -8,5 +8,5 @@ mod surface;
 
 pub use dielectric::Dielectric;
 pub use itu::ItuMaterial;
-pub use law::{Clutter, Radio, RadioLaw, RadioLayer, RadioSource};
-pub use surface::{Polarised, RadioSurface};
+pub use law::{Radio, RadioLaw, RadioLayer, RadioSource};
+pub use surface::{Clutter, Polarised, RadioSurface};
