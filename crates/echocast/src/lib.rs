@@ -201,6 +201,8 @@ pub use ground::error::{Error, Result, nearest};
 #[doc(inline)]
 pub use ground::named::Named;
 #[doc(inline)]
+pub use ground::path_type::PathType;
+#[doc(inline)]
 pub use ground::pose::Pose;
 #[doc(inline)]
 pub use ground::profile::Profile;
