@@ -42,7 +42,7 @@ pub fn check_pings(path: &Path, sensor: &impl Instrument) -> Result<()> {
 /// # Errors
 /// An ending of no format for images; a missing folder or one that cannot be written to.
 pub fn check_image(path: &Path) -> Result<()> {
-    check_ending(path, "images of pings", IMAGES)?;
+    check_ending(path, "images", IMAGES)?;
     Pending::create(path).map(drop)
 }
 
@@ -103,7 +103,7 @@ impl Image {
     /// As [`check_image`]; arrays of another size than the image; no memory; a full disk.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<Report> {
         let path = path.as_ref();
-        check_ending(path, "images of pings", IMAGES)?;
+        check_ending(path, "images", IMAGES)?;
         self.check()?;
         if ending(path) == "png" {
             return write_pngs(self, path);
@@ -242,6 +242,7 @@ fn joined<'a, T, I: Iterator<Item = T>>(pings: &'a [Ping], part: impl Fn(&'a Pin
 fn quantity(kind: ImageKind) -> [&'static str; 2] {
     match kind {
         ImageKind::DepthMap => ["height, world z", "m"],
+        ImageKind::RangeDoppler | ImageKind::Polar | ImageKind::PolarFan => ["power at the receiver", "dBm"],
         _ => ["echo level with time-varied gain", "dB re 1 uPa"],
     }
 }
