@@ -1,12 +1,13 @@
 //! What a radar records beside its detections: the cube of a frame, the samples of its converters, and the polar image
 //! of a rotating one.
 
-use radar::{Axis, RadarCube};
 use ground::error::{Error, Result};
 use ground::pose::Pose;
+use radar::{Axis, RadarCube};
 
 /// A frame of a radar, as files and pictures take it.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct RadarFrame {
     /// Its number, from 0.
     pub number: u32,
@@ -39,6 +40,7 @@ pub struct RawSamples {
 
 /// Levels by azimuth and range: a turn of a rotating radar.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct PolarImage {
     /// Ranges of the cells of a row, m.
     pub range: Axis,
@@ -63,7 +65,11 @@ impl RadarFrame {
     pub fn check(&self) -> Result<()> {
         let finite = self.time.is_finite() && self.pose.position.is_finite() && self.pose.orientation.is_finite();
         if !finite {
-            return Err(Error::invalid("radar frame", "at a time or pose that is not finite", "a finite time and pose"));
+            return Err(Error::invalid(
+                "radar frame",
+                "at a time or pose that is not finite",
+                "a finite time and pose",
+            ));
         }
         if let Some(RadarCube { axes, channels, cells }) = &self.cube {
             let shape = [*channels, axes.velocity.len, axes.range.len];
@@ -126,8 +132,8 @@ fn check_length(what: &str, length: usize, shape: &[usize]) -> Result<()> {
 #[cfg(test)]
 pub mod made {
     use super::*;
-    use radar::CubeAxes;
     use num_complex::Complex32;
+    use radar::CubeAxes;
     use std::f64::consts::TAU;
 
     /// Of 3 channels, 4 velocities and 8 ranges, with samples and a turn of 6 rows of 10 cells; every number differs.
@@ -144,7 +150,10 @@ pub mod made {
             wavelength: 3.893_409e-3,
             elements: vec![[0.0; 3], [0.0, 0.002, 0.0], [0.0, 0.004, 0.001]],
             cube: Some(RadarCube { axes, channels: 3, cells }),
-            samples: Some(RawSamples { shape: [3, 2, 2, 4], values: (0..96).map(|value| value * 300 - 14_000).collect() }),
+            samples: Some(RawSamples {
+                shape: [3, 2, 2, 4],
+                values: (0..96).map(|value| value * 300 - 14_000).collect(),
+            }),
             polar: Some(turn(6, 10)),
         }
     }
@@ -179,7 +188,9 @@ mod tests {
         let lost = refused(&|bad| drop(bad.cube.as_mut().unwrap().cells.pop()));
         assert_eq!(lost, "cube is 95 numbers; allowed: 3 x 4 x 8, and more than none");
         assert!(refused(&|bad| bad.cube.as_mut().unwrap().channels = usize::MAX).contains("cube is 96 numbers"));
-        assert!(refused(&|bad| bad.cube.as_mut().unwrap().axes.velocity.step = 0.0).starts_with("velocity of a cube is"));
+        assert!(
+            refused(&|bad| bad.cube.as_mut().unwrap().axes.velocity.step = 0.0).starts_with("velocity of a cube is")
+        );
         assert!(refused(&|bad| bad.elements.clear()).starts_with("elements of a cube is 0 numbers"));
         assert!(refused(&|bad| bad.samples.as_mut().unwrap().shape[0] = 2).starts_with("ADC samples is 96 numbers"));
         assert!(refused(&|bad| bad.polar.as_mut().unwrap().times[1] = f64::NAN).contains("finite"));

@@ -173,7 +173,8 @@ fn encoder(azimuth: f64) -> u16 {
 
 /// Rows of `image` by ascending encoder, as readers expect them, each with its encoder.
 fn clockwise(image: &PolarImage) -> Vec<(u16, usize)> {
-    let mut order: Vec<(u16, usize)> = (0..).zip(&image.azimuths).map(|(row, &azimuth)| (encoder(azimuth), row)).collect();
+    let mut order: Vec<(u16, usize)> =
+        (0..).zip(&image.azimuths).map(|(row, &azimuth)| (encoder(azimuth), row)).collect();
     order.sort_unstable();
     order
 }

@@ -49,9 +49,10 @@ impl RadarFrame {
             return into_arrays(path, |file, _| write_arrays(file, self));
         }
         let samples = self.samples.as_ref().filter(|samples| samples.shape[3] % 2 == 0).ok_or_else(|| {
-            let found = self.samples.as_ref().map_or("without samples".to_owned(), |samples| {
-                format!("of {} samples in a chirp", samples.shape[3])
-            });
+            let found = self
+                .samples
+                .as_ref()
+                .map_or("without samples".to_owned(), |samples| format!("of {} samples in a chirp", samples.shape[3]));
             Error::invalid(shown::path(path), found, "an even number of samples in a chirp")
         })?;
         into_file(path, |file, _| write_capture(samples, file.path()))

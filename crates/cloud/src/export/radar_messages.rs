@@ -6,8 +6,8 @@
 
 use super::ros::{CdrWriter, Stamp};
 use crate::{Field, PointCloud};
-use ground::angle::azimuth_elevation;
 use glam::Vec3;
+use ground::angle::azimuth_elevation;
 use std::io;
 
 pub(super) const SCAN: &str = "radar_msgs/RadarScan";
@@ -37,7 +37,8 @@ struct RadarReport {
 /// The rows of `cloud` that have a position; directions and ranges are found from it where they were not computed.
 fn reports(cloud: &PointCloud) -> Vec<RadarReport> {
     let (c, to_sensor) = (&cloud.columns, cloud.to_frame(&cloud.sensor_pose));
-    let or = |column: &[f32], row: usize, other: f32| column.get(row).copied().filter(|x| x.is_finite()).unwrap_or(other);
+    let or =
+        |column: &[f32], row: usize, other: f32| column.get(row).copied().filter(|x| x.is_finite()).unwrap_or(other);
     let report = |row: usize| {
         let place = to_sensor([c.x[row], c.y[row], c.z[row]]);
         let [azimuth, elevation] = azimuth_elevation(place);
@@ -76,7 +77,8 @@ pub(super) fn detections(message: &mut CdrWriter, cloud: &PointCloud, frame: &st
     message.count(reports.len())?;
     for RadarReport { row, range, azimuth, elevation, rate, rcs } in reports {
         let error = |column: &[f32]| column.get(row).copied().unwrap_or(f32::NAN);
-        let errors = [&c.range_sigma, &c.azimuth_sigma, &c.elevation_sigma, &c.velocity_sigma].map(|column| error(column));
+        let errors =
+            [&c.range_sigma, &c.azimuth_sigma, &c.elevation_sigma, &c.velocity_sigma].map(|column| error(column));
         message.f32s(&[azimuth, errors[1]]);
         // Whether distance, azimuth, elevation and rate, each followed by its error, are invalid.
         for (value, error) in [range, azimuth, elevation, rate].into_iter().zip(errors) {

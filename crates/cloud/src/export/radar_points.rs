@@ -4,10 +4,10 @@
 //! its column `doppler`; compensated it is what a radar at rest at the same place would measure.
 
 use crate::{Field, FieldSet, PointCloud};
+use glam::Vec3;
 use ground::error::{Error, Result};
 use ground::named;
 use ground::write;
-use glam::Vec3;
 use serde::Deserialize;
 use std::path::Path;
 
@@ -89,7 +89,7 @@ impl PointCloud {
         if !velocity.is_finite() {
             return Err(Error::invalid("velocity of the radar", velocity, "finite numbers"));
         }
-        if let Some(missing) = RadarPoints::fields().iter().find(|info| !self.fields.contains(info.field)) {
+        if let Some(missing) = RadarPoints::fields().iter().find(|info| self.column(info.field).len() != self.len) {
             let found = format!("without {}", missing.name);
             return Err(Error::invalid("columns of radar detections", found, "x, y, z, rcs and doppler"));
         }
@@ -139,9 +139,9 @@ fn targets(cloud: &PointCloud, velocity: Vec3) -> Vec<RadarTarget> {
 }
 
 fn view_of_delft(targets: &[RadarTarget]) -> Vec<u8> {
-    let numbers = targets.iter().flat_map(|RadarTarget { place, rcs, rates, .. }| {
-        [place.x, place.y, place.z, *rcs, rates[0], rates[1], 0.0]
-    });
+    let numbers = targets
+        .iter()
+        .flat_map(|RadarTarget { place, rcs, rates, .. }| [place.x, place.y, place.z, *rcs, rates[0], rates[1], 0.0]);
     numbers.flat_map(f32::to_le_bytes).collect()
 }
 
@@ -257,7 +257,7 @@ mod tests {
         };
         assert!(refused(&cloud(), [f32::NAN, 0.0, 0.0]).starts_with("velocity of the radar is"));
         let mut bare = cloud();
-        bare.fields = bare.fields.without(Field::Doppler);
+        bare.columns.doppler.clear();
         let expected = "columns of radar detections is without doppler; allowed: x, y, z, rcs and doppler";
         assert_eq!(refused(&bare, [0.0; 3]), expected);
         assert!(!path.exists());

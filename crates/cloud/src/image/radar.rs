@@ -118,7 +118,10 @@ mod tests {
         assert_eq!(seen, [image.index([-1.0, 2.5]).unwrap()]);
         assert!((image.values[seen[0]] - 3.010_3).abs() < 1e-4, "{}", image.values[seen[0]]);
         cube.channels = 2;
-        assert_eq!(range_doppler(&cube).unwrap_err().to_string(), "cube is 96 cells; allowed: 2 x 4 x 8, and more than none");
+        assert_eq!(
+            range_doppler(&cube).unwrap_err().to_string(),
+            "cube is 96 cells; allowed: 2 x 4 x 8, and more than none"
+        );
     }
 
     /// A turn with one bright cell at 40 degrees to the right and 3 m.
@@ -145,7 +148,10 @@ mod tests {
                 let (sin, cos) = degrees.to_radians().sin_cos();
                 fan.values[fan.index([range * sin, range * cos]).unwrap()]
             };
-            assert_eq!([at(40.0, 2.98), at(-40.0, 2.98), at(45.0, 2.98), at(40.0, 2.9)], [-50.0, -110.0, -110.0, -110.0]);
+            assert_eq!(
+                [at(40.0, 2.98), at(-40.0, 2.98), at(45.0, 2.98), at(40.0, 2.9)],
+                [-50.0, -110.0, -110.0, -110.0]
+            );
             assert_eq!((fan.width, fan.height), (400, 400));
         }
         // A sector ahead of an array.
