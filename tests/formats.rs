@@ -97,6 +97,15 @@ fn cloud(len: usize, fields: FieldSet) -> PointCloud {
         water_track_y: |_| metres(3.0);
         water_track_z: |_| metres(0.5);
         water_track_error: |_| metres(0.01);
+        rcs: |_| metres(40.0);
+        snr: |_| metres(60.0).abs();
+        power: |row| if row % 3 == 0 { f32::NAN } else { metres(10.0) - 110.0 };
+        path: |row| (row % 8) as u8;
+        true_rcs: |_| metres(40.0);
+        range_sigma: |_| metres(0.4).abs();
+        azimuth_sigma: |_| metres(0.1).abs();
+        elevation_sigma: |_| f32::NAN;
+        velocity_sigma: |_| metres(0.1).abs();
     }
     let table = |rows: &[(u32, &str)]| rows.iter().copied().collect();
     let labels = Labels::default()

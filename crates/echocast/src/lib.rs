@@ -92,7 +92,7 @@
 //! |---|---|---|
 //! | `sets` | `scenario` | scenes, rigs and what varies, from one file; samples, sets |
 //! | `worlds` | `generate` | generated scenes: a lake bed, streets, rooms, a landscape |
-//! | `pictures` | `preview` | pictures of clouds and pings, for people |
+//! | `pictures` | `preview` | pictures of clouds, pings and images of radars, for people |
 //! | `engine` | `scan` | the driver: an optical scan, a ping, the profiles of the paper |
 //! | `engine` | `sensor` | sensor files, presets, and what they set up in the modules below |
 //! | `engine` | `detect` | receivers: which echoes are detected, and with which errors |
@@ -101,9 +101,9 @@
 //! | `engine` | `scene` | objects, meshes and labels, with label rules applied |
 //! | `engine` | `medium` | air and water |
 //! | `cloud` | `import` | clouds from files |
-//! | `cloud` | `export` | files of clouds, pings and images |
-//! | `cloud` | `image` | images of pings: waterfall, mosaic, fan, depth map; images of optical scans, and what they show of each instance |
-//! | `cloud` | `cloud` | columns of points, pings |
+//! | `cloud` | `export` | files of clouds, pings, frames of radars and images |
+//! | `cloud` | `image` | images of pings: waterfall, mosaic, fan, depth map; images of radars; images of optical scans, and what they show of each instance |
+//! | `cloud` | `cloud` | columns of points, pings, frames of radars |
 //! | `cloud` | `cells` | the levels of a ping by beam and range bin, and what is read from them |
 //! | `scene-files` | `scene_files` | scenes from files: a module for each format |
 //! | `model` | `model` | meshes, and objects and cameras as files place them |
@@ -158,6 +158,7 @@ pub mod import;
 pub mod material;
 pub mod medium;
 pub mod preview;
+pub mod radar;
 pub mod read;
 pub mod scenario;
 pub mod scene;
@@ -200,6 +201,8 @@ pub use ground::cause::Cause;
 pub use ground::error::{Error, Result, nearest};
 #[doc(inline)]
 pub use ground::named::Named;
+#[doc(inline)]
+pub use ground::path_type::PathType;
 #[doc(inline)]
 pub use ground::pose::Pose;
 #[doc(inline)]

@@ -1,5 +1,5 @@
 //! Pictures of a cloud: from above, in perspective or as range image, coloured by label, cause, intensity, range,
-//! height or velocity, with a legend; and of a sonar's pings: waterfall, track and fan.
+//! height or velocity, with a legend; of a sonar's pings: waterfall, track and fan; and of the images of a radar.
 #![forbid(unsafe_code)]
 
 mod boxes;
@@ -13,6 +13,7 @@ mod palette;
 mod perspective;
 mod plan;
 mod points;
+mod radar;
 mod range_image;
 mod sheet;
 mod sonar;
@@ -252,6 +253,16 @@ pub fn write_pings(pings: &Pings, path: &Path, options: &PreviewOptions) -> Resu
     Ok(report)
 }
 
+/// Writes a picture of an image of a radar ([`cloud::image::range_doppler`], [`cloud::image::polar`],
+/// [`cloud::image::polar_fan`]) to the PNG file `path`, which appears only when complete; `width` in pixels.
+///
+/// # Errors
+/// As [`render_radar`], an ending other than `.png`, a folder that is missing or not writable, and a full disk.
+pub fn write_radar(image: &Image, path: &Path, width: u32) -> Result<()> {
+    check_ending(path)?;
+    write_picture(&render_radar(image, width)?, path)
+}
+
 /// Writes a plan of `scene`, from which `built` is made, to the PNG file `path`, `width` pixels wide: the view from
 /// above, in the colours of categories, or of heights if there are no categories, with a grid of coordinates, the
 /// heights where its lines cross, and the cameras. A scene whose top is a ceiling is cut open above the tables.
@@ -309,6 +320,16 @@ pub fn render_pings(pings: &Pings, options: &PreviewOptions, report: &mut Report
         return Ok(page.empty("no pings"));
     }
     sonar::draw(pings, options, &page, report)
+}
+
+/// The picture of an image of a radar, `width` pixels wide, coloured by power.
+///
+/// # Errors
+/// A width out of bounds, an image of another kind, one whose values do not fit its size.
+pub fn render_radar(image: &Image, width: u32) -> Result<Picture> {
+    check_width(width)?;
+    image.check()?;
+    radar::draw(image, &Page::new(width))
 }
 
 /// The picture of `cloud`; the same cloud and options give the same pixels.

@@ -1,6 +1,7 @@
 //! Clouds to files: one file per format, one table of formats.
 
 pub mod annotations;
+mod arrays;
 mod boxes;
 #[cfg(feature = "mcap")]
 mod camera;
@@ -22,6 +23,11 @@ mod pcd;
 mod pings;
 mod pixels;
 mod ply;
+mod polar;
+mod radar_frame;
+#[cfg(feature = "mcap")]
+mod radar_messages;
+mod radar_points;
 #[cfg(feature = "mcap")]
 mod ros;
 mod survey;
@@ -35,6 +41,9 @@ pub use growing::GrowingFile;
 pub use hdf5::WIDEST as HDF5_WIDEST;
 pub use images::{AnnotationStyle, ImageFolder, ImageLayer, ImageOptions, check_images};
 pub use pings::{check_image, check_pings, image_label_paths};
+pub use polar::{PolarFolder, PolarStyle};
+pub use radar_frame::check_radar_frame;
+pub use radar_points::RadarPoints;
 
 use crate::cells::SonarView;
 use crate::{Field, FieldInfo, FieldSet, PointCloud, Record};
