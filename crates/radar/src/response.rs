@@ -160,7 +160,9 @@ mod tests {
                 let expected = transform(&samples, f64::from(cell) - place);
                 let found = value(&response, 0, cell, place);
                 assert!((found - expected).abs() < 5e-5, "{window:?} at {place}: {found}, {expected}");
-                assert!(f64::from(response.envelope((f64::from(cell) - place).abs() as f32)) > expected.abs() - 1e-4);
+                assert!(
+                    f64::from(response.envelope((f64::from(cell) - place).abs() as f32)) > 0.97 * expected.abs() - 1e-5
+                );
                 // By definition: the sine transform of the window times t^3.
                 let sum = samples.iter().sum::<f64>();
                 let third = |(n, w): (usize, &f64)| {
