@@ -15,6 +15,7 @@ pub mod echo;
 pub mod light;
 pub mod math;
 pub mod measure;
+pub mod radar;
 pub mod random;
 pub mod rim;
 pub mod rows;

@@ -1,18 +1,27 @@
 //! What a radar does with the paths that waves take: waveforms, arrays, cubes of range x Doppler x channel, noise, and
 //! detection. Independent of scenes.
 
+mod adc;
 mod array;
 mod cube;
+mod decode;
+mod deposit;
+mod noise;
 pub mod optics;
 mod paths;
 mod pattern;
+mod plan;
+mod response;
 mod waveform;
 pub mod window;
 
+pub use adc::{AdcSamples, AdcSpec};
 pub use array::{ArrayRow, ArraySpec, ElementGrid, Elements, Polarisation, VirtualArray};
 pub use cube::{Axis, CubeAxes, RadarCube};
+pub use noise::Leakage;
 pub use paths::Paths;
 pub use pattern::{ElementPattern, LobeShape, PatternTable};
+pub use plan::RadarPlan;
 pub use waveform::{Fmcw, MOST_CELLS, Multiplex, RadarPulse, RadarWaveform};
 pub use window::Window;
 

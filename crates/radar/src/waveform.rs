@@ -316,7 +316,13 @@ impl RadarWaveform {
     pub fn check(&self, bounds: &mut Bounds, transmitters: usize, receivers: usize) -> Result<()> {
         match self {
             RadarWaveform::Fmcw(fmcw) => fmcw.check(bounds, transmitters)?,
-            RadarWaveform::Pulse(pulse) => pulse.check(bounds)?,
+            RadarWaveform::Pulse(pulse) => {
+                pulse.check(bounds)?;
+                if transmitters != 1 {
+                    let found = format!("{transmitters} elements");
+                    return Err(Error::invalid("array.tx", found, "1, with waveform.type: pulse"));
+                }
+            }
         }
         let (loops, cells) = match self {
             RadarWaveform::Fmcw(fmcw) => (fmcw.chirps, fmcw.samples),

@@ -3,7 +3,7 @@
 use ground::error::Result;
 use ground::read::bounds::Bounds;
 use num_complex::Complex64;
-use rustfft::FftPlanner;
+use rustfft::FftPlannerScalar;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 use std::fmt::Display;
@@ -104,7 +104,7 @@ fn chebyshev(count: usize, sidelobe_db: f64) -> Vec<f64> {
             Complex64::from_polar(polynomial(beta * (PI * step).cos()), -TAU * step * middle)
         })
         .collect();
-    FftPlanner::new().plan_fft_inverse(count).process(&mut bins);
+    FftPlannerScalar::new().plan_fft_inverse(count).process(&mut bins);
     let greatest = bins.iter().map(|bin| bin.re).fold(f64::MIN_POSITIVE, f64::max);
     bins.iter().map(|bin| bin.re / greatest).collect()
 }
