@@ -10,6 +10,7 @@ pub mod aim;
 pub mod air;
 pub mod boundary;
 pub mod camera;
+pub mod cfar;
 pub mod cover;
 pub mod echo;
 pub mod light;

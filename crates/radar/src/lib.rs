@@ -2,9 +2,11 @@
 //! detection. Independent of scenes.
 
 mod cube;
+mod detect;
 mod paths;
 
 pub use cube::{Axis, CubeAxes, RadarCube};
+pub use detect::*;
 pub use paths::Paths;
 
 /// Speed of light, m/s.
