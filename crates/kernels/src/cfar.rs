@@ -6,6 +6,25 @@
 
 use crate::level::kernels;
 
+/// Sums over the reference cells of `len` cells, up to `N`, from `first` on: always in the order of the offsets.
+#[inline(always)]
+fn sums<const N: usize>(map: &[f32], first: usize, offsets: &[usize], len: usize) -> [f32; N] {
+    let mut sums = [0.0; N];
+    for &offset in offsets {
+        let cells = &map[first + offset..first + offset + len];
+        if cells.len() == N {
+            for lane in 0..N {
+                sums[lane] += cells[lane];
+            }
+        } else {
+            for (sum, cell) in sums.iter_mut().zip(cells) {
+                *sum += cell;
+            }
+        }
+    }
+    sums
+}
+
 kernels! {
     /// Adds to `sum` the squared magnitudes of complex numbers, of which `parts` holds the real and imaginary parts in
     /// turn.
@@ -30,20 +49,7 @@ kernels! {
     /// Raises each of `thresholds` to at least its `scale` times the sum over its reference cells.
     pub fn raise(map: &[f32], place: usize, offsets: &[usize], scale: &[f32], thresholds: &mut [f32]) {
         for (chunk, (thresholds, scale)) in thresholds.chunks_mut(N).zip(scale.chunks(N)).enumerate() {
-            let first = place + chunk * N;
-            let mut sums = [0.0; N];
-            for &offset in offsets {
-                let cells = &map[first + offset..first + offset + thresholds.len()];
-                if cells.len() == N {
-                    for lane in 0..N {
-                        sums[lane] += cells[lane];
-                    }
-                } else {
-                    for (sum, cell) in sums.iter_mut().zip(cells) {
-                        *sum += cell;
-                    }
-                }
-            }
+            let sums = sums::<N>(map, place + chunk * N, offsets, thresholds.len());
             for ((threshold, scale), sum) in thresholds.iter_mut().zip(scale).zip(sums) {
                 let level = scale * sum;
                 *threshold = if level > *threshold { level } else { *threshold };
@@ -55,20 +61,7 @@ kernels! {
     /// there are none.
     pub fn lower(map: &[f32], place: usize, offsets: &[usize], scale: &[f32], thresholds: &mut [f32]) {
         for (chunk, (thresholds, scale)) in thresholds.chunks_mut(N).zip(scale.chunks(N)).enumerate() {
-            let first = place + chunk * N;
-            let mut sums = [0.0; N];
-            for &offset in offsets {
-                let cells = &map[first + offset..first + offset + thresholds.len()];
-                if cells.len() == N {
-                    for lane in 0..N {
-                        sums[lane] += cells[lane];
-                    }
-                } else {
-                    for (sum, cell) in sums.iter_mut().zip(cells) {
-                        *sum += cell;
-                    }
-                }
-            }
+            let sums = sums::<N>(map, place + chunk * N, offsets, thresholds.len());
             for ((threshold, scale), sum) in thresholds.iter_mut().zip(scale).zip(sums) {
                 let level = scale * sum;
                 *threshold = if *scale > 0.0 && level < *threshold { level } else { *threshold };
@@ -127,7 +120,8 @@ mod tests {
         let counters: Vec<u32> = (0..700).collect();
         random::uniforms([3, 4], &counters, 0, &vec![0; 700], 0, &mut map);
         let (offsets, len, own) = ([0, 3, 50, 51, 90], 531, 40);
-        let scale: Vec<f32> = (0..len).map(|cell| if cell % 7 == 0 { 0.0 } else { 0.3 + 0.001 * cell as f32 }).collect();
+        let scale: Vec<f32> =
+            (0..len).map(|cell| if cell % 7 == 0 { 0.0 } else { 0.3 + 0.001 * cell as f32 }).collect();
         let sum = |cell: usize| offsets.iter().fold(0.0, |sum, offset| sum + map[9 + cell + offset]);
         let count = |cell: usize| {
             let limit = scale[cell] * map[9 + own + cell];

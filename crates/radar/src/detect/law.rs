@@ -69,9 +69,8 @@ impl Tails {
     /// Of the cell at `rank` among `cells` with the distribution `self`: the binomial probability that so many of them
     /// are below (David and Nagaraja 2003, "Order statistics", 2.1).
     fn ranked(self, cells: usize, rank: usize) -> Tails {
-        let choose = |of: usize| {
-            ln_gamma(cells as f64 + 1.0) - ln_gamma(of as f64 + 1.0) - ln_gamma((cells - of) as f64 + 1.0)
-        };
+        let choose =
+            |of: usize| ln_gamma(cells as f64 + 1.0) - ln_gamma(of as f64 + 1.0) - ln_gamma((cells - of) as f64 + 1.0);
         let term = |of: usize| choose(of) + times(of, self.below) + times(cells - of, self.above);
         let add = |range: std::ops::RangeInclusive<usize>| range.map(term).fold(f64::NEG_INFINITY, ln_add);
         let density = choose(rank)
@@ -140,7 +139,9 @@ impl CfarLaw {
         }
         let limit = weight(mode).1 - DEPTH;
         let side = |direction: i64| {
-            (i64::from(direction > 0)..).map(move |far| weight(mode + direction * far)).take_while(move |node| node.1 > limit)
+            (i64::from(direction > 0)..)
+                .map(move |far| weight(mode + direction * far))
+                .take_while(move |node| node.1 > limit)
         };
         // From the least level to the greatest.
         let mut nodes: Vec<_> = side(-1).collect();
