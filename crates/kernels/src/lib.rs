@@ -22,6 +22,7 @@ pub mod rows;
 pub mod signal;
 pub mod skin;
 pub mod sound;
+pub mod steer;
 pub mod tile;
 pub mod tree;
 pub mod water;

@@ -2,6 +2,8 @@
 
 mod cfar;
 mod law;
+mod response;
 
 pub use cfar::{Cfar, CfarAxis, CfarMethod, CfarShape};
 pub use law::{CfarLaw, ReferenceLevel};
+pub use response::{CellPeak, WindowResponse};
