@@ -55,7 +55,7 @@ impl WindowResponse {
         response.parabola = (0..=STEPS / 2)
             .map(|step| {
                 let at = step as f32 / STEPS as f32;
-                vertex([-1.0f32, 0.0, 1.0].map(|cell| response.power(cell - at)))
+                vertex([-1.0, 0.0, 1.0].map(|cell: f32| response.power(cell - at)), 0.5)
             })
             .collect();
         response
@@ -84,7 +84,7 @@ impl WindowResponse {
     /// The maximum of three neighbouring cells of which the one in the middle is the strongest: a parabola through their
     /// logarithms, corrected by what it does with this window.
     pub fn peak(&self, powers: [f32; 3]) -> CellPeak {
-        let found = vertex(powers);
+        let found = vertex(powers, 0.5);
         let next = self.parabola.partition_point(|&at| at < found.abs()).clamp(1, self.parabola.len() - 1);
         let (low, high) = (self.parabola[next - 1], self.parabola[next]);
         let part = if high > low { (found.abs() - low) / (high - low) } else { 0.0 };
@@ -117,12 +117,12 @@ fn error(weights: &[f32]) -> f32 {
     (variance.sqrt() * weights.len() as f64 / std::f64::consts::TAU) as f32
 }
 
-/// Where a parabola through the logarithms of three powers has its maximum, steps from the middle one, -0.5 to 0.5.
-pub(super) fn vertex(powers: [f32; 3]) -> f32 {
+/// Where a parabola through the logarithms of three powers has its maximum, steps from the middle one, at most `most`.
+pub(super) fn vertex(powers: [f32; 3], most: f32) -> f32 {
     let least = (powers[1] * LEAST).max(f32::MIN_POSITIVE);
     let [before, at, after] = powers.map(|power| power.max(least).ln());
     let bend = before - 2.0 * at + after;
-    if bend < 0.0 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 }
+    if bend < 0.0 { (0.5 * (before - after) / bend).clamp(-most, most) } else { 0.0 }
 }
 
 #[cfg(test)]
