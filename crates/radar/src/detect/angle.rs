@@ -46,7 +46,7 @@ impl PlaneWave {
 
 /// Channels at one height.
 #[derive(Clone, Debug)]
-struct ArrayRow {
+struct ChannelRow {
     /// Where its channels begin and end among the sorted ones.
     channels: std::ops::Range<usize>,
     /// Height, wavelengths.
@@ -70,7 +70,7 @@ enum RowSums {
 pub struct DirectionFinder {
     /// Channels by height, then by y.
     order: Vec<u32>,
-    rows: Vec<ArrayRow>,
+    rows: Vec<ChannelRow>,
     /// Their positions, wavelengths.
     y: Vec<f32>,
     z: Vec<f32>,
@@ -141,11 +141,11 @@ impl DirectionFinder {
         order.sort_by(|a, b| height(*a).total_cmp(&height(*b)).then(along(a).total_cmp(&along(b))));
         let y: Vec<f64> = order.iter().map(along).collect();
         let z: Vec<f64> = order.iter().map(|&channel| at(channel as usize, 2)).collect();
-        let mut rows: Vec<ArrayRow> = Vec::new();
+        let mut rows: Vec<ChannelRow> = Vec::new();
         for channel in 0..order.len() {
             match rows.last_mut() {
                 Some(row) if height(order[channel]) == height(order[row.channels.start]) => row.channels.end += 1,
-                _ => rows.push(ArrayRow { channels: channel..channel + 1, z: z[channel] as f32 }),
+                _ => rows.push(ChannelRow { channels: channel..channel + 1, z: z[channel] as f32 }),
             }
         }
         let (sums, u) = row_sums(&y);
@@ -159,7 +159,7 @@ impl DirectionFinder {
             if extent > SAME { (1.0 / (extent + spacing(places).unwrap_or(0.0))) as f32 } else { f32::INFINITY }
         });
         let step = [&u, &w].map(|grid| if grid.len() > 1 { grid[1] - grid[0] } else { 0.0 });
-        let phasor = |(w, row): (&f32, &ArrayRow)| steer::phasor(w * row.z);
+        let phasor = |(w, row): (&f32, &ChannelRow)| steer::phasor(w * row.z);
         let phasors = w.iter().flat_map(|w| rows.iter().map(move |row| (w, row))).map(phasor).collect();
         let (spread, size) = (spread(&y, &z), u.len() * rows.len());
         let memory = WaveMemory {
@@ -226,6 +226,12 @@ impl DirectionFinder {
         self.search().1
     }
 
+    /// What `channels` receive as if it came from the direction with these `sines`.
+    pub fn towards(&mut self, sines: [f32; 2], channels: &[Complex32]) -> PlaneWave {
+        self.take(channels);
+        self.wave(sines)
+    }
+
     /// Estimates each wave again without the others (RELAX: Li and Stoica 1996, "Efficient mixed-spectrum estimation with
     /// applications to target feature extraction"); what is left of the channels is without any of them.
     fn relax(&mut self, waves: &mut [PlaneWave]) {
@@ -279,7 +285,7 @@ impl DirectionFinder {
     fn search(&mut self) -> ([f32; 2], f32) {
         let points = self.u.len();
         let memory = &mut self.memory;
-        for (row, ArrayRow { channels, .. }) in self.rows.iter().enumerate() {
+        for (row, ChannelRow { channels, .. }) in self.rows.iter().enumerate() {
             let cells = row * points..(row + 1) * points;
             let [re, im] = [&memory.re, &memory.im].map(|part| &part[channels.clone()]);
             let (rows_re, rows_im) = (&mut memory.rows_re[cells.clone()], &mut memory.rows_im[cells]);
@@ -354,13 +360,17 @@ impl DirectionFinder {
         }
         // A unit vector has no greater components.
         let long = (at[0] * at[0] + at[1] * at[1]).sqrt().max(1.0);
-        let sines = at.map(|sine| sine / long);
+        self.wave(at.map(|sine| sine / long))
+    }
+
+    /// The wave from a direction.
+    fn wave(&self, sines: [f32; 2]) -> PlaneWave {
         let amplitudes = self.rows.iter().map(|row| turned_back(self.row_sum(row, sines[0]), row.z * sines[1]));
         PlaneWave { sines, amplitude: amplitudes.sum::<Complex32>() / self.order.len() as f32 }
     }
 
     /// Sum of a row towards `u`.
-    fn row_sum(&self, row: &ArrayRow, u: f32) -> [f32; 2] {
+    fn row_sum(&self, row: &ChannelRow, u: f32) -> [f32; 2] {
         let cells = row.channels.clone();
         steer::sum_towards(&self.y[cells.clone()], u, &self.memory.re[cells.clone()], &self.memory.im[cells])
     }

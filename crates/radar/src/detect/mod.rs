@@ -2,10 +2,14 @@
 
 mod angle;
 mod cfar;
+mod detector;
 mod law;
 mod response;
+mod spec;
 
 pub use angle::{DirectionFinder, PlaneWave};
 pub use cfar::{Cfar, CfarAxis, CfarMethod, CfarShape};
+pub use detector::{CubeGeometry, Detector, RadarDetections};
 pub use law::{CfarLaw, ReferenceLevel};
 pub use response::{CellPeak, WindowResponse};
+pub use spec::{CfarDims, DetectionLimits, DetectionSteps, RadarDetectionSpec};

@@ -35,10 +35,10 @@ pub struct CellPeak {
 impl WindowResponse {
     /// Of samples or chirps with the window `weights`, transformed to `transform` cells, of which an axis may have
     /// fewer. Without weights, of one cell that tells nothing about place.
-    pub fn new(weights: &[f32], transform: usize) -> Self {
+    pub fn new(weights: &[f64], transform: usize) -> Self {
         let transform = transform.max(weights.len()).max(1);
         let mut spectrum = vec![Complex64::default(); transform * STEPS];
-        spectrum.iter_mut().zip(weights).for_each(|(bin, &weight)| bin.re = weight.into());
+        spectrum.iter_mut().zip(weights).for_each(|(bin, &weight)| bin.re = weight);
         FftPlannerScalar::new().plan_fft_forward(spectrum.len()).process(&mut spectrum);
         let peak = spectrum[0].norm_sqr();
         let half = transform * STEPS / 2;
@@ -82,7 +82,8 @@ impl WindowResponse {
     }
 
     /// The maximum of three neighbouring cells of which the one in the middle is the strongest: a parabola through their
-    /// logarithms, corrected by what it does with this window.
+    /// logarithms, corrected by what it does with this window. If
+    /// noise makes another one stronger, the maximum is between them.
     pub fn peak(&self, powers: [f32; 3]) -> CellPeak {
         let found = vertex(powers, 0.5);
         let next = self.parabola.partition_point(|&at| at < found.abs()).clamp(1, self.parabola.len() - 1);
@@ -104,10 +105,10 @@ impl WindowResponse {
 /// ```
 ///
 /// without a window sqrt(6) / (2 pi) bins.
-fn error(weights: &[f32]) -> f32 {
+fn error(weights: &[f64]) -> f32 {
     let middle = 0.5 * (weights.len() as f64 - 1.0);
     let sum = |value: &dyn Fn(f64, f64) -> f64| -> f64 {
-        weights.iter().enumerate().map(|(n, &w)| value(w.into(), n as f64 - middle)).sum()
+        weights.iter().enumerate().map(|(n, &w)| value(w, n as f64 - middle)).sum()
     };
     let spread = sum(&|w, t| w * t * t);
     if spread <= 0.0 {
@@ -131,18 +132,18 @@ mod tests {
     use ground::rng::{Draw, Rng};
     use std::f64::consts::TAU;
 
-    fn hann(len: usize) -> Vec<f32> {
-        (0..len).map(|n| (0.5 - 0.5 * (TAU * n as f64 / len as f64).cos()) as f32).collect()
+    fn hann(len: usize) -> Vec<f64> {
+        (0..len).map(|n| 0.5 - 0.5 * (TAU * n as f64 / len as f64).cos()).collect()
     }
 
     /// Powers of the cells around that of a path at `at` cells from the middle of cell 0.
-    fn cells(weights: &[f32], transform: usize, at: f64, noise: &[[f32; 2]]) -> [f32; 3] {
+    fn cells(weights: &[f64], transform: usize, at: f64, noise: &[[f32; 2]]) -> [f32; 3] {
         [-1.0, 0.0, 1.0].map(|cell| {
             let mut sum = Complex64::default();
             for (n, &weight) in weights.iter().enumerate() {
                 let turns = |place: f64| Complex64::from_polar(1.0, TAU * place * n as f64 / transform as f64);
                 let [re, im] = noise.get(n).copied().unwrap_or_default();
-                sum += f64::from(weight) * (turns(at) + Complex64::new(re.into(), im.into())) * turns(-cell);
+                sum += weight * (turns(at) + Complex64::new(re.into(), im.into())) * turns(-cell);
             }
             sum.norm_sqr() as f32
         })
@@ -169,7 +170,7 @@ mod tests {
     fn peaks_are_unbiased_and_have_the_power_of_the_path() {
         for (weights, transform) in [(vec![1.0; 64], 64), (hann(64), 64), (hann(50), 64), (vec![1.0; 40], 64)] {
             let response = WindowResponse::new(&weights, transform);
-            let whole: f32 = weights.iter().sum::<f32>().powi(2);
+            let whole = weights.iter().sum::<f64>().powi(2) as f32;
             for step in -10..=10 {
                 let at = 0.05 * f64::from(step);
                 let powers = cells(&weights, transform, at, &[]);
@@ -187,8 +188,8 @@ mod tests {
         let response = WindowResponse::new(&weights, 64);
         let snr = 100.0;
         // White noise that has this ratio to a path in the middle of a cell.
-        let power: f32 = weights.iter().map(|weight| weight * weight).sum();
-        let scale = (weights.iter().sum::<f32>().powi(2) / power / snr).sqrt();
+        let power: f64 = weights.iter().map(|weight| weight * weight).sum();
+        let scale = (weights.iter().sum::<f64>().powi(2) / power / f64::from(snr)).sqrt() as f32;
         let (mut re, mut im) = ([0.0; 64], [0.0; 64]);
         let (mut sum, mut gain, draws) = (0.0, 0.0, 2000);
         for draw in 0..draws {

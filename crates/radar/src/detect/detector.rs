@@ -1,0 +1,528 @@
+//! From a cube to detections: thresholds, maxima, directions.
+
+use super::angle::{DirectionFinder, PlaneWave};
+use super::cfar::Cfar;
+use super::response::{CellPeak, WindowResponse};
+use super::spec::RadarDetectionSpec;
+use crate::cube::{Axis, CubeAxes, RadarCube};
+use echocast_kernels::{cfar, steer};
+use ground::error::{Error, Result};
+use rustfft::num_complex::Complex32;
+
+/// What is known about the cells of a cube.
+#[derive(Clone, Copy, Debug)]
+pub struct CubeGeometry<'a> {
+    /// Its axes.
+    pub axes: CubeAxes,
+    /// Responses of a path along range and along velocity.
+    pub responses: [&'a WindowResponse; 2],
+    /// Positions of the virtual elements, m: one for each channel, the sum of those of transmitter and receiver.
+    pub positions: &'a [[f32; 3]],
+    /// Wavelength, m.
+    pub wavelength: f64,
+    /// When each channel transmits, s after the first one; empty: all at the same time.
+    pub slots: &'a [f32],
+}
+
+/// Detections of a frame, a column for each quantity, by range cell, velocity cell, and falling power.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RadarDetections {
+    /// Range, m.
+    pub range: Vec<f32>,
+    /// Range rate, m/s, positive if receding; within the unambiguous span unless it is unfolded.
+    pub velocity: Vec<f32>,
+    /// Azimuth, rad, positive to the left.
+    pub azimuth: Vec<f32>,
+    /// Elevation, rad, positive up; 0 if the array does not measure it.
+    pub elevation: Vec<f32>,
+    /// Power in one channel, W, as if the path were in the middle of its cell.
+    pub power: Vec<f32>,
+    /// Power of the cell over the noise after the sum over channels, dB.
+    pub snr_db: Vec<f32>,
+    /// Standard errors that noise alone causes, of range, m.
+    pub sigma_range: Vec<f32>,
+    /// Of the range rate, m/s.
+    pub sigma_velocity: Vec<f32>,
+    /// Of the azimuth, rad; infinite if the array does not measure it.
+    pub sigma_azimuth: Vec<f32>,
+    /// Of the elevation, rad, likewise.
+    pub sigma_elevation: Vec<f32>,
+    /// Cell of the range.
+    pub range_cell: Vec<u32>,
+    /// Cell of the velocity.
+    pub velocity_cell: Vec<u32>,
+}
+
+impl RadarDetections {
+    /// Number of detections.
+    pub fn len(&self) -> usize {
+        self.range.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.range.is_empty()
+    }
+
+    fn clear(&mut self) {
+        for column in [
+            &mut self.range,
+            &mut self.velocity,
+            &mut self.azimuth,
+            &mut self.elevation,
+            &mut self.power,
+            &mut self.snr_db,
+            &mut self.sigma_range,
+            &mut self.sigma_velocity,
+            &mut self.sigma_azimuth,
+            &mut self.sigma_elevation,
+        ] {
+            column.clear();
+        }
+        self.range_cell.clear();
+        self.velocity_cell.clear();
+    }
+
+    fn push(&mut self, target: &CellTarget) {
+        self.range.push(target.range as f32);
+        self.velocity.push(target.velocity as f32);
+        self.azimuth.push(target.angles[0] as f32);
+        self.elevation.push(target.angles[1] as f32);
+        self.power.push(target.power);
+        self.snr_db.push(target.snr_db);
+        self.sigma_range.push(target.errors[0]);
+        self.sigma_velocity.push(target.errors[1]);
+        self.sigma_azimuth.push(target.errors[2]);
+        self.sigma_elevation.push(target.errors[3]);
+        self.range_cell.push(target.cell[0]);
+        self.velocity_cell.push(target.cell[1]);
+    }
+}
+
+/// A target in a cell.
+#[derive(Clone, Copy, Debug)]
+struct CellTarget {
+    /// Along range and velocity.
+    cell: [u32; 2],
+    range: f64,
+    velocity: f64,
+    angles: [f64; 2],
+    power: f32,
+    snr_db: f32,
+    errors: [f32; 4],
+}
+
+/// Finds detections in the cubes of one radar.
+#[derive(Clone)]
+pub struct Detector {
+    spec: RadarDetectionSpec,
+    axes: CubeAxes,
+    responses: [WindowResponse; 2],
+    channels: usize,
+    /// Turns of the phase of each channel per m/s.
+    turns: Vec<f32>,
+    /// Numbers of unambiguous spans that a velocity may differ by, the likeliest first.
+    folds: Vec<i32>,
+    cfar: Cfar,
+    finder: DirectionFinder,
+    memory: DetectorMemory,
+}
+
+/// Buffers, kept from frame to frame.
+#[derive(Clone, Debug, Default)]
+struct DetectorMemory {
+    power: Vec<f32>,
+    found: Vec<u32>,
+    channels: Vec<Complex32>,
+    turned: Vec<Complex32>,
+    waves: Vec<PlaneWave>,
+    targets: Vec<CellTarget>,
+}
+
+impl Detector {
+    /// For cubes of one geometry.
+    ///
+    /// # Errors
+    /// A cube, an array or a detector that does not go together.
+    pub fn new(spec: &RadarDetectionSpec, geometry: CubeGeometry) -> Result<Self> {
+        let CubeGeometry { axes, responses, positions, wavelength, slots } = geometry;
+        let channels = positions.len();
+        if !slots.is_empty() && slots.len() != channels {
+            let allowed = format!("one for each of {channels} channels, or none");
+            return Err(Error::invalid("number of slots", slots.len(), allowed));
+        }
+        if slots.iter().any(|slot| !slot.is_finite()) {
+            return Err(Error::invalid("time of a slot", "not finite", "seconds after the first one"));
+        }
+        let finder = DirectionFinder::new(positions, wavelength)?;
+        let (map, shape) = spec.axes([axes.velocity.len, axes.range.len]);
+        let cfar = Cfar::new(&map, (spec.method, shape, spec.os_rank), channels, spec.pfa)?;
+        // A path that recedes with v is 2 v t longer at the time t.
+        let turns: Vec<f32> = slots.iter().map(|&slot| (2.0 * f64::from(slot) / wavelength) as f32).collect();
+        let mut times = slots.to_vec();
+        times.sort_by(f32::total_cmp);
+        times.dedup();
+        // As many velocities that differ by the unambiguous span have different phases as there are slots.
+        let count = if spec.unfold { times.len().max(1) as i32 } else { 1 };
+        let folds = (0..count).map(|fold| if fold % 2 == 1 { (fold + 1) / 2 } else { -fold / 2 }).collect();
+        Ok(Detector {
+            spec: spec.clone(),
+            axes,
+            responses: responses.map(WindowResponse::clone),
+            channels,
+            turns,
+            folds,
+            cfar,
+            finder,
+            memory: DetectorMemory::default(),
+        })
+    }
+
+    /// Replaces `detections` by those of `cube`, whose noise has `noise_power` W in each cell of each channel, 0 or more.
+    /// Signal-to-noise ratios are relative to it; thresholds are relative to the cells around.
+    ///
+    /// # Errors
+    /// A cube of another geometry, or a noise that is none.
+    pub fn run(&mut self, cube: &RadarCube, noise_power: f32, detections: &mut RadarDetections) -> Result<()> {
+        let cells = self.cfar.cells();
+        let lengths = |axes: &CubeAxes| [axes.range.len, axes.velocity.len];
+        if lengths(&cube.axes) != lengths(&self.axes)
+            || cube.channels != self.channels
+            || cube.cells.len() != cells * self.channels
+        {
+            let shape = |axes: &CubeAxes, channels| format!("{} x {} x {channels}", axes.range.len, axes.velocity.len);
+            let found = format!("{}, {} in total", shape(&cube.axes, cube.channels), cube.cells.len());
+            return Err(Error::invalid("cells of the cube", found, shape(&self.axes, self.channels)));
+        }
+        if !(noise_power.is_finite() && noise_power >= 0.0) {
+            return Err(Error::invalid("noise power", noise_power, "0 W or more"));
+        }
+        detections.clear();
+        let mut memory = std::mem::take(&mut self.memory);
+        memory.power.clear();
+        memory.power.resize(cells, 0.0);
+        for channel in cube.cells.chunks_exact(cells) {
+            cfar::add_power(bytemuck::cast_slice(channel), &mut memory.power);
+        }
+        let mut found = std::mem::take(&mut memory.found);
+        let done = self.cfar.run(&memory.power, &mut found);
+        memory.targets.clear();
+        for &cell in &found {
+            let cell = cell as usize;
+            if !self.spec.local_maxima || self.is_maximum(&memory.power, cell) {
+                self.targets(cube, cell, noise_power, &mut memory);
+            }
+        }
+        memory.found = found;
+        let targets = &mut memory.targets;
+        if let Some(most) = self.spec.max_detections.map(|most| most as usize).filter(|most| targets.len() > *most) {
+            // Ties go to the earlier cell: the sort is stable, and cells are in the order of the cube.
+            targets.sort_by(|a, b| b.power.total_cmp(&a.power));
+            targets.truncate(most);
+        }
+        targets.sort_by(|a, b| a.cell.cmp(&b.cell).then(b.power.total_cmp(&a.power)));
+        targets.iter().for_each(|target| detections.push(target));
+        self.memory = memory;
+        done
+    }
+
+    /// Whether a cell is stronger than all eight around it; of equals the first is.
+    fn is_maximum(&self, power: &[f32], cell: usize) -> bool {
+        let exceeds = |other: usize| power[cell] > power[other] || power[cell] == power[other] && cell < other;
+        let [before, after] = self.axes.beside(cell, 1);
+        [before, Some(cell), after].into_iter().flatten().all(|row| {
+            let [near, far] = self.axes.beside(row, 0);
+            [near, Some(row), far].into_iter().flatten().all(|other| other == cell || exceeds(other))
+        })
+    }
+
+    /// Adds the targets of a cell.
+    fn targets(&mut self, cube: &RadarCube, cell: usize, noise_power: f32, memory: &mut DetectorMemory) {
+        let around = self.axes.beside(cell, 1).map(|other| other.map(|other| memory.power[other]));
+        let coarse = peak(&self.responses[1], around, memory.power[cell]);
+        let span = self.axes.velocity.step * self.axes.velocity.len as f64;
+        let ranges = self.axes.range.len;
+        let velocity = self.axes.velocity.at((cell / ranges) as f64 + f64::from(coarse.offset));
+        gather(cube, cell, &mut memory.channels);
+        let mut best = (0, -1.0);
+        for &fold in &self.folds {
+            turn(&self.turns, &memory.channels, velocity + f64::from(fold) * span, &mut memory.turned);
+            if self.folds.len() > 1 {
+                let power = self.finder.strongest(&memory.turned);
+                best = if power > best.1 { (fold, power) } else { best };
+            }
+        }
+        let fold = f64::from(best.0) * span;
+        let receding = velocity + fold;
+        if self.folds.len() > 1 {
+            turn(&self.turns, &memory.channels, receding, &mut memory.turned);
+        }
+        // Noise alone has so many independent maxima as channels; a further target is above them with the same
+        // probability of a false alarm.
+        let beam_noise = noise_power / self.channels as f32;
+        let floor = beam_noise * (self.channels as f64 / self.spec.pfa).ln() as f32;
+        let (most, fraction) = (self.spec.targets_per_cell as usize, self.spec.second_target as f32);
+        let mut waves = std::mem::take(&mut memory.waves);
+        self.finder.find(&memory.turned, most, fraction, floor, &mut waves);
+        for wave in &waves {
+            // The maximum in the direction of the wave, where noise is less and other waves are suppressed.
+            let mut towards = |other: usize| {
+                gather(cube, other, &mut memory.channels);
+                turn(&self.turns, &memory.channels, receding, &mut memory.turned);
+                self.finder.towards(wave.sines, &memory.turned).power()
+            };
+            let around = [0, 1].map(|axis| self.axes.beside(cell, axis).map(|other| other.map(&mut towards)));
+            let peaks = [0, 1].map(|axis| peak(&self.responses[axis], around[axis], wave.power()));
+            if let Some(target) = self.target(cell, fold, wave, peaks, beam_noise) {
+                memory.targets.push(target);
+            }
+        }
+        memory.waves = waves;
+    }
+
+    /// What is reported of a wave, if it is within the limits.
+    fn target(
+        &self,
+        cell: usize,
+        fold: f64,
+        wave: &PlaneWave,
+        peaks: [CellPeak; 2],
+        beam_noise: f32,
+    ) -> Option<CellTarget> {
+        let (limits, steps) = (&self.spec.limits, &self.spec.steps);
+        let ranges = self.axes.range.len;
+        let at = [cell % ranges, cell / ranges];
+        let place = |axis: &Axis, which: usize| axis.at(at[which] as f64 + f64::from(peaks[which].offset));
+        let (range, velocity) = (place(&self.axes.range, 0), place(&self.axes.velocity, 1) + fold);
+        let angles = wave.angles().map(f64::from);
+        let snr = wave.power() / beam_noise.max(f32::MIN_POSITIVE);
+        let snr_db = 10.0 * snr.log10();
+        let within = |limits: Option<[f64; 2]>, value: f64| {
+            limits.is_none_or(|[least, greatest]| (least..=greatest).contains(&value))
+        };
+        let reported = within(limits.range_m, range)
+            && within(limits.velocity_m_s, velocity)
+            && within(limits.azimuth_deg, angles[0].to_degrees())
+            && within(limits.elevation_deg, angles[1].to_degrees())
+            && self.spec.min_snr_db.is_none_or(|least| f64::from(snr_db) >= least);
+        if !reported {
+            return None;
+        }
+        let [sine_error, height_error] = self.finder.error(snr);
+        // u = cos(elevation) sin(azimuth), w = sin(elevation): errors grow towards the sides.
+        let [azimuth, elevation] = wave.angles();
+        let along = (elevation.cos() * azimuth.cos()).max(1e-3);
+        let errors = [
+            self.responses[0].error(snr) * self.axes.range.step as f32,
+            self.responses[1].error(snr) * self.axes.velocity.step as f32,
+            sine_error / along,
+            height_error / elevation.cos().max(1e-3),
+        ];
+        let stepped = |step: Option<f64>, value: f64| step.map_or(value, |step| (value / step).round() * step);
+        let turned = |step: Option<f64>, angle: f64| stepped(step.map(f64::to_radians), angle);
+        Some(CellTarget {
+            cell: at.map(|at| at as u32),
+            range: stepped(steps.range_m, range),
+            velocity: stepped(steps.velocity_m_s, velocity),
+            angles: [turned(steps.azimuth_deg, angles[0]), turned(steps.elevation_deg, angles[1])],
+            power: wave.power() * peaks[0].gain * peaks[1].gain,
+            snr_db,
+            errors,
+        })
+    }
+}
+
+impl CubeAxes {
+    /// Cells next to `cell` before and after it along range (0) or velocity (1), if there are any.
+    fn beside(&self, cell: usize, axis: usize) -> [Option<usize>; 2] {
+        let (ranges, velocities) = (self.range.len, self.velocity.len);
+        let (range, velocity) = (cell % ranges, cell / ranges);
+        if axis == 0 {
+            return [range.checked_sub(1).map(|_| cell - 1), (range + 1 < ranges).then_some(cell + 1)];
+        }
+        let other = |velocity: usize| (velocities > 2).then_some(velocity % velocities * ranges + range);
+        [other(velocity + velocities - 1), other(velocity + 1)]
+    }
+}
+
+/// The maximum between a cell of power `at` and those beside it.
+fn peak(response: &WindowResponse, around: [Option<f32>; 2], at: f32) -> CellPeak {
+    match around {
+        [Some(before), Some(after)] => response.peak([before, at, after]),
+        _ => CellPeak { offset: 0.0, gain: 1.0 },
+    }
+}
+
+/// Turns back the phases of channels that transmit at other times, for a target that recedes with `velocity`; `turns`:
+/// of each channel per m/s, empty if they transmit together.
+fn turn(turns: &[f32], channels: &[Complex32], velocity: f64, turned: &mut Vec<Complex32>) {
+    turned.clear();
+    if turns.is_empty() {
+        turned.extend_from_slice(channels);
+        return;
+    }
+    turned.extend(channels.iter().zip(turns).map(|(channel, turns)| {
+        let [cosine, sine] = steer::phasor(turns * velocity as f32);
+        channel * Complex32::new(cosine, sine)
+    }));
+}
+
+/// The channels of a cell.
+fn gather(cube: &RadarCube, cell: usize, channels: &mut Vec<Complex32>) {
+    let cells = cube.axes.range.len * cube.axes.velocity.len;
+    channels.clear();
+    channels.extend(cube.cells.chunks_exact(cells).map(|channel| channel[cell]));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use ground::read::bounds::Bounds;
+    use ground::rng::{Draw, Rng};
+    use std::f64::consts::TAU;
+
+    const WAVELENGTH: f64 = 0.0039;
+    const CELLS: [usize; 2] = [64, 32];
+
+    struct Radar {
+        responses: [WindowResponse; 2],
+        axes: CubeAxes,
+        positions: Vec<[f32; 3]>,
+        slots: Vec<f32>,
+    }
+
+    /// A target at fractions of cells, in a direction given by its sines.
+    #[derive(Clone, Copy)]
+    struct Target {
+        range: f64,
+        velocity: f64,
+        sines: [f64; 2],
+        amplitude: f32,
+        phase: f32,
+    }
+
+    const TARGET: Target = Target { range: 20.3, velocity: 17.8, sines: [0.2, 0.0], amplitude: 1.0, phase: 0.7 };
+
+    fn hann(len: usize) -> Vec<f64> {
+        (0..len).map(|n| 0.5 - 0.5 * (TAU * n as f64 / len as f64).cos()).collect()
+    }
+
+    impl Radar {
+        /// `transmitters` that take turns, each moved by the whole row of `receivers`, in `rows` rows.
+        fn new(transmitters: usize, receivers: usize, rows: usize) -> Self {
+            let half = 0.5 * WAVELENGTH as f32;
+            let period = 60e-6;
+            let mut radar = Radar {
+                responses: CELLS.map(|cells| WindowResponse::new(&hann(cells), cells)),
+                axes: CubeAxes::default(),
+                positions: Vec::new(),
+                slots: Vec::new(),
+            };
+            for transmitter in 0..transmitters {
+                for receiver in 0..receivers * rows {
+                    let column = transmitter * receivers + receiver % receivers;
+                    radar.positions.push([0.0, half * column as f32, half * (receiver / receivers) as f32]);
+                    radar.slots.push((period * transmitter as f64 / transmitters as f64) as f32);
+                }
+            }
+            let step = WAVELENGTH / (2.0 * period * CELLS[1] as f64);
+            radar.axes.range = Axis { first: 0.0, step: 0.2, len: CELLS[0] };
+            radar.axes.velocity = Axis { first: -step * (CELLS[1] / 2) as f64, step, len: CELLS[1] };
+            radar
+        }
+
+        fn geometry(&self) -> CubeGeometry<'_> {
+            CubeGeometry {
+                axes: self.axes,
+                responses: self.responses.each_ref(),
+                positions: &self.positions,
+                wavelength: WAVELENGTH,
+                slots: &self.slots,
+            }
+        }
+
+        /// The cube that an FFT of Hann-weighted samples gives, phases as of their middle.
+        fn cube(&self, targets: &[Target], noise: f32, frame: u32) -> RadarCube {
+            let (ranges, velocities) = (CELLS[0], CELLS[1]);
+            let mut cube = RadarCube {
+                axes: self.axes,
+                channels: self.positions.len(),
+                cells: vec![Complex32::default(); ranges * velocities * self.positions.len()],
+            };
+            for (channel, cells) in cube.cells.chunks_exact_mut(ranges * velocities).enumerate() {
+                let (mut re, mut im) = (vec![0.0; cells.len()], vec![0.0; cells.len()]);
+                Rng::new(4, frame).cell_phasors(channel as u32, Draw::RadarNoise, &mut re, &mut im);
+                for (cell, value) in cells.iter_mut().enumerate() {
+                    *value = noise.sqrt() * Complex32::new(re[cell], im[cell]);
+                }
+                for target in targets {
+                    let at = self.positions[channel];
+                    let speed = self.axes.velocity.at(target.velocity);
+                    let turns = (f64::from(at[1]) * target.sines[0] + f64::from(at[2]) * target.sines[1]
+                        - 2.0 * speed * f64::from(self.slots[channel]))
+                        / WAVELENGTH;
+                    let channel = Complex32::from_polar(target.amplitude, (TAU * turns) as f32 + target.phase);
+                    let [range, velocity] = [(target.range, ranges), (target.velocity, velocities)]
+                        .map(|(at, len)| (0..len).map(|cell| line(cell as f64 - at, len)).collect::<Vec<_>>());
+                    for (cell, value) in cells.iter_mut().enumerate() {
+                        *value += channel * range[cell % ranges] * velocity[cell / ranges];
+                    }
+                }
+            }
+            cube
+        }
+
+        fn detect(&self, spec: &RadarDetectionSpec, targets: &[Target], noise: f32, frame: u32) -> RadarDetections {
+            spec.check("detection", &mut Bounds::none()).unwrap();
+            let mut detections = RadarDetections::default();
+            let mut detector = Detector::new(spec, self.geometry()).unwrap();
+            detector.run(&self.cube(targets, noise, frame), noise, &mut detections).unwrap();
+            detections
+        }
+    }
+
+    /// Transform of a Hann window of `len` samples at a distance of `cells`, its phase that of the middle: half of a
+    /// cosine's weights on both sides of a sum of equal phasors.
+    fn line(cells: f64, len: usize) -> f32 {
+        let equal = |cells: f64| {
+            let angle = std::f64::consts::PI * cells;
+            let sine = (angle / len as f64).sin();
+            if sine.abs() < 1e-12 { angle.cos().signum() } else { angle.sin() / (len as f64 * sine) }
+        };
+        // The neighbours' phases, as of sample len / 2 rather than of the middle, are opposite.
+        (equal(cells) + 0.5 * (equal(cells - 1.0) + equal(cells + 1.0))) as f32
+    }
+
+    fn spec(text: &str) -> RadarDetectionSpec {
+        serde_json::from_str(text).unwrap()
+    }
+
+    #[test]
+    fn a_target_is_found_once_where_it_is() {
+        for (radar, sines) in
+            [(Radar::new(1, 12, 1), [0.2, 0.0]), (Radar::new(3, 4, 1), [-0.4, 0.0]), (Radar::new(2, 4, 2), [0.3, -0.2])]
+        {
+            for dims in ["range", "doppler", "range_then_doppler", "cross", "box"] {
+                let spec = spec(&format!(r#"{{"dims": "{dims}", "pfa": 1e-7}}"#));
+                let found = radar.detect(&spec, &[Target { sines, ..TARGET }], 1e-4, 0);
+                assert_eq!(found.len(), 1, "{dims}: {found:?}");
+                assert_eq!([found.range_cell[0], found.velocity_cell[0]], [20, 18]);
+                let off =
+                    |value: f32, expected: f64, sigma: f32| (f64::from(value) - expected).abs() / f64::from(sigma);
+                assert!(off(found.range[0], 0.2 * TARGET.range, found.sigma_range[0]) < 4.0, "{found:?}");
+                let speed = radar.axes.velocity.at(TARGET.velocity);
+                assert!(off(found.velocity[0], speed, found.sigma_velocity[0]) < 4.0, "{found:?}");
+                let elevation = sines[1].asin();
+                let azimuth = (sines[0] / elevation.cos()).asin();
+                assert!(off(found.azimuth[0], azimuth, found.sigma_azimuth[0]) < 4.0, "{found:?}");
+                if sines[1] != 0.0 {
+                    assert!(off(found.elevation[0], elevation, found.sigma_elevation[0]) < 4.0, "{found:?}");
+                }
+                assert!((found.power[0] - 1.0).abs() < 0.02, "{found:?}");
+                let loss = f64::from(line(0.3, 64) * line(0.2, 32)).powi(2);
+                let snr = 10.0 * (loss * radar.positions.len() as f64 / 1e-4).log10();
+                assert!((f64::from(found.snr_db[0]) - snr).abs() < 0.1, "{} dB, not {snr}", found.snr_db[0]);
+            }
+        }
+    }
+}
