@@ -154,10 +154,7 @@ impl DirectionFinder {
         sorted.iter_mut().for_each(|places| places.sort_by(f64::total_cmp));
         let period =
             sorted.each_ref().map(|places| spacing(places).map_or(f32::INFINITY, |spacing| (1.0 / spacing) as f32));
-        let beam = sorted.each_ref().map(|places| {
-            let extent = places[places.len() - 1] - places[0];
-            if extent > SAME { (1.0 / (extent + spacing(places).unwrap_or(0.0))) as f32 } else { f32::INFINITY }
-        });
+        let beam = beams(positions, wavelength);
         let step = [&u, &w].map(|grid| if grid.len() > 1 { grid[1] - grid[0] } else { 0.0 });
         let phasor = |(w, row): (&f32, &ChannelRow)| steer::phasor(w * row.z);
         let phasors = w.iter().flat_map(|w| rows.iter().map(move |row| (w, row))).map(phasor).collect();
@@ -398,6 +395,16 @@ fn vertex_of_nine(powers: [[f32; 3]; 3]) -> [f32; 2] {
 fn turned_back([re, im]: [f32; 2], turns: f32) -> Complex32 {
     let [cosine, sine] = steer::phasor(turns);
     Complex32::new(re, im) * Complex32::new(cosine, -sine)
+}
+
+/// From the middle of a beam to its first null, in sines, of arrays along y and z; infinite for elements at one place.
+pub(super) fn beams(positions: &[[f32; 3]], wavelength: f64) -> [f32; 2] {
+    [1, 2].map(|axis| {
+        let mut places: Vec<f64> = positions.iter().map(|at| f64::from(at[axis]) / wavelength).collect();
+        places.sort_by(f64::total_cmp);
+        let extent = places.last().zip(places.first()).map_or(0.0, |(last, first)| last - first);
+        if extent > SAME { (1.0 / (extent + spacing(&places).unwrap_or(0.0))) as f32 } else { f32::INFINITY }
+    })
 }
 
 /// The greatest spacing of which all distances of `places`, in rising order, are whole multiples, if there is one of the

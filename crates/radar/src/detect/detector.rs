@@ -377,121 +377,8 @@ fn gather(cube: &RadarCube, cell: usize, channels: &mut Vec<Complex32>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ground::read::bounds::Bounds;
+    use crate::detect::test_radar::{CELLS, TARGET, TestRadar, TestTarget, line};
     use ground::rng::{Draw, Rng};
-    use std::f64::consts::TAU;
-
-    const WAVELENGTH: f64 = 0.0039;
-    const CELLS: [usize; 2] = [64, 32];
-
-    struct Radar {
-        responses: [WindowResponse; 2],
-        axes: CubeAxes,
-        positions: Vec<[f32; 3]>,
-        slots: Vec<f32>,
-    }
-
-    /// A target at fractions of cells, in a direction given by its sines.
-    #[derive(Clone, Copy)]
-    struct Target {
-        range: f64,
-        velocity: f64,
-        sines: [f64; 2],
-        amplitude: f32,
-        phase: f32,
-    }
-
-    const TARGET: Target = Target { range: 20.3, velocity: 17.8, sines: [0.2, 0.0], amplitude: 1.0, phase: 0.7 };
-
-    fn hann(len: usize) -> Vec<f64> {
-        (0..len).map(|n| 0.5 - 0.5 * (TAU * n as f64 / len as f64).cos()).collect()
-    }
-
-    impl Radar {
-        /// `transmitters` that take turns, each moved by the whole row of `receivers`, in `rows` rows.
-        fn new(transmitters: usize, receivers: usize, rows: usize) -> Self {
-            let half = 0.5 * WAVELENGTH as f32;
-            let period = 60e-6;
-            let mut radar = Radar {
-                responses: CELLS.map(|cells| WindowResponse::new(&hann(cells), cells)),
-                axes: CubeAxes::default(),
-                positions: Vec::new(),
-                slots: Vec::new(),
-            };
-            for transmitter in 0..transmitters {
-                for receiver in 0..receivers * rows {
-                    let column = transmitter * receivers + receiver % receivers;
-                    radar.positions.push([0.0, half * column as f32, half * (receiver / receivers) as f32]);
-                    radar.slots.push((period * transmitter as f64 / transmitters as f64) as f32);
-                }
-            }
-            let step = WAVELENGTH / (2.0 * period * CELLS[1] as f64);
-            radar.axes.range = Axis { first: 0.0, step: 0.2, len: CELLS[0] };
-            radar.axes.velocity = Axis { first: -step * (CELLS[1] / 2) as f64, step, len: CELLS[1] };
-            radar
-        }
-
-        fn geometry(&self) -> CubeGeometry<'_> {
-            CubeGeometry {
-                axes: self.axes,
-                responses: self.responses.each_ref(),
-                positions: &self.positions,
-                wavelength: WAVELENGTH,
-                slots: &self.slots,
-            }
-        }
-
-        /// The cube that an FFT of Hann-weighted samples gives, phases as of their middle.
-        fn cube(&self, targets: &[Target], noise: f32, frame: u32) -> RadarCube {
-            let (ranges, velocities) = (CELLS[0], CELLS[1]);
-            let mut cube = RadarCube {
-                axes: self.axes,
-                channels: self.positions.len(),
-                cells: vec![Complex32::default(); ranges * velocities * self.positions.len()],
-            };
-            for (channel, cells) in cube.cells.chunks_exact_mut(ranges * velocities).enumerate() {
-                let (mut re, mut im) = (vec![0.0; cells.len()], vec![0.0; cells.len()]);
-                Rng::new(4, frame).cell_phasors(channel as u32, Draw::RadarNoise, &mut re, &mut im);
-                for (cell, value) in cells.iter_mut().enumerate() {
-                    *value = noise.sqrt() * Complex32::new(re[cell], im[cell]);
-                }
-                for target in targets {
-                    let at = self.positions[channel];
-                    let speed = self.axes.velocity.at(target.velocity);
-                    let turns = (f64::from(at[1]) * target.sines[0] + f64::from(at[2]) * target.sines[1]
-                        - 2.0 * speed * f64::from(self.slots[channel]))
-                        / WAVELENGTH;
-                    let channel = Complex32::from_polar(target.amplitude, (TAU * turns) as f32 + target.phase);
-                    let [range, velocity] = [(target.range, ranges), (target.velocity, velocities)]
-                        .map(|(at, len)| (0..len).map(|cell| line(cell as f64 - at, len)).collect::<Vec<_>>());
-                    for (cell, value) in cells.iter_mut().enumerate() {
-                        *value += channel * range[cell % ranges] * velocity[cell / ranges];
-                    }
-                }
-            }
-            cube
-        }
-
-        fn detect(&self, spec: &RadarDetectionSpec, targets: &[Target], noise: f32, frame: u32) -> RadarDetections {
-            spec.check("detection", &mut Bounds::none()).unwrap();
-            let mut detections = RadarDetections::default();
-            let mut detector = Detector::new(spec, self.geometry()).unwrap();
-            detector.run(&self.cube(targets, noise, frame), noise, &mut detections).unwrap();
-            detections
-        }
-    }
-
-    /// Transform of a Hann window of `len` samples at a distance of `cells`, its phase that of the middle: half of a
-    /// cosine's weights on both sides of a sum of equal phasors.
-    fn line(cells: f64, len: usize) -> f32 {
-        let equal = |cells: f64| {
-            let angle = std::f64::consts::PI * cells;
-            let sine = (angle / len as f64).sin();
-            if sine.abs() < 1e-12 { angle.cos().signum() } else { angle.sin() / (len as f64 * sine) }
-        };
-        // The neighbours' phases, as of sample len / 2 rather than of the middle, are opposite.
-        (equal(cells) + 0.5 * (equal(cells - 1.0) + equal(cells + 1.0))) as f32
-    }
 
     fn spec(text: &str) -> RadarDetectionSpec {
         serde_json::from_str(text).unwrap()
@@ -499,12 +386,14 @@ mod tests {
 
     #[test]
     fn a_target_is_found_once_where_it_is() {
-        for (radar, sines) in
-            [(Radar::new(1, 12, 1), [0.2, 0.0]), (Radar::new(3, 4, 1), [-0.4, 0.0]), (Radar::new(2, 4, 2), [0.3, -0.2])]
-        {
+        for (radar, sines) in [
+            (TestRadar::new(1, 12, 1), [0.2, 0.0]),
+            (TestRadar::new(3, 4, 1), [-0.4, 0.0]),
+            (TestRadar::new(2, 4, 2), [0.3, -0.2]),
+        ] {
             for dims in ["range", "doppler", "range_then_doppler", "cross", "box"] {
                 let spec = spec(&format!(r#"{{"dims": "{dims}", "pfa": 1e-7}}"#));
-                let found = radar.detect(&spec, &[Target { sines, ..TARGET }], 1e-4, 0);
+                let found = radar.detect(&spec, &[TestTarget { sines, ..TARGET }], 1e-4, 0);
                 assert_eq!(found.len(), 1, "{dims}: {found:?}");
                 assert_eq!([found.range_cell[0], found.velocity_cell[0]], [20, 18]);
                 let off =
@@ -524,5 +413,161 @@ mod tests {
                 assert!((f64::from(found.snr_db[0]) - snr).abs() < 0.1, "{} dB, not {snr}", found.snr_db[0]);
             }
         }
+    }
+
+    fn one(found: &RadarDetections) -> [f32; 3] {
+        assert_eq!(found.len(), 1, "{found:?}");
+        [found.range[0], found.velocity[0], found.azimuth[0]]
+    }
+
+    /// A velocity beyond the unambiguous span folds; what the transmitters' phases tell unfolds it and puts the target
+    /// back where it is.
+    #[test]
+    fn velocities_fold_and_are_unfolded_if_asked() {
+        let radar = TestRadar::new(3, 4, 1);
+        let span = radar.axes.velocity.step * CELLS[1] as f64;
+        for (velocity, folded) in [(17.8, 17.8), (17.8 + 32.0, 17.8), (12.1 - 32.0, 12.1), (31.4, 31.4), (32.2, 0.2)] {
+            let target = TestTarget { velocity, ..TARGET };
+            let at = |cells: f64| radar.axes.velocity.at(cells) as f32;
+            let [_, found, azimuth] = one(&radar.detect(&spec(r#"{"pfa": 1e-7}"#), &[target], 1e-4, 1));
+            let off = (found - at(folded)).abs();
+            assert!(off.min(span as f32 - off) < 0.02, "{found}, not {}", at(folded));
+            assert_eq!(
+                (azimuth - 0.2f32.asin()).abs() < 0.01,
+                (0.0..32.0).contains(&velocity),
+                "{velocity}: {azimuth}"
+            );
+            let [_, found, azimuth] = one(&radar.detect(&spec(r#"{"pfa": 1e-7, "unfold": true}"#), &[target], 1e-4, 1));
+            assert!((found - at(velocity)).abs() < 0.02, "{found}, not {}", at(velocity));
+            assert!((azimuth - 0.2f32.asin()).abs() < 0.01, "{velocity}: {azimuth}");
+        }
+    }
+
+    #[test]
+    fn targets_at_the_edges_are_found() {
+        let radar = TestRadar::new(1, 8, 1);
+        for dims in ["range", "doppler", "range_then_doppler", "cross", "box"] {
+            for method in ["ca", "go", "so", "os"] {
+                if dims == "box" && (method == "go" || method == "so") {
+                    continue;
+                }
+                // One detection: a target in the first cell is seen in the last one, too.
+                let text = format!(r#"{{"pfa": 1e-6, "dims": "{dims}", "method": "{method}", "max_detections": 1}}"#);
+                let spec = spec(&text);
+                for (range, velocity) in [(0.0, 16.0), (63.0, 0.0), (1.2, 31.3), (32.0, 31.6), (62.0, 0.4)] {
+                    let target = TestTarget { range, velocity, ..TARGET };
+                    let [found, speed, _] = one(&radar.detect(&spec, &[target], 1e-5, 2));
+                    assert!(
+                        (f64::from(found) - 0.2 * range).abs() < 0.02,
+                        "{dims} {method}: {found}, not {}",
+                        0.2 * range
+                    );
+                    let off = radar.axes.velocity.cells(speed.into()) - velocity;
+                    assert!((off - (off / 32.0).round() * 32.0).abs() < 0.05, "{dims} {method}: off by {off} cells");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn two_targets_in_a_cell_are_two_detections() {
+        let radar = TestRadar::new(3, 4, 1);
+        let other = TestTarget { sines: [-0.4, 0.0], amplitude: 0.8, phase: 2.0, ..TARGET };
+        let found = radar.detect(&spec(r#"{"targets_per_cell": 2}"#), &[TARGET, other], 1e-4, 3);
+        assert_eq!(found.len(), 2, "{found:?}");
+        assert_eq!(found.range_cell, [20, 20]);
+        for (at, target) in [TARGET, other].iter().enumerate() {
+            assert!((f64::from(found.azimuth[at].sin()) - target.sines[0]).abs() < 0.01, "{found:?}");
+            assert!((found.power[at] / target.amplitude.powi(2) - 1.0).abs() < 0.1, "{found:?}");
+            assert!((f64::from(found.range[at]) - 0.2 * target.range).abs() < 0.02, "{found:?}");
+        }
+        assert_eq!(radar.detect(&spec("{}"), &[TARGET, other], 1e-4, 3).len(), 1);
+        let high = spec(r#"{"targets_per_cell": 2, "second_target": 0.9}"#);
+        assert_eq!(radar.detect(&high, &[TARGET, other], 1e-4, 3).len(), 1);
+    }
+
+    #[test]
+    fn what_is_reported_is_limited_and_stepped() {
+        let radar = TestRadar::new(1, 8, 1);
+        // Not in each other's reference cells.
+        let targets = [8.3, 20.3, 40.3, 55.3].map(|range| TestTarget {
+            range,
+            velocity: 0.5 * range,
+            amplitude: range as f32,
+            ..TARGET
+        });
+        let ranges = |text: &str| radar.detect(&spec(text), &targets, 1e-2, 4).range;
+        assert_eq!(ranges("{}").len(), 4);
+        assert!(ranges("{}").is_sorted());
+        assert_eq!(ranges(r#"{"max_detections": 2}"#), ranges("{}")[2..]);
+        assert_eq!(ranges(r#"{"limits": {"range_m": [2, 9]}}"#), ranges("{}")[1..3]);
+        assert_eq!(ranges(r#"{"limits": {"azimuth_deg": [12, 30]}}"#).len(), 0);
+        assert_eq!(ranges(r#"{"limits": {"elevation_deg": [-5, 5], "velocity_m_s": [-50, 50]}}"#).len(), 4);
+        assert_eq!(ranges(r#"{"steps": {"range_m": 0.5}}"#), [1.5, 4.0, 8.0, 11.0]);
+        let weakest = radar.detect(&spec("{}"), &targets, 1e-2, 4).snr_db[0];
+        assert_eq!(ranges(&format!(r#"{{"min_snr_db": {}}}"#, weakest + 0.01)).len(), 3);
+        let found = radar.detect(&spec(r#"{"steps": {"velocity_m_s": 0.1, "azimuth_deg": 1}}"#), &targets, 1e-2, 4);
+        let whole = |value: f32, step: f32| (value / step - (value / step).round()).abs() < 1e-3;
+        assert!(found.velocity.iter().all(|&velocity| whole(velocity, 0.1)), "{found:?}");
+        assert!(found.azimuth.iter().all(|azimuth| whole(azimuth.to_degrees(), 1.0)), "{found:?}");
+        // All cells of the main lobes, not only their maxima.
+        assert!(ranges(r#"{"local_maxima": false}"#).len() > 20);
+    }
+
+    /// Empty, overflowing and broken cubes give no detections or some, but end; a detector gives the same for the same
+    /// cube whatever it saw before.
+    #[test]
+    fn any_cube_is_taken() {
+        let radar = TestRadar::new(3, 4, 1);
+        let mut detector =
+            Detector::new(&spec(r#"{"targets_per_cell": 8, "unfold": true}"#), radar.geometry()).unwrap();
+        let good = radar.cube(&[TARGET], 1e-4, 5);
+        let (mut first, mut found) = (RadarDetections::default(), RadarDetections::default());
+        detector.run(&good, 1e-4, &mut first).unwrap();
+        for value in [0.0, 1.0, f32::NAN, f32::INFINITY, 1e30] {
+            let mut cube = good.clone();
+            cube.cells.fill(Complex32::new(value, 0.0));
+            detector.run(&cube, 0.0, &mut found).unwrap();
+            cube.cells[500].re = 2.0 * value;
+            detector.run(&cube, 0.0, &mut found).unwrap();
+            detector.run(&good, 1e-4, &mut found).unwrap();
+            assert_eq!(found, first);
+        }
+        let mut refused = |cube: &RadarCube, noise| detector.run(cube, noise, &mut found).unwrap_err().to_string();
+        assert_eq!(refused(&good, -1.0), "noise power is -1; allowed: 0 W or more");
+        let other = RadarCube { channels: 11, ..good.clone() };
+        let message = "cells of the cube is 64 x 32 x 11, 24576 in total; allowed: 64 x 32 x 12";
+        assert_eq!(refused(&other, 1.0), message);
+        let slots = &radar.slots[..3];
+        let error = Detector::new(&spec("{}"), CubeGeometry { slots, ..radar.geometry() }).err().unwrap();
+        assert_eq!(error.to_string(), "number of slots is 3; allowed: one for each of 12 channels, or none");
+        let error = Detector::new(&spec("{}"), CubeGeometry { positions: &[], slots: &[], ..radar.geometry() });
+        assert!(error.is_err());
+    }
+
+    #[test]
+    fn probabilities_of_detection_are_those_of_the_law() {
+        // Check value: CA with 16 cells, Pfa 1e-4, a Swerling 1 target of 15 dB: 0.6857591.
+        let radar = TestRadar { positions: vec![[0.0; 3]], slots: Vec::new(), ..TestRadar::new(1, 1, 1) };
+        let spec = spec(r#"{"pfa": 1e-4, "dims": "range", "reference_cells": [8, 1], "local_maxima": false}"#);
+        let mut detector = Detector::new(&spec, radar.geometry()).unwrap();
+        let mut found = RadarDetections::default();
+        let (mut count, mut all) = (0, 0);
+        for frame in 0..600 {
+            let mut cube = radar.cube(&[], 1.0, frame);
+            // One cell of every row, far enough from the others not to be a reference cell of them.
+            let mut swerling = [vec![0.0; CELLS[1]], vec![0.0; CELLS[1]]];
+            let [re, im] = &mut swerling;
+            Rng::new(9, frame).cell_phasors(0, Draw::RadarSpeckle, re, im);
+            for row in 0..CELLS[1] {
+                cube.cells[row * CELLS[0] + 32] += 10f32.powf(0.75) * Complex32::new(re[row], im[row]);
+            }
+            detector.run(&cube, 1.0, &mut found).unwrap();
+            count += found.range_cell.iter().filter(|&&cell| cell == 32).count();
+            all += CELLS[1];
+        }
+        let expected = 0.6857591;
+        let (found, spread) = (count as f64 / all as f64, (expected * (1.0 - expected) / all as f64).sqrt());
+        assert!((found - expected).abs() < 3.0 * spread, "{found} of {all}, not {expected}");
     }
 }

@@ -61,10 +61,20 @@ impl WindowResponse {
         response
     }
 
+    /// Cells after which the response repeats: the length of the transform.
+    pub fn period(&self) -> f32 {
+        self.period
+    }
+
+    /// The distance `cells` from a path, or from the nearest of its images.
+    pub fn nearest(&self, cells: f32) -> f32 {
+        let around = cells.abs() % self.period;
+        around.min(self.period - around)
+    }
+
     /// Power at a distance of `cells` from the path.
     pub fn power(&self, cells: f32) -> f32 {
-        let around = cells.abs() % self.period;
-        let place = around.min(self.period - around) * STEPS as f32;
+        let place = self.nearest(cells) * STEPS as f32;
         let step = (place as usize).min(self.table.len() - 1);
         let next = (step + 1).min(self.table.len() - 1);
         self.table[step] + (place - step as f32) * (self.table[next] - self.table[step])
