@@ -259,7 +259,8 @@ impl DirectionFinder {
     /// Takes over the channels, in the order of rows.
     fn take(&mut self, channels: &[Complex32]) {
         let WaveMemory { re, im, .. } = &mut self.memory;
-        (re.clear(), im.clear());
+        re.clear();
+        im.clear();
         for &channel in &self.order {
             let value = channels.get(channel as usize).copied().unwrap_or_default();
             re.push(value.re);

@@ -155,7 +155,7 @@ impl Detector {
             return Err(Error::invalid("time of a slot", "not finite", "seconds after the first one"));
         }
         let finder = DirectionFinder::new(positions, wavelength)?;
-        let (map, shape) = spec.axes([axes.velocity.len, axes.range.len]);
+        let (map, shape) = spec.axes([axes.velocity.len, axes.range.len], responses);
         let cfar = Cfar::new(&map, (spec.method, shape, spec.os_rank), channels, spec.pfa)?;
         // A path that recedes with v is 2 v t longer at the time t.
         let turns: Vec<f32> = slots.iter().map(|&slot| (2.0 * f64::from(slot) / wavelength) as f32).collect();
@@ -548,7 +548,9 @@ mod tests {
     #[test]
     fn probabilities_of_detection_are_those_of_the_law() {
         // Check value: CA with 16 cells, Pfa 1e-4, a Swerling 1 target of 15 dB: 0.6857591.
-        let radar = TestRadar { positions: vec![[0.0; 3]], slots: Vec::new(), ..TestRadar::new(1, 1, 1) };
+        let mut radar = TestRadar { positions: vec![[0.0; 3]], slots: Vec::new(), ..TestRadar::new(1, 1, 1) };
+        // Noise of each cell for itself: no windows.
+        radar.responses = CELLS.map(|cells| WindowResponse::new(&vec![1.0; cells], cells));
         let spec = spec(r#"{"pfa": 1e-4, "dims": "range", "reference_cells": [8, 1], "local_maxima": false}"#);
         let mut detector = Detector::new(&spec, radar.geometry()).unwrap();
         let mut found = RadarDetections::default();

@@ -14,17 +14,18 @@
 //! formula for each detector, and agrees with those that are known: Gandhi and Kassam 1988, "Analysis of CFAR processors
 //! in nonhomogeneous background", whose results are the check values of the tests.
 
-/// Level of the noise around a cell, estimated from reference cells.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+/// Level of the noise around a cell, estimated from reference cells. Numbers of cells need not be whole: of cells whose
+/// noise is alike, fewer tell as much.
+#[derive(Clone, Debug, PartialEq)]
 pub enum ReferenceLevel {
-    /// Mean of so many cells, 1 or more.
-    Mean(usize),
+    /// Mean of so many cells, above 0.
+    Mean(f64),
     /// One of so many cells in the order of their powers.
     Ranked {
         /// Number of cells, 1 or more.
-        cells: usize,
+        cells: f64,
         /// Which of them: 1 is the weakest.
-        rank: usize,
+        rank: f64,
     },
     /// The greatest of several levels, one or more, of different cells.
     Greatest(Vec<ReferenceLevel>),
@@ -59,26 +60,26 @@ impl Tails {
     }
 
     /// Of the mean of `cells` cells at `z`: their sum is gamma distributed.
-    fn of_mean(looks: usize, cells: usize, z: f64) -> Tails {
-        let (shape, cells) = ((looks * cells) as f64, cells as f64);
+    fn of_mean(looks: usize, cells: f64, z: f64) -> Tails {
+        let shape = looks as f64 * cells;
         let (below, above) = ln_gamma_tails(shape, cells * z);
-        let density = shape * (cells * z).ln() - cells * z - ln_gamma(shape) - z.ln();
-        Tails { below, above, density }
+        Tails { below, above, density: shape * (cells * z).ln() - cells * z - ln_gamma(shape) - z.ln() }
     }
 
-    /// Of the cell at `rank` among `cells` with the distribution `self`: the binomial probability that so many of them
-    /// are below (David and Nagaraja 2003, "Order statistics", 2.1).
-    fn ranked(self, cells: usize, rank: usize) -> Tails {
-        let choose =
-            |of: usize| ln_gamma(cells as f64 + 1.0) - ln_gamma(of as f64 + 1.0) - ln_gamma((cells - of) as f64 + 1.0);
-        let term = |of: usize| choose(of) + times(of, self.below) + times(cells - of, self.above);
-        let add = |range: std::ops::RangeInclusive<usize>| range.map(term).fold(f64::NEG_INFINITY, ln_add);
-        let density = choose(rank)
-            + (rank as f64).ln()
-            + times(rank - 1, self.below)
-            + times(cells - rank, self.above)
-            + self.density;
-        Tails { below: add(rank..=cells), above: add(0..=rank - 1), density }
+    /// Of the cell at `rank` among `cells` with the distribution `self`. The probability to be below the cell at a rank is
+    /// beta distributed (David and Nagaraja 2003, "Order statistics", 2.1).
+    fn ranked(self, cells: f64, rank: f64) -> Tails {
+        let (a, b) = (rank, cells - rank + 1.0);
+        let (below, above) = ln_beta_tails(a, b, self.below, self.above);
+        Tails { below, above, density: self.ranked_density(a, b) }
+    }
+
+    /// Logarithm of the density of that.
+    fn ranked_density(self, a: f64, b: f64) -> f64 {
+        ln_gamma(a + b) - ln_gamma(a) - ln_gamma(b)
+            + times(a - 1.0, self.below)
+            + times(b - 1.0, self.above)
+            + self.density
     }
 }
 
@@ -88,7 +89,7 @@ impl ReferenceLevel {
         let never = Tails { below: 0.0, above: f64::NEG_INFINITY, density: f64::NEG_INFINITY };
         match self {
             ReferenceLevel::Mean(cells) => Tails::of_mean(looks, *cells, z),
-            ReferenceLevel::Ranked { cells, rank } => Tails::of_mean(looks, 1, z).ranked(*cells, *rank),
+            ReferenceLevel::Ranked { cells, rank } => Tails::of_mean(looks, 1.0, z).ranked(*cells, *rank),
             ReferenceLevel::Greatest(levels) => {
                 levels.iter().map(|level| level.tails(looks, z)).fold(never, Tails::greater)
             }
@@ -98,12 +99,22 @@ impl ReferenceLevel {
         }
     }
 
-    /// Numbers of cells whose powers are added, the most of any part.
-    fn most(&self) -> usize {
+    /// Logarithm of its density at `z`.
+    fn density(&self, looks: usize, z: f64) -> f64 {
+        match self {
+            ReferenceLevel::Ranked { cells, rank } => {
+                Tails::of_mean(looks, 1.0, z).ranked_density(*rank, cells - rank + 1.0)
+            }
+            _ => self.tails(looks, z).density,
+        }
+    }
+
+    /// Number of cells whose powers are added, the most of any part.
+    fn most(&self) -> f64 {
         match self {
             ReferenceLevel::Mean(cells) | ReferenceLevel::Ranked { cells, .. } => *cells,
             ReferenceLevel::Greatest(levels) | ReferenceLevel::Least(levels) => {
-                levels.iter().map(ReferenceLevel::most).max().unwrap_or(1)
+                levels.iter().map(ReferenceLevel::most).fold(1.0, f64::max)
             }
         }
     }
@@ -126,10 +137,10 @@ impl CfarLaw {
         /// 1e-19 of them.
         const DEPTH: f64 = 80.0;
         // ln Z is about as wide as the logarithm of a gamma distributed number of this shape: 1 / sqrt(shape).
-        let step = (1.0 / (FINE * ((looks * level.most()) as f64).sqrt())).min(0.2);
+        let step = (1.0 / (FINE * (looks as f64 * level.most()).sqrt())).min(0.2);
         let weight = |node: i64| {
             let z = (looks as f64) * (step * node as f64).exp();
-            (z, level.tails(looks, z).density + z.ln())
+            (z, level.density(looks, z) + z.ln())
         };
         let mut mode = 0;
         for direction in [1, -1] {
@@ -284,8 +295,46 @@ fn ln_add(a: f64, b: f64) -> f64 {
 }
 
 /// `count` times `x`, 0 for a count of 0 even if x is infinite.
-fn times(count: usize, x: f64) -> f64 {
-    if count == 0 { 0.0 } else { count as f64 * x }
+fn times(count: f64, x: f64) -> f64 {
+    if count == 0.0 { 0.0 } else { count * x }
+}
+
+/// Natural logarithms of the probabilities that a beta distributed number of shapes `a` and `b` is below and above the
+/// one of which `below` and `above` are the logarithms of it and of what it is less than 1 (Abramowitz and Stegun 1964,
+/// 26.5.8).
+fn ln_beta_tails(a: f64, b: f64, below: f64, above: f64) -> (f64, f64) {
+    if below == f64::NEG_INFINITY || above == f64::NEG_INFINITY {
+        return (below, above);
+    }
+    let x = below.exp();
+    if x > (a + 1.0) / (a + b + 2.0) {
+        let (above, below) = ln_beta_tails_near(b, a, above, below);
+        return (below, above);
+    }
+    ln_beta_tails_near(a, b, below, above)
+}
+
+/// [`ln_beta_tails`] below the mean, where the continued fraction converges fast; by Lentz's evaluation.
+fn ln_beta_tails_near(a: f64, b: f64, below: f64, above: f64) -> (f64, f64) {
+    let x = below.exp();
+    let front = ln_gamma(a + b) - ln_gamma(a + 1.0) - ln_gamma(b) + a * below + b * above;
+    let (mut c, mut d) = (1.0, 1.0 / (1.0 - (a + b) * x / (a + 1.0)));
+    let mut fraction = d;
+    for m in 1..10_000 {
+        let m = f64::from(m);
+        let even = m * (b - m) * x / ((a + 2.0 * m - 1.0) * (a + 2.0 * m));
+        let odd = -(a + m) * (a + b + m) * x / ((a + 2.0 * m) * (a + 2.0 * m + 1.0));
+        for factor in [even, odd] {
+            d = 1.0 / (1.0 + factor * d);
+            c = 1.0 + factor / c;
+            fraction *= c * d;
+        }
+        if (c * d - 1.0).abs() < 1e-15 {
+            break;
+        }
+    }
+    let near = (front + fraction.ln()).min(0.0);
+    (near, ln_rest(near))
 }
 
 /// Natural logarithm of the gamma function of x above 0, by Stirling's series beyond 12 (Abramowitz and Stegun 1964,
@@ -309,15 +358,15 @@ mod tests {
         assert!((found / expected - 1.0).abs() < relative, "{found}, not {expected}");
     }
 
-    fn ranked(cells: usize, rank: usize) -> ReferenceLevel {
-        ReferenceLevel::Ranked { cells, rank }
+    fn ranked(cells: u32, rank: u32) -> ReferenceLevel {
+        ReferenceLevel::Ranked { cells: cells.into(), rank: rank.into() }
     }
 
     fn factor(level: &ReferenceLevel, pfa: f64) -> f64 {
         CfarLaw::new(1, level).factor(pfa)
     }
 
-    fn halves(make: fn(Vec<ReferenceLevel>) -> ReferenceLevel, cells: [usize; 2]) -> ReferenceLevel {
+    fn halves(make: fn(Vec<ReferenceLevel>) -> ReferenceLevel, cells: [f64; 2]) -> ReferenceLevel {
         make(cells.map(ReferenceLevel::Mean).to_vec())
     }
 
@@ -325,9 +374,9 @@ mod tests {
     fn factors_are_those_of_the_literature() {
         // Check values: `N (Pfa^(-1/N) - 1)` for means, the product of `(N - i) / (N - i + factor)` for ranks.
         for (level, pfa, expected) in [
-            (ReferenceLevel::Mean(16), 1e-4, 12.45247),
-            (ReferenceLevel::Mean(32), 1e-6, 17.27765),
-            (ReferenceLevel::Mean(24), 1e-4, 11.22718),
+            (ReferenceLevel::Mean(16.0), 1e-4, 12.45247),
+            (ReferenceLevel::Mean(32.0), 1e-6, 17.27765),
+            (ReferenceLevel::Mean(24.0), 1e-4, 11.22718),
             (ranked(24, 18), 1e-4, 9.340805),
             (ranked(32, 24), 1e-6, 14.39852),
             (ranked(16, 12), 1e-4, 11.08019),
@@ -335,7 +384,7 @@ mod tests {
             close(factor(&level, pfa), expected, 1e-6);
         }
         let db = |factor: f64| 10.0 * factor.log10();
-        let mean = factor(&ReferenceLevel::Mean(16), 1e-4);
+        let mean = factor(&ReferenceLevel::Mean(16.0), 1e-4);
         close(db(mean), 10.95256, 1e-6);
         close(db(mean / -1e-4f64.ln()), 1.309798, 1e-6);
         close(db(factor(&ranked(24, 18), 1e-4)), 9.703843, 1e-6);
@@ -344,26 +393,25 @@ mod tests {
     #[test]
     fn detection_is_that_of_the_literature() {
         let snr = 10f64.powf(1.5);
-        for (level, expected) in [(ReferenceLevel::Mean(16), 0.6857591), (ranked(24, 18), 0.6872061)] {
+        for (level, expected) in [(ReferenceLevel::Mean(16.0), 0.6857591), (ranked(24, 18), 0.6872061)] {
             let law = CfarLaw::new(1, &level);
             close(law.detection(law.factor(1e-4), snr), expected, 2e-7);
         }
         // So many cells that the noise is known: Pfa^(1 / (1 + SNR)).
-        let law = CfarLaw::new(1, &ReferenceLevel::Mean(1_000_000));
+        let law = CfarLaw::new(1, &ReferenceLevel::Mean(1_000_000.0));
         close(law.detection(law.factor(1e-4), snr), 0.7540259, 1e-5);
     }
 
     #[test]
     fn closed_forms_hold_far_into_the_tails() {
         for pfa in [0.3, 1e-3, 1e-9, 1e-13] {
-            for cells in [1, 2, 16, 300] {
-                let n = cells as f64;
-                close(factor(&ReferenceLevel::Mean(cells), pfa), n * (pfa.powf(-1.0 / n) - 1.0), 1e-9);
+            for n in [1.0, 2.0, 16.0, 300.0] {
+                close(factor(&ReferenceLevel::Mean(n), pfa), n * (pfa.powf(-1.0 / n) - 1.0), 1e-9);
             }
             for (cells, rank) in [(1, 1), (24, 1), (24, 24), (100, 75)] {
                 let law = CfarLaw::new(1, &ranked(cells, rank));
                 let factor = law.factor(pfa);
-                let product: f64 = (0..rank).map(|i| (cells - i) as f64).map(|left| left / (left + factor)).product();
+                let product: f64 = (0..rank).map(|i| f64::from(cells - i)).map(|left| left / (left + factor)).product();
                 close(product, pfa, 1e-8);
             }
         }
@@ -373,11 +421,11 @@ mod tests {
     /// `sum over j < M of C(NM + j - 1, j) t^j / (1 + t)^(NM + j)`, t = factor / N.
     #[test]
     fn sums_over_channels_follow_the_beta_law() {
-        for (looks, cells) in [(4, 16), (12, 24), (192, 8)] {
+        for (looks, cells) in [(4, 16.0), (12, 24.0), (192, 8.0)] {
             let law = CfarLaw::new(looks, &ReferenceLevel::Mean(cells));
             for pfa in [1e-2, 1e-6] {
-                let t = law.factor(pfa) / cells as f64;
-                let shape = (looks * cells) as f64;
+                let t = law.factor(pfa) / cells;
+                let shape = looks as f64 * cells;
                 let mut term = -shape * t.ln_1p();
                 let mut sum = term.exp();
                 for j in 1..looks {
@@ -393,7 +441,7 @@ mod tests {
     #[test]
     fn greatest_and_least_add_up_to_both_halves() {
         for looks in [1, 4, 12] {
-            for cells in [[8, 8], [3, 16]] {
+            for cells in [[8.0, 8.0], [3.0, 16.0]] {
                 let [first, second] = cells.map(|cells| CfarLaw::new(looks, &ReferenceLevel::Mean(cells)));
                 let greatest = CfarLaw::new(looks, &halves(ReferenceLevel::Greatest, cells));
                 let least = CfarLaw::new(looks, &halves(ReferenceLevel::Least, cells));
@@ -406,10 +454,27 @@ mod tests {
         }
     }
 
+    /// The binomial sum is the definition.
+    #[test]
+    fn ranks_are_below_with_the_binomial_probability() {
+        for (cells, rank) in [(1u32, 1u32), (7, 3), (24, 18), (40, 40)] {
+            for x in [1e-6, 0.01, 0.3, 0.74, 0.99, 1.0 - 1e-9f64] {
+                let choose = |of: u32| (1..=of).map(|i| f64::from(cells - of + i) / f64::from(i)).product::<f64>();
+                let term = |of: u32| choose(of) * x.powi(of as i32) * (1.0 - x).powi((cells - of) as i32);
+                let (a, b) = (f64::from(rank), f64::from(cells - rank + 1));
+                let (below, above) = ln_beta_tails(a, b, x.ln(), (-x).ln_1p());
+                close(below.exp(), (rank..=cells).map(term).sum(), 1e-9);
+                close(above.exp(), (0..rank).map(term).sum(), 1e-9);
+            }
+        }
+    }
+
     #[test]
     fn probabilities_are_bounded_and_fall_with_the_factor() {
         let of_ranks = ReferenceLevel::Greatest(vec![ranked(16, 12), ranked(10, 8)]);
-        for level in [ReferenceLevel::Mean(1), ranked(1000, 1000), halves(ReferenceLevel::Least, [1, 4]), of_ranks] {
+        for level in
+            [ReferenceLevel::Mean(1.0), ranked(1000, 1000), halves(ReferenceLevel::Least, [1.0, 4.0]), of_ranks]
+        {
             for looks in [1, 2, 192] {
                 let law = CfarLaw::new(looks, &level);
                 close(law.false_alarm(1e-9), 1.0, 1e-6);

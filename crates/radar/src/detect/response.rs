@@ -1,5 +1,6 @@
 //! What one path leaves in the cells along one axis of a cube: the transform of the window.
 
+use super::cfar::LAGS;
 use rustfft::{FftPlannerScalar, num_complex::Complex64};
 
 /// Steps of the tables per cell.
@@ -19,6 +20,8 @@ pub struct WindowResponse {
     null: f32,
     /// Standard error of the place of a path in a cell whose signal-to-noise ratio is 1, cells.
     error: f32,
+    /// How much alike the noise of cells is, by distance.
+    alike: [f32; LAGS],
     /// Where three cells have their maximum by a parabola, for paths in steps from the middle of a cell outwards.
     parabola: Vec<f32>,
 }
@@ -50,6 +53,7 @@ impl WindowResponse {
             period: transform as f32,
             null: null as f32 / STEPS as f32,
             error: error(weights) * transform as f32 / weights.len().max(1) as f32,
+            alike: alike(weights, transform),
             parabola: Vec::new(),
         };
         response.parabola = (0..=STEPS / 2)
@@ -68,8 +72,10 @@ impl WindowResponse {
 
     /// The distance `cells` from a path, or from the nearest of its images.
     pub fn nearest(&self, cells: f32) -> f32 {
-        let around = cells.abs() % self.period;
-        around.min(self.period - around)
+        /// The nearest whole number is in the lower bits of a sum with it.
+        const UNIT: f32 = 1.5 * (1 << 23) as f32;
+        let periods = (cells / self.period).clamp(-1e6, 1e6);
+        (cells - self.period * ((periods + UNIT) - UNIT)).abs()
     }
 
     /// Power at a distance of `cells` from the path.
@@ -89,6 +95,11 @@ impl WindowResponse {
     /// the least that is possible with this window, for samples without one 0.38985 / sqrt(snr) of a bin.
     pub fn error(&self, snr: f32) -> f32 {
         self.error / snr.sqrt()
+    }
+
+    /// How much alike white noise is in cells 1, 2, 3... apart: see [`CfarAxis::alike`](super::CfarAxis::alike).
+    pub fn alike(&self) -> [f32; LAGS] {
+        self.alike
     }
 
     /// The maximum of three neighbouring cells of which the one in the middle is the strongest: a parabola through their
@@ -126,6 +137,19 @@ fn error(weights: &[f64]) -> f32 {
     }
     let variance = 0.5 * sum(&|w, _| w).powi(2) / sum(&|w, _| w * w) * sum(&|w, t| w * w * t * t) / spread.powi(2);
     (variance.sqrt() * weights.len() as f64 / std::f64::consts::TAU) as f32
+}
+
+/// Squared magnitudes of the correlation of the noise of cells: `|sum w^2 e^(-2 pi i k n / N)|^2 / (sum w^2)^2`, k cells
+/// apart.
+fn alike(weights: &[f64], transform: usize) -> [f32; LAGS] {
+    let sum = |cells: usize| -> Complex64 {
+        let turn = -std::f64::consts::TAU * cells as f64 / transform as f64;
+        weights.iter().enumerate().map(|(n, weight)| Complex64::from_polar(weight * weight, turn * n as f64)).sum()
+    };
+    let whole = sum(0).norm_sqr();
+    // A rounding error is no likeness.
+    let part = |cells: usize| if whole > 0.0 { (sum(cells).norm_sqr() / whole) as f32 } else { 0.0 };
+    std::array::from_fn(|cells| part(cells + 1)).map(|part| if part > 1e-6 { part } else { 0.0 })
 }
 
 /// Where a parabola through the logarithms of three powers has its maximum, steps from the middle one, at most `most`.
@@ -172,6 +196,8 @@ mod tests {
         }
         let bound = WindowResponse::new(&[1.0; 256], 256).error(1.0);
         assert!((bound - 0.38985).abs() < 1e-5);
+        let alike = WindowResponse::new(&hann(256), 256).alike();
+        assert!((alike[0] - 4.0 / 9.0).abs() < 1e-6 && (alike[1] - 1.0 / 36.0).abs() < 1e-6 && alike[2] == 0.0);
         let padded = WindowResponse::new(&[1.0; 256], 512).error(1.0);
         assert!((padded - 2.0 * bound).abs() < 1e-6);
     }

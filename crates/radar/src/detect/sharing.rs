@@ -219,8 +219,12 @@ impl Sharing {
         /// Less of the detection's power than this is nothing, even from thousands of paths.
         const LEAST: f32 = 1e-7;
         let away = [paths.range_cell[path] - middle, paths.velocity_cell[path] - look.cell[1]];
-        let power = paths.power[path] * self.responses[0].power(away[0]) * self.responses[1].power(away[1]);
-        if power.is_nan() || power <= LEAST * look.power {
+        let least = LEAST * look.power;
+        let mut power = paths.power[path] * self.responses[0].power(away[0]);
+        if power > least {
+            power *= self.responses[1].power(away[1]);
+        }
+        if power.is_nan() || power <= least {
             return None;
         }
         let [_, y, z] = paths.direction[path];

@@ -1,6 +1,7 @@
 //! Keys of a radar's detector.
 
 use super::cfar::{CfarAxis, CfarMethod, CfarShape};
+use super::response::WindowResponse;
 use ground::error::{Error, Result};
 use ground::read::bounds::{Bounds, FARTHEST_M};
 use serde::{Deserialize, Serialize};
@@ -171,8 +172,13 @@ impl RadarDetectionSpec {
         bounds.within(of("max_detections"), self.max_detections.map(f64::from), 1.0, 1e7)
     }
 
-    /// The axes of a map of `[velocities][ranges]` cells, and how cells are compared.
-    pub(super) fn axes(&self, [velocities, ranges]: [usize; 2]) -> ([CfarAxis; 2], CfarShape) {
+    /// The axes of a map of `[velocities][ranges]` cells, and how cells are compared; `responses` along range and along
+    /// velocity.
+    pub(super) fn axes(
+        &self,
+        [velocities, ranges]: [usize; 2],
+        responses: [&WindowResponse; 2],
+    ) -> ([CfarAxis; 2], CfarShape) {
         let [range, doppler] = match self.dims {
             CfarDims::Range => [true, false],
             CfarDims::Doppler => [false, true],
@@ -180,11 +186,9 @@ impl RadarDetectionSpec {
         };
         let axis = |len: usize, wraps: bool, which: usize, used: bool| {
             let [guard, reference] = [self.guard_cells, self.reference_cells].map(|cells| cells[which] as usize);
-            if used {
-                CfarAxis { len, wraps, guard, reference }
-            } else {
-                CfarAxis { len, wraps, ..CfarAxis::default() }
-            }
+            let alike = responses[which].alike();
+            let [guard, reference] = if used { [guard, reference] } else { [0; 2] };
+            CfarAxis { len, wraps, guard, reference, alike }
         };
         let shape = match self.dims {
             CfarDims::Range | CfarDims::Doppler | CfarDims::RangeThenDoppler => CfarShape::Each,
