@@ -247,7 +247,7 @@ impl RadarPlan {
     }
 
     /// Place along the axis of range, cells, before it is folded.
-    pub(crate) fn range_of(&self, range: f64, rate: f64) -> f64 {
+    pub fn range_of(&self, range: f64, rate: f64) -> f64 {
         match &self.waveform {
             RadarWaveform::Fmcw(fmcw) => (range + fmcw.coupling(rate)) / self.axes.range.step,
             // An echo may arrive after later pulses.

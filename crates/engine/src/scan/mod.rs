@@ -12,8 +12,9 @@ mod sound;
 pub use ground::profile::Profile;
 pub use nothing::why_nothing;
 pub use options::ScanOptions;
+pub use radar::RadarRecord;
 
-use crate::sensor::Sensor;
+use crate::sensor::{Sensor, SensorKind};
 use crate::trace::BuiltScene;
 use cloud::{Field, FieldSet, PointCloud};
 use emitter::Trajectory;
@@ -138,6 +139,18 @@ impl BuiltScene {
         cloud: &mut PointCloud,
         mut progress: Option<Progress>,
     ) -> Result<()> {
+        if sensor.kind() == SensorKind::Radar {
+            if options.deskew {
+                return Err(Error::invalid("deskew", true, "false for radars, whose detections are of one moment"));
+            }
+            if progress.as_mut().is_some_and(|progress| progress(0.0).is_break()) {
+                *cloud = PointCloud::default();
+                return Err(Error::Cancelled);
+            }
+            self.scan_radar(sensor, trajectory, options, cloud)?;
+            let _ = progress.map(|progress| progress(1.0));
+            return Ok(());
+        }
         if sensor.kind().makes_pings() {
             if options.deskew {
                 return Err(Error::invalid("deskew", true, "false for sonars, whose pings have one pose each"));

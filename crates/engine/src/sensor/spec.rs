@@ -1,5 +1,6 @@
 //! The contents of a sensor file.
 
+use super::radar::RadarSpec;
 use super::sonar::AcousticsSpec;
 use super::tof::TofSpec;
 use crate::detect::{DetectionSpec, Doppler, Noise, ReturnMode, VelocityLog};
@@ -11,9 +12,9 @@ use serde::ser::{SerializeMap, SerializeStruct, Serializer};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// A sensor file: what each key of its YAML means. An omitted key means the ideal case. A sonar is written without the
-/// sections for light (`beam`, `detection`, `returns`, `noise`, `intensity`, `doppler`), which its file must not
-/// contain.
+/// A sensor file: what each key of its YAML means. An omitted key means the ideal case. Sonars and radars are written
+/// without the sections for light (`beam`, `detection`, `returns`, `noise`, `intensity`, `doppler`), which their files
+/// must not contain.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
@@ -61,6 +62,9 @@ pub struct SensorSpec {
     /// Keys for sonars only.
     #[serde(default)]
     pub acoustics: Option<AcousticsSpec>,
+    /// Keys for radars only.
+    #[serde(default)]
+    pub radar: Option<RadarSpec>,
     /// How a Doppler velocity log measures; without this section it tracks the bottom exactly. Pattern `dvl` only.
     #[serde(default)]
     pub dvl: Option<VelocityLog>,
@@ -88,6 +92,7 @@ impl SensorSpec {
             doppler: None,
             tof: None,
             acoustics: None,
+            radar: None,
             dvl: None,
             expect: None,
         }
@@ -112,11 +117,12 @@ impl Serialize for SensorSpec {
             doppler,
             tof,
             acoustics,
+            radar,
             dvl,
             expect,
         } = self;
-        let of_light = *kind != SensorKind::Sonar;
-        let mut keys = serializer.serialize_struct("SensorSpec", 17)?;
+        let of_light = kind.is_optical();
+        let mut keys = serializer.serialize_struct("SensorSpec", 18)?;
         keys.serialize_field("name", name)?;
         if !title.is_empty() {
             keys.serialize_field("title", title)?;
@@ -148,6 +154,9 @@ impl Serialize for SensorSpec {
         if let Some(acoustics) = acoustics {
             keys.serialize_field("acoustics", acoustics)?;
         }
+        if let Some(radar) = radar {
+            keys.serialize_field("radar", radar)?;
+        }
         if let Some(dvl) = dvl {
             keys.serialize_field("dvl", dvl)?;
         }
@@ -169,6 +178,8 @@ pub enum SensorKind {
     Tof,
     /// Pings of sound.
     Sonar,
+    /// Frames of radio waves.
+    Radar,
 }
 
 impl SensorKind {
@@ -194,6 +205,7 @@ impl fmt::Display for SensorKind {
             SensorKind::Lidar => "lidar",
             SensorKind::Tof => "tof",
             SensorKind::Sonar => "sonar",
+            SensorKind::Radar => "radar",
         })
     }
 }

@@ -7,7 +7,7 @@ mod surfaces;
 mod wave;
 
 pub(crate) use clutter::{ClutterGrid, ClutterMemory, scatter_from_rough};
-pub(crate) use echoes::{RadarEchoes, RadarRoute};
+pub(crate) use echoes::{RadarEcho, RadarEchoes, RadarRoute};
 pub(crate) use facets::{FacetMemory, scatter_from_facets};
 pub(crate) use surfaces::RadarSurfaces;
 pub(crate) use wave::WaveField;

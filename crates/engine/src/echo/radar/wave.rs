@@ -3,6 +3,7 @@
 
 use super::RadarSurfaces;
 use super::echoes::{RadarEcho, RadarRoute};
+use crate::medium::RadioAir;
 use crate::trace::{MOST_MIRRORS, Mirrors, Sighted, Tables};
 use glam::{DMat3, DVec3, Vec3};
 use model::material::{Polarised, RadioSurface};
@@ -29,8 +30,8 @@ pub(crate) struct WaveField<'a> {
     pub rx: &'a PatternTable,
     /// Power of a transmitter at its element, W.
     pub power: f64,
-    /// Loss of amplitude in the air along a metre, one over m.
-    pub extinction: f64,
+    /// What attenuates in the air.
+    pub air: &'a RadioAir,
     /// Ranges that the radar receives, m.
     pub reach: f64,
     /// Amplitude, sqrt(W), below which all echoes of a cell together do not matter.
@@ -118,6 +119,17 @@ impl WaveField<'_> {
         Polarised { s: s * kept, p: p * kept }
     }
 
+    /// Fraction of the amplitude that air leaves along ways in these directions, m.
+    pub fn air_kept(&self, ways: [(Vec3, f64); 2]) -> f64 {
+        if self.air.media.is_empty() {
+            return 1.0;
+        }
+        let lost = |(along, length): (Vec3, f64)| {
+            self.air.attenuation_db(self.place.as_vec3(), along, 0.0, length as f32)
+        };
+        10f64.powf(-0.05 * ways.into_iter().map(lost).sum::<f64>())
+    }
+
     /// The echo of `scattering` along `route` by way of `mirrors`, as `sighted` found them; number `target` of the list of
     /// targets.
     pub(super) fn echo(
@@ -159,7 +171,8 @@ impl WaveField<'_> {
         }
         let received = field.dot(self.polarised(arrives));
         let length = folded + if route == RadarRoute::Both { folded } else { distance };
-        let kept = f64::from(sighted.through) * (-self.extinction * length).exp() * self.scale();
+        let kept = f64::from(sighted.through) * self.scale();
+        let kept = kept * self.air_kept([(directions[0], folded), (arrives, length - folded)]);
         let amplitude = strength * Complex64::new(received.re.into(), received.im.into()) * kept;
         let twice = if route == RadarRoute::Both { 2.0 } else { 1.0 };
         let mut rate = -self.velocity.as_vec3().dot(directions[0] + arrives) + velocity.dot(there - back);

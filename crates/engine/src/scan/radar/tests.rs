@@ -2,6 +2,7 @@
 
 use super::paths::{FramePaths, PathLimits};
 use crate::echo::radar::{RadarRoute, RadarSurfaces, WaveField};
+use crate::medium::RadioAir;
 use crate::scene::{Mesh, Object, Part, Scene};
 use crate::trace::{BuiltScene, Engine};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
@@ -42,7 +43,7 @@ fn moved(mut object: Object, to: DAffine3) -> Object {
 /// What a radar at `place` that looks along x receives.
 fn paths(scene: &BuiltScene, place: DVec3, mirrors: usize) -> FramePaths {
     let surfaces = RadarSurfaces::new(&scene.0.surfaces, 77e9).unwrap();
-    let pattern = ElementPattern::default().table();
+    let (pattern, air) = (ElementPattern::default().table(), RadioAir::default());
     let field = WaveField {
         scene: &scene.0,
         surfaces: &surfaces,
@@ -55,7 +56,7 @@ fn paths(scene: &BuiltScene, place: DVec3, mirrors: usize) -> FramePaths {
         tx: &pattern,
         rx: &pattern,
         power: 1.0,
-        extinction: 0.0,
+        air: &air,
         reach: 1e5,
         floor: 1e-14,
     };
