@@ -14,6 +14,7 @@ use crate::plan::{MOST_ORDERS, RadarPlan, StreamPart};
 use crate::waveform::RadarWaveform;
 use echocast_kernels::math::sin_cos_turns;
 use echocast_kernels::radar::{self, PATHS, Patch, PatchRun, PathLanes};
+use ground::math::floor;
 use ground::parallel;
 use num_complex::Complex32;
 use rustfft::FftPlannerScalar;
@@ -66,6 +67,10 @@ struct Group {
     waves: Vec<[PathLanes; 3]>,
     /// Nodes of each stamp: their middle and half of their span, cells.
     nodes: [[f32; 2]; PATHS],
+    /// How many there are.
+    counts: [usize; PATHS],
+    /// Real and imaginary parts of the amplitudes.
+    amplitudes: [PathLanes; 2],
     patches: Vec<Patch>,
     runs: Vec<PatchRun>,
     numbers: Vec<f32>,
@@ -125,6 +130,11 @@ impl Nodes {
 
     /// Weights of the nodes at `t`.
     fn weights(&self, t: f32, weights: &mut [f32]) {
+        if let [first, second] = weights {
+            *first = (t - self.at[1]) * self.scale[0];
+            *second = 1.0 - *first;
+            return;
+        }
         for (i, weight) in weights.iter_mut().enumerate() {
             let others = self.at.iter().enumerate().filter(|(other, _)| *other != i);
             *weight = others.fold(self.scale[i], |product, (_, at)| product * (t - at));
@@ -279,9 +289,9 @@ impl Depositor<'_> {
             let groups = &groups[..count];
             parallel::for_each_chunk(cells, 2 * slab, |stream, cells| {
                 let mut factors = Vec::new();
-                for (group, stamps) in groups.iter().zip(now.chunks(PATHS)) {
+                for group in groups {
                     for part in &self.plan.streams[stream] {
-                        self.factors(*part, group, stamps, mirrored, &mut factors);
+                        self.factors(*part, group, mirrored, &mut factors);
                         self.add_group(*part, group, mirrored, &factors, cells);
                     }
                 }
@@ -299,7 +309,7 @@ impl Depositor<'_> {
     }
 
     /// Factors of the layers of all patches of a group in one part of a stream.
-    fn factors(&self, part: StreamPart, group: &Group, stamps: &[Stamp], mirrored: bool, factors: &mut Vec<[f32; 2]>) {
+    fn factors(&self, part: StreamPart, group: &Group, mirrored: bool, factors: &mut Vec<[f32; 2]>) {
         factors.clear();
         let plan = self.plan;
         let launch = &plan.launches[part.launch];
@@ -308,29 +318,31 @@ impl Depositor<'_> {
         let turned = mirrored && launch.shift % plan.velocity.cells != 0;
         let error = if turned { error * plan.velocity.wrap } else { error };
         let (sent, received) = (&group.waves[part.launch], &group.waves[plan.launches.len() + part.receiver]);
-        for (lane, (stamp, patch)) in stamps.iter().zip(&group.patches).enumerate() {
-            if patch.layers == 0 {
-                continue;
-            }
-            let wave = |wave: &[PathLanes; 3]| Complex32::new(wave[0][lane], wave[1][lane]);
-            let mut factor = wave(sent) * wave(received) * error;
-            if mirrored {
-                factor = factor.conj();
-            }
-            factor *= stamp.amplitude;
-            let ([middle, half], range) = (group.nodes[lane], sent[2][lane] + received[2][lane]);
-            let first = factors.len();
-            let double = stamp_orders(stamp) > 1;
-            let count = if double { patch.layers / 2 } else { patch.layers } as usize;
+        let (mut re, mut im, mut at) = ([0.0; PATHS], [0.0; PATHS], [0.0; PATHS]);
+        let sign = if mirrored { -1.0 } else { 1.0 };
+        for lane in 0..PATHS {
+            let product = [
+                sent[0][lane] * received[0][lane] - sent[1][lane] * received[1][lane],
+                sent[0][lane] * received[1][lane] + sent[1][lane] * received[0][lane],
+            ];
+            let product =
+                [product[0] * error.re - product[1] * error.im, product[0] * error.im + product[1] * error.re];
+            let (a, b) = (group.amplitudes[0][lane], sign * group.amplitudes[1][lane]);
+            (re[lane], im[lane]) = (product[0] * a - product[1] * b, sign * (product[0] * b + product[1] * a));
+            let [middle, half] = group.nodes[lane];
+            at[lane] = (sign * (sent[2][lane] + received[2][lane]) - middle) / half;
+        }
+        for (lane, patch) in group.patches.iter().enumerate().filter(|(_, patch)| patch.layers > 0) {
+            let (first, count) = (factors.len(), group.counts[lane]);
+            let (re, im) = (re[lane], im[lane]);
             if count == 1 {
-                factors.push([factor.re, factor.im]);
+                factors.push([re, im]);
             } else {
                 let mut weights = [0.0; MOST_NODES];
-                let range = if mirrored { -range } else { range };
-                self.nodes[count].weights((range - middle) / half, &mut weights[..count]);
-                factors.extend(weights[..count].iter().map(|weight| [factor.re * weight, factor.im * weight]));
+                self.nodes[count].weights(at[lane], &mut weights[..count]);
+                factors.extend(weights[..count].iter().map(|weight| [re * weight, im * weight]));
             }
-            if double {
+            if patch.layers as usize > count {
                 for node in first..first + count {
                     let [re, im] = factors[node];
                     factors.push([-im, re]);
@@ -358,7 +370,11 @@ impl Depositor<'_> {
             group.nodes[lane] = [0.5 * (low + high), (0.5 * (high - low)).max(1e-6)];
         }
         for (lane, stamp) in stamps.iter().enumerate() {
-            let patch = self.patch(stamp, group.nodes[lane], memory, &mut group.runs, &mut group.numbers);
+            (group.amplitudes[0][lane], group.amplitudes[1][lane]) = (stamp.amplitude.re, stamp.amplitude.im);
+            let error = stamp.relative.max(TOLERANCE);
+            group.counts[lane] = Nodes::needed(2.0 * group.nodes[lane][1], error, MOST_NODES);
+            let nodes = (group.nodes[lane], group.counts[lane]);
+            let patch = self.patch(stamp, nodes, memory, &mut group.runs, &mut group.numbers);
             group.patches.push(patch);
         }
     }
@@ -407,14 +423,12 @@ impl Depositor<'_> {
     fn patch(
         &self,
         stamp: &Stamp,
-        [middle, half]: [f32; 2],
+        ([middle, half], count): ([f32; 2], usize),
         memory: &mut PatchMemory,
         runs: &mut Vec<PatchRun>,
         numbers: &mut Vec<f32>,
     ) -> Patch {
         let (range, velocity) = (&self.plan.range, &self.plan.velocity);
-        let error = stamp.relative.max(TOLERANCE);
-        let count = Nodes::needed(2.0 * half, error, MOST_NODES);
         let orders = stamp_orders(stamp);
         let spread = half + 0.5 * stamp.migration.abs();
         // In a cell that it only passes through, its spectrum is wider.
@@ -478,15 +492,15 @@ impl Depositor<'_> {
     /// multiple of [`RUN_CELLS`], but none twice, and none farther than `limit`.
     fn cells(&self, centre: f64, aside: f32, limit: f32) -> (i64, i64) {
         let range = &self.plan.range;
-        let (first, last) = ((centre - f64::from(aside)).ceil() as i64, (centre + f64::from(aside)).floor() as i64);
+        let (first, last) = (-floor(f64::from(aside) - centre), floor(centre + f64::from(aside)));
         let more = (first - last - 1).rem_euclid(RUN_CELLS);
         let (first, last) = (first - more / 2, last + (more + 1) / 2);
-        let first = first.max((centre - f64::from(limit)).ceil() as i64);
-        let last = last.min((centre + f64::from(limit)).floor() as i64);
+        let first = first.max(-floor(f64::from(limit) - centre));
+        let last = last.min(floor(centre + f64::from(limit)));
         match range.period as i64 {
             0 => (first.max(0), last.min(range.cells as i64 - 1)),
             period => {
-                let first = first.max((centre - 0.5 * period as f64).ceil() as i64);
+                let first = first.max(-floor(0.5 * period as f64 - centre));
                 (first, last.min(first + period - 1))
             }
         }

@@ -1,5 +1,6 @@
 //! How a wave spreads over the cells of an axis: the transform of a window, tabulated.
 
+use ground::math::log2;
 use num_complex::Complex64;
 use rustfft::FftPlannerScalar;
 use std::f64::consts::TAU;
@@ -123,8 +124,9 @@ impl Response {
 
     /// Beyond how many cells from the peak the response remains below `level`.
     pub fn reach(&self, level: f32) -> f32 {
-        let db = (-20.0 * level.max(1e-9).log10()).ceil().max(0.0) as usize;
-        self.reaches[db.min(DEEPEST_DB)]
+        // 20 log10(2) dB per octave.
+        let db = (-6.020_6 * log2(level.max(1e-9))).max(0.0) as usize;
+        self.reaches[(db + 1).min(DEEPEST_DB)]
     }
 
     /// Greatest response `cells` from the peak or farther.
