@@ -104,14 +104,14 @@ impl AdcSpec {
 
 /// The function that waves are spread with over the oversampled spectrum (Kaiser-Bessel; Beatty, Nishimura, Pauly 2005,
 /// equations 4 and 5, for an oversampling of 2).
-struct Spreading {
+struct WaveSpreading {
     /// Rows for fractions of steps, [`STEPS`] and one more, of [`WIDTH`] values.
     table: Vec<f32>,
     /// What the samples of a chirp are multiplied by to undo it.
     inverse: Vec<f32>,
 }
 
-impl Spreading {
+impl WaveSpreading {
     fn new(samples: usize) -> Self {
         let width = WIDTH as f64;
         let beta = PI * (width * width / 4.0 * 2.25 - 0.8).sqrt();
@@ -130,7 +130,7 @@ impl Spreading {
             let root = square.max(0.0).sqrt().max(1e-6);
             (bessel_i0(beta) * root / (width * root.sinh())) as f32
         };
-        Spreading { table: (0..=STEPS).flat_map(row).collect(), inverse: (0..samples).map(inverse).collect() }
+        WaveSpreading { table: (0..=STEPS).flat_map(row).collect(), inverse: (0..samples).map(inverse).collect() }
     }
 
     /// Adds a wave at `place` steps to the spectrum.
@@ -182,7 +182,7 @@ impl RadarPlan {
         let mut out = self.silent_samples();
         let AdcSamples { slots, receivers, samples, complex, ref mut values, .. } = out;
         let waves: Vec<PathWave> = (0..paths.len()).filter_map(|path| self.wave(paths, path)).collect();
-        let spreading = Spreading::new(samples);
+        let spreading = WaveSpreading::new(samples);
         let fft = FftPlannerScalar::new().plan_fft_inverse(2 * samples);
         parallel::for_each_chunk(values, receivers * samples, |chirp, values| {
             let (chirp, slot) = (chirp / slots, chirp % slots);
@@ -268,7 +268,14 @@ impl RadarPlan {
     }
 
     /// Adds the spectra of the waves in a chirp to those of the receivers.
-    fn spread(&self, waves: &[PathWave], chirp: usize, slot: usize, spreading: &Spreading, spectra: &mut [Complex32]) {
+    fn spread(
+        &self,
+        waves: &[PathWave],
+        chirp: usize,
+        slot: usize,
+        spreading: &WaveSpreading,
+        spectra: &mut [Complex32],
+    ) {
         let samples = spreading.inverse.len();
         // Samples are counted from the middle one of the transform; amplitudes are those between the samples.
         let beyond = (samples / 2) as f64 - 0.5 * (samples as f64 - 1.0);
@@ -329,8 +336,8 @@ impl RadarPlan {
         let (count, per_chirp) = (samples.samples, samples.slots * samples.receivers * samples.samples);
         assert_eq!((samples.values.len(), samples.chirps), (self.velocity.cells * per_chirp, self.velocity.cells));
         let (cells, rows) = (self.range.cells, self.velocity.cells);
-        let along = (self.slope > 0.0).then(|| Transform::new(&self.range, 0));
-        let across = Transform::new(&self.velocity, rows / 2);
+        let along = (self.slope > 0.0).then(|| AxisTransform::new(&self.range, 0));
+        let across = AxisTransform::new(&self.velocity, rows / 2);
         let root = if samples.complex { 1.0 } else { SQRT_2 as f32 };
         parallel::for_each_chunk(&mut streams.cells, cells * rows, |stream, out| {
             let mut line = vec![Complex32::ZERO; count];
@@ -364,8 +371,8 @@ pub(crate) fn phasor(turns: f64) -> Complex32 {
     Complex32::new(cosine as f32, sine as f32)
 }
 
-/// Window and Fourier transform along an axis, about the middle of the samples.
-struct Transform {
+/// FftWindow and Fourier transform along an axis, about the middle of the samples.
+struct AxisTransform {
     window: Vec<f32>,
     fft: Arc<dyn Fft<f32>>,
     /// Turns of the cells.
@@ -374,7 +381,7 @@ struct Transform {
     first: usize,
 }
 
-impl Transform {
+impl AxisTransform {
     /// `before` cells have negative frequencies.
     fn new(axis: &CubeAxis, before: usize) -> Self {
         let count = axis.window.len();
@@ -382,7 +389,7 @@ impl Transform {
             let frequency = cell as f64 - before as f64;
             phasor(0.5 * frequency * (count as f64 - 1.0) / count as f64)
         };
-        Transform {
+        AxisTransform {
             window: axis.window.iter().map(|&weight| weight as f32).collect(),
             fft: FftPlannerScalar::new().plan_fft_forward(count),
             turns: (0..count).map(turn).collect(),

@@ -13,7 +13,7 @@ use crate::paths::Paths;
 use crate::plan::{MOST_ORDERS, RadarPlan, StreamPart};
 use crate::waveform::RadarWaveform;
 use echocast_kernels::math::sin_cos_turns;
-use echocast_kernels::radar::{self, PATHS, Patch, PatchRun, PathLanes};
+use echocast_kernels::radar::{self, CellPatch, PATHS, PatchRun, PathLanes};
 use ground::math::floor;
 use ground::parallel;
 use num_complex::Complex32;
@@ -45,7 +45,7 @@ const MOST_CELLS_AT_ONCE: usize = 1 << 20;
 
 /// A path ready to be added.
 #[derive(Clone, Copy, Debug, Default)]
-struct Stamp {
+struct PathStamp {
     path: u32,
     /// Where it is in the cube, in cells, folded.
     place: f64,
@@ -62,7 +62,7 @@ struct Stamp {
 
 /// Stamps that are worked on together, with what they share.
 #[derive(Default)]
-struct Group {
+struct PathGroup {
     /// For each launch, and after them for each receiver: real and imaginary part of the wave, and range, cells.
     waves: Vec<[PathLanes; 3]>,
     /// Nodes of each stamp: their middle and half of their span, cells.
@@ -71,7 +71,7 @@ struct Group {
     counts: [usize; PATHS],
     /// Real and imaginary parts of the amplitudes.
     amplitudes: [PathLanes; 2],
-    patches: Vec<Patch>,
+    patches: Vec<CellPatch>,
     runs: Vec<PatchRun>,
     numbers: Vec<f32>,
 }
@@ -198,8 +198,8 @@ struct Depositor<'a> {
 
 impl Depositor<'_> {
     /// The stamps of all paths, those of a row together, so that neighbours add to the same memory.
-    fn stamps(&self, floor: f64, mirrored: bool) -> Vec<Stamp> {
-        let mut stamps: Vec<Stamp> = vec![Stamp::default(); self.paths.len()];
+    fn stamps(&self, floor: f64, mirrored: bool) -> Vec<PathStamp> {
+        let mut stamps: Vec<PathStamp> = vec![PathStamp::default(); self.paths.len()];
         const CHUNK: usize = 1024;
         parallel::for_each_chunk(&mut stamps, CHUNK, |chunk, stamps| {
             for (lane, stamp) in stamps.iter_mut().enumerate() {
@@ -209,14 +209,14 @@ impl Depositor<'_> {
         // Counted by row, in the order of paths.
         let rows = self.plan.velocity.cells;
         let mut starts = vec![0; rows + 1];
-        let row = |stamp: &Stamp| (stamp.row as usize).min(rows - 1);
+        let row = |stamp: &PathStamp| (stamp.row as usize).min(rows - 1);
         for stamp in stamps.iter().filter(|stamp| stamp.cells > 0) {
             starts[row(stamp) + 1] += 1;
         }
         for row in 0..rows {
             starts[row + 1] += starts[row];
         }
-        let mut sorted = vec![Stamp::default(); starts[rows]];
+        let mut sorted = vec![PathStamp::default(); starts[rows]];
         for stamp in stamps.iter().filter(|stamp| stamp.cells > 0) {
             let next = &mut starts[row(stamp)];
             sorted[*next] = *stamp;
@@ -225,7 +225,7 @@ impl Depositor<'_> {
         sorted
     }
 
-    fn stamp(&self, path: usize, floor: f32, mirrored: bool) -> Option<Stamp> {
+    fn stamp(&self, path: usize, floor: f32, mirrored: bool) -> Option<PathStamp> {
         let (plan, paths) = (self.plan, self.paths);
         let (range, rate) = (paths.range[path], f64::from(paths.range_rate[path]));
         let place = plan.range_of(range, rate);
@@ -254,7 +254,7 @@ impl Depositor<'_> {
         let across = plan.velocity.response.reach(relative).min(0.5 * plan.velocity.cells as f32);
         let aside = plan.range.response.reach(relative) + 0.5 * migration.abs();
         let cells = (2.0 * across + 2.0) * (2.0 * aside + 2.0);
-        Some(Stamp {
+        Some(PathStamp {
             path: path as u32,
             place,
             row,
@@ -266,9 +266,9 @@ impl Depositor<'_> {
     }
 
     /// Adds `stamps` to the cells of streams, `slab` complex numbers each.
-    fn add(&self, stamps: &[Stamp], mirrored: bool, slab: usize, cells: &mut [f32]) {
-        let mut groups: Vec<Group> = Vec::new();
-        groups.resize_with(GROUPS, Group::default);
+    fn add(&self, stamps: &[PathStamp], mirrored: bool, slab: usize, cells: &mut [f32]) {
+        let mut groups: Vec<PathGroup> = Vec::new();
+        groups.resize_with(GROUPS, PathGroup::default);
         let mut memories: Vec<PatchMemory> = Vec::new();
         let mut rest = stamps;
         while !rest.is_empty() {
@@ -299,7 +299,7 @@ impl Depositor<'_> {
         }
     }
 
-    fn add_group(&self, part: StreamPart, group: &Group, mirrored: bool, factors: &[[f32; 2]], cells: &mut [f32]) {
+    fn add_group(&self, part: StreamPart, group: &PathGroup, mirrored: bool, factors: &[[f32; 2]], cells: &mut [f32]) {
         let (width, height) = (self.plan.range.cells, self.plan.velocity.cells);
         let shift = self.plan.launches[part.launch].shift % height;
         // Backwards is forwards by the rest of a turn.
@@ -309,13 +309,13 @@ impl Depositor<'_> {
     }
 
     /// Factors of the layers of all patches of a group in one part of a stream.
-    fn factors(&self, part: StreamPart, group: &Group, mirrored: bool, factors: &mut Vec<[f32; 2]>) {
+    fn factors(&self, part: StreamPart, group: &PathGroup, mirrored: bool, factors: &mut Vec<[f32; 2]>) {
         factors.clear();
         let plan = self.plan;
         let launch = &plan.launches[part.launch];
         let error = plan.errors[launch.transmitter * plan.receivers.len() + part.receiver] * part.code;
         // The turn that a shift by a negative number of rows lacks.
-        let turned = mirrored && launch.shift % plan.velocity.cells != 0;
+        let turned = mirrored && !launch.shift.is_multiple_of(plan.velocity.cells);
         let error = if turned { error * plan.velocity.wrap } else { error };
         let (sent, received) = (&group.waves[part.launch], &group.waves[plan.launches.len() + part.receiver]);
         let (mut re, mut im, mut at) = ([0.0; PATHS], [0.0; PATHS], [0.0; PATHS]);
@@ -352,7 +352,7 @@ impl Depositor<'_> {
     }
 
     /// Fills a group with the patches of its stamps.
-    fn fill(&self, stamps: &[Stamp], mirrored: bool, group: &mut Group, memory: &mut PatchMemory) {
+    fn fill(&self, stamps: &[PathStamp], mirrored: bool, group: &mut PathGroup, memory: &mut PatchMemory) {
         let plan = self.plan;
         self.waves(stamps, group);
         group.patches.clear();
@@ -380,7 +380,7 @@ impl Depositor<'_> {
     }
 
     /// The waves of stamps at all elements.
-    fn waves(&self, stamps: &[Stamp], group: &mut Group) {
+    fn waves(&self, stamps: &[PathStamp], group: &mut PathGroup) {
         let plan = self.plan;
         let (mut turns, mut shifts, mut drift) = ([0.0; PATHS], [0.0; PATHS], [0.0; PATHS]);
         let (mut sent, mut received) = ([[0.0; PATHS]; 4], [[0.0; PATHS]; 4]);
@@ -422,12 +422,12 @@ impl Depositor<'_> {
     /// `middle`, cells from its own.
     fn patch(
         &self,
-        stamp: &Stamp,
+        stamp: &PathStamp,
         ([middle, half], count): ([f32; 2], usize),
         memory: &mut PatchMemory,
         runs: &mut Vec<PatchRun>,
         numbers: &mut Vec<f32>,
-    ) -> Patch {
+    ) -> CellPatch {
         let (range, velocity) = (&self.plan.range, &self.plan.velocity);
         let orders = stamp_orders(stamp);
         let spread = half + 0.5 * stamp.migration.abs();
@@ -453,7 +453,7 @@ impl Depositor<'_> {
             let (low, high) = self.cells(centre, range.response.reach(level) + spread, limit);
             self.split(row, low.max(first), high.min(last), first, &mut memory.runs);
         }
-        let none = Patch { first: from as u32, runs: 0, layers: 0, from: numbers.len() as u32 };
+        let none = CellPatch { first: from as u32, runs: 0, layers: 0, from: numbers.len() as u32 };
         if memory.runs.is_empty() || first > last {
             return none;
         }
@@ -485,7 +485,7 @@ impl Depositor<'_> {
         }
         let rows = velocity.cells as i32;
         runs.extend(memory.runs.iter().map(|run| PatchRun { row: (run.row as i32).rem_euclid(rows) as u32, ..*run }));
-        Patch { first: from as u32, runs: (runs.len() - from) as u32, layers: layers as u32, from: start as u32 }
+        CellPatch { first: from as u32, runs: (runs.len() - from) as u32, layers: layers as u32, from: start as u32 }
     }
 
     /// The first and the last cell up to `aside` from `centre`, and a few more on either side, so that there is a
@@ -529,7 +529,7 @@ impl Depositor<'_> {
     }
 
     /// Responses across the rows, of all orders, for each run.
-    fn rows(&self, stamp: &Stamp, orders: usize, (first, last): (i32, i32), memory: &mut PatchMemory) {
+    fn rows(&self, stamp: &PathStamp, orders: usize, (first, last): (i32, i32), memory: &mut PatchMemory) {
         let (response, count) = (&self.plan.velocity.response, (last - first + 1) as usize);
         memory.columns.resize(count * orders, 0.0);
         let place = response.find(first, stamp.row);
@@ -564,7 +564,7 @@ impl Depositor<'_> {
     /// chirps, cell by cell.
     fn fill_exactly(
         &self,
-        stamp: &Stamp,
+        stamp: &PathStamp,
         shifts: &[f64],
         (first_row, last_row): (i32, i32),
         (first, len): (i64, usize),
@@ -624,6 +624,6 @@ impl Depositor<'_> {
 }
 
 /// How many orders of polynomials of time a stamp takes; more than [`MOST_ORDERS`] if these do not do.
-fn stamp_orders(stamp: &Stamp) -> usize {
+fn stamp_orders(stamp: &PathStamp) -> usize {
     Nodes::needed(stamp.migration.abs(), stamp.relative.max(TOLERANCE), MOST_ORDERS + 1)
 }

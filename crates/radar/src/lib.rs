@@ -17,7 +17,7 @@ mod waveform;
 pub mod window;
 
 pub use adc::{AdcSamples, AdcSpec};
-pub use array::{ArrayRow, ArraySpec, ElementGrid, Elements, Polarisation, VirtualArray};
+pub use array::{ArrayElements, ArrayRow, ArraySpec, ElementGrid, Polarisation, VirtualArray};
 pub use cube::{Axis, CubeAxes, RadarCube};
 pub use cube_view::AzimuthMap;
 pub use disturb::{Interferer, PhaseNoise, check_interferers, range_correlation};
@@ -26,7 +26,7 @@ pub use paths::Paths;
 pub use pattern::{ElementPattern, LobeShape};
 pub use plan::RadarPlan;
 pub use waveform::{Fmcw, MOST_CELLS, Multiplex, RadarPulse, RadarWaveform};
-pub use window::Window;
+pub use window::FftWindow;
 
 /// Speed of light, m/s.
 pub const LIGHT_SPEED: f64 = 299_792_458.0;

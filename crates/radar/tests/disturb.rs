@@ -1,7 +1,7 @@
 //! Phase noise, interference, and the maps that pictures show.
 
 use echocast_radar::{
-    ArraySpec, Interferer, Paths, PhaseNoise, RadarPlan, RadarWaveform, Window, check_interferers, range_correlation,
+    ArraySpec, FftWindow, Interferer, Paths, PhaseNoise, RadarPlan, RadarWaveform, check_interferers, range_correlation,
 };
 use ground::parallel;
 use ground::read::bounds::Bounds;
@@ -17,7 +17,7 @@ const CHIRP: &str = "{type: fmcw, start_ghz: 77, slope_mhz_per_us: 30, samples: 
 fn plan(array: &str) -> RadarPlan {
     let waveform: RadarWaveform = from_str("text", CHIRP).unwrap();
     let array: ArraySpec = from_str("text", array).unwrap();
-    RadarPlan::new(&waveform, &array, [Window::Hann; 2], 5).unwrap()
+    RadarPlan::new(&waveform, &array, [FftWindow::Hann; 2], 5).unwrap()
 }
 
 fn path(range: f64, azimuth: f32) -> Paths {
