@@ -145,7 +145,7 @@ fn deposit_is_the_transform_of_samples() {
     let text = |more: &str| format!("{{type: fmcw, {CHIRP}, chirps: 16{more}}}");
     let hann = [FftWindow::Hann; 2];
     let chebyshev = FftWindow::Chebyshev { sidelobe_db: 80.0 };
-    // An array as wide as 3 cells of range, and targets that cross 8 of them.
+    // An array as wide as 3 cells of range, and targets that cross up to 7 of them.
     let fine = "{type: fmcw, start_ghz: 76, slope_mhz_per_us: 200, samples: 80, sample_rate_mhz: 4, ramp_us: 21, \
                 chirps: 32, anti_alias_db: 0}";
     let wide = "{design_ghz: 76, tx: [[0, 0], [150, 0]], rx: [[0, 0], [20, 0], [75, 9]]}";
@@ -160,7 +160,7 @@ fn deposit_is_the_transform_of_samples() {
         (text(", multiplex: ddm, bands: 4"), BOARD, hann, 60.0, 30.0),
         (text(", multiplex: ddm, bands: 8, complex: false"), BOARD, hann, 30.0, 30.0),
         (fine.into(), wide, [FftWindow::Hamming, FftWindow::Hann], 6.0, 10.0),
-        (fine.into(), wide, hann, 6.0, 100.0),
+        (fine.into(), wide, hann, 6.0, 200.0),
         (format!("{pulse}, coherent: true}}"), "{rx: {count: 3}}", hann, 900.0, 30.0),
         (format!("{pulse}}}"), "{}", hann, 900.0, 30.0),
         (text("").replace("chirps: 16", "chirps: 1"), "{}", hann, 60.0, 10.0),
