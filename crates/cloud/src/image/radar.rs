@@ -41,8 +41,8 @@ pub fn range_doppler(cube: &RadarCube) -> Result<Image> {
     Ok(of(ImageKind::RangeDoppler, [width, height], values, place))
 }
 
-/// The rows of a polar image by azimuth, clockwise from ahead, which is at the top, or from the leftmost if the rows do not
-/// go round; ranges to the right.
+/// The rows of a polar image by azimuth, clockwise from ahead, which is at the top, or from the leftmost if the rows do
+/// not go round; ranges to the right.
 ///
 /// # Errors
 /// Lengths that disagree; no memory.
@@ -84,8 +84,8 @@ pub fn polar_fan(image: &PolarImage, pixels: usize) -> Result<Image> {
     Ok(of(ImageKind::PolarFan, size, values, place))
 }
 
-/// Azimuths of rows without a jump in them: from 0 down to a turn to the right if they go round, else within half a turn of
-/// the first.
+/// Azimuths of rows without a jump in them: from 0 down to a turn to the right if they go round, else within half a
+/// turn of the first.
 fn seamless(image: &PolarImage) -> Vec<f64> {
     let first = image.azimuths[0];
     let near = |azimuth: f64| first + (azimuth - first + TAU / 2.0).rem_euclid(TAU) - TAU / 2.0;
