@@ -207,8 +207,10 @@ mod tests {
         let mut cloud = PointCloud::new(RadarPoints::fields().with(Field::RangeSigma), 2).unwrap();
         cloud.frame = crate::Frame::Sensor;
         let c = cloud.columns_mut();
-        (c.x.copy_from_slice(&[60.0, 0.0]), c.y.copy_from_slice(&[0.0, 5.0]));
-        (c.rcs.copy_from_slice(&[12.0, f32::NAN]), c.doppler.copy_from_slice(&[-30.0, 0.0]));
+        c.x.copy_from_slice(&[60.0, 0.0]);
+        c.y.copy_from_slice(&[0.0, 5.0]);
+        c.rcs.copy_from_slice(&[12.0, f32::NAN]);
+        c.doppler.copy_from_slice(&[-30.0, 0.0]);
         c.range_sigma.copy_from_slice(&[0.1, 0.0049]);
         cloud
     }

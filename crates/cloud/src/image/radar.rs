@@ -112,7 +112,9 @@ mod tests {
         let mut cube = made::frame().cube.unwrap();
         cube.cells.fill(Complex32::ZERO);
         // In two of three channels, at -1 m/s and 2.5 m: 2 mW together.
-        [0, 2].map(|channel| cube.cells[(channel * 4 + 1) * 8 + 5] = Complex32::new(0.0, 0.001_f32.sqrt()));
+        for channel in [0, 2] {
+            cube.cells[(channel * 4 + 1) * 8 + 5] = Complex32::new(0.0, 0.001_f32.sqrt());
+        }
         let image = range_doppler(&cube).unwrap();
         let seen: Vec<usize> = (0..image.values.len()).filter(|&pixel| !image.values[pixel].is_nan()).collect();
         assert_eq!(seen, [image.index([-1.0, 2.5]).unwrap()]);
