@@ -2,7 +2,7 @@
 
 use echocast::export::{PolarFolder, PolarStyle, RadarPoints};
 use echocast::radar::{Axis, CubeAxes, PolarImage, RadarCube, RadarFrame, RawSamples};
-use echocast::{Field, FieldSet, Frame, Named as _, PathType, PointCloud, Pose};
+use echocast::{FieldSet, Frame, Named as _, PathType, PointCloud, Pose};
 use echocast_tests::python;
 use serde_json::{Value, json};
 use std::f64::consts::TAU;

@@ -1,6 +1,6 @@
 //! Images of a radar: range by Doppler, and polar.
 
-use super::fan::{LaidOut, RangeBins, lay_out, limits};
+use super::fan::{FanBins, LaidOut, lay_out, limits};
 use super::{Image, ImageKind, PixelSource, Place, filled};
 use crate::PolarImage;
 use ground::error::{Error, Result};
@@ -75,7 +75,7 @@ pub fn polar_fan(image: &PolarImage, pixels: usize) -> Result<Image> {
     let sectors = limits(seamless(image));
     let angles: Vec<[f64; 2]> = sectors.iter().map(|(_, limits)| *limits).collect();
     let cells = image.range.len;
-    let bins = RangeBins { first: image.range.at(-0.5), step: image.range.step, count: cells };
+    let bins = FanBins { first: image.range.at(-0.5), step: image.range.step, count: cells };
     let LaidOut { size, place, sources } = lay_out(&angles, &bins, pixels, ["right, m", "ahead, m"])?;
     let mut values = filled(sources.len(), f32::NAN)?;
     for (value, source) in values.iter_mut().zip(&sources).filter(|(_, source)| **source != PixelSource::NONE) {
