@@ -4,7 +4,7 @@ use super::{Sensor, SensorSpec};
 use crate::echo::radar::RadarSurfaces;
 use crate::trace::SharedSurfaces;
 use ::radar::{
-    ArraySpec, CubeGeometry, Detector, Leakage, RadarDetectionSpec, RadarPlan, RadarWaveform, Sharing, Window,
+    ArraySpec, CubeGeometry, Detector, Leakage, RadarDetectionSpec, RadarPlan, RadarWaveform, Sharing, FftWindow,
     WindowResponse,
 };
 use emitter::pattern::Pattern;
@@ -61,14 +61,14 @@ pub struct RadarSpec {
 #[non_exhaustive]
 pub struct RadarWindows {
     /// Along range.
-    pub range: Window,
+    pub range: FftWindow,
     /// Along velocity.
-    pub velocity: Window,
+    pub velocity: FftWindow,
 }
 
 impl Default for RadarWindows {
     fn default() -> Self {
-        RadarWindows { range: Window::Hann, velocity: Window::Hann }
+        RadarWindows { range: FftWindow::Hann, velocity: FftWindow::Hann }
     }
 }
 

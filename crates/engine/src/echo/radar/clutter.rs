@@ -152,5 +152,5 @@ fn divisions(part: u32) -> u32 {
 fn counts(field: &WaveField, distance: f64, area: f64, along: DVec3) -> bool {
     let along = along.as_vec3();
     let strength = (area / (4.0 * PI)).sqrt() / (distance * distance).max(1e-6);
-    strength * field.scale() * field.gain(along, along) > 0.3 * field.floor
+    strength * field.scale() * field.gain(along, along) > field.floor
 }

@@ -4,11 +4,11 @@
 use super::RadarSurfaces;
 use super::echoes::{RadarEcho, RadarRoute};
 use crate::medium::RadioAir;
-use crate::trace::{MOST_MIRRORS, Mirrors, Sighted, Tables};
+use crate::trace::{MOST_MIRRORS, Mirror, Mirrors, Sighted, Tables};
 use glam::{DMat3, DVec3, Vec3};
 use model::material::{Polarised, RadioSurface};
 use num_complex::{Complex32, Complex64};
-use radar::{PatternTable, Polarisation};
+use radar::{LobeTable, Polarisation};
 use std::f64::consts::PI;
 
 /// A radar at one moment, in one scene.
@@ -26,8 +26,8 @@ pub(crate) struct WaveField<'a> {
     /// m.
     pub wavelength: f64,
     pub polarisation: Polarisation,
-    pub tx: &'a PatternTable,
-    pub rx: &'a PatternTable,
+    pub tx: &'a LobeTable,
+    pub rx: &'a LobeTable,
     /// Power of a transmitter at its element, W.
     pub power: f64,
     /// What attenuates in the air.
@@ -111,6 +111,21 @@ impl WaveField<'_> {
         };
         let axis = axis.as_vec3();
         (axis - direction * axis.dot(direction)).try_normalize().unwrap_or_else(|| direction.any_orthonormal_vector())
+    }
+
+    /// Part of the amplitude of a wave to `target` that `mirrors` leave, about at most; `image` is the radar's in them.
+    pub fn kept(&self, mirrors: impl Iterator<Item = Mirror>, image: DVec3, target: DVec3) -> f64 {
+        let along = (target - image).normalize_or_zero();
+        let one = |mirror: Mirror| {
+            let surface = self.surfaces.of(&self.scene.surfaces, mirror.row);
+            let cos = mirror.normal.dot(along).abs() as f32;
+            // Waves to other parts of a target are met at other angles.
+            [0.8, 1.0, 1.25].map(|part: f32| (part * cos).min(1.0)).into_iter().fold(0.0, |most: f64, cos| {
+                let Polarised { s, p } = surface.reflect(cos);
+                most.max(f64::from(s.norm().max(p.norm()) * surface.coherent(cos)))
+            })
+        };
+        mirrors.map(one).product()
     }
 
     fn reflection(&self, surface: &RadioSurface, cos: f32) -> Polarised {

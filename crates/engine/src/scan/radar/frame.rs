@@ -10,7 +10,7 @@ use crate::medium::{RadioAir, wet_radome_db};
 use crate::scan::ScanOptions;
 use crate::sensor::{FrameDetector, RadarSpec, Sensor};
 use crate::trace::BuiltScene;
-use ::radar::{AdcSpec, DetectionTruth, Multiplex, PatternTable, Polarisation, RadarCube, RadarDetections, RadarWaveform};
+use ::radar::{AdcSpec, DetectionTruth, Multiplex, LobeTable, Polarisation, RadarCube, RadarDetections, RadarWaveform};
 use cloud::{PointCloud, RadarFrame, RawSamples};
 use emitter::Trajectory;
 use emitter::pattern::Pattern;
@@ -28,7 +28,7 @@ pub(super) struct RadarSetup<'a> {
     pub rng: Rng,
     air: RadioAir,
     /// Gains of elements, receiver and transmitter.
-    pub patterns: [PatternTable; 2],
+    pub patterns: [LobeTable; 2],
     /// Power of a transmitter less all losses, W.
     power: f64,
     /// Thermal noise in a cell of a channel, W.
@@ -118,8 +118,8 @@ impl<'a> RadarSetup<'a> {
             power: self.power,
             air: &self.air,
             reach: self.reach,
-            // 20 dB below the noise of all channels together.
-            floor: (0.01 * self.noise / channels).sqrt(),
+            // 10 dB below the noise of all channels together.
+            floor: (0.1 * self.noise / channels).sqrt(),
         };
         let limits = PathLimits {
             time: if self.options.freeze { self.options.start_time } else { moment.time },

@@ -52,7 +52,11 @@ impl FramePaths {
             })
         };
         let rows = scene.radar_rows(limits.time, field.time, limits.mask);
+        // What returns 20 dB more than a sphere of its size, `pi r^2`, at the middle of the field of view.
+        let ahead = field.axes.x_axis.as_vec3();
+        let least = (field.floor / (5.0 * field.scale() * field.gain(ahead, ahead))).powi(2);
         let searched = SearchLimits {
+            least,
             start: field.place,
             directions: &directions,
             step,
@@ -60,6 +64,7 @@ impl FramePaths {
             wavelength: field.wavelength,
             most_mirrors: limits.mirrors,
             mirrors: &mirrors,
+            kept: &|mirrors, image, target| field.kept(mirrors, image, target),
             sight,
             time: field.time,
         };

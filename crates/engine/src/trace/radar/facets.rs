@@ -96,6 +96,7 @@ impl Tables {
             point: place.transform_point3(plane.point),
             area: plane.area * scale,
             radius: plane.radius * stretch,
+            row: of.row,
             object: row.object,
         };
         (scale > 0.0).then_some((number, mirror))
