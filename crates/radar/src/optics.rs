@@ -450,7 +450,13 @@ mod tests {
                 let mut sum = Complex64::ZERO;
                 for step in 0..=count {
                     let t = f64::from(step) / f64::from(count);
-                    let weight = if step == 0 || step == count { 1.0 } else if step % 2 == 1 { 4.0 } else { 2.0 };
+                    let weight = if step == 0 || step == count {
+                        1.0
+                    } else if step % 2 == 1 {
+                        4.0
+                    } else {
+                        2.0
+                    };
                     let line = Complex64::cis(t * 0.5 * (x + y)) * sinc(0.5 * t * (x - y));
                     sum += weight / 3.0 / f64::from(count) * t * line;
                 }

@@ -172,8 +172,7 @@ impl FacetTask<'_> {
             (middle - self.field.place).normalize_or_zero().as_vec3()
         };
         // Of a facet that is large for its distance, a part may be where the elements have gain.
-        let gain =
-            if longest(corners) > 0.3 * r.min(s) { self.greatest_gain() } else { self.field.gain(out, back) };
+        let gain = if longest(corners) > 0.3 * r.min(s) { self.greatest_gain() } else { self.field.gain(out, back) };
         let scale = self.field.scale() * gain;
         if strength * scale < floor {
             return false;
@@ -268,7 +267,9 @@ impl FacetTask<'_> {
             let seen = sighted.iter().filter(|sighted| sighted.through > 0.0).count();
             let [always, most] = if element.in_corner { CORNER_DIVISIONS } else { [0, MOST_DIVISIONS] };
             // Whatever is weak is as weak in parts.
-            let strong = |corners| self.ends.bound(corners, self.field.k()) * self.kept * self.field.scale() * gain > FAINT * floor;
+            let strong = |corners| {
+                self.ends.bound(corners, self.field.k()) * self.kept * self.field.scale() * gain > FAINT * floor
+            };
             let wide = element.in_corner || (element.width > PARTS && sighted.len() > 1 && strong(element.corners));
             let mixed = seen > 0 && seen < sighted.len();
             if element.width > LOOKED_AT || element.divisions < always || (mixed && wide && element.divisions < most) {
@@ -337,4 +338,3 @@ fn divide(element: &Element, parts: &mut Vec<Element>) {
     let part = |corners| Element { corners, divisions, width: 0.5 * element.width, ..*element };
     parts.extend([[a, z, y], [z, b, x], [y, x, c], [x, y, z]].map(part));
 }
-

@@ -139,9 +139,8 @@ impl WaveField<'_> {
         if self.air.media.is_empty() {
             return 1.0;
         }
-        let lost = |(along, length): (Vec3, f64)| {
-            self.air.attenuation_db(self.place.as_vec3(), along, 0.0, length as f32)
-        };
+        let lost =
+            |(along, length): (Vec3, f64)| self.air.attenuation_db(self.place.as_vec3(), along, 0.0, length as f32);
         10f64.powf(-0.05 * ways.into_iter().map(lost).sum::<f64>())
     }
 

@@ -125,7 +125,14 @@ mod tests {
     #[test]
     fn paths_unfold() {
         let floor = Mirror { normal: DVec3::Z, point: DVec3::ZERO, area: 1.0, radius: 1.0, row: 0, object: 0 };
-        let wall = Mirror { normal: DVec3::NEG_Y, point: DVec3::new(0.0, 4.0, 0.0), area: 1.0, radius: 1.0, row: 0, object: 1 };
+        let wall = Mirror {
+            normal: DVec3::NEG_Y,
+            point: DVec3::new(0.0, 4.0, 0.0),
+            area: 1.0,
+            radius: 1.0,
+            row: 0,
+            object: 1,
+        };
         let start = DVec3::new(0.0, 0.0, 0.5);
         let mirrors = Mirrors::new(start, [floor, wall].into_iter());
         let target = DVec3::new(20.0, 1.0, 1.5);

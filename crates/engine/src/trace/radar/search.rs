@@ -123,13 +123,7 @@ impl Search {
         2.0 * row.radius < RAYS * limits.step * distance
     }
 
-    fn add_rays_to_planes(
-        &self,
-        scene: &Tables,
-        index: usize,
-        limits: &SearchLimits,
-        add: &mut dyn FnMut(Vec3),
-    ) {
+    fn add_rays_to_planes(&self, scene: &Tables, index: usize, limits: &SearchLimits, add: &mut dyn FnMut(Vec3)) {
         let row = &self.rows[index];
         if limits.most_mirrors == 0 || !(limits.mirrors)(row.row) {
             return;
