@@ -2,7 +2,7 @@
 
 use echocast::export::{PolarFolder, PolarStyle, RadarPoints};
 use echocast::radar::{Axis, CubeAxes, PolarImage, RadarCube, RadarFrame, RawSamples};
-use echocast::{Field, FieldSet, Frame, Named as _, PathType, PointCloud, Pose};
+use echocast::{FieldSet, Frame, Named as _, PathType, PointCloud, Pose};
 use echocast_tests::python;
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
@@ -49,8 +49,8 @@ fn turn(start: f64) -> RadarFrame {
     frame
 }
 
-/// Three detections in the frame of a radar at a pose of its own: a car that approaches at 20 m/s a radar that drives at
-/// 10, a wall on the left, and noise without a velocity.
+/// Three detections in the frame of a radar at a pose of its own: a car that approaches at 20 m/s a radar that drives
+/// at 10, a wall on the left, and noise without a velocity.
 fn detections() -> PointCloud {
     let fields =
         RadarPoints::fields().union(FieldSet::parse("range_sigma,azimuth_sigma,velocity_sigma,snr,path").unwrap());
@@ -160,8 +160,10 @@ fn view_of_delft_reads_detections() {
     let path = folder.path().join("00000.bin");
     detections().write_radar(&path, RadarPoints::ViewOfDelft, [10.0, 0.0, 0.0]).unwrap();
     let found = read("view_of_delft", &path);
-    assert_eq!(found.as_array().unwrap().len(), 2);
+    assert_eq!(found.as_array().unwrap().len(), 3);
     assert_eq!(found[0], json!([60.0, 0.0, 0.0, f64::from(12.4_f32), -30.0, -20.0, 0.0]));
+    // Without a velocity, and of an RCS of which only a bound is known.
+    assert_eq!(found[2], json!([3.0, -4.0, 0.0, -64.0, null, null, 0.0]));
 }
 
 #[test]

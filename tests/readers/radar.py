@@ -4,20 +4,14 @@ usage: radar.py KIND FILE...
 
 The polar images of data sets are read by the rules of their development kits, in our own words: python/radar.py of Oxford
 Radar RobotCar, pyboreas/utils/radar.py, and the file player of MulRan. Captures are read as TI's application report
-SWRA581B says.
+SWRA581B says. Libraries that take long to load are loaded where they are used.
 """
 
 import json
 import sys
 from pathlib import Path
 
-import cv2
-import h5py
 import numpy
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
-from nuscenes.utils.data_classes import RadarPointCloud
-from rosbags.highlevel import AnyReader
 
 
 def frame(arrays):
@@ -37,6 +31,8 @@ def read_npz(path):
 
 
 def read_hdf5(path):
+    import h5py
+
     with h5py.File(path) as file:
         for name, dataset in file.items():
             assert dataset.attrs["meaning"].decode(), name
@@ -53,6 +49,8 @@ def read_capture(path):
 
 def rows(path):
     """A row for each azimuth, in Oxford's layout."""
+    import cv2
+
     raw = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     turns = raw[:, 8:10].copy().view(numpy.uint16).ravel() / 5600
     assert (numpy.diff(turns) > 0).all() and (raw[:, 10] == 255).all()
@@ -76,6 +74,8 @@ def read_boreas(folder):
 
 def read_mulran(folder):
     """A column for each azimuth."""
+    import cv2
+
     folder = Path(folder) / "sensor_data"
     lines = [line.split(",") for line in (folder / "data_stamp.csv").read_text().splitlines()]
     assert all(name == "radar" for _, name in lines)
@@ -85,11 +85,14 @@ def read_mulran(folder):
 
 def read_nuscenes(path):
     """With the filters that the development kit has by default."""
+    from nuscenes.utils.data_classes import RadarPointCloud
+
     return RadarPointCloud.from_file(path).points.T.tolist()
 
 
 def read_view_of_delft(path):
-    return numpy.fromfile(path, numpy.float32).reshape(-1, 7).tolist()
+    rows = numpy.fromfile(path, numpy.float32).reshape(-1, 7)
+    return [[None if value != value else value for value in row] for row in rows.tolist()]
 
 
 RETURN = ("range", "azimuth", "elevation", "doppler_velocity", "amplitude")
@@ -111,6 +114,10 @@ def said(scan, detections):
 
 def read_bag(path):
     """The last messages, by two libraries."""
+    from mcap.reader import make_reader
+    from mcap_ros2.decoder import DecoderFactory
+    from rosbags.highlevel import AnyReader
+
     topics = ("/radar/scan", "/radar/detections")
     with open(path, "rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])

@@ -99,7 +99,7 @@ fn write_radar(text: &mut String, scene: &Scene, ghz: f64) -> Result<()> {
         let (law, why) = material.radar_source();
         let name = shown::text(&material.name);
         let surface = law.at(ghz * 1e9).with_context(|| format!("--radar: the material {name}"))?;
-        let db = |power: f32| format!("{:.1} dB", 10.0 * power.max(1e-30).log10());
+        let db = |power: f32| if power > 0.0 { format!("{:.1} dB", 10.0 * power.log10()) } else { "nothing".into() };
         let through = surface.transmit(1.0).power();
         let passes = if through > 0.0 { format!(", {} passes", db(through)) } else { String::new() };
         let warning = law.warning(ghz * 1e9).map_or(String::new(), |warning| format!("; {warning}"));

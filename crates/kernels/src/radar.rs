@@ -29,7 +29,7 @@ pub struct PatchRun {
 
 /// What a path adds to a cube, up to one complex factor per layer: `layers` real numbers for each cell of its runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Patch {
+pub struct CellPatch {
     /// First of its runs.
     pub first: u32,
     /// Number of runs.
@@ -47,32 +47,58 @@ fn beyond_whole(x: f32) -> f32 {
     x - ((x + UNIT) - UNIT)
 }
 
-/// Adds `layers` of a run, one after the other, each times its complex factor; both numbers of a cell are the same.
+/// The cells of a channel, pairs of numbers in rows of `width` of them.
+struct PatchRows<'a> {
+    cells: &'a mut [f32],
+    width: usize,
+    height: usize,
+    /// By how many rows patches are moved on.
+    shift: usize,
+    /// Sign of rows that begin from the first again.
+    wrap: f32,
+}
+
+/// Adds the `L` layers of a patch, each times its complex factor; both numbers of a cell are the same.
 #[inline(always)]
-fn add_layers<const L: usize>(cells: &mut [f32], layers: &[f32], factors: &[[f32; 2]]) {
-    let count = cells.len();
+fn add_layers<const L: usize>(to: &mut PatchRows, runs: &[PatchRun], numbers: &[f32], factors: &[[f32; 2]]) {
     let mut pairs = [[0.0; STEP]; L];
     for layer in 0..L {
         for lane in 0..STEP {
             pairs[layer][lane] = factors[layer][lane % 2];
         }
     }
-    let layers: [&[f32]; L] = std::array::from_fn(|layer| &layers[layer * count..(layer + 1) * count]);
-    let (steps, rest) = cells.as_chunks_mut::<STEP>();
-    let whole = steps.len() * STEP;
-    for (step, cells) in steps.iter_mut().enumerate() {
-        let mut sums = *cells;
-        for layer in 0..L {
-            let from = &layers[layer][step * STEP..(step + 1) * STEP];
+    let mut from = 0;
+    for run in runs {
+        let count = 2 * run.len as usize;
+        let (row, sign) = match run.row as usize + to.shift {
+            row if row >= to.height => (row - to.height, to.wrap),
+            row => (row, 1.0),
+        };
+        let first = 2 * (row * to.width + run.cell as usize);
+        let cells = &mut to.cells[first..first + count];
+        let layer: [&[f32]; L] =
+            std::array::from_fn(|layer| &numbers[from + layer * count..from + (layer + 1) * count]);
+        from += L * count;
+        let (steps, rest) = cells.as_chunks_mut::<STEP>();
+        let columns = layer.map(|numbers| numbers.as_chunks::<STEP>());
+        for (step, cells) in steps.iter_mut().enumerate() {
+            let mut sums = [0.0; STEP];
+            for layer in 0..L {
+                let numbers = &columns[layer].0[step];
+                for lane in 0..STEP {
+                    sums[lane] += pairs[layer][lane] * numbers[lane];
+                }
+            }
             for lane in 0..STEP {
-                sums[lane] += pairs[layer][lane] * from[lane];
+                cells[lane] += sign * sums[lane];
             }
         }
-        *cells = sums;
-    }
-    for (lane, cell) in rest.iter_mut().enumerate() {
-        for layer in 0..L {
-            *cell += pairs[layer][lane] * layers[layer][whole + lane];
+        for (lane, cell) in rest.iter_mut().enumerate() {
+            let mut sum = 0.0;
+            for layer in 0..L {
+                sum += pairs[layer][lane] * columns[layer].1[lane];
+            }
+            *cell += sign * sum;
         }
     }
 }
@@ -176,7 +202,7 @@ kernels! {
     }
 
     /// Adds patches to the `cells` of a channel, pairs of numbers in rows of `width` of them: each layer times its
-    /// complex factor, the factors of one patch after those of another. Rows are moved on by `shift`, and those beyond
+    /// complex factor, the factors of one patch after those of another. PatchRows are moved on by `shift`, and those beyond
     /// the last, `height`, begin from the first, times `wrap`.
     pub fn add_patches(
         cells: &mut [f32],
@@ -184,43 +210,35 @@ kernels! {
         height: usize,
         shift: usize,
         wrap: f32,
-        patches: &[Patch],
+        patches: &[CellPatch],
         runs: &[PatchRun],
         numbers: &[f32],
         factors: &[[f32; 2]],
     ) {
+        let mut to = PatchRows { cells, width, height, shift, wrap };
         let mut used = 0;
         for patch in patches {
             let layers = patch.layers as usize;
             let given = &factors[used..used + layers];
             used += layers;
-            if given.iter().all(|factor| *factor == [0.0; 2]) {
-                continue;
-            }
-            let mut from = patch.from as usize;
-            for run in &runs[patch.first as usize..(patch.first + patch.runs) as usize] {
-                let count = 2 * run.len as usize;
-                let (row, sign) = match run.row as usize + shift {
-                    row if row >= height => (row - height, wrap),
-                    row => (row, 1.0),
-                };
-                let first = 2 * (row * width + run.cell as usize);
-                let cells = &mut cells[first..first + count];
-                let mut done = 0;
-                while done < layers {
-                    let mut signed = [[0.0; 2]; 4];
-                    let some = (layers - done).min(4);
-                    for layer in 0..some {
-                        signed[layer] = [sign * given[done + layer][0], sign * given[done + layer][1]];
+            let runs = &runs[patch.first as usize..(patch.first + patch.runs) as usize];
+            match (layers, &numbers[patch.from as usize..]) {
+                (0, _) => {}
+                (1, numbers) => add_layers::<1>(&mut to, runs, numbers, given),
+                (2, numbers) => add_layers::<2>(&mut to, runs, numbers, given),
+                (3, numbers) => add_layers::<3>(&mut to, runs, numbers, given),
+                (4, numbers) => add_layers::<4>(&mut to, runs, numbers, given),
+                (6, numbers) => add_layers::<6>(&mut to, runs, numbers, given),
+                (_, numbers) => {
+                    // Run by run, for the layers of a run follow each other.
+                    let mut from = 0;
+                    for run in runs.chunks(1) {
+                        let count = 2 * run[0].len as usize;
+                        for layer in 0..layers {
+                            add_layers::<1>(&mut to, run, &numbers[from..from + count], &given[layer..]);
+                            from += count;
+                        }
                     }
-                    let numbers = &numbers[from..from + some * count];
-                    match some {
-                        1 => add_layers::<1>(cells, numbers, &signed),
-                        2 => add_layers::<2>(cells, numbers, &signed),
-                        3 => add_layers::<3>(cells, numbers, &signed),
-                        _ => add_layers::<4>(cells, numbers, &signed),
-                    }
-                    (done, from) = (done + some, from + some * count);
                 }
             }
         }
@@ -283,7 +301,7 @@ mod tests {
                 let total: usize = runs.iter().map(|run| 2 * run.len as usize).sum();
                 let mut layers = vec![0.0; total * nodes * halves];
                 fill_patch(&runs, &rows, &ranges, len, orders, &mut layers);
-                let patch = Patch { first: 0, runs: 3, layers: (nodes * halves) as u32, from: 0 };
+                let patch = CellPatch { first: 0, runs: 3, layers: (nodes * halves) as u32, from: 0 };
                 add_patches(&mut cells, WIDTH, HEIGHT, 2, -1.0, &[patch], &runs, &layers, &factors);
                 for (run, rows) in runs.iter().zip(rows.chunks(orders)) {
                     let moved = run.row as usize + 2;

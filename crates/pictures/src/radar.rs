@@ -1,4 +1,5 @@
-//! Images of a radar: range by Doppler and polar with lines of equal coordinates, and the fan with rings of equal range.
+//! Images of a radar: range by Doppler and polar with lines of equal coordinates, and the fan with rings of equal
+//! range.
 
 use super::canvas::{GROUND, Picture, TEXT};
 use super::legend::{self, round_down};

@@ -104,14 +104,14 @@ impl AdcSpec {
 
 /// The function that waves are spread with over the oversampled spectrum (Kaiser-Bessel; Beatty, Nishimura, Pauly 2005,
 /// equations 4 and 5, for an oversampling of 2).
-struct Spreading {
+struct WaveSpreading {
     /// Rows for fractions of steps, [`STEPS`] and one more, of [`WIDTH`] values.
     table: Vec<f32>,
     /// What the samples of a chirp are multiplied by to undo it.
     inverse: Vec<f32>,
 }
 
-impl Spreading {
+impl WaveSpreading {
     fn new(samples: usize) -> Self {
         let width = WIDTH as f64;
         let beta = PI * (width * width / 4.0 * 2.25 - 0.8).sqrt();
@@ -130,7 +130,7 @@ impl Spreading {
             let root = square.max(0.0).sqrt().max(1e-6);
             (bessel_i0(beta) * root / (width * root.sinh())) as f32
         };
-        Spreading { table: (0..=STEPS).flat_map(row).collect(), inverse: (0..samples).map(inverse).collect() }
+        WaveSpreading { table: (0..=STEPS).flat_map(row).collect(), inverse: (0..samples).map(inverse).collect() }
     }
 
     /// Adds a wave at `place` steps to the spectrum.
@@ -164,10 +164,10 @@ fn bessel_i0(x: f64) -> f64 {
 }
 
 /// A path as all chirps see it.
-struct PathWave {
+pub(crate) struct PathWave {
     /// Conjugate amplitude in the middle of the frame, with the gains of elements, without its phase.
-    amplitude: Complex32,
-    range: f64,
+    pub amplitude: Complex32,
+    pub range: f64,
     rate: f64,
     /// By how much farther transmitters and receivers are, m.
     farther: [Vec<f64>; 2],
@@ -179,18 +179,12 @@ impl RadarPlan {
     /// The samples that `paths` give, without noise. It takes time for each path, chirp and receiver. Paths that are not
     /// finite are ignored.
     pub fn samples(&self, paths: &Paths) -> AdcSamples {
-        let receivers = self.receivers.len();
-        let slots = self.streams.len() / receivers;
-        let (samples, complex) = match &self.waveform {
-            RadarWaveform::Fmcw(fmcw) => (fmcw.samples as usize, fmcw.complex),
-            RadarWaveform::Pulse(pulse) => (pulse.samples as usize, true),
-        };
-        let chirps = self.velocity.cells;
-        let mut values = vec![Complex32::ZERO; chirps * slots * receivers * samples];
+        let mut out = self.silent_samples();
+        let AdcSamples { slots, receivers, samples, complex, ref mut values, .. } = out;
         let waves: Vec<PathWave> = (0..paths.len()).filter_map(|path| self.wave(paths, path)).collect();
-        let spreading = Spreading::new(samples);
+        let spreading = WaveSpreading::new(samples);
         let fft = FftPlannerScalar::new().plan_fft_inverse(2 * samples);
-        parallel::for_each_chunk(&mut values, receivers * samples, |chirp, values| {
+        parallel::for_each_chunk(values, receivers * samples, |chirp, values| {
             let (chirp, slot) = (chirp / slots, chirp % slots);
             if self.slope > 0.0 {
                 let mut spectra = vec![Complex32::ZERO; receivers * 2 * samples];
@@ -209,10 +203,22 @@ impl RadarPlan {
                 values.iter_mut().for_each(|value| *value = Complex32::new(SQRT_2 as f32 * value.re, 0.0));
             }
         });
+        out
+    }
+
+    /// Samples of silence.
+    pub fn silent_samples(&self) -> AdcSamples {
+        let receivers = self.receivers.len();
+        let (chirps, slots) = (self.velocity.cells, self.streams.len() / receivers);
+        let (samples, complex) = match &self.waveform {
+            RadarWaveform::Fmcw(fmcw) => (fmcw.samples as usize, fmcw.complex),
+            RadarWaveform::Pulse(pulse) => (pulse.samples as usize, true),
+        };
+        let values = vec![Complex32::ZERO; chirps * slots * receivers * samples];
         AdcSamples { chirps, slots, receivers, samples, complex, values }
     }
 
-    fn wave(&self, paths: &Paths, path: usize) -> Option<PathWave> {
+    pub(crate) fn wave(&self, paths: &Paths, path: usize) -> Option<PathWave> {
         let (range, rate) = (paths.range[path], f64::from(paths.range_rate[path]));
         let amplitude =
             paths.amplitude[path] * self.element_gain(paths, path) * self.filter_gain(self.range_of(range, rate));
@@ -237,28 +243,48 @@ impl RadarPlan {
         Some(PathWave { amplitude: amplitude.conj(), range, rate, farther: [sent, back], received })
     }
 
-    /// Adds the spectra of the waves in a chirp to those of the receivers.
-    fn spread(&self, waves: &[PathWave], chirp: usize, slot: usize, spreading: &Spreading, spectra: &mut [Complex32]) {
+    /// Gives what each launch of a chirp makes of a wave at each receiver: the receiver, the amplitude in the middle of
+    /// the samples, and the place, cells of range, before it is folded.
+    pub(crate) fn each_launch(
+        &self,
+        wave: &PathWave,
+        [chirp, slot]: [usize; 2],
+        each: &mut impl FnMut(usize, Complex32, f64),
+    ) {
         let receivers = self.receivers.len();
-        let samples = spreading.inverse.len();
         let loops = (chirp as f64 - 0.5 * (self.velocity.cells as f64 - 1.0)) * self.repetition;
-        // Samples are counted from the middle one of the transform; phases are those between the samples.
+        for part in &self.streams[slot * receivers] {
+            let launch = &self.launches[part.launch];
+            let range = wave.range + wave.rate * (loops + launch.time) + 0.5 * wave.farther[0][launch.transmitter];
+            let place = self.range_of(range, wave.rate);
+            let amplitude = self.phase(wave, range, launch.shift, chirp) * wave.amplitude;
+            for receiver in 0..receivers {
+                let place = place + 0.5 * wave.farther[1][receiver] / self.axes.range.step;
+                // The codes of a slot are the same at all receivers.
+                let error = self.errors[launch.transmitter * receivers + receiver].conj() * part.code;
+                each(receiver, amplitude * wave.received[receiver] * error, place);
+            }
+        }
+    }
+
+    /// Adds the spectra of the waves in a chirp to those of the receivers.
+    fn spread(
+        &self,
+        waves: &[PathWave],
+        chirp: usize,
+        slot: usize,
+        spreading: &WaveSpreading,
+        spectra: &mut [Complex32],
+    ) {
+        let samples = spreading.inverse.len();
+        // Samples are counted from the middle one of the transform; amplitudes are those between the samples.
         let beyond = (samples / 2) as f64 - 0.5 * (samples as f64 - 1.0);
         for wave in waves {
-            for part in self.streams[slot * receivers].iter() {
-                let launch = &self.launches[part.launch];
-                let range = wave.range + wave.rate * (loops + launch.time) + 0.5 * wave.farther[0][launch.transmitter];
-                let place = self.range_of(range, wave.rate);
-                let amplitude = self.phase(wave, range, launch.shift, chirp) * wave.amplitude * part.code;
-                for (receiver, spectrum) in spectra.chunks_exact_mut(2 * samples).enumerate() {
-                    let place = place + 0.5 * wave.farther[1][receiver] / self.axes.range.step;
-                    let error = self.errors[launch.transmitter * receivers + receiver].conj();
-                    let half = phasor(place * beyond / samples as f64);
-                    let amplitude = amplitude * wave.received[receiver] * error * half;
-                    let folded = place.rem_euclid(samples as f64);
-                    spreading.add(amplitude, 2.0 * folded, spectrum);
-                }
-            }
+            self.each_launch(wave, [chirp, slot], &mut |receiver, amplitude, place| {
+                let amplitude = amplitude * phasor(place * beyond / samples as f64);
+                let spectrum = &mut spectra[receiver * 2 * samples..(receiver + 1) * 2 * samples];
+                spreading.add(amplitude, 2.0 * place.rem_euclid(samples as f64), spectrum);
+            });
         }
     }
 
@@ -310,8 +336,8 @@ impl RadarPlan {
         let (count, per_chirp) = (samples.samples, samples.slots * samples.receivers * samples.samples);
         assert_eq!((samples.values.len(), samples.chirps), (self.velocity.cells * per_chirp, self.velocity.cells));
         let (cells, rows) = (self.range.cells, self.velocity.cells);
-        let along = (self.slope > 0.0).then(|| Transform::new(&self.range, 0));
-        let across = Transform::new(&self.velocity, rows / 2);
+        let along = (self.slope > 0.0).then(|| AxisTransform::new(&self.range, 0));
+        let across = AxisTransform::new(&self.velocity, rows / 2);
         let root = if samples.complex { 1.0 } else { SQRT_2 as f32 };
         parallel::for_each_chunk(&mut streams.cells, cells * rows, |stream, out| {
             let mut line = vec![Complex32::ZERO; count];
@@ -340,13 +366,13 @@ impl RadarPlan {
     }
 }
 
-fn phasor(turns: f64) -> Complex32 {
+pub(crate) fn phasor(turns: f64) -> Complex32 {
     let (sine, cosine) = sin_cos_turns(turns);
     Complex32::new(cosine as f32, sine as f32)
 }
 
-/// Window and Fourier transform along an axis, about the middle of the samples.
-struct Transform {
+/// FftWindow and Fourier transform along an axis, about the middle of the samples.
+struct AxisTransform {
     window: Vec<f32>,
     fft: Arc<dyn Fft<f32>>,
     /// Turns of the cells.
@@ -355,7 +381,7 @@ struct Transform {
     first: usize,
 }
 
-impl Transform {
+impl AxisTransform {
     /// `before` cells have negative frequencies.
     fn new(axis: &CubeAxis, before: usize) -> Self {
         let count = axis.window.len();
@@ -363,7 +389,7 @@ impl Transform {
             let frequency = cell as f64 - before as f64;
             phasor(0.5 * frequency * (count as f64 - 1.0) / count as f64)
         };
-        Transform {
+        AxisTransform {
             window: axis.window.iter().map(|&weight| weight as f32).collect(),
             fft: FftPlannerScalar::new().plan_fft_forward(count),
             turns: (0..count).map(turn).collect(),

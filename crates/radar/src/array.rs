@@ -25,10 +25,10 @@ pub struct ArraySpec {
     pub design_ghz: Option<f64>,
     /// Transmitting elements, in the order in which they transmit.
     #[serde(default)]
-    pub tx: Elements,
+    pub tx: ArrayElements,
     /// Receiving elements.
     #[serde(default)]
-    pub rx: Elements,
+    pub rx: ArrayElements,
     /// Pattern of each transmitting element.
     #[serde(default)]
     pub tx_pattern: ElementPattern,
@@ -46,11 +46,11 @@ pub struct ArraySpec {
     pub phase_error_deg: f64,
 }
 
-/// Elements, as written in a file: a list of places, or a section that makes a grid.
+/// ArrayElements, as written in a file: a list of places, or a section that makes a grid.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 #[non_exhaustive]
-pub enum Elements {
+pub enum ArrayElements {
     /// Their places.
     List(Vec<[f64; 2]>),
     /// Rows of elements, one above the other.
@@ -62,7 +62,7 @@ pub enum Elements {
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct ElementGrid {
-    /// Elements of a row, 1 to 1024.
+    /// ArrayElements of a row, 1 to 1024.
     pub count: u32,
     /// From one to the next, to the left, half wavelengths, above 0 to 10,000.
     #[serde(default = "one")]
@@ -105,28 +105,28 @@ fn one_row() -> u32 {
     1
 }
 
-impl Default for Elements {
+impl Default for ArrayElements {
     /// One, at the reference point.
     fn default() -> Self {
-        Elements::List(vec![[0.0; 2]])
+        ArrayElements::List(vec![[0.0; 2]])
     }
 }
 
-impl<'de> Deserialize<'de> for Elements {
+impl<'de> Deserialize<'de> for ArrayElements {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         match Value::deserialize(deserializer)? {
-            list @ Value::Array(_) => inner(&list).map(Elements::List),
-            section => inner(&section).map(Elements::Grid),
+            list @ Value::Array(_) => inner(&list).map(ArrayElements::List),
+            section => inner(&section).map(ArrayElements::Grid),
         }
     }
 }
 
-impl Elements {
+impl ArrayElements {
     /// Number of elements.
     pub fn len(&self) -> usize {
         match self {
-            Elements::List(places) => places.len(),
-            Elements::Grid(grid) => (grid.count as usize).saturating_mul(grid.rows as usize),
+            ArrayElements::List(places) => places.len(),
+            ArrayElements::Grid(grid) => (grid.count as usize).saturating_mul(grid.rows as usize),
         }
     }
 
@@ -138,8 +138,8 @@ impl Elements {
     /// Places of all, `[left, up]`, half wavelengths; those of a grid row by row.
     pub fn places(&self) -> Vec<[f64; 2]> {
         match self {
-            Elements::List(places) => places.clone(),
-            Elements::Grid(grid) => {
+            ArrayElements::List(places) => places.clone(),
+            ArrayElements::Grid(grid) => {
                 let row = |row: u32| {
                     let up = grid.at[1] + f64::from(row) * grid.row_step;
                     (0..grid.count).map(move |index| [grid.at[0] + f64::from(index) * grid.step, up])
@@ -150,7 +150,7 @@ impl Elements {
     }
 
     fn check(&self, key: &str, bounds: &mut Bounds) -> Result<()> {
-        if let Elements::Grid(grid) = self {
+        if let ArrayElements::Grid(grid) = self {
             bounds.within(format_args!("{key}.count"), f64::from(grid.count), 1.0, MOST_ELEMENTS as f64)?;
             bounds.within(format_args!("{key}.rows"), f64::from(grid.rows), 1.0, MOST_ELEMENTS as f64)?;
             let step = |name: &str| format!("{key}.{name}");

@@ -13,7 +13,8 @@ use crate::paths::Paths;
 use crate::plan::{MOST_ORDERS, RadarPlan, StreamPart};
 use crate::waveform::RadarWaveform;
 use echocast_kernels::math::sin_cos_turns;
-use echocast_kernels::radar::{self, PATHS, Patch, PatchRun, PathLanes};
+use echocast_kernels::radar::{self, CellPatch, PATHS, PatchRun, PathLanes};
+use ground::math::floor;
 use ground::parallel;
 use num_complex::Complex32;
 use rustfft::FftPlannerScalar;
@@ -44,7 +45,7 @@ const MOST_CELLS_AT_ONCE: usize = 1 << 20;
 
 /// A path ready to be added.
 #[derive(Clone, Copy, Debug, Default)]
-struct Stamp {
+struct PathStamp {
     path: u32,
     /// Where it is in the cube, in cells, folded.
     place: f64,
@@ -61,12 +62,16 @@ struct Stamp {
 
 /// Stamps that are worked on together, with what they share.
 #[derive(Default)]
-struct Group {
+struct PathGroup {
     /// For each launch, and after them for each receiver: real and imaginary part of the wave, and range, cells.
     waves: Vec<[PathLanes; 3]>,
     /// Nodes of each stamp: their middle and half of their span, cells.
     nodes: [[f32; 2]; PATHS],
-    patches: Vec<Patch>,
+    /// How many there are.
+    counts: [usize; PATHS],
+    /// Real and imaginary parts of the amplitudes.
+    amplitudes: [PathLanes; 2],
+    patches: Vec<CellPatch>,
     runs: Vec<PatchRun>,
     numbers: Vec<f32>,
 }
@@ -125,6 +130,11 @@ impl Nodes {
 
     /// Weights of the nodes at `t`.
     fn weights(&self, t: f32, weights: &mut [f32]) {
+        if let [first, second] = weights {
+            *first = (t - self.at[1]) * self.scale[0];
+            *second = 1.0 - *first;
+            return;
+        }
         for (i, weight) in weights.iter_mut().enumerate() {
             let others = self.at.iter().enumerate().filter(|(other, _)| *other != i);
             *weight = others.fold(self.scale[i], |product, (_, at)| product * (t - at));
@@ -188,8 +198,8 @@ struct Depositor<'a> {
 
 impl Depositor<'_> {
     /// The stamps of all paths, those of a row together, so that neighbours add to the same memory.
-    fn stamps(&self, floor: f64, mirrored: bool) -> Vec<Stamp> {
-        let mut stamps: Vec<Stamp> = vec![Stamp::default(); self.paths.len()];
+    fn stamps(&self, floor: f64, mirrored: bool) -> Vec<PathStamp> {
+        let mut stamps: Vec<PathStamp> = vec![PathStamp::default(); self.paths.len()];
         const CHUNK: usize = 1024;
         parallel::for_each_chunk(&mut stamps, CHUNK, |chunk, stamps| {
             for (lane, stamp) in stamps.iter_mut().enumerate() {
@@ -199,14 +209,14 @@ impl Depositor<'_> {
         // Counted by row, in the order of paths.
         let rows = self.plan.velocity.cells;
         let mut starts = vec![0; rows + 1];
-        let row = |stamp: &Stamp| (stamp.row as usize).min(rows - 1);
+        let row = |stamp: &PathStamp| (stamp.row as usize).min(rows - 1);
         for stamp in stamps.iter().filter(|stamp| stamp.cells > 0) {
             starts[row(stamp) + 1] += 1;
         }
         for row in 0..rows {
             starts[row + 1] += starts[row];
         }
-        let mut sorted = vec![Stamp::default(); starts[rows]];
+        let mut sorted = vec![PathStamp::default(); starts[rows]];
         for stamp in stamps.iter().filter(|stamp| stamp.cells > 0) {
             let next = &mut starts[row(stamp)];
             sorted[*next] = *stamp;
@@ -215,7 +225,7 @@ impl Depositor<'_> {
         sorted
     }
 
-    fn stamp(&self, path: usize, floor: f32, mirrored: bool) -> Option<Stamp> {
+    fn stamp(&self, path: usize, floor: f32, mirrored: bool) -> Option<PathStamp> {
         let (plan, paths) = (self.plan, self.paths);
         let (range, rate) = (paths.range[path], f64::from(paths.range_rate[path]));
         let place = plan.range_of(range, rate);
@@ -244,7 +254,7 @@ impl Depositor<'_> {
         let across = plan.velocity.response.reach(relative).min(0.5 * plan.velocity.cells as f32);
         let aside = plan.range.response.reach(relative) + 0.5 * migration.abs();
         let cells = (2.0 * across + 2.0) * (2.0 * aside + 2.0);
-        Some(Stamp {
+        Some(PathStamp {
             path: path as u32,
             place,
             row,
@@ -256,9 +266,9 @@ impl Depositor<'_> {
     }
 
     /// Adds `stamps` to the cells of streams, `slab` complex numbers each.
-    fn add(&self, stamps: &[Stamp], mirrored: bool, slab: usize, cells: &mut [f32]) {
-        let mut groups: Vec<Group> = Vec::new();
-        groups.resize_with(GROUPS, Group::default);
+    fn add(&self, stamps: &[PathStamp], mirrored: bool, slab: usize, cells: &mut [f32]) {
+        let mut groups: Vec<PathGroup> = Vec::new();
+        groups.resize_with(GROUPS, PathGroup::default);
         let mut memories: Vec<PatchMemory> = Vec::new();
         let mut rest = stamps;
         while !rest.is_empty() {
@@ -279,9 +289,9 @@ impl Depositor<'_> {
             let groups = &groups[..count];
             parallel::for_each_chunk(cells, 2 * slab, |stream, cells| {
                 let mut factors = Vec::new();
-                for (group, stamps) in groups.iter().zip(now.chunks(PATHS)) {
+                for group in groups {
                     for part in &self.plan.streams[stream] {
-                        self.factors(*part, group, stamps, mirrored, &mut factors);
+                        self.factors(*part, group, mirrored, &mut factors);
                         self.add_group(*part, group, mirrored, &factors, cells);
                     }
                 }
@@ -289,7 +299,7 @@ impl Depositor<'_> {
         }
     }
 
-    fn add_group(&self, part: StreamPart, group: &Group, mirrored: bool, factors: &[[f32; 2]], cells: &mut [f32]) {
+    fn add_group(&self, part: StreamPart, group: &PathGroup, mirrored: bool, factors: &[[f32; 2]], cells: &mut [f32]) {
         let (width, height) = (self.plan.range.cells, self.plan.velocity.cells);
         let shift = self.plan.launches[part.launch].shift % height;
         // Backwards is forwards by the rest of a turn.
@@ -299,38 +309,40 @@ impl Depositor<'_> {
     }
 
     /// Factors of the layers of all patches of a group in one part of a stream.
-    fn factors(&self, part: StreamPart, group: &Group, stamps: &[Stamp], mirrored: bool, factors: &mut Vec<[f32; 2]>) {
+    fn factors(&self, part: StreamPart, group: &PathGroup, mirrored: bool, factors: &mut Vec<[f32; 2]>) {
         factors.clear();
         let plan = self.plan;
         let launch = &plan.launches[part.launch];
         let error = plan.errors[launch.transmitter * plan.receivers.len() + part.receiver] * part.code;
         // The turn that a shift by a negative number of rows lacks.
-        let turned = mirrored && launch.shift % plan.velocity.cells != 0;
+        let turned = mirrored && !launch.shift.is_multiple_of(plan.velocity.cells);
         let error = if turned { error * plan.velocity.wrap } else { error };
         let (sent, received) = (&group.waves[part.launch], &group.waves[plan.launches.len() + part.receiver]);
-        for (lane, (stamp, patch)) in stamps.iter().zip(&group.patches).enumerate() {
-            if patch.layers == 0 {
-                continue;
-            }
-            let wave = |wave: &[PathLanes; 3]| Complex32::new(wave[0][lane], wave[1][lane]);
-            let mut factor = wave(sent) * wave(received) * error;
-            if mirrored {
-                factor = factor.conj();
-            }
-            factor *= stamp.amplitude;
-            let ([middle, half], range) = (group.nodes[lane], sent[2][lane] + received[2][lane]);
-            let first = factors.len();
-            let double = stamp_orders(stamp) > 1;
-            let count = if double { patch.layers / 2 } else { patch.layers } as usize;
+        let (mut re, mut im, mut at) = ([0.0; PATHS], [0.0; PATHS], [0.0; PATHS]);
+        let sign = if mirrored { -1.0 } else { 1.0 };
+        for lane in 0..PATHS {
+            let product = [
+                sent[0][lane] * received[0][lane] - sent[1][lane] * received[1][lane],
+                sent[0][lane] * received[1][lane] + sent[1][lane] * received[0][lane],
+            ];
+            let product =
+                [product[0] * error.re - product[1] * error.im, product[0] * error.im + product[1] * error.re];
+            let (a, b) = (group.amplitudes[0][lane], sign * group.amplitudes[1][lane]);
+            (re[lane], im[lane]) = (product[0] * a - product[1] * b, sign * (product[0] * b + product[1] * a));
+            let [middle, half] = group.nodes[lane];
+            at[lane] = (sign * (sent[2][lane] + received[2][lane]) - middle) / half;
+        }
+        for (lane, patch) in group.patches.iter().enumerate().filter(|(_, patch)| patch.layers > 0) {
+            let (first, count) = (factors.len(), group.counts[lane]);
+            let (re, im) = (re[lane], im[lane]);
             if count == 1 {
-                factors.push([factor.re, factor.im]);
+                factors.push([re, im]);
             } else {
                 let mut weights = [0.0; MOST_NODES];
-                let range = if mirrored { -range } else { range };
-                self.nodes[count].weights((range - middle) / half, &mut weights[..count]);
-                factors.extend(weights[..count].iter().map(|weight| [factor.re * weight, factor.im * weight]));
+                self.nodes[count].weights(at[lane], &mut weights[..count]);
+                factors.extend(weights[..count].iter().map(|weight| [re * weight, im * weight]));
             }
-            if double {
+            if patch.layers as usize > count {
                 for node in first..first + count {
                     let [re, im] = factors[node];
                     factors.push([-im, re]);
@@ -340,7 +352,7 @@ impl Depositor<'_> {
     }
 
     /// Fills a group with the patches of its stamps.
-    fn fill(&self, stamps: &[Stamp], mirrored: bool, group: &mut Group, memory: &mut PatchMemory) {
+    fn fill(&self, stamps: &[PathStamp], mirrored: bool, group: &mut PathGroup, memory: &mut PatchMemory) {
         let plan = self.plan;
         self.waves(stamps, group);
         group.patches.clear();
@@ -358,13 +370,17 @@ impl Depositor<'_> {
             group.nodes[lane] = [0.5 * (low + high), (0.5 * (high - low)).max(1e-6)];
         }
         for (lane, stamp) in stamps.iter().enumerate() {
-            let patch = self.patch(stamp, group.nodes[lane], memory, &mut group.runs, &mut group.numbers);
+            (group.amplitudes[0][lane], group.amplitudes[1][lane]) = (stamp.amplitude.re, stamp.amplitude.im);
+            let error = stamp.relative.max(TOLERANCE);
+            group.counts[lane] = Nodes::needed(2.0 * group.nodes[lane][1], error, MOST_NODES);
+            let nodes = (group.nodes[lane], group.counts[lane]);
+            let patch = self.patch(stamp, nodes, memory, &mut group.runs, &mut group.numbers);
             group.patches.push(patch);
         }
     }
 
     /// The waves of stamps at all elements.
-    fn waves(&self, stamps: &[Stamp], group: &mut Group) {
+    fn waves(&self, stamps: &[PathStamp], group: &mut PathGroup) {
         let plan = self.plan;
         let (mut turns, mut shifts, mut drift) = ([0.0; PATHS], [0.0; PATHS], [0.0; PATHS]);
         let (mut sent, mut received) = ([[0.0; PATHS]; 4], [[0.0; PATHS]; 4]);
@@ -406,15 +422,13 @@ impl Depositor<'_> {
     /// `middle`, cells from its own.
     fn patch(
         &self,
-        stamp: &Stamp,
-        [middle, half]: [f32; 2],
+        stamp: &PathStamp,
+        ([middle, half], count): ([f32; 2], usize),
         memory: &mut PatchMemory,
         runs: &mut Vec<PatchRun>,
         numbers: &mut Vec<f32>,
-    ) -> Patch {
+    ) -> CellPatch {
         let (range, velocity) = (&self.plan.range, &self.plan.velocity);
-        let error = stamp.relative.max(TOLERANCE);
-        let count = Nodes::needed(2.0 * half, error, MOST_NODES);
         let orders = stamp_orders(stamp);
         let spread = half + 0.5 * stamp.migration.abs();
         // In a cell that it only passes through, its spectrum is wider.
@@ -439,7 +453,7 @@ impl Depositor<'_> {
             let (low, high) = self.cells(centre, range.response.reach(level) + spread, limit);
             self.split(row, low.max(first), high.min(last), first, &mut memory.runs);
         }
-        let none = Patch { first: from as u32, runs: 0, layers: 0, from: numbers.len() as u32 };
+        let none = CellPatch { first: from as u32, runs: 0, layers: 0, from: numbers.len() as u32 };
         if memory.runs.is_empty() || first > last {
             return none;
         }
@@ -471,22 +485,22 @@ impl Depositor<'_> {
         }
         let rows = velocity.cells as i32;
         runs.extend(memory.runs.iter().map(|run| PatchRun { row: (run.row as i32).rem_euclid(rows) as u32, ..*run }));
-        Patch { first: from as u32, runs: (runs.len() - from) as u32, layers: layers as u32, from: start as u32 }
+        CellPatch { first: from as u32, runs: (runs.len() - from) as u32, layers: layers as u32, from: start as u32 }
     }
 
     /// The first and the last cell up to `aside` from `centre`, and a few more on either side, so that there is a
     /// multiple of [`RUN_CELLS`], but none twice, and none farther than `limit`.
     fn cells(&self, centre: f64, aside: f32, limit: f32) -> (i64, i64) {
         let range = &self.plan.range;
-        let (first, last) = ((centre - f64::from(aside)).ceil() as i64, (centre + f64::from(aside)).floor() as i64);
+        let (first, last) = (-floor(f64::from(aside) - centre), floor(centre + f64::from(aside)));
         let more = (first - last - 1).rem_euclid(RUN_CELLS);
         let (first, last) = (first - more / 2, last + (more + 1) / 2);
-        let first = first.max((centre - f64::from(limit)).ceil() as i64);
-        let last = last.min((centre + f64::from(limit)).floor() as i64);
+        let first = first.max(-floor(f64::from(limit) - centre));
+        let last = last.min(floor(centre + f64::from(limit)));
         match range.period as i64 {
             0 => (first.max(0), last.min(range.cells as i64 - 1)),
             period => {
-                let first = first.max((centre - 0.5 * period as f64).ceil() as i64);
+                let first = first.max(-floor(0.5 * period as f64 - centre));
                 (first, last.min(first + period - 1))
             }
         }
@@ -515,7 +529,7 @@ impl Depositor<'_> {
     }
 
     /// Responses across the rows, of all orders, for each run.
-    fn rows(&self, stamp: &Stamp, orders: usize, (first, last): (i32, i32), memory: &mut PatchMemory) {
+    fn rows(&self, stamp: &PathStamp, orders: usize, (first, last): (i32, i32), memory: &mut PatchMemory) {
         let (response, count) = (&self.plan.velocity.response, (last - first + 1) as usize);
         memory.columns.resize(count * orders, 0.0);
         let place = response.find(first, stamp.row);
@@ -550,7 +564,7 @@ impl Depositor<'_> {
     /// chirps, cell by cell.
     fn fill_exactly(
         &self,
-        stamp: &Stamp,
+        stamp: &PathStamp,
         shifts: &[f64],
         (first_row, last_row): (i32, i32),
         (first, len): (i64, usize),
@@ -610,6 +624,6 @@ impl Depositor<'_> {
 }
 
 /// How many orders of polynomials of time a stamp takes; more than [`MOST_ORDERS`] if these do not do.
-fn stamp_orders(stamp: &Stamp) -> usize {
+fn stamp_orders(stamp: &PathStamp) -> usize {
     Nodes::needed(stamp.migration.abs(), stamp.relative.max(TOLERANCE), MOST_ORDERS + 1)
 }

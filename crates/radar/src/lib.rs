@@ -4,9 +4,11 @@
 mod adc;
 mod array;
 mod cube;
+mod cube_view;
 mod decode;
 mod deposit;
 mod detect;
+mod disturb;
 mod noise;
 pub mod optics;
 mod paths;
@@ -17,15 +19,17 @@ mod waveform;
 pub mod window;
 
 pub use adc::{AdcSamples, AdcSpec};
-pub use array::{ArrayRow, ArraySpec, ElementGrid, Elements, Polarisation, VirtualArray};
+pub use array::{ArrayElements, ArrayRow, ArraySpec, ElementGrid, Polarisation, VirtualArray};
 pub use cube::{Axis, CubeAxes, RadarCube};
+pub use cube_view::AzimuthMap;
 pub use detect::*;
+pub use disturb::{Interferer, PhaseNoise, check_interferers, range_correlation};
 pub use noise::Leakage;
 pub use paths::Paths;
-pub use pattern::{ElementPattern, LobeShape, PatternTable};
+pub use pattern::{ElementPattern, LobeShape, LobeTable};
 pub use plan::RadarPlan;
 pub use waveform::{Fmcw, MOST_CELLS, Multiplex, RadarPulse, RadarWaveform};
-pub use window::Window;
+pub use window::FftWindow;
 
 /// Speed of light, m/s.
 pub const LIGHT_SPEED: f64 = 299_792_458.0;

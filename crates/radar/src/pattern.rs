@@ -117,7 +117,7 @@ impl ElementPattern {
     }
 
     /// As a table, for many directions.
-    pub fn table(&self) -> PatternTable {
+    pub fn table(&self) -> LobeTable {
         let amplitude = |level: f64| 10f64.powf(0.05 * level) as f32;
         let azimuth = |step: usize| {
             let diamond = step as f64 / QUARTER as f64 - 2.0;
@@ -129,7 +129,7 @@ impl ElementPattern {
             amplitude(self.level(self.elevation_deg, &self.elevation_table, degrees))
         };
         // One more, for what is interpolated after the last.
-        PatternTable {
+        LobeTable {
             azimuth: (0..=4 * QUARTER + 1).map(azimuth).collect(),
             elevation: (0..=2 * QUARTER + 1).map(elevation).collect(),
         }
@@ -145,12 +145,12 @@ fn angle_of_diamond(diamond: f64) -> f64 {
 
 /// Amplitudes of a pattern over numbers that increase with the azimuth and the elevation but need no arctangents.
 #[derive(Clone, Debug, PartialEq)]
-pub struct PatternTable {
+pub struct LobeTable {
     azimuth: Vec<f32>,
     elevation: Vec<f32>,
 }
 
-impl PatternTable {
+impl LobeTable {
     /// Amplitude in the unit vector `direction`: the root of the gain.
     pub fn amplitude(&self, [x, y, z]: [f32; 3]) -> f32 {
         let part = y.abs() / (x.abs() + y.abs()).max(1e-30);

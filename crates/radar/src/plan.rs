@@ -3,10 +3,10 @@
 use crate::LIGHT_SPEED;
 use crate::array::{ArraySpec, VirtualArray};
 use crate::cube::{CubeAxes, RadarCube};
-use crate::pattern::PatternTable;
-use crate::response::Response;
+use crate::pattern::LobeTable;
+use crate::response::CellResponse;
 use crate::waveform::{Multiplex, RadarWaveform};
-use crate::window::{Window, noise_bandwidth};
+use crate::window::{FftWindow, noise_bandwidth};
 use ground::error::Result;
 use ground::read::bounds::Bounds;
 use num_complex::Complex32;
@@ -36,10 +36,10 @@ pub struct RadarPlan {
     /// Places of transmitters and receivers, m.
     pub(crate) transmitters: Vec<[f32; 3]>,
     pub(crate) receivers: Vec<[f32; 3]>,
-    pub(crate) patterns: [PatternTable; 2],
+    pub(crate) patterns: [LobeTable; 2],
     /// Factors of transmitter and receiver pairs.
     pub(crate) errors: Vec<Complex32>,
-    pub(crate) launches: Vec<Launch>,
+    pub(crate) launches: Vec<SlotLaunch>,
     pub(crate) streams: Vec<Vec<StreamPart>>,
     pub(crate) range: CubeAxis,
     pub(crate) velocity: CubeAxis,
@@ -53,7 +53,7 @@ pub struct RadarPlan {
 
 /// A transmitter in one of the chirps of a loop.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Launch {
+pub(crate) struct SlotLaunch {
     pub transmitter: usize,
     /// Middle of the chirp after the middle of the loop, s.
     pub time: f64,
@@ -81,11 +81,11 @@ pub(crate) struct CubeAxis {
     pub wrap: f32,
     /// The window, such that its sum is 1.
     pub window: Vec<f64>,
-    pub response: Response,
+    pub response: CellResponse,
 }
 
 impl CubeAxis {
-    fn new(window: Window, count: usize, cells: usize, orders: usize) -> Self {
+    fn new(window: FftWindow, count: usize, cells: usize, orders: usize) -> Self {
         let mut samples = window.samples(count);
         let sum: f64 = samples.iter().sum();
         // A window of two samples may have nothing but its zeros.
@@ -93,7 +93,7 @@ impl CubeAxis {
             true => samples.iter_mut().for_each(|sample| *sample /= sum),
             false => samples.fill(1.0 / count as f64),
         }
-        let response = Response::of_window(&samples, orders);
+        let response = CellResponse::of_window(&samples, orders);
         // About the middle of the samples: exp(-j pi (N - 1)) is the sign.
         let wrap = if count.is_multiple_of(2) { -1.0 } else { 1.0 };
         CubeAxis { cells, period: count, wrap, window: samples, response }
@@ -115,8 +115,8 @@ impl RadarPlan {
     /// errors of its channels are those of the instrument number `seed`. Pulses need no window along range.
     ///
     /// # Errors
-    /// As [`RadarWaveform::check`], [`ArraySpec::check`] and [`Window::check`].
-    pub fn new(waveform: &RadarWaveform, array: &ArraySpec, windows: [Window; 2], seed: u64) -> Result<Self> {
+    /// As [`RadarWaveform::check`], [`ArraySpec::check`] and [`FftWindow::check`].
+    pub fn new(waveform: &RadarWaveform, array: &ArraySpec, windows: [FftWindow; 2], seed: u64) -> Result<Self> {
         let bounds = &mut Bounds::none();
         array.check(bounds)?;
         waveform.check(bounds, array.tx.len(), array.rx.len())?;
@@ -135,14 +135,14 @@ impl RadarPlan {
             ),
             RadarWaveform::Pulse(pulse) => {
                 if !pulse.coherent {
-                    velocity = CubeAxis::new(Window::Rect, 1, 1, 1);
+                    velocity = CubeAxis::new(FftWindow::Rect, 1, 1, 1);
                 }
                 let range = CubeAxis {
                     cells: axes.range.len,
                     period: 0,
                     wrap: 1.0,
                     window: Vec::new(),
-                    response: Response::of_pulse(pulse.pulse_cells()),
+                    response: CellResponse::of_pulse(pulse.pulse_cells()),
                 };
                 (range, pulse.frequency(), 0.0, pulse.repetition())
             }
@@ -262,7 +262,11 @@ pub(crate) fn hadamard(row: usize, column: usize) -> f32 {
 }
 
 /// The launches of a loop, and the streams that they make at `receivers`.
-fn launches(waveform: &RadarWaveform, transmitters: usize, receivers: usize) -> (Vec<Launch>, Vec<Vec<StreamPart>>) {
+fn launches(
+    waveform: &RadarWaveform,
+    transmitters: usize,
+    receivers: usize,
+) -> (Vec<SlotLaunch>, Vec<Vec<StreamPart>>) {
     // Chirps of a loop (or pulses without coherence) and their spacing, and with which sign a transmitter is heard.
     let (slots, spacing, shift) = match waveform {
         RadarWaveform::Fmcw(fmcw) => {
@@ -291,7 +295,7 @@ fn launches(waveform: &RadarWaveform, transmitters: usize, receivers: usize) -> 
         let first = launches.len();
         let time = (slot as f64 - 0.5 * (slots as f64 - 1.0)) * spacing;
         let active: Vec<usize> = (0..transmitters).filter(|&transmitter| code(slot, transmitter) != 0.0).collect();
-        let launch = |&transmitter: &usize| Launch { transmitter, time, shift: transmitter * shift };
+        let launch = |&transmitter: &usize| SlotLaunch { transmitter, time, shift: transmitter * shift };
         launches.extend(active.iter().map(launch));
         for receiver in 0..receivers {
             let part = |(launch, &transmitter): (usize, &usize)| StreamPart {

@@ -1,5 +1,6 @@
 //! How a wave spreads over the cells of an axis: the transform of a window, tabulated.
 
+use ground::math::log2;
 use num_complex::Complex64;
 use rustfft::FftPlannerScalar;
 use std::f64::consts::TAU;
@@ -19,7 +20,7 @@ const DEEPEST_DB: usize = 140;
 
 /// Responses over the distance of a cell from a wave.
 #[derive(Clone, Debug)]
-pub(crate) struct Response {
+pub(crate) struct CellResponse {
     /// For each order, rows for fractions of cells, [`STEPS`] and one more, of columns for whole cells.
     tables: Vec<Vec<f32>>,
     /// Columns of a table.
@@ -32,7 +33,7 @@ pub(crate) struct Response {
     envelope: Vec<f32>,
 }
 
-impl Response {
+impl CellResponse {
     /// Of waves that `window` weights over time, for the `orders` of Chebyshev polynomials over time with which the
     /// window is multiplied: `sum of w[n] T_q(t_n) exp(j 2 pi x (n - (N - 1) / 2) / N) / sum of w`, `t_n = 2 (n - (N - 1)
     /// / 2) / N`, which is real for even orders; of odd ones it is the imaginary part.
@@ -64,7 +65,7 @@ impl Response {
             (0..=STEPS).flat_map(row).collect()
         });
         let tables: Vec<Vec<f32>> = tables.collect();
-        Response::new(tables, width, middle)
+        CellResponse::new(tables, width, middle)
     }
 
     /// Of rectangular pulses, `length` cells long, after the filter that matches them: a triangle, of a single order.
@@ -77,7 +78,7 @@ impl Response {
             let part = step as f64 / STEPS as f64;
             (0..width).map(move |column| triangle(column as f64 - middle as f64 + part) as f32)
         };
-        Response::new(vec![(0..=STEPS).flat_map(row).collect()], width, middle)
+        CellResponse::new(vec![(0..=STEPS).flat_map(row).collect()], width, middle)
     }
 
     fn new(tables: Vec<Vec<f32>>, width: usize, middle: usize) -> Self {
@@ -99,7 +100,7 @@ impl Response {
             let level = 10f32.powf(-(db as f32) / 20.0);
             0.5 * envelope.partition_point(|&value| value > level) as f32
         };
-        Response { reaches: (0..=DEEPEST_DB).map(reach).collect(), tables, width, middle, envelope }
+        CellResponse { reaches: (0..=DEEPEST_DB).map(reach).collect(), tables, width, middle, envelope }
     }
 
     /// The table of an order.
@@ -123,8 +124,9 @@ impl Response {
 
     /// Beyond how many cells from the peak the response remains below `level`.
     pub fn reach(&self, level: f32) -> f32 {
-        let db = (-20.0 * level.max(1e-9).log10()).ceil().max(0.0) as usize;
-        self.reaches[db.min(DEEPEST_DB)]
+        // 20 log10(2) dB per octave.
+        let db = (-6.020_6 * log2(level.max(1e-9))).max(0.0) as usize;
+        self.reaches[(db + 1).min(DEEPEST_DB)]
     }
 
     /// Greatest response `cells` from the peak or farther.
@@ -136,10 +138,10 @@ impl Response {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Window;
+    use crate::FftWindow;
     use crate::window::transform;
 
-    fn value(response: &Response, order: usize, cell: i32, place: f64) -> f64 {
+    fn value(response: &CellResponse, order: usize, cell: i32, place: f64) -> f64 {
         let (at, part) = response.find(cell, place);
         let (low, high) = (response.table(order)[at as usize], response.table(order)[at as usize + response.width]);
         f64::from(low + (high - low) * part)
@@ -148,10 +150,10 @@ mod tests {
     #[test]
     fn tables_follow_windows() {
         for (window, count) in
-            [(Window::Hann, 128), (Window::BlackmanHarris, 37), (Window::Rect, 64), (Window::Hann, 1)]
+            [(FftWindow::Hann, 128), (FftWindow::BlackmanHarris, 37), (FftWindow::Rect, 64), (FftWindow::Hann, 1)]
         {
             let samples = window.samples(count);
-            let response = Response::of_window(&samples, 4);
+            let response = CellResponse::of_window(&samples, 4);
             for step in 0..500 {
                 let (place, cell) = (0.37 + 0.0213 * f64::from(step), step % 23 - 5);
                 if (f64::from(cell) - place).abs() > 0.5 * count as f64 {
@@ -186,7 +188,7 @@ mod tests {
 
     #[test]
     fn a_matched_filter_makes_a_triangle() {
-        let response = Response::of_pulse(4.5);
+        let response = CellResponse::of_pulse(4.5);
         assert!((value(&response, 0, 10, 10.0) - 1.0).abs() < 1e-6);
         assert!((value(&response, 0, 12, 9.75) - 0.5).abs() < 1e-6);
         assert_eq!(value(&response, 0, 16, 11.2), 0.0);

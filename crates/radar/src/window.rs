@@ -13,7 +13,7 @@ use std::fmt::Display;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 #[non_exhaustive]
-pub enum Window {
+pub enum FftWindow {
     /// All samples alike.
     Rect,
     /// Highest side lobe -31.5 dB, falling by 18 dB per octave.
@@ -39,17 +39,17 @@ pub enum Window {
     },
 }
 
-impl Window {
+impl FftWindow {
     /// Checks that its numbers, at `key`, are within their allowed ranges.
     ///
     /// # Errors
     /// Names the number that is not.
     pub fn check(&self, key: impl Display, bounds: &mut Bounds) -> Result<()> {
         match *self {
-            Window::Chebyshev { sidelobe_db } => {
+            FftWindow::Chebyshev { sidelobe_db } => {
                 bounds.within(format_args!("{key}.chebyshev.sidelobe_db"), sidelobe_db, 20.0, 120.0)
             }
-            Window::Taylor { nbar, sidelobe_db } => {
+            FftWindow::Taylor { nbar, sidelobe_db } => {
                 bounds.within(format_args!("{key}.taylor.nbar"), f64::from(nbar), 2.0, 20.0)?;
                 bounds.within(format_args!("{key}.taylor.sidelobe_db"), sidelobe_db, 20.0, 80.0)
             }
@@ -61,13 +61,13 @@ impl Window {
     pub fn samples(&self, count: usize) -> Vec<f64> {
         match *self {
             _ if count < 2 => vec![1.0; count],
-            Window::Rect => vec![1.0; count],
-            Window::Hann => cosines(count, &[0.5, 0.5]),
-            Window::Hamming => cosines(count, &[0.54, 0.46]),
-            Window::Blackman => cosines(count, &[0.42, 0.5, 0.08]),
-            Window::BlackmanHarris => cosines(count, &[0.358_75, 0.488_29, 0.141_28, 0.011_68]),
-            Window::Chebyshev { sidelobe_db } => chebyshev(count, sidelobe_db),
-            Window::Taylor { nbar, sidelobe_db } => taylor(count, nbar, sidelobe_db),
+            FftWindow::Rect => vec![1.0; count],
+            FftWindow::Hann => cosines(count, &[0.5, 0.5]),
+            FftWindow::Hamming => cosines(count, &[0.54, 0.46]),
+            FftWindow::Blackman => cosines(count, &[0.42, 0.5, 0.08]),
+            FftWindow::BlackmanHarris => cosines(count, &[0.358_75, 0.488_29, 0.141_28, 0.011_68]),
+            FftWindow::Chebyshev { sidelobe_db } => chebyshev(count, sidelobe_db),
+            FftWindow::Taylor { nbar, sidelobe_db } => taylor(count, nbar, sidelobe_db),
         }
     }
 }
@@ -154,20 +154,35 @@ pub fn transform(samples: &[f64], offset: f64) -> f64 {
 mod tests {
     use super::*;
 
-    const CHEBYSHEV_60: Window = Window::Chebyshev { sidelobe_db: 60.0 };
-    const TAYLOR: Window = Window::Taylor { nbar: 4, sidelobe_db: 35.0 };
-    const ALL: [Window; 7] =
-        [Window::Rect, Window::Hann, Window::Hamming, Window::Blackman, Window::BlackmanHarris, CHEBYSHEV_60, TAYLOR];
+    const CHEBYSHEV_60: FftWindow = FftWindow::Chebyshev { sidelobe_db: 60.0 };
+    const TAYLOR: FftWindow = FftWindow::Taylor { nbar: 4, sidelobe_db: 35.0 };
+    const ALL: [FftWindow; 7] = [
+        FftWindow::Rect,
+        FftWindow::Hann,
+        FftWindow::Hamming,
+        FftWindow::Blackman,
+        FftWindow::BlackmanHarris,
+        CHEBYSHEV_60,
+        TAYLOR,
+    ];
 
     /// `scipy.signal.get_window(name, 8 or 9, fftbins=False)` of SciPy 1.16, the first half.
     #[test]
     fn samples_are_those_of_scipy() {
-        let cases: [(Window, &[f64], &[f64]); 6] = [
-            (Window::Hann, &[0.0, 0.1882551, 0.61126047, 0.95048443], &[0.0, 0.14644661, 0.5, 0.85355339, 1.0]),
-            (Window::Hamming, &[0.08, 0.25319469, 0.64235963, 0.95444568], &[0.08, 0.21473088, 0.54, 0.86526912, 1.0]),
-            (Window::Blackman, &[0.0, 0.09045342, 0.45918296, 0.92036362], &[0.0, 0.06644661, 0.34, 0.77355339, 1.0]),
+        let cases: [(FftWindow, &[f64], &[f64]); 6] = [
+            (FftWindow::Hann, &[0.0, 0.1882551, 0.61126047, 0.95048443], &[0.0, 0.14644661, 0.5, 0.85355339, 1.0]),
             (
-                Window::BlackmanHarris,
+                FftWindow::Hamming,
+                &[0.08, 0.25319469, 0.64235963, 0.95444568],
+                &[0.08, 0.21473088, 0.54, 0.86526912, 1.0],
+            ),
+            (
+                FftWindow::Blackman,
+                &[0.0, 0.09045342, 0.45918296, 0.92036362],
+                &[0.0, 0.06644661, 0.34, 0.77355339, 1.0],
+            ),
+            (
+                FftWindow::BlackmanHarris,
                 &[6e-05, 0.03339172, 0.3328335, 0.88936977],
                 &[6e-05, 0.02173584, 0.21747, 0.69576416, 1.0],
             ),
@@ -196,27 +211,27 @@ mod tests {
     /// Mean, noise bandwidth and transform at offsets of 0.5, 1.3, 4.7 and 100.25 cells, of 256 samples, by NumPy 2.3.
     #[test]
     fn figures_are_those_of_numpy() {
-        let cases: [(Window, f64, f64, [f64; 4]); 7] = [
+        let cases: [(FftWindow, f64, f64, [f64; 4]); 7] = [
             (
-                Window::Hann,
+                FftWindow::Hann,
                 0.498_046_875,
                 1.505_882_352_9,
                 [0.849_930_016_2, 0.290_382_459_7, -0.002_735_388_9, 1.021_7e-7],
             ),
             (
-                Window::Hamming,
+                FftWindow::Hamming,
                 0.538_203_125,
                 1.366_668_155,
                 [0.818_223_585_8, 0.217_773_187_6, 0.005_820_022_8, 4.356_727_9e-4],
             ),
             (
-                Window::Blackman,
+                FftWindow::Blackman,
                 0.418_359_375,
                 1.733_528_967_1,
                 [0.882_039_150_2, 0.410_149_441_5, -0.000_823_364, 4.376e-8],
             ),
             (
-                Window::BlackmanHarris,
+                FftWindow::BlackmanHarris,
                 0.357_348_867_2,
                 2.012_210_506_4,
                 [0.910_005_968_4, 0.520_601_940_5, 1.856_73e-5, 5.000_5e-7],
@@ -228,7 +243,7 @@ mod tests {
                 [0.849_730_515_9, 0.307_070_207_9, 0.000_999_617_1, 8.846_750_5e-4],
             ),
             (
-                Window::Chebyshev { sidelobe_db: 80.0 },
+                FftWindow::Chebyshev { sidelobe_db: 80.0 },
                 0.413_012_832_8,
                 1.747_713_898_4,
                 [0.882_986_803_4, 0.417_037_091_3, -1.164_621e-5, 8.712_703e-5],
@@ -256,11 +271,11 @@ mod tests {
     #[test]
     fn figures_are_those_of_textbooks() {
         let cases = [
-            (Window::Rect, 1.0, -3.92, -13.26),
-            (Window::Hann, 1.5, -1.42, -31.5),
-            (Window::Hamming, 1.3628, -1.75, -42.7),
-            (Window::Blackman, 1.727, -1.10, -58.1),
-            (Window::BlackmanHarris, 2.0044, -0.83, -92.0),
+            (FftWindow::Rect, 1.0, -3.92, -13.26),
+            (FftWindow::Hann, 1.5, -1.42, -31.5),
+            (FftWindow::Hamming, 1.3628, -1.75, -42.7),
+            (FftWindow::Blackman, 1.727, -1.10, -58.1),
+            (FftWindow::BlackmanHarris, 2.0044, -0.83, -92.0),
             (CHEBYSHEV_60, 1.51, -1.44, -60.0),
         ];
         for (window, bandwidth, scalloping, lobe) in cases {
@@ -289,15 +304,16 @@ mod tests {
 
     #[test]
     fn files_name_windows() {
-        let read = |text: &str| ground::read::yaml::from_str::<Window>("text", text).map_err(|error| error.to_string());
-        assert_eq!(read("blackman_harris"), Ok(Window::BlackmanHarris));
+        let read =
+            |text: &str| ground::read::yaml::from_str::<FftWindow>("text", text).map_err(|error| error.to_string());
+        assert_eq!(read("blackman_harris"), Ok(FftWindow::BlackmanHarris));
         assert_eq!(read("chebyshev: {sidelobe_db: 60}"), Ok(CHEBYSHEV_60));
         assert!(read("chebyshev: {db: 60}").is_err() && read("hanning").is_err());
-        let check = |window: Window| window.check("window", &mut Bounds::none()).map_err(|error| error.to_string());
+        let check = |window: FftWindow| window.check("window", &mut Bounds::none()).map_err(|error| error.to_string());
         assert_eq!(
-            check(Window::Taylor { nbar: 1, sidelobe_db: 30.0 }),
+            check(FftWindow::Taylor { nbar: 1, sidelobe_db: 30.0 }),
             Err("window.taylor.nbar is 1; allowed: 2 to 20".into())
         );
-        assert!(check(Window::Chebyshev { sidelobe_db: f64::NAN }).is_err());
+        assert!(check(FftWindow::Chebyshev { sidelobe_db: f64::NAN }).is_err());
     }
 }

@@ -1,7 +1,7 @@
 //! The two ways from paths to cubes, by deposit and by samples, agree with each other and with the formula of the
 //! signal.
 
-use echocast_radar::{ArraySpec, Paths, RadarCube, RadarPlan, RadarWaveform, Window};
+use echocast_radar::{ArraySpec, FftWindow, Paths, RadarCube, RadarPlan, RadarWaveform};
 use ground::parallel;
 use ground::read::yaml::from_str;
 use num_complex::{Complex32, Complex64};
@@ -50,7 +50,7 @@ impl Dice {
 const CHIRP: &str = "start_ghz: 77, slope_mhz_per_us: 30, samples: 64, sample_rate_mhz: 5, ramp_us: 20";
 const BOARD: &str = "{tx: [[0, 0], [4, 0], [2, 1]], rx: {count: 4}}";
 
-fn plan(waveform: &str, array: &str, windows: [Window; 2]) -> RadarPlan {
+fn plan(waveform: &str, array: &str, windows: [FftWindow; 2]) -> RadarPlan {
     let waveform: RadarWaveform = from_str("text", waveform).unwrap();
     let array: ArraySpec = from_str("text", array).unwrap();
     RadarPlan::new(&waveform, &array, windows, 5).unwrap()
@@ -84,7 +84,7 @@ fn samples_follow_the_formula() {
         let waveform: RadarWaveform = from_str("text", &text).unwrap();
         let RadarWaveform::Fmcw(fmcw) = &waveform else { unreachable!("the text says fmcw") };
         let array: ArraySpec = from_str("text", BOARD).unwrap();
-        let plan = RadarPlan::new(&waveform, &array, [Window::Hann; 2], 5).unwrap();
+        let plan = RadarPlan::new(&waveform, &array, [FftWindow::Hann; 2], 5).unwrap();
         // As far as the filter lets them pass.
         let paths = Dice(3).paths(12, 0.9 * fmcw.greatest_range(), 20.0);
         let samples = plan.samples(&paths);
@@ -143,24 +143,24 @@ fn samples_follow_the_formula() {
 #[test]
 fn deposit_is_the_transform_of_samples() {
     let text = |more: &str| format!("{{type: fmcw, {CHIRP}, chirps: 16{more}}}");
-    let hann = [Window::Hann; 2];
-    let chebyshev = Window::Chebyshev { sidelobe_db: 80.0 };
-    // An array as wide as 3 cells of range, and targets that cross 8 of them.
+    let hann = [FftWindow::Hann; 2];
+    let chebyshev = FftWindow::Chebyshev { sidelobe_db: 80.0 };
+    // An array as wide as 3 cells of range, and targets that cross up to 7 of them.
     let fine = "{type: fmcw, start_ghz: 76, slope_mhz_per_us: 200, samples: 80, sample_rate_mhz: 4, ramp_us: 21, \
                 chirps: 32, anti_alias_db: 0}";
     let wide = "{design_ghz: 76, tx: [[0, 0], [150, 0]], rx: [[0, 0], [20, 0], [75, 9]]}";
     let pulse = "{type: pulse, frequency_ghz: 9.41, pulse_us: 0.1, repetition_khz: 20, pulses: 12, \
                  sample_rate_mhz: 25, samples: 200";
-    let cases: [(String, &str, [Window; 2], f64, f64); 12] = [
+    let cases: [(String, &str, [FftWindow; 2], f64, f64); 12] = [
         (text(""), BOARD, hann, 60.0, 10.0),
-        (text(""), BOARD, [Window::BlackmanHarris, chebyshev], 60.0, 60.0),
-        (text(""), BOARD, [Window::Rect; 2], 20.0, 0.0),
+        (text(""), BOARD, [FftWindow::BlackmanHarris, chebyshev], 60.0, 60.0),
+        (text(""), BOARD, [FftWindow::Rect; 2], 20.0, 0.0),
         (text(", complex: false"), BOARD, hann, 40.0, 30.0),
         (text(", multiplex: bpm"), BOARD, hann, 60.0, 30.0),
         (text(", multiplex: ddm, bands: 4"), BOARD, hann, 60.0, 30.0),
         (text(", multiplex: ddm, bands: 8, complex: false"), BOARD, hann, 30.0, 30.0),
-        (fine.into(), wide, [Window::Hamming, Window::Hann], 6.0, 10.0),
-        (fine.into(), wide, hann, 6.0, 100.0),
+        (fine.into(), wide, [FftWindow::Hamming, FftWindow::Hann], 6.0, 10.0),
+        (fine.into(), wide, hann, 6.0, 200.0),
         (format!("{pulse}, coherent: true}}"), "{rx: {count: 3}}", hann, 900.0, 30.0),
         (format!("{pulse}}}"), "{}", hann, 900.0, 30.0),
         (text("").replace("chirps: 16", "chirps: 1"), "{}", hann, 60.0, 10.0),
@@ -177,7 +177,7 @@ fn deposit_is_the_transform_of_samples() {
 
 #[test]
 fn cubes_are_the_same_with_any_number_of_threads() {
-    let plan = plan(&format!("{{type: fmcw, {CHIRP}, chirps: 16}}"), BOARD, [Window::Hann; 2]);
+    let plan = plan(&format!("{{type: fmcw, {CHIRP}, chirps: 16}}"), BOARD, [FftWindow::Hann; 2]);
     let paths = Dice(1).paths(3000, 60.0, 20.0);
     let deposit = || {
         let mut streams = plan.silent_streams();
@@ -194,7 +194,7 @@ fn cubes_are_the_same_with_any_number_of_threads() {
 fn a_path_is_found_where_it_is() {
     let waveform: RadarWaveform = from_str("text", &format!("{{type: fmcw, {CHIRP}, chirps: 16}}")).unwrap();
     let array: ArraySpec = from_str("text", "{rx: {count: 4}, gain_error_db: 0, phase_error_deg: 0}").unwrap();
-    let plan = RadarPlan::new(&waveform, &array, [Window::Hann; 2], 0).unwrap();
+    let plan = RadarPlan::new(&waveform, &array, [FftWindow::Hann; 2], 0).unwrap();
     let axes = plan.axes();
     let greatest = -axes.velocity.first;
     for (row, fold) in [(11, 0.0), (4, 0.0), (1, 1.0), (13, -1.0)] {
@@ -218,7 +218,7 @@ fn a_path_is_found_where_it_is() {
 
 #[test]
 fn bad_paths_are_ignored() {
-    let plan = plan(&format!("{{type: fmcw, {CHIRP}, chirps: 16}}"), BOARD, [Window::Hann; 2]);
+    let plan = plan(&format!("{{type: fmcw, {CHIRP}, chirps: 16}}"), BOARD, [FftWindow::Hann; 2]);
     let good = Dice(4).paths(1, 20.0, 5.0);
     let mut paths = Paths::default();
     for bad in 0..8 {

@@ -1,6 +1,6 @@
 //! Noise of cubes has the density and the correlations of noise of samples.
 
-use echocast_radar::{ArraySpec, Leakage, Paths, RadarCube, RadarPlan, RadarWaveform, Window};
+use echocast_radar::{ArraySpec, FftWindow, Leakage, Paths, RadarCube, RadarPlan, RadarWaveform};
 use ground::parallel;
 use ground::read::yaml::from_str;
 use ground::rng::Rng;
@@ -8,7 +8,7 @@ use num_complex::{Complex32, Complex64};
 
 const FIGURE_DB: f64 = 12.0;
 
-fn plan(waveform: &str, array: &str, windows: [Window; 2]) -> RadarPlan {
+fn plan(waveform: &str, array: &str, windows: [FftWindow; 2]) -> RadarPlan {
     let waveform: RadarWaveform = from_str("text", waveform).unwrap();
     let array: ArraySpec = from_str("text", array).unwrap();
     RadarPlan::new(&waveform, &array, windows, 5).unwrap()
@@ -43,10 +43,10 @@ fn noise_is_that_of_samples() {
     let pulse = "{type: pulse, frequency_ghz: 9.41, pulse_us: 0.1, repetition_khz: 20, pulses: 32, \
                  sample_rate_mhz: 30, samples: 64, coherent: true}";
     let cases = [
-        (chirp(""), [Window::Hann, Window::Hann], 2),
-        (chirp(", complex: false"), [Window::Hamming, Window::Rect], 2),
-        (chirp(""), [Window::BlackmanHarris, Window::Chebyshev { sidelobe_db: 60.0 }], 4),
-        (pulse.to_owned(), [Window::Rect, Window::Hann], 3),
+        (chirp(""), [FftWindow::Hann, FftWindow::Hann], 2),
+        (chirp(", complex: false"), [FftWindow::Hamming, FftWindow::Rect], 2),
+        (chirp(""), [FftWindow::BlackmanHarris, FftWindow::Chebyshev { sidelobe_db: 60.0 }], 4),
+        (pulse.to_owned(), [FftWindow::Rect, FftWindow::Hann], 3),
     ];
     for (waveform, windows, far) in cases {
         let plan = plan(&waveform, "{rx: {count: 4}}", windows);
@@ -70,7 +70,7 @@ fn noise_is_that_of_samples() {
                 assert!((one.re - 1.0).abs() < 0.03 && (other.re - 1.0).abs() < 0.03, "{one}, {other}");
             }
         }
-        if windows == [Window::Hann; 2] {
+        if windows == [FftWindow::Hann; 2] {
             // Of a Hann window: 2/3, 1/6 (from its three coefficients 1/4, 1/2, 1/4).
             assert!((covariance(&direct, [0, 1]) / power - 2.0 / 3.0).norm() < 0.03);
             assert!((covariance(&direct, [0, 2]) / power - 1.0 / 6.0).norm() < 0.03);
@@ -85,7 +85,7 @@ fn noise_is_that_of_samples() {
 fn signal_to_noise_ratios_are_those_of_the_radar_equation() {
     let text = "{type: fmcw, start_ghz: 77, slope_mhz_per_us: 0.001, samples: 256, sample_rate_mhz: 10, ramp_us: 25.6, \
                 chirps: 128}";
-    let plan = plan(text, "{}", [Window::Rect; 2]);
+    let plan = plan(text, "{}", [FftWindow::Rect; 2]);
     let dbm = |power: f64| 30.0 + 10.0 * power.log10();
     let wavelength = 299_792_458.0 / 77e9;
     let received =
@@ -97,7 +97,7 @@ fn signal_to_noise_ratios_are_those_of_the_radar_equation() {
 
 #[test]
 fn noise_depends_on_seed_and_frame_only() {
-    let plan = plan(&chirp(""), "{rx: {count: 4}}", [Window::Hann; 2]);
+    let plan = plan(&chirp(""), "{rx: {count: 4}}", [FftWindow::Hann; 2]);
     let noise = |seed, frame| {
         let mut streams = plan.silent_streams();
         plan.add_noise(FIGURE_DB, &Rng::new(seed, frame), &mut streams);
@@ -122,7 +122,7 @@ fn decoding_keeps_echoes() {
         rx_distance: vec![range as f32],
     };
     for more in [", multiplex: bpm", ", multiplex: ddm, bands: 8"] {
-        let plan = plan(&chirp(more), array, [Window::Hann; 2]);
+        let plan = plan(&chirp(more), array, [FftWindow::Hann; 2]);
         let mut noise = plan.silent_streams();
         plan.add_noise(FIGURE_DB, &Rng::new(1, 0), &mut noise);
         let noise = plan.decode(noise);
@@ -165,7 +165,7 @@ fn decoding_keeps_echoes() {
 
 #[test]
 fn leakage_is_a_peak_at_the_near_end() {
-    let plan = plan(&chirp(""), "{rx: {count: 2}, gain_error_db: 0, tx_pattern: {gain_dbi: 12}}", [Window::Hann; 2]);
+    let plan = plan(&chirp(""), "{rx: {count: 2}, gain_error_db: 0, tx_pattern: {gain_dbi: 12}}", [FftWindow::Hann; 2]);
     let leakage: Leakage = from_str("text", "{power_dbm: -30}").unwrap();
     let mut paths = Paths::default();
     plan.add_leakage(&leakage, &mut paths);

@@ -293,8 +293,8 @@ pub fn write(cloud: &PointCloud, path: &Path, format: Option<&str>) -> Result<Re
 fn lost(format: &dyn Format, head: &PointCloud) -> Report {
     let mut report = Report::default();
     let lost: Vec<&str> = head.fields.iter().filter(|info| !format.holds(info)).map(|info| info.name).collect();
-    if !lost.is_empty() {
-        report.warn(format!("{}: cannot hold the columns {}", format.name(), listed(&lost)));
+    for names in listed(&lost) {
+        report.warn(format!("{}: cannot hold the columns {names}", format.name()));
     }
     let lost: Vec<&Record> = head.records.all.iter().filter(|record| !format.keeps(record)).collect();
     let system = lost.iter().any(|record| record.is_system());
@@ -309,23 +309,29 @@ fn lost(format: &dyn Format, head: &PointCloud) -> Report {
     report
 }
 
-/// The `names` of columns in table order; of a vector only the first and the last, as lists of all of them would be
-/// cut.
-fn listed(names: &[&str]) -> String {
-    let mut words: Vec<String> = Vec::new();
+/// Bytes of a list of columns: longer warnings would be cut.
+const LONGEST_LIST: usize = 400;
+
+/// The `names` of columns in table order, of a vector only the first and the last, in as many lists as it takes.
+fn listed(names: &[&str]) -> Vec<String> {
+    let mut lists: Vec<String> = Vec::new();
+    let mut put = |word: String| match lists.last_mut().filter(|list| list.len() + word.len() < LONGEST_LIST) {
+        Some(list) => *list += &format!(", {word}"),
+        None => lists.push(word),
+    };
     let mut rest = names;
     while let Some((first, after)) = rest.split_first() {
         let is_vector =
             |stem: &str| after.len() > 1 && after[0] == format!("{stem}_y") && after[1] == format!("{stem}_z");
         if first.strip_suffix("_x").is_some_and(is_vector) {
-            words.push(format!("{first} to {}", after[1]));
+            put(format!("{first} to {}", after[1]));
             rest = &after[2..];
         } else {
-            words.push((*first).to_owned());
+            put((*first).to_owned());
             rest = after;
         }
     }
-    words.join(", ")
+    lists
 }
 
 /// Writes `cloud` to the new file `path`, and its label names next to it if `format` cannot hold them, in a folder that

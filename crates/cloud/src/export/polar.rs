@@ -22,12 +22,13 @@ use std::path::PathBuf;
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum PolarStyle {
-    /// Oxford Radar RobotCar: `radar/TIME.png` and `radar.timestamps`, in us; the time is that of the first row measured.
+    /// Oxford Radar RobotCar: `radar/TIME.png` and `radar.timestamps`, in us; the time is that of the first row
+    /// measured.
     Oxford,
     /// Boreas: `radar/TIME.png`, in us; of M rows measured the time is that of number `M / 2 - 1`, from 0.
     Boreas,
-    /// `MulRan`: `sensor_data/radar/polar/TIME.png` and `sensor_data/data_stamp.csv`, in ns; the time is that of the first
-    /// row measured.
+    /// `MulRan`: `sensor_data/radar/polar/TIME.png` and `sensor_data/data_stamp.csv`, in ns; the time is that of the
+    /// first row measured.
     Mulran,
 }
 
@@ -59,8 +60,8 @@ impl PolarStyle {
         }
     }
 
-    /// Length of cells that readers assume, m: the files do not say it. Boreas changed it in September 2021; times of runs
-    /// are before that.
+    /// Length of cells that readers assume, m: the files do not say it. Boreas changed it in September 2021; times of
+    /// runs are before that.
     fn cell_m(self) -> Option<f64> {
         match self {
             PolarStyle::Oxford => Some(0.0432),

@@ -29,14 +29,14 @@ fn check_ending(path: &Path) -> Result<()> {
 
 impl RadarFrame {
     /// Writes the frame to `path`: everything as NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`), or its samples alone in the
-    /// layout of TI's capture card DCA1000 for radars with two LVDS lanes, xWR16xx and xWR18xx (`.bin`). The file appears
-    /// under its name only when it is complete.
+    /// layout of TI's capture card DCA1000 for radars with two LVDS lanes, xWR16xx and xWR18xx (`.bin`). The file
+    /// appears under its name only when it is complete.
     ///
-    /// Arrays are `cube`, complex, channels x velocities x ranges, with the axes `velocity_m_s` (positive: receding) and
-    /// `range_m` and the places of the channels in `element_position`; `adc`, 16 bits with a sign, chirps x transmitters x
-    /// receivers x samples x 2 (in phase, in quadrature), so that `adc.reshape(chirps, -1, samples, 2)` is slow time x
-    /// antenna x fast time as in RaDICaL; and `polar_dbm`, azimuths x ranges, with `polar_azimuth`, `polar_time` and
-    /// `polar_range_m`. What the frame does not have is not in the file.
+    /// Arrays are `cube`, complex, channels x velocities x ranges, with the axes `velocity_m_s` (positive: receding)
+    /// and `range_m` and the places of the channels in `element_position`; `adc`, 16 bits with a sign, chirps x
+    /// transmitters x receivers x samples x 2 (in phase, in quadrature), so that `adc.reshape(chirps, -1, samples, 2)`
+    /// is slow time x antenna x fast time as in RaDICaL; and `polar_dbm`, azimuths x ranges, with `polar_azimuth`,
+    /// `polar_time` and `polar_range_m`. What the frame does not have is not in the file.
     ///
     /// # Errors
     /// As [`check_radar_frame`] and [`RadarFrame::check`]; a `.bin` without samples, or with an odd number of them in a
@@ -107,8 +107,8 @@ fn places(axis: Axis) -> Vec<f64> {
 }
 
 /// Complex samples of radars with two LVDS lanes (TI, SWRA581B, "Mmwave Radar Device ADC Raw Data Capture Using the
-/// DCA1000"): chirp after chirp, receiver after receiver; two samples are two in phase, then two in quadrature; 16 bits,
-/// little endian.
+/// DCA1000"): chirp after chirp, receiver after receiver; two samples are two in phase, then two in quadrature; 16
+/// bits, little endian.
 fn write_capture(samples: &RawSamples, path: &Path) -> io::Result<()> {
     /// Numbers that are turned into bytes together.
     const PIECE: usize = 1 << 16;

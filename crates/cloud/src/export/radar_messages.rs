@@ -1,8 +1,8 @@
 //! Detections of a radar as messages of ROS 2, in the frame of the radar.
 //!
-//! Definitions: `radar_msgs` of ros-perception; `continental_msgs` of Nebula (TIER IV), whose driver for the ARS 548 makes
-//! a `RadarScan` of its detections with the range rate as `doppler_velocity` and the RCS as `amplitude`, as here. Both
-//! velocities are rates of the range: negative where target and radar approach each other.
+//! Definitions: `radar_msgs` of ros-perception; `continental_msgs` of Nebula (TIER IV), whose driver for the ARS 548
+//! makes a `RadarScan` of its detections with the range rate as `doppler_velocity` and the RCS as `amplitude`, as here.
+//! Both velocities are rates of the range: negative where target and radar approach each other.
 
 use super::ros::{CdrWriter, Stamp};
 use crate::{Field, PointCloud};
@@ -65,8 +65,8 @@ pub(super) fn scan(message: &mut CdrWriter, cloud: &PointCloud, frame: &str, sta
     Ok(())
 }
 
-/// [`DETECTIONS`]. The cloud does not say where the radar is on its vehicle, nor which velocities it tells apart: these are
-/// 0 and NaN.
+/// [`DETECTIONS`]. The cloud does not say where the radar is on its vehicle, nor which velocities it tells apart: these
+/// are 0 and NaN.
 pub(super) fn detections(message: &mut CdrWriter, cloud: &PointCloud, frame: &str, stamp: Stamp) -> io::Result<()> {
     let (reports, c) = (reports(cloud), &cloud.columns);
     message.header(stamp, frame)?;

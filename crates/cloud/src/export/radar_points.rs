@@ -1,7 +1,7 @@
 //! Detections of a radar in the files of data sets: nuScenes and View-of-Delft.
 //!
-//! Velocities of both are rates of the range: negative where target and radar approach each other. That of a detection is
-//! its column `doppler`; compensated it is what a radar at rest at the same place would measure.
+//! Velocities of both are rates of the range: negative where target and radar approach each other. That of a detection
+//! is its column `doppler`; compensated it is what a radar at rest at the same place would measure.
 
 use crate::{Field, FieldSet, PointCloud};
 use glam::Vec3;
@@ -18,8 +18,8 @@ use std::path::Path;
 pub enum RadarPoints {
     /// nuScenes: PCD with 18 fields, as of the ARS 408-21 (`RadarPointCloud.from_file` of its development kit).
     Nuscenes,
-    /// View-of-Delft (Palffy et al. 2022): seven f32 each, `x`, `y`, `z`, RCS, dBsm, velocity, compensated velocity, m/s,
-    /// and 0, the number of the scan.
+    /// View-of-Delft (Palffy et al. 2022): seven f32 each, `x`, `y`, `z`, RCS, dBsm, velocity, compensated velocity,
+    /// m/s, and 0, the number of the scan; velocities are NaN where there are none.
     ViewOfDelft,
 }
 
@@ -79,8 +79,8 @@ impl RadarPoints {
 
 impl PointCloud {
     /// Writes the detections of a radar, relative to its pose at the start of the scan, in the layout of a data set.
-    /// `velocity` is that of the radar over ground at that time, m/s, in its own axes: compensated velocities are without
-    /// it. The file appears under its name only when it is complete.
+    /// `velocity` is that of the radar over ground at that time, m/s, in its own axes: compensated velocities are
+    /// without it. The file appears under its name only when it is complete.
     ///
     /// # Errors
     /// A column that is missing ([`RadarPoints::fields`]); a velocity that is not finite; a full disk.
@@ -156,7 +156,7 @@ fn nuscenes(targets: &[RadarTarget]) -> Vec<u8> {
     let targets = if targets.is_empty() { std::slice::from_ref(&none) } else { targets };
     let count = targets.len();
     let head = [
-        "# .PCD v0.7 - Point Cloud Data file format; vx, vy: rate of the range along the line of sight, away is positive\n",
+        "# .PCD v0.7 - Point Cloud Data file format; vx, vy: rate of the range along the line of sight, away positive\n",
         "VERSION 0.7\n",
         &line("FIELDS", |(name, ..)| (*name).to_owned()),
         &line("SIZE", |(_, size, _)| size.to_string()),
@@ -207,8 +207,10 @@ mod tests {
         let mut cloud = PointCloud::new(RadarPoints::fields().with(Field::RangeSigma), 2).unwrap();
         cloud.frame = crate::Frame::Sensor;
         let c = cloud.columns_mut();
-        (c.x.copy_from_slice(&[60.0, 0.0]), c.y.copy_from_slice(&[0.0, 5.0]));
-        (c.rcs.copy_from_slice(&[12.0, f32::NAN]), c.doppler.copy_from_slice(&[-30.0, 0.0]));
+        c.x.copy_from_slice(&[60.0, 0.0]);
+        c.y.copy_from_slice(&[0.0, 5.0]);
+        c.rcs.copy_from_slice(&[12.0, f32::NAN]);
+        c.doppler.copy_from_slice(&[-30.0, 0.0]);
         c.range_sigma.copy_from_slice(&[0.1, 0.0049]);
         cloud
     }

@@ -114,7 +114,7 @@ fn draw(pings: &Pings, sectors: &[Sector], pixels: usize) -> Result<Image> {
     let layout = &pings.pings[0].layout;
     let axes = ["right, m", if layout.view == SonarView::Swath { "up, m" } else { "ahead, m" }];
     let limits: Vec<[f64; 2]> = sectors.iter().map(|sector| sector.limits).collect();
-    let bins = RangeBins { first: 0.0, step: layout.bin_m, count: layout.bins };
+    let bins = FanBins { first: 0.0, step: layout.bin_m, count: layout.bins };
     let LaidOut { size, place, mut sources } = lay_out(&limits, &bins, pixels, axes)?;
     for source in sources.iter_mut().filter(|source| **source != PixelSource::NONE) {
         let Sector { ping, beam, .. } = sectors[source.ping as usize];
@@ -124,7 +124,7 @@ fn draw(pings: &Pings, sectors: &[Sector], pixels: usize) -> Result<Image> {
 }
 
 /// The range bins of all sectors.
-pub(super) struct RangeBins {
+pub(super) struct FanBins {
     /// Near end of the first, m.
     pub first: f64,
     /// Length of each, m.
@@ -146,12 +146,7 @@ pub(super) struct LaidOut {
 ///
 /// # Errors
 /// A side out of bounds; no memory.
-pub(super) fn lay_out(
-    sectors: &[[f64; 2]],
-    bins: &RangeBins,
-    pixels: usize,
-    axes: [&'static str; 2],
-) -> Result<LaidOut> {
+pub(super) fn lay_out(sectors: &[[f64; 2]], bins: &FanBins, pixels: usize, axes: [&'static str; 2]) -> Result<LaidOut> {
     if !SIDES.contains(&pixels) {
         let allowed = format!("{} to {} pixels", SIDES.start(), SIDES.end());
         return Err(Error::invalid("side of a fan", pixels, allowed));

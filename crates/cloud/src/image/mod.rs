@@ -1,5 +1,6 @@
 //! Images of what sensors report: of sonar pings the waterfall, mosaic, fan and depth map, each with its labels; of
-//! radars range by Doppler and polar images; of cameras and other optical sensors whose beams form rows the [`RangeImage`], and what it shows of each instance.
+//! radars range by Doppler and polar images; of cameras and other optical sensors whose beams form rows the
+//! [`RangeImage`], and what it shows of each instance.
 //!
 //! Images of pings are made only from what a sonar reports, as its own software would make them: the scene is not used.
 //! Levels are drawn with the sonar's time-varied gain. The pings are not changed.
@@ -99,8 +100,8 @@ pub struct Image {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Row by row from the top: echo level with time-varied gain, dB re 1 uPa; of a radar power at the receiver, dBm; for a
-    /// depth map height, world z, m. NaN where there is nothing.
+    /// Row by row from the top: echo level with time-varied gain, dB re 1 uPa; of a radar power at the receiver, dBm;
+    /// for a depth map height, world z, m. NaN where there is nothing.
     pub values: Vec<f32>,
     /// The label columns of the pings, pixel by pixel like `values`.
     pub layers: Vec<LabelLayer>,

@@ -1,6 +1,6 @@
 //! Images of a radar: range by Doppler, and polar.
 
-use super::fan::{LaidOut, RangeBins, lay_out, limits};
+use super::fan::{FanBins, LaidOut, lay_out, limits};
 use super::{Image, ImageKind, PixelSource, Place, filled};
 use crate::PolarImage;
 use ground::error::{Error, Result};
@@ -41,8 +41,8 @@ pub fn range_doppler(cube: &RadarCube) -> Result<Image> {
     Ok(of(ImageKind::RangeDoppler, [width, height], values, place))
 }
 
-/// The rows of a polar image by azimuth, clockwise from ahead, which is at the top, or from the leftmost if the rows do not
-/// go round; ranges to the right.
+/// The rows of a polar image by azimuth, clockwise from ahead, which is at the top, or from the leftmost if the rows do
+/// not go round; ranges to the right.
 ///
 /// # Errors
 /// Lengths that disagree; no memory.
@@ -75,7 +75,7 @@ pub fn polar_fan(image: &PolarImage, pixels: usize) -> Result<Image> {
     let sectors = limits(seamless(image));
     let angles: Vec<[f64; 2]> = sectors.iter().map(|(_, limits)| *limits).collect();
     let cells = image.range.len;
-    let bins = RangeBins { first: image.range.at(-0.5), step: image.range.step, count: cells };
+    let bins = FanBins { first: image.range.at(-0.5), step: image.range.step, count: cells };
     let LaidOut { size, place, sources } = lay_out(&angles, &bins, pixels, ["right, m", "ahead, m"])?;
     let mut values = filled(sources.len(), f32::NAN)?;
     for (value, source) in values.iter_mut().zip(&sources).filter(|(_, source)| **source != PixelSource::NONE) {
@@ -84,8 +84,8 @@ pub fn polar_fan(image: &PolarImage, pixels: usize) -> Result<Image> {
     Ok(of(ImageKind::PolarFan, size, values, place))
 }
 
-/// Azimuths of rows without a jump in them: from 0 down to a turn to the right if they go round, else within half a turn of
-/// the first.
+/// Azimuths of rows without a jump in them: from 0 down to a turn to the right if they go round, else within half a
+/// turn of the first.
 fn seamless(image: &PolarImage) -> Vec<f64> {
     let first = image.azimuths[0];
     let near = |azimuth: f64| first + (azimuth - first + TAU / 2.0).rem_euclid(TAU) - TAU / 2.0;
@@ -112,7 +112,9 @@ mod tests {
         let mut cube = made::frame().cube.unwrap();
         cube.cells.fill(Complex32::ZERO);
         // In two of three channels, at -1 m/s and 2.5 m: 2 mW together.
-        [0, 2].map(|channel| cube.cells[(channel * 4 + 1) * 8 + 5] = Complex32::new(0.0, 0.001_f32.sqrt()));
+        for channel in [0, 2] {
+            cube.cells[(channel * 4 + 1) * 8 + 5] = Complex32::new(0.0, 0.001_f32.sqrt());
+        }
         let image = range_doppler(&cube).unwrap();
         let seen: Vec<usize> = (0..image.values.len()).filter(|&pixel| !image.values[pixel].is_nan()).collect();
         assert_eq!(seen, [image.index([-1.0, 2.5]).unwrap()]);

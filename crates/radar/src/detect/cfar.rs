@@ -75,12 +75,12 @@ impl CfarAxis {
 
 /// Cells relative to another along each axis: those of a box that are not within another box.
 #[derive(Clone, Copy, Debug)]
-struct Region {
+struct CfarRegion {
     outer: [[isize; 2]; MOST_AXES],
     hole: Option<[[isize; 2]; MOST_AXES]>,
 }
 
-impl Region {
+impl CfarRegion {
     /// How many of its cells the map has around a cell that `room` cells precede and follow along each axis.
     fn count(&self, room: [[usize; 2]; MOST_AXES]) -> usize {
         let cells = |sides: [[isize; 2]; MOST_AXES]| -> usize {
@@ -117,7 +117,7 @@ impl Region {
 /// Reference cells whose powers are added, or ranked together.
 #[derive(Clone, Debug)]
 struct CfarSide {
-    regions: Vec<Region>,
+    regions: Vec<CfarRegion>,
     /// Numbers of cells with independent noise that tell as much as one of its cells: of their mean, and of ranks.
     worth: [f64; 2],
     /// Places of its cells in the padded map, from the one that precedes a cell by `Cfar::lead`.
@@ -212,7 +212,7 @@ impl Cfar {
             strides[axis] = strides[axis + 1] * (all[axis + 1].len + 2 * pad[axis + 1]);
         }
         let lead: usize = (0..MOST_AXES).map(|axis| pad[axis] * strides[axis]).sum();
-        let place = |regions: Vec<Region>| {
+        let place = |regions: Vec<CfarRegion>| {
             let (mut offsets, mut cells) = (Vec::new(), Vec::new());
             for region in &regions {
                 region.visit(|cell| {
@@ -412,22 +412,22 @@ fn sides(
     pad: [usize; MOST_AXES],
     method: CfarMethod,
     shape: CfarShape,
-) -> Vec<Vec<Vec<Region>>> {
+) -> Vec<Vec<Vec<CfarRegion>>> {
     let beside = |cells: [usize; MOST_AXES]| cells.map(|cells| [-(cells as isize), cells as isize]);
     if shape == CfarShape::Box {
         let guards = [0, 1, 2, 3].map(|axis| axes[axis].guard.min(pad[axis]));
-        return vec![vec![vec![Region { outer: beside(pad), hole: Some(beside(guards)) }]]];
+        return vec![vec![vec![CfarRegion { outer: beside(pad), hole: Some(beside(guards)) }]]];
     }
     let arms = |axis: usize| {
         let (far, guard) = (pad[axis] as isize, axes[axis].guard as isize);
         let arm = |sides: [isize; 2]| {
             let mut outer = [[0; 2]; MOST_AXES];
             outer[axis] = sides;
-            Region { outer, hole: None }
+            CfarRegion { outer, hole: None }
         };
         if far > guard { vec![arm([-far, -guard - 1]), arm([guard + 1, far])] } else { Vec::new() }
     };
-    let together = |arms: Vec<Region>| match method {
+    let together = |arms: Vec<CfarRegion>| match method {
         CfarMethod::Ca | CfarMethod::Os => vec![arms],
         CfarMethod::Go | CfarMethod::So => arms.into_iter().map(|arm| vec![arm]).collect(),
     };

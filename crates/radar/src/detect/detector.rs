@@ -546,6 +546,20 @@ mod tests {
     }
 
     #[test]
+    fn detections_are_the_same_at_every_vector_level() {
+        let radar = TestRadar::new(3, 4, 2);
+        let text = r#"{"pfa": 0.01, "method": "os", "targets_per_cell": 3, "second_target": 0.1, "unfold": true}"#;
+        let mut before = None;
+        for level in echocast_kernels::Level::here() {
+            echocast_kernels::limit_level(level);
+            let found = radar.detect(&spec(text), &[TARGET, TestTarget { range: 40.2, ..TARGET }], 0.1, 7);
+            assert!(found.len() > 2);
+            assert_eq!(*before.get_or_insert_with(|| found.clone()), found, "{level:?}");
+        }
+        echocast_kernels::limit_level(echocast_kernels::Level::Avx512);
+    }
+
+    #[test]
     fn probabilities_of_detection_are_those_of_the_law() {
         // Check value: CA with 16 cells, Pfa 1e-4, a Swerling 1 target of 15 dB: 0.6857591.
         let mut radar = TestRadar { positions: vec![[0.0; 3]], slots: Vec::new(), ..TestRadar::new(1, 1, 1) };

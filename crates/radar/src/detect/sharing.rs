@@ -91,7 +91,7 @@ struct PathPart {
 
 /// What is looked at: a detection.
 #[derive(Clone, Copy, Debug)]
-struct Look {
+struct SeenDetection {
     cell: [f32; 2],
     sines: [f32; 2],
     /// Range rate, in cells from the middle of the first, and spans that it is unfolded by.
@@ -169,7 +169,7 @@ impl Sharing {
         let (azimuth, elevation) = (detections.azimuth[at], detections.elevation[at]);
         let cells = self.axes.velocity.len as f32;
         let velocity = self.axes.velocity.cells(detections.velocity[at].into()) as f32;
-        let look = Look {
+        let look = SeenDetection {
             cell: [detections.range_cell[at] as f32, detections.velocity_cell[at] as f32],
             sines: [elevation.cos() * azimuth.sin(), elevation.sin()],
             velocity,
@@ -178,9 +178,11 @@ impl Sharing {
         };
         let mut memory = std::mem::take(&mut self.memory);
         let mut total = 0.0;
-        for reach in [self.responses[0].null() + 0.5, FARTHEST] {
+        // Less of the detection's power than this is nothing: nearby even from thousands of paths, far away, where side
+        // lobes are looked for, from one.
+        for (reach, least) in [(self.responses[0].null() + 0.5, 1e-7), (FARTHEST, 1e-4)] {
             memory.clear();
-            self.visit(&look, reach, paths, &mut memory);
+            self.visit(&look, (reach, least * look.power), paths, &mut memory);
             total = memory.iter().map(|part| f64::from(part.power)).sum();
             // What is near explains most of what was measured: no need to look for side lobes of what is far.
             if total > 0.5 * f64::from(look.power) {
@@ -195,8 +197,8 @@ impl Sharing {
         found
     }
 
-    /// Adds what paths up to `reach` cells of range from a detection contribute to it.
-    fn visit(&self, look: &Look, reach: f32, paths: &TruthPaths, parts: &mut Vec<PathPart>) {
+    /// Adds what paths up to `reach` cells of range from a detection contribute to it, if more than `least` W.
+    fn visit(&self, look: &SeenDetection, (reach, least): (f32, f32), paths: &TruthPaths, parts: &mut Vec<PathPart>) {
         /// Folds that are looked at: echoes from farther away are too weak.
         const FOLDS: f32 = 8.0;
         let period = self.responses[0].period();
@@ -209,17 +211,24 @@ impl Sharing {
             let reach = reach.min(0.499 * period);
             let from = paths.range_cell.partition_point(|&at| at < middle - reach);
             let to = paths.range_cell.partition_point(|&at| at <= middle + reach);
-            parts.extend((from..to).filter_map(|path| self.part(look, middle, paths, path)));
+            parts.extend((from..to).filter_map(|path| self.part(look, (middle, least), paths, path)));
             fold += 1.0;
         }
     }
 
-    /// What one path contributes, if it is worth counting; `middle`: the detection's cell, unfolded to it.
-    fn part(&self, look: &Look, middle: f32, paths: &TruthPaths, path: usize) -> Option<PathPart> {
-        /// Less of the detection's power than this is nothing, even from thousands of paths.
-        const LEAST: f32 = 1e-7;
+    /// What one path contributes, if that can be more than `least` W; `middle`: the detection's cell, unfolded to it.
+    fn part(
+        &self,
+        look: &SeenDetection,
+        (middle, least): (f32, f32),
+        paths: &TruthPaths,
+        path: usize,
+    ) -> Option<PathPart> {
+        // Responses are 1 at most.
+        if paths.power[path].is_nan() || paths.power[path] <= least {
+            return None;
+        }
         let away = [paths.range_cell[path] - middle, paths.velocity_cell[path] - look.cell[1]];
-        let least = LEAST * look.power;
         let mut power = paths.power[path] * self.responses[0].power(away[0]);
         if power > least {
             power *= self.responses[1].power(away[1]);

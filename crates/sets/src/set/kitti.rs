@@ -435,3 +435,22 @@ fn rows(pose: &Pose) -> [f64; 12] {
     let moved = pose.position.to_array();
     std::array::from_fn(|k| if k % 4 < 3 { turned[k / 4 * 3 + k % 4] } else { moved[k / 4] })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn calibrations_say_where_the_radar_is() {
+        let intrinsics = Intrinsics::new([700.0; 2], [620.0, 187.0]);
+        let [lidar, camera, radar] =
+            [[0.0, 0.0, 1.8], [0.3, 0.0, 1.6], [2.3, 0.5, 0.6]].map(|[x, y, z]| Pose::at(x, y, z));
+        let line = |text: &str| text.lines().find_map(|line| line.strip_prefix("Tr_radar_to_cam: ").map(str::to_owned));
+        assert_eq!(line(&calibration(&intrinsics, &lidar, &camera, None)), None);
+        let found = line(&calibration(&intrinsics, &lidar, &camera, Some(&radar))).unwrap();
+        let numbers: Vec<f64> = found.split(' ').map(|number| number.parse().unwrap()).collect();
+        // x right, y down, z ahead: 0.5 m on the left, 1 m below, 2 m ahead.
+        let expected = [0.0, -1.0, 0.0, -0.5, 0.0, 0.0, -1.0, 1.0, 1.0, 0.0, 0.0, 2.0];
+        assert!(numbers.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{numbers:?}");
+    }
+}

@@ -527,7 +527,7 @@ impl NuScenesWriter<'_> {
                     "attribute_tokens": attributes, "translation": found.pose.position.to_array(),
                     "size": [found.size.y, found.size.x, found.size.z], "rotation": turned(found.pose.orientation),
                     "prev": of(index.checked_sub(1).map(|before| &track[before])), "next": of(track.get(index + 1)),
-                    "num_lidar_pts": found.points, "num_radar_pts": self.echoes_in(found),
+                    "num_lidar_pts": found.points, "num_radar_pts": echoes_in(found, &self.echoes),
                 }));
             }
             let row = json!({
@@ -541,13 +541,11 @@ impl NuScenesWriter<'_> {
     }
 }
 
-impl NuScenesWriter<'_> {
-    /// Number of detections of radars in the box of an object, in its key frame.
-    fn echoes_in(&self, found: &SampleAnnotation) -> usize {
-        let (back, half) = (found.pose.orientation.inverse(), 0.5 * found.size);
-        let of_key = self.echoes.iter().filter(|(key, _)| *key == found.key);
-        of_key.filter(|(_, place)| (back * (*place - found.pose.position)).abs().cmple(half).all()).count()
-    }
+/// Number of `echoes`, each in a key frame and at a place in the world, in the box of an object in its key frame.
+fn echoes_in(found: &SampleAnnotation, echoes: &[(usize, DVec3)]) -> usize {
+    let (back, half) = (found.pose.orientation.inverse(), 0.5 * found.size);
+    let inside = |place: DVec3| (back * (place - found.pose.position)).abs().cmple(half).all();
+    echoes.iter().filter(|(key, place)| *key == found.key && inside(*place)).count()
 }
 
 /// Number of `places` in a box, both in the same frame, as the development kit counts them.
@@ -683,6 +681,25 @@ impl Write for NuScenesWriter<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn detections_of_radars_are_counted_in_their_key_frame() {
+        let pose = Pose::at(500_000.0, 10.0, 0.75).with_rpy_deg(0.0, 0.0, 90.0);
+        let size = DVec3::new(4.0, 2.0, 1.5);
+        let car = SampleAnnotation {
+            key: 1,
+            track: 5,
+            category: "vehicle.car".to_owned(),
+            pose,
+            size,
+            points: 3,
+            visible: 1.0,
+            attribute: None,
+        };
+        let at = |ahead: f64, left: f64| pose.position + pose.orientation * DVec3::new(ahead, left, 0.0);
+        let echoes = [(1, at(1.9, 0.0)), (0, at(0.0, 0.0)), (1, at(0.0, 1.1)), (1, at(-1.0, -0.9)), (1, at(2.1, 0.0))];
+        assert_eq!(echoes_in(&car, &echoes), 2);
+    }
 
     #[test]
     fn key_frames_come_twice_a_second() {
