@@ -1,7 +1,13 @@
-//! What a radar records beside its detections: the cube of a frame, the samples of its converters, and the polar image
-//! of a rotating one.
+//! The keys of the section `radar` of a sensor file; and what a radar records beside its detections: the cube of a frame,
+//! the samples of its converters, and the polar image of a rotating one.
 
 #[doc(inline)]
-pub use ::radar::{Axis, CubeAxes, RadarCube};
+pub use ::radar::{
+    ArrayRow, ArraySpec, Axis, CfarDims, CfarMethod, CubeAxes, DetectionLimits, DetectionSteps, ElementGrid,
+    ElementPattern, Elements, Fmcw, Leakage, LobeShape, Multiplex, Polarisation, RadarCube, RadarDetectionSpec,
+    RadarPulse, RadarWaveform, VirtualArray, Window,
+};
 #[doc(inline)]
 pub use cloud::{PolarImage, RadarFrame, RawSamples};
+#[doc(inline)]
+pub use engine::sensor::{RadarSpec, RadarWindows};

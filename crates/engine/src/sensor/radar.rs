@@ -1,6 +1,6 @@
 //! Keys for radars only: the section `radar` of a sensor file.
 
-use super::{Sensor, SensorSpec};
+use super::{RangeSpec, Sensor, SensorSpec};
 use crate::echo::radar::RadarSurfaces;
 use crate::trace::SharedSurfaces;
 use ::radar::{
@@ -92,8 +92,11 @@ impl RadarSpec {
     /// Checks that all values are within their allowed ranges.
     #[doc(hidden)]
     pub fn check(&self, bounds: &mut Bounds, pattern: &Pattern) -> Result<()> {
-        self.array.check(bounds)?;
-        self.waveform.check(bounds, self.array.tx.len(), self.array.rx.len())?;
+        bounds.section("radar", |bounds| {
+            self.array.check(bounds)?;
+            self.waveform.check(bounds, self.array.tx.len(), self.array.rx.len())?;
+            self.leakage.as_ref().map_or(Ok(()), |leakage| leakage.check(bounds))
+        })?;
         bounds.within("radar.power_dbm", self.power_dbm, -100.0, 120.0)?;
         bounds.within("radar.noise_figure_db", self.noise_figure_db, 0.0, 50.0)?;
         bounds.within("radar.loss_db", self.loss_db, 0.0, 100.0)?;
@@ -101,9 +104,6 @@ impl RadarSpec {
         bounds.within("radar.mirrors", f64::from(self.mirrors), 0.0, 3.0)?;
         self.windows.range.check("radar.windows.range", bounds)?;
         self.windows.velocity.check("radar.windows.velocity", bounds)?;
-        if let Some(leakage) = &self.leakage {
-            leakage.check(bounds)?;
-        }
         self.detection.check("radar.detection", bounds)?;
         let elements = self.array.tx.len() * self.array.rx.len();
         if matches!(pattern, Pattern::RadarRotor(_)) && elements > 1 {
@@ -111,6 +111,21 @@ impl RadarSpec {
             return Err(Error::invalid("radar.array", format!("{elements} pairs of elements"), allowed));
         }
         Ok(())
+    }
+
+    /// The keys of its detector, with limits within the field of view of `pattern` and within `range`.
+    fn detection_within(&self, pattern: &Pattern, range: &RangeSpec) -> RadarDetectionSpec {
+        let mut detection = self.detection.clone();
+        let narrow = |limits: &mut Option<[f64; 2]>, [least, greatest]: [f64; 2]| {
+            let [from, to] = limits.unwrap_or([least, greatest]);
+            *limits = Some([from.max(least), to.min(greatest)]);
+        };
+        narrow(&mut detection.limits.range_m, [range.min_m, range.max_m.unwrap_or(f64::INFINITY)]);
+        if let Pattern::Radar(view) = pattern {
+            narrow(&mut detection.limits.azimuth_deg, view.azimuth_deg);
+            narrow(&mut detection.limits.elevation_deg, view.elevation_deg);
+        }
+        detection
     }
 
     /// Frequency in the middle of what is sampled, Hz.
@@ -145,7 +160,7 @@ impl std::fmt::Debug for FrameDetector {
 impl RadarParts {
     /// # Errors
     /// As [`RadarPlan::new`] and [`Detector::new`].
-    pub fn new(spec: &RadarSpec) -> Result<RadarParts> {
+    pub fn new(spec: &RadarSpec, pattern: &Pattern, range: &RangeSpec) -> Result<RadarParts> {
         let RadarWindows { range, velocity } = spec.windows;
         let plan = RadarPlan::new(&spec.waveform, &spec.array, [range, velocity], spec.instrument)?;
         let axes = plan.axes();
@@ -168,8 +183,9 @@ impl RadarParts {
             wavelength: spec.waveform.wavelength(),
             slots: &slots,
         };
+        let detection = spec.detection_within(pattern, range);
         let first =
-            FrameDetector { detector: Detector::new(&spec.detection, geometry)?, sharing: Sharing::new(geometry) };
+            FrameDetector { detector: Detector::new(&detection, geometry)?, sharing: Sharing::new(geometry) };
         Ok(RadarParts { detectors: Mutex::default(), first, surfaces: Mutex::default(), plan })
     }
 

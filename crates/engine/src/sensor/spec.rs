@@ -370,6 +370,28 @@ pub struct Expectations {
     /// Range resolution of a sonar in water of 1500 m/s, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub resolution_m: Option<f64>,
+    /// Range at which a radar detects a target of `rcs_m2`, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range_m: Option<f64>,
+    /// Radar cross-section of a target that a radar detects at `range_m` but no longer at twice the range, m^2; without
+    /// it, one of 10 m^2 is detected at `range_m`, and what limits the range is not noise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rcs_m2: Option<f64>,
+    /// Range resolution of a radar, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range_resolution_m: Option<f64>,
+    /// Greatest unambiguous range rate of a radar, m/s, after it has been unfolded if the radar does so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub velocity_m_s: Option<f64>,
+    /// Resolution of range rates, m/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub velocity_resolution_m_s: Option<f64>,
+    /// Full width of a radar's beam straight ahead at half the power in azimuth, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub azimuth_resolution_deg: Option<f64>,
+    /// Likewise in elevation, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub elevation_resolution_deg: Option<f64>,
     /// Where the figures come from: `data sheet`, or `computed` from the pattern's own numbers.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub source: String,

@@ -374,7 +374,7 @@ fn errors_in_patterns_name_line_and_key() {
             "channels: {elevation_deg: [1, 2], fire_time_us: [1]}",
             "line 7: pattern.channels.fire_time_us: is a list of 1; allowed: as many as elevation_deg (2)",
         ),
-        ("kind: lidar", "kind: radar", "line 3: kind: unknown value \"radar\"; allowed: lidar, tof, sonar"),
+        ("kind: lidar", "kind: radio", "line 3: kind: unknown value \"radio\"; allowed: lidar, tof, sonar, radar"),
     ];
     for (old, new, expected) in cases {
         assert!(MINIMAL.contains(old), "{old}");
