@@ -122,8 +122,8 @@ fn at(x: f64, y: f64, z: f64, degrees: f64) -> DAffine3 {
 #[test]
 fn plates_return_what_textbooks_say() {
     for (parts, degrees, y) in [(1, 0.0, 0.0), (8, 0.0, 0.3), (1, 0.5, -2.0), (8, 1.0, 0.1), (40, 2.0, 0.7)] {
-        let range = 60.0;
-        let heading = (y / range as f64).atan();
+        let range: f64 = 60.0;
+        let heading = f64::atan(y / range);
         let place = at(range * heading.cos(), range * heading.sin(), 0.2, degrees + heading.to_degrees());
         let scene = built(vec![moved(plate(0.1, parts), place)]);
         let found = paths(&scene, DVec3::new(0.0, 0.0, 0.2), 3);
@@ -139,10 +139,10 @@ fn plates_return_what_textbooks_say() {
 /// Check values 4 and 6, and their patterns over 20 degrees: products of projected areas.
 #[test]
 fn corners_return_what_textbooks_say() {
-    let range = 40.0;
+    let range: f64 = 40.0;
     for (degrees, limit) in [(0.0, 0.3), (3.0, 1.0), (7.0, 1.0), (12.0, 1.0), (20.0, 1.0)] {
         for (y, parts) in [(0.0, "flat"), (1.3, "aside")] {
-            let heading = (y / range as f64).atan();
+            let heading = f64::atan(y / range);
             let place = |turn: f64| at(range * heading.cos(), range * heading.sin(), 0.0, turn + heading.to_degrees());
             // A dihedral of faces a x b at an angle t off its bisector: 4 pi (2 a b sin(45 - t))^2 / lambda^2.
             let scene = built(vec![moved(dihedral(0.1), place(degrees))]);
