@@ -27,8 +27,10 @@ pub(super) struct RadarSetup<'a> {
     pub trajectory: &'a Trajectory,
     pub rng: Rng,
     air: RadioAir,
-    /// Gains of elements, receiver and transmitter.
+    /// Gains of elements, transmitter and receiver.
     pub patterns: [LobeTable; 2],
+    /// Likewise where paths are found: all around for antennas that rotate.
+    searched: [LobeTable; 2],
     /// Power of a transmitter less all losses, W.
     power: f64,
     /// Thermal noise in a cell of a channel, W.
@@ -75,6 +77,13 @@ impl<'a> RadarSetup<'a> {
             rng: Rng::new(options.seed, options.frame),
             air,
             patterns: [spec.array.tx_pattern.table(), spec.array.rx_pattern.table()],
+            searched: [&spec.array.tx_pattern, &spec.array.rx_pattern].map(|pattern| {
+                let mut pattern = pattern.clone();
+                if matches!(sensor.spec().pattern, Pattern::RadarRotor(_)) {
+                    (pattern.azimuth_deg, pattern.azimuth_table) = Default::default();
+                }
+                pattern.table()
+            }),
             power: 1e-3 * 10f64.powf(0.1 * (spec.power_dbm - spec.loss_db - 2.0 * wet)),
             noise: parts.plan.channel_noise(spec.noise_figure_db),
             resolution: axes.range.step,
@@ -113,8 +122,8 @@ impl<'a> RadarSetup<'a> {
             time: moment.part,
             wavelength: self.spec.waveform.wavelength(),
             polarisation: self.spec.array.polarisation,
-            tx: &self.patterns[0],
-            rx: &self.patterns[1],
+            tx: &self.searched[0],
+            rx: &self.searched[1],
             power: self.power,
             air: &self.air,
             reach: self.reach,
@@ -136,6 +145,27 @@ impl<'a> RadarSetup<'a> {
         paths.find(&field, &limits);
         add_precipitation(&field, sector, self.resolution, &self.rng, paths);
         Ok(())
+    }
+
+    /// Width of a beam, rad.
+    pub fn beam(&self) -> f64 {
+        self.beam
+    }
+
+    /// A cloud without points.
+    pub fn write_nothing(&self, cloud: &mut PointCloud) -> Result<()> {
+        let moment = self.moment(0.0, 0.0);
+        let (search, echoes) = Default::default();
+        let truth = FrameTruth::new(self, &moment, &search, &echoes);
+        let writer = PointWriter {
+            setup: self,
+            search: &search,
+            echoes: &echoes,
+            truth: &truth,
+            moment: &moment,
+            beam: (0, 0.0),
+        };
+        writer.write(&RadarDetections::default(), &[], cloud)
     }
 
     /// Received amplitude per strength of an echo, sqrt(W) m, without gains.
@@ -162,7 +192,7 @@ impl<'a> RadarSetup<'a> {
         let moment = self.moment(0.5 * duration, 0.0);
         let mut paths = FramePaths::default();
         self.find(&moment, self.sector(), &mut paths)?;
-        let truth = FrameTruth::new(self, &moment, &mut paths);
+        let truth = FrameTruth::new(self, &moment, &paths.search, &paths.echoes);
         let mut received = paths.echoes.paths.clone();
         if let Some(leakage) = &self.spec.leakage {
             plan.add_leakage(leakage, &mut received);
@@ -184,11 +214,15 @@ impl<'a> RadarSetup<'a> {
         let mut detections = RadarDetections::default();
         let mut seen = Vec::new();
         self.detect(&cube, &truth, &mut detections, &mut seen)?;
-        PointWriter { setup: self, paths: &paths, truth: &truth, moment: &moment, beams: None }.write(
-            &detections,
-            &seen,
-            cloud,
-        )?;
+        PointWriter {
+            setup: self,
+            search: &paths.search,
+            echoes: &paths.echoes,
+            truth: &truth,
+            moment: &moment,
+            beam: (0, 0.0),
+        }
+        .write(&detections, &seen, cloud)?;
         let mut frame = RadarFrame::default();
         frame.number = self.options.frame;
         frame.time = self.options.start_time;
@@ -200,7 +234,7 @@ impl<'a> RadarSetup<'a> {
         Ok(frame)
     }
 
-    fn detect(
+    pub fn detect(
         &self,
         cube: &RadarCube,
         truth: &FrameTruth,

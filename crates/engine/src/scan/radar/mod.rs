@@ -4,6 +4,7 @@ mod frame;
 mod paths;
 mod points;
 mod precipitation;
+mod rotor;
 #[cfg(test)]
 mod tests;
 mod truth;
@@ -13,6 +14,7 @@ use crate::sensor::Sensor;
 use crate::trace::BuiltScene;
 use cloud::{PointCloud, RadarFrame};
 use emitter::Trajectory;
+use emitter::pattern::Pattern;
 use frame::RadarSetup;
 use ground::error::Result;
 
@@ -44,7 +46,8 @@ impl BuiltScene {
         options.environment.check()?;
         check_physical(options.profile, "physical, the only one with radars")?;
         let setup = RadarSetup::new(self, sensor, trajectory, options)?;
-        let done = self.0.engine.install(|| setup.frame(record, cloud));
+        let rotates = matches!(sensor.spec().pattern, Pattern::RadarRotor(_));
+        let done = self.0.engine.install(|| if rotates { setup.turn(cloud) } else { setup.frame(record, cloud) });
         if done.is_err() {
             *cloud = PointCloud::default();
         }
