@@ -121,6 +121,9 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
                 continue;
             }
             let along = to / distance;
+            if reach < distance && !field.looks(along, (reach / distance).asin()) {
+                continue;
+            }
             let area = 0.5 * across.length() / f64::from(1u32 << (2 * divisions(part))).max(1.0);
             // Extent in range, and across.
             let ranges = [a, b, c].map(|corner| (corner - field.place).length());

@@ -127,6 +127,7 @@ impl<'a> RadarSetup<'a> {
             power: self.power,
             air: &self.air,
             reach: self.reach,
+            sector,
             // 10 dB below the noise of all channels together.
             floor: (0.1 * self.noise / channels).sqrt(),
         };
@@ -137,10 +138,9 @@ impl<'a> RadarSetup<'a> {
             resolution: self.resolution,
             clutter: self.spec.clutter.then_some(ClutterGrid {
                 rng: self.rng,
-                range: 0.5 * self.resolution,
-                angle: 0.25 * self.beam,
+                range: self.resolution,
+                angle: 0.5 * self.beam,
             }),
-            sector,
         };
         paths.find(&field, &limits);
         add_precipitation(&field, sector, self.resolution, &self.rng, paths);
