@@ -62,13 +62,7 @@ fn paths(scene: &BuiltScene, place: DVec3, mirrors: usize) -> FramePaths {
         sector: [[-half, half], [-0.5 * half, 0.5 * half]],
         floor: 1e-14,
     };
-    let limits = PathLimits {
-        time: 0.0,
-        mask: u32::MAX,
-        mirrors,
-        resolution: 0.2,
-        clutter: None,
-    };
+    let limits = PathLimits { time: 0.0, mask: u32::MAX, mirrors, resolution: 0.2, clutter: None };
     let mut found = FramePaths::default();
     found.find(&field, &limits);
     found
