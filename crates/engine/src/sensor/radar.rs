@@ -4,7 +4,7 @@ use super::{RangeSpec, Sensor, SensorSpec};
 use crate::echo::radar::RadarSurfaces;
 use crate::trace::SharedSurfaces;
 use ::radar::{
-    ArraySpec, CubeGeometry, Detector, Leakage, RadarDetectionSpec, RadarPlan, RadarWaveform, Sharing, Window,
+    ArraySpec, CubeGeometry, Detector, Leakage, RadarDetectionSpec, RadarPlan, RadarWaveform, Sharing, FftWindow,
     WindowResponse,
 };
 use emitter::pattern::Pattern;
@@ -61,14 +61,14 @@ pub struct RadarSpec {
 #[non_exhaustive]
 pub struct RadarWindows {
     /// Along range.
-    pub range: Window,
+    pub range: FftWindow,
     /// Along velocity.
-    pub velocity: Window,
+    pub velocity: FftWindow,
 }
 
 impl Default for RadarWindows {
     fn default() -> Self {
-        RadarWindows { range: Window::Hann, velocity: Window::Hann }
+        RadarWindows { range: FftWindow::Hann, velocity: FftWindow::Hann }
     }
 }
 
@@ -161,6 +161,7 @@ impl RadarParts {
     /// # Errors
     /// As [`RadarPlan::new`] and [`Detector::new`].
     pub fn new(spec: &RadarSpec, pattern: &Pattern, range: &RangeSpec) -> Result<RadarParts> {
+        let detection = spec.detection_within(pattern, range);
         let RadarWindows { range, velocity } = spec.windows;
         let plan = RadarPlan::new(&spec.waveform, &spec.array, [range, velocity], spec.instrument)?;
         let axes = plan.axes();
@@ -183,7 +184,6 @@ impl RadarParts {
             wavelength: spec.waveform.wavelength(),
             slots: &slots,
         };
-        let detection = spec.detection_within(pattern, range);
         let first =
             FrameDetector { detector: Detector::new(&detection, geometry)?, sharing: Sharing::new(geometry) };
         Ok(RadarParts { detectors: Mutex::default(), first, surfaces: Mutex::default(), plan })

@@ -8,7 +8,7 @@ use crate::trace::{MOST_MIRRORS, Mirrors, Sighted, Tables};
 use glam::{DMat3, DVec3, Vec3};
 use model::material::{Polarised, RadioSurface};
 use num_complex::{Complex32, Complex64};
-use radar::{PatternTable, Polarisation};
+use radar::{LobeTable, Polarisation};
 use std::f64::consts::PI;
 
 /// A radar at one moment, in one scene.
@@ -26,8 +26,8 @@ pub(crate) struct WaveField<'a> {
     /// m.
     pub wavelength: f64,
     pub polarisation: Polarisation,
-    pub tx: &'a PatternTable,
-    pub rx: &'a PatternTable,
+    pub tx: &'a LobeTable,
+    pub rx: &'a LobeTable,
     /// Power of a transmitter at its element, W.
     pub power: f64,
     /// What attenuates in the air.

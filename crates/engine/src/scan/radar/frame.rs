@@ -10,7 +10,7 @@ use crate::medium::{RadioAir, wet_radome_db};
 use crate::scan::ScanOptions;
 use crate::sensor::{FrameDetector, RadarSpec, Sensor};
 use crate::trace::BuiltScene;
-use ::radar::{AdcSpec, DetectionTruth, Multiplex, PatternTable, Polarisation, RadarCube, RadarDetections, RadarWaveform};
+use ::radar::{AdcSpec, DetectionTruth, Multiplex, LobeTable, Polarisation, RadarCube, RadarDetections, RadarWaveform};
 use cloud::{PointCloud, RadarFrame, RawSamples};
 use emitter::Trajectory;
 use emitter::pattern::Pattern;
@@ -28,7 +28,7 @@ pub(super) struct RadarSetup<'a> {
     pub rng: Rng,
     air: RadioAir,
     /// Gains of elements, receiver and transmitter.
-    pub patterns: [PatternTable; 2],
+    pub patterns: [LobeTable; 2],
     /// Power of a transmitter less all losses, W.
     power: f64,
     /// Thermal noise in a cell of a channel, W.
