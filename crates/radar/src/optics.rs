@@ -78,7 +78,23 @@ impl Ends {
         Complex64::new(0.0, k / (2.0 * PI) * obliquity / (r * s)) * integral
     }
 
-    /// The same as a sum along the edges: exact at any size and distance.
+    /// At most the magnitude of [`Ends::facet`], without its phases: all in phase, or what its edges return at most
+    /// (Gordon 1975, IEEE Trans. AP-23, 590), and no more than twice a mirror.
+    pub fn bound(&self, [a, b, c]: [DVec3; 3], k: f64) -> f64 {
+        let normal = (b - a).cross(c - a);
+        let double = normal.length();
+        let middle = (a + b + c) / 3.0;
+        let [to_source, to_observer] = [self.source - middle, self.observer - middle];
+        let [r, s] = [to_source.length(), to_observer.length()];
+        let half = to_source / r + to_observer / s;
+        let obliquity = 0.5 * half.dot(normal).abs() / double;
+        let tilt = (half.length_squared() - 4.0 * obliquity * obliquity).max(0.0).sqrt();
+        let edges = (b - a).length() + (c - b).length() + (a - c).length();
+        let area = (0.5 * double).min(edges / (k * tilt).max(f64::MIN_POSITIVE));
+        (k / (2.0 * PI) * obliquity * area / (r * s)).min(2.0 / (r + s))
+    }
+
+    /// [`Ends::facet`] as a sum along the edges: exact at any size and distance.
     ///
     /// The integral over a plane is that of a line around it (Maggi 1888, Rubinowicz 1917; Born and Wolf 8.9). With the
     /// observer mirrored in the plane, at a distance `d` from the source, the azimuth `p` of a place on the edge about the
@@ -119,45 +135,37 @@ impl Ends {
             [from.dot(across), from.dot(aside)]
         };
         let specular = self.source + axis * (distance * up.abs() / (up.abs() + down.abs()));
+        let edge = EdgeFrame { of: self, k, turn, image, azimuth: &azimuth, scale };
         let mut whole = 0.0;
-        for (from, to) in [(a, b), (b, c), (c, a)] {
+        // What each corner contributes: where edges end, waves of both start.
+        let mut ends = [Complex64::ZERO; 3];
+        for (number, (from, to)) in [(a, b), (b, c), (c, a)].into_iter().enumerate() {
             let along = to - from;
             let length = along.length();
             if length == 0.0 {
                 continue;
             }
-            // Pieces are short near the place of stationary phase only: away from it the phase is linear over more.
-            let nearest = ((specular - from).dot(along) / (length * length)).clamp(0.0, 1.0);
-            let fresnel = (8.0 * STRAIGHT_PIECE / (k * self.curvature(from + along * nearest))).sqrt();
-            let mut sum: Option<EdgeGroup> = None;
-            let mut start = 0.0;
-            while start < length {
-                let here = from + along * (start / length);
-                let [x, y] = azimuth(here);
-                let step = (8.0 * STRAIGHT_PIECE / (k * self.curvature(here))).sqrt().max(0.5 * fresnel);
-                // Beside the line through the mirror image the azimuth turns at once: pieces halve on the way there.
-                let step = step.min((0.5 * x.hypot(y)).max(NEAREST * fresnel));
-                let end = if start + 1.2 * step >= length { length } else { start + step };
-                let next = from + along * (end / length);
-                let middle = 0.5 * (here + next);
-                let [u, v] = azimuth(next);
-                let angle = turn * (x * v - y * u).atan2(x * u + y * v);
-                whole += angle;
-                let [near, far] = [self.length(here), self.length(next)];
-                let [r, s] = [middle - self.source, middle - image];
-                let cos = r.dot(s) / (r.length() * s.length());
-                let value = -scale
-                    * angle
-                    * (1.0 - cos)
-                    * sinc(0.5 * k * (far - near))
-                    * Complex64::cis(-k * self.length(middle));
-                let group = sum.get_or_insert(EdgeGroup { value: Complex64::ZERO, start: here, length: near });
-                group.value += value;
-                if (far - group.length).abs() >= span || end >= length {
-                    visit(OutlinePart::Edge(group.value, 0.5 * (group.start + next)));
-                    sum = None;
-                }
-                start = end;
+            whole += edge.angle(from, to);
+            let along = along / length;
+            let nearest = (specular - from).dot(along).clamp(0.0, length);
+            // Pieces around the place of stationary phase; away from it, waves leave from the ends only.
+            let fresnel = self.fresnel(from + along * nearest, k);
+            let [near, far] = [(nearest - NEAR_EDGE * fresnel).max(0.0), (nearest + NEAR_EDGE * fresnel).min(length)];
+            let beyond = |end: f64| (end - nearest).abs() >= NEAR_EDGE * fresnel * 0.999;
+            let mut sum = edge.pieces(from, along, [near, far], fresnel, span, visit);
+            if near > 0.0 && beyond(near) {
+                ends[number] -= edge.end(from, along);
+                sum += edge.end(from + along * near, along);
+            }
+            if far < length && beyond(far) {
+                ends[(number + 1) % 3] += edge.end(to, along);
+                sum -= edge.end(from + along * far, along);
+            }
+            visit(OutlinePart::Edge(sum, from + along * (0.5 * (near + far))));
+        }
+        for (value, place) in ends.into_iter().zip(corners) {
+            if value != Complex64::ZERO {
+                visit(OutlinePart::Edge(value, place));
             }
         }
         let share = whole / (2.0 * PI);
@@ -177,11 +185,84 @@ pub enum OutlinePart {
     Edge(Complex64, DVec3),
 }
 
-/// Pieces of an edge that are one part.
-struct EdgeGroup {
-    value: Complex64,
-    start: DVec3,
-    length: f64,
+/// Half the part of an edge, around the place of stationary phase, that is divided into pieces, in Fresnel radii: beyond,
+/// the integral is that of its ends to a percent of these.
+const NEAR_EDGE: f64 = 4.0;
+
+/// What all edges of a triangle share.
+struct EdgeFrame<'a> {
+    of: &'a Ends,
+    k: f64,
+    /// Orientation of the triangle.
+    turn: f64,
+    image: DVec3,
+    /// Offset from the axis of the azimuths, m.
+    azimuth: &'a dyn Fn(DVec3) -> [f64; 2],
+    scale: f64,
+}
+
+impl EdgeFrame<'_> {
+    /// By how much the azimuth turns from one place to another.
+    fn angle(&self, from: DVec3, to: DVec3) -> f64 {
+        let ([x, y], [u, v]) = ((self.azimuth)(from), (self.azimuth)(to));
+        self.turn * (x * v - y * u).atan2(x * u + y * v)
+    }
+
+    /// `1 - cos q` at a place.
+    fn obliquity(&self, place: DVec3) -> f64 {
+        let [r, s] = [place - self.of.source, place - self.image];
+        1.0 - r.dot(s) / (r.length() * s.length())
+    }
+
+    /// Integral along the part of an edge from `near` to `far` m, piece by piece; what spans more than `span` m of path
+    /// length is passed to `visit` on the way.
+    fn pieces(
+        &self,
+        from: DVec3,
+        along: DVec3,
+        [near, far]: [f64; 2],
+        fresnel: f64,
+        span: f64,
+        visit: &mut dyn FnMut(OutlinePart),
+    ) -> Complex64 {
+        let piece = (4.0 * STRAIGHT_PIECE / PI).sqrt() * fresnel;
+        let mut sum = Complex64::ZERO;
+        let mut start = near;
+        let mut group = (near, self.of.length(from + along * near));
+        while start < far {
+            let here = from + along * start;
+            let [x, y] = (self.azimuth)(here);
+            // Beside the line through the mirror image the azimuth turns at once: pieces halve on the way there.
+            let step = piece.min((0.5 * x.hypot(y)).max(NEAREST * piece));
+            let end = if start + 1.2 * step >= far { far } else { start + step };
+            let next = from + along * end;
+            let middle = 0.5 * (here + next);
+            let [first, last] = [self.of.length(here), self.of.length(next)];
+            sum -= self.scale
+                * self.angle(here, next)
+                * self.obliquity(middle)
+                * sinc(0.5 * self.k * (last - first))
+                * Complex64::cis(-self.k * self.of.length(middle));
+            if (last - group.1).abs() >= span && end < far {
+                visit(OutlinePart::Edge(sum, from + along * (0.5 * (group.0 + end))));
+                (sum, group) = (Complex64::ZERO, (end, last));
+            }
+            start = end;
+        }
+        sum
+    }
+
+    /// The upper end of the integral along an edge, to first order in one over the phase's slope (stationary phase, Born
+    /// and Wolf, appendix III).
+    fn end(&self, place: DVec3, along: DVec3) -> Complex64 {
+        let [r, s] = [place - self.of.source, place - self.of.observer];
+        let slope = along.dot(r) / r.length() + along.dot(s) / s.length();
+        let [x, y] = (self.azimuth)(place);
+        let [u, v] = (self.azimuth)(place + along);
+        let turning = self.turn * (x * (v - y) - y * (u - x)) / (x * x + y * y).max(f64::MIN_POSITIVE);
+        let weight = -self.scale * turning * self.obliquity(place);
+        weight * Complex64::cis(-self.k * self.of.length(place)) / Complex64::new(0.0, -self.k * slope)
+    }
 }
 
 /// `sin x / x`.
@@ -369,7 +450,13 @@ mod tests {
                 let mut sum = Complex64::ZERO;
                 for step in 0..=count {
                     let t = f64::from(step) / f64::from(count);
-                    let weight = if step == 0 || step == count { 1.0 } else if step % 2 == 1 { 4.0 } else { 2.0 };
+                    let weight = if step == 0 || step == count {
+                        1.0
+                    } else if step % 2 == 1 {
+                        4.0
+                    } else {
+                        2.0
+                    };
                     let line = Complex64::cis(t * 0.5 * (x + y)) * sinc(0.5 * t * (x - y));
                     sum += weight / 3.0 / f64::from(count) * t * line;
                 }

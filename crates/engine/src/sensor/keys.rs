@@ -56,9 +56,7 @@ impl Sensor {
                 ));
             }
             None if yaml::same_path(key, "range.max_m") => f64::INFINITY,
-            None if !(!self.kind().is_optical() && is_of_light(key)) && takes_numbers(tree.clone(), key) => {
-                f64::NAN
-            }
+            None if (self.kind().is_optical() || !is_of_light(key)) && takes_numbers(tree.clone(), key) => f64::NAN,
             None => {
                 let known: BTreeSet<String> = yaml::numbers(&tree).into_iter().chain(bounds.keys).collect();
                 return Err(Error::missing("numeric parameter", key, known));

@@ -4,7 +4,7 @@ use super::{RangeSpec, Sensor, SensorSpec};
 use crate::echo::radar::RadarSurfaces;
 use crate::trace::SharedSurfaces;
 use ::radar::{
-    ArraySpec, CubeGeometry, Detector, Leakage, RadarDetectionSpec, RadarPlan, RadarWaveform, Sharing, FftWindow,
+    ArraySpec, CubeGeometry, Detector, FftWindow, Leakage, RadarDetectionSpec, RadarPlan, RadarWaveform, Sharing,
     WindowResponse,
 };
 use emitter::pattern::Pattern;

@@ -1,6 +1,6 @@
 //! Ring numbers as assigned by the drivers.
 
-use super::{SensorKind, SensorSpec};
+use super::SensorSpec;
 use cloud::Driver;
 use emitter::BeamTable;
 use emitter::pattern::Pattern;

@@ -12,9 +12,10 @@ use ground::rng::{Draw, Rng};
 use num_complex::Complex64;
 use std::f64::consts::PI;
 
-/// How small patches are.
+/// How small patches are, and their draws.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ClutterGrid {
+    pub rng: Rng,
     /// Extent in range, m.
     pub range: f64,
     /// Extent across, rad.
@@ -51,7 +52,6 @@ pub(crate) fn scatter_from_rough(
     search: &Search,
     number: u32,
     grid: ClutterGrid,
-    rng: &Rng,
     memory: &mut ClutterMemory,
     echoes: &mut RadarEchoes,
 ) {
@@ -71,7 +71,7 @@ pub(crate) fn scatter_from_rough(
     for (patch, seen) in patches.iter().zip(&mut *seen).filter(|(_, seen)| seen.through > 0.0) {
         seen.through *= seen.through;
         let distance = (patch.place - field.place).length();
-        let [re, im] = speckle(rng, [row.row, patch.triangle, patch.part]);
+        let [re, im] = speckle(&grid.rng, [row.row, patch.triangle, patch.part]);
         let strength = (patch.area / (4.0 * PI)).sqrt() / (distance * distance)
             * Complex64::new(re.into(), im.into())
             * Complex64::cis(-2.0 * k * distance);
@@ -87,7 +87,11 @@ pub(crate) fn scatter_from_rough(
 /// A complex number with an exponentially distributed power of mean 1.
 fn speckle(rng: &Rng, [row, triangle, part]: [u32; 3]) -> [f32; 2] {
     let ([mut re], [mut im]) = ([0.0], [0.0]);
-    rng.phasors([&[row], &[triangle], &[part], &[Draw::RadarSpeckle as u32]], std::slice::from_mut(&mut re), std::slice::from_mut(&mut im));
+    rng.phasors(
+        [&[row], &[triangle], &[part], &[Draw::RadarSpeckle as u32]],
+        std::slice::from_mut(&mut re),
+        std::slice::from_mut(&mut im),
+    );
     [re, im]
 }
 
@@ -152,5 +156,5 @@ fn divisions(part: u32) -> u32 {
 fn counts(field: &WaveField, distance: f64, area: f64, along: DVec3) -> bool {
     let along = along.as_vec3();
     let strength = (area / (4.0 * PI)).sqrt() / (distance * distance).max(1e-6);
-    strength * field.scale() * field.gain(along, along) > 0.3 * field.floor
+    strength * field.scale() * field.gain(along, along) > field.floor
 }

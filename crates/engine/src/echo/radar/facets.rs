@@ -6,8 +6,9 @@
 
 use super::echoes::{RadarEcho, RadarEchoes, RadarRoute};
 use super::wave::{Scattering, WaveField};
-use crate::trace::{ImageTarget, Mirrors, Search, SightMemory, Sighted, Sightlines};
+use crate::trace::{ImageTarget, Mirror, Mirrors, Search, SightMemory, Sighted, Sightlines};
 use glam::DVec3;
+use model::material::Polarised;
 use num_complex::Complex64;
 use radar::optics::{Ends, OutlinePart};
 
@@ -21,6 +22,8 @@ const NARROW: f64 = 0.25;
 const PARTS: f64 = 0.1;
 /// Most divisions of a facet by two.
 const MOST_DIVISIONS: u8 = 8;
+/// Amplitude over that which matters up to which facets are not divided.
+const FAINT: f64 = 10.0;
 /// Divisions of a facet that mirrors of its size illuminate in part, as in corners: always, and where it is partly in the
 /// dark.
 const CORNER_DIVISIONS: [u8; 2] = [3, 6];
@@ -83,8 +86,11 @@ pub(crate) fn scatter_from_facets(
         ],
         _ => vec![(RadarRoute::Out, Ends { source: image, observer: field.place })],
     };
+    let middle = search.rows[target.target].middle;
+    let once = field.kept(target.mirrors.iter().map(|&mirror| search.mirrors[mirror]), image, middle);
     for &(route, ends) in routes {
-        FacetTask { field, sightlines, search, target, number, spread, mirrors, route, ends }.run(memory, echoes);
+        let kept = if route == RadarRoute::Both { once * once } else { once };
+        FacetTask { field, sightlines, search, target, number, spread, mirrors, route, ends, kept }.run(memory, echoes);
     }
 }
 
@@ -99,6 +105,8 @@ struct FacetTask<'a> {
     mirrors: Mirrors,
     route: RadarRoute,
     ends: Ends,
+    /// Part of the amplitude that mirrors leave, at most.
+    kept: f64,
 }
 
 impl FacetTask<'_> {
@@ -106,14 +114,16 @@ impl FacetTask<'_> {
         let row = self.search.rows[self.target.target];
         let facets = self.field.scene.row_facets(row, self.field.time);
         let surface = self.field.surfaces.of(&self.field.scene.surfaces, row.row);
-        let floor = self.field.floor / (row.triangles as f64).sqrt();
+        let floor = self.field.floor / (row.triangles as f64).sqrt().sqrt();
         memory.queue.clear();
         memory.critical.clear();
         memory.places.clear();
         for triangle in facets.triangles() {
             let corners = facets.corners(triangle);
             let Some((middle, cos)) = self.facing(&corners) else { continue };
-            if surface.coherent(cos) < 0.01 || !self.counts(&corners, middle, floor) {
+            let Polarised { s, p } = surface.reflect(cos);
+            let reflected = f64::from(s.norm().max(p.norm()) * surface.coherent(cos));
+            if !self.counts(&corners, middle, reflected, floor) {
                 continue;
             }
             if self.route == RadarRoute::Both && self.is_mirrored(triangle) {
@@ -122,8 +132,7 @@ impl FacetTask<'_> {
             }
             let width = longest(&corners) / self.ends.fresnel(middle, self.field.k());
             if width <= WIDE {
-                let most = 4.0 * longest(&corners);
-                let in_corner = self.mirrors.all().iter().any(|mirror| mirror.radius < most);
+                let in_corner = self.has_corner(&corners);
                 memory.queue.push(Element { triangle, corners, divisions: 0, width, in_corner, first: 0, places: 0 });
             } else {
                 self.add_critical(triangle, &corners, floor, memory);
@@ -150,25 +159,39 @@ impl FacetTask<'_> {
     }
 
     /// Whether the echo of a facet could matter, if it were all in phase.
-    fn counts(&self, corners: &[DVec3; 3], middle: DVec3, floor: f64) -> bool {
-        let [a, b, c] = corners;
-        let area = 0.5 * (b - a).cross(c - a).length();
+    fn counts(&self, corners: &[DVec3; 3], middle: DVec3, reflected: f64, floor: f64) -> bool {
         let [r, s] = [(middle - self.ends.source).length(), (middle - self.ends.observer).length()];
-        // Large ones are seen no stronger than as mirrors.
-        let strength = (area / (self.field.wavelength * r * s)).min(2.0 / (r + s));
-        let nearest = 0.5 * (r + s) - longest(corners);
-        if nearest > self.field.reach {
+        if 0.5 * (r + s) - longest(corners) > self.field.reach {
             return false;
         }
+        let strength = self.ends.bound(*corners, self.field.k()) * self.kept * reflected;
         let out = (self.mirrors.target_image(middle) - self.field.place).normalize_or_zero().as_vec3();
         let back = if self.route == RadarRoute::Both {
             out
         } else {
             (middle - self.field.place).normalize_or_zero().as_vec3()
         };
-        // A facet that is large for its distance is where the elements have gain, even if its middle is not.
-        let wide = longest(corners) > 0.3 * r.min(s);
-        wide || strength * self.field.scale() * self.field.gain(out, back) > floor
+        // Of a facet that is large for its distance, a part may be where the elements have gain.
+        let gain = if longest(corners) > 0.3 * r.min(s) { self.greatest_gain() } else { self.field.gain(out, back) };
+        let scale = self.field.scale() * gain;
+        if strength * scale < floor {
+            return false;
+        }
+        let narrow = longest(corners) < WIDE * self.ends.fresnel(middle, self.field.k());
+        let whole = self.kept * reflected * scale;
+        // What returns little as a whole returns no more in parts but for corners, where mirrors cut parts out.
+        !narrow
+            || (self.has_corner(corners) && strength * scale > FAINT * floor)
+            || self.ends.facet(*corners, self.field.k()).norm() * whole > floor
+    }
+
+    /// Whether a mirror beside a facet is so small that it illuminates a part of it.
+    fn has_corner(&self, corners: &[DVec3; 3]) -> bool {
+        let width = longest(corners);
+        let beside = |mirror: &Mirror| {
+            mirror.radius < 4.0 * width && (mirror.point - corners[0]).length() < 2.0 * mirror.radius + 4.0 * width
+        };
+        self.mirrors.all().iter().any(beside)
     }
 
     /// Whether the last mirror's waves are mirrored by the plane of a triangle, too.
@@ -189,7 +212,7 @@ impl FacetTask<'_> {
             let (OutlinePart::Mirror(value, place) | OutlinePart::Edge(value, place)) = part;
             let direction = (place - self.field.place).normalize_or_zero().as_vec3();
             if 0.5 * self.ends.length(place) > self.field.reach
-                || value.norm() * scale * self.field.gain(direction, direction).max(1.0) < floor
+                || value.norm() * self.kept * scale * self.field.gain(direction, direction) < floor
             {
                 return;
             }
@@ -237,12 +260,17 @@ impl FacetTask<'_> {
         }
         self.look(memory);
         let FacetMemory { queue, next, there, .. } = memory;
+        let gain = self.greatest_gain();
         next.clear();
         for element in queue.drain(..) {
             let sighted = &there[element.first as usize..][..usize::from(element.places)];
             let seen = sighted.iter().filter(|sighted| sighted.through > 0.0).count();
             let [always, most] = if element.in_corner { CORNER_DIVISIONS } else { [0, MOST_DIVISIONS] };
-            let wide = element.in_corner || (element.width > PARTS && sighted.len() > 1);
+            // Whatever is weak is as weak in parts.
+            let strong = |corners| {
+                self.ends.bound(corners, self.field.k()) * self.kept * self.field.scale() * gain > FAINT * floor
+            };
+            let wide = element.in_corner || (element.width > PARTS && sighted.len() > 1 && strong(element.corners));
             let mixed = seen > 0 && seen < sighted.len();
             if element.width > LOOKED_AT || element.divisions < always || (mixed && wide && element.divisions < most) {
                 divide(&element, next);
@@ -250,7 +278,7 @@ impl FacetTask<'_> {
             }
             let Some(seen) = mean(sighted) else { continue };
             let value = self.ends.facet(element.corners, self.field.k());
-            if value.norm() * self.field.scale() * f64::from(seen.through) * self.greatest_gain() < floor {
+            if value.norm() * self.field.scale() * f64::from(seen.through) * gain < floor {
                 continue;
             }
             let middle = (element.corners[0] + element.corners[1] + element.corners[2]) / 3.0;
@@ -310,4 +338,3 @@ fn divide(element: &Element, parts: &mut Vec<Element>) {
     let part = |corners| Element { corners, divisions, width: 0.5 * element.width, ..*element };
     parts.extend([[a, z, y], [z, b, x], [y, x, c], [x, y, z]].map(part));
 }
-

@@ -4,7 +4,7 @@
 use super::RadarSurfaces;
 use super::echoes::{RadarEcho, RadarRoute};
 use crate::medium::RadioAir;
-use crate::trace::{MOST_MIRRORS, Mirrors, Sighted, Tables};
+use crate::trace::{MOST_MIRRORS, Mirror, Mirrors, Sighted, Tables};
 use glam::{DMat3, DVec3, Vec3};
 use model::material::{Polarised, RadioSurface};
 use num_complex::{Complex32, Complex64};
@@ -113,6 +113,21 @@ impl WaveField<'_> {
         (axis - direction * axis.dot(direction)).try_normalize().unwrap_or_else(|| direction.any_orthonormal_vector())
     }
 
+    /// Part of the amplitude of a wave to `target` that `mirrors` leave, about at most; `image` is the radar's in them.
+    pub fn kept(&self, mirrors: impl Iterator<Item = Mirror>, image: DVec3, target: DVec3) -> f64 {
+        let along = (target - image).normalize_or_zero();
+        let one = |mirror: Mirror| {
+            let surface = self.surfaces.of(&self.scene.surfaces, mirror.row);
+            let cos = mirror.normal.dot(along).abs() as f32;
+            // Waves to other parts of a target are met at other angles.
+            [0.8, 1.0, 1.25].map(|part: f32| (part * cos).min(1.0)).into_iter().fold(0.0, |most: f64, cos| {
+                let Polarised { s, p } = surface.reflect(cos);
+                most.max(f64::from(s.norm().max(p.norm()) * surface.coherent(cos)))
+            })
+        };
+        mirrors.map(one).product()
+    }
+
     fn reflection(&self, surface: &RadioSurface, cos: f32) -> Polarised {
         let Polarised { s, p } = surface.reflect(cos);
         let kept = surface.coherent(cos);
@@ -124,9 +139,8 @@ impl WaveField<'_> {
         if self.air.media.is_empty() {
             return 1.0;
         }
-        let lost = |(along, length): (Vec3, f64)| {
-            self.air.attenuation_db(self.place.as_vec3(), along, 0.0, length as f32)
-        };
+        let lost =
+            |(along, length): (Vec3, f64)| self.air.attenuation_db(self.place.as_vec3(), along, 0.0, length as f32);
         10f64.powf(-0.05 * ways.into_iter().map(lost).sum::<f64>())
     }
 

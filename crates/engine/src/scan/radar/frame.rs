@@ -1,16 +1,16 @@
 //! One frame of a radar, step by step: paths, streams, noise, cube, detections.
 
+use super::RadarRecord;
 use super::paths::{FramePaths, PathLimits};
 use super::points::{PointWriter, RadarMoment};
 use super::precipitation::add_precipitation;
 use super::truth::FrameTruth;
-use super::RadarRecord;
 use crate::echo::radar::{ClutterGrid, WaveField};
 use crate::medium::{RadioAir, wet_radome_db};
 use crate::scan::ScanOptions;
 use crate::sensor::{FrameDetector, RadarSpec, Sensor};
 use crate::trace::BuiltScene;
-use ::radar::{AdcSpec, DetectionTruth, Multiplex, LobeTable, Polarisation, RadarCube, RadarDetections, RadarWaveform};
+use ::radar::{AdcSpec, DetectionTruth, LobeTable, Multiplex, Polarisation, RadarCube, RadarDetections, RadarWaveform};
 use cloud::{PointCloud, RadarFrame, RawSamples};
 use emitter::Trajectory;
 use emitter::pattern::Pattern;
@@ -118,8 +118,8 @@ impl<'a> RadarSetup<'a> {
             power: self.power,
             air: &self.air,
             reach: self.reach,
-            // 20 dB below the noise of all channels together.
-            floor: (0.01 * self.noise / channels).sqrt(),
+            // 10 dB below the noise of all channels together.
+            floor: (0.1 * self.noise / channels).sqrt(),
         };
         let limits = PathLimits {
             time: if self.options.freeze { self.options.start_time } else { moment.time },
@@ -127,12 +127,13 @@ impl<'a> RadarSetup<'a> {
             mirrors: usize::from(self.spec.mirrors),
             resolution: self.resolution,
             clutter: self.spec.clutter.then_some(ClutterGrid {
+                rng: self.rng,
                 range: 0.5 * self.resolution,
                 angle: 0.25 * self.beam,
             }),
             sector,
         };
-        paths.find(&field, &limits, &self.rng);
+        paths.find(&field, &limits);
         add_precipitation(&field, sector, self.resolution, &self.rng, paths);
         Ok(())
     }
@@ -183,8 +184,11 @@ impl<'a> RadarSetup<'a> {
         let mut detections = RadarDetections::default();
         let mut seen = Vec::new();
         self.detect(&cube, &truth, &mut detections, &mut seen)?;
-        PointWriter { setup: self, paths: &paths, truth: &truth, moment: &moment, beams: None }
-            .write(&detections, &seen, cloud)?;
+        PointWriter { setup: self, paths: &paths, truth: &truth, moment: &moment, beams: None }.write(
+            &detections,
+            &seen,
+            cloud,
+        )?;
         let mut frame = RadarFrame::default();
         frame.number = self.options.frame;
         frame.time = self.options.start_time;

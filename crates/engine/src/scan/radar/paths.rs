@@ -6,7 +6,6 @@ use crate::echo::radar::{
 use crate::trace::{Search, SearchLimits, Sight, Sightlines};
 use glam::Vec3;
 use ground::parallel;
-use ground::rng::Rng;
 
 /// What is traced.
 pub(super) struct PathLimits {
@@ -40,19 +39,23 @@ struct TaskMemory {
 
 impl FramePaths {
     /// Finds all of them.
-    pub fn find(&mut self, field: &WaveField, limits: &PathLimits, rng: &Rng) {
+    pub fn find(&mut self, field: &WaveField, limits: &PathLimits) {
         let sight = Sight::of_shapes(limits.mask);
         let (scene, surfaces) = (field.scene, field.surfaces);
         let (directions, step) = fan(field, limits.sector);
         let mirrors = |row: u32| {
             // What reflects less than a thousandth of the power at all angles mirrors nothing.
             let surface = surfaces.of(&scene.surfaces, row);
-            [1.0_f32, 0.5, 0.1, 0.02].iter().any(|&cos| {
-                surface.reflect(cos).power() * surface.coherent(cos).powi(2) > 1e-3
-            })
+            [1.0_f32, 0.5, 0.1, 0.02]
+                .iter()
+                .any(|&cos| surface.reflect(cos).power() * surface.coherent(cos).powi(2) > 1e-3)
         };
         let rows = scene.radar_rows(limits.time, field.time, limits.mask);
+        // What returns 20 dB more than a sphere of its size, `pi r^2`, at the middle of the field of view.
+        let ahead = field.axes.x_axis.as_vec3();
+        let least = (field.floor / (5.0 * field.scale() * field.gain(ahead, ahead))).powi(2);
         let searched = SearchLimits {
+            least,
             start: field.place,
             directions: &directions,
             step,
@@ -60,13 +63,13 @@ impl FramePaths {
             wavelength: field.wavelength,
             most_mirrors: limits.mirrors,
             mirrors: &mirrors,
+            kept: &|mirrors, image, target| field.kept(mirrors, image, target),
             sight,
             time: field.time,
         };
         self.search = Search::new(scene, rows, &searched);
         let through = |row: u32, cos: f32| surfaces.through(&scene.surfaces, row, cos);
-        let sightlines =
-            Sightlines { scene, sight, time: field.time, panes: &through, has_panes: surfaces.has_panes };
+        let sightlines = Sightlines { scene, sight, time: field.time, panes: &through, has_panes: surfaces.has_panes };
         let search = &self.search;
         self.parts.resize_with(search.targets.len(), RadarEchoes::default);
         let tasks = self.parts.iter_mut().enumerate();
@@ -83,7 +86,7 @@ impl FramePaths {
             );
             let direct = search.targets[number].mirrors.is_empty();
             if let Some(grid) = limits.clutter.filter(|_| direct) {
-                scatter_from_rough(field, &sightlines, search, number as u32, grid, rng, &mut memory.clutter, echoes);
+                scatter_from_rough(field, &sightlines, search, number as u32, grid, &mut memory.clutter, echoes);
             }
         });
         self.echoes.clear();

@@ -99,7 +99,8 @@ impl PointWriter<'_> {
         // In the axes of the antenna, and of what carries it.
         let own = direction([detections.azimuth[row], elevation]);
         let reported = direction([azimuth, elevation]) * range;
-        let world = (moment.carrier.rotation() * reported.as_dvec3() + moment.carrier.position - setup.scene.origin()).as_vec3();
+        let world = (moment.carrier.rotation() * reported.as_dvec3() + moment.carrier.position - setup.scene.origin())
+            .as_vec3();
         let place = self.place(world);
         let power = f64::from(detections.power[row]);
         let scatterer = self.scatterer(seen);

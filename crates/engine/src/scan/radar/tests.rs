@@ -6,7 +6,6 @@ use crate::medium::RadioAir;
 use crate::scene::{Mesh, Object, Part, Scene};
 use crate::trace::{BuiltScene, Engine};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
-use ground::rng::Rng;
 use model::material::Material;
 use num_complex::Complex64;
 use radar::ElementPattern;
@@ -17,8 +16,9 @@ const WAVELENGTH: f64 = 3.893_409e-3;
 
 /// An object of quads, each two triangles, of `material`.
 fn quads(name: &str, corners: &[[[f32; 3]; 4]], material: &str) -> Object {
-    let triangles: Vec<[u32; 3]> =
-        (0..corners.len() as u32).flat_map(|quad| [[0, 1, 2], [0, 2, 3]].map(|it| it.map(|at: u32| 4 * quad + at))).collect();
+    let triangles: Vec<[u32; 3]> = (0..corners.len() as u32)
+        .flat_map(|quad| [[0, 1, 2], [0, 2, 3]].map(|it| it.map(|at: u32| 4 * quad + at)))
+        .collect();
     triangles_of(name, corners.iter().flatten().copied().collect(), triangles, material)
 }
 
@@ -70,14 +70,13 @@ fn paths(scene: &BuiltScene, place: DVec3, mirrors: usize) -> FramePaths {
         sector: [[-half, half], [-0.5 * half, 0.5 * half]],
     };
     let mut found = FramePaths::default();
-    found.find(&field, &limits, &Rng::new(0, 0));
+    found.find(&field, &limits);
     found
 }
 
 /// Sum of all amplitudes, as a strength, 1/m.
 fn strength(found: &FramePaths) -> Complex64 {
-    let sum: Complex64 =
-        found.echoes.paths.amplitude.iter().map(|it| Complex64::new(it.re.into(), it.im.into())).sum();
+    let sum: Complex64 = found.echoes.paths.amplitude.iter().map(|it| Complex64::new(it.re.into(), it.im.into())).sum();
     sum * (4.0 * PI / WAVELENGTH)
 }
 
@@ -123,8 +122,8 @@ fn at(x: f64, y: f64, z: f64, degrees: f64) -> DAffine3 {
 #[test]
 fn plates_return_what_textbooks_say() {
     for (parts, degrees, y) in [(1, 0.0, 0.0), (8, 0.0, 0.3), (1, 0.5, -2.0), (8, 1.0, 0.1), (40, 2.0, 0.7)] {
-        let range = 60.0;
-        let heading = (y / range as f64).atan();
+        let range: f64 = 60.0;
+        let heading = f64::atan(y / range);
         let place = at(range * heading.cos(), range * heading.sin(), 0.2, degrees + heading.to_degrees());
         let scene = built(vec![moved(plate(0.1, parts), place)]);
         let found = paths(&scene, DVec3::new(0.0, 0.0, 0.2), 3);
@@ -140,10 +139,10 @@ fn plates_return_what_textbooks_say() {
 /// Check values 4 and 6, and their patterns over 20 degrees: products of projected areas.
 #[test]
 fn corners_return_what_textbooks_say() {
-    let range = 40.0;
+    let range: f64 = 40.0;
     for (degrees, limit) in [(0.0, 0.3), (3.0, 1.0), (7.0, 1.0), (12.0, 1.0), (20.0, 1.0)] {
         for (y, parts) in [(0.0, "flat"), (1.3, "aside")] {
-            let heading = (y / range as f64).atan();
+            let heading = f64::atan(y / range);
             let place = |turn: f64| at(range * heading.cos(), range * heading.sin(), 0.0, turn + heading.to_degrees());
             // A dihedral of faces a x b at an angle t off its bisector: 4 pi (2 a b sin(45 - t))^2 / lambda^2.
             let scene = built(vec![moved(dihedral(0.1), place(degrees))]);
@@ -151,7 +150,11 @@ fn corners_return_what_textbooks_say() {
             let area = 2.0 * 0.01 * (PI / 4.0 - f64::to_radians(degrees)).sin();
             let truth = 10.0 * (4.0 * PI * area * area / (WAVELENGTH * WAVELENGTH)).log10();
             let error = cross_section_db(&found, range) - truth;
-            assert!(error.abs() < limit, "dihedral {parts} at {degrees} degrees: {error} dB, {:?}", found.search.targets);
+            assert!(
+                error.abs() < limit,
+                "dihedral {parts} at {degrees} degrees: {error} dB, {:?}",
+                found.search.targets
+            );
         }
     }
     let scene = built(vec![moved(trihedral(0.1), at(range, 0.0, 0.0, 0.0))]);
@@ -163,7 +166,8 @@ fn corners_return_what_textbooks_say() {
 /// Check value 28: the two-ray pattern over a road.
 #[test]
 fn roads_give_four_paths() {
-    let ground = quads("road", &[[[-50.0, -30.0, 0.0], [250.0, -30.0, 0.0], [250.0, 30.0, 0.0], [-50.0, 30.0, 0.0]]], "metal");
+    let ground =
+        quads("road", &[[[-50.0, -30.0, 0.0], [250.0, -30.0, 0.0], [250.0, 30.0, 0.0], [-50.0, 30.0, 0.0]]], "metal");
     let sphere_like = plate(0.006, 1);
     let mut least = f64::INFINITY;
     for range in [60.0, 64.2072, 75.0, 85.6119, 128.42] {

@@ -58,7 +58,8 @@ impl FrameTruth {
             });
             let rate = f64::from(echoes.paths.range_rate[at]);
             let direction = echoes.paths.rx_direction[at];
-            let gain = setup.patterns[0].amplitude(echoes.paths.tx_direction[at]) * setup.patterns[1].amplitude(direction);
+            let gain =
+                setup.patterns[0].amplitude(echoes.paths.tx_direction[at]) * setup.patterns[1].amplitude(direction);
             truth.velocity_cell.push(axes.velocity.cells(rate) as f32);
             truth.direction.push(direction);
             truth.power.push(echoes.paths.amplitude[at].norm_sqr() * gain * gain);
@@ -84,10 +85,9 @@ impl FrameTruth {
         let [range, rate] = [self.range_cell[path], self.velocity_cell[path]];
         let first = self.range_cell.partition_point(|&cell| cell < range - 1.0);
         let near = (first..self.range_cell.len()).take_while(|&at| self.range_cell[at] <= range + 1.0);
-        let of_group = near
-            .filter(|&at| self.group[at] == self.group[path] && (self.velocity_cell[at] - rate).abs() <= 1.0);
-        let sum: num_complex::Complex32 =
-            of_group.map(|at| echoes.paths.amplitude[self.echo[at] as usize]).sum();
+        let of_group =
+            near.filter(|&at| self.group[at] == self.group[path] && (self.velocity_cell[at] - rate).abs() <= 1.0);
+        let sum: num_complex::Complex32 = of_group.map(|at| echoes.paths.amplitude[self.echo[at] as usize]).sum();
         let distance = echoes.paths.range[self.echo[path] as usize];
         let strength = f64::from(sum.norm()) / scale;
         (10.0 * (4.0 * std::f64::consts::PI * (strength * distance * distance).powi(2)).log10()) as f32

@@ -20,6 +20,14 @@ pub(crate) struct RadarRow {
     place: Option<DAffine3>,
 }
 
+/// Where an object is.
+#[derive(Clone, Copy, Debug)]
+struct Placement {
+    middle: DVec3,
+    radius: f64,
+    place: Option<DAffine3>,
+}
+
 /// The facets of a row, read out in double precision: the phase of a wave depends on fractions of a millimetre.
 pub(crate) struct RowFacets<'a> {
     scene: &'a Tables,
@@ -30,7 +38,7 @@ pub(crate) struct RowFacets<'a> {
 impl Tables {
     /// The rows that scans with this `mask` see at `time`, s, of which `part` is the part of the time span.
     pub(crate) fn radar_rows(&self, time: f64, part: f32, mask: u32) -> Vec<RadarRow> {
-        let mut last: Option<(u32, Option<(DAffine3, DVec3, f64, bool)>)> = None;
+        let mut last: Option<(u32, Option<Placement>)> = None;
         let mut rows = Vec::new();
         for (row, surface) in (0..).zip(&self.surfaces.rows) {
             let triangles = self.surfaces.parts[surface.part as usize].triangles.len();
@@ -42,16 +50,16 @@ impl Tables {
                     known
                 }
             };
-            let Some((place, middle, radius, stiff)) = object else { continue };
+            let Some(Placement { middle, radius, place }) = object else { continue };
             if triangles > 0 {
-                rows.push(RadarRow { row, middle, radius, triangles, place: stiff.then_some(place) });
+                rows.push(RadarRow { row, middle, radius, triangles, place });
             }
         }
         rows
     }
 
-    /// Pose of an object, the sphere around it, and whether it keeps its shape.
-    fn radar_object(&self, object: u32, time: f64, part: f32, mask: u32) -> Option<(DAffine3, DVec3, f64, bool)> {
+    /// Where an object is.
+    fn radar_object(&self, object: u32, time: f64, part: f32, mask: u32) -> Option<Placement> {
         let (place, _) = self.transform_at(object, time, mask)?;
         let to_origin = DAffine3::from_translation(-self.origin);
         let stiff = self.mover(object).is_none_or(|mover| mover.is_stiff());
@@ -72,7 +80,9 @@ impl Tables {
             });
             ends
         };
-        (low.x <= high.x).then(|| (to_origin * place, 0.5 * (low + high), 0.5 * (high - low).length(), stiff))
+        let place = stiff.then(|| to_origin * place);
+        let (middle, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
+        (low.x <= high.x).then_some(Placement { middle, radius, place })
     }
 
     /// The facets of a row at `time`, 0 to 1.
@@ -96,6 +106,7 @@ impl Tables {
             point: place.transform_point3(plane.point),
             area: plane.area * scale,
             radius: plane.radius * stretch,
+            row: of.row,
             object: row.object,
         };
         (scale > 0.0).then_some((number, mirror))

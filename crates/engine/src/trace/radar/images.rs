@@ -19,7 +19,8 @@ pub(crate) struct Mirror {
     pub area: f64,
     /// Greatest distance of a facet from the point, m.
     pub radius: f64,
-    /// The object that it was found on.
+    /// The row of surfaces that it was found on, and its object.
+    pub row: u32,
     pub object: u32,
 }
 
@@ -59,7 +60,7 @@ pub(crate) struct Mirrors {
 impl Mirrors {
     /// The path from `start` that meets `mirrors`, at most [`MOST_MIRRORS`].
     pub fn new(start: DVec3, mirrors: impl Iterator<Item = Mirror>) -> Mirrors {
-        let nowhere = Mirror { normal: DVec3::Z, point: DVec3::ZERO, area: 0.0, radius: 0.0, object: 0 };
+        let nowhere = Mirror { normal: DVec3::Z, point: DVec3::ZERO, area: 0.0, radius: 0.0, row: 0, object: 0 };
         let mut all = Mirrors { count: 0, mirrors: [nowhere; MOST_MIRRORS], images: [start; MOST_MIRRORS + 1] };
         for mirror in mirrors.take(MOST_MIRRORS) {
             all.mirrors[all.count] = mirror;
@@ -123,8 +124,15 @@ mod tests {
     /// Lengths are those to the image, and every bend is a reflection.
     #[test]
     fn paths_unfold() {
-        let floor = Mirror { normal: DVec3::Z, point: DVec3::ZERO, area: 1.0, radius: 1.0, object: 0 };
-        let wall = Mirror { normal: DVec3::NEG_Y, point: DVec3::new(0.0, 4.0, 0.0), area: 1.0, radius: 1.0, object: 1 };
+        let floor = Mirror { normal: DVec3::Z, point: DVec3::ZERO, area: 1.0, radius: 1.0, row: 0, object: 0 };
+        let wall = Mirror {
+            normal: DVec3::NEG_Y,
+            point: DVec3::new(0.0, 4.0, 0.0),
+            area: 1.0,
+            radius: 1.0,
+            row: 0,
+            object: 1,
+        };
         let start = DVec3::new(0.0, 0.0, 0.5);
         let mirrors = Mirrors::new(start, [floor, wall].into_iter());
         let target = DVec3::new(20.0, 1.0, 1.5);

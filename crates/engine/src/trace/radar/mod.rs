@@ -6,8 +6,8 @@ mod planes;
 mod search;
 mod sightlines;
 
-pub(crate) use facets::{RadarRow, RowFacets};
+pub(crate) use facets::RadarRow;
 pub(crate) use images::{MOST_MIRRORS, Mirror, Mirrors};
 pub use planes::PartPlanes;
 pub(crate) use search::{ImageTarget, Search, SearchLimits};
-pub(crate) use sightlines::{MirrorHit, SightMemory, Sighted, Sightlines};
+pub(crate) use sightlines::{SightMemory, Sighted, Sightlines};

@@ -17,8 +17,8 @@ const NO_MIRROR: u16 = u16::MAX;
 /// Most different mirrors of a frame.
 const MOST_PLANES: usize = 4096;
 
-/// Most surfaces seen in mirrors.
-const MOST_IMAGES: usize = 16_384;
+/// Most surfaces seen in mirrors: those that appear largest.
+const MOST_IMAGES: usize = 512;
 
 /// Rays to each plane of a small object: to the middles of the four triangles that its largest one divides into.
 const RAYS_PER_PLANE: usize = 4;
@@ -49,6 +49,11 @@ pub(crate) struct SearchLimits<'a> {
     pub most_mirrors: usize,
     /// Whether a surface (a row) mirrors waves.
     pub mirrors: &'a dyn Fn(u32) -> bool,
+    /// Part of the amplitude of a wave that mirrors leave, by the image of the radar in them and the place that it goes to.
+    pub kept: &'a dyn Fn(&mut dyn Iterator<Item = Mirror>, DVec3, DVec3) -> f64,
+    /// Least `(radius / (r s))^2`, 1/m^2, of what is looked at in mirrors, times the power that these leave; `r` and `s`:
+    /// distances from the image of the radar and from the radar.
+    pub least: f64,
     pub sight: Sight,
     /// Part of the time span, 0 to 1.
     pub time: f32,
@@ -118,13 +123,7 @@ impl Search {
         2.0 * row.radius < RAYS * limits.step * distance
     }
 
-    fn add_rays_to_planes(
-        &self,
-        scene: &Tables,
-        index: usize,
-        limits: &SearchLimits,
-        add: &mut dyn FnMut(Vec3),
-    ) {
+    fn add_rays_to_planes(&self, scene: &Tables, index: usize, limits: &SearchLimits, add: &mut dyn FnMut(Vec3)) {
         let row = &self.rows[index];
         if limits.most_mirrors == 0 || !(limits.mirrors)(row.row) {
             return;
@@ -135,7 +134,7 @@ impl Search {
             let [a, b, c] = facets.corners(plane.largest);
             let middle = (a + b + c) / 3.0;
             let parts: [DVec3; RAYS_PER_PLANE] = [middle, 0.5 * (a + middle), 0.5 * (b + middle), 0.5 * (c + middle)];
-            parts.map(|place| add((place - limits.start).normalize_or_zero().as_vec3()));
+            parts.into_iter().for_each(|place| add((place - limits.start).normalize_or_zero().as_vec3()));
         }
     }
 
@@ -296,14 +295,16 @@ impl Search {
             }
         }
         if limits.most_mirrors > 1 {
-            let triples: Vec<[u16; 2]> = seen
-                .iter()
-                .filter(|(chain, _)| chain[1] != NO_MIRROR)
-                .map(|(chain, _)| [chain[0], chain[1]])
-                .collect();
-            for [a, b] in triples {
-                let thirds = self.legs.keys().flat_map(|&[x, y]| if x == b { Some(y) } else { (y == b).then_some(x) });
-                for c in thirds.filter(|&c| c != a && together(a, c)).collect::<Vec<_>>() {
+            let mut beside: HashMap<u16, Vec<u16>> = HashMap::new();
+            for &[a, b] in self.legs.keys() {
+                beside.entry(a).or_default().push(b);
+                beside.entry(b).or_default().push(a);
+            }
+            let pairs: BTreeSet<[u16; 2]> =
+                seen.iter().filter(|(chain, _)| chain[1] != NO_MIRROR).map(|(chain, _)| [chain[0], chain[1]]).collect();
+            for [a, b] in pairs {
+                let thirds = beside.get(&b).into_iter().flatten().copied();
+                for c in thirds.filter(|&c| c != a && together(a, c)) {
                     for [x, y, z] in [[a, b, c], [a, c, b], [b, a, c], [b, c, a], [c, a, b], [c, b, a]] {
                         all.extend(rows(z).map(|row| ([x, y, NO_MIRROR], row)));
                     }
@@ -314,7 +315,21 @@ impl Search {
         let mut targets: Vec<(usize, Chain, u32)> =
             all.into_iter().map(|(chain, row)| (depth(&chain), chain, row)).collect();
         targets.sort_unstable();
-        targets.truncate(MOST_IMAGES);
+        let direct = targets.partition_point(|(depth, ..)| *depth == 0);
+        let mut images = targets.split_off(direct);
+        let size = |(depth, chain, row): &(usize, Chain, u32)| {
+            let row = &self.rows[*row as usize];
+            let mirrors = chain[..*depth].iter().map(|&mirror| self.mirrors[usize::from(mirror)]);
+            let image = Mirrors::new(limits.start, mirrors.clone()).image();
+            let [r, s] = [image, limits.start].map(|from| (row.middle - from).length().max(row.radius));
+            let kept = (limits.kept)(&mut mirrors.clone(), image, row.middle);
+            row.radius.powi(2) / (r * s).powi(2) * kept * kept
+        };
+        images.sort_by_cached_key(|image| std::cmp::Reverse(size(image).to_bits()));
+        images.truncate(MOST_IMAGES);
+        images.retain(|image| size(image) > limits.least);
+        images.sort_unstable();
+        targets.extend(images);
         self.targets = targets
             .into_iter()
             .map(|(depth, chain, row)| ImageTarget {

@@ -1,8 +1,8 @@
 //! Whether waves get from a radar to places, by way of mirrors and through panes.
 
 use super::images::{MOST_MIRRORS, Mirrors};
-use crate::trace::hits::{HitBatch, Sight};
 use crate::trace::Tables;
+use crate::trace::hits::{HitBatch, Sight};
 use glam::DVec3;
 use ground::lanes::{LANES, MISS, RayBatch};
 
