@@ -161,11 +161,12 @@ impl RadarParts {
     /// # Errors
     /// As [`RadarPlan::new`] and [`Detector::new`].
     pub fn new(spec: &RadarSpec, pattern: &Pattern, range: &RangeSpec) -> Result<RadarParts> {
-        let RadarWindows { range: along, velocity } = spec.windows;
-        let plan = RadarPlan::new(&spec.waveform, &spec.array, [along, velocity], spec.instrument)?;
+        let detection = spec.detection_within(pattern, range);
+        let RadarWindows { range, velocity } = spec.windows;
+        let plan = RadarPlan::new(&spec.waveform, &spec.array, [range, velocity], spec.instrument)?;
         let axes = plan.axes();
         let samples = match &spec.waveform {
-            RadarWaveform::Fmcw(fmcw) => along.samples(fmcw.samples as usize),
+            RadarWaveform::Fmcw(fmcw) => range.samples(fmcw.samples as usize),
             _ => vec![1.0],
         };
         let transform = samples.len().max(axes.range.len);
@@ -183,8 +184,8 @@ impl RadarParts {
             wavelength: spec.waveform.wavelength(),
             slots: &slots,
         };
-        let detection = spec.detection_within(pattern, range);
-        let first = FrameDetector { detector: Detector::new(&detection, geometry)?, sharing: Sharing::new(geometry) };
+        let first =
+            FrameDetector { detector: Detector::new(&detection, geometry)?, sharing: Sharing::new(geometry) };
         Ok(RadarParts { detectors: Mutex::default(), first, surfaces: Mutex::default(), plan })
     }
 
