@@ -456,6 +456,19 @@ mod tests {
     }
 
     #[test]
+    fn paths_have_their_names() {
+        let mut cloud = cloud(vec![1; 4], vec![0; 4]);
+        cloud.columns.path = vec![0, PathType::Wall as u8, PathType::Noise as u8, PathType::Wall as u8];
+        let (name, entries) = names(&cloud, ColorBy::Path, &mut Report::default());
+        let expected = [("wall", 2), ("direct", 1), ("noise", 1)];
+        assert_eq!((name, entries), ("path", expected.map(|(name, count)| (name.to_owned(), count)).to_vec()));
+        cloud.columns.path.clear();
+        let mut report = Report::default();
+        assert_eq!(names(&cloud, ColorBy::Path, &mut report).0, "category");
+        assert!(report.warnings[0].contains("no column path"));
+    }
+
+    #[test]
     fn the_most_frequent_labels_stand_first() {
         let mut cloud = cloud(vec![1, 2, 2, 0, 9, 2, 1], vec![0; 7]);
         cloud.columns.y[6] = f32::NAN;

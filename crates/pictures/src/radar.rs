@@ -195,6 +195,28 @@ mod tests {
     }
 
     #[test]
+    fn views_show_what_the_frame_has() {
+        let page = Page::new(640);
+        let mut frame = RadarFrame::default();
+        let error = |frame: &RadarFrame, view| made(frame, view, &page).unwrap_err().to_string();
+        for (view, missing) in
+            [(View::RangeDoppler, "cube"), (View::RangeAzimuth, "cube"), (View::Polar, "polar image")]
+        {
+            let found = format!("of frame 0, which has no {missing}; allowed: a frame with a {missing}");
+            assert_eq!(error(&frame, view), format!("view {} is {found}", view.name()));
+        }
+        assert!(error(&frame, View::Top).starts_with("view is top; allowed: range_doppler"));
+        frame.wavelength = 3.9e-3;
+        frame.elements = vec![[0.0; 3]];
+        (frame.cube, frame.polar) = (Some(cube()), Some(turn()));
+        assert_eq!(made(&frame, View::RangeDoppler, &page).unwrap(), range_doppler(&cube()).unwrap());
+        // A half turn ahead, and a whole one, each as large as the page has room for.
+        let [half, whole] = [View::RangeAzimuth, View::Polar].map(|view| made(&frame, view, &page).unwrap());
+        let room = (TALLEST * page.inner() as f32) as usize;
+        assert!(half.width > whole.width && whole.height.abs_diff(room) < 3 && half.width <= page.inner() as usize + 1);
+    }
+
+    #[test]
     fn images_of_sonars_are_refused() {
         let mut image = images().remove(0);
         image.kind = cloud::image::ImageKind::Fan;
