@@ -3,7 +3,13 @@
 
 use ground::error::{Error, Result};
 use ground::pose::Pose;
-use radar::{Axis, RadarCube};
+use radar::{Axis, RadarCube, VirtualArray};
+
+/// dBm of 1 W.
+pub(crate) const DBM_OF_WATT: f32 = 30.0;
+
+/// Directions of [`RadarFrame::range_azimuth`], at least.
+const DIRECTIONS: usize = 256;
 
 /// A frame of a radar, as files and pictures take it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -83,6 +89,46 @@ impl RadarFrame {
             check_length("ADC samples", samples.values.len(), &[chirps, transmitters, receivers, count, 2])?;
         }
         self.polar.as_ref().map_or(Ok(()), PolarImage::check)
+    }
+
+    /// Power by azimuth and range in the cube, as a polar image from right to left: by Bartlett's beamformer over the
+    /// longest row of the array ([`RadarCube::range_azimuth`]), summed over velocities, mean of a channel. Directions are
+    /// equally spaced in the sine of the azimuth, and only those that the spacing of the array tells apart are there.
+    /// 8 bits begin at the lowest level.
+    ///
+    /// # Errors
+    /// A frame without a cube, or as [`RadarFrame::check`].
+    pub fn range_azimuth(&self) -> Result<PolarImage> {
+        self.check()?;
+        let cube = self.cube.as_ref().ok_or_else(|| self.without("cube"))?;
+        let places = self.elements.iter().map(|place| place.map(|part| part as f32)).collect();
+        let map = cube.range_azimuth(&VirtualArray { places, wavelength: self.wavelength }, DIRECTIONS);
+        let sines = (0..map.sine.len).map(|sine| (sine, map.sine.at(sine as f64)));
+        let seen: Vec<(usize, f64)> = sines.filter(|(_, sine)| sine.abs() < 1.0).collect();
+        let level = |cell: usize, sine: usize| match map.powers[cell * map.sine.len + sine] {
+            power if power > 0.0 => 10.0 * power.log10() + DBM_OF_WATT,
+            _ => f32::NAN,
+        };
+        let cells = 0..map.range.len;
+        let levels: Vec<f32> = seen
+            .iter()
+            .flat_map(|&(sine, _)| cells.clone().map(move |cell| (cell, sine)))
+            .map(|(c, s)| level(c, s))
+            .collect();
+        let floor_dbm = levels.iter().copied().fold(f32::INFINITY, f32::min);
+        Ok(PolarImage {
+            range: map.range,
+            azimuths: seen.iter().map(|(_, sine)| sine.asin()).collect(),
+            times: vec![self.time; seen.len()],
+            levels,
+            floor_dbm: if floor_dbm.is_finite() { floor_dbm } else { 0.0 },
+            step_db: 0.5,
+        })
+    }
+
+    /// The error where `what` was not recorded.
+    pub(crate) fn without(&self, what: &str) -> Error {
+        Error::invalid(&format!("frame {}", self.number), format!("without a {what}"), format!("with a {what}"))
     }
 }
 
@@ -197,6 +243,32 @@ mod tests {
         assert!(refused(&|bad| bad.polar.as_mut().unwrap().times[1] = f64::NAN).contains("finite"));
         assert!(refused(&|bad| bad.polar.as_mut().unwrap().step_db = 0.0).contains("a step above 0"));
         assert!(refused(&|bad| bad.pose.position.z = f64::INFINITY).contains("a finite time and pose"));
+    }
+
+    #[test]
+    fn power_comes_from_the_direction_of_the_target() {
+        use num_complex::Complex32;
+        // Eight channels half a wavelength apart, a target 20 degrees to the left, at 1.5 m: e^{j k y sin(azimuth)}.
+        let mut frame = made::frame();
+        let spacing = 0.5 * frame.wavelength;
+        frame.elements = (0..8).map(|channel| [0.0, spacing * f64::from(channel), 0.0]).collect();
+        let cube = frame.cube.as_mut().unwrap();
+        (cube.channels, cube.cells) = (8, vec![Complex32::ZERO; 8 * 32]);
+        for channel in 0..8 {
+            let phase = std::f32::consts::PI * channel as f32 * 20_f32.to_radians().sin();
+            cube.cells[channel * 32 + 8 + 3] = Complex32::from_polar(1e-6, phase);
+        }
+        let image = frame.range_azimuth().unwrap();
+        image.check().unwrap();
+        assert!(image.azimuths.windows(2).all(|pair| pair[0] < pair[1]));
+        let strongest = (0..image.levels.len()).filter(|&cell| image.levels[cell].is_finite());
+        let strongest = strongest.max_by(|&a, &b| image.levels[a].total_cmp(&image.levels[b])).unwrap();
+        assert!((image.azimuths[strongest / 8].to_degrees() - 20.0).abs() < 0.5);
+        assert_eq!(image.range.at((strongest % 8) as f64), 1.5);
+        // (1e-6)^2 W is -90 dBm.
+        assert!((image.levels[strongest] + 90.0).abs() < 0.05, "{}", image.levels[strongest]);
+        frame.cube = None;
+        assert_eq!(frame.range_azimuth().unwrap_err().to_string(), "frame 7 is without a cube; allowed: with a cube");
     }
 
     #[test]

@@ -6,6 +6,7 @@ use crate::progress::ProgressLine;
 use crate::report::{Seconds, timed};
 use anyhow::Result;
 use echocast::emitter::pattern::Pattern;
+use echocast::radar::{RadarFrame, RadarRecord};
 use echocast::scenario::FrameTime;
 use echocast::{
     BoxAxes, BuiltScene, Cause, Enclosure, Field, FieldSet, Ping, Pings, PointCloud, Profile, Report, ScanOptions,
@@ -89,8 +90,9 @@ impl Take<'_> {
     /// whatever the files hold.
     fn reported(&self) -> FieldSet {
         let cause = if self.makes_pings() { FieldSet::EMPTY.with(Field::Cause) } else { FieldSet::EMPTY };
-        // Boxes of pings need the times of their points.
-        let cause = if self.makes_pings() && self.output.boxes().is_some() { cause.with(Field::Time) } else { cause };
+        // Boxes of pings and of radar frames need the times of their points.
+        let timed = self.output.boxes().is_some() && (self.makes_pings() || self.radar_record().is_some());
+        let cause = if timed { cause.with(Field::Time) } else { cause };
         if self.output.boxes().is_some() || !self.skies.is_empty() { cause.with(Field::InstanceId) } else { cause }
     }
 
@@ -137,8 +139,21 @@ impl Take<'_> {
         ));
     }
 
+    fn radar_record(&self) -> Option<RadarRecord> {
+        self.output.radar_record()
+    }
+
     fn makes_pings(&self) -> bool {
         self.sensor.kind().makes_pings()
+    }
+
+    /// Adds boxes to the `cloud` of a ping or radar frame, if they were requested.
+    fn add_boxes(&self, built: &BuiltScene, options: &ScanOptions, cloud: &mut PointCloud) -> Result<()> {
+        (cloud.boxes, cloud.time_zero) = (None, self.trajectory.time_zero());
+        if options.boxes.is_some() {
+            cloud.boxes = Some(built.boxes(self.sensor, self.trajectory, options, cloud)?);
+        }
+        Ok(())
     }
 
     /// Scans all frames and writes what was requested. `built` is the scene as the first frame sees it; `build`
@@ -172,6 +187,7 @@ impl Take<'_> {
         let mut boxes = Vec::new();
         let mut pings = Pings::default();
         let mut ping = Ping::default();
+        let (record, mut radar_frame) = (self.radar_record(), RadarFrame::default());
         let pinged = output.pinged(self.options.fields).filter(|_| self.makes_pings());
         for &frame in &self.frames {
             interrupt::check()?;
@@ -182,6 +198,10 @@ impl Take<'_> {
             }
             progress.phase("scanning".into());
             timed(&mut seconds.scan, || -> Result<()> {
+                if let Some(record) = record {
+                    radar_frame = built.radar_frame(sensor, trajectory, &options, record, &mut cloud)?;
+                    return self.add_boxes(&built, &options, &mut cloud);
+                }
                 // One ping gives both cells and points.
                 let Some(kept) = pinged else { return Ok(built.scan_into(sensor, trajectory, &options, &mut cloud)?) };
                 let requests_clouds = output.requests_clouds();
@@ -191,14 +211,16 @@ impl Take<'_> {
                 received |= ping.cells().cause().iter().any(|&cause| cause != Cause::FalseAlarm as u8);
                 if requests_clouds {
                     cloud = ping.cloud(&options)?;
-                    cloud.time_zero = trajectory.time_zero();
-                    if options.boxes.is_some() {
-                        cloud.boxes = Some(built.boxes(sensor, trajectory, &options, &cloud)?);
-                    }
+                    self.add_boxes(&built, &options, &mut cloud)?;
                 }
                 pings.push(ping.with(kept))?;
                 Ok(())
             })?;
+            if record.is_some() {
+                progress.phase("writing".into());
+                let last = self.frames.last().is_some_and(|last| last.number == frame.number);
+                timed(&mut seconds.write, || writer.write_radar(&radar_frame, &cloud, trajectory, last))?;
+            }
             if let Some(images) = &mut images {
                 progress.phase("writing".into());
                 report.absorb(timed(&mut seconds.write, || images.add(&cloud, frame.number, frame.start))?);

@@ -333,13 +333,13 @@ fn lists_are_json_for_programs() {
     assert_eq!((&sensor["name"], &sensor["pattern"]["type"]), (&"velodyne_vlp16".into(), &"spinning".into()));
 
     let formats = report(folder, "formats");
-    assert_eq!(keys(&formats), "clouds clouds_read pictures pings scenes");
+    assert_eq!(keys(&formats), "clouds clouds_read pictures pings radars scenes");
     let clouds = formats["clouds"].as_array().unwrap();
     assert!(clouds.iter().all(|cloud| keys(cloud) == "cannot_hold description extensions label_names name"));
     let [las, oldest] = ["las", "las2"].map(|name| clouds.iter().find(|cloud| cloud["name"] == name).unwrap());
     assert_eq!((&las["extensions"], &las["cannot_hold"]), (&json!(["las"]), &json!([])));
     assert!(oldest["cannot_hold"].as_array().unwrap().contains(&"range".into()));
-    for kind in ["scenes", "pictures", "pings"] {
+    for kind in ["scenes", "pictures", "pings", "radars"] {
         let formats = formats[kind].as_array().unwrap();
         assert!(!formats.is_empty() && formats.iter().all(|it| keys(it) == "description extensions name"), "{kind}");
     }

@@ -1,4 +1,4 @@
-//! echocast simulates depth sensors: it casts the beams of LiDARs, depth cameras and sonars into a 3D
+//! echocast simulates depth sensors: it casts the beams of LiDARs, depth cameras, sonars and radars into a 3D
 //! scene with Embree and returns what the instrument would have reported, every point labelled.
 //!
 //! ```no_run
@@ -50,6 +50,26 @@
 //! }
 //! pings.write("survey.npz")?;
 //! image::waterfall(&pings, image::ImageRange::Slant, None)?.write("survey.png")?;
+//! # Ok::<(), echocast::Error>(())
+//! ```
+//!
+//! A scan with a radar gives its detections; [`BuiltScene::radar_frame`] gives what it records besides: the cube, the
+//! samples of its converters, or the polar image of a rotating one.
+//!
+//! ```no_run
+//! use echocast::preview::{self, PreviewOptions, View};
+//! use echocast::radar::RadarRecord;
+//! use echocast::{PointCloud, Pose, ScanOptions, Scene, Sensor, Trajectory};
+//!
+//! let street = Scene::load("street.glb")?.build()?;
+//! let radar = Sensor::preset("ti_awr1843")?;
+//! let (place, options) = (Trajectory::fixed(Pose::at(0.0, 0.0, 0.5)), ScanOptions::default().seed(7));
+//! let record = RadarRecord { cube: true, samples: true };
+//! let mut detections = PointCloud::default();
+//! let frame = street.radar_frame(&radar, &place, &options, record, &mut detections)?;
+//! frame.write("frame.npz")?;
+//! let doppler = PreviewOptions::default().view(View::RangeDoppler);
+//! preview::write_frame(&frame, "doppler.png".as_ref(), &doppler)?;
 //! # Ok::<(), echocast::Error>(())
 //! ```
 //!

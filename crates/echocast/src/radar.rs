@@ -3,11 +3,13 @@
 
 #[doc(inline)]
 pub use ::radar::{
-    ArrayElements, ArrayRow, ArraySpec, Axis, CfarDims, CfarMethod, CubeAxes, DetectionLimits, DetectionSteps, ElementGrid,
-    ElementPattern, FftWindow, Fmcw, Leakage, LobeShape, Multiplex, Polarisation, RadarCube, RadarDetectionSpec, RadarPulse,
-    RadarWaveform, VirtualArray,
+    ArrayElements, ArrayRow, ArraySpec, Axis, AzimuthMap, CfarDims, CfarMethod, CubeAxes, DetectionLimits,
+    DetectionSteps, ElementGrid, ElementPattern, FftWindow, Fmcw, Leakage, LobeShape, Multiplex, Polarisation,
+    RadarCube, RadarDetectionSpec, RadarPulse, RadarWaveform, VirtualArray,
 };
 #[doc(inline)]
 pub use cloud::{PolarImage, RadarFrame, RawSamples};
+#[doc(inline)]
+pub use engine::scan::RadarRecord;
 #[doc(inline)]
 pub use engine::sensor::{RadarSpec, RadarWindows};

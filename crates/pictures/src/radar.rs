@@ -1,16 +1,46 @@
 //! Images of a radar: range by Doppler and polar with lines of equal coordinates, and the fan with rings of equal
 //! range.
 
+use super::View;
 use super::canvas::{GROUND, Picture, TEXT};
 use super::legend::{self, round_down};
 use super::points::{quantile, wide};
 use super::sonar::{FLATTEST, Ink, TALLEST, rings};
 use super::top::length;
 use super::{Page, font};
-use cloud::image::{Image, ImageKind};
+use cloud::image::{Image, ImageKind, polar_fan, range_doppler};
+use cloud::{PolarImage, RadarFrame};
 use glam::Vec2;
 use ground::error::{Error, Result};
 use std::f64::consts::{FRAC_PI_2, PI};
+
+/// The image of `frame` in this view.
+pub(super) fn made(frame: &RadarFrame, view: View, page: &Page) -> Result<Image> {
+    let missing = |what: &str| {
+        let found = format!("of frame {}, which has no {what}", frame.number);
+        Error::invalid(&format!("view {}", view.name()), found, format!("a frame with a {what}"))
+    };
+    match view {
+        View::RangeDoppler => range_doppler(frame.cube.as_ref().ok_or_else(|| missing("cube"))?),
+        View::RangeAzimuth if frame.cube.is_some() => laid_out(&frame.range_azimuth()?, page),
+        View::RangeAzimuth => Err(missing("cube")),
+        View::Polar => laid_out(frame.polar.as_ref().ok_or_else(|| missing("polar image"))?, page),
+        other => {
+            let allowed = "range_doppler, range_azimuth or polar for frames of radars";
+            Err(Error::invalid("view", other.name(), allowed))
+        }
+    }
+}
+
+/// `image` around the radar, as large as the page has room for.
+fn laid_out(image: &PolarImage, page: &Page) -> Result<Image> {
+    // A small one gives the aspect ratio.
+    let small = polar_fan(image, 64)?;
+    let sides = [small.width, small.height].map(|side| side as f32);
+    let room = [page.inner() as f32, TALLEST * page.inner() as f32];
+    let fit = (room[0] / sides[0]).min(room[1] / sides[1]);
+    polar_fan(image, (fit * sides[0].max(sides[1])) as usize)
+}
 
 /// The picture of `image`.
 pub(super) fn draw(image: &Image, page: &Page) -> Result<Picture> {
@@ -162,6 +192,28 @@ mod tests {
             let other = near(x - 60, y + 30);
             assert!(near(x, y) > 600 && other < 450, "{:?} {x} {y}: {} {other}", image.kind, near(x, y));
         }
+    }
+
+    #[test]
+    fn views_show_what_the_frame_has() {
+        let page = Page::new(640);
+        let mut frame = RadarFrame::default();
+        let error = |frame: &RadarFrame, view| made(frame, view, &page).unwrap_err().to_string();
+        for (view, missing) in
+            [(View::RangeDoppler, "cube"), (View::RangeAzimuth, "cube"), (View::Polar, "polar image")]
+        {
+            let found = format!("of frame 0, which has no {missing}; allowed: a frame with a {missing}");
+            assert_eq!(error(&frame, view), format!("view {} is {found}", view.name()));
+        }
+        assert!(error(&frame, View::Top).starts_with("view is top; allowed: range_doppler"));
+        frame.wavelength = 3.9e-3;
+        frame.elements = vec![[0.0; 3]];
+        (frame.cube, frame.polar) = (Some(cube()), Some(turn()));
+        assert_eq!(made(&frame, View::RangeDoppler, &page).unwrap(), range_doppler(&cube()).unwrap());
+        // A half turn ahead, and a whole one, each as large as the page has room for.
+        let [half, whole] = [View::RangeAzimuth, View::Polar].map(|view| made(&frame, view, &page).unwrap());
+        let room = (TALLEST * page.inner() as f32) as usize;
+        assert!(half.width > whole.width && whole.height.abs_diff(room) < 3 && half.width <= page.inner() as usize + 1);
     }
 
     #[test]

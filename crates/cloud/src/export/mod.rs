@@ -43,7 +43,7 @@ pub use images::{AnnotationStyle, ImageFolder, ImageLayer, ImageOptions, check_i
 pub use pings::{check_image, check_pings, image_label_paths};
 pub use polar::{PolarFolder, PolarStyle};
 pub use radar_frame::check_radar_frame;
-pub use radar_points::RadarPoints;
+pub use radar_points::{RadarPoints, check_radar_points};
 
 use crate::cells::SonarView;
 use crate::{Field, FieldInfo, FieldSet, PointCloud, Record};

@@ -7,7 +7,9 @@ use crate::{Field, FieldSet, PointCloud};
 use glam::Vec3;
 use ground::error::{Error, Result};
 use ground::named;
-use ground::write;
+use ground::read::ending;
+use ground::shown;
+use ground::write::{self, Pending};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -69,7 +71,31 @@ const NO_CLASS: u8 = 31;
 /// What stands for an unknown RCS: the least that an ARS 408 reports, dBsm.
 const LEAST_RCS: f32 = -64.0;
 
+/// Checks, before a long scan, whether detections of a radar can be written to `path` in the layout of its ending.
+///
+/// # Errors
+/// As [`RadarPoints::of`]; a missing folder or one that cannot be written to.
+pub fn check_radar_points(path: &Path) -> Result<()> {
+    RadarPoints::of(path)?;
+    Pending::create(path).map(drop)
+}
+
 impl RadarPoints {
+    /// The layout that the ending of `path` stands for: `.pcd` of nuScenes, `.bin` of View-of-Delft.
+    ///
+    /// # Errors
+    /// Another ending.
+    pub fn of(path: &Path) -> Result<RadarPoints> {
+        match ending(path).as_str() {
+            "pcd" => Ok(RadarPoints::Nuscenes),
+            "bin" => Ok(RadarPoints::ViewOfDelft),
+            _ => Err(Error::Unsupported {
+                what: format!("the ending of the output file {}", shown::path(path)),
+                instead: "detections of radars are written as .pcd of nuScenes or .bin of View-of-Delft".to_owned(),
+            }),
+        }
+    }
+
     /// The columns that a cloud must have: positions, `rcs` and `doppler`. `range_sigma`, `azimuth_sigma` and
     /// `velocity_sigma` are used if it has them.
     pub fn fields() -> FieldSet {

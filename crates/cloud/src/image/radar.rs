@@ -3,13 +3,11 @@
 use super::fan::{FanBins, LaidOut, lay_out, limits};
 use super::{Image, ImageKind, PixelSource, Place, filled};
 use crate::PolarImage;
+use crate::radar_frame::DBM_OF_WATT;
 use ground::error::{Error, Result};
 use radar::RadarCube;
 use std::f64::consts::TAU;
 use std::sync::Arc;
-
-/// dBm of 1 W.
-const DBM_OF_WATT: f32 = 30.0;
 
 /// Power in the cells of `cube`, summed over its channels, dBm.
 ///
