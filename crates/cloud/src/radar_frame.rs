@@ -128,7 +128,7 @@ impl RadarFrame {
 
     /// The error where `what` was not recorded.
     pub(crate) fn without(&self, what: &str) -> Error {
-        Error::invalid(&format!("frame {}", self.number), format!("without a {what}"), format!("with a {what}"))
+        Error::invalid(format!("frame {}", self.number), format!("without a {what}"), format!("with a {what}"))
     }
 }
 

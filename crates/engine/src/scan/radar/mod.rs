@@ -5,6 +5,7 @@ mod paths;
 mod points;
 mod precipitation;
 mod rotor;
+mod setup;
 #[cfg(test)]
 mod tests;
 mod truth;
@@ -15,8 +16,8 @@ use crate::trace::BuiltScene;
 use cloud::{PointCloud, RadarFrame};
 use emitter::Trajectory;
 use emitter::pattern::Pattern;
-use frame::RadarSetup;
 use ground::error::Result;
+use setup::RadarSetup;
 
 /// What is recorded of a frame besides its detections.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! From detections to the rows of a cloud.
 
-use super::frame::RadarSetup;
+use super::setup::{RadarMoment, RadarSetup};
 use super::truth::FrameTruth;
 use crate::echo::radar::RadarEchoes;
 use crate::trace::{Later, Search};
@@ -12,21 +12,7 @@ use ground::cause::Cause;
 use ground::error::Result;
 use ground::lanes::MEDIUM;
 use ground::path_type::PathType;
-use ground::pose::Pose;
 use std::f64::consts::PI;
-
-/// A radar at one moment.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct RadarMoment {
-    /// Pose of its antenna, and of what carries it.
-    pub pose: Pose,
-    pub carrier: Pose,
-    /// m/s, world.
-    pub velocity: DVec3,
-    /// s since the start of the run, and the part of the scene's time span.
-    pub time: f64,
-    pub part: f32,
-}
 
 /// Writes the detections of a moment.
 pub(super) struct PointWriter<'a> {

@@ -1,8 +1,8 @@
 //! A turn of a rotating radar: a polar image, and what stands out in it.
 
-use super::frame::RadarSetup;
 use super::paths::FramePaths;
-use super::points::{PointWriter, RadarMoment};
+use super::points::PointWriter;
+use super::setup::{RadarMoment, RadarSetup};
 use super::truth::FrameTruth;
 use crate::echo::radar::RadarEchoes;
 use ::radar::{DetectionTruth, RadarDetections};

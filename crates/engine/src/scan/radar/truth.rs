@@ -1,7 +1,6 @@
 //! What the echoes of a frame are of: groups of paths with the same label and type.
 
-use super::frame::RadarSetup;
-use super::points::RadarMoment;
+use super::setup::{RadarMoment, RadarSetup};
 use crate::echo::radar::RadarEchoes;
 use crate::trace::Search;
 use ::radar::TruthPaths;
