@@ -3,9 +3,9 @@
 
 #[doc(inline)]
 pub use ::radar::{
-    ArrayElements, ArrayRow, ArraySpec, Axis, CfarDims, CfarMethod, CubeAxes, DetectionLimits, DetectionSteps, ElementGrid,
-    ElementPattern, FftWindow, Fmcw, Leakage, LobeShape, Multiplex, Polarisation, RadarCube, RadarDetectionSpec, RadarPulse,
-    RadarWaveform, VirtualArray,
+    ArrayElements, ArrayRow, ArraySpec, Axis, CfarDims, CfarMethod, CubeAxes, DetectionLimits, DetectionSteps,
+    ElementGrid, ElementPattern, FftWindow, Fmcw, Leakage, LobeShape, Multiplex, Polarisation, RadarCube,
+    RadarDetectionSpec, RadarPulse, RadarWaveform, VirtualArray,
 };
 #[doc(inline)]
 pub use cloud::{PolarImage, RadarFrame, RawSamples};

@@ -184,8 +184,7 @@ impl RadarParts {
             wavelength: spec.waveform.wavelength(),
             slots: &slots,
         };
-        let first =
-            FrameDetector { detector: Detector::new(&detection, geometry)?, sharing: Sharing::new(geometry) };
+        let first = FrameDetector { detector: Detector::new(&detection, geometry)?, sharing: Sharing::new(geometry) };
         Ok(RadarParts { detectors: Mutex::default(), first, surfaces: Mutex::default(), plan })
     }
 
