@@ -294,6 +294,14 @@ impl OutputArgs {
             "--view {}: the sensor is a {kind}; allowed: with radars only",
             self.view.name()
         );
+        let rotates = matches!(sensor.spec().pattern, Pattern::RadarRotor(_));
+        ensure!(
+            !self.view.shows_frames() || rotates == (self.view == View::Polar),
+            "--view {}: the radar {}; allowed: {}",
+            self.view.name(),
+            if rotates { "rotates" } else { "does not rotate" },
+            if rotates { "polar" } else { "range_doppler, range_azimuth" }
+        );
         self.radar.check(sensor)?;
         if kind.makes_pings() && profile != Profile::Physical {
             let view = format!("--view {}", self.view.name());

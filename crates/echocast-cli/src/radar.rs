@@ -4,6 +4,7 @@ use crate::choice;
 use crate::names::numbered;
 use anyhow::{Context as _, Result, ensure};
 use clap::Args;
+use echocast::emitter::pattern::Pattern;
 use echocast::export::{self, PolarFolder, PolarStyle, RadarPoints, check_radar_points};
 use echocast::radar::{RadarFrame, RadarRecord};
 use echocast::{FieldSet, Named, PointCloud, Report, Sensor, SensorKind, Trajectory, shown};
@@ -119,7 +120,17 @@ impl RadarArgs {
             let kind = sensor.kind();
             ensure!(kind == SensorKind::Radar, "{option}: the sensor is a {kind}; allowed: with radars only");
         }
+        let rotates = matches!(sensor.spec().pattern, Pattern::RadarRotor(_));
+        ensure!(
+            self.polar.is_none() || rotates,
+            "--polar: the radar does not rotate; allowed: with radars of the pattern radar_rotor"
+        );
         if let Some(file) = &self.radar {
+            ensure!(
+                !rotates || self.parts.is_empty() && !is_capture(file),
+                "--radar {}: a rotating radar records polar images alone; allowed: .npz and .h5 without --radar-parts",
+                shown::path(file)
+            );
             export::check_radar_frame(file).context("--radar")?;
             ensure!(
                 !is_capture(file) || !self.parts.contains(&RadarPart::Cube),

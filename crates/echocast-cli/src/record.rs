@@ -124,9 +124,13 @@ impl Take<'_> {
         ));
     }
 
-    /// Warns that a Doppler velocity log has no velocity over ground in `lost` pings; `most_locked`: the most beams
+    /// Warns if a Doppler velocity log has no velocity over ground in `lost` pings; `most_locked`: the most beams
     /// that met the bottom in any ping.
     fn warn_of_lost_bottom(&self, lost: usize, most_locked: usize, report: &mut Report) {
+        let tracks = matches!(self.sensor.spec().pattern, Pattern::Dvl(_)) && self.options.profile == Profile::Physical;
+        if !tracks || lost == 0 {
+            return;
+        }
         let reach = self.sensor.spec().range.max_m.unwrap_or(f64::INFINITY);
         let met = match most_locked {
             0 => "no beam met the bottom".to_owned(),
@@ -263,10 +267,7 @@ impl Take<'_> {
             }
         })?;
         report.absorb(writer.report);
-        let tracks = matches!(sensor.spec().pattern, Pattern::Dvl(_)) && self.options.profile == Profile::Physical;
-        if tracks && lost > 0 {
-            self.warn_of_lost_bottom(lost, most_locked, &mut report);
-        }
+        self.warn_of_lost_bottom(lost, most_locked, &mut report);
         let with_points = output.requests_clouds() || !self.makes_pings();
         let noise = self.makes_pings() && if with_points { causes.only(Cause::FalseAlarm) } else { !received };
         let nothing = match () {

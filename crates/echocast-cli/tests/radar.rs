@@ -20,6 +20,7 @@ radar:
   array: {rx: {count: 8}}
   clutter: false
 ";
+const TURN: &str = "scan DIR/plate.obj --up z --sensor navtech_cts350x --at 0,0,0";
 const SCAN: &str = "scan DIR/plate.obj --up z --sensor DIR/small.yaml --at 0,0,0";
 
 /// A folder with `small.yaml` and `plate.obj`, a plate that faces the radar from 20 m.
@@ -97,6 +98,16 @@ fn wrong_requests_are_refused_before_the_scan() {
             format!("{lidar} --preview DIR/x.png --view polar"),
             "--view polar: the sensor is a lidar; allowed: with radars only",
         ),
+        (format!("{SCAN} --polar DIR/x"), "--polar: the radar does not rotate; allowed: with radars of the pattern"),
+        (
+            format!("{SCAN} --preview DIR/x.png --view polar"),
+            "--view polar: the radar does not rotate; allowed: range_doppler, range_azimuth",
+        ),
+        (
+            format!("{TURN} --radar DIR/x.bin"),
+            "x.bin: a rotating radar records polar images alone; allowed: .npz and .h5 without --radar-parts",
+        ),
+        (format!("{TURN} --preview DIR/x.png --view range_doppler"), "--view range_doppler: the radar rotates; allowed: polar"),
         (format!("{SCAN} --radar DIR/x.las"), "frames of radars are written as .npz, .h5, .hdf5, .bin"),
         (format!("{SCAN} --detections DIR/x.las"), "detections of radars are written as .pcd of nuScenes or .bin"),
         (format!("{SCAN} --radar DIR/x.bin --radar-parts cube"), "x.bin holds samples only; allowed: samples, or .npz"),
