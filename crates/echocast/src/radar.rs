@@ -3,11 +3,13 @@
 
 #[doc(inline)]
 pub use ::radar::{
-    ArrayRow, ArraySpec, Axis, CfarDims, CfarMethod, CubeAxes, DetectionLimits, DetectionSteps, ElementGrid,
-    ElementPattern, Elements, Fmcw, Leakage, LobeShape, Multiplex, Polarisation, RadarCube, RadarDetectionSpec,
-    RadarPulse, RadarWaveform, VirtualArray, Window,
+    ArrayElements, ArrayRow, ArraySpec, Axis, CfarDims, CfarMethod, CubeAxes, DetectionLimits, DetectionSteps,
+    ElementGrid, ElementPattern, FftWindow, Fmcw, Leakage, LobeShape, Multiplex, Polarisation, RadarCube,
+    RadarDetectionSpec, RadarPulse, RadarWaveform, VirtualArray,
 };
 #[doc(inline)]
 pub use cloud::{PolarImage, RadarFrame, RawSamples};
+#[doc(inline)]
+pub use engine::scan::RadarRecord;
 #[doc(inline)]
 pub use engine::sensor::{RadarSpec, RadarWindows};
