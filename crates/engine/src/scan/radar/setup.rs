@@ -146,11 +146,7 @@ impl<'a> RadarSetup<'a> {
             mask: self.options.mask,
             mirrors: usize::from(self.spec.mirrors),
             resolution: self.resolution,
-            clutter: self.spec.clutter.then_some(ClutterGrid {
-                rng: self.rng,
-                range: self.resolution,
-                angle: 0.5 * self.beam,
-            }),
+            clutter: self.spec.clutter.then(|| self.clutter_grid(sector[0])),
         };
         paths.find(&field, &limits);
         add_precipitation(&field, sector, self.resolution, &self.rng, paths);
@@ -160,6 +156,16 @@ impl<'a> RadarSetup<'a> {
     /// Width of a beam, rad.
     pub fn beam(&self) -> f64 {
         self.beam
+    }
+
+    /// Patches of clutter as large as cells; of a radar with very many cells, no more than memory can hold.
+    fn clutter_grid(&self, [left, right]: [f64; 2]) -> ClutterGrid {
+        /// Most patches of level ground in the field of view.
+        const MOST: f64 = 2e6;
+        let (range, angle) = (self.resolution, 0.5 * self.beam);
+        let patches = self.reach / range * (right - left) / angle;
+        let coarser = (patches / MOST).sqrt().max(1.0);
+        ClutterGrid { rng: self.rng, range: coarser * range, angle: coarser * angle }
     }
 
     /// Received amplitude per strength of an echo, sqrt(W) m, without gains.
