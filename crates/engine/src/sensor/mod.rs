@@ -180,7 +180,9 @@ impl Sensor {
             radar: spec
                 .radar
                 .as_ref()
-                .map(|radar| RadarParts::new(radar, &spec.pattern, [spec.range.min_m, spec.range.max_m.unwrap_or(f64::INFINITY)]))
+                .map(|radar| {
+                    RadarParts::new(radar, &spec.pattern, [spec.range.min_m, spec.range.max_m.unwrap_or(f64::INFINITY)])
+                })
                 .transpose()?
                 .map(Arc::new),
             transducers: Arc::default(),
