@@ -614,7 +614,7 @@ fn unambiguous(spec: &RadarSpec) -> Option<f64> {
         RadarWaveform::Fmcw(fmcw) if spec.detection.unfold => fmcw.slots(transmitters),
         _ => 1,
     };
-    (axis.len > 1).then(|| 0.5 * axis.step * axis.len as f64 * folds as f64)
+    (axis.len > 1).then_some(0.5 * axis.step * axis.len as f64 * folds as f64)
 }
 
 #[test]
