@@ -410,8 +410,9 @@ fn every_instrument_has_a_speed() {
         })
         .collect();
     let presets = Sensor::presets();
-    let mut expected: Vec<&str> =
-        presets.iter().filter(|preset| preset.folder != "paper").map(|preset| &*preset.name).collect();
+    // Frames of radars are timed by `bench radar`.
+    let timed = presets.iter().filter(|preset| preset.folder != "paper" && preset.kind != SensorKind::Radar);
+    let mut expected: Vec<&str> = timed.map(|preset| &*preset.name).collect();
     measured.sort_unstable();
     expected.sort_unstable();
     assert_eq!(measured, expected, "`bench instruments` updates the tables");

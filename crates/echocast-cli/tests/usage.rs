@@ -360,7 +360,10 @@ fn lists_are_json_for_programs() {
     );
     assert!((room["cameras"][0]["direction"][2].as_f64().unwrap() + 1.0).abs() < 1e-9);
     let hall = report(folder, "info HALL");
-    assert_eq!(keys(&hall["materials"][0]), "alpha by_image changes name opacity reflectance source spread why");
+    assert_eq!(
+        keys(&hall["materials"][0]),
+        "alpha by_image changes name opacity radar radar_why reflectance source spread why"
+    );
     assert_eq!(keys(&hall["categories"][0]), "id name objects");
     assert_eq!(keys(&hall["parts"][0]), "id name");
     stdout(folder, "generate street --seconds 8 -q -o DIR/street.glb");

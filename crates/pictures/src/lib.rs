@@ -553,7 +553,7 @@ mod tests {
         let error = "prespective".parse::<View>().unwrap_err().to_string();
         assert_eq!(
             error,
-            "there is no view named \"prespective\"; near: perspective, top, range, waterfall, track, fan"
+            "there is no view named \"prespective\"; near: perspective, top, range, waterfall, track, fan, range_doppler, range_azimuth, polar"
         );
         let error = "hieght".parse::<ColorBy>().unwrap_err().to_string();
         assert_eq!(

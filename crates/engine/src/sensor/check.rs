@@ -294,6 +294,8 @@ impl SensorSpec {
             return Err(Error::invalid("pattern.type", "that of another kind of sensor", allowed));
         }
         self.check_no_light("radar")?;
+        let allowed = "0 with kind: radar, whose range cells follow from radar.waveform";
+        bounds.number("range.resolution_m", self.range.resolution_m, [0.0; 2], allowed)?;
         radar.check(bounds, &self.pattern)
     }
 
