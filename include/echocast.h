@@ -1987,7 +1987,9 @@ echocast_status echocast_radar_frame(const echocast_snapshot *snapshot,
  *            info.cube[2 * (cell + range) + 1]);
  * ```
  */
-ECHOCAST_API echocast_status echocast_radar_get_info(const echocast_radar *radar, echocast_radar_info *info);
+ECHOCAST_API
+echocast_status echocast_radar_get_info(const echocast_radar *radar,
+                                        echocast_radar_info *info);
 
 /**
  * Writes a frame to a file, by the ending of `path`: NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`), arrays with their axes; or
@@ -2014,7 +2016,10 @@ ECHOCAST_API echocast_status echocast_radar_write(const echocast_radar *radar, c
  * echocast_radar_preview(radar, "doppler.png", "{view: range_doppler}");
  * ```
  */
-ECHOCAST_API echocast_status echocast_radar_preview(const echocast_radar *radar, const char *path, const char *options);
+ECHOCAST_API
+echocast_status echocast_radar_preview(const echocast_radar *radar,
+                                       const char *path,
+                                       const char *options);
 
 /** Releases a frame. NULL is allowed. Any thread may call this. */
 ECHOCAST_API void echocast_radar_release(echocast_radar *radar);

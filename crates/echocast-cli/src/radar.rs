@@ -190,7 +190,7 @@ impl<'a> RadarWriter<'a> {
     ) -> Result<Report> {
         let mut report = Report::default();
         let place = |file: &PathBuf| if self.single { numbered(file, frame.number) } else { file.clone() };
-        if let Some(file) = self.args.frame.as_ref().map(place) {
+        if let Some(file) = self.args.radar.as_ref().map(place) {
             report.absorb(frame.write(&file).context("--radar")?);
             files.push(file);
         }

@@ -160,6 +160,17 @@ impl Take<'_> {
         Ok(())
     }
 
+    /// What is wrong with scans that have no points, or none but of noise.
+    fn nothing(&self, points: usize, causes: &Causes, received: bool) -> Option<Nothing> {
+        let with_points = self.output.requests_clouds() || !self.makes_pings();
+        let noise = self.makes_pings() && if with_points { causes.only(Cause::FalseAlarm) } else { !received };
+        match () {
+            () if points == 0 && with_points => Some(Nothing::Seen),
+            () if noise => Some(Nothing::ButNoise),
+            () => None,
+        }
+    }
+
     /// Scans all frames and writes what was requested. `built` is the scene as the first frame sees it; `build`
     /// rebuilds it for each frame if it moves.
     pub fn record(
@@ -268,13 +279,7 @@ impl Take<'_> {
         })?;
         report.absorb(writer.report);
         self.warn_of_lost_bottom(lost, most_locked, &mut report);
-        let with_points = output.requests_clouds() || !self.makes_pings();
-        let noise = self.makes_pings() && if with_points { causes.only(Cause::FalseAlarm) } else { !received };
-        let nothing = match () {
-            () if points == 0 && with_points => Some(Nothing::Seen),
-            () if noise => Some(Nothing::ButNoise),
-            () => None,
-        };
+        let nothing = self.nothing(points, &causes, received);
         let reported = self.makes_pings() && self.options.profile == Profile::Physical;
         let causes = if reported { causes.reported() } else { Vec::new() };
         let beams = sensor.beams().len() * self.frames.len();

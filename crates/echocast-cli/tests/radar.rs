@@ -69,7 +69,7 @@ fn single_frames_have_files_of_their_own() {
     assert_eq!(fs::metadata(folder.join("adc_0002.bin")).unwrap().len(), 64 * 8 * 128 * 4);
     // Seven f32 for each detection, of which the plate is one.
     let detections = fs::metadata(folder.join("det_0002.bin")).unwrap().len();
-    assert!(detections > 0 && detections % 28 == 0, "{detections}");
+    assert!(detections > 0 && detections.is_multiple_of(28), "{detections}");
 }
 
 #[test]
@@ -107,7 +107,10 @@ fn wrong_requests_are_refused_before_the_scan() {
             format!("{TURN} --radar DIR/x.bin"),
             "x.bin: a rotating radar records polar images alone; allowed: .npz and .h5 without --radar-parts",
         ),
-        (format!("{TURN} --preview DIR/x.png --view range_doppler"), "--view range_doppler: the radar rotates; allowed: polar"),
+        (
+            format!("{TURN} --preview DIR/x.png --view range_doppler"),
+            "--view range_doppler: the radar rotates; allowed: polar",
+        ),
         (format!("{SCAN} --radar DIR/x.las"), "frames of radars are written as .npz, .h5, .hdf5, .bin"),
         (format!("{SCAN} --detections DIR/x.las"), "detections of radars are written as .pcd of nuScenes or .bin"),
         (format!("{SCAN} --radar DIR/x.bin --radar-parts cube"), "x.bin holds samples only; allowed: samples, or .npz"),

@@ -678,7 +678,7 @@ mod tests {
         let ids: Vec<u32> = (0..300_000u32).map(|row| row / 70_000).collect();
         let cloud = cloud(ids, vec![]);
         let points = Points::new(&cloud, &mut Report::default());
-        let counts = Groups { labels: Some(&cloud.columns.category_id), points: &points }.count();
+        let counts = Groups { by: GroupsBy::Labels(&cloud.columns.category_id), points: &points }.count();
         let expected = [(0, 70_000), (1, 70_000), (2, 70_000), (3, 70_000), (4, 20_000)];
         assert_eq!(counts, expected.map(|(id, count)| (ColorGroup::Label(id), count)).into());
     }

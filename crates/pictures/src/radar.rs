@@ -18,7 +18,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 pub(super) fn made(frame: &RadarFrame, view: View, page: &Page) -> Result<Image> {
     let missing = |what: &str| {
         let found = format!("of frame {}, which has no {what}", frame.number);
-        Error::invalid(&format!("view {}", view.name()), found, format!("a frame with a {what}"))
+        Error::invalid(format!("view {}", view.name()), found, format!("a frame with a {what}"))
     };
     match view {
         View::RangeDoppler => range_doppler(frame.cube.as_ref().ok_or_else(|| missing("cube"))?),

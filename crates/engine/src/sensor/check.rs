@@ -284,6 +284,19 @@ impl SensorSpec {
         Ok(())
     }
 
+    /// The part of [`SensorSpec::check_with`] for radars.
+    fn check_radar(&self, bounds: &mut Bounds) -> Result<()> {
+        let Some(radar) = &self.radar else {
+            return Err(Error::invalid("radar", "missing", "a section with kind: radar"));
+        };
+        if !self.pattern.is_of_radar() {
+            let allowed = "radar or radar_rotor with kind: radar";
+            return Err(Error::invalid("pattern.type", "that of another kind of sensor", allowed));
+        }
+        self.check_no_light("radar")?;
+        radar.check(bounds, &self.pattern)
+    }
+
     /// Turns `document` into a checked description.
     pub(super) fn read(document: &Document) -> Result<SensorSpec> {
         let spec: SensorSpec = document.read()?;

@@ -177,7 +177,14 @@ impl Sensor {
             rings: rings::of_channels(&spec, &beams, channels),
             signals: Arc::new(Signals::new(&spec)),
             texture: spec.acoustics.as_ref().and_then(|it| it.texture_shape).map_or_else(|| Arc::from([]), texture),
-            radar: spec.radar.as_ref().map(|radar| RadarParts::new(radar, &spec.pattern, &spec.range)).transpose()?.map(Arc::new),
+            radar: spec
+                .radar
+                .as_ref()
+                .map(|radar| {
+                    RadarParts::new(radar, &spec.pattern, [spec.range.min_m, spec.range.max_m.unwrap_or(f64::INFINITY)])
+                })
+                .transpose()?
+                .map(Arc::new),
             transducers: Arc::default(),
             receptions: Arc::default(),
             drawn: Arc::default(),

@@ -1,6 +1,6 @@
 //! Keys for radars only: the section `radar` of a sensor file.
 
-use super::{RangeSpec, Sensor, SensorSpec};
+use super::Sensor;
 use crate::echo::radar::RadarSurfaces;
 use crate::trace::SharedSurfaces;
 use ::radar::{
@@ -113,14 +113,15 @@ impl RadarSpec {
         Ok(())
     }
 
-    /// The keys of its detector, with limits within the field of view of `pattern` and within `range`.
-    fn detection_within(&self, pattern: &Pattern, range: &RangeSpec) -> RadarDetectionSpec {
+    /// The keys of its detector, with limits within the field of view of `pattern` and within the ranges
+    /// `reported_m`.
+    fn detection_within(&self, pattern: &Pattern, reported_m: [f64; 2]) -> RadarDetectionSpec {
         let mut detection = self.detection.clone();
         let narrow = |limits: &mut Option<[f64; 2]>, [least, greatest]: [f64; 2]| {
             let [from, to] = limits.unwrap_or([least, greatest]);
             *limits = Some([from.max(least), to.min(greatest)]);
         };
-        narrow(&mut detection.limits.range_m, [range.min_m, range.max_m.unwrap_or(f64::INFINITY)]);
+        narrow(&mut detection.limits.range_m, reported_m);
         if let Pattern::Radar(view) = pattern {
             narrow(&mut detection.limits.azimuth_deg, view.azimuth_deg);
             narrow(&mut detection.limits.elevation_deg, view.elevation_deg);
@@ -160,7 +161,8 @@ impl std::fmt::Debug for FrameDetector {
 impl RadarParts {
     /// # Errors
     /// As [`RadarPlan::new`] and [`Detector::new`].
-    pub fn new(spec: &RadarSpec, pattern: &Pattern, range: &RangeSpec) -> Result<RadarParts> {
+    pub fn new(spec: &RadarSpec, pattern: &Pattern, reported_m: [f64; 2]) -> Result<RadarParts> {
+        let detection = spec.detection_within(pattern, reported_m);
         let RadarWindows { range, velocity } = spec.windows;
         let plan = RadarPlan::new(&spec.waveform, &spec.array, [range, velocity], spec.instrument)?;
         let axes = plan.axes();
@@ -183,9 +185,7 @@ impl RadarParts {
             wavelength: spec.waveform.wavelength(),
             slots: &slots,
         };
-        let detection = spec.detection_within(pattern, range);
-        let first =
-            FrameDetector { detector: Detector::new(&detection, geometry)?, sharing: Sharing::new(geometry) };
+        let first = FrameDetector { detector: Detector::new(&detection, geometry)?, sharing: Sharing::new(geometry) };
         Ok(RadarParts { detectors: Mutex::default(), first, surfaces: Mutex::default(), plan })
     }
 
@@ -226,20 +226,5 @@ impl Sensor {
     pub(crate) fn radar(&self) -> Result<(&RadarSpec, &RadarParts)> {
         let parts = self.spec.radar.as_ref().zip(self.radar.as_deref());
         parts.ok_or_else(|| Error::invalid("sensor", self.name(), "a radar (kind: radar)"))
-    }
-}
-
-impl SensorSpec {
-    /// The part of [`SensorSpec::check_with`] for radars.
-    pub(super) fn check_radar(&self, bounds: &mut Bounds) -> Result<()> {
-        let Some(radar) = &self.radar else {
-            return Err(Error::invalid("radar", "missing", "a section with kind: radar"));
-        };
-        if !self.pattern.is_of_radar() {
-            let allowed = "radar or radar_rotor with kind: radar";
-            return Err(Error::invalid("pattern.type", "that of another kind of sensor", allowed));
-        }
-        self.check_no_light("radar")?;
-        radar.check(bounds, &self.pattern)
     }
 }

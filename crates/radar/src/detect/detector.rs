@@ -64,8 +64,18 @@ impl RadarDetections {
         self.range.is_empty()
     }
 
-    fn clear(&mut self) {
-        for column in [
+    /// Keeps those of the numbers `which`, in that order.
+    pub fn keep(&mut self, which: &[usize]) {
+        for column in self.columns() {
+            *column = which.iter().map(|&at| column[at]).collect();
+        }
+        for column in [&mut self.range_cell, &mut self.velocity_cell] {
+            *column = which.iter().map(|&at| column[at]).collect();
+        }
+    }
+
+    fn columns(&mut self) -> [&mut Vec<f32>; 10] {
+        [
             &mut self.range,
             &mut self.velocity,
             &mut self.azimuth,
@@ -76,7 +86,11 @@ impl RadarDetections {
             &mut self.sigma_velocity,
             &mut self.sigma_azimuth,
             &mut self.sigma_elevation,
-        ] {
+        ]
+    }
+
+    fn clear(&mut self) {
+        for column in self.columns() {
             column.clear();
         }
         self.range_cell.clear();

@@ -25,7 +25,7 @@ pub(crate) struct ClutterGrid {
 /// A patch of a rough surface.
 struct Patch {
     triangle: u32,
-    /// Which part of the triangle: two bits for each of its divisions by four after a leading one.
+    /// Which part of the triangle: a bit for each of its divisions in two after a leading one.
     part: u32,
     place: DVec3,
     /// Backscattering area, m^2.
@@ -42,8 +42,8 @@ pub(crate) struct ClutterMemory {
     stack: Vec<([DVec3; 3], u32)>,
 }
 
-/// Most divisions of a triangle by two, as its part has 32 bits.
-const MOST_DIVISIONS: u32 = 15;
+/// Most divisions of a triangle, as its part has 32 bits.
+const MOST_DIVISIONS: u32 = 31;
 
 /// Adds the clutter of target `number`, which is seen directly, to `echoes`.
 pub(crate) fn scatter_from_rough(
@@ -121,22 +121,28 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
                 continue;
             }
             let along = to / distance;
-            let area = 0.5 * across.length() / f64::from(1u32 << (2 * divisions(part))).max(1.0);
-            // Extent in range, and across.
-            let ranges = [a, b, c].map(|corner| (corner - field.place).length());
-            let deep = ranges.into_iter().fold(0.0, f64::max) - ranges.into_iter().fold(f64::INFINITY, f64::min);
-            let wide = [a, b, c].map(|corner| (corner - middle).reject_from_normalized(along).length());
-            let wide = 2.0 * wide.into_iter().fold(0.0, f64::max);
-            let fine = deep <= grid.range && wide <= grid.angle * distance;
-            if !fine && divisions(part) < MOST_DIVISIONS {
+            if reach < distance && !field.looks(along, (reach / distance).asin()) {
+                continue;
+            }
+            let area = 0.5 * across.length() * 0.5f64.powi(divisions(part) as i32);
+            // Extent in range, and across: the edge that spans most of the one that is too large is halved.
+            let ranges = corners.map(|corner| (corner - field.place).length());
+            let sides = corners.map(|corner| (corner - middle).reject_from_normalized(along));
+            let edges = [[0, 1], [1, 2], [2, 0]];
+            let deep = edges.map(|[from, to]| (ranges[to] - ranges[from]).abs() / grid.range);
+            let wide = edges.map(|[from, to]| (sides[to] - sides[from]).length() / (grid.angle * distance));
+            let most = |extents: [f64; 3]| extents.into_iter().fold(0.0, f64::max);
+            let [depth, width] = [most(deep), most(wide)];
+            if depth.max(width) > 1.0 && divisions(part) < MOST_DIVISIONS {
                 // Whatever is too weak even as a whole is not divided.
-                let cos = 1.0;
-                if reach < 0.5 * distance && !counts(field, distance - reach, area * f64::from(greatest) * cos, along) {
+                if reach < 0.5 * distance && !counts(field, distance - reach, area * f64::from(greatest), along) {
                     continue;
                 }
-                let [x, y, z] = [0.5 * (b + c), 0.5 * (a + c), 0.5 * (a + b)];
-                let parts = [[a, z, y], [z, b, x], [y, x, c], [x, y, z]];
-                stack.extend((0..4).zip(parts).map(|(number, corners)| (corners, part << 2 | number)));
+                let (extents, most) = if depth > width { (deep, depth) } else { (wide, width) };
+                let edge = extents.iter().position(|&extent| extent == most).unwrap_or_default();
+                let [a, b, c] = [0, 1, 2].map(|corner| corners[(edge + corner) % 3]);
+                let halfway = 0.5 * (a + b);
+                stack.extend([([a, halfway, c], part << 1), ([halfway, b, c], part << 1 | 1)]);
                 continue;
             }
             let cos = normal.dot(along).abs() as f32;
@@ -148,8 +154,9 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
     }
 }
 
+/// How often a part has been halved.
 fn divisions(part: u32) -> u32 {
-    (31 - part.leading_zeros()) / 2
+    31 - part.leading_zeros()
 }
 
 /// Whether a backscattering area could matter together with others in its cell.

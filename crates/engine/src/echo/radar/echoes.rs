@@ -1,6 +1,6 @@
 //! Echoes along their paths.
 
-use glam::Vec3;
+use glam::{Mat3, Vec3};
 use num_complex::Complex32;
 use radar::Paths;
 
@@ -63,6 +63,28 @@ impl RadarEchoes {
         self.target.push(target);
         self.route.push(route);
         self.place.push(place);
+    }
+
+    /// Those of the numbers `which`, as a radar receives them that is turned by `angle` to the left, rad.
+    pub fn turned(&self, which: impl Iterator<Item = usize>, angle: f32) -> RadarEchoes {
+        let back = Mat3::from_rotation_z(-angle);
+        let mut echoes = RadarEchoes::default();
+        let Paths { range, range_rate, amplitude, tx_direction, rx_direction, tx_distance, rx_distance } = &self.paths;
+        for at in which {
+            echoes.push(RadarEcho {
+                range: range[at],
+                range_rate: range_rate[at],
+                amplitude: amplitude[at],
+                tx: (back * Vec3::from(tx_direction[at]), tx_distance[at]),
+                rx: (back * Vec3::from(rx_direction[at]), rx_distance[at]),
+                row: self.row[at],
+                triangle: self.triangle[at],
+                target: self.target[at],
+                route: self.route[at],
+                place: self.place[at],
+            });
+        }
+        echoes
     }
 
     /// Appends `other`.

@@ -30,7 +30,7 @@ const CORNER_DIVISIONS: [u8; 2] = [3, 6];
 
 /// A facet or a part of it.
 #[derive(Clone, Copy)]
-struct Element {
+struct FacetPart {
     triangle: u32,
     corners: [DVec3; 3],
     divisions: u8,
@@ -56,8 +56,8 @@ struct CriticalPlace {
 #[derive(Default)]
 pub(crate) struct FacetMemory {
     sight: SightMemory,
-    queue: Vec<Element>,
-    next: Vec<Element>,
+    queue: Vec<FacetPart>,
+    next: Vec<FacetPart>,
     critical: Vec<CriticalPlace>,
     places: Vec<DVec3>,
     there: Vec<Sighted>,
@@ -133,7 +133,7 @@ impl FacetTask<'_> {
             let width = longest(&corners) / self.ends.fresnel(middle, self.field.k());
             if width <= WIDE {
                 let in_corner = self.has_corner(&corners);
-                memory.queue.push(Element { triangle, corners, divisions: 0, width, in_corner, first: 0, places: 0 });
+                memory.queue.push(FacetPart { triangle, corners, divisions: 0, width, in_corner, first: 0, places: 0 });
             } else {
                 self.add_critical(triangle, &corners, floor, memory);
             }
@@ -331,10 +331,10 @@ fn longest([a, b, c]: &[DVec3; 3]) -> f64 {
 }
 
 /// Divides an element into four of half its width.
-fn divide(element: &Element, parts: &mut Vec<Element>) {
+fn divide(element: &FacetPart, parts: &mut Vec<FacetPart>) {
     let [a, b, c] = element.corners;
     let [x, y, z] = [0.5 * (b + c), 0.5 * (a + c), 0.5 * (a + b)];
     let divisions = element.divisions + 1;
-    let part = |corners| Element { corners, divisions, width: 0.5 * element.width, ..*element };
+    let part = |corners| FacetPart { corners, divisions, width: 0.5 * element.width, ..*element };
     parts.extend([[a, z, y], [z, b, x], [y, x, c], [x, y, z]].map(part));
 }

@@ -34,6 +34,8 @@ pub(crate) struct WaveField<'a> {
     pub air: &'a RadioAir,
     /// Ranges that the radar receives, m.
     pub reach: f64,
+    /// Azimuths and elevations in which it looks, rad.
+    pub sector: [[f64; 2]; 2],
     /// Amplitude, sqrt(W), below which all echoes of a cell together do not matter.
     pub floor: f64,
 }
@@ -82,6 +84,21 @@ pub(super) struct Scattering {
 }
 
 impl WaveField<'_> {
+    /// Whether the radar looks in a direction, a unit vector, world, or within `aside` rad of it.
+    pub fn looks(&self, along: DVec3, aside: f64) -> bool {
+        let [azimuth, elevation] = self.sector;
+        let own = self.axes.transpose() * along;
+        let up = own.z.clamp(-1.0, 1.0).asin();
+        // Azimuths span more the nearer a direction is to the zenith.
+        let level = (1.0 - own.z * own.z).max(0.0).sqrt();
+        let sine = aside.min(0.5 * PI).sin();
+        let aside_left = if level > sine { (sine / level).asin() } else { PI };
+        let left = own.y.atan2(own.x);
+        let within = |[least, most]: [f64; 2], angle: f64, aside: f64| angle + aside >= least && angle - aside <= most;
+        let around = [-2.0 * PI, 0.0, 2.0 * PI].into_iter().any(|turn| within(azimuth, left + turn, aside_left));
+        around && within(elevation, up, aside)
+    }
+
     /// Wave number, rad/m.
     pub fn k(&self) -> f64 {
         2.0 * PI / self.wavelength

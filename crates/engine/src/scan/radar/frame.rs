@@ -1,158 +1,16 @@
 //! One frame of a radar, step by step: paths, streams, noise, cube, detections.
 
 use super::RadarRecord;
-use super::paths::{FramePaths, PathLimits};
-use super::points::{PointWriter, RadarMoment};
-use super::precipitation::add_precipitation;
+use super::paths::FramePaths;
+use super::points::PointWriter;
+use super::setup::RadarSetup;
 use super::truth::FrameTruth;
-use crate::echo::radar::{ClutterGrid, WaveField};
-use crate::medium::{RadioAir, wet_radome_db};
-use crate::scan::ScanOptions;
-use crate::sensor::{FrameDetector, RadarSpec, Sensor};
-use crate::trace::BuiltScene;
-use ::radar::{AdcSpec, DetectionTruth, LobeTable, Multiplex, Polarisation, RadarCube, RadarDetections, RadarWaveform};
+use crate::sensor::FrameDetector;
+use ::radar::{AdcSpec, DetectionTruth, Multiplex, RadarCube, RadarDetections, RadarWaveform};
 use cloud::{PointCloud, RadarFrame, RawSamples};
-use emitter::Trajectory;
-use emitter::pattern::Pattern;
 use ground::error::Result;
-use ground::pose::Pose;
-use ground::rng::Rng;
 
-/// What is the same for all moments of a scan.
-pub(super) struct RadarSetup<'a> {
-    pub scene: &'a BuiltScene,
-    pub sensor: &'a Sensor,
-    pub spec: &'a RadarSpec,
-    pub options: &'a ScanOptions,
-    pub trajectory: &'a Trajectory,
-    pub rng: Rng,
-    air: RadioAir,
-    /// Gains of elements, receiver and transmitter.
-    pub patterns: [LobeTable; 2],
-    /// Power of a transmitter less all losses, W.
-    power: f64,
-    /// Thermal noise in a cell of a channel, W.
-    pub noise: f64,
-    /// Range resolution, m, and width of a beam, rad.
-    resolution: f64,
-    beam: f64,
-    /// Ranges that it receives, m.
-    reach: f64,
-}
-
-impl<'a> RadarSetup<'a> {
-    pub fn new(
-        scene: &'a BuiltScene,
-        sensor: &'a Sensor,
-        trajectory: &'a Trajectory,
-        options: &'a ScanOptions,
-    ) -> Result<RadarSetup<'a>> {
-        let (spec, parts) = sensor.radar()?;
-        let frequency = spec.frequency();
-        let tilt = if spec.array.polarisation == Polarisation::Vertical { 90.0 } else { 0.0 };
-        let air = RadioAir::new(&options.environment, frequency, tilt, scene.origin());
-        let wet = if spec.wet_radome_mm > 0.0 { wet_radome_db(spec.wet_radome_mm, frequency)? } else { 0.0 };
-        let axes = parts.plan.axes();
-        let positions = &parts.plan.array().places;
-        let width = |axis: usize| {
-            let ends = positions.iter().map(|place| f64::from(place[axis]));
-            ends.clone().fold(f64::NEG_INFINITY, f64::max) - ends.fold(f64::INFINITY, f64::min)
-        };
-        let wavelength = spec.waveform.wavelength();
-        // Of the array, or of the element.
-        let of_array = wavelength / (width(1) + 0.5 * wavelength);
-        let of_element = spec.array.rx_pattern.azimuth_deg.map_or(1.0, |degrees| degrees.to_radians());
-        let farthest = match &spec.waveform {
-            RadarWaveform::Fmcw(fmcw) => fmcw.greatest_range(),
-            _ => axes.range.at(axes.range.len as f64),
-        };
-        Ok(RadarSetup {
-            scene,
-            sensor,
-            spec,
-            options,
-            trajectory,
-            rng: Rng::new(options.seed, options.frame),
-            air,
-            patterns: [spec.array.tx_pattern.table(), spec.array.rx_pattern.table()],
-            power: 1e-3 * 10f64.powf(0.1 * (spec.power_dbm - spec.loss_db - 2.0 * wet)),
-            noise: parts.plan.channel_noise(spec.noise_figure_db),
-            resolution: axes.range.step,
-            beam: of_array.min(of_element),
-            reach: farthest.min(sensor.spec().range.max_m.unwrap_or(f64::INFINITY)),
-        })
-    }
-
-    /// The radar `after` s after the start of the scan, in a frame of the axes of `turned` radians to the left.
-    pub fn moment(&self, after: f64, turned: f64) -> RadarMoment {
-        let on_trajectory = self.options.start_on_trajectory() + after;
-        let pose = self.trajectory.at(on_trajectory);
-        let turn = glam::DQuat::from_rotation_z(turned);
-        let clock = self.scene.0.clock(self.options.start_time, self.options.freeze);
-        RadarMoment {
-            pose: Pose { orientation: pose.orientation * turn, ..pose },
-            carrier: pose,
-            velocity: self.trajectory.velocity(on_trajectory),
-            time: self.options.start_time + after,
-            part: clock.map_or(0.0, |clock| clock.of(after)),
-        }
-    }
-
-    /// Finds the paths of a moment within a sector of azimuths and elevations, rad.
-    pub fn find(&self, moment: &RadarMoment, sector: [[f64; 2]; 2], paths: &mut FramePaths) -> Result<()> {
-        let (_, parts) = self.sensor.radar()?;
-        let tables = &self.scene.0;
-        let surfaces = parts.surfaces(&tables.surfaces, self.spec.frequency())?;
-        let channels = parts.plan.array().places.len() as f64;
-        let field = WaveField {
-            scene: tables,
-            surfaces: &surfaces,
-            place: moment.pose.position - tables.origin,
-            axes: moment.pose.rotation(),
-            velocity: moment.velocity,
-            time: moment.part,
-            wavelength: self.spec.waveform.wavelength(),
-            polarisation: self.spec.array.polarisation,
-            tx: &self.patterns[0],
-            rx: &self.patterns[1],
-            power: self.power,
-            air: &self.air,
-            reach: self.reach,
-            // 10 dB below the noise of all channels together.
-            floor: (0.1 * self.noise / channels).sqrt(),
-        };
-        let limits = PathLimits {
-            time: if self.options.freeze { self.options.start_time } else { moment.time },
-            mask: self.options.mask,
-            mirrors: usize::from(self.spec.mirrors),
-            resolution: self.resolution,
-            clutter: self.spec.clutter.then_some(ClutterGrid {
-                rng: self.rng,
-                range: 0.5 * self.resolution,
-                angle: 0.25 * self.beam,
-            }),
-            sector,
-        };
-        paths.find(&field, &limits);
-        add_precipitation(&field, sector, self.resolution, &self.rng, paths);
-        Ok(())
-    }
-
-    /// Received amplitude per strength of an echo, sqrt(W) m, without gains.
-    pub fn scale(&self) -> f64 {
-        self.power.sqrt() * self.spec.waveform.wavelength() / (4.0 * std::f64::consts::PI)
-    }
-
-    /// The sector that a radar looks into, rad: a little more than it reports.
-    fn sector(&self) -> [[f64; 2]; 2] {
-        const MORE: f64 = 10.0;
-        let Pattern::Radar(view) = &self.sensor.spec().pattern else { return [[-1.0, 1.0]; 2] };
-        let [[left, right], [low, high]] = [view.azimuth_deg, view.elevation_deg];
-        let azimuth = [(left - MORE).max(-180.0), (right + MORE).min(180.0)];
-        let elevation = [(low - MORE).max(-90.0), (high + MORE).min(90.0)];
-        [azimuth, elevation].map(|ends| ends.map(f64::to_radians))
-    }
-
+impl RadarSetup<'_> {
     /// A frame with what `record` requests.
     pub fn frame(&self, record: RadarRecord, cloud: &mut PointCloud) -> Result<RadarFrame> {
         let (_, parts) = self.sensor.radar()?;
@@ -162,7 +20,7 @@ impl<'a> RadarSetup<'a> {
         let moment = self.moment(0.5 * duration, 0.0);
         let mut paths = FramePaths::default();
         self.find(&moment, self.sector(), &mut paths)?;
-        let truth = FrameTruth::new(self, &moment, &mut paths);
+        let truth = FrameTruth::new(self, &moment, &paths.search, &paths.echoes);
         let mut received = paths.echoes.paths.clone();
         if let Some(leakage) = &self.spec.leakage {
             plan.add_leakage(leakage, &mut received);
@@ -184,11 +42,15 @@ impl<'a> RadarSetup<'a> {
         let mut detections = RadarDetections::default();
         let mut seen = Vec::new();
         self.detect(&cube, &truth, &mut detections, &mut seen)?;
-        PointWriter { setup: self, paths: &paths, truth: &truth, moment: &moment, beams: None }.write(
-            &detections,
-            &seen,
-            cloud,
-        )?;
+        PointWriter {
+            setup: self,
+            search: &paths.search,
+            echoes: &paths.echoes,
+            truth: &truth,
+            moment: &moment,
+            beam: (0, 0.0),
+        }
+        .write(&detections, &seen, cloud)?;
         let mut frame = RadarFrame::default();
         frame.number = self.options.frame;
         frame.time = self.options.start_time;
@@ -200,7 +62,7 @@ impl<'a> RadarSetup<'a> {
         Ok(frame)
     }
 
-    fn detect(
+    pub fn detect(
         &self,
         cube: &RadarCube,
         truth: &FrameTruth,
@@ -224,5 +86,21 @@ impl<'a> RadarSetup<'a> {
         let shape = [fmcw.chirps as usize, slots, receivers, fmcw.samples as usize];
         let values = if fmcw.complex { values } else { values.into_iter().flat_map(|value| [value, 0]).collect() };
         RawSamples { shape, values }
+    }
+
+    /// A cloud without points.
+    pub fn write_nothing(&self, cloud: &mut PointCloud) -> Result<()> {
+        let moment = self.moment(0.0, 0.0);
+        let (search, echoes) = Default::default();
+        let truth = FrameTruth::new(self, &moment, &search, &echoes);
+        let writer = PointWriter {
+            setup: self,
+            search: &search,
+            echoes: &echoes,
+            truth: &truth,
+            moment: &moment,
+            beam: (0, 0.0),
+        };
+        writer.write(&RadarDetections::default(), &[], cloud)
     }
 }

@@ -4,6 +4,8 @@ mod frame;
 mod paths;
 mod points;
 mod precipitation;
+mod rotor;
+mod setup;
 #[cfg(test)]
 mod tests;
 mod truth;
@@ -13,8 +15,9 @@ use crate::sensor::Sensor;
 use crate::trace::BuiltScene;
 use cloud::{PointCloud, RadarFrame};
 use emitter::Trajectory;
-use frame::RadarSetup;
+use emitter::pattern::Pattern;
 use ground::error::Result;
+use setup::RadarSetup;
 
 /// What is recorded of a frame besides its detections.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -44,7 +47,8 @@ impl BuiltScene {
         options.environment.check()?;
         check_physical(options.profile, "physical, the only one with radars")?;
         let setup = RadarSetup::new(self, sensor, trajectory, options)?;
-        let done = self.0.engine.install(|| setup.frame(record, cloud));
+        let rotates = matches!(sensor.spec().pattern, Pattern::RadarRotor(_));
+        let done = self.0.engine.install(|| if rotates { setup.turn(cloud) } else { setup.frame(record, cloud) });
         if done.is_err() {
             *cloud = PointCloud::default();
         }

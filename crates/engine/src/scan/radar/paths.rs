@@ -4,7 +4,7 @@ use crate::echo::radar::{
     ClutterGrid, ClutterMemory, FacetMemory, RadarEchoes, WaveField, scatter_from_facets, scatter_from_rough,
 };
 use crate::trace::{Search, SearchLimits, Sight, Sightlines};
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use ground::parallel;
 
 /// What is traced.
@@ -18,8 +18,6 @@ pub(super) struct PathLimits {
     pub resolution: f64,
     /// How fine clutter is; `None`: there is none.
     pub clutter: Option<ClutterGrid>,
-    /// Azimuths and elevations in which surfaces are looked for, rad.
-    pub sector: [[f64; 2]; 2],
 }
 
 /// Echoes of a frame, and where they come from.
@@ -42,7 +40,7 @@ impl FramePaths {
     pub fn find(&mut self, field: &WaveField, limits: &PathLimits) {
         let sight = Sight::of_shapes(limits.mask);
         let (scene, surfaces) = (field.scene, field.surfaces);
-        let (directions, step) = fan(field, limits.sector);
+        let (directions, step) = fan(field, field.sector);
         let mirrors = |row: u32| {
             // What reflects less than a thousandth of the power at all angles mirrors nothing.
             let surface = surfaces.of(&scene.surfaces, row);
@@ -56,6 +54,7 @@ impl FramePaths {
         let least = (field.floor / (5.0 * field.scale() * field.gain(ahead, ahead))).powi(2);
         let searched = SearchLimits {
             least,
+            looks: &|along, aside| field.looks(along, aside),
             start: field.place,
             directions: &directions,
             step,
@@ -98,8 +97,10 @@ impl FramePaths {
 fn fan(field: &WaveField, [azimuth, elevation]: [[f64; 2]; 2]) -> (Vec<Vec3>, f64) {
     /// Rays, about.
     const RAYS: f64 = 16_384.0;
+    /// Finer steps show no more, rad.
+    const FINEST: f64 = 0.003;
     let [wide, high] = [azimuth, elevation].map(|[least, most]| most - least);
-    let step = (wide * high / RAYS).sqrt();
+    let step = (wide * high / RAYS).sqrt().max(FINEST);
     let [columns, rows] = [wide, high].map(|extent| (extent / step).ceil().max(1.0));
     let at = |[least, most]: [f64; 2], index: f64, count: f64| least + (most - least) * (index + 0.5) / count;
     let mut directions = Vec::with_capacity((columns * rows) as usize);
@@ -107,7 +108,7 @@ fn fan(field: &WaveField, [azimuth, elevation]: [[f64; 2]; 2]) -> (Vec<Vec3>, f6
         let (sin, cos) = at(elevation, row as f64, rows).sin_cos();
         for column in 0..columns as usize {
             let (left, ahead) = at(azimuth, column as f64, columns).sin_cos();
-            let own = glam::DVec3::new(ahead * cos, left * cos, sin);
+            let own = DVec3::new(ahead * cos, left * cos, sin);
             directions.push((field.axes * own).as_vec3());
         }
     }

@@ -1,9 +1,9 @@
 //! From detections to the rows of a cloud.
 
-use super::frame::RadarSetup;
-use super::paths::FramePaths;
+use super::setup::{RadarMoment, RadarSetup};
 use super::truth::FrameTruth;
-use crate::trace::Later;
+use crate::echo::radar::RadarEchoes;
+use crate::trace::{Later, Search};
 use ::radar::{DetectionTruth, RadarDetections, SeenBy};
 use cloud::{Columns, Frame, PointCloud, put};
 use glam::{DVec3, Vec3};
@@ -12,30 +12,17 @@ use ground::cause::Cause;
 use ground::error::Result;
 use ground::lanes::MEDIUM;
 use ground::path_type::PathType;
-use ground::pose::Pose;
 use std::f64::consts::PI;
-
-/// A radar at one moment.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct RadarMoment {
-    /// Pose of its antenna, and of what carries it.
-    pub pose: Pose,
-    pub carrier: Pose,
-    /// m/s, world.
-    pub velocity: DVec3,
-    /// s since the start of the run, and the part of the scene's time span.
-    pub time: f64,
-    pub part: f32,
-}
 
 /// Writes the detections of a moment.
 pub(super) struct PointWriter<'a> {
     pub setup: &'a RadarSetup<'a>,
-    pub paths: &'a FramePaths,
+    pub search: &'a Search,
+    pub echoes: &'a RadarEchoes,
     pub truth: &'a FrameTruth,
     pub moment: &'a RadarMoment,
-    /// Of a rotating radar, the row of the turn that each detection is in, and the azimuth of the antenna, rad.
-    pub beams: Option<&'a [(u32, f32)]>,
+    /// Of a rotating radar, the row of the turn, and the azimuth of the antenna, rad; otherwise 0.
+    pub beam: (u32, f32),
 }
 
 /// What a detection is of.
@@ -94,7 +81,7 @@ impl PointWriter<'_> {
     ) {
         let (setup, moment) = (self.setup, self.moment);
         let range = detections.range[row];
-        let (beam, turned) = self.beams.map_or((0, 0.0), |beams| beams[row]);
+        let (beam, turned) = self.beam;
         let (azimuth, elevation) = (detections.azimuth[row] + turned, detections.elevation[row]);
         // In the axes of the antenna, and of what carries it.
         let own = direction([detections.azimuth[row], elevation]);
@@ -148,11 +135,11 @@ impl PointWriter<'_> {
         seen.group?;
         let path = seen.path as usize;
         let echo = *self.truth.echo.get(path)? as usize;
-        Some(Scatterer { echo, rcs_db: self.truth.cross_section_db(&self.paths.echoes, path, self.setup.scale()) })
+        Some(Scatterer { echo, rcs_db: self.truth.cross_section_db(self.echoes, path, self.setup.scale()) })
     }
 
     fn write_truth(&self, columns: &mut Columns, row: usize, scatterer: &Scatterer, later: Option<&Later>) {
-        let (tables, echoes) = (&self.setup.scene.0, &self.paths.echoes);
+        let (tables, echoes) = (&self.setup.scene.0, self.echoes);
         let (surface, triangle) = (echoes.row[scatterer.echo], echoes.triangle[scatterer.echo]);
         let world = echoes.place[scatterer.echo];
         let straight = world.as_dvec3() + self.setup.scene.origin() - self.moment.pose.position;
@@ -176,7 +163,7 @@ impl PointWriter<'_> {
         let normal = (b - a).cross(c - a).normalize_or_zero();
         let normal = if normal.dot(along.as_vec3()) > 0.0 { -normal } else { normal };
         let [red, green, blue] = tables.surfaces.rgb(of, triangle, uv);
-        let target = self.paths.search.targets.get(echoes.target[scatterer.echo] as usize);
+        let target = self.search.targets.get(echoes.target[scatterer.echo] as usize);
         let bounces = target.map_or(0, |target| target.mirrors.len() as u8);
         let turned = match self.setup.options.coordinates {
             Frame::World => normal,

@@ -44,6 +44,7 @@ fn moved(mut object: Object, to: DAffine3) -> Object {
 fn paths(scene: &BuiltScene, place: DVec3, mirrors: usize) -> FramePaths {
     let surfaces = RadarSurfaces::new(&scene.0.surfaces, 77e9).unwrap();
     let (pattern, air) = (ElementPattern::default().table(), RadioAir::default());
+    let half = 60f64.to_radians();
     let field = WaveField {
         scene: &scene.0,
         surfaces: &surfaces,
@@ -58,17 +59,10 @@ fn paths(scene: &BuiltScene, place: DVec3, mirrors: usize) -> FramePaths {
         power: 1.0,
         air: &air,
         reach: 1e5,
+        sector: [[-half, half], [-0.5 * half, 0.5 * half]],
         floor: 1e-14,
     };
-    let half = 60f64.to_radians();
-    let limits = PathLimits {
-        time: 0.0,
-        mask: u32::MAX,
-        mirrors,
-        resolution: 0.2,
-        clutter: None,
-        sector: [[-half, half], [-0.5 * half, 0.5 * half]],
-    };
+    let limits = PathLimits { time: 0.0, mask: u32::MAX, mirrors, resolution: 0.2, clutter: None };
     let mut found = FramePaths::default();
     found.find(&field, &limits);
     found

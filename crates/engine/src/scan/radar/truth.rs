@@ -1,9 +1,8 @@
 //! What the echoes of a frame are of: groups of paths with the same label and type.
 
-use super::frame::RadarSetup;
-use super::paths::FramePaths;
-use super::points::RadarMoment;
+use super::setup::{RadarMoment, RadarSetup};
 use crate::echo::radar::RadarEchoes;
+use crate::trace::Search;
 use ::radar::TruthPaths;
 use ground::lanes::MEDIUM;
 use ground::path_type::PathType;
@@ -23,10 +22,9 @@ pub(super) struct FrameTruth {
 }
 
 impl FrameTruth {
-    pub fn new(setup: &RadarSetup, moment: &RadarMoment, paths: &mut FramePaths) -> FrameTruth {
+    pub fn new(setup: &RadarSetup, moment: &RadarMoment, search: &Search, echoes: &RadarEchoes) -> FrameTruth {
         let Ok((_, parts)) = setup.sensor.radar() else { unreachable!("a radar") };
         let (plan, axes) = (&parts.plan, parts.plan.axes());
-        let echoes = &paths.echoes;
         let ranges = &echoes.paths.range;
         let cell = |index: usize| plan.range_of(ranges[index], echoes.paths.range_rate[index].into()) as f32;
         let cells: Vec<f32> = (0..ranges.len()).map(cell).collect();
@@ -45,7 +43,7 @@ impl FrameTruth {
         let rows = &setup.scene.0.surfaces.rows;
         for &index in &truth.echo {
             let at = index as usize;
-            let kind = path_type(setup, moment, paths, at);
+            let kind = path_type(setup, moment, (search, echoes), at);
             // An instance with all its parts; what has no instance, by row.
             let key = match rows.get(echoes.row[at] as usize) {
                 Some(row) if row.instance_id != 0 => (row.instance_id, 0, kind),
@@ -95,17 +93,22 @@ impl FrameTruth {
 }
 
 /// The type of the path of echo `at`.
-fn path_type(setup: &RadarSetup, moment: &RadarMoment, paths: &FramePaths, at: usize) -> PathType {
+fn path_type(
+    setup: &RadarSetup,
+    moment: &RadarMoment,
+    (search, echoes): (&Search, &RadarEchoes),
+    at: usize,
+) -> PathType {
     /// Cosine of the tilt of grounds.
     const LEVEL: f64 = 0.8;
-    let row = paths.echoes.row[at];
-    let Some(target) = paths.search.targets.get(paths.echoes.target[at] as usize).filter(|_| row != MEDIUM) else {
+    let row = echoes.row[at];
+    let Some(target) = search.targets.get(echoes.target[at] as usize).filter(|_| row != MEDIUM) else {
         return PathType::Direct;
     };
     let Some(own) = setup.scene.0.surfaces.rows.get(row as usize).map(|row| row.object) else {
         return PathType::Direct;
     };
-    let mirrors = || target.mirrors.iter().map(|&mirror| &paths.search.mirrors[mirror]);
+    let mirrors = || target.mirrors.iter().map(|&mirror| &search.mirrors[mirror]);
     let place = moment.pose.position - setup.scene.origin();
     if target.mirrors.is_empty() {
         PathType::Direct

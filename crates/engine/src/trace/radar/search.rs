@@ -43,6 +43,8 @@ pub(crate) struct SearchLimits<'a> {
     pub directions: &'a [Vec3],
     /// Angle between neighbours, rad.
     pub step: f64,
+    /// Whether the radar looks in a direction, or within an angle, rad, of it.
+    pub looks: &'a dyn Fn(DVec3, f64) -> bool,
     pub reach: f64,
     pub wavelength: f64,
     /// Most mirrors on a path, up to [`MOST_MIRRORS`].
@@ -314,6 +316,13 @@ impl Search {
         let depth = |chain: &Chain| chain.iter().take_while(|&&mirror| mirror != NO_MIRROR).count();
         let mut targets: Vec<(usize, Chain, u32)> =
             all.into_iter().map(|(chain, row)| (depth(&chain), chain, row)).collect();
+        targets.retain(|(depth, chain, row)| {
+            let row = &self.rows[*row as usize];
+            let mirrors = Mirrors::new(limits.start, chain[..*depth].iter().map(|&it| self.mirrors[usize::from(it)]));
+            let way = mirrors.target_image(row.middle) - limits.start;
+            let distance = way.length();
+            distance < row.radius || (limits.looks)(way / distance, (row.radius / distance).min(1.0).asin())
+        });
         targets.sort_unstable();
         let direct = targets.partition_point(|(depth, ..)| *depth == 0);
         let mut images = targets.split_off(direct);

@@ -139,7 +139,8 @@ impl Sightlines<'_> {
                 let normal = mirrors.all()[before].normal;
                 normal * (off * normal.dot(along).signum())
             });
-            let slack = clearance(to) * if mirror.is_some() { 2.0 } else { -2.0 };
+            // Ranges are as exact as the coarser end.
+            let slack = clearance(from).max(clearance(to)) * if mirror.is_some() { 2.0 } else { -2.0 };
             (rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]) = (from + beside).as_vec3().into();
             (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = along.as_vec3().into();
             // Mirrors that are met at grazing incidence are farther along by as much as rounding moves them.
@@ -173,9 +174,9 @@ impl Sightlines<'_> {
                 }
                 let along = rays.direction(lane);
                 let normal = self.scene.world_normal(row, hits.normal(lane), self.time).normalize_or_zero();
-                let (place, end) = (rays.origin(lane) + along * hits.range[lane], ends(target).1);
+                let (place, (from, end)) = (rays.origin(lane) + along * hits.range[lane], ends(target));
                 let on_mirror = mirror.is_some_and(|mirror| {
-                    let near = 4.0 * clearance(end) / f64::from(normal.dot(along).abs()).max(1e-3);
+                    let near = 4.0 * clearance(from).max(clearance(end)) / f64::from(normal.dot(along).abs()).max(1e-3);
                     mirror.is_plane(normal.as_dvec3(), place.as_dvec3()) && (place.as_dvec3() - end).length() < near
                 });
                 if let (true, Some(met)) = (on_mirror, seen.mirrors.get_mut(leg)) {
