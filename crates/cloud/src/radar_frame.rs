@@ -100,7 +100,8 @@ impl RadarFrame {
     /// A frame without a cube, or as [`RadarFrame::check`].
     pub fn range_azimuth(&self) -> Result<PolarImage> {
         self.check()?;
-        let cube = self.cube.as_ref().ok_or_else(|| self.without("cube"))?;
+        let without = || Error::invalid(format!("frame {}", self.number), "without a cube", "with a cube");
+        let cube = self.cube.as_ref().ok_or_else(without)?;
         let places = self.elements.iter().map(|place| place.map(|part| part as f32)).collect();
         let map = cube.range_azimuth(&VirtualArray { places, wavelength: self.wavelength }, DIRECTIONS);
         let sines = (0..map.sine.len).map(|sine| (sine, map.sine.at(sine as f64)));
@@ -109,12 +110,8 @@ impl RadarFrame {
             power if power > 0.0 => 10.0 * power.log10() + DBM_OF_WATT,
             _ => f32::NAN,
         };
-        let cells = 0..map.range.len;
-        let levels: Vec<f32> = seen
-            .iter()
-            .flat_map(|&(sine, _)| cells.clone().map(move |cell| (cell, sine)))
-            .map(|(c, s)| level(c, s))
-            .collect();
+        let cells = seen.iter().flat_map(|&(sine, _)| (0..map.range.len).map(move |cell| (cell, sine)));
+        let levels: Vec<f32> = cells.map(|(cell, sine)| level(cell, sine)).collect();
         let floor_dbm = levels.iter().copied().fold(f32::INFINITY, f32::min);
         Ok(PolarImage {
             range: map.range,
@@ -124,11 +121,6 @@ impl RadarFrame {
             floor_dbm: if floor_dbm.is_finite() { floor_dbm } else { 0.0 },
             step_db: 0.5,
         })
-    }
-
-    /// The error where `what` was not recorded.
-    pub(crate) fn without(&self, what: &str) -> Error {
-        Error::invalid(format!("frame {}", self.number), format!("without a {what}"), format!("with a {what}"))
     }
 }
 

@@ -70,7 +70,7 @@ pub(super) fn cause(cause: Cause) -> Color {
 pub(super) fn path(path: PathType) -> Color {
     match path {
         PathType::Direct => [0xda, 0xd8, 0xcc],
-        PathType::Ground => CATEGORIES[8],
+        PathType::Ground => CATEGORIES[7],
         PathType::Wall => CATEGORIES[1],
         PathType::Internal => CATEGORIES[0],
         PathType::SideLobe => CATEGORIES[4],
