@@ -103,11 +103,6 @@ fn trihedral(a: f64, apex: DVec3) -> Shape {
     }
 }
 
-/// `4 pi a^4 / (3 lambda^2)` (Knott, Shaeffer and Tuley 2004, Radar Cross Section, table 6.1), m^2.
-fn trihedral_area(a: f64) -> f64 {
-    4.0 * PI * a.powi(4) / (3.0 * WAVELENGTH * WAVELENGTH)
-}
-
 /// A shape turned and moved.
 fn placed(shape: Shape, place: DAffine3) -> Shape {
     let positions = shape.positions.iter().map(|&at| {

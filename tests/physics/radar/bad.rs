@@ -16,13 +16,13 @@ fn errors_say_what_is_allowed() {
         refused("radar.waveform", &yaml)
     };
     for (found, words) in [
-        (chirp("samples: 256, ramp_us: 20, chirps: 128"), &["radar.waveform.ramp_us is 20", "25.6"][..]),
+        (chirp("samples: 256, ramp_us: 20, chirps: 128"), &["radar.waveform.ramp_us", "25.6"][..]),
         (chirp("samples: 65536, ramp_us: 6554, chirps: 65536"), &["65536 samples of 65536 chirps", "together up to"]),
         (refused("radar.array.rx", "[[0, 0], [1, 0], [0, 0]]"), &["radar.array.rx[2]", "twice", "[0]"]),
         (refused("radar.array.rx", "{count: 1024, rows: 1024}"), &["radar.array.rx", "1 to 1024"]),
-        (refused("radar.detection.pfa", "0"), &["radar.detection.pfa is 0", "1e-12 to 0.5"]),
+        (refused("radar.detection.pfa", "0"), &["radar.detection.pfa", "1e-12 to 0.5"]),
         (refused("radar.power_dbm", ".nan"), &["radar.power_dbm", "-100 to 120"]),
-        (refused("radar.mirrors", "4"), &["radar.mirrors is 4", "0 to 3"]),
+        (refused("radar.mirrors", "4"), &["radar.mirrors", "0 to 3"]),
     ] {
         assert!(words.iter().all(|word| found.contains(word)), "{found}: {words:?}");
     }
@@ -82,7 +82,7 @@ fn assert_numbers(cloud: &PointCloud, what: &str) {
         for (row, bytes) in bytes.chunks_exact(4).enumerate() {
             let value = f32::from_ne_bytes(bytes.try_into().unwrap());
             let must = always || (of_surfaces && path(cloud, row) != PathType::Noise);
-            assert!(!value.is_infinite() && !(must && value.is_nan()), "{what}: {} is {value} in row {row}", info.name);
+            assert!(!(value.is_infinite() || must && value.is_nan()), "{what}: {} is {value} in row {row}", info.name);
         }
     }
 }
@@ -115,7 +115,7 @@ fn radars_are_anywhere() {
 
 #[test]
 fn scenes_are_empty() {
-    // Either is said.
+    // They may be built or refused, but not fail otherwise.
     match Scene::default().build() {
         Ok(scene) => assert_numbers(&scan(&scene, &radar(""), &options()), "nothing"),
         Err(error) => assert!(error.to_string().contains("scene"), "{error}"),

@@ -278,7 +278,9 @@ impl FacetTask<'_> {
             }
             let Some(seen) = mean(sighted) else { continue };
             let value = self.ends.facet(element.corners, self.field.k());
-            if value.norm() * self.field.scale() * f64::from(seen.through) * gain < floor {
+            // All parts of a facet together matter, in phase: each returns as little as its area is.
+            let least = floor * 0.25f64.powi(i32::from(element.divisions));
+            if value.norm() * self.field.scale() * f64::from(seen.through) * gain < least {
                 continue;
             }
             let middle = (element.corners[0] + element.corners[1] + element.corners[2]) / 3.0;
