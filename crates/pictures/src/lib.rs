@@ -559,7 +559,7 @@ mod tests {
         assert_eq!(
             error,
             "there is no preview colour named \"hieght\"; near: height, label, cause, intensity, range, velocity, \
-             radial_velocity, doppler, density"
+             radial_velocity, doppler, density, path"
         );
     }
 

@@ -162,9 +162,17 @@ impl ArrayElements {
             return Err(Error::invalid(key, format!("{count} elements"), format!("1 to {MOST_ELEMENTS}")));
         }
         let places = self.places();
-        for (index, place) in places.iter().enumerate() {
-            for (axis, value) in place.iter().enumerate() {
-                bounds.within(format_args!("{key}[{index}][{axis}]"), *value, -1e5, 1e5)?;
+        match self {
+            ArrayElements::Grid(grid) => {
+                bounds.within(format_args!("{key}.at[0]"), grid.at[0], -1e5, 1e5)?;
+                bounds.within(format_args!("{key}.at[1]"), grid.at[1], -1e5, 1e5)?;
+            }
+            ArrayElements::List(places) => {
+                for (index, place) in places.iter().enumerate() {
+                    for (axis, value) in place.iter().enumerate() {
+                        bounds.within(format_args!("{key}[{index}][{axis}]"), *value, -1e5, 1e5)?;
+                    }
+                }
             }
         }
         let mut order: Vec<usize> = (0..count).collect();
