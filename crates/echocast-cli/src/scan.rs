@@ -123,7 +123,7 @@ pub struct ScanArgs {
     organised: bool,
     /// Show what happens to one beam of the first frame, or of FRAME, step by step with numbers, and write nothing;
     /// rows and columns count from 0, a beam is row * columns + column; for a sonar, a frame is a ping, and in the
-    /// profiles paper and blainder a beam is a ray
+    /// profiles paper and blainder a beam is a ray; for a radar, a beam is a detection
     #[arg(long, value_name = "[FRAME,]BEAM", value_parser = frame_and_beam, conflicts_with_all = ["output", "preview", "images", "boxes", "radar", "polar", "detections", "json"], help_heading = "Output")]
     explain: Option<(Option<u32>, u32)>,
     #[command(flatten)]

@@ -173,7 +173,8 @@ impl BuiltScene {
     /// Explains what happens to beam `beam` of such a scan, step by step with numbers: where it goes, what it hits,
     /// what returns, and which part of that is detected and reported. For a sonar, explains the ray of the beam's echo,
     /// layer by layer, and the terms of the sonar equation; in the profiles of the paper and its program `beam` is a
-    /// ray of their fan.
+    /// ray of their fan. For a radar, `beam` is the number of a detection: explains the terms of the radar equation, and
+    /// its strongest paths with their powers, phases and bounces.
     ///
     /// # Errors
     /// As [`BuiltScene::scan`], and a beam that does not exist.
@@ -192,6 +193,10 @@ impl BuiltScene {
                 Profile::Physical => self.explain_ping(sensor, trajectory, &options, beam),
                 _ => self.explain_printed(sensor, trajectory, &options, beam),
             };
+        }
+        if sensor.kind() == SensorKind::Radar {
+            check_physical(options.profile, "physical, the only one with radars")?;
+            return self.explain_radar(sensor, trajectory, &options, beam);
         }
         self.explain_light(sensor, trajectory, &options, beam)
     }

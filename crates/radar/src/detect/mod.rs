@@ -15,5 +15,5 @@ pub use cfar::{Cfar, CfarAxis, CfarMethod, CfarShape};
 pub use detector::{CubeGeometry, Detector, RadarDetections};
 pub use law::{CfarLaw, ReferenceLevel};
 pub use response::{CellPeak, WindowResponse};
-pub use sharing::{DetectionTruth, SeenBy, Sharing, TruthPaths};
+pub use sharing::{DetectionTruth, PathPart, SeenBy, Sharing, TruthPaths};
 pub use spec::{CfarDims, DetectionLimits, DetectionSteps, RadarDetectionSpec};

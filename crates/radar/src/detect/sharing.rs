@@ -80,13 +80,17 @@ pub struct Sharing {
     memory: Vec<PathPart>,
 }
 
-/// What a path contributes.
+/// What a path contributes to a detection.
 #[derive(Clone, Copy, Debug)]
-struct PathPart {
-    group: u32,
-    path: u32,
-    power: f32,
-    seen: SeenBy,
+pub struct PathPart {
+    /// Its group.
+    pub group: u32,
+    /// Its index.
+    pub path: u32,
+    /// Power per channel in the cell and the direction of the detection, W.
+    pub power: f32,
+    /// How it is seen.
+    pub seen: SeenBy,
 }
 
 /// What is looked at: a detection.
@@ -164,6 +168,25 @@ impl Sharing {
 
     /// What one detection is of.
     fn one(&mut self, detections: &RadarDetections, at: usize, paths: &TruthPaths, noise: f32) -> DetectionTruth {
+        let mut memory = std::mem::take(&mut self.memory);
+        let total = self.parts(detections, at, paths, &mut memory);
+        let mut found = strongest(&mut memory, total);
+        if total < f64::from(noise) {
+            found.seen = SeenBy::Noise;
+        }
+        self.memory = memory;
+        found
+    }
+
+    /// Replaces `parts` by what each of `paths` contributes to detection number `at` of `detections`, in any order; returns
+    /// the sum of their powers, W. Paths have to be in the order of their ranges.
+    pub fn parts(
+        &self,
+        detections: &RadarDetections,
+        at: usize,
+        paths: &TruthPaths,
+        parts: &mut Vec<PathPart>,
+    ) -> f64 {
         /// Cells around a detection beyond which side lobes along range are not looked for.
         const FARTHEST: f32 = 32.0;
         let (azimuth, elevation) = (detections.azimuth[at], detections.elevation[at]);
@@ -176,25 +199,19 @@ impl Sharing {
             fold: ((velocity + 0.5) / cells).floor(),
             power: detections.power[at],
         };
-        let mut memory = std::mem::take(&mut self.memory);
         let mut total = 0.0;
         // Less of the detection's power than this is nothing: nearby even from thousands of paths, far away, where side
         // lobes are looked for, from one.
         for (reach, least) in [(self.responses[0].null() + 0.5, 1e-7), (FARTHEST, 1e-4)] {
-            memory.clear();
-            self.visit(&look, (reach, least * look.power), paths, &mut memory);
-            total = memory.iter().map(|part| f64::from(part.power)).sum();
+            parts.clear();
+            self.visit(&look, (reach, least * look.power), paths, parts);
+            total = parts.iter().map(|part| f64::from(part.power)).sum();
             // What is near explains most of what was measured: no need to look for side lobes of what is far.
             if total > 0.5 * f64::from(look.power) {
                 break;
             }
         }
-        let mut found = strongest(&mut memory, total);
-        if total < f64::from(noise) {
-            found.seen = SeenBy::Noise;
-        }
-        self.memory = memory;
-        found
+        total
     }
 
     /// Adds what paths up to `reach` cells of range from a detection contribute to it, if more than `least` W.

@@ -65,24 +65,31 @@ impl RadarEchoes {
         self.place.push(place);
     }
 
+    /// Number `at`.
+    pub fn one(&self, at: usize) -> RadarEcho {
+        let Paths { range, range_rate, amplitude, tx_direction, rx_direction, tx_distance, rx_distance } = &self.paths;
+        RadarEcho {
+            range: range[at],
+            range_rate: range_rate[at],
+            amplitude: amplitude[at],
+            tx: (tx_direction[at].into(), tx_distance[at]),
+            rx: (rx_direction[at].into(), rx_distance[at]),
+            row: self.row[at],
+            triangle: self.triangle[at],
+            target: self.target[at],
+            route: self.route[at],
+            place: self.place[at],
+        }
+    }
+
     /// Those of the numbers `which`, as a radar receives them that is turned by `angle` to the left, rad.
     pub fn turned(&self, which: impl Iterator<Item = usize>, angle: f32) -> RadarEchoes {
         let back = Mat3::from_rotation_z(-angle);
         let mut echoes = RadarEchoes::default();
-        let Paths { range, range_rate, amplitude, tx_direction, rx_direction, tx_distance, rx_distance } = &self.paths;
         for at in which {
-            echoes.push(RadarEcho {
-                range: range[at],
-                range_rate: range_rate[at],
-                amplitude: amplitude[at],
-                tx: (back * Vec3::from(tx_direction[at]), tx_distance[at]),
-                rx: (back * Vec3::from(rx_direction[at]), rx_distance[at]),
-                row: self.row[at],
-                triangle: self.triangle[at],
-                target: self.target[at],
-                route: self.route[at],
-                place: self.place[at],
-            });
+            let echo = self.one(at);
+            let [tx, rx] = [echo.tx, echo.rx].map(|(direction, distance)| (back * direction, distance));
+            echoes.push(RadarEcho { tx, rx, ..echo });
         }
         echoes
     }

@@ -278,6 +278,8 @@ impl FacetTask<'_> {
             }
             let Some(seen) = mean(sighted) else { continue };
             let value = self.ends.facet(element.corners, self.field.k());
+            // All parts of a facet together may matter as much as all of it.
+            let floor = floor * 0.25f64.powi(element.divisions.into());
             if value.norm() * self.field.scale() * f64::from(seen.through) * gain < floor {
                 continue;
             }

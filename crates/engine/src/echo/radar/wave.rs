@@ -42,11 +42,11 @@ pub(crate) struct WaveField<'a> {
 
 /// A wave: complex components of its field, world.
 #[derive(Clone, Copy, Debug)]
-struct Field([Complex32; 3]);
+struct ElectricField([Complex32; 3]);
 
-impl Field {
-    fn along(direction: Vec3) -> Field {
-        Field(direction.to_array().map(Complex32::from))
+impl ElectricField {
+    fn along(direction: Vec3) -> ElectricField {
+        ElectricField(direction.to_array().map(Complex32::from))
     }
 
     fn dot(&self, direction: Vec3) -> Complex32 {
@@ -55,15 +55,15 @@ impl Field {
     }
 
     /// The field after reflection of a wave along `from`, which goes on along `to`.
-    fn reflected(&self, from: Vec3, to: Vec3, reflection: Polarised) -> Field {
+    fn reflected(&self, from: Vec3, to: Vec3, reflection: Polarised) -> ElectricField {
         // At right angles to the plane of incidence, and in it before and after.
         let Some(s) = from.cross(to).try_normalize() else {
             // Back the way it came.
-            return Field(self.0.map(|value| value * reflection.s));
+            return ElectricField(self.0.map(|value| value * reflection.s));
         };
         let [across, within] = [self.dot(s) * reflection.s, self.dot(s.cross(from)) * reflection.p];
         let (s, p) = (s.to_array(), s.cross(to).to_array());
-        Field(std::array::from_fn(|axis| across * s[axis] + within * p[axis]))
+        ElectricField(std::array::from_fn(|axis| across * s[axis] + within * p[axis]))
     }
 }
 
@@ -180,7 +180,7 @@ impl WaveField<'_> {
         let folded = (place - mirrors.image()).length();
         let (there, back) = (directions[count], if route == RadarRoute::Both { -directions[count] } else { -direct });
         let arrives = if route == RadarRoute::Both { directions[0] } else { direct };
-        let mut field = Field::along(self.polarised(directions[0]));
+        let mut field = ElectricField::along(self.polarised(directions[0]));
         let mirror = |number: usize| {
             let surface = self.surfaces.of(&self.scene.surfaces, sighted.mirrors[number].row);
             let cos = mirrors.all()[number].normal.as_vec3().dot(directions[number]).abs();

@@ -1,6 +1,7 @@
 //! One frame of a radar, step by step: paths, streams, noise, cube, detections.
 
 use super::RadarRecord;
+use super::explain::Explanation;
 use super::paths::FramePaths;
 use super::points::PointWriter;
 use super::setup::RadarSetup;
@@ -11,8 +12,13 @@ use cloud::{PointCloud, RadarFrame, RawSamples};
 use ground::error::Result;
 
 impl RadarSetup<'_> {
-    /// A frame with what `record` requests.
-    pub fn frame(&self, record: RadarRecord, cloud: &mut PointCloud) -> Result<RadarFrame> {
+    /// A frame with what `record` requests; one of its detections may be explained.
+    pub fn frame(
+        &self,
+        record: RadarRecord,
+        cloud: &mut PointCloud,
+        explanation: Option<&mut Explanation>,
+    ) -> Result<RadarFrame> {
         let (_, parts) = self.sensor.radar()?;
         let plan = &parts.plan;
         let duration = self.spec.waveform.duration(self.spec.array.tx.len());
@@ -42,15 +48,18 @@ impl RadarSetup<'_> {
         let mut detections = RadarDetections::default();
         let mut seen = Vec::new();
         self.detect(&cube, &truth, &mut detections, &mut seen)?;
-        PointWriter {
+        let writer = PointWriter {
             setup: self,
             search: &paths.search,
             echoes: &paths.echoes,
             truth: &truth,
             moment: &moment,
             beam: (0, 0.0),
+        };
+        writer.write(&detections, &seen, cloud)?;
+        if let Some(explanation) = explanation {
+            explanation.add(&writer, &detections, 0)?;
         }
-        .write(&detections, &seen, cloud)?;
         let mut frame = RadarFrame::default();
         frame.number = self.options.frame;
         frame.time = self.options.start_time;

@@ -1,7 +1,7 @@
 //! All paths of waves from a radar to the surfaces of a scene and back.
 
 use crate::echo::radar::{
-    ClutterGrid, ClutterMemory, FacetMemory, RadarEchoes, WaveField, scatter_from_facets, scatter_from_rough,
+    CentreGrid, CentreMemory, ClutterGrid, ClutterMemory, FacetMemory, RadarEchoes, WaveField, scatter_from_facets, scatter_from_rough,
 };
 use crate::trace::{Search, SearchLimits, Sight, Sightlines};
 use glam::{DVec3, Vec3};
@@ -16,6 +16,8 @@ pub(super) struct PathLimits {
     pub mirrors: usize,
     /// Range resolution, m.
     pub resolution: f64,
+    /// Echoes that are joined.
+    pub centres: CentreGrid,
     /// How fine clutter is; `None`: there is none.
     pub clutter: Option<ClutterGrid>,
 }
@@ -33,6 +35,7 @@ pub(super) struct FramePaths {
 struct TaskMemory {
     facets: FacetMemory,
     clutter: ClutterMemory,
+    centres: CentreMemory,
 }
 
 impl FramePaths {
@@ -87,6 +90,7 @@ impl FramePaths {
             if let Some(grid) = limits.clutter.filter(|_| direct) {
                 scatter_from_rough(field, &sightlines, search, number as u32, grid, &mut memory.clutter, echoes);
             }
+            limits.centres.join(echoes, &mut memory.centres);
         });
         self.echoes.clear();
         self.parts.iter().for_each(|part| self.echoes.append(part));

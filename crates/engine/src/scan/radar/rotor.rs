@@ -1,5 +1,6 @@
 //! A turn of a rotating radar: a polar image, and what stands out in it.
 
+use super::explain::Explanation;
 use super::paths::FramePaths;
 use super::points::PointWriter;
 use super::setup::{RadarMoment, RadarSetup};
@@ -32,8 +33,8 @@ struct RowResult {
 }
 
 impl RadarSetup<'_> {
-    /// A turn: its polar image, and detections in `cloud`.
-    pub fn turn(&self, cloud: &mut PointCloud) -> Result<RadarFrame> {
+    /// A turn: its polar image, and detections in `cloud`, of which one may be explained.
+    pub fn turn(&self, cloud: &mut PointCloud, mut explanation: Option<&mut Explanation>) -> Result<RadarFrame> {
         let Pattern::RadarRotor(rotor) = &self.sensor.spec().pattern else {
             return Err(Error::Internal("a turn of a radar that does not rotate".into()));
         };
@@ -73,15 +74,18 @@ impl RadarSetup<'_> {
             for (row, result) in (first..).zip(&results) {
                 let Some(truth) = &result.truth else { continue };
                 let mut own = PointCloud::default();
-                PointWriter {
+                let writer = PointWriter {
                     setup: self,
                     search: &paths.search,
                     echoes: &result.echoes,
                     truth,
                     moment: &RadarMoment { time: image.times[row as usize], ..moment },
                     beam: (row, azimuth(row) as f32),
+                };
+                writer.write(&result.detections, &result.seen, &mut own)?;
+                if let Some(explanation) = &mut explanation {
+                    explanation.add(&writer, &result.detections, cloud.len())?;
                 }
-                .write(&result.detections, &result.seen, &mut own)?;
                 if cloud.fields == FieldSet::EMPTY {
                     *cloud = own;
                 } else {

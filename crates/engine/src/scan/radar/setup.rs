@@ -2,7 +2,7 @@
 
 use super::paths::{FramePaths, PathLimits};
 use super::precipitation::add_precipitation;
-use crate::echo::radar::{ClutterGrid, WaveField};
+use crate::echo::radar::{CentreGrid, ClutterGrid, WaveField};
 use crate::medium::{RadioAir, wet_radome_db};
 use crate::scan::ScanOptions;
 use crate::sensor::{RadarSpec, Sensor};
@@ -42,12 +42,13 @@ pub(super) struct RadarSetup<'a> {
     /// Likewise where paths are found: all around for antennas that rotate.
     searched: [LobeTable; 2],
     /// Power of a transmitter less all losses, W.
-    power: f64,
+    pub power: f64,
     /// Thermal noise in a cell of a channel, W.
     pub noise: f64,
-    /// Range resolution, m, and width of a beam, rad.
+    /// Range resolution, m, steps in velocity, m/s, and widths of a beam to the left and up, rad.
     resolution: f64,
-    beam: f64,
+    rate: f64,
+    beam: [f64; 2],
     /// Ranges that it receives, m.
     reach: f64,
 }
@@ -72,8 +73,9 @@ impl<'a> RadarSetup<'a> {
         };
         let wavelength = spec.waveform.wavelength();
         // Of the array, or of the element.
-        let of_array = wavelength / (width(1) + 0.5 * wavelength);
-        let of_element = spec.array.rx_pattern.azimuth_deg.map_or(1.0, |degrees| degrees.to_radians());
+        let of_array = [1, 2].map(|axis| wavelength / (width(axis) + 0.5 * wavelength));
+        let element = &spec.array.rx_pattern;
+        let of_element = [element.azimuth_deg, element.elevation_deg].map(|width| width.map_or(1.0, f64::to_radians));
         let farthest = match &spec.waveform {
             RadarWaveform::Fmcw(fmcw) => fmcw.greatest_range(),
             _ => axes.range.at(axes.range.len as f64),
@@ -97,7 +99,8 @@ impl<'a> RadarSetup<'a> {
             power: 1e-3 * 10f64.powf(0.1 * (spec.power_dbm - spec.loss_db - 2.0 * wet)),
             noise: parts.plan.channel_noise(spec.noise_figure_db),
             resolution: axes.range.step,
-            beam: of_array.min(of_element),
+            rate: axes.velocity.step,
+            beam: [0, 1].map(|axis| of_array[axis].min(of_element[axis])),
             reach: farthest.min(sensor.spec().range.max_m.unwrap_or(f64::INFINITY)),
         })
     }
@@ -146,6 +149,7 @@ impl<'a> RadarSetup<'a> {
             mask: self.options.mask,
             mirrors: usize::from(self.spec.mirrors),
             resolution: self.resolution,
+            centres: CentreGrid::new(self.resolution, self.rate, self.beam),
             clutter: self.spec.clutter.then(|| self.clutter_grid(sector[0])),
         };
         paths.find(&field, &limits);
@@ -153,16 +157,16 @@ impl<'a> RadarSetup<'a> {
         Ok(())
     }
 
-    /// Width of a beam, rad.
+    /// Width of a beam in azimuth, rad.
     pub fn beam(&self) -> f64 {
-        self.beam
+        self.beam[0]
     }
 
     /// Patches of clutter as large as cells; of a radar with very many cells, no more than memory can hold.
     fn clutter_grid(&self, [left, right]: [f64; 2]) -> ClutterGrid {
         /// Most patches of level ground in the field of view.
         const MOST: f64 = 2e6;
-        let (range, angle) = (self.resolution, 0.5 * self.beam);
+        let (range, angle) = (self.resolution, 0.5 * self.beam());
         let patches = self.reach / range * (right - left) / angle;
         let coarser = (patches / MOST).sqrt().max(1.0);
         ClutterGrid { rng: self.rng, range: coarser * range, angle: coarser * angle }
