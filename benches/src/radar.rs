@@ -58,6 +58,7 @@ pub fn run() -> Result<Value> {
     println!("{:<28}{:>12}{:>12}{:>10}{:>10}{:>10}", "radar", "cells", "detections", "ms", "bare ms", "times");
     let mut rows = Vec::new();
     for (name, preset, settings) in CASES {
+        if std::env::var("RADAR_CASE").is_ok_and(|case| case != name.trim()) { continue; }
         let mut sensor = match preset {
             Some(preset) => Sensor::preset(preset)?,
             None => Sensor::from_yaml(TWELVE, ".")?,

@@ -121,10 +121,19 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
                 continue;
             }
             let along = to / distance;
+            let area = 0.5 * across.length() * 0.5f64.powi(divisions(part) as i32);
+            let extent = 2.0 * reach;
+            if extent < grid.range && extent < grid.angle * distance {
+                // Smaller than any patch needs to be.
+                let area = area * f64::from(surface.clutter(normal.dot(along).abs() as f32));
+                if counts(field, distance, area, along) {
+                    patches.push(Patch { triangle, part, place: middle, area });
+                }
+                continue;
+            }
             if reach < distance && !field.looks(along, (reach / distance).asin()) {
                 continue;
             }
-            let area = 0.5 * across.length() * 0.5f64.powi(divisions(part) as i32);
             // Extent in range, and across: the edge that spans most of the one that is too large is halved.
             let ranges = corners.map(|corner| (corner - field.place).length());
             let sides = corners.map(|corner| (corner - middle).reject_from_normalized(along));

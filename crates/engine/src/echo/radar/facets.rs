@@ -1,29 +1,32 @@
 //! Echoes of smooth facets by physical optics, directly and by way of mirrors.
 //!
 //! Facets up to several Fresnel zones wide are integrated as a whole where all of them is in sight, and divided where
-//! something hides a part, until the parts are small against the Fresnel zone. Of larger ones only the places count whose
-//! echoes do not cancel: the mirror image and the edges.
+//! something hides a part, until the parts are small against the Fresnel zone. Of larger ones, and of those that extend over
+//! several cells of range, only the places count whose echoes do not cancel: the mirror image and the edges.
 
 use super::echoes::{RadarEcho, RadarEchoes, RadarRoute};
 use super::wave::{Scattering, WaveField};
-use crate::trace::{ImageTarget, Mirror, Mirrors, Search, SightMemory, Sighted, Sightlines};
+use crate::trace::{ImageTarget, Mirror, Mirrors, RowFacets, Search, SightMemory, Sighted, Sightlines};
 use glam::DVec3;
-use model::material::Polarised;
 use num_complex::Complex64;
 use radar::optics::{Ends, OutlinePart};
 
 /// Widest facets that are divided, in radii of the first Fresnel zone.
 const WIDE: f64 = 8.0;
-/// Parts at which all are looked at, even if their corners are in sight.
-const LOOKED_AT: f64 = 2.0;
 /// Below this width a facet is in sight if its middle is.
 const NARROW: f64 = 0.25;
+/// Parts of an edge between the places that are looked at: for widths up to these, more for wider ones. Places are an eighth
+/// of a Fresnel zone to two of them apart.
+const GRIDS: [(f64, u32); 2] = [(2.0, 1), (4.0, 2)];
+const WIDEST_GRID: u32 = 4;
 /// Width of the parts of facets that are partly hidden.
-const PARTS: f64 = 0.1;
+const PARTS: f64 = 0.25;
 /// Most divisions of a facet by two.
 const MOST_DIVISIONS: u8 = 8;
 /// Amplitude over that which matters up to which facets are not divided.
-const FAINT: f64 = 10.0;
+const FAINT: f64 = 30.0;
+/// Amplitude over that which matters of what mirrors show: 10 dB.
+pub(crate) const IMAGES: f64 = 3.2;
 /// Divisions of a facet that mirrors of its size illuminate in part, as in corners: always, and where it is partly in the
 /// dark.
 const CORNER_DIVISIONS: [u8; 2] = [3, 6];
@@ -38,6 +41,8 @@ struct FacetPart {
     width: f64,
     /// Whether the mirrors are small against the facet.
     in_corner: bool,
+    /// Kirchhoff's integral over all of it, 1/m, if that is known.
+    value: Option<Complex64>,
     /// Where its visibility is tested: first place and number.
     first: u32,
     places: u8,
@@ -88,9 +93,12 @@ pub(crate) fn scatter_from_facets(
     };
     let middle = search.rows[target.target].middle;
     let once = field.kept(target.mirrors.iter().map(|&mirror| search.mirrors[mirror]), image, middle);
+    let ahead = [1.0, 0.0, 0.0];
+    let greatest = f64::from(field.tx.amplitude(ahead)) * f64::from(field.rx.amplitude(ahead));
     for &(route, ends) in routes {
         let kept = if route == RadarRoute::Both { once * once } else { once };
-        FacetTask { field, sightlines, search, target, number, spread, mirrors, route, ends, kept }.run(memory, echoes);
+        FacetTask { field, sightlines, search, target, number, spread, mirrors, route, ends, kept, greatest }
+            .run(memory, echoes);
     }
 }
 
@@ -107,25 +115,28 @@ struct FacetTask<'a> {
     ends: Ends,
     /// Part of the amplitude that mirrors leave, at most.
     kept: f64,
+    /// Greatest gain of amplitudes, both ways.
+    greatest: f64,
 }
 
 impl FacetTask<'_> {
     fn run(&self, memory: &mut FacetMemory, echoes: &mut RadarEchoes) {
         let row = self.search.rows[self.target.target];
         let facets = self.field.scene.row_facets(row, self.field.time);
-        let surface = self.field.surfaces.of(&self.field.scene.surfaces, row.row);
-        let floor = self.field.floor / (row.triangles as f64).sqrt().sqrt();
+        // Few images in mirrors return into one cell.
+        let floor = if self.target.mirrors.is_empty() { self.field.floor } else { IMAGES * self.field.floor };
+        let floor = floor / (row.triangles as f64).sqrt().sqrt();
         memory.queue.clear();
         memory.critical.clear();
         memory.places.clear();
         for triangle in facets.triangles() {
             let corners = facets.corners(triangle);
             let Some((middle, cos)) = self.facing(&corners) else { continue };
-            let Polarised { s, p } = surface.reflect(cos);
-            let reflected = f64::from(s.norm().max(p.norm()) * surface.coherent(cos));
-            if !self.counts(&corners, middle, reflected, floor) {
+            if !self.mirrors.all().is_empty() && !self.is_near_mirrors(&corners, middle) {
                 continue;
             }
+            let reflected = f64::from(self.field.surfaces.mirrored(&self.field.scene.surfaces, row.row, cos));
+            let Some(value) = self.counts(&corners, middle, reflected, floor) else { continue };
             if self.route == RadarRoute::Both && self.is_mirrored(triangle) {
                 // Found as a target behind two mirrors.
                 continue;
@@ -133,9 +144,10 @@ impl FacetTask<'_> {
             let width = longest(&corners) / self.ends.fresnel(middle, self.field.k());
             if width <= WIDE {
                 let in_corner = self.has_corner(&corners);
-                memory.queue.push(FacetPart { triangle, corners, divisions: 0, width, in_corner, first: 0, places: 0 });
+                let part = FacetPart { triangle, corners, divisions: 0, width, in_corner, value, first: 0, places: 0 };
+                memory.queue.push(part);
             } else {
-                self.add_critical(triangle, &corners, floor, memory);
+                self.add_critical(triangle, &corners, self.long_inner(&facets, triangle, &corners), floor, memory);
             }
         }
         self.emit_critical(memory, echoes);
@@ -158,13 +170,32 @@ impl FacetTask<'_> {
         Some((middle, (0.5 * half.length()) as f32))
     }
 
-    /// Whether the echo of a facet could matter, if it were all in phase.
-    fn counts(&self, corners: &[DVec3; 3], middle: DVec3, reflected: f64, floor: f64) -> bool {
+    /// Whether the mirrors may be where a facet or a part of it appears in them.
+    fn is_near_mirrors(&self, corners: &[DVec3; 3], middle: DVec3) -> bool {
+        // A corner may be on the other side of a mirror than the middle.
+        let aside = longest(corners);
+        let near = |place: &DVec3| self.mirrors.bends(*place).is_some_and(|bends| self.mirrors.hold(&bends, aside));
+        near(&middle) || corners.iter().any(near)
+    }
+
+    /// Whether the echo of a facet could matter, and its integral if it was needed to tell.
+    fn counts(
+        &self,
+        corners: &[DVec3; 3],
+        middle: DVec3,
+        reflected: f64,
+        floor: f64,
+    ) -> Option<Option<Complex64>> {
         let [r, s] = [(middle - self.ends.source).length(), (middle - self.ends.observer).length()];
-        if 0.5 * (r + s) - longest(corners) > self.field.reach {
-            return false;
+        let longest = longest(corners);
+        if 0.5 * (r + s) - longest > self.field.reach {
+            return None;
         }
-        let strength = self.ends.bound(*corners, self.field.k()) * self.kept * reflected;
+        let scale = self.kept * reflected * self.field.scale();
+        let strength = self.ends.bound(*corners, self.field.k());
+        if strength * scale * self.greatest < floor {
+            return None;
+        }
         let out = (self.mirrors.target_image(middle) - self.field.place).normalize_or_zero().as_vec3();
         let back = if self.route == RadarRoute::Both {
             out
@@ -172,17 +203,42 @@ impl FacetTask<'_> {
             (middle - self.field.place).normalize_or_zero().as_vec3()
         };
         // Of a facet that is large for its distance, a part may be where the elements have gain.
-        let gain = if longest(corners) > 0.3 * r.min(s) { self.greatest_gain() } else { self.field.gain(out, back) };
-        let scale = self.field.scale() * gain;
-        if strength * scale < floor {
-            return false;
+        let gain = if longest > 0.3 * r.min(s) { self.greatest } else { self.field.gain(out, back) };
+        let least = floor / (scale * gain);
+        if strength < least {
+            return None;
         }
-        let narrow = longest(corners) < WIDE * self.ends.fresnel(middle, self.field.k());
-        let whole = self.kept * reflected * scale;
+        let narrow = longest < WIDE * self.ends.fresnel(middle, self.field.k());
         // What returns little as a whole returns no more in parts but for corners, where mirrors cut parts out.
-        !narrow
-            || (self.has_corner(corners) && strength * scale > FAINT * floor)
-            || self.ends.facet(*corners, self.field.k()).norm() * whole > floor
+        if narrow && strength > FAINT * least && self.has_corner(corners) {
+            return Some(None);
+        }
+        if self.ends.edge_bound(*corners, self.field.k()) < least {
+            return None;
+        }
+        if narrow && self.depth(corners) <= self.spread {
+            let value = self.ends.facet(*corners, self.field.k());
+            return (value.norm() > least).then_some(Some(value));
+        }
+        Some(None)
+    }
+
+    /// By how much the ranges of the corners of a facet differ, m.
+    fn depth(&self, corners: &[DVec3; 3]) -> f64 {
+        let [a, b, c] = corners.map(|corner| 0.5 * self.ends.length(corner));
+        a.max(b).max(c) - a.min(b).min(c)
+    }
+
+    /// Which edges of a wide facet another one of its plane continues that is as wide.
+    fn long_inner(&self, facets: &RowFacets, triangle: u32, corners: &[DVec3; 3]) -> [bool; 3] {
+        let mut inner = facets.inner(triangle);
+        for (edge, inner) in inner.iter_mut().enumerate() {
+            let [from, to] = [corners[edge], corners[(edge + 1) % 3]];
+            let middle = 0.5 * (from + to);
+            // Beyond doubt, wherever the middle of the other one is.
+            *inner &= (to - from).length() > 1.5 * WIDE * self.ends.fresnel(middle, self.field.k());
+        }
+        inner
     }
 
     /// Whether a mirror beside a facet is so small that it illuminates a part of it.
@@ -203,11 +259,18 @@ impl FacetTask<'_> {
     }
 
     /// Adds the places of a large facet that count.
-    fn add_critical(&self, triangle: u32, corners: &[DVec3; 3], floor: f64, memory: &mut FacetMemory) {
+    fn add_critical(
+        &self,
+        triangle: u32,
+        corners: &[DVec3; 3],
+        inner: [bool; 3],
+        floor: f64,
+        memory: &mut FacetMemory,
+    ) {
         let FacetMemory { critical, places, .. } = memory;
         let middle = (corners[0] + corners[1] + corners[2]) / 3.0;
         let scale = self.field.scale();
-        self.ends.each_piece(*corners, self.field.k(), self.spread, &mut |part| {
+        self.ends.each_piece(*corners, inner, self.field.k(), self.spread, &mut |part| {
             let first = places.len() as u32;
             let (OutlinePart::Mirror(value, place) | OutlinePart::Edge(value, place)) = part;
             let direction = (place - self.field.place).normalize_or_zero().as_vec3();
@@ -252,15 +315,25 @@ impl FacetTask<'_> {
             let [a, b, c] = element.corners;
             let middle = (a + b + c) / 3.0;
             element.first = memory.places.len() as u32;
-            memory.places.push(middle);
             if element.width > NARROW || element.in_corner {
-                memory.places.extend([a, b, c].map(|corner| corner.lerp(middle, 0.04)));
+                let fine = GRIDS.iter().find(|(width, _)| element.width <= *width).map_or(WIDEST_GRID, |(_, parts)| *parts);
+                if fine < WIDEST_GRID {
+                    memory.places.push(middle);
+                }
+                // A little inside.
+                let place = |i: u32, j: u32| {
+                    let [u, v] = [i, j].map(|part| f64::from(part) / f64::from(fine));
+                    (a + (b - a) * u + (c - a) * v).lerp(middle, 0.04)
+                };
+                memory.places.extend((0..=fine).flat_map(|i| (0..=fine - i).map(move |j| (i, j))).map(|(i, j)| place(i, j)));
+            } else {
+                memory.places.push(middle);
             }
             element.places = (memory.places.len() as u32 - element.first) as u8;
         }
         self.look(memory);
         let FacetMemory { queue, next, there, .. } = memory;
-        let gain = self.greatest_gain();
+        let gain = self.greatest;
         next.clear();
         for element in queue.drain(..) {
             let sighted = &there[element.first as usize..][..usize::from(element.places)];
@@ -268,18 +341,22 @@ impl FacetTask<'_> {
             let [always, most] = if element.in_corner { CORNER_DIVISIONS } else { [0, MOST_DIVISIONS] };
             // Whatever is weak is as weak in parts.
             let strong = |corners| {
-                self.ends.bound(corners, self.field.k()) * self.kept * self.field.scale() * gain > FAINT * floor
+                self.ends.edge_bound(corners, self.field.k()) * self.kept * self.field.scale() * gain > FAINT * floor
             };
             let wide = element.in_corner || (element.width > PARTS && sighted.len() > 1 && strong(element.corners));
             let mixed = seen > 0 && seen < sighted.len();
-            if element.width > LOOKED_AT || element.divisions < always || (mixed && wide && element.divisions < most) {
+            if element.divisions < always || (mixed && wide && element.divisions < most) {
                 divide(&element, next);
                 continue;
             }
             let Some(seen) = mean(sighted) else { continue };
-            let value = self.ends.facet(element.corners, self.field.k());
             // All parts of a facet together may matter as much as all of it.
             let floor = floor * 0.25f64.powi(element.divisions.into());
+            if self.depth(&element.corners) > self.spread {
+                self.emit_pieces(&element, &seen, floor, echoes);
+                continue;
+            }
+            let value = element.value.unwrap_or_else(|| self.ends.facet(element.corners, self.field.k()));
             if value.norm() * self.field.scale() * f64::from(seen.through) * gain < floor {
                 continue;
             }
@@ -289,8 +366,15 @@ impl FacetTask<'_> {
         std::mem::swap(queue, next);
     }
 
-    fn greatest_gain(&self) -> f64 {
-        f64::from(self.field.tx.amplitude([1.0, 0.0, 0.0])) * f64::from(self.field.rx.amplitude([1.0, 0.0, 0.0]))
+    /// Adds the echoes of the edges of a part that extends over several cells of range.
+    fn emit_pieces(&self, element: &FacetPart, seen: &Sighted, floor: f64, echoes: &mut RadarEchoes) {
+        let scale = self.field.scale() * f64::from(seen.through) * self.greatest;
+        self.ends.each_piece(element.corners, [false; 3], self.field.k(), self.spread, &mut |part| {
+            let (OutlinePart::Mirror(value, place) | OutlinePart::Edge(value, place)) = part;
+            if value.norm() * scale > floor {
+                self.emit(element.triangle, place, value, seen, echoes);
+            }
+        });
     }
 
     /// Looks at `memory.places` along the route; `memory.there` gets what is in sight both ways.
@@ -337,6 +421,6 @@ fn divide(element: &FacetPart, parts: &mut Vec<FacetPart>) {
     let [a, b, c] = element.corners;
     let [x, y, z] = [0.5 * (b + c), 0.5 * (a + c), 0.5 * (a + b)];
     let divisions = element.divisions + 1;
-    let part = |corners| FacetPart { corners, divisions, width: 0.5 * element.width, ..*element };
+    let part = |corners| FacetPart { corners, divisions, value: None, width: 0.5 * element.width, ..*element };
     parts.extend([[a, z, y], [z, b, x], [y, x, c], [x, y, z]].map(part));
 }

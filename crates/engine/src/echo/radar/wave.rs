@@ -134,13 +134,10 @@ impl WaveField<'_> {
     pub fn kept(&self, mirrors: impl Iterator<Item = Mirror>, image: DVec3, target: DVec3) -> f64 {
         let along = (target - image).normalize_or_zero();
         let one = |mirror: Mirror| {
-            let surface = self.surfaces.of(&self.scene.surfaces, mirror.row);
             let cos = mirror.normal.dot(along).abs() as f32;
             // Waves to other parts of a target are met at other angles.
-            [0.8, 1.0, 1.25].map(|part: f32| (part * cos).min(1.0)).into_iter().fold(0.0, |most: f64, cos| {
-                let Polarised { s, p } = surface.reflect(cos);
-                most.max(f64::from(s.norm().max(p.norm()) * surface.coherent(cos)))
-            })
+            let at = |part: f32| self.surfaces.mirrored(&self.scene.surfaces, mirror.row, part * cos);
+            f64::from(at(0.8).max(at(1.0)).max(at(1.25)))
         };
         mirrors.map(one).product()
     }

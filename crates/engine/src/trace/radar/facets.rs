@@ -128,6 +128,15 @@ impl RowFacets<'_> {
         }
     }
 
+    /// Which edges of a triangle, from its first, second and third corner on, are between triangles of one plane.
+    pub fn inner(&self, triangle: u32) -> [bool; 3] {
+        let surfaces = &self.scene.surfaces;
+        // What changes its shape may bend there.
+        self.of.place.map_or([false; 3], |_| {
+            surfaces.planes(surfaces.rows[self.of.row as usize].part).inner(triangle)
+        })
+    }
+
     /// Velocity of the middle of a triangle, m/s, world.
     pub fn velocity(&self, triangle: u32) -> Vec3 {
         let movement = self.scene.movement(None, self.of.row, triangle, [1.0 / 3.0; 2], self.time);

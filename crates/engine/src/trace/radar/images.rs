@@ -103,6 +103,13 @@ impl Mirrors {
         Some(bends)
     }
 
+    /// Whether `bends` are as near to the middles of their mirrors as facets of these are, and `aside` m.
+    pub fn hold(&self, bends: &[DVec3; MOST_MIRRORS], aside: f64) -> bool {
+        // Places are as exact as single precision.
+        let reach = |mirror: &Mirror| 1.001 * mirror.radius + 1e-3 + aside;
+        self.all().iter().zip(bends).all(|(mirror, bend)| (*bend - mirror.point).length() < reach(mirror))
+    }
+
     /// Directions of a wave to `target`: as it leaves the start, and after each mirror; unit vectors. `bends` are those of
     /// [`Mirrors::bends`].
     pub fn directions(&self, target: DVec3, bends: &[DVec3; MOST_MIRRORS]) -> [Vec3; MOST_MIRRORS + 1] {

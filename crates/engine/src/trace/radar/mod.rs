@@ -6,7 +6,7 @@ mod planes;
 mod search;
 mod sightlines;
 
-pub(crate) use facets::RadarRow;
+pub(crate) use facets::{RadarRow, RowFacets};
 pub(crate) use images::{MOST_MIRRORS, Mirror, Mirrors};
 pub use planes::PartPlanes;
 pub(crate) use search::{ImageTarget, Search, SearchLimits};

@@ -9,6 +9,9 @@ use std::collections::HashMap;
 pub struct PartPlanes {
     /// For each triangle its plane, or [`PartPlanes::NONE`].
     of_triangle: Vec<u8>,
+    /// For each triangle a bit for each edge, from its first, second and third corner on, that another one of its plane
+    /// continues.
+    inner: Vec<u8>,
     planes: Vec<MeshPlane>,
 }
 
@@ -62,6 +65,7 @@ impl PartPlanes {
             number
         };
         let numbers: Vec<u32> = part.triangles.iter().enumerate().map(number).collect();
+        let inner = inner_edges(&part.triangles, &numbers);
         for (corners, &number) in part.triangles.iter().zip(&numbers) {
             let Some((plane, _)) = planes.get_mut(number as usize) else { continue };
             for corner in corners {
@@ -77,7 +81,7 @@ impl PartPlanes {
         order.iter().enumerate().for_each(|(at, &number)| place[number as usize] = at as u8);
         let at = |&number: &u32| place.get(number as usize).copied().unwrap_or(PartPlanes::NONE);
         let of_triangle = numbers.iter().map(at).collect();
-        PartPlanes { of_triangle, planes: order.iter().map(|&number| planes[number as usize].0).collect() }
+        PartPlanes { of_triangle, inner, planes: order.iter().map(|&number| planes[number as usize].0).collect() }
     }
 
     /// All of them, the largest first.
@@ -85,9 +89,50 @@ impl PartPlanes {
         &self.planes
     }
 
+    /// Which edges of a triangle, from its first, second and third corner on, are between triangles of one plane.
+    pub fn inner(&self, triangle: u32) -> [bool; 3] {
+        let bits = self.inner.get(triangle as usize).copied().unwrap_or_default();
+        [0, 1, 2].map(|edge| bits >> edge & 1 != 0)
+    }
+
     /// The number of the plane of a triangle, if it is a large one.
     pub fn of(&self, triangle: u32) -> Option<usize> {
         let number = *self.of_triangle.get(triangle as usize)?;
         (number != PartPlanes::NONE).then_some(usize::from(number))
+    }
+}
+
+/// For each triangle the bits of [`PartPlanes::inner`]: edges that two triangles of the same plane share, which pass it in
+/// opposite directions.
+fn inner_edges(triangles: &[[u32; 3]], planes: &[u32]) -> Vec<u8> {
+    let edges = |[a, b, c]: [u32; 3]| [(a, b), (b, c), (c, a)];
+    let mut known: HashMap<(u32, (u32, u32)), (usize, usize, u32)> = HashMap::new();
+    for (index, (&corners, &plane)) in triangles.iter().zip(planes).enumerate() {
+        for (edge, ends) in edges(corners).into_iter().enumerate() {
+            known.entry((plane, ends)).and_modify(|known| known.2 += 1).or_insert((index, edge, 1));
+        }
+    }
+    let mut inner = vec![0; triangles.len()];
+    for (&(plane, (from, to)), &(index, edge, count)) in &known {
+        let back = known.get(&(plane, (to, from)));
+        if plane != u32::MAX && count == 1 && back.is_some_and(|back| back.2 == 1) {
+            inner[index] |= 1 << edge;
+        }
+    }
+    inner
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A square of two triangles, a third beside it that is tilted, and one that meets two others at one edge.
+    #[test]
+    fn diagonals_are_inner_edges() {
+        let triangles = [[0, 1, 2], [0, 2, 3], [1, 4, 2]];
+        assert_eq!(inner_edges(&triangles, &[0, 0, 1]), [0b100, 0b001, 0]);
+        assert_eq!(inner_edges(&triangles, &[0, 0, 0]), [0b110, 0b001, 0b100]);
+        assert_eq!(inner_edges(&[[0, 1, 2], [0, 2, 3], [0, 2, 4]], &[0; 3]), [0; 3]);
+        assert_eq!(inner_edges(&triangles, &[u32::MAX; 3]), [0; 3]);
     }
 }

@@ -7,7 +7,7 @@ use crate::trace::Tables;
 use crate::trace::hits::{HitBatch, Sight};
 use glam::{DVec3, Vec3};
 use ground::lanes::{LANES, MISS, RayBatch};
-use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 /// Numbers of mirrors in order; unused ones are [`NO_MIRROR`].
 type Chain = [u16; MOST_MIRRORS];
@@ -25,6 +25,9 @@ const RAYS_PER_PLANE: usize = 4;
 
 /// Planes of a small object that get such rays.
 const PLANES_PER_OBJECT: usize = 8;
+
+/// Planes whose distances from the origin differ by more than this, m, are not the same.
+const APART: f64 = 0.05;
 
 /// A surface as seen in mirrors.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -72,6 +75,8 @@ pub(crate) struct Search {
     /// Distances between mirrors that rays went from one to the other of, m.
     legs: BTreeMap<[u16; 2], f64>,
     by_plane: HashMap<(u32, usize), u16>,
+    /// Mirrors by how far their planes are from the origin, in steps of [`APART`].
+    by_distance: HashMap<i64, Vec<u16>>,
 }
 
 /// A ray on its way.
@@ -91,7 +96,7 @@ impl Search {
         let mut of_row = vec![u32::MAX; scene.surfaces.rows.len()];
         (0..).zip(&rows).for_each(|(index, row): (u32, &RadarRow)| of_row[row.row as usize] = index);
         let mut search = Search { rows, ..Search::default() };
-        let mut seen: BTreeSet<(Chain, u32)> = BTreeSet::new();
+        let mut seen: HashSet<(Chain, u32)> = HashSet::new();
         let mut rays: Vec<SearchRay> = Vec::new();
         let ray = |along: Vec3| SearchRay {
             from: limits.start.as_vec3(),
@@ -101,7 +106,7 @@ impl Search {
         };
         rays.extend(limits.directions.iter().map(|&along| ray(along)));
         let small: Vec<usize> = (0..search.rows.len()).filter(|&index| search.is_small(index, limits)).collect();
-        for &index in &small {
+        for &index in small.iter().filter(|&&index| search.is_in_view(index, limits)) {
             // What falls between rays may be visible.
             seen.insert(([NO_MIRROR; MOST_MIRRORS], index as u32));
             search.add_rays_to_planes(scene, index, limits, &mut |along| rays.push(ray(along)));
@@ -123,6 +128,14 @@ impl Search {
         let row = &self.rows[index];
         let distance = (row.middle - limits.start).length().max(1e-6);
         2.0 * row.radius < RAYS * limits.step * distance
+    }
+
+    /// Whether the radar looks at a row, or a part of it.
+    fn is_in_view(&self, index: usize, limits: &SearchLimits) -> bool {
+        let row = &self.rows[index];
+        let way = row.middle - limits.start;
+        let distance = way.length();
+        distance < row.radius || (limits.looks)(way / distance, (row.radius / distance).min(1.0).asin())
     }
 
     fn add_rays_to_planes(&self, scene: &Tables, index: usize, limits: &SearchLimits, add: &mut dyn FnMut(Vec3)) {
@@ -147,7 +160,7 @@ impl Search {
         rays: &[SearchRay],
         of_row: &[u32],
         limits: &SearchLimits,
-        seen: &mut BTreeSet<(Chain, u32)>,
+        seen: &mut HashSet<(Chain, u32)>,
     ) -> Vec<SearchRay> {
         let (mut batch, mut hits) = (Box::<RayBatch>::default(), Box::new(HitBatch::new()));
         let mut next = Vec::new();
@@ -195,17 +208,19 @@ impl Search {
         next
     }
 
-    /// Notes in which mirrors the middles of the `small` rows are seen.
+    /// Notes in which large mirrors the middles of the `small` rows are seen; small mirrors are met by rays to their planes.
     fn look_in_mirrors(
         &mut self,
         scene: &Tables,
         small: &[usize],
         of_row: &[u32],
         limits: &SearchLimits,
-        seen: &mut BTreeSet<(Chain, u32)>,
+        seen: &mut HashSet<(Chain, u32)>,
     ) {
+        /// Least area of such a mirror, m^2.
+        const LARGE: f64 = 1.0;
         let mut aimed: Vec<(u16, u32, DVec3)> = Vec::new();
-        for (number, mirror) in self.mirrors.iter().enumerate() {
+        for (number, mirror) in self.mirrors.iter().enumerate().filter(|(_, mirror)| mirror.area >= LARGE) {
             let path = Mirrors::new(limits.start, std::iter::once(*mirror));
             for &index in small {
                 let row = &self.rows[index];
@@ -216,6 +231,7 @@ impl Search {
                 if let Some([bend, ..]) = path.bends(row.middle)
                     && (bend - mirror.point).length() < mirror.radius
                     && mirror.area >= limits.wavelength * (bend - row.middle).length()
+                    && (limits.looks)((bend - limits.start).normalize_or_zero(), 0.0)
                 {
                     aimed.push((number as u16, index as u32, bend));
                 }
@@ -257,9 +273,12 @@ impl Search {
         if let Some(&known) = self.by_plane.get(&(row.row, number)) {
             return Some(known);
         }
-        let same = self.mirrors.iter().position(|mirror| mirror.is_plane(plane.normal, plane.point));
+        let step = (plane.normal.dot(plane.point).abs() / APART).round() as i64;
+        let near = (step - 1..=step + 1).filter_map(|step| self.by_distance.get(&step)).flatten();
+        let same = near.copied().filter(|&it| self.mirrors[usize::from(it)].is_plane(plane.normal, plane.point)).min();
         let mirror = match same {
             Some(number) => {
+                let number = usize::from(number);
                 let mirror = &mut self.mirrors[number];
                 mirror.area += plane.area;
                 mirror.radius = mirror.radius.max((plane.point - mirror.point).length() + plane.radius);
@@ -267,7 +286,9 @@ impl Search {
             }
             None if self.mirrors.len() < MOST_PLANES => {
                 self.mirrors.push(plane);
-                self.mirrors.len() - 1
+                let number = self.mirrors.len() - 1;
+                self.by_distance.entry(step).or_default().push(number as u16);
+                number
             }
             None => return None,
         };
@@ -276,8 +297,8 @@ impl Search {
     }
 
     /// Lists what was `seen`. Waves go both ways: a target seen in a mirror is a mirror in which that one is seen.
-    fn list(&mut self, seen: BTreeSet<(Chain, u32)>, limits: &SearchLimits) {
-        let mut all = seen.clone();
+    fn list(&mut self, seen: HashSet<(Chain, u32)>, limits: &SearchLimits) {
+        let mut all: Vec<(Chain, u32)> = seen.iter().copied().collect();
         let rows_of: HashMap<u16, Vec<u32>> = {
             let mut rows: HashMap<u16, Vec<u32>> = HashMap::new();
             let index_of: HashMap<u32, u32> = (0..).zip(&self.rows).map(|(index, row)| (row.row, index)).collect();
@@ -302,21 +323,32 @@ impl Search {
                 beside.entry(a).or_default().push(b);
                 beside.entry(b).or_default().push(a);
             }
-            let pairs: BTreeSet<[u16; 2]> =
+            let pairs: HashSet<[u16; 2]> =
                 seen.iter().filter(|(chain, _)| chain[1] != NO_MIRROR).map(|(chain, _)| [chain[0], chain[1]]).collect();
             for [a, b] in pairs {
-                let thirds = beside.get(&b).into_iter().flatten().copied();
-                for c in thirds.filter(|&c| c != a && together(a, c)) {
+                // From the one that has fewer neighbours.
+                let [few, other] = if beside.get(&a).map_or(0, Vec::len) < beside.get(&b).map_or(0, Vec::len) {
+                    [a, b]
+                } else {
+                    [b, a]
+                };
+                let thirds = beside.get(&few).into_iter().flatten().copied();
+                for c in thirds.filter(|&c| c != other && together(other, c)) {
                     for [x, y, z] in [[a, b, c], [a, c, b], [b, a, c], [b, c, a], [c, a, b], [c, b, a]] {
                         all.extend(rows(z).map(|row| ([x, y, NO_MIRROR], row)));
                     }
                 }
             }
         }
+        all.sort_unstable();
+        all.dedup();
         let depth = |chain: &Chain| chain.iter().take_while(|&&mirror| mirror != NO_MIRROR).count();
         let mut targets: Vec<(usize, Chain, u32)> =
             all.into_iter().map(|(chain, row)| (depth(&chain), chain, row)).collect();
         targets.retain(|(depth, chain, row)| {
+            if *depth == 0 {
+                return self.is_in_view(*row as usize, limits);
+            }
             let row = &self.rows[*row as usize];
             let mirrors = Mirrors::new(limits.start, chain[..*depth].iter().map(|&it| self.mirrors[usize::from(it)]));
             let way = mirrors.target_image(row.middle) - limits.start;
@@ -325,18 +357,25 @@ impl Search {
         });
         targets.sort_unstable();
         let direct = targets.partition_point(|(depth, ..)| *depth == 0);
-        let mut images = targets.split_off(direct);
-        let size = |(depth, chain, row): &(usize, Chain, u32)| {
-            let row = &self.rows[*row as usize];
-            let mirrors = chain[..*depth].iter().map(|&mirror| self.mirrors[usize::from(mirror)]);
-            let image = Mirrors::new(limits.start, mirrors.clone()).image();
-            let [r, s] = [image, limits.start].map(|from| (row.middle - from).length().max(row.radius));
-            let kept = (limits.kept)(&mut mirrors.clone(), image, row.middle);
-            row.radius.powi(2) / (r * s).powi(2) * kept * kept
+        let images = targets.split_off(direct);
+        let strong = |image: (usize, Chain, u32)| {
+            let (depth, chain, row) = image;
+            let row = &self.rows[row as usize];
+            let mirrors = chain[..depth].iter().map(|&mirror| self.mirrors[usize::from(mirror)]);
+            let place = mirrors.clone().fold(limits.start, |place, mirror| mirror.image(place));
+            let [r, s] = [place, limits.start].map(|from| (row.middle - from).length().max(row.radius));
+            let size = (row.radius / (r * s)).powi(2);
+            if size <= limits.least {
+                return None;
+            }
+            let kept = (limits.kept)(&mut mirrors.clone(), place, row.middle);
+            let size = size * kept * kept;
+            (size > limits.least).then_some((size, image))
         };
-        images.sort_by_cached_key(|image| std::cmp::Reverse(size(image).to_bits()));
-        images.truncate(MOST_IMAGES);
-        images.retain(|image| size(image) > limits.least);
+        let mut sized: Vec<(f64, (usize, Chain, u32))> = images.into_iter().filter_map(strong).collect();
+        sized.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        sized.truncate(MOST_IMAGES);
+        let mut images: Vec<_> = sized.into_iter().map(|(_, image)| image).collect();
         images.sort_unstable();
         targets.extend(images);
         self.targets = targets

@@ -98,7 +98,7 @@ impl Sightlines<'_> {
         memory.bends.clear();
         memory.bends.resize(targets.len(), [DVec3::ZERO; MOST_MIRRORS]);
         for (target, place) in targets.iter().enumerate() {
-            if let Some(bends) = mirrors.bends(*place) {
+            if let Some(bends) = mirrors.bends(*place).filter(|bends| mirrors.hold(bends, 0.0)) {
                 memory.bends[target] = bends;
                 memory.lanes.push(target as u32);
                 found[target].through = 1.0;
