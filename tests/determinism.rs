@@ -579,12 +579,14 @@ fn radars() -> [(Sensor, RadarRecord); 2] {
 name: radar
 kind: radar
 pattern: {type: radar, rate_hz: 20}
-range: {max_m: 40}
+range: {max_m: 12}
 radar:
-  power_dbm: 20
+  power_dbm: 45
+  mirrors: 1
   waveform: {type: fmcw, start_ghz: 77, slope_mhz_per_us: 30, samples: 128, sample_rate_mhz: 10, ramp_us: 15, chirps: 32}
   array: {tx: [[0, 0], [4, 0], [2, 1]], rx: {count: 4}}
   leakage: {power_dbm: -20}
+  detection: {method: os, pfa: 1e-3}
 ";
     let sensor = Sensor::from_yaml(yaml, "").unwrap();
     [false, true].map(|samples| (sensor.clone(), RadarRecord { cube: true, samples }))

@@ -37,9 +37,9 @@ range: {max_m: 100}
 ";
 
 /// What is measured: name, preset or [`TWELVE`], changes.
-type Case = (&'static str, Option<&'static str>, &'static [(&'static str, &'static str)]);
+type RadarCase = (&'static str, Option<&'static str>, &'static [(&'static str, &'static str)]);
 
-const CASES: [Case; 5] = [
+const CASES: [RadarCase; 5] = [
     ("256 x 128 x 12", None, &[]),
     ("  without clutter", None, &[("radar.clutter", "false")]),
     ("  direct and ground", None, &[("radar.clutter", "false"), ("radar.mirrors", "1")]),
@@ -58,7 +58,6 @@ pub fn run() -> Result<Value> {
     println!("{:<28}{:>12}{:>12}{:>10}{:>10}{:>10}", "radar", "cells", "detections", "ms", "bare ms", "times");
     let mut rows = Vec::new();
     for (name, preset, settings) in CASES {
-        if std::env::var("RADAR_CASE").is_ok_and(|case| case != name.trim()) { continue; }
         let mut sensor = match preset {
             Some(preset) => Sensor::preset(preset)?,
             None => Sensor::from_yaml(TWELVE, ".")?,

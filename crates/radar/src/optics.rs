@@ -202,10 +202,11 @@ impl Ends {
             if length == 0.0 {
                 continue;
             }
-            whole += edge.angle(from, to);
             if inner[number] {
+                whole += frame.inner_angle(from, to);
                 continue;
             }
+            whole += edge.angle(from, to);
             let along = along / length;
             let nearest = self.stationary(from, along).clamp(0.0, length);
             // Pieces around the place of stationary phase; away from it, waves leave from the ends only.
@@ -296,6 +297,25 @@ impl OutlineFrame {
         [from.dot(self.across), from.dot(self.aside)]
     }
 
+    /// By how much the azimuth turns from one place to another.
+    fn angle(&self, from: DVec3, to: DVec3) -> f64 {
+        let ([x, y], [u, v]) = (self.offset(from), self.offset(to));
+        let (cross, dot) = (x * v - y * u, x * u + y * v);
+        // Most angles are small: by the series, to 1e-9.
+        if cross.abs() < 0.05 * dot {
+            let t = cross / dot;
+            let t2 = t * t;
+            return self.turn * t * (1.0 - t2 * (1.0 / 3.0 - t2 * (1.0 / 5.0 - t2 / 7.0)));
+        }
+        self.turn * cross.atan2(dot)
+    }
+
+    /// Likewise along an edge between two triangles of one plane: where the line crosses it, each has half of the image.
+    fn inner_angle(&self, from: DVec3, to: DVec3) -> f64 {
+        let angle = self.angle(from, to);
+        if PI - angle.abs() < 1e-9 { 0.0 } else { angle }
+    }
+
     /// `1 - cos q` at a place, see [`Ends::outline`].
     fn obliquity(&self, of: &Ends, place: DVec3) -> f64 {
         let [r, s] = [place - of.source, place - self.image];
@@ -314,15 +334,7 @@ struct EdgeFrame<'a> {
 impl EdgeFrame<'_> {
     /// By how much the azimuth turns from one place to another.
     fn angle(&self, from: DVec3, to: DVec3) -> f64 {
-        let ([x, y], [u, v]) = (self.frame.offset(from), self.frame.offset(to));
-        let (cross, dot) = (x * v - y * u, x * u + y * v);
-        // Most angles are small: by the series, to 1e-9.
-        if cross.abs() < 0.05 * dot {
-            let t = cross / dot;
-            let t2 = t * t;
-            return self.frame.turn * t * (1.0 - t2 * (1.0 / 3.0 - t2 * (1.0 / 5.0 - t2 / 7.0)));
-        }
-        self.frame.turn * cross.atan2(dot)
+        self.frame.angle(from, to)
     }
 
     /// `1 - cos q` at a place.
@@ -559,6 +571,19 @@ mod tests {
             let identity = Complex64::cis(-K * 20.0) / 20.0;
             // Edges add their own echoes, which decline with their distance.
             assert!((found - identity).norm() < 0.01 * identity.norm(), "{found} {identity}");
+            // Likewise without the diagonal, wherever the image is.
+            for aside in [DVec3::ZERO, DVec3::new(0.0, 1e-9, 0.0), DVec3::new(0.0, 0.3, -0.1)] {
+                let of = ends(DVec3::new(10.0, 0.7, 0.7) + aside, DVec3::new(10.0, 0.7, 0.7) + aside);
+                let mut mirror = Complex64::ZERO;
+                for (corners, inner) in plate(side).into_iter().zip([[false, false, true], [true, false, false]]) {
+                    of.each_piece(corners, inner, K, f64::INFINITY, &mut |part| {
+                        if let OutlinePart::Mirror(value, _) = part {
+                            mirror += value;
+                        }
+                    });
+                }
+                assert!((mirror - identity).norm() < 1e-9, "{aside}: {mirror} {identity}");
+            }
             let mut mirror = Complex64::ZERO;
             for corners in plate(side) {
                 ends(place, place).each_piece(corners, [false; 3], K, f64::INFINITY, &mut |part| {

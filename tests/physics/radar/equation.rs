@@ -6,7 +6,6 @@ use super::*;
 /// 14 dB and 128 x 25.6 us of coherent integration, 15.960 dB above the noise. Here with 30 dB more power, so that noise
 /// disturbs little.
 #[test]
-#[ignore = "1.2 dB too little"]
 fn echoes_have_the_power_and_the_snr_of_the_radar_equation() {
     let gains = "radar.array.tx_pattern.gain_dbi=10 radar.array.rx_pattern.gain_dbi=10 radar.windows.range=rect \
                  radar.windows.velocity=rect";
@@ -27,16 +26,16 @@ fn echoes_have_the_power_and_the_snr_of_the_radar_equation() {
         assert_near(&format!("{name}: SNR"), c.snr()[row].into(), 15.960 + 30.0 - further, 0.3);
         assert_near(&format!("{name}: RCS"), c.rcs()[row].into(), 10.0, 0.5);
         assert_near(&format!("{name}: true RCS"), c.true_rcs()[row].into(), 10.0, 0.3);
-        assert_near(&format!("{name}: range"), c.range()[row].into(), range, 0.02 * STEP);
+        // Without windows, the cells beside the middle of a peak hold noise only.
+        assert_near(&format!("{name}: range"), c.range()[row].into(), range, 0.1 * STEP);
         assert_near(&format!("{name}: true range"), c.true_range()[row].into(), range, 0.05);
-        assert_near(&format!("{name}: Doppler"), c.doppler()[row].into(), 0.0, 0.02);
+        assert_near(&format!("{name}: Doppler"), c.doppler()[row].into(), 0.0, 0.1);
         assert_eq!((path(&cloud, row), c.instance_id()[row]), (kind, 1), "{name}");
     }
 }
 
 /// The same without the 30 dB: the mean of many frames, of which a third would not be detected.
 #[test]
-#[ignore = "no truth beside noise"]
 fn weak_echoes_have_the_snr_of_the_radar_equation_on_average() {
     let more = "radar.power_dbm=32 radar.windows.range=rect radar.windows.velocity=rect";
     let (sensor, range) = (radar(more), 171.0 * STEP);
@@ -53,7 +52,6 @@ fn weak_echoes_have_the_snr_of_the_radar_equation_on_average() {
 
 /// A corner anywhere in the field of view, which moves; range rates are positive where it recedes.
 #[test]
-#[ignore = "no truth of strong echoes"]
 fn targets_are_where_they_are_and_move_as_they_move() {
     let sensor = radar(SQUARE);
     for (azimuth_deg, elevation_deg, speed) in [(0.0, 0.0, 10.0), (20.0, 5.0, -14.0), (-25.0, -8.0, 3.0)] {
@@ -79,7 +77,6 @@ fn targets_are_where_they_are_and_move_as_they_move() {
 
 /// What stands approaches a radar that drives, by `-v cos` at every angle.
 #[test]
-#[ignore = "not run yet"]
 fn what_stands_approaches_a_radar_that_drives() {
     let place = DVec3::new(50.0, 20.0, 0.0);
     let scene = scene([(trihedral(0.15, place), METAL)]);
@@ -90,7 +87,8 @@ fn what_stands_approaches_a_radar_that_drives() {
     let (row, c) = (first(&cloud), cloud.columns());
     let rate = -12.0 * place.x / place.length();
     assert_near("range rate", c.doppler()[row].into(), rate, 0.05);
-    assert_near("true range rate", c.radial_velocity()[row].into(), rate, 1e-3);
+    // Of the part of the corner that scatters, a few centimetres from its apex.
+    assert_near("true range rate", c.radial_velocity()[row].into(), rate, 0.01);
 }
 
 /// 1 m/s more than can be told from approaching: folded by twice the greatest range rate.

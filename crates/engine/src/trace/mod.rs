@@ -33,7 +33,8 @@ pub use live::{LiveScene, ObjectId};
 pub(crate) use movement::{Later, Movement, Return};
 pub(crate) use mover::Mover;
 pub(crate) use radar::{
-    ImageTarget, MOST_MIRRORS, Mirror, Mirrors, RadarRow, RowFacets, Search, SearchLimits, SightMemory, Sighted, Sightlines,
+    ImageTarget, MOST_MIRRORS, Mirror, MirrorChain, RadarRow, RowFacets, Search, SearchLimits, SightMemory, Sighted,
+    Sightlines,
 };
 pub(crate) use shared_surfaces::SharedSurfaces;
 pub(crate) use sound::{

@@ -180,13 +180,7 @@ impl Sharing {
 
     /// Replaces `parts` by what each of `paths` contributes to detection number `at` of `detections`, in any order; returns
     /// the sum of their powers, W. Paths have to be in the order of their ranges.
-    pub fn parts(
-        &self,
-        detections: &RadarDetections,
-        at: usize,
-        paths: &TruthPaths,
-        parts: &mut Vec<PathPart>,
-    ) -> f64 {
+    pub fn parts(&self, detections: &RadarDetections, at: usize, paths: &TruthPaths, parts: &mut Vec<PathPart>) -> f64 {
         /// Cells around a detection beyond which side lobes along range are not looked for.
         const FARTHEST: f32 = 32.0;
         let (azimuth, elevation) = (detections.azimuth[at], detections.elevation[at]);

@@ -1,4 +1,4 @@
-//! Scattering centres: echoes of one target that a radar cannot tell apart, joined into one.
+//! Scatterer centres: echoes of one target that a radar cannot tell apart, joined into one.
 //!
 //! The parts of a corner and the facets of a ball are far more than the cells that they return into. Where ranges, range
 //! rates and directions differ by small fractions of what the radar resolves, amplitudes are added; phases stay those of

@@ -5,8 +5,8 @@
 //! their triangles, and their speckle is a function of the part: what stands still looks the same in every frame.
 
 use super::echoes::{RadarEchoes, RadarRoute};
-use super::wave::{Scattering, WaveField};
-use crate::trace::{Mirrors, RadarRow, Search, SightMemory, Sighted, Sightlines};
+use super::wave::{Scatterer, WaveField};
+use crate::trace::{MirrorChain, RadarRow, Search, SightMemory, Sighted, Sightlines};
 use glam::DVec3;
 use ground::rng::{Draw, Rng};
 use num_complex::Complex64;
@@ -23,7 +23,7 @@ pub(crate) struct ClutterGrid {
 }
 
 /// A patch of a rough surface.
-struct Patch {
+struct ClutterPatch {
     triangle: u32,
     /// Which part of the triangle: a bit for each of its divisions in two after a leading one.
     part: u32,
@@ -36,7 +36,7 @@ struct Patch {
 #[derive(Default)]
 pub(crate) struct ClutterMemory {
     sight: SightMemory,
-    patches: Vec<Patch>,
+    patches: Vec<ClutterPatch>,
     places: Vec<DVec3>,
     seen: Vec<Sighted>,
     stack: Vec<([DVec3; 3], u32)>,
@@ -64,7 +64,7 @@ pub(crate) fn scatter_from_rough(
     }
     places.clear();
     places.extend(patches.iter().map(|patch| patch.place));
-    let direct = Mirrors::new(field.place, std::iter::empty());
+    let direct = MirrorChain::new(field.place, std::iter::empty());
     sightlines.look(field.place, &direct, places, sight, seen);
     let facets = field.scene.row_facets(row, field.time);
     let k = field.k();
@@ -77,7 +77,7 @@ pub(crate) fn scatter_from_rough(
             * Complex64::cis(-2.0 * k * distance);
         let velocity = facets.velocity(patch.triangle);
         let (row, triangle, place) = (row.row, patch.triangle, patch.place);
-        let scattering = Scattering { row, triangle, velocity, place, strength, incoherent: true };
+        let scattering = Scatterer { row, triangle, velocity, place, strength, incoherent: true };
         if let Some(echo) = field.echo(&scattering, &direct, seen, RadarRoute::Direct, number) {
             echoes.push(echo);
         }
@@ -127,7 +127,7 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
                 // Smaller than any patch needs to be.
                 let area = area * f64::from(surface.clutter(normal.dot(along).abs() as f32));
                 if counts(field, distance, area, along) {
-                    patches.push(Patch { triangle, part, place: middle, area });
+                    patches.push(ClutterPatch { triangle, part, place: middle, area });
                 }
                 continue;
             }
@@ -157,7 +157,7 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
             let cos = normal.dot(along).abs() as f32;
             let area = area * f64::from(surface.clutter(cos));
             if distance <= field.reach && counts(field, distance, area, along) {
-                patches.push(Patch { triangle, part, place: middle, area });
+                patches.push(ClutterPatch { triangle, part, place: middle, area });
             }
         }
     }

@@ -5,8 +5,8 @@
 //! several cells of range, only the places count whose echoes do not cancel: the mirror image and the edges.
 
 use super::echoes::{RadarEcho, RadarEchoes, RadarRoute};
-use super::wave::{Scattering, WaveField};
-use crate::trace::{ImageTarget, Mirror, Mirrors, RowFacets, Search, SightMemory, Sighted, Sightlines};
+use super::wave::{Scatterer, WaveField};
+use crate::trace::{ImageTarget, Mirror, MirrorChain, RowFacets, Search, SightMemory, Sighted, Sightlines};
 use glam::DVec3;
 use num_complex::Complex64;
 use radar::optics::{Ends, OutlinePart};
@@ -81,7 +81,7 @@ pub(crate) fn scatter_from_facets(
     echoes: &mut RadarEchoes,
 ) {
     let target = &search.targets[number as usize];
-    let mirrors = Mirrors::new(field.place, target.mirrors.iter().map(|&mirror| search.mirrors[mirror]));
+    let mirrors = MirrorChain::new(field.place, target.mirrors.iter().map(|&mirror| search.mirrors[mirror]));
     let image = mirrors.image();
     let routes: &[(RadarRoute, Ends)] = &match mirrors.all().len() {
         0 => vec![(RadarRoute::Direct, Ends { source: field.place, observer: field.place })],
@@ -110,7 +110,7 @@ struct FacetTask<'a> {
     target: &'a ImageTarget,
     number: u32,
     spread: f64,
-    mirrors: Mirrors,
+    mirrors: MirrorChain,
     route: RadarRoute,
     ends: Ends,
     /// Part of the amplitude that mirrors leave, at most.
@@ -132,7 +132,7 @@ impl FacetTask<'_> {
         for triangle in facets.triangles() {
             let corners = facets.corners(triangle);
             let Some((middle, cos)) = self.facing(&corners) else { continue };
-            if !self.mirrors.all().is_empty() && !self.is_near_mirrors(&corners, middle) {
+            if !self.is_near_mirrors(&corners, middle) {
                 continue;
             }
             let reflected = f64::from(self.field.surfaces.mirrored(&self.field.scene.surfaces, row.row, cos));
@@ -172,20 +172,19 @@ impl FacetTask<'_> {
 
     /// Whether the mirrors may be where a facet or a part of it appears in them.
     fn is_near_mirrors(&self, corners: &[DVec3; 3], middle: DVec3) -> bool {
-        // A corner may be on the other side of a mirror than the middle.
+        let Some(last) = self.mirrors.all().last() else { return true };
+        let behind = last.height(self.mirrors.image());
+        if corners.iter().all(|corner| last.height(*corner) * behind > 0.0) {
+            return false;
+        }
         let aside = longest(corners);
-        let near = |place: &DVec3| self.mirrors.bends(*place).is_some_and(|bends| self.mirrors.hold(&bends, aside));
+        // Of what one place does not see in them, another one may.
+        let near = |place: &DVec3| self.mirrors.bends(*place).is_none_or(|bends| self.mirrors.hold(&bends, aside));
         near(&middle) || corners.iter().any(near)
     }
 
     /// Whether the echo of a facet could matter, and its integral if it was needed to tell.
-    fn counts(
-        &self,
-        corners: &[DVec3; 3],
-        middle: DVec3,
-        reflected: f64,
-        floor: f64,
-    ) -> Option<Option<Complex64>> {
+    fn counts(&self, corners: &[DVec3; 3], middle: DVec3, reflected: f64, floor: f64) -> Option<Option<Complex64>> {
         let [r, s] = [(middle - self.ends.source).length(), (middle - self.ends.observer).length()];
         let longest = longest(corners);
         if 0.5 * (r + s) - longest > self.field.reach {
@@ -316,7 +315,8 @@ impl FacetTask<'_> {
             let middle = (a + b + c) / 3.0;
             element.first = memory.places.len() as u32;
             if element.width > NARROW || element.in_corner {
-                let fine = GRIDS.iter().find(|(width, _)| element.width <= *width).map_or(WIDEST_GRID, |(_, parts)| *parts);
+                let fine =
+                    GRIDS.iter().find(|(width, _)| element.width <= *width).map_or(WIDEST_GRID, |(_, parts)| *parts);
                 if fine < WIDEST_GRID {
                     memory.places.push(middle);
                 }
@@ -325,7 +325,9 @@ impl FacetTask<'_> {
                     let [u, v] = [i, j].map(|part| f64::from(part) / f64::from(fine));
                     (a + (b - a) * u + (c - a) * v).lerp(middle, 0.04)
                 };
-                memory.places.extend((0..=fine).flat_map(|i| (0..=fine - i).map(move |j| (i, j))).map(|(i, j)| place(i, j)));
+                memory
+                    .places
+                    .extend((0..=fine).flat_map(|i| (0..=fine - i).map(move |j| (i, j))).map(|(i, j)| place(i, j)));
             } else {
                 memory.places.push(middle);
             }
@@ -382,7 +384,7 @@ impl FacetTask<'_> {
         let FacetMemory { sight, places, there, back, .. } = memory;
         self.sightlines.look(self.field.place, &self.mirrors, places, sight, there);
         if self.route == RadarRoute::Out {
-            let direct = Mirrors::new(self.field.place, std::iter::empty());
+            let direct = MirrorChain::new(self.field.place, std::iter::empty());
             self.sightlines.look(self.field.place, &direct, places, sight, back);
             there.iter_mut().zip(&*back).for_each(|(there, back)| there.through *= back.through);
         } else {
@@ -394,7 +396,7 @@ impl FacetTask<'_> {
     fn emit(&self, triangle: u32, place: DVec3, strength: Complex64, seen: &Sighted, echoes: &mut RadarEchoes) {
         let row = self.search.rows[self.target.target];
         let velocity = self.field.scene.row_facets(row, self.field.time).velocity(triangle);
-        let scattering = Scattering { row: row.row, triangle, velocity, place, strength, incoherent: false };
+        let scattering = Scatterer { row: row.row, triangle, velocity, place, strength, incoherent: false };
         let echo = self.field.echo(&scattering, &self.mirrors, seen, self.route, self.number);
         let Some(echo) = echo.filter(|echo| echo.amplitude.norm_sqr() > 0.0) else { return };
         echoes.push(echo);

@@ -4,7 +4,7 @@
 use super::RadarSurfaces;
 use super::echoes::{RadarEcho, RadarRoute};
 use crate::medium::RadioAir;
-use crate::trace::{MOST_MIRRORS, Mirror, Mirrors, Sighted, Tables};
+use crate::trace::{MOST_MIRRORS, Mirror, MirrorChain, Sighted, Tables};
 use glam::{DMat3, DVec3, Vec3};
 use model::material::{Polarised, RadioSurface};
 use num_complex::{Complex32, Complex64};
@@ -69,7 +69,7 @@ impl ElectricField {
 
 /// What reflects or scatters an echo, and how strongly.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Scattering {
+pub(super) struct Scatterer {
     /// Row of surfaces and triangle.
     pub row: u32,
     pub triangle: u32,
@@ -162,13 +162,13 @@ impl WaveField<'_> {
     /// targets.
     pub(super) fn echo(
         &self,
-        scattering: &Scattering,
-        mirrors: &Mirrors,
+        scattering: &Scatterer,
+        mirrors: &MirrorChain,
         sighted: &Sighted,
         route: RadarRoute,
         target: u32,
     ) -> Option<RadarEcho> {
-        let Scattering { row, triangle, velocity, place, strength, incoherent } = *scattering;
+        let Scatterer { row, triangle, velocity, place, strength, incoherent } = *scattering;
         let bends = mirrors.bends(place)?;
         let directions = mirrors.directions(place, &bends);
         let count = mirrors.all().len();

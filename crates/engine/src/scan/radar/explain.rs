@@ -92,7 +92,11 @@ impl PointWriter<'_> {
         let (setup, moment) = (self.setup, self.moment);
         let [x, y, z] = moment.pose.position.to_array();
         let (name, frame) = (setup.sensor.name(), setup.options.frame);
-        writeln!(text, "detection {number} of frame {frame} of {name}, at {:.4} s from {x:.3},{y:.3},{z:.3}", moment.time)?;
+        writeln!(
+            text,
+            "detection {number} of frame {frame} of {name}, at {:.4} s from {x:.3},{y:.3},{z:.3}",
+            moment.time
+        )?;
         let (beam, turned) = self.beam;
         if matches!(setup.sensor.spec().pattern, Pattern::RadarRotor(_)) {
             writeln!(text, "  row {beam} of the turn, at azimuth {:.2} deg", turned.to_degrees())?;
@@ -105,7 +109,10 @@ impl PointWriter<'_> {
             detections.range[row], detections.velocity[row]
         )?;
         let [sigma_range, sigma_rate] = [detections.sigma_range[row], detections.sigma_velocity[row]];
-        writeln!(text, "  noise alone makes range err by {sigma_range:.4} m, range rate by {sigma_rate:.4} m/s (1 sigma)")?;
+        writeln!(
+            text,
+            "  noise alone makes range err by {sigma_range:.4} m, range rate by {sigma_rate:.4} m/s (1 sigma)"
+        )?;
         let (_, parts) = setup.sensor.radar().map_err(|_| std::fmt::Error)?;
         let axes = parts.plan.axes();
         writeln!(

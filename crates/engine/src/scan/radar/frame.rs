@@ -26,13 +26,11 @@ impl RadarSetup<'_> {
         let moment = self.moment(0.5 * duration, 0.0);
         let mut paths = FramePaths::default();
         self.find(&moment, self.sector(), &mut paths)?;
-        let t0 = std::time::Instant::now();
         let truth = FrameTruth::new(self, &moment, &paths.search, &paths.echoes);
         let mut received = paths.echoes.paths.clone();
         if let Some(leakage) = &self.spec.leakage {
             plan.add_leakage(leakage, &mut received);
         }
-        let t1 = std::time::Instant::now();
         let mut samples = None;
         let streams = if record.samples {
             let mut sampled = plan.samples(&received);
@@ -43,18 +41,13 @@ impl RadarSetup<'_> {
         } else {
             let mut streams = plan.silent_streams();
             plan.deposit(&received, 1e-3 * self.noise, &mut streams);
-            let t2 = std::time::Instant::now();
             plan.add_noise(self.spec.noise_figure_db, &self.rng, &mut streams);
-            if std::env::var("RADAR_STATS").is_ok() { eprintln!("truth {:.1?}, deposit {:.1?}, noise {:.1?}", t1 - t0, t2 - t1, t2.elapsed()); }
             streams
         };
-        let t0 = std::time::Instant::now();
         let cube = plan.decode(streams);
-        let t1 = std::time::Instant::now();
         let mut detections = RadarDetections::default();
         let mut seen = Vec::new();
         self.detect(&cube, &truth, &mut detections, &mut seen)?;
-        if std::env::var("RADAR_STATS").is_ok() { eprintln!("decode {:.1?}, detect {:.1?}", t1 - t0, t1.elapsed()); }
         let writer = PointWriter {
             setup: self,
             search: &paths.search,

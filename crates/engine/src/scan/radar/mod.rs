@@ -49,7 +49,8 @@ impl BuiltScene {
         check_physical(options.profile, "physical, the only one with radars")?;
         let setup = RadarSetup::new(self, sensor, trajectory, options)?;
         let rotates = matches!(sensor.spec().pattern, Pattern::RadarRotor(_));
-        let done = self.0.engine.install(|| if rotates { setup.turn(cloud, None) } else { setup.frame(record, cloud, None) });
+        let done =
+            self.0.engine.install(|| if rotates { setup.turn(cloud, None) } else { setup.frame(record, cloud, None) });
         if done.is_err() {
             *cloud = PointCloud::default();
         }

@@ -1,15 +1,15 @@
 //! All paths of waves from a radar to the surfaces of a scene and back.
 
 use crate::echo::radar::{
-    CentreGrid, CentreMemory, ClutterGrid, ClutterMemory, FacetMemory, IMAGES, RadarEchoes, WaveField, scatter_from_facets, scatter_from_rough,
+    CentreGrid, CentreMemory, ClutterGrid, ClutterMemory, FacetMemory, IMAGES, RadarEchoes, WaveField,
+    scatter_from_facets, scatter_from_rough,
 };
 use crate::trace::{Search, SearchLimits, Sight, Sightlines};
 use glam::{DVec3, Vec3};
 use ground::parallel;
 
-static STATS: std::sync::Mutex<Vec<[f64; 9]>> = std::sync::Mutex::new(Vec::new());
 /// What is traced.
-pub(super) struct PathLimits {
+pub(super) struct FrameLimits {
     /// Scene time, s.
     pub time: f64,
     pub mask: u32,
@@ -41,7 +41,7 @@ struct TaskMemory {
 
 impl FramePaths {
     /// Finds all of them.
-    pub fn find(&mut self, field: &WaveField, limits: &PathLimits) {
+    pub fn find(&mut self, field: &WaveField, limits: &FrameLimits) {
         let sight = Sight::of_shapes(limits.mask);
         let (scene, surfaces) = (field.scene, field.surfaces);
         let (directions, step) = fan(field, field.sector);
@@ -63,13 +63,12 @@ impl FramePaths {
             wavelength: field.wavelength,
             most_mirrors: limits.mirrors,
             mirrors: &mirrors,
+            passes: &|row| surfaces.has_panes && surfaces.through(&scene.surfaces, row, 1.0) > 0.0,
             kept: &|mirrors, image, target| field.kept(mirrors, image, target),
             sight,
             time: field.time,
         };
-        let t0 = std::time::Instant::now();
         self.search = Search::new(scene, rows, &searched);
-        if std::env::var("RADAR_STATS").is_ok() { eprintln!("search {:.1} ms, {} mirrors, {} rows", t0.elapsed().as_secs_f64() * 1e3, self.search.mirrors.len(), self.search.rows.len()); }
         let through = |row: u32, cos: f32| surfaces.through(&scene.surfaces, row, cos);
         let sightlines = Sightlines { scene, sight, time: field.time, panes: &through, has_panes: surfaces.has_panes };
         let search = &self.search;
@@ -77,7 +76,6 @@ impl FramePaths {
         let tasks = self.parts.iter_mut().enumerate();
         parallel::for_each_with(&mut self.memory, tasks, |memory: &mut TaskMemory, (number, echoes)| {
             echoes.clear();
-            let t0 = std::time::Instant::now();
             scatter_from_facets(
                 field,
                 &sightlines,
@@ -91,26 +89,8 @@ impl FramePaths {
             if let Some(grid) = limits.clutter.filter(|_| direct) {
                 scatter_from_rough(field, &sightlines, search, number as u32, grid, &mut memory.clutter, echoes);
             }
-            let before = echoes.route.len();
-            let t1 = std::time::Instant::now();
             limits.centres.join(echoes, &mut memory.centres);
-            let t2 = std::time::Instant::now();
-            let depth = search.targets[number].mirrors.len();
-            let [q, l, c] = [0; 3];
-            STATS.lock().unwrap().push([depth as f64, search.rows[search.targets[number].target].triangles as f64, q as f64, l as f64, c as f64, before as f64, echoes.route.len() as f64, (t1 - t0).as_secs_f64() * 1e3, (t2 - t1).as_secs_f64() * 1e3]);
         });
-        if std::env::var("RADAR_STATS").is_ok() {
-            let stats = STATS.lock().unwrap();
-            for depth in 0..4 {
-                let of: Vec<_> = stats.iter().filter(|s| s[0] == depth as f64).collect();
-                let sum: Vec<f64> = (1..9).map(|i| of.iter().map(|s| s[i]).sum()).collect();
-                eprintln!("depth {depth}: {} targets; triangles, counted, looked, critical, echoes, joined, ms, join ms: {sum:.1?}", of.len());
-            }
-            let mut sorted: Vec<_> = stats.iter().collect();
-            sorted.sort_by(|a, b| b[7].total_cmp(&a[7]));
-            for s in sorted.iter().take(12) { eprintln!("   {s:.1?}"); }
-        }
-        STATS.lock().unwrap().clear();
         self.echoes.clear();
         self.parts.iter().for_each(|part| self.echoes.append(part));
     }

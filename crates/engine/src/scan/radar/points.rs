@@ -26,7 +26,7 @@ pub(super) struct PointWriter<'a> {
 }
 
 /// What a detection is of.
-struct Scatterer {
+struct SeenScatterer {
     /// Index of the echo.
     echo: usize,
     rcs_db: f32,
@@ -131,14 +131,14 @@ impl PointWriter<'_> {
     }
 
     /// The strongest contributor.
-    fn scatterer(&self, seen: &DetectionTruth) -> Option<Scatterer> {
+    fn scatterer(&self, seen: &DetectionTruth) -> Option<SeenScatterer> {
         seen.group?;
         let path = seen.path as usize;
         let echo = *self.truth.echo.get(path)? as usize;
-        Some(Scatterer { echo, rcs_db: self.truth.cross_section_db(self.echoes, path, self.setup.scale()) })
+        Some(SeenScatterer { echo, rcs_db: self.truth.cross_section_db(self.echoes, path, self.setup.scale()) })
     }
 
-    fn write_truth(&self, columns: &mut Columns, row: usize, scatterer: &Scatterer, later: Option<&Later>) {
+    fn write_truth(&self, columns: &mut Columns, row: usize, scatterer: &SeenScatterer, later: Option<&Later>) {
         let (tables, echoes) = (&self.setup.scene.0, self.echoes);
         let (surface, triangle) = (echoes.row[scatterer.echo], echoes.triangle[scatterer.echo]);
         let world = echoes.place[scatterer.echo];

@@ -1,6 +1,6 @@
 //! What is the same for all moments of a scan of a radar, and how the paths of one moment are found.
 
-use super::paths::{FramePaths, PathLimits};
+use super::paths::{FrameLimits, FramePaths};
 use super::precipitation::add_precipitation;
 use crate::echo::radar::{CentreGrid, ClutterGrid, WaveField};
 use crate::medium::{RadioAir, wet_radome_db};
@@ -144,7 +144,7 @@ impl<'a> RadarSetup<'a> {
             // 10 dB below the noise of all channels together.
             floor: (0.1 * self.noise / channels).sqrt(),
         };
-        let limits = PathLimits {
+        let limits = FrameLimits {
             time: if self.options.freeze { self.options.start_time } else { moment.time },
             mask: self.options.mask,
             mirrors: usize::from(self.spec.mirrors),

@@ -22,7 +22,7 @@ pub(crate) struct RadarRow {
 
 /// Where an object is.
 #[derive(Clone, Copy, Debug)]
-struct Placement {
+struct RadarObject {
     middle: DVec3,
     radius: f64,
     place: Option<DAffine3>,
@@ -38,7 +38,7 @@ pub(crate) struct RowFacets<'a> {
 impl Tables {
     /// The rows that scans with this `mask` see at `time`, s, of which `part` is the part of the time span.
     pub(crate) fn radar_rows(&self, time: f64, part: f32, mask: u32) -> Vec<RadarRow> {
-        let mut last: Option<(u32, Option<Placement>)> = None;
+        let mut last: Option<(u32, Option<RadarObject>)> = None;
         let mut rows = Vec::new();
         for (row, surface) in (0..).zip(&self.surfaces.rows) {
             let triangles = self.surfaces.parts[surface.part as usize].triangles.len();
@@ -50,7 +50,7 @@ impl Tables {
                     known
                 }
             };
-            let Some(Placement { middle, radius, place }) = object else { continue };
+            let Some(RadarObject { middle, radius, place }) = object else { continue };
             if triangles > 0 {
                 rows.push(RadarRow { row, middle, radius, triangles, place });
             }
@@ -59,7 +59,7 @@ impl Tables {
     }
 
     /// Where an object is.
-    fn radar_object(&self, object: u32, time: f64, part: f32, mask: u32) -> Option<Placement> {
+    fn radar_object(&self, object: u32, time: f64, part: f32, mask: u32) -> Option<RadarObject> {
         let (place, _) = self.transform_at(object, time, mask)?;
         let to_origin = DAffine3::from_translation(-self.origin);
         let stiff = self.mover(object).is_none_or(|mover| mover.is_stiff());
@@ -82,7 +82,7 @@ impl Tables {
         };
         let place = stiff.then(|| to_origin * place);
         let (middle, radius) = (0.5 * (low + high), 0.5 * (high - low).length());
-        (low.x <= high.x).then_some(Placement { middle, radius, place })
+        (low.x <= high.x).then_some(RadarObject { middle, radius, place })
     }
 
     /// The facets of a row at `time`, 0 to 1.
@@ -132,9 +132,7 @@ impl RowFacets<'_> {
     pub fn inner(&self, triangle: u32) -> [bool; 3] {
         let surfaces = &self.scene.surfaces;
         // What changes its shape may bend there.
-        self.of.place.map_or([false; 3], |_| {
-            surfaces.planes(surfaces.rows[self.of.row as usize].part).inner(triangle)
-        })
+        self.of.place.map_or([false; 3], |_| surfaces.planes(surfaces.rows[self.of.row as usize].part).inner(triangle))
     }
 
     /// Velocity of the middle of a triangle, m/s, world.

@@ -50,18 +50,18 @@ impl Mirror {
 
 /// Mirrors in the order in which a wave meets them.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Mirrors {
+pub(crate) struct MirrorChain {
     count: usize,
     mirrors: [Mirror; MOST_MIRRORS],
     /// The images of the place where the wave starts, after as many mirrors.
     images: [DVec3; MOST_MIRRORS + 1],
 }
 
-impl Mirrors {
+impl MirrorChain {
     /// The path from `start` that meets `mirrors`, at most [`MOST_MIRRORS`].
-    pub fn new(start: DVec3, mirrors: impl Iterator<Item = Mirror>) -> Mirrors {
+    pub fn new(start: DVec3, mirrors: impl Iterator<Item = Mirror>) -> MirrorChain {
         let nowhere = Mirror { normal: DVec3::Z, point: DVec3::ZERO, area: 0.0, radius: 0.0, row: 0, object: 0 };
-        let mut all = Mirrors { count: 0, mirrors: [nowhere; MOST_MIRRORS], images: [start; MOST_MIRRORS + 1] };
+        let mut all = MirrorChain { count: 0, mirrors: [nowhere; MOST_MIRRORS], images: [start; MOST_MIRRORS + 1] };
         for mirror in mirrors.take(MOST_MIRRORS) {
             all.mirrors[all.count] = mirror;
             all.images[all.count + 1] = mirror.image(all.images[all.count]);
@@ -111,7 +111,7 @@ impl Mirrors {
     }
 
     /// Directions of a wave to `target`: as it leaves the start, and after each mirror; unit vectors. `bends` are those of
-    /// [`Mirrors::bends`].
+    /// [`MirrorChain::bends`].
     pub fn directions(&self, target: DVec3, bends: &[DVec3; MOST_MIRRORS]) -> [Vec3; MOST_MIRRORS + 1] {
         let mut directions = [Vec3::ZERO; MOST_MIRRORS + 1];
         let mut from = self.images[0];
@@ -141,7 +141,7 @@ mod tests {
             object: 1,
         };
         let start = DVec3::new(0.0, 0.0, 0.5);
-        let mirrors = Mirrors::new(start, [floor, wall].into_iter());
+        let mirrors = MirrorChain::new(start, [floor, wall].into_iter());
         let target = DVec3::new(20.0, 1.0, 1.5);
         let bends = mirrors.bends(target).unwrap();
         assert!(bends[0].z.abs() < 1e-12 && (bends[1].y - 4.0).abs() < 1e-12);

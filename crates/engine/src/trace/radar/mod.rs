@@ -7,7 +7,7 @@ mod search;
 mod sightlines;
 
 pub(crate) use facets::{RadarRow, RowFacets};
-pub(crate) use images::{MOST_MIRRORS, Mirror, Mirrors};
+pub(crate) use images::{MOST_MIRRORS, Mirror, MirrorChain};
 pub use planes::PartPlanes;
 pub(crate) use search::{ImageTarget, Search, SearchLimits};
 pub(crate) use sightlines::{SightMemory, Sighted, Sightlines};

@@ -2,7 +2,8 @@
 //! objects, reflected wherever they meet a plane that mirrors waves.
 
 use super::facets::RadarRow;
-use super::images::{MOST_MIRRORS, Mirror, Mirrors};
+use super::images::{MOST_MIRRORS, Mirror, MirrorChain};
+use super::sightlines::MOST_PANES;
 use crate::trace::Tables;
 use crate::trace::hits::{HitBatch, Sight};
 use glam::{DVec3, Vec3};
@@ -29,6 +30,12 @@ const PLANES_PER_OBJECT: usize = 8;
 /// Planes whose distances from the origin differ by more than this, m, are not the same.
 const APART: f64 = 0.05;
 
+/// Greatest cosine between the faces of a corner.
+const SQUARE: f64 = 0.2;
+
+/// By how much rays start off surfaces, m.
+const OFF: f32 = 1e-4;
+
 /// A surface as seen in mirrors.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct ImageTarget {
@@ -54,6 +61,8 @@ pub(crate) struct SearchLimits<'a> {
     pub most_mirrors: usize,
     /// Whether a surface (a row) mirrors waves.
     pub mirrors: &'a dyn Fn(u32) -> bool,
+    /// Whether waves pass through a surface (a row).
+    pub passes: &'a dyn Fn(u32) -> bool,
     /// Part of the amplitude of a wave that mirrors leave, by the image of the radar in them and the place that it goes to.
     pub kept: &'a dyn Fn(&mut dyn Iterator<Item = Mirror>, DVec3, DVec3) -> f64,
     /// Least `(radius / (r s))^2`, 1/m^2, of what is looked at in mirrors, times the power that these leave; `r` and `s`:
@@ -75,7 +84,7 @@ pub(crate) struct Search {
     /// Distances between mirrors that rays went from one to the other of, m.
     legs: BTreeMap<[u16; 2], f64>,
     by_plane: HashMap<(u32, usize), u16>,
-    /// Mirrors by how far their planes are from the origin, in steps of [`APART`].
+    /// MirrorChain by how far their planes are from the origin, in steps of [`APART`].
     by_distance: HashMap<i64, Vec<u16>>,
 }
 
@@ -153,7 +162,7 @@ impl Search {
         }
     }
 
-    /// Traces `rays`, notes what they hit, and returns those that are mirrored.
+    /// Traces `rays`, also through panes, notes what they hit, and returns those that are mirrored.
     fn follow(
         &mut self,
         scene: &Tables,
@@ -162,8 +171,26 @@ impl Search {
         limits: &SearchLimits,
         seen: &mut HashSet<(Chain, u32)>,
     ) -> Vec<SearchRay> {
+        let [mut next, mut beyond] = [Vec::new(), Vec::new()];
+        self.follow_once(scene, rays, of_row, limits, seen, [&mut next, &mut beyond]);
+        for _ in 1..MOST_PANES {
+            let rays = std::mem::take(&mut beyond);
+            self.follow_once(scene, &rays, of_row, limits, seen, [&mut next, &mut beyond]);
+        }
+        next
+    }
+
+    /// Traces `rays` up to what they hit first; adds those that are mirrored, and those that go on behind it.
+    fn follow_once(
+        &mut self,
+        scene: &Tables,
+        rays: &[SearchRay],
+        of_row: &[u32],
+        limits: &SearchLimits,
+        seen: &mut HashSet<(Chain, u32)>,
+        [next, beyond]: [&mut Vec<SearchRay>; 2],
+    ) {
         let (mut batch, mut hits) = (Box::<RayBatch>::default(), Box::new(HitBatch::new()));
-        let mut next = Vec::new();
         for block in rays.chunks(LANES) {
             for (lane, ray) in block.iter().enumerate() {
                 (batch.org_x[lane], batch.org_y[lane], batch.org_z[lane]) = ray.from.into();
@@ -175,6 +202,11 @@ impl Search {
                 let Some(&index) = of_row.get(hits.surface[lane] as usize) else { continue };
                 if hits.surface[lane] == MISS || index == u32::MAX {
                     continue;
+                }
+                let place = ray.from + ray.along * hits.range[lane];
+                let left = ray.left - hits.range[lane];
+                if (limits.passes)(hits.surface[lane]) {
+                    beyond.push(SearchRay { from: place + ray.along * OFF, left: left - OFF, ..*ray });
                 }
                 let depth = ray.chain.iter().take_while(|&&mirror| mirror != NO_MIRROR).count();
                 let leg = f64::from(hits.range[lane]);
@@ -194,18 +226,11 @@ impl Search {
                 let plane = &self.mirrors[usize::from(mirror)];
                 let along = plane.turned(ray.along.as_dvec3()).normalize().as_vec3();
                 let side = plane.normal.dot(along.as_dvec3()).signum();
-                let place = ray.from + ray.along * hits.range[lane];
                 let mut chain = ray.chain;
                 chain[depth] = mirror;
-                next.push(SearchRay {
-                    from: place + (plane.normal * side * 1e-4).as_vec3(),
-                    along,
-                    left: ray.left - hits.range[lane],
-                    chain,
-                });
+                next.push(SearchRay { from: place + (plane.normal * side).as_vec3() * OFF, along, left, chain });
             }
         }
-        next
     }
 
     /// Notes in which large mirrors the middles of the `small` rows are seen; small mirrors are met by rays to their planes.
@@ -221,7 +246,7 @@ impl Search {
         const LARGE: f64 = 1.0;
         let mut aimed: Vec<(u16, u32, DVec3)> = Vec::new();
         for (number, mirror) in self.mirrors.iter().enumerate().filter(|(_, mirror)| mirror.area >= LARGE) {
-            let path = Mirrors::new(limits.start, std::iter::once(*mirror));
+            let path = MirrorChain::new(limits.start, std::iter::once(*mirror));
             for &index in small {
                 let row = &self.rows[index];
                 let leg = mirror.height(row.middle).abs();
@@ -323,9 +348,19 @@ impl Search {
                 beside.entry(a).or_default().push(b);
                 beside.entry(b).or_default().push(a);
             }
-            let pairs: HashSet<[u16; 2]> =
-                seen.iter().filter(|(chain, _)| chain[1] != NO_MIRROR).map(|(chain, _)| [chain[0], chain[1]]).collect();
-            for [a, b] in pairs {
+            let mut pairs: HashMap<[u16; 2], bool> = HashMap::new();
+            for (chain, _) in seen.iter().filter(|(chain, _)| chain[1] != NO_MIRROR) {
+                pairs.insert([chain[0].min(chain[1]), chain[0].max(chain[1])], true);
+            }
+            // Three faces of a corner need no ray that meets all of them.
+            let is_square = |a: u16, b: u16| {
+                let [a, b] = [a, b].map(|it| self.mirrors[usize::from(it)].normal);
+                a.dot(b).abs() < SQUARE
+            };
+            for &[a, b] in self.legs.keys().filter(|[a, b]| is_square(*a, *b)) {
+                pairs.entry([a, b]).or_insert(false);
+            }
+            for ([a, b], met) in pairs {
                 // From the one that has fewer neighbours.
                 let [few, other] = if beside.get(&a).map_or(0, Vec::len) < beside.get(&b).map_or(0, Vec::len) {
                     [a, b]
@@ -333,7 +368,8 @@ impl Search {
                     [b, a]
                 };
                 let thirds = beside.get(&few).into_iter().flatten().copied();
-                for c in thirds.filter(|&c| c != other && together(other, c)) {
+                let thirds = thirds.filter(|&c| c != other && together(other, c));
+                for c in thirds.filter(|&c| met || is_square(a, c) && is_square(b, c)) {
                     for [x, y, z] in [[a, b, c], [a, c, b], [b, a, c], [b, c, a], [c, a, b], [c, b, a]] {
                         all.extend(rows(z).map(|row| ([x, y, NO_MIRROR], row)));
                     }
@@ -350,7 +386,8 @@ impl Search {
                 return self.is_in_view(*row as usize, limits);
             }
             let row = &self.rows[*row as usize];
-            let mirrors = Mirrors::new(limits.start, chain[..*depth].iter().map(|&it| self.mirrors[usize::from(it)]));
+            let mirrors =
+                MirrorChain::new(limits.start, chain[..*depth].iter().map(|&it| self.mirrors[usize::from(it)]));
             let way = mirrors.target_image(row.middle) - limits.start;
             let distance = way.length();
             distance < row.radius || (limits.looks)(way / distance, (row.radius / distance).min(1.0).asin())

@@ -1,6 +1,6 @@
 //! Whether waves get from a radar to places, by way of mirrors and through panes.
 
-use super::images::{MOST_MIRRORS, Mirrors};
+use super::images::{MOST_MIRRORS, MirrorChain};
 use crate::trace::Tables;
 use crate::trace::hits::{HitBatch, Sight};
 use glam::DVec3;
@@ -59,7 +59,7 @@ impl Default for SightMemory {
 }
 
 /// Most panes in a row on one leg.
-const MOST_PANES: usize = 8;
+pub(super) const MOST_PANES: usize = 8;
 
 /// Clearance from the ends of a leg, m, and per metre from the scene's origin: single precision rounds places.
 const CLEAR: [f64; 2] = [5e-5, 1e-6];
@@ -74,7 +74,7 @@ impl Sightlines<'_> {
     pub fn look(
         &self,
         start: DVec3,
-        mirrors: &Mirrors,
+        mirrors: &MirrorChain,
         targets: &[DVec3],
         memory: &mut SightMemory,
         found: &mut Vec<Sighted>,
@@ -89,7 +89,7 @@ impl Sightlines<'_> {
     fn look_at_block(
         &self,
         start: DVec3,
-        mirrors: &Mirrors,
+        mirrors: &MirrorChain,
         targets: &[DVec3],
         memory: &mut SightMemory,
         found: &mut [Sighted],
@@ -116,7 +116,7 @@ impl Sightlines<'_> {
     fn follow_leg(
         &self,
         start: DVec3,
-        mirrors: &Mirrors,
+        mirrors: &MirrorChain,
         targets: &[DVec3],
         leg: usize,
         memory: &mut SightMemory,
@@ -143,7 +143,7 @@ impl Sightlines<'_> {
             let slack = clearance(from).max(clearance(to)) * if mirror.is_some() { 2.0 } else { -2.0 };
             (rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]) = (from + beside).as_vec3().into();
             (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = along.as_vec3().into();
-            // Mirrors that are met at grazing incidence are farther along by as much as rounding moves them.
+            // MirrorChain that are met at grazing incidence are farther along by as much as rounding moves them.
             let steep = mirror.map_or(1.0, |mirror| mirror.normal.dot(along).abs().max(1e-3));
             rays.range_max[lane] = (length + slack / steep).max(0.0) as f32;
             rays.time[lane] = self.time;
