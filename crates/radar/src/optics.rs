@@ -176,7 +176,7 @@ impl Ends {
         direct + edges
     }
 
-    /// Passes the parts of [`Ends::outline`] to `visit`: that of the mirror image, which has the fraction of a full turn
+    /// Passes the parts of [`Ends::facet`] to `visit`: that of the mirror image, which has the fraction of a full turn
     /// that the triangle takes around the specular point, and those of the edges, piece by piece, each of which spans at
     /// most `span` m of path length. Edges that are `inner`, from the first, second and third corner on, are left out: those
     /// between triangles of one plane, whose waves cancel.

@@ -29,7 +29,7 @@ const FAINT: f64 = 30.0;
 pub(crate) const IMAGES: f64 = 3.2;
 /// Divisions of a facet that mirrors of its size illuminate in part, as in corners: always, and where it is partly in the
 /// dark.
-const CORNER_DIVISIONS: [u8; 2] = [3, 6];
+const CORNER_DIVISIONS: [u8; 2] = [2, 6];
 
 /// A facet or a part of it.
 #[derive(Clone, Copy)]

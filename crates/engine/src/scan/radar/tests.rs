@@ -1,7 +1,7 @@
 //! What scenes of a few plates return, against textbooks.
 
-use super::paths::{FramePaths, PathLimits};
-use crate::echo::radar::{RadarRoute, RadarSurfaces, WaveField};
+use super::paths::{FrameLimits, FramePaths};
+use crate::echo::radar::{CentreGrid, RadarRoute, RadarSurfaces, WaveField};
 use crate::medium::RadioAir;
 use crate::scene::{Mesh, Object, Part, Scene};
 use crate::trace::{BuiltScene, Engine};
@@ -62,7 +62,8 @@ fn paths(scene: &BuiltScene, place: DVec3, mirrors: usize) -> FramePaths {
         sector: [[-half, half], [-0.5 * half, 0.5 * half]],
         floor: 1e-14,
     };
-    let limits = PathLimits { time: 0.0, mask: u32::MAX, mirrors, resolution: 0.2, clutter: None };
+    let centres = CentreGrid::new(0.2, 0.1, [0.1; 2]);
+    let limits = FrameLimits { time: 0.0, mask: u32::MAX, mirrors, resolution: 0.2, centres, clutter: None };
     let mut found = FramePaths::default();
     found.find(&field, &limits);
     found

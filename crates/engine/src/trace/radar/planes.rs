@@ -106,16 +106,17 @@ impl PartPlanes {
 /// opposite directions.
 fn inner_edges(triangles: &[[u32; 3]], planes: &[u32]) -> Vec<u8> {
     let edges = |[a, b, c]: [u32; 3]| [(a, b), (b, c), (c, a)];
-    let mut known: HashMap<(u32, (u32, u32)), (usize, usize, u32)> = HashMap::new();
+    // By plane and ends: triangle, which edge of it, and how many have it.
+    let mut known: HashMap<[u32; 3], [usize; 3]> = HashMap::new();
     for (index, (&corners, &plane)) in triangles.iter().zip(planes).enumerate() {
-        for (edge, ends) in edges(corners).into_iter().enumerate() {
-            known.entry((plane, ends)).and_modify(|known| known.2 += 1).or_insert((index, edge, 1));
+        for (edge, (from, to)) in edges(corners).into_iter().enumerate() {
+            known.entry([plane, from, to]).and_modify(|known| known[2] += 1).or_insert([index, edge, 1]);
         }
     }
     let mut inner = vec![0; triangles.len()];
-    for (&(plane, (from, to)), &(index, edge, count)) in &known {
-        let back = known.get(&(plane, (to, from)));
-        if plane != u32::MAX && count == 1 && back.is_some_and(|back| back.2 == 1) {
+    for (&[plane, from, to], &[index, edge, count]) in &known {
+        let back = known.get(&[plane, to, from]);
+        if plane != u32::MAX && count == 1 && back.is_some_and(|back| back[2] == 1) {
             inner[index] |= 1 << edge;
         }
     }
