@@ -85,6 +85,32 @@ fn cubes_repeat_for_any_number_of_threads() {
 }
 
 #[test]
+fn detections_are_explained() {
+    let folder = plate();
+    let folder = folder.path();
+    let explained = stdout(folder, &format!("{SCAN} --explain 0"));
+    for words in [
+        "detection 0 of frame 0 of small",
+        "(sensor frame), range rate ",
+        "  Pt         12.00  power of a transmitter, dBm",
+        "contribute, ",
+        "direct: ",
+    ] {
+        assert!(explained.contains(words), "{words}:\n{explained}");
+    }
+    let turn = stdout(folder, &format!("{TURN} --explain 0"));
+    assert!(
+        turn.contains("detection 0 of frame 0 of navtech_cts350x") && turn.contains("of the turn, at azimuth"),
+        "{turn}"
+    );
+    let output = run(folder, &format!("{SCAN} --explain 5000"));
+    assert_eq!(output.status.code(), Some(2));
+    let says = stderr(&output);
+    assert!(says.contains("detection") && says.contains("5000") && says.contains("a detection of the frame"), "{says}");
+    assert_eq!(files(folder), ["plate.obj", "small.yaml"]);
+}
+
+#[test]
 fn wrong_requests_are_refused_before_the_scan() {
     let folder = plate();
     let folder = folder.path();

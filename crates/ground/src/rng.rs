@@ -71,6 +71,8 @@ pub enum Draw {
     VelocityBias = 46,
     /// Phase and amplitude of the wave that a patch of a rough surface scatters back to a radar.
     RadarSpeckle = 49,
+    /// Which of many weak patches stand for all.
+    RadarPatch = 56,
     /// Thermal noise of a radar, by cell.
     RadarNoise = 50,
     /// Likewise by sample.

@@ -4,8 +4,8 @@ use super::Sensor;
 use crate::echo::radar::RadarSurfaces;
 use crate::trace::SharedSurfaces;
 use ::radar::{
-    ArraySpec, CubeGeometry, Detector, FftWindow, Leakage, RadarDetectionSpec, RadarPlan, RadarWaveform, Sharing,
-    WindowResponse,
+    ArraySpec, CubeGeometry, Detector, FftWindow, Interferer, Leakage, PhaseNoise, RadarDetectionSpec, RadarPlan,
+    RadarWaveform, Sharing, WindowResponse, check_interferers,
 };
 use emitter::pattern::Pattern;
 use ground::error::{Error, Result};
@@ -40,6 +40,12 @@ pub struct RadarSpec {
     /// What transmitters leak into receivers.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub leakage: Option<Leakage>,
+    /// Phase noise of its oscillator; without it, there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub phase_noise: Option<PhaseNoise>,
+    /// Other radars that transmit chirps towards it, up to 256.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub interferers: Vec<Interferer>,
     /// How echoes are detected.
     #[serde(default)]
     pub detection: RadarDetectionSpec,
@@ -95,6 +101,8 @@ impl RadarSpec {
         bounds.section("radar", |bounds| {
             self.array.check(bounds)?;
             self.waveform.check(bounds, self.array.tx.len(), self.array.rx.len())?;
+            self.phase_noise.as_ref().map_or(Ok(()), |noise| noise.check(bounds))?;
+            check_interferers(&self.interferers, bounds)?;
             self.leakage.as_ref().map_or(Ok(()), |leakage| leakage.check(bounds))
         })?;
         bounds.within("radar.power_dbm", self.power_dbm, -100.0, 120.0)?;
@@ -109,6 +117,11 @@ impl RadarSpec {
         if matches!(pattern, Pattern::RadarRotor(_)) && elements > 1 {
             let allowed = "one that transmits and one that receives with pattern.type: radar_rotor";
             return Err(Error::invalid("radar.array", format!("{elements} pairs of elements"), allowed));
+        }
+        let disturbed = self.phase_noise.is_some() || !self.interferers.is_empty();
+        if disturbed && matches!(pattern, Pattern::RadarRotor(_)) {
+            let key = if self.phase_noise.is_some() { "radar.phase_noise" } else { "radar.interferers" };
+            return Err(Error::invalid(key, "given", "with pattern.type: radar only"));
         }
         Ok(())
     }

@@ -638,8 +638,12 @@ fn allowed_values_are_accepted() {
     for preset in presets::sensors() {
         let sensor = Sensor::preset(preset.name).unwrap();
         let keys = yaml::numbers(&sensor.tree().unwrap());
-        // Generating other patterns takes long.
-        for key in keys.iter().filter(|key| !key.starts_with("pattern.")) {
+        // Generating other patterns takes long; elements of arrays are all alike.
+        let alike = |key: &str| {
+            key.starts_with("pattern.")
+                || key.starts_with("radar.array.") && key.contains("x[") && !key.contains("x[0]")
+        };
+        for key in keys.iter().filter(|key| !alike(key)) {
             let Parameter { min, max, .. } = sensor.parameter(key).unwrap();
             for value in [min, max, 0.5 * (min + max), -1.0, 0.0, 1e-9, 1.0, 2000.0, 1e12, 1e300] {
                 let Err(error) = sensor.clone().set(key, &format!("{value:e}")) else { continue };

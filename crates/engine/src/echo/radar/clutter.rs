@@ -42,6 +42,9 @@ pub(crate) struct ClutterMemory {
     stack: Vec<([DVec3; 3], u32)>,
 }
 
+/// Amplitude over that which matters of the weakest patches: 10 dB, the noise of all channels together.
+const WEAK: f64 = 3.2;
+
 /// Most divisions of a triangle, as its part has 32 bits.
 const MOST_DIVISIONS: u32 = 31;
 
@@ -103,6 +106,17 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
     if greatest == 0.0 {
         return;
     }
+    // Of weak patches a few stand for all: each is kept with the probability by which it would be too weak, and is as much
+    // stronger.
+    let mut add = |patch: ClutterPatch, distance: f64, along: DVec3| {
+        let chance = (amplitude(field, distance, patch.area, along) / (WEAK * field.floor)).powi(2);
+        let address = [row.row, patch.triangle, patch.part];
+        if chance >= 1.0 {
+            patches.push(patch);
+        } else if f64::from(grid.rng.uniform_at(address, Draw::RadarPatch)) < chance {
+            patches.push(ClutterPatch { area: patch.area / chance, ..patch });
+        }
+    };
     let facets = field.scene.row_facets(row, field.time);
     for triangle in facets.triangles() {
         let corners = facets.corners(triangle);
@@ -126,9 +140,7 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
             if extent < grid.range && extent < grid.angle * distance {
                 // Smaller than any patch needs to be.
                 let area = area * f64::from(surface.clutter(normal.dot(along).abs() as f32));
-                if counts(field, distance, area, along) {
-                    patches.push(ClutterPatch { triangle, part, place: middle, area });
-                }
+                add(ClutterPatch { triangle, part, place: middle, area }, distance, along);
                 continue;
             }
             if reach < distance && !field.looks(along, (reach / distance).asin()) {
@@ -144,7 +156,9 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
             let [depth, width] = [most(deep), most(wide)];
             if depth.max(width) > 1.0 && divisions(part) < MOST_DIVISIONS {
                 // Whatever is too weak even as a whole is not divided.
-                if reach < 0.5 * distance && !counts(field, distance - reach, area * f64::from(greatest), along) {
+                if reach < 0.5 * distance
+                    && amplitude(field, distance - reach, area * f64::from(greatest), along) < field.floor
+                {
                     continue;
                 }
                 let (extents, most) = if depth > width { (deep, depth) } else { (wide, width) };
@@ -156,8 +170,8 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
             }
             let cos = normal.dot(along).abs() as f32;
             let area = area * f64::from(surface.clutter(cos));
-            if distance <= field.reach && counts(field, distance, area, along) {
-                patches.push(ClutterPatch { triangle, part, place: middle, area });
+            if distance <= field.reach {
+                add(ClutterPatch { triangle, part, place: middle, area }, distance, along);
             }
         }
     }
@@ -168,9 +182,9 @@ fn divisions(part: u32) -> u32 {
     31 - part.leading_zeros()
 }
 
-/// Whether a backscattering area could matter together with others in its cell.
-fn counts(field: &WaveField, distance: f64, area: f64, along: DVec3) -> bool {
+/// Received amplitude of a backscattering area, sqrt(W).
+fn amplitude(field: &WaveField, distance: f64, area: f64, along: DVec3) -> f64 {
     let along = along.as_vec3();
     let strength = (area / (4.0 * PI)).sqrt() / (distance * distance).max(1e-6);
-    strength * field.scale() * field.gain(along, along) > field.floor
+    strength * field.scale() * field.gain(along, along)
 }

@@ -158,9 +158,10 @@ impl PointWriter<'_> {
     ) -> std::fmt::Result {
         let whole = detections.power[row];
         if parts.is_empty() {
-            return writeln!(text, "paths\n  none contributes: noise or leakage");
+            return writeln!(text, "paths\n  none contributes: noise, leakage or other radars");
         }
-        let noise = setup_noise(self.setup);
+        let channels = self.setup.sensor.radar().map_or(1, |(_, parts)| parts.plan.array().places.len());
+        let noise = self.setup.noise / channels as f64;
         let sum: f64 = parts.iter().map(|part| f64::from(part.power)).sum();
         writeln!(
             text,
@@ -229,9 +230,4 @@ impl PointWriter<'_> {
         let category = surfaces.labels.category.name(of.category_id).unwrap_or("unlabelled");
         format!("{category} {} ({})", of.instance_id, surfaces.materials[of.material as usize].name)
     }
-}
-
-/// Noise in a cell after the sum over all channels, W, as for the power of one channel.
-fn setup_noise(setup: &RadarSetup) -> f64 {
-    setup.sensor.radar().map_or(0.0, |(_, parts)| setup.noise / parts.plan.array().places.len() as f64)
 }

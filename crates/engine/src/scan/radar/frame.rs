@@ -7,7 +7,7 @@ use super::points::PointWriter;
 use super::setup::RadarSetup;
 use super::truth::FrameTruth;
 use crate::sensor::FrameDetector;
-use ::radar::{AdcSpec, DetectionTruth, Multiplex, RadarCube, RadarDetections, RadarWaveform};
+use ::radar::{AdcSamples, AdcSpec, DetectionTruth, Multiplex, Paths, RadarCube, RadarDetections, RadarWaveform};
 use cloud::{PointCloud, RadarFrame, RawSamples};
 use ground::error::Result;
 
@@ -31,9 +31,13 @@ impl RadarSetup<'_> {
         if let Some(leakage) = &self.spec.leakage {
             plan.add_leakage(leakage, &mut received);
         }
+        let disturbance = self.disturbance(&received)?;
         let mut samples = None;
         let streams = if record.samples {
             let mut sampled = plan.samples(&received);
+            if let Some(disturbance) = &disturbance {
+                sampled.values.iter_mut().zip(&disturbance.values).for_each(|(value, more)| *value += more);
+            }
             plan.add_sample_noise(self.spec.noise_figure_db, &self.rng, &mut sampled);
             let values = AdcSpec::default().convert(&mut sampled);
             samples = Some(self.raw(values));
@@ -42,8 +46,12 @@ impl RadarSetup<'_> {
             let mut streams = plan.silent_streams();
             plan.deposit(&received, 1e-3 * self.noise, &mut streams);
             plan.add_noise(self.spec.noise_figure_db, &self.rng, &mut streams);
+            if let Some(disturbance) = &disturbance {
+                plan.add_samples(disturbance, &mut streams);
+            }
             streams
         };
+        let disturbance = disturbance.map(|samples| plan.decode(plan.streams_of(&samples)));
         let cube = plan.decode(streams);
         let mut detections = RadarDetections::default();
         let mut seen = Vec::new();
@@ -55,6 +63,7 @@ impl RadarSetup<'_> {
             truth: &truth,
             moment: &moment,
             beam: (0, 0.0),
+            disturbance: disturbance.as_ref(),
         };
         writer.write(&detections, &seen, cloud)?;
         if let Some(explanation) = explanation {
@@ -69,6 +78,23 @@ impl RadarSetup<'_> {
         frame.cube = record.cube.then_some(cube);
         frame.samples = samples;
         Ok(frame)
+    }
+
+    /// What phase noise and other radars add to the samples.
+    fn disturbance(&self, received: &Paths) -> Result<Option<AdcSamples>> {
+        /// Thermal noise of a receiver without losses, W/Hz: Boltzmann's constant times 290 K.
+        const THERMAL: f64 = 1.380_649e-23 * 290.0;
+        let (_, parts) = self.sensor.radar()?;
+        if self.spec.phase_noise.is_none() && self.spec.interferers.is_empty() {
+            return Ok(None);
+        }
+        let mut samples = parts.plan.silent_samples();
+        if let Some(noise) = &self.spec.phase_noise {
+            let floor = 0.1 * THERMAL * 10f64.powf(0.1 * self.spec.noise_figure_db);
+            parts.plan.add_phase_noise(noise, received, floor, &self.rng, &mut samples);
+        }
+        parts.plan.add_interference(&self.spec.interferers, &self.rng, &mut samples);
+        Ok(Some(samples))
     }
 
     pub fn detect(
@@ -109,6 +135,7 @@ impl RadarSetup<'_> {
             truth: &truth,
             moment: &moment,
             beam: (0, 0.0),
+            disturbance: None,
         };
         writer.write(&RadarDetections::default(), &[], cloud)
     }

@@ -4,7 +4,7 @@ use super::setup::{RadarMoment, RadarSetup};
 use super::truth::FrameTruth;
 use crate::echo::radar::RadarEchoes;
 use crate::trace::{Later, Search};
-use ::radar::{DetectionTruth, RadarDetections, SeenBy};
+use ::radar::{DetectionTruth, RadarCube, RadarDetections, SeenBy};
 use cloud::{Columns, Frame, PointCloud, put};
 use glam::{DVec3, Vec3};
 use ground::angle::direction;
@@ -23,6 +23,8 @@ pub(super) struct PointWriter<'a> {
     pub moment: &'a RadarMoment,
     /// Of a rotating radar, the row of the turn, and the azimuth of the antenna, rad; otherwise 0.
     pub beam: (u32, f32),
+    /// What phase noise and other radars alone would make of the cube.
+    pub disturbance: Option<&'a RadarCube>,
 }
 
 /// What a detection is of.
@@ -92,6 +94,7 @@ impl PointWriter<'_> {
         let power = f64::from(detections.power[row]);
         let scatterer = self.scatterer(seen);
         let kind = match (&scatterer, seen.seen) {
+            (None, _) | (_, SeenBy::Noise) if self.is_disturbed(detections, row) => PathType::Interference,
             (None, _) | (_, SeenBy::Noise) => PathType::Noise,
             (_, SeenBy::SideLobe) => PathType::SideLobe,
             (_, SeenBy::Alias) => PathType::Alias,
@@ -117,10 +120,19 @@ impl PointWriter<'_> {
             frame: setup.options.frame,
             beam: beam, firing: beam,
         );
-        match scatterer.filter(|_| kind != PathType::Noise) {
+        match scatterer.filter(|_| !matches!(kind, PathType::Noise | PathType::Interference)) {
             Some(scatterer) => self.write_truth(columns, row, &scatterer, later),
             None => put!(columns, row, cause: Cause::FalseAlarm as u8),
         }
+    }
+
+    /// Whether phase noise and other radars have more power in the cell of a detection than thermal noise.
+    fn is_disturbed(&self, detections: &RadarDetections, row: usize) -> bool {
+        let Some(cube) = self.disturbance else { return false };
+        let [rows, cells] = [cube.axes.velocity.len, cube.axes.range.len];
+        let at = detections.velocity_cell[row] as usize * cells + detections.range_cell[row] as usize;
+        let power: f64 = cube.cells.iter().skip(at).step_by(rows * cells).map(|cell| f64::from(cell.norm_sqr())).sum();
+        power > self.setup.noise * cube.channels as f64
     }
 
     /// Radar cross-section, dBsm, that a radar estimates from the power at an element, W.

@@ -81,6 +81,7 @@ impl RadarSetup<'_> {
                     truth,
                     moment: &RadarMoment { time: image.times[row as usize], ..moment },
                     beam: (row, azimuth(row) as f32),
+                    disturbance: None,
                 };
                 writer.write(&result.detections, &result.seen, &mut own)?;
                 if let Some(explanation) = &mut explanation {

@@ -378,50 +378,55 @@ impl Search {
         }
         all.sort_unstable();
         all.dedup();
+        self.targets = self.strongest(&all, limits);
+    }
+
+    /// Those of `all`, in rising order, that the radar looks at, direct ones first, and of the others the strongest.
+    fn strongest(&self, all: &[(Chain, u32)], limits: &SearchLimits) -> Vec<ImageTarget> {
         let depth = |chain: &Chain| chain.iter().take_while(|&&mirror| mirror != NO_MIRROR).count();
-        let mut targets: Vec<(usize, Chain, u32)> =
-            all.into_iter().map(|(chain, row)| (depth(&chain), chain, row)).collect();
-        targets.retain(|(depth, chain, row)| {
-            if *depth == 0 {
-                return self.is_in_view(*row as usize, limits);
+        let (mut direct, mut sized) = (Vec::new(), Vec::new());
+        for group in all.chunk_by(|a, b| a.0 == b.0) {
+            let chain = group[0].0;
+            let count = depth(&chain);
+            if count == 0 {
+                direct.extend(group.iter().filter(|(_, row)| self.is_in_view(*row as usize, limits)));
+                continue;
             }
-            let row = &self.rows[*row as usize];
-            let mirrors =
-                MirrorChain::new(limits.start, chain[..*depth].iter().map(|&it| self.mirrors[usize::from(it)]));
-            let way = mirrors.target_image(row.middle) - limits.start;
-            let distance = way.length();
-            distance < row.radius || (limits.looks)(way / distance, (row.radius / distance).min(1.0).asin())
-        });
-        targets.sort_unstable();
-        let direct = targets.partition_point(|(depth, ..)| *depth == 0);
-        let images = targets.split_off(direct);
-        let strong = |image: (usize, Chain, u32)| {
-            let (depth, chain, row) = image;
-            let row = &self.rows[row as usize];
-            let mirrors = chain[..depth].iter().map(|&mirror| self.mirrors[usize::from(mirror)]);
-            let place = mirrors.clone().fold(limits.start, |place, mirror| mirror.image(place));
-            let [r, s] = [place, limits.start].map(|from| (row.middle - from).length().max(row.radius));
-            let size = (row.radius / (r * s)).powi(2);
-            if size <= limits.least {
-                return None;
+            let of_chain = || chain[..count].iter().map(|&it| self.mirrors[usize::from(it)]);
+            let mirrors = MirrorChain::new(limits.start, of_chain());
+            for &(_, index) in group {
+                let row = &self.rows[index as usize];
+                let [r, s] = [mirrors.image(), limits.start].map(|from| (row.middle - from).length().max(row.radius));
+                let size = (row.radius / (r * s)).powi(2);
+                if size <= limits.least
+                    || mirrors.bends(row.middle).is_some_and(|bends| !mirrors.hold(&bends, row.radius))
+                {
+                    continue;
+                }
+                let way = mirrors.target_image(row.middle) - limits.start;
+                let distance = way.length();
+                if distance > row.radius && !(limits.looks)(way / distance, (row.radius / distance).min(1.0).asin()) {
+                    continue;
+                }
+                let kept = (limits.kept)(&mut of_chain(), mirrors.image(), row.middle);
+                let size = size * kept * kept;
+                if size > limits.least {
+                    sized.push((size, (count, chain, index)));
+                }
             }
-            let kept = (limits.kept)(&mut mirrors.clone(), place, row.middle);
-            let size = size * kept * kept;
-            (size > limits.least).then_some((size, image))
-        };
-        let mut sized: Vec<(f64, (usize, Chain, u32))> = images.into_iter().filter_map(strong).collect();
+        }
         sized.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         sized.truncate(MOST_IMAGES);
-        let mut images: Vec<_> = sized.into_iter().map(|(_, image)| image).collect();
+        let mut images: Vec<(usize, Chain, u32)> = sized.into_iter().map(|(_, image)| image).collect();
         images.sort_unstable();
-        targets.extend(images);
-        self.targets = targets
-            .into_iter()
-            .map(|(depth, chain, row)| ImageTarget {
+        let direct = direct.into_iter().map(|&(chain, row)| (0, chain, row));
+        direct
+            .chain(images)
+            .map(|(count, chain, row)| ImageTarget {
                 target: row as usize,
-                mirrors: chain[..depth].iter().map(|&mirror| usize::from(mirror)).collect(),
+                mirrors: chain[..count].iter().map(|&mirror| usize::from(mirror)).collect(),
             })
-            .collect();
+            .collect()
     }
 
     /// Number of the mirror that a triangle of a row is part of, if rays found that.
