@@ -38,8 +38,17 @@ def plate() -> ec.Scene:
     half = 0.5
     vertices = np.array([[DISTANCE, y, z] for y, z in [(-half, -half), (half, -half), (half, half), (-half, half)]])
     triangles = np.array([[0, 2, 1], [0, 3, 2]], dtype=np.uint32)
-    plate = dict(name="plate", vertices=vertices.astype(np.float32), triangles=triangles, category="plate")
-    return ec.Scene.from_objects([{**plate, "material": "steel"}])
+    return ec.Scene.from_objects(
+        [
+            {
+                "name": "plate",
+                "vertices": vertices.astype(np.float32),
+                "triangles": triangles,
+                "category": "plate",
+                "material": "steel",
+            }
+        ]
+    )
 
 
 @pytest.fixture(scope="module")

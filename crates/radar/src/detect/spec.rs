@@ -75,7 +75,7 @@ pub enum CfarDims {
     Range,
     /// Those at the same range.
     Doppler,
-    /// Both, and it must exceed either level.
+    /// Both, and it must exceed each of the two levels.
     #[default]
     RangeThenDoppler,
     /// Both, which give one level.
