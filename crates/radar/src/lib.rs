@@ -27,7 +27,7 @@ pub use disturb::{Interferer, PhaseNoise, check_interferers, range_correlation};
 pub use noise::Leakage;
 pub use paths::Paths;
 pub use pattern::{ElementPattern, LobeShape, LobeTable};
-pub use plan::RadarPlan;
+pub use plan::{RadarPlan, noise_density};
 pub use waveform::{Fmcw, MOST_CELLS, Multiplex, RadarPulse, RadarWaveform};
 pub use window::FftWindow;
 

@@ -3,7 +3,7 @@
 use crate::adc::AdcSamples;
 use crate::cube::RadarCube;
 use crate::paths::Paths;
-use crate::plan::{CubeAxis, NOISE_DENSITY, RadarPlan};
+use crate::plan::{CubeAxis, RadarPlan, noise_density};
 use crate::waveform::RadarWaveform;
 use crate::window::transform;
 use echocast_kernels::radar::add_scaled;
@@ -174,7 +174,7 @@ impl RadarPlan {
     /// Adds thermal noise to `samples`: of the density `k T_0 F` within the rate of sampling, half of it without a
     /// quadrature signal. Its random numbers depend on the seed and the frame of `rng` and the sample.
     pub fn add_sample_noise(&self, noise_figure_db: f64, rng: &Rng, samples: &mut AdcSamples) {
-        let density = NOISE_DENSITY * 10f64.powf(0.1 * noise_figure_db);
+        let density = noise_density(noise_figure_db);
         let (power, along) = match &self.waveform {
             RadarWaveform::Fmcw(fmcw) => (density * fmcw.sample_rate(), None),
             RadarWaveform::Pulse(pulse) => (density * 1e6 / pulse.pulse_us, Some(self.range_correlation())),

@@ -14,8 +14,11 @@ use num_complex::Complex32;
 /// Most orders of polynomials that describe how an echo moves on along the range during a frame.
 pub(crate) const MOST_ORDERS: usize = 12;
 
-/// Boltzmann's constant (SI 2019), J/K, times the reference temperature of noise figures, 290 K (IEEE 145): W/Hz.
-pub(crate) const NOISE_DENSITY: f64 = 1.380_649e-23 * 290.0;
+/// Density of thermal noise at the input of a receiver with this noise figure, W/Hz: Boltzmann's constant (SI 2019), J/K,
+/// times the reference temperature of noise figures, 290 K (IEEE 145), times the factor.
+pub fn noise_density(noise_figure_db: f64) -> f64 {
+    1.380_649e-23 * 290.0 * 10f64.powf(0.1 * noise_figure_db)
+}
 
 /// A radar ready to turn paths into samples and cubes. Made of specs that have been checked.
 ///
@@ -222,7 +225,7 @@ impl RadarPlan {
     /// Mean power of thermal noise in a cell of a stream, W: `k T_0 F B`. The noise figure is that of one side band:
     /// the same signal-to-noise ratio results whether samples are complex or real.
     pub fn stream_noise(&self, noise_figure_db: f64) -> f64 {
-        NOISE_DENSITY * 10f64.powf(0.1 * noise_figure_db) * self.noise_bandwidth()
+        noise_density(noise_figure_db) * self.noise_bandwidth()
     }
 
     /// Likewise in a cell of a channel: decoding averages over the code words of `bpm`.

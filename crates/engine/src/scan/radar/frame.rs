@@ -7,7 +7,9 @@ use super::points::PointWriter;
 use super::setup::RadarSetup;
 use super::truth::FrameTruth;
 use crate::sensor::FrameDetector;
-use ::radar::{AdcSamples, AdcSpec, DetectionTruth, Multiplex, Paths, RadarCube, RadarDetections, RadarWaveform};
+use ::radar::{
+    AdcSamples, AdcSpec, DetectionTruth, Multiplex, Paths, RadarCube, RadarDetections, RadarWaveform, noise_density,
+};
 use cloud::{PointCloud, RadarFrame, RawSamples};
 use ground::error::Result;
 
@@ -82,15 +84,13 @@ impl RadarSetup<'_> {
 
     /// What phase noise and other radars add to the samples.
     fn disturbance(&self, received: &Paths) -> Result<Option<AdcSamples>> {
-        /// Thermal noise of a receiver without losses, W/Hz: Boltzmann's constant times 290 K.
-        const THERMAL: f64 = 1.380_649e-23 * 290.0;
         let (_, parts) = self.sensor.radar()?;
         if self.spec.phase_noise.is_none() && self.spec.interferers.is_empty() {
             return Ok(None);
         }
         let mut samples = parts.plan.silent_samples();
         if let Some(noise) = &self.spec.phase_noise {
-            let floor = 0.1 * THERMAL * 10f64.powf(0.1 * self.spec.noise_figure_db);
+            let floor = 0.1 * noise_density(self.spec.noise_figure_db);
             parts.plan.add_phase_noise(noise, received, floor, &self.rng, &mut samples);
         }
         parts.plan.add_interference(&self.spec.interferers, &self.rng, &mut samples);

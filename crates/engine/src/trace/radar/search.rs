@@ -73,6 +73,15 @@ pub(crate) struct SearchLimits<'a> {
     pub time: f32,
 }
 
+impl SearchLimits<'_> {
+    /// Whether the radar looks at a sphere, or a part of it.
+    fn sees(&self, middle: DVec3, radius: f64) -> bool {
+        let way = middle - self.start;
+        let distance = way.length();
+        distance < radius || (self.looks)(way / distance, (radius / distance).min(1.0).asin())
+    }
+}
+
 /// The surfaces in view, and those in mirrors.
 #[derive(Debug, Default)]
 pub(crate) struct Search {
@@ -84,7 +93,7 @@ pub(crate) struct Search {
     /// Distances between mirrors that rays went from one to the other of, m.
     legs: BTreeMap<[u16; 2], f64>,
     by_plane: HashMap<(u32, usize), u16>,
-    /// MirrorChain by how far their planes are from the origin, in steps of [`APART`].
+    /// Mirrors by how far their planes are from the origin, in steps of [`APART`].
     by_distance: HashMap<i64, Vec<u16>>,
 }
 
@@ -142,9 +151,7 @@ impl Search {
     /// Whether the radar looks at a row, or a part of it.
     fn is_in_view(&self, index: usize, limits: &SearchLimits) -> bool {
         let row = &self.rows[index];
-        let way = row.middle - limits.start;
-        let distance = way.length();
-        distance < row.radius || (limits.looks)(way / distance, (row.radius / distance).min(1.0).asin())
+        limits.sees(row.middle, row.radius)
     }
 
     fn add_rays_to_planes(&self, scene: &Tables, index: usize, limits: &SearchLimits, add: &mut dyn FnMut(Vec3)) {
@@ -175,6 +182,9 @@ impl Search {
         self.follow_once(scene, rays, of_row, limits, seen, [&mut next, &mut beyond]);
         for _ in 1..MOST_PANES {
             let rays = std::mem::take(&mut beyond);
+            if rays.is_empty() {
+                break;
+            }
             self.follow_once(scene, &rays, of_row, limits, seen, [&mut next, &mut beyond]);
         }
         next
@@ -403,9 +413,7 @@ impl Search {
                 {
                     continue;
                 }
-                let way = mirrors.target_image(row.middle) - limits.start;
-                let distance = way.length();
-                if distance > row.radius && !(limits.looks)(way / distance, (row.radius / distance).min(1.0).asin()) {
+                if !limits.sees(mirrors.target_image(row.middle), row.radius) {
                     continue;
                 }
                 let kept = (limits.kept)(&mut of_chain(), mirrors.image(), row.middle);
