@@ -8,7 +8,8 @@ use crate::trace::Tables;
 use crate::trace::hits::{HitBatch, Sight};
 use glam::{DVec3, Vec3};
 use ground::lanes::{LANES, MISS, RayBatch};
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::cmp::{Ordering, Reverse};
+use std::collections::{BTreeMap, BinaryHeap, HashMap, HashSet};
 
 /// Numbers of mirrors in order; unused ones are [`NO_MIRROR`].
 type Chain = [u16; MOST_MIRRORS];
@@ -333,108 +334,78 @@ impl Search {
 
     /// Lists what was `seen`. Waves go both ways: a target seen in a mirror is a mirror in which that one is seen.
     fn list(&mut self, seen: HashSet<(Chain, u32)>, limits: &SearchLimits) {
-        let mut all: Vec<(Chain, u32)> = seen.iter().copied().collect();
-        let rows_of: HashMap<u16, Vec<u32>> = {
-            let mut rows: HashMap<u16, Vec<u32>> = HashMap::new();
-            let index_of: HashMap<u32, u32> = (0..).zip(&self.rows).map(|(index, row)| (row.row, index)).collect();
-            let mut known: Vec<_> = self.by_plane.iter().collect();
-            known.sort_unstable();
-            for ((row, _), mirror) in known {
-                rows.entry(*mirror).or_default().extend(index_of.get(row));
+        let rows_of = self.rows_of_mirrors();
+        let rows = |mirror: u16| rows_of[usize::from(mirror)].iter().copied();
+        let mut strongest = StrongestImages::new(self, limits);
+        let mut direct: Vec<u32> = Vec::new();
+        for &(chain, row) in &seen {
+            match chain {
+                [NO_MIRROR, ..] => direct.push(row),
+                _ => strongest.offer(chain, row),
             }
-            rows
-        };
-        let corners: Vec<[u16; 2]> = self.legs.keys().copied().collect();
-        let together = |a: u16, b: u16| self.legs.contains_key(&[a.min(b), a.max(b)]);
-        let rows = |mirror: u16| rows_of.get(&mirror).into_iter().flatten().copied();
-        for [a, b] in corners {
+        }
+        for &[a, b] in self.legs.keys() {
             for (first, second) in [(a, b), (b, a)] {
-                all.extend(rows(second).map(|row| ([first, NO_MIRROR, NO_MIRROR], row)));
+                rows(second).for_each(|row| strongest.offer([first, NO_MIRROR, NO_MIRROR], row));
             }
         }
         if limits.most_mirrors > 1 {
-            let mut beside: HashMap<u16, Vec<u16>> = HashMap::new();
-            for &[a, b] in self.legs.keys() {
-                beside.entry(a).or_default().push(b);
-                beside.entry(b).or_default().push(a);
+            for [a, b, c] in self.corners(&seen) {
+                for [x, y, z] in [[a, b, c], [a, c, b], [b, a, c], [b, c, a], [c, a, b], [c, b, a]] {
+                    rows(z).for_each(|row| strongest.offer([x, y, NO_MIRROR], row));
+                }
             }
-            let mut pairs: HashMap<[u16; 2], bool> = HashMap::new();
-            for (chain, _) in seen.iter().filter(|(chain, _)| chain[1] != NO_MIRROR) {
-                pairs.insert([chain[0].min(chain[1]), chain[0].max(chain[1])], true);
-            }
-            // Three faces of a corner need no ray that meets all of them.
-            let is_square = |a: u16, b: u16| {
-                let [a, b] = [a, b].map(|it| self.mirrors[usize::from(it)].normal);
-                a.dot(b).abs() < SQUARE
-            };
-            for &[a, b] in self.legs.keys().filter(|[a, b]| is_square(*a, *b)) {
-                pairs.entry([a, b]).or_insert(false);
-            }
-            for ([a, b], met) in pairs {
-                // From the one that has fewer neighbours.
-                let [few, other] = if beside.get(&a).map_or(0, Vec::len) < beside.get(&b).map_or(0, Vec::len) {
-                    [a, b]
-                } else {
-                    [b, a]
-                };
-                let thirds = beside.get(&few).into_iter().flatten().copied();
-                let thirds = thirds.filter(|&c| c != other && together(other, c));
-                for c in thirds.filter(|&c| met || is_square(a, c) && is_square(b, c)) {
-                    for [x, y, z] in [[a, b, c], [a, c, b], [b, a, c], [b, c, a], [c, a, b], [c, b, a]] {
-                        all.extend(rows(z).map(|row| ([x, y, NO_MIRROR], row)));
+        }
+        let images = strongest.list();
+        direct.retain(|&row| self.is_in_view(row as usize, limits));
+        direct.sort_unstable();
+        let direct = direct.into_iter().map(|row| ImageTarget { target: row as usize, mirrors: Vec::new() });
+        self.targets = direct.chain(images).collect();
+    }
+
+    /// For each mirror the indices of rows that have facets in it, each once.
+    fn rows_of_mirrors(&self) -> Vec<Vec<u32>> {
+        let index_of: HashMap<u32, u32> = (0..).zip(&self.rows).map(|(index, row)| (row.row, index)).collect();
+        let mut rows = vec![Vec::new(); self.mirrors.len()];
+        for ((row, _), &mirror) in &self.by_plane {
+            rows[usize::from(mirror)].extend(index_of.get(row));
+        }
+        for rows in &mut rows {
+            rows.sort_unstable();
+            rows.dedup();
+        }
+        rows
+    }
+
+    /// Triples of mirrors that face each other, in rising order, of which rays met two one after the other, or which are at
+    /// right angles: the three faces of a corner need no ray that meets all of them.
+    fn corners(&self, seen: &HashSet<(Chain, u32)>) -> Vec<[u16; 3]> {
+        let count = self.mirrors.len();
+        // Of each mirror, those of higher number beside it, in rising order.
+        let mut beside: Vec<Vec<u16>> = vec![Vec::new(); count];
+        self.legs.keys().filter(|[a, b]| a != b).for_each(|&[a, b]| beside[usize::from(a)].push(b));
+        let pairs = seen.iter().filter(|(chain, _)| chain[1] != NO_MIRROR);
+        let met: HashSet<[u16; 2]> = pairs.map(|([a, b, _], _)| [*a.min(b), *a.max(b)]).collect();
+        let normal = |mirror: u16| self.mirrors[usize::from(mirror)].normal;
+        let is_square = |a: u16, b: u16| normal(a).dot(normal(b)).abs() < SQUARE;
+        let mut corners = Vec::new();
+        // Which mirrors are beside the first, with whether both were met.
+        let mut of_first: Vec<Option<bool>> = vec![None; count];
+        for (a, first) in (0..).zip(&beside) {
+            first.iter().for_each(|&b| of_first[usize::from(b)] = Some(met.contains(&[a, b])));
+            for &b in first {
+                let pair = of_first[usize::from(b)] == Some(true);
+                let square = is_square(a, b);
+                for &c in &beside[usize::from(b)] {
+                    let Some(other) = of_first[usize::from(c)] else { continue };
+                    if pair || other || met.contains(&[b, c]) || square && is_square(a, c) && is_square(b, c) {
+                        corners.push([a, b, c]);
                     }
                 }
             }
+            first.iter().for_each(|&b| of_first[usize::from(b)] = None);
         }
-        all.sort_unstable();
-        all.dedup();
-        self.targets = self.strongest(&all, limits);
-    }
-
-    /// Those of `all`, in rising order, that the radar looks at, direct ones first, and of the others the strongest.
-    fn strongest(&self, all: &[(Chain, u32)], limits: &SearchLimits) -> Vec<ImageTarget> {
-        let depth = |chain: &Chain| chain.iter().take_while(|&&mirror| mirror != NO_MIRROR).count();
-        let (mut direct, mut sized) = (Vec::new(), Vec::new());
-        for group in all.chunk_by(|a, b| a.0 == b.0) {
-            let chain = group[0].0;
-            let count = depth(&chain);
-            if count == 0 {
-                direct.extend(group.iter().filter(|(_, row)| self.is_in_view(*row as usize, limits)));
-                continue;
-            }
-            let of_chain = || chain[..count].iter().map(|&it| self.mirrors[usize::from(it)]);
-            let mirrors = MirrorChain::new(limits.start, of_chain());
-            for &(_, index) in group {
-                let row = &self.rows[index as usize];
-                let [r, s] = [mirrors.image(), limits.start].map(|from| (row.middle - from).length().max(row.radius));
-                let size = (row.radius / (r * s)).powi(2);
-                if size <= limits.least
-                    || mirrors.bends(row.middle).is_some_and(|bends| !mirrors.hold(&bends, row.radius))
-                {
-                    continue;
-                }
-                if !limits.sees(mirrors.target_image(row.middle), row.radius) {
-                    continue;
-                }
-                let kept = (limits.kept)(&mut of_chain(), mirrors.image(), row.middle);
-                let size = size * kept * kept;
-                if size > limits.least {
-                    sized.push((size, (count, chain, index)));
-                }
-            }
-        }
-        sized.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        sized.truncate(MOST_IMAGES);
-        let mut images: Vec<(usize, Chain, u32)> = sized.into_iter().map(|(_, image)| image).collect();
-        images.sort_unstable();
-        let direct = direct.into_iter().map(|&(chain, row)| (0, chain, row));
-        direct
-            .chain(images)
-            .map(|(count, chain, row)| ImageTarget {
-                target: row as usize,
-                mirrors: chain[..count].iter().map(|&mirror| usize::from(mirror)).collect(),
-            })
-            .collect()
+        corners
     }
 
     /// Number of the mirror that a triangle of a row is part of, if rays found that.
@@ -448,5 +419,90 @@ impl Search {
     pub fn is_mirrored(&self, from: usize, to: usize, wavelength: f64) -> bool {
         let (a, b) = (from.min(to) as u16, from.max(to) as u16);
         self.legs.get(&[a, b]).is_some_and(|leg| self.mirrors[to].area >= wavelength * leg)
+    }
+}
+
+/// The surfaces in mirrors that appear largest, of those offered.
+struct StrongestImages<'a> {
+    search: &'a Search,
+    limits: &'a SearchLimits<'a>,
+    /// Of each mirror, the image of the radar.
+    images: Vec<DVec3>,
+    /// Of each row, `(radius / distance)^2`.
+    sizes: Vec<f64>,
+    /// The weakest first.
+    kept: BinaryHeap<Reverse<SizedImage>>,
+    /// Those that were ever kept: some are offered several times.
+    known: HashSet<(Chain, u32)>,
+}
+
+/// An image by its size, then the number of its mirrors, and these and its row.
+#[derive(PartialEq)]
+struct SizedImage(f64, Reverse<(usize, Chain, u32)>);
+
+impl Eq for SizedImage {}
+
+impl PartialOrd for SizedImage {
+    fn partial_cmp(&self, other: &SizedImage) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for SizedImage {
+    fn cmp(&self, other: &SizedImage) -> Ordering {
+        self.0.total_cmp(&other.0).then(self.1.cmp(&other.1))
+    }
+}
+
+impl<'a> StrongestImages<'a> {
+    fn new(search: &'a Search, limits: &'a SearchLimits) -> StrongestImages<'a> {
+        let images = search.mirrors.iter().map(|mirror| mirror.image(limits.start)).collect();
+        let size = |row: &RadarRow| (row.radius / (row.middle - limits.start).length().max(row.radius)).powi(2);
+        let sizes = search.rows.iter().map(size).collect();
+        StrongestImages { search, limits, images, sizes, kept: BinaryHeap::new(), known: HashSet::new() }
+    }
+
+    /// Keeps an image if it is among the strongest so far and waves can go this way.
+    fn offer(&mut self, chain: Chain, index: u32) {
+        let (search, limits) = (self.search, self.limits);
+        let count = chain.iter().take_while(|&&mirror| mirror != NO_MIRROR).count();
+        let of_chain = || chain[..count].iter().map(|&it| search.mirrors[usize::from(it)]);
+        let row = &search.rows[index as usize];
+        let image = chain[1..count].iter().fold(self.images[usize::from(chain[0])], |place, &mirror| {
+            search.mirrors[usize::from(mirror)].image(place)
+        });
+        let size = self.sizes[index as usize] / (row.middle - image).length_squared().max(row.radius * row.radius);
+        let least = match self.kept.peek() {
+            Some(Reverse(SizedImage(least, _))) if self.kept.len() == MOST_IMAGES => limits.least.max(*least),
+            _ => limits.least,
+        };
+        // Many are offered, few are kept: what is simple is asked first.
+        if size <= limits.least || size < least {
+            return;
+        }
+        let mirrors = MirrorChain::new(limits.start, of_chain());
+        if mirrors.bends(row.middle).is_some_and(|bends| !mirrors.hold(&bends, row.radius))
+            || !limits.sees(mirrors.target_image(row.middle), row.radius)
+        {
+            return;
+        }
+        let left = (limits.kept)(&mut of_chain(), image, row.middle);
+        let size = size * left * left;
+        if size > limits.least && self.known.insert((chain, index)) {
+            self.kept.push(Reverse(SizedImage(size, Reverse((count, chain, index)))));
+            if self.kept.len() > MOST_IMAGES {
+                self.kept.pop();
+            }
+        }
+    }
+
+    /// Those kept, by the number of their mirrors, these, and their rows.
+    fn list(self) -> impl Iterator<Item = ImageTarget> {
+        let mut images: Vec<_> = self.kept.into_iter().map(|Reverse(SizedImage(_, Reverse(image)))| image).collect();
+        images.sort_unstable();
+        images.into_iter().map(|(count, chain, row)| ImageTarget {
+            target: row as usize,
+            mirrors: chain[..count].iter().map(|&mirror| usize::from(mirror)).collect(),
+        })
     }
 }
