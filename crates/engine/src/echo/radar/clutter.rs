@@ -39,11 +39,23 @@ pub(crate) struct ClutterMemory {
     patches: Vec<ClutterPatch>,
     places: Vec<DVec3>,
     seen: Vec<Sighted>,
-    stack: Vec<([DVec3; 3], u32)>,
+    stack: Vec<ClutterPart>,
+}
+
+/// A part of a triangle that is to be divided into patches.
+struct ClutterPart {
+    corners: [DVec3; 3],
+    /// As [`ClutterPatch::part`].
+    part: u32,
+    /// How many parts of its size it stands for, itself among them.
+    stands_for: f64,
 }
 
 /// Amplitude over that which matters of the weakest patches: 10 dB, the noise of all channels together.
 const WEAK: f64 = 3.2;
+
+/// Extent of a part, as seen by the radar, within which gain and backscatter are about the same, rad.
+const NARROW: f64 = 0.1;
 
 /// Most divisions of a triangle, as its part has 32 bits.
 const MOST_DIVISIONS: u32 = 31;
@@ -107,7 +119,7 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
         return;
     }
     // Of weak patches a few stand for all: each is kept with the probability by which it would be too weak, and is as much
-    // stronger.
+    // stronger. Halves of weak parts are thinned in the same way: one of two is divided further, and stands for both.
     let mut add = |patch: ClutterPatch, distance: f64, along: DVec3| {
         let chance = (amplitude(field, distance, patch.area, along) / (WEAK * field.floor)).powi(2);
         let address = [row.row, patch.triangle, patch.part];
@@ -124,8 +136,8 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
         let across = (b - a).cross(c - a);
         let Some(normal) = across.try_normalize() else { continue };
         stack.clear();
-        stack.push((corners, 1));
-        while let Some((corners, part)) = stack.pop() {
+        stack.push(ClutterPart { corners, part: 1, stands_for: 1.0 });
+        while let Some(ClutterPart { corners, part, stands_for }) = stack.pop() {
             let [a, b, c] = corners;
             let middle = (a + b + c) / 3.0;
             let reach = [a, b, c].map(|corner| (corner - middle).length()).into_iter().fold(0.0, f64::max);
@@ -135,7 +147,7 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
                 continue;
             }
             let along = to / distance;
-            let area = 0.5 * across.length() * 0.5f64.powi(divisions(part) as i32);
+            let area = stands_for * 0.5 * across.length() * 0.5f64.powi(divisions(part) as i32);
             let extent = 2.0 * reach;
             if extent < grid.range && extent < grid.angle * distance {
                 // Smaller than any patch needs to be.
@@ -165,7 +177,19 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
                 let edge = extents.iter().position(|&extent| extent == most).unwrap_or_default();
                 let [a, b, c] = [0, 1, 2].map(|corner| corners[(edge + corner) % 3]);
                 let halfway = 0.5 * (a + b);
-                stack.extend([([a, halfway, c], part << 1), ([halfway, b, c], part << 1 | 1)]);
+                let halves = [([a, halfway, c], part << 1), ([halfway, b, c], part << 1 | 1)];
+                let half = |(corners, part): ([DVec3; 3], u32), more: f64| ClutterPart {
+                    corners,
+                    part,
+                    stands_for: more * stands_for,
+                };
+                let area = area * f64::from(surface.clutter(normal.dot(along).abs() as f32));
+                if reach < NARROW * distance && greatest_amplitude(field, area, corners, middle) < WEAK * field.floor {
+                    let draw = grid.rng.uniform_at([row.row, triangle, part], Draw::RadarPatch);
+                    stack.push(half(halves[usize::from(draw < 0.5)], 2.0));
+                } else {
+                    stack.extend(halves.map(|it| half(it, 1.0)));
+                }
                 continue;
             }
             let cos = normal.dot(along).abs() as f32;
@@ -187,4 +211,14 @@ fn amplitude(field: &WaveField, distance: f64, area: f64, along: DVec3) -> f64 {
     let along = along.as_vec3();
     let strength = (area / (4.0 * PI)).sqrt() / (distance * distance).max(1e-6);
     strength * field.scale() * field.gain(along, along)
+}
+
+/// The greatest of the received amplitudes of a backscattering area in the middle and at the corners of a triangle, sqrt(W).
+fn greatest_amplitude(field: &WaveField, area: f64, corners: [DVec3; 3], middle: DVec3) -> f64 {
+    let of = |place: DVec3| {
+        let way = place - field.place;
+        let distance = way.length();
+        amplitude(field, distance, area, way / distance)
+    };
+    corners.into_iter().map(of).fold(of(middle), f64::max)
 }
