@@ -44,27 +44,36 @@ impl CellResponse {
         let width = 2 * middle + 1;
         let fft = FftPlannerScalar::new().plan_fft_inverse(count);
         let turn = |cells: f64| Complex64::cis(TAU * cells / count as f64);
-        let tables = (0..orders).map(|order| {
-            let weighted = |n: usize| {
+        let weighted = |order: usize| -> Vec<f64> {
+            let weight = |n: usize| {
                 let angle = (2.0 * (n as f64 - centre) / count as f64).acos();
                 window[n] * (order as f64 * angle).cos() / sum
             };
-            let weighted: Vec<f64> = (0..count).map(weighted).collect();
-            let row = |step: usize| {
-                let part = step as f64 / STEPS as f64;
-                let mut bins: Vec<Complex64> =
-                    (0..count).map(|n| weighted[n] * turn(part * (n as f64 - centre))).collect();
-                fft.process(&mut bins);
-                let value = move |column: usize| {
-                    let cell = column as i64 - middle as i64;
-                    let value = bins[cell.rem_euclid(count as i64) as usize] * turn(-(cell as f64) * centre);
+            (0..count).map(weight).collect()
+        };
+        let weighted: Vec<Vec<f64>> = (0..orders).map(weighted).collect();
+        let cells = (0..width).map(|column| column as i64 - middle as i64);
+        let columns: Vec<(usize, Complex64)> =
+            cells.map(|cell| (cell.rem_euclid(count as i64) as usize, turn(-(cell as f64) * centre))).collect();
+        let mut tables = vec![Vec::with_capacity((STEPS + 1) * width); orders];
+        let mut shifts = vec![Complex64::default(); count];
+        let (mut bins, mut scratch) = (shifts.clone(), vec![Complex64::default(); fft.get_inplace_scratch_len()]);
+        for step in 0..=STEPS {
+            let part = step as f64 / STEPS as f64;
+            for (n, shift) in shifts.iter_mut().enumerate() {
+                *shift = turn(part * (n as f64 - centre));
+            }
+            for (order, (table, weighted)) in tables.iter_mut().zip(&weighted).enumerate() {
+                for ((bin, shift), weight) in bins.iter_mut().zip(&shifts).zip(weighted) {
+                    *bin = *weight * *shift;
+                }
+                fft.process_with_scratch(&mut bins, &mut scratch);
+                table.extend(columns.iter().map(|&(bin, turn)| {
+                    let value = bins[bin] * turn;
                     (if order % 2 == 0 { value.re } else { value.im }) as f32
-                };
-                (0..width).map(value)
-            };
-            (0..=STEPS).flat_map(row).collect()
-        });
-        let tables: Vec<Vec<f32>> = tables.collect();
+                }));
+            }
+        }
         CellResponse::new(tables, width, middle)
     }
 
