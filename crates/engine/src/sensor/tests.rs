@@ -637,7 +637,7 @@ fn parameters_lie_within_bounds_that_hold() {
 fn allowed_values_are_accepted() {
     // Making a radar takes longer than other sensors; all of one kind have the same keys.
     const RADARS: [&str; 3] = ["ti_awr1843", "navtech_cts350x", "marine_x_band"];
-    for preset in presets::sensors().filter(|it| it.folder != "radar" || RADARS.contains(&&*it.name)) {
+    for preset in presets::sensors().filter(|it| it.folder != "radar" || RADARS.contains(&it.name)) {
         let sensor = Sensor::preset(preset.name).unwrap();
         let keys = yaml::numbers(&sensor.tree().unwrap());
         // Generating other patterns takes long; elements of arrays are all alike.
