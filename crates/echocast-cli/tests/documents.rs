@@ -43,6 +43,7 @@ fn run(what: &str, commands: &str) {
     // A debug build is slow: fewer beams and frames are enough to see that they run.
     let quicker = [
         ("velodyne_vls128 --camera Corner", "vlp16 --camera Corner"),
+        ("velodyne_hdl64e --trajectory", "vlp16 --trajectory"),
         (" 20:39 ", " 20:23 "),
         (" 0:19 ", " 0:4 "),
         (" 0:9 ", " 0:2 "),
