@@ -86,7 +86,9 @@ fn functions_work_under_address_sanitizer() {
     check("api", "asan", ASAN, &[]);
 }
 
+/// `make test-valgrind`
 #[test]
+#[ignore = "takes a minute; the sanitizer sees most of it"]
 fn functions_work_under_valgrind() {
     under_valgrind("api");
 }

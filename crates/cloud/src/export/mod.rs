@@ -457,7 +457,7 @@ mod tests {
     #[test]
     fn a_disk_that_is_full_at_any_write_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
-        let mut cloud = PointCloud { len: 8_000, fields: FieldSet::all(), ..PointCloud::default() };
+        let mut cloud = PointCloud { len: 4_000, fields: FieldSet::all(), ..PointCloud::default() };
         cloud.columns.resize(cloud.fields, cloud.len).unwrap();
         for format in FORMATS.iter().filter(|format| format.name() != "hdf5") {
             let path = folder.path().join("a");
