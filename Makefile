@@ -15,6 +15,7 @@ help:
 	@echo "make deb                   build packages for Debian 12 and 13 in target/debs; make test-debs installs them there"
 	@echo "make release               build all that is distributed, with checksums, in target/release-files"
 	@echo "make test-embrees          test beside other versions of Embree in one process"
+	@echo "make test-valgrind         test all functions of the C ABI under Valgrind"
 	@echo "make test-crates           test the crates as strangers use them: packaged, by path and by git"
 	@echo "make bench                 compare its speed with bare Embree; writes target/bench.json"
 	@echo "make install PREFIX=DIR    install program, C library and headers below DIR [$(PREFIX)]"
@@ -56,6 +57,10 @@ test-embrees:
 	@scripts/setup --test
 	@scripts/test-embrees
 
+test-valgrind:
+	@scripts/setup --test
+	cargo test --workspace --test programs --locked -- --include-ignored valgrind
+
 test-crates:
 	@scripts/setup
 	@scripts/test-crates
@@ -77,4 +82,4 @@ clean:
 	rm -rf out fuzz/target
 	rm -f bindings/python/third-party/Rust-* bindings/python/third-party/Zig.txt
 
-.PHONY: help demo test check build python wheel blender deb test-debs test-embrees test-crates release bench install clean
+.PHONY: help demo test check build python wheel blender deb test-debs test-embrees test-valgrind test-crates release bench install clean

@@ -64,6 +64,9 @@
 #define ECHOCAST_DRIVER_INFO_INIT { sizeof(echocast_driver_info), 0, 0, 0, { { 0, 0, 0 } } }
 #define ECHOCAST_PING_INFO_INIT                                                                                        \
     { sizeof(echocast_ping_info), 0, 0, 0, ECHOCAST_POSE_IDENTITY, { 0, 0, 0 }, 0, 0, 0, 0, 0, 0, 0, 0, 0 }
+#define ECHOCAST_RADAR_INFO_INIT                                                                                       \
+    { sizeof(echocast_radar_info), 0, 0, 0, ECHOCAST_POSE_IDENTITY, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, { 0, 0, 0, 0 }, 0,   \
+      0, 0, 0, 0, 0, 0 }
 #define ECHOCAST_SCAN_INFO_INIT { sizeof(echocast_scan_info), 0, 0, 0 }
 #define ECHOCAST_FRAME_INFO_INIT { sizeof(echocast_frame_info), 0, 0, 0, 0 }
 
@@ -1866,6 +1869,160 @@ echocast_status echocast_pings_image(const echocast_pings *pings,
 
 /** Releases a list of pings. NULL is allowed. Any thread may call this. */
 ECHOCAST_API void echocast_pings_release(echocast_pings *pings);
+
+/* -- Frames of radars ------------------------------------------------------------------------------------------------ */
+
+/** The cube: amplitudes of every channel, velocity and range. */
+#define ECHOCAST_RADAR_CUBE 1
+
+/** The samples of the converters. The cube is then made from them. */
+#define ECHOCAST_RADAR_SAMPLES 2
+
+/** The frame of a radar. Any number of threads may read it; only one at a time may change it. */
+typedef struct echocast_radar echocast_radar;
+
+/**
+ * What a frame of a radar holds; ECHOCAST_RADAR_INFO_INIT is empty. Arrays are in place, NULL where the frame does not
+ * have them.
+ */
+typedef struct echocast_radar_info {
+    /** sizeof(echocast_radar_info). */
+    size_t struct_size;
+    /** Number of the frame: scan_desc.frame. */
+    uint32_t number;
+    /** Channels of the cube and of `elements`. */
+    uint32_t channels;
+    /** Start of the frame, ns. Times since 1970 are rounded to 0.2 microseconds. */
+    int64_t t_ns;
+    /** Pose of the radar in the world. */
+    echocast_pose sensor_pose;
+    /** Wavelength in the middle of a chirp, metres. */
+    double wavelength_m;
+    /** Places of the virtual elements of the channels, metres, x, y, z in the axes of the radar: 3 * channels numbers. */
+    const double *elements;
+    /**
+     * Amplitudes at the receiver, square roots of watts, real and imaginary parts interleaved: 2 * channels *
+     * velocities * ranges numbers, range by range. A longer way makes the phase more negative.
+     */
+    const float *cube;
+    /** Velocities of the cube. */
+    uint32_t velocities;
+    /** Ranges of the cube. */
+    uint32_t ranges;
+    /** The lowest velocity, m/s; positive velocities recede. */
+    double first_velocity;
+    /** From one velocity to the next, m/s. */
+    double velocity_step;
+    /** The lowest range, metres. */
+    double first_range_m;
+    /** From one range to the next, metres. */
+    double range_step_m;
+    /**
+     * What the converters sampled, chirp by chirp, transmitter by transmitter, receiver by receiver, sample by sample,
+     * in phase and in quadrature interleaved.
+     */
+    const int16_t *samples;
+    /** Numbers of chirps of each transmitter, of transmitters, of receivers, and of samples in a chirp. */
+    uint32_t sample_shape[4];
+    /** Power at the receiver in a turn of a rotating radar, dBm, azimuth by azimuth: azimuths * polar_ranges numbers. */
+    const float *polar_dbm;
+    /** Direction of each azimuth, rad, counter-clockwise from ahead. */
+    const double *polar_azimuth;
+    /** When each azimuth was measured, seconds, from the same zero as t_ns. */
+    const double *polar_time;
+    /** Azimuths of the polar image. */
+    uint32_t azimuths;
+    /** Ranges of the polar image. */
+    uint32_t polar_ranges;
+    /** Its lowest range, metres. */
+    double polar_first_range_m;
+    /** From one of its ranges to the next, metres. */
+    double polar_range_step_m;
+} echocast_radar_info;
+
+/**
+ * Simulates one frame of a radar; of a rotating one, a turn. `*io`: NULL, which is replaced by a new frame, to be
+ * released with echocast_radar_release; or a frame, which is replaced by this one. `record`: what is kept, a sum of
+ * ECHOCAST_RADAR_ numbers; 0: of rotating radars the polar image, of others nothing. `detections`: NULL, or what
+ * echocast_scan takes: receives the detections.
+ *
+ * `desc` is as for echocast_scan, which gives the detections of the same frame; boxes and progress are not used.
+ *
+ * On an error, an existing frame is unchanged, and existing detections are unchanged or empty.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (a sensor that is not a radar, another profile than the physical one, an unknown number
+ * in `record`), ECHOCAST_E_HANDLE, ECHOCAST_E_MEMORY, ECHOCAST_E_BUSY (another thread uses the frame or the
+ * detections, or changes the sensor). Any number of threads may use one snapshot with one sensor, each with its own
+ * frame.
+ *
+ * ```c
+ * echocast_pose_key here = {0, ECHOCAST_POSE_IDENTITY};
+ * echocast_scan_desc desc = ECHOCAST_SCAN_DESC_INIT;
+ * desc.sensor = sensor;
+ * desc.poses = &here;
+ * desc.pose_count = 1;
+ * echocast_radar *radar = NULL;
+ * echocast_radar_frame(snapshot, &desc, ECHOCAST_RADAR_CUBE, &radar, &result);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_radar_frame(const echocast_snapshot *snapshot,
+                                     const echocast_scan_desc *desc,
+                                     uint32_t record,
+                                     echocast_radar **io,
+                                     echocast_result **detections);
+
+/**
+ * Gets what a frame holds. The caller sets struct_size of `*info`; what it points to is valid until the handle is used
+ * for another frame or released.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ *
+ * ```c
+ * echocast_radar_info info = ECHOCAST_RADAR_INFO_INIT;
+ * echocast_radar_get_info(radar, &info);
+ * size_t cell = ((size_t)0 * info.velocities + info.velocities / 2) * info.ranges; // channel 0, near 0 m/s
+ * for (uint32_t range = 0; range < info.ranges; ++range)
+ *     printf("%g m: %g + %gj\n", info.first_range_m + range * info.range_step_m, info.cube[2 * (cell + range)],
+ *            info.cube[2 * (cell + range) + 1]);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_radar_get_info(const echocast_radar *radar,
+                                        echocast_radar_info *info);
+
+/**
+ * Writes a frame to a file, by the ending of `path`: NPZ (`.npz`) or HDF5 (`.h5`, `.hdf5`), arrays with their axes; or
+ * the samples alone in the layout of TI's capture card DCA1000 (`.bin`). The file appears under its name only when it
+ * is complete and on the disk.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (`.bin` without samples), ECHOCAST_E_IO (a full disk), ECHOCAST_E_UNSUPPORTED (another
+ * ending; HDF5 that is not built in), ECHOCAST_E_MEMORY, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ *
+ * ```c
+ * echocast_radar_write(radar, "frame.npz");
+ * ```
+ */
+ECHOCAST_API echocast_status echocast_radar_write(const echocast_radar *radar, const char *path);
+
+/**
+ * Writes a picture of a frame as PNG (`.png`), with scale and legend. `options`: YAML with `view`: "range_doppler" or
+ * "range_azimuth" of the cube, "polar" of the polar image; and `width` (1600), 320 to 4096 pixels.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (another view, a frame without what it shows, a width out of bounds), ECHOCAST_E_PARSE,
+ * ECHOCAST_E_UNSUPPORTED (another ending), ECHOCAST_E_IO, ECHOCAST_E_HANDLE, ECHOCAST_E_BUSY.
+ *
+ * ```c
+ * echocast_radar_preview(radar, "doppler.png", "{view: range_doppler}");
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_radar_preview(const echocast_radar *radar,
+                                       const char *path,
+                                       const char *options);
+
+/** Releases a frame. NULL is allowed. Any thread may call this. */
+ECHOCAST_API void echocast_radar_release(echocast_radar *radar);
 
 /* -- Scenarios ------------------------------------------------------------------------------------------------------- */
 

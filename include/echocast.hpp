@@ -574,6 +574,8 @@ inline echocast_driver_info driver_info(int32_t driver) {
     return info;
 }
 
+class radar;
+
 /** Points, column by column. */
 class result : public detail::owner<echocast_result, echocast_result_release> {
 public:
@@ -693,6 +695,7 @@ public:
 private:
     friend class sample;
     friend void scan(const snapshot &, const echocast_scan_desc &, result &);
+    friend void radar_frame(const snapshot &, const echocast_scan_desc &, uint32_t, radar &, result &);
 };
 
 /** Scans once, reusing the memory of `io`. */
@@ -855,6 +858,71 @@ inline pings ping(const snapshot &snapshot, const sensor &sensor, const echocast
     pings one;
     ping(snapshot, desc, one);
     return one;
+}
+
+/** The frame of a radar. Spans are valid until the next frame into this; they are empty where it has none. */
+class radar : public detail::owner<echocast_radar, echocast_radar_release> {
+public:
+    /** Empty until the first frame into it. */
+    radar() = default;
+
+    echocast_radar_info info() const {
+        echocast_radar_info info = ECHOCAST_RADAR_INFO_INIT;
+        check(echocast_radar_get_info(get(), &info));
+        return info;
+    }
+
+    /** Amplitudes, real and imaginary parts alternating: channels * velocities * ranges of them, range by range. */
+    span<const float> cube() const {
+        const echocast_radar_info about = info();
+        const std::size_t cells = std::size_t(about.channels) * about.velocities * about.ranges;
+        return span<const float>(about.cube, about.cube ? 2 * cells : 0);
+    }
+
+    /** Places of the virtual elements, x, y, z in turn, metres. */
+    span<const double> elements() const {
+        const echocast_radar_info about = info();
+        return span<const double>(about.elements, std::size_t(3) * about.channels);
+    }
+
+    /** Samples, in phase and in quadrature alternating: the numbers of info().sample_shape of them. */
+    span<const int16_t> samples() const {
+        const echocast_radar_info about = info();
+        std::size_t count = 2;
+        for (uint32_t length : about.sample_shape) count *= length;
+        return span<const int16_t>(about.samples, count);
+    }
+
+    /** The polar image of a rotating radar, dBm, azimuth by azimuth. */
+    span<const float> polar_dbm() const {
+        const echocast_radar_info about = info();
+        return span<const float>(about.polar_dbm, std::size_t(about.azimuths) * about.polar_ranges);
+    }
+
+    /** Writes it as NPZ or HDF5, or its samples as of a capture card (.bin), by the ending of `path`. */
+    void write(const std::string &path) const { check(echocast_radar_write(get(), path.c_str())); }
+
+    /** Writes a picture. */
+    void preview(const std::string &path, const std::string &options) const {
+        check(echocast_radar_preview(get(), path.c_str(), options.c_str()));
+    }
+
+private:
+    friend void radar_frame(const snapshot &, const echocast_scan_desc &, uint32_t, radar &, result &);
+};
+
+/** Simulates one frame of a radar into `io`, with what `record` requests, a sum of ECHOCAST_RADAR_ numbers, and its
+ *  detections into `detections`. */
+inline void radar_frame(const snapshot &snapshot, const echocast_scan_desc &desc, uint32_t record, radar &io,
+                        result &detections) {
+    io.fill([&](echocast_radar **frame) {
+        echocast_status status = ECHOCAST_OK;
+        detections.fill([&](echocast_result **points) {
+            status = echocast_radar_frame(snapshot.get(), &desc, record, frame, points);
+            return status;
+        });
+        return status;
+    });
 }
 
 /** A sample of a scenario: its scene as it was drawn, and the scans of its sensors, all counted from 0. */

@@ -13,6 +13,8 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
+# What takes longest starts first, so that it does not run alone at the end.
+LONG = ["physics", "echocast_engine", "formats", "documents", "programs", "determinism", "allocations", "echocast_cloud"]
 CARGO_TEST = ["cargo", "test", "--workspace", "--locked"]
 
 
@@ -38,7 +40,8 @@ def run(test: dict[str, Any]) -> tuple[str, "subprocess.CompletedProcess[str]"]:
 
 
 def main() -> int:
-    tests = build()
+    place = {name: at for at, name in enumerate(LONG)}
+    tests = sorted(build(), key=lambda test: place.get(test["target"]["name"], len(LONG)))
     failed = []
     with ThreadPoolExecutor(os.cpu_count()) as runners:
         for future in as_completed([runners.submit(run, test) for test in tests]):

@@ -122,7 +122,7 @@ fn sensors() {
     let place = Trajectory::fixed(Pose::at(0.0, 0.0, 1.0));
     let box_m = "box: {min_m: [0, -3, 0], max_m: [6, 3, 4]}";
     let mut cases: Vec<Case> = Vec::new();
-    let presets = Sensor::presets().into_iter().filter(|preset| preset.kind != SensorKind::Sonar);
+    let presets = Sensor::presets().into_iter().filter(|preset| preset.kind.is_optical());
     cases.extend(presets.map(|preset| (preset.name, Vec::new(), "{}".to_owned())));
     for weather in [
         "rain: {rate_mm_h: 20}".to_owned(),

@@ -4,6 +4,7 @@
 use echocast::cloud::FIELDS;
 use echocast::emitter::pattern::Pattern;
 use echocast::material::{Alpha, RetroSample, Scattering};
+use echocast::radar::{RadarCube, RadarRecord};
 use echocast::scene::Material;
 use echocast::{
     BoxAxes, BuiltScene, Cause, Engine, Environment, Field, FieldSet, Frame, LiveScene, Order, Ping, PointCloud, Pose,
@@ -297,19 +298,22 @@ fn vector_levels_do_not_change_a_bit() {
         }
         let place = Trajectory::fixed(Pose::at(0.0, 0.0, 8.0));
         let pings = sonars().iter().map(|sonar| built.ping(sonar, &place, &sea()).unwrap()).collect::<Vec<_>>();
-        (clouds, pings)
+        (clouds, pings, radars().iter().map(|radar| radar_frame(&built, radar, &wet())).collect::<Vec<_>>())
     };
     assert_eq!(limit_level(Level::Plain), Level::Plain);
-    let (clouds, pings) = of_all();
+    let (clouds, pings, frames) = of_all();
     for level in [Level::Avx2, Level::Avx512] {
         if limit_level(level) == level {
-            let (others, other_pings) = of_all();
+            let (others, other_pings, other_frames) = of_all();
             for (index, (cloud, other)) in clouds.iter().zip(&others).enumerate() {
                 assert_eq!(differences(cloud, other), [""; 0], "{level:?} case {index}");
                 assert_eq!(cloud.boxes, other.boxes, "{level:?} case {index}");
             }
             for (index, (ping, other)) in pings.iter().zip(&other_pings).enumerate() {
                 assert_eq!(ping_differences(ping, other), [""; 0], "{level:?} ping {index}");
+            }
+            for (index, (frame, other)) in frames.iter().zip(&other_frames).enumerate() {
+                assert_same_frame(frame, other, &format!("{level:?} radar {index}"));
             }
         }
     }
@@ -567,4 +571,73 @@ fn threads_do_not_change_a_bit_of_a_ping() {
         causes,
         [Cause::Surface, Cause::FalseAlarm, Cause::Multipath, Cause::SeaSurface].map(|cause| cause as u8)
     );
+}
+
+/// Three transmitters that take turns, by paths and by samples.
+fn radars() -> [(Sensor, RadarRecord); 2] {
+    let yaml = "
+name: radar
+kind: radar
+pattern: {type: radar, rate_hz: 20}
+range: {max_m: 12}
+radar:
+  power_dbm: 45
+  mirrors: 1
+  waveform: {type: fmcw, start_ghz: 77, slope_mhz_per_us: 30, samples: 128, sample_rate_mhz: 10, ramp_us: 15, chirps: 32}
+  array: {tx: [[0, 0], [4, 0], [2, 1]], rx: {count: 4}}
+  leakage: {power_dbm: -20}
+  detection: {method: os, pfa: 1e-3}
+";
+    let sensor = Sensor::from_yaml(yaml, "").unwrap();
+    let mut sampled = sensor.clone();
+    // Paths do not depend on what is made of them.
+    sampled.set("radar.mirrors", "0").unwrap();
+    let record = |samples| RadarRecord { cube: true, samples };
+    [(sensor, record(false)), (sampled, record(true))]
+}
+
+/// Detections, cube and samples of a frame.
+type FrameOfRadar = (PointCloud, RadarCube, Option<Vec<i16>>);
+
+fn radar_frame(scene: &BuiltScene, (sensor, record): &(Sensor, RadarRecord), options: &ScanOptions) -> FrameOfRadar {
+    let mut cloud = PointCloud::default();
+    let frame = scene.radar_frame(sensor, &drive(), options, *record, &mut cloud).unwrap();
+    (cloud, frame.cube.unwrap(), frame.samples.map(|samples| samples.values))
+}
+
+fn cell_bits(cube: &RadarCube) -> Vec<[u32; 2]> {
+    cube.cells.iter().map(|cell| [cell.re.to_bits(), cell.im.to_bits()]).collect()
+}
+
+#[track_caller]
+fn assert_same_frame(a: &FrameOfRadar, b: &FrameOfRadar, what: &str) {
+    assert_eq!(differences(&a.0, &b.0), [""; 0], "{what}");
+    assert!(cell_bits(&a.1) == cell_bits(&b.1), "{what}: cubes differ");
+    assert!(a.2 == b.2, "{what}: samples differ");
+}
+
+#[test]
+fn threads_do_not_change_a_bit_of_a_radar() {
+    let [one, two, eight] = [1, 2, 8].map(|threads| scene_with(&Engine::with_threads(threads).unwrap()));
+    for radar in radars() {
+        for options in [all(), wet()] {
+            let alone = radar_frame(&one, &radar, &options);
+            assert!(!alone.0.is_empty());
+            for (scene, what) in [(&two, "2 threads"), (&eight, "8 threads")] {
+                assert_same_frame(&alone, &radar_frame(scene, &radar, &options), what);
+            }
+            for other in [options.clone().seed(12), options.clone().frame(4)] {
+                assert!(cell_bits(&alone.1) != cell_bits(&radar_frame(&one, &radar, &other).1), "noise is the same");
+            }
+            // Detections alone, in memory of another scan, with few columns.
+            let few: FieldSet = [Field::Range, Field::Snr].into_iter().collect();
+            let mut reused = one.scan(&lidar(), &drive(), &all()).unwrap();
+            let (sensor, record) = &radar;
+            if !record.samples {
+                one.scan_into(sensor, &drive(), &options.clone().fields(few), &mut reused).unwrap();
+                assert_eq!(reused.columns().snr(), alone.0.columns().snr());
+                assert_eq!(reused.columns().range(), alone.0.columns().range());
+            }
+        }
+    }
 }

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// The packages whose sources are checked.
-const PACKAGES: [&str; 20] = [
+const PACKAGES: [&str; 21] = [
     "bindings/python",
     "crates/cloud",
     "crates/crew",
@@ -25,6 +25,7 @@ const PACKAGES: [&str; 20] = [
     "crates/memory",
     "crates/model",
     "crates/pictures",
+    "crates/radar",
     "crates/scene-files",
     "crates/sets",
     "crates/stdout",

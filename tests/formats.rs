@@ -97,6 +97,15 @@ fn cloud(len: usize, fields: FieldSet) -> PointCloud {
         water_track_y: |_| metres(3.0);
         water_track_z: |_| metres(0.5);
         water_track_error: |_| metres(0.01);
+        rcs: |_| metres(40.0);
+        snr: |_| metres(60.0).abs();
+        power: |row| if row % 3 == 0 { f32::NAN } else { metres(10.0) - 110.0 };
+        path: |row| (row % 8) as u8;
+        true_rcs: |_| metres(40.0);
+        range_sigma: |_| metres(0.4).abs();
+        azimuth_sigma: |_| metres(0.1).abs();
+        elevation_sigma: |_| f32::NAN;
+        velocity_sigma: |_| metres(0.1).abs();
     }
     let table = |rows: &[(u32, &str)]| rows.iter().copied().collect();
     let labels = Labels::default()
@@ -298,8 +307,8 @@ fn every_format_is_read_back() {
     sensor_frame.origin = DVec3::new(0.5, -0.25, 0.125);
     sensor_frame.intensity_full_scale = None;
     let clouds = [
-        cloud(5000, FieldSet::all()),
-        cloud(3000, FieldSet::default()),
+        cloud(1500, FieldSet::all()),
+        cloud(1000, FieldSet::default()),
         organised(),
         cloud(1, FieldSet::all()),
         cloud(0, FieldSet::all()),
@@ -316,13 +325,13 @@ fn every_format_is_read_back() {
             let report = export::write(cloud, &path, Some(name)).unwrap();
             for info in cloud.fields().iter() {
                 let lost = !format.holds(info);
-                let words = report.warnings.iter().find(|w| w.contains("cannot hold"));
+                let mut words = report.warnings.iter().filter(|w| w.contains("cannot hold"));
                 let between = info.name.strip_suffix("_y").map(|stem| format!("{stem}_x to {stem}_z"));
-                let named = words.is_some_and(|w| {
+                let named = words.any(|w| {
                     let whole = w.replace(',', " ").split(' ').any(|w| w == info.name);
-                    whole || between.is_some_and(|vector| w.contains(&vector))
+                    whole || between.as_ref().is_some_and(|vector| w.contains(vector))
                 });
-                assert_eq!(lost, named, "{}: {words:?}", info.name);
+                assert_eq!(lost, named, "{}: {:?}", info.name, report.warnings);
             }
             assert_eq!(format.info().holds_label_names, !export::labels_path(&path).exists());
             if name.starts_with("la") {

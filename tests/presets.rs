@@ -5,8 +5,11 @@ use echocast::detect::{Detection, Statistical};
 use echocast::emitter::lobe::Lobe;
 use echocast::emitter::pattern::{Imaging, Janus, Multibeam, Pattern, Sidescan, SingleBeam, Spinning};
 use echocast::emitter::{BeamTable, FiringOrder};
+use echocast::radar::{RadarSpec, RadarWaveform};
 use echocast::scene::Material;
-use echocast::{Environment, Ping, Pose, PresetInfo, ReturnsSpec, ScanOptions, Sensor, SensorKind, Trajectory};
+use echocast::{
+    Cause, Environment, FieldSet, Ping, Pose, PresetInfo, ReturnsSpec, ScanOptions, Sensor, SensorKind, Trajectory,
+};
 use echocast_tests::assert_in_document;
 use echocast_tests::reference::{SceneBuilder, Shape};
 use glam::DVec3;
@@ -45,7 +48,7 @@ fn spinning(sensor: &Sensor) -> &Spinning {
 fn every_file_is_a_preset_with_a_name_of_its_own() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../presets");
     let mut files = Vec::new();
-    for folder in ["lidar", "tof", "sonar", "paper"] {
+    for folder in ["lidar", "tof", "sonar", "radar", "paper"] {
         for entry in std::fs::read_dir(root.join(folder)).unwrap() {
             let path = entry.unwrap().path();
             files.push((folder.to_owned(), path.file_stem().unwrap().to_string_lossy().into_owned()));
@@ -70,6 +73,7 @@ fn every_preset_says_what_it_is() {
             "lidar" => SensorKind::Lidar,
             "tof" => SensorKind::Tof,
             "sonar" => SensorKind::Sonar,
+            "radar" => SensorKind::Radar,
             // The paper has both.
             _ => preset.kind,
         };
@@ -79,7 +83,7 @@ fn every_preset_says_what_it_is() {
 
 #[test]
 fn patterns_have_the_figures_of_their_files() {
-    for preset in Sensor::presets().into_iter().filter(|preset| preset.kind != SensorKind::Sonar) {
+    for preset in Sensor::presets().into_iter().filter(|preset| preset.kind.is_optical()) {
         let name = &preset.name;
         let sensor = Sensor::preset(name).unwrap();
         let beams = sensor.beams();
@@ -285,6 +289,10 @@ fn instruments() -> impl Iterator<Item = (PresetInfo, Sensor, String)> {
     presets_of(&["lidar", "tof"])
 }
 
+fn radars() -> impl Iterator<Item = (PresetInfo, Sensor, String)> {
+    presets_of(&["radar"])
+}
+
 fn sonars() -> impl Iterator<Item = (PresetInfo, Sensor, String)> {
     presets_of(&["sonar"])
 }
@@ -309,8 +317,19 @@ fn instruments_are_complete() {
 
 /// Sections of a preset file whose comments, on the same line or right above, call a figure unverified.
 fn unverified(text: &str) -> Vec<&str> {
-    const SECTIONS: [&str; 10] =
-        ["pattern", "beam", "range", "detection", "returns", "noise", "intensity", "doppler", "acoustics", "dvl"];
+    const SECTIONS: [&str; 11] = [
+        "pattern",
+        "beam",
+        "range",
+        "detection",
+        "returns",
+        "noise",
+        "intensity",
+        "doppler",
+        "acoustics",
+        "radar",
+        "dvl",
+    ];
     let (mut section, mut sections, mut above) = ("", Vec::new(), false);
     for line in text.lines() {
         let doubt = line.contains("unverified");
@@ -391,8 +410,9 @@ fn every_instrument_has_a_speed() {
         })
         .collect();
     let presets = Sensor::presets();
-    let mut expected: Vec<&str> =
-        presets.iter().filter(|preset| preset.folder != "paper").map(|preset| &*preset.name).collect();
+    // Frames of radars are timed by `bench radar`.
+    let timed = presets.iter().filter(|preset| preset.folder != "paper" && preset.kind != SensorKind::Radar);
+    let mut expected: Vec<&str> = timed.map(|preset| &*preset.name).collect();
     measured.sort_unstable();
     expected.sort_unstable();
     assert_eq!(measured, expected, "`bench instruments` updates the tables");
@@ -550,6 +570,181 @@ fn the_table_of_sonars_is_up_to_date() {
     assert_in_document("docs/instruments.md", &table);
 }
 
+/// The section `radar` of a sensor.
+fn radar(sensor: &Sensor) -> &RadarSpec {
+    sensor.spec().radar.as_ref().unwrap()
+}
+
+/// Full width at half the power of the beam of a radar that looks straight ahead, degrees, in azimuth (axis 0) or in
+/// elevation (1); none without elements beside, or above, each other.
+fn radar_beam(spec: &RadarSpec, axis: usize) -> Option<f64> {
+    let array = spec.array.virtual_array(spec.waveform.wavelength());
+    let power = |degrees: f64| {
+        let (sine, cosine) = degrees.to_radians().sin_cos();
+        let direction = if axis == 0 { [cosine, sine, 0.0] } else { [cosine, 0.0, sine] };
+        let sum: (f64, f64) = array
+            .steering(direction)
+            .iter()
+            .fold((0.0, 0.0), |(re, im), element| (re + f64::from(element.re), im + f64::from(element.im)));
+        (sum.0.powi(2) + sum.1.powi(2)) / (array.places.len() as f64).powi(2)
+    };
+    const STEP: f64 = 0.01;
+    let beyond = (1..9000).find(|&step| power(STEP * f64::from(step)) < 0.5)?;
+    let [mut inside, mut outside] = [beyond - 1, beyond].map(|step| STEP * f64::from(step));
+    for _ in 0..40 {
+        let middle = 0.5 * (inside + outside);
+        if power(middle) < 0.5 { outside = middle } else { inside = middle }
+    }
+    Some(inside + outside)
+}
+
+/// Range resolution, m.
+fn range_resolution(spec: &RadarSpec) -> f64 {
+    match &spec.waveform {
+        RadarWaveform::Fmcw(fmcw) => fmcw.range_step(),
+        RadarWaveform::Pulse(pulse) => pulse.resolution(),
+        other => panic!("no range resolution is known of {other:?}"),
+    }
+}
+
+/// Greatest unambiguous range rate, m/s: transmitters that take turns tell as many spans apart as there are, if the radar
+/// unfolds. None without coherent pulses.
+fn unambiguous(spec: &RadarSpec) -> Option<f64> {
+    let (transmitters, axis) = (spec.array.tx.len(), spec.waveform.axes(spec.array.tx.len()).velocity);
+    let folds = match &spec.waveform {
+        RadarWaveform::Fmcw(fmcw) if spec.detection.unfold => fmcw.slots(transmitters),
+        _ => 1,
+    };
+    (axis.len > 1).then_some(0.5 * axis.step * axis.len as f64 * folds as f64)
+}
+
+#[test]
+fn radars_have_the_figures_of_their_files() {
+    for (PresetInfo { name, .. }, sensor, text) in radars() {
+        let (spec, beams, radar) = (sensor.spec(), sensor.beams(), radar(&sensor));
+        beams.check().unwrap();
+        let expected = sensor.expectations().unwrap_or_else(|| panic!("{name} has no section expect"));
+        let transmitters = radar.array.tx.len();
+        let axes = radar.waveform.axes(transmitters);
+
+        // Data sheets round, angles to one or two digits; and wavelengths are those at the start of a ramp or in its
+        // middle.
+        let tolerances = if expected.source == "computed" { [0.01; 3] } else { [0.01, 0.04, 0.1] };
+        let compare = |what: &str, found: Option<f64>, expected: Option<f64>, tolerance: f64| {
+            let Some(expected) = expected else { return };
+            let found = found.unwrap_or_else(|| panic!("{name} has no {what}"));
+            assert_near(&format!("{name}: {what}"), found, expected, tolerance * expected);
+        };
+        assert!(expected.range_m.is_some(), "{name} has no range_m");
+        compare("range", spec.range.max_m, expected.range_m, 0.0);
+        compare("range resolution", Some(range_resolution(radar)), expected.range_resolution_m, tolerances[0]);
+        compare("unambiguous velocity", unambiguous(radar), expected.velocity_m_s, tolerances[1]);
+        compare("velocity resolution", Some(axes.velocity.step), expected.velocity_resolution_m_s, tolerances[1]);
+        // A rotating antenna has a beam of its own, which transmits and receives.
+        let of_antenna = radar.array.rx_pattern.azimuth_deg.filter(|_| matches!(spec.pattern, Pattern::RadarRotor(_)));
+        let azimuth = of_antenna.or_else(|| radar_beam(radar, 0));
+        compare("azimuth resolution", azimuth, expected.azimuth_resolution_deg, tolerances[2]);
+        compare("elevation resolution", radar_beam(radar, 1), expected.elevation_resolution_deg, tolerances[2]);
+
+        // What it reports it also samples, and one frame ends before the next begins.
+        let sampled = axes.range.first + axes.range.step * axes.range.len as f64;
+        assert!(
+            spec.range.min_m > 0.0 && spec.range.max_m.unwrap() <= sampled,
+            "{name}: {:?}, {sampled} m",
+            spec.range
+        );
+        let each = beams.period / beams.len() as f64;
+        let duration = radar.waveform.duration(transmitters);
+        assert!(duration <= each, "{name}: a frame takes {duration} s of {each}");
+        // Noise alone: less than one false alarm a frame, or a turn.
+        let cells = axes.range.len * axes.velocity.len * beams.len();
+        assert!(radar.detection.pfa * cells as f64 <= 1.0, "{name}: {cells} cells");
+        // Makers publish neither losses nor chirps.
+        assert!(unverified(&text).contains(&"radar"), "{name}: power and chirps need a word");
+        let written = sensor.to_yaml().unwrap();
+        assert_eq!(Sensor::from_yaml(&written, "").unwrap().spec(), spec, "{written}");
+    }
+}
+
+/// A flat plate of metal that faces the radar has a radar cross-section of `4 pi A^2 / lambda^2` (Knott, Shaeffer, Tuley
+/// 2004, "Radar cross section", 5.3). What a radar detects at its range is at half the level of another target twice as
+/// far to the power of four, -12 dB.
+#[test]
+fn radars_detect_at_their_ranges() {
+    for (PresetInfo { name, .. }, sensor, _) in radars() {
+        let expected = sensor.expectations().unwrap();
+        let range = 0.95 * expected.range_m.unwrap();
+        let wavelength = radar(&sensor).waveform.wavelength();
+        let near = 2.0 * range_resolution(radar(&sensor));
+        // Frames, of so many, in which a target of `rcs` m^2 is detected.
+        let seen = |rcs: f64, frames: u32| {
+            let side = (wavelength * (rcs / (4.0 * std::f64::consts::PI)).sqrt()).sqrt();
+            let mut scene = SceneBuilder::new();
+            let metal = scene.material(Material::from_yaml("name: metal").unwrap());
+            scene.stand(Shape::plate(DVec3::X * range, -DVec3::X, 0.5 * side), Some(metal));
+            let scene = scene.finish().build().unwrap();
+            let in_frame = |frame: &u32| {
+                let options =
+                    ScanOptions::default().seed(7).frame(*frame).fields(FieldSet::parse("range,cause").unwrap());
+                let cloud = scene.scan(&sensor, &Trajectory::fixed(Pose::IDENTITY), &options).unwrap();
+                let columns = cloud.columns();
+                (0..cloud.len()).any(|row| {
+                    columns.cause[row] != Cause::FalseAlarm as u8
+                        && (f64::from(columns.range[row]) - range).abs() < near
+                })
+            };
+            (0..frames).filter(in_frame).count()
+        };
+        let strong = seen(expected.rcs_m2.unwrap_or(10.0), 4);
+        assert!(strong >= 3, "{name}: detected in {strong} of 4 frames at {range} m");
+        if let Some(rcs) = expected.rcs_m2 {
+            assert_eq!(seen(rcs / 16.0, 2), 0, "{name}: at {range} m it detects what should be lost in noise");
+        }
+    }
+}
+
+/// A row of the table of radars in docs/instruments.md.
+fn radar_row(name: &str, sensor: &Sensor, text: &str) -> String {
+    let (spec, radar, beams) = (sensor.spec(), radar(sensor), sensor.beams());
+    let digits = |value: f64| {
+        let scale = 10f64.powf(2.0 - value.abs().log10().floor());
+        ((value * scale).round() / scale).to_string()
+    };
+    let or_none = |value: Option<f64>| value.map_or(String::new(), digits);
+    let view = match &spec.pattern {
+        Pattern::Radar(view) => {
+            [view.azimuth_deg, view.elevation_deg].map(|[least, most]| digits(most - least)).join(" x ")
+        }
+        _ => "turns".to_owned(),
+    };
+    let transmitters = radar.array.tx.len();
+    let elements = format!("{transmitters} x {}", radar.array.rx.len());
+    let widths = match &spec.pattern {
+        Pattern::Radar(_) => [radar_beam(radar, 0), radar_beam(radar, 1)],
+        _ => [radar.array.rx_pattern.azimuth_deg, radar.array.rx_pattern.elevation_deg],
+    };
+    let widths: Vec<String> = widths.into_iter().flatten().map(digits).collect();
+    let velocity = radar.waveform.axes(transmitters).velocity;
+    let steps = (velocity.len > 1).then_some(velocity.step);
+    let range = format!("{} to {}", spec.range.min_m, spec.range.max_m.unwrap());
+    format!(
+        "| `{name}` | {} | {elements} | {view} | {} | {range} | {} | {} | {} | {} | {} |\n",
+        digits(1e-9 * radar.waveform.frequency()),
+        widths.join(" x "),
+        digits(range_resolution(radar)),
+        or_none(unambiguous(radar)),
+        or_none(steps),
+        digits(1.0 / beams.period),
+        unverified(text).join(", ")
+    )
+}
+
+#[test]
+fn the_table_of_radars_is_up_to_date() {
+    let table: String = radars().map(|(preset, sensor, text)| radar_row(&preset.name, &sensor, &text)).collect();
+    assert_in_document("docs/instruments.md", &table);
+}
+
 /// A row of the table in docs/materials.md.
 fn material_row(material: &Material) -> String {
     let name = &material.name;
@@ -559,13 +754,14 @@ fn material_row(material: &Material) -> String {
     let spread: f64 = spread.split_whitespace().next().unwrap().parse().unwrap();
     let reflectance = material.reflectance.as_ref().unwrap();
     let values = [532.0, 905.0, 940.0, 1064.0, 1550.0].map(|nm| format!("{:.2}", reflectance.at(nm)));
-    let typical = if text.contains("# unverified") { "*" } else { "" };
+    // Lines of comments are about other sections.
+    let typical = text.lines().any(|line| !line.starts_with('#') && line.contains("# unverified"));
+    let typical = if typical { "*" } else { "" };
     format!("| `{name}` | {} | {spread:.2} | {typical} |\n", values.join(" | "))
 }
 
 #[test]
 fn the_table_of_materials_is_up_to_date() {
     let table: String = Material::all_in_library().map(material_row).collect();
-    let file = std::fs::read_to_string(echocast_tests::root().join("docs/materials.md")).unwrap();
-    assert!(file.ends_with(&table), "docs/materials.md is not as the library is; its rows are:\n{table}");
+    assert_in_document("docs/materials.md", &table);
 }

@@ -1,7 +1,7 @@
 //! `make bench`: rays per second compared with the bare Embree loop, what weather adds, what adaptive beams cost, and
-//! how exact they are, motion, sonar, samples of sets and the cost of their styles, the paper's two experiments, how
-//! fast files are read and written, the C library and the Python package compared with the Rust crate, and scans side
-//! by side. Prints tables and writes `target/bench.json`.
+//! how exact they are, motion, sonar, radar, samples of sets and the cost of their styles, the paper's two experiments,
+//! how fast files are read and written, the C library and the Python package compared with the Rust crate, and scans
+//! side by side. Prints tables and writes `target/bench.json`.
 //!
 //! `bench instruments` measures every preset and writes the speeds into docs/instruments.md.
 //!
@@ -20,6 +20,7 @@ mod memory;
 mod motion;
 mod paper;
 mod presets;
+mod radar;
 mod rays;
 mod scenario;
 mod scenes;
@@ -39,6 +40,7 @@ const SECTIONS: &[Section] = &[
     ("accuracy", accuracy::run),
     ("motion", motion::run),
     ("sound", sound::run),
+    ("radar", radar::run),
     ("scenario", scenario::run),
     ("styles", scenario::styles),
     ("paper", paper::run),

@@ -13,7 +13,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 const MOST_RAYS: usize = 30_000;
 
 /// With all keys that a sensor can have, in as many files as that takes.
-const SENSORS: [&str; 11] = [
+const SENSORS: [&str; 13] = [
     "{name: spinning, kind: lidar, pattern: {type: spinning, azimuth: {fov_deg: 360, rate_hz: 10}, cycle_us: 2000,
       channels: {elevation_deg: [-15, 1], fire_time_us: [0, 2], azimuth_offset_deg: [0, 1]}},
       beam: {wavelength_nm: 903, divergence_mrad: [3, 1.5], pulse_ns: 6, exit_diameter_mm: 12, aperture_mm: 50, overlap_m: [0.4, 1.5],
@@ -56,6 +56,22 @@ const SENSORS: [&str; 11] = [
     "{name: log, kind: sonar, pattern: {type: dvl, janus_deg: 22.5, beam_deg: 4.4, rays: 100, rate_hz: 4}, acoustics: {frequency_khz:
       1000, bandwidth_khz: 40, pulse_ms: 2}, range: {min_m: 0.1, max_m: 30}, dvl: {sigma_m_s: 0.002, bias_sigma_m_s: 0.0005,
       scale_sigma: 0.01, water: {from_m: 1.5, to_m: 4.5, sigma_m_s: 0.03}}}",
+    "{name: chirps, kind: radar, pattern: {type: radar, azimuth_deg: [-60, 60], elevation_deg: [-30, 30], rate_hz: 20},
+      range: {min_m: 0.5, max_m: 20}, radar: {power_dbm: 12, noise_figure_db: 14, loss_db: 1, wet_radome_mm: 0.1, instrument: 3,
+      mirrors: 1, waveform: {type: fmcw, start_ghz: 77, slope_mhz_per_us: 15, samples: 64, sample_rate_mhz: 2, idle_us: 5,
+      adc_start_us: 3, ramp_us: 40, chirps: 16, multiplex: ddm, bands: 4, anti_alias_db: 40}, array: {design_ghz: 77,
+      tx: [[0, 0], [4, 1]], rx: {count: 4, step: 1, rows: 1, row_step: 1, at: [0, 0]}, tx_pattern: {gain_dbi: 10, azimuth_deg: 80,
+      elevation_table: [[-30, -10], [0, 0], [30, -10]]}, rx_pattern: {gain_dbi: 10, shape: cosine, azimuth_deg: 80,
+      elevation_deg: 40}, gain_error_db: 0.5, phase_error_deg: 5}, windows: {range: {chebyshev: {sidelobe_db: 60}},
+      velocity: {taylor: {nbar: 4, sidelobe_db: 30}}}, leakage: {power_dbm: -20, length_m: 0.05}, detection: {method: os,
+      pfa: 1e-2, dims: cross, guard_cells: [2, 1], reference_cells: [8, 4], os_rank: 0.75, targets_per_cell: 2,
+      second_target: 0.3, min_snr_db: 3, limits: {range_m: [0.5, 19], velocity_m_s: [-9, 9], azimuth_deg: [-50, 50],
+      elevation_deg: [-20, 20]}, steps: {range_m: 0.01, velocity_m_s: 0.01, azimuth_deg: 0.1, elevation_deg: 0.1},
+      max_detections: 100}}}",
+    "{name: turn, kind: radar, pattern: {type: radar_rotor, azimuths: 16, rate_hz: 0.5}, range: {min_m: 1, max_m: 20}, radar:
+      {power_dbm: 20, mirrors: 0, waveform: {type: pulse, frequency_ghz: 9.41, pulse_us: 0.01, repetition_khz: 3, pulses: 4,
+      sample_rate_mhz: 200, samples: 64}, array: {rx_pattern: {gain_dbi: 20, azimuth_deg: 20}}, detection: {pfa: 1e-3, dims: range,
+      reference_cells: [8, 1]}}}",
 ];
 
 const AIR: &str = "{clear_air: {visibility_m: 23000}, rain: {rate_mm_h: 20, mu: 2, forward_recovery: 0.1, drops: true},

@@ -21,6 +21,7 @@ mod origins;
 mod paths;
 mod patterns;
 mod printed;
+mod radar;
 mod rays;
 mod returns;
 mod sonar;

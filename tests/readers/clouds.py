@@ -303,7 +303,7 @@ def alike(a, b):
         return numpy.array_equal(flat, numpy.asarray(b))
     if isinstance(a, list):
         return len(a) == len(b) and all(map(alike, a, b))
-    return a == b
+    return a == b or a != a and b != b
 
 
 def transform_of(message):

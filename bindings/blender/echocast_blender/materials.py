@@ -18,6 +18,7 @@ KEYS = (
     "reflectance",
     "scattering",
     "sound",
+    "radar",
     "alpha",
     "alpha_cutoff",
     "dirt",
@@ -124,8 +125,8 @@ def read(material: "bpy.types.Material | None") -> Read:
 def own_keys(material: "bpy.types.Material", notes: "Notes") -> "dict[str, Any]":
     """Keys of materials of echocast among the custom properties."""
     own = {key: plain(material[key]) for key in KEYS if key in material}
-    # A number that is called alpha, or a sound without keys, has another purpose.
-    for key, kind in (("alpha", str), ("sound", dict)):
+    # A number that is called alpha, or a sound or radar without keys, has another purpose.
+    for key, kind in (("alpha", str), ("sound", dict), ("radar", dict)):
         if not isinstance(own.get(key, kind()), kind):
             del own[key]
     for key, name in PAPER_KEYS.items():

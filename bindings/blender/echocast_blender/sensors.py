@@ -114,7 +114,7 @@ class EchocastSensor(bpy.types.PropertyGroup):
     enabled: bpy.props.BoolProperty(name="Enabled", description="Whether scans use it", default=True, options=set())
     preset: bpy.props.StringProperty(
         name="Preset",
-        description="The instrument: a preset, found by maker, name or kind (lidar, tof, sonar), or the path of a sensor file",
+        description="The instrument: a preset, found by maker, name or kind (lidar, tof, sonar, radar), or the path of a sensor file",
         search=preset_names,
         search_options={"SUGGESTION"},
         update=preset_changed,

@@ -863,6 +863,7 @@ def test_beyond_the_edges_of_an_image(camera: Any, extension: str) -> None:
         ({"scattering": {"model": "constant"}, "reflectance": 0.3}, {"reflectance": 0.3, "scattering": {"model": "constant"}}),
         ({"alpha": 0.5}, {}),
         ({"sound": "loud"}, {}),
+        ({"radar": "strong"}, {}),
         ({"metallic": 1.0}, {"metallic": 1}),
         ({"blainder_metallic": 1, "blainder_ior": 1.7}, {"metallic": 1, "ior": 1.7}),
         ({"blainder_metallic": 0, "blainder_ior": 0.0}, {}),

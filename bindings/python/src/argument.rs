@@ -26,7 +26,7 @@ macro_rules! named {
 }
 
 named! {
-    alpha_image beam blend cameras category cell_m check color column columns count driver environment files filter fixed folder
+    alpha_image beam blend cameras category cell_m check color column columns count cube driver environment files filter fixed folder
     format frame image image_matrix instance key kind layer length mask material materials mesh name names number object
     objects overlap parts path pixels position quaternion range resume row rpy_deg samples scenario scene seed sensor
     shard source stamp table threads time view width wrap

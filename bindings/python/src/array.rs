@@ -2,6 +2,7 @@
 
 use crate::error::{BindingError, BindingResult};
 use echocast::cloud::{self, ColumnType};
+use echocast::radar::RadarFrame;
 use echocast::{Field, Pings, PointCloud};
 use numpy::ndarray::Dimension;
 use numpy::{Element, PyReadonlyArray, PyReadonlyArray2};
@@ -59,10 +60,56 @@ impl AsRef<[u8]> for ColumnOwner {
     }
 }
 
-/// A column of a cloud or ping, which it keeps alive; `numpy.asarray` makes a read-only array of it without a copy.
+/// What an array shares the memory of.
+enum ArrayOwner {
+    Column(ColumnOwner),
+    Frame(Arc<RadarFrame>, FrameArray),
+}
+
+/// An array of the frame of a radar.
+#[derive(Clone, Copy)]
+pub enum FrameArray {
+    /// Complex numbers.
+    Cube,
+    /// 16 bits with a sign.
+    Samples,
+    /// Levels of the polar image.
+    Polar,
+}
+
+impl ArrayOwner {
+    /// NumPy's type, without the order of bytes, and the address of the first number.
+    fn described(&self) -> (&'static str, usize) {
+        fn first<T>(numbers: Option<&Vec<T>>) -> usize {
+            numbers.map_or(0, |numbers| numbers.as_ptr() as usize)
+        }
+        match self {
+            ArrayOwner::Column(held) => {
+                let column = held.column();
+                let kind = match column.kind() {
+                    ColumnType::F32 => "=f4",
+                    ColumnType::F64 => "=f8",
+                    ColumnType::U8 => "|u1",
+                    ColumnType::U16 => "=u2",
+                    ColumnType::U32 => "=u4",
+                };
+                (kind, column.bytes().as_ptr() as usize)
+            }
+            ArrayOwner::Frame(frame, FrameArray::Cube) => ("=c8", first(frame.cube.as_ref().map(|cube| &cube.cells))),
+            ArrayOwner::Frame(frame, FrameArray::Samples) => {
+                ("=i2", first(frame.samples.as_ref().map(|samples| &samples.values)))
+            }
+            ArrayOwner::Frame(frame, FrameArray::Polar) => {
+                ("=f4", first(frame.polar.as_ref().map(|image| &image.levels)))
+            }
+        }
+    }
+}
+
+/// Numbers of a cloud, a ping or the frame of a radar, which it keeps alive; `numpy.asarray` makes a read-only array of it without a copy.
 #[pyclass(frozen, module = "echocast")]
 pub struct Column {
-    held: ColumnOwner,
+    held: ArrayOwner,
     shape: Vec<usize>,
 }
 
@@ -71,21 +118,14 @@ impl Column {
     /// NumPy's array interface, version 3.
     #[getter]
     fn __array_interface__<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let column = self.held.column();
-        let kind = match column.kind() {
-            ColumnType::F32 => "=f4",
-            ColumnType::F64 => "=f8",
-            ColumnType::U8 => "|u1",
-            ColumnType::U16 => "=u2",
-            ColumnType::U32 => "=u4",
-        };
+        let (kind, first) = self.held.described();
         let kind = kind.replace('=', if cfg!(target_endian = "big") { ">" } else { "<" });
         let interface = PyDict::new(py);
         interface.set_item("version", 3)?;
         interface.set_item("typestr", kind)?;
         interface.set_item("shape", PyTuple::new(py, &self.shape)?)?;
         // It is read-only.
-        interface.set_item("data", (column.bytes().as_ptr() as usize, true))?;
+        interface.set_item("data", (first, true))?;
         Ok(interface)
     }
 }
@@ -103,6 +143,20 @@ pub fn kind_name(kind: ColumnType) -> &'static str {
 
 /// The column `held` as an array of `shape`.
 pub fn shared<'py>(py: Python<'py>, held: ColumnOwner, shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
+    read_only(py, ArrayOwner::Column(held), shape)
+}
+
+/// The numbers `which` of `frame`, which it has, as an array of `shape`.
+pub fn of_frame<'py>(
+    py: Python<'py>,
+    frame: &Arc<RadarFrame>,
+    which: FrameArray,
+    shape: &[usize],
+) -> PyResult<Bound<'py, PyAny>> {
+    read_only(py, ArrayOwner::Frame(frame.clone(), which), shape)
+}
+
+fn read_only<'py>(py: Python<'py>, held: ArrayOwner, shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
     let column = Bound::new(py, Column { held, shape: shape.to_vec() })?;
     py.import("numpy")?.call_method1("asarray", (column,))
 }

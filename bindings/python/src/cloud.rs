@@ -68,9 +68,15 @@ use std::sync::Arc;
 /// | `bottom_track_x`, `bottom_track_y`, `bottom_track_z` | float32 | velocity of a DVL over ground, its own axes, m/s |
 /// | `bottom_track_error` | float32 | disagreement of its four beams, m/s |
 /// | `water_track_x`, `water_track_y`, `water_track_z`, `water_track_error` | float32 | likewise through a layer of water |
+/// | `rcs`, `true_rcs` | float32 | radar cross-section as a radar estimates it, and of the strongest scatterer, dBsm |
+/// | `snr`, `power` | float32 | signal-to-noise ratio of a detection, dB, and its power at the receiver, dBm |
+/// | `path` | uint8 | how the wave of a detection travelled, see below |
+/// | `range_sigma`, `azimuth_sigma`, `elevation_sigma`, `velocity_sigma` | float32 | standard errors, m, rad, m/s |
 ///
 /// Causes: 0 surface, 1 seen in a mirror, 2 seen through glass, 3 rain, 4 fog, 5 snow, 6 dust, 7 noise, 8 mixed at an
 /// edge, 9 multipath, 10 sea surface.
+///
+/// Paths: 0 direct, 1 ground, 2 wall, 3 internal, 4 side lobe, 5 alias, 6 interference, 7 noise.
 #[pyclass(frozen, module = "echocast")]
 pub struct PointCloud(Arc<echocast::PointCloud>);
 
@@ -399,9 +405,9 @@ impl PointCloud {
 
     /// A picture as PNG, bytes.
     ///
-    /// `color`: "label", "cause", "intensity", "range", "height", "velocity", "radial_velocity", "doppler" or
-    /// "density"; None: "label". `view`: "top", "perspective" (from behind the sensor) or "range" (as the sensor sees
-    /// it). `width`: 320 to 4096 pixels; None: 1600.
+    /// `color`: "label", "cause", "intensity", "range", "height", "velocity", "radial_velocity", "doppler",
+    /// "density" or "path"; None: "label". `view`: "top", "perspective" (from behind the sensor) or "range" (as the sensor
+    /// sees it). `width`: 320 to 4096 pixels; None: 1600.
     #[pyo3(signature = (*, color = None, view = "top", width = None))]
     fn png<'py>(
         &self,

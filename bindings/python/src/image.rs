@@ -13,7 +13,7 @@ use pyo3::types::PyDict;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// An image of pings: a waterfall, a mosaic, a fan or a map of depths.
+/// An image of pings: a waterfall, a mosaic, a fan or a map of depths; or of the frame of a radar.
 ///
 /// `image.values` are its levels or heights, `image["category_id"]` the labels of its pixels: rows x columns uint32, 0
 /// where there is nothing; KeyError for a column that the pings do not have.
@@ -29,13 +29,14 @@ pub struct Image(pub echocast::image::Image);
 
 #[pymethods]
 impl Image {
-    /// "waterfall", "mosaic", "fan" or "depth_map".
+    /// "waterfall", "mosaic", "fan" or "depth_map"; "range_doppler" or "polar_fan" of radars.
     #[getter]
     fn kind(&self) -> &'static str {
         self.0.kind.name()
     }
 
-    /// Rows x columns float32: echo levels with time-varied gain, dB re 1 uPa; for a depth map heights, m. NaN where
+    /// Rows x columns float32: echo levels with time-varied gain, dB re 1 uPa; for a depth map heights, m; for
+    /// radars power at the receiver, dBm. NaN where
     /// there is nothing. A copy.
     #[getter]
     fn values<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {

@@ -18,6 +18,7 @@ mod options;
 mod ping;
 mod place;
 mod program;
+mod radar;
 mod scenario;
 mod scene;
 mod sensor;
@@ -48,6 +49,8 @@ mod _echocast {
     use super::place::{Pose, Trajectory};
     #[pymodule_export]
     use super::program::program;
+    #[pymodule_export]
+    use super::radar::RadarFrame;
     #[pymodule_export]
     use super::scenario::{Sample, Scenario, finish, run};
     #[pymodule_export]

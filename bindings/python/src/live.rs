@@ -9,8 +9,10 @@ use crate::mesh::{Mesh, VertexArray, mesh};
 use crate::options::ScanRequest;
 use crate::ping::{Ping, ping};
 use crate::place::{Pose, affine, path, times_of, transform};
+use crate::radar::{RadarFrame, radar_frame};
 use crate::scene::{Scene, scan};
 use crate::sensor::Instrument;
+use echocast::radar::RadarRecord;
 use echocast::scene::Object;
 use echocast::{Engine, ObjectId};
 use glam::{DAffine3, DVec3};
@@ -474,6 +476,21 @@ impl LiveScene {
         let request = ScanRequest::of(py, sensor, options, || self.cameras(py))?;
         let built = self.detached(py, |live| live.scene.commit())?;
         ping(py, &built, &request)
+    }
+
+    /// A frame of a radar in the scene as it is now, as `Scene.radar_frame`.
+    #[pyo3(signature = (sensor, *, cube = true, samples = false, **options))]
+    fn radar_frame(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
+        #[pyo3(from_py_with = argument::cube)] cube: bool,
+        #[pyo3(from_py_with = argument::samples)] samples: bool,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> BindingResult<RadarFrame> {
+        let request = ScanRequest::of(py, sensor, options, || self.cameras(py))?;
+        let built = self.detached(py, |live| live.scene.commit())?;
+        radar_frame(py, &built, &request, RadarRecord { cube, samples })
     }
 
     fn __reduce__(&self) -> PyResult<()> {

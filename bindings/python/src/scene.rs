@@ -9,8 +9,10 @@ use crate::mesh::{VertexArray, mesh};
 use crate::options::{ScanRequest, warn};
 use crate::ping::{Ping, Pings, ping, pings};
 use crate::place::transform;
+use crate::radar::{RadarFrame, radar_frame};
 use crate::sensor::{Instrument, options_text};
 use echocast::generate::Generate;
+use echocast::radar::RadarRecord;
 use echocast::scene::{Mesh, NameTable, Object};
 use echocast::{BuiltScene, LoadOptions, why_nothing};
 use glam::{DAffine3, DVec3};
@@ -515,6 +517,27 @@ impl Scene {
     ) -> BindingResult<Pings> {
         let request = ScanRequest::of(py, sensor, options, || self.cameras())?;
         pings(py, &self.built(py)?, &request, count)
+    }
+
+    /// A frame of a radar: the cube with `cube`, what the converters sampled with `samples`, from which the cube is then
+    /// made, and the detections. Of a rotating radar, a turn: the polar image. Other keywords as for `Scene.scan`, without
+    /// boxes; ArgumentError for a sensor that is not a radar.
+    ///
+    /// >>> street = ec.Scene.generate("street", seed=3)
+    /// >>> frame = street.radar_frame("ti_awr1843", at=(0, 0, 0.5), seed=7)
+    /// >>> bool((np.diff(frame.velocity) > 0).all()), frame.samples is None
+    /// (True, True)
+    #[pyo3(signature = (sensor, *, cube = true, samples = false, **options))]
+    fn radar_frame(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = argument::sensor)] sensor: Instrument<'_>,
+        #[pyo3(from_py_with = argument::cube)] cube: bool,
+        #[pyo3(from_py_with = argument::samples)] samples: bool,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> BindingResult<RadarFrame> {
+        let request = ScanRequest::of(py, sensor, options, || self.cameras())?;
+        radar_frame(py, &self.built(py)?, &request, RadarRecord { cube, samples })
     }
 
     /// End of the last motion of the scene itself, s; 0 if nothing moves. `LiveScene.set_time` plays it.

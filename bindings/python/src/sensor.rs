@@ -115,7 +115,7 @@ impl Sensor {
         self.now().title().to_owned()
     }
 
-    /// "lidar", "tof" or "sonar".
+    /// "lidar", "tof", "sonar" or "radar".
     #[getter]
     fn kind(&self) -> String {
         self.now().kind().to_string()

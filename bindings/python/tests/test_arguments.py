@@ -66,6 +66,7 @@ def calls() -> "dict[str, tuple[Callable[..., Any], dict[str, Any]]]":
     lake = ec.Scene.generate("seabed", seed=3)
     pings = lake.pings("sss_450", 2, at=lake.camera("Sonar"), fields="intensity,category_id")
     image = pings.waterfall()
+    echo = scene.radar_frame("ti_awr1843", at=(0, 0, 4))
     cloud = scene.scan(sensor, at=ec.Pose((0, 0, 4), rpy_deg=(0, 90, 0)), organised=True, fields="default,depth")
     scenario, path = ec.Scenario(ROOM), ec.Trajectory([0], [[0, 0, 1]])
     arrays: "dict[str, Any]" = {"vertices": FLOOR, "triangles": TWO}
@@ -111,6 +112,7 @@ def calls() -> "dict[str, tuple[Callable[..., Any], dict[str, Any]]]":
         "LiveScene.find": (live.find, {"name": "a"}),
         "LiveScene.name_label": (live.name_label, {"table": "category", "number": 1, "name": "a"}),
         "LiveScene.ping": (live.ping, scans),
+        "LiveScene.radar_frame": (live.radar_frame, {**scans, "sensor": "ti_awr1843", "cube": True, "samples": True}),
         "LiveScene.remove": (live.remove, {"object": door}),
         "LiveScene.scan": (live.scan, scans),
         "LiveScene.set_labels": (live.set_labels, {"object": door, "category": 1, "instance": 1}),
@@ -162,6 +164,9 @@ def calls() -> "dict[str, tuple[Callable[..., Any], dict[str, Any]]]":
         "PointCloud.write": (cloud.write, {"path": "cloud.npz", "format": "npz"}),
         "PointCloud.__getitem__": (cloud.__getitem__, {"key": 0}),
         "Pose": (ec.Pose, {"position": (0, 0, 0), "rpy_deg": None, "quaternion": None}),
+        "RadarFrame.image": (echo.image, {"view": "range_doppler", "width": 400}),
+        "RadarFrame.png": (echo.png, {"view": "range_doppler", "width": 400}),
+        "RadarFrame.write": (echo.write, {"path": "frame.npz"}),
         "Sample.cloud": (scenario[0].cloud, {"sensor": 0, "frame": 0}),
         "Sample.frames": (scenario[0].frames, {"sensor": 0}),
         "Scenario": (ec.Scenario, {"scenario": ROOM, "folder": "", "threads": 1, "scene": None}),
@@ -185,6 +190,7 @@ def calls() -> "dict[str, tuple[Callable[..., Any], dict[str, Any]]]":
         "Scene.load": (ec.Scene.load, {"files": "tent.obj", "up": "z"}),
         "Scene.ping": (lake.ping, {**scans, "sensor": "sbes_200"}),
         "Scene.pings": (lake.pings, {**scans, "sensor": "sbes_200", "count": 1}),
+        "Scene.radar_frame": (scene.radar_frame, {**scans, "sensor": "ti_awr1843", "cube": True, "samples": True}),
         "Scene.scan": (scene.scan, scans),
         "Sensor": (ec.Sensor, {"sensor": EYE}),
         "Sensor.__getitem__": (sensor.__getitem__, {"key": "range.max_m"}),

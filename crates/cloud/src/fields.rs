@@ -156,6 +156,8 @@ pub enum FieldSource {
     BottomTrack,
     /// A Doppler velocity log: its velocity through a layer of water.
     WaterTrack,
+    /// A radar: how strong a detection is, how sure, and by which path.
+    Radar,
 }
 
 /// One row of the table of columns.
@@ -170,7 +172,7 @@ pub struct FieldInfo {
     pub kind: ColumnType,
     /// What its values come from; where that is absent, they are NaN, or 0 for integers.
     pub source: FieldSource,
-    /// SI unit, `1` for ratios, empty for counts and ids.
+    /// SI unit, `1` for ratios, `dB` and its kin for levels, empty for counts and ids.
     pub unit: &'static str,
     /// Whether it is computed and written by default.
     pub default: bool,
@@ -424,7 +426,7 @@ columns! {
     true_x, TrueX, f32, Surface, "m", false, None, "position without errors, relative to the cloud's origin; for sonars NaN where nothing scatters";
     true_y, TrueY, f32, Surface, "m", false, None, "position without errors, relative to the cloud's origin; for sonars NaN where nothing scatters";
     true_z, TrueZ, f32, Surface, "m", false, None, "position without errors, relative to the cloud's origin; for sonars NaN where nothing scatters";
-    true_range, TrueRange, f32, Surface, "m", false, None, "slant range without errors; for sonars NaN where nothing scatters";
+    true_range, TrueRange, f32, Surface, "m", false, None, "slant range without errors; for sonars and radars NaN where nothing scatters";
     cause, Cause, u8, Return, "", false, None, "why the point is there: 0 surface, 1 seen in a mirror, 2 seen through glass, 3 rain, 4 fog, 5 snow, 6 dust, 7 noise (false alarm), 8 mixed (edge), 9 multipath, 10 sea surface";
     bounces, Bounces, u8, Return, "", false, None, "specular events on the path";
     first_category_id, FirstCategoryId, u32, Surface, "", false, None, "category of the first surface: the mirror or pane that the beam meets, if any";
@@ -432,12 +434,12 @@ columns! {
     velocity_x, VelocityX, f32, Motion, "m/s", false, None, "velocity of the point: of the surface there, in world coordinates; of its image where it is seen in a mirror; for sonars that of the strongest scatterer, NaN where there is none";
     velocity_y, VelocityY, f32, Motion, "m/s", false, None, "velocity of the point: of the surface there, in world coordinates; of its image where it is seen in a mirror; for sonars that of the strongest scatterer, NaN where there is none";
     velocity_z, VelocityZ, f32, Motion, "m/s", false, None, "velocity of the point: of the surface there, in world coordinates; of its image where it is seen in a mirror; for sonars that of the strongest scatterer, NaN where there is none";
-    radial_velocity, RadialVelocity, f32, Motion, "m/s", false, None, "rate of the true range: negative where point and sensor approach each other; for sonars that of the strongest scatterer, NaN where there is none";
+    radial_velocity, RadialVelocity, f32, Motion, "m/s", false, None, "rate of the true range: negative where point and sensor approach each other; for sonars and radars that of the strongest scatterer, NaN where there is none";
     flow_x, FlowX, f32, Motion, "m", false, None, "scene flow: position of the surface point one frame later minus its position now, in world coordinates; for sonars that of the strongest scatterer, NaN where there is none";
     flow_y, FlowY, f32, Motion, "m", false, None, "scene flow: position of the surface point one frame later minus its position now, in world coordinates; for sonars that of the strongest scatterer, NaN where there is none";
     flow_z, FlowZ, f32, Motion, "m", false, None, "scene flow: position of the surface point one frame later minus its position now, in world coordinates; for sonars that of the strongest scatterer, NaN where there is none";
     track_id, TrackId, u32, Surface, "", false, None, "object over all frames, 0 = unlabelled";
-    doppler, Doppler, f32, Doppler, "m/s", false, None, "measured radial velocity: negative where point and sensor approach each other, NaN where the instrument measures none; for Doppler velocity logs that of the bottom along the beam; a default column of sensors that measure it";
+    doppler, Doppler, f32, Doppler, "m/s", false, None, "measured radial velocity: negative where point and sensor approach each other, NaN where the instrument measures none; for Doppler velocity logs that of the bottom along the beam, for radars folded into what the waveform can tell apart; a default column of sensors that measure it";
     quality, Quality, f32, Sounding, "1", false, None, "confidence in a sounding: 0 to 1, 0.5 for a standard error of the range of 0.25 %; NaN for other points; a default column of swath and single-beam sonars";
     corrected_x, CorrectedX, f32, Sounding, "m", false, None, "ray-traced sounding: position by the refracted ray through the assumed sound-speed profile, relative to the cloud's origin; NaN for other points; a default column of swath and single-beam sonars";
     corrected_y, CorrectedY, f32, Sounding, "m", false, None, "ray-traced sounding: position by the refracted ray through the assumed sound-speed profile, relative to the cloud's origin; NaN for other points; a default column of swath and single-beam sonars";
@@ -450,6 +452,15 @@ columns! {
     water_track_y, WaterTrackY, f32, WaterTrack, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, in its own frame, NaN where none is tracked; a default column of logs that track one";
     water_track_z, WaterTrackZ, f32, WaterTrack, "m/s", false, None, "velocity through water: of the sonar relative to a layer of water, in its own frame, NaN where none is tracked; a default column of logs that track one";
     water_track_error, WaterTrackError, f32, WaterTrack, "m/s", false, None, "water error velocity: disagreement of the four beams, NaN with three or none; a default column of logs that track one";
+    rcs, Rcs, f32, Radar, "dBsm", false, None, "radar cross-section, as the radar estimates it from power and range; a default column of radars, NaN for other sensors";
+    snr, Snr, f32, Radar, "dB", false, None, "signal-to-noise ratio, in the cell of the detection; a default column of radars, NaN for other sensors";
+    power, Power, f32, Radar, "dBm", false, None, "power at the receiver, of the echo at an element of the array; NaN for other sensors";
+    path, Path, u8, Radar, "", false, None, "path of the wave: 0 direct, 1 ground, 2 wall, 3 internal (corner), 4 side lobe, 5 alias, 6 interference, 7 noise; a default column of radars, 0 for other sensors";
+    true_rcs, TrueRcs, f32, Radar, "dBsm", false, None, "true radar cross-section, of the strongest scatterer; NaN where there is none and for other sensors";
+    range_sigma, RangeSigma, f32, Radar, "m", false, None, "standard error of range, as the radar estimates it; NaN for other sensors";
+    azimuth_sigma, AzimuthSigma, f32, Radar, "rad", false, None, "standard error of azimuth, as the radar estimates it; NaN for other sensors";
+    elevation_sigma, ElevationSigma, f32, Radar, "rad", false, None, "std. error of elevation, as the radar estimates it; NaN where it measures none and for other sensors";
+    velocity_sigma, VelocitySigma, f32, Radar, "m/s", false, None, "standard error of doppler, as the radar estimates it; NaN for other sensors";
 }
 
 impl Field {
@@ -479,7 +490,7 @@ pub const FLOW: [Field; 3] = [Field::FlowX, Field::FlowY, Field::FlowZ];
 
 /// A set of columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct FieldSet(u64);
+pub struct FieldSet(u128);
 
 impl FieldSet {
     /// No column.
@@ -593,7 +604,7 @@ mod tests {
 
     #[test]
     fn table_rows_are_at_their_field() {
-        assert!(FIELDS.len() <= 64, "FieldSet holds 64 columns");
+        assert!(FIELDS.len() <= 128, "FieldSet holds 128 columns");
         for (row, info) in FIELDS.iter().enumerate() {
             assert_eq!(info.field as usize, row);
             assert_eq!(Field::from_name(info.name).unwrap(), info.field);

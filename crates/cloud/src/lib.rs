@@ -18,6 +18,7 @@ mod pack;
 pub mod ping;
 mod ping_points;
 pub mod points;
+pub mod radar_frame;
 pub(crate) mod record;
 mod records;
 #[cfg(test)]
@@ -35,4 +36,5 @@ pub use pack::{PackItem, PackType};
 pub use ping::{CELL_FIELDS, Ping, Pings};
 pub use ping_points::PointOptions;
 pub use points::{Frame, PointCloud};
+pub use radar_frame::{PolarImage, RadarFrame, RawSamples};
 pub use records::{Record, Records};

@@ -20,6 +20,7 @@ extern echocast_snapshot *snapshot;
 extern echocast_sensor *sensor;
 extern echocast_result *result;
 extern echocast_pings *pings;
+extern echocast_radar *radar;
 extern echocast_scenario *scenario;
 extern echocast_sample *sample;
 extern echocast_material *material;

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// The files of the crate in the order of the header, and the titles of their sections.
-const SECTIONS: [(&str, &str); 18] = [
+const SECTIONS: [(&str, &str); 19] = [
     ("guard", "Errors"),
     ("library", "The library"),
     ("context", "Contexts"),
@@ -26,6 +26,7 @@ const SECTIONS: [(&str, &str); 18] = [
     ("driver", "Messages of drivers"),
     ("scan", "Scans"),
     ("ping", "Pings"),
+    ("radar", "Frames of radars"),
     ("scenario", "Scenarios"),
     ("file", "Files"),
 ];
@@ -163,7 +164,7 @@ fn defaults_are_the_librarys_own() {
     }
     compare!(echocast_context_desc echocast_image echocast_mesh_desc echocast_instance_desc echocast_scene_desc
         echocast_beams_desc echocast_instance_info echocast_scene_info echocast_sensor_info echocast_scan_desc
-        echocast_result_info echocast_ping_info echocast_scan_info echocast_frame_info);
+        echocast_result_info echocast_ping_info echocast_radar_info echocast_scan_info echocast_frame_info);
 }
 
 /// The shared library exports exactly what the header declares, and has the right SONAME.

@@ -74,12 +74,21 @@ fn functions_work() {
     check("api", "plain", C99, &[]);
 }
 
+/// Cubes and samples of a radar in front of a plate.
+#[test]
+fn frames_of_radars_work() {
+    check("radar", "plain", C99, &[]);
+    check("radar", "asan", ASAN, &[]);
+}
+
 #[test]
 fn functions_work_under_address_sanitizer() {
     check("api", "asan", ASAN, &[]);
 }
 
+/// `make test-valgrind`
 #[test]
+#[ignore = "takes a minute; the sanitizer sees most of it"]
 fn functions_work_under_valgrind() {
     under_valgrind("api");
 }

@@ -13,7 +13,7 @@ use std::fmt::Write as _;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:\n  echocast formats\n  echocast formats --json")]
 pub struct FormatsArgs {
-    /// Print one JSON object with the lists scenes, clouds, clouds_read, pictures and pings
+    /// Print one JSON object with the lists scenes, clouds, clouds_read, pictures, pings and radars
     #[arg(long)]
     json: bool,
 }
@@ -22,6 +22,13 @@ pub struct FormatsArgs {
 type FormatRow = (&'static str, &'static [&'static str], &'static str);
 
 const PICTURES: [FormatRow; 1] = [("png", &["png"], "RGB picture with legend")];
+const RADARS: [FormatRow; 5] = [
+    ("npz", &["npz"], "arrays: cube, samples, polar image"),
+    ("hdf5", &["h5", "hdf5"], "one dataset per array, with unit and meaning"),
+    ("dca1000", &["bin"], "frames only: samples as TI's capture card stores them"),
+    ("nuscenes", &["pcd"], "detections only: PCD of nuScenes"),
+    ("vod", &["bin"], "detections only: View-of-Delft"),
+];
 const PINGS: [FormatRow; 5] = [
     ("npz", &["npz"], "arrays, including labels"),
     ("hdf5", &["h5", "hdf5"], "one dataset per array, with unit and meaning"),
@@ -58,6 +65,8 @@ fn list() -> Result<String> {
     PICTURES.iter().try_for_each(|&format| row(&mut list, format))?;
     list.push_str("\nSonar pings (--pings) and their images (--image) are written as\n");
     PINGS.iter().try_for_each(|&format| row(&mut list, format))?;
+    list.push_str("\nFrames of radars (--radar) and their detections (--detections) are written as\n");
+    RADARS.iter().try_for_each(|&format| row(&mut list, format))?;
     Ok(list)
 }
 
@@ -93,6 +102,7 @@ fn to_json() -> Value {
         "clouds_read": readers.collect::<Vec<_>>(),
         "pictures": PICTURES.map(plain),
         "pings": PINGS.map(plain),
+        "radars": RADARS.map(plain),
     })
 }
 

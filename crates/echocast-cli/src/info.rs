@@ -31,6 +31,9 @@ pub struct InfoArgs {
     /// Wavelength at which reflectances are listed, nm
     #[arg(long, value_name = "NM", default_value = "905", value_parser = positive)]
     wavelength: f64,
+    /// List what a radar of this frequency sees of the materials, too, GHz: the law of each and where it comes from
+    #[arg(long, value_name = "GHZ", value_parser = positive)]
+    radar: Option<f64>,
     /// Draw a plan of the scene to choose `--at` of a scan from: the view from above in the colours of categories, with
     /// a coordinate grid, the heights where its lines cross, and the cameras. Rooms with a ceiling are cut open
     #[arg(long, value_name = "FILE.png")]
@@ -66,7 +69,7 @@ pub fn run(args: &InfoArgs) -> Result<()> {
     if args.json {
         return text::print_json(&to_json(&args.scene.files, &scene, args.wavelength));
     }
-    text::print(&describe(&args.scene, &scene, args.wavelength)?)
+    text::print(&describe(args, &scene)?)
 }
 
 /// The reflectance of the materials of `scene` and its reason, a line each.
@@ -88,7 +91,25 @@ fn write_materials(text: &mut String, scene: &Scene, wavelength_nm: f64) -> Resu
     Ok(())
 }
 
-fn describe(files: &SceneArgs, scene: &Scene, wavelength_nm: f64) -> Result<String> {
+/// What a radar of `ghz` sees of the materials of `scene`: the power that each reflects at normal incidence if it is smooth,
+/// what passes, its law and why, a line each.
+fn write_radar(text: &mut String, scene: &Scene, ghz: f64) -> Result<()> {
+    writeln!(text, "radar       {}, reflected at normal incidence at {ghz} GHz", scene.materials.len())?;
+    for material in &scene.materials {
+        let (law, why) = material.radar_source();
+        let name = shown::text(&material.name);
+        let surface = law.at(ghz * 1e9).with_context(|| format!("--radar: the material {name}"))?;
+        let db = |power: f32| if power > 0.0 { format!("{:.1} dB", 10.0 * power.log10()) } else { "nothing".into() };
+        let through = surface.transmit(1.0).power();
+        let passes = if through > 0.0 { format!(", {} passes", db(through)) } else { String::new() };
+        let warning = law.warning(ghz * 1e9).map_or(String::new(), |warning| format!("; {warning}"));
+        writeln!(text, "  {name:<28} {}{passes}: {law}, {why}{warning}", db(surface.reflect(1.0).power()))?;
+    }
+    Ok(())
+}
+
+fn describe(args: &InfoArgs, scene: &Scene) -> Result<String> {
+    let files = &args.scene;
     let mut text = format!("{}\n", files.names());
     let placed = scene.objects.len();
     writeln!(text, "triangles   {}", thousands(scene.triangle_count()))?;
@@ -114,7 +135,10 @@ fn describe(files: &SceneArgs, scene: &Scene, wavelength_nm: f64) -> Result<Stri
     }
     writeln!(text, "textures    {}", scene.textures().len())?;
 
-    write_materials(&mut text, scene, wavelength_nm)?;
+    write_materials(&mut text, scene, args.wavelength)?;
+    if let Some(ghz) = args.radar {
+        write_radar(&mut text, scene, ghz)?;
+    }
 
     let objects_of = objects_of(scene);
     writeln!(text, "categories  {}", scene.labels.category.ids().len())?;
@@ -167,6 +191,7 @@ fn to_json(files: &[PathBuf], scene: &Scene, wavelength_nm: f64) -> Value {
     let materials = scene.materials.iter().map(|material| {
         let Returned { value, spread, by_image, why, .. } =
             material.returned(wavelength_nm, ReflectanceSource::Library);
+        let (radar, radar_why) = material.radar_source();
         json!({
             "name": material.name,
             "reflectance": value,
@@ -174,6 +199,8 @@ fn to_json(files: &[PathBuf], scene: &Scene, wavelength_nm: f64) -> Value {
             "by_image": by_image,
             "why": why.to_string(),
             "source": material.source,
+            "radar": radar.to_string(),
+            "radar_why": radar_why.to_string(),
             "changes": material.changes.is_some(),
             "alpha": material.alpha.name(),
             "opacity": material.base_color[3],

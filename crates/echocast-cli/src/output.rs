@@ -1,7 +1,9 @@
 //! Output files: clouds, pings, pictures, images and boxes.
 
 use crate::input::has_ending;
+use crate::names::{folder, is_numbered, is_same, numbered, numbered_as, same_folder};
 use crate::pipe::{self, Outgoing};
+use crate::radar::{RadarArgs, RadarKeys, RadarWriter};
 use crate::{choice, text};
 use anyhow::{Context as _, Result, ensure};
 use clap::{ArgGroup, Args};
@@ -9,12 +11,15 @@ use echocast::emitter::pattern::Pattern;
 use echocast::export::{self, AnnotationStyle, FramesFile, GrowingFile, ImageFolder, ImageLayer, ImageOptions};
 use echocast::image::LAYERS;
 use echocast::preview::{self, ColorBy, PreviewOptions, View};
+use echocast::radar::{RadarFrame, RadarRecord};
 use echocast::scene::Labels;
-use echocast::{BoxAxes, FieldSet, InstanceBox, Named as _, Pings, PointCloud, Profile, Report, Sensor, shown};
+use echocast::{
+    BoxAxes, FieldSet, InstanceBox, Named as _, Pings, PointCloud, Profile, Report, Sensor, SensorKind, Trajectory,
+    shown,
+};
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeSet, HashSet};
-use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
 /// A picture of one sample.
@@ -39,7 +44,7 @@ pub struct PictureArgs {
 pub struct OutputArgs {
     /// Cloud file, repeatable; its ending selects the format (`echocast formats` lists them); `-` with `--format` is
     /// standard output, and the program's messages then go to stderr
-    #[arg(short, long, value_name = "FILE", required_unless_present_any = ["preview", "explain", "pings", "image", "images", "boxes"], help_heading = "Output")]
+    #[arg(short, long, value_name = "FILE", required_unless_present_any = ["preview", "explain", "pings", "image", "images", "boxes", "radar", "polar", "detections"], help_heading = "Output")]
     output: Vec<PathBuf>,
     /// Format of the cloud files, whatever their endings
     #[arg(long, value_name = "NAME", requires = "output", help_heading = "Output")]
@@ -57,12 +62,14 @@ pub struct OutputArgs {
     /// What the colours of the picture show: `label`, the category or part that was hit; `cause`, why a point is there:
     /// a surface, seen in a mirror or through glass, rain, fog and so on; `velocity`, the speed of moving objects,
     /// while static ones are grey; `radial_velocity` and `doppler`, its component along the beam, true and measured,
-    /// blue towards the sensor and orange away from it; `density`, the number of points per square degree of the field
+    /// blue towards the sensor and orange away from it; `path`, how the wave of a radar detection travelled; `density`, the number of points per square degree of the field
     /// of view; the others show values on a colour scale
     #[arg(long, requires = "preview", default_value = "label", value_parser = choice::of::<ColorBy>(), help_heading = "Output")]
     color: ColorBy,
     /// How the picture shows the cloud; `range` shows the last of several frames. For sonars, also `waterfall`, one row
-    /// per ping; `track`, a map along the track, from above; `fan`, the last ping by beam and range
+    /// per ping; `track`, a map along the track, from above; `fan`, the last ping by beam and range. For radars, also
+    /// `range_doppler` and `range_azimuth`, the power in the cube of the last frame; `polar`, the last polar image of a
+    /// rotating radar
     #[arg(long, requires = "shown", default_value = "top", value_parser = choice::of::<View>(), help_heading = "Output")]
     view: View,
     /// What the picture shows in addition: `boxes`, the edges of the boxes around labelled instances that have points,
@@ -100,6 +107,8 @@ pub struct OutputArgs {
     /// .csv; clouds in .npz, .h5 and .mcap include them, too
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     boxes: Option<PathBuf>,
+    #[command(flatten)]
+    pub radar: RadarArgs,
     /// Axes of the boxes: those of each object, or those of the frame of the points (`--frame`)
     #[arg(long, requires = "boxed", default_value = "object", value_parser = choice::of::<BoxAxes>(), help_heading = "Output")]
     box_axes: BoxAxes,
@@ -120,6 +129,7 @@ pub struct FilesKeys {
     images: Option<ImagesKeys>,
     boxes: Option<PathBuf>,
     box_axes: Option<String>,
+    radar: Option<RadarKeys>,
 }
 
 #[derive(Deserialize)]
@@ -173,6 +183,7 @@ impl OutputArgs {
             annotations: images.map(|images| images.annotations.clone()).unwrap_or_default(),
             images: images.map(|images| at(images.folder.clone())),
             boxes: keys.boxes.map(at),
+            radar: RadarArgs::from_keys(keys.radar.unwrap_or_default(), at),
             box_axes: axes.context("box_axes: allowed: object, frame")?,
         })
     }
@@ -190,12 +201,19 @@ impl OutputArgs {
 
     /// Files that were requested by name.
     fn files(&self) -> impl Iterator<Item = &PathBuf> {
-        self.output.iter().chain(&self.preview).chain(&self.pings).chain(&self.image).chain(&self.boxes)
+        self.output
+            .iter()
+            .chain(&self.preview)
+            .chain(&self.pings)
+            .chain(&self.image)
+            .chain(&self.boxes)
+            .chain(self.radar.files())
     }
 
     /// Number of files of clouds, pings and images.
     pub fn clouds(&self) -> usize {
-        self.files().count() + usize::from(self.images.is_some()) - usize::from(self.preview.is_some())
+        let folders = usize::from(self.images.is_some()) + self.radar.count() - self.radar.files().count();
+        self.files().count() + folders - usize::from(self.preview.is_some())
     }
 
     /// Contents of the image folder, if there is one.
@@ -235,7 +253,15 @@ impl OutputArgs {
     /// Whether clouds or boxes were requested, as files or pictures.
     pub fn requests_clouds(&self) -> bool {
         let files = !self.output.is_empty() || self.boxes.is_some() || self.images.is_some();
-        files || self.preview.is_some() && !self.view.shows_pings()
+        files || self.preview.is_some() && self.view.shows_points()
+    }
+
+    /// What is recorded of the frames of a radar, if anything beside detections was requested.
+    pub fn radar_record(&self) -> Option<RadarRecord> {
+        let shown = self.preview.is_some() && self.view.shows_frames();
+        let mut record = self.radar.record();
+        record.cube |= shown && self.view != View::Polar;
+        (shown || self.radar.requested()).then_some(record)
     }
 
     /// The requested columns of pings, including `fields` for files and images of pings; `None`: no pings were
@@ -263,6 +289,20 @@ impl OutputArgs {
                 self.view.name()
             );
         }
+        ensure!(
+            !self.view.shows_frames() || kind == SensorKind::Radar,
+            "--view {}: the sensor is a {kind}; allowed: with radars only",
+            self.view.name()
+        );
+        let rotates = matches!(sensor.spec().pattern, Pattern::RadarRotor(_));
+        ensure!(
+            !self.view.shows_frames() || rotates == (self.view == View::Polar),
+            "--view {}: the radar {}; allowed: {}",
+            self.view.name(),
+            if rotates { "rotates" } else { "does not rotate" },
+            if rotates { "polar" } else { "range_doppler, range_azimuth" }
+        );
+        self.radar.check(sensor)?;
         if kind.makes_pings() && profile != Profile::Physical {
             let view = format!("--view {}", self.view.name());
             for (option, given) in
@@ -275,7 +315,8 @@ impl OutputArgs {
                 );
             }
         }
-        let of_pings = self.preview.is_some() || self.pings.is_some() || self.image.is_some();
+        let pictured = self.preview.is_some() && !self.view.shows_frames();
+        let of_pings = pictured || self.pings.is_some() || self.image.is_some();
         ensure!(
             !(self.single && of_pings && !self.requests_clouds()),
             "--single: files and pictures of pings hold all pings of a run, and no cloud is requested; allowed: with -o, \
@@ -299,14 +340,14 @@ impl OutputArgs {
             );
         }
         ensure!(
-            self.show.is_none() || !self.view.shows_pings(),
+            self.show.is_none() || self.view.shows_points(),
             "--show boxes: not available with --view {}; allowed: top, perspective, range",
             self.view.name()
         );
         if let Some((folder, options)) = self.images.as_ref().zip(self.imaged()) {
             ensure!(
                 kind.is_optical(),
-                "--images: the sensor is a sonar; allowed: with sensors of light; --image and --pings are for sonars"
+                "--images: the sensor is a {kind}; allowed: with sensors of light; --image and --pings are for sonars"
             );
             export::check_images(folder, sensor, &options).context("--images")?;
         }
@@ -347,6 +388,9 @@ impl OutputArgs {
             "--preview: {frames} frames of {} beams are too many for one picture; allowed: {MOST_PILED} beams, or --single",
             sensor.beams().len()
         );
+        if !self.single {
+            self.radar.check_frames(frames)?;
+        }
         let points = beams.saturating_mul(sensor.most_returns() as u64);
         let room = |file: &PathBuf| export::check_room(file, self.format.as_deref(), fields, points);
         Ok(self.output.iter().try_for_each(room)?)
@@ -373,7 +417,8 @@ impl OutputArgs {
             .iter()
             .filter_map(|file| if self.view.shows_pings() { Some(file.clone()) } else { framed(file) });
         let images = self.image.iter().flat_map(|file| export::image_label_paths(file, FieldSet::all()));
-        let others = images.chain(self.image.clone()).chain(self.pings.clone()).chain(self.boxes.clone());
+        let radar = self.radar.files().filter_map(framed);
+        let others = images.chain(self.image.clone()).chain(self.pings.clone()).chain(self.boxes.clone()).chain(radar);
         let files = clouds.chain(pictures).chain(others).chain(self.image_at(input));
         files.filter(|file| !pipe::is_standard(file)).try_for_each(|file| check_kept(&file, input))
     }
@@ -416,7 +461,8 @@ impl OutputArgs {
     /// Checks that such a sensor gives points the values that the picture shows.
     fn check_color(&self, sensor: &Sensor) -> Result<()> {
         let named = format!("--color {}", self.color.name());
-        let measured = self.color != ColorBy::Doppler || sensor.spec().doppler.is_some();
+        let measures = sensor.spec().doppler.is_some() || sensor.kind() == SensorKind::Radar;
+        let measured = self.color != ColorBy::Doppler || measures;
         let way =
             if sensor.kind().is_optical() { "with a section doppler (--set doppler.sigma_m_s=0.05), or " } else { "" };
         ensure!(measured, "{named}: the sensor does not measure velocities; allowed: {way}--color radial_velocity");
@@ -448,7 +494,8 @@ impl OutputArgs {
             );
         }
         // Files of single frames have names that were not requested as such.
-        let of_frames = self.output.iter().chain(self.preview.iter().filter(|_| !self.view.shows_pings()));
+        let previews = self.preview.iter().filter(|_| !self.view.shows_pings());
+        let of_frames = self.output.iter().chain(previews).chain(self.radar.files());
         let whole = self.pings.iter().chain(&self.image).chain(&self.boxes).chain(&beside);
         for (file, name) in of_frames.flat_map(|file| whole.clone().map(move |name| (file, name))) {
             ensure!(
@@ -484,8 +531,9 @@ impl OutputArgs {
 
     /// The columns that picture and images show, whatever the files hold.
     pub fn pictured(&self) -> FieldSet {
-        let clouds = self.preview.is_some() && !self.view.shows_pings();
+        let clouds = self.preview.is_some() && self.view.shows_points();
         let pictured = if clouds { self.picture().fields() } else { FieldSet::EMPTY };
+        let pictured = pictured.union(self.radar.fields());
         self.imaged().map_or(pictured, |options| pictured.union(options.fields()))
     }
 
@@ -518,6 +566,7 @@ impl OutputArgs {
             "images": images,
             "boxes": self.boxes.as_deref().map(shown::path),
             "box_axes": self.boxes().map(BoxAxes::name),
+            "radar": self.radar.to_json(),
         });
         json.as_object().cloned().unwrap_or_default()
     }
@@ -540,11 +589,6 @@ pub fn check_kept(file: &Path, input: &Path) -> Result<()> {
     Ok(())
 }
 
-/// The folder that contains `file`.
-fn folder(file: &Path) -> &Path {
-    file.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
-}
-
 /// Writes the clouds of a run.
 pub struct CloudWriter<'a> {
     args: &'a OutputArgs,
@@ -552,6 +596,7 @@ pub struct CloudWriter<'a> {
     growing: Vec<(&'a Path, FramesFile)>,
     /// Files of all frames together, in the order of `args.output`; `None`: the format needs all points at once.
     merged: Vec<Option<GrowingFile>>,
+    radar: RadarWriter<'a>,
     /// The cloud for standard output, if there is one, until it is complete.
     stdout: Option<Outgoing>,
     /// Every file written.
@@ -567,6 +612,7 @@ impl<'a> CloudWriter<'a> {
             args,
             growing: Vec::new(),
             merged: Vec::new(),
+            radar: RadarWriter::new(&args.radar, args.single)?,
             stdout,
             files: Vec::new(),
             report: Report::default(),
@@ -635,6 +681,26 @@ impl<'a> CloudWriter<'a> {
         Ok(())
     }
 
+    /// Writes what was requested of the frame of a radar on `trajectory`, whose detections are in `cloud`; `last`: no frame
+    /// follows.
+    pub fn write_radar(
+        &mut self,
+        frame: &RadarFrame,
+        cloud: &PointCloud,
+        trajectory: &Trajectory,
+        last: bool,
+    ) -> Result<()> {
+        let report = self.radar.write(frame, cloud, trajectory, &mut self.files)?;
+        self.report.absorb(report);
+        let shown = self.args.preview.as_ref().filter(|_| self.args.view.shows_frames() && (last || self.args.single));
+        if let Some(file) = shown {
+            let file = if self.args.single { numbered(file, frame.number) } else { file.clone() };
+            preview::write_frame(frame, &file, &self.args.picture()).context("--preview")?;
+            self.files.push(file);
+        }
+        if last { self.radar.finish(&mut self.files) } else { Ok(()) }
+    }
+
     /// Writes the boxes of all frames.
     pub fn write_boxes(&mut self, boxes: &[InstanceBox], labels: &Labels) -> Result<()> {
         let Some(file) = &self.args.boxes else { return Ok(()) };
@@ -686,33 +752,11 @@ impl<'a> CloudWriter<'a> {
     }
 
     fn write_preview(&mut self, cloud: &PointCloud, file: Option<PathBuf>) -> Result<()> {
-        let Some(file) = file.filter(|_| !self.args.view.shows_pings()) else { return Ok(()) };
+        let Some(file) = file.filter(|_| self.args.view.shows_points()) else { return Ok(()) };
         self.report.absorb(preview::write(cloud, &file, &self.args.picture()).context("--preview")?);
         self.files.push(file);
         Ok(())
     }
-}
-
-/// `name_0007.las` for frame 7 of `name.las`.
-fn numbered(file: &Path, frame: u32) -> PathBuf {
-    let mut name = file.file_stem().unwrap_or_default().to_owned();
-    name.push(format!("_{frame:04}"));
-    if let Some(ending) = file.extension() {
-        name.push(".");
-        name.push(ending);
-    }
-    file.with_file_name(name)
-}
-
-/// Whether `name` could be the name of a frame of `file`.
-fn is_numbered(name: &Path, file: &Path) -> bool {
-    numbered_as(name, file).is_some_and(|frame| frame.file_name() == name.file_name()) && same_folder(name, file)
-}
-
-/// Whether both files are in one folder.
-fn same_folder(a: &Path, b: &Path) -> bool {
-    let place = |path: &Path| folder(path).canonicalize().unwrap_or_default();
-    place(a) == place(b)
 }
 
 /// Two distances, m.
@@ -723,34 +767,4 @@ fn depth_range(text: &str) -> Result<DepthRange, String> {
     let number = |text: &str| text.trim().parse::<f64>().ok();
     let both = text.split_once(',').and_then(|(low, high)| Some([number(low)?, number(high)?]));
     both.ok_or_else(|| "expected two distances in metres, such as 0.5,20".to_owned())
-}
-
-/// The frame of `file` that has the number of `name`, whatever its ending.
-fn numbered_as(name: &Path, file: &Path) -> Option<PathBuf> {
-    let name = name.file_name()?.to_string_lossy();
-    let (_, rest) = name.rsplit_once('_')?;
-    let digits = rest.split('.').next()?;
-    Some(numbered(file, digits.parse().ok()?))
-}
-
-/// Whether both names refer to the same existing file, also through links.
-fn is_same(a: &Path, b: &Path) -> bool {
-    let identity = |path: &Path| path.metadata().ok().map(|file| (file.dev(), file.ino()));
-    identity(a).is_some_and(|file| identity(b) == Some(file))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn frames_are_numbered_before_the_ending() {
-        assert_eq!(numbered(Path::new("out/a.b.las"), 7), Path::new("out/a.b_0007.las"));
-        assert_eq!(numbered(Path::new("name"), 12345), Path::new("name_12345"));
-        let is = |name, file| is_numbered(Path::new(name), Path::new(file));
-        assert!(is("a_0007.npz", "./a.npz") && is("a_12345.npz", "a.npz"));
-        for other in ["a_7.npz", "a_0007.npy", "b_0007.npz", "a.npz", "a_0007", "src/a_0007.npz"] {
-            assert!(!is(other, "a.npz"), "{other}");
-        }
-    }
 }

@@ -6,6 +6,7 @@ use crate::progress::ProgressLine;
 use crate::report::{Seconds, timed};
 use anyhow::Result;
 use echocast::emitter::pattern::Pattern;
+use echocast::radar::{RadarFrame, RadarRecord};
 use echocast::scenario::FrameTime;
 use echocast::{
     BoxAxes, BuiltScene, Cause, Enclosure, Field, FieldSet, Ping, Pings, PointCloud, Profile, Report, ScanOptions,
@@ -89,8 +90,9 @@ impl Take<'_> {
     /// whatever the files hold.
     fn reported(&self) -> FieldSet {
         let cause = if self.makes_pings() { FieldSet::EMPTY.with(Field::Cause) } else { FieldSet::EMPTY };
-        // Boxes of pings need the times of their points.
-        let cause = if self.makes_pings() && self.output.boxes().is_some() { cause.with(Field::Time) } else { cause };
+        // Boxes of pings and of radar frames need the times of their points.
+        let timed = self.output.boxes().is_some() && (self.makes_pings() || self.radar_record().is_some());
+        let cause = if timed { cause.with(Field::Time) } else { cause };
         if self.output.boxes().is_some() || !self.skies.is_empty() { cause.with(Field::InstanceId) } else { cause }
     }
 
@@ -122,9 +124,13 @@ impl Take<'_> {
         ));
     }
 
-    /// Warns that a Doppler velocity log has no velocity over ground in `lost` pings; `most_locked`: the most beams
+    /// Warns if a Doppler velocity log has no velocity over ground in `lost` pings; `most_locked`: the most beams
     /// that met the bottom in any ping.
     fn warn_of_lost_bottom(&self, lost: usize, most_locked: usize, report: &mut Report) {
+        let tracks = matches!(self.sensor.spec().pattern, Pattern::Dvl(_)) && self.options.profile == Profile::Physical;
+        if !tracks || lost == 0 {
+            return;
+        }
         let reach = self.sensor.spec().range.max_m.unwrap_or(f64::INFINITY);
         let met = match most_locked {
             0 => "no beam met the bottom".to_owned(),
@@ -137,8 +143,32 @@ impl Take<'_> {
         ));
     }
 
+    fn radar_record(&self) -> Option<RadarRecord> {
+        self.output.radar_record()
+    }
+
     fn makes_pings(&self) -> bool {
         self.sensor.kind().makes_pings()
+    }
+
+    /// Adds boxes to the `cloud` of a ping or radar frame, if they were requested.
+    fn add_boxes(&self, built: &BuiltScene, options: &ScanOptions, cloud: &mut PointCloud) -> Result<()> {
+        (cloud.boxes, cloud.time_zero) = (None, self.trajectory.time_zero());
+        if options.boxes.is_some() {
+            cloud.boxes = Some(built.boxes(self.sensor, self.trajectory, options, cloud)?);
+        }
+        Ok(())
+    }
+
+    /// What is wrong with scans that have no points, or none but of noise.
+    fn nothing(&self, points: usize, causes: &Causes, received: bool) -> Option<Nothing> {
+        let with_points = self.output.requests_clouds() || !self.makes_pings();
+        let noise = self.makes_pings() && if with_points { causes.only(Cause::FalseAlarm) } else { !received };
+        match () {
+            () if points == 0 && with_points => Some(Nothing::Seen),
+            () if noise => Some(Nothing::ButNoise),
+            () => None,
+        }
     }
 
     /// Scans all frames and writes what was requested. `built` is the scene as the first frame sees it; `build`
@@ -172,6 +202,7 @@ impl Take<'_> {
         let mut boxes = Vec::new();
         let mut pings = Pings::default();
         let mut ping = Ping::default();
+        let (record, mut radar_frame) = (self.radar_record(), RadarFrame::default());
         let pinged = output.pinged(self.options.fields).filter(|_| self.makes_pings());
         for &frame in &self.frames {
             interrupt::check()?;
@@ -182,6 +213,10 @@ impl Take<'_> {
             }
             progress.phase("scanning".into());
             timed(&mut seconds.scan, || -> Result<()> {
+                if let Some(record) = record {
+                    radar_frame = built.radar_frame(sensor, trajectory, &options, record, &mut cloud)?;
+                    return self.add_boxes(&built, &options, &mut cloud);
+                }
                 // One ping gives both cells and points.
                 let Some(kept) = pinged else { return Ok(built.scan_into(sensor, trajectory, &options, &mut cloud)?) };
                 let requests_clouds = output.requests_clouds();
@@ -191,14 +226,16 @@ impl Take<'_> {
                 received |= ping.cells().cause().iter().any(|&cause| cause != Cause::FalseAlarm as u8);
                 if requests_clouds {
                     cloud = ping.cloud(&options)?;
-                    cloud.time_zero = trajectory.time_zero();
-                    if options.boxes.is_some() {
-                        cloud.boxes = Some(built.boxes(sensor, trajectory, &options, &cloud)?);
-                    }
+                    self.add_boxes(&built, &options, &mut cloud)?;
                 }
                 pings.push(ping.with(kept))?;
                 Ok(())
             })?;
+            if record.is_some() {
+                progress.phase("writing".into());
+                let last = self.frames.last().is_some_and(|last| last.number == frame.number);
+                timed(&mut seconds.write, || writer.write_radar(&radar_frame, &cloud, trajectory, last))?;
+            }
             if let Some(images) = &mut images {
                 progress.phase("writing".into());
                 report.absorb(timed(&mut seconds.write, || images.add(&cloud, frame.number, frame.start))?);
@@ -241,17 +278,8 @@ impl Take<'_> {
             }
         })?;
         report.absorb(writer.report);
-        let tracks = matches!(sensor.spec().pattern, Pattern::Dvl(_)) && self.options.profile == Profile::Physical;
-        if tracks && lost > 0 {
-            self.warn_of_lost_bottom(lost, most_locked, &mut report);
-        }
-        let with_points = output.requests_clouds() || !self.makes_pings();
-        let noise = self.makes_pings() && if with_points { causes.only(Cause::FalseAlarm) } else { !received };
-        let nothing = match () {
-            () if points == 0 && with_points => Some(Nothing::Seen),
-            () if noise => Some(Nothing::ButNoise),
-            () => None,
-        };
+        self.warn_of_lost_bottom(lost, most_locked, &mut report);
+        let nothing = self.nothing(points, &causes, received);
         let reported = self.makes_pings() && self.options.profile == Profile::Physical;
         let causes = if reported { causes.reported() } else { Vec::new() };
         let beams = sensor.beams().len() * self.frames.len();

@@ -54,7 +54,13 @@ A survey with a side-scan sonar:
   printf '0 -25 0 -3 0 0 0 1\\n30 25 0 -3 0 0 0 1\\n' > survey.txt
   echocast scan lake.glb --sensor sss_450 --set range.max_m=25 --trajectory survey.txt -o lake.las \\
     --preview lake.png --view waterfall --color intensity
-  echocast scan lake.glb --sensor sss_450 --trajectory survey.txt --explain 20,1")]
+  echocast scan lake.glb --sensor sss_450 --trajectory survey.txt --explain 20,1
+A radar: its detections by path, its cube, and the samples of ten frames as a capture card stores them:
+  echocast scan street.glb --sensor ti_awr1843 --at 0,0,0.5 -o radar.las --preview paths.png --color path
+  echocast scan street.glb --sensor ti_awr1843 --at 0,0,0.5 --radar cube.npz --preview doppler.png --view range_doppler
+  echocast scan street.glb --sensor ti_awr1843 --camera Lidar --frames 0:9 --single --radar adc.bin --detections det.pcd
+A rotating radar, as images in the layout of Oxford Radar RobotCar:
+  echocast scan street.glb --sensor navtech_cts350x --at 0,0,2 --polar oxford --preview turn.png --view polar")]
 pub struct ScanArgs {
     #[command(flatten)]
     scene: SceneArgs,
@@ -117,8 +123,8 @@ pub struct ScanArgs {
     organised: bool,
     /// Show what happens to one beam of the first frame, or of FRAME, step by step with numbers, and write nothing;
     /// rows and columns count from 0, a beam is row * columns + column; for a sonar, a frame is a ping, and in the
-    /// profiles paper and blainder a beam is a ray
-    #[arg(long, value_name = "[FRAME,]BEAM", value_parser = frame_and_beam, conflicts_with_all = ["output", "preview", "images", "boxes", "json"], help_heading = "Output")]
+    /// profiles paper and blainder a beam is a ray; for a radar, a beam is a detection
+    #[arg(long, value_name = "[FRAME,]BEAM", value_parser = frame_and_beam, conflicts_with_all = ["output", "preview", "images", "boxes", "radar", "polar", "detections", "json"], help_heading = "Output")]
     explain: Option<(Option<u32>, u32)>,
     #[command(flatten)]
     output: OutputArgs,

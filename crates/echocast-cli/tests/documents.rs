@@ -41,8 +41,13 @@ fn run(what: &str, commands: &str) {
     // Where shells keep completions.
     fs::create_dir_all(folder.path().join(".config/fish/completions")).unwrap();
     // A debug build is slow: fewer beams and frames are enough to see that they run.
-    let quicker =
-        [("velodyne_vls128 --camera Corner", "vlp16 --camera Corner"), (" 20:39 ", " 20:23 "), (" 0:19 ", " 0:4 ")];
+    let quicker = [
+        ("velodyne_vls128 --camera Corner", "vlp16 --camera Corner"),
+        ("velodyne_hdl64e --trajectory", "vlp16 --trajectory"),
+        (" 20:39 ", " 20:23 "),
+        (" 0:19 ", " 0:4 "),
+        (" 0:9 ", " 0:2 "),
+    ];
     let commands = quicker.iter().fold(commands.to_owned(), |commands, (from, to)| commands.replace(from, to));
     let path = std::env::var("PATH").unwrap_or_default();
     // What Blender would write: tests have no Blender.

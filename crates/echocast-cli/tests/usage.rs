@@ -305,7 +305,7 @@ fn words_choose_sensors() {
     let list = stdout(folder, "sensors OUSTER 128 os1");
     assert!(list.lines().count() == 2 && list.contains("  ouster_os1_128 "), "{list}");
     assert_eq!(stdout(folder, "sensors ouster os1").lines().count(), 3);
-    for name in ["lidar", "tof", "sonar", "paper"] {
+    for name in ["lidar", "tof", "sonar", "radar", "paper"] {
         let folders = presets.iter().filter(|preset| preset.folder == name).count();
         assert!(stdout(folder, &format!("sensors {name}")).lines().count() > folders, "{name}");
     }
@@ -333,13 +333,13 @@ fn lists_are_json_for_programs() {
     assert_eq!((&sensor["name"], &sensor["pattern"]["type"]), (&"velodyne_vlp16".into(), &"spinning".into()));
 
     let formats = report(folder, "formats");
-    assert_eq!(keys(&formats), "clouds clouds_read pictures pings scenes");
+    assert_eq!(keys(&formats), "clouds clouds_read pictures pings radars scenes");
     let clouds = formats["clouds"].as_array().unwrap();
     assert!(clouds.iter().all(|cloud| keys(cloud) == "cannot_hold description extensions label_names name"));
     let [las, oldest] = ["las", "las2"].map(|name| clouds.iter().find(|cloud| cloud["name"] == name).unwrap());
     assert_eq!((&las["extensions"], &las["cannot_hold"]), (&json!(["las"]), &json!([])));
     assert!(oldest["cannot_hold"].as_array().unwrap().contains(&"range".into()));
-    for kind in ["scenes", "pictures", "pings"] {
+    for kind in ["scenes", "pictures", "pings", "radars"] {
         let formats = formats[kind].as_array().unwrap();
         assert!(!formats.is_empty() && formats.iter().all(|it| keys(it) == "description extensions name"), "{kind}");
     }
@@ -360,7 +360,10 @@ fn lists_are_json_for_programs() {
     );
     assert!((room["cameras"][0]["direction"][2].as_f64().unwrap() + 1.0).abs() < 1e-9);
     let hall = report(folder, "info HALL");
-    assert_eq!(keys(&hall["materials"][0]), "alpha by_image changes name opacity reflectance source spread why");
+    assert_eq!(
+        keys(&hall["materials"][0]),
+        "alpha by_image changes name opacity radar radar_why reflectance source spread why"
+    );
     assert_eq!(keys(&hall["categories"][0]), "id name objects");
     assert_eq!(keys(&hall["parts"][0]), "id name");
     stdout(folder, "generate street --seconds 8 -q -o DIR/street.glb");

@@ -19,7 +19,8 @@ pub mod lobe {
 pub mod pattern {
     #[doc(inline)]
     pub use emitter::pattern::{
-        Channels, Direction, Face, Fan, Flat, Imaging, JANUS_BEAMS, Janus, Multibeam, Pattern, Pinhole, Prism, Raster,
-        Rays, Risley, Sides, Sidescan, SingleBeam, Spacing, Spinning, SpinningAzimuth, Table,
+        Channels, Direction, Face, Fan, Flat, Imaging, JANUS_BEAMS, Janus, Multibeam, Pattern, Pinhole, Prism,
+        RadarRotor, RadarView, Raster, Rays, Risley, Sides, Sidescan, SingleBeam, Spacing, Spinning, SpinningAzimuth,
+        Table,
     };
 }

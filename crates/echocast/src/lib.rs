@@ -1,4 +1,4 @@
-//! echocast simulates depth sensors: it casts the beams of LiDARs, depth cameras and sonars into a 3D
+//! echocast simulates depth sensors: it casts the beams of LiDARs, depth cameras, sonars and radars into a 3D
 //! scene with Embree and returns what the instrument would have reported, every point labelled.
 //!
 //! ```no_run
@@ -53,6 +53,26 @@
 //! # Ok::<(), echocast::Error>(())
 //! ```
 //!
+//! A scan with a radar gives its detections; [`BuiltScene::radar_frame`] gives what it records besides: the cube, the
+//! samples of its converters, or the polar image of a rotating one.
+//!
+//! ```no_run
+//! use echocast::preview::{self, PreviewOptions, View};
+//! use echocast::radar::RadarRecord;
+//! use echocast::{PointCloud, Pose, ScanOptions, Scene, Sensor, Trajectory};
+//!
+//! let street = Scene::load("street.glb")?.build()?;
+//! let radar = Sensor::preset("ti_awr1843")?;
+//! let (place, options) = (Trajectory::fixed(Pose::at(0.0, 0.0, 0.5)), ScanOptions::default().seed(7));
+//! let record = RadarRecord { cube: true, samples: true };
+//! let mut detections = PointCloud::default();
+//! let frame = street.radar_frame(&radar, &place, &options, record, &mut detections)?;
+//! frame.write("frame.npz")?;
+//! let doppler = PreviewOptions::default().view(View::RangeDoppler);
+//! preview::write_frame(&frame, "doppler.png".as_ref(), &doppler)?;
+//! # Ok::<(), echocast::Error>(())
+//! ```
+//!
 //! # The path of a scan
 //!
 //! | step | module | result |
@@ -92,7 +112,7 @@
 //! |---|---|---|
 //! | `sets` | `scenario` | scenes, rigs and what varies, from one file; samples, sets |
 //! | `worlds` | `generate` | generated scenes: a lake bed, streets, rooms, a landscape |
-//! | `pictures` | `preview` | pictures of clouds and pings, for people |
+//! | `pictures` | `preview` | pictures of clouds, pings and images of radars, for people |
 //! | `engine` | `scan` | the driver: an optical scan, a ping, the profiles of the paper |
 //! | `engine` | `sensor` | sensor files, presets, and what they set up in the modules below |
 //! | `engine` | `detect` | receivers: which echoes are detected, and with which errors |
@@ -101,9 +121,9 @@
 //! | `engine` | `scene` | objects, meshes and labels, with label rules applied |
 //! | `engine` | `medium` | air and water |
 //! | `cloud` | `import` | clouds from files |
-//! | `cloud` | `export` | files of clouds, pings and images |
-//! | `cloud` | `image` | images of pings: waterfall, mosaic, fan, depth map; images of optical scans, and what they show of each instance |
-//! | `cloud` | `cloud` | columns of points, pings |
+//! | `cloud` | `export` | files of clouds, pings, frames of radars and images |
+//! | `cloud` | `image` | images of pings: waterfall, mosaic, fan, depth map; images of radars; images of optical scans, and what they show of each instance |
+//! | `cloud` | `cloud` | columns of points, pings, frames of radars |
 //! | `cloud` | `cells` | the levels of a ping by beam and range bin, and what is read from them |
 //! | `scene-files` | `scene_files` | scenes from files: a module for each format |
 //! | `model` | `model` | meshes, and objects and cameras as files place them |
@@ -158,6 +178,7 @@ pub mod import;
 pub mod material;
 pub mod medium;
 pub mod preview;
+pub mod radar;
 pub mod read;
 pub mod scenario;
 pub mod scene;
@@ -200,6 +221,8 @@ pub use ground::cause::Cause;
 pub use ground::error::{Error, Result, nearest};
 #[doc(inline)]
 pub use ground::named::Named;
+#[doc(inline)]
+pub use ground::path_type::PathType;
 #[doc(inline)]
 pub use ground::pose::Pose;
 #[doc(inline)]

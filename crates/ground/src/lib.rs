@@ -12,6 +12,7 @@ pub mod lanes;
 pub mod math;
 pub mod named;
 pub mod parallel;
+pub mod path_type;
 pub mod pose;
 pub mod profile;
 pub mod read;

@@ -69,6 +69,24 @@ pub enum Draw {
     VelocityScale = 45,
     /// Constant error along each of its beams, likewise.
     VelocityBias = 46,
+    /// Phase and amplitude of the wave that a patch of a rough surface scatters back to a radar.
+    RadarSpeckle = 49,
+    /// Which of many weak patches stand for all.
+    RadarPatch = 56,
+    /// Thermal noise of a radar, by cell.
+    RadarNoise = 50,
+    /// Likewise by sample.
+    RadarSampleNoise = 51,
+    /// Echoes of rain in the cells of a radar.
+    RadarRain = 52,
+    /// Phase noise of a radar's oscillator.
+    OscillatorPhase = 53,
+    /// When and how the radars around transmit.
+    Interference = 54,
+    /// Errors of the angle and other measured numbers of a radar's detections.
+    RadarJitter = 55,
+    /// Error of gain and phase of a channel, once per instrument.
+    ArrayError = 60,
     /// Shape of generated ground.
     Terrain = 100,
     /// Shape, size and place of generated boulders.

@@ -1,5 +1,5 @@
 //! Pictures of a cloud: from above, in perspective or as range image, coloured by label, cause, intensity, range,
-//! height or velocity, with a legend; and of a sonar's pings: waterfall, track and fan.
+//! height or velocity, with a legend; of a sonar's pings: waterfall, track and fan; and of the images of a radar.
 #![forbid(unsafe_code)]
 
 mod boxes;
@@ -13,6 +13,7 @@ mod palette;
 mod perspective;
 mod plan;
 mod points;
+mod radar;
 mod range_image;
 mod sheet;
 mod sonar;
@@ -25,7 +26,7 @@ pub use sheet::sheet;
 
 use canvas::{DIM, PAGE, TEXT};
 use cloud::image::Image;
-use cloud::{Field, FieldSet, Pings, PointCloud, VELOCITY};
+use cloud::{Field, FieldSet, Pings, PointCloud, RadarFrame, VELOCITY};
 use engine::scene::Scene;
 use engine::trace::BuiltScene;
 use glam::Vec2;
@@ -46,7 +47,7 @@ use std::str::FromStr;
 /// Allowed widths of a picture, pixels.
 const WIDTHS: std::ops::RangeInclusive<u32> = 320..=4096;
 
-/// What a preview shows: the viewpoint for a cloud, or the image made of pings.
+/// What a preview shows: the viewpoint for a cloud, or the image made of pings or of the frame of a radar.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
@@ -65,14 +66,31 @@ pub enum View {
     Track,
     /// A ping laid out by its beams: the last of an imaging or swath sonar, all of a rotating beam.
     Fan,
+    /// Power in the cube of a radar by range and velocity; what approaches is on the left.
+    RangeDoppler,
+    /// Power in the cube of a radar by range and azimuth, ahead up.
+    RangeAzimuth,
+    /// The polar image of a rotating radar, laid out around it, ahead up.
+    Polar,
 }
 
-named! { View: Top "top", Perspective "perspective", Range "range", Waterfall "waterfall", Track "track", Fan "fan" }
+named! { View: Top "top", Perspective "perspective", Range "range", Waterfall "waterfall", Track "track", Fan "fan",
+RangeDoppler "range_doppler", RangeAzimuth "range_azimuth", Polar "polar" }
 
 impl View {
-    /// Whether it shows pings of a sonar; the others show clouds.
+    /// Whether it shows clouds.
+    pub fn shows_points(self) -> bool {
+        !self.shows_pings() && !self.shows_frames()
+    }
+
+    /// Whether it shows pings of a sonar.
     pub fn shows_pings(self) -> bool {
         matches!(self, View::Waterfall | View::Track | View::Fan)
+    }
+
+    /// Whether it shows frames of a radar.
+    pub fn shows_frames(self) -> bool {
+        matches!(self, View::RangeDoppler | View::RangeAzimuth | View::Polar)
     }
 }
 
@@ -109,10 +127,12 @@ pub enum ColorBy {
     Doppler,
     /// Points per square degree as seen by the sensor: how densely it has covered the scene.
     Density,
+    /// How the wave of a radar detection travelled: [`PathType`](ground::path_type::PathType).
+    Path,
 }
 
 named! { ColorBy: Label "label", Cause "cause", Intensity "intensity", Range "range", Height "height",
-Velocity "velocity", RadialVelocity "radial_velocity", Doppler "doppler", Density "density" }
+Velocity "velocity", RadialVelocity "radial_velocity", Doppler "doppler", Density "density", Path "path" }
 
 impl FromStr for ColorBy {
     type Err = Error;
@@ -149,10 +169,14 @@ impl PreviewOptions {
         yaml::from_str("preview options", text)
     }
 
-    /// The columns that a picture with these options needs, of a cloud or of pings, depending on the view.
+    /// The columns that a picture with these options needs, of a cloud or of pings, depending on the view; none of frames
+    /// of radars.
     pub fn fields(&self) -> FieldSet {
         if self.view.shows_pings() {
             return [Field::Intensity, Field::CategoryId, Field::PartId].into_iter().collect();
+        }
+        if self.view.shows_frames() {
+            return FieldSet::EMPTY;
         }
         let shown: &[Field] = match self.color {
             ColorBy::Label => &[Field::CategoryId, Field::PartId],
@@ -161,6 +185,7 @@ impl PreviewOptions {
             ColorBy::Velocity => &VELOCITY,
             ColorBy::RadialVelocity => &[Field::RadialVelocity],
             ColorBy::Doppler => &[Field::Doppler],
+            ColorBy::Path => &[Field::Path],
             ColorBy::Cause | ColorBy::Height | ColorBy::Density => &[],
         };
         let rows: &[Field] = if self.view == View::Range { &[Field::Channel] } else { &[] };
@@ -203,7 +228,7 @@ fn check_width(width: u32) -> Result<()> {
 /// Columns that the colours need and the cloud lacks are replaced by others, as the report says.
 ///
 /// # Errors
-/// As [`check`], a view that shows pings, and a full disk.
+/// As [`check`], a view that does not show points, and a full disk.
 pub fn write(cloud: &PointCloud, path: &Path, options: &PreviewOptions) -> Result<Report> {
     check_ending(path)?;
     let mut report = Report::default();
@@ -215,11 +240,11 @@ pub fn write(cloud: &PointCloud, path: &Path, options: &PreviewOptions) -> Resul
 /// Checks options by themselves.
 ///
 /// # Errors
-/// A width out of bounds, a view that shows pings.
+/// A width out of bounds, a view that does not show points.
 pub fn check_options(options: &PreviewOptions) -> Result<()> {
     check_width(options.width)?;
-    if options.view.shows_pings() {
-        return Err(pings_only(options.view));
+    if !options.view.shows_points() {
+        return Err(not_of_points(options.view));
     }
     Ok(())
 }
@@ -236,8 +261,9 @@ pub fn write_new(cloud: &PointCloud, path: &Path, options: &PreviewOptions) -> R
     Ok(report)
 }
 
-fn pings_only(view: View) -> Error {
-    Error::invalid("view", view.name(), "top, perspective or range for points; it shows pings of a sonar")
+fn not_of_points(view: View) -> Error {
+    let shown = if view.shows_pings() { "pings of a sonar" } else { "frames of a radar" };
+    Error::invalid("view", view.name(), format!("top, perspective or range for points; it shows {shown}"))
 }
 
 /// Writes a picture of `pings` to the PNG file `path`, which appears only when complete.
@@ -250,6 +276,16 @@ pub fn write_pings(pings: &Pings, path: &Path, options: &PreviewOptions) -> Resu
     let picture = render_pings(pings, options, &mut report)?;
     write_picture(&picture, path)?;
     Ok(report)
+}
+
+/// Writes a picture of an image of a radar ([`cloud::image::range_doppler`], [`cloud::image::polar`],
+/// [`cloud::image::polar_fan`]) to the PNG file `path`, which appears only when complete; `width` in pixels.
+///
+/// # Errors
+/// As [`render_radar`], an ending other than `.png`, a folder that is missing or not writable, and a full disk.
+pub fn write_radar(image: &Image, path: &Path, width: u32) -> Result<()> {
+    check_ending(path)?;
+    write_picture(&render_radar(image, width)?, path)
 }
 
 /// Writes a plan of `scene`, from which `built` is made, to the PNG file `path`, `width` pixels wide: the view from
@@ -289,7 +325,8 @@ pub fn image_of(pings: &Pings, options: &PreviewOptions) -> Result<Image> {
 fn check_pinged(options: &PreviewOptions) -> Result<()> {
     check_width(options.width)?;
     if !options.view.shows_pings() {
-        let allowed = "waterfall, track or fan for pings; it shows points";
+        let shown = if options.view.shows_points() { "points" } else { "frames of a radar" };
+        let allowed = format!("waterfall, track or fan for pings; it shows {shown}");
         return Err(Error::invalid("view", options.view.name(), allowed));
     }
     Ok(())
@@ -311,12 +348,42 @@ pub fn render_pings(pings: &Pings, options: &PreviewOptions, report: &mut Report
     sonar::draw(pings, options, &page, report)
 }
 
+/// The content of the picture of `frame`, as power in dBm: [`View::RangeDoppler`] and [`View::RangeAzimuth`] of its cube,
+/// [`View::Polar`] of its polar image.
+///
+/// # Errors
+/// A width out of bounds; a view that does not show frames of radars; a frame without what it shows, or whose lengths
+/// disagree.
+pub fn image_of_frame(frame: &RadarFrame, options: &PreviewOptions) -> Result<Image> {
+    check_width(options.width)?;
+    radar::made(frame, options.view, &Page::new(options.width))
+}
+
+/// Writes a picture of `frame` to the PNG file `path`, which appears only when complete.
+///
+/// # Errors
+/// As [`image_of_frame`], an ending other than `.png`, a folder that is missing or not writable, and a full disk.
+pub fn write_frame(frame: &RadarFrame, path: &Path, options: &PreviewOptions) -> Result<()> {
+    check_ending(path)?;
+    write_radar(&image_of_frame(frame, options)?, path, options.width)
+}
+
+/// The picture of an image of a radar, `width` pixels wide, coloured by power.
+///
+/// # Errors
+/// A width out of bounds, an image of another kind, one whose values do not fit its size.
+pub fn render_radar(image: &Image, width: u32) -> Result<Picture> {
+    check_width(width)?;
+    image.check()?;
+    radar::draw(image, &Page::new(width))
+}
+
 /// The picture of `cloud`; the same cloud and options give the same pixels.
 ///
 /// A cloud without points yields a picture that says so.
 ///
 /// # Errors
-/// A width out of bounds, a view that shows pings.
+/// A width out of bounds, a view that does not show points.
 pub fn render(cloud: &PointCloud, options: &PreviewOptions, report: &mut Report) -> Result<Picture> {
     check_options(options)?;
     let page = Page::new(options.width);
@@ -334,7 +401,7 @@ pub fn render(cloud: &PointCloud, options: &PreviewOptions, report: &mut Report)
         View::Top => ("Top view", top::draw(&points, &paint, &outlines, &page, &mut notes)),
         View::Perspective => ("Perspective view", perspective::draw(&points, &paint, &outlines, &page, &mut notes)),
         View::Range => ("Range image", range_image::draw(cloud, &points, &paint, &outlines, &page)),
-        View::Waterfall | View::Track | View::Fan => return Err(pings_only(options.view)),
+        other => return Err(not_of_points(other)),
     };
     let title = format!("{view} of {} by {}", legend::counted(points.count, "point"), paint.name());
     Ok(page.compose(&title, &notes.join("; "), &panel, &legend::draw(paint.legend(), &page)))
@@ -446,9 +513,10 @@ mod tests {
     }
 
     const VIEWS: [View; 3] = [View::Top, View::Perspective, View::Range];
-    const COLORS: [ColorBy; 9] = [
+    const COLORS: [ColorBy; 10] = [
         ColorBy::Label,
         ColorBy::Cause,
+        ColorBy::Path,
         ColorBy::Intensity,
         ColorBy::Range,
         ColorBy::Height,
@@ -485,13 +553,13 @@ mod tests {
         let error = "prespective".parse::<View>().unwrap_err().to_string();
         assert_eq!(
             error,
-            "there is no view named \"prespective\"; near: perspective, top, range, waterfall, track, fan"
+            "there is no view named \"prespective\"; near: perspective, top, range, waterfall, track, fan, range_doppler, range_azimuth, polar"
         );
         let error = "hieght".parse::<ColorBy>().unwrap_err().to_string();
         assert_eq!(
             error,
             "there is no preview colour named \"hieght\"; near: height, label, cause, intensity, range, velocity, \
-             radial_velocity, doppler, density"
+             radial_velocity, doppler, density, path"
         );
     }
 

@@ -9,6 +9,7 @@ use engine::scene::NameTable;
 use glam::Vec3;
 use ground::cause::Cause;
 use ground::parallel;
+use ground::path_type::PathType;
 use ground::report::Report;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -67,13 +68,23 @@ enum ColorSource<'a> {
 enum ColorGroup {
     Label(u32),
     Cause(Cause),
+    Path(PathType),
+}
+
+/// What groups points.
+#[derive(Clone, Copy)]
+enum GroupsBy<'a> {
+    /// Labels where they are on surfaces, else causes.
+    Labels(&'a [u32]),
+    Causes,
+    /// The column `path`.
+    Paths(&'a [u8]),
 }
 
 /// The group of each point.
 #[derive(Clone, Copy)]
 struct Groups<'a> {
-    /// Labels of points on surfaces; without them only causes are used.
-    labels: Option<&'a [u32]>,
+    by: GroupsBy<'a>,
     points: &'a Points<'a>,
 }
 
@@ -99,7 +110,7 @@ impl<'a> Paint<'a> {
         let (columns, rows) = (&cloud.columns, cloud.len);
         match color {
             ColorBy::Label => {
-                let by = |ids: &'a [u32]| (ids.len() >= rows).then_some(Groups { labels: Some(ids), points });
+                let by = |ids: &'a [u32]| (ids.len() >= rows).then_some(Groups { by: GroupsBy::Labels(ids), points });
                 let (categories, parts) = (by(&columns.category_id), by(&columns.part_id));
                 let count = |groups: Option<Groups>| groups.map_or_else(HashMap::new, Groups::count);
                 let labels = |counts: &HashMap<ColorGroup, usize>| {
@@ -120,11 +131,19 @@ impl<'a> Paint<'a> {
                 Paint::height(points)
             }
             ColorBy::Cause if points.have_causes() => {
-                let groups = Groups { labels: None, points };
+                let groups = Groups { by: GroupsBy::Causes, points };
                 Paint::groups("cause", groups, &NameTable::default(), &groups.count())
             }
             ColorBy::Cause => {
                 report.warn("preview: the cloud has no column cause; coloured by label instead");
+                Paint::new(cloud, points, ColorBy::Label, report)
+            }
+            ColorBy::Path if columns.path.len() >= rows => {
+                let groups = Groups { by: GroupsBy::Paths(&columns.path), points };
+                Paint::groups("path", groups, &NameTable::default(), &groups.count())
+            }
+            ColorBy::Path => {
+                report.warn("preview: the cloud has no column path; coloured by label instead");
                 Paint::new(cloud, points, ColorBy::Label, report)
             }
             ColorBy::Intensity if columns.intensity.len() >= rows => {
@@ -198,6 +217,7 @@ impl<'a> Paint<'a> {
         let entry = |&(group, count): &(ColorGroup, usize)| {
             let name = match group {
                 ColorGroup::Cause(cause) => cause.name().to_owned(),
+                ColorGroup::Path(path) => path.name().to_owned(),
                 ColorGroup::Label(id) => match names.name(id) {
                     Some(known) => known.to_owned(),
                     None if id == 0 => "unlabelled".to_owned(),
@@ -362,6 +382,7 @@ impl ColorGroup {
         match self {
             ColorGroup::Label(id) => palette::category(id),
             ColorGroup::Cause(cause) => palette::cause(cause),
+            ColorGroup::Path(path) => palette::path(path),
         }
     }
 }
@@ -369,11 +390,12 @@ impl ColorGroup {
 impl Groups<'_> {
     fn of(&self, row: u32) -> ColorGroup {
         let cause = self.points.cause(row);
-        match self.labels {
+        match self.by {
             // After reflections sound may come from the water surface, which has no label.
-            Some(ids) if cause.has_surface() && (cause != Cause::Multipath || ids[row as usize] != 0) => {
+            GroupsBy::Labels(ids) if cause.has_surface() && (cause != Cause::Multipath || ids[row as usize] != 0) => {
                 ColorGroup::Label(ids[row as usize])
             }
+            GroupsBy::Paths(paths) => ColorGroup::Path(PathType::from_number(paths[row as usize]).unwrap_or_default()),
             _ => ColorGroup::Cause(cause),
         }
     }
@@ -431,6 +453,19 @@ mod tests {
             Legend::Names(entries) => (paint.name(), entries.iter().map(|e| (e.name.clone(), e.count)).collect()),
             Legend::Scale { caption, .. } => (paint.name(), vec![(caption.clone(), 0)]),
         }
+    }
+
+    #[test]
+    fn paths_have_their_names() {
+        let mut cloud = cloud(vec![1; 4], vec![0; 4]);
+        cloud.columns.path = vec![0, PathType::Wall as u8, PathType::Noise as u8, PathType::Wall as u8];
+        let (name, entries) = names(&cloud, ColorBy::Path, &mut Report::default());
+        let expected = [("wall", 2), ("direct", 1), ("noise", 1)];
+        assert_eq!((name, entries), ("path", expected.map(|(name, count)| (name.to_owned(), count)).to_vec()));
+        cloud.columns.path.clear();
+        let mut report = Report::default();
+        assert_eq!(names(&cloud, ColorBy::Path, &mut report).0, "category");
+        assert!(report.warnings[0].contains("no column path"));
     }
 
     #[test]
@@ -643,7 +678,7 @@ mod tests {
         let ids: Vec<u32> = (0..300_000u32).map(|row| row / 70_000).collect();
         let cloud = cloud(ids, vec![]);
         let points = Points::new(&cloud, &mut Report::default());
-        let counts = Groups { labels: Some(&cloud.columns.category_id), points: &points }.count();
+        let counts = Groups { by: GroupsBy::Labels(&cloud.columns.category_id), points: &points }.count();
         let expected = [(0, 70_000), (1, 70_000), (2, 70_000), (3, 70_000), (4, 20_000)];
         assert_eq!(counts, expected.map(|(id, count)| (ColorGroup::Label(id), count)).into());
     }

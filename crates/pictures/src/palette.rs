@@ -2,6 +2,7 @@
 
 use super::canvas::Color;
 use ground::cause::Cause;
+use ground::path_type::PathType;
 use model::material::srgb_byte;
 use std::f32::consts::TAU;
 
@@ -61,6 +62,21 @@ pub(super) fn cause(cause: Cause) -> Color {
         Cause::Dust => [0x8c, 0x7c, 0x5e],
         Cause::FalseAlarm => [0x8a, 0x50, 0x68],
         Cause::SeaSurface => [0x78, 0x7c, 0xc8],
+        _ => STANDING,
+    }
+}
+
+/// Colour of detections by `path`; the same in every picture. Noise is muted.
+pub(super) fn path(path: PathType) -> Color {
+    match path {
+        PathType::Direct => [0xda, 0xd8, 0xcc],
+        PathType::Ground => CATEGORIES[7],
+        PathType::Wall => CATEGORIES[1],
+        PathType::Internal => CATEGORIES[0],
+        PathType::SideLobe => CATEGORIES[4],
+        PathType::Alias => CATEGORIES[9],
+        PathType::Interference => CATEGORIES[5],
+        PathType::Noise => [0x8a, 0x50, 0x68],
         _ => STANDING,
     }
 }
@@ -177,6 +193,13 @@ mod tests {
             // Muted: nearer to grey than any of the first category colours.
             let spread = |color: Color| color.iter().max().unwrap() - color.iter().min().unwrap();
             assert!(CATEGORIES[..7].iter().all(|&strong| spread(color) < spread(strong)), "{air:?}");
+        }
+    }
+
+    #[test]
+    fn paths_keep_apart() {
+        for one in PathType::ALL {
+            assert!(PathType::ALL.into_iter().all(|other| other == one || distance(path(one), path(other)) > 1600));
         }
     }
 

@@ -18,8 +18,8 @@ use ground::report::Report;
 use std::collections::{BTreeMap, HashMap};
 
 /// The flattest and the tallest panel, height over width.
-const FLATTEST: f32 = 0.25;
-const TALLEST: f32 = 0.68;
+pub(super) const FLATTEST: f32 = 0.25;
+pub(super) const TALLEST: f32 = 0.68;
 
 /// The content of a picture of `pings`, at least one: its name, notes, and the image.
 pub(super) fn made(pings: &Pings, options: &PreviewOptions, page: &Page) -> Result<(String, Vec<String>, Image)> {
@@ -94,14 +94,14 @@ fn fan(pings: &Pings, page: &Page) -> Result<(String, Vec<String>, Image)> {
 }
 
 /// Colours of an image's pixels.
-struct Ink<'a> {
+pub(super) struct Ink<'a> {
     name: &'static str,
     image: &'a Image,
     /// Label numbers, and the colours of those in the legend.
     labels: Option<(&'a [u32], HashMap<u32, Color>)>,
     table: Vec<Color>,
     window: [f32; 2],
-    legend: Legend,
+    pub legend: Legend,
 }
 
 impl<'a> Ink<'a> {
@@ -133,6 +133,14 @@ impl<'a> Ink<'a> {
         let (table, [low, high]) = (ramp.table(), range.map(f64::from));
         let legend = Legend::Scale { caption, table: table.clone(), low, high, beside: Vec::new() };
         Ok(Ink { name, image, labels: None, table, window: range, legend })
+    }
+
+    /// Of powers in dBm between two: those of a radar.
+    pub fn of_powers(image: &'a Image, window: [f32; 2]) -> Self {
+        let [low, high] = window.map(f64::from);
+        let (table, caption) = (LEVEL.table(), format!("power in dBm, {low:.0} to {high:.0}"));
+        let legend = Legend::Scale { caption, table: table.clone(), low, high, beside: Vec::new() };
+        Ink { name: "power", image, labels: None, table, window, legend }
     }
 
     fn labelled(image: &'a Image, name: &'static str, ids: &'a [u32], counts: &BTreeMap<u32, usize>) -> Self {
@@ -198,7 +206,7 @@ impl<'a> Ink<'a> {
     }
 
     /// Draws the image into the rectangle from `left`, `top`.
-    fn fill(&self, picture: &mut Picture, [left, top]: [u32; 2], [width, height]: [u32; 2]) {
+    pub fn fill(&self, picture: &mut Picture, [left, top]: [u32; 2], [width, height]: [u32; 2]) {
         let part = |at: u32, of: u32, length: usize| {
             let from = (u64::from(at) * length as u64 / u64::from(of)) as usize;
             let to = (u64::from(at + 1) * length as u64 / u64::from(of)) as usize;
@@ -294,7 +302,7 @@ fn fitted(image: &Image, ink: &Ink, page: &Page) -> (Picture, Vec2, f32) {
 }
 
 /// The fan with rings of equal range.
-fn rings(image: &Image, ink: &Ink, page: &Page) -> Picture {
+pub(super) fn rings(image: &Image, ink: &Ink, page: &Page) -> Picture {
     let (mut picture, corner, zoom) = fitted(image, ink, page);
     let metres = image.place.step[0] / f64::from(zoom);
     // From the top left corner of the panel to the sonar, pixels.

@@ -2,7 +2,7 @@
 //! properties).
 
 use ground::read::yaml;
-use model::material::{Material, Reflectance, Sound};
+use model::material::{Material, Radio, Reflectance, Sound};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
@@ -40,11 +40,16 @@ pub(super) fn apply(
         let check = material.scattering.check(material.reflectance.as_ref());
         check.map_err(|error| format!("{prefix}{error}"))?;
     }
-    // A `sound` of another type has another purpose, perhaps the name of a noise that the object makes.
+    // A `sound` or `radar` of another type has another purpose, perhaps the name of a noise that the object makes.
     if let Some(value) = property("sound").filter(Value::is_object) {
         let sound: Sound = section(&named("sound"), value)?;
         sound.check().map_err(|error| format!("{prefix}{error}"))?;
         material.sound = Some(sound);
+    }
+    if let Some(value) = property("radar").filter(Value::is_object) {
+        let radar: Radio = section(&named("radar"), value)?;
+        radar.check().map_err(|error| format!("{prefix}{error}"))?;
+        material.radar = Some(radar);
     }
     // A numeric `alpha` has another purpose.
     if let Some(value) = property("alpha").filter(Value::is_string) {

@@ -16,10 +16,10 @@ pub(super) fn of(cloud: &PointCloud) -> Option<Intrinsics> {
     if !all || directions().any(|(_, (azimuth, _))| azimuth.abs() >= FRAC_PI_2) {
         return None;
     }
-    let across = Axis::of(|| {
+    let across = CameraAxis::of(|| {
         directions().map(|(row, (azimuth, _))| ((row as u32 % columns).into(), f64::from(*azimuth).tan()))
     })?;
-    let down = Axis::of(|| {
+    let down = CameraAxis::of(|| {
         directions().map(|(row, (azimuth, elevation))| {
             ((row as u32 / columns).into(), f64::from(*elevation).tan() / f64::from(*azimuth).cos())
         })
@@ -28,14 +28,14 @@ pub(super) fn of(cloud: &PointCloud) -> Option<Intrinsics> {
 }
 
 /// One direction of an image.
-struct Axis {
+struct CameraAxis {
     focal: f64,
     centre: f64,
 }
 
-impl Axis {
+impl CameraAxis {
     /// The line through `points`: position of the pixel, and how far left or up its ray is for each metre ahead.
-    fn of<I: Iterator<Item = (f64, f64)>>(points: impl Fn() -> I) -> Option<Axis> {
+    fn of<I: Iterator<Item = (f64, f64)>>(points: impl Fn() -> I) -> Option<CameraAxis> {
         let count = points().count() as f64;
         let (sum_x, sum_y) = points().fold((0.0, 0.0), |(x, y), point| (x + point.0, y + point.1));
         let (mean_x, mean_y) = (sum_x / count, sum_y / count);
@@ -44,7 +44,7 @@ impl Axis {
         let focal = -xx / xy;
         let centre = mean_x + mean_y * focal;
         let off = points().map(|(x, y)| (centre - y * focal - x).powi(2)).sum::<f64>() / count;
-        (focal > 0.0 && focal.is_finite() && off < SLACK_PX * SLACK_PX).then_some(Axis { focal, centre })
+        (focal > 0.0 && focal.is_finite() && off < SLACK_PX * SLACK_PX).then_some(CameraAxis { focal, centre })
     }
 }
 

@@ -237,7 +237,8 @@ pub(super) fn add_column(group: &Group, name: &str, shape: &[usize], data: Colum
     }
 }
 
-fn add<T: H5Type>(group: &Group, name: &str, shape: &[usize], data: &[T]) -> ::hdf5::Result<Dataset> {
+/// Adds the dataset `name` of `data`.
+pub(super) fn add<T: H5Type>(group: &Group, name: &str, shape: &[usize], data: &[T]) -> ::hdf5::Result<Dataset> {
     // Without modification times the same run gives the same bytes.
     let dataset = group.new_dataset::<T>().obj_track_times(false).shape(shape).create(name)?;
     if !data.is_empty() {

@@ -1,11 +1,11 @@
 //! MCAP, the bag format of ROS 2: for each frame a cloud, the pose of its sensor, the boxes, and the images of a
-//! camera.
+//! camera or the detections of a radar.
 //!
 //! Written by the crate `mcap`, in chunks that are compressed by zstd, with an index. Points are in the frame of the
 //! sensor and begin with the fields that the driver of its maker publishes; the other columns follow, as in the cloud.
 
 use super::ros::{CdrWriter, Stamp, definition};
-use super::{Format, FormatInfo, Growing, NEAR, camera, labels_json};
+use super::{Format, FormatInfo, Growing, NEAR, camera, labels_json, radar_messages};
 use crate::{ColumnType, Driver, Field, Frame, InstanceBox, PackItem, PackType, PointCloud};
 use ::mcap::records::MessageHeader;
 use ::mcap::{Compression, McapError, WriteOptions, Writer};
@@ -121,6 +121,7 @@ struct Bag {
     points: McapChannel,
     detections: McapChannel,
     images: Option<CameraTopics>,
+    radar: Option<RadarTopics>,
     /// Whether categories were too large for images.
     large: bool,
     /// Whether points were too far from their frame for f32.
@@ -136,6 +137,12 @@ struct CameraTopics {
     camera: McapChannel,
     depth: McapChannel,
     labels: McapChannel,
+}
+
+/// The topics of a radar.
+struct RadarTopics {
+    scan: McapChannel,
+    detections: McapChannel,
 }
 
 /// A topic.
@@ -166,6 +173,11 @@ impl Bag {
         let transforms = channel("/tf", "tf2_msgs/TFMessage", "").map_err(io_error)?;
         let points = channel("/points", "sensor_msgs/PointCloud2", "").map_err(io_error)?;
         let detections = channel("/detections", "vision_msgs/Detection3DArray", "").map_err(io_error)?;
+        let radar = radar_messages::is_radar(first).then(|| {
+            let scan = channel("/radar/scan", radar_messages::SCAN, "")?;
+            Ok(RadarTopics { scan, detections: channel("/radar/detections", radar_messages::DETECTIONS, "")? })
+        });
+        let radar = radar.transpose().map_err(io_error)?;
         let mut images = |_| {
             let camera = channel("/depth/camera_info", "sensor_msgs/CameraInfo", "")?;
             let depth = channel("/depth/image_rect", "sensor_msgs/Image", "")?;
@@ -173,7 +185,7 @@ impl Bag {
         };
         let images = camera::of(first).map(&mut images).transpose().map_err(io_error)?;
         let (large, coarse, late, bytes) = (false, false, false, Vec::new());
-        let mut bag = Bag { driver, writer, transforms, points, detections, images, large, coarse, late, bytes };
+        let mut bag = Bag { driver, writer, transforms, points, detections, images, radar, large, coarse, late, bytes };
         let mut message = bag.message();
         // Each cloud message has a shape of its own.
         message.text(&labels_json(&PointCloud { organised: None, driver, ..first.head() }))?;
@@ -200,6 +212,13 @@ impl Growing for Bag {
         if let Some(boxes) = &cloud.boxes {
             let message = detections(self.message(), cloud, boxes, stamp)?;
             self.bytes = send(&mut self.writer, &mut self.detections, stamp, message)?;
+        }
+        if let Some(radar) = &mut self.radar {
+            let mut message = CdrWriter::new(std::mem::take(&mut self.bytes));
+            radar_messages::scan(&mut message, cloud, SENSOR, stamp)?;
+            message = CdrWriter::new(send(&mut self.writer, &mut radar.scan, stamp, message)?);
+            radar_messages::detections(&mut message, cloud, SENSOR, stamp)?;
+            self.bytes = send(&mut self.writer, &mut radar.detections, stamp, message)?;
         }
         if let (Some(images), Some(camera)) = (&mut self.images, camera::of(cloud)) {
             let message = camera_info(CdrWriter::new(std::mem::take(&mut self.bytes)), cloud, camera, stamp)?;

@@ -1,6 +1,7 @@
 //! Clouds to files: one file per format, one table of formats.
 
 pub mod annotations;
+mod arrays;
 mod boxes;
 #[cfg(feature = "mcap")]
 mod camera;
@@ -22,6 +23,11 @@ mod pcd;
 mod pings;
 mod pixels;
 mod ply;
+mod polar;
+mod radar_frame;
+#[cfg(feature = "mcap")]
+mod radar_messages;
+mod radar_points;
 #[cfg(feature = "mcap")]
 mod ros;
 mod survey;
@@ -35,6 +41,9 @@ pub use growing::GrowingFile;
 pub use hdf5::WIDEST as HDF5_WIDEST;
 pub use images::{AnnotationStyle, ImageFolder, ImageLayer, ImageOptions, check_images};
 pub use pings::{check_image, check_pings, image_label_paths};
+pub use polar::{PolarFolder, PolarStyle};
+pub use radar_frame::check_radar_frame;
+pub use radar_points::{RadarPoints, check_radar_points};
 
 use crate::cells::SonarView;
 use crate::{Field, FieldInfo, FieldSet, PointCloud, Record};
@@ -284,8 +293,8 @@ pub fn write(cloud: &PointCloud, path: &Path, format: Option<&str>) -> Result<Re
 fn lost(format: &dyn Format, head: &PointCloud) -> Report {
     let mut report = Report::default();
     let lost: Vec<&str> = head.fields.iter().filter(|info| !format.holds(info)).map(|info| info.name).collect();
-    if !lost.is_empty() {
-        report.warn(format!("{}: cannot hold the columns {}", format.name(), listed(&lost)));
+    for names in listed(&lost) {
+        report.warn(format!("{}: cannot hold the columns {names}", format.name()));
     }
     let lost: Vec<&Record> = head.records.all.iter().filter(|record| !format.keeps(record)).collect();
     let system = lost.iter().any(|record| record.is_system());
@@ -300,23 +309,29 @@ fn lost(format: &dyn Format, head: &PointCloud) -> Report {
     report
 }
 
-/// The `names` of columns in table order; of a vector only the first and the last, as lists of all of them would be
-/// cut.
-fn listed(names: &[&str]) -> String {
-    let mut words: Vec<String> = Vec::new();
+/// Bytes of a list of columns: longer warnings would be cut.
+const LONGEST_LIST: usize = 400;
+
+/// The `names` of columns in table order, of a vector only the first and the last, in as many lists as it takes.
+fn listed(names: &[&str]) -> Vec<String> {
+    let mut lists: Vec<String> = Vec::new();
+    let mut put = |word: String| match lists.last_mut().filter(|list| list.len() + word.len() < LONGEST_LIST) {
+        Some(list) => *list += &format!(", {word}"),
+        None => lists.push(word),
+    };
     let mut rest = names;
     while let Some((first, after)) = rest.split_first() {
         let is_vector =
             |stem: &str| after.len() > 1 && after[0] == format!("{stem}_y") && after[1] == format!("{stem}_z");
         if first.strip_suffix("_x").is_some_and(is_vector) {
-            words.push(format!("{first} to {}", after[1]));
+            put(format!("{first} to {}", after[1]));
             rest = &after[2..];
         } else {
-            words.push((*first).to_owned());
+            put((*first).to_owned());
             rest = after;
         }
     }
-    words.join(", ")
+    lists
 }
 
 /// Writes `cloud` to the new file `path`, and its label names next to it if `format` cannot hold them, in a folder that
@@ -442,7 +457,7 @@ mod tests {
     #[test]
     fn a_disk_that_is_full_at_any_write_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
-        let mut cloud = PointCloud { len: 20_000, fields: FieldSet::all(), ..PointCloud::default() };
+        let mut cloud = PointCloud { len: 4_000, fields: FieldSet::all(), ..PointCloud::default() };
         cloud.columns.resize(cloud.fields, cloud.len).unwrap();
         for format in FORMATS.iter().filter(|format| format.name() != "hdf5") {
             let path = folder.path().join("a");

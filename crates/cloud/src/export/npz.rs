@@ -129,7 +129,13 @@ impl Archive {
     }
 
     /// Adds the array `name` of elements of the NumPy type `kind`, in the machine's byte order.
-    fn add<T: bytemuck::NoUninit>(&mut self, name: &str, kind: &str, shape: &[usize], data: &[T]) -> io::Result<()> {
+    pub(super) fn add<T: bytemuck::NoUninit>(
+        &mut self,
+        name: &str,
+        kind: &str,
+        shape: &[usize],
+        data: &[T],
+    ) -> io::Result<()> {
         self.start(name, kind, shape, size_of_val(data))?;
         self.zip.write_all(bytemuck::cast_slice(data))
     }

@@ -1,7 +1,7 @@
 //! Sonar pings and their images to files.
 
 use super::Instrument;
-use super::npz::Archive;
+use super::arrays::{ArrayFile, check_ending, into_arrays, into_file};
 use super::pixels::Png;
 use super::{kmall, xtf};
 use crate::cells::{SonarView, Sounding, Track};
@@ -42,24 +42,8 @@ pub fn check_pings(path: &Path, sensor: &impl Instrument) -> Result<()> {
 /// # Errors
 /// An ending of no format for images; a missing folder or one that cannot be written to.
 pub fn check_image(path: &Path) -> Result<()> {
-    check_ending(path, "images of pings", IMAGES)?;
+    check_ending(path, "images", IMAGES)?;
     Pending::create(path).map(drop)
-}
-
-fn check_ending(path: &Path, what: &str, endings: &[&str]) -> Result<()> {
-    let ending = ending(path);
-    if !endings.contains(&&*ending) {
-        let all: Vec<String> = endings.iter().map(|ending| format!(".{ending}")).collect();
-        return Err(Error::Unsupported {
-            what: format!("the ending of the output file {}", shown::path(path)),
-            instead: format!("{what} are written as {}", all.join(", ")),
-        });
-    }
-    if cfg!(not(feature = "hdf5")) && ["h5", "hdf5"].contains(&&*ending) {
-        let instead = "build echocast with the feature hdf5".into();
-        return Err(Error::Unsupported { what: "HDF5 in this build".into(), instead });
-    }
-    Ok(())
 }
 
 /// Checks that survey programs expect pings of such a sonar in such a file.
@@ -119,89 +103,12 @@ impl Image {
     /// As [`check_image`]; arrays of another size than the image; no memory; a full disk.
     pub fn write(&self, path: impl AsRef<Path>) -> Result<Report> {
         let path = path.as_ref();
-        check_ending(path, "images of pings", IMAGES)?;
+        check_ending(path, "images", IMAGES)?;
         self.check()?;
         if ending(path) == "png" {
             return write_pngs(self, path);
         }
         into_arrays(path, |file, report| write_image(file, self, report))
-    }
-}
-
-/// Writes a file with `fill`.
-fn into_file(path: &Path, fill: impl FnOnce(&Pending, &mut Report) -> io::Result<()>) -> Result<Report> {
-    let mut report = Report::default();
-    let pending = Pending::create(path)?;
-    fill(&pending, &mut report).map_err(|source| match source.kind() {
-        io::ErrorKind::OutOfMemory => Error::Memory("a column of all pings".to_owned()),
-        _ => failed(path, source),
-    })?;
-    pending.commit()?;
-    Ok(report)
-}
-
-/// Writes a file of arrays with `fill`.
-fn into_arrays(path: &Path, fill: impl FnOnce(&mut ArrayFile, &mut Report) -> io::Result<()>) -> Result<Report> {
-    into_file(path, |pending, report| {
-        let mut file = ArrayFile::create(pending, path)?;
-        fill(&mut file, report)?;
-        file.finish()
-    })
-}
-
-/// A file of named arrays.
-enum ArrayFile {
-    Npz(Box<Archive>),
-    #[cfg(feature = "hdf5")]
-    Hdf5(::hdf5::File),
-}
-
-/// Name, unit and meaning of an array.
-type ArrayCaption<'a> = [&'a str; 3];
-
-impl ArrayFile {
-    fn create(pending: &Pending, named: &Path) -> io::Result<ArrayFile> {
-        #[cfg(feature = "hdf5")]
-        if ending(named) != "npz" {
-            return echocast_hdf5::create(pending.path()).map(ArrayFile::Hdf5).map_err(echocast_hdf5::io_error);
-        }
-        debug_assert_eq!(ending(named), "npz");
-        Archive::create(pending.path()).map(|file| ArrayFile::Npz(Box::new(file)))
-    }
-
-    fn add(&mut self, about: ArrayCaption, shape: &[usize], data: Column<'_>) -> io::Result<()> {
-        match self {
-            // NumPy arrays have only names.
-            ArrayFile::Npz(file) => file.column(about[0], shape, data),
-            #[cfg(feature = "hdf5")]
-            ArrayFile::Hdf5(file) => super::hdf5::add_column(file, about[0], shape, data)
-                .and_then(|dataset| super::hdf5::describe(&dataset, about[1], about[2]))
-                .map_err(echocast_hdf5::io_error),
-        }
-    }
-
-    fn text(&mut self, name: &str, words: &str) -> io::Result<()> {
-        match self {
-            ArrayFile::Npz(file) => file.text(name, words),
-            #[cfg(feature = "hdf5")]
-            ArrayFile::Hdf5(file) => super::hdf5::add_text(file, name, words).map_err(echocast_hdf5::io_error),
-        }
-    }
-
-    fn names(&mut self, labels: &Labels, report: &mut Report) -> io::Result<()> {
-        match self {
-            ArrayFile::Npz(file) => file.names(labels, report),
-            #[cfg(feature = "hdf5")]
-            ArrayFile::Hdf5(file) => super::hdf5::add_names(file, labels, report).map_err(echocast_hdf5::io_error),
-        }
-    }
-
-    fn finish(self) -> io::Result<()> {
-        match self {
-            ArrayFile::Npz(file) => file.finish(),
-            #[cfg(feature = "hdf5")]
-            ArrayFile::Hdf5(file) => file.close().map_err(echocast_hdf5::io_error),
-        }
     }
 }
 
@@ -335,6 +242,7 @@ fn joined<'a, T, I: Iterator<Item = T>>(pings: &'a [Ping], part: impl Fn(&'a Pin
 fn quantity(kind: ImageKind) -> [&'static str; 2] {
     match kind {
         ImageKind::DepthMap => ["height, world z", "m"],
+        ImageKind::RangeDoppler | ImageKind::Polar | ImageKind::PolarFan => ["power at the receiver", "dBm"],
         _ => ["echo level with time-varied gain", "dB re 1 uPa"],
     }
 }

@@ -1,6 +1,7 @@
 //! Messages of ROS 2: their definitions and their bytes.
 //!
-//! Definitions: common_interfaces and geometry2 of ROS 2 Jazzy, vision_msgs 4.1. Bytes: CDR (OMG, DDS-XTypes 1.3,
+//! Definitions: common_interfaces and geometry2 of ROS 2 Jazzy, vision_msgs 4.1, radar_msgs 0.2, continental_msgs of
+//! Nebula. Bytes: CDR (OMG, DDS-XTypes 1.3,
 //! 7.4.1), little endian: each number is at a multiple of its size, counted from the end of the four-byte header.
 
 use echocast_memory::tried;
@@ -9,7 +10,7 @@ use ground::pose::Pose;
 use std::io;
 
 /// Types and their members, line by line.
-const TYPES: [(&str, &str); 21] = [
+const TYPES: [(&str, &str); 25] = [
     ("builtin_interfaces/Time", "int32 sec\nuint32 nanosec"),
     ("std_msgs/Header", "builtin_interfaces/Time stamp\nstring frame_id"),
     ("std_msgs/String", "string data"),
@@ -57,6 +58,28 @@ const TYPES: [(&str, &str); 21] = [
          string id",
     ),
     ("vision_msgs/Detection3DArray", "std_msgs/Header header\nvision_msgs/Detection3D[] detections"),
+    (
+        "radar_msgs/RadarReturn",
+        "float32 range\nfloat32 azimuth\nfloat32 elevation\nfloat32 doppler_velocity\nfloat32 amplitude",
+    ),
+    ("radar_msgs/RadarScan", "std_msgs/Header header\nradar_msgs/RadarReturn[] returns"),
+    (
+        "continental_msgs/ContinentalArs548Detection",
+        "float32 azimuth_angle\nfloat32 azimuth_angle_std\nbool invalid_distance\nbool invalid_distance_std\n\
+         bool invalid_azimuth\nbool invalid_azimuth_std\nbool invalid_elevation\nbool invalid_elevation_std\n\
+         bool invalid_range_rate\nbool invalid_range_rate_std\nfloat32 elevation_angle\nfloat32 elevation_angle_std\n\
+         float32 range\nfloat32 range_std\nfloat32 range_rate\nfloat32 range_rate_std\nint8 rcs\nuint16 measurement_id\n\
+         uint8 raw_positive_predictive_value\nuint8 classification\nuint8 raw_multi_target_probability\n\
+         uint16 object_id\nuint8 raw_ambiguity_flag",
+    ),
+    (
+        "continental_msgs/ContinentalArs548DetectionList",
+        "std_msgs/Header header\nuint8 stamp_sync_status\ngeometry_msgs/Point origin_pos\nfloat32 origin_pitch\n\
+         float32 origin_pitch_std\nfloat32 origin_yaw\nfloat32 origin_yaw_std\nfloat32 ambiguity_free_velocity_min\n\
+         float32 ambiguity_free_velocity_max\nfloat32 alignment_azimuth_correction\n\
+         float32 alignment_elevation_correction\nuint8 alignment_status\n\
+         continental_msgs/ContinentalArs548Detection[] detections",
+    ),
 ];
 
 /// The definition of `name`, such as `std_msgs/Header`, followed by those of the types in it.
@@ -128,8 +151,20 @@ impl CdrWriter {
         self.0.push(value);
     }
 
+    pub fn i8(&mut self, value: i8) {
+        self.number(value.to_le_bytes());
+    }
+
+    pub fn u16(&mut self, value: u16) {
+        self.number(value.to_le_bytes());
+    }
+
     pub fn u32(&mut self, value: u32) {
         self.number(value.to_le_bytes());
+    }
+
+    pub fn f32s(&mut self, values: &[f32]) {
+        values.iter().for_each(|value| self.number(value.to_le_bytes()));
     }
 
     pub fn f64s(&mut self, values: &[f64]) {

@@ -111,23 +111,58 @@ pub(super) fn limits(angles: Vec<f64>) -> Vec<(usize, [f64; 2])> {
 }
 
 fn draw(pings: &Pings, sectors: &[Sector], pixels: usize) -> Result<Image> {
+    let layout = &pings.pings[0].layout;
+    let axes = ["right, m", if layout.view == SonarView::Swath { "up, m" } else { "ahead, m" }];
+    let limits: Vec<[f64; 2]> = sectors.iter().map(|sector| sector.limits).collect();
+    let bins = FanBins { first: 0.0, step: layout.bin_m, count: layout.bins };
+    let LaidOut { size, place, mut sources } = lay_out(&limits, &bins, pixels, axes)?;
+    for source in sources.iter_mut().filter(|source| **source != PixelSource::NONE) {
+        let Sector { ping, beam, .. } = sectors[source.ping as usize];
+        *source = PixelSource { ping: ping as u32, cell: layout.cell(beam, 0, source.cell as usize) as u32 };
+    }
+    of_sources(ImageKind::Fan, &pings.pings, size, &sources, place)
+}
+
+/// The range bins of all sectors.
+pub(super) struct FanBins {
+    /// Near end of the first, m.
+    pub first: f64,
+    /// Length of each, m.
+    pub step: f64,
+    pub count: usize,
+}
+
+/// What the pixels of a fan show.
+pub(super) struct LaidOut {
+    /// Columns and rows.
+    pub size: [usize; 2],
+    pub place: Place,
+    /// For each pixel the sector, as `ping`, and the range bin, as `cell`.
+    pub sources: Vec<PixelSource>,
+}
+
+/// Lays out sectors, each with the angles that it covers, counter-clockwise from up in the image, rad; later ones cover
+/// earlier ones. The longer side has `pixels` pixels.
+///
+/// # Errors
+/// A side out of bounds; no memory.
+pub(super) fn lay_out(sectors: &[[f64; 2]], bins: &FanBins, pixels: usize, axes: [&'static str; 2]) -> Result<LaidOut> {
     if !SIDES.contains(&pixels) {
         let allowed = format!("{} to {} pixels", SIDES.start(), SIDES.end());
         return Err(Error::invalid("side of a fan", pixels, allowed));
     }
-    let layout = &pings.pings[0].layout;
     // The sector that covers each direction.
     let mut looks: Vec<Option<usize>> = filled(DIRECTIONS, None)?;
     let turn = DIRECTIONS as f64 / TAU;
-    for (sector, Sector { limits, .. }) in sectors.iter().enumerate() {
+    for (sector, limits) in sectors.iter().enumerate() {
         let [from, to] = limits.map(|angle| (angle * turn).round() as i64);
         // At least one direction, at most all of them.
         for direction in from..to.clamp(from + 1, from + DIRECTIONS as i64) {
             looks[direction.rem_euclid(DIRECTIONS as i64) as usize] = Some(sector);
         }
     }
-    // Extent of the beams on all sides, starting at the sonar.
-    let reach = layout.reach();
+    // Extent of the beams on all sides, starting at the instrument.
+    let reach = bins.first + bins.count as f64 * bins.step;
     let (mut low, mut high) = (DVec2::ZERO, DVec2::ZERO);
     for direction in (0..DIRECTIONS).filter(|&direction| looks[direction].is_some()) {
         let (sin, cos) = ((direction as f64 + 0.5) / turn).sin_cos();
@@ -138,27 +173,22 @@ fn draw(pings: &Pings, sectors: &[Sector], pixels: usize) -> Result<Image> {
     let metres = size.max_element() / pixels as f64;
     let [width, height] = (size / metres).ceil().max(DVec2::ONE).min(DVec2::splat(pixels as f64)).to_array();
     let (width, height) = (width as usize, height as usize);
-    let place = Place {
-        first: [low.x + 0.5 * metres, high.y - 0.5 * metres],
-        step: [metres, -metres],
-        axes: ["right, m", if layout.view == SonarView::Swath { "up, m" } else { "ahead, m" }],
-    };
+    let place = Place { first: [low.x + 0.5 * metres, high.y - 0.5 * metres], step: [metres, -metres], axes };
     let mut sources = filled(width * height, PixelSource::NONE)?;
     for (row, line) in sources.chunks_exact_mut(width).enumerate() {
         let up = place.first[1] + row as f64 * place.step[1];
         for (column, source) in line.iter_mut().enumerate() {
             let right = place.first[0] + column as f64 * place.step[0];
-            let bin = (right.hypot(up) / layout.bin_m) as usize;
+            let bin = (right.hypot(up) - bins.first) / bins.step;
             let direction = ((-right).atan2(up) * turn).floor().rem_euclid(DIRECTIONS as f64) as usize;
-            if bin < layout.bins
+            if (0.0..bins.count as f64).contains(&bin)
                 && let Some(sector) = looks[direction.min(DIRECTIONS - 1)]
             {
-                let Sector { ping, beam, .. } = sectors[sector];
-                *source = PixelSource { ping: ping as u32, cell: layout.cell(beam, 0, bin) as u32 };
+                *source = PixelSource { ping: sector as u32, cell: bin as u32 };
             }
         }
     }
-    of_sources(ImageKind::Fan, &pings.pings, [width, height], &sources, place)
+    Ok(LaidOut { size: [width, height], place, sources })
 }
 
 #[cfg(test)]

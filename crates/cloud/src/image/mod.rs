@@ -1,5 +1,6 @@
 //! Images of what sensors report: of sonar pings the waterfall, mosaic, fan and depth map, each with its labels; of
-//! cameras and other optical sensors whose beams form rows the [`RangeImage`], and what it shows of each instance.
+//! radars range by Doppler and polar images; of cameras and other optical sensors whose beams form rows the
+//! [`RangeImage`], and what it shows of each instance.
 //!
 //! Images of pings are made only from what a sonar reports, as its own software would make them: the scene is not used.
 //! Levels are drawn with the sonar's time-varied gain. The pings are not changed.
@@ -12,6 +13,7 @@ mod layer;
 mod layers;
 mod mosaic;
 mod pixels;
+mod radar;
 pub mod range_image;
 mod soundings;
 #[cfg(test)]
@@ -25,6 +27,7 @@ pub use layer::Layer;
 pub use layers::Layers;
 pub use mosaic::{Overlap, mosaic};
 pub use mosaic::{fitting as fitting_mosaic, heading};
+pub use radar::{polar, polar_fan, range_doppler};
 pub use range_image::RangeImage;
 pub use soundings::depth_map;
 pub use soundings::fitting_cell as fitting_depth_cell;
@@ -47,10 +50,16 @@ pub enum ImageKind {
     Waterfall,
     /// What the sonar saw, from above: x to the right, y up.
     Mosaic,
-    /// What one ping, or one turn of a beam, saw, laid out by beam and range.
+    /// What one ping, or one turn of a beam, of a sonar saw, laid out by beam and range.
     Fan,
     /// Height of the bed from soundings, seen from above: x to the right, y up.
     DepthMap,
+    /// Power in the cube of a radar: a column for each velocity, receding to the right, the farthest range at the top.
+    RangeDoppler,
+    /// Power in the polar image of a radar: a row for each azimuth, clockwise.
+    Polar,
+    /// The same laid out by azimuth and range, ahead up.
+    PolarFan,
 }
 
 impl ImageKind {
@@ -61,6 +70,9 @@ impl ImageKind {
             ImageKind::Mosaic => "mosaic",
             ImageKind::Fan => "fan",
             ImageKind::DepthMap => "depth_map",
+            ImageKind::RangeDoppler => "range_doppler",
+            ImageKind::Polar => "polar",
+            ImageKind::PolarFan => "polar_fan",
         }
     }
 }
@@ -88,8 +100,8 @@ pub struct Image {
     pub width: usize,
     /// Rows.
     pub height: usize,
-    /// Row by row from the top: echo level with time-varied gain, dB re 1 uPa; for a depth map height, world z, m. NaN
-    /// where there is nothing.
+    /// Row by row from the top: echo level with time-varied gain, dB re 1 uPa; of a radar power at the receiver, dBm;
+    /// for a depth map height, world z, m. NaN where there is nothing.
     pub values: Vec<f32>,
     /// The label columns of the pings, pixel by pixel like `values`.
     pub layers: Vec<LabelLayer>,
@@ -118,7 +130,7 @@ pub struct Place {
     pub step: [f64; 2],
     /// What the coordinates are, with their unit: `across, m` (starboard is positive) and `ping` (index) of a
     /// waterfall; `x, m` and `y, m` of maps, in the world; `right, m` and `ahead, m` or `up, m` of a fan, from the
-    /// sonar.
+    /// instrument; `velocity, m/s`, receding, `range, m` and `azimuth, rad`, clockwise, of a radar.
     pub axes: [&'static str; 2],
 }
 

@@ -610,6 +610,16 @@ int main(int argc, char **argv)
         REFUSED(echocast_pings_get_info(pings, 0, &ping_info));
     }
     BAD_HANDLES(echocast_pings, wrong, echocast_pings_view(wrong, 0, "intensity", &column));
+    echocast_radar_info radar_info = ECHOCAST_RADAR_INFO_INIT;
+    echocast_radar *radar = NULL;
+    REFUSED(echocast_radar_frame(snapshot, &scan, ECHOCAST_RADAR_CUBE, &radar, NULL)); /* a sonar */
+    REFUSED(echocast_radar_frame(snapshot, &scan, 4, &radar, NULL));
+    REFUSED(echocast_radar_frame(snapshot, NULL, 0, &radar, NULL));
+    REFUSED(echocast_radar_frame(snapshot, &scan, 0, NULL, NULL));
+    CHECK(radar == NULL);
+    BAD_HANDLES(echocast_radar, wrong, echocast_radar_get_info(wrong, &radar_info));
+    BAD_HANDLES(echocast_radar, wrong, echocast_radar_write(wrong, "frame.npz"));
+    BAD_HANDLES(echocast_radar, wrong, echocast_radar_preview(wrong, "frame.png", "{view: range_doppler}"));
     BAD_TEXTS(name, echocast_pings_view(pings, 0, name, &column));
     REFUSED(echocast_pings_view(pings, SIZE_MAX, "intensity", &column));
     REFUSED(echocast_pings_view(pings, 0, "x", &column));

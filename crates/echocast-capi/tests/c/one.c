@@ -44,6 +44,7 @@ int main(void)
     PRINT(echocast_scan_desc, ECHOCAST_SCAN_DESC_INIT);
     PRINT(echocast_result_info, ECHOCAST_RESULT_INFO_INIT);
     PRINT(echocast_ping_info, ECHOCAST_PING_INFO_INIT);
+    PRINT(echocast_radar_info, ECHOCAST_RADAR_INFO_INIT);
     PRINT(echocast_scan_info, ECHOCAST_SCAN_INFO_INIT);
     PRINT(echocast_frame_info, ECHOCAST_FRAME_INFO_INIT);
     {

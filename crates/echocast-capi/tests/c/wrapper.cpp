@@ -155,6 +155,16 @@ int main(int argc, char **argv) try {
         require(false, "numbers as levels");
     } catch (const std::invalid_argument &) {
     }
+    const echocast::sensor doppler(context, "ti_awr1843");
+    send.sensor = doppler.get();
+    send.columns = nullptr;
+    echocast::radar frame;
+    echocast::result detections;
+    echocast::radar_frame(scene.commit(), send, ECHOCAST_RADAR_CUBE | ECHOCAST_RADAR_SAMPLES, frame, detections);
+    const echocast_radar_info shape = frame.info();
+    require(frame.cube().size() == std::size_t(2) * shape.channels * shape.velocities * shape.ranges, "a cube");
+    require(frame.elements().size() == 3 * shape.channels && !frame.samples().empty(), "its elements and samples");
+    require(frame.polar_dbm().empty(), "no polar image");
     try {
         echocast::ping(scene.commit(), sensor, echocast::pose_at(0, 0, -20));
         require(false, "a lidar pings");

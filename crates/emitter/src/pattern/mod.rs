@@ -3,6 +3,7 @@
 mod fan;
 mod janus;
 mod pinhole;
+mod radar;
 mod raster;
 mod risley;
 mod sonar;
@@ -12,6 +13,7 @@ mod table;
 pub use fan::Fan;
 pub use janus::{JANUS_BEAMS, Janus};
 pub use pinhole::{Pinhole, Rays};
+pub use radar::{RadarRotor, RadarView};
 pub use raster::Raster;
 pub use risley::{Face, Prism, Risley};
 pub use sonar::{Flat, Imaging, Multibeam, Sides, Sidescan, SingleBeam, Spacing};
@@ -51,13 +53,29 @@ pub enum Pattern {
     SingleBeam(SingleBeam),
     /// Four beams of sound, down and outwards: those of a Doppler velocity log.
     Dvl(Janus),
+    /// A radar that looks everywhere at once.
+    Radar(RadarView),
+    /// A radar whose antenna rotates.
+    RadarRotor(RadarRotor),
     /// Beams given in code (`Sensor::from_beams`); files cannot express this.
     Custom,
 }
 
 /// Words for the patterns in files.
-const WORDS: [&str; 10] =
-    ["spinning", "raster", "pinhole", "risley", "table", "sidescan", "multibeam", "imaging", "single_beam", "dvl"];
+const WORDS: [&str; 12] = [
+    "spinning",
+    "raster",
+    "pinhole",
+    "risley",
+    "table",
+    "sidescan",
+    "multibeam",
+    "imaging",
+    "single_beam",
+    "dvl",
+    "radar",
+    "radar_rotor",
+];
 
 impl<'de> Deserialize<'de> for Pattern {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
@@ -73,6 +91,8 @@ impl<'de> Deserialize<'de> for Pattern {
             "imaging" => Pattern::Imaging(section.read()?),
             "single_beam" => Pattern::SingleBeam(section.read()?),
             "dvl" => Pattern::Dvl(section.read()?),
+            "radar" => Pattern::Radar(section.read()?),
+            "radar_rotor" => Pattern::RadarRotor(section.read()?),
             "custom" => Pattern::Custom,
             _ => return Err(section.unknown(&word, &WORDS)),
         })
@@ -112,6 +132,8 @@ impl Pattern {
             Pattern::Imaging(imaging) => imaging.check(bounds),
             Pattern::SingleBeam(beam) => beam.check(bounds),
             Pattern::Dvl(janus) => janus.check(bounds),
+            Pattern::Radar(view) => view.check(bounds),
+            Pattern::RadarRotor(rotor) => rotor.check(bounds),
             Pattern::Custom => Ok(()),
         }
     }
@@ -141,6 +163,11 @@ impl Pattern {
         )
     }
 
+    /// Whether it is the pattern of a radar.
+    pub fn is_of_radar(&self) -> bool {
+        matches!(self, Pattern::Radar(_) | Pattern::RadarRotor(_))
+    }
+
     /// Whether every scan has the same beams.
     pub fn repeats(&self) -> bool {
         !matches!(self, Pattern::Risley(_))
@@ -163,6 +190,8 @@ impl Pattern {
             Pattern::Imaging(imaging) => imaging.beams(),
             Pattern::SingleBeam(beam) => beam.beams(),
             Pattern::Dvl(janus) => janus.beams(),
+            Pattern::Radar(view) => view.beams(),
+            Pattern::RadarRotor(rotor) => rotor.beams(),
             Pattern::Custom => Err(Error::invalid(
                 "pattern.type",
                 "custom",

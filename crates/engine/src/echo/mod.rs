@@ -1,6 +1,7 @@
-//! From hits to echoes: how much light or sound returns.
+//! From hits to echoes: how much light, sound or radar waves return.
 
 mod light;
+pub(crate) mod radar;
 pub mod sound;
 
 pub(crate) use light::{

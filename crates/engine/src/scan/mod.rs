@@ -6,13 +6,15 @@ mod light;
 mod nothing;
 mod options;
 mod printed;
+mod radar;
 mod sound;
 
 pub use ground::profile::Profile;
 pub use nothing::why_nothing;
 pub use options::ScanOptions;
+pub use radar::RadarRecord;
 
-use crate::sensor::Sensor;
+use crate::sensor::{Sensor, SensorKind};
 use crate::trace::BuiltScene;
 use cloud::{Field, FieldSet, PointCloud};
 use emitter::Trajectory;
@@ -137,6 +139,18 @@ impl BuiltScene {
         cloud: &mut PointCloud,
         mut progress: Option<Progress>,
     ) -> Result<()> {
+        if sensor.kind() == SensorKind::Radar {
+            if options.deskew {
+                return Err(Error::invalid("deskew", true, "false for radars, whose detections are of one moment"));
+            }
+            if progress.as_mut().is_some_and(|progress| progress(0.0).is_break()) {
+                *cloud = PointCloud::default();
+                return Err(Error::Cancelled);
+            }
+            self.scan_radar(sensor, trajectory, options, cloud)?;
+            let _ = progress.map(|progress| progress(1.0));
+            return Ok(());
+        }
         if sensor.kind().makes_pings() {
             if options.deskew {
                 return Err(Error::invalid("deskew", true, "false for sonars, whose pings have one pose each"));
@@ -159,7 +173,8 @@ impl BuiltScene {
     /// Explains what happens to beam `beam` of such a scan, step by step with numbers: where it goes, what it hits,
     /// what returns, and which part of that is detected and reported. For a sonar, explains the ray of the beam's echo,
     /// layer by layer, and the terms of the sonar equation; in the profiles of the paper and its program `beam` is a
-    /// ray of their fan.
+    /// ray of their fan. For a radar, `beam` is the number of a detection: explains the terms of the radar equation, and
+    /// its strongest paths with their powers, phases and bounces.
     ///
     /// # Errors
     /// As [`BuiltScene::scan`], and a beam that does not exist.
@@ -178,6 +193,10 @@ impl BuiltScene {
                 Profile::Physical => self.explain_ping(sensor, trajectory, &options, beam),
                 _ => self.explain_printed(sensor, trajectory, &options, beam),
             };
+        }
+        if sensor.kind() == SensorKind::Radar {
+            check_physical(options.profile, "physical, the only one with radars")?;
+            return self.explain_radar(sensor, trajectory, &options, beam);
         }
         self.explain_light(sensor, trajectory, &options, beam)
     }

@@ -35,8 +35,10 @@ impl SensorSpec {
             format_args!("above 0, at most {FARTHEST_M}"),
         )?;
         bounds.rising(("range.min_m", range.min_m), ("range.max_m", range.max_m))?;
-        if self.kind == SensorKind::Sonar {
-            return self.check_sonar(bounds);
+        match self.kind {
+            SensorKind::Sonar => return self.check_sonar(bounds),
+            SensorKind::Radar => return self.check_radar(bounds),
+            SensorKind::Lidar | SensorKind::Tof => {}
         }
         self.check_kind()?;
         self.check_beam(bounds)?;
@@ -61,15 +63,48 @@ impl SensorSpec {
         if self.pattern.is_of_sound() {
             return Err(Error::invalid("pattern.type", "that of a sonar", "with kind: sonar only"));
         }
-        for (key, given) in [("acoustics", self.acoustics.is_some()), ("dvl", self.dvl.is_some())] {
-            if given {
-                return Err(Error::invalid(key, "given", "with kind: sonar only"));
-            }
+        if self.pattern.is_of_radar() {
+            return Err(Error::invalid("pattern.type", "that of a radar", "with kind: radar only"));
         }
+        self.check_sections()?;
         if self.driver.is_some() && self.kind != SensorKind::Lidar {
             return Err(Error::invalid("driver", "given", "with kind: lidar only"));
         }
         Ok(())
+    }
+
+    /// Sections that go with one kind of sensor.
+    fn check_sections(&self) -> Result<()> {
+        for (key, given, kind) in [
+            ("acoustics", self.acoustics.is_some(), SensorKind::Sonar),
+            ("dvl", self.dvl.is_some(), SensorKind::Sonar),
+            ("radar", self.radar.is_some(), SensorKind::Radar),
+        ] {
+            if given && self.kind != kind {
+                return Err(Error::invalid(key, "given", format!("with kind: {kind} only")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks that no section for light is given with `kind: sonar` or `radar`, which have `own` ones.
+    pub(super) fn check_no_light(&self, own: &str) -> Result<()> {
+        let SensorSpec { beam, detection, returns, noise, intensity, kind, .. } = self;
+        for (key, given) in [
+            ("driver", self.driver.is_some()),
+            ("beam", *beam != BeamSpec::default()),
+            ("detection", *detection != DetectionSpec::default()),
+            ("returns", *returns != ReturnsSpec::default()),
+            ("noise", *noise != Noise::default()),
+            ("intensity", *intensity != IntensitySpec::default()),
+            ("doppler", self.doppler.is_some()),
+            ("tof", self.tof.is_some()),
+        ] {
+            if given {
+                return Err(Error::invalid(key, "given", format!("with other kinds than {kind}; a {kind} has {own}")));
+            }
+        }
+        self.check_sections()
     }
 
     /// The beam, its sub-rays and its pulse.
@@ -201,21 +236,8 @@ impl SensorSpec {
             let allowed = "sidescan, multibeam, imaging, single_beam or dvl with kind: sonar";
             return Err(Error::invalid("pattern.type", "that of another kind of sensor", allowed));
         }
-        let SensorSpec { beam, range, detection, returns, noise, intensity, .. } = self;
-        for (key, given) in [
-            ("driver", self.driver.is_some()),
-            ("beam", *beam != BeamSpec::default()),
-            ("detection", *detection != DetectionSpec::default()),
-            ("returns", *returns != ReturnsSpec::default()),
-            ("noise", *noise != Noise::default()),
-            ("intensity", *intensity != IntensitySpec::default()),
-            ("doppler", self.doppler.is_some()),
-            ("tof", self.tof.is_some()),
-        ] {
-            if given {
-                return Err(Error::invalid(key, "given", "with other kinds than sonar; a sonar has acoustics"));
-            }
-        }
+        self.check_no_light("acoustics")?;
+        let range = &self.range;
         let allowed = "0 with kind: sonar, whose range bins are acoustics.bin_m long";
         bounds.number("range.resolution_m", range.resolution_m, [0.0; 2], allowed)?;
         if range.max_m.is_none() {
@@ -260,6 +282,21 @@ impl SensorSpec {
             return Err(Error::invalid("pattern.rays", found, allowed));
         }
         Ok(())
+    }
+
+    /// The part of [`SensorSpec::check_with`] for radars.
+    fn check_radar(&self, bounds: &mut Bounds) -> Result<()> {
+        let Some(radar) = &self.radar else {
+            return Err(Error::invalid("radar", "missing", "a section with kind: radar"));
+        };
+        if !self.pattern.is_of_radar() {
+            let allowed = "radar or radar_rotor with kind: radar";
+            return Err(Error::invalid("pattern.type", "that of another kind of sensor", allowed));
+        }
+        self.check_no_light("radar")?;
+        let allowed = "0 with kind: radar, whose range cells follow from radar.waveform";
+        bounds.number("range.resolution_m", self.range.resolution_m, [0.0; 2], allowed)?;
+        radar.check(bounds, &self.pattern)
     }
 
     /// Turns `document` into a checked description.

@@ -1,6 +1,6 @@
 //! Parameters of a sensor by key.
 
-use super::{Sensor, SensorKind, SensorSpec};
+use super::{Sensor, SensorSpec};
 use ground::error::{Error, Result};
 use ground::read::bounds::{Bounds, Parameter};
 use ground::read::yaml::{self, Document};
@@ -56,9 +56,7 @@ impl Sensor {
                 ));
             }
             None if yaml::same_path(key, "range.max_m") => f64::INFINITY,
-            None if !(self.kind() == SensorKind::Sonar && is_of_light(key)) && takes_numbers(tree.clone(), key) => {
-                f64::NAN
-            }
+            None if (self.kind().is_optical() || !is_of_light(key)) && takes_numbers(tree.clone(), key) => f64::NAN,
             None => {
                 let known: BTreeSet<String> = yaml::numbers(&tree).into_iter().chain(bounds.keys).collect();
                 return Err(Error::missing("numeric parameter", key, known));
@@ -73,7 +71,7 @@ impl Sensor {
     }
 }
 
-/// Whether the section of `key` is not allowed for a sonar.
+/// Whether the section of `key` is for light only.
 fn is_of_light(key: &str) -> bool {
     let section = key.split(['.', '[']).next().unwrap_or_default();
     ["beam", "detection", "returns", "noise", "intensity", "doppler", "tof"].contains(&section)

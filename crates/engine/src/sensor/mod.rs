@@ -3,6 +3,7 @@
 mod check;
 mod keys;
 mod presets;
+mod radar;
 mod reception;
 mod rings;
 mod signals;
@@ -13,6 +14,8 @@ mod tests;
 mod tof;
 
 pub use presets::PresetInfo;
+pub(crate) use radar::{FrameDetector, RadarParts};
+pub use radar::{RadarSpec, RadarWindows};
 pub(crate) use reception::Reception;
 pub(crate) use signals::{Adaptive, Signals};
 pub use sonar::{AcousticsSpec, Speckle, Sweep, Tvg};
@@ -71,6 +74,8 @@ pub struct Sensor {
     /// Quantiles of the texture of a sonar's echoes; empty: none.
     #[doc(hidden)]
     pub texture: Arc<[f32]>,
+    /// What a radar computes once.
+    radar: Option<Arc<RadarParts>>,
     /// Transducers of a sonar, for the wavelengths that it has been used at; shared with copies.
     transducers: Arc<Mutex<Transducers>>,
     /// Receptions prepared for scans; shared with copies.
@@ -172,6 +177,14 @@ impl Sensor {
             rings: rings::of_channels(&spec, &beams, channels),
             signals: Arc::new(Signals::new(&spec)),
             texture: spec.acoustics.as_ref().and_then(|it| it.texture_shape).map_or_else(|| Arc::from([]), texture),
+            radar: spec
+                .radar
+                .as_ref()
+                .map(|radar| {
+                    RadarParts::new(radar, &spec.pattern, [spec.range.min_m, spec.range.max_m.unwrap_or(f64::INFINITY)])
+                })
+                .transpose()?
+                .map(Arc::new),
             transducers: Arc::default(),
             receptions: Arc::default(),
             drawn: Arc::default(),
@@ -191,7 +204,8 @@ impl Sensor {
         const SLOW: f64 = 1000.0;
         let last = self.beams.last_time();
         let sound = if self.spec.kind == SensorKind::Sonar { self.range_max_m / SLOW } else { 0.0 };
-        (last + if sound.is_finite() { sound } else { 0.0 }).max(LEAST)
+        let chirps = self.spec.radar.as_ref().map_or(0.0, |radar| radar.waveform.duration(radar.array.tx.len()));
+        (last + chirps + if sound.is_finite() { sound } else { 0.0 }).max(LEAST)
     }
 
     /// The errors of its ranges.
@@ -285,6 +299,10 @@ impl Sensor {
         let mut fields = FieldSet::default();
         if self.doppler.is_some() {
             fields = fields.with(Field::Doppler);
+        }
+        if self.kind() == SensorKind::Radar {
+            let own = [Field::Azimuth, Field::Elevation, Field::Doppler, Field::Rcs, Field::Snr, Field::Path];
+            fields = fields.without(Field::Ring).without(Field::Channel).union(own.into_iter().collect());
         }
         if self.kind() == SensorKind::Sonar {
             fields = fields.without(Field::Ring).with(Field::Cause);

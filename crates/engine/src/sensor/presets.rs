@@ -19,7 +19,7 @@ pub struct PresetInfo {
     pub title: String,
     /// What it measures with.
     pub kind: SensorKind,
-    /// Group: `lidar`, `tof`, `sonar`, `paper`.
+    /// Group: `lidar`, `tof`, `sonar`, `radar`, `paper`.
     pub folder: String,
 }
 

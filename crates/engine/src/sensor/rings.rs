@@ -1,6 +1,6 @@
 //! Ring numbers as assigned by the drivers.
 
-use super::{SensorKind, SensorSpec};
+use super::SensorSpec;
 use cloud::Driver;
 use emitter::BeamTable;
 use emitter::pattern::Pattern;
@@ -20,7 +20,7 @@ pub(super) fn of_channels(spec: &SensorSpec, beams: &BeamTable, channels: usize)
     let same = || (0..channels).map(|channel| channel as u16).collect();
     let spins = matches!(spec.pattern, Pattern::Spinning(_));
     match spec.driver {
-        _ if spec.kind == SensorKind::Sonar => same(),
+        _ if !spec.kind.is_optical() => same(),
         Some(Driver::Hesai | Driver::Livox | Driver::Autoware) => same(),
         Some(Driver::Robosense) if !spins => same(),
         Some(Driver::Robosense) => rising(&heights(beams, channels), false),

@@ -1,5 +1,6 @@
 //! The contents of a sensor file.
 
+use super::radar::RadarSpec;
 use super::sonar::AcousticsSpec;
 use super::tof::TofSpec;
 use crate::detect::{DetectionSpec, Doppler, Noise, ReturnMode, VelocityLog};
@@ -11,9 +12,9 @@ use serde::ser::{SerializeMap, SerializeStruct, Serializer};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
-/// A sensor file: what each key of its YAML means. An omitted key means the ideal case. A sonar is written without the
-/// sections for light (`beam`, `detection`, `returns`, `noise`, `intensity`, `doppler`), which its file must not
-/// contain.
+/// A sensor file: what each key of its YAML means. An omitted key means the ideal case. Sonars and radars are written
+/// without the sections for light (`beam`, `detection`, `returns`, `noise`, `intensity`, `doppler`), which their files
+/// must not contain.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
@@ -61,6 +62,9 @@ pub struct SensorSpec {
     /// Keys for sonars only.
     #[serde(default)]
     pub acoustics: Option<AcousticsSpec>,
+    /// Keys for radars only.
+    #[serde(default)]
+    pub radar: Option<RadarSpec>,
     /// How a Doppler velocity log measures; without this section it tracks the bottom exactly. Pattern `dvl` only.
     #[serde(default)]
     pub dvl: Option<VelocityLog>,
@@ -88,6 +92,7 @@ impl SensorSpec {
             doppler: None,
             tof: None,
             acoustics: None,
+            radar: None,
             dvl: None,
             expect: None,
         }
@@ -112,11 +117,12 @@ impl Serialize for SensorSpec {
             doppler,
             tof,
             acoustics,
+            radar,
             dvl,
             expect,
         } = self;
-        let of_light = *kind != SensorKind::Sonar;
-        let mut keys = serializer.serialize_struct("SensorSpec", 17)?;
+        let of_light = kind.is_optical();
+        let mut keys = serializer.serialize_struct("SensorSpec", 18)?;
         keys.serialize_field("name", name)?;
         if !title.is_empty() {
             keys.serialize_field("title", title)?;
@@ -148,6 +154,9 @@ impl Serialize for SensorSpec {
         if let Some(acoustics) = acoustics {
             keys.serialize_field("acoustics", acoustics)?;
         }
+        if let Some(radar) = radar {
+            keys.serialize_field("radar", radar)?;
+        }
         if let Some(dvl) = dvl {
             keys.serialize_field("dvl", dvl)?;
         }
@@ -169,6 +178,8 @@ pub enum SensorKind {
     Tof,
     /// Pings of sound.
     Sonar,
+    /// Frames of radio waves.
+    Radar,
 }
 
 impl SensorKind {
@@ -194,6 +205,7 @@ impl fmt::Display for SensorKind {
             SensorKind::Lidar => "lidar",
             SensorKind::Tof => "tof",
             SensorKind::Sonar => "sonar",
+            SensorKind::Radar => "radar",
         })
     }
 }
@@ -358,6 +370,28 @@ pub struct Expectations {
     /// Range resolution of a sonar in water of 1500 m/s, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub resolution_m: Option<f64>,
+    /// Range at which a radar detects a target of `rcs_m2`, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range_m: Option<f64>,
+    /// Radar cross-section of a target that a radar detects at `range_m` but no longer at twice the range, m^2; without
+    /// it, one of 10 m^2 is detected at `range_m`, and what limits the range is not noise.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rcs_m2: Option<f64>,
+    /// Range resolution of a radar, m.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range_resolution_m: Option<f64>,
+    /// Greatest unambiguous range rate of a radar, m/s, after it has been unfolded if the radar does so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub velocity_m_s: Option<f64>,
+    /// Resolution of range rates, m/s.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub velocity_resolution_m_s: Option<f64>,
+    /// Full width of a radar's beam straight ahead at half the power in azimuth, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub azimuth_resolution_deg: Option<f64>,
+    /// Likewise in elevation, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub elevation_resolution_deg: Option<f64>,
     /// Where the figures come from: `data sheet`, or `computed` from the pattern's own numbers.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub source: String,

@@ -374,7 +374,7 @@ fn errors_in_patterns_name_line_and_key() {
             "channels: {elevation_deg: [1, 2], fire_time_us: [1]}",
             "line 7: pattern.channels.fire_time_us: is a list of 1; allowed: as many as elevation_deg (2)",
         ),
-        ("kind: lidar", "kind: radar", "line 3: kind: unknown value \"radar\"; allowed: lidar, tof, sonar"),
+        ("kind: lidar", "kind: radio", "line 3: kind: unknown value \"radio\"; allowed: lidar, tof, sonar, radar"),
     ];
     for (old, new, expected) in cases {
         assert!(MINIMAL.contains(old), "{old}");
@@ -635,11 +635,17 @@ fn parameters_lie_within_bounds_that_hold() {
 
 #[test]
 fn allowed_values_are_accepted() {
-    for preset in presets::sensors() {
+    // Making a radar takes longer than other sensors; all of one kind have the same keys.
+    const RADARS: [&str; 3] = ["ti_awr1843", "navtech_cts350x", "marine_x_band"];
+    for preset in presets::sensors().filter(|it| it.folder != "radar" || RADARS.contains(&it.name)) {
         let sensor = Sensor::preset(preset.name).unwrap();
         let keys = yaml::numbers(&sensor.tree().unwrap());
-        // Generating other patterns takes long.
-        for key in keys.iter().filter(|key| !key.starts_with("pattern.")) {
+        // Generating other patterns takes long; elements of arrays are all alike.
+        let alike = |key: &str| {
+            key.starts_with("pattern.")
+                || key.starts_with("radar.array.") && key.contains("x[") && !key.contains("x[0]")
+        };
+        for key in keys.iter().filter(|key| !alike(key)) {
             let Parameter { min, max, .. } = sensor.parameter(key).unwrap();
             for value in [min, max, 0.5 * (min + max), -1.0, 0.0, 1e-9, 1.0, 2000.0, 1e12, 1e300] {
                 let Err(error) = sensor.clone().set(key, &format!("{value:e}")) else { continue };

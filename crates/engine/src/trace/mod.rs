@@ -14,6 +14,7 @@ mod instances;
 mod live;
 mod movement;
 mod mover;
+mod radar;
 mod shared_surfaces;
 mod sound;
 mod structure;
@@ -31,6 +32,10 @@ pub(crate) use instances::{Crossings, LabelledInstance};
 pub use live::{LiveScene, ObjectId};
 pub(crate) use movement::{Later, Movement, Return};
 pub(crate) use mover::Mover;
+pub(crate) use radar::{
+    ImageTarget, MOST_MIRRORS, Mirror, MirrorChain, RadarRow, RowFacets, Search, SearchLimits, SightMemory, Sighted,
+    Sightlines,
+};
 pub(crate) use shared_surfaces::SharedSurfaces;
 pub(crate) use sound::{
     Arrival, Direct, Goal, Launch, ReflectionLoss, SoundLimits, SoundTracer, TracerMemory, TubeHit,

@@ -1,6 +1,7 @@
 //! The surfaces of a scene, with what is computed from them once.
 
 use super::instances::Instances;
+use super::radar::PartPlanes;
 use super::{Backscatter, Surfaces};
 use crate::medium::Sea;
 use ground::kept::kept;
@@ -17,6 +18,8 @@ pub struct SharedSurfaces {
     backscatter: Mutex<Vec<Arc<Backscatter>>>,
     /// Computed on first use.
     instances: OnceLock<Instances>,
+    /// Likewise, for each part.
+    planes: Vec<OnceLock<PartPlanes>>,
 }
 
 impl Deref for SharedSurfaces {
@@ -30,12 +33,18 @@ impl Deref for SharedSurfaces {
 impl SharedSurfaces {
     pub(super) fn new(table: Surfaces) -> SharedSurfaces {
         let (reflectances, backscatter, instances) = Default::default();
-        SharedSurfaces { table, reflectances, backscatter, instances }
+        let planes = table.parts.iter().map(|_| OnceLock::new()).collect();
+        SharedSurfaces { table, reflectances, backscatter, instances, planes }
     }
 
     /// The labelled instances.
     pub(super) fn instances(&self) -> &Instances {
         self.instances.get_or_init(|| Instances::new(&self.table))
+    }
+
+    /// The largest planes of a part, for radars.
+    pub(super) fn planes(&self, part: u32) -> &PartPlanes {
+        self.planes[part as usize].get_or_init(|| PartPlanes::new(&self.table.parts[part as usize]))
     }
 
     /// Reflectance of every material at `wavelength_nm`.

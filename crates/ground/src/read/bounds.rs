@@ -76,6 +76,22 @@ impl<'k> Bounds<'k> {
         self.number(key, value, [min, max], format_args!("{min} to {max}"))
     }
 
+    /// Does `check`, whose keys are those below `section`, and names them in full.
+    pub fn section(&mut self, section: &str, check: impl FnOnce(&mut Bounds) -> Result<()>) -> Result<()> {
+        let below = self.requested.map(|key| key.strip_prefix(section).and_then(|key| key.strip_prefix('.')));
+        // That of another section is the same as no key there.
+        let mut inner = Bounds { requested: below.map(Option::unwrap_or_default), ..Bounds::none() };
+        let done = check(&mut inner);
+        (self.min, self.max) = (self.min.max(inner.min), self.max.min(inner.max));
+        self.keys.extend(inner.keys.iter().map(|key| format!("{section}.{key}")));
+        done.map_err(|error| match error {
+            Error::InvalidParameter { name, value, allowed } => {
+                Error::InvalidParameter { name: format!("{section}.{name}"), value, allowed }
+            }
+            other => other,
+        })
+    }
+
     /// Checks that the number at the key `far` is above that at `near`.
     pub fn rising<F: Into<Option<f64>> + Copy>(
         &mut self,
@@ -131,6 +147,14 @@ mod tests {
         assert_eq!(refused(f64::NAN, 1.0), "a is NaN; allowed: -1 to 9");
         assert_eq!(refused(1.0, 11.0), "b[0] is 11; allowed: 0 to ten");
         assert_eq!(refused(1.0, 1.0), "b[0] is 1; allowed: above a (1)");
+        let section = |bounds: &mut Bounds| bounds.section("part", |bounds| walk(bounds, -2.0, None));
+        assert_eq!(section(&mut Bounds::none()).unwrap_err().to_string(), "part.a is -2; allowed: -1 to 9");
+        let mut bounds = Bounds::of("part.a");
+        section(&mut bounds).unwrap_err();
+        assert_eq!((bounds.min, bounds.max, &*bounds.keys), (-1.0, 9.0, &["part.a".to_owned()][..]));
+        let mut bounds = Bounds::of("a");
+        section(&mut bounds).unwrap_err();
+        assert_eq!((bounds.min, bounds.max), (f64::NEG_INFINITY, f64::INFINITY));
         let small = |value| Bounds::none().number("a", value, [ABOVE_ZERO, 1.0], "above 0").unwrap_err().to_string();
         assert_eq!(
             [small(0.0), small(1e-300)],

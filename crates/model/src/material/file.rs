@@ -1,6 +1,6 @@
 //! Materials as YAML.
 
-use super::{Alpha, Material, Reflectance, Sound, change};
+use super::{Alpha, Material, Radio, Reflectance, Sound, change};
 use ground::error::{Error, Result};
 use ground::read::yaml::Document;
 use serde::Deserialize;
@@ -44,7 +44,7 @@ impl Material {
             material.changes = given.changes;
         }
         take!(name source base_color alpha alpha_cutoff reflectance scattering metallic roughness ior transmission
-            thickness_m attenuation_distance_m attenuation_color pane_m group_index extinction_index dirt sound unlit);
+            thickness_m attenuation_distance_m attenuation_color pane_m group_index extinction_index dirt sound radar unlit);
         // A material that becomes glass is a pane, unless the keys say otherwise.
         if has("transmission") && !has("alpha") && material.alpha == Alpha::Coverage && material.is_glass() {
             material.alpha = Alpha::Solid;
@@ -81,6 +81,7 @@ impl Material {
         self.reflectance.as_ref().map_or(Ok(()), |reflectance| reflectance.check("reflectance"))?;
         self.scattering.check(self.greatest_reflectance().as_ref())?;
         self.sound.as_ref().map_or(Ok(()), Sound::check)?;
+        self.radar.as_ref().map_or(Ok(()), Radio::check)?;
         let fractions = [
             ("alpha_cutoff", self.alpha_cutoff),
             ("metallic", self.metallic),
@@ -186,7 +187,7 @@ pub(super) fn color_and_alpha<'de, D: Deserializer<'de>>(deserializer: D) -> Res
 
 #[cfg(test)]
 mod tests {
-    use super::super::{ReflectanceSample, RetroSample, Scattering};
+    use super::super::{Dielectric, RadioLaw, ReflectanceSample, RetroSample, Scattering};
     use super::*;
 
     #[test]
@@ -217,6 +218,7 @@ group_index: 1.52
 extinction_index: 6
 dirt: 0.02
 sound: {law: lambert, mu_db: -17}
+radar: {law: metal, rms_height_mm: 0.01}
 unlit: true
 ";
         let sample = |wavelength_nm, value| ReflectanceSample { wavelength_nm, value };
@@ -242,6 +244,7 @@ unlit: true
             extinction_index: 6.0,
             dirt: 0.02,
             sound: Some(Sound::Lambert { mu_db: -17.0 }),
+            radar: Some(Radio { rms_height_mm: 0.01, ..Radio::new(RadioLaw::Body(Dielectric::Metal)) }),
             unlit: true,
             double_sided: false,
             part: None,

@@ -1,8 +1,8 @@
-//! The material library: reflectance by material name and wavelength, and how surfaces scatter sound, one YAML file per
-//! material in `presets/material`.
+//! The material library: reflectance by material name and wavelength, and how surfaces scatter sound and radar waves, one
+//! YAML file per material in `presets/material`.
 
 use super::words::words;
-use super::{Alpha, Material, Reflectance, Sound};
+use super::{Alpha, Material, Radio, RadioSource, Reflectance, Sound};
 use ground::error::{Error, Result};
 use ground::read::presets;
 use ground::read::yaml::Document;
@@ -64,6 +64,24 @@ pub(super) fn reflectance(material: &Material) -> Option<(&'static Reflectance, 
 /// How a material scatters and reflects sound, by itself or by the library.
 pub(super) fn sound(material: &Material) -> Option<&Sound> {
     material.sound.as_ref().or_else(|| find(&material.name)?.entry.material.sound.as_ref())
+}
+
+/// How a material reflects the waves of radars, by itself, by the library or by its other properties.
+pub(super) fn radar(material: &Material) -> (Radio, RadioSource) {
+    if let Some(own) = &material.radar {
+        return (own.clone(), RadioSource::Given);
+    }
+    let found = find(&material.name).and_then(|found| Some((found.entry, found.entry.material.radar.clone()?)));
+    let (mut law, source) = match found {
+        Some((entry, law)) => (law, RadioSource::Library(&entry.material.name)),
+        None if material.metallic > 0.5 => (Radio::metal(), RadioSource::Properties),
+        None if material.is_glass() => (Radio::pane(), RadioSource::Properties),
+        None => (Radio::unknown(), RadioSource::Assumed),
+    };
+    if let Some(pane_m) = material.pane_m {
+        law.make_pane(pane_m);
+    }
+    (law, source)
 }
 
 /// Whether `name` indicates glass.
@@ -250,6 +268,80 @@ mod tests {
             assert_eq!(own.sound_law(), own.sound.as_ref());
         }
         assert_eq!(Material::default().sound_law(), None);
+    }
+
+    /// What radars see of every material, in the bands in which they work.
+    #[test]
+    fn all_have_a_law_for_radars() {
+        for material in Material::all_in_library() {
+            let law = material.radar.as_ref().unwrap_or_else(|| panic!("{} has no section radar", material.name));
+            for frequency in [9.41e9, 24.125e9, 60.25e9, 77e9, 79e9] {
+                let surface = law.at(frequency).unwrap();
+                for cos in [1.0, 0.7, 0.3, 0.05] {
+                    let [back, through] = [surface.reflect(cos).power(), surface.transmit(cos).power()];
+                    assert!(back + through <= 1.001, "{} {frequency} {cos}: {back} {through}", material.name);
+                }
+                let [road, wall] = [0.1, 1.0].map(|cos| surface.clutter(cos));
+                assert!(
+                    (0.0..10.0).contains(&road) && (0.0..3000.0).contains(&wall),
+                    "{} {road} {wall}",
+                    material.name
+                );
+            }
+            // Clutter is what the file says, where nothing limits it: at 30 degrees from grazing.
+            if let Some(clutter) = law.clutter {
+                let said = clutter.gamma_db + 10.0 * 0.5f64.log10() * clutter.exponent;
+                let found = 10.0 * f64::from(law.at(77e9).unwrap().clutter(0.5)).log10();
+                assert!(found > said - 0.1 && found < said + 3.0, "{}: {found}, said {said}", material.name);
+            }
+        }
+    }
+
+    /// Power reflected by and through a surface at normal incidence at 77 GHz, dB: of car bodies and metal all; of asphalt
+    /// by its permittivity of 3 to 5.5, of skin and water by their measurements, through glass by ITU-R P.2040-3.
+    #[test]
+    fn radar_sees_materials_as_measured() {
+        let at = |name: &str| Material::library(name).unwrap().radar_law().at(77e9).unwrap();
+        for (name, least, most) in [
+            ("car_paint", -0.3, 0.0),
+            ("aluminium", -0.1, 0.0),
+            ("traffic_sign", -0.5, 0.0),
+            ("asphalt_dry", -11.0, -7.9),
+            ("asphalt_wet", -4.5, -2.5),
+            ("concrete", -8.13, -8.11),
+            ("skin", -4.69, -4.67),
+            ("water", -3.51, -3.50),
+            ("clothing", -9.0, -3.0),
+            ("snow_fresh", -30.0, -20.0),
+        ] {
+            let found = 10.0 * at(name).reflect(1.0).power().log10();
+            assert!((least..=most).contains(&found), "{name}: {found} dB");
+        }
+        for (name, least, most) in [
+            ("glass", -4.58, -4.57),
+            ("painted_plaster", -6.87, -6.85),
+            ("vegetation", -0.41, -0.39),
+            ("leaf", -6.0, -0.5),
+            ("curtain", -1.0, 0.0),
+            ("plastic", -2.0, 0.0),
+        ] {
+            let found = 10.0 * at(name).transmit(1.0).power().log10();
+            assert!((least..=most).contains(&found), "{name}: {found} dB");
+        }
+        assert_eq!(at("concrete").transmit(1.0).power(), 0.0);
+    }
+
+    #[test]
+    fn names_have_laws_for_radars() {
+        let named = |name: &str| Material { name: name.into(), ..Material::default() }.radar_source();
+        let (law, source) = named("RedCarPaint.001");
+        assert_eq!(source, RadioSource::Library("red_car_paint"));
+        assert_eq!(Some(law), Material::library("red_car_paint").unwrap().radar);
+        let pane = Material { name: "Window".into(), pane_m: Some(0.01), ..Material::default() };
+        assert_eq!(pane.radar_law().to_string(), "10 mm of glass of ITU-R P.2040");
+        // What a name says counts more than glTF's factors, which exporters often leave at their default.
+        let road = Material { name: "road".into(), metallic: 1.0, ..Material::default() };
+        assert_eq!(road.radar_source().1, RadioSource::Library("asphalt_dry"));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Materials of surfaces, and how much light and sound they return.
+//! Materials of surfaces, and how much light, sound and radar waves they return.
 
 mod change;
 mod decode;
@@ -7,6 +7,7 @@ pub mod fresnel;
 mod infrared;
 mod library;
 mod optics;
+mod radio;
 mod reflectance;
 mod returned;
 mod scattering;
@@ -17,6 +18,7 @@ mod words;
 
 pub use change::Changes;
 pub use optics::{Mirrors, Optics};
+pub use radio::{Clutter, Dielectric, ItuMaterial, Polarised, Radio, RadioLaw, RadioLayer, RadioSource, RadioSurface};
 pub use reflectance::{Reflectance, ReflectanceSample};
 pub use returned::Reflectances;
 pub use returned::{Returned, Why};

@@ -1,7 +1,7 @@
 //! The material of a surface.
 
 use super::infrared::Estimate;
-use super::{Changes, Reflectance, Scattering, Sound, TextureRef, file, library};
+use super::{Changes, Radio, RadioSource, Reflectance, Scattering, Sound, TextureRef, file, library};
 use ground::builder;
 use ground::named;
 use ground::profile::Profile;
@@ -107,6 +107,8 @@ builder! {
         pub dirt: f32 = 0.0,
         /// How it scatters and reflects sound (in glTF `extras.sound`); see [`Material::sound_law`].
         pub sound: Option<Sound> = None,
+        /// How it reflects the waves of radars (in glTF `extras.radar`); see [`Material::radar_law`].
+        pub radar: Option<Radio> = None,
         /// Whether the file specifies that the surface is drawn without lighting (`KHR_materials_unlit`).
         pub unlit: bool = false,
         /// Whether both sides of the surface are visible (in glTF `doubleSided`). Beams hit both in any case; this only
@@ -140,7 +142,21 @@ impl Material {
         library::sound(self)
     }
 
-    /// This material, reflecting light and sound as `other` does; `source` states where that comes from.
+    /// How it reflects, transmits and scatters the waves of radars: by itself, by the library material of its name, or,
+    /// where neither says it, by its other properties. Those that are more than half metallic are metal; glass is a pane
+    /// of `pane_m`, by default 4 mm; anything else is [`Radio::unknown`]. A pane of the library has the thickness `pane_m`,
+    /// too, if that is given.
+    pub fn radar_law(&self) -> Radio {
+        self.radar_source().0
+    }
+
+    /// [`Material::radar_law`], and the library material that it comes from.
+    #[doc(hidden)]
+    pub fn radar_source(&self) -> (Radio, RadioSource) {
+        library::radar(self)
+    }
+
+    /// This material, reflecting light, sound and radar waves as `other` does; `source` states where that comes from.
     #[doc(hidden)]
     pub fn made_of(&self, other: &Material, source: String) -> Material {
         let alpha = match self.alpha {
@@ -154,6 +170,7 @@ impl Material {
             reflectance: other.reflectance.clone(),
             scattering: other.scattering.clone(),
             sound: other.sound.clone().or_else(|| self.sound.clone()),
+            radar: other.radar.clone().or_else(|| self.radar.clone()),
             changes: None,
             ..self.clone()
         }

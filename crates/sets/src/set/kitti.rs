@@ -4,13 +4,13 @@ mod masks;
 
 use super::names::numbered;
 use super::points::{in_sensor, inverse, is_word, local, remission};
-use super::rig::{self, SensorClass, find};
+use super::rig::{self, SensorClass, find, kind, own_velocity, radar_fields};
 use super::style::{Scanned, Style, Writer as Write};
 use super::whole::Whole;
 use crate::Sample;
 use crate::sample::BoxScope;
-use cloud::export::ImageLayer;
 use cloud::export::images::write_layer;
+use cloud::export::{ImageLayer, RadarPoints};
 use cloud::image::RangeImage;
 use cloud::{Field, FieldSet, InstanceBox, PointCloud};
 use emitter::{ImageGrid, Intrinsics, Outline};
@@ -26,7 +26,7 @@ use std::path::Path;
 
 /// `kitti/training/velodyne/000017.bin`, `label_2`, `calib`, `image_2`, and `ImageSets` (Geiger et al. 2012, Are we
 /// ready for autonomous driving?; formats as in its object development kit), with the masks `semantic` and `instance`
-/// of its semantic benchmark.
+/// of its semantic benchmark; detections of a radar, as of View-of-Delft, in `radar`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Kitti {
@@ -34,6 +34,8 @@ pub(super) struct Kitti {
     pub velodyne: Option<String>,
     /// Name of the camera, where there are several.
     pub camera: Option<String>,
+    /// Name of the radar, where there are several.
+    pub radar: Option<String>,
     /// Maximum number of frames of a sample: frame k of sample i is number i * frames + k.
     pub frames: u64,
     /// Whether objects that neither of them sees get boxes, too.
@@ -47,7 +49,7 @@ pub(super) struct Kitti {
 impl Default for Kitti {
     fn default() -> Self {
         let [types, classes] = [const { BTreeMap::new() }; 2];
-        Kitti { velodyne: None, camera: None, frames: 1, unseen: false, types, classes }
+        Kitti { velodyne: None, camera: None, radar: None, frames: 1, unseen: false, types, classes }
     }
 }
 
@@ -84,6 +86,8 @@ struct KittiWriter<'w> {
     /// Indices of the two scans.
     lidar: usize,
     camera: usize,
+    /// Index of the scan of the radar, if there is one.
+    radar: Option<usize>,
     grid: ImageGrid,
     calibration: String,
     /// For each frame, the boxes of the LiDAR, in its frame, and of the camera, until both are known.
@@ -101,6 +105,15 @@ impl Kitti {
             find(sample, "kitti: velodyne", self.velodyne.as_deref(), SensorClass::Lidar)?,
             find(sample, "kitti: camera", self.camera.as_deref(), SensorClass::Camera)?,
         ])
+    }
+
+    /// Index of the scan of the radar, if there is one.
+    fn radar(&self, sample: &Sample) -> Result<Option<usize>> {
+        let any = sample.scans().iter().any(|scan| kind(scan) == SensorClass::Radar);
+        if !any && self.radar.is_none() {
+            return Ok(None);
+        }
+        find(sample, "kitti: radar", self.radar.as_deref(), SensorClass::Radar).map(Some)
     }
 
     /// Type of a category.
@@ -136,9 +149,10 @@ impl Style for Kitti {
         "kitti"
     }
 
-    fn fields(&self, _sample: &Sample) -> FieldSet {
+    fn fields(&self, sample: &Sample) -> FieldSet {
         use Field::{Beam, Blue, CategoryId, Green, InstanceId, Intensity, Range, Red, X, Y, Z};
-        [X, Y, Z, Intensity, CategoryId, InstanceId, Beam, Range, Red, Green, Blue].into_iter().collect()
+        let fields = [X, Y, Z, Intensity, CategoryId, InstanceId, Beam, Range, Red, Green, Blue];
+        radar_fields(sample).union(fields.into_iter().collect())
     }
 
     fn boxes(&self, sample: &Sample, scan: usize, _frame: usize) -> BoxScope {
@@ -152,17 +166,26 @@ impl Style for Kitti {
             let found = format!("{}, and a sample has {count}", self.frames);
             return Err(Error::invalid("kitti: frames", found, format!("{count} or more, the most that a sample has")));
         }
-        let same = lidar.frames().len() == camera.frames().len()
-            && lidar.frames().iter().zip(camera.frames()).all(|(a, b)| (a.start - b.start).abs() < 1e-6);
-        if !same {
-            let found = format!("of sensors that scan at other times, {} and {}", lidar.name(), camera.name());
-            return Err(Error::invalid("kitti", found, "both without rate_hz and start_s: a frame of each at once"));
+        let radar = self.radar(sample)?.map(|scan| &sample.scans()[scan]);
+        for other in [camera].into_iter().chain(radar) {
+            let same = lidar.frames().len() == other.frames().len()
+                && lidar.frames().iter().zip(other.frames()).all(|(a, b)| (a.start - b.start).abs() < 1e-6);
+            if !same {
+                let found = format!("of sensors that scan at other times, {} and {}", lidar.name(), other.name());
+                return Err(Error::invalid(
+                    "kitti",
+                    found,
+                    "both without rate_hz and start_s: a frame of each at once",
+                ));
+            }
         }
         Ok(())
     }
 
     fn writer<'w>(&'w self, number: u64, sample: &Sample, folder: &'w Path) -> Result<Box<dyn Write + 'w>> {
-        for name in ["velodyne", "label_2", "calib", "image_2", "semantic", "instance"] {
+        let radar = self.radar(sample)?;
+        let folders = ["velodyne", "label_2", "calib", "image_2", "semantic", "instance"];
+        for name in folders.into_iter().chain(radar.map(|_| "radar")) {
             let folder = folder.join("training").join(name);
             std::fs::create_dir_all(&folder).map_err(|source| Error::Io { path: folder, source })?;
         }
@@ -170,7 +193,8 @@ impl Style for Kitti {
         let scans = sample.scans();
         let (grid, intrinsics) =
             rig::camera(&scans[camera]).ok_or_else(|| Error::Internal("a camera that is no pinhole sensor".into()))?;
-        let calibration = calibration(&intrinsics, scans[lidar].mount(), scans[camera].mount());
+        let mounts = [lidar, camera].map(|scan| scans[scan].mount());
+        let calibration = calibration(&intrinsics, mounts[0], mounts[1], radar.map(|scan| scans[scan].mount()));
         let [untyped, unclassed] = [const { BTreeSet::new() }; 2];
         let frames = vec![[None, None]; scans[lidar].frames().len()];
         let style = self;
@@ -180,6 +204,7 @@ impl Style for Kitti {
             folder,
             lidar,
             camera,
+            radar,
             grid,
             calibration,
             frames,
@@ -214,7 +239,9 @@ impl Style for Kitti {
          surfaces' own colours, without light and shadow. `semantic` and `instance` are masks as of KITTI's semantic \
          benchmark: the class of each pixel with the numbers of Cityscapes (road 7, building 11, person 24, car 26), and \
          256 times that plus the number of its instance, which counts those of a class in an image from 1; what has no \
-         return, such as the sky, is 0. All frames are in `training`; `ImageSets` divides them.\n\n\
+         return, such as the sky, is 0. A radar has detections as of View-of-Delft in `radar`, seven numbers each (x, y, z, \
+         RCS, velocity, the same without the radar's own, 0), in its own frame; velocities are negative where it and the \
+         target approach each other. All frames are in `training`; `ImageSets` divides them.\n\n\
          ```python\n\
          import numpy as np\n\
          from PIL import Image\n\
@@ -235,9 +262,10 @@ impl Style for Kitti {
 impl Write for KittiWriter<'_> {
     fn add(&mut self, &Scanned { sample, scan, frame, cloud, boxes }: &Scanned) -> Result<Report> {
         let mut report = Report::default();
-        if ![self.lidar, self.camera].contains(&scan) {
+        if ![Some(self.lidar), Some(self.camera), self.radar].contains(&Some(scan)) {
             // Another sensor may have more frames than these.
-            report.warn(format!("kitti: holds a LiDAR and a camera, left out: {}", sample.scans()[scan].name()));
+            report
+                .warn(format!("kitti: holds a LiDAR, a camera and a radar, left out: {}", sample.scans()[scan].name()));
             return Ok(report);
         }
         let name = numbered(self.number * self.style.frames + frame as u64);
@@ -247,6 +275,11 @@ impl Write for KittiWriter<'_> {
             let bytes: Vec<u8> = points.flatten().flat_map(f32::to_le_bytes).collect();
             write::whole(&path("velodyne", "bin"), &bytes)?;
             write::whole(&path("calib", "txt"), self.calibration.as_bytes())?;
+        }
+        if self.radar == Some(scan) {
+            let velocity = own_velocity(&sample.scans()[scan], frame);
+            cloud.write_radar(path("radar", "bin"), RadarPoints::ViewOfDelft, velocity)?;
+            return Ok(report);
         }
         if scan == self.camera {
             let image = RangeImage::new(cloud, &self.grid)?;
@@ -377,7 +410,7 @@ fn around(grid: &ImageGrid, shown: &InstanceBox) -> Option<[[f64; 2]; 2]> {
 }
 
 /// `calib/000017.txt` of sensors with these mounts.
-fn calibration(intrinsics: &Intrinsics, lidar: &Pose, camera: &Pose) -> String {
+fn calibration(intrinsics: &Intrinsics, lidar: &Pose, camera: &Pose, radar: Option<&Pose>) -> String {
     let projection = intrinsics.matrix().map(|[x, y, z]| [x, y, z, 0.0]);
     let mut text = String::new();
     let mut line = |name: &str, numbers: &[f64]| {
@@ -390,6 +423,9 @@ fn calibration(intrinsics: &Intrinsics, lidar: &Pose, camera: &Pose) -> String {
     let turned = Pose { position: DVec3::ZERO, orientation: Intrinsics::FROM_OPTICAL.inverse() };
     line("Tr_velo_to_cam", &rows(&on(&turned, &on(&inverse(camera), lidar))));
     line("Tr_imu_to_velo", &rows(&inverse(lidar)));
+    if let Some(radar) = radar {
+        line("Tr_radar_to_cam", &rows(&on(&turned, &on(&inverse(camera), radar))));
+    }
     text
 }
 
@@ -398,4 +434,23 @@ fn rows(pose: &Pose) -> [f64; 12] {
     let turned = pose.rotation().transpose().to_cols_array();
     let moved = pose.position.to_array();
     std::array::from_fn(|k| if k % 4 < 3 { turned[k / 4 * 3 + k % 4] } else { moved[k / 4] })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn calibrations_say_where_the_radar_is() {
+        let intrinsics = Intrinsics::new([700.0; 2], [620.0, 187.0]);
+        let [lidar, camera, radar] =
+            [[0.0, 0.0, 1.8], [0.3, 0.0, 1.6], [2.3, 0.5, 0.6]].map(|[x, y, z]| Pose::at(x, y, z));
+        let line = |text: &str| text.lines().find_map(|line| line.strip_prefix("Tr_radar_to_cam: ").map(str::to_owned));
+        assert_eq!(line(&calibration(&intrinsics, &lidar, &camera, None)), None);
+        let found = line(&calibration(&intrinsics, &lidar, &camera, Some(&radar))).unwrap();
+        let numbers: Vec<f64> = found.split(' ').map(|number| number.parse().unwrap()).collect();
+        // x right, y down, z ahead: 0.5 m on the left, 1 m below, 2 m ahead.
+        let expected = [0.0, -1.0, 0.0, -0.5, 0.0, 0.0, -1.0, 1.0, 1.0, 0.0, 0.0, 2.0];
+        assert!(numbers.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-9), "{numbers:?}");
+    }
 }

@@ -4,14 +4,14 @@ mod categories;
 
 use super::names::numbered;
 use super::points::{LabelCache, in_sensor, in_world, inverse, local, remission, runs};
-use super::rig::{SensorClass, camera, find, kind};
+use super::rig::{SensorClass, camera, find, kind, own_velocity, radar_fields};
 use super::style::{Scanned, Style, Writer as Write};
 use super::whole::{Whole, damaged};
 use crate::Sample;
 use crate::sample::BoxScope;
 use categories::Categories;
-use cloud::export::ImageLayer;
 use cloud::export::images::write_layer;
+use cloud::export::{ImageLayer, RadarPoints};
 use cloud::image::RangeImage;
 use cloud::{Field, FieldSet, InstanceBox};
 use emitter::{ImageGrid, Intrinsics};
@@ -102,6 +102,7 @@ struct SensorChannel {
     scan: usize,
     name: String,
     camera: Option<(ImageGrid, Intrinsics)>,
+    is_radar: bool,
     /// Token of its calibration.
     token: String,
     shots: Vec<Shot>,
@@ -143,6 +144,8 @@ struct NuScenesWriter<'w> {
     /// Number of key frames.
     keys: usize,
     annotations: Vec<SampleAnnotation>,
+    /// Places in the world of the detections of radars in key frames.
+    echoes: Vec<(usize, DVec3)>,
     /// Pairs of a key frame and an object of which a sensor has points in it.
     seen: BTreeSet<(usize, u32)>,
     /// Lines, each of a table's name and a row.
@@ -191,9 +194,10 @@ impl Style for NuScenes {
         ROOT
     }
 
-    fn fields(&self, _sample: &Sample) -> FieldSet {
+    fn fields(&self, sample: &Sample) -> FieldSet {
         use Field::{Beam, Blue, CategoryId, Green, InstanceId, Intensity, Range, Red, Ring, X, Y, Z};
-        [X, Y, Z, Intensity, CategoryId, InstanceId, Ring, Beam, Range, Red, Green, Blue].into_iter().collect()
+        let fields = [X, Y, Z, Intensity, CategoryId, InstanceId, Ring, Beam, Range, Red, Green, Blue];
+        radar_fields(sample).union(fields.into_iter().collect())
     }
 
     fn boxes(&self, sample: &Sample, scan: usize, frame: usize) -> BoxScope {
@@ -219,12 +223,14 @@ impl Style for NuScenes {
         let scans = sample.scans();
         let others = (0..scans.len()).filter(|&scan| scan != top && kind(&scans[scan]) != SensorClass::Sonar);
         for scan in [top].into_iter().chain(others) {
-            let camera = camera(&scans[scan]);
+            let is_radar = kind(&scans[scan]) == SensorClass::Radar;
+            let camera = camera(&scans[scan]).filter(|_| !is_radar);
             let own: String = scans[scan].name().to_uppercase();
             let own: String = own.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
             let channel = match &camera {
                 _ if scan == top => "LIDAR_TOP".to_owned(),
                 Some(_) => format!("CAM_{}", own.trim_start_matches("CAM_")),
+                None if is_radar => format!("RADAR_{}", own.trim_start_matches("RADAR_")),
                 None => format!("LIDAR_{}", own.trim_start_matches("LIDAR_")),
             };
             if channels.iter().any(|known: &SensorChannel| known.name == channel) {
@@ -236,9 +242,14 @@ impl Style for NuScenes {
                 ));
             }
             let times: Vec<f64> = scans[scan].frames().iter().map(|frame| frame.start).collect();
-            let shots = shots(&name, number, &channel, camera.is_some(), &times, &keys);
+            let ending = match &camera {
+                Some(_) => "png",
+                None if is_radar => "pcd",
+                None => "pcd.bin",
+            };
+            let shots = shots(&name, number, &channel, ending, &times, &keys);
             let token = token(&["calibrated_sensor", &name, &channel]);
-            channels.push(SensorChannel { scan, name: channel, camera, token, shots });
+            channels.push(SensorChannel { scan, name: channel, camera, is_radar, token, shots });
         }
         for channel in &channels {
             for kind in ["samples", "sweeps"] {
@@ -256,6 +267,7 @@ impl Style for NuScenes {
             channels,
             keys: keys.len(),
             annotations: Vec::new(),
+            echoes: Vec::new(),
             seen: BTreeSet::new(),
             rows: String::new(),
             unknown: BTreeSet::new(),
@@ -337,7 +349,8 @@ impl Style for NuScenes {
             "`nuscenes` is laid out as nuScenes v1.0, each sample a scene, with key frames every {KEY_PERIOD_S} s. Points \
              are in the LiDAR's frame (x ahead, y left, z up); `calibrated_sensor` and `ego_pose` say where that is. \
              Intensities go from 0 to 255. Boxes are of the whole object when `LIDAR_TOP` scans it, and their visibility is \
-             how much of them it sees; `num_lidar_pts` counts its points in them. Objects of which no sensor has a \
+             how much of them it sees; `num_lidar_pts` counts its points in them, `num_radar_pts` the detections of all radars. Those are in PCDs \
+             in the frame of each radar, with velocities along the line of sight, away from it positive. Objects of which no sensor has a \
              point have none. Classes that nuScenes does not have are `static.other` in \
              `lidarseg` and have no boxes. There is no map: its mask is empty. Times count from {} s after 1970, an hour \
              for each scene.\n\n\
@@ -397,7 +410,7 @@ fn timestamp(number: u64, time: f64) -> u64 {
 }
 
 /// The frames of a sensor: the nearest to each key time is a key frame, those between belong to the next.
-fn shots(name: &str, number: u64, channel: &str, camera: bool, times: &[f64], keys: &[f64]) -> Vec<Shot> {
+fn shots(name: &str, number: u64, channel: &str, ending: &str, times: &[f64], keys: &[f64]) -> Vec<Shot> {
     let mut key_of: BTreeMap<usize, usize> = BTreeMap::new();
     for (key, &at) in keys.iter().enumerate() {
         let nearest = (0..times.len()).min_by(|&a, &b| (times[a] - at).abs().total_cmp(&(times[b] - at).abs()));
@@ -407,7 +420,7 @@ fn shots(name: &str, number: u64, channel: &str, camera: bool, times: &[f64], ke
         let is_key = key_of.contains_key(&frame);
         let next = keys.partition_point(|key| *key < time - 1e-9).min(keys.len() - 1);
         let timestamp = timestamp(number, time);
-        let (folder, ending) = (if is_key { "samples" } else { "sweeps" }, if camera { "png" } else { "pcd.bin" });
+        let folder = if is_key { "samples" } else { "sweeps" };
         Shot {
             token: token(&["sample_data", name, channel, &frame.to_string()]),
             timestamp,
@@ -468,8 +481,12 @@ impl NuScenesWriter<'_> {
             self.row("sample", &row);
         }
         for index in 0..self.channels.len() {
-            let SensorChannel { scan, name, camera, token: calibrated, .. } = &self.channels[index];
-            let modality = if camera.is_some() { "camera" } else { "lidar" };
+            let SensorChannel { scan, name, camera, is_radar, token: calibrated, .. } = &self.channels[index];
+            let modality = match camera {
+                Some(_) => "camera",
+                None if *is_radar => "radar",
+                None => "lidar",
+            };
             let sensor = token(&["sensor", name]);
             let mount = sample.scans()[*scan].mount();
             let (orientation, intrinsic) = match camera {
@@ -510,7 +527,7 @@ impl NuScenesWriter<'_> {
                     "attribute_tokens": attributes, "translation": found.pose.position.to_array(),
                     "size": [found.size.y, found.size.x, found.size.z], "rotation": turned(found.pose.orientation),
                     "prev": of(index.checked_sub(1).map(|before| &track[before])), "next": of(track.get(index + 1)),
-                    "num_lidar_pts": found.points, "num_radar_pts": 0,
+                    "num_lidar_pts": found.points, "num_radar_pts": echoes_in(found, &self.echoes),
                 }));
             }
             let row = json!({
@@ -522,6 +539,13 @@ impl NuScenesWriter<'_> {
             rows.iter().for_each(|row| self.row("sample_annotation", row));
         }
     }
+}
+
+/// Number of `echoes`, each in a key frame and at a place in the world, in the box of an object in its key frame.
+fn echoes_in(found: &SampleAnnotation, echoes: &[(usize, DVec3)]) -> usize {
+    let (back, half) = (found.pose.orientation.inverse(), 0.5 * found.size);
+    let inside = |place: DVec3| (back * (place - found.pose.position)).abs().cmple(half).all();
+    echoes.iter().filter(|(key, place)| *key == found.key && inside(*place)).count()
 }
 
 /// Number of `places` in a box, both in the same frame, as the development kit counts them.
@@ -566,7 +590,14 @@ impl Write for NuScenesWriter<'_> {
         if shot.is_key {
             self.seen.extend(runs(&cloud.columns.instance_id).map(|(id, _)| (shot.key, id)));
         }
-        if let Some((grid, _)) = &channel.camera {
+        if channel.is_radar {
+            cloud.write_radar(&path, RadarPoints::Nuscenes, own_velocity(&sample.scans()[scan], frame))?;
+            if shot.is_key {
+                let pose = &cloud.sensor_pose;
+                let world = local(cloud).map(|(_, place)| pose.position + pose.orientation * place.as_dvec3());
+                self.echoes.extend(world.map(|place| (shot.key, place)));
+            }
+        } else if let Some((grid, _)) = &channel.camera {
             [width, height] = [grid.width, grid.height];
             write_layer(&RangeImage::new(cloud, grid)?, ImageLayer::Color, None, &path, &mut report)?;
         } else {
@@ -652,6 +683,25 @@ mod tests {
     use super::*;
 
     #[test]
+    fn detections_of_radars_are_counted_in_their_key_frame() {
+        let pose = Pose::at(500_000.0, 10.0, 0.75).with_rpy_deg(0.0, 0.0, 90.0);
+        let size = DVec3::new(4.0, 2.0, 1.5);
+        let car = SampleAnnotation {
+            key: 1,
+            track: 5,
+            category: "vehicle.car".to_owned(),
+            pose,
+            size,
+            points: 3,
+            visible: 1.0,
+            attribute: None,
+        };
+        let at = |ahead: f64, left: f64| pose.position + pose.orientation * DVec3::new(ahead, left, 0.0);
+        let echoes = [(1, at(1.9, 0.0)), (0, at(0.0, 0.0)), (1, at(0.0, 1.1)), (1, at(-1.0, -0.9)), (1, at(2.1, 0.0))];
+        assert_eq!(echoes_in(&car, &echoes), 2);
+    }
+
+    #[test]
     fn key_frames_come_twice_a_second() {
         let every = |step: f64, count: usize| key_times((0..count).map(move |k| k as f64 * step));
         assert_eq!(every(0.05, 21), [0.0, 0.5, 1.0]);
@@ -660,13 +710,13 @@ mod tests {
         // Frames 4 and 7 are the first after half a second and after a whole one.
         let found = every(0.15, 8);
         assert!(found.len() == 3 && (found[1] - 0.6).abs() < 1e-9 && (found[2] - 1.05).abs() < 1e-9, "{found:?}");
-        let sweeps = shots("a", 2, "LIDAR_TOP", false, &[0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6], &[0.0, 0.5]);
+        let sweeps = shots("a", 2, "LIDAR_TOP", "pcd.bin", &[0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6], &[0.0, 0.5]);
         let seen: Vec<(bool, usize)> = sweeps.iter().map(|shot| (shot.is_key, shot.key)).collect();
         let between = (false, 1);
         assert_eq!(seen, [(true, 0), between, between, between, between, (true, 1), between]);
         assert_eq!(sweeps[1].timestamp - sweeps[0].timestamp, 100_000);
         // A slower sensor: its frames are those of the nearest key frames.
-        let slow = shots("a", 2, "CAM_A", true, &[0.02, 0.55, 1.9], &[0.0, 0.5]);
+        let slow = shots("a", 2, "CAM_A", "png", &[0.02, 0.55, 1.9], &[0.0, 0.5]);
         assert_eq!(
             slow.iter().map(|shot| (shot.is_key, shot.key)).collect::<Vec<_>>(),
             [(true, 0), (true, 1), between]

@@ -1,6 +1,8 @@
 //! The sensors of a rig that a style uses, and pinhole sensors as cameras.
 
 use crate::{Sample, Scan};
+use cloud::export::RadarPoints;
+use cloud::{Field, FieldSet};
 use emitter::pattern::Pattern;
 use emitter::{ImageGrid, Intrinsics};
 use ground::error::{Error, Result};
@@ -12,12 +14,14 @@ pub(super) enum SensorClass {
     /// Pinhole sensors, however they measure ranges.
     Camera,
     Sonar,
+    Radar,
 }
 
 /// The kind of sensor of `scan`.
 pub(super) fn kind(scan: &Scan) -> SensorClass {
     match scan.sensor().spec().pattern {
         _ if scan.sensor().kind().makes_pings() => SensorClass::Sonar,
+        _ if scan.sensor().default_fields().contains(Field::Rcs) => SensorClass::Radar,
         Pattern::Pinhole(_) => SensorClass::Camera,
         _ => SensorClass::Lidar,
     }
@@ -41,6 +45,7 @@ pub(super) fn find(sample: &Sample, key: &str, sensor_name: Option<&str>, class_
              resolution: [1242, 375], fov_deg: [81, 29]}}}"
         }
         SensorClass::Sonar => "a sonar in `sensors`",
+        SensorClass::Radar => "a radar in `sensors`",
     };
     let allowed = || if fitting.is_empty() { add.to_owned() } else { names(&fitting) };
     let all: Vec<usize> = (0..scans.len()).collect();
@@ -56,6 +61,21 @@ pub(super) fn find(sample: &Sample, key: &str, sensor_name: Option<&str>, class_
             Err(Error::invalid(key, found, format!("one of {}", names(several))))
         }
     }
+}
+
+/// The columns that detections of radars are written from, if `sample` has a radar.
+pub(super) fn radar_fields(sample: &Sample) -> FieldSet {
+    if !sample.scans().iter().any(|scan| kind(scan) == SensorClass::Radar) {
+        return FieldSet::EMPTY;
+    }
+    let errors = [Field::RangeSigma, Field::AzimuthSigma, Field::VelocitySigma];
+    RadarPoints::fields().union(errors.into_iter().collect())
+}
+
+/// Velocity of the sensor of `scan` over ground in its own axes when its `frame`th frame starts, m/s.
+pub(super) fn own_velocity(scan: &Scan, frame: usize) -> [f32; 3] {
+    let (trajectory, start) = (scan.trajectory(), scan.frames()[frame].start);
+    (trajectory.at(start).orientation.inverse() * trajectory.velocity(start)).as_vec3().to_array()
 }
 
 /// The image grid and intrinsics of `scan`, if its sensor is a camera.

@@ -189,7 +189,7 @@ impl Snow {
     }
 
     /// Diameter of a flake over that of the drop it melts to.
-    fn growth(&self) -> f64 {
+    pub(super) fn growth(&self) -> f64 {
         (1000.0 / self.density_kg_m3).cbrt()
     }
 

@@ -10,7 +10,8 @@ use ground::lanes::LANES;
 use std::f32::consts::PI;
 
 /// What the columns of other kinds of sensors come from.
-const OTHER_SOURCES: [FieldSource; 3] = [FieldSource::Sounding, FieldSource::BottomTrack, FieldSource::WaterTrack];
+const OTHER_SOURCES: [FieldSource; 4] =
+    [FieldSource::Sounding, FieldSource::BottomTrack, FieldSource::WaterTrack, FieldSource::Radar];
 
 impl Block {
     /// Step 11: the requested columns, row by row.

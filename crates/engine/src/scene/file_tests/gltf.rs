@@ -673,7 +673,8 @@ fn materials_are_read_with_their_extensions() {
         },
         "extras": {"reflectance": 0.6, "blainder_rgba": [0, 0, 0, 0.9],
             "scattering": {"model": "oren_nayar", "slope_sigma_deg": 17}, "dirt": 0.02,
-            "sound": {"law": "target", "strength_db": -30}, "pane_m": 0.004, "group_index": 1.4},
+            "sound": {"law": "target", "strength_db": -30}, "radar": {"law": "metal", "rms_height_mm": 0.1},
+            "pane_m": 0.004, "group_index": 1.4},
     }));
     let samples = json!([{"wavelength_nm": 905, "value": 0.75}, {"wavelength_nm": 1550, "value": 0.25}]);
     let mut sampled = File::triangle();
@@ -687,6 +688,7 @@ fn materials_are_read_with_their_extensions() {
     assert_eq!(m.reflectance, Some(Reflectance::Constant(0.6)));
     assert_eq!((&m.scattering, m.dirt), (&Scattering::OrenNayar { slope_sigma_deg: 17.0 }, 0.02));
     assert_eq!(m.sound, Some(Sound::Target { strength_db: -30.0 }));
+    assert_eq!(m.radar.as_ref().map(ToString::to_string).unwrap(), "metal, rough by 0.1 mm");
     assert_eq!((m.pane_m, m.group_index, m.extinction_index), (Some(0.004), Some(1.4), 0.0));
     assert_eq!((m.thickness_m, m.attenuation_distance_m, m.attenuation_color), (0.01, 2.0, [1.0, 0.5, 0.0]));
 
@@ -787,6 +789,10 @@ fn material_values_out_of_range_are_errors() {
         (
             json!({"extras": {"sound": {"law": "lambert", "mu_db": 3}}}),
             "extras.sound.mu_db is 3; allowed: -100 to -4.9715",
+        ),
+        (
+            json!({"extras": {"radar": {"law": "permittivity", "eps": 0.5}}}),
+            "extras.radar.eps is 0.5; allowed: 1 to 1000",
         ),
         (
             json!({"extras": {"scattering": {"model": "ggx", "f0": 0.04, "alph": 0.3}}}),

@@ -15,7 +15,7 @@ pub use document::{Document, from_str};
 pub use edit::{TAGS, assignment, put, set};
 pub use message::plain;
 pub use path::{join, lookup, numbers, same_path};
-pub use section::{inner, one_or_more, one_or_more_words, split_keys, split_tag};
+pub use section::{Section, inner, one_or_more, one_or_more_words, split_keys, split_tag};
 pub use write::to_string;
 
 #[cfg(test)]
