@@ -177,7 +177,10 @@ impl RadarPlan {
     }
 
     /// Gain of the elements on a path, as a factor of amplitude.
-    pub(crate) fn element_gain(&self, paths: &Paths, path: usize) -> f32 {
+    ///
+    /// # Panics
+    /// If there is no path of that number.
+    pub fn element_gain(&self, paths: &Paths, path: usize) -> f32 {
         self.patterns[0].amplitude(paths.tx_direction[path]) * self.patterns[1].amplitude(paths.rx_direction[path])
     }
 

@@ -39,7 +39,8 @@ pub struct RadarPlan {
     /// Places of transmitters and receivers, m.
     pub(crate) transmitters: Vec<[f32; 3]>,
     pub(crate) receivers: Vec<[f32; 3]>,
-    pub(crate) patterns: [LobeTable; 2],
+    /// Gains of elements, transmitter and receiver.
+    pub patterns: [LobeTable; 2],
     /// Factors of transmitter and receiver pairs.
     pub(crate) errors: Vec<Complex32>,
     pub(crate) launches: Vec<SlotLaunch>,

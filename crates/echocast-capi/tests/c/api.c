@@ -1,22 +1,6 @@
 /* What the functions do, one after the other, and how they fail. argv[1]: a folder for files. */
 #include "check.h"
-
-static char folder[512];
-
-static const char *in_folder(const char *name)
-{
-    static char path[600];
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    return path;
-}
-
-static int exists(const char *path)
-{
-    FILE *file = fopen(path, "rb");
-    if (file)
-        fclose(file);
-    return file != NULL;
-}
+#include "folder.h"
 
 static int messages[6];
 static char last_message[512];

@@ -1,22 +1,6 @@
 /* Frames of a radar that looks at a plate 20 m ahead. argv[1]: a folder for files. */
 #include "check.h"
-
-static char folder[4096];
-
-static const char *in_folder(const char *name)
-{
-    static char path[8192];
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    return path;
-}
-
-static int exists(const char *path)
-{
-    FILE *file = fopen(path, "rb");
-    if (file)
-        fclose(file);
-    return file != NULL;
-}
+#include "folder.h"
 
 int main(int argc, char **argv)
 {

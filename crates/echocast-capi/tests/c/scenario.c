@@ -1,18 +1,10 @@
 /* What the functions of scenarios do, and how they fail. argv[1]: a folder for files. */
 #define _POSIX_C_SOURCE 200809L
 #include "check.h"
+#include "folder.h"
 
 #include <pthread.h>
 #include <sched.h>
-
-static char folder[512];
-
-static const char *in_folder(const char *name)
-{
-    static char path[600];
-    snprintf(path, sizeof path, "%s/%s", folder, name);
-    return path;
-}
 
 static void write_file(const char *name, const char *text)
 {

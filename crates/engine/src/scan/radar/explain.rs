@@ -113,8 +113,7 @@ impl PointWriter<'_> {
             text,
             "  noise alone makes range err by {sigma_range:.4} m, range rate by {sigma_rate:.4} m/s (1 sigma)"
         )?;
-        let (_, parts) = setup.sensor.radar().map_err(|_| std::fmt::Error)?;
-        let axes = parts.plan.axes();
+        let axes = setup.plan.axes();
         writeln!(
             text,
             "  cell {} of {} in range ({:.4} m each), {} of {} in range rate ({:.4} m/s each)",
@@ -131,7 +130,7 @@ impl PointWriter<'_> {
         let (setup, spec) = (self.setup, self.setup.spec);
         let (range, power) = (f64::from(detections.range[row]), f64::from(detections.power[row]));
         let own = direction([detections.azimuth[row], detections.elevation[row]]);
-        let gain = |which: usize| 20.0 * f64::from(setup.patterns[which].amplitude(own.to_array())).log10();
+        let gain = |which: usize| 20.0 * f64::from(setup.plan.patterns[which].amplitude(own.to_array())).log10();
         let db = |value: f64| 10.0 * value.log10();
         let wavelength = spec.waveform.wavelength();
         writeln!(text, "radar equation, dB")?;
@@ -160,7 +159,7 @@ impl PointWriter<'_> {
         if parts.is_empty() {
             return writeln!(text, "paths\n  none contributes: noise, leakage or other radars");
         }
-        let channels = self.setup.sensor.radar().map_or(1, |(_, parts)| parts.plan.array().places.len());
+        let channels = self.setup.plan.array().places.len();
         let noise = self.setup.noise / channels as f64;
         let sum: f64 = parts.iter().map(|part| f64::from(part.power)).sum();
         writeln!(

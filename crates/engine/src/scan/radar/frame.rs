@@ -21,19 +21,15 @@ impl RadarSetup<'_> {
         cloud: &mut PointCloud,
         explanation: Option<&mut Explanation>,
     ) -> Result<RadarFrame> {
-        let (_, parts) = self.sensor.radar()?;
-        let plan = &parts.plan;
+        let plan = self.plan;
         let duration = self.spec.waveform.duration(self.spec.array.tx.len());
         self.scene.0.check_time(self.options.start_time, duration)?;
         let moment = self.moment(0.5 * duration, 0.0);
         let mut paths = FramePaths::default();
         self.find(&moment, self.sector(), &mut paths)?;
         let truth = FrameTruth::new(self, &moment, &paths.search, &paths.echoes);
-        let mut received = paths.echoes.paths.clone();
-        if let Some(leakage) = &self.spec.leakage {
-            plan.add_leakage(leakage, &mut received);
-        }
-        let disturbance = self.disturbance(&received)?;
+        let received = self.received(&paths.echoes);
+        let disturbance = self.disturbance(&received);
         let mut samples = None;
         let streams = if record.samples {
             let mut sampled = plan.samples(&received);
@@ -83,18 +79,17 @@ impl RadarSetup<'_> {
     }
 
     /// What phase noise and other radars add to the samples.
-    fn disturbance(&self, received: &Paths) -> Result<Option<AdcSamples>> {
-        let (_, parts) = self.sensor.radar()?;
+    fn disturbance(&self, received: &Paths) -> Option<AdcSamples> {
         if self.spec.phase_noise.is_none() && self.spec.interferers.is_empty() {
-            return Ok(None);
+            return None;
         }
-        let mut samples = parts.plan.silent_samples();
+        let mut samples = self.plan.silent_samples();
         if let Some(noise) = &self.spec.phase_noise {
             let floor = 0.1 * noise_density(self.spec.noise_figure_db);
-            parts.plan.add_phase_noise(noise, received, floor, &self.rng, &mut samples);
+            self.plan.add_phase_noise(noise, received, floor, &self.rng, &mut samples);
         }
-        parts.plan.add_interference(&self.spec.interferers, &self.rng, &mut samples);
-        Ok(Some(samples))
+        self.plan.add_interference(&self.spec.interferers, &self.rng, &mut samples);
+        Some(samples)
     }
 
     pub fn detect(

@@ -137,7 +137,7 @@ impl PointWriter<'_> {
 
     /// Radar cross-section, dBsm, that a radar estimates from the power at an element, W.
     pub(super) fn cross_section_db(&self, power: f64, range: f64, own: Vec3) -> f32 {
-        let [tx, rx] = self.setup.patterns.each_ref().map(|pattern| f64::from(pattern.amplitude(own.to_array())));
+        let [tx, rx] = self.setup.plan.patterns.each_ref().map(|pattern| f64::from(pattern.amplitude(own.to_array())));
         let received = power / (tx * rx * self.setup.scale()).powi(2);
         (10.0 * (4.0 * PI * received * range.powi(4)).log10()) as f32
     }

@@ -40,8 +40,7 @@ impl RadarSetup<'_> {
         };
         let period = self.sensor.beams.period;
         self.scene.0.check_time(self.options.start_time, self.sensor.beams.last_time())?;
-        let (_, parts) = self.sensor.radar()?;
-        let range = parts.plan.axes().range;
+        let range = self.plan.axes().range;
         let count = rotor.azimuths;
         let mut image = PolarImage::default();
         image.range = range;
@@ -129,14 +128,9 @@ impl RadarSetup<'_> {
         echoes: RadarEchoes,
         levels: &mut Vec<f32>,
     ) -> Result<RowResult> {
-        let (_, parts) = self.sensor.radar()?;
-        let plan = &parts.plan;
-        let mut received = echoes.paths.clone();
-        if let Some(leakage) = &self.spec.leakage {
-            plan.add_leakage(leakage, &mut received);
-        }
+        let plan = self.plan;
         let mut streams = plan.silent_streams();
-        plan.deposit(&received, 1e-3 * self.noise, &mut streams);
+        plan.deposit(&self.received(&echoes), 1e-3 * self.noise, &mut streams);
         // Every row has noise of its own.
         let own = self.rng.words([row, 0], ground::rng::Draw::RadarNoise);
         let rng = Rng::new(u64::from(own[0]) << 32 | u64::from(own[1]), self.options.frame);

@@ -2,18 +2,19 @@
 
 use super::paths::{FrameLimits, FramePaths};
 use super::precipitation::add_precipitation;
-use crate::echo::radar::{CentreGrid, ClutterGrid, WaveField};
+use crate::echo::radar::{CentreGrid, ClutterGrid, RadarEchoes, WaveField};
 use crate::medium::{RadioAir, wet_radome_db};
 use crate::scan::ScanOptions;
 use crate::sensor::{RadarSpec, Sensor};
 use crate::trace::BuiltScene;
-use ::radar::{LobeTable, Polarisation, RadarWaveform};
+use ::radar::{LobeTable, Paths, Polarisation, RadarPlan, RadarWaveform};
 use emitter::Trajectory;
 use emitter::pattern::Pattern;
 use glam::{DQuat, DVec3};
 use ground::error::Result;
 use ground::pose::Pose;
 use ground::rng::Rng;
+use std::borrow::Cow;
 
 /// A radar at one moment.
 #[derive(Clone, Copy, Debug)]
@@ -37,10 +38,9 @@ pub(super) struct RadarSetup<'a> {
     pub trajectory: &'a Trajectory,
     pub rng: Rng,
     air: RadioAir,
-    /// Gains of elements, transmitter and receiver.
-    pub patterns: [LobeTable; 2],
-    /// Likewise where paths are found: all around for antennas that rotate.
-    searched: [LobeTable; 2],
+    pub plan: &'a RadarPlan,
+    /// Gains of elements, transmitter and receiver, where paths are found: all around for antennas that rotate.
+    searched: Cow<'a, [LobeTable; 2]>,
     /// Power of a transmitter less all losses, W.
     pub power: f64,
     /// Thermal noise in a cell of a channel, W.
@@ -65,8 +65,9 @@ impl<'a> RadarSetup<'a> {
         let tilt = if spec.array.polarisation == Polarisation::Vertical { 90.0 } else { 0.0 };
         let air = RadioAir::new(&options.environment, frequency, tilt, scene.origin());
         let wet = if spec.wet_radome_mm > 0.0 { wet_radome_db(spec.wet_radome_mm, frequency)? } else { 0.0 };
-        let axes = parts.plan.axes();
-        let positions = &parts.plan.array().places;
+        let plan = &parts.plan;
+        let axes = plan.axes();
+        let positions = &plan.array().places;
         let width = |axis: usize| {
             let ends = positions.iter().map(|place| f64::from(place[axis]));
             ends.clone().fold(f64::NEG_INFINITY, f64::max) - ends.fold(f64::INFINITY, f64::min)
@@ -80,6 +81,14 @@ impl<'a> RadarSetup<'a> {
             RadarWaveform::Fmcw(fmcw) => fmcw.greatest_range(),
             _ => axes.range.at(axes.range.len as f64),
         };
+        let searched = match sensor.spec().pattern {
+            Pattern::RadarRotor(_) => Cow::Owned([&spec.array.tx_pattern, &spec.array.rx_pattern].map(|pattern| {
+                let mut pattern = pattern.clone();
+                (pattern.azimuth_deg, pattern.azimuth_table) = Default::default();
+                pattern.table()
+            })),
+            _ => Cow::Borrowed(&plan.patterns),
+        };
         Ok(RadarSetup {
             scene,
             sensor,
@@ -88,16 +97,10 @@ impl<'a> RadarSetup<'a> {
             trajectory,
             rng: Rng::new(options.seed, options.frame),
             air,
-            patterns: [spec.array.tx_pattern.table(), spec.array.rx_pattern.table()],
-            searched: [&spec.array.tx_pattern, &spec.array.rx_pattern].map(|pattern| {
-                let mut pattern = pattern.clone();
-                if matches!(sensor.spec().pattern, Pattern::RadarRotor(_)) {
-                    (pattern.azimuth_deg, pattern.azimuth_table) = Default::default();
-                }
-                pattern.table()
-            }),
+            plan,
+            searched,
             power: 1e-3 * 10f64.powf(0.1 * (spec.power_dbm - spec.loss_db - 2.0 * wet)),
-            noise: parts.plan.channel_noise(spec.noise_figure_db),
+            noise: plan.channel_noise(spec.noise_figure_db),
             resolution: axes.range.step,
             rate: axes.velocity.step,
             beam: [0, 1].map(|axis| of_array[axis].min(of_element[axis])),
@@ -125,7 +128,7 @@ impl<'a> RadarSetup<'a> {
         let (_, parts) = self.sensor.radar()?;
         let tables = &self.scene.0;
         let surfaces = parts.surfaces(&tables.surfaces, self.spec.frequency())?;
-        let channels = parts.plan.array().places.len() as f64;
+        let channels = self.plan.array().places.len() as f64;
         let field = WaveField {
             scene: tables,
             surfaces: &surfaces,
@@ -155,6 +158,15 @@ impl<'a> RadarSetup<'a> {
         paths.find(&field, &limits);
         add_precipitation(&field, sector, self.resolution, &self.rng, paths);
         Ok(())
+    }
+
+    /// What the radar receives: echoes, and what leaks from its transmitters.
+    pub fn received<'e>(&self, echoes: &'e RadarEchoes) -> Cow<'e, Paths> {
+        let mut received = Cow::Borrowed(&echoes.paths);
+        if let Some(leakage) = &self.spec.leakage {
+            self.plan.add_leakage(leakage, received.to_mut());
+        }
+        received
     }
 
     /// Width of a beam in azimuth, rad.

@@ -23,8 +23,7 @@ pub(super) struct FrameTruth {
 
 impl FrameTruth {
     pub fn new(setup: &RadarSetup, moment: &RadarMoment, search: &Search, echoes: &RadarEchoes) -> FrameTruth {
-        let Ok((_, parts)) = setup.sensor.radar() else { unreachable!("a radar") };
-        let (plan, axes) = (&parts.plan, parts.plan.axes());
+        let (plan, axes) = (setup.plan, setup.plan.axes());
         let ranges = &echoes.paths.range;
         let cell = |index: usize| plan.range_of(ranges[index], echoes.paths.range_rate[index].into()) as f32;
         let cells: Vec<f32> = (0..ranges.len()).map(cell).collect();
@@ -55,11 +54,9 @@ impl FrameTruth {
                 types.len() as u32 - 1
             });
             let rate = f64::from(echoes.paths.range_rate[at]);
-            let direction = echoes.paths.rx_direction[at];
-            let gain =
-                setup.patterns[0].amplitude(echoes.paths.tx_direction[at]) * setup.patterns[1].amplitude(direction);
+            let gain = plan.element_gain(&echoes.paths, at);
             truth.velocity_cell.push(axes.velocity.cells(rate) as f32);
-            truth.direction.push(direction);
+            truth.direction.push(echoes.paths.rx_direction[at]);
             truth.power.push(echoes.paths.amplitude[at].norm_sqr() * gain * gain);
             truth.group.push(group);
         }

@@ -83,7 +83,7 @@ impl Radio {
         Radio::new(RadioLaw::Body(Dielectric::Metal))
     }
 
-    /// A window pane, 4 mm of glass. Above 100 GHz its law is extrapolated: it is a default that nobody chose.
+    /// A window pane, 4 mm of glass: a default. As no user chose it, its law is extrapolated above 100 GHz rather than refused.
     pub(in crate::material) fn pane() -> Radio {
         let of = Dielectric::Itu { material: ItuMaterial::Glass, extrapolate: true };
         Radio::new(RadioLaw::Layers { layers: vec![RadioLayer { of, thickness_mm: 4.0 }], over: None })
