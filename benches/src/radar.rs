@@ -39,12 +39,13 @@ range: {max_m: 100}
 /// What is measured: name, preset or [`TWELVE`], changes.
 type RadarCase = (&'static str, Option<&'static str>, &'static [(&'static str, &'static str)]);
 
-const CASES: [RadarCase; 5] = [
+const CASES: [RadarCase; 6] = [
     ("256 x 128 x 12", None, &[]),
     ("  without clutter", None, &[("radar.clutter", "false")]),
     ("  direct and ground", None, &[("radar.clutter", "false"), ("radar.mirrors", "1")]),
     ("  direct", None, &[("radar.clutter", "false"), ("radar.mirrors", "0")]),
     ("cascade, 192 channels", Some("ti_mmwcas_mimo"), &[]),
+    ("rotating, 400 x 3360", Some("navtech_cts350x"), &[]),
 ];
 
 pub fn run() -> Result<Value> {
@@ -68,7 +69,8 @@ pub fn run() -> Result<Value> {
         let mut cloud = PointCloud::default();
         let record = RadarRecord { cube: true, samples: false };
         let frame = site.built.radar_frame(&sensor, &trajectory, &options, record, &mut cloud)?;
-        let cells = frame.cube.map_or(0, |cube| cube.cells.len());
+        let polar = frame.polar.map_or(0, |polar| polar.levels.len());
+        let cells = frame.cube.map_or(polar, |cube| cube.cells.len());
         let (mut ours, mut theirs) = (Vec::new(), Vec::new());
         for _ in 0..ROUNDS {
             let times = thread.install(|| {

@@ -20,14 +20,11 @@ pub struct Ends {
     pub observer: DVec3,
 }
 
-/// Greatest deviation of the phase over a facet from a linear one for [`facet`] to hold, rad.
+/// Greatest deviation of the phase over a facet from a linear one for [`Ends::facet`] to hold, rad.
 const STRAIGHT: f64 = 0.05;
 
-/// Parts with a straight phase that a triangle is divided into, at most; more cost more than its outline.
-const MOST_PARTS: f64 = 16.0;
-
-/// Likewise along a piece of an edge, where the mean of the deviation is taken into account.
-const STRAIGHT_PIECE: f64 = 0.03;
+/// Likewise along a piece of an edge, where the deviation is taken into account to first order.
+const STRAIGHT_PIECE: f64 = 0.3;
 
 /// Shortest pieces of an edge, per [`STRAIGHT_PIECE`]'s: what one turns by is at its phase to a microradian.
 const NEAREST: f64 = 7e-4;
@@ -64,12 +61,7 @@ impl Ends {
         let longest = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
         let bend = 0.125 * k * longest * (1.0 / r + 1.0 / s);
         if bend > STRAIGHT {
-            if bend > MOST_PARTS * STRAIGHT {
-                return self.outline(corners, k);
-            }
-            let [x, y, z] = [0.5 * (b + c), 0.5 * (a + c), 0.5 * (a + b)];
-            let parts = [[a, z, y], [z, b, x], [y, x, c], [x, y, z]];
-            return parts.into_iter().map(|part| self.facet(part, k)).sum();
+            return self.outline(corners, k);
         }
         let obliquity = 0.5 * (up / r + down / s).abs() / double;
         let lengths = corners.map(|corner| self.length(corner));
@@ -206,14 +198,16 @@ impl Ends {
                 whole += frame.inner_angle(from, to);
                 continue;
             }
-            whole += edge.angle(from, to);
             let along = along / length;
             let nearest = self.stationary(from, along).clamp(0.0, length);
             // Pieces around the place of stationary phase; away from it, waves leave from the ends only.
             let fresnel = self.fresnel(from + along * nearest, k);
             let [near, far] = [(nearest - NEAR_EDGE * fresnel).max(0.0), (nearest + NEAR_EDGE * fresnel).min(length)];
             let beyond = |end: f64| (end - nearest).abs() >= NEAR_EDGE * fresnel * 0.999;
-            let mut sum = edge.pieces(from, along, [near, far], fresnel, span, visit);
+            let (mut sum, turned) = edge.pieces(from, along, [near, far], fresnel, span, visit);
+            // As the pieces turn: through the line or beside it, the whole must agree with them.
+            let rest = [(from, from + along * near), (from + along * far, to)];
+            whole += turned + rest.map(|(from, to)| edge.angle(from, to)).iter().sum::<f64>();
             if near > 0.0 && beyond(near) {
                 ends[number] -= edge.end(from, along);
                 sum += edge.end(from + along * near, along);
@@ -342,8 +336,8 @@ impl EdgeFrame<'_> {
         self.frame.obliquity(self.of, place)
     }
 
-    /// Integral along the part of an edge from `near` to `far` m, piece by piece; what spans more than `span` m of path
-    /// length is passed to `visit` on the way.
+    /// Integral along the part of an edge from `near` to `far` m, piece by piece, and by how much the azimuth turns on it;
+    /// what spans more than `span` m of path length is passed to `visit` on the way.
     fn pieces(
         &self,
         from: DVec3,
@@ -352,9 +346,9 @@ impl EdgeFrame<'_> {
         fresnel: f64,
         span: f64,
         visit: &mut dyn FnMut(OutlinePart),
-    ) -> Complex64 {
+    ) -> (Complex64, f64) {
         let piece = (4.0 * STRAIGHT_PIECE / PI).sqrt() * fresnel;
-        let mut sum = Complex64::ZERO;
+        let (mut sum, mut turned) = (Complex64::ZERO, 0.0);
         let mut start = near;
         let mut here = from + along * near;
         let mut first = self.of.length(here);
@@ -368,17 +362,20 @@ impl EdgeFrame<'_> {
             let next = from + along * end;
             let middle = 0.5 * (here + next);
             let last = self.of.length(next);
-            // The mean of a parabola through both ends and the middle (Simpson).
-            let mean = (first + last + 4.0 * self.of.length(middle)) / 6.0;
+            // The mean of a parabola through both ends and the middle (Simpson), and its depth.
+            let halfway_length = self.of.length(middle);
+            let mean = (first + last + 4.0 * halfway_length) / 6.0;
+            let depth = 0.5 * self.k * (first + last) - self.k * halfway_length;
             let [halfway, after] = [middle, next].map(|place| self.obliquity(place));
+            let angles = [self.angle(here, middle), self.angle(middle, next)];
+            turned += angles[0] + angles[1];
             // What both halves weigh, and with a weight in between that rises evenly.
-            let weights = [
-                0.5 * (obliquity + halfway) * self.angle(here, middle),
-                0.5 * (halfway + after) * self.angle(middle, next),
-            ];
+            let weights = [0.5 * (obliquity + halfway) * angles[0], 0.5 * (halfway + after) * angles[1]];
             let turn = 0.5 * self.k * (last - first);
-            let [even, rising] = sincs(turn);
-            let integral = Complex64::new((weights[0] + weights[1]) * even, -2.0 * (weights[1] - weights[0]) * rising);
+            let [even, rising, bent] = sincs(turn);
+            let both = weights[0] + weights[1];
+            let rising = 2.0 * (weights[1] - weights[0]) * rising;
+            let integral = Complex64::new(both * even, -rising - both * depth * bent);
             sum -= self.scale * integral * Complex64::cis(-self.k * mean);
             obliquity = after;
             if (last - group.1).abs() >= span && end < far {
@@ -387,7 +384,7 @@ impl EdgeFrame<'_> {
             }
             (start, here, first) = (end, next, last);
         }
-        sum
+        (sum, turned)
     }
 
     /// The upper end of the integral along an edge, to second order in one over the phase's slope: by parts, of `w e^jp` it
@@ -410,13 +407,17 @@ fn sinc(x: f64) -> f64 {
     if x.abs() < 1e-4 { 1.0 - x * x / 6.0 } else { x.sin() / x }
 }
 
-/// `sin x / x` and `(sin x - x cos x) / x^2`.
-fn sincs(x: f64) -> [f64; 2] {
-    if x.abs() < 1e-2 {
-        return [1.0 - x * x / 6.0 * (1.0 - x * x / 20.0), x / 3.0 * (1.0 - x * x / 10.0)];
+/// Half the integrals over -1 to 1 of `e^(jxt)` times 1, `t / j` and `t^2 - 1/3`.
+fn sincs(x: f64) -> [f64; 3] {
+    let x2 = x * x;
+    if x2 < 1e-2 {
+        let even = 1.0 - x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0));
+        let rising = x / 3.0 * (1.0 - x2 / 10.0 * (1.0 - x2 / 28.0));
+        return [even, rising, -x2 * 2.0 / 45.0 * (1.0 - x2 / 14.0)];
     }
     let (sin, cos) = x.sin_cos();
-    [sin / x, (sin - x * cos) / (x * x)]
+    let (even, rising) = (sin / x, (sin - x * cos) / x2);
+    [even, rising, even * (2.0 / 3.0) - 2.0 * rising / x]
 }
 
 /// Integral of `e^(j phase)` over a triangle, per twice its area, with a linear phase that is 0, `x` and `y` at its
@@ -500,7 +501,7 @@ mod tests {
             let [facet, outline] = [of.facet(corners, K), of.outline(corners, K)];
             for (name, found) in [("facet", facet), ("outline", outline)] {
                 let error = (found - truth).norm() / truth.norm().max(0.03 * scale);
-                assert!(error < 0.02, "{name} of {side} m from {source}: {found}, not {truth}: {error}");
+                assert!(error < 0.004, "{name} of {side} m from {source}: {found}, not {truth}: {error}");
             }
         }
     }

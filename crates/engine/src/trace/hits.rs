@@ -168,23 +168,48 @@ impl HitBatch {
         coherent: bool,
         sight: Sight,
     ) -> [bool; LANES] {
+        HitBatch::occluded(scene, rays, count, coherent, sight, None).0
+    }
+
+    /// Finds which of the first `count` rays hit anything before their end but rows that are panes, and which of the others
+    /// may have passed one; see [`HitBatch::trace`].
+    pub(crate) fn blocked_through(
+        scene: &Tables,
+        rays: &RayBatch,
+        count: usize,
+        coherent: bool,
+        sight: Sight,
+        is_pane: &dyn Fn(u32) -> bool,
+    ) -> ([bool; LANES], [bool; LANES]) {
+        HitBatch::occluded(scene, rays, count, coherent, sight, Some(is_pane))
+    }
+
+    fn occluded(
+        scene: &Tables,
+        rays: &RayBatch,
+        count: usize,
+        coherent: bool,
+        sight: Sight,
+        is_pane: Option<&dyn Fn(u32) -> bool>,
+    ) -> ([bool; LANES], [bool; LANES]) {
         count_rays(count);
         let coherence = if coherent { Coherence::Coherent } else { Coherence::Incoherent };
         match scene.packet_width {
-            16 => Self::blocked_packets::<16>(scene, rays, count, coherence, sight),
-            8 => Self::blocked_packets::<8>(scene, rays, count, coherence, sight),
-            _ => Self::blocked_packets::<4>(scene, rays, count, coherence, sight),
+            16 => Self::occluded_packets::<16>(scene, rays, count, coherence, sight, is_pane),
+            8 => Self::occluded_packets::<8>(scene, rays, count, coherence, sight, is_pane),
+            _ => Self::occluded_packets::<4>(scene, rays, count, coherence, sight, is_pane),
         }
     }
 
-    fn blocked_packets<const W: usize>(
+    fn occluded_packets<const W: usize>(
         scene: &Tables,
         rays: &RayBatch,
         count: usize,
         coherence: Coherence,
         sight: Sight,
-    ) -> [bool; LANES] {
-        let mut blocked = [false; LANES];
+        is_pane: Option<&dyn Fn(u32) -> bool>,
+    ) -> ([bool; LANES], [bool; LANES]) {
+        let (mut blocked, mut passed) = ([false; LANES], [false; LANES]);
         let mut packet = Packet { mask: [sight.mask; W], ..Packet::<W>::new() };
         let mut valid = [-1; W];
         for first in (0..count).step_by(W) {
@@ -195,8 +220,19 @@ impl HitBatch {
             if first + W > count {
                 valid[count - first..].fill(0);
             }
-            if scene.surfaces.has_holes {
-                packet.id = std::array::from_fn(|lane| (first + lane) as u32);
+            packet.id = std::array::from_fn(|lane| (first + lane) as u32);
+            if let Some(is_pane) = is_pane {
+                let passed = Cell::from_mut(&mut passed[..]).as_slice_of_cells();
+                let stops = |hit: &Candidate| {
+                    let stops = scene.surfaces.stops(hit, sight.cover, rays);
+                    let passes = stops && is_pane(scene.surfaces.row(hit.geom_id, hit.inst_id));
+                    if passes {
+                        passed[hit.ray as usize].set(true);
+                    }
+                    stops && !passes
+                };
+                scene.structure.occlude_where(&valid, &mut packet, coherence, &stops);
+            } else if scene.surfaces.has_holes {
                 let stops = |hit: &Candidate| scene.surfaces.stops(hit, sight.cover, rays);
                 scene.structure.occlude_where(&valid, &mut packet, coherence, &stops);
             } else {
@@ -206,7 +242,7 @@ impl HitBatch {
                 blocked[first + lane] = packet.tfar[lane] == f32::NEG_INFINITY;
             }
         }
-        blocked
+        (blocked, passed)
     }
 
     /// Normal of the hit of a lane.

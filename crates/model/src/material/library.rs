@@ -319,7 +319,7 @@ mod tests {
         }
         for (name, least, most) in [
             ("glass", -4.58, -4.57),
-            ("painted_plaster", -6.87, -6.85),
+            ("plasterboard", -6.87, -6.85),
             ("vegetation", -0.41, -0.39),
             ("leaf", -6.0, -0.5),
             ("curtain", -1.0, 0.0),

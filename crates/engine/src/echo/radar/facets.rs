@@ -13,14 +13,14 @@ use radar::optics::{Ends, OutlinePart};
 
 /// Widest facets that are divided, in radii of the first Fresnel zone.
 const WIDE: f64 = 8.0;
-/// Below this width a facet is in sight if its middle is.
-const NARROW: f64 = 0.25;
-/// Parts of an edge between the places that are looked at: for widths up to these, more for wider ones. Places are an eighth
-/// of a Fresnel zone to two of them apart.
-const GRIDS: [(f64, u32); 2] = [(2.0, 1), (4.0, 2)];
-const WIDEST_GRID: u32 = 4;
+/// Up to this width the integral over a facet takes no longer than its bounds.
+const FLAT: f64 = 0.25;
+/// Up to this width a facet is in sight if its middle is.
+const NARROW: f64 = 1.0;
+/// Width up to which the corners and the middle are looked at; of wider ones the middles of the edges, too.
+const CORNERS: f64 = 4.0;
 /// Width of the parts of facets that are partly hidden.
-const PARTS: f64 = 0.25;
+const PARTS: f64 = 0.7;
 /// Most divisions of a facet by two.
 const MOST_DIVISIONS: u8 = 8;
 /// Amplitude over that which matters up to which facets are not divided.
@@ -61,6 +61,7 @@ struct CriticalPlace {
 #[derive(Default)]
 pub(crate) struct FacetMemory {
     sight: SightMemory,
+    triangles: Vec<u32>,
     queue: Vec<FacetPart>,
     next: Vec<FacetPart>,
     critical: Vec<CriticalPlace>,
@@ -129,7 +130,11 @@ impl FacetTask<'_> {
         memory.queue.clear();
         memory.critical.clear();
         memory.places.clear();
-        for triangle in facets.triangles() {
+        // Nothing reflects more than a perfect mirror.
+        let least = floor / (self.kept * self.field.scale() * self.greatest);
+        let mut triangles = std::mem::take(&mut memory.triangles);
+        facets.strong(&self.ends, self.field.k(), (least, self.field.reach), &mut triangles);
+        for &triangle in &triangles {
             let corners = facets.corners(triangle);
             let Some((middle, cos)) = self.facing(&corners) else { continue };
             if !self.is_near_mirrors(&corners, middle) {
@@ -150,6 +155,7 @@ impl FacetTask<'_> {
                 self.add_critical(triangle, &corners, self.long_inner(&facets, triangle, &corners), floor, memory);
             }
         }
+        memory.triangles = triangles;
         self.emit_critical(memory, echoes);
         while !memory.queue.is_empty() {
             self.sweep(floor, memory, echoes);
@@ -207,12 +213,13 @@ impl FacetTask<'_> {
         if strength < least {
             return None;
         }
-        let narrow = longest < WIDE * self.ends.fresnel(middle, self.field.k());
+        let width = longest / self.ends.fresnel(middle, self.field.k());
+        let narrow = width < WIDE;
         // What returns little as a whole returns no more in parts but for corners, where mirrors cut parts out.
         if narrow && strength > FAINT * least && self.has_corner(corners) {
             return Some(None);
         }
-        if self.ends.edge_bound(*corners, self.field.k()) < least {
+        if width > FLAT && self.ends.edge_bound(*corners, self.field.k()) < least {
             return None;
         }
         if narrow && self.depth(corners) <= self.spread {
@@ -252,8 +259,7 @@ impl FacetTask<'_> {
     /// Whether the last mirror's waves are mirrored by the plane of a triangle, too.
     fn is_mirrored(&self, triangle: u32) -> bool {
         let Some(&last) = self.target.mirrors.last() else { return false };
-        let row = &self.search.rows[self.target.target];
-        let own = self.search.mirror_of(self.field.scene, row, triangle);
+        let own = self.search.mirror_of(self.field.scene, self.target.target, triangle);
         own.is_some_and(|own| self.search.is_mirrored(last, own, self.field.wavelength))
     }
 
@@ -315,19 +321,12 @@ impl FacetTask<'_> {
             let middle = (a + b + c) / 3.0;
             element.first = memory.places.len() as u32;
             if element.width > NARROW || element.in_corner {
-                let fine =
-                    GRIDS.iter().find(|(width, _)| element.width <= *width).map_or(WIDEST_GRID, |(_, parts)| *parts);
-                if fine < WIDEST_GRID {
-                    memory.places.push(middle);
-                }
                 // A little inside.
-                let place = |i: u32, j: u32| {
-                    let [u, v] = [i, j].map(|part| f64::from(part) / f64::from(fine));
-                    (a + (b - a) * u + (c - a) * v).lerp(middle, 0.04)
-                };
-                memory
-                    .places
-                    .extend((0..=fine).flat_map(|i| (0..=fine - i).map(move |j| (i, j))).map(|(i, j)| place(i, j)));
+                let place = |place: DVec3| place.lerp(middle, 0.04);
+                memory.places.extend([middle, place(a), place(b), place(c)]);
+                if element.width > CORNERS {
+                    memory.places.extend([0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)].map(place));
+                }
             } else {
                 memory.places.push(middle);
             }

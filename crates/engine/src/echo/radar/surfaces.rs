@@ -12,9 +12,13 @@ pub(crate) struct RadarSurfaces {
     materials: Vec<RadioSurface>,
     /// Of each material, [`RadarSurfaces::mirrored`] between steps of the cosine.
     mirrored: Vec<[f32; STEPS]>,
-    /// Whether waves pass through any of them.
+    /// Whether waves pass through each of them, and through any.
+    panes: Vec<bool>,
     pub has_panes: bool,
 }
+
+/// Least part of the power that a pane lets through.
+const LEAST_THROUGH: f32 = 1e-4;
 
 /// Steps of the cosine between which the greatest reflection is kept.
 const STEPS: usize = 32;
@@ -33,9 +37,10 @@ impl RadarSurfaces {
             })
         };
         let materials = surfaces.materials.iter().map(at).collect::<Result<Vec<_>>>()?;
-        let has_panes = materials.iter().any(|surface| surface.transmit(1.0).power() > 0.0);
+        let panes: Vec<bool> = materials.iter().map(|surface| surface.transmit(1.0).power() > LEAST_THROUGH).collect();
+        let has_panes = panes.contains(&true);
         let mirrored = materials.iter().map(greatest).collect();
-        Ok(RadarSurfaces { frequency_hz, materials, mirrored, has_panes })
+        Ok(RadarSurfaces { frequency_hz, materials, mirrored, panes, has_panes })
     }
 
     /// Whether it was made for this frequency.
@@ -54,9 +59,14 @@ impl RadarSurfaces {
         steps[((cos.clamp(0.0, 1.0) * STEPS as f32) as usize).min(STEPS - 1)]
     }
 
+    /// Whether waves pass through a row.
+    pub fn is_pane(&self, surfaces: &Surfaces, row: u32) -> bool {
+        self.panes[surfaces.rows[row as usize].material as usize]
+    }
+
     /// Fraction of the amplitude that passes a row met at a cosine of incidence: the mean of both polarisations.
     pub fn through(&self, surfaces: &Surfaces, row: u32, cos: f32) -> f32 {
-        self.of(surfaces, row).transmit(cos).power().sqrt()
+        if self.is_pane(surfaces, row) { self.of(surfaces, row).transmit(cos).power().sqrt() } else { 0.0 }
     }
 }
 

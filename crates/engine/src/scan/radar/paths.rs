@@ -44,7 +44,7 @@ impl FramePaths {
     pub fn find(&mut self, field: &WaveField, limits: &FrameLimits) {
         let sight = Sight::of_shapes(limits.mask);
         let (scene, surfaces) = (field.scene, field.surfaces);
-        let (directions, step) = fan(field, field.sector);
+        let (directions, columns, step) = fan(field, field.sector);
         let mirrors = |row: u32| {
             // What reflects less than a thousandth of the power at all angles mirrors nothing.
             [1.0, 0.5, 0.1, 0.02].iter().any(|&cos| surfaces.mirrored(&scene.surfaces, row, cos) > 0.03)
@@ -58,19 +58,22 @@ impl FramePaths {
             looks: &|along, aside| field.looks(along, aside),
             start: field.place,
             directions: &directions,
+            columns,
             step,
             reach: 2.0 * field.reach,
             wavelength: field.wavelength,
             most_mirrors: limits.mirrors,
             mirrors: &mirrors,
-            passes: &|row| surfaces.has_panes && surfaces.through(&scene.surfaces, row, 1.0) > 0.0,
+            passes: &|row| surfaces.is_pane(&scene.surfaces, row),
             kept: &|mirrors, image, target| field.kept(mirrors, image, target),
             sight,
             time: field.time,
         };
         self.search = Search::new(scene, rows, &searched);
         let through = |row: u32, cos: f32| surfaces.through(&scene.surfaces, row, cos);
-        let sightlines = Sightlines { scene, sight, time: field.time, panes: &through, has_panes: surfaces.has_panes };
+        let is_pane = |row: u32| surfaces.is_pane(&scene.surfaces, row);
+        let panes: Option<&(dyn Fn(u32) -> bool + Sync)> = if surfaces.has_panes { Some(&is_pane) } else { None };
+        let sightlines = Sightlines { scene, sight, time: field.time, panes: &through, is_pane: panes };
         let search = &self.search;
         self.parts.resize_with(search.targets.len(), RadarEchoes::default);
         let tasks = self.parts.iter_mut().enumerate();
@@ -96,8 +99,9 @@ impl FramePaths {
     }
 }
 
-/// Directions over a sector of azimuths and elevations, world, and the angle between them, rad.
-fn fan(field: &WaveField, [azimuth, elevation]: [[f64; 2]; 2]) -> (Vec<Vec3>, f64) {
+/// Directions over a sector of azimuths and elevations, world, row by row, how many there are in a row, and the angle between
+/// them, rad.
+fn fan(field: &WaveField, [azimuth, elevation]: [[f64; 2]; 2]) -> (Vec<Vec3>, usize, f64) {
     /// Rays, about.
     const RAYS: f64 = 16_384.0;
     /// Finer steps show no more, rad.
@@ -115,5 +119,5 @@ fn fan(field: &WaveField, [azimuth, elevation]: [[f64; 2]; 2]) -> (Vec<Vec3>, f6
             directions.push((field.axes * own).as_vec3());
         }
     }
-    (directions, step)
+    (directions, columns as usize, step)
 }

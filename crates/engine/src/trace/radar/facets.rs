@@ -1,9 +1,11 @@
 //! The facets of a row of surfaces at one moment.
 
+use super::bounds::keeps_angles;
 use super::images::Mirror;
 use crate::trace::Tables;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use ground::math::cofactors;
+use radar::optics::Ends;
 use std::ops::Range;
 
 /// A row of surfaces that may be in a radar's view.
@@ -90,13 +92,17 @@ impl Tables {
         RowFacets { scene: self, of, time }
     }
 
-    /// The plane that a triangle lies in, with its number among those of the row, if it is one of the large planes of a
-    /// row that keeps its shape.
-    pub(super) fn plane_of(&self, of: &RadarRow, triangle: u32) -> Option<(usize, Mirror)> {
+    /// The number of the plane that a triangle lies in among those of its row, if it is one of the large ones of a row
+    /// that keeps its shape.
+    pub(super) fn plane_number(&self, of: &RadarRow, triangle: u32) -> Option<usize> {
+        of.place?;
+        self.surfaces.radar_part(self.surfaces.rows[of.row as usize].part).planes.of(triangle)
+    }
+
+    /// A plane of a row; `None`: it is nowhere or has no extent.
+    pub(super) fn plane(&self, of: &RadarRow, number: usize) -> Option<Mirror> {
         let row = &self.surfaces.rows[of.row as usize];
-        let (place, planes) = (of.place?, self.surfaces.planes(row.part));
-        let number = planes.of(triangle)?;
-        let plane = planes.all()[number];
+        let (place, plane) = (of.place?, *self.surfaces.radar_part(row.part).planes.all().get(number)?);
         let across = cofactors(&place.matrix3) * plane.normal;
         let scale = across.length();
         let DMat3 { x_axis, y_axis, z_axis } = place.matrix3;
@@ -109,7 +115,7 @@ impl Tables {
             row: of.row,
             object: row.object,
         };
-        (scale > 0.0).then_some((number, mirror))
+        (scale > 0.0).then_some(mirror)
     }
 }
 
@@ -132,13 +138,28 @@ impl RowFacets<'_> {
     pub fn inner(&self, triangle: u32) -> [bool; 3] {
         let surfaces = &self.scene.surfaces;
         // What changes its shape may bend there.
-        self.of.place.map_or([false; 3], |_| surfaces.planes(surfaces.rows[self.of.row as usize].part).inner(triangle))
+        self.of.place.map_or([false; 3], |_| {
+            surfaces.radar_part(surfaces.rows[self.of.row as usize].part).planes.inner(triangle)
+        })
     }
 
     /// Velocity of the middle of a triangle, m/s, world.
     pub fn velocity(&self, triangle: u32) -> Vec3 {
         let movement = self.scene.movement(None, self.of.row, triangle, [1.0 / 3.0; 2], self.time);
         movement.map_or(Vec3::ZERO, |movement| movement.velocity)
+    }
+
+    /// Their numbers into `found`, without those of which [`Ends::bound`] is less than `least`, 1/m, for the wave number `k`,
+    /// rad/m, or which are farther than `reach` m, as far as that is known.
+    pub fn strong(&self, ends: &Ends, k: f64, (least, reach): (f64, f64), found: &mut Vec<u32>) {
+        found.clear();
+        let part = self.scene.surfaces.rows[self.of.row as usize].part;
+        match &self.of.place {
+            Some(place) if keeps_angles(&place.matrix3) => {
+                self.scene.surfaces.radar_part(part).bounds.strong(place, ends, k, (least, reach), found);
+            }
+            _ => found.extend(self.triangles()),
+        }
     }
 
     /// Their numbers.

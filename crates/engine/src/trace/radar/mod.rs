@@ -1,5 +1,6 @@
 //! What a radar sees: the facets of surfaces at one moment, the planes that mirror it, and lines of sight that these fold.
 
+mod bounds;
 mod facets;
 mod images;
 mod planes;
@@ -8,6 +9,6 @@ mod sightlines;
 
 pub(crate) use facets::{RadarRow, RowFacets};
 pub(crate) use images::{MOST_MIRRORS, Mirror, MirrorChain};
-pub use planes::PartPlanes;
+pub use planes::RadarPart;
 pub(crate) use search::{ImageTarget, Search, SearchLimits};
 pub(crate) use sightlines::{SightMemory, Sighted, Sightlines};

@@ -7,14 +7,21 @@ use super::sightlines::MOST_PANES;
 use crate::trace::Tables;
 use crate::trace::hits::{HitBatch, Sight};
 use glam::{DVec3, Vec3};
-use ground::lanes::{LANES, MISS, RayBatch};
+use ground::lanes::{LANES, RayBatch};
+use rustc_hash::{FxHashMap, FxHashSet};
 use std::cmp::{Ordering, Reverse};
-use std::collections::{BTreeMap, BinaryHeap, HashMap, HashSet};
+use std::collections::BinaryHeap;
 
 /// Numbers of mirrors in order; unused ones are [`NO_MIRROR`].
 type Chain = [u16; MOST_MIRRORS];
 
 const NO_MIRROR: u16 = u16::MAX;
+
+/// The mirror of a plane that no ray has met.
+const UNKNOWN: u16 = u16::MAX - 1;
+
+/// Least area of mirrors in which whatever is small is looked for, m^2, and which need fewer rays.
+const LARGE: f64 = 1.0;
 
 /// Most different mirrors of a frame.
 const MOST_PLANES: usize = 4096;
@@ -50,8 +57,10 @@ pub(crate) struct ImageTarget {
 pub(crate) struct SearchLimits<'a> {
     /// Place of the radar relative to the scene's origin, m.
     pub start: DVec3,
-    /// Directions over the field of view, unit vectors, world.
+    /// Directions over the field of view, unit vectors, world, row by row.
     pub directions: &'a [Vec3],
+    /// How many there are in a row.
+    pub columns: usize,
     /// Angle between neighbours, rad.
     pub step: f64,
     /// Whether the radar looks in a direction, or within an angle, rad, of it.
@@ -92,10 +101,11 @@ pub(crate) struct Search {
     /// In a fixed order: direct ones first.
     pub targets: Vec<ImageTarget>,
     /// Distances between mirrors that rays went from one to the other of, m.
-    legs: BTreeMap<[u16; 2], f64>,
-    by_plane: HashMap<(u32, usize), u16>,
+    legs: FxHashMap<[u16; 2], f64>,
+    /// For each of `rows` the mirrors that its planes are part of, [`NO_MIRROR`] or [`UNKNOWN`].
+    planes: Vec<Vec<u16>>,
     /// Mirrors by how far their planes are from the origin, in steps of [`APART`].
-    by_distance: HashMap<i64, Vec<u16>>,
+    by_distance: FxHashMap<i64, Vec<u16>>,
 }
 
 /// A ray on its way.
@@ -104,7 +114,27 @@ struct SearchRay {
     from: Vec3,
     along: Vec3,
     left: f32,
-    chain: Chain,
+    /// Number of the chain of mirrors behind it.
+    chain: u32,
+    /// Whether large mirrors need not turn it: others beside it suffice.
+    fine: bool,
+}
+
+/// A search under way.
+struct Searcher<'a> {
+    scene: &'a Tables,
+    limits: &'a SearchLimits<'a>,
+    search: Search,
+    /// Index in [`Search::rows`] of each row of surfaces, or [`u32::MAX`].
+    of_row: Vec<u32>,
+    /// Of each of [`Search::rows`], whether it mirrors waves, and whether it lets them through.
+    surfaces: Vec<[bool; 2]>,
+    chains: Vec<Chain>,
+    longer: FxHashMap<(u32, u16), u32>,
+    /// Numbers of chains, and of rows that are seen in them.
+    seen: FxHashSet<(u32, u32)>,
+    batch: Box<RayBatch>,
+    hits: Box<HitBatch>,
 }
 
 impl Search {
@@ -114,29 +144,23 @@ impl Search {
         rows.retain(near);
         let mut of_row = vec![u32::MAX; scene.surfaces.rows.len()];
         (0..).zip(&rows).for_each(|(index, row): (u32, &RadarRow)| of_row[row.row as usize] = index);
-        let mut search = Search { rows, ..Search::default() };
-        let mut seen: HashSet<(Chain, u32)> = HashSet::new();
-        let mut rays: Vec<SearchRay> = Vec::new();
-        let ray = |along: Vec3| SearchRay {
-            from: limits.start.as_vec3(),
-            along,
-            left: limits.reach as f32,
-            chain: [NO_MIRROR; MOST_MIRRORS],
+        let surfaces = rows.iter().map(|row| [(limits.mirrors)(row.row), (limits.passes)(row.row)]).collect();
+        let planes = vec![Vec::new(); rows.len()];
+        let mut searcher = Searcher {
+            scene,
+            limits,
+            search: Search { rows, planes, ..Search::default() },
+            of_row,
+            surfaces,
+            chains: vec![[NO_MIRROR; MOST_MIRRORS]],
+            longer: FxHashMap::default(),
+            seen: FxHashSet::default(),
+            batch: Box::default(),
+            hits: Box::new(HitBatch::new()),
         };
-        rays.extend(limits.directions.iter().map(|&along| ray(along)));
-        let small: Vec<usize> = (0..search.rows.len()).filter(|&index| search.is_small(index, limits)).collect();
-        for &index in small.iter().filter(|&&index| search.is_in_view(index, limits)) {
-            // What falls between rays may be visible.
-            seen.insert(([NO_MIRROR; MOST_MIRRORS], index as u32));
-            search.add_rays_to_planes(scene, index, limits, &mut |along| rays.push(ray(along)));
-        }
-        for depth in 0..=limits.most_mirrors {
-            rays = search.follow(scene, &rays, &of_row, limits, &mut seen);
-            if depth == 0 && limits.most_mirrors > 0 {
-                search.look_in_mirrors(scene, &small, &of_row, limits, &mut seen);
-            }
-        }
-        search.list(seen, limits);
+        searcher.run();
+        let Searcher { mut search, chains, seen, .. } = searcher;
+        search.list(&chains, &seen, limits);
         search
     }
 
@@ -154,112 +178,132 @@ impl Search {
         let row = &self.rows[index];
         limits.sees(row.middle, row.radius)
     }
+}
 
-    fn add_rays_to_planes(&self, scene: &Tables, index: usize, limits: &SearchLimits, add: &mut dyn FnMut(Vec3)) {
-        let row = &self.rows[index];
-        if limits.most_mirrors == 0 || !(limits.mirrors)(row.row) {
+impl Searcher<'_> {
+    fn run(&mut self) {
+        let limits = self.limits;
+        let from = limits.start.as_vec3();
+        let ray = |along: Vec3, fine: bool| SearchRay { from, along, left: limits.reach as f32, chain: 0, fine };
+        let columns = limits.columns.max(1);
+        let is_fine = |at: usize| (at / columns | at % columns) & 1 != 0;
+        let fan = limits.directions.iter().enumerate();
+        let mut rays: Vec<SearchRay> = fan.map(|(at, &along)| ray(along, is_fine(at))).collect();
+        let rows = 0..self.search.rows.len();
+        let small: Vec<u32> = rows.filter(|&row| self.search.is_small(row, limits)).map(|row| row as u32).collect();
+        for &index in small.iter().filter(|&&index| self.search.is_in_view(index as usize, limits)) {
+            // What falls between rays may be visible.
+            self.seen.insert((0, index));
+            self.add_rays_to_planes(index, &mut |along| rays.push(ray(along, false)));
+        }
+        for depth in 0..=limits.most_mirrors {
+            rays = self.follow(&rays);
+            if depth == 0 && limits.most_mirrors > 0 {
+                self.look_in_mirrors(&small);
+            }
+        }
+    }
+
+    fn add_rays_to_planes(&self, index: u32, add: &mut dyn FnMut(Vec3)) {
+        let row = &self.search.rows[index as usize];
+        let [mirrors, _] = self.surfaces[index as usize];
+        if self.limits.most_mirrors == 0 || !mirrors {
             return;
         }
-        let facets = scene.row_facets(*row, limits.time);
-        let planes = scene.surfaces.planes(scene.surfaces.rows[row.row as usize].part);
+        let facets = self.scene.row_facets(*row, self.limits.time);
+        let planes = &self.scene.surfaces.radar_part(self.scene.surfaces.rows[row.row as usize].part).planes;
         for plane in planes.all().iter().take(PLANES_PER_OBJECT) {
             let [a, b, c] = facets.corners(plane.largest);
             let middle = (a + b + c) / 3.0;
             let parts: [DVec3; RAYS_PER_PLANE] = [middle, 0.5 * (a + middle), 0.5 * (b + middle), 0.5 * (c + middle)];
-            parts.into_iter().for_each(|place| add((place - limits.start).normalize_or_zero().as_vec3()));
+            parts.into_iter().for_each(|place| add((place - self.limits.start).normalize_or_zero().as_vec3()));
         }
     }
 
     /// Traces `rays`, also through panes, notes what they hit, and returns those that are mirrored.
-    fn follow(
-        &mut self,
-        scene: &Tables,
-        rays: &[SearchRay],
-        of_row: &[u32],
-        limits: &SearchLimits,
-        seen: &mut HashSet<(Chain, u32)>,
-    ) -> Vec<SearchRay> {
+    fn follow(&mut self, rays: &[SearchRay]) -> Vec<SearchRay> {
         let [mut next, mut beyond] = [Vec::new(), Vec::new()];
-        self.follow_once(scene, rays, of_row, limits, seen, [&mut next, &mut beyond]);
+        self.follow_once(rays, &mut next, &mut beyond);
         for _ in 1..MOST_PANES {
             let rays = std::mem::take(&mut beyond);
             if rays.is_empty() {
                 break;
             }
-            self.follow_once(scene, &rays, of_row, limits, seen, [&mut next, &mut beyond]);
+            self.follow_once(&rays, &mut next, &mut beyond);
         }
         next
     }
 
-    /// Traces `rays` up to what they hit first; adds those that are mirrored, and those that go on behind it.
-    fn follow_once(
-        &mut self,
-        scene: &Tables,
-        rays: &[SearchRay],
-        of_row: &[u32],
-        limits: &SearchLimits,
-        seen: &mut HashSet<(Chain, u32)>,
-        [next, beyond]: [&mut Vec<SearchRay>; 2],
-    ) {
-        let (mut batch, mut hits) = (Box::<RayBatch>::default(), Box::new(HitBatch::new()));
+    /// Traces `rays` up to what they hit first; adds those that are mirrored to `next`, and those that go on behind it to
+    /// `beyond`.
+    fn follow_once(&mut self, rays: &[SearchRay], next: &mut Vec<SearchRay>, beyond: &mut Vec<SearchRay>) {
+        let mut last = (u32::MAX, u32::MAX);
         for block in rays.chunks(LANES) {
+            let batch = &mut self.batch;
             for (lane, ray) in block.iter().enumerate() {
                 (batch.org_x[lane], batch.org_y[lane], batch.org_z[lane]) = ray.from.into();
                 (batch.dir_x[lane], batch.dir_y[lane], batch.dir_z[lane]) = ray.along.into();
-                (batch.range_max[lane], batch.time[lane]) = (ray.left, limits.time);
+                (batch.range_max[lane], batch.time[lane]) = (ray.left, self.limits.time);
             }
-            hits.trace(scene, &batch, block.len(), block[0].chain[0] == NO_MIRROR, limits.sight);
+            self.hits.trace(self.scene, &self.batch, block.len(), block[0].chain == 0, self.limits.sight);
             for (lane, ray) in block.iter().enumerate() {
-                let Some(&index) = of_row.get(hits.surface[lane] as usize) else { continue };
-                if hits.surface[lane] == MISS || index == u32::MAX {
-                    continue;
-                }
-                let place = ray.from + ray.along * hits.range[lane];
-                let left = ray.left - hits.range[lane];
-                if (limits.passes)(hits.surface[lane]) {
+                let Some(&index) = self.of_row.get(self.hits.surface[lane] as usize) else { continue };
+                let Some(&[mirrors, passes]) = self.surfaces.get(index as usize) else { continue };
+                let range = self.hits.range[lane];
+                let place = ray.from + ray.along * range;
+                let left = ray.left - range;
+                if passes {
                     beyond.push(SearchRay { from: place + ray.along * OFF, left: left - OFF, ..*ray });
                 }
-                let depth = ray.chain.iter().take_while(|&&mirror| mirror != NO_MIRROR).count();
-                let leg = f64::from(hits.range[lane]);
+                let chain = self.chains[ray.chain as usize];
+                let depth = depth(&chain);
+                let leg = f64::from(range);
                 // A mirror that is smaller than its first Fresnel zone scatters instead.
-                if depth > 0 && self.mirrors[usize::from(ray.chain[depth - 1])].area < limits.wavelength * leg {
+                if depth > 0 && self.search.mirrors[usize::from(chain[depth - 1])].area < self.limits.wavelength * leg {
                     continue;
                 }
-                let row = self.rows[index as usize];
-                let mirror = self.mirror(scene, &row, hits.triangle[lane], limits);
-                if let (Some(before), Some(mirror)) = (depth.checked_sub(1).map(|at| ray.chain[at]), mirror) {
+                if last != (ray.chain, index) {
+                    last = (ray.chain, index);
+                    self.seen.insert(last);
+                }
+                let mirror = if mirrors { self.mirror(index, self.hits.triangle[lane]) } else { None };
+                let Some(mirror) = mirror else { continue };
+                if depth > 0 {
+                    let before = chain[depth - 1];
                     let pair = [before.min(mirror), before.max(mirror)];
-                    let shortest = self.legs.entry(pair).or_insert(leg);
+                    let shortest = self.search.legs.entry(pair).or_insert(leg);
                     *shortest = shortest.min(leg);
                 }
-                seen.insert((ray.chain, index));
-                let (Some(mirror), true) = (mirror, depth < limits.most_mirrors) else { continue };
-                let plane = &self.mirrors[usize::from(mirror)];
+                let plane = &self.search.mirrors[usize::from(mirror)];
+                if depth == self.limits.most_mirrors || ray.fine && plane.area >= LARGE {
+                    continue;
+                }
                 let along = plane.turned(ray.along.as_dvec3()).normalize().as_vec3();
                 let side = plane.normal.dot(along.as_dvec3()).signum();
-                let mut chain = ray.chain;
-                chain[depth] = mirror;
-                next.push(SearchRay { from: place + (plane.normal * side).as_vec3() * OFF, along, left, chain });
+                let from = place + (plane.normal * side).as_vec3() * OFF;
+                next.push(SearchRay { from, along, left, chain: self.longer(ray.chain, mirror), ..*ray });
             }
         }
     }
 
+    /// The number of a chain with one more mirror.
+    fn longer(&mut self, chain: u32, mirror: u16) -> u32 {
+        *self.longer.entry((chain, mirror)).or_insert_with(|| {
+            let mut longer = self.chains[chain as usize];
+            longer[depth(&longer)] = mirror;
+            self.chains.push(longer);
+            self.chains.len() as u32 - 1
+        })
+    }
+
     /// Notes in which large mirrors the middles of the `small` rows are seen; small mirrors are met by rays to their planes.
-    fn look_in_mirrors(
-        &mut self,
-        scene: &Tables,
-        small: &[usize],
-        of_row: &[u32],
-        limits: &SearchLimits,
-        seen: &mut HashSet<(Chain, u32)>,
-    ) {
-        /// Least area of such a mirror, m^2.
-        const LARGE: f64 = 1.0;
+    fn look_in_mirrors(&mut self, small: &[u32]) {
+        let limits = self.limits;
         let mut aimed: Vec<(u16, u32, DVec3)> = Vec::new();
-        for (number, mirror) in self.mirrors.iter().enumerate().filter(|(_, mirror)| mirror.area >= LARGE) {
+        for (number, mirror) in self.search.mirrors.iter().enumerate().filter(|(_, mirror)| mirror.area >= LARGE) {
             let path = MirrorChain::new(limits.start, std::iter::once(*mirror));
             for &index in small {
-                let row = &self.rows[index];
+                let row = &self.search.rows[index as usize];
                 let leg = mirror.height(row.middle).abs();
                 if mirror.area < limits.wavelength * leg || leg > limits.reach {
                     continue;
@@ -269,79 +313,90 @@ impl Search {
                     && mirror.area >= limits.wavelength * (bend - row.middle).length()
                     && (limits.looks)((bend - limits.start).normalize_or_zero(), 0.0)
                 {
-                    aimed.push((number as u16, index as u32, bend));
+                    aimed.push((number as u16, index, bend));
                 }
             }
         }
-        let (mut batch, mut hits) = (Box::<RayBatch>::default(), Box::new(HitBatch::new()));
         for block in aimed.chunks(LANES) {
+            let batch = &mut self.batch;
             for (lane, (_, _, bend)) in block.iter().enumerate() {
                 let way = *bend - limits.start;
                 (batch.org_x[lane], batch.org_y[lane], batch.org_z[lane]) = limits.start.as_vec3().into();
                 (batch.dir_x[lane], batch.dir_y[lane], batch.dir_z[lane]) = way.normalize().as_vec3().into();
                 (batch.range_max[lane], batch.time[lane]) = (f32::INFINITY, limits.time);
             }
-            hits.trace(scene, &batch, block.len(), false, limits.sight);
+            self.hits.trace(self.scene, &self.batch, block.len(), false, limits.sight);
             for (lane, &(number, index, bend)) in block.iter().enumerate() {
-                let Some(&hit) = of_row.get(hits.surface[lane] as usize).filter(|&&hit| hit != u32::MAX) else {
-                    continue;
-                };
-                let row = self.rows[hit as usize];
-                let near = f64::from(hits.range[lane]) - (bend - limits.start).length();
-                if near.abs() < 0.1 && self.mirror(scene, &row, hits.triangle[lane], limits) == Some(number) {
-                    seen.insert(([number, NO_MIRROR, NO_MIRROR], index));
+                let Some(&hit) = self.of_row.get(self.hits.surface[lane] as usize) else { continue };
+                let Some(&[true, _]) = self.surfaces.get(hit as usize) else { continue };
+                let near = f64::from(self.hits.range[lane]) - (bend - limits.start).length();
+                if near.abs() < 0.1 && self.mirror(hit, self.hits.triangle[lane]) == Some(number) {
+                    let chain = self.longer(0, number);
+                    self.seen.insert((chain, index));
                 }
             }
         }
     }
 
-    /// The number of the mirror that a triangle is part of.
-    fn mirror(&mut self, scene: &Tables, row: &RadarRow, triangle: u32, limits: &SearchLimits) -> Option<u16> {
-        /// Side of the least square that mirrors anything, wavelengths.
-        const LEAST: f64 = 5.0;
-        if !(limits.mirrors)(row.row) {
-            return None;
+    /// The number of the mirror that a triangle of a row that mirrors waves is part of.
+    fn mirror(&mut self, index: u32, triangle: u32) -> Option<u16> {
+        let row = self.search.rows[index as usize];
+        let number = self.scene.plane_number(&row, triangle)?;
+        let known = &mut self.search.planes[index as usize];
+        if known.len() <= number {
+            known.resize(number + 1, UNKNOWN);
         }
-        let (number, plane) = scene.plane_of(row, triangle)?;
-        if plane.area < (LEAST * limits.wavelength).powi(2) {
-            return None;
+        if known[number] == UNKNOWN {
+            self.search.planes[index as usize][number] = self.new_mirror(&row, number).unwrap_or(NO_MIRROR);
         }
-        if let Some(&known) = self.by_plane.get(&(row.row, number)) {
-            return Some(known);
-        }
-        let step = (plane.normal.dot(plane.point).abs() / APART).round() as i64;
-        let near = (step - 1..=step + 1).filter_map(|step| self.by_distance.get(&step)).flatten();
-        let same = near.copied().filter(|&it| self.mirrors[usize::from(it)].is_plane(plane.normal, plane.point)).min();
-        let mirror = match same {
-            Some(number) => {
-                let number = usize::from(number);
-                let mirror = &mut self.mirrors[number];
-                mirror.area += plane.area;
-                mirror.radius = mirror.radius.max((plane.point - mirror.point).length() + plane.radius);
-                number
-            }
-            None if self.mirrors.len() < MOST_PLANES => {
-                self.mirrors.push(plane);
-                let number = self.mirrors.len() - 1;
-                self.by_distance.entry(step).or_default().push(number as u16);
-                number
-            }
-            None => return None,
-        };
-        self.by_plane.insert((row.row, number), mirror as u16);
-        Some(mirror as u16)
+        let mirror = self.search.planes[index as usize][number];
+        (mirror != NO_MIRROR).then_some(mirror)
     }
 
+    /// Adds a plane of a row to the mirrors, as one of its own or as a part of one.
+    fn new_mirror(&mut self, row: &RadarRow, number: usize) -> Option<u16> {
+        /// Side of the least square that mirrors anything, wavelengths.
+        const LEAST: f64 = 5.0;
+        let plane = self.scene.plane(row, number)?;
+        if plane.area < (LEAST * self.limits.wavelength).powi(2) {
+            return None;
+        }
+        let Search { mirrors, by_distance, .. } = &mut self.search;
+        let step = (plane.normal.dot(plane.point).abs() / APART).round() as i64;
+        let near = (step - 1..=step + 1).filter_map(|step| by_distance.get(&step)).flatten();
+        let same = near.copied().filter(|&it| mirrors[usize::from(it)].is_plane(plane.normal, plane.point)).min();
+        if let Some(number) = same {
+            let mirror = &mut mirrors[usize::from(number)];
+            mirror.area += plane.area;
+            mirror.radius = mirror.radius.max((plane.point - mirror.point).length() + plane.radius);
+            return same;
+        }
+        if mirrors.len() == MOST_PLANES {
+            return None;
+        }
+        let number = mirrors.len() as u16;
+        mirrors.push(plane);
+        by_distance.entry(step).or_default().push(number);
+        Some(number)
+    }
+}
+
+/// The number of mirrors in a chain.
+fn depth(chain: &Chain) -> usize {
+    chain.iter().take_while(|&&mirror| mirror != NO_MIRROR).count()
+}
+
+impl Search {
     /// Lists what was `seen`. Waves go both ways: a target seen in a mirror is a mirror in which that one is seen.
-    fn list(&mut self, seen: HashSet<(Chain, u32)>, limits: &SearchLimits) {
+    fn list(&mut self, chains: &[Chain], seen: &FxHashSet<(u32, u32)>, limits: &SearchLimits) {
         let rows_of = self.rows_of_mirrors();
         let rows = |mirror: u16| rows_of[usize::from(mirror)].iter().copied();
         let mut strongest = StrongestImages::new(self, limits);
         let mut direct: Vec<u32> = Vec::new();
-        for &(chain, row) in &seen {
+        for &(chain, row) in seen {
             match chain {
-                [NO_MIRROR, ..] => direct.push(row),
-                _ => strongest.offer(chain, row),
+                0 => direct.push(row),
+                _ => strongest.offer(chains[chain as usize], row),
             }
         }
         for &[a, b] in self.legs.keys() {
@@ -350,7 +405,7 @@ impl Search {
             }
         }
         if limits.most_mirrors > 1 {
-            for [a, b, c] in self.corners(&seen) {
+            for [a, b, c] in self.corners(chains) {
                 for [x, y, z] in [[a, b, c], [a, c, b], [b, a, c], [b, c, a], [c, a, b], [c, b, a]] {
                     rows(z).for_each(|row| strongest.offer([x, y, NO_MIRROR], row));
                 }
@@ -365,27 +420,29 @@ impl Search {
 
     /// For each mirror the indices of rows that have facets in it, each once.
     fn rows_of_mirrors(&self) -> Vec<Vec<u32>> {
-        let index_of: HashMap<u32, u32> = (0..).zip(&self.rows).map(|(index, row)| (row.row, index)).collect();
         let mut rows = vec![Vec::new(); self.mirrors.len()];
-        for ((row, _), &mirror) in &self.by_plane {
-            rows[usize::from(mirror)].extend(index_of.get(row));
-        }
-        for rows in &mut rows {
-            rows.sort_unstable();
-            rows.dedup();
+        for (index, planes) in (0..).zip(&self.planes) {
+            for &mirror in planes {
+                // Neither unknown ones nor those that mirror nothing.
+                let Some(rows) = rows.get_mut(usize::from(mirror)) else { continue };
+                if rows.last() != Some(&index) {
+                    rows.push(index);
+                }
+            }
         }
         rows
     }
 
     /// Triples of mirrors that face each other, in rising order, of which rays met two one after the other, or which are at
     /// right angles: the three faces of a corner need no ray that meets all of them.
-    fn corners(&self, seen: &HashSet<(Chain, u32)>) -> Vec<[u16; 3]> {
+    fn corners(&self, chains: &[Chain]) -> Vec<[u16; 3]> {
         let count = self.mirrors.len();
         // Of each mirror, those of higher number beside it, in rising order.
         let mut beside: Vec<Vec<u16>> = vec![Vec::new(); count];
         self.legs.keys().filter(|[a, b]| a != b).for_each(|&[a, b]| beside[usize::from(a)].push(b));
-        let pairs = seen.iter().filter(|(chain, _)| chain[1] != NO_MIRROR);
-        let met: HashSet<[u16; 2]> = pairs.map(|([a, b, _], _)| [*a.min(b), *a.max(b)]).collect();
+        beside.iter_mut().for_each(|beside| beside.sort_unstable());
+        let pairs = chains.iter().filter(|chain| chain[1] != NO_MIRROR);
+        let met: FxHashSet<[u16; 2]> = pairs.map(|&[a, b, _]| [a.min(b), a.max(b)]).collect();
         let normal = |mirror: u16| self.mirrors[usize::from(mirror)].normal;
         let is_square = |a: u16, b: u16| normal(a).dot(normal(b)).abs() < SQUARE;
         let mut corners = Vec::new();
@@ -408,10 +465,12 @@ impl Search {
         corners
     }
 
-    /// Number of the mirror that a triangle of a row is part of, if rays found that.
-    pub fn mirror_of(&self, scene: &Tables, row: &RadarRow, triangle: u32) -> Option<usize> {
-        let (number, _) = scene.plane_of(row, triangle)?;
-        self.by_plane.get(&(row.row, number)).map(|&mirror| usize::from(mirror))
+    /// Number of the mirror that a triangle of a row is part of, if rays found that; `row` is an index of
+    /// [`Search::rows`].
+    pub fn mirror_of(&self, scene: &Tables, row: usize, triangle: u32) -> Option<usize> {
+        let number = scene.plane_number(&self.rows[row], triangle)?;
+        let mirror = usize::from(*self.planes[row].get(number)?);
+        (mirror < self.mirrors.len()).then_some(mirror)
     }
 
     /// Whether waves from mirror `from` are mirrored by mirror `to` rather than scattered: its facets fill the first Fresnel
@@ -433,7 +492,7 @@ struct StrongestImages<'a> {
     /// The weakest first.
     kept: BinaryHeap<Reverse<SizedImage>>,
     /// Those that were ever kept: some are offered several times.
-    known: HashSet<(Chain, u32)>,
+    known: FxHashSet<(Chain, u32)>,
 }
 
 /// An image by its size, then the number of its mirrors, and these and its row.
@@ -459,13 +518,13 @@ impl<'a> StrongestImages<'a> {
         let images = search.mirrors.iter().map(|mirror| mirror.image(limits.start)).collect();
         let size = |row: &RadarRow| (row.radius / (row.middle - limits.start).length().max(row.radius)).powi(2);
         let sizes = search.rows.iter().map(size).collect();
-        StrongestImages { search, limits, images, sizes, kept: BinaryHeap::new(), known: HashSet::new() }
+        StrongestImages { search, limits, images, sizes, kept: BinaryHeap::new(), known: FxHashSet::default() }
     }
 
     /// Keeps an image if it is among the strongest so far and waves can go this way.
     fn offer(&mut self, chain: Chain, index: u32) {
         let (search, limits) = (self.search, self.limits);
-        let count = chain.iter().take_while(|&&mirror| mirror != NO_MIRROR).count();
+        let count = depth(&chain);
         let of_chain = || chain[..count].iter().map(|&it| search.mirrors[usize::from(it)]);
         let row = &search.rows[index as usize];
         let image = chain[1..count].iter().fold(self.images[usize::from(chain[0])], |place, &mirror| {

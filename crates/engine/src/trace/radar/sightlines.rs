@@ -34,8 +34,8 @@ pub(crate) struct Sightlines<'a> {
     /// 0 to 1 in the scene's time span.
     pub time: f32,
     pub panes: Panes<'a>,
-    /// Whether any surface lets waves through.
-    pub has_panes: bool,
+    /// Whether a surface (a row) lets waves through; `None`: none does.
+    pub is_pane: Option<&'a (dyn Fn(u32) -> bool + Sync)>,
 }
 
 /// Buffers of [`Sightlines::look`].
@@ -44,6 +44,8 @@ pub(crate) struct SightMemory {
     hits: Box<HitBatch>,
     /// The targets that are still in sight, by lane.
     lanes: Vec<u32>,
+    /// Those of them that are traced on behind panes.
+    active: Vec<u32>,
     bends: Vec<[DVec3; MOST_MIRRORS]>,
 }
 
@@ -53,6 +55,7 @@ impl Default for SightMemory {
             rays: Box::new(RayBatch::default()),
             hits: Box::new(HitBatch::new()),
             lanes: Vec::new(),
+            active: Vec::new(),
             bends: Vec::new(),
         }
     }
@@ -122,7 +125,7 @@ impl Sightlines<'_> {
         memory: &mut SightMemory,
         found: &mut [Sighted],
     ) {
-        let SightMemory { rays, hits, lanes, bends } = memory;
+        let SightMemory { rays, hits, lanes, active, bends } = memory;
         let mirror = mirrors.all().get(leg);
         let ends = |target: usize| {
             let from = if leg == 0 { start } else { bends[target][leg - 1] };
@@ -148,14 +151,25 @@ impl Sightlines<'_> {
             rays.range_max[lane] = (length + slack / steep).max(0.0) as f32;
             rays.time[lane] = self.time;
         }
-        if mirror.is_none() && !self.has_panes {
-            let blocked = HitBatch::blocked(self.scene, rays, lanes.len(), leg == 0, self.sight);
-            for (&target, _) in lanes.iter().zip(blocked).filter(|(_, blocked)| *blocked) {
-                found[target as usize].through = 0.0;
+        active.clear();
+        active.extend_from_slice(lanes);
+        if mirror.is_none() {
+            // Only where panes are on the way, they are traced one by one.
+            let (scene, count, coherent) = (self.scene, lanes.len(), leg == 0);
+            let (blocked, passed) = match self.is_pane {
+                Some(is_pane) => HitBatch::blocked_through(scene, rays, count, coherent, self.sight, is_pane),
+                None => (HitBatch::blocked(scene, rays, count, coherent, self.sight), [false; LANES]),
+            };
+            active.clear();
+            for (lane, &target) in lanes.iter().enumerate() {
+                if blocked[lane] {
+                    found[target as usize].through = 0.0;
+                } else if passed[lane] {
+                    rays.move_lane(active.len(), lane);
+                    active.push(target);
+                }
             }
-            return;
         }
-        let mut active: Vec<u32> = lanes.clone();
         for pass in 0..=MOST_PANES {
             if active.is_empty() {
                 return;
