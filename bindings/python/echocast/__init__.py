@@ -1,4 +1,4 @@
-"""echocast simulates depth sensors: LiDARs, depth cameras and sonars in a 3D scene, every point labelled.
+"""echocast simulates depth sensors: LiDARs, depth cameras, sonars and radars in a 3D scene, every point labelled.
 
 >>> import numpy as np
 >>> import echocast as ec

@@ -36,7 +36,7 @@ use echocast::{Engine, Scene};
 use std::ffi::OsString;
 use std::io::Write as _;
 
-/// Simulates depth sensors: casts the beams of LiDARs, depth cameras and sonars into a 3D scene and writes what the
+/// Simulates depth sensors: casts the beams of LiDARs, depth cameras, sonars and radars into a 3D scene and writes what the
 /// instrument would have reported, every point labelled.
 #[derive(Parser)]
 #[command(

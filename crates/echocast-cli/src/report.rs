@@ -70,20 +70,23 @@ impl RunReport {
     pub fn summary(&self, title: &str) -> String {
         let Seconds { load, build, scan, write } = self.seconds;
         let points = if self.with_points { counted(self.points, "point") + " of " } else { String::new() };
-        // Where every beam is one ray, the number of rays adds nothing.
-        let rays = if self.rays == self.beams as u64 {
+        // Where every beam is one ray, the number of rays adds nothing; radars have none that could be counted.
+        let rays = if self.rays == self.beams as u64 || self.rays == 0 {
             String::new()
         } else {
             format!(" ({})", counted(self.rays as usize, "ray"))
         };
+        let rate = match self.rays {
+            0 => String::new(),
+            rays => format!("{:.1} M rays/s, ", rays as f64 / scan / 1e6),
+        };
         let mut text = format!(
-            "{title}: {points}{}{rays}, {}\n  load {}, build {}, scan {} ({:.1} M rays/s, {}), write {}\n",
+            "{title}: {points}{}{rays}, {}\n  load {}, build {}, scan {} ({rate}{}), write {}\n",
             counted(self.beams, "beam"),
             counted(self.frames, self.frame),
             duration(load),
             duration(build),
             duration(scan),
-            self.rays as f64 / scan / 1e6,
             counted(self.threads, "thread"),
             duration(write),
         );

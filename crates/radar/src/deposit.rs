@@ -20,6 +20,7 @@ use num_complex::Complex32;
 use rustfft::FftPlannerScalar;
 use std::f32::consts::FRAC_PI_4;
 use std::f64::consts::PI;
+use std::sync::LazyLock;
 
 /// Most nodes between which channels interpolate: enough for an array that spans 8 cells of range.
 const MOST_NODES: usize = 24;
@@ -87,6 +88,9 @@ struct PatchMemory {
     runs: Vec<PatchRun>,
 }
 
+/// For each number of nodes; those of none stand in.
+static NODES: LazyLock<Vec<Nodes>> = LazyLock::new(|| (0..=MOST_NODES).map(|count| Nodes::new(count.max(1))).collect());
+
 /// Interpolation between Chebyshev nodes, `cos(pi (i + 1/2) / n)`, on -1 to 1.
 struct Nodes {
     at: Vec<f32>,
@@ -152,8 +156,7 @@ impl RadarPlan {
     pub fn deposit(&self, paths: &Paths, floor: f64, streams: &mut RadarCube) {
         let slab = self.range.cells * self.velocity.cells;
         assert_eq!(streams.cells.len(), slab * self.streams.len(), "the streams are of another radar");
-        let nodes: Vec<Nodes> = (0..=MOST_NODES).map(|count| Nodes::new(count.max(1))).collect();
-        let depositor = Depositor { plan: self, paths, nodes };
+        let depositor = Depositor { plan: self, paths };
         for mirrored in [false, true] {
             let real = matches!(&self.waveform, RadarWaveform::Fmcw(fmcw) if !fmcw.complex);
             if mirrored && !real {
@@ -196,7 +199,6 @@ impl RadarPlan {
 struct Depositor<'a> {
     plan: &'a RadarPlan,
     paths: &'a Paths,
-    nodes: Vec<Nodes>,
 }
 
 impl Depositor<'_> {
@@ -342,7 +344,7 @@ impl Depositor<'_> {
                 factors.push([re, im]);
             } else {
                 let mut weights = [0.0; MOST_NODES];
-                self.nodes[count].weights(at[lane], &mut weights[..count]);
+                NODES[count].weights(at[lane], &mut weights[..count]);
                 factors.extend(weights[..count].iter().map(|weight| [re * weight, im * weight]));
             }
             if patch.layers as usize > count {
@@ -467,7 +469,7 @@ impl Depositor<'_> {
         numbers.resize(start + 2 * cells * layers, 0.0);
         let shifts = (0..count).map(|node| match count {
             1 => f64::from(middle),
-            _ => f64::from(middle) + f64::from(half) * f64::from(self.nodes[count].at[node]),
+            _ => f64::from(middle) + f64::from(half) * f64::from(NODES[count].at[node]),
         });
         if orders > MOST_ORDERS {
             let shifts: Vec<f64> = shifts.collect();
@@ -477,7 +479,7 @@ impl Depositor<'_> {
             // For each node, the range at the nodes of time.
             memory.places.clear();
             for shift in shifts {
-                let moments = self.nodes[orders].at.iter().take(orders);
+                let moments = NODES[orders].at.iter().take(orders);
                 memory.places.extend(moments.map(|moment| {
                     let moved = if orders == 1 { 0.0 } else { 0.5 * f64::from(stamp.migration) * f64::from(*moment) };
                     range.response.find(first as i32, stamp.place + shift + moved)
@@ -559,7 +561,7 @@ impl Depositor<'_> {
         let per_node = orders * len;
         for (responses, ranges) in memory.responses.chunks_exact(per_node).zip(memory.ranges.chunks_exact_mut(per_node))
         {
-            radar::products(&self.nodes[orders].matrix, responses, len, ranges);
+            radar::products(&NODES[orders].matrix, responses, len, ranges);
         }
     }
 

@@ -3,7 +3,7 @@
 use crate::adc::AdcSamples;
 use crate::cube::RadarCube;
 use crate::paths::Paths;
-use crate::plan::{CubeAxis, RadarPlan, noise_density};
+use crate::plan::{RadarPlan, noise_density};
 use crate::waveform::RadarWaveform;
 use crate::window::transform;
 use echocast_kernels::radar::add_scaled;
@@ -45,7 +45,8 @@ impl Leakage {
 }
 
 /// White noise along an axis, and what windows make of it.
-struct Correlation {
+#[derive(Clone, Debug)]
+pub(crate) struct Correlation {
     /// Offset of a cell, and how much of its noise there is.
     taps: Vec<(i64, f32)>,
     /// Cells beyond either end that are heard.
@@ -54,12 +55,12 @@ struct Correlation {
 
 impl Correlation {
     /// Of the transform of white noise: the transform of the window at whole cells.
-    fn of_window(axis: &CubeAxis) -> Self {
+    pub fn of_window(window: &[f64]) -> Self {
         // Farther away, cells are the same again.
-        let farthest = (axis.window.len() as i64 - 1) / 2;
+        let farthest = (window.len() as i64 - 1) / 2;
         let mut taps = vec![(0, 1.0)];
         for offset in 1..=farthest {
-            let value = transform(&axis.window, offset as f64);
+            let value = transform(window, offset as f64);
             if value.abs() < WEAKEST {
                 // Transforms of windows do not rise again before they have stayed below for a few cells.
                 match offset {
@@ -73,7 +74,7 @@ impl Correlation {
     }
 
     /// Of white noise after the filter that matches a rectangular pulse, `length` cells long.
-    fn of_pulse(length: f64) -> Self {
+    pub fn of_pulse(length: f64) -> Self {
         let whole = length.floor() as i64;
         let mut taps: Vec<(i64, f64)> = (0..whole).map(|offset| (offset - whole / 2, 1.0)).collect();
         taps.push((whole - whole / 2, length - length.floor()));
@@ -96,13 +97,6 @@ struct NoiseRow {
 }
 
 impl RadarPlan {
-    fn range_correlation(&self) -> Correlation {
-        match &self.waveform {
-            RadarWaveform::Fmcw(_) => Correlation::of_window(&self.range),
-            RadarWaveform::Pulse(pulse) => Correlation::of_pulse(pulse.pulse_cells()),
-        }
-    }
-
     /// Adds thermal noise to `streams`, with the density and the correlations that noise of samples has after windows
     /// and transforms. Its random numbers depend on the seed and the frame of `rng`, stream and cell.
     ///
@@ -114,14 +108,14 @@ impl RadarPlan {
     pub fn add_noise(&self, noise_figure_db: f64, rng: &Rng, streams: &mut RadarCube) {
         let (width, rows) = (self.range.cells, self.velocity.cells);
         assert_eq!(streams.cells.len(), width * rows * self.streams.len(), "the streams are of another radar");
-        let (along, across) = (self.range_correlation(), Correlation::of_window(&self.velocity));
+        let (along, across) = (&self.range.correlation, &self.velocity.correlation);
         let amplitude = self.stream_noise(noise_figure_db).sqrt() as f32;
         parallel::for_each_chunk(&mut streams.cells, width * rows, |stream, cells| {
             let (mut white, mut plane) = (NoiseRow::default(), vec![[0.0f32; 2]; width * rows]);
             let (mut re, mut im) = (vec![0.0; width], vec![0.0; width]);
             for (row, line) in plane.chunks_exact_mut(width).enumerate() {
                 let address = (stream * rows + row) as u32;
-                self.noise_row(rng, address, Draw::RadarNoise, &along, &mut white, [&mut re, &mut im]);
+                self.noise_row(rng, address, Draw::RadarNoise, along, &mut white, [&mut re, &mut im]);
                 for (cell, (re, im)) in line.iter_mut().zip(re.iter().zip(&im)) {
                     *cell = [*re, *im];
                 }
@@ -177,7 +171,7 @@ impl RadarPlan {
         let density = noise_density(noise_figure_db);
         let (power, along) = match &self.waveform {
             RadarWaveform::Fmcw(fmcw) => (density * fmcw.sample_rate(), None),
-            RadarWaveform::Pulse(pulse) => (density * 1e6 / pulse.pulse_us, Some(self.range_correlation())),
+            RadarWaveform::Pulse(pulse) => (density * 1e6 / pulse.pulse_us, Some(&self.range.correlation)),
         };
         let amplitude = power.sqrt() as f32;
         let count = samples.samples;

@@ -3,6 +3,7 @@
 use crate::LIGHT_SPEED;
 use crate::array::{ArraySpec, VirtualArray};
 use crate::cube::{CubeAxes, RadarCube};
+use crate::noise::Correlation;
 use crate::pattern::LobeTable;
 use crate::response::CellResponse;
 use crate::waveform::{Multiplex, RadarWaveform};
@@ -86,6 +87,8 @@ pub(crate) struct CubeAxis {
     /// The window, such that its sum is 1.
     pub window: Vec<f64>,
     pub response: CellResponse,
+    /// Of noise.
+    pub correlation: Correlation,
 }
 
 impl CubeAxis {
@@ -100,7 +103,8 @@ impl CubeAxis {
         let response = CellResponse::of_window(&samples, orders);
         // About the middle of the samples: exp(-j pi (N - 1)) is the sign.
         let wrap = if count.is_multiple_of(2) { -1.0 } else { 1.0 };
-        CubeAxis { cells, period: count, wrap, window: samples, response }
+        let correlation = Correlation::of_window(&samples);
+        CubeAxis { cells, period: count, wrap, window: samples, response, correlation }
     }
 
     /// `place` in cells as it appears, from 0 to the period, with its sign.
@@ -147,6 +151,7 @@ impl RadarPlan {
                     wrap: 1.0,
                     window: Vec::new(),
                     response: CellResponse::of_pulse(pulse.pulse_cells()),
+                    correlation: Correlation::of_pulse(pulse.pulse_cells()),
                 };
                 (range, pulse.frequency(), 0.0, pulse.repetition())
             }

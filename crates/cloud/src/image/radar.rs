@@ -1,6 +1,6 @@
 //! Images of a radar: range by Doppler, and polar.
 
-use super::fan::{FanBins, LaidOut, lay_out, limits};
+use super::fan::{FanBins, LaidOut, lay_out};
 use super::{Image, ImageKind, PixelSource, Place, filled};
 use crate::PolarImage;
 use crate::radar_frame::DBM_OF_WATT;
@@ -64,20 +64,25 @@ pub fn polar(image: &PolarImage) -> Result<Image> {
 }
 
 /// A polar image laid out around the radar: ahead is up. Rows extend to midway between them, cells to half their length
-/// before and behind their middles; the longer side has `pixels` pixels, 16 to 8192.
+/// before and behind their middles; the longer side has `pixels` pixels, 16 to 8192, which show the strongest of their cells.
 ///
 /// # Errors
 /// Lengths that disagree; a side out of bounds; no memory.
 pub fn polar_fan(image: &PolarImage, pixels: usize) -> Result<Image> {
     image.check()?;
-    let sectors = limits(seamless(image));
+    let sectors = contiguous(seamless(image));
     let angles: Vec<[f64; 2]> = sectors.iter().map(|(_, limits)| *limits).collect();
     let cells = image.range.len;
-    let bins = FanBins { first: image.range.at(-0.5), step: image.range.step, count: cells };
+    // Of the cells that share a pixel, the strongest is seen.
+    let per_pixel = (2 * cells / pixels.max(1)).clamp(1, cells.max(1));
+    let count = cells.div_ceil(per_pixel);
+    let bins = FanBins { first: image.range.at(-0.5), step: image.range.step * per_pixel as f64, count };
     let LaidOut { size, place, sources } = lay_out(&angles, &bins, pixels, ["right, m", "ahead, m"])?;
     let mut values = filled(sources.len(), f32::NAN)?;
     for (value, source) in values.iter_mut().zip(&sources).filter(|(_, source)| **source != PixelSource::NONE) {
-        *value = image.levels[sectors[source.ping as usize].0 * cells + source.cell as usize];
+        let row = &image.levels[sectors[source.ping as usize].0 * cells..][..cells];
+        let first = source.cell as usize * per_pixel;
+        *value = row[first..(first + per_pixel).min(cells)].iter().copied().fold(f32::NAN, f32::max);
     }
     Ok(of(ImageKind::PolarFan, size, values, place))
 }
@@ -93,6 +98,23 @@ fn seamless(image: &PolarImage) -> Vec<f64> {
         return azimuths;
     }
     azimuths.into_iter().map(|azimuth| -(-azimuth).rem_euclid(TAU)).collect()
+}
+
+/// The angles that each row covers, in ascending order: to midway between neighbours, however far apart they are (rows of
+/// equal steps in sine are far apart at the sides); the outermost as far outward as inward.
+fn contiguous(azimuths: Vec<f64>) -> Vec<(usize, [f64; 2])> {
+    let mut rows: Vec<(usize, f64)> = azimuths.into_iter().enumerate().collect();
+    rows.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let last = rows.len() - 1;
+    let ahead = |at: usize| 0.5 * (rows[at + 1].1 - rows[at].1);
+    let half = |at: usize| match (at, last) {
+        // A row of its own goes all the way round.
+        (_, 0) => [0.5 * TAU; 2],
+        (0, _) => [ahead(0); 2],
+        (at, last) if at == last => [ahead(last - 1); 2],
+        _ => [ahead(at - 1), ahead(at)],
+    };
+    (0..rows.len()).map(|at| (rows[at].0, [rows[at].1 - half(at)[0], rows[at].1 + half(at)[1]])).collect()
 }
 
 fn of(kind: ImageKind, [width, height]: [usize; 2], values: Vec<f32>, place: Place) -> Image {
@@ -155,6 +177,15 @@ mod tests {
             assert_eq!((fan.width, fan.height), (400, 400));
         }
         // A sector ahead of an array.
+        // Beams at equal steps in sine leave no gap.
+        let sines = spot(5, |row| [0.9, 0.0, -(40_f64.to_radians().sin()), 0.5, -0.9][row].asin());
+        let fan = polar_fan(&sines, 400).unwrap();
+        let at = |degrees: f64| {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            fan.values[fan.index([2.98 * sin, 2.98 * cos]).unwrap()]
+        };
+        assert!((-60..70).step_by(2).all(|degrees| !at(f64::from(degrees)).is_nan()));
+        assert_eq!([at(22.0), at(50.0), at(18.0), at(54.0)], [-50.0, -50.0, -110.0, -110.0]);
         let sector = spot(121, |row| (row as f64 - 60.0).to_radians());
         let fan = polar_fan(&sector, 600).unwrap();
         assert!((fan.width as f64 / fan.height as f64 - 3_f64.sqrt()).abs() < 0.01, "{} x {}", fan.width, fan.height);

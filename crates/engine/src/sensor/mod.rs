@@ -14,7 +14,7 @@ mod tests;
 mod tof;
 
 pub use presets::PresetInfo;
-pub(crate) use radar::{FrameDetector, RadarParts};
+pub(crate) use radar::RadarParts;
 pub use radar::{RadarSpec, RadarWindows};
 pub(crate) use reception::Reception;
 pub(crate) use signals::{Adaptive, Signals};

@@ -51,9 +51,6 @@ struct ClutterPart {
     stands_for: f64,
 }
 
-/// Amplitude over that which matters of the weakest patches: 10 dB, the noise of all channels together.
-const WEAK: f64 = 3.2;
-
 /// Extent of a part, as seen by the radar, within which gain and backscatter are about the same, rad.
 const NARROW: f64 = 0.1;
 
@@ -121,7 +118,7 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
     // Of weak patches a few stand for all: each is kept with the probability by which it would be too weak, and is as much
     // stronger. Halves of weak parts are thinned in the same way: one of two is divided further, and stands for both.
     let mut add = |patch: ClutterPatch, distance: f64, along: DVec3| {
-        let chance = (amplitude(field, distance, patch.area, along) / (WEAK * field.floor)).powi(2);
+        let chance = (amplitude(field, distance, patch.area, along) / field.noise()).powi(2);
         let address = [row.row, patch.triangle, patch.part];
         if chance >= 1.0 {
             patches.push(patch);
@@ -158,23 +155,22 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
             if reach < distance && !field.looks(along, (reach / distance).asin()) {
                 continue;
             }
-            // Extent in range, and across: the edge that spans most of the one that is too large is halved.
-            let ranges = corners.map(|corner| (corner - field.place).length());
-            let sides = corners.map(|corner| (corner - middle).reject_from_normalized(along));
+            // While a part is wide, its longest edge is halved, so that parts keep their shape; then, as seen from here they
+            // lie along the wave, the edge that spans most in range.
             let edges = [[0, 1], [1, 2], [2, 0]];
+            let ranges = corners.map(|corner| (corner - field.place).length());
+            let wide = edges.map(|[from, to]| (corners[to] - corners[from]).length() / (grid.angle * distance));
             let deep = edges.map(|[from, to]| (ranges[to] - ranges[from]).abs() / grid.range);
-            let wide = edges.map(|[from, to]| (sides[to] - sides[from]).length() / (grid.angle * distance));
-            let most = |extents: [f64; 3]| extents.into_iter().fold(0.0, f64::max);
-            let [depth, width] = [most(deep), most(wide)];
-            if depth.max(width) > 1.0 && divisions(part) < MOST_DIVISIONS {
+            let spans = if wide.iter().any(|&span| span > 1.0) { wide } else { deep };
+            let most = spans.into_iter().fold(0.0, f64::max);
+            if most > 1.0 && divisions(part) < MOST_DIVISIONS {
                 // Whatever is too weak even as a whole is not divided.
                 if reach < 0.5 * distance
                     && amplitude(field, distance - reach, area * f64::from(greatest), along) < field.floor
                 {
                     continue;
                 }
-                let (extents, most) = if depth > width { (deep, depth) } else { (wide, width) };
-                let edge = extents.iter().position(|&extent| extent == most).unwrap_or_default();
+                let edge = spans.iter().position(|&span| span == most).unwrap_or_default();
                 let [a, b, c] = [0, 1, 2].map(|corner| corners[(edge + corner) % 3]);
                 let halfway = 0.5 * (a + b);
                 let halves = [([a, halfway, c], part << 1), ([halfway, b, c], part << 1 | 1)];
@@ -184,7 +180,7 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
                     stands_for: more * stands_for,
                 };
                 let area = area * f64::from(surface.clutter(normal.dot(along).abs() as f32));
-                if reach < NARROW * distance && greatest_amplitude(field, area, corners, middle) < WEAK * field.floor {
+                if reach < NARROW * distance && greatest_amplitude(field, area, corners, middle) < field.noise() {
                     let draw = grid.rng.uniform_at([row.row, triangle, part], Draw::RadarPatch);
                     stack.push(half(halves[usize::from(draw < 0.5)], 2.0));
                 } else {

@@ -25,8 +25,6 @@ const PARTS: f64 = 0.7;
 const MOST_DIVISIONS: u8 = 8;
 /// Amplitude over that which matters up to which facets are not divided.
 const FAINT: f64 = 30.0;
-/// Amplitude over that which matters of what mirrors show: 10 dB.
-pub(crate) const IMAGES: f64 = 3.2;
 /// Divisions of a facet that mirrors of its size illuminate in part, as in corners: always, and where it is partly in the
 /// dark.
 const CORNER_DIVISIONS: [u8; 2] = [2, 6];
@@ -46,6 +44,13 @@ struct FacetPart {
     /// Where its visibility is tested: first place and number.
     first: u32,
     places: u8,
+}
+
+/// What was found of a facet whose echo may matter.
+struct FacetEcho {
+    /// As [`FacetPart::width`] and [`FacetPart::value`].
+    width: f64,
+    value: Option<Complex64>,
 }
 
 /// Echo of a place on a large facet.
@@ -94,8 +99,7 @@ pub(crate) fn scatter_from_facets(
     };
     let middle = search.rows[target.target].middle;
     let once = field.kept(target.mirrors.iter().map(|&mirror| search.mirrors[mirror]), image, middle);
-    let ahead = [1.0, 0.0, 0.0];
-    let greatest = f64::from(field.tx.amplitude(ahead)) * f64::from(field.rx.amplitude(ahead));
+    let greatest = field.gain_ahead();
     for &(route, ends) in routes {
         let kept = if route == RadarRoute::Both { once * once } else { once };
         FacetTask { field, sightlines, search, target, number, spread, mirrors, route, ends, kept, greatest }
@@ -125,7 +129,7 @@ impl FacetTask<'_> {
         let row = self.search.rows[self.target.target];
         let facets = self.field.scene.row_facets(row, self.field.time);
         // Few images in mirrors return into one cell.
-        let floor = if self.target.mirrors.is_empty() { self.field.floor } else { IMAGES * self.field.floor };
+        let floor = if self.target.mirrors.is_empty() { self.field.floor } else { self.field.noise() };
         let floor = floor / (row.triangles as f64).sqrt().sqrt();
         memory.queue.clear();
         memory.critical.clear();
@@ -141,12 +145,11 @@ impl FacetTask<'_> {
                 continue;
             }
             let reflected = f64::from(self.field.surfaces.mirrored(&self.field.scene.surfaces, row.row, cos));
-            let Some(value) = self.counts(&corners, middle, reflected, floor) else { continue };
+            let Some(FacetEcho { width, value }) = self.counts(&corners, middle, reflected, floor) else { continue };
             if self.route == RadarRoute::Both && self.is_mirrored(triangle) {
                 // Found as a target behind two mirrors.
                 continue;
             }
-            let width = longest(&corners) / self.ends.fresnel(middle, self.field.k());
             if width <= WIDE {
                 let in_corner = self.has_corner(&corners);
                 let part = FacetPart { triangle, corners, divisions: 0, width, in_corner, value, first: 0, places: 0 };
@@ -189,8 +192,8 @@ impl FacetTask<'_> {
         near(&middle) || corners.iter().any(near)
     }
 
-    /// Whether the echo of a facet could matter, and its integral if it was needed to tell.
-    fn counts(&self, corners: &[DVec3; 3], middle: DVec3, reflected: f64, floor: f64) -> Option<Option<Complex64>> {
+    /// A facet whose echo could matter, with its integral if it was needed to tell.
+    fn counts(&self, corners: &[DVec3; 3], middle: DVec3, reflected: f64, floor: f64) -> Option<FacetEcho> {
         let [r, s] = [(middle - self.ends.source).length(), (middle - self.ends.observer).length()];
         let longest = longest(corners);
         if 0.5 * (r + s) - longest > self.field.reach {
@@ -214,19 +217,19 @@ impl FacetTask<'_> {
             return None;
         }
         let width = longest / self.ends.fresnel(middle, self.field.k());
-        let narrow = width < WIDE;
+        let narrow = width <= WIDE;
         // What returns little as a whole returns no more in parts but for corners, where mirrors cut parts out.
         if narrow && strength > FAINT * least && self.has_corner(corners) {
-            return Some(None);
+            return Some(FacetEcho { width, value: None });
         }
         if width > FLAT && self.ends.edge_bound(*corners, self.field.k()) < least {
             return None;
         }
         if narrow && self.depth(corners) <= self.spread {
             let value = self.ends.facet(*corners, self.field.k());
-            return (value.norm() > least).then_some(Some(value));
+            return (value.norm() > least).then_some(FacetEcho { width, value: Some(value) });
         }
-        Some(None)
+        Some(FacetEcho { width, value: None })
     }
 
     /// By how much the ranges of the corners of a facet differ, m.

@@ -36,7 +36,7 @@ pub(crate) struct WaveField<'a> {
     pub reach: f64,
     /// Azimuths and elevations in which it looks, rad.
     pub sector: [[f64; 2]; 2],
-    /// Amplitude, sqrt(W), below which all echoes of a cell together do not matter.
+    /// Amplitude, sqrt(W), below which all echoes of a cell together do not matter: 10 dB below the noise of all channels.
     pub floor: f64,
 }
 
@@ -97,6 +97,17 @@ impl WaveField<'_> {
         let within = |[least, most]: [f64; 2], angle: f64, aside: f64| angle + aside >= least && angle - aside <= most;
         let around = [-2.0 * PI, 0.0, 2.0 * PI].into_iter().any(|turn| within(azimuth, left + turn, aside_left));
         around && within(elevation, up, aside)
+    }
+
+    /// Amplitude of the noise of all channels together, sqrt(W).
+    pub fn noise(&self) -> f64 {
+        self.floor * 10f64.sqrt()
+    }
+
+    /// Gain of amplitudes in the middle of the field of view, both ways.
+    pub fn gain_ahead(&self) -> f64 {
+        let ahead = [1.0, 0.0, 0.0];
+        f64::from(self.tx.amplitude(ahead)) * f64::from(self.rx.amplitude(ahead))
     }
 
     /// Wave number, rad/m.

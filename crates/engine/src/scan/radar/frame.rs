@@ -6,7 +6,6 @@ use super::paths::FramePaths;
 use super::points::PointWriter;
 use super::setup::RadarSetup;
 use super::truth::FrameTruth;
-use crate::sensor::FrameDetector;
 use ::radar::{
     AdcSamples, AdcSpec, DetectionTruth, Multiplex, Paths, RadarCube, RadarDetections, RadarWaveform, noise_density,
 };
@@ -51,9 +50,8 @@ impl RadarSetup<'_> {
         };
         let disturbance = disturbance.map(|samples| plan.decode(plan.streams_of(&samples)));
         let cube = plan.decode(streams);
-        let mut detections = RadarDetections::default();
-        let mut seen = Vec::new();
-        self.detect(&cube, &truth, &mut detections, &mut seen)?;
+        let detections = self.detect(&cube)?;
+        let seen = self.share(&detections, &truth)?;
         let writer = PointWriter {
             setup: self,
             search: &paths.search,
@@ -92,20 +90,24 @@ impl RadarSetup<'_> {
         Some(samples)
     }
 
-    pub fn detect(
-        &self,
-        cube: &RadarCube,
-        truth: &FrameTruth,
-        detections: &mut RadarDetections,
-        seen: &mut Vec<DetectionTruth>,
-    ) -> Result<()> {
+    /// What is detected in a cube.
+    pub fn detect(&self, cube: &RadarCube) -> Result<RadarDetections> {
         let (_, parts) = self.sensor.radar()?;
         let mut own = parts.detector();
-        let FrameDetector { detector, sharing } = &mut own;
-        detector.run(cube, self.noise as f32, detections)?;
-        sharing.run(detections, &truth.paths(), self.noise as f32, seen)?;
+        let mut detections = RadarDetections::default();
+        own.detector.run(cube, self.noise as f32, &mut detections)?;
         parts.keep(own);
-        Ok(())
+        Ok(detections)
+    }
+
+    /// What the detections are of.
+    pub fn share(&self, detections: &RadarDetections, truth: &FrameTruth) -> Result<Vec<DetectionTruth>> {
+        let (_, parts) = self.sensor.radar()?;
+        let mut own = parts.detector();
+        let mut seen = Vec::new();
+        own.sharing.run(detections, &truth.paths(), self.noise as f32, &mut seen)?;
+        parts.keep(own);
+        Ok(seen)
     }
 
     /// Samples as they are recorded.

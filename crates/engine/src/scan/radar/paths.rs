@@ -1,12 +1,13 @@
 //! All paths of waves from a radar to the surfaces of a scene and back.
 
 use crate::echo::radar::{
-    CentreGrid, CentreMemory, ClutterGrid, ClutterMemory, FacetMemory, IMAGES, RadarEchoes, WaveField,
-    scatter_from_facets, scatter_from_rough,
+    CentreGrid, CentreMemory, ClutterGrid, ClutterMemory, FacetMemory, RadarEchoes, WaveField, scatter_from_facets,
+    scatter_from_rough,
 };
 use crate::trace::{Search, SearchLimits, Sight, Sightlines};
 use glam::{DVec3, Vec3};
 use ground::parallel;
+use std::f64::consts::PI;
 
 /// What is traced.
 pub(super) struct FrameLimits {
@@ -51,8 +52,7 @@ impl FramePaths {
         };
         let rows = scene.radar_rows(limits.time, field.time, limits.mask);
         // What returns 20 dB more than a sphere of its size, `pi r^2`, at the middle of the field of view.
-        let ahead = field.axes.x_axis.as_vec3();
-        let least = (IMAGES * field.floor / (5.0 * field.scale() * field.gain(ahead, ahead))).powi(2);
+        let least = (field.noise() / (5.0 * field.scale() * field.gain_ahead())).powi(2);
         let searched = SearchLimits {
             least,
             looks: &|along, aside| field.looks(along, aside),
@@ -63,6 +63,7 @@ impl FramePaths {
             reach: 2.0 * field.reach,
             wavelength: field.wavelength,
             most_mirrors: limits.mirrors,
+            most_images: most_images(field),
             mirrors: &mirrors,
             passes: &|row| surfaces.is_pane(&scene.surfaces, row),
             kept: &|mirrors, image, target| field.kept(mirrors, image, target),
@@ -97,6 +98,13 @@ impl FramePaths {
         self.echoes.clear();
         self.parts.iter().for_each(|part| self.echoes.append(part));
     }
+}
+
+/// Most images in mirrors: as many as a frame has in a third of a turn, and fewer in less.
+fn most_images(field: &WaveField) -> usize {
+    const MOST: f64 = 512.0;
+    let [left, right] = field.sector[0];
+    (MOST * ((right - left) / (2.0 * PI / 3.0)).min(1.0)).ceil() as usize
 }
 
 /// Directions over a sector of azimuths and elevations, world, row by row, how many there are in a row, and the angle between

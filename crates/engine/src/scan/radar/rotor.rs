@@ -6,6 +6,7 @@ use super::points::PointWriter;
 use super::setup::{RadarMoment, RadarSetup};
 use super::truth::FrameTruth;
 use crate::echo::radar::RadarEchoes;
+use crate::trace::Search;
 use ::radar::{DetectionTruth, RadarDetections};
 use cloud::{FieldSet, PointCloud, PolarImage, RadarFrame};
 use emitter::pattern::{Pattern, RadarRotor};
@@ -22,6 +23,14 @@ const BEAMS: f64 = 3.0;
 /// Decibels of the noise over the level that the image stores as 0, and step of its 8 bits.
 const NOISE_DB: f64 = 10.0;
 const STEP_DB: f32 = 0.5;
+
+/// What a sector of the turn measured.
+struct SectorResult {
+    first: u32,
+    moment: RadarMoment,
+    search: Search,
+    rows: Vec<RowResult>,
+}
 
 /// What a row of the turn measured.
 #[derive(Default)]
@@ -53,6 +62,7 @@ impl RadarSetup<'_> {
         *cloud = PointCloud::default();
         let per_sector = count.div_ceil(SECTORS);
         let mut paths = FramePaths::default();
+        let mut sectors = Vec::with_capacity(SECTORS as usize);
         for first in (0..count).step_by(per_sector as usize) {
             let last = (first + per_sector).min(count);
             let middle = 0.5 * (azimuth(first) + azimuth(last - 1));
@@ -62,23 +72,27 @@ impl RadarSetup<'_> {
             let high = self.elevation();
             self.find(&moment, [[-half, half], [-high, high]], &mut paths)?;
             let azimuths: Vec<f32> = paths.echoes.paths.rx_direction.iter().map(|[x, y, _]| y.atan2(*x)).collect();
-            let mut results = Vec::with_capacity((last - first) as usize);
+            let mut rows = Vec::with_capacity((last - first) as usize);
             for row in first..last {
                 let offset = azimuth(row) - middle;
                 let near = |&at: &usize| (f64::from(azimuths[at]) - offset).abs() < BEAMS * self.beam();
                 let echoes = paths.echoes.turned((0..azimuths.len()).filter(near), offset as f32);
-                results.push(self.row(row, &moment, &paths, echoes, &mut image.levels)?);
+                rows.push(self.row(row, &moment, &paths, echoes, &mut image.levels)?);
             }
-            self.keep_peaks(first, &mut results, &image);
-            for (row, result) in (first..).zip(&results) {
+            let search = std::mem::take(&mut paths.search);
+            sectors.push(SectorResult { first, moment, search, rows });
+        }
+        for sector in &mut sectors {
+            keep_peaks(sector, &image);
+            for (row, result) in (sector.first..).zip(&sector.rows) {
                 let Some(truth) = &result.truth else { continue };
                 let mut own = PointCloud::default();
                 let writer = PointWriter {
                     setup: self,
-                    search: &paths.search,
+                    search: &sector.search,
                     echoes: &result.echoes,
                     truth,
-                    moment: &RadarMoment { time: image.times[row as usize], ..moment },
+                    moment: &RadarMoment { time: image.times[row as usize], ..sector.moment },
                     beam: (row, azimuth(row) as f32),
                     disturbance: None,
                 };
@@ -137,45 +151,41 @@ impl RadarSetup<'_> {
         plan.add_noise(self.spec.noise_figure_db, &rng, &mut streams);
         let cube = plan.decode(streams);
         levels.extend(cube.cells.iter().map(|cell| 10.0 * cell.norm_sqr().max(1e-30).log10() + 30.0));
-        let mut result = RowResult::default();
+        let detections = self.detect(&cube)?;
+        if detections.is_empty() {
+            return Ok(RowResult::default());
+        }
         let truth = FrameTruth::new(self, moment, &paths.search, &echoes);
-        self.detect(&cube, &truth, &mut result.detections, &mut result.seen)?;
-        if !result.detections.is_empty() {
-            (result.truth, result.echoes) = (Some(truth), echoes);
-        }
-        Ok(result)
+        let seen = self.share(&detections, &truth)?;
+        Ok(RowResult { detections, seen, truth: Some(truth), echoes })
     }
+}
 
-    /// Of detections in neighbouring rows, keeps those that are stronger than the cells beside them, `first` being the row
-    /// of the first result; the azimuth is that of the peak between rows.
-    fn keep_peaks(&self, first: u32, results: &mut [RowResult], image: &PolarImage) {
-        let cells = image.range.len;
-        let level = |row: u32, cell: usize| {
-            let rows = (image.levels.len() / cells) as u32;
-            let near = cell.saturating_sub(1)..(cell + 2).min(cells);
-            let values = (row < rows).then(|| &image.levels[row as usize * cells..][near]);
-            values.map_or(f32::NEG_INFINITY, |values| values.iter().copied().fold(f32::NEG_INFINITY, f32::max))
-        };
-        let step = (2.0 * PI / image.azimuths.len() as f64) as f32;
-        let left = if image.azimuths.get(1).is_some_and(|azimuth| *azimuth < 0.0) { -step } else { step };
-        for (row, result) in (first..).zip(results) {
-            let found = &mut result.detections;
-            let mut kept = Vec::with_capacity(found.len());
-            for at in 0..found.len() {
-                let cell = found.range_cell[at] as usize;
-                let [before, own, after] = [row.wrapping_sub(1), row, row + 1].map(|row| level(row, cell));
-                if own < before || own < after {
-                    continue;
-                }
-                if before.is_finite() && after.is_finite() {
-                    let bend = before + after - 2.0 * own;
-                    let aside = if bend < 0.0 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 };
-                    found.azimuth[at] = aside * left;
-                }
-                kept.push(at);
+/// Of detections in neighbouring rows, keeps those that are stronger than the cells beside them; the azimuth is that of the
+/// peak between rows. The last row is beside the first.
+fn keep_peaks(sector: &mut SectorResult, image: &PolarImage) {
+    let (cells, rows) = (image.range.len, image.azimuths.len());
+    let level = |row: usize, cell: usize| {
+        let near = cell.saturating_sub(1)..(cell + 2).min(cells);
+        image.levels[row % rows * cells..][near].iter().copied().fold(f32::NEG_INFINITY, f32::max)
+    };
+    let step = (2.0 * PI / rows as f64) as f32;
+    let left = if image.azimuths.get(1).is_some_and(|azimuth| *azimuth < 0.0) { -step } else { step };
+    for (row, result) in (sector.first as usize..).zip(&mut sector.rows) {
+        let found = &mut result.detections;
+        let mut kept = Vec::with_capacity(found.len());
+        for at in 0..found.len() {
+            let cell = found.range_cell[at] as usize;
+            let [before, own, after] = [row + rows - 1, row, row + 1].map(|row| level(row, cell));
+            if own < before || own < after {
+                continue;
             }
-            found.keep(&kept);
-            result.seen = kept.iter().map(|&at| result.seen[at]).collect();
+            let bend = before + after - 2.0 * own;
+            let aside = if bend < 0.0 { (0.5 * (before - after) / bend).clamp(-0.5, 0.5) } else { 0.0 };
+            found.azimuth[at] = aside * left;
+            kept.push(at);
         }
+        found.keep(&kept);
+        result.seen = kept.iter().map(|&at| result.seen[at]).collect();
     }
 }

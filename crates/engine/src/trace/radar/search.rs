@@ -26,9 +26,6 @@ const LARGE: f64 = 1.0;
 /// Most different mirrors of a frame.
 const MOST_PLANES: usize = 4096;
 
-/// Most surfaces seen in mirrors: those that appear largest.
-const MOST_IMAGES: usize = 512;
-
 /// Rays to each plane of a small object: to the middles of the four triangles that its largest one divides into.
 const RAYS_PER_PLANE: usize = 4;
 
@@ -69,6 +66,8 @@ pub(crate) struct SearchLimits<'a> {
     pub wavelength: f64,
     /// Most mirrors on a path, up to [`MOST_MIRRORS`].
     pub most_mirrors: usize,
+    /// Most surfaces seen in mirrors: those that appear largest.
+    pub most_images: usize,
     /// Whether a surface (a row) mirrors waves.
     pub mirrors: &'a dyn Fn(u32) -> bool,
     /// Whether waves pass through a surface (a row).
@@ -532,7 +531,7 @@ impl<'a> StrongestImages<'a> {
         });
         let size = self.sizes[index as usize] / (row.middle - image).length_squared().max(row.radius * row.radius);
         let least = match self.kept.peek() {
-            Some(Reverse(SizedImage(least, _))) if self.kept.len() == MOST_IMAGES => limits.least.max(*least),
+            Some(Reverse(SizedImage(least, _))) if self.kept.len() == limits.most_images => limits.least.max(*least),
             _ => limits.least,
         };
         // Many are offered, few are kept: what is simple is asked first.
@@ -549,7 +548,7 @@ impl<'a> StrongestImages<'a> {
         let size = size * left * left;
         if size > limits.least && self.known.insert((chain, index)) {
             self.kept.push(Reverse(SizedImage(size, Reverse((count, chain, index)))));
-            if self.kept.len() > MOST_IMAGES {
+            if self.kept.len() > limits.most_images {
                 self.kept.pop();
             }
         }
