@@ -130,8 +130,8 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
     for triangle in facets.triangles() {
         let corners = facets.corners(triangle);
         let [a, b, c] = corners;
-        let across = (b - a).cross(c - a);
-        let Some(normal) = across.try_normalize() else { continue };
+        let normal_area = (b - a).cross(c - a);
+        let Some(normal) = normal_area.try_normalize() else { continue };
         stack.clear();
         stack.push(ClutterPart { corners, part: 1, stands_for: 1.0 });
         while let Some(ClutterPart { corners, part, stands_for }) = stack.pop() {
@@ -144,7 +144,7 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
                 continue;
             }
             let along = to / distance;
-            let area = stands_for * 0.5 * across.length() * 0.5f64.powi(divisions(part) as i32);
+            let area = stands_for * 0.5 * normal_area.length() * 0.5f64.powi(divisions(part) as i32);
             let extent = 2.0 * reach;
             if extent < grid.range && extent < grid.angle * distance {
                 // Smaller than any patch needs to be.
@@ -155,14 +155,24 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
             if reach < distance && !field.looks(along, (reach / distance).asin()) {
                 continue;
             }
-            // While a part is wide, its longest edge is halved, so that parts keep their shape; then, as seen from here they
-            // lie along the wave, the edge that spans most in range.
+            // While a part is larger than a patch in both extents, its longest edge is halved: so it keeps its shape, and is
+            // not cut along a direction that is another one nearer to the radar. Then the edge that spans most of the extent
+            // that is too large.
             let edges = [[0, 1], [1, 2], [2, 0]];
+            let lengths = edges.map(|[from, to]| (corners[to] - corners[from]).length());
+            let across = grid.angle * distance;
+            let large = lengths.map(|length| length / across.max(grid.range));
             let ranges = corners.map(|corner| (corner - field.place).length());
-            let wide = edges.map(|[from, to]| (corners[to] - corners[from]).length() / (grid.angle * distance));
+            let sides = corners.map(|corner| (corner - middle).reject_from_normalized(along));
             let deep = edges.map(|[from, to]| (ranges[to] - ranges[from]).abs() / grid.range);
-            let spans = if wide.iter().any(|&span| span > 1.0) { wide } else { deep };
-            let most = spans.into_iter().fold(0.0, f64::max);
+            let wide = edges.map(|[from, to]| (sides[to] - sides[from]).length() / across);
+            let greatest_of = |spans: [f64; 3]| spans.into_iter().fold(0.0, f64::max);
+            let spans = match () {
+                () if greatest_of(large) > 1.0 => large,
+                () if greatest_of(deep) > greatest_of(wide) => deep,
+                () => wide,
+            };
+            let most = greatest_of(spans);
             if most > 1.0 && divisions(part) < MOST_DIVISIONS {
                 // Whatever is too weak even as a whole is not divided.
                 if reach < 0.5 * distance
