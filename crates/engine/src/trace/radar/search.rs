@@ -185,7 +185,7 @@ impl Searcher<'_> {
         let from = limits.start.as_vec3();
         let ray = |along: Vec3, fine: bool| SearchRay { from, along, left: limits.reach as f32, chain: 0, fine };
         let columns = limits.columns.max(1);
-        let is_fine = |at: usize| (at / columns | at % columns) & 1 != 0;
+        let is_fine = |at: usize| (at / columns % 2, at % columns % 2) != (0, 0);
         let fan = limits.directions.iter().enumerate();
         let mut rays: Vec<SearchRay> = fan.map(|(at, &along)| ray(along, is_fine(at))).collect();
         let rows = 0..self.search.rows.len();
