@@ -48,7 +48,7 @@ fn spinning(sensor: &Sensor) -> &Spinning {
 fn every_file_is_a_preset_with_a_name_of_its_own() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../presets");
     let mut files = Vec::new();
-    for folder in ["lidar", "tof", "sonar", "radar", "paper"] {
+    for folder in ["lidar", "survey", "tof", "sonar", "radar", "paper"] {
         for entry in std::fs::read_dir(root.join(folder)).unwrap() {
             let path = entry.unwrap().path();
             files.push((folder.to_owned(), path.file_stem().unwrap().to_string_lossy().into_owned()));
@@ -70,7 +70,7 @@ fn every_preset_says_what_it_is() {
         assert_eq!((sensor.title(), sensor.kind()), (preset.title.as_str(), preset.kind));
         assert!(!sensor.title().is_empty() && !sensor.source().is_empty(), "{}", preset.name);
         let kind = match preset.folder.as_str() {
-            "lidar" => SensorKind::Lidar,
+            "lidar" | "survey" => SensorKind::Lidar,
             "tof" => SensorKind::Tof,
             "sonar" => SensorKind::Sonar,
             "radar" => SensorKind::Radar,
@@ -359,6 +359,10 @@ fn row(name: &str, sensor: &Sensor, text: &str) -> String {
             format!("{} x {} to {}", degrees(spinning.azimuth.fov_deg), degrees(low), degrees(high))
         }
         Pattern::Pinhole(camera) => camera.fov_deg.map(degrees).join(" x "),
+        Pattern::LineScan(scan) => match scan.head {
+            Some(head) => format!("{} x {}", degrees(head.to_deg - head.from_deg), degrees(scan.width_deg())),
+            None => format!("{} across", degrees(scan.width_deg())),
+        },
         _ => {
             let widest = (0..beams.len()).map(|beam| azimuth(beams, beam).abs()).fold(0.0, f64::max);
             format!("{} x {}", degrees(2.0 * widest), degrees(2.0 * high.max(-low)))

@@ -23,8 +23,13 @@ const BEGIN: &str = "<!-- written by `bench instruments` -->\n";
 const END: &str = "<!-- end -->\n";
 
 /// Tables: a folder of presets, and the scenes in which these are measured.
-const TABLES: [(&str, &[&str]); 4] =
-    [("lidar", &["city", "street", "landscape"]), ("tof", &["flat"]), ("sonar", &["lake"]), ("radar", &["street"])];
+const TABLES: [(&str, &[&str]); 5] = [
+    ("lidar", &["city", "street", "landscape"]),
+    ("survey", &["landscape"]),
+    ("tof", &["flat"]),
+    ("sonar", &["lake"]),
+    ("radar", &["street"]),
+];
 
 /// Presets, scenes and limits of rays of the table for hosts with a clock.
 const HOSTS: [&str; 5] = ["velodyne_vlp16", "velodyne_vlp32c", "ouster_os1_128", "livox_mid40", "hokuyo_utm30lx"];

@@ -305,7 +305,7 @@ fn words_choose_sensors() {
     let list = stdout(folder, "sensors OUSTER 128 os1");
     assert!(list.lines().count() == 2 && list.contains("  ouster_os1_128 "), "{list}");
     assert_eq!(stdout(folder, "sensors ouster os1").lines().count(), 3);
-    for name in ["lidar", "tof", "sonar", "radar", "paper"] {
+    for name in ["lidar", "survey", "tof", "sonar", "radar", "paper"] {
         let folders = presets.iter().filter(|preset| preset.folder == name).count();
         assert!(stdout(folder, &format!("sensors {name}")).lines().count() > folders, "{name}");
     }

@@ -19,8 +19,9 @@ pub mod lobe {
 pub mod pattern {
     #[doc(inline)]
     pub use emitter::pattern::{
-        Channels, Direction, Face, Fan, Flat, Imaging, JANUS_BEAMS, Janus, Multibeam, Pattern, Pinhole, Prism,
-        RadarRotor, RadarView, Raster, Rays, Risley, Sides, Sidescan, SingleBeam, Spacing, Spinning, SpinningAzimuth,
-        Table,
+        Channels, ConeMirror, Direction, Face, Fan, FibreLine, Flat, Imaging, JANUS_BEAMS, Janus, LinePlane, LineScan,
+        LineSettings, Multibeam, OscillatingMirror, PalmerMirror, Pattern, Pinhole, Prism, RadarRotor, RadarView,
+        Raster, Rays, Risley, RotatingMirror, Sides, Sidescan, SingleBeam, Spacing, Spinning, SpinningAzimuth, Sweep,
+        SwingLaw, Table, TurningHead, WideAxis,
     };
 }

@@ -2,22 +2,26 @@
 
 mod fan;
 mod janus;
+mod line_scan;
 mod pinhole;
 mod radar;
 mod raster;
 mod risley;
 mod sonar;
 mod spinning;
+mod sweep;
 mod table;
 
 pub use fan::Fan;
 pub use janus::{JANUS_BEAMS, Janus};
+pub use line_scan::{LinePlane, LineScan, LineSettings, TurningHead};
 pub use pinhole::{Pinhole, Rays};
 pub use radar::{RadarRotor, RadarView};
 pub use raster::Raster;
 pub use risley::{Face, Prism, Risley};
 pub use sonar::{Flat, Imaging, Multibeam, Sides, Sidescan, SingleBeam, Spacing};
 pub use spinning::{Channels, Direction, Spinning, SpinningAzimuth};
+pub use sweep::{ConeMirror, FibreLine, OscillatingMirror, PalmerMirror, RotatingMirror, Sweep, SwingLaw, WideAxis};
 pub use table::Table;
 
 use super::BeamTable;
@@ -41,6 +45,8 @@ pub enum Pattern {
     Pinhole(Pinhole),
     /// Beams through rotating prisms; no scan repeats another.
     Risley(Risley),
+    /// One beam that a mirror sweeps line by line.
+    LineScan(LineScan),
     /// Beams listed in a CSV file.
     Table(Table),
     /// Two fans of sound across the track.
@@ -62,11 +68,12 @@ pub enum Pattern {
 }
 
 /// Words for the patterns in files.
-const WORDS: [&str; 12] = [
+const WORDS: [&str; 13] = [
     "spinning",
     "raster",
     "pinhole",
     "risley",
+    "line_scan",
     "table",
     "sidescan",
     "multibeam",
@@ -85,6 +92,7 @@ impl<'de> Deserialize<'de> for Pattern {
             "raster" => Pattern::Raster(section.read()?),
             "pinhole" => Pattern::Pinhole(section.read()?),
             "risley" => Pattern::Risley(section.read()?),
+            "line_scan" => Pattern::LineScan(section.read()?),
             "table" => Pattern::Table(section.read()?),
             "sidescan" => Pattern::Sidescan(section.read()?),
             "multibeam" => Pattern::Multibeam(section.read()?),
@@ -126,6 +134,7 @@ impl Pattern {
             Pattern::Raster(raster) => raster.check(bounds),
             Pattern::Pinhole(pinhole) => pinhole.check(bounds),
             Pattern::Risley(risley) => risley.check(bounds),
+            Pattern::LineScan(scan) => scan.check(bounds),
             Pattern::Table(table) => table.check(bounds),
             Pattern::Sidescan(sidescan) => sidescan.check(bounds),
             Pattern::Multibeam(multibeam) => multibeam.check(bounds),
@@ -170,7 +179,11 @@ impl Pattern {
 
     /// Whether every scan has the same beams.
     pub fn repeats(&self) -> bool {
-        !matches!(self, Pattern::Risley(_))
+        match self {
+            Pattern::Risley(_) => false,
+            Pattern::LineScan(scan) => scan.repeats(),
+            _ => true,
+        }
     }
 
     /// The beams of the scan that starts at `start_time`, s, which matters only for patterns that do not repeat.
@@ -184,6 +197,7 @@ impl Pattern {
             Pattern::Raster(raster) => raster.beams(),
             Pattern::Pinhole(pinhole) => pinhole.beams(),
             Pattern::Risley(risley) => risley.beams(start_time),
+            Pattern::LineScan(scan) => scan.beams(start_time),
             Pattern::Table(table) => table.beams(),
             Pattern::Sidescan(sidescan) => sidescan.beams(),
             Pattern::Multibeam(multibeam) => multibeam.beams(),
@@ -212,6 +226,10 @@ impl Pattern {
             Pattern::Risley(risley) => {
                 table.clear();
                 risley.draw(start_time, table)
+            }
+            Pattern::LineScan(scan) => {
+                table.clear();
+                scan.draw(start_time, table)
             }
             other => other.beams(start_time).map(|beams| *table = beams),
         }

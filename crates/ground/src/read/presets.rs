@@ -9,7 +9,7 @@ pub fn embedded(folder: &str) -> impl Iterator<Item = (&'static str, &'static st
 pub struct SensorFile {
     /// Path below `presets/`, such as `tof/kinect_v2.yaml`.
     pub path: &'static str,
-    /// First folder of that path: `lidar`, `tof`, `sonar`, `radar` or `paper`.
+    /// First folder of that path: `lidar`, `survey`, `tof`, `sonar`, `radar` or `paper`.
     pub folder: &'static str,
     /// The file's name without `.yaml`.
     pub name: &'static str,
@@ -23,7 +23,12 @@ pub fn sensors() -> impl Iterator<Item = SensorFile> {
         let (folder, file) = path.split_once('/')?;
         let name = file.strip_suffix(".yaml")?;
         // The other folders hold surfaces and media.
-        ["lidar", "tof", "sonar", "radar", "paper"].contains(&folder).then_some(SensorFile { path, folder, name, text })
+        ["lidar", "survey", "tof", "sonar", "radar", "paper"].contains(&folder).then_some(SensorFile {
+            path,
+            folder,
+            name,
+            text,
+        })
     })
 }
 
