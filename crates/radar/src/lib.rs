@@ -3,6 +3,7 @@
 
 mod adc;
 mod array;
+mod correlation;
 mod cube;
 mod cube_view;
 mod decode;

@@ -1,11 +1,11 @@
 //! Thermal noise, and what transmitters leak straight into receivers.
 
 use crate::adc::AdcSamples;
+use crate::correlation::Correlation;
 use crate::cube::RadarCube;
 use crate::paths::Paths;
 use crate::plan::{RadarPlan, noise_density};
 use crate::waveform::RadarWaveform;
-use crate::window::transform;
 use echocast_kernels::radar::add_scaled;
 use ground::error::Result;
 use ground::parallel;
@@ -13,9 +13,6 @@ use ground::read::bounds::Bounds;
 use ground::rng::{Draw, Rng};
 use num_complex::Complex32;
 use serde::{Deserialize, Serialize};
-
-/// Correlations between cells that are weaker than this are left out.
-const WEAKEST: f64 = 3e-3;
 
 /// `leakage`: what the transmitters leak straight into the receivers, a peak at the near end of the range axis.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -41,51 +38,6 @@ impl Leakage {
     pub fn check(&self, bounds: &mut Bounds) -> Result<()> {
         bounds.within("leakage.power_dbm", self.power_dbm, -200.0, 50.0)?;
         bounds.within("leakage.length_m", self.length_m, 0.0, 100.0)
-    }
-}
-
-/// White noise along an axis, and what windows make of it.
-#[derive(Clone, Debug)]
-pub(crate) struct Correlation {
-    /// Offset of a cell, and how much of its noise there is.
-    taps: Vec<(i64, f32)>,
-    /// Cells beyond either end that are heard.
-    beyond: usize,
-}
-
-impl Correlation {
-    /// Of the transform of white noise: the transform of the window at whole cells.
-    pub fn of_window(window: &[f64]) -> Self {
-        // Farther away, cells are the same again.
-        let farthest = (window.len() as i64 - 1) / 2;
-        let mut taps = vec![(0, 1.0)];
-        for offset in 1..=farthest {
-            let value = transform(window, offset as f64);
-            if value.abs() < WEAKEST {
-                // Transforms of windows do not rise again before they have stayed below for a few cells.
-                match offset {
-                    0..16 => continue,
-                    _ => break,
-                }
-            }
-            taps.extend([(offset, value), (-offset, value)]);
-        }
-        Correlation::new(taps)
-    }
-
-    /// Of white noise after the filter that matches a rectangular pulse, `length` cells long.
-    pub fn of_pulse(length: f64) -> Self {
-        let whole = length.floor() as i64;
-        let mut taps: Vec<(i64, f64)> = (0..whole).map(|offset| (offset - whole / 2, 1.0)).collect();
-        taps.push((whole - whole / 2, length - length.floor()));
-        Correlation::new(taps)
-    }
-
-    fn new(taps: Vec<(i64, f64)>) -> Self {
-        let power: f64 = taps.iter().map(|(_, tap)| tap * tap).sum();
-        let beyond = taps.iter().map(|(offset, _)| offset.unsigned_abs() as usize).max().unwrap_or(0);
-        let taps = taps.into_iter().map(|(offset, tap)| (offset, (tap / power.sqrt()) as f32)).collect();
-        Correlation { taps, beyond }
     }
 }
 

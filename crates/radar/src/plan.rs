@@ -2,8 +2,8 @@
 
 use crate::LIGHT_SPEED;
 use crate::array::{ArraySpec, VirtualArray};
+use crate::correlation::Correlation;
 use crate::cube::{CubeAxes, RadarCube};
-use crate::noise::Correlation;
 use crate::pattern::LobeTable;
 use crate::response::CellResponse;
 use crate::waveform::{Multiplex, RadarWaveform};

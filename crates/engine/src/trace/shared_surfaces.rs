@@ -1,7 +1,7 @@
 //! The surfaces of a scene, with what is computed from them once.
 
 use super::instances::Instances;
-use super::radar::RadarPart;
+use super::radar::RadarMesh;
 use super::{Backscatter, Surfaces};
 use crate::medium::Sea;
 use ground::kept::kept;
@@ -19,7 +19,7 @@ pub struct SharedSurfaces {
     /// Computed on first use.
     instances: OnceLock<Instances>,
     /// Likewise, for each part.
-    radar_parts: Vec<OnceLock<RadarPart>>,
+    radar_meshes: Vec<OnceLock<RadarMesh>>,
 }
 
 impl Deref for SharedSurfaces {
@@ -33,8 +33,8 @@ impl Deref for SharedSurfaces {
 impl SharedSurfaces {
     pub(super) fn new(table: Surfaces) -> SharedSurfaces {
         let (reflectances, backscatter, instances) = Default::default();
-        let radar_parts = table.parts.iter().map(|_| OnceLock::new()).collect();
-        SharedSurfaces { table, reflectances, backscatter, instances, radar_parts }
+        let radar_meshes = table.parts.iter().map(|_| OnceLock::new()).collect();
+        SharedSurfaces { table, reflectances, backscatter, instances, radar_meshes }
     }
 
     /// The labelled instances.
@@ -43,8 +43,8 @@ impl SharedSurfaces {
     }
 
     /// What radars need to know of a part.
-    pub(super) fn radar_part(&self, part: u32) -> &RadarPart {
-        self.radar_parts[part as usize].get_or_init(|| RadarPart::new(&self.table.parts[part as usize]))
+    pub(super) fn radar_mesh(&self, part: u32) -> &RadarMesh {
+        self.radar_meshes[part as usize].get_or_init(|| RadarMesh::new(&self.table.parts[part as usize]))
     }
 
     /// Reflectance of every material at `wavelength_nm`.

@@ -96,13 +96,13 @@ impl Tables {
     /// that keeps its shape.
     pub(super) fn plane_number(&self, of: &RadarRow, triangle: u32) -> Option<usize> {
         of.place?;
-        self.surfaces.radar_part(self.surfaces.rows[of.row as usize].part).planes.of(triangle)
+        self.surfaces.radar_mesh(self.surfaces.rows[of.row as usize].part).planes.of(triangle)
     }
 
     /// A plane of a row; `None`: it is nowhere or has no extent.
     pub(super) fn plane(&self, of: &RadarRow, number: usize) -> Option<Mirror> {
         let row = &self.surfaces.rows[of.row as usize];
-        let (place, plane) = (of.place?, *self.surfaces.radar_part(row.part).planes.all().get(number)?);
+        let (place, plane) = (of.place?, *self.surfaces.radar_mesh(row.part).planes.all().get(number)?);
         let across = cofactors(&place.matrix3) * plane.normal;
         let scale = across.length();
         let DMat3 { x_axis, y_axis, z_axis } = place.matrix3;
@@ -139,7 +139,7 @@ impl RowFacets<'_> {
         let surfaces = &self.scene.surfaces;
         // What changes its shape may bend there.
         self.of.place.map_or([false; 3], |_| {
-            surfaces.radar_part(surfaces.rows[self.of.row as usize].part).planes.inner(triangle)
+            surfaces.radar_mesh(surfaces.rows[self.of.row as usize].part).planes.inner(triangle)
         })
     }
 
@@ -156,7 +156,7 @@ impl RowFacets<'_> {
         let part = self.scene.surfaces.rows[self.of.row as usize].part;
         match &self.of.place {
             Some(place) if keeps_angles(&place.matrix3) => {
-                self.scene.surfaces.radar_part(part).bounds.strong(place, ends, k, (least, reach), found);
+                self.scene.surfaces.radar_mesh(part).bounds.strong(place, ends, k, (least, reach), found);
             }
             _ => found.extend(self.triangles()),
         }

@@ -9,6 +9,6 @@ mod sightlines;
 
 pub(crate) use facets::{RadarRow, RowFacets};
 pub(crate) use images::{MOST_MIRRORS, Mirror, MirrorChain};
-pub use planes::RadarPart;
+pub use planes::RadarMesh;
 pub(crate) use search::{ImageTarget, Search, SearchLimits};
 pub(crate) use sightlines::{SightMemory, Sighted, Sightlines};

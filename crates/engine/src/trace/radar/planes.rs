@@ -7,14 +7,14 @@ use std::collections::HashMap;
 
 /// What radars need to know of a part.
 #[derive(Clone, Debug)]
-pub struct RadarPart {
+pub struct RadarMesh {
     pub planes: PartPlanes,
     pub bounds: FacetBounds,
 }
 
-impl RadarPart {
-    pub(in crate::trace) fn new(part: &Part) -> RadarPart {
-        RadarPart { planes: PartPlanes::new(part), bounds: FacetBounds::new(part) }
+impl RadarMesh {
+    pub(in crate::trace) fn new(part: &Part) -> RadarMesh {
+        RadarMesh { planes: PartPlanes::new(part), bounds: FacetBounds::new(part) }
     }
 }
 
