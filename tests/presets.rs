@@ -299,7 +299,7 @@ fn sonars() -> impl Iterator<Item = (PresetInfo, Sensor, String)> {
 
 #[test]
 fn instruments_are_complete() {
-    for (PresetInfo { name, kind, .. }, sensor, text) in instruments() {
+    for (PresetInfo { name, kind, .. }, sensor, text) in instruments().chain(presets_of(&["survey"])) {
         let spec = sensor.spec();
         for key in ["\nbeam: {wavelength_nm: ", "\nrange: {min_m: ", "\ndetection: {model: ", "\nreturns: {mode: "] {
             assert!(text.contains(key), "{name} leaves out {key:?}");
@@ -397,6 +397,13 @@ fn row(name: &str, sensor: &Sensor, text: &str) -> String {
 #[test]
 fn the_table_of_instruments_is_up_to_date() {
     let table: String = instruments().map(|(preset, sensor, text)| row(&preset.name, &sensor, &text)).collect();
+    assert_in_document("docs/instruments.md", &table);
+}
+
+#[test]
+fn the_table_of_survey_instruments_is_up_to_date() {
+    let survey = presets_of(&["survey"]);
+    let table: String = survey.map(|(preset, sensor, text)| row(&preset.name, &sensor, &text)).collect();
     assert_in_document("docs/instruments.md", &table);
 }
 

@@ -20,8 +20,8 @@ pub mod pattern {
     #[doc(inline)]
     pub use emitter::pattern::{
         Channels, ConeMirror, Direction, Face, Fan, FibreLine, Flat, Imaging, JANUS_BEAMS, Janus, LinePlane, LineScan,
-        LineSettings, Multibeam, OscillatingMirror, PalmerMirror, Pattern, Pinhole, Prism, RadarRotor, RadarView,
-        Raster, Rays, Risley, RotatingMirror, Sides, Sidescan, SingleBeam, Spacing, Spinning, SpinningAzimuth, Sweep,
-        SwingLaw, Table, TurningHead, WideAxis,
+        LineSettings, LineSweep, Multibeam, OscillatingMirror, PalmerMirror, Pattern, Pinhole, Prism, RadarRotor,
+        RadarView, Raster, Rays, Risley, RotatingMirror, Sides, Sidescan, SingleBeam, Spacing, Spinning,
+        SpinningAzimuth, SwingLaw, Table, TurningHead, WideAxis,
     };
 }

@@ -2,7 +2,7 @@
 
 use super::check_count;
 use super::fan::check_above_zero;
-use super::sweep::Sweep;
+use super::sweep::LineSweep;
 use crate::{BeamTable, FiringOrder};
 use glam::DVec3;
 use ground::error::{Error, Result};
@@ -24,7 +24,7 @@ pub struct LineScan {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lines: Option<u32>,
     /// What sweeps the beam.
-    pub mechanism: Sweep,
+    pub mechanism: LineSweep,
     /// The plane of the lines.
     #[serde(default)]
     pub plane: LinePlane,
@@ -260,7 +260,9 @@ mod tests {
         // Pulses and lines each keep their own time.
         assert!(table.time.iter().all(|time| (time * 550e3 - (time * 550e3).round()).abs() < 1e-6));
         assert!(scan.repeats());
-        let odd = of("{type: line_scan, pulse_rate_hz: 550e3, lines_hz: 199, mechanism: {type: rotating, window_deg: [-60, 60]}}");
+        let odd = of(
+            "{type: line_scan, pulse_rate_hz: 550e3, lines_hz: 199, mechanism: {type: rotating, window_deg: [-60, 60]}}",
+        );
         assert!(!odd.repeats());
         table.check().unwrap();
     }

@@ -21,7 +21,9 @@ pub use raster::Raster;
 pub use risley::{Face, Prism, Risley};
 pub use sonar::{Flat, Imaging, Multibeam, Sides, Sidescan, SingleBeam, Spacing};
 pub use spinning::{Channels, Direction, Spinning, SpinningAzimuth};
-pub use sweep::{ConeMirror, FibreLine, OscillatingMirror, PalmerMirror, RotatingMirror, Sweep, SwingLaw, WideAxis};
+pub use sweep::{
+    ConeMirror, FibreLine, LineSweep, OscillatingMirror, PalmerMirror, RotatingMirror, SwingLaw, WideAxis,
+};
 pub use table::Table;
 
 use super::BeamTable;

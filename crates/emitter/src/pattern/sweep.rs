@@ -12,7 +12,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, PI, SQRT_2};
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "type", rename_all = "snake_case")]
 #[non_exhaustive]
-pub enum Sweep {
+pub enum LineSweep {
     /// A polygon or a mirror at 45 degrees that rotates about the axis ahead: parallel lines, all in one direction.
     Rotating(RotatingMirror),
     /// A mirror that swings.
@@ -27,15 +27,15 @@ pub enum Sweep {
 
 const SWEEPS: [&str; 5] = ["rotating", "oscillating", "fibre", "cone", "palmer"];
 
-impl<'de> Deserialize<'de> for Sweep {
+impl<'de> Deserialize<'de> for LineSweep {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let (word, section) = yaml::split_tag(deserializer, "type")?;
         Ok(match word.as_str() {
-            "rotating" => Sweep::Rotating(section.read()?),
-            "oscillating" => Sweep::Oscillating(section.read()?),
-            "fibre" => Sweep::Fibre(section.read()?),
-            "cone" => Sweep::Cone(section.read()?),
-            "palmer" => Sweep::Palmer(section.read()?),
+            "rotating" => LineSweep::Rotating(section.read()?),
+            "oscillating" => LineSweep::Oscillating(section.read()?),
+            "fibre" => LineSweep::Fibre(section.read()?),
+            "cone" => LineSweep::Cone(section.read()?),
+            "palmer" => LineSweep::Palmer(section.read()?),
             _ => return Err(section.unknown(&word, &SWEEPS)),
         })
     }
@@ -146,17 +146,17 @@ pub enum WideAxis {
 /// One line of a sweep.
 #[derive(Clone, Copy)]
 pub(super) struct SweepLine<'a> {
-    sweep: &'a Sweep,
+    sweep: &'a LineSweep,
     /// Which of the lines it is that differ.
     phase: usize,
 }
 
-impl Sweep {
+impl LineSweep {
     /// Part of the time of a line in which the laser fires, in its middle.
     pub(super) fn used(&self) -> f64 {
         match self {
-            Sweep::Rotating(mirror) => (mirror.window_deg[1] - mirror.window_deg[0]) / mirror.sweep_deg,
-            Sweep::Oscillating(OscillatingMirror { law: SwingLaw::Sawtooth, flyback, .. }) => 1.0 - flyback,
+            LineSweep::Rotating(mirror) => (mirror.window_deg[1] - mirror.window_deg[0]) / mirror.sweep_deg,
+            LineSweep::Oscillating(OscillatingMirror { law: SwingLaw::Sawtooth, flyback, .. }) => 1.0 - flyback,
             _ => 1.0,
         }
     }
@@ -164,8 +164,8 @@ impl Sweep {
     /// After how many lines they are the same again.
     pub(super) fn lines_until_same(&self) -> usize {
         match self {
-            Sweep::Rotating(mirror) => mirror.looks_deg.len(),
-            Sweep::Oscillating(mirror) if mirror.law != SwingLaw::Sawtooth => 2,
+            LineSweep::Rotating(mirror) => mirror.looks_deg.len(),
+            LineSweep::Oscillating(mirror) if mirror.law != SwingLaw::Sawtooth => 2,
             _ => 1,
         }
     }
@@ -173,11 +173,11 @@ impl Sweep {
     /// Greatest angle of a line from its middle, degrees.
     pub(super) fn widest_deg(&self) -> f64 {
         match self {
-            Sweep::Rotating(mirror) => 0.5 * (mirror.window_deg[1] - mirror.window_deg[0]),
-            Sweep::Oscillating(mirror) => mirror.half_deg,
-            Sweep::Fibre(line) => line.half_deg,
-            Sweep::Cone(cone) => cone.half_deg,
-            Sweep::Palmer(mirror) => 2.0 * mirror.tilt_deg,
+            LineSweep::Rotating(mirror) => 0.5 * (mirror.window_deg[1] - mirror.window_deg[0]),
+            LineSweep::Oscillating(mirror) => mirror.half_deg,
+            LineSweep::Fibre(line) => line.half_deg,
+            LineSweep::Cone(cone) => cone.half_deg,
+            LineSweep::Palmer(mirror) => 2.0 * mirror.tilt_deg,
         }
     }
 
@@ -192,18 +192,18 @@ impl Sweep {
         let key = |name: &str| format!("pattern.mechanism.{name}");
         let half = |bounds: &mut Bounds, value: f64| bounds.within(key("half_deg"), value, 1e-6, WIDEST);
         match self {
-            Sweep::Rotating(mirror) => mirror.check(bounds),
-            Sweep::Oscillating(mirror) => {
+            LineSweep::Rotating(mirror) => mirror.check(bounds),
+            LineSweep::Oscillating(mirror) => {
                 half(bounds, mirror.half_deg)?;
                 bounds.within(key("turn"), mirror.turn, 0.0, 0.4)?;
                 bounds.within(key("flyback"), mirror.flyback, 0.0, 0.9)
             }
-            Sweep::Fibre(line) => {
+            LineSweep::Fibre(line) => {
                 half(bounds, line.half_deg)?;
                 bounds.within(key("fibres"), f64::from(line.fibres), 1.0, 65536.0)
             }
-            Sweep::Cone(cone) => half(bounds, cone.half_deg),
-            Sweep::Palmer(mirror) => bounds.within(key("tilt_deg"), mirror.tilt_deg, 1e-6, 22.0),
+            LineSweep::Cone(cone) => half(bounds, cone.half_deg),
+            LineSweep::Palmer(mirror) => bounds.within(key("tilt_deg"), mirror.tilt_deg, 1e-6, 22.0),
         }
     }
 }
@@ -274,22 +274,22 @@ impl SweepLine<'_> {
     /// Direction in part `part` of the time of the line, 0 to 1, of its pulse number `pulse`: a unit vector.
     pub(super) fn direction(&self, part: f64, pulse: u64) -> DVec3 {
         match self.sweep {
-            Sweep::Rotating(mirror) => mirror.direction(self.phase, part),
-            Sweep::Oscillating(mirror) => {
+            LineSweep::Rotating(mirror) => mirror.direction(self.phase, part),
+            LineSweep::Oscillating(mirror) => {
                 let way = if self.phase == 1 { 1.0 - part } else { part };
                 down_and_left(mirror.half_deg.to_radians() * mirror.swing(way))
             }
-            Sweep::Fibre(line) => {
+            LineSweep::Fibre(line) => {
                 let fibre = (pulse % u64::from(line.fibres)) as f64 + 0.5;
                 let angle = line.half_deg * (2.0 * fibre / f64::from(line.fibres) - 1.0);
                 down_and_left(angle.to_radians())
             }
-            Sweep::Cone(cone) => {
+            LineSweep::Cone(cone) => {
                 let (sin, cos) = cone.half_deg.to_radians().sin_cos();
                 let (y, x) = (2.0 * PI * part).sin_cos();
                 DVec3::new(sin * x, sin * y, -cos)
             }
-            Sweep::Palmer(mirror) => {
+            LineSweep::Palmer(mirror) => {
                 // The beam comes from behind; the shaft halves the angle between it and straight up.
                 let shaft = DVec3::new(-FRAC_1_SQRT_2, 0.0, -FRAC_1_SQRT_2);
                 let within = DVec3::new(FRAC_1_SQRT_2, 0.0, -FRAC_1_SQRT_2);
@@ -329,7 +329,7 @@ mod tests {
     #[test]
     fn palmer_mirrors_wobble() {
         for (tilt_deg, wide, narrow, aside) in [(10.0, 20.0, 14.001_90, 1.780_82), (7.5, 15.0, 10.546_8, 0.992_973)] {
-            let sweep = Sweep::Palmer(PalmerMirror { tilt_deg, wide: WideAxis::Along });
+            let sweep = LineSweep::Palmer(PalmerMirror { tilt_deg, wide: WideAxis::Along });
             let line = sweep.line(3.0);
             let at = |part: f64| angles(line.direction(part, 0));
             assert!((at(0.0)[1].abs() - wide).abs() < 1e-9 && at(0.0)[0].abs() < 1e-9, "{:?}", at(0.0));
@@ -339,7 +339,7 @@ mod tests {
                 assert!((across.abs() - narrow).abs() < 1e-4, "{across}");
                 assert!((along.abs() - aside).abs() < 1e-3, "{along}");
             }
-            let across = Sweep::Palmer(PalmerMirror { tilt_deg, wide: WideAxis::Across });
+            let across = LineSweep::Palmer(PalmerMirror { tilt_deg, wide: WideAxis::Across });
             assert!((angles(across.line(0.0).direction(0.0, 0))[0].abs() - wide).abs() < 1e-9);
         }
     }
@@ -373,7 +373,7 @@ mod tests {
             .map(|at| 1000.0 * (mirror.swing(f64::from(at + 1) / 1000.0) - mirror.swing(f64::from(at) / 1000.0)))
             .collect();
         assert!(speeds.windows(2).all(|pair| (pair[1] - pair[0]).abs() < 0.025));
-        let sweep = Sweep::Oscillating(mirror);
+        let sweep = LineSweep::Oscillating(mirror);
         for part in [0.0, 0.2, 0.7] {
             let there = sweep.line(4.0).direction(part, 0);
             assert!((there - sweep.line(5.0).direction(1.0 - part, 0)).length() < 1e-12);
@@ -395,7 +395,7 @@ mod tests {
 
     #[test]
     fn fibres_take_turns() {
-        let line = Sweep::Fibre(FibreLine { half_deg: 10.0, fibres: 4 });
+        let line = LineSweep::Fibre(FibreLine { half_deg: 10.0, fibres: 4 });
         let at = |pulse: u64| angles(line.line(0.0).direction(0.0, pulse))[0];
         for (pulse, angle) in [(0, -7.5), (1, -2.5), (3, 7.5), (4, -7.5)] {
             assert!((at(pulse) - angle).abs() < 1e-9);
