@@ -314,35 +314,31 @@ fn frames_follow_the_trajectory() {
     assert!(late["warnings"][0].as_str().unwrap().contains("trajectory ends at 1.000 s"), "{late}");
 }
 
-/// A spinning sensor whose axis lies along the flight, as docs/files.md mounts a line scanner.
+/// A scanner of a drone, ten metres along y within a second, 30 m above the floor.
 #[test]
 fn a_line_scanner_that_looks_down_scans_across_its_track() {
     let folder = tempfile::tempdir().unwrap();
     let floor = "o floor\nv -99 -99 0\nv 99 -99 0\nv 99 99 0\nv -99 99 0\nf 1 2 3 4\n";
     fs::write(folder.path().join("floor.obj"), floor).unwrap();
-    let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/files.md")).unwrap();
-    let (_, sensor) = page.split_once("cat > line_scanner.yaml <<'END'\n").unwrap();
-    fs::write(folder.path().join("line.yaml"), sensor.split_once("END\n").unwrap().0).unwrap();
-    // Ten metres along y within a second, 30 m above the floor.
     fs::write(
         folder.path().join("flight.csv"),
-        "time_s,x,y,z,roll_deg,pitch_deg,yaw_deg\n0,0,0,30,0,90,90\n1,0,10,30,0,90,90\n",
+        "time_s,x,y,z,roll_deg,pitch_deg,yaw_deg\n0,0,0,30,0,0,90\n1,0,10,30,0,0,90\n",
     )
     .unwrap();
-    let scan =
-        "scan DIR/floor.obj --up z --sensor DIR/line.yaml --trajectory DIR/flight.csv --fields x,y,z,firing,frame";
+    let scan = "scan DIR/floor.obj --up z --sensor riegl_vux1uav22 --set pattern.mechanism.window_deg=[-50,50] \
+                --trajectory DIR/flight.csv --fields x,y,z,beam,frame";
     stdout(folder.path(), &format!("{scan} -o DIR/strip.csv"));
     let column = |name: &str| csv_column(&folder.path().join("strip.csv"), name);
-    let (x, y, frame) = (column("x"), column("y"), column("frame"));
-    assert_eq!(frame.last(), Some(&79.0));
-    // To both sides, but for a step of 0.72 degrees.
+    let (x, y, beam, frame) = (column("x"), column("y"), column("beam"), column("frame"));
+    assert_eq!(frame.last(), Some(&9.0));
+    // To both sides, but for a step of 0.131 degrees.
     let half = 30.0 * 50f64.to_radians().tan();
     let [least, most] = [f64::min, f64::max].map(|pick| x.iter().copied().fold(0.0, pick));
-    assert!((least + half).abs() < 0.9 && (most - half).abs() < 0.9, "{least} to {most} is not {half} m");
-    // A line is across the track, tilted by how far the aircraft flies during it: 100 of 360 degrees of a turn.
-    for (y, frame) in y.iter().zip(&frame) {
-        let start = frame / 80.0 * 10.0;
-        assert!((start - 1e-3..start + 0.04).contains(y), "{y} in the line at {start}");
+    assert!((least + half).abs() < 0.3 && (most - half).abs() < 0.3, "{least} to {most} is not {half} m");
+    // Of 200 lines a second and 2750 pulses a line, those in 100 of 360 degrees; the aircraft flies on meanwhile.
+    for ((y, beam), frame) in y.iter().zip(&beam).zip(&frame) {
+        let start = frame + (beam / 763.0).floor() * 0.05;
+        assert!((start - 1e-3..start + 0.051).contains(y), "{y} in the line at {start}");
     }
 }
 
