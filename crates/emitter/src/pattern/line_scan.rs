@@ -143,7 +143,7 @@ impl LineScan {
                 return Err(Error::invalid("pattern.head.to_deg", head.to_deg, allowed));
             }
         }
-        self.settings.check(self)?;
+        self.settings.check(self, bounds)?;
         check_count("pattern.pulse_rate_hz and pattern.lines_hz", self.lines().into(), self.pulses())
     }
 
@@ -201,8 +201,17 @@ impl LineScan {
 }
 
 impl LineSettings {
-    fn check(&self, scan: &LineScan) -> Result<()> {
+    fn check(&self, scan: &LineScan, bounds: &mut Bounds) -> Result<()> {
         let rates = &self.pulse_rates_hz;
+        for (index, &rate) in rates.iter().enumerate() {
+            check_above_zero(bounds, format_args!("pattern.settings.pulse_rates_hz[{index}]"), rate)?;
+        }
+        for (index, &rate) in self.lines_hz.iter().flatten().enumerate() {
+            check_above_zero(bounds, format_args!("pattern.settings.lines_hz[{index}]"), rate)?;
+        }
+        if let Some(angle) = self.angle_deg {
+            bounds.within("pattern.settings.angle_deg", angle, 1e-3, 180.0)?;
+        }
         if !rates.is_empty() && !rates.contains(&scan.pulse_rate_hz) {
             let allowed: Vec<String> = rates.iter().map(f64::to_string).collect();
             let allowed = format!("the instrument's: {}", allowed.join(", "));
