@@ -176,7 +176,6 @@ mod tests {
             );
             assert_eq!((fan.width, fan.height), (400, 400));
         }
-        // A sector ahead of an array.
         // Beams at equal steps in sine leave no gap.
         let sines = spot(5, |row| [0.9, 0.0, -(40_f64.to_radians().sin()), 0.5, -0.9][row].asin());
         let fan = polar_fan(&sines, 400).unwrap();
@@ -186,6 +185,7 @@ mod tests {
         };
         assert!((-60..70).step_by(2).all(|degrees| !at(f64::from(degrees)).is_nan()));
         assert_eq!([at(22.0), at(50.0), at(18.0), at(54.0)], [-50.0, -50.0, -110.0, -110.0]);
+        // A sector ahead of an array.
         let sector = spot(121, |row| (row as f64 - 60.0).to_radians());
         let fan = polar_fan(&sector, 600).unwrap();
         assert!((fan.width as f64 / fan.height as f64 - 3_f64.sqrt()).abs() < 0.01, "{} x {}", fan.width, fan.height);

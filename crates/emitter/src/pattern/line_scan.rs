@@ -118,13 +118,10 @@ impl LineScan {
     /// Whether every scan has the same beams.
     pub(super) fn repeats(&self) -> bool {
         let is_whole = |value: f64| (value - value.round()).abs() < 1e-9 * value.abs().max(1.0);
-        let lines = f64::from(self.lines());
-        let turns = self.turn().is_none_or(|turn| is_whole(self.period() / turn));
-        let pulses = self.pulse_rate_hz * self.period();
-        turns
-            && is_whole(self.period() * self.lines_hz / self.mechanism.lines_until_same() as f64)
-            && is_whole(lines * self.pulse_rate_hz / self.lines_hz)
-            && is_whole(pulses)
+        let period = self.period();
+        self.turn().is_none_or(|turn| is_whole(period / turn))
+            && is_whole(period * self.lines_hz / self.mechanism.lines_until_same() as f64)
+            && is_whole(period * self.pulse_rate_hz)
     }
 
     pub(super) fn check(&self, bounds: &mut Bounds) -> Result<()> {
@@ -169,6 +166,7 @@ impl LineScan {
         let (rate, lines_hz, pulses) = (self.pulse_rate_hz, self.lines_hz, self.pulses());
         let first_line = (start_time * lines_hz - 1e-6).ceil();
         let unused = 1.0 - self.mechanism.used();
+        let head = self.head.zip(self.turn());
         for line in 0..self.lines() {
             let number = first_line + f64::from(line);
             // The laser fires at its own times, from the first one on at which the mechanism is where it is used.
@@ -178,22 +176,23 @@ impl LineScan {
             for pulse in 0..pulses {
                 let time = (first + pulse as f64) / rate;
                 let angle_part = (time * lines_hz - number).clamp(0.0, 1.0);
-                let direction = self.turned(lane.direction(angle_part, pulse), time);
+                let direction = self.turned(lane.direction(angle_part, pulse), head, time);
                 table.push(direction.into(), (time - start_time).max(0.0), 0);
             }
         }
         Ok(())
     }
 
-    /// A direction of the mechanism, which looks along its line from straight down, in the sensor frame at a time, s.
-    fn turned(&self, direction: DVec3, time: f64) -> DVec3 {
+    /// A direction of the mechanism, which looks along its line from straight down, in the sensor frame at a time, s. `head`
+    /// comes with the duration of its turn, s.
+    fn turned(&self, direction: DVec3, head: Option<(TurningHead, f64)>, time: f64) -> DVec3 {
         let DVec3 { x, y, z } = direction;
         let direction = match self.plane {
             LinePlane::Across => direction,
             // Down becomes ahead, left becomes up, what was ahead is right.
             LinePlane::Upright => DVec3::new(-z, -x, y),
         };
-        let Some((head, turn)) = self.head.zip(self.turn()) else { return direction };
+        let Some((head, turn)) = head else { return direction };
         let angle = head.from_deg + head.rate_deg_s * time.rem_euclid(turn);
         let (sin, cos) = angle.to_radians().sin_cos();
         DVec3::new(direction.x * cos - direction.y * sin, direction.x * sin + direction.y * cos, direction.z)

@@ -21,6 +21,9 @@ fn count_rays(count: usize) {
     TRACED.set(TRACED.get() + count as u64);
 }
 
+/// Whether a surface (a row) is a pane.
+pub(crate) type IsPane<'a> = &'a (dyn Fn(u32) -> bool + Sync);
+
 /// What rays see of a scene.
 #[derive(Clone, Copy, Debug)]
 pub struct Sight {
@@ -171,26 +174,15 @@ impl HitBatch {
         HitBatch::occluded(scene, rays, count, coherent, sight, None).0
     }
 
-    /// Finds which of the first `count` rays hit anything before their end but rows that are panes, and which of the others
-    /// may have passed one; see [`HitBatch::trace`].
-    pub(crate) fn blocked_through(
+    /// Finds which of the first `count` rays hit anything before their end but rows that are panes, if any are, and which of
+    /// the others may have passed one; see [`HitBatch::trace`].
+    pub(crate) fn occluded(
         scene: &Tables,
         rays: &RayBatch,
         count: usize,
         coherent: bool,
         sight: Sight,
-        is_pane: &dyn Fn(u32) -> bool,
-    ) -> ([bool; LANES], [bool; LANES]) {
-        HitBatch::occluded(scene, rays, count, coherent, sight, Some(is_pane))
-    }
-
-    fn occluded(
-        scene: &Tables,
-        rays: &RayBatch,
-        count: usize,
-        coherent: bool,
-        sight: Sight,
-        is_pane: Option<&dyn Fn(u32) -> bool>,
+        is_pane: Option<IsPane>,
     ) -> ([bool; LANES], [bool; LANES]) {
         count_rays(count);
         let coherence = if coherent { Coherence::Coherent } else { Coherence::Incoherent };
@@ -207,7 +199,7 @@ impl HitBatch {
         count: usize,
         coherence: Coherence,
         sight: Sight,
-        is_pane: Option<&dyn Fn(u32) -> bool>,
+        is_pane: Option<IsPane>,
     ) -> ([bool; LANES], [bool; LANES]) {
         let (mut blocked, mut passed) = ([false; LANES], [false; LANES]);
         let mut packet = Packet { mask: [sight.mask; W], ..Packet::<W>::new() };
@@ -220,7 +212,9 @@ impl HitBatch {
             if first + W > count {
                 valid[count - first..].fill(0);
             }
-            packet.id = std::array::from_fn(|lane| (first + lane) as u32);
+            if is_pane.is_some() || scene.surfaces.has_holes {
+                packet.id = std::array::from_fn(|lane| (first + lane) as u32);
+            }
             if let Some(is_pane) = is_pane {
                 let passed = Cell::from_mut(&mut passed[..]).as_slice_of_cells();
                 let stops = |hit: &Candidate| {

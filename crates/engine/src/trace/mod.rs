@@ -27,7 +27,7 @@ pub(crate) use bodies::{Body, Stand};
 pub(crate) use clock::Clock;
 pub use enclosure::Enclosure;
 pub use engine::Engine;
-pub(crate) use hits::{Cover, HitBatch, Sight, traced};
+pub(crate) use hits::{Cover, HitBatch, IsPane, Sight, traced};
 pub(crate) use instances::{Crossings, LabelledInstance};
 pub use live::{LiveScene, ObjectId};
 pub(crate) use movement::{Later, Movement, Return};

@@ -1,7 +1,7 @@
 //! The surfaces of a scene, with what is computed from them once.
 
 use super::instances::Instances;
-use super::radar::RadarMesh;
+use super::radar::PartPlanes;
 use super::{Backscatter, Surfaces};
 use crate::medium::Sea;
 use ground::kept::kept;
@@ -19,7 +19,7 @@ pub struct SharedSurfaces {
     /// Computed on first use.
     instances: OnceLock<Instances>,
     /// Likewise, for each part.
-    radar_meshes: Vec<OnceLock<RadarMesh>>,
+    planes: Vec<OnceLock<PartPlanes>>,
 }
 
 impl Deref for SharedSurfaces {
@@ -33,8 +33,8 @@ impl Deref for SharedSurfaces {
 impl SharedSurfaces {
     pub(super) fn new(table: Surfaces) -> SharedSurfaces {
         let (reflectances, backscatter, instances) = Default::default();
-        let radar_meshes = table.parts.iter().map(|_| OnceLock::new()).collect();
-        SharedSurfaces { table, reflectances, backscatter, instances, radar_meshes }
+        let planes = table.parts.iter().map(|_| OnceLock::new()).collect();
+        SharedSurfaces { table, reflectances, backscatter, instances, planes }
     }
 
     /// The labelled instances.
@@ -42,9 +42,9 @@ impl SharedSurfaces {
         self.instances.get_or_init(|| Instances::new(&self.table))
     }
 
-    /// What radars need to know of a part.
-    pub(super) fn radar_mesh(&self, part: u32) -> &RadarMesh {
-        self.radar_meshes[part as usize].get_or_init(|| RadarMesh::new(&self.table.parts[part as usize]))
+    /// The largest planes of a part, for radars.
+    pub(super) fn planes(&self, part: u32) -> &PartPlanes {
+        self.planes[part as usize].get_or_init(|| PartPlanes::new(&self.table.parts[part as usize]))
     }
 
     /// Reflectance of every material at `wavelength_nm`.

@@ -167,10 +167,12 @@ fn find_patches(field: &WaveField, row: RadarRow, grid: ClutterGrid, memory: &mu
             let deep = edges.map(|[from, to]| (ranges[to] - ranges[from]).abs() / grid.range);
             let wide = edges.map(|[from, to]| (sides[to] - sides[from]).length() / across);
             let greatest_of = |spans: [f64; 3]| spans.into_iter().fold(0.0, f64::max);
-            let spans = match () {
-                () if greatest_of(large) > 1.0 => large,
-                () if greatest_of(deep) > greatest_of(wide) => deep,
-                () => wide,
+            let spans = if greatest_of(large) > 1.0 {
+                large
+            } else if greatest_of(deep) > greatest_of(wide) {
+                deep
+            } else {
+                wide
             };
             let most = greatest_of(spans);
             if most > 1.0 && divisions(part) < MOST_DIVISIONS {

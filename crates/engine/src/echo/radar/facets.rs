@@ -66,7 +66,6 @@ struct CriticalPlace {
 #[derive(Default)]
 pub(crate) struct FacetMemory {
     sight: SightMemory,
-    triangles: Vec<u32>,
     queue: Vec<FacetPart>,
     next: Vec<FacetPart>,
     critical: Vec<CriticalPlace>,
@@ -134,11 +133,7 @@ impl FacetTask<'_> {
         memory.queue.clear();
         memory.critical.clear();
         memory.places.clear();
-        // Nothing reflects more than a perfect mirror.
-        let least = floor / (self.kept * self.field.scale() * self.greatest);
-        let mut triangles = std::mem::take(&mut memory.triangles);
-        facets.strong(&self.ends, self.field.k(), (least, self.field.reach), &mut triangles);
-        for &triangle in &triangles {
+        for triangle in facets.triangles() {
             let corners = facets.corners(triangle);
             let Some((middle, cos)) = self.facing(&corners) else { continue };
             if !self.is_near_mirrors(&corners, middle) {
@@ -158,7 +153,6 @@ impl FacetTask<'_> {
                 self.add_critical(triangle, &corners, self.long_inner(&facets, triangle, &corners), floor, memory);
             }
         }
-        memory.triangles = triangles;
         self.emit_critical(memory, echoes);
         while !memory.queue.is_empty() {
             self.sweep(floor, memory, echoes);

@@ -4,7 +4,7 @@ use crate::echo::radar::{
     CentreGrid, CentreMemory, ClutterGrid, ClutterMemory, FacetMemory, RadarEchoes, WaveField, scatter_from_facets,
     scatter_from_rough,
 };
-use crate::trace::{Search, SearchLimits, Sight, Sightlines};
+use crate::trace::{IsPane, Search, SearchLimits, Sight, Sightlines};
 use glam::{DVec3, Vec3};
 use ground::parallel;
 use std::f64::consts::PI;
@@ -50,6 +50,7 @@ impl FramePaths {
             // What reflects less than a thousandth of the power at all angles mirrors nothing.
             [1.0, 0.5, 0.1, 0.02].iter().any(|&cos| surfaces.mirrored(&scene.surfaces, row, cos) > 0.03)
         };
+        let is_pane = |row: u32| surfaces.is_pane(&scene.surfaces, row);
         let rows = scene.radar_rows(limits.time, field.time, limits.mask);
         // What returns 20 dB more than a sphere of its size, `pi r^2`, at the middle of the field of view.
         let least = (field.noise() / (5.0 * field.scale() * field.gain_ahead())).powi(2);
@@ -65,15 +66,14 @@ impl FramePaths {
             most_mirrors: limits.mirrors,
             most_images: most_images(field),
             mirrors: &mirrors,
-            passes: &|row| surfaces.is_pane(&scene.surfaces, row),
+            passes: &is_pane,
             kept: &|mirrors, image, target| field.kept(mirrors, image, target),
             sight,
             time: field.time,
         };
         self.search = Search::new(scene, rows, &searched);
         let through = |row: u32, cos: f32| surfaces.through(&scene.surfaces, row, cos);
-        let is_pane = |row: u32| surfaces.is_pane(&scene.surfaces, row);
-        let panes: Option<&(dyn Fn(u32) -> bool + Sync)> = if surfaces.has_panes { Some(&is_pane) } else { None };
+        let panes: Option<IsPane> = if surfaces.has_panes { Some(&is_pane) } else { None };
         let sightlines = Sightlines { scene, sight, time: field.time, panes: &through, is_pane: panes };
         let search = &self.search;
         self.parts.resize_with(search.targets.len(), RadarEchoes::default);

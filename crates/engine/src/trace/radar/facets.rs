@@ -1,11 +1,9 @@
 //! The facets of a row of surfaces at one moment.
 
-use super::bounds::keeps_angles;
 use super::images::Mirror;
 use crate::trace::Tables;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use ground::math::cofactors;
-use radar::optics::Ends;
 use std::ops::Range;
 
 /// A row of surfaces that may be in a radar's view.
@@ -96,13 +94,13 @@ impl Tables {
     /// that keeps its shape.
     pub(super) fn plane_number(&self, of: &RadarRow, triangle: u32) -> Option<usize> {
         of.place?;
-        self.surfaces.radar_mesh(self.surfaces.rows[of.row as usize].part).planes.of(triangle)
+        self.surfaces.planes(self.surfaces.rows[of.row as usize].part).of(triangle)
     }
 
     /// A plane of a row; `None`: it is nowhere or has no extent.
     pub(super) fn plane(&self, of: &RadarRow, number: usize) -> Option<Mirror> {
         let row = &self.surfaces.rows[of.row as usize];
-        let (place, plane) = (of.place?, *self.surfaces.radar_mesh(row.part).planes.all().get(number)?);
+        let (place, plane) = (of.place?, *self.surfaces.planes(row.part).all().get(number)?);
         let across = cofactors(&place.matrix3) * plane.normal;
         let scale = across.length();
         let DMat3 { x_axis, y_axis, z_axis } = place.matrix3;
@@ -138,28 +136,13 @@ impl RowFacets<'_> {
     pub fn inner(&self, triangle: u32) -> [bool; 3] {
         let surfaces = &self.scene.surfaces;
         // What changes its shape may bend there.
-        self.of.place.map_or([false; 3], |_| {
-            surfaces.radar_mesh(surfaces.rows[self.of.row as usize].part).planes.inner(triangle)
-        })
+        self.of.place.map_or([false; 3], |_| surfaces.planes(surfaces.rows[self.of.row as usize].part).inner(triangle))
     }
 
     /// Velocity of the middle of a triangle, m/s, world.
     pub fn velocity(&self, triangle: u32) -> Vec3 {
         let movement = self.scene.movement(None, self.of.row, triangle, [1.0 / 3.0; 2], self.time);
         movement.map_or(Vec3::ZERO, |movement| movement.velocity)
-    }
-
-    /// Their numbers into `found`, without those of which [`Ends::bound`] is less than `least`, 1/m, for the wave number `k`,
-    /// rad/m, or which are farther than `reach` m, as far as that is known.
-    pub fn strong(&self, ends: &Ends, k: f64, (least, reach): (f64, f64), found: &mut Vec<u32>) {
-        found.clear();
-        let part = self.scene.surfaces.rows[self.of.row as usize].part;
-        match &self.of.place {
-            Some(place) if keeps_angles(&place.matrix3) => {
-                self.scene.surfaces.radar_mesh(part).bounds.strong(place, ends, k, (least, reach), found);
-            }
-            _ => found.extend(self.triangles()),
-        }
     }
 
     /// Their numbers.

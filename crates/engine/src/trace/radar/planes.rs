@@ -1,22 +1,8 @@
 //! The planes of meshes: facets that lie in one mirror waves as a whole.
 
-use super::bounds::FacetBounds;
 use crate::scene::Part;
 use glam::DVec3;
 use std::collections::HashMap;
-
-/// What radars need to know of a part.
-#[derive(Clone, Debug)]
-pub struct RadarMesh {
-    pub planes: PartPlanes,
-    pub bounds: FacetBounds,
-}
-
-impl RadarMesh {
-    pub(in crate::trace) fn new(part: &Part) -> RadarMesh {
-        RadarMesh { planes: PartPlanes::new(part), bounds: FacetBounds::new(part) }
-    }
-}
 
 /// The largest planes of a part, in the mesh's frame.
 #[derive(Clone, Debug, Default)]
@@ -54,7 +40,7 @@ impl PartPlanes {
     const NONE: u8 = u8::MAX;
 
     /// The planes of a part.
-    fn new(part: &Part) -> PartPlanes {
+    pub(in crate::trace) fn new(part: &Part) -> PartPlanes {
         let size = part.positions.iter().flatten().fold(0.0_f32, |most, value| most.max(value.abs()));
         let step = STEP * f64::from(size).max(1e-9);
         let round = |value: f64, step: f64| (value / step + OFFSET).floor() as i64;

@@ -210,7 +210,7 @@ impl Searcher<'_> {
             return;
         }
         let facets = self.scene.row_facets(*row, self.limits.time);
-        let planes = &self.scene.surfaces.radar_mesh(self.scene.surfaces.rows[row.row as usize].part).planes;
+        let planes = self.scene.surfaces.planes(self.scene.surfaces.rows[row.row as usize].part);
         for plane in planes.all().iter().take(PLANES_PER_OBJECT) {
             let [a, b, c] = facets.corners(plane.largest);
             let middle = (a + b + c) / 3.0;

@@ -2,7 +2,7 @@
 
 use super::images::{MOST_MIRRORS, MirrorChain};
 use crate::trace::Tables;
-use crate::trace::hits::{HitBatch, Sight};
+use crate::trace::hits::{HitBatch, IsPane, Sight};
 use glam::DVec3;
 use ground::lanes::{LANES, MISS, RayBatch};
 
@@ -35,7 +35,7 @@ pub(crate) struct Sightlines<'a> {
     pub time: f32,
     pub panes: Panes<'a>,
     /// Whether a surface (a row) lets waves through; `None`: none does.
-    pub is_pane: Option<&'a (dyn Fn(u32) -> bool + Sync)>,
+    pub is_pane: Option<IsPane<'a>>,
 }
 
 /// Buffers of [`Sightlines::look`].
@@ -155,11 +155,8 @@ impl Sightlines<'_> {
         active.extend_from_slice(lanes);
         if mirror.is_none() {
             // Only where panes are on the way, they are traced one by one.
-            let (scene, count, coherent) = (self.scene, lanes.len(), leg == 0);
-            let (blocked, passed) = match self.is_pane {
-                Some(is_pane) => HitBatch::blocked_through(scene, rays, count, coherent, self.sight, is_pane),
-                None => (HitBatch::blocked(scene, rays, count, coherent, self.sight), [false; LANES]),
-            };
+            let (blocked, passed) =
+                HitBatch::occluded(self.scene, rays, lanes.len(), leg == 0, self.sight, self.is_pane);
             active.clear();
             for (lane, &target) in lanes.iter().enumerate() {
                 if blocked[lane] {
