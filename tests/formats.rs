@@ -106,6 +106,15 @@ fn cloud(len: usize, fields: FieldSet) -> PointCloud {
         azimuth_sigma: |_| metres(0.1).abs();
         elevation_sigma: |_| f32::NAN;
         velocity_sigma: |_| metres(0.1).abs();
+        // Whole steps of LAS.
+        scan_angle: |row| ((whole(row, 60_000) as f64 - 30_000.0) * 0.006).to_radians() as f32;
+        scan_direction: |row| (row % 2) as u8;
+        edge_of_line: |row| u8::from(row % 9 == 0);
+        strip: |row| whole(row, 65_535) as u16;
+        reflectance_db: |row| if row % 8 == 0 { f32::NAN } else { metres(30.0) };
+        amplitude_db: |_| metres(30.0).abs();
+        pulse_width: |_| metres(1e-8).abs();
+        deviation: |_| metres(1.0).abs();
     }
     let table = |rows: &[(u32, &str)]| rows.iter().copied().collect();
     let labels = Labels::default()

@@ -300,6 +300,13 @@ impl Sensor {
         if self.doppler.is_some() {
             fields = fields.with(Field::Doppler);
         }
+        if let Pattern::LineScan(scan) = &self.spec.pattern {
+            fields = fields.without(Field::Ring).union(FieldSet::from_source(FieldSource::Survey));
+            if scan.head.is_some() {
+                let of_flight = [Field::ScanAngle, Field::ScanDirection, Field::EdgeOfLine];
+                fields = of_flight.into_iter().fold(fields, FieldSet::without);
+            }
+        }
         if self.kind() == SensorKind::Radar {
             let own = [Field::Azimuth, Field::Elevation, Field::Doppler, Field::Rcs, Field::Snr, Field::Path];
             fields = fields.without(Field::Ring).without(Field::Channel).union(own.into_iter().collect());
@@ -317,6 +324,12 @@ impl Sensor {
             }
         }
         fields
+    }
+
+    /// Full width of its pulse at half the peak power, s; NaN: it has none.
+    pub(crate) fn pulse_s(&self) -> f32 {
+        let pulse_ns = self.spec.beam.pulse_ns;
+        if pulse_ns > 0.0 { (1e-9 * pulse_ns) as f32 } else { f32::NAN }
     }
 
     /// Where its numbers come from; may be empty.

@@ -25,6 +25,7 @@ impl Block {
             self.put_motion(scan, count, &mut rows);
         }
         self.put_beams(scan, count, &mut rows);
+        self.put_survey(scan, count, &mut rows);
         filled
     }
 

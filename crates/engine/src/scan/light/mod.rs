@@ -17,6 +17,7 @@ mod returns;
 mod rounds;
 mod run;
 mod split;
+mod survey;
 
 use super::{Progress, ScanOptions};
 use crate::sensor::Sensor;

@@ -210,8 +210,8 @@ impl Block {
 
     /// Step 10: measurement errors.
     pub fn measure(&mut self, scan: &ScanPlan, count: usize) {
-        let Block { lanes, hits, rho_eff, formed, measured, intensity, turn, scratch, .. } = self;
-        let Measuring { errors, saturation, rain, limited, flickers, intensity: model } = &scan.measure;
+        let Block { lanes, hits, rho_eff, formed, measured, intensity, shown, turn, scratch, .. } = self;
+        let Measuring { errors, saturation, rain, limited, flickers, intensity: model, radiometry, .. } = &scan.measure;
         let channels = lanes.take(&scan.aim.beams.channel, count);
         let returns = Returns {
             beams: &lanes.beam[..count],
@@ -222,10 +222,18 @@ impl Block {
         };
         let formed = if scan.receiver.camera().is_some() { &*formed } else { &hits.range };
         errors.measure(&scan.rng, &returns, formed, *rain, measured, flickers.then_some(&mut *scratch));
+        let saturated = |lane: usize| {
+            let most = saturation.map_or(f32::INFINITY, |most| most * hits.range[lane] * hits.range[lane]);
+            rho_eff[lane].min(most)
+        };
+        if *radiometry {
+            for lane in 0..count {
+                shown[lane] = saturated(lane) * if *flickers { scratch[lane] } else { 1.0 };
+            }
+        }
         if *flickers {
             for lane in 0..LANES {
-                let most = saturation.map_or(f32::INFINITY, |most| most * hits.range[lane] * hits.range[lane]);
-                scratch[lane] *= rho_eff[lane].min(most);
+                scratch[lane] *= saturated(lane);
             }
             if !scan.receiver.efficiency.is_empty() {
                 for lane in 0..count {

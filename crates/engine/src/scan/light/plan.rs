@@ -7,6 +7,7 @@ use crate::scan::ScanOptions;
 use crate::sensor::{Adaptive, IntensitySpec, Reception, Sensor, Signals};
 use crate::trace::{Clock, Cover, Later, Sight, Tables};
 use cloud::{Driver, FLOW, Field, Frame};
+use emitter::pattern::Pattern;
 use emitter::{Across, Aim, BeamTable, Footprint, Trajectory};
 use glam::{Mat3, Vec3};
 use ground::error::Result;
@@ -26,6 +27,12 @@ const LABELS: [Field; 7] = [
     Field::FirstInstanceId,
     Field::TrackId,
 ];
+
+/// Columns of how strong an echo is, against what is known beforehand.
+pub(super) const RADIOMETRY: [Field; 2] = [Field::ReflectanceDb, Field::AmplitudeDb];
+
+/// Columns of its shape.
+pub(super) const SHAPE: [Field; 2] = [Field::PulseWidth, Field::Deviation];
 
 /// The plan of one scan: everything that is the same for all its beams, a part for each step.
 pub(super) struct ScanPlan<'a> {
@@ -66,6 +73,8 @@ pub(super) struct Aiming<'a> {
     /// Length of rays, m: beyond the maximum range where measured ranges wrap.
     pub reach: f32,
     pub coherent: bool,
+    /// Whether the rows of `beams` are lines of a mechanism that sweeps.
+    pub has_lines: bool,
     /// In a moving scene, the scene time for each beam.
     pub clock: Option<Clock>,
 }
@@ -125,8 +134,13 @@ pub(super) struct Measuring<'a> {
     pub rain: f32,
     /// Whether the range limits also apply to measured ranges; the paper's program adds its errors afterwards.
     pub limited: bool,
-    /// Whether intensities have errors, are requested, and none of them marks an echo as not detected.
+    /// Whether powers have errors, are requested, and none of them marks an echo as not detected.
     pub flickers: bool,
+    /// Whether [`RADIOMETRY`] and [`SHAPE`] are requested.
+    pub radiometry: bool,
+    pub shapes: bool,
+    /// Full width of the pulse at half its peak power, s; NaN: it has none.
+    pub pulse_s: f32,
 }
 
 impl ScanOptions {
@@ -170,8 +184,8 @@ impl<'a> ScanPlan<'a> {
         let fields = options.fields;
         let frame_period = options.frame_period.unwrap_or(beams.period);
         let depends = receiver.depends_on_light() || errors.depend_on_light();
-        let needs_echo =
-            signals.is_some() || air.is_some() || paths.is_some() || depends || fields.contains(Field::Intensity);
+        let has_power = fields.contains(Field::Intensity) || fields.contains_any(&RADIOMETRY);
+        let needs_echo = signals.is_some() || air.is_some() || paths.is_some() || depends || has_power;
         let normals = [Field::NormalX, Field::NormalY, Field::NormalZ, Field::CosIncidence];
         let colors = fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
         let rain = air.as_ref().map_or(0.0, Air::range_noise);
@@ -187,6 +201,7 @@ impl<'a> ScanPlan<'a> {
                 pose: Aim::new(trajectory, options.start_on_trajectory(), scene.origin),
                 reach: if receiver.wraps() { f32::INFINITY } else { sensor.range_max_m as f32 },
                 coherent: beams.is_coherent(),
+                has_lines: matches!(sensor.spec().pattern, Pattern::LineScan(_)),
                 clock: scene.clock(options.start_time, options.freeze),
             },
             world: World {
@@ -203,7 +218,10 @@ impl<'a> ScanPlan<'a> {
                 motion: scene.span.is_some() && moves,
             },
             measure: Measuring {
-                flickers: !receiver.reports_undetected() && errors.flicker() && fields.contains(Field::Intensity),
+                flickers: !receiver.reports_undetected() && errors.flicker() && has_power,
+                radiometry: fields.contains_any(&RADIOMETRY),
+                shapes: fields.contains_any(&SHAPE),
+                pulse_s: sensor.pulse_s(),
                 errors,
                 rain,
                 intensity: {

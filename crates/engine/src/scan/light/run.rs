@@ -2,6 +2,7 @@
 
 use super::block::{Block, with_block};
 use super::plan::ScanPlan;
+use super::survey::mark_edges;
 use crate::scan::{Order, Progress, ScanOptions};
 use cloud::{Columns, Field, FieldSet, Frame, PointCloud, Slices};
 use ground::error::{Error, Result};
@@ -55,6 +56,7 @@ impl ScanPlan<'_> {
             }
         };
         cloud.columns.resize(computed, rows)?;
+        mark_edges(&mut cloud.columns);
         cloud.len = rows;
         if sorted {
             cloud.sort_by_time()?;
