@@ -411,7 +411,7 @@ impl PointCloud {
     /// A picture as PNG, bytes.
     ///
     /// `color`: "label", "cause", "intensity", "range", "height", "velocity", "radial_velocity", "doppler",
-    /// "density" or "path"; None: "label". `view`: "top", "perspective" (from behind the sensor) or "range" (as the sensor
+    /// "density", "ground_density", "strip" or "path"; None: "label". `view`: "top", "perspective" (from behind the sensor) or "range" (as the sensor
     /// sees it). `width`: 320 to 4096 pixels; None: 1600.
     #[pyo3(signature = (*, color = None, view = "top", width = None))]
     fn png<'py>(

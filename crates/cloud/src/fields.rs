@@ -470,7 +470,7 @@ columns! {
     reflectance_db, ReflectanceDb, f32, Survey, "dB", false, None, "reflectance: power against that of a white Lambertian plate at the same range, head-on; a default column of line scanners, NaN for cameras, sonars and radars";
     amplitude_db, AmplitudeDb, f32, Survey, "dB", false, None, "amplitude: power over the least that is detected; a default column of line scanners, NaN for instruments without a threshold";
     pulse_width, PulseWidth, f32, Survey, "s", false, None, "width of the echo: full width at half maximum; a default column of line scanners, NaN without a pulse";
-    deviation, Deviation, f32, Survey, "1", false, None, "pulse shape deviation: area between the echo and the emitted pulse of the same height, over the area of that; 0 for a single flat target; a default column of line scanners";
+    deviation, Deviation, f32, Survey, "1", false, None, "pulse shape deviation: area between the echo and the emitted pulse of the same height, over the area of that; 0 for a single flat target; a default column of line scanners, NaN for sonars and radars";
 }
 
 impl Field {

@@ -27,6 +27,7 @@ mod report;
 mod run;
 mod scan;
 mod sensors;
+mod strips;
 mod text;
 mod usage;
 mod weather;

@@ -63,7 +63,8 @@ pub struct OutputArgs {
     /// a surface, seen in a mirror or through glass, rain, fog and so on; `velocity`, the speed of moving objects,
     /// while static ones are grey; `radial_velocity` and `doppler`, its component along the beam, true and measured,
     /// blue towards the sensor and orange away from it; `path`, how the wave of a radar detection travelled; `density`, the number of points per square degree of the field
-    /// of view; the others show values on a colour scale
+    /// of view; `ground_density`, that per square metre of the map; `strip`, the flight line or station; the others show
+    /// values on a colour scale
     #[arg(long, requires = "preview", default_value = "label", value_parser = choice::of::<ColorBy>(), help_heading = "Output")]
     color: ColorBy,
     /// How the picture shows the cloud; `range` shows the last of several frames. For sonars, also `waterfall`, one row

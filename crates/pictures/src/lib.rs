@@ -127,12 +127,16 @@ pub enum ColorBy {
     Doppler,
     /// Points per square degree as seen by the sensor: how densely it has covered the scene.
     Density,
+    /// Points per square metre of the map.
+    GroundDensity,
+    /// Number of the flight line or station.
+    Strip,
     /// How the wave of a radar detection travelled: [`PathType`](ground::path_type::PathType).
     Path,
 }
 
 named! { ColorBy: Label "label", Cause "cause", Intensity "intensity", Range "range", Height "height",
-Velocity "velocity", RadialVelocity "radial_velocity", Doppler "doppler", Density "density", Path "path" }
+Velocity "velocity", RadialVelocity "radial_velocity", Doppler "doppler", Density "density", GroundDensity "ground_density", Strip "strip", Path "path" }
 
 impl FromStr for ColorBy {
     type Err = Error;
@@ -186,7 +190,8 @@ impl PreviewOptions {
             ColorBy::RadialVelocity => &[Field::RadialVelocity],
             ColorBy::Doppler => &[Field::Doppler],
             ColorBy::Path => &[Field::Path],
-            ColorBy::Cause | ColorBy::Height | ColorBy::Density => &[],
+            ColorBy::Strip => &[Field::Strip],
+            ColorBy::Cause | ColorBy::Height | ColorBy::Density | ColorBy::GroundDensity => &[],
         };
         let rows: &[Field] = if self.view == View::Range { &[Field::Channel] } else { &[] };
         let always = [Field::X, Field::Y, Field::Z, Field::Cause];
@@ -524,6 +529,8 @@ mod tests {
         ColorBy::RadialVelocity,
         ColorBy::Doppler,
         ColorBy::Density,
+        ColorBy::GroundDensity,
+        ColorBy::Strip,
     ];
 
     fn cloud(positions: &[[f32; 3]]) -> PointCloud {
@@ -559,7 +566,7 @@ mod tests {
         assert_eq!(
             error,
             "there is no preview colour named \"hieght\"; near: height, label, cause, intensity, range, velocity, \
-             radial_velocity, doppler, density, path"
+             radial_velocity, doppler, density, ground_density, strip, path"
         );
     }
 

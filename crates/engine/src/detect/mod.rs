@@ -2,6 +2,7 @@
 
 mod alarms;
 mod amcw;
+mod around;
 mod beamformer;
 mod blooming;
 mod curve;
@@ -24,6 +25,8 @@ use curve::RangeCurve;
 
 pub(crate) use alarms::FalseAlarms;
 pub(crate) use amcw::DepthCamera;
+pub use around::MultipleTimeAround;
+pub(crate) use around::PulseAssignment;
 pub(crate) use beamformer::{BeamLevels, Beside, SoundingMemory, bins_about, sounding};
 pub use blooming::Blooming;
 pub(crate) use depth::DepthError;

@@ -26,6 +26,14 @@ pub(crate) struct EchoShape {
     pub deviation: f32,
 }
 
+impl EchoShape {
+    /// That of a plane at an angle, which lowers the peak by the factor `lowered`: a wider Gaussian.
+    pub fn of_plane(lowered: f32) -> EchoShape {
+        let width = lowered.recip();
+        EchoShape { width, deviation: width - 1.0 }
+    }
+}
+
 impl Default for EchoShape {
     /// That of the emitted pulse.
     fn default() -> Self {
@@ -149,13 +157,13 @@ impl Waveform {
     }
 
     /// The shape of the echo at `peak` of a `received` signal or, where that is empty, of the ranges and powers of what
-    /// returns `directly`.
+    /// returns `directly`; `None` for a single pulse.
     pub(crate) fn shape(
         &mut self,
         received: &BeamSignal,
         directly: impl Iterator<Item = (f32, f32)>,
         peak: Peak,
-    ) -> EchoShape {
+    ) -> Option<EchoShape> {
         /// Samples on each side of the peak, and how many there are per sigma.
         const SAMPLES: i32 = 12;
         const PER_SIGMA: f32 = 4.0;
@@ -173,7 +181,7 @@ impl Waveform {
             }
         }
         if self.sigma == 0.0 || self.ranges.len() < 2 {
-            return EchoShape::default();
+            return None;
         }
         let scale = 1.0 / self.sigma;
         let at = |range: f32| signal::pull(&self.ranges, &self.powers, range, scale);
@@ -190,7 +198,7 @@ impl Waveform {
             area += pulse;
         }
         // Flat tops have no width of their own.
-        EchoShape { width: bend.max(0.01).sqrt().recip(), deviation: between / area }
+        Some(EchoShape { width: bend.max(0.01).sqrt().recip(), deviation: between / area })
     }
 
     /// [`Waveform::refine`] for signals side by side, each of parts that span no more than [`Waveform::NARROW`]:

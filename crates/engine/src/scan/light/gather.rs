@@ -35,6 +35,8 @@ pub(super) struct Gatherer {
     pub reported: Option<Box<RayBatch>>,
     /// Fraction of the light that the channel of each beam uses.
     pub(super) efficiency: [f32; LANES],
+    /// Factors by which the echoes of oblique planes are lower, where beams are one ray.
+    oblique: [f32; LANES],
     pub rays: BeamRays,
     /// Buffers for beams of as many rays as it takes.
     pub(super) rounds: Option<Box<Rounds>>,
@@ -70,7 +72,7 @@ impl Gatherer {
             self.signals = signals.clone();
         }
         self.found.waveform.set_sigma(signals.sigma);
-        self.efficiency = [1.0; LANES];
+        (self.efficiency, self.oblique) = ([1.0; LANES], [1.0; LANES]);
     }
 }
 
@@ -83,6 +85,7 @@ impl Default for Gatherer {
             beams: RayBatch::default(),
             reported: None,
             efficiency: [1.0; LANES],
+            oblique: [1.0; LANES],
             rays: BeamRays::default(),
             rounds: None,
             arrivals: Arrivals::default(),
@@ -134,6 +137,7 @@ impl Gatherer {
 
     /// Reduces the directly returned light by `factors`, where beams are one ray.
     pub fn lower(&mut self, factors: &[f32; LANES]) {
+        self.oblique = *factors;
         self.plain.dim(factors);
         light::dim(&mut self.rays.batches[0].power, factors);
     }
@@ -373,7 +377,7 @@ impl Gatherer {
     fn shape(&mut self, lane: usize, peak: Peak) -> EchoShape {
         let Gatherer { rays, found: Detections { waveform, received, .. }, .. } = self;
         let direct = rays.of_beam(lane).map(|(_, met)| (met.range(), met.power())).filter(|(_, power)| *power > 0.0);
-        waveform.shape(received, direct, peak)
+        waveform.shape(received, direct, peak).unwrap_or(EchoShape::of_plane(self.oblique[lane]))
     }
 
     /// Apparent motion of what has the provenance `from`, if it is seen in mirrors or through glass.

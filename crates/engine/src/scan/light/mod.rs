@@ -1,6 +1,7 @@
 //! A scan of a LiDAR or a depth camera: blocks of beams, side by side on threads.
 
 mod adaptive;
+mod around;
 mod block;
 mod bloom;
 mod budget;

@@ -4,7 +4,7 @@ use super::block::{Block, no_images};
 use super::plan::{Measuring, ScanPlan};
 use super::split::{Axes, Splitter};
 use crate::detect::{ForemostPaths, LaneEchoes, Returns};
-use crate::echo::PathLimits;
+use crate::echo::{EchoShape, PathLimits};
 use crate::sensor::Signals;
 use crate::trace::HitBatch;
 use cloud::Slices;
@@ -35,6 +35,10 @@ impl Block {
         if scan.several_causes {
             self.reset_causes();
             self.view_end = self.hits.range;
+            if let (Some(splitter), true) = (&splitter, scan.measure.shapes) {
+                let shapes = splitter.oblique.map(EchoShape::of_plane);
+                (self.widened, self.deviation) = (shapes.map(|shape| shape.width), shapes.map(|shape| shape.deviation));
+            }
         }
         if !scan.receiver.efficiency.is_empty() {
             for lane in 0..count {
@@ -211,7 +215,8 @@ impl Block {
     /// Step 10: measurement errors.
     pub fn measure(&mut self, scan: &ScanPlan, count: usize) {
         let Block { lanes, hits, rho_eff, formed, measured, intensity, shown, turn, scratch, .. } = self;
-        let Measuring { errors, saturation, rain, limited, flickers, intensity: model, radiometry, .. } = &scan.measure;
+        let Measuring { errors, saturation, rain, limited, flickers, intensity: model, radiometry, assignment, .. } =
+            &scan.measure;
         let channels = lanes.take(&scan.aim.beams.channel, count);
         let returns = Returns {
             beams: &lanes.beam[..count],
@@ -257,6 +262,9 @@ impl Block {
         if errors.turn_beams() {
             let [x, y] = [&scan.aim.beams.dir_x, &scan.aim.beams.dir_y].map(|axis| lanes.take(axis, count));
             errors.turn(&scan.rng, &lanes.beam[..count], [&x[..count], &y[..count]], &mut turn[..count]);
+        }
+        if let Some(assignment) = *assignment {
+            self.assign(scan, assignment, count);
         }
     }
 

@@ -1,7 +1,7 @@
 //! The plan of a scan: what is the same for all its beams.
 
 use super::halo::Halos;
-use crate::detect::{Errors, Receiver};
+use crate::detect::{Errors, PulseAssignment, Receiver};
 use crate::echo::{Air, IntensityModel, PathLimits, RequestedQuantities, Surroundings};
 use crate::scan::ScanOptions;
 use crate::sensor::{Adaptive, IntensitySpec, Reception, Sensor, Signals};
@@ -141,6 +141,8 @@ pub(super) struct Measuring<'a> {
     pub shapes: bool,
     /// Full width of the pulse at half its peak power, s; NaN: it has none.
     pub pulse_s: f32,
+    /// How echoes are assigned to pulses, where that plays a part.
+    pub assignment: Option<PulseAssignment>,
 }
 
 impl ScanOptions {
@@ -222,6 +224,7 @@ impl<'a> ScanPlan<'a> {
                 radiometry: fields.contains_any(&RADIOMETRY),
                 shapes: fields.contains_any(&SHAPE),
                 pulse_s: sensor.pulse_s(),
+                assignment: sensor.assignment(),
                 errors,
                 rain,
                 intensity: {
@@ -283,7 +286,8 @@ impl ScanPlan<'_> {
 
     /// Whether the directions of rays differ from those reported for their beams.
     pub fn points_elsewhere(&self) -> bool {
-        self.measure.errors.pointing_sigma > 0.0 || self.receiver.jittering().is_some()
+        let folds = self.measure.assignment.is_some_and(|assignment| assignment.folds);
+        folds || self.measure.errors.pointing_sigma > 0.0 || self.receiver.jittering().is_some()
     }
 
     /// Sets the vectors across the beam with the number `beam`, which points in `direction`, and the rotation of its
