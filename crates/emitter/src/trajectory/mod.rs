@@ -1,10 +1,26 @@
 //! Poses over time.
 
+mod accuracy;
+mod georeference;
+mod key;
+mod sbet;
+mod text;
+
+pub use accuracy::Accuracy;
+pub use georeference::{Geographic, Georeference};
+pub(crate) use georeference::navigated;
+pub use key::TrajectoryOptions;
+
 use super::{PlatformMotion, Pose};
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use ground::error::{Error, Result};
-use ground::read::csv::{CsvReader, Lines};
+use ground::read::csv::Lines;
+use ground::read::{self, Limit};
+use ground::report::Report;
 use ground::shown;
+use ground::write::{Pending, Sink, failed};
+use key::{KeyReader, check_key};
+use std::io::{BufReader, BufWriter, Read as _};
 use std::path::Path;
 
 /// The path of a sensor: poses at rising times, linear in position and slerp in orientation between them; before the
@@ -14,12 +30,15 @@ pub struct Trajectory {
     keys: Vec<(f64, Pose)>,
     /// See [`Trajectory::time_zero`].
     time_zero: f64,
+    /// See [`Trajectory::georeference`].
+    georeference: Option<Georeference>,
 }
 
 impl Trajectory {
     /// A sensor fixed at `pose`, whose quaternion is normalised.
     pub fn fixed(pose: Pose) -> Self {
-        Trajectory { keys: vec![(0.0, Pose { orientation: pose.orientation.normalize(), ..pose })], time_zero: 0.0 }
+        let key = (0.0, Pose { orientation: pose.orientation.normalize(), ..pose });
+        Trajectory { keys: vec![key], time_zero: 0.0, georeference: None }
     }
 
     /// A sensor that passes through `keys`: (time in s, pose), times strictly rising. Quaternions are normalised.
@@ -37,18 +56,69 @@ impl Trajectory {
             })?;
             before = Some(*time);
         }
-        Ok(Trajectory { keys, time_zero: 0.0 })
+        Ok(Trajectory { keys, time_zero: 0.0, georeference: None })
     }
 
-    /// Reads TUM text (`t x y z qx qy qz qw`, `#` comments) or CSV with a header: the time `time_s`, `t` or `time` in
-    /// seconds, `x,y,z` in metres, and `qx,qy,qz,qw` or `roll_deg,pitch_deg,yaw_deg` ([`Pose::with_rpy_deg`]).
-    ///
-    /// Times stay as in the file, even when they count from 1970: see [`Trajectory::shifted_to_zero`].
+    /// Reads the file at `path` as [`Trajectory::load_with`] does with its defaults, without its warnings.
     ///
     /// # Errors
-    /// A missing file, or the line and what is wrong with it.
+    /// As [`Trajectory::load_with`].
     pub fn load(path: impl AsRef<Path>) -> Result<Self> {
-        Trajectory::read(Lines::open(path.as_ref())?)
+        Trajectory::load_with(path, &TrajectoryOptions::default(), &mut Report::default())
+    }
+
+    /// Reads a trajectory:
+    ///
+    /// * TUM text: `t x y z qx qy qz qw`, `#` comments.
+    /// * CSV with a header: the time `time_s`, `t`, `time` or `gps_time` in seconds; `x,y,z` or `easting,northing,height`
+    ///   in metres, or `lat,lon` in degrees and `height` in metres; `qx,qy,qz,qw`, `roll_deg,pitch_deg,yaw_deg`
+    ///   ([`Pose::with_rpy_deg`]), or `roll_deg,pitch_deg,heading_deg`: starboard down, nose up, clockwise from north, that of
+    ///   the grid beside eastings and true north beside latitudes.
+    /// * SBET, in files that end in `.sbet` or `.out`, or that are not text.
+    /// * HELIOS++, in files that end in `.trj`.
+    ///
+    /// Latitudes and longitudes become eastings and northings in the coordinate system of `options`, and headings relative
+    /// to its grid; `report` says which system was taken if none is given. Times stay as in the file, even when they count
+    /// from 1970: see [`Trajectory::shifted_to_zero`]; those of an SBET that pass the end of a GPS week go on counting, which
+    /// `report` says.
+    ///
+    /// # Errors
+    /// A missing file, or the line or record and what is wrong with it: times that do not rise, numbers that are not finite,
+    /// an SBET whose length is no multiple of 136 bytes, places beyond the projection; a coordinate system without a known
+    /// projection for latitudes and longitudes.
+    pub fn load_with(path: impl AsRef<Path>, options: &TrajectoryOptions, report: &mut Report) -> Result<Self> {
+        let path = path.as_ref();
+        let mut reader = KeyReader::new(options)?;
+        match read::ending(path).as_str() {
+            "trj" => {
+                let bytes = read::bytes(path, Limit::TABLE)?;
+                let text = String::from_utf8(bytes).map_err(|_| Error::parse(path, "", "is not UTF-8 text"))?;
+                text::read_helios(&shown::path(path), text, &mut reader)?;
+            }
+            ending => {
+                let mut file = read::open(path, Limit::TABLE)?;
+                let length = file.limit();
+                let mut begin = Vec::new();
+                file.by_ref().take(sbet::RECORD as u64).read_to_end(&mut begin).map_err(|e| Error::io(path, e))?;
+                if SBET_ENDINGS.contains(&ending) || is_binary(&begin) {
+                    let rest = BufReader::with_capacity(1 << 18, file);
+                    sbet::read(&shown::path(path), begin.as_slice().chain(rest), length, &mut reader, report)?;
+                } else {
+                    text::read(Lines::open(path)?, &mut reader, report)?;
+                }
+            }
+        }
+        Ok(Trajectory::of(reader))
+    }
+
+    /// [`Trajectory::load_with`] from the text of a file: TUM or CSV.
+    ///
+    /// # Errors
+    /// The line and what is wrong with it.
+    pub fn from_text_with(text: &str, options: &TrajectoryOptions, report: &mut Report) -> Result<Self> {
+        let mut reader = KeyReader::new(options)?;
+        text::read(Lines::of("trajectory text", text.to_owned()), &mut reader, report)?;
+        Ok(Trajectory::of(reader))
     }
 
     /// [`Trajectory::load`] from the text of a file.
@@ -56,22 +126,57 @@ impl Trajectory {
     /// # Errors
     /// The line and what is wrong with it.
     pub fn from_text(text: &str) -> Result<Self> {
-        Trajectory::read(Lines::of("trajectory text", text.to_owned()))
+        Trajectory::from_text_with(text, &TrajectoryOptions::default(), &mut Report::default())
     }
 
-    fn read(mut lines: Lines) -> Result<Self> {
-        if !lines.advance()? {
-            return Err(
-                lines.error_at_all("has no poses; expected TUM text (t x y z qx qy qz qw) or CSV with a header")
-            );
+    fn of(reader: KeyReader) -> Trajectory {
+        let (keys, georeference) = reader.finish();
+        Trajectory { keys, time_zero: 0.0, georeference }
+    }
+
+    /// Writes it as the file at `path`, whose ending selects the format: `.sbet` or `.out` for SBET, `.csv`, or `.txt` for
+    /// TUM text; times are those of its clock ([`Trajectory::time_zero`]). CSV has eastings, northings and headings if the
+    /// trajectory is georeferenced, otherwise the coordinates of the world and quaternions, as TUM text has.
+    ///
+    /// # Errors
+    /// Another ending; an SBET of a trajectory without a georeference, or with one that has no projection; the system's
+    /// errors.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        let path = path.as_ref();
+        let ending = read::ending(path);
+        let georeference = self.georeference.as_ref();
+        let of_sbet = SBET_ENDINGS.contains(&ending.as_str());
+        if of_sbet && georeference.is_none() {
+            let allowed = "one with a coordinate system (crs), from which an SBET has its latitudes and longitudes";
+            return Err(Error::invalid("trajectory", "one of the world's coordinates", allowed));
         }
-        let has_header = lines.text().starts_with(|c: char| c.is_alphabetic() || c == '"');
-        if has_header && !lines.text().contains(',') {
-            let expected = "expected CSV with a header, or TUM text (t x y z qx qy qz qw) without one";
-            return Err(lines.error(format!("has a header without commas; {expected}")));
+        if !of_sbet && !["csv", "txt"].contains(&ending.as_str()) {
+            let name = path.file_name().map(|name| shown::path(Path::new(name))).unwrap_or_default();
+            return Err(Error::invalid("trajectory file", format!("{name:?}"), "a name ending in .sbet, .out, .csv or .txt"));
         }
-        let keys = if has_header { read_csv(CsvReader::with_header(lines)?)? } else { read_tum(lines)? };
-        Ok(Trajectory { keys, time_zero: 0.0 })
+        let pending = Pending::create(path)?;
+        let fault = |source| failed(path, source);
+        let mut to = BufWriter::with_capacity(1 << 18, Sink::create(pending.path()).map_err(fault)?);
+        let written = match georeference.filter(|_| of_sbet) {
+            Some(georeference) => sbet::write(&self.keys, self.time_zero, georeference, &mut to)?,
+            None if ending == "csv" => text::write_csv(&self.keys, self.time_zero, georeference, &mut to),
+            None => text::write_tum(&self.keys, self.time_zero, &mut to),
+        };
+        written.map_err(fault)?;
+        let file = to.into_inner().map_err(std::io::IntoInnerError::into_error).map_err(fault)?;
+        file.finish().map_err(fault)?;
+        pending.commit()
+    }
+
+    /// The same in a world that lies on the Earth as `georeference` says; its poses stay as they are.
+    #[must_use]
+    pub fn georeferenced(self, georeference: impl Into<Option<Georeference>>) -> Self {
+        Trajectory { georeference: georeference.into(), ..self }
+    }
+
+    /// How the world lies on the Earth, if the trajectory was read with a coordinate system or from latitudes and longitudes.
+    pub fn georeference(&self) -> Option<&Georeference> {
+        self.georeference.as_ref()
     }
 
     /// The same with the first key at time 0, as a scan that starts at time 0 needs it.
@@ -89,6 +194,11 @@ impl Trajectory {
     /// clock times, such as LAS, add it again.
     pub fn time_zero(&self) -> f64 {
         self.time_zero
+    }
+
+    /// The keys, times in s.
+    pub fn keys(&self) -> &[(f64, Pose)] {
+        &self.keys
     }
 
     /// The keys, times in s.
@@ -156,70 +266,16 @@ impl Trajectory {
     }
 }
 
-/// The pose with a unit quaternion, or what is wrong with a key after the one at time `before`.
-fn check_key(before: Option<f64>, time: f64, pose: Pose) -> Result<Pose, String> {
-    if !(time.is_finite() && pose.position.is_finite() && pose.orientation.is_finite()) {
-        return Err("a number that is not finite".into());
-    }
-    if let Some(before) = before.filter(|before| *before >= time) {
-        return Err(format!("time {time} s after {before} s: times must rise"));
-    }
-    let length = pose.orientation.length();
-    if !(1e-6..1e6).contains(&length) {
-        return Err(format!("a quaternion of length {length}: it must be near 1"));
-    }
-    Ok(Pose { orientation: pose.orientation.normalize(), ..pose })
+/// Endings of files of SBET; POSPac calls them `sbet_name.out`.
+const SBET_ENDINGS: [&str; 2] = ["sbet", "out"];
+
+/// Whether a file that begins with these bytes is not text.
+fn is_binary(begin: &[u8]) -> bool {
+    begin.iter().any(|&byte| byte < b' ' && !byte.is_ascii_whitespace())
 }
 
-fn read_tum(mut lines: Lines) -> Result<Vec<(f64, Pose)>> {
-    let mut keys: Vec<(f64, Pose)> = Vec::new();
-    loop {
-        let numbers: Vec<f64> = lines
-            .text()
-            .split_ascii_whitespace()
-            .map(|word| word.parse().map_err(|_| lines.error(format!("{:?} is not a number", shown::name(word)))))
-            .collect::<Result<_>>()?;
-        let [time, x, y, z, qx, qy, qz, qw] = numbers[..] else {
-            return Err(lines.error(format!("has {} numbers; expected 8: t x y z qx qy qz qw", numbers.len())));
-        };
-        let pose = Pose { position: DVec3::new(x, y, z), orientation: DQuat::from_xyzw(qx, qy, qz, qw) };
-        let before = keys.last().map(|key| key.0);
-        keys.push((time, check_key(before, time, pose).map_err(|message| lines.error(message))?));
-        if !lines.advance()? {
-            return Ok(keys);
-        }
-    }
-}
-
-fn read_csv(mut csv: CsvReader) -> Result<Vec<(f64, Pose)>> {
-    let times = csv.optional(["time_s", "t", "time"]);
-    let [x, y, z] = csv.required(["x", "y", "z"])?;
-    let Some(time) = times.into_iter().flatten().next() else {
-        return Err(csv.error("has no column of times; expected time_s, t or time".into()));
-    };
-    let angles = csv.optional(["roll_deg", "pitch_deg", "yaw_deg"]);
-    let with_angles = angles.iter().any(Option::is_some);
-    if !with_angles && csv.optional(["qx", "qy", "qz", "qw"]).iter().all(Option::is_none) {
-        return Err(csv.error("has no orientation; expected qx,qy,qz,qw or roll_deg,pitch_deg,yaw_deg".into()));
-    }
-    let [roll, pitch, yaw] = if with_angles { csv.required(["roll_deg", "pitch_deg", "yaw_deg"])? } else { [0; 3] };
-    let [qx, qy, qz, qw] = if with_angles { [0; 4] } else { csv.required(["qx", "qy", "qz", "qw"])? };
-    let mut keys: Vec<(f64, Pose)> = Vec::new();
-    while let Some(row) = csv.next_row()? {
-        let (time, at) = (row[time], Pose::at(row[x], row[y], row[z]));
-        let pose = if with_angles {
-            at.with_rpy_deg(row[roll], row[pitch], row[yaw])
-        } else {
-            Pose { orientation: DQuat::from_xyzw(row[qx], row[qy], row[qz], row[qw]), ..at }
-        };
-        let before = keys.last().map(|key| key.0);
-        keys.push((time, check_key(before, time, pose).map_err(|message| csv.error(message))?));
-    }
-    if keys.is_empty() {
-        return Err(csv.error_at_all("has no poses below the header"));
-    }
-    Ok(keys)
-}
+#[cfg(test)]
+mod format_tests;
 
 #[cfg(test)]
 mod tests {
