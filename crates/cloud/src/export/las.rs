@@ -404,7 +404,7 @@ impl Las {
                 }),
             }
         }
-        if !c.cause.is_empty() {
+        if self.extra_bytes && !c.cause.is_empty() {
             record::put(records, size, USER_DATA, rows(), |row| [c.cause[row]]);
         }
         if self.extra_bytes {
