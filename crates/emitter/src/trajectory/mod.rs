@@ -7,8 +7,8 @@ mod sbet;
 mod text;
 
 pub use accuracy::Accuracy;
-pub use georeference::{Geographic, Georeference};
 pub(crate) use georeference::navigated;
+pub use georeference::{Geographic, Georeference};
 pub use key::TrajectoryOptions;
 
 use super::{PlatformMotion, Pose};
@@ -152,7 +152,11 @@ impl Trajectory {
         }
         if !of_sbet && !["csv", "txt"].contains(&ending.as_str()) {
             let name = path.file_name().map(|name| shown::path(Path::new(name))).unwrap_or_default();
-            return Err(Error::invalid("trajectory file", format!("{name:?}"), "a name ending in .sbet, .out, .csv or .txt"));
+            return Err(Error::invalid(
+                "trajectory file",
+                format!("{name:?}"),
+                "a name ending in .sbet, .out, .csv or .txt",
+            ));
         }
         let pending = Pending::create(path)?;
         let fault = |source| failed(path, source);

@@ -41,7 +41,8 @@ pub(super) fn read(
         return Err(fault(origin, "", message));
     }
     let count = usize::try_from(length).unwrap_or(usize::MAX) / RECORD;
-    tried(|| reader.keys.try_reserve_exact(count)).map_err(|_| Error::Memory(format!("the {count} poses of {origin}")))?;
+    tried(|| reader.keys.try_reserve_exact(count))
+        .map_err(|_| Error::Memory(format!("the {count} poses of {origin}")))?;
     let mut later = 0.0;
     for number in 0..count {
         let mut bytes = [0; RECORD];
@@ -78,7 +79,12 @@ pub(super) fn read(
 /// Writes `keys` as records, their times `later`, s, with the wander angle 0, so that velocities are to the north, to the
 /// east and down. Velocities, accelerations (of the motion, without gravity) and rates are those of the poses before and
 /// after each.
-pub(super) fn write(keys: &[Key], later: f64, georeference: &Georeference, to: &mut impl Write) -> Result<io::Result<()>> {
+pub(super) fn write(
+    keys: &[Key],
+    later: f64,
+    georeference: &Georeference,
+    to: &mut impl Write,
+) -> Result<io::Result<()>> {
     let projection = georeference.projection()?;
     for index in 0..keys.len() {
         let (time, pose) = keys[index];

@@ -93,6 +93,12 @@ impl Sensor {
         !self.has_one_ray(profile) && (self.detection.blooming.is_some() || !self.signals.are_simple())
     }
 
+    /// Whether its beams are one ray each, all of whose echoes are reported, and no light spills from one to the other.
+    pub(crate) fn has_single_beams(&self) -> bool {
+        let is_one = self.signals.rays() == 1 && self.signals.adaptive.is_none();
+        is_one && self.spec.returns.mode == ReturnMode::All && self.detection.blooming.is_none()
+    }
+
     /// Which echoes are searched for in `profile`.
     fn searched_mode(&self, profile: Profile) -> ReturnMode {
         // Signals are formed from all echoes.

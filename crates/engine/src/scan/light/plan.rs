@@ -175,14 +175,15 @@ impl<'a> ScanPlan<'a> {
         let rng = Rng::new(options.seed, options.frame);
         let receiver = reception.receiver(sensor, beams, rng);
         let Reception { errors, air, .. } = reception;
-        let has_signals = sensor.has_signals(profile);
-        let is_adaptive = !sensor.has_one_ray(profile) && sensor.signals.adaptive.is_some();
-        let signals = Some(&sensor.signals).filter(|_| has_signals || is_adaptive);
         let reflectances =
             scene.surfaces.reflectances(sensor.wavelength_nm, options.light_from(), Mirrors::of(profile));
         let limits = || PathLimits::new(profile, options.specular_depth, sensor.glint());
         let paths = reflectances.go_on.then(limits);
-
+        // A beam of one ray has one echo where neither mirrors nor the air return others.
+        let is_alone = air.is_none() && paths.is_none() && receiver.alarms.is_none() && sensor.has_single_beams();
+        let has_signals = sensor.has_signals(profile) && !is_alone;
+        let is_adaptive = !sensor.has_one_ray(profile) && sensor.signals.adaptive.is_some();
+        let signals = Some(&sensor.signals).filter(|_| has_signals || is_adaptive);
         let fields = options.fields;
         let frame_period = options.frame_period.unwrap_or(beams.period);
         let depends = receiver.depends_on_light() || errors.depend_on_light();

@@ -18,9 +18,9 @@ impl Block {
         let surface = &hits.surface;
         if !rows.scan_angle.is_empty() {
             let mut angle = [0.0; LANES];
+            let left = LeftOfHeading::of(scan, &lanes.beam[..count]);
             for lane in 0..count {
-                let (rotation, _) = scan.aim.pose.pose(beams, lanes.beam[lane] as usize);
-                angle[lane] = scan_angle(rays.direction(lane), rotation.x_axis, rotation.y_axis);
+                angle[lane] = scan_angle(rays.direction(lane), left.at(scan, lanes.beam[lane]));
             }
             kept.put_beam(&angle, rows.scan_angle);
         }
@@ -57,14 +57,56 @@ impl Block {
     }
 }
 
-/// Angle of a direction from straight down to the right of the heading, rad, in the plane across that (ASPRS LAS
-/// Specification 1.4 R15, 2.6: negative left, roll included). `ahead`, `left`: the x and y axis of the sensor.
-fn scan_angle(direction: Vec3, ahead: Vec3, left: Vec3) -> f32 {
+/// Horizontal vectors to the left of the heading while the beams of a block fire.
+enum LeftOfHeading {
+    /// From the first beam to the last, s, in between linear in time.
+    Between { times: [f64; 2], left: [Vec3; 2] },
+    /// Beam by beam.
+    Each,
+}
+
+/// While beams fire within this time, s, the heading is taken to be linear: an aircraft that starts to turn by 20 degrees per
+/// second is off by less than the step of angles in LAS.
+const SHORT: f64 = 1e-3;
+
+impl LeftOfHeading {
+    fn of(scan: &ScanPlan, beams: &[u32]) -> LeftOfHeading {
+        let (Some(&first), Some(&last)) = (beams.first(), beams.last()) else { return LeftOfHeading::Each };
+        let times = [first, last].map(|beam| scan.aim.beams.time[beam as usize]);
+        if !scan.aim.pose.moves() || (times[1] - times[0]).abs() < SHORT {
+            let left = [first, last].map(|beam| left_of_heading(scan, beam));
+            LeftOfHeading::Between { times, left }
+        } else {
+            LeftOfHeading::Each
+        }
+    }
+
+    fn at(&self, scan: &ScanPlan, beam: u32) -> Vec3 {
+        match self {
+            LeftOfHeading::Between { times: [from, to], left } => {
+                let part = (scan.aim.beams.time[beam as usize] - from) / (to - from).max(f64::MIN_POSITIVE);
+                left[0].lerp(left[1], part.clamp(0.0, 1.0) as f32)
+            }
+            LeftOfHeading::Each => left_of_heading(scan, beam),
+        }
+    }
+}
+
+/// The horizontal vector to the left of the heading when a beam fires.
+fn left_of_heading(scan: &ScanPlan, beam: u32) -> Vec3 {
+    let (rotation, _) = scan.aim.pose.pose(scan.aim.beams, beam as usize);
+    let ahead = rotation.x_axis;
     // The heading of a sensor that points straight up or down is that of its side.
-    let across = Vec3::new(-ahead.y, ahead.x, 0.0);
-    let across = if across.length_squared() > 1e-6 { across } else { left.with_z(0.0) };
+    let left = Vec3::new(-ahead.y, ahead.x, 0.0);
+    let left = if left.length_squared() > 1e-6 { left } else { rotation.y_axis.with_z(0.0) };
+    left.normalize_or_zero()
+}
+
+/// Angle of a direction from straight down to the right of the heading, rad, in the plane across that (ASPRS LAS
+/// Specification 1.4 R15, 2.6: negative left, roll included). `left`: a horizontal unit vector to the left of the heading.
+fn scan_angle(direction: Vec3, left: Vec3) -> f32 {
     // The negative zero of the left side of nadir is zero.
-    0.0 + (-direction.dot(across.normalize_or_zero())).atan2(-direction.z)
+    0.0 + (-direction.dot(left)).atan2(-direction.z)
 }
 
 /// Whether the mechanism sweeps to the right at a beam: from this pulse of its line to the next, or to the last one from
