@@ -2,6 +2,7 @@
 
 use echocast_kernels::light;
 use ground::lanes::LANES;
+use ground::named;
 use ground::profile::Profile;
 use serde::{Deserialize, Serialize};
 
@@ -26,6 +27,9 @@ pub enum IntensityEncoding {
     /// proportion between.
     ReflectanceDb,
 }
+
+named! { IntensityEncoding: Reflectivity "reflectivity", Reflectivity8 "reflectivity8", Reflectivity255 "reflectivity255",
+Power "power", ReflectanceDb "reflectance_db" }
 
 /// Effective reflectances, dB, for which [`IntensityEncoding::ReflectanceDb`] is 0 and 1.
 const DECIBELS: [f32; 2] = [-40.0, 10.0];
