@@ -9,6 +9,7 @@ mod choice;
 mod cloud_info;
 mod completions;
 mod convert;
+mod flight;
 mod formats;
 mod frames;
 mod generate;
@@ -28,6 +29,7 @@ mod run;
 mod scan;
 mod sensors;
 mod text;
+mod trajectory;
 mod usage;
 mod weather;
 
@@ -74,6 +76,7 @@ enum Command {
     Sensors(sensors::SensorsArgs),
     Info(info::InfoArgs),
     Convert(convert::ConvertArgs),
+    Trajectory(trajectory::TrajectoryArgs),
     Preview(preview::PreviewArgs),
     Generate(generate::GenerateArgs),
     Formats(formats::FormatsArgs),
@@ -137,6 +140,7 @@ impl Command {
             Command::Sensors(args) => sensors::run(&args),
             Command::Info(args) => info::run(&args),
             Command::Convert(args) => convert::run(&args),
+            Command::Trajectory(args) => trajectory::run(&args),
             Command::Preview(args) => preview::run(&args),
             Command::Generate(args) => generate::run(&args),
             Command::Formats(args) => formats::run(&args),

@@ -43,12 +43,14 @@ impl Accuracy {
         let file = read::open(path, Limit::TABLE)?;
         let (origin, length) = (shown::path(path), file.limit());
         if length == 0 || !length.is_multiple_of(RECORD as u64) {
-            let message = format!("has {length} bytes; expected a multiple of {RECORD}, the length of a record of accuracy");
+            let message =
+                format!("has {length} bytes; expected a multiple of {RECORD}, the length of a record of accuracy");
             return Err(fault(&origin, "", message));
         }
         let count = usize::try_from(length).unwrap_or(usize::MAX) / RECORD;
         let mut all: Vec<Accuracy> = Vec::new();
-        tried(|| all.try_reserve_exact(count)).map_err(|_| Error::Memory(format!("the {count} records of {origin}")))?;
+        tried(|| all.try_reserve_exact(count))
+            .map_err(|_| Error::Memory(format!("the {count} records of {origin}")))?;
         let mut file = BufReader::with_capacity(1 << 18, file);
         for number in 1..=count {
             let mut values = [0.0; NUMBERS];
@@ -58,7 +60,8 @@ impl Accuracy {
                 *value = f64::from_le_bytes(bytes);
             }
             let [time, north, east, down, v_north, v_east, v_down, roll, pitch, heading] = values;
-            let is_sound = values.iter().all(|value| value.is_finite()) && values[1..].iter().all(|value| *value >= 0.0);
+            let is_sound =
+                values.iter().all(|value| value.is_finite()) && values[1..].iter().all(|value| *value >= 0.0);
             if !is_sound {
                 let message = "holds a number that is not finite or a negative deviation; allowed: 0 or more";
                 return Err(fault(&origin, format!("record {number}"), message));

@@ -60,7 +60,8 @@ fn sbet_is_placed_in_the_grid_with_its_true_heading() {
     let (plain, _) = load(&folder.write("flight.bin", fs::read(&file).unwrap()), Some("EPSG:32632"));
     assert_eq!(plain.unwrap(), read);
     // An offset is subtracted.
-    let options = TrajectoryOptions::default().crs(Crs::parse("EPSG:32632").unwrap()).offset(DVec3::new(5e5, 5e6, 400.0));
+    let options =
+        TrajectoryOptions::default().crs(Crs::parse("EPSG:32632").unwrap()).offset(DVec3::new(5e5, 5e6, 400.0));
     let near = Trajectory::load_with(&file, &options, &mut Report::default()).unwrap();
     assert!((near.at(11.0).position - (other.position - DVec3::new(5e5, 5e6, 400.0))).length() < 1e-9);
     assert_eq!(near.georeference().unwrap().offset(), DVec3::new(5e5, 5e6, 400.0));
@@ -94,7 +95,8 @@ fn sbet_is_read_back_as_it_was_written() {
     let acceleration = DVec3::new(number(20, 11), -number(20, 12), -number(20, 13));
     assert!((flight.keys[20].1.orientation * acceleration - DVec3::Z).length() < 1e-7);
     assert!(number(20, 10) == 0.0 && (number(20, 16) - 0.1 * 0.3f64.cos()).abs() < 0.02);
-    let options = TrajectoryOptions::default().crs(Crs::parse("EPSG:25833").unwrap()).offset(DVec3::new(4e5, 5.5e6, 0.0));
+    let options =
+        TrajectoryOptions::default().crs(Crs::parse("EPSG:25833").unwrap()).offset(DVec3::new(4e5, 5.5e6, 0.0));
     let read = Trajectory::load_with(&file, &options, &mut Report::default()).unwrap().shifted_to_zero();
     assert_eq!(read.time_zero(), 345_600.25);
     for ((time, pose), (read_time, read)) in keys.iter().zip(read.keys()) {
@@ -154,7 +156,10 @@ fn columns_are_found_by_name() {
     let way = read.at(1.0).position - read.at(0.0).position;
     assert!(way.x.abs() < 1e-6 && (way.y - 1852.0 * 0.06).abs() < 0.15, "{way}");
     for (text, expected) in [
-        ("t,lat,lon,height,roll_deg,pitch_deg,yaw_deg\n0,48.7,9,500,0,0,0\n", "line 2: has lat and lon without heading_deg"),
+        (
+            "t,lat,lon,height,roll_deg,pitch_deg,yaw_deg\n0,48.7,9,500,0,0,0\n",
+            "line 2: has lat and lon without heading_deg",
+        ),
         ("t,lat,height,roll_deg,pitch_deg,heading_deg\n", "line 1: the column lon beside lat is missing"),
         ("t,easting,northing,roll_deg,pitch_deg,heading_deg\n", "line 1: the column height beside easting is missing"),
         ("t,lat,lon,height,roll_deg,pitch_deg,heading_deg\n0,98.7,9,500,0,0,0\n", "allowed: -80 to 84 degrees"),

@@ -170,14 +170,8 @@ mod tests {
     fn a_place_is_found_again() {
         let world = Georeference::new(Crs::parse("EPSG:25832").unwrap(), DVec3::new(6e5, 5.4e6, 100.0)).unwrap();
         let projection = world.projection().unwrap();
-        let place = Geographic {
-            latitude: 0.85,
-            longitude: 0.2,
-            height: 412.5,
-            roll: 0.05,
-            pitch: -0.02,
-            heading: 3.0,
-        };
+        let place =
+            Geographic { latitude: 0.85, longitude: 0.2, height: 412.5, roll: 0.05, pitch: -0.02, heading: 3.0 };
         let pose = world.pose(&projection, &place).unwrap();
         let (found, [convergence, scale]) = world.place(&projection, &pose);
         let both = |of: &Geographic| [of.latitude, of.longitude, of.height * 1e-7, of.roll, of.pitch, of.heading];
@@ -195,7 +189,10 @@ mod tests {
         for (place, expected) in [
             (Geographic { latitude: 48.7, ..good }, "latitude is 48.7 rad; allowed: -1.5708 to 1.5708"),
             (Geographic { longitude: -11.0, ..good }, "longitude is -11 rad"),
-            (Geographic { longitude: 1.0, ..good }, "more than 30 degrees from the central meridian of ETRS89 / UTM zone 32N"),
+            (
+                Geographic { longitude: 1.0, ..good },
+                "more than 30 degrees from the central meridian of ETRS89 / UTM zone 32N",
+            ),
             (Geographic { height: 2e6, ..good }, "height is 2000000 m"),
             (Geographic { roll: f64::NAN, ..good }, "roll is NaN; allowed: finite numbers"),
         ] {

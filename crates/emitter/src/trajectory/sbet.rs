@@ -41,7 +41,8 @@ pub(super) fn read(
         return Err(fault(origin, "", message));
     }
     let count = usize::try_from(length).unwrap_or(usize::MAX) / RECORD;
-    tried(|| reader.keys.try_reserve_exact(count)).map_err(|_| Error::Memory(format!("the {count} poses of {origin}")))?;
+    tried(|| reader.keys.try_reserve_exact(count))
+        .map_err(|_| Error::Memory(format!("the {count} poses of {origin}")))?;
     let mut later = 0.0;
     for number in 0..count {
         let mut bytes = [0; RECORD];
@@ -78,12 +79,17 @@ pub(super) fn read(
 /// Writes `keys` as records, their times `later`, s, with the wander angle 0, so that velocities are to the north, to the
 /// east and down. Velocities, accelerations (of the motion, without gravity) and rates are those of the poses before and
 /// after each.
-pub(super) fn write(keys: &[Key], later: f64, georeference: &Georeference, to: &mut impl Write) -> Result<io::Result<()>> {
+pub(super) fn write(
+    keys: &[Key],
+    later: f64,
+    georeference: &Georeference,
+    to: &mut impl Write,
+) -> Result<io::Result<()>> {
     let projection = georeference.projection()?;
     for index in 0..keys.len() {
         let (time, pose) = keys[index];
         let (place, [convergence, scale]) = georeference.place(&projection, &pose);
-        let Motion { velocity, acceleration, rate } = Motion::at(keys, index);
+        let KeyMotion { velocity, acceleration, rate } = KeyMotion::at(keys, index);
         // Ahead, to starboard, down.
         let body = |vector: DVec3| {
             let DVec3 { x, y, z } = pose.orientation.inverse() * vector;
@@ -107,19 +113,19 @@ pub(super) fn write(keys: &[Key], later: f64, georeference: &Georeference, to: &
 }
 
 /// How a trajectory moves at one of its keys, in the world: m/s, m/s^2, rad/s.
-struct Motion {
+struct KeyMotion {
     velocity: DVec3,
     acceleration: DVec3,
     rate: DVec3,
 }
 
-impl Motion {
+impl KeyMotion {
     /// From the keys before and after; of the first and the last one, from their only neighbour, without acceleration.
-    fn at(keys: &[Key], index: usize) -> Motion {
+    fn at(keys: &[Key], index: usize) -> KeyMotion {
         let (before, after) = (&keys[index.saturating_sub(1)], &keys[(index + 1).min(keys.len() - 1)]);
         let duration = after.0 - before.0;
         if duration <= 0.0 {
-            return Motion { velocity: DVec3::ZERO, acceleration: DVec3::ZERO, rate: DVec3::ZERO };
+            return KeyMotion { velocity: DVec3::ZERO, acceleration: DVec3::ZERO, rate: DVec3::ZERO };
         }
         let turn = before.1.orientation.conjugate() * after.1.orientation;
         let turn = if turn.w < 0.0 { -turn } else { turn };
@@ -132,7 +138,7 @@ impl Motion {
         } else {
             DVec3::ZERO
         };
-        Motion {
+        KeyMotion {
             velocity: (after.1.position - before.1.position) / duration,
             acceleration,
             rate: before.1.orientation * turn.to_scaled_axis() / duration,

@@ -168,7 +168,11 @@ pub(super) fn read_helios(origin: &str, text: String, reader: &mut KeyReader) ->
         for (column, wanted) in columns.iter_mut().zip(OF_HELIOS) {
             *column = names.iter().position(|name| name.eq_ignore_ascii_case(wanted)).ok_or_else(|| {
                 let expected = OF_HELIOS.join(", ");
-                fault(origin, format!("line {}", at + 1), format!("the column {wanted} is missing; expected {expected}"))
+                fault(
+                    origin,
+                    format!("line {}", at + 1),
+                    format!("the column {wanted} is missing; expected {expected}"),
+                )
             })?;
         }
     }
@@ -182,12 +186,15 @@ pub(super) fn read_helios(origin: &str, text: String, reader: &mut KeyReader) ->
             numbers.push(number.ok_or_else(|| lines.error(format!("{:?} is not a finite number", shown::name(word))))?);
         }
         if numbers.len() != width {
-            return Err(lines.error(format!("has {} numbers; expected {width}: {}", numbers.len(), OF_HELIOS.join(", "))));
+            return Err(lines.error(format!(
+                "has {} numbers; expected {width}: {}",
+                numbers.len(),
+                OF_HELIOS.join(", ")
+            )));
         }
         let [time, roll, pitch, yaw, x, y, z] = columns.map(|column| numbers[column]);
         let [roll, pitch, yaw] = [roll, pitch, yaw].map(f64::to_radians);
-        let turned =
-            DQuat::from_rotation_z(-yaw) * DQuat::from_rotation_y(roll) * DQuat::from_rotation_x(pitch);
+        let turned = DQuat::from_rotation_z(-yaw) * DQuat::from_rotation_y(roll) * DQuat::from_rotation_x(pitch);
         // Its y axis is ours ahead.
         let pose = Pose { orientation: turned * DQuat::from_rotation_z(FRAC_PI_2), ..Pose::at(x, y, z) };
         reader.add(time, pose).map_err(|message| lines.error(message))?;

@@ -12,6 +12,9 @@ use std::fmt::Write as _;
 use std::path::Path;
 use wkt::WktEntry;
 
+/// Endings of files with well-known text.
+const ENDINGS: [&str; 2] = ["prj", "wkt"];
+
 /// Longest text of a coordinate system, bytes: as long as a variable-length record of LAS may be.
 const LONGEST: usize = 65_534;
 
@@ -30,7 +33,10 @@ enum Plane {
     /// Without a place on the Earth.
     Local,
     /// As somebody else has written it, with its projection if it is one that is known here.
-    Text { text: String, projection: Option<TransverseMercator> },
+    Text {
+        text: String,
+        projection: Option<TransverseMercator>,
+    },
 }
 
 /// A zone of the Universal Transverse Mercator grid.
@@ -181,16 +187,26 @@ impl Crs {
     /// # Errors
     /// As [`Crs::parse`]; a file that cannot be read, or that is not UTF-8 text.
     pub fn open(text: &str) -> Result<Crs> {
-        let path = Path::new(text.trim());
-        if !["prj", "wkt"].contains(&read::ending(path).as_str()) {
-            return Crs::parse(text);
-        }
+        Crs::open_in(Path::new(""), text)
+    }
+
+    /// The system whose well-known text is in the file at `path`.
+    fn load(path: &Path) -> Result<Crs> {
         let bytes = read::bytes(path, Limit::YAML)?;
         let content = str::from_utf8(&bytes).map_err(|_| Error::parse(path, "", "is not UTF-8 text"))?;
         Crs::from_wkt(content.trim_start_matches('\u{feff}').trim()).map_err(|error| match error {
             Error::Parse { place, message, .. } => Error::parse(path, place, message),
             other => other,
         })
+    }
+
+    /// [`Crs::open`] with names of files relative to `folder`.
+    ///
+    /// # Errors
+    /// As [`Crs::open`].
+    pub fn open_in(folder: &Path, text: &str) -> Result<Crs> {
+        let path = Path::new(text.trim());
+        if ENDINGS.contains(&read::ending(path).as_str()) { Crs::load(&folder.join(path)) } else { Crs::parse(text) }
     }
 
     /// The UTM zone of WGS 84 at a latitude and longitude, rad: six degrees wide everywhere, without the wider zones that
@@ -210,7 +226,11 @@ impl Crs {
 
     fn from_wkt(text: &str) -> Result<Crs> {
         if text.len() > LONGEST {
-            return Err(Error::invalid("crs", format!("{} bytes long", text.len()), format!("{LONGEST} bytes at most")));
+            return Err(Error::invalid(
+                "crs",
+                format!("{} bytes long", text.len()),
+                format!("{LONGEST} bytes at most"),
+            ));
         }
         let entry = WktEntry::parse(text)?;
         match entry.keyword.as_str() {
@@ -376,13 +396,23 @@ impl UtmZone {
         let (ellipsoid, ellipsoid_code) = ellipsoid;
         let mut text = String::new();
         let _ = write!(text, r#"PROJCS["{}",GEOGCS["{name}",DATUM["{datum}","#, self.name());
-        let _ = write!(text, r#"SPHEROID["{ellipsoid}",6378137,{inverse_flattening},AUTHORITY["EPSG","{ellipsoid_code}"]],"#);
+        let _ = write!(
+            text,
+            r#"SPHEROID["{ellipsoid}",6378137,{inverse_flattening},AUTHORITY["EPSG","{ellipsoid_code}"]],"#
+        );
         let _ = write!(text, r#"AUTHORITY["EPSG","{datum_code}"]],PRIMEM["Greenwich",0,AUTHORITY["EPSG","8901"]],"#);
-        let _ = write!(text, r#"UNIT["degree",0.0174532925199433,AUTHORITY["EPSG","9122"]],AUTHORITY["EPSG","{code}"]],"#);
+        let _ =
+            write!(text, r#"UNIT["degree",0.0174532925199433,AUTHORITY["EPSG","9122"]],AUTHORITY["EPSG","{code}"]],"#);
         let _ = write!(text, r#"PROJECTION["Transverse_Mercator"],PARAMETER["latitude_of_origin",0],"#);
-        let _ = write!(text, r#"PARAMETER["central_meridian",{}],PARAMETER["scale_factor",0.9996],"#, self.central_meridian());
-        let _ = write!(text, r#"PARAMETER["false_easting",500000],PARAMETER["false_northing",{}],"#, self.false_northing());
-        let _ = write!(text, r#"{METRE},AXIS["Easting",EAST],AXIS["Northing",NORTH],AUTHORITY["EPSG","{}"]]"#, self.code());
+        let _ = write!(
+            text,
+            r#"PARAMETER["central_meridian",{}],PARAMETER["scale_factor",0.9996],"#,
+            self.central_meridian()
+        );
+        let _ =
+            write!(text, r#"PARAMETER["false_easting",500000],PARAMETER["false_northing",{}],"#, self.false_northing());
+        let _ =
+            write!(text, r#"{METRE},AXIS["Easting",EAST],AXIS["Northing",NORTH],AUTHORITY["EPSG","{}"]]"#, self.code());
         text
     }
 }
@@ -451,7 +481,9 @@ mod tests {
                 assert!(Crs::parse(&format!("EPSG:{code}")).is_err(), "{code}");
             }
         }
-        for name in ["ETRS89 / UTM zone 20N", "ETRS89 / UTM zone 32S", "UTM 61N", "UTM 0N", "UTM 32", "NAD83 / UTM zone 30N"] {
+        for name in
+            ["ETRS89 / UTM zone 20N", "ETRS89 / UTM zone 32S", "UTM 61N", "UTM 0N", "UTM 32", "NAD83 / UTM zone 30N"]
+        {
             let message = Crs::parse(name).unwrap_err().to_string();
             assert!(message.starts_with("crs is ") && message.contains("allowed: EPSG:25832"), "{message}");
         }
@@ -466,7 +498,9 @@ mod tests {
         let both = format!(r#"COMPD_CS["ETRS89 / UTM zone 32N + DHHN2016 height",{plane},{heights}]"#);
         assert_eq!(Crs::parse("EPSG:25832+7837").unwrap().wkt(), both);
         let south = Crs::parse("UTM 33S").unwrap().wkt();
-        assert!(south.contains(r#"PARAMETER["false_northing",10000000]"#) && south.contains(r#""central_meridian",15]"#));
+        assert!(
+            south.contains(r#"PARAMETER["false_northing",10000000]"#) && south.contains(r#""central_meridian",15]"#)
+        );
     }
 
     #[test]
@@ -474,7 +508,11 @@ mod tests {
         for code in ["EPSG:32632", "EPSG:32733", "EPSG:25833", "EPSG:26910", "EPSG:6330", "EPSG:25832+7837"] {
             let crs = Crs::parse(code).unwrap();
             let read = Crs::parse(&crs.wkt()).unwrap();
-            assert_eq!((read.wkt(), read.name(), read.projection()), (crs.wkt(), crs.name(), crs.projection()), "{code}");
+            assert_eq!(
+                (read.wkt(), read.name(), read.projection()),
+                (crs.wkt(), crs.name(), crs.projection()),
+                "{code}"
+            );
         }
         // As ESRI writes them.
         let esri = "PROJCS[\"ETRS_1989_UTM_Zone_32N\",GEOGCS[\"GCS_ETRS_1989\",DATUM[\"D_ETRS_1989\",\
@@ -499,7 +537,9 @@ mod tests {
     #[test]
     fn a_local_system_has_no_projection_and_no_heights() {
         let local = Crs::parse("local").unwrap();
-        assert!(local.wkt().starts_with("LOCAL_CS[\"local\"") && local.projection().is_none() && local.code().is_none());
+        assert!(
+            local.wkt().starts_with("LOCAL_CS[\"local\"") && local.projection().is_none() && local.code().is_none()
+        );
         assert!(Crs::parse("local+7837").is_err() && Crs::parse("EPSG:25832+9999").is_err());
     }
 

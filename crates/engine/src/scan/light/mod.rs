@@ -8,6 +8,7 @@ mod collect;
 mod deskew;
 mod explain;
 mod gather;
+mod georeference;
 mod halo;
 mod looks;
 mod motion;
