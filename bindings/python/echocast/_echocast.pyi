@@ -37,6 +37,7 @@ class ScanOptions(TypedDict, total=False):
     frame: int | None
     start_time: float | None
     trajectory_time: float | None
+    estimated_trajectory: Placement | Trajectory | None
     freeze: bool | None
     frame_period: float | None
     organised: bool | None

@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::ffi::CString;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// Names of the arguments.
 fn names() -> impl Iterator<Item = &'static str> {
@@ -79,6 +80,7 @@ impl ScanRequest {
                 "frame" => options.frame = Argument::of(key, &value)?,
                 "start_time" => options.start_time = Argument::of(key, &value)?,
                 "trajectory_time" => options.trajectory_time = Argument::of(key, &value)?,
+                "estimated_trajectory" => options.estimated_trajectory = Some(Arc::new(place::path(&value)?)),
                 "freeze" => options.freeze = Argument::of(key, &value)?,
                 "frame_period" => options.frame_period = Argument::of(key, &value)?,
                 "organised" => options.organised = Argument::of(key, &value)?,

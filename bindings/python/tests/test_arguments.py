@@ -40,6 +40,7 @@ SCANS: "dict[str, Any]" = {
     "frame": 1,
     "start_time": 1.0,
     "trajectory_time": 1.0,
+    "estimated_trajectory": (0, 0, 1.8),
     "freeze": True,
     "frame_period": 0.1,
     "organised": False,

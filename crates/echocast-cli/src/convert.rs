@@ -1,8 +1,10 @@
 //! `echocast convert`
 
+use crate::flight::TRAJECTORY_ENDINGS;
+use crate::input::has_ending;
 use crate::pipe::{self, ColumnArgs, Outgoing};
 use crate::{interrupt, output, text, usage};
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, ensure};
 use echocast::{FieldSet, Report, export, shown};
 use std::path::PathBuf;
 
@@ -66,6 +68,13 @@ pub fn run(args: &ConvertArgs) -> Result<()> {
 
 /// Checks that the output is possible.
 fn check(args: &ConvertArgs) -> Result<()> {
+    for file in [&args.input, &args.output] {
+        ensure!(
+            !has_ending(file, TRAJECTORY_ENDINGS),
+            "{}: is the name of a trajectory, not of a cloud; allowed: with echocast trajectory",
+            shown::path(file)
+        );
+    }
     if pipe::is_standard(&args.output) {
         // The columns are not known yet.
         return Outgoing::check(args.format.as_deref(), FieldSet::all());

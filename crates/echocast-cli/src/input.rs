@@ -6,7 +6,7 @@ use clap::Args;
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
 use echocast::echo::IntensityEncoding;
 use echocast::scene::{CacheFile, FORMATS, Material, MaterialRule, MaterialRules, UpAxis};
-use echocast::{Error, LabelRules, LoadOptions, ReturnMode, Scene, Sensor, Trajectory, shown};
+use echocast::{Error, LabelRules, LoadOptions, ReturnMode, Scene, Sensor, shown};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::error::Error as _;
@@ -246,11 +246,6 @@ fn open_sensor(name: &Path) -> Result<Sensor> {
         }
         other => usage::wrong(other),
     })
-}
-
-/// The poses of `--trajectory`.
-pub fn load_trajectory(file: &Path) -> Result<Trajectory> {
-    file_or_stdin("--trajectory", file, Trajectory::load, Trajectory::from_text)
 }
 
 /// The `file` of `option`, read with `load`; or standard input, if it is `-`, read with `parse`.

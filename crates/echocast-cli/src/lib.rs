@@ -9,6 +9,7 @@ mod choice;
 mod cloud_info;
 mod completions;
 mod convert;
+mod flight;
 mod formats;
 mod frames;
 mod generate;
@@ -29,6 +30,7 @@ mod scan;
 mod sensors;
 mod strips;
 mod text;
+mod trajectory;
 mod usage;
 mod weather;
 
@@ -75,6 +77,7 @@ enum Command {
     Sensors(sensors::SensorsArgs),
     Info(info::InfoArgs),
     Convert(convert::ConvertArgs),
+    Trajectory(trajectory::TrajectoryArgs),
     Preview(preview::PreviewArgs),
     Generate(generate::GenerateArgs),
     Formats(formats::FormatsArgs),
@@ -138,6 +141,7 @@ impl Command {
             Command::Sensors(args) => sensors::run(&args),
             Command::Info(args) => info::run(&args),
             Command::Convert(args) => convert::run(&args),
+            Command::Trajectory(args) => trajectory::run(&args),
             Command::Preview(args) => preview::run(&args),
             Command::Generate(args) => generate::run(&args),
             Command::Formats(args) => formats::run(&args),

@@ -1,5 +1,6 @@
 //! Output files: clouds, pings, pictures, images and boxes.
 
+use crate::flight::FlightFiles;
 use crate::input::has_ending;
 use crate::names::{folder, is_numbered, is_same, numbered, numbered_as, same_folder};
 use crate::pipe::{self, Outgoing};
@@ -44,7 +45,7 @@ pub struct PictureArgs {
 pub struct OutputArgs {
     /// Cloud file, repeatable; its ending selects the format (`echocast formats` lists them); `-` with `--format` is
     /// standard output, and the program's messages then go to stderr
-    #[arg(short, long, value_name = "FILE", required_unless_present_any = ["preview", "explain", "pings", "image", "images", "boxes", "radar", "polar", "detections"], help_heading = "Output")]
+    #[arg(short, long, value_name = "FILE", required_unless_present_any = ["preview", "explain", "pings", "image", "images", "boxes", "radar", "polar", "detections", "trajectory_out"], help_heading = "Output")]
     output: Vec<PathBuf>,
     /// Format of the cloud files, whatever their endings
     #[arg(long, value_name = "NAME", requires = "output", help_heading = "Output")]
@@ -110,6 +111,8 @@ pub struct OutputArgs {
     boxes: Option<PathBuf>,
     #[command(flatten)]
     pub radar: RadarArgs,
+    #[command(flatten)]
+    pub flight: FlightFiles,
     /// Axes of the boxes: those of each object, or those of the frame of the points (`--frame`)
     #[arg(long, requires = "boxed", default_value = "object", value_parser = choice::of::<BoxAxes>(), help_heading = "Output")]
     box_axes: BoxAxes,
@@ -131,6 +134,7 @@ pub struct FilesKeys {
     boxes: Option<PathBuf>,
     box_axes: Option<String>,
     radar: Option<RadarKeys>,
+    trajectory: Option<PathBuf>,
 }
 
 #[derive(Deserialize)]
@@ -185,6 +189,7 @@ impl OutputArgs {
             images: images.map(|images| at(images.folder.clone())),
             boxes: keys.boxes.map(at),
             radar: RadarArgs::from_keys(keys.radar.unwrap_or_default(), at),
+            flight: FlightFiles::new(keys.trajectory.map(at)),
             box_axes: axes.context("box_axes: allowed: object, frame")?,
         })
     }
@@ -420,7 +425,7 @@ impl OutputArgs {
         let images = self.image.iter().flat_map(|file| export::image_label_paths(file, FieldSet::all()));
         let radar = self.radar.files().filter_map(framed);
         let others = images.chain(self.image.clone()).chain(self.pings.clone()).chain(self.boxes.clone()).chain(radar);
-        let files = clouds.chain(pictures).chain(others).chain(self.image_at(input));
+        let files = clouds.chain(pictures).chain(others).chain(self.image_at(input)).chain(self.flight.files());
         files.filter(|file| !pipe::is_standard(file)).try_for_each(|file| check_kept(&file, input))
     }
 
@@ -476,8 +481,9 @@ impl OutputArgs {
         let mut labels = BTreeSet::new();
         labels.extend(self.output.iter().filter_map(|file| self.labels_of(file)));
         let beside = self.beside_image(fields);
+        let flight: Vec<PathBuf> = self.flight.files().collect();
         let mut seen = HashSet::new();
-        for name in self.files().chain(&labels).chain(&beside) {
+        for name in self.files().chain(&labels).chain(&beside).chain(&flight) {
             let place = folder(name).canonicalize().unwrap_or_default().join(name.file_name().unwrap_or_default());
             ensure!(
                 seen.insert(place),
@@ -497,7 +503,7 @@ impl OutputArgs {
         // Files of single frames have names that were not requested as such.
         let previews = self.preview.iter().filter(|_| !self.view.shows_pings());
         let of_frames = self.output.iter().chain(previews).chain(self.radar.files());
-        let whole = self.pings.iter().chain(&self.image).chain(&self.boxes).chain(&beside);
+        let whole = self.pings.iter().chain(&self.image).chain(&self.boxes).chain(&beside).chain(&flight);
         for (file, name) in of_frames.flat_map(|file| whole.clone().map(move |name| (file, name))) {
             ensure!(
                 !(self.single && is_numbered(name, file)),
@@ -568,6 +574,7 @@ impl OutputArgs {
             "boxes": self.boxes.as_deref().map(shown::path),
             "box_axes": self.boxes().map(BoxAxes::name),
             "radar": self.radar.to_json(),
+            "trajectory": self.flight.to_json(),
         });
         json.as_object().cloned().unwrap_or_default()
     }

@@ -5,6 +5,7 @@ use crate::output::{CloudWriter, OutputArgs};
 use crate::progress::ProgressLine;
 use crate::report::{Seconds, timed};
 use anyhow::Result;
+use echocast::emitter::NavigationSolution;
 use echocast::emitter::pattern::Pattern;
 use echocast::radar::{RadarFrame, RadarRecord};
 use echocast::scenario::FrameTime;
@@ -21,6 +22,9 @@ const LEAST_LOCKED: usize = 3;
 pub struct Take<'t> {
     pub sensor: &'t Sensor,
     pub trajectory: &'t Trajectory,
+    /// What it is mounted on, and what processing makes of the flight of that, if it has errors.
+    pub carrier: &'t Trajectory,
+    pub navigation: Option<&'t NavigationSolution>,
     pub frames: Vec<FrameTime>,
     /// Options of all frames; `fields` are the columns of files.
     pub options: ScanOptions,
@@ -269,6 +273,7 @@ impl Take<'_> {
         timed(&mut seconds.write, || -> Result<()> {
             writer.write_pings(&pings)?;
             writer.write_boxes(&boxes, built.labels())?;
+            writer.files.extend(output.flight.write(self.carrier, self.navigation)?);
             if let Some(images) = images.take() {
                 writer.files.extend(images.finish()?);
             }

@@ -186,6 +186,7 @@ fn record(args: &RunArgs, scenario: Scenario, output: &OutputArgs) -> Result<()>
     let scan = sample.scans()[0].clone();
     let fields = scan.options(0).fields;
     output.check_room(fields, scan.sensor(), scan.frames().len())?;
+    output.flight.check(scan.carrier())?;
     output.check(fields, scan.sensor(), scan.options(0).profile).map_err(|error| {
         // Without options for a picture, the scenario defines what is written.
         if args.picture.preview.is_some() { usage::wrong(error) } else { error }
@@ -195,6 +196,8 @@ fn record(args: &RunArgs, scenario: Scenario, output: &OutputArgs) -> Result<()>
     let take = Take {
         sensor: scan.sensor(),
         trajectory: scan.trajectory(),
+        carrier: scan.carrier(),
+        navigation: scan.navigation(),
         frames: scan.frames().to_vec(),
         options,
         output,

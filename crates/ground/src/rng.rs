@@ -87,6 +87,10 @@ pub enum Draw {
     RadarJitter = 55,
     /// Error of gain and phase of a channel, once per instrument.
     ArrayError = 60,
+    /// Drift of a navigation solution: counter = (time, time, process and time), see `emitter`.
+    Navigation = 70,
+    /// What is wrong with it throughout, by process.
+    NavigationBias = 71,
     /// Shape of generated ground.
     Terrain = 100,
     /// Shape, size and place of generated boulders.

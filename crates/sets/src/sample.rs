@@ -1,17 +1,19 @@
 //! One sample: a varied scene and its scans.
 
 use super::draw::Draws;
-use super::spec::{Carrier, SensorEntry, Spec};
+use super::spec::{Carrier, CarrierFile, SensorEntry, Spec};
 use super::stage::{Base, Stage};
 use super::variation::SampleScene;
 use cloud::{BoxAxes, FieldSet, Ping, PointCloud};
-use emitter::Trajectory;
+use emitter::trajectory::TrajectoryOptions;
+use emitter::{Navigation, NavigationSolution, Trajectory};
 use engine::scan::ScanOptions;
 use engine::sensor::Sensor;
 use engine::trace::{BuiltScene, LiveScene};
-use glam::DQuat;
+use glam::{DQuat, DVec3};
+use ground::crs::Crs;
 use ground::error::{Error, Result};
-use ground::pose::{Pose, on};
+use ground::pose::Pose;
 use ground::report::Report;
 use ground::shown;
 use serde_json::Value;
@@ -37,6 +39,8 @@ pub struct Scan {
     sensor: Arc<Sensor>,
     mount: Pose,
     trajectory: Trajectory,
+    carrier: Arc<Trajectory>,
+    navigation: Option<Arc<NavigationSolution>>,
     frames: Vec<FrameTime>,
     options: ScanOptions,
 }
@@ -72,6 +76,16 @@ impl Scan {
     /// Pose of the sensor over time.
     pub fn trajectory(&self) -> &Trajectory {
         &self.trajectory
+    }
+
+    /// Pose of what it is mounted on over time.
+    pub fn carrier(&self) -> &Trajectory {
+        &self.carrier
+    }
+
+    /// What processing makes of the flight of its carrier, if the scenario has errors of navigation.
+    pub fn navigation(&self) -> Option<&NavigationSolution> {
+        self.navigation.as_deref()
     }
 
     /// Its frames; for a sonar, its pings.
@@ -122,7 +136,7 @@ impl Sample {
         let moving = live.objects().any(|(_, object)| {
             object.motion.is_some() || object.materials().any(|material| material.changes.is_some())
         });
-        let scans = scans(stage, spec, folder, draws, &base, standing)?;
+        let scans = scans(stage, spec, folder, draws, &base, standing, &mut report)?;
         Ok(Sample { scans, drawn, report, live, moving })
     }
 
@@ -228,6 +242,7 @@ fn scans(
     draws: &Draws,
     base: &Base,
     standing: Option<Pose>,
+    report: &mut Report,
 ) -> Result<Vec<Scan>> {
     let sensors: Vec<Arc<Sensor>> = spec
         .sensors
@@ -240,7 +255,11 @@ fn scans(
     };
     let fps = spec.fps(first);
     let file = match &spec.trajectory {
-        Some(Carrier::File(file)) => Some(Trajectory::load(folder.join(file))?.shifted_to_zero()),
+        Some(Carrier::File(CarrierFile { file, crs, offset_m })) => {
+            let crs = crs.as_ref().map(|crs| Crs::open_in(folder, crs)).transpose()?;
+            let options = TrajectoryOptions::default().crs(crs).offset(DVec3::from_array(*offset_m));
+            Some(Trajectory::load_with(folder.join(file), &options, report)?.shifted_to_zero())
+        }
         _ => None,
     };
     let [from, to, step] = match &spec.frames {
@@ -277,6 +296,7 @@ fn scans(
         (Some(file), _) => file,
         (None, trajectory) => carrier(trajectory.as_ref(), standing, base, start, last)?,
     };
+    let carrier = Arc::new(carrier);
     let mut names: Vec<String> = Vec::new();
     let mut scans = Vec::new();
     for (index, ((entry, sensor), times)) in spec.sensors.iter().zip(sensors).zip(times).enumerate() {
@@ -291,13 +311,23 @@ fn scans(
             return Err(Error::invalid(format!("sensors[{index}]"), found, "a `name` of its own for each"));
         }
         let mount = entry.mount.pose(&format!("sensors[{index}].mount"))?;
+        if spec.navigation.is_some() && !sensor.kind().is_optical() {
+            let found = format!("given with sensors[{index}], a {}", sensor.kind());
+            return Err(Error::invalid("navigation", found, "for LiDARs and depth cameras"));
+        }
+        let solve = |errors: &Navigation| errors.solve(draws.scan_seed(spec.seed, 0), &carrier, &mount, [start, last]);
+        let navigation = spec.navigation.as_ref().map(solve).transpose()?.map(Arc::new);
+        let estimated = navigation.as_ref().map(|solution| solution.sensor.clone());
         scans.push(Scan {
-            trajectory: mounted(&carrier, &mount)?,
+            trajectory: carrier.mounted(&mount)?,
+            carrier: carrier.clone(),
+            navigation,
             mount,
             frames: times,
             options: ScanOptions::default()
                 .fields(spec.fields(&sensor)?)
                 .seed(draws.scan_seed(spec.seed, index as u32))
+                .estimated_trajectory(estimated)
                 .freeze(spec.freeze)
                 // Pings have one pose each.
                 .deskew(spec.deskew && !sensor.kind().makes_pings())
@@ -348,31 +378,4 @@ fn carrier(
             }
         },
     }
-}
-
-/// The trajectory of a sensor with this mount on a carrier: poses are added where the carrier turns, so that the
-/// straight line from one to the next is less than a tenth of a millimetre from the arc.
-fn mounted(carrier: &Trajectory, mount: &Pose) -> Result<Trajectory> {
-    const TOLERANCE_M: f64 = 1e-4;
-    /// Maximum number of poses added between two.
-    const MOST: f64 = 1000.0;
-    if *mount == Pose::IDENTITY {
-        return Ok(carrier.clone());
-    }
-    let on = |carrier: &Pose| on(carrier, mount);
-    let keys = carrier.clone().into_keys();
-    let mut all = Vec::with_capacity(keys.len());
-    for ends in keys.windows(2) {
-        let [(from, a), (to, b)] = [ends[0], ends[1]];
-        // Height above its chord of the arc that a lever arm of this length describes.
-        let angle = a.orientation.angle_between(b.orientation);
-        let parts = (angle * (mount.position.length() / (8.0 * TOLERANCE_M)).sqrt()).ceil().clamp(1.0, MOST);
-        for part in 0..parts as u32 {
-            let time = from + (to - from) * f64::from(part) / parts;
-            all.push((time, on(&carrier.at(time))));
-        }
-    }
-    all.extend(keys.last().map(|(time, pose)| (*time, on(pose))));
-    all.dedup_by(|later, before| later.0 <= before.0);
-    Trajectory::new(all)
 }

@@ -3,6 +3,7 @@
 use super::splits::Splits;
 use super::variation::Rule;
 use cloud::{BoxTime, Field, FieldSet, Frame};
+use emitter::Navigation;
 use engine::medium::Environment;
 use engine::scan::{Order, Profile};
 use engine::scene::{CacheFile, LabelRules, MaterialRules, UpAxis};
@@ -11,6 +12,7 @@ use glam::{DQuat, DVec3};
 use ground::error::{Error, Result};
 use ground::named::{Named, by_name};
 use ground::pose::Pose;
+use ground::read::bounds::Bounds;
 use ground::read::yaml::{Document, inner, one_or_more_words};
 use model::material::ReflectanceSource;
 use serde::Deserialize;
@@ -31,6 +33,8 @@ pub(super) struct Spec {
     pub environment: Environment,
     pub sensors: Vec<SensorEntry>,
     pub trajectory: Option<Carrier>,
+    /// Errors of the estimate of that trajectory, with which points are placed.
+    pub navigation: Option<Navigation>,
     pub frames: Option<FrameSpec>,
     #[serde(deserialize_with = "nothing_as_empty")]
     pub variation: Vec<Rule>,
@@ -72,6 +76,7 @@ impl Default for Spec {
             environment: Environment::default(),
             sensors: Vec::new(),
             trajectory: None,
+            navigation: None,
             frames: None,
             variation: Vec::new(),
             profile: Profile::default(),
@@ -243,8 +248,8 @@ pub(super) struct SensorEntry {
 /// How the carrier of the sensors moves.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Carrier {
-    /// TUM text or CSV; time 0 is the first pose.
-    File(PathBuf),
+    /// A file of any format of trajectories; time 0 is the first pose.
+    File(CarrierFile),
     /// A fixed pose.
     At(PoseSpec),
     /// A camera node of the scene.
@@ -257,13 +262,21 @@ pub(super) enum Carrier {
     On(Box<super::variation::Spot>),
 }
 
+/// A trajectory in a file.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CarrierFile {
+    pub file: PathBuf,
+    /// Coordinate system of the world, as [`ground::crs::Crs::open_in`] takes it.
+    #[serde(default)]
+    pub crs: Option<String>,
+    /// Coordinates of the world's origin in it.
+    #[serde(default)]
+    pub offset_m: [f64; 3],
+}
+
 impl<'de> Deserialize<'de> for Carrier {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(Deserialize)]
-        #[serde(deny_unknown_fields)]
-        struct TrajectoryFile {
-            file: PathBuf,
-        }
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
         struct CarrierCamera {
@@ -282,7 +295,7 @@ impl<'de> Deserialize<'de> for Carrier {
         let value = Value::deserialize(deserializer)?;
         let has = |key: &str| value.get(key).is_some();
         Ok(match () {
-            () if has("file") => Carrier::File(inner::<TrajectoryFile, _>(&value)?.file),
+            () if has("file") => Carrier::File(inner(&value)?),
             () if has("camera") => Carrier::Camera(inner::<CarrierCamera, _>(&value)?.camera),
             () if has("object") => Carrier::Object(inner::<CarrierObject, _>(&value)?.object),
             () if has("poses") => Carrier::Poses(inner::<Poses, _>(&value)?.poses),
@@ -415,6 +428,9 @@ impl Spec {
             }
             other => other,
         })?;
+        if let Some(navigation) = &self.navigation {
+            Bounds::none().section("navigation", |bounds| navigation.check(bounds))?;
+        }
         if let Some(Carrier::On(spot)) = &self.trajectory {
             spot.check("trajectory")?;
         }

@@ -28,6 +28,7 @@ const IN_C: &[(&str, Provided)] = &[
     ("frame_period", As("frame_period_ns")),
     ("reflectance_source", As("reflectance")),
     ("specular_depth", UNTIL_REQUIRED),
+    ("estimated_trajectory", UNTIL_REQUIRED),
 ];
 
 /// Options of the program.
@@ -42,6 +43,7 @@ const IN_PROGRAM: &[(&str, Provided)] = &[
     ("specular_depth", UNTIL_REQUIRED),
     ("time_budget", As("realtime")),
     ("environment", As("env")),
+    ("estimated_trajectory", As("navigation")),
 ];
 
 /// Keys of a scenario.
@@ -57,6 +59,7 @@ const IN_SCENARIO: &[(&str, Provided)] = &[
     ("mask", Not("`scene.hide` leaves objects out by name")),
     ("time_budget", Not("data that a machine's speed changes cannot be repeated")),
     ("specular_depth", UNTIL_REQUIRED),
+    ("estimated_trajectory", As("navigation")),
 ];
 
 /// A default as the table of the library gives it.

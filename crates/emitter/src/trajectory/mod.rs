@@ -14,6 +14,7 @@ pub use key::TrajectoryOptions;
 use super::{PlatformMotion, Pose};
 use glam::DVec3;
 use ground::error::{Error, Result};
+use ground::pose::on;
 use ground::read::csv::Lines;
 use ground::read::{self, Limit};
 use ground::report::Report;
@@ -219,6 +220,39 @@ impl Trajectory {
     /// Times of the first and the last key, s.
     pub fn span(&self) -> (f64, f64) {
         (self.keys[0].0, self.keys[self.keys.len() - 1].0)
+    }
+
+    /// The same clock and georeference as `other`.
+    pub(super) fn alongside(self, other: &Trajectory) -> Trajectory {
+        Trajectory { time_zero: other.time_zero, georeference: other.georeference.clone(), ..self }
+    }
+
+    /// The trajectory of what is mounted at `mount` on this carrier: poses are added where the carrier turns, so that the
+    /// straight line from one to the next is less than a tenth of a millimetre from the arc.
+    ///
+    /// # Errors
+    /// Numbers that are not finite.
+    pub fn mounted(&self, mount: &Pose) -> Result<Trajectory> {
+        const TOLERANCE_M: f64 = 1e-4;
+        /// Maximum number of poses added between two.
+        const MOST: f64 = 1000.0;
+        if *mount == Pose::IDENTITY {
+            return Ok(self.clone());
+        }
+        let mut all = Vec::with_capacity(self.keys.len());
+        for ends in self.keys.windows(2) {
+            let [(from, a), (to, b)] = [ends[0], ends[1]];
+            // Height above its chord of the arc that a lever arm of this length describes.
+            let angle = a.orientation.angle_between(b.orientation);
+            let parts = (angle * (mount.position.length() / (8.0 * TOLERANCE_M)).sqrt()).ceil().clamp(1.0, MOST);
+            for part in 0..parts as u32 {
+                let time = from + (to - from) * f64::from(part) / parts;
+                all.push((time, on(&self.at(time), mount)));
+            }
+        }
+        all.extend(self.keys.last().map(|(time, pose)| (*time, on(pose, mount))));
+        all.dedup_by(|later, before| later.0 <= before.0);
+        Ok(Trajectory::new(all)?.alongside(self))
     }
 
     /// The uniform motion of the sensor at `time`, s; `None`: it stands still.

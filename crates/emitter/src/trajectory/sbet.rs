@@ -89,7 +89,7 @@ pub(super) fn write(
     for index in 0..keys.len() {
         let (time, pose) = keys[index];
         let (place, [convergence, scale]) = georeference.place(&projection, &pose);
-        let Motion { velocity, acceleration, rate } = Motion::at(keys, index);
+        let KeyMotion { velocity, acceleration, rate } = KeyMotion::at(keys, index);
         // Ahead, to starboard, down.
         let body = |vector: DVec3| {
             let DVec3 { x, y, z } = pose.orientation.inverse() * vector;
@@ -113,19 +113,19 @@ pub(super) fn write(
 }
 
 /// How a trajectory moves at one of its keys, in the world: m/s, m/s^2, rad/s.
-struct Motion {
+struct KeyMotion {
     velocity: DVec3,
     acceleration: DVec3,
     rate: DVec3,
 }
 
-impl Motion {
+impl KeyMotion {
     /// From the keys before and after; of the first and the last one, from their only neighbour, without acceleration.
-    fn at(keys: &[Key], index: usize) -> Motion {
+    fn at(keys: &[Key], index: usize) -> KeyMotion {
         let (before, after) = (&keys[index.saturating_sub(1)], &keys[(index + 1).min(keys.len() - 1)]);
         let duration = after.0 - before.0;
         if duration <= 0.0 {
-            return Motion { velocity: DVec3::ZERO, acceleration: DVec3::ZERO, rate: DVec3::ZERO };
+            return KeyMotion { velocity: DVec3::ZERO, acceleration: DVec3::ZERO, rate: DVec3::ZERO };
         }
         let turn = before.1.orientation.conjugate() * after.1.orientation;
         let turn = if turn.w < 0.0 { -turn } else { turn };
@@ -138,7 +138,7 @@ impl Motion {
         } else {
             DVec3::ZERO
         };
-        Motion {
+        KeyMotion {
             velocity: (after.1.position - before.1.position) / duration,
             acceleration,
             rate: before.1.orientation * turn.to_scaled_axis() / duration,

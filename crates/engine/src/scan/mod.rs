@@ -139,6 +139,10 @@ impl BuiltScene {
         cloud: &mut PointCloud,
         mut progress: Option<Progress>,
     ) -> Result<()> {
+        if !sensor.kind().is_optical() && options.estimated_trajectory.is_some() {
+            let allowed = "for LiDARs and depth cameras, whose beams have a time each";
+            return Err(Error::invalid("estimated_trajectory", format!("given for a {}", sensor.kind()), allowed));
+        }
         if sensor.kind() == SensorKind::Radar {
             if options.deskew {
                 return Err(Error::invalid("deskew", true, "false for radars, whose detections are of one moment"));

@@ -8,6 +8,7 @@ use emitter::Trajectory;
 use ground::builder;
 use ground::error::{Error, Result};
 use model::material::ReflectanceSource;
+use std::sync::Arc;
 
 builder! {
     /// How to scan; every option has a working default: `ScanOptions::default().seed(7).organised(true)`.
@@ -25,6 +26,11 @@ builder! {
         pub start_time: f64 = 0.0,
         /// Time of the trajectory at which the scan starts, s; `None`: `start_time`.
         pub trajectory_time: Option<f64> = None,
+        /// Where the sensor is taken to be over time, on the clock of its trajectory
+        /// ([`NavigationSolution::sensor`](emitter::NavigationSolution)): points in the world are those that processing
+        /// with this trajectory gives, while `true_x`, `true_y` and `true_z` stay where they are; `None`: its trajectory.
+        /// For LiDARs and depth cameras; points in [`Frame::Sensor`] do not depend on it.
+        pub estimated_trajectory: Option<Arc<Trajectory>> = None,
         /// Freeze the scene during the scan, as it is at the start: for comparison with simulators that do so.
         pub freeze: bool = false,
         /// Time from one frame to the next, s, over which scene flow is measured; `None`: the sensor's period.

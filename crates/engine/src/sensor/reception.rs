@@ -5,6 +5,7 @@ use crate::detect::{Errors, FalseAlarms, Gate, Method, Receiver, ReturnMode, Thr
 use crate::echo::{Air, Cone, ParticleOrder, Pulse, ReceiverOptics};
 use crate::medium::{Environment, Weather};
 use emitter::BeamTable;
+use emitter::pattern::{LinePlane, Pattern};
 use glam::DVec3;
 use ground::error::Result;
 use ground::kept::try_kept;
@@ -73,13 +74,18 @@ impl Sensor {
                 environment: environment.clone(),
                 origin,
                 profile,
-                errors: Errors::new(&self.noise, range, &threshold, self.doppler),
+                errors: Errors::new(&self.noise, range, &threshold, self.doppler, self.scans_across()),
                 alarms: FalseAlarms::new(&self.detection.model, &threshold),
                 air: Air::new(weather, self.optics(&threshold), order, !profile.is_program()),
                 efficiency: self.detection.channel_efficiency.iter().map(|&part| part as f32).collect(),
                 threshold,
             })
         })
+    }
+
+    /// Whether it counts scan angles from straight down: a line scanner without a head, across the flight.
+    fn scans_across(&self) -> bool {
+        matches!(&self.spec.pattern, Pattern::LineScan(scan) if scan.plane == LinePlane::Across && scan.head.is_none())
     }
 
     /// Whether beams have one ray and one return each in `profile`, whatever their description says.

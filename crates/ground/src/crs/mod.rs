@@ -12,6 +12,9 @@ use std::fmt::Write as _;
 use std::path::Path;
 use wkt::WktEntry;
 
+/// Endings of files with well-known text.
+const ENDINGS: [&str; 2] = ["prj", "wkt"];
+
 /// Longest text of a coordinate system, bytes: as long as a variable-length record of LAS may be.
 const LONGEST: usize = 65_534;
 
@@ -184,16 +187,26 @@ impl Crs {
     /// # Errors
     /// As [`Crs::parse`]; a file that cannot be read, or that is not UTF-8 text.
     pub fn open(text: &str) -> Result<Crs> {
-        let path = Path::new(text.trim());
-        if !["prj", "wkt"].contains(&read::ending(path).as_str()) {
-            return Crs::parse(text);
-        }
+        Crs::open_in(Path::new(""), text)
+    }
+
+    /// The system whose well-known text is in the file at `path`.
+    fn load(path: &Path) -> Result<Crs> {
         let bytes = read::bytes(path, Limit::YAML)?;
         let content = str::from_utf8(&bytes).map_err(|_| Error::parse(path, "", "is not UTF-8 text"))?;
         Crs::from_wkt(content.trim_start_matches('\u{feff}').trim()).map_err(|error| match error {
             Error::Parse { place, message, .. } => Error::parse(path, place, message),
             other => other,
         })
+    }
+
+    /// [`Crs::open`] with names of files relative to `folder`.
+    ///
+    /// # Errors
+    /// As [`Crs::open`].
+    pub fn open_in(folder: &Path, text: &str) -> Result<Crs> {
+        let path = Path::new(text.trim());
+        if ENDINGS.contains(&read::ending(path).as_str()) { Crs::load(&folder.join(path)) } else { Crs::parse(text) }
     }
 
     /// The UTM zone of WGS 84 at a latitude and longitude, rad: six degrees wide everywhere, without the wider zones that

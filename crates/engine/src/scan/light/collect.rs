@@ -90,12 +90,17 @@ impl Block {
             kept.put(surface, scratch, rows.depth);
         }
         let to = [&mut *rows.x, &mut *rows.y, &mut *rows.z];
-        if let Some(deskew) = &scan.deskew {
+        if scan.deskew.is_some() || scan.aim.estimated.is_some() {
             let mut places = [[0.0; LANES]; 3];
             for ((from, along), places) in from.into_iter().zip(along).zip(&mut places) {
                 measure::place(from, along, measured, places);
             }
-            self.deskew(scan, deskew, count, &mut places);
+            if let Some(estimated) = scan.aim.estimated {
+                self.georeference(scan, estimated, count, &mut places);
+            }
+            if let Some(deskew) = &scan.deskew {
+                self.deskew(scan, deskew, count, &mut places);
+            }
             for (axis, to) in places.iter().zip(to) {
                 self.kept.put(&self.hits.surface, axis, to);
             }

@@ -9,6 +9,7 @@ mod collect;
 mod deskew;
 mod explain;
 mod gather;
+mod georeference;
 mod halo;
 mod looks;
 mod motion;

@@ -102,6 +102,9 @@ impl Block {
             Some(camera) => camera.jitter_directions(&scan.rng, beams, nominal, &mut pointed),
             None => emitter::scatter(&scan.rng, beams, scan.measure.errors.pointing_sigma, nominal, &mut pointed),
         }
+        if let Some(encoder) = &scan.measure.errors.encoder {
+            encoder.correct(count, &mut pointed);
+        }
         rays(pointed.each_ref().map(|axis| &axis[..count]), &mut self.rays);
     }
 

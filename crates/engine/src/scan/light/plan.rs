@@ -69,6 +69,8 @@ pub(super) struct Aiming<'a> {
     /// The ring of each channel.
     pub rings: &'a [u16],
     pub trajectory: &'a Trajectory,
+    /// Where the sensor is taken to be, if that differs and points are in the world.
+    pub estimated: Option<&'a Trajectory>,
     pub pose: Aim<'a>,
     /// Length of rays, m: beyond the maximum range where measured ranges wrap.
     pub reach: f32,
@@ -201,6 +203,7 @@ impl<'a> ScanPlan<'a> {
                 beams,
                 rings: &sensor.rings,
                 trajectory,
+                estimated: options.estimated_trajectory.as_deref().filter(|_| options.coordinates == Frame::World),
                 pose: Aim::new(trajectory, options.start_on_trajectory(), scene.origin),
                 reach: if receiver.wraps() { f32::INFINITY } else { sensor.range_max_m as f32 },
                 coherent: beams.is_coherent(),
@@ -287,8 +290,9 @@ impl ScanPlan<'_> {
 
     /// Whether the directions of rays differ from those reported for their beams.
     pub fn points_elsewhere(&self) -> bool {
+        let Errors { pointing_sigma, encoder, .. } = self.measure.errors;
         let folds = self.measure.assignment.is_some_and(|assignment| assignment.folds);
-        folds || self.measure.errors.pointing_sigma > 0.0 || self.receiver.jittering().is_some()
+        folds || *pointing_sigma > 0.0 || encoder.is_some() || self.receiver.jittering().is_some()
     }
 
     /// Sets the vectors across the beam with the number `beam`, which points in `direction`, and the rotation of its

@@ -69,7 +69,8 @@ impl ScanPlan<'_> {
             Frame::Sensor => glam::DVec3::ZERO,
         };
         cloud.organised = options.organised.then_some([self.aim.beams.rows, self.aim.beams.columns]);
-        cloud.sensor_pose = self.aim.trajectory.at(options.start_on_trajectory());
+        let trajectory = self.aim.estimated.unwrap_or(self.aim.trajectory);
+        cloud.sensor_pose = trajectory.at(options.start_on_trajectory());
         cloud.start_time = Some(options.start_time);
         cloud.rays = self.rays.load(Ordering::Relaxed);
         cloud.most_rays = self.most_rays();
