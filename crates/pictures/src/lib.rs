@@ -18,6 +18,7 @@ mod range_image;
 mod sheet;
 mod sonar;
 mod splat;
+mod survey;
 mod top;
 
 pub use canvas::Picture;
@@ -43,6 +44,7 @@ use points::Points;
 use serde::Deserialize;
 use std::path::Path;
 use std::str::FromStr;
+use ::survey::SurveyPlan;
 
 /// Allowed widths of a picture, pixels.
 const WIDTHS: std::ops::RangeInclusive<u32> = 320..=4096;
@@ -298,6 +300,17 @@ pub fn write_plan(scene: &Scene, built: &BuiltScene, path: &Path, width: u32) ->
     check_width(width)?;
     check_ending(path)?;
     write_picture(&plan::draw(scene, built, &Page::new(width)), path)
+}
+
+/// Writes a picture of the survey `plan` over `scene`, from which `built` is made, to the PNG file `path`, `width` pixels
+/// wide: the scene from above by height, the area, swaths, strips with their numbers, and the way between them.
+///
+/// # Errors
+/// As [`write_plan`].
+pub fn write_survey(scene: &Scene, built: &BuiltScene, plan: &SurveyPlan, path: &Path, width: u32) -> Result<()> {
+    check_width(width)?;
+    check_ending(path)?;
+    write_picture(&survey::draw(scene, built, plan, &Page::new(width)), path)
 }
 
 fn write_picture(picture: &Picture, path: &Path) -> Result<()> {

@@ -19,6 +19,8 @@ builder! {
         pub seed: u64 = 0,
         /// Frame index; it changes the random draws and fills the `frame` column.
         pub frame: u32 = 0,
+        /// Number of the strip (flight line, station), which LAS stores as point source id; 0: none.
+        pub strip: u16 = 0,
         /// Time at which the scan starts, s since the start of the run; patterns that do not repeat continue with it.
         pub start_time: f64 = 0.0,
         /// Time of the trajectory at which the scan starts, s; `None`: `start_time`.
