@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// The packages whose sources are checked.
-const PACKAGES: [&str; 21] = [
+const PACKAGES: [&str; 22] = [
     "bindings/python",
     "crates/cloud",
     "crates/crew",
@@ -29,6 +29,7 @@ const PACKAGES: [&str; 21] = [
     "crates/scene-files",
     "crates/sets",
     "crates/stdout",
+    "crates/survey",
     "crates/worlds",
 ];
 

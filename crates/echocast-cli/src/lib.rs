@@ -20,6 +20,7 @@ mod names;
 mod output;
 mod pipe;
 mod place;
+mod plan;
 mod preview;
 mod progress;
 mod radar;
@@ -74,6 +75,7 @@ struct Cli {
 enum Command {
     Scan(Box<scan::ScanArgs>),
     Run(Box<run::RunArgs>),
+    Plan(Box<plan::PlanArgs>),
     Sensors(sensors::SensorsArgs),
     Info(info::InfoArgs),
     Convert(convert::ConvertArgs),
@@ -138,6 +140,7 @@ impl Command {
         match self {
             Command::Scan(args) => scan::run(&args),
             Command::Run(args) => run::run(&args, arguments, scene),
+            Command::Plan(args) => plan::run(&args),
             Command::Sensors(args) => sensors::run(&args),
             Command::Info(args) => info::run(&args),
             Command::Convert(args) => convert::run(&args),

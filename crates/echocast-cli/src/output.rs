@@ -378,13 +378,14 @@ impl OutputArgs {
         self.check_names(fields)
     }
 
-    /// Checks that the files can hold `frames` frames of `sensor`, whose points have the columns `fields`.
-    pub fn check_room(&self, fields: FieldSet, sensor: &Sensor, frames: usize) -> Result<()> {
+    /// Checks that the files can hold `frames` frames of `sensor`, whose points have the columns `fields`; a strip has
+    /// `longest` of them at most, 1 where there are no strips.
+    pub fn check_room(&self, fields: FieldSet, sensor: &Sensor, [frames, longest]: [usize; 2]) -> Result<()> {
         /// Most frames: at 10 a second, those of 11 days.
         const MOST_FRAMES: usize = 10_000_000;
         /// Most beams whose points are in memory at once: some hundred gigabytes.
         const MOST_PILED: u64 = 4_000_000_000;
-        let beams = sensor.beams().len() as u64 * if self.single { 1 } else { frames as u64 };
+        let beams = sensor.beams().len() as u64 * if self.single { longest } else { frames } as u64;
         ensure!(
             frames <= MOST_FRAMES,
             "--frames: {frames} frames are too many for a run; allowed: up to {MOST_FRAMES}"
@@ -627,16 +628,42 @@ impl<'a> CloudWriter<'a> {
         })
     }
 
-    /// Adds the cloud of one of many frames to the files of all of them. Returns whether [`CloudWriter::write`] needs
-    /// it again.
-    pub fn add(&mut self, cloud: &PointCloud) -> Result<bool> {
+    /// Adds the cloud of one of many frames to the files of all of them, or to those of their `strip` if each has files
+    /// of its own. Returns whether [`CloudWriter::write`] or [`CloudWriter::write_strip`] needs it again.
+    pub fn add(&mut self, cloud: &PointCloud, strip: Option<u16>) -> Result<bool> {
         if self.merged.is_empty() {
             let format = self.args.format.as_deref();
-            let begun = self.args.output.iter().map(|file| GrowingFile::begin(&self.place(file), format, cloud));
-            self.merged = begun.collect::<Result<_, _>>()?;
+            let begin = |file: &PathBuf| match strip {
+                // It has one row for each strip.
+                Some(_) if self.args.grows(file) => Ok(None),
+                Some(strip) => GrowingFile::begin(&numbered(file, strip.into()), format, cloud),
+                None => GrowingFile::begin(&self.place(file), format, cloud),
+            };
+            self.merged = self.args.output.iter().map(begin).collect::<Result<_, _>>()?;
         }
         self.merged.iter_mut().flatten().try_for_each(|file| file.add(cloud))?;
-        Ok(self.args.piles_frames() || self.merged.iter().any(Option::is_none))
+        let pictured = self.args.preview.is_some() && self.args.view.shows_points();
+        let piled = if strip.is_some() { pictured } else { self.args.piles_frames() };
+        Ok(piled || self.merged.iter().any(Option::is_none))
+    }
+
+    /// Completes the files of a strip, whose pieces were added; `cloud` is all of them, if they were needed again, and
+    /// `last` the last one.
+    pub fn write_strip(&mut self, strip: u16, cloud: &PointCloud, last: &PointCloud) -> Result<()> {
+        let number = u32::from(strip);
+        let mut merged = std::mem::take(&mut self.merged).into_iter();
+        for file in &self.args.output {
+            match merged.next().flatten() {
+                Some(grown) => {
+                    self.report.absorb(grown.finish()?);
+                    self.wrote_cloud(&numbered(file, number))?;
+                }
+                None if self.args.grows(file) => self.add_frame(cloud, file)?,
+                None => self.write_cloud(cloud, &numbered(file, number))?,
+            }
+        }
+        let pictured = if self.args.view == View::Range { last } else { cloud };
+        self.write_preview(pictured, self.args.preview.as_ref().map(|file| numbered(file, number)))
     }
 
     /// Writes the single cloud of the run, whose last frame is `last`: a range image shows the view from one place.

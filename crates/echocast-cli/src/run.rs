@@ -2,13 +2,13 @@
 
 use crate::output::{FilesKeys, OutputArgs, PictureArgs};
 use crate::progress::ProgressLine;
-use crate::record::{Nothing, Take, frame_word};
+use crate::record::{Nothing, Take, TakeFrame, frame_word};
 use crate::report::{RunReport, Seconds, timed};
 use crate::text::{self, counted, duration, thousands};
 use crate::{blender, input, interrupt, usage};
 use anyhow::{Context as _, Result, anyhow, bail, ensure};
-use echocast::scenario::Sample;
 use echocast::scenario::set::{self, Event, Noticed, RunOptions, RunSummary};
+use echocast::scenario::{FrameTime, Sample, Scan};
 use echocast::{Error, Report, Scenario, Scene, shown};
 use serde_json::{Value, json};
 use std::ffi::OsString;
@@ -185,7 +185,10 @@ fn record(args: &RunArgs, scenario: Scenario, output: &OutputArgs) -> Result<()>
     );
     let scan = sample.scans()[0].clone();
     let fields = scan.options(0).fields;
-    output.check_room(fields, scan.sensor(), scan.frames().len())?;
+    let frames = take_frames(&scan);
+    let longest = (0..scan.frames().len()).map(|frame| scan.pieces(frame)).max().unwrap_or(1);
+    let first_piece = scan.piece(0, 0)?.sensor;
+    output.check_room(fields, &first_piece, [frames.len(), longest])?;
     output.flight.check(scan.carrier())?;
     output.check(fields, scan.sensor(), scan.options(0).profile).map_err(|error| {
         // Without options for a picture, the scenario defines what is written.
@@ -198,14 +201,16 @@ fn record(args: &RunArgs, scenario: Scenario, output: &OutputArgs) -> Result<()>
         trajectory: scan.trajectory(),
         carrier: scan.carrier(),
         navigation: scan.navigation(),
-        frames: scan.frames().to_vec(),
+        frames,
+        strips: scan.has_strips().then_some(&scan),
         options,
         output,
         // A scenario leaves out a sky explicitly.
         skies: Vec::new(),
     };
     let moving = sample.is_moving();
-    let scan_time = scan.sensor().scan_time();
+    // The first piece of a strip is as long as the others, or longer than the last.
+    let scan_time = scan.sensor().scan_time().max(first_piece.scan_time());
     let drawn = sample.drawn().to_vec();
     let mut build = |time: f64| sample.built_at(time, scan_time);
     let recorded = take.record(first, moving.then_some(&mut build), &progress, &mut seconds)?;
@@ -224,7 +229,7 @@ fn record(args: &RunArgs, scenario: Scenario, output: &OutputArgs) -> Result<()>
         points: recorded.points,
         with_points: true,
         causes: recorded.causes,
-        frame: frame_word(scan.sensor()),
+        frame: if scan.has_strips() { "strip" } else { frame_word(scan.sensor()) },
         frames: scan.frames().len(),
         threads,
         seconds,
@@ -246,6 +251,16 @@ fn record(args: &RunArgs, scenario: Scenario, output: &OutputArgs) -> Result<()>
         output.print(&summary)?;
     }
     Ok(())
+}
+
+/// What is scanned at once, frame by frame and strip by strip.
+fn take_frames(scan: &Scan) -> Vec<TakeFrame> {
+    let pieces = (0..scan.frames().len()).flat_map(|frame| (0..scan.pieces(frame)).map(move |piece| [frame, piece]));
+    let frame = |piece: [usize; 2]| {
+        let (FrameTime { number, start }, strip) = scan.piece_time(piece[0], piece[1]);
+        TakeFrame { number, start, strip, piece }
+    };
+    pieces.map(frame).collect()
 }
 
 /// Makes samples of a set.
@@ -361,7 +376,7 @@ fn described(scenario: &Scenario, sample: &Sample) -> String {
             "  {}: {}, {}, starts at {:.3},{:.3},{:.3}",
             shown::text(scan.name()),
             shown::text(scan.sensor().title()),
-            counted(scan.frames().len(), frame_word(scan.sensor())),
+            counted(scan.frames().len(), if scan.has_strips() { "strip" } else { frame_word(scan.sensor()) }),
             pose.x,
             pose.y,
             pose.z

@@ -6,7 +6,7 @@ use crate::input::{self, SceneArgs, SensorArgs};
 use crate::output::OutputArgs;
 use crate::place::PlaceArgs;
 use crate::progress::ProgressLine;
-use crate::record::{Nothing, Take, frame_word};
+use crate::record::{Nothing, Take, TakeFrame, frame_word};
 use crate::report::{RunReport, Seconds, timed};
 use crate::text::duration;
 use crate::weather::WeatherArgs;
@@ -14,7 +14,6 @@ use crate::{choice, formats, interrupt, place, text, usage};
 use anyhow::{Context as _, Result, anyhow, ensure};
 use clap::ArgGroup;
 use echocast::emitter::Navigation;
-use echocast::scenario::FrameTime;
 use echocast::scene::MaterialRules;
 use echocast::{
     BoxTime, Engine, Environment, FieldSet, Frame, LabelRules, LiveScene, Order, Pose, Profile, ReflectanceSource,
@@ -171,7 +170,7 @@ pub fn run(args: &ScanArgs) -> Result<()> {
     interrupt::check()?;
     warnings.absorb(scene.report.clone());
     let ScanCourse { trajectory, frames, fps } = course(args, &sensor, &environment, &scene, path, &mut warnings)?;
-    args.output.check_room(fields, &sensor, frames.len()).map_err(usage::wrong)?;
+    args.output.check_room(fields, &sensor, [frames.len(), 1]).map_err(usage::wrong)?;
     args.output.flight.check(&trajectory).map_err(usage::wrong)?;
     let span = [f64::from(frames.first) / fps, f64::from(frames.last) / fps + sensor.scan_time()];
     let solve = |errors: &Navigation| errors.solve(args.seed, &trajectory, &Pose::IDENTITY, span);
@@ -193,13 +192,14 @@ pub fn run(args: &ScanArgs) -> Result<()> {
     interrupt::check()?;
     warnings.absorb(built.report().clone());
 
-    let times = frames.iter().map(|number| FrameTime { number, start: f64::from(number) / fps }).collect();
+    let times = frames.iter().map(|number| TakeFrame::new(number, f64::from(number) / fps)).collect();
     let take = Take {
         sensor: &sensor,
         trajectory: &trajectory,
         carrier: &trajectory,
         navigation: solution.as_ref(),
         frames: times,
+        strips: None,
         options: scan_options(args, fields, f64::from(frames.step) / fps, &environment)
             .estimated_trajectory(solution.as_ref().map(|solution| solution.sensor.clone())),
         output: &args.output,
@@ -208,7 +208,7 @@ pub fn run(args: &ScanArgs) -> Result<()> {
     if let Some((frame, beam)) = args.explain {
         drop(progress);
         let number = frame.unwrap_or(frames.first);
-        let options = take.options_of(FrameTime { number, start: f64::from(number) / fps });
+        let options = take.options_of(&TakeFrame::new(number, f64::from(number) / fps));
         let built = build(options.start_time)?;
         let explained =
             built.explain(&sensor, &trajectory, &options, beam).context("--explain").map_err(usage::wrong)?;

@@ -131,6 +131,8 @@ pub enum Draw {
     Grass = 143,
     /// Likewise its rocks, and their shapes.
     Stone = 144,
+    /// How far a tripod is off level: counter = (station, 0, axis).
+    StationLevel = 160,
     /// Seed of a scan of a sample: counter = (sensor, sample, 0).
     ScanSeed = 200,
     /// Key of what varies from sample to sample.

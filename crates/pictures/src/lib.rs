@@ -18,12 +18,14 @@ mod range_image;
 mod sheet;
 mod sonar;
 mod splat;
+mod survey;
 mod top;
 
 pub use canvas::Picture;
 pub use legend::thousands;
 pub use sheet::sheet;
 
+use ::survey::SurveyPlan;
 use canvas::{DIM, PAGE, TEXT};
 use cloud::image::Image;
 use cloud::{Field, FieldSet, Pings, PointCloud, RadarFrame, VELOCITY};
@@ -303,6 +305,17 @@ pub fn write_plan(scene: &Scene, built: &BuiltScene, path: &Path, width: u32) ->
     check_width(width)?;
     check_ending(path)?;
     write_picture(&plan::draw(scene, built, &Page::new(width)), path)
+}
+
+/// Writes a picture of the survey `plan` over `scene`, from which `built` is made, to the PNG file `path`, `width` pixels
+/// wide: the scene from above by height, the area, swaths, strips with their numbers, and the way between them.
+///
+/// # Errors
+/// As [`write_plan`].
+pub fn write_survey(scene: &Scene, built: &BuiltScene, plan: &SurveyPlan, path: &Path, width: u32) -> Result<()> {
+    check_width(width)?;
+    check_ending(path)?;
+    write_picture(&survey::draw(scene, built, plan, &Page::new(width)), path)
 }
 
 fn write_picture(picture: &Picture, path: &Path) -> Result<()> {

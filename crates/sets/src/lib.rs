@@ -12,6 +12,7 @@ mod shared;
 mod spec;
 mod splits;
 mod stage;
+mod strips;
 #[cfg(test)]
 mod tests;
 mod variation;
@@ -19,3 +20,4 @@ mod variation;
 pub use file::Scenario;
 pub use sample::{FrameTime, Sample, Scan};
 use shared::lock;
+pub use strips::ScanPiece;

@@ -20,6 +20,7 @@ use serde::de::{Deserializer, Error as _};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use survey::{FlightLine, PlanSpec};
 use worlds::Generate;
 
 /// A scenario file. File names in it are relative to its folder, or to `folder`.
@@ -36,6 +37,9 @@ pub(super) struct Spec {
     /// Errors of the estimate of that trajectory, with which points are placed.
     pub navigation: Option<Navigation>,
     pub frames: Option<FrameSpec>,
+    /// When the sensors are on, one strip after the other; empty: in frames.
+    #[serde(deserialize_with = "nothing_as_empty")]
+    pub strips: Vec<StripSpec>,
     #[serde(deserialize_with = "nothing_as_empty")]
     pub variation: Vec<Rule>,
     #[serde(deserialize_with = "word")]
@@ -78,6 +82,7 @@ impl Default for Spec {
             trajectory: None,
             navigation: None,
             frames: None,
+            strips: Vec::new(),
             variation: Vec::new(),
             profile: Profile::default(),
             reflectance_source: None,
@@ -260,6 +265,8 @@ pub(super) enum Carrier {
     Poses(Vec<[f64; 8]>),
     /// A fixed pose on surfaces of the scene, different in each sample.
     On(Box<super::variation::Spot>),
+    /// A survey with the first sensor, which also says when the sensors are on.
+    Plan(Box<PlanSpec>),
 }
 
 /// A trajectory in a file.
@@ -292,6 +299,11 @@ impl<'de> Deserialize<'de> for Carrier {
         struct Poses {
             poses: Vec<[f64; 8]>,
         }
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Planned {
+            plan: Box<PlanSpec>,
+        }
         let value = Value::deserialize(deserializer)?;
         let has = |key: &str| value.get(key).is_some();
         Ok(match () {
@@ -300,15 +312,19 @@ impl<'de> Deserialize<'de> for Carrier {
             () if has("object") => Carrier::Object(inner::<CarrierObject, _>(&value)?.object),
             () if has("poses") => Carrier::Poses(inner::<Poses, _>(&value)?.poses),
             () if has("on") => Carrier::On(Box::new(inner(&value)?)),
+            () if has("plan") => Carrier::Plan(inner::<Planned, _>(&value)?.plan),
             () if has("position_m") => Carrier::At(inner(&value)?),
             () => {
                 let found = value.as_object().and_then(|keys| keys.keys().next()).cloned().unwrap_or_default();
-                const KNOWN: &[&str] = &["file", "position_m", "camera", "object", "poses", "on"];
+                const KNOWN: &[&str] = &["file", "position_m", "camera", "object", "poses", "on", "plan"];
                 return Err(D::Error::unknown_field(&found, KNOWN));
             }
         })
     }
 }
+
+/// Where the section of a plan is.
+pub(super) const PLAN_KEY: &str = "trajectory.plan";
 
 /// Which frames are scanned; frame k starts at k / fps seconds.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
@@ -322,6 +338,29 @@ pub(super) struct FrameSpec {
     pub step: u32,
     /// Defaults to the rate of the first sensor.
     pub fps: Option<f64>,
+}
+
+/// A part of the trajectory on which the sensors are on.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct StripSpec {
+    /// Number of the strip, 1 to 65535: flight line or station. Entries of one number are parts of one strip.
+    pub strip: u16,
+    /// Start, s, in the time of the trajectory.
+    pub from_s: f64,
+    /// End, s, likewise.
+    pub to_s: f64,
+    /// Keys that replace those of all sensors there, as [`SensorEntry::set`].
+    #[serde(default)]
+    pub set: serde_json::Map<String, Value>,
+}
+
+impl StripSpec {
+    /// A strip of a plan.
+    pub fn planned(line: &FlightLine) -> StripSpec {
+        let FlightLine { strip, from_s, to_s, .. } = *line;
+        StripSpec { strip, from_s, to_s, set: serde_json::Map::new() }
+    }
 }
 
 fn one() -> u32 {
@@ -431,9 +470,12 @@ impl Spec {
         if let Some(navigation) = &self.navigation {
             Bounds::none().section("navigation", |bounds| navigation.check(bounds))?;
         }
-        if let Some(Carrier::On(spot)) = &self.trajectory {
-            spot.check("trajectory")?;
+        match &self.trajectory {
+            Some(Carrier::On(spot)) => spot.check("trajectory")?,
+            Some(Carrier::Plan(plan)) => plan.check(PLAN_KEY)?,
+            _ => {}
         }
+        super::strips::check(self)?;
         super::variation::check(&self.variation)
     }
 }

@@ -723,7 +723,7 @@ fn labels_of_kitti_are_what_its_camera_sees() {
     let scenario = Scenario::from_yaml(STYLED, folder.path()).unwrap();
     let mut sample = scenario.sample(0).unwrap();
     let mut cloud = cloud::PointCloud::default();
-    sample.cloud_with(1, 3, cloud::FieldSet::all(), sample::BoxScope::None, &mut cloud).unwrap();
+    sample.piece_into(1, [3, 0], cloud::FieldSet::all(), sample::BoxScope::None, &mut cloud).unwrap();
     // The pixels of each chair are in its box, and one of them touches each side that is not hidden.
     let mut matched = 0;
     // Chairs that only the LiDAR hits have none.
