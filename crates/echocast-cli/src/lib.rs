@@ -12,6 +12,7 @@ mod convert;
 mod formats;
 mod frames;
 mod generate;
+mod import;
 mod info;
 mod input;
 mod interrupt;
@@ -74,6 +75,7 @@ enum Command {
     Sensors(sensors::SensorsArgs),
     Info(info::InfoArgs),
     Convert(convert::ConvertArgs),
+    Import(import::ImportArgs),
     Preview(preview::PreviewArgs),
     Generate(generate::GenerateArgs),
     Formats(formats::FormatsArgs),
@@ -137,6 +139,7 @@ impl Command {
             Command::Sensors(args) => sensors::run(&args),
             Command::Info(args) => info::run(&args),
             Command::Convert(args) => convert::run(&args),
+            Command::Import(args) => import::run(&args),
             Command::Preview(args) => preview::run(&args),
             Command::Generate(args) => generate::run(&args),
             Command::Formats(args) => formats::run(&args),

@@ -1,0 +1,182 @@
+//! XML files, whose every element and attribute is noted.
+
+use crate::notes::{NoteBook, XmlPlace};
+use ground::error::{Error, Result};
+use ground::read::{self, Limit};
+use ground::shown;
+use roxmltree::{Document, Node, ParsingOptions};
+use std::path::{Path, PathBuf};
+
+/// The text of an XML file.
+pub(crate) struct XmlText {
+    path: PathBuf,
+    text: String,
+}
+
+impl XmlText {
+    /// Reads the file at `path`, UTF-8.
+    pub fn load(path: &Path) -> Result<XmlText> {
+        let bytes = read::bytes(path, Limit::XML)?;
+        let text = String::from_utf8(bytes).map_err(|error| {
+            let line = 1 + error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
+            Error::parse(path, format!("line {line}"), "is not UTF-8; allowed: XML in UTF-8")
+        })?;
+        let text = text.strip_prefix('\u{feff}').map_or_else(|| text.clone(), str::to_owned);
+        Ok(XmlText { path: path.to_owned(), text })
+    }
+
+    /// Its path.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Its elements.
+    ///
+    /// # Errors
+    /// What is not well-formed, with its line; a document type, whose entities could fill the memory.
+    pub fn parse(&self) -> Result<Document<'_>> {
+        // More elements than a file of the greatest size can have in any sensible survey.
+        const MOST_NODES: u32 = 4_000_000;
+        let options = ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
+        Document::parse_with_options(&self.text, options).map_err(|error| {
+            let line = error.pos().row;
+            let message = match error {
+                roxmltree::Error::DtdDetected => {
+                    // The position of this one is that of the beginning.
+                    let at = self.text.find("<!DOCTYPE").unwrap_or(0);
+                    let line = 1 + self.text[..at].matches('\n').count();
+                    let message =
+                        "has a document type (DTD), whose entities may stand for anything; allowed: XML without";
+                    return Error::parse(&self.path, format!("line {line}"), message);
+                }
+                roxmltree::Error::NodesLimitReached => format!("has more than {MOST_NODES} elements, the most allowed"),
+                other => format!("is not well-formed XML: {other}"),
+            };
+            Error::parse(&self.path, format!("line {line}"), message)
+        })
+    }
+}
+
+/// An element; what is asked of it is noted as used.
+#[derive(Clone, Copy)]
+pub(crate) struct Element<'d> {
+    node: Node<'d, 'd>,
+    path: &'d Path,
+    file: u32,
+    notes: &'d NoteBook,
+}
+
+impl<'d> Element<'d> {
+    /// The outermost element of `document`, which is in the file at `path`.
+    pub fn root(document: &'d Document<'d>, path: &'d Path, notes: &'d NoteBook) -> Element<'d> {
+        Element { node: document.root_element(), path, file: notes.file(path), notes }
+    }
+
+    /// Name of the element.
+    pub fn name(self) -> &'d str {
+        self.node.tag_name().name()
+    }
+
+    /// Where it is.
+    pub fn place(self) -> XmlPlace {
+        let line = self.node.document().text_pos_at(self.node.range().start).row;
+        XmlPlace { file: self.file, node: self.node.id().get(), line }
+    }
+
+    /// The notes.
+    pub fn notes(self) -> &'d NoteBook {
+        self.notes
+    }
+
+    /// Notes that it and all below it are there.
+    pub fn note_all(self) {
+        for node in self.node.descendants().filter(Node::is_element) {
+            let element = Element { node, ..self };
+            let place = element.place();
+            self.notes.found(place, element.name(), None);
+            for attribute in node.attributes() {
+                self.notes.found(place, element.name(), Some((attribute.name(), attribute.value())));
+            }
+        }
+        self.notes.used(self.place(), "");
+    }
+
+    /// An error about it: what was found and what is allowed.
+    pub fn error(self, message: impl std::fmt::Display) -> Error {
+        Error::parse(self.path, format!("line {}", self.place().line), format!("{} {message}", self.name()))
+    }
+
+    /// An error about one of its attributes: what is allowed.
+    pub fn wrong(self, attribute: &str, allowed: impl std::fmt::Display) -> Error {
+        let found = self.node.attribute(attribute).unwrap_or_default();
+        self.error(format_args!("{attribute} is {:?}; allowed: {allowed}", shown::name(found)))
+    }
+
+    /// The text of an attribute.
+    pub fn text(self, attribute: &str) -> Option<&'d str> {
+        let value = self.node.attribute(attribute)?;
+        self.notes.used(self.place(), attribute);
+        Some(value)
+    }
+
+    /// The text of an attribute that there must be.
+    pub fn required(self, attribute: &str) -> Result<&'d str> {
+        self.text(attribute).ok_or_else(|| self.error(format_args!("has no attribute {attribute}")))
+    }
+
+    /// The number of an attribute.
+    pub fn number(self, attribute: &str) -> Result<Option<f64>> {
+        let Some(text) = self.text(attribute) else { return Ok(None) };
+        let number = text.trim().parse().ok().filter(|number: &f64| number.is_finite());
+        number.map(Some).ok_or_else(|| self.wrong(attribute, "a number"))
+    }
+
+    /// The number of an attribute, `low` to `high`.
+    pub fn number_within(self, attribute: &str, low: f64, high: f64) -> Result<Option<f64>> {
+        match self.number(attribute)? {
+            Some(number) if !(low..=high).contains(&number) => {
+                Err(self.wrong(attribute, format_args!("{low} to {high}")))
+            }
+            number => Ok(number),
+        }
+    }
+
+    /// The truth of an attribute.
+    pub fn flag(self, attribute: &str) -> Result<Option<bool>> {
+        match self.text(attribute).map(str::trim) {
+            None => Ok(None),
+            Some("true" | "1") => Ok(Some(true)),
+            Some("false" | "0") => Ok(Some(false)),
+            Some(_) => Err(self.wrong(attribute, "true or false")),
+        }
+    }
+
+    /// The whole number of an attribute, `low` to `high`.
+    pub fn count(self, attribute: &str, low: u32, high: u32) -> Result<Option<u32>> {
+        let number = self.number_within(attribute, low.into(), high.into())?;
+        match number.filter(|number| number.fract() != 0.0) {
+            Some(_) => Err(self.wrong(attribute, format_args!("a whole number, {low} to {high}"))),
+            None => Ok(number.map(|number| number as u32)),
+        }
+    }
+
+    /// The elements called `name` in it.
+    pub fn children(self, name: &'d str) -> impl Iterator<Item = Element<'d>> {
+        let of_name = self.node.children().filter(move |node| node.is_element() && node.tag_name().name() == name);
+        of_name.map(move |node| {
+            let element = Element { node, ..self };
+            self.notes.used(element.place(), "");
+            element
+        })
+    }
+
+    /// The first element called `name` in it.
+    pub fn child(self, name: &'d str) -> Option<Element<'d>> {
+        self.children(name).next()
+    }
+
+    /// The text in it.
+    pub fn content(self) -> &'d str {
+        self.node.text().unwrap_or_default().trim()
+    }
+}
