@@ -52,7 +52,8 @@ impl AssetArgs {
 
     fn load(&self, survey: &Path) -> Result<Import> {
         for folder in &self.assets {
-            let missing = || usage::wrong(anyhow!("--assets {}: is no folder; allowed: an existing one", shown::path(folder)));
+            let missing =
+                || usage::wrong(anyhow!("--assets {}: is no folder; allowed: an existing one", shown::path(folder)));
             ensure!(folder.is_dir(), missing());
         }
         Ok(Import::load(survey, &self.assets)?)

@@ -133,7 +133,9 @@ pub fn run(args: &RunArgs, arguments: &[OsString], scene: Option<Scene>) -> Resu
     }
     let survey = args.scenario.as_deref().filter(|file| has_ending(file, "xml"));
     if survey.is_none() && !args.assets.is_empty() {
-        return Err(usage::wrong(anyhow!("--assets: only surveys of HELIOS++ have any; allowed: with a survey (.xml)")));
+        return Err(usage::wrong(anyhow!(
+            "--assets: only surveys of HELIOS++ have any; allowed: with a survey (.xml)"
+        )));
     }
     let imported = survey.map(|survey| Imported::load(survey, &args.assets, args.quiet)).transpose()?;
     let mut scenario = load(args, imported.as_ref())?;

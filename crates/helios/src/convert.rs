@@ -93,7 +93,7 @@ impl Converted {
         let mut flight = Flight::of(survey, &heads, plan, &|x, y| ground.height(x, y), notes)?;
         let mount = survey.platform.mount;
         if plan == HeadPlan::OfTrajectory {
-            flight.turn_with(&heads, mount.rotation, survey.scanner.head_axis);
+            flight.turn_with(&heads, mount.rotation, survey.scanner.head_axis)?;
             for leg in &survey.legs {
                 if let Some(place) = leg.scanner.place("headRotatePerSec_deg") {
                     notes.approximated(place, "headRotatePerSec_deg", "the trajectory turns with the head");
@@ -112,7 +112,7 @@ impl Converted {
         });
         let trajectory: Vec<(f64, Pose)> = trajectory.collect();
         let rig = Rig { survey, beams: &beams, plan, flight: &flight, mounted, notes };
-        let (sensors, entries, changes) = rig.sensors()?;
+        let RigFiles { sensors, entries, changes } = rig.sensors()?;
         let mut scenario = json!({"scene": scene(&parts, notes)});
         if let Some(visibility) = survey.scanner.visibility_m {
             scenario["environment"] = json!({"clear_air": {"visibility_m": visibility}});
@@ -164,6 +164,15 @@ fn head_plan(survey: &HeliosSurvey, beams: &[Vec<LegBeams>], heads: &[HeadTurn])
 /// Keys that change on each flown leg.
 type LegChanges = Vec<Map<String, Value>>;
 
+/// What the sensors become.
+struct RigFiles {
+    /// Name and contents of each sensor file.
+    sensors: Vec<(String, Value)>,
+    /// Entries of the scenario.
+    entries: Vec<Value>,
+    changes: LegChanges,
+}
+
 /// What the sensors are made from.
 struct Rig<'s> {
     survey: &'s HeliosSurvey,
@@ -178,7 +187,7 @@ struct Rig<'s> {
 
 impl Rig<'_> {
     /// The sensor files, the entries of the scenario, and what changes on each flown leg.
-    fn sensors(&self) -> Result<(Vec<(String, Value)>, Vec<Value>, LegChanges)> {
+    fn sensors(&self) -> Result<RigFiles> {
         let all = groups(&self.survey.scanner.channels, self.plan);
         let base = file_name(&self.survey.scanner.id);
         let (mut files, mut entries) = (Vec::new(), Vec::new());
@@ -219,7 +228,7 @@ impl Rig<'_> {
             files.push((name, ordered(value)));
             entries.push(entry);
         }
-        Ok((files, entries, changes))
+        Ok(RigFiles { sensors: files, entries, changes })
     }
 
     /// Number of the first channel of a group.

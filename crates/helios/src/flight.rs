@@ -31,7 +31,7 @@ pub(crate) struct Flight {
 const JUMP_S: f64 = 1e-3;
 
 /// More keys than any flight needs.
-const MOST_KEYS: usize = 5_000_000;
+const MOST_KEYS: usize = 2_000_000;
 
 /// Height of the ground at x and y, m.
 pub(crate) type GroundHeight<'g> = &'g dyn Fn(f64, f64) -> Option<f64>;
@@ -116,7 +116,7 @@ impl Flight {
             start = (start / step - 1e-9).ceil().max(0.0) * step;
         }
         if self.keys.len() + path.len() > MOST_KEYS {
-            return Err(Error::Memory(format!("a trajectory of more than {MOST_KEYS} poses")));
+            return Err(too_long());
         }
         let end = start + path[path.len() - 1].0;
         for (time, pose) in path {
@@ -133,7 +133,10 @@ impl Flight {
 
     /// Turns the carrier with the head, which turns on the legs as `heads` say, about `axis` of a scanner mounted with the
     /// rotation `mount`.
-    pub fn turn_with(&mut self, heads: &[HeadTurn], mount: DQuat, axis: DVec3) {
+    ///
+    /// # Errors
+    /// Too many turns.
+    pub fn turn_with(&mut self, heads: &[HeadTurn], mount: DQuat, axis: DVec3) -> Result<()> {
         // Between keys the carrier turns the short way.
         const STEP_DEG: f64 = 90.0;
         let about = mount * axis;
@@ -153,7 +156,10 @@ impl Flight {
             turned.push(with_head(*time, pose));
             let Some((next, later)) = self.keys.get(index + 1).filter(|(next, _)| *next <= leg.to_s) else { continue };
             let steps = (head.rate_deg_s * (next - time) / STEP_DEG).abs().ceil() as usize;
-            for step in 1..steps.min(MOST_KEYS) {
+            if turned.len().saturating_add(steps) > MOST_KEYS {
+                return Err(too_long());
+            }
+            for step in 1..steps {
                 let part = step as f64 / steps as f64;
                 let between = Pose {
                     position: pose.position.lerp(later.position, part),
@@ -163,7 +169,12 @@ impl Flight {
             }
         }
         self.keys = turned;
+        Ok(())
     }
+}
+
+fn too_long() -> Error {
+    Error::Memory(format!("a trajectory of more than {MOST_KEYS} poses"))
 }
 
 fn same(a: &Pose, b: &Pose) -> bool {

@@ -106,24 +106,23 @@ impl Import {
         })
     }
 
-    /// One line for everything that is approximated or not understood, alike ones together: `place: what: why`.
+    /// One line for everything that is approximated or not understood, alike ones together: where the first is, what, why.
     pub fn summary(&self) -> Vec<String> {
-        let mut groups: BTreeMap<(&ImportOutcome, &str, Option<&str>), (usize, &ImportNote)> = BTreeMap::new();
+        let mut groups: BTreeMap<&ImportOutcome, (usize, &ImportNote)> = BTreeMap::new();
         for note in self.notes.iter().filter(|note| note.outcome != ImportOutcome::Used) {
-            let key = (&note.outcome, note.element.as_str(), note.attribute.as_deref());
-            groups.entry(key).or_insert((0, note)).0 += 1;
+            groups.entry(&note.outcome).or_insert((0, note)).0 += 1;
         }
         let mut lines = Vec::new();
-        for ((outcome, element, attribute), (count, first)) in groups {
+        for (outcome, (count, first)) in groups {
             let (word, why) = match outcome {
                 ImportOutcome::Approximated(how) => ("approximated", how),
                 ImportOutcome::NotUnderstood(why) => ("not understood", why),
                 ImportOutcome::Used => continue,
             };
-            let what = attribute.map_or_else(|| format!("<{element}>"), |name| format!("<{element} {name}>"));
-            let times = if count > 1 { format!(" ({count} of them, the first here)") } else { String::new() };
+            let attribute = first.attribute.as_ref().map_or_else(String::new, |name| format!(" {name}"));
+            let others = if count > 1 { format!(" and {} more", count - 1) } else { String::new() };
             let file = first.file.file_name().unwrap_or_default().to_string_lossy();
-            lines.push(format!("{file}: line {}: {what}{times} {word}: {why}", first.line));
+            lines.push(format!("{file}: line {}: <{}{attribute}>{others} {word}: {why}", first.line, first.element));
         }
         lines
     }

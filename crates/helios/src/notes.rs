@@ -120,14 +120,21 @@ impl NoteBook {
     /// The notes, in the order of the files.
     pub fn finish(self) -> Vec<ImportNote> {
         let Pages { files, lines } = self.0.into_inner();
-        let unknown = || ImportOutcome::NotUnderstood("has no meaning here".to_owned());
+        let unknown = |attribute: &str, line: &NoteLine| {
+            let name = if attribute.is_empty() {
+                format!("<{}>", line.element)
+            } else {
+                format!("{} {attribute}", line.element)
+            };
+            ImportOutcome::NotUnderstood(format!("{name} is not known"))
+        };
         let note = |((file, _, attribute), line): ((u32, u32, String), NoteLine)| ImportNote {
             file: files[file as usize].clone(),
             line: line.line,
+            outcome: line.outcome.clone().unwrap_or_else(|| unknown(&attribute, &line)),
             element: line.element,
             attribute: Some(attribute).filter(|name| !name.is_empty()),
             value: line.value,
-            outcome: line.outcome.unwrap_or_else(unknown),
         };
         lines.into_iter().map(note).collect()
     }

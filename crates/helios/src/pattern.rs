@@ -94,6 +94,11 @@ impl SensorPattern {
     }
 }
 
+/// An angle without the rounding errors of its last digits, degrees.
+fn tidy(angle: f64) -> f64 {
+    (angle * 1e9).round() / 1e9 + 0.0
+}
+
 fn turn(rotation: DQuat) -> f64 {
     2.0 * rotation.w.abs().min(1.0).acos()
 }
@@ -120,7 +125,7 @@ fn lines(channel: &HeliosChannel, beams: &LegBeams, raised: f64) -> Value {
             let window = if whole { [-180.0, 180.0] } else { [from, to] };
             let lines_hz = if whole { scan_rate_hz * turns } else { scan_rate_hz };
             pulses = if whole { pulse_rate_hz } else { pulse_rate_hz / turns };
-            let window = window.map(|angle| angle + raised);
+            let window = window.map(|angle| tidy(angle + raised));
             (lines_hz, json!({"type": "rotating", "window_deg": window, "sweep_deg": sweep.min(360.0)}))
         }
         // The frequency counts periods, of two lines each. Turns take cfg_device_turningPulses, 100 pulses, half of them
@@ -154,17 +159,15 @@ fn head(beams: &LegBeams, start: f64) -> Value {
         (head.from_deg - (head.rate_deg_s * start).rem_euclid(360.0), 360.0)
     };
     let from = if (-720.0..=360.0).contains(&from) { from } else { from.rem_euclid(360.0) };
-    let tidy = |angle: f64| (angle * 1e9).round() / 1e9;
     json!({"rate_deg_s": head.rate_deg_s, "from_deg": tidy(from), "to_deg": tidy(from + range)})
 }
 
 /// A sensor whose emitters turn about the upright axis.
 fn spinning(group: &ChannelGroup, beams: &LegBeams) -> Value {
     let rate = beams.head.rate_deg_s;
-    let tidy = |angle: f64| (angle.to_degrees() * 1e9).round() / 1e9 + 0.0;
     let ahead: Vec<DVec3> = group.channels.iter().map(|channel| channel.origin.rotation * DVec3::Y).collect();
-    let elevation: Vec<f64> = ahead.iter().map(|beam| tidy(beam.z.clamp(-1.0, 1.0).asin())).collect();
-    let azimuth: Vec<f64> = ahead.iter().map(|beam| tidy((-beam.x).atan2(beam.y))).collect();
+    let elevation: Vec<f64> = ahead.iter().map(|beam| tidy(beam.z.clamp(-1.0, 1.0).asin().to_degrees())).collect();
+    let azimuth: Vec<f64> = ahead.iter().map(|beam| tidy((-beam.x).atan2(beam.y).to_degrees())).collect();
     let half_turn = 180.0 * rate.signum();
     let centre = (beams.head.from_deg + half_turn + 180.0).rem_euclid(360.0) - 180.0;
     let mut channels = json!({"elevation_deg": elevation});
@@ -194,7 +197,6 @@ fn risley(group: &ChannelGroup, prisms: &[HeliosPrism], beams: &LegBeams) -> (Va
     let incident: Vec<DVec3> = incident.collect();
     let widest = |axis: fn(&DVec3) -> f64| incident.iter().map(|beam| axis(beam).abs()).fold(0.0, f64::max);
     let sideways = widest(|beam| beam.x) > widest(|beam| beam.z);
-    let tidy = |angle: f64| (angle * 1e9).round() / 1e9 + 0.0;
     let elevation: Vec<f64> = incident
         .iter()
         .map(|beam| {

@@ -1,7 +1,7 @@
 //! Platforms as HELIOS++ describes them.
 
 use crate::turning::{Fitting, fitting};
-use crate::xml::Element;
+use crate::xml::XmlElement;
 use ground::error::Result;
 
 /// What carries a scanner.
@@ -50,16 +50,16 @@ const NOISES: [&str; 6] =
     ["positionXNoise", "positionYNoise", "positionZNoise", "attitudeXNoise", "attitudeYNoise", "attitudeZNoise"];
 
 /// Notes that noise of the trajectory, below `element`, has no effect.
-pub(crate) fn note_noise(element: Element) {
+pub(crate) fn note_noise(element: XmlElement) {
     for noise in NOISES.into_iter().filter_map(|name| element.child(name)) {
         let why = "white noise of the trajectory is not simulated; errors of trajectories are a key of scenarios";
-        noise.notes().not_understood(noise.place(), "", why);
+        noise.not_understood(why);
     }
 }
 
 impl HeliosPlatform {
     /// Reads the element `platform`. Defaults are those of XmlAssetsLoader.cpp (3dgeo-heidelberg/helios fd94d1f).
-    pub(crate) fn read(element: Element) -> Result<HeliosPlatform> {
+    pub(crate) fn read(element: XmlElement) -> Result<HeliosPlatform> {
         element.text("id");
         element.text("name");
         note_noise(element);
@@ -80,7 +80,7 @@ impl HeliosPlatform {
     }
 }
 
-fn rotors(element: Element) -> Result<HeliosRotors> {
+fn rotors(element: XmlElement) -> Result<HeliosRotors> {
     // The beam is turned by the yaw alone: getDirectionalAttitude of HelicopterPlatform.h (fd94d1f).
     for key in ["base_pitch_deg", "pitch_speed_deg", "roll_speed_deg", "pitch_offset_deg", "roll_offset_deg"] {
         if element.number(key)?.is_some() {

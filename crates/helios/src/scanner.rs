@@ -2,7 +2,7 @@
 
 use crate::notes::XmlPlace;
 use crate::turning::{Fitting, fitting, offset};
-use crate::xml::Element;
+use crate::xml::XmlElement;
 use glam::DVec3;
 use ground::error::Result;
 
@@ -110,7 +110,7 @@ pub struct HeliosSampling {
 
 impl HeliosSampling {
     /// Those of the element `FWFSettings` in `parent`, which replace those of `self`.
-    pub(crate) fn replaced(self, parent: Element) -> Result<HeliosSampling> {
+    pub(crate) fn replaced(self, parent: XmlElement) -> Result<HeliosSampling> {
         let Some(element) = parent.child("FWFSettings") else { return Ok(self) };
         for key in ["binSize_ns", "maxFullwaveRange_ns"] {
             if element.number(key)?.is_some() {
@@ -132,8 +132,8 @@ const ENERGY: [&str; 5] =
 /// An attribute of a channel, or else of its scanner.
 #[derive(Clone, Copy)]
 struct ChannelKeys<'d> {
-    own: Element<'d>,
-    shared: Element<'d>,
+    own: XmlElement<'d>,
+    shared: XmlElement<'d>,
 }
 
 impl<'d> ChannelKeys<'d> {
@@ -151,7 +151,7 @@ impl<'d> ChannelKeys<'d> {
 
 impl HeliosScanner {
     /// Reads the element `scanner`.
-    pub(crate) fn read(element: Element) -> Result<HeliosScanner> {
+    pub(crate) fn read(element: XmlElement) -> Result<HeliosScanner> {
         let id = element.required("id")?.to_owned();
         let name = element.text("name").unwrap_or(&id).to_owned();
         let mut pulse_rates_hz = Vec::new();
@@ -162,7 +162,8 @@ impl HeliosScanner {
                 .push(rate.ok_or_else(|| element.wrong("pulseFreqs_Hz", "numbers from 1 to 1e9, with commas"))?);
         }
         let axis = element.child("headRotateAxis").map(offset).transpose()?.filter(|axis| axis.length() > 0.1);
-        let own: Vec<Element> = element.child("channels").into_iter().flat_map(|all| all.children("channel")).collect();
+        let own: Vec<XmlElement> =
+            element.child("channels").into_iter().flat_map(|all| all.children("channel")).collect();
         let channels = if own.is_empty() { vec![element] } else { own };
         let channels =
             channels.into_iter().map(|own| channel(ChannelKeys { own, shared: element })).collect::<Result<_>>()?;
@@ -175,7 +176,7 @@ impl HeliosScanner {
         }
         for error in ["rangeError", "deflectionError", "headError"] {
             if let Some(error) = element.child(error) {
-                error.notes().not_understood(error.place(), "", "errors as formulas are not read: there are none");
+                error.not_understood("errors as formulas are not read: there are none");
             }
         }
         Ok(HeliosScanner {
@@ -196,7 +197,10 @@ fn channel(keys: ChannelKeys) -> Result<HeliosChannel> {
     const HALF_TURN: [f64; 2] = [0.0, 360.0];
     let ChannelKeys { own, shared } = keys;
     let number = |key, bounds| keys.number(key, bounds);
-    let origin = own.child("beamOrigin").or_else(|| shared.child("beamOrigin"));
+    // That of the scanner has no effect where the channel has its own, but it is read all the same, so that it is checked.
+    let shared_origin = shared.child("beamOrigin");
+    fitting(shared_origin)?;
+    let origin = own.child("beamOrigin").or(shared_origin);
     if own.place() != shared.place() {
         own.text("id");
     }

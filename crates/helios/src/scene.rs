@@ -3,7 +3,7 @@
 use crate::assets::AssetFolders;
 use crate::notes::XmlPlace;
 use crate::turning::rotation;
-use crate::xml::Element;
+use crate::xml::XmlElement;
 use glam::{DQuat, DVec3};
 use ground::error::Result;
 use std::f64::consts::FRAC_PI_2;
@@ -39,7 +39,7 @@ pub struct HeliosPart {
 
 impl HeliosScene {
     /// Reads the element `scene`.
-    pub(crate) fn read(element: Element, assets: &AssetFolders) -> Result<HeliosScene> {
+    pub(crate) fn read(element: XmlElement, assets: &AssetFolders) -> Result<HeliosScene> {
         element.text("name");
         note_steps(element);
         let (mut parts, mut others) = (Vec::new(), Vec::new());
@@ -54,7 +54,7 @@ impl HeliosScene {
 }
 
 /// Notes when things move: nothing does.
-fn note_steps(element: Element) {
+fn note_steps(element: XmlElement) {
     for key in ["dynStep", "kdtDynStep", "dynTimeStep", "kdtDynTimeStep"] {
         if element.text(key).is_some() {
             element.notes().not_understood(element.place(), key, STANDS);
@@ -65,24 +65,16 @@ fn note_steps(element: Element) {
 const STANDS: &str = "motions of parts are not read: the part stands where it begins";
 
 /// A part, or the kind of its loader if that loads something else than meshes.
-fn read_part(part: Element, index: usize, assets: &AssetFolders) -> Result<Result<HeliosPart, String>> {
+fn read_part(part: XmlElement, index: usize, assets: &AssetFolders) -> Result<Result<HeliosPart, String>> {
     let notes = part.notes();
     note_steps(part);
     let id = part.text("id").map_or_else(|| index.to_string(), str::to_owned);
-    for motion in part.children("dmotion") {
-        notes.not_understood(motion.place(), "", STANDS);
-        for step in motion.children("motion") {
-            notes.not_understood(step.place(), "", STANDS);
-        }
-    }
-    for swap in part.children("swap") {
-        swap.note_all();
-        notes.not_understood(swap.place(), "", "parts are not exchanged while a survey is made: the first one stays");
-    }
+    part.children("dmotion").for_each(|motion| motion.not_understood(STANDS));
+    let exchanged = "parts are not exchanged while a survey is made: the first one stays";
+    part.children("swap").for_each(|swap| swap.not_understood(exchanged));
     let (mut turn, mut scale, mut offset) = (DQuat::IDENTITY, 1.0, DVec3::ZERO);
     let mut files = Vec::new();
     let mut upright = DQuat::IDENTITY;
-    let mut other = None;
     for filter in part.children("filter") {
         let kind = filter.required("type")?.to_ascii_lowercase();
         let (of_filter, value) = (Params(filter), |key| Params(filter).value(key));
@@ -114,12 +106,8 @@ fn read_part(part: Element, index: usize, assets: &AssetFolders) -> Result<Resul
                     "xyzloader" => "needs clouds as scenes",
                     _ => "needs voxels as scenes",
                 };
-                notes.not_understood(
-                    filter.place(),
-                    "",
-                    format!("{needs}, which is not read yet: the part is left out"),
-                );
-                other = Some(kind.clone());
+                part.not_understood(&format!("{needs}, which is not read yet: the part is left out"));
+                return Ok(Err(kind));
             }
             _ => {
                 let allowed = "objloader, geotiffloader, xyzloader, detailedvoxels, translate, rotate or scale";
@@ -127,9 +115,6 @@ fn read_part(part: Element, index: usize, assets: &AssetFolders) -> Result<Resul
             }
         }
         of_filter.note_meaning(&kind);
-    }
-    if let Some(kind) = other {
-        return Ok(Err(kind));
     }
     if files.is_empty() {
         return Err(part.error("has no filter that loads something; allowed: one of type objloader first"));
@@ -144,18 +129,18 @@ fn read_part(part: Element, index: usize, assets: &AssetFolders) -> Result<Resul
 
 /// The elements `param` of a filter.
 #[derive(Clone, Copy)]
-struct Params<'d>(Element<'d>);
+struct Params<'d>(XmlElement<'d>);
 
 impl<'d> Params<'d> {
     /// The one for `key`.
-    fn find(self, key: &str) -> Option<Element<'d>> {
+    fn find(self, key: &str) -> Option<XmlElement<'d>> {
         let found = self.0.children("param").find(|param| param.text("key") == Some(key))?;
         found.text("type");
         Some(found)
     }
 
     /// The value for `key`, and its element.
-    fn value(self, key: &str) -> Option<(&'d str, Element<'d>)> {
+    fn value(self, key: &str) -> Option<(&'d str, XmlElement<'d>)> {
         let param = self.find(key)?;
         Some((param.text("value").unwrap_or_default(), param))
     }
@@ -198,8 +183,7 @@ impl<'d> Params<'d> {
         for param in self.0.children("param") {
             let key = param.text("key").unwrap_or_default();
             if !meant.contains(&key) {
-                let why = if meant.is_empty() { "belongs to a part that is left out" } else { "has no meaning here" };
-                param.notes().not_understood(param.place(), "", format!("{key} {why}"));
+                param.not_understood(&format!("{key} has no meaning for a filter of type {kind}"));
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use crate::assets::AssetFolders;
 use crate::notes::XmlPlace;
-use crate::xml::{Element, XmlText};
+use crate::xml::{XmlElement, XmlText};
 use ground::error::{Error, Result};
 use ground::shown;
 use std::collections::BTreeMap;
@@ -25,6 +25,9 @@ pub(crate) struct KnownSettings {
     numbers: &'static [KnownNumber],
     flags: &'static [&'static str],
 }
+
+/// Most templates that each have the next one.
+const DEEPEST: usize = 100;
 
 const ANGLE: [f64; 2] = [-1e6, 1e6];
 const TIME: [f64; 2] = [-1e9, 1e9];
@@ -65,7 +68,7 @@ pub(crate) const OF_PLATFORMS: KnownSettings = KnownSettings {
 
 impl HeliosSettings {
     /// Those of `element`, of the kind `known`, and of its template, which is in the file at `here` or another.
-    pub(crate) fn read(element: Element, known: &KnownSettings, here: &Path, assets: &AssetFolders) -> Result<Self> {
+    pub(crate) fn read(element: XmlElement, known: &KnownSettings, here: &Path, assets: &AssetFolders) -> Result<Self> {
         let mut settings = HeliosSettings::default();
         settings.add(element, known, here, assets, &mut Vec::new())?;
         Ok(settings)
@@ -74,7 +77,7 @@ impl HeliosSettings {
     /// Adds the values of `element` and of its template that are not there yet. `above` are the templates that led here.
     fn add(
         &mut self,
-        element: Element,
+        element: XmlElement,
         known: &KnownSettings,
         here: &Path,
         assets: &AssetFolders,
@@ -103,16 +106,20 @@ impl HeliosSettings {
         if above.contains(&reached) {
             return Err(element.error(format_args!("template {:?} leads back to itself", shown::name(template))));
         }
+        if above.len() == DEEPEST {
+            return Err(
+                element.error(format_args!("has templates of templates, more than {DEEPEST} deep, the most allowed"))
+            );
+        }
+        above.push(reached.clone());
+        let missing = |error: Error| element.error(format_args!("template: {error}"));
+        if reached.0 == here {
+            let found = element.outermost().asset(known.element, id).map_err(missing)?;
+            return self.add(found, known, here, assets, above);
+        }
         let text = XmlText::load(&reached.0)?;
         let document = text.parse()?;
-        let root = Element::root(&document, text.path(), element.notes());
-        let found = root.children(known.element).find(|candidate| candidate.text("id") == Some(id));
-        let found = found.ok_or_else(|| {
-            let near = Error::missing(known.element, id, root.children(known.element).filter_map(|one| one.text("id")));
-            element.error(format_args!("template: {near}"))
-        })?;
-        found.note_all();
-        above.push(reached.clone());
+        let found = XmlElement::root(&document, &text, element.notes()).asset(known.element, id).map_err(missing)?;
         self.add(found, known, &reached.0, assets, above)
     }
 

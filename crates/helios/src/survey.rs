@@ -8,7 +8,7 @@ use crate::scene::HeliosScene;
 use crate::settings::{HeliosSettings, OF_PLATFORMS, OF_SCANNERS};
 use crate::track::HeliosTrack;
 use crate::turning::fitting;
-use crate::xml::{Element, XmlText};
+use crate::xml::{XmlElement, XmlText};
 use ground::error::{Error, Result};
 use std::path::Path;
 
@@ -51,24 +51,18 @@ pub struct HeliosLeg {
 
 /// Reads one thing that an attribute refers to, of the element `kind`.
 fn asset<T>(
-    element: Element,
+    element: XmlElement,
     attribute: &str,
     kind: &'static str,
     (here, assets): (&Path, &AssetFolders),
-    read: impl FnOnce(Element) -> Result<T>,
+    read: impl FnOnce(XmlElement) -> Result<T>,
 ) -> Result<T> {
     let name = element.required(attribute)?;
     let (file, id) = assets.reference(here, name).map_err(|why| element.error(format_args!("{attribute}: {why}")))?;
     let text = XmlText::load(&file)?;
     let document = text.parse()?;
-    let root = Element::root(&document, text.path(), element.notes());
-    let found = root.children(kind).find(|candidate| candidate.text("id") == Some(id));
-    let found = found.ok_or_else(|| {
-        let near = Error::missing(kind, id, root.children(kind).filter_map(|one| one.text("id")));
-        Error::parse(&file, "", near.to_string())
-    })?;
-    found.note_all();
-    found.text("id");
+    let root = XmlElement::root(&document, &text, element.notes());
+    let found = root.asset(kind, id).map_err(|error| Error::parse(&file, "", error.to_string()))?;
     read(found)
 }
 
@@ -77,16 +71,12 @@ impl HeliosSurvey {
     pub(crate) fn read(path: &Path, assets: &AssetFolders, notes: &NoteBook) -> Result<HeliosSurvey> {
         let text = XmlText::load(path)?;
         let document = text.parse()?;
-        let root = Element::root(&document, text.path(), notes);
+        let root = XmlElement::root(&document, &text, notes);
         let survey = root.child("survey").ok_or_else(|| root.error("has no survey in it"))?;
         survey.note_all();
         for mount in root.children("scannerMount") {
             mount.note_all();
-            notes.not_understood(
-                mount.place(),
-                "",
-                "a mount outside of platforms and surveys has no effect in HELIOS++",
-            );
+            mount.not_understood("a mount outside of platforms and surveys has no effect in HELIOS++");
         }
         let from = (path, assets);
         let interpolated = survey.text("platform") == Some("interpolated");
@@ -101,7 +91,7 @@ impl HeliosSurvey {
                 platform.mount = own;
             } else {
                 let why = "HELIOS++ reads it for interpolated platforms only";
-                notes.not_understood(mount.place(), "", why);
+                mount.not_understood(why);
             }
         }
         if interpolated {
@@ -130,7 +120,7 @@ impl HeliosSurvey {
 }
 
 /// The seed of a survey, if it is a whole number.
-fn seed(survey: Element) -> Option<u64> {
+fn seed(survey: XmlElement) -> Option<u64> {
     let text = survey.text("seed")?;
     let seed = text.trim().parse().ok();
     if seed.is_none() {
@@ -141,7 +131,7 @@ fn seed(survey: Element) -> Option<u64> {
 }
 
 /// Notes what else a survey may say.
-fn note_options(survey: Element) -> Result<()> {
+fn note_options(survey: XmlElement) -> Result<()> {
     let (notes, place) = (survey.notes(), survey.place());
     if survey.number("simSpeed")?.is_some() {
         notes.approximated(place, "simSpeed", "surveys are made as fast as possible");
@@ -155,7 +145,7 @@ fn note_options(survey: Element) -> Result<()> {
 }
 
 /// Applies what a survey changes of its scanner.
-fn override_detector(survey: Element, scanner: &mut HeliosScanner) -> Result<()> {
+fn override_detector(survey: XmlElement, scanner: &mut HeliosScanner) -> Result<()> {
     for channel in &mut scanner.channels {
         channel.sampling = channel.sampling.replaced(survey)?;
     }
@@ -176,7 +166,7 @@ fn override_detector(survey: Element, scanner: &mut HeliosScanner) -> Result<()>
 }
 
 /// Reads a leg; `canonical` is how the angles of an interpolated platform are meant.
-fn read_leg(leg: Element, (here, assets): (&Path, &AssetFolders), canonical: Option<bool>) -> Result<HeliosLeg> {
+fn read_leg(leg: XmlElement, (here, assets): (&Path, &AssetFolders), canonical: Option<bool>) -> Result<HeliosLeg> {
     let part = |name| leg.child(name).ok_or_else(|| leg.error(format_args!("has no {name}")));
     let (platform, scanner) = (part(OF_PLATFORMS.element)?, part(OF_SCANNERS.element)?);
     let track = canonical.map(|canonical| HeliosTrack::read(platform, assets, canonical)).transpose()?;

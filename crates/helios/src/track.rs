@@ -1,7 +1,7 @@
 //! Trajectory files of interpolated platforms.
 
 use crate::assets::AssetFolders;
-use crate::xml::Element;
+use crate::xml::XmlElement;
 use glam::{DQuat, DVec3};
 use ground::error::{Error, Result};
 use ground::pose::Pose;
@@ -36,7 +36,7 @@ const NAMES: [&str; 7] = ["t", "roll", "pitch", "yaw", "x", "y", "z"];
 
 impl HeliosTrack {
     /// Reads the element `platformSettings` of a leg.
-    pub(crate) fn read(element: Element, assets: &AssetFolders, canonical: bool) -> Result<HeliosTrack> {
+    pub(crate) fn read(element: XmlElement, assets: &AssetFolders, canonical: bool) -> Result<HeliosTrack> {
         let name = element.required("trajectory")?;
         let file = assets.find(name).map_err(|why| element.error(format_args!("trajectory: {why}")))?;
         let mut columns = [0, 1, 2, 3, 4, 5, 6];
@@ -94,6 +94,9 @@ impl HeliosTrack {
             // Angles are what is interpolated there: poses between them must not be left to others.
             let widest = (1..4).map(|angle| (pair[1][angle] - pair[0][angle]).abs()).fold(0.0, f64::max);
             let steps = if self.positions_only { 1.0 } else { (widest / FINE_RAD).ceil().clamp(1.0, 1e4) };
+            if path.len() > MOST_ROWS {
+                return Err(Error::Memory(format!("a trajectory of more than {MOST_ROWS} poses")));
+            }
             for step in 0..steps as usize {
                 self.push(&mut path, from, mixed(&pair[0], &pair[1], step as f64 / steps));
             }
@@ -141,6 +144,9 @@ impl HeliosTrack {
                     None => *columns.insert(self.named(names.as_deref(), time_column).map_err(wrong)?),
                 };
                 rows.push(self.row(line, &columns).map_err(wrong)?);
+                if rows.len() > MOST_ROWS {
+                    return Err(wrong(format!("is beyond {MOST_ROWS} rows, the most allowed")));
+                }
             }
         }
         if rows.len() < 2 {
@@ -195,6 +201,9 @@ impl HeliosTrack {
 
 /// Angle between poses of which the shortest turn from one to the next is the same as turning by their angles, rad.
 const FINE_RAD: f64 = 0.02;
+
+/// More rows than any trajectory needs.
+const MOST_ROWS: usize = 5_000_000;
 
 /// Time that a jump takes, s.
 const JUMP_S: f64 = 1e-6;

@@ -1,7 +1,7 @@
 //! Rotations and offsets as HELIOS++ writes them, and its axes: x to the right, y ahead, z up; ours are x ahead, y to the
 //! left, z up.
 
-use crate::xml::Element;
+use crate::xml::XmlElement;
 use glam::{DQuat, DVec3};
 use ground::error::Result;
 use std::f64::consts::FRAC_PI_2;
@@ -39,7 +39,7 @@ pub(crate) fn with_our_axes(attitude: DQuat) -> DQuat {
 }
 
 /// The offset `x`, `y`, `z` of an element, m.
-pub(crate) fn offset(element: Element) -> Result<DVec3> {
+pub(crate) fn offset(element: XmlElement) -> Result<DVec3> {
     let axis = |name| Ok(element.number_within(name, -1e9, 1e9)?.unwrap_or(0.0));
     Ok(DVec3::new(axis("x")?, axis("y")?, axis("z")?))
 }
@@ -47,7 +47,7 @@ pub(crate) fn offset(element: Element) -> Result<DVec3> {
 /// The rotation that the elements `rot` of an element make, one after the other: each about the fixed axes, or with
 /// rotations="local" about those already turned (createRotationFromXml in XmlUtils.cpp, 3dgeo-heidelberg/helios fd94d1f).
 /// Angles are degrees, right-handed.
-pub(crate) fn rotation(element: Element) -> Result<DQuat> {
+pub(crate) fn rotation(element: XmlElement) -> Result<DQuat> {
     let local = match element.text("rotations") {
         None | Some("global") => false,
         Some("local") => true,
@@ -70,7 +70,7 @@ pub(crate) fn rotation(element: Element) -> Result<DQuat> {
 }
 
 /// Offset and rotation of an element; the origin, without one.
-pub(crate) fn fitting(element: Option<Element>) -> Result<Fitting> {
+pub(crate) fn fitting(element: Option<XmlElement>) -> Result<Fitting> {
     element.map_or(Ok(Fitting::default()), |element| {
         Ok(Fitting { offset: offset(element)?, rotation: rotation(element)? })
     })

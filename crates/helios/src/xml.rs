@@ -11,6 +11,8 @@ use std::path::{Path, PathBuf};
 pub(crate) struct XmlText {
     path: PathBuf,
     text: String,
+    /// Where its lines begin, bytes.
+    lines: Vec<usize>,
 }
 
 impl XmlText {
@@ -22,12 +24,13 @@ impl XmlText {
             Error::parse(path, format!("line {line}"), "is not UTF-8; allowed: XML in UTF-8")
         })?;
         let text = text.strip_prefix('\u{feff}').map_or_else(|| text.clone(), str::to_owned);
-        Ok(XmlText { path: path.to_owned(), text })
+        let lines = [0].into_iter().chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect();
+        Ok(XmlText { path: path.to_owned(), text, lines })
     }
 
-    /// Its path.
-    pub fn path(&self) -> &Path {
-        &self.path
+    /// The line of the byte `at`, from 1.
+    fn line(&self, at: usize) -> u32 {
+        self.lines.partition_point(|begin| *begin <= at) as u32
     }
 
     /// Its elements.
@@ -36,7 +39,7 @@ impl XmlText {
     /// What is not well-formed, with its line; a document type, whose entities could fill the memory.
     pub fn parse(&self) -> Result<Document<'_>> {
         // More elements than a file of the greatest size can have in any sensible survey.
-        const MOST_NODES: u32 = 4_000_000;
+        const MOST_NODES: u32 = 2_000_000;
         let options = ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
         Document::parse_with_options(&self.text, options).map_err(|error| {
             let line = error.pos().row;
@@ -59,17 +62,36 @@ impl XmlText {
 
 /// An element; what is asked of it is noted as used.
 #[derive(Clone, Copy)]
-pub(crate) struct Element<'d> {
+pub(crate) struct XmlElement<'d> {
     node: Node<'d, 'd>,
-    path: &'d Path,
+    text: &'d XmlText,
     file: u32,
     notes: &'d NoteBook,
 }
 
-impl<'d> Element<'d> {
-    /// The outermost element of `document`, which is in the file at `path`.
-    pub fn root(document: &'d Document<'d>, path: &'d Path, notes: &'d NoteBook) -> Element<'d> {
-        Element { node: document.root_element(), path, file: notes.file(path), notes }
+impl<'d> XmlElement<'d> {
+    /// The outermost element of `document`, which is that of `text`.
+    pub fn root(document: &'d Document<'d>, text: &'d XmlText, notes: &'d NoteBook) -> XmlElement<'d> {
+        XmlElement { node: document.root_element(), text, file: notes.file(&text.path), notes }
+    }
+
+    /// The outermost element around it.
+    pub fn outermost(self) -> XmlElement<'d> {
+        XmlElement { node: self.node.document().root_element(), ..self }
+    }
+
+    /// The element `kind` in it with this id; all below it is noted.
+    ///
+    /// # Errors
+    /// There is none, with similar ids.
+    pub fn asset(self, kind: &'static str, id: &str) -> Result<XmlElement<'d>> {
+        let of_kind = || self.node.children().filter(|node| node.tag_name().name() == kind);
+        let found = of_kind().find(|node| node.attribute("id") == Some(id));
+        let node = found.ok_or_else(|| Error::missing(kind, id, of_kind().filter_map(|node| node.attribute("id"))))?;
+        let found = XmlElement { node, ..self };
+        found.note_all();
+        found.text("id");
+        Ok(found)
     }
 
     /// Name of the element.
@@ -79,8 +101,7 @@ impl<'d> Element<'d> {
 
     /// Where it is.
     pub fn place(self) -> XmlPlace {
-        let line = self.node.document().text_pos_at(self.node.range().start).row;
-        XmlPlace { file: self.file, node: self.node.id().get(), line }
+        XmlPlace { file: self.file, node: self.node.id().get(), line: self.text.line(self.node.range().start) }
     }
 
     /// The notes.
@@ -91,7 +112,7 @@ impl<'d> Element<'d> {
     /// Notes that it and all below it are there.
     pub fn note_all(self) {
         for node in self.node.descendants().filter(Node::is_element) {
-            let element = Element { node, ..self };
+            let element = XmlElement { node, ..self };
             let place = element.place();
             self.notes.found(place, element.name(), None);
             for attribute in node.attributes() {
@@ -101,9 +122,18 @@ impl<'d> Element<'d> {
         self.notes.used(self.place(), "");
     }
 
+    /// Notes that it and all below it have no effect.
+    pub fn not_understood(self, why: &str) {
+        for node in self.node.descendants().filter(Node::is_element) {
+            let place = XmlElement { node, ..self }.place();
+            self.notes.not_understood(place, "", why);
+            node.attributes().for_each(|attribute| self.notes.not_understood(place, attribute.name(), why));
+        }
+    }
+
     /// An error about it: what was found and what is allowed.
     pub fn error(self, message: impl std::fmt::Display) -> Error {
-        Error::parse(self.path, format!("line {}", self.place().line), format!("{} {message}", self.name()))
+        Error::parse(&self.text.path, format!("line {}", self.place().line), format!("{} {message}", self.name()))
     }
 
     /// An error about one of its attributes: what is allowed.
@@ -161,17 +191,17 @@ impl<'d> Element<'d> {
     }
 
     /// The elements called `name` in it.
-    pub fn children(self, name: &'d str) -> impl Iterator<Item = Element<'d>> {
+    pub fn children(self, name: &'d str) -> impl Iterator<Item = XmlElement<'d>> {
         let of_name = self.node.children().filter(move |node| node.is_element() && node.tag_name().name() == name);
         of_name.map(move |node| {
-            let element = Element { node, ..self };
+            let element = XmlElement { node, ..self };
             self.notes.used(element.place(), "");
             element
         })
     }
 
     /// The first element called `name` in it.
-    pub fn child(self, name: &'d str) -> Option<Element<'d>> {
+    pub fn child(self, name: &'d str) -> Option<XmlElement<'d>> {
         self.children(name).next()
     }
 
