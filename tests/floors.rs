@@ -21,6 +21,7 @@ const PACKAGES: [&str; 22] = [
     "crates/engine",
     "crates/ground",
     "crates/hdf5",
+    "crates/helios",
     "crates/kernels",
     "crates/memory",
     "crates/model",

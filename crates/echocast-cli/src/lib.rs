@@ -13,6 +13,7 @@ mod flight;
 mod formats;
 mod frames;
 mod generate;
+mod import;
 mod info;
 mod input;
 mod interrupt;
@@ -80,6 +81,7 @@ enum Command {
     Info(info::InfoArgs),
     Convert(convert::ConvertArgs),
     Trajectory(trajectory::TrajectoryArgs),
+    Import(import::ImportArgs),
     Preview(preview::PreviewArgs),
     Generate(generate::GenerateArgs),
     Formats(formats::FormatsArgs),
@@ -145,6 +147,7 @@ impl Command {
             Command::Info(args) => info::run(&args),
             Command::Convert(args) => convert::run(&args),
             Command::Trajectory(args) => trajectory::run(&args),
+            Command::Import(args) => import::run(&args),
             Command::Preview(args) => preview::run(&args),
             Command::Generate(args) => generate::run(&args),
             Command::Formats(args) => formats::run(&args),

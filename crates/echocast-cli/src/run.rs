@@ -1,5 +1,6 @@
 //! `echocast run`
 
+use crate::import::{AssetArgs, Imported};
 use crate::output::{FilesKeys, OutputArgs, PictureArgs};
 use crate::progress::ProgressLine;
 use crate::record::{Nothing, Take, TakeFrame, frame_word};
@@ -13,7 +14,7 @@ use echocast::{Error, Report, Scenario, Scene, shown};
 use serde_json::{Value, json};
 use std::ffi::OsString;
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Mutex;
 
@@ -39,7 +40,8 @@ A scan repeated:
   echocast scan street.glb --sensor velodyne_vlp16 --camera Corner -o scan.las --json > report.json
   echocast run report.json")]
 pub struct RunArgs {
-    /// Scenario file (docs/scenario.md), the report of `echocast scan --json`, or `-` for standard input
+    /// Scenario file (docs/scenario.md), the report of `echocast scan --json`, a survey of HELIOS++ (.xml), or `-` for
+    /// standard input
     #[arg(value_name = "SCENARIO", required_unless_present_any = ["check_output", "finish"])]
     scenario: Option<PathBuf>,
     /// Samples A to B, both included, every STEPth [default: all]
@@ -72,6 +74,8 @@ pub struct RunArgs {
     /// and archives, manifest and report
     #[arg(long, value_name = "FOLDER", conflicts_with = "scenario")]
     finish: Option<PathBuf>,
+    #[command(flatten)]
+    assets: AssetArgs,
     #[command(flatten)]
     picture: PictureArgs,
     /// Worker threads [default: all cores]
@@ -127,7 +131,14 @@ pub fn run(args: &RunArgs, arguments: &[OsString], scene: Option<Scene>) -> Resu
         report.warnings.iter().for_each(|warning| text::note(&format!("warning: {warning}")));
         return Ok(());
     }
-    let mut scenario = load(args)?;
+    let survey = args.scenario.as_deref().filter(|file| has_ending(file, "xml"));
+    if survey.is_none() && !args.assets.is_empty() {
+        return Err(usage::wrong(anyhow!(
+            "--assets: only surveys of HELIOS++ have any; allowed: with a survey (.xml)"
+        )));
+    }
+    let imported = survey.map(|survey| Imported::load(survey, &args.assets, args.quiet)).transpose()?;
+    let mut scenario = load(args, imported.as_ref())?;
     for (key, value) in &args.set {
         scenario.set(key, value).map_err(input::wrong_key).context("--set")?;
     }
@@ -159,10 +170,19 @@ pub fn run(args: &RunArgs, arguments: &[OsString], scene: Option<Scene>) -> Resu
         let output = OutputArgs::from_keys(keys, scenario.folder()).context("outputs")?;
         return record(args, scenario, &output);
     }
-    make_set(args, scenario)
+    // The folder of an imported survey is temporary: the set is named after the survey.
+    let of_survey = survey.map(|survey| survey.with_extension("")).and_then(|path| Some(path.file_name()?.into()));
+    make_set(args, scenario, args.output.clone().or(of_survey))
 }
 
-fn load(args: &RunArgs) -> Result<Scenario> {
+fn has_ending(file: &Path, ending: &str) -> bool {
+    file.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending))
+}
+
+fn load(args: &RunArgs, imported: Option<&Imported>) -> Result<Scenario> {
+    if let Some(imported) = imported {
+        return Ok(Scenario::load(imported.scenario())?);
+    }
     let Some(file) = &args.scenario else { bail!("a scenario file is missing") };
     let parse = |text: &str| Scenario::from_yaml(text, "");
     input::file_or_stdin("SCENARIO", file, Scenario::load, parse)
@@ -263,13 +283,13 @@ fn take_frames(scan: &Scan) -> Vec<TakeFrame> {
     pieces.map(frame).collect()
 }
 
-/// Makes samples of a set.
-fn make_set(args: &RunArgs, scenario: Scenario) -> Result<()> {
+/// Makes samples of a set in `folder`; in that of the scenario without one.
+fn make_set(args: &RunArgs, scenario: Scenario, folder: Option<PathBuf>) -> Result<()> {
     interrupt::listen_patiently().context("cannot listen for signals")?;
     let progress = ProgressLine::new(args.quiet || args.json);
     progress.phase("loading".into());
     let options = RunOptions::default()
-        .folder(args.output.clone())
+        .folder(folder)
         .samples(args.samples.map(|Range(range)| range).or(args.sample.map(|sample| [sample, sample, 1])))
         .shard(args.shard.map(|Shard(shard)| shard))
         .resume(args.resume)

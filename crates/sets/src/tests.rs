@@ -1085,3 +1085,18 @@ fn a_scene_of_blender_is_given() {
         assert!(fault.contains(allowed), "{fault}");
     }
 }
+
+/// All of a scene may be placed, and its categories have the classes of the label rules.
+#[test]
+fn scenes_may_be_nothing_but_models() {
+    let folder = folder();
+    let text = "scene:\n  place:\n    - {model: models/crate.obj, name: box, category: building, at: {position_m: [2, 0, 0]}}\n  \
+                labels: {las_class: {building: 6}, surfaces: {metal: concrete}}\n\
+                sensors: [{sensor: velodyne_vlp16, name: top}]\ntrajectory: {position_m: [0, 0, 0]}\n";
+    let scenario = Scenario::from_yaml(text, folder.path()).unwrap().with_engine(&Engine::with_threads(1).unwrap());
+    let sample = scenario.sample(0).unwrap();
+    let labels = sample.scene().labels();
+    let (id, _) = labels.category.iter().find(|(_, name)| *name == "building").unwrap();
+    assert_eq!(labels.las_class.get(&id), Some(&6));
+    assert_eq!(places(sample.scene(), "*").len(), 1);
+}
