@@ -91,6 +91,9 @@ fn row(info: &PresetInfo, forest: &(BuiltScene, Pose)) -> String {
     assert!((0.6..1.03).contains(&(reached / at_m)), "{} sees {reflectance} at {reached} m, not {at_m} m", info.name);
     let lidar = info.kind == SensorKind::Lidar;
     let at = if lidar { 10.0 } else { 2.0 };
+    // As far as half of the light is seen.
+    let far = sensor.spec().range.max_m.unwrap().min(at_m * (0.5 / reflectance).sqrt());
+    let at = if far < at { 0.5 * far } else { at };
     let several = if lidar { format!("{:.1} %", 100.0 * several(&sensor, forest)) } else { "-".into() };
     format!(
         "| `{}` | {} % at {at_m} m | {reached:.1} m | {:.1} mm | {several} | {} |\n",
