@@ -22,8 +22,8 @@ pub struct EarthArgs {
     /// a trajectory are projected into it [default: the UTM zone of the first pose]
     #[arg(long, value_name = "CRS", help_heading = "Place")]
     crs: Option<String>,
-    /// Easting, northing and height of the world's origin, metres: they are subtracted from a trajectory, for scenes whose
-    /// coordinates are small
+    /// Easting, northing and height of the world's origin, metres: they are subtracted from those of a trajectory, for scenes
+    /// whose coordinates are small
     #[arg(long, value_name = "E,N,H", value_parser = three_numbers, allow_hyphen_values = true, help_heading = "Place")]
     offset: Option<[f64; 3]>,
 }

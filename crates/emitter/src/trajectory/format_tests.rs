@@ -134,6 +134,9 @@ fn text_is_read_back_as_it_was_written() {
     for ((_, a), (_, b)) in local.keys().iter().zip(read.keys()) {
         assert!((a.position - b.position).length() < 1e-9 && a.orientation.angle_between(b.orientation) < 1e-7);
     }
+    // Coordinates of the world have no offset.
+    let plain = Trajectory::load_with(folder.0.path().join("flight.csv"), &options, &mut Report::default()).unwrap();
+    assert_eq!(plain.keys(), local.keys());
     let message = local.save(folder.0.path().join("a.sbet")).unwrap_err().to_string();
     assert!(message.contains("one with a coordinate system"), "{message}");
     let message = local.save(folder.0.path().join("a.las")).unwrap_err().to_string();

@@ -9,7 +9,7 @@ use ground::pose::Pose;
 use ground::report::Report;
 
 /// A time, s, and a pose.
-pub(super) type Key = (f64, Pose);
+pub(super) type TimedPose = (f64, Pose);
 
 /// The pose with a unit quaternion, or what is wrong with a key after the one at time `before`.
 pub(super) fn check_key(before: Option<f64>, time: f64, pose: Pose) -> Result<Pose, String> {
@@ -33,7 +33,8 @@ builder! {
         /// Coordinate system of the world, into which latitudes and longitudes are projected; `None`: the UTM zone of WGS 84
         /// of the first pose, for files that have these.
         pub crs: Option<Crs> = None,
-        /// Coordinates of the world's origin in the coordinates of the file, once projected, m: they are subtracted.
+        /// Coordinates of the world's origin in that system, m: they are subtracted from eastings and northings, also of
+        /// projected places, and from coordinates of HELIOS++. Those of TUM text and of columns x, y, z are the world's.
         pub offset: DVec3 = DVec3::ZERO,
     }
 }
@@ -43,7 +44,7 @@ pub(super) struct KeyReader<'o> {
     options: &'o TrajectoryOptions,
     /// How the world lies on the Earth, and its projection, once they are needed or known.
     world: Option<(Georeference, Option<TransverseMercator>)>,
-    pub keys: Vec<Key>,
+    pub keys: Vec<TimedPose>,
 }
 
 impl<'o> KeyReader<'o> {
@@ -59,11 +60,16 @@ impl<'o> KeyReader<'o> {
         self.keys.last().map(|key| key.0)
     }
 
-    /// Adds a pose in the coordinates of the file, or says what is wrong with it.
+    /// Adds a pose of the world, or says what is wrong with it.
     pub fn add(&mut self, time: f64, pose: Pose) -> Result<(), String> {
         let pose = check_key(self.last_time(), time, pose)?;
-        self.keys.push((time, Pose { position: pose.position - self.options.offset, ..pose }));
+        self.keys.push((time, pose));
         Ok(())
+    }
+
+    /// Adds a pose in the coordinate system that the world's origin has an offset in, or says what is wrong with it.
+    pub fn add_in_grid(&mut self, time: f64, pose: Pose) -> Result<(), String> {
+        self.add(time, Pose { position: pose.position - self.options.offset, ..pose })
     }
 
     /// Prepares for places: they need a coordinate system with a projection, and where none is given, the UTM zone of
@@ -97,7 +103,7 @@ impl<'o> KeyReader<'o> {
     }
 
     /// The keys, and how the world lies on the Earth, if that is known.
-    pub fn finish(self) -> (Vec<Key>, Option<Georeference>) {
+    pub fn finish(self) -> (Vec<TimedPose>, Option<Georeference>) {
         (self.keys, self.world.map(|(world, _)| world))
     }
 }

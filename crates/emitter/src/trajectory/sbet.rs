@@ -6,7 +6,7 @@
 //! platform heading less the wander angle (order and units as PDAL documents its reader of SBET).
 
 use super::georeference::{Geographic, Georeference};
-use super::key::{Key, KeyReader, fault};
+use super::key::{KeyReader, TimedPose, fault};
 use echocast_memory::tried;
 use glam::DVec3;
 use ground::error::{Error, Result};
@@ -80,7 +80,7 @@ pub(super) fn read(
 /// east and down. Velocities, accelerations (of the motion, without gravity) and rates are those of the poses before and
 /// after each.
 pub(super) fn write(
-    keys: &[Key],
+    keys: &[TimedPose],
     later: f64,
     georeference: &Georeference,
     to: &mut impl Write,
@@ -121,7 +121,7 @@ struct KeyMotion {
 
 impl KeyMotion {
     /// From the keys before and after; of the first and the last one, from their only neighbour, without acceleration.
-    fn at(keys: &[Key], index: usize) -> KeyMotion {
+    fn at(keys: &[TimedPose], index: usize) -> KeyMotion {
         let (before, after) = (&keys[index.saturating_sub(1)], &keys[(index + 1).min(keys.len() - 1)]);
         let duration = after.0 - before.0;
         if duration <= 0.0 {

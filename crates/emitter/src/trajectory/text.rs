@@ -1,7 +1,7 @@
 //! Trajectories as text: TUM, CSV with columns by name, and those of HELIOS++.
 
 use super::georeference::{Geographic, Georeference, navigated, navigation_angles};
-use super::key::{Key, KeyReader, fault};
+use super::key::{KeyReader, TimedPose, fault};
 use glam::{DQuat, DVec3};
 use ground::error::Result;
 use ground::pose::Pose;
@@ -47,8 +47,10 @@ fn read_tum(mut lines: Lines, reader: &mut KeyReader) -> Result<()> {
 
 /// Which columns a CSV file has for the position, and their numbers.
 enum PositionColumns {
-    /// `x, y, z`, or `easting, northing, height`: m.
-    Metres([usize; 3]),
+    /// `x, y, z`, of the world: m.
+    World([usize; 3]),
+    /// `easting, northing, height`: m.
+    Grid([usize; 3]),
     /// `lat, lon, height`: degrees and m.
     Degrees([usize; 3]),
 }
@@ -79,9 +81,9 @@ impl PositionColumns {
         if let Some(easting) = has_easting {
             let northing = first(["northing", "northing_m"]).ok_or_else(|| missing("northing beside easting"))?;
             let height = height.ok_or_else(|| missing("height beside easting"))?;
-            return Ok(PositionColumns::Metres([easting, northing, height]));
+            return Ok(PositionColumns::Grid([easting, northing, height]));
         }
-        Ok(PositionColumns::Metres(csv.required(["x", "y", "z"])?))
+        Ok(PositionColumns::World(csv.required(["x", "y", "z"])?))
     }
 }
 
@@ -112,7 +114,7 @@ fn read_csv(mut csv: CsvReader, reader: &mut KeyReader, report: &mut Report) -> 
         let time = row[time];
         let three = |columns: [usize; 3]| columns.map(|column| row[column]);
         let done = match position {
-            PositionColumns::Metres(columns) => {
+            PositionColumns::World(columns) | PositionColumns::Grid(columns) => {
                 let [x, y, z] = three(columns);
                 let at = Pose::at(x, y, z);
                 let pose = match angles {
@@ -127,7 +129,10 @@ fn read_csv(mut csv: CsvReader, reader: &mut KeyReader, report: &mut Report) -> 
                         Pose { orientation: navigated(three(columns).map(f64::to_radians)), ..at }
                     }
                 };
-                reader.add(time, pose)
+                match position {
+                    PositionColumns::Grid(_) => reader.add_in_grid(time, pose),
+                    _ => reader.add(time, pose),
+                }
             }
             PositionColumns::Degrees(columns) => {
                 let AngleColumns::Heading(angles) = angles else {
@@ -197,7 +202,7 @@ pub(super) fn read_helios(origin: &str, text: String, reader: &mut KeyReader) ->
         let turned = DQuat::from_rotation_z(-yaw) * DQuat::from_rotation_y(roll) * DQuat::from_rotation_x(pitch);
         // Its y axis is ours ahead.
         let pose = Pose { orientation: turned * DQuat::from_rotation_z(FRAC_PI_2), ..Pose::at(x, y, z) };
-        reader.add(time, pose).map_err(|message| lines.error(message))?;
+        reader.add_in_grid(time, pose).map_err(|message| lines.error(message))?;
     }
     if reader.keys.is_empty() {
         return Err(lines.error_at_all("has no poses; expected lines of t, roll, pitch, yaw, x, y, z"));
@@ -206,7 +211,7 @@ pub(super) fn read_helios(origin: &str, text: String, reader: &mut KeyReader) ->
 }
 
 /// Writes `keys` as TUM text, their times `later`, s.
-pub(super) fn write_tum(keys: &[Key], later: f64, to: &mut impl Write) -> io::Result<()> {
+pub(super) fn write_tum(keys: &[TimedPose], later: f64, to: &mut impl Write) -> io::Result<()> {
     for (time, pose) in keys {
         let ([x, y, z], [qx, qy, qz, qw]) = (pose.position.to_array(), pose.orientation.to_array());
         writeln!(to, "{} {x} {y} {z} {qx} {qy} {qz} {qw}", time + later)?;
@@ -217,7 +222,7 @@ pub(super) fn write_tum(keys: &[Key], later: f64, to: &mut impl Write) -> io::Re
 /// Writes `keys` as CSV, their times `later`, s: with a georeference, eastings, northings and heights in its system and
 /// the angles of navigators relative to the grid; without one, positions and quaternions of the world.
 pub(super) fn write_csv(
-    keys: &[Key],
+    keys: &[TimedPose],
     later: f64,
     georeference: Option<&Georeference>,
     to: &mut impl Write,
