@@ -92,7 +92,10 @@ pub fn run(args: &PlanArgs) -> Result<()> {
         output::check_picture("--preview", file, &options).map_err(usage::wrong)?;
     }
     if let Some(file) = &args.output {
-        ensure!(has_ending(file, &["yaml", "yml"]), usage::wrong(anyhow!("-o {}: scenarios are written as .yaml", shown::path(file))));
+        ensure!(
+            has_ending(file, &["yaml", "yml"]),
+            usage::wrong(anyhow!("-o {}: scenarios are written as .yaml", shown::path(file)))
+        );
     }
     for file in args.output.iter().chain(&args.preview) {
         args.files.iter().try_for_each(|input| output::check_kept(file, input)).map_err(usage::wrong)?;
@@ -134,7 +137,8 @@ fn scenario(args: &PlanArgs) -> Result<Scenario> {
         && has_ending(file, &["yaml", "yml", "json"])
     {
         let own = args.sensor.is_some() || args.height.is_some() || args.area.is_some() || args.speed.is_some();
-        let message = "--sensor, --height, --speed, --area: are for scene files; allowed: --set of keys of the scenario";
+        let message =
+            "--sensor, --height, --speed, --area: are for scene files; allowed: --set of keys of the scenario";
         ensure!(!own, usage::wrong(anyhow!(message)));
         let mut scenario = Scenario::load(file)?;
         for (key, value) in &args.set {
@@ -196,12 +200,7 @@ fn las_bytes(scan: &Scan) -> usize {
 const ROLL_DEG: f64 = 2.0;
 
 fn summary(plan: &SurveyPlan, scan: &Scan) -> String {
-    let mut text = format!(
-        "{}: {} m, {} m/s\n",
-        shown::text(scan.sensor().title()),
-        plan.height_m,
-        plan.speed_m_s
-    );
+    let mut text = format!("{}: {} m, {} m/s\n", shown::text(scan.sensor().title()), plan.height_m, plan.speed_m_s);
     let mut line = |words: String| {
         text.push_str("  ");
         text.push_str(&words);
@@ -234,7 +233,8 @@ fn summary(plan: &SurveyPlan, scan: &Scan) -> String {
         line(format!("multiple time around: {zones} of {zone:.1} m"));
     }
     if let Some(([pulse, step], _)) = plan.swath.panorama {
-        let steps = [10.0, 50.0, 100.0].map(|range| format!("{:.1} x {:.1} mm at {range} m", 1e3 * pulse * range, 1e3 * step * range));
+        let steps = [10.0, 50.0, 100.0]
+            .map(|range| format!("{:.1} x {:.1} mm at {range} m", 1e3 * pulse * range, 1e3 * step * range));
         line(format!("points every {}", steps.join(", ")));
     }
     let length: f64 = plan.strips.iter().map(|strip| strip.length_m).sum();

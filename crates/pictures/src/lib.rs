@@ -25,6 +25,7 @@ pub use canvas::Picture;
 pub use legend::thousands;
 pub use sheet::sheet;
 
+use ::survey::SurveyPlan;
 use canvas::{DIM, PAGE, TEXT};
 use cloud::image::Image;
 use cloud::{Field, FieldSet, Pings, PointCloud, RadarFrame, VELOCITY};
@@ -44,7 +45,6 @@ use points::Points;
 use serde::Deserialize;
 use std::path::Path;
 use std::str::FromStr;
-use ::survey::SurveyPlan;
 
 /// Allowed widths of a picture, pixels.
 const WIDTHS: std::ops::RangeInclusive<u32> = 320..=4096;

@@ -6,10 +6,10 @@ use super::paint::{Legend, LegendEntry};
 use super::plan::{MapBase, base};
 use super::top::{Map, length, scale_bar};
 use super::{Page, font, legend};
+use ::survey::SurveyPlan;
 use engine::scene::Scene;
 use engine::trace::BuiltScene;
 use glam::{DVec2, DVec3, Vec2};
-use ::survey::SurveyPlan;
 
 /// Strips, and what they cover.
 const STRIP: Color = [0xff, 0xd1, 0x4d];
@@ -22,8 +22,8 @@ pub(super) fn draw(scene: &Scene, built: &BuiltScene, plan: &SurveyPlan, page: &
     let Some((low, high)) = scene.bounds() else { return page.empty("no triangles") };
     let keys = plan.trajectory.clone().into_keys();
     let places = keys.iter().map(|(_, pose)| pose.position.truncate());
-    let (low, high) = places
-        .fold((low.truncate(), high.truncate()), |(low, high), place| (low.min(place), high.max(place)));
+    let (low, high) =
+        places.fold((low.truncate(), high.truncate()), |(low, high), place| (low.min(place), high.max(place)));
     let origin = built.origin().truncate();
     let map = Map::around((low - origin).as_vec2(), (high - origin).as_vec2(), page);
     let Some(MapBase { mut picture, unit, grid }) = base(scene, built, &map, page) else {
@@ -113,9 +113,9 @@ fn draw_way(
 
 /// Blends `color` over a convex shape with four corners, clipped to the picture.
 fn band(picture: &mut Picture, corners: [Vec2; 4], color: Color, opacity: f32) {
-    let (low, high) = corners.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), corner| {
-        (low.min(corner.y), high.max(corner.y))
-    });
+    let (low, high) = corners
+        .iter()
+        .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), corner| (low.min(corner.y), high.max(corner.y)));
     let sides = [[0, 1], [1, 2], [2, 3], [3, 0]].map(|[a, b]| [corners[a], corners[b]]);
     // Casts saturate.
     for y in low.max(0.0) as u32..high.clamp(0.0, picture.height as f32).ceil() as u32 {
@@ -141,12 +141,22 @@ mod tests {
             let mut picture = Picture::new(200, 200, [0; 3]);
             let (middle, along) = (Vec2::splat(100.0), Vec2::from_angle(angle));
             let corner = |x: f32, y: f32| middle + x * along + y * along.perp();
-            band(&mut picture, [corner(-60.0, -20.0), corner(-60.0, 20.0), corner(60.0, 20.0), corner(60.0, -20.0)], [200; 3], 1.0);
+            band(
+                &mut picture,
+                [corner(-60.0, -20.0), corner(-60.0, 20.0), corner(60.0, 20.0), corner(60.0, -20.0)],
+                [200; 3],
+                1.0,
+            );
             let covered = picture.pixels.iter().filter(|&&byte| byte == 200).count() / 3;
             assert!(covered.abs_diff(120 * 40) < 200, "{covered}");
         }
         let mut picture = Picture::new(10, 10, [0; 3]);
-        band(&mut picture, [Vec2::splat(-9.0), Vec2::new(-9.0, -3.0), Vec2::splat(-3.0), Vec2::new(-3.0, -9.0)], [9; 3], 1.0);
+        band(
+            &mut picture,
+            [Vec2::splat(-9.0), Vec2::new(-9.0, -3.0), Vec2::splat(-3.0), Vec2::new(-3.0, -9.0)],
+            [9; 3],
+            1.0,
+        );
         assert!(picture.pixels.iter().all(|&byte| byte == 0));
     }
 }

@@ -330,7 +330,10 @@ mod tests {
         let strips = "strips: [{strip: 3, from_s: 1, to_s: 2.305}, {strip: 7, from_s: 4, to_s: 4.5, set: {pattern.lines_hz: 50}}]";
         let mut sample = scenario(&folder, 1e6, &format!("{FLIGHT}{strips}")).sample(0).unwrap();
         let scan = sample.scans()[0].clone();
-        assert_eq!(scan.frames().iter().map(|frame| (frame.number, frame.start)).collect::<Vec<_>>(), [(3, 1.0), (7, 4.0)]);
+        assert_eq!(
+            scan.frames().iter().map(|frame| (frame.number, frame.start)).collect::<Vec<_>>(),
+            [(3, 1.0), (7, 4.0)]
+        );
         // 130 lines of 5000 pulses are more than two pieces.
         assert_eq!([scan.pieces(0), scan.pieces(1)], [3, 1]);
         let numbers: Vec<u32> = (0..3).map(|piece| scan.piece(0, piece).unwrap().number).collect();
@@ -374,8 +377,14 @@ mod tests {
                 "strips: [{strip: 1, from_s: 0, to_s: 2}, {strip: 2, from_s: 1, to_s: 3}]",
                 "strips[1].from_s: is 1; allowed: 2 or more, where the strip before ends",
             ),
-            ("strips: [{strip: 1, from_s: 0, to_s: 0.005}]", "strips[0].to_s is 0.005, too early for a scan of sensors[0]"),
-            ("strips: [{strip: 1, from_s: 18, to_s: 25}]", "strips[0].to_s is 25; allowed: 0 to 20, the times of the trajectory"),
+            (
+                "strips: [{strip: 1, from_s: 0, to_s: 0.005}]",
+                "strips[0].to_s is 0.005, too early for a scan of sensors[0]",
+            ),
+            (
+                "strips: [{strip: 1, from_s: 18, to_s: 25}]",
+                "strips[0].to_s is 25; allowed: 0 to 20, the times of the trajectory",
+            ),
             ("strips: [{strip: 1, from_s: 0, to_s: 1, set: {pattern.line_hz: 50}}]", "pattern.line_hz"),
             ("strips: [{strip: 1, from_s: 0, to_s: 1}]\nframes: {last: 3}", "frames: is given beside strips"),
         ] {
@@ -397,7 +406,8 @@ mod tests {
             let data = set.path().join("set/data/000000");
             let mut names: Vec<PathBuf> = fs::read_dir(&data).unwrap().map(|entry| entry.unwrap().path()).collect();
             names.sort();
-            let read = |path: &PathBuf| cloud::import::read(path, &mut ground::report::Report::default()).unwrap().len();
+            let read =
+                |path: &PathBuf| cloud::import::read(path, &mut ground::report::Report::default()).unwrap().len();
             let named = |path: &PathBuf| path.file_name().unwrap().to_str().unwrap().to_owned();
             names.iter().map(|path| (named(path), read(path))).collect::<Vec<_>>()
         };
@@ -431,7 +441,8 @@ mod tests {
                     // Whether it is left of an odd number of sides.
                     let sides = found.area.iter().zip(found.area.iter().cycle().skip(1));
                     let left = sides.filter(|(a, b)| {
-                        (a.y > place.y) != (b.y > place.y) && place.x < a.x + (place.y - a.y) / (b.y - a.y) * (b.x - a.x)
+                        (a.y > place.y) != (b.y > place.y)
+                            && place.x < a.x + (place.y - a.y) / (b.y - a.y) * (b.x - a.x)
                     });
                     inside += left.count() % 2;
                 }

@@ -307,10 +307,13 @@ impl Planner<'_> {
 
     /// The lines with their heights.
     fn flown(&self, lines: Vec<[DVec2; 2]>, report: &mut Report) -> Result<Vec<FlownLine>> {
-        let block = block_m(self.spec.height_m, self.speed);
+        /// Places of all lines at which the ground is looked up.
+        const MOST: f64 = 200_000.0;
+        let length: f64 = lines.iter().map(|[from, to]| from.distance(*to)).sum();
+        let step = (block_m(self.spec.height_m, self.speed) / 8.0).max(length / MOST);
         let mut found = Vec::with_capacity(lines.len());
         for (index, ends) in lines.into_iter().enumerate() {
-            let Some(below) = GroundProfile::new(self.ground, ends, block / 8.0) else {
+            let Some(below) = GroundProfile::new(self.ground, ends, step) else {
                 let [from, to] = ends;
                 let found = format!(
                     "not all over the scene: strip {} from {:.1},{:.1} to {:.1},{:.1} misses it",
@@ -423,10 +426,8 @@ impl Planner<'_> {
             if !lines::holds(corners, place) {
                 continue;
             }
-            let Some(z) = (self.ground)(place.x, place.y) else {
-                densities.push(0.0);
-                continue;
-            };
+            // Where there is no ground there is nothing to cover.
+            let Some(z) = (self.ground)(place.x, place.y) else { continue };
             let (mut density, mut covered) = (0.0, false);
             for (start, ahead, length, profile) in &lines {
                 let away = place - *start;
