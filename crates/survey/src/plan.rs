@@ -381,7 +381,7 @@ impl Planner<'_> {
             let cut = radius * (0.5 * turn.abs()).tan();
             let last = index + 3 == places.len();
             let room = (before.length() - used).min(after.length() * if last { 1.0 } else { 0.5 });
-            if !(cut <= room) {
+            if cut > room {
                 let key = format!("{}.course_m[{}]", self.key, index + 1);
                 let found = format!("a corner of {:.0} degrees with {room:.1} m beside it", turn.abs().to_degrees());
                 let allowed = format!("corners with room for turns of {radius:.1} m; a lower speed makes them smaller");
