@@ -314,7 +314,8 @@ impl Planner<'_> {
         let mut found = Vec::with_capacity(lines.len());
         for (index, ends) in lines.into_iter().enumerate() {
             let Some(below) = GroundProfile::new(self.ground, ends, step) else {
-                let [from, to] = ends;
+                // Adding zero turns -0 into 0.
+                let [from, to] = ends.map(|end| end + DVec2::ZERO);
                 let found = format!(
                     "not all over the scene: strip {} from {:.1},{:.1} to {:.1},{:.1} misses it",
                     index + 1,
