@@ -19,9 +19,10 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  echocast generate landscape --size 300,200 -o hills.glb
-  echocast plan hills.glb --sensor riegl_vux1uav22 --height 60 --speed 8 --overlap 0.3 --half-angle 45
-  echocast plan hills.glb --sensor riegl_vux1uav22 --height 60 --speed 8 --half-angle 45 -o plan.yaml --preview plan.png
+  echocast generate landscape --size 60,60 -o hills.glb
+  echocast plan hills.glb --sensor riegl_vux1uav22 --height 30 --speed 8 --overlap 0.3 --half-angle 45
+  echocast plan hills.glb --sensor riegl_vux1uav22 --set pattern.pulse_rate_hz=50000 --height 30 --speed 15 \\
+    -o plan.yaml --preview plan.png
   echocast run plan.yaml -o survey
   echocast plan plan.yaml --set trajectory.plan.speed_m_s=12")]
 pub struct PlanArgs {

@@ -74,6 +74,11 @@ fn commands_of_the_readme_run() {
 }
 
 #[test]
+fn commands_of_the_page_on_survey_plans_run() {
+    run("docs/survey-plans.md", &blocks("docs/survey-plans.md").concat());
+}
+
+#[test]
 fn commands_of_the_page_on_files_run() {
     run("docs/files.md", &blocks("docs/files.md").concat());
 }

@@ -454,8 +454,12 @@ fn planned(
     if plan.is_nowhere() && plan.platform != CarrierKind::Tripod {
         plan.area = Some(AreaBox { min_m: [low.x, low.y], max_m: [high.x, high.y] });
     }
+    // Rays at the very edge may miss what ends there.
+    let edge = 1e-3 + 1e-6 * (high - low).truncate().max_element();
     let ground = |x: f64, y: f64| {
-        let inside = (low.x..=high.x).contains(&x) && (low.y..=high.y).contains(&y);
+        let inside = (low.x - edge..=high.x + edge).contains(&x) && (low.y - edge..=high.y + edge).contains(&y);
+        let within = |value: f64, low: f64, high: f64| value.min(high - edge).max(low + edge);
+        let (x, y) = (within(x, low.x, high.x), within(y, low.y, high.y));
         if inside { built.ground_at(x, y, high.z + ABOVE) } else { None }
     };
     SurveyPlan::new(&plan, PLAN_KEY, &swath, &ground, spec.seed)

@@ -27,7 +27,9 @@ pub(crate) fn narrowest(corners: &[DVec2]) -> f64 {
         let [low, high] = extent(corners, DVec2::from_angle(heading + FRAC_PI_2));
         high - low
     };
-    sides.min_by(|a, b| width(*a).total_cmp(&width(*b))).unwrap_or(0.0)
+    // Of equal ones the first, however they are rounded.
+    let narrower = |best: f64, other: f64| if width(other) < width(best) * (1.0 - 1e-9) { other } else { best };
+    sides.reduce(narrower).unwrap_or(0.0)
 }
 
 /// Ends of lines in the order and direction in which they are flown, in the direction `heading`, rad from x to y, `count` of them, `spacing_m` apart around the middle of the area.

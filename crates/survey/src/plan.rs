@@ -307,11 +307,15 @@ impl Planner<'_> {
 
     /// The lines with their heights.
     fn flown(&self, lines: Vec<[DVec2; 2]>, report: &mut Report) -> Result<Vec<FlownLine>> {
-        let block = block_m(self.spec.height_m, self.speed);
+        /// Places of all lines at which the ground is looked up.
+        const MOST: f64 = 200_000.0;
+        let length: f64 = lines.iter().map(|[from, to]| from.distance(*to)).sum();
+        let step = (block_m(self.spec.height_m, self.speed) / 8.0).max(length / MOST);
         let mut found = Vec::with_capacity(lines.len());
         for (index, ends) in lines.into_iter().enumerate() {
-            let Some(below) = GroundProfile::new(self.ground, ends, block / 8.0) else {
-                let [from, to] = ends;
+            let Some(below) = GroundProfile::new(self.ground, ends, step) else {
+                // Adding zero turns -0 into 0.
+                let [from, to] = ends.map(|end| end + DVec2::ZERO);
                 let found = format!(
                     "not all over the scene: strip {} from {:.1},{:.1} to {:.1},{:.1} misses it",
                     index + 1,
@@ -378,7 +382,7 @@ impl Planner<'_> {
             let cut = radius * (0.5 * turn.abs()).tan();
             let last = index + 3 == places.len();
             let room = (before.length() - used).min(after.length() * if last { 1.0 } else { 0.5 });
-            if !(cut <= room) {
+            if cut > room {
                 let key = format!("{}.course_m[{}]", self.key, index + 1);
                 let found = format!("a corner of {:.0} degrees with {room:.1} m beside it", turn.abs().to_degrees());
                 let allowed = format!("corners with room for turns of {radius:.1} m; a lower speed makes them smaller");
@@ -423,10 +427,8 @@ impl Planner<'_> {
             if !lines::holds(corners, place) {
                 continue;
             }
-            let Some(z) = (self.ground)(place.x, place.y) else {
-                densities.push(0.0);
-                continue;
-            };
+            // Where there is no ground there is nothing to cover.
+            let Some(z) = (self.ground)(place.x, place.y) else { continue };
             let (mut density, mut covered) = (0.0, false);
             for (start, ahead, length, profile) in &lines {
                 let away = place - *start;
