@@ -1,7 +1,7 @@
 //! A survey as a scenario, sensors and a trajectory.
 
 use crate::beams::{HeadTurn, LegBeams};
-use crate::flight::{Flight, note_settings};
+use crate::flight::{Flight, FlownLeg, note_settings};
 use crate::ground_height::GroundMesh;
 use crate::notes::NoteBook;
 use crate::pattern::{ChannelGroup, HeadPlan, SensorPattern, groups, raised_deg};
@@ -191,20 +191,16 @@ impl Rig<'_> {
         let all = groups(&self.survey.scanner.channels, self.plan);
         let base = file_name(&self.survey.scanner.id);
         let (mut files, mut entries) = (Vec::new(), Vec::new());
-        let mut changes: LegChanges = vec![Map::new(); self.flight.legs.len()];
-        let mut first_channel = 0;
+        let legs = &self.flight.legs;
+        let mut patterns: Vec<Vec<Value>> = Vec::new();
         for (index, group) in all.iter().enumerate() {
             let name = if all.len() == 1 { base.clone() } else { format!("{base}_{}", index + 1) };
-            let channel_index = self.index_of(group).unwrap_or(first_channel);
-            first_channel = channel_index;
-            let pattern = |flown: usize| {
-                let leg = &self.flight.legs[flown];
+            let channel_index = self.index_of(group);
+            let pattern = |leg: &FlownLeg| {
                 SensorPattern::of(group, self.mounted, self.plan, &self.beams[channel_index][leg.leg], leg.from_s)
             };
-            let first = pattern(0);
-            for (flown, own) in changes.iter_mut().enumerate() {
-                self.add_changes(own, &first.value, &pattern(flown).value, [channel_index, flown])?;
-            }
+            let first = pattern(&legs[0]);
+            patterns.push(legs.iter().map(|leg| pattern(leg).value).collect());
             let mut value = self.sensor(&name, group, channel_index);
             value["pattern"] = self.with_rates(first.value, channel_index);
             // Where it is on the carrier, whose position is that of the first channel.
@@ -228,45 +224,38 @@ impl Rig<'_> {
             files.push((name, ordered(value)));
             entries.push(entry);
         }
+        let changes = (0..legs.len()).map(|flown| self.changes(&patterns, flown)).collect::<Result<_>>()?;
         Ok(RigFiles { sensors: files, entries, changes })
     }
 
     /// Number of the first channel of a group.
-    fn index_of(&self, group: &ChannelGroup) -> Option<usize> {
-        self.survey.scanner.channels.iter().position(|channel| std::ptr::eq(channel, group.channels[0]))
+    fn index_of(&self, group: &ChannelGroup) -> usize {
+        let first = |channel: &HeliosChannel| std::ptr::eq(channel, group.channels[0]);
+        self.survey.scanner.channels.iter().position(first).unwrap_or(0)
     }
 
-    /// Adds the keys in which the pattern `now` differs from `first`, and the divergence of a leg.
-    fn add_changes(
-        &self,
-        own: &mut Map<String, Value>,
-        first: &Value,
-        now: &Value,
-        [channel, flown]: [usize; 2],
-    ) -> Result<()> {
-        let leg = &self.survey.legs[self.flight.legs[flown].leg];
-        let mut change = |key: String, value: &Value| {
-            // Strips change all sensors alike.
-            match own.get(&key).filter(|other| *other != value) {
-                Some(_) => {
-                    let place = leg.place;
-                    let message =
-                        format!("leg changes {key} of its channels in different ways; allowed: the same for all");
-                    Err(Error::parse(self.notes.path(place), format!("line {}", place.line), message))
-                }
-                None => {
-                    own.insert(key, value.clone());
-                    Ok(())
-                }
+    /// The keys in which patterns, by sensor and flown leg, differ on a leg from those of the first, and the divergence of
+    /// the leg.
+    ///
+    /// # Errors
+    /// Sensors that do not change alike, as strips change all of them.
+    fn changes(&self, patterns: &[Vec<Value>], flown: usize) -> Result<Map<String, Value>> {
+        let leg = self.flight.legs[flown].leg;
+        let mut changes = Map::new();
+        let keys =
+            patterns.iter().flat_map(|own| own[flown].as_object().into_iter().flatten().map(move |entry| (own, entry)));
+        for (_, (key, value)) in keys.filter(|(own, (key, value))| own[0].get(key) != Some(value)) {
+            if patterns.iter().any(|other| other[flown].get(key) != Some(value)) {
+                let place = self.survey.legs[leg].place;
+                let message = format!("leg changes {key} of its channels in different ways; allowed: the same for all");
+                return Err(Error::parse(self.notes.path(place), format!("line {}", place.line), message));
             }
-        };
-        for (key, value) in now.as_object().into_iter().flatten().filter(|(key, value)| first.get(key) != Some(value)) {
-            change(format!("pattern.{key}"), value)?;
+            changes.insert(format!("pattern.{key}"), value.clone());
         }
-        if let Some(divergence) = self.beams[channel][self.flight.legs[flown].leg].divergence_rad {
-            change("beam.divergence_mrad".into(), &json!([divergence * 1000.0, divergence * 1000.0]))?;
+        if let Some(divergence) = self.beams[0][leg].divergence_rad {
+            changes.insert("beam.divergence_mrad".into(), json!([divergence * 1000.0, divergence * 1000.0]));
         }
-        Ok(())
+        Ok(changes)
     }
 
     /// A pattern with the pulse rates of the instrument, if all that are used are among them.
@@ -274,7 +263,9 @@ impl Rig<'_> {
         let rates = &self.survey.scanner.pulse_rates_hz;
         let known = self.beams[channel].iter().all(|beams| rates.contains(&beams.pulse_rate_hz));
         let direct = pattern["pulse_rate_hz"].as_f64().is_some_and(|rate| rates.contains(&rate));
-        if pattern["type"] == "line_scan" && known && direct {
+        // Of mirrors that turn more than once a line, only a part of the pulses may be there.
+        let whole = self.survey.scanner.channels[channel].half_deg <= 180.0;
+        if pattern["type"] == "line_scan" && known && direct && whole {
             pattern["settings"] = json!({"pulse_rates_hz": rates});
         }
         pattern

@@ -38,6 +38,13 @@ const SCANNERS: &str = r#"<?xml version="1.0"?>
       <channel id="2"><beamOrigin><rot axis="x" angle_deg="15"/><rot axis="z" angle_deg="2"/></beamOrigin></channel>
     </channels>
   </scanner>
+  <scanner id="pair" optics="oscillating" pulseFreqs_Hz="70000" scanAngleMax_deg="30" scanFreqMax_Hz="90">
+    <channels>
+      <channel id="0"><beamOrigin><rot axis="y" angle_deg="14"/></beamOrigin></channel>
+      <channel id="1" scanAngleMax_deg="5" wavelength_nm="532">
+        <beamOrigin y="0.5"><rot axis="y" angle_deg="-14"/></beamOrigin></channel>
+    </channels>
+  </scanner>
   <scanner id="prisms" optics="risley" pulseFreqs_Hz="40000" rotorFreq1_Hz="10.5" rotorFreq2_Hz="-51.6"
       angle1_deg="-27.6" angle2_deg="29.6" refrIndex1="1.51" refrIndex2="1.51" refrIndex_air="1.0">
     <channels>
@@ -747,4 +754,34 @@ fn scenes_of_terrain_alone_are_refused() {
     );
     let error = error.unwrap_err().to_string();
     assert!(error.contains("scene has nothing but parts of geotiffloader, which are not read yet"), "{error}");
+}
+
+/// Channels with optics of their own are sensors side by side, which change alike from strip to strip.
+#[test]
+fn channels_are_sensors_side_by_side() {
+    let world = World::new();
+    let fly = |angles: [f64; 2]| {
+        let legs = [angles[0], angles[1], 1.0].into_iter().enumerate().map(|(index, angle)| {
+            let settings = format!("scanFreq_hz=\"50\" scanAngle_deg=\"{angle}\"");
+            leg(&format!("x=\"{}\" z=\"50\" movePerSec_m=\"50\"", 100 * index), &settings)
+        });
+        world.try_import("data/platforms.xml#plane", "pair", &legs.collect::<String>())
+    };
+    let import = fly([4.0, 3.0]).unwrap();
+    assert_eq!(import.converted.sensors.len(), 2);
+    assert_eq!(import.converted.sensors[1].1["beam"]["wavelength_nm"], 532.0);
+    // Ahead of the platform is x here.
+    assert_eq!(import.converted.scenario["sensors"][1]["mount"]["position_m"], serde_json::json!([0.5, 0.0, 0.0]));
+    assert_eq!(strips(&import)[1]["set"]["pattern.mechanism"]["half_deg"], 3.0);
+    // Beams of the first look ahead or back by 14 degrees, as their plane is turned about theirs, ahead of the scanner.
+    for (sensor, rotation) in [(0, 14.0), (1, -14.0)] {
+        let mount = turned(DVec3::Z, 90.0) * turned(DVec3::X, -90.0) * turned(DVec3::Y, rotation);
+        let platform = turned(DVec3::Z, -90.0);
+        for (_, direction) in world_beams(&import, sensor, 0.5).into_iter().step_by(61) {
+            let own = (platform * mount).inverse() * direction;
+            assert!(own.x.abs() < 1e-5 && own.y > 0.99, "{own}");
+        }
+    }
+    let error = fly([4.0, 20.0]).unwrap_err().to_string();
+    assert!(error.contains("leg changes mechanism of its channels in different ways"), "{error}");
 }
