@@ -531,7 +531,7 @@ mod tests {
     }
 
     const VIEWS: [View; 3] = [View::Top, View::Perspective, View::Range];
-    const COLORS: [ColorBy; 10] = [
+    const COLORS: [ColorBy; 12] = [
         ColorBy::Label,
         ColorBy::Cause,
         ColorBy::Path,
