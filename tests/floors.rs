@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// The packages whose sources are checked.
-const PACKAGES: [&str; 22] = [
+const PACKAGES: [&str; 23] = [
     "bindings/python",
     "crates/cloud",
     "crates/crew",

@@ -26,13 +26,17 @@ pub struct EarthArgs {
     /// whose coordinates are small
     #[arg(long, value_name = "E,N,H", value_parser = three_numbers, allow_hyphen_values = true, help_heading = "Place")]
     offset: Option<[f64; 3]>,
+    /// GPS week from whose start the times of the trajectory count, as those of an SBET do: LAS then stores standard GPS time
+    #[arg(long, value_name = "N", help_heading = "Place")]
+    gps_week: Option<u16>,
 }
 
 impl EarthArgs {
     /// How to read trajectories.
     pub fn options(&self) -> Result<TrajectoryOptions> {
         let crs = self.crs.as_deref().map(Crs::open).transpose().context("--crs").map_err(usage::wrong)?;
-        Ok(TrajectoryOptions::default().crs(crs).offset(DVec3::from_array(self.offset.unwrap_or_default())))
+        let offset = DVec3::from_array(self.offset.unwrap_or_default());
+        Ok(TrajectoryOptions::default().crs(crs).offset(offset).gps_week(self.gps_week))
     }
 
     /// The trajectory in `file`, an option's; `-` is standard input.
@@ -65,6 +69,9 @@ impl EarthArgs {
         }
         if let Some(offset) = self.offset {
             section["offset_m"] = json!(offset);
+        }
+        if let Some(week) = self.gps_week {
+            section["gps_week"] = json!(week);
         }
         section
     }

@@ -280,6 +280,9 @@ pub(super) struct CarrierFile {
     /// Coordinates of the world's origin in it.
     #[serde(default)]
     pub offset_m: [f64; 3],
+    /// GPS week from whose start its times count.
+    #[serde(default)]
+    pub gps_week: Option<u16>,
 }
 
 impl<'de> Deserialize<'de> for Carrier {

@@ -6,7 +6,10 @@
 use super::laz::{self, Laz};
 use super::{Format, FormatInfo, Growing, labels_json};
 use crate::record::{self, BLOCK_BYTES};
-use crate::{Column, ColumnType, Field, FieldInfo, FieldSet, PointCloud, Record};
+use crate::points::offset;
+use crate::{Column, ColumnType, Field, FieldInfo, FieldSet, Frame, PointCloud, Record};
+use glam::DVec3;
+use ground::pose::Pose;
 use ::las::raw::header::{Evlr, LargeFile};
 use ::las::{Builder, GpsTimeType, Header, Transform, Vector, Vlr};
 use ground::report::Report;
@@ -219,7 +222,7 @@ impl LasFile {
         builder.generating_software = concat!("echocast ", env!("CARGO_PKG_VERSION")).into();
         builder.system_identifier = "SIMULATION".into();
         let transform = |offset| Transform { scale: self.survey.step(), offset };
-        let origin = head.origin;
+        let origin = head.origin + on_earth(head);
         builder.transforms = Vector { x: transform(origin.x), y: transform(origin.y), z: transform(origin.z) };
         if las.extra_bytes {
             let columns = Vlr {
@@ -229,7 +232,9 @@ impl LasFile {
                 data: self.extra.iter().flat_map(Extra::descriptor).collect(),
             };
             // Beams without a return are left out, and therefore the shape.
-            let labels = labels_json(&PointCloud { organised: None, ..head.head() });
+            let position = head.sensor_pose.position + on_earth(head);
+            let sensor_pose = Pose { position, ..head.sensor_pose };
+            let labels = labels_json(&PointCloud { organised: None, sensor_pose, ..head.head() });
             let labels = Vlr {
                 user_id: "echocast".into(),
                 record_id: 1,
@@ -440,6 +445,11 @@ fn write_buffered(
     buffered.flush()
 }
 
+/// What to add to coordinates of the cloud's frame for those of its coordinate system, metres.
+fn on_earth(cloud: &PointCloud) -> DVec3 {
+    if cloud.frame == Frame::World { cloud.earth_offset } else { DVec3::ZERO }
+}
+
 /// Coordinates of row `row` relative to the origin, metres; NaN without a return.
 fn place(cloud: &PointCloud, row: usize) -> [f32; 3] {
     let c = &cloud.columns;
@@ -548,7 +558,7 @@ impl Survey {
 
     /// A corner of the bounds as readers compute it from the steps in the records.
     fn corner(&self, corner: [f32; 3], cloud: &PointCloud) -> [f64; 3] {
-        let origin = cloud.origin.to_array();
+        let origin = (cloud.origin + on_earth(cloud)).to_array();
         std::array::from_fn(|axis| {
             (f64::from(corner[axis]) * 10f64.powi(-self.exponent)).round() * self.step() + origin[axis]
         })
@@ -633,7 +643,7 @@ impl Extra {
     fn put(&self, cloud: &PointCloud, records: &mut [u8], size: usize, behind: usize, rows: &[usize]) {
         let at = behind + self.at;
         let rows = rows.iter().copied();
-        match (cloud.column(self.info.field), cloud.offset(self.info.field)) {
+        match (cloud.column(self.info.field), offset(cloud.origin + on_earth(cloud), self.info.field)) {
             (Column::F32(c), Some(offset)) => {
                 record::put(records, size, at, rows, |row| (f64::from(c[row]) + offset).to_le_bytes());
             }

@@ -36,6 +36,8 @@ builder! {
         /// Coordinates of the world's origin in that system, m: they are subtracted from eastings and northings, also of
         /// projected places, and from coordinates of HELIOS++. Those of TUM text and of columns x, y, z are the world's.
         pub offset: DVec3 = DVec3::ZERO,
+        /// GPS week in which the times of the file count from its start; `None`: unknown.
+        pub gps_week: Option<u16> = None,
     }
 }
 

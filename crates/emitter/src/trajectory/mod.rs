@@ -33,13 +33,15 @@ pub struct Trajectory {
     time_zero: f64,
     /// See [`Trajectory::georeference`].
     georeference: Option<Georeference>,
+    /// See [`Trajectory::gps_week`].
+    gps_week: Option<u16>,
 }
 
 impl Trajectory {
     /// A sensor fixed at `pose`, whose quaternion is normalised.
     pub fn fixed(pose: Pose) -> Self {
         let key = (0.0, Pose { orientation: pose.orientation.normalize(), ..pose });
-        Trajectory { keys: vec![key], time_zero: 0.0, georeference: None }
+        Trajectory { keys: vec![key], time_zero: 0.0, georeference: None, gps_week: None }
     }
 
     /// A sensor that passes through `keys`: (time in s, pose), times strictly rising. Quaternions are normalised.
@@ -57,7 +59,7 @@ impl Trajectory {
             })?;
             before = Some(*time);
         }
-        Ok(Trajectory { keys, time_zero: 0.0, georeference: None })
+        Ok(Trajectory { keys, time_zero: 0.0, georeference: None, gps_week: None })
     }
 
     /// Reads the file at `path` as [`Trajectory::load_with`] does with its defaults, without its warnings.
@@ -109,7 +111,7 @@ impl Trajectory {
                 }
             }
         }
-        Ok(Trajectory::of(reader))
+        Ok(Trajectory::of(reader, options))
     }
 
     /// [`Trajectory::load_with`] from the text of a file: TUM or CSV.
@@ -119,7 +121,7 @@ impl Trajectory {
     pub fn from_text_with(text: &str, options: &TrajectoryOptions, report: &mut Report) -> Result<Self> {
         let mut reader = KeyReader::new(options)?;
         text::read(Lines::of("trajectory text", text.to_owned()), &mut reader, report)?;
-        Ok(Trajectory::of(reader))
+        Ok(Trajectory::of(reader, options))
     }
 
     /// [`Trajectory::load`] from the text of a file.
@@ -130,9 +132,9 @@ impl Trajectory {
         Trajectory::from_text_with(text, &TrajectoryOptions::default(), &mut Report::default())
     }
 
-    fn of(reader: KeyReader) -> Trajectory {
+    fn of(reader: KeyReader, options: &TrajectoryOptions) -> Trajectory {
         let (keys, georeference) = reader.finish();
-        Trajectory { keys, time_zero: 0.0, georeference }
+        Trajectory { keys, time_zero: 0.0, georeference, gps_week: options.gps_week }
     }
 
     /// Writes it as the file at `path`, whose ending selects the format: `.sbet` or `.out` for SBET, `.csv`, or `.txt` for
@@ -184,6 +186,11 @@ impl Trajectory {
         self.georeference.as_ref()
     }
 
+    /// The GPS week from whose start its clock counts, if that is known: formats of surveys then store standard GPS time.
+    pub fn gps_week(&self) -> Option<u16> {
+        self.gps_week
+    }
+
     /// The same with the first key at time 0, as a scan that starts at time 0 needs it.
     #[must_use]
     pub fn shifted_to_zero(mut self) -> Self {
@@ -224,7 +231,12 @@ impl Trajectory {
 
     /// The same clock and georeference as `other`.
     pub(super) fn alongside(self, other: &Trajectory) -> Trajectory {
-        Trajectory { time_zero: other.time_zero, georeference: other.georeference.clone(), ..self }
+        Trajectory {
+            time_zero: other.time_zero,
+            georeference: other.georeference.clone(),
+            gps_week: other.gps_week,
+            ..self
+        }
     }
 
     /// The trajectory of what is mounted at `mount` on this carrier: poses are added where the carrier turns, so that the
