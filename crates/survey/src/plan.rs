@@ -694,8 +694,11 @@ mod tests {
     #[test]
     fn mistakes_are_named() {
         let error = |spec: PlanSpec| spec.check("trajectory.plan").unwrap_err().to_string();
+        let twice = PlanSpec { course_m: vec![[0.0; 2], [9.0; 2]], ..spec(CarrierKind::Linear) };
+        assert!(error(twice).starts_with("trajectory.plan.area is given beside another place; allowed: one of area,"));
+        let nowhere = PlanSpec { area: None, ..spec(CarrierKind::Linear) };
         assert!(
-            error(PlanSpec::new(80.0)).starts_with("trajectory.plan.area is nowhere; allowed: one of area, polygon_m")
+            plan(&nowhere).unwrap_err().to_string().starts_with("plan is nowhere; allowed: one of area, polygon_m")
         );
         let both = PlanSpec { overlap: Some(0.3), density_per_m2: Some(3.0), ..spec(CarrierKind::Linear) };
         assert!(error(both).starts_with("trajectory.plan.density_per_m2 is given beside overlap"));
