@@ -3,5 +3,6 @@
 
 #[doc(inline)]
 pub use ::survey::{
-    AreaBox, CarrierKind, Coverage, CrossLines, FlightLine, Ground, HeightAbove, PlanSpec, SurveyPlan, SurveySwath,
+    AreaBox, CarrierKind, Coverage, CrossLines, FlightLine, GroundHeight, HeightAbove, PlanSpec, SurveyPlan,
+    SurveySwath,
 };

@@ -1,6 +1,6 @@
 //! Heights along flight lines.
 
-use crate::{Ground, HeightAbove, PlanSpec};
+use crate::{GroundHeight, HeightAbove, PlanSpec};
 use glam::DVec2;
 
 /// Height of a platform along a line.
@@ -28,12 +28,17 @@ const MOST: f64 = 2000.0;
 impl GroundProfile {
     /// The ground below the line from `start` to `end` every `step` m, or farther apart on very long lines; `None`: there is
     /// none.
-    pub fn new(ground: Ground, [start, end]: [DVec2; 2], step: f64) -> Option<GroundProfile> {
+    pub fn new(ground: GroundHeight, [start, end]: [DVec2; 2], step: f64) -> Option<GroundProfile> {
         GroundProfile::along(ground, &|part| start.lerp(end, part), start.distance(end), step)
     }
 
     /// [`GroundProfile::new`] along a path of this `length`, m, whose place at a part of the way, 0 to 1, is `place_at`.
-    pub fn along(ground: Ground, place_at: &dyn Fn(f64) -> DVec2, length: f64, step: f64) -> Option<GroundProfile> {
+    pub fn along(
+        ground: GroundHeight,
+        place_at: &dyn Fn(f64) -> DVec2,
+        length: f64,
+        step: f64,
+    ) -> Option<GroundProfile> {
         let parts = (length / step).ceil().clamp(1.0, MOST);
         let place = |index: u32| place_at(f64::from(index) / parts);
         let found: Vec<Option<f64>> = (0..=parts as u32).map(|index| ground(place(index).x, place(index).y)).collect();
@@ -163,7 +168,7 @@ mod tests {
     #[test]
     fn terrain_is_followed() {
         let line = [DVec2::ZERO, DVec2::new(2000.0, 0.0)];
-        let profile = |ground: Ground| {
+        let profile = |ground: GroundHeight| {
             let below = GroundProfile::new(ground, line, 10.0).unwrap();
             AltitudeProfile::new(&spec(HeightAbove::Ground), 8.0, &below, below.mean())
         };

@@ -14,4 +14,4 @@ pub use spec::{AreaBox, CarrierKind, CrossLines, HeightAbove, PlanSpec};
 pub use swath::SurveySwath;
 
 /// Height of the ground at x and y, m; `None`: there is none.
-pub type Ground<'g> = &'g dyn Fn(f64, f64) -> Option<f64>;
+pub type GroundHeight<'g> = &'g dyn Fn(f64, f64) -> Option<f64>;

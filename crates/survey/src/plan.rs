@@ -5,7 +5,7 @@ use crate::lines::{self, MOST_LINES};
 use crate::platform::{Flight, FlownLine, stations};
 use crate::spec::signed_area;
 use crate::turn::TrackPath;
-use crate::{CarrierKind, CrossLines, Ground, HeightAbove, PlanSpec, SurveySwath};
+use crate::{CarrierKind, CrossLines, GroundHeight, HeightAbove, PlanSpec, SurveySwath};
 use emitter::Trajectory;
 use glam::{DVec2, DVec3};
 use ground::error::{Error, Result};
@@ -86,7 +86,7 @@ impl SurveyPlan {
     /// # Errors
     /// As [`PlanSpec::check`]; a strip or a station that is not over the scene; too many strips; a density that cannot be
     /// reached; a corner that is too sharp.
-    pub fn new(spec: &PlanSpec, key: &str, swath: &SurveySwath, ground: Ground, seed: u64) -> Result<SurveyPlan> {
+    pub fn new(spec: &PlanSpec, key: &str, swath: &SurveySwath, ground: GroundHeight, seed: u64) -> Result<SurveyPlan> {
         spec.check(key)?;
         if spec.is_nowhere() {
             return Err(Error::invalid(key, "nowhere", "one of area, polygon_m, course_m and stations_m"));
@@ -139,7 +139,7 @@ struct Planner<'p> {
     spec: &'p PlanSpec,
     key: &'p str,
     swath: &'p SurveySwath,
-    ground: Ground<'p>,
+    ground: GroundHeight<'p>,
     speed: f64,
     seed: u64,
 }
@@ -651,7 +651,7 @@ mod tests {
     /// A density that is asked for is that in the middle of the area, with crossing strips too.
     #[test]
     fn densities_are_reached() {
-        let flat: Ground = &|_, _| Some(0.0);
+        let flat: GroundHeight = &|_, _| Some(0.0);
         for (crossing, density) in [(CrossLines::None, 60.0), (CrossLines::All, 120.0)] {
             let spec = PlanSpec {
                 area: Some(AreaBox { min_m: [0.0, 0.0], max_m: [3000.0, 3000.0] }),
@@ -670,10 +670,10 @@ mod tests {
 
     #[test]
     fn strips_that_miss_the_scene_are_errors() {
-        let elsewhere: Ground = &|x, _| (x > 1e4).then_some(0.0);
+        let elsewhere: GroundHeight = &|x, _| (x > 1e4).then_some(0.0);
         let error = SurveyPlan::new(&spec(CarrierKind::Linear), "plan", &swath(SCANNER), elsewhere, 0).unwrap_err();
         assert!(error.to_string().contains("strip 1 from") && error.to_string().contains("misses it"), "{error}");
-        let edge: Ground = &|x, _| (x < 500.0).then_some(0.0);
+        let edge: GroundHeight = &|x, _| (x < 500.0).then_some(0.0);
         let plan = SurveyPlan::new(&spec(CarrierKind::Linear), "plan", &swath(SCANNER), edge, 0).unwrap();
         assert!(plan.report.warnings[0].starts_with("strips leave the scene"), "{:?}", plan.report);
         let low = PlanSpec { above: HeightAbove::Sea, height_m: 10.0, ..spec(CarrierKind::Linear) };
@@ -694,8 +694,11 @@ mod tests {
     #[test]
     fn mistakes_are_named() {
         let error = |spec: PlanSpec| spec.check("trajectory.plan").unwrap_err().to_string();
+        let twice = PlanSpec { course_m: vec![[0.0; 2], [9.0; 2]], ..spec(CarrierKind::Linear) };
+        assert!(error(twice).starts_with("trajectory.plan.area is given beside another place; allowed: one of area,"));
+        let nowhere = PlanSpec { area: None, ..spec(CarrierKind::Linear) };
         assert!(
-            error(PlanSpec::new(80.0)).starts_with("trajectory.plan.area is nowhere; allowed: one of area, polygon_m")
+            plan(&nowhere).unwrap_err().to_string().starts_with("plan is nowhere; allowed: one of area, polygon_m")
         );
         let both = PlanSpec { overlap: Some(0.3), density_per_m2: Some(3.0), ..spec(CarrierKind::Linear) };
         assert!(error(both).starts_with("trajectory.plan.density_per_m2 is given beside overlap"));

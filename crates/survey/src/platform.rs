@@ -2,7 +2,7 @@
 
 use crate::altitude::{AltitudeProfile, hermite};
 use crate::turn::TrackPath;
-use crate::{CarrierKind, Ground};
+use crate::{CarrierKind, GroundHeight};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use ground::pose::Pose;
 use ground::rng::{Draw, Rng};
@@ -84,7 +84,7 @@ impl Flight {
     }
 
     /// Flies `lines` one after the other at constant speed, with the shortest turns between them.
-    pub fn cruise(&mut self, lines: &[FlownLine], ground: Ground) {
+    pub fn cruise(&mut self, lines: &[FlownLine], ground: GroundHeight) {
         let (run_in, radius, easing) = (self.run_in(), self.radius(), self.easing());
         let Some(first) = lines.first() else { return };
         let (place, heading) = (first.path.place(0.0), first.path.heading(1e-6));
@@ -136,7 +136,7 @@ impl Flight {
         step: Option<f64>,
         easing: f64,
         height: &dyn Fn(f64) -> f64,
-        ground: Ground,
+        ground: GroundHeight,
     ) {
         let vehicle = self.kind == CarrierKind::GroundVehicle;
         let step = step.unwrap_or(TURN_STEP_S * self.speed);
@@ -156,20 +156,20 @@ impl Flight {
 
     /// Flies `lines` one after the other as a multicopter: it hovers at the beginning and the end, and between the lines
     /// brakes, turns and speeds up within its acceleration.
-    pub fn hop(&mut self, lines: &[FlownLine], ground: Ground) {
+    pub fn hop(&mut self, lines: &[FlownLine], ground: GroundHeight) {
         let Some(first) = lines.first() else { return };
         let (place, heading) = (first.path.place(0.0), first.path.heading(1e-6));
         let ahead = DVec2::from_angle(heading);
         // From rest to speed, with the acceleration of the quintic below, whose mean is 1 / 1.5 of its greatest.
         let way = 0.5 * 1.5 * self.speed * self.speed / self.acceleration;
         let z = first.profile.at(0.0);
-        let mut state = Motion { place: (place - way * ahead).extend(z), velocity: DVec3::ZERO, heading };
+        let mut state = HopState { place: (place - way * ahead).extend(z), velocity: DVec3::ZERO, heading };
         self.add(0.0, tilted(state.place, ahead, DVec3::ZERO));
         for line in lines {
             let heading = line.path.heading(1e-6);
             let begin = line.path.place(0.0).extend(line.profile.at(0.0));
             let speed = self.speed * DVec2::from_angle(heading).extend(0.0);
-            self.fly_to(&state, &Motion { place: begin, velocity: speed, heading });
+            self.fly_to(&state, &HopState { place: begin, velocity: speed, heading });
             let start = self.now();
             let length = line.path.length();
             let height = |along: f64| line.profile.at(along);
@@ -178,14 +178,14 @@ impl Flight {
             self.strips.push([start, start + length / self.speed]);
             let (place, heading) = line.path.end();
             let velocity = self.speed * DVec2::from_angle(heading).extend(0.0);
-            state = Motion { place: place.extend(line.profile.at(length)), velocity, heading };
+            state = HopState { place: place.extend(line.profile.at(length)), velocity, heading };
         }
         let rest = state.place + way / self.speed * state.velocity;
-        self.fly_to(&state, &Motion { place: rest, velocity: DVec3::ZERO, heading: state.heading });
+        self.fly_to(&state, &HopState { place: rest, velocity: DVec3::ZERO, heading: state.heading });
     }
 
     /// Adds the poses of a line that begins at a time.
-    fn add_line(&mut self, line: &FlownLine, time: &Shifted, height: &dyn Fn(f64) -> f64, ground: Ground) {
+    fn add_line(&mut self, line: &FlownLine, time: &Shifted, height: &dyn Fn(f64) -> f64, ground: GroundHeight) {
         let straight = line.path.is_straight();
         let step = if straight { line.profile.step().unwrap_or(f64::INFINITY) } else { TURN_STEP_S * self.speed };
         let (length, easing) = (line.path.length(), if straight { 1e-3 } else { self.easing() });
@@ -203,7 +203,7 @@ impl Flight {
 
     /// Adds the flight from one motion to another along a polynomial of fifth degree, which has no acceleration at its
     /// ends, in the least time that keeps to the acceleration and to one and a half times the speed.
-    fn fly_to(&mut self, from: &Motion, to: &Motion) {
+    fn fly_to(&mut self, from: &HopState, to: &HopState) {
         let start = self.now();
         let fits = |duration: f64| {
             let path = Quintic::new(from, to, duration);
@@ -239,7 +239,7 @@ struct Shifted {
 }
 
 /// Where a multicopter is, how fast, and where it heads, rad from x to y.
-struct Motion {
+struct HopState {
     place: DVec3,
     velocity: DVec3,
     heading: f64,
@@ -251,7 +251,7 @@ struct Quintic {
 }
 
 impl Quintic {
-    fn new(from: &Motion, to: &Motion, t: f64) -> Quintic {
+    fn new(from: &HopState, to: &HopState, t: f64) -> Quintic {
         let way = to.place - from.place - from.velocity * t;
         let gain = (to.velocity - from.velocity) * t;
         let zero = DVec3::ZERO;
@@ -295,7 +295,7 @@ fn upright(place: DVec3, ahead: DVec2, up: DVec3) -> Pose {
 
 /// The pose of a vehicle whose scanner is above `place`, the height of which is that above its wheels: it stands on the
 /// ground below these.
-fn on_wheels(place: DVec3, ahead: DVec2, ground: Ground) -> Pose {
+fn on_wheels(place: DVec3, ahead: DVec2, ground: GroundHeight) -> Pose {
     let ahead = ahead.normalize_or(DVec2::X);
     let middle = place.truncate();
     let here = ground(middle.x, middle.y);

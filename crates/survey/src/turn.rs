@@ -6,13 +6,13 @@ use std::f64::consts::{PI, TAU};
 /// A path on the map: straight lines and arcs, each going on where the last one ends, in the same direction.
 #[derive(Clone, Debug)]
 pub(crate) struct TrackPath {
-    stretches: Vec<Stretch>,
+    stretches: Vec<TrackStretch>,
     length: f64,
 }
 
 /// A part of a path with one curvature.
 #[derive(Clone, Copy, Debug)]
-struct Stretch {
+struct TrackStretch {
     /// Where it begins along the path, m.
     at: f64,
     place: DVec2,
@@ -22,7 +22,7 @@ struct Stretch {
     curvature: f64,
 }
 
-impl Stretch {
+impl TrackStretch {
     /// Place after `along` m.
     fn place(&self, along: f64) -> DVec2 {
         let (heading, curvature) = (self.heading, self.curvature);
@@ -54,7 +54,7 @@ impl Stretch {
 impl TrackPath {
     /// A path that begins at `place` in the direction `heading`, rad from x to y, without length yet.
     pub fn new(place: DVec2, heading: f64) -> TrackPath {
-        TrackPath { stretches: vec![Stretch { at: 0.0, place, heading, curvature: 0.0 }], length: 0.0 }
+        TrackPath { stretches: vec![TrackStretch { at: 0.0, place, heading, curvature: 0.0 }], length: 0.0 }
     }
 
     /// Its length, m.
@@ -71,7 +71,7 @@ impl TrackPath {
     pub fn add(&mut self, curvature: f64, length: f64) {
         let (place, heading) = self.end();
         if length > 0.0 {
-            self.stretches.push(Stretch { at: self.length, place, heading, curvature });
+            self.stretches.push(TrackStretch { at: self.length, place, heading, curvature });
             self.length += length;
         }
     }
@@ -79,7 +79,7 @@ impl TrackPath {
     /// Adds a straight line to `place`, which lies ahead.
     pub fn straight_to(&mut self, place: DVec2) {
         let (from, _) = self.end();
-        self.stretches.push(Stretch {
+        self.stretches.push(TrackStretch {
             at: self.length,
             place: from,
             heading: (place - from).to_angle(),
@@ -97,7 +97,7 @@ impl TrackPath {
     /// Adds `other`, which begins where this one ends.
     pub fn append(&mut self, other: &TrackPath) {
         self.stretches
-            .extend(other.stretches.iter().map(|stretch| Stretch { at: self.length + stretch.at, ..*stretch }));
+            .extend(other.stretches.iter().map(|stretch| TrackStretch { at: self.length + stretch.at, ..*stretch }));
         self.length += other.length;
     }
 
@@ -106,7 +106,7 @@ impl TrackPath {
         self.stretches.iter().all(|stretch| stretch.curvature == 0.0) && self.stretches.len() <= 2
     }
 
-    fn stretch(&self, along: f64) -> &Stretch {
+    fn stretch(&self, along: f64) -> &TrackStretch {
         let after = self.stretches.partition_point(|stretch| stretch.at <= along);
         &self.stretches[after.saturating_sub(1)]
     }
