@@ -92,9 +92,9 @@ impl Record {
 }
 
 impl Records {
-    /// The coordinate system `crs` alone, and whether times are standard GPS time.
-    pub fn of_crs(crs: &Crs, standard_time: bool) -> Records {
-        Records { all: Record::of_text(&crs.wkt()).into_iter().collect(), standard_time }
+    /// The coordinate system `crs` alone, if there is one, and whether times are standard GPS time.
+    pub fn of_crs(crs: Option<&Crs>, standard_time: bool) -> Records {
+        Records { all: crs.and_then(|crs| Record::of_text(&crs.wkt())).into_iter().collect(), standard_time }
     }
 
     /// The coordinate system as well-known text.

@@ -321,10 +321,8 @@ fn scans(
     let file = match &spec.trajectory {
         Some(Carrier::File(CarrierFile { file, crs, offset_m, gps_week })) => {
             let crs = crs.as_ref().map(|crs| Crs::open_in(folder, crs)).transpose()?;
-            let options = TrajectoryOptions::default()
-                .crs(crs)
-                .offset(DVec3::from_array(*offset_m))
-                .gps_week(*gps_week);
+            let options =
+                TrajectoryOptions::default().crs(crs).offset(DVec3::from_array(*offset_m)).gps_week(*gps_week);
             Some(Trajectory::load_with(folder.join(file), &options, report)?.shifted_to_zero())
         }
         _ => None,

@@ -5,13 +5,13 @@
 
 use super::laz::{self, Laz};
 use super::{Format, FormatInfo, Growing, labels_json};
-use crate::record::{self, BLOCK_BYTES};
 use crate::points::offset;
+use crate::record::{self, BLOCK_BYTES};
 use crate::{Column, ColumnType, Field, FieldInfo, FieldSet, Frame, PointCloud, Record};
-use glam::DVec3;
-use ground::pose::Pose;
 use ::las::raw::header::{Evlr, LargeFile};
 use ::las::{Builder, GpsTimeType, Header, Transform, Vector, Vlr};
+use glam::DVec3;
+use ground::pose::Pose;
 use ground::report::Report;
 use ground::write::Sink;
 use std::io::{self, BufWriter, Seek, Write};

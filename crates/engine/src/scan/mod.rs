@@ -220,10 +220,7 @@ fn place_on_earth(cloud: &mut PointCloud, trajectory: &Trajectory) {
     let standard_time = trajectory.gps_week().is_some();
     let georeference = trajectory.georeference();
     cloud.earth_offset = georeference.map_or(DVec3::ZERO, Georeference::offset);
-    let records = match georeference {
-        Some(georeference) => Records::of_crs(georeference.crs(), standard_time),
-        None => Records { standard_time, ..Records::default() },
-    };
+    let records = Records::of_crs(georeference.map(Georeference::crs), standard_time);
     // Mostly as before.
     if *cloud.records != records {
         cloud.records = records.into();
