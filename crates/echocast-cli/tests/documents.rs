@@ -74,8 +74,10 @@ fn commands_of_the_readme_run() {
 }
 
 #[test]
-fn commands_of_the_page_on_survey_plans_run() {
-    run("docs/survey-plans.md", &blocks("docs/survey-plans.md").concat());
+fn commands_of_the_pages_on_surveys_run() {
+    for page in ["docs/survey.md", "docs/survey-plans.md", "docs/survey-trajectories.md", "docs/survey-helios.md"] {
+        run(page, &blocks(page).concat());
+    }
 }
 
 #[test]
