@@ -35,6 +35,7 @@ class ScanOptions(TypedDict, total=False):
     fields: str | Sequence[str] | None
     seed: int | None
     frame: int | None
+    strip: int | None
     start_time: float | None
     trajectory_time: float | None
     estimated_trajectory: Placement | Trajectory | None

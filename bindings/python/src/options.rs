@@ -78,6 +78,7 @@ impl ScanRequest {
                 }
                 "seed" => options.seed = Argument::of(key, &value)?,
                 "frame" => options.frame = Argument::of(key, &value)?,
+                "strip" => options.strip = Argument::of(key, &value)?,
                 "start_time" => options.start_time = Argument::of(key, &value)?,
                 "trajectory_time" => options.trajectory_time = Argument::of(key, &value)?,
                 "estimated_trajectory" => options.estimated_trajectory = Some(Arc::new(place::path(&value)?)),

@@ -409,6 +409,7 @@ impl Scene {
     ///   those that the sensor has by default, "all" for all, "velocity" and "flow" for three each. Default: "default".
     /// * `seed`: of all random draws, 0 to 2^64 - 1. Default: 0.
     /// * `frame`: number of the scan, 0 to 2^32 - 1; each has its own random numbers. Default: 0.
+    /// * `strip`: number of the flight line or station, 0 to 65535; 0: none. Default: 0.
     /// * `start_time`: when it starts, s since the start of the run; patterns that do not repeat continue with it.
     ///   Default: 0.
     /// * `trajectory_time`: time of the trajectory at which it starts, s. Default: `start_time`.

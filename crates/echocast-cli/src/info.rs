@@ -3,7 +3,7 @@
 use crate::input::{SceneArgs, positive};
 use crate::pipe::ColumnArgs;
 use crate::text::{self, thousands};
-use crate::{cloud_info, output, pipe, usage};
+use crate::{cloud_info, names, output, pipe, usage};
 use anyhow::{Context as _, Result, anyhow, ensure};
 use echocast::material::{Returned, Why};
 use echocast::preview::{self, PreviewOptions};
@@ -62,7 +62,7 @@ pub fn run(args: &InfoArgs) -> Result<()> {
     let (scene, read) = read::noting(|| args.scene.load(&args.scene.labels()?, &args.scene.materials()?));
     let scene = scene?;
     if let Some(file) = &args.preview {
-        read.iter().try_for_each(|input| output::check_kept(file, input)).map_err(usage::wrong)?;
+        read.iter().try_for_each(|input| names::check_kept(file, input)).map_err(usage::wrong)?;
         let built = scene.build()?;
         preview::write_plan(&scene, &built, file, options.width).context("--preview")?;
     }

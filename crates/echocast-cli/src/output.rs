@@ -2,7 +2,7 @@
 
 use crate::flight::FlightFiles;
 use crate::input::has_ending;
-use crate::names::{folder, is_numbered, is_same, numbered, numbered_as, same_folder};
+use crate::names::{check_kept, folder, is_numbered, numbered, numbered_as, same_folder};
 use crate::pipe::{self, Outgoing};
 use crate::radar::{RadarArgs, RadarKeys, RadarWriter};
 use crate::{choice, text};
@@ -585,17 +585,6 @@ impl OutputArgs {
 pub fn check_picture(option: &'static str, file: &Path, options: &PreviewOptions) -> Result<()> {
     ensure!(has_ending(file, &["png"]), "{option} {}: pictures are written as .png", shown::path(file));
     preview::check(file, options).context(option)
-}
-
-/// Checks that `file`, which is to be written, is not `input`, which is read.
-pub fn check_kept(file: &Path, input: &Path) -> Result<()> {
-    ensure!(
-        !is_same(file, input),
-        "{}: would overwrite {}, which this run reads; allowed: another name",
-        shown::path(file),
-        shown::path(input)
-    );
-    Ok(())
 }
 
 /// Writes the clouds of a run.

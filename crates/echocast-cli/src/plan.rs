@@ -2,7 +2,7 @@
 
 use crate::input::{self, has_ending, key_value, positive};
 use crate::text::{self, counted, thousands};
-use crate::{interrupt, output, usage};
+use crate::{interrupt, names, output, usage};
 use anyhow::{Context as _, Result, anyhow, ensure};
 use echocast::preview::{self, PreviewOptions};
 use echocast::scenario::{Sample, Scan};
@@ -99,7 +99,7 @@ pub fn run(args: &PlanArgs) -> Result<()> {
         );
     }
     for file in args.output.iter().chain(&args.preview) {
-        args.files.iter().try_for_each(|input| output::check_kept(file, input)).map_err(usage::wrong)?;
+        args.files.iter().try_for_each(|input| names::check_kept(file, input)).map_err(usage::wrong)?;
     }
     let scenario = scenario(args)?;
     let mut sample = scenario.sample(0)?;

@@ -97,6 +97,9 @@ pub struct ScanArgs {
     /// Frames per second [default: the sensor's rate]
     #[arg(long, value_name = "N", value_parser = input::positive, requires = "several", help_heading = "Place")]
     fps: Option<f64>,
+    /// Number of the strip, the flight line or station, in the column `strip`; 0: none
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Points")]
+    strip: u16,
     /// Freeze the scene during each frame, as it is when the frame starts
     #[arg(long, help_heading = "Place")]
     freeze: bool,
@@ -319,6 +322,7 @@ fn scan_options(args: &ScanArgs, fields: FieldSet, period: f64, environment: &En
     ScanOptions::default()
         .fields(fields)
         .seed(args.seed)
+        .strip(args.strip)
         .freeze(args.freeze)
         .deskew(args.deskew)
         .box_time(args.box_time)

@@ -14,7 +14,7 @@ const FINEST_M: f64 = 0.01;
 /// The strips of a cloud, and all of them together.
 pub struct Strips {
     each: BTreeMap<u16, StripSummary>,
-    all: Coverage,
+    all: StripCoverage,
     /// Part of the area that is in several strips.
     overlap: f64,
     /// Side of the cells in which points are counted, m.
@@ -26,12 +26,12 @@ struct StripSummary {
     points: usize,
     /// First and last time, s; `None`: the cloud has none.
     times: Option<[f64; 2]>,
-    coverage: Coverage,
+    coverage: StripCoverage,
 }
 
 /// How densely the ground is covered.
 #[derive(Clone, Copy, Default)]
-struct Coverage {
+struct StripCoverage {
     area_m2: f64,
     returns: usize,
     /// Last returns of their pulses.
@@ -41,10 +41,10 @@ struct Coverage {
 /// Points of a cell, and how many of them are last returns.
 type CellCounts = HashMap<(i32, i32), [usize; 2]>;
 
-impl Coverage {
-    fn of(cells: &CellCounts, cell_m: f64) -> Coverage {
+impl StripCoverage {
+    fn of(cells: &CellCounts, cell_m: f64) -> StripCoverage {
         let sum = |index: usize| cells.values().map(|counts| counts[index]).sum();
-        Coverage { area_m2: cells.len() as f64 * cell_m * cell_m, returns: sum(0), last: sum(1) }
+        StripCoverage { area_m2: cells.len() as f64 * cell_m * cell_m, returns: sum(0), last: sum(1) }
     }
 
     /// Points, and last returns, per square metre.
@@ -80,8 +80,11 @@ impl Strips {
             let counts = cells.entry(strip).or_default().entry((x, y)).or_default();
             counts[0] += 1;
             counts[1] += usize::from(is_last);
-            let summary =
-                each.entry(strip).or_insert(StripSummary { points: 0, times: None, coverage: Coverage::default() });
+            let summary = each.entry(strip).or_insert(StripSummary {
+                points: 0,
+                times: None,
+                coverage: StripCoverage::default(),
+            });
             summary.points += 1;
             if let Some(&time) = c.time().get(row) {
                 let [first, last] = summary.times.unwrap_or([time; 2]);
@@ -97,18 +100,18 @@ impl Strips {
                 *strips_there.entry(place).or_default() += 1;
             }
             if let Some(summary) = each.get_mut(strip) {
-                summary.coverage = Coverage::of(cells, cell_m);
+                summary.coverage = StripCoverage::of(cells, cell_m);
             }
         }
         let shared = strips_there.values().filter(|&&strips| strips > 1).count();
         let overlap = shared as f64 / strips_there.len().max(1) as f64;
-        Some(Strips { each, all: Coverage::of(&together, cell_m), overlap, cell_m })
+        Some(Strips { each, all: StripCoverage::of(&together, cell_m), overlap, cell_m })
     }
 
     /// As lines of text.
     pub fn describe(&self) -> String {
         let mut text = format!("strips      {}\n", self.each.len());
-        let densities = |coverage: Coverage| {
+        let densities = |coverage: StripCoverage| {
             let [all, last] = coverage.densities();
             format!("{all:.4} points/m^2, {last:.4} of last returns")
         };
@@ -130,7 +133,7 @@ impl Strips {
 
     /// As JSON, with densities per square metre.
     pub fn to_json(&self) -> Value {
-        let coverage = |coverage: Coverage| {
+        let coverage = |coverage: StripCoverage| {
             let [density, last] = coverage.densities();
             json!({"area_m2": coverage.area_m2, "density": density, "density_of_last_returns": last})
         };

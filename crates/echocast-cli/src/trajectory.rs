@@ -1,7 +1,7 @@
 //! `echocast trajectory`
 
 use crate::flight::{self, EarthArgs, NavigationArgs};
-use crate::output::check_kept;
+use crate::names::check_kept;
 use crate::{interrupt, text, usage};
 use anyhow::{Context as _, Result, ensure};
 use echocast::{Pose, Report, Trajectory, read, shown};

@@ -131,6 +131,7 @@
 //! | `model` | `motion` | how objects move: keyframes, nodes, deformation |
 //! | `survey` | `survey` | flight plans, and how platforms fly them |
 //! | `emitter` | `emitter` | beams, trajectories, lobes |
+//! | `ground` | `crs` | coordinate reference systems and their projections |
 //! | `ground` | `read` | files, YAML and tables, with errors that say where |
 //! | `ground` | `write` | files that appear only once complete |
 //! | `ground` | `ground` | errors, units, poses, blocks of rays, random numbers, threads |

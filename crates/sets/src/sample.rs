@@ -1,6 +1,7 @@
 //! One sample: a varied scene and its scans.
 
 use super::draw::Draws;
+use super::frames::{FrameTime, RigFrames};
 use super::spec::{Carrier, CarrierFile, PLAN_KEY, SensorEntry, Spec, StripSpec};
 use super::stage::{Base, Stage};
 use super::strips::{self, ScanPiece, SensorStrip};
@@ -51,18 +52,6 @@ pub struct Scan {
     strips: Vec<SensorStrip>,
     options: ScanOptions,
 }
-
-/// When a frame starts.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FrameTime {
-    /// Its number.
-    pub number: u32,
-    /// Seconds since the start of the run.
-    pub start: f64,
-}
-
-/// Maximum number of frames of a scan.
-const MOST_FRAMES: f64 = 10_000_000.0;
 
 impl Scan {
     /// Name of the sensor in the rig.
@@ -317,7 +306,6 @@ fn scans(
     let Some(first) = sensors.first() else {
         return Err(Error::invalid("sensors", "none", "at least one"));
     };
-    let fps = spec.fps(first);
     let file = match &spec.trajectory {
         Some(Carrier::File(CarrierFile { file, crs, offset_m, gps_week })) => {
             let crs = crs.as_ref().map(|crs| Crs::open_in(folder, crs)).transpose()?;
@@ -327,32 +315,8 @@ fn scans(
         }
         _ => None,
     };
-    let [from, to, step] = match &spec.frames {
-        Some(frames) => [frames.first, frames.last, frames.step],
-        // A sonar pings along its whole trajectory.
-        None if first.kind().makes_pings() && file.is_some() => {
-            let end = file.as_ref().map_or(0.0, |file| file.span().1);
-            [0, (end * fps + 1e-6).min(MOST_FRAMES) as u32, 1]
-        }
-        None => [0, 0, 1],
-    };
-    let start = f64::from(from) / fps;
-    let end = f64::from(to) / fps;
-    let whole = (from..=to).step_by(step as usize);
-    let times = |index: usize, entry: &SensorEntry| -> Result<Vec<FrameTime>> {
-        let Some(rate) = entry.rate_hz else {
-            return Ok(whole.clone().map(|number| FrameTime { number, start: f64::from(number) / fps }).collect());
-        };
-        // All frames that start before the one after the last.
-        let first = start + entry.start_s;
-        let count = ((end + f64::from(step) / fps - first) * rate - 1e-9).ceil().max(0.0);
-        if count > MOST_FRAMES {
-            let found = format!("{rate}, which makes {count} frames");
-            let allowed = format!("a rate that makes {MOST_FRAMES} at most");
-            return Err(Error::invalid(format!("sensors[{index}].rate_hz"), found, allowed));
-        }
-        Ok((0..count as u32).map(|number| FrameTime { number, start: first + f64::from(number) / rate }).collect())
-    };
+    let frames = RigFrames::of(spec, first, file.as_ref());
+    let start = frames.start();
     let planned_strips = |plan: &SurveyPlan| plan.strips.iter().map(StripSpec::planned).collect();
     let spec_strips: Vec<StripSpec> = plan.map_or_else(|| spec.strips.clone(), planned_strips);
     let strips_of = |(index, entry): (usize, &SensorEntry)| {
@@ -360,7 +324,7 @@ fn scans(
     };
     let strips: Vec<Vec<SensorStrip>> = spec.sensors.iter().enumerate().map(strips_of).collect::<Result<_>>()?;
     let times: Vec<Vec<FrameTime>> = if spec_strips.is_empty() {
-        spec.sensors.iter().enumerate().map(|(index, entry)| times(index, entry)).collect::<Result<_>>()?
+        spec.sensors.iter().enumerate().map(|sensor| frames.of_sensor(sensor)).collect::<Result<_>>()?
     } else {
         strips.iter().map(|strips| strips.iter().map(SensorStrip::time).collect()).collect()
     };
@@ -411,7 +375,7 @@ fn scans(
                 // Pings have one pose each.
                 .deskew(spec.deskew && !sensor.kind().makes_pings())
                 .box_time(spec.boxes)
-                .frame_period(entry.rate_hz.map_or(f64::from(step) / fps, f64::recip))
+                .frame_period(entry.rate_hz.map_or(frames.period(), f64::recip))
                 .organised(spec.organised)
                 .coordinates(spec.frame)
                 .order(spec.order)

@@ -366,6 +366,52 @@ impl StripSpec {
     }
 }
 
+/// Checks the section `strips` by itself, and with the other sections.
+///
+/// # Errors
+/// A number or a time that is not allowed; sections that do not go with strips.
+fn check_strips(spec: &Spec) -> Result<()> {
+    /// Latest time, s.
+    const LATEST: f64 = 1e9;
+    let mut before = f64::NEG_INFINITY;
+    for (index, strip) in spec.strips.iter().enumerate() {
+        let key = |name: &str| format!("strips[{index}].{name}");
+        let StripSpec { strip, from_s, to_s, .. } = *strip;
+        if strip == 0 {
+            return Err(Error::invalid(key("strip"), strip, format!("1 to {}", u16::MAX)));
+        }
+        if !(from_s.abs() <= LATEST && from_s >= before) {
+            let allowed = if before.is_finite() {
+                format!("{before} or more, where the strip before ends")
+            } else {
+                format!("-{LATEST:e} to {LATEST:e}")
+            };
+            return Err(Error::invalid(key("from_s"), from_s, allowed));
+        }
+        if !(to_s > from_s && to_s <= LATEST) {
+            return Err(Error::invalid(key("to_s"), to_s, format!("above from_s, {from_s}, up to {LATEST:e}")));
+        }
+        before = to_s;
+    }
+    let planned = matches!(spec.trajectory, Some(Carrier::Plan(_)));
+    if spec.strips.is_empty() && !planned {
+        return Ok(());
+    }
+    if planned && !spec.strips.is_empty() {
+        return Err(Error::invalid("strips", "given beside trajectory.plan", "one of the two: a plan makes strips"));
+    }
+    let without = "without strips, in which scans follow each other";
+    if spec.frames.is_some() {
+        return Err(Error::invalid("frames", "given beside strips", without));
+    }
+    match spec.sensors.iter().position(|entry| entry.rate_hz.is_some() || entry.start_s != 0.0) {
+        Some(index) => {
+            Err(Error::invalid(format!("sensors[{index}]"), "given rate_hz or start_s beside strips", without))
+        }
+        None => Ok(()),
+    }
+}
+
 fn one() -> u32 {
     1
 }
@@ -478,7 +524,7 @@ impl Spec {
             Some(Carrier::Plan(plan)) => plan.check(PLAN_KEY)?,
             _ => {}
         }
-        super::strips::check(self)?;
+        check_strips(self)?;
         super::variation::check(&self.variation)
     }
 }

@@ -1,7 +1,7 @@
 //! Strips: when the sensors are on along their trajectory, and the pieces in which they scan.
 
-use super::sample::FrameTime;
-use super::spec::{Carrier, SensorEntry, Spec, StripSpec};
+use super::frames::FrameTime;
+use super::spec::{SensorEntry, StripSpec};
 use super::stage::Stage;
 use emitter::Trajectory;
 use emitter::pattern::Pattern;
@@ -162,52 +162,6 @@ impl StripSensor {
             Pattern::Risley(prisms) => 1.0 / prisms.pulse_rate_hz,
             _ => self.given.beams().period,
         }
-    }
-}
-
-/// Checks the section `strips` by itself, and with the other sections.
-///
-/// # Errors
-/// A number or a time that is not allowed; sections that do not go with strips.
-pub(super) fn check(spec: &Spec) -> Result<()> {
-    /// Latest time, s.
-    const LATEST: f64 = 1e9;
-    let mut before = f64::NEG_INFINITY;
-    for (index, strip) in spec.strips.iter().enumerate() {
-        let key = |name: &str| format!("strips[{index}].{name}");
-        let StripSpec { strip, from_s, to_s, .. } = *strip;
-        if strip == 0 {
-            return Err(Error::invalid(key("strip"), strip, format!("1 to {}", u16::MAX)));
-        }
-        if !(from_s.abs() <= LATEST && from_s >= before) {
-            let allowed = if before.is_finite() {
-                format!("{before} or more, where the strip before ends")
-            } else {
-                format!("-{LATEST:e} to {LATEST:e}")
-            };
-            return Err(Error::invalid(key("from_s"), from_s, allowed));
-        }
-        if !(to_s > from_s && to_s <= LATEST) {
-            return Err(Error::invalid(key("to_s"), to_s, format!("above from_s, {from_s}, up to {LATEST:e}")));
-        }
-        before = to_s;
-    }
-    let planned = matches!(spec.trajectory, Some(Carrier::Plan(_)));
-    if spec.strips.is_empty() && !planned {
-        return Ok(());
-    }
-    if planned && !spec.strips.is_empty() {
-        return Err(Error::invalid("strips", "given beside trajectory.plan", "one of the two: a plan makes strips"));
-    }
-    let without = "without strips, in which scans follow each other";
-    if spec.frames.is_some() {
-        return Err(Error::invalid("frames", "given beside strips", without));
-    }
-    match spec.sensors.iter().position(|entry| entry.rate_hz.is_some() || entry.start_s != 0.0) {
-        Some(index) => {
-            Err(Error::invalid(format!("sensors[{index}]"), "given rate_hz or start_s beside strips", without))
-        }
-        None => Ok(()),
     }
 }
 

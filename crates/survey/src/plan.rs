@@ -2,7 +2,7 @@
 
 use crate::altitude::{AltitudeProfile, GroundProfile, block_m};
 use crate::lines::{self, MOST_LINES};
-use crate::platform::{Flight, FlownLine, stations};
+use crate::platform::{FlownLine, SurveyFlight, stations};
 use crate::spec::signed_area;
 use crate::turn::TrackPath;
 use crate::{CarrierKind, CrossLines, GroundHeight, HeightAbove, PlanSpec, SurveySwath};
@@ -200,8 +200,8 @@ impl Planner<'_> {
         let (spec, swath) = (self.spec, self.swath);
         let corners = spec.corners();
         let mut report = Report::default();
-        let acceleration = spec.acceleration_m_s2.unwrap_or(Flight::usual_acceleration(spec.platform));
-        let mut flight = Flight::new(spec.platform, self.speed, acceleration);
+        let acceleration = spec.acceleration_m_s2.unwrap_or(SurveyFlight::usual_acceleration(spec.platform));
+        let mut flight = SurveyFlight::new(spec.platform, self.speed, acceleration);
         let mut spacing_m = None;
         let flown = if spec.course_m.is_empty() {
             let (lines, spacing) = self.lines(&corners)?;

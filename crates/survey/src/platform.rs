@@ -26,7 +26,7 @@ pub(crate) struct FlownLine {
 }
 
 /// A platform's poses over time, as they are added.
-pub(crate) struct Flight {
+pub(crate) struct SurveyFlight {
     pub keys: Vec<(f64, Pose)>,
     /// Times between which the scanner is on, s.
     pub strips: Vec<[f64; 2]>,
@@ -37,9 +37,9 @@ pub(crate) struct Flight {
     acceleration: f64,
 }
 
-impl Flight {
-    pub fn new(kind: CarrierKind, speed: f64, acceleration: f64) -> Flight {
-        Flight { keys: Vec::new(), strips: Vec::new(), kind, speed, acceleration }
+impl SurveyFlight {
+    pub fn new(kind: CarrierKind, speed: f64, acceleration: f64) -> SurveyFlight {
+        SurveyFlight { keys: Vec::new(), strips: Vec::new(), kind, speed, acceleration }
     }
 
     /// Greatest acceleration when not given, m/s^2: a bank of 20 degrees (g tan 20); the tilt of 14 degrees of a

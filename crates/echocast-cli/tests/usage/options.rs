@@ -22,6 +22,7 @@ const UNTIL_REQUIRED: Provided = Not("no user of it has required it");
 /// Fields of `echocast_scan_desc`.
 const IN_C: &[(&str, Provided)] = &[
     ("fields", As("columns")),
+    ("strip", UNTIL_REQUIRED),
     ("time_budget", As("time_budget_ns")),
     ("start_time", As("t0_ns")),
     ("trajectory_time", Not("the poses have times of the same clock as t0_ns")),
@@ -49,6 +50,7 @@ const IN_PROGRAM: &[(&str, Provided)] = &[
 /// Keys of a scenario.
 const IN_SCENARIO: &[(&str, Provided)] = &[
     ("frame", BY_FRAMES),
+    ("strip", Not("`strips` numbers them")),
     ("start_time", BY_FRAMES),
     ("trajectory_time", BY_FRAMES),
     ("frame_period", BY_FRAMES),
