@@ -34,7 +34,7 @@ const JUMP_S: f64 = 1e-3;
 const MOST_KEYS: usize = 2_000_000;
 
 /// Height of the ground at x and y, m.
-pub(crate) type GroundHeight<'g> = &'g dyn Fn(f64, f64) -> Option<f64>;
+pub(crate) type LegGround<'g> = &'g dyn Fn(f64, f64) -> Option<f64>;
 
 impl Flight {
     /// The flight of `survey`, whose head turns on its legs as `heads` say.
@@ -45,7 +45,7 @@ impl Flight {
         survey: &HeliosSurvey,
         heads: &[HeadTurn],
         plan: HeadPlan,
-        ground: GroundHeight,
+        ground: LegGround,
         notes: &NoteBook,
     ) -> Result<Flight> {
         let (points, legs) = (points(survey, ground), &survey.legs);
@@ -182,7 +182,7 @@ fn same(a: &Pose, b: &Pose) -> bool {
 }
 
 /// The points of the legs, on the ground where they ask for that.
-fn points(survey: &HeliosSurvey, ground: GroundHeight) -> Vec<DVec3> {
+fn points(survey: &HeliosSurvey, ground: LegGround) -> Vec<DVec3> {
     let point = |leg: &HeliosLeg| {
         let [x, y, z] = ["x", "y", "z"].map(|axis| leg.platform.number(axis).unwrap_or(0.0));
         // As there, what is not over any ground stands at height 0.
