@@ -1,9 +1,11 @@
 //! Errors of navigation in scans, and trajectories as independent readers find them.
 
-use echocast::emitter::{Accuracy, Crs, Georeference, Navigation, NavigationSolution};
+use echocast::emitter::{Accuracy, Crs, Georeference, Navigation, NavigationSolution, TrajectoryOptions};
 use echocast::glam::DVec3;
 use echocast::scene::{Mesh, Object, Part};
-use echocast::{BuiltScene, Engine, FieldSet, Frame, LiveScene, PointCloud, Pose, ScanOptions, Sensor, Trajectory};
+use echocast::{
+    BuiltScene, Engine, Field, FieldSet, Frame, LiveScene, PointCloud, Pose, Report, ScanOptions, Sensor, Trajectory,
+};
 use echocast_tests::{python, root};
 use serde_json::Value;
 use std::fs;
@@ -132,7 +134,7 @@ fn sonars_and_radars_have_no_estimated_trajectory() {
 }
 
 /// What `tests/readers/trajectories.py` says.
-fn read(arguments: &[&str]) -> Value {
+fn read_by_others(arguments: &[&str]) -> Value {
     let script = root().join("tests/readers/trajectories.py");
     let output = python().arg(script).args(arguments).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -152,7 +154,7 @@ fn independent_readers_find_what_was_written() {
     let path = Trajectory::new(keys).unwrap().georeferenced(Georeference::new(crs, offset).unwrap());
     let file = folder.path().join("flight.sbet");
     path.save(&file).unwrap();
-    let found = read(&["sbet", file.to_str().unwrap(), "25833"]);
+    let found = read_by_others(&["sbet", file.to_str().unwrap(), "25833"]);
     assert_eq!(found["bytes"], 136 * 20);
     let columns = ["time", "easting", "northing", "height", "roll_deg", "pitch_deg", "grid_heading_deg"];
     let columns = columns.map(|name| numbers(&found[name]));
@@ -174,7 +176,7 @@ fn independent_readers_find_what_was_written() {
     };
     let file = folder.path().join("smrmsg_flight.out");
     Accuracy::save(&[record], &file).unwrap();
-    let rows = read(&["smrmsg", file.to_str().unwrap()]);
+    let rows = read_by_others(&["smrmsg", file.to_str().unwrap()]);
     assert_eq!(numbers(&rows[0]), [2.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9]);
 }
 
@@ -235,7 +237,7 @@ fn strips_are_adjusted_to_the_boresight_that_was_set() {
     let bytes: Vec<u8> = points.iter().flat_map(|value| value.to_le_bytes()).collect();
     fs::write(folder.path().join("points.bin"), bytes).unwrap();
     solution.carrier.save(folder.path().join("path.csv")).unwrap();
-    let found = read(&["adjust", as_text(folder.path())]);
+    let found = read_by_others(&["adjust", as_text(folder.path())]);
     let (angles, errors) = (numbers(&found["boresight_deg"]), numbers(&found["error_deg"]));
     for axis in 0..3 {
         // The adjustment takes away what was added.
@@ -243,6 +245,53 @@ fn strips_are_adjusted_to_the_boresight_that_was_set() {
         assert!(miss.abs() < 3.0 * errors[axis], "{axis}: {angles:?} +- {errors:?} for {boresight:?}");
         assert!(errors[axis] < 0.1 * boresight[axis].abs(), "{axis}: {angles:?} +- {errors:?} for {boresight:?}");
     }
+}
+
+/// Of a flight in UTM zone 32 whose scene is near its own origin, in GPS week 2300, which starts at 391040000 s of adjusted
+/// standard time.
+#[test]
+fn las_files_are_in_the_coordinate_system_of_the_flight() {
+    let offset = DVec3::new(478_000.0, 5_471_000.0, 100.0);
+    let text = "gps_time,easting,northing,height,roll_deg,pitch_deg,heading_deg\n\
+                388800,478000,5471000,180,0,0,90\n388801,478008,5471000,180,0,0,90\n";
+    let options = TrajectoryOptions::default().crs(Some(Crs::parse("EPSG:25832").unwrap())).offset(offset);
+    let read = Trajectory::from_text_with(text, &options.gps_week(Some(2300)), &mut Report::default()).unwrap();
+    let path = read.shifted_to_zero();
+    let mut sensor = Sensor::preset("riegl_vux1uav22").unwrap();
+    for (key, value) in [("beam.sub_rays", "1"), ("pattern.lines", "3"), ("noise", "{}")] {
+        sensor.set(key, value).unwrap();
+    }
+    let fields =
+        sensor.default_fields().with(Field::TrueX).without(Field::Red).without(Field::Green).without(Field::Blue);
+    let cloud = ground(300.0, 100.0, |_, _| 0.0);
+    let cloud = cloud.scan(&sensor, &path, &ScanOptions::default().fields(fields).strip(12)).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("strip.las");
+    cloud.write(&file).unwrap();
+    let found = read_by_others(&["las", as_text(&file)]);
+    assert_eq!((&found["epsg"], &found["standard_time"]), (&25832.into(), &true.into()));
+    assert_eq!((&found["wkt"], &found["point_format"]), (&true.into(), &6.into()));
+    let column = |name: &str| numbers(&found[name]);
+    let (easting, northing, height) = (column("x"), column("y"), column("z"));
+    let (time, angle) = (column("gps_time"), column("scan_angle_deg"));
+    assert!(cloud.len() > 1000 && time.len() == cloud.len());
+    let c = cloud.columns();
+    for row in 0..cloud.len() {
+        let place = cloud.position(row) + offset;
+        let read = DVec3::new(easting[row], northing[row], height[row]);
+        assert!((read - place).abs().max_element() < 1e-4, "{read} {place}");
+        assert!((time[row] - (391_040_000.0 + 388_800.0 + c.time()[row])).abs() < 1e-6);
+        assert!((angle[row].to_radians() - f64::from(c.scan_angle()[row])).abs() < 6e-5);
+        // 80 m above level ground, to the south of an eastward flight is right.
+        assert!((angle[row].to_radians().tan() * 80.0 + northing[row] - 5_471_000.0).abs() < 0.1, "{row}");
+    }
+    assert!(column("true_x").iter().zip(&easting).all(|(truth, read)| (truth - read).abs() < 1e-4));
+    assert!(column("point_source_id").iter().all(|&strip| strip == 12.0));
+    assert_eq!(column("edge_of_flight_line").iter().sum::<f64>(), 3.0);
+    // Read again, they are coordinates of the system.
+    let again = PointCloud::read(&file).unwrap();
+    assert!((again.position(7) - cloud.position(7) - offset).abs().max_element() < 1e-4);
+    assert_eq!(again.records.system().as_deref(), Some("ETRS89 / UTM zone 32N"));
 }
 
 fn as_text(path: &Path) -> &str {

@@ -3,6 +3,7 @@
 usage: trajectories.py sbet FILE EPSG      prints the records of an SBET as JSON: its columns as they are, and eastings,
                                            northings and grid headings by PROJ
        trajectories.py smrmsg FILE         prints the records of a file of accuracy
+       trajectories.py las FILE            prints what surveyors' programs find in a LAS file
        trajectories.py adjust FOLDER       prints the boresight angles (roll, pitch, heading, degrees) by which the strips of
                                            FOLDER (points.bin: t, x, y, z, strip; path.csv: the estimated trajectory) fit
                                            each other best, and their standard errors
@@ -46,6 +47,22 @@ def sbet(path, code):
         "pitch_deg": numpy.degrees(rows[:, 8]).tolist(),
         "grid_heading_deg": (heading % 360).tolist(),
     }
+
+
+def las(path):
+    import laspy
+
+    read = laspy.read(path)
+    header, crs = read.header, read.header.parse_crs()
+    columns = ["x", "y", "z", "gps_time", "point_source_id", "edge_of_flight_line", "scan_direction_flag"]
+    columns += ["reflectance_db", "amplitude_db", "true_x"]
+    return {
+        "epsg": crs.to_epsg(),
+        "standard_time": bool(header.global_encoding.gps_time_type),
+        "wkt": bool(header.global_encoding.wkt),
+        "point_format": header.point_format.id,
+        "scan_angle_deg": (numpy.asarray(read.scan_angle) * 0.006).tolist(),
+    } | {name: numpy.asarray(read[name], float).tolist() for name in columns}
 
 
 def adjust(folder):
@@ -111,5 +128,7 @@ if kind == "sbet":
     print(json.dumps(sbet(*arguments)))
 elif kind == "smrmsg":
     print(json.dumps(records(arguments[0], 10).tolist()))
+elif kind == "las":
+    print(json.dumps(las(*arguments)))
 else:
     print(json.dumps(adjust(Path(arguments[0]))))

@@ -71,7 +71,7 @@ impl ScanRequest {
             match key {
                 // None means the default.
                 _ if value.is_none() => {}
-                "at" => path = Some(place::path(&value)?),
+                "at" => path = Some(place::path(key, &value)?),
                 "fields" => {
                     let list = ColumnNames::of(key, &value)?.names().join(",");
                     options.fields = FieldSet::parse_with(&list, sensor.default_fields())?;
@@ -81,7 +81,7 @@ impl ScanRequest {
                 "strip" => options.strip = Argument::of(key, &value)?,
                 "start_time" => options.start_time = Argument::of(key, &value)?,
                 "trajectory_time" => options.trajectory_time = Argument::of(key, &value)?,
-                "estimated_trajectory" => options.estimated_trajectory = Some(Arc::new(place::path(&value)?)),
+                "estimated_trajectory" => options.estimated_trajectory = Some(Arc::new(place::path(key, &value)?)),
                 "freeze" => options.freeze = Argument::of(key, &value)?,
                 "frame_period" => options.frame_period = Argument::of(key, &value)?,
                 "organised" => options.organised = Argument::of(key, &value)?,

@@ -38,6 +38,7 @@ SCANS: "dict[str, Any]" = {
     "fields": "x",
     "seed": 1,
     "frame": 1,
+    "strip": 1,
     "start_time": 1.0,
     "trajectory_time": 1.0,
     "estimated_trajectory": (0, 0, 1.8),

@@ -7,7 +7,7 @@ use anyhow::{Context as _, Result, anyhow, ensure};
 use echocast::preview::{self, PreviewOptions};
 use echocast::scenario::{Sample, Scan};
 use echocast::survey::SurveyPlan;
-use echocast::{Scenario, shown};
+use echocast::{Field, Scenario, shown};
 use serde_json::{Map, Value, json};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -99,7 +99,8 @@ pub fn run(args: &PlanArgs) -> Result<()> {
         );
     }
     for file in args.output.iter().chain(&args.preview) {
-        args.files.iter().try_for_each(|input| names::check_kept(file, input)).map_err(usage::wrong)?;
+        let inputs = args.files.iter().map(Path::new).chain(args.sensor.as_deref().map(Path::new));
+        inputs.into_iter().try_for_each(|input| names::check_kept(file, input)).map_err(usage::wrong)?;
     }
     let scenario = scenario(args)?;
     let mut sample = scenario.sample(0)?;
@@ -191,10 +192,13 @@ fn yaml_value(text: &str) -> Value {
 
 /// Bytes of a point in LAS files with the columns of `scan`.
 fn las_bytes(scan: &Scan) -> usize {
-    /// Of point format 7 (LAS 1.4 R15, table 13).
-    const RECORD: usize = 36;
+    /// Of point format 6 (LAS 1.4 R15, table 11), and what colours add in format 7.
+    const RECORD: usize = 30;
+    const COLOURS: usize = 6;
+    let has_colours = scan.options(0).fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
+    let record = RECORD + if has_colours { COLOURS } else { 0 };
     let extra = scan.options(0).fields.iter().filter(|info| info.las.is_none()).map(|info| info.kind.size());
-    RECORD + extra.sum::<usize>()
+    record + extra.sum::<usize>()
 }
 
 /// Roll for which the safe width of a swath is given, degrees.

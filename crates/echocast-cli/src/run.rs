@@ -229,8 +229,11 @@ fn record(args: &RunArgs, scenario: Scenario, output: &OutputArgs) -> Result<()>
         skies: Vec::new(),
     };
     let moving = sample.is_moving();
-    // The first piece of a strip is as long as the others, or longer than the last.
-    let scan_time = scan.sensor().scan_time().max(first_piece.scan_time());
+    // The first piece of each strip is as long as its others, or longer than the last.
+    let mut scan_time = scan.sensor().scan_time();
+    for frame in 0..scan.frames().len() {
+        scan_time = scan_time.max(scan.piece(frame, 0)?.sensor.scan_time());
+    }
     let drawn = sample.drawn().to_vec();
     let mut build = |time: f64| sample.built_at(time, scan_time);
     let recorded = take.record(first, moving.then_some(&mut build), &progress, &mut seconds)?;

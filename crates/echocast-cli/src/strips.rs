@@ -3,11 +3,13 @@
 use crate::text::thousands;
 use echocast::PointCloud;
 use serde_json::{Value, json};
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt::Write as _;
 
 /// Points in a typical cell: their number is accurate to a sixth.
 const IN_CELL: f64 = 36.0;
+/// Passes in which the size of cells approaches that.
+const PASSES: usize = 3;
 /// Finest cells, m.
 const FINEST_M: f64 = 0.01;
 
@@ -68,13 +70,22 @@ impl Strips {
             });
             f64::from(ends[1]) - f64::from(ends[0])
         };
-        let cell_m = (IN_CELL * span(c.x()) * span(c.y()) / rows().count().max(1) as f64).sqrt().max(FINEST_M);
-        let cell = |row: usize| [c.x()[row], c.y()[row]].map(|value| (f64::from(value) / cell_m).floor() as i32);
+        let count = rows().count();
+        if count == 0 {
+            return None;
+        }
+        let cell = |row: usize, cell_m: f64| [c.x()[row], c.y()[row]].map(|x| (f64::from(x) / cell_m).floor() as i32);
+        let mut cell_m = (IN_CELL * span(c.x()) * span(c.y()) / count as f64).sqrt().max(FINEST_M);
+        // Strips may cover little of the rectangle around them.
+        for _ in 0..PASSES {
+            let covered = rows().map(|row| cell(row, cell_m)).collect::<HashSet<_>>().len();
+            cell_m = (IN_CELL * covered as f64 * cell_m * cell_m / count as f64).sqrt().max(FINEST_M);
+        }
         let mut cells = BTreeMap::<u16, CellCounts>::new();
         let mut each = BTreeMap::<u16, StripSummary>::new();
         for row in rows() {
             let strip = c.strip()[row];
-            let [x, y] = cell(row);
+            let [x, y] = cell(row, cell_m);
             let number = |column: &[u8]| column.get(row).copied().unwrap_or(1);
             let is_last = number(c.return_number()) == number(c.return_count());
             let counts = cells.entry(strip).or_default().entry((x, y)).or_default();

@@ -198,7 +198,8 @@ impl Navigation {
         let times = self.times(carrier, [first.min(start), last.max(end)])?;
         let mut drift = NavigationDrift::new(self, seed);
         let estimate = |time: f64| {
-            let (position, [roll, pitch, heading]) = drift.at(time);
+            // On the clock of its file: a part of a flight has the errors that it has in the whole.
+            let (position, [roll, pitch, heading]) = drift.at(time + carrier.time_zero());
             let truth = carrier.at(time);
             let about_own = DQuat::from_rotation_x(roll) * DQuat::from_rotation_y(-pitch);
             let orientation = DQuat::from_rotation_z(-heading) * truth.orientation * about_own;
@@ -241,9 +242,9 @@ impl Navigation {
             }
             times.extend((0..=(last - first) as u64).map(|node| (first + node as f64) * step));
             times.sort_by(f64::total_cmp);
-            // A pose at the same time, but for its last digits, would be a jump.
-            let apart = 1e-9 * end.abs().max(start.abs()).max(1.0);
-            times.dedup_by(|later, before| *later - *before < apart.min(0.1 * step));
+            // Two poses at the same time, but for its last digits, would be a jump.
+            let apart = 8.0 * f64::EPSILON * end.abs().max(start.abs());
+            times.dedup_by(|later, before| *later - *before <= apart);
         }
         Ok(times)
     }

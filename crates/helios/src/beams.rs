@@ -57,7 +57,7 @@ impl LegBeams {
         let pulse_rate_hz =
             pulse_rate_hz.ok_or_else(|| wrong("has no pulseFreq_hz; allowed: one there or in its template".into()))?;
         if !scanner.pulse_rates_hz.is_empty() && !scanner.pulse_rates_hz.contains(&pulse_rate_hz) {
-            note("pulseFreq_hz", "used as it is, though the scanner's list has it not; HELIOS++ warns, too".into());
+            note("pulseFreq_hz", "used as it is, though it is not in the scanner's list; HELIOS++ warns, too".into());
         }
         let half_deg = half_deg(channel, number("scanAngle_deg").unwrap_or(0.0), &note);
         let window_deg =

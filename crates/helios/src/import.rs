@@ -66,7 +66,10 @@ impl Import {
         let report =
             serde_json::to_string_pretty(&self.report()).map_err(|error| Error::Internal(error.to_string()))?;
         write::whole(&folder.join("report.json"), (report + "\n").as_bytes())?;
-        let scenario = folder.join("survey.yaml");
+        // Sensors are called as in the survey, perhaps like this.
+        let is_free = |name: &&str| self.converted.sensors.iter().all(|(sensor, _)| sensor != name);
+        let name = ["survey", "scenario"].into_iter().find(is_free).unwrap_or("imported_survey");
+        let scenario = folder.join(format!("{name}.yaml"));
         let title = format!(
             "# {}, a survey of HELIOS++; report.json says what became of its elements\n",
             shown_title(&self.survey.name)

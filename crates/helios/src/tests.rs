@@ -347,7 +347,7 @@ fn mirrors_have_the_habits_of_theirs() {
     let import = fly("fibres", "scanAngle_deg=\"5\"");
     let Pattern::LineScan(scan) = of_sensor(&import, 0).0 else { panic!() };
     assert_eq!(scan.pulses(), 127);
-    // A rate that the scanner's list has not is used, with a note.
+    // A rate that is not in the scanner's list is used, with a note.
     let import = fly("conical", "pulseFreq_hz=\"123456\"");
     assert!(matches!(outcome(&import, "scannerSettings", "pulseFreq_hz"), ImportOutcome::Approximated(_)));
     assert!(import.converted.sensors[0].1["pattern"].get("settings").is_none());

@@ -55,7 +55,7 @@ fn in_cells(
 ) -> Vec<f32> {
     let cell = |row: usize| {
         let [x, y] = place(row as u32, points.get(row as u32)?);
-        let index = |value: f32, count: usize| Some((value as usize).min(count - 1)).filter(|_| value >= 0.0);
+        let index = |value: f32, count: usize| Some(value as usize).filter(|&index| value >= 0.0 && index < count);
         Some((index(x, columns)?, index(y, rows)?))
     };
     let counts: Vec<AtomicU32> = (0..rows * columns).map(|_| AtomicU32::new(0)).collect();

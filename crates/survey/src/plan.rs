@@ -461,7 +461,7 @@ impl Planner<'_> {
         let (swath, height) = (self.swath, self.spec.height_m);
         if let Some(coverage) = coverage.filter(|coverage| coverage.covered < 0.995) {
             report.warn(format!(
-                "{:.1} % of the area lie in no swath: more overlap, or a height above ground (above: ground), covers hills",
+                "{:.1} % of the area lies in no swath: more overlap, or a height above ground (above: ground), covers hills",
                 100.0 * (1.0 - coverage.covered)
             ));
         }

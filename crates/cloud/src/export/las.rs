@@ -119,6 +119,9 @@ const SCANNER_CHANNEL: u32 = 4;
 /// Step of scan angles of two bytes, degrees (specification, 2.6).
 pub(crate) const ANGLE_STEP_DEG: f64 = 0.006;
 
+/// Greatest scan angle of one byte, degrees (specification, 2.5).
+const RANK_DEG: f64 = 90.0;
+
 /// Class of points that belong to no other class.
 const UNCLASSIFIED: u8 = 1;
 
@@ -394,7 +397,7 @@ impl Las {
         } else {
             record::put(records, size, RETURNS, rows(), |row| [returns(row)]);
             let channel = |row| match c.channel.get(row) {
-                Some(&channel) if self.scanner_channels => (channel as u8 & 3) << SCANNER_CHANNEL,
+                Some(&channel @ 0..4) if self.scanner_channels => (channel as u8) << SCANNER_CHANNEL,
                 _ => 0,
             };
             record::put(records, size, self.flags, rows(), |row| [scan(row) | channel(row)]);
@@ -403,7 +406,9 @@ impl Las {
             // The conversion of a float to an integer clamps, and makes 0 of NaN.
             let degrees = |row: usize| f64::from(c.scan_angle[row]).to_degrees();
             match self.angle {
-                (at, 1) => record::put(records, size, at, rows(), |row| (degrees(row).round() as i8).to_le_bytes()),
+                (at, 1) => record::put(records, size, at, rows(), |row| {
+                    (degrees(row).round().clamp(-RANK_DEG, RANK_DEG) as i8).to_le_bytes()
+                }),
                 (at, _) => record::put(records, size, at, rows(), |row| {
                     ((degrees(row) / ANGLE_STEP_DEG).round() as i16).to_le_bytes()
                 }),
@@ -486,6 +491,7 @@ struct Survey {
     clamped_intensities: bool,
     clamped_returns: bool,
     clamped_categories: bool,
+    clamped_angles: bool,
 }
 
 impl Survey {
@@ -504,6 +510,7 @@ impl Survey {
             clamped_intensities: false,
             clamped_returns: false,
             clamped_categories: false,
+            clamped_angles: false,
         };
         while f64::from(farthest) >= survey.reach() {
             survey.exponent += 1;
@@ -542,6 +549,8 @@ impl Survey {
             let inside = |column: &[u8]| column.get(row).is_none_or(|number| returns.contains(number));
             self.clamped_returns |= !inside(&c.return_number) || !inside(&c.return_count);
             self.clamped_intensities |= c.intensity.get(row).is_some_and(|i| !intensities.contains(i));
+            self.clamped_angles |=
+                c.scan_angle.get(row).is_some_and(|angle| f64::from(angle.abs()).to_degrees() > RANK_DEG);
             self.clamped_categories |= c.category_id.get(row).is_some_and(|&id| id > u32::from(u16::MAX));
         }
     }
@@ -596,6 +605,9 @@ impl Survey {
         if self.clamped_returns {
             let most = las.most_returns();
             report.warn(format!("{name}: return numbers clamped to 1 to {most}"));
+        }
+        if las.angle.1 == 1 && self.clamped_angles {
+            report.warn(format!("{name}: scan angles beyond {RANK_DEG} degrees written as that"));
         }
         if !las.extra_bytes && self.clamped_categories {
             report.warn(format!("{name}: category ids above 65535 written as 65535"));

@@ -28,15 +28,19 @@ pub(crate) struct PulseAssignment {
     blind: f32,
     /// Whether echoes are taken for those of the last pulse.
     pub folds: bool,
+    /// Whether no pulses are fired between lines.
+    pub pauses: bool,
 }
 
 impl PulseAssignment {
     /// For `pulse_rate` pulses per second, about which an instrument is blind for `blind` m; `None`: pulses play no part.
-    pub(crate) fn new(mode: MultipleTimeAround, pulse_rate: f64, blind: f64) -> Option<PulseAssignment> {
+    /// `pauses`: whether no pulses are fired between lines.
+    pub(crate) fn new(mode: MultipleTimeAround, pulse_rate: f64, blind: f64, pauses: bool) -> Option<PulseAssignment> {
         (mode != MultipleTimeAround::Truth).then_some(PulseAssignment {
             unambiguous: (0.5 * SPEED_OF_LIGHT / pulse_rate) as f32,
             blind: blind as f32,
             folds: mode == MultipleTimeAround::Folded,
+            pauses,
         })
     }
 
@@ -59,7 +63,7 @@ mod tests {
     /// 25.67451 m; at 300 kHz two, and 0.691807 m, where the instrument is blind.
     #[test]
     fn ranges_fold_at_the_rate_of_pulses() {
-        let of = |rate, blind| PulseAssignment::new(MultipleTimeAround::Folded, rate, blind).unwrap();
+        let of = |rate, blind| PulseAssignment::new(MultipleTimeAround::Folded, rate, blind, true).unwrap();
         for (rate, pulses, folded) in [(1e6, 6, 100.6226), (2e6, 13, 25.674_51), (300e3, 2, 0.691_807)] {
             let (late, after) = of(rate, 0.5).assign(1000.0, 100).unwrap();
             assert_eq!(late, pulses);
@@ -70,6 +74,6 @@ mod tests {
         // After the last pulse of a line nothing blinds it, and later ones do not exist.
         assert_eq!(of(300e3, 1.5).assign(499.0, 0), Some((0, 499.0)));
         assert_eq!(of(1e6, 1.5).assign(1000.0, 2).unwrap().0, 2);
-        assert!(PulseAssignment::new(MultipleTimeAround::Truth, 1e6, 1.0).is_none());
+        assert!(PulseAssignment::new(MultipleTimeAround::Truth, 1e6, 1.0, true).is_none());
     }
 }

@@ -2,7 +2,7 @@
 
 use ground::lanes::LANES;
 
-/// The scale error of an encoder: it reports angles of a fraction more than they are. Line scanners that look across the flight
+/// The scale error of an encoder: it reports angles larger by a fraction than they are. Line scanners that look across the flight
 /// count them from straight down, about their x axis; all others count azimuths, about z.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct EncoderScale {

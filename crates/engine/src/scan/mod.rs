@@ -16,7 +16,7 @@ pub use radar::RadarRecord;
 
 use crate::sensor::{Sensor, SensorKind};
 use crate::trace::BuiltScene;
-use cloud::{Field, FieldSet, PointCloud, Records};
+use cloud::{Field, FieldSet, Frame, PointCloud, Records};
 use emitter::Trajectory;
 use emitter::trajectory::Georeference;
 use glam::DVec3;
@@ -218,7 +218,7 @@ fn place_on_earth(cloud: &mut PointCloud, trajectory: &Trajectory) {
     let since_epoch = trajectory.gps_week().map_or(0.0, |week| f64::from(week) * WEEK - ADJUSTMENT);
     cloud.time_zero = trajectory.time_zero() + since_epoch;
     let standard_time = trajectory.gps_week().is_some();
-    let georeference = trajectory.georeference();
+    let georeference = trajectory.georeference().filter(|_| cloud.frame == Frame::World);
     cloud.earth_offset = georeference.map_or(DVec3::ZERO, Georeference::offset);
     let records = Records::of_crs(georeference.map(Georeference::crs), standard_time);
     // Mostly as before.

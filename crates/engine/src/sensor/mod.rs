@@ -336,7 +336,7 @@ impl Sensor {
     pub(crate) fn assignment(&self) -> Option<PulseAssignment> {
         let Pattern::LineScan(scan) = &self.spec.pattern else { return None };
         let range = &self.spec.range;
-        PulseAssignment::new(range.multiple_time_around, scan.pulse_rate_hz, range.blind_m)
+        PulseAssignment::new(range.multiple_time_around, scan.pulse_rate_hz, range.blind_m, scan.duty() < 1.0)
     }
 
     /// Where its numbers come from; may be empty.

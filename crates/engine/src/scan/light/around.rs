@@ -6,8 +6,8 @@ use crate::detect::PulseAssignment;
 use ground::lanes::MISS;
 
 impl Block {
-    /// Loses what arrives too close to a pulse, and takes what arrives after later pulses of the line for their echoes, if
-    /// the instrument does.
+    /// Loses what arrives too close to a pulse, and takes what arrives after later pulses for their echoes, if the
+    /// instrument does. Pulses end with the line, if the laser pauses then, or with the scan.
     pub(super) fn assign(&mut self, scan: &ScanPlan, assignment: PulseAssignment, count: usize) {
         let beams = scan.aim.beams;
         let Block { lanes, hits, measured, reported, .. } = self;
@@ -16,7 +16,8 @@ impl Block {
                 continue;
             }
             let beam = lanes.beam[lane];
-            match assignment.assign(measured[lane], beams.columns - 1 - beam % beams.columns) {
+            let end = if assignment.pauses { beams.columns - beam % beams.columns } else { beams.len() as u32 - beam };
+            match assignment.assign(measured[lane], end - 1) {
                 None => hits.surface[lane] = MISS,
                 Some((pulses, after)) if assignment.folds && pulses > 0 => {
                     measured[lane] = after;

@@ -14,13 +14,14 @@ impl Block {
     #[inline(never)]
     pub fn put_survey(&mut self, scan: &ScanPlan, count: usize, rows: &mut Slices) {
         let beams = scan.aim.beams;
-        let Block { lanes, rays, hits, kept, shown, widened, deviation, .. } = self;
+        let Block { lanes, rays, reported, hits, kept, shown, widened, deviation, .. } = self;
         let surface = &hits.surface;
+        let reported = reported.as_deref().filter(|_| scan.points_elsewhere()).unwrap_or(rays);
         if !rows.scan_angle.is_empty() {
             let mut angle = [0.0; LANES];
             let left = LeftOfHeading::of(scan, &lanes.beam[..count]);
             for lane in 0..count {
-                angle[lane] = scan_angle(rays.direction(lane), left.at(scan, lanes.beam[lane]));
+                angle[lane] = scan_angle(reported.direction(lane), left.at(scan, lanes.beam[lane]));
             }
             kept.put_beam(&angle, rows.scan_angle);
         }
