@@ -49,7 +49,10 @@ fn solve(errors: &str, path: &Trajectory) -> NavigationSolution {
 
 /// Options of a scan that is placed with these errors.
 fn placed(solution: &NavigationSolution) -> ScanOptions {
-    ScanOptions::default().fields(FieldSet::parse(FIELDS).unwrap()).estimated_trajectory(solution.sensor.clone())
+    ScanOptions::default()
+        .fields(FieldSet::parse(FIELDS).unwrap())
+        .estimated_trajectory(solution.sensor.clone())
+        .clock_offset(solution.clock_offset)
 }
 
 /// By how much the points of two beams are off the truth with these errors, m to the east, to the north and up.
@@ -104,12 +107,14 @@ fn points_are_placed_by_the_pose_at_their_time() {
     let sensor = Sensor::preset("riegl_vux1uav22").unwrap().clone();
     let options = placed(&solution).start_time(9.0);
     let cloud = scene.scan(&sensor, &path, &options).unwrap();
-    let exact = scene.scan(&sensor, &path, &options.clone().estimated_trajectory(None)).unwrap();
+    let exact = scene.scan(&sensor, &path, &options.clone().estimated_trajectory(None).clock_offset(0.0)).unwrap();
     assert!(cloud.len() > 5000 && cloud.len() == exact.len());
     let measured = |row: usize| exact.position(row);
     for row in (0..cloud.len()).step_by(7) {
+        // Stamped a quarter of a second late.
         let time = cloud.columns().time()[row];
-        let (before, after) = (path.at(time), solution.sensor.at(time));
+        assert!((time - exact.columns().time()[row] - 0.25).abs() < 1e-9);
+        let (before, after) = (path.at(time - 0.25), solution.sensor.at(time));
         let seen = before.orientation.inverse() * (measured(row) - before.position);
         let expected = after.position + after.orientation * seen;
         assert!((cloud.position(row) - expected).length() < 2e-3, "{row}: {} is not {expected}", cloud.position(row));

@@ -39,6 +39,7 @@ class ScanOptions(TypedDict, total=False):
     start_time: float | None
     trajectory_time: float | None
     estimated_trajectory: Placement | Trajectory | None
+    clock_offset: float | None
     freeze: bool | None
     frame_period: float | None
     organised: bool | None

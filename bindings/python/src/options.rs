@@ -81,6 +81,7 @@ impl ScanRequest {
                 "strip" => options.strip = Argument::of(key, &value)?,
                 "start_time" => options.start_time = Argument::of(key, &value)?,
                 "trajectory_time" => options.trajectory_time = Argument::of(key, &value)?,
+                "clock_offset" => options.clock_offset = Argument::of(key, &value)?,
                 "estimated_trajectory" => options.estimated_trajectory = Some(Arc::new(place::path(key, &value)?)),
                 "freeze" => options.freeze = Argument::of(key, &value)?,
                 "frame_period" => options.frame_period = Argument::of(key, &value)?,

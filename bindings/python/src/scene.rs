@@ -415,6 +415,8 @@ impl Scene {
     /// * `trajectory_time`: time of the trajectory at which it starts, s. Default: `start_time`.
     /// * `estimated_trajectory`: Trajectory with which points in the world are placed, as processing would; `true_x`, `true_y`
     ///   and `true_z` stay the truth; for LiDARs and depth cameras. Default: that of `at`.
+    /// * `clock_offset`: by how much pulses are stamped late, s: the column `time`, and where `estimated_trajectory` is
+    ///   looked up. Default: 0.
     /// * `freeze`: True freezes the scene during the scan, as it is at the start. Default: False.
     /// * `frame_period`: s, above 0, up to 1e9: time from frame to frame, over which scene flow is measured; for
     ///   `pings`, from ping to ping. Default: the sensor's period.

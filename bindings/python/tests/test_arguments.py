@@ -42,6 +42,7 @@ SCANS: "dict[str, Any]" = {
     "start_time": 1.0,
     "trajectory_time": 1.0,
     "estimated_trajectory": (0, 0, 1.8),
+    "clock_offset": 0.0,
     "freeze": True,
     "frame_period": 0.1,
     "organised": False,

@@ -204,7 +204,8 @@ pub fn run(args: &ScanArgs) -> Result<()> {
         frames: times,
         strips: None,
         options: scan_options(args, fields, f64::from(frames.step) / fps, &environment)
-            .estimated_trajectory(solution.as_ref().map(|solution| solution.sensor.clone())),
+            .estimated_trajectory(solution.as_ref().map(|solution| solution.sensor.clone()))
+            .clock_offset(solution.as_ref().map_or(0.0, |solution| solution.clock_offset)),
         output: &args.output,
         skies: scene.skies(),
     };

@@ -101,9 +101,10 @@ pub struct NavigationSolution {
     pub truth: Trajectory,
     /// Where it is estimated to be: what an SBET holds.
     pub carrier: Trajectory,
-    /// Where the sensor is taken to be when a pulse is sent: the estimated carrier with the assumed mounting, at the time that
-    /// the pulse is stamped with.
+    /// Where the sensor is taken to be: the estimated carrier with the assumed mounting.
     pub sensor: Arc<Trajectory>,
+    /// By how much the clock that pulses are stamped with is late, s.
+    pub clock_offset: f64,
     /// Standard deviations of the estimate, every second.
     pub accuracy: Vec<Accuracy>,
 }
@@ -206,7 +207,6 @@ impl Navigation {
             Pose { position: truth.position + position, orientation }
         };
         let keys: Vec<(f64, Pose)> = times.iter().copied().zip(times.iter().copied().map(estimate)).collect();
-        let later: Vec<(f64, Pose)> = keys.iter().map(|(time, pose)| (time - self.time_offset_s, *pose)).collect();
         let [roll, pitch, heading] = self.boresight_deg.map(f64::to_radians);
         // Of a carrier that heads along its own x axis.
         let boresight = navigated([roll, pitch, heading + FRAC_PI_2]);
@@ -217,8 +217,9 @@ impl Navigation {
         let like = |keys| Trajectory::new(keys).map(|made| made.alongside(carrier));
         Ok(NavigationSolution {
             truth: carrier.clone(),
+            sensor: Arc::new(like(keys.clone())?.mounted(&assumed)?),
             carrier: like(keys)?,
-            sensor: Arc::new(like(later)?.mounted(&assumed)?),
+            clock_offset: self.time_offset_s,
             accuracy: self.accuracy([first.min(start), last.max(end)], carrier.time_zero()),
         })
     }

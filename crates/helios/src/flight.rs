@@ -139,21 +139,28 @@ impl Flight {
     pub fn turn_with(&mut self, heads: &[HeadTurn], mount: DQuat, axis: DVec3) -> Result<()> {
         // Between keys the carrier turns the short way.
         const STEP_DEG: f64 = 90.0;
+        // From the end of one leg to the beginning of the next one at the same time, s.
+        const INSTANT: f64 = 1e-6;
         let about = mount * axis;
         let mut turned: Vec<(f64, Pose)> = Vec::with_capacity(self.keys.len());
         for (index, (time, pose)) in self.keys.iter().enumerate() {
-            let leg = self.legs.iter().find(|leg| (leg.from_s..=leg.to_s).contains(time));
-            let Some(leg) = leg else {
+            // Of two legs that meet, the later one goes on from here.
+            let mut there = self.legs.iter().filter(|leg| (leg.from_s..=leg.to_s).contains(time));
+            let (ending, leg) = (there.next(), there.next_back());
+            let Some(leg) = leg.or(ending) else {
                 turned.push((*time, *pose));
                 continue;
             };
-            let head = heads[leg.leg];
-            let angle = |time: f64| (head.from_deg + head.rate_deg_s * (time - leg.from_s)).to_radians();
-            let with_head = |time: f64, pose: &Pose| {
-                let orientation = (pose.orientation * DQuat::from_axis_angle(about, angle(time))).normalize();
+            let on_leg = |leg: &FlownLeg, time: f64, pose: &Pose| {
+                let head = heads[leg.leg];
+                let angle = (head.from_deg + head.rate_deg_s * (time - leg.from_s)).to_radians();
+                let orientation = (pose.orientation * DQuat::from_axis_angle(about, angle)).normalize();
                 (time, Pose { orientation, ..*pose })
             };
-            turned.push(with_head(*time, pose));
+            let (head, with_head) = (heads[leg.leg], |time: f64, pose: &Pose| on_leg(leg, time, pose));
+            let ended = ending.filter(|ending| ending.leg != leg.leg);
+            turned.extend(ended.map(|ended| on_leg(ended, *time, pose)));
+            turned.push(with_head(if ended.is_some() { time + INSTANT } else { *time }, pose));
             let Some((next, later)) = self.keys.get(index + 1).filter(|(next, _)| *next <= leg.to_s) else { continue };
             let steps = (head.rate_deg_s * (next - time) / STEP_DEG).abs().ceil() as usize;
             if turned.len().saturating_add(steps) > MOST_KEYS {

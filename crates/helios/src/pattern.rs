@@ -29,7 +29,10 @@ pub(crate) struct ChannelGroup<'s> {
 /// `channels` as sensors: emitters of a spinning one, and beams through the same prisms, are lines of one sensor.
 pub(crate) fn groups(channels: &[HeliosChannel], plan: HeadPlan) -> Vec<ChannelGroup<'_>> {
     let alike = |a: &HeliosChannel, b: &HeliosChannel| {
-        let rest = a.divergence_rad == b.divergence_rad && a.wavelength_nm == b.wavelength_nm;
+        let rest = a.divergence_rad == b.divergence_rad
+            && a.wavelength_nm == b.wavelength_nm
+            && (a.accuracy_m, a.range_min_m, a.range_max_m) == (b.accuracy_m, b.range_min_m, b.range_max_m)
+            && (a.pulse_ns, a.most_returns, &a.sampling) == (b.pulse_ns, b.most_returns, &b.sampling);
         let prisms = match (&a.optics, &b.optics) {
             (HeliosOptics::Risley { prisms: of_a, .. }, HeliosOptics::Risley { prisms: of_b, .. }) => of_a == of_b,
             _ => false,

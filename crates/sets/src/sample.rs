@@ -161,7 +161,7 @@ impl Sample {
         stand.notes.iter().for_each(|note| report.warn(note));
         let (mut live, drawn) = (stand.live, stand.drawn);
         let plan = match &spec.trajectory {
-            Some(Carrier::Plan(plan)) => Some(planned(plan, stage, spec, folder, &base, &mut live)?),
+            Some(Carrier::Plan(plan)) => Some(planned(plan, stage, spec, folder, &mut live)?),
             _ => None,
         };
         if let Some(plan) = &plan {
@@ -360,6 +360,7 @@ fn scans(
         let solve = |errors: &Navigation| errors.solve(draws.scan_seed(spec.seed, 0), &carrier, &mount, [start, last]);
         let navigation = spec.navigation.as_ref().map(solve).transpose()?.map(Arc::new);
         let estimated = navigation.as_ref().map(|solution| solution.sensor.clone());
+        let clock_offset = navigation.as_ref().map_or(0.0, |solution| solution.clock_offset);
         scans.push(Scan {
             trajectory: carrier.mounted(&mount)?,
             carrier: carrier.clone(),
@@ -371,6 +372,7 @@ fn scans(
                 .fields(spec.fields(&sensor)?)
                 .seed(draws.scan_seed(spec.seed, index as u32))
                 .estimated_trajectory(estimated)
+                .clock_offset(clock_offset)
                 .freeze(spec.freeze)
                 // Pings have one pose each.
                 .deskew(spec.deskew && !sensor.kind().makes_pings())
@@ -394,14 +396,7 @@ fn scans(
 ///
 /// # Errors
 /// As [`SurveySwath::new`] and [`SurveyPlan::new`].
-fn planned(
-    plan: &PlanSpec,
-    stage: &Stage,
-    spec: &Spec,
-    folder: &Path,
-    base: &Base,
-    live: &mut LiveScene,
-) -> Result<SurveyPlan> {
+fn planned(plan: &PlanSpec, stage: &Stage, spec: &Spec, folder: &Path, live: &mut LiveScene) -> Result<SurveyPlan> {
     let Some(entry) = spec.sensors.first() else { return Err(Error::invalid("sensors", "none", "at least one")) };
     let sensor = stage.sensor(entry, "sensors[0]", folder)?;
     let mount = entry.mount.pose("sensors[0].mount")?;
@@ -410,9 +405,7 @@ fn planned(
     let swath =
         SurveySwath::new(&sensor.spec().pattern, sensor.beams(), mount.orientation, range, plan.half_angle_deg)?;
     let built = live.commit()?;
-    /// Objects that rules add may be higher than the scene, m.
-    const ABOVE: f64 = 100.0;
-    let Some((low, high)) = base.scene.bounds() else {
+    let Some((low, high)) = live.bounds() else {
         return Err(Error::invalid(PLAN_KEY, "over an empty scene", "a scene with a ground"));
     };
     let mut plan = plan.clone();
@@ -425,7 +418,7 @@ fn planned(
         let inside = (low.x - edge..=high.x + edge).contains(&x) && (low.y - edge..=high.y + edge).contains(&y);
         let within = |value: f64, low: f64, high: f64| value.min(high - edge).max(low + edge);
         let (x, y) = (within(x, low.x, high.x), within(y, low.y, high.y));
-        if inside { built.ground_at(x, y, high.z + ABOVE) } else { None }
+        if inside { built.ground_at(x, y, high.z + edge) } else { None }
     };
     SurveyPlan::new(&plan, PLAN_KEY, &swath, &ground, spec.seed)
 }

@@ -30,6 +30,7 @@ const IN_C: &[(&str, Provided)] = &[
     ("reflectance_source", As("reflectance")),
     ("specular_depth", UNTIL_REQUIRED),
     ("estimated_trajectory", UNTIL_REQUIRED),
+    ("clock_offset", UNTIL_REQUIRED),
 ];
 
 /// Options of the program.
@@ -45,6 +46,7 @@ const IN_PROGRAM: &[(&str, Provided)] = &[
     ("time_budget", As("realtime")),
     ("environment", As("env")),
     ("estimated_trajectory", As("navigation")),
+    ("clock_offset", Not("`navigation.time_offset_s` sets it")),
 ];
 
 /// Keys of a scenario.
@@ -62,6 +64,7 @@ const IN_SCENARIO: &[(&str, Provided)] = &[
     ("time_budget", Not("data that a machine's speed changes cannot be repeated")),
     ("specular_depth", UNTIL_REQUIRED),
     ("estimated_trajectory", As("navigation")),
+    ("clock_offset", Not("`navigation.time_offset_s` sets it")),
 ];
 
 /// A default as the table of the library gives it.

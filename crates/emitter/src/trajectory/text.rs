@@ -67,6 +67,9 @@ enum AngleColumns {
 
 impl PositionColumns {
     fn of(csv: &CsvReader) -> Result<PositionColumns> {
+        if let [Some(x), Some(y), Some(z)] = csv.optional(["x", "y", "z"]) {
+            return Ok(PositionColumns::World([x, y, z]));
+        }
         let first = |names: [&str; 2]| csv.optional(names).into_iter().flatten().next();
         let has_latitude = first(["lat", "latitude"]).or(first(["lat_deg", "latitude_deg"]));
         let has_easting = first(["easting", "easting_m"]);
@@ -88,9 +91,21 @@ impl PositionColumns {
 }
 
 impl AngleColumns {
-    fn of(csv: &CsvReader) -> Result<AngleColumns> {
-        if csv.optional(["heading_deg"])[0].is_some() {
-            return Ok(AngleColumns::Heading(csv.required(["roll_deg", "pitch_deg", "heading_deg"])?));
+    /// Of several complete ones, places in degrees need headings; otherwise yaw comes first, then quaternions.
+    fn of(csv: &CsvReader, position: &PositionColumns) -> Result<AngleColumns> {
+        let heading = || Ok(AngleColumns::Heading(csv.required(["roll_deg", "pitch_deg", "heading_deg"])?));
+        let has_heading = csv.optional(["heading_deg"])[0].is_some();
+        if has_heading && matches!(position, PositionColumns::Degrees(_)) {
+            return heading();
+        }
+        if let [Some(roll), Some(pitch), Some(yaw)] = csv.optional(["roll_deg", "pitch_deg", "yaw_deg"]) {
+            return Ok(AngleColumns::Yaw([roll, pitch, yaw]));
+        }
+        if let [Some(x), Some(y), Some(z), Some(w)] = csv.optional(["qx", "qy", "qz", "qw"]) {
+            return Ok(AngleColumns::Quaternion([x, y, z, w]));
+        }
+        if has_heading {
+            return heading();
         }
         if csv.optional(["roll_deg", "pitch_deg", "yaw_deg"]).iter().any(Option::is_some) {
             return Ok(AngleColumns::Yaw(csv.required(["roll_deg", "pitch_deg", "yaw_deg"])?));
@@ -109,7 +124,7 @@ fn read_csv(mut csv: CsvReader, reader: &mut KeyReader, report: &mut Report) -> 
     let Some(time) = times.into_iter().flatten().next() else {
         return Err(csv.error("has no column of times; expected time_s, t, time or gps_time".into()));
     };
-    let angles = AngleColumns::of(&csv)?;
+    let angles = AngleColumns::of(&csv, &position)?;
     while let Some(row) = csv.next_row()? {
         let time = row[time];
         let three = |columns: [usize; 3]| columns.map(|column| row[column]);

@@ -165,7 +165,8 @@ impl Block {
         }
         if !rows.time.is_empty() {
             let mut time = lanes.take(&beams.time, count);
-            time.iter_mut().for_each(|time| *time += scan.options.start_time);
+            let start = scan.options.start_time + scan.options.clock_offset;
+            time.iter_mut().for_each(|time| *time += start);
             let firings = lanes.beam[..count].iter().map(|&beam| beams.firing(beam));
             scan.measure.errors.delay(&scan.rng, firings, &mut time);
             kept.put_beam(&time, rows.time);

@@ -15,7 +15,7 @@ impl Block {
         let origin = scan.world.scene.origin;
         for lane in 0..count {
             let time = start + scan.aim.beams.time[self.lanes.beam[lane] as usize];
-            let [truth, belief] = [scan.aim.trajectory, estimated].map(|path| path.at(time));
+            let (truth, belief) = (scan.aim.trajectory.at(time), estimated.at(time + scan.options.clock_offset));
             let place = DVec3::from_array(places.each_ref().map(|axis| axis[lane].into()));
             let seen = place - (truth.position - origin);
             let turned = belief.orientation * (truth.orientation.conjugate() * seen);

@@ -70,7 +70,8 @@ impl ScanPlan<'_> {
         };
         cloud.organised = options.organised.then_some([self.aim.beams.rows, self.aim.beams.columns]);
         let trajectory = self.aim.estimated.unwrap_or(self.aim.trajectory);
-        cloud.sensor_pose = trajectory.at(options.start_on_trajectory());
+        let late = self.aim.estimated.map_or(0.0, |_| options.clock_offset);
+        cloud.sensor_pose = trajectory.at(options.start_on_trajectory() + late);
         cloud.start_time = Some(options.start_time);
         cloud.rays = self.rays.load(Ordering::Relaxed);
         cloud.most_rays = self.most_rays();
