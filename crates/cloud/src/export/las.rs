@@ -550,7 +550,7 @@ impl Survey {
             self.clamped_returns |= !inside(&c.return_number) || !inside(&c.return_count);
             self.clamped_intensities |= c.intensity.get(row).is_some_and(|i| !intensities.contains(i));
             self.clamped_angles |=
-                c.scan_angle.get(row).is_some_and(|angle| f64::from(angle.abs()).to_degrees() > RANK_DEG);
+                c.scan_angle.get(row).is_some_and(|angle| f64::from(angle.abs()).to_degrees() > RANK_DEG + 0.5);
             self.clamped_categories |= c.category_id.get(row).is_some_and(|&id| id > u32::from(u16::MAX));
         }
     }
