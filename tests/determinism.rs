@@ -421,9 +421,12 @@ fn seeds_and_frames_change_only_what_has_noise() {
     sensor.set("beam.sub_rays", "1").unwrap();
     let scan = |seed, frame| scene.scan(&sensor, &path, &all().seed(seed).frame(frame)).unwrap();
     let first = scan(11, 3);
-    let noisy = ["x", "y", "z", "range", "intensity", "depth"];
+    let noisy = ["x", "y", "z", "range", "intensity", "depth", "reflectance_db", "amplitude_db"];
     assert_eq!(differences(&first, &scan(12, 3)), noisy);
-    assert_eq!(differences(&first, &scan(11, 4)), ["x", "y", "z", "range", "intensity", "frame", "depth"]);
+    assert_eq!(
+        differences(&first, &scan(11, 4)),
+        ["x", "y", "z", "range", "intensity", "frame", "depth", "reflectance_db", "amplitude_db"]
+    );
 }
 
 /// Bits of each row by its beam.

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// The packages whose sources are checked.
-const PACKAGES: [&str; 21] = [
+const PACKAGES: [&str; 23] = [
     "bindings/python",
     "crates/cloud",
     "crates/crew",
@@ -21,6 +21,7 @@ const PACKAGES: [&str; 21] = [
     "crates/engine",
     "crates/ground",
     "crates/hdf5",
+    "crates/helios",
     "crates/kernels",
     "crates/memory",
     "crates/model",
@@ -29,6 +30,7 @@ const PACKAGES: [&str; 21] = [
     "crates/scene-files",
     "crates/sets",
     "crates/stdout",
+    "crates/survey",
     "crates/worlds",
 ];
 

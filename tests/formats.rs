@@ -106,6 +106,15 @@ fn cloud(len: usize, fields: FieldSet) -> PointCloud {
         azimuth_sigma: |_| metres(0.1).abs();
         elevation_sigma: |_| f32::NAN;
         velocity_sigma: |_| metres(0.1).abs();
+        // Whole steps of LAS.
+        scan_angle: |row| ((f64::from(whole(row, 30_000)) - 15_000.0) * 0.006).to_radians() as f32;
+        scan_direction: |row| (row % 2) as u8;
+        edge_of_line: |row| u8::from(row % 9 == 0);
+        strip: |row| whole(row, 65_535) as u16;
+        reflectance_db: |row| if row % 8 == 0 { f32::NAN } else { metres(30.0) };
+        amplitude_db: |_| metres(30.0).abs();
+        pulse_width: |_| metres(1e-8).abs();
+        deviation: |_| metres(1.0).abs();
     }
     let table = |rows: &[(u32, &str)]| rows.iter().copied().collect();
     let labels = Labels::default()
@@ -243,6 +252,8 @@ fn compare(cloud: &PointCloud, format: &str, found: &Value, rows: &[usize], held
                     tolerance = found["scale"].as_f64().unwrap() / 2.0 + 2e-9;
                 }
                 (Field::Intensity, "las" | "laz" | "las2") => value = (value * 65535.0).round(),
+                (Field::ScanAngle, "las" | "laz") => tolerance = 0.003_f64.to_radians() + 1e-7,
+                (Field::ScanAngle, "las2") => tolerance = 0.5_f64.to_radians() + 1e-7,
                 (Field::CategoryId, "las2") => value = value.min(65535.0),
                 // Half a step of f32 at 4 km from the sensor, on each axis.
                 (Field::X | Field::Y | Field::Z, _) if format == "e57" || bag => tolerance = 5e-4,

@@ -115,7 +115,11 @@ fn scenario() {
 fn table() {
     let table = b"azimuth_deg,elevation_deg,time_us,channel\n0,1,0,0\n10,-1,2.5,1\n";
     let poses = b"time,x,y,z,qx,qy,qz,qw\n0,0,0,1,0,0,0,1\n1,2,0,1,0,0,0.7,0.7\n";
-    fuzz("table", 1500, &[table, poses], targets::table::run);
+    let places = b"t,lat,lon,height,roll_deg,pitch_deg,heading_deg\n0,49,9,100,0,1,2\n1,49.1,9,100,0,1,2\n";
+    let helios = b"#HEADER: \"t\", \"roll\", \"pitch\", \"yaw\", \"x\", \"y\", \"z\"\n0, 0, 5, 90, 0, -40, 7\n";
+    let record = |time: f64| [time, 0.85, 0.16, 500.0].into_iter().chain([0.0; 13]).flat_map(f64::to_le_bytes);
+    let sbet: Vec<u8> = (0..3).flat_map(|second| record(f64::from(second))).collect();
+    fuzz("table", 2000, &[table, poses, places, helios, &sbet], targets::table::run);
 }
 
 #[test]

@@ -1,5 +1,5 @@
 //! `make bench`: rays per second compared with the bare Embree loop, what weather adds, what adaptive beams cost, and
-//! how exact they are, motion, sonar, radar, samples of sets and the cost of their styles, the paper's two experiments,
+//! how exact they are, motion, sonar, radar, surveys, samples of sets and the cost of their styles, the paper's two experiments,
 //! how fast files are read and written, the C library and the Python package compared with the Rust crate, and scans
 //! side by side. Prints tables and writes `target/bench.json`.
 //!
@@ -25,6 +25,7 @@ mod rays;
 mod scenario;
 mod scenes;
 mod sound;
+mod survey;
 
 use serde_json::{Map, Value};
 
@@ -41,6 +42,7 @@ const SECTIONS: &[Section] = &[
     ("motion", motion::run),
     ("sound", sound::run),
     ("radar", radar::run),
+    ("survey", survey::run),
     ("scenario", scenario::run),
     ("styles", scenario::styles),
     ("paper", paper::run),

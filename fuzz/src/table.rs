@@ -1,4 +1,4 @@
-//! CSV files of beams and of poses: any bytes are read or refused, and what is read is sound.
+//! CSV files of beams, and trajectories of all formats: any bytes are read or refused, and what is read is sound.
 
 use echocast::{Sensor, Trajectory};
 use std::cell::OnceCell;
@@ -18,7 +18,12 @@ pub fn run(bytes: &[u8]) {
         if let Ok(sensor) = Sensor::from_yaml(SENSOR, folder) {
             sensor.beams().check().expect("beams of an accepted table are sound");
         }
-        if let Ok(trajectory) = Trajectory::load(&file) {
+        for name in ["rays.csv", "path.sbet", "path.trj"] {
+            let file = folder.join(name);
+            if name != "rays.csv" {
+                std::fs::write(&file, bytes).expect("the file can be written");
+            }
+            let Ok(trajectory) = Trajectory::load(&file) else { continue };
             let (start, end) = trajectory.span();
             for time in [start, 0.5 * (start + end), end, -1.0] {
                 let pose = trajectory.at(time);

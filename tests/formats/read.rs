@@ -29,6 +29,8 @@ fn tolerance(cloud: &PointCloud, format: &str, field: Field, row: usize) -> f64 
     match format {
         "las" | "laz" | "las2" if position => 0.5e-4 + f32_step,
         "las" | "laz" | "las2" if field == Field::Intensity => 0.5 / 65535.0,
+        "las" | "laz" if field == Field::ScanAngle => 0.003_f64.to_radians() + f32_step,
+        "las2" if field == Field::ScanAngle => 0.5_f64.to_radians() + f32_step,
         // Turned into the frame of the sensor and back, kilometres away.
         _ if position && (format == "e57" || bag) => 1e-3,
         // Drivers count from the stamp, in f32 or nanoseconds, or all nanoseconds in f64.

@@ -2,6 +2,7 @@
 
 use super::{farthest, mean_and_sigma, nothing, scan, scan_at, wall_all_around};
 use echocast::detect::{Detection, Statistical};
+use echocast::emitter::pattern::{Pattern, Spinning};
 use echocast::generate::Landscape;
 use echocast::{BuiltScene, Cause, Engine, PointCloud, Pose, PresetInfo, ScanOptions, Sensor, SensorKind};
 use echocast_tests::assert_nearly_in_document;
@@ -31,6 +32,9 @@ fn rated(sensor: &Sensor) -> [f64; 2] {
 fn reached(sensor: &Sensor, [reflectance, at_m]: [f64; 2]) -> f64 {
     let mut sensor = sensor.clone();
     sensor.set("range.max_m", "2000").unwrap();
+    if let Pattern::Spinning(Spinning { channels: Some(_), .. }) = &sensor.spec().pattern {
+        sensor.set("pattern.channels.range_max_m", "[]").unwrap();
+    }
     farthest([0.2 * at_m, 1.5 * at_m], 0.002 * at_m, |range| {
         let wall = wall_all_around(reflectance, range, 60);
         let (found, beams) = seen(&scan(&wall, &sensor, ScanOptions::default()), &sensor);
@@ -87,6 +91,9 @@ fn row(info: &PresetInfo, forest: &(BuiltScene, Pose)) -> String {
     assert!((0.6..1.03).contains(&(reached / at_m)), "{} sees {reflectance} at {reached} m, not {at_m} m", info.name);
     let lidar = info.kind == SensorKind::Lidar;
     let at = if lidar { 10.0 } else { 2.0 };
+    // As far as half of the light is seen.
+    let far = sensor.spec().range.max_m.unwrap().min(at_m * (0.5 / reflectance).sqrt());
+    let at = if far < at { 0.5 * far } else { at };
     let several = if lidar { format!("{:.1} %", 100.0 * several(&sensor, forest)) } else { "-".into() };
     format!(
         "| `{}` | {} % at {at_m} m | {reached:.1} m | {:.1} mm | {several} | {} |\n",

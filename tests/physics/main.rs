@@ -26,6 +26,7 @@ mod rays;
 mod returns;
 mod sonar;
 mod surfaces;
+mod survey;
 mod water;
 mod weather;
 

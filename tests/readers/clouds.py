@@ -71,7 +71,11 @@ def las_header(las):
 def las_columns(las, others):
     columns = {"x": las.x, "y": las.y, "z": las.z, "intensity": las.intensity, "return_number": las.return_number}
     columns["return_count"] = las.number_of_returns
+    columns["scan_direction"] = las.scan_direction_flag
+    columns["edge_of_line"] = las.edge_of_flight_line
     for colour in ("red", "green", "blue"):
+        if colour not in las.point_format.dimension_names:
+            continue
         wide = numpy.asarray(las[colour])
         assert (wide % 257 == 0).all()
         columns[colour] = wide // 257
@@ -98,7 +102,8 @@ def read_chunks(path):
 
 
 def las_of(las):
-    assert (str(las.header.version), las.header.point_format.id) == ("1.4", 7)
+    coloured = "red" in las.point_format.dimension_names
+    assert (str(las.header.version), las.header.point_format.id) == ("1.4", 7 if coloured else 6)
     las_header(las)
     records = [v for v in list(las.header.vlrs) + list(las.evlrs or []) if v.user_id == "echocast"]
     assert [v.record_id for v in records] == [1]
@@ -106,7 +111,12 @@ def las_of(las):
     extra = {name: name for name in las.point_format.extra_dimension_names}
     for dimension in las.point_format.extra_dimensions:
         assert dimension.description, dimension.name
-    columns = las_columns(las, {"time": "gps_time"} | extra)
+    columns = las_columns(las, {"time": "gps_time", "strip": "point_source_id"} | extra)
+    columns["scan_angle"] = numpy.radians(numpy.asarray(las.scan_angle) * 0.006)
+    if "cause" in columns:
+        assert (numpy.asarray(las.user_data) == numpy.asarray(columns["cause"])).all()
+    if "channel" in columns and len(las.points) and (numpy.asarray(columns["channel"]) < 4).all():
+        assert (numpy.asarray(las.scanner_channel) == numpy.asarray(columns["channel"])).all()
     return {"columns": columns, "scale": las.header.scales[0]} | meaning(said)
 
 
@@ -115,6 +125,7 @@ def read_las2(path):
     assert (str(las.header.version), las.header.point_format.id) == ("1.2", 2)
     las_header(las)
     columns = las_columns(las, {"category_id": "point_source_id"})
+    columns["scan_angle"] = numpy.radians(numpy.asarray(las.scan_angle_rank).astype(float))
     return {"columns": columns, "scale": las.header.scales[0]} | meaning(beside(path))
 
 

@@ -48,9 +48,23 @@ def write_las(name, version, number, backend=None, far=(0, 0, 0), scale=0.001, e
     las.classification = random.integers(0, 23 if wide else 13, COUNT)
     las.user_data = random.integers(0, 256, COUNT)
     lost = ["user_data"]
+    las.scan_direction_flag = random.integers(0, 2, COUNT)
+    las.edge_of_flight_line = random.integers(0, 2, COUNT)
+    las.point_source_id = random.integers(0, 65536, COUNT)
+    if wide:
+        las.scan_angle = random.integers(-30000, 30001, COUNT)
+        las.scanner_channel = random.integers(0, 4, COUNT)
+    else:
+        las.scan_angle_rank = random.integers(-90, 91, COUNT)
     columns = {axis: numpy.asarray(las[axis]) for axis in "xyz"}
     columns["intensity"] = numpy.asarray(las.intensity) / 65535
     columns |= {"return_number": las.return_number, "return_count": las.number_of_returns}
+    columns |= {"scan_direction": las.scan_direction_flag, "edge_of_line": las.edge_of_flight_line}
+    columns |= {"strip": las.point_source_id}
+    degrees = numpy.asarray(las.scan_angle) * 0.006 if wide else numpy.asarray(las.scan_angle_rank).astype(float)
+    columns["scan_angle"] = numpy.radians(degrees)
+    if wide:
+        columns["channel"] = las.scanner_channel
     if not extra:
         columns["category_id"] = las.classification
     if "gps_time" in las.point_format.dimension_names:
@@ -73,7 +87,7 @@ def write_las(name, version, number, backend=None, far=(0, 0, 0), scale=0.001, e
         lost.append("temperature")
     las.write(folder / name, laz_backend=backend)
     names = {} if extra else {"2": "ground", "6": "building"}
-    tolerance = dict.fromkeys("xyz", 1e-4) | {"intensity": 1e-7, "range": 1e-6}
+    tolerance = dict.fromkeys("xyz", 1e-4) | {"intensity": 1e-7, "range": 1e-6, "scan_angle": 1e-6}
     told(name, columns, tolerance, lost=lost, categories=names)
 
 

@@ -35,8 +35,11 @@ class ScanOptions(TypedDict, total=False):
     fields: str | Sequence[str] | None
     seed: int | None
     frame: int | None
+    strip: int | None
     start_time: float | None
     trajectory_time: float | None
+    estimated_trajectory: Placement | Trajectory | None
+    clock_offset: float | None
     freeze: bool | None
     frame_period: float | None
     organised: bool | None
@@ -566,6 +569,22 @@ class Columns:
     def elevation_sigma(self) -> Float32Array: ...
     @property
     def velocity_sigma(self) -> Float32Array: ...
+    @property
+    def scan_angle(self) -> Float32Array: ...
+    @property
+    def scan_direction(self) -> UInt8Array: ...
+    @property
+    def edge_of_line(self) -> UInt8Array: ...
+    @property
+    def strip(self) -> UInt16Array: ...
+    @property
+    def reflectance_db(self) -> Float32Array: ...
+    @property
+    def amplitude_db(self) -> Float32Array: ...
+    @property
+    def pulse_width(self) -> Float32Array: ...
+    @property
+    def deviation(self) -> Float32Array: ...
 
 @final
 class PointCloud(Columns):

@@ -76,7 +76,7 @@ macro_rules! whole {
     )+ };
 }
 
-whole! { u8 u32 u64 usize }
+whole! { u8 u16 u32 u64 usize }
 
 impl Argument<'_, '_> for f64 {
     fn of(name: &str, value: &Bound<'_, PyAny>) -> BindingResult<Self> {

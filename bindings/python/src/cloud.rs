@@ -72,6 +72,11 @@ use std::sync::Arc;
 /// | `snr`, `power` | float32 | signal-to-noise ratio of a detection, dB, and its power at the receiver, dBm |
 /// | `path` | uint8 | how the wave of a detection travelled, see below |
 /// | `range_sigma`, `azimuth_sigma`, `elevation_sigma`, `velocity_sigma` | float32 | standard errors, m, rad, m/s |
+/// | `scan_angle` | float32 | from straight down to the right of the heading, roll included, rad |
+/// | `scan_direction`, `edge_of_line` | uint8 | 1 while a line scanner sweeps to the right; for the last point of its line |
+/// | `strip` | uint16 | number of the flight line or station, 0: none |
+/// | `reflectance_db`, `amplitude_db` | float32 | power against that of a white plate, and over the least detected, dB |
+/// | `pulse_width`, `deviation` | float32 | width of the echo, s, and how far its shape is from that of the pulse |
 ///
 /// Causes: 0 surface, 1 seen in a mirror, 2 seen through glass, 3 rain, 4 fog, 5 snow, 6 dust, 7 noise, 8 mixed at an
 /// edge, 9 multipath, 10 sea surface.
@@ -406,7 +411,7 @@ impl PointCloud {
     /// A picture as PNG, bytes.
     ///
     /// `color`: "label", "cause", "intensity", "range", "height", "velocity", "radial_velocity", "doppler",
-    /// "density" or "path"; None: "label". `view`: "top", "perspective" (from behind the sensor) or "range" (as the sensor
+    /// "density", "ground_density", "strip" or "path"; None: "label". `view`: "top", "perspective" (from behind the sensor) or "range" (as the sensor
     /// sees it). `width`: 320 to 4096 pixels; None: 1600.
     #[pyo3(signature = (*, color = None, view = "top", width = None))]
     fn png<'py>(

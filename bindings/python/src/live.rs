@@ -284,7 +284,7 @@ impl LiveScene {
         let mut paths = Vec::new();
         for item in cameras.map(|cameras| cameras.items()).transpose()?.iter().flatten() {
             let (name, place): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
-            paths.push((Argument::of("a name in cameras", &name)?, path(&place)?));
+            paths.push((Argument::of("a name in cameras", &name)?, path("cameras", &place)?));
         }
         Ok(Scene::of(self.lock(py).scene.to_scene(&paths)?))
     }

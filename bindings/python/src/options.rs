@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::ffi::CString;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// Names of the arguments.
 fn names() -> impl Iterator<Item = &'static str> {
@@ -70,15 +71,18 @@ impl ScanRequest {
             match key {
                 // None means the default.
                 _ if value.is_none() => {}
-                "at" => path = Some(place::path(&value)?),
+                "at" => path = Some(place::path(key, &value)?),
                 "fields" => {
                     let list = ColumnNames::of(key, &value)?.names().join(",");
                     options.fields = FieldSet::parse_with(&list, sensor.default_fields())?;
                 }
                 "seed" => options.seed = Argument::of(key, &value)?,
                 "frame" => options.frame = Argument::of(key, &value)?,
+                "strip" => options.strip = Argument::of(key, &value)?,
                 "start_time" => options.start_time = Argument::of(key, &value)?,
                 "trajectory_time" => options.trajectory_time = Argument::of(key, &value)?,
+                "clock_offset" => options.clock_offset = Argument::of(key, &value)?,
+                "estimated_trajectory" => options.estimated_trajectory = Some(Arc::new(place::path(key, &value)?)),
                 "freeze" => options.freeze = Argument::of(key, &value)?,
                 "frame_period" => options.frame_period = Argument::of(key, &value)?,
                 "organised" => options.organised = Argument::of(key, &value)?,

@@ -204,12 +204,12 @@ fn counted<const N: usize>(name: &str, array: &Bound<'_, PyAny>, count: usize) -
 }
 
 /// Where a scan is made from, the argument `at`.
-pub fn path(at: &Bound<'_, PyAny>) -> BindingResult<echocast::Trajectory> {
+pub fn path(name: &str, at: &Bound<'_, PyAny>) -> BindingResult<echocast::Trajectory> {
     if let Ok(Trajectory(path)) = at.extract() {
         return Ok(path);
     }
-    let placed = PoseLike::read("at", at, "a Pose, a Trajectory, x, y and z, or a matrix of 4 x 4")?;
-    Ok(echocast::Trajectory::fixed(placed.rigid("at")?))
+    let placed = PoseLike::read(name, at, "a Pose, a Trajectory, x, y and z, or a matrix of 4 x 4")?;
+    Ok(echocast::Trajectory::fixed(placed.rigid(name)?))
 }
 
 /// Where an object is, the argument `pose`: world from object.

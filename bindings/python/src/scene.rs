@@ -409,9 +409,14 @@ impl Scene {
     ///   those that the sensor has by default, "all" for all, "velocity" and "flow" for three each. Default: "default".
     /// * `seed`: of all random draws, 0 to 2^64 - 1. Default: 0.
     /// * `frame`: number of the scan, 0 to 2^32 - 1; each has its own random numbers. Default: 0.
+    /// * `strip`: number of the flight line or station, 0 to 65535; 0: none. Default: 0.
     /// * `start_time`: when it starts, s since the start of the run; patterns that do not repeat continue with it.
     ///   Default: 0.
     /// * `trajectory_time`: time of the trajectory at which it starts, s. Default: `start_time`.
+    /// * `estimated_trajectory`: Trajectory with which points in the world are placed, as processing would; `true_x`, `true_y`
+    ///   and `true_z` stay the truth; for LiDARs and depth cameras. Default: that of `at`.
+    /// * `clock_offset`: by how much pulses are stamped late, s: the column `time`, and where `estimated_trajectory` is
+    ///   looked up. Default: 0.
     /// * `freeze`: True freezes the scene during the scan, as it is at the start. Default: False.
     /// * `frame_period`: s, above 0, up to 1e9: time from frame to frame, over which scene flow is measured; for
     ///   `pings`, from ping to ping. Default: the sensor's period.

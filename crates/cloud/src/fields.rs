@@ -158,6 +158,8 @@ pub enum FieldSource {
     WaterTrack,
     /// A radar: how strong a detection is, how sure, and by which path.
     Radar,
+    /// A laser scanner: where in its line a pulse is, and what surveyors know of its echoes.
+    Survey,
 }
 
 /// One row of the table of columns.
@@ -461,6 +463,14 @@ columns! {
     azimuth_sigma, AzimuthSigma, f32, Radar, "rad", false, None, "standard error of azimuth, as the radar estimates it; NaN for other sensors";
     elevation_sigma, ElevationSigma, f32, Radar, "rad", false, None, "std. error of elevation, as the radar estimates it; NaN where it measures none and for other sensors";
     velocity_sigma, VelocitySigma, f32, Radar, "m/s", false, None, "standard error of doppler, as the radar estimates it; NaN for other sensors";
+    scan_angle, ScanAngle, f32, Survey, "rad", false, Some("scan_angle"), "scan angle: from straight down to the right of the heading, across it, roll of the platform included; a default column of line scanners that fly or drive, NaN for sonars and radars";
+    scan_direction, ScanDirection, u8, Survey, "", false, Some("scan_direction_flag"), "direction of the scan: 1 while the mechanism of a line scanner sweeps to the right, otherwise 0; a default column of line scanners that fly or drive";
+    edge_of_line, EdgeOfLine, u8, Survey, "", false, Some("edge_of_flight_line"), "edge of the flight line: 1 for the last point of a line of a line scanner, otherwise 0; a default column of line scanners that fly or drive";
+    strip, Strip, u16, Survey, "", false, Some("point_source_id"), "strip: number of the flight line or station, 0 = none; a default column of line scanners";
+    reflectance_db, ReflectanceDb, f32, Survey, "dB", false, None, "reflectance: power against that of a white Lambertian plate at the same range, head-on; a default column of line scanners, NaN for cameras, sonars and radars";
+    amplitude_db, AmplitudeDb, f32, Survey, "dB", false, None, "amplitude: power over the least that is detected; a default column of line scanners, NaN for instruments without a threshold";
+    pulse_width, PulseWidth, f32, Survey, "s", false, None, "width of the echo: full width at half maximum; a default column of line scanners, NaN without a pulse";
+    deviation, Deviation, f32, Survey, "1", false, None, "pulse shape deviation: area between the echo and the emitted pulse of the same height, over the area of that; 0 for a single flat target; a default column of line scanners, NaN for sonars and radars";
 }
 
 impl Field {

@@ -26,6 +26,8 @@ pub struct PointOptions {
     pub organised: bool,
     /// Number of the scan.
     pub frame: u32,
+    /// Number of the strip.
+    pub strip: u16,
 }
 
 /// A point of a ping: its cell, and what the sonar reports for it.
@@ -214,6 +216,7 @@ impl Ping {
             ring: beam as u16,
             time: self.time,
             frame: options.frame,
+            strip: options.strip,
             beam: if self.reports_depths() { beam as u32 } else { cell as u32 },
             firing: self.number,
             doppler: self.bottom_track.map_or(f32::NAN, |track| track.radial[beam]),

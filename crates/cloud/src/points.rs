@@ -69,6 +69,9 @@ pub struct PointCloud {
     pub labels: Arc<Labels>,
     /// The coordinate system, and whatever else a survey file contained in addition to its points.
     pub records: Arc<Records>,
+    /// Coordinates of the world's origin in that system, m: LAS holds coordinates of the system, other formats those of
+    /// the world.
+    pub earth_offset: DVec3,
 }
 
 impl Default for PointCloud {
@@ -91,6 +94,7 @@ impl Default for PointCloud {
             boxes: None,
             labels: Arc::default(),
             records: Arc::default(),
+            earth_offset: DVec3::ZERO,
         }
     }
 }

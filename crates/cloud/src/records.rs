@@ -4,6 +4,7 @@
 //! of GeoTIFF 1.0 (2.4 and 6.3).
 
 use ground::builder;
+use ground::crs::Crs;
 
 /// A LAS record.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -91,6 +92,11 @@ impl Record {
 }
 
 impl Records {
+    /// The coordinate system `crs` alone, if there is one, and whether times are standard GPS time.
+    pub fn of_crs(crs: Option<&Crs>, standard_time: bool) -> Records {
+        Records { all: crs.and_then(|crs| Record::of_text(&crs.wkt())).into_iter().collect(), standard_time }
+    }
+
     /// The coordinate system as well-known text.
     pub fn wkt(&self) -> Option<&str> {
         self.all.iter().find_map(Record::text)

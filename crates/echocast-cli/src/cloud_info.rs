@@ -1,9 +1,12 @@
 //! What `echocast info` reports about a cloud.
 
 use crate::pipe::{self, ColumnArgs};
+use crate::strips::Strips;
 use crate::text::{self, thousands};
-use anyhow::Result;
+use crate::{names, output, usage};
+use anyhow::{Context as _, Result};
 use echocast::cloud::{Column, FieldInfo, Record};
+use echocast::preview::{self, ColorBy, PreviewOptions};
 use echocast::scene::NameTable;
 use echocast::{Field, Frame, PointCloud, Pose, Report, shown};
 use serde_json::{Value, json};
@@ -18,10 +21,18 @@ const LONGEST: usize = 50;
 /// Most label names that are listed.
 const LISTED: usize = 40;
 
-/// Prints what is in the cloud file `file`.
-pub fn run(file: &Path, columns: &ColumnArgs, as_json: bool) -> Result<()> {
+/// Prints what is in the cloud file `file`, and draws how densely it covers the ground to `picture`.
+pub fn run(file: &Path, columns: &ColumnArgs, picture: Option<&Path>, as_json: bool) -> Result<()> {
+    let options = PreviewOptions::default().color(ColorBy::GroundDensity);
+    if let Some(picture) = picture {
+        output::check_picture("--preview", picture, &options).map_err(usage::wrong)?;
+        names::check_kept(picture, file).map_err(usage::wrong)?;
+    }
     let mut report = Report::default();
     let (cloud, _) = pipe::read_cloud(file, columns, &mut report)?;
+    if let Some(picture) = picture {
+        report.warnings.extend(preview::write(&cloud, picture, &options).context("--preview")?.warnings);
+    }
     if as_json {
         return text::print_json(&to_json(file, &cloud, &report));
     }
@@ -174,6 +185,9 @@ fn describe(file: &Path, cloud: &PointCloud, report: &Report) -> Result<String> 
     if let Some(boxes) = &cloud.boxes {
         writeln!(text, "boxes       {}", thousands(boxes.len()))?;
     }
+    if let Some(strips) = Strips::of(cloud) {
+        text += &strips.describe();
+    }
     if let Some(histogram) = Histogram::of(cloud) {
         let edges = histogram.edges();
         let most = histogram.bars.iter().copied().max().unwrap_or(0).max(1);
@@ -264,6 +278,7 @@ fn to_json(file: &Path, cloud: &PointCloud, report: &Report) -> Value {
         "parts": labels(c.part_id(), &cloud.labels.part),
         "instances": counts(c.instance_id()).keys().filter(|&&id| id != 0).count(),
         "boxes": cloud.boxes.as_ref().map(Vec::len),
+        "survey": Strips::of(cloud).map(|strips| strips.to_json()),
         "histogram": histogram,
         "warnings": report.warnings,
     })

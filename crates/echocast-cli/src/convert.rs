@@ -1,8 +1,10 @@
 //! `echocast convert`
 
+use crate::flight::TRAJECTORY_ENDINGS;
+use crate::input::has_ending;
 use crate::pipe::{self, ColumnArgs, Outgoing};
-use crate::{interrupt, output, text, usage};
-use anyhow::{Context as _, Result};
+use crate::{interrupt, names, text, usage};
+use anyhow::{Context as _, Result, ensure};
 use echocast::{FieldSet, Report, export, shown};
 use std::path::PathBuf;
 
@@ -42,7 +44,7 @@ pub fn run(args: &ConvertArgs) -> Result<()> {
     let stdout = pipe::is_standard(&args.output).then(Outgoing::new).transpose()?;
     let file = stdout.as_ref().map_or_else(|| args.output.clone(), Outgoing::place);
     // Names of labels beside the input may be those beside the output: they are the same.
-    inputs.iter().try_for_each(|input| output::check_kept(&file, input)).map_err(usage::wrong)?;
+    inputs.iter().try_for_each(|input| names::check_kept(&file, input)).map_err(usage::wrong)?;
     export::check(&file, name, cloud.fields())?;
     interrupt::check()?;
     report.absorb(export::write(&cloud, &file, name)?);
@@ -66,10 +68,17 @@ pub fn run(args: &ConvertArgs) -> Result<()> {
 
 /// Checks that the output is possible.
 fn check(args: &ConvertArgs) -> Result<()> {
+    for file in [&args.input, &args.output] {
+        ensure!(
+            !has_ending(file, TRAJECTORY_ENDINGS),
+            "{}: is the name of a trajectory, not of a cloud; allowed: with echocast trajectory",
+            shown::path(file)
+        );
+    }
     if pipe::is_standard(&args.output) {
         // The columns are not known yet.
         return Outgoing::check(args.format.as_deref(), FieldSet::all());
     }
-    output::check_kept(&args.output, &args.input)?;
-    output::check_kept(&export::labels_path(&args.output), &args.input)
+    names::check_kept(&args.output, &args.input)?;
+    names::check_kept(&export::labels_path(&args.output), &args.input)
 }

@@ -3,7 +3,7 @@
 use crate::input::{SceneArgs, positive};
 use crate::pipe::ColumnArgs;
 use crate::text::{self, thousands};
-use crate::{cloud_info, output, pipe, usage};
+use crate::{cloud_info, names, output, pipe, usage};
 use anyhow::{Context as _, Result, anyhow, ensure};
 use echocast::material::{Returned, Why};
 use echocast::preview::{self, PreviewOptions};
@@ -14,7 +14,8 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 /// Show what is in a scene: triangles, instances, materials, labels, cameras, animations, bounds; or in a cloud:
-/// points, bounds, columns, labels with their numbers of points, and the distribution of ranges or intensities
+/// points, bounds, columns, labels with their numbers of points, strips with their densities and overlap, and the
+/// distribution of ranges or intensities
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -35,7 +36,8 @@ pub struct InfoArgs {
     #[arg(long, value_name = "GHZ", value_parser = positive)]
     radar: Option<f64>,
     /// Draw a plan of the scene to choose `--at` of a scan from: the view from above in the colours of categories, with
-    /// a coordinate grid, the heights where its lines cross, and the cameras. Rooms with a ceiling are cut open
+    /// a coordinate grid, the heights where its lines cross, and the cameras. Rooms with a ceiling are cut open. Of a
+    /// cloud, draw how many points there are per square metre
     #[arg(long, value_name = "FILE.png")]
     preview: Option<PathBuf>,
     /// Print one JSON object, with lengths in metres
@@ -49,9 +51,7 @@ pub fn run(args: &InfoArgs) -> Result<()> {
     if let [file] = &*args.scene.files
         && (pipe::is_standard(file) || args.columns.is_some() || import::is_cloud(file)?)
     {
-        let message = "--preview: draws plans of scenes; for clouds use echocast preview";
-        ensure!(args.preview.is_none(), usage::wrong(anyhow!(message)));
-        return cloud_info::run(file, &args.columns, args.json);
+        return cloud_info::run(file, &args.columns, args.preview.as_deref(), args.json);
     }
     let message = "--columns: is for clouds as text; allowed: with one cloud file";
     ensure!(!args.columns.is_some(), usage::wrong(anyhow!(message)));
@@ -62,7 +62,7 @@ pub fn run(args: &InfoArgs) -> Result<()> {
     let (scene, read) = read::noting(|| args.scene.load(&args.scene.labels()?, &args.scene.materials()?));
     let scene = scene?;
     if let Some(file) = &args.preview {
-        read.iter().try_for_each(|input| output::check_kept(file, input)).map_err(usage::wrong)?;
+        read.iter().try_for_each(|input| names::check_kept(file, input)).map_err(usage::wrong)?;
         let built = scene.build()?;
         preview::write_plan(&scene, &built, file, options.width).context("--preview")?;
     }

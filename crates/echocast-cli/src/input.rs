@@ -4,8 +4,9 @@ use crate::{choice, text, usage};
 use anyhow::{Context as _, Result, anyhow, bail, ensure};
 use clap::Args;
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
+use echocast::echo::IntensityEncoding;
 use echocast::scene::{CacheFile, FORMATS, Material, MaterialRule, MaterialRules, UpAxis};
-use echocast::{Error, LabelRules, LoadOptions, ReturnMode, Scene, Sensor, Trajectory, shown};
+use echocast::{Error, LabelRules, LoadOptions, ReturnMode, Scene, Sensor, shown};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::error::Error as _;
@@ -191,6 +192,9 @@ pub struct SensorArgs {
     /// Which echo of a beam is reported [default: that of the sensor]
     #[arg(long, value_name = "MODE", value_parser = choice::of::<ReturnMode>(), help_heading = "Sensor")]
     returns: Option<ReturnMode>,
+    /// How intensity is encoded [default: that of the sensor]
+    #[arg(long, value_name = "ENCODING", value_parser = choice::of::<IntensityEncoding>(), help_heading = "Sensor")]
+    intensity: Option<IntensityEncoding>,
 }
 
 impl SensorArgs {
@@ -202,6 +206,9 @@ impl SensorArgs {
         }
         if let Some(mode) = self.returns {
             set_returns(&mut sensor, mode).map_err(usage::wrong)?;
+        }
+        if let Some(encoding) = self.intensity {
+            sensor.set("intensity.encoding", encoding.name()).context("--intensity").map_err(usage::wrong)?;
         }
         Ok(sensor)
     }
@@ -239,11 +246,6 @@ fn open_sensor(name: &Path) -> Result<Sensor> {
         }
         other => usage::wrong(other),
     })
-}
-
-/// The poses of `--trajectory`.
-pub fn load_trajectory(file: &Path) -> Result<Trajectory> {
-    file_or_stdin("--trajectory", file, Trajectory::load, Trajectory::from_text)
 }
 
 /// The `file` of `option`, read with `load`; or standard input, if it is `-`, read with `parse`.

@@ -9,9 +9,11 @@ mod choice;
 mod cloud_info;
 mod completions;
 mod convert;
+mod flight;
 mod formats;
 mod frames;
 mod generate;
+mod import;
 mod info;
 mod input;
 mod interrupt;
@@ -19,6 +21,7 @@ mod names;
 mod output;
 mod pipe;
 mod place;
+mod plan;
 mod preview;
 mod progress;
 mod radar;
@@ -27,7 +30,9 @@ mod report;
 mod run;
 mod scan;
 mod sensors;
+mod strips;
 mod text;
+mod trajectory;
 mod usage;
 mod weather;
 
@@ -71,9 +76,12 @@ struct Cli {
 enum Command {
     Scan(Box<scan::ScanArgs>),
     Run(Box<run::RunArgs>),
+    Plan(Box<plan::PlanArgs>),
     Sensors(sensors::SensorsArgs),
     Info(info::InfoArgs),
     Convert(convert::ConvertArgs),
+    Trajectory(trajectory::TrajectoryArgs),
+    Import(import::ImportArgs),
     Preview(preview::PreviewArgs),
     Generate(generate::GenerateArgs),
     Formats(formats::FormatsArgs),
@@ -134,9 +142,12 @@ impl Command {
         match self {
             Command::Scan(args) => scan::run(&args),
             Command::Run(args) => run::run(&args, arguments, scene),
+            Command::Plan(args) => plan::run(&args),
             Command::Sensors(args) => sensors::run(&args),
             Command::Info(args) => info::run(&args),
             Command::Convert(args) => convert::run(&args),
+            Command::Trajectory(args) => trajectory::run(&args),
+            Command::Import(args) => import::run(&args),
             Command::Preview(args) => preview::run(&args),
             Command::Generate(args) => generate::run(&args),
             Command::Formats(args) => formats::run(&args),

@@ -1,5 +1,7 @@
 //! Names of the files of a run: of single frames, and whether two are the same.
 
+use anyhow::{Result, ensure};
+use echocast::shown;
 use std::os::unix::fs::MetadataExt as _;
 use std::path::{Path, PathBuf};
 
@@ -42,6 +44,17 @@ pub fn numbered_as(name: &Path, file: &Path) -> Option<PathBuf> {
 pub fn is_same(a: &Path, b: &Path) -> bool {
     let identity = |path: &Path| path.metadata().ok().map(|file| (file.dev(), file.ino()));
     identity(a).is_some_and(|file| identity(b) == Some(file))
+}
+
+/// Checks that `file`, which is to be written, is not `input`, which is read.
+pub fn check_kept(file: &Path, input: &Path) -> Result<()> {
+    ensure!(
+        !is_same(file, input),
+        "{}: would overwrite {}, which this run reads; allowed: another name",
+        shown::path(file),
+        shown::path(input)
+    );
+    Ok(())
 }
 
 #[cfg(test)]

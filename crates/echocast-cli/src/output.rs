@@ -1,7 +1,8 @@
 //! Output files: clouds, pings, pictures, images and boxes.
 
+use crate::flight::FlightFiles;
 use crate::input::has_ending;
-use crate::names::{folder, is_numbered, is_same, numbered, numbered_as, same_folder};
+use crate::names::{check_kept, folder, is_numbered, numbered, numbered_as, same_folder};
 use crate::pipe::{self, Outgoing};
 use crate::radar::{RadarArgs, RadarKeys, RadarWriter};
 use crate::{choice, text};
@@ -44,7 +45,7 @@ pub struct PictureArgs {
 pub struct OutputArgs {
     /// Cloud file, repeatable; its ending selects the format (`echocast formats` lists them); `-` with `--format` is
     /// standard output, and the program's messages then go to stderr
-    #[arg(short, long, value_name = "FILE", required_unless_present_any = ["preview", "explain", "pings", "image", "images", "boxes", "radar", "polar", "detections"], help_heading = "Output")]
+    #[arg(short, long, value_name = "FILE", required_unless_present_any = ["preview", "explain", "pings", "image", "images", "boxes", "radar", "polar", "detections", "trajectory_out"], help_heading = "Output")]
     output: Vec<PathBuf>,
     /// Format of the cloud files, whatever their endings
     #[arg(long, value_name = "NAME", requires = "output", help_heading = "Output")]
@@ -63,7 +64,8 @@ pub struct OutputArgs {
     /// a surface, seen in a mirror or through glass, rain, fog and so on; `velocity`, the speed of moving objects,
     /// while static ones are grey; `radial_velocity` and `doppler`, its component along the beam, true and measured,
     /// blue towards the sensor and orange away from it; `path`, how the wave of a radar detection travelled; `density`, the number of points per square degree of the field
-    /// of view; the others show values on a colour scale
+    /// of view; `ground_density`, that per square metre of the map; `strip`, the flight line or station; the others show
+    /// values on a colour scale
     #[arg(long, requires = "preview", default_value = "label", value_parser = choice::of::<ColorBy>(), help_heading = "Output")]
     color: ColorBy,
     /// How the picture shows the cloud; `range` shows the last of several frames. For sonars, also `waterfall`, one row
@@ -109,6 +111,8 @@ pub struct OutputArgs {
     boxes: Option<PathBuf>,
     #[command(flatten)]
     pub radar: RadarArgs,
+    #[command(flatten)]
+    pub flight: FlightFiles,
     /// Axes of the boxes: those of each object, or those of the frame of the points (`--frame`)
     #[arg(long, requires = "boxed", default_value = "object", value_parser = choice::of::<BoxAxes>(), help_heading = "Output")]
     box_axes: BoxAxes,
@@ -130,6 +134,7 @@ pub struct FilesKeys {
     boxes: Option<PathBuf>,
     box_axes: Option<String>,
     radar: Option<RadarKeys>,
+    trajectory: Option<PathBuf>,
 }
 
 #[derive(Deserialize)]
@@ -184,6 +189,7 @@ impl OutputArgs {
             images: images.map(|images| at(images.folder.clone())),
             boxes: keys.boxes.map(at),
             radar: RadarArgs::from_keys(keys.radar.unwrap_or_default(), at),
+            flight: FlightFiles::new(keys.trajectory.map(at)),
             box_axes: axes.context("box_axes: allowed: object, frame")?,
         })
     }
@@ -372,13 +378,14 @@ impl OutputArgs {
         self.check_names(fields)
     }
 
-    /// Checks that the files can hold `frames` frames of `sensor`, whose points have the columns `fields`.
-    pub fn check_room(&self, fields: FieldSet, sensor: &Sensor, frames: usize) -> Result<()> {
+    /// Checks that the files can hold `frames` frames of `sensor`, whose points have the columns `fields`; a strip has
+    /// `longest` of them at most, 1 where there are no strips.
+    pub fn check_room(&self, fields: FieldSet, sensor: &Sensor, [frames, longest]: [usize; 2]) -> Result<()> {
         /// Most frames: at 10 a second, those of 11 days.
         const MOST_FRAMES: usize = 10_000_000;
         /// Most beams whose points are in memory at once: some hundred gigabytes.
         const MOST_PILED: u64 = 4_000_000_000;
-        let beams = sensor.beams().len() as u64 * if self.single { 1 } else { frames as u64 };
+        let beams = sensor.beams().len() as u64 * if self.single { longest } else { frames } as u64;
         ensure!(
             frames <= MOST_FRAMES,
             "--frames: {frames} frames are too many for a run; allowed: up to {MOST_FRAMES}"
@@ -419,7 +426,7 @@ impl OutputArgs {
         let images = self.image.iter().flat_map(|file| export::image_label_paths(file, FieldSet::all()));
         let radar = self.radar.files().filter_map(framed);
         let others = images.chain(self.image.clone()).chain(self.pings.clone()).chain(self.boxes.clone()).chain(radar);
-        let files = clouds.chain(pictures).chain(others).chain(self.image_at(input));
+        let files = clouds.chain(pictures).chain(others).chain(self.image_at(input)).chain(self.flight.files());
         files.filter(|file| !pipe::is_standard(file)).try_for_each(|file| check_kept(&file, input))
     }
 
@@ -475,8 +482,9 @@ impl OutputArgs {
         let mut labels = BTreeSet::new();
         labels.extend(self.output.iter().filter_map(|file| self.labels_of(file)));
         let beside = self.beside_image(fields);
+        let flight: Vec<PathBuf> = self.flight.files().collect();
         let mut seen = HashSet::new();
-        for name in self.files().chain(&labels).chain(&beside) {
+        for name in self.files().chain(&labels).chain(&beside).chain(&flight) {
             let place = folder(name).canonicalize().unwrap_or_default().join(name.file_name().unwrap_or_default());
             ensure!(
                 seen.insert(place),
@@ -496,7 +504,7 @@ impl OutputArgs {
         // Files of single frames have names that were not requested as such.
         let previews = self.preview.iter().filter(|_| !self.view.shows_pings());
         let of_frames = self.output.iter().chain(previews).chain(self.radar.files());
-        let whole = self.pings.iter().chain(&self.image).chain(&self.boxes).chain(&beside);
+        let whole = self.pings.iter().chain(&self.image).chain(&self.boxes).chain(&beside).chain(&flight);
         for (file, name) in of_frames.flat_map(|file| whole.clone().map(move |name| (file, name))) {
             ensure!(
                 !(self.single && is_numbered(name, file)),
@@ -567,6 +575,7 @@ impl OutputArgs {
             "boxes": self.boxes.as_deref().map(shown::path),
             "box_axes": self.boxes().map(BoxAxes::name),
             "radar": self.radar.to_json(),
+            "trajectory": self.flight.to_json(),
         });
         json.as_object().cloned().unwrap_or_default()
     }
@@ -576,17 +585,6 @@ impl OutputArgs {
 pub fn check_picture(option: &'static str, file: &Path, options: &PreviewOptions) -> Result<()> {
     ensure!(has_ending(file, &["png"]), "{option} {}: pictures are written as .png", shown::path(file));
     preview::check(file, options).context(option)
-}
-
-/// Checks that `file`, which is to be written, is not `input`, which is read.
-pub fn check_kept(file: &Path, input: &Path) -> Result<()> {
-    ensure!(
-        !is_same(file, input),
-        "{}: would overwrite {}, which this run reads; allowed: another name",
-        shown::path(file),
-        shown::path(input)
-    );
-    Ok(())
 }
 
 /// Writes the clouds of a run.
@@ -619,16 +617,42 @@ impl<'a> CloudWriter<'a> {
         })
     }
 
-    /// Adds the cloud of one of many frames to the files of all of them. Returns whether [`CloudWriter::write`] needs
-    /// it again.
-    pub fn add(&mut self, cloud: &PointCloud) -> Result<bool> {
+    /// Adds the cloud of one of many frames to the files of all of them, or to those of their `strip` if each has files
+    /// of its own. Returns whether [`CloudWriter::write`] or [`CloudWriter::write_strip`] needs it again.
+    pub fn add(&mut self, cloud: &PointCloud, strip: Option<u16>) -> Result<bool> {
         if self.merged.is_empty() {
             let format = self.args.format.as_deref();
-            let begun = self.args.output.iter().map(|file| GrowingFile::begin(&self.place(file), format, cloud));
-            self.merged = begun.collect::<Result<_, _>>()?;
+            let begin = |file: &PathBuf| match strip {
+                // It has one row for each strip.
+                Some(_) if self.args.grows(file) => Ok(None),
+                Some(strip) => GrowingFile::begin(&numbered(file, strip.into()), format, cloud),
+                None => GrowingFile::begin(&self.place(file), format, cloud),
+            };
+            self.merged = self.args.output.iter().map(begin).collect::<Result<_, _>>()?;
         }
         self.merged.iter_mut().flatten().try_for_each(|file| file.add(cloud))?;
-        Ok(self.args.piles_frames() || self.merged.iter().any(Option::is_none))
+        let pictured = self.args.preview.is_some() && self.args.view.shows_points();
+        let piled = if strip.is_some() { pictured } else { self.args.piles_frames() };
+        Ok(piled || self.merged.iter().any(Option::is_none))
+    }
+
+    /// Completes the files of a strip, whose pieces were added; `cloud` is all of them, if they were needed again, and
+    /// `last` the last one.
+    pub fn write_strip(&mut self, strip: u16, cloud: &PointCloud, last: &PointCloud) -> Result<()> {
+        let number = u32::from(strip);
+        let mut merged = std::mem::take(&mut self.merged).into_iter();
+        for file in &self.args.output {
+            match merged.next().flatten() {
+                Some(grown) => {
+                    self.report.absorb(grown.finish()?);
+                    self.wrote_cloud(&numbered(file, number))?;
+                }
+                None if self.args.grows(file) => self.add_frame(cloud, file)?,
+                None => self.write_cloud(cloud, &numbered(file, number))?,
+            }
+        }
+        let pictured = if self.args.view == View::Range { last } else { cloud };
+        self.write_preview(pictured, self.args.preview.as_ref().map(|file| numbered(file, number)))
     }
 
     /// Writes the single cloud of the run, whose last frame is `last`: a range image shows the view from one place.

@@ -96,7 +96,7 @@ pub fn check_submerged(
     Ok(())
 }
 
-fn three_numbers(text: &str) -> Result<[f64; 3], String> {
+pub fn three_numbers(text: &str) -> Result<[f64; 3], String> {
     let numbers: Option<Vec<f64>> =
         text.split(',').map(|part| part.trim().parse().ok().filter(|number: &f64| number.is_finite())).collect();
     numbers.and_then(|numbers| numbers.try_into().ok()).ok_or("expected three numbers, such as 1.5,-2,0.8".into())

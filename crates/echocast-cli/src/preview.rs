@@ -1,7 +1,7 @@
 //! `echocast preview`
 
 use crate::pipe::ColumnArgs;
-use crate::{choice, output, pipe, text, usage};
+use crate::{choice, names, output, pipe, text, usage};
 use anyhow::{Context as _, Result};
 use echocast::preview::{self, ColorBy, PreviewOptions, View};
 use echocast::{PointCloud, Report, shown};
@@ -43,10 +43,10 @@ pub fn run(args: &PreviewArgs) -> Result<()> {
     let options = PreviewOptions::default().view(args.view).width(args.width).boxes(args.show.is_some());
     let file = &args.output;
     output::check_picture("-o", file, &options).map_err(usage::wrong)?;
-    output::check_kept(file, &args.input).map_err(usage::wrong)?;
+    names::check_kept(file, &args.input).map_err(usage::wrong)?;
     let mut report = Report::default();
     let (cloud, inputs) = pipe::read_cloud(&args.input, &args.columns, &mut report)?;
-    inputs.iter().try_for_each(|input| output::check_kept(file, input)).map_err(usage::wrong)?;
+    inputs.iter().try_for_each(|input| names::check_kept(file, input)).map_err(usage::wrong)?;
     let options = options.color(args.color.unwrap_or_else(|| default_color(&cloud)));
     report.absorb(preview::write(&cloud, file, &options).map_err(usage::wrong).context("-o")?);
     report.warnings.iter().for_each(|warning| text::note(&format!("warning: {warning}")));

@@ -5,9 +5,10 @@ use crate::output::{CloudWriter, OutputArgs};
 use crate::progress::ProgressLine;
 use crate::report::{Seconds, timed};
 use anyhow::Result;
+use echocast::emitter::NavigationSolution;
 use echocast::emitter::pattern::Pattern;
 use echocast::radar::{RadarFrame, RadarRecord};
-use echocast::scenario::FrameTime;
+use echocast::scenario::Scan;
 use echocast::{
     BoxAxes, BuiltScene, Cause, Enclosure, Field, FieldSet, Ping, Pings, PointCloud, Profile, Report, ScanOptions,
     Sensor, Trajectory, shown,
@@ -21,12 +22,37 @@ const LEAST_LOCKED: usize = 3;
 pub struct Take<'t> {
     pub sensor: &'t Sensor,
     pub trajectory: &'t Trajectory,
-    pub frames: Vec<FrameTime>,
+    /// What it is mounted on, and what processing makes of the flight of that, if it has errors.
+    pub carrier: &'t Trajectory,
+    pub navigation: Option<&'t NavigationSolution>,
+    /// Frames, or the pieces of strips, those of each strip together.
+    pub frames: Vec<TakeFrame>,
+    /// The scan whose strips these are, if they are.
+    pub strips: Option<&'t Scan>,
     /// Options of all frames; `fields` are the columns of files.
     pub options: ScanOptions,
     pub output: &'t OutputArgs,
     /// Instances that seem to be a sky.
     pub skies: Vec<u32>,
+}
+
+/// What is scanned at once.
+#[derive(Clone, Copy)]
+pub struct TakeFrame {
+    pub number: u32,
+    /// Seconds since the start of the run.
+    pub start: f64,
+    /// Number of its strip; 0: none.
+    pub strip: u16,
+    /// Index of the strip in the scan, and of the piece in the strip.
+    pub piece: [usize; 2],
+}
+
+impl TakeFrame {
+    /// A frame that is no part of a strip.
+    pub fn new(number: u32, start: f64) -> TakeFrame {
+        TakeFrame { number, start, strip: 0, piece: [0; 2] }
+    }
 }
 
 /// What has been recorded.
@@ -73,7 +99,7 @@ pub fn frame_word(sensor: &Sensor) -> &'static str {
 
 impl Take<'_> {
     /// The options of a frame.
-    pub fn options_of(&self, frame: FrameTime) -> ScanOptions {
+    pub fn options_of(&self, frame: &TakeFrame) -> ScanOptions {
         let fields = self.options.fields.union(self.output.pictured()).union(self.reported());
         let annotates = self.output.annotates();
         let boxes = self.options.boxes.or_else(|| annotates.then(BoxAxes::default));
@@ -81,6 +107,7 @@ impl Take<'_> {
             .clone()
             .fields(fields)
             .frame(frame.number)
+            .strip(frame.strip)
             .start_time(frame.start)
             .boxes(boxes)
             .image_boxes(annotates)
@@ -160,6 +187,35 @@ impl Take<'_> {
         Ok(())
     }
 
+    /// Writes the cloud of the `index`th frame, or adds it to the files of its strip or of all frames; `all` are those that
+    /// files still need.
+    fn write_frame(
+        &self,
+        index: usize,
+        cloud: &PointCloud,
+        all: &mut PointCloud,
+        writer: &mut CloudWriter,
+    ) -> Result<()> {
+        let (frame, single) = (&self.frames[index], self.output.single());
+        let in_strips = self.strips.is_some();
+        if single && !in_strips {
+            return writer.write_frame(frame.number, cloud);
+        }
+        if self.frames.len() == 1 && !in_strips {
+            return Ok(());
+        }
+        let strip = single.then_some(frame.strip);
+        if writer.add(cloud, strip)? {
+            all.append(cloud)?;
+        }
+        let ends = self.frames.get(index + 1).is_none_or(|next| next.strip != frame.strip);
+        if let Some(strip) = strip.filter(|_| ends) {
+            writer.write_strip(strip, all, cloud)?;
+            *all = PointCloud::default();
+        }
+        Ok(())
+    }
+
     /// What is wrong with scans that have no points, or none but of noise.
     fn nothing(&self, points: usize, causes: &Causes, received: bool) -> Option<Nothing> {
         let with_points = self.output.requests_clouds() || !self.makes_pings();
@@ -182,11 +238,12 @@ impl Take<'_> {
     ) -> Result<Recorded> {
         let (sensor, trajectory, output) = (self.sensor, self.trajectory, self.output);
         let mut report = Report::default();
-        if let Some(&first) = self.frames.first().filter(|_| self.makes_pings()) {
+        if let Some(first) = self.frames.first().filter(|_| self.makes_pings()) {
             report.absorb(built.check_water(sensor, trajectory, &self.options_of(first))?);
         }
         self.warn_of_enclosure(&built, &mut report);
         let several = self.frames.len() > 1;
+        let in_strips = self.strips.is_some();
         progress.count_frames(self.frames.len(), frame_word(sensor));
         let mut writer = CloudWriter::new(output)?;
         let mut images = output.begin_images(sensor)?;
@@ -197,6 +254,7 @@ impl Take<'_> {
         let (mut rays, mut most_rays) = (0, [u32::MAX, 0]);
         // Pings of a Doppler velocity log without a velocity, and the most beams that met the bottom in any.
         let (mut lost, mut most_locked) = (0, 0);
+        let mut beams = 0;
         // Whether anything but noise is received.
         let mut received = false;
         let mut boxes = Vec::new();
@@ -204,8 +262,11 @@ impl Take<'_> {
         let mut ping = Ping::default();
         let (record, mut radar_frame) = (self.radar_record(), RadarFrame::default());
         let pinged = output.pinged(self.options.fields).filter(|_| self.makes_pings());
-        for &frame in &self.frames {
+        for (index, frame) in self.frames.iter().enumerate() {
             interrupt::check()?;
+            let [strip, piece] = frame.piece;
+            let of_strip = self.strips.map(|scan| scan.piece(strip, piece)).transpose()?;
+            let sensor = of_strip.as_ref().map_or(sensor, |piece| &piece.sensor);
             let options = self.options_of(frame);
             if let Some(build) = &mut build {
                 progress.phase("moving".into());
@@ -254,27 +315,22 @@ impl Take<'_> {
             causes.count(&cloud);
             sky_points += self.on_sky(&cloud);
             boxes.extend(cloud.boxes.iter().flatten().copied());
-            if output.single() {
-                progress.phase("writing".into());
-                timed(&mut seconds.write, || writer.write_frame(frame.number, &cloud))?;
-            } else if several {
-                let needed = timed(&mut seconds.write, || writer.add(&cloud))?;
-                if needed {
-                    timed(&mut seconds.scan, || all.append(&cloud))?;
-                }
-            }
+            beams += sensor.beams().len();
+            progress.phase("writing".into());
+            timed(&mut seconds.write, || self.write_frame(index, &cloud, &mut all, &mut writer))?;
             progress.frame_done();
         }
         progress.phase("writing".into());
         timed(&mut seconds.write, || -> Result<()> {
             writer.write_pings(&pings)?;
             writer.write_boxes(&boxes, built.labels())?;
+            writer.files.extend(output.flight.write(self.carrier, self.navigation)?);
             if let Some(images) = images.take() {
                 writer.files.extend(images.finish()?);
             }
             match output.single() {
                 true => writer.finish(),
-                false => writer.write(if several { &all } else { &cloud }, &cloud),
+                false => writer.write(if several || in_strips { &all } else { &cloud }, &cloud),
             }
         })?;
         report.absorb(writer.report);
@@ -282,7 +338,6 @@ impl Take<'_> {
         let nothing = self.nothing(points, &causes, received);
         let reported = self.makes_pings() && self.options.profile == Profile::Physical;
         let causes = if reported { causes.reported() } else { Vec::new() };
-        let beams = sensor.beams().len() * self.frames.len();
         Ok(Recorded { beams, rays, most_rays, points, sky_points, causes, report, files: writer.files, nothing })
     }
 }

@@ -1,19 +1,20 @@
 //! `echocast run`
 
+use crate::import::{AssetArgs, Imported};
 use crate::output::{FilesKeys, OutputArgs, PictureArgs};
 use crate::progress::ProgressLine;
-use crate::record::{Nothing, Take, frame_word};
+use crate::record::{Nothing, Take, TakeFrame, frame_word};
 use crate::report::{RunReport, Seconds, timed};
 use crate::text::{self, counted, duration, thousands};
 use crate::{blender, input, interrupt, usage};
 use anyhow::{Context as _, Result, anyhow, bail, ensure};
-use echocast::scenario::Sample;
 use echocast::scenario::set::{self, Event, Noticed, RunOptions, RunSummary};
+use echocast::scenario::{FrameTime, Sample, Scan};
 use echocast::{Error, Report, Scenario, Scene, shown};
 use serde_json::{Value, json};
 use std::ffi::OsString;
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Mutex;
 
@@ -39,7 +40,8 @@ A scan repeated:
   echocast scan street.glb --sensor velodyne_vlp16 --camera Corner -o scan.las --json > report.json
   echocast run report.json")]
 pub struct RunArgs {
-    /// Scenario file (docs/scenario.md), the report of `echocast scan --json`, or `-` for standard input
+    /// Scenario file (docs/scenario.md), the report of `echocast scan --json`, a survey of HELIOS++ (.xml), or `-` for
+    /// standard input
     #[arg(value_name = "SCENARIO", required_unless_present_any = ["check_output", "finish"])]
     scenario: Option<PathBuf>,
     /// Samples A to B, both included, every STEPth [default: all]
@@ -72,6 +74,8 @@ pub struct RunArgs {
     /// and archives, manifest and report
     #[arg(long, value_name = "FOLDER", conflicts_with = "scenario")]
     finish: Option<PathBuf>,
+    #[command(flatten)]
+    assets: AssetArgs,
     #[command(flatten)]
     picture: PictureArgs,
     /// Worker threads [default: all cores]
@@ -127,7 +131,14 @@ pub fn run(args: &RunArgs, arguments: &[OsString], scene: Option<Scene>) -> Resu
         report.warnings.iter().for_each(|warning| text::note(&format!("warning: {warning}")));
         return Ok(());
     }
-    let mut scenario = load(args)?;
+    let survey = args.scenario.as_deref().filter(|file| has_ending(file, "xml"));
+    if survey.is_none() && !args.assets.is_empty() {
+        return Err(usage::wrong(anyhow!(
+            "--assets: only surveys of HELIOS++ have any; allowed: with a survey (.xml)"
+        )));
+    }
+    let imported = survey.map(|survey| Imported::load(survey, &args.assets, args.quiet)).transpose()?;
+    let mut scenario = load(args, imported.as_ref())?;
     for (key, value) in &args.set {
         scenario.set(key, value).map_err(input::wrong_key).context("--set")?;
     }
@@ -159,10 +170,19 @@ pub fn run(args: &RunArgs, arguments: &[OsString], scene: Option<Scene>) -> Resu
         let output = OutputArgs::from_keys(keys, scenario.folder()).context("outputs")?;
         return record(args, scenario, &output);
     }
-    make_set(args, scenario)
+    // The folder of an imported survey is temporary: the set is named after the survey.
+    let of_survey = survey.map(|survey| survey.with_extension("")).and_then(|path| Some(path.file_name()?.into()));
+    make_set(args, scenario, args.output.clone().or(of_survey))
 }
 
-fn load(args: &RunArgs) -> Result<Scenario> {
+fn has_ending(file: &Path, ending: &str) -> bool {
+    file.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending))
+}
+
+fn load(args: &RunArgs, imported: Option<&Imported>) -> Result<Scenario> {
+    if let Some(imported) = imported {
+        return Ok(Scenario::load(imported.scenario())?);
+    }
     let Some(file) = &args.scenario else { bail!("a scenario file is missing") };
     let parse = |text: &str| Scenario::from_yaml(text, "");
     input::file_or_stdin("SCENARIO", file, Scenario::load, parse)
@@ -185,7 +205,11 @@ fn record(args: &RunArgs, scenario: Scenario, output: &OutputArgs) -> Result<()>
     );
     let scan = sample.scans()[0].clone();
     let fields = scan.options(0).fields;
-    output.check_room(fields, scan.sensor(), scan.frames().len())?;
+    let frames = take_frames(&scan);
+    let longest = (0..scan.frames().len()).map(|frame| scan.pieces(frame)).max().unwrap_or(1);
+    let first_piece = scan.piece(0, 0)?.sensor;
+    output.check_room(fields, &first_piece, [frames.len(), longest])?;
+    output.flight.check(scan.carrier())?;
     output.check(fields, scan.sensor(), scan.options(0).profile).map_err(|error| {
         // Without options for a picture, the scenario defines what is written.
         if args.picture.preview.is_some() { usage::wrong(error) } else { error }
@@ -195,14 +219,21 @@ fn record(args: &RunArgs, scenario: Scenario, output: &OutputArgs) -> Result<()>
     let take = Take {
         sensor: scan.sensor(),
         trajectory: scan.trajectory(),
-        frames: scan.frames().to_vec(),
+        carrier: scan.carrier(),
+        navigation: scan.navigation(),
+        frames,
+        strips: scan.has_strips().then_some(&scan),
         options,
         output,
         // A scenario leaves out a sky explicitly.
         skies: Vec::new(),
     };
     let moving = sample.is_moving();
-    let scan_time = scan.sensor().scan_time();
+    // The first piece of each strip is as long as its others, or longer than the last.
+    let mut scan_time = scan.sensor().scan_time();
+    for frame in 0..scan.frames().len() {
+        scan_time = scan_time.max(scan.piece(frame, 0)?.sensor.scan_time());
+    }
     let drawn = sample.drawn().to_vec();
     let mut build = |time: f64| sample.built_at(time, scan_time);
     let recorded = take.record(first, moving.then_some(&mut build), &progress, &mut seconds)?;
@@ -221,7 +252,7 @@ fn record(args: &RunArgs, scenario: Scenario, output: &OutputArgs) -> Result<()>
         points: recorded.points,
         with_points: true,
         causes: recorded.causes,
-        frame: frame_word(scan.sensor()),
+        frame: if scan.has_strips() { "strip" } else { frame_word(scan.sensor()) },
         frames: scan.frames().len(),
         threads,
         seconds,
@@ -245,13 +276,23 @@ fn record(args: &RunArgs, scenario: Scenario, output: &OutputArgs) -> Result<()>
     Ok(())
 }
 
-/// Makes samples of a set.
-fn make_set(args: &RunArgs, scenario: Scenario) -> Result<()> {
+/// What is scanned at once, frame by frame and strip by strip.
+fn take_frames(scan: &Scan) -> Vec<TakeFrame> {
+    let pieces = (0..scan.frames().len()).flat_map(|frame| (0..scan.pieces(frame)).map(move |piece| [frame, piece]));
+    let frame = |piece: [usize; 2]| {
+        let (FrameTime { number, start }, strip) = scan.piece_time(piece[0], piece[1]);
+        TakeFrame { number, start, strip, piece }
+    };
+    pieces.map(frame).collect()
+}
+
+/// Makes samples of a set in `folder`; in that of the scenario without one.
+fn make_set(args: &RunArgs, scenario: Scenario, folder: Option<PathBuf>) -> Result<()> {
     interrupt::listen_patiently().context("cannot listen for signals")?;
     let progress = ProgressLine::new(args.quiet || args.json);
     progress.phase("loading".into());
     let options = RunOptions::default()
-        .folder(args.output.clone())
+        .folder(folder)
         .samples(args.samples.map(|Range(range)| range).or(args.sample.map(|sample| [sample, sample, 1])))
         .shard(args.shard.map(|Shard(shard)| shard))
         .resume(args.resume)
@@ -358,7 +399,7 @@ fn described(scenario: &Scenario, sample: &Sample) -> String {
             "  {}: {}, {}, starts at {:.3},{:.3},{:.3}",
             shown::text(scan.name()),
             shown::text(scan.sensor().title()),
-            counted(scan.frames().len(), frame_word(scan.sensor())),
+            counted(scan.frames().len(), if scan.has_strips() { "strip" } else { frame_word(scan.sensor()) }),
             pose.x,
             pose.y,
             pose.z

@@ -1,18 +1,19 @@
 //! `echocast scan`
 
+use crate::flight::{EarthArgs, NavigationArgs};
 use crate::frames::FrameRange;
 use crate::input::{self, SceneArgs, SensorArgs};
 use crate::output::OutputArgs;
 use crate::place::PlaceArgs;
 use crate::progress::ProgressLine;
-use crate::record::{Nothing, Take, frame_word};
+use crate::record::{Nothing, Take, TakeFrame, frame_word};
 use crate::report::{RunReport, Seconds, timed};
 use crate::text::duration;
 use crate::weather::WeatherArgs;
 use crate::{choice, formats, interrupt, place, text, usage};
 use anyhow::{Context as _, Result, anyhow, ensure};
 use clap::ArgGroup;
-use echocast::scenario::FrameTime;
+use echocast::emitter::Navigation;
 use echocast::scene::MaterialRules;
 use echocast::{
     BoxTime, Engine, Environment, FieldSet, Frame, LabelRules, LiveScene, Order, Pose, Profile, ReflectanceSource,
@@ -80,10 +81,15 @@ pub struct ScanArgs {
     weather: WeatherArgs,
     #[command(flatten)]
     place: PlaceArgs,
-    /// Poses over time: TUM text (`t x y z qx qy qz qw`) or CSV with a header, `-` for standard input; time 0 of the
-    /// run is the first pose. Without `--frames`, frames are scanned along the whole trajectory
+    /// Poses over time: TUM text (`t x y z qx qy qz qw`), CSV with a header, SBET (.sbet, .out) or HELIOS++ (.trj), `-` for text
+    /// from standard input; time 0 of the run is the first pose. Without `--frames`, frames are scanned along the whole
+    /// trajectory
     #[arg(long, value_name = "FILE", conflicts_with_all = ["at", "rpy", "camera"], help_heading = "Place")]
     trajectory: Option<PathBuf>,
+    #[command(flatten)]
+    earth: EarthArgs,
+    #[command(flatten)]
+    navigation: NavigationArgs,
     /// Frames A to B, both included, every STEPth, or frame A alone; frame k starts at k / fps seconds. The frames of a
     /// sonar are its pings [default: the whole --trajectory; without one, only frame 0]
     #[arg(long, value_name = "A[:B[:STEP]]", help_heading = "Place")]
@@ -91,6 +97,9 @@ pub struct ScanArgs {
     /// Frames per second [default: the sensor's rate]
     #[arg(long, value_name = "N", value_parser = input::positive, requires = "several", help_heading = "Place")]
     fps: Option<f64>,
+    /// Number of the strip, the flight line or station, in the column `strip`; 0: none
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Points")]
+    strip: u16,
     /// Freeze the scene during each frame, as it is when the frame starts
     #[arg(long, help_heading = "Place")]
     freeze: bool,
@@ -151,7 +160,8 @@ pub fn run(args: &ScanArgs) -> Result<()> {
 
     progress.phase(format!("loading {}", args.scene.names()));
     let (loaded, read) = read::noting(|| timed(&mut seconds.load, || load(args)));
-    let Loaded { sensor, environment, labels, materials, scene, path } = loaded?;
+    let Loaded { sensor, environment, labels, materials, scene, path, navigation, report } = loaded?;
+    warnings.absorb(report);
     read.iter().try_for_each(|input| args.output.check_input(input)).map_err(usage::wrong)?;
     let sonar = sensor.kind().makes_pings();
     if sonar && args.deskew {
@@ -163,7 +173,11 @@ pub fn run(args: &ScanArgs) -> Result<()> {
     interrupt::check()?;
     warnings.absorb(scene.report.clone());
     let ScanCourse { trajectory, frames, fps } = course(args, &sensor, &environment, &scene, path, &mut warnings)?;
-    args.output.check_room(fields, &sensor, frames.len()).map_err(usage::wrong)?;
+    args.output.check_room(fields, &sensor, [frames.len(), 1]).map_err(usage::wrong)?;
+    args.output.flight.check(&trajectory).map_err(usage::wrong)?;
+    let span = [f64::from(frames.first) / fps, f64::from(frames.last) / fps + sensor.scan_time()];
+    let solve = |errors: &Navigation| errors.solve(args.seed, &trajectory, &Pose::IDENTITY, span);
+    let solution = navigation.as_ref().map(solve).transpose()?;
 
     progress.phase("building".into());
     let mut live = LiveScene::new(&Engine::new()?);
@@ -181,19 +195,24 @@ pub fn run(args: &ScanArgs) -> Result<()> {
     interrupt::check()?;
     warnings.absorb(built.report().clone());
 
-    let times = frames.iter().map(|number| FrameTime { number, start: f64::from(number) / fps }).collect();
+    let times = frames.iter().map(|number| TakeFrame::new(number, f64::from(number) / fps)).collect();
     let take = Take {
         sensor: &sensor,
         trajectory: &trajectory,
+        carrier: &trajectory,
+        navigation: solution.as_ref(),
         frames: times,
-        options: scan_options(args, fields, f64::from(frames.step) / fps, &environment),
+        strips: None,
+        options: scan_options(args, fields, f64::from(frames.step) / fps, &environment)
+            .estimated_trajectory(solution.as_ref().map(|solution| solution.sensor.clone()))
+            .clock_offset(solution.as_ref().map_or(0.0, |solution| solution.clock_offset)),
         output: &args.output,
         skies: scene.skies(),
     };
     if let Some((frame, beam)) = args.explain {
         drop(progress);
         let number = frame.unwrap_or(frames.first);
-        let options = take.options_of(FrameTime { number, start: f64::from(number) / fps });
+        let options = take.options_of(&TakeFrame::new(number, f64::from(number) / fps));
         let built = build(options.start_time)?;
         let explained =
             built.explain(&sensor, &trajectory, &options, beam).context("--explain").map_err(usage::wrong)?;
@@ -229,7 +248,14 @@ pub fn run(args: &ScanArgs) -> Result<()> {
         seconds,
         warnings: warnings.warnings,
         outputs: recorded.files,
-        run: repeatable(args, (&labels, &materials), &take, (frames, fps), most_rays)?,
+        run: {
+            let mut run = repeatable(args, (&labels, &materials), &take, (frames, fps), most_rays)?;
+            if let Some(errors) = &navigation {
+                run["navigation"] =
+                    serde_json::to_value(errors).context("the errors of navigation cannot be reported")?;
+            }
+            run
+        },
     };
     if args.verbose {
         print_details(&scene, &sensor, &trajectory);
@@ -276,7 +302,10 @@ fn course(
     let [from, to] = [frames.first, frames.last].map(|frame| f64::from(frame) / fps);
     let trajectory = match path {
         Some(path) => path,
-        None => args.place.path(scene, from, to + sensor.scan_time()).map_err(usage::wrong)?,
+        None => {
+            let path = args.place.path(scene, from, to + sensor.scan_time()).map_err(usage::wrong)?;
+            args.earth.place(path)?
+        }
     };
     if sonar {
         let moves = args.trajectory.is_some();
@@ -294,6 +323,7 @@ fn scan_options(args: &ScanArgs, fields: FieldSet, period: f64, environment: &En
     ScanOptions::default()
         .fields(fields)
         .seed(args.seed)
+        .strip(args.strip)
         .freeze(args.freeze)
         .deskew(args.deskew)
         .box_time(args.box_time)
@@ -317,6 +347,9 @@ struct Loaded {
     scene: Scene,
     /// Poses over time from a file.
     path: Option<Trajectory>,
+    navigation: Option<Navigation>,
+    /// Warnings about these poses.
+    report: Report,
 }
 
 /// Reads everything a run needs, the scene last: it may take a long time.
@@ -324,12 +357,20 @@ fn load(args: &ScanArgs) -> Result<Loaded> {
     let sensor = args.sensor.load()?;
     check_options(args, &sensor).map_err(usage::wrong)?;
     let environment = args.weather.load(sensor.kind())?;
-    let trajectory = args.trajectory.as_deref().map(input::load_trajectory).transpose()?;
+    let mut report = Report::default();
+    let trajectory = args.trajectory.as_deref();
+    let trajectory = trajectory.map(|file| args.earth.load("--trajectory", file, &mut report)).transpose()?;
+    let navigation = args.navigation.load()?;
+    if navigation.is_some() {
+        let kind = sensor.kind();
+        let error = || usage::wrong(anyhow!("--navigation: the sensor is a {kind}; allowed: LiDARs and depth cameras"));
+        ensure!(kind.is_optical(), error());
+    }
     let labels = args.scene.labels()?;
     let materials = args.scene.materials()?;
     let scene = args.scene.load(&labels, &materials)?;
     let path = trajectory.map(Trajectory::shifted_to_zero);
-    Ok(Loaded { sensor, environment, labels, materials, scene, path })
+    Ok(Loaded { sensor, environment, labels, materials, scene, path, navigation, report })
 }
 
 /// Checks that the options go with each other and with `sensor`.
@@ -459,7 +500,7 @@ fn repeatable(
     most_rays: Option<u32>,
 ) -> Result<Value> {
     let place = match (&args.trajectory, args.place.to_json(take.trajectory)) {
-        (Some(file), _) if file.as_os_str() != "-" => json!({ "file": shown::path(file) }),
+        (Some(file), _) if file.as_os_str() != "-" => args.earth.to_json(file),
         (Some(_), _) => {
             let row = |(time, pose): (f64, Pose)| {
                 let (place, turned) = (pose.position.to_array(), pose.orientation.to_array());

@@ -192,7 +192,7 @@ fn impossible_conversions_leave_nothing() {
         ("preview DIR/a.csv -o DIR/a.png --width 10", 2, "320 to 4096"),
         ("info DIR/broken.las", 1, "broken.las: ends within"),
         ("info DIR/missing.las", 1, "missing.las: No such file"),
-        ("info DIR/a.csv --preview DIR/c.png", 2, "for clouds use echocast preview"),
+        ("info DIR/a.csv --preview DIR/c.jpg", 2, "pictures are written as .png"),
     ] {
         let output = run(folder.path(), args);
         let said = stderr(&output);

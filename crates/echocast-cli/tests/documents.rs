@@ -44,6 +44,7 @@ fn run(what: &str, commands: &str) {
     let quicker = [
         ("velodyne_vls128 --camera Corner", "vlp16 --camera Corner"),
         ("velodyne_hdl64e --trajectory", "vlp16 --trajectory"),
+        ("riegl_vux1uav22 --trajectory", "riegl_vux1uav22 --set beam.sub_rays=1 --trajectory"),
         (" 20:39 ", " 20:23 "),
         (" 0:19 ", " 0:4 "),
         (" 0:9 ", " 0:2 "),
@@ -71,6 +72,13 @@ fn commands_of_the_readme_run() {
     let blocks = blocks("README.md");
     assert!(blocks.len() >= 3, "{blocks:?}");
     run("README.md", &blocks.concat());
+}
+
+#[test]
+fn commands_of_the_pages_on_surveys_run() {
+    for page in ["docs/survey.md", "docs/survey-plans.md", "docs/survey-trajectories.md", "docs/survey-helios.md"] {
+        run(page, &blocks(page).concat());
+    }
 }
 
 #[test]

@@ -2,6 +2,6 @@
 
 #[doc(inline)]
 pub use engine::detect::{
-    Blooming, DepthNoise, Detection, DetectionSpec, Doppler, LimitPoint, Noise, RangePoint, Statistical, Sunlight,
-    Timing, VelocityLog, WaterLayer, WeakDropout,
+    Blooming, DepthNoise, Detection, DetectionSpec, Doppler, LimitPoint, MultipleTimeAround, Noise, RangePoint,
+    Statistical, Sunlight, Timing, VelocityLog, WaterLayer, WeakDropout,
 };

@@ -1,7 +1,14 @@
 //! What is emitted, when and from where.
 
 #[doc(inline)]
-pub use emitter::{BeamTable, FiringOrder, ImageGrid, Intrinsics, RayColumns};
+pub use emitter::trajectory::{Accuracy, Geographic, Georeference, TrajectoryOptions};
+#[doc(inline)]
+pub use emitter::{
+    AttitudeError, BeamTable, FiringOrder, ImageGrid, Intrinsics, Navigation, NavigationSolution, PositionError,
+    RayColumns,
+};
+#[doc(inline)]
+pub use ground::crs::{Crs, GridPoint, TransverseMercator};
 
 /// Beam patterns: the response of a sonar aperture in directions off its axis, in one plane.
 ///

@@ -102,7 +102,7 @@
 //!
 //! # Floors
 //!
-//! The library is nine crates behind this one, which only names what users need. A module imports only from modules
+//! The library is ten crates behind this one, which only names what users need. A module imports only from modules
 //! below it in this list, and within a module no files import each other in a circle; Cargo and tests enforce both.
 //! Light and sound flow upwards, from `emitter` by `trace`, `echo` and `detect` to the clouds and pings that `scan`
 //! fills. Folders have no numbers that would list them in this order: paths in code are read far more often than the
@@ -129,7 +129,9 @@
 //! | `model` | `model` | meshes, and objects and cameras as files place them |
 //! | `model` | `material` | how surfaces reflect light and sound |
 //! | `model` | `motion` | how objects move: keyframes, nodes, deformation |
+//! | `survey` | `survey` | flight plans, and how platforms fly them |
 //! | `emitter` | `emitter` | beams, trajectories, lobes |
+//! | `ground` | `crs` | coordinate reference systems and their projections |
 //! | `ground` | `read` | files, YAML and tables, with errors that say where |
 //! | `ground` | `write` | files that appear only once complete |
 //! | `ground` | `ground` | errors, units, poses, blocks of rays, random numbers, threads |
@@ -182,6 +184,7 @@ pub mod radar;
 pub mod read;
 pub mod scenario;
 pub mod scene;
+pub mod survey;
 
 /// Compiles the examples of that page.
 #[cfg(doctest)]

@@ -4,5 +4,5 @@
 #[doc(inline)]
 pub use pictures::{
     ColorBy, Picture, PreviewOptions, View, check, image_of, image_of_frame, render, render_pings, render_radar, write,
-    write_frame, write_pings, write_plan, write_radar,
+    write_frame, write_pings, write_plan, write_radar, write_survey,
 };

@@ -17,7 +17,7 @@
 //! ```
 
 #[doc(inline)]
-pub use sets::{FrameTime, Sample, Scan};
+pub use sets::{FrameTime, Sample, Scan, ScanPiece};
 
 /// Sets: samples written to a folder, by any number of threads and runs.
 ///

@@ -100,6 +100,16 @@ impl<'a> Aim<'a> {
         }
     }
 
+    /// Sets the origin and direction of `lane` of `rays` to those of the beam `beam`.
+    pub fn ray(&self, beams: &BeamTable, beam: usize, lane: usize, rays: &mut RayBatch) {
+        let (rotation, mut origin) = self.pose(beams, beam);
+        if beams.has_origins() {
+            origin += rotation * beams.origin(beam);
+        }
+        (rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]) = origin.into();
+        (rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]) = (rotation * beams.direction(beam)).into();
+    }
+
     /// Origins of the sensor, and vectors `x`, `y`, `z` of its frame rotated into the world as directions, when beams
     /// `first ..` fire.
     fn turn(&self, beams: &BeamTable, first: usize, [x, y, z]: [&[f32]; 3], rays: &mut RayBatch) {

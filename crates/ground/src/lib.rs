@@ -6,6 +6,7 @@ pub mod angle;
 pub mod array;
 pub mod builder;
 pub mod cause;
+pub mod crs;
 pub mod error;
 pub mod kept;
 pub mod lanes;

@@ -87,6 +87,10 @@ pub enum Draw {
     RadarJitter = 55,
     /// Error of gain and phase of a channel, once per instrument.
     ArrayError = 60,
+    /// Drift of a navigation solution: counter = (time, time, process and time), see `emitter`.
+    Navigation = 70,
+    /// What is wrong with it throughout, by process.
+    NavigationBias = 71,
     /// Shape of generated ground.
     Terrain = 100,
     /// Shape, size and place of generated boulders.
@@ -127,6 +131,8 @@ pub enum Draw {
     Grass = 143,
     /// Likewise its rocks, and their shapes.
     Stone = 144,
+    /// How far a tripod is off level: counter = (station, 0, axis).
+    StationLevel = 160,
     /// Seed of a scan of a sample: counter = (sensor, sample, 0).
     ScanSeed = 200,
     /// Key of what varies from sample to sample.

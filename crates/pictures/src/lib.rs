@@ -18,12 +18,14 @@ mod range_image;
 mod sheet;
 mod sonar;
 mod splat;
+mod survey;
 mod top;
 
 pub use canvas::Picture;
 pub use legend::thousands;
 pub use sheet::sheet;
 
+use ::survey::SurveyPlan;
 use canvas::{DIM, PAGE, TEXT};
 use cloud::image::Image;
 use cloud::{Field, FieldSet, Pings, PointCloud, RadarFrame, VELOCITY};
@@ -127,12 +129,16 @@ pub enum ColorBy {
     Doppler,
     /// Points per square degree as seen by the sensor: how densely it has covered the scene.
     Density,
+    /// Points per square metre of the map.
+    GroundDensity,
+    /// Number of the flight line or station.
+    Strip,
     /// How the wave of a radar detection travelled: [`PathType`](ground::path_type::PathType).
     Path,
 }
 
 named! { ColorBy: Label "label", Cause "cause", Intensity "intensity", Range "range", Height "height",
-Velocity "velocity", RadialVelocity "radial_velocity", Doppler "doppler", Density "density", Path "path" }
+Velocity "velocity", RadialVelocity "radial_velocity", Doppler "doppler", Density "density", GroundDensity "ground_density", Strip "strip", Path "path" }
 
 impl FromStr for ColorBy {
     type Err = Error;
@@ -186,7 +192,8 @@ impl PreviewOptions {
             ColorBy::RadialVelocity => &[Field::RadialVelocity],
             ColorBy::Doppler => &[Field::Doppler],
             ColorBy::Path => &[Field::Path],
-            ColorBy::Cause | ColorBy::Height | ColorBy::Density => &[],
+            ColorBy::Strip => &[Field::Strip],
+            ColorBy::Cause | ColorBy::Height | ColorBy::Density | ColorBy::GroundDensity => &[],
         };
         let rows: &[Field] = if self.view == View::Range { &[Field::Channel] } else { &[] };
         let always = [Field::X, Field::Y, Field::Z, Field::Cause];
@@ -298,6 +305,17 @@ pub fn write_plan(scene: &Scene, built: &BuiltScene, path: &Path, width: u32) ->
     check_width(width)?;
     check_ending(path)?;
     write_picture(&plan::draw(scene, built, &Page::new(width)), path)
+}
+
+/// Writes a picture of the survey `plan` over `scene`, from which `built` is made, to the PNG file `path`, `width` pixels
+/// wide: the scene from above by height, the area, swaths, strips with their numbers, and the way between them.
+///
+/// # Errors
+/// As [`write_plan`].
+pub fn write_survey(scene: &Scene, built: &BuiltScene, plan: &SurveyPlan, path: &Path, width: u32) -> Result<()> {
+    check_width(width)?;
+    check_ending(path)?;
+    write_picture(&survey::draw(scene, built, plan, &Page::new(width)), path)
 }
 
 fn write_picture(picture: &Picture, path: &Path) -> Result<()> {
@@ -513,7 +531,7 @@ mod tests {
     }
 
     const VIEWS: [View; 3] = [View::Top, View::Perspective, View::Range];
-    const COLORS: [ColorBy; 10] = [
+    const COLORS: [ColorBy; 12] = [
         ColorBy::Label,
         ColorBy::Cause,
         ColorBy::Path,
@@ -524,6 +542,8 @@ mod tests {
         ColorBy::RadialVelocity,
         ColorBy::Doppler,
         ColorBy::Density,
+        ColorBy::GroundDensity,
+        ColorBy::Strip,
     ];
 
     fn cloud(positions: &[[f32; 3]]) -> PointCloud {
@@ -559,7 +579,7 @@ mod tests {
         assert_eq!(
             error,
             "there is no preview colour named \"hieght\"; near: height, label, cause, intensity, range, velocity, \
-             radial_velocity, doppler, density, path"
+             radial_velocity, doppler, density, ground_density, strip, path"
         );
     }
 

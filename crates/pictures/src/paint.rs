@@ -79,6 +79,8 @@ enum GroupsBy<'a> {
     Causes,
     /// The column `path`.
     Paths(&'a [u8]),
+    /// The column `strip`.
+    Strips(&'a [u16]),
 }
 
 /// The group of each point.
@@ -146,6 +148,14 @@ impl<'a> Paint<'a> {
                 report.warn("preview: the cloud has no column path; coloured by label instead");
                 Paint::new(cloud, points, ColorBy::Label, report)
             }
+            ColorBy::Strip if columns.strip.len() >= rows => {
+                let groups = Groups { by: GroupsBy::Strips(&columns.strip), points };
+                Paint::groups("strip", groups, &NameTable::default(), &groups.count())
+            }
+            ColorBy::Strip => {
+                report.warn("preview: the cloud has no column strip; coloured by label instead");
+                Paint::new(cloud, points, ColorBy::Label, report)
+            }
             ColorBy::Intensity if columns.intensity.len() >= rows => {
                 let caption = match cloud.intensity_full_scale {
                     Some(1.0) => "intensity".to_owned(),
@@ -176,6 +186,10 @@ impl<'a> Paint<'a> {
                 let caption = "points per square degree, as the sensor sees them".to_owned();
                 let values = PaintValues::Made(density::of(points));
                 Paint::values("density", caption, INTENSITY, values, points, 0.0)
+            }
+            ColorBy::GroundDensity => {
+                let values = PaintValues::Made(density::on_ground(points));
+                Paint::values("density", "points per square metre".to_owned(), INTENSITY, values, points, 0.0)
             }
             ColorBy::Velocity => {
                 let velocity = [&columns.velocity_x, &columns.velocity_y, &columns.velocity_z].map(Vec::as_slice);
@@ -396,6 +410,7 @@ impl Groups<'_> {
                 ColorGroup::Label(ids[row as usize])
             }
             GroupsBy::Paths(paths) => ColorGroup::Path(PathType::from_number(paths[row as usize]).unwrap_or_default()),
+            GroupsBy::Strips(strips) => ColorGroup::Label(strips[row as usize].into()),
             _ => ColorGroup::Cause(cause),
         }
     }

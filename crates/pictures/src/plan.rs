@@ -47,13 +47,7 @@ pub(super) fn draw(scene: &Scene, built: &BuiltScene, page: &Page) -> Picture {
     let color = if scene.labels.category.ids.len() > 1 { ColorBy::Label } else { ColorBy::Height };
     let paint = Paint::new(&cloud, &points, color, &mut Report::default());
     let mut picture = Picture::new(map.width, map.height, GROUND);
-    let splats = Splats::new(map.width, map.height);
-    splats.fill(|x, y, [width, _]| {
-        let row = y * width + x;
-        points.get(row).map(|position| (-position.z, row))
-    });
-    let step = 0.02 * map.height as f32 / map.zoom;
-    splats.draw(&mut picture, &paint, |depth| depth / step);
+    surfaces(&mut picture, &map, &points, &paint);
     if let Some(walls) = walls {
         let width = map.width as usize;
         for (pixel, wall) in walls.into_iter().enumerate() {
@@ -66,11 +60,7 @@ pub(super) fn draw(scene: &Scene, built: &BuiltScene, page: &Page) -> Picture {
     }
 
     let unit = round_down(f64::from(map.width as f32 / map.zoom) / 8.0);
-    let height = |at: Vec2| {
-        let [column, row] = (at * SAMPLES as f32).to_array().map(|place| place as usize);
-        let seen = below.get(row * raster.width + column).filter(|below| below.z.is_finite() && !below.cut)?;
-        Some(f64::from(seen.z) + built.origin().z)
-    };
+    let height = |at: Vec2| height(&raster, &below, built.origin(), at);
     grid(&mut picture, &map, unit, built.origin(), height, page);
     let outside = draw_cameras(&mut picture, &map, &scene.cameras, built.origin(), page);
     scale_bar(&mut picture, map.zoom, unit, page);
@@ -92,6 +82,53 @@ pub(super) fn draw(scene: &Scene, built: &BuiltScene, page: &Page) -> Picture {
     };
     let title = format!("Plan by {}, {cameras}", paint.name());
     page.compose(&title, &notes.join("; "), &picture, &legend)
+}
+
+/// A scene seen from above.
+pub(super) struct MapBase<'m> {
+    pub picture: Picture,
+    /// A round length that suits scale bar and grid, m.
+    pub unit: f64,
+    /// Draws lines at round coordinates, with heights at their crossings.
+    pub grid: Box<dyn Fn(&mut Picture) + 'm>,
+}
+
+/// What `scene`, `built` from it, looks like from above, by height; `None`: there is nothing in it.
+pub(super) fn base<'m>(scene: &Scene, built: &'m BuiltScene, map: &'m Map, page: &'m Page) -> Option<MapBase<'m>> {
+    let (_, high) = scene.bounds()?;
+    let raster = map.raster(SAMPLES);
+    let below = built.below(&raster, (high - built.origin()).as_vec3().z + 1.0);
+    let cloud = cloud(scene, built, &raster, &below);
+    let points = Points::new(&cloud, &mut Report::default());
+    if points.count == 0 {
+        return None;
+    }
+    let mut picture = Picture::new(map.width, map.height, GROUND);
+    let paint = Paint::new(&cloud, &points, ColorBy::Height, &mut Report::default());
+    surfaces(&mut picture, map, &points, &paint);
+    let unit = round_down(f64::from(map.width as f32 / map.zoom) / 8.0);
+    let draw_grid = move |picture: &mut Picture| {
+        grid(picture, map, unit, built.origin(), |at| height(&raster, &below, built.origin(), at), page);
+    };
+    Some(MapBase { picture, unit, grid: Box::new(draw_grid) })
+}
+
+/// Draws the surfaces of `points`, which are those of the map, darker at steps.
+fn surfaces(picture: &mut Picture, map: &Map, points: &Points, paint: &Paint) {
+    let splats = Splats::new(map.width, map.height);
+    splats.fill(|x, y, [width, _]| {
+        let row = y * width + x;
+        points.get(row).map(|position| (-position.z, row))
+    });
+    let step = 0.02 * map.height as f32 / map.zoom;
+    splats.draw(picture, paint, |depth| depth / step);
+}
+
+/// Height of the surface at a pixel, m.
+fn height(raster: &MapRaster, below: &[Below], origin: DVec3, at: Vec2) -> Option<f64> {
+    let [column, row] = (at * SAMPLES as f32).to_array().map(|place| place as usize);
+    let seen = below.get(row * raster.width + column).filter(|below| below.z.is_finite() && !below.cut)?;
+    Some(f64::from(seen.z) + origin.z)
 }
 
 /// Height at which to cut through a scene whose top is a ceiling, m; `None` if it has none. A ceiling is a level layer

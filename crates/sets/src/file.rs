@@ -155,6 +155,14 @@ impl Scenario {
         &self.value
     }
 
+    /// The file as readable YAML.
+    ///
+    /// # Errors
+    /// None but those of a defect.
+    pub fn to_yaml(&self) -> Result<String> {
+        yaml::to_string(&self.value)
+    }
+
     /// Makes sample `index`: draws what varies, and sets up its scene and scans.
     ///
     /// # Errors

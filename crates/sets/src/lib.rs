@@ -4,6 +4,7 @@
 mod assets;
 mod draw;
 mod file;
+mod frames;
 mod random;
 mod room;
 mod sample;
@@ -12,10 +13,13 @@ mod shared;
 mod spec;
 mod splits;
 mod stage;
+mod strips;
 #[cfg(test)]
 mod tests;
 mod variation;
 
 pub use file::Scenario;
-pub use sample::{FrameTime, Sample, Scan};
+pub use frames::FrameTime;
+pub use sample::{Sample, Scan};
 use shared::lock;
+pub use strips::ScanPiece;

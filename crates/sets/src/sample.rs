@@ -1,23 +1,29 @@
 //! One sample: a varied scene and its scans.
 
 use super::draw::Draws;
-use super::spec::{Carrier, SensorEntry, Spec};
+use super::frames::{FrameTime, RigFrames};
+use super::spec::{Carrier, CarrierFile, PLAN_KEY, SensorEntry, Spec, StripSpec};
 use super::stage::{Base, Stage};
+use super::strips::{self, ScanPiece, SensorStrip};
 use super::variation::SampleScene;
 use cloud::{BoxAxes, FieldSet, Ping, PointCloud};
-use emitter::Trajectory;
+use emitter::trajectory::TrajectoryOptions;
+use emitter::{Navigation, NavigationSolution, Trajectory};
 use engine::scan::ScanOptions;
+use engine::scene::Scene;
 use engine::sensor::Sensor;
 use engine::trace::{BuiltScene, LiveScene};
-use glam::DQuat;
+use glam::{DQuat, DVec3};
+use ground::crs::Crs;
 use ground::error::{Error, Result};
-use ground::pose::{Pose, on};
+use ground::pose::Pose;
 use ground::report::Report;
 use ground::shown;
 use serde_json::Value;
 use std::ops::RangeInclusive;
 use std::path::Path;
 use std::sync::Arc;
+use survey::{AreaBox, CarrierKind, PlanSpec, SurveyPlan, SurveySwath};
 
 /// A sample of a [`super::Scenario`]: its scene, and the scans of its sensors.
 #[derive(Debug)]
@@ -28,6 +34,8 @@ pub struct Sample {
     live: LiveScene,
     /// Whether anything moves or changes over time.
     moving: bool,
+    plan: Option<SurveyPlan>,
+    base: Arc<Base>,
 }
 
 /// What one sensor of the rig does in a sample.
@@ -37,21 +45,13 @@ pub struct Scan {
     sensor: Arc<Sensor>,
     mount: Pose,
     trajectory: Trajectory,
+    carrier: Arc<Trajectory>,
+    navigation: Option<Arc<NavigationSolution>>,
     frames: Vec<FrameTime>,
+    /// Its strips, each of which is a frame; empty: there are none.
+    strips: Vec<SensorStrip>,
     options: ScanOptions,
 }
-
-/// When a frame starts.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FrameTime {
-    /// Its number.
-    pub number: u32,
-    /// Seconds since the start of the run.
-    pub start: f64,
-}
-
-/// Maximum number of frames of a scan.
-const MOST_FRAMES: f64 = 10_000_000.0;
 
 impl Scan {
     /// Name of the sensor in the rig.
@@ -74,15 +74,56 @@ impl Scan {
         &self.trajectory
     }
 
-    /// Its frames; for a sonar, its pings.
+    /// Pose of what it is mounted on over time.
+    pub fn carrier(&self) -> &Trajectory {
+        &self.carrier
+    }
+
+    /// What processing makes of the flight of its carrier, if the scenario has errors of navigation.
+    pub fn navigation(&self) -> Option<&NavigationSolution> {
+        self.navigation.as_deref()
+    }
+
+    /// Its frames; for a sonar, its pings. Strips take the place of frames: their numbers are those of the strips.
     pub fn frames(&self) -> &[FrameTime] {
         &self.frames
     }
 
-    /// Scan options of its `frame`th frame, counted from 0.
+    /// Whether its frames are strips.
+    pub fn has_strips(&self) -> bool {
+        !self.strips.is_empty()
+    }
+
+    /// Number of pieces in which its `frame`th frame, counted from 0, is scanned: 1, unless it is a strip.
+    pub fn pieces(&self, frame: usize) -> usize {
+        self.strips.get(frame).map_or(1, SensorStrip::pieces)
+    }
+
+    /// A piece of its `frame`th frame, both counted from 0.
+    ///
+    /// # Errors
+    /// As [`Sensor::set`].
+    pub fn piece(&self, frame: usize, piece: usize) -> Result<ScanPiece> {
+        let (FrameTime { number, start }, strip) = self.piece_time(frame, piece);
+        let of_strip = self.strips.get(frame).map(|strip| strip.piece_sensor(piece)).transpose()?;
+        Ok(ScanPiece { sensor: of_strip.unwrap_or_else(|| self.sensor.clone()), number, start, strip })
+    }
+
+    /// Number and start of a piece, and the number of its strip; 0: none.
+    pub fn piece_time(&self, frame: usize, piece: usize) -> (FrameTime, u16) {
+        let of_strip = self.strips.get(frame).map(|strip| (strip.piece_time(piece), strip.strip));
+        of_strip.unwrap_or_else(|| (self.frames[frame], 0))
+    }
+
+    /// Scan options of its `frame`th frame, counted from 0; of a strip, those of its first piece.
     pub fn options(&self, frame: usize) -> ScanOptions {
-        let FrameTime { number, start } = self.frames[frame];
-        self.options.clone().frame(number).start_time(start)
+        self.options_of(frame, 0)
+    }
+
+    /// Scan options of a piece.
+    fn options_of(&self, frame: usize, piece: usize) -> ScanOptions {
+        let (FrameTime { number, start }, strip) = self.piece_time(frame, piece);
+        self.options.clone().frame(number).strip(strip).start_time(start)
     }
 }
 
@@ -118,12 +159,19 @@ impl Sample {
         };
         let mut report = base.scene.report.clone();
         stand.notes.iter().for_each(|note| report.warn(note));
-        let (live, drawn) = (stand.live, stand.drawn);
+        let (mut live, drawn) = (stand.live, stand.drawn);
+        let plan = match &spec.trajectory {
+            Some(Carrier::Plan(plan)) => Some(planned(plan, stage, spec, folder, &mut live)?),
+            _ => None,
+        };
+        if let Some(plan) = &plan {
+            report.absorb(plan.report.clone());
+        }
         let moving = live.objects().any(|(_, object)| {
             object.motion.is_some() || object.materials().any(|material| material.changes.is_some())
         });
-        let scans = scans(stage, spec, folder, draws, &base, standing)?;
-        Ok(Sample { scans, drawn, report, live, moving })
+        let scans = scans(stage, spec, folder, draws, &base, (standing, plan.as_ref()), &mut report)?;
+        Ok(Sample { scans, drawn, report, live, moving, plan, base })
     }
 
     /// Its scans, in the order of the sensors.
@@ -139,6 +187,16 @@ impl Sample {
     /// Warnings: objects that found no room, and those of the scene's reader.
     pub fn report(&self) -> &Report {
         &self.report
+    }
+
+    /// The survey that its sensors are on, if its trajectory is planned.
+    pub fn plan(&self) -> Option<&SurveyPlan> {
+        self.plan.as_ref()
+    }
+
+    /// The scene that it starts from, as it was read, before the rules of the scenario.
+    pub fn loaded(&self) -> &Scene {
+        &self.base.scene
     }
 
     /// Its scene.
@@ -162,13 +220,13 @@ impl Sample {
         self.live.commit()
     }
 
-    /// The scene as the `frame`th frame of a scan sees it.
+    /// The scene as the `frame`th frame of a scan sees it; of a strip, its first piece.
     ///
     /// # Errors
     /// As [`LiveScene::commit`].
     pub fn built(&mut self, scan: usize, frame: usize) -> Result<BuiltScene> {
-        let Scan { frames, sensor, .. } = &self.scans[scan];
-        self.built_at(frames[frame].start, sensor.scan_time())
+        let ScanPiece { sensor, start, .. } = self.scans[scan].piece(frame, 0)?;
+        self.built_at(start, sensor.scan_time())
     }
 
     /// The points of the `frame`th frame of a scan.
@@ -186,28 +244,37 @@ impl Sample {
     /// # Errors
     /// As [`Sample::cloud`].
     pub fn cloud_into(&mut self, scan: usize, frame: usize, cloud: &mut PointCloud) -> Result<()> {
-        let built = self.built(scan, frame)?;
-        let scan = &self.scans[scan];
-        built.scan_into(&scan.sensor, &scan.trajectory, &scan.options(frame), cloud)
+        let pieces = self.scans[scan].pieces(frame);
+        if pieces == 1 {
+            return self.piece_into(scan, [frame, 0], FieldSet::EMPTY, BoxScope::None, cloud);
+        }
+        let (mut all, mut next) = (PointCloud::default(), std::mem::take(cloud));
+        for piece in 0..pieces {
+            self.piece_into(scan, [frame, piece], FieldSet::EMPTY, BoxScope::None, &mut next)?;
+            all.append(&next)?;
+        }
+        *cloud = all;
+        Ok(())
     }
 
-    /// [`Sample::cloud_into`] with the further columns `more`, and boxes.
-    pub(super) fn cloud_with(
+    /// The points of a piece of a frame of a scan, both counted from 0, with the further columns `more`, and boxes.
+    pub(super) fn piece_into(
         &mut self,
         scan: usize,
-        frame: usize,
+        [frame, piece]: [usize; 2],
         more: FieldSet,
         boxes: BoxScope,
         cloud: &mut PointCloud,
     ) -> Result<()> {
-        let built = self.built(scan, frame)?;
+        let ScanPiece { sensor, start, .. } = self.scans[scan].piece(frame, piece)?;
+        let built = self.built_at(start, sensor.scan_time())?;
         let scan = &self.scans[scan];
-        let options = scan.options(frame);
-        let image_boxes = boxes == BoxScope::InImage && scan.sensor.image_grid().is_ok();
+        let options = scan.options_of(frame, piece);
+        let image_boxes = boxes == BoxScope::InImage && sensor.image_grid().is_ok();
         let boxes = (boxes != BoxScope::None).then_some(BoxAxes::Object);
         let fields = options.fields.union(more);
         let options = options.fields(fields).boxes(boxes).image_boxes(image_boxes);
-        built.scan_into(&scan.sensor, &scan.trajectory, &options, cloud)
+        built.scan_into(&sensor, &scan.trajectory, &options, cloud)
     }
 
     /// The `frame`th ping of a sonar's scan.
@@ -227,7 +294,8 @@ fn scans(
     folder: &Path,
     draws: &Draws,
     base: &Base,
-    standing: Option<Pose>,
+    (standing, plan): (Option<Pose>, Option<&SurveyPlan>),
+    report: &mut Report,
 ) -> Result<Vec<Scan>> {
     let sensors: Vec<Arc<Sensor>> = spec
         .sensors
@@ -238,48 +306,42 @@ fn scans(
     let Some(first) = sensors.first() else {
         return Err(Error::invalid("sensors", "none", "at least one"));
     };
-    let fps = spec.fps(first);
     let file = match &spec.trajectory {
-        Some(Carrier::File(file)) => Some(Trajectory::load(folder.join(file))?.shifted_to_zero()),
+        Some(Carrier::File(CarrierFile { file, crs, offset_m, gps_week })) => {
+            let crs = crs.as_ref().map(|crs| Crs::open_in(folder, crs)).transpose()?;
+            let options =
+                TrajectoryOptions::default().crs(crs).offset(DVec3::from_array(*offset_m)).gps_week(*gps_week);
+            Some(Trajectory::load_with(folder.join(file), &options, report)?.shifted_to_zero())
+        }
         _ => None,
     };
-    let [from, to, step] = match &spec.frames {
-        Some(frames) => [frames.first, frames.last, frames.step],
-        // A sonar pings along its whole trajectory.
-        None if first.kind().makes_pings() && file.is_some() => {
-            let end = file.as_ref().map_or(0.0, |file| file.span().1);
-            [0, (end * fps + 1e-6).min(MOST_FRAMES) as u32, 1]
-        }
-        None => [0, 0, 1],
+    let frames = RigFrames::of(spec, first, file.as_ref());
+    let start = frames.start();
+    let planned_strips = |plan: &SurveyPlan| plan.strips.iter().map(StripSpec::planned).collect();
+    let spec_strips: Vec<StripSpec> = plan.map_or_else(|| spec.strips.clone(), planned_strips);
+    let strips_of = |(index, entry): (usize, &SensorEntry)| {
+        strips::of_sensor(&spec_strips, (entry, &format!("sensors[{index}]")), stage, folder)
     };
-    let start = f64::from(from) / fps;
-    let end = f64::from(to) / fps;
-    let whole = (from..=to).step_by(step as usize);
-    let times = |index: usize, entry: &SensorEntry| -> Result<Vec<FrameTime>> {
-        let Some(rate) = entry.rate_hz else {
-            return Ok(whole.clone().map(|number| FrameTime { number, start: f64::from(number) / fps }).collect());
-        };
-        // All frames that start before the one after the last.
-        let first = start + entry.start_s;
-        let count = ((end + f64::from(step) / fps - first) * rate - 1e-9).ceil().max(0.0);
-        if count > MOST_FRAMES {
-            let found = format!("{rate}, which makes {count} frames");
-            let allowed = format!("a rate that makes {MOST_FRAMES} at most");
-            return Err(Error::invalid(format!("sensors[{index}].rate_hz"), found, allowed));
-        }
-        Ok((0..count as u32).map(|number| FrameTime { number, start: first + f64::from(number) / rate }).collect())
+    let strips: Vec<Vec<SensorStrip>> = spec.sensors.iter().enumerate().map(strips_of).collect::<Result<_>>()?;
+    let times: Vec<Vec<FrameTime>> = if spec_strips.is_empty() {
+        spec.sensors.iter().enumerate().map(|sensor| frames.of_sensor(sensor)).collect::<Result<_>>()?
+    } else {
+        strips.iter().map(|strips| strips.iter().map(SensorStrip::time).collect()).collect()
     };
-    let times: Vec<Vec<FrameTime>> =
-        spec.sensors.iter().enumerate().map(|(index, entry)| times(index, entry)).collect::<Result<_>>()?;
+    let start = spec_strips.first().map_or(start, |strip| strip.from_s);
     let ends = times.iter().zip(&sensors).filter_map(|(times, sensor)| Some(times.last()?.start + sensor.scan_time()));
-    let last = ends.fold(start, f64::max);
-    let carrier = match (file, &spec.trajectory) {
-        (Some(file), _) => file,
-        (None, trajectory) => carrier(trajectory.as_ref(), standing, base, start, last)?,
+    let last = ends.chain(spec_strips.last().map(|strip| strip.to_s)).fold(start, f64::max);
+    let carrier = match (plan, file, &spec.trajectory) {
+        (Some(plan), ..) => plan.trajectory.clone(),
+        (_, Some(file), _) => file,
+        (None, None, trajectory) => carrier(trajectory.as_ref(), standing, base, start, last)?,
     };
+    strips::check_times(&spec_strips, &carrier)?;
+    let carrier = Arc::new(carrier);
     let mut names: Vec<String> = Vec::new();
     let mut scans = Vec::new();
-    for (index, ((entry, sensor), times)) in spec.sensors.iter().zip(sensors).zip(times).enumerate() {
+    let rig = spec.sensors.iter().zip(sensors).zip(times).zip(strips);
+    for (index, (((entry, sensor), times), strips)) in rig.enumerate() {
         let name = entry.name.clone().unwrap_or_else(|| sensor.name().to_owned());
         if !LENGTHS.contains(&name.len()) {
             let allowed = format!("{} to {} bytes, as files are named after it", LENGTHS.start(), LENGTHS.end());
@@ -291,18 +353,31 @@ fn scans(
             return Err(Error::invalid(format!("sensors[{index}]"), found, "a `name` of its own for each"));
         }
         let mount = entry.mount.pose(&format!("sensors[{index}].mount"))?;
+        if spec.navigation.is_some() && !sensor.kind().is_optical() {
+            let found = format!("given with sensors[{index}], a {}", sensor.kind());
+            return Err(Error::invalid("navigation", found, "for LiDARs and depth cameras"));
+        }
+        let solve = |errors: &Navigation| errors.solve(draws.scan_seed(spec.seed, 0), &carrier, &mount, [start, last]);
+        let navigation = spec.navigation.as_ref().map(solve).transpose()?.map(Arc::new);
+        let estimated = navigation.as_ref().map(|solution| solution.sensor.clone());
+        let clock_offset = navigation.as_ref().map_or(0.0, |solution| solution.clock_offset);
         scans.push(Scan {
-            trajectory: mounted(&carrier, &mount)?,
+            trajectory: carrier.mounted(&mount)?,
+            carrier: carrier.clone(),
+            navigation,
             mount,
             frames: times,
+            strips,
             options: ScanOptions::default()
                 .fields(spec.fields(&sensor)?)
                 .seed(draws.scan_seed(spec.seed, index as u32))
+                .estimated_trajectory(estimated)
+                .clock_offset(clock_offset)
                 .freeze(spec.freeze)
                 // Pings have one pose each.
                 .deskew(spec.deskew && !sensor.kind().makes_pings())
                 .box_time(spec.boxes)
-                .frame_period(entry.rate_hz.map_or(f64::from(step) / fps, f64::recip))
+                .frame_period(entry.rate_hz.map_or(frames.period(), f64::recip))
                 .organised(spec.organised)
                 .coordinates(spec.frame)
                 .order(spec.order)
@@ -315,6 +390,37 @@ fn scans(
         names.push(name);
     }
     Ok(scans)
+}
+
+/// The survey `plan` with the first sensor over the scene of a sample.
+///
+/// # Errors
+/// As [`SurveySwath::new`] and [`SurveyPlan::new`].
+fn planned(plan: &PlanSpec, stage: &Stage, spec: &Spec, folder: &Path, live: &mut LiveScene) -> Result<SurveyPlan> {
+    let Some(entry) = spec.sensors.first() else { return Err(Error::invalid("sensors", "none", "at least one")) };
+    let sensor = stage.sensor(entry, "sensors[0]", folder)?;
+    let mount = entry.mount.pose("sensors[0].mount")?;
+    let range = &sensor.spec().range;
+    let range = [range.min_m, range.max_m.unwrap_or(f64::INFINITY)];
+    let swath =
+        SurveySwath::new(&sensor.spec().pattern, sensor.beams(), mount.orientation, range, plan.half_angle_deg)?;
+    let built = live.commit()?;
+    let Some((low, high)) = live.bounds() else {
+        return Err(Error::invalid(PLAN_KEY, "over an empty scene", "a scene with a ground"));
+    };
+    let mut plan = plan.clone();
+    if plan.is_nowhere() && plan.platform != CarrierKind::Tripod {
+        plan.area = Some(AreaBox { min_m: [low.x, low.y], max_m: [high.x, high.y] });
+    }
+    // Rays at the very edge may miss what ends there.
+    let edge = 1e-3 + 1e-6 * (high - low).truncate().max_element();
+    let ground = |x: f64, y: f64| {
+        let inside = (low.x - edge..=high.x + edge).contains(&x) && (low.y - edge..=high.y + edge).contains(&y);
+        let within = |value: f64, low: f64, high: f64| value.min(high - edge).max(low + edge);
+        let (x, y) = (within(x, low.x, high.x), within(y, low.y, high.y));
+        if inside { built.ground_at(x, y, high.z + edge) } else { None }
+    };
+    SurveyPlan::new(&plan, PLAN_KEY, &swath, &ground, spec.seed)
 }
 
 /// Allowed length of a sensor's name, bytes: file names, which add to it, are limited to 255.
@@ -340,6 +446,7 @@ fn carrier(
         Some(Carrier::Camera(name)) => base.scene.camera_path(name, start, end),
         Some(Carrier::Object(name)) => base.scene.object_path(name, start, end),
         Some(Carrier::File(_)) => Err(Error::Internal("a trajectory file that was not read".into())),
+        Some(Carrier::Plan(_)) => Err(Error::Internal("a survey that was not planned".into())),
         None => match base.scene.cameras.as_slice() {
             [camera] => base.scene.camera_path(&camera.name, start, end),
             cameras => {
@@ -348,31 +455,4 @@ fn carrier(
             }
         },
     }
-}
-
-/// The trajectory of a sensor with this mount on a carrier: poses are added where the carrier turns, so that the
-/// straight line from one to the next is less than a tenth of a millimetre from the arc.
-fn mounted(carrier: &Trajectory, mount: &Pose) -> Result<Trajectory> {
-    const TOLERANCE_M: f64 = 1e-4;
-    /// Maximum number of poses added between two.
-    const MOST: f64 = 1000.0;
-    if *mount == Pose::IDENTITY {
-        return Ok(carrier.clone());
-    }
-    let on = |carrier: &Pose| on(carrier, mount);
-    let keys = carrier.clone().into_keys();
-    let mut all = Vec::with_capacity(keys.len());
-    for ends in keys.windows(2) {
-        let [(from, a), (to, b)] = [ends[0], ends[1]];
-        // Height above its chord of the arc that a lever arm of this length describes.
-        let angle = a.orientation.angle_between(b.orientation);
-        let parts = (angle * (mount.position.length() / (8.0 * TOLERANCE_M)).sqrt()).ceil().clamp(1.0, MOST);
-        for part in 0..parts as u32 {
-            let time = from + (to - from) * f64::from(part) / parts;
-            all.push((time, on(&carrier.at(time))));
-        }
-    }
-    all.extend(keys.last().map(|(time, pose)| (*time, on(pose))));
-    all.dedup_by(|later, before| later.0 <= before.0);
-    Trajectory::new(all)
 }

@@ -3,6 +3,7 @@
 use super::splits::Splits;
 use super::variation::Rule;
 use cloud::{BoxTime, Field, FieldSet, Frame};
+use emitter::Navigation;
 use engine::medium::Environment;
 use engine::scan::{Order, Profile};
 use engine::scene::{CacheFile, LabelRules, MaterialRules, UpAxis};
@@ -11,6 +12,7 @@ use glam::{DQuat, DVec3};
 use ground::error::{Error, Result};
 use ground::named::{Named, by_name};
 use ground::pose::Pose;
+use ground::read::bounds::Bounds;
 use ground::read::yaml::{Document, inner, one_or_more_words};
 use model::material::ReflectanceSource;
 use serde::Deserialize;
@@ -18,6 +20,7 @@ use serde::de::{Deserializer, Error as _};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use survey::{FlightLine, PlanSpec};
 use worlds::Generate;
 
 /// A scenario file. File names in it are relative to its folder, or to `folder`.
@@ -31,7 +34,12 @@ pub(super) struct Spec {
     pub environment: Environment,
     pub sensors: Vec<SensorEntry>,
     pub trajectory: Option<Carrier>,
+    /// Errors of the estimate of that trajectory, with which points are placed.
+    pub navigation: Option<Navigation>,
     pub frames: Option<FrameSpec>,
+    /// When the sensors are on, one strip after the other; empty: in frames.
+    #[serde(deserialize_with = "nothing_as_empty")]
+    pub strips: Vec<StripSpec>,
     #[serde(deserialize_with = "nothing_as_empty")]
     pub variation: Vec<Rule>,
     #[serde(deserialize_with = "word")]
@@ -72,7 +80,9 @@ impl Default for Spec {
             environment: Environment::default(),
             sensors: Vec::new(),
             trajectory: None,
+            navigation: None,
             frames: None,
+            strips: Vec::new(),
             variation: Vec::new(),
             profile: Profile::default(),
             reflectance_source: None,
@@ -243,8 +253,8 @@ pub(super) struct SensorEntry {
 /// How the carrier of the sensors moves.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Carrier {
-    /// TUM text or CSV; time 0 is the first pose.
-    File(PathBuf),
+    /// A file of any format of trajectories; time 0 is the first pose.
+    File(CarrierFile),
     /// A fixed pose.
     At(PoseSpec),
     /// A camera node of the scene.
@@ -255,15 +265,28 @@ pub(super) enum Carrier {
     Poses(Vec<[f64; 8]>),
     /// A fixed pose on surfaces of the scene, different in each sample.
     On(Box<super::variation::Spot>),
+    /// A survey with the first sensor, which also says when the sensors are on.
+    Plan(Box<PlanSpec>),
+}
+
+/// A trajectory in a file.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CarrierFile {
+    pub file: PathBuf,
+    /// Coordinate system of the world, as [`ground::crs::Crs::open_in`] takes it.
+    #[serde(default)]
+    pub crs: Option<String>,
+    /// Coordinates of the world's origin in it.
+    #[serde(default)]
+    pub offset_m: [f64; 3],
+    /// GPS week from whose start its times count.
+    #[serde(default)]
+    pub gps_week: Option<u16>,
 }
 
 impl<'de> Deserialize<'de> for Carrier {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        #[derive(Deserialize)]
-        #[serde(deny_unknown_fields)]
-        struct TrajectoryFile {
-            file: PathBuf,
-        }
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
         struct CarrierCamera {
@@ -279,23 +302,32 @@ impl<'de> Deserialize<'de> for Carrier {
         struct Poses {
             poses: Vec<[f64; 8]>,
         }
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct Planned {
+            plan: Box<PlanSpec>,
+        }
         let value = Value::deserialize(deserializer)?;
         let has = |key: &str| value.get(key).is_some();
         Ok(match () {
-            () if has("file") => Carrier::File(inner::<TrajectoryFile, _>(&value)?.file),
+            () if has("file") => Carrier::File(inner(&value)?),
             () if has("camera") => Carrier::Camera(inner::<CarrierCamera, _>(&value)?.camera),
             () if has("object") => Carrier::Object(inner::<CarrierObject, _>(&value)?.object),
             () if has("poses") => Carrier::Poses(inner::<Poses, _>(&value)?.poses),
             () if has("on") => Carrier::On(Box::new(inner(&value)?)),
+            () if has("plan") => Carrier::Plan(inner::<Planned, _>(&value)?.plan),
             () if has("position_m") => Carrier::At(inner(&value)?),
             () => {
                 let found = value.as_object().and_then(|keys| keys.keys().next()).cloned().unwrap_or_default();
-                const KNOWN: &[&str] = &["file", "position_m", "camera", "object", "poses", "on"];
+                const KNOWN: &[&str] = &["file", "position_m", "camera", "object", "poses", "on", "plan"];
                 return Err(D::Error::unknown_field(&found, KNOWN));
             }
         })
     }
 }
+
+/// Where the section of a plan is.
+pub(super) const PLAN_KEY: &str = "trajectory.plan";
 
 /// Which frames are scanned; frame k starts at k / fps seconds.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
@@ -309,6 +341,75 @@ pub(super) struct FrameSpec {
     pub step: u32,
     /// Defaults to the rate of the first sensor.
     pub fps: Option<f64>,
+}
+
+/// A part of the trajectory on which the sensors are on.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct StripSpec {
+    /// Number of the strip, 1 to 65535: flight line or station. Entries of one number are parts of one strip.
+    pub strip: u16,
+    /// Start, s, in the time of the trajectory.
+    pub from_s: f64,
+    /// End, s, likewise.
+    pub to_s: f64,
+    /// Keys that replace those of all sensors there, as [`SensorEntry::set`].
+    #[serde(default)]
+    pub set: serde_json::Map<String, Value>,
+}
+
+impl StripSpec {
+    /// A strip of a plan.
+    pub fn planned(line: &FlightLine) -> StripSpec {
+        let FlightLine { strip, from_s, to_s, .. } = *line;
+        StripSpec { strip, from_s, to_s, set: serde_json::Map::new() }
+    }
+}
+
+/// Checks the section `strips` by itself, and with the other sections.
+///
+/// # Errors
+/// A number or a time that is not allowed; sections that do not go with strips.
+fn check_strips(spec: &Spec) -> Result<()> {
+    /// Latest time, s.
+    const LATEST: f64 = 1e9;
+    let mut before = f64::NEG_INFINITY;
+    for (index, strip) in spec.strips.iter().enumerate() {
+        let key = |name: &str| format!("strips[{index}].{name}");
+        let StripSpec { strip, from_s, to_s, .. } = *strip;
+        if strip == 0 {
+            return Err(Error::invalid(key("strip"), strip, format!("1 to {}", u16::MAX)));
+        }
+        if !(from_s.abs() <= LATEST && from_s >= before) {
+            let allowed = if before.is_finite() {
+                format!("{before} or more, where the strip before ends")
+            } else {
+                format!("-{LATEST:e} to {LATEST:e}")
+            };
+            return Err(Error::invalid(key("from_s"), from_s, allowed));
+        }
+        if !(to_s > from_s && to_s <= LATEST) {
+            return Err(Error::invalid(key("to_s"), to_s, format!("above from_s, {from_s}, up to {LATEST:e}")));
+        }
+        before = to_s;
+    }
+    let planned = matches!(spec.trajectory, Some(Carrier::Plan(_)));
+    if spec.strips.is_empty() && !planned {
+        return Ok(());
+    }
+    if planned && !spec.strips.is_empty() {
+        return Err(Error::invalid("strips", "given beside trajectory.plan", "one of the two: a plan makes strips"));
+    }
+    let without = "without strips, in which scans follow each other";
+    if spec.frames.is_some() {
+        return Err(Error::invalid("frames", "given beside strips", without));
+    }
+    match spec.sensors.iter().position(|entry| entry.rate_hz.is_some() || entry.start_s != 0.0) {
+        Some(index) => {
+            Err(Error::invalid(format!("sensors[{index}]"), "given rate_hz or start_s beside strips", without))
+        }
+        None => Ok(()),
+    }
 }
 
 fn one() -> u32 {
@@ -415,9 +516,15 @@ impl Spec {
             }
             other => other,
         })?;
-        if let Some(Carrier::On(spot)) = &self.trajectory {
-            spot.check("trajectory")?;
+        if let Some(navigation) = &self.navigation {
+            Bounds::none().section("navigation", |bounds| navigation.check(bounds))?;
         }
+        match &self.trajectory {
+            Some(Carrier::On(spot)) => spot.check("trajectory")?,
+            Some(Carrier::Plan(plan)) => plan.check(PLAN_KEY)?,
+            _ => {}
+        }
+        check_strips(self)?;
         super::variation::check(&self.variation)
     }
 }

@@ -140,6 +140,7 @@ impl Stage {
             let name = (place.name.as_deref().unwrap_or(&stem), live.next_instance());
             live.add_model(&model.scene, &placed, name, place.category.as_deref())?;
         }
+        live.classify(&self.labels.las_class);
         let units = Units::new(&live);
         for (index, rule) in spec.variation.iter().enumerate() {
             let Some(target) = rule.target() else { continue };
@@ -193,7 +194,9 @@ impl Stage {
                     Err(Error::invalid("scene.blend", found, allowed))
                 }
             },
-            (None, None, []) => Err(Error::invalid("scene", "no files", "files, generate or blend")),
+            // All of it is placed.
+            (None, None, []) if !spec.place.is_empty() => Ok(Scene::default()),
+            (None, None, []) => Err(Error::invalid("scene", "no files", "files, generate, blend or place")),
             (None, None, files) => {
                 let files: Vec<PathBuf> = files.iter().map(|file| folder.join(file)).collect();
                 Scene::load_all(&files, &options)

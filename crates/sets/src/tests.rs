@@ -723,7 +723,7 @@ fn labels_of_kitti_are_what_its_camera_sees() {
     let scenario = Scenario::from_yaml(STYLED, folder.path()).unwrap();
     let mut sample = scenario.sample(0).unwrap();
     let mut cloud = cloud::PointCloud::default();
-    sample.cloud_with(1, 3, cloud::FieldSet::all(), sample::BoxScope::None, &mut cloud).unwrap();
+    sample.piece_into(1, [3, 0], cloud::FieldSet::all(), sample::BoxScope::None, &mut cloud).unwrap();
     // The pixels of each chair are in its box, and one of them touches each side that is not hidden.
     let mut matched = 0;
     // Chairs that only the LiDAR hits have none.
@@ -1084,4 +1084,19 @@ fn a_scene_of_blender_is_given() {
         let fault = scenario.with_scene(scene.clone()).sample(0).err().unwrap().to_string();
         assert!(fault.contains(allowed), "{fault}");
     }
+}
+
+/// All of a scene may be placed, and its categories have the classes of the label rules.
+#[test]
+fn scenes_may_be_nothing_but_models() {
+    let folder = folder();
+    let text = "scene:\n  place:\n    - {model: models/crate.obj, name: box, category: building, at: {position_m: [2, 0, 0]}}\n  \
+                labels: {las_class: {building: 6}, surfaces: {metal: concrete}}\n\
+                sensors: [{sensor: velodyne_vlp16, name: top}]\ntrajectory: {position_m: [0, 0, 0]}\n";
+    let scenario = Scenario::from_yaml(text, folder.path()).unwrap().with_engine(&Engine::with_threads(1).unwrap());
+    let sample = scenario.sample(0).unwrap();
+    let labels = sample.scene().labels();
+    let (id, _) = labels.category.iter().find(|(_, name)| *name == "building").unwrap();
+    assert_eq!(labels.las_class.get(&id), Some(&6));
+    assert_eq!(places(sample.scene(), "*").len(), 1);
 }

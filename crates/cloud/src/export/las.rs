@@ -5,33 +5,39 @@
 
 use super::laz::{self, Laz};
 use super::{Format, FormatInfo, Growing, labels_json};
+use crate::points::offset;
 use crate::record::{self, BLOCK_BYTES};
-use crate::{Column, ColumnType, Field, FieldInfo, FieldSet, PointCloud, Record};
+use crate::{Column, ColumnType, Field, FieldInfo, FieldSet, Frame, PointCloud, Record};
 use ::las::raw::header::{Evlr, LargeFile};
 use ::las::{Builder, GpsTimeType, Header, Transform, Vector, Vlr};
+use glam::DVec3;
+use ground::pose::Pose;
 use ground::report::Report;
 use ground::write::Sink;
 use std::io::{self, BufWriter, Seek, Write};
 use std::path::Path;
 
-/// LAS 1.4, point format 7.
+/// LAS 1.4, point format 7, or without colours 6.
 pub(super) const LAS: Las = Las {
     info: FormatInfo {
         name: "las",
         extensions: &["las"],
-        description: "LAS 1.4, point format 7; 0.1 mm, 16 bit intensity, labels and other columns in extra bytes",
+        description: "LAS 1.4, point format 6 or, with colours, 7; 0.1 mm, 16 bit intensity, labels and other columns in extra bytes",
         needs_positions: true,
         holds_label_names: true,
     },
     version: (1, 4),
     point_format: 7,
+    flags: 15,
     classification: 16,
     most_class: 255,
+    angle: (18, 2),
     size: 36,
     return_bits: 4,
     source_id: 20,
     time: Some(22),
-    colour: 30,
+    colour: Some(30),
+    scanner_channels: true,
     extra_bytes: true,
     compressed: false,
 };
@@ -59,13 +65,16 @@ pub(super) const LAS2: Las = Las {
     },
     version: (1, 2),
     point_format: 2,
+    flags: 14,
     classification: 15,
     most_class: 31,
+    angle: (16, 1),
     size: 26,
     return_bits: 3,
     source_id: 18,
     time: None,
-    colour: 20,
+    colour: Some(20),
+    scanner_channels: false,
     extra_bytes: false,
     compressed: false,
 };
@@ -79,12 +88,18 @@ pub(super) struct Las {
     size: usize,
     /// Bits of the return number and, above them, of the number of returns.
     return_bits: u32,
+    /// The byte whose two highest bits are the direction of the scan and the edge of the flight line.
+    flags: usize,
     classification: usize,
     /// Highest class that it holds.
     most_class: u8,
+    /// First byte of the scan angle and its bytes: two in steps of 0.006 degrees, or one in whole degrees.
+    angle: (usize, usize),
     source_id: usize,
     time: Option<usize>,
-    colour: usize,
+    colour: Option<usize>,
+    /// Whether channels are those of LAS, of which a scanner has four at most; otherwise only the extra dimension has them.
+    scanner_channels: bool,
     /// Whether the columns that LAS lacks follow as extra bytes; otherwise the category is the point source id.
     extra_bytes: bool,
     compressed: bool,
@@ -92,6 +107,20 @@ pub(super) struct Las {
 
 const INTENSITY: usize = 12;
 const RETURNS: usize = 14;
+
+const USER_DATA: usize = 17;
+
+/// Bits of the flags.
+const DIRECTION: u32 = 6;
+const EDGE: u32 = 7;
+/// Shift of the scanner channel above the flags of classification, in the same byte as those of the scan.
+const SCANNER_CHANNEL: u32 = 4;
+
+/// Step of scan angles of two bytes, degrees (specification, 2.6).
+pub(crate) const ANGLE_STEP_DEG: f64 = 0.006;
+
+/// Greatest scan angle of one byte, degrees (specification, 2.5).
+const RANK_DEG: f64 = 90.0;
 
 /// Class of points that belong to no other class.
 const UNCLASSIFIED: u8 = 1;
@@ -107,6 +136,8 @@ impl Format for Las {
     fn holds(&self, info: &FieldInfo) -> bool {
         match info.las {
             Some("gps_time") => self.time.is_some(),
+            // There it is the category.
+            Some("point_source_id") => self.extra_bytes,
             Some(_) => true,
             None => self.extra_bytes || info.name == "category_id",
         }
@@ -173,6 +204,7 @@ impl LasFile {
         let file = Sink::create(path)?;
         let extra = if las.extra_bytes { Extra::of(first) } else { Vec::new() };
         let survey = Survey::new(first);
+        let las = &las.fit(first);
         let laz = las.compressed.then(|| Laz::new(las.point_format, Extra::size(&extra) as u16)).transpose()?;
         let mut file = LasFile { las: *las, file, extra, survey, laz };
         let header = file.header(first)?;
@@ -193,7 +225,7 @@ impl LasFile {
         builder.generating_software = concat!("echocast ", env!("CARGO_PKG_VERSION")).into();
         builder.system_identifier = "SIMULATION".into();
         let transform = |offset| Transform { scale: self.survey.step(), offset };
-        let origin = head.origin;
+        let origin = head.origin + on_earth(head);
         builder.transforms = Vector { x: transform(origin.x), y: transform(origin.y), z: transform(origin.z) };
         if las.extra_bytes {
             let columns = Vlr {
@@ -203,7 +235,9 @@ impl LasFile {
                 data: self.extra.iter().flat_map(Extra::descriptor).collect(),
             };
             // Beams without a return are left out, and therefore the shape.
-            let labels = labels_json(&PointCloud { organised: None, ..head.head() });
+            let position = head.sensor_pose.position + on_earth(head);
+            let sensor_pose = Pose { position, ..head.sensor_pose };
+            let labels = labels_json(&PointCloud { organised: None, sensor_pose, ..head.head() });
             let labels = Vlr {
                 user_id: "echocast".into(),
                 record_id: 1,
@@ -267,7 +301,7 @@ impl LasFile {
         let LasFile { las, file, extra, survey, laz, .. } = self;
         let size = las.size + Extra::size(extra);
         let block = BLOCK_BYTES / size;
-        // Members that are not written (flags, user data, scan angle) stay 0.
+        // Members that are not written stay 0.
         let mut buffer = vec![0; block * size];
         let mut rows = Vec::with_capacity(block);
         let (c, classes) = (&cloud.columns, &cloud.labels.las_class);
@@ -286,8 +320,7 @@ impl LasFile {
                 let part = |row: usize| ((f64::from(c.intensity[row]) * per_full_scale).round() as u16).to_le_bytes();
                 record::put(records, size, INTENSITY, rows.iter().copied(), part);
             }
-            let returns = |row| [las.return_number(cloud, row) | las.return_count(cloud, row) << las.return_bits];
-            record::put(records, size, RETURNS, rows.iter().copied(), returns);
+            las.put_scan(cloud, records, size, &rows);
             if !classes.is_empty() && !c.category_id.is_empty() {
                 let class = |row: usize| {
                     let class = classes.get(&c.category_id[row]).copied().unwrap_or(0);
@@ -301,15 +334,11 @@ impl LasFile {
                 });
             }
             for (channel, column) in [&c.red, &c.green, &c.blue].into_iter().enumerate() {
-                if !column.is_empty() {
+                if let (Some(colour), false) = (las.colour, column.is_empty()) {
                     // Colours have 16 bits in LAS and white is 65535 there: 257 = 65535 / 255 repeats the byte.
                     let wide = |row: usize| (u16::from(column[row]) * 257).to_le_bytes();
-                    record::put(records, size, las.colour + channel * 2, rows.iter().copied(), wide);
+                    record::put(records, size, colour + channel * 2, rows.iter().copied(), wide);
                 }
-            }
-            if !las.extra_bytes && !c.category_id.is_empty() {
-                let id = |row: usize| u16::try_from(c.category_id[row]).unwrap_or(u16::MAX).to_le_bytes();
-                record::put(records, size, las.source_id, rows.iter().copied(), id);
             }
             for column in &*extra {
                 column.put(cloud, records, size, las.size, &rows);
@@ -343,6 +372,61 @@ impl Las {
         }
     }
 
+    /// As clouds like `first` need it: without colours if they have none.
+    fn fit(self, first: &PointCloud) -> Las {
+        let scanner_channels = self.scanner_channels && first.columns.channel.iter().all(|&channel| channel < 4);
+        let las = Las { scanner_channels, ..self };
+        let colours = [Field::Red, Field::Green, Field::Blue];
+        match las.colour {
+            Some(colour) if las.extra_bytes && !first.fields.contains_any(&colours) => {
+                Las { point_format: las.point_format - 1, colour: None, size: colour, ..las }
+            }
+            _ => las,
+        }
+    }
+
+    /// Writes what a scanner says of its points: returns, direction of the scan, edge, channel, angle and strip.
+    fn put_scan(&self, cloud: &PointCloud, records: &mut [u8], size: usize, rows: &[usize]) {
+        let c = &cloud.columns;
+        let rows = || rows.iter().copied();
+        let flag = |column: &[u8], row: usize, bit: u32| column.get(row).map_or(0, |&flag| u8::from(flag != 0) << bit);
+        let scan = |row| flag(&c.scan_direction, row, DIRECTION) | flag(&c.edge_of_line, row, EDGE);
+        let returns = |row| self.return_number(cloud, row) | self.return_count(cloud, row) << self.return_bits;
+        if self.flags == RETURNS {
+            record::put(records, size, RETURNS, rows(), |row| [returns(row) | scan(row)]);
+        } else {
+            record::put(records, size, RETURNS, rows(), |row| [returns(row)]);
+            let channel = |row| match c.channel.get(row) {
+                Some(&channel @ 0..4) if self.scanner_channels => (channel as u8) << SCANNER_CHANNEL,
+                _ => 0,
+            };
+            record::put(records, size, self.flags, rows(), |row| [scan(row) | channel(row)]);
+        }
+        if !c.scan_angle.is_empty() {
+            // The conversion of a float to an integer clamps, and makes 0 of NaN.
+            let degrees = |row: usize| f64::from(c.scan_angle[row]).to_degrees();
+            match self.angle {
+                (at, 1) => record::put(records, size, at, rows(), |row| {
+                    (degrees(row).round().clamp(-RANK_DEG, RANK_DEG) as i8).to_le_bytes()
+                }),
+                (at, _) => record::put(records, size, at, rows(), |row| {
+                    ((degrees(row) / ANGLE_STEP_DEG).round() as i16).to_le_bytes()
+                }),
+            }
+        }
+        if self.extra_bytes && !c.cause.is_empty() {
+            record::put(records, size, USER_DATA, rows(), |row| [c.cause[row]]);
+        }
+        if self.extra_bytes {
+            if !c.strip.is_empty() {
+                record::put(records, size, self.source_id, rows(), |row| c.strip[row].to_le_bytes());
+            }
+        } else if !c.category_id.is_empty() {
+            let id = |row: usize| u16::try_from(c.category_id[row]).unwrap_or(u16::MAX).to_le_bytes();
+            record::put(records, size, self.source_id, rows(), id);
+        }
+    }
+
     fn return_number(&self, cloud: &PointCloud, row: usize) -> u8 {
         cloud.columns.return_number.get(row).map_or(1, |&number| number.clamp(1, self.most_returns()))
     }
@@ -364,6 +448,11 @@ fn write_buffered(
     let mut buffered = BufWriter::new(file);
     write(&mut buffered).map_err(io_error)?;
     buffered.flush()
+}
+
+/// What to add to coordinates of the cloud's frame for those of its coordinate system, metres.
+fn on_earth(cloud: &PointCloud) -> DVec3 {
+    if cloud.frame == Frame::World { cloud.earth_offset } else { DVec3::ZERO }
 }
 
 /// Coordinates of row `row` relative to the origin, metres; NaN without a return.
@@ -402,6 +491,7 @@ struct Survey {
     clamped_intensities: bool,
     clamped_returns: bool,
     clamped_categories: bool,
+    clamped_angles: bool,
 }
 
 impl Survey {
@@ -420,6 +510,7 @@ impl Survey {
             clamped_intensities: false,
             clamped_returns: false,
             clamped_categories: false,
+            clamped_angles: false,
         };
         while f64::from(farthest) >= survey.reach() {
             survey.exponent += 1;
@@ -458,6 +549,8 @@ impl Survey {
             let inside = |column: &[u8]| column.get(row).is_none_or(|number| returns.contains(number));
             self.clamped_returns |= !inside(&c.return_number) || !inside(&c.return_count);
             self.clamped_intensities |= c.intensity.get(row).is_some_and(|i| !intensities.contains(i));
+            self.clamped_angles |=
+                c.scan_angle.get(row).is_some_and(|angle| f64::from(angle.abs()).to_degrees() > RANK_DEG + 0.5);
             self.clamped_categories |= c.category_id.get(row).is_some_and(|&id| id > u32::from(u16::MAX));
         }
     }
@@ -474,7 +567,7 @@ impl Survey {
 
     /// A corner of the bounds as readers compute it from the steps in the records.
     fn corner(&self, corner: [f32; 3], cloud: &PointCloud) -> [f64; 3] {
-        let origin = cloud.origin.to_array();
+        let origin = (cloud.origin + on_earth(cloud)).to_array();
         std::array::from_fn(|axis| {
             (f64::from(corner[axis]) * 10f64.powi(-self.exponent)).round() * self.step() + origin[axis]
         })
@@ -512,6 +605,9 @@ impl Survey {
         if self.clamped_returns {
             let most = las.most_returns();
             report.warn(format!("{name}: return numbers clamped to 1 to {most}"));
+        }
+        if las.angle.1 == 1 && self.clamped_angles {
+            report.warn(format!("{name}: scan angles beyond {RANK_DEG} degrees written as that"));
         }
         if !las.extra_bytes && self.clamped_categories {
             report.warn(format!("{name}: category ids above 65535 written as 65535"));
@@ -559,7 +655,7 @@ impl Extra {
     fn put(&self, cloud: &PointCloud, records: &mut [u8], size: usize, behind: usize, rows: &[usize]) {
         let at = behind + self.at;
         let rows = rows.iter().copied();
-        match (cloud.column(self.info.field), cloud.offset(self.info.field)) {
+        match (cloud.column(self.info.field), offset(cloud.origin + on_earth(cloud), self.info.field)) {
             (Column::F32(c), Some(offset)) => {
                 record::put(records, size, at, rows, |row| (f64::from(c[row]) + offset).to_le_bytes());
             }

@@ -55,6 +55,7 @@ use ground::report::Report;
 use ground::shown;
 use ground::write::{self, Pending, failed};
 pub use ground::write::{cancel_flag, remove_unfinished};
+pub(crate) use las::ANGLE_STEP_DEG;
 pub use las::RAW_INTENSITY;
 use std::io;
 use std::path::{Path, PathBuf};

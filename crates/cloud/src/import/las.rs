@@ -7,7 +7,7 @@ use super::number::{Member, blocks};
 use super::rows::Rows;
 use super::target::{self, FieldTarget};
 use super::{Source, laz};
-use crate::export::RAW_INTENSITY;
+use crate::export::{ANGLE_STEP_DEG, RAW_INTENSITY};
 use crate::{Field, FieldSet, PointCloud, Record, Records};
 use ::las::raw::{Header, Vlr};
 use echocast_memory::tried;
@@ -80,11 +80,6 @@ fn layout(number: u8) -> Option<LasLayout> {
     };
     let wide = number >= 6;
     let mut others = vec![("user_data", 17, 1)];
-    others.extend(if wide {
-        [("scan_angle", 18, 2), ("point_source_id", 20, 2)]
-    } else {
-        [("scan_angle_rank", 16, 1), ("point_source_id", 18, 2)]
-    });
     others.extend(infrared.map(|at| ("nir", at, 2)));
     others.extend(wave.map(|at| ("wavepacket_index", at, 1)));
     Some(LasLayout { size, wide, time, colour, others })
@@ -93,6 +88,21 @@ fn layout(number: u8) -> Option<LasLayout> {
 impl LasLayout {
     fn classification(&self) -> usize {
         if self.wide { 16 } else { 15 }
+    }
+
+    /// The byte whose two highest bits are the direction of the scan and the edge of the flight line.
+    fn flags(&self) -> usize {
+        if self.wide { 15 } else { 14 }
+    }
+
+    /// Number of the scan angle, its first byte and its step, degrees (specification, 2.6 and 2.5).
+    fn angle(&self) -> (Number, usize, f64) {
+        if self.wide { (Number::I16, 18, ANGLE_STEP_DEG) } else { (Number::I8, 16, 1.0) }
+    }
+
+    /// First byte of the point source id.
+    fn source_id(&self) -> usize {
+        if self.wide { 20 } else { 18 }
     }
 
     /// Bits of the return number, and of the number of returns above them.
@@ -193,9 +203,10 @@ impl LasPoints {
         if let Some(at) = self.layout.time {
             take(Field::Time, Number::F64, at, 1.0);
         }
-        if ours == Some(Ours::Simple) {
-            take(Field::CategoryId, Number::U16, 18, 1.0);
-        }
+        let source_id = if ours == Some(Ours::Simple) { Field::CategoryId } else { Field::Strip };
+        take(source_id, Number::U16, self.layout.source_id(), 1.0);
+        let (number, at, step_deg) = self.layout.angle();
+        take(Field::ScanAngle, number, at, step_deg.to_radians());
         if ours.is_some() {
             self.colour().into_iter().flatten().for_each(|(field, at)| take(field, Number::U16, at, 1.0 / WIDE));
         }
@@ -234,12 +245,17 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
 
     let mut members = points.members(full_scale, ours);
     let of = |members: &[Member]| -> FieldSet { members.iter().map(|member| member.goal.field).collect() };
-    let usual = of(&members).with(Field::ReturnNumber).with(Field::ReturnCount);
+    let bits = [Field::ReturnNumber, Field::ReturnCount, Field::ScanDirection, Field::EdgeOfLine];
+    let usual = of(&members).union(bits.into_iter().collect());
     let colours: FieldSet = points.colour().into_iter().flatten().map(|(field, _)| field).collect();
     let mut extra = extra(&records.extra, points.layout.size, points.size, report);
     extra.retain(|member| !usual.union(colours).contains(member.goal.field));
     members.extend(extra);
     let mut columns = usual.union(of(&members));
+    let scanner_channels = ours.is_none() && points.layout.wide && !columns.contains(Field::Channel);
+    if scanner_channels {
+        columns = columns.with(Field::Channel);
+    }
     let classes = !columns.contains(Field::CategoryId);
     columns = columns.with(Field::CategoryId);
     if let Some(names) = &about.columns {
@@ -255,7 +271,7 @@ pub(super) fn read(source: &Source, report: &mut Report) -> Result<PointCloud> {
     let room = if points.compressed { 0 } else { source.check_count(points.count, points.size, start)? };
     let rows = Rows::new(columns, room, Some(&about))?.near(points.offset);
     let (size, count, compressed) = (points.size, points.count, points.compressed);
-    let mut pass = Pass::new(points, rows, members, columns, classes, ours);
+    let mut pass = Pass::new(points, rows, members, columns, [classes, scanner_channels], ours);
     match &records.laz {
         Some(record) if compressed => laz::read(source, record, start, count, size, |records| pass.take(records))?,
         None if compressed => {
@@ -274,6 +290,8 @@ struct Pass {
     columns: FieldSet,
     /// Whether categories are the classes.
     classes: bool,
+    /// Whether channels are those of LAS.
+    scanner_channels: bool,
     ours: Option<Ours>,
     /// Colours of other programs; all of them are needed to decide whether they have 8 bits.
     colours: [Vec<u16>; 3],
@@ -289,11 +307,11 @@ impl Pass {
         rows: Rows,
         members: Vec<Member>,
         columns: FieldSet,
-        classes: bool,
+        [classes, scanner_channels]: [bool; 2],
         ours: Option<Ours>,
     ) -> Pass {
         let (colours, seen, lost) = Default::default();
-        Pass { points, rows, members, columns, classes, ours, colours, seen, lost }
+        Pass { points, rows, members, columns, classes, scanner_channels, ours, colours, seen, lost }
     }
 
     fn take(&mut self, records: &[u8]) -> Result<()> {
@@ -308,6 +326,14 @@ impl Pass {
         }
         if columns.contains(Field::ReturnCount) {
             rows.add(Field::ReturnCount.into(), all(14).map(|byte| f64::from(byte >> bits & mask)))?;
+        }
+        for (field, bit) in [(Field::ScanDirection, 6), (Field::EdgeOfLine, 7)] {
+            if columns.contains(field) {
+                rows.add(field.into(), all(layout.flags()).map(|byte| f64::from(byte >> bit & 1)))?;
+            }
+        }
+        if self.scanner_channels {
+            rows.add(Field::Channel.into(), all(layout.flags()).map(|byte| f64::from(byte >> 4 & 3)))?;
         }
         let class_mask = layout.class_mask();
         let classes = all(layout.classification()).map(|byte| byte & class_mask);
@@ -339,7 +365,8 @@ impl Pass {
             }
         }
         for &(name, at, bytes) in &points.layout.others {
-            let known = self.lost.contains(name) || *ours == Some(Ours::Simple) && name == "point_source_id";
+            // User data is the cause in files of ours, which hold it once more.
+            let known = self.lost.contains(name) || ours.is_some() && name == "user_data";
             if !known && records.chunks_exact(size).any(|record| record[at..at + bytes].iter().any(|&b| b != 0)) {
                 self.lost.insert(name);
             }
@@ -348,14 +375,14 @@ impl Pass {
     }
 
     fn finish(self, source: &Source, mut about: About, report: &mut Report) -> Result<PointCloud> {
-        let Pass { points, mut rows, colours, seen, lost, ours, classes, .. } = self;
+        let Pass { points, mut rows, colours, seen, lost, ours, classes, scanner_channels, .. } = self;
         if ours.is_some() {
             about.las_class = seen.into_iter().collect();
         } else {
             if let Some(colour) = points.colour() {
                 add_colours(&mut rows, colour.map(|(field, _)| field), &colours)?;
             }
-            forget_empty(&mut rows, classes);
+            forget_empty(&mut rows, classes, scanner_channels);
             if classes {
                 seen.into_iter().for_each(|(_, class)| name_class(&mut about, class));
             }
@@ -380,7 +407,7 @@ fn add_colours(rows: &mut Rows, fields: [Field; 3], colours: &[Vec<u16>; 3]) -> 
 }
 
 /// Removes columns that are 0 everywhere: they were not measured.
-fn forget_empty(rows: &mut Rows, classes: bool) {
+fn forget_empty(rows: &mut Rows, classes: bool, scanner_channels: bool) {
     let c = rows.columns();
     if c.x.is_empty() {
         return;
@@ -391,6 +418,11 @@ fn forget_empty(rows: &mut Rows, classes: bool) {
         (Field::CategoryId, classes && c.category_id.iter().all(|&id| id == 0)),
         (Field::ReturnNumber, c.return_number.iter().all(|&number| number == 0)),
         (Field::ReturnCount, c.return_count.iter().all(|&count| count == 0)),
+        (Field::Channel, scanner_channels && c.channel.iter().all(|&channel| channel == 0)),
+        (Field::ScanAngle, c.scan_angle.iter().all(|&angle| angle == 0.0)),
+        (Field::ScanDirection, c.scan_direction.iter().all(|&flag| flag == 0)),
+        (Field::EdgeOfLine, c.edge_of_line.iter().all(|&flag| flag == 0)),
+        (Field::Strip, c.strip.iter().all(|&strip| strip == 0)),
     ];
     empty.into_iter().filter(|(_, empty)| *empty).for_each(|(field, _)| rows.forget(field));
 }

@@ -246,6 +246,7 @@ impl Rows {
             sensor_pose: about.sensor_pose.unwrap_or(Pose::IDENTITY),
             start_time: None,
             time_zero: 0.0,
+            earth_offset: DVec3::ZERO,
             intensity_full_scale: about.intensity_full_scale.unwrap_or(guessed),
             rays: 0,
             most_rays: 0,

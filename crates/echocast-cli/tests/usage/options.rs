@@ -22,12 +22,15 @@ const UNTIL_REQUIRED: Provided = Not("no user of it has required it");
 /// Fields of `echocast_scan_desc`.
 const IN_C: &[(&str, Provided)] = &[
     ("fields", As("columns")),
+    ("strip", UNTIL_REQUIRED),
     ("time_budget", As("time_budget_ns")),
     ("start_time", As("t0_ns")),
     ("trajectory_time", Not("the poses have times of the same clock as t0_ns")),
     ("frame_period", As("frame_period_ns")),
     ("reflectance_source", As("reflectance")),
     ("specular_depth", UNTIL_REQUIRED),
+    ("estimated_trajectory", UNTIL_REQUIRED),
+    ("clock_offset", UNTIL_REQUIRED),
 ];
 
 /// Options of the program.
@@ -42,11 +45,14 @@ const IN_PROGRAM: &[(&str, Provided)] = &[
     ("specular_depth", UNTIL_REQUIRED),
     ("time_budget", As("realtime")),
     ("environment", As("env")),
+    ("estimated_trajectory", As("navigation")),
+    ("clock_offset", Not("`navigation.time_offset_s` sets it")),
 ];
 
 /// Keys of a scenario.
 const IN_SCENARIO: &[(&str, Provided)] = &[
     ("frame", BY_FRAMES),
+    ("strip", Not("`strips` numbers them")),
     ("start_time", BY_FRAMES),
     ("trajectory_time", BY_FRAMES),
     ("frame_period", BY_FRAMES),
@@ -57,6 +63,8 @@ const IN_SCENARIO: &[(&str, Provided)] = &[
     ("mask", Not("`scene.hide` leaves objects out by name")),
     ("time_budget", Not("data that a machine's speed changes cannot be repeated")),
     ("specular_depth", UNTIL_REQUIRED),
+    ("estimated_trajectory", As("navigation")),
+    ("clock_offset", Not("`navigation.time_offset_s` sets it")),
 ];
 
 /// A default as the table of the library gives it.

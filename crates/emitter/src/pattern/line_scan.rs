@@ -102,6 +102,31 @@ impl LineScan {
         ((self.pulse_rate_hz / self.lines_hz * self.mechanism.used() + 1e-6).floor() as u64).max(1)
     }
 
+    /// Part of the time of a line in which the laser fires, 0 to 1.
+    pub fn duty(&self) -> f64 {
+        self.mechanism.used()
+    }
+
+    /// Duration of a turn of the head, s, if it has one.
+    pub fn turn_s(&self) -> Option<f64> {
+        self.turn()
+    }
+
+    /// Directions in which the mechanism looks while the laser fires, `count` of each line, 2 or more, evenly in time from
+    /// one end to the other, of as many lines as differ; with the head at 0 degrees. Unit vectors, x ahead, y left, z up.
+    pub fn outline(&self, count: u32) -> Vec<DVec3> {
+        let used = self.mechanism.used();
+        let lines = 0..self.mechanism.lines_until_same() as u32;
+        let along = |line: u32| {
+            let lane = self.mechanism.line(line.into());
+            (0..count).map(move |step| {
+                let part = 0.5 + used * (f64::from(step) / f64::from(count.max(2) - 1) - 0.5);
+                lane.direction(part, step.into())
+            })
+        };
+        lines.flat_map(along).map(|direction| self.turned(direction, None, 0.0)).collect()
+    }
+
     /// Angle between the ends of a line, degrees.
     pub fn width_deg(&self) -> f64 {
         2.0 * self.mechanism.widest_deg()

@@ -1,6 +1,6 @@
 //! All measurement errors of an instrument: each step of a scan gets those of its quantity from here.
 
-use super::{AzimuthError, Doppler, IntensityError, Noise, RangeError, Returns, Threshold, WeakDropout};
+use super::{AzimuthError, Doppler, EncoderScale, IntensityError, Noise, RangeError, Returns, Threshold, WeakDropout};
 use echocast_kernels::measure;
 use ground::lanes::{LANES, MISS};
 use ground::rng::{Draw, Rng};
@@ -14,6 +14,8 @@ pub struct Errors {
     azimuth: Option<AzimuthError>,
     /// Standard deviation of the beams' true directions about the reported ones, rad.
     pub pointing_sigma: f32,
+    /// The scale error of the encoder of scan angles.
+    pub(crate) encoder: Option<EncoderScale>,
     /// Standard deviation of the reported time, s.
     time_sigma: f64,
     doppler: Option<Doppler>,
@@ -25,13 +27,20 @@ pub struct Errors {
 
 impl Errors {
     /// For an instrument with this `noise` and its errors of `range`, which measures velocities as `doppler` specifies,
-    /// or not at all.
-    pub fn new(noise: &Noise, range: RangeError, threshold: &Threshold, doppler: Option<Doppler>) -> Errors {
+    /// or not at all; `across`: it counts scan angles across, from straight down.
+    pub fn new(
+        noise: &Noise,
+        range: RangeError,
+        threshold: &Threshold,
+        doppler: Option<Doppler>,
+        across: bool,
+    ) -> Errors {
         Errors {
             range,
             intensity: IntensityError::new(noise, threshold),
             azimuth: AzimuthError::new(noise),
             pointing_sigma: noise.pointing_sigma_deg.to_radians() as f32,
+            encoder: EncoderScale::new(noise.encoder_scale_ppm, across),
             time_sigma: seconds_from_us(noise.time_sigma_us),
             doppler,
             dropout: noise.dropout as f32,

@@ -2,12 +2,14 @@
 
 mod alarms;
 mod amcw;
+mod around;
 mod beamformer;
 mod blooming;
 mod curve;
 mod depth;
 mod detections;
 mod doppler;
+mod encoder;
 mod errors;
 mod foremost;
 mod gate;
@@ -24,12 +26,15 @@ use curve::RangeCurve;
 
 pub(crate) use alarms::FalseAlarms;
 pub(crate) use amcw::DepthCamera;
+pub use around::MultipleTimeAround;
+pub(crate) use around::PulseAssignment;
 pub(crate) use beamformer::{BeamLevels, Beside, SoundingMemory, bins_about, sounding};
 pub use blooming::Blooming;
 pub(crate) use depth::DepthError;
 pub use depth::DepthNoise;
 pub(crate) use detections::{Detections, LaneEchoes, ReceivedBeam, Returns};
 pub use doppler::Doppler;
+use encoder::EncoderScale;
 pub(crate) use errors::Errors;
 pub(crate) use foremost::ForemostPaths;
 pub(crate) use gate::Gate;

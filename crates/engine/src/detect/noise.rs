@@ -55,6 +55,9 @@ pub struct Noise {
     /// Step of the encoder, degrees, 1e-4 to 10: azimuths, and points with them, are reported at the nearest multiple
     /// of it; 0 for none.
     pub azimuth_step_deg: f64,
+    /// Scale error of the encoder of scan angles, parts per million, -100000 to 100000: it reports them larger by this than
+    /// they are. Line scanners across the flight count them from straight down, all others azimuths from x.
+    pub encoder_scale_ppm: f64,
     /// Standard deviation, in each of the two directions across a beam, of its true direction from the reported one,
     /// degrees, 0 to 10.
     pub pointing_sigma_deg: f64,
@@ -279,6 +282,7 @@ impl Noise {
             ("temperature_m_per_k", self.temperature_m_per_k, -1000.0, 1000.0),
             ("temperature_offset_k", self.temperature_offset_k, -1000.0, 1000.0),
             ("azimuth_sigma_deg", self.azimuth_sigma_deg, 0.0, 10.0),
+            ("encoder_scale_ppm", self.encoder_scale_ppm, -1e5, 1e5),
             ("pointing_sigma_deg", self.pointing_sigma_deg, 0.0, 10.0),
             ("time_sigma_us", self.time_sigma_us, 0.0, 1e9),
             ("dropout", self.dropout, 0.0, 1.0),

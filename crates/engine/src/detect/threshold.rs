@@ -278,6 +278,24 @@ impl Threshold {
         }
     }
 
+    /// The least effective reflectance that is detected at `range` m, without noise; `None`: any.
+    pub(crate) fn least(&self, range: f32) -> Option<f32> {
+        let least = match *self {
+            Threshold::Open => return None,
+            Threshold::Calibrated { k } => k * range * range,
+            Threshold::Linear { from, limit, slope } => {
+                if range < from {
+                    return None;
+                }
+                limit + slope * (range - from)
+            }
+            Threshold::LinearBlainder { .. } => self.limit_of_the_program(range),
+            Threshold::Table(ref limit) => limit.at(range),
+            Threshold::Statistical { unit, level, .. } => unit * level * range * range,
+        };
+        Some(least).filter(|&least| least > 0.0)
+    }
+
     /// [`Threshold::detects`] of each lane.
     pub(crate) fn detect(
         &self,

@@ -6,8 +6,8 @@ pub mod sound;
 
 pub(crate) use light::{
     Air, AirArrivals, AirEcho, AirEchoes, Arrivals, Batch, BeamRays, BeamSignal, Cone, Contribution, Contributor,
-    Follower, Glint, HitTriangle, IntensityModel, LIGHT_ROUNDING, MOST_EXPECTED, MOST_FREQUENCIES, Meeting, Met,
-    MirrorImage, Modulation, OFF_SURFACE, ParticleOrder, PathArrivals, PathEcho, PathEchoes, PathLimits, Peak,
+    EchoShape, Follower, Glint, HitTriangle, IntensityModel, LIGHT_ROUNDING, MOST_EXPECTED, MOST_FREQUENCIES, Meeting,
+    Met, MirrorImage, Modulation, OFF_SURFACE, ParticleOrder, PathArrivals, PathEcho, PathEchoes, PathLimits, Peak,
     PieceOrigin, PieceSource, PlainEchoes, Provenance, Pulse, ReceiverOptics, RequestedQuantities, Share, ShotNoise,
     SurfacePlane, Surroundings, TracedRay, Waveform, natural_vignetting, strongest_contributor, turns,
 };

@@ -16,8 +16,10 @@ pub use radar::RadarRecord;
 
 use crate::sensor::{Sensor, SensorKind};
 use crate::trace::BuiltScene;
-use cloud::{Field, FieldSet, PointCloud};
+use cloud::{Field, FieldSet, Frame, PointCloud, Records};
 use emitter::Trajectory;
+use emitter::trajectory::Georeference;
+use glam::DVec3;
 use ground::error::{Error, Result};
 use ground::named;
 use std::ops::ControlFlow;
@@ -109,7 +111,8 @@ impl BuiltScene {
     ) -> Result<()> {
         if options.boxes.is_none() {
             self.scan_points(sensor, trajectory, options, cloud, progress)?;
-            (cloud.boxes, cloud.time_zero) = (None, trajectory.time_zero());
+            cloud.boxes = None;
+            place_on_earth(cloud, trajectory);
             return Ok(());
         }
         // Before anything is scanned into the cloud, which stays as it is if the sensor has no image.
@@ -121,7 +124,8 @@ impl BuiltScene {
         let counted = ScanOptions { fields, ..options.clone() };
         self.scan_points(sensor, trajectory, &counted, cloud, progress)?;
         let done = self.boxes(sensor, trajectory, options, cloud).and_then(|boxes| {
-            (cloud.boxes, cloud.time_zero) = (Some(boxes), trajectory.time_zero());
+            cloud.boxes = Some(boxes);
+            place_on_earth(cloud, trajectory);
             cloud.fields = options.fields;
             cloud.columns.resize(options.fields, cloud.len)
         });
@@ -139,6 +143,10 @@ impl BuiltScene {
         cloud: &mut PointCloud,
         mut progress: Option<Progress>,
     ) -> Result<()> {
+        if !sensor.kind().is_optical() && options.estimated_trajectory.is_some() {
+            let allowed = "for LiDARs and depth cameras, whose beams have a time each";
+            return Err(Error::invalid("estimated_trajectory", format!("given for a {}", sensor.kind()), allowed));
+        }
         if sensor.kind() == SensorKind::Radar {
             if options.deskew {
                 return Err(Error::invalid("deskew", true, "false for radars, whose detections are of one moment"));
@@ -199,5 +207,22 @@ impl BuiltScene {
             return self.explain_radar(sensor, trajectory, &options, beam);
         }
         self.explain_light(sensor, trajectory, &options, beam)
+    }
+}
+
+/// Says in `cloud`, which was scanned along `trajectory`, what its times count from, and where its world lies on the Earth.
+fn place_on_earth(cloud: &mut PointCloud, trajectory: &Trajectory) {
+    /// A GPS week, s, and what standard GPS time is adjusted by (ASPRS LAS Specification 1.4 R15, table 4), s.
+    const WEEK: f64 = 604_800.0;
+    const ADJUSTMENT: f64 = 1e9;
+    let since_epoch = trajectory.gps_week().map_or(0.0, |week| f64::from(week) * WEEK - ADJUSTMENT);
+    cloud.time_zero = trajectory.time_zero() + since_epoch;
+    let standard_time = trajectory.gps_week().is_some();
+    let georeference = trajectory.georeference().filter(|_| cloud.frame == Frame::World);
+    cloud.earth_offset = georeference.map_or(DVec3::ZERO, Georeference::offset);
+    let records = Records::of_crs(georeference.map(Georeference::crs), standard_time);
+    // Mostly as before.
+    if *cloud.records != records {
+        cloud.records = records.into();
     }
 }

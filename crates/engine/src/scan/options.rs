@@ -8,6 +8,7 @@ use emitter::Trajectory;
 use ground::builder;
 use ground::error::{Error, Result};
 use model::material::ReflectanceSource;
+use std::sync::Arc;
 
 builder! {
     /// How to scan; every option has a working default: `ScanOptions::default().seed(7).organised(true)`.
@@ -19,10 +20,20 @@ builder! {
         pub seed: u64 = 0,
         /// Frame index; it changes the random draws and fills the `frame` column.
         pub frame: u32 = 0,
+        /// Number of the strip (flight line, station), which LAS stores as point source id; 0: none.
+        pub strip: u16 = 0,
         /// Time at which the scan starts, s since the start of the run; patterns that do not repeat continue with it.
         pub start_time: f64 = 0.0,
         /// Time of the trajectory at which the scan starts, s; `None`: `start_time`.
         pub trajectory_time: Option<f64> = None,
+        /// Where the sensor is taken to be over time, on the clock that pulses are stamped with
+        /// ([`NavigationSolution::sensor`](emitter::NavigationSolution)): points in the world are those that processing
+        /// with this trajectory gives, while `true_x`, `true_y` and `true_z` stay where they are; `None`: its trajectory.
+        /// For LiDARs and depth cameras; points in [`Frame::Sensor`] do not depend on it.
+        pub estimated_trajectory: Option<Arc<Trajectory>> = None,
+        /// By how much the clock that pulses are stamped with is late, s: in the column `time`, and where
+        /// `estimated_trajectory` is looked up.
+        pub clock_offset: f64 = 0.0,
         /// Freeze the scene during the scan, as it is at the start: for comparison with simulators that do so.
         pub freeze: bool = false,
         /// Time from one frame to the next, s, over which scene flow is measured; `None`: the sensor's period.
@@ -69,8 +80,8 @@ builder! {
 
 impl From<&ScanOptions> for PointOptions {
     fn from(options: &ScanOptions) -> Self {
-        let ScanOptions { fields, coordinates, organised, frame, .. } = *options;
-        PointOptions { fields, coordinates, organised, frame }
+        let ScanOptions { fields, coordinates, organised, frame, strip, .. } = *options;
+        PointOptions { fields, coordinates, organised, frame, strip }
     }
 }
 
@@ -88,6 +99,9 @@ impl ScanOptions {
             let (place, turned) = (start.position.to_array(), start.orientation.to_array());
             let found = format!("at {place:?} with the quaternion {turned:?}");
             return Err(Error::invalid("pose", found, "finite numbers, a quaternion that is not 0"));
+        }
+        if self.clock_offset.abs() > 1e9 || self.clock_offset.is_nan() {
+            return Err(Error::invalid("clock_offset", self.clock_offset, "-1e9 to 1e9 s"));
         }
         for (name, time) in [("frame_period", self.frame_period), ("time_budget", self.time_budget)] {
             if let Some(time) = time.filter(|time| !(*time > 0.0 && *time <= 1e9)) {

@@ -396,6 +396,7 @@ impl<'a> Printed<'a> {
             ring: self.fan.channel[ray],
             time: self.options.start_time,
             frame: self.options.frame,
+            strip: self.options.strip,
             beam: ray as u32,
             firing: self.options.frame,
             return_number: u8::from(point.is_some()),

@@ -1,7 +1,7 @@
 //! Validity of sensor files: bounds of numbers, and keys that depend on each other.
 
 use super::spec::{BeamSpec, IntensitySpec, ReturnsSpec, SensorKind, SensorSpec, SubRays};
-use crate::detect::{Detection, DetectionSpec, Noise, Statistical, Timing};
+use crate::detect::{Detection, DetectionSpec, MultipleTimeAround, Noise, Statistical, Timing};
 use emitter::Transducer;
 use emitter::pattern::Pattern;
 use ground::error::{Error, Result};
@@ -35,6 +35,12 @@ impl SensorSpec {
             format_args!("above 0, at most {FARTHEST_M}"),
         )?;
         bounds.rising(("range.min_m", range.min_m), ("range.max_m", range.max_m))?;
+        bounds.within("range.blind_m", range.blind_m, 0.0, FARTHEST_M)?;
+        if range.multiple_time_around != MultipleTimeAround::Truth && !matches!(self.pattern, Pattern::LineScan(_)) {
+            let allowed = "truth, unless pattern.type is line_scan";
+            let found = format!("{:?}", range.multiple_time_around).to_lowercase();
+            return Err(Error::invalid("range.multiple_time_around", found, allowed));
+        }
         match self.kind {
             SensorKind::Sonar => return self.check_sonar(bounds),
             SensorKind::Radar => return self.check_radar(bounds),

@@ -22,7 +22,7 @@ pub use sonar::{AcousticsSpec, Speckle, Sweep, Tvg};
 pub use spec::{BeamSpec, Expectations, IntensitySpec, RangeSpec, ReturnsSpec, SensorKind, SensorSpec, SubRays};
 pub use tof::{Illumination, ShotNoiseSpec, Target, TofSpec, Vignetting};
 
-use crate::detect::{DepthCamera, DetectionSpec, Doppler, Noise, RangeError, Threshold, Timing};
+use crate::detect::{DepthCamera, DetectionSpec, Doppler, Noise, PulseAssignment, RangeError, Threshold, Timing};
 use crate::echo::{Glint, Pulse, texture};
 use cloud::cells::SonarView;
 use cloud::export::Instrument;
@@ -300,6 +300,13 @@ impl Sensor {
         if self.doppler.is_some() {
             fields = fields.with(Field::Doppler);
         }
+        if let Pattern::LineScan(scan) = &self.spec.pattern {
+            fields = fields.without(Field::Ring).union(FieldSet::from_source(FieldSource::Survey));
+            if scan.head.is_some() {
+                let of_flight = [Field::ScanAngle, Field::ScanDirection, Field::EdgeOfLine];
+                fields = of_flight.into_iter().fold(fields, FieldSet::without);
+            }
+        }
         if self.kind() == SensorKind::Radar {
             let own = [Field::Azimuth, Field::Elevation, Field::Doppler, Field::Rcs, Field::Snr, Field::Path];
             fields = fields.without(Field::Ring).without(Field::Channel).union(own.into_iter().collect());
@@ -317,6 +324,19 @@ impl Sensor {
             }
         }
         fields
+    }
+
+    /// Full width of its pulse at half the peak power, s; NaN: it has none.
+    pub(crate) fn pulse_s(&self) -> f32 {
+        let pulse_ns = self.spec.beam.pulse_ns;
+        if pulse_ns > 0.0 { (1e-9 * pulse_ns) as f32 } else { f32::NAN }
+    }
+
+    /// How it assigns echoes to pulses, where that plays a part.
+    pub(crate) fn assignment(&self) -> Option<PulseAssignment> {
+        let Pattern::LineScan(scan) = &self.spec.pattern else { return None };
+        let range = &self.spec.range;
+        PulseAssignment::new(range.multiple_time_around, scan.pulse_rate_hz, range.blind_m, scan.duty() < 1.0)
     }
 
     /// Where its numbers come from; may be empty.

@@ -103,3 +103,41 @@ fn find(name: &str) -> Result<SensorFile> {
 fn plain(name: &str) -> String {
     name.chars().filter(|c| !matches!(c, '-' | '_') && !c.is_whitespace()).flat_map(char::to_lowercase).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Azimuths, degrees, of channels of a preset in its first column.
+    fn azimuths<const N: usize>(name: &str, channels: [usize; N]) -> [f64; N] {
+        let sensor = Sensor::preset(name).unwrap();
+        let beams = sensor.beams();
+        channels.map(|channel| {
+            let beam = channel * beams.columns as usize;
+            f64::from(beams.dir_y[beam]).atan2(beams.dir_x[beam].into()).to_degrees()
+        })
+    }
+
+    /// Layers of 0.125 degrees are rows of their own: eighths of the step of 1 degree, clockwise.
+    #[test]
+    fn fine_layers_of_the_multiscan_divide_its_step() {
+        for layer in [[5, 16, 17, 18, 19, 20, 21, 22], [13, 23, 24, 25, 26, 27, 28, 29]] {
+            let found = azimuths("sick_multiscan136", layer);
+            for step in found.windows(2) {
+                assert!(((step[0] - step[1]).rem_euclid(360.0) - 0.125).abs() < 1e-4, "{found:?}");
+            }
+        }
+    }
+
+    /// The second loop measures 0.4 degrees after the first, half of the cycle of 0.8 degrees.
+    #[test]
+    fn both_loops_of_the_qt128_fire_channels_65_to_128() {
+        for channel in 64..128 {
+            let [first, second] = azimuths("hesai_qt128", [channel, channel + 64]);
+            // Neighbours of a pair change places from loop to loop, 0.856 us or 0.003 degrees.
+            assert!(((first - second).rem_euclid(360.0) - 0.4).abs() < 0.0032, "{channel}: {first}, {second}");
+        }
+        let sensor = Sensor::preset("hesai_qt128").unwrap();
+        assert_eq!((sensor.beams().rows, sensor.beams().columns), (192, 450));
+    }
+}

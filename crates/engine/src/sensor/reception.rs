@@ -5,6 +5,7 @@ use crate::detect::{Errors, FalseAlarms, Gate, Method, Receiver, ReturnMode, Thr
 use crate::echo::{Air, Cone, ParticleOrder, Pulse, ReceiverOptics};
 use crate::medium::{Environment, Weather};
 use emitter::BeamTable;
+use emitter::pattern::{LinePlane, Pattern};
 use glam::DVec3;
 use ground::error::Result;
 use ground::kept::try_kept;
@@ -73,13 +74,18 @@ impl Sensor {
                 environment: environment.clone(),
                 origin,
                 profile,
-                errors: Errors::new(&self.noise, range, &threshold, self.doppler),
+                errors: Errors::new(&self.noise, range, &threshold, self.doppler, self.scans_across()),
                 alarms: FalseAlarms::new(&self.detection.model, &threshold),
                 air: Air::new(weather, self.optics(&threshold), order, !profile.is_program()),
                 efficiency: self.detection.channel_efficiency.iter().map(|&part| part as f32).collect(),
                 threshold,
             })
         })
+    }
+
+    /// Whether it counts scan angles from straight down: a line scanner without a head, across the flight.
+    fn scans_across(&self) -> bool {
+        matches!(&self.spec.pattern, Pattern::LineScan(scan) if scan.plane == LinePlane::Across && scan.head.is_none())
     }
 
     /// Whether beams have one ray and one return each in `profile`, whatever their description says.
@@ -91,6 +97,12 @@ impl Sensor {
     /// Whether all beams are formed as signals in `profile`.
     pub(crate) fn has_signals(&self, profile: Profile) -> bool {
         !self.has_one_ray(profile) && (self.detection.blooming.is_some() || !self.signals.are_simple())
+    }
+
+    /// Whether its beams are one ray each, all of whose echoes are reported, and no light spills from one to the other.
+    pub(crate) fn has_single_beams(&self) -> bool {
+        let is_one = self.signals.rays() == 1 && self.signals.adaptive.is_none();
+        is_one && self.spec.returns.mode == ReturnMode::All && self.detection.blooming.is_none()
     }
 
     /// Which echoes are searched for in `profile`.

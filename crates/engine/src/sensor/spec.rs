@@ -3,7 +3,7 @@
 use super::radar::RadarSpec;
 use super::sonar::AcousticsSpec;
 use super::tof::TofSpec;
-use crate::detect::{DetectionSpec, Doppler, Noise, ReturnMode, VelocityLog};
+use crate::detect::{DetectionSpec, Doppler, MultipleTimeAround, Noise, ReturnMode, VelocityLog};
 use crate::echo::{IntensityEncoding, PulseShape};
 use cloud::Driver;
 use emitter::pattern::Pattern;
@@ -292,7 +292,7 @@ impl SubRays {
 }
 
 /// `range`: ranges that are reported.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
 pub struct RangeSpec {
@@ -303,6 +303,23 @@ pub struct RangeSpec {
     pub max_m: Option<f64>,
     /// Step of the reported range, m; 0 for none.
     pub resolution_m: f64,
+    /// What becomes of echoes that arrive after the next pulse of a line scanner.
+    pub multiple_time_around: MultipleTimeAround,
+    /// Echoes that arrive so close to a pulse, before or after it, are lost in the light that this pulse scatters in the
+    /// instrument, m of range, at least 0; unless `multiple_time_around` is `truth`.
+    pub blind_m: f64,
+}
+
+impl Default for RangeSpec {
+    fn default() -> Self {
+        RangeSpec {
+            min_m: 0.0,
+            max_m: None,
+            resolution_m: 0.0,
+            multiple_time_around: MultipleTimeAround::Truth,
+            blind_m: 1.5,
+        }
+    }
 }
 
 /// `returns`: which echoes of a beam are reported.

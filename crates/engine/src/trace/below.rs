@@ -67,6 +67,39 @@ impl BuiltScene {
         found
     }
 
+    /// Height of the ground at `x` and `y` of the world, m, below the height `from`, at the start of the time span that the
+    /// scene is built for: of the lowest surface that faces up, such as the ground under trees, roofs and bridges, or of the
+    /// highest surface if none does; `None`: nothing is there.
+    #[doc(hidden)]
+    pub fn ground_at(&self, x: f64, y: f64, from: f64) -> Option<f64> {
+        /// Most surfaces above each other.
+        const MOST: usize = 64;
+        /// From one surface to where the next may be, m.
+        const STEP: f32 = 1e-3;
+        let origin = self.origin();
+        let mut rays = RayBatch::default();
+        (rays.org_x[0], rays.org_y[0]) = ((x - origin.x) as f32, (y - origin.y) as f32);
+        (rays.dir_z[0], rays.range_max[0]) = (-1.0, f32::INFINITY);
+        let mut start = (from - origin.z) as f32;
+        let mut hits = HitBatch::new();
+        let (mut lowest, mut highest) = (None, None);
+        for _ in 0..MOST {
+            rays.org_z[0] = start;
+            hits.trace(&self.0, &rays, 1, true, Sight::of_shapes(u32::MAX));
+            if self.0.surfaces.rows.get(hits.surface[0] as usize).is_none() {
+                break;
+            }
+            let z = start - hits.range[0];
+            highest = highest.or(Some(z));
+            if !self.0.shows_back(hits.surface[0], hits.normal(0), Vec3::NEG_Z, 0.0) {
+                lowest = Some(z);
+            }
+            // As far below as single precision can tell.
+            start = z - STEP.max(4.0 * f32::EPSILON * z.abs());
+        }
+        lowest.or(highest).map(|z| f64::from(z) + origin.z)
+    }
+
     /// Whether each point of `raster` at the height `at` is within a wall, or a sheet is between it and the next:
     /// within a wall, the surfaces on both sides along x or y show their back faces.
     #[doc(hidden)]

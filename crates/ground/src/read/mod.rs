@@ -50,6 +50,8 @@ impl Limit {
     pub const IMAGE: Limit = Limit(1 << 30);
     /// Sensors, weather, labels.
     pub const YAML: Limit = Limit(16 << 20);
+    /// Surveys of other programs, whose trees take many times their size.
+    pub const XML: Limit = Limit(64 << 20);
     /// Trajectories, beams, casts.
     pub const TABLE: Limit = Limit(1 << 30);
 

@@ -172,7 +172,7 @@ impl Style for Coco {
 }
 
 impl Write for CocoWriter<'_> {
-    fn add(&mut self, &Scanned { sample, scan, frame, cloud, boxes }: &Scanned) -> Result<Report> {
+    fn add(&mut self, &Scanned { sample, scan, frame, cloud, boxes, .. }: &Scanned) -> Result<Report> {
         let mut report = Report::default();
         let Some(taken) = self.imaging.take(sample, [scan, frame], cloud, boxes)? else { return Ok(report) };
         for &layer in &self.options.layers {

@@ -260,7 +260,7 @@ impl Style for Kitti {
 }
 
 impl Write for KittiWriter<'_> {
-    fn add(&mut self, &Scanned { sample, scan, frame, cloud, boxes }: &Scanned) -> Result<Report> {
+    fn add(&mut self, &Scanned { sample, scan, frame, cloud, boxes, .. }: &Scanned) -> Result<Report> {
         let mut report = Report::default();
         if ![Some(self.lidar), Some(self.camera), self.radar].contains(&Some(scan)) {
             // Another sensor may have more frames than these.

@@ -59,6 +59,6 @@ impl Scenario {
     /// # Errors
     /// An unknown style or key; a sensor that a style does not support.
     pub fn check_outputs(&self, sample: &Sample) -> Result<()> {
-        styles(self)?.iter().try_for_each(|style| style.fits(sample))
+        styles(self)?.iter().try_for_each(|style| run::check_fit(&**style, sample))
     }
 }

@@ -9,7 +9,7 @@ use super::noticed::{Kinds, Noticed};
 use super::origin::{Origin, need_origin};
 use super::points::runs;
 use super::rig::{SensorClass, kind};
-use super::style::{Scanned, Style};
+use super::style::{Scanned, StripUse, Style};
 use super::whole::{Whole, damaged};
 use super::{readme, report, styles};
 use crate::sample::BoxScope;
@@ -112,7 +112,7 @@ pub fn run(scenario: Scenario, options: &RunOptions, watch: &(dyn Fn(Event) + Sy
     // What cannot be written is reported before anything is written.
     if let Some(&first) = selected.first() {
         let sample = scenario.sample(first)?;
-        styles.iter().try_for_each(|style| style.fits(&sample))?;
+        styles.iter().try_for_each(|style| check_fit(&**style, &sample))?;
     }
     origin.known(&root)?;
     fs::create_dir_all(&root).map_err(|source| Error::Io { path: root.clone(), source })?;
@@ -343,14 +343,14 @@ impl Maker<'_> {
     }
 
     fn write(&self, number: u64, sample: &mut Sample, cloud: &mut PointCloud) -> Result<Entry> {
-        self.styles.iter().try_for_each(|style| style.fits(sample))?;
+        self.styles.iter().try_for_each(|style| check_fit(&**style, sample))?;
         let begun = self.styles.iter().map(|style| Making::begin(self.root, style.root(), number));
         let folders = begun.collect::<Result<Vec<_>>>()?;
         let shown = number < PICTURES;
         let mut needed = self.styles.iter().fold(FieldSet::EMPTY, |all, style| all.union(style.fields(sample)));
         needed = [Field::X, Field::Y, Field::Z, Field::CategoryId].into_iter().fold(needed, FieldSet::with);
         if shown {
-            needed = needed.union(picture().fields());
+            needed = needed.union(picture_options().fields());
         }
         let mut writers = self
             .styles
@@ -360,19 +360,41 @@ impl Maker<'_> {
             .collect::<Result<Vec<_>>>()?;
         let mut report = sample.report().clone();
         let mut counts = Counts::default();
-        let mut pictured = Vec::new();
+        let mut picture = shown.then(|| SamplePicture { path: picture_file(number), cloud: PointCloud::default() });
+        // Strips are scanned piece by piece; they are put together where a style needs all of one.
+        let in_pieces = self.styles.iter().all(|style| style.strips() == StripUse::Pieces);
         for scan in 0..sample.scans().len() {
             for frame in 0..sample.scans()[scan].frames().len() {
                 let requested_fields = sample.scans()[scan].options(frame).fields;
                 let boxes = self.styles.iter().map(|style| style.boxes(sample, scan, frame)).max();
-                sample.cloud_with(
-                    scan,
-                    frame,
-                    requested_fields.union(needed),
-                    boxes.unwrap_or(BoxScope::None),
-                    cloud,
-                )?;
-                if counts.add(cloud) == 0 {
+                let boxes = boxes.unwrap_or(BoxScope::None);
+                let before = counts.points;
+                let (pieces, mut whole) = (sample.scans()[scan].pieces(frame), PointCloud::default());
+                for piece in 0..pieces {
+                    let last = piece + 1 == pieces;
+                    sample.piece_into(scan, [frame, piece], requested_fields.union(needed), boxes, cloud)?;
+                    counts.add(cloud);
+                    if (scan, frame) == (0, 0)
+                        && let Some(picture) = &mut picture
+                    {
+                        picture.add(cloud)?;
+                    }
+                    if pieces > 1 && !in_pieces {
+                        whole.append(cloud)?;
+                        if !last {
+                            continue;
+                        }
+                        std::mem::swap(cloud, &mut whole);
+                    }
+                    // Files hold the requested columns.
+                    cloud.fields = requested_fields;
+                    let boxes = cloud.boxes.take().unwrap_or_default();
+                    let scanned = Scanned { sample, scan, frame, last, cloud, boxes: &boxes };
+                    for writer in &mut writers {
+                        report.absorb(writer.add(&scanned)?);
+                    }
+                }
+                if counts.points == before {
                     let scan = &sample.scans()[scan];
                     let what = if kind(scan) == SensorClass::Camera {
                         "an image in which nothing is seen"
@@ -382,20 +404,9 @@ impl Maker<'_> {
                     report.warn(format!("{}: {what}", scan.name()));
                     *counts.empty.entry(scan.name().to_owned()).or_default() += 1;
                 }
-                if shown && (scan, frame) == (0, 0) {
-                    let path = picture_file(number);
-                    pictures::write_new(cloud, &self.root.join(&path), &picture())?;
-                    pictured.push(path);
-                }
-                // Files hold the requested columns.
-                cloud.fields = requested_fields;
-                let boxes = cloud.boxes.take().unwrap_or_default();
-                let scanned = Scanned { sample, scan, frame, cloud, boxes: &boxes };
-                for writer in &mut writers {
-                    report.absorb(writer.add(&scanned)?);
-                }
             }
         }
+        let pictured = picture.map(|picture| picture.write(self.root)).transpose()?;
         for writer in writers {
             report.absorb(writer.finish()?);
         }
@@ -425,13 +436,46 @@ impl Maker<'_> {
     }
 }
 
+/// Checks that `style` can hold the scans of `sample`.
+///
+/// # Errors
+/// As [`Style::fits`]; strips in a style that has none.
+pub(super) fn check_fit(style: &dyn Style, sample: &Sample) -> Result<()> {
+    if style.strips() == StripUse::Refused && sample.scans().iter().any(crate::Scan::has_strips) {
+        return Err(Error::invalid("outputs", "a style without strips", "plain, webdataset or files"));
+    }
+    style.fits(sample)
+}
+
 /// Name of the picture of a sample.
 fn picture_file(sample: u64) -> PathBuf {
     Path::new("pictures").join(format!("{}.png", numbered(sample)))
 }
 
-fn picture() -> PreviewOptions {
+fn picture_options() -> PreviewOptions {
     PreviewOptions::default().view(View::Perspective).width(640)
+}
+
+/// The picture of a sample: its first frame.
+struct SamplePicture {
+    /// Relative to the folder of the set.
+    path: PathBuf,
+    cloud: PointCloud,
+}
+
+impl SamplePicture {
+    /// Adds a piece of the frame, if the picture does not have enough points yet.
+    fn add(&mut self, cloud: &PointCloud) -> Result<()> {
+        /// More points than the picture has pixels.
+        const ENOUGH: usize = 4_000_000;
+        if self.cloud.len < ENOUGH { self.cloud.append(cloud) } else { Ok(()) }
+    }
+
+    /// Writes it to the set in `root`; returns its path there.
+    fn write(self, root: &Path) -> Result<PathBuf> {
+        pictures::write_new(&self.cloud, &root.join(&self.path), &picture_options())?;
+        Ok(self.path)
+    }
 }
 
 /// Points by category and by range.
@@ -444,9 +488,8 @@ struct Counts {
 }
 
 impl Counts {
-    /// Adds the points of `cloud`; returns how many there are.
-    fn add(&mut self, cloud: &PointCloud) -> u64 {
-        let all = self.points;
+    /// Adds the points of `cloud`.
+    fn add(&mut self, cloud: &PointCloud) {
         let columns = &cloud.columns;
         let mut numbers: BTreeMap<u32, u64> = BTreeMap::new();
         let from = (cloud.sensor_pose.position - cloud.origin).as_vec3();
@@ -472,6 +515,5 @@ impl Counts {
             let name = cloud.labels.category.name(number).unwrap_or("unlabelled");
             *self.categories.entry(name.to_owned()).or_default() += count;
         }
-        self.points - all
     }
 }

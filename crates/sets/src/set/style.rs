@@ -31,6 +31,11 @@ pub(super) trait Style: fmt::Debug + Send + Sync {
     /// Columns that it needs for `sample`.
     fn fields(&self, sample: &Sample) -> FieldSet;
 
+    /// How it takes strips.
+    fn strips(&self) -> StripUse {
+        StripUse::Refused
+    }
+
     /// The boxes around instances that it needs for this frame of a scan of `sample`, both counted from 0.
     fn boxes(&self, _sample: &Sample, _scan: usize, _frame: usize) -> BoxScope {
         BoxScope::None
@@ -61,9 +66,21 @@ pub(super) trait Style: fmt::Debug + Send + Sync {
     }
 }
 
+/// How a style takes the strips of a scan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum StripUse {
+    /// Not at all: its frames have one pose.
+    Refused,
+    /// Each as one cloud.
+    Whole,
+    /// In pieces, as they are scanned.
+    Pieces,
+}
+
 /// Writes one sample in a style.
 pub(super) trait Writer {
-    /// Writes a frame of a scan. Scans arrive one after the other, the frames of each in order.
+    /// Writes a frame of a scan, or a piece of one. Scans arrive one after the other, the frames of each in order, and
+    /// the pieces of each frame.
     ///
     /// # Errors
     /// I/O errors.
@@ -85,6 +102,8 @@ pub(super) struct Scanned<'s> {
     pub scan: usize,
     /// Index of the frame in the scan, from 0.
     pub frame: usize,
+    /// Whether no further piece of the frame follows.
+    pub last: bool,
     /// With the columns that all styles need; `fields` are the requested ones.
     pub cloud: &'s PointCloud,
     /// Boxes around its instances, if a style needs them.

@@ -103,7 +103,7 @@ impl Style for Voc {
 }
 
 impl Write for VocWriter<'_> {
-    fn add(&mut self, &Scanned { sample, scan, frame, cloud, boxes }: &Scanned) -> Result<Report> {
+    fn add(&mut self, &Scanned { sample, scan, frame, cloud, boxes, .. }: &Scanned) -> Result<Report> {
         let mut report = Report::default();
         let Some(taken) = self.imaging.take(sample, [scan, frame], cloud, boxes)? else { return Ok(report) };
         let layers = [("JPEGImages", ImageLayer::Color), ("SegmentationClass", ImageLayer::Category)];

@@ -2,7 +2,7 @@
 
 use super::manifest::{Entry, FileEntry};
 use super::names::{file_name, numbered};
-use super::style::{Scanned, Style, Writer as Write};
+use super::style::{Scanned, StripUse, Style, Writer as Write};
 use super::whole::{Whole, damaged};
 use crate::Sample;
 use cloud::export;
@@ -68,6 +68,10 @@ impl Style for WebDataset {
 
     fn fields(&self, _sample: &Sample) -> FieldSet {
         FieldSet::EMPTY
+    }
+
+    fn strips(&self) -> StripUse {
+        StripUse::Whole
     }
 
     fn fits(&self, sample: &Sample) -> Result<()> {
@@ -176,7 +180,7 @@ impl Write for WebDatasetWriter<'_> {
     fn add(&mut self, &Scanned { sample, scan, frame, cloud, .. }: &Scanned) -> Result<Report> {
         let scan = &sample.scans()[scan];
         let mut stem = member(scan.name());
-        if scan.frames().len() > 1 {
+        if scan.frames().len() > 1 || scan.has_strips() {
             stem += &format!("_{:04}", scan.frames()[frame].number);
         }
         let format = export::format_for(Path::new(""), Some(&self.style.format))?;

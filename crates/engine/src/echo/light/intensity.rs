@@ -2,6 +2,7 @@
 
 use echocast_kernels::light;
 use ground::lanes::LANES;
+use ground::named;
 use ground::profile::Profile;
 use serde::{Deserialize, Serialize};
 
@@ -22,13 +23,22 @@ pub enum IntensityEncoding {
     Reflectivity255,
     /// Relative received energy of the hard-target radar equation, `rho cos(theta) / (pi R^2)`, 1/(m^2 sr).
     Power,
+    /// The effective reflectance in dB, as surveyors' LAS files have it: 0 for -40 dB and less, 1 for 10 dB and more, in
+    /// proportion between.
+    ReflectanceDb,
 }
+
+named! { IntensityEncoding: Reflectivity "reflectivity", Reflectivity8 "reflectivity8", Reflectivity255 "reflectivity255",
+Power "power", ReflectanceDb "reflectance_db" }
+
+/// Effective reflectances, dB, for which [`IntensityEncoding::ReflectanceDb`] is 0 and 1.
+const DECIBELS: [f32; 2] = [-40.0, 10.0];
 
 impl IntensityEncoding {
     /// Full-scale value; relative energy has none.
     pub fn full_scale(self) -> Option<f32> {
         match self {
-            IntensityEncoding::Reflectivity => Some(1.0),
+            IntensityEncoding::Reflectivity | IntensityEncoding::ReflectanceDb => Some(1.0),
             IntensityEncoding::Reflectivity8 | IntensityEncoding::Reflectivity255 => Some(255.0),
             IntensityEncoding::Power => None,
         }
@@ -77,6 +87,10 @@ impl IntensityModel {
             IntensityModel::Encoded(IntensityEncoding::Reflectivity8, white) => light::eight_bits(rho, cos, white),
             IntensityModel::Encoded(IntensityEncoding::Reflectivity255, _) => light::percent(rho, cos),
             IntensityModel::Encoded(IntensityEncoding::Power, _) => light::power(rho * cos, range),
+            IntensityModel::Encoded(IntensityEncoding::ReflectanceDb, _) => {
+                let [least, most] = DECIBELS;
+                ((10.0 * (rho * cos).log10() - least) / (most - least)).clamp(0.0, 1.0)
+            }
             IntensityModel::PaperEq5 => light::power(rho, range),
         }
     }
@@ -92,6 +106,11 @@ impl IntensityModel {
             }
             IntensityModel::Encoded(IntensityEncoding::Reflectivity255, _) => light::to_percent(rho, cos, to),
             IntensityModel::Encoded(IntensityEncoding::Power, _) => light::to_power(rho, cos, range, to),
+            IntensityModel::Encoded(IntensityEncoding::ReflectanceDb, _) => {
+                for lane in 0..LANES {
+                    to[lane] = self.of(rho[lane], cos[lane], range[lane]);
+                }
+            }
             IntensityModel::PaperEq5 => light::to_power_without_cosine(rho, range, to),
         }
     }
@@ -115,6 +134,16 @@ mod tests {
             assert!((power / with - 1.0).abs() < 3e-5, "{power} {with}");
             assert!((paper / without - 1.0).abs() < 3e-5, "{paper} {without}");
         }
+    }
+
+    /// 60 % are -2.218487 dB, 5 % are -13.01030 dB.
+    #[test]
+    fn decibels_are_in_proportion() {
+        let model = IntensityModel::Encoded(IntensityEncoding::ReflectanceDb, 100.0);
+        for (rho, decibels) in [(0.6f32, -2.218_487f32), (0.05, -13.010_3), (1e-9, -40.0), (0.0, -40.0), (50.0, 10.0)] {
+            assert!((model.of(rho, 1.0, 7.0) * 50.0 - 40.0 - decibels).abs() < 1e-4, "{rho}");
+        }
+        assert_eq!(model.full_scale(), Some(1.0));
     }
 
     #[test]

@@ -34,5 +34,5 @@ pub use pulse::PulseShape;
 pub(crate) use rays::{Batch, BeamRays, Met, OFF_SURFACE};
 pub(crate) use signal::BeamSignal;
 pub(crate) use strongest::{Contributor, PieceOrigin, Share, SurfacePlane, strongest_contributor};
-pub(crate) use waveform::{Peak, Waveform};
+pub(crate) use waveform::{EchoShape, Peak, Waveform};
 pub(crate) use weather::{Air, AirEcho, AirEchoes, LIGHT_ROUNDING, ParticleOrder, ReceiverOptics};

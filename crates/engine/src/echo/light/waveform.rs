@@ -17,6 +17,30 @@ pub(crate) struct Peak {
     pub power: f32,
 }
 
+/// The shape of an echo.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct EchoShape {
+    /// Full width at half maximum over that of the emitted pulse, of the Gaussian that bends as the echo does at its peak.
+    pub width: f32,
+    /// Area between the echo and an emitted pulse of the same height, over the area of that pulse.
+    pub deviation: f32,
+}
+
+impl EchoShape {
+    /// That of a plane at an angle, which lowers the peak by the factor `lowered`: a wider Gaussian.
+    pub fn of_plane(lowered: f32) -> EchoShape {
+        let width = lowered.recip();
+        EchoShape { width, deviation: width - 1.0 }
+    }
+}
+
+impl Default for EchoShape {
+    /// That of the emitted pulse.
+    fn default() -> Self {
+        EchoShape { width: 1.0, deviation: 0.0 }
+    }
+}
+
 /// Forms signals of pulses of one width.
 #[derive(Clone, Debug)]
 pub(crate) struct Waveform {
@@ -130,6 +154,51 @@ impl Waveform {
             }
         }
         Peak { range, power }
+    }
+
+    /// The shape of the echo at `peak` of a `received` signal or, where that is empty, of the ranges and powers of what
+    /// returns `directly`; `None` for a single pulse.
+    pub(crate) fn shape(
+        &mut self,
+        received: &BeamSignal,
+        directly: impl Iterator<Item = (f32, f32)>,
+        peak: Peak,
+    ) -> Option<EchoShape> {
+        /// Samples on each side of the peak, and how many there are per sigma.
+        const SAMPLES: i32 = 12;
+        const PER_SIGMA: f32 = 4.0;
+        self.ranges.clear();
+        self.powers.clear();
+        for piece in &received.pieces {
+            let [ranges, powers] = received.pulses_of(piece);
+            self.ranges.extend_from_slice(ranges);
+            self.powers.extend_from_slice(powers);
+        }
+        if received.is_empty() {
+            for (range, power) in directly {
+                self.ranges.push(range);
+                self.powers.push(power);
+            }
+        }
+        if self.sigma == 0.0 || self.ranges.len() < 2 {
+            return None;
+        }
+        let scale = 1.0 / self.sigma;
+        let at = |range: f32| signal::pull(&self.ranges, &self.powers, range, scale);
+        let [height, first, second] = at(peak.range);
+        // As in `refine`: (log W)'' is -1 for the pulse alone, in sigmas.
+        let mean = first / height;
+        let bend = 1.0 - (second / height - mean * mean);
+        let (mut between, mut area) = (0.0, 0.0);
+        for sample in -SAMPLES..=SAMPLES {
+            let x = sample as f32 / PER_SIGMA;
+            let pulse = height * (-0.5 * x * x).exp();
+            let [echo, ..] = at(peak.range + x * self.sigma);
+            between += (echo - pulse).abs();
+            area += pulse;
+        }
+        // Flat tops have no width of their own.
+        Some(EchoShape { width: bend.max(0.01).sqrt().recip(), deviation: between / area })
     }
 
     /// [`Waveform::refine`] for signals side by side, each of parts that span no more than [`Waveform::NARROW`]:

@@ -115,6 +115,11 @@ pub(super) struct Block {
     pub formed: [f32; LANES],
     pub measured: [f32; LANES],
     pub intensity: [f32; LANES],
+    /// Effective reflectance as measured, with its errors, if it is requested.
+    pub shown: [f32; LANES],
+    /// Width of the echo over that of the emitted pulse, and its deviation from the shape of that.
+    pub widened: [f32; LANES],
+    pub deviation: [f32; LANES],
     /// Angle by which a beam is reported rotated counter-clockwise, rad.
     pub turn: [f32; LANES],
     pub scratch: [f32; LANES],
@@ -146,6 +151,9 @@ impl Default for Block {
             formed: [0.0; LANES],
             measured: [0.0; LANES],
             intensity: [0.0; LANES],
+            shown: [0.0; LANES],
+            widened: [1.0; LANES],
+            deviation: [0.0; LANES],
             turn: [0.0; LANES],
             kept: Kept::default(),
             scratch: [0.0; LANES],
@@ -179,8 +187,9 @@ impl Block {
         self.reset_causes();
     }
 
-    /// Resets all lanes to surfaces that are hit directly.
+    /// Resets all lanes to surfaces that are hit directly, by all of a beam.
     pub fn reset_causes(&mut self) {
+        (self.widened, self.deviation) = ([1.0; LANES], [0.0; LANES]);
         self.cause = [Cause::Surface as u8; LANES];
         (self.bounces, self.settled) = ([0; LANES], [false; LANES]);
     }

@@ -25,6 +25,7 @@ impl Block {
             self.put_motion(scan, count, &mut rows);
         }
         self.put_beams(scan, count, &mut rows);
+        self.put_survey(scan, count, &mut rows);
         filled
     }
 
@@ -89,12 +90,17 @@ impl Block {
             kept.put(surface, scratch, rows.depth);
         }
         let to = [&mut *rows.x, &mut *rows.y, &mut *rows.z];
-        if let Some(deskew) = &scan.deskew {
+        if scan.deskew.is_some() || scan.aim.estimated.is_some() {
             let mut places = [[0.0; LANES]; 3];
             for ((from, along), places) in from.into_iter().zip(along).zip(&mut places) {
                 measure::place(from, along, measured, places);
             }
-            self.deskew(scan, deskew, count, &mut places);
+            if let Some(estimated) = scan.aim.estimated {
+                self.georeference(scan, estimated, count, &mut places);
+            }
+            if let Some(deskew) = &scan.deskew {
+                self.deskew(scan, deskew, count, &mut places);
+            }
             for (axis, to) in places.iter().zip(to) {
                 self.kept.put(&self.hits.surface, axis, to);
             }
@@ -159,7 +165,8 @@ impl Block {
         }
         if !rows.time.is_empty() {
             let mut time = lanes.take(&beams.time, count);
-            time.iter_mut().for_each(|time| *time += scan.options.start_time);
+            let start = scan.options.start_time + scan.options.clock_offset;
+            time.iter_mut().for_each(|time| *time += start);
             let firings = lanes.beam[..count].iter().map(|&beam| beams.firing(beam));
             scan.measure.errors.delay(&scan.rng, firings, &mut time);
             kept.put_beam(&time, rows.time);

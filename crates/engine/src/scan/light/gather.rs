@@ -6,7 +6,7 @@ use super::rounds::{Evidence, Rounds};
 use super::split::{Axes, Splitter};
 use crate::detect::{Detections, ReceivedBeam};
 use crate::echo::{
-    AirArrivals, Arrivals, Batch, BeamRays, Contribution, Contributor, Follower, Meeting, Met, MirrorImage,
+    AirArrivals, Arrivals, Batch, BeamRays, Contribution, Contributor, EchoShape, Follower, Meeting, Met, MirrorImage,
     OFF_SURFACE, PathArrivals, Peak, PieceOrigin, PieceSource, PlainEchoes, Provenance, RequestedQuantities,
     SurfacePlane, strongest_contributor,
 };
@@ -35,6 +35,8 @@ pub(super) struct Gatherer {
     pub reported: Option<Box<RayBatch>>,
     /// Fraction of the light that the channel of each beam uses.
     pub(super) efficiency: [f32; LANES],
+    /// Factors by which the echoes of oblique planes are lower, where beams are one ray.
+    oblique: [f32; LANES],
     pub rays: BeamRays,
     /// Buffers for beams of as many rays as it takes.
     pub(super) rounds: Option<Box<Rounds>>,
@@ -59,6 +61,8 @@ pub(super) struct Found {
     /// That of its strongest contributor.
     pub provenance: Provenance,
     pub mixed: bool,
+    /// Its shape, if that is requested.
+    pub shape: EchoShape,
 }
 
 impl Gatherer {
@@ -68,7 +72,7 @@ impl Gatherer {
             self.signals = signals.clone();
         }
         self.found.waveform.set_sigma(signals.sigma);
-        self.efficiency = [1.0; LANES];
+        (self.efficiency, self.oblique) = ([1.0; LANES], [1.0; LANES]);
     }
 }
 
@@ -81,6 +85,7 @@ impl Default for Gatherer {
             beams: RayBatch::default(),
             reported: None,
             efficiency: [1.0; LANES],
+            oblique: [1.0; LANES],
             rays: BeamRays::default(),
             rounds: None,
             arrivals: Arrivals::default(),
@@ -132,6 +137,7 @@ impl Gatherer {
 
     /// Reduces the directly returned light by `factors`, where beams are one ray.
     pub fn lower(&mut self, factors: &[f32; LANES]) {
+        self.oblique = *factors;
         self.plain.dim(factors);
         light::dim(&mut self.rays.batches[0].power, factors);
     }
@@ -290,8 +296,10 @@ impl Gatherer {
 
     /// Which surface contributes most to the echo at `peak` of the beam at `lane`, and whether others contribute much.
     pub fn trace_back(&mut self, scan: &ScanPlan, lane: usize, beam: usize, peak: Peak) -> Found {
-        let found = |provenance| Found { peak, formed: peak.range, provenance, mixed: false };
-        if of_lane(&self.alarms, lane).iter().any(|&(_, alarm)| alarm == peak) {
+        let is_alarm = of_lane(&self.alarms, lane).iter().any(|&(_, alarm)| alarm == peak);
+        let shape = if scan.measure.shapes && !is_alarm { self.shape(lane, peak) } else { EchoShape::default() };
+        let found = |provenance| Found { peak, formed: peak.range, provenance, mixed: false, shape };
+        if is_alarm {
             return found(Provenance::of_no_surface(Cause::FalseAlarm));
         }
         let Gatherer {
@@ -362,7 +370,14 @@ impl Gatherer {
             rotation.x_axis.dot(beams.direction(lane))
         });
         let formed = camera.measure(&scan.rng, beam as u32, axis, seen, provenance.cos_incidence, peak.range);
-        Found { peak: Peak { range: truth, power: peak.power }, formed, provenance, mixed }
+        Found { peak: Peak { range: truth, power: peak.power }, formed, mixed, ..found(provenance) }
+    }
+
+    /// The shape of the echo at `peak` of the beam at `lane`.
+    fn shape(&mut self, lane: usize, peak: Peak) -> EchoShape {
+        let Gatherer { rays, found: Detections { waveform, received, .. }, .. } = self;
+        let direct = rays.of_beam(lane).map(|(_, met)| (met.range(), met.power())).filter(|(_, power)| *power > 0.0);
+        waveform.shape(received, direct, peak).unwrap_or(EchoShape::of_plane(self.oblique[lane]))
     }
 
     /// Apparent motion of what has the provenance `from`, if it is seen in mirrors or through glass.

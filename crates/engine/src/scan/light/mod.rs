@@ -1,6 +1,7 @@
 //! A scan of a LiDAR or a depth camera: blocks of beams, side by side on threads.
 
 mod adaptive;
+mod around;
 mod block;
 mod bloom;
 mod budget;
@@ -8,6 +9,7 @@ mod collect;
 mod deskew;
 mod explain;
 mod gather;
+mod georeference;
 mod halo;
 mod looks;
 mod motion;
@@ -17,6 +19,7 @@ mod returns;
 mod rounds;
 mod run;
 mod split;
+mod survey;
 
 use super::{Progress, ScanOptions};
 use crate::sensor::Sensor;

@@ -4,7 +4,7 @@ use super::block::{Block, no_images};
 use super::plan::{Measuring, ScanPlan};
 use super::split::{Axes, Splitter};
 use crate::detect::{ForemostPaths, LaneEchoes, Returns};
-use crate::echo::PathLimits;
+use crate::echo::{EchoShape, PathLimits};
 use crate::sensor::Signals;
 use crate::trace::HitBatch;
 use cloud::Slices;
@@ -35,6 +35,10 @@ impl Block {
         if scan.several_causes {
             self.reset_causes();
             self.view_end = self.hits.range;
+            if let (Some(splitter), true) = (&splitter, scan.measure.shapes) {
+                let shapes = splitter.oblique.map(EchoShape::of_plane);
+                (self.widened, self.deviation) = (shapes.map(|shape| shape.width), shapes.map(|shape| shape.deviation));
+            }
         }
         if !scan.receiver.efficiency.is_empty() {
             for lane in 0..count {
@@ -97,6 +101,9 @@ impl Block {
         match scan.receiver.jittering() {
             Some(camera) => camera.jitter_directions(&scan.rng, beams, nominal, &mut pointed),
             None => emitter::scatter(&scan.rng, beams, scan.measure.errors.pointing_sigma, nominal, &mut pointed),
+        }
+        if let Some(encoder) = &scan.measure.errors.encoder {
+            encoder.correct(count, &mut pointed);
         }
         rays(pointed.each_ref().map(|axis| &axis[..count]), &mut self.rays);
     }
@@ -210,8 +217,9 @@ impl Block {
 
     /// Step 10: measurement errors.
     pub fn measure(&mut self, scan: &ScanPlan, count: usize) {
-        let Block { lanes, hits, rho_eff, formed, measured, intensity, turn, scratch, .. } = self;
-        let Measuring { errors, saturation, rain, limited, flickers, intensity: model } = &scan.measure;
+        let Block { lanes, hits, rho_eff, formed, measured, intensity, shown, turn, scratch, .. } = self;
+        let Measuring { errors, saturation, rain, limited, flickers, intensity: model, radiometry, assignment, .. } =
+            &scan.measure;
         let channels = lanes.take(&scan.aim.beams.channel, count);
         let returns = Returns {
             beams: &lanes.beam[..count],
@@ -222,10 +230,18 @@ impl Block {
         };
         let formed = if scan.receiver.camera().is_some() { &*formed } else { &hits.range };
         errors.measure(&scan.rng, &returns, formed, *rain, measured, flickers.then_some(&mut *scratch));
+        let saturated = |lane: usize| {
+            let most = saturation.map_or(f32::INFINITY, |most| most * hits.range[lane] * hits.range[lane]);
+            rho_eff[lane].min(most)
+        };
+        if *radiometry {
+            for lane in 0..count {
+                shown[lane] = saturated(lane) * if *flickers { scratch[lane] } else { 1.0 };
+            }
+        }
         if *flickers {
             for lane in 0..LANES {
-                let most = saturation.map_or(f32::INFINITY, |most| most * hits.range[lane] * hits.range[lane]);
-                scratch[lane] *= rho_eff[lane].min(most);
+                scratch[lane] *= saturated(lane);
             }
             if !scan.receiver.efficiency.is_empty() {
                 for lane in 0..count {
@@ -249,6 +265,9 @@ impl Block {
         if errors.turn_beams() {
             let [x, y] = [&scan.aim.beams.dir_x, &scan.aim.beams.dir_y].map(|axis| lanes.take(axis, count));
             errors.turn(&scan.rng, &lanes.beam[..count], [&x[..count], &y[..count]], &mut turn[..count]);
+        }
+        if let Some(assignment) = *assignment {
+            self.assign(scan, assignment, count);
         }
     }
 

@@ -1,12 +1,13 @@
 //! The plan of a scan: what is the same for all its beams.
 
 use super::halo::Halos;
-use crate::detect::{Errors, Receiver};
+use crate::detect::{Errors, PulseAssignment, Receiver};
 use crate::echo::{Air, IntensityModel, PathLimits, RequestedQuantities, Surroundings};
 use crate::scan::ScanOptions;
 use crate::sensor::{Adaptive, IntensitySpec, Reception, Sensor, Signals};
 use crate::trace::{Clock, Cover, Later, Sight, Tables};
 use cloud::{Driver, FLOW, Field, Frame};
+use emitter::pattern::Pattern;
 use emitter::{Across, Aim, BeamTable, Footprint, Trajectory};
 use glam::{Mat3, Vec3};
 use ground::error::Result;
@@ -26,6 +27,12 @@ const LABELS: [Field; 7] = [
     Field::FirstInstanceId,
     Field::TrackId,
 ];
+
+/// Columns of how strong an echo is, against what is known beforehand.
+pub(super) const RADIOMETRY: [Field; 2] = [Field::ReflectanceDb, Field::AmplitudeDb];
+
+/// Columns of its shape.
+pub(super) const SHAPE: [Field; 2] = [Field::PulseWidth, Field::Deviation];
 
 /// The plan of one scan: everything that is the same for all its beams, a part for each step.
 pub(super) struct ScanPlan<'a> {
@@ -62,10 +69,14 @@ pub(super) struct Aiming<'a> {
     /// The ring of each channel.
     pub rings: &'a [u16],
     pub trajectory: &'a Trajectory,
+    /// Where the sensor is taken to be, if that differs and points are in the world.
+    pub estimated: Option<&'a Trajectory>,
     pub pose: Aim<'a>,
     /// Length of rays, m: beyond the maximum range where measured ranges wrap.
     pub reach: f32,
     pub coherent: bool,
+    /// Whether the rows of `beams` are lines of a mechanism that sweeps.
+    pub has_lines: bool,
     /// In a moving scene, the scene time for each beam.
     pub clock: Option<Clock>,
 }
@@ -125,8 +136,15 @@ pub(super) struct Measuring<'a> {
     pub rain: f32,
     /// Whether the range limits also apply to measured ranges; the paper's program adds its errors afterwards.
     pub limited: bool,
-    /// Whether intensities have errors, are requested, and none of them marks an echo as not detected.
+    /// Whether powers have errors, are requested, and none of them marks an echo as not detected.
     pub flickers: bool,
+    /// Whether [`RADIOMETRY`] and [`SHAPE`] are requested.
+    pub radiometry: bool,
+    pub shapes: bool,
+    /// Full width of the pulse at half its peak power, s; NaN: it has none.
+    pub pulse_s: f32,
+    /// How echoes are assigned to pulses, where that plays a part.
+    pub assignment: Option<PulseAssignment>,
 }
 
 impl ScanOptions {
@@ -159,19 +177,20 @@ impl<'a> ScanPlan<'a> {
         let rng = Rng::new(options.seed, options.frame);
         let receiver = reception.receiver(sensor, beams, rng);
         let Reception { errors, air, .. } = reception;
-        let has_signals = sensor.has_signals(profile);
-        let is_adaptive = !sensor.has_one_ray(profile) && sensor.signals.adaptive.is_some();
-        let signals = Some(&sensor.signals).filter(|_| has_signals || is_adaptive);
         let reflectances =
             scene.surfaces.reflectances(sensor.wavelength_nm, options.light_from(), Mirrors::of(profile));
         let limits = || PathLimits::new(profile, options.specular_depth, sensor.glint());
         let paths = reflectances.go_on.then(limits);
-
+        // A beam of one ray has one echo where neither mirrors nor the air return others.
+        let is_alone = air.is_none() && paths.is_none() && receiver.alarms.is_none() && sensor.has_single_beams();
+        let has_signals = sensor.has_signals(profile) && !is_alone;
+        let is_adaptive = !sensor.has_one_ray(profile) && sensor.signals.adaptive.is_some();
+        let signals = Some(&sensor.signals).filter(|_| has_signals || is_adaptive);
         let fields = options.fields;
         let frame_period = options.frame_period.unwrap_or(beams.period);
         let depends = receiver.depends_on_light() || errors.depend_on_light();
-        let needs_echo =
-            signals.is_some() || air.is_some() || paths.is_some() || depends || fields.contains(Field::Intensity);
+        let has_power = fields.contains(Field::Intensity) || fields.contains_any(&RADIOMETRY);
+        let needs_echo = signals.is_some() || air.is_some() || paths.is_some() || depends || has_power;
         let normals = [Field::NormalX, Field::NormalY, Field::NormalZ, Field::CosIncidence];
         let colors = fields.contains_any(&[Field::Red, Field::Green, Field::Blue]);
         let rain = air.as_ref().map_or(0.0, Air::range_noise);
@@ -184,9 +203,11 @@ impl<'a> ScanPlan<'a> {
                 beams,
                 rings: &sensor.rings,
                 trajectory,
+                estimated: options.estimated_trajectory.as_deref().filter(|_| options.coordinates == Frame::World),
                 pose: Aim::new(trajectory, options.start_on_trajectory(), scene.origin),
                 reach: if receiver.wraps() { f32::INFINITY } else { sensor.range_max_m as f32 },
                 coherent: beams.is_coherent(),
+                has_lines: matches!(sensor.spec().pattern, Pattern::LineScan(_)),
                 clock: scene.clock(options.start_time, options.freeze),
             },
             world: World {
@@ -203,7 +224,11 @@ impl<'a> ScanPlan<'a> {
                 motion: scene.span.is_some() && moves,
             },
             measure: Measuring {
-                flickers: !receiver.reports_undetected() && errors.flicker() && fields.contains(Field::Intensity),
+                flickers: !receiver.reports_undetected() && errors.flicker() && has_power,
+                radiometry: fields.contains_any(&RADIOMETRY),
+                shapes: fields.contains_any(&SHAPE),
+                pulse_s: sensor.pulse_s(),
+                assignment: sensor.assignment(),
                 errors,
                 rain,
                 intensity: {
@@ -265,7 +290,9 @@ impl ScanPlan<'_> {
 
     /// Whether the directions of rays differ from those reported for their beams.
     pub fn points_elsewhere(&self) -> bool {
-        self.measure.errors.pointing_sigma > 0.0 || self.receiver.jittering().is_some()
+        let Errors { pointing_sigma, encoder, .. } = self.measure.errors;
+        let folds = self.measure.assignment.is_some_and(|assignment| assignment.folds);
+        folds || *pointing_sigma > 0.0 || encoder.is_some() || self.receiver.jittering().is_some()
     }
 
     /// Sets the vectors across the beam with the number `beam`, which points in `direction`, and the rotation of its

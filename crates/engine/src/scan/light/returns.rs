@@ -116,9 +116,10 @@ impl Block {
 
     /// Writes `found`, an echo of the beam at `lane`, to lane `to` as a return.
     fn put(&mut self, scan: &ScanPlan, gatherer: &Gatherer, lane: usize, to: usize, found: &Found) {
-        let Block { rays, reported, hits, surfaces, rho_eff, formed, images, .. } = self;
-        let Found { peak, provenance: from, .. } = found;
+        let Block { rays, reported, hits, surfaces, rho_eff, formed, images, widened, deviation, .. } = self;
+        let Found { peak, provenance: from, shape, .. } = found;
         formed[to] = found.formed;
+        (widened[to], deviation[to]) = (shape.width, shape.deviation);
         rays.take(to, &gatherer.beams, lane);
         if scan.points_elsewhere()
             && let (Some(reported), Some(beams)) = (reported, &gatherer.reported)

@@ -2,6 +2,7 @@
 
 use super::block::{Block, with_block};
 use super::plan::ScanPlan;
+use super::survey::mark_edges;
 use crate::scan::{Order, Progress, ScanOptions};
 use cloud::{Columns, Field, FieldSet, Frame, PointCloud, Slices};
 use ground::error::{Error, Result};
@@ -55,6 +56,7 @@ impl ScanPlan<'_> {
             }
         };
         cloud.columns.resize(computed, rows)?;
+        mark_edges(&mut cloud.columns);
         cloud.len = rows;
         if sorted {
             cloud.sort_by_time()?;
@@ -67,7 +69,9 @@ impl ScanPlan<'_> {
             Frame::Sensor => glam::DVec3::ZERO,
         };
         cloud.organised = options.organised.then_some([self.aim.beams.rows, self.aim.beams.columns]);
-        cloud.sensor_pose = self.aim.trajectory.at(options.start_on_trajectory());
+        let trajectory = self.aim.estimated.unwrap_or(self.aim.trajectory);
+        let late = self.aim.estimated.map_or(0.0, |_| options.clock_offset);
+        cloud.sensor_pose = trajectory.at(options.start_on_trajectory() + late);
         cloud.start_time = Some(options.start_time);
         cloud.rays = self.rays.load(Ordering::Relaxed);
         cloud.most_rays = self.most_rays();

@@ -118,6 +118,7 @@ impl PointWriter<'_> {
             return_number: 1, return_count: 1,
             time: moment.time,
             frame: setup.options.frame,
+            strip: setup.options.strip,
             beam: beam, firing: beam,
         );
         match scatterer.filter(|_| !matches!(kind, PathType::Noise | PathType::Interference)) {

@@ -22,7 +22,7 @@ use model::motion::{Cache, Deformation, Span, Timeline};
 use model::{Camera, Labels, NameTable, beyond_reach, surrounding, within_reach};
 use object::{Attachment, Live, Slot, boxes, check_parts, check_pose, gone, lives, staged};
 use placed::PlacedObject;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 use std::{fmt, mem};
 
@@ -542,6 +542,15 @@ impl LiveScene {
             self.insert(object, bounds, Attachment::Free, timeline)
         });
         Ok(ids.collect())
+    }
+
+    /// Gives the categories that label rules name their ASPRS classes: models may be placed with a category of their own.
+    #[doc(hidden)]
+    pub fn classify(&mut self, las_class: &BTreeMap<String, u8>) {
+        let labels = Arc::make_mut(&mut self.labels);
+        let of = |(id, name): (u32, &str)| Some((id, *las_class.get(name)?));
+        let classes: Vec<(u32, u8)> = labels.category.iter().filter_map(of).collect();
+        labels.las_class.extend(classes);
     }
 
     /// An unused number for another instance.
