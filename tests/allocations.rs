@@ -8,6 +8,7 @@ use echocast::{
     Engine, Environment, FieldSet, LiveScene, Ping, PointCloud, Pose, ScanOptions, Scene, Sensor, SensorKind,
     Trajectory,
 };
+use echocast_tests::different_presets;
 use echocast_tests::reference::{Actor, Change, Moving, Shape, Track};
 use glam::{DAffine3, DQuat, DVec3};
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -115,15 +116,15 @@ fn scans() {
 /// Preset, settings and weather.
 type Case = (String, Vec<(&'static str, &'static str)>, String);
 
-/// Sensors that work in their own memory, in front of a mirror and glass: all presets of light, what they can be set to,
-/// and all that is in the air.
+/// Sensors that work in their own memory, in front of a mirror and glass: presets of light, what they can be set to, and all
+/// that is in the air.
 fn sensors() {
     let scene = Scene::load(echocast_tests::root().join("examples/scenes/glass.gltf")).unwrap();
     let place = Trajectory::fixed(Pose::at(0.0, 0.0, 1.0));
     let box_m = "box: {min_m: [0, -3, 0], max_m: [6, 3, 4]}";
     let mut cases: Vec<Case> = Vec::new();
-    let presets = Sensor::presets().into_iter().filter(|preset| preset.kind.is_optical());
-    cases.extend(presets.map(|preset| (preset.name, Vec::new(), "{}".to_owned())));
+    let presets = different_presets().into_iter().filter(|(info, _)| info.kind.is_optical());
+    cases.extend(presets.map(|(info, _)| (info.name, Vec::new(), "{}".to_owned())));
     for weather in [
         "rain: {rate_mm_h: 20}".to_owned(),
         "fog: {visibility_m: 60}".to_owned(),

@@ -3,7 +3,11 @@
 
 pub mod reference;
 
+use echocast::emitter::pattern::Pattern;
+use echocast::{PresetInfo, Sensor, SubRays};
 use echocast_kernels::{Level, VARIABLE, level};
+use std::collections::BTreeMap;
+use std::mem::discriminant;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -62,6 +66,28 @@ pub fn run_at_other_levels(tests: &[&str]) {
         assert!(run.status.success(), "{}: {said}{}", other.name(), String::from_utf8_lossy(&run.stderr));
         assert!(said.contains(&format!(" {} passed", tests.len())), "{}: {said}", other.name());
     }
+}
+
+/// Of the presets whose scans take the same ways through the code, the one with the fewest beams: for what is true of all
+/// code and takes long to see.
+pub fn different_presets() -> Vec<(PresetInfo, Sensor)> {
+    let mut different: BTreeMap<String, (usize, PresetInfo, Sensor)> = BTreeMap::new();
+    for info in Sensor::presets() {
+        let sensor = Sensor::preset(&info.name).unwrap();
+        let spec = sensor.spec();
+        let sweep = match &spec.pattern {
+            Pattern::LineScan(lines) => Some((discriminant(&lines.mechanism), lines.head.is_some())),
+            _ => None,
+        };
+        let parts = (discriminant(&spec.pattern), sweep, discriminant(&spec.detection.model), spec.returns.mode);
+        let one_ray = spec.beam.sub_rays == SubRays::Count(1);
+        let way = format!("{} {parts:?} {one_ray} {}", info.folder, spec.doppler.is_some());
+        let beams = sensor.beams().len();
+        if different.get(&way).is_none_or(|(least, ..)| beams < *least) {
+            different.insert(way, (beams, info, sensor));
+        }
+    }
+    different.into_values().map(|(_, info, sensor)| (info, sensor)).collect()
 }
 
 /// The Python of `.venv`, where `scripts/setup --test` installs third-party readers, or `ECHOCAST_PYTHON`.

@@ -4,6 +4,7 @@
 #![cfg(target_os = "linux")]
 
 use echocast::emitter::lobe::Lobe;
+use echocast::emitter::pattern::Pattern;
 use echocast::generate::Generate;
 use echocast::preview::PreviewOptions;
 use echocast::scene::{Material, MaterialRules};
@@ -11,6 +12,7 @@ use echocast::{
     Engine, Environment, FieldSet, LabelRules, LoadOptions, PointCloud, Pose, ScanOptions, Scenario, Scene, Sensor,
     SensorKind, Trajectory,
 };
+use echocast_tests::different_presets;
 use rustix::thread::disable_transparent_huge_pages;
 use std::fmt::Write as _;
 use std::fs;
@@ -82,21 +84,16 @@ fn workers() -> usize {
     deepest(&addresses)
 }
 
-/// Every preset, and sensors that do more than those.
+/// Presets, and sensors that do more than those.
 fn sensors() -> Vec<(String, Sensor)> {
-    // Radars share more code than others: an array, and rotating ones with chirps and with pulses.
-    const RADARS: [&str; 3] = ["ti_awr1843", "navtech_cts350x", "marine_x_band"];
-    let presets = Sensor::presets();
-    let chosen = presets.iter().filter(|it| it.kind != SensorKind::Radar || RADARS.contains(&&*it.name));
-    let sensor = |name: &str| {
-        let mut sensor = Sensor::preset(name).unwrap();
-        if sensor.kind() == SensorKind::Radar && name != RADARS[0] {
+    let mut all: Vec<(String, Sensor)> = Vec::new();
+    for (info, mut sensor) in different_presets() {
+        if let Pattern::RadarRotor(_) = sensor.spec().pattern {
             // A few rows of a turn go as deep as all of them.
             sensor.set("pattern.azimuths", "32").unwrap();
         }
-        sensor
-    };
-    let mut all: Vec<(String, Sensor)> = chosen.map(|preset| (preset.name.clone(), sensor(&preset.name))).collect();
+        all.push((info.name, sensor));
+    }
     for (name, preset, settings) in [
         (
             "all returns of 16 rays",

@@ -344,8 +344,8 @@ mod tests {
     fn constant_errors_are_the_estimate_less_the_truth() {
         let solution =
             solve("navigation: {boresight_deg: [0.5, 0, 0], lever_arm_m: [0, 0.25, 0], time_offset_s: 0.5}", 0);
-        let (truth, found) = (flight().at(10.0), solution.sensor.at(10.0));
         // Half a second is 30 m farther north, port is to the west.
+        let (truth, found) = (flight().at(10.0), solution.sensor.at(10.0 + solution.clock_offset));
         assert!((found.position - truth.position - DVec3::new(-0.25, 30.0, 0.0)).length() < 1e-9);
         // Starboard, the east, is down.
         let angle = 0.5f64.to_radians();

@@ -20,7 +20,7 @@ pub(super) fn of_channels(spec: &SensorSpec, beams: &BeamTable, channels: usize)
     let same = || (0..channels).map(|channel| channel as u16).collect();
     let spins = matches!(spec.pattern, Pattern::Spinning(_));
     match spec.driver {
-        _ if !spec.kind.is_optical() => same(),
+        _ if channels == 1 || !spec.kind.is_optical() => same(),
         Some(Driver::Hesai | Driver::Livox | Driver::Autoware) => same(),
         Some(Driver::Robosense) if !spins => same(),
         Some(Driver::Robosense) => rising(&heights(beams, channels), false),

@@ -2,6 +2,7 @@ use super::*;
 use crate::detect::Detection;
 use ground::read::bounds::{ABOVE_ZERO, Parameter};
 use ground::read::presets;
+use std::collections::HashSet;
 
 const MINIMAL: &str = "
 name: mini
@@ -637,6 +638,8 @@ fn parameters_lie_within_bounds_that_hold() {
 fn allowed_values_are_accepted() {
     // Making a radar takes longer than other sensors; all of one kind have the same keys.
     const RADARS: [&str; 3] = ["ti_awr1843", "navtech_cts350x", "marine_x_band"];
+    // Within the same bounds a key is the same in all presets of a kind.
+    let mut tested = HashSet::new();
     for preset in presets::sensors().filter(|it| it.folder != "radar" || RADARS.contains(&it.name)) {
         let sensor = Sensor::preset(preset.name).unwrap();
         let keys = yaml::numbers(&sensor.tree().unwrap());
@@ -647,6 +650,9 @@ fn allowed_values_are_accepted() {
         };
         for key in keys.iter().filter(|key| !alike(key)) {
             let Parameter { min, max, .. } = sensor.parameter(key).unwrap();
+            if !tested.insert((preset.folder, key.clone(), min.to_bits(), max.to_bits())) {
+                continue;
+            }
             for value in [min, max, 0.5 * (min + max), -1.0, 0.0, 1e-9, 1.0, 2000.0, 1e12, 1e300] {
                 let Err(error) = sensor.clone().set(key, &format!("{value:e}")) else { continue };
                 let error = error.to_string();

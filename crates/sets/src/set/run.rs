@@ -322,7 +322,7 @@ impl Maker<'_> {
                 }
                 match &error {
                     Error::Cancelled => return Err(error),
-                    Error::Io { path, .. } if path.starts_with(self.root) => return Err(error),
+                    Error::Io { path, .. } if self.holds(path) => return Err(error),
                     _ => Entry::failed(sample, &error),
                 }
             }
@@ -334,6 +334,11 @@ impl Maker<'_> {
             texts.for_each(|text| *text = text.replace(&folder, ""));
         }
         Ok(entry)
+    }
+
+    /// Whether `path` is in the folder of the set; files are written with all links in their paths resolved.
+    fn holds(&self, path: &Path) -> bool {
+        path.starts_with(self.root) || self.root.canonicalize().is_ok_and(|root| path.starts_with(root))
     }
 
     fn make(&self, number: u64, cloud: &mut PointCloud) -> Result<Entry> {
