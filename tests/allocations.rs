@@ -154,6 +154,10 @@ fn sensors() {
         if sensor.kind() == SensorKind::Tof {
             sensor.set("pattern.resolution", "[80, 60]").unwrap();
         }
+        // A quarter of a turn has many chunks of beams, too.
+        if weather != "{}" && sensor.kind() == SensorKind::Lidar {
+            sensor.set("pattern.azimuth.fov_deg", "90").unwrap();
+        }
         settings.iter().for_each(|(key, value)| sensor.set(key, value).unwrap());
         let environment = Environment::from_yaml(&weather).unwrap();
         // Prisms make other patterns at other times.

@@ -84,12 +84,14 @@ fn false_alarms(sensor: &Sensor) -> f64 {
 
 fn row(info: &PresetInfo, forest: &(BuiltScene, Pose)) -> String {
     let sensor = Sensor::preset(&info.name).unwrap();
+    // Where noise is not asked for, a quarter of the pixels in each direction are enough, and a quarter of a turn.
     let mut coarse = sensor.clone();
-    // Pixels about the axis are looked at; where noise is not asked for, a quarter of them in each direction are enough.
-    if let Pattern::Pinhole(Pinhole { resolution: [width, height], .. }) = sensor.spec().pattern
-        && width > 400
-    {
-        coarse.set("pattern.resolution", &format!("[{}, {}]", width / 4, height / 4)).unwrap();
+    match sensor.spec().pattern {
+        Pattern::Pinhole(Pinhole { resolution: [width, height], .. }) if width > 400 => {
+            coarse.set("pattern.resolution", &format!("[{}, {}]", width / 4, height / 4)).unwrap();
+        }
+        Pattern::Spinning(_) if sensor.beams().len() > 20_000 => coarse.set("pattern.azimuth.fov_deg", "90").unwrap(),
+        _ => {}
     }
     let line = rated(&sensor);
     let reached = reached(&coarse, line);
@@ -102,7 +104,7 @@ fn row(info: &PresetInfo, forest: &(BuiltScene, Pose)) -> String {
     // As far as half of the light is seen.
     let far = sensor.spec().range.max_m.unwrap().min(at_m * (0.5 / reflectance).sqrt());
     let at = if far < at { 0.5 * far } else { at };
-    let several = if lidar { format!("{:.1} %", 100.0 * several(&sensor, forest)) } else { "-".into() };
+    let several = if lidar { format!("{:.1} %", 100.0 * several(&coarse, forest)) } else { "-".into() };
     format!(
         "| `{}` | {} % at {at_m} m | {reached:.1} m | {:.1} mm | {several} | {} |\n",
         info.name,

@@ -6,7 +6,7 @@ use crate::place::three_numbers;
 use crate::usage;
 use anyhow::{Context as _, Result, ensure};
 use clap::Args;
-use echocast::emitter::{Accuracy, Crs, Georeference, Navigation, NavigationSolution, TrajectoryOptions};
+use echocast::emitter::{Accuracy, Crs, Navigation, NavigationSolution, TrajectoryOptions};
 use echocast::glam::DVec3;
 use echocast::{Report, Trajectory, shown};
 use serde_json::{Value, json};
@@ -56,14 +56,23 @@ impl EarthArgs {
 
     /// `path`, which is of the world, on the Earth.
     pub fn place(&self, path: Trajectory) -> Result<Trajectory> {
-        let TrajectoryOptions { crs, offset, .. } = self.options()?;
-        let georeference = crs.map(|crs| Georeference::new(crs, offset)).transpose()?;
-        Ok(path.georeferenced(georeference))
+        Ok(path.on_earth(&self.options()?)?)
     }
 
-    /// The section `trajectory` of a scenario, of the trajectory in `file`.
-    pub fn to_json(&self, file: &Path) -> Value {
-        let mut section = json!({ "file": shown::path(file) });
+    /// The first option that is given.
+    pub fn first_given(&self) -> Option<&'static str> {
+        let given = [
+            ("--crs", self.crs.is_some()),
+            ("--offset", self.offset.is_some()),
+            ("--gps-week", self.gps_week.is_some()),
+        ];
+        given.into_iter().find_map(|(option, is_given)| is_given.then_some(option))
+    }
+
+    /// The section `georeference` of a scenario, if an option is given.
+    pub fn to_json(&self) -> Option<Value> {
+        self.first_given()?;
+        let mut section = json!({});
         if let Some(crs) = &self.crs {
             section["crs"] = json!(crs);
         }
@@ -73,7 +82,7 @@ impl EarthArgs {
         if let Some(week) = self.gps_week {
             section["gps_week"] = json!(week);
         }
-        section
+        Some(section)
     }
 }
 

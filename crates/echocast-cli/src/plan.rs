@@ -1,5 +1,6 @@
 //! `echocast plan`
 
+use crate::flight::EarthArgs;
 use crate::input::{self, has_ending, key_value, positive};
 use crate::text::{self, counted, thousands};
 use crate::{interrupt, names, output, usage};
@@ -66,6 +67,8 @@ pub struct PlanArgs {
     /// Greatest angle from straight down that counts as swath, degrees [default: that of the scanner, at most 60]
     #[arg(long, value_name = "DEG", value_parser = positive)]
     half_angle: Option<f64>,
+    #[command(flatten)]
+    earth: EarthArgs,
     /// Write a scenario that flies and scans the plan with `echocast run`
     #[arg(short, long, value_name = "FILE.yaml")]
     output: Option<PathBuf>,
@@ -75,6 +78,26 @@ pub struct PlanArgs {
     /// Print one JSON object, with lengths in metres
     #[arg(long)]
     json: bool,
+}
+
+impl PlanArgs {
+    /// The first option given of those that describe a plan over scene files.
+    fn of_scene_files(&self) -> Option<&'static str> {
+        let given = [
+            ("--sensor", self.sensor.is_some()),
+            ("--area", self.area.is_some()),
+            ("--height", self.height.is_some()),
+            ("--above", self.above.is_some()),
+            ("--speed", self.speed.is_some()),
+            ("--heading", self.heading.is_some()),
+            ("--overlap", self.overlap.is_some()),
+            ("--density", self.density.is_some()),
+            ("--crossing", self.crossing.is_some()),
+            ("--platform", self.platform.is_some()),
+            ("--half-angle", self.half_angle.is_some()),
+        ];
+        given.into_iter().find_map(|(option, is_given)| is_given.then_some(option)).or(self.earth.first_given())
+    }
 }
 
 /// Least x and y, greatest x and y, m.
@@ -113,8 +136,7 @@ pub fn run(args: &PlanArgs) -> Result<()> {
     let scan = sample.scans()[0].clone();
     let mut files = Vec::new();
     if let Some(file) = &args.output {
-        let text = scenario.to_yaml()?;
-        std::fs::write(file, text).with_context(|| format!("-o {}", shown::path(file)))?;
+        scenario.save(file).context("-o")?;
         files.push(file);
     }
     if let Some(file) = &args.preview {
@@ -138,10 +160,10 @@ fn scenario(args: &PlanArgs) -> Result<Scenario> {
     if let [file] = &args.files[..]
         && has_ending(file, &["yaml", "yml", "json"])
     {
-        let own = args.sensor.is_some() || args.height.is_some() || args.area.is_some() || args.speed.is_some();
-        let message =
-            "--sensor, --height, --speed, --area: are for scene files; allowed: --set of keys of the scenario";
-        ensure!(!own, usage::wrong(anyhow!(message)));
+        if let Some(option) = args.of_scene_files() {
+            let message = format!("{option}: is for scene files; allowed: --set of keys of the scenario");
+            return Err(usage::wrong(anyhow!(message)));
+        }
         let mut scenario = Scenario::load(file)?;
         for (key, value) in &args.set {
             scenario.set(key, value).map_err(input::wrong_key).context("--set")?;
@@ -172,15 +194,10 @@ fn scenario(args: &PlanArgs) -> Result<Scenario> {
         entry["set"] = set.into();
     }
     let mut keys = Map::new();
-    // Where the scenario is written to another folder, names of files in it still start here.
-    let elsewhere = args.output.as_deref().and_then(Path::parent).filter(|folder| !folder.as_os_str().is_empty());
-    if elsewhere.is_some() {
-        let here = std::env::current_dir().context("the current folder")?;
-        keys.insert("folder".into(), shown::path(&here).into());
-    }
     keys.insert("scene".into(), json!({ "files": text::paths(&args.files) }));
     keys.insert("sensors".into(), json!([entry]));
     keys.insert("trajectory".into(), json!({ "plan": plan }));
+    keys.extend(args.earth.to_json().map(|section| ("georeference".to_owned(), section)));
     keys.insert("outputs".into(), json!([{ "style": "plain", "format": "laz" }]));
     Ok(Scenario::from_yaml(&Value::Object(keys).to_string(), "")?)
 }

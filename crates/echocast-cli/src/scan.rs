@@ -500,7 +500,7 @@ fn repeatable(
     most_rays: Option<u32>,
 ) -> Result<Value> {
     let place = match (&args.trajectory, args.place.to_json(take.trajectory)) {
-        (Some(file), _) if file.as_os_str() != "-" => args.earth.to_json(file),
+        (Some(file), _) if file.as_os_str() != "-" => json!({ "file": shown::path(file) }),
         (Some(_), _) => {
             let row = |(time, pose): (f64, Pose)| {
                 let (place, turned) = (pose.position.to_array(), pose.orientation.to_array());
@@ -523,6 +523,7 @@ fn repeatable(
         "sensors": [{ "sensor": spec }],
         "environment": serde_json::to_value(&take.options.environment).context("the weather cannot be reported")?,
         "trajectory": place,
+        "georeference": args.earth.to_json(),
         "frames": { "first": frames.first, "last": frames.last, "step": frames.step, "fps": fps },
         "profile": args.profile.name(),
         "reflectance_source": args.reflectance_source.map(|source| source.name()),

@@ -44,6 +44,7 @@ fn run(what: &str, commands: &str) {
     let quicker = [
         ("velodyne_vls128 --camera Corner", "vlp16 --camera Corner"),
         ("velodyne_hdl64e --trajectory", "vlp16 --trajectory"),
+        ("ouster_os1_128 --camera", "vlp16 --camera"),
         ("riegl_vux1uav22 --trajectory", "riegl_vux1uav22 --set beam.sub_rays=1 --trajectory"),
         (" 20:39 ", " 20:23 "),
         (" 0:19 ", " 0:4 "),

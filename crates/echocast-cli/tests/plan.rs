@@ -24,7 +24,10 @@ fn plans_are_scanned_as_they_say() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     prepare(folder);
-    let plan = stdout(folder, &format!("{PLAN} --json -o DIR/plan.yaml --preview DIR/plan.png"));
+    let plan = stdout(
+        folder,
+        &format!("{PLAN} --crs EPSG:25832 --offset 478000,5471000,0 --json -o DIR/plan.yaml --preview DIR/plan.png"),
+    );
     let plan: Value = serde_json::from_str(&plan).unwrap();
     // Swaths are twice the height wide; 200 m need ceil((200 - 80) / 56) + 1 of them.
     assert!((plan["swath_m"].as_f64().unwrap() - 80.0).abs() < 1e-9);
@@ -42,6 +45,13 @@ fn plans_are_scanned_as_they_say() {
     let planned = plan["points"].as_f64().unwrap();
     // Of the outer strips, 84 m from the middle, 24 m of the swaths look past the scene.
     assert!((points / planned / (272.0 / 320.0) - 1.0).abs() < 0.02, "{points} {planned}");
+    // The world lies where it was said to, and a plan is the same elsewhere.
+    let info = stdout(&data, "info DIR/top_0001.laz --json");
+    assert!(info.contains("ETRS89 / UTM zone 32N"), "{info}");
+    fs::create_dir(folder.join("plans")).unwrap();
+    stdout(folder, "plan DIR/plan.yaml --set trajectory.plan.speed_m_s=10 -o DIR/plans/slow.yaml");
+    let slow = stdout(folder, "plan DIR/plans/slow.yaml");
+    assert!(slow.contains("4 strips, 1200 m") && slow.contains("10 m/s"), "{slow}");
     // The same scenario says the same.
     let again = stdout(folder, "plan DIR/plan.yaml");
     assert!(again.contains("4 strips, 1200 m") && again.contains("swath 80.0 m"), "{again}");
@@ -56,6 +66,8 @@ fn plans_that_cannot_be_are_errors() {
         (format!("{PLAN} --area 1000,0,1100,100"), "strip 1 from 1000.0,22.0 to 1100.0,22.0 misses it"),
         (format!("{PLAN} --density 1000"), "trajectory.plan.density_per_m2"),
         ("plan DIR/ground.obj --sensor DIR/scanner.yaml --height 40".into(), "--speed: is missing"),
+        ("plan DIR/plan.yaml --overlap 0.2".into(), "--overlap: is for scene files"),
+        ("plan DIR/plan.yaml --crs local".into(), "--crs: is for scene files"),
         (
             "plan DIR/ground.obj --sensor velodyne_vlp16 --height 40 --speed 3 --overlap 2".into(),
             "trajectory.plan.overlap",

@@ -10,7 +10,7 @@ use engine::scene::Scene;
 use engine::trace::Engine;
 use ground::error::{Error, Result};
 use ground::read::yaml::{self, Document};
-use ground::shown;
+use ground::{shown, write};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::mem;
@@ -161,6 +161,27 @@ impl Scenario {
     /// None but those of a defect.
     pub fn to_yaml(&self) -> Result<String> {
         yaml::to_string(&self.value)
+    }
+
+    /// Writes it as the file at `path`; names of files in it still count from [`Scenario::folder`].
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
+        let path = path.as_ref();
+        let whole = |folder: &Path| {
+            let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+            folder.canonicalize().map_err(|source| Error::Io { path: folder.to_owned(), source })
+        };
+        let (to, own) = (whole(path.parent().unwrap_or(Path::new("")))?, whole(&self.folder)?);
+        let mut value = self.value.clone();
+        if let Some(keys) = value.as_object_mut() {
+            keys.shift_remove("folder");
+            if to != own {
+                keys.shift_insert(0, "folder".into(), shown::path(&own).into());
+            }
+        }
+        write::whole(path, yaml::to_string(&value)?.as_bytes())
     }
 
     /// Makes sample `index`: draws what varies, and sets up its scene and scans.

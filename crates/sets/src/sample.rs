@@ -2,19 +2,17 @@
 
 use super::draw::Draws;
 use super::frames::{FrameTime, RigFrames};
-use super::spec::{Carrier, CarrierFile, PLAN_KEY, SensorEntry, Spec, StripSpec};
+use super::spec::{Carrier, PLAN_KEY, SensorEntry, Spec, StripSpec};
 use super::stage::{Base, Stage};
 use super::strips::{self, ScanPiece, SensorStrip};
 use super::variation::SampleScene;
 use cloud::{BoxAxes, FieldSet, Ping, PointCloud};
-use emitter::trajectory::TrajectoryOptions;
 use emitter::{Navigation, NavigationSolution, Trajectory};
 use engine::scan::ScanOptions;
 use engine::scene::Scene;
 use engine::sensor::Sensor;
 use engine::trace::{BuiltScene, LiveScene};
-use glam::{DQuat, DVec3};
-use ground::crs::Crs;
+use glam::DQuat;
 use ground::error::{Error, Result};
 use ground::pose::Pose;
 use ground::report::Report;
@@ -306,13 +304,9 @@ fn scans(
     let Some(first) = sensors.first() else {
         return Err(Error::invalid("sensors", "none", "at least one"));
     };
+    let earth = spec.georeference.options(folder)?;
     let file = match &spec.trajectory {
-        Some(Carrier::File(CarrierFile { file, crs, offset_m, gps_week })) => {
-            let crs = crs.as_ref().map(|crs| Crs::open_in(folder, crs)).transpose()?;
-            let options =
-                TrajectoryOptions::default().crs(crs).offset(DVec3::from_array(*offset_m)).gps_week(*gps_week);
-            Some(Trajectory::load_with(folder.join(file), &options, report)?.shifted_to_zero())
-        }
+        Some(Carrier::File(file)) => Some(Trajectory::load_with(folder.join(file), &earth, report)?.shifted_to_zero()),
         _ => None,
     };
     let frames = RigFrames::of(spec, first, file.as_ref());
@@ -332,9 +326,9 @@ fn scans(
     let ends = times.iter().zip(&sensors).filter_map(|(times, sensor)| Some(times.last()?.start + sensor.scan_time()));
     let last = ends.chain(spec_strips.last().map(|strip| strip.to_s)).fold(start, f64::max);
     let carrier = match (plan, file, &spec.trajectory) {
-        (Some(plan), ..) => plan.trajectory.clone(),
+        (Some(plan), ..) => plan.trajectory.clone().on_earth(&earth)?,
         (_, Some(file), _) => file,
-        (None, None, trajectory) => carrier(trajectory.as_ref(), standing, base, start, last)?,
+        (None, None, trajectory) => carrier(trajectory.as_ref(), standing, base, start, last)?.on_earth(&earth)?,
     };
     strips::check_times(&spec_strips, &carrier)?;
     let carrier = Arc::new(carrier);

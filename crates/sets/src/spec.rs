@@ -4,11 +4,13 @@ use super::splits::Splits;
 use super::variation::Rule;
 use cloud::{BoxTime, Field, FieldSet, Frame};
 use emitter::Navigation;
+use emitter::trajectory::TrajectoryOptions;
 use engine::medium::Environment;
 use engine::scan::{Order, Profile};
 use engine::scene::{CacheFile, LabelRules, MaterialRules, UpAxis};
 use engine::sensor::Sensor;
 use glam::{DQuat, DVec3};
+use ground::crs::Crs;
 use ground::error::{Error, Result};
 use ground::named::{Named, by_name};
 use ground::pose::Pose;
@@ -34,6 +36,8 @@ pub(super) struct Spec {
     pub environment: Environment,
     pub sensors: Vec<SensorEntry>,
     pub trajectory: Option<Carrier>,
+    #[serde(deserialize_with = "nothing_as_empty")]
+    pub georeference: GeoreferenceSpec,
     /// Errors of the estimate of that trajectory, with which points are placed.
     pub navigation: Option<Navigation>,
     pub frames: Option<FrameSpec>,
@@ -80,6 +84,7 @@ impl Default for Spec {
             environment: Environment::default(),
             sensors: Vec::new(),
             trajectory: None,
+            georeference: GeoreferenceSpec::default(),
             navigation: None,
             frames: None,
             strips: Vec::new(),
@@ -254,7 +259,7 @@ pub(super) struct SensorEntry {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Carrier {
     /// A file of any format of trajectories; time 0 is the first pose.
-    File(CarrierFile),
+    File(PathBuf),
     /// A fixed pose.
     At(PoseSpec),
     /// A camera node of the scene.
@@ -269,24 +274,36 @@ pub(super) enum Carrier {
     Plan(Box<PlanSpec>),
 }
 
-/// A trajectory in a file.
-#[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct CarrierFile {
-    pub file: PathBuf,
-    /// Coordinate system of the world, as [`ground::crs::Crs::open_in`] takes it.
-    #[serde(default)]
-    pub crs: Option<String>,
+/// How the world lies on the Earth.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub(super) struct GeoreferenceSpec {
+    /// Coordinate system of the world, as [`Crs::open_in`] takes it.
+    crs: Option<String>,
     /// Coordinates of the world's origin in it.
-    #[serde(default)]
-    pub offset_m: [f64; 3],
-    /// GPS week from whose start its times count.
-    #[serde(default)]
-    pub gps_week: Option<u16>,
+    offset_m: [f64; 3],
+    /// GPS week from whose start the times of the trajectory count.
+    gps_week: Option<u16>,
+}
+
+impl GeoreferenceSpec {
+    /// How to read trajectories; files of coordinate systems are in `folder`.
+    ///
+    /// # Errors
+    /// As [`Crs::open_in`].
+    pub fn options(&self, folder: &Path) -> Result<TrajectoryOptions> {
+        let crs = self.crs.as_ref().map(|crs| Crs::open_in(folder, crs)).transpose()?;
+        Ok(TrajectoryOptions::default().crs(crs).offset(DVec3::from_array(self.offset_m)).gps_week(self.gps_week))
+    }
 }
 
 impl<'de> Deserialize<'de> for Carrier {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        #[derive(Deserialize)]
+        #[serde(deny_unknown_fields)]
+        struct CarrierFile {
+            file: PathBuf,
+        }
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
         struct CarrierCamera {
@@ -310,7 +327,7 @@ impl<'de> Deserialize<'de> for Carrier {
         let value = Value::deserialize(deserializer)?;
         let has = |key: &str| value.get(key).is_some();
         Ok(match () {
-            () if has("file") => Carrier::File(inner(&value)?),
+            () if has("file") => Carrier::File(inner::<CarrierFile, _>(&value)?.file),
             () if has("camera") => Carrier::Camera(inner::<CarrierCamera, _>(&value)?.camera),
             () if has("object") => Carrier::Object(inner::<CarrierObject, _>(&value)?.object),
             () if has("poses") => Carrier::Poses(inner::<Poses, _>(&value)?.poses),

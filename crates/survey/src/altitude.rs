@@ -60,12 +60,6 @@ impl GroundProfile {
         self.heights.iter().sum::<f64>() / self.heights.len() as f64
     }
 
-    /// Least and greatest height, m.
-    pub fn span(&self) -> [f64; 2] {
-        let all = self.heights.iter();
-        all.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], &z| [low.min(z), high.max(z)])
-    }
-
     /// The height of the ground, mean over blocks of `block` m, twice: without steps or kinks.
     fn smoothed(&self, block: f64) -> Vec<f64> {
         let half = (0.5 * block / self.step).round() as usize;
@@ -107,9 +101,11 @@ impl AltitudeProfile {
         AltitudeProfile { step: 1.0, heights: vec![height_m] }
     }
 
-    /// Least height, m.
-    pub fn lowest(&self) -> f64 {
-        self.heights.iter().copied().fold(f64::INFINITY, f64::min)
+    /// Least height above the ground `below` it, m, and the distance along the line where it is.
+    pub fn least_clearance(&self, below: &GroundProfile) -> [f64; 2] {
+        let places = (0..).map(|index: u32| f64::from(index) * below.step).zip(&below.heights);
+        let clearances = places.map(|(along, ground)| [self.at(along) - ground, along]);
+        clearances.min_by(|a, b| a[0].total_cmp(&b[0])).unwrap_or([f64::INFINITY, 0.0])
     }
 
     /// Distance between the heights that it is made of, m; `None`: it is level.

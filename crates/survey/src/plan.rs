@@ -5,7 +5,7 @@ use crate::lines::{self, MOST_LINES};
 use crate::platform::{FlownLine, SurveyFlight, stations};
 use crate::spec::signed_area;
 use crate::turn::TrackPath;
-use crate::{CarrierKind, CrossLines, GroundHeight, HeightAbove, PlanSpec, SurveySwath};
+use crate::{CarrierKind, CrossLines, GroundHeight, PlanSpec, SurveySwath};
 use emitter::Trajectory;
 use glam::{DVec2, DVec3};
 use ground::error::{Error, Result};
@@ -345,17 +345,22 @@ impl Planner<'_> {
         let made = found.iter().enumerate().map(|(index, LineBelow { ends: [from, to], below })| {
             let mut path = TrackPath::new(*from, (*to - *from).to_angle());
             path.add(0.0, from.distance(*to));
-            let profile = self.profile(below, level);
-            let lowest = profile.lowest();
-            if self.spec.above != HeightAbove::Ground && lowest <= below.span()[1] && self.flies() {
-                let found =
-                    format!("{}, at z = {lowest:.1} m, below ground of strip {}", self.spec.height_m, index + 1);
-                let allowed = format!("more than {:.1} m there", below.span()[1]);
-                return Err(Error::invalid(format!("{}.height_m", self.key), found, allowed));
-            }
-            Ok(FlownLine { path, profile })
+            self.flown_above(path, below, level, index + 1)
         });
         made.collect()
+    }
+
+    /// The path of this `strip`, at its height.
+    fn flown_above(&self, path: TrackPath, below: &GroundProfile, level: f64, strip: usize) -> Result<FlownLine> {
+        let profile = self.profile(below, level);
+        let [clearance, along] = profile.least_clearance(below);
+        if self.flies() && clearance <= 0.0 {
+            let (height, place) = (self.spec.height_m, path.place(along));
+            let found = format!("{height}, below ground of strip {strip} at {:.1},{:.1}", place.x, place.y);
+            let allowed = format!("more than {:.1} m for it", height - clearance);
+            return Err(Error::invalid(format!("{}.height_m", self.key), found, allowed));
+        }
+        Ok(FlownLine { path, profile })
     }
 
     fn flies(&self) -> bool {
@@ -398,9 +403,7 @@ impl Planner<'_> {
         let along = |part: f64| path.place(path.length() * part);
         let missed = || Error::invalid(self.key, "a course that misses the scene", "a course over the scene");
         let below = GroundProfile::along(self.ground, &along, path.length(), block / 8.0).ok_or_else(missed)?;
-        let level = below.mean();
-        let profile = self.profile(&below, level);
-        Ok(FlownLine { path, profile })
+        self.flown_above(path, &below, below.mean(), 1)
     }
 
     /// What the lines cover of the area, in cells.
@@ -507,6 +510,7 @@ pub(crate) fn zone(range_m: f64, pulse_rate_hz: f64) -> u64 {
 mod tests {
     use super::*;
     use crate::AreaBox;
+    use crate::HeightAbove;
     use crate::platform::GRAVITY;
     use emitter::pattern::Pattern;
     use glam::DQuat;
@@ -676,10 +680,24 @@ mod tests {
         let edge: GroundHeight = &|x, _| (x < 500.0).then_some(0.0);
         let plan = SurveyPlan::new(&spec(CarrierKind::Linear), "plan", &swath(SCANNER), edge, 0).unwrap();
         assert!(plan.report.warnings[0].starts_with("strips leave the scene"), "{:?}", plan.report);
-        let low = PlanSpec { above: HeightAbove::Sea, height_m: 10.0, ..spec(CarrierKind::Linear) };
-        assert!(
-            super::tests::plan(&low).unwrap_err().to_string().contains("plan.height_m is 10, at z = 10.0 m, below")
-        );
+    }
+
+    /// At one height, along terrain that is steeper than it is followed, and along a course.
+    #[test]
+    fn flights_through_the_ground_are_errors() {
+        let sea = PlanSpec { above: HeightAbove::Sea, height_m: 10.0, ..spec(CarrierKind::Linear) };
+        let error = plan(&sea).unwrap_err().to_string();
+        assert!(error.contains("plan.height_m is 10, below ground of strip 1 at "), "{error}");
+        // A cliff, over which the mean of what is before and behind is 20 m lower than its edge.
+        let cliff: GroundHeight = &|x, _| Some(if x < 300.0 { 0.0 } else { 40.0 });
+        let course = PlanSpec { area: None, course_m: vec![[0.0, 0.0], [600.0, 0.0]], ..spec(CarrierKind::Linear) };
+        for low in [spec(CarrierKind::Multicopter), course] {
+            let made = |height_m: f64| {
+                SurveyPlan::new(&PlanSpec { height_m, ..low.clone() }, "plan", &swath(SCANNER), cliff, 0)
+            };
+            assert!(made(10.0).unwrap_err().to_string().contains("plan.height_m is 10, below ground of strip 1 at "));
+            assert!(made(30.0).is_ok());
+        }
     }
 
     /// Section 5 of the specification of surveys: ranges without ambiguity, and zones.

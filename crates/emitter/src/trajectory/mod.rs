@@ -181,6 +181,16 @@ impl Trajectory {
         Trajectory { georeference: georeference.into(), ..self }
     }
 
+    /// The same in a world that lies on the Earth, and with a clock, as `options` say; its poses and times stay as they are.
+    ///
+    /// # Errors
+    /// As [`Georeference::new`].
+    pub fn on_earth(self, options: &TrajectoryOptions) -> Result<Self> {
+        let place = options.clone();
+        let georeference = place.crs.map(|crs| Georeference::new(crs, place.offset)).transpose()?;
+        Ok(Trajectory { georeference, gps_week: place.gps_week, ..self })
+    }
+
     /// How the world lies on the Earth, if the trajectory was read with a coordinate system or from latitudes and longitudes.
     pub fn georeference(&self) -> Option<&Georeference> {
         self.georeference.as_ref()
