@@ -20,6 +20,7 @@ mod noise;
 mod origins;
 mod paths;
 mod patterns;
+mod primitives;
 mod printed;
 mod radar;
 mod rays;

@@ -180,6 +180,14 @@ class Mesh:
         uvs: Numbers | None = None,
         normals: Numbers | None = None,
     ) -> Mesh: ...
+    @staticmethod
+    def primitive(
+        shape: Keys,
+        *,
+        tolerance_m: float = 1e-3,
+        name: str | None = None,
+        material: MaterialLike | None = None,
+    ) -> Mesh: ...
     @property
     def name(self) -> str: ...
     @property

@@ -4,7 +4,8 @@ use crate::argument::{self, Argument, class, wrong_type};
 use crate::array::{numbers, rows};
 use crate::error::{BindingResult, no_pickle};
 use crate::material::{MaterialLike, Matter};
-use echocast::scene::{self, CornerMesh, Part};
+use crate::sensor::options_text;
+use echocast::scene::{self, CornerMesh, Part, PrimitiveShape};
 use glam::DVec3;
 use numpy::Element;
 use numpy::ndarray::{Ix1, Ix2};
@@ -144,6 +145,40 @@ impl Mesh {
         let materials = materials.len().max(1);
         let (mesh, material_of) = vertices.py().detach(|| given.mesh(name))?;
         Ok(Mesh { mesh: Arc::new(mesh), middle, material_of, materials })
+    }
+
+    /// A body given by a few numbers, about the origin: {"plane": {"size_m": [x, y]}}, {"box": {"size_m": [x, y, z]}},
+    /// {"sphere": {"radius_m": r}}, {"ellipsoid": {"radii_m": [x, y, z]}}, and, about the z axis, {"capsule": {"radius_m": r,
+    /// "length_m": l}}, "cylinder" and "cone" likewise; {"height_field": {"size_m": [x, y], "heights_m": rows}}, from least to
+    /// greatest y; {"hull": {"points_m": points}}, a convex hull. Rays meet curved bodies exactly; their outlines are those of
+    /// triangles within `tolerance_m` of them, 1e-6 to 1. `material`: as for `Scene.from_arrays`. ArgumentError and FormatError
+    /// for other shapes and numbers.
+    ///
+    /// >>> ball = ec.Mesh.primitive({"sphere": {"radius_m": 0.5}}, material="steel")
+    /// >>> live = ec.LiveScene()
+    /// >>> _ = live.add_mesh(ball, pose=(4, 0, 0))
+    /// >>> scan = live.scan("velodyne_vlp16", profile="ideal")
+    /// >>> round(float(scan.range.min()), 4)
+    /// 3.5
+    #[staticmethod]
+    #[pyo3(signature = (shape, *, tolerance_m = 1e-3, name = None, material = None))]
+    fn primitive(
+        py: Python<'_>,
+        shape: &Bound<'_, PyAny>,
+        tolerance_m: f64,
+        name: Option<&str>,
+        material: Option<MaterialLike<'_>>,
+    ) -> BindingResult<Mesh> {
+        let text = options_text(shape)?;
+        let material = material.map(|given| Matter::of(given)?.material()).transpose()?;
+        let made = || {
+            let shape = PrimitiveShape::from_yaml(&text)?;
+            let mut mesh = shape.mesh(name.unwrap_or(shape.name()), tolerance_m)?;
+            mesh.parts.iter_mut().for_each(|part| part.material.clone_from(&material));
+            Ok(mesh)
+        };
+        let mesh = py.detach(made)?;
+        Ok(Mesh { mesh: Arc::new(mesh), middle: DVec3::ZERO, material_of: vec![0], materials: 1 })
     }
 
     /// Its name.

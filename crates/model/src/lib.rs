@@ -7,11 +7,15 @@ pub mod material;
 mod mesh;
 pub mod motion;
 mod pose;
+mod primitive;
+mod quadric;
 
 pub use corners::CornerMesh;
 pub use labels::{Labels, NameTable};
 pub use mesh::{Mesh, Part, Structure, VertexSource, beyond_reach, is_degenerate, normals_are_flat, share_vertices};
 pub use pose::pose;
+pub use primitive::PrimitiveShape;
+pub use quadric::Quadric;
 
 use crate::material::Material;
 use crate::motion::{Motion, Timeline};

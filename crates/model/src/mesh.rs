@@ -1,6 +1,6 @@
 //! Triangle meshes, split into parts of one material each.
 
-use super::LARGEST;
+use super::{LARGEST, Quadric};
 use crate::material::Material;
 use glam::{DAffine3, DVec3, Vec3};
 use ground::array::Array;
@@ -27,6 +27,8 @@ builder! {
         pub triangles: Array<[u32; 3]>,
         /// What it is made of; `None`: the default material.
         pub material: Option<Arc<Material>>,
+        /// Curved surfaces that some of its triangles stand for.
+        pub quadrics: Vec<Quadric>,
     }
 }
 
@@ -94,7 +96,26 @@ impl Part {
                 return Err(Error::invalid(name, found, format!("as many as vertices, {vertices}")));
             }
         }
+        let count = self.triangles.len();
+        let is_beyond = |quadric: &&Quadric| quadric.triangles().end > count as u64;
+        if let Some(quadric) = self.quadrics.iter().find(is_beyond) {
+            let found = format!("of triangles up to {}", quadric.triangles().end);
+            return Err(Error::invalid("quadrics", found, format!("as many as there are, {count}")));
+        }
         Ok(())
+    }
+
+    /// Where a ray that hits a triangle at `near`, in lengths of `direction`, meets the curved surface that it stands for, and
+    /// a normal there, of any length; `None`: it stands for none, or the ray passes that.
+    #[doc(hidden)]
+    pub fn meet(&self, triangle: u32, origin: DVec3, direction: DVec3, near: f64) -> Option<(f64, DVec3)> {
+        let own = self.quadrics.iter().find(|quadric| quadric.triangles().contains(&triangle.into()))?;
+        // Where two surfaces touch, the one may be met through triangles of the other.
+        let beside = || {
+            let met = self.quadrics.iter().filter_map(|quadric| quadric.meet(origin, direction, near));
+            met.min_by(|a, b| (a.0 - near).abs().total_cmp(&(b.0 - near).abs()))
+        };
+        own.meet(origin, direction, near).or_else(beside)
     }
 
     /// Name of its material; empty without one.
@@ -234,6 +255,7 @@ impl Mesh {
         let parts = self.parts.iter().map(|part| Part {
             positions: positions.clone(),
             normals: normals.clone(),
+            quadrics: Vec::new(),
             ..part.clone()
         });
         let mesh = Mesh::new(self.name.clone(), parts.collect())?.with_source(self.source.clone());

@@ -42,7 +42,8 @@ pub fn pose(
         }
         if !triangles.is_empty() {
             let normals = vertices.normals.is_some().then(|| normals.into());
-            parts.push(Part { positions: positions.into(), normals, triangles, ..part.clone() });
+            let positions = positions.into();
+            parts.push(Part { positions, normals, triangles, quadrics: Vec::new(), ..part.clone() });
         }
     }
     Ok(((!parts.is_empty()).then(|| Mesh::trusted(mesh.name.clone(), parts)), degenerate))

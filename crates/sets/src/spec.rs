@@ -16,6 +16,7 @@ use ground::named::{Named, by_name};
 use ground::pose::Pose;
 use ground::read::bounds::Bounds;
 use ground::read::yaml::{Document, inner, one_or_more_words};
+use model::PrimitiveShape;
 use model::material::ReflectanceSource;
 use serde::Deserialize;
 use serde::de::{Deserializer, Error as _};
@@ -177,12 +178,18 @@ impl<'de> Deserialize<'de> for LabelSource {
     }
 }
 
-/// A model placed in the scene.
+/// A model or a primitive placed in the scene.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PlacedModel {
-    pub model: PathBuf,
-    /// Name of the instance; defaults to that of the file.
+    pub model: Option<PathBuf>,
+    pub primitive: Option<PrimitiveShape>,
+    /// Material of the library that the primitive is made of.
+    pub material: Option<String>,
+    /// Greatest distance between a primitive and its triangles, m.
+    #[serde(default = "a_millimetre")]
+    pub tolerance_m: f64,
+    /// Name of the instance; defaults to that of the file or the primitive.
     pub name: Option<String>,
     pub category: Option<String>,
     /// Position of its origin, and its orientation.
@@ -435,6 +442,10 @@ fn one() -> u32 {
 
 fn unchanged() -> f64 {
     1.0
+}
+
+fn a_millimetre() -> f64 {
+    1e-3
 }
 
 /// The set that the samples form.

@@ -2,13 +2,14 @@
 
 use super::assets::{self, Assets};
 use super::lock;
-use super::spec::{LabelSource, SceneSpec, SensorEntry, Spec};
+use super::spec::{LabelSource, PlacedModel, SceneSpec, SensorEntry, Spec};
 use super::variation::{SCALES, Units, What};
-use engine::scene::{LabelRules, LoadOptions, Scene, matches};
+use engine::scene::{LabelRules, LoadOptions, Material, Object, PrimitiveShape, Scene, matches};
 use engine::sensor::Sensor;
 use engine::trace::{Engine, LiveScene};
 use glam::{DAffine3, DVec3};
 use ground::error::{Error, Result};
+use ground::read::bounds::Bounds;
 use ground::read::yaml::Document;
 use ground::shown;
 use serde_json::Value;
@@ -51,6 +52,24 @@ const KEPT: usize = 4;
 
 /// Number of sensors kept, likewise.
 const KEPT_SENSORS: usize = 64;
+
+/// A scene of the primitive `shape` alone, as `place`, which is at `key`, describes it.
+fn primitive(place: &PlacedModel, shape: &PrimitiveShape, key: &str) -> Result<Scene> {
+    let within = |error| match error {
+        Error::InvalidParameter { name, value, allowed } => {
+            Error::InvalidParameter { name: format!("{key}.{name}"), value, allowed }
+        }
+        other => other,
+    };
+    Bounds::none().section("primitive", |bounds| shape.check(bounds)).map_err(within)?;
+    let mesh = shape.mesh(shape.name(), place.tolerance_m).map_err(within)?;
+    let mut object = Object::new(shape.name(), Arc::new(mesh));
+    object.material = place.material.as_deref().map(Material::library).transpose().map_err(within)?.map(Arc::new);
+    let mut scene = Scene::default();
+    scene.materials.extend(object.material.clone());
+    scene.objects.push(object);
+    Ok(scene)
+}
 
 impl Stage {
     /// # Errors
@@ -131,14 +150,29 @@ impl Stage {
             if !(low..=high).contains(&place.scale) {
                 return Err(Error::invalid(format!("{key}.scale"), place.scale, format!("{low:e} to {high:e}")));
             }
-            let path = folder.join(&place.model);
-            let model = self.assets.model(&path, &self.labels)?;
             let pose = place.at.pose(&format!("{key}.at"))?;
             let placed =
                 DAffine3::from_scale_rotation_translation(DVec3::splat(place.scale), pose.orientation, pose.position);
-            let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-            let name = (place.name.as_deref().unwrap_or(&stem), live.next_instance());
-            live.add_model(&model.scene, &placed, name, place.category.as_deref())?;
+            let mut add = |scene: &Scene, usual: &str| {
+                let name = (place.name.as_deref().unwrap_or(usual), live.next_instance());
+                live.add_model(scene, &placed, name, place.category.as_deref()).map(drop)
+            };
+            match (&place.model, &place.primitive) {
+                (Some(model), None) if place.material.is_none() => {
+                    let path = folder.join(model);
+                    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+                    add(&self.assets.model(&path, &self.labels)?.scene, &stem)?;
+                }
+                (None, Some(shape)) => add(&primitive(place, shape, &key)?, shape.name())?,
+                (Some(_), None) => {
+                    return Err(Error::invalid(
+                        format!("{key}.material"),
+                        "given",
+                        "for a primitive; models have their own",
+                    ));
+                }
+                _ => return Err(Error::invalid(key, "without one model", "one of model and primitive")),
+            }
         }
         live.classify(&self.labels.las_class);
         let units = Units::new(&live);

@@ -29,7 +29,9 @@ pub use load::{LoadOptions, Scene};
 pub use material_rules::{MaterialRule, MaterialRules};
 pub use model::material::surface::Material;
 pub use model::material::texture::{Filter, Texture, TextureRef, Wrap};
-pub use model::{Ancestor, Camera, CornerMesh, Labels, MOST_ANCESTORS, Mesh, NameTable, Part, UpAxis};
+pub use model::{
+    Ancestor, Camera, CornerMesh, Labels, MOST_ANCESTORS, Mesh, NameTable, Part, PrimitiveShape, Quadric, UpAxis,
+};
 pub use object::Object;
 pub use pattern::matches;
 pub use scene_files::{FORMATS, SceneFormat};

@@ -110,6 +110,9 @@ impl HitBatch {
             8 => self.trace_packets::<8>(scene, rays, count, coherence, sight),
             _ => self.trace_packets::<4>(scene, rays, count, coherence, sight),
         }
+        if scene.surfaces.has_quadrics {
+            self.meet_quadrics(scene, rays, count);
+        }
     }
 
     fn trace_packets<const W: usize>(

@@ -14,6 +14,7 @@ mod instances;
 mod live;
 mod movement;
 mod mover;
+mod quadrics;
 mod radar;
 mod shared_surfaces;
 mod sound;

@@ -43,6 +43,8 @@ pub struct Surface {
     /// Whether hits come with normals in the mesh's frame.
     pub instanced: bool,
     pub holes: Holes,
+    /// Whether triangles stand for quadrics.
+    pub curved: bool,
     /// Area, m^2, of a part that scatters sound as a whole; 0 for all others, where it is not used.
     pub area: f32,
 }
@@ -107,6 +109,8 @@ pub struct Surfaces {
     pub has_instances: bool,
     /// Whether any part has shading normals.
     pub has_shading_normals: bool,
+    /// Whether triangles of any part stand for quadrics.
+    pub has_quadrics: bool,
     /// Whether rays may pass through any surface.
     pub has_holes: bool,
     /// The parts that scatter sound as a whole.
@@ -166,12 +170,14 @@ impl Surfaces {
                     textured,
                     instanced,
                     holes,
+                    curved: !part.quadrics.is_empty(),
                     area: if scatters_whole { part.area(&object.world_from_object) as f32 } else { 0.0 },
                 });
             }
             surfaces.has_instances |= instanced;
         }
         drop(material_ids);
+        surfaces.has_quadrics = surfaces.rows.iter().any(|row| row.curved);
         surfaces.has_shading_normals = surfaces.parts.iter().any(|part| part.normals.is_some());
         surfaces.labels = labels;
         surfaces
