@@ -32,5 +32,7 @@ pub use model::material::texture::{Filter, Texture, TextureRef, Wrap};
 pub use model::{Ancestor, Camera, CornerMesh, Labels, MOST_ANCESTORS, Mesh, NameTable, Part, UpAxis};
 pub use object::Object;
 pub use pattern::matches;
-pub use scene_files::{FORMATS, SceneFormat};
+pub use load::FORMATS;
+pub use robots::GeometryUse;
+pub use scene_files::SceneFormat;
 pub use sequence::Sequence;
