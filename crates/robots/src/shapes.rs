@@ -1,6 +1,6 @@
 //! What the three formats have in common: sizes, axes, scales and colours, checked.
 
-use glam::DVec3;
+use glam::{DMat3, DQuat, DVec3};
 use ground::error::Result;
 use ground::read::xml::Xml;
 use model::material::Material;
@@ -47,4 +47,10 @@ pub(crate) fn colored(name: &str, rgba: [f64; 4]) -> Arc<Material> {
     let mut material = Material::default().name(name).base_color(rgba.map(|channel| channel.clamp(0.0, 1.0) as f32));
     material.let_through();
     Arc::new(material)
+}
+
+/// The rotation by roll, pitch and yaw, radians, about fixed axes: Rz(yaw) Ry(pitch) Rx(roll).
+pub(crate) fn from_rpy(rpy: DVec3) -> DMat3 {
+    let turned = DQuat::from_rotation_z(rpy.z) * DQuat::from_rotation_y(rpy.y) * DQuat::from_rotation_x(rpy.x);
+    DMat3::from_quat(turned)
 }

@@ -2,10 +2,12 @@
 
 use crate::folders::ModelFolders;
 use crate::robot::{
-    GeometryUse, JointKind, JointMimic, LinkGeometry, LinkShape, Robot, RobotJoint, RobotLink,
+    GeometryUse, JointKind, JointMimic, LinkGeometry, LinkShape, Robot, RobotJoint, RobotLink, RobotSite,
 };
-use crate::shapes::{checked_axis, checked_scale, colored, size_of_shape};
-use glam::{DAffine3, DMat3, DQuat, DVec3};
+use crate::sdf::pose::pose_of;
+use crate::shapes::{checked_axis, checked_scale, colored, from_rpy, size_of_shape};
+use crate::spec;
+use glam::{DAffine3, DVec3};
 use ground::error::Result;
 use ground::read::xml::Xml;
 use ground::shown;
@@ -49,6 +51,9 @@ pub(crate) fn read(root: Xml<'_>, folders: ModelFolders<'_>, geometry: GeometryU
     for joint in joints {
         reader.joint(joint, &numbers)?;
     }
+    for extension in root.children("gazebo") {
+        reader.sensors(extension)?;
+    }
     if reader.robot.links.is_empty() {
         return Err(root.error("has no link; allowed: at least one"));
     }
@@ -56,17 +61,11 @@ pub(crate) fn read(root: Xml<'_>, folders: ModelFolders<'_>, geometry: GeometryU
 }
 
 /// The transform of the `<origin>` in `holder`: `xyz` in metres, and roll, pitch and yaw in radians about fixed axes.
-pub(crate) fn origin(holder: Xml<'_>) -> Result<DAffine3> {
+fn origin(holder: Xml<'_>) -> Result<DAffine3> {
     let Some(origin) = holder.child("origin") else { return Ok(DAffine3::IDENTITY) };
     let at = origin.vector("xyz")?.unwrap_or(DVec3::ZERO);
     let rpy = origin.vector("rpy")?.unwrap_or(DVec3::ZERO);
     Ok(DAffine3::from_mat3_translation(from_rpy(rpy), at))
-}
-
-/// The rotation by roll, pitch and yaw, radians, about fixed axes: Rz(yaw) Ry(pitch) Rx(roll).
-pub(crate) fn from_rpy(rpy: DVec3) -> DMat3 {
-    let turned = DQuat::from_rotation_z(rpy.z) * DQuat::from_rotation_y(rpy.y) * DQuat::from_rotation_x(rpy.x);
-    DMat3::from_quat(turned)
 }
 
 impl<'d> UrdfReader<'d, '_> {
@@ -199,6 +198,26 @@ impl<'d> UrdfReader<'d, '_> {
         (link.parent, link.parent_from_link) = (Some(parent), origin(joint)?);
         link.joints.push(self.robot.joints.len());
         self.robot.joints.push(made);
+        Ok(())
+    }
+
+    /// Adds the sensors that a `<gazebo>` gives to the link that it is about.
+    fn sensors(&mut self, extension: Xml<'d>) -> Result<()> {
+        for sensor in extension.children("sensor") {
+            let kind = sensor.attribute("type").unwrap_or_default();
+            let Some(&link) = extension.attribute("reference").and_then(|link| self.links.get(link)) else {
+                return Err(extension.wrong("reference", "names of links"));
+            };
+            let name = sensor.required("name")?;
+            if !spec::is_lidar(kind) {
+                let kind = shown::name(kind).to_string();
+                self.robot.report.warn(sensor.told(format_args!("is left out: sensors of the type {kind:?} are not read")));
+                continue;
+            }
+            let made = spec::lidar(sensor, name)?;
+            let (link_from_site, _) = pose_of(sensor)?;
+            self.robot.sites.push(RobotSite { name: name.to_owned(), link: Some(link), link_from_site, sensor: Some(made) });
+        }
         Ok(())
     }
 }

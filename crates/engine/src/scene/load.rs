@@ -16,7 +16,7 @@ use model::material::Material;
 use model::material::TextureBudget;
 use model::motion::{Motion, Timeline};
 use model::{RawObject, RawScene, corners, surrounding, within_reach};
-use robots::{GeometryUse, RobotOptions};
+use robots::{GeometryUse, Robot, RobotOptions};
 use scene_files::{self, FileOptions, SceneFormat, gltf};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
@@ -190,6 +190,13 @@ impl Scene {
         let mut images = TextureBudget::new(options.texture_limit_mib);
         let raw = gltf::read_bytes(bytes, origin, None, &options.of_files(), &mut images)?;
         Scene::assemble(raw, options).checked(origin)?.finished(options)
+    }
+
+    /// The scene of a robot, which was read from `path`, with all positions of its joints.
+    pub(crate) fn of_robot(robot: &Robot, path: &Path, positions: &[f64], options: &LoadOptions) -> Result<Scene> {
+        let mut images = TextureBudget::new(options.texture_limit_mib);
+        let raw = robot.scene(path, positions, &options.of_robots(), &mut images)?;
+        Scene::assemble(raw, options).checked(path)?.finished(options)
     }
 
     /// Reads one scene file by itself.
