@@ -124,7 +124,8 @@ fn frames_of_sdf_are_there_and_not_in_circles() {
     let missing = sdf(link);
     assert_eq!(
         missing,
-        "FOLDER/a.sdf: line 2: there is no frame \"f\"; allowed: links, joints, frames and models of the same model"
+        "FOLDER/a.sdf: line 2: there is no frame \"f\"; allowed: links, joints, frames and models of the same model; \
+         near: l"
     );
     let circle = sdf(&format!("{link}<frame name='f'><pose relative_to='g'/></frame><frame name='g' attached_to='f'/>"));
     assert!(circle.contains("circle of frames"), "{circle}");

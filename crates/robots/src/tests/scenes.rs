@@ -30,7 +30,7 @@ fn every_link_with_geometry_is_an_object() {
     let names: Vec<&str> = yard.objects.iter().map(|object| object.name.as_str()).collect();
     assert_eq!(
         names,
-        ["ground::slab", "cart::chassis", "cart::wheel", "cart::mast::pole", "lamp_2::lamp", "lamp_1::lamp"].map(|name| name)
+        ["ground::slab", "cart::chassis", "cart::wheel", "cart::mast::pole", "lamp_1::lamp", "lamp_2::lamp"]
     );
     let lamps = ["lamp_1::lamp", "lamp_2::lamp"].map(|name| object(&yard, name));
     assert!(std::sync::Arc::ptr_eq(&lamps[0].mesh, &lamps[1].mesh));

@@ -5,6 +5,8 @@ mod library;
 mod material;
 mod mesh;
 mod node;
+#[cfg(test)]
+mod tests;
 
 use super::FileOptions;
 use super::notes::Notes;
