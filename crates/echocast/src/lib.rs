@@ -102,7 +102,7 @@
 //!
 //! # Floors
 //!
-//! The library is twelve crates behind this one, which only names what users need. A module imports only from modules
+//! The library is eleven crates behind this one, which only names what users need. A module imports only from modules
 //! below it in this list, and within a module no files import each other in a circle; Cargo and tests enforce both.
 //! Light and sound flow upwards, from `emitter` by `trace`, `echo` and `detect` to the clouds and pings that `scan`
 //! fills. Folders have no numbers that would list them in this order: paths in code are read far more often than the
@@ -192,6 +192,11 @@ pub mod survey;
 #[cfg(doctest)]
 #[doc = include_str!("../docs/motion.md")]
 mod page_of_motion {}
+
+/// Compiles the example of that page.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/robots.md")]
+mod page_of_robots {}
 
 #[doc(inline)]
 pub use ::cloud::cells::{Layout, SonarView, Sounding, Track};

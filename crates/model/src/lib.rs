@@ -28,8 +28,7 @@ use std::sync::Arc;
 pub const LARGEST: f64 = 1e18;
 
 /// The file name extensions of scenes, lower case, without the dot.
-pub const ENDINGS: &[&str] =
-    &["glb", "gltf", "obj", "ply", "stl", "fbx", "dae", "urdf", "sdf", "world", "xml", "mjcf"];
+pub const ENDINGS: &[&str] = &["glb", "gltf", "obj", "ply", "stl", "fbx", "dae", "urdf", "sdf", "world", "xml", "mjcf"];
 
 /// Which axis of a file points up, for formats that do not specify it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]

@@ -30,7 +30,11 @@ impl ModelFolders<'_> {
         let own = here.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let uri = uri.trim();
         let (searched, refused) = match uri.split_once("://") {
-            Some(("package" | "model", rest)) => (self.in_packages(own, rest), false),
+            Some(("package" | "model", rest)) => {
+                let searched = self.in_packages(own, rest);
+                let refused = searched.is_empty();
+                (searched, refused)
+            }
             Some(("file", rest)) => self.in_folders(own, rest),
             Some((scheme, _)) => {
                 let scheme = shown::name(scheme).to_string();

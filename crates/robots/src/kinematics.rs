@@ -97,9 +97,8 @@ impl Robot {
             let largest = [w, x, y, z].into_iter().fold(0.0, |largest: f64, number| largest.max(number.abs()));
             DQuat::from_xyzw(x / largest, y / largest, z / largest, w / largest).normalize()
         };
-        let about_anchor = |turned: DQuat| {
-            DAffine3::from_rotation_translation(turned, joint.anchor - turned * joint.anchor)
-        };
+        let about_anchor =
+            |turned: DQuat| DAffine3::from_rotation_translation(turned, joint.anchor - turned * joint.anchor);
         match joint.kind {
             JointKind::Fixed => parent_from_link,
             JointKind::Revolute | JointKind::Continuous => {
@@ -107,9 +106,7 @@ impl Robot {
             }
             JointKind::Prismatic => parent_from_link * DAffine3::from_translation(joint.axis * by()),
             JointKind::Ball => parent_from_link * about_anchor(quaternion(0)),
-            JointKind::Free => {
-                DAffine3::from_rotation_translation(quaternion(3), DVec3::new(own(0), own(1), own(2)))
-            }
+            JointKind::Free => DAffine3::from_rotation_translation(quaternion(3), DVec3::new(own(0), own(1), own(2))),
         }
     }
 }

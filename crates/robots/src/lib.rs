@@ -20,14 +20,13 @@ mod tests;
 mod urdf;
 
 pub use primitive::primitive_mesh;
-pub use robot::{
-    GeometryUse, JointKind, JointMimic, LinkGeometry, LinkShape, Robot, RobotJoint, RobotLink, RobotSite,
-};
+pub use robot::{GeometryUse, JointKind, JointMimic, LinkGeometry, LinkShape, Robot, RobotJoint, RobotLink, RobotSite};
 
 use folders::ModelFolders;
+use ground::builder;
 use ground::error::{Error, Result};
-use ground::read::xml::{Xml, XmlText};
 use ground::read::Limit;
+use ground::read::xml::{Xml, XmlText};
 use ground::shown;
 use model::RawScene;
 use model::material::TextureBudget;
@@ -35,17 +34,19 @@ use scene_files::{FileOptions, SceneFormat};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// How to read a robot.
-#[derive(Clone, Debug, Default)]
-pub struct RobotOptions {
-    /// Which geometry of links counts.
-    pub geometry: GeometryUse,
-    /// Folders of packages and models, in which what robots name may be besides their own folder.
-    pub model_paths: Vec<PathBuf>,
-    /// Whether what they name may be anywhere.
-    pub allow_outside_paths: bool,
-    /// Positions of joints by name, radians or metres, where they are not at rest.
-    pub joints: BTreeMap<String, f64>,
+builder! {
+    /// How to read a robot.
+    #[derive(Clone, Debug)]
+    pub struct RobotOptions {
+        /// Which geometry of links counts.
+        pub geometry: GeometryUse = GeometryUse::Visual,
+        /// Folders of packages and models, in which what robots name may be besides their own folder.
+        pub model_paths: Vec<PathBuf> = Vec::new(),
+        /// Whether what they name may be anywhere.
+        pub allow_outside_paths: bool = false,
+        /// Positions of joints by name, radians or metres, where they are not at rest.
+        pub joints: BTreeMap<String, f64> = BTreeMap::new(),
+    }
 }
 
 /// The kinds of files of robots. Which one a file is of, its outermost element says, not its name.

@@ -22,7 +22,8 @@ pub fn primitive_mesh(shape: &LinkShape) -> Option<Part> {
         LinkShape::Box { size } => Some(cuboid(size)),
         LinkShape::Plane { size: [x, y] } => {
             let corners = [[-x, -y], [x, -y], [x, y], [-x, y]];
-            let positions: Vec<[f32; 3]> = corners.iter().map(|[x, y]| [(x / 2.0) as f32, (y / 2.0) as f32, 0.0]).collect();
+            let positions: Vec<[f32; 3]> =
+                corners.iter().map(|[x, y]| [(x / 2.0) as f32, (y / 2.0) as f32, 0.0]).collect();
             Some(Part::default().positions(positions.into()).triangles(vec![[0, 1, 2], [0, 2, 3]].into()))
         }
         LinkShape::Sphere { radius } => Some(revolved(&arc(radius, 0.0, -FRAC_PI_2, FRAC_PI_2), radius, DVec3::ONE)),

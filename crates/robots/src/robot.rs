@@ -15,6 +15,7 @@ use std::sync::Arc;
 /// Which geometry of links is read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum GeometryUse {
     /// What is to be seen: `<visual>`; of MJCF the geoms of the groups 0 to 2, which its viewer shows by default.
     #[default]
@@ -27,6 +28,7 @@ named! { GeometryUse: Visual "visual", Collision "collision" }
 
 /// What a joint lets its link do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum JointKind {
     /// Nothing; it has no position.
     Fixed,

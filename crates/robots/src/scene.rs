@@ -86,7 +86,8 @@ impl Robot {
             let pose = Pose { position, orientation: orientation.normalize() };
             scene.cameras.push(Camera { name: site.name.clone(), pose, node: None });
         }
-        scene.joints = self.joints.iter().filter(|joint| joint.positions() == 1).map(|joint| joint.name.clone()).collect();
+        scene.joints =
+            self.joints.iter().filter(|joint| joint.positions() == 1).map(|joint| joint.name.clone()).collect();
         scene.report.absorb(self.report.clone());
         Ok(scene)
     }
@@ -162,7 +163,13 @@ impl<'a> LinkMeshes<'a> {
     }
 
     /// Adds the triangles of a file, or of one object of it.
-    fn add_file(&mut self, path: &Path, only: Option<&str>, link_from_file: &DAffine3, parts: &mut Vec<Part>) -> Result<()> {
+    fn add_file(
+        &mut self,
+        path: &Path,
+        only: Option<&str>,
+        link_from_file: &DAffine3,
+        parts: &mut Vec<Part>,
+    ) -> Result<()> {
         if !self.files.contains_key(path) {
             let mut file = scene_files::read(path, &self.options, self.images)?;
             self.scene.report.absorb(std::mem::take(&mut file.report));
@@ -206,12 +213,12 @@ fn moved(part: &Part, to: &DAffine3) -> (Part, usize) {
     let turned = to.matrix3.inverse().transpose();
     let mirrored = to.matrix3.determinant() < 0.0;
     let normals = part.normals.as_ref().map(|normals| {
-        let turn = |&normal: &[f32; 3]| (turned * Vec3::from(normal).as_dvec3()).normalize_or_zero().as_vec3().to_array();
+        let turn =
+            |&normal: &[f32; 3]| (turned * Vec3::from(normal).as_dvec3()).normalize_or_zero().as_vec3().to_array();
         normals.iter().map(turn).collect::<Vec<_>>().into()
     });
-    let has_area = |&[a, b, c]: &[u32; 3]| {
-        !is_degenerate(positions[a as usize], positions[b as usize], positions[c as usize])
-    };
+    let has_area =
+        |&[a, b, c]: &[u32; 3]| !is_degenerate(positions[a as usize], positions[b as usize], positions[c as usize]);
     let kept = part.triangles.iter().map(|&[a, b, c]| if mirrored { [a, c, b] } else { [a, b, c] });
     let triangles: Vec<[u32; 3]> = kept.filter(has_area).collect();
     let lost = part.triangles.len() - triangles.len();

@@ -111,11 +111,14 @@ fn angles(holder: Option<Xml<'_>>, missing: u32) -> Result<ScanAngles> {
     let resolution = holder.number_of("resolution")?.unwrap_or(1.0);
     let count = (samples * resolution).round();
     if !(1.0..=MOST).contains(&count) {
-        return Err(holder.error(format_args!("has {samples} samples at a resolution of {resolution}; allowed: 1 to {MOST} rays")));
+        return Err(holder
+            .error(format_args!("has {samples} samples at a resolution of {resolution}; allowed: 1 to {MOST} rays")));
     }
     let [low, high] = [holder.number_of("min_angle")?.unwrap_or(0.0), holder.number_of("max_angle")?.unwrap_or(0.0)];
     if low > high || count > 1.0 && low == high {
-        return Err(holder.error(format_args!("has min_angle {low} and max_angle {high}; allowed: min_angle below max_angle")));
+        return Err(
+            holder.error(format_args!("has min_angle {low} and max_angle {high}; allowed: min_angle below max_angle"))
+        );
     }
     Ok(ScanAngles { low, high, count })
 }

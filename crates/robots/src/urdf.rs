@@ -89,7 +89,8 @@ impl<'d> UrdfReader<'d, '_> {
 
     fn geometry(&mut self, part: Xml<'d>) -> Result<LinkGeometry> {
         let holder = part.child("geometry").ok_or_else(|| part.error("has no geometry"))?;
-        let shape = holder.elements().next().ok_or_else(|| holder.error("is empty; allowed: box, cylinder, sphere, mesh"))?;
+        let shape =
+            holder.elements().next().ok_or_else(|| holder.error("is empty; allowed: box, cylinder, sphere, mesh"))?;
         let made = match shape.name() {
             "box" => LinkShape::Box { size: DVec3::from(size_of_shape::<3>(shape, "size")?) },
             "sphere" => LinkShape::Sphere { radius: size_of_shape::<1>(shape, "radius")?[0] },
@@ -103,7 +104,8 @@ impl<'d> UrdfReader<'d, '_> {
             },
             "mesh" => {
                 let file = shape.required("filename")?;
-                let path = self.folders.find(shape.path(), file).map_err(|why| shape.error(format_args!("filename {why}")))?;
+                let path =
+                    self.folders.find(shape.path(), file).map_err(|why| shape.error(format_args!("filename {why}")))?;
                 let scale = checked_scale(shape, shape.vector("scale")?)?;
                 LinkShape::Mesh { path, scale, from_mesh: DAffine3::IDENTITY, only: None }
             }
@@ -172,11 +174,13 @@ impl<'d> UrdfReader<'d, '_> {
                 made.axis = checked_axis(axis, "xyz", given)?;
             }
         }
-        if let Some(limit) = joint.child("limit").filter(|_| matches!(kind, JointKind::Revolute | JointKind::Prismatic)) {
+        if let Some(limit) = joint.child("limit").filter(|_| matches!(kind, JointKind::Revolute | JointKind::Prismatic))
+        {
             // Both are 0 where they are not given.
             let [low, high] = [limit.number("lower")?.unwrap_or(0.0), limit.number("upper")?.unwrap_or(0.0)];
             if low > high {
-                return Err(limit.error(format_args!("of joint {name:?} has lower {low} and upper {high}; allowed: lower first")));
+                return Err(limit
+                    .error(format_args!("of joint {name:?} has lower {low} and upper {high}; allowed: lower first")));
             }
             made.limits = Some([low, high]);
         }
@@ -211,12 +215,19 @@ impl<'d> UrdfReader<'d, '_> {
             let name = sensor.required("name")?;
             if !spec::is_lidar(kind) {
                 let kind = shown::name(kind).to_string();
-                self.robot.report.warn(sensor.told(format_args!("is left out: sensors of the type {kind:?} are not read")));
+                self.robot
+                    .report
+                    .warn(sensor.told(format_args!("is left out: sensors of the type {kind:?} are not read")));
                 continue;
             }
             let made = spec::lidar(sensor, name)?;
             let (link_from_site, _) = pose_of(sensor)?;
-            self.robot.sites.push(RobotSite { name: name.to_owned(), link: Some(link), link_from_site, sensor: Some(made) });
+            self.robot.sites.push(RobotSite {
+                name: name.to_owned(),
+                link: Some(link),
+                link_from_site,
+                sensor: Some(made),
+            });
         }
         Ok(())
     }

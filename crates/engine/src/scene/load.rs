@@ -112,12 +112,11 @@ impl LoadOptions {
 
     /// The options for readers of robots.
     pub(crate) fn of_robots(&self) -> RobotOptions {
-        RobotOptions {
-            geometry: self.geometry,
-            model_paths: self.model_paths.clone(),
-            allow_outside_paths: self.allow_outside_paths,
-            joints: self.joints.clone(),
-        }
+        RobotOptions::default()
+            .geometry(self.geometry)
+            .model_paths(self.model_paths.clone())
+            .allow_outside_paths(self.allow_outside_paths)
+            .joints(self.joints.clone())
     }
 }
 

@@ -244,7 +244,10 @@ mod tests {
         assert_eq!(axis, "FILE: line 3: joint \"hip\" has axis \"1 0 nan\"; allowed: 3 numbers");
         let content = about(|joint| joint.content_numbers::<3>().map(drop));
         assert_eq!(content, "FILE: line 3: joint \"hip\" holds \"1 2\"; allowed: 3 numbers");
-        assert_eq!(about(|joint| joint.required("type").map(drop)), "FILE: line 3: joint \"hip\" has no attribute type");
+        assert_eq!(
+            about(|joint| joint.required("type").map(drop)),
+            "FILE: line 3: joint \"hip\" has no attribute type"
+        );
     }
 
     #[test]

@@ -25,10 +25,8 @@ impl IncludedTexts {
         while let Some(path) = open.pop() {
             if path == main || texts.iter().any(|(known, _)| *known == path) {
                 // MuJoCo allows this neither.
-                return Err(root.error(format_args!(
-                    "includes {:?} twice; allowed: each file once",
-                    ground::shown::path(&path)
-                )));
+                return Err(root
+                    .error(format_args!("includes {:?} twice; allowed: each file once", ground::shown::path(&path))));
             }
             if texts.len() == MOST_FILES {
                 return Err(root.error(format_args!("includes more than {MOST_FILES} files, the most allowed")));

@@ -120,7 +120,8 @@ impl<'d, 'm> GeomReader<'d, 'm> {
             },
             ("mesh", None) => return Err(geom.wrong("mesh", "names of meshes")),
             ("hfield" | "sdf", _) | (_, Some(_)) => {
-                report.warn(geom.element.told(format_args!("is left out: a geom of type {kind} with a field or a mesh")));
+                report
+                    .warn(geom.element.told(format_args!("is left out: a geom of type {kind} with a field or a mesh")));
                 return Ok(None);
             }
             _ => self.primitive(geom, kind)?,
@@ -168,7 +169,12 @@ impl<'d, 'm> GeomReader<'d, 'm> {
             _ => return Err(geom.wrong("type", "plane, sphere, capsule, ellipsoid, cylinder, box, mesh")),
         };
         let of_plane = |size: &f64| kind == "plane" && *size == 0.0;
-        if sizes.len() < needed || !sizes.iter().take(needed.max(if kind == "plane" { 2 } else { 0 })).all(|size| is_size(*size) || of_plane(size)) {
+        if sizes.len() < needed
+            || !sizes
+                .iter()
+                .take(needed.max(if kind == "plane" { 2 } else { 0 }))
+                .all(|size| is_size(*size) || of_plane(size))
+        {
             return Err(geom.wrong("size", SIZES));
         }
         let size = |index: usize| sizes.get(index).copied().unwrap_or(sizes.first().copied().unwrap_or(0.0));
@@ -179,7 +185,8 @@ impl<'d, 'm> GeomReader<'d, 'm> {
             "ellipsoid" => LinkShape::Ellipsoid { radii: DVec3::new(size(0), size(1), size(2)) },
             "box" => LinkShape::Box { size: 2.0 * DVec3::new(size(0), size(1), size(2)) },
             _ => {
-                let edge = |index: usize| sizes.get(index).filter(|size| **size > 0.0).map_or(ENDLESS_M, |size| 2.0 * size);
+                let edge =
+                    |index: usize| sizes.get(index).filter(|size| **size > 0.0).map_or(ENDLESS_M, |size| 2.0 * size);
                 LinkShape::Plane { size: [edge(0), edge(1)] }
             }
         })
@@ -198,7 +205,9 @@ impl<'d, 'm> GeomReader<'d, 'm> {
             LinkShape::Capsule { radius, .. } => LinkShape::Capsule { radius, length: distance },
             LinkShape::Cylinder { radius, .. } => LinkShape::Cylinder { radius, length: distance },
             LinkShape::Box { size } => LinkShape::Box { size: DVec3::new(size.x, size.y, distance) },
-            LinkShape::Ellipsoid { radii } => LinkShape::Ellipsoid { radii: DVec3::new(radii.x, radii.y, distance / 2.0) },
+            LinkShape::Ellipsoid { radii } => {
+                LinkShape::Ellipsoid { radii: DVec3::new(radii.x, radii.y, distance / 2.0) }
+            }
             _ => return Err(geom.wrong("fromto", "capsules, cylinders, boxes and ellipsoids between two points")),
         };
         let turned = DQuat::from_rotation_arc(DVec3::Z, axis);

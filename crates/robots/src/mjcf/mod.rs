@@ -19,8 +19,8 @@ use ground::read::xml::Xml;
 use ground::shown;
 use std::f64::consts::FRAC_PI_2;
 
-/// Deepest hierarchy of bodies.
-const DEEPEST: usize = 1000;
+/// Deepest hierarchy of bodies: each takes some of the caller's stack.
+const DEEPEST: usize = 100;
 
 /// Reads the MJCF whose outermost element is `root`.
 ///
@@ -28,10 +28,7 @@ const DEEPEST: usize = 1000;
 /// What is missing, not a number or not allowed, with its line; a file that is not there.
 pub(crate) fn read(root: Xml<'_>, folders: ModelFolders<'_>, geometry: GeometryUse) -> Result<Robot> {
     let included = IncludedTexts::load(root, folders)?;
-    let documents = included
-        .texts()
-        .map(|(path, text)| Ok((path, text, text.parse()?)))
-        .collect::<Result<Vec<_>>>()?;
+    let documents = included.texts().map(|(path, text)| Ok((path, text, text.parse()?))).collect::<Result<Vec<_>>>()?;
     let roots = documents.iter().map(|(path, text, document)| (*path, Xml::root(document, text))).collect();
     let tree = MjcfTree { roots, main: root.path(), folders };
     let sections = tree.children(root);
@@ -106,7 +103,9 @@ impl<'d, 'm> BodyReader<'d, 'm> {
                     self.robot.sites.push(RobotSite { name, link: Some(place.link), link_from_site, sensor: None });
                 }
                 "replicate" | "composite" | "flexcomp" | "attach" => {
-                    self.robot.report.warn(element.told("is left out: MuJoCo expands it, and can save what it becomes"));
+                    self.robot
+                        .report
+                        .warn(element.told("is left out: MuJoCo expands it, and can save what it becomes"));
                 }
                 _ => {}
             }
@@ -124,7 +123,10 @@ impl<'d, 'm> BodyReader<'d, 'm> {
         link.parent_from_link = place.link_from_frame * self.compiler.pose(own)?;
         self.robot.links.push(link);
         let class = body.attribute("childclass").or(place.class);
-        self.contents(body, BodyPlace { link: index, link_from_frame: DAffine3::IDENTITY, class, depth: place.depth + 1 })
+        self.contents(
+            body,
+            BodyPlace { link: index, link_from_frame: DAffine3::IDENTITY, class, depth: place.depth + 1 },
+        )
     }
 
     fn joint(&mut self, element: Xml<'d>, place: BodyPlace<'d>) -> Result<()> {

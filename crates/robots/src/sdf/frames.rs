@@ -97,7 +97,8 @@ impl SdfFrames {
     pub fn name(&mut self, scope: usize, name: &str, frame: usize, element: Xml<'_>) -> Result<()> {
         match self.scopes[scope].1.insert(name.to_owned(), frame) {
             None => Ok(()),
-            Some(_) => Err(element.error("has the name of another link, joint, frame or model beside it; allowed: names that differ")),
+            Some(_) => Err(element
+                .error("has the name of another link, joint, frame or model beside it; allowed: names that differ")),
         }
     }
 
@@ -222,7 +223,8 @@ impl SdfFrames {
     }
 
     fn circle(&self, reference: &FrameRef) -> Error {
-        let message = "a pose is relative to itself by a circle of frames; allowed: relative_to and attached_to without circles";
+        let message =
+            "a pose is relative to itself by a circle of frames; allowed: relative_to and attached_to without circles";
         match reference {
             FrameRef::Named { place, .. } => place.error(message),
             FrameRef::Known(_) => Error::invalid("relative_to", "a circle of frames", "frames without circles"),

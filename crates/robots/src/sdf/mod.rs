@@ -35,7 +35,11 @@ pub(crate) fn read(root: Xml<'_>, folders: ModelFolders<'_>, geometry: GeometryU
     if place.name() != "world" && place.child("model").is_none() && place.child("include").is_none() {
         return Err(root.error("has neither a world nor a model"));
     }
-    reader.robot.name = place.attribute("name").or(place.child("model").and_then(|model| model.attribute("name"))).unwrap_or_default().to_owned();
+    reader.robot.name = place
+        .attribute("name")
+        .or(place.child("model").and_then(|model| model.attribute("name")))
+        .unwrap_or_default()
+        .to_owned();
     reader.contents(place, &world)?;
     if root.children("world").count() > 1 {
         reader.robot.report.warn(root.told("has several worlds: the first is read"));
@@ -116,7 +120,9 @@ impl<'o> SdfReader<'o> {
     /// Reads what is in a world or a model.
     fn contents(&mut self, holder: Xml<'_>, scope: &SdfScope) -> Result<()> {
         if scope.depth > DEEPEST {
-            return Err(holder.error(format_args!("is nested more than {DEEPEST} deep; allowed: less, and no model in itself")));
+            return Err(
+                holder.error(format_args!("is nested more than {DEEPEST} deep; allowed: less, and no model in itself"))
+            );
         }
         for element in holder.elements() {
             match element.name() {
@@ -162,10 +168,11 @@ impl<'o> SdfReader<'o> {
         let first = model.child("link").and_then(|link| link.attribute("name"));
         let nested = model.child("model").and_then(|model| model.attribute("name"));
         let canonical = canonical.or(first).or(nested).map(|name| own.reference(Some(name), frame, model));
-        self.frames.set(frame, placement.map(|name| own.reference(Some(name), frame, placed)), NamedThing::Model {
-            scope: own.scope,
-            canonical,
-        });
+        self.frames.set(
+            frame,
+            placement.map(|name| own.reference(Some(name), frame, placed)),
+            NamedThing::Model { scope: own.scope, canonical },
+        );
         self.frames.name(scope.scope, name, frame, placed)?;
         self.contents(model, &own)
     }
@@ -230,7 +237,13 @@ impl<'o> SdfReader<'o> {
             let geometry = &mut self.robot.links[index].geometry;
             if let Some(frame) = relative_to {
                 let relative_to = scope.reference(Some(frame), scope.frame, part);
-                self.poses.push(OpenPose { link: index, index: geometry.len(), relative_to, pose: pose * turned, is_site: false });
+                self.poses.push(OpenPose {
+                    link: index,
+                    index: geometry.len(),
+                    relative_to,
+                    pose: pose * turned,
+                    is_site: false,
+                });
             }
             geometry.push(LinkGeometry { link_from_geometry: pose * turned, shape, material, replaces });
         }
@@ -244,7 +257,9 @@ impl<'o> SdfReader<'o> {
         let kind = sensor.attribute("type").unwrap_or_default();
         let name = format!("{}::{}", self.robot.links[link].name, sensor.required("name")?);
         if !spec::is_lidar(kind) {
-            self.robot.report.warn(sensor.told(format_args!("is left out: sensors of the type {:?} are not read", shown::name(kind))));
+            self.robot.report.warn(
+                sensor.told(format_args!("is left out: sensors of the type {:?} are not read", shown::name(kind))),
+            );
             return Ok(());
         }
         let made = spec::lidar(sensor, &name)?;
@@ -358,7 +373,9 @@ impl<'o> SdfReader<'o> {
             link.parent_from_link = *pose;
         }
         let names: Vec<String> = self.joints.iter().map(|open| open.joint.name.clone()).collect();
-        for OpenJoint { mut joint, place, parent, child, frame, expressed_in, mimics } in std::mem::take(&mut self.joints) {
+        for OpenJoint { mut joint, place, parent, child, frame, expressed_in, mimics } in
+            std::mem::take(&mut self.joints)
+        {
             let child_link = self.frames.link_of(&child)?;
             let Some(child_link) = child_link else {
                 return Err(place.error("a joint has the world as its child; allowed: links"));
@@ -372,12 +389,18 @@ impl<'o> SdfReader<'o> {
             if let Some((other, multiplier, offset)) = mimics {
                 let found = names.iter().position(|name| *name == other);
                 let found = found.ok_or_else(|| {
-                    place.error(format!("the joint mimics {:?}, which is no joint; allowed: names of joints", shown::name(&other)))
+                    place.error(format!(
+                        "the joint mimics {:?}, which is no joint; allowed: names of joints",
+                        shown::name(&other)
+                    ))
                 })?;
                 joint.mimic = Some(JointMimic { joint: found, multiplier, offset });
             }
             let link = &mut self.robot.links[child_link];
-            let is_second = link.joints.last().is_some_and(|&last| joint.name == format!("{}::axis2", self.robot.joints[last].name));
+            let is_second = link
+                .joints
+                .last()
+                .is_some_and(|&last| joint.name == format!("{}::axis2", self.robot.joints[last].name));
             if !link.joints.is_empty() && !is_second {
                 return Err(place.error(format!(
                     "a joint moves link {:?}, which another joint moves already; allowed: one joint for each link",

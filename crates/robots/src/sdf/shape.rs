@@ -46,7 +46,8 @@ pub(super) fn shape_of(
         "capsule" => LinkShape::Capsule { radius: size("radius", 0.5)?, length: size("length", 1.0)? },
         "ellipsoid" => LinkShape::Ellipsoid { radii: sizes("radii", 1.0)? },
         "plane" => {
-            let normal = shape.child("normal").map(Xml::content_numbers::<3>).transpose()?.map_or(DVec3::Z, DVec3::from);
+            let normal =
+                shape.child("normal").map(Xml::content_numbers::<3>).transpose()?.map_or(DVec3::Z, DVec3::from);
             let Some(normal) = normal.try_normalize() else {
                 return Err(shape.error("has a normal of length 0; allowed: a direction"));
             };
@@ -66,7 +67,10 @@ pub(super) fn shape_of(
             let path = folders.find(shape.path(), uri.content()).map_err(|why| uri.error(why))?;
             let scale = shape.child("scale").map(Xml::content_numbers::<3>).transpose()?.map(DVec3::from);
             let submesh = shape.child("submesh");
-            if submesh.and_then(|submesh| submesh.content_of("center")).is_some_and(|center| ["true", "1"].contains(&center)) {
+            if submesh
+                .and_then(|submesh| submesh.content_of("center"))
+                .is_some_and(|center| ["true", "1"].contains(&center))
+            {
                 report.warn(shape.told("has a submesh to be centred: it stays where it is in its file"));
             }
             LinkShape::Mesh {
@@ -101,4 +105,3 @@ pub(super) fn material_of(part: Xml<'_>, name: &str) -> Result<Option<Arc<Materi
     }
     Ok(Some(colored(name, rgba)))
 }
-

@@ -48,15 +48,27 @@ fn meshes_that_are_not_there_are_named_with_the_paths_searched() {
          FOLDER/pkg/x.stl; allowed: a file in the folder of the file or of model_paths (--model-path)"
     );
     let outside = urdf(&visual("<mesh filename='../x.stl'/>"));
-    assert!(outside.contains("leads out of the folder of the file and of those given; allowed: files in them"), "{outside}");
+    assert!(
+        outside.contains("leads out of the folder of the file and of those given; allowed: files in them"),
+        "{outside}"
+    );
     let scheme = urdf(&visual("<mesh filename='http://x/x.stl'/>"));
     assert!(scheme.contains("has the scheme \"http\"; allowed: package://, model://, file://, and paths"), "{scheme}");
-    assert!(sdf(&visual("<mesh><uri>model://no/x.dae</uri></mesh>")).contains("\"model://no/x.dae\" is not there; searched: "));
+    assert!(
+        sdf(&visual("<mesh><uri>model://no/x.dae</uri></mesh>"))
+            .contains("\"model://no/x.dae\" is not there; searched: ")
+    );
 }
 
 #[test]
 fn packages_cannot_name_what_is_outside_of_them() {
-    for name in ["package://pkg/../../x.stl", "package://../x.stl", "package:///etc/passwd", "file:///etc/passwd", "/etc/passwd"] {
+    for name in [
+        "package://pkg/../../x.stl",
+        "package://../x.stl",
+        "package:///etc/passwd",
+        "file:///etc/passwd",
+        "/etc/passwd",
+    ] {
         let error = urdf(&visual(&format!("<mesh filename='{name}'/>")));
         assert!(!error.contains("passwd; ") && !error.contains("/etc/passwd, "), "{error}");
         assert!(error.contains("leads out of") || error.contains("is not there"), "{error}");
@@ -66,7 +78,11 @@ fn packages_cannot_name_what_is_outside_of_them() {
 #[test]
 fn joints_form_a_tree() {
     let circle = urdf(&[LINKS, &joint("i", "l", "m"), &joint("j", "m", "l")].concat());
-    assert!(circle.starts_with("FOLDER/a.urdf: link \"l\" hangs on itself by a circle of joints") || circle.contains("link \"m\" hangs on itself"), "{circle}");
+    assert!(
+        circle.starts_with("FOLDER/a.urdf: link \"l\" hangs on itself by a circle of joints")
+            || circle.contains("link \"m\" hangs on itself"),
+        "{circle}"
+    );
     let twice = urdf(&[LINKS, "<link name='n'/>", &joint("i", "l", "m"), "\n", &joint("j", "n", "m")].concat());
     assert_eq!(
         twice,
@@ -98,7 +114,10 @@ fn sizes_scales_and_axes_make_sense() {
     assert!(urdf(&[LINKS, &axis].concat()).contains("has xyz [0.0, 0.0, 0.0]; allowed: a direction, not of length 0"));
     assert!(mjcf("<geom type='box' size='1 -1 1'/>").contains("geom has size \"1 -1 1\"; allowed: metres above 0"));
     assert!(mjcf("<geom type='capsule' size='1'/>").contains("geom has size \"1\"; allowed: metres above 0"));
-    assert!(sdf(&visual("<sphere><radius>-1</radius></sphere>")).contains("sphere has the radius -1; allowed: metres above 0"));
+    assert!(
+        sdf(&visual("<sphere><radius>-1</radius></sphere>"))
+            .contains("sphere has the radius -1; allowed: metres above 0")
+    );
 }
 
 #[test]
@@ -127,10 +146,14 @@ fn frames_of_sdf_are_there_and_not_in_circles() {
         "FOLDER/a.sdf: line 2: there is no frame \"f\"; allowed: links, joints, frames and models of the same model; \
          near: l"
     );
-    let circle = sdf(&format!("{link}<frame name='f'><pose relative_to='g'/></frame><frame name='g' attached_to='f'/>"));
+    let circle =
+        sdf(&format!("{link}<frame name='f'><pose relative_to='g'/></frame><frame name='g' attached_to='f'/>"));
     assert!(circle.contains("circle of frames"), "{circle}");
     let double = sdf("<link name='l'/>\n<frame name='l'/>");
-    assert!(double.contains("line 3: frame \"l\" has the name of another link, joint, frame or model beside it"), "{double}");
+    assert!(
+        double.contains("line 3: frame \"l\" has the name of another link, joint, frame or model beside it"),
+        "{double}"
+    );
     let joint = "<joint name='j' type='fixed'><parent>l</parent><child>world</child></joint><link name='l'/>";
     assert!(sdf(joint).contains("a joint has the world as its child; allowed: links"));
 }
@@ -150,17 +173,29 @@ fn models_do_not_include_themselves_for_ever() {
 #[test]
 fn other_files_are_told_from_robots() {
     let error = fault_of("a.xml", "<document/>", &RobotOptions::default());
-    assert_eq!(error, "FOLDER/a.xml: line 1: the outermost element is \"document\"; allowed: robot (URDF), sdf, mujoco (MJCF)");
+    assert_eq!(
+        error,
+        "FOLDER/a.xml: line 1: the outermost element is \"document\"; allowed: robot (URDF), sdf, mujoco (MJCF)"
+    );
     let macros = "<robot name='a' xmlns:xacro='http://www.ros.org/wiki/xacro'><xacro:macro name='m'/></robot>";
-    assert!(fault_of("a.urdf", macros, &RobotOptions::default()).contains("holds macros of xacro; allowed: plain URDF"));
+    assert!(
+        fault_of("a.urdf", macros, &RobotOptions::default()).contains("holds macros of xacro; allowed: plain URDF")
+    );
     assert!(urdf("").contains("has no link; allowed: at least one"));
+}
+
+#[test]
+fn bodies_are_nested_as_deep_as_the_stack_allows() {
+    let bodies = ["<body>".repeat(200), "</body>".repeat(200)].concat();
+    assert!(mjcf(&bodies).contains("is below more than 100 bodies, the most allowed"));
 }
 
 #[test]
 fn deep_trees_are_read_without_recursion_that_overflows() {
     let count = 20_000;
     let links: String = (0..count).map(|k| format!("<link name='l{k}'/>")).collect();
-    let joints: String = (1..count).rev().map(|k| joint(&format!("j{k}"), &format!("l{}", k - 1), &format!("l{k}"))).collect();
+    let joints: String =
+        (1..count).rev().map(|k| joint(&format!("j{k}"), &format!("l{}", k - 1), &format!("l{k}"))).collect();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.urdf");
     fs::write(&path, format!("<robot name='a'>{links}{joints}</robot>")).unwrap();

@@ -34,9 +34,11 @@ fn compare(robot: &Robot, table: &str) -> (usize, f64) {
         }
         let n = |row: usize, column: usize| numbers[4 * row + column];
         let columns = [0, 1, 2, 3].map(|column| DVec3::new(n(0, column), n(1, column), n(2, column)));
-        let expected = DAffine3::from_mat3_translation(DMat3::from_cols(columns[0], columns[1], columns[2]), columns[3]);
+        let expected =
+            DAffine3::from_mat3_translation(DMat3::from_cols(columns[0], columns[1], columns[2]), columns[3]);
         let found = poses[robot.link(name).unwrap()];
-        let off = (found.matrix3 - expected.matrix3).to_cols_array().into_iter().fold(0f64, |most, x| most.max(x.abs()));
+        let off =
+            (found.matrix3 - expected.matrix3).to_cols_array().into_iter().fold(0f64, |most, x| most.max(x.abs()));
         worst = worst.max(off).max((found.translation - expected.translation).length());
         count += 1;
     }
@@ -150,7 +152,11 @@ fn sensors_are_mounted_where_the_files_say() {
     assert_eq!(scanner.link_from_site.translation, DVec3::new(0.5, 0.0, 0.2));
     let elevations = scanner.sensor.as_ref().unwrap()["pattern"]["channels"]["elevation_deg"].as_array().unwrap();
     assert_eq!(elevations.len(), 16);
-    assert!(cart.report.warnings.iter().any(|warning| warning.contains("\"compass\" is left out")), "{:?}", cart.report);
+    assert!(
+        cart.report.warnings.iter().any(|warning| warning.contains("\"compass\" is left out")),
+        "{:?}",
+        cart.report
+    );
 
     let arm = load("arm.urdf");
     let spec = arm.sites[0].sensor.as_ref().unwrap();

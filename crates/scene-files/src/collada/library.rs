@@ -6,11 +6,11 @@ use ground::shown;
 use std::collections::HashMap;
 
 /// Every element of a file that has an id.
-pub(super) struct Library<'d> {
+pub(super) struct ColladaLibrary<'d> {
     ids: HashMap<&'d str, Xml<'d>>,
 }
 
-impl<'d> Library<'d> {
+impl<'d> ColladaLibrary<'d> {
     /// Those below `root`; of two with one id the first counts.
     pub fn new(root: Xml<'d>) -> Self {
         let mut ids = HashMap::new();
@@ -22,7 +22,7 @@ impl<'d> Library<'d> {
             let below: Vec<Xml<'d>> = element.elements().collect();
             open.extend(below.into_iter().rev());
         }
-        Library { ids }
+        ColladaLibrary { ids }
     }
 
     /// The element with an id.

@@ -1,6 +1,6 @@
 //! Materials of the common profile and their images.
 
-use super::library::{Library, name_of};
+use super::library::{ColladaLibrary, name_of};
 use crate::FileOptions;
 use crate::gltf::percent_decoded;
 use crate::notes::Notes;
@@ -18,7 +18,7 @@ use std::sync::Arc;
 pub(super) struct ColladaMaterials<'d, 'a> {
     /// In the order of their use.
     pub list: Vec<Arc<Material>>,
-    library: &'a Library<'d>,
+    library: &'a ColladaLibrary<'d>,
     options: &'a FileOptions<'a>,
     budget: &'a mut TextureBudget,
     /// By id.
@@ -28,7 +28,7 @@ pub(super) struct ColladaMaterials<'d, 'a> {
 }
 
 impl<'d, 'a> ColladaMaterials<'d, 'a> {
-    pub fn new(library: &'a Library<'d>, options: &'a FileOptions<'a>, budget: &'a mut TextureBudget) -> Self {
+    pub fn new(library: &'a ColladaLibrary<'d>, options: &'a FileOptions<'a>, budget: &'a mut TextureBudget) -> Self {
         let (known, images) = (HashMap::new(), HashMap::new());
         ColladaMaterials { list: Vec::new(), library, options, budget, known, images }
     }
@@ -55,9 +55,10 @@ impl<'d, 'a> ColladaMaterials<'d, 'a> {
     /// Gives `material` what the common profile says of it.
     fn apply(&mut self, material: &mut Material, profile: Xml<'d>, notes: &mut Notes) -> Result<()> {
         let technique = profile.child("technique");
-        let shader = technique.into_iter().flat_map(Xml::elements).find(|element| {
-            ["phong", "lambert", "blinn", "constant"].contains(&element.name())
-        });
+        let shader = technique
+            .into_iter()
+            .flat_map(Xml::elements)
+            .find(|element| ["phong", "lambert", "blinn", "constant"].contains(&element.name()));
         let Some(shader) = shader else { return Ok(()) };
         // A surface without shading has the colour that it would emit.
         let base = if shader.name() == "constant" { "emission" } else { "diffuse" };
@@ -79,9 +80,10 @@ impl<'d, 'a> ColladaMaterials<'d, 'a> {
         }
         let opacity = opacity(shader)?;
         if opacity == 0.0 {
-            notes.add("materials that would be invisible are taken as opaque: exporters differ in what transparency means", || {
-                format!("{:?}", shown::name(&material.name))
-            });
+            notes.add(
+                "materials that would be invisible are taken as opaque: exporters differ in what transparency means",
+                || format!("{:?}", shown::name(&material.name)),
+            );
         } else {
             material.base_color[3] = opacity;
         }
@@ -149,9 +151,11 @@ impl<'d, 'a> ColladaMaterials<'d, 'a> {
 
 /// The file of the image behind a sampler: by its surface (1.4), by its image (1.5), or, as some exporters write it, the
 /// image itself.
-fn image_file<'d>(library: &Library<'d>, profile: Xml<'d>, sampler: &'d str) -> Option<&'d str> {
+fn image_file<'d>(library: &ColladaLibrary<'d>, profile: Xml<'d>, sampler: &'d str) -> Option<&'d str> {
     let parameter = |sid: &str| {
-        let all = profile.children("newparam").chain(profile.child("technique").into_iter().flat_map(|t| t.children("newparam")));
+        let all = profile
+            .children("newparam")
+            .chain(profile.child("technique").into_iter().flat_map(|t| t.children("newparam")));
         all.into_iter().find(|parameter| parameter.attribute("sid") == Some(sid))
     };
     let image = match parameter(sampler).and_then(|parameter| parameter.child("sampler2D")) {

@@ -1,6 +1,6 @@
 //! Geometries: polygons with the numbers of their sources.
 
-use super::library::{Library, name_of};
+use super::library::{ColladaLibrary, name_of};
 use super::material::ColladaMaterials;
 use crate::FileOptions;
 use crate::faces::{Corner, Faces, NONE, PartMaker};
@@ -30,7 +30,7 @@ pub(super) struct ColladaMeshes<'d, 'a> {
     pub materials: ColladaMaterials<'d, 'a>,
     /// Triangles without area that were left out.
     pub degenerate_triangles: usize,
-    library: &'a Library<'d>,
+    library: &'a ColladaLibrary<'d>,
     options: &'a FileOptions<'a>,
     /// By the geometry and its materials.
     known: HashMap<String, Option<ColladaMesh>>,
@@ -54,12 +54,12 @@ struct Places {
 
 /// The indices of a corner's attributes: which of its numbers, and the elements that it counts.
 #[derive(Clone, Copy, Default)]
-struct Attribute {
+struct CornerIndex {
     offset: usize,
     elements: [u32; 2],
 }
 
-impl Attribute {
+impl CornerIndex {
     /// The index of the corner with these indices; `None`: it is out of range.
     fn index(self, corner: &[u32]) -> Option<u32> {
         let [first, count] = self.elements;
@@ -68,13 +68,19 @@ impl Attribute {
 }
 
 impl<'d, 'a> ColladaMeshes<'d, 'a> {
-    pub fn new(library: &'a Library<'d>, options: &'a FileOptions<'a>, materials: ColladaMaterials<'d, 'a>) -> Self {
+    pub fn new(library: &'a ColladaLibrary<'d>, options: &'a FileOptions<'a>, materials: ColladaMaterials<'d, 'a>) -> Self {
         ColladaMeshes { materials, degenerate_triangles: 0, library, options, known: HashMap::new() }
     }
 
     /// The mesh of a geometry with the materials of `bindings`; `None`: it has no triangles.
-    pub fn get(&mut self, geometry: Xml<'d>, bindings: &[Binding<'d>], notes: &mut Notes) -> Result<Option<ColladaMesh>> {
-        let bound: Vec<_> = bindings.iter().map(|(symbol, target, set)| (symbol, target.attribute("id"), set)).collect();
+    pub fn get(
+        &mut self,
+        geometry: Xml<'d>,
+        bindings: &[Binding<'d>],
+        notes: &mut Notes,
+    ) -> Result<Option<ColladaMesh>> {
+        let bound: Vec<_> =
+            bindings.iter().map(|(symbol, target, set)| (symbol, target.attribute("id"), set)).collect();
         let key = format!("{:?} {bound:?}", geometry.node.id());
         if let Some(known) = self.known.get(&key) {
             return Ok(known.clone());
@@ -133,12 +139,7 @@ impl<'d, 'a> ColladaMeshes<'d, 'a> {
     }
 
     /// The material of a symbol: that which is bound to it, or, as some exporters write it, that of its name.
-    fn material(
-        &mut self,
-        symbol: &str,
-        bindings: &[Binding<'d>],
-        notes: &mut Notes,
-    ) -> Result<Option<Arc<Material>>> {
+    fn material(&mut self, symbol: &str, bindings: &[Binding<'d>], notes: &mut Notes) -> Result<Option<Arc<Material>>> {
         let bound = bindings.iter().find(|binding| binding.0 == symbol).map(|binding| binding.1);
         let named = || self.library.with_id(symbol).filter(|element| element.name() == "material");
         match bound.or_else(named) {
@@ -160,22 +161,27 @@ impl<'d, 'a> ColladaMeshes<'d, 'a> {
         let width = 1 + inputs.iter().map(|input| input.offset).max().unwrap_or(0);
         let of = |semantic: &'static str| inputs.iter().filter(move |input| input.semantic == semantic);
         let Some(input) = of("POSITION").next() else { return Err(primitive.error("has no positions")) };
-        let position = Attribute { offset: input.offset, elements: places.positions(input.source, faces)? };
+        let position = CornerIndex { offset: input.offset, elements: places.positions(input.source, faces)? };
         let normal = match of("NORMAL").next() {
-            Some(input) => Attribute { offset: input.offset, elements: places.normals(input.source, faces)? },
-            None => Attribute::default(),
+            Some(input) => CornerIndex { offset: input.offset, elements: places.normals(input.source, faces)? },
+            None => CornerIndex::default(),
         };
-        let wanted = of("TEXCOORD").find(|input| Some(input.set) == set).or_else(|| of("TEXCOORD").min_by_key(|input| input.set));
+        let wanted = of("TEXCOORD")
+            .find(|input| Some(input.set) == set)
+            .or_else(|| of("TEXCOORD").min_by_key(|input| input.set));
         let texcoord = match wanted {
-            Some(input) => Attribute { offset: input.offset, elements: places.texcoords(input.source, faces)? },
-            None => Attribute::default(),
+            Some(input) => CornerIndex { offset: input.offset, elements: places.texcoords(input.source, faces)? },
+            None => CornerIndex::default(),
         };
         let mut add = |corners: &mut dyn Iterator<Item = &[u32]>| -> Result<()> {
             let before = faces.corners.len();
             for corner in corners {
                 let Some(at) = position.index(corner) else {
-                    let (found, count) = (corner.get(position.offset).copied().unwrap_or_default(), position.elements[1]);
-                    return Err(primitive.error(format_args!("has the index {found}; allowed: below {count}, the number of positions")));
+                    let (found, count) =
+                        (corner.get(position.offset).copied().unwrap_or_default(), position.elements[1]);
+                    return Err(primitive.error(format_args!(
+                        "has the index {found}; allowed: below {count}, the number of positions"
+                    )));
                 };
                 let [texcoord, normal] = [texcoord, normal].map(|attribute| attribute.index(corner).unwrap_or(NONE));
                 faces.corners.push(Corner { position: at, texcoord, normal });
@@ -197,7 +203,8 @@ impl<'d, 'a> ColladaMeshes<'d, 'a> {
                 }
             }
             "polylist" => {
-                let counts = primitive.child("vcount").map(|counts| indices(counts, 1)).transpose()?.unwrap_or_default();
+                let counts =
+                    primitive.child("vcount").map(|counts| indices(counts, 1)).transpose()?.unwrap_or_default();
                 let list = primitive.child("p").map(|list| indices(list, width)).transpose()?.unwrap_or_default();
                 let mut rest = &list[..];
                 for count in counts {
@@ -339,10 +346,14 @@ fn elements<const N: usize>(source: Xml<'_>) -> Result<Vec<[f64; N]>> {
 /// The indices in an element, as many as a multiple of `width`.
 fn indices(list: Xml<'_>, width: usize) -> Result<Vec<u32>> {
     let parsed: Option<Vec<u32>> = list.content().split_ascii_whitespace().map(|word| word.parse().ok()).collect();
-    let Some(indices) = parsed else { return Err(list.error("holds other things than indices; allowed: whole numbers from 0")) };
+    let Some(indices) = parsed else {
+        return Err(list.error("holds other things than indices; allowed: whole numbers from 0"));
+    };
     if indices.len() % width != 0 {
         let found = indices.len();
-        return Err(list.error(format_args!("holds {found} indices; allowed: a multiple of {width}, as many as a corner has")));
+        return Err(
+            list.error(format_args!("holds {found} indices; allowed: a multiple of {width}, as many as a corner has"))
+        );
     }
     Ok(indices)
 }

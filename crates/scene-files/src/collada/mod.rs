@@ -14,7 +14,7 @@ use glam::DAffine3;
 use ground::error::{Error, Result};
 use ground::read::Limit;
 use ground::read::xml::{Xml, XmlText};
-use library::Library;
+use library::ColladaLibrary;
 use material::ColladaMaterials;
 use mesh::ColladaMeshes;
 use model::material::TextureBudget;
@@ -34,7 +34,7 @@ pub(super) fn read(path: &Path, options: &FileOptions, images: &mut TextureBudge
         let message = format!("the outermost element is {:?}; allowed: COLLADA", ground::shown::name(root.name()));
         return Err(Error::parse(path, format!("line {}", root.line()), message));
     }
-    let library = Library::new(root);
+    let library = ColladaLibrary::new(root);
     let world_from_file = world_from_file(root, options)?;
     let mut notes = Notes::default();
     let materials = ColladaMaterials::new(&library, options, images);

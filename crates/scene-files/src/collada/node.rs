@@ -1,6 +1,6 @@
 //! The nodes of the scene, and what they place.
 
-use super::library::{Library, name_of};
+use super::library::{ColladaLibrary, name_of};
 use super::mesh::{Binding, ColladaMeshes};
 use crate::notes::Notes;
 use glam::{DAffine3, DMat3, DMat4, DVec3};
@@ -19,7 +19,7 @@ const DEEPEST: usize = 1000;
 
 /// Goes through the nodes of a scene.
 pub(super) struct ColladaNodes<'d, 'a> {
-    library: &'a Library<'d>,
+    library: &'a ColladaLibrary<'d>,
     path: &'a Path,
     meshes: ColladaMeshes<'d, 'a>,
     world_from_file: DAffine3,
@@ -37,7 +37,7 @@ struct OpenNode<'d> {
 
 impl<'d, 'a> ColladaNodes<'d, 'a> {
     pub fn new(
-        library: &'a Library<'d>,
+        library: &'a ColladaLibrary<'d>,
         path: &'a Path,
         meshes: ColladaMeshes<'d, 'a>,
         world_from_file: DAffine3,
@@ -54,13 +54,15 @@ impl<'d, 'a> ColladaNodes<'d, 'a> {
         };
         let Some(visual) = visual else {
             notes.add("without a scene, all geometries are where they are defined", || "the file".to_owned());
-            let geometries: Vec<Xml<'d>> = root.children("library_geometries").flat_map(|all| all.children("geometry")).collect();
+            let geometries: Vec<Xml<'d>> =
+                root.children("library_geometries").flat_map(|all| all.children("geometry")).collect();
             for geometry in geometries {
                 self.place(geometry, &[], DAffine3::IDENTITY, ("", &[], true), notes)?;
             }
             return Ok(());
         };
-        let open = |element| OpenNode { element, file_from_parent: DAffine3::IDENTITY, ancestors: Vec::new(), depth: 0 };
+        let open =
+            |element| OpenNode { element, file_from_parent: DAffine3::IDENTITY, ancestors: Vec::new(), depth: 0 };
         let mut stack: Vec<OpenNode<'d>> = visual.children("node").map(open).collect();
         stack.reverse();
         while let Some(node) = stack.pop() {
@@ -90,8 +92,10 @@ impl<'d, 'a> ColladaNodes<'d, 'a> {
             return Err(element.error("has a transform that is not finite; allowed: numbers whose products are"));
         }
         let name = name_of(element);
-        let placed: Vec<Xml<'d>> =
-            element.elements().filter(|inner| ["instance_geometry", "instance_controller"].contains(&inner.name())).collect();
+        let placed: Vec<Xml<'d>> = element
+            .elements()
+            .filter(|inner| ["instance_geometry", "instance_controller"].contains(&inner.name()))
+            .collect();
         let is_group = placed.is_empty() && parent_from_node.translation == DVec3::ZERO;
         if ancestors.len() == MOST_ANCESTORS {
             ancestors.remove(0);
@@ -155,7 +159,9 @@ impl<'d, 'a> ColladaNodes<'d, 'a> {
         let bind = instance.child("bind_material").and_then(|bind| bind.child("technique_common"));
         let mut bindings = Vec::new();
         for material in bind.into_iter().flat_map(|bind| bind.children("instance_material")) {
-            let coordinates = material.children("bind_vertex_input").find(|bind| bind.attribute("input_semantic") == Some("TEXCOORD"));
+            let coordinates = material
+                .children("bind_vertex_input")
+                .find(|bind| bind.attribute("input_semantic") == Some("TEXCOORD"));
             let set = coordinates.map(|bind| bind.number("input_set")).transpose()?.flatten();
             let set = set.map(|set| set.max(0.0) as u32);
             bindings.push((material.required("symbol")?, self.library.referred(material, "target")?, set));

@@ -30,7 +30,10 @@ pub struct LiveRobot {
 
 impl fmt::Debug for LiveRobot {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.debug_struct("LiveRobot").field("robot", &self.robot.name).field("positions", &self.positions).finish_non_exhaustive()
+        f.debug_struct("LiveRobot")
+            .field("robot", &self.robot.name)
+            .field("positions", &self.positions)
+            .finish_non_exhaustive()
     }
 }
 

@@ -34,7 +34,11 @@ fn bounds(object: &RawObject) -> [DVec3; 2] {
 fn meshes_are_where_trimesh_puts_them() {
     // trimesh 5.2.0 with pycollada 0.9.3, whose coordinates are those of the file: centimetres, y up.
     let expected: [(&str, [f64; 3], [f64; 3]); 3] = [
-        ("walls", [9.999995628861171, -30.0, -179.99998807907104], [208.20507764816284, 70.00000866381912, 106.60253366216786]),
+        (
+            "walls",
+            [9.999995628861171, -30.0, -179.99998807907104],
+            [208.20507764816284, 70.00000866381912, 106.60253366216786],
+        ),
         ("roof_a", [9.999999125772234, -30.0, 119.99999403953552], [40.0, -10.0, 119.99999403953552]),
         ("roof_b", [9.999998907215293, -25.0, 126.99999362230301], [39.99999978144306, -5.0, 126.99999362230301]),
     ];
@@ -75,14 +79,16 @@ fn axes_are_those_of_the_file_unless_they_are_ignored() {
 #[test]
 fn materials_have_their_colours_and_images() {
     let folder = tempfile::tempdir().unwrap();
-    let mut encoder =
-        png::Encoder::new(fs::File::create(folder.path().join("my planks.png")).unwrap(), 1, 2);
+    let mut encoder = png::Encoder::new(fs::File::create(folder.path().join("my planks.png")).unwrap(), 1, 2);
     encoder.set_color(png::ColorType::Rgb);
     encoder.write_header().unwrap().write_image_data(&[255, 0, 0, 0, 0, 255]).unwrap();
     let scene = read_text(folder.path(), SHED, &FileOptions::default()).unwrap();
     let walls = &object(&scene, "walls").mesh.parts;
     let material = |index: usize| walls[index].material.as_ref().unwrap();
-    assert_eq!((&*material(0).name, material(0).base_color, material(0).alpha), ("Red", [0.8, 0.1, 0.05, 1.0], Alpha::Solid));
+    assert_eq!(
+        (&*material(0).name, material(0).base_color, material(0).alpha),
+        ("Red", [0.8, 0.1, 0.05, 1.0], Alpha::Solid)
+    );
     assert_eq!((&*material(1).name, material(1).base_color[3], material(1).alpha), ("Pane", 0.25, Alpha::Coverage));
     assert_eq!(material(1).ior, 1.4);
     let roof = &object(&scene, "roof_a").mesh.parts[0];
@@ -112,7 +118,10 @@ fn two_instances_share_a_mesh() {
 #[test]
 fn what_is_left_out_is_said() {
     let warnings = shed(&FileOptions::default()).report.warnings;
-    assert!(warnings.len() == 1 && warnings[0].ends_with("images that are not there are left out: \"my planks.png\""), "{warnings:?}");
+    assert!(
+        warnings.len() == 1 && warnings[0].ends_with("images that are not there are left out: \"my planks.png\""),
+        "{warnings:?}"
+    );
     let outside = SHED.replace("my%20planks.png", "..%2fplanks.png");
     let folder = tempfile::tempdir().unwrap();
     let inner = folder.path().join("inner");
@@ -129,14 +138,20 @@ fn faults_are_told_with_their_lines() {
         let folder = tempfile::tempdir().unwrap();
         read_text(folder.path(), &SHED.replacen(from, to, 1), &FileOptions::default()).err().unwrap()
     };
-    assert_eq!(fault("meter=\"0.01\"", "meter=\"-1\""), "FILE: line 3: unit \"centimeter\" has meter \"-1\"; allowed: metres above 0");
+    assert_eq!(
+        fault("meter=\"0.01\"", "meter=\"-1\""),
+        "FILE: line 3: unit \"centimeter\" has meter \"-1\"; allowed: metres above 0"
+    );
     assert!(fault("Y_UP", "UP").contains("line 3: up_axis is \"UP\"; allowed: X_UP, Y_UP, Z_UP"));
     assert!(fault("0 3 2 1 4", "0 3 2 9 4").contains("has the index 9; allowed: below 8, the number of positions"));
     assert!(fault("0 3 2 1 4", "0 3 -2 1 4").contains("holds other things than indices"));
     assert!(fault("4 4 4 4</vcount>", "4 4 4 5</vcount>").contains("has fewer indices in p than vcount says"));
     assert!(fault("count=\"8\" stride=\"3\"", "count=\"9\" stride=\"3\"").contains("has 8 elements; allowed: the 9"));
     assert!(fault(">0 0 0 100 0", ">0 0 0 1e30 0").contains("holds \"1e30\"; allowed: numbers, -1e18 to 1e18"));
-    assert!(fault("instance_node url=\"#pair\"", "instance_node url=\"#none\"").contains("refers to \"none\", which is no id"));
+    assert!(
+        fault("instance_node url=\"#pair\"", "instance_node url=\"#none\"")
+            .contains("refers to \"none\", which is no id")
+    );
     assert!(fault("<matrix>10", "<matrix>inf").contains("allowed: 16 numbers"));
     let circle = fault("<node name=\"roof_a\">", "<node name=\"roof_a\"><instance_node url=\"#pair\"/>");
     assert!(circle.contains("allowed: fewer, and no circle of instances"), "{circle}");
