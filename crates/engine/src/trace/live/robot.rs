@@ -245,9 +245,9 @@ mod tests {
         let mut scene = LiveScene::new(&Engine::new().unwrap());
         let robot = door(&mut scene);
         let spec = robot.robot().sites[0].sensor.as_ref().unwrap().to_string();
-        let sensor = Sensor::from_yaml(&spec).unwrap();
+        let sensor = Sensor::from_yaml(&spec, "").unwrap();
         assert_eq!(sensor.beams().len(), 3);
-        assert_eq!((sensor.spec().range.min_m, sensor.spec().range.max_m), (0.1, 30.0));
+        assert_eq!((sensor.spec().range.min_m, sensor.spec().range.max_m), (0.1, Some(30.0)));
         assert_eq!(scene.camera("lidar").unwrap(), robot.site_pose("lidar").unwrap());
     }
 }
