@@ -154,7 +154,7 @@ fn faults_are_told_with_their_lines() {
             .contains("refers to \"none\", which is no id")
     );
     assert!(fault("<matrix>10", "<matrix>inf").contains("allowed: 16 numbers"));
-    let circle = fault("<node name=\"roof_a\">", "<node name=\"roof_a\"><instance_node url=\"#pair\"/>");
+    let circle = fault("<node id=\"pair\" name=\"pair\">", "<node id=\"pair\"><instance_node url=\"#pair\"/>");
     assert!(circle.contains("allowed: fewer, and no circle of instances"), "{circle}");
     let folder = tempfile::tempdir().unwrap();
     let other = read_text(folder.path(), "<robot/>", &FileOptions::default()).err().unwrap();
