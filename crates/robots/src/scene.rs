@@ -178,7 +178,7 @@ impl<'a> LinkMeshes<'a> {
         }
         let file = &self.files[path];
         let is_meant = |object: &&RawObject| only.is_none_or(|name| object.name == name || object.mesh.name == name);
-        if let Some(name) = only.filter(|_| !file.objects.iter().any(|object| is_meant(&&object))) {
+        if let Some(name) = only.filter(|_| !file.objects.iter().any(|object| is_meant(&object))) {
             let names = file.objects.iter().map(|object| object.name.clone()).collect::<Vec<_>>();
             let near = shown::some_of(&names);
             let message = format!("has no submesh {:?}; allowed: {near}", shown::name(name));

@@ -151,7 +151,8 @@ impl<'d, 'm> BodyReader<'d, 'm> {
             let axis = own.numbers::<3>("axis")?.map_or(DVec3::Z, DVec3::from);
             joint.axis = place.link_from_frame.matrix3 * checked_axis(element, "axis", axis)?;
             let turned = |value: f64| if kind == JointKind::Revolute { self.compiler.radians(value) } else { value };
-            joint.rest = turned(own.number("ref")?.unwrap_or(0.0));
+            let reference = own.number("ref")?.unwrap_or(0.0);
+            joint.rest = if kind == JointKind::Revolute { self.compiler.radians(reference) } else { reference };
             let limited = match own.attribute("limited") {
                 None | Some("auto") => self.compiler.auto_limits,
                 other => other == Some("true"),

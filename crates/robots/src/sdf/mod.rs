@@ -74,6 +74,9 @@ impl SdfScope {
     }
 }
 
+/// The name of the joint that another follows, the multiplier and the offset.
+type SdfMimic = (String, f64, f64);
+
 /// A joint whose links and frames are found once all are known.
 struct OpenJoint {
     joint: RobotJoint,
@@ -84,7 +87,7 @@ struct OpenJoint {
     /// The frame in which its axis is.
     expressed_in: FrameRef,
     /// The name of the joint that it follows.
-    mimics: Option<(String, f64, f64)>,
+    mimics: Option<SdfMimic>,
 }
 
 /// Something on a link whose pose may be relative to any frame.
@@ -332,7 +335,7 @@ impl<'o> SdfReader<'o> {
         joint: &mut RobotJoint,
         frame: usize,
         scope: &SdfScope,
-    ) -> Result<(FrameRef, Option<(String, f64, f64)>)> {
+    ) -> Result<(FrameRef, Option<SdfMimic>)> {
         let xyz = axis.child("xyz");
         let given = xyz.map(Xml::content_numbers::<3>).transpose()?.map_or(DVec3::Z, DVec3::from);
         joint.axis = checked_axis(axis, "xyz", given)?;

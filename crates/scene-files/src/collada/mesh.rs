@@ -68,7 +68,11 @@ impl CornerIndex {
 }
 
 impl<'d, 'a> ColladaMeshes<'d, 'a> {
-    pub fn new(library: &'a ColladaLibrary<'d>, options: &'a FileOptions<'a>, materials: ColladaMaterials<'d, 'a>) -> Self {
+    pub fn new(
+        library: &'a ColladaLibrary<'d>,
+        options: &'a FileOptions<'a>,
+        materials: ColladaMaterials<'d, 'a>,
+    ) -> Self {
         ColladaMeshes { materials, degenerate_triangles: 0, library, options, known: HashMap::new() }
     }
 
