@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// The packages whose sources are checked.
-const PACKAGES: [&str; 23] = [
+const PACKAGES: [&str; 24] = [
     "bindings/python",
     "crates/cloud",
     "crates/crew",
@@ -27,6 +27,7 @@ const PACKAGES: [&str; 23] = [
     "crates/model",
     "crates/pictures",
     "crates/radar",
+    "crates/robots",
     "crates/scene-files",
     "crates/sets",
     "crates/stdout",

@@ -183,7 +183,7 @@ one_of! { Category: Number | Name; "a name, or a number from 0 to 4294967295" }
 
 #[pymethods]
 impl Scene {
-    /// Reads a scene file: glTF, OBJ, PLY, STL or FBX; or several, in a list, as one scene.
+    /// Reads a scene file: glTF, OBJ, PLY, STL, FBX, COLLADA, or a robot (URDF, SDF, MJCF); or several, in a list, as one scene.
     ///
     /// `options`: keys of the section `scene` of a scenario:
     ///
@@ -193,6 +193,9 @@ impl Scene {
     /// * `materials`: materials of surfaces by name pattern: `{"Wall*": {"reflectance": 0.3}}`.
     /// * `up`: which axis points up in files that do not define it (OBJ, PLY, STL): "y", "z", "x", "-x", "-y" or "-z".
     /// * `scale`: metres per unit of these files.
+    /// * `joints`: positions of joints of robots by name, radians or metres: `{"elbow": 0.5}`.
+    /// * `geometry`: which geometry of robots is read: "visual" or "collision".
+    /// * `model_paths`: folders of packages and models that robots name.
     /// * `animation`, `loop`, `caches`, `texture_limit_mib`, `allow_outside_paths`: as in a scenario; file names are
     ///   relative to the working folder.
     ///

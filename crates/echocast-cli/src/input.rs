@@ -5,7 +5,7 @@ use anyhow::{Context as _, Result, anyhow, bail, ensure};
 use clap::Args;
 use clap::builder::{OsStringValueParser, TypedValueParser as _};
 use echocast::echo::IntensityEncoding;
-use echocast::scene::{CacheFile, FORMATS, Material, MaterialRule, MaterialRules, UpAxis};
+use echocast::scene::{CacheFile, FORMATS, GeometryUse, Material, MaterialRule, MaterialRules, UpAxis};
 use echocast::{Error, LabelRules, LoadOptions, ReturnMode, Scene, Sensor, shown};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -59,6 +59,16 @@ pub struct SceneArgs {
     /// Let scenes refer to buffers, images and material files outside their own folder: only for scenes that you trust
     #[arg(long, help_heading = "Scene")]
     allow_outside_paths: bool,
+    /// Which geometry of robots (URDF, SDF, MJCF) is scanned: what is to be seen, or what may be touched
+    #[arg(long, default_value = "visual", value_parser = choice::of::<GeometryUse>(), help_heading = "Scene")]
+    geometry: GeometryUse,
+    /// Position of a joint of a robot, radians or metres; all others are at rest. Example: `--joint left_hip=0.3`;
+    /// repeatable
+    #[arg(long, value_name = "NAME=Q", value_parser = joint, help_heading = "Scene")]
+    joint: Vec<(String, f64)>,
+    /// Folder of packages and models that robots name (`package://`, `model://`), besides their own; repeatable
+    #[arg(long, value_name = "DIR", help_heading = "Scene")]
+    model_path: Vec<PathBuf>,
     /// Change the shape of the object NAME (a pattern with `*` and `?`) over time, with a vertex cache (.mdd, .pc2) or
     /// with numbered scene files, of which FILE is the first; FPS is the frame rate of .pc2 and of numbered files (24
     /// by default). Example: `--cache Flag=flag.pc2 --cache Water=water_0001.obj@25`; repeatable
@@ -128,6 +138,9 @@ impl SceneArgs {
             .animation(self.animation.clone())
             .looped(self.looped)
             .allow_outside_paths(self.allow_outside_paths)
+            .geometry(self.geometry)
+            .joints(self.joint.iter().cloned().collect())
+            .model_paths(self.model_path.clone())
             .caches(self.caches().map_err(usage::wrong)?)
             .materials(materials.clone())
             .hide(self.hide.clone());
@@ -168,6 +181,9 @@ impl SceneArgs {
             "animation": self.animation,
             "loop": self.looped,
             "allow_outside_paths": self.allow_outside_paths,
+            "geometry": self.geometry.name(),
+            "joints": self.joint.iter().cloned().collect::<BTreeMap<String, f64>>(),
+            "model_paths": text::paths(&self.model_path),
             "caches": caches,
             "hide": self.hide,
             "materials": serde_json::to_value(materials).context("the material rules cannot be reported")?,
@@ -321,6 +337,13 @@ fn material(text: &str) -> Result<(String, String), String> {
         Some((pattern, name)) if !pattern.is_empty() && !name.is_empty() => Ok((pattern.to_owned(), name.to_owned())),
         _ => Err("expected PATTERN=NAME, such as Sofa*=fabric".into()),
     }
+}
+
+/// `NAME=Q`; the name may hold `=` itself.
+fn joint(text: &str) -> Result<(String, f64), String> {
+    let position = |number: &str| number.parse().ok().filter(|number: &f64| number.is_finite());
+    let parts = text.rsplit_once('=').and_then(|(name, number)| Some((name.to_owned(), position(number)?)));
+    parts.filter(|(name, _)| !name.is_empty()).ok_or("expected NAME=Q, such as left_hip=0.3".into())
 }
 
 /// A number above 0.

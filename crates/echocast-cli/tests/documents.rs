@@ -95,6 +95,13 @@ fn commands_of_the_page_on_motion_run() {
 }
 
 #[test]
+fn commands_of_the_page_on_robots_run() {
+    let blocks = blocks("docs/robots.md");
+    assert!(blocks.concat().contains("--joint mast_joint=0.8"), "{blocks:?}");
+    run("docs/robots.md", &blocks.concat());
+}
+
+#[test]
 fn commands_of_the_page_on_scenarios_run() {
     let text = fs::read_to_string(root().join("docs/scenario.md")).unwrap();
     let yaml = text.split("```yaml\n").nth(1).and_then(|rest| rest.split("```").next()).unwrap();

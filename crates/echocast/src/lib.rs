@@ -102,7 +102,7 @@
 //!
 //! # Floors
 //!
-//! The library is ten crates behind this one, which only names what users need. A module imports only from modules
+//! The library is eleven crates behind this one, which only names what users need. A module imports only from modules
 //! below it in this list, and within a module no files import each other in a circle; Cargo and tests enforce both.
 //! Light and sound flow upwards, from `emitter` by `trace`, `echo` and `detect` to the clouds and pings that `scan`
 //! fills. Folders have no numbers that would list them in this order: paths in code are read far more often than the
@@ -125,6 +125,7 @@
 //! | `cloud` | `image` | images of pings: waterfall, mosaic, fan, depth map; images of radars; images of optical scans, and what they show of each instance |
 //! | `cloud` | `cloud` | columns of points, pings, frames of radars |
 //! | `cloud` | `cells` | the levels of a ping by beam and range bin, and what is read from them |
+//! | `robots` | `robots` | robots from URDF, SDF and MJCF: links, joints, geometry, sensors |
 //! | `scene-files` | `scene_files` | scenes from files: a module for each format |
 //! | `model` | `model` | meshes, and objects and cameras as files place them |
 //! | `model` | `material` | how surfaces reflect light and sound |
@@ -182,6 +183,7 @@ pub mod medium;
 pub mod preview;
 pub mod radar;
 pub mod read;
+pub mod robot;
 pub mod scenario;
 pub mod scene;
 pub mod survey;
@@ -190,6 +192,11 @@ pub mod survey;
 #[cfg(doctest)]
 #[doc = include_str!("../docs/motion.md")]
 mod page_of_motion {}
+
+/// Compiles the example of that page.
+#[cfg(doctest)]
+#[doc = include_str!("../docs/robots.md")]
+mod page_of_robots {}
 
 #[doc(inline)]
 pub use ::cloud::cells::{Layout, SonarView, Sounding, Track};

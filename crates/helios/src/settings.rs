@@ -2,8 +2,10 @@
 
 use crate::assets::AssetFolders;
 use crate::notes::XmlPlace;
-use crate::xml::{XmlElement, XmlText};
+use crate::xml::XmlElement;
 use ground::error::{Error, Result};
+use ground::read::Limit;
+use ground::read::xml::XmlText;
 use ground::shown;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -117,7 +119,7 @@ impl HeliosSettings {
             let found = element.outermost().asset(known.element, id).map_err(missing)?;
             return self.add(found, known, here, assets, above);
         }
-        let text = XmlText::load(&reached.0)?;
+        let text = XmlText::load(&reached.0, Limit::XML)?;
         let document = text.parse()?;
         let found = XmlElement::root(&document, &text, element.notes()).asset(known.element, id).map_err(missing)?;
         self.add(found, known, &reached.0, assets, above)

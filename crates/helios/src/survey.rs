@@ -8,8 +8,10 @@ use crate::scene::HeliosScene;
 use crate::settings::{HeliosSettings, OF_PLATFORMS, OF_SCANNERS};
 use crate::track::HeliosTrack;
 use crate::turning::fitting;
-use crate::xml::{XmlElement, XmlText};
+use crate::xml::XmlElement;
 use ground::error::{Error, Result};
+use ground::read::Limit;
+use ground::read::xml::XmlText;
 use std::path::Path;
 
 /// A survey.
@@ -59,7 +61,7 @@ fn asset<T>(
 ) -> Result<T> {
     let name = element.required(attribute)?;
     let (file, id) = assets.reference(here, name).map_err(|why| element.error(format_args!("{attribute}: {why}")))?;
-    let text = XmlText::load(&file)?;
+    let text = XmlText::load(&file, Limit::XML)?;
     let document = text.parse()?;
     let root = XmlElement::root(&document, &text, element.notes());
     let found = root.asset(kind, id).map_err(|error| Error::parse(&file, "", error.to_string()))?;
@@ -69,7 +71,7 @@ fn asset<T>(
 impl HeliosSurvey {
     /// Reads the survey in the file at `path`.
     pub(crate) fn read(path: &Path, assets: &AssetFolders, notes: &NoteBook) -> Result<HeliosSurvey> {
-        let text = XmlText::load(path)?;
+        let text = XmlText::load(path, Limit::XML)?;
         let document = text.parse()?;
         let root = XmlElement::root(&document, &text, notes);
         let survey = root.child("survey").ok_or_else(|| root.error("has no survey in it"))?;

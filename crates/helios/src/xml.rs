@@ -2,63 +2,9 @@
 
 use crate::notes::{NoteBook, XmlPlace};
 use ground::error::{Error, Result};
-use ground::read::{self, Limit};
+use ground::read::xml::XmlText;
 use ground::shown;
-use roxmltree::{Document, Node, ParsingOptions};
-use std::path::{Path, PathBuf};
-
-/// The text of an XML file.
-pub(crate) struct XmlText {
-    path: PathBuf,
-    text: String,
-    /// Where its lines begin, bytes.
-    lines: Vec<usize>,
-}
-
-impl XmlText {
-    /// Reads the file at `path`, UTF-8.
-    pub fn load(path: &Path) -> Result<XmlText> {
-        let bytes = read::bytes(path, Limit::XML)?;
-        let text = String::from_utf8(bytes).map_err(|error| {
-            let line = 1 + error.as_bytes()[..error.utf8_error().valid_up_to()].iter().filter(|&&b| b == b'\n').count();
-            Error::parse(path, format!("line {line}"), "is not UTF-8; allowed: XML in UTF-8")
-        })?;
-        let text = text.strip_prefix('\u{feff}').map_or_else(|| text.clone(), str::to_owned);
-        let lines = [0].into_iter().chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect();
-        Ok(XmlText { path: path.to_owned(), text, lines })
-    }
-
-    /// The line of the byte `at`, from 1.
-    fn line(&self, at: usize) -> u32 {
-        self.lines.partition_point(|begin| *begin <= at) as u32
-    }
-
-    /// Its elements.
-    ///
-    /// # Errors
-    /// What is not well-formed, with its line; a document type, whose entities could fill the memory.
-    pub fn parse(&self) -> Result<Document<'_>> {
-        // More elements than a file of the greatest size can have in any sensible survey.
-        const MOST_NODES: u32 = 2_000_000;
-        let options = ParsingOptions { allow_dtd: false, nodes_limit: MOST_NODES, ..ParsingOptions::default() };
-        Document::parse_with_options(&self.text, options).map_err(|error| {
-            let line = error.pos().row;
-            let message = match error {
-                roxmltree::Error::DtdDetected => {
-                    // The position of this one is that of the beginning.
-                    let at = self.text.find("<!DOCTYPE").unwrap_or(0);
-                    let line = 1 + self.text[..at].matches('\n').count();
-                    let message =
-                        "has a document type (DTD), whose entities may stand for anything; allowed: XML without";
-                    return Error::parse(&self.path, format!("line {line}"), message);
-                }
-                roxmltree::Error::NodesLimitReached => format!("has more than {MOST_NODES} elements, the most allowed"),
-                other => format!("is not well-formed XML: {other}"),
-            };
-            Error::parse(&self.path, format!("line {line}"), message)
-        })
-    }
-}
+use roxmltree::{Document, Node};
 
 /// An element; what is asked of it is noted as used.
 #[derive(Clone, Copy)]
@@ -72,7 +18,7 @@ pub(crate) struct XmlElement<'d> {
 impl<'d> XmlElement<'d> {
     /// The outermost element of `document`, which is that of `text`.
     pub fn root(document: &'d Document<'d>, text: &'d XmlText, notes: &'d NoteBook) -> XmlElement<'d> {
-        XmlElement { node: document.root_element(), text, file: notes.file(&text.path), notes }
+        XmlElement { node: document.root_element(), text, file: notes.file(text.path()), notes }
     }
 
     /// The outermost element around it.
@@ -133,7 +79,7 @@ impl<'d> XmlElement<'d> {
 
     /// An error about it: what was found and what is allowed.
     pub fn error(self, message: impl std::fmt::Display) -> Error {
-        Error::parse(&self.text.path, format!("line {}", self.place().line), format!("{} {message}", self.name()))
+        Error::parse(self.text.path(), format!("line {}", self.place().line), format!("{} {message}", self.name()))
     }
 
     /// An error about one of its attributes: what is allowed.

@@ -32,7 +32,7 @@ use std::sync::Arc;
 pub const LARGEST: f64 = 1e18;
 
 /// The file name extensions of scenes, lower case, without the dot.
-pub const ENDINGS: &[&str] = &["glb", "gltf", "obj", "ply", "stl", "fbx"];
+pub const ENDINGS: &[&str] = &["glb", "gltf", "obj", "ply", "stl", "fbx", "dae", "urdf", "sdf", "world", "xml", "mjcf"];
 
 /// Which axis of a file points up, for formats that do not specify it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -174,6 +174,8 @@ pub struct RawScene {
     pub animations: Vec<String>,
     /// Time of the last key of each animation, s.
     pub animation_lengths: Vec<f64>,
+    /// Names of the joints that take one position.
+    pub joints: Vec<String>,
     /// Triangles without area that were left out.
     pub degenerate_triangles: usize,
     /// Warnings of the reader.

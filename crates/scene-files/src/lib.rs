@@ -1,6 +1,7 @@
 //! Scene files: one module per format, and the table of formats.
 #![forbid(unsafe_code)]
 
+mod collada;
 mod faces;
 #[cfg(feature = "fbx")]
 mod fbx;
@@ -36,6 +37,8 @@ pub struct FileOptions<'o> {
     pub allow_outside_paths: bool,
     /// Whether meshes record which vertices of the file theirs come from.
     pub keeps_sources: bool,
+    /// Whether the up axis that a COLLADA file specifies is ignored.
+    pub ignores_axes: bool,
 }
 
 impl FileOptions<'_> {
@@ -55,6 +58,7 @@ impl FileOptions<'_> {
 }
 
 /// A kind of scene file.
+#[derive(Clone, Copy)]
 pub struct SceneFormat {
     /// Short name.
     pub name: &'static str,
@@ -62,7 +66,9 @@ pub struct SceneFormat {
     pub extensions: &'static [&'static str],
     /// One-line description.
     pub description: &'static str,
-    read: fn(&Path, &FileOptions, &mut TextureBudget) -> Result<RawScene>,
+    /// Reads a file of this kind.
+    #[doc(hidden)]
+    pub read: fn(&Path, &FileOptions, &mut TextureBudget) -> Result<RawScene>,
 }
 
 impl SceneFormat {
@@ -99,6 +105,12 @@ pub const FORMATS: &[SceneFormat] = &[
         extensions: &["stl"],
         description: "STL, text or binary: triangles, an object for each solid",
         read: stl::read,
+    },
+    SceneFormat {
+        name: "collada",
+        extensions: &["dae"],
+        description: "COLLADA: hierarchy, instances, polygons, materials, textures, cameras; its unit and its up axis",
+        read: collada::read,
     },
     #[cfg(feature = "fbx")]
     SceneFormat {

@@ -7,7 +7,7 @@ use emitter::Navigation;
 use emitter::trajectory::TrajectoryOptions;
 use engine::medium::Environment;
 use engine::scan::{Order, Profile};
-use engine::scene::{CacheFile, LabelRules, MaterialRules, UpAxis};
+use engine::scene::{CacheFile, GeometryUse, LabelRules, MaterialRules, UpAxis};
 use engine::sensor::Sensor;
 use glam::{DQuat, DVec3};
 use ground::crs::Crs;
@@ -126,6 +126,14 @@ pub(super) struct SceneSpec {
     #[serde(rename = "loop")]
     pub looped: bool,
     pub allow_outside_paths: bool,
+    /// Which geometry of robots is read.
+    #[serde(deserialize_with = "word")]
+    pub geometry: GeometryUse,
+    /// Positions of the joints of robots, by name.
+    pub joints: BTreeMap<String, f64>,
+    /// Folders of packages and models of robots.
+    #[serde(deserialize_with = "one_or_more_words")]
+    pub model_paths: Vec<String>,
     /// Object name pattern to the file that describes how the object's shape changes.
     pub caches: BTreeMap<String, CacheFile>,
     /// Name patterns of objects to leave out.
@@ -151,6 +159,9 @@ impl Default for SceneSpec {
             animation: None,
             looped: false,
             allow_outside_paths: false,
+            geometry: options.geometry,
+            joints: BTreeMap::new(),
+            model_paths: Vec::new(),
             caches: BTreeMap::new(),
             hide: Vec::new(),
             place: Vec::new(),

@@ -211,6 +211,9 @@ impl Stage {
             .animation(spec.animation.clone())
             .looped(spec.looped)
             .allow_outside_paths(spec.allow_outside_paths)
+            .geometry(spec.geometry)
+            .joints(spec.joints.clone())
+            .model_paths(spec.model_paths.iter().map(|path| folder.join(path)).collect())
             .caches(caches)
             .materials(spec.materials.clone())
             .hide(spec.hide.clone());

@@ -16,11 +16,24 @@ use model::material::Material;
 use model::material::TextureBudget;
 use model::motion::{Motion, Timeline};
 use model::{RawObject, RawScene, corners, surrounding, within_reach};
-use scene_files::{self, FileOptions, gltf};
+use robots::{GeometryUse, Robot, RobotOptions};
+use scene_files::{self, FileOptions, SceneFormat, gltf};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+/// Every scene format that can be read: those of scenes, then those of robots.
+pub const FORMATS: &[SceneFormat] = &{
+    let (scenes, of_robots) = (scene_files::FORMATS, robots::ROBOT_FORMATS);
+    let mut all = [scenes[0]; scene_files::FORMATS.len() + robots::ROBOT_FORMATS.len()];
+    let mut next = 1;
+    while next < all.len() {
+        all[next] = if next < scenes.len() { scenes[next] } else { of_robots[next - scenes.len()] };
+        next += 1;
+    }
+    all
+};
 
 builder! {
     /// How to read a scene file.
@@ -44,6 +57,13 @@ builder! {
         /// Whether buffers, images and material files may be outside the folder of the scene file that names them, or
         /// be named by absolute path. If so, an untrusted scene can pull in any file that the user may read.
         pub allow_outside_paths: bool = false,
+        /// Which geometry of the links of robots (URDF, SDF, MJCF) is read.
+        pub geometry: GeometryUse = GeometryUse::Visual,
+        /// Positions of the joints of robots by name, radians or metres; all others are at rest.
+        pub joints: BTreeMap<String, f64> = BTreeMap::new(),
+        /// Folders of packages and models, in which what robots name (`package://`, `model://`, paths) may be besides
+        /// their own folder.
+        pub model_paths: Vec<PathBuf> = Vec::new(),
         /// Object name pattern (`*` and `?`) to the file that describes how the object's shape changes; the longest
         /// matching pattern wins. In YAML relative to the working folder, in a label file to that file's folder.
         pub caches: BTreeMap<String, CacheFile> = BTreeMap::new(),
@@ -86,7 +106,17 @@ impl LoadOptions {
             looped: self.looped,
             allow_outside_paths: self.allow_outside_paths,
             keeps_sources: self.all_caches().next().is_some(),
+            ignores_axes: false,
         }
+    }
+
+    /// The options for readers of robots.
+    pub(crate) fn of_robots(&self) -> RobotOptions {
+        RobotOptions::default()
+            .geometry(self.geometry)
+            .model_paths(self.model_paths.clone())
+            .allow_outside_paths(self.allow_outside_paths)
+            .joints(self.joints.clone())
     }
 }
 
@@ -108,6 +138,8 @@ pub struct Scene {
     pub animations: Vec<String>,
     /// Time of the last key of each animation, s.
     pub animation_lengths: Vec<f64>,
+    /// Names of the joints of robots that take one position.
+    pub joints: Vec<String>,
     /// Triangles without area that were left out.
     pub degenerate_triangles: usize,
     /// For each object that rules have left out, the name that they matched.
@@ -159,9 +191,27 @@ impl Scene {
         Scene::assemble(raw, options).checked(origin)?.finished(options)
     }
 
+    /// The scene of a robot, which was read from `path`, with all positions of its joints.
+    pub(crate) fn of_robot(robot: &Robot, path: &Path, positions: &[f64], options: &LoadOptions) -> Result<Scene> {
+        let mut images = TextureBudget::new(options.texture_limit_mib);
+        let raw = robot.scene(path, positions, &options.of_robots(), &mut images)?;
+        Scene::assemble(raw, options).checked(path)?.finished(options)
+    }
+
     /// Reads one scene file by itself.
     pub(super) fn read(path: &Path, options: &LoadOptions, images: &mut TextureBudget) -> Result<Scene> {
-        Scene::assemble(scene_files::read(path, &options.of_files(), images)?, options).checked(path)
+        if !FORMATS.iter().any(|format| format.reads(path)) {
+            let endings: Vec<String> =
+                FORMATS.iter().flat_map(|format| format.extensions).map(|ending| format!(".{ending}")).collect();
+            let (what, instead) = (shown::path(path), format!("scenes are read from {}", endings.join(", ")));
+            return Err(Error::Unsupported { what: format!("{what}: scene format"), instead });
+        }
+        let raw = if robots::is_robot(path) {
+            robots::read_scene(path, &options.of_robots(), images)?
+        } else {
+            scene_files::read(path, &options.of_files(), images)?
+        };
+        Scene::assemble(raw, options).checked(path)
     }
 
     /// This scene, which was made in memory, without the objects that `options` hide, with other materials where they
@@ -204,6 +254,9 @@ impl Scene {
     fn finished(mut self, options: &LoadOptions) -> Result<Scene> {
         if let Some(name) = options.animation.as_ref().filter(|name| !self.animations.contains(name)) {
             return Err(Error::missing("animation", name, &self.animations));
+        }
+        if let Some(name) = options.joints.keys().find(|name| !self.joints.contains(name)) {
+            return Err(Error::missing("joint", name, &self.joints));
         }
         if self.triangle_count() == 0 {
             let patterns = [options.hide.as_slice(), &options.labels.hide].concat().join(", ");
@@ -384,6 +437,7 @@ impl Scene {
             timeline: Arc::new(timeline),
             animations: raw.animations,
             animation_lengths: raw.animation_lengths,
+            joints: raw.joints,
             degenerate_triangles: raw.degenerate_triangles,
             report: raw.report,
             ..Scene::default()

@@ -45,6 +45,7 @@ impl Scene {
             );
             all.animations.extend(scene.animations);
             all.animation_lengths.extend(scene.animation_lengths);
+            all.joints.extend(scene.joints);
             all.degenerate_triangles += scene.degenerate_triangles;
             all.hidden.extend(scene.hidden);
             all.report.absorb(scene.report);

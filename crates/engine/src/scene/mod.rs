@@ -25,6 +25,7 @@ pub use caches::CacheFile;
 pub use ground::array::Array;
 pub use label::InstanceRule;
 pub use label::LabelRules;
+pub use load::FORMATS;
 pub use load::{LoadOptions, Scene};
 pub use material_rules::{MaterialRule, MaterialRules};
 pub use model::material::surface::Material;
@@ -34,5 +35,6 @@ pub use model::{
 };
 pub use object::Object;
 pub use pattern::matches;
-pub use scene_files::{FORMATS, SceneFormat};
+pub use robots::GeometryUse;
+pub use scene_files::SceneFormat;
 pub use sequence::Sequence;

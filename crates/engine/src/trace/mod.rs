@@ -30,7 +30,7 @@ pub use enclosure::Enclosure;
 pub use engine::Engine;
 pub(crate) use hits::{Cover, HitBatch, IsPane, Sight, traced};
 pub(crate) use instances::{Crossings, LabelledInstance};
-pub use live::{LiveScene, ObjectId};
+pub use live::{LiveRobot, LiveScene, ObjectId};
 pub(crate) use movement::{Later, Movement, Return};
 pub(crate) use mover::Mover;
 pub(crate) use radar::{

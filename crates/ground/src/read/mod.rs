@@ -5,6 +5,7 @@ pub mod csv;
 pub mod number;
 pub mod ply;
 pub mod presets;
+pub mod xml;
 pub mod yaml;
 
 use crate::error::{Error, Result};
@@ -50,8 +51,10 @@ impl Limit {
     pub const IMAGE: Limit = Limit(1 << 30);
     /// Sensors, weather, labels.
     pub const YAML: Limit = Limit(16 << 20);
-    /// Surveys of other programs, whose trees take many times their size.
+    /// Surveys and robots of other programs, whose trees take many times their size.
     pub const XML: Limit = Limit(64 << 20);
+    /// Scenes as XML, whose numbers are text.
+    pub const COLLADA: Limit = Limit(512 << 20);
     /// Trajectories, beams, casts.
     pub const TABLE: Limit = Limit(1 << 30);
 

@@ -73,6 +73,7 @@ pub(super) fn read(path: &Path, options: &FileOptions, images: &mut TextureBudge
         report.warn(format!("{}: {triangles} without area left out", shown::path(path)));
     }
     Ok(RawScene {
+        joints: Vec::new(),
         objects: object::upright(list),
         materials: materials.list,
         cameras,

@@ -46,6 +46,7 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 use std::path::Path;
 use uri::UriBase;
+pub(super) use uri::percent_decoded;
 
 /// Extensions that a file may require. Those of materials are accepted by prefix: they affect shading, and what
 /// echocast supports of them is read.
@@ -144,6 +145,7 @@ pub fn read_bytes(
         report.warn(format!("{}: {triangles} without area left out", shown::path(origin)));
     }
     Ok(RawScene {
+        joints: Vec::new(),
         objects,
         materials: materials.finish(),
         cameras,

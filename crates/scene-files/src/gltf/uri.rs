@@ -58,7 +58,7 @@ fn has_scheme(uri: &str) -> bool {
 }
 
 /// Replaces `%20` and the like; invalid escapes stay as they are.
-fn percent_decoded(uri: &str) -> Cow<'_, str> {
+pub(crate) fn percent_decoded(uri: &str) -> Cow<'_, str> {
     if !uri.contains('%') {
         return uri.into();
     }

@@ -5,9 +5,11 @@ mod labels;
 mod object;
 mod origin;
 mod placed;
+mod robot;
 mod to_scene;
 
 pub use object::ObjectId;
+pub use robot::LiveRobot;
 
 use super::{BuiltScene, Engine, SharedSurfaces};
 use crate::scene::{Object, Scene};
