@@ -2,8 +2,8 @@
 
 use crate::bags::BagArgs;
 use crate::flight::FlightFiles;
-use crate::input::has_ending;
 use crate::names::{check_kept, folder, is_numbered, numbered, numbered_as, same_folder};
+use crate::picture::{PictureArgs, check_picture};
 use crate::pipe::{self, Outgoing};
 use crate::radar::{RadarArgs, RadarKeys, RadarWriter};
 use crate::{choice, text};
@@ -24,20 +24,6 @@ use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
-
-/// A picture of one sample.
-#[derive(Args)]
-pub struct PictureArgs {
-    /// Write a picture of the sample instead of adding it to the set
-    #[arg(long, value_name = "FILE.png", requires = "sample")]
-    pub preview: Option<PathBuf>,
-    /// What the colours of the picture show
-    #[arg(long, requires = "preview", default_value = "label", value_parser = choice::of::<ColorBy>())]
-    pub color: ColorBy,
-    /// How the picture shows the cloud
-    #[arg(long, requires = "preview", default_value = "top", value_parser = choice::of::<View>())]
-    pub view: View,
-}
 
 /// Files to write.
 #[derive(Args, Default)]
@@ -601,12 +587,6 @@ impl OutputArgs {
         self.bags.add_to(&mut keys);
         keys
     }
-}
-
-/// Checks before the work that a picture could be written to `file`, which was given with `option`.
-pub fn check_picture(option: &'static str, file: &Path, options: &PreviewOptions) -> Result<()> {
-    ensure!(has_ending(file, &["png"]), "{option} {}: pictures are written as .png", shown::path(file));
-    preview::check(file, options).context(option)
 }
 
 /// Writes the clouds of a run.

@@ -152,10 +152,17 @@ impl Imu {
     /// acceleration less gravity, in its own frame (Groves, "Principles of GNSS, inertial, and multisensor integrated
     /// navigation systems", 2nd ed. 2013, eq. 2.78); see [`Trajectory::acceleration`].
     pub fn sample(&mut self, trajectory: &Trajectory, number: i64) -> ImuSample {
+        self.sample_at(trajectory, number, self.time_of(number))
+    }
+
+    /// The same on a trajectory whose clock reads `on_trajectory`, s, at that time: one that counts from a time nearby is not
+    /// rounded, whenever the run is.
+    pub fn sample_at(&mut self, trajectory: &Trajectory, number: i64, on_trajectory: f64) -> ImuSample {
         let time = self.time_of(number);
-        let to_own = trajectory.at(time).orientation.conjugate();
+        let to_own = trajectory.at(on_trajectory).orientation.conjugate();
         let gravity = DVec3::new(0.0, 0.0, -STANDARD_GRAVITY);
-        let truths = [to_own * trajectory.turning(time), to_own * (trajectory.acceleration(time) - gravity)];
+        let acceleration = trajectory.acceleration(on_trajectory);
+        let truths = [to_own * trajectory.turning(on_trajectory), to_own * (acceleration - gravity)];
         let rng = Rng::new(self.seed, (number >> 32) as u32);
         let mut measured = truths;
         for (part, noise) in [self.model.gyroscope(), self.model.accelerometer()].into_iter().enumerate() {
