@@ -11,6 +11,7 @@ import json
 import math
 import sys
 import tempfile
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 
 import numpy
@@ -34,8 +35,8 @@ def published():
 
 def plain(value):
     """Numbers that JSON lacks as text."""
-    if hasattr(value, "__slots__"):
-        return {name: plain(getattr(value, name)) for name in value.__slots__ if not name.startswith("__")}
+    if is_dataclass(value):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value) if field.name != "__msgtype__"}
     if isinstance(value, numpy.ndarray):
         value = value.tolist()
     if isinstance(value, list):

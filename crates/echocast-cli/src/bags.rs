@@ -52,10 +52,7 @@ impl BagArgs {
             let found = ImuModel::NAMES.iter().find(|(known, _)| *known == name).map(|(_, model)| *model);
             found.with_context(|| format!("imu: {name:?} is none; allowed: {}", models()))
         };
-        Ok(BagArgs {
-            messages: messages.iter().map(topic).collect::<Result<_>>()?,
-            imu: imu.map(model).transpose()?,
-        })
+        Ok(BagArgs { messages: messages.iter().map(topic).collect::<Result<_>>()?, imu: imu.map(model).transpose()? })
     }
 
     /// The topics that were requested, if any were.

@@ -325,7 +325,8 @@ mod tests {
             let mut imu = Imu::new(model, seed);
             for part in 0..3 {
                 let first = 60_000 * part;
-                let mean = (first..first + 1000).map(|n| imu.sample(&still, n).angular_velocity.x).sum::<f64>() / 1000.0;
+                let mean =
+                    (first..first + 1000).map(|n| imu.sample(&still, n).angular_velocity.x).sum::<f64>() / 1000.0;
                 sum += mean * mean;
                 count += 1;
             }

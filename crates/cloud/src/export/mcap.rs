@@ -96,12 +96,7 @@ impl Format for Mcap {
         self.begin_bag(first, path, &BagOptions::default())
     }
 
-    fn begin_bag(
-        &self,
-        first: &PointCloud,
-        path: &Path,
-        options: &BagOptions,
-    ) -> Option<io::Result<Box<dyn Growing>>> {
+    fn begin_bag(&self, first: &PointCloud, path: &Path, options: &BagOptions) -> Option<io::Result<Box<dyn Growing>>> {
         Some(Bag::create(self.driver, first, path, options).map(|bag| Box::new(bag) as Box<dyn Growing>))
     }
 }
@@ -168,7 +163,9 @@ impl Bag {
         let points = wants_points.then(|| file.topic("/points", "sensor_msgs/PointCloud2")).transpose()?;
         let detections = file.topic("/detections", "vision_msgs/Detection3DArray")?;
         let mut scans = Vec::new();
-        for (topic, name) in [(BagTopic::Scan, "/scan"), (BagTopic::Echoes, "/echoes"), (BagTopic::Livox, "/livox/lidar")] {
+        for (topic, name) in
+            [(BagTopic::Scan, "/scan"), (BagTopic::Echoes, "/echoes"), (BagTopic::Livox, "/livox/lidar")]
+        {
             if let Some(message) = topic.message().filter(|_| topics.contains(&topic)) {
                 let (channel, requested) = (file.topic(name, message.name())?, options.topics.is_some());
                 scans.push(ScanTopic { message, channel, requested, missing: None });
@@ -195,7 +192,21 @@ impl Bag {
             file.send(latched, stamp, message)?;
         }
         let (large, coarse, late, last) = (false, false, false, None);
-        Ok(Bag { driver, file, transforms, points, detections, scans, images, radar, carrier, last, large, coarse, late })
+        Ok(Bag {
+            driver,
+            file,
+            transforms,
+            points,
+            detections,
+            scans,
+            images,
+            radar,
+            carrier,
+            last,
+            large,
+            coarse,
+            late,
+        })
     }
 
     /// Writes the poses of a frame.
@@ -300,10 +311,10 @@ impl Growing for Bag {
 }
 
 /// A transform: the frame, the frame in it, and its pose.
-type Placed = (&'static str, &'static str, Pose);
+type ListedTransform = (&'static str, &'static str, Pose);
 
 /// What does not move: the orientation of images, and what is on the carrier. Odometry starts at the origin of the map.
-fn fixed_transforms(images: bool, carrier: Option<&CarrierTopics>) -> Vec<Placed> {
+fn fixed_transforms(images: bool, carrier: Option<&CarrierTopics>) -> Vec<ListedTransform> {
     let optical = Pose { orientation: Intrinsics::FROM_OPTICAL, ..Pose::IDENTITY };
     let mut fixed = Vec::new();
     if let Some(carrier) = carrier {
@@ -314,7 +325,7 @@ fn fixed_transforms(images: bool, carrier: Option<&CarrierTopics>) -> Vec<Placed
     fixed
 }
 
-fn transforms_message(mut message: CdrWriter, listed: &[Placed], stamp: Stamp) -> io::Result<CdrWriter> {
+fn transforms_message(mut message: CdrWriter, listed: &[ListedTransform], stamp: Stamp) -> io::Result<CdrWriter> {
     message.count(listed.len())?;
     for (frame, child, pose) in listed {
         message.header(stamp, frame)?;

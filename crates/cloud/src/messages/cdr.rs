@@ -32,6 +32,7 @@ pub(crate) struct CdrWriter(Vec<u8>);
 /// Bytes before a message: its encoding.
 const HEADER: [u8; 4] = [0, 1, 0, 0];
 
+#[cfg_attr(not(feature = "mcap"), expect(dead_code, reason = "only bags need all of it"))]
 impl CdrWriter {
     /// An empty message in the memory of `bytes`.
     pub fn new(mut bytes: Vec<u8>) -> CdrWriter {

@@ -3,8 +3,8 @@
 //! Special values are those of ROS enhancement proposal 117 ("Informational Distance Measurements"): +inf where a beam has no
 //! return.
 
-use super::cdr::{CdrWriter, Stamp};
 use super::ScanMessage;
+use super::cdr::{CdrWriter, Stamp};
 use crate::{PointCloud, ScanLine};
 use glam::Vec3;
 use ground::error::{Error, Result};

@@ -101,6 +101,7 @@ impl BagOptions {
     ///
     /// # Errors
     /// A topic that it cannot have.
+    #[cfg_attr(not(feature = "mcap"), expect(dead_code, reason = "only bags have topics"))]
     pub(crate) fn topics_of(&self, first: &PointCloud, driver: Option<Driver>) -> Result<Vec<BagTopic>> {
         let has = |topic: &BagTopic| {
             let needed = topic.message().map_or(FieldSet::EMPTY, ScanMessage::columns);
