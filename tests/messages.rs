@@ -395,3 +395,23 @@ fn topics_that_a_bag_cannot_have_are_refused() {
     assert!(messages::definition("sensor_msgs/Imu").starts_with("std_msgs/Header header\n"));
     assert_eq!(messages::definition("sensor_msgs/Unknown"), "");
 }
+
+/// Frames that are placed apart by mistake would fill the disk.
+#[test]
+fn a_carrier_does_not_move_for_years_between_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let carrier = Arc::new(circle());
+    let motion =
+        BagMotion { carrier, estimate: None, mount: Pose::IDENTITY, imu: ImuModel::Ideal, seed: 0, scan_time: 0.1 };
+    let options = BagOptions::default().topics(vec![BagTopic::Points, BagTopic::Imu]).motion(motion);
+    let mut cloud = PointCloud::new(FieldSet::parse("x,y,z").unwrap(), 1).unwrap();
+    cloud.start_time = Some(1.0);
+    let mut file = GrowingFile::begin_with(&path, None, &cloud, &options).unwrap().unwrap();
+    file.add(&cloud).unwrap();
+    for later in [1e6, 1e300, f64::NAN] {
+        cloud.start_time = Some(later);
+        let error = file.add(&cloud).unwrap_err().to_string();
+        assert!(error.contains("s apart; allowed with messages of the carrier: 86400 s"), "{error}");
+    }
+}

@@ -8,7 +8,7 @@ use crate::text;
 use crate::time::seconds;
 use echocast::emitter::{Imu, ImuModel};
 use echocast::messages::{self, ScanMessage};
-use echocast::{Named, Trajectory};
+use echocast::{Named, Pose, Trajectory};
 use std::ffi::{c_char, c_void};
 
 /// sensor_msgs/LaserScan: the range of the first return of each beam of a LiDAR with a single ring.
@@ -55,7 +55,7 @@ unsafe fn path(poses: *const echocast_pose_key, count: usize) -> Outcome<(Trajec
     let Some(first) = poses.first() else {
         return Err(Failure::argument("pose_count", 0, "1 or more"));
     };
-    let key = |(number, key): (usize, &echocast_pose_key)| {
+    let key = |(number, key): (usize, &echocast_pose_key)| -> Outcome<(f64, Pose)> {
         let pose = key.pose.rigid("poses[i].pose").map_err(|failure| failure.at("[i]", number))?;
         Ok((since(key.t_ns, first.t_ns, "poses[i].t_ns").map_err(|failure| failure.at("[i]", number))?, pose))
     };

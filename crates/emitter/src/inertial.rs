@@ -110,15 +110,6 @@ pub struct ImuSample {
 }
 
 /// An inertial measurement unit at the origin of what moves along a trajectory, with its axes.
-///
-/// ```
-/// use echocast::emitter::{Imu, ImuModel};
-/// use echocast::{Pose, Trajectory};
-///
-/// let mut imu = Imu::new(ImuModel::Ideal, 0);
-/// let at_rest = imu.sample(&Trajectory::fixed(Pose::IDENTITY), 0);
-/// assert_eq!(at_rest.specific_force.z, 9.80665);
-/// ```
 pub struct Imu {
     model: ImuModel,
     seed: u64,

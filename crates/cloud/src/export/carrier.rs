@@ -17,6 +17,9 @@ pub(super) const IMU: &str = "imu_link";
 const ODOMETRY_HZ: f64 = 50.0;
 const CLOCK_HZ: f64 = 100.0;
 
+/// Longest time between two frames, s, a day: more would be frames that were placed apart by mistake, and would fill the disk.
+const LONGEST_GAP_S: f64 = 86_400.0;
+
 /// The messages of a carrier, those of a moment before the frame that starts then.
 pub(super) struct CarrierTopics {
     motion: BagMotion,
@@ -80,6 +83,12 @@ impl CarrierTopics {
     /// Writes the messages before the time `end`, s.
     pub fn write_before(&mut self, bag: &mut BagFile, end: f64) -> io::Result<()> {
         let CarrierTopics { motion, streams } = self;
+        let mut gaps = streams.iter().map(|stream| end - stream.time());
+        if let Some(gap) = gaps.find(|gap| !gap.is_finite() || *gap > LONGEST_GAP_S) {
+            let reason =
+                format!("frames are {gap:.0} s apart; allowed with messages of the carrier: {LONGEST_GAP_S} s");
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, reason));
+        }
         while let Some(stream) = streams.iter_mut().min_by(|a, b| a.time().total_cmp(&b.time())) {
             let time = stream.time();
             if time >= end {

@@ -21,8 +21,8 @@ pub(super) const MCAP: Mcap = Mcap {
     info: FormatInfo {
         name: "mcap",
         extensions: &["mcap"],
-        description: "bag of ROS 2: for each frame a PointCloud2 in the layout of the driver of the sensor's maker, TFMessage, \
-                      Detection3DArray",
+        description: "bag of ROS 2: for each frame a PointCloud2 in the layout of the driver of the sensor's maker, a LaserScan of a \
+                      single ring, a Livox's CustomMsg, TFMessage, Detection3DArray; Imu, Odometry and Clock on request",
         needs_positions: true,
         holds_label_names: true,
     },

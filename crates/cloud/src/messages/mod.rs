@@ -60,7 +60,10 @@ impl PointCloud {
     /// ```
     /// # use echocast::messages::ScanMessage;
     /// # use echocast::{Pose, Scene, ScanOptions, Sensor, Trajectory};
-    /// # let scene = echocast::generate::indoor(&Default::default())?.build()?;
+    /// # let folder = tempfile::tempdir().unwrap();
+    /// # let path = folder.path().join("flat.glb");
+    /// # echocast::generate::Indoor::default().rooms([1, 1]).scene(7)?.write(&path)?;
+    /// # let scene = Scene::load(&path)?.build()?;
     /// let hokuyo = Sensor::preset("hokuyo_ust10lx")?;
     /// let options = ScanOptions::default().fields(ScanMessage::LaserScan.columns());
     /// let cloud = scene.scan(&hokuyo, &Trajectory::fixed(Pose::at(0.0, 0.0, 1.0)), &options)?;
