@@ -646,7 +646,7 @@ static double double_at(const unsigned char *message, size_t at)
 }
 
 /* Messages of ROS 2 as serialised bytes. */
-static void messages(echocast_context *context, const echocast_snapshot *snapshot, const echocast_scan_desc *as)
+static void ros_messages(echocast_context *context, const echocast_snapshot *snapshot, const echocast_scan_desc *as)
 {
     echocast_scan_desc desc = *as;
     echocast_sensor *sensor;
@@ -892,7 +892,7 @@ static void scans(echocast_context *context)
     free(bytes);
 
     drivers(context, snapshot, &desc);
-    messages(context, snapshot, &desc);
+    ros_messages(context, snapshot, &desc);
     old_headers(context, snapshot, &desc);
     echocast_result_release(result);
     echocast_sensor_release(sensor);
