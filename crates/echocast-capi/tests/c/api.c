@@ -688,7 +688,7 @@ static void ros_messages(echocast_context *context, const echocast_snapshot *sna
           echocast_result_pack_message(result, ECHOCAST_MESSAGE_LASER_SCAN, "laser", bytes, size - 1, NULL));
     FAILS(ECHOCAST_E_ARGUMENT, "message is 9; allowed: 1 to 3, an ECHOCAST_MESSAGE_ number",
           echocast_result_pack_message(result, 9, "laser", bytes, size, NULL));
-    FAILS(ECHOCAST_E_ARGUMENT, "without the column x",
+    FAILS(ECHOCAST_E_ARGUMENT, "the cloud is without the column x",
           echocast_result_pack_message(result, ECHOCAST_MESSAGE_LIVOX_CUSTOM, "laser", bytes, size, NULL));
     free(bytes);
     echocast_result_release(result);
@@ -720,7 +720,7 @@ static void ros_messages(echocast_context *context, const echocast_snapshot *sna
     FAILS(ECHOCAST_E_ARGUMENT, "pose_count is 0", echocast_pack_imu(path, 0, 1, 0, 0, "imu", imu, sizeof imu, NULL));
     FAILS(ECHOCAST_E_ARGUMENT, "imu is 4;", echocast_pack_imu(path, 5, 4, 0, 0, "imu", imu, sizeof imu, NULL));
     path[3].t_ns = path[2].t_ns;
-    FAILS(ECHOCAST_E_ARGUMENT, "times must rise",
+    FAILS(ECHOCAST_E_ARGUMENT, "trajectory key 3 is time ",
           echocast_pack_odometry(path, 5, start, "odom", "base_link", odometry, sizeof odometry, NULL));
 }
 
