@@ -1400,6 +1400,103 @@ echocast_status echocast_result_pack_driver(const echocast_result *result,
                                             size_t capacity,
                                             size_t *needed);
 
+/* -- Messages of ROS 2 ----------------------------------------------------------------------------------------------- */
+
+/** sensor_msgs/LaserScan: the range of the first return of each beam of a LiDAR with a single ring. */
+#define ECHOCAST_MESSAGE_LASER_SCAN 1
+
+/** sensor_msgs/MultiEchoLaserScan: all returns, likewise. */
+#define ECHOCAST_MESSAGE_MULTI_ECHO_LASER_SCAN 2
+
+/** livox_ros_driver2/CustomMsg: points as Livox's driver publishes them in its own format. */
+#define ECHOCAST_MESSAGE_LIVOX_CUSTOM 3
+
+/** Xsens MTi-10: 100 measurements per second. */
+#define ECHOCAST_IMU_XSENS_MTI10 1
+
+/** VectorNav VN-200: 200 per second. */
+#define ECHOCAST_IMU_VECTORNAV_VN200 2
+
+/** Without errors: 200 per second. */
+#define ECHOCAST_IMU_IDEAL 3
+
+/**
+ * Writes a result, that of one scan, as a serialised message (an ECHOCAST_MESSAGE_ number) of ROS 2, in the frame
+ * `frame_id` of the sensor: CDR, little endian, with its four-byte header, as a publisher of serialised messages takes it.
+ * Ranges of a LaserScan are those of the points at the angles of the beams, in the order of firing, so that a sensor that
+ * turns clockwise has a negative angle_increment; a beam without a return has the range +inf and the intensity 0. Without
+ * the column "beam" beams are found by "azimuth", else by the points. A CustomMsg needs the columns
+ * "x,y,z,intensity,return_number,ring,time". Stamps are times of the run. `capacity`: size of `to`, bytes; `*needed` (may
+ * be NULL): those of the message; if `to` is NULL, only that is written.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no such message, a result that cannot be one, too little room), ECHOCAST_E_HANDLE,
+ * ECHOCAST_E_BUSY, ECHOCAST_E_MEMORY.
+ *
+ * ```c
+ * scan.columns = "range,intensity,return_number,beam";
+ * echocast_scan(snapshot, &scan, &result);
+ * size_t size;
+ * echocast_result_pack_message(result, ECHOCAST_MESSAGE_LASER_SCAN, "laser", NULL, 0, &size);
+ * unsigned char *data = malloc(size);
+ * echocast_result_pack_message(result, ECHOCAST_MESSAGE_LASER_SCAN, "laser", data, size, NULL);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_result_pack_message(const echocast_result *result,
+                                             int32_t message,
+                                             const char *frame_id,
+                                             void *to,
+                                             size_t capacity,
+                                             size_t *needed);
+
+/**
+ * Writes what an IMU measures as a serialised sensor_msgs/Imu, in the frame `frame_id` of the IMU: angular velocity, rad/s,
+ * and specific force, m/s2, which at rest is 9.80665 upwards, in the IMU's axes; no orientation. `imu`: an ECHOCAST_IMU_
+ * number. `number`: that of the measurement, from time 0 of the run on, and so its time: number / rate. `poses`: those of
+ * the IMU around that time, at rising times; the velocity is constant between two, and its changes are spread over the
+ * halves of both neighbours, so that three poses or more are needed to feel an acceleration. Errors are functions of
+ * `seed` and `number`. `to`, `capacity` and `needed` are as for echocast_result_pack_message.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no such IMU, no poses, times that do not rise, too little room), ECHOCAST_E_MEMORY.
+ *
+ * ```c
+ * echocast_pose_key path[3] = {{0, poses[0]}, {period, poses[1]}, {2 * period, poses[2]}};
+ * echocast_pack_imu(path, 3, ECHOCAST_IMU_XSENS_MTI10, 7, 10, "imu_link", bytes, sizeof bytes, NULL);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_pack_imu(const echocast_pose_key *poses,
+                                  size_t pose_count,
+                                  int32_t imu,
+                                  uint64_t seed,
+                                  int64_t number,
+                                  const char *frame_id,
+                                  void *to,
+                                  size_t capacity,
+                                  size_t *needed);
+
+/**
+ * Writes pose and velocities at `t_ns` as a serialised nav_msgs/Odometry: the pose in the frame `frame_id`, the twist in
+ * the frame `child_frame_id` of what moves. `poses`: poses around that time, at rising times. `to`, `capacity` and
+ * `needed` are as for echocast_result_pack_message.
+ *
+ * Errors: ECHOCAST_E_ARGUMENT (no poses, times that do not rise, too little room), ECHOCAST_E_MEMORY.
+ *
+ * ```c
+ * echocast_pose_key step[2] = {{0, poses[0]}, {period, poses[1]}};
+ * echocast_pack_odometry(step, 2, period / 2, "odom", "base_link", bytes, sizeof bytes, NULL);
+ * ```
+ */
+ECHOCAST_API
+echocast_status echocast_pack_odometry(const echocast_pose_key *poses,
+                                       size_t pose_count,
+                                       int64_t t_ns,
+                                       const char *frame_id,
+                                       const char *child_frame_id,
+                                       void *to,
+                                       size_t capacity,
+                                       size_t *needed);
+
 /* -- Scans ----------------------------------------------------------------------------------------------------------- */
 
 /** Points are in order of rising beam. */

@@ -666,6 +666,15 @@ public:
         check(echocast_result_pack_driver(get(), driver, stamp_ns, to.data(), to.size(), nullptr));
     }
 
+    /** The points as a serialised message of ROS 2 (such as ECHOCAST_MESSAGE_LASER_SCAN), in the frame `frame_id`. */
+    std::vector<uint8_t> pack_message(int32_t message, const std::string &frame_id) const {
+        size_t size = 0;
+        check(echocast_result_pack_message(get(), message, frame_id.c_str(), nullptr, 0, &size));
+        std::vector<uint8_t> bytes(size);
+        check(echocast_result_pack_message(get(), message, frame_id.c_str(), bytes.data(), size, nullptr));
+        return bytes;
+    }
+
     /** The number of a label name, such as category "car". */
     uint32_t label_number(const std::string &table, const std::string &name) const {
         uint32_t number = 0;

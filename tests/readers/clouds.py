@@ -233,7 +233,7 @@ def read_mcap(path):
         summary = reader.get_summary()
         assert summary.chunk_indexes and all(chunk.compression == "zstd" for chunk in summary.chunk_indexes)
         for schema, channel, message, decoded in reader.iter_decoded_messages():
-            assert (later in channel.metadata["offered_qos_profiles"]) == (channel.topic == "/legend")
+            assert (later in channel.metadata["offered_qos_profiles"]) == (channel.topic in ("/legend", "/tf_static"))
             stamp = getattr(decoded, "header", None) and nanoseconds(decoded.header)
             assert stamp in (None, message.log_time) and message.publish_time == message.log_time
             topics.setdefault(channel.topic, []).append((schema.name, message.log_time, decoded))
@@ -244,6 +244,8 @@ def read_mcap(path):
     said = json.loads(legend.data)
     assert said.get("driver") == (told and told[1])
     poses = {time: transform_of(message) for _, time, message in topics["/tf"]}
+    fixed = [it for _, _, message in topics.pop("/tf_static", []) for it in message.transforms]
+    assert [optical_of(it) for it in fixed] == ["sensor_optical"] * ("/depth/image_rect" in topics)
     images = images_of(topics) if "/depth/image_rect" in topics else {}
     clouds = []
     for kind, time, message in topics["/points"]:
@@ -319,15 +321,18 @@ def alike(a, b):
 
 def transform_of(message):
     """Rotation matrix and translation."""
-    stamped, *optical = message.transforms
+    (stamped,) = message.transforms
     assert (stamped.header.frame_id, stamped.child_frame_id) == ("map", "sensor")
-    for other in optical:
-        assert (other.header.frame_id, other.child_frame_id) == ("sensor", "sensor_optical")
-        q = other.transform.rotation
-        axes = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()
-        assert numpy.allclose(axes, [[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
     q, t = stamped.transform.rotation, stamped.transform.translation
     return Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix(), numpy.array([t.x, t.y, t.z])
+
+
+def optical_of(stamped):
+    """The frame of images: z ahead, x to the right."""
+    q = stamped.transform.rotation
+    axes = Rotation.from_quat([q.x, q.y, q.z, q.w]).as_matrix()
+    assert stamped.header.frame_id == "sensor" and numpy.allclose(axes, [[0, 0, 1], [-1, 0, 0], [0, -1, 0]])
+    return stamped.child_frame_id
 
 
 def images_of(topics):

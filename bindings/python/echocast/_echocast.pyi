@@ -114,6 +114,15 @@ class Trajectory:
     @staticmethod
     def load(path: Path) -> Trajectory: ...
     def at(self, time: float) -> Pose: ...
+    def imu_message(
+        self,
+        number: int,
+        *,
+        imu: Literal["xsens_mti10", "vectornav_vn200", "ideal"] = "xsens_mti10",
+        seed: int = 0,
+        frame_id: str = "imu_link",
+    ) -> bytes: ...
+    def odometry_message(self, time: float, *, frame_id: str = "odom", child_frame_id: str = "base_link") -> bytes: ...
     @property
     def span(self) -> tuple[float, float]: ...
 
@@ -631,6 +640,14 @@ class PointCloud(Columns):
         *,
         stamp: float | None = None,
     ) -> Array: ...
+    def to_message(
+        self,
+        message: Literal[
+            "sensor_msgs/LaserScan", "sensor_msgs/MultiEchoLaserScan", "livox_ros_driver2/CustomMsg"
+        ],
+        *,
+        frame_id: str = "sensor",
+    ) -> bytes: ...
     @property
     def categories(self) -> dict[int, str]: ...
     @property

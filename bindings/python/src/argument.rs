@@ -26,10 +26,10 @@ macro_rules! named {
 }
 
 named! {
-    alpha_image beam blend cameras category cell_m check color column columns count cube driver environment files filter fixed folder
-    format frame image image_matrix instance key kind layer length mask material materials mesh name names number object
-    objects overlap parts path pixels position quaternion range resume row rpy_deg samples scenario scene seed sensor
-    shard source stamp table threads time view width wrap
+    alpha_image beam blend cameras category cell_m check child_frame_id color column columns count cube driver
+    environment files filter fixed folder format frame frame_id image image_matrix imu instance key kind layer length
+    mask material materials mesh message name names number object objects overlap parts path pixels position quaternion
+    range resume row rpy_deg samples scenario scene seed sensor shard source stamp table threads time view width wrap
 }
 
 /// The error for a `value` whose type is not `allowed` for `name`.

@@ -7,7 +7,7 @@ use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3};
 use numpy::ndarray::{ArrayView2, Ix1, Ix2, IxDyn};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
 use std::path::PathBuf;
 
 /// Position and orientation of a sensor or an object in the world: x forward, y left, z up.
@@ -163,6 +163,48 @@ impl Trajectory {
     /// The pose at `time`, s; before the first pose the first, after the last the last.
     fn at(&self, #[pyo3(from_py_with = argument::time)] time: f64) -> Pose {
         Pose(self.0.at(time))
+    }
+
+    /// What an IMU on it measures, as a `sensor_msgs/Imu` in the frame `frame_id`: serialised bytes (CDR, little endian).
+    /// `number`: that of the measurement, from time 0 on, at the rate of the IMU. `imu`: "xsens_mti10", 100 a second,
+    /// "vectornav_vn200", 200, or "ideal", 200 without errors. Errors are functions of `seed` and `number`. ArgumentError for
+    /// another IMU.
+    ///
+    /// >>> still = ec.Trajectory([0], [[0, 0, 1]])
+    /// >>> message = still.imu_message(7, imu="ideal", frame_id="imu")
+    /// >>> [float(number) for number in np.frombuffer(message, "<f8", 3, offset=220)]  # m/s2
+    /// [0.0, 0.0, 9.80665]
+    #[pyo3(signature = (number, *, imu = "xsens_mti10", seed = 0, frame_id = "imu_link"))]
+    fn imu_message<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::number)] number: u32,
+        #[pyo3(from_py_with = argument::imu)] imu: &str,
+        #[pyo3(from_py_with = argument::seed)] seed: u64,
+        #[pyo3(from_py_with = argument::frame_id)] frame_id: &str,
+    ) -> BindingResult<Bound<'py, PyBytes>> {
+        let model = crate::sensor::named("imu", imu)?;
+        let sample = echocast::emitter::Imu::new(model, seed).sample(&self.0, number.into());
+        Ok(PyBytes::new(py, &echocast::messages::imu(&sample, frame_id)?))
+    }
+
+    /// Pose and velocities at `time`, s, as a `nav_msgs/Odometry`: serialised bytes (CDR, little endian); the pose is in the
+    /// frame `frame_id`, the twist in the frame `child_frame_id` of what moves.
+    ///
+    /// >>> path = ec.Trajectory([0, 2], [[0, 0, 1.8], [10, 0, 1.8]])
+    /// >>> message = path.odometry_message(0.5)
+    /// >>> float(np.frombuffer(message, "<f8", 1, offset=388)[0])  # m/s ahead
+    /// 5.0
+    #[pyo3(signature = (time, *, frame_id = "odom", child_frame_id = "base_link"))]
+    fn odometry_message<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = argument::time)] time: f64,
+        #[pyo3(from_py_with = argument::frame_id)] frame_id: &str,
+        #[pyo3(from_py_with = argument::child_frame_id)] child_frame_id: &str,
+    ) -> BindingResult<Bound<'py, PyBytes>> {
+        let bytes = echocast::messages::odometry(&self.0.odometry(time), frame_id, child_frame_id)?;
+        Ok(PyBytes::new(py, &bytes))
     }
 
     /// Times of the first and the last pose, s.

@@ -14,6 +14,7 @@ pub mod export;
 pub mod fields;
 pub mod image;
 pub mod import;
+pub mod messages;
 mod pack;
 pub mod ping;
 mod ping_points;
@@ -21,6 +22,7 @@ pub mod points;
 pub mod radar_frame;
 pub(crate) mod record;
 mod records;
+mod scan_line;
 #[cfg(test)]
 mod test_sensor;
 
@@ -38,3 +40,4 @@ pub use ping_points::PointOptions;
 pub use points::{Frame, PointCloud};
 pub use radar_frame::{PolarImage, RadarFrame, RawSamples};
 pub use records::{Record, Records};
+pub use scan_line::ScanLine;

@@ -1,6 +1,6 @@
 //! The cloud itself: what a scan returns.
 
-use super::{Column, Columns, Driver, Field, FieldSet, InstanceBox, Records, Slices};
+use super::{Column, Columns, Driver, Field, FieldSet, InstanceBox, Records, ScanLine, Slices};
 use echocast_memory::tried;
 use glam::DVec3;
 use ground::error::{Error, Result};
@@ -62,6 +62,9 @@ pub struct PointCloud {
     /// The ROS 2 driver that publishes such clouds, that of the sensor's maker (`SensorSpec::driver`); `None`:
     /// unknown.
     pub driver: Option<Driver>,
+    /// The beams of a LiDAR with a single ring, which a `LaserScan` describes; `None`: it has others, or is unknown, as for
+    /// clouds from files.
+    pub scan_line: Option<ScanLine>,
     /// Boxes around labelled instances, if requested (`ScanOptions::boxes`): sorted by frame, then by
     /// ascending `instance_id`.
     pub boxes: Option<Vec<InstanceBox>>,
@@ -91,6 +94,7 @@ impl Default for PointCloud {
             rays: 0,
             most_rays: 0,
             driver: None,
+            scan_line: None,
             boxes: None,
             labels: Arc::default(),
             records: Arc::default(),
@@ -311,6 +315,7 @@ impl PointCloud {
             _ => None,
         };
         self.driver = self.driver.filter(|_| self.driver == other.driver);
+        self.scan_line = self.scan_line.filter(|_| self.scan_line == other.scan_line);
         self.len += other.len;
         self.rays += other.rays;
         Ok(())

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::process::Command;
 
 /// The files of the crate in the order of the header, and the titles of their sections.
-const SECTIONS: [(&str, &str); 19] = [
+const SECTIONS: [(&str, &str); 20] = [
     ("guard", "Errors"),
     ("library", "The library"),
     ("context", "Contexts"),
@@ -24,6 +24,7 @@ const SECTIONS: [(&str, &str); 19] = [
     ("image", "Images"),
     ("result", "Results"),
     ("driver", "Messages of drivers"),
+    ("message", "Messages of ROS 2"),
     ("scan", "Scans"),
     ("ping", "Pings"),
     ("radar", "Frames of radars"),

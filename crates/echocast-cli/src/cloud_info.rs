@@ -3,7 +3,7 @@
 use crate::pipe::{self, ColumnArgs};
 use crate::strips::Strips;
 use crate::text::{self, thousands};
-use crate::{names, output, usage};
+use crate::{names, picture, usage};
 use anyhow::{Context as _, Result};
 use echocast::cloud::{Column, FieldInfo, Record};
 use echocast::preview::{self, ColorBy, PreviewOptions};
@@ -25,7 +25,7 @@ const LISTED: usize = 40;
 pub fn run(file: &Path, columns: &ColumnArgs, picture: Option<&Path>, as_json: bool) -> Result<()> {
     let options = PreviewOptions::default().color(ColorBy::GroundDensity);
     if let Some(picture) = picture {
-        output::check_picture("--preview", picture, &options).map_err(usage::wrong)?;
+        picture::check_picture("--preview", picture, &options).map_err(usage::wrong)?;
         names::check_kept(picture, file).map_err(usage::wrong)?;
     }
     let mut report = Report::default();

@@ -3,7 +3,7 @@
 use crate::input::{SceneArgs, positive};
 use crate::pipe::ColumnArgs;
 use crate::text::{self, thousands};
-use crate::{cloud_info, names, output, pipe, usage};
+use crate::{cloud_info, names, picture, pipe, usage};
 use anyhow::{Context as _, Result, anyhow, ensure};
 use echocast::material::{Returned, Why};
 use echocast::preview::{self, PreviewOptions};
@@ -57,7 +57,7 @@ pub fn run(args: &InfoArgs) -> Result<()> {
     ensure!(!args.columns.is_some(), usage::wrong(anyhow!(message)));
     let options = PreviewOptions::default();
     if let Some(file) = &args.preview {
-        output::check_picture("--preview", file, &options).map_err(usage::wrong)?;
+        picture::check_picture("--preview", file, &options).map_err(usage::wrong)?;
     }
     let (scene, read) = read::noting(|| args.scene.load(&args.scene.labels()?, &args.scene.materials()?));
     let scene = scene?;

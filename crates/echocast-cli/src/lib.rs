@@ -3,6 +3,7 @@
 
 #![forbid(unsafe_code)]
 
+mod bags;
 mod bench;
 mod blender;
 mod choice;
@@ -19,6 +20,7 @@ mod input;
 mod interrupt;
 mod names;
 mod output;
+mod picture;
 mod pipe;
 mod place;
 mod plan;

@@ -1,8 +1,9 @@
 //! Output files: clouds, pings, pictures, images and boxes.
 
+use crate::bags::BagArgs;
 use crate::flight::FlightFiles;
-use crate::input::has_ending;
 use crate::names::{check_kept, folder, is_numbered, numbered, numbered_as, same_folder};
+use crate::picture::{PictureArgs, check_picture};
 use crate::pipe::{self, Outgoing};
 use crate::radar::{RadarArgs, RadarKeys, RadarWriter};
 use crate::{choice, text};
@@ -11,6 +12,7 @@ use clap::{ArgGroup, Args};
 use echocast::emitter::pattern::Pattern;
 use echocast::export::{self, AnnotationStyle, FramesFile, GrowingFile, ImageFolder, ImageLayer, ImageOptions};
 use echocast::image::LAYERS;
+use echocast::messages::BagOptions;
 use echocast::preview::{self, ColorBy, PreviewOptions, View};
 use echocast::radar::{RadarFrame, RadarRecord};
 use echocast::scene::Labels;
@@ -22,20 +24,6 @@ use serde::Deserialize;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
-
-/// A picture of one sample.
-#[derive(Args)]
-pub struct PictureArgs {
-    /// Write a picture of the sample instead of adding it to the set
-    #[arg(long, value_name = "FILE.png", requires = "sample")]
-    pub preview: Option<PathBuf>,
-    /// What the colours of the picture show
-    #[arg(long, requires = "preview", default_value = "label", value_parser = choice::of::<ColorBy>())]
-    pub color: ColorBy,
-    /// How the picture shows the cloud
-    #[arg(long, requires = "preview", default_value = "top", value_parser = choice::of::<View>())]
-    pub view: View,
-}
 
 /// Files to write.
 #[derive(Args, Default)]
@@ -113,6 +101,8 @@ pub struct OutputArgs {
     pub radar: RadarArgs,
     #[command(flatten)]
     pub flight: FlightFiles,
+    #[command(flatten)]
+    pub bags: BagArgs,
     /// Axes of the boxes: those of each object, or those of the frame of the points (`--frame`)
     #[arg(long, requires = "boxed", default_value = "object", value_parser = choice::of::<BoxAxes>(), help_heading = "Output")]
     box_axes: BoxAxes,
@@ -135,6 +125,8 @@ pub struct FilesKeys {
     box_axes: Option<String>,
     radar: Option<RadarKeys>,
     trajectory: Option<PathBuf>,
+    messages: Vec<String>,
+    imu: Option<String>,
 }
 
 #[derive(Deserialize)]
@@ -190,6 +182,7 @@ impl OutputArgs {
             boxes: keys.boxes.map(at),
             radar: RadarArgs::from_keys(keys.radar.unwrap_or_default(), at),
             flight: FlightFiles::new(keys.trajectory.map(at)),
+            bags: BagArgs::from_keys(keys.messages, keys.imu.as_deref())?,
             box_axes: axes.context("box_axes: allowed: object, frame")?,
         })
     }
@@ -282,6 +275,18 @@ impl OutputArgs {
         shown.into_iter().chain(kept).chain(imaged).reduce(FieldSet::union)
     }
 
+    /// Whether bags are among the clouds.
+    fn has_bags(&self) -> bool {
+        let format = self.format.as_deref();
+        let mut formats = self.output.iter().filter_map(|file| export::format_for(file, format).ok());
+        formats.any(|format| format.name().starts_with("mcap"))
+    }
+
+    /// The columns that bags need besides those of points.
+    pub fn bagged(&self, sensor: &Sensor) -> FieldSet {
+        if self.has_bags() { self.bags.columns(sensor) } else { FieldSet::EMPTY }
+    }
+
     /// Checks the options, to fail before a long scan rather than after it.
     pub fn check(&self, fields: FieldSet, sensor: &Sensor, profile: Profile) -> Result<()> {
         let kind = sensor.kind();
@@ -309,6 +314,7 @@ impl OutputArgs {
             if rotates { "polar" } else { "range_doppler, range_azimuth" }
         );
         self.radar.check(sensor)?;
+        self.bags.check(sensor, self.has_bags())?;
         if kind.makes_pings() && profile != Profile::Physical {
             let view = format!("--view {}", self.view.name());
             for (option, given) in
@@ -577,14 +583,10 @@ impl OutputArgs {
             "radar": self.radar.to_json(),
             "trajectory": self.flight.to_json(),
         });
-        json.as_object().cloned().unwrap_or_default()
+        let mut keys = json.as_object().cloned().unwrap_or_default();
+        self.bags.add_to(&mut keys);
+        keys
     }
-}
-
-/// Checks before the work that a picture could be written to `file`, which was given with `option`.
-pub fn check_picture(option: &'static str, file: &Path, options: &PreviewOptions) -> Result<()> {
-    ensure!(has_ending(file, &["png"]), "{option} {}: pictures are written as .png", shown::path(file));
-    preview::check(file, options).context(option)
 }
 
 /// Writes the clouds of a run.
@@ -595,6 +597,8 @@ pub struct CloudWriter<'a> {
     /// Files of all frames together, in the order of `args.output`; `None`: the format needs all points at once.
     merged: Vec<Option<GrowingFile>>,
     radar: RadarWriter<'a>,
+    /// What bags hold.
+    bag: BagOptions,
     /// The cloud for standard output, if there is one, until it is complete.
     stdout: Option<Outgoing>,
     /// Every file written.
@@ -604,13 +608,15 @@ pub struct CloudWriter<'a> {
 }
 
 impl<'a> CloudWriter<'a> {
-    pub fn new(args: &'a OutputArgs) -> Result<Self> {
+    /// `bag`: what bags hold.
+    pub fn new(args: &'a OutputArgs, bag: BagOptions) -> Result<Self> {
         let stdout = args.output.iter().any(|file| pipe::is_standard(file)).then(Outgoing::new).transpose()?;
         Ok(CloudWriter {
             args,
             growing: Vec::new(),
             merged: Vec::new(),
             radar: RadarWriter::new(&args.radar, args.single)?,
+            bag,
             stdout,
             files: Vec::new(),
             report: Report::default(),
@@ -625,8 +631,8 @@ impl<'a> CloudWriter<'a> {
             let begin = |file: &PathBuf| match strip {
                 // It has one row for each strip.
                 Some(_) if self.args.grows(file) => Ok(None),
-                Some(strip) => GrowingFile::begin(&numbered(file, strip.into()), format, cloud),
-                None => GrowingFile::begin(&self.place(file), format, cloud),
+                Some(strip) => GrowingFile::begin_with(&numbered(file, strip.into()), format, cloud, &self.bag),
+                None => GrowingFile::begin_with(&self.place(file), format, cloud, &self.bag),
             };
             self.merged = self.args.output.iter().map(begin).collect::<Result<_, _>>()?;
         }
@@ -744,7 +750,7 @@ impl<'a> CloudWriter<'a> {
 
     fn write_cloud(&mut self, cloud: &PointCloud, file: &Path) -> Result<()> {
         let format = self.args.format.as_deref();
-        self.report.absorb(export::write(cloud, &self.place(file), format)?);
+        self.report.absorb(export::write_with(cloud, &self.place(file), format, &self.bag)?);
         self.wrote_cloud(file)
     }
 

@@ -3,7 +3,7 @@
 use crate::flight::EarthArgs;
 use crate::input::{self, has_ending, key_value, positive};
 use crate::text::{self, counted, thousands};
-use crate::{interrupt, names, output, usage};
+use crate::{interrupt, names, picture, usage};
 use anyhow::{Context as _, Result, anyhow, ensure};
 use echocast::preview::{self, PreviewOptions};
 use echocast::scenario::{Sample, Scan};
@@ -113,7 +113,7 @@ pub fn run(args: &PlanArgs) -> Result<()> {
     interrupt::listen().context("cannot listen for signals")?;
     let options = PreviewOptions::default();
     if let Some(file) = &args.preview {
-        output::check_picture("--preview", file, &options).map_err(usage::wrong)?;
+        picture::check_picture("--preview", file, &options).map_err(usage::wrong)?;
     }
     if let Some(file) = &args.output {
         ensure!(

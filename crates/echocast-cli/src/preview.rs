@@ -1,7 +1,7 @@
 //! `echocast preview`
 
 use crate::pipe::ColumnArgs;
-use crate::{choice, names, output, pipe, text, usage};
+use crate::{choice, names, picture, pipe, text, usage};
 use anyhow::{Context as _, Result};
 use echocast::preview::{self, ColorBy, PreviewOptions, View};
 use echocast::{PointCloud, Report, shown};
@@ -42,7 +42,7 @@ pub struct PreviewArgs {
 pub fn run(args: &PreviewArgs) -> Result<()> {
     let options = PreviewOptions::default().view(args.view).width(args.width).boxes(args.show.is_some());
     let file = &args.output;
-    output::check_picture("-o", file, &options).map_err(usage::wrong)?;
+    picture::check_picture("-o", file, &options).map_err(usage::wrong)?;
     names::check_kept(file, &args.input).map_err(usage::wrong)?;
     let mut report = Report::default();
     let (cloud, inputs) = pipe::read_cloud(&args.input, &args.columns, &mut report)?;

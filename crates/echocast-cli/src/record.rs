@@ -100,7 +100,8 @@ pub fn frame_word(sensor: &Sensor) -> &'static str {
 impl Take<'_> {
     /// The options of a frame.
     pub fn options_of(&self, frame: &TakeFrame) -> ScanOptions {
-        let fields = self.options.fields.union(self.output.pictured()).union(self.reported());
+        let shown = self.output.pictured().union(self.output.bagged(self.sensor));
+        let fields = self.options.fields.union(shown).union(self.reported());
         let annotates = self.output.annotates();
         let boxes = self.options.boxes.or_else(|| annotates.then(BoxAxes::default));
         self.options
@@ -245,7 +246,9 @@ impl Take<'_> {
         let several = self.frames.len() > 1;
         let in_strips = self.strips.is_some();
         progress.count_frames(self.frames.len(), frame_word(sensor));
-        let mut writer = CloudWriter::new(output)?;
+        let start = self.frames.first().map_or(0.0, |frame| frame.start);
+        let bag = output.bags.options(sensor, [trajectory, self.carrier], self.navigation, self.options.seed, start);
+        let mut writer = CloudWriter::new(output, bag)?;
         let mut images = output.begin_images(sensor)?;
         let mut all = PointCloud::default();
         let mut cloud = PointCloud::default();

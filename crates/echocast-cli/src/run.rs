@@ -1,7 +1,8 @@
 //! `echocast run`
 
 use crate::import::{AssetArgs, Imported};
-use crate::output::{FilesKeys, OutputArgs, PictureArgs};
+use crate::output::{FilesKeys, OutputArgs};
+use crate::picture::PictureArgs;
 use crate::progress::ProgressLine;
 use crate::record::{Nothing, Take, TakeFrame, frame_word};
 use crate::report::{RunReport, Seconds, timed};

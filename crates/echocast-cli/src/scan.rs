@@ -41,6 +41,7 @@ While things move, and with the sensor on a trajectory:
 A bag for ROS 2, with points as of the maker's driver, and a cloud for another program:
   echocast scan street.glb --sensor ouster_os1_128 --at 0,0,1.8 --frames 0:1 -o drive.mcap
   echocast scan street.glb --sensor vlp16 --at 0,0,1.8 --format csv -o - | head -n 3
+  echocast scan street.glb --sensor hokuyo_ust10lx --trajectory drive.txt -o laser.mcap --messages scan,imu,odom,clock
 A depth camera in a flat, with a row for every pixel:
   echocast generate indoor -o flat.glb
   echocast scan flat.glb --sensor kinect_v2 --camera Camera_1 --organised --fields default,depth -o flat.npz

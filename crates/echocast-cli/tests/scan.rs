@@ -515,6 +515,57 @@ fn points_can_be_organised_ordered_and_in_the_sensor_frame() {
 }
 
 #[test]
+fn bags_hold_what_was_requested() {
+    let folder = tempfile::tempdir().unwrap();
+    let dir = folder.path();
+    fs::write(dir.join("drive.txt"), "0 -6 6 1.2 0 0 0 1\n0.1 -5.9 6 1.2 0 0 0 1\n0.2 -5.7 6 1.2 0 0 0 1\n").unwrap();
+    let scan = "scan HALL --sensor hokuyo_ust10lx --trajectory DIR/drive.txt --fields x,y,z,category_id";
+    let report = report(dir, &format!("{scan} -o DIR/a.mcap --messages scan,imu,odom,clock --imu ideal"));
+    // Topics are told at the end, where nothing is compressed.
+    let topics = |name: &str| -> Vec<&str> {
+        let bytes = fs::read(dir.join(name)).unwrap();
+        let has = |topic: &&str| bytes.windows(topic.len()).any(|window| window == topic.as_bytes());
+        ["/points", "/scan", "/echoes", "/livox/lidar", "/imu", "/odom", "/clock", "/tf_static"]
+            .into_iter()
+            .filter(has)
+            .collect()
+    };
+    assert_eq!(topics("a.mcap"), ["/scan", "/imu", "/odom", "/clock", "/tf_static"]);
+    // The report repeats it.
+    let mut run_again = report["run"].clone();
+    let output = &mut run_again["outputs"][0];
+    assert_eq!((&output["messages"][1], &output["imu"]), (&"imu".into(), &"ideal".into()));
+    output["files"] = serde_json::json!(["again.mcap"]);
+    run_again["folder"] = dir.to_str().into();
+    fs::write(dir.join("again.json"), run_again.to_string()).unwrap();
+    stdout(dir, "run DIR/again.json -q");
+    assert!(fs::read(dir.join("again.mcap")).unwrap() == fs::read(dir.join("a.mcap")).unwrap());
+    stdout(dir, &format!("{scan} --frames 0:2 --single -o DIR/b.mcap"));
+    assert_eq!(topics("b_0001.mcap"), ["/points", "/scan"]);
+    for (args, words) in [
+        (
+            "--sensor velodyne_vlp16 -o DIR/c.mcap --messages scan",
+            "the beams of the sensor velodyne_vlp16 are not in one plane",
+        ),
+        ("--sensor sss_450 -o DIR/c.mcap --messages livox", "the sensor is a sonar; allowed: LiDARs"),
+        (
+            "--sensor hokuyo_ust10lx -o DIR/c.las --messages scan",
+            "there is no bag; allowed: with a cloud file in .mcap",
+        ),
+        ("--sensor hokuyo_ust10lx -o DIR/c.mcap --messages lidar", "lidar"),
+        ("--sensor hokuyo_ust10lx -o DIR/c.mcap --imu ideal", "--messages"),
+    ] {
+        let output = run(dir, &format!("scan missing.glb --at 0,0,1 {args}"));
+        assert!(!output.status.success() && stderr(&output).contains(words), "{args}: {}", stderr(&output));
+        assert!(!dir.join("c.mcap").exists(), "{args}");
+    }
+    run_again["outputs"][0]["messages"] = serde_json::json!(["scans"]);
+    fs::write(dir.join("wrong.json"), run_again.to_string()).unwrap();
+    let wrong = run(dir, "run DIR/wrong.json");
+    assert!(stderr(&wrong).contains("messages: \"scans\" is none; allowed: points, scan, "), "{}", stderr(&wrong));
+}
+
+#[test]
 fn units_and_up_axis_of_obj_files_can_be_set() {
     let folder = tempfile::tempdir().unwrap();
     // A wall at 4 units along the file's z axis, which may or may not be its up axis.

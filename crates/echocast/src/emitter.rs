@@ -4,8 +4,8 @@
 pub use emitter::trajectory::{Accuracy, Geographic, Georeference, TrajectoryOptions};
 #[doc(inline)]
 pub use emitter::{
-    AttitudeError, BeamTable, FiringOrder, ImageGrid, Intrinsics, Navigation, NavigationSolution, PositionError,
-    RayColumns,
+    AttitudeError, BeamTable, FiringOrder, ImageGrid, Imu, ImuModel, ImuSample, InertialNoise, Intrinsics, Navigation,
+    NavigationSolution, OdometrySample, PositionError, RayColumns, STANDARD_GRAVITY,
 };
 #[doc(inline)]
 pub use ground::crs::{Crs, GridPoint, TransverseMercator};

@@ -122,6 +122,7 @@
 //! | `engine` | `medium` | air and water |
 //! | `cloud` | `import` | clouds from files |
 //! | `cloud` | `export` | files of clouds, pings, frames of radars and images |
+//! | `cloud` | `messages` | messages of ROS 2, made from clouds and trajectories |
 //! | `cloud` | `image` | images of pings: waterfall, mosaic, fan, depth map; images of radars; images of optical scans, and what they show of each instance |
 //! | `cloud` | `cloud` | columns of points, pings, frames of radars |
 //! | `cloud` | `cells` | the levels of a ping by beam and range bin, and what is read from them |
@@ -180,6 +181,7 @@ pub mod image;
 pub mod import;
 pub mod material;
 pub mod medium;
+pub mod messages;
 pub mod preview;
 pub mod radar;
 pub mod read;

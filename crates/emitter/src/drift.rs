@@ -22,6 +22,8 @@ pub(super) struct GaussMarkov {
     number: u32,
     /// Correlation time, s.
     tau: f64,
+    /// What it is for.
+    draw: Draw,
     /// Which anchor is the first of `nodes`.
     block: Option<i64>,
     /// Values from an anchor to the next, both included.
@@ -31,7 +33,12 @@ pub(super) struct GaussMarkov {
 impl GaussMarkov {
     /// With a correlation time `tau`, s.
     pub fn new(seed: u64, number: u32, tau: f64) -> GaussMarkov {
-        GaussMarkov { seed, number, tau, block: None, nodes: vec![0.0; NODES + 1] }
+        GaussMarkov { seed, number, tau, draw: Draw::Navigation, block: None, nodes: vec![0.0; NODES + 1] }
+    }
+
+    /// The same with the random numbers of another purpose.
+    pub fn drawing(self, draw: Draw) -> GaussMarkov {
+        GaussMarkov { draw, ..self }
     }
 
     /// Time from node to node, s.
@@ -53,7 +60,7 @@ impl GaussMarkov {
 
     /// Sets the nodes from the anchor `block` on.
     fn fill(&mut self, block: i64) {
-        (self.nodes[0], self.nodes[NODES]) = (self.draw(block, 0), self.draw(block + 1, 0));
+        (self.nodes[0], self.nodes[NODES]) = (self.drawn(block, 0), self.drawn(block + 1, 0));
         let mut length = NODES;
         while length > 1 {
             let half = length / 2;
@@ -61,7 +68,7 @@ impl GaussMarkov {
             let (weight, sigma) = (0.5 / way.cosh(), way.tanh().sqrt());
             for low in (0..NODES).step_by(length) {
                 let ends = self.nodes[low] + self.nodes[low + length];
-                self.nodes[low + half] = weight * ends + sigma * self.draw(block, low + half);
+                self.nodes[low + half] = weight * ends + sigma * self.drawn(block, low + half);
             }
             length = half;
         }
@@ -69,10 +76,10 @@ impl GaussMarkov {
     }
 
     /// The normal number of a place in the block from an anchor to the next.
-    fn draw(&self, block: i64, place: usize) -> f64 {
+    fn drawn(&self, block: i64, place: usize) -> f64 {
         // Words of the address: the block, low and high, and which process and place.
         let rng = Rng::new(self.seed, (block >> 32) as u32);
-        rng.normal(block as u32, Draw::Navigation, self.number << 16 | place as u32).into()
+        rng.normal(block as u32, self.draw, self.number << 16 | place as u32).into()
     }
 }
 

@@ -91,6 +91,10 @@ pub enum Draw {
     Navigation = 70,
     /// What is wrong with it throughout, by process.
     NavigationBias = 71,
+    /// Noise of an inertial measurement unit: counter = (number of the measurement, axis, the number's upper half).
+    ImuNoise = 72,
+    /// Drift of its biases: counter as for [`Draw::Navigation`].
+    ImuBias = 73,
     /// Shape of generated ground.
     Terrain = 100,
     /// Shape, size and place of generated boulders.

@@ -2,6 +2,7 @@
 
 use super::{Format, Growing, Output, check_fields, format_for, lost};
 use crate::PointCloud;
+use crate::messages::BagOptions;
 use ground::error::{Error, Result};
 use ground::report::Report;
 use ground::shown;
@@ -31,10 +32,24 @@ impl GrowingFile {
     /// # Errors
     /// As [`super::write()`].
     pub fn begin(path: &Path, format: Option<&str>, first: &PointCloud) -> Result<Option<GrowingFile>> {
+        GrowingFile::begin_with(path, format, first, &BagOptions::default())
+    }
+
+    /// [`GrowingFile::begin`] with a choice of messages for bags; other formats hold none.
+    ///
+    /// # Errors
+    /// As [`super::write_with`].
+    pub fn begin_with(
+        path: &Path,
+        format: Option<&str>,
+        first: &PointCloud,
+        bag: &BagOptions,
+    ) -> Result<Option<GrowingFile>> {
         let format = format_for(path, format)?;
         check_fields(format, first.fields)?;
         let output = Output::create(path, format)?;
-        let Some(file) = format.begin(first, output.file.path()) else { return Ok(None) };
+        let begun = format.begin_bag(first, output.file.path(), bag);
+        let Some(file) = begun.or_else(|| format.begin(first, output.file.path())) else { return Ok(None) };
         let file = file.map_err(|source| failed(path, source))?;
         Ok(Some(GrowingFile { format, path: path.to_owned(), file, output, head: first.head(), broken: false }))
     }

@@ -1,20 +1,19 @@
-//! MCAP, the bag format of ROS 2: for each frame a cloud, the pose of its sensor, the boxes, and the images of a
-//! camera or the detections of a radar.
+//! MCAP, the bag format of ROS 2: for each frame a cloud, the pose of its sensor, the boxes, the images of a camera or the
+//! detections of a radar, and the messages that the driver of such a sensor publishes; between frames what carries it.
 //!
 //! Written by the crate `mcap`, in chunks that are compressed by zstd, with an index. Points are in the frame of the
 //! sensor and begin with the fields that the driver of its maker publishes; the other columns follow, as in the cloud.
 
-use super::ros::{CdrWriter, Stamp, definition};
+use super::bag::{BagFile, McapChannel};
+use super::carrier::{BASE, CarrierTopics, IMU, ODOM};
 use super::{Format, FormatInfo, Growing, NEAR, camera, labels_json, radar_messages};
+use crate::messages::cdr::{CdrWriter, Stamp};
+use crate::messages::{BagOptions, BagTopic, ScanMessage};
 use crate::{ColumnType, Driver, Field, Frame, InstanceBox, PackItem, PackType, PointCloud};
-use ::mcap::records::MessageHeader;
-use ::mcap::{Compression, McapError, WriteOptions, Writer};
 use emitter::Intrinsics;
 use glam::DVec3;
 use ground::pose::Pose;
 use ground::report::Report;
-use ground::write::Sink;
-use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
 
@@ -22,8 +21,8 @@ pub(super) const MCAP: Mcap = Mcap {
     info: FormatInfo {
         name: "mcap",
         extensions: &["mcap"],
-        description: "bag of ROS 2: for each frame a PointCloud2 in the layout of the driver of the sensor's maker, TFMessage, \
-                      Detection3DArray",
+        description: "bag of ROS 2: for each frame a PointCloud2 in the layout of the driver of the sensor's maker, a LaserScan of a \
+                      single ring, a Livox's CustomMsg, TFMessage, Detection3DArray; Imu, Odometry and Clock on request",
         needs_positions: true,
         holds_label_names: true,
     },
@@ -79,24 +78,10 @@ const LOCAL: &str = "local";
 /// Name of the column `channel` if the driver has a field of that name.
 const LASER: &str = "laser_id";
 
+const TRANSFORMS: &str = "tf2_msgs/TFMessage";
+
 /// Byte order of points and pixels; the numbers around them are always little endian.
 const BIG_ENDIAN: bool = cfg!(target_endian = "big");
-
-/// Fast enough for the number of points that drivers publish; higher levels save little, as the data is mostly noise.
-const COMPRESSION_LEVEL: u32 = 1;
-
-/// Quality of service of a topic whose last message is kept for late subscribers: history keep last (1), reliable (1),
-/// transient local (1), liveliness automatic (1); durations are infinite.
-const FOR_LATER: &str = "- history: 1
-  depth: 1
-  reliability: 1
-  durability: 1
-  deadline: {sec: 9223372036, nsec: 854775807}
-  lifespan: {sec: 9223372036, nsec: 854775807}
-  liveliness: 1
-  liveliness_lease_duration: {sec: 9223372036, nsec: 854775807}
-  avoid_ros_namespace_conventions: false
-";
 
 impl Format for Mcap {
     fn info(&self) -> &FormatInfo {
@@ -104,32 +89,48 @@ impl Format for Mcap {
     }
 
     fn write(&self, cloud: &PointCloud, path: &Path, report: &mut Report) -> io::Result<()> {
-        super::write_alone(Bag::create(self.driver, cloud, path)?, cloud, report)
+        super::write_alone(Bag::create(self.driver, cloud, path, &BagOptions::default())?, cloud, report)
     }
 
     fn begin(&self, first: &PointCloud, path: &Path) -> Option<io::Result<Box<dyn Growing>>> {
-        Some(Bag::create(self.driver, first, path).map(|bag| Box::new(bag) as Box<dyn Growing>))
+        self.begin_bag(first, path, &BagOptions::default())
+    }
+
+    fn begin_bag(&self, first: &PointCloud, path: &Path, options: &BagOptions) -> Option<io::Result<Box<dyn Growing>>> {
+        Some(Bag::create(self.driver, first, path, options).map(|bag| Box::new(bag) as Box<dyn Growing>))
     }
 }
 
-/// A file that is being written.
+/// The contents of a bag that is being written.
 struct Bag {
     /// The driver whose points are written; `None`: unknown.
     driver: Option<Driver>,
-    writer: Writer<Sink>,
+    file: BagFile,
     transforms: McapChannel,
-    points: McapChannel,
+    points: Option<McapChannel>,
     detections: McapChannel,
+    scans: Vec<ScanTopic>,
     images: Option<CameraTopics>,
     radar: Option<RadarTopics>,
+    carrier: Option<CarrierTopics>,
+    /// Start of the last frame, s.
+    last: Option<f64>,
     /// Whether categories were too large for images.
     large: bool,
     /// Whether points were too far from their frame for f32.
     coarse: bool,
     /// Whether times of points were too late for the time field of the driver.
     late: bool,
-    /// Memory of the last message.
-    bytes: Vec<u8>,
+}
+
+/// The topic of a message with a whole scan.
+struct ScanTopic {
+    message: ScanMessage,
+    channel: McapChannel,
+    /// Whether it was requested, rather than there by default.
+    requested: bool,
+    /// Why a scan is missing that was not requested.
+    missing: Option<String>,
 }
 
 /// The topics of a camera.
@@ -145,96 +146,147 @@ struct RadarTopics {
     detections: McapChannel,
 }
 
-/// A topic.
-struct McapChannel {
-    id: u16,
-    /// Messages so far.
-    count: u32,
-}
-
 impl Bag {
-    fn create(driver: Option<Driver>, first: &PointCloud, path: &Path) -> io::Result<Bag> {
+    fn create(driver: Option<Driver>, first: &PointCloud, path: &Path, options: &BagOptions) -> io::Result<Bag> {
         let driver = driver.or(first.driver);
-        let options = WriteOptions::new()
-            .profile("ros2")
-            .library(concat!("echocast ", env!("CARGO_PKG_VERSION")))
-            .compression(Some(Compression::Zstd))
-            .compression_level(COMPRESSION_LEVEL)
-            // Several threads would compress differently.
-            .compression_threads(0);
-        let mut writer = options.create(Sink::create(path)?).map_err(io_error)?;
-        let mut channel = |topic: &str, kind: &str, service: &str| {
-            let (package, name) = kind.split_once('/').unwrap_or_default();
-            let schema = writer.add_schema(&format!("{package}/msg/{name}"), "ros2msg", definition(kind).as_bytes())?;
-            let metadata = BTreeMap::from([("offered_qos_profiles".to_owned(), service.to_owned())]);
-            writer.add_channel(schema, topic, "cdr", &metadata).map(|id| McapChannel { id, count: 0 })
-        };
-        let mut legend = channel("/legend", "std_msgs/String", FOR_LATER).map_err(io_error)?;
-        let transforms = channel("/tf", "tf2_msgs/TFMessage", "").map_err(io_error)?;
-        let points = channel("/points", "sensor_msgs/PointCloud2", "").map_err(io_error)?;
-        let detections = channel("/detections", "vision_msgs/Detection3DArray", "").map_err(io_error)?;
-        let radar = radar_messages::is_radar(first).then(|| {
-            let scan = channel("/radar/scan", radar_messages::SCAN, "")?;
-            Ok(RadarTopics { scan, detections: channel("/radar/detections", radar_messages::DETECTIONS, "")? })
+        let topics = options.topics_of(first, driver).map_err(io::Error::other)?;
+        let start = first.begins();
+        let mut file = BagFile::create(path)?;
+        let mut legend = file.latched("/legend", "std_msgs/String")?;
+        let images = camera::of(first);
+        let moving = options.motion.as_ref().filter(|_| topics.iter().any(|topic| topic.is_of_motion()));
+        let carrier = moving.map(|motion| CarrierTopics::new(&mut file, motion, &topics, start)).transpose()?;
+        let fixed = fixed_transforms(images.is_some(), carrier.as_ref());
+        let mut latched = if fixed.is_empty() { None } else { Some(file.latched("/tf_static", TRANSFORMS)?) };
+        let transforms = file.topic("/tf", TRANSFORMS)?;
+        let wants_points = topics.contains(&BagTopic::Points);
+        let points = wants_points.then(|| file.topic("/points", "sensor_msgs/PointCloud2")).transpose()?;
+        let detections = file.topic("/detections", "vision_msgs/Detection3DArray")?;
+        let mut scans = Vec::new();
+        for (topic, name) in
+            [(BagTopic::Scan, "/scan"), (BagTopic::Echoes, "/echoes"), (BagTopic::Livox, "/livox/lidar")]
+        {
+            if let Some(message) = topic.message().filter(|_| topics.contains(&topic)) {
+                let (channel, requested) = (file.topic(name, message.name())?, options.topics.is_some());
+                scans.push(ScanTopic { message, channel, requested, missing: None });
+            }
+        }
+        let radar = radar_messages::is_radar(first).then(|| -> io::Result<RadarTopics> {
+            let scan = file.topic("/radar/scan", radar_messages::SCAN)?;
+            Ok(RadarTopics { scan, detections: file.topic("/radar/detections", radar_messages::DETECTIONS)? })
         });
-        let radar = radar.transpose().map_err(io_error)?;
-        let mut images = |_| {
-            let camera = channel("/depth/camera_info", "sensor_msgs/CameraInfo", "")?;
-            let depth = channel("/depth/image_rect", "sensor_msgs/Image", "")?;
-            Ok(CameraTopics { camera, depth, labels: channel("/labels/image_rect", "sensor_msgs/Image", "")? })
-        };
-        let images = camera::of(first).map(&mut images).transpose().map_err(io_error)?;
-        let (large, coarse, late, bytes) = (false, false, false, Vec::new());
-        let mut bag = Bag { driver, writer, transforms, points, detections, images, radar, large, coarse, late, bytes };
-        let mut message = bag.message();
+        let radar = radar.transpose()?;
+        let images = images.map(|_| -> io::Result<CameraTopics> {
+            let camera = file.topic("/depth/camera_info", "sensor_msgs/CameraInfo")?;
+            let depth = file.topic("/depth/image_rect", "sensor_msgs/Image")?;
+            Ok(CameraTopics { camera, depth, labels: file.topic("/labels/image_rect", "sensor_msgs/Image")? })
+        });
+        let images = images.transpose()?;
+        let stamp = Stamp::of(start);
+        let mut message = file.message();
         // Each cloud message has a shape of its own.
         message.text(&labels_json(&PointCloud { organised: None, driver, ..first.head() }))?;
-        send(&mut bag.writer, &mut legend, Stamp::of(first.begins()), message).map(|bytes| bag.bytes = bytes)?;
-        Ok(bag)
+        file.send(&mut legend, stamp, message)?;
+        if let Some(latched) = &mut latched {
+            let message = transforms_message(file.message(), &fixed, stamp)?;
+            file.send(latched, stamp, message)?;
+        }
+        let (large, coarse, late, last) = (false, false, false, None);
+        Ok(Bag {
+            driver,
+            file,
+            transforms,
+            points,
+            detections,
+            scans,
+            images,
+            radar,
+            carrier,
+            last,
+            large,
+            coarse,
+            late,
+        })
     }
 
-    /// A new message, in the memory of the last.
-    fn message(&mut self) -> CdrWriter {
-        CdrWriter::new(std::mem::take(&mut self.bytes))
+    /// Writes the poses of a frame.
+    fn add_transforms(&mut self, cloud: &PointCloud, frame: &PointFrame, stamp: Stamp) -> io::Result<()> {
+        let mut listed = vec![match &self.carrier {
+            None => (MAP, SENSOR, cloud.sensor_pose),
+            Some(carrier) => (ODOM, BASE, carrier.under(&cloud.sensor_pose)),
+        }];
+        if frame.name == LOCAL {
+            listed.push((MAP, LOCAL, frame.pose));
+        }
+        let message = transforms_message(self.file.message(), &listed, stamp)?;
+        self.file.send(&mut self.transforms, stamp, message)
+    }
+
+    /// Writes the messages that hold a whole scan.
+    fn add_scans(&mut self, cloud: &PointCloud) -> io::Result<()> {
+        for ScanTopic { message, channel, requested, missing } in &mut self.scans {
+            let mut bytes = self.file.message();
+            match cloud.write_message(*message, SENSOR, &mut bytes) {
+                Ok(stamp) => self.file.send(channel, stamp, bytes)?,
+                Err(error) if *requested => return Err(error),
+                Err(error) => *missing = Some(error.to_string()),
+            }
+            self.late |= *message == ScanMessage::LivoxCustom && cloud.is_late_for_livox();
+        }
+        Ok(())
+    }
+
+    /// Writes the images of a camera.
+    fn add_images(&mut self, cloud: &PointCloud, stamp: Stamp) -> io::Result<()> {
+        let (Some(images), Some(camera)) = (&mut self.images, camera::of(cloud)) else { return Ok(()) };
+        let message = camera_info(self.file.message(), cloud, camera, stamp)?;
+        self.file.send(&mut images.camera, stamp, message)?;
+        let message = depth_image(self.file.message(), cloud, stamp)?;
+        self.file.send(&mut images.depth, stamp, message)?;
+        if cloud.fields.contains(Field::CategoryId) {
+            let message = label_image(self.file.message(), cloud, stamp)?;
+            self.file.send(&mut images.labels, stamp, message)?;
+            self.large |= cloud.columns.category_id.iter().any(|&id| id > u16::MAX.into());
+        }
+        Ok(())
     }
 }
 
 impl Growing for Bag {
     fn add(&mut self, cloud: &PointCloud) -> io::Result<()> {
-        let stamp = Stamp::of(cloud.begins());
+        let (start, stamp) = (cloud.begins(), Stamp::of(cloud.begins()));
+        self.last = Some(start);
+        if let Some(carrier) = &mut self.carrier {
+            carrier.write_before(&mut self.file, start)?;
+        }
         let frame = PointFrame::of(cloud);
         self.coarse |= frame.coarse;
         self.late |= self.driver.is_some_and(|driver| cloud.time_beyond(driver, stamp.seconds()).is_some());
-        let message = transforms(self.message(), cloud, &frame, self.images.is_some(), stamp)?;
-        self.bytes = send(&mut self.writer, &mut self.transforms, stamp, message)?;
-        let message = points(self.message(), self.driver, cloud, &frame, stamp)?;
-        self.bytes = send(&mut self.writer, &mut self.points, stamp, message)?;
+        self.add_transforms(cloud, &frame, stamp)?;
+        if let Some(channel) = &mut self.points {
+            let message = points(self.file.message(), self.driver, cloud, &frame, stamp)?;
+            self.file.send(channel, stamp, message)?;
+        }
+        self.add_scans(cloud)?;
         if let Some(boxes) = &cloud.boxes {
-            let message = detections(self.message(), cloud, boxes, stamp)?;
-            self.bytes = send(&mut self.writer, &mut self.detections, stamp, message)?;
+            let message = detections(self.file.message(), cloud, boxes, stamp)?;
+            self.file.send(&mut self.detections, stamp, message)?;
         }
         if let Some(radar) = &mut self.radar {
-            let mut message = CdrWriter::new(std::mem::take(&mut self.bytes));
+            let mut message = self.file.message();
             radar_messages::scan(&mut message, cloud, SENSOR, stamp)?;
-            message = CdrWriter::new(send(&mut self.writer, &mut radar.scan, stamp, message)?);
+            self.file.send(&mut radar.scan, stamp, message)?;
+            let mut message = self.file.message();
             radar_messages::detections(&mut message, cloud, SENSOR, stamp)?;
-            self.bytes = send(&mut self.writer, &mut radar.detections, stamp, message)?;
+            self.file.send(&mut radar.detections, stamp, message)?;
         }
-        if let (Some(images), Some(camera)) = (&mut self.images, camera::of(cloud)) {
-            let message = camera_info(CdrWriter::new(std::mem::take(&mut self.bytes)), cloud, camera, stamp)?;
-            let bytes = send(&mut self.writer, &mut images.camera, stamp, message)?;
-            let message = depth_image(CdrWriter::new(bytes), cloud, stamp)?;
-            self.bytes = send(&mut self.writer, &mut images.depth, stamp, message)?;
-            if cloud.fields.contains(Field::CategoryId) {
-                let message = label_image(CdrWriter::new(std::mem::take(&mut self.bytes)), cloud, stamp)?;
-                self.bytes = send(&mut self.writer, &mut images.labels, stamp, message)?;
-                self.large |= cloud.columns.category_id.iter().any(|&id| id > u16::MAX.into());
-            }
-        }
-        Ok(())
+        self.add_images(cloud, stamp)
     }
 
     fn finish(&mut self, _: &PointCloud, report: &mut Report) -> io::Result<()> {
+        if let (Some(carrier), Some(last)) = (&mut self.carrier, self.last) {
+            carrier.write_rest(&mut self.file, last)?;
+        }
         if self.large {
             report.warn(format!("mcap: category ids above {} are 0 in label images", u16::MAX));
         }
@@ -249,46 +301,33 @@ impl Growing for Bag {
                  bits",
             );
         }
-        self.writer.finish().map(drop).map_err(io_error)
+        for ScanTopic { message, missing, .. } in &self.scans {
+            if let Some(reason) = missing {
+                report.warn(format!("mcap: a cloud is not written as {}: {reason}", message.name()));
+            }
+        }
+        self.file.finish()
     }
 }
 
-/// Writes `message` and returns its memory.
-fn send(writer: &mut Writer<Sink>, channel: &mut McapChannel, stamp: Stamp, message: CdrWriter) -> io::Result<Vec<u8>> {
-    let bytes = message.bytes();
-    let (log_time, publish_time) = (stamp.log_time(), stamp.log_time());
-    let header = MessageHeader { channel_id: channel.id, sequence: channel.count, log_time, publish_time };
-    writer.write_to_known_channel(&header, &bytes).map_err(io_error)?;
-    channel.count = channel.count.wrapping_add(1);
-    Ok(bytes)
-}
+/// A transform: the frame, the frame in it, and its pose.
+type ListedTransform = (&'static str, &'static str, Pose);
 
-fn io_error(error: McapError) -> io::Error {
-    match error {
-        McapError::Io(error) => error,
-        McapError::Parse(error) => io::Error::other(error),
-        other => io::Error::other(other),
-    }
-}
-
-/// The pose of the sensor, and the orientation of its images.
-fn transforms(
-    mut message: CdrWriter,
-    cloud: &PointCloud,
-    frame: &PointFrame,
-    images: bool,
-    stamp: Stamp,
-) -> io::Result<CdrWriter> {
+/// What does not move: the orientation of images, and what is on the carrier. Odometry starts at the origin of the map.
+fn fixed_transforms(images: bool, carrier: Option<&CarrierTopics>) -> Vec<ListedTransform> {
     let optical = Pose { orientation: Intrinsics::FROM_OPTICAL, ..Pose::IDENTITY };
-    let mut listed = vec![(MAP, SENSOR, cloud.sensor_pose)];
-    if images {
-        listed.push((SENSOR, OPTICAL, optical));
+    let mut fixed = Vec::new();
+    if let Some(carrier) = carrier {
+        fixed.push((MAP, ODOM, Pose::IDENTITY));
+        fixed.extend([(BASE, SENSOR, *carrier.mount()), (BASE, IMU, Pose::IDENTITY)]);
     }
-    if frame.name == LOCAL {
-        listed.push((MAP, LOCAL, frame.pose));
-    }
+    fixed.extend(images.then_some((SENSOR, OPTICAL, optical)));
+    fixed
+}
+
+fn transforms_message(mut message: CdrWriter, listed: &[ListedTransform], stamp: Stamp) -> io::Result<CdrWriter> {
     message.count(listed.len())?;
-    for (frame, child, pose) in &listed {
+    for (frame, child, pose) in listed {
         message.header(stamp, frame)?;
         message.text(child)?;
         message.pose(pose);

@@ -2,9 +2,13 @@
 
 pub mod annotations;
 mod arrays;
+#[cfg(feature = "mcap")]
+mod bag;
 mod boxes;
 #[cfg(feature = "mcap")]
 mod camera;
+#[cfg(feature = "mcap")]
+mod carrier;
 mod csv;
 mod e57;
 #[cfg_attr(not(feature = "hdf5"), path = "no_frames.rs")]
@@ -28,8 +32,6 @@ mod radar_frame;
 #[cfg(feature = "mcap")]
 mod radar_messages;
 mod radar_points;
-#[cfg(feature = "mcap")]
-mod ros;
 mod survey;
 mod tail;
 mod xtf;
@@ -46,6 +48,7 @@ pub use radar_frame::check_radar_frame;
 pub use radar_points::{RadarPoints, check_radar_points};
 
 use crate::cells::SonarView;
+use crate::messages::BagOptions;
 use crate::{Field, FieldInfo, FieldSet, PointCloud, Record};
 use emitter::ImageGrid;
 use ground::error::{Error, Result};
@@ -125,6 +128,15 @@ pub trait Format: Sync {
     /// Starts the file `path`, which is not visible to others yet, for clouds like `first` that are added to it one
     /// after the other; `None`: the format needs all points at once.
     fn begin(&self, _first: &PointCloud, _path: &Path) -> Option<io::Result<Box<dyn Growing>>> {
+        None
+    }
+    /// [`Format::begin`] for a bag, with a choice of messages; `None`: it is another format, which has none.
+    fn begin_bag(
+        &self,
+        _first: &PointCloud,
+        _path: &Path,
+        _options: &BagOptions,
+    ) -> Option<io::Result<Box<dyn Growing>>> {
         None
     }
 }
@@ -281,11 +293,27 @@ fn check_fields(format: &dyn Format, fields: FieldSet) -> Result<()> {
 /// # Errors
 /// As [`check`], a full disk, and a set [`cancel_flag`].
 pub fn write(cloud: &PointCloud, path: &Path, format: Option<&str>) -> Result<Report> {
+    write_with(cloud, path, format, &BagOptions::default())
+}
+
+/// [`write()`] with a choice of messages for bags; other formats hold none.
+///
+/// # Errors
+/// As [`write()`], and messages that cannot be made of the cloud.
+pub fn write_with(cloud: &PointCloud, path: &Path, format: Option<&str>, bag: &BagOptions) -> Result<Report> {
     let format = format_for(path, format)?;
     check_fields(format, cloud.fields)?;
     let mut report = lost(format, cloud);
     let output = Output::create(path, format)?;
-    format.write(cloud, output.file.path(), &mut report).map_err(|source| failed(path, source))?;
+    let place = output.file.path();
+    let written = match format.begin_bag(cloud, place, bag) {
+        None => format.write(cloud, place, &mut report),
+        Some(file) => file.and_then(|mut file| {
+            file.add(cloud)?;
+            file.finish(cloud, &mut report)
+        }),
+    };
+    written.map_err(|source| failed(path, source))?;
     output.commit(path, cloud)?;
     Ok(report)
 }

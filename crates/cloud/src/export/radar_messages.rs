@@ -4,7 +4,7 @@
 //! makes a `RadarScan` of its detections with the range rate as `doppler_velocity` and the RCS as `amplitude`, as here.
 //! Both velocities are rates of the range: negative where target and radar approach each other.
 
-use super::ros::{CdrWriter, Stamp};
+use crate::messages::cdr::{CdrWriter, Stamp};
 use crate::{Field, PointCloud};
 use glam::Vec3;
 use ground::angle::azimuth_elevation;

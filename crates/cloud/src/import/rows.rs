@@ -251,6 +251,7 @@ impl Rows {
             rays: 0,
             most_rays: 0,
             driver: about.driver,
+            scan_line: None,
             boxes: about.boxes,
             labels: Arc::new(about.labels.las_class(about.las_class)),
             records: Arc::new(about.records),

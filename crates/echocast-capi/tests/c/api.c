@@ -637,6 +637,93 @@ static void drivers(echocast_context *context, const echocast_snapshot *snapshot
     echocast_sensor_release(sensor);
 }
 
+/* A number of a serialised message. */
+static double double_at(const unsigned char *message, size_t at)
+{
+    double number;
+    memcpy(&number, message + at, sizeof number);
+    return number;
+}
+
+/* Messages of ROS 2 as serialised bytes. */
+static void ros_messages(echocast_context *context, const echocast_snapshot *snapshot, const echocast_scan_desc *as)
+{
+    echocast_scan_desc desc = *as;
+    echocast_sensor *sensor;
+    echocast_result *result = NULL;
+    OK(echocast_sensor_create(context, "hokuyo_ust10lx", &sensor));
+    desc.sensor = sensor;
+    desc.columns = "range,intensity,return_number,beam";
+    desc.profile = ECHOCAST_PROFILE_PHYSICAL;
+    desc.t0_ns = INT64_C(5250000000);
+    OK(echocast_scan(snapshot, &desc, &result));
+    size_t size;
+    OK(echocast_result_pack_message(result, ECHOCAST_MESSAGE_LASER_SCAN, "laser", NULL, 0, &size));
+    /* Header, 7 numbers, and 1081 ranges and intensities with their counts: the text ends at byte 18 behind the 4 of the
+       encoding, the numbers begin at 20. */
+    CHECK(size == 4 + 20 + 28 + 2 * (4 + 4 * 1081));
+    unsigned char *bytes = malloc(size + 1);
+    bytes[size] = 77;
+    OK(echocast_result_pack_message(result, ECHOCAST_MESSAGE_LASER_SCAN, "laser", bytes, size, NULL));
+    CHECK(bytes[size] == 77 && bytes[0] == 0 && bytes[1] == 1 && memcmp(bytes + 16, "laser", 6) == 0);
+    int32_t seconds;
+    uint32_t nanoseconds, count;
+    memcpy(&seconds, bytes + 4, 4);
+    memcpy(&nanoseconds, bytes + 8, 4);
+    memcpy(&count, bytes + 52, 4);
+    CHECK(seconds == 5 && nanoseconds == 250000000 && count == 1081);
+    const uint32_t *beam = view(result, "beam").data;
+    const float *range = view(result, "range").data;
+    size_t seen = 0;
+    for (size_t i = 0; i < 1081; ++i) {
+        float packed;
+        memcpy(&packed, bytes + 56 + 4 * i, 4);
+        if (isinf(packed))
+            continue;
+        CHECK(seen < echocast_result_count(result) && beam[seen] == i && range[seen] == packed);
+        ++seen;
+    }
+    CHECK(seen == echocast_result_count(result) && seen > 10);
+    FAILS(ECHOCAST_E_ARGUMENT, "capacity is ",
+          echocast_result_pack_message(result, ECHOCAST_MESSAGE_LASER_SCAN, "laser", bytes, size - 1, NULL));
+    FAILS(ECHOCAST_E_ARGUMENT, "message is 9; allowed: 1 to 3, an ECHOCAST_MESSAGE_ number",
+          echocast_result_pack_message(result, 9, "laser", bytes, size, NULL));
+    FAILS(ECHOCAST_E_ARGUMENT, "the cloud is without the column x",
+          echocast_result_pack_message(result, ECHOCAST_MESSAGE_LIVOX_CUSTOM, "laser", bytes, size, NULL));
+    free(bytes);
+    echocast_result_release(result);
+    echocast_sensor_release(sensor);
+
+    /* A circle of 2 m at 1 rad/s, half a century after time 0; the IMU measures 100 times a second. */
+    echocast_pose_key path[5];
+    int64_t start = INT64_C(1700000000000000000);
+    for (int i = 0; i < 5; ++i) {
+        double angle = 0.01 * i, cosine = cos(angle), sine = sin(angle);
+        echocast_pose pose = {{-sine, -cosine, 0, 2 * cosine, cosine, -sine, 0, 2 * sine, 0, 0, 1, 1}};
+        path[i].t_ns = start + 10000000 * i;
+        path[i].pose = pose;
+    }
+    unsigned char imu[400], odometry[800];
+    OK(echocast_pack_imu(path, 5, ECHOCAST_IMU_IDEAL, 1, INT64_C(340000000004), "imu", imu, sizeof imu, &size));
+    /* Stamp 8, text 4 + 4, quaternion 32, covariance 72, angular velocity at 128 behind the encoding. */
+    CHECK(size == 4 + 16 + 32 + 72 + 2 * (24 + 72));
+    CHECK(double_at(imu, 4 + 16 + 32) == -1);
+    CHECK(fabs(double_at(imu, 124 + 16) - 1) < 1e-9 && double_at(imu, 124) == 0);
+    /* To the left, where the centre is, and upwards. */
+    CHECK(fabs(double_at(imu, 220)) < 1e-6 && fabs(double_at(imu, 228) - 2) < 1e-3 && fabs(double_at(imu, 236) - 9.80665) < 1e-9);
+    OK(echocast_pack_odometry(path, 5, start + 15000000, "odom", "base_link", odometry, sizeof odometry, NULL));
+    memcpy(&seconds, odometry + 4, 4);
+    CHECK(seconds == 1700000000 && memcmp(odometry + 16, "odom", 5) == 0 && memcmp(odometry + 28, "base_link", 10) == 0);
+    /* Pose 56, covariance 288, then the twist: ahead, and about the vertical. */
+    CHECK(fabs(double_at(odometry, 44) - 2 * cos(0.015)) < 1e-4);
+    CHECK(fabs(double_at(odometry, 44 + 344) - 2) < 1e-4 && fabs(double_at(odometry, 44 + 344 + 40) - 1) < 1e-9);
+    FAILS(ECHOCAST_E_ARGUMENT, "pose_count is 0", echocast_pack_imu(path, 0, 1, 0, 0, "imu", imu, sizeof imu, NULL));
+    FAILS(ECHOCAST_E_ARGUMENT, "imu is 4;", echocast_pack_imu(path, 5, 4, 0, 0, "imu", imu, sizeof imu, NULL));
+    path[3].t_ns = path[2].t_ns;
+    FAILS(ECHOCAST_E_ARGUMENT, "trajectory key 3 is time ",
+          echocast_pack_odometry(path, 5, start, "odom", "base_link", odometry, sizeof odometry, NULL));
+}
+
 /* Boxes of programs that were compiled before box_time was there hold at the start of the scan, as they were told. */
 static void old_headers(echocast_context *context, const echocast_snapshot *snapshot, const echocast_scan_desc *as)
 {
@@ -805,6 +892,7 @@ static void scans(echocast_context *context)
     free(bytes);
 
     drivers(context, snapshot, &desc);
+    ros_messages(context, snapshot, &desc);
     old_headers(context, snapshot, &desc);
     echocast_result_release(result);
     echocast_sensor_release(sensor);

@@ -554,6 +554,23 @@ int main(int argc, char **argv)
     REFUSED(echocast_result_pack_driver(result, INT32_MAX, INT64_MIN, bytes, sizeof bytes, NULL));
     REFUSED(echocast_result_pack_driver(result, 1, INT64_MAX, NULL, SIZE_MAX, NULL));
     REFUSED(echocast_result_pack_driver(result, 1, 0, bytes, 3, NULL));
+    BAD_HANDLES(echocast_result, wrong, echocast_result_pack_message(wrong, 1, "laser", bytes, sizeof bytes, NULL));
+    BAD_TEXTS(name, echocast_result_pack_message(result, 1, name, bytes, sizeof bytes, NULL));
+    REFUSED(echocast_result_pack_message(result, 0, "laser", bytes, sizeof bytes, NULL));
+    REFUSED(echocast_result_pack_message(result, INT32_MIN, "laser", bytes, sizeof bytes, NULL));
+    REFUSED(echocast_result_pack_message(result, 1, "laser", bytes, sizeof bytes, NULL)); /* of another sensor */
+    echocast_pose_key steps[2] = {{0, ECHOCAST_POSE_IDENTITY}, {INT64_MAX, ECHOCAST_POSE_IDENTITY}};
+    BAD_TEXTS(name, echocast_pack_imu(steps, 1, 1, 0, 0, name, bytes, sizeof bytes, NULL));
+    REFUSED(echocast_pack_imu(NULL, 1, 1, 0, 0, "imu", bytes, sizeof bytes, NULL));
+    REFUSED(echocast_pack_imu(steps, SIZE_MAX, 1, 0, 0, "imu", bytes, sizeof bytes, NULL));
+    REFUSED(echocast_pack_imu(steps, 1, 0, 0, 0, "imu", bytes, sizeof bytes, NULL));
+    REFUSED(echocast_pack_imu(steps, 1, 1, 0, INT64_MAX, "imu", bytes, sizeof bytes, NULL));
+    REFUSED(echocast_pack_imu(steps, 1, 1, 0, 0, "imu", bytes, 3, NULL));
+    OK(echocast_pack_imu(steps, 2, 1, UINT64_MAX, -1, "imu", bytes, sizeof bytes, NULL));
+    BAD_TEXTS(name, echocast_pack_odometry(steps, 2, 0, name, "base_link", bytes, sizeof bytes, NULL));
+    BAD_TEXTS(name, echocast_pack_odometry(steps, 2, 0, "odom", name, bytes, sizeof bytes, NULL));
+    REFUSED(echocast_pack_odometry(steps, 0, 0, "odom", "base_link", bytes, sizeof bytes, NULL));
+    REFUSED(echocast_pack_odometry(steps + 1, 1, INT64_MIN, "odom", "base_link", bytes, sizeof bytes, NULL));
     uint32_t height, width;
     BAD_HANDLES(echocast_result, wrong, echocast_result_driver_shape(wrong, 1, &height, &width));
     REFUSED(echocast_result_driver_shape(result, 0, &height, &width));

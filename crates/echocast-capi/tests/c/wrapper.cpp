@@ -69,6 +69,10 @@ int main(int argc, char **argv) try {
     require(livox.point_step == 26 && std::string(livox.fields[5].name) == "line", "a driver");
     require(points.pack_driver(ECHOCAST_DRIVER_LIVOX, 0).size() == 52, "points of a driver");
     require(points.driver_shape(ECHOCAST_DRIVER_LIVOX) == std::array<uint32_t, 2>{{1, 2}}, "their shape");
+    // Header 4, stamp 8, text 8, numbers 28, and two points.
+    const echocast::result line =
+        echocast::scan(scene.commit(), echocast::sensor(context, "hokuyo_ust10lx"), echocast::pose_at(0, 0, 0));
+    require(line.pack_message(ECHOCAST_MESSAGE_LASER_SCAN, "laser").size() == 8708, "a laser scan");
     const std::vector<uint8_t> bytes = points.pack(items, sizeof(point));
     std::vector<uint8_t> same(bytes.size());
     points.pack(items, sizeof(point), echocast::span<uint8_t>(same.data(), same.size()));

@@ -380,6 +380,7 @@ impl<'a> Printed<'a> {
         // A level has no full-scale value; that of the program's ratio is 1.
         cloud.intensity_full_scale = (options.profile == Profile::Blainder).then_some(1.0);
         cloud.driver = None;
+        cloud.scan_line = None;
         cloud.labels = self.scene.surfaces.labels.clone();
         Ok(())
     }

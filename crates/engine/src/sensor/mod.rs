@@ -26,7 +26,7 @@ use crate::detect::{DepthCamera, DetectionSpec, Doppler, Noise, PulseAssignment,
 use crate::echo::{Glint, Pulse, texture};
 use cloud::cells::SonarView;
 use cloud::export::Instrument;
-use cloud::{Driver, Field, FieldSet, FieldSource};
+use cloud::{Driver, Field, FieldSet, FieldSource, ScanLine};
 use emitter::pattern::Pattern;
 use emitter::{BeamTable, ImageGrid, RayColumns, Transducer};
 use ground::error::{Error, Result};
@@ -52,6 +52,7 @@ pub struct Sensor {
     /// The ring of each channel.
     #[doc(hidden)]
     pub rings: Arc<[u16]>,
+    scan_line: Option<ScanLine>,
     pub(crate) wavelength_nm: f64,
     pub(crate) range_min_m: f64,
     pub(crate) range_max_m: f64,
@@ -164,6 +165,7 @@ impl Sensor {
                 (format!("a list of {numbers}"), format!("as many as there are channels ({channels})"));
             return Err(Error::invalid("detection.channel_efficiency", found, allowed));
         }
+        let signals = Signals::new(&spec);
         Ok(Sensor {
             wavelength_nm: spec.beam.wavelength_nm,
             range_min_m: spec.range.min_m,
@@ -175,7 +177,8 @@ impl Sensor {
             doppler: spec.doppler,
             camera: spec.tof.as_ref().map(|tof| tof.camera(&spec.pattern)),
             rings: rings::of_channels(&spec, &beams, channels),
-            signals: Arc::new(Signals::new(&spec)),
+            scan_line: scan_line_of(&spec, &beams, signals.rule.most()),
+            signals: Arc::new(signals),
             texture: spec.acoustics.as_ref().and_then(|it| it.texture_shape).map_or_else(|| Arc::from([]), texture),
             radar: spec
                 .radar
@@ -292,6 +295,12 @@ impl Sensor {
         self.spec.driver
     }
 
+    /// Its beams as a line of ranges, which messages such as `sensor_msgs/LaserScan` describe, if it is a LiDAR with a single
+    /// ring, whose beams lie in its plane z = 0.
+    pub fn scan_line(&self) -> Option<ScanLine> {
+        self.scan_line
+    }
+
     /// The columns of its clouds by default: [`FieldSet::default`]; `doppler` if it measures that; for a sonar no
     /// `ring`, but `cause`, as its points come from the seabed, the water surface, reflections and noise, and the
     /// fields of its soundings and velocities.
@@ -391,4 +400,11 @@ impl Sensor {
         }
         Ok(beams)
     }
+}
+
+/// The line of ranges that a LiDAR with such `beams` reports, if they are one; lines that a turning head sweeps are none.
+fn scan_line_of(spec: &SensorSpec, beams: &BeamTable, returns: usize) -> Option<ScanLine> {
+    let scans = spec.kind == SensorKind::Lidar && !matches!(spec.pattern, Pattern::LineScan(_));
+    let range_m = [spec.range.min_m, spec.range.max_m.unwrap_or(f64::INFINITY)];
+    scans.then(|| ScanLine::of(beams, range_m, returns.min(255) as u8)).flatten()
 }

@@ -6,7 +6,7 @@ use crate::echo::{Air, IntensityModel, PathLimits, RequestedQuantities, Surround
 use crate::scan::ScanOptions;
 use crate::sensor::{Adaptive, IntensitySpec, Reception, Sensor, Signals};
 use crate::trace::{Clock, Cover, Later, Sight, Tables};
-use cloud::{Driver, FLOW, Field, Frame};
+use cloud::{Driver, FLOW, Field, Frame, ScanLine};
 use emitter::pattern::Pattern;
 use emitter::{Across, Aim, BeamTable, Footprint, Trajectory};
 use glam::{Mat3, Vec3};
@@ -46,6 +46,7 @@ pub(super) struct ScanPlan<'a> {
     pub measure: Measuring<'a>,
     /// The driver that publishes such clouds, if known.
     pub driver: Option<Driver>,
+    pub scan_line: Option<ScanLine>,
     /// Time from one frame to the next, s.
     pub frame_period: f64,
     /// What transforms points to the start, if requested.
@@ -246,6 +247,7 @@ impl<'a> ScanPlan<'a> {
             receiver,
             halos: None,
             driver: sensor.driver(),
+            scan_line: sensor.scan_line(),
             frame_period,
             deskew: None,
             most_adaptive: sensor.signals.adaptive.as_ref().map_or(1, |adaptive| adaptive.most),

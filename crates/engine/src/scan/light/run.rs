@@ -77,6 +77,7 @@ impl ScanPlan<'_> {
         cloud.most_rays = self.most_rays();
         cloud.intensity_full_scale = self.measure.intensity.full_scale();
         cloud.driver = self.driver;
+        cloud.scan_line = self.scan_line;
         cloud.labels = self.world.scene.surfaces.labels.clone();
         Ok(())
     }
