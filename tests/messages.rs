@@ -179,7 +179,7 @@ fn several_returns_are_echoes() {
     let mut cloud = indoor().scan(&sensor, &Trajectory::fixed(inside()), &options).unwrap();
     let path = folder.path().join("a.mcap");
     cloud.write(&path).unwrap();
-    let bag = &read(&[path.clone()])[0];
+    let bag = &read(std::slice::from_ref(&path))[0];
     assert_hashes(bag, &["sensor_msgs/msg/MultiEchoLaserScan"]);
     let told = only(bag, "/echoes");
     assert_ranges_of_points(only(bag, "/scan"), &cloud);
@@ -220,7 +220,7 @@ fn a_livox_has_the_message_of_its_driver() {
         let options = ScanOptions::default().fields(fields).start_time(1.25).organised(organised);
         let cloud = built.scan(&sensor, &Trajectory::fixed(inside()), &options).unwrap();
         assert!(cloud.write(&path).unwrap().warnings.is_empty());
-        let bag = &read(&[path.clone()])[0];
+        let bag = &read(std::slice::from_ref(&path))[0];
         assert_hashes(bag, &["livox_ros_driver2/msg/CustomMsg"]);
         let message = &only(bag, "/livox/lidar")["message"];
         assert_eq!(message["timebase"], 1_250_000_000u64);

@@ -167,15 +167,15 @@ impl Mesh {
         shape: &Bound<'_, PyAny>,
         tolerance_m: f64,
         name: Option<&str>,
-        material: Option<MaterialLike<'_>>,
+        #[pyo3(from_py_with = argument::material)] material: Option<MaterialLike<'_>>,
     ) -> BindingResult<Mesh> {
         let text = options_text(shape)?;
-        let material = material.map(|given| Matter::of(given)?.material()).transpose()?;
+        let material = material.as_ref().map(|given| BindingResult::Ok(Matter::of(given)?.material()?)).transpose()?;
         let made = || {
             let shape = PrimitiveShape::from_yaml(&text)?;
             let mut mesh = shape.mesh(name.unwrap_or(shape.name()), tolerance_m)?;
             mesh.parts.iter_mut().for_each(|part| part.material.clone_from(&material));
-            Ok(mesh)
+            Ok::<scene::Mesh, echocast::Error>(mesh)
         };
         let mesh = py.detach(made)?;
         Ok(Mesh { mesh: Arc::new(mesh), middle: DVec3::ZERO, material_of: vec![0], materials: 1 })

@@ -11,6 +11,6 @@
 #[doc(inline)]
 pub use engine::scene::{
     Ancestor, Array, CacheFile, Camera, CornerMesh, FORMATS, Filter, GeometryUse, InstanceRule, Labels, MOST_ANCESTORS,
-    Material, MaterialRule, MaterialRules, Mesh, NameTable, Object, Part, PrimitiveShape, Quadric, SceneFormat, Sequence, Texture, TextureRef,
-    UpAxis, Wrap,
+    Material, MaterialRule, MaterialRules, Mesh, NameTable, Object, Part, PrimitiveShape, Quadric, SceneFormat,
+    Sequence, Texture, TextureRef, UpAxis, Wrap,
 };
