@@ -1,6 +1,6 @@
 //! Errors of navigation in scans, and trajectories as independent readers find them.
 
-use echocast::emitter::{Accuracy, Crs, Georeference, Navigation, NavigationSolution, TrajectoryOptions};
+use echocast::emitter::{Accuracy, Crs, Navigation, NavigationSolution, TrajectoryOptions};
 use echocast::glam::DVec3;
 use echocast::scene::{Mesh, Object, Part};
 use echocast::{
@@ -156,7 +156,8 @@ fn independent_readers_find_what_was_written() {
     let (offset, crs) = (DVec3::new(512_000.0, 5_300_000.0, 250.0), Crs::parse("EPSG:25833").unwrap());
     let pose = |step: f64| Pose::at(300.0 * step, 40.0 * step, 20.0 * step).with_rpy_deg(3.0 * step, -2.0, 80.0 - step);
     let keys = (0..20).map(|step| (f64::from(step), pose(f64::from(step)))).collect();
-    let path = Trajectory::new(keys).unwrap().georeferenced(Georeference::new(crs, offset).unwrap());
+    let place = TrajectoryOptions::default().crs(crs).offset(offset);
+    let path = Trajectory::new(keys).unwrap().on_earth(&place).unwrap();
     let file = folder.path().join("flight.sbet");
     path.save(&file).unwrap();
     let found = read_by_others(&["sbet", file.to_str().unwrap(), "25833"]);

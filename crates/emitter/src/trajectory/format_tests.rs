@@ -70,13 +70,13 @@ fn sbet_is_placed_in_the_grid_with_its_true_heading() {
 #[test]
 fn sbet_is_read_back_as_it_was_written() {
     let folder = Folder::new();
-    let georeference = Georeference::new(Crs::parse("EPSG:25833").unwrap(), DVec3::new(4e5, 5.5e6, 0.0)).unwrap();
+    let place = TrajectoryOptions::default().crs(Crs::parse("EPSG:25833").unwrap()).offset(DVec3::new(4e5, 5.5e6, 0.0));
     let pose = |step: f64| {
         let orientation = navigated([0.02 * step, 0.3 - 0.01 * step, 2.0 + 0.1 * step]);
         Pose { position: DVec3::new(60.0 * step, -20.0 * step, 800.0 + 0.5 * step * step), orientation }
     };
     let keys: Vec<_> = (0..50).map(|step| (f64::from(step) * 0.5, pose(f64::from(step) * 0.5))).collect();
-    let mut flight = Trajectory::new(keys.clone()).unwrap().georeferenced(georeference);
+    let mut flight = Trajectory::new(keys.clone()).unwrap().on_earth(&place).unwrap();
     flight.time_zero = 345_600.25;
     let file = folder.0.path().join("flight.sbet");
     flight.save(&file).unwrap();
@@ -126,7 +126,8 @@ fn text_is_read_back_as_it_was_written() {
     let crs = Crs::parse("EPSG:32632").unwrap();
     let offset = DVec3::new(4e5, 5e6, 100.0);
     let file = folder.0.path().join("grid.csv");
-    local.clone().georeferenced(Georeference::new(crs.clone(), offset).unwrap()).save(&file).unwrap();
+    let place = TrajectoryOptions::default().crs(crs.clone()).offset(offset);
+    local.clone().on_earth(&place).unwrap().save(&file).unwrap();
     let text = fs::read_to_string(&file).unwrap();
     assert!(text.starts_with("time_s,easting,northing,height,roll_deg,pitch_deg,heading_deg\n0.5,400001,5000002,103,"));
     let options = TrajectoryOptions::default().crs(crs).offset(offset);

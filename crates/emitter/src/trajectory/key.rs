@@ -41,6 +41,16 @@ builder! {
     }
 }
 
+impl TrajectoryOptions {
+    /// How the world lies on the Earth, if they say so.
+    ///
+    /// # Errors
+    /// As [`Georeference::new`].
+    pub(super) fn georeference(&self) -> Result<Option<Georeference>> {
+        self.crs.clone().map(|crs| Georeference::new(crs, self.offset)).transpose()
+    }
+}
+
 /// Keys as they are read one after the other.
 pub(super) struct KeyReader<'o> {
     options: &'o TrajectoryOptions,
@@ -51,7 +61,7 @@ pub(super) struct KeyReader<'o> {
 
 impl<'o> KeyReader<'o> {
     pub fn new(options: &'o TrajectoryOptions) -> Result<KeyReader<'o>> {
-        let georeferenced = options.crs.clone().map(|crs| Georeference::new(crs, options.offset)).transpose()?;
+        let georeferenced = options.georeference()?;
         // Without a system, too, the offset must be a number.
         Georeference::new(Crs::parse("local")?, options.offset)?;
         Ok(KeyReader { options, world: georeferenced.map(|world| (world, None)), keys: Vec::new() })

@@ -175,20 +175,12 @@ impl Trajectory {
         pending.commit()
     }
 
-    /// The same in a world that lies on the Earth as `georeference` says; its poses stay as they are.
-    #[must_use]
-    pub fn georeferenced(self, georeference: impl Into<Option<Georeference>>) -> Self {
-        Trajectory { georeference: georeference.into(), ..self }
-    }
-
     /// The same in a world that lies on the Earth, and with a clock, as `options` say; its poses and times stay as they are.
     ///
     /// # Errors
     /// As [`Georeference::new`].
     pub fn on_earth(self, options: &TrajectoryOptions) -> Result<Self> {
-        let place = options.clone();
-        let georeference = place.crs.map(|crs| Georeference::new(crs, place.offset)).transpose()?;
-        Ok(Trajectory { georeference, gps_week: place.gps_week, ..self })
+        Ok(Trajectory { georeference: options.georeference()?, gps_week: options.gps_week, ..self })
     }
 
     /// How the world lies on the Earth, if the trajectory was read with a coordinate system or from latitudes and longitudes.

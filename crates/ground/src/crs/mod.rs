@@ -417,12 +417,11 @@ impl UtmZone {
     }
 }
 
-/// The projection of well-known text, if it is a transverse Mercator projection in metres, with heights in metres, of degrees on an ellipsoid that
-/// is that of GRS 80 or WGS 84 within a tenth of a millimetre.
+/// The projection of well-known text, if it is a transverse Mercator projection in metres, with heights in metres, of
+/// degrees on an ellipsoid that is that of GRS 80 or WGS 84 within a tenth of a millimetre.
 fn projection_of(entry: &WktEntry) -> Option<TransverseMercator> {
     let projected = entry.find("PROJCS")?;
     let method = projected.inner.iter().find(|inner| inner.keyword == "PROJECTION")?;
-    let unit = projected.inner.iter().find(|inner| inner.keyword == "UNIT")?;
     let &[semi_major, inverse_flattening, ..] = projected.find("SPHEROID")?.numbers.as_slice() else { return None };
     let unit_of = |entry: &WktEntry| {
         let unit = entry.inner.iter().find(|inner| inner.keyword == "UNIT")?;
@@ -432,7 +431,7 @@ fn projection_of(entry: &WktEntry) -> Option<TransverseMercator> {
     let heights = entry.find("VERT_CS").map(|vertical| unit_of(vertical).unwrap_or(1.0));
     let meridian = projected.find("PRIMEM").and_then(|prime| prime.numbers.first().copied()).unwrap_or(0.0);
     let is_known = method.name.eq_ignore_ascii_case("Transverse_Mercator")
-        && unit.numbers.first() == Some(&1.0)
+        && unit_of(projected) == Some(1.0)
         && degrees.is_none_or(|unit| (unit - 1_f64.to_radians()).abs() < 1e-9)
         && heights.is_none_or(|unit| unit == 1.0)
         && meridian == 0.0
